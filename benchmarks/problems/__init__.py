@@ -1,0 +1,45 @@
+"""PROBLEMS: one module per problem, loaded when it is asked for (SymPy is slow to import)."""
+
+from __future__ import annotations
+
+import importlib
+
+from integrators.errors import InvalidInput, unknown
+
+from .problem import Orbit, Problem
+
+#: Id -> (module, one line, its orbits: the first is the default).  The test of problems holds it to the modules.
+PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "harmonic-oscillator": ("harmonic_oscillator", "harmonic oscillator", ("unit",)),
+    "pendulum": ("pendulum", "mathematical pendulum", ("swinging", "rotating")),
+    "kepler": ("kepler", "Kepler problem", ("e",)),
+    "perturbed-kepler": ("perturbed_kepler", "Kepler problem with the Schwarzschild term", ("e",)),
+    "henon-heiles": ("henon_heiles", "Henon-Heiles", ("chaotic", "box")),
+    "lotka-volterra": ("lotka_volterra", "Lotka-Volterra in its own variables", ("2-2", "4-8", "4-2", "6-2")),
+}
+
+
+def problem(name: str, **parameters) -> Problem:
+    """The problem ``id`` or ``id:orbit``, with values for its parameters: ``problem("kepler", e=0.2)``.
+
+    Raises
+    ------
+    InvalidInput
+        For an unknown id, orbit or parameter (naming the nearest) or a value outside its range.
+    """
+    id, _, orbit = name.partition(":")
+    if id not in PROBLEMS:
+        raise unknown("problem", id, PROBLEMS)
+    module = importlib.import_module(f".{PROBLEMS[id][0]}", __name__)
+    known = module.PARAMETERS
+    for key, value in parameters.items():
+        if key not in known:
+            has = f"has {', '.join(known)}" if known else "has none"
+            raise InvalidInput(f"problem '{id}' has no parameter '{key}'; it {has}")
+        if not isinstance(value, (int, float)) or isinstance(value, bool) or value != value or abs(value) == float("inf"):
+            raise InvalidInput(f"the parameter {key} of '{id}' is {value!r}; it must be a finite number")
+    made = module.make(**(known | parameters))
+    return made.at(orbit) if orbit else made
+
+
+__all__ = ["PROBLEMS", "Orbit", "Problem", "problem"]

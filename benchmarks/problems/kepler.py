@@ -1,0 +1,41 @@
+"""The Kepler problem H = |p|^2 / 2 - 1 / |q| from pericentre at eccentricity e; the period is 2 pi."""
+
+import sympy as sp
+
+from integrators.errors import InvalidInput
+from integrators.hamiltonian import Hamiltonian
+
+from .problem import Orbit, Problem
+
+PARAMETERS = {"e": 0.6}
+
+
+def plane():
+    """Symbols (q1, q2, p1, p2), the distance and the angular momentum."""
+    q1, q2, p1, p2 = sp.symbols("q1 q2 p1 p2", real=True)
+    return q1, q2, p1, p2, sp.sqrt(q1**2 + q2**2), q1 * p2 - q2 * p1
+
+
+def pericentre(e: float) -> Orbit:
+    """q = (1 - e, 0), p = (0, sqrt((1 + e)/(1 - e))), rounded to double."""
+    if not 0 <= e < 1:
+        raise InvalidInput(f"the eccentricity e is {e}; it must be at least 0 and less than 1")
+    return Orbit("e", (1.0 - e, 0.0), (0.0, ((1.0 + e) / (1.0 - e)) ** 0.5), f"pericentre of eccentricity {e:g}")
+
+
+def make(e: float) -> Problem:
+    """The problem at eccentricity 0 <= ``e`` < 1."""
+    q1, q2, p1, p2, r, L = plane()
+    return Problem(
+        id="kepler",
+        name="Kepler problem",
+        source="Hairer, Lubich & Wanner 2006, I.2.2",
+        system=Hamiltonian(q=[q1, q2], p=[p1, p2], H=(p1**2 + p2**2) / 2 - 1 / r, singular=[r]),
+        orbits=(pericentre(e),),
+        invariants={
+            "angular-momentum": L,
+            "laplace-runge-lenz-1": p2 * L - q1 / r,
+            "laplace-runge-lenz-2": -p1 * L - q2 / r,
+        },
+        parameters={"e": e},
+    )

@@ -1,0 +1,33 @@
+"""Geometric integrators of Hamiltonian systems: the schemes, and nothing of problems, references or reports.
+
+>>> from integrators import Hamiltonian, integrate
+>>> pendulum = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
+>>> solution = integrate(pendulum, "scheme-i", h=0.01, t_end=1.0, q0=[1.0], p0=[0.0])
+>>> solution.status
+'ok'
+"""
+
+from __future__ import annotations
+
+import importlib
+
+_HOMES = {
+    "Hamiltonian": "hamiltonian",
+    "PartitionedSystem": "hamiltonian",
+    "InvalidInput": "errors",
+    "METHODS": "registry",
+    "Method": "method",
+    "Solution": "integrate",
+    "integrate": "integrate",
+    "method": "registry",
+}
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str):
+    # SymPy and Numba load only when a system or a kernel is asked for.
+    if name in _HOMES:
+        value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
+        globals()[name] = value  # also over the submodule of the same name
+        return value
+    raise AttributeError(f"module 'integrators' has no attribute '{name}'")

@@ -1,0 +1,39 @@
+r"""Step fractions of symmetric compositions that raise a symmetric method of order 2.
+
+Triple jump (Yoshida): from order k to k + 2, :math:`\gamma_1 = 1/(2 - 2^{1/(k+1)})`, :math:`\gamma_2 = 1 - 2\gamma_1`.
+Suzuki's fractal: five steps, :math:`\gamma_1 = 1/(4 - 4^{1/(k+1)})`, :math:`\gamma_3 = 1 - 4\gamma_1`.
+
+Sources: M. Suzuki, Phys. Lett. A 146 (1990) 319-323; H. Yoshida, Phys. Lett. A 150 (1990) 262-268; M. Z. Qin,
+W. J. Zhu, Computing 47 (1991) 309-321; Hairer, Lubich, Wanner (2006), II.4.
+"""
+
+from __future__ import annotations
+
+import mpmath
+
+DIGITS = 60
+
+
+def _fractal(order: int, outer: int) -> tuple[mpmath.mpf, ...]:
+    if order < 2 or order % 2:
+        raise ValueError(f"a symmetric composition has an even order of at least 2, not {order}")
+    with mpmath.workdps(DIGITS):
+        fractions = (mpmath.mpf(1),)
+        for k in range(2, order, 2):
+            g = 1 / (2 * outer - mpmath.root(2 * outer, k + 1))
+            side = tuple(g * f for f in fractions) * outer
+            fractions = side + tuple((1 - 2 * outer * g) * f for f in fractions) + side
+        return fractions
+
+
+def triple_jump(order: int) -> tuple[mpmath.mpf, ...]:
+    """Yoshida's fractions to an even ``order``: 3**(order/2 - 1) of them."""
+    return _fractal(order, 1)
+
+
+def suzuki(order: int) -> tuple[mpmath.mpf, ...]:
+    """Suzuki's fractions to an even ``order``: 5**(order/2 - 1) of them."""
+    return _fractal(order, 2)
+
+
+SCHEMES = {"yoshida": triple_jump, "suzuki": suzuki}

@@ -1,0 +1,252 @@
+r"""Schemes IV and V: the parameter of Schemes I and III is chosen in each step so that the energy is H0.
+
+With :math:`\lambda = \tfrac12 + x` let :math:`\Phi^{x}_h` be the substeps ``plan[s]`` = (c, sign): Scheme I with
+:math:`\lambda_s = \tfrac12 + \text{sign}_s\,x` over :math:`c_s h` (Scheme IV: one substep, sign 1; Scheme V: two
+halves, signs -1, 1).  Every fixed x gives a symplectic map, so every quadratic invariant is kept; x is the root of
+
+.. math::
+    E(x) = H(\Phi^x_h(q, p)) - H_0
+
+nearest to zero.  E is :math:`h^2 x\,a(y) + O(h^3)` for Scheme IV, with :math:`a = \tfrac{d}{dt}(H_p\cdot H_q)`, and a
+quadratic in x times :math:`h^3` to leading order for Scheme V: the finder starts from the smaller root of the
+quadratic model that the last step left, goes on by Muller's method, and where that fails scans outwards from x = 0 to
+``radius`` for the nearest change of sign.  If E(0) is at the round-off of H already, x = 0.  A step without a root is
+taken with x = 0 and counted as a fallback; the target stays H0, so that a later step wins the energy back.
+
+``plan`` rows are (c, sign, group, alternative): a composition has several groups, each with its own root, and a group
+may name a second list of substeps that is tried where the first has no root.  ``table`` is [[H0, radius]].
+
+Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical Hamiltonian systems" (talk), Schemes IV
+and V, equations (24)-(26); L. Brugnano, F. Iavernaro, D. Trigiante, SIAM J. Numer. Anal. 50 (2012) 2897-2916 (EQUIP).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .compile import Prepared, array
+from .parametric import substep, unknown
+from .solve import LEVELS, SOLVED, predict, remember
+from .vector import jit, load, store
+
+#: How far from 1/2 the parameter is looked for.
+RADIUS = 2.0
+#: Ratio and number of the scan's points on each side of x = 0; the first is at radius / RATIO**(POINTS - 1).
+RATIO, POINTS = 1.25, 36
+MULLER_LIMIT = 14
+REFINE_LIMIT = 100
+
+
+@jit
+def attempt(x, start, arguments):
+    """Take the group's substeps with parameter x; (q, p, cq, cp, E, round-off of H, status).
+
+    The substeps start from their extrapolation where ``start`` is 0, else from the last attempt's solution.
+    """
+    energy, field, dT, dV, plan, rows, H0, h, eps, zero, q, p, cq, cp, memory, work, counts = arguments
+    guess = unknown(field, zero)
+    slots = len(plan)
+    status = SOLVED
+    for s in range(rows[0], rows[1]):
+        latest = LEVELS * slots + s
+        z = predict(memory, s, slots, counts[0], guess) if start == 0 else load(memory, latest, guess)
+        lam = 0.5 + plan[s, 1] * x
+        q, p, cq, cp, z, n, used, status = substep(
+            field, dT, dV, q, p, cq, cp, plan[s, 0] * h, 1 - lam, lam, z, eps, work
+        )
+        counts[1] += n
+        counts[2] += used
+        if status != SOLVED:
+            return q, p, cq, cp, np.inf, eps, status
+        store(memory, latest, z)
+    E, magnitude = energy(q, p)
+    return q, p, cq, cp, E - H0, eps * magnitude, status
+
+
+@jit
+def smaller_root(c0, c1, c2):
+    """The root of c0 + c1 x + c2 x^2 nearest zero; infinite where it has none."""
+    D = c1 * c1 - 4 * c0 * c2
+    if not D >= 0:
+        return np.inf
+    root = D**0.5
+    denominator = c1 + root if c1 >= 0 else c1 - root
+    if denominator == 0:
+        return np.inf
+    return -2 * c0 / denominator
+
+
+@jit
+def muller(x0, x1, x2, E0, E1, E2):
+    """The quadratic through three points, about x2: (slope, curvature)."""
+    d1 = (E2 - E1) / (x2 - x1)
+    d0 = (E1 - E0) / (x1 - x0)
+    c2 = (d1 - d0) / (x2 - x0)
+    return d1 + c2 * (x2 - x1), c2
+
+
+@jit
+def refine(a, Ea, b, Eb, arguments):
+    """The root between a and b, where E changes sign: bisection quickened by the secant (Illinois); -> (x, ok)."""
+    x = b
+    side = 0
+    for k in range(REFINE_LIMIT):
+        x = 0.5 * (a + b) if k % 3 == 2 else b - Eb * (b - a) / (Eb - Ea)
+        if not (min(a, b) < x < max(a, b)):
+            x = 0.5 * (a + b)
+        Ex, unit, status = attempt(x, 1, arguments)[4:]
+        if status != SOLVED:
+            return x, False
+        if abs(Ex) <= unit or x == a or x == b:
+            return x, abs(Ex) <= 64 * unit
+        if (Ex > 0) == (Eb > 0):
+            b, Eb = x, Ex
+            if side == 1:
+                Ea = 0.5 * Ea
+            side = 1
+        else:
+            a, Ea = x, Ex
+            if side == 2:
+                Eb = 0.5 * Eb
+            side = 2
+    return x, False
+
+
+@jit
+def scan(E0, radius, arguments):
+    """The root nearest zero within ``radius``, by a scan outwards on both sides; returns (x, found)."""
+    inner, outer = np.zeros(2), np.zeros(2)
+    Einner, Eouter = np.full(2, E0), np.full(2, E0)
+    for k in range(POINTS):
+        for i in range(2):
+            x = (1 - 2 * i) * radius / RATIO ** (POINTS - 1 - k)
+            Ex, unit, status = attempt(x, 0, arguments)[4:]
+            if status != SOLVED:
+                Ex = np.inf
+            a, Ea, b, Eb = outer[i], Eouter[i], x, Ex
+            found = abs(Ex) < np.inf and abs(Ea) < np.inf and (Ex > 0) != (Ea > 0)
+            if (
+                not found
+                and abs(Ex) < np.inf
+                and abs(Einner[i]) < np.inf
+                and abs(Ea) < abs(Einner[i])
+                and abs(Ea) < abs(Ex)
+            ):
+                # A least |E| between three points of one sign: is there a pair of roots about it?
+                c1, c2 = muller(x, inner[i], a, Ex, Einner[i], Ea)
+                middle = a - 0.5 * c1 / c2
+                Emiddle, unit, status = attempt(middle, 1, arguments)[4:]
+                if status == SOLVED and (Emiddle > 0) != (Ea > 0):
+                    found = True
+                    b, Eb = middle, Emiddle
+                    if (middle > a) != (x > a):
+                        a, Ea = inner[i], Einner[i]
+            if found:
+                root, ok = refine(a, Ea, b, Eb, arguments)
+                if ok:
+                    return root, True
+            inner[i], Einner[i] = outer[i], Eouter[i]
+            outer[i], Eouter[i] = x, Ex
+    return 0.0, False
+
+
+@jit
+def find(radius, model, g, arguments):
+    """Find the group's root; the last attempt made is the one at the root.  Returns (x, found, status, result)."""
+    result = attempt(0.0, 0, arguments)
+    E0, unit, status = result[4:]
+    if status != SOLVED or abs(E0) <= unit:
+        return 0.0, True, status, result
+    xa, Ea, xb, Eb = 0.0, E0, 0.0, E0
+    x = smaller_root(E0, model[g, 0], model[g, 1])
+    if not abs(x) <= radius:
+        x = 0.05
+    for k in range(MULLER_LIMIT):
+        result = attempt(x, 1, arguments)
+        E, unit, status = result[4:]
+        if status != SOLVED:
+            break
+        if k == 0:
+            # The curvature of the last step's model serves until there is a third point.
+            c2 = model[g, 1]
+            c1 = (E - E0) / x + c2 * x
+        elif x != xb and x != xa and xa != xb:
+            c1, c2 = muller(xa, xb, x, Ea, Eb, E)
+            if k == 1 and abs(Eb) > 1e4 * unit:
+                model[g, 1] = c2
+                model[g, 0] = c1 - 2 * c2 * x
+            elif k == 1:
+                model[g, 0] = (E - E0) / x - model[g, 1] * x
+        if abs(E) <= unit or (k > 1 and abs(E) <= 8 * unit and abs(E) >= 0.5 * abs(Eb)):
+            if k == 0:
+                model[g, 0] = (E - E0) / x - c2 * x
+            return x, True, status, result
+        move = smaller_root(E, c1, c2)
+        xa, Ea, xb, Eb = xb, Eb, x, E
+        x = x + move
+        if not abs(x) <= radius or x == xb or move == 0:
+            break
+    x, found = scan(E0, radius, arguments)
+    result = attempt(x, 0, arguments)
+    return x, found, result[6], result
+
+
+def run(energy, field, dT, dV, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
+    """Fill the rows of Q, P and aux (the last lambda of the row, NaN for a fallback); returns (rows, status)."""
+    q, p, cq, cp = load(state, 0, zero), load(state, 1, zero), load(state, 2, zero), load(state, 3, zero)
+    guess = unknown(field, zero)
+    slots = len(plan)
+    H0, radius = table[0, 0], table[0, 1]
+    model = state[4:]
+    for row in range(len(Q)):
+        for _ in range(every):
+            begin = 0
+            while begin < slots:
+                found = False
+                lam = np.nan
+                group = plan[begin, 2]
+                first = begin
+                while not found and begin < slots and plan[begin, 2] == group:
+                    end = begin
+                    while end < slots and plan[end, 2] == group and plan[end, 3] == plan[begin, 3]:
+                        end += 1
+                    arguments = (
+                        energy, field, dT, dV, plan, (begin, end), H0, h, eps, zero,
+                        q, p, cq, cp, memory, work, counts,
+                    )  # fmt: skip
+                    x, found, status, result = find(radius, model, begin, arguments)
+                    if status != SOLVED:
+                        return row, status
+                    if found:
+                        lam = 0.5 + x
+                    elif begin == first:
+                        plain = result
+                    begin = end
+                if not found:
+                    result = plain
+                    counts[3] += 1
+                q, p, cq, cp = result[0], result[1], result[2], result[3]
+                while begin < slots and plan[begin, 2] == group:
+                    begin += 1
+                for s in range(first, begin):
+                    remember(memory, s, slots, load(memory, LEVELS * slots + s, guess))
+            counts[0] += 1
+        store(Q, row, q)
+        store(P, row, p)
+        aux[row] = lam
+    store(state, 0, q)
+    store(state, 1, p)
+    store(state, 2, cq)
+    store(state, 3, cp)
+    return len(Q), 0
+
+
+def prepare(method, system, arithmetic):
+    """Substeps in the Nystrom form where T is quadratic; the driver sets H0."""
+    if system.separable and system.quadratic_kinetic:
+        functions, width = (None, system.grad_T(arithmetic), system.grad_V(arithmetic)), system.d
+    else:
+        functions, width = (system.field(arithmetic), None, None), 2 * system.d
+    plan = array(method.data, arithmetic)
+    table = array([[0, RADIUS]], arithmetic)
+    return Prepared(run, (system.energy(arithmetic), *functions), plan, table, width, len(plan))

@@ -1,0 +1,83 @@
+r"""The parameterized generating function, from the Hamilton-Jacobi equation.
+
+.. math::
+    \partial_t S(u, v, t) = H\bigl(u - (1-\lambda)\,\partial_v S,\; v + \lambda\,\partial_u S\bigr),\qquad
+    S = \sum_{i \ge 1} K_i(u, v)\,t^i .
+
+Comparing powers of t: (i + 1) K_{i+1} is the coefficient of t^i of the right-hand side, a Taylor expansion of H about
+(u, v) in the increments -(1-lambda) S_v and lambda S_u.  K_1 = H, K_2 = (lambda - 1/2) H_u . H_v.
+
+Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical Hamiltonian systems" (talk), equations
+(13)-(18); K. Feng et al., J. Comput. Math. 7 (1989) 71-96.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations_with_replacement
+from math import factorial
+
+import sympy as sp
+
+LAMBDA = sp.Symbol("lambda_", real=True)
+
+
+def _times(a: list[sp.Expr], b: list[sp.Expr], order: int) -> list[sp.Expr]:
+    """The product of two power series in t, to t**order."""
+    c = [sp.Integer(0)] * (order + 1)
+    for i, x in enumerate(a):
+        if x != 0:
+            for j, y in enumerate(b[: order + 1 - i]):
+                if y != 0:
+                    c[i + j] += x * y
+    return c
+
+
+def coefficients(H: sp.Expr, q: Sequence[sp.Symbol], p: Sequence[sp.Symbol], order: int, lam=LAMBDA) -> list[sp.Expr]:
+    """K_1, ..., K_order as expressions in v = q, u = p and the parameter ``lam``.
+
+    Raises ValueError for order < 1.
+    """
+    if order < 1:
+        raise ValueError(f"the order of a generating function is at least 1, not {order}")
+    polynomial = H.is_polynomial(*q, *p)
+    tidy = sp.expand if polynomial else (lambda e: e)
+    variables = [*q, *p]
+    K: list[sp.Expr] = [H]
+    derivatives: dict[tuple[int, ...], sp.Expr] = {(): H}
+
+    def derivative(indices: tuple[int, ...]) -> sp.Expr:
+        if indices not in derivatives:
+            derivatives[indices] = sp.diff(derivative(indices[:-1]), variables[indices[-1]])
+        return derivatives[indices]
+
+    for i in range(1, order):
+        shifts = []
+        for x in p:  # v + lambda S_u
+            shifts.append([sp.Integer(0), *(lam * sp.diff(k, x) for k in K)])
+        for x in q:  # u - (1 - lambda) S_v
+            shifts.append([sp.Integer(0), *((lam - 1) * sp.diff(k, x) for k in K)])
+        shifts = [[tidy(c) for c in s] for s in shifts]
+        total = sp.Integer(0)
+        products: dict[tuple[int, ...], list[sp.Expr]] = {(): [sp.Integer(1)]}
+        for degree in range(1, i + 1):
+            for indices in combinations_with_replacement(range(len(variables)), degree):
+                D = derivative(indices)
+                if D == 0:
+                    continue
+                products.setdefault(indices, _power(indices, shifts, products, i))
+                c = products[indices][i] if len(products[indices]) > i else 0
+                multiplicity = 1
+                for k in set(indices):
+                    multiplicity *= factorial(indices.count(k))
+                total += D * c / multiplicity
+        K.append(tidy(total / (i + 1)))
+    return K
+
+
+def _power(indices, shifts, products, order):
+    """The product of the shifts ``indices`` as a series in t, from the products known already."""
+    if indices in products:
+        return products[indices]
+    products[indices] = _times(_power(indices[:-1], shifts, products, order), shifts[indices[-1]], order)
+    return products[indices]

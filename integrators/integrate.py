@@ -1,0 +1,277 @@
+"""The driver: checks the input, lays out the state, runs the kernel in pieces, says how it ended."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import isfinite
+
+import mpmath
+import numpy as np
+
+from . import codegen, solve
+from .codegen import DOUBLE, MULTIPRECISION
+from .compile import kernel, prepare, zeros
+from .errors import InvalidInput
+from .method import Method
+from .registry import method as method_of
+
+OK, DIVERGED, NOT_CONVERGED, NO_ROOT, COLLISION = "ok", "diverged", "not-converged", "no-root", "collision"
+INVALID, TIMEOUT, SKIPPED = "invalid", "timeout", "skipped"
+STATUSES = (OK, DIVERGED, NOT_CONVERGED, NO_ROOT, COLLISION, INVALID, TIMEOUT, SKIPPED)
+
+#: Steps of one call of a kernel: between calls progress is told and the clock is looked at.
+PIECE = 200_000
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A trajectory and how it was made.
+
+    Attributes
+    ----------
+    t : array (n,), the times; t[i] is a step number times h
+    q, p : arrays (n, d), the states; row 0 is the initial one
+    status, reason : "ok", or what went wrong and what to do; the rows end before it
+    counts : steps, evaluations of the gradient and of higher derivatives, stage iterations, Newton solves, fallbacks
+    h, method : the step that was taken and the method
+    parameter : array (n - 1,), the parameter lambda of Schemes IV and V in the last step of a row (NaN: no root)
+    seconds : of the kernel alone (it compiles before the clock starts)
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    p: np.ndarray
+    status: str
+    reason: str
+    counts: dict[str, int]
+    h: float
+    method: Method
+    parameter: np.ndarray = field(repr=False, default=None)
+    seconds: float = 0.0
+
+
+def grid(h=None, t_end=None, steps=None) -> tuple[float, int]:
+    """(h, steps) from two of the three; h is adjusted so that a whole number of steps ends at ``t_end``.
+
+    Raises InvalidInput where they are missing, not finite, not positive, or contradict each other.
+    """
+    for name, value in (("h", h), ("t_end", t_end)):
+        if value is not None and not (isfinite(value) and value > 0):
+            raise InvalidInput(f"{name} is {value}; it must be a positive finite number")
+    if steps is not None and (isinstance(steps, bool) or int(steps) != steps or steps < 1):
+        raise InvalidInput(f"steps is {steps}; it must be a positive integer")
+    if h is None and (t_end is None or steps is None):
+        raise InvalidInput("give the step h, or both t_end and steps")
+    if t_end is None and steps is None:
+        raise InvalidInput("give t_end or steps: where does the integration end?")
+    if steps is None:
+        if t_end / h > 1e13:
+            raise InvalidInput(f"t_end/h asks for {t_end / h:.3g} steps; the most is 1e13")
+        steps = max(1, round(t_end / h))
+        h = t_end / steps if abs(steps * h - t_end) > 1e-12 * t_end else h
+    elif t_end is not None:
+        if h is not None and abs(steps * h - t_end) > 1e-9 * t_end:
+            raise InvalidInput(f"steps times h is {steps * h}, not t_end = {t_end}; give two of the three")
+        h = t_end / steps
+    return h, int(steps)
+
+
+def initial(problem, q0, p0, arithmetic=DOUBLE):
+    """The system and its initial state as vectors; raises InvalidInput where they do not fit or H is not finite."""
+    system = getattr(problem, "system", problem)
+    state = []
+    for name, value in (("q0", q0), ("p0", p0)):
+        if value is None:
+            value = getattr(problem, name, None)
+        if value is None:
+            raise InvalidInput(f"give {name}: the problem brings no initial data")
+        if arithmetic == DOUBLE:
+            try:
+                value = np.array(value, dtype=float).reshape(-1)
+            except (TypeError, ValueError):
+                raise InvalidInput(f"{name} is {value!r}; it must be numbers") from None
+            if not np.isfinite(value).all():
+                raise InvalidInput(f"{name} is {value.tolist()}; every component must be finite")
+        if len(value) != system.d:
+            raise InvalidInput(f"{name} has {len(value)} components; the problem has d = {system.d}")
+        state.append(value)
+    if arithmetic == DOUBLE and system.H is not None:
+        H = system.observe(system.H, state[0][None], state[1][None])[0]
+        if not isfinite(H):
+            raise InvalidInput(f"the energy of the initial state is {H}: it is at a singularity or outside H's domain")
+    return system, state[0], state[1]
+
+
+def integrate(
+    problem,
+    method: str | Method,
+    *,
+    h: float | None = None,
+    t_end: float | None = None,
+    steps: int | None = None,
+    q0=None,
+    p0=None,
+    save_every: int = 1,
+    parameters: dict | None = None,
+    arithmetic: str = DOUBLE,
+    timeout: float | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Solution:
+    """Integrate ``problem`` with ``method``.
+
+    Parameters
+    ----------
+    problem : a system, or an object with ``system`` and initial data ``q0``, ``p0``
+    method : an id or a method
+    h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end
+    q0, p0 : arrays (d,), the initial state where not the problem's
+    save_every : keep every so many-th state, and the last; 0 keeps the first and the last
+    parameters : values of the method's parameters
+    arithmetic : "double", or "multiprecision" at mpmath's working precision (needs NUMBA_DISABLE_JIT=1)
+    timeout : seconds after which the integration stops with status "timeout"
+    progress : called with the number of steps taken so far
+
+    Returns
+    -------
+    Solution
+
+    Raises
+    ------
+    InvalidInput
+        For input that cannot be used; what happens on the way (a blow-up, a stage not solved) is a status.
+    """
+    chosen = method_of(method, **(parameters or {}))
+    multi = arithmetic == MULTIPRECISION
+    if multi and codegen.compiled():
+        raise InvalidInput("multiprecision runs need a process with NUMBA_DISABLE_JIT=1")
+    if multi:
+        h = mpmath.mpf(t_end) / steps if h is None else mpmath.mpf(h)
+        steps = steps or int(round(t_end / h))
+    else:
+        h, steps = grid(h, t_end, steps)
+    if save_every < 0 or int(save_every) != save_every:
+        raise InvalidInput(f"save_every is {save_every}; it must be a positive integer, or 0 for the end alone")
+    system, q, p = initial(problem, q0, p0, arithmetic)
+    lack = chosen.lacks(system)
+    if lack:
+        raise InvalidInput(lack)
+    prepared = prepare(chosen, system, arithmetic)
+    return _run(prepared, system, chosen, q, p, h, steps, save_every or steps, arithmetic, timeout, progress)
+
+
+def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, progress) -> Solution:
+    d, width = system.d, prepared.width
+    every = min(every, steps)
+    run = kernel(prepared, d, arithmetic)
+    multi = arithmetic == MULTIPRECISION
+    eps = mpmath.mp.eps if multi else np.finfo(float).eps
+    state = zeros((4 + prepared.slots, max(2, d)), arithmetic)
+    state[0, :d], state[1, :d] = q, p
+    memory = zeros(((solve.LEVELS + 1) * prepared.slots, width), arithmetic)
+    work = zeros((width + 1, width + 1), arithmetic)
+    counts = np.zeros(8, dtype=np.int64)
+    as_tuple = codegen.compiled() and codegen.value_kind(d) == "tuple"
+    zero = (0.0,) * d if as_tuple else zeros(d, arithmetic)
+    table = prepared.table
+    if chosen.family == "equip":
+        value = tuple if as_tuple else np.array
+        table[0, 0] = system.energy(arithmetic)(value(state[0, :d]), value(state[1, :d]))[0]
+
+    rows, rest = divmod(steps, every)
+    sizes = [every] * rows + ([rest] if rest else [])
+    Q, P = zeros((len(sizes) + 1, d), arithmetic), zeros((len(sizes) + 1, d), arithmetic)
+    Q[0], P[0] = state[0, :d], state[1, :d]
+    aux = np.full(len(sizes), np.nan)
+    at, status, reason, begin, spent = 0, OK, "", time.monotonic(), 0.0
+    piece_rows = max(1, PIECE // every)
+    while at < len(sizes) and status == OK:
+        n = min(piece_rows, rows - at) if at < rows else 1
+        part = slice(at, at + n)
+        step_rows = sizes[at]
+        span, whole = (step_rows, 1) if step_rows <= PIECE else (PIECE, -(-step_rows // PIECE))
+        for k in range(whole):
+            span = min(span, step_rows - k * PIECE)
+            outs = (Q[1:][part], P[1:][part], aux[part])
+            started = time.perf_counter()
+            filled, code = run(
+                *prepared.functions, prepared.plan, table, h, span, eps, zero, state, memory, work, *outs, counts
+            )
+            spent += time.perf_counter() - started
+            if code or (timeout is not None and time.monotonic() - begin > timeout):
+                break
+        at += filled
+        if not multi:
+            bad = np.flatnonzero(~np.isfinite(Q[1:][part][:filled]).all(1) | ~np.isfinite(P[1:][part][:filled]).all(1))
+            if len(bad):
+                at = at - filled + bad[0]
+                status, reason = DIVERGED, "the state is no longer finite"
+        if status == OK and code:
+            status = DIVERGED if code == solve.NOT_FINITE else NOT_CONVERGED
+            reason = "a stage equation has no finite iterate" if code == solve.NOT_FINITE else (
+                "neither the fixed point nor Newton's method solves the stage equation"
+            )
+        elif status == OK and timeout is not None and time.monotonic() - begin > timeout and at < len(sizes):
+            status, reason = TIMEOUT, f"{timeout} s had passed"
+        if progress is not None:
+            progress(min(steps, at * every))
+    done = int(min(steps, at * every))
+    Q, P, aux = Q[: at + 1], P[: at + 1], aux[:at]
+    index = np.minimum(np.arange(at + 1) * every, steps)
+    t = np.array([h * int(i) for i in index], dtype=object if multi else float)
+    if status not in (OK, TIMEOUT):
+        near = _approach(system, Q[-1:], P[-1:], h)
+        if near is not None:
+            status, reason = COLLISION, near
+        reason += f" after step {done} of {steps} (t = {float(t[-1]):.6g}); " + (
+            "a regularized or adaptive method is needed" if status == COLLISION else "take a smaller h"
+        )
+    elif status == TIMEOUT:
+        reason += f" after step {done} of {steps} (t = {float(t[-1]):.6g}); the rows so far are kept"
+    elif not multi and system.singular and system.H is not None:
+        near = _passed(system, Q, P, h)
+        if near is not None:
+            status, reason = COLLISION, near
+    evaluations = int(counts[1])
+    tally = {
+        "steps": done,
+        "gradient": evaluations,
+        "hessian": evaluations if prepared.hessian else 0,
+        "iterations": evaluations if prepared.implicit else 0,
+        "fallbacks": int(counts[3]),
+        "newton": int(counts[2]),
+    }
+    return Solution(t, Q, P, status, reason, tally, h, chosen, aux, spent)
+
+
+def _travel(system, Q, P, h):
+    """(distance to the nearest singularity, length of a step) of each row."""
+    distance = np.min([np.abs(system.observe(s, Q, P)) for s in system.singular], axis=0)
+    speed = np.sqrt(sum(system.observe(e, Q, P) ** 2 for e in system.dq))
+    return distance, h * speed
+
+
+def _approach(system, Q, P, h) -> str | None:
+    """Whether the last good state was about to step across a singularity."""
+    if not system.singular or Q.dtype == object:
+        return None
+    distance, length = _travel(system, Q, P, h)
+    if length[-1] > distance[-1]:
+        return f"the step {length[-1]:.3g} is longer than the distance {distance[-1]:.3g} to the singularity"
+    return None
+
+
+def _passed(system, Q, P, h) -> str | None:
+    """Whether a kept step jumped across a singularity and changed the energy by a tenth of itself."""
+    distance, length = _travel(system, Q, P, h)
+    near = np.flatnonzero(length > distance)
+    if not len(near):
+        return None
+    H = system.observe(system.H, Q, P)
+    if np.abs(H[near[0] :] - H[0]).max() <= 0.1 * abs(H[0]):
+        return None
+    return (
+        f"near t = {near[0] * h:.6g} a step of length {length[near[0]]:.3g} crosses the singularity at distance "
+        f"{distance[near[0]]:.3g} and the energy is lost; take a smaller h"
+    )

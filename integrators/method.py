@@ -1,0 +1,93 @@
+"""What a method is: a frozen record of data over one kernel per family."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from math import isfinite
+from typing import Any
+
+from .errors import InvalidInput
+
+#: How well an invariant is kept.
+EXACT, ROUND_OFF, BOUNDED, DRIFT, NONE = "exact", "round-off", "bounded", "drift", "none"
+
+
+@dataclass(frozen=True)
+class Method:
+    """A one-step method.
+
+    Attributes
+    ----------
+    id, name : its kebab-case name and its full one
+    family : the module of its kernel
+    data : what the family's kernel runs on (coefficients), exact numbers
+    order : of consistency, for smooth systems that meet ``requires``
+    symmetric : equal to its own adjoint
+    symplectic : its step map is symplectic on canonical systems
+    energy, quadratic : how the energy and quadratic invariants are kept, one of `ROUND_OFF`, `BOUNDED`, `DRIFT`
+    requires : traits of the system it cannot do without
+    parameters : names and values of its parameters
+    source : author, year, equation
+    """
+
+    id: str
+    name: str
+    family: str
+    order: int
+    symmetric: bool
+    symplectic: bool
+    energy: str
+    quadratic: str
+    source: str
+    requires: tuple[str, ...] = ()
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    data: tuple = ()
+    with_parameters: Callable[..., dict] | None = None
+
+    def __call__(self, **parameters) -> Method:
+        """This method with other values of its parameters; raises InvalidInput for one that it lacks."""
+        for name in parameters:
+            if name not in self.parameters:
+                has = f"has {', '.join(self.parameters)}" if self.parameters else "has none"
+                raise InvalidInput(f"method '{self.id}' has no parameter '{name}'; it {has}")
+        values = dict(self.parameters) | {k: _number(k, v, self.parameters[k]) for k, v in parameters.items()}
+        if self.with_parameters is None:
+            return self
+        return replace(self, parameters=values, **self.with_parameters(**values))
+
+    @property
+    def label(self) -> str:
+        """The id with its parameters, as in ``scheme-i(lam=1/3)``."""
+        if not self.parameters:
+            return self.id
+        return f"{self.id}({', '.join(f'{k}={v}' for k, v in self.parameters.items())})"
+
+    def lacks(self, system) -> str | None:
+        """Why the method cannot run on ``system``, or None where it can."""
+        for trait in self.requires:
+            if not system.traits[trait]:
+                return f"method '{self.id}' requires a system with the trait '{trait}', which this one lacks"
+        return None
+
+
+def _number(name: str, value, default):
+    """A parameter's value: an integer where the default is one, else an exact fraction or a finite double."""
+    try:
+        if isinstance(default, str):
+            return str(value)
+        if isinstance(default, int):
+            if int(value) != float(Fraction(value) if isinstance(value, str) else value):
+                raise ValueError
+            return int(value)
+        if isinstance(value, str):
+            return Fraction(value)
+        if isinstance(value, (int, Fraction)) and not isinstance(value, bool):
+            return Fraction(value)
+        if isinstance(value, float) and isfinite(value):
+            return Fraction(value).limit_denominator(1) if value == int(value) else value
+    except (ValueError, TypeError, ZeroDivisionError, OverflowError):
+        pass
+    kind = "an integer" if isinstance(default, int) else "a finite number, such as 0.3 or 1/3"
+    raise InvalidInput(f"the parameter {name} is {value!r}; it must be {kind}") from None

@@ -1,0 +1,50 @@
+r"""Explicit Runge-Kutta methods, the non-geometric controls.
+
+.. math::
+    k_i = f\Bigl(y + h\sum_{j<i} a_{ij} k_j\Bigr),\qquad y \leftarrow y + h\sum_i b_i k_i .
+
+``plan`` has the rows of A, then b.
+
+Source: W. Kutta, Z. Math. Phys. 46 (1901) 435-453; L. Euler, Institutiones calculi integralis (1768).
+"""
+
+from __future__ import annotations
+
+from .compile import Prepared, array
+from .vector import add, axpy, head, join, load, store, tail
+
+
+def run(field, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
+    """Fill the rows of Q and P, each after ``every`` steps; returns (rows filled, status)."""
+    q, p, cq, cp = load(state, 0, zero), load(state, 1, zero), load(state, 2, zero), load(state, 3, zero)
+    both = join(zero, zero)
+    stages = len(plan) - 1
+    for row in range(len(Q)):
+        for _ in range(every):
+            for i in range(stages + 1):
+                x = both
+                for j in range(i):
+                    if plan[i, j] != 0:
+                        x = axpy(plan[i, j] * h, load(memory, j, both), x)
+                if i < stages:
+                    dq, dp = field(axpy(1.0, head(x), q), axpy(1.0, tail(x), p), h, 0.0)
+                    store(memory, i, join(dq, dp))
+            q, cq = add(q, cq, head(x))
+            p, cp = add(p, cp, tail(x))
+        store(Q, row, q)
+        store(P, row, p)
+    store(state, 0, q)
+    store(state, 1, p)
+    store(state, 2, cq)
+    store(state, 3, cp)
+    counts[0] += len(Q) * every
+    counts[1] += len(Q) * every * stages
+    return len(Q), 0
+
+
+def prepare(method, system, arithmetic):
+    """The tableau's kernel."""
+    plan = array(method.data, arithmetic)
+    return Prepared(
+        run, (system.field(arithmetic),), plan, array([[0]], arithmetic), 2 * system.d, len(plan), implicit=False
+    )

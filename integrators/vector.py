@@ -1,0 +1,175 @@
+"""The handful of vector operations in which every kernel is written.
+
+A kernel speaks of ``q`` and ``p`` as *values*.  Each operation below is one plain NumPy expression; it works as it
+stands on arrays of doubles and on object arrays of mpmath numbers.  Compiled, the same expression is unrolled for
+tuples of doubles (small ``d``: the state lives in registers) and left to Numba for arrays (large ``d``).
+
+``add`` is the compensated sum x + (dx + c): it returns the new value and the part of the increment that rounding
+lost (Kahan 1965; Moller 1965, "Quasi double-precision in floating point addition", BIT 5, 37-50).
+"""
+
+from __future__ import annotations
+
+import inspect
+
+import numpy as np
+from numba import njit, types
+from numba.extending import overload
+
+#: Options of every compiled function.  "contract" lets a product and a sum become one fused operation, as a C compiler
+#: does by default; it reorders nothing, so compensated sums stay exact.
+OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
+jit = njit(**OPTIONS)
+
+
+def _unrolled(fn, template):
+    """Overload ``fn`` for tuples by the source that ``template(names, arguments)`` writes; arrays keep ``fn``."""
+    names = list(inspect.signature(fn).parameters)
+
+    def build(*arguments):
+        if not any(isinstance(a, types.BaseTuple) for a in arguments):
+            return fn
+        namespace = {"__name__": __name__, "scalar": jit(fn)}
+        exec(f"def impl({', '.join(names)}):\n{template(names, arguments)}", namespace)
+        return namespace["impl"]
+
+    namespace = {"__name__": __name__, "build": build}
+    exec(f"def typed({', '.join(names)}): return build({', '.join(names)})", namespace)
+    overload(fn, jit_options={**OPTIONS})(namespace["typed"])
+    return fn
+
+
+def _length(arguments) -> int:
+    return next(a.count for a in arguments if isinstance(a, types.BaseTuple))
+
+
+def elementwise(outputs: int = 1):
+    """Make a NumPy expression an operation that is unrolled, component by component, for tuples."""
+
+    def template(names, arguments):
+        def call(i):
+            parts = (
+                f"{n}[{i}]" if isinstance(a, types.BaseTuple) else n for n, a in zip(names, arguments, strict=True)
+            )
+            return f"scalar({', '.join(parts)})"
+
+        d = _length(arguments)
+        if outputs == 1:
+            return f"  return ({', '.join(call(i) for i in range(d))},)"
+        lines = [f"  r{i} = {call(i)}" for i in range(d)]
+        packed = (f"({', '.join(f'r{i}[{k}]' for i in range(d))},)" for k in range(outputs))
+        return "\n".join([*lines, f"  return {', '.join(packed)}"])
+
+    return lambda fn: _unrolled(fn, template)
+
+
+def written(template):
+    """Make a function an operation whose tuple form is the source that ``template(d)`` writes."""
+    return lambda fn: _unrolled(fn, lambda names, arguments: template(_length(arguments)))
+
+
+def _tuple(d, item):
+    return f"  return ({', '.join(item.format(i=i) for i in range(d))},)"
+
+
+@elementwise()
+def axpy(a, x, y):
+    """y + a x."""
+    return y + a * x
+
+
+@elementwise()
+def scale(a, x):
+    """a x."""
+    return a * x
+
+
+@elementwise()
+def plus(x, y):
+    """x + y."""
+    return x + y
+
+
+@elementwise()
+def minus(x, y):
+    """x - y."""
+    return x - y
+
+
+@elementwise(outputs=2)
+def add(x, c, dx):
+    """Compensated sum: (x + (dx + c), the part of it that rounding lost)."""
+    y = dx + c
+    t = x + y
+    return t, y - (t - x)
+
+
+@written(lambda d: "  return " + " + ".join(f"abs(x[{i}])" for i in range(d)))
+def size(x):
+    """The 1-norm of x; NaN where a component is."""
+    return np.sum(np.abs(x))
+
+
+@written(lambda d: "  return " + " + ".join(f"abs(x[{i}] - y[{i}])" for i in range(d)))
+def distance(x, y):
+    """The 1-norm of x - y; NaN where a component is."""
+    return np.sum(np.abs(x - y))
+
+
+@written(lambda d: "  return " + " + ".join(f"x[{i}] * y[{i}]" for i in range(d)))
+def dot(x, y):
+    """The inner product of x and y."""
+    return np.sum(x * y)
+
+
+@written(lambda d: _tuple(d, "x[{i}] + (a if i == {i} else 0.0)"))
+def bump(x, i, a):
+    """x with a added to its component i."""
+    y = x.copy()
+    y[i] = y[i] + a
+    return y
+
+
+@written(lambda d: "  return x + y")
+def join(x, y):
+    """The components of x, then those of y."""
+    return np.concatenate((x, y))
+
+
+@written(lambda d: _tuple(d // 2, "x[{i}]"))
+def head(x):
+    """The first half of x."""
+    return x[: len(x) // 2]
+
+
+@written(lambda d: f"  return ({', '.join(f'x[{i}]' for i in range(d // 2, d))},)")
+def tail(x):
+    """The second half of x."""
+    return x[len(x) // 2 :]
+
+
+@written(lambda d: _tuple(d, "A[i, {i}]"))
+def load(A, i, like):
+    """Row i of A as a value of the kind of ``like``."""
+    return A[i, : len(like)].copy()
+
+
+@written(lambda d: "\n".join(f"  A[i, {j}] = x[{j}]" for j in range(d)))
+def store(A, i, x):
+    """Write x into row i of A."""
+    A[i, : len(x)] = x
+
+
+def chosen(when_none, otherwise):
+    """The function that is ``when_none`` where its first argument is None, else ``otherwise`` (chosen at compile time)."""
+    names = ", ".join(inspect.signature(otherwise).parameters)
+    first = names.split(",")[0]
+    namespace = {"__name__": __name__, "a": when_none, "b": otherwise, "none": types.NoneType, "omitted": types.Omitted}
+    exec(f"def pick({names}):\n  return a({names}) if {first} is None else b({names})", namespace)
+    exec(f"def typed({names}):\n  return a if isinstance({first}, (none, omitted)) else b", namespace)
+    overload(namespace["pick"], jit_options={**OPTIONS}, inline="always")(namespace["typed"])
+    return namespace["pick"]
+
+
+#: The velocity grad T(p); ``dT`` is None where that is p itself.
+velocity = chosen(lambda dT, p: p, lambda dT, p: dT(p))
