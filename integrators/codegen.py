@@ -30,7 +30,7 @@ from .vector import OPTIONS
 #: Above this many degrees of freedom a state is an array, up to it a tuple (registers).
 TUPLE_LIMIT = 12
 #: Raise it when the generated text changes for the same expressions.
-VERSION = 4
+VERSION = 5
 
 DOUBLE, MULTIPRECISION = "double", "multiprecision"
 
@@ -64,6 +64,8 @@ class _Printer(PythonCodePrinter):
         self.multi = arithmetic == MULTIPRECISION
 
     def _print_Rational(self, x):
+        if float(x) == x:  # a double, such as a parameter of the problem
+            return f"mpf({float(x)!r})" if self.multi else repr(float(x))
         return f"(mpf({x.p})/{x.q})" if self.multi else f"({x.p}.0/{x.q}.0)"
 
     _print_Half = _print_Rational

@@ -52,7 +52,9 @@ def _read(node: ast.AST, variables: Mapping[str, sp.Symbol]) -> sp.Expr:
                 raise InvalidInput("a number in the formula has more than 30 digits; write it as a decimal")
             return sp.Integer(value)
         case ast.Constant(value=value) if type(value) is float:
-            return sp.Float(value)
+            if value != value or abs(value) == float("inf"):
+                raise InvalidInput("a number in the formula is too large for a double")
+            return sp.Rational(value)
         case ast.Name(id=name):
             if name in variables:
                 return variables[name]

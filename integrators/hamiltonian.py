@@ -132,7 +132,7 @@ class PartitionedSystem:
 
     def observe(self, expression, Q, P):
         """The values of an expression in (q, p) along rows of Q, P, each of shape (n, d); an array of shape (n,)."""
-        key = ("observe", sp.srepr(expression))
+        key = ("observe", expression)
         if key not in self._functions:
             self._functions[key] = codegen.vectorised(
                 lambda a: codegen.source("f", [("q", self.q), ("p", self.p)], [expression], a)

@@ -161,23 +161,84 @@ def integrate(
     return _run(prepared, system, chosen, q, p, h, steps, save_every or steps, arithmetic, timeout, progress)
 
 
-def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, progress) -> Solution:
+@dataclass
+class _Layout:
+    """A compiled kernel with the arrays of one run."""
+
+    run: Callable
+    functions: tuple
+    plan: np.ndarray
+    table: np.ndarray
+    eps: float
+    zero: tuple | np.ndarray
+    state: np.ndarray
+    memory: np.ndarray
+    work: np.ndarray
+    counts: np.ndarray
+
+    def __call__(self, h, every, Q, P, aux) -> tuple[int, int]:
+        """Fill the rows of Q, P, aux; (rows filled, status)."""
+        return self.run(
+            *self.functions, self.plan, self.table, h, every, self.eps, self.zero, self.state, self.memory, self.work,
+            Q, P, aux, self.counts,
+        )  # fmt: skip
+
+    def restart(self, q, p) -> None:
+        """Forget what was, and start from q, p."""
+        for a in (self.state, self.memory, self.counts):
+            a.fill(0)
+        self.state[0, : len(q)], self.state[1, : len(p)] = q, p
+
+
+def _lay_out(prepared, system, chosen, q, p, arithmetic) -> _Layout:
     d, width = system.d, prepared.width
-    every = min(every, steps)
-    run = kernel(prepared, d, arithmetic)
-    multi = arithmetic == MULTIPRECISION
-    eps = mpmath.mp.eps if multi else np.finfo(float).eps
-    state = zeros((4 + prepared.slots, max(2, d)), arithmetic)
-    state[0, :d], state[1, :d] = q, p
-    memory = zeros(((solve.LEVELS + 1) * prepared.slots, width), arithmetic)
-    work = zeros((width + 1, width + 1), arithmetic)
-    counts = np.zeros(8, dtype=np.int64)
     as_tuple = codegen.compiled() and codegen.value_kind(d) == "tuple"
-    zero = (0.0,) * d if as_tuple else zeros(d, arithmetic)
-    table = prepared.table
+    layout = _Layout(
+        run=kernel(prepared, d, arithmetic),
+        functions=prepared.functions,
+        plan=prepared.plan,
+        table=prepared.table,
+        eps=mpmath.mp.eps if arithmetic == MULTIPRECISION else np.finfo(float).eps,
+        zero=(0.0,) * d if as_tuple else zeros(d, arithmetic),
+        state=zeros((4 + prepared.slots, max(2, d)), arithmetic),
+        memory=zeros(((solve.LEVELS + 1) * prepared.slots, width), arithmetic),
+        work=zeros((width + 1, width + 1), arithmetic),
+        counts=np.zeros(8, dtype=np.int64),
+    )
+    layout.restart(q, p)
     if chosen.family == "equip":
         value = tuple if as_tuple else np.array
-        table[0, 0] = system.energy(arithmetic)(value(state[0, :d]), value(state[1, :d]))[0]
+        start = value(layout.state[0, :d]), value(layout.state[1, :d])
+        layout.table[0, 0] = system.energy(arithmetic)(*start)[0]
+    return layout
+
+
+def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dict | None = None) -> Callable[[], tuple]:
+    """A function that integrates ``steps`` steps from the initial state, for timing: compiled, no rows, no checks.
+
+    It returns the end state (q, p) as arrays.  Raises what `integrate` raises.
+    """
+    chosen = method_of(method, **(parameters or {}))
+    integrate(problem, chosen, h=h, steps=1)
+    h, steps = grid(h, None, steps)
+    system, q, p = initial(problem, None, None)
+    layout = _lay_out(prepare(chosen, system), system, chosen, q, p, DOUBLE)
+    Q, P, aux = np.zeros((1, system.d)), np.zeros((1, system.d)), np.zeros(1)
+
+    def run():
+        layout.restart(q, p)
+        layout(h, steps, Q, P, aux)
+        return Q[0], P[0]
+
+    return run
+
+
+def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, progress) -> Solution:
+    d = system.d
+    every = min(every, steps)
+    multi = arithmetic == MULTIPRECISION
+    layout = _lay_out(prepared, system, chosen, q, p, arithmetic)
+    state, counts = layout.state, layout.counts
 
     rows, rest = divmod(steps, every)
     sizes = [every] * rows + ([rest] if rest else [])
@@ -195,9 +256,7 @@ def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, p
             span = min(span, step_rows - k * PIECE)
             outs = (Q[1:][part], P[1:][part], aux[part])
             started = time.perf_counter()
-            filled, code = run(
-                *prepared.functions, prepared.plan, table, h, span, eps, zero, state, memory, work, *outs, counts
-            )
+            filled, code = layout(h, span, *outs)
             spent += time.perf_counter() - started
             if code or (timeout is not None and time.monotonic() - begin > timeout):
                 break

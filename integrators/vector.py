@@ -98,10 +98,13 @@ def minus(x, y):
 
 @elementwise(outputs=2)
 def add(x, c, dx):
-    """Compensated sum: (x + (dx + c), the part of it that rounding lost)."""
-    y = dx + c
-    t = x + y
-    return t, y - (t - x)
+    """Compensated sum: (x + c + dx, the part of it that rounding lost).
+
+    Only one addition waits for dx, which comes last in a step's chain of operations.  What (x + c) does not show of c
+    stays in the part returned, so nothing is lost.
+    """
+    t = (x + c) + dx
+    return t, (dx + c) - (t - x)
 
 
 @written(lambda d: "  return " + " + ".join(f"abs(x[{i}])" for i in range(d)))

@@ -15,7 +15,7 @@ def make(omega: float) -> Problem:
     if omega <= 0:
         raise InvalidInput(f"the frequency omega is {omega}; it must be positive")
     q, p = sp.symbols("q p", real=True)
-    w = sp.Integer(1) if omega == 1 else sp.Float(omega)
+    w = sp.Rational(omega)  # exactly the double
     return Problem(
         id="harmonic-oscillator",
         name="harmonic oscillator",

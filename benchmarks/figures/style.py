@@ -1,0 +1,122 @@
+"""How figures look: 7 inches wide, type of at least 8 pt, Okabe & Ito's colours with a line style and a marker each.
+
+Colours that the colour-blind tell apart: M. Okabe, K. Ito, "Color Universal Design" (2008).  matplotlib loads here,
+when a figure is drawn, and never before.
+"""
+
+from __future__ import annotations
+
+import functools
+import io
+import math
+from pathlib import Path
+
+BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILION, PURPLE = (
+    "#000000", "#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7",
+)  # fmt: skip
+GREY = "#8c8c8c"
+
+#: (colour, line style, marker) of the curves of one panel, in order: each differs in all three.
+CURVES = (
+    (BLUE, "-", "o"),
+    (VERMILION, "--", "s"),
+    (GREEN, "-.", "^"),
+    (BLACK, ":", "D"),
+    (PURPLE, (0, (5, 1, 1, 1, 1, 1)), "v"),
+    (ORANGE, (0, (8, 2)), "P"),
+    (SKY, (0, (2, 1)), "X"),
+)
+WIDTH = 7.0
+DPI = 130
+COLOURS = 128
+
+RC = {
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.5,
+    "legend.fontsize": 8.0,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 3.5,
+    "axes.linewidth": 0.6,
+    "legend.frameon": False,
+    "agg.path.chunksize": 10_000,
+}
+
+
+def drawn(draw):
+    """``draw`` under these settings alone, whatever the user's own are."""
+
+    @functools.wraps(draw)
+    def settled(quick: bool = False):
+        import matplotlib
+
+        with matplotlib.rc_context(dict(matplotlib.rcParamsDefault) | RC | {"backend": "agg"}):
+            return draw(quick)
+
+    return settled
+
+
+def panels(rows: int, columns: int, height: float, **options):
+    """A figure of the print width and its axes, an array of shape (rows, columns)."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def curve(index: int, points: int = 0, marks: int = 12) -> dict:
+    """Keywords of the ``index``-th curve; of ``points`` points about ``marks`` get a marker (0: all), staggered."""
+    colour, line, marker = CURVES[index]
+    every = max(1, points // marks)
+    return {
+        "color": colour,
+        "linestyle": line,
+        "marker": marker,
+        "markevery": (every * index // len(CURVES), every) if points else None,
+    }
+
+
+def legend_above(figure, axes, columns: int) -> None:
+    """One legend for all panels, above them: it covers no data."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns, handlelength=3.4)
+
+
+def decades(axes) -> None:
+    """A logarithmic axis of errors from one power of ten to another, so that a wiggle looks like one.
+
+    Call it when every panel that shares the axis is drawn: the limits stay.
+    """
+    from matplotlib.ticker import NullFormatter
+
+    low, high = (math.log10(y) for y in axes.get_ylim())
+    axes.set_ylim(10.0 ** math.floor(low), 10.0 ** math.ceil(high))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def slope(axes, h, values, order: int, line: str = "-") -> None:
+    """A grey line of slope ``order`` below the curves, arrays (n,) in ``values`` over the steps ``h``."""
+    constant = 0.35 * min((v[v > 0] / h[v > 0] ** order).min() for v in values if (v > 0).any())
+    axes.plot(h, constant * h**order, color=GREY, linestyle=line, linewidth=0.9, label=f"slope {order}")
+
+
+def number(x: float, digits: int = 3) -> str:
+    """A number as captions print it."""
+    return f"{x:.{digits}g}" if math.isfinite(x) else str(x)
+
+
+def write(figure, path: Path) -> None:
+    """Write a PNG of few colours that holds no date and no version: the same figure is the same bytes."""
+    import matplotlib
+    from PIL import Image
+
+    raw = io.BytesIO()
+    with matplotlib.rc_context(dict(matplotlib.rcParamsDefault) | RC | {"backend": "agg"}):
+        figure.savefig(raw, format="png", dpi=DPI, metadata={"Software": None})
+    raw.seek(0)
+    image = Image.open(raw).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    image.save(path, format="PNG", optimize=True)

@@ -1,0 +1,1 @@
+def build(folder, quick=False, progress=print): return folder

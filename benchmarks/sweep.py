@@ -1,0 +1,211 @@
+"""METHODS x SCENES -> tidy rows: one for each (scene, method, parameters, h).
+
+A row has both error columns: ``global_error``, the maximum norm of (q, p) at the end against the reference, with the
+reference's own uncertainty; and ``refinement_difference``, against the same method at twice the step, which is what
+the talk's tables print.  ``seconds`` is the median of warm integrations without output.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+
+from integrators.errors import InvalidInput
+from integrators.integrate import OK, SKIPPED, Solution, integrate
+from integrators.method import Method
+from integrators.registry import METHODS, method
+
+from . import metrics
+from .machine import versions
+from .scenes import BY_ID, DRIFT, ORDER, SCENES, Scene
+from .store import Store
+
+#: The talk's values of lambda, for the schemes that it tabulates over lambda.
+LAMBDAS = ("-1", "1/3", "3/2", "2")
+TABULATED = ("scheme-i", "scheme-ii", "scheme-iii")
+REPEATS = 3
+
+
+@dataclass(frozen=True)
+class Task:
+    """One row to be measured; plain text and numbers, so that it can travel to another process."""
+
+    scene: str
+    method: str
+    parameters: tuple[tuple[str, str], ...]
+    h: float
+
+    @property
+    def key(self) -> str:
+        """What tells it from every other."""
+        return f"{self.scene}|{self.method}|{dict(self.parameters)}|{self.h!r}"
+
+    def made(self) -> Method:
+        """The method with its parameters."""
+        return method(self.method, **dict(self.parameters))
+
+
+def variants(methods: Iterable[Method] = METHODS) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
+    """(id, parameters) of every method, the tabulated schemes at the talk's values of lambda."""
+    for m in methods:
+        if m.id in TABULATED:
+            yield from ((m.id, (("lam", lam),)) for lam in LAMBDAS)
+        elif "order" in m.parameters:
+            yield from ((m.id, (("order", str(r)),)) for r in (3, 4))
+        else:
+            yield m.id, ()
+
+
+def tasks(scenes: Iterable[Scene] = SCENES, quick: bool = False, only: Callable[[Method], bool] | None = None) -> list[Task]:
+    """The rows of a sweep, in the order in which they are measured."""
+    found = []
+    for scene in scenes:
+        for id, parameters in variants():
+            if only is None or only(method(id)):
+                found += [Task(scene.id, id, parameters, h) for h in scene.ladder(quick)]
+    return found
+
+
+@cache
+def reference(scene: str):
+    """The scene's certified end state; a `reference.taylor.Reference` with one time."""
+    from reference import taylor
+
+    made = BY_ID[scene]
+    return taylor.reference(made.made(), [made.t_end])
+
+
+def _end(solution: Solution) -> np.ndarray:
+    return np.concatenate([solution.q[-1], solution.p[-1]])
+
+
+@cache
+def _twice(scene: str, id: str, parameters: tuple, h: float) -> np.ndarray | None:
+    """The end state at twice the step, for the refinement difference."""
+    made = BY_ID[scene]
+    found = integrate(made.made(), method(id, **dict(parameters)), h=2 * h, t_end=made.t_end, save_every=0)
+    return _end(found) if found.status == OK else None
+
+
+def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
+    """The row of a task."""
+    scene, chosen = BY_ID[task.scene], task.made()
+    problem = scene.made()
+    row: dict[str, Any] = {
+        "scene": scene.id,
+        "purpose": scene.purpose,
+        "problem": problem.label,
+        "method": chosen.label,
+        "id": chosen.id,
+        "h": task.h,
+        "t_end": scene.t_end,
+        "declared_order": chosen.order,
+        "versions": ", ".join(f"{k} {versions()[k]}" for k in ("phasebench", "numpy", "numba")),
+    }
+    lack = chosen.lacks(problem.system)
+    if lack:
+        return row | {"status": SKIPPED, "reason": lack}
+    try:
+        solution = integrate(problem, chosen, h=task.h, t_end=scene.t_end)
+    except InvalidInput as error:
+        return row | {"status": "invalid", "reason": str(error)}
+    row |= {"status": solution.status, "reason": solution.reason} | solution.counts
+    row |= _invariants(problem, solution)
+    if solution.status != OK:
+        return row
+    row |= _errors(scene, task, solution)
+    runs = [solution.seconds]
+    runs += [
+        integrate(problem, chosen, h=task.h, t_end=scene.t_end, save_every=0).seconds for _ in range(max(0, repeats - 1))
+    ]
+    return row | {"seconds": statistics.median(runs)}
+
+
+def _invariants(problem, solution: Solution) -> dict[str, float]:
+    """The largest error of the energy and of each invariant, and the energy's drift with its 95 % interval."""
+    out: dict[str, float] = {}
+    H = problem.system.observe(problem.system.H, solution.q, solution.p)
+    good = np.isfinite(H)
+    error = metrics.energy_error(H[good])
+    out["energy_max"], out["energy_end"] = error.max, error.end
+    if good.sum() >= 4 * metrics.BLOCKS and solution.status == OK:
+        slope = metrics.drift(solution.t, H - H[0])
+        out |= {"energy_drift": slope.value, "energy_drift_low": slope.low, "energy_drift_high": slope.high}
+    for name, expression in problem.invariants.items():
+        value = problem.system.observe(expression, solution.q, solution.p)
+        out[f"{name}_max"] = float(np.abs(value - value[0])[np.isfinite(value)].max())
+    return out
+
+
+def _errors(scene: Scene, task: Task, solution: Solution) -> dict[str, float]:
+    truth = reference(scene.id)
+    out: dict[str, float] = {"reference_uncertainty": float(truth.uncertainty[-1])}
+    if scene.regular:
+        out["global_error"] = float(np.abs(_end(solution) - np.concatenate([truth.q[-1], truth.p[-1]])).max())
+    if scene.purpose == ORDER and task.h < scene.steps[0]:
+        twice = _twice(task.scene, task.method, task.parameters, task.h)
+        if twice is not None:
+            out["refinement_difference"] = float(np.abs(_end(solution) - twice).max())
+    return out
+
+
+def run(
+    todo: list[Task],
+    store: Store | None = None,
+    progress: Callable[[Task, dict], None] | None = None,
+    repeats: int = REPEATS,
+    map_: Callable = map,
+) -> list[dict[str, Any]]:
+    """Measure the rows, keeping each at once in ``store``, from which a run that was killed goes on.
+
+    ``map_`` is the engine: the built-in, or an executor's or Dask client's map, for sweeps that outgrow the machine.
+    """
+    known = {t.key: store.get(t.key) for t in todo} if store else {}
+    missing = [t for t in todo if known.get(t.key) is None]
+    rows = {k: v for k, v in known.items() if v is not None}
+    for task, row in zip(missing, map_(partial(measure, repeats=repeats), missing), strict=True):
+        rows[task.key] = row
+        if store:
+            store.put(task.key, row)
+        if progress:
+            progress(task, row)
+    return [{k: v for k, v in rows[t.key].items() if k != "key"} for t in todo]
+
+
+def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dict[str, Any]]:
+    """The measured order of each (scene, method) of the order scenes, with its window and 95 % interval.
+
+    Only ``ok`` rows above the noise (the reference's uncertainty and round-off) enter.
+    """
+    groups: dict[tuple[str, str], list[dict]] = {}
+    for r in rows:
+        if r["purpose"] == ORDER and r["status"] == OK and r.get(column) is not None:
+            groups.setdefault((r["scene"], r["method"]), []).append(r)
+    out = []
+    for (scene, label), members in groups.items():
+        members.sort(key=lambda r: -r["h"])
+        noise = 100 * max(np.finfo(float).eps * 4, *(r["reference_uncertainty"] for r in members))
+        found = metrics.order([r["h"] for r in members], [r[column] for r in members], noise=noise)
+        out.append(
+            {
+                "scene": scene,
+                "problem": members[0]["problem"],
+                "method": label,
+                "declared": members[0]["declared_order"],
+                "order": found.value,
+                "low": found.low,
+                "high": found.high,
+                "points": found.points,
+                "h_first": found.first,
+                "h_last": found.last,
+            }
+        )
+    return out
+
+
+__all__ = ["DRIFT", "LAMBDAS", "ORDER", "Task", "measure", "orders", "reference", "run", "tasks", "variants"]
