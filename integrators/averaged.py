@@ -18,10 +18,10 @@ import mpmath
 from .codegen import DOUBLE
 from .compile import Prepared, array
 from .solve import SOLVED, predict, remember, solver
-from .vector import add, axpy, distance, head, jit, join, load, scale, size, store, tail
+from .vector import add, axpy, distance, head, inlined, join, load, scale, size, store, tail
 
 
-@jit
+@inlined
 def averaged(x, arguments):
     """h times the mean of f between (q, p) and (q, p) + x, by the rule in rows first, ... of the table."""
     field, q, p, h, table, first = arguments
@@ -71,7 +71,7 @@ def run(field, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux,
                         break
                     last = delta
                     first += nodes
-                remember(memory, s, slots, x)
+                remember(memory, s, slots, counts[0], x)
                 q, cq = add(q, cq, head(x))
                 p, cp = add(p, cp, tail(x))
             counts[0] += 1

@@ -27,7 +27,7 @@ import numpy as np
 from .compile import Prepared, array
 from .parametric import substep, unknown
 from .solve import LEVELS, SOLVED, predict, remember
-from .vector import jit, load, store
+from .vector import inlined, jit, load, store
 
 #: How far from 1/2 the parameter is looked for.
 RADIUS = 2.0
@@ -37,19 +37,23 @@ MULLER_LIMIT = 14
 REFINE_LIMIT = 100
 
 
-@jit
+@inlined
 def attempt(x, start, arguments):
     """Take the group's substeps with parameter x; (q, p, cq, cp, E, round-off of H, status).
 
-    The substeps start from their extrapolation where ``start`` is 0, else from the last attempt's solution.
+    The substeps start from earlier steps' solutions at their roots (``start`` 0) or at x = 0 (1), or from the last
+    attempt's (2).
     """
     energy, field, dT, dV, plan, rows, H0, h, eps, zero, q, p, cq, cp, memory, work, counts = arguments
     guess = unknown(field, zero)
     slots = len(plan)
     status = SOLVED
     for s in range(rows[0], rows[1]):
-        latest = LEVELS * slots + s
-        z = predict(memory, s, slots, counts[0], guess) if start == 0 else load(memory, latest, guess)
+        latest = 2 * LEVELS * slots + s
+        if start == 2:
+            z = load(memory, latest, guess)
+        else:
+            z = predict(memory, start * LEVELS * slots + s, slots, counts[0], guess)
         lam = 0.5 + plan[s, 1] * x
         q, p, cq, cp, z, n, used, status = substep(
             field, dT, dV, q, p, cq, cp, plan[s, 0] * h, 1 - lam, lam, z, eps, work
@@ -59,11 +63,13 @@ def attempt(x, start, arguments):
         if status != SOLVED:
             return q, p, cq, cp, np.inf, eps, status
         store(memory, latest, z)
+        if start == 1:
+            remember(memory, LEVELS * slots + s, slots, counts[0], z)
     E, magnitude = energy(q, p)
     return q, p, cq, cp, E - H0, eps * magnitude, status
 
 
-@jit
+@inlined
 def smaller_root(c0, c1, c2):
     """The root of c0 + c1 x + c2 x^2 nearest zero; infinite where it has none."""
     D = c1 * c1 - 4 * c0 * c2
@@ -76,7 +82,7 @@ def smaller_root(c0, c1, c2):
     return -2 * c0 / denominator
 
 
-@jit
+@inlined
 def muller(x0, x1, x2, E0, E1, E2):
     """The quadratic through three points, about x2: (slope, curvature)."""
     d1 = (E2 - E1) / (x2 - x1)
@@ -94,7 +100,7 @@ def refine(a, Ea, b, Eb, arguments):
         x = 0.5 * (a + b) if k % 3 == 2 else b - Eb * (b - a) / (Eb - Ea)
         if not (min(a, b) < x < max(a, b)):
             x = 0.5 * (a + b)
-        Ex, unit, status = attempt(x, 1, arguments)[4:]
+        Ex, unit, status = attempt(x, 2, arguments)[4:]
         if status != SOLVED:
             return x, False
         if abs(Ex) <= unit or x == a or x == b:
@@ -135,7 +141,7 @@ def scan(E0, radius, arguments):
                 # A least |E| between three points of one sign: is there a pair of roots about it?
                 c1, c2 = muller(x, inner[i], a, Ex, Einner[i], Ea)
                 middle = a - 0.5 * c1 / c2
-                Emiddle, unit, status = attempt(middle, 1, arguments)[4:]
+                Emiddle, unit, status = attempt(middle, 2, arguments)[4:]
                 if status == SOLVED and (Emiddle > 0) != (Ea > 0):
                     found = True
                     b, Eb = middle, Emiddle
@@ -150,10 +156,10 @@ def scan(E0, radius, arguments):
     return 0.0, False
 
 
-@jit
-def find(radius, model, g, arguments):
+@inlined
+def find(radius, model, g, predicted, arguments):
     """Find the group's root; the last attempt made is the one at the root.  Returns (x, found, status, result)."""
-    result = attempt(0.0, 0, arguments)
+    result = attempt(0.0, 1, arguments)
     E0, unit, status = result[4:]
     if status != SOLVED or abs(E0) <= unit:
         return 0.0, True, status, result
@@ -161,8 +167,10 @@ def find(radius, model, g, arguments):
     x = smaller_root(E0, model[g, 0], model[g, 1])
     if not abs(x) <= radius:
         x = 0.05
+    elif abs(predicted - x) <= 0.25 * abs(x):
+        x = predicted  # the model picks the branch, the last roots say more exactly where it is now
     for k in range(MULLER_LIMIT):
-        result = attempt(x, 1, arguments)
+        result = attempt(x, 0 if k == 0 else 2, arguments)
         E, unit, status = result[4:]
         if status != SOLVED:
             break
@@ -198,6 +206,7 @@ def run(energy, field, dT, dV, plan, table, h, every, eps, zero, state, memory, 
     slots = len(plan)
     H0, radius = table[0, 0], table[0, 1]
     model = state[4:]
+    roots = (2 * LEVELS + 1) * slots  # where ``memory`` keeps the ring of each group's roots
     for row in range(len(Q)):
         for _ in range(every):
             begin = 0
@@ -214,7 +223,9 @@ def run(energy, field, dT, dV, plan, table, h, every, eps, zero, state, memory, 
                         energy, field, dT, dV, plan, (begin, end), H0, h, eps, zero,
                         q, p, cq, cp, memory, work, counts,
                     )  # fmt: skip
-                    x, found, status, result = find(radius, model, begin, arguments)
+                    predicted = predict(memory, roots + begin, slots, counts[0], (0.0,))[0]
+                    x, found, status, result = find(radius, model, begin, predicted, arguments)
+                    memory[roots + begin + counts[0] % LEVELS * slots, 0] = x
                     if status != SOLVED:
                         return row, status
                     if found:
@@ -229,7 +240,7 @@ def run(energy, field, dT, dV, plan, table, h, every, eps, zero, state, memory, 
                 while begin < slots and plan[begin, 2] == group:
                     begin += 1
                 for s in range(first, begin):
-                    remember(memory, s, slots, load(memory, LEVELS * slots + s, guess))
+                    remember(memory, s, slots, counts[0], load(memory, 2 * LEVELS * slots + s, guess))
             counts[0] += 1
         store(Q, row, q)
         store(P, row, p)

@@ -21,6 +21,8 @@ OK, DIVERGED, NOT_CONVERGED, NO_ROOT, COLLISION = "ok", "diverged", "not-converg
 INVALID, TIMEOUT, SKIPPED = "invalid", "timeout", "skipped"
 STATUSES = (OK, DIVERGED, NOT_CONVERGED, NO_ROOT, COLLISION, INVALID, TIMEOUT, SKIPPED)
 
+#: A state that has grown by this factor has escaped, whatever stopped it in the end.
+ESCAPED = 1e6
 #: Steps of one call of a kernel: between calls progress is told and the clock is looked at.
 PIECE = 200_000
 
@@ -201,7 +203,7 @@ def _lay_out(prepared, system, chosen, q, p, arithmetic) -> _Layout:
         eps=mpmath.mp.eps if arithmetic == MULTIPRECISION else np.finfo(float).eps,
         zero=(0.0,) * d if as_tuple else zeros(d, arithmetic),
         state=zeros((4 + prepared.slots, max(2, d)), arithmetic),
-        memory=zeros(((solve.LEVELS + 1) * prepared.slots, width), arithmetic),
+        memory=zeros(((3 * solve.LEVELS + 1) * prepared.slots, width), arithmetic),
         work=zeros((width + 1, width + 1), arithmetic),
         counts=np.zeros(8, dtype=np.int64),
     )
@@ -271,6 +273,9 @@ def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, p
             reason = "a stage equation has no finite iterate" if code == solve.NOT_FINITE else (
                 "neither the fixed point nor Newton's method solves the stage equation"
             )
+            size, begun = np.abs([Q[at], P[at]]).max(), np.abs([Q[0], P[0]]).max()
+            if status == NOT_CONVERGED and size > ESCAPED * (1 + begun):
+                status, reason = DIVERGED, f"the state has grown to {size:.3g}"
         elif status == OK and timeout is not None and time.monotonic() - begin > timeout and at < len(sizes):
             status, reason = TIMEOUT, f"{timeout} s had passed"
         if progress is not None:

@@ -12,12 +12,15 @@ generating-function method of order r (Scheme II: r = 2).  Symplectic Euler is :
 the midpoint rule :math:`\mu = \lambda = \tfrac12`, explicit and implicit Euler :math:`\mu = \lambda = 0` and :math:`1`.
 Scheme III is the two substeps :math:`(\tfrac12, 1 - \lambda)`, :math:`(\tfrac12, \lambda)`.
 
-For a separable H with quadratic T the stage :math:`\bar u` can be eliminated, which leaves one equation in the force,
+For a separable H with quadratic T the stage :math:`\bar u` can be eliminated, which leaves one equation in the kick
+:math:`\Delta p = chk`,
 
 .. math::
     k = -\nabla U\bigl(q + \mu\,ch\,(v + \lambda\,ch\,M^{-1}k)\bigr),\qquad v = M^{-1}p,
 
-the one-stage Nystrom form.
+the one-stage Nystrom form.  The stages are written through the increments themselves, mu Delta q and lambda Delta p:
+a product such as lambda h, rounded once and for all, would break the conditions of symplecticity by a little that has
+a sign, and angular momentum would drift.
 
 Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical Hamiltonian systems" (talk), equations
 (11)-(21) and the Nystrom form; K. Feng, H. M. Wu, M. Z. Qin, D. L. Wang, J. Comput. Math. 7 (1989) 71-96.
@@ -28,10 +31,10 @@ from __future__ import annotations
 from . import splitting
 from .compile import Prepared, array
 from .solve import predict, remember, solver
-from .vector import add, axpy, chosen, head, jit, join, load, scale, size, store, tail, velocity
+from .vector import add, axpy, chosen, head, inlined, join, load, scale, size, store, tail, velocity
 
 
-@jit
+@inlined
 def increments(x, arguments):
     """(Delta q, Delta p) = h f at the stage that the increments x make."""
     field, q, p, h, mu, lam = arguments
@@ -39,21 +42,21 @@ def increments(x, arguments):
     return join(scale(h, dq), scale(h, dp))
 
 
-@jit
-def force(k, arguments):
-    """The force at the stage that the force k makes."""
+@inlined
+def kick(x, arguments):
+    """Delta p = -h grad V at the stage that the kick x makes."""
     dT, dV, q, v, h, mu, lam = arguments
-    return scale(-1.0, dV(axpy(mu * h, axpy(lam * h, velocity(dT, k), v), q)))
+    return scale(-h, dV(axpy(mu, scale(h, axpy(lam, velocity(dT, x), v)), q)))
 
 
-solve_increments, solve_force = solver(increments), solver(force)
+solve_increments, solve_kick = solver(increments), solver(kick)
 
 
 def _nystrom(field, dT, dV, q, p, cq, cp, h, mu, lam, x, eps, work):
     v = velocity(dT, p)
-    x, n, used, status = solve_force((dT, dV, q, v, h, mu, lam), x, size(q) + size(p), eps, work)
-    q, cq = add(q, cq, scale(h, axpy(lam * h, velocity(dT, x), v)))
-    p, cp = add(p, cp, scale(h, x))
+    x, n, used, status = solve_kick((dT, dV, q, v, h, mu, lam), x, size(q) + size(p), eps, work)
+    q, cq = add(q, cq, scale(h, axpy(lam, velocity(dT, x), v)))
+    p, cp = add(p, cp, x)
     return q, p, cq, cp, x, n, used, status
 
 
@@ -68,7 +71,7 @@ def _general(field, dT, dV, q, p, cq, cp, h, mu, lam, x, eps, work):
 #: (field, dT, dV, q, p, cq, cp, h, mu, lam, x, eps, work) -> (q, p, cq, cp, x, evaluations, Newton used, status).
 substep = chosen(_nystrom, _general)
 
-#: A zero of the kind of the substep's unknown: the force, or both increments; (field, zero) -> x.
+#: A zero of the kind of the substep's unknown: the kick, or both increments; (field, zero) -> x.
 unknown = chosen(lambda field, zero: zero, lambda field, zero: join(zero, zero))
 
 
@@ -91,8 +94,9 @@ def run(field, dT, dV, plan, table, h, every, eps, zero, state, memory, work, Q,
                 evaluations += n
                 newtons += used
                 if status != 0:
+                    counts[0], counts[1], counts[2] = known, counts[1] + evaluations, counts[2] + newtons
                     return row, status
-                remember(memory, s, slots, x)
+                remember(memory, s, slots, known, x)
             known += 1
         store(Q, row, q)
         store(P, row, p)
@@ -115,4 +119,8 @@ def prepare(method, system, arithmetic):
     else:
         functions, width = (system.field(arithmetic, order), None, None), 2 * system.d
     plan = array(substeps, arithmetic)
+    for row, (_, mu, lam) in zip(plan, substeps, strict=True):
+        if mu + lam == 1:  # also of the doubles: else the map is symplectic only to round-off, with a sign
+            row[1] = 1 - row[2]
+            row[2] = 1 - row[1]
     return Prepared(run, functions, plan, array([[0]], arithmetic), width, len(plan), hessian=order > 1)

@@ -1,45 +1,56 @@
 r"""The solver of the stage equations :math:`x = G(x)`: to round-off, by fixed point, by Newton where that fails.
 
 Fixed point: iterate until the increment can fall no further.  With :math:`\delta_k = \|x_{k+1} - x_k\|` and
-:math:`\theta = \delta_k / \delta_{k-1}` the remaining error is about :math:`\delta_k\theta/(1 - \theta)`; below the
-unit round-off of x there is nothing left to gain.  Where the iteration does not contract, Newton's method takes over
+:math:`\theta = \delta_k / \delta_{k-1}` the remaining error is about :math:`\delta_k\theta/(1 - \theta)`; it is brought
+far below the round-off of x, or until it no longer falls.  Where the iteration does not contract, Newton's method takes over
 on :math:`x - G(x)`, with a difference Jacobian (its error only slows the convergence: the residual is exact).
 
-The start is extrapolated from earlier steps through a table of backward differences (`predict`, `remember`).
+The start is extrapolated from earlier steps (`predict`, `remember`).
 
 Reference: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), VIII.5-6.
 """
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 
-from .vector import axpy, bump, distance, jit, load, minus, plus, size, store
+from .vector import axpy, bump, distance, inlined, jit, load, minus, plus, scale, size, store
 
 SOLVED, STALLED, NOT_FINITE = 0, 1, 2
 
-#: The table of backward differences has this many rows: the start is a polynomial of degree LEVELS - 1 in time.
+#: The start of an equation is the polynomial through its last LEVELS solutions.
 LEVELS = 5
+#: Row m: the weights of the last m solutions, newest first.
+_EXTRAPOLATION = np.array(
+    [[(-1) ** j * comb(m, j + 1) if j < m else 0 for j in range(LEVELS)] for m in range(LEVELS + 1)], dtype=float
+)
 FIXED_POINT_LIMIT = 40
+#: The iteration's own error is brought to this share of round-off: it has a sign, and what has a sign adds up in time.
+SHARE = 1e-3
 NEWTON_LIMIT = 25
 
 
-@jit
-def predict(memory, slot, slots, known, like):
-    """The start for the equation ``slot`` of ``slots``, extrapolated from ``known`` earlier steps (0: zero)."""
-    x = load(memory, slot, like)
-    for level in range(1, min(known, LEVELS)):
-        x = plus(x, load(memory, level * slots + slot, like))
+@inlined
+def predict(memory, first, slots, known, like):
+    """The start of an equation, extrapolated from its last solutions (at most LEVELS of ``known``; 0: zero).
+
+    They are the rows first, first + slots, ... of ``memory``, a ring.  The newest is added last, so that a step's chain
+    of operations waits for one product only.
+    """
+    m = min(known, LEVELS)
+    x = scale(0.0, like)
+    for back in range(LEVELS, 0, -1):
+        row = first + (known - back) % LEVELS * slots
+        x = axpy(_EXTRAPOLATION[m, back - 1], load(memory, row, like), x)
     return x
 
 
-@jit
-def remember(memory, slot, slots, x):
-    """Enter the solution x of equation ``slot`` into the table of backward differences."""
-    for level in range(LEVELS):
-        old = load(memory, level * slots + slot, x)
-        store(memory, level * slots + slot, x)
-        x = minus(x, old)
+@inlined
+def remember(memory, first, slots, known, x):
+    """Enter the solution x of the step after ``known`` others into its ring."""
+    store(memory, first + known % LEVELS * slots, x)
 
 
 @jit
@@ -65,17 +76,17 @@ def _gauss(A, n):
 
 
 def solver(G):
-    """The solver of x = G(x, arguments): a function (arguments, start, scale, eps, work) -> (x, evaluations, Newton
+    """The solver of x = G(x, arguments): a function (arguments, start, span, eps, work) -> (x, evaluations, Newton
     used: 0 or 1, status)."""
 
     @jit
-    def newton(arguments, x, scale, eps, work):
+    def newton(arguments, x, span, eps, work):
         """Newton's method on x - G(x) with a difference Jacobian; returns (x, evaluations of G, status).
 
-        ``work`` is an array of at least (n + 1, n + 1) numbers, ``scale`` the size of the variables in which G varies.
+        ``work`` is an array of at least (n + 1, n + 1) numbers, ``span`` the size of the variables in which G varies.
         """
         n = len(x)
-        step = eps**0.5 * scale
+        step = eps**0.5 * span
         last = np.inf
         evaluations = 0
         for _ in range(NEWTON_LIMIT):
@@ -101,13 +112,13 @@ def solver(G):
             if not delta < np.inf:
                 return x, evaluations, NOT_FINITE
             unit = eps * size(x)
-            if delta <= unit or (delta >= 0.5 * last and delta <= 1e3 * eps * (size(x) + scale)):
+            if delta <= unit or (delta >= 0.5 * last and delta <= 1e3 * eps * (size(x) + span)):
                 return x, evaluations, SOLVED
             last = delta
         return x, evaluations, STALLED
 
-    @jit
-    def solve(arguments, x, scale, eps, work):
+    @inlined
+    def solve(arguments, x, span, eps, work):
         """Solve x = G(x, arguments) from the start x; returns (x, evaluations of G, Newton used: 0 or 1, status)."""
         start = x
         last = np.inf
@@ -121,19 +132,19 @@ def solver(G):
             if not delta < np.inf:
                 break
             unit = eps * size(x)
-            if delta <= unit:
+            if delta == 0:
                 return x, k, 0, SOLVED
             if delta < last:
-                if last < np.inf and delta * delta <= 0.25 * unit * (last - delta):
+                if last < np.inf and delta * delta <= SHARE * unit * (last - delta):
                     return x, k, 0, SOLVED
-            elif delta <= 64 * (unit + eps * scale):
+            elif delta <= 64 * (unit + eps * span):
                 return x, k, 0, SOLVED
             else:
                 growth += 1
             last = delta
-        new, evaluations, status = newton(arguments, start, scale, eps, work)
+        new, evaluations, status = newton(arguments, start, span, eps, work)
         if status != SOLVED and size(x) < np.inf:
-            new, more, status = newton(arguments, axpy(0.0, start, x), scale, eps, work)
+            new, more, status = newton(arguments, axpy(0.0, start, x), span, eps, work)
             evaluations += more
         return new, k + evaluations, 1, status
 

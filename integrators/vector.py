@@ -20,6 +20,8 @@ from numba.extending import overload
 #: does by default; it reorders nothing, so compensated sums stay exact.
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 jit = njit(**OPTIONS)
+#: For what a step consists of: a call that is not inlined counts references of its arrays, atomically.
+inlined = njit(forceinline=True, **OPTIONS)
 
 
 def _unrolled(fn, template):
@@ -29,13 +31,13 @@ def _unrolled(fn, template):
     def build(*arguments):
         if not any(isinstance(a, types.BaseTuple) for a in arguments):
             return fn
-        namespace = {"__name__": __name__, "scalar": jit(fn)}
+        namespace = {"__name__": __name__, "scalar": inlined(fn)}
         exec(f"def impl({', '.join(names)}):\n{template(names, arguments)}", namespace)
         return namespace["impl"]
 
     namespace = {"__name__": __name__, "build": build}
     exec(f"def typed({', '.join(names)}): return build({', '.join(names)})", namespace)
-    overload(fn, jit_options={**OPTIONS})(namespace["typed"])
+    overload(fn, jit_options={"forceinline": True, **OPTIONS})(namespace["typed"])
     return fn
 
 
@@ -170,7 +172,7 @@ def chosen(when_none, otherwise):
     namespace = {"__name__": __name__, "a": when_none, "b": otherwise, "none": types.NoneType, "omitted": types.Omitted}
     exec(f"def pick({names}):\n  return a({names}) if {first} is None else b({names})", namespace)
     exec(f"def typed({names}):\n  return a if isinstance({first}, (none, omitted)) else b", namespace)
-    overload(namespace["pick"], jit_options={**OPTIONS}, inline="always")(namespace["typed"])
+    overload(namespace["pick"], jit_options={"forceinline": True, **OPTIONS}, inline="always")(namespace["typed"])
     return namespace["pick"]
 
 

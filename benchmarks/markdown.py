@@ -1,0 +1,59 @@
+"""Aligned Markdown tables and the few phrases that every page shares."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import pandas as pd
+
+
+def number(x, digits: int = 3) -> str:
+    """A number with so many significant digits: 0.0123, 1.23e-05; nothing for a missing one."""
+    if x is None or (isinstance(x, float) and math.isnan(x)):
+        return ""
+    if isinstance(x, (bool, str)):
+        return str(x)
+    if isinstance(x, int) or (float(x).is_integer() and abs(x) < 1e6 and "e" not in repr(x)):
+        return str(int(x))
+    if x != 0 and not 1e-3 <= abs(x) < 1e5:
+        return f"{x:.{digits - 1}e}"
+    return f"{x:.{digits}g}"
+
+
+def table(frame: pd.DataFrame, columns: Mapping[str, str] | Sequence[str] | None = None, digits: int = 3) -> str:
+    """An aligned table of the columns (name -> heading) of a frame."""
+    if columns is not None:
+        names = list(columns)
+        frame = frame.reindex(columns=names)
+        if isinstance(columns, Mapping):
+            frame = frame.rename(columns=columns)
+    right = [pd.api.types.is_numeric_dtype(frame[c]) for c in frame]
+    cells = [[number(x, digits) for x in row] for row in frame.itertuples(index=False)]
+    heads = [str(c) for c in frame.columns]
+    widths = [max(len(h), *(len(r[i]) for r in cells), 3) if cells else max(len(h), 3) for i, h in enumerate(heads)]
+
+    def line(parts):
+        padded = (p.rjust(w) if r else p.ljust(w) for p, w, r in zip(parts, widths, right, strict=True))
+        return "| " + " | ".join(padded) + " |"
+
+    rule = "|" + "|".join(" " + "-" * (w - 1) + ":" + " " if r else " " + "-" * w + " " for w, r in zip(widths, right, strict=True)) + "|"
+    return "\n".join([line(heads), rule, *(line(c) for c in cells)]) + "\n"
+
+
+def measured_on(about: Mapping | None) -> str:
+    """The line that says where a table comes from."""
+    if not about:
+        return ""
+    tier = "quick tier" if about.get("quick") else "full run"
+    return f"_Measured on {about['processor']}; {about['system']}; {about['versions']}; {tier}._\n"
+
+
+def listed(items: Sequence[str], limit: int = 8) -> str:
+    """a, b and c; the first of many."""
+    items = list(items)
+    if not items:
+        return "none"
+    if len(items) > limit:
+        return ", ".join(items[:limit]) + f" and {len(items) - limit} more"
+    return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]

@@ -1,0 +1,84 @@
+"""Energy and angular momentum over long times: the largest error and the drift with its interval."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from integrators.method import DRIFT as DRIFTS
+from integrators.method import ROUND_OFF
+from integrators.registry import BY_ID
+
+from .. import sweep
+from ..markdown import listed, number, table
+from .page import Page
+
+#: A drift counts when its interval excludes zero and it adds this share of the largest error over the whole time.
+SHARE = 0.5
+
+
+def _write(data, figures):
+    rows = data("rows")
+    if rows is None:
+        return None
+    part = rows[rows["purpose"] == sweep.DRIFT].copy()
+    part["declared"] = part["id"].map(lambda i: BY_ID[i].energy)
+    ran = part[part["status"] == "ok"].copy()
+    sure = (ran["energy_drift_low"] > 0) | (ran["energy_drift_high"] < 0)
+    ran["drifts"] = sure & (ran["energy_drift"].abs() * ran["t_end"] > SHARE * ran["energy_max"])
+    exact = ran[(ran["declared"] == ROUND_OFF) & (ran["fallbacks"] == 0)]
+    verdict = []
+    if len(exact):
+        worst = exact.loc[exact["energy_max"].idxmax()]
+        verdict.append(
+            f"Energy of the {exact['id'].nunique()} energy-preserving methods: at most {number(worst['energy_max'])} "
+            f"({worst['method']}, {worst['scene']}, h = {number(worst['h'])}) over {len(exact)} runs without a fallback."
+        )
+    wrong = ran[ran["drifts"] & (ran["declared"] != DRIFTS) & (ran["energy_max"] > 1e-12)]
+    verdict.append(
+        "A secular energy drift is seen in "
+        + listed(sorted(ran[ran["drifts"] & (ran["declared"] == DRIFTS)]["method"].unique()))
+        + " (declared so); "
+        + (
+            "in no method declared to have none."
+            if wrong.empty
+            else f"and, undeclared, in {listed([f'{r.method} ({r.scene}, h = {r.h:g})' for r in wrong.itertuples()])}."
+        )
+    )
+    if "angular-momentum_max" in ran:
+        kept = ran[ran["angular-momentum_max"].notna()]
+        good = kept[kept["id"].map(lambda i: BY_ID[i].quadratic == ROUND_OFF)]
+        bad = kept[~kept["id"].map(lambda i: BY_ID[i].quadratic == ROUND_OFF)]
+        if len(good) and len(bad):
+            verdict.append(
+                f"Angular momentum: at most {number(good['angular-momentum_max'].max())} in the methods declared to keep "
+                f"it, at least {number(bad['angular-momentum_max'].min())} in the others "
+                f"({listed(sorted(bad['id'].unique()))})."
+            )
+    stopped = part[~part["status"].isin(["ok", "skipped"])]
+    if len(stopped):
+        verdict.append(f"{len(stopped)} runs did not reach the end: {listed(sorted(stopped['method'].unique()))}.")
+    body = [
+        "`energy error` is the largest |H - H0| over every step; `drift` the secular slope of H - H0 per unit of time with "
+        "its 95 % interval, bounded oscillation removed.\n"
+    ]
+    for scene, members in part.groupby("scene", sort=False):
+        shown = members[members["status"] != "skipped"].copy()
+        shown["drift"] = shown.apply(_drift, axis=1)
+        columns = {"method": "method", "h": "h", "energy_max": "energy error", "drift": "drift of the energy"}
+        columns |= {c: c.removesuffix("_max").replace("-", " ") + " error" for c in shown if c.endswith("_max") and c != "energy_max" and shown[c].notna().any()}
+        columns |= {"global_error": "global error"} if shown["global_error"].notna().any() else {}
+        columns |= {"fallbacks": "fallbacks", "seconds": "seconds", "status": "status"}
+        body += [f"## {scene}\n", f"To t = {number(members['t_end'].iloc[0])}.\n", table(shown, columns)]
+        for r in shown[shown["status"] != "ok"].itertuples():
+            body.append(f"- {r.method}, h = {number(r.h)}: {r.status}: {r.reason}.")
+        body.append("")
+    return verdict, "\n".join(body)
+
+
+def _drift(r: pd.Series) -> str:
+    if pd.isna(r.get("energy_drift")):
+        return ""
+    return f"{r['energy_drift']:.1e} [{r['energy_drift_low']:.1e}, {r['energy_drift_high']:.1e}]"
+
+
+PAGE = Page("invariants", "Invariants over long times", "what is kept, what oscillates and what drifts", ("rows",), _write)

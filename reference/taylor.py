@@ -1,0 +1,157 @@
+"""References by heyoka's Taylor series: long double, certified by quadruple precision.
+
+Both runs start from the same doubles, and every number of the system is exact in either precision (`translate`).
+The uncertainty of the long double run is its distance from the quadruple one.
+
+Source: F. Biscani, D. Izzo, Revisiting high-order Taylor methods for astrodynamics and celestial mechanics,
+Mon. Not. R. Astron. Soc. 504 (2021) 2614-2628.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .translate import translate
+
+#: Decimals of a long double's text: 21 give it back, the others keep the text's own error out of comparisons.
+DIGITS = 25
+#: Right-hand sides of more components than this compile in heyoka's compact mode.
+COMPACT = 12
+#: Steps after which a run is given up: near a collision the steps shrink without end.
+STEP_LIMIT = 10_000_000
+
+
+class ReferenceFailed(RuntimeError):
+    """A reference integration that did not reach its end; the message names the time it reached."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A trajectory with its uncertainty.
+
+    Attributes
+    ----------
+    t : array (n,), the times, as given
+    q, p : arrays (n, d), the long double run rounded to double
+    q_text, p_text : arrays (n, d) of decimal strings that give the long double run back
+    uncertainty : array (n,), the max norm over (q, p) of long double minus quadruple run; NaN where not certified.
+        Rounding to double is not in it.
+    rounding : array (n,), the max norm over (q, p) of what rounding the long double run to double changed
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    p: np.ndarray
+    q_text: np.ndarray = field(repr=False)
+    p_text: np.ndarray = field(repr=False)
+    uncertainty: np.ndarray
+    rounding: np.ndarray
+
+    def horizon(self, limit: float = 1e-13) -> float:
+        """The largest time up to which every uncertainty is at most ``limit`` times the state's max norm, else 0."""
+        if np.isnan(self.uncertainty).all():
+            return float("nan")
+        size = np.abs(np.hstack([self.q, self.p])).max(axis=1)
+        bad = np.flatnonzero(~(self.uncertainty <= limit * size))
+        kept = self.t[: bad[0]] if len(bad) else self.t
+        return float(kept[-1]) if len(kept) else 0.0
+
+
+def integrator(system, fp, tol=None):
+    """A heyoka integrator of ``system`` in the precision ``fp`` (float, numpy.longdouble, heyoka.real128)."""
+    import heyoka as hy
+
+    names = [f"x{i}" for i in range(2 * system.d)]
+    variables = dict(zip((*system.q, *system.p), (hy.expression(n) for n in names), strict=True))
+    sides = [translate(e, variables, fp) for e in (*system.dq, *system.dp)]
+    options = {} if tol is None else {"tol": fp(tol)}
+    return hy.taylor_adaptive(
+        list(zip(variables.values(), sides, strict=True)),
+        np.array([fp(0.0)] * len(names), dtype=fp),
+        fp_type=fp,
+        compact_mode=len(names) > COMPACT,
+        **options,
+    )
+
+
+def start(ta, fp, q0, p0) -> None:
+    """Set an integrator back to time 0 and the doubles q0, p0."""
+    ta.time = fp(0.0)
+    ta.state[:] = [fp(float(x)) for x in (*q0, *p0)]
+
+
+def propagate(ta, grid):
+    """The states on ``grid`` (increasing, from 0, of the integrator's type): (rows reached, steps, what stopped it).
+
+    The last is None where the end was reached.
+    """
+    import heyoka as hy
+
+    outcome, _, _, steps, _, rows = ta.propagate_grid(grid, max_steps=STEP_LIMIT)
+    if outcome == hy.taylor_outcome.time_limit:
+        return rows, steps, None
+    why = {
+        hy.taylor_outcome.err_nf_state: "the state is no longer finite",
+        hy.taylor_outcome.step_limit: f"{STEP_LIMIT} steps did not reach the end",
+    }
+    return rows, steps, why.get(outcome, f"heyoka stopped with {outcome}")
+
+
+def _extended():
+    import heyoka as hy
+
+    if np.finfo(np.longdouble).nmant < 63 or not hasattr(hy, "real128"):
+        raise ReferenceFailed("references need an extended long double and heyoka's real128; this platform lacks one")
+    return np.longdouble, hy.real128
+
+
+def _run(system, fp, q0, p0, times):
+    ta = integrator(system, fp)
+    start(ta, fp, q0, p0)
+    grid = np.array([fp(0.0)] + [fp(float(t)) for t in times], dtype=fp)
+    rows, _, failure = propagate(ta, grid)
+    if failure is None and not all(np.isfinite(float(x)) for x in rows[-1]):
+        failure = "the state is no longer finite"
+    if failure is not None:
+        raise ReferenceFailed(f"the {fp.__name__} run stopped at t = {float(ta.time):.6g}: {failure}")
+    return rows[1:]
+
+
+def reference(problem, times, certify: bool = True, q0=None, p0=None) -> Reference:
+    """The trajectory of ``problem`` at ``times`` in long double, certified by quadruple precision.
+
+    Parameters
+    ----------
+    problem : a problem with ``system`` (any partitioned system), ``q0`` and ``p0``
+    times : array (n,), increasing, from 0 or later; a grid is n h products, taken as given
+    certify : run quadruple precision too; without it the uncertainty is NaN
+    q0, p0 : arrays (d,), the initial state where not the problem's
+
+    Raises
+    ------
+    ReferenceFailed
+        Where a run does not reach the end, naming the time it reached.
+    ValueError
+        For times that do not increase or are negative.
+    """
+    times = np.asarray(times, dtype=float).reshape(-1)
+    if not len(times) or not np.isfinite(times).all() or times[0] < 0 or (np.diff(times) <= 0).any():
+        raise ValueError("times must be finite, increasing and start at 0 or later")
+    q0, p0 = (problem.q0 if q0 is None else q0), (problem.p0 if p0 is None else p0)
+    long, quad = _extended()
+    later = times[times > 0]
+    first = np.array([[long(float(x)) for x in (*q0, *p0)]] * (len(times) - len(later)), dtype=long)
+    rows = np.vstack([first.reshape(-1, 2 * len(q0)), _run(problem.system, long, q0, p0, later)])
+    uncertainty = np.full(len(times), np.nan)
+    if certify:
+        uncertainty[: len(first)] = 0.0
+        exact = _run(problem.system, quad, q0, p0, later)
+        for i, (x, y) in enumerate(zip(rows[len(first) :], exact, strict=True), start=len(first)):
+            uncertainty[i] = max(abs(float(quad(a) - b)) for a, b in zip(x, y, strict=True))
+    doubles = rows.astype(float)
+    rounding = np.abs(rows - doubles).max(axis=1).astype(float)
+    text = np.array([[np.format_float_scientific(x, precision=DIGITS, unique=False) for x in row] for row in rows])
+    d = len(q0)
+    return Reference(times, doubles[:, :d], doubles[:, d:], text[:, :d], text[:, d:], uncertainty, rounding)

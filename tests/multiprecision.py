@@ -1,0 +1,194 @@
+"""Measurements without round-off, for a process with NUMBA_DISABLE_JIT=1: ``python multiprecision.py NAME`` prints JSON.
+
+Each measurement runs every method of the registry on every system of `cases` where it can run, uncompiled, on numbers
+of 40 digits.  The reference is Gragg's extrapolated explicit midpoint rule, which shares only the vector field with
+the methods.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from functools import cache
+from pathlib import Path
+
+import mpmath
+import numpy as np
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from cases import FEW, LATER, SHORT, SYSTEMS, by_label, high_order_variants, runs_on, variants
+
+from benchmarks.metrics import jacobian, symplecticity_defect
+from integrators.hamiltonian import Hamiltonian
+from integrators.integrate import integrate
+from integrators.registry import method
+from integrators.codegen import MULTIPRECISION
+
+DIGITS = 40
+SPAN = mpmath.mpf(1) / 64
+LADDER = (1, 2, 3, 4)
+STEP = mpmath.mpf(1) / 40
+COLUMNS = 14
+
+
+def vector(*parts):
+    """One object array of mpmath numbers."""
+    return np.array([mpmath.mpf(x) for part in parts for x in part], dtype=object)
+
+
+def extrapolated(f, y, T):
+    """(y(T), its uncertainty) of y' = f(y) by extrapolation of the explicit midpoint rule (W. B. Gragg 1965)."""
+    rows: list = []
+    for j in range(COLUMNS):
+        n = 2 * (j + 1)
+        h = T / n
+        a, b = y, y + h * f(y)
+        for _ in range(n - 1):
+            a, b = b, a + 2 * h * f(b)
+        row = [(a + b + h * f(b)) / 2]
+        for k in range(1, j + 1):
+            ratio = mpmath.mpf(n) ** 2 / (2 * (j + 1 - k)) ** 2
+            row.append(row[k - 1] + (row[k - 1] - rows[j - 1][k - 1]) / (ratio - 1))
+        rows.append(row)
+    return rows[-1][-1], max(abs(rows[-1][-1] - rows[-1][-2]))
+
+
+def flow(system, y, T, pieces=8):
+    """(y(T), uncertainty) by `extrapolated` over pieces."""
+    f = system.vector_field(MULTIPRECISION)
+    doubt = mpmath.mpf(0)
+    for _ in range(pieces):
+        y, more = extrapolated(lambda x: f(0, x), y, T / pieces)
+        doubt += more
+    return y, doubt
+
+
+@cache
+def start(name):
+    """The system and a state on its orbit that is no turning point."""
+    system, q, p = SYSTEMS[name]()
+    y = vector(q, p)
+    if name not in ("tao", "coupled"):
+        y = flow(system, y, mpmath.mpf(LATER))[0]
+    return system, y
+
+
+@cache
+def reference(name):
+    """(system, initial state, state at SPAN, its uncertainty)."""
+    system, y = start(name)
+    return system, y, *flow(system, y, SPAN)
+
+
+def advance(system, chosen, y, h, steps=1):
+    """The state after some steps."""
+    d = system.d
+    s = integrate(system, chosen, h=h, steps=steps, q0=y[:d], p0=y[d:], arithmetic=MULTIPRECISION, save_every=0)
+    if s.status != "ok":
+        raise ArithmeticError(f"{chosen.label}: {s.reason}")
+    return vector(s.q[-1], s.p[-1])
+
+
+def reversed_system(system):
+    """The system of -H: its flow over h is the flow of H over -h."""
+    return Hamiltonian(q=system.q, p=system.p, H=-system.H, singular=system.singular)
+
+
+def everywhere(measure, systems=tuple(SYSTEMS)):
+    """{label: {system: measure(method, system's name), or why it failed}}, high orders on short formulae only."""
+
+    def attempt(chosen, name):
+        try:
+            return measure(chosen, name)
+        except ArithmeticError as error:
+            return str(error)
+
+    out = {}
+    for chosen in variants():
+        out[chosen.label] = {n: attempt(chosen, n) for n in systems if runs_on(chosen, n)}
+    for chosen in high_order_variants():
+        out[chosen.label] = {n: attempt(chosen, n) for n in SHORT if runs_on(chosen, n)}
+    return out
+
+
+def orders():
+    """Errors at SPAN along LADDER, and the reference's uncertainty: {label: {system: {h, error, doubt}}}."""
+
+    def measure(chosen, name):
+        system, y, end, doubt = reference(name)
+        error = [max(abs(advance(system, chosen, y, SPAN / n, n) - end)) for n in LADDER]
+        return {"h": [float(SPAN / n) for n in LADDER], "error": [float(e) for e in error], "doubt": float(doubt)}
+
+    return everywhere(measure)
+
+
+def symplecticity():
+    """The symplecticity defect of one step: {label: {system: defect}}."""
+    delta = mpmath.mp.eps ** mpmath.mpf("0.2")
+
+    def measure(chosen, name):
+        system, y = start(name)
+        return float(symplecticity_defect(jacobian(lambda x: advance(system, chosen, x, STEP), y, delta)))
+
+    return everywhere(measure, FEW)
+
+
+def frozen():
+    """Schemes IV and V with the parameter of one step frozen: {id: {system: {defect, distance, lam}}}."""
+    delta = mpmath.mp.eps ** mpmath.mpf("0.2")
+    out = {}
+    for free, fixed in (("scheme-iv", "scheme-i"), ("scheme-v", "scheme-iii")):
+        out[free] = {}
+        for name in FEW:
+            system, y = start(name)
+            d = system.d
+            s = integrate(system, free, h=STEP, steps=1, q0=y[:d], p0=y[d:], arithmetic=MULTIPRECISION)
+            lam = float(s.parameter[0])
+            if lam != lam:
+                continue
+            frozen_method = method(fixed, lam=lam)
+            gap = max(abs(advance(system, frozen_method, y, STEP) - vector(s.q[-1], s.p[-1])))
+            M = jacobian(lambda x, a=system, b=frozen_method: advance(a, b, x, STEP), y, delta)
+            out[free][name] = {"defect": float(symplecticity_defect(M)), "distance": float(gap), "lam": lam}
+    return out
+
+
+def symmetry():
+    """The distance from the start after a step with H and one with -H: {label: {system: distance}}."""
+
+    def measure(chosen, name):
+        system, y = start(name)
+        return float(max(abs(advance(reversed_system(system), chosen, advance(system, chosen, y, STEP), STEP) - y)))
+
+    return everywhere(measure)
+
+
+def adjoint():
+    """The distance from the start after Phi^lam_h and, with -H, the same method at 1 - lam or at lam: {label: ...}."""
+    out = {}
+    for chosen in variants():
+        if "lam" not in chosen.parameters:
+            continue
+        other = chosen(**dict(chosen.parameters) | {"lam": 1 - chosen.parameters["lam"]})
+        out[chosen.label] = {}
+        for name in FEW:
+            if not runs_on(chosen, name):
+                continue
+            system, y = start(name)
+            back, there = reversed_system(system), advance(system, chosen, y, STEP)
+            distances = [float(max(abs(advance(back, m, there, STEP) - y))) for m in (other, chosen)]
+            out[chosen.label][name] = dict(zip(("adjoint", "itself"), distances, strict=True))
+    return out
+
+
+MEASUREMENTS = {f.__name__: f for f in (orders, symplecticity, frozen, symmetry, adjoint)}
+
+if __name__ == "__main__":
+    mpmath.mp.dps = DIGITS
+    begin = time.perf_counter()
+    result = MEASUREMENTS[sys.argv[1]]()
+    by_label(variants())
+    print(json.dumps({"seconds": time.perf_counter() - begin, "result": result}))

@@ -1,0 +1,39 @@
+"""End states of short runs, for a process with NUMBA_DISABLE_JIT=1: ``python plain.py`` prints JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from cases import FEW, SYSTEMS, runs_on, variants
+
+from integrators.integrate import integrate
+
+H, STEPS = 0.02, 12
+
+
+def end_states():
+    """{label: {system: [status, state at the end]}}; numbers as hexadecimal text, so that none is rounded."""
+    out = {}
+    for m in variants():
+        out[m.label] = {}
+        for name in FEW:
+            if runs_on(m, name):
+                system, q, p = SYSTEMS[name]()
+                with np.errstate(all="ignore"):
+                    s = integrate(system, m, h=H, steps=STEPS, q0=q, p0=p)
+                out[m.label][name] = [s.status, [float(x).hex() for x in (*s.q[-1], *s.p[-1])]]
+    return out
+
+
+if __name__ == "__main__":
+    from integrators.codegen import compiled
+
+    assert not compiled(), "this process compiles"
+    print(json.dumps({"result": end_states()}))

@@ -1,0 +1,47 @@
+"""The observed order of every method, without round-off, two-sided, on nonlinear and non-separable systems."""
+
+from __future__ import annotations
+
+import pytest
+from cases import NON_SEPARABLE, SHORT, SYSTEMS, by_label, high_order_variants, runs_on, variants
+
+from benchmarks.metrics import order
+
+TOLERANCE = 0.1
+ALL = by_label(variants() + high_order_variants())
+HIGH = set(by_label(high_order_variants()))
+CASES = [(label, n) for label, m in ALL.items() for n in (SHORT if label in HIGH else SYSTEMS) if runs_on(m, n)]
+
+
+def observed(row):
+    """The observed order of a measurement; errors below ten times the reference's uncertainty are noise."""
+    return order(row["h"], row["error"], noise=10 * row["doubt"])
+
+
+@pytest.mark.parametrize(("label", "name"), CASES)
+def test_observed_order_is_the_declared_one(measured, label, name):
+    o = observed(measured("orders")[label][name])
+    assert o.points >= 3
+    assert abs(o.value - ALL[label].order) < TOLERANCE, f"observed {o}"
+
+
+def test_every_method_is_measured(measured):
+    assert set(measured("orders")) == set(ALL)
+    for label, m in ALL.items():
+        assert measured("orders")[label], f"{label} runs on no system of the suite"
+        if not {"separable", "quadratic kinetic energy"} & set(m.requires):
+            assert set(measured("orders")[label]) & set(NON_SEPARABLE), f"{label} is measured on separable systems only"
+
+
+def test_control_another_order_is_refused(measured):
+    for label, m in ALL.items():
+        for row in measured("orders")[label].values():
+            assert not abs(observed(row).value - (m.order + 1)) < TOLERANCE
+            assert not abs(observed(row).value - (m.order - 1)) < TOLERANCE
+
+
+def test_control_midpoint_with_a_wrong_weight_loses_an_order(measured):
+    rows = measured("orders")
+    right, wrong = "scheme-i(lam=1/2)", "scheme-i(lam=1/3)"
+    for name in rows[right]:
+        assert observed(rows[right][name]).value - observed(rows[wrong][name]).value > 0.8
