@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -127,7 +128,7 @@ def drift(t, error, blocks: int = BLOCKS) -> Slope:
         raise ValueError(f"{len(t)} points are too few for {blocks} blocks; give at least {4 * blocks}")
     edges = np.linspace(0, len(t), blocks + 1).astype(int)
     times, means = [], []
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         weight = np.hanning(b - a + 2)[1:-1]
         times.append(np.average(t[a:b], weights=weight))
         means.append(np.average(error[a:b], weights=weight))

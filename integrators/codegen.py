@@ -25,10 +25,10 @@ import sympy as sp
 from numba import types
 from sympy.printing.pycode import PythonCodePrinter
 
-from .vector import OPTIONS
+from .vector import COMMON, OPTIONS
 
 #: Above this many degrees of freedom a state is an array, up to it a tuple (registers).
-TUPLE_LIMIT = 12
+TUPLE_LIMIT = 20
 #: Raise it when the generated text changes for the same expressions.
 VERSION = 5
 
@@ -184,6 +184,11 @@ def value_type(d: int):
     return types.UniTuple(types.float64, d) if value_kind(d) == "tuple" else types.Array(types.float64, 1, "C")
 
 
+def options(d: int) -> dict:
+    """The compiler's options for states of d components."""
+    return OPTIONS if value_kind(d) == "tuple" else COMMON
+
+
 def _finish(text: str, style: str) -> str:
     """Replace the marks ``value`` and ``number`` by what the style returns."""
     if style == "tuple":
@@ -220,7 +225,7 @@ def function(key: str, build, d: int, signature, arithmetic: str = DOUBLE):
         return module.f
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
-        return numba.njit(signature, cache=True, **OPTIONS)(module.f)
+        return numba.njit(signature, cache=True, **options(d))(module.f)
 
 
 def vectorised(build):

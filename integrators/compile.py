@@ -17,7 +17,6 @@ from numba import types
 
 from . import codegen
 from .codegen import DOUBLE, MULTIPRECISION
-from .vector import OPTIONS
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,9 @@ def zeros(shape, arithmetic: str):
 
 def prepare(method, system, arithmetic: str = DOUBLE) -> Prepared:
     """The kernel of ``method`` for ``system``."""
-    return importlib.import_module(f".{method.family}", __package__).prepare(method, system, arithmetic)
+    large = arithmetic == DOUBLE and codegen.compiled() and codegen.value_kind(system.d) == "array"
+    package = f"{__package__}._large" if large else __package__
+    return importlib.import_module(f".{method.family}", package).prepare(method, system, arithmetic)
 
 
 _kernels: dict = {}
@@ -83,7 +84,7 @@ def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
         signature = types.UniTuple(types.int64, 2)(*functions, *tables, _FLOATS, _COUNTS)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
-            _kernels[key] = numba.njit(signature, cache=True, **OPTIONS)(prepared.run)
+            _kernels[key] = numba.njit(signature, cache=True, **codegen.options(d))(prepared.run)
     return _kernels[key]
 
 

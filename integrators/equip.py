@@ -119,83 +119,96 @@ def refine(a, Ea, b, Eb, arguments):
 
 
 @jit
+def probe(x, inner, Einner, outer, Eouter, arguments):
+    """Try x, the next point beyond ``outer`` on its side; returns (root, found, E(x))."""
+    Ex, unit, status = attempt(x, 0, arguments)[4:]
+    if status != SOLVED:
+        return x, False, np.inf
+    if not abs(Eouter) < np.inf:
+        return x, False, Ex
+    if (Ex > 0) != (Eouter > 0):
+        root, found = refine(outer, Eouter, x, Ex, arguments)
+        return root, found, Ex
+    if abs(Einner) < np.inf and abs(Eouter) < abs(Einner) and abs(Eouter) < abs(Ex):
+        # A least |E| between three points of one sign: is there a pair of roots about it?
+        c1, c2 = muller(x, inner, outer, Ex, Einner, Eouter)
+        middle = outer - 0.5 * c1 / c2
+        Emiddle, unit, status = attempt(middle, 2, arguments)[4:]
+        if status == SOLVED and (Emiddle > 0) != (Eouter > 0):
+            nearer = abs(middle) < abs(outer)
+            root, found = refine(inner if nearer else outer, Einner if nearer else Eouter, middle, Emiddle, arguments)
+            return root, found, Ex
+    return x, False, Ex
+
+
+@jit
 def scan(E0, radius, arguments):
     """The root nearest zero within ``radius``, by a scan outwards on both sides; returns (x, found)."""
-    inner, outer = np.zeros(2), np.zeros(2)
-    Einner, Eouter = np.full(2, E0), np.full(2, E0)
+    a, Ea, b, Eb = 0.0, np.inf, 0.0, E0  # the last two points above zero
+    c, Ec, d, Ed = 0.0, np.inf, 0.0, E0  # and below
     for k in range(POINTS):
-        for i in range(2):
-            x = (1 - 2 * i) * radius / RATIO ** (POINTS - 1 - k)
-            Ex, unit, status = attempt(x, 0, arguments)[4:]
-            if status != SOLVED:
-                Ex = np.inf
-            a, Ea, b, Eb = outer[i], Eouter[i], x, Ex
-            found = abs(Ex) < np.inf and abs(Ea) < np.inf and (Ex > 0) != (Ea > 0)
-            if (
-                not found
-                and abs(Ex) < np.inf
-                and abs(Einner[i]) < np.inf
-                and abs(Ea) < abs(Einner[i])
-                and abs(Ea) < abs(Ex)
-            ):
-                # A least |E| between three points of one sign: is there a pair of roots about it?
-                c1, c2 = muller(x, inner[i], a, Ex, Einner[i], Ea)
-                middle = a - 0.5 * c1 / c2
-                Emiddle, unit, status = attempt(middle, 2, arguments)[4:]
-                if status == SOLVED and (Emiddle > 0) != (Ea > 0):
-                    found = True
-                    b, Eb = middle, Emiddle
-                    if (middle > a) != (x > a):
-                        a, Ea = inner[i], Einner[i]
-            if found:
-                root, ok = refine(a, Ea, b, Eb, arguments)
-                if ok:
-                    return root, True
-            inner[i], Einner[i] = outer[i], Eouter[i]
-            outer[i], Eouter[i] = x, Ex
+        x = radius / RATIO ** (POINTS - 1 - k)
+        root, found, Ex = probe(x, a, Ea, b, Eb, arguments)
+        if found:
+            return root, True
+        a, Ea, b, Eb = b, Eb, x, Ex
+        root, found, Ex = probe(-x, c, Ec, d, Ed, arguments)
+        if found:
+            return root, True
+        c, Ec, d, Ed = d, Ed, -x, Ex
     return 0.0, False
 
 
-@inlined
-def find(radius, model, g, predicted, arguments):
-    """Find the group's root; the last attempt made is the one at the root.  Returns (x, found, status, result)."""
-    result = attempt(0.0, 1, arguments)
-    E0, unit, status = result[4:]
-    if status != SOLVED or abs(E0) <= unit:
-        return 0.0, True, status, result
+@jit
+def chase(x, E0, radius, model, g, arguments):
+    """Muller's method from x, with (0, E0) as its other point; returns (x, found, result of the last attempt)."""
     xa, Ea, xb, Eb = 0.0, E0, 0.0, E0
-    x = smaller_root(E0, model[g, 0], model[g, 1])
-    if not abs(x) <= radius:
-        x = 0.05
-    elif abs(predicted - x) <= 0.25 * abs(x):
-        x = predicted  # the model picks the branch, the last roots say more exactly where it is now
+    c1, c2 = 0.0, model[g, 1]  # the curvature of the last step's model serves until there is a third point
+    result = attempt(x, 0, arguments)
     for k in range(MULLER_LIMIT):
-        result = attempt(x, 0 if k == 0 else 2, arguments)
         E, unit, status = result[4:]
         if status != SOLVED:
             break
         if k == 0:
-            # The curvature of the last step's model serves until there is a third point.
-            c2 = model[g, 1]
             c1 = (E - E0) / x + c2 * x
         elif x != xb and x != xa and xa != xb:
             c1, c2 = muller(xa, xb, x, Ea, Eb, E)
-            if k == 1 and abs(Eb) > 1e4 * unit:
-                model[g, 1] = c2
-                model[g, 0] = c1 - 2 * c2 * x
-            elif k == 1:
-                model[g, 0] = (E - E0) / x - model[g, 1] * x
+        if k == 1 and abs(Eb) > 1e4 * unit:
+            model[g, 0], model[g, 1] = c1 - 2 * c2 * x, c2
+        elif k < 2:
+            model[g, 0] = (E - E0) / x - model[g, 1] * x
         if abs(E) <= unit or (k > 1 and abs(E) <= 8 * unit and abs(E) >= 0.5 * abs(Eb)):
-            if k == 0:
-                model[g, 0] = (E - E0) / x - c2 * x
-            return x, True, status, result
-        move = smaller_root(E, c1, c2)
+            return x, True, result
         xa, Ea, xb, Eb = xb, Eb, x, E
-        x = x + move
-        if not abs(x) <= radius or x == xb or move == 0:
+        x = x + smaller_root(E, c1, c2)
+        if not abs(x) <= radius or x == xb:
             break
-    x, found = scan(E0, radius, arguments)
-    result = attempt(x, 0, arguments)
+        result = attempt(x, 2, arguments)
+    return x, False, result
+
+
+@inlined
+def find(radius, model, g, predicted, arguments):
+    """Find the group's root; returns (x, found, status, result of the attempt at the root)."""
+    result = attempt(0.0, 1, arguments)
+    E0, unit, status = result[4:]
+    if status != SOLVED or abs(E0) <= unit:
+        return 0.0, True, status, result
+    x = smaller_root(E0, model[g, 0], model[g, 1])
+    if not 0 < abs(x) <= radius:
+        x = 0.05
+    elif abs(predicted - x) <= 0.25 * abs(x):
+        x = predicted  # the model picks the branch, the last roots say more exactly where it is now
+    x, found, result = chase(x, E0, radius, model, g, arguments)
+    other = smaller_root(E0, model[g, 0], model[g, 1])
+    if found and 0 < abs(other) < 0.8 * abs(x):
+        # By the model as it is now the other branch is nearer.
+        nearer, better, second = chase(other, E0, radius, model, g, arguments)
+        if better and abs(nearer) < abs(x):
+            return nearer, True, SOLVED, second
+    if not found:
+        x, found = scan(E0, radius, arguments)
+        result = attempt(x, 0, arguments)
     return x, found, result[6], result
 
 

@@ -18,10 +18,14 @@ from numba.extending import overload
 
 #: Options of every compiled function.  "contract" lets a product and a sum become one fused operation, as a C compiler
 #: does by default; it reorders nothing, so compensated sums stay exact.
-OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
+COMMON = {"error_model": "numpy", "fastmath": {"contract"}}
+#: Loaded as part of ``_large`` the operations return new arrays.  Otherwise values are tuples, nothing may allocate
+#: (the compiler refuses what would), and arrays are not reference-counted, which costs more than a gradient.
+LARGE = __package__.endswith("_large")
+OPTIONS = COMMON if LARGE else COMMON | {"_nrt": False}
 jit = njit(**OPTIONS)
-#: For what a step consists of: a call that is not inlined counts references of its arrays, atomically.
-inlined = njit(forceinline=True, **OPTIONS)
+#: For what a step of tuples consists of.
+inlined = njit(forceinline=not LARGE, **OPTIONS)
 
 
 def _unrolled(fn, template):
@@ -37,7 +41,7 @@ def _unrolled(fn, template):
 
     namespace = {"__name__": __name__, "build": build}
     exec(f"def typed({', '.join(names)}): return build({', '.join(names)})", namespace)
-    overload(fn, jit_options={"forceinline": True, **OPTIONS})(namespace["typed"])
+    overload(fn, jit_options={"forceinline": not LARGE, **OPTIONS})(namespace["typed"])
     return fn
 
 
@@ -172,7 +176,7 @@ def chosen(when_none, otherwise):
     namespace = {"__name__": __name__, "a": when_none, "b": otherwise, "none": types.NoneType, "omitted": types.Omitted}
     exec(f"def pick({names}):\n  return a({names}) if {first} is None else b({names})", namespace)
     exec(f"def typed({names}):\n  return a if isinstance({first}, (none, omitted)) else b", namespace)
-    overload(namespace["pick"], jit_options={"forceinline": True, **OPTIONS}, inline="always")(namespace["typed"])
+    overload(namespace["pick"], jit_options={"forceinline": not LARGE, **OPTIONS}, inline="always")(namespace["typed"])
     return namespace["pick"]
 
 

@@ -12,16 +12,22 @@ ALL = by_label(variants() + high_order_variants())
 WITH_LAMBDA = {label: m for label, m in by_label(variants()).items() if "lam" in m.parameters}
 
 
+def numbers(row):
+    """A measurement of which no part failed."""
+    assert row
+    assert not [x for x in row.values() if isinstance(x, str)], row
+    return row
+
+
 @pytest.mark.parametrize("label", [label for label, m in ALL.items() if m.symmetric])
 def test_symmetric_methods_return(measured, label):
-    distances = measured("symmetry")[label]
-    assert distances
+    distances = numbers(measured("symmetry")[label])
     assert max(distances.values()) < ROUND_OFF, distances
 
 
 @pytest.mark.parametrize("label", [label for label, m in ALL.items() if not m.symmetric])
 def test_control_the_others_do_not_return(measured, label):
-    distances = measured("symmetry")[label]
+    distances = numbers(measured("symmetry")[label])
     assert min(distances.values()) > VISIBLE, distances
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from fractions import Fraction
 
 import numpy as np
@@ -34,7 +35,7 @@ def test_a_misspelt_method_is_answered_with_the_nearest(record):
 
 
 def test_a_name_like_no_other_lists_the_known_ones():
-    with pytest.raises(InvalidInput, match="known are .*implicit-midpoint"):
+    with pytest.raises(InvalidInput, match=r"known are .*implicit-midpoint"):
         method("qqqqqqqqqq")
 
 
@@ -47,7 +48,7 @@ def test_an_unknown_parameter_is_refused(record):
 @pytest.mark.parametrize("value", ["a third", float("nan"), float("inf"), None, [1], "1/0", "", True, "nan", 1j])
 @pytest.mark.parametrize("record", [m for m in METHODS if "lam" in m.parameters], ids=lambda m: m.id)
 def test_a_parameter_that_is_no_number_is_refused(record, value):
-    with pytest.raises(InvalidInput, match="lam is .*finite number"):
+    with pytest.raises(InvalidInput, match=r"lam is .*finite number"):
         record(lam=value)
 
 
@@ -182,11 +183,17 @@ def test_a_blow_up_is_a_divergence():
     assert s.counts["steps"] == len(s.q) - 1
 
 
-@pytest.mark.parametrize("name", ["stormer-verlet", "rk4", "implicit-midpoint", "scheme-v"])
-def test_a_radial_infall_is_no_success(name):
+@pytest.mark.parametrize("name", ["stormer-verlet", "rk4", "scheme-v"])
+def test_a_radial_infall_is_a_collision(name):
     s = integrate(KEPLER, name, h=0.01, t_end=5.0, q0=[1.0, 0.0], p0=[0.0, 0.0])
     assert s.status == COLLISION, s.reason
     assert s.reason
+
+
+@pytest.mark.parametrize("label", [x for x, m in ALL.items() if not m.lacks(KEPLER.system)])
+def test_no_method_calls_a_radial_infall_a_success(label):
+    s = integrate(KEPLER, ALL[label], h=0.01, t_end=5.0, q0=[1.0, 0.0], p0=[0.0, 0.0])
+    assert s.status in (COLLISION, NOT_CONVERGED, DIVERGED), s.reason
 
 
 def test_control_a_circular_orbit_is_no_collision():
@@ -298,7 +305,12 @@ def test_a_hostile_formula_is_refused(text):
 
 
 def test_a_refusal_names_what_was_wrong():
-    for text, message in [("q^2", r"\*\*"), ("x + q", "'x'"), ("sin(q, p)", "'sin'"), ("q.diff(q)", "no function|needs")]:
+    for text, message in [
+        ("q^2", r"\*\*"),
+        ("x + q", "'x'"),
+        ("sin(q, p)", "'sin'"),
+        ("q.diff(q)", "no function|needs"),
+    ]:
         with pytest.raises(InvalidInput, match=message):
             parse(text, VARIABLES)
 
@@ -311,10 +323,10 @@ def test_a_refusal_names_what_was_wrong():
         ("+q", VARIABLES["q"]),
         ("ln(q)", sp.log(VARIABLES["q"])),
         ("1/3", sp.Rational(1, 3)),
-        ("0.1", sp.Float(0.1)),
+        ("0.1", sp.Rational(0.1)),
         ("pi*e", sp.pi * sp.E),
         ("q**-2", VARIABLES["q"] ** -2),
-        ("q**0.5", VARIABLES["q"] ** 0.5),
+        ("q**0.5", sp.sqrt(VARIABLES["q"])),
         ("q**(1/2)", sp.sqrt(VARIABLES["q"])),
         ("  q\n", VARIABLES["q"]),
         ("abs(q)", sp.Abs(VARIABLES["q"])),
@@ -333,7 +345,7 @@ def test_a_variable_stands_before_a_constant_of_its_name():
 leaves = st.one_of(
     st.sampled_from([("q", VARIABLES["q"]), ("p", VARIABLES["p"])]),
     st.integers(0, 99).map(lambda n: (str(n), sp.Integer(n))),
-    st.floats(0.0, 100.0).map(lambda x: (repr(x), sp.Float(x))),
+    st.floats(0.0, 100.0).map(lambda x: (repr(x), sp.Rational(x))),
 )
 
 
@@ -345,7 +357,9 @@ def _combined(children):
         pair.map(lambda ab: (f"({ab[0][0]} * {ab[1][0]})", ab[0][1] * ab[1][1])),
         children.map(lambda a: (f"(-{a[0]})", -a[1])),
         st.tuples(children, st.integers(1, 5)).map(lambda an: (f"(({an[0][0]}) / {an[1]})", an[0][1] / an[1])),
-        st.tuples(st.sampled_from(["q", "p"]), st.integers(2, 5)).map(lambda vn: (f"{vn[0]}**{vn[1]}", VARIABLES[vn[0]] ** vn[1])),
+        st.tuples(st.sampled_from(["q", "p"]), st.integers(2, 5)).map(
+            lambda vn: (f"{vn[0]}**{vn[1]}", VARIABLES[vn[0]] ** vn[1])
+        ),
         st.tuples(st.sampled_from(["sin", "cos", "exp", "tanh"]), children).map(
             lambda fa: (f"{fa[0]}({fa[1][0]})", FUNCTIONS[fa[0]](fa[1][1]))
         ),
@@ -364,7 +378,5 @@ def test_a_random_formula_is_read_as_it_was_written(pair):
 @settings(max_examples=300, deadline=None)
 @given(st.text(alphabet="qp012.+-*/()^ sincoexp_[]{}'\"=:,@", max_size=25))
 def test_random_text_is_read_or_refused_and_nothing_else(text):
-    try:
+    with suppress(InvalidInput):
         assert isinstance(parse(text, VARIABLES), sp.Basic)
-    except InvalidInput:
-        pass

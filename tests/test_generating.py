@@ -44,7 +44,10 @@ def at(expression, point):
 
 def point_of(system, seed):
     rng = np.random.default_rng(seed)
-    return {s: sp.Rational(int(n), 100) for s, n in zip((*system.q, *system.p), rng.integers(30, 90, 2 * system.d))}
+    return {
+        s: sp.Rational(int(n), 100)
+        for s, n in zip((*system.q, *system.p), rng.integers(30, 90, 2 * system.d), strict=True)
+    }
 
 
 @pytest.mark.parametrize("name", dict.fromkeys([*CANONICAL, "tao", "coupled"]))

@@ -67,7 +67,12 @@ def test_the_control_another_parameter_differs():
     system = SYSTEMS["henon-heiles"]()
     general = General(q=system.q, p=system.p, H=system.H)
     m = ONE_STAGE["scheme-i(lam=1/3)"]
-    assert np.abs(run(system, m, "henon-heiles") - run(general, m(lam=Fraction(1, 3) + Fraction(1, 1000)), "henon-heiles")).max() > 1e-7
+    assert (
+        np.abs(
+            run(system, m, "henon-heiles") - run(general, m(lam=Fraction(1, 3) + Fraction(1, 1000)), "henon-heiles")
+        ).max()
+        > 1e-7
+    )
 
 
 @pytest.mark.parametrize(("lam", "kicks_first"), [(1, True), (0, False)])

@@ -15,6 +15,7 @@ CASES = [(label, n) for label, m in ALL.items() for n in (SHORT if label in HIGH
 
 def observed(row):
     """The observed order of a measurement; errors below ten times the reference's uncertainty are noise."""
+    assert not isinstance(row, str), row
     return order(row["h"], row["error"], noise=10 * row["doubt"])
 
 
@@ -36,6 +37,8 @@ def test_every_method_is_measured(measured):
 def test_control_another_order_is_refused(measured):
     for label, m in ALL.items():
         for row in measured("orders")[label].values():
+            if isinstance(row, str):
+                continue
             assert not abs(observed(row).value - (m.order + 1)) < TOLERANCE
             assert not abs(observed(row).value - (m.order - 1)) < TOLERANCE
 

@@ -88,9 +88,7 @@ def test_derivatives_against_differences_of_H(name):
 
 def rate(system, expression):
     """d/dt of an expression along the flow; {I, H} for a canonical system."""
-    return sum(
-        expression.diff(x) * dx for x, dx in zip((*system.q, *system.p), (*system.dq, *system.dp), strict=True)
-    )
+    return sum(expression.diff(x) * dx for x, dx in zip((*system.q, *system.p), (*system.dq, *system.dp), strict=True))
 
 
 INVARIANTS = [(n, i) for n in PROBLEMS for i in ("energy", *problem(n).invariants)]
