@@ -201,7 +201,7 @@ def _integrated(made, id, parameters, h, t_end, steps, tol, q, p, timeout) -> di
         raise unknown("method", id, [*BY_ID, *PEERS])
     if tol is not None:
         raise InvalidInput(f"'{id}' takes a step --h, no tolerance")
-    from integrators.integrate import integrate as run
+    from integrators.driver import integrate as run
 
     chosen = method_of(id, **parameters)
     common = {"h": h, "t_end": t_end, "steps": steps, "q0": q, "p0": p, "timeout": timeout}

@@ -8,7 +8,7 @@ import pytest
 from benchmarks import riddle
 from benchmarks.problems import problem
 from integrators.equip import RADIUS
-from integrators.integrate import integrate
+from integrators.driver import integrate
 
 PROBLEMS = ("henon-heiles:box", "henon-heiles:chaotic", "perturbed-kepler")
 SCHEMES = ("scheme-iv", "scheme-v", "scheme-iv-v", "scheme-v-iv")

@@ -41,5 +41,5 @@ def bench_scene(scene, results, quick, update):
     violations = tables.compare(measured, stored, KEYS, bands)
     assert violations.empty, (
         f"{len(violations)} numbers of {scene.id} left their bands (re-record with --update-tables if that is right):\n"
-        + violations.to_string(index=False)
+        + violations.to_string(index=False, float_format=lambda x: f"{x:.6e}")
     )

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks.problems import problem
-from integrators.integrate import OK, integrate
+from integrators.driver import OK, integrate
 from integrators.registry import method
 from reference import taylor
 from reference.peers import PEERS, integrate_peer

@@ -8,7 +8,7 @@ from benchmarks import sweep
 from benchmarks.c_loop import Loop
 from benchmarks.problems import problem
 from benchmarks.timing import interleaved, ratio
-from integrators.integrate import integrate, warm
+from integrators.driver import integrate, warm
 from integrators.registry import method
 
 H, STEPS = 0.01, 10_000

@@ -14,7 +14,7 @@ from math import floor, log10
 
 import numpy as np
 
-from integrators.integrate import integrate
+from integrators.driver import integrate
 from integrators.registry import method
 
 from .problems import problem

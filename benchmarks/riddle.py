@@ -18,11 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from integrators.integrate import integrate
+from integrators.driver import integrate
 from integrators.registry import method
 
 from .printed import PRINTED, RIDDLE, STEPS, unit
-from .problems import Problem, problem
+from .problems import problem
+from .problems.base import Problem
 
 #: The substeps' signs: lambda_s = 1/2 + sign (lambda - 1/2).
 SIGNS = {"scheme-iv": (1,), "scheme-v": (-1, 1)}

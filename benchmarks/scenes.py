@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi
 
-from .problems import Problem, problem
+from .problems import problem
+from .problems.base import Problem
 
 ORDER, DRIFT = "order", "drift"
 

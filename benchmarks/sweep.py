@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from integrators.errors import InvalidInput
-from integrators.integrate import OK, SKIPPED, Solution, integrate
-from integrators.method import Method
+from integrators.driver import OK, SKIPPED, Solution, integrate
+from integrators.record import Method
 from integrators.registry import METHODS, method
 
 from . import metrics

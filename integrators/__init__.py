@@ -16,9 +16,9 @@ _HOMES = {
     "PartitionedSystem": "hamiltonian",
     "InvalidInput": "errors",
     "METHODS": "registry",
-    "Method": "method",
-    "Solution": "integrate",
-    "integrate": "integrate",
+    "Method": "record",
+    "Solution": "driver",
+    "integrate": "driver",
     "method": "registry",
 }
 __all__ = sorted(_HOMES)
@@ -28,6 +28,6 @@ def __getattr__(name: str):
     # SymPy and Numba load only when a system or a kernel is asked for.
     if name in _HOMES:
         value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
-        globals()[name] = value  # also over the submodule of the same name
+        globals()[name] = value
         return value
     raise AttributeError(f"module 'integrators' has no attribute '{name}'")

@@ -36,4 +36,10 @@ def suzuki(order: int) -> tuple[mpmath.mpf, ...]:
     return _fractal(order, 2)
 
 
+def times(fraction: mpmath.mpf, part) -> mpmath.mpf:
+    """The product of a step fraction and an exact number, in the fractions' full precision."""
+    with mpmath.workdps(DIGITS):
+        return fraction * part.numerator / part.denominator
+
+
 SCHEMES = {"yoshida": triple_jump, "suzuki": suzuki}

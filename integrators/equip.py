@@ -9,8 +9,8 @@ halves, signs -1, 1).  Every fixed x gives a symplectic map, so every quadratic 
 
 nearest to zero.  E is :math:`h^2 x\,a(y) + O(h^3)` for Scheme IV, with :math:`a = \tfrac{d}{dt}(H_p\cdot H_q)`, and a
 quadratic in x times :math:`h^3` to leading order for Scheme V: the finder starts from the smaller root of the
-quadratic model that the last step left, goes on by Muller's method, and where that fails scans outwards from x = 0 to
-``radius`` for the nearest change of sign.  If E(0) is at the round-off of H already, x = 0.  A step without a root is
+quadratic model that the last step left, goes on by Muller's method, and where that fails follows the stage equations
+outwards from x = 0 to ``radius`` for the nearest change of sign.  If E(0) is at the round-off of H already, x = 0.  A step without a root is
 taken with x = 0 and counted as a fallback; the target stays H0, so that a later step wins the energy back.
 
 ``plan`` rows are (c, sign, group, alternative): a composition has several groups, each with its own root, and a group
@@ -26,13 +26,15 @@ import numpy as np
 
 from .compile import Prepared, array
 from .parametric import substep, unknown
-from .solve import LEVELS, SOLVED, predict, remember
+from .solve import LEVELS, SOLVED, predict, predict_number, remember
 from .vector import inlined, jit, load, store
 
 #: How far from 1/2 the parameter is looked for.
 RADIUS = 2.0
-#: Ratio and number of the scan's points on each side of x = 0; the first is at radius / RATIO**(POINTS - 1).
-RATIO, POINTS = 1.25, 36
+#: A root farther than this is looked for by continuation: Muller's method might leave the branch that starts at 1/2.
+NEAR = 1.0
+#: The continuation's points x on either side: FAR / RATIO**k, k = POINTS - 1, ..., 0, up to the radius.
+RATIO, POINTS, FAR = 1.12, 70, 2.0
 MULLER_LIMIT = 14
 REFINE_LIMIT = 100
 
@@ -119,44 +121,41 @@ def refine(a, Ea, b, Eb, arguments):
 
 
 @jit
-def probe(x, inner, Einner, outer, Eouter, arguments):
-    """Try x, the next point beyond ``outer`` on its side; returns (root, found, E(x))."""
-    Ex, unit, status = attempt(x, 0, arguments)[4:]
-    if status != SOLVED:
-        return x, False, np.inf
-    if not abs(Eouter) < np.inf:
-        return x, False, Ex
-    if (Ex > 0) != (Eouter > 0):
-        root, found = refine(outer, Eouter, x, Ex, arguments)
-        return root, found, Ex
-    if abs(Einner) < np.inf and abs(Eouter) < abs(Einner) and abs(Eouter) < abs(Ex):
-        # A least |E| between three points of one sign: is there a pair of roots about it?
-        c1, c2 = muller(x, inner, outer, Ex, Einner, Eouter)
-        middle = outer - 0.5 * c1 / c2
-        Emiddle, unit, status = attempt(middle, 2, arguments)[4:]
-        if status == SOLVED and (Emiddle > 0) != (Eouter > 0):
-            nearer = abs(middle) < abs(outer)
-            root, found = refine(inner if nearer else outer, Einner if nearer else Eouter, middle, Emiddle, arguments)
-            return root, found, Ex
-    return x, False, Ex
+def outwards(side, radius, arguments):
+    """The root nearest zero on one side, by continuation from x = 0 to ``radius`` or the branch's end; (x, found)."""
+    E0 = attempt(0.0, 1, arguments)[4]
+    inner, Einner, outer, Eouter = 0.0, np.inf, 0.0, E0
+    for k in range(POINTS):
+        x = side * min(FAR / RATIO ** (POINTS - 1 - k), radius)
+        if x == outer:
+            break
+        E, unit, status = attempt(x, 2, arguments)[4:]
+        if status != SOLVED:
+            break
+        if (E > 0) != (Eouter > 0):
+            return refine(outer, Eouter, x, E, arguments)
+        if abs(Einner) < np.inf and abs(Eouter) < abs(Einner) and abs(Eouter) < abs(E):
+            # A least |E| between three points of one sign: is there a pair of roots about it?
+            c1, c2 = muller(x, inner, outer, E, Einner, Eouter)
+            middle = outer - 0.5 * c1 / c2
+            Emiddle, unit, status = attempt(middle, 2, arguments)[4:]
+            if status == SOLVED and (Emiddle > 0) != (Eouter > 0):
+                if abs(middle) < abs(outer):
+                    return refine(inner, Einner, middle, Emiddle, arguments)
+                return refine(outer, Eouter, middle, Emiddle, arguments)
+            attempt(x, 2, arguments)
+        inner, Einner, outer, Eouter = outer, Eouter, x, E
+    return 0.0, False
 
 
 @jit
-def scan(E0, radius, arguments):
-    """The root nearest zero within ``radius``, by a scan outwards on both sides; returns (x, found)."""
-    a, Ea, b, Eb = 0.0, np.inf, 0.0, E0  # the last two points above zero
-    c, Ec, d, Ed = 0.0, np.inf, 0.0, E0  # and below
-    for k in range(POINTS):
-        x = radius / RATIO ** (POINTS - 1 - k)
-        root, found, Ex = probe(x, a, Ea, b, Eb, arguments)
-        if found:
-            return root, True
-        a, Ea, b, Eb = b, Eb, x, Ex
-        root, found, Ex = probe(-x, c, Ec, d, Ed, arguments)
-        if found:
-            return root, True
-        c, Ec, d, Ed = d, Ed, -x, Ex
-    return 0.0, False
+def scan(radius, arguments):
+    """The root nearest zero within ``radius`` on the branch of the stage equations that starts at x = 0; (x, found)."""
+    above, found = outwards(1.0, radius, arguments)
+    below, second = outwards(-1.0, abs(above) if found else radius, arguments)
+    if second and not (found and abs(above) <= abs(below)):
+        return below, True
+    return above, found
 
 
 @jit
@@ -200,15 +199,15 @@ def find(radius, model, g, predicted, arguments):
     elif abs(predicted - x) <= 0.25 * abs(x):
         x = predicted  # the model picks the branch, the last roots say more exactly where it is now
     x, found, result = chase(x, E0, radius, model, g, arguments)
-    other = smaller_root(E0, model[g, 0], model[g, 1])
-    if found and 0 < abs(other) < 0.8 * abs(x):
-        # By the model as it is now the other branch is nearer.
+    if found and abs(E0) < 1.2 * abs(model[g, 1]) * x * x:
+        # The product of the model's two roots is E0 / c2: the other one may be nearer.
+        other = E0 / (model[g, 1] * x)
         nearer, better, second = chase(other, E0, radius, model, g, arguments)
         if better and abs(nearer) < abs(x):
-            return nearer, True, SOLVED, second
-    if not found:
-        x, found = scan(E0, radius, arguments)
-        result = attempt(x, 0, arguments)
+            x, result = nearer, second
+    if not found or abs(x) > NEAR:
+        x, found = scan(radius, arguments)
+        result = attempt(x, 2, arguments)
     return x, found, result[6], result
 
 
@@ -236,7 +235,7 @@ def run(energy, field, dT, dV, plan, table, h, every, eps, zero, state, memory, 
                         energy, field, dT, dV, plan, (begin, end), H0, h, eps, zero,
                         q, p, cq, cp, memory, work, counts,
                     )  # fmt: skip
-                    predicted = predict(memory, roots + begin, slots, counts[0], (0.0,))[0]
+                    predicted = predict_number(memory, roots + begin, slots, counts[0])
                     x, found, status, result = find(radius, model, begin, predicted, arguments)
                     memory[roots + begin + counts[0] % LEVELS * slots, 0] = x
                     if status != SOLVED:

@@ -38,11 +38,14 @@ def parse(text: str, variables: Mapping[str, sp.Symbol]) -> sp.Expr:
         raise InvalidInput(f"the formula has {len(text)} characters; the most is {LONGEST}")
     try:
         tree = ast.parse(text.strip(), mode="eval")
-        return _read(tree.body, variables)
+        found = _read(tree.body, variables)
     except (SyntaxError, RecursionError, MemoryError, ValueError) as error:
         if isinstance(error, InvalidInput):
             raise
         raise InvalidInput(f"the formula {text!r} cannot be read: {error}") from None
+    if found.has(sp.zoo, sp.oo, -sp.oo, sp.nan):
+        raise InvalidInput(f"the formula {text!r} is not finite: it has a constant part such as 1/0 or log(0)")
+    return found
 
 
 def _read(node: ast.AST, variables: Mapping[str, sp.Symbol]) -> sp.Expr:

@@ -121,14 +121,15 @@ class PartitionedSystem:
         return self._made(f"field-{order}", arguments, results, signature, arithmetic)
 
     def energy(self, arithmetic: str = DOUBLE):
-        """energy(q, p) -> (H, the sum of the sizes of its terms): the second measures the first's round-off."""
+        """energy(q, p) -> (H, M): H is known to eps M, by the rounding of its terms and of the state they are taken at."""
         T = codegen.value_type(self.d)
         signature = types.UniTuple(types.float64, 2)(T, T)
 
         def results():
-            return [self.H, sum(sp.Abs(t) for t in sp.Add.make_args(self.H))]
+            terms = sum(sp.Abs(t) for t in sp.Add.make_args(self.H))
+            return [self.H, terms + sum(sp.Abs(x * sp.diff(self.H, x)) for x in (*self.q, *self.p))]
 
-        return self._made("energy", [("q", self.q), ("p", self.p)], results, signature, arithmetic)
+        return self._made("energy-2", [("q", self.q), ("p", self.p)], results, signature, arithmetic)
 
     def observe(self, expression, Q, P):
         """The values of an expression in (q, p) along rows of Q, P, each of shape (n, d); an array of shape (n,)."""

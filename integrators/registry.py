@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from .composition import SCHEMES
+from .composition import SCHEMES, times
 from .errors import InvalidInput, unknown
-from .method import BOUNDED, DRIFT, ROUND_OFF, Method
+from .record import BOUNDED, DRIFT, ROUND_OFF, Method
 
 HALF = Fraction(1, 2)
 TALK = "Wang, Bo & Cai (talk)"
@@ -21,18 +21,18 @@ def _scheme_i(lam):
     return (1, 1 - lam, lam)
 
 
-def _scheme_iii(lam, fractions=(1,)):
+def _scheme_iii(lam, fractions=(Fraction(1),)):
     """Phi^lambda_{h/2} after Phi^(1 - lambda)_{h/2}, over each fraction of the step."""
     halves = ((HALF, lam, 1 - lam), (HALF, 1 - lam, lam))
-    return tuple((f * c if f != 1 else c, mu, la) for f in fractions for c, mu, la in halves)
+    return tuple((times(f, c), mu, la) for f in fractions for c, mu, la in halves)
 
 
-def _equip(signs, fractions=(1,), alternative=()):
+def _equip(signs, fractions=(Fraction(1),), alternative=()):
     """Rows (c, sign, group, alternative) of `equip`: each fraction is a group with its own root."""
     rows = []
     for g, f in enumerate(fractions):
         for a, list_of_signs in enumerate((signs, alternative)):
-            rows += [(f * Fraction(1, len(list_of_signs)), s, g, a) for s in list_of_signs]
+            rows += [(times(f, Fraction(1, len(list_of_signs))), s, g, a) for s in list_of_signs]
     return tuple(rows)
 
 
@@ -70,7 +70,7 @@ def _scheme_iii_composed(scheme, order):
     )
 
 
-def _equip_method(id, name, signs, source, fractions=(1,), order=2, alternative=()):
+def _equip_method(id, name, signs, source, fractions=(Fraction(1),), order=2, alternative=()):
     return Method(
         id=id,
         name=name,

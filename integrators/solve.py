@@ -48,6 +48,16 @@ def predict(memory, first, slots, known, like):
 
 
 @inlined
+def predict_number(memory, first, slots, known):
+    """As `predict`, for a ring of numbers in the first column of ``memory``."""
+    m = min(known, LEVELS)
+    x = 0.0
+    for back in range(LEVELS, 0, -1):
+        x = x + _EXTRAPOLATION[m, back - 1] * memory[first + (known - back) % LEVELS * slots, 0]
+    return x
+
+
+@inlined
 def remember(memory, first, slots, known, x):
     """Enter the solution x of the step after ``known`` others into its ring."""
     store(memory, first + known % LEVELS * slots, x)

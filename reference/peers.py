@@ -169,7 +169,7 @@ def integrate_peer(
     InvalidInput
         For input that cannot be used, or a problem that the peer cannot do.
     """
-    from integrators.integrate import COLLISION, DIVERGED, OK, SKIPPED, grid, initial
+    from integrators.driver import COLLISION, DIVERGED, OK, SKIPPED, grid, initial
 
     chosen = peer(peer_id)
     if chosen.problems is not None and getattr(problem, "id", None) not in chosen.problems:
@@ -208,7 +208,7 @@ def integrate_peer(
 
 
 def _solution(chosen, t, Q, P, status, reason, steps, gradient, h, seconds):
-    from integrators.integrate import Solution
+    from integrators.driver import Solution
 
     counts = {"steps": int(steps), "gradient": int(gradient), "hessian": 0, "iterations": 0, "fallbacks": 0}
     aux = np.full(len(Q) - 1, np.nan)

@@ -8,7 +8,7 @@ from itertools import product
 from benchmarks.problems import problem
 from integrators.errors import InvalidInput
 from integrators.hamiltonian import Hamiltonian
-from integrators.method import Method
+from integrators.record import Method
 from integrators.registry import METHODS
 
 #: Values at which a parameter of that name is tested; parameters of other names keep their default.

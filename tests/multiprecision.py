@@ -23,8 +23,8 @@ from cases import FEW, LATER, SHORT, SYSTEMS, by_label, high_order_variants, run
 
 from benchmarks.metrics import jacobian, symplecticity_defect
 from integrators.codegen import MULTIPRECISION
+from integrators.driver import integrate
 from integrators.hamiltonian import Hamiltonian
-from integrators.integrate import integrate
 from integrators.registry import method
 
 DIGITS = 40

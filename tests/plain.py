@@ -13,7 +13,7 @@ if __name__ == "__main__":
 
 from cases import FEW, SYSTEMS, runs_on, variants
 
-from integrators.integrate import integrate
+from integrators.driver import integrate
 
 H, STEPS = 0.02, 12
 

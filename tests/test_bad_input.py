@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.problems import problem
+from integrators.driver import COLLISION, DIVERGED, NOT_CONVERGED, OK, TIMEOUT, integrate
 from integrators.errors import InvalidInput
 from integrators.formula import FUNCTIONS, parse
 from integrators.hamiltonian import Hamiltonian, PartitionedSystem
-from integrators.integrate import COLLISION, DIVERGED, NOT_CONVERGED, OK, TIMEOUT, integrate
 from integrators.registry import METHODS, method
 
 PENDULUM, KEPLER = problem("pendulum"), problem("kepler")

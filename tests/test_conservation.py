@@ -13,8 +13,8 @@ from cases import by_label, variants
 
 from benchmarks.metrics import drift
 from benchmarks.problems import problem
-from integrators.integrate import integrate
-from integrators.method import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
+from integrators.driver import integrate
+from integrators.record import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
 
 ALL = by_label(variants())
 BOX, KEPLER = problem("henon-heiles:box"), problem("perturbed-kepler")

@@ -14,9 +14,9 @@ import sympy as sp
 from cases import by_label, variants
 
 from benchmarks.problems import problem
+from integrators.driver import integrate
 from integrators.equip import RADIUS
 from integrators.hamiltonian import Hamiltonian
-from integrators.integrate import integrate
 
 EQUIP = by_label([m for m in variants() if m.family == "equip"])
 
@@ -29,9 +29,9 @@ EASY = (
 )
 HARD = (
     ("henon-heiles:box", {}, 0.1, 5000),
-    ("henon-heiles:chaotic", {}, 0.4, 1000),
-    ("perturbed-kepler", {"e": 0.9}, 0.02, 2000),
-    ("pendulum:rotating", {}, 0.3, 1000),
+    ("henon-heiles:chaotic", {}, 0.2, 2000),
+    ("perturbed-kepler", {"e": 0.9}, 0.005, 4000),
+    ("pendulum:rotating", {}, 0.3, 200),
 )
 
 

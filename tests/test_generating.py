@@ -13,8 +13,8 @@ import sympy as sp
 from cases import SYSTEMS
 
 from benchmarks.problems import PROBLEMS, problem
+from integrators.driver import integrate
 from integrators.generating import LAMBDA, coefficients
-from integrators.integrate import integrate
 from integrators.registry import method
 
 CANONICAL = [name for name in PROBLEMS if problem(name).system.canonical and problem(name).system.d <= 2]

@@ -11,8 +11,8 @@ from cases import by_label, variants
 from benchmarks.problems import problem
 from integrators import compile as kernels
 from integrators import parametric, splitting
+from integrators.driver import integrate
 from integrators.hamiltonian import Hamiltonian
-from integrators.integrate import integrate
 
 ROUND_OFF = 2e-13
 ONE_STAGE = by_label([m for m in variants() if m.family == "parametric" and m.data[0] == 1])

@@ -153,7 +153,7 @@ def test_literature_values():
 
 
 def test_kepler_period_is_two_pi():
-    from integrators.integrate import integrate
+    from integrators.driver import integrate
 
     made = problem("kepler", e=0.3)
     s = integrate(made, "scheme-iii-suzuki-6", t_end=2 * np.pi, steps=400)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from benchmarks.problems import problem
-from integrators.integrate import integrate
+from integrators.driver import integrate
 from integrators.registry import method
 
 LAMBDAS = (-3.0, -1.0, -0.2, 0.0, 1 / 3, 0.45, 0.5, 0.75, 1.0, 1.5, 2.5, 4.0)

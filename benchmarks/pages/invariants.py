@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pandas as pd
 
-from integrators.method import DRIFT as DRIFTS
-from integrators.method import ROUND_OFF
+from integrators.record import DRIFT as DRIFTS
+from integrators.record import ROUND_OFF
 from integrators.registry import BY_ID
 
 from .. import sweep

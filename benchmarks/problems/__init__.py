@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import importlib
+from typing import TYPE_CHECKING
 
 from integrators.errors import InvalidInput, unknown
 
-from .problem import Orbit, Problem
+if TYPE_CHECKING:
+    from .base import Problem
 
 #: Id -> (module, one line, its orbits: the first is the default).  The test of problems holds it to the modules.
 PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
@@ -42,4 +44,4 @@ def problem(name: str, **parameters) -> Problem:
     return made.at(orbit) if orbit else made
 
 
-__all__ = ["PROBLEMS", "Orbit", "Problem", "problem"]
+__all__ = ["PROBLEMS", "problem"]

@@ -5,7 +5,7 @@ import sympy as sp
 from integrators.errors import InvalidInput
 from integrators.hamiltonian import Hamiltonian
 
-from .problem import Orbit, Problem
+from .base import Orbit, Problem
 
 PARAMETERS = {"omega": 1.0}
 

@@ -8,7 +8,7 @@ import sympy as sp
 
 from integrators.hamiltonian import PartitionedSystem
 
-from .problem import Orbit, Problem
+from .base import Orbit, Problem
 
 PARAMETERS: dict[str, float] = {}
 

@@ -4,7 +4,7 @@ import sympy as sp
 
 from integrators.hamiltonian import Hamiltonian
 
-from .problem import Orbit, Problem
+from .base import Orbit, Problem
 
 PARAMETERS: dict[str, float] = {}
 

@@ -5,7 +5,7 @@ import sympy as sp
 from integrators.hamiltonian import Hamiltonian
 
 from .kepler import pericentre, plane
-from .problem import Problem
+from .base import Problem
 
 PARAMETERS = {"e": 0.6, "mu": 0.0075}
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import isfinite
+from numbers import Real
 
 import mpmath
 import numpy as np
@@ -14,7 +15,7 @@ from . import codegen, solve
 from .codegen import DOUBLE, MULTIPRECISION
 from .compile import kernel, prepare, zeros
 from .errors import InvalidInput
-from .method import Method
+from .record import Method
 from .registry import method as method_of
 
 OK, DIVERGED, NOT_CONVERGED, NO_ROOT, COLLISION = "ok", "diverged", "not-converged", "no-root", "collision"
@@ -59,10 +60,11 @@ def grid(h=None, t_end=None, steps=None) -> tuple[float, int]:
 
     Raises InvalidInput where they are missing, not finite, not positive, or contradict each other.
     """
-    for name, value in (("h", h), ("t_end", t_end)):
-        if value is not None and not (isfinite(value) and value > 0):
-            raise InvalidInput(f"{name} is {value}; it must be a positive finite number")
-    if steps is not None and (isinstance(steps, bool) or int(steps) != steps or steps < 1):
+    for name, value in (("h", h), ("t_end", t_end), ("steps", steps)):
+        real = isinstance(value, Real) and not isinstance(value, bool)
+        if value is not None and not (real and isfinite(value) and value > 0):
+            raise InvalidInput(f"{name} is {value!r}; it must be a positive finite number")
+    if steps is not None and int(steps) != steps:
         raise InvalidInput(f"steps is {steps}; it must be a positive integer")
     if h is None and (t_end is None or steps is None):
         raise InvalidInput("give the step h, or both t_end and steps")

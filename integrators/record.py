@@ -77,13 +77,15 @@ def _number(name: str, value, default):
     try:
         if isinstance(default, str):
             return str(value)
+        if isinstance(value, bool):
+            raise ValueError
         if isinstance(default, int):
             if int(value) != float(Fraction(value) if isinstance(value, str) else value):
                 raise ValueError
             return int(value)
         if isinstance(value, str):
             return Fraction(value)
-        if isinstance(value, (int, Fraction)) and not isinstance(value, bool):
+        if isinstance(value, (int, Fraction)):
             return Fraction(value)
         if isinstance(value, float) and isfinite(value):
             return Fraction(value).limit_denominator(1) if value == int(value) else value
