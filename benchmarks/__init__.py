@@ -1,0 +1,1 @@
+"""The harness: problems, scenes, sweeps, benchmarks and the reports written from them."""

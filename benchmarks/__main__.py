@@ -52,7 +52,18 @@ def list_(kind: Annotated[Kind, typer.Argument(help="What to list.")] = Kind.met
     if kind is Kind.methods:
         from integrators.registry import METHODS
 
-        heads = ["method", "name", "order", "symmetric", "symplectic", "energy", "q.D p", "requires", "parameters", "source"]
+        heads = [
+            "method",
+            "name",
+            "order",
+            "symmetric",
+            "symplectic",
+            "energy",
+            "q.D p",
+            "requires",
+            "parameters",
+            "source",
+        ]
         rows = [
             [
                 m.id,
@@ -83,7 +94,14 @@ def list_(kind: Annotated[Kind, typer.Argument(help="What to list.")] = Kind.met
 
         heads = ["peer", "name", "package", "step", "problems", "license"]
         rows = [
-            [p.id, p.name, p.package, "adaptive (--tol)" if p.adaptive else "fixed (--h)", ", ".join(p.problems or ["any"]), p.license]
+            [
+                p.id,
+                p.name,
+                p.package,
+                "adaptive (--tol)" if p.adaptive else "fixed (--h)",
+                ", ".join(p.problems or ["any"]),
+                p.license,
+            ]
             for p in PEERS
         ]
     _show(kind.value, heads, rows)
@@ -149,7 +167,9 @@ def _result(problem, solution, parameters: dict[str, Any]) -> dict[str, Any]:
 def integrate(
     problem: Annotated[str, typer.Argument(help="A problem, or problem:orbit.")],
     method: Annotated[str, typer.Argument(help="A method or a peer.")],
-    h: Annotated[float | None, typer.Option("--h", help="Step; adjusted so that a whole number of steps ends at --t-end.")] = None,
+    h: Annotated[
+        float | None, typer.Option("--h", help="Step; adjusted so that a whole number of steps ends at --t-end.")
+    ] = None,
     t_end: Annotated[float | None, typer.Option(help="End time.")] = None,
     steps: Annotated[int | None, typer.Option(help="Number of steps.")] = None,
     tol: Annotated[float | None, typer.Option(help="Tolerance of an adaptive peer.")] = None,
@@ -168,7 +188,11 @@ def integrate(
         result = _integrated(made, method, chosen, h, t_end, steps, tol, _numbers(q, "q"), _numbers(p, "p"), timeout)
     except InvalidInput as error:
         if as_json:
-            print(json.dumps({"problem": problem, "method": method, "params": chosen, "status": "invalid", "reason": str(error)}))
+            print(
+                json.dumps(
+                    {"problem": problem, "method": method, "params": chosen, "status": "invalid", "reason": str(error)}
+                )
+            )
         else:
             err.print(f"[bold red]invalid:[/] {error}", highlight=False)
         raise typer.Exit(2) from None
@@ -237,7 +261,9 @@ def run(
     scene: Annotated[list[str], typer.Option(help="A scene; all where none is named.")] = [],  # noqa: B006
     method: Annotated[list[str], typer.Option(help="A method; all where none is named.")] = [],  # noqa: B006
     quick: Annotated[bool, typer.Option(help="Fewer steps.")] = False,
-    output: Annotated[Path, typer.Option(help="Rows, one JSON object a line; a run that was killed goes on there.")] = Path("rows.jsonl"),
+    output: Annotated[
+        Path, typer.Option(help="Rows, one JSON object a line; a run that was killed goes on there.")
+    ] = Path("rows.jsonl"),
 ) -> None:
     """Sweep methods over scenes into tidy rows, kept on disk as they are measured."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -253,7 +279,9 @@ def run(
             if name not in known:
                 raise unknown(kind, name, known)
         store = Store(output)
-        todo = sweep.tasks([s for s in SCENES if not scene or s.id in scene], quick, lambda m: not method or m.id in method)
+        todo = sweep.tasks(
+            [s for s in SCENES if not scene or s.id in scene], quick, lambda m: not method or m.id in method
+        )
         done = sum(store.get(t.key) is not None for t in todo)
         if done:
             err.print(f"{done} of {len(todo)} rows are in {output} already")

@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks import riddle
 from benchmarks.problems import problem
-from integrators.equip import RADIUS
 from integrators.driver import integrate
+from integrators.equip import RADIUS
 
 PROBLEMS = ("henon-heiles:box", "henon-heiles:chaotic", "perturbed-kepler")
 SCHEMES = ("scheme-iv", "scheme-v", "scheme-iv-v", "scheme-v-iv")
@@ -61,7 +61,14 @@ def bench_energy(name, scheme, results, quick):
         if len(steps) and scheme in riddle.SIGNS:
             H0 = float(found.system.observe(found.system.H, path.q[:1], path.p[:1])[0])
             checked = riddle.scan(
-                found, scheme, path.h, path.q[steps], path.p[steps], H0, reach=60.0, spacing=0.05 if quick else 0.01
+                found,
+                scheme,
+                path.h,
+                path.q[steps],
+                path.p[steps],
+                H0,
+                reach=4.0 if quick else 60.0,
+                spacing=0.05 if quick else 0.02,
             )
             near = [i for i, r in zip(steps, checked.roots, strict=True) if len(r) and abs(r[0] - 0.5) < RADIUS]
             far = [r[0] for r in checked.roots if len(r)]

@@ -27,7 +27,10 @@ def bench_printed(column, results):
 def bench_riddle(results, quick):
     """No branch of roots gives the printed Scheme IV column: every root of every step, by exhaustive scan."""
     found = problem("henon-heiles:chaotic")
-    scans = [riddle.along(found, "scheme-iv", h, 1.0, spacing=0.1 if quick else 0.02) for h in printed.STEPS[: 2 if quick else 5]]
+    scans = [
+        riddle.along(found, "scheme-iv", h, 1.0, spacing=0.1 if quick else 0.02)
+        for h in printed.STEPS[: 2 if quick else 5]
+    ]
     results.add("riddle", riddle.summary(scans))
     results.add(
         "riddle_roots",

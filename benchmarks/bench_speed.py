@@ -46,10 +46,22 @@ def bench_method(benchmark, name, variant, results, quick):
 
 def _add(results, what, a, b, limit, includes):
     r = ratio(a, b)
-    results.add("ratios", [{"ratio": what, "median": r.value, "lower quartile": r.low, "upper quartile": r.high, "wanted, at most": limit, "what is timed": includes}])
+    results.add(
+        "ratios",
+        [
+            {
+                "ratio": what,
+                "median": r.value,
+                "lower quartile": r.low,
+                "upper quartile": r.high,
+                "wanted, at most": limit,
+                "what is timed": includes,
+            }
+        ],
+    )
 
 
-@pytest.mark.parametrize("name", ("kepler", "henon-heiles:chaotic", "pendulum"))
+@pytest.mark.parametrize("name", ["kepler", "henon-heiles:chaotic", "pendulum"])
 def bench_against_c(name, results, quick):
     """A compensated Stormer-Verlet step against the bare C loop of the same formula."""
     found = problem(name)
@@ -78,9 +90,18 @@ def bench_scheme_v_against_iii(name, results, quick):
     """What the energy costs: a Scheme V step in Scheme III steps, a Scheme IV step in midpoint steps."""
     found = problem(name)
     steps, rounds = (5_000, 9) if quick else (50_000, 21)
-    work = {m: warm(found, m, h=H, steps=steps) for m in ("scheme-iii", "scheme-v", "implicit-midpoint", "scheme-iv", "avf")}
+    work = {
+        m: warm(found, m, h=H, steps=steps) for m in ("scheme-iii", "scheme-v", "implicit-midpoint", "scheme-iv", "avf")
+    }
     times = interleaved(work, rounds)
     timed = f"{steps} steps of h = {H}, warm, no output"
     _add(results, f"Scheme V / Scheme III(1/3), {found.label}", times["scheme-v"], times["scheme-iii"], 8, timed)
-    _add(results, f"Scheme IV / implicit midpoint, {found.label}", times["scheme-iv"], times["implicit-midpoint"], None, timed)
+    _add(
+        results,
+        f"Scheme IV / implicit midpoint, {found.label}",
+        times["scheme-iv"],
+        times["implicit-midpoint"],
+        None,
+        timed,
+    )
     _add(results, f"AVF / implicit midpoint, {found.label}", times["avf"], times["implicit-midpoint"], None, timed)

@@ -37,7 +37,13 @@ def table(frame: pd.DataFrame, columns: Mapping[str, str] | Sequence[str] | None
         padded = (p.rjust(w) if r else p.ljust(w) for p, w, r in zip(parts, widths, right, strict=True))
         return "| " + " | ".join(padded) + " |"
 
-    rule = "|" + "|".join(" " + "-" * (w - 1) + ":" + " " if r else " " + "-" * w + " " for w, r in zip(widths, right, strict=True)) + "|"
+    rule = (
+        "|"
+        + "|".join(
+            " " + "-" * (w - 1) + ":" + " " if r else " " + "-" * w + " " for w, r in zip(widths, right, strict=True)
+        )
+        + "|"
+    )
     return "\n".join([line(heads), rule, *(line(c) for c in cells)]) + "\n"
 
 

@@ -33,7 +33,9 @@ class Data:
         return self._known[name]
 
 
-def build(folder: str | Path, quick: bool = False, progress: Callable[[str], None] = print, figures: bool = True) -> Path:
+def build(
+    folder: str | Path, quick: bool = False, progress: Callable[[str], None] = print, figures: bool = True
+) -> Path:
     """Write every page and figure into ``folder`` from its data; returns the entry page."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -54,7 +56,7 @@ def build(folder: str | Path, quick: bool = False, progress: Callable[[str], Non
             text.append(f"Not measured in this folder: {', '.join(missing)}. Run `pytest benchmarks`.\n")
         if found is not None:
             verdict, body = found
-            verdicts += [f"**{page.title}.** {v}" for v in verdict]
+            verdicts += [f"- **[{page.title}]({page.id}.md)**", *(f"  - {v}" for v in verdict)]
             text += [*(f"- {v}" for v in verdict), "", body]
         text += [measured_on(data.about(t)) for t in page.tables[:1]]
         (folder / f"{page.id}.md").write_text("\n".join(text).rstrip() + "\n")
@@ -68,7 +70,7 @@ def build(folder: str | Path, quick: bool = False, progress: Callable[[str], Non
     tier = "" if not quick else "This is the quick tier: few steps, few rounds; it shows that the suite runs.\n"
     entry.write_text(
         "\n".join(
-            [heading, tier, "## Verdict\n", *(f"- {v}" for v in verdicts), "\n## Pages\n", *contents, "", measured_on(about)]
+            [heading, tier, "## Verdict\n", *verdicts, "\n## Pages\n", *contents, "", measured_on(about)]
         ).rstrip()
         + "\n"
     )

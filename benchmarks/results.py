@@ -35,7 +35,9 @@ class Results:
         self.data.mkdir(parents=True, exist_ok=True)
         for name, rows in self.measured.items():
             pd.DataFrame(rows).to_csv(self.data / f"{name}.csv", index=False, lineterminator="\n")
-            (self.data / f"{name}.json").write_text(json.dumps(machine.summary() | {"quick": self.quick}, indent=1) + "\n")
+            (self.data / f"{name}.json").write_text(
+                json.dumps(machine.summary() | {"quick": self.quick}, indent=1) + "\n"
+            )
 
 
 def read(folder: Path, name: str):

@@ -14,6 +14,7 @@ with the kernels' root finder.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import sympy as sp
@@ -83,9 +84,7 @@ def _substep(forces: _Forces, Q, P, h, lam, k):
     return Q + h * (V + lam * h * (k @ M)), P + h * k, k, good
 
 
-def scan(
-    found: Problem, scheme: str, h: float, Q, P, H0: float, reach: float = 60.0, spacing: float = 0.02
-) -> Scan:
+def scan(found: Problem, scheme: str, h: float, Q, P, H0: float, reach: float = 60.0, spacing: float = 0.02) -> Scan:
     """Every root lambda in [1/2 - reach, 1/2 + reach] of the steps from the rows of Q, P (each of shape (n, d))."""
     forces, signs = _Forces(found), SIGNS[scheme]
     n = len(Q)
@@ -138,22 +137,29 @@ def rootless(found: Problem, scheme: str, h: float, t_end: float, limit: int = 2
 def columns() -> list[dict]:
     """The printed column beside what constant parameters and the consistent root give, on the talk's test."""
     found = problem("henon-heiles:chaotic")
-    rows = [{"recipe": "printed for Scheme IV", **{f"{h:g}": float(t) for h, t in zip(STEPS[1:], PRINTED[RIDDLE])}}]
+    rows = [
+        {
+            "recipe": "printed for Scheme IV",
+            **{f"{h:g}": float(t) for h, t in zip(STEPS[1:], PRINTED[RIDDLE], strict=True)},
+        }
+    ]
     recipes = [("Scheme IV, root nearest 1/2", method("scheme-iv"))]
-    recipes += [(f"Scheme I, lambda = {lam}", method("scheme-i", lam=lam)) for lam in ("-2/5", "0", "1", "29/20", "3/2")]
+    recipes += [
+        (f"Scheme I, lambda = {lam}", method("scheme-i", lam=lam)) for lam in ("-2/5", "0", "1", "29/20", "3/2")
+    ]
     recipes += [("implicit midpoint", method("implicit-midpoint"))]
     for name, chosen in recipes:
         ends = []
         for h in STEPS:
             done = integrate(found, chosen, h=h, t_end=1.0, save_every=0)
             ends.append(np.concatenate([done.q[-1], done.p[-1]]))
-        differences = [float(np.abs(a - b).max()) for a, b in zip(ends, ends[1:])]
-        rows.append({"recipe": name, **{f"{h:g}": x for h, x in zip(STEPS[1:], differences)}})
+        differences = [float(np.abs(a - b).max()) for a, b in pairwise(ends)]
+        rows.append({"recipe": name, **{f"{h:g}": x for h, x in zip(STEPS[1:], differences, strict=True)}})
     printed = [float(t) for t in PRINTED[RIDDLE]]
     for row in rows:
         values = [row[f"{h:g}"] for h in STEPS[1:]]
         row["entries that agree"] = sum(
-            abs(v - t) <= 0.6 * unit(text) for v, t, text in zip(values, printed, PRINTED[RIDDLE])
+            abs(v - t) <= 0.6 * unit(text) for v, t, text in zip(values, printed, PRINTED[RIDDLE], strict=True)
         )
     return rows
 

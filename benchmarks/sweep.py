@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from integrators.errors import InvalidInput
 from integrators.driver import OK, SKIPPED, Solution, integrate
+from integrators.errors import InvalidInput
 from integrators.record import Method
 from integrators.registry import METHODS, method
 
@@ -29,6 +29,8 @@ from .store import Store
 LAMBDAS = ("-1", "1/3", "3/2", "2")
 TABULATED = ("scheme-i", "scheme-ii", "scheme-iii")
 REPEATS = 3
+#: The first part of a long run, in which also a chaotic trajectory can be measured again to all digits but a few.
+EARLY = 0.05
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,9 @@ def variants(methods: Iterable[Method] = METHODS) -> Iterator[tuple[str, tuple[t
             yield m.id, ()
 
 
-def tasks(scenes: Iterable[Scene] = SCENES, quick: bool = False, only: Callable[[Method], bool] | None = None) -> list[Task]:
+def tasks(
+    scenes: Iterable[Scene] = SCENES, quick: bool = False, only: Callable[[Method], bool] | None = None
+) -> list[Task]:
     """The rows of a sweep, in the order in which they are measured."""
     found = []
     for scene in scenes:
@@ -115,24 +119,27 @@ def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
     except InvalidInput as error:
         return row | {"status": "invalid", "reason": str(error)}
     row |= {"status": solution.status, "reason": solution.reason} | solution.counts
-    row |= _invariants(problem, solution)
+    row |= _invariants(problem, solution, scene.t_end)
     if solution.status != OK:
         return row
     row |= _errors(scene, task, solution)
     runs = [solution.seconds]
     runs += [
-        integrate(problem, chosen, h=task.h, t_end=scene.t_end, save_every=0).seconds for _ in range(max(0, repeats - 1))
+        integrate(problem, chosen, h=task.h, t_end=scene.t_end, save_every=0).seconds
+        for _ in range(max(0, repeats - 1))
     ]
     return row | {"seconds": statistics.median(runs)}
 
 
-def _invariants(problem, solution: Solution) -> dict[str, float]:
+def _invariants(problem, solution: Solution, t_end: float) -> dict[str, float]:
     """The largest error of the energy and of each invariant, and the energy's drift with its 95 % interval."""
     out: dict[str, float] = {}
     H = problem.system.observe(problem.system.H, solution.q, solution.p)
     good = np.isfinite(H)
     error = metrics.energy_error(H[good])
     out["energy_max"], out["energy_end"] = error.max, error.end
+    if (good & (solution.t <= EARLY * t_end)).any():
+        out["energy_max_early"] = metrics.energy_error(H[good & (solution.t <= EARLY * t_end)]).max
     if good.sum() >= 4 * metrics.BLOCKS and solution.status == OK:
         slope = metrics.drift(solution.t, H - H[0])
         out |= {"energy_drift": slope.value, "energy_drift_low": slope.low, "energy_drift_high": slope.high}

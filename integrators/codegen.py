@@ -130,7 +130,9 @@ def _roots_shared(expressions: list[sp.Expr]) -> tuple[list[tuple[sp.Symbol, sp.
     return defined, [rewrite(e) for e in expressions]
 
 
-def source(name: str, arguments: Sequence[tuple[str, Sequence[sp.Symbol] | sp.Symbol]], results, arithmetic: str) -> str:
+def source(
+    name: str, arguments: Sequence[tuple[str, Sequence[sp.Symbol] | sp.Symbol]], results, arithmetic: str
+) -> str:
     """The text of a function of ``arguments`` (vectors of symbols, or single symbols).
 
     ``results`` is a list of vectors (lists of expressions) or of single expressions; the function returns them as a
@@ -149,7 +151,9 @@ def source(name: str, arguments: Sequence[tuple[str, Sequence[sp.Symbol] | sp.Sy
     flat = [sp.sympify(e).xreplace(renamed) for e in flat]
     unknown = set().union(*(e.free_symbols for e in flat)) - set(renamed.values()) if flat else set()
     if unknown:
-        raise ValueError(f"the formula has symbols that are neither coordinates nor momenta: {sorted(map(str, unknown))}")
+        raise ValueError(
+            f"the formula has symbols that are neither coordinates nor momenta: {sorted(map(str, unknown))}"
+        )
     defined, flat = _roots_shared(flat)
     shared, flat = sp.cse([*(e for _, e in defined), *flat], symbols=(sp.Symbol(f"c{i}_") for i in range(10**9)))
     roots = dict(zip((s for s, _ in defined), flat[: len(defined)], strict=True))
@@ -207,7 +211,9 @@ def function(key: str, build, d: int, signature, arithmetic: str = DOUBLE):
     """
     if arithmetic == MULTIPRECISION:
         style, header = "mpmath", "import numpy as np\nfrom mpmath import *\nimport mpmath as mp\n"
-        header += "def obj(x):\n    y = np.empty(len(x), dtype=object)\n    y[:] = [mpf(c) for c in x]\n    return y\n\n"
+        header += (
+            "def obj(x):\n    y = np.empty(len(x), dtype=object)\n    y[:] = [mpf(c) for c in x]\n    return y\n\n"
+        )
     elif compiled():
         style = value_kind(d)
         header = "from math import *\nimport numpy as np\n\n"

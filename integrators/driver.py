@@ -152,7 +152,7 @@ def integrate(
         raise InvalidInput("multiprecision runs need a process with NUMBA_DISABLE_JIT=1")
     if multi:
         h = mpmath.mpf(t_end) / steps if h is None else mpmath.mpf(h)
-        steps = steps or int(round(t_end / h))
+        steps = steps or round(t_end / h)
     else:
         h, steps = grid(h, t_end, steps)
     if save_every < 0 or int(save_every) != save_every:
@@ -272,8 +272,10 @@ def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, p
                 status, reason = DIVERGED, "the state is no longer finite"
         if status == OK and code:
             status = DIVERGED if code == solve.NOT_FINITE else NOT_CONVERGED
-            reason = "a stage equation has no finite iterate" if code == solve.NOT_FINITE else (
-                "neither the fixed point nor Newton's method solves the stage equation"
+            reason = (
+                "a stage equation has no finite iterate"
+                if code == solve.NOT_FINITE
+                else ("neither the fixed point nor Newton's method solves the stage equation")
             )
             size, begun = np.abs([Q[at], P[at]]).max(), np.abs([Q[0], P[0]]).max()
             if status == NOT_CONVERGED and size > ESCAPED * (1 + begun):

@@ -9,9 +9,10 @@ halves, signs -1, 1).  Every fixed x gives a symplectic map, so every quadratic 
 
 nearest to zero.  E is :math:`h^2 x\,a(y) + O(h^3)` for Scheme IV, with :math:`a = \tfrac{d}{dt}(H_p\cdot H_q)`, and a
 quadratic in x times :math:`h^3` to leading order for Scheme V: the finder starts from the smaller root of the
-quadratic model that the last step left, goes on by Muller's method, and where that fails follows the stage equations
-outwards from x = 0 to ``radius`` for the nearest change of sign.  If E(0) is at the round-off of H already, x = 0.  A step without a root is
-taken with x = 0 and counted as a fallback; the target stays H0, so that a later step wins the energy back.
+quadratic model that the last step left, goes on by Muller's method, tries the model's other root where that may be
+nearer, and where all that fails follows the stage equations outwards from x = 0 to ``radius`` for the nearest change of
+sign.  If E(0) is at the round-off of H already, x = 0.  A step without a root is taken with x = 0 and counted as a
+fallback; the target stays H0, so that a later step wins the energy back.
 
 ``plan`` rows are (c, sign, group, alternative): a composition has several groups, each with its own root, and a group
 may name a second list of substeps that is tried where the first has no root.  ``table`` is [[H0, radius]].
@@ -105,7 +106,7 @@ def refine(a, Ea, b, Eb, arguments):
         Ex, unit, status = attempt(x, 2, arguments)[4:]
         if status != SOLVED:
             return x, False
-        if abs(Ex) <= unit or x == a or x == b:
+        if abs(Ex) <= unit or x in (a, b):
             return x, abs(Ex) <= 64 * unit
         if (Ex > 0) == (Eb > 0):
             b, Eb = x, Ex
@@ -138,7 +139,7 @@ def outwards(side, radius, arguments):
             # A least |E| between three points of one sign: is there a pair of roots about it?
             c1, c2 = muller(x, inner, outer, E, Einner, Eouter)
             middle = outer - 0.5 * c1 / c2
-            Emiddle, unit, status = attempt(middle, 2, arguments)[4:]
+            Emiddle, _, status = attempt(middle, 2, arguments)[4:]
             if status == SOLVED and (Emiddle > 0) != (Eouter > 0):
                 if abs(middle) < abs(outer):
                     return refine(inner, Einner, middle, Emiddle, arguments)

@@ -9,10 +9,8 @@ import sympy as sp
 
 from .errors import InvalidInput
 
-FUNCTIONS = {
-    name: getattr(sp, name)
-    for name in "sin cos tan exp log sqrt sinh cosh tanh asin acos atan".split()
-} | {"ln": sp.log, "abs": sp.Abs}
+NAMES = ("sin", "cos", "tan", "exp", "log", "sqrt", "sinh", "cosh", "tanh", "asin", "acos", "atan")
+FUNCTIONS = {name: getattr(sp, name) for name in NAMES} | {"ln": sp.log, "abs": sp.Abs}
 CONSTANTS = {"pi": sp.pi, "e": sp.E}
 OPERATORS = {
     ast.Add: lambda a, b: a + b,

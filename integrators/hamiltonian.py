@@ -69,7 +69,9 @@ class PartitionedSystem:
         foreign = e.free_symbols - {*self.q, *self.p}
         if foreign:
             known = ", ".join(map(str, (*self.q, *self.p)))
-            raise InvalidInput(f"{', '.join(sorted(map(str, foreign)))} in the formula is none of the variables {known}")
+            raise InvalidInput(
+                f"{', '.join(sorted(map(str, foreign)))} in the formula is none of the variables {known}"
+            )
         return e
 
     @cached_property
@@ -121,7 +123,7 @@ class PartitionedSystem:
         return self._made(f"field-{order}", arguments, results, signature, arithmetic)
 
     def energy(self, arithmetic: str = DOUBLE):
-        """energy(q, p) -> (H, M): H is known to eps M, by the rounding of its terms and of the state they are taken at."""
+        """energy(q, p) -> (H, M): H is known to eps M, by the rounding of its terms and of the state."""
         T = codegen.value_type(self.d)
         signature = types.UniTuple(types.float64, 2)(T, T)
 
@@ -241,7 +243,9 @@ class Hamiltonian(PartitionedSystem):
         if self.unit_mass:
             return None
         T = codegen.value_type(self.d)
-        return self._made("grad_T", [("p", self.p)], lambda: [[sp.diff(self.kinetic, x) for x in self.p]], T(T), arithmetic)
+        return self._made(
+            "grad_T", [("p", self.p)], lambda: [[sp.diff(self.kinetic, x) for x in self.p]], T(T), arithmetic
+        )
 
     def grad_V(self, arithmetic: str = DOUBLE):
         """q -> grad V(q) of a separable H."""

@@ -92,10 +92,25 @@ _RK4 = ((0, 0, 0, 0), (HALF, 0, 0, 0), (0, HALF, 0, 0), (0, 0, 1, 0)) + (
 
 METHODS: tuple[Method, ...] = (
     Method(
-        "explicit-euler", "explicit Euler", "runge_kutta", 1, False, False, DRIFT, DRIFT, "Euler 1768", data=((0,), (1,))
+        "explicit-euler",
+        "explicit Euler",
+        "runge_kutta",
+        1,
+        False,
+        False,
+        DRIFT,
+        DRIFT,
+        "Euler 1768",
+        data=((0,), (1,)),
     ),
     _one_stage(
-        "implicit-euler", "implicit Euler", ((1, 1, 1),), f"{HLW}, I.1.2", symplectic=False, energy=DRIFT, quadratic=DRIFT
+        "implicit-euler",
+        "implicit Euler",
+        ((1, 1, 1),),
+        f"{HLW}, I.1.2",
+        symplectic=False,
+        energy=DRIFT,
+        quadratic=DRIFT,
     ),
     _one_stage(
         "symplectic-euler-p", "symplectic Euler, implicit in p", ((1, 0, 1),), f"de Vogelaere 1956; {HLW}, I.1.9"

@@ -2,8 +2,8 @@ r"""The solver of the stage equations :math:`x = G(x)`: to round-off, by fixed p
 
 Fixed point: iterate until the increment can fall no further.  With :math:`\delta_k = \|x_{k+1} - x_k\|` and
 :math:`\theta = \delta_k / \delta_{k-1}` the remaining error is about :math:`\delta_k\theta/(1 - \theta)`; it is brought
-far below the round-off of x, or until it no longer falls.  Where the iteration does not contract, Newton's method takes over
-on :math:`x - G(x)`, with a difference Jacobian (its error only slows the convergence: the residual is exact).
+far below the round-off of x, or until it no longer falls.  Where the iteration does not contract, Newton's method takes
+over on :math:`x - G(x)`, with a difference Jacobian (its error only slows the convergence: the residual is exact).
 
 The start is extrapolated from earlier steps (`predict`, `remember`).
 

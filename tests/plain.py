@@ -11,8 +11,7 @@ import numpy as np
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from cases import FEW, SYSTEMS, runs_on, variants
-
+from benchmarks.cases import FEW, SYSTEMS, runs_on, variants
 from integrators.driver import integrate
 
 H, STEPS = 0.02, 12

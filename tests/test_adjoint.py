@@ -5,7 +5,8 @@ from __future__ import annotations
 from fractions import Fraction
 
 import pytest
-from cases import by_label, high_order_variants, variants
+
+from benchmarks.cases import by_label, high_order_variants, variants
 
 ROUND_OFF, VISIBLE = 1e-30, 1e-18
 ALL = by_label(variants() + high_order_variants())

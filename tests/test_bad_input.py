@@ -8,10 +8,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import sympy as sp
-from cases import by_label, variants
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.cases import by_label, variants
 from benchmarks.problems import problem
 from integrators.driver import COLLISION, DIVERGED, NOT_CONVERGED, OK, TIMEOUT, integrate
 from integrators.errors import InvalidInput

@@ -9,8 +9,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from cases import by_label, variants
 
+from benchmarks.cases import by_label, variants
 from benchmarks.metrics import drift
 from benchmarks.problems import problem
 from integrators.driver import integrate

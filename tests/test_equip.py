@@ -11,8 +11,8 @@ from functools import cache
 import numpy as np
 import pytest
 import sympy as sp
-from cases import by_label, variants
 
+from benchmarks.cases import by_label, variants
 from benchmarks.problems import problem
 from integrators.driver import integrate
 from integrators.equip import RADIUS

@@ -10,8 +10,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import sympy as sp
-from cases import SYSTEMS
 
+from benchmarks.cases import SYSTEMS
 from benchmarks.problems import PROBLEMS, problem
 from integrators.driver import integrate
 from integrators.generating import LAMBDA, coefficients

@@ -121,6 +121,7 @@ def test_public_names_are_the_objects_whatever_was_imported_first():
 
 
 def test_public_names_survive_the_import_of_their_modules():
-    code = "import integrators.driver, integrators.record, integrators.registry, json, types\nfrom integrators import integrate, method\n"
+    code = "import integrators.driver, integrators.record, integrators.registry, json, types\n"
+    code += "from integrators import integrate, method\n"
     code += "print(json.dumps([isinstance(x, types.ModuleType) for x in (integrate, method)]))"
     assert fresh(code) == [False, False]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import plain
 import pytest
-from cases import FEW, by_label, runs_on, variants
 
+from benchmarks.cases import FEW, by_label, runs_on, variants
 from integrators.codegen import compiled
 
 ALL = by_label(variants())

@@ -6,8 +6,8 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from cases import by_label, variants
 
+from benchmarks.cases import by_label, variants
 from benchmarks.problems import problem
 from integrators import compile as kernels
 from integrators import parametric, splitting

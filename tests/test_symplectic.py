@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from cases import by_label, high_order_variants, variants
+
+from benchmarks.cases import by_label, high_order_variants, variants
 
 #: The error of the difference Jacobian in 40 digits is below the first, what a defect shows above the second.
 ROUND_OFF, VISIBLE = 1e-20, 1e-15

@@ -65,7 +65,11 @@ def _write(data, figures):
         shown = members[members["status"] != "skipped"].copy()
         shown["drift"] = shown.apply(_drift, axis=1)
         columns = {"method": "method", "h": "h", "energy_max": "energy error", "drift": "drift of the energy"}
-        columns |= {c: c.removesuffix("_max").replace("-", " ") + " error" for c in shown if c.endswith("_max") and c != "energy_max" and shown[c].notna().any()}
+        columns |= {
+            c: c.removesuffix("_max").replace("-", " ") + " error"
+            for c in shown
+            if c.endswith("_max") and c != "energy_max" and shown[c].notna().any()
+        }
         columns |= {"global_error": "global error"} if shown["global_error"].notna().any() else {}
         columns |= {"fallbacks": "fallbacks", "seconds": "seconds", "status": "status"}
         body += [f"## {scene}\n", f"To t = {number(members['t_end'].iloc[0])}.\n", table(shown, columns)]
@@ -81,4 +85,6 @@ def _drift(r: pd.Series) -> str:
     return f"{r['energy_drift']:.1e} [{r['energy_drift_low']:.1e}, {r['energy_drift_high']:.1e}]"
 
 
-PAGE = Page("invariants", "Invariants over long times", "what is kept, what oscillates and what drifts", ("rows",), _write)
+PAGE = Page(
+    "invariants", "Invariants over long times", "what is kept, what oscillates and what drifts", ("rows",), _write
+)

@@ -37,9 +37,16 @@ def _write(data, figures):
         verdict.append(
             f"In {int(exact['digits'].min())}-digit arithmetic, without round-off, {len(exact) - len(off)} of {len(exact)} "
             f"(method, problem) pairs have |order - declared| < {GATE}"
-            + (f"; not so {listed([f'{a} on {b}' for a, b in zip(off['method'], off['problem'])])}." if len(off) else ".")
+            + (
+                f"; not so {listed([f'{a} on {b}' for a, b in zip(off['method'], off['problem'], strict=True)])}."
+                if len(off)
+                else "."
+            )
         )
-        body += ["## Without round-off (mpmath)\n", _matrix(exact.assign(text=exact["order"].map(lambda x: f"{x:.3f}")))]
+        body += [
+            "## Without round-off (mpmath)\n",
+            _matrix(exact.assign(text=exact["order"].map(lambda x: f"{x:.3f}"))),
+        ]
     verdict.append(
         f"In doubles, of {len(found)} pairs {len(seen)} have a window of at least three steps above the noise; {good.sum()} "
         f"of these are within {GATE} of the declared order, {len(irregular)} converge irregularly (interval wider than "
@@ -69,7 +76,9 @@ def _write(data, figures):
 
 
 def _matrix(found: pd.DataFrame) -> str:
-    wide = found.pivot_table(index=["method", "declared"], columns="problem", values="text", aggfunc="first", sort=False)
+    wide = found.pivot_table(
+        index=["method", "declared"], columns="problem", values="text", aggfunc="first", sort=False
+    )
     return table(wide.reset_index().fillna(""))
 
 
@@ -105,5 +114,9 @@ def _errors(rows: pd.DataFrame) -> str:
 
 
 PAGE = Page(
-    "orders", "Errors and orders", "how the error falls with h, for every method and problem", ("rows", "multiprecision"), _write
+    "orders",
+    "Errors and orders",
+    "how the error falls with h, for every method and problem",
+    ("rows", "multiprecision"),
+    _write,
 )

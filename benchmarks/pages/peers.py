@@ -39,7 +39,17 @@ def _write(data, figures):
         name = drawings.work_precision(members, problem, figures)
         body += [f"## {problem}\n", f"![work-precision diagram of {problem}](figures/{name})\n"]
         everything = frame[frame["problem"] == problem]
-        columns = ["method", "kind", "setting", "steps", "error", "energy error", "angular momentum error", "seconds", "status"]
+        columns = [
+            "method",
+            "kind",
+            "setting",
+            "steps",
+            "error",
+            "energy error",
+            "angular momentum error",
+            "seconds",
+            "status",
+        ]
         body.append(table(everything, columns))
         body.append(f"Uncertainty of the reference: {number(members['reference uncertainty'].max())}.\n")
         for r in everything[everything["status"] != "ok"].itertuples():

@@ -24,7 +24,7 @@ def _write(data, figures):
         f"({worst['units']:.2f} units)."
     ]
     body = [
-        "The talk's tables \"Convergence rates with chaotic orbits at t = 1\" (Henon-Heiles) print the difference in the "
+        'The talk\'s tables "Convergence rates with chaotic orbits at t = 1" (Henon-Heiles) print the difference in the '
         "maximum norm over (p, q) between the solutions with h and 2h. `refinement difference` is that number; "
         "`global error` is the error against a certified Taylor solution (its uncertainty is in the last column).\n"
     ]
@@ -78,10 +78,7 @@ def _riddle(data, iv, body) -> str:
         steps = [c for c in columns.columns if c not in ("recipe", "entries that agree")]
         best = constant["entries that agree"].max()
         sentence += f" No constant parameter tried gives more than {best} of its {len(steps)} entries."
-        unit = [
-            f"{h}: {abs(float(columns[h][0]) / _per_unit(constant, h)):.3f}"
-            for h in steps
-        ]
+        unit = [f"{h}: {abs(float(columns[h][0]) / _per_unit(constant, h)):.3f}" for h in steps]
         body += [
             "The printed column beside the consistent root and constant parameters (refinement differences):\n",
             table(columns, digits=4),

@@ -28,4 +28,6 @@ def _write(data, figures):
     return verdict, "\n".join(body)
 
 
-PAGE = Page("speed", "Speed", "what a step costs, against a bare C loop and against each other", ("ratios", "speed"), _write)
+PAGE = Page(
+    "speed", "Speed", "what a step costs, against a bare C loop and against each other", ("ratios", "speed"), _write
+)

@@ -38,7 +38,12 @@ def problem(name: str, **parameters) -> Problem:
         if key not in known:
             has = f"has {', '.join(known)}" if known else "has none"
             raise InvalidInput(f"problem '{id}' has no parameter '{key}'; it {has}")
-        if not isinstance(value, (int, float)) or isinstance(value, bool) or value != value or abs(value) == float("inf"):
+        if (
+            not isinstance(value, (int, float))
+            or isinstance(value, bool)
+            or value != value
+            or abs(value) == float("inf")
+        ):
             raise InvalidInput(f"the parameter {key} of '{id}' is {value!r}; it must be a finite number")
     made = module.make(**(known | parameters))
     return made.at(orbit) if orbit else made

@@ -23,5 +23,7 @@ def make() -> Problem:
         system=PartitionedSystem(
             q=[u], p=[v], dq=[u * (v - 2)], dp=[v * (1 - u)], energy=sp.log(u) - u + 2 * sp.log(v) - v
         ),
-        orbits=tuple(Orbit(f"{a}-{b}", (float(a),), (float(b),), f"from ({a}, {b})") for a, b in [(2, 2), (4, 8), (4, 2), (6, 2)]),
+        orbits=tuple(
+            Orbit(f"{a}-{b}", (float(a),), (float(b),), f"from ({a}, {b})") for a, b in [(2, 2), (4, 8), (4, 2), (6, 2)]
+        ),
     )

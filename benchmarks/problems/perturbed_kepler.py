@@ -4,8 +4,8 @@ import sympy as sp
 
 from integrators.hamiltonian import Hamiltonian
 
-from .kepler import pericentre, plane
 from .base import Problem
+from .kepler import pericentre, plane
 
 PARAMETERS = {"e": 0.6, "mu": 0.0075}
 

@@ -1,4 +1,4 @@
-"""Measurements without round-off, for a process with NUMBA_DISABLE_JIT=1: ``multiprecision.py NAME`` prints JSON.
+"""Measurements without round-off, in a process of their own: ``python -m benchmarks.multiprecision NAME`` prints JSON.
 
 Each measurement runs every method of the registry on every system of `cases` where it can run, uncompiled, on numbers
 of 40 digits.  The reference is Gragg's extrapolated explicit midpoint rule, which shares only the vector field with
@@ -8,6 +8,8 @@ the methods.
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 import sys
 import time
 from functools import cache
@@ -16,16 +18,13 @@ from pathlib import Path
 import mpmath
 import numpy as np
 
-if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-from cases import FEW, LATER, SHORT, SYSTEMS, by_label, high_order_variants, runs_on, variants
-
-from benchmarks.metrics import jacobian, symplecticity_defect
 from integrators.codegen import MULTIPRECISION
 from integrators.driver import integrate
 from integrators.hamiltonian import Hamiltonian
 from integrators.registry import method
+
+from .cases import FEW, LATER, SHORT, SYSTEMS, by_label, high_order_variants, runs_on, variants
+from .metrics import jacobian, order, symplecticity_defect
 
 DIGITS = 40
 SPAN = mpmath.mpf(1) / 256
@@ -182,6 +181,22 @@ def adjoint():
             distances = [float(max(abs(advance(back, m, there, STEP) - y))) for m in (other, chosen)]
             out[chosen.label][name] = dict(zip(("adjoint", "itself"), distances, strict=True))
     return out
+
+
+def elsewhere(name: str):
+    """The measurement of that name, made in a process with NUMBA_DISABLE_JIT=1; raises RuntimeError where it fails."""
+    command = [sys.executable, "-m", "benchmarks.multiprecision", name]
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    root = Path(__file__).resolve().parents[1]
+    done = subprocess.run(command, env=environment, cwd=root, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(command)} failed:\n{done.stderr}")
+    return json.loads(done.stdout.splitlines()[-1])["result"]
+
+
+def observed_order(row):
+    """The observed order of a measurement of `orders`; errors below ten times the reference's uncertainty are noise."""
+    return order(row["h"], row["error"], noise=10 * row["doubt"])
 
 
 MEASUREMENTS = {f.__name__: f for f in (orders, symplecticity, frozen, symmetry, adjoint)}
