@@ -21,6 +21,13 @@ def number(x, digits: int = 3) -> str:
     return f"{x:.{digits}g}"
 
 
+def _numeric(column: pd.Series) -> bool:
+    """Whether a column holds numbers, be they written out already."""
+    if pd.api.types.is_numeric_dtype(column):
+        return True
+    return pd.to_numeric(column[column.astype(str) != ""], errors="coerce").notna().all()
+
+
 def table(frame: pd.DataFrame, columns: Mapping[str, str] | Sequence[str] | None = None, digits: int = 3) -> str:
     """An aligned table of the columns (name -> heading) of a frame."""
     if columns is not None:
@@ -28,7 +35,7 @@ def table(frame: pd.DataFrame, columns: Mapping[str, str] | Sequence[str] | None
         frame = frame.reindex(columns=names)
         if isinstance(columns, Mapping):
             frame = frame.rename(columns=columns)
-    right = [pd.api.types.is_numeric_dtype(frame[c]) for c in frame]
+    right = [_numeric(frame[c]) for c in frame]
     cells = [[number(x, digits) for x in row] for row in frame.itertuples(index=False)]
     heads = [str(c) for c in frame.columns]
     widths = [max(len(h), *(len(r[i]) for r in cells), 3) if cells else max(len(h), 3) for i, h in enumerate(heads)]

@@ -130,7 +130,7 @@ def outwards(side, radius, arguments):
         x = side * min(FAR / RATIO ** (POINTS - 1 - k), radius)
         if x == outer:
             break
-        E, unit, status = attempt(x, 2, arguments)[4:]
+        E, _, status = attempt(x, 2, arguments)[4:]
         if status != SOLVED:
             break
         if (E > 0) != (Eouter > 0):
@@ -179,8 +179,11 @@ def chase(x, E0, radius, model, g, arguments):
             model[g, 0] = (E - E0) / x - model[g, 1] * x
         if abs(E) <= unit or (k > 1 and abs(E) <= 8 * unit and abs(E) >= 0.5 * abs(Eb)):
             return x, True, result
+        move = smaller_root(E, c1, c2)
+        if not abs(x + move) <= radius and E != Eb:
+            move = -E * (x - xb) / (E - Eb)  # the parabola has no root: the secant
         xa, Ea, xb, Eb = xb, Eb, x, E
-        x = x + smaller_root(E, c1, c2)
+        x = x + move
         if not abs(x) <= radius or x == xb:
             break
         result = attempt(x, 2, arguments)
@@ -209,6 +212,8 @@ def find(radius, model, g, predicted, arguments):
     if not found or abs(x) > NEAR:
         x, found = scan(radius, arguments)
         result = attempt(x, 2, arguments)
+        if found and x != 0:
+            model[g, 0], model[g, 1] = -E0 / x, 0.0
     return x, found, result[6], result
 
 

@@ -170,7 +170,7 @@ def store(A, i, x):
 
 
 def chosen(when_none, otherwise):
-    """The function that is ``when_none`` where its first argument is None, else ``otherwise``; chosen at compile time."""
+    """The function that is ``when_none`` where its first argument is None, else ``otherwise``, chosen when compiled."""
     names = ", ".join(inspect.signature(otherwise).parameters)
     first = names.split(",")[0]
     namespace = {"__name__": __name__, "a": when_none, "b": otherwise, "none": types.NoneType, "omitted": types.Omitted}

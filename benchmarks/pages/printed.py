@@ -20,7 +20,7 @@ def _write(data, figures):
     verdict = [
         f"{agree.sum()} of {len(rest)} printed entries of Schemes I-III, AVF and V are reproduced within {AGREEMENT} of the "
         f"last printed digit; the farthest is {worst['scheme']} {worst['lambda'] if isinstance(worst['lambda'], str) else ''} "
-        f"at h = {number(worst['h'])}: printed {worst['printed']}, measured {worst['refinement_difference']:.5E} "
+        f"at h = {number(worst['h'])}: printed {worst['printed']:.2E}, measured {worst['refinement_difference']:.5E} "
         f"({worst['units']:.2f} units)."
     ]
     body = [
@@ -39,7 +39,12 @@ def _write(data, figures):
         "global_error": "global error",
         "uncertainty": "uncertainty",
     }
-    shown = frame.assign(**{"lambda": frame["lambda"].fillna("")})
+    scientific = {"printed": 2, "refinement_difference": 4, "global_error": 2, "uncertainty": 0}
+    shown = frame.assign(
+        **{"lambda": frame["lambda"].fillna("")},
+        **{c: frame[c].map(lambda x, n=n: f"{x:.{n}E}") for c, n in scientific.items()},
+        **{c: frame[c].map(lambda x: "" if x != x else f"{x:.2f}") for c in ("order", "units")},
+    )
     body.append(table(shown, columns, digits=4))
     if len(iv):
         verdict.append(_riddle(data, iv, body))
