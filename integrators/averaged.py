@@ -18,7 +18,7 @@ import mpmath
 from .codegen import DOUBLE
 from .compile import Prepared, array
 from .solve import SOLVED, predict, remember, solver
-from .vector import add, axpy, distance, head, inlined, join, load, scale, size, store, tail
+from .vector import add, axpy, close, distance, head, inlined, join, opened, scale, size, store, tail
 
 
 @inlined
@@ -38,7 +38,7 @@ solve_averaged = solver(averaged)
 
 def run(field, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
     """Fill the rows of Q and P, each after ``every`` steps (of substeps ``plan[s, 0]`` h); returns (rows, status)."""
-    q, p, cq, cp = load(state, 0, zero), load(state, 1, zero), load(state, 2, zero), load(state, 3, zero)
+    q, p, cq, cp = opened(state, zero)
     both = join(zero, zero)
     slots = len(plan)
     first = counts[4]
@@ -77,10 +77,7 @@ def run(field, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux,
             counts[0] += 1
         store(Q, row, q)
         store(P, row, p)
-    store(state, 0, q)
-    store(state, 1, p)
-    store(state, 2, cq)
-    store(state, 3, cp)
+    close(state, q, p, cq, cp)
     counts[4] = first
     return len(Q), 0
 

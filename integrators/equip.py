@@ -28,7 +28,7 @@ import numpy as np
 from .compile import Prepared, array
 from .parametric import substep, unknown
 from .solve import LEVELS, SOLVED, predict, predict_number, remember
-from .vector import inlined, jit, load, store
+from .vector import close, inlined, jit, load, opened, store
 
 #: How far from 1/2 the parameter is looked for.
 RADIUS = 2.0
@@ -180,7 +180,7 @@ def chase(x, E0, radius, model, g, arguments):
         if abs(E) <= unit or (k > 1 and abs(E) <= 8 * unit and abs(E) >= 0.5 * abs(Eb)):
             return x, True, result
         move = smaller_root(E, c1, c2)
-        if not abs(x + move) <= radius and E != Eb:
+        if not abs(x + move) <= radius and Eb != E:
             move = -E * (x - xb) / (E - Eb)  # the parabola has no root: the secant
         xa, Ea, xb, Eb = xb, Eb, x, E
         x = x + move
@@ -219,7 +219,7 @@ def find(radius, model, g, predicted, arguments):
 
 def run(energy, field, dT, dV, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
     """Fill the rows of Q, P and aux (the last lambda of the row, NaN for a fallback); returns (rows, status)."""
-    q, p, cq, cp = load(state, 0, zero), load(state, 1, zero), load(state, 2, zero), load(state, 3, zero)
+    q, p, cq, cp = opened(state, zero)
     guess = unknown(field, zero)
     slots = len(plan)
     H0, radius = table[0, 0], table[0, 1]
@@ -263,10 +263,7 @@ def run(energy, field, dT, dV, plan, table, h, every, eps, zero, state, memory, 
         store(Q, row, q)
         store(P, row, p)
         aux[row] = lam
-    store(state, 0, q)
-    store(state, 1, p)
-    store(state, 2, cq)
-    store(state, 3, cp)
+    close(state, q, p, cq, cp)
     return len(Q), 0
 
 

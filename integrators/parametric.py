@@ -31,7 +31,7 @@ from __future__ import annotations
 from . import splitting
 from .compile import Prepared, array
 from .solve import predict, remember, solver
-from .vector import add, axpy, chosen, head, inlined, join, load, scale, size, store, tail, velocity
+from .vector import add, axpy, chosen, close, head, inlined, join, opened, scale, size, store, tail, velocity
 
 
 @inlined
@@ -80,7 +80,7 @@ def run(field, dT, dV, plan, table, h, every, eps, zero, state, memory, work, Q,
 
     Returns (rows filled, status); ``state`` (q, p and what rounding lost of them) and ``memory`` go on where they were.
     """
-    q, p, cq, cp = load(state, 0, zero), load(state, 1, zero), load(state, 2, zero), load(state, 3, zero)
+    q, p, cq, cp = opened(state, zero)
     start = unknown(field, zero)
     slots = len(plan)
     known, evaluations, newtons = counts[0], 0, 0
@@ -100,10 +100,7 @@ def run(field, dT, dV, plan, table, h, every, eps, zero, state, memory, work, Q,
             known += 1
         store(Q, row, q)
         store(P, row, p)
-    store(state, 0, q)
-    store(state, 1, p)
-    store(state, 2, cq)
-    store(state, 3, cp)
+    close(state, q, p, cq, cp)
     counts[0], counts[1], counts[2] = known, counts[1] + evaluations, counts[2] + newtons
     return len(Q), 0
 

@@ -11,12 +11,12 @@ Source: W. Kutta, Z. Math. Phys. 46 (1901) 435-453; L. Euler, Institutiones calc
 from __future__ import annotations
 
 from .compile import Prepared, array
-from .vector import add, axpy, head, join, load, store, tail
+from .vector import add, axpy, close, head, join, load, opened, store, tail
 
 
 def run(field, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
     """Fill the rows of Q and P, each after ``every`` steps; returns (rows filled, status)."""
-    q, p, cq, cp = load(state, 0, zero), load(state, 1, zero), load(state, 2, zero), load(state, 3, zero)
+    q, p, cq, cp = opened(state, zero)
     both = join(zero, zero)
     stages = len(plan) - 1
     for row in range(len(Q)):
@@ -33,10 +33,7 @@ def run(field, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux,
             p, cp = add(p, cp, tail(x))
         store(Q, row, q)
         store(P, row, p)
-    store(state, 0, q)
-    store(state, 1, p)
-    store(state, 2, cq)
-    store(state, 3, cp)
+    close(state, q, p, cq, cp)
     counts[0] += len(Q) * every
     counts[1] += len(Q) * every * stages
     return len(Q), 0

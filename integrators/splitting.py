@@ -13,12 +13,12 @@ Reference: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (200
 from __future__ import annotations
 
 from .compile import Prepared, array
-from .vector import add, load, scale, store, velocity
+from .vector import add, close, opened, scale, store, velocity
 
 
 def run(dT, dV, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
     """Fill the rows of Q and P, each after ``every`` steps; returns (rows filled, status)."""
-    q, p, cq, cp = load(state, 0, zero), load(state, 1, zero), load(state, 2, zero), load(state, 3, zero)
+    q, p, cq, cp = opened(state, zero)
     stages = len(plan)
     first = plan[0, 1] * h
     last = stages - 1
@@ -41,10 +41,7 @@ def run(dT, dV, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux
             p, cp = add(p, cp, scale(first, gradient))
         store(Q, row, q)
         store(P, row, p)
-    store(state, 0, q)
-    store(state, 1, p)
-    store(state, 2, cq)
-    store(state, 3, cp)
+    close(state, q, p, cq, cp)
     counts[0] += len(Q) * every
     counts[1] += evaluations
     return len(Q), 0

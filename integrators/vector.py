@@ -169,6 +169,21 @@ def store(A, i, x):
     A[i, : len(x)] = x
 
 
+@inlined
+def opened(state, zero):
+    """(q, p, what rounding lost of q, and of p): the first four rows of a run's state."""
+    return load(state, 0, zero), load(state, 1, zero), load(state, 2, zero), load(state, 3, zero)
+
+
+@inlined
+def close(state, q, p, cq, cp):
+    """Write them back, for the run to go on."""
+    store(state, 0, q)
+    store(state, 1, p)
+    store(state, 2, cq)
+    store(state, 3, cp)
+
+
 def chosen(when_none, otherwise):
     """The function that is ``when_none`` where its first argument is None, else ``otherwise``, chosen when compiled."""
     names = ", ".join(inspect.signature(otherwise).parameters)
