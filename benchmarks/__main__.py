@@ -107,6 +107,13 @@ def list_(kind: Annotated[Kind, typer.Argument(help="What to list.")] = Kind.met
     _show(kind.value, heads, rows)
 
 
+def _complain(error: InvalidInput) -> None:
+    """Print what was wrong with the input; brackets in it are text."""
+    from rich.markup import escape
+
+    err.print(f"[bold red]invalid:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+
+
 def _numbers(text: str | None, name: str) -> list[float] | None:
     """Comma-separated numbers; fractions such as 1/3 are read as well."""
     if text is None:
@@ -130,7 +137,11 @@ def _pairs(items: list[str], option: str) -> dict[str, str]:
 def _problem(name: str, values: dict[str, str]):
     from benchmarks.problems import problem
 
-    return problem(name, **{k: _numbers(v, "set")[0] for k, v in values.items()})
+    numbers = {k: _numbers(v, f"set {k}") for k, v in values.items()}
+    for k, found in numbers.items():
+        if len(found) != 1:
+            raise InvalidInput(f"--set {k} is '{values[k]}'; it must be one number")
+    return problem(name, **{k: found[0] for k, found in numbers.items()})
 
 
 def _result(problem, solution, parameters: dict[str, Any]) -> dict[str, Any]:
@@ -139,9 +150,11 @@ def _result(problem, solution, parameters: dict[str, Any]) -> dict[str, Any]:
 
     system = problem.system
 
-    def error(expression) -> dict[str, float]:
+    def error(expression) -> dict[str, float | None]:
         value = system.observe(expression, solution.q, solution.p)
         good = value[np.isfinite(value)]
+        if len(good) < 2:  # nothing but the start is known
+            return {"max": None, "end": None}
         return {"max": float(np.abs(good - good[0]).max()), "end": float(good[-1] - good[0])}
 
     kept = ("steps", "gradient", "hessian", "iterations", "fallbacks")
@@ -194,7 +207,7 @@ def integrate(
                 )
             )
         else:
-            err.print(f"[bold red]invalid:[/] {error}", highlight=False)
+            _complain(error)
         raise typer.Exit(2) from None
     if as_json:
         print(json.dumps(result))
@@ -238,19 +251,21 @@ def _integrated(made, id, parameters, h, t_end, steps, tol, q, p, timeout) -> di
 
 def _print(result: dict[str, Any]) -> None:
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(show_header=False, box=None)
     good = result["status"] == "ok"
     table.add_row("status", f"[{'green' if good else 'bold red'}]{result['status']}[/]")
     if result["reason"]:
-        table.add_row("reason", result["reason"])
+        table.add_row("reason", Text(result["reason"]))
     names = ", ".join(f"{k}={v}" for k, v in result["params"].items())
     table.add_row("run", f"{result['method']}{f'({names})' if names else ''} on {result['problem']}")
     table.add_row("time", f"t = {result['t']!r}, {result['steps']} steps of h = {result['h']!r}")
     table.add_row("q", ", ".join(map(repr, result["q"])))
     table.add_row("p", ", ".join(map(repr, result["p"])))
     for name, e in {"energy": result["energy_error"], **result["invariants"]}.items():
-        table.add_row(f"{name} error", f"at most {e['max']:.3e}, at the end {e['end']:+.3e}")
+        known = e["max"] is not None
+        table.add_row(f"{name} error", f"at most {e['max']:.3e}, at the end {e['end']:+.3e}" if known else "unknown")
     table.add_row("counts", ", ".join(f"{k} {v}" for k, v in result["counts"].items()))
     table.add_row("seconds", f"{result['seconds']:.6f} (warm integration alone)")
     out.print(table, highlight=False)
@@ -294,7 +309,7 @@ def run(
 
             rows = sweep.run(todo, store, told)
     except InvalidInput as error:
-        err.print(f"[bold red]invalid:[/] {error}", highlight=False)
+        _complain(error)
         raise typer.Exit(2) from None
     bad: dict[str, int] = {}
     for r in rows:
@@ -317,13 +332,16 @@ def report(
         if rows is not None:
             if not rows.exists():
                 raise InvalidInput(f"there is no file {rows}; `phasebench run --output {rows}` makes one")
-            found = Results(folder)
-            found.add("rows", [{k: v for k, v in r.items() if k != "key"} for r in Store(rows).rows()])
+            measured = [{k: v for k, v in r.items() if k != "key"} for r in Store(rows).rows()]
+            if not measured:
+                raise InvalidInput(f"{rows} has no rows; `phasebench run --output {rows}` measures some")
+            found = Results(folder, quick=any(r.get("tier") == "quick" for r in measured))
+            found.add("rows", measured)
             found.write()
         if not (folder / "data").is_dir():
             raise InvalidInput(f"there are no data in {folder}; `pytest benchmarks` or `phasebench run` measures them")
     except InvalidInput as error:
-        err.print(f"[bold red]invalid:[/] {error}", highlight=False)
+        _complain(error)
         raise typer.Exit(2) from None
     entry = reports.build(folder, progress=lambda line: err.print(line, highlight=False), figures=figures)
     out.print(f"read {entry}")

@@ -26,7 +26,8 @@ def _regressed(scene) -> tuple[str, ...]:
 def _table(rows, scene) -> pd.DataFrame:
     frame = pd.DataFrame(rows)
     status = ["status"] if scene.regular else []
-    columns = [*KEYS, *status, *(c for c in _regressed(scene) if c in frame.columns)]
+    uncertain = ["reference_uncertainty"] if scene.regular else []
+    columns = [*KEYS, *status, *(c for c in (*_regressed(scene), *uncertain) if c in frame.columns)]
     return frame[columns].sort_values(KEYS).reset_index(drop=True)
 
 

@@ -11,6 +11,14 @@ from typing import Any
 from integrators.errors import InvalidInput
 
 
+def _is_row(line: str) -> bool:
+    """Whether a line is a whole row."""
+    try:
+        return "key" in json.loads(line)
+    except (ValueError, TypeError):
+        return False
+
+
 class Store:
     """Measured rows in a file, found again by their ``key``.
 
@@ -26,17 +34,17 @@ class Store:
 
     def _read(self) -> Iterator[dict[str, Any]]:
         text = self.path.read_text()
-        lines = text.split("\n")
-        for number, line in enumerate(lines, 1):
+        if not text.endswith("\n"):  # the run was killed while it wrote its last line
+            whole, last = text[: text.rfind("\n") + 1], text[text.rfind("\n") + 1 :]
+            text = f"{text}\n" if _is_row(last) else whole
+            self.path.write_text(text)
+        for number, line in enumerate(text.split("\n"), 1):
             if not line:
                 continue
             try:
                 row = json.loads(line)
                 row["key"]
             except (ValueError, KeyError, TypeError) as error:
-                if number == len(lines):  # no newline after it: the run was killed while it wrote
-                    self.path.write_text(text[: len(text) - len(line)])
-                    return
                 raise InvalidInput(
                     f"{self.path}, line {number}, is no row ({error}); remove the line, or the file to measure anew"
                 ) from None

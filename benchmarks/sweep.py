@@ -31,6 +31,8 @@ TABULATED = ("scheme-i", "scheme-ii", "scheme-iii")
 REPEATS = 3
 #: The first part of a long run, in which also a chaotic trajectory can be measured again to all digits but a few.
 EARLY = 0.05
+#: Fewer steps than this say nothing of an early error.
+LEAST = 10
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,7 @@ class Task:
     method: str
     parameters: tuple[tuple[str, str], ...]
     h: float
+    quick: bool = False
 
     @property
     def key(self) -> str:
@@ -71,7 +74,7 @@ def tasks(
     for scene in scenes:
         for id, parameters in variants():
             if only is None or only(method(id)):
-                found += [Task(scene.id, id, parameters, h) for h in scene.ladder(quick)]
+                found += [Task(scene.id, id, parameters, h, quick) for h in scene.ladder(quick)]
     return found
 
 
@@ -109,6 +112,7 @@ def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
         "h": task.h,
         "t_end": scene.t_end,
         "declared_order": chosen.order,
+        "tier": "quick" if task.quick else "full",
         "versions": ", ".join(f"{k} {versions()[k]}" for k in ("phasebench", "numpy", "numba")),
     }
     lack = chosen.lacks(problem.system)
@@ -138,8 +142,9 @@ def _invariants(problem, solution: Solution, t_end: float) -> dict[str, float]:
     good = np.isfinite(H)
     error = metrics.energy_error(H[good])
     out["energy_max"], out["energy_end"] = error.max, error.end
-    if (good & (solution.t <= EARLY * t_end)).any():
-        out["energy_max_early"] = metrics.energy_error(H[good & (solution.t <= EARLY * t_end)]).max
+    early = good & (solution.t <= EARLY * t_end)
+    if early.sum() > LEAST:
+        out["energy_max_early"] = metrics.energy_error(H[early]).max
     if good.sum() >= 4 * metrics.BLOCKS and solution.status == OK:
         slope = metrics.drift(solution.t, H - H[0])
         out |= {"energy_drift": slope.value, "energy_drift_low": slope.low, "energy_drift_high": slope.high}

@@ -24,6 +24,10 @@ STATUSES = (OK, DIVERGED, NOT_CONVERGED, NO_ROOT, COLLISION, INVALID, TIMEOUT, S
 
 #: A state that has grown by this factor has escaped, whatever stopped it in the end.
 ESCAPED = 1e6
+#: Schemes IV and V with a larger share of steps without a root have the status "no-root".
+TOLERATED = 0.1
+#: The most numbers of a trajectory, of q and as many of p (2 GB in all).
+LARGEST = 125_000_000
 #: Steps of one call of a kernel: between calls progress is told and the clock is looked at.
 PIECE = 200_000
 
@@ -157,7 +161,12 @@ def integrate(
         h, steps = grid(h, t_end, steps)
     if save_every < 0 or int(save_every) != save_every:
         raise InvalidInput(f"save_every is {save_every}; it must be a positive integer, or 0 for the end alone")
+    if timeout is not None and not timeout > 0:
+        raise InvalidInput(f"timeout is {timeout}; it must be a positive number of seconds")
     system, q, p = initial(problem, q0, p0, arithmetic)
+    kept = 1 + (steps // save_every if save_every else 1)
+    if kept * system.d > LARGEST:
+        raise InvalidInput(f"{kept:.3g} rows of d = {system.d} do not fit in memory; keep fewer with save_every")
     lack = chosen.lacks(system)
     if lack:
         raise InvalidInput(lack)
@@ -270,6 +279,13 @@ def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, p
             if len(bad):
                 at = at - filled + bad[0]
                 status, reason = DIVERGED, "the state is no longer finite"
+            elif system.H is not None:
+                lost = np.flatnonzero(
+                    ~np.isfinite(system.observe(system.H, Q[1:][part][:filled], P[1:][part][:filled]))
+                )
+                if len(lost):
+                    at = at - filled + lost[0]
+                    status, reason = DIVERGED, "the energy is no longer finite: the state is outside H's domain"
         if status == OK and code:
             status = DIVERGED if code == solve.NOT_FINITE else NOT_CONVERGED
             reason = (
@@ -301,6 +317,11 @@ def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, p
         near = _passed(system, Q, P, h)
         if near is not None:
             status, reason = COLLISION, near
+    missed = int(counts[3])
+    if chosen.family == "equip" and missed and status == OK:
+        reason = f"{missed} of {done} steps have no parameter near 1/2 that keeps the energy and were taken with 1/2"
+        if missed > TOLERATED * done:
+            status, reason = NO_ROOT, reason + ": the energy is not kept; take a smaller h"
     evaluations = int(counts[1])
     tally = {
         "steps": done,

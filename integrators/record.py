@@ -84,6 +84,7 @@ def _number(name: str, value, default):
                 raise ValueError
             return int(value)
         if isinstance(value, str):
+            float(Fraction(value))  # raises where it is too large for a double
             return Fraction(value)
         if isinstance(value, (int, Fraction)):
             return Fraction(value)

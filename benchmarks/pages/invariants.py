@@ -21,6 +21,11 @@ def _write(data, figures):
     if rows is None:
         return None
     part = rows[rows["purpose"] == sweep.DRIFT].copy()
+    if part.empty or not (part["status"] == "ok").any():
+        return ["No drift scene was measured to its end."], ""
+    for column in ("energy_drift", "energy_drift_low", "energy_drift_high", "global_error"):
+        if column not in part:
+            part[column] = float("nan")
     part["declared"] = part["id"].map(lambda i: BY_ID[i].energy)
     ran = part[part["status"] == "ok"].copy()
     sure = (ran["energy_drift_low"] > 0) | (ran["energy_drift_high"] < 0)

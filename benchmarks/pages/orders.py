@@ -24,6 +24,8 @@ def _write(data, figures):
         return None
     records = rows.astype(object).where(rows.notna(), None).to_dict("records")
     found = pd.DataFrame(sweep.orders(records))
+    if found.empty:
+        return ["No order scene was measured."], _errors(rows)
     found["text"] = found.apply(_text, axis=1)
     seen = found[found["points"] >= 3]
     good = (seen["order"] - seen["declared"]).abs() < GATE
@@ -85,6 +87,8 @@ def _matrix(found: pd.DataFrame) -> str:
 def _errors(rows: pd.DataFrame) -> str:
     part = rows[(rows["purpose"] == sweep.ORDER)]
     out = ["## Errors on the order scenes\n"]
+    if "global_error" not in part:
+        return ""
     for scene, members in part.groupby("scene", sort=False):
         ran = members[members["status"] != "skipped"]
         left = members[members["status"] == "skipped"]

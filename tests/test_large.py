@@ -1,0 +1,164 @@
+r"""States that are arrays (d above `codegen.TUPLE_LIMIT`): the same sources reach the same end states.
+
+The system is the chain of Fermi, Pasta, Ulam (Los Alamos LA-1940, 1955) with fixed ends,
+:math:`H = \tfrac12|p|^2 + \sum_{i=0}^{d} \bigl(\tfrac12 r_i^2 + \tfrac\alpha3 r_i^3 + \tfrac\beta4 r_i^4\bigr)`,
+:math:`r_i = q_{i+1} - q_i`, stepped again here by NumPy loops written for it alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from benchmarks.problems import problem
+from integrators import Hamiltonian, codegen, compile, integrate
+
+ALPHA, BETA = sp.Rational(1, 4), sp.Rational(1, 2)
+D = codegen.TUPLE_LIMIT + 1
+H, STEPS = 0.1, 60
+ROUND_OFF = 1e-12
+
+
+@pytest.fixture(scope="module")
+def chain() -> Hamiltonian:
+    q, p = sp.symbols(f"q:{D}", real=True), sp.symbols(f"p:{D}", real=True)
+    r = [b - a for a, b in zip((0, *q), (*q, 0), strict=True)]
+    V = sum(x**2 / 2 + ALPHA * x**3 / 3 + BETA * x**4 / 4 for x in r)
+    return Hamiltonian(q=q, p=p, H=sum(x**2 for x in p) / 2 + V)
+
+
+Q0 = np.sin(np.pi * np.arange(1, D + 1) / (D + 1)) + 0.3 * np.cos(1.7 * np.arange(D))
+P0 = 0.5 * np.sin(2.3 * np.arange(D) + 0.4)
+
+
+def force(q):
+    r = np.diff(np.concatenate([[0.0], q, [0.0]]))
+    tension = r + float(ALPHA) * r**2 + float(BETA) * r**3
+    return tension[1:] - tension[:-1]
+
+
+def energy(q, p):
+    r = np.diff(np.concatenate([[0.0], q, [0.0]]))
+    return p @ p / 2 + (r**2 / 2 + float(ALPHA) * r**3 / 3 + float(BETA) * r**4 / 4).sum()
+
+
+def field(y):
+    return np.concatenate([y[D:], force(y[:D])])
+
+
+def verlet(y):
+    q, p = y[:D], y[D:]
+    p = p + H / 2 * force(q)
+    q = q + H * p
+    return np.concatenate([q, p + H / 2 * force(q)])
+
+
+def rk4(y):
+    a = field(y)
+    b = field(y + H / 2 * a)
+    c = field(y + H / 2 * b)
+    return y + H / 6 * (a + 2 * b + 2 * c + field(y + H * c))
+
+
+def fixed_point(mean):
+    def step(y):
+        new = y
+        for _ in range(200):
+            last, new = new, y + H * mean(y, new)
+            if np.abs(new - last).max() < 1e-16:
+                break
+        return new
+
+    return step
+
+
+def averaged(y, new):
+    """The mean of the field between y and new: Simpson's rule, exact for its cubic components."""
+    return (field(y) + 4 * field((y + new) / 2) + field(new)) / 6
+
+
+LOOPS = {
+    "stormer-verlet": verlet,
+    "rk4": rk4,
+    "implicit-midpoint": fixed_point(lambda y, new: field((y + new) / 2)),
+    "avf": fixed_point(averaged),
+}
+
+
+def end(solution):
+    assert solution.status == "ok", solution.reason
+    return np.concatenate([solution.q[-1], solution.p[-1]])
+
+
+@pytest.mark.parametrize("id", LOOPS)
+def test_a_chain_of_arrays_is_the_chain_of_a_plain_loop(chain, id):
+    y = np.concatenate([Q0, P0])
+    for _ in range(STEPS):
+        y = LOOPS[id](y)
+    found = end(integrate(chain, id, h=H, steps=STEPS, q0=Q0, p0=P0))
+    assert np.abs(found - y).max() < ROUND_OFF
+
+
+def test_control_the_loops_differ_from_each_other():
+    ends = []
+    for step in LOOPS.values():
+        y = np.concatenate([Q0, P0])
+        for _ in range(STEPS):
+            y = step(y)
+        ends.append(y)
+    for i, a in enumerate(ends):
+        assert all(np.abs(a - b).max() > 1e6 * ROUND_OFF for b in ends[:i])
+
+
+def test_avf_keeps_the_energy_of_the_chain(chain):
+    done = {id: integrate(chain, id, h=H, steps=400, q0=Q0, p0=P0) for id in ("avf", "implicit-midpoint")}
+    error = {
+        id: max(abs(energy(q, p) - energy(Q0, P0)) for q, p in zip(s.q, s.p, strict=True)) for id, s in done.items()
+    }
+    assert error["avf"] < 1e-13 * 400**0.5 * energy(Q0, P0)
+    assert error["implicit-midpoint"] > 1e-6
+
+
+def test_the_energy_is_that_of_the_formula(chain):
+    assert chain.observe(chain.H, Q0[None], P0[None])[0] == pytest.approx(energy(Q0, P0), rel=1e-14)
+
+
+def test_the_chain_runs_on_arrays_and_the_largest_tuple_below_it(chain):
+    assert codegen.value_kind(D) == "array"
+    assert codegen.value_kind(D - 1) == "tuple"
+    from integrators.registry import method
+
+    prepared = compile.prepare(method("rk4"), chain)
+    assert "_large" in prepared.run.__module__
+    assert "_nrt" not in codegen.options(D)
+
+
+SMALL = [
+    "explicit-euler",
+    "rk4",
+    "stormer-verlet",
+    "symplectic-euler-q",
+    "implicit-midpoint",
+    "scheme-i",
+    "scheme-ii",
+    "avf",
+]
+
+
+@pytest.mark.parametrize("id", SMALL)
+def test_arrays_and_tuples_agree(id, monkeypatch):
+    """Henon-Heiles as arrays: a system made anew, for functions are kept on the system."""
+    made = problem("henon-heiles")
+    tuples = end(integrate(made, id, h=0.05, steps=200))
+    with monkeypatch.context() as patch:
+        patch.setattr(codegen, "TUPLE_LIMIT", 1)
+        S = made.system
+        arrays = end(integrate(Hamiltonian(q=S.q, p=S.p, H=S.H), id, h=0.05, steps=200, q0=made.q0, p0=made.p0))
+    assert np.abs(arrays - tuples).max() < ROUND_OFF
+
+
+def test_a_blow_up_of_arrays_is_a_divergence(chain):
+    found = integrate(chain, "explicit-euler", h=2.0, steps=200, q0=Q0, p0=P0)
+    assert found.status == "diverged"
+    assert np.isfinite(found.q).all()
