@@ -1,4 +1,4 @@
-"""The order of every method without round-off, on nonlinear and non-separable systems."""
+"""Order, symplecticity and symmetry of every method without round-off, on nonlinear and non-separable systems."""
 
 from __future__ import annotations
 
@@ -36,3 +36,34 @@ def bench_orders_without_round_off(results, quick):
                 off.append(f"{label} on {name}: {found.value:.3f}, declared {methods[label].order}")
     results.add("multiprecision", rows)
     assert not off, "\n".join(off)
+
+
+#: The error of a difference Jacobian in 40 digits is below the first; what a property lacks shows above the second.
+ROUND_OFF, VISIBLE = 1e-20, 1e-15
+
+
+def bench_structure_without_round_off(results, quick):
+    """Defects of symplecticity ||M^T J M - J|| and of symmetry agree with what every record declares."""
+    if quick:
+        pytest.skip("the full run measures the defects in 40-digit arithmetic; so does tests/test_symplectic.py")
+    methods = by_label(variants() + high_order_variants())
+    found = {name: multiprecision.elsewhere(name) for name in ("symplecticity", "symmetry")}
+    rows, wrong = [], []
+    for label, m in methods.items():
+        for name, declared in (("symplecticity", m.symplectic), ("symmetry", m.symmetric)):
+            defects = found[name].get(label, {})
+            assert all(isinstance(d, float) for d in defects.values()), f"{label}: {defects}"
+            worst = max(defects.values())
+            rows.append(
+                {
+                    "method": label,
+                    "property": name,
+                    "declared": declared,
+                    "defect": worst,
+                    "systems": ", ".join(defects),
+                }
+            )
+            if (worst <= ROUND_OFF) != declared or ROUND_OFF < worst < VISIBLE:
+                wrong.append(f"{label}: {name} declared {declared}, defect {worst:.1e}")
+    results.add("structure", rows)
+    assert not wrong, "\n".join(wrong)

@@ -166,7 +166,8 @@ def integrate(
     system, q, p = initial(problem, q0, p0, arithmetic)
     kept = 1 + (steps // save_every if save_every else 1)
     if kept * system.d > LARGEST:
-        raise InvalidInput(f"{kept:.3g} rows of d = {system.d} do not fit in memory; keep fewer with save_every")
+        room = f"{kept:.3g} rows of d = {system.d} do not fit in memory"
+        raise InvalidInput(f"{room}; take fewer steps, or keep fewer with save_every in Python")
     lack = chosen.lacks(system)
     if lack:
         raise InvalidInput(lack)

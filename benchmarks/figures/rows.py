@@ -6,8 +6,8 @@ from pathlib import Path
 
 from . import style
 
-#: At most so many curves in one panel, so that each differs in colour, line and marker.
-LIMIT = len(style.CURVES)
+#: The curves of one panel, each of its own colour, line and marker.
+LOOKS = (*style.CURVES, (style.GREY, (0, (3, 1)), "*"))
 FLOOR = 1e-16
 
 
@@ -24,16 +24,16 @@ def work_precision(rows, problem: str, directory: Path) -> str:
         names = list(dict.fromkeys(ours["method"]))
         half = -(-len(names) // 2)
         parts = [
-            ("phasebench: " + ("low order" if len(names) > LIMIT else "methods"), ours, names[:half]),
-            ("phasebench: others", ours, names[half:]),
+            ("phasebench", ours, names[:half]),
+            ("phasebench, continued", ours, names[half:]),
             ("established", rows[rows["kind"] != "phasebench"], None),
         ]
         for ax, (title, part, chosen) in zip(axes[0], parts, strict=True):
             for i, name in enumerate(chosen if chosen is not None else list(dict.fromkeys(part["method"]))):
                 curve = part[part["method"] == name].sort_values("seconds")
-                look = style.curve(i % LIMIT)
+                look = dict(zip(("color", "linestyle", "marker"), LOOKS[i % len(LOOKS)], strict=True))
                 ax.loglog(curve["seconds"], curve["error"].clip(lower=FLOOR), label=name, **look)
-            ax.set_title(title.replace(": low order", "").replace(": others", ", continued"))
+            ax.set_title(title)
             ax.set_xlabel("warm integration (s)")
             ax.grid(color="0.9", linewidth=0.5)
             ax.legend(fontsize=6.5, loc="upper center", bbox_to_anchor=(0.5, -0.2), handlelength=2.6)

@@ -10,7 +10,8 @@ from .page import Page
 from .peers import PAGE as PEERS
 from .printed import PAGE as PRINTED
 from .speed import PAGE as SPEED
+from .structure import PAGE as STRUCTURE
 
-PAGES: tuple[Page, ...] = (PRINTED, ORDERS, INVARIANTS, EQUIP, PEERS, SPEED, METHODS)
+PAGES: tuple[Page, ...] = (PRINTED, ORDERS, STRUCTURE, INVARIANTS, EQUIP, PEERS, SPEED, METHODS)
 
 __all__ = ["PAGES", "Page"]
