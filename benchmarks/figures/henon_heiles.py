@@ -15,7 +15,9 @@ from .style import number
 
 SECTION = "henon-heiles"
 ORBITS = ("box", "chaotic")
-STEP = 0.05
+STEP = 0.02
+#: |H - H0| of an orbit that has left the well (the chaotic one starts at the escape energy): not drawn.
+ESCAPED = 1.0
 ENERGY_METHODS = (("AVF", "avf"), ("Scheme IV", "scheme-iv"), ("Scheme V", "scheme-v"))
 SCHEME_I = tuple((f"$\\lambda$ = {lam}", "scheme-i", {"lam": lam}) for lam in LAMBDAS)
 PRESERVING = tuple((title, id, {}) for title, id in ENERGY_METHODS)
@@ -51,7 +53,8 @@ def _orbits(methods, quick: bool, height: float):
         start, solutions = _runs(orbit, methods, t_end)
         reach = 0.26 if orbit == "box" else 1.05
         for axes, (title, _, _), s in zip(row, methods, solutions, strict=True):
-            axes.plot(*s.q.T, color=style.BLUE, linewidth=0.25)
+            inside = np.abs(s.q).max(axis=1) < 10 * reach  # an orbit that escapes ends at the frame
+            axes.plot(*s.q[inside].T, color=style.BLUE, linewidth=0.25)
             _boundary(axes, start, 1.2 * reach)
             axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", title=f"{orbit}, {title}")
             axes.set_xlabel("$q_1$")
@@ -116,6 +119,7 @@ def _energies(methods, quick: bool):
         start, solutions = _runs(orbit, methods, t_end)
         for k, ((title, _, _), s) in enumerate(zip(methods, solutions, strict=True)):
             t, e = measure.binned_maxima(s.t, measure.energy_error(start, s))
+            e = np.where(e < ESCAPED, e, np.nan)
             axes.semilogy(t, measure.shown(e), label=title, **style.curve(k, len(t)))
             errors.append(e)
         style.decades(axes)
