@@ -32,6 +32,8 @@ from .vector import close, inlined, jit, load, opened, store
 
 #: How far from 1/2 the parameter is looked for.
 RADIUS = 2.0
+#: For a root farther than this the other side is looked at first.
+CHECKED = 0.1
 #: A root farther than this is looked for by continuation: Muller's method might leave the branch that starts at 1/2.
 NEAR = 1.0
 #: The continuation's points x on either side: FAR / RATIO**k, k = POINTS - 1, ..., 0, up to the radius.
@@ -202,6 +204,16 @@ def find(radius, model, g, predicted, arguments):
         x = 0.05
     elif abs(predicted - x) <= 0.25 * abs(x):
         x = predicted  # the model picks the branch, the last roots say more exactly where it is now
+    if abs(x) > CHECKED:
+        # Is there a nearer root on the other side?  With E(x) = 0, E(-x) also says what the model is now.
+        beyond, _, status = attempt(-x, 0, arguments)[4:]
+        if status == SOLVED:
+            c2 = 0.5 * (beyond - 2 * E0) / (x * x)
+            c1 = -(E0 + c2 * x * x) / x
+            model[g, 0], model[g, 1] = c1, c2
+            if (beyond > 0) != (E0 > 0):
+                nearer = smaller_root(E0, c1, c2)
+                x = nearer if abs(nearer) < abs(x) and nearer * x < 0 else -0.5 * x
     x, found, result = chase(x, E0, radius, model, g, arguments)
     if found and abs(E0) < 1.2 * abs(model[g, 1]) * x * x:
         # The product of the model's two roots is E0 / c2: the other one may be nearer.
