@@ -1,8 +1,8 @@
 """The talk's printed error tables, entry by entry, beside what is measured.
 
-The tables "Convergence rates with chaotic orbits at t = 1" print the successive refinement difference
-||y_h - y_2h|| in the maximum norm over (p, q), the first row pairing h = 0.02 with h = 0.01 (SEED convention, checked
-by the agreement itself), not the error against the exact solution; both are tabulated here.
+The tables "Convergence rates with chaotic orbits at t = 1" print the successive refinement difference ||y_h - y_2h|| in
+the maximum norm over (p, q), the first row pairing h = 0.02 with h = 0.01 (a convention that the agreement itself
+confirms), not the error against the exact solution; both are tabulated here.
 
 Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical Hamiltonian systems" (talk).
 """
