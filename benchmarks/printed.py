@@ -17,6 +17,7 @@ import numpy as np
 from integrators.driver import integrate
 from integrators.registry import method
 
+from . import metrics
 from .problems import problem
 from .sweep import reference
 
@@ -52,19 +53,22 @@ def unit(printed: str) -> float:
     return 10.0 ** (floor(log10(float(printed))) - 2)
 
 
+def ends(made, chosen) -> list[np.ndarray]:
+    """The states (q, p) at t = 1 for each of the talk's steps."""
+    found = [integrate(made, chosen, h=h, t_end=1.0, save_every=0) for h in STEPS]
+    return [np.concatenate([s.q[-1], s.p[-1]]) for s in found]
+
+
 def measured(scheme: str, lam: str | None) -> Iterator[dict]:
     """The rows of one column: h, printed, refinement difference, its order, global error, units of disagreement."""
     made = problem("henon-heiles:chaotic")
     chosen = method(scheme, **({} if lam is None else {"lam": lam}))
     truth = reference(SCENE)
     exact = np.concatenate([truth.q[-1], truth.p[-1]])
-    ends = []
-    for h in STEPS:
-        found = integrate(made, chosen, h=h, t_end=1.0, save_every=0)
-        ends.append(np.concatenate([found.q[-1], found.p[-1]]))
+    states = ends(made, chosen)
     last = None
     for k, text in enumerate(PRINTED[scheme, lam], 1):
-        difference = float(np.abs(ends[k] - ends[k - 1]).max())
+        difference = float(metrics.refinement_difference(states[k - 1], states[k]))
         yield {
             "scheme": scheme,
             "lambda": lam or "",
@@ -73,7 +77,7 @@ def measured(scheme: str, lam: str | None) -> Iterator[dict]:
             "refinement_difference": difference,
             "order": float(np.log2(last / difference)) if last else float("nan"),
             "units": abs(difference - float(text)) / unit(text),
-            "global_error": float(np.abs(ends[k] - exact).max()),
+            "global_error": float(np.abs(states[k] - exact).max()),
             "uncertainty": float(truth.uncertainty[-1]),
         }
         last = difference

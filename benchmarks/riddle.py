@@ -22,7 +22,8 @@ import sympy as sp
 from integrators.driver import integrate
 from integrators.registry import method
 
-from .printed import PRINTED, RIDDLE, STEPS, unit
+from .metrics import refinement_difference
+from .printed import AGREEMENT, PRINTED, RIDDLE, STEPS, ends, unit
 from .problems import problem
 from .problems.base import Problem
 
@@ -149,17 +150,13 @@ def columns() -> list[dict]:
     ]
     recipes += [("implicit midpoint", method("implicit-midpoint"))]
     for name, chosen in recipes:
-        ends = []
-        for h in STEPS:
-            done = integrate(found, chosen, h=h, t_end=1.0, save_every=0)
-            ends.append(np.concatenate([done.q[-1], done.p[-1]]))
-        differences = [float(np.abs(a - b).max()) for a, b in pairwise(ends)]
+        differences = [float(refinement_difference(a, b)) for a, b in pairwise(ends(found, chosen))]
         rows.append({"recipe": name, **{f"{h:g}": x for h, x in zip(STEPS[1:], differences, strict=True)}})
     printed = [float(t) for t in PRINTED[RIDDLE]]
     for row in rows:
         values = [row[f"{h:g}"] for h in STEPS[1:]]
         row["entries that agree"] = sum(
-            abs(v - t) <= 0.6 * unit(text) for v, t, text in zip(values, printed, PRINTED[RIDDLE], strict=True)
+            abs(v - t) <= AGREEMENT * unit(text) for v, t, text in zip(values, printed, PRINTED[RIDDLE], strict=True)
         )
     return rows
 

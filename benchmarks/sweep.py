@@ -162,7 +162,7 @@ def _errors(scene: Scene, task: Task, solution: Solution) -> dict[str, float]:
     if scene.purpose == ORDER and task.h < scene.steps[0]:
         twice = _twice(task.scene, task.method, task.parameters, task.h)
         if twice is not None:
-            out["refinement_difference"] = float(np.abs(_end(solution) - twice).max())
+            out["refinement_difference"] = float(metrics.refinement_difference(twice, _end(solution)))
     return out
 
 

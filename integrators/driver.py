@@ -272,8 +272,11 @@ def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, p
             started = time.perf_counter()
             filled, code = layout(h, span, *outs)
             spent += time.perf_counter() - started
-            if code or (timeout is not None and time.monotonic() - begin > timeout):
+            late = timeout is not None and time.monotonic() - begin > timeout
+            if code or late:
                 break
+        if late and k < whole - 1:
+            filled = 0  # the row is of a time between two that are kept
         at += filled
         if not multi:
             bad = np.flatnonzero(~np.isfinite(Q[1:][part][:filled]).all(1) | ~np.isfinite(P[1:][part][:filled]).all(1))
@@ -297,7 +300,7 @@ def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, p
             size, begun = np.abs([Q[at], P[at]]).max(), np.abs([Q[0], P[0]]).max()
             if status == NOT_CONVERGED and size > ESCAPED * (1 + begun):
                 status, reason = DIVERGED, f"the state has grown to {size:.3g}"
-        elif status == OK and timeout is not None and time.monotonic() - begin > timeout and at < len(sizes):
+        elif status == OK and late and at < len(sizes):
             status, reason = TIMEOUT, f"{timeout} s had passed"
         if progress is not None:
             progress(min(steps, at * every))

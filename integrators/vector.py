@@ -125,12 +125,6 @@ def distance(x, y):
     return np.sum(np.abs(x - y))
 
 
-@written(lambda d: "  return " + " + ".join(f"x[{i}] * y[{i}]" for i in range(d)))
-def dot(x, y):
-    """The inner product of x and y."""
-    return np.sum(x * y)
-
-
 @written(lambda d: _tuple(d, "x[{i}] + (a if i == {i} else 0.0)"))
 def bump(x, i, a):
     """x with a added to its component i."""

@@ -380,3 +380,11 @@ def test_a_random_formula_is_read_as_it_was_written(pair):
 def test_random_text_is_read_or_refused_and_nothing_else(text):
     with suppress(InvalidInput):
         assert isinstance(parse(text, VARIABLES), sp.Basic)
+
+
+def test_a_timeout_between_two_kept_rows_keeps_neither_the_row_nor_the_status():
+    """Only the ends are kept and time runs out long before the end: the state then is of no time that was asked for."""
+    s = integrate(problem("pendulum"), "stormer-verlet", h=1e-6, steps=10**9, save_every=0, timeout=0.05)
+    assert s.status == "timeout"
+    assert len(s.t) == 1
+    assert s.counts["steps"] == 0
