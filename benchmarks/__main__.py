@@ -43,42 +43,17 @@ def _show(title: str, heads: list[str], rows: list[list[str]]) -> None:
         table.add_column(head, no_wrap=i == 0, overflow="fold")
     for row in rows:
         table.add_row(*row)
-    (out if out.is_terminal else Console(width=160)).print(table)
+    (out if out.is_terminal else Console(width=280)).print(table)
 
 
 @app.command("list")
 def list_(kind: Annotated[Kind, typer.Argument(help="What to list.")] = Kind.methods) -> None:
     """List methods, problems, scenes or peers."""
     if kind is Kind.methods:
-        from integrators.registry import METHODS
+        from benchmarks import describe
 
-        heads = [
-            "method",
-            "name",
-            "order",
-            "symmetric",
-            "symplectic",
-            "energy",
-            "q.D p",
-            "requires",
-            "parameters",
-            "source",
-        ]
-        rows = [
-            [
-                m.id,
-                m.name,
-                str(m.order),
-                "yes" if m.symmetric else "no",
-                "yes" if m.symplectic else "no",
-                m.energy,
-                m.quadratic,
-                ", ".join(m.requires) or "-",
-                ", ".join(f"{k}={v}" for k, v in m.parameters.items()) or "-",
-                m.source,
-            ]
-            for m in METHODS
-        ]
+        table = describe.methods()
+        heads, rows = list(table[0]), [list(r.values()) for r in table]
     elif kind is Kind.problems:
         from benchmarks.problems import PROBLEMS
 
@@ -345,6 +320,29 @@ def report(
         raise typer.Exit(2) from None
     entry = reports.build(folder, progress=lambda line: err.print(line, highlight=False), figures=figures)
     out.print(f"read {entry}")
+
+
+@app.command()
+def cite(
+    methods: Annotated[list[str] | None, typer.Argument(help="Methods; at first those that the report used.")] = None,
+    folder: Annotated[Path, typer.Option(help="The report's folder.")] = Path("reports"),
+) -> None:
+    """Print BibTeX for the works behind methods, or behind all that a report used."""
+    from benchmarks import bibliography
+    from integrators.registry import method as method_of
+
+    try:
+        if methods:
+            ids = [method_of(m).id for m in methods]
+        else:
+            ids = bibliography.used(folder)
+    except FileNotFoundError:
+        _complain(InvalidInput(f"there are no data in {folder}; name methods, or run `pytest benchmarks` first"))
+        raise typer.Exit(2) from None
+    except InvalidInput as error:
+        _complain(error)
+        raise typer.Exit(2) from None
+    print(bibliography.cited(ids))
 
 
 def main() -> None:

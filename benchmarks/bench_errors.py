@@ -34,7 +34,7 @@ def _table(rows, scene) -> pd.DataFrame:
 def _violations(measured, stored, scene) -> pd.DataFrame:
     """Numbers out of their bands; the trajectories of methods that choose a root have a wider one."""
     parts = []
-    choosing = {m.id for m in METHODS if m.family == "equip"}
+    choosing = {m.id for m in METHODS if "equip" in m.family}
     for chooses in (False, True):
         here = [frame[frame["method"].isin(choosing) == chooses].reset_index(drop=True) for frame in (measured, stored)]
         bands = {

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import cache
 from itertools import product
+
+import sympy as sp
 
 from benchmarks.problems import problem
 from integrators.errors import InvalidInput
@@ -32,6 +35,9 @@ def variants(methods=METHODS, **values) -> list[Method]:
     values = VALUES | values
     found = []
     for record in methods:
+        if record.order > LOW_ORDER and "order" not in record.parameters:
+            found.append(record)
+            continue
         names = list(record.parameters)
         grids = [values.get(n, (record.parameters[n],)) for n in names]
         here = [m for point in product(*grids) for m in _accepted(record, dict(zip(names, point, strict=True)))]
@@ -64,18 +70,28 @@ def coupled() -> Hamiltonian:
     )
 
 
-#: Name -> (system, q, p), where the published initial state is a turning point the state that it reaches at `LATER`.
+def two_frequencies() -> Hamiltonian:
+    """Henon-Heiles with frequencies 1 and 3/2: of equal ones a filter is a number, and every filter symplectic."""
+    H = "(p1**2 + p2**2)/2 + (q1**2 + 9*q2**2/4)/2 + q1**2*q2 - q2**3/3"
+    return Hamiltonian(q="q1 q2", p="p1 p2", H=H, frequencies=[1, sp.Rational(3, 2)])
+
+
+#: Name -> a function that makes (system, q, p), once.
 SYSTEMS = {
-    "pendulum": lambda: _of("pendulum:swinging"),
-    "henon-heiles": lambda: _of("henon-heiles:chaotic"),
-    "perturbed-kepler": lambda: _of("perturbed-kepler"),
-    "tao": lambda: (tao(), (0.3,), (-0.7,)),
-    "coupled": lambda: (coupled(), (0.4, -0.6), (0.5, 0.3)),
+    "pendulum": cache(lambda: _of("pendulum:swinging")),
+    "henon-heiles": cache(lambda: _of("henon-heiles:chaotic")),
+    "perturbed-kepler": cache(lambda: _of("perturbed-kepler")),
+    "lotka-volterra": cache(lambda: _of("lotka-volterra")),
+    "tao": cache(lambda: (tao(), (0.3,), (-0.7,))),
+    "two-frequencies": cache(lambda: (two_frequencies(), (0.1, -0.2), (0.3, 0.15))),
+    "coupled": cache(lambda: (coupled(), (0.4, -0.6), (0.5, 0.3))),
 }
-#: Where the formulae of high order stay short.
+#: Where the formulae of high order stay short, and enough for long compositions that look for a root in each substep.
 SHORT = ("henon-heiles", "tao")
-#: Enough for a property of a single step.
+#: Enough for a property of a single step, and for the order of a method of high order.
 FEW = ("pendulum", "henon-heiles", "tao")
+#: Methods of a higher order are tested at one value of lambda, on a few systems.
+LOW_ORDER = 4
 NON_SEPARABLE = ("tao", "coupled")
 #: Turning points superconverge by their symmetry: measure orders at this time of the orbit instead.
 LATER = 0.4
@@ -89,3 +105,28 @@ def _of(name: str):
 def runs_on(method: Method, name: str) -> bool:
     """Whether the method has what it requires on that system."""
     return method.lacks(SYSTEMS[name]()[0]) is None
+
+
+def systems(method: Method, few: bool | None = None) -> list[str]:
+    """The systems on which a method is tested: all where it runs, or ``few`` (at first: for a high order)."""
+    if method.parameters.get("order", 0) in HIGH or (method.family == "equip" and method.order > LOW_ORDER):
+        return [n for n in SHORT if runs_on(method, n)]
+    few = method.order > LOW_ORDER if few is None else few
+    fast = "linear fast part" in method.requires
+    found = [n for n in SYSTEMS if runs_on(method, n) and (fast or n != "two-frequencies")]
+    return [n for n in found if n in FEW] or found if few and not fast else found
+
+
+def expected_order(method: Method, name: str) -> int:
+    """The order that is expected on a system: the declared one, higher where the method is symmetric by accident.
+
+    For H = T(p) + V(q) the averages along a path of two blocks do not know in which order the blocks come.
+    """
+    system = SYSTEMS[name]()[0]
+    blocks = {"pavf": 2, "pavf-adjoint": 2, "itoh-abe": 2 * system.d}.get(method.id)
+    return 2 if blocks == 2 and system.separable else method.order
+
+
+def canonical(name: str) -> bool:
+    """Whether a system is canonical, so that a step map may be symplectic."""
+    return SYSTEMS[name]()[0].canonical

@@ -12,24 +12,29 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
 
 import mpmath
 import numpy as np
 
-from integrators.codegen import MULTIPRECISION
+from integrators.codegen import MULTIPRECISION, exactly
 from integrators.driver import integrate
-from integrators.hamiltonian import Hamiltonian
-from integrators.registry import method
+from integrators.registry import METHODS, method
 
-from .cases import FEW, LATER, SHORT, SYSTEMS, by_label, high_order_variants, runs_on, variants
-from .metrics import jacobian, order, symplecticity_defect
+from .cases import FEW, LATER, LOW_ORDER, SYSTEMS, by_label, canonical, high_order_variants, runs_on, systems, variants
+from .metrics import jacobian, order, pair_defect, symplecticity_defect
 
 DIGITS = 40
 SPAN = mpmath.mpf(1) / 256
 LADDER = (1, 2, 3, 4)
 STEP = mpmath.mpf(1) / 40
+#: A coefficient wrong by this share of itself has to show.
+SLIP, SHORT_STEP = mpmath.mpf(10) ** -6, SPAN / 16
+#: Methods of more coefficients come from tables, every number of which the order conditions check.
+MOST = 12
 COLUMNS = 14
 
 
@@ -65,19 +70,32 @@ def flow(system, y, T, pieces=8):
     return y, doubt
 
 
-@cache
+def digits(chosen) -> int:
+    """The digits at which a method is measured: its error along the ladder lies far above them."""
+    return max(DIGITS, 8 * chosen.order)
+
+
 def start(name):
-    """The system and a state on its orbit that is no turning point."""
+    """The system and a state on its orbit that is no turning point, in the working precision."""
+    return _start(name, mpmath.mp.dps)
+
+
+@cache
+def _start(name, digits):
     system, q, p = SYSTEMS[name]()
     y = vector(q, p)
-    if name not in ("tao", "coupled"):
+    if name not in ("tao", "coupled", "two-frequencies"):
         y = flow(system, y, mpmath.mpf(LATER))[0]
     return system, y
 
 
-@cache
 def reference(name):
-    """(system, initial state, state at SPAN, its uncertainty)."""
+    """(system, initial state, state at SPAN, its uncertainty), in the working precision."""
+    return _reference(name, mpmath.mp.dps)
+
+
+@cache
+def _reference(name, digits):
     system, y = start(name)
     return system, y, *flow(system, y, SPAN)
 
@@ -91,13 +109,8 @@ def advance(system, chosen, y, h, steps=1):
     return vector(s.q[-1], s.p[-1])
 
 
-def reversed_system(system):
-    """The system of -H: its flow over h is the flow of H over -h."""
-    return Hamiltonian(q=system.q, p=system.p, H=-system.H, singular=system.singular)
-
-
-def everywhere(measure, systems=tuple(SYSTEMS)):
-    """{label: {system: measure(method, system's name), or why it failed}}, high orders on short formulae only."""
+def everywhere(measure, few=None, only=lambda name: True):
+    """{label: {system: measure(method, system's name), or why it failed}}, at the digits that an order needs."""
 
     def attempt(chosen, name):
         try:
@@ -106,10 +119,9 @@ def everywhere(measure, systems=tuple(SYSTEMS)):
             return f"{type(error).__name__}: {error}"
 
     out = {}
-    for chosen in variants():
-        out[chosen.label] = {n: attempt(chosen, n) for n in systems if runs_on(chosen, n)}
-    for chosen in high_order_variants():
-        out[chosen.label] = {n: attempt(chosen, n) for n in SHORT if runs_on(chosen, n)}
+    for chosen in variants() + high_order_variants():
+        with mpmath.workdps(digits(chosen)):
+            out[chosen.label] = {n: attempt(chosen, n) for n in systems(chosen, few) if only(n)}
     return out
 
 
@@ -125,14 +137,16 @@ def orders():
 
 
 def symplecticity():
-    """The symplecticity defect of one step: {label: {system: defect}}."""
-    delta = mpmath.mp.eps ** mpmath.mpf("0.2")
+    """The symplecticity defect of one step: {label: {system: defect}}; of a high order, for one pair of vectors."""
 
     def measure(chosen, name):
         system, y = start(name)
+        if chosen.order > LOW_ORDER:
+            return float(pair_defect(lambda x: advance(system, chosen, x, STEP), y))
+        delta = mpmath.mp.eps ** mpmath.mpf("0.2")
         return float(symplecticity_defect(jacobian(lambda x: advance(system, chosen, x, STEP), y, delta)))
 
-    return everywhere(measure, FEW)
+    return everywhere(measure, few=True, only=canonical)
 
 
 def frozen():
@@ -160,9 +174,9 @@ def symmetry():
 
     def measure(chosen, name):
         system, y = start(name)
-        return float(max(abs(advance(reversed_system(system), chosen, advance(system, chosen, y, STEP), STEP) - y)))
+        return float(max(abs(advance(system, chosen, advance(system, chosen, y, STEP), -STEP) - y)))
 
-    return everywhere(measure)
+    return everywhere(measure, few=True)
 
 
 def adjoint():
@@ -177,9 +191,58 @@ def adjoint():
             if not runs_on(chosen, name):
                 continue
             system, y = start(name)
-            back, there = reversed_system(system), advance(system, chosen, y, STEP)
-            distances = [float(max(abs(advance(back, m, there, STEP) - y))) for m in (other, chosen)]
+            there = advance(system, chosen, y, STEP)
+            distances = [float(max(abs(advance(system, m, there, -STEP) - y))) for m in (other, chosen)]
             out[chosen.label][name] = dict(zip(("adjoint", "itself"), distances, strict=True))
+    return out
+
+
+def leaves(data, path=()):
+    """(path, number) of every coefficient in a record's data that is no integer."""
+    for i, x in enumerate(data):
+        if isinstance(x, tuple):
+            yield from leaves(x, (*path, i))
+        elif isinstance(x, (float, Fraction, mpmath.mpf)) and x != int(x):
+            yield (*path, i), x
+
+
+def changed(data, path, value):
+    """The data with another value at a path."""
+    i, *rest = path
+    return (*data[:i], changed(data[i], rest, value) if rest else value, *data[i + 1 :])
+
+
+def perturbed():
+    """What one coefficient more by `SLIP` of itself does to a step: {id: {system, error, rows}}.
+
+    ``rows`` has for every coefficient its path, the step's error, and where that is not ten times the unperturbed one
+    the defects of symplecticity and symmetry.
+    """
+    delta = mpmath.mp.eps ** mpmath.mpf("0.2")
+    out = {}
+    for chosen in METHODS:
+        if not 0 < len(list(leaves(chosen.data))) <= MOST:
+            continue
+        name = next((n for n in systems(chosen, few=True)[::-1] if canonical(n)), None)
+        if name is None:
+            continue
+        with mpmath.workdps(digits(chosen)):
+            system, y = start(name)
+            end = flow(system, y, SHORT_STEP, pieces=1)[0]
+
+            def error(m, system=system, y=y, end=end):
+                return float(max(abs(advance(system, m, y, SHORT_STEP) - end)))
+
+            right, rows = error(chosen), []
+            for path, x in leaves(chosen.data):
+                m = replace(chosen, data=changed(chosen.data, path, exactly(x, MULTIPRECISION) * (1 + SLIP)))
+                row = {"path": list(path), "error": error(m)}
+                if row["error"] < 10 * right:
+                    M = jacobian(lambda x, a=system, b=m: advance(a, b, x, STEP), y, delta)
+                    row["symplecticity"] = float(symplecticity_defect(M))
+                    row["symmetry"] = float(max(abs(advance(system, m, advance(system, m, y, STEP), -STEP) - y)))
+                rows.append(row)
+            out[chosen.id] = {"system": name, "error": right, "rows": rows}
     return out
 
 
@@ -199,7 +262,7 @@ def observed_order(row):
     return order(row["h"], row["error"], noise=10 * row["doubt"])
 
 
-MEASUREMENTS = {f.__name__: f for f in (orders, symplecticity, frozen, symmetry, adjoint)}
+MEASUREMENTS = {f.__name__: f for f in (orders, symplecticity, frozen, symmetry, adjoint, perturbed)}
 
 if __name__ == "__main__":
     mpmath.mp.dps = DIGITS

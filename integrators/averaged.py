@@ -1,30 +1,99 @@
-r"""The averaged vector field method (AVF), which keeps H for every Hamiltonian.
+r"""Averaged vector fields along a path of blocks: discrete gradients that keep H for every Hamiltonian.
+
+With y = (q, p) and the increment x of a step let each component i belong to a block :math:`b_i`.  The path from y to
+y + x moves one block after the other; component i of the gradient is averaged over the piece that moves its own block,
 
 .. math::
-    y_{1} = y_0 + h \int_0^1 J^{-1}\nabla H\bigl((1 - s) y_0 + s y_1\bigr)\,ds .
+    x = h J^{-1} \bar\nabla H,\qquad
+    \bar\nabla_i H = \int_0^1 H_{y_i}\bigl(y + w(b_i, s)\circ x\bigr)\,ds,\qquad
+    w_j(b, s) = 1, s, 0 \text{ where } b_j <, =, > b .
+
+Then :math:`\bar\nabla H\cdot x = H(y + x) - H(y)`, so that H is kept.  One block is the averaged vector field method
+(AVF), the momenta and then the coordinates make the partitioned one, 2d blocks the coordinate increments of Itoh and
+Abe: an average over a single component is a difference quotient.  The reverse path gives the adjoint method; the mean
+over both paths, and the composition of both maps over half steps, are symmetric.  Where H has no term in variables of
+two blocks, every path is AVF (the partitioned method where H is separable).
 
 The integral is a Gauss-Legendre sum: exact with ceil(m/2) nodes for a polynomial H of degree m; otherwise ``table``
 lists rules of rising size, and a step takes the first that the next one confirms to round-off.  The confirming sweep
 is itself an iterate of the finer rule, so nothing of it is lost.  A step that the largest rule leaves unconfirmed is
 counted as a fallback.
 
-Source: G. R. W. Quispel, D. I. McLaren, J. Phys. A 41 (2008) 045206; E. Celledoni et al., M2AN 43 (2009) 645-649.
+Source: G. R. W. Quispel, D. I. McLaren, J. Phys. A 41 (2008) 045206; E. Celledoni et al., M2AN 43 (2009) 645-649;
+W. Cai, H. Li, Y. Wang, J. Comput. Phys. 370 (2018) 25-42; T. Itoh, K. Abe, J. Comput. Phys. 76 (1988) 85-102.
 """
 
 from __future__ import annotations
 
+from functools import cache
+from itertools import combinations
+
 import mpmath
+import numpy as np
+import sympy as sp
 
 from .codegen import DOUBLE
 from .compile import Prepared, array
+from .quadrature import gauss_legendre
 from .solve import SOLVED, predict, remember, solver
-from .vector import add, axpy, close, distance, head, inlined, join, opened, scale, size, store, tail
+from .vector import (
+    add,
+    axpy,
+    chosen,
+    close,
+    distance,
+    elementwise,
+    head,
+    inlined,
+    join,
+    load,
+    opened,
+    plus,
+    scale,
+    size,
+    store,
+    tail,
+)
+
+
+@elementwise()
+def moved(direction, b, place, s, x, y):
+    """The point of the path where block b has gone the part s of its way; ``direction`` -1: on the reverse path."""
+    return y + np.minimum(np.maximum(direction * (b - place) + s, 0.0), 1.0) * x
+
+
+@elementwise()
+def of_block(b, place, a, f, total):
+    """total + a f in the components of block b."""
+    return total + a * (place == b) * f
 
 
 @inlined
-def averaged(x, arguments):
-    """h times the mean of f between (q, p) and (q, p) + x, by the rule in rows first, ... of the table."""
-    field, q, p, h, table, first = arguments
+def one_way(direction, x, arguments):
+    """h times the mean of f along a path: each block's part of the gradient where that block moves."""
+    field, q, p, h, table, first, plan, s = arguments
+    place = load(plan, s, x)
+    at_q, at_p = head(place), tail(place)
+    total = scale(0.0, x)
+    for b in range(int(plan[s, len(x)])):
+        for i in range(first, first + int(table[first, 0])):
+            c, a = table[i, 1], table[i, 2] * h
+            dq, dp = field(moved(direction, b, at_q, c, head(x), q), moved(direction, b, at_p, c, tail(x), p), h, 0.0)
+            # q' is a derivative by p: it belongs to the block of p
+            total = join(of_block(b, at_p, a, dq, head(total)), of_block(b, at_q, a, dp, tail(total)))
+    return total
+
+
+def _along(path, x, arguments):
+    plan, s = arguments[6:]
+    direction = plan[s, len(x) + 1]
+    if direction == 0:
+        return scale(0.5, plus(one_way(1.0, x, arguments), one_way(-1.0, x, arguments)))
+    return one_way(direction, x, arguments)
+
+
+def _straight(path, x, arguments):
+    field, q, p, h, table, first = arguments[:6]
     total = scale(0.0, x)
     for i in range(first, first + int(table[first, 0])):
         s = table[i, 1]
@@ -33,19 +102,36 @@ def averaged(x, arguments):
     return total
 
 
+#: h times the mean of f between (q, p) and (q, p) + x, by the rule in rows first, ... of the table: over the straight
+#: line where ``path`` is None, else over the path of row s of the plan; (path, x, arguments) -> x.
+mean = chosen(_straight, _along)
+
+
+@inlined
+def averaged(x, arguments):
+    """The equation's right-hand side, for arguments (path, (field, q, p, h, table, first, plan, s))."""
+    return mean(arguments[0], x, arguments[1])
+
+
 solve_averaged = solver(averaged)
 
 
-def run(field, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
-    """Fill the rows of Q and P, each after ``every`` steps (of substeps ``plan[s, 0]`` h); returns (rows, status)."""
+def run(path, field, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
+    """Fill the rows of Q and P, each after ``every`` steps; returns (rows, status).
+
+    A row of ``plan`` is a substep: the 2d blocks of the components, the number of blocks, the direction of the path
+    (0: the mean of both) and the fraction of h.  ``path`` is None where every substep has one block only.
+    """
     q, p, cq, cp = opened(state, zero)
     both = join(zero, zero)
+    n = len(both)
     slots = len(plan)
     first = counts[4]
     for row in range(len(Q)):
         for _ in range(every):
             for s in range(slots):
-                c = plan[s, 0] * h
+                c = plan[s, n + 2] * h
+                sweeps = int(plan[s, n]) * (2 if plan[s, n + 1] == 0 else 1)
                 x = predict(memory, s, slots, counts[0], both)
                 if counts[0] % 16 == 0:
                     first = 0
@@ -53,8 +139,9 @@ def run(field, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux,
                 while True:
                     nodes = int(table[first, 0])
                     span = size(q) + size(p)
-                    x, n, used, status = solve_averaged((field, q, p, c, table, first), x, span, eps, work)
-                    counts[1] += n * nodes
+                    arguments = path, (field, q, p, c, table, first, plan, s)
+                    x, sums, used, status = solve_averaged(arguments, x, span, eps, work)
+                    counts[1] += sums * sweeps * nodes
                     counts[2] += used
                     if status != SOLVED:
                         return row, status
@@ -63,11 +150,13 @@ def run(field, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux,
                     if first + nodes == len(table):
                         counts[3] += 1
                         break
-                    new = averaged(x, (field, q, p, c, table, first + nodes))
-                    counts[1] += int(table[first + nodes, 0])
+                    new = averaged(x, (path, (field, q, p, c, table, first + nodes, plan, s)))
+                    counts[1] += sweeps * int(table[first + nodes, 0])
                     delta = distance(new, x)
                     x = new
-                    if delta <= 4 * eps * size(x) or (delta > 0.5 * last and delta <= 64 * eps * (size(x) + c * span)):
+                    if delta <= 4 * eps * size(x) or (
+                        delta > 0.5 * last and delta <= 64 * eps * (size(x) + abs(c) * span)
+                    ):
                         break
                     last = delta
                     first += nodes
@@ -84,36 +173,44 @@ def run(field, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux,
 
 #: Sizes of the rules for an H that is no polynomial.
 RULES = (2, 3, 4, 6, 8, 12, 16, 24, 32)
+#: They are computed once, not for every run.
+rule = cache(gauss_legendre)
+#: Path -> d -> the blocks of q1, ..., qd, p1, ..., pd, in the order in which they move.
+PATHS = {
+    "whole": lambda d: (0,) * 2 * d,
+    "momenta, coordinates": lambda d: (1,) * d + (0,) * d,
+    "components": lambda d: tuple(range(2 * d)),
+}
 
 
-def gauss_legendre(nodes, digits=40):
-    """[(node, weight), ...] of the Gauss-Legendre rule on [0, 1], as mpmath numbers of so many digits."""
-    with mpmath.workdps(digits + 10):
-        rule = []
-        for i in range(nodes):
-            x = mpmath.cos(mpmath.pi * (i + mpmath.mpf(3) / 4) / (nodes + mpmath.mpf(1) / 2))
-            for _ in range(100):
-                previous, value = mpmath.mpf(1), x
-                for k in range(2, nodes + 1):
-                    previous, value = value, ((2 * k - 1) * x * value - (k - 1) * previous) / k
-                if nodes == 1:
-                    previous, value = mpmath.mpf(1), x
-                slope = nodes * (x * value - previous) / (x * x - 1)
-                move = value / slope
-                x -= move
-                if abs(move) < mpmath.mpf(10) ** (-digits - 5):
-                    break
-            rule.append(((1 - x) / 2, 1 / ((1 - x * x) * slope * slope)))
-        return rule
+def coupled(path: str, system) -> bool:
+    """Whether H has a term in variables of two blocks of the path; where not, the path makes no difference to AVF."""
+    place = PATHS[path](system.d)
+    if len(set(place)) == 1 or (path == "momenta, coordinates" and system.separable):
+        return False
+    variables = zip((*system.q, *system.p), place, strict=True)
+    return any(a != b and sp.expand(sp.diff(system.H, x, y)) != 0 for (x, a), (y, b) in combinations(variables, 2))
+
+
+def is_avf(method, system) -> bool:
+    """Whether every substep is one of the averaged vector field method, because no path makes a difference."""
+    return not any(coupled(path, system) for _, path, _ in method.data)
 
 
 def prepare(method, system, arithmetic):
-    """One exact rule for a polynomial H, else the list of rules."""
+    """One exact rule for a polynomial H, else the list of rules; substeps (fraction, path, direction)."""
     degree = system.polynomial_degree
     sizes = RULES if degree is None else (max(1, -(-degree // 2)),)
     if arithmetic != DOUBLE and degree is None:
         sizes = (*RULES, 48, 64)
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps
-    table = array([(n, x, w) for n in sizes for x, w in gauss_legendre(n, digits)], arithmetic)
-    plan = array([[c] for c in method.data[0]], arithmetic)
-    return Prepared(run, (system.field(arithmetic),), plan, table, 2 * system.d, len(plan))
+    table = array([(n, x, w) for n in sizes for x, w in rule(n, digits)], arithmetic)
+    rows = []
+    for fraction, path, direction in method.data:
+        if not coupled(path, system):
+            path, direction = "whole", 1
+        place = PATHS[path](system.d)
+        rows.append((*place, 1 + max(place), direction, fraction))
+    field = system.field(arithmetic)
+    path = field if any(blocks > 1 for *_, blocks, _, _ in rows) else None
+    return Prepared(run, (path, field), array(rows, arithmetic), table, 2 * system.d, len(rows))

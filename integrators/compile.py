@@ -23,8 +23,15 @@ from .codegen import DOUBLE, MULTIPRECISION
 class Prepared:
     """A kernel's ``run`` with what it needs besides the state.
 
-    ``functions`` are its leading arguments (None where it can do without), ``plan`` and ``table`` its coefficients,
-    ``width`` the components of a stage's unknown, ``slots`` the number of such unknowns in a step.
+    Attributes
+    ----------
+    functions : the kernel's leading arguments (None where it can do without)
+    plan, table : its coefficients, two-dimensional arrays, or functions of the step h that make them
+    width, slots : components of a stage's unknown, and the number of such unknowns in a step
+    implicit, hessian : whether evaluations count as iterations, and as evaluations of higher derivatives
+    linear : the number of unknowns of the largest linear system that the kernel solves, at first ``width``
+    begin : begin(table, q, p) is called once with the initial state, for values that are kept (H0)
+    missed : what a fallback is, in words after "n of m steps"; without it fallbacks do not change the status
     """
 
     run: Callable
@@ -35,6 +42,9 @@ class Prepared:
     slots: int
     implicit: bool = True
     hessian: bool = False
+    linear: int = 0
+    begin: Callable | None = None
+    missed: str = ""
 
 
 def array(rows, arithmetic: str):

@@ -1,13 +1,19 @@
-r"""Step fractions of symmetric compositions that raise a symmetric method of order 2.
+r"""Step fractions of symmetric compositions that raise a symmetric method of order 2; splittings as compositions.
 
 Triple jump (Yoshida): from order k to k + 2, :math:`\gamma_1 = 1/(2 - 2^{1/(k+1)})`, :math:`\gamma_2 = 1 - 2\gamma_1`.
 Suzuki's fractal: five steps, :math:`\gamma_1 = 1/(4 - 4^{1/(k+1)})`, :math:`\gamma_3 = 1 - 4\gamma_1`.
 
+A splitting into drifts and kicks is at once a composition of the two symplectic Euler methods (`substeps`), which act
+on every H, not only on separable ones, with the same order.
+
 Sources: M. Suzuki, Phys. Lett. A 146 (1990) 319-323; H. Yoshida, Phys. Lett. A 150 (1990) 262-268; M. Z. Qin,
-W. J. Zhu, Computing 47 (1991) 309-321; Hairer, Lubich, Wanner (2006), II.4.
+W. J. Zhu, Computing 47 (1991) 309-321; R. I. McLachlan, SIAM J. Sci. Comput. 16 (1995) 151-168; Hairer,
+Lubich, Wanner (2006), II.4.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
 
 import mpmath
 
@@ -36,10 +42,38 @@ def suzuki(order: int) -> tuple[mpmath.mpf, ...]:
     return _fractal(order, 2)
 
 
+def mirrored(half: Sequence) -> tuple:
+    """The palindrome of a first half that ends with the middle one."""
+    return (*half, *reversed(half[:-1]))
+
+
 def times(fraction: mpmath.mpf, part) -> mpmath.mpf:
     """The product of a step fraction and an exact number, in the fractions' full precision."""
     with mpmath.workdps(DIGITS):
+        if isinstance(part, mpmath.mpf):
+            return fraction * part
         return fraction * part.numerator / part.denominator
+
+
+#: A substep shorter than this is none: the weights of the drifts and of the kicks have the same sum to round-off.
+NONE = mpmath.mpf(10) ** (10 - DIGITS)
+
+
+def substeps(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple, ...]:
+    """Substeps (c, mu, lambda) of symplectic Euler methods from alternating drifts ("A") and kicks ("B").
+
+    A substep begins with what its predecessor left of its letter, so that c is each weight less the last c.
+    Raises ValueError where drifts and kicks do not have the same sum.
+    """
+    out, c = [], mpmath.mpf(0)
+    with mpmath.workdps(DIGITS):
+        for letter, weight in steps:
+            c = weight - c
+            if abs(c) > NONE:
+                out.append((c, 1, 0) if letter == "A" else (c, 0, 1))
+    if abs(c) > NONE:
+        raise ValueError(f"the drifts and kicks differ in their sums by {mpmath.nstr(c, 3)}")
+    return tuple(out)
 
 
 SCHEMES = {"yoshida": triple_jump, "suzuki": suzuki}

@@ -24,10 +24,12 @@ STATUSES = (OK, DIVERGED, NOT_CONVERGED, NO_ROOT, COLLISION, INVALID, TIMEOUT, S
 
 #: A state that has grown by this factor has escaped, whatever stopped it in the end.
 ESCAPED = 1e6
-#: Schemes IV and V with a larger share of steps without a root have the status "no-root".
+#: A method that keeps the energy and misses it in a larger share of its steps has the status "no-root".
 TOLERATED = 0.1
 #: The most numbers of a trajectory, of q and as many of p (2 GB in all).
 LARGEST = 125_000_000
+#: A motion whose direction misses a singularity by less than this angle meets it.
+HEAD_ON = 1e-7
 #: Steps of one call of a kernel: between calls progress is told and the clock is looked at.
 PIECE = 200_000
 
@@ -204,26 +206,27 @@ class _Layout:
         self.state[0, : len(q)], self.state[1, : len(p)] = q, p
 
 
-def _lay_out(prepared, system, chosen, q, p, arithmetic) -> _Layout:
+def _lay_out(prepared, system, h, q, p, arithmetic) -> _Layout:
     d, width = system.d, prepared.width
+    order = 1 + (prepared.linear or width)
+    plan, table = (x(h) if callable(x) else x for x in (prepared.plan, prepared.table))
     as_tuple = codegen.compiled() and codegen.value_kind(d) == "tuple"
     layout = _Layout(
         run=kernel(prepared, d, arithmetic),
         functions=prepared.functions,
-        plan=prepared.plan,
-        table=prepared.table,
+        plan=plan,
+        table=table,
         eps=mpmath.mp.eps if arithmetic == MULTIPRECISION else np.finfo(float).eps,
         zero=(0.0,) * d if as_tuple else zeros(d, arithmetic),
         state=zeros((4 + prepared.slots, max(2, d)), arithmetic),
         memory=zeros(((3 * solve.LEVELS + 1) * prepared.slots, width), arithmetic),
-        work=zeros((width + 1, width + 1), arithmetic),
+        work=zeros((order, order), arithmetic),
         counts=np.zeros(8, dtype=np.int64),
     )
     layout.restart(q, p)
-    if chosen.family == "equip":
+    if prepared.begin is not None:
         value = tuple if as_tuple else np.array
-        start = value(layout.state[0, :d]), value(layout.state[1, :d])
-        layout.table[0, 0] = system.energy(arithmetic)(*start)[0]
+        prepared.begin(layout.table, value(layout.state[0, :d]), value(layout.state[1, :d]))
     return layout
 
 
@@ -236,7 +239,7 @@ def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dic
     integrate(problem, chosen, h=h, steps=1)
     h, steps = grid(h, None, steps)
     system, q, p = initial(problem, None, None)
-    layout = _lay_out(prepare(chosen, system), system, chosen, q, p, DOUBLE)
+    layout = _lay_out(prepare(chosen, system), system, h, q, p, DOUBLE)
     Q, P, aux = np.zeros((1, system.d)), np.zeros((1, system.d)), np.zeros(1)
 
     def run():
@@ -251,7 +254,7 @@ def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, p
     d = system.d
     every = min(every, steps)
     multi = arithmetic == MULTIPRECISION
-    layout = _lay_out(prepared, system, chosen, q, p, arithmetic)
+    layout = _lay_out(prepared, system, h, q, p, arithmetic)
     state, counts = layout.state, layout.counts
 
     rows, rest = divmod(steps, every)
@@ -322,8 +325,8 @@ def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, p
         if near is not None:
             status, reason = COLLISION, near
     missed = int(counts[3])
-    if chosen.family == "equip" and missed and status == OK:
-        reason = f"{missed} of {done} steps have no parameter near 1/2 that keeps the energy and were taken with 1/2"
+    if prepared.missed and missed and status == OK:
+        reason = f"{missed} of {done} steps {prepared.missed}"
         if missed > TOLERATED * done:
             status, reason = NO_ROOT, reason + ": the energy is not kept; take a smaller h"
     evaluations = int(counts[1])
@@ -345,6 +348,19 @@ def _travel(system, Q, P, h):
     return distance, h * speed
 
 
+def _aim(system, Q, P):
+    """The sine of the angle between the velocity and the way to the nearest singularity, of each row."""
+    speed = np.sqrt(sum(system.observe(e, Q, P) ** 2 for e in system.dq))
+    sines = []
+    for s in system.singular:
+        slopes = [system.observe(s.diff(x), Q, P) for x in system.q]
+        towards = sum(g * system.observe(e, Q, P) for g, e in zip(slopes, system.dq, strict=True))
+        with np.errstate(all="ignore"):
+            cosine = towards / (speed * np.sqrt(sum(g**2 for g in slopes)))
+        sines.append(np.sqrt(np.abs(1 - cosine**2)))
+    return np.min(sines, axis=0)
+
+
 def _approach(system, Q, P, h) -> str | None:
     """Whether the last good state was about to step across a singularity."""
     if not system.singular or Q.dtype == object:
@@ -356,11 +372,14 @@ def _approach(system, Q, P, h) -> str | None:
 
 
 def _passed(system, Q, P, h) -> str | None:
-    """Whether a kept step jumped across a singularity and changed the energy by a tenth of itself."""
+    """Whether a kept step jumped across a singularity: head-on, or with a tenth of the energy lost."""
     distance, length = _travel(system, Q, P, h)
     near = np.flatnonzero(length > distance)
     if not len(near):
         return None
+    head_on = near[_aim(system, Q[near], P[near]) < HEAD_ON]
+    if len(head_on):
+        return f"the motion meets the singularity head-on after t = {head_on[0] * h:.6g}; no step goes through it"
     H = system.observe(system.H, Q, P)
     if np.abs(H[near[0] :] - H[0]).max() <= 0.1 * abs(H[0]):
         return None

@@ -39,6 +39,7 @@ NEAR = 1.0
 #: The continuation's points x on either side: FAR / RATIO**k, k = POINTS - 1, ..., 0, up to the radius.
 RATIO, POINTS, FAR = 1.12, 70, 2.0
 MULLER_LIMIT = 14
+MISSED = "have no parameter near 1/2 that keeps the energy and were taken with 1/2"
 REFINE_LIMIT = 100
 
 
@@ -280,11 +281,16 @@ def run(energy, field, dT, dV, plan, table, h, every, eps, zero, state, memory, 
 
 
 def prepare(method, system, arithmetic):
-    """Substeps in the Nystrom form where T is quadratic; the driver sets H0."""
+    """Substeps in the Nystrom form where T is quadratic."""
+    energy = system.energy(arithmetic)
+
+    def begin(table, q, p):
+        table[0, 0] = energy(q, p)[0]
+
     if system.separable and system.quadratic_kinetic:
         functions, width = (None, system.grad_T(arithmetic), system.grad_V(arithmetic)), system.d
     else:
         functions, width = (system.field(arithmetic), None, None), 2 * system.d
     plan = array(method.data, arithmetic)
     table = array([[0, RADIUS]], arithmetic)
-    return Prepared(run, (system.energy(arithmetic), *functions), plan, table, width, len(plan))
+    return Prepared(run, (energy, *functions), plan, table, width, len(plan), begin=begin, missed=MISSED)

@@ -13,6 +13,6 @@ class InvalidInput(ValueError):
 def unknown(kind: str, name: str, known: Iterable[str]) -> InvalidInput:
     """The error for an unknown name, with the nearest known ones."""
     known = sorted(known)
-    near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+    near = difflib.get_close_matches(name, known, n=8, cutoff=0.6)
     hint = f"did you mean {' or '.join(near)}?" if near else f"known are {', '.join(known)}"
     return InvalidInput(f"there is no {kind} '{name}'; {hint}")

@@ -36,6 +36,8 @@ class PartitionedSystem:
         The invariant that takes the energy's place in tables.
     singular : expressions, optional
         Distances that vanish where the system is singular.
+    invariants : expressions, optional
+        What the flow keeps besides the energy.
 
     Raises
     ------
@@ -46,8 +48,12 @@ class PartitionedSystem:
     canonical = False
     separable = False
     quadratic_kinetic = False
+    #: Whether y' = B(y) grad H(y) with a structure matrix B that the system knows.
+    poisson = False
+    frequencies: tuple[sp.Expr, ...] = ()
+    kepler = None
 
-    def __init__(self, *, q, p, dq, dp, energy=None, singular=()):
+    def __init__(self, *, q, p, dq, dp, energy=None, singular=(), invariants=()):
         self.q, self.p = _symbols(q), _symbols(p)
         if len(self.q) != len(self.p) or not self.q:
             raise InvalidInput(f"there are {len(self.q)} coordinates and {len(self.p)} momenta; give as many of each")
@@ -60,6 +66,7 @@ class PartitionedSystem:
             raise InvalidInput(f"there are {len(self.dq)} and {len(self.dp)} right-hand sides for d = {self.d}")
         self.H = None if energy is None else self._formula(energy)
         self.singular = tuple(self._formula(e) for e in singular)
+        self.invariants = tuple(self._formula(e) for e in invariants)
         self._functions: dict = {}
 
     def _formula(self, e) -> sp.Expr:
@@ -89,11 +96,15 @@ class PartitionedSystem:
             "separable": self.separable,
             "quadratic kinetic energy": self.quadratic_kinetic,
             "polynomial degree": self.polynomial_degree,
+            "linear fast part": bool(self.frequencies),
+            "Kepler part": self.kepler is not None,
+            "Poisson structure": self.poisson,
+            "further invariants": len(self.invariants) > 0,
         }
 
     # -- the functions that kernels ask for -----------------------------------------------------------------------
 
-    def _made(self, kind: str, arguments, results, signature, arithmetic: str):
+    def made(self, kind: str, arguments, results, signature, arithmetic: str):
         """A generated function; ``results`` is a function without arguments, called only if the text is not cached."""
         if (kind, arithmetic) not in self._functions:
             content = "|".join([kind, *map(str, (self.q, self.p)), *map(sp.srepr, (*self.dq, *self.dp))])
@@ -120,7 +131,7 @@ class PartitionedSystem:
 
         arguments = [("q", self.q), ("p", self.p), ("h", h), ("lam", lam)]
         signature = types.Tuple((T, T))(T, T, number, number)
-        return self._made(f"field-{order}", arguments, results, signature, arithmetic)
+        return self.made(f"field-{order}", arguments, results, signature, arithmetic)
 
     def energy(self, arithmetic: str = DOUBLE):
         """energy(q, p) -> (H, M): H is known to eps M, by the rounding of its terms and of the state."""
@@ -131,7 +142,7 @@ class PartitionedSystem:
             terms = sum(sp.Abs(t) for t in sp.Add.make_args(self.H))
             return [self.H, terms + sum(sp.Abs(x * sp.diff(self.H, x)) for x in (*self.q, *self.p))]
 
-        return self._made("energy-2", [("q", self.q), ("p", self.p)], results, signature, arithmetic)
+        return self.made("energy-2", [("q", self.q), ("p", self.p)], results, signature, arithmetic)
 
     def observe(self, expression, Q, P):
         """The values of an expression in (q, p) along rows of Q, P, each of shape (n, d); an array of shape (n,)."""
@@ -166,11 +177,18 @@ class Hamiltonian(PartitionedSystem):
     H : expression, or a formula as text (parsed, never evaluated as Python)
     singular : expressions, optional
         Distances that vanish where H is singular.
+    invariants : expressions, optional
+        What the flow keeps besides H.
+    frequencies : d numbers, optional
+        Declares the fast linear part: H = |p|^2 / 2 + sum omega_i^2 q_i^2 / 2 + U(q) with a slow U.
+    kepler : optional
+        Declares the Kepler part; see `wisdom_holman`.
 
     Raises
     ------
     InvalidInput
-        If the lengths differ, or H has a symbol that is neither a coordinate nor a momentum or no variable at all.
+        If the lengths differ, frequencies are given without unit masses, or H has a symbol that is neither a
+        coordinate nor a momentum, or no variable at all.
 
     Examples
     --------
@@ -181,7 +199,9 @@ class Hamiltonian(PartitionedSystem):
 
     canonical = True
 
-    def __init__(self, *, q, p, H, singular=()):
+    poisson = True
+
+    def __init__(self, *, q, p, H, singular=(), invariants=(), frequencies=(), kepler=None):
         q, p = _symbols(q), _symbols(p)
         if isinstance(H, str):
             H = parse(H, {str(s): s for s in (*q, *p)})
@@ -189,8 +209,17 @@ class Hamiltonian(PartitionedSystem):
         if not H.free_symbols & {*q, *p}:
             raise InvalidInput("H depends on none of the coordinates and momenta")
         super().__init__(
-            q=q, p=p, dq=[sp.diff(H, x) for x in p], dp=[-sp.diff(H, x) for x in q], energy=H, singular=singular
+            q=q,
+            p=p,
+            dq=[sp.diff(H, x) for x in p],
+            dp=[-sp.diff(H, x) for x in q],
+            energy=H,
+            singular=singular,
+            invariants=invariants,
         )
+        self.frequencies, self.kepler = tuple(sp.sympify(w) for w in frequencies), kepler
+        if self.frequencies and (len(self.frequencies) != self.d or not self.unit_mass):
+            raise InvalidInput(f"frequencies are {self.d} numbers of a system with H = |p|^2 / 2 + V(q)")
 
     @cached_property
     def _split(self) -> tuple[sp.Expr, sp.Expr] | None:
@@ -243,15 +272,33 @@ class Hamiltonian(PartitionedSystem):
         if self.unit_mass:
             return None
         T = codegen.value_type(self.d)
-        return self._made(
+        return self.made(
             "grad_T", [("p", self.p)], lambda: [[sp.diff(self.kinetic, x) for x in self.p]], T(T), arithmetic
         )
 
     def grad_V(self, arithmetic: str = DOUBLE):
         """q -> grad V(q) of a separable H."""
         T = codegen.value_type(self.d)
-        return self._made(
+        return self.made(
             "grad_V", [("q", self.q)], lambda: [[sp.diff(self.potential, x) for x in self.q]], T(T), arithmetic
+        )
+
+    @property
+    def slow_potential(self) -> sp.Expr:
+        """U(q): the potential without the fast linear part."""
+        return sp.expand_mul(
+            self.potential - sum(w**2 * x**2 for w, x in zip(self.frequencies, self.q, strict=True)) / 2
+        )
+
+    def grad_U(self, arithmetic: str = DOUBLE):
+        """q -> grad U(q) of a system with a fast linear part."""
+        T = codegen.value_type(self.d)
+        return self.made(
+            f"grad_U {self.frequencies}",
+            [("q", self.q)],
+            lambda: [[sp.diff(self.slow_potential, x) for x in self.q]],
+            T(T),
+            arithmetic,
         )
 
     def hessian(self) -> sp.Matrix:

@@ -30,8 +30,8 @@ from __future__ import annotations
 
 from . import splitting
 from .compile import Prepared, array
-from .solve import predict, remember, solver
-from .vector import add, axpy, chosen, close, head, inlined, join, opened, scale, size, store, tail, velocity
+from .solve import LEVELS, SOLVED, predict, remember, solver
+from .vector import add, axpy, chosen, close, head, inlined, join, load, opened, scale, size, store, tail, velocity
 
 
 @inlined
@@ -75,6 +75,31 @@ substep = chosen(_nystrom, _general)
 unknown = chosen(lambda field, zero: zero, lambda field, zero: join(zero, zero))
 
 
+@inlined
+def step(field, dT, dV, plan, h, eps, start, known, first, q, p, cq, cp, memory, work):
+    """One step of the substeps ``plan[s]`` = (c, mu, lambda), the one after ``known`` others.
+
+    Its equations start from an extrapolation of earlier steps (``first``) or, where the step is taken again from a
+    state nearby, from the last attempt's solutions.  Returns (q, p, cq, cp, evaluations, Newton solves, status).
+    """
+    slots = len(plan)
+    evaluations, newtons, status = 0, 0, SOLVED
+    for s in range(slots):
+        if first:
+            x = predict(memory, s, slots, known, start)
+        else:
+            x = load(memory, s + known % LEVELS * slots, start)
+        q, p, cq, cp, x, n, used, status = substep(
+            field, dT, dV, q, p, cq, cp, plan[s, 0] * h, plan[s, 1], plan[s, 2], x, eps, work
+        )
+        evaluations += n
+        newtons += used
+        if status != SOLVED:
+            break
+        remember(memory, s, slots, known, x)
+    return q, p, cq, cp, evaluations, newtons, status
+
+
 def run(field, dT, dV, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
     """Fill the rows of Q and P, each after ``every`` steps of the substeps ``plan[s]`` = (c, mu, lambda).
 
@@ -82,21 +107,17 @@ def run(field, dT, dV, plan, table, h, every, eps, zero, state, memory, work, Q,
     """
     q, p, cq, cp = opened(state, zero)
     start = unknown(field, zero)
-    slots = len(plan)
     known, evaluations, newtons = counts[0], 0, 0
     for row in range(len(Q)):
         for _ in range(every):
-            for s in range(slots):
-                x = predict(memory, s, slots, known, start)
-                q, p, cq, cp, x, n, used, status = substep(
-                    field, dT, dV, q, p, cq, cp, plan[s, 0] * h, plan[s, 1], plan[s, 2], x, eps, work
-                )
-                evaluations += n
-                newtons += used
-                if status != 0:
-                    counts[0], counts[1], counts[2] = known, counts[1] + evaluations, counts[2] + newtons
-                    return row, status
-                remember(memory, s, slots, known, x)
+            q, p, cq, cp, n, used, status = step(
+                field, dT, dV, plan, h, eps, start, known, True, q, p, cq, cp, memory, work
+            )
+            evaluations += n
+            newtons += used
+            if status != SOLVED:
+                counts[0], counts[1], counts[2] = known, counts[1] + evaluations, counts[2] + newtons
+                return row, status
             known += 1
         store(Q, row, q)
         store(P, row, p)

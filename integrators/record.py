@@ -27,9 +27,9 @@ class Method:
     symmetric : equal to its own adjoint
     symplectic : its step map is symplectic on canonical systems
     energy, quadratic : how the energy and quadratic invariants are kept, one of `ROUND_OFF`, `BOUNDED`, `DRIFT`
+    source, cite : author, year, equation; and the keys of the works in ``bibliography.bib``
     requires : traits of the system it cannot do without
     parameters : names and values of its parameters
-    source : author, year, equation
     """
 
     id: str
@@ -41,6 +41,7 @@ class Method:
     energy: str
     quadratic: str
     source: str
+    cite: tuple[str, ...] = ()
     requires: tuple[str, ...] = ()
     parameters: Mapping[str, Any] = field(default_factory=dict)
     data: tuple = ()

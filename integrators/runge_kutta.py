@@ -11,31 +11,39 @@ Source: W. Kutta, Z. Math. Phys. 46 (1901) 435-453; L. Euler, Institutiones calc
 from __future__ import annotations
 
 from .compile import Prepared, array
-from .vector import add, axpy, close, head, join, load, opened, store, tail
+from .vector import add, axpy, close, head, inlined, join, load, opened, store, tail
+
+
+@inlined
+def increment(field, plan, h, zero, q, p, memory):
+    """h sum b_i k_i of one step from (q, p), the components of q before those of p."""
+    both = join(zero, zero)
+    stages = len(plan) - 1
+    x = both
+    for i in range(stages + 1):
+        x = both
+        for j in range(i):
+            if plan[i, j] != 0:
+                x = axpy(plan[i, j] * h, load(memory, j, both), x)
+        if i < stages:
+            dq, dp = field(axpy(1.0, head(x), q), axpy(1.0, tail(x), p), h, 0.0)
+            store(memory, i, join(dq, dp))
+    return x
 
 
 def run(field, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
     """Fill the rows of Q and P, each after ``every`` steps; returns (rows filled, status)."""
     q, p, cq, cp = opened(state, zero)
-    both = join(zero, zero)
-    stages = len(plan) - 1
     for row in range(len(Q)):
         for _ in range(every):
-            for i in range(stages + 1):
-                x = both
-                for j in range(i):
-                    if plan[i, j] != 0:
-                        x = axpy(plan[i, j] * h, load(memory, j, both), x)
-                if i < stages:
-                    dq, dp = field(axpy(1.0, head(x), q), axpy(1.0, tail(x), p), h, 0.0)
-                    store(memory, i, join(dq, dp))
+            x = increment(field, plan, h, zero, q, p, memory)
             q, cq = add(q, cq, head(x))
             p, cp = add(p, cp, tail(x))
         store(Q, row, q)
         store(P, row, p)
     close(state, q, p, cq, cp)
     counts[0] += len(Q) * every
-    counts[1] += len(Q) * every * stages
+    counts[1] += len(Q) * every * (len(plan) - 1)
     return len(Q), 0
 
 

@@ -64,7 +64,7 @@ def remember(memory, first, slots, known, x):
 
 
 @jit
-def _gauss(A, n):
+def gauss(A, n):
     """Solve in place the n equations in the rows of A, right-hand side in column n; False where singular."""
     for j in range(n):
         pivot = j
@@ -112,7 +112,7 @@ def solver(G):
                 work[j, n] = work[n, j]
             if not size(x) < np.inf:
                 return x, evaluations, NOT_FINITE
-            if not _gauss(work, n):
+            if not gauss(work, n):
                 return x, evaluations, STALLED
             for j in range(n):
                 work[n, j] = work[j, n]

@@ -12,6 +12,8 @@ Reference: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (200
 
 from __future__ import annotations
 
+from itertools import zip_longest
+
 from .compile import Prepared, array
 from .vector import add, close, opened, scale, store, velocity
 
@@ -67,3 +69,10 @@ def from_substeps(substeps, system, arithmetic):
     for c, _, lam in substeps:
         parts += [(True, c), (False, c)] if lam == 1 else [(False, c), (True, c)]
     return _prepared(parts, system, arithmetic)
+
+
+def prepare(method, system, arithmetic):
+    """Of data (a, b): a kick of b_k, then a drift of a_k, for each k; either tuple may begin or end with a zero."""
+    a, b = method.data
+    parts = [part for drift, kick in zip_longest(a, b, fillvalue=0) for part in ((True, kick), (False, drift))]
+    return _prepared([(kick, fraction) for kick, fraction in parts if fraction != 0], system, arithmetic)

@@ -28,20 +28,24 @@ jit = njit(**OPTIONS)
 inlined = njit(forceinline=not LARGE, **OPTIONS)
 
 
-def _unrolled(fn, template):
-    """Overload ``fn`` for tuples by the source that ``template(names, arguments)`` writes; arrays keep ``fn``."""
+def _unrolled(fn, template, loop=None, options=OPTIONS):
+    """Overload ``fn`` by the source that ``template(names, arguments)`` writes for tuples, and ``loop`` for arrays.
+
+    Without ``loop`` arrays keep ``fn``.
+    """
     names = list(inspect.signature(fn).parameters)
 
     def build(*arguments):
-        if not any(isinstance(a, types.BaseTuple) for a in arguments):
+        kind = template if any(isinstance(a, types.BaseTuple) for a in arguments) else loop
+        if kind is None or not (kind is template or LARGE):
             return fn
-        namespace = {"__name__": __name__, "scalar": inlined(fn)}
-        exec(f"def impl({', '.join(names)}):\n{template(names, arguments)}", namespace)
+        namespace = {"__name__": __name__, "scalar": inlined(fn), "np": np}
+        exec(f"def impl({', '.join(names)}):\n{kind(names, arguments)}", namespace)
         return namespace["impl"]
 
     namespace = {"__name__": __name__, "build": build}
     exec(f"def typed({', '.join(names)}): return build({', '.join(names)})", namespace)
-    overload(fn, jit_options={"forceinline": not LARGE, **OPTIONS})(namespace["typed"])
+    overload(fn, jit_options={"forceinline": not LARGE, **options})(namespace["typed"])
     return fn
 
 
@@ -66,12 +70,43 @@ def elementwise(outputs: int = 1):
         packed = (f"({', '.join(f'r{i}[{k}]' for i in range(d))},)" for k in range(outputs))
         return "\n".join([*lines, f"  return {', '.join(packed)}"])
 
-    return lambda fn: _unrolled(fn, template)
+    def loop(names, arguments):
+        """One pass; Numba's own loop for an array expression has one output."""
+        vectors = [n for n, a in zip(names, arguments, strict=True) if isinstance(a, types.Array)]
+        parts = (f"{n}[i]" if n in vectors else n for n in names)
+        results = [f"r{k}" for k in range(outputs)]
+        return "\n".join(
+            [
+                f"  n = len({vectors[0]})",
+                *(f"  {r} = np.empty(n)" for r in results),
+                "  for i in range(n):",
+                f"    {', '.join(f'{r}[i]' for r in results)} = scalar({', '.join(parts)})",
+                f"  return {', '.join(results)}",
+            ]
+        )
+
+    return lambda fn: _unrolled(fn, template, loop if outputs > 1 else None)
 
 
 def written(template):
     """Make a function an operation whose tuple form is the source that ``template(d)`` writes."""
     return lambda fn: _unrolled(fn, lambda names, arguments: template(_length(arguments)))
+
+
+def summed(term: str):
+    """Make a function of vectors an operation that sums ``term``, which speaks of their components ``[i]``.
+
+    The sum of an array may be taken in any order, so that the compiler keeps several partial sums.
+    """
+
+    def template(names, arguments):
+        return "  return " + " + ".join(term.replace("[i]", f"[{i}]") for i in range(_length(arguments)))
+
+    def loop(names, arguments):
+        return f"  s = 0.0\n  for i in range(len({names[0]})):\n    s += {term}\n  return s"
+
+    reordered = OPTIONS | {"fastmath": {"contract", "reassoc", "nsz"}} if LARGE else OPTIONS
+    return lambda fn: _unrolled(fn, template, loop, reordered)
 
 
 def _tuple(d, item):
@@ -113,13 +148,13 @@ def add(x, c, dx):
     return t, (dx + c) - (t - x)
 
 
-@written(lambda d: "  return " + " + ".join(f"abs(x[{i}])" for i in range(d)))
+@summed("abs(x[i])")
 def size(x):
     """The 1-norm of x; NaN where a component is."""
     return np.sum(np.abs(x))
 
 
-@written(lambda d: "  return " + " + ".join(f"abs(x[{i}] - y[{i}])" for i in range(d)))
+@summed("abs(x[i] - y[i])")
 def distance(x, y):
     """The 1-norm of x - y; NaN where a component is."""
     return np.sum(np.abs(x - y))

@@ -16,6 +16,14 @@ from benchmarks import multiprecision
 HERE = Path(__file__).resolve().parent
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """A file's tests go to one worker, so that none measures again what another has measured."""
+    from xdist.scheduler import LoadFileScheduling
+
+    return LoadFileScheduling(config, log)
+
+
 @functools.cache
 def _uncompiled(script: str, *arguments: str):
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}

@@ -19,12 +19,19 @@ from integrators.record import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
 ALL = by_label(variants())
 BOX, KEPLER = problem("henon-heiles:box"), problem("perturbed-kepler")
 H, STEPS = 0.1, 20_000
+#: Methods of this order and more take steps so much longer: else round-off hides what they do.
+HIGH, LONGER = 8, 5
+
+
+def longer(label):
+    """How much longer the method's steps are."""
+    return LONGER if ALL[label].order >= HIGH else 1
 
 
 @cache
 def energies(label):
     """(solution, t, H - H0) of the box orbit, H0 = 0.02, to t = 2000."""
-    s = integrate(BOX, ALL[label], h=H, steps=STEPS)
+    s = integrate(BOX, ALL[label], h=H * longer(label), steps=STEPS // longer(label))
     E = BOX.system.observe(BOX.system.H, s.q, s.p)
     return s, s.t, E - E[0]
 
@@ -32,7 +39,7 @@ def energies(label):
 @cache
 def momenta(label):
     """(solution, t, L - L0) of the perturbed Kepler problem, L0 = 0.8, to t = 120."""
-    s = integrate(KEPLER, ALL[label], h=0.01, steps=12_000)
+    s = integrate(KEPLER, ALL[label], h=0.01 * longer(label), steps=12_000 // longer(label))
     L = KEPLER.system.observe(KEPLER.invariants["angular-momentum"], s.q, s.p)
     return s, s.t, L - L[0]
 
@@ -64,7 +71,7 @@ def test_energy(label):
     right, shown = verdict(ALL[label].energy, *energies(label), 0.02)
     s = energies(label)[0]
     if not right and ALL[label].energy == ROUND_OFF and s.counts["fallbacks"]:
-        good = ~np.isnan(s.parameter) if ALL[label].family == "equip" else np.ones(len(s.q) - 1, bool)
+        good = ~np.isnan(s.parameter) if "equip" in ALL[label].family else np.ones(len(s.q) - 1, bool)
         error = energies(label)[2][1:][good]
         right, shown = np.abs(error).max() < 1e-15, f"greatest after a root {np.abs(error).max():.2g}"
     assert right, f"declared {ALL[label].energy}, shown: {shown}"

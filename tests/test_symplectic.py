@@ -7,7 +7,7 @@ import pytest
 from benchmarks.cases import by_label, high_order_variants, variants
 
 #: The error of the difference Jacobian in 40 digits is below the first, what a defect shows above the second.
-ROUND_OFF, VISIBLE = 1e-20, 1e-15
+ROUND_OFF, VISIBLE = 1e-26, 1e-22
 ALL = by_label(variants() + high_order_variants())
 SYMPLECTIC = [label for label, m in ALL.items() if m.symplectic]
 OTHERS = [label for label, m in ALL.items() if not m.symplectic]

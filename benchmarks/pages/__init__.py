@@ -2,16 +2,35 @@
 
 from __future__ import annotations
 
+from .coefficients import PAGE as COEFFICIENTS
 from .equip import PAGE as EQUIP
 from .invariants import PAGE as INVARIANTS
+from .matrix import PAGE as MATRIX
 from .methods import PAGE as METHODS
 from .orders import PAGE as ORDERS
+from .oscillatory import PAGE as OSCILLATORY
 from .page import Page
+from .pde import PAGE as PDE
 from .peers import PAGE as PEERS
 from .printed import PAGE as PRINTED
 from .speed import PAGE as SPEED
 from .structure import PAGE as STRUCTURE
+from .wisdom_holman import PAGE as WISDOM_HOLMAN
 
-PAGES: tuple[Page, ...] = (PRINTED, ORDERS, STRUCTURE, INVARIANTS, EQUIP, PEERS, SPEED, METHODS)
+PAGES: tuple[Page, ...] = (
+    PRINTED,
+    MATRIX,
+    ORDERS,
+    COEFFICIENTS,
+    STRUCTURE,
+    INVARIANTS,
+    EQUIP,
+    OSCILLATORY,
+    PDE,
+    PEERS,
+    WISDOM_HOLMAN,
+    SPEED,
+    METHODS,
+)
 
 __all__ = ["PAGES", "Page"]

@@ -6,28 +6,23 @@ import pandas as pd
 
 from integrators.registry import METHODS
 
+from .. import describe
 from ..markdown import table
 from ..problems import PROBLEMS, problem
 from .page import Page
 
+#: Longer formulae and states are not printed: their module has them.
+LONGEST, MOST = 240, 6
 
-def methods_frame() -> pd.DataFrame:
-    """A row for each method's record."""
-    return pd.DataFrame(
-        {
-            "method": m.id,
-            "name": m.name,
-            "order": m.order,
-            "symmetric": "yes" if m.symmetric else "no",
-            "symplectic": "yes" if m.symplectic else "no",
-            "energy": m.energy,
-            "q.D p": m.quadratic,
-            "requires": ", ".join(m.requires),
-            "parameters": ", ".join(f"{k}={v}" for k, v in m.parameters.items()),
-            "source": m.source,
-        }
-        for m in METHODS
-    )
+
+def _formula(H) -> str:
+    text = str(H)
+    return text if len(text) <= LONGEST else f"{text[:60]} ... (see the module)"
+
+
+def _state(x) -> str:
+    shown = ", ".join(map(repr, x[:MOST]))
+    return f"[{shown}]" if len(x) <= MOST else f"[{shown}, ... {len(x)} in all]"
 
 
 def problems_frame() -> pd.DataFrame:
@@ -43,9 +38,9 @@ def problems_frame() -> pd.DataFrame:
                     "name": made.name,
                     "d": made.system.d,
                     "separable": "yes" if traits["separable"] else "no",
-                    "H or invariant": str(made.system.H),
-                    "q0": str(list(o.q)),
-                    "p0": str(list(o.p)),
+                    "H or invariant": _formula(made.system.H),
+                    "q0": _state(o.q),
+                    "p0": _state(o.p),
                     "other invariants": ", ".join(made.invariants),
                     "source": made.source,
                 }
@@ -58,8 +53,9 @@ def _write(data, figures):
         "How well a method keeps the energy, and invariants of the form q.D p (linear and angular momentum): `round-off`, "
         "`bounded` (oscillates) or `drift`. The parameterized schemes keep general quadratic invariants only at lambda = 1/2; "
         "those of the form q.D p at every lambda.\n",
+        "The works are in `integrators/bibliography.bib`; `phasebench cite` prints those of the methods of a report.\n",
         "## Methods\n",
-        table(methods_frame()),
+        table(pd.DataFrame(describe.methods())),
         "## Problems\n",
         table(problems_frame()),
     ]

@@ -17,7 +17,12 @@ PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "kepler": ("kepler", "Kepler problem", ("e",)),
     "perturbed-kepler": ("perturbed_kepler", "Kepler problem with the Schwarzschild term", ("e",)),
     "henon-heiles": ("henon_heiles", "Henon-Heiles", ("chaotic", "box")),
+    "outer-solar-system": ("outer_solar_system", "the Sun and five outer planets", ("september-1994",)),
     "lotka-volterra": ("lotka_volterra", "Lotka-Volterra in its own variables", ("2-2", "4-8", "4-2", "6-2")),
+    "lotka-volterra-log": ("lotka_volterra_log", "Lotka-Volterra in logarithms", ("2-2", "4-8", "4-2", "6-2")),
+    "fpu": ("fpu", "Fermi-Pasta-Ulam with stiff springs", ("one-spring",)),
+    "nls": ("nls", "nonlinear Schroedinger equation on N points", ("plane-wave", "soliton")),
+    "klein-gordon": ("klein_gordon", "complex Klein-Gordon equation on N points", ("collision",)),
 }
 
 

@@ -4,6 +4,7 @@ import sympy as sp
 
 from integrators.errors import InvalidInput
 from integrators.hamiltonian import Hamiltonian
+from integrators.wisdom_holman import KeplerPart
 
 from .base import Orbit, Problem
 
@@ -30,7 +31,14 @@ def make(e: float) -> Problem:
         id="kepler",
         name="Kepler problem",
         source="Hairer, Lubich & Wanner 2006, I.2.2",
-        system=Hamiltonian(q=[q1, q2], p=[p1, p2], H=(p1**2 + p2**2) / 2 - 1 / r, singular=[r]),
+        system=Hamiltonian(
+            q=[q1, q2],
+            p=[p1, p2],
+            H=(p1**2 + p2**2) / 2 - 1 / r,
+            singular=[r],
+            invariants=[L],
+            kepler=KeplerPart(2, (1,), (1,)),
+        ),
         orbits=(pericentre(e),),
         invariants={
             "angular-momentum": L,

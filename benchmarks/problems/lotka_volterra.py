@@ -1,12 +1,12 @@
-"""Lotka-Volterra, u' = u (v - 2), v' = v (1 - u), in its own variables: partitioned, not canonical.
+"""Lotka-Volterra, u' = u (v - 2), v' = v (1 - u), in its own variables: a Poisson system, not canonical.
 
-The invariant I = ln u - u + 2 ln v - v takes the energy's place.  q = u, p = v: the symplectic Euler method that is
-implicit in u and explicit in v is ``symplectic-euler-q``.
+The invariant I = ln u - u + 2 ln v - v takes the energy's place; with it the structure matrix is [[0, -uv], [uv, 0]].
+q = u, p = v: the symplectic Euler method that is implicit in u and explicit in v is ``symplectic-euler-q``.
 """
 
 import sympy as sp
 
-from integrators.hamiltonian import PartitionedSystem
+from integrators.poisson_system import PoissonSystem
 
 from .base import Orbit, Problem
 
@@ -20,8 +20,13 @@ def make() -> Problem:
         id="lotka-volterra",
         name="Lotka-Volterra in its own variables",
         source="Hairer, Lubich & Wanner 2006, I.1.1; talk on symplectic integration, 'Numerical experiments'",
-        system=PartitionedSystem(
-            q=[u], p=[v], dq=[u * (v - 2)], dp=[v * (1 - u)], energy=sp.log(u) - u + 2 * sp.log(v) - v
+        system=PoissonSystem(
+            q=[u],
+            p=[v],
+            B=[[0, -u * v], [u * v, 0]],
+            H=sp.log(u) - u + 2 * sp.log(v) - v,
+            dq=[u * (v - 2)],
+            dp=[v * (1 - u)],
         ),
         orbits=tuple(
             Orbit(f"{a}-{b}", (float(a),), (float(b),), f"from ({a}, {b})") for a, b in [(2, 2), (4, 8), (4, 2), (6, 2)]

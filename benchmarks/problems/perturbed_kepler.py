@@ -3,6 +3,7 @@
 import sympy as sp
 
 from integrators.hamiltonian import Hamiltonian
+from integrators.wisdom_holman import KeplerPart
 
 from .base import Problem
 from .kepler import pericentre, plane
@@ -18,7 +19,7 @@ def make(e: float, mu: float) -> Problem:
         id="perturbed-kepler",
         name="Kepler problem with the Schwarzschild term",
         source="Wang, Bo & Cai (talk), (29)-(30); Hairer, Lubich & Wanner 2006, exercise I.12",
-        system=Hamiltonian(q=[q1, q2], p=[p1, p2], H=H, singular=[r]),
+        system=Hamiltonian(q=[q1, q2], p=[p1, p2], H=H, singular=[r], invariants=[L], kepler=KeplerPart(2, (1,), (1,))),
         orbits=(pericentre(e),),
         invariants={"angular-momentum": L},
         parameters={"e": e, "mu": mu},

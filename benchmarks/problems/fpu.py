@@ -1,0 +1,57 @@
+r"""The Fermi-Pasta-Ulam problem with stiff springs: m stiff linear springs between soft nonlinear ones.
+
+With :math:`q_{0i}` the scaled displacement and :math:`q_{1i}` the expansion of the i-th stiff spring,
+
+.. math::
+    H = \tfrac12\sum_{i=1}^m (p_{0i}^2 + p_{1i}^2) + \tfrac{\omega^2}2 \sum_{i=1}^m q_{1i}^2
+    + \tfrac14\Bigl((q_{01} - q_{11})^4 + \sum_{i=1}^{m-1} (q_{0,i+1} - q_{1,i+1} - q_{0i} - q_{1i})^4
+    + (q_{0m} + q_{1m})^4\Bigr).
+
+The motion is chaotic.  The stiff springs exchange energy over times of order omega, while the oscillatory energy
+I = I_1 + ... + I_m, :math:`I_j = (p_{1j}^2 + \omega^2 q_{1j}^2)/2`, stays within O(1/omega) of its first value over
+times exponentially long in omega: an adiabatic invariant, not an exact one (`oscillatory_energies`).
+"""
+
+import sympy as sp
+
+from integrators.errors import InvalidInput
+from integrators.hamiltonian import Hamiltonian
+
+from .base import Orbit, Problem
+
+PARAMETERS = {"omega": 50.0, "m": 3}
+#: The most stiff springs.
+LARGEST = 200
+
+
+def make(omega: float, m: int) -> Problem:
+    """The problem with ``m`` stiff springs of frequency ``omega`` > 0; the orbit starts with the first one excited."""
+    if not omega > 0:
+        raise InvalidInput(f"the frequency omega is {omega}; it must be positive")
+    if m != int(m) or not 1 <= m <= LARGEST:
+        raise InvalidInput(f"the number m of stiff springs is {m}; it must be an integer from 1 to {LARGEST}")
+    m, w = int(m), sp.Rational(omega)  # exactly the double
+    q0, q1, p0, p1 = (
+        sp.symbols([f"{name}{i}" for i in range(1, m + 1)], real=True) for name in ("q0", "q1", "p0", "p1")
+    )
+    soft = [q0[0] - q1[0], *(q0[i + 1] - q1[i + 1] - q0[i] - q1[i] for i in range(m - 1)), q0[-1] + q1[-1]]
+    H = sum(p**2 for p in (*p0, *p1)) / 2 + w**2 * sum(q**2 for q in q1) / 2 + sum(s**4 for s in soft) / 4
+    rest = (0.0,) * (m - 1)
+    start = Orbit(
+        "one-spring", (1.0, *rest, 1.0 / omega, *rest), (1.0, *rest, 1.0, *rest), "energy in the first stiff spring"
+    )
+    return Problem(
+        id="fpu",
+        name="Fermi-Pasta-Ulam with stiff springs",
+        source="Hairer, Lubich & Wanner 2006, I.5.1; Galgani et al. 1992, Physica D 59, 334-348",
+        system=Hamiltonian(q=[*q0, *q1], p=[*p0, *p1], H=H, frequencies=[0] * m + [w] * m),
+        orbits=(start,),
+        parameters={"omega": omega, "m": m},
+    )
+
+
+def oscillatory_energies(made: Problem) -> tuple[sp.Expr, ...]:
+    """The energies I_1, ..., I_m of the stiff springs of a problem; their sum is the adiabatic invariant."""
+    s = made.system
+    fast = [(w, q, p) for w, q, p in zip(s.frequencies, s.q, s.p, strict=True) if w != 0]
+    return tuple((p**2 + w**2 * q**2) / 2 for w, q, p in fast)

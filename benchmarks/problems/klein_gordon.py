@@ -1,0 +1,143 @@
+r"""A nonlinear Klein-Gordon equation on N points: :math:`\phi_{tt} = \phi_{xx} - \phi - |\phi|^2\phi`, complex.
+
+On a periodic interval of length L with :math:`\Delta x = L/N`, central differences and
+:math:`\phi_j = (q_j + i q_{N+j})/\sqrt{\Delta x}`, :math:`\dot\phi_j = (p_j + i p_{N+j})/\sqrt{\Delta x}` the
+semi-discrete equation is canonical,
+
+.. math::
+    H = \tfrac12 |p|^2 + \tfrac12 |q|^2 + \sum_{j=0}^{N-1} \Bigl(\frac{(q_{j+1} - q_j)^2
+    + (q_{N+j+1} - q_{N+j})^2}{2\Delta x^2} + \frac{(q_j^2 + q_{N+j}^2)^2}{4\Delta x}\Bigr)
+
+with indices periodic in each half.  Rotations of :math:`\phi` leave H as it is, so that the charge
+:math:`\sum_j q_j p_{N+j} - q_{N+j} p_j` is kept, a quadratic invariant of the form q.D p.
+
+The orbit "collision" starts with two wave packets of opposite charge at x = -L/4 and L/4 that move towards each other,
+:math:`\phi = A\operatorname{sech}(x)\,e^{ikx}`, :math:`\dot\phi = -i\omega\phi` with A = 1 and 1/2 and the signs of k
+and :math:`\omega^2 = 1 + k^2` that this takes, k = 1.  (The data are this suite's own.)
+"""
+
+from cmath import exp
+from fractions import Fraction
+from math import cosh, sqrt
+
+import numpy as np
+import sympy as sp
+
+from integrators.codegen import value_kind
+from integrators.errors import InvalidInput
+from integrators.hamiltonian import Hamiltonian
+from integrators.hand import HandHamiltonian
+
+from .base import Orbit, Problem
+
+PARAMETERS = {"N": 64, "L": 40.0}
+#: The most points, and the lengths at which the initial data are numbers.
+LARGEST, SHORTEST, LONGEST = 2048, 1e-3, 500.0
+#: The packets' wave number.
+K = 1.0
+
+
+def grad_V(a, b):
+    """The loop of grad V for a = 1 / dx^2 and b = 1 / dx."""
+
+    def f(q):
+        n = len(q) // 2
+        g = np.empty_like(q)
+        for j in range(n):
+            left, right = (j if j > 0 else n) - 1, (j + 1 if j < n - 1 else 0)
+            m = 1 + 2 * a + b * (q[j] * q[j] + q[n + j] * q[n + j])
+            g[j] = m * q[j] - a * (q[left] + q[right])
+            g[n + j] = m * q[n + j] - a * (q[n + left] + q[n + right])
+        return g
+
+    return f
+
+
+def field(a, b):
+    """The loop of (p, -grad V)."""
+
+    def f(q, p, h, lam):
+        n = len(q) // 2
+        dp = np.empty_like(q)
+        for j in range(n):
+            left, right = (j if j > 0 else n) - 1, (j + 1 if j < n - 1 else 0)
+            m = 1 + 2 * a + b * (q[j] * q[j] + q[n + j] * q[n + j])
+            dp[j] = a * (q[left] + q[right]) - m * q[j]
+            dp[n + j] = a * (q[n + left] + q[n + right]) - m * q[n + j]
+        return p.copy(), dp
+
+    return f
+
+
+def energy(a, b):
+    """The loop of H and of what its round-off is in units of."""
+
+    def f(q, p):
+        n = len(q) // 2
+        H = M = 0 * q[0]
+        for j in range(n):
+            left, right = (j if j > 0 else n) - 1, (j + 1 if j < n - 1 else 0)
+            r = q[j] * q[j] + q[n + j] * q[n + j]
+            v = p[j] * p[j] + p[n + j] * p[n + j]
+            x, y = q[right] - q[j], q[n + right] - q[n + j]
+            terms = (v + r + a * (x * x + y * y)) / 2 + b * r * r / 4
+            H += terms
+            M += terms + v
+            m = 1 + 2 * a + b * r
+            M += abs(q[j] * (m * q[j] - a * (q[left] + q[right])))
+            M += abs(q[n + j] * (m * q[n + j] - a * (q[n + left] + q[n + right])))
+        return H, M
+
+    return f
+
+
+def constants(N: int, L: float) -> tuple[Fraction, Fraction]:
+    """(1 / dx^2, 1 / dx), exactly."""
+    dx = Fraction(L) / N
+    return 1 / dx**2, 1 / dx
+
+
+def formula(N: int, L: float):
+    """(q, p, H) as symbols and an expression."""
+    q, p = (sp.symbols([f"{x}{j}" for j in range(2 * N)], real=True) for x in "qp")
+    a, b = (sp.Rational(c.numerator, c.denominator) for c in constants(N, L))
+    bending = [a * (x[(j + 1) % N] - x[j]) ** 2 / 2 for j in range(N) for x in (q[:N], q[N:])]
+    quartic = [b * (q[j] ** 2 + q[N + j] ** 2) ** 2 / 4 for j in range(N)]
+    return q, p, sp.Add(*(x**2 / 2 for x in (*q, *p)), *bending, *quartic)
+
+
+def packet(x: float, A: float, direction: int, charge: int) -> tuple[complex, complex]:
+    """(phi, phi_t) of a packet about x = 0 that moves in a direction (1 or -1) and has that sign of the charge."""
+    phi = A * exp(1j * direction * charge * K * x) / cosh(x)
+    return phi, -1j * charge * sqrt(1 + K**2) * phi
+
+
+def make(N: int, L: float) -> Problem:
+    """The equation on ``N`` >= 3 points of a period ``L``: loops by hand where states are arrays."""
+    if int(N) != N or not 3 <= N <= LARGEST:
+        raise InvalidInput(f"the number N of points is {N}; it must be an integer from 3 to {LARGEST}")
+    if min(max(L, SHORTEST), LONGEST) != L:
+        raise InvalidInput(f"the length L is {L}; it must be between {SHORTEST} and {LONGEST}")
+    N = int(N)
+    q, p, H = formula(N, L)
+    charge = sp.Add(*(q[j] * p[N + j] - q[N + j] * p[j] for j in range(N)))
+    if value_kind(2 * N) == "tuple":
+        system = Hamiltonian(q=q, p=p, H=H, invariants=(charge,))
+    else:
+        loops = {"field": field, "grad_V": grad_V, "energy": energy}
+        system = HandHamiltonian(q=q, p=p, H=H, loops=loops, constants=constants(N, L), degree=4, invariants=(charge,))
+    dx = L / N
+    waves = []
+    for x in (-L / 2 + j * dx for j in range(N)):
+        pair = packet(x + L / 4, 1.0, 1, 1), packet(x - L / 4, 0.5, -1, -1)
+        waves.append([sqrt(dx) * sum(w[k] for w in pair) for k in (0, 1)])
+    start = [tuple(part(w[k]) for part in (lambda z: z.real, lambda z: z.imag) for w in waves) for k in (0, 1)]
+    return Problem(
+        id="klein-gordon",
+        name="complex Klein-Gordon equation, semi-discrete",
+        source="Strauss & Vazquez 1978, J. Comput. Phys. 28, 271-278 (the real equation); initial data of this suite",
+        system=system,
+        orbits=(Orbit("collision", *start, "two packets of opposite charge"),),
+        invariants={"charge": charge},
+        parameters={"N": N, "L": L},
+    )

@@ -1,0 +1,30 @@
+"""Lotka-Volterra in logarithms, x = ln u and y = ln v: canonical and separable, with a T(y) that is not quadratic.
+
+H = e^y - 2 y + e^x - x, so that x' = e^y - 2 and y' = 1 - e^x; H = -I of the problem in its own variables.  The orbits
+are the same, from the logarithms of the same starting points, rounded to doubles.
+"""
+
+from math import log
+
+import sympy as sp
+
+from integrators.hamiltonian import Hamiltonian
+
+from .base import Orbit, Problem
+
+PARAMETERS: dict[str, float] = {}
+
+
+def make() -> Problem:
+    """The problem with the talk's starting points."""
+    x, y = sp.symbols("x y", real=True)
+    return Problem(
+        id="lotka-volterra-log",
+        name="Lotka-Volterra in logarithms",
+        source="Hairer, Lubich & Wanner 2006, I.1.1, VII.2.3; talk on symplectic integration, 'Numerical experiments'",
+        system=Hamiltonian(q=[x], p=[y], H=sp.exp(y) - 2 * y + sp.exp(x) - x),
+        orbits=tuple(
+            Orbit(f"{a}-{b}", (log(a),), (log(b),), f"from (u, v) = ({a}, {b})")
+            for a, b in [(2, 2), (4, 8), (4, 2), (6, 2)]
+        ),
+    )

@@ -1,0 +1,124 @@
+r"""The cubic nonlinear Schroedinger equation on N points: :math:`i\psi_t + \psi_{xx} + 2|\psi|^2\psi = 0`, focusing.
+
+On a periodic interval of length L with :math:`\Delta x = L/N`, central differences and
+:math:`\psi_j = (q_j + i p_j)/\sqrt{\Delta x}` the semi-discrete equation is canonical,
+
+.. math::
+    H = \sum_j \frac{(q_{j+1} - q_j)^2 + (p_{j+1} - p_j)^2}{2\Delta x^2} - \frac{(q_j^2 + p_j^2)^2}{2\Delta x}
+    = \Delta x\sum_j \frac{|\psi_{j+1} - \psi_j|^2}{2\Delta x^2} - \frac{|\psi_j|^4}2 .
+
+It keeps the mass :math:`\sum_j q_j^2 + p_j^2 = \Delta x\sum_j |\psi_j|^2`, a quadratic invariant of the form q.q + p.p,
+not q.D p.  The equation is integrable, this discretization is not.
+
+"plane-wave": a modulated plane wave, unstable to two modes at the default length.  "soliton": a soliton that moves,
+:math:`\psi = \operatorname{sech}(x)\,e^{2\pi i x/L}` from x = -L/2 to L/2 (periodic up to the size of its tails).
+"""
+
+from fractions import Fraction
+from math import cos, cosh, pi, sin, sqrt
+
+import numpy as np
+import sympy as sp
+
+from integrators.codegen import value_kind
+from integrators.errors import InvalidInput
+from integrators.hamiltonian import Hamiltonian
+from integrators.hand import HandHamiltonian
+
+from .base import Orbit, Problem
+
+PARAMETERS = {"N": 64, "L": 4 * sqrt(2) * pi}
+#: The most points, and the lengths at which the initial data are numbers.
+LARGEST, SHORTEST, LONGEST = 4096, 1e-3, 500.0
+
+
+def field(a, b):
+    """The loop of (H_p, -H_q) for a = 1 / dx^2 and b = 2 / dx."""
+
+    def f(q, p, h, lam):
+        n = len(q)
+        dq, dp = np.empty_like(q), np.empty_like(p)
+        for j in range(n):
+            left, right = (j if j > 0 else n) - 1, (j + 1 if j < n - 1 else 0)
+            s = b * (q[j] * q[j] + p[j] * p[j])
+            dq[j] = a * (2 * p[j] - p[left] - p[right]) - s * p[j]
+            dp[j] = s * q[j] - a * (2 * q[j] - q[left] - q[right])
+        return dq, dp
+
+    return f
+
+
+def energy(a, b):
+    """The loop of H and of what its round-off is in units of."""
+
+    def f(q, p):
+        n = len(q)
+        H = M = 0 * q[0]
+        for j in range(n):
+            left, right = (j if j > 0 else n) - 1, (j + 1 if j < n - 1 else 0)
+            r = q[j] * q[j] + p[j] * p[j]
+            x, y = q[right] - q[j], p[right] - p[j]
+            bending, focusing = a * (x * x + y * y) / 2, b * r * r / 4
+            H += bending - focusing
+            M += bending + focusing
+            M += abs(q[j] * (a * (2 * q[j] - q[left] - q[right]) - b * r * q[j]))
+            M += abs(p[j] * (a * (2 * p[j] - p[left] - p[right]) - b * r * p[j]))
+        return H, M
+
+    return f
+
+
+def constants(N: int, L: float) -> tuple[Fraction, Fraction]:
+    """(1 / dx^2, 2 / dx), exactly."""
+    dx = Fraction(L) / N
+    return 1 / dx**2, 2 / dx
+
+
+def formula(N: int, L: float):
+    """(q, p, H) as symbols and an expression."""
+    q, p = (sp.symbols([f"{x}{j}" for j in range(N)], real=True) for x in "qp")
+    a, b = (sp.Rational(c.numerator, c.denominator) for c in constants(N, L))
+    bending = [a * (x[(j + 1) % N] - x[j]) ** 2 / 2 for j in range(N) for x in (q, p)]
+    return q, p, sp.Add(*bending, *(-b * (x**2 + y**2) ** 2 / 4 for x, y in zip(q, p, strict=True)))
+
+
+def make(N: int, L: float) -> Problem:
+    """The equation on ``N`` >= 3 points of a period ``L``: loops by hand where states are arrays."""
+    if int(N) != N or not 3 <= N <= LARGEST:
+        raise InvalidInput(f"the number N of points is {N}; it must be an integer from 3 to {LARGEST}")
+    if min(max(L, SHORTEST), LONGEST) != L:
+        raise InvalidInput(f"the length L is {L}; it must be between {SHORTEST} and {LONGEST}")
+    N = int(N)
+    q, p, H = formula(N, L)
+    mass = sp.Add(*(x**2 for x in (*q, *p)))
+    if value_kind(N) == "tuple":
+        system = Hamiltonian(q=q, p=p, H=H, invariants=(mass,))
+    else:
+        loops = {"field": field, "energy": energy}
+        system = HandHamiltonian(q=q, p=p, H=H, loops=loops, constants=constants(N, L), degree=4, invariants=(mass,))
+    dx = L / N
+    x = [-L / 2 + j * dx for j in range(N)]
+    soliton = [(sqrt(dx) / cosh(y), 2 * pi * y / L) for y in x]
+    return Problem(
+        id="nls",
+        name="nonlinear Schroedinger equation, semi-discrete",
+        source="Zakharov & Shabat 1972, Sov. Phys. JETP 34, 62-69 (soliton); Karpeev & Schober 2001, Math. Comput. "
+        "Simul. 56, 145-156 (standard discretization); Islas, Karpeev & Schober 2001, J. Comput. Phys. 173, 116-148",
+        system=system,
+        orbits=(
+            Orbit(
+                "plane-wave",
+                tuple(sqrt(dx) / 2 * (1 + cos(2 * pi * y / L) / 10) for y in x),
+                (0.0,) * N,
+                "psi = (1 + cos(2 pi x / L) / 10) / 2",
+            ),
+            Orbit(
+                "soliton",
+                tuple(r * cos(phase) for r, phase in soliton),
+                tuple(r * sin(phase) for r, phase in soliton),
+                "psi = sech(x) exp(2 pi i x / L)",
+            ),
+        ),
+        invariants={"mass": mass},
+        parameters={"N": N, "L": L},
+    )

@@ -1,0 +1,57 @@
+"""The outer solar system: the Sun with the inner planets, Jupiter, Saturn, Uranus, Neptune, Pluto; d = 18.
+
+Units: astronomical units, days, solar masses.  H = sum |p_i|^2 / (2 m_i) - G sum m_i m_j / |q_i - q_j|, with the Sun at
+rest at the origin in the beginning; the momenta are m v, rounded to double.
+"""
+
+from itertools import combinations
+
+import sympy as sp
+
+from integrators.hamiltonian import Hamiltonian
+from integrators.wisdom_holman import jacobi
+
+from .base import Orbit, Problem
+
+PARAMETERS: dict[str, float] = {}
+G = 2.95912208286e-4
+#: Name -> (mass, position, velocity).
+BODIES = {
+    "sun": (1.00000597682, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    "jupiter": (0.000954786104043, (-3.5023653, -3.8169847, -1.5507963), (0.00565429, -0.00412490, -0.00190589)),
+    "saturn": (0.000285583733151, (9.0755314, -3.0458353, -1.6483708), (0.00168318, 0.00483525, 0.00192462)),
+    "uranus": (0.0000437273164546, (8.3101420, -16.2901086, -7.2521278), (0.00354178, 0.00137102, 0.00055029)),
+    "neptune": (0.0000517759138449, (11.4707666, -25.7294829, -10.8169456), (0.00288930, 0.00114527, 0.00039677)),
+    "pluto": (1 / 1.3e8, (-15.5387357, -25.2225594, -3.1902382), (0.00276725, -0.00170702, -0.00136504)),
+}
+
+
+def make() -> Problem:
+    """The problem; it has no parameters."""
+    names = [f"{axis}{body}" for body in range(len(BODIES)) for axis in "xyz"]
+    q, p = sp.symbols(names, real=True), sp.symbols([f"p{n}" for n in names], real=True)
+    masses = [sp.Rational(m) for m, _, _ in BODIES.values()]
+    positions, momenta = ([sp.Matrix(z[i : i + 3]) for i in range(0, len(z), 3)] for z in (q, p))
+    pairs = list(combinations(range(len(BODIES)), 2))
+    distances = [sp.sqrt(sum(x**2 for x in positions[j] - positions[i])) for i, j in pairs]
+    H = sum(P.dot(P) / (2 * m) for P, m in zip(momenta, masses, strict=True))
+    H -= sum(sp.Rational(G) * masses[i] * masses[j] / r for (i, j), r in zip(pairs, distances, strict=True))
+    total = sum(momenta, sp.zeros(3, 1))
+    L = sum((x.cross(P) for x, P in zip(positions, momenta, strict=True)), sp.zeros(3, 1))
+    kept = {f"momentum-{k + 1}": total[k] for k in range(3)} | {f"angular-momentum-{k + 1}": L[k] for k in range(3)}
+    start = Orbit(
+        "september-1994",
+        tuple(x for _, where, _ in BODIES.values() for x in where),
+        tuple(m * v for m, _, velocity in BODIES.values() for v in velocity),
+        "the positions and velocities of September 5, 1994",
+    )
+    return Problem(
+        id="outer-solar-system",
+        name="outer solar system",
+        source="Hairer, Lubich & Wanner 2006, I.2.4",
+        system=Hamiltonian(
+            q=q, p=p, H=H, singular=distances, invariants=kept.values(), kepler=jacobi(masses, sp.Rational(G))
+        ),
+        orbits=(start,),
+        invariants=kept,
+    )

@@ -1,0 +1,58 @@
+"""Coefficients of compositions and splittings: as published, each with its source, and polished to full precision.
+
+`TABLES` holds them as published; `polished` and `steps` give them as numbers of 60 digits that satisfy the order
+conditions to 1e-50 and better, from ``polished.json``, which ``python -m integrators.polish`` writes.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import mpmath
+
+from ..composition import DIGITS
+from ..errors import unknown
+from . import compositions, gauss, nystrom, splittings
+from .table import Table, value
+
+TABLES: tuple[Table, ...] = (*compositions.TABLES, *splittings.TABLES, *gauss.TABLES, *nystrom.TABLES)
+BY_NAME = {t.name: t for t in TABLES}
+#: Numbers as they stand in damaged copies of a table, {name: {index: text}}.  Of the first table a copy has two digits
+#: exchanged in one number and three too many in another; of the second a digit is lost in several programs' tables.
+DAMAGED: dict[str, dict[int, str]] = {
+    "sofroniou-spaletta-10": {
+        8: "0.36613344954622675319114812353150",
+        13: "-0.39203335373010863990644808193642610",
+    },
+    "aba-864": {7: "0.0653961422823734184559721793911134363710"},
+}
+POLISHED = Path(__file__).with_name("polished.json")
+
+__all__ = ["BY_NAME", "DAMAGED", "POLISHED", "TABLES", "Table", "polished", "report", "steps", "table"]
+
+
+def table(name: str) -> Table:
+    """The table of that name; raises InvalidInput for an unknown one."""
+    if name not in BY_NAME:
+        raise unknown("table of coefficients", name, BY_NAME)
+    return BY_NAME[name]
+
+
+@cache
+def report() -> dict[str, dict]:
+    """What ``polished.json`` holds, by name: the numbers, the residuals before and after, how far the digits moved."""
+    return json.loads(POLISHED.read_text())
+
+
+def polished(name: str) -> tuple[mpmath.mpf, ...]:
+    """The polished numbers in the order of `Table.published`."""
+    found = report()[table(name).name]
+    with mpmath.workdps(DIGITS):
+        return tuple(value(x) for part in ("gamma", "a", "b") for x in found.get(part, ()))
+
+
+def steps(name: str) -> list:
+    """The whole polished sequence: fractions of a composition, or pairs (letter, weight) of a splitting."""
+    return table(name).steps(polished(name))

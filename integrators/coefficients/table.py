@@ -1,0 +1,92 @@
+"""What a table of coefficients is: published numbers, and the sequence of substeps that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mpmath
+
+from ..composition import DIGITS, mirrored
+
+#: A decimal of more digits is a rounded number, which may be polished; a shorter one, or a fraction, is a choice.
+EXACT_DIGITS = 6
+
+
+@dataclass(frozen=True)
+class Table:
+    """A symmetric composition or a splitting, as published.
+
+    Attributes
+    ----------
+    name : kebab-case
+    kind : how its order is computed, one of `order_conditions.KINDS`
+    order : ``(p,)``, or the generalised order of a near-integrable splitting
+    source, cite : author, year, equation or table; keys of the bibliography
+    gamma : fractions of a composition, the first half with the middle one
+    a, b : weights of the drifts and the kicks of a splitting: the first half with the middle one where it is
+        symmetric, else all; decimal strings or fractions
+    first : the letter of its first substep, "A" (drift) or "B" (kick)
+    symmetric : whether the halves are mirrored
+    good : decimals to which the numbers are right, where more were printed
+    """
+
+    name: str
+    kind: str
+    order: tuple[int, ...]
+    source: str
+    cite: tuple[str, ...]
+    gamma: tuple[str, ...] = ()
+    a: tuple[str, ...] = ()
+    b: tuple[str, ...] = ()
+    first: str = "B"
+    symmetric: bool = True
+    good: int | None = None
+
+    @property
+    def published(self) -> tuple[str, ...]:
+        """Every number: gamma, or a and then b."""
+        return self.gamma + self.a + self.b
+
+    @property
+    def classical_order(self) -> int:
+        """The order for a system without a small parameter."""
+        return self.order[-1]
+
+    @property
+    def accuracy(self) -> mpmath.mpf:
+        """How near the published numbers are to their polished ones: ten units of the shortest's last digit."""
+        if self.good is not None:
+            return mpmath.mpf(10) ** -self.good
+        return 10 * max((unit(x) for x in self.published if not is_exact(x)), default=mpmath.mpf(10) ** -DIGITS)
+
+    def steps(self, numbers: Sequence[mpmath.mpf]) -> list:
+        """The whole sequence, from numbers in the order of `published`: fractions, or pairs (letter, weight)."""
+        if self.gamma:
+            return list(mirrored(numbers))
+        parts = {"A": list(numbers[: len(self.a)]), "B": list(numbers[len(self.a) :])}
+        letter, out = self.first, []
+        while parts[letter]:
+            out.append((letter, parts[letter].pop(0)))
+            letter = "B" if letter == "A" else "A"
+        if parts[letter]:
+            raise ValueError(f"the drifts and kicks of {self.name} do not alternate")
+        return list(mirrored(out)) if self.symmetric else out
+
+
+def is_exact(text: str) -> bool:
+    """Whether a published number is a fraction or a choice of few digits, which polishing leaves as it is."""
+    return "/" in text or len(text.partition(".")[2].rstrip("0")) <= EXACT_DIGITS
+
+
+def value(text: str) -> mpmath.mpf:
+    """A published number in full precision."""
+    numerator, _, denominator = text.partition("/")
+    with mpmath.workdps(DIGITS):
+        return mpmath.mpf(numerator) / mpmath.mpf(denominator or 1)
+
+
+def unit(text: str) -> mpmath.mpf:
+    """One unit of a published decimal's last digit."""
+    with mpmath.workdps(DIGITS):
+        return mpmath.mpf(10) ** -len(text.partition(".")[2])

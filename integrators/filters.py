@@ -1,0 +1,51 @@
+r"""Filter functions and linear propagators of the trigonometric integrators, as functions of :math:`\xi = h\omega`.
+
+Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), XIII.2.
+"""
+
+from __future__ import annotations
+
+import mpmath
+
+
+def one(x):
+    """1."""
+    return mpmath.mpf(1)
+
+
+#: sin(x) / x, 1 at 0; mpmath forms it to full relative precision, at 0 as well as at multiples of pi.
+sinc = mpmath.sinc
+
+
+def sinc_squared(x):
+    """sinc^2 x."""
+    return sinc(x) ** 2
+
+
+def tanc_half(x):
+    """tan(x/2) / (x/2) = sinc^2(x/2) / sinc x; poles at the odd multiples of pi."""
+    return sinc(x / 2) / mpmath.cos(x / 2)
+
+
+def hochbruck_lubich(x):
+    """sinc x (1 + sin^2(x/2) / 3)."""
+    return sinc(x) * (1 + mpmath.sin(x / 2) ** 2 / 3)
+
+
+def rotation(x):
+    """(R11, R12 / h, -R21 h / x^2) of the exact flow."""
+    return mpmath.cos(x), sinc(x), sinc(x)
+
+
+def cayley(x):
+    """The same of the implicit midpoint rule, the Cayley transform."""
+    d = 1 + x**2 / 4
+    return (1 - x**2 / 4) / d, 1 / d, 1 / d
+
+
+def verlet_power(x, n):
+    """The same of n Stormer-Verlet steps (kick-drift-kick): T_n and U_(n-1) of Chebyshev at 1 - (x/n)^2 / 2."""
+    z = (x / n) ** 2
+    c = 1 - z / 2
+    u = mpmath.chebyu(n - 1, c) / n
+    return mpmath.chebyt(n, c), u, u * (1 - z / 4)

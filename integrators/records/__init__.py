@@ -1,0 +1,1 @@
+"""The methods' records, a module for each kind."""

@@ -1,0 +1,131 @@
+"""Implicit Runge-Kutta methods and their energy-preserving relatives."""
+
+from __future__ import annotations
+
+from ..coefficients import dop853
+from ..record import BOUNDED, DRIFT, ROUND_OFF, Method
+
+HLW = "Hairer, Lubich & Wanner 2006"
+BIT = "Brugnano, Iavernaro & Trigiante"
+
+
+def collocation(id, name, order, source, cite, data, **facts):
+    """A method of the family `stages`, symmetric and symplectic where not said otherwise."""
+    facts = {"symmetric": True, "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF} | facts
+    return Method(id=id, name=name, family="stages", order=order, source=source, cite=cite, data=data, **facts)
+
+
+def gauss(s):
+    """The Gauss method of s stages."""
+    source = f"Butcher 1964; Sanz-Serna 1988; {HLW}, II.1.3; rounding: Hairer, McLachlan & Razakarivony 2008"
+    return collocation(
+        f"gauss-{s}",
+        f"Gauss, {s} stages",
+        2 * s,
+        source,
+        ("butcher1964", "sanzserna1988", "hairer2006", "hairer2008"),
+        ("gauss", s),
+    )
+
+
+def hbvm(k, s):
+    """The Hamiltonian boundary value method with k nodes and polynomials of degree s."""
+    return collocation(
+        f"hbvm-{k}-{s}",
+        f"HBVM({k}, {s}), which keeps polynomials H of degree up to {2 * k // s}",
+        2 * s,
+        f"{BIT} 2010",
+        ("brugnano2010",),
+        ("hbvm", s, k),
+        symplectic=False,
+        energy=ROUND_OFF,
+        quadratic=BOUNDED,
+        requires=("canonical",),
+    )
+
+
+def petrov_galerkin(s):
+    """The continuous Petrov-Galerkin method of degree s."""
+    return collocation(
+        f"cpg-{s}",
+        f"continuous Petrov-Galerkin of degree {s}",
+        2 * s,
+        f"Betsch & Steinmann 2000; Hairer 2010; the limit of HBVM(k, {s})",
+        ("betsch2000", "hairer2010", "brugnano2010"),
+        ("cpg", s),
+        symplectic=False,
+        energy=ROUND_OFF,
+        quadratic=BOUNDED,
+        requires=("canonical",),
+    )
+
+
+def lobatto(s):
+    """The Lobatto IIIA-IIIB pair of s stages."""
+    return collocation(
+        f"lobatto-iiia-iiib-{s}",
+        f"Lobatto IIIA - IIIB, {s} stages",
+        2 * s - 2,
+        f"Sun 1993; {HLW}, II.2.2 and VI.4.5",
+        ("sun1993", "hairer2006"),
+        ("lobatto-iiia-iiib", s),
+    )
+
+
+def radau(s):
+    """The Radau IIA method of s stages, a control: it dissipates."""
+    return collocation(
+        f"radau-iia-{s}",
+        f"Radau IIA, {s} stages",
+        2 * s - 1,
+        "Ehle 1969; Hairer & Wanner 1996, IV.5",
+        ("ehle1969", "hairer1996"),
+        ("radau-iia", s),
+        symmetric=False,
+        symplectic=False,
+        energy=DRIFT,
+        quadratic=DRIFT,
+    )
+
+
+def equip(s):
+    """The Gauss method of s stages with a parameter that keeps the energy."""
+    return Method(
+        id=f"gauss-equip-{s}",
+        name=f"EQUIP: Gauss, {s} stages, with the parameter that keeps the energy",
+        family="gauss_equip",
+        order=2 * s,
+        symmetric=True,
+        symplectic=False,
+        energy=ROUND_OFF,
+        quadratic=ROUND_OFF,
+        requires=("canonical",),
+        source=f"{BIT} 2012",
+        cite=("brugnano2012",),
+        data=(s,),
+    )
+
+
+DOP853 = Method(
+    id="dop853",
+    name="the method of order 8 of Dormand and Prince, with a fixed step",
+    family="runge_kutta",
+    order=8,
+    symmetric=False,
+    symplectic=False,
+    energy=DRIFT,
+    quadratic=DRIFT,
+    source="Hairer, Norsett & Wanner 1993, II.5 (DOP853)",
+    cite=("hairer1993",),
+    data=dop853.tableau(),
+)
+
+METHODS: tuple[Method, ...] = (
+    *(gauss(s) for s in range(1, 9)),
+    *(lobatto(s) for s in (2, 3, 4)),
+    *(radau(s) for s in (2, 3)),
+    *(hbvm(2 * s, s) for s in (1, 2, 3, 4)),
+    *(petrov_galerkin(s) for s in (1, 2, 3, 4)),
+    *(equip(s) for s in (2, 3, 4)),
+    DOP853,
+)

@@ -1,0 +1,111 @@
+r"""Symmetric compositions of symmetric methods of order 2, over the fractions of `coefficients`.
+
+.. math::
+    \Psi_h = \Phi_{\gamma_s h} \circ \dots \circ \Phi_{\gamma_1 h}.
+
+Source: Hairer, Lubich, Wanner (2006), V.3.2; McLachlan, SIAM J. Sci. Comput. 16 (1995) 151-168.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import mpmath
+
+from .. import coefficients
+from ..composition import DIGITS, times
+from ..errors import InvalidInput
+from ..record import Method
+from . import classical, parametric
+
+#: Fractions that do not add up to the step to this are no composition.
+SUM = 1e-12
+
+
+def composed(base: Method, fractions: str | Sequence, **facts) -> Method:
+    """The composition of a symmetric method of order 2 over the given fractions of the step.
+
+    Parameters
+    ----------
+    base : a symmetric record of order 2, of the family "parametric" or "equip"; its parameters stay parameters
+    fractions : the name of a composition in `coefficients`, or all the fractions
+    facts : fields of the record that are to differ (id, name, source, order, ...); without an order it is computed
+        from the fractions
+
+    Raises
+    ------
+    InvalidInput
+        If the base is not symmetric of order 2 or of another family, or the fractions do not add up to 1.
+    """
+    if isinstance(fractions, str):
+        found = coefficients.table(fractions)
+        if not found.gamma:
+            raise InvalidInput(f"'{fractions}' is a splitting, no composition of a symmetric method")
+        named = {"name": f"{base.name}, composed by {fractions}", "order": found.classical_order}
+        named |= {"source": found.source, "cite": (*base.cite, *found.cite), "id": f"{base.id}-{fractions}"}
+        gamma = tuple(coefficients.steps(fractions))
+    else:
+        gamma = _exact(fractions)
+        named = {"id": f"{base.id}-composed", "name": f"{base.name}, composed"}
+        if "order" not in facts:
+            named["order"] = _order(gamma)
+    data = _data(base, gamma)
+    symmetric = all(abs(f - g) < SUM for f, g in zip(gamma, reversed(gamma), strict=True))
+    made = {"data": data, "symmetric": symmetric}
+    if base.with_parameters is not None:
+        made["with_parameters"] = lambda **values: {"data": _data(base(**values), gamma)}
+    return replace(base, **(named | made | facts))
+
+
+def _exact(fractions) -> tuple[mpmath.mpf, ...]:
+    with mpmath.workdps(DIGITS):
+        gamma = tuple(times(mpmath.mpf(1), mpmath.mpf(f) if isinstance(f, (str, float)) else f) for f in fractions)
+        if not abs(mpmath.fsum(gamma) - 1) < SUM:
+            raise InvalidInput(f"the fractions add up to {mpmath.nstr(mpmath.fsum(gamma), 17)}, not to 1")
+    return gamma
+
+
+def _order(gamma) -> int:
+    from ..order_conditions import classical_order
+
+    return classical_order("composition", gamma, tolerance=SUM)
+
+
+def _data(base: Method, gamma) -> tuple:
+    if base.family not in ("parametric", "equip"):
+        raise InvalidInput(f"'{base.label}' is of the family {base.family}; parametric and equip can be composed")
+    if not base.symmetric or base.order != 2:
+        kind = "symmetric" if base.symmetric else "not symmetric"
+        raise InvalidInput(f"'{base.label}' is {kind}, of order {base.order}; a base is symmetric, of order 2")
+    if base.family == "parametric":
+        order, substeps = base.data
+        return order, tuple((times(g, c), mu, lam) for g in gamma for c, mu, lam in substeps)
+    groups = 1 + max(row[2] for row in base.data)
+    return tuple(
+        (times(g, c), sign, k * groups + group, a) for k, g in enumerate(gamma) for c, sign, group, a in base.data
+    )
+
+
+BASES = {m.id: m for m in (*classical.METHODS, *parametric.METHODS)}
+COMPOSITIONS = tuple(t.name for t in coefficients.TABLES if t.gamma)
+#: The fractions that are also taken with other bases than Stormer-Verlet; any others by `composed`.
+BEST = (
+    "yoshida-6a",
+    "kahan-li-6",
+    "sofroniou-spaletta-6",
+    "kahan-li-8",
+    "suzuki-umeno-8",
+    "sofroniou-spaletta-8",
+    "sofroniou-spaletta-10",
+    "hlw-10",
+)
+
+METHODS: tuple[Method, ...] = (
+    *(composed(BASES["stormer-verlet"], name, id=name) for name in COMPOSITIONS),
+    composed(BASES["implicit-midpoint"], "forest-ruth", id="implicit-midpoint-yoshida-4"),
+    composed(BASES["implicit-midpoint"], "suzuki-4"),
+    *(composed(BASES["implicit-midpoint"], name) for name in BEST),
+    *(composed(BASES["scheme-iii"], name) for name in BEST),
+    *(composed(BASES["scheme-v"], name) for name in BEST if "10" not in name and name != "yoshida-6a"),
+)

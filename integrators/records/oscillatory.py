@@ -1,0 +1,116 @@
+"""Trigonometric integrators and multiple time stepping: data over the kernel of `trigonometric`.
+
+A trigonometric integrator is given by psi_1 = psi / sinc and phi; each record names the published psi and phi.
+Quadratic invariants q.D p of the rotations that mix components of one frequency are kept to round-off, others are not:
+the class holds for all of them.
+"""
+
+from __future__ import annotations
+
+from ..errors import InvalidInput
+from ..filters import (
+    cayley,
+    hochbruck_lubich,
+    one,
+    rotation,
+    sinc,
+    sinc_squared,
+    tanc_half,
+    verlet_power,
+)
+from ..record import BOUNDED, Method
+
+HLW = "Hairer, Lubich & Wanner 2006, XIII"
+#: The most substeps of a step of multiple time stepping.
+LARGEST = 10_000
+
+
+def oscillatory(id, name, source, cite, data, symplectic=False, **facts):
+    """A symmetric method of order 2 with ``data`` = (propagator, psi_1, phi, arguments of the propagator)."""
+    return Method(
+        id=id,
+        name=name,
+        family="trigonometric",
+        order=2,
+        symmetric=True,
+        symplectic=symplectic,
+        energy=BOUNDED,
+        quadratic=BOUNDED,
+        source=source,
+        cite=cite,
+        requires=("linear fast part",),
+        data=data,
+        **facts,
+    )
+
+
+def _respa(substeps):
+    if not 1 <= substeps <= LARGEST:
+        raise InvalidInput(f"substeps is {substeps}; it must be at least 1 and at most {LARGEST}")
+    return {"data": (verlet_power, one, one, substeps)}
+
+
+METHODS: tuple[Method, ...] = (
+    oscillatory(
+        "gautschi",
+        "Gautschi's method, psi = sinc^2(xi/2), phi = 1",
+        f"Gautschi 1961; {HLW}.2 (A)",
+        ("gautschi1961", "hairer2006"),
+        (rotation, tanc_half, one),
+    ),
+    oscillatory(
+        "deuflhard",
+        "Deuflhard's method, psi = sinc(xi), phi = 1: the impulse method with the exact fast flow",
+        f"Deuflhard 1979; {HLW}.2 (B)",
+        ("deuflhard1979", "hairer2006"),
+        (rotation, one, one),
+        symplectic=True,
+    ),
+    oscillatory(
+        "mollified-impulse",
+        "the mollified impulse method, psi = sinc(xi) phi, phi = sinc(xi)",
+        f"Garcia-Archilla, Sanz-Serna & Skeel 1999; {HLW}.2 (C)",
+        ("garcia-archilla1999", "hairer2006"),
+        (rotation, sinc, sinc),
+        symplectic=True,
+    ),
+    oscillatory(
+        "hochbruck-lubich",
+        "the method of Hochbruck and Lubich, psi = sinc^2(xi/2), phi = sinc(xi) (1 + sin^2(xi/2) / 3)",
+        f"Hochbruck & Lubich 1999; {HLW}.2 (D)",
+        ("hochbruck1999", "hairer2006"),
+        (rotation, tanc_half, hochbruck_lubich),
+    ),
+    oscillatory(
+        "hairer-lubich",
+        "the method of Hairer and Lubich, psi = sinc^2(xi), phi = 1",
+        f"Hairer & Lubich 2000; {HLW}.2 (E)",
+        ("hairer2000", "hairer2006"),
+        (rotation, sinc, one),
+    ),
+    oscillatory(
+        "grimm-hochbruck",
+        "the method of Grimm and Hochbruck, psi = sinc^3(xi), phi = sinc(xi)",
+        "Grimm & Hochbruck 2006",
+        ("grimm2006",),
+        (rotation, sinc_squared, sinc),
+    ),
+    oscillatory(
+        "r-respa",
+        "r-RESPA, the impulse method with Stormer-Verlet substeps",
+        "Tuckerman, Berne & Martyna 1992; Grubmueller, Heller, Windemuth & Schulten 1991",
+        ("tuckerman1992", "grubmueller1991"),
+        symplectic=True,
+        parameters={"substeps": 10},
+        with_parameters=_respa,
+        **_respa(10),
+    ),
+    oscillatory(
+        "imex",
+        "the implicit-explicit method: the impulse method with the implicit midpoint rule",
+        "Zhang & Skeel 1997; Stern & Grinspun 2009",
+        ("zhang1997", "stern2009"),
+        (cayley, one, one),
+        symplectic=True,
+    ),
+)

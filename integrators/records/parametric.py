@@ -1,0 +1,128 @@
+"""The talk's parameterized family: Schemes I-V, generating functions, their compositions."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from ..composition import SCHEMES, times
+from ..errors import InvalidInput
+from ..record import BOUNDED, ROUND_OFF, Method
+
+HALF = Fraction(1, 2)
+TALK = "Wang, Bo & Cai (talk)"
+
+
+def scheme_i(lam):
+    """Substeps (c, mu, lambda) of Scheme I: Phi^lambda, stage weights mu = 1 - lambda and lambda."""
+    return (1, 1 - lam, lam)
+
+
+def scheme_iii(lam, fractions=(Fraction(1),)):
+    """Phi^lambda_{h/2} after Phi^(1 - lambda)_{h/2}, over each fraction of the step."""
+    halves = ((HALF, lam, 1 - lam), (HALF, 1 - lam, lam))
+    return tuple((times(f, c), mu, la) for f in fractions for c, mu, la in halves)
+
+
+def equip_rows(signs, fractions=(Fraction(1),), alternative=()):
+    """Rows (c, sign, group, alternative) of `equip`: each fraction is a group with its own root."""
+    rows = []
+    for g, f in enumerate(fractions):
+        for a, list_of_signs in enumerate((signs, alternative)):
+            rows += [(times(f, Fraction(1, len(list_of_signs))), s, g, a) for s in list_of_signs]
+    return tuple(rows)
+
+
+def parameterised(id, name, source, make, **facts):
+    """A method with a parameter lam = 1/3 at first, and what ``make(**parameters)`` derives from its parameters."""
+    defaults = {"lam": Fraction(1, 3)} | facts.pop("parameters", {})
+    common = {"family": "parametric", "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF}
+    common |= {"symmetric": False, "requires": ("canonical",), "cite": ("wang-talk",)} | facts
+    return Method(
+        id=id, name=name, source=source, parameters=defaults, with_parameters=make, **(common | make(**defaults))
+    )
+
+
+def _generating(order, lam):
+    if not 1 <= order <= 6:
+        raise InvalidInput(f"the generating function is derived for orders 1 to 6, not {order}")
+    even = order + 1 if lam == HALF and order % 2 else order
+    facts = {"data": (order, (scheme_i(lam),)), "order": even, "symmetric": lam == HALF}
+    return facts
+
+
+def _scheme_iii_composed(scheme, order):
+    return parameterised(
+        f"scheme-iii-{scheme}-{order}",
+        f"Scheme III, {scheme.capitalize()} composition of order {order}",
+        f"{TALK}, (21); " + ("Yoshida 1990" if scheme == "yoshida" else "Suzuki 1990"),
+        lambda lam: {"data": (1, scheme_iii(lam, SCHEMES[scheme](order)))},
+        order=order,
+        symmetric=True,
+        cite=("wang-talk", f"{scheme}1990"),
+    )
+
+
+def equip_method(id, name, signs, source, fractions=(Fraction(1),), order=2, alternative=(), cite=("wang-talk",)):
+    """Scheme IV or V (by its ``signs``), or their composition over ``fractions`` of the step."""
+    return Method(
+        id=id,
+        name=name,
+        family="equip",
+        data=equip_rows(signs, fractions, alternative),
+        order=order,
+        symmetric=True,
+        symplectic=False,
+        energy=ROUND_OFF,
+        quadratic=ROUND_OFF,
+        requires=("canonical",),
+        source=source,
+        cite=cite,
+    )
+
+
+METHODS: tuple[Method, ...] = (
+    parameterised("scheme-i", "Scheme I", f"{TALK}, (19)", lambda lam: _generating(1, lam)),
+    parameterised("scheme-i-adjoint", "the adjoint of Scheme I", f"{TALK}, (10)", lambda lam: _generating(1, 1 - lam)),
+    parameterised("scheme-ii", "Scheme II", f"{TALK}, (20)", lambda lam: _generating(2, lam)),
+    parameterised(
+        "generating-function",
+        "generating function of order r",
+        f"{TALK}, (18); Feng et al. 1989",
+        lambda order, lam: _generating(order, lam),
+        parameters={"order": 3},
+        cite=("wang-talk", "feng1989"),
+    ),
+    parameterised(
+        "scheme-iii",
+        "Scheme III",
+        f"{TALK}, (21)",
+        lambda lam: {"data": (1, scheme_iii(lam))},
+        order=2,
+        symmetric=True,
+    ),
+    *(_scheme_iii_composed(scheme, order) for scheme in ("yoshida", "suzuki") for order in (4, 6)),
+    equip_method("scheme-iv", "Scheme IV", (1,), f"{TALK}, (24)"),
+    equip_method("scheme-v", "Scheme V", (-1, 1), TALK),
+    equip_method(
+        "scheme-iv-v", "Scheme IV, with Scheme V where it has no root", (1,), "phasebench", alternative=(-1, 1)
+    ),
+    equip_method(
+        "scheme-v-iv", "Scheme V, with Scheme IV where it has no root", (-1, 1), "phasebench", alternative=(1,)
+    ),
+    *(
+        equip_method(
+            f"scheme-{id}-{scheme}-4",
+            f"Scheme {id.upper()}, {name}",
+            signs,
+            f"{TALK}; {scheme.capitalize()} 1990",
+            SCHEMES[scheme](4),
+            order=4,
+            cite=("wang-talk", f"{scheme}1990"),
+        )
+        for id, signs, scheme, name in (
+            ("iv", (1,), "yoshida", "triple jump"),
+            ("v", (-1, 1), "yoshida", "triple jump"),
+            ("v", (-1, 1), "suzuki", "Suzuki's fractal"),
+        )
+    ),
+)

@@ -1,0 +1,23 @@
+"""Poisson systems."""
+
+from __future__ import annotations
+
+from ..record import BOUNDED, ROUND_OFF, Method
+
+METHODS: tuple[Method, ...] = tuple(
+    Method(
+        id=f"cohen-hairer-{s}",
+        name=f"energy-preserving collocation for Poisson systems, s = {s}",
+        family="poisson",
+        order=2 * s,
+        symmetric=True,
+        symplectic=False,
+        energy=ROUND_OFF,
+        quadratic=BOUNDED,
+        source="Cohen & Hairer 2011, section 2",
+        cite=("cohen2011", "hairer2010") if s > 1 else ("cohen2011",),
+        requires=("Poisson structure",),
+        data=(s,),
+    )
+    for s in (1, 2, 3)
+)

@@ -1,0 +1,161 @@
+"""Projection and relaxation: records over the steps of other methods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+
+from ..composition import SCHEMES, times
+from ..errors import InvalidInput
+from ..record import BOUNDED, DRIFT, ROUND_OFF, Method
+from . import classical, collocation, parametric
+
+ONTO = ("energy", "invariants")
+FAMILIES = ("runge_kutta", "parametric", "splitting")
+
+
+def _method(base: Method | str, **parameters) -> Method:
+    if isinstance(base, Method):
+        return base(**parameters)
+    from ..registry import method  # it imports this module
+
+    return method(base, **parameters)
+
+
+def _derived(base: Method, facts: Callable[[Method], dict], **fixed) -> Method:
+    """A record whose parameters are those of ``base`` and whose facts follow from it."""
+    make = None
+    if base.with_parameters is not None:
+
+        def make(**values):
+            return facts(base(**values))
+
+    return Method(**fixed, **facts(base), parameters=base.parameters, with_parameters=make)
+
+
+def projected(base: Method | str, onto: str = "energy", symmetric: bool = False, **parameters) -> Method:
+    """The method that projects every step of ``base`` onto the initial values of invariants.
+
+    Parameters
+    ----------
+    base : a method of the families `runge_kutta`, `parametric` and `splitting`, or its id
+    onto : "energy", or "invariants" for the energy and all further invariants that the system declares
+    symmetric : symmetric projection, for a symmetric base, instead of the standard one
+    parameters : values of the base's parameters
+
+    Raises
+    ------
+    InvalidInput
+        For a base of another family, a symmetric projection of a base that is not symmetric, or an unknown ``onto``.
+
+    References
+    ----------
+    Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), IV.4 and V.4.1.
+    """
+    base = _method(base, **parameters)
+    if base.family not in FAMILIES:
+        raise InvalidInput(
+            f"steps of '{base.id}' (family {base.family}) cannot be projected; methods of {', '.join(FAMILIES)} can"
+        )
+    if onto not in ONTO:
+        raise InvalidInput(f"onto is {onto!r}; it must be one of {', '.join(ONTO)}")
+
+    def facts(base: Method) -> dict:
+        if symmetric and not base.symmetric:
+            raise InvalidInput(f"'{base.label}' is not symmetric; its projection can only be the standard one")
+        return {"order": base.order, "symmetric": symmetric, "data": (base, onto, symmetric)}
+
+    kind = "symmetric-projection" if symmetric else "projected"
+    suffix = "" if symmetric and onto == "energy" else f"-{onto}"
+    target = "the energy" if onto == "energy" else "the energy and the further invariants"
+    further = ("further invariants",) if onto == "invariants" else ()
+    return _derived(
+        base,
+        facts,
+        id=f"{base.id}-{kind}{suffix}",
+        name=f"{base.name}, {'symmetric projection' if symmetric else 'projected'} onto {target}",
+        family="projection",
+        symplectic=False,
+        energy=ROUND_OFF,
+        quadratic=ROUND_OFF if further else BOUNDED if symmetric else DRIFT,
+        source="Hairer 2000; Hairer, Lubich & Wanner 2006, V.4.1" if symmetric else f"{classical.HLW}, IV.4.2",
+        cite=tuple(dict.fromkeys((*base.cite, *(("hairer2000",) if symmetric else ()), "hairer2006"))),
+        requires=tuple(dict.fromkeys(("canonical", *base.requires, *further))),
+    )
+
+
+def relaxed(base: Method | str, adjust_time: bool = True, **parameters) -> Method:
+    """The relaxation method of the explicit Runge-Kutta method ``base``, which keeps H by the length of its steps.
+
+    Parameters
+    ----------
+    base : a method of the family `runge_kutta` of order 2 at least, or its id
+    adjust_time : count a step as long as it is; else as h, the incremental direction technique, which loses an order
+    parameters : values of the base's parameters
+
+    Raises
+    ------
+    InvalidInput
+        For a base of another family or of order 1, whose relaxation need not exist.
+
+    References
+    ----------
+    D. I. Ketcheson, SIAM J. Numer. Anal. 57 (2019) 2850-2870.
+    """
+    base = _method(base, **parameters)
+    if base.family != "runge_kutta" or base.order < 2:
+        raise InvalidInput(f"'{base.id}' is no explicit Runge-Kutta method of order 2 or more; only those are relaxed")
+    return _derived(
+        base,
+        lambda base: {"order": base.order - (not adjust_time), "data": (base, adjust_time)},
+        id=f"{base.id}-{'relaxation' if adjust_time else 'incremental-direction'}",
+        name=f"{base.name}, {'relaxation aimed at times n h' if adjust_time else 'incremental direction technique'}",
+        family="relaxation",
+        symmetric=False,
+        symplectic=False,
+        energy=ROUND_OFF,
+        quadratic=DRIFT,
+        source="Ketcheson 2019; Ranocha et al. 2020",
+        cite=(*base.cite, "ketcheson2019", "ranocha2020"),
+        requires=("canonical", *(t for t in base.requires if t != "canonical")),
+    )
+
+
+BY_ID = {m.id: m for m in (*classical.METHODS, *parametric.METHODS, *collocation.METHODS)}
+RK4, VERLET, MIDPOINT = BY_ID["rk4"], BY_ID["stormer-verlet"], BY_ID["implicit-midpoint"]
+SUZUKI = classical.one_stage(
+    "suzuki-4",
+    "Stormer-Verlet with Suzuki's fractions of order 4",
+    tuple((times(f, c), mu, lam) for f in SCHEMES["suzuki"](4) for c, mu, lam in VERLET.data[1]),
+    "Suzuki 1990",
+    order=4,
+    symmetric=True,
+    cite=("suzuki1990",),
+)
+KUTTA_3 = Method(
+    id="kutta-3",
+    name="Kutta's method of order 3",
+    family="runge_kutta",
+    order=3,
+    symmetric=False,
+    symplectic=False,
+    energy=DRIFT,
+    quadratic=DRIFT,
+    source="Kutta 1901",
+    cite=("kutta1901",),
+    data=((0, 0, 0), (Fraction(1, 2), 0, 0), (-1, 2, 0), (Fraction(1, 6), Fraction(2, 3), Fraction(1, 6))),
+)
+
+METHODS: tuple[Method, ...] = (
+    projected(RK4),
+    projected(RK4, onto="invariants"),
+    projected(VERLET),
+    projected(VERLET, symmetric=True),
+    projected(MIDPOINT, symmetric=True),
+    projected(MIDPOINT, onto="invariants", symmetric=True),
+    projected(BY_ID["scheme-iii"], symmetric=True),
+    projected(SUZUKI, symmetric=True),
+    relaxed(RK4),
+    relaxed(KUTTA_3),
+    relaxed(BY_ID["dop853"]),
+)

@@ -1,0 +1,50 @@
+"""Splitting methods of kicks and drifts, from the tables of `coefficients`.
+
+Those for any separable H are data of `parametric`: compositions of symplectic Euler methods, which run on every system.
+Those that need a quadratic kinetic energy are data (a, b) of `splitting`.
+"""
+
+from __future__ import annotations
+
+import mpmath
+
+from .. import coefficients
+from ..coefficients import Table
+from ..composition import substeps
+from ..record import BOUNDED, ROUND_OFF, Method
+
+NAMES = {
+    "splitting": "splitting",
+    "nystrom": "Nystrom splitting",
+    "near-integrable": "splitting for A + eps B",
+}
+
+
+def weights(table: Table) -> tuple[tuple, tuple]:
+    """(a, b) of `splitting`: kick b_k before drift a_k; the first kick is zero where the table begins with a drift."""
+    found = {"A": [], "B": [] if table.first == "B" else [mpmath.mpf(0)]}
+    for letter, weight in coefficients.steps(table.name):
+        found[letter].append(weight)
+    return tuple(found["A"]), tuple(found["B"])
+
+
+def _record(table: Table) -> Method:
+    nystrom = table.kind == "nystrom"
+    generalised = f" of generalised order ({','.join(map(str, table.order))})" if len(table.order) > 1 else ""
+    return Method(
+        id=table.name,
+        name=f"{table.source.split(';')[0]}: {NAMES[table.kind]}{generalised}",
+        family="splitting" if nystrom else "parametric",
+        order=table.classical_order,
+        symmetric=table.symmetric,
+        symplectic=True,
+        energy=BOUNDED,
+        quadratic=ROUND_OFF,
+        source=table.source,
+        cite=table.cite,
+        requires=("separable", "quadratic kinetic energy") if nystrom else (),
+        data=weights(table) if nystrom else (1, substeps(coefficients.steps(table.name))),
+    )
+
+
+METHODS: tuple[Method, ...] = tuple(_record(t) for t in coefficients.TABLES if t.kind in NAMES)
