@@ -36,7 +36,19 @@ import numpy as np
 from .codegen import DOUBLE
 from .compile import Prepared, array
 from .quadrature import gauss_legendre, legendre, legendre_integrals
-from .solve import FIXED_POINT_LIMIT, LEVELS, NEWTON_LIMIT, NOT_FINITE, SHARE, SOLVED, STALLED, gauss, predict
+from .solve import (
+    FIXED_POINT_LIMIT,
+    LEVELS,
+    NEWTON_LIMIT,
+    NOT_FINITE,
+    SOLVED,
+    STALLED,
+    gauss,
+    polished,
+    predict,
+    settled,
+)
+from .stages import copy
 from .vector import (
     add,
     axpy,
@@ -96,13 +108,6 @@ def sweep(arguments, table, first, old, new):
     return delta, length
 
 
-@inlined
-def copy(memory, old, new, slots, like):
-    """Copy increments from rows ``old`` to rows ``new``."""
-    for j in range(slots):
-        store(memory, new + j, load(memory, old + j, like))
-
-
 @jit
 def newton(arguments, table, first, here, eps, work):
     """Newton's method for the increments in the rows ``here``; returns (sweeps, status)."""
@@ -141,7 +146,7 @@ def newton(arguments, table, first, here, eps, work):
             length += abs(memory[row, i])
         if not delta < np.inf:
             return sweeps, NOT_FINITE
-        if delta <= eps * length or (delta >= 0.5 * last and delta <= 1e3 * eps * (length + span)):
+        if polished(delta, last, eps * length, eps * span):
             return sweeps, SOLVED
         last = delta
     return sweeps, STALLED
@@ -168,15 +173,9 @@ def solve(arguments, table, first, here, eps, work):
         k += 1
         if not delta < np.inf:
             break
-        unit = eps * length
-        if delta == 0:
+        if settled(delta, last, length, span, eps):
             return k, 0, SOLVED
-        if delta < last:
-            if last < np.inf and delta * delta <= SHARE * unit * (last - delta):
-                return k, 0, SOLVED
-        elif delta <= 64 * (unit + eps * span):
-            return k, 0, SOLVED
-        else:
+        if delta >= last:
             growth += 1
         last = delta
     copy(memory, start, here, slots, like)

@@ -45,7 +45,7 @@ from . import tableaus
 from .codegen import DOUBLE
 from .compile import Prepared, array
 from .parametric import unknown
-from .solve import FIXED_POINT_LIMIT, LEVELS, NEWTON_LIMIT, NOT_FINITE, SHARE, SOLVED, STALLED, gauss
+from .solve import FIXED_POINT_LIMIT, LEVELS, NEWTON_LIMIT, NOT_FINITE, SOLVED, STALLED, gauss, polished, settled
 from .vector import (
     add,
     axpy,
@@ -215,7 +215,7 @@ def newton(arguments, table, first, at, eps, work):
             store(memory, at + j, z)
         if not delta < np.inf:
             return evaluations, NOT_FINITE
-        if delta <= eps * length or (delta >= 0.5 * last and delta <= 1e3 * eps * (length + span)):
+        if polished(delta, last, eps * length, eps * span):
             return evaluations, SOLVED
         last = delta
     return evaluations, STALLED
@@ -245,11 +245,8 @@ def solve(arguments, table, first, at, eps, work):
         k += 1
         if not delta < np.inf:
             break
-        unit = eps * length
-        if delta < last:
-            solved = delta == 0 or (last < np.inf and delta * delta <= SHARE * unit * (last - delta))
-        else:
-            solved = delta <= 64 * (unit + eps * span)
+        solved = settled(delta, last, length, span, eps)
+        if delta >= last:
             growth += 1
         if growth == 2 or (k >= FIXED_POINT_LIMIT and delta > 0.5 * last):
             break

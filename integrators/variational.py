@@ -44,12 +44,13 @@ from .solve import (
     LEVELS,
     NEWTON_LIMIT,
     NOT_FINITE,
-    SHARE,
     SOLVED,
     STALLED,
     gauss,
+    polished,
     predict,
     remember,
+    settled,
 )
 from .vector import (
     add,
@@ -141,7 +142,7 @@ def newton(arguments, span, eps, work):
                 delta = delta + abs(h * work[i * d + m, n])
         if not delta < np.inf:
             return evaluations, NOT_FINITE
-        if delta <= eps * total or (delta >= 0.5 * last and delta <= 1e3 * eps * (total + span)):
+        if polished(delta, last, eps * total, eps * span):
             return evaluations, SOLVED
         last = delta
     return evaluations, STALLED
@@ -165,13 +166,10 @@ def solve_kicks(explicit, end, known, arguments, span, eps, work):
     while not solved and k < FIXED_POINT_LIMIT and growth < 2:
         delta, total = sweep(explicit, end, arguments)
         k += 1
-        unit = eps * total
         if not delta < np.inf:
             break
-        if delta < last:
-            solved = delta == 0 or (last < np.inf and delta * delta <= SHARE * unit * (last - delta))
-        else:
-            solved = delta <= 64 * (unit + eps * span)
+        solved = settled(delta, last, total, span, eps)
+        if delta >= last:
             growth += 1
         last = delta
     evaluations = r + (k - 1) * (end - explicit) if end > explicit else r
