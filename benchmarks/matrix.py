@@ -153,8 +153,8 @@ def _quadratic(chosen: Method, name: str) -> dict:
     for invariant in _bilinear(name):
         e = made.invariants[invariant]
         values = made.system.observe(e, s.q, s.p)
-        terms = [abs(made.system.observe(t, s.q[:1], s.p[:1])[0]) for t in sp.Add.make_args(e)]
-        worst = max(worst, float(np.abs(values - values[0]).max() / sum(terms)))
+        size = sum(np.abs(made.system.observe(t, s.q, s.p)) for t in sp.Add.make_args(e)).max()
+        worst = max(worst, float(np.abs(values - values[0]).max() / size) if size else 0.0)
     return {"quadratic": worst}
 
 
@@ -208,15 +208,22 @@ def contradictions(row: dict) -> list[str]:
     return found
 
 
+def too_few_nodes(method: str, name: str) -> bool:
+    """Whether HBVM(k, s) has too few nodes for a problem's H: it keeps polynomials of degree at most 2k/s."""
+    kind, *sizes = method.split("-")
+    if kind != "hbvm":
+        return False
+    degree = _made(name).system.polynomial_degree
+    return degree is None or degree > 2 * int(sizes[0]) / int(sizes[1])
+
+
 def explanation(row: dict, contradiction: str) -> str:
     """Why a cell may fall short of its method's declaration; empty where nothing explains it."""
     if not contradiction.startswith("energy"):
         return ""
     if row.get("fallbacks"):
         return "steps without a root, which the run counts as fallbacks, do not keep the energy"
-    kind, *sizes = row["method"].split("-")
-    degree = _made(row["problem"]).system.polynomial_degree
-    if kind == "hbvm" and (degree is None or degree > 2 * int(sizes[0]) / int(sizes[1])):
+    if too_few_nodes(row["method"], row["problem"]):
         return "HBVM(k, s) keeps a polynomial H of degree at most 2k/s, and this one is none"
     return ""
 

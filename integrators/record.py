@@ -26,7 +26,8 @@ class Method:
     order : of consistency, for smooth systems that meet ``requires``
     symmetric : equal to its own adjoint
     symplectic : its step map is symplectic on canonical systems
-    energy, quadratic : how the energy and quadratic invariants are kept, one of `ROUND_OFF`, `BOUNDED`, `DRIFT`
+    energy, quadratic : how the energy and invariants of the form q.D p of canonical systems are kept, one of
+        `ROUND_OFF`, `BOUNDED`, `DRIFT`
     source, cite : author, year, equation; and the keys of the works in ``bibliography.bib``
     requires : traits of the system it cannot do without
     parameters : names and values of its parameters
