@@ -48,6 +48,8 @@ SMALL = {"nls": {"N": 4}, "klein-gordon": {"N": 4}}
 LATER = 0.4
 #: The step of the defects and of the energy run, in units of time, and the length of that run.
 STEP, RUN = mpmath.mpf(1) / 40, 60
+#: Larger systems are measured in doubles alone: a step in multiprecision takes seconds.
+LARGEST = 8
 #: A run in doubles has an energy error of round-off if it is at most this many units of round-off.
 UNITS_OF_ROUND_OFF = 200
 #: A defect in multiprecision of at most this is the differences' or the solver's own error.
@@ -168,6 +170,9 @@ MEASURED = {
 }
 
 
+WITHOUT_ROUND_OFF = ("order", "symplecticity", "reversibility")
+
+
 def cell(chosen: Method, name: str) -> dict:
     """What was measured of a method on a problem, or the reasons why not."""
     row = {"method": chosen.id, "problem": name, "declared_order": chosen.order, "symplectic": chosen.symplectic}
@@ -179,6 +184,9 @@ def cell(chosen: Method, name: str) -> dict:
         return row | {"reason": f"requires: {missing[0]}"}
     begin = time.perf_counter()
     for name_of, measure in MEASURED.items():
+        if name_of in WITHOUT_ROUND_OFF and system.d > LARGEST:
+            row[f"{name_of}_reason"] = f"d > {LARGEST}: measured in doubles alone"
+            continue
         try:
             with mpmath.workdps(digits(chosen)):
                 row |= measure(chosen, name)

@@ -166,15 +166,18 @@ def symplecticity_defect(M):
 def pair_defect(step: Callable, y):
     """|omega(M u, M v) - omega(u, v)| for one pair of tangent vectors in general position, M the Jacobian of ``step``.
 
+    The vectors' components are of the size of those of y, and the defect is relative to the terms of omega(u, v).
+
     Central differences over the cube root of the round-off of mpmath's working precision: four steps whatever the
     dimension, where `symplecticity_defect` of a `jacobian` takes eight for each component of y.
     """
     import mpmath
 
     d, delta = len(y) // 2, mpmath.cbrt(mpmath.mp.eps)
-    u, v = (np.array([mpmath.cos(k * (i + 1)) for i in range(2 * d)], dtype=object) for k in (1, 2))
+    u, v = (np.array([mpmath.cos(k * (i + 1)) * (abs(x) or 1) for i, x in enumerate(y)], dtype=object) for k in (1, 2))
     Mu, Mv = ((step(y + delta * w) - step(y - delta * w)) / (2 * delta) for w in (u, v))
-    return abs(Mu[:d] @ Mv[d:] - Mu[d:] @ Mv[:d] - (u[:d] @ v[d:] - u[d:] @ v[:d]))
+    terms = abs(u[:d]) @ abs(v[d:]) + abs(u[d:]) @ abs(v[:d])
+    return abs(Mu[:d] @ Mv[d:] - Mu[d:] @ Mv[:d] - (u[:d] @ v[d:] - u[d:] @ v[:d])) / terms
 
 
 def reversibility_defect(step: Callable, y, rho=None):
