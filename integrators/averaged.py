@@ -34,7 +34,7 @@ import sympy as sp
 
 from .codegen import DOUBLE
 from .compile import Prepared, array
-from .quadrature import gauss_legendre
+from .quadrature import RULES, gauss_legendre
 from .solve import SOLVED, predict, remember, solver
 from .vector import (
     add,
@@ -171,8 +171,6 @@ def run(path, field, plan, table, h, every, eps, zero, state, memory, work, Q, P
     return len(Q), 0
 
 
-#: Sizes of the rules for an H that is no polynomial.
-RULES = (2, 3, 4, 6, 8, 12, 16, 24, 32)
 #: They are computed once, not for every run.
 rule = cache(gauss_legendre)
 #: Path -> d -> the blocks of q1, ..., qd, p1, ..., pd, in the order in which they move.

@@ -35,7 +35,7 @@ import numpy as np
 
 from .codegen import DOUBLE
 from .compile import Prepared, array
-from .quadrature import gauss_legendre, legendre, legendre_integrals
+from .quadrature import RULES, gauss_legendre, legendre, legendre_integrals
 from .solve import (
     FIXED_POINT_LIMIT,
     LEVELS,
@@ -236,10 +236,6 @@ def run(structure, gradient, plan, table, h, every, eps, zero, state, memory, wo
     close(state, q, p, cq, cp)
     counts[4] = first
     return len(Q), 0
-
-
-#: Sizes of the rules for an H that is no polynomial.
-RULES = (2, 3, 4, 6, 8, 12, 16, 24, 32)
 
 
 @cache

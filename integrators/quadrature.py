@@ -20,6 +20,9 @@ from collections.abc import Callable
 
 import mpmath
 
+#: Sizes of the rules for an H that is no polynomial.
+RULES = (2, 3, 4, 6, 8, 12, 16, 24, 32)
+
 
 def _legendre(n: int, x) -> list:
     """[L_0(x), ..., L_n(x)] on [-1, 1]."""
