@@ -41,7 +41,7 @@ EXACT = 1e6
 #: Numbers of steps over `SPAN` units of time: an order is measured on three.
 LADDER, FINER = (1, 2, 3), 16
 #: The unit of time in which a problem's steps are counted, where that is not 1.
-UNITS = {"outer-solar-system": 400.0, "fpu": 0.05}
+UNITS = {"outer-solar-system": 400.0, "fpu": 0.05, "schwarzschild": 20.0, "lennard-jones": 0.2}
 #: Problems whose size is a parameter are measured small.
 SMALL = {"nls": {"N": 4}, "klein-gordon": {"N": 4}}
 #: The state at which a problem is measured is its orbit's at this many units of time.

@@ -23,6 +23,20 @@ PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "fpu": ("fpu", "Fermi-Pasta-Ulam with stiff springs", ("one-spring",)),
     "nls": ("nls", "nonlinear Schroedinger equation on N points", ("plane-wave", "soliton")),
     "klein-gordon": ("klein_gordon", "complex Klein-Gordon equation on N points", ("collision",)),
+    "double-pendulum": ("double_pendulum", "double pendulum", ("chaotic", "regular")),
+    "duffing": ("duffing", "Duffing oscillator", ("one-well", "near-separatrix", "both-wells")),
+    "quadrupole-boson": ("quadrupole_boson", "quadrupole boson Hamiltonian", ("benchmark", "h20")),
+    "figure-eight": ("three_body", "figure eight of three bodies", ("simo",)),
+    "toda": ("toda", "periodic Toda lattice", ("three", "cnoidal")),
+    "rigid-body": ("rigid_body", "free rigid body in Andoyer's variables", ("around-e3", "around-e1", "near-separatrix")),
+    "charged-particle": ("charged_particle", "charged particle in a magnetic field", ("drift",)),
+    "schwarzschild": (
+        "schwarzschild",
+        "geodesics of the Schwarzschild metric",
+        ("precessing", "zoom-whirl", "isco", "photon-sphere"),
+    ),
+    "lennard-jones": ("lennard_jones", "frozen argon crystal of seven atoms", ("argon",)),
+    "n-body": ("n_body", "gravitational N-body problem", ("pythagorean",)),
 }
 
 

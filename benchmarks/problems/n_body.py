@@ -1,0 +1,167 @@
+r"""The gravitational N-body problem in space, G = 1.
+
+.. math::
+    H = \sum_i \frac{|p_i|^2}{2m_i} - \sum_{i<j} \frac{m_im_j}{|q_i - q_j|}
+
+N = 3 is the Pythagorean problem: masses 3, 4, 5 at rest in the corners of the triangle of these sides.  After close
+encounters (to 4e-4 near t = 15.83), which usual fixed steps do not resolve, the lightest body escapes.
+
+Of other N the masses are equal, 1/N, on a random Plummer sphere of Aarseth, Henon & Wielen's recipe, always the same,
+in their units (total mass 1, energy near -1/4) with the centre of mass at rest.  There p is the velocity and H the
+energy divided by the mass of a body, which gives the same motion: :math:`H = \sum|p_i|^2/2 - \sum 1/(N|q_i - q_j|)`.
+More than six bodies run on loops instead of derived formulae and declare no singular distances.
+"""
+
+from fractions import Fraction
+from itertools import combinations
+from math import cos, pi, sin, sqrt
+from random import Random
+
+import sympy as sp
+
+from integrators.codegen import value_kind
+from integrators.errors import InvalidInput
+from integrators.hamiltonian import Hamiltonian
+from integrators.hand import HandHamiltonian
+
+from .base import Orbit, Problem
+
+PARAMETERS = {"N": 3}
+#: The most bodies; the seed of the random start; radii beyond this are drawn again, as in the recipe.
+LARGEST, SEED, RADIUS = 128, 1974, 10.0
+#: (mass, position) of the Pythagorean problem.
+PYTHAGOREAN = ((3, (1.0, 3.0, 0.0)), (4, (-2.0, -1.0, 0.0)), (5, (1.0, -1.0, 0.0)))
+
+
+def bodies(N: int, axes: str):
+    """Of N point masses: symbols q and p, lists of the pairs and their distances, and name -> invariant.
+
+    The axes are "xy" or "xyz"; the invariants are the total momentum and angular momentum.
+    """
+    D = len(axes)
+    names = [f"{axis}{i + 1}" for i in range(N) for axis in axes]
+    q, p = sp.symbols(names, real=True), sp.symbols([f"p{n}" for n in names], real=True)
+    x, v = ([sp.Matrix(z[i : i + D]) for i in range(0, len(z), D)] for z in (q, p))
+    pairs = list(combinations(range(N), 2))
+    distances = [sp.sqrt(sum(s**2 for s in x[j] - x[i])) for i, j in pairs]
+    planes = [(0, 1)] if D == 2 else [(1, 2), (2, 0), (0, 1)]
+    turning = [sp.Add(*(a[i] * b[j] - a[j] * b[i] for a, b in zip(x, v, strict=True))) for i, j in planes]
+    kept = {f"momentum-{k + 1}": sp.Add(*(b[k] for b in v)) for k in range(D)}
+    kept |= (
+        {f"angular-momentum-{k + 1}": L for k, L in enumerate(turning)} if D == 3 else {"angular-momentum": turning[0]}
+    )
+    return q, p, pairs, distances, kept
+
+
+def plummer(N: int) -> tuple[list[float], list[float]]:
+    """Positions and velocities of a Plummer sphere of N bodies, 3 N numbers each, centred."""
+    draw = Random(SEED).random
+
+    def direction(size):
+        z, angle = 1 - 2 * draw(), 2 * pi * draw()
+        across = sqrt(1 - z * z)
+        return size * across * cos(angle), size * across * sin(angle), size * z
+
+    where, speed = [], []
+    unit = 3 * pi / 16
+    for _ in range(N):
+        r = RADIUS + 1
+        while r > RADIUS:
+            r = 1 / sqrt((1 - draw()) ** (-2 / 3) - 1)
+        while True:  # the speed in units of the escape speed has the density g(x) = x^2 (1 - x^2)^(7/2) < 0.1
+            x, y = draw(), draw() / 10
+            if y < x * x * (1 - x * x) ** 3.5:
+                break
+        where.append(direction(unit * r))
+        speed.append(direction(x * sqrt(2) * (1 + r * r) ** -0.25 / sqrt(unit)))
+    return tuple(
+        [a - sum(b) / N for row in z for a, b in zip(row, zip(*z, strict=True), strict=True)] for z in (where, speed)
+    )
+
+
+def field(strength):
+    """The loop of (H_p, -H_q) of unit masses of attraction ``strength``."""
+
+    def f(q, p, h, lam):
+        dq, dp = p.copy(), 0 * q
+        for i in range(0, len(q), 3):
+            for j in range(i + 3, len(q), 3):
+                x, y, z = q[j] - q[i], q[j + 1] - q[i + 1], q[j + 2] - q[i + 2]
+                s = x * x + y * y + z * z
+                a = strength / (s * s**0.5)
+                dp[i], dp[i + 1], dp[i + 2] = dp[i] + a * x, dp[i + 1] + a * y, dp[i + 2] + a * z
+                dp[j], dp[j + 1], dp[j + 2] = dp[j] - a * x, dp[j + 1] - a * y, dp[j + 2] - a * z
+        return dq, dp
+
+    return f
+
+
+def grad_V(strength):
+    """The loop of the potential's gradient."""
+
+    def f(q):
+        g = 0 * q
+        for i in range(0, len(q), 3):
+            for j in range(i + 3, len(q), 3):
+                x, y, z = q[j] - q[i], q[j + 1] - q[i + 1], q[j + 2] - q[i + 2]
+                s = x * x + y * y + z * z
+                a = strength / (s * s**0.5)
+                g[i], g[i + 1], g[i + 2] = g[i] - a * x, g[i + 1] - a * y, g[i + 2] - a * z
+                g[j], g[j + 1], g[j + 2] = g[j] + a * x, g[j + 1] + a * y, g[j + 2] + a * z
+        return g
+
+    return f
+
+
+def energy(strength):
+    """The loop of H and of what its round-off is in units of."""
+
+    def f(q, p):
+        T = U = S = 0 * q[0]
+        for i in range(0, len(q), 3):
+            T = T + (p[i] * p[i] + p[i + 1] * p[i + 1] + p[i + 2] * p[i + 2]) / 2
+            for j in range(i + 3, len(q), 3):
+                x, y, z = q[j] - q[i], q[j + 1] - q[i + 1], q[j + 2] - q[i + 2]
+                s = x * x + y * y + z * z
+                u = strength / s**0.5
+                U = U + u
+                size = abs(q[i] * x) + abs(q[i + 1] * y) + abs(q[i + 2] * z)
+                S = S + u / s * (size + abs(q[j] * x) + abs(q[j + 1] * y) + abs(q[j + 2] * z))
+        return T - U, 3 * T + U + S
+
+    return f
+
+
+def make(N: int) -> Problem:
+    """The problem of 2 <= ``N`` <= `LARGEST` bodies."""
+    if int(N) != N or not 2 <= N <= LARGEST:
+        raise InvalidInput(f"the number N of bodies is {N}; it must be an integer from 2 to {LARGEST}")
+    N = int(N)
+    q, p, pairs, distances, kept = bodies(N, "xyz")
+    if N == 3:
+        m = [mass for mass, _ in PYTHAGOREAN]
+        start = Orbit(
+            "pythagorean", tuple(x for _, at in PYTHAGOREAN for x in at), (0.0,) * 9, "masses 3, 4, 5 at rest"
+        )
+        product = {(i, j): sp.Integer(m[i] * m[j]) for i, j in pairs}
+    else:
+        m = [1] * N
+        start = Orbit("plummer", *map(tuple, plummer(N)), f"a Plummer sphere of {N} bodies")
+        product = dict.fromkeys(pairs, sp.Rational(1, N))
+    H = sp.Add(*(x**2 / (2 * m[i // 3]) for i, x in enumerate(p)))
+    H += sp.Add(*(-product[pair] / r for pair, r in zip(pairs, distances, strict=True)))
+    if value_kind(3 * N) == "tuple":
+        system = Hamiltonian(q=q, p=p, H=H, singular=distances, invariants=kept.values())
+    else:
+        loops = {"field": field, "grad_V": grad_V, "energy": energy}
+        system = HandHamiltonian(q=q, p=p, H=H, loops=loops, constants=(Fraction(1, N),), invariants=kept.values())
+    return Problem(
+        id="n-body",
+        name="gravitational N-body problem",
+        source="Burrau 1913, Astron. Nachr. 195, 113-118, and Szebehely & Peters 1967, Astron. J. 72, 876-883 "
+        "(Pythagorean); Aarseth, Henon & Wielen 1974, Astron. Astrophys. 37, 183-187 (Plummer sphere)",
+        system=system,
+        orbits=(start,),
+        invariants=kept,
+        parameters={"N": N},
+    )

@@ -1,0 +1,44 @@
+r"""The figure eight: three equal masses follow one another along one closed curve in the plane, m = G = 1.
+
+.. math::
+    H = \tfrac12\sum_i |p_i|^2 - \sum_{i<j} \frac1{|q_i - q_j|}
+
+Start: q1 = -q2, q3 = 0, p1 = p2 = -p3/2, with Simo's data.  They are printed to eight digits with the period
+T = 6.32591398; the further digits are of the data to 18 digits of Li & Liao for the same motion, from (-1, 0), (1, 0),
+(0, 0), turned until the curve's axes are the axes of coordinates.  The motion is linearly stable.
+"""
+
+import sympy as sp
+
+from integrators.hamiltonian import Hamiltonian
+
+from .base import Orbit, Problem
+from .n_body import bodies
+
+PARAMETERS: dict[str, float] = {}
+#: Position of the first body and momentum of the third, and the period.
+FIRST, THIRD = (0.97000435669733344, -0.24308753153584886), (-0.9324073714410523, -0.864731460921006)
+PERIOD = 6.32591398292621
+
+
+def make() -> Problem:
+    """The problem; it has no parameters."""
+    q, p, _, distances, kept = bodies(3, "xy")
+    (x, y), (u, v) = FIRST, THIRD
+    return Problem(
+        id="figure-eight",
+        name="figure eight of three bodies",
+        source="Moore 1993, Phys. Rev. Lett. 70, 3675-3679; Chenciner & Montgomery 2000, Ann. of Math. 152, 881-901 "
+        "(with Simo's data); Li & Liao 2017, Sci. China Phys. Mech. Astron. 60, 129511 (digits)",
+        system=Hamiltonian(
+            q=q,
+            p=p,
+            H=sp.Add(*(z**2 / 2 for z in p)) + sp.Add(*(-1 / r for r in distances)),
+            singular=distances,
+            invariants=kept.values(),
+        ),
+        orbits=(
+            Orbit("simo", (x, y, -x, -y, 0.0, 0.0), (-u / 2, -v / 2, -u / 2, -v / 2, u, v), f"period {PERIOD:.11g}"),
+        ),
+        invariants=kept,
+    )
