@@ -74,7 +74,7 @@ def list_(kind: Annotated[Kind, typer.Argument(help="What to list.")] = Kind.met
                 p.name,
                 p.package,
                 "adaptive (--tol)" if p.adaptive else "fixed (--h)",
-                ", ".join(p.problems or ["any"]),
+                p.scope,
                 p.license,
             ]
             for p in PEERS

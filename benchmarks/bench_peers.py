@@ -76,11 +76,11 @@ def bench_peers(name, results, quick):
                 integrate(found, chosen, h=h, steps=steps, save_every=0).seconds for _ in range(rounds)
             )
             rows.append(row(chosen.label, "phasebench", solution, seconds, f"{per_orbit} steps an orbit"))
-        for peer in (p for p in PEERS if not p.adaptive and (p.problems is None or found.id in p.problems)):
+        for peer in (p for p in PEERS if not p.adaptive and not p.lacks(found, system)):
             solution = integrate_peer(found, peer.id, h=h, steps=steps)
             bare = [integrate_peer(found, peer.id, h=h, steps=steps, save_every=0).seconds for _ in range(rounds)]
             rows.append(row(peer.id, peer.package, solution, statistics.median(bare), f"{per_orbit} steps an orbit"))
-    for peer in (p for p in PEERS if p.adaptive and (p.problems is None or found.id in p.problems)):
+    for peer in (p for p in PEERS if p.adaptive and not p.lacks(found, system)):
         for tol in TOLERANCES:
             if peer.package == "scipy" and tol < 1e-13:
                 continue

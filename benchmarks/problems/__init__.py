@@ -28,7 +28,11 @@ PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "quadrupole-boson": ("quadrupole_boson", "quadrupole boson Hamiltonian", ("benchmark", "h20")),
     "figure-eight": ("three_body", "figure eight of three bodies", ("simo",)),
     "toda": ("toda", "periodic Toda lattice", ("three", "cnoidal")),
-    "rigid-body": ("rigid_body", "free rigid body in Andoyer's variables", ("around-e3", "around-e1", "near-separatrix")),
+    "rigid-body": (
+        "rigid_body",
+        "free rigid body in Andoyer's variables",
+        ("around-e3", "around-e1", "near-separatrix"),
+    ),
     "charged-particle": ("charged_particle", "charged particle in a magnetic field", ("drift",)),
     "schwarzschild": (
         "schwarzschild",

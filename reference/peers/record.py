@@ -1,0 +1,88 @@
+"""What a peer is: a frozen record of an integrator from elsewhere, with what its package says of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Claims:
+    """What a package's own documentation or attributes say of an integrator; None where they say nothing.
+
+    Attributes
+    ----------
+    order : in the step h
+    symplectic, reversible : of the step map at constant h
+    energy : how the energy is kept, one of the classes of `integrators.record`
+    source : where the package says so (address of the page, name of the attribute)
+    """
+
+    order: int | None = None
+    symplectic: bool | None = None
+    reversible: bool | None = None
+    energy: str | None = None
+    source: str = ""
+
+
+class Run(NamedTuple):
+    """What a peer did: rows (n, d) of q and p reached, steps, evaluations (0: not told), seconds, what failed."""
+
+    q: np.ndarray
+    p: np.ndarray
+    steps: int
+    gradient: int
+    seconds: float
+    failure: str | None = None
+
+
+def anything(problem, system) -> str | None:
+    """The peer can do every problem."""
+    return None
+
+
+@dataclass(frozen=True)
+class Peer:
+    """An integrator from elsewhere.
+
+    Attributes
+    ----------
+    id, name : its kebab-case name and its full one
+    package : what to install, and to import
+    adaptive : takes a tolerance ``tol``; ``h`` is then the spacing of its output
+    order : in the step h, of a fixed-step peer on a nonlinear problem; None where it is not one number
+    license : of the package
+    about : what its tolerance or its options mean, and what its time includes
+    source : author, year
+    run : (problem, system, q, p, h, index, t, tol) -> `Run` with a row for each step number of ``index`` (increasing
+        from 0; ``t`` is h times it) up to where it failed; it may import the package, its module may not
+    scope : in words, what it can integrate
+    lacks : (problem, system) -> why it cannot do a problem, or None
+    claims : what its package says of it
+    tol : the default tolerance; None: the package's own
+    least : the smallest tolerance it takes
+    """
+
+    id: str
+    name: str
+    package: str
+    adaptive: bool
+    order: int | None
+    license: str
+    about: str
+    source: str
+    run: Callable[..., Run]
+    scope: str = "any"
+    lacks: Callable[[Any, Any], str | None] = anything
+    claims: Claims = field(default_factory=Claims)
+    tol: float | None = None
+    least: float = 0.0
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """The id, as a method's label without parameters."""
+        return self.id
