@@ -1,4 +1,4 @@
-"""The works that methods cite: BibTeX from ``integrators/bibliography.bib``, the one place where they stand."""
+"""The works that methods and problems cite: BibTeX, from the ``bibliography.bib`` of each of the two."""
 
 from __future__ import annotations
 
@@ -8,23 +8,39 @@ from functools import cache
 from pathlib import Path
 
 import integrators
+from integrators.errors import unknown
 from integrators.registry import BY_ID
 
-FILE = Path(integrators.__file__).with_name("bibliography.bib")
+from . import problems
+
+FILES = (
+    Path(integrators.__file__).with_name("bibliography.bib"),
+    Path(problems.__file__).with_name("bibliography.bib"),
+)
 
 
 @cache
 def entries() -> dict[str, str]:
     """Key -> the text of its entry."""
-    text = FILE.read_text()
+    text = "\n".join(path.read_text() for path in FILES)
     found = {m[1]: m[0].strip() for m in re.finditer(r"^@\w+\{([^,\s]+),.*?^\}$", text, re.MULTILINE | re.DOTALL)}
     assert len(found) == len(re.findall(r"^@", text, re.MULTILINE)), "an entry does not end with a brace of its own"
     return found
 
 
-def cited(ids: Iterable[str]) -> str:
-    """BibTeX of the works that these methods cite, each once, in the order of their keys."""
-    keys = {key for id in ids for key in BY_ID[id].cite}
+def cited(names: Iterable[str]) -> str:
+    """BibTeX of the works that these methods and problems cite, each once, in the order of their keys.
+
+    Raises InvalidInput for a name that is neither, naming the nearest.
+    """
+    keys: set[str] = set()
+    for name in names:
+        if name in BY_ID:
+            keys |= set(BY_ID[name].cite)
+        elif name.partition(":")[0] in problems.PROBLEMS:
+            keys |= set(problems.problem(name).cite)
+        else:
+            raise unknown("method or problem", name, [*BY_ID, *problems.PROBLEMS])
     return "\n\n".join(entries()[key] for key in sorted(keys))
 
 

@@ -35,7 +35,7 @@ import sympy as sp
 from .codegen import DOUBLE
 from .compile import Prepared, array
 from .quadrature import RULES, gauss_legendre
-from .solve import SOLVED, predict, remember, solver
+from .solve import SOLVED, confirmed, predict, remember, solver
 from .vector import (
     add,
     axpy,
@@ -135,7 +135,8 @@ def run(path, field, plan, table, h, every, eps, zero, state, memory, work, Q, P
                 x = predict(memory, s, slots, counts[0], both)
                 if counts[0] % 16 == 0:
                     first = 0
-                last = eps
+                moved_q = moved_p = np.inf
+                before = first
                 while True:
                     nodes = int(table[first, 0])
                     span = size(q) + size(p)
@@ -152,13 +153,18 @@ def run(path, field, plan, table, h, every, eps, zero, state, memory, work, Q, P
                         break
                     new = averaged(x, (path, (field, q, p, c, table, first + nodes, plan, s)))
                     counts[1] += sweeps * int(table[first + nodes, 0])
-                    delta = distance(new, x)
+                    last_q, last_p = moved_q, moved_p
+                    moved_q, moved_p = distance(head(new), head(x)), distance(tail(new), tail(x))
                     x = new
-                    if delta <= 4 * eps * size(x) or (
-                        delta > 0.5 * last and delta <= 64 * eps * (size(x) + abs(c) * span)
-                    ):
+                    noise = abs(c) * span
+                    sure_q, ended_q = confirmed(moved_q, last_q, size(head(x)), noise, eps)
+                    sure_p, ended_p = confirmed(moved_p, last_p, size(tail(x)), noise, eps)
+                    if sure_q and sure_p:
                         break
-                    last = delta
+                    if ended_q and ended_p:  # the next step need not begin with the rule that only showed the end
+                        first = before
+                        break
+                    before = first
                     first += nodes
                 remember(memory, s, slots, counts[0], x)
                 q, cq = add(q, cq, head(x))

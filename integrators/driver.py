@@ -344,15 +344,19 @@ def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, p
 def _travel(system, Q, P, h):
     """(distance to the nearest singularity, length of a step) of each row."""
     distance = np.min([np.abs(system.observe(s, Q, P)) for s in system.singular], axis=0)
-    speed = np.sqrt(sum(system.observe(e, Q, P) ** 2 for e in system.dq))
-    return distance, h * speed
+    return distance, h * system.speed(Q, P)
 
 
 def _aim(system, Q, P):
-    """The sine of the angle between the velocity and the way to the nearest singularity, of each row."""
-    speed = np.sqrt(sum(system.observe(e, Q, P) ** 2 for e in system.dq))
-    sines = []
+    """The sine of the angle between the velocity and the way to the nearest singularity, of each row.
+
+    A distance that is a function of the rows has no slopes: its motions count as passing by.
+    """
+    speed = system.speed(Q, P)
+    sines = [np.ones(len(Q))]
     for s in system.singular:
+        if not hasattr(s, "diff"):
+            continue
         slopes = [system.observe(s.diff(x), Q, P) for x in system.q]
         towards = sum(g * system.observe(e, Q, P) for g, e in zip(slopes, system.dq, strict=True))
         with np.errstate(all="ignore"):

@@ -35,6 +35,7 @@ class HandHamiltonian(Hamiltonian):
     constants : exact numbers (integers, fractions), handed to the loops in the arithmetic at hand
     degree : of a polynomial H
     invariants : expressions, or functions of the rows Q, P
+    singular : distances that vanish where H is singular, as expressions or functions of the rows Q, P
 
     Raises
     ------
@@ -45,14 +46,23 @@ class HandHamiltonian(Hamiltonian):
     separable = False
 
     def __init__(
-        self, *, q, p, H, loops: Mapping[str, Callable], constants=(), degree: int | None = None, invariants=()
+        self,
+        *,
+        q,
+        p,
+        H,
+        loops: Mapping[str, Callable],
+        constants=(),
+        degree: int | None = None,
+        invariants=(),
+        singular=(),
     ):
         self.q, self.p = _symbols(q), _symbols(p)
         self.d = len(self.q)
         if codegen.value_kind(self.d) == "tuple":
             raise InvalidInput(f"loops need more than {codegen.TUPLE_LIMIT} degrees of freedom; d is {self.d}")
         self.H, self.loops, self.constants = H, loops, tuple(constants)
-        self.singular, self.invariants, self.frequencies, self.kepler = (), tuple(invariants), (), None
+        self.singular, self.invariants, self.frequencies, self.kepler = tuple(singular), tuple(invariants), (), None
         self.polynomial_degree = degree
         self.separable = self.quadratic_kinetic = self.unit_mass = "grad_V" in loops
         self._functions: dict = {}
@@ -93,6 +103,12 @@ class HandHamiltonian(Hamiltonian):
         """The loop."""
         T = codegen.value_type(self.d)
         return self._loop("energy", types.UniTuple(types.float64, 2)(T, T), arithmetic)
+
+    def speed(self, Q, P):
+        """By the loop of the field."""
+        field = self.field()
+        rows = zip(np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float), strict=True)
+        return np.array([np.linalg.norm(field(q, p, 0.0, 0.0)[0]) for q, p in rows])
 
     def observe(self, expression, Q, P):
         """As of every system; H by its loop, and ``expression`` may be a function of the rows."""

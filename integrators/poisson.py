@@ -43,6 +43,7 @@ from .solve import (
     NOT_FINITE,
     SOLVED,
     STALLED,
+    confirmed,
     gauss,
     polished,
     predict,
@@ -106,6 +107,19 @@ def sweep(arguments, table, first, old, new):
         delta += distance(z, load(memory, old + j, like))
         length += size(z)
     return delta, length
+
+
+@inlined
+def changes(memory, old, new, slots, like):
+    """Distances of the rows ``old`` from the rows ``new`` and the latter's sizes: of q, of p."""
+    moved_q, moved_p, size_q, size_p = 0.0, 0.0, 0.0, 0.0
+    for j in range(slots):
+        x, y = load(memory, old + j, like), load(memory, new + j, like)
+        moved_q += distance(head(x), head(y))
+        moved_p += distance(tail(x), tail(y))
+        size_q += size(head(y))
+        size_p += size(tail(y))
+    return moved_q, moved_p, size_q, size_p
 
 
 @jit
@@ -202,8 +216,9 @@ def run(structure, gradient, plan, table, h, every, eps, zero, state, memory, wo
             arguments = structure, gradient, h, zero, q, p, plan, memory
             for j in range(slots):
                 store(memory, here + j, predict(memory, j, slots, counts[0], both))
-            span = size(q) + size(p)
-            last = np.inf
+            noise = abs(h) * (size(q) + size(p))
+            moved_q = moved_p = np.inf
+            before = first
             while True:
                 nodes = int(table[first, 0])
                 sweeps, used, status = solve(arguments, table, first, here, eps, work)
@@ -217,13 +232,19 @@ def run(structure, gradient, plan, table, h, every, eps, zero, state, memory, wo
                 if following == len(table):
                     counts[3] += 1
                     break
-                delta, length = sweep(arguments, table, following, here, here + slots)
+                sweep(arguments, table, following, here, here + slots)
+                last_q, last_p = moved_q, moved_p
+                moved_q, moved_p, size_q, size_p = changes(memory, here, here + slots, slots, both)
                 copy(memory, here + slots, here, slots, both)
                 counts[1] += int(table[following, 0])
-                if delta <= 4 * eps * length or (delta > 0.5 * last and delta <= 64 * eps * (length + abs(h) * span)):
+                sure_q, ended_q = confirmed(moved_q, last_q, size_q, noise, eps)
+                sure_p, ended_p = confirmed(moved_p, last_p, size_p, noise, eps)
+                if sure_q and sure_p:
                     break
-                last = delta
-                first = following
+                if ended_q and ended_p:  # as in `averaged`
+                    first = before
+                    break
+                before, first = first, following
             copy(memory, here, counts[0] % LEVELS * slots, slots, both)
             x = both
             for j in range(slots):

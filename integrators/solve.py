@@ -77,6 +77,17 @@ def settled(delta, last, length, span, eps):
 
 
 @inlined
+def confirmed(delta, last, length, span, eps):
+    """Whether a finer quadrature changed nothing, and whether it changed nothing or round-off, by the last two changes.
+
+    ``length`` and ``span`` are as in `settled`.  To be asked of q and p apart: where momenta are far smaller than
+    coordinates, a joint norm hides their error.
+    """
+    sure = delta <= 16 * eps * length
+    return sure, sure or (delta > 0.5 * last and delta <= 64 * eps * (length + span))
+
+
+@inlined
 def polished(delta, last, unit, noise):
     """Whether Newton's method is at its end, by the last two moves: at round-off, or near it and no longer falling."""
     return delta <= unit or (delta >= 0.5 * last and delta <= 1e3 * (unit + noise))

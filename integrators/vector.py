@@ -65,9 +65,9 @@ def elementwise(outputs: int = 1):
 
         d = _length(arguments)
         if outputs == 1:
-            return f"  return ({', '.join(call(i) for i in range(d))},)"
+            return f"  return {_packed(call(i) for i in range(d))}"
         lines = [f"  r{i} = {call(i)}" for i in range(d)]
-        packed = (f"({', '.join(f'r{i}[{k}]' for i in range(d))},)" for k in range(outputs))
+        packed = (_packed(f"r{i}[{k}]" for i in range(d)) for k in range(outputs))
         return "\n".join([*lines, f"  return {', '.join(packed)}"])
 
     def loop(names, arguments):
@@ -109,8 +109,14 @@ def summed(term: str):
     return lambda fn: _unrolled(fn, template, loop, reordered)
 
 
+def _packed(items) -> str:
+    """A tuple's text.  Python builds one of more than 30 items by way of a list, which Numba does not compile."""
+    items = list(items)
+    return " + ".join(f"({', '.join(items[i : i + 30])},)" for i in range(0, len(items), 30))
+
+
 def _tuple(d, item):
-    return f"  return ({', '.join(item.format(i=i) for i in range(d))},)"
+    return "  return " + _packed(item.format(i=i) for i in range(d))
 
 
 @elementwise()

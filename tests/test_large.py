@@ -7,12 +7,14 @@ The system is the chain of Fermi, Pasta, Ulam (Los Alamos LA-1940, 1955) with fi
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 import pytest
 import sympy as sp
 
 from benchmarks.problems import problem
 from integrators import Hamiltonian, codegen, compile, integrate
+from integrators.vector import add, axpy, bump, head, join, load, minus, plus, scale, store, tail
 
 ALPHA, BETA = sp.Rational(1, 4), sp.Rational(1, 2)
 D = codegen.TUPLE_LIMIT + 1
@@ -162,3 +164,31 @@ def test_a_blow_up_of_arrays_is_a_divergence(chain):
     found = integrate(chain, "explicit-euler", h=2.0, steps=200, q0=Q0, p0=P0)
     assert found.status == "diverged"
     assert np.isfinite(found.q).all()
+
+
+@pytest.mark.parametrize("n", [30, 32, 2 * codegen.TUPLE_LIMIT])
+def test_operations_compile_on_the_longest_tuples(n):
+    """(q, p) is one tuple of up to twice the limit; Python builds tuples of more than 30 items in another way."""
+
+    @numba.njit
+    def operate(x, y, A):
+        store(A, 0, bump(axpy(0.5, x, y), n - 1, 1.0))
+        s, c = add(load(A, 0, x), scale(0.0, x), minus(y, x))
+        return plus(s, join(head(c), tail(c)))
+
+    x, y = np.arange(1.0, n + 1), np.sqrt(np.arange(1.0, n + 1))
+    expected = 2 * y - 0.5 * x
+    expected[-1] += 1.0
+    assert np.abs(np.array(operate(tuple(x), tuple(y), np.zeros((1, n)))) - expected).max() < 1e-13
+
+
+def test_a_lost_close_encounter_of_many_bodies_is_a_collision():
+    """Eight bodies run on loops, with the least distance as a function of the rows."""
+    made = problem("n-body", N=8)
+    q = 3 * np.array(made.q0).reshape(8, 3)
+    q[0], q[1] = (10.0, 0.0, 0.0), (10.5, 0.0, 0.0)
+    start = {"q0": q.ravel(), "p0": np.zeros(24)}
+    lost = integrate(made, "stormer-verlet", h=0.01, t_end=3.0, **start)
+    assert lost.status == "collision"
+    assert "take a smaller h" in lost.reason
+    assert integrate(made, "stormer-verlet", h=0.01, t_end=0.3, **start).status == "ok"

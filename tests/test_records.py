@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from benchmarks import bibliography
 from benchmarks.__main__ import app
-from benchmarks.problems import problem
+from benchmarks.problems import PROBLEMS, problem
 from integrators.record import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
 from integrators.registry import BY_ID, METHODS, method
 
@@ -36,7 +36,14 @@ def test_a_record_is_complete(id):
 
 
 def test_every_work_of_the_bibliography_is_cited():
-    assert set(bibliography.entries()) == {key for m in METHODS for key in m.cite}
+    works = {key for m in METHODS for key in m.cite} | {key for name in PROBLEMS for key in problem(name).cite}
+    assert set(bibliography.entries()) == works
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_a_problem_cites_its_works(name):
+    assert problem(name).cite
+    assert set(problem(name).cite) <= set(bibliography.entries()), "the bibliography lacks a key"
 
 
 @pytest.mark.parametrize("key", bibliography.entries())

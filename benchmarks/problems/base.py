@@ -28,6 +28,7 @@ class Problem:
     Attributes
     ----------
     id, name, source : kebab-case id, full name, citation
+    cite : the keys of the works in ``bibliography.bib``, here or among the integrators
     system : a Hamiltonian or a partitioned system; ``system.H`` is the energy
     orbits : the first is the default
     invariants : name -> expression, besides the energy
@@ -42,6 +43,7 @@ class Problem:
     orbits: tuple[Orbit, ...]
     invariants: Mapping[str, sp.Expr] = field(default_factory=dict)
     orbit: str = ""
+    cite: tuple[str, ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def at(self, orbit: str) -> Problem:

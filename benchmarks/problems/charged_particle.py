@@ -31,6 +31,7 @@ def make(phi0: float) -> Problem:
         id="charged-particle",
         name="charged particle in a magnetic field",
         source="He, Sun, Liu & Qin 2015, J. Comput. Phys. 281, 135-147, section 4.1",
+        cite=("he2015",),
         system=Hamiltonian(q=[q1, q2], p=[p1, p2], H=H, singular=[R], invariants=[L]),
         orbits=(Orbit("drift", (0.0, -1.0), (0.1 + 1 / 3, 0.01), "velocity (0.1, 0.01)"),),
         invariants={"angular-momentum": L},

@@ -39,6 +39,7 @@ def make(**parameters: float) -> Problem:
         name="double pendulum",
         source="Landau & Lifshitz, Mechanics (1976), section 5, problem 1; Shinbrot, Grebogi, Wisdom & Yorke 1992, "
         "Am. J. Phys. 60, 491-499 (chaos)",
+        cite=("landau1976", "shinbrot1992"),
         system=Hamiltonian(q=[q1, q2], p=[p1, p2], H=T - (m1 + m2) * g * l1 * sp.cos(q1) - m2 * g * l2 * sp.cos(q2)),
         orbits=(
             Orbit("chaotic", (radians(120), radians(-10)), (0.0, 0.0), "at rest at 120 and -10 degrees"),

@@ -46,6 +46,7 @@ def make(alpha: float, beta: float) -> Problem:
         id="duffing",
         name="Duffing oscillator",
         source="Duffing 1918; Guckenheimer & Holmes 1983, section 2.2; NIST DLMF, 22.19(ii) (the solutions)",
+        cite=("guckenheimer1983",),
         system=Hamiltonian(q=[q], p=[p], H=H),
         orbits=tuple(Orbit(k, (a,), (0.0,), f"at rest at q = {a:g}") for k, a in amplitudes.items()),
         parameters={"alpha": alpha, "beta": beta},

@@ -44,6 +44,7 @@ def make(omega: float, m: int) -> Problem:
         id="fpu",
         name="Fermi-Pasta-Ulam with stiff springs",
         source="Hairer, Lubich & Wanner 2006, I.5.1; Galgani et al. 1992, Physica D 59, 334-348",
+        cite=("hairer2006", "galgani1992"),
         system=Hamiltonian(q=[*q0, *q1], p=[*p0, *p1], H=H, frequencies=[0] * m + [w] * m),
         orbits=(start,),
         parameters={"omega": omega, "m": m},

@@ -20,6 +20,7 @@ def make(omega: float) -> Problem:
         id="harmonic-oscillator",
         name="harmonic oscillator",
         source="Hairer, Lubich & Wanner 2006, I.1",
+        cite=("hairer2006",),
         system=Hamiltonian(q=[q], p=[p], H=p**2 / 2 + w**2 * q**2 / 2, frequencies=[w]),
         orbits=(Orbit("unit", (1.0,), (0.0,), "at rest at unit distance"),),
         parameters={"omega": omega},

@@ -22,6 +22,7 @@ def make() -> Problem:
         id="henon-heiles",
         name="Henon-Heiles",
         source="Henon & Heiles 1964, Astron. J. 69, 73-79; Wang, Bo & Cai (talk), (27)-(28)",
+        cite=("henon-heiles1964", "wang-talk"),
         system=Hamiltonian(q=[q1, q2], p=[p1, p2], H=(p1**2 + p2**2) / 2 + U, frequencies=[1, 1]),
         orbits=(_orbit("chaotic", 1 / 6, 0.82), _orbit("box", 0.02, -0.082)),
     )

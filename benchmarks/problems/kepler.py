@@ -31,6 +31,7 @@ def make(e: float) -> Problem:
         id="kepler",
         name="Kepler problem",
         source="Hairer, Lubich & Wanner 2006, I.2.2",
+        cite=("hairer2006",),
         system=Hamiltonian(
             q=[q1, q2],
             p=[p1, p2],

@@ -136,6 +136,7 @@ def make(N: int, L: float) -> Problem:
         id="klein-gordon",
         name="complex Klein-Gordon equation, semi-discrete",
         source="Strauss & Vazquez 1978, J. Comput. Phys. 28, 271-278 (the real equation); initial data of this suite",
+        cite=("strauss-vazquez1978",),
         system=system,
         orbits=(Orbit("collision", *start, "two packets of opposite charge"),),
         invariants={"charge": charge},

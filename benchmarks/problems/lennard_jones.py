@@ -34,6 +34,7 @@ def make() -> Problem:
         id="lennard-jones",
         name="frozen argon crystal",
         source="Hairer, Lubich & Wanner 2006, I.4; Biesiadecki & Skeel 1993, J. Comput. Phys. 109, 318-328",
+        cite=("hairer2006", "biesiadecki1993"),
         system=Hamiltonian(q=q, p=p, H=H, singular=distances, invariants=kept.values()),
         orbits=(
             Orbit(

@@ -20,6 +20,7 @@ def make() -> Problem:
         id="lotka-volterra",
         name="Lotka-Volterra in its own variables",
         source="Hairer, Lubich & Wanner 2006, I.1.1; talk on symplectic integration, 'Numerical experiments'",
+        cite=("hairer2006", "wang-talk"),
         system=PoissonSystem(
             q=[u],
             p=[v],

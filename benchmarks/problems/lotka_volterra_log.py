@@ -22,6 +22,7 @@ def make() -> Problem:
         id="lotka-volterra-log",
         name="Lotka-Volterra in logarithms",
         source="Hairer, Lubich & Wanner 2006, I.1.1, VII.2.3; talk on symplectic integration, 'Numerical experiments'",
+        cite=("hairer2006", "wang-talk"),
         system=Hamiltonian(q=[x], p=[y], H=sp.exp(y) - 2 * y + sp.exp(x) - x),
         orbits=tuple(
             Orbit(f"{a}-{b}", (log(a),), (log(b),), f"from (u, v) = ({a}, {b})")

@@ -9,7 +9,7 @@ encounters (to 4e-4 near t = 15.83), which usual fixed steps do not resolve, the
 Of other N the masses are equal, 1/N, on a random Plummer sphere of Aarseth, Henon & Wielen's recipe, always the same,
 in their units (total mass 1, energy near -1/4) with the centre of mass at rest.  There p is the velocity and H the
 energy divided by the mass of a body, which gives the same motion: :math:`H = \sum|p_i|^2/2 - \sum 1/(N|q_i - q_j|)`.
-More than six bodies run on loops instead of derived formulae and declare no singular distances.
+More than six bodies run on loops instead of derived formulae.
 """
 
 from fractions import Fraction
@@ -17,6 +17,7 @@ from itertools import combinations
 from math import cos, pi, sin, sqrt
 from random import Random
 
+import numpy as np
 import sympy as sp
 
 from integrators.codegen import value_kind
@@ -132,6 +133,13 @@ def energy(strength):
     return f
 
 
+def nearest(Q, P):
+    """The least distance between two bodies in each row."""
+    from scipy.spatial.distance import pdist
+
+    return np.array([pdist(q.reshape(-1, 3)).min() for q in Q])
+
+
 def make(N: int) -> Problem:
     """The problem of 2 <= ``N`` <= `LARGEST` bodies."""
     if int(N) != N or not 2 <= N <= LARGEST:
@@ -154,12 +162,21 @@ def make(N: int) -> Problem:
         system = Hamiltonian(q=q, p=p, H=H, singular=distances, invariants=kept.values())
     else:
         loops = {"field": field, "grad_V": grad_V, "energy": energy}
-        system = HandHamiltonian(q=q, p=p, H=H, loops=loops, constants=(Fraction(1, N),), invariants=kept.values())
+        system = HandHamiltonian(
+            q=q,
+            p=p,
+            H=H,
+            loops=loops,
+            constants=(Fraction(1, N),),
+            invariants=kept.values(),
+            singular=[nearest],
+        )
     return Problem(
         id="n-body",
         name="gravitational N-body problem",
         source="Burrau 1913, Astron. Nachr. 195, 113-118, and Szebehely & Peters 1967, Astron. J. 72, 876-883 "
         "(Pythagorean); Aarseth, Henon & Wielen 1974, Astron. Astrophys. 37, 183-187 (Plummer sphere)",
+        cite=("burrau1913", "szebehely1967", "aarseth1974"),
         system=system,
         orbits=(start,),
         invariants=kept,

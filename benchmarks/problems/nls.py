@@ -104,6 +104,7 @@ def make(N: int, L: float) -> Problem:
         name="nonlinear Schroedinger equation, semi-discrete",
         source="Zakharov & Shabat 1972, Sov. Phys. JETP 34, 62-69 (soliton); Karpeev & Schober 2001, Math. Comput. "
         "Simul. 56, 145-156 (standard discretization); Islas, Karpeev & Schober 2001, J. Comput. Phys. 173, 116-148",
+        cite=("zakharov-shabat1972", "islas2001"),
         system=system,
         orbits=(
             Orbit(

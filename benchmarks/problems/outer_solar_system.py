@@ -49,6 +49,7 @@ def make() -> Problem:
         id="outer-solar-system",
         name="outer solar system",
         source="Hairer, Lubich & Wanner 2006, I.2.4",
+        cite=("hairer2006",),
         system=Hamiltonian(
             q=q, p=p, H=H, singular=distances, invariants=kept.values(), kepler=jacobi(masses, sp.Rational(G))
         ),

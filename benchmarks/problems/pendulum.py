@@ -16,6 +16,7 @@ def make() -> Problem:
         id="pendulum",
         name="mathematical pendulum",
         source="Hairer, Lubich & Wanner 2006, I.1.3; talk on symplectic integration, 'The Pendulum Problem'",
+        cite=("hairer2006", "wang-talk"),
         system=Hamiltonian(q=[q], p=[p], H=p**2 / 2 - sp.cos(q)),
         orbits=(
             Orbit("swinging", (2.0,), (0.0,), "released at 2 radians"),

@@ -19,6 +19,7 @@ def make(e: float, mu: float) -> Problem:
         id="perturbed-kepler",
         name="Kepler problem with the Schwarzschild term",
         source="Wang, Bo & Cai (talk), (29)-(30); Hairer, Lubich & Wanner 2006, exercise I.12",
+        cite=("wang-talk", "hairer2006"),
         system=Hamiltonian(q=[q1, q2], p=[p1, p2], H=H, singular=[r], invariants=[L], kepler=KeplerPart(2, (1,), (1,))),
         orbits=(pericentre(e),),
         invariants={"angular-momentum": L},

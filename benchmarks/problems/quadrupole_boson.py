@@ -32,6 +32,7 @@ def make(A: float, B: float, D: float) -> Problem:
         source="Eisenberg & Greiner, Nuclear Theory (1975); Baran & Raduta 1998, Int. J. Mod. Phys. E 7, 527-551; "
         "Micluta-Campeanu, Raportaru, Nicolin & Baran 2018, Rom. Rep. Phys. 70, 105; data: Micluta-Campeanu & "
         "Rackauckas, SciMLBenchmarks.jl; Datseris, DynamicalSystems.jl",
+        cite=("baran-raduta1998",),
         system=Hamiltonian(q=[q0, q2], p=[p0, p2], H=H),
         orbits=(
             Orbit("benchmark", (4.919080920016389, 2.836942666663649), (0.0, 0.0), "at rest, H = 120 at the defaults"),

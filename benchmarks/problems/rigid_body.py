@@ -40,6 +40,7 @@ def make(**parameters: float) -> Problem:
         name="free rigid body",
         source="Serret 1866; Andoyer, Cours de mecanique celeste (1923); Deprit 1967, Am. J. Phys. 35, 424-428; "
         "data: Hairer, Lubich & Wanner 2006, IV.1 and VII.5",
+        cite=("andoyer1923", "deprit1967", "hairer2006"),
         system=Hamiltonian(q=[q], p=[p], H=H),
         orbits=(
             Orbit("around-e3", (pi / 2,), (size * sin(1.1),), "m = G (cos 1.1, 0, sin 1.1)"),

@@ -52,6 +52,7 @@ def make(M: float, semilatus: float, e: float) -> Problem:
         name="geodesics of the Schwarzschild metric",
         source="Schwarzschild 1916; Chandrasekhar, The Mathematical Theory of Black Holes (1983), sections 19-20; "
         "Cutler, Kennefick & Poisson 1994, Phys. Rev. D 50, 3816-3835, section II",
+        cite=("chandrasekhar1983", "cutler1994"),
         system=Hamiltonian(
             q=[t, r, phi],
             p=[pt, pr, pphi],

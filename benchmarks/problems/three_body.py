@@ -30,6 +30,7 @@ def make() -> Problem:
         name="figure eight of three bodies",
         source="Moore 1993, Phys. Rev. Lett. 70, 3675-3679; Chenciner & Montgomery 2000, Ann. of Math. 152, 881-901 "
         "(with Simo's data); Li & Liao 2017, Sci. China Phys. Mech. Astron. 60, 129511 (digits)",
+        cite=("moore1993", "chenciner2000", "li-liao2017"),
         system=Hamiltonian(
             q=q,
             p=p,

@@ -78,6 +78,7 @@ def make(N: int) -> Problem:
         name="periodic Toda lattice",
         source="Toda 1967, J. Phys. Soc. Jpn. 22, 431-436 (the wave); Henon 1974, Phys. Rev. B 9, 1921-1923, and "
         "Flaschka 1974, Phys. Rev. B 9, 1924-1925 (the invariants); data: Hairer, Lubich & Wanner 2006, X.1",
+        cite=("toda1967", "henon1974", "flaschka1974", "hairer2006"),
         system=Hamiltonian(q=q, p=p, H=sum(x**2 for x in p) / 2 + sum(bonds.values()), invariants=kept.values()),
         orbits=(*three, wave),
         invariants=kept,
