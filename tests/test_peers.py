@@ -139,6 +139,8 @@ def test_initial_data_may_be_given():
     made = problem("kepler")
     circle = {"q0": [0.0, 1.0], "p0": [-1.0, 0.0]}
     for p in PEERS:
+        if p.lacks(made, made.system):
+            continue
         solution = integrate_peer(made, p.id, tol=1e-6 if p.adaptive else None, t_end=2 * np.pi, steps=400, **circle)
         assert np.abs(np.hypot(*solution.q.T) - 1).max() < 1e-3
         assert np.abs(solution.q[100] - [-1, 0]).max() < 1e-2
@@ -178,8 +180,8 @@ def test_a_missing_package_is_skipped(monkeypatch, p):
 @pytest.mark.parametrize(
     ("id", "name", "options", "what"),
     [
-        ("rebound-ias15", "henon-heiles", {"t_end": 1.0}, "only kepler and perturbed-kepler"),
-        ("rebound-whfast", "pendulum", {"t_end": 1.0, "h": 0.1}, "only kepler and perturbed-kepler"),
+        ("rebound-ias15", "double-pendulum", {"t_end": 1.0}, "alone"),
+        ("rebound-whfast", "pendulum", {"t_end": 1.0, "h": 0.1}, "body to revolve around"),
         ("rebound-whfast", "kepler", {"t_end": 1.0}, "step h"),
         ("rebound-whfast", "kepler", {"t_end": 1.0, "h": 0.1, "tol": 1e-9}, "give h, not tol"),
         ("rebound-leapfrog", "kepler", {"t_end": 1.0, "h": -0.1}, "positive"),

@@ -1,58 +1,347 @@
 """REBOUND's integrators as peers, through its public Python interface.
 
+How a system is put to REBOUND: `reference.nbody`.  SEI is left out: it is for the shearing sheet alone, whose
+forces depend on velocities.  Fixed-step integrators run with safe_mode = 0 where they have it: neighbouring drifts are
+one and a corrector acts at rows alone.  Wisdom-Holman splittings use Jacobi coordinates (REBOUND's default); with
+planets of relative mass eps their error is a sum of terms eps h^a + eps^2 h^b + ...: a peer's ``order`` is the least
+exponent, measured, and ``about`` gives all of them.
+
 Source: H. Rein, S.-F. Liu, Astron. Astrophys. 537 (2012) A128.
 """
 
 from __future__ import annotations
 
-from .record import Peer, Run
+from integrators.record import DRIFT, ROUND_OFF
 
-KEPLER = ("kepler", "perturbed-kepler")
+from .. import nbody
+from ..nbody import CENTRAL, GRAVITY, POTENTIAL
+from .record import Claims, Peer, Run
+
+DOCUMENTATION = "https://rebound.readthedocs.io/en/latest/integrators/ and sim.integrator.__doc__ of version 5.2"
+HIGH_ORDER = "Rein, Tamayo & Brown 2019, Mon. Not. R. Astron. Soc. 489, 4632-4640"
+WISDOM_HOLMAN = "Rein & Tamayo 2015, Mon. Not. R. Astron. Soc. 452, 376-388"
+EMBEDDED = "Rein 2020, Mon. Not. R. Astron. Soc. 492, 5413"
+#: JANUS rounds coordinates and velocities to integers of 64 bits in units of this, its default.
+UNIT = 1e-16
+#: The shortest step of IAS15 in units of the time span: where the acceleration of a body passes through 0 its steps
+#: would shrink in proportion to the time left, and the run would never end (figure eight).
+SHORTEST = 1e-13
+#: The most bodies of WHFast512.
+MOST = 9
+
+#: Which settings an integrator takes, most special first, and in words.
+ANY = (CENTRAL, GRAVITY, POTENTIAL)
+KEPLERIAN = (CENTRAL, GRAVITY)
+SCOPES = {
+    ANY: "H = sum p_i^2 / (2 m_i) + V(q)",
+    KEPLERIAN: "a Kepler part with a perturbation of positions; gravity between bodies, the first in the middle",
+}
+NEWTON = "a Kepler problem; gravity between bodies, the first in the middle"
 
 
-def _lacks(problem, system) -> str | None:
-    id = getattr(problem, "id", None)
-    return None if id in KEPLER else f"it integrates only {' and '.join(KEPLER)}, not '{id or 'a system'}'"
+def _setting(kinds, forces: bool, system):
+    """How a system is put to an integrator that takes these settings; None where it cannot be."""
+    found = nbody.settings(system)
+    for kind in kinds:
+        if kind in found and (forces or found[kind].gradient is None):
+            return found[kind]
+    return None
 
 
-def _run(integrator: str):
+def _lacks(integrator: str, kinds, forces: bool):
+    def lacks(problem, system) -> str | None:
+        from integrators.codegen import compiled
+
+        found = nbody.settings(system)
+        if not found:
+            return "REBOUND integrates H = sum p_i^2 / (2 m_i) + V(q) alone"
+        chosen = _setting(kinds, forces, system)
+        if chosen is None and CENTRAL in found:
+            return "no extra force reaches it, or not all of its stages: it knows Newtonian gravity alone"
+        if chosen is None:
+            return "it needs a body to revolve around: a declared Kepler part, or gravity between bodies"
+        if chosen.gradient is not None and not compiled():
+            return "the extra force is compiled by Numba, which NUMBA_DISABLE_JIT switches off"
+        if integrator == "whfast512":
+            if len(chosen.masses) > MOST:
+                return f"it takes at most {MOST} bodies, not {len(chosen.masses)}"
+            if not _avx512():
+                return "REBOUND finds no AVX512 here (rebound.avx512_available): the processor or the build lacks it"
+        q = getattr(problem, "q0", None)
+        if chosen.kind == GRAVITY and integrator in ("whfast", "whfast512", "saba") and q is not None:
+            body = nbody.jacobi_vanishes(chosen, q)
+            if body is not None:
+                return (
+                    f"body {body + 1} starts in the centre of mass of those before it: Jacobi coordinates are singular"
+                )
+        return None
+
+    return lacks
+
+
+def _avx512() -> bool:
+    """Whether REBOUND can run WHFast512 on this machine; True where it cannot be asked, being absent."""
+    try:
+        import rebound
+    except ImportError:
+        return True
+    return getattr(rebound, "avx512_available", False)
+
+
+def _run(integrator: str, kinds, forces: bool, options: dict, tolerances):
     def run(problem, system, q, p, h, index, t, tol) -> Run:
-        from .. import nbody
-
-        Q, P, steps, seconds = nbody.run(problem, integrator, q, p, h, index, tol)
-        return Run(Q, P, steps, 0, seconds)
+        setting = _setting(kinds, forces, system)
+        chosen = options | ({} if tol is None else dict.fromkeys(tolerances, tol))
+        if chosen.get("kernel") == "lazy" and setting.kind == CENTRAL and setting.gradient is None:
+            chosen = {"safe_mode": 0}  # there is nothing to correct in a pure Kepler problem
+        if integrator == "ias15":
+            chosen["min_dt"] = SHORTEST * h * index[-1]
+        limit = 2.0**62 * UNIT if integrator == "janus" else float("inf")
+        Q, P, steps, seconds, failure = nbody.run(
+            setting, integrator, chosen, q, p, h, index, adaptive=bool(tolerances), limit=limit
+        )
+        return Run(Q, P, steps, 0, seconds, failure)
 
     return run
 
 
-def _peer(integrator: str, name: str, **fields) -> Peer:
-    common = {"package": "rebound", "license": "GPL-3.0", "scope": ", ".join(KEPLER)}
-    return Peer(f"rebound-{integrator}", name, run=_run(integrator), lacks=_lacks, **common, **fields)
+def _peer(
+    id: str,
+    integrator: str,
+    name: str,
+    order: int | None,
+    about: str,
+    source: str,
+    *,
+    kinds=ANY,
+    forces: bool = True,
+    tolerances=(),
+    least: float = 0.0,
+    claims: dict | None = None,
+    options: dict | None = None,
+) -> Peer:
+    """A peer that takes those kinds of settings, with or without extra forces.
+
+    ``tolerances`` are the fields that tol sets, of an adaptive one; ``options`` the fields that are set always.
+    """
+    return Peer(
+        f"rebound-{id}",
+        name,
+        package="rebound",
+        adaptive=bool(tolerances),
+        order=order,
+        license="GPL-3.0",
+        about=about,
+        source=source,
+        run=_run(integrator, kinds, forces, options or {}, tolerances),
+        scope=SCOPES[kinds] if forces else NEWTON,
+        lacks=_lacks(integrator, kinds, forces),
+        least=least,
+        claims=Claims(source=DOCUMENTATION, **(claims or {})),
+    )
 
 
-PEERS = (
+ADAPTIVE = (
     _peer(
         "ias15",
+        "ias15",
         "IAS15, adaptive Gauss-Radau of order 15",
-        adaptive=True,
-        order=15,
-        about="tol is REBOUND's epsilon, which is no error bound; the default 1e-9 reaches round-off",
-        source="Rein & Spiegel 2015, Mon. Not. R. Astron. Soc. 446, 1424-1437",
+        15,
+        "tol is REBOUND's epsilon, which is no error bound; the default 1e-9 reaches round-off; no step is shorter "
+        f"than {SHORTEST:g} of the time span",
+        "Rein & Spiegel 2015, Mon. Not. R. Astron. Soc. 446, 1424-1437",
+        tolerances=("epsilon",),
+        least=1e-16,
+        claims={"order": 15, "symplectic": False, "energy": ROUND_OFF},
     ),
     _peer(
-        "whfast",
-        "WHFast, Wisdom-Holman splitting",
-        adaptive=False,
-        order=4,
-        about="exact up to round-off on kepler; with the extra force corrector 17 and the lazy kernel; safe_mode = 0",
-        source="Rein & Tamayo 2015, Mon. Not. R. Astron. Soc. 452, 376-388; Rein, Tamayo & Brown 2019",
-    ),
-    _peer(
-        "leapfrog",
-        "REBOUND's leapfrog, drift-kick-drift",
-        adaptive=False,
-        order=2,
-        about="one force evaluation a step",
-        source="Rein & Liu 2012, Astron. Astrophys. 537, A128",
+        "bs",
+        "bs",
+        "Gragg-Bulirsch-Stoer extrapolation of adaptive step and order",
+        None,
+        "tol is eps_abs = eps_rel, the local error of coordinates and velocities; the default is 1e-8; below the least "
+        "one its steps shrink without end",
+        "Hairer, Norsett & Wanner 1993, II.9",
+        tolerances=("eps_abs", "eps_rel"),
+        least=1e-14,
+        claims={"symplectic": False, "energy": DRIFT},
     ),
 )
+
+
+def _whfast(id, name, order, about, source=HIGH_ORDER, *, forces=True, claims=None, **options):
+    claims = {"symplectic": True} | (claims or {})
+    options = {"safe_mode": 0} | options
+    return _peer(
+        id, "whfast", name, order, about, source, kinds=KEPLERIAN, forces=forces, claims=claims, options=options
+    )
+
+
+CORRECTED = "eps h^{} + eps^2 h^2: the corrector of order {}, the default kernel"
+WHFAST = (
+    _whfast(
+        "whfast",
+        "WHFast, Wisdom-Holman splitting, with corrector and lazy kernel",
+        4,
+        "eps h^18 + eps^2 h^4: corrector 17 and the lazy kernel, except on a pure Kepler problem, where it is exact up "
+        "to round-off; with gravity between bodies eps^3 h^2 is measured besides, so its order is 2 there",
+        f"{WISDOM_HOLMAN}; {HIGH_ORDER}",
+        corrector=17,
+        kernel="lazy",
+    ),
+    _whfast("whfast-plain", "WHFast without corrector", 2, "eps h^2", WISDOM_HOLMAN, claims={"order": 2}),
+    *(
+        _whfast(
+            f"whfast-corrector-{n}",
+            f"WHFast with the corrector of order {n}",
+            2,
+            CORRECTED.format(n + 1, n),
+            WISDOM_HOLMAN,
+            claims={"order": 2},
+            corrector=n,
+        )
+        for n in (3, 5, 7, 11, 17)
+    ),
+    _whfast(
+        "whfast-modifiedkick",
+        "WHFast with corrector and modified kick",
+        4,
+        "eps h^18 + eps^2 h^4: corrector 17 and the exact modified kick, which is of Newtonian gravity alone",
+        forces=False,
+        corrector=17,
+        kernel="modifiedkick",
+    ),
+    _whfast(
+        "whfast-composition",
+        "WHFast with corrector and composition kernel",
+        4,
+        "eps h^18 + eps^2 h^4: corrector 17 and a kernel of several kicks",
+        corrector=17,
+        kernel="composition",
+    ),
+    _peer(
+        "whfast512",
+        "whfast512",
+        "WHFast512, Wisdom-Holman splitting in AVX512 instructions",
+        2,
+        f"eps h^2, without corrector; at most {MOST} bodies, in units of G = 1; it ignores extra forces; the steps "
+        "between two rows are one call",
+        "Javaheri, Rein & Tamayo 2023, Open J. Astrophys. 6",
+        kinds=KEPLERIAN,
+        forces=False,
+        claims={"symplectic": True},
+    ),
+)
+
+
+def _saba(type: str, order: int, about: str, source: str, forces: bool = True, claim: int | None = None) -> Peer:
+    id = type.lower().replace("_", "-")
+    kind = {"c": "SABAC", "h": "SABAH"}.get(id[0], "SABA")
+    numbers = id.lstrip("cmhl-").replace("-", ",")
+    how = {"cm": ", modified kick", "cl": ", lazy corrector"}.get(id[:2], "")
+    return _peer(
+        f"saba-{id}",
+        "saba",
+        f"{kind}({numbers}){how}" if "," in numbers else f"{kind}{numbers}{how}",
+        order,
+        about,
+        source,
+        kinds=KEPLERIAN,
+        forces=forces,
+        claims={"symplectic": True, "order": claim},
+        options={"safe_mode": 0, "type": type},
+    )
+
+
+LASKAR = "Laskar & Robutel 2001, Celest. Mech. Dyn. Astron. 80, 39-62"
+BLANES = "Blanes et al. 2013, Appl. Numer. Math. 68, 58-72"
+SABA = (
+    *(_saba(str(n), 2, f"eps h^{2 * n} + eps^2 h^2", LASKAR) for n in (1, 2, 3, 4)),
+    *(
+        _saba(f"CM_{n}", 2 if n == 1 else 4, f"eps h^{2 * n} + eps^2 h^4; of Newtonian gravity alone", LASKAR, False)
+        for n in (1, 2, 3, 4)
+    ),
+    *(_saba(f"CL_{n}", 2 if n == 1 else 4, f"eps h^{2 * n} + eps^2 h^4", LASKAR) for n in (1, 2, 3, 4)),
+    _saba("10_4", 4, "eps h^10 + eps^2 h^4", BLANES, claim=4),
+    *(_saba(f"{a}_6_4", 4, f"eps h^{a} + eps^2 h^6 + eps^3 h^4", BLANES, claim=4) for a in (8, 10)),
+    _saba("H_8_4_4", 4, "eps h^8 + eps^2 h^4 + eps^3 h^4", BLANES, claim=4),
+    *(_saba(f"H_{a}_6_4", 4, f"eps h^{a} + eps^2 h^6 + eps^3 h^4", BLANES, claim=4) for a in (8, 10)),
+)
+
+LEAPFROG = tuple(
+    _peer(
+        "leapfrog" if n == 2 else f"leapfrog-{n}",
+        "leapfrog",
+        "REBOUND's leapfrog, drift-kick-drift" if n == 2 else f"composition of leapfrogs of order {n}",
+        n,
+        f"{kicks} force evaluation{'s' if kicks > 1 else ''} a step",
+        "Rein & Liu 2012, Astron. Astrophys. 537, A128" if n == 2 else "Yoshida 1990; Blanes & Casas 2016, p. 91",
+        claims={"order": n, "symplectic": True},
+        options={"order": n},
+    )
+    for n, kicks in ((2, 1), (4, 3), (6, 9), (8, 17))
+)
+
+JANUS = tuple(
+    _peer(
+        f"janus-{n}",
+        "janus",
+        f"JANUS of order {n}, bitwise reversible",
+        n,
+        f"coordinates and velocities are integers of 64 bits in units of {UNIT:g} (scale_pos, scale_vel), hence up to "
+        f"{2.0**63 * UNIT:.0f}; the run ends at half of that",
+        "Rein & Tamayo 2018, Mon. Not. R. Astron. Soc. 473, 3351-3357",
+        claims={"order": n, "symplectic": True, "reversible": True},
+        options={"order": n, "scale_pos": UNIT, "scale_vel": UNIT},
+    )
+    for n in (2, 4, 6, 8, 10)
+)
+
+
+def _eos(id: str, outer: str, inner: str, order: int, forces: bool = True) -> Peer:
+    return _peer(
+        id,
+        "eos",
+        f"embedded operator splitting, {outer} around {inner}",
+        order,
+        f"phi0 = {outer} for the kicks between planets and extra forces, phi1 = {inner}, n = 2, for the centre's",
+        EMBEDDED,
+        forces=forces,
+        kinds=ANY if forces else KEPLERIAN,
+        claims={"order": order},
+        options={"safe_mode": 0, "n": 2, "phi0": outer, "phi1": inner},
+    )
+
+
+EOS = (
+    _eos("eos", "LF", "LF", 2),
+    _eos("eos-lf4", "LF4", "LF4", 4),
+    _eos("eos-lf8", "LF8", "LF8", 8),
+    _eos("eos-pmlf6", "PMLF6", "LF8", 6, forces=False),
+)
+
+HYBRID = (
+    _peer(
+        "mercurius",
+        "mercurius",
+        "MERCURIUS, Wisdom-Holman splitting, IAS15 in close encounters",
+        2,
+        "eps h^2 in heliocentric coordinates; within 3 Hill radii the force is handed over to IAS15 smoothly",
+        "Rein et al. 2019, Mon. Not. R. Astron. Soc. 485, 5490-5497",
+        kinds=KEPLERIAN,
+        claims={"symplectic": True},
+        options={"safe_mode": 0},
+    ),
+    _peer(
+        "trace",
+        "trace",
+        "TRACE, Wisdom-Holman splitting, Bulirsch-Stoer in close encounters",
+        2,
+        "eps h^2 in heliocentric coordinates; steps with a close encounter or a pericentre that h does not resolve are "
+        "Bulirsch-Stoer's; REBOUND calls it almost time-reversible",
+        "Lu, Hernandez & Rein 2024, Mon. Not. R. Astron. Soc. 533, 3708",
+        kinds=KEPLERIAN,
+    ),
+)
+
+PEERS = (*ADAPTIVE, *WHFAST, *SABA, *LEAPFROG, *JANUS, *EOS, *HYBRID)

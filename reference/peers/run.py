@@ -7,7 +7,6 @@ from math import isfinite
 
 import numpy as np
 
-from integrators.driver import COLLISION, DIVERGED, OK, SKIPPED, Solution, grid, initial
 from integrators.errors import InvalidInput
 
 from .record import Peer
@@ -52,6 +51,8 @@ def integrate_peer(
     InvalidInput
         For input that cannot be used, or a problem that the peer cannot do.
     """
+    from integrators.driver import COLLISION, DIVERGED, OK, SKIPPED, grid, initial
+
     from . import peer
 
     chosen = peer(peer_id)
@@ -90,6 +91,8 @@ def integrate_peer(
 
 
 def _solution(chosen, t, Q, P, status, reason, steps, gradient, h, seconds):
+    from integrators.driver import Solution
+
     counts = {"steps": int(steps), "gradient": int(gradient), "hessian": 0, "iterations": 0, "fallbacks": 0}
     aux = np.full(len(Q) - 1, np.nan)
     return Solution(t[: len(Q)], Q, P, status, reason, counts, h, chosen, aux, seconds)
