@@ -228,11 +228,10 @@ class Hamiltonian(PartitionedSystem):
     @cached_property
     def _split(self) -> tuple[sp.Expr, sp.Expr] | None:
         """(T(p), V(q)) where H is their sum, else None."""
-        T, V = sp.Integer(0), sp.Integer(0)
         momenta, coordinates = set(self.p), set(self.q)
-        for form in (self.H, sp.expand(self.H)):
+        for rewrite in (sp.sympify, sp.expand):  # an expansion takes long, and is seldom needed
             T, V = sp.Integer(0), sp.Integer(0)
-            for term in sp.Add.make_args(form):
+            for term in sp.Add.make_args(rewrite(self.H)):
                 if not term.free_symbols & momenta:
                     V += term
                 elif not term.free_symbols & coordinates:

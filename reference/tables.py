@@ -47,12 +47,13 @@ def provenance(problem, **more) -> dict:
         "formulae": hashlib.sha256(formulae.encode()).hexdigest(),
         "initial data": hashlib.sha256(data.encode()).hexdigest(),
         "python": platform.python_version(),
-        **{name: _version(name) for name in PACKAGES},
+        **{name: version_of(name) for name in PACKAGES},
         **more,
     }
 
 
-def _version(package: str) -> str | None:
+def version_of(package: str) -> str | None:
+    """The installed version of a package, or None."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:
@@ -91,7 +92,7 @@ def write(name: str, frame: pd.DataFrame, provenance: Mapping, directory: Path |
     lines = [f"# {key}: {json.dumps(value)}\n" for key, value in header.items()]
     path = _path(name, directory)
     path.parent.mkdir(parents=True, exist_ok=True)
-    _replace(path, "".join(lines) + body)
+    write_file(path, "".join(lines) + body)
     return path
 
 
@@ -189,7 +190,7 @@ def _path(name: str, directory: Path | str) -> Path:
     return Path(directory) / f"{name}.csv"
 
 
-def _replace(path: Path, text: str) -> None:
+def write_file(path: Path, text: str) -> None:
     """Write beside, then rename: a reader sees the old table or the new one."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
     try:

@@ -99,7 +99,8 @@ def propagate(ta, grid):
     return rows, steps, why.get(outcome, f"heyoka stopped with {outcome}")
 
 
-def _extended():
+def extended():
+    """The types of long double and quadruple precision; raises ReferenceFailed where the platform lacks one."""
     import heyoka as hy
 
     if np.finfo(np.longdouble).nmant < 63 or not hasattr(hy, "real128"):
@@ -107,8 +108,15 @@ def _extended():
     return np.longdouble, hy.real128
 
 
-def _run(system, fp, q0, p0, times):
-    ta = integrator(system, fp)
+def states(system, fp, q0, p0, times, tol=None):
+    """The states from the doubles q0, p0 at ``times`` (n,), increasing and positive: rows (n, 2 d) of type ``fp``.
+
+    Raises
+    ------
+    ReferenceFailed
+        Where the run does not reach the end, naming the time it reached.
+    """
+    ta = integrator(system, fp, tol)
     start(ta, fp, q0, p0)
     grid = np.array([fp(0.0)] + [fp(float(t)) for t in times], dtype=fp)
     rows, _, failure = propagate(ta, grid)
@@ -117,6 +125,20 @@ def _run(system, fp, q0, p0, times):
     if failure is not None:
         raise ReferenceFailed(f"the {fp.__name__} run stopped at t = {float(ta.time):.6g}: {failure}")
     return rows[1:]
+
+
+def step_ends(system, fp, q0, p0, t_end) -> list[float]:
+    """The times, rounded to double, at which an integration to ``t_end`` from the doubles q0, p0 ends its steps."""
+    ta = integrator(system, fp)
+    start(ta, fp, q0, p0)
+    ends: list[float] = []
+
+    def seen(ta) -> bool:
+        ends.append(float(ta.time))
+        return True
+
+    ta.propagate_until(fp(float(t_end)), callback=seen, max_steps=STEP_LIMIT)
+    return ends
 
 
 def reference(problem, times, certify: bool = True, q0=None, p0=None) -> Reference:
@@ -140,14 +162,14 @@ def reference(problem, times, certify: bool = True, q0=None, p0=None) -> Referen
     if not len(times) or not np.isfinite(times).all() or times[0] < 0 or (np.diff(times) <= 0).any():
         raise ValueError("times must be finite, increasing and start at 0 or later")
     q0, p0 = (problem.q0 if q0 is None else q0), (problem.p0 if p0 is None else p0)
-    long, quad = _extended()
+    long, quad = extended()
     later = times[times > 0]
     first = np.array([[long(float(x)) for x in (*q0, *p0)]] * (len(times) - len(later)), dtype=long)
-    rows = np.vstack([first.reshape(-1, 2 * len(q0)), _run(problem.system, long, q0, p0, later)])
+    rows = np.vstack([first.reshape(-1, 2 * len(q0)), states(problem.system, long, q0, p0, later)])
     uncertainty = np.full(len(times), np.nan)
     if certify:
         uncertainty[: len(first)] = 0.0
-        exact = _run(problem.system, quad, q0, p0, later)
+        exact = states(problem.system, quad, q0, p0, later)
         for i, (x, y) in enumerate(zip(rows[len(first) :], exact, strict=True), start=len(first)):
             uncertainty[i] = max(abs(float(quad(a) - b)) for a, b in zip(x, y, strict=True))
     doubles = rows.astype(float)

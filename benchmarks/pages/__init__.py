@@ -13,6 +13,7 @@ from .page import Page
 from .pde import PAGE as PDE
 from .peers import PAGE as PEERS
 from .printed import PAGE as PRINTED
+from .references import PAGE as REFERENCES
 from .speed import PAGE as SPEED
 from .structure import PAGE as STRUCTURE
 from .wisdom_holman import PAGE as WISDOM_HOLMAN
@@ -29,6 +30,7 @@ PAGES: tuple[Page, ...] = (
     PDE,
     PEERS,
     WISDOM_HOLMAN,
+    REFERENCES,
     SPEED,
     METHODS,
 )
