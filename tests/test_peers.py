@@ -142,6 +142,8 @@ def test_initial_data_may_be_given():
         if p.lacks(made, made.system):
             continue
         solution = integrate_peer(made, p.id, tol=1e-6 if p.adaptive else None, t_end=2 * np.pi, steps=400, **circle)
+        if solution.status == "skipped":
+            continue
         assert np.abs(np.hypot(*solution.q.T) - 1).max() < 1e-3
         assert np.abs(solution.q[100] - [-1, 0]).max() < 1e-2
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from integrators.errors import unknown
 
-from . import heyoka, rebound, scipy
+from . import gala, galpy, heyoka, rebound, scipy
 from .record import Claims, Peer, Run
 from .run import integrate_peer
 
-PEERS: tuple[Peer, ...] = tuple(p for package in (heyoka, rebound, scipy) for p in package.PEERS)
+PEERS: tuple[Peer, ...] = tuple(p for package in (heyoka, rebound, scipy, gala, galpy) for p in package.PEERS)
 
 BY_ID = {p.id: p for p in PEERS}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -62,6 +63,7 @@ class Peer:
     scope : in words, what it can integrate
     lacks : (problem, system) -> why it cannot do a problem, or None
     claims : what its package says of it
+    load : imports the package by its name, where that needs care
     tol : the default tolerance; None: the package's own
     least : the smallest tolerance it takes
     """
@@ -78,6 +80,7 @@ class Peer:
     scope: str = "any"
     lacks: Callable[[Any, Any], str | None] = anything
     claims: Claims = field(default_factory=Claims)
+    load: Callable[[str], Any] = importlib.import_module
     tol: float | None = None
     least: float = 0.0
     parameters: Mapping[str, Any] = field(default_factory=dict)

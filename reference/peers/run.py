@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from math import isfinite
 
 import numpy as np
@@ -70,7 +69,7 @@ def integrate_peer(
     index = [*range(0, steps, every), steps]
     t = np.array([h * n for n in index])
     try:
-        importlib.import_module(chosen.package)
+        chosen.load(chosen.package)
     except ImportError as error:
         reason = f"{chosen.package} cannot be imported ({error}); pip install {chosen.package}"
         return _solution(chosen, t, q[None], p[None], SKIPPED, reason, 0, 0, h, 0.0)

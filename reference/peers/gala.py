@@ -1,0 +1,243 @@
+r"""gala's integrators as peers: its Python classes on any system, its Cython loops on the potentials it has in C.
+
+The Python integrators take a function (t, w) -> w' of the state w = (q, v).  Leapfrog and Ruth's method take its second
+half alone and set q' = v: they integrate :math:`\ddot q = a(q)`, here :math:`H = p^T M^{-1} p/2 + V(q)` in the
+velocities :math:`v = M^{-1}p`.  The Cython loops are reached through `gala.potential.Hamiltonian.integrate_orbit`; the
+problems that gala has in C are Kepler's (in space; the plane is z = 0) and Henon and Heiles's.  Without units, G = 1.
+
+Of version 1.11: RK5 and Ruth4 evaluate a force that depends on time at the end of the step, which makes them of order 1
+there (no system here does); the Python DOPRI853 starts anew at every row, the Cython one interpolates rows.  What its
+documentation says and `Claims` cannot hold: that leapfrog conserves the energy of linear systems exactly.
+
+Source: A. M. Price-Whelan, J. Open Source Softw. 2 (2017) 388.
+"""
+
+from __future__ import annotations
+
+import time
+from functools import lru_cache
+
+import numpy as np
+import sympy as sp
+
+from integrators.record import BOUNDED, DRIFT
+
+from .galactic import is_henon_heiles, powers
+from .record import Claims, Peer, Run
+
+LEAPFROG, RUTH4, RK5, DOPRI853 = "LeapfrogIntegrator", "Ruth4Integrator", "RK5Integrator", "DOPRI853Integrator"
+#: The integrators of second-order systems, which set q' = v.
+SECOND_ORDER = (LEAPFROG, RUTH4)
+#: More steps than any run takes: gala's limits are 500 a row in Python and 100000 in all in Cython.
+MOST_STEPS = 10**9
+
+
+# -- Python -------------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=64)
+def _masses(system):
+    """(M, M^-1) of a quadratic kinetic energy, None of the identity."""
+    if system.unit_mass:
+        return None
+    inverse = sp.hessian(system.kinetic, system.p)
+    return np.array(inverse.inv(), dtype=float), np.array(inverse, dtype=float)
+
+
+def _function(system, integrator: str, calls: list):
+    """gala's F(t, w) with w of shape (2 d, 1); it counts its calls in calls[0]."""
+    field, d = system.vector_field(), system.d
+    masses = _masses(system) if integrator in SECOND_ORDER else None
+    if masses is None:
+
+        def function(t, w):
+            calls[0] += 1
+            return field(t, w[:, 0])[:, None]
+
+        return function
+    inverse = masses[1]
+
+    def function(t, w):
+        calls[0] += 1
+        return np.concatenate([w[d:], (inverse @ field(t, w[:, 0])[d:])[:, None]])
+
+    return function
+
+
+def _call(integrator: str, function, state, times, options):
+    """(gala's Orbit, seconds)."""
+    made = _class(integrator)(function, **options)
+    began = time.perf_counter()
+    orbit = made(state, **times)
+    return orbit, time.perf_counter() - began
+
+
+@lru_cache(maxsize=8)
+def _warm(integrator: str) -> None:
+    """A first step, which loads what has to be loaded."""
+    _call(integrator, lambda t, w: np.array([w[1], -w[0]]), np.array([1.0, 0.0]), {"dt": 0.1, "n_steps": 1}, {})
+
+
+def _run_python(integrator: str):
+    def run(problem, system, q, p, h, index, t, tol) -> Run:
+        _warm(integrator)
+        masses = _masses(system) if integrator in SECOND_ORDER else None
+        v = p if masses is None else masses[1] @ p
+        adaptive, calls = integrator == DOPRI853, [0]
+        function = _function(system, integrator, calls)
+        times, options = ({"t": t}, {"nsteps": MOST_STEPS}) if adaptive else ({"dt": h, "n_steps": index[-1]}, {})
+        if tol is not None:
+            options |= {"rtol": tol, "atol": tol}
+        began = time.perf_counter()
+        with np.errstate(all="ignore"):
+            try:
+                orbit, seconds = _call(integrator, function, np.concatenate([q, v]), times, options)
+            except (ArithmeticError, RuntimeError) as error:
+                seconds = time.perf_counter() - began
+                return Run(np.array([q], float), np.array([p], float), 0, calls[0], seconds, str(error))
+        rows = slice(None) if adaptive else list(index)
+        Q, V = (np.array(x.xyz if hasattr(x, "xyz") else x.d_xyz)[:, rows].T for x in (orbit.pos, orbit.vel))
+        P = V if masses is None else V @ masses[0].T
+        P[0] = p
+        return Run(Q, P, 0 if adaptive else index[-1], calls[0], seconds, None)
+
+    return run
+
+
+def _lacks_python(integrator: str):
+    def lacks(problem, system) -> str | None:
+        if integrator in SECOND_ORDER and not (system.canonical and system.quadratic_kinetic):
+            return "it integrates q'' = a(q) alone: H must be p.M^-1 p / 2 + V(q)"
+        return None
+
+    return lacks
+
+
+# -- Cython -------------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=64)
+def _potential(system):
+    """gala's Hamiltonian of the system, after a first step; None where gala has no such potential in C."""
+    import gala.potential
+
+    if is_henon_heiles(system):
+        potential = gala.potential.HenonHeilesPotential()
+    else:
+        potential = gala.potential.KeplerPotential(m=-powers(system)[0][0])
+    made = gala.potential.Hamiltonian(potential)
+    for integrator in (LEAPFROG, RUTH4, DOPRI853):
+        made.integrate_orbit(np.full(made.ndim, 0.5), Integrator=_class(integrator), dt=1e-3, n_steps=1)
+    return made
+
+
+def _class(integrator: str):
+    import gala.integrate
+
+    return getattr(gala.integrate, integrator)
+
+
+def _run_cython(integrator: str):
+    def run(problem, system, q, p, h, index, t, tol) -> Run:
+        made, d = _potential(system), system.d
+        state = np.zeros(made.ndim)
+        half = made.ndim // 2
+        state[:d], state[half : half + d] = q, p
+        adaptive = integrator == DOPRI853
+        times, options = ({"t": t}, {"nmax": MOST_STEPS}) if adaptive else ({"dt": h, "n_steps": index[-1]}, {})
+        if tol is not None:
+            options |= {"rtol": tol, "atol": tol}
+        began = time.perf_counter()
+        try:
+            orbit = made.integrate_orbit(state, Integrator=_class(integrator), Integrator_kwargs=options, **times)
+        except RuntimeError as error:
+            seconds = time.perf_counter() - began
+            return Run(np.array([q], float), np.array([p], float), 0, 0, seconds, str(error))
+        seconds = time.perf_counter() - began
+        rows = orbit.w()[:, slice(None) if adaptive else list(index)].T
+        return Run(rows[:, :d], rows[:, half : half + d], 0 if adaptive else index[-1], 0, seconds, None)
+
+    return run
+
+
+def _lacks_cython(problem, system) -> str | None:
+    if is_henon_heiles(system):
+        return None
+    terms = powers(system)
+    if system.d in (2, 3) and terms is not None and len(terms) == 1 and terms[0][1] == -1:
+        return None
+    return "of the potentials that gala has in C, only Kepler's and Henon and Heiles's are among the problems here"
+
+
+def _peer(id, integrator, name, order, about, source, claims, *, cython=False) -> Peer:
+    adaptive = integrator == DOPRI853
+    where = (
+        "C through Cython; its time includes the making of an Orbit" if cython else "a step in NumPy, forces in Python"
+    )
+    if cython:
+        scope = "Kepler and Henon-Heiles (what gala has in C)"
+    else:
+        scope = "H = p.M^-1 p / 2 + V(q)" if integrator in SECOND_ORDER else "any"
+    return Peer(
+        f"gala-{id}-cython" if cython else f"gala-{id}",
+        f"{name} in Cython" if cython else name,
+        package="gala",
+        adaptive=adaptive,
+        order=order,
+        license="MIT",
+        about=f"{about}; {where}",
+        source=source,
+        run=_run_cython(integrator) if cython else _run_python(integrator),
+        scope=scope,
+        lacks=_lacks_cython if cython else _lacks_python(integrator),
+        claims=Claims(**claims, source=f"gala.integrate.{integrator}.__doc__ of gala 1.11.0"),
+        least=1e-14 if adaptive else 0.0,
+    )
+
+
+#: Arguments of `_peer` that the Python and the Cython version share.
+VERLET = (
+    "leapfrog",
+    LEAPFROG,
+    "gala's leapfrog, kick-drift-kick",
+    2,
+    "1 force evaluation a step",
+    "Verlet 1967, Phys. Rev. 159, 98-103",
+    {"order": 2, "symplectic": True, "reversible": True, "energy": BOUNDED},
+)
+RUTH = (
+    "ruth4",
+    RUTH4,
+    "gala's Ruth4, Forest and Ruth's symplectic integrator of order 4",
+    4,
+    "4 force evaluations a step, one of them with coefficient 0",
+    "Forest & Ruth 1990, Physica D 43, 105-117",
+    {"order": 4, "symplectic": True, "reversible": True},
+)
+# Both orders are what the class says: "a 5th-order accurate formula" of a method of order 8.
+DORMAND_PRINCE = (
+    "dopri853",
+    DOPRI853,
+    "gala's Dormand-Prince method of order 8(5,3)",
+    8,
+    "tol is rtol = atol",
+    "Hairer, Norsett & Wanner 1993, II.5",
+    {"order": 5},
+)
+PEERS = (
+    _peer(*VERLET),
+    _peer(*RUTH),
+    _peer(
+        "rk5",
+        RK5,
+        "gala's RK5, a Runge-Kutta method of order 5 with Cash and Karp's coefficients",
+        5,
+        "6 evaluations a step",
+        "Cash & Karp 1990, ACM Trans. Math. Softw. 16, 201-222",
+        {"order": 5, "symplectic": False, "energy": DRIFT},
+    ),
+    _peer(*DORMAND_PRINCE),
+    _peer(*VERLET, cython=True),
+    _peer(*RUTH, cython=True),
+    _peer(*DORMAND_PRINCE, cython=True),
+)

@@ -1,0 +1,393 @@
+r"""galpy's integrators as peers, through `galpy.orbit.Orbit.integrate`.
+
+A system :math:`H = |p|^2/2 + V(q)` of d = 1, 2 or 3 is an orbit in a line, in the plane or in space:
+
+- the methods in C (``..._c``) know galpy's own potentials: sums of powers of the distance, which are its
+  PowerSphericalPotential (on a line its KGPotential where V is quadratic, else the plane), and Henon-Heiles.  On
+  another potential galpy warns and runs LSODA or its Python leapfrog instead: such a problem is refused;
+- the methods in Python take a potential defined in Python, hence any V.
+
+An orbit is given and read in polar or cylindrical coordinates, which costs a rounding of about 1e-16 each way.  In the
+plane and in space galpy finds the angle of the force as acos(x/R), which is wrong by up to 1e-8 within 1e-8 of the axis
+of x and loses digits around it; forces that depend on the angle, as Henon and Heiles's, feel it.  The Python leapfrog
+finds the angle of its rows that way too.
+
+Fixed steps: ``dt`` is the step h of a method in C; the number of steps between two rows is their distance divided by
+dt, which galpy truncates (0.3 / 0.1 is 2), so rows are declared apart by a rounding more where they must.  The Python
+leapfrog chooses its step by a tolerance, so large here that it is the distance of its rows, h.
+
+What galpy does not do for its caller is done here: its adaptive integrators do not return from a blow-up, a collision
+or a start in the origin (ias15_c returns rows it has not written), so heyoka goes first; its C code leaves SIGINT with
+the handler of the system, so Python's is put back; its import looks for a newer version on the network, which `load`
+stops.
+
+Source: J. Bovy, Astrophys. J. Suppl. Ser. 216 (2015) 29.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+import warnings
+from functools import lru_cache
+from math import gcd
+from unittest.mock import patch
+
+import numpy as np
+
+from .galactic import is_henon_heiles, powers, unit_mass
+from .record import Claims, Peer, Run
+
+METHODS_IN_WORDS = "Orbit.integrate.__doc__ of galpy 1.12.1"
+TUTORIAL = "https://docs.galpy.org/en/latest/, tutorial Integration and Plotting, available integrators"
+HEADER = "header of galpy.util.symplecticode 1.12.1: symplectic ODE integrators"
+#: A tolerance that the Python leapfrog's own choice of the step always meets.
+ANY_STEP = 1e10
+#: What heyoka may lose of the energy where there is no collision.
+LOST = 1e-6
+#: Least number of rows of two methods: odeint stops at 500 steps a row, ias15_c runs past the end by a row's distance.
+ROWS = 256
+
+
+def load(name: str = "galpy"):
+    """Import galpy without its daily search for a newer version, which calls a server and runs pip."""
+    with patch("http.client.HTTPSConnection.request", side_effect=OSError):
+        import galpy.orbit
+        import galpy.potential
+    return galpy
+
+
+# -- potentials ---------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=64)
+def _known(system):
+    """The system's potential of galpy's own, known to its C code."""
+    galpy = load().potential
+    if is_henon_heiles(system):
+        return galpy.HenonHeilesPotential()
+    terms = powers(system)
+    if _linear(system):
+        return galpy.KGPotential(K=0.0, F=terms[0][0], D=1.0)
+    # V = c r^a has the force -c a r^(a - 1), hence the density amp r^-alpha (of a point mass c where a = -1)
+    parts = [
+        galpy.PowerSphericalPotential(amp=c * a if a == -1 else c * a * (1.0 + a) / (4.0 * np.pi), alpha=2.0 - a)
+        for c, a in terms
+    ]
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+    return total if system.d == 3 else galpy.toPlanarPotential(total)
+
+
+def _linear(system) -> bool:
+    """Whether V = c q^2 on a line."""
+    terms = powers(system)
+    return system.d == 1 and terms is not None and len(terms) == 1 and terms[0][1] == 2
+
+
+@lru_cache(maxsize=64)
+def _defined(system):
+    """The system's potential as one defined in Python."""
+    galpy, d, field = load().potential, system.d, system.vector_field()
+    last: dict = {}
+
+    def force(*q):
+        if last.get("q") != q:
+            last["q"], last["force"] = q, field(0.0, np.array([*q, *q]))[d:]
+        return last["force"]
+
+    if d == 1:
+
+        class Line(galpy.linearPotential):
+            def _force(self, x, t=0.0):
+                return force(np.ravel(x)[0])[0]
+
+        return Line(amp=1.0)
+
+    def polar(R, phi, z=()):
+        c, s = np.cos(phi), np.sin(phi)
+        f = force(R * c, R * s, *z)
+        return c * f[0] + s * f[1], R * (c * f[1] - s * f[0]), f[-1]
+
+    if d == 2:
+
+        class Plane(galpy.planarPotential):
+            isNonAxi = True
+
+            def _Rforce(self, R, phi=0.0, t=0.0):
+                return polar(R, phi)[0]
+
+            def _phitorque(self, R, phi=0.0, t=0.0):
+                return polar(R, phi)[1]
+
+        return Plane(amp=1.0)
+
+    class Space(galpy.Potential):
+        def __init__(self):
+            super().__init__(amp=1.0)
+            self.isNonAxi = True
+
+        def _Rforce(self, R, z, phi=0.0, t=0.0):
+            return polar(R, phi, (z,))[0]
+
+        def _phitorque(self, R, z, phi=0.0, t=0.0):
+            return polar(R, phi, (z,))[1]
+
+        def _zforce(self, R, z, phi=0.0, t=0.0):
+            return polar(R, phi, (z,))[2]
+
+    return Space()
+
+
+# -- coordinates --------------------------------------------------------------------------------------------------
+
+
+def _to_galpy(q, p, line: bool) -> list[float]:
+    """The orbit's start: (x, v) on a line, else (R, vR, vT, phi) or (R, vR, vT, z, vz, phi)."""
+    if line:
+        return [q[0], p[0]]
+    x, y, vx, vy = q[0], q[1] if len(q) > 1 else 0.0, p[0], p[1] if len(p) > 1 else 0.0
+    phi = np.arctan2(y, x)
+    c, s = np.cos(phi), np.sin(phi)
+    height = [q[2], p[2]] if len(q) > 2 else []
+    return [float(v) for v in (np.hypot(x, y), vx * c + vy * s, vy * c - vx * s, *height, phi)]
+
+
+def _from_galpy(rows, d: int, line: bool):
+    """Rows of q and p, each (n, d), from rows of galpy's."""
+    if line:
+        return rows[:, :1], rows[:, 1:2]
+    R, vR, vT, phi = rows[:, 0], rows[:, 1], rows[:, 2], rows[:, -1]
+    c, s = np.cos(phi), np.sin(phi)
+    q, p = [R * c, R * s], [vR * c - vT * s, vR * s + vT * c]
+    if d == 3:
+        q, p = [*q, rows[:, 3]], [*p, rows[:, 4]]
+    return np.array(q[:d]).T, np.array(p[:d]).T
+
+
+# -- runs ---------------------------------------------------------------------------------------------------------
+
+
+def _times(method: str, adaptive: bool, h: float, index):
+    """(the times for galpy, how many of its rows make one of ours, options)."""
+    stride = gcd(*np.diff(index).tolist())
+    count = index[-1] // stride
+    if method == "leapfrog":
+        return h * np.arange(index[-1] + 1), 1, {"rtol": ANY_STEP, "atol": ANY_STEP}
+    if not adaptive:
+        apart = h * stride
+        while int(apart / h) < stride:
+            apart = np.nextafter(apart, np.inf)
+        return apart * np.arange(count + 1), stride, {"dt": h}
+    parts = -(-ROWS // count) if method in ("odeint", "ias15_c") else 1
+    return h * stride * np.arange(count * parts + 1) / parts, stride / parts, {}
+
+
+def _integrate(method, potential, start, times, options):
+    """(rows (n, .) at ``times``, seconds, what failed or None)."""
+    from scipy.integrate import ODEintWarning
+
+    orbit = load().orbit.Orbit(start)
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        # galpy would go on with another method, SciPy's odeint with rows that are not reached
+        warnings.filterwarnings("error", message="Cannot use")
+        warnings.filterwarnings("error", category=ODEintWarning)
+        began = time.perf_counter()
+        try:
+            orbit.integrate(times, potential, method=method, progressbar=False, **options)
+        except (Warning, ArithmeticError, ValueError) as error:
+            return None, time.perf_counter() - began, str(error)
+        finally:
+            if threading.current_thread() is threading.main_thread():
+                signal.signal(signal.SIGINT, signal.getsignal(signal.SIGINT))
+        return np.asarray(orbit.getOrbit()), time.perf_counter() - began, None
+
+
+@lru_cache(maxsize=256)
+def _hopeless(system, q: tuple, p: tuple, end: float) -> str | None:
+    """Why an adaptive integrator of galpy would not return from this orbit, as heyoka finds it; None where it would."""
+    from .. import taylor
+
+    ta = taylor.integrator(system, float)
+    taylor.start(ta, float, q, p)
+    rows, _, failure = taylor.propagate(ta, np.array([0.0, end]))
+    if failure is None and np.isfinite(rows).all():
+        H = system.observe(system.H, rows[:, : system.d], rows[:, system.d :])
+        if abs(H[1] - H[0]) < LOST * (1.0 + abs(H[0])):
+            return None
+    return "heyoka does not reach the end either: a blow-up or a collision, from which galpy would not return"
+
+
+@lru_cache(maxsize=256)
+def _warm(method: str, system, own: bool):
+    """The potential, after a first step that loads what has to be loaded."""
+    potential = _known(system) if own else _defined(system)
+    line = system.d == 1 and (not own or _linear(system))
+    start = _to_galpy([0.5, 0.25, 0.125][: system.d], [0.0] * system.d, line)
+    _integrate(method, potential, start, np.array([0.0, 1e-3]), {})
+    return potential
+
+
+def _run(method: str, adaptive: bool):
+    own = method.endswith("_c")
+
+    def run(problem, system, q, p, h, index, t, tol) -> Run:
+        line = system.d == 1 and (not own or _linear(system))
+        start = _to_galpy(q, p, line)
+        potential = _warm(method, system, own)
+        times, every, options = _times(method, adaptive, h, index)
+        if tol is not None:
+            options |= {"rtol": tol, "atol": tol}
+        rows, seconds = None, 0.0
+        failure = None
+        if not line and start[0] == 0:
+            failure = "the orbit starts on the axis of polar coordinates, where galpy's forces are 0/0"
+        elif adaptive:
+            failure = _hopeless(system, tuple(map(float, q)), tuple(map(float, p)), float(t[-1]))
+        if failure is None:
+            rows, seconds, failure = _integrate(method, potential, start, times, options)
+        steps = 0 if adaptive else index[-1]
+        if failure is not None:
+            return Run(np.array([q], float), np.array([p], float), steps, 0, seconds, failure)
+        Q, P = _from_galpy(rows[[round(i / every) for i in index]], system.d, line)
+        Q[0], P[0] = q, p
+        return Run(Q, P, steps, 0, seconds, None)
+
+    return run
+
+
+def _lacks(method: str):
+    def lacks(problem, system) -> str | None:
+        if not unit_mass(system):
+            return "galpy integrates H = |p|^2 / 2 + V(q) alone: bodies in a potential"
+        if system.d > 3:
+            return f"galpy's orbits are of one body in a potential: d is 1, 2 or 3, not {system.d}"
+        if not method.endswith("_c"):
+            return None
+        if not is_henon_heiles(system) and not powers(system):
+            return (
+                f"{method} takes potentials that galpy has in C: here sums of powers of the distance, even ones on a "
+                "line, and Henon-Heiles; on others galpy runs another method instead"
+            )
+        return None
+
+    return lacks
+
+
+IN_C = "V a sum of powers of the distance, or Henon-Heiles (what galpy has in C)"
+IN_PYTHON = "H = |p|^2 / 2 + V(q), d at most 3"
+
+
+def _peer(method, name, order, about, source, *, adaptive=False, claims=None, least=0.0) -> Peer:
+    own = method.endswith("_c")
+    cost = "compiled C" if own else "forces in Python"
+    return Peer(
+        f"galpy-{method.replace('_', '-')}",
+        name,
+        package="galpy",
+        adaptive=adaptive,
+        order=order,
+        license="BSD-3-Clause",
+        about=f"{about}; {cost}; the time includes the set-up of a call and rows in polar coordinates",
+        source=source,
+        run=_run(method, adaptive),
+        scope=IN_C if own else IN_PYTHON,
+        lacks=_lacks(method),
+        claims=Claims(**({"source": METHODS_IN_WORDS} | (claims or {}))),
+        least=least,
+        load=load,
+    )
+
+
+BOVY = "Bovy 2015, Astrophys. J. Suppl. Ser. 216, 29"
+YOSHIDA = "Yoshida 1993, Celest. Mech. Dyn. Astron. 56, 27-43"
+HAIRER = "Hairer, Norsett & Wanner 1993, II.5"
+BOTH = f"{METHODS_IN_WORDS}; {TUTORIAL}"
+TOLERANCE = "tol is rtol = atol, by default {}"
+PEERS = (
+    _peer(
+        "leapfrog",
+        "galpy's leapfrog in Python, drift-kick-drift",
+        2,
+        "its choice of a smaller step is switched off by a tolerance of 1e10",
+        BOVY,
+        claims={"symplectic": True, "source": HEADER},
+    ),
+    _peer(
+        "leapfrog_c",
+        "galpy's leapfrog in C, drift-kick-drift",
+        2,
+        "1 force evaluation a step",
+        BOVY,
+        claims={"symplectic": True, "source": BOTH},
+    ),
+    _peer(
+        "symplec4_c",
+        "galpy's symplectic integrator of order 4",
+        4,
+        "3 force evaluations a step; its default method",
+        f"{YOSHIDA}; Kinoshita, Yoshida & Nakai 1991, Celest. Mech. Dyn. Astron. 50, 59-71",
+        claims={"order": 4, "symplectic": True, "source": BOTH},
+    ),
+    _peer(
+        "symplec6_c",
+        "galpy's symplectic integrator of order 6",
+        6,
+        "7 force evaluations a step",
+        YOSHIDA,
+        claims={"order": 6, "symplectic": True, "source": BOTH},
+    ),
+    _peer("rk4_c", "galpy's Runge-Kutta method of order 4", 4, "4 evaluations a step", BOVY, claims={"order": 4}),
+    _peer("rk6_c", "galpy's Runge-Kutta method of order 6", 6, "7 evaluations a step", BOVY, claims={"order": 6}),
+    _peer(
+        "dopr54_c",
+        "galpy's Dormand-Prince pair of order 5(4) in C",
+        5,
+        TOLERANCE.format("1e-12") + "; it ends a step at every row",
+        HAIRER,
+        adaptive=True,
+        claims={"order": 5},
+        least=1e-14,
+    ),
+    _peer(
+        "dop853",
+        "galpy's Dormand-Prince method of order 8(5,3) in Python",
+        8,
+        TOLERANCE.format("1e-12") + "; in the plane and in space in polar coordinates, singular at the origin",
+        HAIRER,
+        adaptive=True,
+        claims={"order": 8},
+        least=1e-14,
+    ),
+    _peer(
+        "dop853_c",
+        "galpy's Dormand-Prince method of order 8(5,3) in C",
+        8,
+        TOLERANCE.format("1e-12") + "; rows are interpolated",
+        HAIRER,
+        adaptive=True,
+        claims={"order": 8},
+        least=1e-14,
+    ),
+    _peer(
+        "ias15_c",
+        "galpy's IAS15, adaptive Gauss-Radau of order 15",
+        15,
+        f"tol does nothing: its precision 1e-9 is fixed; rows are interpolated, {ROWS} at least are computed",
+        "Rein & Spiegel 2015, Mon. Not. R. Astron. Soc. 446, 1424-1437",
+        adaptive=True,
+        claims={"order": 15},
+    ),
+    _peer(
+        "odeint",
+        "LSODA through SciPy's odeint, as galpy calls it",
+        None,
+        TOLERANCE.format("1.49e-8") + f"; in polar coordinates; {ROWS} rows at least, of at most 500 steps each",
+        "Petzold 1983, SIAM J. Sci. Stat. Comput. 4, 136-148",
+        adaptive=True,
+        least=1e-13,
+    ),
+)
