@@ -53,7 +53,11 @@ def _write(data, figures):
         + f"in the median {number(frame['its uncertainty'].median(), 2)}.",
         "Neighbouring trajectories part exponentially, as of a chaotic flow or an unstable orbit, on "
         + listed(
-            [f"{r.problem} (rate {number(r.rate, 2)}, horizon {number(r.horizon)} of {number(r.t_end)})" for r in unstable.itertuples()], 12
+            [
+                f"{r.problem} (rate {number(r.rate, 2)}, horizon {number(r.horizon)} of {number(r.t_end)})"
+                for r in unstable.itertuples()
+            ],
+            12,
         )
         + ".",
         "Long double, the reference of a run whose end is not stored, leaves its limit before the end on "
