@@ -5,13 +5,13 @@ from __future__ import annotations
 from .coefficients import PAGE as COEFFICIENTS
 from .equip import PAGE as EQUIP
 from .invariants import PAGE as INVARIANTS
+from .kepler import PAGE as KEPLER
 from .matrix import PAGE as MATRIX
 from .methods import PAGE as METHODS
 from .orders import PAGE as ORDERS
 from .oscillatory import PAGE as OSCILLATORY
 from .page import Page
 from .pde import PAGE as PDE
-from .peers import PAGE as PEERS
 from .printed import PAGE as PRINTED
 from .references import PAGE as REFERENCES
 from .speed import PAGE as SPEED
@@ -28,7 +28,7 @@ PAGES: tuple[Page, ...] = (
     EQUIP,
     OSCILLATORY,
     PDE,
-    PEERS,
+    KEPLER,
     WISDOM_HOLMAN,
     REFERENCES,
     SPEED,
