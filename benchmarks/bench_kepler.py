@@ -59,11 +59,11 @@ QUICK = ("scheme-iii", "scheme-v", "scheme-iii-suzuki-4", "rebound-whfast", "reb
 #: Whose time an orbit is everybody's in the comparison at equal time, over EQUAL orbits; the second where the first
 #: cannot run.
 YARDSTICKS = (Contender("rebound-ias15", peer=True), Contender("gauss-8"))
-EQUAL = 1_000
+EQUAL = 10_000
 #: Finer settings, and a still finer one for e = 0.9: taken where the run is estimated at no more than LONGEST seconds.
 FINER, FINEST = 600, 2400
 #: Seconds after which a run of this project stops.
-TIMEOUT = 5.0
+TIMEOUT = 20.0
 
 
 def _adaptive(contender: Contender) -> bool:
