@@ -1,8 +1,10 @@
-"""METHODS x SCENES -> tidy rows: one for each (scene, method, parameters, h).
+"""METHODS and peers x SCENES -> tidy rows: one for each (scene, method, parameters, h or tolerance).
 
-A row has both error columns: ``global_error``, the maximum norm of (q, p) at the end against the reference, with the
-reference's own uncertainty; and ``refinement_difference``, against the same method at twice the step, which is what
-the talk's tables print.  ``seconds`` is the median of warm integrations without output.
+A row has both error columns: ``global_error``, the maximum norm of (q, p) at ``global_error_time`` against the
+reference, with the reference's own uncertainty there; and ``refinement_difference``, against the same method at twice
+the step, which is what the talk's tables print.  ``seconds`` is the median of warm integrations without output.
+
+Errors and invariants are those of `accuracy`; how peers are measured is in `peer_rows`.
 """
 
 from __future__ import annotations
@@ -19,8 +21,11 @@ from integrators.driver import OK, SKIPPED, Solution, integrate
 from integrators.errors import InvalidInput
 from integrators.record import Method
 from integrators.registry import METHODS, method
+from reference.peers import BY_ID as PEERS_BY_ID
+from reference.peers import Peer
 
-from . import metrics
+from . import metrics, peer_rows
+from .accuracy import end_state, invariants, reference, trajectory_error
 from .machine import versions
 from .scenes import BY_ID, DRIFT, ORDER, SCENES, Scene
 from .store import Store
@@ -33,10 +38,8 @@ REPEATS = 3
 HIGH = 4
 #: A run of more seconds is not repeated for its time.
 LONG = 1.0
-#: The first part of a long run, in which also a chaotic trajectory can be measured again to all digits but a few.
-EARLY = 0.05
-#: Fewer steps than this say nothing of an early error.
-LEAST = 10
+#: What a row of a method says of where it is from; a row of a peer has its package.
+KIND = "phasebench"
 
 
 @dataclass(frozen=True)
@@ -46,17 +49,19 @@ class Task:
     scene: str
     method: str
     parameters: tuple[tuple[str, str], ...]
-    h: float
+    h: float | None
     quick: bool = False
+    tol: float | None = None
 
     @property
     def key(self) -> str:
         """What tells it from every other."""
-        return f"{self.scene}|{self.method}|{dict(self.parameters)}|{self.h!r}"
+        size = f"{self.h!r}" if self.tol is None else f"tol={self.tol!r}"
+        return f"{self.scene}|{self.method}|{dict(self.parameters)}|{size}"
 
-    def made(self) -> Method:
-        """The method with its parameters."""
-        return method(self.method, **dict(self.parameters))
+    def made(self) -> Method | Peer:
+        """The method with its parameters, or the peer."""
+        return PEERS_BY_ID.get(self.method) or method(self.method, **dict(self.parameters))
 
 
 def variants(methods: Iterable[Method] = METHODS) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
@@ -71,9 +76,12 @@ def variants(methods: Iterable[Method] = METHODS) -> Iterator[tuple[str, tuple[t
 
 
 def tasks(
-    scenes: Iterable[Scene] = SCENES, quick: bool = False, only: Callable[[Method], bool] | None = None
+    scenes: Iterable[Scene] = SCENES, quick: bool = False, only: Callable[[Method | Peer], bool] | None = None
 ) -> list[Task]:
-    """The rows of a sweep, in the order in which they are measured."""
+    """The rows of a sweep, in the order in which they are measured: of each scene the methods, then the peers.
+
+    ``only`` chooses among all; without it a quick sweep has a few of the peers.
+    """
     found = []
     for scene in scenes:
         for id, parameters in variants():
@@ -83,20 +91,10 @@ def tasks(
                 if scene.purpose == DRIFT and chosen.order > HIGH:
                     steps = steps[:1]
                 found += [Task(scene.id, id, parameters, h, quick) for h in steps]
+        for peer in peer_rows.swept(quick and only is None):
+            if only is None or only(peer):
+                found += [Task(scene.id, peer.id, (), h, quick, tol) for h, tol in peer_rows.sizes(peer, scene, quick)]
     return found
-
-
-@cache
-def reference(scene: str):
-    """The scene's certified end state; a `reference.taylor.Reference` with one time."""
-    from reference import taylor
-
-    made = BY_ID[scene]
-    return taylor.reference(made.made(), [made.t_end])
-
-
-def _end(solution: Solution) -> np.ndarray:
-    return np.concatenate([solution.q[-1], solution.p[-1]])
 
 
 @cache
@@ -104,11 +102,13 @@ def _twice(scene: str, id: str, parameters: tuple, h: float) -> np.ndarray | Non
     """The end state at twice the step, for the refinement difference."""
     made = BY_ID[scene]
     found = integrate(made.made(), method(id, **dict(parameters)), h=2 * h, t_end=made.t_end, save_every=0)
-    return _end(found) if found.status == OK else None
+    return end_state(found) if found.status == OK else None
 
 
 def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
     """The row of a task."""
+    if task.method in PEERS_BY_ID:
+        return peer_rows.measure(task, repeats)
     scene, chosen = BY_ID[task.scene], task.made()
     problem = scene.made()
     row: dict[str, Any] = {
@@ -117,6 +117,7 @@ def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
         "problem": problem.label,
         "method": chosen.label,
         "id": chosen.id,
+        "kind": KIND,
         "h": task.h,
         "t_end": scene.t_end,
         "declared_order": chosen.order,
@@ -131,7 +132,7 @@ def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
     except InvalidInput as error:
         return row | {"status": "invalid", "reason": str(error)}
     row |= {"status": solution.status, "reason": solution.reason} | solution.counts
-    row |= _invariants(problem, solution, scene.t_end)
+    row |= invariants(problem, solution, scene.t_end)
     if solution.status != OK:
         return row
     row |= _errors(scene, task, solution)
@@ -143,34 +144,12 @@ def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
     return row | {"seconds": statistics.median(runs)}
 
 
-def _invariants(problem, solution: Solution, t_end: float) -> dict[str, float]:
-    """The largest error of the energy and of each invariant, and the energy's drift with its 95 % interval."""
-    out: dict[str, float] = {}
-    H = problem.system.observe(problem.system.H, solution.q, solution.p)
-    good = np.isfinite(H)
-    error = metrics.energy_error(H[good])
-    out["energy_max"], out["energy_end"] = error.max, error.end
-    early = good & (solution.t <= EARLY * t_end)
-    if early.sum() > LEAST:
-        out["energy_max_early"] = metrics.energy_error(H[early]).max
-    if good.sum() >= 4 * metrics.BLOCKS and solution.status == OK:
-        slope = metrics.drift(solution.t, H - H[0])
-        out |= {"energy_drift": slope.value, "energy_drift_low": slope.low, "energy_drift_high": slope.high}
-    for name, expression in problem.invariants.items():
-        value = problem.system.observe(expression, solution.q, solution.p)
-        out[f"{name}_max"] = float(np.abs(value - value[0])[np.isfinite(value)].max())
-    return out
-
-
 def _errors(scene: Scene, task: Task, solution: Solution) -> dict[str, float]:
-    truth = reference(scene.id)
-    out: dict[str, float] = {"reference_uncertainty": float(truth.uncertainty[-1])}
-    if scene.regular:
-        out["global_error"] = float(np.abs(_end(solution) - np.concatenate([truth.q[-1], truth.p[-1]])).max())
+    out = trajectory_error(scene, solution)
     if scene.purpose == ORDER and task.h < scene.steps[0]:
         twice = _twice(task.scene, task.method, task.parameters, task.h)
         if twice is not None:
-            out["refinement_difference"] = float(metrics.refinement_difference(twice, _end(solution)))
+            out["refinement_difference"] = float(metrics.refinement_difference(twice, end_state(solution)))
     return out
 
 
@@ -200,11 +179,11 @@ def run(
 def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dict[str, Any]]:
     """The measured order of each (scene, method) of the order scenes, with its window and 95 % interval.
 
-    Only ``ok`` rows above the noise (the reference's uncertainty and round-off) enter.
+    Only ``ok`` rows of a fixed step above the noise (the reference's uncertainty and round-off) enter.
     """
     groups: dict[tuple[str, str], list[dict]] = {}
     for r in rows:
-        if r["purpose"] == ORDER and r["status"] == OK and r.get(column) is not None:
+        if r["purpose"] == ORDER and r["status"] == OK and r.get(column) is not None and r["h"] is not None:
             groups.setdefault((r["scene"], r["method"]), []).append(r)
     out = []
     for (scene, label), members in groups.items():
@@ -216,6 +195,7 @@ def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dic
                 "scene": scene,
                 "problem": members[0]["problem"],
                 "method": label,
+                "kind": members[0].get("kind", KIND),
                 "declared": members[0]["declared_order"],
                 "order": found.value,
                 "low": found.low,

@@ -27,6 +27,9 @@ def _write(data, figures):
     if found.empty:
         return ["No order scene was measured."], _errors(rows)
     found["text"] = found.apply(_text, axis=1)
+    peers, found = found[found["kind"] != sweep.KIND], found[found["kind"] == sweep.KIND]
+    if found.empty:
+        return ["No method was measured on an order scene."], _errors(rows)
     seen = found[found["points"] >= 3]
     good = (seen["order"] - seen["declared"]).abs() < GATE
     irregular = seen[~good & ((seen["high"] - seen["low"]) / 2 > GATE)]
@@ -60,6 +63,9 @@ def _write(data, figures):
         "three steps; errors under 100 times the reference's uncertainty are noise and left out).\n",
         _matrix(found),
     ]
+    if len(peers):
+        body += ["Of the established integrators of fixed step, beside the order that is measured or claimed:\n"]
+        body += [_matrix(peers.assign(declared=peers["declared"].fillna("")))]
     if len(irregular):
         body.append(
             "Irregular: "
@@ -101,6 +107,7 @@ def _errors(rows: pd.DataFrame) -> str:
                 {
                     "method": "method",
                     "h": "h",
+                    **({"tol": "tolerance"} if "tol" in ran and ran["tol"].notna().any() else {}),
                     "global_error": "global error",
                     "refinement_difference": "refinement difference",
                     "energy_max": "energy error",

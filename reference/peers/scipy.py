@@ -1,32 +1,158 @@
-"""SciPy's integrators as peers.
+"""SciPy's DOP853, Radau and LSODA as peers, with a Python right-hand side and with one that Numba compiled.
 
-Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), II.5.
+Either calls the system's compiled field; the Python one makes tuples and arrays around it, which is most of its time.
+SciPy's own loops over steps are Python in both (LSODA's steps are compiled).
+
+Sources: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), II.5 (DOP853);
+E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996), IV.8 (Radau); L. Petzold, SIAM J. Sci. Stat.
+Comput. 4 (1983) 136-148 (LSODA).
 """
 
 from __future__ import annotations
 
+import time
+import warnings
+from functools import lru_cache
+
 import numpy as np
 
-from .record import Peer, Run
+from .record import Claims, Peer, Run
+
+#: SciPy's own defaults.
+RTOL, ATOL = 1e-3, 1e-6
+#: Steps after which a run is given up: near a singularity LSODA's steps may shrink without end.
+STEP_LIMIT = 1_000_000
+#: Compiled right-hand sides that are kept.
+KEPT = 128
+DOCUMENTATION = "https://docs.scipy.org/doc/scipy/reference/generated/scipy.integrate.{}.html"
 
 
-def _dop853(problem, system, q, p, h, index, t, tol) -> Run:
-    from .. import scipy_ivp
+@lru_cache(maxsize=KEPT)
+def compiled_field(system):
+    """(t, y) -> y' on arrays y = (q, p) of shape (2 d,), compiled; y need not be contiguous."""
+    import numba
+    from numba import float64
 
-    return Run(*scipy_ivp.run(system, q, p, t, tol))
+    from integrators import codegen, vector
+
+    field, d, load = system.field(), system.d, vector.load
+    zero = (0.0,) * d
+    if codegen.value_kind(d) == "tuple":
+        halves = numba.njit(lambda rows: (load(rows, 0, zero), load(rows, 1, zero)))
+    else:
+        halves = numba.njit(lambda rows: (rows[0], rows[1]))
+
+    @numba.njit([float64[::1](float64, float64[::1]), float64[::1](float64, float64[:])], error_model="numpy")
+    def f(t, y):
+        q, p = halves(np.ascontiguousarray(y).reshape(2, d))
+        dq, dp = field(q, p, 0.0, 0.0)
+        out = np.empty(2 * d)
+        for i in range(d):
+            out[i], out[d + i] = dq[i], dp[i]
+        return out
+
+    return f
+
+
+def _solve(solver_name: str, compiled: bool):
+    def run(problem, system, q, p, h, index, t, tol) -> Run:
+        import scipy.integrate
+
+        field = compiled_field(system) if compiled else system.vector_field()
+        y = np.concatenate([q, p]).astype(float)
+        field(0.0, y)
+        rows = np.empty((len(t), 2 * system.d))
+        rows[0] = y
+        row, steps, failure = 1, 0, None
+        tolerances = {"rtol": RTOL if tol is None else tol, "atol": ATOL if tol is None else tol}
+        with np.errstate(all="ignore"), warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")  # LSODA says in warnings why it failed
+            started = time.perf_counter()
+            solver = getattr(scipy.integrate, solver_name)(field, 0.0, y, t[-1], **tolerances)
+            while solver.status == "running":
+                before = solver.t
+                message = solver.step()
+                failure = _failure(solver, message, before, steps)
+                if failure:
+                    break
+                steps += 1
+                if row < len(t) - 1 and t[row] <= solver.t:
+                    inside = solver.dense_output()
+                    while row < len(t) - 1 and t[row] <= solver.t:
+                        rows[row] = inside(t[row])
+                        row += 1
+            seconds = time.perf_counter() - started
+        if failure is None:
+            rows[row], row = solver.y, row + 1
+        else:
+            failure = "; ".join(dict.fromkeys([failure.rstrip("."), *(str(w.message).rstrip(".") for w in told)]))
+        # SciPy's own count leaves out the evaluations for a Jacobian by differences, one for each component.
+        evaluations = solver.nfev + (2 * system.d * solver.njev if solver_name == "Radau" else 0)
+        return Run(rows[:row, : system.d], rows[:row, system.d :], steps, int(evaluations), seconds, failure)
+
+    return run
+
+
+def _failure(solver, message, before: float, steps: int) -> str | None:
+    """Why a step was the last, or None."""
+    if solver.status == "failed":
+        return message or "SciPy gave no reason"
+    if not np.isfinite(solver.y).all():
+        return "the state is no longer finite"
+    if solver.t == before:
+        return "the step no longer changes the time"
+    if steps + 1 >= STEP_LIMIT and solver.status == "running":
+        return f"{STEP_LIMIT} steps did not reach the end"
+    return None
+
+
+def _off(problem, system) -> str | None:
+    """Whether Numba compiles nothing here."""
+    from integrators import codegen
+
+    return None if codegen.compiled() else "compilation is off (NUMBA_DISABLE_JIT)"
+
+
+def _peers(solver: str, name: str, more: str, source: str, order: int | None) -> tuple[Peer, Peer]:
+    """The peer with a Python right-hand side, and the one with a compiled one."""
+    about = f"rtol = atol = tol, by default SciPy's rtol = {RTOL:g} and atol = {ATOL:g}; {more}"
+    kinds = (
+        ("", "Python right-hand side", "the right-hand side is a Python call", {}),
+        ("-numba", "right-hand side compiled by Numba", "the steps are SciPy's in Python", {"lacks": _off}),
+    )
+    return tuple(
+        Peer(
+            f"scipy-{solver.lower()}{suffix}",
+            f"{name}, {side}",
+            package="scipy",
+            adaptive=True,
+            order=None,
+            license="BSD-3-Clause",
+            about=f"{about}{side_more}",
+            source=source,
+            run=_solve(solver, bool(suffix)),
+            claims=Claims(order=order, source=DOCUMENTATION.format(solver)),
+            least=100 * float(np.finfo(float).eps),
+            **options,
+        )
+        for suffix, side, side_more, options in kinds
+    )
 
 
 PEERS = (
-    Peer(
-        "scipy-dop853",
-        "DOP853, Dormand-Prince of order 8(5,3)",
-        package="scipy",
-        adaptive=True,
-        order=8,
-        license="BSD-3-Clause",
-        about="rtol = atol = tol, by default SciPy's rtol = 1e-3 and atol = 1e-6; the right-hand side is a Python call",
-        source="Hairer, Norsett & Wanner 1993, II.5",
-        run=_dop853,
-        least=100 * float(np.finfo(float).eps),
+    *_peers("DOP853", "DOP853, Dormand-Prince of order 8(5,3)", "", "Hairer, Norsett & Wanner 1993, II.5", 8),
+    *_peers(
+        "Radau",
+        "Radau IIA of order 5",
+        "the Jacobian is SciPy's by differences, and its evaluations are counted; ",
+        "Hairer & Wanner 1996, IV.8",
+        5,
+    ),
+    *_peers(
+        "LSODA",
+        "LSODA, Adams and BDF of adaptive order",
+        "it changes between Adams and BDF by itself, with the Jacobian by differences; ",
+        "Petzold 1983, SIAM J. Sci. Stat. Comput. 4, 136-148",
+        None,
     ),
 )
