@@ -18,7 +18,6 @@ import time
 from functools import lru_cache
 
 import numpy as np
-import sympy as sp
 
 from integrators.record import BOUNDED, DRIFT
 
@@ -40,6 +39,8 @@ def _masses(system):
     """(M, M^-1) of a quadratic kinetic energy, None of the identity."""
     if system.unit_mass:
         return None
+    import sympy as sp
+
     inverse = sp.hessian(system.kinetic, system.p)
     return np.array(inverse.inv(), dtype=float), np.array(inverse, dtype=float)
 

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-import sympy as sp
-
 
 def unit_mass(system) -> bool:
     """Whether H = |p|^2 / 2 + V(q)."""
@@ -21,6 +19,8 @@ def powers(system) -> tuple[tuple[float, float], ...] | None:
     """Pairs (c, a) of V = sum c |q|^a up to a constant; None where V is not of that form."""
     if not unit_mass(system) or system.d > 3:
         return None
+    import sympy as sp
+
     V, r = system.potential, sp.Symbol("r", positive=True)
     along = sp.expand(V.subs({x: r if i == 0 else 0 for i, x in enumerate(system.q)}))
     pairs = [term.as_coeff_exponent(r) for term in sp.Add.make_args(along)]
@@ -37,5 +37,7 @@ def is_henon_heiles(system) -> bool:
     """Whether V = (q1^2 + q2^2) / 2 + q1^2 q2 - q2^3 / 3."""
     if not unit_mass(system) or system.d != 2:
         return False
+    import sympy as sp
+
     x, y = system.q
     return sp.expand(system.potential - (x**2 + y**2) / 2 - x**2 * y + y**3 / 3) == 0
