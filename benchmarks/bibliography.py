@@ -45,7 +45,7 @@ def cited(names: Iterable[str]) -> str:
 
 
 def used(folder: Path) -> list[str]:
-    """The ids of the methods in a report's tables; raises FileNotFoundError where there are none."""
+    """The ids of the methods and problems in a report's tables; raises FileNotFoundError where there are none."""
     import pandas as pd
 
     tables = sorted((folder / "data").glob("*.csv"))
@@ -54,6 +54,6 @@ def used(folder: Path) -> list[str]:
     found = set()
     for path in tables:
         frame = pd.read_csv(path, comment="#")
-        for column in {"id", "method"} & set(frame.columns):
-            found |= {str(x).partition("(")[0] for x in frame[column].unique()}
-    return sorted(found & set(BY_ID))
+        for column in {"id", "method", "problem"} & set(frame.columns):
+            found |= {str(x).partition("(")[0].partition(":")[0] for x in frame[column].unique()}
+    return sorted(found & {*BY_ID, *problems.PROBLEMS})

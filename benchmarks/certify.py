@@ -217,11 +217,12 @@ def certify(
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     console, progress = console or Console(), progress or Console(stderr=True)
-    todo = chosen(names)
     if t_end is not None:
-        if len(todo) != 1 or update:
-            raise InvalidInput("--t-end certifies one orbit of one problem and stores nothing: name it, as id:orbit")
-        return _one(todo[0], t_end, console)
+        names = list(names)
+        if len(names) != 1 or update:
+            raise InvalidInput("--t-end certifies one problem and stores nothing: name one, as id or id:orbit")
+        return _one(names[0], t_end, console)
+    todo = chosen(names)
     outcomes = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=progress) as bars:
@@ -285,7 +286,8 @@ def _one(label: str, t_end: float, console: Console) -> int:
     if not 0 < t_end < float("inf"):
         raise InvalidInput(f"--t-end is {t_end}; it must be a positive number")
     try:
-        new = certification.certify(problem(label), [t_end])
+        made = problem(label)
+        label, new = made.label, certification.certify(made, [t_end])
     except taylor.ReferenceFailed as error:
         raise InvalidInput(f"{label} cannot be certified to {t_end!r}: {error}") from None
     (found,) = new.ends

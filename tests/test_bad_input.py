@@ -372,7 +372,12 @@ def test_a_random_formula_is_read_as_it_was_written(pair):
     text, expression = pair
     if expression.has(sp.zoo, sp.nan, sp.oo):
         return
-    assert parse(text, VARIABLES) == expression
+    try:
+        found = parse(text, VARIABLES)
+    except InvalidInput as error:  # numbers that combine past a double's range
+        assert "bits" in str(error) or "too large" in str(error)  # noqa: PT017
+        return
+    assert found == expression
 
 
 @settings(max_examples=300, deadline=None)

@@ -259,7 +259,7 @@ INVALID = [
     (("pendulum", "rk4", *SHORT, "--tol", "1e-9"), "tolerance"),
     (("kepler", "heyoka", "--t-end", "1", "--tol", "0"), "tol is 0"),
     (("kepler", "heyoka", "--t-end", "1", "--param", "lam=1"), "no parameters"),
-    (("pendulum", "rebound-whfast", *SHORT), "only kepler"),
+    (("pendulum", "rebound-whfast", *SHORT), "revolve around"),
     (("kepler", "rk4", *SHORT, "--q", "0,0"), "singularity"),
 ]
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterable, Mapping
+from math import isfinite
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from integrators.errors import InvalidInput, unknown
@@ -44,32 +47,49 @@ PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
 }
 
 
-def problem(name: str, **parameters) -> Problem:
+def problem(name: str | Path, **parameters) -> Problem:
     """The problem ``id`` or ``id:orbit``, with values for its parameters: ``problem("kepler", e=0.2)``.
+
+    A name with .py or a slash is the path of a user's own problem, see `benchmarks.problems.user`:
+    ``problem("./my_problem.py:orbit", k=2)``.
 
     Raises
     ------
     InvalidInput
-        For an unknown id, orbit or parameter (naming the nearest) or a value outside its range.
+        For an unknown id, orbit or parameter (naming the nearest) or a value outside its range, or a file that makes
+        no problem.
     """
-    id, _, orbit = name.partition(":")
+    path, orbit = file_and_orbit(str(name))
+    if path is not None:
+        from . import user
+
+        made = user.from_file(path, **parameters)
+        return made.at(orbit) if orbit else made
+    id, _, orbit = str(name).partition(":")
     if id not in PROBLEMS:
         raise unknown("problem", id, PROBLEMS)
     module = importlib.import_module(f".{PROBLEMS[id][0]}", __name__)
-    known = module.PARAMETERS
-    for key, value in parameters.items():
+    check_parameters(f"problem '{id}'", module.PARAMETERS, parameters)
+    made = module.make(**(module.PARAMETERS | parameters))
+    return made.at(orbit) if orbit else made
+
+
+def file_and_orbit(name: str) -> tuple[str | None, str]:
+    """(path, orbit) of ``./my_problem.py:orbit`` (a drive's colon is part of the path); (None, "") for an id."""
+    head, _, orbit = name.rpartition(":")
+    if not name.lower().endswith(".py") and head.lower().endswith(".py"):
+        return head, orbit
+    return (name, "") if name.lower().endswith(".py") or "/" in name or "\\" in name else (None, "")
+
+
+def check_parameters(what: str, known: Iterable[str], values: Mapping[str, object]) -> None:
+    """Raise InvalidInput for a parameter that is not ``known`` or no finite number."""
+    for key, value in values.items():
         if key not in known:
             has = f"has {', '.join(known)}" if known else "has none"
-            raise InvalidInput(f"problem '{id}' has no parameter '{key}'; it {has}")
-        if (
-            not isinstance(value, (int, float))
-            or isinstance(value, bool)
-            or value != value
-            or abs(value) == float("inf")
-        ):
-            raise InvalidInput(f"the parameter {key} of '{id}' is {value!r}; it must be a finite number")
-    made = module.make(**(known | parameters))
-    return made.at(orbit) if orbit else made
+            raise InvalidInput(f"{what} has no parameter '{key}'; it {has}")
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
+            raise InvalidInput(f"the parameter {key} of {what} is {value!r}; it must be a finite number")
 
 
 __all__ = ["PROBLEMS", "problem"]

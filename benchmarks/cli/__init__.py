@@ -1,0 +1,43 @@
+"""The command line, a module per command: ``python -m benchmarks``, installed as ``phasebench``.
+
+A new command is a function in a module of its own, entered in `COMMANDS`.  Heavy packages load only in the command
+that needs them, so its module imports them inside the function.
+"""
+
+from __future__ import annotations
+
+import typer
+
+from .certify import certify
+from .cite import cite
+from .integrate import integrate
+from .listing import list_
+from .report import report
+from .run import run
+
+#: Name -> the function, whose signature typer reads and whose docstring is the help.
+COMMANDS = {
+    "list": list_,
+    "integrate": integrate,
+    "run": run,
+    "report": report,
+    "certify": certify,
+    "cite": cite,
+}
+
+app = typer.Typer(
+    help="A validation benchmark suite for geometric integrators of Hamiltonian systems.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+for name, command in COMMANDS.items():
+    app.command(name)(command)
+
+
+def main() -> None:
+    """The installed command."""
+    app()
+
+
+__all__ = ["COMMANDS", "app", "main"]

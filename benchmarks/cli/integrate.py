@@ -1,0 +1,177 @@
+"""``integrate``: one problem, one method or peer, and how it went.
+
+The problem is a registered one, a file of the user's, or a formula of H; every step is kept in memory, for the largest
+energy error over all of them.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any
+
+import typer
+
+from integrators.errors import InvalidInput, unknown
+
+from .shared import WRONG, complain, invalid_input, numbers, out, pairs, values
+
+COUNTS = ("steps", "gradient", "hessian", "iterations", "fallbacks")
+
+
+def integrate(
+    problem: Annotated[
+        str,
+        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or the path of your own, ./my_problem.py."),
+    ],
+    method: Annotated[str | None, typer.Argument(metavar="METHOD", help="A method or a peer.")] = None,
+    h: Annotated[
+        float | None, typer.Option("--h", help="Step; adjusted so that a whole number of steps ends at --t-end.")
+    ] = None,
+    t_end: Annotated[float | None, typer.Option(help="End time.")] = None,
+    steps: Annotated[int | None, typer.Option(help="Number of steps.")] = None,
+    tol: Annotated[float | None, typer.Option(help="Tolerance of an adaptive peer.")] = None,
+    param: Annotated[list[str], typer.Option(help="A method's parameter: lam=1/3.")] = [],  # noqa: B006
+    set_: Annotated[list[str], typer.Option("--set", help="A problem's parameter: e=0.2.")] = [],  # noqa: B006
+    hamiltonian: Annotated[
+        str | None,
+        typer.Option(help="Instead of PROBLEM, a formula of H in q, p or q1, p1, q2, ...: 'p**2/2 - cos(q)'."),
+    ] = None,
+    q: Annotated[str | None, typer.Option(help="Initial coordinates: 0,0.82.")] = None,
+    p: Annotated[str | None, typer.Option(help="Initial momenta: 0.1,0.")] = None,
+    timeout: Annotated[float | None, typer.Option(help="Stop after so many seconds.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Integrate a problem with a method and say how it went; exit code 0 only for status ok."""
+    if hamiltonian is not None and method is None:
+        problem, method = _label(problem)
+    chosen: dict[str, str] = {}
+
+    def said(reason: str) -> None:
+        if not as_json:
+            return complain(reason)
+        named = {"problem": hamiltonian if problem is None else problem, "method": method, "params": chosen}
+        print(json.dumps(named | {"status": "invalid", "reason": reason}))
+
+    with invalid_input(said):
+        if method is None and hamiltonian is None:
+            raise InvalidInput(
+                "give a problem and a method, as in: integrate pendulum stormer-verlet --h 0.1 --t-end 1"
+            )
+        q0, p0 = numbers(q, "q"), numbers(p, "p")
+        made = _made(problem, hamiltonian, values(set_, "set"), q0, p0)
+        chosen |= pairs(param, "--param")
+        result = _integrated(made, method, chosen, h, t_end, steps, tol, q0, p0, timeout)
+    if as_json:
+        print(json.dumps(result))
+    else:
+        _print(result)
+    raise typer.Exit(0 if result["status"] == "ok" else WRONG)
+
+
+def _made(name: str | None, hamiltonian: str | None, parameters: dict[str, float], q0, p0):
+    """The problem of that name, or of the formula, which ``name`` then labels."""
+    from benchmarks.problems import PROBLEMS, file_and_orbit, problem
+
+    if hamiltonian is None:
+        return problem(name, **parameters)
+    if name is not None and (name.partition(":")[0] in PROBLEMS or file_and_orbit(name)[0]):
+        raise InvalidInput(f"both the problem '{name}' and --hamiltonian are given; leave out one of them")
+    from benchmarks.problems.user import from_formula
+
+    return from_formula(hamiltonian, q0, p0, parameters, id=name)
+
+
+def _label(word: str) -> tuple[str | None, str | None]:
+    """(label, method) of the one word beside a formula: the method, unless it is a problem's name."""
+    from benchmarks.problems import PROBLEMS
+
+    return (word, None) if word.partition(":")[0] in PROBLEMS else (None, word)
+
+
+def _integrated(made, id, parameters, h, t_end, steps, tol, q, p, timeout) -> dict[str, Any]:
+    from integrators.registry import BY_ID
+    from integrators.registry import method as method_of
+    from reference.peers import BY_ID as PEERS
+
+    if id in PEERS:
+        from reference.peers import integrate_peer
+
+        if parameters:
+            raise InvalidInput(f"'{id}' has no parameters; it takes --h or --tol")
+        if timeout is not None:
+            raise InvalidInput(f"'{id}' cannot be stopped: leave out --timeout")
+        solution = integrate_peer(made, id, h=h, tol=tol, t_end=t_end, steps=steps, q0=q, p0=p)
+        if solution.status == "ok":
+            # The rows above give the invariants along the way; the time is of a run without output.
+            bare = integrate_peer(made, id, h=h, tol=tol, t_end=t_end, steps=steps, q0=q, p0=p, save_every=0)
+            object.__setattr__(solution, "seconds", bare.seconds)
+        return _result(made, solution, {} if tol is None else {"tol": tol})
+    if id not in BY_ID:
+        raise unknown("method", id, [*BY_ID, *PEERS])
+    if tol is not None:
+        raise InvalidInput(f"'{id}' takes a step --h, no tolerance")
+    from integrators.driver import integrate as run
+
+    chosen = method_of(id, **parameters)
+    common = {"h": h, "t_end": t_end, "steps": steps, "q0": q, "p0": p, "timeout": timeout}
+    solution = run(made, chosen, **common)
+    if solution.status == "ok":
+        bare = run(made, chosen, **common, save_every=0)
+        object.__setattr__(solution, "seconds", bare.seconds)
+    return _result(made, solution, {k: str(v) for k, v in chosen.parameters.items()})
+
+
+def _result(problem, solution, parameters: dict[str, Any]) -> dict[str, Any]:
+    """The JSON object of ``integrate``."""
+    import numpy as np
+
+    system = problem.system
+
+    def error(expression) -> dict[str, float | None]:
+        value = system.observe(expression, solution.q, solution.p)
+        good = value[np.isfinite(value)]
+        if len(good) < 2:  # nothing but the start is known
+            return {"max": None, "end": None}
+        return {"max": float(np.abs(good - good[0]).max()), "end": float(good[-1] - good[0])}
+
+    return {
+        "problem": problem.label,
+        "method": solution.method.id,
+        "params": parameters,
+        "h": solution.h,
+        "steps": solution.counts["steps"],
+        "t": float(solution.t[-1]),
+        "q": [float(x) for x in solution.q[-1]],
+        "p": [float(x) for x in solution.p[-1]],
+        "energy_error": error(system.H),
+        "invariants": {name: error(e) for name, e in problem.invariants.items()},
+        "status": solution.status,
+        "reason": solution.reason,
+        "counts": {k: int(solution.counts.get(k, 0)) for k in COUNTS},
+        "seconds": solution.seconds,
+    }
+
+
+def _print(result: dict[str, Any]) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(show_header=False, box=None)
+    good = result["status"] == "ok"
+    table.add_row("status", f"[{'green' if good else 'bold red'}]{result['status']}[/]")
+    if result["reason"]:
+        table.add_row("reason", Text(result["reason"]))
+    names = ", ".join(f"{k}={v}" for k, v in result["params"].items())
+    table.add_row("run", Text(f"{result['method']}{f'({names})' if names else ''} on {result['problem']}"))
+    fixed = abs(result["steps"] * result["h"] - result["t"]) <= 1e-9 * abs(result["t"])
+    steps = "steps of h =" if fixed else "steps, rows every"
+    table.add_row("time", f"t = {result['t']!r}, {result['steps']} {steps} {result['h']!r}")
+    table.add_row("q", ", ".join(map(repr, result["q"])))
+    table.add_row("p", ", ".join(map(repr, result["p"])))
+    for name, e in {"energy": result["energy_error"], **result["invariants"]}.items():
+        known = e["max"] is not None
+        said = f"at most {e['max']:.3e}, at the end {e['end']:+.3e}" if known else "unknown"
+        table.add_row(Text(f"{name} error"), said)
+    table.add_row("counts", ", ".join(f"{k} {v}" for k, v in result["counts"].items()))
+    table.add_row("seconds", f"{result['seconds']:.6f} (warm integration alone)")
+    out.print(table, highlight=False)

@@ -1,0 +1,316 @@
+"""A user's own problem: from a Python file, or from a formula.
+
+A file is written like a module of this package: ``make(**parameters) -> Problem``, the parameters' values in
+``PARAMETERS`` or as defaults of ``make``; where there are none, a ``problem = Problem(...)`` is enough.  Its code is
+run.  A formula is parsed (`integrators.formula`), never evaluated as Python.
+
+Either is held to the contract of every problem before it is integrated: finite initial data, off the singularities,
+and invariants I with dI/dt = 0 along the flow, {I, H} = 0 of a canonical system, to 30 digits near its first orbit.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import inspect
+import re
+import sys
+import traceback
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+import sympy as sp
+
+from integrators import formula
+from integrators.errors import InvalidInput
+from integrators.hamiltonian import Hamiltonian, PartitionedSystem
+
+from . import PROBLEMS, check_parameters
+from .base import Orbit, Problem
+
+DIGITS = 30
+#: The largest dI/dt of an invariant, relative to the sum of its terms' sizes: numbers may have been rounded to doubles.
+KEPT = 1e-12
+#: Around the first orbit's start, where a momentum of zero may hide that an expression is not kept.
+POINTS, AWAY = 3, 0.01
+
+
+def from_file(path: str | Path, **parameters) -> Problem:
+    """The problem that a Python file makes.
+
+    Parameters
+    ----------
+    path : of a file with ``make`` or ``problem``
+    parameters : values of its parameters
+
+    Returns
+    -------
+    Problem
+        With its parameters' values; its id is the path where the file gives it that of a registered problem.
+
+    Raises
+    ------
+    InvalidInput
+        For a file that cannot be read or raises (naming line and error), or a problem that breaks the contract.
+    """
+    module = _loaded(str(path))
+    make = getattr(module, "make", None)
+    if make is None:
+        made, values = getattr(module, "problem", None), {}
+        if made is None:
+            raise InvalidInput(f"{path} has no function 'make' that returns a Problem, and no 'problem = Problem(...)'")
+        check_parameters(str(path), (), parameters)
+    else:
+        values = _values(module, make, str(path), parameters)
+        with _own_code(str(path), f"make({', '.join(f'{k}={v!r}' for k, v in values.items())})"):
+            made = make(**values)
+    if not isinstance(made, Problem):
+        what = "what make returns is" if make else "problem is"
+        hint = ": write Problem(id=..., name=..., source=..., system=it, orbits=...)"
+        raise InvalidInput(f"{path}: {what} of type {type(made).__name__}, no Problem{hint}")
+    if made.id in PROBLEMS:
+        made = replace(made, id=str(path))
+    return checked(replace(made, parameters=made.parameters or values), str(path))
+
+
+def from_formula(
+    text: str,
+    q: Sequence[float] | None,
+    p: Sequence[float] | None,
+    constants: Mapping[str, float] | None = None,
+    id: str | None = None,
+) -> Problem:
+    """The canonical problem of a Hamiltonian that is typed as text, in q and p or in q1 .. qd and p1 .. pd.
+
+    Parameters
+    ----------
+    text : the formula of H, as `integrators.formula.parse` reads it
+    q, p : d numbers each, the initial state
+    constants : values of the other names in the formula, exactly the doubles
+    id : what to call it; the formula itself without one
+
+    Raises
+    ------
+    InvalidInput
+        For a formula that cannot be used, variables with gaps, constants that are missing or not in the formula, or an
+        initial state that does not fit.
+    """
+    constants = dict(constants or {})
+    found = formula.names(text)
+    d = _degrees(found)
+    numbers = [""] if d == 0 else [str(i) for i in range(1, d + 1)]
+    variables = {f"{x}{i}": sp.Symbol(f"{x}{i}", real=True) for x in "qp" for i in numbers}
+    for name in constants:
+        if name in variables:
+            raise InvalidInput(f"'{name}' is a variable of the formula: its initial value is given by --{name[0]}")
+        if name not in found or name in formula.FUNCTIONS:
+            raise InvalidInput(f"the formula has no constant '{name}'")
+    check_parameters("the formula", constants, constants)
+    known = {*variables, *constants, *formula.CONSTANTS, *formula.FUNCTIONS}
+    missing = [x for x in found if x not in known]
+    if missing:
+        raise InvalidInput(
+            f"the formula has {', '.join(missing)} besides the variables {', '.join(variables)}: "
+            f"give a constant its value, --set {missing[0]}=2"
+        )
+    for name, value in (("q", q), ("p", p)):
+        if value is None:
+            example = ",".join(["0.5"] * len(numbers))
+            raise InvalidInput(f"a formula has no initial data: give them, --{name} {example}")
+        if len(value) != len(numbers):
+            raise InvalidInput(f"--{name} has {len(value)} components; the formula has d = {len(numbers)}")
+    H = formula.parse(text, variables | {k: sp.Rational(v) for k, v in constants.items()})
+    names = list(variables.values())
+    system = Hamiltonian(q=names[: len(numbers)], p=names[len(numbers) :], H=H)
+    made = Problem(id or text.strip(), "a formula", "the command line", system, (Orbit("start", q, p),))
+    return checked(replace(made, parameters=constants), "the formula")
+
+
+def _degrees(names: Sequence[str]) -> int:
+    """The d of q1 .. qd, p1 .. pd among the names; 0 for q and p themselves."""
+    numbered = {int(m[1]) for m in (re.fullmatch(r"[qp]([1-9]\d{0,3})", n) for n in names) if m}
+    plain = [n for n in names if n in ("q", "p")]
+    if plain and numbered:
+        raise InvalidInput(f"the formula has {plain[0]} and numbered variables; write q and p, or q1, p1, q2, p2, ...")
+    if not plain and not numbered:
+        raise InvalidInput("the formula has no variable: write q and p, or q1, p1, q2, p2, ...")
+    gaps = sorted(set(range(1, max(numbered, default=0))) - numbered)
+    if gaps:
+        raise InvalidInput(
+            f"the formula has q{max(numbered)} or p{max(numbered)}, but neither q{gaps[0]} nor p{gaps[0]}"
+        )
+    return max(numbered, default=0)
+
+
+# -- files -------------------------------------------------------------------------------------------------------------
+
+
+def _loaded(path: str) -> types.ModuleType:
+    """The file's module.  Imports relative to this package work in it: a copy of one of its modules runs as it is."""
+    file = Path(path)
+    if file.is_dir():
+        raise InvalidInput(f"{path} is a directory; a problem is a Python file in it")
+    if not file.exists():
+        raise InvalidInput(f"there is no file {path}; names of registered problems have neither a slash nor .py")
+    if file.suffix.lower() != ".py":
+        raise InvalidInput(f"{path} is no Python file: the name of a problem's file ends in .py")
+    try:
+        text = file.read_bytes()
+    except OSError as error:
+        raise InvalidInput(f"{path} cannot be read: {error.strerror}") from None
+    name = f"{__package__}.user_{hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:12]}"
+    module = types.ModuleType(name)
+    module.__file__, module.__package__ = str(file.resolve()), __package__
+    with _own_code(path, "the file"):
+        code = compile(text, path, "exec")
+        sys.modules[name] = module  # dataclasses look their module up
+        exec(code, module.__dict__)
+    return module
+
+
+@contextlib.contextmanager
+def _own_code(path: str, what: str):
+    """Code of the user's: what it raises is invalid input at a line, what it prints is no result of ours."""
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            yield
+    except (Exception, SystemExit) as error:
+        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == path]
+        if isinstance(error, SyntaxError) and error.filename == path:
+            lines.append(error.lineno)
+        where = f"{path}, line {lines[-1]}" if lines and lines[-1] else f"{path}, {what}"
+        said = error.msg if isinstance(error, SyntaxError) else error
+        text = str(said) if isinstance(error, InvalidInput) else f"{type(error).__name__}: {said}"
+        raise InvalidInput(f"{where}: {text}") from error
+
+
+def _values(module: types.ModuleType, make: Any, path: str, parameters: Mapping[str, float]) -> dict[str, float]:
+    """The parameters' values: from PARAMETERS or the defaults of ``make``, and those given."""
+    if not callable(make):
+        raise InvalidInput(f"{path}: make is a {type(make).__name__}, no function")
+    stated = inspect.signature(make).parameters.values()
+    named = [a for a in stated if a.kind in (a.POSITIONAL_OR_KEYWORD, a.KEYWORD_ONLY)]
+    values = {a.name: a.default for a in named if a.default is not a.empty}
+    own = getattr(module, "PARAMETERS", {})
+    if not isinstance(own, Mapping):
+        raise InvalidInput(f"{path}: PARAMETERS is a {type(own).__name__}; write PARAMETERS = {{'k': 2.0}}")
+    values |= own
+    check_parameters(path, {a.name for a in named} | set(values), {**values, **parameters})
+    values |= parameters
+    for a in named:
+        if a.name not in values:
+            raise InvalidInput(f"{path}: make needs a value of {a.name}: write it in PARAMETERS, or --set {a.name}=2")
+    return values
+
+
+# -- the contract of a problem -----------------------------------------------------------------------------------------
+
+
+def checked(made: Problem, where: str) -> Problem:
+    """The problem with its initial data as doubles and its invariants as expressions.
+
+    Raises InvalidInput, naming ``where``, for one that breaks the contract of problems.
+    """
+    system = made.system
+    if not isinstance(system, PartitionedSystem):
+        raise InvalidInput(
+            f"{where}: system is a {type(system).__name__}; write system=Hamiltonian(q=..., p=..., H=...)"
+        )
+    if system.H is None:
+        raise InvalidInput(f"{where}: the system has no energy: give PartitionedSystem(..., energy=...) an invariant")
+    if not isinstance(made.invariants, Mapping):
+        raise InvalidInput(f"{where}: invariants is a {type(made.invariants).__name__}; write {{'name': expression}}")
+    orbits = (made.orbits,) if isinstance(made.orbits, Orbit) else tuple(made.orbits)
+    if not orbits or not all(isinstance(o, Orbit) for o in orbits):
+        raise InvalidInput(f"{where}: orbits is {made.orbits!r}; write orbits=(Orbit('start', (1.0,), (0.0,)),)")
+    if len({o.name for o in orbits}) < len(orbits):
+        raise InvalidInput(f"{where}: two orbits have one name")
+    orbits = tuple(replace(o, q=_state(o, "q", system, where), p=_state(o, "p", system, where)) for o in orbits)
+    for o in orbits:
+        _check_start(system, o, where if len(orbits) == 1 else f"{where}, orbit {o.name}")
+    invariants = {}
+    for name, e in made.invariants.items():
+        try:
+            invariants[name] = system._formula(e)
+        except (InvalidInput, sp.SympifyError, TypeError) as error:
+            hint = "; make its symbols with real=True, as the system's are, or write it as text"
+            raise InvalidInput(f"{where}: the invariant '{name}': {error}{hint}") from None
+    kept = {f"the invariant '{name}'": e for name, e in invariants.items()}
+    kept |= {f"invariant {i} of the system": e for i, e in enumerate(system.invariants, 1)}
+    if not system.canonical:
+        kept["the energy"] = system.H
+    for name, e in kept.items():
+        _check_kept(system, e, orbits[0], f"{where}: {name}")
+    return replace(made, orbits=orbits, invariants=invariants)
+
+
+def _state(orbit: Orbit, name: str, system: PartitionedSystem, where: str) -> tuple[float, ...]:
+    """The orbit's q or p as doubles."""
+    given = getattr(orbit, name)
+    try:
+        value = tuple(float(x) for x in np.atleast_1d(given))
+    except (TypeError, ValueError, OverflowError):
+        value = ()
+    if len(value) != system.d or not all(map(isfinite, value)):
+        raise InvalidInput(
+            f"{where}: {name} of orbit '{orbit.name}' is {given!r}; it must be {system.d} finite numbers"
+        )
+    return value
+
+
+def _check_start(system: PartitionedSystem, orbit: Orbit, where: str) -> None:
+    q, p = np.array([orbit.q]), np.array([orbit.p])
+    for i, s in enumerate(system.singular, 1):
+        distance = system.observe(s, q, p)[0]
+        if not distance != 0 or not isfinite(distance):
+            raise InvalidInput(
+                f"{where}: the distance {i} of 'singular' is {distance} at the start: it is at a singularity"
+            )
+    values = {"the energy": system.H}
+    values |= dict(zip((f"d{x}/dt" for x in (*system.q, *system.p)), (*system.dq, *system.dp), strict=True))
+    for name, e in values.items():
+        value = system.observe(e, q, p)[0]
+        if not isfinite(value):
+            raise InvalidInput(f"{where}: {name} is {value} at the start: it is at a singularity or outside H's domain")
+
+
+def _check_kept(system: PartitionedSystem, expression: sp.Expr, orbit: Orbit, what: str) -> None:
+    """Raise InvalidInput where dI/dt along the flow, a sum over the variables, is not zero at the start or near it."""
+    variables, sides = (*system.q, *system.p), (*system.dq, *system.dp)
+    if not expression.free_symbols:
+        raise InvalidInput(f"{what} is the constant {expression}")
+    rates = [expression.diff(x) * dx for x, dx in zip(variables, sides, strict=True)]
+    rng = np.random.default_rng(0)
+    with mpmath.workdps(DIGITS):
+        f = sp.lambdify([variables], [expression, *rates], "mpmath", cse=True)
+        start = [mpmath.mpf(x) for x in (*orbit.q, *orbit.p)]
+        for n in range(POINTS):
+            moved = (
+                start
+                if n == 0
+                else [
+                    x + AWAY * (1 + abs(x)) * float(u)
+                    for x, u in zip(start, rng.uniform(-1, 1, len(start)), strict=True)
+                ]
+            )
+            try:
+                value, *terms = f(moved)
+                good = all(mpmath.isfinite(x) and mpmath.im(x) == 0 for x in (value, *terms))
+            except (ArithmeticError, ValueError, TypeError, NameError):
+                good = False
+            if not good:
+                if n == 0:
+                    raise InvalidInput(f"{what} or its slope is not finite at the start")
+                continue
+            rate, size = mpmath.fsum(terms), mpmath.fsum(terms, absolute=True)
+            if abs(rate) > KEPT * size:
+                state = ", ".join(f"{x} = {float(y):.6g}" for x, y in zip(variables, moved, strict=True))
+                raise InvalidInput(
+                    f"{what} is not conserved: d/dt of {expression} is {float(rate):.6g} along the flow at {state}"
+                )
