@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from integrators.errors import unknown
 
-from . import gala, galpy, heyoka, rebound, scipy
+from . import desolver, diffrax, gala, galpy, heyoka, pyhamsys, rebound, scipy
 from .record import Claims, Peer, Run
 from .run import integrate_peer
 
-PEERS: tuple[Peer, ...] = tuple(p for package in (heyoka, rebound, scipy, gala, galpy) for p in package.PEERS)
+#: Those that the suite depends on, then those of the extra ``peers``.
+PACKAGES = (heyoka, rebound, scipy, gala, galpy, desolver, pyhamsys, diffrax)
+
+PEERS: tuple[Peer, ...] = tuple(p for package in PACKAGES for p in package.PEERS)
 
 BY_ID = {p.id: p for p in PEERS}
 

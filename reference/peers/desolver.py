@@ -1,0 +1,310 @@
+r"""desolver's integrators as peers, at constant steps and, where a method has an embedded one, at its own.
+
+A step is a call of the integrator, ``integrator(rhs, t, y, constants, h) -> (next step, (h taken, change of y))``, as
+`desolver.OdeSystem` makes it.  `OdeSystem` itself takes no constant steps with an implicit method: of version 5.1 the
+step after one of 0.1 is near 0.3, for methods listed as of fixed step too, since an error estimate of 0 lengthens it.
+So the peers of constant step switch the choice of the step off by the integrator's ``adaptation_fn``.  What is left of
+it: where Newton's iteration fails, the step is shortened; such a step is thrown away and taken anew, at h and from a
+new Jacobian, and where that fails too the run ends.
+
+The explicit symplectic integrators are of :math:`H = T(p) + V(q)`: stages update q and p in turn, and only half of what
+the right-hand side gives is used.  `desolver.integrators.generate_richardson_integrator` makes a class from any other;
+one such is here.
+
+Sources: the methods' own, below; E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996), IV.5.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import time
+import warnings
+from functools import lru_cache
+
+import numpy as np
+
+from .record import Claims, Peer, Run
+
+#: Steps after which an adaptive run is given up: near a singularity they may shrink without end.
+STEP_LIMIT = 100_000
+#: rtol and atol of Newton's iteration; at desolver's default, 32 eps, a residual of round-off often fails the test.
+TOLERANCE = 1e-13
+#: Richardson's table has this many rows: with desolver's default of 2 it returns the method that it starts from.
+RICHARDSON_ROWS = 4
+RICHARDSON = "richardson "
+
+
+def load(name: str = "desolver"):
+    """Import desolver without the line that it prints."""
+    with contextlib.redirect_stderr(io.StringIO()):
+        return importlib.import_module(name)
+
+
+@lru_cache(maxsize=64)
+def made_class(which: str):
+    """The integrator's class; ``which`` is its name, or "richardson " and the name of another."""
+    integrators = load().integrators
+    if which.startswith(RICHARDSON):
+        base = getattr(integrators, which.removeprefix(RICHARDSON))
+        return integrators.generate_richardson_integrator(base, richardson_iter=RICHARDSON_ROWS)
+    return {c.__name__: c for c in integrators.explicit_methods() + integrators.implicit_methods()}[which]
+
+
+def _integrator(which: str, size: int, h: float):
+    """A new integrator that keeps the step h."""
+    made = made_class(which)((size,), dtype=np.dtype(float), rtol=TOLERANCE, atol=TOLERANCE)
+    made.adaptation_fn = lambda integrator: (h, False)
+    return made
+
+
+def _right_hand_side(system):
+    """A counting (t, y) -> y'."""
+    from integrators import codegen
+
+    from .scipy import compiled_field
+
+    field = compiled_field(system) if codegen.compiled() else system.vector_field()
+    return load().DiffRHS(lambda t, y: field(float(t), y))  # t may be an array without dimensions
+
+
+@lru_cache(maxsize=256)
+def _warm(which: str, size: int) -> None:
+    """A first step, which loads what has to be loaded."""
+    _integrator(which, size, 0.1)(load().DiffRHS(lambda t, y: -y), np.float64(0.0), np.ones(size), {}, np.float64(0.1))
+
+
+@contextlib.contextmanager
+def _quiet():
+    """NumPy's warnings of what a blow-up does are no news: the rows end there."""
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
+def _stops() -> tuple[type[Exception], ...]:
+    return (ArithmeticError, ValueError, np.linalg.LinAlgError, load().exception_types.FailedToMeetTolerances)
+
+
+def _run_constant(which: str):
+    def run(problem, system, q, p, h, index, t, tol) -> Run:
+        state, size, h = np.concatenate([q, p]).astype(float), 2 * system.d, np.float64(h)
+        rhs = _right_hand_side(system)
+        rhs(0.0, state)
+        rhs.nfev = 0
+        rows = np.empty((len(index), size))
+        rows[0] = state
+        row, steps, failure, stops = 1, 0, None, _stops()
+        with _quiet():
+            _warm(which, size)
+            made = _integrator(which, size, h)
+            started = time.perf_counter()
+            while row < len(index) and failure is None:
+                try:
+                    taken, change = made(rhs, h * steps, state, {}, h)[1]
+                    if taken != h:
+                        made = _integrator(which, size, h)
+                        taken, change = made(rhs, h * steps, state, {}, h)[1]
+                except stops as error:
+                    failure = f"step {steps + 1}: {str(error) or type(error).__name__}"
+                    break
+                state, steps = state + change, steps + 1
+                if taken != h:
+                    failure = f"Newton's iteration does not converge in step {steps}"
+                elif not np.isfinite(state).all():
+                    failure = "the state is no longer finite"
+                elif steps == index[row]:
+                    rows[row], row = state, row + 1
+            seconds = time.perf_counter() - started
+        return Run(rows[:row, : system.d], rows[:row, system.d :], steps, rhs.nfev, seconds, failure)
+
+    return run
+
+
+class _Stuck(RuntimeError):
+    """What ends a run whose steps get nowhere."""
+
+
+def _run_adaptive(which: str):
+    def run(problem, system, q, p, h, index, t, tol) -> Run:
+        desolver = load()
+        state = np.concatenate([q, p]).astype(float)
+        rhs = _right_hand_side(system)
+        rhs(0.0, state)
+        rows = np.empty((len(t), 2 * system.d))
+        rows[0] = state
+        row, failure = 1, None
+        last = [-1.0]
+
+        def advancing(made):
+            if len(made) > STEP_LIMIT:
+                raise _Stuck(f"{STEP_LIMIT} steps did not reach the end")
+            if not made.t[-1] > last[0] or not np.isfinite(made.y[-1]).all():
+                raise _Stuck("the step no longer changes the time, or the state is no longer finite")
+            last[0] = made.t[-1]
+
+        with _quiet():
+            _warm(which, 2 * system.d)
+            made = desolver.OdeSystem(rhs, y0=state, t=(0.0, t[-1]), dt=h, rtol=tol, atol=tol)
+            made.method = made_class(which)
+            rhs = made.equ_rhs  # a copy
+            rhs.nfev = 0
+            started = time.perf_counter()
+            try:
+                for row in range(1, len(t)):
+                    made.integrate(t[row], callback=advancing)
+                    rows[row] = made.y[-1]
+                row = len(t)
+            except desolver.exception_types.FailedIntegration as error:
+                failure = str(error.__cause__ or error)
+            seconds = time.perf_counter() - started
+        return Run(rows[:row, : system.d], rows[:row, system.d :], len(made) - 1, rhs.nfev, seconds, failure)
+
+    return run
+
+
+def _lacks_unsplit(problem, system) -> str | None:
+    if not (system.canonical and system.separable):
+        return "its stages update q and p in turn: H must be T(p) + V(q)"
+    return None
+
+
+def _peer(id, which, name, order, about, source, claim=None, *, symplectic=False, adaptive=False) -> Peer:
+    """A peer; ``order`` is the one measured, ``claim`` the order of the class attribute where that is another."""
+    splitting = which in SPLITTING
+    richardson = which.startswith(RICHARDSON)
+    class_name = which.removeprefix(RICHARDSON)
+    attributes = f"{class_name}.symplectic, which its Richardson extrapolation takes over" if richardson else class_name
+    if adaptive:
+        how = (
+            "through OdeSystem: tol is rtol = atol; its steps end at every row; right-hand side compiled by Numba, "
+            "the rest NumPy in Python"
+        )
+    else:
+        how = (
+            "its choice of the step is switched off; a Python loop over steps; right-hand side compiled by Numba, the "
+            "rest NumPy in Python"
+        )
+    return Peer(
+        f"desolver-{id}-adaptive" if adaptive else f"desolver-{id}",
+        f"{name}, adaptive" if adaptive else name,
+        package="desolver",
+        adaptive=adaptive,
+        order=None if adaptive else order,
+        license="MIT",
+        about=f"{about}; {how}" if about else how,
+        source=source,
+        run=_run_adaptive(which) if adaptive else _run_constant(which),
+        scope="H = T(p) + V(q)" if splitting else "any",
+        lacks=_lacks_unsplit if splitting else lambda problem, system: None,
+        claims=Claims(
+            order=None if richardson else (claim or order),
+            symplectic=symplectic,
+            source=f"desolver.integrators.{attributes}" + ("" if richardson else ".__order__ and .symplectic"),
+        ),
+        load=load,
+        tol=1e-10 if adaptive else None,
+        least=1e-14 if adaptive else 0.0,
+    )
+
+
+FEAGIN = "Feagin 2012, Neural Parallel Sci. Comput. 20, 437-458"
+PRINCE = "Prince & Dormand 1981, J. Comput. Appl. Math. 7, 67-75"
+CASH = "Cash & Karp 1990, ACM Trans. Math. Softw. 16, 201-222"
+DORMAND = "Dormand & Prince 1980, J. Comput. Appl. Math. 6, 19-26"
+NIELSEN = "Nielsen 2015, arXiv:1501.04345"
+HNW = "Hairer, Norsett & Wanner 1993, II.1"
+HW = "Hairer & Wanner 1996, IV.5"
+HLW = "Hairer, Lubich & Wanner 2006, II.1"
+FOURTH = "the paper calls the method one of fourth order, the class attribute says {}"
+
+SPLITTING = ("SymplecticEulerSolver", "BABs9o7HSolver", "ABAs5o6HSolver", f"{RICHARDSON}SymplecticEulerSolver")
+
+#: Arguments of `_peer` of the pairs that come with constant and with adaptive steps.
+EMBEDDED = (
+    ("rk1412", "RK1412Solver", "desolver's Runge-Kutta method of order 14(12)", 14, "", FEAGIN),
+    ("rk108", "RK108Solver", "desolver's Runge-Kutta method of order 10(8)", 10, "", FEAGIN),
+    (
+        "rk8713m",
+        "RK8713MSolver",
+        "desolver's RK8(7)13M of Prince and Dormand",
+        7,
+        "the weights of order 7 advance the state, those of order 8 give the error estimate",
+        PRINCE,
+        8,
+    ),
+    ("rk45ck", "RK45CKSolver", "desolver's Cash-Karp pair of order 5(4)", 5, "", CASH),
+    ("dopri45", "DOPRI45", "desolver's Dormand-Prince pair of order 5(4)", 5, "", DORMAND),
+    ("radau-iia-19", "RadauIIA19", "desolver's Radau IIA of order 19", 19, "", HW),
+)
+#: Pairs whose error estimate is of order 1 or 2: at adaptive steps they take thousands where others take ten.
+POORLY_ESTIMATED = (
+    ("heun-euler", "HeunEulerSolver", "desolver's Heun-Euler pair of order 2(1)", 2, "", HNW),
+    ("lobatto-iiic-4", "LobattoIIIC4", "desolver's Lobatto IIIC of order 4", 4, "", HW),
+    ("radau-iia-5", "RadauIIA5", "desolver's Radau IIA of order 5", 5, "", HW),
+)
+
+EXPLICIT = (
+    _peer("rk5", "RK5Solver", "desolver's RK5, Cash and Karp's method of order 5", 5, "", CASH),
+    _peer("rk4", "RK4Solver", "desolver's RK4", 4, "", HNW),
+    _peer("midpoint", "MidpointSolver", "desolver's explicit midpoint method", 2, "", HNW),
+    _peer("heun", "HeunsSolver", "desolver's Heun method", 2, "", HNW),
+    _peer("ralston", "RalstonsSolver", "desolver's Ralston method", 2, "", HNW),
+    _peer("euler", "EulerSolver", "desolver's explicit Euler method", 1, "", HNW),
+    _peer("euler-trap", "EulerTrapSolver", "desolver's Euler-trapezoidal predictor-corrector", 2, "", HNW),
+)
+SYMPLECTIC = (
+    _peer(
+        "symplectic-euler",
+        "SymplecticEulerSolver",
+        "desolver's symplectic Euler, a leapfrog: kick-drift-kick",
+        2,
+        "its coefficients are the kick-drift-kick leapfrog's",
+        HLW,
+        claim=1,
+        symplectic=True,
+    ),
+    _peer("babs9o7h", "BABs9o7HSolver", "desolver's BAB's9o7H", 4, FOURTH.format(7), NIELSEN, claim=7, symplectic=True),
+    _peer("abas5o6h", "ABAs5o6HSolver", "desolver's ABAs5o6H", 4, FOURTH.format(6), NIELSEN, claim=6, symplectic=True),
+    _peer(
+        "richardson-symplectic-euler",
+        f"{RICHARDSON}SymplecticEulerSolver",
+        f"desolver's Richardson extrapolation of its symplectic Euler, {RICHARDSON_ROWS} rows",
+        None,
+        "the result is the last but one of the table's diagonal",
+        HNW,
+        symplectic=True,
+    ),
+)
+IMPLICIT = (
+    _peer("gauss-legendre-4", "GaussLegendre4", "desolver's Gauss method of order 4", 4, "", HW, symplectic=True),
+    _peer("gauss-legendre-6", "GaussLegendre6", "desolver's Gauss method of order 6", 6, "", HW, symplectic=True),
+    _peer("backward-euler", "BackwardEuler", "desolver's implicit Euler method", 1, "", HW),
+    _peer("implicit-midpoint", "ImplicitMidpoint", "desolver's implicit midpoint rule", 2, "", HW, symplectic=True),
+    _peer("crank-nicolson", "CrankNicolson", "desolver's trapezoidal rule", 2, "", HW),
+    _peer("lobatto-iiia-2", "LobattoIIIA2", "desolver's Lobatto IIIA of order 2", 2, "", HW),
+    _peer("lobatto-iiia-4", "LobattoIIIA4", "desolver's Lobatto IIIA of order 4", 4, "", HW),
+    _peer("lobatto-iiib-2", "LobattoIIIB2", "desolver's Lobatto IIIB of order 2", 2, "", HW),
+    _peer("lobatto-iiib-4", "LobattoIIIB4", "desolver's Lobatto IIIB of order 4", 4, "", HW),
+    _peer("lobatto-iiic-2", "LobattoIIIC2", "desolver's Lobatto IIIC of order 2", 2, "", HW),
+    _peer("radau-ia-3", "RadauIA3", "desolver's Radau IA of order 3", 3, "", HW),
+    _peer("radau-ia-5", "RadauIA5", "desolver's Radau IA of order 5", 5, "", HW),
+    _peer(
+        "radau-iia-3",
+        "RadauIIA3",
+        "desolver's Radau IIA of order 3",
+        1,
+        "its last coefficient is 1/3 where the method has 1/4, so a row of it does not sum to its node",
+        HW,
+        claim=3,
+    ),
+)
+
+PEERS: tuple[Peer, ...] = (
+    *(_peer(*arguments) for arguments in (*EMBEDDED, *POORLY_ESTIMATED)),
+    *EXPLICIT,
+    *SYMPLECTIC,
+    *IMPLICIT,
+    *(_peer(*arguments, adaptive=True) for arguments in EMBEDDED),
+)

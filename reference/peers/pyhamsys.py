@@ -1,0 +1,250 @@
+r"""pyhamsys's symplectic splitting integrators as peers: of H = T(p) + V(q), and of any H in two copies of phase space.
+
+A separable H is given by ``chi`` and ``chi_star``, the flows of T and V one after the other and in the other order.
+Methods for H = A(p) + B(q) of a declared order get it: "exp(h X_B) exp(h X_A)" is the flow of B first.  Methods for all
+purposes get the order of `pyhamsys.chi_potential`, V first.  Without a splitting (``extension=True``) the integrator
+works on two copies of the state, :math:`H(q, P) + H(Q, p)`, and after each step
+
+- sets both to their mean (``omega`` not given, its default), a map of phase space that need not be symplectic, or
+- lets them go on, bound by :math:`\omega |y - \bar y|^2 / 2` (``omega`` given), and returns their mean at rows.
+
+The field ``projection`` of pyhamsys.Parameters is not read in version 0.90: "symmetric" cannot be had and is no peer.
+
+Steps: pyhamsys takes its own number of them, at least two.  It takes n of h where n rows are asked for and its ``step``
+is longer than theirs; its step is then t_end / n.  So that this is h exactly, runs are made in pieces whose numbers of
+steps are powers of two, each at most `PIECE`: pyhamsys looks for a row at every step among all, hence the square of
+their number.  One step alone is the first of two.  With omega the copies cannot be handed over: one piece, and a step
+that is h up to a rounding.
+
+Source: C. Chandre, pyhamsys, https://github.com/cchandre/pyhamsys; P. Pihajoki, Celest. Mech. Dyn. Astron. 121 (2015)
+211-231; M. Tao, Phys. Rev. E 94 (2016) 043303.
+"""
+
+from __future__ import annotations
+
+import importlib
+import time
+from functools import lru_cache
+
+import numpy as np
+
+from integrators.errors import InvalidInput
+
+from .record import Claims, Peer, Run
+
+#: The most steps of one call of pyhamsys, and of one with two copies that are not set to their mean.
+PIECE, MOST = 256, 100_000
+#: The restraint of the two copies.
+OMEGA = 10.0
+README = "README of pyhamsys 0.90, Symplectic Integrators"
+EXTENDED = "README of pyhamsys 0.90, Symplectic Integrators and Parameters (extension, omega)"
+
+
+@lru_cache(maxsize=128)
+def _flows(system):
+    """(h, t, y) -> y by the flows of V and then T, and by those of T and then V, compiled."""
+    import numba
+
+    from integrators import codegen, vector
+
+    d, grad_V, load, zero = system.d, system.grad_V(), vector.load, (0.0,) * system.d
+    grad_T = system.grad_T() or numba.njit(lambda p: p)
+    if codegen.compiled() and codegen.value_kind(d) == "tuple":
+        half = numba.njit(lambda y, i: load(y.reshape(2, d), i, zero))
+    else:
+        half = numba.njit(lambda y, i: y.reshape(2, d)[i])
+
+    @numba.njit
+    def kick(h, y):
+        slope = grad_V(half(y, 0))
+        for i in range(d):
+            y[d + i] -= h * slope[i]
+
+    @numba.njit
+    def drift(h, y):
+        velocity = grad_T(half(y, 1))
+        for i in range(d):
+            y[i] += h * velocity[i]
+
+    @numba.njit("float64[::1](float64, float64, float64[::1])", error_model="numpy")
+    def kick_drift(h, t, y):
+        y = y.copy()
+        kick(h, y)
+        drift(h, y)
+        return y
+
+    @numba.njit("float64[::1](float64, float64, float64[::1])", error_model="numpy")
+    def drift_kick(h, t, y):
+        y = y.copy()
+        drift(h, y)
+        kick(h, y)
+        return y
+
+    return kick_drift, drift_kick
+
+
+def _split(system, position_first: bool):
+    """pyhamsys's system of T(p) + V(q)."""
+    from pyhamsys import HamSys
+
+    kick_drift, drift_kick = _flows(system)
+    chi, chi_star = (drift_kick, kick_drift) if position_first else (kick_drift, drift_kick)
+    return HamSys(ndof=system.d, chi=chi, chi_star=chi_star)
+
+
+def _whole(system):
+    """pyhamsys's system of any H."""
+    from pyhamsys import HamSys
+
+    from integrators.codegen import compiled
+
+    from .scipy import compiled_field
+
+    return HamSys(ndof=system.d, y_dot=compiled_field(system) if compiled() else system.vector_field())
+
+
+def _piece(made, options: dict, state, h: float, n: int):
+    """The states after 1, ..., n steps, of shape (n, 2 d), and the step taken."""
+    from pyhamsys import Parameters
+
+    times = np.arange(max(n, 2) + 1) * h
+    # times[-1] / step must be less than the number of rows for the rows to be the steps
+    parameters = Parameters(step=2.0 * times[-1], display=False, **options)
+    solution = made.integrate(state, times, parameters)
+    return solution.y.T[1 : n + 1], solution.step
+
+
+def _pieces(steps: int, one: bool) -> list[int]:
+    """Numbers of steps that add up to ``steps``: powers of two of at most `PIECE`, or all at one."""
+    if one:
+        return [steps]
+    parts = [PIECE] * (steps // PIECE)
+    rest = steps % PIECE
+    return parts + [1 << k for k in reversed(range(rest.bit_length())) if rest >> k & 1]
+
+
+@lru_cache(maxsize=1)
+def _warm() -> None:
+    """A first step, which loads what has to be loaded."""
+    from pyhamsys import HamSys
+
+    _piece(HamSys(y_dot=lambda t, y: -y), {"solver": "Verlet", "extension": True}, np.ones(2), 0.1, 2)
+
+
+def _run(solver: str, position_first: bool, extension: bool, omega: float | None):
+    def run(problem, system, q, p, h, index, t, tol) -> Run:
+        one = omega is not None
+        if one and index[-1] > MOST:
+            raise InvalidInput(f"pyhamsys's time grows as the square of the steps: at most {MOST} with omega")
+        made = _whole(system) if extension else _split(system, position_first)
+        options = {"solver": solver, "extension": extension, "omega": omega}
+        state = np.concatenate([q, p]).astype(float)
+        _warm()
+        done, kept, failure = 0, [state[None]], None
+        wanted = np.asarray(index[1:])
+        seconds = 0.0
+        with np.errstate(all="ignore"):
+            for n in _pieces(index[-1], one):
+                began = time.perf_counter()
+                rows, _ = _piece(made, options, state, float(h), n)
+                seconds += time.perf_counter() - began
+                here = wanted[(wanted > done) & (wanted <= done + n)] - done - 1
+                kept.append(rows[here])
+                state, done = np.ascontiguousarray(rows[-1]), done + n
+                if not np.isfinite(state).all():
+                    failure = "the state is no longer finite"
+                    break
+        Q = np.vstack(kept)
+        return Run(Q[:, : system.d], Q[:, system.d :], done, 0, seconds, failure)
+
+    return run
+
+
+def _lacks_splitting(problem, system) -> str | None:
+    if not (system.canonical and system.separable):
+        return "chi and chi_star are flows of T(p) and V(q): H must be their sum (the extended peers take any H)"
+    return None
+
+
+def _lacks_canonical(problem, system) -> str | None:
+    if not system.canonical:
+        return "two copies of phase space need H in canonical coordinates"
+    return None
+
+
+SPLIT_ABOUT = (
+    "flows of T and V compiled by Numba, the composition a Python loop; the time includes pyhamsys's set-up of each "
+    f"{PIECE} steps and its search for rows"
+)
+MEAN_ABOUT = "two copies, set to their mean after each step; symplectic in the doubled phase space before that"
+BOUND_ABOUT = f"two copies bound by omega = {OMEGA:g}; rows are their mean; symplectic in the doubled phase space"
+
+
+def _peer(solver: str, order: int, about: str, source: str, *, position_first=False, kind="") -> Peer:
+    """A peer; ``kind`` is "" for T + V, "extended" for two copies set to their mean, "omega" for two bound ones."""
+    extension = bool(kind)
+    claim = Claims(order=order, symplectic=None if extension else True, source=EXTENDED if extension else README)
+    how = {"": SPLIT_ABOUT, "extended": MEAN_ABOUT, "omega": BOUND_ABOUT}[kind]
+    name = {"": "", "extended": ", extended phase space", "omega": ", extended phase space with restraint"}[kind]
+    return Peer(
+        f"pyhamsys-{solver.lower()}{f'-{kind}' if kind else ''}",
+        f"pyhamsys's {solver}{name}",
+        package="pyhamsys",
+        adaptive=False,
+        order=order,
+        license="BSD-2-Clause",
+        about=f"{about}; {how}",
+        source=source,
+        run=_run(solver, position_first, extension, OMEGA if kind == "omega" else None),
+        scope="any Hamiltonian" if extension else "H = T(p) + V(q)",
+        lacks=_lacks_canonical if extension else _lacks_splitting,
+        claims=claim,
+        load=importlib.import_module,
+    )
+
+
+YOSHIDA = "Yoshida 1990, Phys. Lett. A 150, 262-268"
+OMELYAN = "Omelyan, Mryglod & Folk 2002, Comput. Phys. Commun. 146, 188-202"
+MCLACHLAN = "McLachlan 1995, SIAM J. Sci. Comput. 16, 151-168"
+MOAN = "Blanes & Moan 2002, J. Comput. Appl. Math. 142, 313-330"
+NEAR = "Blanes et al. 2013, Appl. Numer. Math. 68, 58-72"
+ALL = "for all purposes"
+T_FIRST, V_FIRST = "T first, as its order is declared", "V first, as its order is declared"
+
+#: Methods of any splitting.
+GENERAL = (
+    ("Verlet", 2, ALL, "Verlet 1967, Phys. Rev. 159, 98-103"),
+    ("FR", 4, ALL, "Forest & Ruth 1990, Physica D 43, 105-117"),
+    ("Yo4", 4, f"{ALL}; Yoshida's triple jump", YOSHIDA),
+    ("Yo6", 6, f"{ALL}; Yoshida's triple jump of triple jumps", YOSHIDA),
+    ("Yo8", 8, f"{ALL}; Yoshida's triple jumps", YOSHIDA),
+    ("Yo10", 10, f"{ALL}; Yoshida's triple jumps", YOSHIDA),
+    ("Yos6", 6, f"{ALL}; Yoshida's solution A", YOSHIDA),
+    ("M2", 2, ALL, MCLACHLAN),
+    ("M4", 4, ALL, MCLACHLAN),
+    ("BM4", 4, f"{ALL}; S6, the default", MOAN),
+    ("BM6", 6, f"{ALL}; S10", MOAN),
+)
+#: Whether the flow of T goes first.
+SPECIAL = (
+    ("EFRL", 4, "for H = A + B", OMELYAN, False),
+    ("PEFRL", 4, T_FIRST, OMELYAN, True),
+    ("VEFRL", 4, V_FIRST, OMELYAN, False),
+    ("RKN4b", 4, V_FIRST, MOAN, False),
+    ("RKN6b", 6, V_FIRST, MOAN, False),
+    ("RKN6a", 6, T_FIRST, MOAN, True),
+    ("ABA104", 4, f"{T_FIRST}; order (10, 4) of H = A + eps B, here of T + V", NEAR, True),
+    ("ABA864", 4, f"{T_FIRST}; order (8, 6, 4) of H = A + eps B, here of T + V", NEAR, True),
+    ("ABA1064", 4, f"{T_FIRST}; order (10, 6, 4) of H = A + eps B, here of T + V", NEAR, True),
+)
+#: Not run in two copies: Yo4 is FR, Yo10 has 324 evaluations a step there.
+UNDOUBLED = ("Yo4", "Yo10")
+#: Of the restrained copies these show what there is to see.
+RESTRAINED = ("Verlet", "BM4", "BM6")
+
+PEERS: tuple[Peer, ...] = (
+    *(_peer(*arguments) for arguments in GENERAL),
+    *(_peer(*arguments, position_first=first) for *arguments, first in SPECIAL),
+    *(_peer(*arguments, kind="extended") for arguments in GENERAL if arguments[0] not in UNDOUBLED),
+    *(_peer(*arguments, kind="omega") for arguments in GENERAL if arguments[0] in RESTRAINED),
+)
