@@ -66,7 +66,7 @@ class _Printer(PythonCodePrinter):
     def _print_Rational(self, x):
         if float(x) == x:  # a double, such as a parameter of the problem
             return f"mpf({float(x)!r})" if self.multi else repr(float(x))
-        return f"(mpf({x.p})/{x.q})" if self.multi else f"({x.p}.0/{x.q}.0)"
+        return f"(mpf({x.p})/{x.q})" if self.multi else repr(x.p / x.q)  # rounded once, whatever the size of p and q
 
     _print_Half = _print_Rational
 

@@ -13,7 +13,7 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from integrators import Hamiltonian
+from integrators import Hamiltonian, integrate
 from integrators.errors import InvalidInput
 from integrators.formula import FUNCTIONS, TERMS, names, parse
 
@@ -369,3 +369,12 @@ def test_the_limit_of_terms_is_where_it_says():
     assert TERMS == 5000
     with pytest.raises(InvalidInput, match="5000 terms"):
         parse("(q + p + 1)**99", VARIABLES)
+
+
+def test_a_fraction_of_huge_numbers_reaches_the_kernel():
+    """0.1 as the double that it is, to the 30th power, has a numerator and a denominator beyond a double's range."""
+    q, p = sp.symbols("q p", real=True)
+    tiny = Hamiltonian(q=[q], p=[p], H=p**2 / 2 + sp.Rational(0.1) ** 30 * 10**30 * q**2 / 2)
+    unit = Hamiltonian(q=[q], p=[p], H=p**2 / 2 + q**2 / 2)
+    ends = [integrate(s, "rk4", h=0.1, steps=10, q0=[0.5], p0=[0.1]).q[-1] for s in (tiny, unit)]
+    assert ends[0] == pytest.approx(ends[1], rel=1e-14)
