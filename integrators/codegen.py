@@ -30,7 +30,7 @@ from .vector import COMMON, OPTIONS
 #: Above this many degrees of freedom a state is an array, up to it a tuple (registers).
 TUPLE_LIMIT = 20
 #: Raise it when the generated text changes for the same expressions.
-VERSION = 6
+VERSION = 7
 
 DOUBLE, MULTIPRECISION = "double", "multiprecision"
 
