@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import typer
 
+from .audit import audit
 from .certify import certify
 from .cite import cite
 from .integrate import integrate
@@ -22,6 +23,7 @@ COMMANDS = {
     "run": run,
     "report": report,
     "certify": certify,
+    "audit": audit,
     "cite": cite,
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .audit import PAGE as AUDIT
 from .coefficients import PAGE as COEFFICIENTS
 from .equip import PAGE as EQUIP
 from .invariants import PAGE as INVARIANTS
@@ -30,6 +31,7 @@ PAGES: tuple[Page, ...] = (
     PDE,
     KEPLER,
     WISDOM_HOLMAN,
+    AUDIT,
     REFERENCES,
     SPEED,
     METHODS,

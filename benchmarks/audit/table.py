@@ -1,0 +1,151 @@
+"""The rows of an audit as lines that are read: one for each integrator, on the terminal and in the report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from .judge import CONTRADICTED, IN_PART, bounded, kept, round_off
+
+#: Tables of a terminal that is none are this wide.
+WIDTH = 220
+
+
+def half_width(row) -> float:
+    """Half the interval of a row."""
+    return (row["high"] - row["low"]) / 2
+
+
+def _order(row) -> str:
+    if row.get("value") is None:
+        return f"no window ({row['problem']})"
+    return f"{row['value']:.2f} +- {half_width(row):.2f} ({row['problem']})"
+
+
+def _structure(row) -> str:
+    if row.get("bitwise"):
+        return f"0, bitwise ({row['problem']})"
+    word = {True: "", False: " broken", None: " unclear"}[kept(row) if row.get("floor") is not None else True]
+    at = f" at tol {row['tol']:.0e}" if row.get("tol") is not None else ""
+    return f"{row['value']:.0e}{at}{word} ({row['problem']})"
+
+
+def _energy(row) -> str:
+    word = {True: "bounded", False: "drifts", None: "open"}[bounded(row)]
+    word = "round-off" if row["value"] <= round_off(row) else word
+    return f"{row['value']:.0e}, slope {row['slope']:+.0e} +- {half_width(row):.0e}, {word} ({row['problem']})"
+
+
+def _stability(row) -> str:
+    return f"none up to {row['value']:g}" if row.get("unconditional") else f"{row['value']:.3g}"
+
+
+def _cost(row) -> str:
+    if row["value"] is None:
+        return f"{row['per_time']:.3g} a unit of time"
+    return f"{row['value']:.3g}"
+
+
+def _tolerance(row) -> str:
+    parts = [
+        f"{row[k]:.0e} at {k.removeprefix('error_')}" for k in row if k.startswith("error_") and row[k] is not None
+    ]
+    return f"{', '.join(parts)} ({row['problem']})"
+
+
+TEXTS = {
+    "order": _order,
+    "tolerance": _tolerance,
+    "symplecticity": _structure,
+    "reversibility": _structure,
+    "energy": _energy,
+    "stability": _stability,
+    "cost": _cost,
+}
+HEADS = {
+    "order": "order measured",
+    "tolerance": "error at tol",
+    "symplecticity": "symplecticity defect",
+    "reversibility": "reversibility distance",
+    "energy": "energy error",
+    "stability": "stable to h omega",
+    "cost": "us a step",
+}
+
+
+def cell(rows: Iterable[dict], measure: str) -> str:
+    """A measure's rows of one peer in words."""
+    out = []
+    for row in rows:
+        if row["measure"] == measure:
+            out.append(TEXTS[measure](row) if row["status"] == "ok" else f"{row['status']} ({row['problem']})")
+    return "; ".join(out)
+
+
+def lines(rows: list[dict], claims: list[dict], adaptive: bool) -> list[dict]:
+    """One line for each peer of fixed or of adaptive steps: its claims beside what was measured."""
+    out = []
+    for id in dict.fromkeys(r["peer"] for r in rows if bool(r["adaptive"]) is adaptive):
+        mine = [r for r in rows if r["peer"] == id]
+        said = {c["property"]: c for c in claims if c["peer"] == id}
+        first = mine[0]
+        if first["status"] != "ok":
+            continue
+        line = {"integrator": id}
+        if not adaptive:
+            line["claimed"] = said["order"]["claim"].removeprefix("order ") if "order" in said else "-"
+        for measure, head in HEADS.items():
+            if measure in (("order", "symplecticity", "stability") if adaptive else ("tolerance",)):
+                continue
+            text = cell(mine, measure)
+            name = {"symplecticity": "symplectic", "reversibility": "reversible"}.get(measure, measure)
+            if name in said and measure != "order" and not adaptive:
+                text = f"claimed {said[name]['claim']}: {text}" if text else f"claimed {said[name]['claim']}"
+            line[head] = text or "-"
+        wrong = [f"{c['claim']} {c['verdict']}" for c in said.values() if c["verdict"] in (CONTRADICTED, IN_PART)]
+        bad = [f"{r['measure']} {r['status']}" for r in mine if r["status"] != "ok"]
+        line["status"] = "; ".join(dict.fromkeys([*wrong, *bad])) or "ok"
+        out.append(line)
+    return out
+
+
+def show(found, console=None) -> None:
+    """Print an `Audit`: contradictions first, then the integrators and every claim with its verdict.
+
+    ``console`` is a rich Console; one that is no terminal gets a wide table.
+    """
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = console or Console()
+    if not console.is_terminal:
+        console = Console(file=console.file, width=WIDTH)
+    for title, adaptive in (("fixed steps", False), ("adaptive steps", True)):
+        part = lines(found.rows, found.claims, adaptive)
+        if part:
+            table = Table(title=title, header_style="bold")
+            for head in part[0]:
+                table.add_column(head, overflow="fold")
+            for line in part:
+                table.add_row(*(escape(x.replace("; ", "\n")) for x in line.values()))
+            console.print(table)
+    if found.claims:
+        table = Table(title="claims", header_style="bold")
+        for head in ("integrator", "claim", "verdict", "measured"):
+            table.add_column(head, overflow="fold")
+        for c in found.claims:
+            style = "bold red" if c["verdict"] == CONTRADICTED else None
+            said = c["measured"].replace("; ", "\n") + (f"\n{c['reason']}" if c["reason"] else "")
+            table.add_row(*(escape(x) for x in (c["peer"], c["claim"], c["verdict"], said.strip())), style=style)
+        console.print(table)
+    for row in found.rows:
+        if row["status"] != "ok":
+            where = f"{row['measure']} on {row['problem']}" if row["problem"] else row["measure"]
+            console.print(f"{row['peer']}: {where}: {row['status']}: {row['reason']}", markup=False, highlight=False)
+    for remark in found.remarks:
+        console.print(remark, markup=False, highlight=False)
+    console.print(
+        f"{len(found.claims)} claims, {len(found.contradictions)} contradicted", markup=False, highlight=False
+    )
+    for c in found.contradictions:
+        console.print(f"{c['peer']} {c['version']}: '{c['claim']}' ({c['source']})", markup=False, highlight=False)

@@ -1,0 +1,28 @@
+"""``audit``: what packages claim of their integrators beside what is measured."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated
+
+import typer
+
+from .shared import err, invalid_input, out
+
+
+def audit(
+    package: Annotated[list[str], typer.Option(help="A package, such as rebound.")] = [],  # noqa: B006
+    peer: Annotated[list[str], typer.Option(help="A peer, such as rebound-leapfrog.")] = [],  # noqa: B006
+    quick: Annotated[bool, typer.Option(help="Two measures on one problem.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Measure established integrators, all where none is named, and show which of their claims hold."""
+    from benchmarks.audit import audit as measure
+    from benchmarks.audit.table import show
+
+    with invalid_input(), err.status("audit") as status:
+        found = measure([*package, *peer] or None, quick=quick, progress=status.update)
+    if as_json:
+        print(json.dumps({"rows": found.rows, "claims": found.claims, "remarks": found.remarks}))
+    else:
+        show(found, out)
