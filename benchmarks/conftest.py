@@ -47,6 +47,11 @@ def update(pytestconfig) -> bool:
     return pytestconfig.getoption("--update-tables")
 
 
+def _partial(config) -> bool:
+    """Whether only some of the benchmarks were asked for: the talks' figures, which integrate anew, then stay."""
+    return bool(config.option.keyword) or any(".py" in a for a in config.args)
+
+
 def pytest_terminal_summary(terminalreporter, exitstatus, config):
     """Write the data and the reports, and say where."""
     results = config.stash[RESULTS]
@@ -56,7 +61,9 @@ def pytest_terminal_summary(terminalreporter, exitstatus, config):
     results.write()
     from benchmarks import report
 
-    entry = report.build(results.folder, quick=results.quick, progress=terminalreporter.write_line)
+    entry = report.build(
+        results.folder, quick=results.quick, progress=terminalreporter.write_line, figures=not _partial(config)
+    )
     for line in results.notes:
         terminalreporter.write_line(line)
     terminalreporter.write_line(f"read {entry}")

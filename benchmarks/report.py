@@ -36,16 +36,20 @@ class Data:
 def build(
     folder: str | Path, quick: bool = False, progress: Callable[[str], None] = print, figures: bool = True
 ) -> Path:
-    """Write every page and figure into ``folder`` from its data; returns the entry page."""
+    """Write every page into ``folder`` from its data; returns the entry page.
+
+    ``figures``: draw the talks' figures, which integrate what they show; else those that stand in the folder are kept.
+    """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     data = Data(folder)
-    drawn = []
-    if figures:
-        from . import figures as seeds
+    from . import figures as seeds
 
+    if figures:
         progress("drawing the figures")
         drawn = seeds.save(folder / "figures", quick=quick)
+    else:
+        drawn = seeds.standing(folder / "figures")
     verdicts: list[str] = []
     contents: list[str] = []
     for page in pages.PAGES:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 import subprocess
 import sys
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from benchmarks import report
 from benchmarks.figures import (
     FIGURES,
     convergence,
@@ -19,6 +21,7 @@ from benchmarks.figures import (
     pendulum,
     perturbed_kepler,
     save,
+    standing,
     style,
 )
 from benchmarks.figures.style import number
@@ -68,8 +71,9 @@ def test_figure_is_drawn_small_and_captioned(saved, id):
 
 def test_unchanged_figures_are_unchanged_files(saved, tmp_path):
     folder, _ = saved
-    save(tmp_path, quick=True)
-    for id in IDS:
+    again = IDS[::4]
+    save(tmp_path, quick=True, only=again)
+    for id in again:
         assert (tmp_path / f"{id}.png").read_bytes() == (folder / f"{id}.png").read_bytes(), id
 
 
@@ -81,7 +85,20 @@ def test_save_draws_only_what_is_asked_for_and_tells(tmp_path):
     )
     assert [figure.id for figure, _, _ in made] == [id for id in IDS if id in only]
     assert told == [(1, 2, "linear-symplectic-map"), (2, 2, "convergence-preserving")]
-    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(name for _, name, _ in made)
+    assert sorted(p.name for p in tmp_path.glob("*.png")) == sorted(name for _, name, _ in made)
+    assert standing(tmp_path) == made
+
+
+def test_figures_that_stand_stay_in_the_list(saved, tmp_path):
+    folder, _ = saved
+    shutil.copytree(folder, tmp_path / "figures")
+    (tmp_path / "figures" / f"{IDS[2]}.png").unlink()
+    assert [f.id for f, _, _ in standing(tmp_path / "figures")] == [id for id in IDS if id != IDS[2]]
+    save(tmp_path / "figures", quick=True, only=[IDS[2]])
+    assert [f.id for f, _, _ in standing(tmp_path / "figures")] == IDS
+    assert standing(tmp_path) == []
+    entry = report.build(tmp_path, progress=lambda line: None, figures=False).read_text()
+    assert all(f"figures-{section.replace(' ', '-')}.md" in entry for section in SECTIONS)
 
 
 def test_unknown_figure_names_the_nearest(tmp_path):

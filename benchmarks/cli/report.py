@@ -15,7 +15,7 @@ from .shared import err, invalid_input, out
 def report(
     folder: Annotated[Path, typer.Option(help="The folder whose data the report is written from.")] = Path("reports"),
     rows: Annotated[Path | None, typer.Option(help="Rows of `run` to take in first.")] = None,
-    figures: Annotated[bool, typer.Option(help="Draw the figures as well.")] = True,
+    figures: Annotated[bool, typer.Option(help="Draw the talks' figures anew.")] = True,
 ) -> None:
     """Write the report of a folder from the tables in its ``data``."""
     from benchmarks import report as reports

@@ -6,6 +6,7 @@ convergence.  A new figure is a function ``draw(quick) -> (figure, caption)`` an
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -22,6 +23,9 @@ FIGURES: tuple[Figure, ...] = (
     *perturbed_kepler.FIGURES,
     *convergence.FIGURES,
 )
+
+#: The list of the figures in a folder: id -> file name and caption.
+CAPTIONS = "captions.json"
 
 
 def save(
@@ -63,7 +67,19 @@ def save(
         saved.append((figure, name, caption))
         if progress is not None:
             progress(done, len(chosen), figure)
+    kept = [entry for entry in standing(directory) if entry[0].id not in wanted]
+    listed = {figure.id: [name, caption] for figure, name, caption in (*kept, *saved)}
+    (directory / CAPTIONS).write_text(json.dumps(listed, indent=1) + "\n")
     return saved
 
 
-__all__ = ["FIGURES", "Figure", "save"]
+def standing(directory: str | Path) -> list[tuple[Figure, str, str]]:
+    """The figures that were saved there before, as `save` returns them; none where there is no list of them."""
+    path = Path(directory) / CAPTIONS
+    if not path.exists():
+        return []
+    known = json.loads(path.read_text())
+    return [(f, *known[f.id]) for f in FIGURES if f.id in known and (Path(directory) / known[f.id][0]).exists()]
+
+
+__all__ = ["FIGURES", "Figure", "save", "standing"]
