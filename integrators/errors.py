@@ -10,9 +10,14 @@ class InvalidInput(ValueError):
     """Input that names nothing known or cannot be integrated; the message says what was wrong and what to do."""
 
 
+#: So many known names are told where none is near.
+MANY = 20
+
+
 def unknown(kind: str, name: str, known: Iterable[str]) -> InvalidInput:
     """The error for an unknown name, with the nearest known ones."""
     known = sorted(known)
     near = difflib.get_close_matches(name, known, n=8, cutoff=0.6)
-    hint = f"did you mean {' or '.join(near)}?" if near else f"known are {', '.join(known)}"
+    more = f" and {len(known) - MANY} more (`phasebench list`)" if len(known) > MANY else ""
+    hint = f"did you mean {' or '.join(near)}?" if near else f"known are {', '.join(known[:MANY])}{more}"
     return InvalidInput(f"there is no {kind} '{name}'; {hint}")

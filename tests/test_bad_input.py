@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from benchmarks.cases import by_label, variants
 from benchmarks.problems import problem
 from integrators.driver import COLLISION, DIVERGED, NOT_CONVERGED, OK, TIMEOUT, integrate
-from integrators.errors import InvalidInput
+from integrators.errors import InvalidInput, unknown
 from integrators.formula import FUNCTIONS, parse
 from integrators.hamiltonian import Hamiltonian, PartitionedSystem
 from integrators.registry import METHODS, method
@@ -35,8 +35,10 @@ def test_a_misspelt_method_is_answered_with_the_nearest(record):
 
 
 def test_a_name_like_no_other_lists_the_known_ones():
-    with pytest.raises(InvalidInput, match=r"known are .*implicit-midpoint"):
+    with pytest.raises(InvalidInput, match=r"known are .*, avf, .* more \(`phasebench list`\)"):
         method("qqqqqqqqqq")
+    with pytest.raises(InvalidInput, match="known are one, two$"):
+        raise unknown("number", "qqqqqqqqqq", ["two", "one"])
 
 
 @pytest.mark.parametrize("record", METHODS, ids=lambda m: m.id)
