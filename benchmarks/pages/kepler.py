@@ -42,43 +42,58 @@ def _who(row) -> str:
     )
 
 
-def _cheapest(ends) -> list[str]:
-    """Who follows the phase for the least time, over the longest runs."""
-    lines = []
+def _tally(names) -> str:
+    """Names by how often they occur."""
+    return listed([f"{name} {n} times" for name, n in pd.Series(names).value_counts().items()], 12)
+
+
+def _cheapest(ends) -> tuple[list[str], list[str]]:
+    """Who follows the phase for the least time, over the longest runs: (verdict, table)."""
+    rows, winners = [], []
     for (problem, e), members in ends.groupby(["problem", "e"], sort=False):
         longest = members["orbits"].max()
         members = members[(members["orbits"] == longest) & members["us per orbit"].notna()]
-        parts = []
         for wanted in PHASES:
             enough = members[members["phase"] <= wanted].sort_values("us per orbit")
-            if enough.empty:
-                parts.append(f"{wanted:g}: none")
-                continue
-            text = f"{wanted:g}: {_who(enough.iloc[0])}"
             ours = enough[enough["kind"] == "phasebench"]
-            if ours.empty:
-                text += ", of this project none"
-            elif enough.iloc[0]["kind"] != "phasebench":
-                text += f", of this project {_who(ours.iloc[0])}"
-            parts.append(text)
-        lines.append(
-            f"{TITLES[problem]}, e = {e:g}: the cheapest time an orbit of those with a phase error at most so many radians "
-            f"over {longest:.0f} orbits: {'; '.join(parts)}."
-        )
-    return lines
+            row = {"problem": TITLES[problem], "e": e, "phase error up to (rad)": wanted}
+            row["cheapest (time an orbit)"] = "none" if enough.empty else _who(enough.iloc[0])
+            row["cheapest of this project"] = "none" if ours.empty else _who(ours.iloc[0])
+            rows.append(row)
+            if len(enough):
+                winners.append(enough.iloc[0]["method"])
+    if not winners:
+        return [], []
+    verdict = (
+        f"The cheapest that follows the phase to {listed([f'{x:g}' for x in PHASES])} rad over "
+        f"{ends['orbits'].max():.0f} orbits, of {len(rows)} pairs of an orbit and an accuracy: {_tally(winners)}."
+    )
+    return [verdict], ["## Who follows the phase for the least time\n", table(pd.DataFrame(rows))]
 
 
-def _equal_time(ends) -> list[str]:
-    """Who has the least phase error in the same time."""
-    lines = []
-    for (problem, e), members in ends[ends["setting"].str.startswith("time of")].groupby(["problem", "e"], sort=False):
+def _equal_time(ends) -> tuple[list[str], list[str]]:
+    """Who has the least phase error in the same time: (verdict, table)."""
+    rows, winners = [], []
+    timed = ends[ends["setting"].str.startswith("time of")]
+    for (problem, e), members in timed.groupby(["problem", "e"], sort=False):
         best = members.sort_values("phase")
         parts = [f"{r['method']} ({int(r['steps per orbit'])} steps) {number(r['phase'])}" for _, r in best.iterrows()]
-        lines.append(
-            f"{TITLES[problem]}, e = {e:g}, in the {best['setting'].iloc[0]}: phase errors after {best['orbits'].max():.0f} "
-            f"orbits of {listed(parts, 5)} rad."
+        rows.append(
+            {
+                "problem": TITLES[problem],
+                "e": e,
+                "in the": best["setting"].iloc[0],
+                "phase error (rad), the best five": ", ".join(parts[:5]),
+            }
         )
-    return lines
+        winners.append(best["method"].iloc[0])
+    if not rows:
+        return [], []
+    verdict = (
+        f"The least phase error after {timed['orbits'].max():.0f} orbits among fixed steps in the same time, of "
+        f"{len(rows)} orbits: {_tally(winners)}."
+    )
+    return [verdict], ["## Phase errors in the same time\n", table(pd.DataFrame(rows))]
 
 
 def _laws(ends) -> list[str]:
@@ -150,21 +165,21 @@ def _advances(ends) -> list[str]:
     """The measured advance of the perihelion beside the closed form."""
     if "advance error" not in ends:
         return []
-    lines = []
-    for e, members in ends[ends["advance error"].notna()].groupby("e", sort=False):
-        exact, first = members["closed form"].iloc[0], members["first order"].iloc[0]
-        at = members[members["setting"].isin([f"{STANDARD} steps", "adaptive"])]
-        size = at.set_index("method")["advance error"].abs().sort_values()
-        parts = [f"{m} {number(x)}" for m, x in size[size > ADVANCE].items()]
-        same = (
-            f"by at most {ADVANCE:g} with {listed(size[size <= ADVANCE].index, 20)}, " if size.min() <= ADVANCE else ""
-        )
-        lines.append(
-            f"Advance of the perihelion at e = {e:g}: {number(exact, 10)} rad an orbit by the closed form, "
-            f"{number(first, 4)} to first order; as measured at {STANDARD} steps or adaptively it differs in size {same}"
-            f"else with {listed(parts, 20)}."
-        )
-    return lines
+    measured = ends[ends["advance error"].notna()]
+    at = measured[measured["setting"].isin([f"{STANDARD} steps", "adaptive"])]
+    if at.empty:
+        return []
+    closed = [
+        f"{number(members['closed form'].iloc[0], 10)} at e = {e:g}" for e, members in measured.groupby("e", sort=False)
+    ]
+    worst = at["advance error"].abs().groupby(at["method"]).max().sort_values()
+    same = listed(worst[worst <= ADVANCE].index, 20)
+    parts = [f"{m} {number(x)}" for m, x in worst[worst > ADVANCE].items()]
+    return [
+        f"Advance of the perihelion, rad an orbit by the closed form: {listed(closed)}; to first order "
+        f"{number(measured['first order'].iloc[0], 4)}. As measured at {STANDARD} steps or adaptively it is the closed "
+        f"form's to {ADVANCE:g} at every e that gets through with {same}; the greatest differences are {listed(parts, 20)}."
+    ]
 
 
 def _sections(ends, growth, figures) -> list[str]:
@@ -276,7 +291,7 @@ def _about(reference, ends) -> list[str]:
         "Kepler's equation and has nothing else to do, so that its errors are of round-off, and its few operations a step say "
         "nothing of a problem with a perturbation.\n",
         f"Equal time: each method takes as many steps an orbit as it can in the time of {yard}, by its own cost a step, "
-        "over fewer orbits; adaptive ones are shown at their default tolerance and their own time. Times are warm and "
+        "as rounded to two digits; adaptive ones are shown at their default tolerance and their own time. Times are warm and "
         f"without output. Finer settings are left out where the whole run would take more than {LONGEST:g} s. A method of "
         "this project that takes much longer at any setting ends with the status timeout. The exponent is the slope of the "
         "logarithm of the "
@@ -293,12 +308,14 @@ def _write(data, figures):
         reference = ends[ends["kind"] == "reference"]
         ends, growth = ends[ends["kind"] != "reference"], growth[growth["kind"] != "reference"]
         ok = ends[(ends["status"] == "ok") & ends["phase"].notna()]
-        verdict += [*_cheapest(ok), *_equal_time(ok), *_laws(ok), *_clocks(ok), *_kept(ok), *_advances(ok)]
+        tables = [_cheapest(ok), _equal_time(ok)]
+        verdict += [*(v for said, _ in tables for v in said), *_laws(ok), *_clocks(ok), *_kept(ok), *_advances(ok)]
         failed = ends[~ends["status"].isin(["ok", "skipped"])]
         if len(failed):
             parts = [f"{m} {n}" for m, n in failed["method"].value_counts().items()]
             verdict.append(f"{len(failed)} of {len(ends)} runs do not get through: {listed(parts, 20)}.")
-        body += [*_about(reference, ends), *_sections(ends, growth, figures)]
+        body += [*_about(reference, ends), *(t for _, found in tables for t in found)]
+        body += _sections(ends, growth, figures)
     if cost is not None:
         found, section = _cost(cost, figures)
         verdict += found
