@@ -44,7 +44,7 @@ def _who(row) -> str:
 
 def _tally(names) -> str:
     """Names by how often they occur."""
-    return listed([f"{name} {n} times" for name, n in pd.Series(names).value_counts().items()], 12)
+    return listed([f"{name} {n}" for name, n in pd.Series(names).value_counts().items()], 12)
 
 
 def _cheapest(ends) -> tuple[list[str], list[str]]:
