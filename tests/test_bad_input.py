@@ -37,7 +37,7 @@ def test_a_misspelt_method_is_answered_with_the_nearest(record):
 def test_a_name_like_no_other_lists_the_known_ones():
     with pytest.raises(InvalidInput, match=r"known are .*, avf, .* more \(`phasebench list`\)"):
         method("qqqqqqqqqq")
-    with pytest.raises(InvalidInput, match="known are one, two$"):
+    with pytest.raises(InvalidInput, match=r"known are one, two$"):
         raise unknown("number", "qqqqqqqqqq", ["two", "one"])
 
 
