@@ -25,6 +25,7 @@ class Case:
     Attributes
     ----------
     problem, parameters : as `benchmarks.problems.problem` takes them
+    letter : for the problem in tables
     after : the time at which its orbit is the start here
     span : the time over which an order is measured
     h : the step of the other measures: some thirty to a revolution
@@ -34,6 +35,7 @@ class Case:
     """
 
     problem: str
+    letter: str
     after: float
     span: float
     h: float
@@ -45,16 +47,16 @@ class Case:
 
 #: In the order in which they are asked for.  The strong perturbation shows every term of a Wisdom-Holman splitting.
 CASES = (
-    Case("henon-heiles:box", 1.1, 4.0, 0.2),
-    Case("pendulum:swinging", 1.1, 4.0, 0.2),
-    Case("perturbed-kepler", 0.7, 4.0, 0.15, parameters=(("e", 0.2), ("mu", 0.1))),
-    Case("n-body", 0.8, 0.6, 0.06, lasting=False),
-    Case("outer-solar-system", 700.0, 2500.0, 100.0, unit=False),
-    Case("kepler", 0.7, 4.0, 0.15, parameters=(("e", 0.2),)),
-    Case("double-pendulum:regular", 1.1, 4.0, 0.2, separable=False),
-    Case("schwarzschild:precessing", 20.0, 100.0, 4.0, separable=False),
+    Case("henon-heiles:box", "H", 1.1, 4.0, 0.2),
+    Case("pendulum:swinging", "P", 1.1, 4.0, 0.2),
+    Case("perturbed-kepler", "D", 0.7, 4.0, 0.15, parameters=(("e", 0.2), ("mu", 0.1))),
+    Case("n-body", "N", 0.8, 0.6, 0.06, lasting=False),
+    Case("outer-solar-system", "O", 700.0, 2500.0, 100.0, unit=False),
+    Case("kepler", "K", 0.7, 4.0, 0.15, parameters=(("e", 0.2),)),
+    Case("double-pendulum:regular", "W", 1.1, 4.0, 0.2, separable=False),
+    Case("schwarzschild:precessing", "S", 20.0, 100.0, 4.0, separable=False),
 )
-OSCILLATOR = Case("harmonic-oscillator", 0.0, 1.0, 0.1)
+OSCILLATOR = Case("harmonic-oscillator", "L", 0.0, 1.0, 0.1)
 BY_NAME = {c.problem: c for c in (*CASES, OSCILLATOR)}
 
 

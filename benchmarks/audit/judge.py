@@ -26,6 +26,8 @@ GATE = 0.1
 BROKEN, VISIBLE = 100.0, 1000.0
 #: The drift's share of the greatest error above which the error drifts, and below which it is bounded.
 DRIFTS, STAYS = 0.5, 0.1
+#: An error of this part of the energies' size is not called bounded: a dissipated energy no longer drifts.
+LARGE = 0.25
 #: The energy error of round-off is at most so many units of round-off times the root of the steps.
 BROUWER = 100.0
 KEPT = {"symplecticity": "symplectic", "reversibility": "reversible"}
@@ -51,10 +53,12 @@ def kept(row) -> bool | None:
 
 
 def bounded(row) -> bool | None:
-    """Whether the energy error of a row is bounded, as far as its time tells; None where that is open."""
+    """Whether the energy error is bounded, as far as its time tells; None where that is open or it is large."""
     if row["status"] != "ok" or not _has(row, "slope"):
         return None
     moved = abs(row["slope"]) * row["time"]
+    if row["value"] > LARGE * row["scale"]:
+        return False if moved > DRIFTS * row["value"] else None
     if row["low"] <= 0 <= row["high"] or moved <= STAYS * row["value"]:
         return True
     return False if moved > DRIFTS * row["value"] else None

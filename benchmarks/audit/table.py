@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from .judge import CONTRADICTED, IN_PART, bounded, kept, round_off
+from .cases import BY_NAME
+from .judge import CONTRADICTED, IN_PART, LARGE, bounded, kept, round_off
+from .measures import TOLERANCES
 
 #: Tables of a terminal that is none are this wide.
 WIDTH = 220
@@ -15,24 +17,33 @@ def half_width(row) -> float:
     return (row["high"] - row["low"]) / 2
 
 
+def letter(problem: str) -> str:
+    """What a problem is called in a cell."""
+    return BY_NAME[problem].letter if problem in BY_NAME else problem
+
+
+def legend(rows: Iterable[dict]) -> str:
+    """What the letters in the cells mean, of the problems in the rows."""
+    return ", ".join(f"{letter(p)} {p}" for p in dict.fromkeys(r["problem"] for r in rows if r["problem"]))
+
+
 def _order(row) -> str:
-    if row.get("value") is None:
-        return f"no window ({row['problem']})"
-    return f"{row['value']:.2f} +- {half_width(row):.2f} ({row['problem']})"
+    return "no window" if row.get("value") is None else f"{row['value']:.2f} +- {half_width(row):.2f}"
 
 
 def _structure(row) -> str:
     if row.get("bitwise"):
-        return f"0, bitwise ({row['problem']})"
+        return "0 bitwise"
     word = {True: "", False: " broken", None: " unclear"}[kept(row) if row.get("floor") is not None else True]
-    at = f" at tol {row['tol']:.0e}" if row.get("tol") is not None else ""
-    return f"{row['value']:.0e}{at}{word} ({row['problem']})"
+    return f"{row['value']:.0e}{word}"
 
 
 def _energy(row) -> str:
     word = {True: "bounded", False: "drifts", None: "open"}[bounded(row)]
+    if word == "open" and row["value"] > LARGE * row["scale"]:
+        word = "large"
     word = "round-off" if row["value"] <= round_off(row) else word
-    return f"{row['value']:.0e}, slope {row['slope']:+.0e} +- {half_width(row):.0e}, {word} ({row['problem']})"
+    return f"{row['value']:.0e} {word} {row['slope']:+.0e} +- {half_width(row):.0e}"
 
 
 def _stability(row) -> str:
@@ -40,18 +51,16 @@ def _stability(row) -> str:
 
 
 def _cost(row) -> str:
-    if row["value"] is None:
-        return f"{row['per_time']:.3g} a unit of time"
-    return f"{row['value']:.3g}"
+    return f"{row['per_time']:.3g} a unit of time" if row["value"] is None else f"{row['value']:.3g}"
 
 
 def _tolerance(row) -> str:
-    parts = [
-        f"{row[k]:.0e} at {k.removeprefix('error_')}" for k in row if k.startswith("error_") and row[k] is not None
-    ]
-    return f"{', '.join(parts)} ({row['problem']})"
+    parts = ["-" if row.get(k) is None else f"{row[k]:.0e}" for k in ERRORS]
+    others = [k for k in row if k.startswith("error_") and k not in ERRORS and row[k] is not None]
+    return ", ".join(parts + [f"{row[k]:.0e} at {k.removeprefix('error_')}" for k in others])
 
 
+ERRORS = [f"error_{tol:.0e}" for tol in TOLERANCES]
 TEXTS = {
     "order": _order,
     "tolerance": _tolerance,
@@ -63,21 +72,24 @@ TEXTS = {
 }
 HEADS = {
     "order": "order measured",
-    "tolerance": "error at tol",
+    "tolerance": f"error at tol {', '.join(f'{tol:.0e}' for tol in TOLERANCES)}",
     "symplecticity": "symplecticity defect",
     "reversibility": "reversibility distance",
-    "energy": "energy error",
+    "energy": "energy error, slope a unit of time",
     "stability": "stable to h omega",
     "cost": "us a step",
 }
+#: Measured on one problem each, which is not named in every cell.
+ALONE = ("stability", "cost")
 
 
 def cell(rows: Iterable[dict], measure: str) -> str:
-    """A measure's rows of one peer in words."""
+    """A measure's rows of one peer in words, each with the letter of its problem."""
     out = []
     for row in rows:
         if row["measure"] == measure:
-            out.append(TEXTS[measure](row) if row["status"] == "ok" else f"{row['status']} ({row['problem']})")
+            text = TEXTS[measure](row) if row["status"] == "ok" else row["status"]
+            out.append(text if measure in ALONE else f"{letter(row['problem'])} {text}")
     return "; ".join(out)
 
 
@@ -120,6 +132,7 @@ def show(found, console=None) -> None:
     console = console or Console()
     if not console.is_terminal:
         console = Console(file=console.file, width=WIDTH)
+    console.print(f"problems: {legend(found.rows)}", markup=False, highlight=False)
     for title, adaptive in (("fixed steps", False), ("adaptive steps", True)):
         part = lines(found.rows, found.claims, adaptive)
         if part:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from . import style
 
-#: Where intervals and differences are cut.
-SHOWN = 2.5
+#: Differences beyond stand at the edge, with their value.
+SHOWN = 3.2
 GATE = 0.1
 #: Inches a line and around the lines.
 LINE, AROUND = 0.14, 0.9
@@ -33,14 +33,19 @@ def orders(rows: list[dict], claims: list[dict], directory: Path, name: str = "a
         columns = 1 if len(peers) <= MOST else 2
         lines = -(-len(peers) // columns)
         figure, axes = style.panels(1, columns, AROUND + LINE * lines, sharex=True)
-        widest = min(SHOWN, max(0.3, *(abs(r["value"] - claimed[r["peer"]]) for r in seen))) + 0.1
+        widest = min(SHOWN, max(0.3, *(abs(r["value"] - claimed[r["peer"]]) for r in seen))) + 0.3
         for column, ax in enumerate(axes[0]):
             here = peers[column * lines : (column + 1) * lines]
             ax.axvspan(-GATE, GATE, color="0.9")
             for k, problem in enumerate(problems):
                 part = [r for r in seen if r["problem"] == problem and r["peer"] in here]
                 y = [here.index(r["peer"]) + 0.2 * (k % 3 - 1) for r in part]
-                x = [min(max(r["value"] - claimed[r["peer"]], -SHOWN), SHOWN) for r in part]
+                apart = [r["value"] - claimed[r["peer"]] for r in part]
+                x = [min(max(a, -SHOWN), SHOWN) for a in apart]
+                for a, xx, yy in zip(apart, x, y, strict=True):
+                    if a != xx:
+                        side = "left" if a < 0 else "right"
+                        ax.annotate(f"{a:+.1f}", (xx, yy), (0, 4), textcoords="offset points", ha=side, fontsize=5)
                 bars = [[max(r["value"] - r["low"], 0) for r in part], [max(r["high"] - r["value"], 0) for r in part]]
                 colour, _, marker = style.CURVES[k % len(style.CURVES)]
                 ax.errorbar(x, y, xerr=bars, color=colour, marker=marker, linestyle="", markersize=3, label=problem)

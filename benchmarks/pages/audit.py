@@ -6,7 +6,7 @@ import pandas as pd
 
 from .. import audit
 from ..audit import cases, judge, measures
-from ..audit.table import lines
+from ..audit.table import legend, letter, lines
 from ..audit.worker import LOADING
 from ..figures import audit as drawings
 from ..markdown import listed, table
@@ -26,10 +26,18 @@ def _versions(rows) -> list[str]:
     return list(dict.fromkeys(f"{r['package']} {r['version']}" for r in rows))
 
 
+def _more(claim) -> str:
+    """Said of an order that is contradicted because it is higher."""
+    if claim["property"] != "order" or claim["verdict"] != judge.CONTRADICTED:
+        return ""
+    least = min(float(m.split()[0]) for m in claim["measured"].split("; "))
+    return ": more than is claimed" if least > float(claim["claim"].split()[-1]) else ""
+
+
 def _claims(claims, verdict: str) -> list[str]:
     return [
         f"- **{c['peer']}** ({c['package']} {c['version']}): claimed: {c['claim']} ({c['source']}). Measured: "
-        f"{c['measured']}. Reproduce: `{c['command']}`"
+        f"{c['measured']}{_more(c)}. Reproduce: `{c['command']}`"
         for c in claims
         if c["verdict"] == verdict
     ] or ["None."]
@@ -83,9 +91,10 @@ def _write(data, figures):
             "The measured order less the claimed one with its interval, a mark for each problem; the band is the gate of "
             f"+-{judge.GATE}.\n",
         ]
+    body.append(f"\n## What was measured\n\nThe letters name the problems: {legend(rows)}.\n")
     for package in dict.fromkeys(r["package"] for r in there):
         mine = [r for r in rows if r["package"] == package and r["peer"] in ids]
-        body.append(f"\n## {package} {mine[0]['version']}\n")
+        body.append(f"\n### {package} {mine[0]['version']}\n")
         for adaptive in (False, True):
             if part := lines(mine, claims, adaptive):
                 body += [f"{'Adaptive' if adaptive else 'Fixed'} steps.\n", table(pd.DataFrame(part))]
@@ -103,10 +112,16 @@ def _write(data, figures):
             unjudged.setdefault(c["reason"], []).append(f"{c['peer']} ({c['claim']})")
     body += [f"- {reason}: {listed(who, 60)}." for reason, who in unjudged.items()] or ["None."]
     body += ["\n## Measures that did not end or ended early\n"]
-    ended = [r for r in rows if r["peer"] in ids and (r["status"] != "ok" or "budget" in r["reason"])]
-    body += [f"- {r['peer']}, {r['measure']} on {r['problem']}: {r['status']}: {r['reason']}" for r in ended] or [
-        "None."
-    ]
+    ended: dict[str, dict[str, list[str]]] = {}
+    for r in rows:
+        if r["peer"] in ids and r["measure"] != "package" and (r["status"] != "ok" or "budget" in r["reason"]):
+            why = r["reason"] if r["status"] == "ok" else f"{r['status']}: {r['reason']}"
+            where = ended.setdefault(why, {}).setdefault(r["peer"], [])
+            where.append(f"{r['measure']} {letter(r['problem'])}")
+    for reason, who in ended.items():
+        body.append(f"- {reason}: " + "; ".join(f"{peer} ({', '.join(on)})" for peer, on in who.items()))
+    if not ended:
+        body.append("None.")
     return verdict, "\n".join([*body, _how(rows)])
 
 
@@ -133,7 +148,8 @@ general position: {listed([c.problem for c in cases.CASES], 20)}, as far as it c
   judged in the same way. Bitwise: it is 0.
 - **Energy**: the largest error of H at {measures.SEEN} times of {measures.SHORT} or {measures.LONG} steps and the drift's
   slope a unit of time with its interval. It drifts where that leaves out 0 and the drift is more than {judge.DRIFTS:g} of
-  the largest error. Claims of round-off are held to {judge.BROUWER:g} round-offs times the root of the steps.
+  the largest error, and is bounded where it leaves 0 in or the drift is less than {judge.STAYS:g} of it; large is an error
+  of {judge.LARGE:g} of the energies' size that no longer drifts. Claims of round-off are held to {judge.BROUWER:g} round-offs times the root of the steps.
 - **Stability**: the largest h on the harmonic oscillator of frequency 1 with which the energy grows by no more than
   {measures.GROWTH:g} in {measures.STABLE_STEPS} steps; probes are a factor of {measures.APART:g} apart, then bisected to 1 %.
 - **Cost**: median of {measures.REPEATS} warm runs without output, microseconds a step; of an adaptive integrator a step of

@@ -32,7 +32,7 @@ def _write(data, figures):
     if frame is None:
         return None
     frame = frame.copy()
-    frame["changed"] = frame["changed"].fillna("")
+    frame["changed"] = frame["changed"].astype(object).fillna("")
     moved, apart = frame[frame["changed"] != ""], frame[frame["disagree"] > 0]
     unstable, short = frame[frame["rate"].notna()], frame[~frame["holds to the end"].astype(bool)]
     verdict = [
