@@ -10,19 +10,15 @@ from typing import Any
 
 from integrators.errors import InvalidInput
 
-
-def _is_row(line: str) -> bool:
-    """Whether a line is a whole row."""
-    try:
-        return "key" in json.loads(line)
-    except (ValueError, TypeError):
-        return False
+#: How every line begins: the key is written first.
+BEGINS = '{"key": '
 
 
 class Store:
     """Measured rows in a file, found again by their ``key``.
 
-    A line that a killed run left unfinished is dropped; any other unreadable line is an error that names it.
+    A line that a killed run left unfinished is dropped; any other unreadable line is an error that names it, and
+    leaves the file as it is.  Raises InvalidInput as well for a file that cannot be read or written.
     """
 
     def __init__(self, path: str | Path):
@@ -33,22 +29,38 @@ class Store:
                 self._rows[row["key"]] = row
 
     def _read(self) -> Iterator[dict[str, Any]]:
-        text = self.path.read_text()
-        if not text.endswith("\n"):  # the run was killed while it wrote its last line
-            whole, last = text[: text.rfind("\n") + 1], text[text.rfind("\n") + 1 :]
-            text = f"{text}\n" if _is_row(last) else whole
-            self.path.write_text(text)
-        for number, line in enumerate(text.split("\n"), 1):
-            if not line:
-                continue
-            try:
-                row = json.loads(line)
-                row["key"]
-            except (ValueError, KeyError, TypeError) as error:
-                raise InvalidInput(
-                    f"{self.path}, line {number}, is no row ({error}); remove the line, or the file to measure anew"
-                ) from None
+        try:
+            text = self.path.read_text()
+        except OSError as error:
+            raise InvalidInput(f"{self.path} cannot be read: {error.strerror}") from None
+        except UnicodeDecodeError:
+            raise InvalidInput(f"{self.path} is no file of rows: it is no text") from None
+        lines = text.split("\n")
+        last = lines.pop()  # empty, but where the run was killed while it wrote
+        for number, line in enumerate(lines, 1):
+            if line:
+                yield self._row(line, number)
+        if not last:
+            return
+        try:
+            row = self._row(last, len(lines) + 1)
+        except InvalidInput:
+            if not last.startswith(BEGINS[: len(last)]):
+                raise
+            self.path.write_text("".join(f"{line}\n" for line in lines))
+        else:
+            self.path.write_text(f"{text}\n")
             yield row
+
+    def _row(self, line: str, number: int) -> dict[str, Any]:
+        try:
+            row = json.loads(line)
+            row["key"]
+        except (ValueError, KeyError, TypeError) as error:
+            raise InvalidInput(
+                f"{self.path}, line {number}, is no row ({error}); remove the line, or the file to measure anew"
+            ) from None
+        return row
 
     def get(self, key: str) -> dict[str, Any] | None:
         """The row of that key, or None."""
@@ -58,11 +70,14 @@ class Store:
         """Keep a row, on disk before this returns."""
         row = {"key": key, **row}
         self._rows[key] = row
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        with self.path.open("a") as stream:
-            stream.write(json.dumps(row) + "\n")
-            stream.flush()
-            os.fsync(stream.fileno())
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with self.path.open("a") as stream:
+                stream.write(json.dumps(row) + "\n")
+                stream.flush()
+                os.fsync(stream.fileno())
+        except OSError as error:
+            raise InvalidInput(f"{self.path} cannot be written: {error.strerror}") from None
 
     def rows(self) -> list[dict[str, Any]]:
         """Every row, the last of each key."""

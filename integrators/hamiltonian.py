@@ -158,7 +158,8 @@ class PartitionedSystem:
 
     def speed(self, Q, P):
         """The Euclidean norm of dq/dt along rows of Q, P, each of shape (n, d); an array of shape (n,)."""
-        return np.sqrt(sum(self.observe(e, Q, P) ** 2 for e in self.dq))
+        with np.errstate(all="ignore"):
+            return np.sqrt(sum(self.observe(e, Q, P) ** 2 for e in self.dq))
 
     def vector_field(self, arithmetic: str = DOUBLE):
         """y -> y' on arrays y = (q, p) of shape (2 d,), for solvers from elsewhere."""

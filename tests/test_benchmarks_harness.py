@@ -240,6 +240,26 @@ def test_an_unreadable_line_inside_is_named(stored, line):
     assert stored.read_text() == text
 
 
+@pytest.mark.parametrize("text", ["notes\nwithout a last line break", "notes", "\n7", '{"key"} no'])
+def test_a_file_of_something_else_is_left_as_it_is(tmp_path, text):
+    path = tmp_path / "notes.txt"
+    path.write_text(text)
+    with pytest.raises(InvalidInput, match="is no row"):
+        Store(path)
+    assert path.read_text() == text
+
+
+def test_a_file_that_cannot_be_used_is_named(tmp_path):
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        Store(tmp_path)
+    image = tmp_path / "image.png"
+    image.write_bytes(b"\x89PNG\xff")
+    with pytest.raises(InvalidInput, match="is no text"):
+        Store(image)
+    with pytest.raises(InvalidInput, match="cannot be written"):
+        Store(image / "rows.jsonl").put("k", {})
+
+
 # -- orders ------------------------------------------------------------------------------------------------------------
 
 

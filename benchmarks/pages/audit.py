@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pandas as pd
 
+from reference.peers import BY_ID
+
 from .. import audit
 from ..audit import cases, judge, measures
 from ..audit.table import legend, letter, lines
@@ -34,10 +36,16 @@ def _more(claim) -> str:
     return ": more than is claimed" if least > float(claim["claim"].split()[-1]) else ""
 
 
+def _about(claim) -> str:
+    """What is known of how the peer is made, which may say why."""
+    peer = BY_ID.get(claim["peer"])
+    return f"Its making: {peer.about}. " if peer else ""
+
+
 def _claims(claims, verdict: str) -> list[str]:
     return [
         f"- **{c['peer']}** ({c['package']} {c['version']}): claimed: {c['claim']} ({c['source']}). Measured: "
-        f"{c['measured']}{_more(c)}. Reproduce: `{c['command']}`"
+        f"{c['measured']}{_more(c)}. {_about(c)}Reproduce: `{c['command']}`"
         for c in claims
         if c["verdict"] == verdict
     ] or ["None."]
