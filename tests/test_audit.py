@@ -70,6 +70,30 @@ def test_stability_limits_that_are_known(controls, id, limit):
     assert limit is None or abs(row["value"] - limit) < 0.015 * limit
 
 
+@pytest.mark.parametrize("id", CONTROLS)
+def test_a_cost_is_of_a_step(controls, id):
+    row = next(r for r in controls.rows if r["peer"] == id and r["measure"] == "cost")
+    assert row["value"] == pytest.approx(row["per_time"] * row["h"])
+    assert 1e-3 < row["value"] < 10, "microseconds"
+
+
+@pytest.mark.parametrize(
+    ("value", "slope", "half", "verdict"),
+    [
+        (1e-3, 1e-9, 2e-9, True),  # no slope
+        (1e-3, 5e-8, 1e-9, True),  # a slope that adds up to little
+        (1e-3, 3e-7, 1e-9, None),
+        (1e-3, 6e-7, 1e-9, False),
+        (0.3, 1e-9, 2e-9, None),  # all energy was dissipated, and stays so
+        (0.3, 2e-4, 1e-9, False),
+        (0.3, 1e-4, 2e-4, None),
+    ],
+)
+def test_an_energy_error_is_bounded_or_drifts_or_it_is_open(value, slope, half, verdict):
+    row = {"status": "ok", "value": value, "slope": slope, "low": slope - half, "high": slope + half}
+    assert judge.bounded(row | {"time": 1000.0, "scale": 1.0}) is verdict
+
+
 @pytest.mark.parametrize(
     ("id", "false"),
     [
