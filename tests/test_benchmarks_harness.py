@@ -1,4 +1,4 @@
-"""The harness: sweeps, bands, tables, reports (peers and the reference's horizon: test_peer_rows; rows on disk: test_store)."""
+"""The harness: sweeps, bands, tables, reports (peers, horizons: test_peer_rows; rows on disk: test_store)."""
 
 from __future__ import annotations
 
