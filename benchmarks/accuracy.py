@@ -1,4 +1,4 @@
-"""What a row says of a trajectory: its error against the certified reference, and how the invariants are kept.
+"""What a row of a sweep says: its error against the certified reference, and how the invariants are kept.
 
 The error is taken at the end, or at the last saved time before the reference's horizon, up to which the reference's
 uncertainty is at most 1e-13 of the state.  What a method in double precision rounds grows with time as the reference's
@@ -8,12 +8,14 @@ uncertainty does, from an epsilon 2048 times as large: its error stays well abov
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 
 from integrators.driver import OK, Solution
 
 from . import metrics
+from .machine import versions
 from .scenes import BY_ID, Scene
 
 #: The first part of a long run, in which also a chaotic trajectory can be measured again to all digits but a few.
@@ -40,12 +42,28 @@ def _truth(scene: str, t: float):
     from reference import taylor
 
     found = reference(scene) if t == BY_ID[scene].t_end else taylor.reference(BY_ID[scene].made(), [t])
-    return np.concatenate([found.q[-1], found.p[-1]]), float(found.uncertainty[-1])
+    return end_state(found), float(found.uncertainty[-1])
 
 
-def end_state(solution: Solution) -> np.ndarray:
-    """(q, p) at the end, array (2 d,)."""
-    return np.concatenate([solution.q[-1], solution.p[-1]])
+def head(scene: Scene, problem, chosen, kind: str, *packages: str) -> dict[str, Any]:
+    """What a row begins with: on what and of whom (a method or a peer) it is, with the versions of ``packages`` too."""
+    used = ("phasebench", "numpy", "numba", *packages)
+    return {
+        "scene": scene.id,
+        "purpose": scene.purpose,
+        "problem": problem.label,
+        "method": chosen.label,
+        "id": chosen.id,
+        "kind": kind,
+        "t_end": scene.t_end,
+        "declared_order": chosen.order,
+        "versions": ", ".join(f"{k} {versions().get(k, 'absent')}" for k in used),
+    }
+
+
+def end_state(solution, row: int = -1) -> np.ndarray:
+    """(q, p) at the end of a solution or a reference, or in another row of it, array (2 d,)."""
+    return np.concatenate([solution.q[row], solution.p[row]])
 
 
 def trajectory_error(scene: Scene, solution: Solution) -> dict[str, float]:
@@ -58,7 +76,7 @@ def trajectory_error(scene: Scene, solution: Solution) -> dict[str, float]:
         last = int(np.searchsorted(solution.t, horizon, side="right")) - 1
         if last < 1:
             return out
-        state, t = np.concatenate([solution.q[last], solution.p[last]]), float(solution.t[last])
+        state, t = end_state(solution, last), float(solution.t[last])
     truth, uncertainty = _truth(scene.id, t)
     error = float(np.abs(state - truth).max())
     return out | {"reference_uncertainty": uncertainty, "global_error": error, "global_error_time": t}

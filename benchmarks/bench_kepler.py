@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from benchmarks import kepler
+from benchmarks.accuracy import end_state
 from benchmarks.kepler import LONGEST, STANDARD, Contender
 from benchmarks.problems import problem
 from integrators.driver import OK, SKIPPED
@@ -98,10 +99,7 @@ def _reference(made, exact, orbits: int):
         for i, n in enumerate(index)
     ]
     run = {"status": OK, "orbits": orbits + 0.5, "reached": index[-1] / 2}
-    if exact.mu:
-        measured = kepler.measured_advance(exact, when[-1], found.perihelion[-1], found.anomaly[-1])
-        run |= {"advance": measured, "advance error": measured - exact.advance}
-    return run, samples
+    return run | kepler.advances(exact, when, found, -1), samples
 
 
 @pytest.mark.parametrize("e", ECCENTRICITIES)
@@ -194,7 +192,7 @@ def bench_kepler_cost(name, results, quick):
     found = problem(name)
     t_end = (10.5 if quick else ORBITS) * 2 * pi
     truth = taylor.reference(found, [t_end])
-    exact = np.concatenate([truth.q[-1], truth.p[-1]])
+    exact = end_state(truth)
     system, rounds = found.system, 1 if quick else 3
 
     def row(contender, setting, run):
@@ -213,7 +211,7 @@ def bench_kepler_cost(name, results, quick):
             return out
         H = system.observe(system.H, solution.q, solution.p)
         L = system.observe(found.invariants["angular-momentum"], solution.q, solution.p)
-        error = np.abs(np.concatenate([solution.q[-1], solution.p[-1]]) - exact).max()
+        error = np.abs(end_state(solution) - exact).max()
         return out | {
             "error": float(error),
             "reference uncertainty": float(truth.uncertainty[-1]),

@@ -269,6 +269,14 @@ def measured_advance(exact: Truth, when: int, perihelion: float, anomaly: float)
     return (exact.advance * turns + float(np.sign(exact.L)) * perihelion) / (turns + anomaly / (2 * np.pi))
 
 
+def advances(exact: Truth, when: Sequence[int], found: Errors, row: int) -> dict[str, float]:
+    """The `measured_advance` at a row and its difference from the exact one; nothing without the term."""
+    if not exact.mu:
+        return {}
+    measured = measured_advance(exact, when[row], found.perihelion[row], found.anomaly[row])
+    return {"advance": measured, "advance error": measured - exact.advance}
+
+
 def growth(orbits, error, least: float = 10.0) -> float | None:
     """The exponent of t with which the greatest size so far of ``error``, arrays (n,), grows.
 
@@ -369,10 +377,7 @@ def follow(
         if grown is not None:
             run[f"{name} growth"] = grown
     end = last - 1 - (last - 1) % 2  # an apocentre of the unperturbed orbit
-    if exact.mu:
-        measured = measured_advance(exact, when[end], found.perihelion[end], found.anomaly[end])
-        run |= {"advance": measured, "advance error": measured - exact.advance}
-    return run, rows
+    return run | advances(exact, when, found, end), rows
 
 
 def within_orbits(contender: Contender, problem, exact: Truth, per_orbit: int, orbits: int = 10) -> dict[str, float]:

@@ -20,8 +20,7 @@ from integrators.errors import InvalidInput
 from reference.peers import BY_ID, PEERS, Peer, integrate_peer
 
 from . import scenes
-from .accuracy import invariants, trajectory_error
-from .machine import versions
+from .accuracy import head, invariants, trajectory_error
 from .scenes import DRIFT, Scene
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ LONG = 0.3
 
 
 def swept(quick: bool = False) -> list[Peer]:
-    """The peers of a"""
+    """The peers of a sweep; of a quick one a few."""
     return [p for p in PEERS if p.package in PACKAGES and (not quick or p.id in QUICK)]
 
 
@@ -84,22 +83,8 @@ def measure(task: Task, repeats: int) -> dict[str, Any]:
     """The row of a peer's task."""
     scene, peer = scenes.BY_ID[task.scene], BY_ID[task.method]
     problem = _problem(scene.id)
-    row: dict[str, Any] = {
-        "scene": scene.id,
-        "purpose": scene.purpose,
-        "problem": problem.label,
-        "method": peer.label,
-        "id": peer.id,
-        "kind": peer.package,
-        "h": task.h,
-        "tol": task.tol,
-        "t_end": scene.t_end,
-        "declared_order": peer.order,
-        "tier": "quick" if task.quick else "full",
-        "versions": ", ".join(
-            f"{k} {versions().get(k, 'absent')}" for k in ("phasebench", "numpy", "numba", peer.package)
-        ),
-    }
+    row = head(scene, problem, peer, peer.package, peer.package)
+    row |= {"h": task.h, "tol": task.tol, "tier": "quick" if task.quick else "full"}
     lack = lacks(peer, scene)
     if lack:
         return row | {"status": SKIPPED, "reason": lack}

@@ -18,8 +18,8 @@ from integrators.driver import integrate
 from integrators.registry import method
 
 from . import metrics
+from .accuracy import end_state, reference
 from .problems import problem
-from .sweep import reference
 
 SCENE = "henon-heiles-chaotic-t1"
 STEPS = tuple(0.02 / 2**k for k in range(5))
@@ -56,7 +56,7 @@ def unit(printed: str) -> float:
 def ends(made, chosen) -> list[np.ndarray]:
     """The states (q, p) at t = 1 for each of the talk's steps."""
     found = [integrate(made, chosen, h=h, t_end=1.0, save_every=0) for h in STEPS]
-    return [np.concatenate([s.q[-1], s.p[-1]]) for s in found]
+    return [end_state(s) for s in found]
 
 
 def measured(scheme: str, lam: str | None) -> Iterator[dict]:
@@ -64,7 +64,7 @@ def measured(scheme: str, lam: str | None) -> Iterator[dict]:
     made = problem("henon-heiles:chaotic")
     chosen = method(scheme, **({} if lam is None else {"lam": lam}))
     truth = reference(SCENE)
-    exact = np.concatenate([truth.q[-1], truth.p[-1]])
+    exact = end_state(truth)
     states = ends(made, chosen)
     last = None
     for k, text in enumerate(PRINTED[scheme, lam], 1):

@@ -25,8 +25,7 @@ from reference.peers import BY_ID as PEERS_BY_ID
 from reference.peers import Peer
 
 from . import metrics, peer_rows
-from .accuracy import end_state, invariants, reference, trajectory_error
-from .machine import versions
+from .accuracy import end_state, head, invariants, trajectory_error
 from .scenes import BY_ID, DRIFT, ORDER, SCENES, Scene
 from .store import Store
 
@@ -111,19 +110,7 @@ def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
         return peer_rows.measure(task, repeats)
     scene, chosen = BY_ID[task.scene], task.made()
     problem = scene.made()
-    row: dict[str, Any] = {
-        "scene": scene.id,
-        "purpose": scene.purpose,
-        "problem": problem.label,
-        "method": chosen.label,
-        "id": chosen.id,
-        "kind": KIND,
-        "h": task.h,
-        "t_end": scene.t_end,
-        "declared_order": chosen.order,
-        "tier": "quick" if task.quick else "full",
-        "versions": ", ".join(f"{k} {versions()[k]}" for k in ("phasebench", "numpy", "numba")),
-    }
+    row = head(scene, problem, chosen, KIND) | {"h": task.h, "tier": "quick" if task.quick else "full"}
     lack = chosen.lacks(problem.system)
     if lack:
         return row | {"status": SKIPPED, "reason": lack}
@@ -208,4 +195,4 @@ def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dic
     return out
 
 
-__all__ = ["DRIFT", "LAMBDAS", "ORDER", "Task", "measure", "orders", "reference", "run", "tasks", "variants"]
+__all__ = ["DRIFT", "LAMBDAS", "ORDER", "Task", "measure", "orders", "run", "tasks", "variants"]

@@ -45,6 +45,8 @@ class Case:
     parameters: tuple[tuple[str, float], ...] = ()
 
 
+#: The measures that compare with what is true.
+AGAINST_TRUTH = ("order", "tolerance")
 #: In the order in which they are asked for.  The strong perturbation shows every term of a Wisdom-Holman splitting.
 CASES = (
     Case("henon-heiles:box", "H", 1.1, 4.0, 0.2),
@@ -129,11 +131,11 @@ def chosen(peer, measure: str, quick: bool = False) -> list[Case]:
     split = list(able(peer, [c for c in CASES if c.separable]))
     if measure == "symplecticity":
         split = [c for c in split if c.unit]
-    elif measure not in ("order", "tolerance"):
+    elif measure not in AGAINST_TRUTH:
         split = [c for c in split if c.lasting]
     mixed = list(able(peer, [c for c in CASES if not c.separable]))
     if measure == "cost" or quick:
         return (split or mixed)[:1]
-    if measure in ("order", "tolerance"):
+    if measure in AGAINST_TRUTH:
         return split[:2] + mixed[: 1 if len(split) > 1 else 2]
     return split[:1] + mixed[:1]

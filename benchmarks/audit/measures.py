@@ -25,9 +25,11 @@ from functools import lru_cache
 import numpy as np
 
 from .. import metrics
+from ..accuracy import end_state
 from . import cases
 from .cases import EPS, Case
 from .controls import control
+from .judge import BROKEN
 
 #: Twice these are the steps of an order's ladder.
 LADDER = tuple(sorted({round(2 ** (k / 2)) for k in range(23)}))
@@ -172,8 +174,7 @@ def _map(peer, case: Case, h: float, steps: int):
     d = cases.problem(case).system.d
 
     def flow(y):
-        s = run(peer, case, h, steps, (y[:d], y[d:]))
-        return np.concatenate([s.q[-1], s.p[-1]])
+        return end_state(run(peer, case, h, steps, (y[:d], y[d:])))
 
     return flow
 
@@ -190,13 +191,18 @@ def _symplectic_defect(peer, case: Case, h: float, steps: int) -> tuple[float, f
     return float(np.abs(defects[0]).max()), max(float(np.abs(defects[1] - defects[0]).max()), rounding)
 
 
+def _out_and_back(peer, case: Case, h: float, steps: int, tol=None) -> tuple[float, int]:
+    """(distance from the start after ``steps`` steps out and back, the peer's own steps out)."""
+    q, p = cases.start(case)
+    there = run(peer, case, h, steps, tol=tol)
+    back = run(peer, case, h, steps, (there.q[-1], -there.p[-1]), tol=tol)
+    return float(max(np.abs(back.q[-1] - q).max(), np.abs(back.p[-1] + p).max())), there.counts["steps"]
+
+
 def _reverse_distance(peer, case: Case, h: float, steps: int) -> tuple[float, float]:
     """(distance from the start after ``steps`` steps out and back, half a unit of round-off for each of these)."""
-    q, p = cases.start(case)
-    there = run(peer, case, h, steps)
-    back = run(peer, case, h, steps, (there.q[-1], -there.p[-1]))
-    size = float(np.abs([q, p]).max())
-    return float(max(np.abs(back.q[-1] - q).max(), np.abs(back.p[-1] + p).max())), EPS * size * steps
+    size = float(np.abs(cases.start(case)).max())
+    return _out_and_back(peer, case, h, steps)[0], EPS * size * steps
 
 
 MEASURED = {"symplecticity": _symplectic_defect, "reversibility": _reverse_distance}
@@ -222,7 +228,7 @@ def _structure(measure: str, peer, case: Case, steps: int) -> dict:
         value, noise = MEASURED[measure](peer, case, h, steps)
     known, classical = _controls(measure, case, h, steps)
     out = {"value": value, "floor": max(noise, known), "classical": classical, "steps": steps, "h": h}
-    if value > 100 * out["floor"]:
+    if value > BROKEN * out["floor"]:
         shorter = MEASURED[measure](peer, case, SHORTER * h, steps if measure == "symplecticity" else 2 * steps)[0]
         if shorter > 0:
             out["falls_as"] = float(np.log(value / shorter) / np.log(1 / SHORTER))
@@ -241,16 +247,12 @@ def symplecticity(peer, case: Case, late: Callable[..., bool] = never) -> dict:
     return worst | {f"defect_{r['steps']}": r["value"] for r in rows}
 
 
-def reversibility(peer, case: Case, late: Callable[..., bool] = never, tol: float | None = None) -> dict:
+def reversibility(peer, case: Case, late: Callable[..., bool] = never) -> dict:
     """The distance from the start, whether it is 0, and in units of round-off times steps."""
     if peer.adaptive:
-        h, steps = case.h, OUT
-        q, p = cases.start(case)
-        tol = _tolerances(peer)[1] if tol is None else tol
-        there = run(peer, case, h, steps, tol=tol)
-        back = run(peer, case, h, steps, (there.q[-1], -there.p[-1]), tol=tol)
-        away = float(max(np.abs(back.q[-1] - q).max(), np.abs(back.p[-1] + p).max()))
-        return {"value": away, "tol": tol, "h": h, "steps": there.counts["steps"], "bitwise": False}
+        tol = _tolerances(peer)[1]
+        away, steps = _out_and_back(peer, case, case.h, OUT, tol)
+        return {"value": away, "tol": tol, "h": case.h, "steps": steps, "bitwise": False}
     out = _structure("reversibility", peer, case, OUT)
     unit = EPS * float(np.abs(cases.start(case)).max())
     return out | {"bitwise": out["value"] == 0, "units": out["value"] / (unit * 2 * OUT)}

@@ -41,7 +41,7 @@ def row(peer, measure: str, case_name: str = "", seconds: float = float("inf")) 
 
     They do not include what is true, which is computed once for all peers.
     """
-    if measure in ("order", "tolerance"):
+    if measure in cases.AGAINST_TRUTH:
         cases.truth(cases.BY_NAME[case_name])
     began = time.monotonic()
     out = blank(peer, measure, case_name)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..audit.judge import GATE
 from . import style
 
 #: Differences beyond stand at the edge, with their value.
 SHOWN = 3.2
-GATE = 0.1
 #: Inches a line and around the lines.
 LINE, AROUND = 0.14, 0.9
 #: More integrators than this stand in two columns.
@@ -17,8 +17,6 @@ MOST = 40
 
 def orders(rows: list[dict], claims: list[dict], directory: Path, name: str = "audit-orders.png") -> str | None:
     """Draw it from the rows and claims of an audit; returns the file's name in ``directory``, None without orders."""
-    import matplotlib
-
     claimed = {c["peer"]: float(c["claim"].split()[-1]) for c in claims if c["property"] == "order"}
     seen = [
         r
@@ -29,7 +27,7 @@ def orders(rows: list[dict], claims: list[dict], directory: Path, name: str = "a
         return None
     peers = list(dict.fromkeys(r["peer"] for r in seen))
     problems = list(dict.fromkeys(r["problem"] for r in seen))
-    with matplotlib.rc_context(dict(matplotlib.rcParamsDefault) | style.RC | {"backend": "agg"}):
+    with style.settings():
         columns = 1 if len(peers) <= MOST else 2
         lines = -(-len(peers) // columns)
         figure, axes = style.panels(1, columns, AROUND + LINE * lines, sharex=True)
@@ -55,6 +53,4 @@ def orders(rows: list[dict], claims: list[dict], directory: Path, name: str = "a
             ax.set_xlabel("measured less claimed order")
             ax.grid(axis="x", color="0.9", linewidth=0.5)
         style.legend_above(figure, axes[0][0], 3)
-    Path(directory).mkdir(parents=True, exist_ok=True)
-    style.write(figure, Path(directory) / name)
-    return name
+    return style.save(figure, directory, name)

@@ -18,20 +18,8 @@ QUANTITIES = {
 }
 
 
-def _settings():
-    import matplotlib
-
-    return matplotlib.rc_context(dict(matplotlib.rcParamsDefault) | style.RC | {"backend": "agg"})
-
-
 def _look(i: int) -> dict:
     return dict(zip(("color", "linestyle", "marker"), LOOKS[i % len(LOOKS)], strict=True))
-
-
-def _save(figure, directory: Path, name: str) -> str:
-    Path(directory).mkdir(parents=True, exist_ok=True)
-    style.write(figure, Path(directory) / name)
-    return name
 
 
 def errors(rows, names: dict[str, str], directory: Path, name: str) -> str:
@@ -46,7 +34,7 @@ def errors(rows, names: dict[str, str], directory: Path, name: str) -> str:
     import numpy as np
 
     columns = sorted(rows["e"].unique())
-    with _settings():
+    with style.settings():
         figure, axes = style.panels(len(QUANTITIES), len(columns), 7.6, sharex=True, sharey="row")
         for k, (quantity, label) in enumerate(QUANTITIES.items()):
             row = axes[k]
@@ -72,7 +60,7 @@ def errors(rows, names: dict[str, str], directory: Path, name: str) -> str:
         handles = [axes[0][0].plot([], [], label=names[m], **_look(i))[0] for i, m in enumerate(names)]
         figure.legend(handles=handles, loc="outside upper center", ncols=3, handlelength=3.4)
         figure.align_ylabels()
-    return _save(figure, directory, name)
+    return style.save(figure, directory, name)
 
 
 def work_precision(rows, problem: str, directory: Path) -> str:
@@ -80,7 +68,7 @@ def work_precision(rows, problem: str, directory: Path) -> str:
 
     ``rows`` is a DataFrame with the columns method, kind, seconds and error; returns the file's name in ``directory``.
     """
-    with _settings():
+    with style.settings():
         figure, axes = style.panels(1, 3, 3.8, sharex=True, sharey=True)
         ours = rows[rows["kind"] == "phasebench"]
         names = list(dict.fromkeys(ours["method"]))
@@ -99,4 +87,4 @@ def work_precision(rows, problem: str, directory: Path) -> str:
             ax.grid(color="0.9", linewidth=0.5)
             ax.legend(fontsize=6.5, loc="upper center", bbox_to_anchor=(0.5, -0.2), handlelength=2.6)
         axes[0][0].set_ylabel("error at the end, maximum norm")
-    return _save(figure, directory, f"work-precision-{problem.replace(':', '-')}.png")
+    return style.save(figure, directory, f"work-precision-{problem.replace(':', '-')}.png")

@@ -21,6 +21,7 @@ from benchmarks import problems
 from integrators import integrate
 from integrators.errors import InvalidInput
 
+from ..accuracy import end_state
 from .style import number
 
 #: The values of lambda in the talk's figures.
@@ -160,7 +161,7 @@ def refinement_differences(problem, id: str, steps, t_end: float = 1.0, **parame
     A difference is NaN where a run did not arrive.
     """
     runs = [integrate(problem, id, t_end=t_end, steps=n, save_every=0, parameters=parameters) for n in steps]
-    ends = [np.concatenate([s.q[-1], s.p[-1]]) + (0 if s.status == "ok" else np.nan) for s in runs]
+    ends = [end_state(s) + (0 if s.status == "ok" else np.nan) for s in runs]
     h = t_end / np.array(steps[1:])
     return h, np.abs(np.diff(ends, axis=0)).max(axis=1), runs
 

@@ -45,14 +45,19 @@ RC = {
 }
 
 
+def settings():
+    """A context of these settings alone, whatever the user's own are."""
+    import matplotlib
+
+    return matplotlib.rc_context(dict(matplotlib.rcParamsDefault) | RC | {"backend": "agg"})
+
+
 def drawn(draw):
-    """``draw`` under these settings alone, whatever the user's own are."""
+    """``draw`` under `settings`."""
 
     @functools.wraps(draw)
     def settled(quick: bool = False):
-        import matplotlib
-
-        with matplotlib.rc_context(dict(matplotlib.rcParamsDefault) | RC | {"backend": "agg"}):
+        with settings():
             return draw(quick)
 
     return settled
@@ -111,12 +116,18 @@ def number(x: float, digits: int = 3) -> str:
 
 def write(figure, path: Path) -> None:
     """Write a PNG of few colours that holds no date and no version: the same figure is the same bytes."""
-    import matplotlib
     from PIL import Image
 
     raw = io.BytesIO()
-    with matplotlib.rc_context(dict(matplotlib.rcParamsDefault) | RC | {"backend": "agg"}):
+    with settings():
         figure.savefig(raw, format="png", dpi=DPI, metadata={"Software": None})
     raw.seek(0)
     image = Image.open(raw).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
     image.save(path, format="PNG", optimize=True)
+
+
+def save(figure, directory: str | Path, name: str) -> str:
+    """`write` it into a directory, which is made where it is missing; returns its name there."""
+    Path(directory).mkdir(parents=True, exist_ok=True)
+    write(figure, Path(directory) / name)
+    return name

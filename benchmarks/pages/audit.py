@@ -28,12 +28,13 @@ def _versions(rows) -> list[str]:
     return list(dict.fromkeys(f"{r['package']} {r['version']}" for r in rows))
 
 
-def _more(claim) -> str:
+def _more(claim, rows) -> str:
     """Said of an order that is contradicted because it is higher."""
     if claim["property"] != "order" or claim["verdict"] != judge.CONTRADICTED:
         return ""
-    least = min(float(m.split()[0]) for m in claim["measured"].split("; "))
-    return ": more than is claimed" if least > float(claim["claim"].split()[-1]) else ""
+    on = claim["problems"].split(", ")
+    found = [r["value"] for r in rows if r["measure"] == "order" and r["peer"] == claim["peer"] and r["problem"] in on]
+    return ": more than is claimed" if min(found) > float(claim["claim"].removeprefix("order ")) else ""
 
 
 def _about(claim) -> str:
@@ -42,10 +43,10 @@ def _about(claim) -> str:
     return f"Its making: {peer.about}. " if peer else ""
 
 
-def _claims(claims, verdict: str) -> list[str]:
+def _claims(claims, rows, verdict: str) -> list[str]:
     return [
         f"- **{c['peer']}** ({c['package']} {c['version']}): claimed: {c['claim']} ({c['source']}). Measured: "
-        f"{c['measured']}{_more(c)}. {_about(c)}Reproduce: `{c['command']}`"
+        f"{c['measured']}{_more(c, rows)}. {_about(c)}Reproduce: `{c['command']}`"
         for c in claims
         if c["verdict"] == verdict
     ] or ["None."]
@@ -89,8 +90,8 @@ def _write(data, figures):
     if away:
         verdict.append(f"Not audited: {listed(_versions(away), 20)} ({len(away)} integrators, reasons below).")
     verdict.append(_controls(*own))
-    body = ["## Claims that are contradicted\n", *_claims(claims_there, judge.CONTRADICTED)]
-    body += ["\n## Claims that hold on some problems and not on others\n", *_claims(claims_there, judge.IN_PART)]
+    body = ["## Claims that are contradicted\n", *_claims(claims_there, rows, judge.CONTRADICTED)]
+    body += ["\n## Claims that hold on some problems and not on others\n", *_claims(claims_there, rows, judge.IN_PART)]
     picture = drawings.orders(rows, claims, figures)
     if picture:
         body += [

@@ -92,11 +92,9 @@ def _verdict(frame: pd.DataFrame, summary: pd.DataFrame) -> list[str]:
 
 def draw(frame: pd.DataFrame, directory: Path) -> str:
     """Errors of H and I against h omega / pi, a panel for each method; returns the file's name in ``directory``."""
-    import matplotlib
-
     names = list(dict.fromkeys(frame["method"]))
     columns = 3
-    with matplotlib.rc_context(dict(matplotlib.rcParamsDefault) | style.RC | {"backend": "agg"}):
+    with style.settings():
         figure, axes = style.panels(-(-len(names) // columns), columns, 6.4, sharex=True, sharey=True)
         for i, ax in enumerate(axes.flat):
             if i >= len(names):
@@ -121,10 +119,7 @@ def draw(frame: pd.DataFrame, directory: Path) -> str:
         for text, y, colour in (("error of H", 0.17, style.BLUE), ("error of I", 0.06, style.ORANGE)):
             last = axes.flat[len(names) - 1]
             last.text(0.96, y, text, color=colour, transform=last.transAxes, ha="right")
-        name = "oscillatory-resonances.png"
-        Path(directory).mkdir(parents=True, exist_ok=True)
-        style.write(figure, Path(directory) / name)
-    return name
+    return style.save(figure, directory, "oscillatory-resonances.png")
 
 
 def _write(data, figures):

@@ -25,7 +25,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from .record import Claims, Peer, Run
+from .record import Claims, Peer, Run, anything, split_alone
 
 #: Steps after which an adaptive run is given up: near a singularity they may shrink without end.
 STEP_LIMIT = 100_000
@@ -164,12 +164,6 @@ def _run_adaptive(which: str):
     return run
 
 
-def _lacks_unsplit(problem, system) -> str | None:
-    if not (system.canonical and system.separable):
-        return "its stages update q and p in turn: H must be T(p) + V(q)"
-    return None
-
-
 def _peer(id, which, name, order, about, source, claim=None, *, symplectic=False, adaptive=False) -> Peer:
     """A peer; ``order`` is the one measured, ``claim`` the order of the class attribute where that is another."""
     splitting = which in SPLITTING
@@ -197,7 +191,7 @@ def _peer(id, which, name, order, about, source, claim=None, *, symplectic=False
         source=source,
         run=_run_adaptive(which) if adaptive else _run_constant(which),
         scope="H = T(p) + V(q)" if splitting else "any",
-        lacks=_lacks_unsplit if splitting else lambda problem, system: None,
+        lacks=split_alone("its stages update q and p in turn: H must be T(p) + V(q)") if splitting else anything,
         claims=Claims(
             order=None if richardson else (claim or order),
             symplectic=symplectic,

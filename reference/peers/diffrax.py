@@ -28,7 +28,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from .record import Claims, Peer, Run
+from .record import Claims, Peer, Run, anything, split_alone
 
 #: rtol and atol of the solution of implicit equations, and how many iterations it may take.
 ROOT, ITERATIONS = 1e-12, 30
@@ -165,14 +165,7 @@ def _run(name: str, how: str):
     return run
 
 
-def _lacks_halves(problem, system) -> str | None:
-    if not (system.canonical and system.separable):
-        return "its two terms are q' of p alone and p' of q alone: H must be T(p) + V(q)"
-    return None
-
-
-def _anything(problem, system) -> str | None:
-    return None
+_lacks_halves = split_alone("its two terms are q' of p alone and p' of q alone: H must be T(p) + V(q)")
 
 
 def _peer(id, name, title, order, source, about="", *, how=WHOLE, symplectic=None) -> Peer:
@@ -189,7 +182,7 @@ def _peer(id, name, title, order, source, about="", *, how=WHOLE, symplectic=Non
         source=source,
         run=_run(name, how),
         scope="H = T(p) + V(q)" if how == HALVES else "any",
-        lacks=_lacks_halves if how == HALVES else _anything,
+        lacks=_lacks_halves if how == HALVES else anything,
         claims=Claims(
             order=order,
             symplectic=symplectic,

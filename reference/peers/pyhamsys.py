@@ -22,7 +22,6 @@ Source: C. Chandre, pyhamsys, https://github.com/cchandre/pyhamsys; P. Pihajoki,
 
 from __future__ import annotations
 
-import importlib
 import time
 from functools import lru_cache
 
@@ -30,7 +29,7 @@ import numpy as np
 
 from integrators.errors import InvalidInput
 
-from .record import Claims, Peer, Run
+from .record import Claims, Peer, Run, split_alone
 
 #: The most steps of one call of pyhamsys, and of one with two copies that are not set to their mean.
 PIECE, MOST = 256, 100_000
@@ -160,10 +159,9 @@ def _run(solver: str, position_first: bool, extension: bool, omega: float | None
     return run
 
 
-def _lacks_splitting(problem, system) -> str | None:
-    if not (system.canonical and system.separable):
-        return "chi and chi_star are flows of T(p) and V(q): H must be their sum (the extended peers take any H)"
-    return None
+_lacks_splitting = split_alone(
+    "chi and chi_star are flows of T(p) and V(q): H must be their sum (the extended peers take any H)"
+)
 
 
 def _lacks_canonical(problem, system) -> str | None:
@@ -199,7 +197,6 @@ def _peer(solver: str, order: int, about: str, source: str, *, position_first=Fa
         scope="any Hamiltonian" if extension else "H = T(p) + V(q)",
         lacks=_lacks_canonical if extension else _lacks_splitting,
         claims=claim,
-        load=importlib.import_module,
     )
 
 

@@ -45,6 +45,15 @@ def anything(problem, system) -> str | None:
     return None
 
 
+def split_alone(why: str) -> Callable[[Any, Any], str | None]:
+    """The ``lacks`` of a peer that can do canonical H = T(p) + V(q) alone, for the reason ``why``."""
+
+    def lacks(problem, system) -> str | None:
+        return None if system.canonical and system.separable else why
+
+    return lacks
+
+
 @dataclass(frozen=True)
 class Peer:
     """An integrator from elsewhere.
