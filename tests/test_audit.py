@@ -265,6 +265,17 @@ def test_the_page_is_written_from_rows(controls, lying, tmp_path):
     assert PAGE.write(lambda n: None, tmp_path) is None
 
 
+@pytest.mark.parametrize(("claimed", "said"), [(1, True), (6, False)])
+def test_the_page_says_where_an_order_is_more_than_claimed(controls, claimed, said, tmp_path):
+    peer = replace(relabelled("rk4", order=claimed), package="somewhere")
+    about = {"peer": peer.id, "package": peer.package, "version": "1"}
+    rows = [r | about for r in controls.rows if r["peer"] == "rk4"]
+    tables = {"audit": pd.DataFrame(rows), "audit_claims": pd.DataFrame(judge.claims(peer, "1", rows))}
+    _, body = PAGE.write(tables.get, tmp_path)
+    assert f"claimed: order {claimed} " in body
+    assert (": more than is claimed" in body) is said
+
+
 def test_the_terminal_shows_rows_and_claims(controls):
     console = Console(file=io.StringIO(), width=300)
     show(Audit(controls.rows, controls.claims, ["a remark"]), console)

@@ -124,6 +124,10 @@ def test_the_advance_of_another_orbit_is_its_own():
     advance = kepler.measured_advance(truth, when[-1], found.perihelion[-1], found.anomaly[-1])
     assert abs(advance - kepler.truth(other).advance) < 1e-13
     assert abs(advance - truth.advance) > 1e-4
+    away = kepler.truth(other).advance - truth.advance
+    told = kepler.advances(truth, when, found, -1)
+    assert told == {"advance": advance, "advance error": pytest.approx(away, abs=1e-13)}
+    assert kepler.advances(kepler.truth(made("kepler", 0.6)), when, found, -1) == {}
 
 
 def test_phases_are_unwrapped_over_many_turns():
