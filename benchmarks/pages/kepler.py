@@ -193,7 +193,8 @@ def _sections(ends, growth, figures) -> list[str]:
                 shown = rows[(rows["group"] == group) & rows["setting"].isin([setting, "adaptive"])]
                 if shown.empty:
                     continue
-                names = {m: m for m in dict.fromkeys(shown["method"])}
+                # Of all settings: a method looks the same in every figure of its group.
+                names = {m: m for m in dict.fromkeys(rows[rows["group"] == group]["method"])}
                 slug = f"kepler-{problem}-{group}-{setting}".replace(" ", "-")
                 file = drawings.errors(shown, names, figures, f"{slug}.png")
                 body.append(f"### Methods of {group}, {setting}\n")

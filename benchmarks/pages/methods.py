@@ -53,7 +53,8 @@ def _write(data, figures):
         "How well a method keeps the energy, and invariants of the form q.D p (linear and angular momentum): `round-off`, "
         "`bounded` (oscillates) or `drift`. The parameterized schemes keep general quadratic invariants only at lambda = 1/2; "
         "those of the form q.D p at every lambda.\n",
-        "The works are in `integrators/bibliography.bib`; `phasebench cite` prints those of the methods of a report.\n",
+        "The works are in `integrators/bibliography.bib` and `benchmarks/problems/bibliography.bib`; `phasebench cite` prints "
+        "those of the methods and problems of a report.\n",
         "## Methods\n",
         table(pd.DataFrame(describe.methods())),
         "## Problems\n",
