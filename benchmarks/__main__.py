@@ -1,10 +1,10 @@
-"""The command line: ``python -m benchmarks``, installed as ``phasebench``; its commands are in `benchmarks.cli`."""
+"""The command line: ``python -m benchmarks``, installed as ``phasebench``; its commands are in `cli`."""
 
 from __future__ import annotations
 
 import sys
 
-from benchmarks.cli import app, main
+from phasebench.benchmarks.cli import app, main
 
 __all__ = ["app", "main"]
 

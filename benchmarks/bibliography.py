@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
-import integrators
-from integrators.errors import unknown
-from integrators.registry import BY_ID
+from phasebench import integrators
+from phasebench.integrators.errors import unknown
+from phasebench.integrators.registry import BY_ID
 
 from . import problems
 

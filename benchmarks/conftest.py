@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.results import Results
+from phasebench.benchmarks.rows.tables import Results
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).resolve().parents[1]
 
 
 def pytest_addoption(parser):
@@ -59,7 +59,7 @@ def pytest_terminal_summary(terminalreporter, exitstatus, config):
         return
     terminalreporter.section("reports")
     results.write()
-    from benchmarks import report
+    from phasebench.benchmarks import report
 
     entry = report.build(
         results.folder, quick=results.quick, progress=terminalreporter.write_line, figures=not _partial(config)

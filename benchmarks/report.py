@@ -8,8 +8,44 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from . import pages, results
-from .markdown import measured_on
+from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
+from phasebench.benchmarks.experiments.catalogue.coefficients import PAGE as COEFFICIENTS
+from phasebench.benchmarks.experiments.catalogue.methods import PAGE as METHODS
+from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as EQUIP
+from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
+from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
+from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
+from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
+from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATORY
+from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
+from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
+from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
+from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
+from phasebench.benchmarks.experiments.waves.page import PAGE as PDE
+from phasebench.benchmarks.experiments.wisdom_holman.page import PAGE as WISDOM_HOLMAN
+from phasebench.benchmarks.page.markdown import measured_on
+from phasebench.benchmarks.page.page import Page
+
+from .rows import tables as results
+
+#: In the order in which a reader wants them.
+PAGES: tuple[Page, ...] = (
+    PRINTED,
+    MATRIX,
+    ORDERS,
+    COEFFICIENTS,
+    STRUCTURE,
+    INVARIANTS,
+    EQUIP,
+    OSCILLATORY,
+    PDE,
+    KEPLER,
+    WISDOM_HOLMAN,
+    AUDIT,
+    REFERENCES,
+    SPEED,
+    METHODS,
+)
 
 
 class Data:
@@ -43,7 +79,7 @@ def build(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     data = Data(folder)
-    from . import figures as seeds
+    from .experiments.talks import gallery as seeds
 
     if figures:
         progress("drawing the figures")
@@ -52,7 +88,7 @@ def build(
         drawn = seeds.standing(folder / "figures")
     verdicts: list[str] = []
     contents: list[str] = []
-    for page in pages.PAGES:
+    for page in PAGES:
         found = page.write(data, folder / "figures")
         missing = [t for t in page.tables if data(t) is None]
         text = [f"# {page.title}\n"]
@@ -69,7 +105,7 @@ def build(
     if drawn:
         contents += _gallery(folder, drawn)
     entry = folder / "README.md"
-    about = next((data.about(t) for p in pages.PAGES for t in p.tables if data.about(t)), None)
+    about = next((data.about(t) for p in PAGES for t in p.tables if data.about(t)), None)
     heading = "# phasebench: what was measured\n"
     tier = "" if not quick else "This is the quick tier: few steps, few rounds; it shows that the suite runs.\n"
     entry.write_text(

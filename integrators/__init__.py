@@ -1,6 +1,6 @@
 """Geometric integrators of Hamiltonian systems: the schemes, and nothing of problems, references or reports.
 
->>> from integrators import Hamiltonian, integrate
+>>> from phasebench.integrators import Hamiltonian, integrate
 >>> pendulum = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
 >>> solution = integrate(pendulum, "scheme-i", h=0.01, t_end=1.0, q0=[1.0], p0=[0.0])
 >>> solution.status
@@ -12,8 +12,8 @@ from __future__ import annotations
 import importlib
 
 _HOMES = {
-    "Hamiltonian": "hamiltonian",
-    "PartitionedSystem": "hamiltonian",
+    "Hamiltonian": "systems.hamiltonian",
+    "PartitionedSystem": "systems.hamiltonian",
     "InvalidInput": "errors",
     "METHODS": "registry",
     "Method": "record",
@@ -30,4 +30,4 @@ def __getattr__(name: str):
         value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
         globals()[name] = value
         return value
-    raise AttributeError(f"module 'integrators' has no attribute '{name}'")
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -11,9 +11,10 @@ from numbers import Real
 import mpmath
 import numpy as np
 
-from . import codegen, solve
-from .codegen import DOUBLE, MULTIPRECISION
-from .compile import kernel, prepare, zeros
+from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
+from phasebench.integrators.engine.kernel import kernel, prepare, zeros
+
+from .engine import codegen, solve
 from .errors import InvalidInput
 from .record import Method
 from .registry import method as method_of

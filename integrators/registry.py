@@ -12,13 +12,15 @@ from .records import (
     collocation,
     compositions,
     energy,
-    kepler,
     oscillatory,
     parametric,
     poisson,
     projection,
     splittings,
     variational,
+)
+from .records import (
+    wisdom_holman as kepler,
 )
 
 METHODS: tuple[Method, ...] = (

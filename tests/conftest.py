@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import multiprecision
+from phasebench.benchmarks.measure import multiprecision
 
 HERE = Path(__file__).resolve().parent
 

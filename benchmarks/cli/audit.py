@@ -17,8 +17,8 @@ def audit(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Measure established integrators, all where none is named, and show which of their claims hold."""
-    from benchmarks.audit import audit as measure
-    from benchmarks.audit.table import show
+    from phasebench.benchmarks.experiments.audit.audit import audit as measure
+    from phasebench.benchmarks.experiments.audit.table import show
 
     with invalid_input(), err.status("audit") as status:
         found = measure([*package, *peer] or None, quick=quick, progress=status.update)

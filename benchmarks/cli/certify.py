@@ -17,7 +17,7 @@ def certify(
     ] = None,
 ) -> None:
     """Compute stored reference states anew and show that nothing moved; exit code 1 where something did."""
-    from benchmarks import certify as references
+    from phasebench.benchmarks.experiments.references import certify as references
 
     with invalid_input():
         code = references.certify(problem or (), update=update, t_end=t_end, console=out, progress=err)

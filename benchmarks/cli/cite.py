@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from integrators.errors import InvalidInput
+from phasebench.integrators.errors import InvalidInput
 
 from .shared import invalid_input
 
@@ -19,7 +19,7 @@ def cite(
     folder: Annotated[Path, typer.Option(help="The report's folder.")] = Path("reports"),
 ) -> None:
     """Print BibTeX for the works behind methods and problems, or behind all that a report used."""
-    from benchmarks import bibliography
+    from phasebench.benchmarks import bibliography
 
     with invalid_input():
         try:

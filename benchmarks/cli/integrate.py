@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown
 
 from .shared import WRONG, complain, invalid_input, numbers, out, pairs, values
 
@@ -70,31 +70,31 @@ def integrate(
 
 def _made(name: str | None, hamiltonian: str | None, parameters: dict[str, float], q0, p0):
     """The problem of that name, or of the formula, which ``name`` then labels."""
-    from benchmarks.problems import PROBLEMS, file_and_orbit, problem
+    from phasebench.benchmarks.problems import PROBLEMS, file_and_orbit, problem
 
     if hamiltonian is None:
         return problem(name, **parameters)
     if name is not None and (name.partition(":")[0] in PROBLEMS or file_and_orbit(name)[0]):
         raise InvalidInput(f"both the problem '{name}' and --hamiltonian are given; leave out one of them")
-    from benchmarks.problems.user import from_formula
+    from phasebench.benchmarks.problems.user import from_formula
 
     return from_formula(hamiltonian, q0, p0, parameters, id=name)
 
 
 def _label(word: str) -> tuple[str | None, str | None]:
     """(label, method) of the one word beside a formula: the method, unless it is a problem's name."""
-    from benchmarks.problems import PROBLEMS
+    from phasebench.benchmarks.problems import PROBLEMS
 
     return (word, None) if word.partition(":")[0] in PROBLEMS else (None, word)
 
 
 def _integrated(made, id, parameters, h, t_end, steps, tol, q, p, timeout) -> dict[str, Any]:
-    from integrators.registry import BY_ID
-    from integrators.registry import method as method_of
-    from reference.peers import BY_ID as PEERS
+    from phasebench.integrators.registry import BY_ID
+    from phasebench.integrators.registry import method as method_of
+    from phasebench.reference.peers import BY_ID as PEERS
 
     if id in PEERS:
-        from reference.peers import integrate_peer
+        from phasebench.reference.peers import integrate_peer
 
         if parameters:
             raise InvalidInput(f"'{id}' has no parameters; it takes --h or --tol")
@@ -110,7 +110,7 @@ def _integrated(made, id, parameters, h, t_end, steps, tol, q, p, timeout) -> di
         raise unknown("method", id, [*BY_ID, *PEERS])
     if tol is not None:
         raise InvalidInput(f"'{id}' takes a step --h, no tolerance")
-    from integrators.driver import integrate as run
+    from phasebench.integrators.driver import integrate as run
 
     chosen = method_of(id, **parameters)
     common = {"h": h, "t_end": t_end, "steps": steps, "q0": q, "p0": p, "timeout": timeout}

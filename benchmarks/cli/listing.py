@@ -20,28 +20,28 @@ class Kind(StrEnum):
 
 
 def _methods() -> tuple[list[str], list[list[str]]]:
-    from benchmarks import describe
+    from phasebench.benchmarks.experiments.catalogue import describe
 
     table = describe.methods()
     return list(table[0]), [list(r.values()) for r in table]
 
 
 def _problems() -> tuple[list[str], list[list[str]]]:
-    from benchmarks.problems import PROBLEMS
+    from phasebench.benchmarks.problems import PROBLEMS
 
     heads = ["problem", "name", "orbits (the first is the default)"]
     return heads, [[id, name, ", ".join(orbits)] for id, (_, name, orbits) in PROBLEMS.items()]
 
 
 def _scenes() -> tuple[list[str], list[list[str]]]:
-    from benchmarks.scenes import SCENES
+    from phasebench.benchmarks.problems.scenes import SCENES
 
     heads = ["scene", "problem", "purpose", "t_end", "h"]
     return heads, [[s.id, s.problem, s.purpose, f"{s.t_end:g}", ", ".join(f"{h:g}" for h in s.steps)] for s in SCENES]
 
 
 def _peers() -> tuple[list[str], list[list[str]]]:
-    from reference.peers import PEERS
+    from phasebench.reference.peers import PEERS
 
     heads = ["peer", "name", "package", "step", "problems", "license"]
     step = {True: "adaptive (--tol)", False: "fixed (--h)"}

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from integrators.errors import InvalidInput
+from phasebench.integrators.errors import InvalidInput
 
 from .shared import err, invalid_input, out
 
@@ -18,9 +18,9 @@ def report(
     figures: Annotated[bool, typer.Option(help="Draw the talks' figures anew.")] = True,
 ) -> None:
     """Write the report of a folder from the tables in its ``data``."""
-    from benchmarks import report as reports
-    from benchmarks.results import Results
-    from benchmarks.store import Store
+    from phasebench.benchmarks import report as reports
+    from phasebench.benchmarks.rows.store import Store
+    from phasebench.benchmarks.rows.tables import Results
 
     with invalid_input():
         if rows is not None:

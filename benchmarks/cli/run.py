@@ -22,11 +22,11 @@ def run(
     """Sweep methods over scenes into tidy rows, kept on disk as they are measured."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from benchmarks import peer_rows, sweep
-    from benchmarks.scenes import BY_ID, SCENES
-    from benchmarks.store import Store
-    from integrators.errors import unknown
-    from integrators.registry import METHODS
+    from phasebench.benchmarks.experiments.trade import peer_rows, sweep
+    from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
+    from phasebench.benchmarks.rows.store import Store
+    from phasebench.integrators.errors import unknown
+    from phasebench.integrators.registry import METHODS
 
     methods = [m.id for m in (*METHODS, *peer_rows.swept())]
     with invalid_input():

@@ -9,7 +9,7 @@ from fractions import Fraction
 import typer
 from rich.console import Console
 
-from integrators.errors import InvalidInput
+from phasebench.integrators.errors import InvalidInput
 
 out, err = Console(), Console(stderr=True)
 #: Exit codes of a run that went wrong, and of input that cannot be used.

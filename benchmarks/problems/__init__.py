@@ -8,7 +8,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown
 
 if TYPE_CHECKING:
     from .base import Problem

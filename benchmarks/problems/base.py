@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import sympy as sp
 
-from integrators.errors import unknown
-from integrators.hamiltonian import PartitionedSystem
+from phasebench.integrators.errors import unknown
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 
 @dataclass(frozen=True)

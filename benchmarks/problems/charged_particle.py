@@ -11,8 +11,8 @@ gyrates with a frequency near R and drifts around the origin.  Start: q = (0, -1
 
 import sympy as sp
 
-from integrators.errors import InvalidInput
-from integrators.hamiltonian import Hamiltonian
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Problem
 

@@ -13,8 +13,8 @@ motion is an elliptic function of time (`exact` gives q and the period):
 import mpmath
 import sympy as sp
 
-from integrators.errors import InvalidInput
-from integrators.hamiltonian import Hamiltonian
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Problem
 

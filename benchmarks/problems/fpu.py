@@ -14,8 +14,8 @@ times exponentially long in omega: an adiabatic invariant, not an exact one (`os
 
 import sympy as sp
 
-from integrators.errors import InvalidInput
-from integrators.hamiltonian import Hamiltonian
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Problem
 

@@ -2,7 +2,7 @@
 
 import sympy as sp
 
-from integrators.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Problem
 

@@ -2,9 +2,9 @@
 
 import sympy as sp
 
-from integrators.errors import InvalidInput
-from integrators.hamiltonian import Hamiltonian
-from integrators.wisdom_holman import KeplerPart
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.families.wisdom_holman import KeplerPart
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Problem
 

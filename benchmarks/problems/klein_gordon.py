@@ -23,10 +23,10 @@ from math import cosh, sqrt
 import numpy as np
 import sympy as sp
 
-from integrators.codegen import value_kind
-from integrators.errors import InvalidInput
-from integrators.hamiltonian import Hamiltonian
-from integrators.hand import HandHamiltonian
+from phasebench.integrators.engine.codegen import value_kind
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.hand import HandHamiltonian
 
 from .base import Orbit, Problem
 

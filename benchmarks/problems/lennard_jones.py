@@ -12,7 +12,7 @@ from math import sqrt
 
 import sympy as sp
 
-from integrators.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Problem
 from .n_body import bodies

@@ -6,7 +6,7 @@ q = u, p = v: the symplectic Euler method that is implicit in u and explicit in 
 
 import sympy as sp
 
-from integrators.poisson_system import PoissonSystem
+from phasebench.integrators.systems.poisson import PoissonSystem
 
 from .base import Orbit, Problem
 

@@ -8,7 +8,7 @@ from math import log
 
 import sympy as sp
 
-from integrators.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Problem
 

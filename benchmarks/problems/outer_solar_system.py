@@ -8,8 +8,8 @@ from itertools import combinations
 
 import sympy as sp
 
-from integrators.hamiltonian import Hamiltonian
-from integrators.wisdom_holman import jacobi
+from phasebench.integrators.families.wisdom_holman import jacobi
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Problem
 

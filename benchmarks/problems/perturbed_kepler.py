@@ -2,8 +2,8 @@
 
 import sympy as sp
 
-from integrators.hamiltonian import Hamiltonian
-from integrators.wisdom_holman import KeplerPart
+from phasebench.integrators.families.wisdom_holman import KeplerPart
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Problem
 from .kepler import pericentre, plane

@@ -10,7 +10,7 @@ of DynamicalSystems.jl, taken as (q0, q2, p0, p2), which gives H = 20 (that pack
 
 import sympy as sp
 
-from integrators.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Problem
 

@@ -21,8 +21,8 @@ from math import sqrt
 
 import sympy as sp
 
-from integrators.errors import InvalidInput
-from integrators.hamiltonian import Hamiltonian
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Problem
 

@@ -10,7 +10,7 @@ T = 6.32591398; the further digits are of the data to 18 digits of Li & Liao for
 
 import sympy as sp
 
-from integrators.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Problem
 from .n_body import bodies

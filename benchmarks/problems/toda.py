@@ -12,8 +12,8 @@ of parameter m with :math:`\kappa = 2K(m)/N`; w is such that the product of the 
 import mpmath
 import sympy as sp
 
-from integrators.errors import InvalidInput
-from integrators.hamiltonian import Hamiltonian
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Problem
 

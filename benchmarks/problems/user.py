@@ -27,9 +27,9 @@ import mpmath
 import numpy as np
 import sympy as sp
 
-from integrators import formula
-from integrators.errors import InvalidInput
-from integrators.hamiltonian import Hamiltonian, PartitionedSystem
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems import formula
+from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
 from . import PROBLEMS, check_parameters
 from .base import Orbit, Problem

@@ -1,7 +1,7 @@
 """Coefficients of compositions and splittings: as published, each with its source, and polished to full precision.
 
 `TABLES` holds them as published; `polished` and `steps` give them as numbers of 60 digits that satisfy the order
-conditions to 1e-50 and better, from ``polished.json``, which ``python -m integrators.polish`` writes.
+conditions to 1e-50 and better, from ``polished.json``, which `polish` writes.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from pathlib import Path
 
 import mpmath
 
-from ..composition import DIGITS
-from ..errors import unknown
+from phasebench.integrators.errors import unknown
+
 from . import compositions, gauss, nystrom, splittings
+from .fractions import DIGITS
 from .table import Table, value
 
 TABLES: tuple[Table, ...] = (*compositions.TABLES, *splittings.TABLES, *gauss.TABLES, *nystrom.TABLES)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import mpmath
 
-from ..composition import DIGITS
+from .fractions import DIGITS
 from .table import value
 
 STAGES = 12

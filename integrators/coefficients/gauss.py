@@ -11,7 +11,7 @@ from fractions import Fraction
 
 import mpmath
 
-from ..composition import DIGITS
+from .fractions import DIGITS
 from .table import Table
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import mpmath
 
-from ..composition import DIGITS, mirrored
+from .fractions import DIGITS, mirrored
 
 #: A decimal of more digits is a rounded number, which may be polished; a shorter one, or a fraction, is a choice.
 EXACT_DIGITS = 6

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from ..record import BOUNDED, DRIFT, ROUND_OFF, Method
+from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF, Method
 
 HALF = Fraction(1, 2)
 HLW = "Hairer, Lubich & Wanner 2006"

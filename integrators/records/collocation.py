@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..coefficients import dop853
-from ..record import BOUNDED, DRIFT, ROUND_OFF, Method
+from phasebench.integrators.coefficients import dop853
+from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF, Method
 
 HLW = "Hairer, Lubich & Wanner 2006"
 BIT = "Brugnano, Iavernaro & Trigiante"
@@ -12,7 +12,7 @@ BIT = "Brugnano, Iavernaro & Trigiante"
 def collocation(id, name, order, source, cite, data, **facts):
     """A method of the family `stages`, symmetric and symplectic where not said otherwise."""
     facts = {"symmetric": True, "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF} | facts
-    return Method(id=id, name=name, family="stages", order=order, source=source, cite=cite, data=data, **facts)
+    return Method(id=id, name=name, family="collocation", order=order, source=source, cite=cite, data=data, **facts)
 
 
 def gauss(s):
@@ -93,7 +93,7 @@ def equip(s):
     return Method(
         id=f"gauss-equip-{s}",
         name=f"EQUIP: Gauss, {s} stages, with the parameter that keeps the energy",
-        family="gauss_equip",
+        family="equip",
         order=2 * s,
         symmetric=True,
         symplectic=False,

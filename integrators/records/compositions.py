@@ -13,10 +13,11 @@ from dataclasses import replace
 
 import mpmath
 
-from .. import coefficients
-from ..composition import DIGITS, times
-from ..errors import InvalidInput
-from ..record import Method
+from phasebench.integrators import coefficients
+from phasebench.integrators.coefficients.fractions import DIGITS, times
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.record import Method
+
 from . import classical, parametric
 
 #: Fractions that do not add up to the step to this are no composition.
@@ -28,7 +29,7 @@ def composed(base: Method, fractions: str | Sequence, **facts) -> Method:
 
     Parameters
     ----------
-    base : a symmetric record of order 2, of the family "parametric" or "equip"; its parameters stay parameters
+    base : a symmetric record of order 2, of the family "parametric" or "schemes_iv_v"; its parameters stay parameters
     fractions : the name of a composition in `coefficients`, or all the fractions
     facts : fields of the record that are to differ (id, name, source, order, ...); without an order it is computed
         from the fractions
@@ -67,13 +68,13 @@ def _exact(fractions) -> tuple[mpmath.mpf, ...]:
 
 
 def _order(gamma) -> int:
-    from ..order_conditions import classical_order
+    from phasebench.integrators.coefficients.order_conditions import classical_order
 
     return classical_order("composition", gamma, tolerance=SUM)
 
 
 def _data(base: Method, gamma) -> tuple:
-    if base.family not in ("parametric", "equip"):
+    if base.family not in ("parametric", "schemes_iv_v"):
         raise InvalidInput(f"'{base.label}' is of the family {base.family}; parametric and equip can be composed")
     if not base.symmetric or base.order != 2:
         kind = "symmetric" if base.symmetric else "not symmetric"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from ..composition import suzuki, times, triple_jump
-from ..record import BOUNDED, DRIFT, ROUND_OFF, Method
+from phasebench.integrators.coefficients.fractions import suzuki, times, triple_jump
+from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF, Method
 
 HALF = Fraction(1, 2)
 GONZALEZ = "Gonzalez 1996"

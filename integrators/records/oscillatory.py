@@ -7,8 +7,7 @@ the class holds for all of them.
 
 from __future__ import annotations
 
-from ..errors import InvalidInput
-from ..filters import (
+from phasebench.integrators.coefficients.filters import (
     cayley,
     hochbruck_lubich,
     one,
@@ -18,7 +17,8 @@ from ..filters import (
     tanc_half,
     verlet_power,
 )
-from ..record import BOUNDED, Method
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.record import BOUNDED, Method
 
 HLW = "Hairer, Lubich & Wanner 2006, XIII"
 #: The most substeps of a step of multiple time stepping.

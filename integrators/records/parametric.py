@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from ..composition import SCHEMES, times
-from ..errors import InvalidInput
-from ..record import BOUNDED, ROUND_OFF, Method
+from phasebench.integrators.coefficients.fractions import SCHEMES, times
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
 HALF = Fraction(1, 2)
 TALK = "Wang, Bo & Cai (talk)"
@@ -67,7 +67,7 @@ def equip_method(id, name, signs, source, fractions=(Fraction(1),), order=2, alt
     return Method(
         id=id,
         name=name,
-        family="equip",
+        family="schemes_iv_v",
         data=equip_rows(signs, fractions, alternative),
         order=order,
         symmetric=True,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..record import BOUNDED, ROUND_OFF, Method
+from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
 METHODS: tuple[Method, ...] = tuple(
     Method(

@@ -5,21 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 
-from ..composition import SCHEMES, times
-from ..errors import InvalidInput
-from ..record import BOUNDED, DRIFT, ROUND_OFF, Method
-from . import classical, collocation, parametric
+from phasebench.integrators.coefficients.fractions import SCHEMES, times
+from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF, Method
+
+from . import classical, collocation, compositions, parametric, splittings
 
 ONTO = ("energy", "invariants")
 FAMILIES = ("runge_kutta", "parametric", "splitting")
 
 
+#: Id -> record of what may be projected or relaxed by its name.
+BASES = {m.id: m for module in (classical, parametric, splittings, compositions, collocation) for m in module.METHODS}
+
+
 def _method(base: Method | str, **parameters) -> Method:
     if isinstance(base, Method):
         return base(**parameters)
-    from ..registry import method  # it imports this module
-
-    return method(base, **parameters)
+    if base not in BASES:
+        raise unknown("base method", base, BASES)
+    return BASES[base](**parameters)
 
 
 def _derived(base: Method, facts: Callable[[Method], dict], **fixed) -> Method:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import mpmath
 
-from .. import coefficients
-from ..coefficients import Table
-from ..composition import substeps
-from ..record import BOUNDED, ROUND_OFF, Method
+from phasebench.integrators import coefficients
+from phasebench.integrators.coefficients import Table
+from phasebench.integrators.coefficients.fractions import substeps
+from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
 NAMES = {
     "splitting": "splitting",

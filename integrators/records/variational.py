@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..record import BOUNDED, ROUND_OFF, Method
+from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
 MW, OS = "Marsden & West 2001, 2.6.6", "Ober-Bloebaum & Saake 2015"
 

@@ -6,7 +6,7 @@ read out after it stops (SciPy's rows between steps are interpolated inside it).
 
 from __future__ import annotations
 
-from integrators.errors import unknown
+from phasebench.integrators.errors import unknown
 
 from . import desolver, diffrax, gala, galpy, heyoka, pyhamsys, rebound, scipy
 from .record import Claims, Peer, Run

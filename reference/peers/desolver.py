@@ -61,7 +61,7 @@ def _integrator(which: str, size: int, h: float):
 
 def _right_hand_side(system):
     """A counting (t, y) -> y'."""
-    from integrators import codegen
+    from phasebench.integrators.engine import codegen
 
     from .scipy import compiled_field
 

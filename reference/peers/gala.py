@@ -19,7 +19,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from integrators.record import BOUNDED, DRIFT
+from phasebench.integrators.record import BOUNDED, DRIFT
 
 from .galactic import is_henon_heiles, powers
 from .record import Claims, Peer, Run

@@ -209,7 +209,7 @@ def _integrate(method, potential, start, times, options):
 @lru_cache(maxsize=256)
 def _hopeless(system, q: tuple, p: tuple, end: float) -> str | None:
     """Why an adaptive integrator of galpy would not return from this orbit, as heyoka finds it; None where it would."""
-    from .. import taylor
+    from phasebench.reference.solvers import taylor
 
     ta = taylor.integrator(system, float)
     taylor.start(ta, float, q, p)

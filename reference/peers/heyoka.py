@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from integrators.record import ROUND_OFF
+from phasebench.integrators.record import ROUND_OFF
 
 from .record import Claims, Peer, Run
 
@@ -25,7 +25,7 @@ DOCUMENTATION = "https://bluescarni.github.io/heyoka.py/"
 
 @lru_cache(maxsize=KEPT)
 def _scalar(system, tol):
-    from .. import taylor
+    from phasebench.reference.solvers import taylor
 
     return taylor.integrator(system, float, tol)
 
@@ -40,7 +40,7 @@ def _batch(system, tol):
 
 
 def _run(problem, system, q, p, h, index, t, tol) -> Run:
-    from .. import taylor
+    from phasebench.reference.solvers import taylor
 
     ta = _scalar(system, tol)
     taylor.start(ta, float, q, p)
@@ -53,7 +53,7 @@ def _run(problem, system, q, p, h, index, t, tol) -> Run:
 def _run_batch(problem, system, q, p, h, index, t, tol) -> Run:
     import heyoka as hy
 
-    from .. import taylor
+    from phasebench.reference.solvers import taylor
 
     ta = _batch(system, tol)
     lanes = ta.batch_size

@@ -27,7 +27,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from integrators.errors import InvalidInput
+from phasebench.integrators.errors import InvalidInput
 
 from .record import Claims, Peer, Run, split_alone
 
@@ -44,7 +44,7 @@ def _flows(system):
     """(h, t, y) -> y by the flows of V and then T, and by those of T and then V, compiled."""
     import numba
 
-    from integrators import codegen, vector
+    from phasebench.integrators.engine import codegen, vector
 
     d, grad_V, load, zero = system.d, system.grad_V(), vector.load, (0.0,) * system.d
     grad_T = system.grad_T() or numba.njit(lambda p: p)
@@ -95,7 +95,7 @@ def _whole(system):
     """pyhamsys's system of any H."""
     from pyhamsys import HamSys
 
-    from integrators.codegen import compiled
+    from phasebench.integrators.engine.codegen import compiled
 
     from .scipy import compiled_field
 

@@ -11,10 +11,10 @@ Source: H. Rein, S.-F. Liu, Astron. Astrophys. 537 (2012) A128.
 
 from __future__ import annotations
 
-from integrators.record import DRIFT, ROUND_OFF
+from phasebench.integrators.record import DRIFT, ROUND_OFF
 
-from .. import nbody
-from ..nbody import CENTRAL, GRAVITY, POTENTIAL
+from . import particles as nbody
+from .particles import CENTRAL, GRAVITY, POTENTIAL
 from .record import Claims, Peer, Run
 
 DOCUMENTATION = "https://rebound.readthedocs.io/en/latest/integrators/ and sim.integrator.__doc__ of version 5.2"
@@ -50,7 +50,7 @@ def _setting(kinds, forces: bool, system):
 
 def _lacks(integrator: str, kinds, forces: bool):
     def lacks(problem, system) -> str | None:
-        from integrators.codegen import compiled
+        from phasebench.integrators.engine.codegen import compiled
 
         found = nbody.settings(system)
         if not found:

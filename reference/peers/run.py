@@ -6,7 +6,7 @@ from math import isfinite
 
 import numpy as np
 
-from integrators.errors import InvalidInput
+from phasebench.integrators.errors import InvalidInput
 
 from .record import Peer
 
@@ -50,7 +50,7 @@ def integrate_peer(
     InvalidInput
         For input that cannot be used, or a problem that the peer cannot do.
     """
-    from integrators.driver import COLLISION, DIVERGED, OK, SKIPPED, grid, initial
+    from phasebench.integrators.driver import COLLISION, DIVERGED, OK, SKIPPED, grid, initial
 
     from . import peer
 
@@ -90,7 +90,7 @@ def integrate_peer(
 
 
 def _solution(chosen, t, Q, P, status, reason, steps, gradient, h, seconds):
-    from integrators.driver import Solution
+    from phasebench.integrators.driver import Solution
 
     counts = {"steps": int(steps), "gradient": int(gradient), "hessian": 0, "iterations": 0, "fallbacks": 0}
     aux = np.full(len(Q) - 1, np.nan)

@@ -33,7 +33,7 @@ def compiled_field(system):
     import numba
     from numba import float64
 
-    from integrators import codegen, vector
+    from phasebench.integrators.engine import codegen, vector
 
     field, d, load = system.field(), system.d, vector.load
     zero = (0.0,) * d
@@ -108,7 +108,7 @@ def _failure(solver, message, before: float, steps: int) -> str | None:
 
 def _off(problem, system) -> str | None:
     """Whether Numba compiles nothing here."""
-    from integrators import codegen
+    from phasebench.integrators.engine import codegen
 
     return None if codegen.compiled() else "compilation is off (NUMBA_DISABLE_JIT)"
 

@@ -1,0 +1,1 @@
+"""Are the established integrators what their packages claim?"""

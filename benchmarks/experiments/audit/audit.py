@@ -1,0 +1,126 @@
+"""The audit: established integrators run as black boxes, what they claim against what is measured.
+
+    from phasebench.benchmarks.experiments.audit.audit import audit
+    found = audit(["rebound-leapfrog", "scipy"])
+    print(found.contradictions)
+
+For each integrator (a `reference.peers.Peer`): order with its interval, symplecticity and reversibility defects beside
+what methods of proved structure show through the same functions, energy error and drift, stability limit, cost.  How
+it is measured: `measures`; on what: `cases`; what is concluded: `judge`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import partial
+
+from phasebench.integrators.errors import unknown
+
+from .judge import CONTRADICTED, HOLDS, IN_PART, UNJUDGED
+
+#: Seconds of one measure of one peer, over its problems.
+BUDGET = 20.0
+#: What the quick tier measures, on one problem.
+QUICK = {False: ("order", "symplecticity"), True: ("tolerance", "reversibility")}
+
+
+@dataclass
+class Audit:
+    """Rows: one for each measure of each peer on each problem, and one for each claim with its verdict."""
+
+    rows: list[dict] = field(default_factory=list)
+    claims: list[dict] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+    @property
+    def contradictions(self) -> list[dict]:
+        """The claims that a measurement contradicts."""
+        return [c for c in self.claims if c["verdict"] == CONTRADICTED]
+
+
+def select(names: Iterable | None = None) -> list:
+    """The peers of those ids or packages, or records as they are; all where ``names`` is None.
+
+    Raises InvalidInput for a name that is neither, naming the nearest.
+    """
+    from phasebench.reference.peers import BY_ID, PEERS, Peer
+
+    from .controls import CONTROLS, control
+
+    if names is None:
+        return list(PEERS)
+    out: list = []
+    for name in names:
+        if isinstance(name, Peer):
+            out.append(name)
+        elif name in BY_ID:
+            out.append(BY_ID[name])
+        elif name in CONTROLS:
+            out.append(control(name))
+        elif of := [p for p in PEERS if p.package == name]:
+            out += of
+        else:
+            raise unknown("peer or package", name, [*BY_ID, *{p.package for p in PEERS}, *CONTROLS])
+    first: dict = {}
+    for peer in out:
+        first.setdefault(peer.id, peer)
+    return list(first.values())
+
+
+def audit(
+    names: Iterable | None = None,
+    quick: bool = False,
+    progress: Callable[[str], None] | None = None,
+    budget: float = BUDGET,
+    isolate: bool = True,
+) -> Audit:
+    """Measure peers and judge their claims.
+
+    Parameters
+    ----------
+    names : ids of peers or of controls, names of packages, or records; all peers where None
+    quick : two measures on one problem
+    progress : told what is measured
+    budget : seconds of one measure of one peer
+    isolate : measure in a process that is killed where a package does not return; a record that is in no registry is
+        measured in this one always
+
+    Raises
+    ------
+    InvalidInput
+        For a name that is neither a peer nor a package.
+    """
+    from phasebench.reference.peers import BY_ID
+
+    from . import cases, judge, measures, worker
+    from .controls import CONTROLS, control
+
+    found, known = Audit(), dict(BY_ID) | {c: control(c) for c in CONTROLS}
+    with worker.Worker() as apart:
+        for peer in select(names):
+            ask = apart.row if isolate and known.get(peer.id) is peer else worker.row
+            tell = partial(_tell, progress, peer.id)
+            tell(worker.PREPARE)
+            first = ask(peer, worker.PREPARE, seconds=worker.LOADING)
+            rows = [first]
+            if first["status"] == "ok":
+                for measure in (
+                    QUICK[peer.adaptive] if quick else measures.ADAPTIVE if peer.adaptive else measures.FIXED
+                ):
+                    on = cases.chosen(peer, measure, quick)
+                    for case in on:
+                        tell(f"{measure} on {case.problem}")
+                        rows.append(ask(peer, measure, case.problem, budget / len(on)))
+            found.rows += rows
+            found.claims += judge.claims(peer, first["version"], rows)
+    found.remarks += judge.remarks(found.rows, found.claims)
+    return found
+
+
+def _tell(progress, id: str, what: str) -> None:
+    if progress is not None:
+        progress(f"{id}: {what}")
+
+
+__all__ = ["BUDGET", "CONTRADICTED", "HOLDS", "IN_PART", "QUICK", "UNJUDGED", "Audit", "audit", "select"]

@@ -1,0 +1,1 @@
+"""Which methods, problems and coefficients are there?"""

@@ -1,0 +1,147 @@
+"""The coefficients of compositions and splittings: orders and error constants, computed from the numbers alone."""
+
+from __future__ import annotations
+
+import mpmath
+import pandas as pd
+
+from phasebench.benchmarks.page.markdown import number, table
+from phasebench.benchmarks.page.page import Page
+from phasebench.integrators import coefficients
+from phasebench.integrators.coefficients import DAMAGED, TABLES
+from phasebench.integrators.coefficients.fractions import DIGITS
+from phasebench.integrators.coefficients.order_conditions import TOLERANCE, conditions, excess, leading, residuals
+from phasebench.integrators.coefficients.polish import locate, starting
+
+HEADINGS = {
+    "composition": "Symmetric compositions of a symmetric base of order 2",
+    "splitting": "Splittings for any T(p) + V(q)",
+    "nystrom": "Splittings for a quadratic kinetic energy",
+    "near-integrable": "Splittings for A + eps B",
+}
+
+
+def _digits(x) -> str:
+    return mpmath.nstr(x, 2, min_fixed=0, max_fixed=0)
+
+
+def observed(found, limit: int, powers: int) -> tuple[int, ...]:
+    """The order that the residuals show: for each power of eps the largest degree up to which all vanish."""
+    zero = {key: max(map(abs, r)) < TOLERANCE for key, r in found.items()}
+    orders = []
+    for k in range(1, powers + 1):
+        above = [n for (n, j), ok in zero.items() if not ok and (max(j, 1) == k or (k == powers and j > k))]
+        orders.append(min(above, default=limit + 1) - 1)
+    return tuple(orders)
+
+
+def frame() -> pd.DataFrame:
+    """A row for each table."""
+    rows = []
+    with mpmath.workdps(DIGITS):
+        for t in TABLES:
+            steps = coefficients.steps(t.name)
+            found = residuals(t.kind, steps, max(t.order) + 1)
+            before = residuals(t.kind, t.steps(starting(t)), max(t.order))
+            about = coefficients.report()[t.name]
+            order = observed(found, max(t.order) + 1, len(t.order))
+            stages = (
+                len(steps) if t.gamma else sum(letter == "B" for letter, _ in steps) - (t.first == "B" and t.symmetric)
+            )
+            rows.append(
+                {
+                    "kind": t.kind,
+                    "table": t.name,
+                    "stages": stages,
+                    "declared order": ",".join(map(str, t.order)),
+                    "order": ",".join(map(str, order)),
+                    "conditions": sum(len(found[key]) for key in conditions(found, t.order)),
+                    "published residual": _digits(excess(before, t.order)),
+                    "polished residual": _digits(excess(found, t.order)),
+                    "moved by": about["moved"],
+                    "sum of sizes": f"{float(about['sum_of_sizes']):.3f}",
+                    "error constant": ", ".join(_digits(x) for x in leading(found, t.order)),
+                    "source": t.source,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def repairs() -> pd.DataFrame:
+    """A row for each damaged number: where the order conditions find it and what they make of it."""
+    rows = []
+    with mpmath.workdps(DIGITS):
+        for name, damaged in DAMAGED.items():
+            t = coefficients.table(name)
+            numbers = starting(t, damaged)
+            for _ in damaged:
+                residual = excess(residuals(t.kind, t.steps(numbers), max(t.order)), t.order)
+                k, mended = locate(t, numbers)
+                rows.append(
+                    {
+                        "table": name,
+                        "number": f"{k + 1} of {len(numbers)}",
+                        "in a copy": damaged.get(k, t.published[k]),
+                        "from the order conditions": mpmath.nstr(mended, 36),
+                        "published": t.published[k],
+                        "residual with it": _digits(residual),
+                    }
+                )
+                numbers[k] = starting(t)[k]
+    return pd.DataFrame(rows)
+
+
+def loose() -> pd.DataFrame:
+    """A row for each table of which more digits were printed than are right."""
+    rows = [
+        {
+            "table": t.name,
+            "decimals printed": max(len(x.partition(".")[2]) for x in t.published),
+            "decimals right": t.good,
+        }
+        for t in TABLES
+        if t.good is not None
+    ]
+    return pd.DataFrame(rows)
+
+
+def _write(data, figures):
+    rows, mended, few = frame(), repairs(), loose()
+    agree = int((rows["order"] == rows["declared order"]).sum())
+    worst = max(rows["polished residual"], key=float)
+    verdict = [
+        f"{agree} of {len(rows)} tables have the declared order by their coefficients alone, two-sided: the residuals are at "
+        f"most {worst} after polishing, at most {max(rows['published residual'], key=float)} with the published digits.",
+        f"Digits repaired from the order conditions: {len(mended)} numbers in {mended['table'].nunique()} tables.",
+    ]
+    longest = (
+        rows[rows["kind"] == "composition"].astype({"sum of sizes": float}).groupby("declared order")["sum of sizes"]
+    )
+    verdict.append(
+        "Least sum of the sizes of a composition's fractions: "
+        + ", ".join(
+            f"order {p}: {rows.loc[s.idxmin(), 'table']} ({number(float(s.min()))})"
+            for p, s in sorted(longest, key=lambda x: int(x[0]))
+        )
+        + "."
+    )
+    body = [
+        "A step is a product of exponentials; its coefficients of all words in the letters up to degree p have to be those of "
+        "the exact flow (`integrators/order_conditions.py`). Residuals are the largest such coefficient, published digits "
+        "first, then polished by Gauss-Newton steps at 70 digits to the nearest solution; `moved by` is the largest change. "
+        "The error constant is the 2-norm of the first residuals that do not vanish; it compares methods of one kind and "
+        "order. For A + eps B the orders and constants are those of the terms in eps, eps^2, ...\n",
+    ]
+    for kind, heading in HEADINGS.items():
+        body += [f"## {heading}\n", table(rows[rows["kind"] == kind].drop(columns="kind"))]
+    body += ["## Damaged digits\n", table(mended), "## More digits printed than are right\n", table(few)]
+    return verdict, "\n".join(body)
+
+
+PAGE = Page(
+    "coefficients",
+    "Coefficients",
+    "which order the tables of coefficients have, what polishing changed, how large their errors are",
+    (),
+    _write,
+)

@@ -1,0 +1,1 @@
+"""Do Schemes IV and V keep the energy, and what does it cost?"""

@@ -1,0 +1,1 @@
+"""Kepler orbits beside the established integrators."""

@@ -1,0 +1,391 @@
+r"""Errors of a Kepler orbit, with the Schwarzschild term or without, in energy, angular momentum, phase and perihelion.
+
+H = |p|^2/2 - 1/r - mu/(3 r^3) is integrable.  With u = 1/r, k = 2 mu/3 and the energy E its radial momentum is
+:math:`p_r^2 = 2E + 2u - L^2u^2 + ku^3`, between pericentre and apocentre
+:math:`p_r^2 = g(u)^2\,(w^2 - (u - m)^2)` with :math:`g(u)^2 = L^2 - k(2m + u)` and
+:math:`2mL^2 - 3km^2 - kw^2 = 2`.  A true anomaly :math:`\chi`, :math:`u = m + w\cos\chi`, and an eccentric one
+:math:`\eta`, :math:`r = a(1 - \epsilon\cos\eta)`, :math:`\epsilon = w/m`, :math:`a = m/(m^2 - w^2)`, turn angle and
+time into integrals of smooth functions (Kepler's own for mu = 0),
+
+.. math::
+    \varphi = \int_0^\chi\frac{L}{g}\,d\chi, \qquad t = a\sqrt{1-\epsilon^2}\int_0^\eta\frac rg\,d\eta .
+
+A radial period T advances the pericentre by Delta = phi(2 pi) - 2 pi.  The angle variables of the problem are the mean
+anomaly M = 2 pi t/T and, for a state at the polar angle theta, the perihelion
+:math:`\varpi = \theta - \varphi(\chi) + \Delta M/2\pi`; both grow linearly in time along an exact solution, as does
+the mean longitude :math:`M + \varpi`, which is defined on a circle too.  Osculating Kepler elements, on the contrary,
+oscillate in each orbit by O(mu).
+
+With the roots u1 < u2 < u3 of :math:`p_r^2` the advance is an elliptic integral, to first order that of perturbation
+theory,
+
+.. math::
+    \Delta = 2\int_{r_-}^{r_+}\frac{L\,dr}{r^2p_r} - 2\pi
+           = \frac{4L}{\sqrt{k(u_3-u_1)}}\,K\Bigl(\frac{u_2-u_1}{u_3-u_1}\Bigr) - 2\pi
+           = \frac{2\pi\mu}{L^4} + O(\mu^2) .
+
+Sources: H. Goldstein, C. Poole, J. Safko, Classical Mechanics (2002), 3.6-3.9, 10.8, 12.3; S. Chandrasekhar, The
+Mathematical Theory of Black Holes (1983), section 19, for the cubic and its elliptic integral; D. Brouwer, Astron. J.
+46 (1937) 149-153, for the growth of round-off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+
+from phasebench.benchmarks.measure.metrics import slope
+from phasebench.integrators.errors import InvalidInput
+
+#: Nodes of the quadratures of phi and t from pericentre: the test of the elements doubles them.
+NODES = 40
+#: Newton steps for m; the start 1/L^2 is exact without the perturbation.
+NEWTON = 30
+#: Below this eccentricity the perihelion is round-off divided by the eccentricity, and no longer defined.
+ROUND = 1e-10
+#: Digits of the exact advance and period.
+DIGITS = 40
+#: Times and rates are integers in units of 2^-TICK, exact for any h of a run: n h modulo a period loses nothing.
+TICK = 200
+#: Steps an orbit of the comparison at equal steps; the seconds that the runs of finer settings may take, by estimate.
+STANDARD, LONGEST = 150, 1.2
+#: Points, equally spaced in the logarithm of the time, of the growth's slope.
+POINTS = 25
+
+
+class Elements(NamedTuple):
+    """Arrays (n,) over states: angles in radians, not unwrapped; NaN where a state is on no bound orbit.
+
+    ``perihelion`` is NaN on a circle.  ``advance`` and ``period`` are of the orbit through the state.
+    """
+
+    L: np.ndarray
+    eccentricity: np.ndarray
+    anomaly: np.ndarray
+    perihelion: np.ndarray
+    longitude: np.ndarray
+    advance: np.ndarray
+    period: np.ndarray
+
+
+def elements(q, p, mu: float = 0.0, nodes: int = NODES) -> Elements:
+    """The elements of states q, p, arrays (n, 2), of the (perturbed) Kepler problem of strength ``mu``.
+
+    Raises InvalidInput for states that are not in the plane.
+    """
+    q, p = np.atleast_2d(np.asarray(q, float)), np.atleast_2d(np.asarray(p, float))
+    if q.shape != p.shape or q.ndim != 2 or q.shape[1] != 2:
+        raise InvalidInput(f"q and p have shapes {q.shape} and {p.shape}; both must be (n, 2), states in the plane")
+    k = 2 * mu / 3
+    with np.errstate(all="ignore"):
+        r = np.hypot(q[:, 0], q[:, 1])
+        u, radial = 1 / r, (q * p).sum(1) / r
+        L = q[:, 0] * p[:, 1] - q[:, 1] * p[:, 0]
+        size = L**2
+        m = 1 / size
+        for _ in range(NEWTON if k else 0):
+            g2 = size - k * (2 * m + u)
+            value = 2 * m * size - 3 * k * m**2 - k * ((u - m) ** 2 + radial**2 / g2) - 2
+            m = m - value / (2 * size - 6 * k * m + 2 * k * (u - m) - 2 * (k * radial / g2) ** 2)
+        sine, cosine = radial / np.sqrt(size - k * (2 * m + u)), u - m
+        w = np.hypot(sine, cosine)
+        e = w / m
+        bound = np.isfinite(e) & (e < 1) & (m > 0)
+        m, w, e = (np.where(bound, x, np.nan) for x in (m, w, e))
+        root = np.sqrt(1 - e**2)
+        chi = np.arctan2(sine, cosine)
+        eta = np.arctan2(root * np.sin(chi), e + np.cos(chi))
+        x, weights = np.polynomial.legendre.leggauss(nodes)
+
+        def integral(f, end):
+            """The integral of f from 0 to each end."""
+            return (f(np.outer(end / 2, x + 1)) * weights).sum(1) * end / 2
+
+        def over_g(u):
+            return 1 / np.sqrt(size[:, None] - k * (2 * m[:, None] + u))
+
+        def angle(y):
+            return np.abs(L)[:, None] * over_g(m[:, None] + w[:, None] * np.cos(y))
+
+        def time(y):
+            r = (m / (m**2 - w**2))[:, None] * (1 - e[:, None] * np.cos(y))
+            return r * over_g(1 / r)
+
+        whole = np.full(len(m), np.pi)
+        half = integral(time, whole)
+        advance = 2 * integral(angle, whole) - 2 * np.pi if k else np.where(bound, 0.0, np.nan)
+        anomaly = np.pi * integral(time, eta) / half
+        passed = integral(angle, chi) if k else chi
+        turn = np.sign(L)
+        perihelion = np.arctan2(q[:, 1], q[:, 0]) - turn * (passed - advance * anomaly / (2 * np.pi))
+        longitude = perihelion + turn * anomaly
+        period = 2 * half * m / (m**2 - w**2) * root
+    return Elements(L, e, anomaly, np.where(e > ROUND, perihelion, np.nan), longitude, advance, period)
+
+
+def first_order_advance(L: float, mu: float) -> float:
+    """The advance of the perihelion per radial period, radians, to first order in mu."""
+    return 2 * np.pi * mu / L**4
+
+
+def exact_orbit(q, p, mu: float = 0.0, digits: int = DIGITS):
+    """(advance per radial period, radial period) of the orbit through doubles q, p, (2,), as mpmath numbers.
+
+    Raises InvalidInput where that orbit is not bound or falls into the centre.
+    """
+    import mpmath
+
+    with mpmath.workdps(digits + 15):
+        (x, y), (v, w) = ([mpmath.mpf(float(c)) for c in s] for s in (q, p))
+        k, r, L = 2 * mpmath.mpf(float(mu)) / 3, mpmath.hypot(x, y), x * w - y * v
+        E = (v**2 + w**2) / 2 - 1 / r - k / (2 * r**3)
+        roots = mpmath.polyroots(([k] if k else []) + [-(L**2), 2, 2 * E], maxsteps=500, extraprec=300)
+        # A double root (a circle) comes out as a pair with imaginary parts of half the precision.
+        real = sorted(mpmath.re(z) for z in roots if abs(mpmath.im(z)) < mpmath.mpf(10) ** (-digits // 3))
+        if E >= 0 or len(real) != len(roots) or not real[0] > 0:
+            raise InvalidInput(f"q = {list(q)}, p = {list(p)} is on no bound orbit that keeps away from the centre")
+        low, high = real[:2]
+        m, half = (low + high) / 2, (high - low) / 2
+        e = half / m
+        a = m / (m**2 - half**2)
+
+        def time(eta):
+            r = a * (1 - e * mpmath.cos(eta))
+            return r / mpmath.sqrt(L**2 - k * (2 * m + 1 / r))
+
+        period = 2 * a * mpmath.sqrt(1 - e**2) * mpmath.quad(time, [0, mpmath.pi / 2, mpmath.pi])
+        advance = mpmath.mpf(0)
+        if k:
+            top = real[2] - low
+            advance = 4 * abs(L) / mpmath.sqrt(k * top) * mpmath.ellipk((high - low) / top) - 2 * mpmath.pi
+        return +advance, +period
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The exact solution from q0, p0: energy, angular momentum and the rates of its angles, in 2^-TICK turns a time."""
+
+    mu: float
+    H: np.longdouble
+    L: np.longdouble
+    start: Elements
+    advance: float
+    period: float
+    anomaly: int
+    perihelion: int
+
+
+def invariants(q, p, mu: float) -> tuple[np.ndarray, np.ndarray]:
+    """Energy and angular momentum of states (n, 2), evaluated in long double."""
+    q, p = np.asarray(q, np.longdouble), np.asarray(p, np.longdouble)
+    r = np.sqrt((q**2).sum(-1))
+    H = (p**2).sum(-1) / 2 - 1 / r - np.longdouble(mu) / (3 * r**3)
+    return H, q[..., 0] * p[..., 1] - q[..., 1] * p[..., 0]
+
+
+def truth(problem) -> Truth:
+    """The exact solution of a ``kepler`` or ``perturbed-kepler`` problem."""
+    import mpmath
+
+    mu = problem.parameters.get("mu", 0.0)
+    q, p = np.array(problem.q0), np.array(problem.p0)
+    advance, period = exact_orbit(q, p, mu)
+    with mpmath.workdps(DIGITS + 15):
+        rates = [1 / period, advance / (2 * mpmath.pi) / period]
+        anomaly, perihelion = (int(x * 2**TICK) for x in rates)
+    H, L = invariants(q, p, mu)
+    return Truth(mu, H, L, elements(q, p, mu), float(advance), float(period), anomaly, perihelion)
+
+
+def times(h: float, index: Sequence[int], exactly: bool = True) -> list[int]:
+    """The times of the step numbers ``index`` in units of 2^-TICK.
+
+    They are n h without rounding, as a method of fixed step takes them, or else rounded to double, as asked of an
+    adaptive one.
+    """
+
+    def ticks(t: float) -> int:
+        return int(Fraction(t) * 2**TICK)
+
+    step = ticks(h)
+    return [step * int(n) if exactly else ticks(h * int(n)) for n in index]
+
+
+def _turns(rate: int, when: int) -> int:
+    """The turns after a time, in units of 2^-TICK."""
+    return rate * when >> TICK
+
+
+def _angle(rate: int, when: Sequence[int]) -> np.ndarray:
+    """The angles in [0, 2 pi) after the times."""
+    return np.array([_turns(rate, t) % 2**TICK / 2**TICK for t in when]) * 2 * np.pi
+
+
+class Errors(NamedTuple):
+    """Signed errors, arrays (n,): energy and angular momentum relative, phase and perihelion in radians, unwrapped.
+
+    ``phase`` is the mean longitude's, ``anomaly`` the mean anomaly's.  NaN from the first state on that is on no bound
+    orbit, and of ``perihelion`` and ``anomaly`` everywhere for an exact orbit that is a circle.
+    """
+
+    energy: np.ndarray
+    momentum: np.ndarray
+    phase: np.ndarray
+    perihelion: np.ndarray
+    anomaly: np.ndarray
+
+
+def errors(exact: Truth, when: Sequence[int], q, p) -> Errors:
+    """The errors of states q, p, arrays (n, 2), at the `times` ``when`` against the exact solution.
+
+    Angles are unwrapped from row to row: the rows must be so dense that the error grows by less than pi between them.
+    """
+    H, L = invariants(q, p, exact.mu)
+    found = elements(q, p, exact.mu)
+    anomaly, perihelion = _angle(exact.anomaly, when), _angle(exact.perihelion, when)
+    turn = float(np.sign(exact.L))
+
+    def away(value, expected):
+        """The difference, unwrapped from zero on."""
+        return np.unwrap(np.concatenate([[0.0], np.remainder(value - expected + np.pi, 2 * np.pi) - np.pi]))[1:]
+
+    M = away(found.anomaly, exact.start.anomaly + anomaly)
+    varpi = away(found.perihelion, exact.start.perihelion + turn * perihelion)
+    phase = away(found.longitude, exact.start.longitude + turn * (anomaly + perihelion))
+    if np.isnan(exact.start.perihelion).any():
+        M, varpi = np.full_like(M, np.nan), np.full_like(varpi, np.nan)
+    relative = [((x - y) / abs(y)).astype(float) for x, y in ((H, exact.H), (L, exact.L))]
+    return Errors(*relative, phase, varpi, M)
+
+
+def measured_advance(exact: Truth, when: int, perihelion: float, anomaly: float) -> float:
+    """The mean advance per radial period of an orbit whose angles have these errors at a time of `times`, radians."""
+    turns = _turns(exact.anomaly, when) / 2**TICK
+    return (exact.advance * turns + float(np.sign(exact.L)) * perihelion) / (turns + anomaly / (2 * np.pi))
+
+
+def advances(exact: Truth, when: Sequence[int], found: Errors, row: int) -> dict[str, float]:
+    """The `measured_advance` at a row and its difference from the exact one; nothing without the term."""
+    if not exact.mu:
+        return {}
+    measured = measured_advance(exact, when[row], found.perihelion[row], found.anomaly[row])
+    return {"advance": measured, "advance error": measured - exact.advance}
+
+
+def growth(orbits, error, least: float = 10.0) -> float | None:
+    """The exponent of t with which the greatest size so far of ``error``, arrays (n,), grows.
+
+    Points are equally spaced in log t from ``least`` orbits on; None for fewer than three or an error that is zero.
+    """
+    orbits, error = np.asarray(orbits, float), np.abs(np.asarray(error, float))
+    grown = np.maximum.accumulate(error)
+    use = np.flatnonzero((orbits >= least) & (grown > 0))
+    if len(use) < 3:
+        return None
+    wanted = np.geomspace(orbits[use[0]], orbits[use[-1]], POINTS)
+    chosen = use[np.unique(np.searchsorted(orbits[use], wanted * (1 - 1e-12)))]
+    return slope(np.log(orbits[chosen]), np.log(grown[chosen])).value if len(chosen) >= 3 else None
+
+
+class Contender(NamedTuple):
+    """A method with its parameters, or a peer."""
+
+    id: str
+    parameters: tuple[tuple[str, str], ...] = ()
+    peer: bool = False
+
+    @property
+    def chosen(self):
+        """The record of it."""
+        from phasebench.integrators.registry import method
+        from phasebench.reference.peers import peer
+
+        return peer(self.id) if self.peer else method(self.id, **dict(self.parameters))
+
+    def run(self, problem, h: float, steps: int, save_every: int = 0, timeout: float | None = None, tol=None):
+        """Integrate; an adaptive peer takes h as the spacing of its rows, and ``tol``."""
+        from phasebench.integrators.driver import integrate
+        from phasebench.reference.peers import integrate_peer
+
+        if self.peer:
+            return integrate_peer(problem, self.id, h=h, steps=steps, save_every=save_every, tol=tol)
+        return integrate(problem, self.chosen, h=h, steps=steps, save_every=save_every, timeout=timeout)
+
+
+def seconds_per_orbit(contender: Contender, problem, period: float, per_orbit: int, orbits: int, rounds: int) -> float:
+    """The median of warm seconds an orbit, without output; NaN where it does not get through."""
+    runs = [contender.run(problem, period / per_orbit, per_orbit * orbits) for _ in range(rounds)]
+    return float(np.median([s.seconds if s.status in ("ok", "no-root") else np.nan for s in runs])) / orbits
+
+
+def follow(
+    contender: Contender, problem, exact: Truth, per_orbit: int, orbits: int, timeout: float | None = None
+) -> tuple[dict, list[dict]]:
+    """A run of ``orbits`` + 1/2 orbits with a row each half orbit: what it measured at its end, and on the way.
+
+    Parameters
+    ----------
+    contender, problem, exact : who, on what, and that problem's `truth`
+    per_orbit : steps an orbit, even; an orbit is a radial period.  An adaptive peer takes 2: its rows
+    orbits : whole orbits
+    timeout : seconds after which a method of this project stops, with the rows so far
+
+    Returns
+    -------
+    run : status, reason, counts; the advance measured, radians an orbit, and its difference from the exact one; the
+        exponents of growth
+    rows : after 1, 3, 10, ... orbits and a half, the greatest size so far of each of the `Errors`
+    """
+    if per_orbit < 2 or per_orbit % 2:
+        raise InvalidInput(f"per_orbit is {per_orbit}; it must be even: rows are half an orbit apart")
+    every, h = per_orbit // 2, exact.period / per_orbit
+    s = contender.run(problem, h, every * (2 * orbits + 1), every, timeout)
+    index = np.arange(1, len(s.q)) * every
+    run = {
+        "status": s.status,
+        "reason": s.reason,
+        "orbits": orbits + 0.5,
+        "evaluations": s.counts.get("gradient", 0) / orbits,
+    }
+    if s.status == "skipped" or not len(index):
+        return run | {"reached": 0.0}, []
+    adaptive = contender.peer and contender.chosen.adaptive
+    when = times(h, index, exactly=not adaptive)
+    found = errors(exact, when, s.q[1:], s.p[1:])
+    whole = np.isfinite(found.phase)
+    last = len(whole) if whole.all() else int(np.argmin(whole))
+    if last < len(whole) and run["status"] == "ok":
+        reason = f"no bound orbit after {last / 2:g} of {orbits + 0.5:g} orbits; take a smaller h"
+        run |= {"status": "diverged", "reason": reason}
+    run["reached"] = last / 2
+    if not last:
+        return run, []
+    after = np.arange(1, last + 1) / 2
+    so_far = {n: np.maximum.accumulate(np.abs(x[:last])) for n, x in zip(found._fields, found, strict=True)}
+    rows = [
+        {"orbits": k + 0.5} | {n: float(f"{x[2 * k]:.5g}") for n, x in so_far.items()}
+        for k in sample_orbits(orbits)
+        if 2 * k < last
+    ]
+    for name in ("energy", "phase", "perihelion"):
+        grown = growth(after, getattr(found, name)[:last])
+        if grown is not None:
+            run[f"{name} growth"] = grown
+    end = last - 1 - (last - 1) % 2  # an apocentre of the unperturbed orbit
+    return run | advances(exact, when, found, end), rows
+
+
+def within_orbits(contender: Contender, problem, exact: Truth, per_orbit: int, orbits: int = 10) -> dict[str, float]:
+    """The greatest energy and angular momentum errors over every step of a few orbits, relative."""
+    s = contender.run(problem, exact.period / per_orbit, per_orbit * orbits, 1)
+    found = zip(("energy", "momentum"), invariants(s.q, s.p, exact.mu), (exact.H, exact.L), strict=True)
+    return {f"{n}, every step": float(np.abs((x - y) / y).max()) for n, x, y in found}
+
+
+def sample_orbits(orbits: int) -> list[int]:
+    """1, 3, 10, 30, 100, ... up to ``orbits``."""
+    return [n for k in range(12) for n in (10**k, 3 * 10**k) if n <= orbits]

@@ -1,0 +1,24 @@
+"""Every method on every problem, without round-off: the matrix of the report."""
+
+from __future__ import annotations
+
+import pytest
+
+from phasebench.benchmarks.experiments.matrix import matrix
+
+
+def bench_matrix(results, quick):
+    """No cell is missing without a reason; none falls short of its declaration without an explanation."""
+    if quick:
+        pytest.skip("the full run measures the matrix in multiprecision; tests/test_matrix.py measures some cells")
+    rows = matrix.shares()
+    results.add("matrix", rows)
+    for r in rows:
+        assert r.get("reason") or all(k in r or f"{k}_reason" in r for k in matrix.MEASURED), r
+    left = [
+        f"{r['method']} on {r['problem']}: {c}"
+        for r in rows
+        for c in matrix.contradictions(r)
+        if not matrix.explanation(r, c)
+    ]
+    assert not left, "\n".join(left)

@@ -1,0 +1,274 @@
+r"""Every method on every problem: order, symplecticity, reversibility, energy.
+
+Run as a module with the arguments 0 2 it prints the first of two shares as JSON (`shares` starts it so, with
+NUMBA_DISABLE_JIT=1).
+
+Order, symplecticity and reversibility are measured in the digits that the method's order needs (`multiprecision`), from
+a state that the published orbit reaches a little later (a turning point superconverges by its symmetry).
+
+Symplecticity: :math:`|\omega(Mu, Mv) - \omega(u, v)|` for one pair of tangent vectors in general position, M the
+Jacobian of a step, by central differences: four steps whatever the dimension.  Reversibility:
+:math:`\rho\Phi_h\rho\Phi_h(y) - y` with :math:`\rho` the reversal of p, where H is even in p.  Energy: the greatest
+:math:`|H - H_0|` over `RUN` steps in doubles, in units of the terms' size, as the kernels know it; likewise the
+invariants of the form q.D p (linear and angular momentum) that the problem has.
+
+Source: Hairer, Lubich & Wanner, Geometric Numerical Integration (2006), V.1 and VI.2.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from functools import cache
+
+import mpmath
+import numpy as np
+import sympy as sp
+
+from phasebench.benchmarks.measure import metrics
+from phasebench.benchmarks.measure.multiprecision import DIGITS, SPAN, advance, digits, flow, observed_order, vector
+from phasebench.benchmarks.problems import PROBLEMS, problem
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine.codegen import compiled
+from phasebench.integrators.record import ROUND_OFF, Method
+from phasebench.integrators.registry import METHODS
+
+#: A method that is off by no more than so many units of round-off is exact.
+EXACT = 1e6
+#: Numbers of steps over `SPAN` units of time: an order is measured on three.
+LADDER, FINER = (1, 2, 3), 16
+#: The unit of time in which a problem's steps are counted, where that is not 1.
+UNITS = {"outer-solar-system": 400.0, "fpu": 0.05, "schwarzschild": 20.0, "lennard-jones": 0.2}
+#: Problems whose size is a parameter are measured small.
+SMALL = {"nls": {"N": 4}, "klein-gordon": {"N": 4}}
+#: The state at which a problem is measured is its orbit's at this many units of time.
+LATER = 0.4
+#: The step of the defects and of the energy run, in units of time, and the length of that run.
+STEP, RUN = mpmath.mpf(1) / 40, 60
+#: Larger systems are measured in doubles alone: a step in multiprecision takes seconds.
+LARGEST = 8
+#: A run in doubles has an energy error of round-off if it is at most this many units of round-off.
+UNITS_OF_ROUND_OFF = 200
+#: A defect in multiprecision of at most this is the differences' or the solver's own error.
+NOTHING = 1e-22
+
+
+@cache
+def _made(name: str):
+    return problem(name, **SMALL.get(name, {}))
+
+
+@cache
+def _at(name: str, places: int):
+    """The system, the state and the unit of time of a problem."""
+    made = _made(name)
+    unit = mpmath.mpf(UNITS.get(name, 1.0))
+    y = flow(made.system, vector(made.q0, made.p0), LATER * unit)[0]
+    return made.system, y, unit
+
+
+@cache
+def _truth(name: str, span, places: int):
+    system, y, unit = _at(name, places)
+    return flow(system, y, span * unit)
+
+
+def _order(chosen: Method, name: str) -> dict:
+    """The order over `SPAN`; where two terms of the error still compete there, over a smaller span."""
+    system, y, unit = _at(name, mpmath.mp.dps)
+    row: dict = {}
+    for span in (SPAN, SPAN / FINER):
+        end, doubt = _truth(name, span, mpmath.mp.dps)
+        error = [max(abs(advance(system, chosen, y, span * unit / n, n) - end)) for n in LADDER]
+        if max(error) <= 10 * doubt + EXACT * mpmath.mp.eps * max(abs(end)):
+            return {"order_reason": "exact"}
+        found = observed_order(
+            {"h": [float(span / n) for n in LADDER], "error": [float(e) for e in error], "doubt": float(doubt)}
+        )
+        row = {"order": found.value, "low": found.low, "high": found.high, "points": found.points, "h": float(span)}
+        if abs(found.value - chosen.order) < 0.1:
+            break
+    return row
+
+
+def _symplecticity(chosen: Method, name: str) -> dict:
+    system, y, unit = _at(name, mpmath.mp.dps)
+    if not system.canonical:
+        return {"symplecticity_reason": "not canonical"}
+    return {"symplecticity": float(metrics.pair_defect(lambda x: advance(system, chosen, x, STEP * unit), y))}
+
+
+def _reversibility(chosen: Method, name: str) -> dict:
+    system, y, unit = _at(name, mpmath.mp.dps)
+    if not system.canonical:
+        return {"reversibility_reason": "not canonical"}
+    d = system.d
+    rho = np.array([1] * d + [-1] * d, dtype=object)
+    field = system.vector_field("multiprecision")
+    if max(abs(field(0, rho * y) + rho * field(0, y))) > mpmath.mpf(10) ** (10 - DIGITS):
+        return {"reversibility_reason": "H is not even in p"}
+    defect = metrics.reversibility_defect(lambda x: advance(system, chosen, x, STEP * unit), y, rho)
+    return {"reversibility": float(defect)}
+
+
+@cache
+def _run(id: str, name: str):
+    made = _made(name)
+    with np.errstate(all="ignore"):
+        return made, integrate(made, id, h=float(STEP) * UNITS.get(name, 1.0), steps=RUN)
+
+
+def _energy(chosen: Method, name: str) -> dict:
+    made, s = _run(chosen.id, name)
+    if s.status != "ok":
+        return {"energy_reason": s.status}
+    H = made.system.observe(made.system.H, s.q, s.p)
+    size = float(made.system.energy()(s.q[0], s.p[0])[1])
+    return {"energy": metrics.energy_error(H).max / size, "fallbacks": s.counts["fallbacks"]}
+
+
+@cache
+def _bilinear(name: str) -> tuple[str, ...]:
+    """The invariants of a problem that are linear or of the form q.D p."""
+    made = _made(name)
+    q, p = made.system.q, made.system.p
+
+    def simple(e):
+        if not e.is_polynomial(*q, *p):
+            return False
+        degrees = [(sum(m[: len(q)]), sum(m[len(q) :])) for m in sp.Poly(e, *q, *p).monoms()]
+        return all(d in ((1, 1), (1, 0), (0, 1)) for d in degrees)
+
+    return tuple(n for n, e in made.invariants.items() if simple(e))
+
+
+def _quadratic(chosen: Method, name: str) -> dict:
+    made, s = _run(chosen.id, name)
+    if not _bilinear(name):
+        return {"quadratic_reason": "no invariant of this form"}
+    if s.status != "ok":
+        return {"quadratic_reason": s.status}
+    worst = 0.0
+    for invariant in _bilinear(name):
+        e = made.invariants[invariant]
+        values = made.system.observe(e, s.q, s.p)
+        size = sum(np.abs(made.system.observe(t, s.q, s.p)) for t in sp.Add.make_args(e)).max()
+        worst = max(worst, float(np.abs(values - values[0]).max() / size) if size else 0.0)
+    return {"quadratic": worst}
+
+
+#: What a cell has, each a number or a reason.
+MEASURED = {
+    "order": _order,
+    "symplecticity": _symplecticity,
+    "reversibility": _reversibility,
+    "energy": _energy,
+    "quadratic": _quadratic,
+}
+
+
+WITHOUT_ROUND_OFF = ("order", "symplecticity", "reversibility")
+
+
+def cell(chosen: Method, name: str) -> dict:
+    """What was measured of a method on a problem, or the reasons why not."""
+    row = {"method": chosen.id, "problem": name, "declared_order": chosen.order, "symplectic": chosen.symplectic}
+    row |= {"symmetric": chosen.symmetric, "energy_class": chosen.energy, "quadratic_class": chosen.quadratic}
+    system = _at(name, DIGITS)[0]
+    lack = chosen.lacks(system)
+    if lack:
+        missing = [t for t in chosen.requires if not system.traits[t]]
+        return row | {"reason": f"requires: {missing[0]}"}
+    begin = time.perf_counter()
+    for name_of, measure in MEASURED.items():
+        if name_of in WITHOUT_ROUND_OFF and system.d > LARGEST:
+            row[f"{name_of}_reason"] = f"d > {LARGEST}: measured in doubles alone"
+            continue
+        try:
+            with mpmath.workdps(digits(chosen)):
+                row |= measure(chosen, name)
+        except ArithmeticError as error:  # a stage that is not solved at this step is a result, not a failure
+            row |= {f"{name_of}_reason": str(error)}
+    return row | {"seconds": time.perf_counter() - begin}
+
+
+def contradictions(row: dict) -> list[str]:
+    """In which points the measured cell contradicts what the method declares."""
+    if row.get("reason"):
+        return []
+    found = []
+    order = row.get("order")
+    if order is not None and order == order and not order > row["declared_order"] - 0.1:
+        found.append(f"order {order:.2f}, declared {row['declared_order']}")
+    for name, declared in (("symplecticity", row["symplectic"]), ("reversibility", row["symmetric"])):
+        defect = row.get(name)
+        if declared and defect is not None and not defect <= NOTHING:
+            found.append(f"{name} defect {defect:.1e}")
+    for name, what in (("energy", "energy"), ("quadratic", "q.D p")):
+        error = row.get(name)
+        if row[f"{name}_class"] != ROUND_OFF or error is None:
+            continue
+        if not error <= UNITS_OF_ROUND_OFF * np.finfo(float).eps:
+            found.append(f"{what} error {error:.1e} of its terms, declared {ROUND_OFF}")
+    return found
+
+
+def too_few_nodes(method: str, name: str) -> bool:
+    """Whether HBVM(k, s) has too few nodes for a problem's H: it keeps polynomials of degree at most 2k/s."""
+    kind, *sizes = method.split("-")
+    if kind != "hbvm":
+        return False
+    degree = _made(name).system.polynomial_degree
+    return degree is None or degree > 2 * int(sizes[0]) / int(sizes[1])
+
+
+def explanation(row: dict, contradiction: str) -> str:
+    """Why a cell may fall short of its method's declaration; empty where nothing explains it."""
+    if row["method"].endswith("-relaxation") and contradiction.startswith("order"):
+        return (
+            "over few steps the relaxed time's offset at the end competes with the error; from 8 steps on it does not"
+        )
+    if not contradiction.startswith("energy"):
+        return ""
+    if row.get("fallbacks"):
+        return "steps without a root, which the run counts as fallbacks, do not keep the energy"
+    if too_few_nodes(row["method"], row["problem"]):
+        return "HBVM(k, s) keeps a polynomial H of degree at most 2k/s, and this one is none"
+    return ""
+
+
+def share(first: int, of: int, methods=METHODS, problems=tuple(PROBLEMS)) -> list[dict]:
+    """The cells of every ``of``-th problem from ``first`` on."""
+    return [cell(m, name) for name in problems[first::of] for m in methods]
+
+
+def shares(of: int = 2) -> list[dict]:
+    """All cells, measured by so many processes side by side; raises RuntimeError where one fails."""
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-m", "phasebench.benchmarks.experiments.matrix.matrix", str(i), str(of)],
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for i in range(of)
+    ]
+    rows = []
+    for process in started:
+        text, said = process.communicate()
+        if process.returncode:
+            raise RuntimeError(f"the matrix's process failed:\n{said}")
+        rows += json.loads(text.splitlines()[-1])
+    return rows
+
+
+if __name__ == "__main__":
+    if compiled():
+        sys.exit("set NUMBA_DISABLE_JIT=1: nothing is compiled here")
+    mpmath.mp.dps = DIGITS
+    print(json.dumps(share(int(sys.argv[1]), int(sys.argv[2]))))

@@ -1,0 +1,1 @@
+"""Does every method have its order?"""

@@ -1,0 +1,1 @@
+"""Where do integrators for highly oscillatory systems resonate?"""

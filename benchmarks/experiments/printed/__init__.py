@@ -1,0 +1,1 @@
+"""Are the talks' printed tables reproduced?"""

@@ -1,0 +1,186 @@
+r"""Every root of the energy equation of Schemes IV and V, by exhaustive scan: the riddle of the printed column.
+
+The talk prints Scheme IV as first order; its own theorem (lambda = 1/2 + O(h)) makes it second order, and so it is on
+the root nearest 1/2.  Is there another branch?  For each step of a trajectory the stage equations
+
+.. math::
+    k = -\nabla U\bigl(q + (1-\lambda)\,ch\,v + \lambda(1-\lambda)(ch)^2 M^{-1}k\bigr)
+
+are followed by continuation in lambda from 1/2 outwards (Newton with the Hessian, all steps at once in NumPy) to
+``reach`` or to the fold where they lose their solution, and every change of sign of E is a root.  This shares no code
+with the kernels' root finder.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import sympy as sp
+
+from phasebench.benchmarks.measure.metrics import refinement_difference
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.problems.base import Problem
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.registry import method
+
+from .printed import AGREEMENT, PRINTED, RIDDLE, STEPS, ends, unit
+
+#: The substeps' signs: lambda_s = 1/2 + sign (lambda - 1/2).
+SIGNS = {"scheme-iv": (1,), "scheme-v": (-1, 1)}
+
+
+@dataclass(frozen=True)
+class Scan:
+    """What a scan found.
+
+    Attributes
+    ----------
+    roots : for each step the roots lambda, sorted by distance from 1/2
+    low, high : for each step how far the continuation reached below and above 1/2
+    """
+
+    h: float
+    roots: list[np.ndarray]
+    low: np.ndarray
+    high: np.ndarray
+
+
+class _Forces:
+    """The gradient and Hessian of U and the mass matrix of a problem with quadratic T, on columns."""
+
+    def __init__(self, found: Problem):
+        self.system = system = found.system
+        if not getattr(system, "quadratic_kinetic", False):
+            raise ValueError("the scan is written for a separable H with quadratic T")
+        self.first = [sp.diff(system.potential, x) for x in system.q]
+        self.second = [[sp.diff(g, y) for y in system.q] for g in self.first]
+        self.inverse_mass = np.array(sp.hessian(system.kinetic, system.p).tolist(), float)
+
+    def gradient(self, Q):
+        return np.stack([self.system.observe(e, Q, Q) for e in self.first], axis=1)
+
+    def hessian(self, Q):
+        return np.stack([np.stack([self.system.observe(e, Q, Q) for e in row], axis=1) for row in self.second], axis=1)
+
+
+def _substep(forces: _Forces, Q, P, h, lam, k):
+    """Newton from k at every row: (Q, P after the substep, k, whether it is solved and short of the fold)."""
+    M, d = forces.inverse_mass, Q.shape[1]
+    b = lam * (1 - lam) * h * h
+    V = P @ M
+    good = np.ones(len(Q), bool)
+    with np.errstate(all="ignore"):
+        for _ in range(8):
+            at = Q + (1 - lam) * h * V + b * (k @ M)
+            J = np.eye(d) + b * forces.hessian(at) @ M
+            good &= np.linalg.det(J) > 1e-4
+            J[~good] = np.eye(d)
+            move = np.linalg.solve(J, (k + forces.gradient(at))[..., None])[..., 0]
+            k = np.where(good[:, None], k - move, k)
+            if not good.any() or np.abs(move[good]).max() <= 1e-12:
+                break
+        good &= np.abs(move).sum(1) <= 1e-10 * (1 + np.abs(k).sum(1))
+    return Q + h * (V + lam * h * (k @ M)), P + h * k, k, good
+
+
+def scan(found: Problem, scheme: str, h: float, Q, P, H0: float, reach: float = 60.0, spacing: float = 0.02) -> Scan:
+    """Every root lambda in [1/2 - reach, 1/2 + reach] of the steps from the rows of Q, P (each of shape (n, d))."""
+    forces, signs = _Forces(found), SIGNS[scheme]
+    n = len(Q)
+    roots: list[list[float]] = [[] for _ in range(n)]
+    ends = {}
+    for side in (-1, 1):
+        ks = [-forces.gradient(Q) for _ in signs]
+        alive, end, before = np.ones(n, bool), np.full(n, 0.5), None
+        for i in range(round(reach / spacing) + 1):
+            # Half a cell off 1/2, so that no grid point is the root itself.
+            x = side * (i - 0.5) * spacing
+            q, p = Q, P
+            for s, sign in enumerate(signs):
+                q, p, ks[s], good = _substep(forces, q, p, h / len(signs), 0.5 + sign * x, ks[s])
+                alive &= good
+            if not alive.any():
+                break
+            E = found.system.observe(found.system.H, q, p) - H0
+            if before is not None:
+                for row in np.flatnonzero(alive & ((E > 0) != (before > 0))):
+                    share = before[row] / (before[row] - E[row])
+                    roots[row].append(0.5 + x + side * spacing * (share - 1))
+            end[alive] = 0.5 + x
+            before = E
+        ends[side] = end
+    # The innermost cell is scanned from both sides: keep its roots once.
+    merged = []
+    for r in roots:
+        r = sorted(r, key=lambda lam: abs(lam - 0.5))
+        merged.append(np.array([x for i, x in enumerate(r) if i == 0 or abs(x - r[i - 1]) > 1e-9]))
+    return Scan(h, merged, ends[-1], ends[1])
+
+
+def along(found: Problem, scheme: str, h: float, t_end: float, every: int = 1, **options) -> Scan:
+    """The scan of every ``every``-th step of the scheme's own trajectory."""
+    path = integrate(found, scheme, h=h, t_end=t_end)
+    H0 = float(found.system.observe(found.system.H, path.q[:1], path.p[:1])[0])
+    return scan(found, scheme, path.h, path.q[:-1:every], path.p[:-1:every], H0, **options)
+
+
+def rootless(found: Problem, scheme: str, h: float, t_end: float, limit: int = 200, **options):
+    """(Solution, steps without a root as the finder says, their scan): the scan must find none within its radius."""
+    path = integrate(found, scheme, h=h, t_end=t_end)
+    H0 = float(found.system.observe(found.system.H, path.q[:1], path.p[:1])[0])
+    steps = np.flatnonzero(np.isnan(path.parameter))
+    some = steps[:limit]
+    return path, steps, scan(found, scheme, path.h, path.q[some], path.p[some], H0, **options)
+
+
+def columns() -> list[dict]:
+    """The printed column beside what constant parameters and the consistent root give, on the talk's test."""
+    found = problem("henon-heiles:chaotic")
+    rows = [
+        {
+            "recipe": "printed for Scheme IV",
+            **{f"{h:g}": float(t) for h, t in zip(STEPS[1:], PRINTED[RIDDLE], strict=True)},
+        }
+    ]
+    recipes = [("Scheme IV, root nearest 1/2", method("scheme-iv"))]
+    recipes += [
+        (f"Scheme I, lambda = {lam}", method("scheme-i", lam=lam)) for lam in ("-2/5", "0", "1", "29/20", "3/2")
+    ]
+    recipes += [("implicit midpoint", method("implicit-midpoint"))]
+    for name, chosen in recipes:
+        differences = [float(refinement_difference(a, b)) for a, b in pairwise(ends(found, chosen))]
+        rows.append({"recipe": name, **{f"{h:g}": x for h, x in zip(STEPS[1:], differences, strict=True)}})
+    printed = [float(t) for t in PRINTED[RIDDLE]]
+    for row in rows:
+        values = [row[f"{h:g}"] for h in STEPS[1:]]
+        row["entries that agree"] = sum(
+            abs(v - t) <= AGREEMENT * unit(text) for v, t, text in zip(values, printed, PRINTED[RIDDLE], strict=True)
+        )
+    return rows
+
+
+def summary(scans: list[Scan]) -> list[dict]:
+    """A row per h: steps, how many have how many roots, the range of the nearest and of the far ones, the reach."""
+    out = []
+    for s in scans:
+        nearest = np.array([r[0] for r in s.roots if len(r)])
+        far = np.concatenate([r[1:] for r in s.roots] or [np.array([])])
+        counts = np.bincount([len(r) for r in s.roots], minlength=2)
+        out.append(
+            {
+                "h": s.h,
+                "steps": len(s.roots),
+                "without a root": int(counts[0]),
+                "with one": int(counts[1]),
+                "with more": int(counts[2:].sum()),
+                "nearest root, least": nearest.min() if len(nearest) else np.nan,
+                "nearest root, greatest": nearest.max() if len(nearest) else np.nan,
+                "far roots": len(far),
+                "far root closest to 1/2": far[np.abs(far - 0.5).argmin()] if len(far) else np.nan,
+                "scanned from": float(s.low.max()),
+                "scanned to": float(s.high.min()),
+            }
+        )
+    return out

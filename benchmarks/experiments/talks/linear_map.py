@@ -1,0 +1,92 @@
+r"""A linear symplectic map on a parallelogram: the sum of the oriented areas in the (p_i, q_i) planes is kept.
+
+For vectors :math:`\xi, \eta` of :math:`\mathbb R^{2d}` that span the parallelogram,
+:math:`\omega(\xi, \eta) = \sum_i (\xi^p_i\eta^q_i - \xi^q_i\eta^p_i)`; A is symplectic iff
+:math:`\omega(A\xi, A\eta) = \omega(\xi, \eta)`.  The maps are one step of a method on coupled oscillators.
+
+Source: talk on symplectic integration, 'Symplectic Transformations', Fig. 2.1; E. Hairer, C. Lubich, G. Wanner,
+Geometric Numerical Integration (2006), figure VI.2.1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phasebench.benchmarks.page import style
+from phasebench.benchmarks.page.style import number
+from phasebench.integrators import Hamiltonian
+
+from . import measure
+from .record import Figure
+
+STEP = 0.9
+#: (q1, q2, p1, p2) of the vectors that span the parallelogram.
+XI, ETA = np.array([0.2, 0.1, 1.2, 0.7]), np.array([1.0, -0.5, 0.3, -0.6])
+METHODS = (("implicit midpoint", "implicit-midpoint"), ("explicit Euler", "explicit-euler"))
+
+
+def oscillators() -> Hamiltonian:
+    """Two oscillators with a spring between them: a linear system."""
+    return Hamiltonian(q="q1, q2", p="p1, p2", H="(p1**2 + p2**2)/2 + (q1**2 + 2*q2**2)/2 + (q1 - q2)**2/2")
+
+
+def image(id: str) -> tuple[np.ndarray, np.ndarray]:
+    """(A xi, A eta) for one step of the method."""
+    return tuple(measure.carry(oscillators(), id, np.stack([XI, ETA]), STEP, 1)[1])
+
+
+def areas(xi, eta) -> np.ndarray:
+    """The oriented areas of the projections onto the planes (p_i, q_i), array (d,)."""
+    return np.array([measure.polygon_area(_projected(xi, eta, i)) for i in range(len(xi) // 2)])
+
+
+def _projected(xi, eta, i: int) -> np.ndarray:
+    """The corners 0, xi, xi + eta, eta in the plane (p_i, q_i), array (4, 2)."""
+    d = len(xi) // 2
+    corners = np.stack([0 * xi, xi, xi + eta, eta])
+    return corners[:, [d + i, i]]
+
+
+@style.drawn
+def parallelograms(quick: bool):
+    """The parallelogram and its images, in both planes."""
+    figure, grid = style.panels(2, 3, 4.4, sharex=True, sharey=True)
+    shapes = [("before", (XI, ETA)), *((title, image(id)) for title, id in METHODS)]
+    for column, (title, (xi, eta)) in enumerate(shapes):
+        oriented = areas(xi, eta)
+        for i, axes in enumerate(grid[:, column]):
+            corners = _projected(xi, eta, i)
+            colour = style.BLUE if oriented[i] > 0 else style.VERMILION
+            axes.fill(
+                *corners.T, facecolor=colour, alpha=0.25, hatch=None if oriented[i] > 0 else "///", edgecolor=colour
+            )
+            for vector, line in ((corners[1], "-"), (corners[3], "--")):
+                axes.annotate(
+                    "", vector, (0, 0), arrowprops={"arrowstyle": "->", "linestyle": line, "shrinkA": 0, "shrinkB": 0}
+                )
+            first = f"{title}, $\\omega$ = {oriented.sum():.4f}\n" if i == 0 else ""
+            axes.set_title(f"{first}area {i + 1}: {oriented[i]:+.4f}")
+            axes.set(xlabel=f"$p_{i + 1}$", ylabel=f"$q_{i + 1}$" if column == 0 else "")
+            axes.margins(0.12)
+            axes.set_aspect("equal")
+    sums = "; ".join(
+        f"{title} {' and '.join(number(a, 6) for a in areas(*pair))} with sum {number(areas(*pair).sum(), 12)}"
+        for title, pair in shapes
+    )
+    caption = (
+        f"A parallelogram (solid arrow xi, dashed eta) and its image under one step, h = {number(STEP)}, of a "
+        "symplectic and of a non-symplectic method on two coupled oscillators, projected onto the planes (p_1, q_1) "
+        "(above) and (p_2, q_2) (below); hatched: negative orientation. Oriented areas and their sum omega(xi, eta): "
+        f"{sums}."
+    )
+    return figure, caption
+
+
+FIGURES = (
+    Figure(
+        "linear-symplectic-map",
+        "A linear symplectic map on a parallelogram",
+        "pendulum and symplectic maps",
+        parallelograms,
+    ),
+)

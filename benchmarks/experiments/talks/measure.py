@@ -1,0 +1,173 @@
+r"""What figures compute of trajectories: sets carried along, areas, errors, thinning, Poincare sections.
+
+The area within a closed curve is that of its trigonometric interpolant, the polygon formula
+:math:`\tfrac12\sum (q_i p_{i+1} - q_{i+1} p_i)` in the limit of many vertices: with
+:math:`q + \mathrm ip = \sum_k c_k e^{\mathrm ik\theta}` it is :math:`\pi\sum_k k\,|c_k|^2`, exact to round-off for an
+analytic curve with enough vertices, where the polygon's own area is off by their number to the power -2.
+
+Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), VI.2; M. Henon, Physica D 5 (1982)
+412-414 (sections).
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+
+from phasebench.benchmarks import problems
+from phasebench.benchmarks.measure.accuracy import end_state
+from phasebench.benchmarks.page.style import number
+from phasebench.integrators import integrate
+from phasebench.integrators.errors import InvalidInput
+
+#: The values of lambda in the talk's figures.
+LAMBDAS = (Fraction(-1), Fraction(1, 3), Fraction(3, 2), Fraction(2))
+
+#: Errors that are zero stand here on logarithmic axes.
+FLOOR = 1e-18
+
+#: Refinement differences below this are no ground for an order: round-off is near.
+NOISE = 1e-12
+
+
+@cache
+def start(name: str):
+    """The problem ``id`` or ``id:orbit``, made once: its functions stay compiled."""
+    return problems.problem(name)
+
+
+def run(problem, id: str, h: float, t_end: float, **parameters):
+    """The Solution of method ``id``; ``parameters`` are the method's."""
+    return integrate(problem, id, h=h, t_end=t_end, parameters=parameters)
+
+
+def error(problem, expression, solution) -> np.ndarray:
+    """|F - F0| of an expression F along a solution, array (n,)."""
+    values = problem.system.observe(expression, solution.q, solution.p)
+    return np.abs(values - values[0])
+
+
+def energy_error(problem, solution) -> np.ndarray:
+    """|H - H0| along a solution, array (n,)."""
+    return error(problem, problem.system.H, solution)
+
+
+def binned_maxima(t, e, bins: int = 200):
+    """The largest of ``e`` and its time in each of ``bins`` equal pieces: thinned, and no peak lost."""
+    edges = np.linspace(0, len(e), min(bins, len(e)) + 1).astype(int)
+    best = np.array([a + np.argmax(e[a:b]) for a, b in pairwise(edges)])
+    return t[best], e[best]
+
+
+def shown(e) -> np.ndarray:
+    """``e`` for a logarithmic axis: zeros are drawn at `FLOOR`."""
+    return np.maximum(e, FLOOR)
+
+
+def floor_note(errors) -> str:
+    """The caption's sentence about zeros, where there are any."""
+    return f" Zeros are drawn at {number(FLOOR)}." if any((e == 0).any() for e in errors) else ""
+
+
+def troubles(solutions) -> str:
+    """The caption's sentences about integrations that did not end as they should, and steps without a root."""
+    text = "".join(f" {s.method.label}: {s.status}, {s.reason}." for s in solutions if s.status != "ok")
+    missed: dict[str, list] = {}
+    for s in solutions:
+        missed.setdefault(s.method.name, []).append(s.counts)
+    missed = {name: [sum(c[k] for c in all) for k in ("fallbacks", "steps")] for name, all in missed.items()}
+    if any(misses for misses, _ in missed.values()):
+        counts = ", ".join(f"{a} of {b} ({name})" for name, (a, b) in missed.items() if a)
+        text += f" Steps without a root lambda, taken with lambda = 1/2: {counts}."
+    return text
+
+
+def carry(problem, id: str, points, h: float, snapshots: int, substeps: int = 1, **parameters) -> np.ndarray:
+    """Carry points (q, p), array (n, 2 d), by the method's map; array (snapshots + 1, n, 2 d), row 0 the points.
+
+    Raises InvalidInput where a point does not arrive.
+    """
+    d = points.shape[1] // 2
+    rows = []
+    for y in points:
+        s = integrate(
+            problem, id, h=h, steps=snapshots * substeps, q0=y[:d], p0=y[d:], save_every=substeps, parameters=parameters
+        )
+        if s.status != "ok":
+            raise InvalidInput(f"the point {y.tolist()} is lost: {s.status}, {s.reason}")
+        rows.append(np.hstack([s.q, s.p]))
+    return np.stack(rows, axis=1)
+
+
+def enclosed_area(curve) -> float:
+    """The oriented area within a closed curve of points (q, p), array (n, 2): counterclockwise is positive."""
+    n = len(curve)
+    c = np.fft.fft(curve[:, 0] + 1j * curve[:, 1]) / n
+    return float(np.pi * np.sum(np.fft.fftfreq(n, 1 / n) * np.abs(c) ** 2))
+
+
+def polygon_area(vertices) -> float:
+    """The oriented area of a polygon of vertices (x, y), array (n, 2): counterclockwise is positive."""
+    (x, y), (x1, y1) = vertices.T, np.roll(vertices, -1, axis=0).T
+    return float(np.sum(x * y1 - x1 * y) / 2)
+
+
+def circle(centre, radius: float, n: int) -> np.ndarray:
+    """A circle of n points, array (n, 2)."""
+    angle = 2 * np.pi * np.arange(n) / n
+    return np.array(centre) + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def cat(centre, size: float, n: int) -> np.ndarray:
+    """The outline of a cat's face, array (n, 2): an analytic closed curve, a circle with two ears."""
+    angle = 2 * np.pi * np.arange(n) / n
+    ears = sum(np.exp(18 * (np.cos(angle - at) - 1)) for at in (np.pi / 4, 3 * np.pi / 4))
+    r = size * (1 + 0.55 * ears)
+    return np.array(centre) + np.stack([r * np.cos(angle), r * np.sin(angle)], axis=1)
+
+
+def section(problem, solution) -> np.ndarray:
+    """The Poincare section q1 = 0, p1 > 0 of a solution with H = |p|^2 / 2 + U(q): points (q2, p2), array (n, 2).
+
+    Between two rows the trajectory is the cubic that meets both states and their derivatives: its error is O(h^4).
+    """
+    q, p, h = solution.q, solution.p, solution.h
+    y = np.hstack([q[:, :2], p[:, 1:2]])
+    rates = [*problem.system.dq[:2], problem.system.dp[1]]
+    dy = np.stack([problem.system.observe(e, q, p) for e in rates], axis=1)
+    i = np.flatnonzero((q[:-1, 0] < 0) & (q[1:, 0] >= 0))
+
+    def at(s):
+        s = s[:, None]
+        a, b = (1 + 2 * s) * (1 - s) ** 2, s * s * (3 - 2 * s)
+        c, d = s * (1 - s) ** 2, s * s * (s - 1)
+        return a * y[i] + b * y[i + 1] + h * (c * dy[i] + d * dy[i + 1])
+
+    low, high = np.zeros(len(i)), np.ones(len(i))
+    for _ in range(50):
+        middle = (low + high) / 2
+        before = at(middle)[:, 0] < 0
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return at((low + high) / 2)[:, 1:]
+
+
+def refinement_differences(problem, id: str, steps, t_end: float = 1.0, **parameters):
+    """(h, max |y_h - y_2h| over q and p at ``t_end``), arrays (n - 1,) for n doubling numbers of ``steps``; the runs.
+
+    A difference is NaN where a run did not arrive.
+    """
+    runs = [integrate(problem, id, t_end=t_end, steps=n, save_every=0, parameters=parameters) for n in steps]
+    ends = [end_state(s) + (0 if s.status == "ok" else np.nan) for s in runs]
+    h = t_end / np.array(steps[1:])
+    return h, np.abs(np.diff(ends, axis=0)).max(axis=1), runs
+
+
+def observed_order(h, differences) -> float:
+    """The slope in log-log of the three smallest steps whose difference is above `NOISE`; NaN below two of them."""
+    clear = differences > NOISE
+    if clear.sum() < 2:
+        return float("nan")
+    return float(np.polyfit(np.log(h[clear][-3:]), np.log(differences[clear][-3:]), 1)[0])

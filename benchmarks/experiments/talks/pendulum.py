@@ -1,0 +1,114 @@
+r"""The pendulum, H = p^2 / 2 - cos q: its phase portrait, and the areas of sets that flow and methods carry.
+
+The flow is symplectic (Poincare 1899), in one degree of freedom: it keeps areas.  So does a symplectic method, at any
+step; explicit Euler multiplies an area element by :math:`1 + h^2\cos q` in each step.
+
+Source: talk on symplectic integration, 'The Pendulum Problem', 'Area Preservation'; E. Hairer, C. Lubich, G. Wanner,
+Geometric Numerical Integration (2006), I.1.3, figures VI.2.2 and VI.3.1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phasebench.benchmarks.page import style
+from phasebench.benchmarks.page.style import number
+
+from . import measure
+from .record import Figure
+
+SECTION = "pendulum and symplectic maps"
+SNAPSHOTS = 4
+STEP = np.pi / 4
+
+#: (panel title, method, substeps of a snapshot): the flow is the classical Runge-Kutta method at a small step.
+CARRIERS = (
+    ("exact flow", "rk4", 400),
+    ("symplectic Euler", "symplectic-euler-p", 1),
+    ("implicit midpoint", "implicit-midpoint", 1),
+    ("explicit Euler", "explicit-euler", 1),
+)
+
+
+def _grid(q, p, n: int):
+    """The grid Q, P of n by n points, and the function that evaluates an expression on it."""
+    Q, P = np.meshgrid(np.linspace(*q, n), np.linspace(*p, n))
+    system = measure.start("pendulum").system
+    return Q, P, lambda e: system.observe(e, Q.reshape(-1, 1), P.reshape(-1, 1)).reshape(Q.shape)
+
+
+@style.drawn
+def phase_portrait(quick: bool):
+    """Level curves of H and the vector field."""
+    system = measure.start("pendulum").system
+    span, height = (-1.5 * np.pi, 3.5 * np.pi), (-2.8, 2.8)
+    figure, ((axes,),) = style.panels(1, 1, 2.75)
+    Q, P, value = _grid(span, height, 160)
+    saddle = float(system.observe(system.H, [[np.pi]], [[0.0]])[0])
+    levels = np.array([-0.8, -0.4, 0.0, 0.5, 1.5, 2.2, 3.0])
+    axes.contour(Q, P, value(system.H), levels=levels, colors=style.BLUE, linewidths=0.9, linestyles="solid")
+    axes.contour(Q, P, value(system.H), levels=[saddle], colors=style.VERMILION, linewidths=1.4, linestyles="dashed")
+    Q, P, value = _grid(span, height, 23)
+    dq, dp = value(system.dq[0]), value(system.dp[0])
+    speed = np.hypot(dq, dp)
+    axes.quiver(Q, P, dq / speed, dp / speed, color=style.GREY, scale=45, width=0.0016, pivot="mid", angles="xy")
+    axes.set(xlim=span, ylim=height, aspect="equal", xlabel="$q$ (rad)", ylabel="$p$")
+    axes.set_xticks(np.pi * np.arange(-1, 4), ["$-\\pi$", "0", "$\\pi$", "$2\\pi$", "$3\\pi$"])
+    caption = (
+        f"Phase portrait of the pendulum: level curves of H = p^2/2 - cos q at H = {', '.join(map(number, levels))} "
+        f"(solid) and the separatrix H = {number(saddle)} through the saddle (dashed); arrows: direction of the vector "
+        "field."
+    )
+    return figure, caption
+
+
+def carried(id: str, substeps: int, vertices: int) -> np.ndarray:
+    """The cat's face under a method, array (SNAPSHOTS + 1, vertices, 2)."""
+    face = measure.cat((0.0, 1.35), 0.42, vertices)
+    return measure.carry(measure.start("pendulum"), id, face, STEP / substeps, SNAPSHOTS, substeps)
+
+
+@style.drawn
+def area(quick: bool):
+    """A cat's face carried by the flow and by methods of either kind."""
+    figure, grid = style.panels(2, 2, 5.0, sharex=True, sharey=True)
+    vertices = 256 if quick else 512
+    flow, parts = None, []
+    for axes, (title, id, substeps) in zip(grid.flat, CARRIERS, strict=True):
+        faces = carried(id, substeps, vertices)
+        eyes = [
+            measure.carry(
+                measure.start("pendulum"), id, measure.circle((x, 1.45), 0.07, 24), STEP / substeps, SNAPSHOTS, substeps
+            )
+            for x in (-0.16, 0.16)
+        ]
+        flow = faces if flow is None else flow
+        for k, face in enumerate(faces):
+            axes.fill(
+                *face.T, facecolor=style.SKY if k % 2 else style.ORANGE, edgecolor="black", linewidth=0.8, alpha=0.8
+            )
+            for eye in eyes:
+                axes.fill(*eye[k].T, color="black", linewidth=0)
+            if id != "rk4":
+                axes.plot(*np.vstack([flow[k], flow[k][:1]]).T, color=style.GREY, linestyle="--", linewidth=0.7)
+        areas = np.array([measure.enclosed_area(face) for face in faces])
+        axes.set_title(f"{title}\nareas {', '.join(f'{a:.3f}' for a in areas)}")
+        axes.set_aspect("equal")
+        parts.append(f"{title} {number(areas[-1], 10)} (largest change {number(np.abs(areas - areas[0]).max(), 2)})")
+    for axes in grid[-1]:
+        axes.set_xlabel("$q$ (rad)")
+    for axes in grid[:, 0]:
+        axes.set_ylabel("$p$")
+    caption = (
+        f"A set of area {number(areas[0], 10)} carried by the pendulum's flow and by three methods with "
+        f"h = pi/4 = {number(STEP, 4)}, shown at t = 0, h, ..., {SNAPSHOTS}h (dashed: the flow, by the classical "
+        f"Runge-Kutta method at h/{CARRIERS[0][2]}). Area after {SNAPSHOTS} steps: {'; '.join(parts)}. Areas are those "
+        f"of the trigonometric interpolant of {vertices} vertices."
+    )
+    return figure, caption
+
+
+FIGURES = (
+    Figure("pendulum-phase-portrait", "Phase portrait of the pendulum", SECTION, phase_portrait),
+    Figure("pendulum-area", "Area preservation on the pendulum", SECTION, area),
+)

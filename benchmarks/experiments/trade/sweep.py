@@ -1,0 +1,199 @@
+"""METHODS and peers x SCENES -> tidy rows: one for each (scene, method, parameters, h or tolerance).
+
+A row has both error columns: ``global_error``, the maximum norm of (q, p) at ``global_error_time`` against the
+reference, with the reference's own uncertainty there; and ``refinement_difference``, against the same method at twice
+the step, which is what the talk's tables print.  ``seconds`` is the median of warm integrations without output.
+
+Errors and invariants are those of `accuracy`; how peers are measured is in `peer_rows`.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+
+from phasebench.benchmarks.measure import metrics
+from phasebench.benchmarks.measure.accuracy import end_state, head, invariants, trajectory_error
+from phasebench.benchmarks.problems.scenes import BY_ID, DRIFT, ORDER, SCENES, Scene
+from phasebench.benchmarks.rows.store import Store
+from phasebench.integrators.driver import OK, SKIPPED, Solution, integrate
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.record import Method
+from phasebench.integrators.registry import METHODS, method
+from phasebench.reference.peers import BY_ID as PEERS_BY_ID
+from phasebench.reference.peers import Peer
+
+from . import peer_rows
+
+#: The talk's values of lambda, for the schemes that it tabulates over lambda.
+LAMBDAS = ("-1", "1/3", "3/2", "2")
+TABULATED = ("scheme-i", "scheme-ii", "scheme-iii")
+REPEATS = 3
+#: Methods of a higher order run the long scenes at the largest step only: at smaller ones they show round-off.
+HIGH = 4
+#: A run of more seconds is not repeated for its time.
+LONG = 1.0
+#: What a row of a method says of where it is from; a row of a peer has its package.
+KIND = "phasebench"
+
+
+@dataclass(frozen=True)
+class Task:
+    """One row to be measured; plain text and numbers, so that it can travel to another process."""
+
+    scene: str
+    method: str
+    parameters: tuple[tuple[str, str], ...]
+    h: float | None
+    quick: bool = False
+    tol: float | None = None
+
+    @property
+    def key(self) -> str:
+        """What tells it from every other."""
+        size = f"{self.h!r}" if self.tol is None else f"tol={self.tol!r}"
+        return f"{self.scene}|{self.method}|{dict(self.parameters)}|{size}"
+
+    def made(self) -> Method | Peer:
+        """The method with its parameters, or the peer."""
+        return PEERS_BY_ID.get(self.method) or method(self.method, **dict(self.parameters))
+
+
+def variants(methods: Iterable[Method] = METHODS) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
+    """(id, parameters) of every method, the tabulated schemes at the talk's values of lambda."""
+    for m in methods:
+        if m.id in TABULATED:
+            yield from ((m.id, (("lam", lam),)) for lam in LAMBDAS)
+        elif "order" in m.parameters:
+            yield from ((m.id, (("order", str(r)),)) for r in (3, 4))
+        else:
+            yield m.id, ()
+
+
+def tasks(
+    scenes: Iterable[Scene] = SCENES, quick: bool = False, only: Callable[[Method | Peer], bool] | None = None
+) -> list[Task]:
+    """The rows of a sweep, in the order in which they are measured: of each scene the methods, then the peers.
+
+    ``only`` chooses among all; without it a quick sweep has a few of the peers.
+    """
+    found = []
+    for scene in scenes:
+        for id, parameters in variants():
+            chosen = method(id)
+            if only is None or only(chosen):
+                steps = scene.ladder(quick)
+                if scene.purpose == DRIFT and chosen.order > HIGH:
+                    steps = steps[:1]
+                found += [Task(scene.id, id, parameters, h, quick) for h in steps]
+        for peer in peer_rows.swept(quick and only is None):
+            if only is None or only(peer):
+                found += [Task(scene.id, peer.id, (), h, quick, tol) for h, tol in peer_rows.sizes(peer, scene, quick)]
+    return found
+
+
+@cache
+def _twice(scene: str, id: str, parameters: tuple, h: float) -> np.ndarray | None:
+    """The end state at twice the step, for the refinement difference."""
+    made = BY_ID[scene]
+    found = integrate(made.made(), method(id, **dict(parameters)), h=2 * h, t_end=made.t_end, save_every=0)
+    return end_state(found) if found.status == OK else None
+
+
+def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
+    """The row of a task."""
+    if task.method in PEERS_BY_ID:
+        return peer_rows.measure(task, repeats)
+    scene, chosen = BY_ID[task.scene], task.made()
+    problem = scene.made()
+    row = head(scene, problem, chosen, KIND) | {"h": task.h, "tier": "quick" if task.quick else "full"}
+    lack = chosen.lacks(problem.system)
+    if lack:
+        return row | {"status": SKIPPED, "reason": lack}
+    try:
+        solution = integrate(problem, chosen, h=task.h, t_end=scene.t_end)
+    except InvalidInput as error:
+        return row | {"status": "invalid", "reason": str(error)}
+    row |= {"status": solution.status, "reason": solution.reason} | solution.counts
+    row |= invariants(problem, solution, scene.t_end)
+    if solution.status != OK:
+        return row
+    row |= _errors(scene, task, solution)
+    runs = [solution.seconds]
+    if solution.seconds < LONG:
+        runs += [
+            integrate(problem, chosen, h=task.h, t_end=scene.t_end, save_every=0).seconds for _ in range(repeats - 1)
+        ]
+    return row | {"seconds": statistics.median(runs)}
+
+
+def _errors(scene: Scene, task: Task, solution: Solution) -> dict[str, float]:
+    out = trajectory_error(scene, solution)
+    if scene.purpose == ORDER and task.h < scene.steps[0]:
+        twice = _twice(task.scene, task.method, task.parameters, task.h)
+        if twice is not None:
+            out["refinement_difference"] = float(metrics.refinement_difference(twice, end_state(solution)))
+    return out
+
+
+def run(
+    todo: list[Task],
+    store: Store | None = None,
+    progress: Callable[[Task, dict], None] | None = None,
+    repeats: int = REPEATS,
+    map_: Callable = map,
+) -> list[dict[str, Any]]:
+    """Measure the rows, keeping each at once in ``store``, from which a run that was killed goes on.
+
+    ``map_`` is the engine: the built-in, or an executor's or Dask client's map, for sweeps that outgrow the machine.
+    """
+    known = {t.key: store.get(t.key) for t in todo} if store else {}
+    missing = [t for t in todo if known.get(t.key) is None]
+    rows = {k: v for k, v in known.items() if v is not None}
+    for task, row in zip(missing, map_(partial(measure, repeats=repeats), missing), strict=True):
+        rows[task.key] = row
+        if store:
+            store.put(task.key, row)
+        if progress:
+            progress(task, row)
+    return [{k: v for k, v in rows[t.key].items() if k != "key"} for t in todo]
+
+
+def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dict[str, Any]]:
+    """The measured order of each (scene, method) of the order scenes, with its window and 95 % interval.
+
+    Only ``ok`` rows of a fixed step above the noise (the reference's uncertainty and round-off) enter.
+    """
+    groups: dict[tuple[str, str], list[dict]] = {}
+    for r in rows:
+        if r["purpose"] == ORDER and r["status"] == OK and r.get(column) is not None and r["h"] is not None:
+            groups.setdefault((r["scene"], r["method"]), []).append(r)
+    out = []
+    for (scene, label), members in groups.items():
+        members.sort(key=lambda r: -r["h"])
+        noise = 100 * max(np.finfo(float).eps * 4, *(r["reference_uncertainty"] for r in members))
+        found = metrics.order([r["h"] for r in members], [r[column] for r in members], noise=noise)
+        out.append(
+            {
+                "scene": scene,
+                "problem": members[0]["problem"],
+                "method": label,
+                "kind": members[0].get("kind", KIND),
+                "declared": members[0]["declared_order"],
+                "order": found.value,
+                "low": found.low,
+                "high": found.high,
+                "points": found.points,
+                "h_first": found.first,
+                "h_last": found.last,
+            }
+        )
+    return out
+
+
+__all__ = ["DRIFT", "LAMBDAS", "ORDER", "Task", "measure", "orders", "run", "tasks", "variants"]

@@ -1,0 +1,1 @@
+"""What is kept of semi-discretized wave equations?"""

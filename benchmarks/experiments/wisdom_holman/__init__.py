@@ -1,0 +1,1 @@
+"""Wisdom-Holman splittings beside REBOUND's."""

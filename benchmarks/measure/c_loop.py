@@ -1,0 +1,101 @@
+r"""The bare C loop that a compiled step is measured against: Stormer-Verlet of the same formula, nothing else.
+
+.. math::
+    p \leftarrow p - \tfrac h2 g,\quad q \leftarrow q + h\,p,\quad g \leftarrow \nabla V(q),\quad
+    p \leftarrow p - \tfrac h2 g
+
+One gradient a step, no compensation, no function pointer, no rows; `gcc -O3 -march=native`.  The statements of the
+gradient are those that the compiled kernels run on.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import sympy as sp
+
+from phasebench.integrators.engine import codegen
+
+
+def compiler() -> str | None:
+    """The C compiler's path, or None: $CC, gcc or cc."""
+    for name in (os.environ.get("CC"), "gcc", "cc"):
+        if name and shutil.which(name):
+            return shutil.which(name)
+    return None
+
+
+def _statements(system) -> tuple[list[str], list[str]]:
+    """C statements of the gradient of V and the components' expressions."""
+    text = codegen.source("f", [("q", system.q)], [[sp.diff(system.potential, x) for x in system.q]], codegen.DOUBLE)
+    lines = [line.strip() for line in text.splitlines()[1:]]
+    body = [f"double {line};" for line in lines[system.d : -1]]
+    inner = re.fullmatch(r"return value\(\((.*),\)\)", lines[-1]).group(1)
+    parts, depth, start = [], 0, 0
+    for i, c in enumerate(inner + ","):
+        depth += (c == "(") - (c == ")")
+        if c == "," and depth == 0:
+            parts.append(inner[start:i].strip())
+            start = i + 1
+    return body, parts
+
+
+def source(system) -> str:
+    """The C text of ``leapfrog(steps, h, state)``, state = q then p; for a separable H with unit masses."""
+    body, parts = _statements(system)
+    d = range(system.d)
+    gradient = " ".join([*body, *(f"g_{i} = {part};" for i, part in enumerate(parts))])
+    declared = ", ".join(f"q_{i} = y[{i}], p_{i} = y[{i + system.d}], g_{i}" for i in d)
+    half = " ".join(f"p_{i} -= 0.5 * h * g_{i};" for i in d)
+    drift = " ".join(f"q_{i} += h * p_{i};" for i in d)
+    back = " ".join(f"y[{i}] = q_{i}; y[{i + system.d}] = p_{i};" for i in d)
+    return f"""#include <math.h>
+void leapfrog(long steps, double h, double *y) {{
+  double {declared};
+  {{ {gradient} }}
+  for (long n = 0; n < steps; n++) {{
+    {half}
+    {drift}
+    {{ {gradient} }}
+    {half}
+  }}
+  {back}
+}}
+"""
+
+
+class Loop:
+    """The compiled loop of a problem; raises RuntimeError without a C compiler or where it rejects the source."""
+
+    def __init__(self, problem):
+        cc = compiler()
+        if cc is None:
+            raise RuntimeError("no C compiler: install gcc or set CC")
+        if not getattr(problem.system, "unit_mass", False):
+            raise RuntimeError("the C loop is written for a separable H with unit masses")
+        self.problem = problem
+        with tempfile.TemporaryDirectory() as folder:
+            text, library = Path(folder) / "loop.c", Path(folder) / "loop.so"
+            text.write_text(source(problem.system))
+            command = [cc, "-O3", "-march=native", "-shared", "-fPIC", str(text), "-o", str(library), "-lm"]
+            done = subprocess.run(command, capture_output=True, text=True)
+            if done.returncode:
+                raise RuntimeError(f"{cc} failed: {done.stderr.strip()}")
+            self._leapfrog = ctypes.CDLL(str(library)).leapfrog
+        self._leapfrog.argtypes = [ctypes.c_long, ctypes.c_double, ctypes.c_void_p]
+        self._leapfrog.restype = None
+
+    def run(self, h: float, steps: int) -> tuple[float, np.ndarray]:
+        """(seconds of ``steps`` steps, the end state: q then p)."""
+        y = np.array([*self.problem.q0, *self.problem.p0])
+        started = time.perf_counter()
+        self._leapfrog(steps, h, y.ctypes.data)
+        return time.perf_counter() - started, y

@@ -1,0 +1,1 @@
+"""Rows on disk, tables of them, and where they come from."""

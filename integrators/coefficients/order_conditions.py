@@ -1,0 +1,171 @@
+r"""Orders of splittings and compositions from their coefficients alone, without integrating anything.
+
+A step is a product of exponentials of non-commuting letters, a series over words (the free associative algebra).
+It has order p where its coefficients of the words of degree up to p are those of the exact flow.
+
+- ``splitting``: :math:`\prod_k e^{b_k B} e^{a_k A}` against :math:`e^{A + B}`, A the drift and B the kick.
+- ``nystrom``: the same where T is quadratic.  Then :math:`[B, [B, [B, A]]] = 0`, and words are equal modulo the ideal
+  of this relation.  Its leading word BBBA does not overlap itself, so that :math:`BBBA \to 3BBAB - 3BABB + ABBB`
+  reduces every word to one normal form (G. M. Bergman, Adv. Math. 29 (1978) 178-218).
+- ``near-integrable``: for H = A + eps B; the order is (p_1, p_2, ...), where the error of the terms with eps^k is
+  O(eps^k h^(p_k + 1)).
+- ``composition``: of a symmetric base of order 2, :math:`e^{Y_1 + Y_3 + Y_5 + \dots}` with :math:`Y_n` of degree n,
+  over the fractions: :math:`\prod_k e^{g_k Y_1 + g_k^3 Y_3 + \dots}` against :math:`e^{Y_1}`.
+
+Sources: Hairer, Lubich, Wanner (2006), III.4-5; S. Blanes, F. Casas, A Concise Introduction to Geometric Numerical
+Integration (2016), chapter 3; McLachlan, SIAM J. Sci. Comput. 16 (1995) 151-168; Blanes et al., Appl. Numer. Math. 68
+(2013) 58-72 (generalised order).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cache
+
+import mpmath
+import numpy as np
+
+from .fractions import DIGITS
+
+#: A residual below this is zero; that of the next degree has to exceed `VISIBLE`.
+TOLERANCE, VISIBLE = mpmath.mpf("1e-38"), mpmath.mpf("1e-12")
+KINDS = ("splitting", "nystrom", "near-integrable", "composition")
+
+Key = tuple[int, int]
+Residuals = dict[Key, np.ndarray]
+
+
+# -- two letters: words of degree n are the numbers 0 ... 2^n - 1, a digit 1 for each B ------------------------------
+
+
+def _one(degree: int) -> list[np.ndarray]:
+    series = [np.full(2**n, mpmath.mpf(0), dtype=object) for n in range(degree + 1)]
+    series[0][0] = mpmath.mpf(1)
+    return series
+
+
+def _times_exponential(letter: str, a, series: list[np.ndarray]) -> list[np.ndarray]:
+    """exp(a letter) times a series: the words that begin with k of the letter are one end of the numbers."""
+    out = [x.copy() for x in series]
+    for n in range(1, len(series)):
+        factor = mpmath.mpf(1)
+        for k in range(1, n + 1):
+            factor = factor * a / k
+            count = 2 ** (n - k)
+            part = slice(0, count) if letter == "A" else slice(2**n - count, None)
+            out[n][part] = out[n][part] + factor * series[n - k]
+    return out
+
+
+def words(steps: Iterable[tuple[str, mpmath.mpf]], degree: int) -> list[np.ndarray]:
+    """The step minus exp(A + B), by degree: arrays of shape (2^n,) over the words, in the order of the steps."""
+    series = _one(degree)
+    for letter, a in reversed(list(steps)):
+        series = _times_exponential(letter, a, series)
+    return [x - 1 / mpmath.factorial(n) for n, x in enumerate(series)]
+
+
+@cache
+def _reductions(n: int) -> tuple[tuple[int, int, int, int], ...]:
+    """(word with BBBA, those with BBAB, BABB, ABBB in its place), from the largest word to the smallest."""
+    out = []
+    for word in range(2**n - 1, -1, -1):
+        for shift in range(n - 3):
+            if (word >> shift) & 15 == 0b1110:
+                out.append((word, *(word ^ ((0b1110 ^ other) << shift) for other in (0b1101, 0b1011, 0b0111))))
+                break
+    return tuple(out)
+
+
+def normal_form(residual: np.ndarray) -> np.ndarray:
+    """Coefficients of the words without BBBA, modulo [B, [B, [B, A]]] = 0."""
+    out = residual.copy()
+    reductions = _reductions(len(out).bit_length() - 1)
+    for word, bbab, babb, abbb in reductions:
+        c = out[word]
+        out[bbab] += 3 * c
+        out[babb] -= 3 * c
+        out[abbb] += c
+    return np.delete(out, [r[0] for r in reductions])
+
+
+# -- the letters Y_1, Y_3, Y_5, ... of a symmetric base --------------------------------------------------------------
+
+
+@cache
+def odd_words(weight: int) -> tuple[tuple[int, ...], ...]:
+    """The words of odd letters of that weight: (1, 1, 1), (3,) for 3."""
+    if weight == 0:
+        return ((),)
+    return tuple((first, *rest) for first in range(1, weight + 1, 2) for rest in odd_words(weight - first))
+
+
+def odd_residuals(fractions: Sequence[mpmath.mpf], weight: int) -> list[np.ndarray]:
+    """The composition minus exp(Y_1), by weight: arrays over `odd_words`."""
+    every = [w for n in range(weight + 1) for w in odd_words(n)]
+    inverse = [1 / mpmath.factorial(k) for k in range(weight + 1)]
+    series = {w: mpmath.mpf(not w) for w in every}
+    for g in fractions:
+        powers = [g**n for n in range(weight + 1)]
+        step = {w: powers[sum(w)] * inverse[len(w)] for w in every}
+        series = {w: sum(step[w[:i]] * series[w[i:]] for i in range(len(w) + 1)) for w in every}
+    exact = {w: inverse[len(w)] if set(w) <= {1} else 0 for w in every}
+    return [np.array([series[w] - exact[w] for w in odd_words(n)], dtype=object) for n in range(weight + 1)]
+
+
+# -- orders ----------------------------------------------------------------------------------------------------------
+
+
+def residuals(kind: str, steps: Sequence, degree: int) -> Residuals:
+    """{(degree, power of eps): array of coefficients}; the power is 0 for what is not near-integrable.
+
+    Parameters
+    ----------
+    kind : one of `KINDS`
+    steps : pairs (letter, coefficient), A the drift and B the kick; for a composition the fractions alone
+    degree : of the highest words
+    """
+    with mpmath.workdps(max(DIGITS, mpmath.mp.dps)):
+        if kind == "composition":
+            return {(n, 0): r for n, r in enumerate(odd_residuals(steps, degree)) if n}
+        every = words(steps, degree)
+        if kind == "splitting":
+            return {(n, 0): r for n, r in enumerate(every) if n}
+        if kind == "nystrom":
+            return {(n, 0): normal_form(r) for n, r in enumerate(every) if n}
+        if kind == "near-integrable":
+            kicks = [np.array([w.bit_count() for w in range(2**n)]) for n in range(degree + 1)]
+            return {(n, k): every[n][kicks[n] == k] for n in range(1, degree + 1) for k in range(n + 1)}
+    raise ValueError(f"there is no kind '{kind}'; known are {', '.join(KINDS)}")
+
+
+def norm(residual: Iterable) -> mpmath.mpf:
+    """The 2-norm, in full precision."""
+    with mpmath.workdps(DIGITS):
+        return mpmath.sqrt(mpmath.fsum(x * x for x in residual))
+
+
+def conditions(found: Residuals, order: Sequence[int]) -> list[Key]:
+    """The keys whose residuals vanish for a (generalised) order, ``(p,)`` or ``(p_1, p_2, ...)``."""
+    return [(n, k) for n, k in found if n <= order[min(max(k, 1), len(order)) - 1]]
+
+
+def excess(found: Residuals, order: Sequence[int]) -> mpmath.mpf:
+    """The largest coefficient that an order needs to vanish."""
+    return max(abs(x) for key in conditions(found, order) for x in found[key])
+
+
+def leading(found: Residuals, order: Sequence[int]) -> tuple[mpmath.mpf, ...]:
+    """The norms of the first residuals that do not vanish: for each power of eps that the order names, or one."""
+    if len(order) == 1:
+        return (norm(found[order[0] + 1, 0]),)
+    return tuple(norm(found[p + 1, k]) for k, p in enumerate(order, 1))
+
+
+def classical_order(kind: str, steps: Sequence, tolerance=TOLERANCE, limit: int = 12) -> int:
+    """The largest p with every residual up to degree p below the tolerance; raises ValueError beyond ``limit``."""
+    for p in range(1, limit + 1):
+        found = residuals(kind, steps, p)
+        if any(abs(x) > tolerance for (n, _), r in found.items() if n == p for x in r):
+            return p - 1
+    raise ValueError(f"the order is at least {limit}")

@@ -1,0 +1,122 @@
+r"""Tableaus of implicit Runge-Kutta methods and of HBVM in the form of `stages`, at any precision.
+
+Collocation at nodes c: :math:`a_{ij} = \int_0^{c_i} \ell_j`, :math:`b_j = \int_0^1 \ell_j`: Gauss, Lobatto IIIA, Radau
+IIA.  Lobatto IIIB is the symplectic conjugate of IIIA, :math:`b_i a^q_{ij} + b_j a^p_{ji} = b_i b_j`.
+
+Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), II.1.2, II.2.2, VI.4; L. Brugnano,
+F. Iavernaro, D. Trigiante, J. Numer. Anal. Ind. Appl. Math. 5 (2010) 17-37 (HBVM).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import mpmath
+import numpy as np
+
+from .quadrature import gauss_legendre, gauss_lobatto, legendre, legendre_integrals, radau_right
+
+#: The start of a stage equation is extrapolated from its solutions in at most this many steps.
+LEVELS = 5
+#: The highest degree of the polynomial that extrapolates the increments.
+DEGREE = 9
+
+
+def collocation(nodes: Sequence) -> tuple:
+    """(A, b) of the collocation method with these nodes, as mpmath matrices in the working precision."""
+    s = len(nodes)
+    P = mpmath.matrix([legendre(s, c) for c in nodes]).T
+    integrals = mpmath.matrix([legendre_integrals(s, c) for c in nodes]).T
+    inverse = P**-1
+    return (inverse * integrals).T, inverse * mpmath.matrix([1] + [0] * (s - 1))
+
+
+def runge_kutta(kind: str, s: int) -> tuple:
+    """(A^q, A^p, b, c) of an s-stage method, as mpmath matrices and a list, in the working precision.
+
+    ``kind`` is "gauss", "radau-iia" or "lobatto-iiia-iiib" (A^q of IIIA, A^p its symplectic conjugate, IIIB).
+    """
+    rule = {"gauss": gauss_legendre, "radau-iia": radau_right, "lobatto-iiia-iiib": gauss_lobatto}[kind]
+    c = [x for x, _ in rule(s, mpmath.mp.dps)]
+    A, b = collocation(c)
+    conjugate = A
+    if kind == "lobatto-iiia-iiib":
+        conjugate = mpmath.matrix(s, s)
+        for i in range(s):
+            for j in range(s):
+                conjugate[i, j] = b[j] - b[j] * A[j, i] / b[i]
+    return A, conjugate, b, c
+
+
+def on_grid(A, unit):
+    """A rounded to multiples of ``unit``: where two numbers add up to 1, the rounded ones do so exactly."""
+    return A.apply(lambda x: mpmath.nint(x / unit) * unit)
+
+
+def nystrom_rounded(A, c, unit) -> tuple:
+    """A and c rounded such that A_ij - A_ji = c_i - c_j exactly, where that is so of the exact ones."""
+    s = len(c)
+    if A.rows != A.cols or max(abs(A[i, j] - A[j, i] - c[i] + c[j]) for i in range(s) for j in range(s)) > 1e-30:
+        return A, c
+    A, c = on_grid(A, unit), list(on_grid(mpmath.matrix(c), unit))
+    for i in range(s):
+        for j in range(i):
+            A[i, j] = A[j, i] + c[i] - c[j]
+    return A, c
+
+
+def exact(kind: str, s: int, k: int) -> tuple:
+    """(A^q, A^p, B, w, c) of the module's formula for "hbvm" with k nodes or for a kind of `runge_kutta`."""
+    if kind != "hbvm":
+        A, conjugate, b, c = runge_kutta(kind, s)
+        divided = [mpmath.matrix(s, s), mpmath.matrix(s, s)]
+        for i in range(s):
+            for j in range(s):
+                divided[0][i, j], divided[1][i, j] = A[i, j] / b[j], conjugate[i, j] / b[j]
+        return *divided, mpmath.diag(list(b)), mpmath.ones(1, s), c
+    rule = gauss_legendre(k, mpmath.mp.dps)
+    A = mpmath.matrix([legendre_integrals(s, x) for x, _ in rule])
+    B = mpmath.matrix([[b * P for P in legendre(s, x)] for x, b in rule]).T
+    return A, A, B, mpmath.matrix([[1] + [0] * (s - 1)]), [x for x, _ in rule]
+
+
+def extrapolation(B, c) -> list[tuple]:
+    """For m = 1, 2, ...: s rows of weights of the increments of the last m steps, newest first.
+
+    They are exact for f a polynomial in time of degree `DEGREE`, or of the degree that m steps determine.  Two steps
+    are enough where s > 1.
+    """
+    s = B.rows
+    shared = int(c[0] == 0 and c[-1] == 1)
+    B, c = np.array(B.tolist(), dtype=float), np.array(c, dtype=float)
+    out = []
+    for m in range(1, max(2, LEVELS // s) + 1):
+        degree = min(m * (s - shared) + shared - 1, DEGREE)
+        basis = [np.polynomial.chebyshev.chebvander(2 * (c - n) / m + 1, degree) for n in range(m + 1)]
+        here, *earlier = [B @ T for T in basis]
+        out += [tuple(map(float, row)) for row in here @ np.linalg.pinv(np.concatenate(earlier))]
+    return out
+
+
+@cache
+def rows(kind: str, s: int, k: int, nystrom: bool, digits: int, unit) -> tuple:
+    """(rows of the plan, rows of the table) for one rule."""
+    with mpmath.workdps(digits):
+        A, C, B, w, c = exact(kind, s, k)
+        if nystrom:
+            A, weights = A * B * C, w * B * C
+            A, c = nystrom_rounded(A, c, unit)
+            if kind != "hbvm" and max(abs(weights[j] - 1 + c[j]) for j in range(s)) < 2 * unit:
+                weights = [1 - x for x in c]
+            C = A
+        else:
+            weights = w
+            if kind != "hbvm":
+                A, C = on_grid(A, unit), on_grid(C, unit)
+        start = extrapolation(B, c)
+        own = (int(kind != "hbvm"), s, len(start) // s)
+        nodes = range(len(c))
+        every = range(s)
+        table = [(len(c), c[i], *(M[i, j] for M in (A, C) for j in every), *(B[j, i] for j in every)) for i in nodes]
+        return (tuple(weights), tuple(w), own, *start), table

@@ -1,0 +1,273 @@
+"""The handful of vector operations in which every kernel is written.
+
+A kernel speaks of ``q`` and ``p`` as *values*.  Each operation below is one plain NumPy expression; it works as it
+stands on arrays of doubles and on object arrays of mpmath numbers.  Compiled, the same expression is unrolled for
+tuples of doubles (small ``d``: the state lives in registers) and left to Numba for arrays (large ``d``).
+
+``add`` is the compensated sum x + (dx + c): it returns the new value and the part of the increment that rounding
+lost (Kahan 1965; Moller 1965, "Quasi double-precision in floating point addition", BIT 5, 37-50).
+"""
+
+from __future__ import annotations
+
+import inspect
+
+import numpy as np
+from numba import njit, types
+from numba.extending import overload
+
+#: Options of every compiled function.  "contract" lets a product and a sum become one fused operation, as a C compiler
+#: does by default; it reorders nothing, so compensated sums stay exact.
+COMMON = {"error_model": "numpy", "fastmath": {"contract"}}
+#: Of kernels whose values are tuples: nothing may allocate (the compiler refuses what would), and arrays are not
+#: reference-counted, which costs more than a gradient.
+TUPLES = COMMON | {"_nrt": False}
+#: Of kernels whose values are arrays (large d): operations return new ones.  (An option not set is the caller's.)
+ARRAYS = COMMON | {"_nrt": True}
+
+
+def _holds_vectors(t) -> bool:
+    """Whether a Numba type is, or holds, a vector (d,): a value of large d.  Plans and memory are two-dimensional."""
+    if isinstance(t, types.Array):
+        return t.ndim == 1
+    return isinstance(t, types.BaseTuple) and any(map(_holds_vectors, t))
+
+
+def _jitted(f, **inline):
+    """Compile ``f`` on demand, without allocation where its values are tuples, with it where they are arrays."""
+    on_tuples, on_arrays = njit(**TUPLES, **inline)(f), njit(**ARRAYS)(f)
+    if on_tuples is f:  # compilation is off
+        return f
+    call_template, overload_of = on_tuples.get_call_template, on_tuples.get_overload
+
+    def fitting(arguments):
+        return any(map(_holds_vectors, arguments))
+
+    on_tuples.get_call_template = lambda args, kws: (
+        on_arrays.get_call_template if fitting((*args, *kws.values())) else call_template
+    )(args, kws)
+    on_tuples.get_overload = lambda sig: (on_arrays.get_overload if fitting(sig) else overload_of)(sig)
+    on_tuples.on_arrays = on_arrays
+    return on_tuples
+
+
+jit = _jitted
+
+
+def inlined(f):
+    """Compile ``f`` into its caller: for what a step of tuples consists of."""
+    return _jitted(f, forceinline=True)
+
+
+def _unrolled(fn, template, loop=None, loop_options=ARRAYS):
+    """Overload ``fn`` by the source that ``template(names, arguments)`` writes for tuples, and ``loop`` for arrays.
+
+    Without ``loop`` arrays keep ``fn``.
+    """
+    names = list(inspect.signature(fn).parameters)
+
+    def made(kind, arguments):
+        if kind is None:
+            return fn
+        namespace = {"__name__": __name__, "scalar": inlined(fn), "np": np}
+        exec(f"def impl({', '.join(names)}):\n{kind(names, arguments)}", namespace)
+        return namespace["impl"]
+
+    def on_tuples(*arguments):
+        return made(template, arguments) if any(isinstance(a, types.BaseTuple) for a in arguments) else None
+
+    def on_arrays(*arguments):
+        return None if any(isinstance(a, types.BaseTuple) for a in arguments) else made(loop, arguments)
+
+    for build, options in ((on_tuples, {"forceinline": True, **TUPLES}), (on_arrays, loop_options)):
+        namespace = {"__name__": __name__, "build": build}
+        exec(f"def typed({', '.join(names)}): return build({', '.join(names)})", namespace)
+        overload(fn, jit_options=options)(namespace["typed"])
+    return fn
+
+
+def _length(arguments) -> int:
+    return next(a.count for a in arguments if isinstance(a, types.BaseTuple))
+
+
+def elementwise(outputs: int = 1):
+    """Make a NumPy expression an operation that is unrolled, component by component, for tuples."""
+
+    def template(names, arguments):
+        def call(i):
+            parts = (
+                f"{n}[{i}]" if isinstance(a, types.BaseTuple) else n for n, a in zip(names, arguments, strict=True)
+            )
+            return f"scalar({', '.join(parts)})"
+
+        d = _length(arguments)
+        if outputs == 1:
+            return f"  return {_packed(call(i) for i in range(d))}"
+        lines = [f"  r{i} = {call(i)}" for i in range(d)]
+        packed = (_packed(f"r{i}[{k}]" for i in range(d)) for k in range(outputs))
+        return "\n".join([*lines, f"  return {', '.join(packed)}"])
+
+    def loop(names, arguments):
+        """One pass; Numba's own loop for an array expression has one output."""
+        vectors = [n for n, a in zip(names, arguments, strict=True) if isinstance(a, types.Array)]
+        parts = (f"{n}[i]" if n in vectors else n for n in names)
+        results = [f"r{k}" for k in range(outputs)]
+        return "\n".join(
+            [
+                f"  n = len({vectors[0]})",
+                *(f"  {r} = np.empty(n)" for r in results),
+                "  for i in range(n):",
+                f"    {', '.join(f'{r}[i]' for r in results)} = scalar({', '.join(parts)})",
+                f"  return {', '.join(results)}",
+            ]
+        )
+
+    return lambda fn: _unrolled(fn, template, loop if outputs > 1 else None)
+
+
+def written(template):
+    """Make a function an operation whose tuple form is the source that ``template(d)`` writes."""
+    return lambda fn: _unrolled(fn, lambda names, arguments: template(_length(arguments)))
+
+
+def summed(term: str):
+    """Make a function of vectors an operation that sums ``term``, which speaks of their components ``[i]``.
+
+    The sum of an array may be taken in any order, so that the compiler keeps several partial sums.
+    """
+
+    def template(names, arguments):
+        return "  return " + " + ".join(term.replace("[i]", f"[{i}]") for i in range(_length(arguments)))
+
+    def loop(names, arguments):
+        return f"  s = 0.0\n  for i in range(len({names[0]})):\n    s += {term}\n  return s"
+
+    return lambda fn: _unrolled(fn, template, loop, ARRAYS | {"fastmath": {"contract", "reassoc", "nsz"}})
+
+
+def _packed(items) -> str:
+    """A tuple's text.  Python builds one of more than 30 items by way of a list, which Numba does not compile."""
+    items = list(items)
+    return " + ".join(f"({', '.join(items[i : i + 30])},)" for i in range(0, len(items), 30))
+
+
+def _tuple(d, item):
+    return "  return " + _packed(item.format(i=i) for i in range(d))
+
+
+@elementwise()
+def axpy(a, x, y):
+    """y + a x."""
+    return y + a * x
+
+
+@elementwise()
+def scale(a, x):
+    """a x."""
+    return a * x
+
+
+@elementwise()
+def plus(x, y):
+    """x + y."""
+    return x + y
+
+
+@elementwise()
+def minus(x, y):
+    """x - y."""
+    return x - y
+
+
+@elementwise(outputs=2)
+def add(x, c, dx):
+    """Compensated sum: (x + c + dx, the part of it that rounding lost).
+
+    Only one addition waits for dx, which comes last in a step's chain of operations.  What (x + c) does not show of c
+    stays in the part returned, so nothing is lost.
+    """
+    t = (x + c) + dx
+    return t, (dx + c) - (t - x)
+
+
+@summed("abs(x[i])")
+def size(x):
+    """The 1-norm of x; NaN where a component is."""
+    return np.sum(np.abs(x))
+
+
+@summed("abs(x[i] - y[i])")
+def distance(x, y):
+    """The 1-norm of x - y; NaN where a component is."""
+    return np.sum(np.abs(x - y))
+
+
+@written(lambda d: _tuple(d, "x[{i}] + (a if i == {i} else 0.0)"))
+def bump(x, i, a):
+    """x with a added to its component i."""
+    y = x.copy()
+    y[i] = y[i] + a
+    return y
+
+
+@written(lambda d: "  return x + y")
+def join(x, y):
+    """The components of x, then those of y."""
+    return np.concatenate((x, y))
+
+
+@written(lambda d: _tuple(d // 2, "x[{i}]"))
+def head(x):
+    """The first half of x."""
+    return x[: len(x) // 2]
+
+
+@written(lambda d: f"  return ({', '.join(f'x[{i}]' for i in range(d // 2, d))},)")
+def tail(x):
+    """The second half of x."""
+    return x[len(x) // 2 :]
+
+
+@written(lambda d: _tuple(d, "A[i, {i}]"))
+def load(A, i, like):
+    """Row i of A as a value of the kind of ``like``."""
+    return A[i, : len(like)].copy()
+
+
+@written(lambda d: "\n".join(f"  A[i, {j}] = x[{j}]" for j in range(d)))
+def store(A, i, x):
+    """Write x into row i of A."""
+    A[i, : len(x)] = x
+
+
+@inlined
+def opened(state, zero):
+    """(q, p, what rounding lost of q, and of p): the first four rows of a run's state."""
+    return load(state, 0, zero), load(state, 1, zero), load(state, 2, zero), load(state, 3, zero)
+
+
+@inlined
+def close(state, q, p, cq, cp):
+    """Write them back, for the run to go on."""
+    store(state, 0, q)
+    store(state, 1, p)
+    store(state, 2, cq)
+    store(state, 3, cp)
+
+
+def chosen(when_none, otherwise):
+    """The function that is ``when_none`` where its first argument is None, else ``otherwise``, chosen when compiled."""
+    names = ", ".join(inspect.signature(otherwise).parameters)
+    first = names.split(",")[0]
+    namespace = {"__name__": __name__, "a": when_none, "b": otherwise, "none": types.NoneType, "omitted": types.Omitted}
+    exec(f"def pick({names}):\n  return a({names}) if {first} is None else b({names})", namespace)
+    exec(f"def kind({names}):\n  return a if isinstance({first}, (none, omitted)) else b", namespace)
+    namespace["holds"] = lambda *arguments: any(map(_holds_vectors, arguments))
+    for vectors, options in ((False, {"forceinline": True, **TUPLES}), (True, ARRAYS)):
+        exec(f"def typed({names}):\n  return kind({names}) if holds({names}) == {vectors} else None", namespace)
+        overload(namespace["pick"], jit_options=options, inline="always")(namespace["typed"])
+    return namespace["pick"]
+
+
+#: The velocity grad T(p); ``dT`` is None where that is p itself.
+velocity = chosen(lambda dT, p: p, lambda dT, p: dT(p))

@@ -1,0 +1,115 @@
+r"""Integrators for a fast linear part, H = |p|^2 / 2 + sum omega_i^2 q_i^2 / 2 + U(q), that resolve only the slow U.
+
+Per component, with :math:`\xi = h\omega`, the slow force :math:`g = -\nabla U`, a propagator R of the linear part and
+even functions :math:`\psi_1, \phi` of :math:`\xi`, a step is kick, linear flow, kick:
+
+.. math::
+    p \leftarrow p + \tfrac h2 \Psi_1 g(\Phi q),\qquad \binom qp \leftarrow R \binom qp,\qquad
+    p \leftarrow p + \tfrac h2 \Psi_1 g(\Phi q).
+
+With the rotation :math:`R_{11} = R_{22} = \cos\xi,\ R_{12} = h\,\mathrm{sinc}\,\xi,\ R_{21} = -\omega\sin\xi` these
+are the symmetric trigonometric integrators
+
+.. math::
+    q_1 &= \cos\xi\,q_0 + h\,\mathrm{sinc}\,\xi\,p_0 + \tfrac{h^2}2 \Psi g(\Phi q_0), \\
+    p_1 &= -\omega\sin\xi\,q_0 + \cos\xi\,p_0 + \tfrac h2\bigl(\Psi_0 g(\Phi q_0) + \Psi_1 g(\Phi q_1)\bigr)
+
+with :math:`\psi = \mathrm{sinc}(\xi)\,\psi_1` and :math:`\psi_0 = \cos(\xi)\,\psi_1`, symplectic for every U iff
+if :math:`\psi = \mathrm{sinc}(\xi)\,\phi` (up to a factor that all frequencies share; of equal frequencies every method
+is symplectic).  The Cayley transform in place of the rotation gives the implicit-explicit method, a power of the
+Stormer-Verlet matrix multiple time stepping.
+
+Where :math:`\psi` does not vanish with :math:`\mathrm{sinc}\,\xi`, at odd multiples of pi for the methods of Gautschi
+and of Hochbruck and Lubich, :math:`\psi_1` has a pole and the step no momentum: near one h is refused.
+
+With :math:`s = \pm 1` such that :math:`c = sR_{11} \ge 0`, R is s times three shears,
+
+.. math::
+    p \leftarrow p - aq,\quad q \leftarrow q + bp,\quad p \leftarrow p - aq,\qquad
+    b = sR_{12},\quad a = -sR_{21}/(1 + c),
+
+whose determinant is 1 whatever the rounding of a and b, and whose increments are added with compensation.  A kick and
+the shear at the same q are one, so that a step is one of Stormer-Verlet with other coefficients: there is no product
+of a rotation that rounding would make grow.
+
+Sources: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), XIII.2, equations (2.7)-(2.9);
+B. Garcia-Archilla, J. M. Sanz-Serna, R. D. Skeel, SIAM J. Sci. Comput. 20 (1999) 930-963; M. Tuckerman, B. J. Berne,
+G. J. Martyna, J. Chem. Phys. 97 (1992) 1990-2001; A. Stern, E. Grinspun, Multiscale Model. Simul. 7 (2009) 1779-1794.
+"""
+
+from __future__ import annotations
+
+import mpmath
+
+from phasebench.integrators.engine.kernel import Prepared, array
+from phasebench.integrators.engine.vector import add, close, elementwise, load, opened, scale, store
+from phasebench.integrators.errors import InvalidInput
+
+#: The least digits of the functions of xi, whatever the arithmetic of the run.
+DIGITS = 40
+#: A kick that is magnified by more than this is at a pole.
+POLE = 1e8
+
+
+@elementwise()
+def product(x, y):
+    """The components of x times those of y."""
+    return x * y
+
+
+@elementwise()
+def impulse(beta, gradient, a, q):
+    """-(beta grad U + a q): half the kick and a shear."""
+    return -(beta * gradient + a * q)
+
+
+def run(dU, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
+    """Fill the rows of Q and P, each after ``every`` steps; returns (rows filled, status).
+
+    The rows of ``plan`` are phi, (h/2) psi_1, a, b and s of every component.
+    """
+    q, p, cq, cp = opened(state, zero)
+    phi, beta, a = load(plan, 0, zero), load(plan, 1, zero), load(plan, 2, zero)
+    b, sign = load(plan, 3, zero), load(plan, 4, zero)
+    kick = impulse(beta, dU(product(phi, q)), a, q)
+    for row in range(len(Q)):
+        p, cp = add(p, cp, kick)
+        for _ in range(every):
+            q, cq = add(q, cq, product(b, p))
+            q, cq, p, cp = product(sign, q), product(sign, cq), product(sign, p), product(sign, cp)
+            kick = impulse(beta, dU(product(phi, q)), a, q)
+            p, cp = add(p, cp, scale(2.0, kick))
+        p, cp = add(p, cp, scale(-1.0, kick))
+        store(Q, row, q)
+        store(P, row, p)
+    close(state, q, p, cq, cp)
+    counts[0] += len(Q) * every
+    counts[1] += len(Q) * every + 1
+    return len(Q), 0
+
+
+def coefficients(h, omega, propagator, psi1, phi, *arguments):
+    """(phi, (h/2) psi_1, a, b, s) of a component of frequency omega, from mpmath numbers.
+
+    Raises InvalidInput where psi_1 has a pole.
+    """
+    x = h * omega
+    strength = psi1(x)
+    if abs(strength) > POLE:
+        times = mpmath.nstr(x / mpmath.pi, 12)
+        raise InvalidInput(f"h omega is {times} pi, where the method's kick is infinite; take another h")
+    c, sigma, tau = propagator(x, *arguments)
+    s = 1 if c >= 0 else -1
+    return phi(x), h / 2 * strength, s * h * omega**2 * tau / (1 + s * c), s * h * sigma, s
+
+
+def prepare(method, system, arithmetic):
+    """The coefficients are formed with at least 40 digits once h is known."""
+
+    def plan(h):
+        with mpmath.workdps(max(DIGITS, mpmath.mp.dps + 5)):
+            frequencies = [mpmath.mpf(w.evalf(mpmath.mp.dps)) for w in system.frequencies]
+            rows = [coefficients(mpmath.mpf(h), w, *method.data) for w in frequencies]
+        return array(zip(*rows, strict=True), arithmetic)
+
+    return Prepared(run, (system.grad_U(arithmetic),), plan, array([[0]], arithmetic), 1, 1, implicit=False)

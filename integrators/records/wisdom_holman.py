@@ -1,0 +1,86 @@
+"""Wisdom-Holman splittings."""
+
+from __future__ import annotations
+
+import mpmath
+
+from phasebench.integrators import coefficients
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
+
+HALF = mpmath.mpf(1) / 2
+#: The correctors that are published (Wisdom 2006, table 1).
+CORRECTORS = (3, 5, 7, 11, 17)
+WISDOM_HOLMAN = (HALF, HALF), (mpmath.mpf(1),)
+
+
+def splitting(name: str) -> tuple[tuple, tuple]:
+    """(drifts, kicks) of a table of `coefficients` that begins and ends with a drift."""
+    steps = coefficients.steps(name)
+    drifts, kicks = steps[::2], steps[1::2]
+    if {letter for letter, _ in drifts} != {"A"} or {letter for letter, _ in kicks} != {"B"}:
+        raise ValueError(f"the table {name} does not alternate from a drift to a drift")
+    return tuple(x for _, x in drifts), tuple(x for _, x in kicks)
+
+
+def _record(id, name, source, cite, data, **facts):
+    facts = {"order": 2, "symmetric": True} | facts
+    return Method(
+        id=id,
+        name=name,
+        family="wisdom_holman",
+        symplectic=True,
+        energy=BOUNDED,
+        quadratic=ROUND_OFF,
+        source=source,
+        cite=cite,
+        requires=("canonical", "separable", "quadratic kinetic energy", "Kepler part"),
+        data=data,
+        **facts,
+    )
+
+
+def _corrected(corrector):
+    if corrector not in CORRECTORS:
+        raise InvalidInput(f"correctors are of the orders {', '.join(map(str, CORRECTORS))}, not {corrector}")
+    return {"data": (*WISDOM_HOLMAN, corrector)}
+
+
+def _near_integrable(table, order, name, source, cite):
+    return _record(
+        f"wisdom-holman-{name}",
+        f"{table.upper()} with Kepler drifts",
+        source,
+        cite,
+        (*splitting(table), 1),
+        order=order,
+    )
+
+
+METHODS: tuple[Method, ...] = (
+    _record(
+        "wisdom-holman",
+        "Wisdom-Holman, drift-kick-drift",
+        "Wisdom & Holman 1991; Rein & Tamayo 2015",
+        ("wisdom-holman1991", "rein-tamayo2015"),
+        (*WISDOM_HOLMAN, 1),
+    ),
+    _record(
+        "wisdom-holman-corrector",
+        "Wisdom-Holman with a symplectic corrector",
+        "Wisdom, Holman & Touma 1996; Wisdom 2006",
+        ("wisdom-holman-touma1996", "wisdom2006"),
+        symmetric=False,
+        parameters={"corrector": 17},
+        with_parameters=_corrected,
+        **_corrected(17),
+    ),
+    _near_integrable("saba-2", 2, "saba-2", "Laskar & Robutel 2001, SABA_2", ("laskar-robutel2001",)),
+    _near_integrable("saba-4", 2, "saba-4", "Laskar & Robutel 2001, SABA_4", ("laskar-robutel2001",)),
+    _near_integrable(
+        "aba-864", 4, "aba-8-6-4", "Blanes et al. 2013, ABA(8,6,4); Farres et al. 2013", ("blanes2013", "farres2013")
+    ),
+    _near_integrable(
+        "aba-1064", 4, "aba-10-6-4", "Blanes et al. 2013, ABA(10,6,4); Farres et al. 2013", ("blanes2013", "farres2013")
+    ),
+)

@@ -1,0 +1,296 @@
+"""Formulae that a user types, read by a whitelist: Python's parser makes the syntax tree, nothing is evaluated.
+
+Read are decimal numbers, + - * / ** and parentheses, the functions of `FUNCTIONS`, the constants pi and e, and the
+variables that the caller names.  An integer is exact and a decimal the double that Python reads, but in an exponent it
+is the fraction that it stands for: q**0.1 is q**(1/10).  What SymPy could not finish (towers of powers, sums that
+expand to millions of terms) is refused before it starts; the limits stand below.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Callable, Iterable, Mapping
+from fractions import Fraction
+from math import ceil, comb, isfinite, lcm
+
+import sympy as sp
+
+from phasebench.integrators.errors import InvalidInput
+
+NAMES = ("sin", "cos", "tan", "exp", "log", "sqrt", "sinh", "cosh", "tanh", "asin", "acos", "atan")
+FUNCTIONS = {name: getattr(sp, name) for name in NAMES} | {"ln": sp.log, "abs": sp.Abs, "Abs": sp.Abs}
+CONSTANTS = {"pi": sp.pi, "e": sp.E}
+#: Of a text: its characters, and brackets in brackets.
+LONGEST, DEEPEST = 10_000, 25
+#: Of an exponent: its size and its denominator.
+LARGEST_POWER, LARGEST_ROOT = 100, 1000
+#: Digits of an integer as it is typed; bits of a numerator or denominator that numbers combine to:
+#: generated code divides two doubles, and those end there.
+DIGITS, BITS = 30, 1023
+#: Of what is read: nodes of its tree, and terms once its products and powers are multiplied out.
+NODES, TERMS = 20_000, 5_000
+SHOWN = 60
+
+_FOREIGN = re.compile(r"[^A-Za-z0-9_+\-*/().,^\s]|[^\x00-\x7f]")
+_NUMBER = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+
+
+def parse(text: str, variables: Mapping[str, sp.Expr]) -> sp.Expr:
+    """The expression that ``text`` writes in ``variables``, numbers and the functions of `FUNCTIONS`.
+
+    Parameters
+    ----------
+    text : the formula
+    variables : name -> symbol, or the number that a name stands for; they come before the constants pi and e
+
+    Raises
+    ------
+    InvalidInput
+        For anything else, naming it; for a formula that is not real and finite, or larger than the limits.
+    """
+    try:
+        found = _read(_tree(text), variables, 0)
+        if found.has(sp.zoo, sp.oo, -sp.oo, sp.nan):
+            raise InvalidInput("it is not finite: it has a constant part such as 1/0 or log(0)")
+        if found.has(sp.I):
+            raise InvalidInput("it is not real: it has a root or logarithm of a negative number")
+        _check_expansion(found)
+    except InvalidInput as error:
+        raise InvalidInput(f"the formula {_shown(text)} cannot be used: {error}") from None
+    except RecursionError:
+        raise InvalidInput(f"the formula {_shown(text)} is nested too deep") from None
+    return found
+
+
+def names(text: str) -> list[str]:
+    """The names in a formula that are not called as functions, sorted; raises InvalidInput as `parse`."""
+    try:
+        tree = _tree(text)
+    except InvalidInput as error:
+        raise InvalidInput(f"the formula {_shown(text)} cannot be used: {error}") from None
+    called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+    return sorted({node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and id(node) not in called})
+
+
+def _shown(text: str) -> str:
+    return repr(text) if len(text) <= SHOWN else f"{text[:SHOWN]!r}... of {len(text)} characters"
+
+
+def _tree(text: str) -> ast.expr:
+    """The syntax tree of a text of allowed characters."""
+    if len(text) > LONGEST:
+        raise InvalidInput(f"it has {len(text)} characters; the most is {LONGEST}")
+    if not text.strip():
+        raise InvalidInput("it is empty")
+    foreign = _FOREIGN.search(text)
+    if foreign:
+        raise InvalidInput(f"the character {foreign.group()!a} stands in no formula")
+    for number in _NUMBER.finditer(text):
+        after = re.match(r"\w+|\.", text[number.end() :])
+        if after:
+            raise InvalidInput(
+                f"'{number.group()}{after.group()}' is no decimal number; a product is written with *, as in 2*q"
+            )
+    depth = 0
+    for c in text:
+        depth += (c == "(") - (c == ")")
+        if depth > DEEPEST:
+            raise InvalidInput(f"its brackets are nested more than {DEEPEST} deep")
+    try:
+        return ast.parse(" ".join(text.split()), mode="eval").body
+    except (SyntaxError, ValueError) as error:
+        raise InvalidInput(f"{getattr(error, 'msg', error)}") from None
+    except (RecursionError, MemoryError):
+        raise InvalidInput("it is nested too deep") from None
+
+
+def _chain(node: ast.BinOp, kinds: tuple[type, ...]) -> list[tuple[type, ast.expr]]:
+    """The operands of a - b + c with their operators, without recursion: a sum of a thousand terms is not deep."""
+    found: list[tuple[type, ast.expr]] = []
+    while isinstance(node, ast.BinOp) and isinstance(node.op, kinds):
+        found.append((type(node.op), node.right))
+        node = node.left
+    return [(kinds[0], node), *reversed(found)]
+
+
+def _read(node: ast.expr, variables: Mapping[str, sp.Expr], depth: int) -> sp.Expr:
+    if depth > 2 * DEEPEST:
+        raise InvalidInput(f"it is nested more than {2 * DEEPEST} deep")
+
+    def read(x: ast.expr) -> sp.Expr:
+        return _read(x, variables, depth + 1)
+
+    match node:
+        case ast.Constant(value=value) if type(value) in (int, float):
+            return _number(value)
+        case ast.Name(id=name):
+            return _name(name, variables)
+        case ast.UnaryOp(op=ast.USub(), operand=x):
+            return -read(x)
+        case ast.UnaryOp(op=ast.UAdd(), operand=x):
+            return read(x)
+        case ast.BinOp(op=ast.Add() | ast.Sub()):
+            terms = _chain(node, (ast.Add, ast.Sub))
+            return _good(sp.Add(*(read(x) if op is ast.Add else -read(x) for op, x in terms)))
+        case ast.BinOp(op=ast.Mult() | ast.Div()):
+            found = sp.Integer(1)
+            for op, x in _chain(node, (ast.Mult, ast.Div)):
+                found = _product(found, read(x), op is ast.Div)
+            return found
+        case ast.BinOp(op=ast.Pow(), left=a, right=b):
+            return _power(read(a), read(b))
+        case ast.BinOp(op=ast.BitXor()):
+            raise InvalidInput("'^' is no power; write **")
+        case ast.Call(func=ast.Name(id=name), args=[x], keywords=[]) if name in FUNCTIONS and name not in variables:
+            if not isinstance(x, ast.Starred):
+                return _applied(FUNCTIONS[name], read(x))
+        case ast.Call(func=ast.Name(id=name)):
+            known = ", ".join(FUNCTIONS)
+            raise InvalidInput(f"'{name}' is no function of one argument among {known}; a product is written with *")
+        case ast.Call():
+            raise InvalidInput("brackets follow what is no function; a product is written with *")
+    raise InvalidInput(f"{ast.unparse(node)!r} ({type(node).__name__}) stands in no formula")
+
+
+def _number(value: int | float) -> sp.Rational:
+    if isinstance(value, int) and value >= 10**DIGITS:
+        raise InvalidInput(f"a number has more than {DIGITS} digits; write it as a decimal")
+    if not isfinite(value):
+        raise InvalidInput("a number is too large for a double")
+    return _good(sp.Rational(value))
+
+
+def _name(name: str, variables: Mapping[str, sp.Expr]) -> sp.Expr:
+    if name in variables:
+        return variables[name]
+    if name in CONSTANTS:
+        return CONSTANTS[name]
+    if name in FUNCTIONS:
+        raise InvalidInput(f"'{name}' is a function: write {name}(...)")
+    raise InvalidInput(f"'{name}' is none of the variables {', '.join(variables)}")
+
+
+def _good(e: sp.Expr) -> sp.Expr:
+    """``e``, if its numbers are short, and if it is a finite real double where it is constant.
+
+    So no SymPy function is ever handed a number that it would take long to evaluate.
+    """
+    coefficient = e.as_coeff_Mul()[0]
+    if coefficient.is_Rational and _bits(coefficient) > BITS and sp.Rational(float(coefficient)) != coefficient:
+        raise InvalidInput(_LONG)
+    if not e.is_Rational and not e.free_symbols:
+        value = complex(e.evalf()) if not e.has(sp.zoo, sp.nan, sp.oo, -sp.oo) else complex("nan")
+        if not isfinite(value.real) or not isfinite(value.imag):
+            raise InvalidInput(f"its constant part {_shown(str(e))} is not finite, or too large for a double")
+        if abs(value.imag) > 1e-12 * abs(value):
+            raise InvalidInput(f"its constant part {_shown(str(e))} is not real")
+    return e
+
+
+def _bits(x: sp.Rational) -> int:
+    return max(int(x.p).bit_length(), int(x.q).bit_length())
+
+
+_LONG = (
+    f"a number in it takes more than {BITS} bits as a fraction; write its value as a decimal, in units in which it is "
+    "between 1e-290 and 1e300"
+)
+
+
+def _exponents(e: sp.Expr) -> Iterable[tuple[sp.Expr, sp.Expr]]:
+    """(base, exponent) of the factors of ``e`` that are powers."""
+    return [f.as_base_exp() for f in sp.Mul.make_args(e) if f.is_Pow]
+
+
+def _product(a: sp.Expr, b: sp.Expr, divide: bool) -> sp.Expr:
+    if divide and b == 0:
+        raise InvalidInput("it divides by zero")
+    # SymPy gathers roots of numbers over their common denominator and raises the numbers to it.
+    if lcm(1, *(n.q for e in (a, b) for _, n in _exponents(e) if n.is_Rational)) > LARGEST_ROOT:
+        raise InvalidInput(f"the denominators of its exponents have a common one above {LARGEST_ROOT}")
+    return _small_powers(_good(a / b if divide else a * b))
+
+
+def _small_powers(e: sp.Expr) -> sp.Expr:
+    for _, n in _exponents(e):
+        if n.is_Rational and (abs(n) > LARGEST_POWER or n.q > LARGEST_ROOT):
+            raise InvalidInput(f"its factors combine to a power {n}; the largest is {LARGEST_POWER}")
+    return e
+
+
+def _power(base: sp.Expr, n: sp.Expr) -> sp.Expr:
+    """base**n, refused where the numbers or powers in it become large."""
+    if base == sp.E:
+        return _applied(sp.exp, n)
+    if not n.is_Rational:
+        raise InvalidInput(f"the power {_shown(str(n))} is no rational number; write exp(y*log(x)) for x**y")
+    if abs(n) > LARGEST_POWER:
+        raise InvalidInput(f"a power is of size {float(n):.3g}; the largest is {LARGEST_POWER}")
+    near = Fraction(int(n.p), int(n.q)).limit_denominator(LARGEST_ROOT)
+    if float(near) != float(n):
+        raise InvalidInput(f"the power {float(n)!r} is no fraction of a denominator up to {LARGEST_ROOT}")
+    n = sp.Rational(near.numerator, near.denominator)
+    if base == 0 and n < 0:
+        raise InvalidInput("it divides by zero")
+    coefficient = base.as_coeff_Mul()[0]
+    if coefficient.is_Rational and abs(coefficient) != 1 and _bits(coefficient) * abs(n) > BITS:
+        raise InvalidInput(_LONG)
+    for _, m in _exponents(base):
+        if m.is_Rational and (abs(m * n) > LARGEST_POWER or m.q * n.q > LARGEST_ROOT):
+            raise InvalidInput(f"a power {m} is raised to {n}; the largest in all is {LARGEST_POWER}")
+    return _small_powers(_good(base**n))
+
+
+def _applied(function: Callable[[sp.Expr], sp.Expr], x: sp.Expr) -> sp.Expr:
+    """A function of ``x``, as large as SymPy's own simplifications may make it."""
+    if function is sp.sqrt:
+        return _power(x, sp.Rational(1, 2))
+    if function is sp.exp:
+        for term in sp.Add.make_args(x):  # SymPy writes exp(c log y) as y**c
+            c, rest = term.as_coeff_Mul()
+            if isinstance(rest, sp.log) and c != 1:
+                return _product(_power(rest.args[0], c), _applied(sp.exp, x - term), False)
+    found = _good(function(x))
+    if not (isinstance(found, sp.Function) and found.args == (x,)):
+        _small_powers(found)
+        _count(found)  # tan(asin(x)) holds x twice: such a chain doubles at every link
+    return found
+
+
+def _count(e: sp.Expr) -> None:
+    stack, seen = [e], 0
+    while stack:
+        seen += 1
+        if seen > NODES:
+            raise InvalidInput(f"it simplifies to more than {NODES} terms and factors")
+        stack += stack.pop().args
+
+
+def _check_expansion(e: sp.Expr) -> None:
+    """Refuse what grows too large once products and powers are multiplied out, as traits and derivatives do."""
+    _count(e)
+    inner = [0]
+
+    def terms(x: sp.Expr) -> int:
+        if x.is_Add:
+            return _few(sum(map(terms, x.args)))
+        if x.is_Mul:
+            found = 1
+            for f in x.args:
+                found = _few(found * terms(f))
+            return found
+        if x.is_Pow and x.exp.is_Rational:
+            m, n = terms(x.base), ceil(abs(x.exp))
+            return _few(comb(m + n - 1, n))
+        for a in x.args:
+            inner[0] = _few(inner[0] + terms(a))
+        return 1
+
+    _few(terms(e) + inner[0])
+
+
+def _few(n: int) -> int:
+    if n > TERMS:
+        raise InvalidInput(f"multiplied out it has more than {TERMS} terms; the most is {TERMS}")
+    return n

@@ -1,0 +1,312 @@
+r"""Systems from formulae: what they are (traits), and the functions that kernels ask for, derived on demand.
+
+A `Hamiltonian` is :math:`\dot q = H_p, \dot p = -H_q`; a `PartitionedSystem` any :math:`\dot q = a(q, p)`,
+:math:`\dot p = b(q, p)` (Lotka-Volterra in its own variables).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+import sympy as sp
+from numba import types
+
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.errors import InvalidInput
+
+from . import generating
+from .formula import parse
+
+
+def _symbols(names: Sequence[sp.Symbol | str] | str) -> tuple[sp.Symbol, ...]:
+    if isinstance(names, str):
+        names = names.replace(",", " ").split()
+    return tuple(n if isinstance(n, sp.Symbol) else sp.Symbol(n, real=True) for n in names)
+
+
+class PartitionedSystem:
+    """The system q' = a(q, p), p' = b(q, p).
+
+    Parameters
+    ----------
+    q, p : sequences of symbols or names, of equal length d
+    dq, dp : sequences of d expressions or formulae, the right-hand sides
+    energy : expression or formula, optional
+        The invariant that takes the energy's place in tables.
+    singular : expressions, optional
+        Distances that vanish where the system is singular.
+    invariants : expressions, optional
+        What the flow keeps besides the energy.
+
+    Raises
+    ------
+    InvalidInput
+        If the lengths differ or a formula has a symbol that is neither a coordinate nor a momentum.
+    """
+
+    canonical = False
+    separable = False
+    quadratic_kinetic = False
+    #: Whether y' = B(y) grad H(y) with a structure matrix B that the system knows.
+    poisson = False
+    frequencies: tuple[sp.Expr, ...] = ()
+    kepler = None
+
+    def __init__(self, *, q, p, dq, dp, energy=None, singular=(), invariants=()):
+        self.q, self.p = _symbols(q), _symbols(p)
+        if len(self.q) != len(self.p) or not self.q:
+            raise InvalidInput(f"there are {len(self.q)} coordinates and {len(self.p)} momenta; give as many of each")
+        if len({*self.q, *self.p}) != 2 * len(self.q):
+            raise InvalidInput("a symbol stands twice among the coordinates and momenta")
+        self.d = len(self.q)
+        self.dq = tuple(self._formula(e) for e in dq)
+        self.dp = tuple(self._formula(e) for e in dp)
+        if len(self.dq) != self.d or len(self.dp) != self.d:
+            raise InvalidInput(f"there are {len(self.dq)} and {len(self.dp)} right-hand sides for d = {self.d}")
+        self.H = None if energy is None else self._formula(energy)
+        self.singular = tuple(self._formula(e) for e in singular)
+        self.invariants = tuple(self._formula(e) for e in invariants)
+        self._functions: dict = {}
+
+    def _formula(self, e) -> sp.Expr:
+        if isinstance(e, str):
+            e = parse(e, {str(s): s for s in (*self.q, *self.p)})
+        e = sp.sympify(e)
+        foreign = e.free_symbols - {*self.q, *self.p}
+        if foreign:
+            known = ", ".join(map(str, (*self.q, *self.p)))
+            raise InvalidInput(
+                f"{', '.join(sorted(map(str, foreign)))} in the formula is none of the variables {known}"
+            )
+        return e
+
+    @cached_property
+    def polynomial_degree(self) -> int | None:
+        """The degree of H where it is a polynomial of at least degree 1, else None."""
+        if self.H is None or not self.H.is_polynomial(*self.q, *self.p):
+            return None
+        return sp.Poly(self.H, *self.q, *self.p).total_degree()
+
+    @property
+    def traits(self) -> dict[str, object]:
+        """What methods may require or use, by name."""
+        return {
+            "canonical": self.canonical,
+            "separable": self.separable,
+            "quadratic kinetic energy": self.quadratic_kinetic,
+            "polynomial degree": self.polynomial_degree,
+            "linear fast part": bool(self.frequencies),
+            "Kepler part": self.kepler is not None,
+            "Poisson structure": self.poisson,
+            "further invariants": len(self.invariants) > 0,
+        }
+
+    # -- the functions that kernels ask for -----------------------------------------------------------------------
+
+    def made(self, kind: str, arguments, results, signature, arithmetic: str):
+        """A generated function; ``results`` is a function without arguments, called only if the text is not cached."""
+        if (kind, arithmetic) not in self._functions:
+            content = "|".join([kind, *map(str, (self.q, self.p)), *map(sp.srepr, (*self.dq, *self.dp))])
+            self._functions[kind, arithmetic] = codegen.function(
+                f"{content}|{sp.srepr(self.H)}",
+                lambda a: codegen.source("f", arguments, results(), a),
+                self.d,
+                signature,
+                arithmetic,
+            )
+        return self._functions[kind, arithmetic]
+
+    def field(self, arithmetic: str = DOUBLE, order: int = 1):
+        """f(q, p, h, lam) -> (q', p'); of ``order`` r > 1, the truncated generating function's (S_u, -S_v) / h."""
+        T, number = codegen.value_type(self.d), types.float64
+        h, lam = sp.Symbol("h", positive=True), generating.LAMBDA
+
+        def results():
+            if order == 1:
+                return [list(self.dq), list(self.dp)]
+            K = generating.coefficients(self.H, self.q, self.p, order)
+            S = sum(k * h**i for i, k in enumerate(K))
+            return [[sp.diff(S, x) for x in self.p], [-sp.diff(S, x) for x in self.q]]
+
+        arguments = [("q", self.q), ("p", self.p), ("h", h), ("lam", lam)]
+        signature = types.Tuple((T, T))(T, T, number, number)
+        return self.made(f"field-{order}", arguments, results, signature, arithmetic)
+
+    def energy(self, arithmetic: str = DOUBLE):
+        """energy(q, p) -> (H, M): H is known to eps M, by the rounding of its terms and of the state."""
+        T = codegen.value_type(self.d)
+        signature = types.UniTuple(types.float64, 2)(T, T)
+
+        def results():
+            terms = sum(sp.Abs(t) for t in sp.Add.make_args(self.H))
+            return [self.H, terms + sum(sp.Abs(x * sp.diff(self.H, x)) for x in (*self.q, *self.p))]
+
+        return self.made("energy-2", [("q", self.q), ("p", self.p)], results, signature, arithmetic)
+
+    def observe(self, expression, Q, P):
+        """The values of an expression in (q, p) along rows of Q, P, each of shape (n, d); an array of shape (n,)."""
+        key = ("observe", expression)
+        if key not in self._functions:
+            self._functions[key] = codegen.vectorised(
+                lambda a: codegen.source("f", [("q", self.q), ("p", self.p)], [expression], a)
+            )
+        with np.errstate(all="ignore"):
+            return np.broadcast_to(self._functions[key](np.asarray(Q, float).T, np.asarray(P, float).T), len(Q)).astype(
+                float
+            )
+
+    def speed(self, Q, P):
+        """The Euclidean norm of dq/dt along rows of Q, P, each of shape (n, d); an array of shape (n,)."""
+        with np.errstate(all="ignore"):
+            return np.sqrt(sum(self.observe(e, Q, P) ** 2 for e in self.dq))
+
+    def vector_field(self, arithmetic: str = DOUBLE):
+        """y -> y' on arrays y = (q, p) of shape (2 d,), for solvers from elsewhere."""
+        field, d = self.field(arithmetic), self.d
+        tuples = codegen.compiled() and arithmetic == DOUBLE and codegen.value_kind(d) == "tuple"
+
+        def f(t, y):
+            q, p = (tuple(map(float, y[:d])), tuple(map(float, y[d:]))) if tuples else (y[:d], y[d:])
+            return np.concatenate([np.asarray(x) for x in field(q, p, 0.0, 0.0)])
+
+        return f
+
+
+class Hamiltonian(PartitionedSystem):
+    """The canonical system of H(q, p).
+
+    Parameters
+    ----------
+    q, p : sequences of symbols or names, of equal length d
+    H : expression, or a formula as text (parsed, never evaluated as Python)
+    singular : expressions, optional
+        Distances that vanish where H is singular.
+    invariants : expressions, optional
+        What the flow keeps besides H.
+    frequencies : d numbers, optional
+        Declares the fast linear part: H = |p|^2 / 2 + sum omega_i^2 q_i^2 / 2 + U(q) with a slow U.
+    kepler : optional
+        Declares the Kepler part; see `wisdom_holman`.
+
+    Raises
+    ------
+    InvalidInput
+        If the lengths differ, frequencies are given without unit masses, or H has a symbol that is neither a
+        coordinate nor a momentum, or no variable at all.
+
+    Examples
+    --------
+    >>> pendulum = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
+    >>> pendulum.separable, pendulum.quadratic_kinetic
+    (True, True)
+    """
+
+    canonical = True
+
+    poisson = True
+
+    def __init__(self, *, q, p, H, singular=(), invariants=(), frequencies=(), kepler=None):
+        q, p = _symbols(q), _symbols(p)
+        if isinstance(H, str):
+            H = parse(H, {str(s): s for s in (*q, *p)})
+        H = sp.sympify(H)
+        if not H.free_symbols & {*q, *p}:
+            raise InvalidInput("H depends on none of the coordinates and momenta")
+        super().__init__(
+            q=q,
+            p=p,
+            dq=[sp.diff(H, x) for x in p],
+            dp=[-sp.diff(H, x) for x in q],
+            energy=H,
+            singular=singular,
+            invariants=invariants,
+        )
+        self.frequencies, self.kepler = tuple(sp.sympify(w) for w in frequencies), kepler
+        if self.frequencies and (len(self.frequencies) != self.d or not self.unit_mass):
+            raise InvalidInput(f"frequencies are {self.d} numbers of a system with H = |p|^2 / 2 + V(q)")
+
+    @cached_property
+    def _split(self) -> tuple[sp.Expr, sp.Expr] | None:
+        """(T(p), V(q)) where H is their sum, else None."""
+        momenta, coordinates = set(self.p), set(self.q)
+        for rewrite in (sp.sympify, sp.expand):  # an expansion takes long, and is seldom needed
+            T, V = sp.Integer(0), sp.Integer(0)
+            for term in sp.Add.make_args(rewrite(self.H)):
+                if not term.free_symbols & momenta:
+                    V += term
+                elif not term.free_symbols & coordinates:
+                    T += term
+                else:
+                    break
+            else:
+                return T, V
+        return None
+
+    @property
+    def separable(self) -> bool:
+        """Whether H = T(p) + V(q)."""
+        return self._split is not None
+
+    @cached_property
+    def quadratic_kinetic(self) -> bool:
+        """Whether H = p . M^-1 p / 2 + V(q) with a constant M."""
+        if self._split is None:
+            return False
+        T = self._split[0]
+        return T.is_polynomial(*self.p) and all(sum(m) == 2 for m in sp.Poly(T, *self.p).monoms())
+
+    @cached_property
+    def unit_mass(self) -> bool:
+        """Whether the velocity is the momentum itself."""
+        return self.quadratic_kinetic and all(sp.expand(a - b) == 0 for a, b in zip(self.dq, self.p, strict=True))
+
+    @property
+    def kinetic(self) -> sp.Expr | None:
+        """T(p) of a separable H."""
+        return None if self._split is None else self._split[0]
+
+    @property
+    def potential(self) -> sp.Expr | None:
+        """V(q) of a separable H."""
+        return None if self._split is None else self._split[1]
+
+    def grad_T(self, arithmetic: str = DOUBLE):
+        """p -> grad T(p) of a separable H; None where that is p itself."""
+        if self.unit_mass:
+            return None
+        T = codegen.value_type(self.d)
+        return self.made(
+            "grad_T", [("p", self.p)], lambda: [[sp.diff(self.kinetic, x) for x in self.p]], T(T), arithmetic
+        )
+
+    def grad_V(self, arithmetic: str = DOUBLE):
+        """q -> grad V(q) of a separable H."""
+        T = codegen.value_type(self.d)
+        return self.made(
+            "grad_V", [("q", self.q)], lambda: [[sp.diff(self.potential, x) for x in self.q]], T(T), arithmetic
+        )
+
+    @property
+    def slow_potential(self) -> sp.Expr:
+        """U(q): the potential without the fast linear part."""
+        return sp.expand_mul(
+            self.potential - sum(w**2 * x**2 for w, x in zip(self.frequencies, self.q, strict=True)) / 2
+        )
+
+    def grad_U(self, arithmetic: str = DOUBLE):
+        """q -> grad U(q) of a system with a fast linear part."""
+        T = codegen.value_type(self.d)
+        return self.made(
+            f"grad_U {self.frequencies}",
+            [("q", self.q)],
+            lambda: [[sp.diff(self.slow_potential, x) for x in self.q]],
+            T(T),
+            arithmetic,
+        )
+
+    def hessian(self) -> sp.Matrix:
+        """The matrix of second derivatives of H by (q, p)."""
+        return sp.hessian(self.H, [*self.q, *self.p])

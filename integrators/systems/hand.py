@@ -1,0 +1,124 @@
+r"""Hamiltonians whose functions are loops written by hand: lattices and semi-discretized wave equations.
+
+The formula of H stays (peers and rare kernels derive from it what they need); the functions that every step calls are
+not derived from it: at hundreds of variables their text would be long and slow to compile.  Tests compare them with
+the derived ones at a small size.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from functools import cached_property
+
+import numba
+import numpy as np
+import sympy as sp
+from numba import types
+
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.errors import InvalidInput
+
+from .hamiltonian import Hamiltonian, _symbols
+
+
+class HandHamiltonian(Hamiltonian):
+    """The canonical system of H(q, p) with loops for its functions.
+
+    Parameters
+    ----------
+    q, p : sequences of symbols or names, of equal length d, more than `codegen.TUPLE_LIMIT`
+    H : expression; it is trusted to be what the loops compute
+    loops : name -> a function of the constants that returns the loop: "field" for (q, p, h, lam) -> (H_p, -H_q) and
+        "energy" for (q, p) -> (H, M) as `energy`; for H = |p|^2 / 2 + V(q) also "grad_V" for q -> grad V(q).  Loops
+        take and return arrays (d,), and must run uncompiled on object arrays.
+    constants : exact numbers (integers, fractions), handed to the loops in the arithmetic at hand
+    degree : of a polynomial H
+    invariants : expressions, or functions of the rows Q, P
+    singular : distances that vanish where H is singular, as expressions or functions of the rows Q, P
+
+    Raises
+    ------
+    InvalidInput
+        If d is so small that compiled states are tuples.
+    """
+
+    separable = False
+
+    def __init__(
+        self,
+        *,
+        q,
+        p,
+        H,
+        loops: Mapping[str, Callable],
+        constants=(),
+        degree: int | None = None,
+        invariants=(),
+        singular=(),
+    ):
+        self.q, self.p = _symbols(q), _symbols(p)
+        self.d = len(self.q)
+        if codegen.value_kind(self.d) == "tuple":
+            raise InvalidInput(f"loops need more than {codegen.TUPLE_LIMIT} degrees of freedom; d is {self.d}")
+        self.H, self.loops, self.constants = H, loops, tuple(constants)
+        self.singular, self.invariants, self.frequencies, self.kepler = tuple(singular), tuple(invariants), (), None
+        self.polynomial_degree = degree
+        self.separable = self.quadratic_kinetic = self.unit_mass = "grad_V" in loops
+        self._functions: dict = {}
+
+    @cached_property
+    def dq(self) -> tuple[sp.Expr, ...]:
+        """H_p, derived when asked for."""
+        return tuple(sp.diff(self.H, x) for x in self.p)
+
+    @cached_property
+    def dp(self) -> tuple[sp.Expr, ...]:
+        """-H_q, derived when asked for."""
+        return tuple(-sp.diff(self.H, x) for x in self.q)
+
+    def _loop(self, name: str, signature, arithmetic: str):
+        if ("loop", name, arithmetic) not in self._functions:
+            f = self.loops[name](*(codegen.exactly(c, arithmetic) for c in self.constants))
+            if arithmetic == DOUBLE and codegen.compiled():
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
+                    f = numba.njit(signature, cache=True, **codegen.options(self.d))(f)
+            self._functions["loop", name, arithmetic] = f
+        return self._functions["loop", name, arithmetic]
+
+    def field(self, arithmetic: str = DOUBLE, order: int = 1):
+        """The loop; of ``order`` > 1, derived from the formula."""
+        if order > 1:
+            return super().field(arithmetic, order)
+        T, number = codegen.value_type(self.d), types.float64
+        return self._loop("field", types.Tuple((T, T))(T, T, number, number), arithmetic)
+
+    def grad_V(self, arithmetic: str = DOUBLE):
+        """The loop."""
+        T = codegen.value_type(self.d)
+        return self._loop("grad_V", T(T), arithmetic)
+
+    def energy(self, arithmetic: str = DOUBLE):
+        """The loop."""
+        T = codegen.value_type(self.d)
+        return self._loop("energy", types.UniTuple(types.float64, 2)(T, T), arithmetic)
+
+    def speed(self, Q, P):
+        """By the loop of the field."""
+        field = self.field()
+        rows = zip(np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float), strict=True)
+        return np.array([np.linalg.norm(field(q, p, 0.0, 0.0)[0]) for q, p in rows])
+
+    def observe(self, expression, Q, P):
+        """As of every system; H by its loop, and ``expression`` may be a function of the rows."""
+        Q, P = np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float)
+        if expression is self.H:
+            energy = self.energy()
+            with np.errstate(all="ignore"):
+                return np.array([energy(q, p)[0] for q, p in zip(Q, P, strict=True)], float)
+        if callable(expression) and not isinstance(expression, sp.Basic):
+            with np.errstate(all="ignore"):
+                return np.asarray(expression(Q, P), float)
+        return super().observe(expression, Q, P)

@@ -1,0 +1,100 @@
+r"""Poisson systems :math:`\dot y = B(y)\nabla H(y)`, y = (q, p): B skew with the Jacobi identity
+
+.. math::
+    \sum_{l}\Bigl(\frac{\partial B_{ij}}{\partial y_l} B_{lk} + \frac{\partial B_{jk}}{\partial y_l} B_{li}
+    + \frac{\partial B_{ki}}{\partial y_l} B_{lj}\Bigr) = 0 \quad\text{for all } i, j, k .
+
+Functions C with :math:`B\nabla C = 0` are Casimirs: kept by the flow of every H.  A map is a Poisson map where its
+Jacobian M satisfies :math:`M B(y_0) M^T = B(y_1)`; the flow is.
+
+Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), VII.2, (2.8)-(2.10), and VII.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import sympy as sp
+from numba import types
+
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.errors import InvalidInput
+
+from .formula import parse
+from .hamiltonian import PartitionedSystem, _symbols
+
+
+def jacobi_defects(B: sp.Matrix, y: Sequence[sp.Symbol]) -> list[sp.Expr]:
+    """The left-hand sides of the Jacobi identity for i < j < k, simplified: all zero where B is a Poisson structure."""
+
+    def term(i, j, k):
+        return sum(sp.diff(B[i, j], y[m]) * B[m, k] for m in range(len(y)))
+
+    return [sp.simplify(term(i, j, k) + term(j, k, i) + term(k, i, j)) for i, j, k in combinations(range(len(y)), 3)]
+
+
+class PoissonSystem(PartitionedSystem):
+    """The system y' = B(y) grad H(y), y = (q, p).
+
+    Parameters
+    ----------
+    q, p : sequences of symbols or names, of equal length d
+    B : matrix of shape (2 d, 2 d) of expressions, the structure matrix
+    H : expression or formula
+    dq, dp : sequences of d expressions, optional
+        The components of B grad H in the form in which they are to be evaluated.
+    singular, invariants : as of a `PartitionedSystem`; Casimirs are invariants
+
+    Raises
+    ------
+    InvalidInput
+        If B has another shape or is not skew, or dq, dp are not B grad H.  The Jacobi identity is not checked here:
+        see `jacobi_defects`.
+    """
+
+    poisson = True
+
+    def __init__(self, *, q, p, B, H, dq=None, dp=None, singular=(), invariants=()):
+        q, p = _symbols(q), _symbols(p)
+        y, d = (*q, *p), len(q)
+        B = sp.Matrix(B)
+        if B.shape != (2 * d, 2 * d):
+            raise InvalidInput(f"B has shape {B.shape}; for d = {d} it is {(2 * d, 2 * d)}")
+        if any(sp.simplify(B[i, j] + B[j, i]) != 0 for i in range(2 * d) for j in range(i + 1)):
+            raise InvalidInput("B is not skew")
+        H = parse(H, {str(s): s for s in y}) if isinstance(H, str) else sp.sympify(H)
+        flow = B * sp.Matrix([sp.diff(H, x) for x in y])
+        given = [*(flow[:d] if dq is None else dq), *(flow[d:] if dp is None else dp)]
+        if any(sp.simplify(a - b) != 0 for a, b in zip(flow, given, strict=True)):
+            raise InvalidInput("dq, dp are not B grad H")
+        super().__init__(q=q, p=p, dq=given[:d], dp=given[d:], energy=H, singular=singular, invariants=invariants)
+        self.B = B
+
+    def gradient(self, arithmetic: str = DOUBLE):
+        """(q, p, h, lam) -> (H_q, H_p), as `field` is called."""
+        T, number = codegen.value_type(self.d), types.float64
+        h, lam = sp.symbols("h lam")
+        arguments = [("q", self.q), ("p", self.p), ("h", h), ("lam", lam)]
+        signature = types.Tuple((T, T))(T, T, number, number)
+        return self.made(
+            "gradient",
+            arguments,
+            lambda: [[sp.diff(self.H, x) for x in self.q], [sp.diff(self.H, x) for x in self.p]],
+            signature,
+            arithmetic,
+        )
+
+    def structure(self, arithmetic: str = DOUBLE):
+        """(q, p, a, b) -> B(q, p) (a, b), by halves."""
+        T, d = codegen.value_type(self.d), self.d
+        a, b = (sp.symbols([f"{n}{i}_" for i in range(d)]) for n in ("a", "b"))
+
+        def results():
+            product = self.B * sp.Matrix([*a, *b])
+            return [product[:d], product[d:]]
+
+        arguments = [("q", self.q), ("p", self.p), ("a", a), ("b", b)]
+        kind = f"structure {sp.srepr(self.B)}"
+        return self.made(kind, arguments, results, types.Tuple((T, T))(T, T, T, T), arithmetic)

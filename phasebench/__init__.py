@@ -1,0 +1,30 @@
+"""phasebench: a validation benchmark suite for geometric integrators of Hamiltonian systems.
+
+>>> import phasebench as pb
+>>> pendulum = pb.Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
+>>> pb.integrate(pendulum, "scheme-i", h=0.01, t_end=1.0, q0=[1.0], p0=[0.0]).status
+'ok'
+"""
+
+from __future__ import annotations
+
+import importlib
+
+_HOMES = {
+    "Hamiltonian": "integrators",
+    "InvalidInput": "integrators",
+    "METHODS": "integrators",
+    "Solution": "integrators",
+    "integrate": "integrators",
+    "method": "integrators",
+}
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str):
+    # SymPy and Numba load only when a system or a kernel is asked for.
+    if name in _HOMES:
+        value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

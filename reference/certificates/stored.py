@@ -1,0 +1,275 @@
+"""Stored end states with their uncertainty: a JSON file per problem, checked whenever it is read.
+
+An end state is the quadruple run of `taylor` in decimal.  Its uncertainty and what other solvers say of it come from
+`certification`, which writes the files; nothing here integrates.  A file is bound to its problem by the initial
+doubles, the parameters and a fingerprint: the energy (of a system that is not canonical, the vector field too) in 20
+digits at a state beside the initial one, which no rewriting of a formula changes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+
+import numpy as np
+
+from phasebench.integrators.errors import InvalidInput
+from phasebench.reference.tables import write_file
+
+DIRECTORY = Path(__file__).with_name("states")
+FORMAT = 1
+#: Significant digits of a stored component: all that quadruple precision has.
+DIGITS = 34
+#: Digits of a fingerprint, and those that it is evaluated with.
+PRINT, WORK = 20, 50
+
+
+@dataclass(frozen=True)
+class Check:
+    """What another solver says of an end state.
+
+    Attributes
+    ----------
+    solver : its name
+    distance : the max norm over (q, p) of its state minus the stored one, the largest up to the time
+    uncertainty : its own, from two step sizes or tolerances and its round-off
+    """
+
+    solver: str
+    distance: float
+    uncertainty: float
+
+
+@dataclass(frozen=True)
+class End:
+    """A certified state; errors are max norms over (q, p), each the largest at any time up to ``t``.
+
+    Attributes
+    ----------
+    t : the time
+    q_text, p_text : d decimal strings each, the quadruple run
+    uncertainty : of the strings: the distance between quadruple runs of two tolerances, and what writing them rounded
+    long_double : the distance of the long double run, which is what `taylor.reference` calls its uncertainty
+    energy : the change of the energy since the start, relative to the sum of its terms' sizes, in 50 digits
+    checks : what other solvers say
+    """
+
+    t: float
+    q_text: tuple[str, ...]
+    p_text: tuple[str, ...]
+    uncertainty: float
+    long_double: float
+    energy: float
+    checks: tuple[Check, ...] = ()
+
+    @property
+    def q(self) -> np.ndarray:
+        """The coordinates, array (d,), rounded to double."""
+        return np.array([float(x) for x in self.q_text])
+
+    @property
+    def p(self) -> np.ndarray:
+        """The momenta, array (d,), rounded to double."""
+        return np.array([float(x) for x in self.p_text])
+
+    def agrees(self, check: Check) -> bool:
+        """Whether a solver's distance is no more than its uncertainty and the state's own."""
+        return check.distance <= check.uncertainty + self.uncertainty
+
+    @property
+    def agree(self) -> bool:
+        """Whether there is another solver, and all agree."""
+        return bool(self.checks) and all(self.agrees(c) for c in self.checks)
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """The certified states of an orbit.
+
+    Attributes
+    ----------
+    problem, orbit, parameters : the problem's label, its orbit's name, its parameters
+    q0, p0 : the initial doubles
+    fingerprint : of the problem's formulae
+    t_end : the last time
+    limit : of an uncertainty relative to the state's max norm; it defines the horizons
+    horizon : the time up to which long double stays within it, on a grid of spacing ``spacing``
+    digits_horizon : the same for the stored states
+    growth : d ln / d ln t of the distance between neighbouring trajectories over the later part of the span
+    rate : where they part exponentially, the rate 1/t, else None
+    ends : the states, by time
+    """
+
+    problem: str
+    orbit: str
+    parameters: dict[str, float]
+    q0: tuple[float, ...]
+    p0: tuple[float, ...]
+    fingerprint: str
+    t_end: float
+    limit: float
+    spacing: float
+    horizon: float
+    digits_horizon: float
+    growth: float
+    rate: float | None
+    ends: tuple[End, ...]
+
+    def at(self, t: float) -> End | None:
+        """The state at exactly that time, or None."""
+        return next((e for e in self.ends if e.t == t), None)
+
+
+# -- what binds a file to its problem -----------------------------------------------------------------------------
+
+
+def evaluate(problem, expressions: Sequence, q: Sequence, p: Sequence) -> list:
+    """The expressions at a state (doubles or decimal strings), in mpmath's working precision."""
+    import mpmath
+    import sympy as sp
+
+    system = problem.system
+    f = sp.lambdify([*system.q, *system.p], list(expressions), modules="mpmath")
+    return f(*(mpmath.mpf(x if isinstance(x, str) else float(x)) for x in (*q, *p)))
+
+
+def fingerprint(problem) -> str:
+    """20 digits of what defines the motion, at a state beside the initial one: H, or H and the vector field."""
+    import mpmath
+
+    system = problem.system
+    beside = [float(x) * (1 + (i + 1) / 1024) + (i + 1) / 4096 for i, x in enumerate((*problem.q0, *problem.p0))]
+    defining = [system.H] if system.canonical else [system.H, *system.dq, *system.dp]
+    with mpmath.workdps(WORK):
+        values = evaluate(problem, defining, beside[: system.d], beside[system.d :])
+        return " ".join(mpmath.nstr(x, PRINT) for x in values)
+
+
+def energy_change(problem, q: Sequence, p: Sequence) -> float:
+    """H at (q, p) minus H at the initial doubles, relative to the sum of the sizes of H's terms, in 50 digits."""
+    import mpmath
+    import sympy as sp
+
+    terms = sp.Add.make_args(problem.system.H)
+    with mpmath.workdps(WORK):
+        here, before = (evaluate(problem, terms, *z) for z in ((q, p), (problem.q0, problem.p0)))
+        scale = max(sum(abs(x) for x in here), sum(abs(x) for x in before))
+        return float((sum(here) - sum(before)) / scale)
+
+
+# -- on disk ------------------------------------------------------------------------------------------------------
+
+
+def _path(id: str, directory: Path | str | None) -> Path:
+    return Path(DIRECTORY if directory is None else directory) / f"{id}.json"
+
+
+def _bad(path: Path, what: str, label: str) -> InvalidInput:
+    return InvalidInput(f"{path}: {what}; to compute it anew: phasebench certify {label} --update")
+
+
+def _digest(content: dict) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def write(id: str, certificates: Sequence[Certificate], versions: dict, directory: Path | str | None = None) -> Path:
+    """Store all certificates of the problem ``id``, whole or not at all; returns the file's path."""
+    content = {
+        "format": FORMAT,
+        "problem": id,
+        "command": f"phasebench certify {id} --update",
+        "versions": dict(versions),
+        "references": [asdict(c) for c in certificates],
+    }
+    content = json.loads(json.dumps(content))  # tuples as lists, so that the digest is that of what is read
+    path = _path(id, directory)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_file(path, json.dumps(content | {"sha256": _digest(content)}, indent=1) + "\n")
+    return path
+
+
+def read(id: str, directory: Path | str | None = None) -> tuple[tuple[Certificate, ...], dict]:
+    """All certificates of the problem ``id`` and the versions they were computed with; ((), {}) where none is stored.
+
+    Raises
+    ------
+    InvalidInput
+        Where the file is truncated or changed, naming it and the remedy.
+    """
+    path = _path(id, directory)
+    if not path.exists():
+        return (), {}
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise _bad(path, f"it is no JSON ({error})", id) from None
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise _bad(path, f"it is no file of format {FORMAT}", id)
+    if content.pop("sha256", None) != _digest(content):
+        raise _bad(path, "its content does not match its checksum", id)
+    if content.get("problem") != id:
+        raise _bad(path, f"it is of the problem {content.get('problem')!r}", id)
+    try:
+        return tuple(_certificate(c) for c in content["references"]), content["versions"]
+    except (KeyError, TypeError, ValueError, InvalidOperation) as error:
+        raise _bad(path, f"a reference in it cannot be read ({type(error).__name__}: {error})", id) from None
+
+
+def _certificate(c: dict) -> Certificate:
+    ends = []
+    for e in c["ends"]:
+        checks = tuple(Check(**x) for x in e["checks"])
+        texts = {k: tuple(map(str, e[k])) for k in ("q_text", "p_text")}
+        if any(len(x) != len(c["q0"]) or not all(Decimal(y).is_finite() for y in x) for x in texts.values()):
+            raise ValueError(f"the state at t = {e['t']!r} is not {len(c['q0'])} finite numbers of each kind")
+        ends.append(End(**e | texts | {"checks": checks}))
+    return Certificate(**c | {"q0": tuple(c["q0"]), "p0": tuple(c["p0"]), "ends": tuple(ends)})
+
+
+# -- looked up ----------------------------------------------------------------------------------------------------
+
+
+def find(problem, directory: Path | str | None = None) -> Certificate | None:
+    """The certificate of a problem's orbit at its parameters, or None where none is stored.
+
+    Raises
+    ------
+    InvalidInput
+        Where the file cannot be trusted, or the problem is no longer what it was computed from.
+    """
+    stored, _ = read(problem.id, directory)
+    same = [c for c in stored if c.problem == problem.label and c.parameters == dict(problem.parameters)]
+    if not same:
+        return None
+    found, path = same[0], _path(problem.id, directory)
+    if (found.q0, found.p0) != tuple(tuple(float(x) for x in z) for z in (problem.q0, problem.p0)):
+        raise _bad(path, f"the initial data of {problem.label} are no longer those it was computed from", problem.label)
+    if found.fingerprint != fingerprint(problem):
+        raise _bad(path, f"the formulae of {problem.label} are no longer those it was computed from", problem.label)
+    return found
+
+
+def load(problem, directory: Path | str | None = None) -> tuple[End, ...]:
+    """The certified states of a problem's orbit, by time; raises InvalidInput as `find`, and where there are none."""
+    found = find(problem, directory)
+    if found is None:
+        values = ", ".join(f"{k} = {v!r}" for k, v in problem.parameters.items())
+        at = f" at {values}" if values else ""
+        raise _bad(_path(problem.id, directory), f"it has no reference of {problem.label}{at}", problem.label)
+    return found.ends
+
+
+def end(problem, t: float, directory: Path | str | None = None) -> End | None:
+    """The certified state of a problem's orbit at exactly ``t``, or None where none is stored; raises as `find`."""
+    found = find(problem, directory)
+    return None if found is None else found.at(float(t))
+
+
+def distance(one: End, other: End) -> Decimal:
+    """The max norm over (q, p) of the difference of two states' strings."""
+    pairs = zip((*one.q_text, *one.p_text), (*other.q_text, *other.p_text), strict=True)
+    return max(abs(Decimal(a) - Decimal(b)) for a, b in pairs)

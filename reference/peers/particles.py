@@ -1,0 +1,269 @@
+r"""Hamiltonian systems as REBOUND's particles, through its public Python interface: imported only when asked for.
+
+REBOUND integrates :math:`\ddot x_i = a_i(x)` of particles in space.  A system is put to it in one of three ways:
+
+- `CENTRAL`: :math:`H = |p|^2/(2m) - m\mu/|q| + U(q)` with a declared Kepler part is a massless particle around a body
+  of mass :math:`\mu` that rests in the origin, with the extra force :math:`-\nabla U`;
+- `GRAVITY`: :math:`H = \sum_i |p_i|^2/(2m_i) - \sum_{i<j} G m_i m_j/|q_i - q_j|` is N bodies under REBOUND's own
+  gravity, in the frame of the data;
+- `POTENTIAL`: any :math:`H = \sum_i p_i^2/(2m_i) + V(q)` is :math:`\lceil d/3 \rceil` massless particles whose
+  coordinates, three by three, are q (those left over stay 0), with the extra force :math:`-V_{q_i}/m_i`.
+
+Extra forces are compiled by Numba to C callbacks: a Python callback would cost far more than the step.
+
+Source: H. Rein, S.-F. Liu, Astron. Astrophys. 537 (2012) A128.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations, pairwise
+
+import numpy as np
+
+CENTRAL, GRAVITY, POTENTIAL = "a central body", "gravity between bodies", "a potential"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A system as particles.
+
+    Attributes
+    ----------
+    kind : `CENTRAL`, `GRAVITY` or `POTENTIAL`
+    masses : of the particles, the body at rest included
+    dimension : of space: how many coordinates of the system each particle takes
+    first : the particle that takes the first of them
+    inverse : d numbers, the velocity of q_i is inverse[i] p_i
+    G : the constant of gravity
+    gradient : what derives the compiled gradient of the extra potential, q -> (d,); None without one
+    """
+
+    kind: str
+    masses: tuple[float, ...]
+    dimension: int
+    first: int
+    inverse: tuple[float, ...]
+    G: float = 1.0
+    gradient: Callable | None = None
+
+    def place(self, i: int) -> tuple[int, int]:
+        """The particle and the axis that are coordinate i."""
+        return self.first + i // self.dimension, i % self.dimension
+
+
+def _split(system):
+    """(the numbers 1/m_i, the terms of V) of H = sum p_i^2 / (2 m_i) + V(q), exact; None where H is of another form."""
+    import sympy as sp
+
+    if not system.quadratic_kinetic:
+        return None
+    momenta, coordinates, T, V = set(system.p), set(system.q), [], []
+    for term in sp.Add.make_args(system.H):
+        for part in sp.Add.make_args(sp.expand(term) if term.free_symbols & momenta else term):
+            (T if part.free_symbols & momenta else V).append(part)
+    if any(t.free_symbols & coordinates for t in T):
+        return None
+    double = sp.Poly(2 * sp.Add(*T), *system.p).as_dict()
+    inverse = tuple(double.pop(tuple(int(x == y) * 2 for y in system.p), 0) for x in system.p)
+    return None if double or 0 in inverse else (inverse, V)
+
+
+@lru_cache(maxsize=64)
+def settings(system) -> dict[str, Setting]:
+    """Kind -> how the system is put to REBOUND, for each kind that fits it, the most special one first."""
+    import sympy as sp
+
+    split = _split(system)
+    if split is None:
+        return {}
+    inverse, terms = split
+    numbers, found = tuple(map(float, inverse)), {}
+    part = system.kepler
+    if part is not None and len(part.masses) == 1 and not part.change and part.mu[0] > 0:
+        rest = sp.Add(*terms) - part.potential(system.q)
+        gradient = (lambda: part.interaction(system)) if rest != 0 else None
+        found[CENTRAL] = Setting(CENTRAL, (float(part.mu[0]), 0.0), part.dimension, 1, numbers, gradient=gradient)
+    bodies = _bodies(system.q, inverse, terms)
+    if bodies is not None:
+        masses, G, dimension = bodies
+        found[GRAVITY] = Setting(GRAVITY, tuple(map(float, masses)), dimension, 0, numbers, float(G))
+    found[POTENTIAL] = Setting(POTENTIAL, (0.0,) * -(-system.d // 3), 3, 0, numbers, gradient=system.grad_V)
+    return found
+
+
+def _bodies(q, inverse, terms):
+    """(masses, G, dimension) of bodies that attract each other; None where the potential is not of that form."""
+    for dimension in (3, 2):
+        n, left = divmod(len(q), dimension)
+        rows = [set(inverse[i * dimension : (i + 1) * dimension]) for i in range(n)]
+        if left or n < 2 or any(len(row) > 1 for row in rows) or len(terms) != n * (n - 1) // 2:
+            continue
+        masses = [1 / row.pop() for row in rows]
+        where = [q[i * dimension : (i + 1) * dimension] for i in range(n)]
+        pairs = {_squares(zip(where[i], where[j], strict=True)): (i, j) for i, j in combinations(range(n), 2)}
+        G = set()
+        for term in terms:
+            strength, rest = term.as_independent(*q, as_Add=False)
+            i, j = pairs.pop(_differences(rest), (None, None))
+            if i is None:
+                break
+            G.add(-strength / (masses[i] * masses[j]))
+        if not pairs and len(G) == 1 and min(*masses, *G) > 0:
+            return masses, G.pop(), dimension
+    return None
+
+
+def _squares(pairs) -> frozenset:
+    """What identifies a sum of squares of differences, whichever sign they have."""
+    return frozenset(frozenset((a - b, b - a)) for a, b in pairs)
+
+
+def _differences(e) -> frozenset | None:
+    """`_squares` of an inverse distance; None of anything else."""
+    if not (e.is_Pow and 2 * e.exp == -1 and all(s.is_Pow and s.exp == 2 for s in e.base.args)):
+        return None
+    return frozenset(frozenset((s.base, -s.base)) for s in e.base.args)
+
+
+@lru_cache(maxsize=64)
+def extra_force(setting: Setting):
+    """The compiled callback that subtracts grad U / m from the accelerations; keep it while REBOUND runs."""
+    from numba import cfunc, types
+    from rebound import Particle, Simulation
+
+    from phasebench.integrators.engine.codegen import value_kind
+
+    # The simulation and its particles are read as arrays of 8-byte slots, so that no structure has to be declared.
+    particles, size = Simulation._particles.offset // 8, ctypes.sizeof(Particle) // 8
+    d, inverse = len(setting.inverse), np.array(setting.inverse)
+    at = np.array([k * size + Particle.x.offset // 8 + axis for k, axis in map(setting.place, range(d))])
+    to = at + (Particle.ax.offset - Particle.x.offset) // 8
+    space = {"gradient": setting.gradient(), "inverse": inverse, "at": at, "to": to, "d": d, "np": np}
+    lines = [f"def force(simulation):\n  body = simulation[{particles}]"]
+    if value_kind(d) == "tuple":
+        lines.append(f"  g = gradient(({', '.join(f'body[{i}]' for i in at)},))")
+        lines += [f"  body[{i}] -= inverse[{k}] * g[{k}]" for k, i in enumerate(to)]
+    else:
+        lines.append("  q = np.empty(d)\n  for i in range(d):\n    q[i] = body[at[i]]\n  g = gradient(q)")
+        lines.append("  for i in range(d):\n    body[to[i]] -= inverse[i] * g[i]")
+    exec("\n".join(lines), space)
+    pointer = types.CPointer(types.CPointer(types.float64))
+    return cfunc(types.void(pointer), error_model="numpy")(space["force"])
+
+
+def build(setting: Setting, q0, p0, integrator: str, options=(), extra: bool = True):
+    """A REBOUND simulation of a setting and the callback that it needs kept alive (or None).
+
+    ``options`` are fields of the integrator; without ``extra`` the extra force is left out.
+    """
+    import rebound
+
+    sim = rebound.Simulation()
+    sim.integrator = integrator  # options set before are forgotten here
+    for name, value in dict(options).items():
+        setattr(sim.integrator, name, value)
+    sim.G, masses = setting.G, setting.masses
+    if integrator == "whfast512":  # it knows G = 1 alone, and no exact end
+        sim.G, masses, sim.exact_finish_time = 1.0, [setting.G * m for m in masses], 0
+    if setting.kind == POTENTIAL and integrator != "eos":  # EOS has its own gravity, which massless bodies do not feel
+        sim.gravity = "none"
+    where, velocity = np.zeros((2, len(masses), 3))
+    for i, (x, v) in enumerate(zip(q0, np.multiply(p0, setting.inverse), strict=True)):
+        where[setting.place(i)], velocity[setting.place(i)] = x, v
+    for m, (x, y, z), (vx, vy, vz) in zip(masses, where.tolist(), velocity.tolist(), strict=True):
+        sim.add(m=m, x=x, y=y, z=z, vx=vx, vy=vy, vz=vz)
+    force = None
+    if extra and setting.gradient is not None:
+        force = extra_force(setting)
+        sim.additional_forces = force.address
+    return sim, force
+
+
+def simulation(problem, q0, p0, integrator: str, mu: float = 0.0, **options):
+    """A REBOUND simulation of a (perturbed) Kepler problem and the callback that it needs kept alive (or None).
+
+    The extra force acts where ``mu`` is not 0.
+    """
+    return build(settings(problem.system)[CENTRAL], q0, p0, integrator, options, bool(mu))
+
+
+def jacobi_vanishes(setting: Setting, q) -> int | None:
+    """The first body whose Jacobi coordinate is 0: it lies in the centre of mass of those before it."""
+    where = np.zeros((len(setting.masses), 3))
+    for i, x in enumerate(q):
+        where[setting.place(i)] = x
+    for k in range(1, len(where)):
+        centre = np.average(where[:k], axis=0, weights=setting.masses[:k])
+        if np.abs(where[k] - centre).max() <= 1e-14 * np.abs(where).max():
+            return k
+    return None
+
+
+def state(sim, setting: Setting) -> np.ndarray:
+    """(q, p) of a simulation, an array (2 d,)."""
+    d = len(setting.inverse)
+    x, v = np.empty((2, sim.N, 3))
+    sim.serialize_particle_data(xyz=x, vxvyvz=v)
+    at = tuple(zip(*map(setting.place, range(d)), strict=True))
+    return np.concatenate([x[at], v[at] / setting.inverse])
+
+
+def run(setting: Setting, integrator: str, options, q0, p0, h: float, index, adaptive: bool, limit: float = np.inf):
+    """Integrate to the step numbers ``index`` (increasing, from 0), each a row.
+
+    Adaptive integrators stop at the times h times index; the others take that many steps of h, so that no sum of times
+    enters.  Coordinates and
+    velocities beyond ``limit`` end the run.
+
+    Returns
+    -------
+    tuple
+        Rows reached of q and of p (rows, d), steps taken, seconds in REBOUND alone, what ended it (or None).
+    """
+    sim, force = build(setting, q0, p0, integrator, options)
+    if not adaptive:
+        sim.dt = h
+    d = len(setting.inverse)
+    rows = np.empty((len(index), 2 * d))
+    rows[0] = [*q0, *p0]
+    spent, reached, failure = 0.0, 1, None
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        for row, (before, n) in enumerate(pairwise(map(int, index)), start=1):
+            started = time.perf_counter()
+            try:
+                _advance(sim, integrator, h, before, n, adaptive)
+            except RuntimeError as error:
+                failure = str(error)
+                break
+            spent += time.perf_counter() - started
+            rows[row] = state(sim, setting)
+            if not np.isfinite(rows[row]).all():
+                failure = str(said[-1].message) if said else None
+                break
+            if max(np.abs(rows[row, :d]).max(), np.abs(rows[row, d:] * setting.inverse).max()) > limit:
+                failure = f"a coordinate or velocity is beyond {limit:.4g}"
+                break
+            reached = row + 1
+    del force  # not before: the simulation holds only its address
+    steps = int(sim.steps_done) if adaptive else int(index[reached - 1])
+    return rows[:reached, :d], rows[:reached, d:], steps, spent, failure
+
+
+def _advance(sim, integrator: str, h: float, before: int, n: int, adaptive: bool) -> None:
+    """From step number ``before`` to ``n``."""
+    if adaptive:
+        sim.integrate(h * n)
+        return
+    if integrator == "whfast512":  # a step is as many steps as this says
+        sim.integrator.concatenate_steps = n - before
+        sim.steps(1)
+    else:
+        sim.steps(n - before)
+    sim.synchronize()

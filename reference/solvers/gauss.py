@@ -1,0 +1,172 @@
+r"""A second solver for references: Gauss's method of 8 stages, order 16, in NumPy's long double.
+
+It shares only the formulae with the Taylor runs: the derivatives are SymPy's, evaluated by NumPy, with every number
+that double cannot hold handed over as a long double.  Of a step from y,
+
+.. math:: k_i = f\Bigl(y + h\sum_j a_{ij} k_j\Bigr), \qquad y_1 = y + h\sum_i b_i k_i ,
+
+the stages are iterated until they no longer change, starting from the last step's polynomial; the increments are added
+with compensation, and each coefficient is the sum of two numbers.  The ends of the steps are given, so that a caller
+may follow an adaptive run.
+
+Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), II.1.3, VIII.5 and VIII.6.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from .taylor import ReferenceFailed
+from .translate import number
+
+STAGES = 8
+#: Iterations after which a step is given up.
+MOST = 100
+#: Components smaller than this share of the largest are iterated to an absolute accuracy.
+FLOOR = 1e-16
+#: Iterations without progress after which it has reached round-off, if its change is below so many units of it.
+IDLE, SETTLED = 3, 1e3
+LONG = np.longdouble
+EPS = np.finfo(LONG).eps
+
+
+class Tableau(NamedTuple):
+    """A (s, s), b (s,) as sums of two long doubles, the nodes c (s,) and their barycentric weights in double."""
+
+    A: np.ndarray
+    A_rest: np.ndarray
+    b: np.ndarray
+    b_rest: np.ndarray
+    c: np.ndarray
+    weights: np.ndarray
+
+
+@cache
+def tableau() -> Tableau:
+    """The method's numbers; rounded ones would drive the energy and the phase away at a constant rate."""
+    import mpmath
+
+    from phasebench.integrators.coefficients.tableaus import runge_kutta
+
+    with mpmath.workdps(50):
+        A, _, b, c = runge_kutta("gauss", STAGES)
+        weights = [1 / mpmath.fprod(x - y for y in c if y != x) for x in c]
+        A, A_rest = _parts(np.array(A.tolist(), dtype=object))
+        b, b_rest = _parts(np.array(list(b), dtype=object))
+        return Tableau(A, A_rest, b, b_rest, np.array(c, dtype=float), np.array(weights, dtype=float))
+
+
+def _parts(numbers) -> tuple[np.ndarray, np.ndarray]:
+    """An object array of mpmath numbers as long doubles, and what their rounding left."""
+    import mpmath
+
+    def long(x):
+        return LONG(mpmath.nstr(x, 30))
+
+    def back(x):
+        return mpmath.mpf(float(x)) + mpmath.mpf(float(x - LONG(float(x))))
+
+    near = np.vectorize(long, otypes=[LONG])(numbers)
+    return near, np.vectorize(lambda x, y: long(x - back(y)), otypes=[LONG])(numbers, near)
+
+
+def right_hand_side(system):
+    """Y -> f(Y) on long double arrays, a column for each stage: rows are the components of (q, p)."""
+    import sympy as sp
+
+    constants: dict = {}
+
+    def exact(x):
+        """Whether Python's own arithmetic makes this number without an error."""
+        return x.is_Integer or (x.is_Rational and x.q & (x.q - 1) == 0 and abs(x.p) < 2**53 and x.q < 2**500)
+
+    def walk(e):
+        if not e.free_symbols:
+            return e if exact(e) else constants.setdefault(e, sp.Symbol(f"constant_{len(constants)}"))
+        return e if e.is_Symbol else e.func(*(walk(a) for a in e.args))
+
+    names = sp.symbols([f"x_{i}" for i in range(2 * system.d)])
+    given = dict(zip((*system.q, *system.p), names, strict=True))
+    sides = [walk(e.xreplace(given)) for e in (*system.dq, *system.dp)]
+    values = [number(c, LONG) for c in constants]
+    f = sp.lambdify([*names, *constants.values()], sides, modules="numpy", cse=True)
+
+    def F(Y):
+        out = np.empty_like(Y)
+        for row, value in zip(out, f(*Y, *values), strict=True):
+            row[:] = value
+        return out
+
+    return F
+
+
+def run(system, q0, p0, marks, times) -> np.ndarray:
+    """The states at ``times``, an array (n, 2 d) of long doubles.
+
+    Parameters
+    ----------
+    system : a partitioned system
+    q0, p0 : arrays (d,), the initial state
+    marks : increasing times > 0, the ends of the steps
+    times : increasing times > 0, which become ends of steps too
+
+    Raises
+    ------
+    ReferenceFailed
+        Where a step's stages have no solution, naming its time.
+    """
+    rule = tableau()
+    F = right_hand_side(system)
+    wanted = {float(t) for t in times}
+    ends = sorted(wanted | {float(t) for t in marks if 0 < t < max(wanted)})
+    y = np.array([LONG(float(x)) for x in (*q0, *p0)])
+    lost = np.zeros_like(y)
+    t, K, before = LONG(0.0), None, 0.0
+    rows = []
+    for end in ends:
+        h = LONG(end) - t
+        if K is None:
+            K = np.repeat(F(y[:, None]), STAGES, axis=1)
+        else:
+            K = K @ _extrapolation(rule, float(h / before))
+        K = _stages(F, y, h, K, rule, float(t))
+        increment = h * (K @ rule.b) + (h * (K @ rule.b_rest) + lost)
+        new = y + increment
+        lost = increment - (new - y)
+        y, t, before = new, LONG(end), h
+        if end in wanted:
+            rows.append(y.copy())
+    return np.array(rows)
+
+
+def _extrapolation(rule: Tableau, ratio: float) -> np.ndarray:
+    """The matrix (s, s) from a step's stages to those of the next one, ``ratio`` times as long.
+
+    The ratio is held to 2: further away the polynomial is no start worth having.
+    """
+    at = 1 + min(ratio, 2.0) * rule.c
+    L = rule.weights[:, None] / (at[None, :] - rule.c[:, None])
+    return (L / L.sum(axis=0)).astype(LONG)
+
+
+def _stages(F, y, h, K, rule, t) -> np.ndarray:
+    """The stages K, iterated until their change is round-off or falls no longer."""
+    size = EPS * (np.abs(y) + np.abs(h) * np.abs(K).max(axis=1)) / 4
+    best, kept, idle = np.inf, K, 0
+    with np.errstate(all="ignore"):
+        for _ in range(MOST):
+            new = F(y[:, None] + h * (K @ rule.A.T + K @ rule.A_rest.T))
+            change = np.abs(h) * np.abs(new - K).max(axis=1)
+            K, worst = new, float((change / np.maximum(size, FLOOR * size.max())).max())
+            if not np.isfinite(worst) or worst <= 1:
+                break
+            best, kept, idle = (worst, K, 0) if worst < best else (best, kept, idle + 1)
+            if idle == IDLE:
+                K = kept
+                break
+    if not change.max() <= SETTLED * size.max():
+        raise ReferenceFailed(f"the Gauss method's stages have no solution after t = {t:.6g}; its steps are too large")
+    return K

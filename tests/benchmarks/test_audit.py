@@ -1,0 +1,274 @@
+"""The audit: controls come out as declared, false labels are contradicted, nothing hangs, the page says it."""
+
+from __future__ import annotations
+
+import io
+import time
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from phasebench.benchmarks.experiments.audit import cases, judge, measures, worker
+from phasebench.benchmarks.experiments.audit.audit import Audit, audit, select
+from phasebench.benchmarks.experiments.audit.controls import control
+from phasebench.benchmarks.experiments.audit.judge import CONTRADICTED, HOLDS, IN_PART, UNJUDGED
+from phasebench.benchmarks.experiments.audit.page import PAGE
+from phasebench.benchmarks.experiments.audit.table import show
+from phasebench.benchmarks.measure import metrics
+from phasebench.integrators.errors import InvalidInput
+
+#: The other control is `bench_audit`'s.
+CONTROLS = ("stormer-verlet", "rk4", "gauss-2")
+
+
+@pytest.fixture(scope="module")
+def controls():
+    """The audit of the controls."""
+    return audit(CONTROLS, isolate=False)
+
+
+def verdicts(found, peer):
+    return {c["property"]: c["verdict"] for c in found.claims if c["peer"] == peer}
+
+
+def relabelled(id, **claims):
+    """A control under another name and other claims."""
+    honest = control(id)
+    return replace(honest, id=f"{id}-mislabelled", claims=replace(honest.claims, **claims))
+
+
+@pytest.mark.parametrize("id", CONTROLS)
+def test_controls_come_out_as_declared(controls, id):
+    rows = [r for r in controls.rows if r["peer"] == id]
+    assert {r["status"] for r in rows} == {"ok"}
+    assert {r["measure"] for r in rows} == {worker.PREPARE, *measures.FIXED}
+    assert verdicts(controls, id) == dict.fromkeys(("order", "symplectic", "reversible", "energy"), HOLDS)
+    assert not controls.remarks, "all that is found is declared"
+    for row in rows:
+        if row["measure"] in judge.KEPT:
+            assert judge.kept(row) is (id != "rk4"), row
+
+
+#: Where the harmonic oscillator's energies begin to grow: 2, sqrt(8) and for Gauss's methods nowhere.
+@pytest.mark.parametrize(("id", "limit"), [("stormer-verlet", 2.0), ("rk4", 8**0.5), ("gauss-2", None)])
+def test_stability_limits_that_are_known(controls, id, limit):
+    row = next(r for r in controls.rows if r["peer"] == id and r["measure"] == "stability")
+    assert row["unconditional"] is (limit is None)
+    assert limit is None or abs(row["value"] - limit) < 0.015 * limit
+
+
+@pytest.mark.parametrize("id", CONTROLS)
+def test_a_cost_is_of_a_step(controls, id):
+    row = next(r for r in controls.rows if r["peer"] == id and r["measure"] == "cost")
+    assert row["value"] == pytest.approx(row["per_time"] * row["h"])
+    assert 1e-3 < row["value"] < 10, "microseconds"
+
+
+@pytest.mark.parametrize(
+    ("value", "slope", "half", "verdict"),
+    [
+        (1e-3, 1e-9, 2e-9, True),  # no slope
+        (1e-3, 5e-8, 1e-9, True),  # a slope that adds up to little
+        (1e-3, 3e-7, 1e-9, None),
+        (1e-3, 6e-7, 1e-9, False),
+        (0.3, 1e-9, 2e-9, None),  # all energy was dissipated, and stays so
+        (0.3, 2e-4, 1e-9, False),
+        (0.3, 1e-4, 2e-4, None),
+    ],
+)
+def test_an_energy_error_is_bounded_or_drifts_or_it_is_open(value, slope, half, verdict):
+    row = {"status": "ok", "value": value, "slope": slope, "low": slope - half, "high": slope + half}
+    assert judge.bounded(row | {"time": 1000.0, "scale": 1.0}) is verdict
+
+
+@pytest.mark.parametrize(
+    ("id", "false"),
+    [
+        ("rk4", {"order": 5}),
+        ("stormer-verlet", {"order": 1}),
+        ("rk4", {"symplectic": True}),
+        ("rk4", {"reversible": True}),
+        ("rk4", {"energy": "bounded"}),
+        ("stormer-verlet", {"energy": "round-off"}),
+    ],
+)
+def test_a_false_label_is_contradicted_and_the_others_are_not(controls, id, false):
+    liar = relabelled(id, **false)
+    mine = [r | {"peer": liar.id} for r in controls.rows if r["peer"] == id]
+    found = {c["property"]: c for c in judge.claims(liar, "1", mine)}
+    (name,) = false
+    assert {n for n, c in found.items() if c["verdict"] != HOLDS} == {name}
+    assert found[name]["verdict"] == CONTRADICTED
+    assert found[name]["command"] == f"phasebench audit --peer {liar.id}"
+    assert found[name]["problems"]
+
+
+def test_a_false_label_is_contradicted_from_the_beginning():
+    """The whole way, of a record that is in no registry."""
+    found = audit([relabelled("rk4", order=None, symplectic=True)], quick=True)
+    assert [c["property"] for c in found.contradictions] == ["symplectic"]
+
+
+def _row(problem, value, half=0.01, **more):
+    return {"status": "ok", "problem": problem, "value": value, "low": value - half, "high": value + half} | more
+
+
+@pytest.mark.parametrize(
+    ("orders", "verdict"),
+    [
+        ((2.01, 1.99), HOLDS),
+        ((3.01, 2.98), CONTRADICTED),
+        ((3.01, 2.02), IN_PART),
+        ((3.01,), UNJUDGED),
+        ((2.4, 2.5), UNJUDGED),
+        ((2.05, None), HOLDS),
+        ((None, None), UNJUDGED),
+    ],
+)
+def test_one_problem_alone_and_slopes_between_integers_contradict_no_order(orders, verdict):
+    rows = [_row(str(i), x) if x else {"status": "ok", "problem": str(i), "reason": "-"} for i, x in enumerate(orders)]
+    peer = replace(control("stormer-verlet"), claims=replace(control("rk4").claims, order=2))
+    found = judge.claims(peer, "1", [r | {"peer": peer.id, "measure": "order", "reason": ""} for r in rows])
+    assert found[0]["verdict"] == verdict
+
+
+def test_what_is_below_the_floor_is_not_judged():
+    """A defect at the floor says nothing where the classical method's is there too."""
+    row = {"status": "ok", "value": 1e-12, "floor": 1e-12, "classical": 1e-5}
+    assert judge.kept(row) is True
+    assert judge.kept(row | {"classical": 1e-11}) is None
+    assert judge.kept(row | {"value": 1e-9}) is False
+
+
+def test_a_small_leading_term_shows_at_finer_steps():
+    """A clean h^2 gives way to a rough h^1 below: the order is 1."""
+    k = np.arange(24)
+    h = 0.5 / np.sqrt(2.0) ** k
+    error = 0.1 * np.where(k < 12, h**2, h * h[12] * (1 + 0.01 * np.sin(37.0 * k)))
+    assert abs(metrics.order(h, error).value - 2) < 0.01, "the control: the best fit is that of the coarse steps"
+    found, _ = measures._asymptotic(h, error, 1e-15)
+    assert abs(found.value - 1) < 0.05
+    found, bend = measures._asymptotic(h[:8], 0.1 * (h[:8] ** 2 + 0.05 * h[:8]), 1e-15)
+    assert found.value - bend < 1.9, "the bend is in the interval"
+
+
+def test_round_off_that_adds_up_is_no_order():
+    h = 1 / np.sqrt(2.0) ** np.arange(24)
+    found, _ = measures._asymptotic(h, 1e-2 * h**8 + 1e-15 / h, 1e-16)
+    assert abs(found.value - 8) < 0.1
+
+
+def test_an_absent_package_is_skipped_with_its_reason():
+    def load(name):
+        raise ImportError(f"No module named '{name}'")
+
+    peer = replace(control("rk4"), id="absent", package="no-such-package", load=load)
+    found = audit([peer, "stormer-verlet"], quick=True, isolate=False)
+    assert [(r["status"], r["version"]) for r in found.rows if r["peer"] == "absent"] == [("skipped", "absent")]
+    assert "no-such-package" in found.rows[0]["reason"]
+    assert set(verdicts(found, "absent").values()) == {UNJUDGED}
+    assert verdicts(found, "stormer-verlet")["symplectic"] == HOLDS
+
+
+def test_an_exceeded_budget_is_said_and_what_was_measured_stays():
+    rk4 = control("rk4")
+
+    def slow(*args):
+        time.sleep(0.02)
+        return rk4.run(*args)
+
+    row = worker.row(replace(rk4, id="slow", run=slow), "order", "henon-heiles:box", 0.1)
+    assert "budget" in row["reason"]
+    assert row["finest_error"] > 1e-6
+    assert row["seconds"] < 2
+    assert "budget" not in worker.row(rk4, "order", "henon-heiles:box", 10.0)["reason"]
+
+
+def test_a_measure_that_does_not_return_is_ended_from_outside(monkeypatch):
+    monkeypatch.setattr(worker, "LOADING", 0.0)
+    monkeypatch.setattr(worker, "MORE", 0.05)
+    with worker.Worker() as apart:
+        row = apart.row(control("rk4"), "order", "henon-heiles:box", 0.01)
+        assert apart.process is None
+    assert row["status"] == "timeout"
+    assert "did not return" in row["reason"]
+
+
+def test_a_peer_in_a_process_of_its_own_measures_the_same():
+    rows = [audit(["rk4"], quick=True, isolate=isolate).rows for isolate in (True, False)]
+    kept = [[{k: v for k, v in r.items() if k != "seconds"} for r in part] for part in rows]
+    assert kept[0] == kept[1]
+
+
+def test_a_peer_that_raises_is_a_row():
+    def broken(*args):
+        raise RuntimeError("no such potential")
+
+    found = audit([replace(control("rk4"), id="broken", run=broken)], quick=True)
+    assert {r["status"] for r in found.rows[1:]} <= {"invalid", "diverged"}
+    assert all("no such potential" in r["reason"] for r in found.rows[1:])
+    assert {c["verdict"] for c in found.claims} == {UNJUDGED}
+
+
+def test_names_are_peers_packages_or_wrong():
+    assert {p.package for p in select(["scipy"])} == {"scipy"}
+    assert [p.id for p in select(["rk4", "heyoka", "rk4"])] == ["rk4", "heyoka"]
+    with pytest.raises(InvalidInput, match="did you mean"):
+        select(["rebound-leapfog"])
+
+
+def test_cases_start_on_their_orbits_in_general_position():
+    for case in cases.CASES:
+        if case.problem == "outer-solar-system":
+            continue
+        made, (q, p) = cases.problem(case), cases.start(case)
+        H = made.system.observe(made.system.H, np.array([made.q0, q]), np.array([made.p0, p]))
+        assert abs(H[1] - H[0]) < 1e-12 * (1 + abs(H[0])), case.problem
+        moving = [v for x, v in zip(q, p, strict=True) if (x, v) != (0, 0)]  # not in a plane
+        assert np.abs(moving).min() > 1e-3, case.problem
+
+
+@pytest.mark.parametrize("lying", [False, True])
+def test_the_page_is_written_from_rows(controls, lying, tmp_path):
+    rows, claims = list(controls.rows), list(controls.claims)
+    peer = relabelled("rk4", **({"symplectic": True} if lying else {}))
+    peer = replace(peer, package="somewhere")
+    mine = [r | {"peer": peer.id, "package": "somewhere", "version": "1.2"} for r in rows if r["peer"] == "rk4"]
+    gone = worker.blank(replace(peer, id="gone", package="nowhere"), worker.PREPARE)
+    rows += [*mine, gone | {"status": "skipped", "reason": "nowhere cannot be imported"}]
+    claims += judge.claims(peer, "1.2", mine)
+    tables = {"audit": rows, "audit_claims": claims}
+    for name, part in tables.items():
+        pd.DataFrame(part).to_csv(tmp_path / f"{name}.csv", index=False)
+    verdict, body = PAGE.write(lambda n: pd.read_csv(tmp_path / f"{n}.csv"), tmp_path)
+    assert verdict[0].startswith("1 integrators of 1 packages were audited (somewhere 1.2)")
+    assert f"4 claims were tested: {4 - lying} hold" in verdict[1]
+    assert "nowhere absent" in verdict[2]
+    assert "12 come out as declared." in verdict[3]
+    assert ("phasebench audit --peer rk4-mislabelled" in body) is lying
+    assert "gone: skipped: nowhere cannot be imported." in body
+    assert (tmp_path / "audit-orders.png").stat().st_size > 5000
+    assert "nan" not in body.lower().replace("inance", "")
+    assert PAGE.write(lambda n: None, tmp_path) is None
+
+
+@pytest.mark.parametrize(("claimed", "said"), [(1, True), (6, False)])
+def test_the_page_says_where_an_order_is_more_than_claimed(controls, claimed, said, tmp_path):
+    peer = replace(relabelled("rk4", order=claimed), package="somewhere")
+    about = {"peer": peer.id, "package": peer.package, "version": "1"}
+    rows = [r | about for r in controls.rows if r["peer"] == "rk4"]
+    tables = {"audit": pd.DataFrame(rows), "audit_claims": pd.DataFrame(judge.claims(peer, "1", rows))}
+    _, body = PAGE.write(tables.get, tmp_path)
+    assert f"claimed: order {claimed} " in body
+    assert (": more than is claimed" in body) is said
+
+
+def test_the_terminal_shows_rows_and_claims(controls):
+    console = Console(file=io.StringIO(), width=300)
+    show(Audit(controls.rows, controls.claims, ["a remark"]), console)
+    text = console.file.getvalue()
+    assert "12 claims, 0 contradicted" in text
+    assert all(id in text for id in (*CONTROLS, "a remark"))

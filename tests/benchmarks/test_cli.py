@@ -1,0 +1,453 @@
+"""The command line: what it lists, the JSON object of ``integrate``, its exit codes, and ``run`` and ``report``."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from phasebench.benchmarks.__main__ import app
+from phasebench.benchmarks.problems import PROBLEMS, problem
+from phasebench.benchmarks.problems.scenes import SCENES
+from phasebench.integrators import integrate
+from phasebench.integrators.registry import METHODS
+from phasebench.reference.peers import PEERS
+
+ROOT = Path(__file__).resolve().parents[2]
+REGISTERED = {
+    "methods": [m.id for m in METHODS],
+    "problems": [*PROBLEMS, *(orbit for _, _, orbits in PROBLEMS.values() for orbit in orbits)],
+    "scenes": [s.id for s in SCENES],
+    "peers": [p.id for p in PEERS],
+}
+CONTRACT = ["problem", "method", "params", "h", "steps", "t", "q", "p", "energy_error", "invariants"]
+CONTRACT += ["status", "reason", "counts", "seconds"]
+COUNTS = ["steps", "gradient", "hessian", "iterations", "fallbacks"]
+SHORT = ("--h", "0.1", "--t-end", "1")
+
+
+def call(*arguments: str):
+    """(exit code, standard output, standard error without line breaks); an error that escapes is raised."""
+    result = CliRunner().invoke(app, list(arguments))
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.exit_code, result.stdout, " ".join(result.stderr.split())
+
+
+def strict(text: str):
+    """JSON as its standard has it: NaN and Infinity are errors."""
+
+    def refuse(token):
+        raise ValueError(f"{token} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def run_json(*arguments: str):
+    """(exit code, the JSON object) of ``integrate``; nothing but one line may be printed."""
+    code, text, _ = call("integrate", *arguments, "--json")
+    assert text.count("\n") == 1
+    return code, strict(text)
+
+
+# -- list --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", REGISTERED)
+def test_list_shows_every_registered_id(kind):
+    code, text, _ = call("list", kind)
+    assert code == 0
+    assert not set(REGISTERED[kind]) - set(re.findall(r"[\w.-]+", text))
+
+
+def test_control_an_absent_id_is_not_listed():
+    assert "rk5" not in re.findall(r"[\w.-]+", call("list", "methods")[1])
+
+
+def test_list_of_what_is_unknown_is_an_error():
+    assert call("list", "planets")[0] == 2
+
+
+HEAVY = ("sympy", "numba", "heyoka", "rebound", "pandas", "matplotlib")
+LOADED = """
+import json, runpy, sys
+sys.argv = ["phasebench", *{arguments!r}]
+try:
+    runpy.run_module("benchmarks", run_name="__main__")
+except SystemExit:
+    pass
+print("\\n" + json.dumps([m for m in {heavy!r} if m in sys.modules]))
+"""
+
+
+def loaded(*arguments: str, heavy=HEAVY):
+    code = LOADED.format(arguments=arguments, heavy=heavy)
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize("kind", ["methods", "problems"])
+def test_listing_loads_no_heavy_package(kind):
+    assert loaded("list", kind) == []
+
+
+def test_help_loads_no_heavy_package():
+    assert loaded("--help") == []
+
+
+def test_control_a_loaded_package_is_seen():
+    assert loaded("list", "methods", heavy=("typer", "integrators.registry")) == ["typer", "integrators.registry"]
+
+
+def test_listing_takes_less_than_two_seconds():
+    started = time.monotonic()
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmarks", "list", "methods"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert time.monotonic() - started < 2
+    assert "stormer-verlet" in done.stdout
+
+
+# -- integrate: the contract -------------------------------------------------------------------------------------------
+
+
+def test_json_has_the_keys_of_the_contract():
+    code, found = run_json("kepler", "stormer-verlet", *SHORT)
+    assert code == 0
+    assert list(found) == CONTRACT
+    assert list(found["counts"]) == COUNTS
+    assert set(found["invariants"]) == set(problem("kepler").invariants)
+    for error in (found["energy_error"], *found["invariants"].values()):
+        assert list(error) == ["max", "end"]
+    assert (found["problem"], found["method"], found["status"], found["reason"]) == (
+        "kepler",
+        "stormer-verlet",
+        "ok",
+        "",
+    )
+
+
+def test_a_failed_run_has_the_keys_of_the_contract_too():
+    assert list(run_json("henon-heiles", "explicit-euler", "--h", "1", "--t-end", "100")[1]) == CONTRACT
+
+
+@pytest.mark.parametrize(("name", "id"), [("henon-heiles:box", "rk4"), ("kepler", "implicit-midpoint")])
+def test_numbers_are_those_of_the_library_to_the_last_bit(name, id):
+    _, found = run_json(name, id, "--h", "0.03", "--t-end", "2")
+    made = problem(name)
+    s = integrate(made, id, h=0.03, t_end=2)
+    assert found["q"] == s.q[-1].tolist()
+    assert found["p"] == s.p[-1].tolist()
+    assert (found["t"], found["h"], found["steps"]) == (s.t[-1], s.h, len(s.t) - 1)
+    assert found["counts"] == {k: s.counts[k] for k in COUNTS}
+    assert found["seconds"] > 0
+    for expression, error in [(made.system.H, found["energy_error"])] + [
+        (e, found["invariants"][n]) for n, e in made.invariants.items()
+    ]:
+        value = made.system.observe(expression, s.q, s.p)
+        assert error == {"max": np.abs(value - value[0]).max(), "end": value[-1] - value[0]}
+
+
+def test_the_energy_error_is_the_largest_of_every_step_and_signed_at_the_end():
+    """H = p^2/2 - cos q of Stormer-Verlet, stepped here: its error is greatest inside and ends smaller."""
+    q, p, h = 2.0, 0.0, 0.1
+    H = [p * p / 2 - np.cos(q)]
+    for _ in range(29):
+        p -= h / 2 * np.sin(q)
+        q += h * p
+        p -= h / 2 * np.sin(q)
+        H.append(p * p / 2 - np.cos(q))
+    error = np.array(H) - H[0]
+    assert abs(error[-1]) < 0.9 * np.abs(error).max()
+    assert error[-1] < 0
+    _, found = run_json("pendulum", "stormer-verlet", "--h", "0.1", "--steps", "29")
+    assert found["energy_error"]["max"] == pytest.approx(np.abs(error).max(), rel=1e-9)
+    assert found["energy_error"]["end"] == pytest.approx(error[-1], rel=1e-9)
+
+
+def test_initial_data_are_taken():
+    _, found = run_json("henon-heiles", "rk4", *SHORT, "--q", "0.1,-1/3", "--p", "0,0.25")
+    s = integrate(problem("henon-heiles"), "rk4", h=0.1, t_end=1, q0=[0.1, -1 / 3], p0=[0, 0.25])
+    assert found["q"] == s.q[-1].tolist()
+    other = integrate(problem("henon-heiles"), "rk4", h=0.1, t_end=1)
+    assert found["q"] != other.q[-1].tolist()
+
+
+def test_a_fraction_is_a_fraction():
+    from fractions import Fraction
+
+    _, found = run_json("pendulum", "scheme-i", *SHORT, "--param", "lam=1/3")
+    s = integrate(problem("pendulum"), "scheme-i", h=0.1, t_end=1, parameters={"lam": Fraction(1, 3)})
+    assert found["params"] == {"lam": "1/3"}
+    assert found["q"] == s.q[-1].tolist()
+    assert found["q"] != run_json("pendulum", "scheme-i", *SHORT, "--param", "lam=2/3")[1]["q"]
+
+
+def test_steps_fix_the_step():
+    _, found = run_json("pendulum", "rk4", "--steps", "7", "--t-end", "1")
+    assert (found["steps"], found["h"], found["t"]) == (7, 1 / 7, 1.0)
+
+
+def test_a_step_that_does_not_fit_is_adjusted():
+    _, found = run_json("pendulum", "rk4", "--h", "0.3", "--t-end", "1")
+    assert (found["steps"], found["h"], found["t"]) == (3, 1 / 3, 1.0)
+
+
+def test_a_parameter_of_the_problem_is_set():
+    _, found = run_json("kepler", "rk4", *SHORT, "--set", "e=0.2")
+    s = integrate(problem("kepler", e=0.2), "rk4", h=0.1, t_end=1)
+    assert found["q"] == s.q[-1].tolist()
+    assert found["q"] != run_json("kepler", "rk4", *SHORT)[1]["q"]
+
+
+def test_an_adaptive_peer_takes_a_tolerance():
+    code, found = run_json("kepler", "heyoka", "--t-end", "1", "--tol", "1e-15")
+    assert code == 0
+    assert list(found) == CONTRACT
+    assert found["params"] == {"tol": 1e-15}
+    # A Taylor method answers a tolerance with its order: the error tells, not the number of steps.
+    _, rough = run_json("kepler", "heyoka", "--t-end", "1", "--tol", "1e-5")
+    assert rough["energy_error"]["max"] > 1e3 * max(found["energy_error"]["max"], 1e-16)
+    s = integrate(problem("kepler"), "rk4", h=1e-3, t_end=1)
+    assert np.abs(np.array(found["q"]) - s.q[-1]).max() < 1e-9
+
+
+def test_the_text_says_the_same_as_the_json():
+    code, text, _ = call("integrate", "kepler", "rk4", *SHORT)
+    assert code == 0
+    found = run_json("kepler", "rk4", *SHORT)[1]
+    for number in (*found["q"], *found["p"]):
+        assert repr(number) in text
+    assert "angular-momentum" in text
+
+
+# -- integrate: what cannot be used, and what goes wrong ---------------------------------------------------------------
+
+INVALID = [
+    (("pendulm", "rk4", *SHORT), "pendulum"),
+    (("henon-heiles:bxo", "rk4", *SHORT), "box"),
+    (("pendulum", "stormer-verlt", *SHORT), "stormer-verlet"),
+    (("pendulum", "heyok", *SHORT), "heyoka"),
+    (("pendulum", "rk4", "--h", "0", "--t-end", "1"), "h is 0"),
+    (("pendulum", "rk4", "--h", "-0.1", "--t-end", "1"), "h is -0.1"),
+    (("pendulum", "rk4", "--h", "nan", "--t-end", "1"), "h is nan"),
+    (("pendulum", "rk4", "--h", "0.1", "--t-end", "inf"), "t_end is inf"),
+    (("pendulum", "rk4", "--h", "0.1", "--steps", "0"), "steps is 0"),
+    (("pendulum", "rk4"), "give"),
+    (("pendulum", "rk4", "--h", "0.1"), "t_end or steps"),
+    (("pendulum", "rk4", *SHORT, "--q", "1,2"), "q0 has 2 components"),
+    (("henon-heiles", "rk4", *SHORT, "--p", "1"), "p0 has 1 components"),
+    (("pendulum", "rk4", *SHORT, "--q", "nan"), "q0 is [nan]"),
+    (("pendulum", "rk4", *SHORT, "--q", "one"), "--q is 'one'"),
+    (("pendulum", "rk4", *SHORT, "--q", "1/0"), "--q is '1/0'"),
+    (("pendulum", "scheme-i", *SHORT, "--param", "lam=abc"), "lam is 'abc'"),
+    (("pendulum", "scheme-i", *SHORT, "--param", "lam"), "name=value"),
+    (("pendulum", "scheme-i", *SHORT, "--param", "mu=1"), "no parameter 'mu'"),
+    (("pendulum", "scheme-i", *SHORT, "--param", "lam=1e400"), "lam"),
+    (("kepler", "rk4", *SHORT, "--set", "e=1"), "eccentricity e is 1"),
+    (("kepler", "rk4", *SHORT, "--set", "f=1"), "no parameter 'f'"),
+    (("kepler", "rk4", *SHORT, "--set", "e=0.1,0.2"), "0.1,0.2"),
+    (("lotka-volterra", "scheme-iv", *SHORT), "canonical"),
+    (("pendulum", "rk4", *SHORT, "--tol", "1e-9"), "tolerance"),
+    (("kepler", "heyoka", "--t-end", "1", "--tol", "0"), "tol is 0"),
+    (("kepler", "heyoka", "--t-end", "1", "--param", "lam=1"), "no parameters"),
+    (("pendulum", "rebound-whfast", *SHORT), "revolve around"),
+    (("kepler", "rk4", *SHORT, "--q", "0,0"), "singularity"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), INVALID, ids=lambda x: " ".join(x) if isinstance(x, tuple) else "")
+def test_invalid_input_is_named(arguments, message):
+    code, found = run_json(*arguments)
+    assert code == 2
+    assert found["status"] == "invalid"
+    assert message in found["reason"]
+    code, text, said = call("integrate", *arguments)
+    assert (code, text) == (2, "")
+    assert said == "invalid: " + " ".join(found["reason"].split())
+
+
+@pytest.mark.parametrize("name", ["pend[/]", "rk4[/b]", "[red]"])
+def test_a_name_in_brackets_is_shown_as_it_is(name):
+    code, _, said = call("integrate", name, "rk4", *SHORT)
+    assert code == 2
+    assert name in said
+
+
+def test_a_blow_up_is_diverged():
+    code, found = run_json("henon-heiles", "explicit-euler", "--h", "1", "--t-end", "100")
+    assert code == 1
+    assert found["status"] == "diverged"
+    assert 0 < found["steps"] < 100
+    assert f"step {found['steps']} of 100" in found["reason"]
+    assert np.isfinite([*found["q"], *found["p"], found["energy_error"]["max"]]).all()
+    assert found["energy_error"]["max"] > 1
+    code, text, _ = call("integrate", "henon-heiles", "explicit-euler", "--h", "1", "--t-end", "100")
+    assert code == 1
+    assert "diverged" in text
+
+
+@pytest.mark.parametrize("steps", ["2", "100"])
+def test_an_energy_that_overflows_is_not_reported_as_conserved(steps):
+    """At q = 1e159 the energy is beyond the doubles: an error of 0 would be a claim that is false."""
+    code, text, _ = call(
+        "integrate", "harmonic-oscillator", "explicit-euler", "--h", "1e3", "--steps", steps, "--q", "1e153", "--json"
+    )
+    error = strict(text)["energy_error"]
+    assert error["max"] is None or error["max"] > 0
+    assert code in (0, 1)
+
+
+def test_a_fall_into_the_centre_is_a_collision():
+    code, found = run_json(
+        "kepler", "stormer-verlet", "--q", "1,0", "--p", "0,0", "--h", "0.01", "--t-end", "3"
+    )  # the collision is at t = pi / (2 sqrt 2) = 1.11
+    assert code == 1
+    assert found["status"] == "collision"
+    assert "t = 1.1" in found["reason"]
+
+
+def test_control_a_circular_orbit_is_ok():
+    code, found = run_json("kepler", "stormer-verlet", "--q", "1,0", "--p", "0,1", "--h", "0.01", "--t-end", "3")
+    assert (code, found["status"]) == (0, "ok")
+
+
+def test_a_timeout_is_told():
+    code, found = run_json("pendulum", "rk4", "--h", "1e-6", "--t-end", "20", "--timeout", "0.01")
+    assert code == 1
+    assert found["status"] == "timeout"
+    assert 0 < found["steps"] < 20_000_000
+
+
+# -- run and report ----------------------------------------------------------------------------------------------------
+
+SWEEP = ("--scene", "lotka-volterra-t1", "--method", "rk4", "--quick")
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory) -> str:
+    """The rows of a small sweep."""
+    path = tmp_path_factory.mktemp("rows") / "rows.jsonl"
+    assert call("run", *SWEEP, "--output", str(path))[0] == 0
+    return path.read_text()
+
+
+def test_run_writes_a_row_for_each_step_size(swept):
+    rows = [strict(line) for line in swept.splitlines()]
+    scene = next(s for s in SCENES if s.id == "lotka-volterra-t1")
+    assert [r["h"] for r in rows] == list(scene.ladder(quick=True))
+    assert {(r["scene"], r["id"], r["status"]) for r in rows} == {("lotka-volterra-t1", "rk4", "ok")}
+
+
+def test_a_second_run_measures_nothing(swept, tmp_path):
+    path = tmp_path / "rows.jsonl"
+    path.write_text(swept)
+    code, text, said = call("run", *SWEEP, "--output", str(path))
+    assert code == 0
+    assert "4 of 4 rows" in said
+    assert "4 ok" in text
+    assert path.read_text() == swept
+
+
+def test_a_row_that_was_cut_is_measured_again(swept, tmp_path):
+    path = tmp_path / "rows.jsonl"
+    path.write_text(swept[:-40])
+    code, _, said = call("run", *SWEEP, "--output", str(path))
+    assert code == 0
+    assert "3 of 4 rows" in said
+    old, new = swept.splitlines(), path.read_text().splitlines()
+    assert new[:3] == old[:3]
+    a, b = json.loads(old[3]), json.loads(new[3])
+    assert {k: v for k, v in a.items() if k != "seconds"} == {k: v for k, v in b.items() if k != "seconds"}
+
+
+def test_a_run_that_was_killed_before_the_line_break_goes_on(swept, tmp_path):
+    path = tmp_path / "rows.jsonl"
+    path.write_text("\n".join(swept.splitlines()[:3]))
+    assert call("run", *SWEEP, "--output", str(path))[0] == 0
+    code, _, said = call("run", *SWEEP, "--output", str(path))
+    assert code == 0
+    assert "4 of 4 rows" in said
+
+
+def test_a_corrupt_line_inside_is_named(swept, tmp_path):
+    lines = swept.splitlines()
+    lines[1] = lines[1][:-40]
+    path = tmp_path / "rows.jsonl"
+    path.write_text("\n".join(lines) + "\n")
+    code, _, said = call("run", *SWEEP, "--output", str(path))
+    assert code == 2
+    assert "line 2" in said
+    assert path.read_text() == "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "nearest"), [("--scene", "kepler-t2", "kepler-t1"), ("--method", "rk5", "rk4")]
+)
+def test_run_names_the_nearest(option, name, nearest, tmp_path):
+    code, _, said = call("run", option, name, "--output", str(tmp_path / "rows.jsonl"))
+    assert code == 2
+    assert nearest in said
+
+
+def test_a_report_without_data_says_what_to_do(tmp_path):
+    code, _, said = call("report", "--folder", str(tmp_path / "none"))
+    assert code == 2
+    assert "pytest benchmarks" in said
+    assert "phasebench run" in said
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_report_of_rows_that_are_not_there(tmp_path):
+    code, _, said = call("report", "--folder", str(tmp_path), "--rows", str(tmp_path / "absent.jsonl"))
+    assert code == 2
+    assert "absent.jsonl" in said
+
+
+def test_report_of_rows(swept, tmp_path):
+    (tmp_path / "rows.jsonl").write_text(swept)
+    folder = tmp_path / "report"
+    arguments = ("--folder", str(folder), "--rows", str(tmp_path / "rows.jsonl"), "--no-figures")
+    code, text, _ = call("report", *arguments)
+    assert code == 0
+    assert "README.md" in text
+    assert "lotka-volterra" in (folder / "orders.md").read_text()
+    # A sweep of --quick is no full run.
+    assert "full run" not in (folder / "README.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("scene", "method"), [("lotka-volterra-t120", "rk4"), ("lotka-volterra-t1", "avf")], ids=["drift", "skipped"]
+)
+def test_report_of_rows_without_an_order(scene, method, tmp_path):
+    rows = str(tmp_path / "rows.jsonl")
+    assert call("run", "--scene", scene, "--method", method, "--quick", "--output", rows)[0] == 0
+    code, _, _ = call("report", "--folder", str(tmp_path / "report"), "--rows", rows, "--no-figures")
+    assert code == 0
+
+
+def test_report_of_no_rows(tmp_path):
+    (tmp_path / "rows.jsonl").write_text("")
+    arguments = ("--folder", str(tmp_path / "report"), "--rows", str(tmp_path / "rows.jsonl"), "--no-figures")
+    assert call("report", *arguments)[0] in (0, 2)
+
+
+def test_the_module_is_the_command():
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmarks", "integrate", "pendulum", "rk4", *SHORT, "--json"],
+        cwd=ROOT,
+        env=dict(os.environ),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert list(strict(done.stdout)) == CONTRACT

@@ -1,0 +1,239 @@
+"""The figures: drawn, small, the same bytes twice, nothing cut off; what they compute, against what is known."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from phasebench.benchmarks import report
+from phasebench.benchmarks.experiments.talks import (
+    convergence,
+    henon_heiles,
+    linear_map,
+    measure,
+    pendulum,
+    perturbed_kepler,
+)
+from phasebench.benchmarks.experiments.talks.gallery import FIGURES, save, standing
+from phasebench.benchmarks.page import style
+from phasebench.benchmarks.page.style import number
+from phasebench.integrators.errors import InvalidInput
+
+SECTIONS = {"pendulum and symplectic maps", "lotka-volterra", "henon-heiles", "perturbed kepler", "convergence"}
+IDS = [f.id for f in FIGURES]
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """Folder and captions of all figures in quick mode."""
+    folder = tmp_path_factory.mktemp("figures")
+    return folder, {figure.id: caption for figure, _, caption in save(folder, quick=True)}
+
+
+@pytest.fixture(scope="module")
+def drawings():
+    """The matplotlib figures of errors and differences, in quick mode."""
+    wanted = [f for f in FIGURES if any(word in f.id for word in ("energy", "invariants", "convergence"))]
+    return {f.id: f.draw(True)[0] for f in wanted}
+
+
+def test_records_are_complete_and_frozen():
+    assert isinstance(FIGURES, tuple)
+    assert len(set(IDS)) == len(IDS)
+    assert {f.section for f in FIGURES} == SECTIONS
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        FIGURES[0].id = "other"
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_figure_is_drawn_small_and_captioned(saved, id):
+    folder, captions = saved
+    path = folder / f"{id}.png"
+    assert 5_000 < path.stat().st_size <= 150_000
+    with Image.open(path) as image:
+        assert image.width == pytest.approx(style.WIDTH * style.DPI, abs=1)
+        assert len(image.getcolors(image.width * image.height)) > 8
+        assert not set(image.info) - {"transparency", "gamma", "dpi"}
+    caption = captions[id]
+    assert caption.endswith(".")
+    assert caption.isascii()
+    assert any(c.isdigit() for c in caption)
+    assert "nan" not in caption
+
+
+def test_unchanged_figures_are_unchanged_files(saved, tmp_path):
+    folder, _ = saved
+    again = IDS[::4]
+    save(tmp_path, quick=True, only=again)
+    for id in again:
+        assert (tmp_path / f"{id}.png").read_bytes() == (folder / f"{id}.png").read_bytes(), id
+
+
+def test_save_draws_only_what_is_asked_for_and_tells(tmp_path):
+    told = []
+    only = ["convergence-preserving", "linear-symplectic-map"]
+    made = save(
+        tmp_path, quick=True, only=only, progress=lambda done, total, figure: told.append((done, total, figure.id))
+    )
+    assert [figure.id for figure, _, _ in made] == [id for id in IDS if id in only]
+    assert told == [(1, 2, "linear-symplectic-map"), (2, 2, "convergence-preserving")]
+    assert sorted(p.name for p in tmp_path.glob("*.png")) == sorted(name for _, name, _ in made)
+    assert standing(tmp_path) == made
+
+
+def test_figures_that_stand_stay_in_the_list(saved, tmp_path):
+    folder, _ = saved
+    shutil.copytree(folder, tmp_path / "figures")
+    (tmp_path / "figures" / f"{IDS[2]}.png").unlink()
+    assert [f.id for f, _, _ in standing(tmp_path / "figures")] == [id for id in IDS if id != IDS[2]]
+    save(tmp_path / "figures", quick=True, only=[IDS[2]])
+    assert [f.id for f, _, _ in standing(tmp_path / "figures")] == IDS
+    assert standing(tmp_path) == []
+    entry = report.build(tmp_path, progress=lambda line: None, figures=False).read_text()
+    assert all(f"figures-{section.replace(' ', '-')}.md" in entry for section in SECTIONS)
+
+
+def test_unknown_figure_names_the_nearest(tmp_path):
+    with pytest.raises(InvalidInput, match="pendulum-area"):
+        save(tmp_path, only=["pendulum-aera"])
+
+
+def test_import_leaves_matplotlib_alone():
+    code = "import sys, benchmarks.figures; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_no_curve_is_cut_off(drawings):
+    for id, drawing in drawings.items():
+        for axes in drawing.axes:
+            low, high = axes.get_ylim()
+            for line in axes.get_lines():
+                y = line.get_ydata()
+                assert y.min() >= low, id
+                assert y.max() <= high, id
+
+
+def test_type_is_at_least_8_points(drawings):
+    from matplotlib.text import Text
+
+    for id, drawing in drawings.items():
+        assert min(t.get_fontsize() for t in drawing.findobj(Text)) >= 8, id
+
+
+def test_user_settings_change_no_figure():
+    import matplotlib
+
+    with matplotlib.rc_context({"font.size": 30, "axes.titlesize": 30}):
+        drawing, _ = linear_map.parallelograms(True)
+    assert drawing.axes[0].title.get_fontsize() == style.RC["axes.titlesize"]
+
+
+def test_symplectic_euler_keeps_the_area_and_explicit_euler_does_not(saved):
+    caption = saved[1]["pendulum-area"]
+    changes = {}
+    for title, id, substeps in pendulum.CARRIERS:
+        areas = np.array([measure.enclosed_area(face) for face in pendulum.carried(id, substeps, 256)])
+        changes[id] = np.abs(areas - areas[0]).max()
+        assert f"{title} {number(areas[-1], 10)} (largest change {number(changes[id], 2)})" in caption
+    assert changes["symplectic-euler-p"] < 1e-12
+    assert changes["implicit-midpoint"] < 1e-12
+    assert changes["rk4"] < 1e-10
+    assert changes["explicit-euler"] > 0.1
+
+
+def test_enclosed_area_is_exact_and_oriented():
+    ellipse = measure.circle((0.3, -2.0), 1.0, 64) * (3.0, 0.5)
+    assert measure.enclosed_area(ellipse) == pytest.approx(1.5 * np.pi, rel=1e-13)
+    assert measure.enclosed_area(ellipse[::-1]) == pytest.approx(-1.5 * np.pi, rel=1e-13)
+    coarse, fine = (measure.enclosed_area(measure.cat((0, 0), 0.4, n)) for n in (256, 512))
+    assert coarse == pytest.approx(fine, rel=1e-13)
+    # The polygon's own area comes near only as n^-2: no ground for 1e-12.
+    assert abs(measure.polygon_area(measure.cat((0, 0), 0.4, 256)) / fine - 1) > 1e-5
+
+
+def test_linear_map_keeps_the_sum_of_areas_and_not_each():
+    before = linear_map.areas(linear_map.XI, linear_map.ETA)
+    midpoint = linear_map.areas(*linear_map.image("implicit-midpoint"))
+    euler = linear_map.areas(*linear_map.image("explicit-euler"))
+    assert midpoint.sum() == pytest.approx(before.sum(), abs=1e-14)
+    assert np.abs(midpoint - before).min() > 0.1
+    assert abs(euler.sum() - before.sum()) > 0.1
+
+
+def test_thinning_keeps_the_peaks():
+    t = np.arange(10_001.0)
+    e = np.abs(np.sin(t))
+    e[[17, 9_990]] = 5.0, 7.0
+    times, maxima = measure.binned_maxima(t, e, 50)
+    assert len(times) == 50
+    assert {(17.0, 5.0), (9_990.0, 7.0)} <= set(zip(times, maxima, strict=True))
+    assert (np.diff(times) > 0).all()
+
+
+def test_energy_caption_holds_the_computed_maxima(saved):
+    caption = saved[1]["henon-heiles-scheme-i-energy"]
+    for orbit in henon_heiles.ORBITS:
+        start = measure.start(f"henon-heiles:{orbit}")
+        for lam in measure.LAMBDAS:
+            error = measure.energy_error(start, measure.run(start, "scheme-i", henon_heiles.STEP, 100.0, lam=lam)).max()
+            assert f"{number(error, 2)} (lambda = {lam})" in caption
+
+
+def test_avf_loses_the_angular_momentum_and_schemes_iv_and_v_keep_it(saved):
+    kepler = measure.start("perturbed-kepler")
+    errors = {}
+    for _, id in perturbed_kepler.PRESERVING:
+        solution = measure.run(kepler, id, perturbed_kepler.STEP, 100.0)
+        errors[id] = perturbed_kepler.invariant_error("angular-momentum", solution).max()
+        assert perturbed_kepler.invariant_error("energy", solution).max() < 1e-13
+    assert errors["scheme-iv"] < 1e-13
+    assert errors["scheme-v"] < 1e-13
+    assert errors["avf"] > 1e-6
+    assert number(errors["avf"], 2) in saved[1]["perturbed-kepler-preserving-invariants"]
+
+
+def test_precession_is_none_for_kepler_and_some_with_the_perturbation():
+    still = perturbed_kepler.precession(measure.run(measure.start("kepler"), "scheme-iii-suzuki-6", 0.01, 60.0))
+    turned = perturbed_kepler.precession(
+        measure.run(measure.start("perturbed-kepler"), "scheme-iii-suzuki-6", 0.01, 60.0)
+    )
+    assert abs(still) < 1e-6
+    # First order in mu: 2 pi mu / L^4 over a revolution.
+    assert turned == pytest.approx(2 * np.pi * 0.0075 / 0.8**4, rel=0.1)
+
+
+def test_section_lies_where_finer_steps_say():
+    start = measure.start("henon-heiles:box")
+    coarse, fine = (measure.section(start, measure.run(start, "rk4", h, 60.0)) for h in (0.02, 0.005))
+    assert len(coarse) == len(fine) > 5
+    assert np.abs(coarse - fine).max() < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("id", "order", "steps"),
+    [("scheme-i", 1, 64), ("scheme-iii", 2, 32), ("scheme-iii-yoshida-4", 4, 16), ("scheme-iii-suzuki-6", 6, 2)],
+)
+def test_observed_orders(id, order, steps):
+    start = measure.start(convergence.PROBLEM)
+    h, differences, _ = measure.refinement_differences(start, id, [steps * 2**k for k in range(5)])
+    assert measure.observed_order(h, differences) == pytest.approx(order, abs=0.15)
+
+
+def test_caption_tells_of_what_went_wrong():
+    good = measure.run(measure.start("pendulum"), "scheme-iv", 0.1, 1.0)
+    assert measure.troubles([good]) == ""
+    lost = dataclasses.replace(good, status="diverged", reason="the state is no longer finite")
+    missed = dataclasses.replace(good, counts=good.counts | {"fallbacks": 3})
+    assert "diverged, the state is no longer finite" in measure.troubles([good, lost])
+    assert "3 of 20 (Scheme IV)" in measure.troubles([good, missed])
+
+
+def test_points_that_are_lost_stop_the_figure():
+    with pytest.raises(InvalidInput, match="is lost"):
+        measure.carry(measure.start("henon-heiles"), "explicit-euler", np.array([[3.0, 3.0, 9.0, 9.0]]), 0.5, 60)

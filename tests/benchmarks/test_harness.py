@@ -1,0 +1,443 @@
+"""The harness: sweeps, bands, tables, reports (peers, horizons: test_peer_rows; rows on disk: test_store)."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import re
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from phasebench.benchmarks import report
+from phasebench.benchmarks.experiments.trade import bench_errors, peer_rows, sweep
+from phasebench.benchmarks.page import markdown
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.problems.scenes import BY_ID, DRIFT, ORDER, SCENES
+from phasebench.benchmarks.report import PAGES
+from phasebench.benchmarks.rows import tables as results
+from phasebench.benchmarks.rows.store import Store
+from phasebench.integrators import integrate
+from phasebench.integrators.registry import METHODS
+from phasebench.reference import tables
+
+SCENE = BY_ID["lotka-volterra-t1"]
+OSCILLATOR = BY_ID["oscillator-t2"]
+
+
+def timeless(rows):
+    """Rows without what differs between two runs."""
+    return [{k: v for k, v in r.items() if k != "seconds"} for r in rows]
+
+
+def same(a, b) -> bool:
+    """Equal, where NaN equals NaN."""
+    return json.dumps(timeless(a), sort_keys=True) == json.dumps(timeless(b), sort_keys=True)
+
+
+# -- scenes and tasks --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("quick", [False, True])
+def test_the_keys_of_tasks_are_unique(quick):
+    todo = sweep.tasks(quick=quick)
+    assert len({t.key for t in todo}) == len(todo)
+    assert {t.method for t in todo} == {m.id for m in METHODS} | {p.id for p in peer_rows.swept(quick)}
+    assert {t.scene for t in todo} == {s.id for s in SCENES}
+
+
+@pytest.mark.parametrize(
+    "change", [{"scene": "pendulum-t2"}, {"method": "avf"}, {"parameters": ()}, {"h": 0.1 + 1e-17}, {"tol": 1e-6}]
+)
+def test_a_key_tells_tasks_apart(change):
+    task = sweep.Task("oscillator-t2", "scheme-i", (("lam", "1/3"),), 0.2)
+    assert replace(task, **change).key != task.key
+    assert replace(task).key == task.key
+
+
+def test_tasks_of_one_method_and_the_quick_tier():
+    full, quick = (sweep.tasks([SCENE], q, lambda m: m.id == "rk4") for q in (False, True))
+    assert [t.h for t in full] == list(SCENE.steps)
+    assert [t.h for t in quick] == list(SCENE.steps[:4])
+    assert {t.method for t in full} == {"rk4"}
+
+
+def test_order_scenes_halve_their_steps_which_divide_their_span():
+    for s in SCENES:
+        assert sorted(s.steps, reverse=True) == list(s.steps)
+        assert s.purpose in (ORDER, DRIFT)
+        if s.purpose == ORDER:
+            assert all(a == 2 * b for a, b in pairwise(s.steps)), s.id
+            assert all(abs(s.t_end / h - round(s.t_end / h)) < 1e-9 for h in s.steps), s.id
+
+
+# -- rows --------------------------------------------------------------------------------------------------------------
+
+ALWAYS = {"scene", "problem", "method", "h", "status", "versions"}
+MEASURED = {"global_error", "reference_uncertainty", "energy_max", "energy_end", "gradient", "iterations", "fallbacks"}
+
+
+def test_a_row_has_the_columns_of_the_design():
+    row = sweep.measure(sweep.Task(SCENE.id, "rk4", (), 0.03), repeats=1)
+    assert set(row) >= ALWAYS | MEASURED | {"reason", "seconds", "refinement_difference", "steps"}
+    assert (row["status"], row["reason"], row["steps"], row["gradient"]) == ("ok", "", 40, 160)
+    assert row["seconds"] > 0
+    assert "numpy" in row["versions"]
+
+
+def test_a_drift_row_has_a_slope_inside_its_interval():
+    row = sweep.measure(sweep.Task("lotka-volterra-t120", "rk4", (), 0.12), repeats=1)
+    assert row["energy_drift_low"] < row["energy_drift"] < row["energy_drift_high"]
+    assert row["energy_drift"] != 0
+
+
+def test_a_state_that_leaves_the_domain_of_the_energy_is_not_ok():
+    """Explicit Euler takes a population of Lotka-Volterra below zero, where log is not defined."""
+    row = sweep.measure(sweep.Task("lotka-volterra-t120", "explicit-euler", (), 0.03), repeats=1)
+    assert row["status"] != "ok" or np.isfinite(row["energy_drift"])
+
+
+def test_the_invariants_of_the_problem_are_columns():
+    row = sweep.measure(sweep.Task("kepler-t1", "rk4", (), 0.01), repeats=1)
+    made = problem("kepler")
+    s = integrate(made, "rk4", h=0.01, t_end=1)
+    for name, expression in made.invariants.items():
+        value = made.system.observe(expression, s.q, s.p)
+        assert row[f"{name}_max"] == np.abs(value - value[0]).max() > 0
+
+
+@pytest.mark.parametrize("id", ["rk4", "stormer-verlet"])
+def test_the_two_errors_are_what_their_names_say(id):
+    """||y_h - y_2h|| by two runs; the error of the oscillator against (cos t, -sin t)."""
+    h = OSCILLATOR.steps[2]
+    row = sweep.measure(sweep.Task(OSCILLATOR.id, id, (), h), repeats=1)
+    y, y2 = (
+        np.concatenate([s.q[-1], s.p[-1]])
+        for s in (integrate(OSCILLATOR.made(), id, h=k * h, t_end=OSCILLATOR.t_end) for k in (1, 2))
+    )
+    exact = np.array([np.cos(OSCILLATOR.t_end), -np.sin(OSCILLATOR.t_end)])
+    assert row["refinement_difference"] == np.abs(y - y2).max()
+    assert row["global_error"] == pytest.approx(np.abs(y - exact).max(), abs=1e-15)
+    assert row["global_error"] < 0.5 * row["refinement_difference"]
+
+
+def test_the_coarsest_row_has_no_refinement_difference():
+    row = sweep.measure(sweep.Task(OSCILLATOR.id, "rk4", (), OSCILLATOR.steps[0]), repeats=1)
+    assert "refinement_difference" not in row
+    assert row["global_error"] > 0
+
+
+def test_a_skipped_row_has_its_reason():
+    row = sweep.measure(sweep.Task(SCENE.id, "avf", (), 0.12))
+    assert row["status"] == "skipped"
+    assert "canonical" in row["reason"]
+    assert "global_error" not in row
+    assert set(row) >= ALWAYS
+
+
+def test_a_failed_row_has_its_reason_and_no_error(monkeypatch):
+    """Explicit Euler at h = 1 escapes from Henon-Heiles."""
+    scene = replace(
+        BY_ID["henon-heiles-box-t1"], id="escape", problem="henon-heiles:chaotic", t_end=100.0, steps=(1.0,)
+    )
+    monkeypatch.setitem(sweep.BY_ID, "escape", scene)
+    row = sweep.measure(sweep.Task("escape", "explicit-euler", (), 1.0))
+    assert row["status"] == "diverged"
+    assert row["reason"]
+    assert "global_error" not in row
+    assert "seconds" not in row
+
+
+# -- a sweep -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def todo():
+    return sweep.tasks([SCENE, OSCILLATOR], True, lambda m: m.id in ("rk4", "scheme-ii", "avf"))
+
+
+@pytest.fixture(scope="module")
+def rows(todo):
+    return sweep.run(todo, repeats=1)
+
+
+def travelling(f, *columns):
+    """A map whose function, arguments and results are pickled, as those of a pool of processes."""
+
+    def there_and_back(x):
+        return pickle.loads(pickle.dumps(x))
+
+    return (there_and_back(there_and_back(f)(*map(there_and_back, x))) for x in zip(*columns, strict=True))
+
+
+def test_another_map_measures_the_same_rows(todo, rows):
+    assert len(rows) == len(todo)
+    assert [(r["scene"], r["h"]) for r in rows] == [(t.scene, t.h) for t in todo]
+    assert same(sweep.run(todo, repeats=1, map_=travelling), rows)
+
+
+def test_control_other_tasks_measure_other_rows(todo, rows):
+    assert not same(sweep.run(todo[1:2], repeats=1), rows[:1])
+
+
+def test_a_sweep_goes_on_where_it_was(todo, rows, tmp_path):
+    store, told = Store(tmp_path / "rows.jsonl"), []
+    first = sweep.run(todo[:3], store, repeats=1)
+    again = sweep.run(todo[:5], Store(store.path), lambda task, row: told.append(task), repeats=1)
+    assert told == todo[3:5]
+    assert again[:3] == first  # the times as well: they were not measured again
+    assert same(again, rows[:5])
+    assert len(Store(store.path).rows()) == 5
+
+
+# -- orders ------------------------------------------------------------------------------------------------------------
+
+
+def ladder(order=2, uncertainty=1e-20, floor=0.0, **more):
+    base = {"purpose": ORDER, "scene": "s", "method": "m", "problem": "x", "status": "ok", "declared_order": order}
+    steps = [0.1 / 2**k for k in range(7)]
+    return [
+        base | {"h": h, "global_error": h**order + floor, "reference_uncertainty": uncertainty} | more for h in steps
+    ]
+
+
+def test_the_order_of_a_power_and_its_window():
+    (found,) = sweep.orders(ladder(order=3))
+    assert found["order"] == pytest.approx(3)
+    assert (found["h_first"], found["h_last"], found["points"]) == (0.1, 0.1 / 64, 7)
+    assert found["declared"] == 3
+
+
+@pytest.mark.parametrize("status", ["diverged", "not-converged", "collision", "timeout", "skipped"])
+def test_rows_that_are_not_ok_do_not_enter_an_order(status):
+    rows = ladder()
+    rows[0] |= {"status": status}  # its error would fit
+    rows[1] |= {"status": status, "global_error": None}
+    (found,) = sweep.orders(rows)
+    assert found["order"] == pytest.approx(2)
+    assert (found["h_first"], found["points"]) == (0.025, 5)
+
+
+def test_control_a_bad_row_that_is_called_ok_would_enter():
+    rows = ladder()
+    for k, r in enumerate(rows):
+        r["global_error"] *= 2 ** ((-1) ** k)
+    assert sweep.orders(rows)[0]["high"] - sweep.orders(rows)[0]["low"] > 0.1
+
+
+def test_errors_under_the_noise_do_not_enter():
+    uncertainty = 1e-7
+    kept = [r["h"] for r in ladder() if r["global_error"] > 100 * uncertainty]
+    assert len(kept) == 5
+    (found,) = sweep.orders(ladder(uncertainty=uncertainty))
+    assert (found["points"], found["h_last"]) == (5, kept[-1])
+
+
+def test_drift_rows_have_no_order_and_methods_have_their_own():
+    rows = ladder(order=2) + ladder(order=4, method="n", uncertainty=1e-30) + ladder(purpose=DRIFT, scene="long")
+    assert {r["method"]: round(r["order"]) for r in sweep.orders(rows)} == {"m": 2, "n": 4}
+
+
+def test_orders_of_measured_rows(rows):
+    found = {(r["scene"], r["method"]): r for r in sweep.orders(rows)}
+    assert found[OSCILLATOR.id, "rk4"]["order"] == pytest.approx(4, abs=0.1)
+    assert (SCENE.id, "avf") not in found
+
+
+# -- bands -------------------------------------------------------------------------------------------------------------
+
+
+def table_of(name):
+    return tables.read(name)[0]
+
+
+@pytest.mark.parametrize("name", ["lotka-volterra-t1", "kepler-t1", "pendulum-t1000", "henon-heiles-chaotic-t1000"])
+def test_a_stored_table_keeps_its_own_bands(name):
+    stored = table_of(name)
+    assert len(stored) > 0
+    assert bench_errors._violations(stored.copy(), stored, BY_ID[name]).empty
+
+
+@pytest.mark.parametrize("column", ["global_error", "refinement_difference", "energy_max"])
+def test_a_number_out_of_its_band_is_named_with_both_numbers(column):
+    stored = table_of(SCENE.id)
+    measured = stored.copy()
+    row = measured.index[(measured["method"] == "rk4") & measured[column].notna()][-1]
+    old = measured.loc[row, column]
+    measured.loc[row, column] = new = old * 1.01
+    (found,) = bench_errors._violations(measured, stored, SCENE).to_dict("records")
+    assert (found["method"], found["h"], found["column"]) == ("rk4", measured.loc[row, "h"], column)
+    assert (found["measured"], found["stored"]) == (new, old)
+
+
+def test_a_number_within_its_band_passes():
+    stored = table_of(SCENE.id)
+    measured = stored.copy()
+    measured["global_error"] *= 1 + 0.5 * SCENE.relative
+    assert bench_errors._violations(measured, stored, SCENE).empty
+
+
+def test_methods_that_choose_a_root_have_a_wider_band_for_the_trajectory_alone():
+    scene = BY_ID["kepler-t1"]
+    stored = table_of(scene.id)
+    row = stored.index[(stored["method"] == "scheme-iv") & (stored["global_error"] > 1e-6)][0]
+    for column, factor, violations in [("global_error", 1.3, 0), ("global_error", 1.7, 1)]:
+        measured = stored.copy()
+        measured.loc[row, column] *= factor
+        assert len(bench_errors._violations(measured, stored, scene)) == violations
+    stored.loc[row, "energy_max"] = 1e-6
+    measured = stored.copy()
+    measured.loc[row, "energy_max"] *= 1.3
+    assert bench_errors._violations(measured, stored, scene)["column"].tolist() == ["energy_max"]
+
+
+def test_a_row_missing_and_a_changed_status_are_violations():
+    stored = table_of(SCENE.id)
+    assert bench_errors._violations(stored.iloc[1:], stored, SCENE)["column"].tolist() == ["row"]
+    measured = stored.copy()
+    measured.loc[0, "status"] = "diverged"
+    assert bench_errors._violations(measured, stored, SCENE)["column"].tolist() == ["status"]
+
+
+def test_measured_rows_are_within_the_bands_of_the_stored_tables(rows):
+    for scene in (SCENE, OSCILLATOR):
+        measured = bench_errors._table([r for r in rows if r["scene"] == scene.id], scene)
+        stored = table_of(scene.id)
+        stored = stored[stored["method"].isin(measured["method"]) & stored["h"].isin(measured["h"])]
+        assert len(stored) == len(measured) > 8
+        assert bench_errors._violations(measured, stored, scene).empty
+
+
+def test_the_benchmark_fails_with_the_row_and_both_numbers(monkeypatch, tmp_path):
+    stored = table_of(SCENE.id).astype(object)
+    stored = stored.where(stored.notna(), None)
+    rows = stored.to_dict("records")
+    bad = max((r for r in rows if r["method"] == "rk4"), key=lambda r: r["h"])
+    old = bad["global_error"]
+    bad["global_error"] = new = 1.01 * old
+    monkeypatch.setattr(bench_errors.sweep, "run", lambda *a, **k: rows)
+    found = results.Results(tmp_path)
+    with pytest.raises(AssertionError) as caught:
+        bench_errors.bench_scene(SCENE, found, False, False)
+    assert all(text in str(caught.value) for text in ("rk4", "global_error", f"{new:.6e}", f"{old:.6e}", SCENE.id))
+    bad["global_error"] = old
+    bench_errors.bench_scene(SCENE, found, False, False)
+
+
+# -- results and reports -----------------------------------------------------------------------------------------------
+
+
+def test_results_read_what_they_wrote(tmp_path):
+    values = np.random.default_rng(0).normal(size=200) * 10.0 ** np.arange(-150, 50)
+    found = results.Results(tmp_path, quick=True)
+    found.add("numbers", [{"x": x, "text": f"row {i}", "n": i} for i, x in enumerate(values[:100])])
+    found.add("numbers", [{"x": x, "text": f"row {i}", "n": i} for i, x in enumerate(values[100:], 100)])
+    found.write()
+    frame, about = results.read(tmp_path, "numbers")
+    assert frame["n"].tolist() == list(range(200))
+    assert frame["text"].tolist() == [f"row {i}" for i in range(200)]
+    assert (frame["x"].to_numpy() == values).all()
+    assert about["quick"] is True
+    assert "numpy" in about["versions"]
+
+
+def test_results_that_were_not_measured(tmp_path):
+    assert results.read(tmp_path, "numbers") == (None, None)
+
+
+def test_a_run_of_some_benchmarks_leaves_the_tables_of_the_others(tmp_path):
+    for name, x in (("a", 1), ("b", 2), ("a", 3)):
+        found = results.Results(tmp_path)
+        found.add(name, [{"x": x}])
+        found.write()
+    assert [results.read(tmp_path, n)[0]["x"].tolist() for n in "ab"] == [[3], [2]]
+
+
+@pytest.fixture(scope="module")
+def reported(rows, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    found = results.Results(folder, quick=True)
+    found.add("rows", rows)
+    found.write()
+    assert report.build(folder, quick=True, progress=lambda line: None, figures=False) == folder / "README.md"
+    return folder
+
+
+def test_every_link_of_a_report_leads_to_a_file(reported):
+    seen = 0
+    for path in [reported / "README.md", *(reported / f"{p.id}.md" for p in PAGES)]:
+        links = [x for x in re.findall(r"\]\(([^)#\s]+)", path.read_text()) if "://" not in x]
+        for link in links:
+            assert (path.parent / link).exists(), f"{path.name}: {link}"
+        seen += len(links)
+    assert seen >= len(PAGES)
+
+
+def test_the_verdict_comes_first(reported):
+    text = (reported / "README.md").read_text()
+    assert 0 < text.index("## Verdict") < text.index("## Pages")
+    assert "quick tier" in text
+    assert all(f"({p.id}.md)" in text[text.index("## Pages") :] for p in PAGES)
+    page = (reported / "orders.md").read_text().splitlines()
+    first = [line for line in page[1:] if line and not line.startswith("Not measured")]
+    assert first[0].startswith("- ")
+    assert next(i for i, x in enumerate(page) if x.startswith("|")) > page.index(first[0])
+
+
+def test_a_verdict_is_computed_from_the_rows(rows, tmp_path):
+    pairs = {}
+    for name, kept in (("all", rows), ("some", [r for r in rows if r["id"] == "rk4"])):
+        found = results.Results(tmp_path / name)
+        found.add("rows", kept)
+        found.write()
+        report.build(tmp_path / name, progress=lambda line: None, figures=False)
+        text = (tmp_path / name / "orders.md").read_text()
+        pairs[name] = int(re.search(r"of (\d+) pairs", text).group(1))
+    assert pairs["all"] == len(sweep.orders(rows)) > pairs["some"] == 2
+
+
+def test_a_page_without_its_table_says_so(reported):
+    for page in PAGES:
+        text = (reported / f"{page.id}.md").read_text()
+        missing = [t for t in page.tables if t != "rows"]
+        assert text.startswith(f"# {page.title}")
+        assert ("Not measured" in text) == bool(missing), page.id
+        assert all(t in text for t in missing)
+
+
+def test_the_tables_of_a_report_are_aligned(reported):
+    blocks = 0
+    for page in PAGES:
+        for block in re.findall(r"(?:^\|.*\n)+", (reported / f"{page.id}.md").read_text(), re.M):
+            assert len({len(line) for line in block.splitlines()}) == 1, f"{page.id}:\n{block}"
+            blocks += 1
+    assert blocks >= 3
+
+
+def test_markdown_table():
+    frame = pd.DataFrame({"method": ["rk4", "a long name"], "h": [0.1, None], "n": [12345, 7], "x": [1.23456e-9, -0.5]})
+    lines = markdown.table(frame, {"method": "method", "x": "error", "h": "h"}).splitlines()
+    assert len({len(x) for x in lines}) == 1
+    assert lines[0].split("|")[1:-1] == [" method      ", "    error ", "   h "]
+    assert [c.strip() for c in lines[2].split("|")[1:-1]] == ["rk4", "1.23e-09", "0.1"]
+    assert [c.strip() for c in lines[3].split("|")[1:-1]] == ["a long name", "-0.5", ""]
+    assert set(lines[1]) == set("|-: ")
+    assert len(markdown.table(frame.iloc[:0]).splitlines()) == 2
+
+
+@pytest.mark.parametrize(
+    ("x", "text"),
+    [(0.0, "0"), (3.0, "3"), (0.012345, "0.0123"), (1.2345e-5, "1.23e-05"), (None, ""), (float("nan"), ""), ("a", "a")],
+)
+def test_number(x, text):
+    assert markdown.number(x) == text
+
+
+def test_listed():
+    assert markdown.listed([]) == "none"
+    assert markdown.listed(["a"]) == "a"
+    assert markdown.listed(["a", "b", "c"]) == "a, b and c"
+    assert markdown.listed(list("abcd"), 2) == "a, b and 2 more"

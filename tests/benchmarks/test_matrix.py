@@ -1,0 +1,91 @@
+"""The matrix of every method on every problem: its cells, what contradicts a declaration, its page."""
+
+from __future__ import annotations
+
+import pandas as pd
+import pytest
+
+from phasebench.benchmarks.experiments.matrix import matrix
+from phasebench.benchmarks.experiments.matrix.page import PAGE
+from phasebench.integrators.registry import BY_ID
+from support import cells
+
+
+@pytest.fixture(scope="module")
+def measured(uncompiled):
+    rows = uncompiled("support/cells.py")
+    return {(r["method"], r["problem"]): r for r in rows}
+
+
+def test_no_cell_is_missing_without_a_reason(measured):
+    assert len(measured) == len(cells.METHODS) * len(cells.PROBLEMS)
+    for row in measured.values():
+        assert row.get("reason") or all(k in row or f"{k}_reason" in row for k in matrix.MEASURED), row
+
+
+@pytest.mark.parametrize("id", cells.METHODS)
+def test_the_measured_order_is_the_declared_one(measured, id):
+    for name in cells.PROBLEMS:
+        row = measured[id, name]
+        if not row.get("reason") and "order" in row:
+            assert abs(row["order"] - BY_ID[id].order) < 0.1, row
+
+
+def test_the_defects_tell_methods_apart(measured):
+    assert measured["stormer-verlet", "pendulum"]["symplecticity"] < matrix.NOTHING
+    assert measured["rk4", "pendulum"]["symplecticity"] > 1e6 * matrix.NOTHING
+    assert measured["stormer-verlet", "pendulum"]["reversibility"] < matrix.NOTHING
+    assert measured["rk4", "pendulum"]["reversibility"] > 1e6 * matrix.NOTHING
+    assert measured["avf", "kepler"]["energy"] < 1e-14 < measured["gauss-2", "kepler"]["energy"]
+    assert measured["gauss-2", "kepler"]["quadratic"] < 1e-14 < measured["avf", "kepler"]["quadratic"]
+
+
+def test_a_cell_without_a_number_says_why(measured):
+    assert measured["wisdom-holman", "kepler"]["order_reason"] == "exact"
+    assert measured["wisdom-holman", "pendulum"]["reason"] == "requires: Kepler part"
+    assert measured["avf", "lotka-volterra"]["reason"] == "requires: canonical"
+    assert measured["rk4", "lotka-volterra"]["symplecticity_reason"] == "not canonical"
+    assert "even in p" in measured["rk4", "lotka-volterra-log"]["reversibility_reason"]
+
+
+def test_what_is_measured_contradicts_no_declaration(measured):
+    assert not [c for row in measured.values() for c in matrix.contradictions(row)]
+
+
+LIES = [
+    ("rk4", {"declared_order": 5}, "order"),
+    ("rk4", {"symplectic": True}, "symplecticity"),
+    ("rk4", {"symmetric": True}, "reversibility"),
+    ("stormer-verlet", {"energy_class": "round-off"}, "energy"),
+    ("avf", {"quadratic_class": "round-off"}, "q.D p"),
+]
+
+
+@pytest.mark.parametrize(("id", "lie", "said"), LIES)
+def test_control_a_false_declaration_is_contradicted(measured, id, lie, said):
+    found = matrix.contradictions(measured[id, "kepler"] | lie)
+    assert len(found) == 1
+    assert found[0].startswith(said)
+
+
+def test_only_what_is_known_is_explained():
+    said = "energy error 1.0e-10 of its terms, declared round-off"
+    hbvm = {"method": "hbvm-2-1", "problem": "pendulum"}
+    assert "polynomial" in matrix.explanation(hbvm, said)
+    assert not matrix.explanation(hbvm, "order 1.00, declared 2")
+    assert not matrix.explanation(hbvm | {"problem": "henon-heiles"}, said)
+    assert not matrix.explanation(hbvm | {"method": "cpg-1"}, said)
+    assert "fallbacks" in matrix.explanation(hbvm | {"method": "gauss-equip-2", "fallbacks": 3}, said)
+    assert not matrix.explanation(hbvm | {"method": "gauss-equip-2", "fallbacks": 0}, said)
+
+
+def test_the_page_shows_every_number_and_every_reason(measured):
+    frame = pd.DataFrame(list(measured.values()))
+    verdict, body = PAGE.write(lambda name: frame, None)
+    assert f"{len(cells.METHODS)} methods on {len(cells.PROBLEMS)} problems" in verdict[0]
+    assert "requires: Kepler part" in body
+    assert "missing" not in body
+    for method in cells.METHODS:
+        assert body.count(f"| {method} ") == 5
+    frame.loc[frame["method"] == "rk4", "declared_order"] = 6
+    assert any("rk4 on pendulum" in v for v in PAGE.write(lambda name: frame, None)[0]), "a contradiction is hidden"

@@ -1,0 +1,219 @@
+"""A user's own problem: by the path of a file, and by a formula; what is wrong with one is named, with its line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from phasebench.benchmarks.cli import app
+from phasebench.benchmarks.problems import file_and_orbit, problem, user
+from phasebench.integrators import integrate
+from phasebench.integrators.errors import InvalidInput
+
+ROOT = Path(__file__).resolve().parents[2]
+STEPS = ("--h", "0.1", "--t-end", "2")
+FORMULA = ("--hamiltonian", "p**2/2 - cos(q)", "--q", "2", "--p", "0")
+HEAD = "from benchmarks.problems.base import Orbit, Problem\nfrom integrators import Hamiltonian, PartitionedSystem\n"
+GOOD = """
+def make(k=1.0):
+    print("made")
+    H = f"(p1**2 + p2**2)/2 - {k!r}/sqrt(q1**2 + q2**2)"
+    return Problem(
+        id="mine",
+        name="Kepler",
+        source="own",
+        system=Hamiltonian(q="q1 q2", p="p1 p2", H=H, singular=["sqrt(q1**2 + q2**2)"]),
+        orbits=(Orbit("circle", (1, 0), [0, 1]), Orbit("ellipse", (2, 0), (0, 0.9))),
+        invariants={"L": "q1*p2 - q2*p1"},
+    )
+"""
+SHORT = 'problem = Problem(id="mine", name="pendulum", source="own",\n'
+SHORT += '    system=Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)"), orbits=Orbit("start", 2, 0))\n'
+
+
+def written(folder, text, name="mine.py", head=HEAD) -> str:
+    path = folder / name
+    path.write_text(head + text)
+    return str(path)
+
+
+def run(*arguments):
+    """(exit code, the one JSON object on standard output) of ``integrate``."""
+    result = CliRunner().invoke(app, ["integrate", *arguments, "--json"])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.exit_code, json.loads(result.stdout)
+
+
+@pytest.mark.parametrize("method", ["stormer-verlet", "heyoka", "scipy-dop853"])
+def test_a_file_and_a_formula_are_what_the_registered_problem_is(method, tmp_path):
+    expected = run("pendulum", method, *STEPS)[1]
+    for arguments in ((written(tmp_path, SHORT), method), ("mine", method, *FORMULA), (method, *FORMULA)):
+        code, found = run(*arguments, *STEPS)
+        assert code == 0
+        assert found["problem"] == ("mine" if arguments[0] != method else FORMULA[1])
+        for key in ("q", "p", "t", "h", "steps", "energy_error"):
+            assert found[key] == expected[key]
+
+
+def test_a_file_has_parameters_and_orbits(tmp_path):
+    path = written(tmp_path, GOOD)
+    made = problem(path + ":ellipse", k=2.0)
+    assert (made.label, made.q0, made.p0, made.parameters) == ("mine:ellipse", (2.0, 0.0), (0.0, 0.9), {"k": 2.0})
+    code, found = run(path + ":ellipse", "rk4", *STEPS, "--set", "k=2")
+    assert code == 0
+    assert found["q"] == integrate(made, "rk4", h=0.1, t_end=2).q[-1].tolist()
+    assert found["q"] != run(path + ":ellipse", "rk4", *STEPS)[1]["q"]
+    assert set(found["invariants"]) == {"L"}
+
+
+def test_a_copy_of_a_registered_problem_runs_under_its_path(tmp_path, monkeypatch):
+    text = (ROOT / "benchmarks" / "problems" / "kepler.py").read_text()
+    written(tmp_path, text, "kepler.py", head="")
+    monkeypatch.chdir(tmp_path)
+    code, found = run("kepler.py", "rk4", *STEPS, "--set", "e=0.2")
+    assert (code, found["problem"]) == (0, "kepler.py")
+    assert found["q"] == run("kepler", "rk4", *STEPS, "--set", "e=0.2")[1]["q"]
+    assert problem("kepler").label == "kepler"
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("kepler", (None, "")),
+        ("kepler:e", (None, "")),
+        ("./a.b.v2.py", ("./a.b.v2.py", "")),
+        ("a.py:orbit", ("a.py", "orbit")),
+        (r"C:\x\a.PY", (r"C:\x\a.PY", "")),
+        (r"C:\x\a.py:orbit", (r"C:\x\a.py", "orbit")),
+        ("./folder", ("./folder", "")),
+    ],
+)
+def test_a_path_is_told_from_an_id(name, expected):
+    assert file_and_orbit(name) == expected
+
+
+def system(H="p**2/2 - cos(q)", orbit='"start", (1.0,), (0.0,)', more="", extra=""):
+    made = f'Hamiltonian(q="q", p="p", H="{H}"{extra})'
+    return f'problem = Problem(id="x", name="x", source="x", system={made}, orbits=(Orbit({orbit}),){more})\n'
+
+
+BAD = {
+    "syntax": ("def make(:\n", ["line 3", "SyntaxError"]),
+    "null": ("x = '\0'\n", ["SyntaxError"]),
+    "raises": ("\ndef make():\n    return 1/0\n", ["line 5", "ZeroDivisionError: division by zero"]),
+    "exits": ("raise SystemExit(3)\n", ["line 3", "SystemExit"]),
+    "imports": ("import no_such_module\n", ["line 3", "ModuleNotFoundError"]),
+    "own check": ("from integrators import InvalidInput\nraise InvalidInput('k is 0')\n", ["line 4: k is 0"]),
+    "formula": (system(H="p**2/2 - cos(x)"), ["line 3", "'x'"]),
+    "nothing": ("x = 1\n", ["no function 'make'"]),
+    "no function": ("make = 3\n", ["make is a int"]),
+    "no problem": ("def make():\n    return Hamiltonian(q='q', p='p', H='p**2')\n", ["Hamiltonian, no Problem"]),
+    "no value": ("def make(k):\n    return k\n", ["--set k=2"]),
+    "text value": ("PARAMETERS = {'k': 'one'}\ndef make(k):\n    return k\n", ["k of", "'one'"]),
+    "no numbers": (system(orbit='"start", ("a",), (0.0,)'), ["orbit 'start'", "finite"]),
+    "not finite": (system(orbit='"start", (float("nan"),), (0.0,)'), ["orbit 'start'", "finite"]),
+    "length": (system(orbit='"start", (1.0, 2.0), (0.0,)'), ["orbit 'start'", "1 finite"]),
+    "energy": (system(H="p**2/2 - 1/q", orbit='"start", (0.0,), (0.0,)'), ["the energy", "singularity"]),
+    "field": (system(H="p**2/2 + sqrt(q)", orbit='"start", (0.0,), (1.0,)'), ["dp/dt"]),
+    "singular": (system(orbit='"start", (0.0,), (1.0,)', extra=', singular=["q"]'), ["singular", "0.0 at the start"]),
+    "invariant": (system(more=', invariants={"J": "q*p"}'), ["'J' is not conserved"]),
+    "hidden": (system(H="p**2/2", more=', invariants={"J": "q"}'), ["'J' is not conserved", "p = "]),
+    "of the system": (system(extra=', invariants=["q"]'), ["invariant 1 of the system is not conserved"]),
+    "constant": (system(more=', invariants={"J": "3"}'), ["constant"]),
+    "foreign": ("import sympy\n" + system(more=', invariants={"J": sympy.Symbol("q")}'), ["real=True"]),
+    "no energy": (
+        'problem = Problem(id="x", name="x", source="x", system=PartitionedSystem(q="q", p="p", dq=["p"], dp=["q"]),'
+        ' orbits=(Orbit("start", (1.0,), (0.0,)),))',
+        ["energy"],
+    ),
+}
+
+
+@pytest.mark.parametrize("which", BAD)
+def test_what_is_wrong_with_a_file_is_named(which, tmp_path):
+    text, words = BAD[which]
+    path = written(tmp_path, text)
+    code, found = run(path, "rk4", *STEPS)
+    assert (code, found["status"]) == (2, "invalid")
+    for word in (path, *words):
+        assert word in found["reason"]
+
+
+def test_control_what_is_conserved_is_accepted(tmp_path):
+    code, found = run(written(tmp_path, system(more=', invariants={"J": "p**2 - 2*cos(q)"}')), "rk4", *STEPS)
+    assert code == 0
+    assert found["invariants"]["J"]["max"] == pytest.approx(2 * found["energy_error"]["max"], rel=1e-6)
+
+
+def test_what_a_users_code_raised_is_the_cause(tmp_path):
+    with pytest.raises(InvalidInput) as caught:
+        problem(written(tmp_path, BAD["raises"][0]))
+    assert isinstance(caught.value.__cause__, ZeroDivisionError)
+
+
+@pytest.mark.parametrize(
+    ("name", "word"),
+    [("none.py", "there is no file"), ("./", "directory"), ("./a.txt", "ends in .py"), ("mine.py:x", "did you mean")],
+)
+def test_what_is_no_file_is_named(name, word, tmp_path, monkeypatch):
+    written(tmp_path, GOOD.replace("ellipse", "xx"))
+    written(tmp_path, "", "a.txt")
+    monkeypatch.chdir(tmp_path)
+    code, found = run(name, "rk4", *STEPS)
+    assert code == 2
+    assert word in found["reason"] or "there is no orbit of 'mine' 'x'" in found["reason"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("pendulum", "rk4", *FORMULA), "both the problem"),
+        (("pendulum", *FORMULA), "both the problem"),
+        (("mine.py", "rk4", *FORMULA), "both the problem"),
+        (("rk5", *FORMULA), "did you mean"),
+        (("rk4",), "give a problem and a method"),
+        (("rk4", "--hamiltonian", "p**2/2", "--p", "1"), "--q"),
+        (("rk4", "--hamiltonian", "p**2/2", "--q", "1"), "--p"),
+        (("rk4", *FORMULA, "--q", "1,2"), "d = 1"),
+        (("rk4", *FORMULA, "--q", "inf"), "finite"),
+        (("rk4", *FORMULA, "--set", "k=2"), "no constant 'k'"),
+        (("rk4", *FORMULA, "--set", "pi=3"), "no constant 'pi'"),
+        (("rk4", *FORMULA, "--set", "q=3"), "variable"),
+        (("rk4", "--hamiltonian", "p**2/2 + k*q", "--q", "1", "--p", "1"), "--set k=2"),
+        (("rk4", "--hamiltonian", "p**2/2 - 1/q", "--q", "0", "--p", "1"), "singularity"),
+        (("rk4", "--hamiltonian", "sqrt(q)", "--q", "-1", "--p", "1"), "domain"),
+        (("rk4", "--hamiltonian", "1 + 1", "--q", "1", "--p", "1"), "no variable"),
+        (("rk4", "--hamiltonian", "p1**2 + q3", "--q", "1,1,1", "--p", "1,1,1"), "neither q2 nor p2"),
+        (("rk4", "--hamiltonian", "p1**2 + q", "--q", "1", "--p", "1"), "numbered"),
+        (("rk4", "--hamiltonian", "__import__('os').system('x')", "--q", "1", "--p", "1"), "stands in no formula"),
+        (("heyoka", *FORMULA, "--timeout", "1"), "--timeout"),
+    ],
+)
+def test_what_is_wrong_with_a_formula_is_named(arguments, word):
+    code, found = run(*arguments, *STEPS)
+    assert (code, found["status"]) == (2, "invalid")
+    assert word in found["reason"]
+
+
+def test_constants_are_the_doubles():
+    code, found = run(
+        "rk4", "--hamiltonian", "p**2/2 - k*cos(w*q)", *FORMULA[2:], *STEPS, "--set", "k=0.1", "--set", "w=3"
+    )
+    assert code == 0
+    made = user.from_formula("p**2/2 - k*cos(w*q)", [2.0], [0.0], {"k": 0.1, "w": 3.0})
+    assert made.system.H == user.from_formula("p**2/2 - 0.1*cos(3*q)", [2.0], [0.0]).system.H
+    assert found["q"] == integrate(made, "rk4", h=0.1, t_end=2).q[-1].tolist()
+
+
+def test_two_degrees_of_freedom():
+    H = "(p1**2 + p2**2)/2 + (q1**2 + q2**2 + 2*q1**2*q2 - 2*q2**3/3)/2"
+    made = problem("henon-heiles:box")
+    expected = integrate(made, "stormer-verlet", h=0.1, t_end=2).q[-1]
+    q, p = (",".join(map(repr, x)) for x in (made.q0, made.p0))
+    code, found = run("stormer-verlet", "--hamiltonian", H, "--q", q, "--p", p, *STEPS)
+    assert code == 0
+    assert found["q"] == pytest.approx(expected.tolist(), rel=1e-13)

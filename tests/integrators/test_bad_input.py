@@ -1,0 +1,397 @@
+"""Input that cannot be used is refused with a message that helps; what happens on the way is a status."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phasebench.benchmarks.measure.battery import by_label, variants
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators.driver import COLLISION, DIVERGED, NOT_CONVERGED, OK, TIMEOUT, integrate
+from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.registry import METHODS, method
+from phasebench.integrators.systems.formula import FUNCTIONS, parse
+from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
+
+PENDULUM, KEPLER = problem("pendulum"), problem("kepler")
+
+
+# -- names ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("record", METHODS, ids=lambda m: m.id)
+def test_a_misspelt_method_is_answered_with_the_nearest(record):
+    letters = list(record.id)
+    letters[-1] = "x" if letters[-1] != "x" else "y"
+    with pytest.raises(InvalidInput, match="did you mean") as caught:
+        method("".join(letters))
+    assert record.id in str(caught.value)
+
+
+def test_a_name_like_no_other_lists_the_known_ones():
+    with pytest.raises(InvalidInput, match=r"known are .*, avf, .* more \(`phasebench list`\)"):
+        method("qqqqqqqqqq")
+    with pytest.raises(InvalidInput, match=r"known are one, two$"):
+        raise unknown("number", "qqqqqqqqqq", ["two", "one"])
+
+
+@pytest.mark.parametrize("record", METHODS, ids=lambda m: m.id)
+def test_an_unknown_parameter_is_refused(record):
+    with pytest.raises(InvalidInput, match=f"'{record.id}' has no parameter 'nonsense'"):
+        method(record.id, nonsense=1)
+
+
+@pytest.mark.parametrize("value", ["a third", float("nan"), float("inf"), None, [1], "1/0", "", True, "nan", 1j])
+@pytest.mark.parametrize("record", [m for m in METHODS if "lam" in m.parameters], ids=lambda m: m.id)
+def test_a_parameter_that_is_no_number_is_refused(record, value):
+    with pytest.raises(InvalidInput, match=r"lam is .*finite number"):
+        record(lam=value)
+
+
+@pytest.mark.parametrize("value", [0, -1, 7, 2.5, "two", None, float("nan"), float("inf"), True])
+def test_an_order_that_cannot_be_is_refused(value):
+    with pytest.raises(InvalidInput, match="order"):
+        method("generating-function", order=value)
+
+
+@pytest.mark.parametrize(("value", "meaning"), [("1/3", Fraction(1, 3)), ("0.25", Fraction(1, 4)), (2, 2), (-1.0, -1)])
+def test_numbers_are_read_exactly(value, meaning):
+    assert method("scheme-i", lam=value).parameters["lam"] == meaning
+
+
+# -- the grid and the state -------------------------------------------------------------------------------------------
+
+GRIDS = [
+    ({"h": 0.0, "steps": 3}, "h is 0.0"),
+    ({"h": -0.1, "steps": 3}, "h is -0.1"),
+    ({"h": float("nan"), "steps": 3}, "h is nan"),
+    ({"h": float("inf"), "steps": 3}, "h is inf"),
+    ({"h": 0.1, "t_end": 0.0}, "t_end is 0.0"),
+    ({"h": 0.1, "t_end": -1.0}, "t_end is -1.0"),
+    ({"h": 0.1, "t_end": float("nan")}, "t_end is nan"),
+    ({"h": 0.1, "steps": 0}, "steps is 0"),
+    ({"h": 0.1, "steps": -5}, "steps is -5"),
+    ({"h": 0.1, "steps": 2.5}, "steps is 2.5"),
+    ({"h": 0.1, "steps": True}, "steps is True"),
+    ({"h": 0.1, "steps": float("nan")}, "steps is nan"),
+    ({"h": 0.1, "steps": float("inf")}, "steps is inf"),
+    ({"h": 0.1}, "give t_end or steps"),
+    ({"t_end": 1.0}, "give the step h"),
+    ({}, "give the step h"),
+    ({"h": 1e-9, "t_end": 1e9}, "the most is 1e13"),
+    ({"h": 0.1, "t_end": 1.0, "steps": 11}, "give two of the three"),
+    ({"h": 0.1, "steps": 3, "save_every": -1}, "save_every"),
+    ({"h": 0.1, "steps": 3, "save_every": 1.5}, "save_every"),
+    ({"h": "a tenth", "steps": 3}, "h is"),
+    ({"h": 0.1, "steps": "three"}, "steps is"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), GRIDS)
+def test_a_grid_that_cannot_be_is_refused(arguments, message):
+    with pytest.raises(InvalidInput, match=message):
+        integrate(PENDULUM, "implicit-midpoint", **arguments)
+
+
+STATES = [
+    ({"q0": [1.0, 2.0]}, "q0 has 2 components; the problem has d = 1"),
+    ({"p0": []}, "p0 has 0 components"),
+    ({"q0": [float("nan")]}, "q0 is .*finite"),
+    ({"p0": [float("inf")]}, "p0 is .*finite"),
+    ({"q0": ["one"]}, "must be numbers"),
+    ({"q0": "one"}, "must be numbers"),
+    ({"q0": [[1.0], [2.0]]}, "components"),
+    ({"q0": [None]}, "q0"),
+    ({"q0": [1j]}, "must be numbers"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), STATES)
+def test_a_state_that_cannot_be_is_refused(arguments, message):
+    with pytest.raises(InvalidInput, match=message):
+        integrate(PENDULUM, "implicit-midpoint", h=0.1, steps=3, **arguments)
+
+
+def test_a_system_without_initial_data_asks_for_them():
+    with pytest.raises(InvalidInput, match="give q0"):
+        integrate(PENDULUM.system, "implicit-midpoint", h=0.1, steps=3)
+
+
+def test_a_singular_start_is_refused():
+    with pytest.raises(InvalidInput, match="singularity"):
+        integrate(KEPLER, "implicit-midpoint", h=0.1, steps=3, q0=[0.0, 0.0])
+    with pytest.raises(InvalidInput, match="domain"):
+        integrate(problem("lotka-volterra"), "implicit-midpoint", h=0.1, steps=3, q0=[-1.0])
+
+
+LOTKA = problem("lotka-volterra")
+ALL = by_label(variants())
+
+
+@pytest.mark.parametrize("label", [x for x, m in ALL.items() if m.lacks(LOTKA.system)])
+def test_a_method_says_what_the_system_lacks(label):
+    with pytest.raises(InvalidInput, match=f"method '{ALL[label].id}' requires a system with the trait"):
+        integrate(LOTKA, ALL[label], h=0.1, steps=3)
+
+
+@pytest.mark.parametrize("label", [x for x, m in ALL.items() if not m.lacks(LOTKA.system)])
+def test_the_others_run_on_it(label):
+    assert integrate(LOTKA, ALL[label], h=0.01, steps=3).status == OK
+
+
+def test_schemes_iv_and_v_are_refused_and_symplectic_euler_is_not():
+    lacking = {m.id for m in METHODS if m.lacks(LOTKA.system)}
+    assert {"scheme-iv", "scheme-v", "avf"} <= lacking
+    assert not {"symplectic-euler-q", "explicit-euler"} & lacking
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"q": "q", "p": "p1 p2", "H": "p1**2"}, "1 coordinates and 2 momenta"),
+        ({"q": "x", "p": "x", "H": "x**2"}, "stands twice"),
+        ({"q": "q", "p": "p", "H": "3"}, "depends on none"),
+        ({"q": "q", "p": "p", "H": "p**2 + z"}, "'z'"),
+        ({"q": "q", "p": "p", "H": sp.Symbol("p", real=True) ** 2 + sp.Symbol("z")}, "z in the formula"),
+        ({"q": "", "p": "", "H": "1"}, "depends|coordinates"),
+    ],
+)
+def test_a_hamiltonian_that_cannot_be_is_refused(arguments, message):
+    with pytest.raises(InvalidInput, match=message):
+        Hamiltonian(**arguments)
+
+
+def test_a_partitioned_system_needs_as_many_right_hand_sides():
+    with pytest.raises(InvalidInput, match="right-hand sides"):
+        PartitionedSystem(q="u", p="v", dq=["u", "v"], dp=["v"])
+
+
+# -- what happens on the way ------------------------------------------------------------------------------------------
+
+
+def test_a_blow_up_is_a_divergence():
+    falling = Hamiltonian(q="q", p="p", H="p**2/2 - q**4")
+    s = integrate(falling, "stormer-verlet", h=0.05, steps=400, q0=[1.0], p0=[1.0])
+    assert s.status == DIVERGED
+    assert "smaller h" in s.reason
+    assert np.isfinite(s.q).all()
+    assert 1 < len(s.q) < 401
+    assert s.counts["steps"] == len(s.q) - 1
+
+
+@pytest.mark.parametrize("name", ["stormer-verlet", "rk4", "scheme-v"])
+def test_a_radial_infall_is_a_collision(name):
+    s = integrate(KEPLER, name, h=0.01, t_end=5.0, q0=[1.0, 0.0], p0=[0.0, 0.0])
+    assert s.status == COLLISION, s.reason
+    assert s.reason
+
+
+@pytest.mark.parametrize("label", [x for x, m in ALL.items() if not m.lacks(KEPLER.system)])
+def test_no_method_calls_a_radial_infall_a_success(label):
+    s = integrate(KEPLER, ALL[label], h=0.01, t_end=5.0, q0=[1.0, 0.0], p0=[0.0, 0.0])
+    assert s.status in (COLLISION, NOT_CONVERGED, DIVERGED), s.reason
+
+
+def test_control_a_circular_orbit_is_no_collision():
+    assert integrate(problem("kepler", e=0.0), "stormer-verlet", h=0.01, t_end=5.0).status == OK
+
+
+def test_an_unsolvable_stage_is_not_converged():
+    # q' = p^2 at lambda = 1 asks for x = h (p + x)^2, which has no real solution for 4 h p > 1.
+    system = PartitionedSystem(q="q", p="p", dq=["1"], dp=["p**2"])
+    s = integrate(system, "implicit-euler", h=1.0, steps=3, q0=[0.0], p0=[1.0])
+    assert s.status in (NOT_CONVERGED, DIVERGED)
+    assert len(s.q) == 1
+    assert "after step 0 of 3" in s.reason
+    assert integrate(system, "implicit-euler", h=0.1, steps=1, q0=[0.0], p0=[1.0]).status == OK
+
+
+def test_a_timeout_keeps_the_rows_so_far():
+    s = integrate(PENDULUM, "implicit-midpoint", h=1e-3, steps=10**9, save_every=200_000, timeout=0.3)
+    assert s.status == TIMEOUT
+    assert 1 < len(s.q) < 5001
+    assert np.isfinite(s.q).all()
+    assert s.t[-1] == pytest.approx(s.counts["steps"] * 1e-3)
+
+
+def test_progress_is_told():
+    told = []
+    integrate(PENDULUM, "stormer-verlet", h=1e-3, steps=500_000, save_every=100_000, progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 500_000
+
+
+# -- formulae ---------------------------------------------------------------------------------------------------------
+
+VARIABLES = {"q": sp.Symbol("q", real=True), "p": sp.Symbol("p", real=True)}
+HOSTILE = [
+    "__import__('os').system('echo')",
+    "q.__class__",
+    "q.diff(q)",
+    "(lambda: q)()",
+    "[q for q in p]",
+    "q if p else q",
+    "q and p",
+    "q < p",
+    "q[0]",
+    "{q: p}",
+    "f'{q}'",
+    "'q'",
+    "b'q'",
+    "None",
+    "True",
+    "1j",
+    "...",
+    "q := p",
+    "q = p",
+    "q; p",
+    "import os",
+    "eval('q')",
+    "exec('q')",
+    "open('q')",
+    "getattr(q, 'p')",
+    "sin(q, p)",
+    "sin(x=q)",
+    "sin(*q)",
+    "sin",
+    "sin()",
+    "q(p)",
+    "q @ p",
+    "q % p",
+    "q // p",
+    "q << 2",
+    "~q",
+    "not q",
+    "9**9**9",
+    "2**100000",
+    "q**9**9",
+    "10**100**100",
+    "(2**100)**100",
+    "((9**99)**99)**99",
+    "q**p",
+    "2**q",
+    "q^2",
+    "q/0",
+    "q/(1-1)",
+    "x + q",
+    "H",
+    "",
+    "   ",
+    "q +",
+    "(q",
+    "q)",
+    "q q",
+    "1" * 40,
+    "1e999",
+    "1/1e999",
+    "(" * 5000 + "q" + ")" * 5000,
+    "q" + "+q" * 20_000,
+    "-" * 9000 + "q",
+    "q\0p",
+    "log(0)",
+    "tan(pi/2)",
+]
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("text", HOSTILE, ids=lambda t: t[:30].replace("\0", "NUL"))
+def test_a_hostile_formula_is_refused(text):
+    with pytest.raises(InvalidInput):
+        parse(text, VARIABLES)
+
+
+def test_a_refusal_names_what_was_wrong():
+    for text, message in [
+        ("q^2", r"\*\*"),
+        ("x + q", "'x'"),
+        ("sin(q, p)", "'sin'"),
+        ("q.diff(q)", "no function|needs"),
+    ]:
+        with pytest.raises(InvalidInput, match=message):
+            parse(text, VARIABLES)
+
+
+@pytest.mark.parametrize(
+    ("text", "expression"),
+    [
+        ("p**2/2 - cos(q)", VARIABLES["p"] ** 2 / 2 - sp.cos(VARIABLES["q"])),
+        ("-q", -VARIABLES["q"]),
+        ("+q", VARIABLES["q"]),
+        ("ln(q)", sp.log(VARIABLES["q"])),
+        ("1/3", sp.Rational(1, 3)),
+        ("0.1", sp.Rational(0.1)),
+        ("pi*e", sp.pi * sp.E),
+        ("q**-2", VARIABLES["q"] ** -2),
+        ("q**0.5", sp.sqrt(VARIABLES["q"])),
+        ("q**(1/2)", sp.sqrt(VARIABLES["q"])),
+        ("  q\n", VARIABLES["q"]),
+        ("abs(q)", sp.Abs(VARIABLES["q"])),
+        ("2*-q", -2 * VARIABLES["q"]),
+    ],
+)
+def test_a_valid_formula_is_read(text, expression):
+    assert parse(text, VARIABLES) == expression
+
+
+def test_a_variable_stands_before_a_constant_of_its_name():
+    e = sp.Symbol("e")
+    assert parse("e", {"e": e}) == e
+
+
+leaves = st.one_of(
+    st.sampled_from([("q", VARIABLES["q"]), ("p", VARIABLES["p"])]),
+    st.integers(0, 99).map(lambda n: (str(n), sp.Integer(n))),
+    st.floats(0.0, 100.0).map(lambda x: (repr(x), sp.Rational(x))),
+)
+
+
+def _combined(children):
+    pair = st.tuples(children, children)
+    return st.one_of(
+        pair.map(lambda ab: (f"({ab[0][0]} + {ab[1][0]})", ab[0][1] + ab[1][1])),
+        pair.map(lambda ab: (f"({ab[0][0]} - {ab[1][0]})", ab[0][1] - ab[1][1])),
+        pair.map(lambda ab: (f"({ab[0][0]} * {ab[1][0]})", ab[0][1] * ab[1][1])),
+        children.map(lambda a: (f"(-{a[0]})", -a[1])),
+        st.tuples(children, st.integers(1, 5)).map(lambda an: (f"(({an[0][0]}) / {an[1]})", an[0][1] / an[1])),
+        st.tuples(st.sampled_from(["q", "p"]), st.integers(2, 5)).map(
+            lambda vn: (f"{vn[0]}**{vn[1]}", VARIABLES[vn[0]] ** vn[1])
+        ),
+        st.tuples(st.sampled_from(["sin", "cos", "exp", "tanh"]), children).map(
+            lambda fa: (f"{fa[0]}({fa[1][0]})", FUNCTIONS[fa[0]](fa[1][1]))
+        ),
+    )
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.recursive(leaves, _combined, max_leaves=12))
+def test_a_random_formula_is_read_as_it_was_written(pair):
+    text, expression = pair
+    if expression.has(sp.zoo, sp.nan, sp.oo):
+        return
+    try:
+        found = parse(text, VARIABLES)
+    except InvalidInput as error:  # numbers that combine past a double's range
+        assert "bits" in str(error) or "too large" in str(error)  # noqa: PT017
+        return
+    assert found == expression
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.text(alphabet="qp012.+-*/()^ sincoexp_[]{}'\"=:,@", max_size=25))
+def test_random_text_is_read_or_refused_and_nothing_else(text):
+    with suppress(InvalidInput):
+        assert isinstance(parse(text, VARIABLES), sp.Basic)
+
+
+def test_a_timeout_between_two_kept_rows_keeps_neither_the_row_nor_the_status():
+    """Only the ends are kept and time runs out long before the end: the state then is of no time that was asked for."""
+    s = integrate(problem("pendulum"), "stormer-verlet", h=1e-6, steps=10**9, save_every=0, timeout=0.05)
+    assert s.status == "timeout"
+    assert len(s.t) == 1
+    assert s.counts["steps"] == 0

@@ -1,0 +1,251 @@
+"""The tables of coefficients: polished against published, damaged digits found, and the records made of them."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+import pytest
+
+from phasebench.integrators import coefficients
+from phasebench.integrators.coefficients import BY_NAME, DAMAGED, TABLES, polished, steps
+from phasebench.integrators.coefficients.fractions import DIGITS, substeps, suzuki, triple_jump
+from phasebench.integrators.coefficients.gauss import gauss
+from phasebench.integrators.coefficients.order_conditions import classical_order
+from phasebench.integrators.coefficients.polish import locate, polish, residual, starting
+from phasebench.integrators.coefficients.table import is_exact, unit, value
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.records import compositions, splittings
+from phasebench.integrators.registry import method
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
+ROUND_OFF = mpmath.mpf("1e-50")
+#: Few, of every kind; with one whose published digits are right to 12 decimals only.
+AGAIN = (
+    "yoshida-8d",
+    "mclachlan-ss9",
+    "blanes-moan-s6",
+    "blanes-moan-srkn11b",
+    "calvo-sanz-serna-4",
+    "aba-864",
+    "saba-3",
+)
+#: The same tables as published elsewhere: drifts of the splitting, first half (Yoshida 1990; Suzuki & Umeno 1993).
+ELSEWHERE = {
+    "yoshida-6a": "0.78451361047755726382 0.23557321335935813369 -1.17767998417887100695 1.31518632068391121889",
+    "suzuki-umeno-8": "0.7416703643506129534 -0.4091008258000315940 0.1907547102962383800 -0.5738624711160822667"
+    " 0.2990641813036559238 0.3346249182452981838 0.3152930923967665966 -0.796887939352916354",
+}
+named = pytest.mark.parametrize("table", TABLES, ids=lambda t: t.name)
+
+
+@pytest.fixture(autouse=True)
+def full_precision():
+    with mpmath.workdps(DIGITS):
+        yield
+
+
+def distance(x, y):
+    return max(abs(a - b) for a, b in zip(x, y, strict=True))
+
+
+# -- polished against published --------------------------------------------------------------------------------------
+
+
+@named
+def test_polished_numbers_are_the_published_ones_to_their_digits(table):
+    moved = distance(polished(table.name), starting(table))
+    assert moved <= table.accuracy
+    if table.good is not None:
+        printed = 10 * max(unit(x) for x in table.published if not is_exact(x))
+        assert moved > printed, "its published numbers are right to all their digits"
+
+
+@named
+def test_design_choices_stay_and_the_residual_is_round_off(table):
+    for text, number in zip(table.published, polished(table.name), strict=True):
+        assert not is_exact(text) or number == value(text)
+    assert max(map(abs, residual(table, polished(table.name)))) < ROUND_OFF
+
+
+@pytest.mark.parametrize("name", AGAIN)
+def test_polishing_again_finds_the_same_numbers(name):
+    assert distance(polish(BY_NAME[name]), polished(name)) < ROUND_OFF
+
+
+def test_control_polishing_from_elsewhere_finds_other_numbers():
+    """Of a family with free directions the nearest member is found, of an isolated solution the solution itself."""
+    free, isolated = BY_NAME["sofroniou-spaletta-6"], BY_NAME["yoshida-6b"]
+    first, *others = starting(free)
+    assert distance(polish(free, [first + mpmath.mpf("1e-15"), *others]), polished(free.name)) > 1e-17
+    start = [x + mpmath.mpf("1e-12") for x in starting(isolated)]
+    assert distance(polish(isolated, start), polished(isolated.name)) < ROUND_OFF
+
+
+def test_what_cannot_be_polished_is_refused():
+    table = BY_NAME["ruth-3"]
+    wrong = [x + mpmath.mpf("1e-9") for x in starting(table)]
+    with pytest.raises(ArithmeticError, match="ruth-3"):
+        polish(table, wrong)
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_a_damaged_number_is_located_and_mended(name):
+    """The worst one first: its correction agrees with the table's digits better than the damage by far."""
+    table = BY_NAME[name]
+    numbers, left = starting(table, DAMAGED[name]), dict(DAMAGED[name])
+    while left:
+        k, mended = locate(table, numbers)
+        true = value(table.published[k])
+        assert abs(mended - true) < mpmath.mpf("1e-6") * abs(value(left.pop(k)) - true)
+        numbers[k] = true
+    assert distance(numbers, starting(table)) == 0
+
+
+def test_closed_forms():
+    assert distance(steps("forest-ruth"), triple_jump(4)) < ROUND_OFF
+    assert distance(steps("suzuki-4"), suzuki(4)) < ROUND_OFF
+    root = mpmath.sqrt(2) / 2
+    assert distance([w for _, w in steps("mclachlan-atela-2")], (1 - root, root, root, 1 - root)) < 1e-17
+    nodes, weights = gauss(3)
+    assert distance(nodes, [(1 - mpmath.sqrt(0.6)) / 2, 0.5, (1 + mpmath.sqrt(0.6)) / 2]) < 1e-16
+    assert distance(weights, [mpmath.mpf(n) / 18 for n in (5, 8, 5)]) < ROUND_OFF
+
+
+@pytest.mark.parametrize("name", ELSEWHERE)
+def test_the_same_table_published_twice(name):
+    texts = ELSEWHERE[name].split()
+    assert distance(polished(name), [value(x) for x in texts]) <= 10 * max(map(unit, texts))
+
+
+# -- records ---------------------------------------------------------------------------------------------------------
+
+
+def letters(found):
+    """The drifts and kicks that substeps (c, mu, lambda) of symplectic Euler methods make, neighbours merged."""
+    out = []
+    for c, _, lam in found:
+        for letter in "BA" if lam == 1 else "AB":
+            if out and out[-1][0] == letter:
+                out[-1][1] += c
+            else:
+                out.append([letter, c])
+    return out
+
+
+@pytest.mark.parametrize(
+    "table", [t for t in TABLES if t.kind in ("splitting", "near-integrable")], ids=lambda t: t.name
+)
+def test_substeps_of_symplectic_euler_are_the_kicks_and_drifts(table):
+    made, published = letters(method(table.name).data[1]), steps(table.name)
+    assert [x for x, _ in made] == [x for x, _ in published]
+    assert distance([w for _, w in made], [w for _, w in published]) < ROUND_OFF
+
+
+def test_control_drifts_and_kicks_of_different_sums_are_refused():
+    with pytest.raises(ValueError, match="differ in their sums"):
+        substeps([("A", mpmath.mpf(1) / 2), ("B", mpmath.mpf(1)), ("A", mpmath.mpf(1) / 3)])
+
+
+@pytest.mark.parametrize("m", splittings.METHODS, ids=lambda m: m.id)
+def test_the_order_of_a_splitting_record_from_its_data(m):
+    if m.family == "parametric":
+        assert classical_order("splitting", letters(m.data[1])) == m.order
+        return
+    a, b = m.data
+    parts = [(letter, w) for pair in zip(b, (*a, 0), strict=False) for letter, w in zip("BA", pair, strict=True)]
+    assert classical_order("nystrom", parts) == m.order
+
+
+@pytest.mark.parametrize("m", compositions.METHODS, ids=lambda m: m.id)
+def test_the_order_of_a_composition_record_from_its_data(m):
+    rows = m.data[1] if m.family == "parametric" else m.data
+    size = 1 if m.id.startswith("implicit-midpoint") else 2  # the substeps of its base
+    fractions = [mpmath.fsum(r[0] for r in rows[i : i + size]) for i in range(0, len(rows), size)]
+    assert classical_order("composition", fractions) == m.order
+    if m.family == "schemes_iv_v":
+        assert [r[2] for r in rows] == [i // size for i in range(len(rows))], "each fraction has a root of its own"
+
+
+STEP, STEPS = 0.05, 20
+
+
+def by_hand(table, q, p):
+    """The pendulum by kicks and drifts as the table says, in their order."""
+    for _ in range(STEPS):
+        for letter, w in steps(table.name):
+            if letter == "B":
+                p = p - float(w) * STEP * np.sin(q)
+            else:
+                q = q + float(w) * STEP * p
+    return np.array([q, p])
+
+
+@pytest.mark.parametrize("name", ["mclachlan-atela-4", "blanes-moan-srkn14a", "ruth-3", "pefrl"])
+def test_a_run_is_the_table_written_out(name):
+    pendulum = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
+    s = integrate(pendulum, name, h=STEP, steps=STEPS, q0=[1.3], p0=[0.4])
+    assert np.abs(np.hstack([s.q[-1], s.p[-1]]) - by_hand(BY_NAME[name], 1.3, 0.4)).max() < 1e-13
+
+
+def test_a_nystrom_splitting_refuses_another_kinetic_energy():
+    quartic = Hamiltonian(q="q", p="p", H="p**4/4 + p**2/2 + q**2/2")
+    with pytest.raises(InvalidInput, match="quadratic kinetic energy"):
+        integrate(quartic, "okunbor-skeel-6", h=0.1, steps=1, q0=[1.0], p0=[0.0])
+
+
+# -- composed --------------------------------------------------------------------------------------------------------
+
+
+def test_composed_by_a_name_and_by_its_fractions_is_the_same():
+    base = method("implicit-midpoint")
+    a, b = compositions.composed(base, "kahan-li-6"), compositions.composed(base, steps("kahan-li-6"))
+    assert a.data == b.data == method("implicit-midpoint-kahan-li-6").data
+    assert (b.order, b.symmetric) == (6, True)
+    assert compositions.composed(base, [Fraction(1, 2), "0.5"]).order == 2
+    assert compositions.composed(base, list(map(float, steps("kahan-li-6")))).order == 6
+
+
+def test_composed_keeps_the_parameters_of_its_base():
+    m = compositions.composed(method("scheme-iii"), "forest-ruth")
+    for lam in (Fraction(1, 3), Fraction(-2)):
+        made, known = m(lam=lam).data[1], method("scheme-iii-yoshida-4", lam=lam).data[1]
+        assert [row[1:] for row in made] == [row[1:] for row in known]
+        assert distance([row[0] for row in made], [row[0] for row in known]) < ROUND_OFF
+
+
+def test_composed_of_unequal_fractions_is_not_symmetric():
+    made = compositions.composed(method("stormer-verlet"), [Fraction(1, 3), Fraction(2, 3)])
+    assert (made.order, made.symmetric) == (2, False)
+
+
+@pytest.mark.parametrize(
+    ("base", "fractions", "message"),
+    [
+        (method("symplectic-euler-p"), "kahan-li-6", "not symmetric"),
+        (method("scheme-i"), "kahan-li-6", "not symmetric"),
+        (method("kahan-li-6"), "kahan-li-6", "of order 6"),
+        (method("avf"), "kahan-li-6", "family"),
+        (method("stormer-verlet"), "kahan-li-7", "did you mean"),
+        (method("stormer-verlet"), "blanes-moan-s6", "is a splitting"),
+        (method("stormer-verlet"), [Fraction(1, 2), Fraction(1, 3)], "not to 1"),
+    ],
+)
+def test_what_cannot_be_composed_is_refused(base, fractions, message):
+    with pytest.raises(InvalidInput, match=message):
+        compositions.composed(base, fractions)
+
+
+def test_a_parameter_that_breaks_the_symmetry_of_the_base_is_refused():
+    m = compositions.composed(method("scheme-i", lam=Fraction(1, 2)), "kahan-li-6")
+    assert m.symmetric
+    with pytest.raises(InvalidInput, match="not symmetric"):
+        m(lam=Fraction(1, 3))
+
+
+def test_no_method_stands_twice():
+    data = [(m.family, m.data) for m in (*splittings.METHODS, *compositions.METHODS, method("stormer-verlet"))]
+    assert len(set(data)) == len(data)
+    assert coefficients.report().keys() == BY_NAME.keys()

@@ -1,0 +1,359 @@
+"""Implicit Runge-Kutta methods, HBVM, cPG: tableaus, the kernel against textbook formulae, conservation, rounding."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import pairwise
+from math import comb, factorial
+
+import mpmath
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.measure.battery import SYSTEMS
+from phasebench.benchmarks.measure.metrics import slope
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.coefficients import dop853, quadrature, tableaus
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine.kernel import prepare
+from phasebench.integrators.records.collocation import METHODS, hbvm
+from support.trees import DIGITS, EPS, order_residual, trees, vector
+
+BY_ID = {m.id: m for m in METHODS}
+BOX, KEPLER = problem("henon-heiles:box"), problem("perturbed-kepler")
+
+
+def end(solution):
+    assert solution.status == "ok", solution.reason
+    return np.concatenate([solution.q[-1], solution.p[-1]])
+
+
+def energy_error(made, solution):
+    H = made.system.observe(made.system.H, solution.q, solution.p)
+    return np.abs(H - H[0]).max()
+
+
+# -- coefficients -----------------------------------------------------------------------------------------------------
+
+RULES = {quadrature.gauss_legendre: 1, quadrature.radau_right: 2, quadrature.gauss_lobatto: 3}
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
+@pytest.mark.parametrize("n", [2, 3, 5, 8])
+def test_a_rule_is_exact_to_its_degree_and_no_further(rule, n):
+    with mpmath.workdps(DIGITS):
+        nodes = rule(n, DIGITS)
+        defect = [abs(mpmath.fsum(b * c**k for c, b in nodes) - mpmath.mpf(1) / (k + 1)) for k in range(2 * n + 1)]
+    assert [c for c, _ in nodes] == sorted(c for c, _ in nodes)
+    degree = 2 * n - RULES[rule]
+    assert max(defect[: degree + 1]) < 1e-48
+    assert defect[degree + 1] > 1e-12
+
+
+def test_the_polynomials_are_orthonormal_and_their_integrals_theirs():
+    def P(i):
+        return lambda c: quadrature.legendre(4, c)[i]
+
+    with mpmath.workdps(DIGITS):
+        for i in range(4):
+            products = [mpmath.quad(lambda c, i=i, j=j: P(i)(c) * P(j)(c), [0, 1]) for j in range(4)]
+            assert max(abs(x - (i == j)) for j, x in enumerate(products)) < 1e-45
+            assert abs(mpmath.quad(P(i), [0, 0.3]) - quadrature.legendre_integrals(4, mpmath.mpf(0.3))[i]) < 1e-45
+
+
+def simplifying(A, b, c, orders):
+    """The largest residual of Butcher's conditions B(p), C(q), D(r) for ``orders`` = (p, q, r)."""
+    s, (p, q, r) = len(b), orders
+    found = [mpmath.fsum(b[i] * c[i] ** (k - 1) for i in range(s)) - mpmath.mpf(1) / k for k in range(1, p + 1)]
+    for i in range(s):
+        for k in range(1, q + 1):
+            found.append(mpmath.fsum(A[i, j] * c[j] ** (k - 1) for j in range(s)) - c[i] ** k / k)
+        for k in range(1, r + 1):
+            found.append(mpmath.fsum(b[j] * c[j] ** (k - 1) * A[j, i] for j in range(s)) - b[i] * (1 - c[i] ** k) / k)
+    return max(map(abs, found))
+
+
+#: (kind, s, whether A is that of p) with the (p, q, r) of B(p), C(q), D(r): Hairer & Wanner (1996), tables IV.5.13.
+CONDITIONS = [
+    *((("gauss", s, False), (2 * s, s, s)) for s in range(1, 9)),
+    *((("radau-iia", s, False), (2 * s - 1, s, s - 1)) for s in (2, 3)),
+    *((("lobatto-iiia-iiib", s, False), (2 * s - 2, s, s - 2)) for s in (2, 3, 4)),
+    *((("lobatto-iiia-iiib", s, True), (2 * s - 2, s - 2, s)) for s in (2, 3, 4)),
+]
+
+
+@pytest.mark.parametrize(("which", "orders"), CONDITIONS)
+def test_simplifying_assumptions_and_what_one_wrong_coefficient_does(which, orders):
+    kind, s, second = which
+    with mpmath.workdps(DIGITS):
+        A, conjugate, b, c = tableaus.runge_kutta(kind, s)
+        A = conjugate if second else A
+        assert simplifying(A, b, c, orders) < 1e-45
+        for k in range(3):
+            beyond = [p + (i == k) for i, p in enumerate(orders)]
+            assert simplifying(A, b, c, beyond) > 1e-12, "it satisfies more than it should"
+        for M in (A, b, c):
+            for i in range(s * s if M is A else s):
+                place = divmod(i, s) if M is A else i
+                kept, M[place] = M[place], M[place] + mpmath.mpf("1e-12")
+                assert simplifying(A, b, c, orders) > 1e-16, f"coefficient {place} may be wrong"
+                M[place] = kept
+
+
+def dop853_arrays():
+    rows = np.array([[mpmath.mpf(0) + x for x in row] for row in dop853.tableau()], dtype=object)
+    return rows[:-1], rows[-1]
+
+
+def test_dop853_satisfies_the_200_conditions_of_order_8_and_not_those_of_order_9():
+    assert sum(len(trees(n)) for n in range(1, 9)) == 200
+    with mpmath.workdps(DIGITS):
+        A, b = dop853_arrays()
+        assert order_residual(A, b, range(1, 9)) < 1e-48
+        assert order_residual(A, b, [9]) > 1e-8
+        root = mpmath.sqrt(6)
+        c = [A[i].sum() for i in range(12)]
+        assert max(abs(c[3] - (6 - root) / 30), abs(c[4] - (6 + root) / 30), abs(c[8] - mpmath.mpf(127) / 195)) < 1e-48
+
+
+def test_dop853_has_the_published_numbers():
+    from scipy.integrate import DOP853
+
+    A, b = (x.astype(float) for x in dop853_arrays())
+    assert np.abs(A - DOP853.A[:12, :12]).max() <= 64 * EPS
+    assert np.abs(b - DOP853.B[:12]).max() <= 8 * EPS
+
+
+def test_control_one_wrong_coefficient_of_dop853_is_seen():
+    with mpmath.workdps(25):
+        A, b = dop853_arrays()
+        for M, place in [(x, place) for x in (A, b) for place in zip(*np.nonzero(x), strict=True)]:
+            kept, M[place] = M[place], M[place] * (1 + mpmath.mpf("1e-12"))
+            assert any(order_residual(A, b, [n]) > 1e-18 for n in range(1, 9)), place
+            M[place] = kept
+
+
+# -- rounding ---------------------------------------------------------------------------------------------------------
+
+
+def rounded(id, system):
+    """(A^q, A^p, c, w^q) of a method as the kernel has them, in doubles."""
+    prepared = prepare(BY_ID[id], system)
+    s = prepared.slots
+    T = prepared.table
+    return T[:, 2 : 2 + s], T[:, 2 + s : 2 + 2 * s], T[:, 1], prepared.plan[0, :s]
+
+
+def exactly_symplectic(id, system):
+    A, B, c, w = rounded(id, system)
+    if system.separable:
+        exact = [[Fraction(a) - Fraction(b) for a, b in zip(*rows, strict=True)] for rows in zip(A, A.T, strict=True)]
+        nodes = [Fraction(x) for x in c]
+        return w.tolist() == [float(1 - x) for x in nodes] and all(
+            exact[i][j] == x - y for i, x in enumerate(nodes) for j, y in enumerate(nodes)
+        )
+    return all(Fraction(a) + Fraction(b) == 1 for a, b in zip(A.ravel(), B.T.ravel(), strict=True))
+
+
+@pytest.mark.parametrize("name", ["henon-heiles", "coupled"])
+@pytest.mark.parametrize("id", [m.id for m in METHODS if m.data[0] in ("gauss", "lobatto-iiia-iiib", "radau-iia")])
+def test_the_doubles_are_symplectic_exactly_or_not_at_all(id, name):
+    assert exactly_symplectic(id, SYSTEMS[name]()[0]) == BY_ID[id].symplectic
+
+
+def mean_momentum_error(id):
+    """(mean, its standard error) of the angular momentum's error at the end of long runs from several states."""
+    random, errors = np.random.default_rng(0), []
+    for _ in range(10):
+        q, p = (np.array(x) * (1 + 0.02 * random.standard_normal(2)) for x in (KEPLER.q0, KEPLER.p0))
+        s = integrate(KEPLER, id, h=0.019, steps=200_000, save_every=1000, q0=q, p0=p)
+        L = KEPLER.system.observe(KEPLER.invariants["angular-momentum"], s.q, s.p)
+        errors.append(L[-20:].mean() - L[0])
+    return np.mean(errors), np.std(errors) / 10**0.5
+
+
+def test_angular_momentum_does_not_drift_but_would_with_plainly_rounded_coefficients(monkeypatch):
+    mean, doubt = mean_momentum_error(BY_ID["gauss-2"])
+    assert abs(mean) < 4 * doubt
+    with monkeypatch.context() as patch:
+        patch.setattr(tableaus, "nystrom_rounded", lambda A, c, unit: (A, c))
+        tableaus.rows.cache_clear()
+        plain, plain_doubt = mean_momentum_error(BY_ID["gauss-2"])
+    tableaus.rows.cache_clear()
+    assert abs(plain) > 5 * plain_doubt
+    assert abs(plain) > 5 * abs(mean)
+
+
+def test_the_energy_error_of_gauss_6_is_a_random_walk():
+    """Brouwer's law; h is no simple fraction: the products of h = 1/10 and a double are rounded with a bias."""
+    random, errors = np.random.default_rng(0), []
+    for _ in range(40):
+        q, p = (np.array(x) * (1 + 0.02 * random.standard_normal(2)) for x in (BOX.q0, BOX.p0))
+        s = integrate(BOX, BY_ID["gauss-6"], h=0.09, steps=100_000, save_every=1000, q0=q, p0=p)
+        E = BOX.system.observe(BOX.system.H, s.q, s.p)
+        errors.append((E[1:] - E[0]) / E[0])
+    errors = np.array(errors)
+    growth = slope(np.log(np.arange(1, 101)), 0.5 * np.log((errors**2).mean(0)))
+    assert 0.3 < growth.value < 0.7
+    assert abs(errors[:, -1].mean()) < 4 * errors[:, -1].std() / 40**0.5
+    assert np.abs(errors).max() < 2e-14
+
+
+# -- the kernel -------------------------------------------------------------------------------------------------------
+
+
+def textbook(system, kind, s, y, h):
+    """One step of k_i = f(y + h sum a_ij k_j) at 30 digits, by fixed point over all stages."""
+    d = system.d
+    with mpmath.workdps(30):
+        *tableau, b, _ = tableaus.runge_kutta(kind, s)
+        matrices = [np.array(M.tolist(), dtype=object) for M in tableau]
+        weights = np.array(list(b), dtype=object)
+        K = np.array([vector([0] * 2 * d) for _ in range(s)])
+        field = system.vector_field(codegen.MULTIPRECISION)
+        for _ in range(200):
+            Z = [y + h * np.concatenate([matrices[0][i] @ K[:, :d], matrices[1][i] @ K[:, d:]]) for i in range(s)]
+            new = np.array([field(0, z) for z in Z])
+            change, K = np.abs(new - K).max(), new
+            if change < mpmath.mpf("1e-27"):
+                return y + h * (weights @ K)
+        raise AssertionError("the textbook's fixed point did not settle")
+
+
+@pytest.mark.parametrize("name", ["henon-heiles", "coupled"])
+@pytest.mark.parametrize("id", ["gauss-2", "gauss-5", "lobatto-iiia-iiib-3", "radau-iia-3"])
+def test_a_step_is_the_textbook_s_to_round_off(id, name):
+    """So the stage equations are solved to round-off, in the Nystrom form as in the general one."""
+    made, q, p = SYSTEMS[name]()
+    y, h = vector([*q, *p]), 0.2
+    expected = textbook(made, *BY_ID[id].data, y, mpmath.mpf(h)).astype(float)
+    found = end(integrate(made, BY_ID[id], h=h, steps=1, q0=q, p0=p))
+    assert np.abs(found - expected).max() < 4 * EPS
+
+
+@pytest.mark.parametrize("s", [1, 2, 3])
+def test_hbvm_with_as_many_nodes_as_degrees_is_gauss(s):
+    for name in ("henon-heiles", "coupled"):
+        made, q, p = SYSTEMS[name]()
+        ends = [end(integrate(made, m, h=0.1, steps=50, q0=q, p0=p)) for m in (hbvm(s, s), BY_ID[f"gauss-{s}"])]
+        assert np.abs(ends[0] - ends[1]).max() < 1e-13
+
+
+def test_hbvm_approaches_cpg_as_its_nodes_grow():
+    limit = end(integrate(KEPLER, BY_ID["cpg-2"], h=0.1, steps=20))
+    found = [integrate(KEPLER, hbvm(k, 2), h=0.1, steps=20) for k in (2, 3, 4, 6, 12)]
+    distance = [np.abs(end(s) - limit).max() for s in found]
+    lost = [energy_error(KEPLER, s) for s in found]
+    assert all(b < 0.5 * a for a, b in pairwise(distance))
+    assert all(b < 0.5 * a for a, b in pairwise(lost))
+    assert max(distance[-1], lost[-1]) < 1e-14
+    assert min(distance[0], lost[0]) > 1e-7
+
+
+@pytest.mark.parametrize("name", ["perturbed-kepler", "coupled"])
+def test_cpg_1_is_the_averaged_vector_field_method(name):
+    made, q, p = SYSTEMS[name]()
+    ends = [end(integrate(made, m, h=0.1, steps=50, q0=q, p0=p)) for m in (BY_ID["cpg-1"], "avf")]
+    assert np.abs(ends[0] - ends[1]).max() < 1e-14
+
+
+def planar(rest):
+    """H = |p|^2/2 + rest: systems of one dimension, so that they share their kernels."""
+    return Hamiltonian(q="q1 q2", p="p1 p2", H=f"p1**2/2 + p2**2/2 + {rest}")
+
+
+@pytest.mark.parametrize("id", [m.id for m in METHODS if m.id.startswith("hbvm")])
+def test_hbvm_keeps_polynomials_up_to_its_degree_only(id):
+    """2k/s = 4 for all of them."""
+    lost = {}
+    for name, V in (("quartic", "q1**2/2 + q1**4 + q1**2*q2**2/3"), ("sextic", "q1**2/2 + q1**6 + q1**2*q2**2/3")):
+        system = planar(V)
+        s = integrate(system, BY_ID[id], h=0.5, steps=200, q0=[0.8, 0.4], p0=[0.3, 0.1])
+        H = system.observe(system.H, s.q, s.p)
+        lost[name] = np.abs(H - H[0]).max()
+    assert lost["quartic"] < 1e-14
+    assert lost["sextic"] > 1e-13
+
+
+@pytest.mark.parametrize("id", [m.id for m in METHODS if m.id.startswith("cpg")])
+@pytest.mark.parametrize("name", ["perturbed-kepler", "coupled"])
+def test_cpg_keeps_every_energy(id, name):
+    made, q, p = SYSTEMS[name]()
+    s = integrate(made, BY_ID[id], h=0.1, steps=1000, q0=q, p0=p)
+    H = made.observe(made.H, s.q, s.p)
+    assert s.counts["fallbacks"] == 0
+    assert np.abs(H - H[0]).max() < 1e-14
+
+
+def test_gauss_8_reaches_round_off_with_large_steps():
+    wide, control = (integrate(BOX, BY_ID[id], h=0.6, t_end=300) for id in ("gauss-8", "gauss-3"))
+    assert np.abs(end(wide) - end(integrate(BOX, BY_ID["gauss-8"], h=0.3, t_end=300))).max() < 1e-11
+    assert energy_error(BOX, wide) < 1e-15
+    assert energy_error(BOX, control) > 1e-10
+
+
+# -- Newton's method --------------------------------------------------------------------------------------------------
+
+OMEGA = 50
+
+
+@pytest.mark.parametrize("s", [1, 2, 4])
+@pytest.mark.parametrize("h", [0.2, 0.8])
+def test_newton_solves_what_the_fixed_point_cannot(s, h):
+    """h omega = 10 and 40: a step is the diagonal Pade approximation of exp(i h omega), which has modulus 1."""
+    oscillator, state = planar(f"{OMEGA**2}*(q1**2 + q2**2)/2"), {"q0": [1.0, 0.5], "p0": [0.0, 0.0]}
+    found = integrate(oscillator, BY_ID[f"gauss-{s}"], h=h, steps=20, **state)
+    assert found.counts["newton"] == 20
+    z = 1j * h * OMEGA
+    step = np.polyval(exp_pade(s), z) / np.polyval(exp_pade(s), -z)
+    expected = np.kron([(step**20).real, -OMEGA * (step**20).imag], state["q0"])
+    assert np.abs(end(found) - expected).max() < 1e-11 * OMEGA
+    assert integrate(oscillator, BY_ID[f"gauss-{s}"], h=0.002, steps=20, **state).counts["newton"] == 0
+
+
+def exp_pade(s):
+    """The numerator of the diagonal Pade approximation of exp, highest power first."""
+    return [comb(s, k) * factorial(2 * s - k) / factorial(2 * s) for k in range(s, -1, -1)]
+
+
+NYSTROM, GENERAL = "q1**4", "q1**2*p1**2/10"
+
+
+@pytest.mark.parametrize(
+    ("id", "h", "rest"),
+    [
+        *((id, 0.1, rest) for id in ("gauss-3", "gauss-6", "cpg-2") for rest in (NYSTROM, GENERAL)),
+        ("lobatto-iiia-iiib-3", 0.03, GENERAL),
+    ],
+)
+def test_newton_s_steps_can_be_taken_back(id, h, rest):
+    """The exact solution of the stage equations is time-symmetric; in the Nystrom form and in the general one."""
+    H = f"p1**2/2 + p2**2/2 + {OMEGA**2}*q1**2/2 + q2**2/2 + q1*q2 + {rest}"
+    forth, back = (Hamiltonian(q="q1 q2", p="p1 p2", H=f"{sign}({H})") for sign in ("", "-"))
+    q, p = [0.9, 0.2], [3.0, -0.4]
+    there = integrate(forth, BY_ID[id], h=h, steps=5, q0=q, p0=p)
+    here = integrate(back, BY_ID[id], h=h, steps=5, q0=there.q[-1], p0=there.p[-1])
+    assert min(there.counts["newton"], here.counts["newton"]) > 0
+    if h < 0.1:
+        assert there.counts["gradient"] < 250 * 5, "the Jacobian is wrong: Newton's method converges slowly"
+    assert np.abs(end(here) - [*q, *p]).max() < 1e-12
+    assert np.abs(end(there) - [*q, *p]).max() > 0.1
+
+
+# -- the start -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [("gauss", 1, 1), ("gauss", 4, 4), ("lobatto-iiia-iiib", 3, 3), ("hbvm", 2, 4)])
+def test_the_start_continues_a_polynomial(kind):
+    _, _, B, _, c = tableaus.exact(*kind)
+    s = kind[1]
+    weights = tableaus.extrapolation(B, c)
+    B, c = (np.array(x, dtype=float) for x in (B.tolist(), c))
+    for m in range(1, len(weights) // s + 1):
+        degree = min(len(set(np.concatenate([c - n for n in range(m)]).round(12))), m * s, tableaus.DEGREE + 1) - 1
+        E = np.array(weights[(m - 1) * s : m * s])
+        for power, continued in ((degree, True), (degree + 1, False)):
+            earlier = np.concatenate([B @ (c - n) ** power for n in range(1, m + 1)])
+            assert (np.abs(E @ earlier - B @ c**power).max() < 1e-8) == continued

@@ -1,0 +1,95 @@
+"""What each method declares of the energy and of quadratic invariants, against measurement.
+
+Energy: the Henon-Heiles box orbit; angular momentum, a quadratic invariant: the perturbed Kepler problem.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.measure.battery import by_label, variants
+from phasebench.benchmarks.measure.metrics import drift
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.record import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
+
+ALL = by_label(variants())
+BOX, KEPLER = problem("henon-heiles:box"), problem("perturbed-kepler")
+H, STEPS = 0.1, 20_000
+#: Methods of this order and more take steps so much longer: else round-off hides what they do.
+HIGH, LONGER = 8, 5
+
+
+def longer(label):
+    """How much longer the method's steps are."""
+    return LONGER if ALL[label].order >= HIGH else 1
+
+
+@cache
+def energies(label):
+    """(solution, t, H - H0) of the box orbit, H0 = 0.02, to t = 2000."""
+    s = integrate(BOX, ALL[label], h=H * longer(label), steps=STEPS // longer(label))
+    E = BOX.system.observe(BOX.system.H, s.q, s.p)
+    return s, s.t, E - E[0]
+
+
+@cache
+def momenta(label):
+    """(solution, t, L - L0) of the perturbed Kepler problem, L0 = 0.8, to t = 120."""
+    s = integrate(KEPLER, ALL[label], h=0.01 * longer(label), steps=12_000 // longer(label))
+    L = KEPLER.system.observe(KEPLER.invariants["angular-momentum"], s.q, s.p)
+    return s, s.t, L - L[0]
+
+
+def verdict(declared, s, t, error, value):
+    """Whether the errors of an invariant that was ``value`` show the declared class, and what they show."""
+    unit = np.finfo(float).eps * abs(value)
+    greatest = np.abs(error).max()
+    if declared in (EXACT, ROUND_OFF):
+        return s.status == "ok" and greatest < 1e4 * unit, f"greatest {greatest:.2g}"
+    if declared == NONE:
+        return greatest > 1e6 * unit, f"greatest {greatest:.2g}"
+    if s.status != "ok" or len(t) < 64:
+        return declared == DRIFT, f"status {s.status}"
+    if greatest > 0.5 * abs(value):
+        return declared == DRIFT, f"greatest {greatest:.2g}: the invariant is lost"
+    d = drift(t, error)
+    # A trend counts if it is more than its interval and makes up a tenth of the greatest error.
+    secular = (d.low > 0 or d.high < 0) and abs(d.value) * t[-1] > 0.1 * greatest and greatest > 1e4 * unit
+    return secular == (declared == DRIFT), f"greatest {greatest:.2g}, drift {d.low:.2g} .. {d.high:.2g} times {t[-1]}"
+
+
+def applies(m, made):
+    return m.lacks(made.system) is None
+
+
+@pytest.mark.parametrize("label", [x for x, m in ALL.items() if applies(m, BOX)])
+def test_energy(label):
+    right, shown = verdict(ALL[label].energy, *energies(label), 0.02)
+    s = energies(label)[0]
+    if not right and ALL[label].energy == ROUND_OFF and s.counts["fallbacks"]:
+        good = ~np.isnan(s.parameter) if ALL[label].family in ("schemes_iv_v", "equip") else np.ones(len(s.q) - 1, bool)
+        error = energies(label)[2][1:][good]
+        right, shown = np.abs(error).max() < 1e-15, f"greatest after a root {np.abs(error).max():.2g}"
+    assert right, f"declared {ALL[label].energy}, shown: {shown}"
+
+
+@pytest.mark.parametrize("label", [x for x, m in ALL.items() if applies(m, KEPLER)])
+def test_quadratic_invariants(label):
+    right, shown = verdict(ALL[label].quadratic, *momenta(label), 0.8)
+    assert right, f"declared {ALL[label].quadratic}, shown: {shown}"
+
+
+def test_control_a_drift_is_no_bounded_error_and_a_bounded_error_no_round_off():
+    assert not verdict(BOUNDED, *energies("rk4"), 0.02)[0]
+    assert not verdict(ROUND_OFF, *energies("implicit-midpoint"), 0.02)[0]
+    assert not verdict(DRIFT, *energies("implicit-midpoint"), 0.02)[0]
+    assert not verdict(ROUND_OFF, *momenta("avf"), 0.8)[0]
+
+
+def test_every_class_is_among_the_declared():
+    assert {m.energy for m in ALL.values()} >= {ROUND_OFF, BOUNDED, DRIFT}
+    assert {m.quadratic for m in ALL.values()} >= {ROUND_OFF, DRIFT}

@@ -1,0 +1,275 @@
+r"""Discrete gradients: the identity DG . x = H(y + x) - H(y), direct implementations, the energy.
+
+The direct ones are written here in mpmath, without the path of the kernel: an average over one coordinate is a
+difference quotient of H, an average over several is Simpson's rule, exact for the gradient of a quartic H.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+
+from phasebench.benchmarks.measure.battery import SYSTEMS
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine.kernel import prepare
+from phasebench.integrators.families import averaged, discrete_gradient
+from phasebench.integrators.families.averaged import coupled, is_avf
+from phasebench.integrators.record import ROUND_OFF
+from phasebench.integrators.registry import METHODS, method
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
+IDS = [m.id for m in METHODS if m.family in ("averaged", "discrete_gradient")]
+KERNELS = ("avf", "pavf", "pavf-p", "itoh-abe", "itoh-abe-symmetrized", "gonzalez")
+H = 0.125
+#: What two steps to round-off may differ by, and what shows.
+UNIT, VISIBLE = 4e-15, 1e-6
+
+
+# -- the energy -------------------------------------------------------------------------------------------------------
+
+
+def energy_error(name, id, h, steps):
+    system, q, p = SYSTEMS[name]()
+    s = integrate(system, id, h=h, steps=steps, q0=q, p0=p)
+    assert s.status == "ok", s.reason
+    assert s.counts["fallbacks"] == 0
+    E = system.observe(system.H, s.q, s.p)
+    return np.abs(E - E[0]).max()
+
+
+@pytest.mark.parametrize("name", ["henon-heiles", "pendulum", "coupled"])
+@pytest.mark.parametrize("id", IDS)
+def test_the_energy_is_kept_to_round_off(id, name):
+    assert method(id).energy == ROUND_OFF
+    assert energy_error(name, id, 0.1, 3000) < 3e-14 * (6 if "yoshida" in id else 1)
+
+
+@pytest.mark.parametrize("name", ["henon-heiles", "pendulum", "coupled"])
+def test_control_the_midpoint_rule_does_not_keep_it(name):
+    assert energy_error(name, "implicit-midpoint", 0.1, 3000) > 1e-5
+
+
+@pytest.mark.parametrize("h", [1e-2, 1e-4, 1e-6])
+def test_the_round_off_of_small_increments_stays_out_of_gonzalez_gradient(h):
+    """H(y + x) - H(y) over x . x has an error of eps / h^2: nothing of it may reach the state or add up."""
+    system, q, p = SYSTEMS["pendulum"]()
+    a, b = (
+        integrate(system, id, h=h, steps=4000, q0=q, p0=p, save_every=0) for id in ("gonzalez", "implicit-midpoint")
+    )
+    E = system.observe(system.H, a.q, a.p)
+    assert abs(E[-1] - E[0]) < 2e-15
+    # Both are of order 2; what is left of their difference at small h is round-off.
+    assert max(abs(a.q[-1] - b.q[-1]), abs(a.p[-1] - b.p[-1])) < 0.1 * (4000 * h) * h**2 + 4e-15
+    assert a.counts["newton"] == 0
+
+
+# -- the identity -----------------------------------------------------------------------------------------------------
+
+
+def product(id, name, seed, spoil=lambda prepared: None):
+    """(DG . x, H(y + x) - H(y)) for a random increment x that solves no equation, by the kernel's own functions."""
+    system, q, p = SYSTEMS[name]()
+    x = 0.4 * np.random.default_rng(seed).standard_normal(2 * system.d)
+    prepared = prepare(method(id), system)
+    spoil(prepared)
+    E = lambda q, p: system.observe(system.H, np.array([q]), np.array([p]))[0]  # noqa: E731
+    difference = E(q + x[: system.d], p + x[system.d :]) - E(q, p)
+    if id == "gonzalez":
+        arguments = prepared.functions[0], q, p, 1.0
+
+        def flow(a):
+            return np.array(discrete_gradient.increment(tuple(x), (*arguments, a)))
+
+        i = flow((difference - pairing(flow(0.0), x)) / (x @ x))
+    else:
+        path, field = prepared.functions
+        i = averaged.averaged(tuple(x), (path, (field, q, p, 1.0, prepared.table, 0, prepared.plan, 0)))
+    return pairing(i, x), difference
+
+
+def pairing(i, x):
+    """g . x for the increment i = J^-1 g."""
+    d = len(x) // 2
+    return np.array(i[:d]) @ x[d:] - np.array(i[d:]) @ x[:d]
+
+
+@pytest.mark.parametrize("name", ["henon-heiles", "coupled", "tao"])
+@pytest.mark.parametrize("id", KERNELS)
+def test_a_discrete_gradient_times_the_increment_is_the_difference_of_h(id, name):
+    for seed in range(5):
+        found, difference = product(id, name, seed)
+        assert abs(found - difference) < UNIT
+        assert abs(difference) > 1e-3
+
+
+@pytest.mark.parametrize("id", ["avf", "pavf", "itoh-abe-symmetrized"])
+def test_control_a_perturbed_weight_breaks_the_identity(id):
+    def spoil(prepared):
+        prepared.table[0, 2] *= 1 + 1e-9
+
+    found, difference = product(id, "coupled", 0, spoil)
+    assert abs(found - difference) > 1e4 * UNIT
+
+
+def test_control_a_block_left_out_breaks_the_identity():
+    def spoil(prepared):
+        assert list(prepared.plan[0, :5]) == [0, 1, 2, 3, 4]
+        prepared.plan[0, 4] = 3
+
+    found, difference = product("itoh-abe", "coupled", 0, spoil)
+    assert abs(found - difference) > 1e-3
+
+
+# -- direct implementations -------------------------------------------------------------------------------------------
+
+
+@cache
+def formula(name):
+    """(H, its gradient) of y as functions of a list of mpmath numbers; d."""
+    system = SYSTEMS[name]()[0]
+    y = (*system.q, *system.p)
+    functions = [sp.lambdify([y], e, "mpmath") for e in (system.H, *(sp.diff(system.H, x) for x in y))]
+    return functions[0], functions[1:], system.d
+
+
+def partial_means(name, y, x, blocks):
+    """The discrete gradient that moves the components of one block after the other."""
+    energy, gradient, _ = formula(name)
+    at, out = list(y), [None] * len(y)
+    for block in blocks:
+        after = [a + b if i in block else a for i, (a, b) in enumerate(zip(at, x, strict=True))]
+        for i in block:
+            if len(block) == 1 and x[i] != 0:
+                out[i] = (energy(after) - energy(at)) / x[i]
+            else:
+                middle = [(a + b) / 2 for a, b in zip(at, after, strict=True)]
+                out[i] = (gradient[i](at) + 4 * gradient[i](middle) + gradient[i](after)) / 6
+        at = after
+    return out
+
+
+def gonzalez(name, y, x):
+    energy, gradient, _ = formula(name)
+    g = [f([a + b / 2 for a, b in zip(y, x, strict=True)]) for f in gradient]
+    rest = energy([a + b for a, b in zip(y, x, strict=True)]) - energy(y) - mpmath.fdot(g, x)
+    a = rest / mpmath.fdot(x, x) if any(x) else 0
+    return [u + a * v for u, v in zip(g, x, strict=True)]
+
+
+def substep(name, y, h, discrete_gradient_of):
+    d = formula(name)[2]
+    x = [mpmath.mpf(0)] * len(y)
+    for _ in range(200):
+        g = discrete_gradient_of(y, x)
+        new = [h * u for u in g[d:]] + [-h * u for u in g[:d]]
+        change = max(abs(a - b) for a, b in zip(new, x, strict=True))
+        x = new
+        if change < 1e-25:
+            return [a + b for a, b in zip(y, x, strict=True)]
+    raise ArithmeticError("the fixed point does not converge")
+
+
+def direct(id, name):
+    """One step of the method, by the formulae of this file."""
+    _, q, p = SYSTEMS[name]()
+    d = len(q)
+    single, halves = [[i] for i in range(2 * d)], [list(range(d, 2 * d)), list(range(d))]
+    forth = {"avf": [list(range(2 * d))], "pavf": halves, "itoh-abe": single}
+    mean = {"pavf-p": halves, "itoh-abe-symmetrized": single}
+    composed = {"pavf-c": halves, "itoh-abe-c": single}
+    with mpmath.workdps(34):
+        y, h = [mpmath.mpf(x) for x in (*q, *p)], mpmath.mpf(H)
+
+        def along(blocks):
+            return lambda y, x: partial_means(name, y, x, blocks)
+
+        if id == "gonzalez":
+            y = substep(name, y, h, lambda y, x: gonzalez(name, y, x))
+        elif id == "pavf-adjoint":
+            y = substep(name, y, h, along(halves[::-1]))
+        elif id in forth:
+            y = substep(name, y, h, along(forth[id]))
+        elif id in mean:
+            forwards, backwards = along(mean[id]), along(mean[id][::-1])
+
+            def both(y, x):
+                return [(u + v) / 2 for u, v in zip(forwards(y, x), backwards(y, x), strict=True)]
+
+            y = substep(name, y, h, both)
+        else:
+            for blocks in (composed[id], composed[id][::-1]):
+                y = substep(name, y, h / 2, along(blocks))
+        return np.array([float(x) for x in y])
+
+
+DIRECT = (
+    "avf",
+    "pavf",
+    "pavf-adjoint",
+    "pavf-c",
+    "pavf-p",
+    "itoh-abe",
+    "itoh-abe-symmetrized",
+    "itoh-abe-c",
+    "gonzalez",
+)
+
+
+def step(id, name):
+    system, q, p = SYSTEMS[name]()
+    s = integrate(system, id, h=H, steps=1, q0=q, p0=p)
+    return np.concatenate([s.q[-1], s.p[-1]])
+
+
+@pytest.mark.parametrize("name", ["henon-heiles", "coupled"])
+@pytest.mark.parametrize("id", DIRECT)
+def test_a_step_is_that_of_the_direct_formula(id, name):
+    assert np.abs(step(id, name) - direct(id, name)).max() < UNIT
+
+
+def test_control_the_direct_formulae_differ_from_each_other():
+    """So a path in the wrong order, or a mean for a composition, would be seen."""
+    ends = {id: direct(id, "coupled") for id in DIRECT}
+    for i, a in enumerate(DIRECT):
+        assert all(np.abs(ends[a] - ends[b]).max() > VISIBLE for b in DIRECT[:i])
+
+
+# -- where paths make no difference -----------------------------------------------------------------------------------
+
+
+def test_paths_that_make_no_difference_are_the_averaged_vector_field():
+    separable, single, mixed = (SYSTEMS[n]()[0] for n in ("henon-heiles", "pendulum", "coupled"))
+    assert is_avf(method("pavf"), separable)
+    assert is_avf(method("itoh-abe"), single)
+    assert not is_avf(method("itoh-abe"), separable)
+    assert not any(is_avf(method(id), mixed) for id in IDS if id.startswith(("pavf", "itoh")))
+    assert coupled("momenta, coordinates", SYSTEMS["tao"]()[0])
+    assert np.array_equal(step("pavf", "henon-heiles"), step("avf", "henon-heiles"))
+    assert np.array_equal(step("itoh-abe", "pendulum"), step("avf", "pendulum"))
+    # By the formulae too.
+    for a in ("pavf", "pavf-adjoint"):
+        assert np.abs(direct(a, "henon-heiles") - direct("avf", "henon-heiles")).max() < UNIT
+    assert np.abs(direct("itoh-abe", "henon-heiles") - direct("avf", "henon-heiles")).max() > VISIBLE
+
+
+# -- states that are arrays -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("id", ["itoh-abe-c", "gonzalez"])
+def test_arrays_and_tuples_agree(id, monkeypatch):
+    made = problem("henon-heiles")
+    ends = []
+    for limit in (codegen.TUPLE_LIMIT, 1):
+        with monkeypatch.context() as patch:
+            patch.setattr(codegen, "TUPLE_LIMIT", limit)
+            system = Hamiltonian(q=made.system.q, p=made.system.p, H=made.system.H)
+            s = integrate(system, id, h=0.05, steps=200, q0=made.q0, p0=made.p0)
+            assert s.status == "ok", s.reason
+            ends.append(np.concatenate([s.q[-1], s.p[-1]]))
+    assert np.abs(ends[0] - ends[1]).max() < 1e-12

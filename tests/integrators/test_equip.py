@@ -1,0 +1,149 @@
+"""EQUIP: its family of methods at a fixed alpha, the step that is taken, invariants, and steps without a root."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.measure.battery import SYSTEMS
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.coefficients import tableaus
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine.codegen import MULTIPRECISION
+from phasebench.integrators.families import equip as gauss_equip
+from phasebench.integrators.records.collocation import METHODS
+from support.trees import DIGITS, EPS, order_residual, vector
+
+BY_ID = {m.id: m for m in METHODS}
+IDS = ["gauss-equip-2", "gauss-equip-3", "gauss-equip-4"]
+BOX, KEPLER = problem("henon-heiles:box"), problem("perturbed-kepler")
+
+
+def butcher(s, alpha):
+    """(A(alpha), b) as arrays in the working precision, from P (X_s - alpha V) P^-1."""
+    A, _, b, c = tableaus.runge_kutta("gauss", s)
+    P = mpmath.matrix([tableaus.legendre(s, x) for x in c])
+    V = mpmath.zeros(s, s)
+    V[s - 1, s - 2], V[s - 2, s - 1] = 1, -1
+    A = P * (P**-1 * A * P - alpha * V) * P**-1
+    return np.array(A.tolist(), dtype=object), np.array(list(b), dtype=object)
+
+
+@pytest.mark.parametrize("s", [2, 3, 4])
+def test_a_fixed_alpha_gives_a_symplectic_symmetric_method_of_order_2s_less_2(s):
+    with mpmath.workdps(DIGITS):
+        A, b = butcher(s, mpmath.mpf("0.03"))
+        assert np.abs(b[:, None] * A + (b[:, None] * A).T - np.outer(b, b)).max() < 1e-45
+        assert np.abs(A + A[::-1, ::-1] - b).max() < 1e-45
+        assert order_residual(A, b, range(1, 2 * s - 1)) < 1e-45
+        assert order_residual(A, b, [2 * s - 1]) > 1e-6
+        assert order_residual(*butcher(s, 0), range(1, 2 * s + 1)) < 1e-45
+        # That the kernel's skew matrix is this one.
+        gauss, c = butcher(s, 0)[0], tableaus.runge_kutta("gauss", s)[3]
+        S = np.array(gauss_equip.skew(s, c), dtype=object)
+        assert np.abs(gauss - mpmath.mpf("0.03") * S * b - A).max() < 1e-45
+
+
+@pytest.mark.parametrize("name", ["henon-heiles", "coupled"])
+@pytest.mark.parametrize("id", IDS[:2])
+def test_a_step_is_the_textbook_s_with_its_alpha_and_ends_at_the_energy_of_the_start(id, name):
+    system, q, p = SYSTEMS[name]()
+    h = 0.3
+    solution = integrate(system, BY_ID[id], h=h, steps=1, q0=q, p0=p)
+    alpha = float(solution.parameter[0])
+    H = system.observe(system.H, solution.q, solution.p)
+    assert abs(H[1] - H[0]) < 4 * EPS
+    ends = []
+    with mpmath.workdps(30):
+        field = system.vector_field(MULTIPRECISION)
+        for a in (mpmath.mpf(alpha), 0):
+            A, b = butcher(*BY_ID[id].data, a)
+            y, K = vector([*q, *p]), np.array([vector([0] * 2 * len(q)) for _ in b])
+            for _ in range(120):
+                K = np.array([field(0, y + mpmath.mpf(h) * (row @ K)) for row in A])
+            ends.append((y + mpmath.mpf(h) * (b @ K)).astype(float))
+    found = np.concatenate([solution.q[-1], solution.p[-1]])
+    assert np.abs(found - ends[0]).max() < 4 * EPS
+    assert np.abs(found - ends[1]).max() > 1e3 * EPS, "the parameter made no difference: Gauss's step was tested"
+
+
+#: Kept: N = (|q|^2 + |p|^2) / 2 and, besides, H; no invariant is of the form q . D p.
+ROTATION = Hamiltonian(
+    q="q1 q2",
+    p="p1 p2",
+    H="(q1**2 + p1**2 + q2**2 + p2**2)/2 + (q1*q2 + p1*p2)**2/2 + (q1**2 + p1**2)**2/5",
+    invariants=["(q1**2 + p1**2 + q2**2 + p2**2)/2"],
+)
+
+
+def errors(id):
+    """(solution, errors of H after steps with a root, errors of N after every step)."""
+    s = integrate(ROTATION, BY_ID.get(id, id), h=0.25, steps=400, q0=[0.8, 0.1], p0=[-0.2, 0.6])
+    H, N = (ROTATION.observe(e, s.q, s.p) for e in (ROTATION.H, *ROTATION.invariants))
+    rooted = slice(1, None) if not id.startswith("gauss-equip") else np.flatnonzero(~np.isnan(s.parameter)) + 1
+    return s, np.abs(H - H[0])[rooted].max(), np.abs(N - N[0]).max()
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_the_energy_and_a_quadratic_invariant_that_is_no_angular_momentum_are_kept(id):
+    s, energy, number = errors(id)
+    assert s.counts["fallbacks"] == np.isnan(s.parameter).sum() < 0.05 * len(s.t)
+    assert np.nanmax(np.abs(s.parameter)) > 1e-6
+    assert max(energy, number) < 1e-14
+
+
+def test_controls_gauss_keeps_one_of_them_cpg_the_other_and_rk4_neither():
+    (gauss, cpg, rk4) = (errors(id)[1:] for id in ("gauss-2", "cpg-2", "rk4"))
+    assert gauss[0] > 1e-7 > 1e-14 > gauss[1]
+    assert cpg[1] > 1e-7 > 1e-14 > cpg[0]
+    assert min(rk4) > 1e-7
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_angular_momentum_and_energy_of_the_perturbed_kepler_problem(id):
+    s = integrate(KEPLER, BY_ID[id], h=0.1, t_end=200)
+    H = KEPLER.system.observe(KEPLER.system.H, s.q, s.p)
+    L = KEPLER.system.observe(KEPLER.invariants["angular-momentum"], s.q, s.p)
+    good = np.concatenate([[True], ~np.isnan(s.parameter)])
+    assert np.abs(H - H[0])[good].max() < 1e-14
+    assert np.abs(L - L[0]).max() < 1e-14
+
+
+# -- steps without a root ---------------------------------------------------------------------------------------------
+
+
+def test_steps_without_a_root_are_gauss_steps_are_told_and_the_energy_is_won_back():
+    s = integrate(BOX, BY_ID["gauss-equip-2"], h=0.25, t_end=1000)
+    lost = np.isnan(s.parameter)
+    assert 0 < lost.sum() == s.counts["fallbacks"] < 0.05 * len(lost)
+    assert gauss_equip.MISSED in s.reason
+    error = np.abs(BOX.system.observe(BOX.system.H, s.q, s.p) - 0.02)[1:]
+    assert error[~lost].max() < 1e-15
+    assert 1e-10 < error[lost].max() < 1e-6
+    n = np.flatnonzero(lost)[0]
+    step = integrate(BOX, BY_ID["gauss-2"], h=0.25, steps=1, q0=s.q[n], p0=s.p[n])
+    assert np.abs(step.q[-1] - s.q[n + 1]).max() < 4 * EPS
+
+
+def test_control_such_a_step_has_no_root_nearby():
+    """Nor has its energy a change of sign between alpha = -1/4 and 1/4, by the textbook's step."""
+    s = integrate(BOX, BY_ID["gauss-equip-2"], h=0.25, t_end=1000)
+    n = np.flatnonzero(np.isnan(s.parameter))[0]
+    field, h = BOX.system.vector_field(), 0.25
+
+    def energy(y, alpha):
+        A, b = (x.astype(float) for x in butcher(2, mpmath.mpf(float(alpha))))
+        K = np.zeros((2, 4))
+        for _ in range(60):
+            K = np.array([field(0, y + h * (row @ K)) for row in A])
+        new = y + h * (b @ K)
+        return BOX.system.observe(BOX.system.H, new[None, :2], new[None, 2:])[0] - H0
+
+    H0 = BOX.system.observe(BOX.system.H, s.q[:1], s.p[:1])[0]
+    signs = {
+        k: {energy(np.concatenate([s.q[k], s.p[k]]), a) > 0 for a in np.linspace(-0.25, 0.25, 101)} for k in (n, n - 5)
+    }
+    assert len(signs[n]) == 1
+    assert len(signs[n - 5]) == 2

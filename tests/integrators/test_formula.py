@@ -1,0 +1,380 @@
+"""Formulae: no Python of a text is evaluated, what cannot be used is refused at once."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phasebench.integrators import Hamiltonian, integrate
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems.formula import FUNCTIONS, TERMS, names, parse
+
+ROOT = Path(__file__).resolve().parents[2]
+Q, P = sp.symbols("q p", real=True)
+VARIABLES = {"q": Q, "p": P}
+
+#: Python that would do something, or show something, if it were evaluated.
+PYTHON = [
+    "__import__('os').system('touch X')",
+    "__import__(chr(111)+chr(115)).system(chr(97))",
+    "open('/etc/passwd')",
+    "open(q)",
+    "exec('import os')",
+    "eval(q)",
+    "compile(q, q, q)",
+    "breakpoint()",
+    "input()",
+    "print(q)",
+    "(lambda:0)()",
+    "lambda: 0",
+    "[x for x in ()]",
+    "{x for x in q}",
+    "(x for x in q)",
+    "{q: p}",
+    "q.__class__",
+    "q.__class__.__mro__[1].__subclasses__()",
+    "q.evalf()",
+    "().__class__",
+    "f'{q}'",
+    "f'{open(1)}'",
+    "'q'",
+    '"q"',
+    "b'q'",
+    "'%c' % 7",
+    "q[0]",
+    "(q := p)",
+    "await q",
+    "(yield q)",
+    "sin(*q)",
+    "sin(**q)",
+    "sin(x=q)",
+    "sin(q, p)",
+    "sin(sin)(q)",
+    "q if p else q",
+    "q and p",
+    "not q",
+    "q is p",
+    "q < p",
+    "q @ p",
+    "q, p",
+    "...",
+    "q; import os",
+    "q\nimport os",
+    "q # p",
+    "q \\\n + p",
+    "__builtins__",
+    "__name__",
+    "q__",
+    "self",
+    "sympify(q)",
+    "Symbol(q)",
+    "I",
+    "E",
+    "S",
+    "N(q)",
+    "zoo",
+    "oo",
+    "nan",
+    "True",
+    "None",
+]
+#: Numbers and letters that look like others: (text, what the message names).
+NUMBERS = [
+    ("1_000", "1_000"),
+    ("0x10", "0x10"),
+    ("0b1", "0b1"),
+    ("1j", "1j"),
+    ("2q", "2q"),
+    ("1.5.2", "1.5."),
+    ("010*q", "leading zeros"),
+    ("1" * 31, "30 digits"),
+    ("1e999", "too large"),
+    ("1e-320*0.1*q", "bits"),
+    ("0.1**30*q", "bits"),
+    ("1e308*10*q", "bits"),
+    ("\uff51", r"\uff51"),  # a full-width q, which Python takes for q
+    ("\u0440**2", r"\u0440"),  # a Cyrillic r
+    ("\u0663*q", r"\u0663"),  # an Arabic digit
+    ("q\u00b2", r"\xb2"),
+    ("q\u200b", r"\u200b"),
+    ("q\0", r"\x00"),
+    ("q^2", "**"),
+    ("q(p + 1)", "*"),
+    ("(q)(p)", "*"),
+    ("sin", "function"),
+    ("", "empty"),
+]
+#: What SymPy would work on for hours, or to the end of the memory.
+LARGE = [
+    "9**9**9**9",
+    "(((q**99)**99)**99)",
+    "(((2*q)**99)**99)**99",
+    "((9**99)**99)**99",
+    "((1e-300*q)**100)**100",
+    "q**100*q**100",
+    "q**1e9",
+    "10**-99999",
+    "exp(99999999999*log(3))",
+    "exp(99999999999*log(q))",
+    "exp(q + 99999999999*log(3))",
+    "sqrt(exp(99999999999*log(3)))",
+    "exp(exp(exp(exp(9))))",
+    "sin(exp(exp(exp(9))))",
+    "abs(exp(exp(exp(9))) - exp(exp(9)))",
+    "q**0.123456789",
+    "q**(1/999)*p**(1/998)*q**(1/997)",
+    "(q + p + 1)**100",
+    "cos((q + p + 1)**100)",
+    "1/(q + p + 1)**100",
+    "(q + p + 1)**(199/2)",
+    "*".join(["(q + p)"] * 90) + "*(q**2 + p**3 + 1)**40",
+    "((q + p)**30 + sin(q))**30",
+    "tan(asin(" * 12 + "q" + "))" * 12,
+    "(" * 26 + "q" + ")" * 26,
+    "sin(" * 3000 + "q" + ")" * 3000,
+    "-" * 9000 + "q",
+    "2**" * 3000 + "q",
+    "q+" * 4999 + "q",
+    "q+" * 5000 + "q",
+    "(" * 9999,
+]
+
+
+def shorter(text):
+    return ascii(text)[:40] if isinstance(text, str) else ""
+
+
+@pytest.mark.parametrize("text", PYTHON, ids=shorter)
+def test_python_is_refused(text):
+    with pytest.raises(InvalidInput):
+        parse(text, VARIABLES)
+
+
+@pytest.mark.parametrize(("text", "named"), NUMBERS, ids=shorter)
+def test_what_looks_like_a_number_or_a_letter_is_named(text, named):
+    with pytest.raises(InvalidInput) as caught:
+        parse(text, VARIABLES)
+    assert named in str(caught.value)
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("text", LARGE, ids=shorter)
+def test_what_would_never_end_is_refused_at_once(text):
+    started = time.process_time()
+    with pytest.raises(InvalidInput) as caught:
+        parse(text, VARIABLES)
+    assert time.process_time() - started < 0.5
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(q + p + 1)**90",
+        "cos((q + p + 1)**60)",
+        "p**2/2 + " + "sin(" * 24 + "q" + ")" * 24,
+        "p**2/2 + " + "q/(1 + " * 24 + "q" + ")" * 24,
+        "+".join(f"cos({n}*q)" for n in range(300)),
+    ],
+    ids=shorter,
+)
+@pytest.mark.timeout(60)
+def test_what_is_read_can_be_used(text):
+    """The largest that the limits let through: traits and derivatives are found in seconds."""
+    started = time.process_time()
+    system = Hamiltonian(q="q", p="p", H=text)
+    assert system.traits["canonical"]
+    assert system.hessian().shape == (2, 2)
+    assert time.process_time() - started < 10
+
+
+# -- a proof that nothing is evaluated ---------------------------------------------------------------------------------
+
+#: Everything that the interpreter is asked to do while texts are read, apart from what SymPy loads on first use.
+AUDITED = """
+import json, sys
+import sympy as sp
+from integrators import formula
+from integrators.errors import InvalidInput
+
+texts = json.loads(sys.stdin.read())
+read = {read}
+variables = {{"q": sp.Symbol("q", real=True), "p": sp.Symbol("p", real=True)}}
+warm = ["exp(q) + abs(p)**1.5 - tan(pi/7)*log(q)/3", "asin(2)", "q.real", "q or p", "8**9**9"]
+events, seen = [], False
+
+def hook(event, arguments):
+    if seen:
+        source = arguments[0] if event == "compile" else None
+        if isinstance(source, bytes):
+            source = source.decode()
+        events.append([event, source if isinstance(source, str) else repr(arguments)[:80]])
+
+sys.addaudithook(hook)
+for text in [*warm, *texts]:
+    try:
+        seen = text not in warm
+        formula.parse(text, variables) if text in warm else read(text)
+        ended = "read"
+    except InvalidInput:
+        ended = "refused"
+    except BaseException as error:
+        ended = type(error).__name__
+    finally:
+        seen = False
+    if text not in warm:
+        events.append(["end", ended])
+print("\\n" + json.dumps(events))
+"""
+
+
+def audited(texts, read, folder):
+    """The events of reading texts with ``read`` in a process of its own, each text's followed by how it ended."""
+    code = AUDITED.format(read=read)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=folder,
+        env={"PYTHONPATH": str(ROOT), "PATH": ""},
+        input=json.dumps(texts),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_nothing_is_evaluated(tmp_path):
+    """The parser is the only thing that is asked for: no import, no file, no exec, no code but the text's own tree."""
+    texts = [*PYTHON, *(t for t, _ in NUMBERS), *LARGE]
+    events = audited(texts, "lambda text: formula.parse(text, variables)", tmp_path)
+    assert [e for _, e in (x for x in events if x[0] == "end")] == ["refused"] * len(texts)
+    assert {event for event, _ in events} <= {"end", "compile"}
+    known = {" ".join(t.split()) for t in texts}
+    assert {source for event, source in events if event == "compile"} <= known
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("text", "event"),
+    [
+        ("__import__('os').system('touch X')", "os.system"),
+        ("open('/etc/passwd')", "open"),
+        ("__import__('this_is_no_module')", "import"),
+        ("(lambda:0)()", "exec"),
+    ],
+)
+def test_control_an_evaluation_is_seen(text, event, tmp_path):
+    assert event in {e for e, _ in audited([text], "eval", tmp_path)}
+
+
+# -- whatever the text -------------------------------------------------------------------------------------------------
+
+PIECES = ["q", "p", "1", "2", "0.5", "1e9", "pi", "e", "x", "(", ")", "+", "-", "*", "/", "**", " ", ",", ".", "_", "^"]
+PIECES += [f"{name}(" for name in FUNCTIONS]
+APPLIED = tuple(f for f in FUNCTIONS.values() if isinstance(f, type))
+
+
+def allowed(e):
+    """Whether an expression has only the variables, and real numbers and functions of the list."""
+    real = not e.has(sp.I, sp.nan, sp.zoo, sp.oo, -sp.oo)
+    return e.free_symbols <= {Q, P} and real and all(isinstance(f, APPLIED) for f in e.atoms(sp.Function))
+
+
+@settings(max_examples=400, deadline=2000)
+@given(st.one_of(st.text(max_size=30), st.lists(st.sampled_from(PIECES), max_size=14).map("".join)))
+def test_any_text_is_read_or_refused(text):
+    try:
+        found = parse(text, VARIABLES)
+    except InvalidInput:
+        return
+    assert allowed(found)
+    assert set(names(text)) <= {"q", "p", "pi", "e"}
+
+
+def test_control_a_foreign_expression_is_seen():
+    assert not allowed(sp.Symbol("z") + Q)
+    assert not allowed(sp.gamma(Q))
+    assert not allowed(sp.I * Q)
+
+
+def _grown(children):
+    two = st.tuples(children, children)
+    return st.one_of(
+        two.map(lambda ab: ab[0] + ab[1]),
+        children.map(lambda a: sp.exp(-a * Q) + sp.Abs(P)),
+        two.map(lambda ab: ab[0] - 3 * ab[1]),
+        two.map(lambda ab: ab[0] * ab[1]),
+        two.map(lambda ab: ab[0] / (ab[1] ** 2 + 1)),
+        st.tuples(children, st.sampled_from(["1/2", "1/3", "2", "-1", "-3/2"])).map(
+            lambda an: (an[0] ** 2 + 1) ** sp.Rational(an[1])
+        ),
+        st.tuples(st.sampled_from(["sin", "cos", "tanh", "atan"]), children).map(lambda fa: FUNCTIONS[fa[0]](fa[1])),
+    )
+
+
+leaves = st.one_of(st.sampled_from([Q, P, sp.pi]), st.integers(-9, 9).map(sp.Integer), st.just(sp.Rational(0.1)))
+
+
+@pytest.mark.timeout(60)
+@settings(max_examples=100, deadline=None)
+@given(st.recursive(leaves, _grown, max_leaves=5))
+def test_what_sympy_prints_is_read_as_it_was(expression):
+    """Refused are only numbers that grew past the limits."""
+    try:
+        found = parse(str(expression), VARIABLES)
+    except InvalidInput as error:
+        assert any(word in str(error) for word in ("digits", "bits", "terms", "too large", "size"))  # noqa: PT017
+        return
+    at = {Q: sp.Rational(3, 7), P: sp.Rational(-5, 11)}
+    a, b = (sp.N(e.subs(at), 30) for e in (found, expression))
+    assert abs(a - b) <= sp.Float("1e-25") * (1 + abs(b))
+
+
+@pytest.mark.parametrize(
+    ("text", "expression"),
+    [
+        ("q**0.1", Q ** sp.Rational(1, 10)),
+        ("(354294*q)**0.1", 3 * 6 ** sp.Rational(1, 10) * Q ** sp.Rational(1, 10)),
+        ("exp(0.5*log(q))", sp.sqrt(Q)),
+        ("e**(q*p)", sp.exp(Q * P)),
+        ("-q**2 - -q", -(Q**2) + Q),
+        ("q - p - 1 + 2", Q - P + 1),
+        ("q/p/2*3", 3 * Q / (2 * P)),
+        ("1.*q + .5*p + 1e2", Q + P / 2 + 100),
+        ("0.1*k", sp.Rational(0.1) * 3),
+        ("q**k", Q**3),
+        ("q +\n p", Q + P),
+    ],
+)
+def test_what_is_written_is_what_is_read(text, expression):
+    assert parse(text, VARIABLES | {"k": sp.Integer(3)}) == expression
+
+
+def test_names_are_those_that_stand_alone():
+    assert names("p1**2/2 - k*cos(q1) + e") == ["e", "k", "p1", "q1"]
+
+
+def test_the_limit_of_terms_is_where_it_says():
+    """(q + 1)**n multiplied out has n + 1 terms; so has the product of n + 1 terms with one."""
+    assert parse("(q + p + 1)**98", VARIABLES)  # 99 * 100 / 2 = 4950 terms
+    assert TERMS == 5000
+    with pytest.raises(InvalidInput, match="5000 terms"):
+        parse("(q + p + 1)**99", VARIABLES)
+
+
+def test_a_fraction_of_huge_numbers_reaches_the_kernel():
+    """0.1 as the double that it is, to the 30th power, has a numerator and a denominator beyond a double's range."""
+    q, p = sp.symbols("q p", real=True)
+    tiny = Hamiltonian(q=[q], p=[p], H=p**2 / 2 + sp.Rational(0.1) ** 30 * 10**30 * q**2 / 2)
+    unit = Hamiltonian(q=[q], p=[p], H=p**2 / 2 + q**2 / 2)
+    ends = [integrate(s, "rk4", h=0.1, steps=10, q0=[0.5], p0=[0.1]).q[-1] for s in (tiny, unit)]
+    assert ends[0] == pytest.approx(ends[1], rel=1e-14)

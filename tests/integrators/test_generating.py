@@ -1,0 +1,178 @@
+r"""The generating function: the printed K_1, K_2, K_3, the Hamilton-Jacobi equation, Scheme II.
+
+The printed formulae are (15)-(17) of Wang, Bo & Cai (talk).
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from phasebench.benchmarks.measure.battery import SYSTEMS
+from phasebench.benchmarks.problems import PROBLEMS, problem
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.registry import method
+from phasebench.integrators.systems.generating import LAMBDA, coefficients
+
+CANONICAL = [name for name in PROBLEMS if problem(name).system.canonical and problem(name).system.d <= 2]
+LAMBDAS = (sp.Rational(-1), sp.Rational(1, 3), sp.Rational(1, 2), sp.Rational(3, 2))
+
+
+def system_of(name):
+    return SYSTEMS[name]()[0] if name in SYSTEMS else problem(name).system
+
+
+def printed(H, v, u):
+    """K_1, K_2, K_3 as printed."""
+    Hu, Hv = sp.Matrix([H.diff(x) for x in u]), sp.Matrix([H.diff(x) for x in v])
+    Huu, Hvv = sp.hessian(H, u), sp.hessian(H, v)
+    Huv = sp.Matrix(len(u), len(v), lambda i, j: H.diff(u[i], v[j]))  # rows u, columns v, as (13) contracts them
+    lam = LAMBDA
+    K2 = (lam - sp.Rational(1, 2)) * (Hu.T * Hv)[0]
+    K3 = (lam**2 - lam + sp.Rational(1, 3)) / 2 * ((Hu.T * Hvv * Hu)[0] + (Hv.T * Huu * Hv)[0])
+    K3 += (lam**2 - lam + sp.Rational(1, 6)) * (Hv.T * Huv * Hu)[0]
+    return [H, K2, K3]
+
+
+def at(expression, point):
+    """The value of an expression at a point {symbol: Rational}, in 50 digits."""
+    return sp.N(expression.xreplace(point), 50)
+
+
+def point_of(system, seed):
+    rng = np.random.default_rng(seed)
+    return {
+        s: sp.Rational(int(n), 100)
+        for s, n in zip((*system.q, *system.p), rng.integers(30, 90, 2 * system.d), strict=True)
+    }
+
+
+@pytest.mark.parametrize("name", dict.fromkeys([*CANONICAL, "tao", "coupled"]))
+def test_coefficients_are_the_printed_ones(name):
+    system = system_of(name)
+    ours, theirs = coefficients(system.H, system.q, system.p, 3), printed(system.H, system.q, system.p)
+    for seed in range(3):
+        point = point_of(system, seed) | {LAMBDA: sp.Rational(seed * 7 - 5, 9)}
+        for a, b in zip(ours, theirs, strict=True):
+            assert abs(at(a, point) - at(b, point)) < 1e-40 * (1 + abs(at(b, point)))
+
+
+def test_coefficients_of_a_generic_hamiltonian_are_the_printed_ones():
+    v, u = sp.symbols("v1 v2"), sp.symbols("u1 u2")
+    H = sp.Function("H")(*v, *u)
+    for a, b in zip(coefficients(H, v, u, 3), printed(H, v, u), strict=True):
+        assert sp.expand(a - b) == 0
+
+
+def test_control_the_printed_formula_with_its_weights_exchanged_differs():
+    v, u = sp.symbols("v1 v2"), sp.symbols("u1 u2")
+    H = sp.Function("H")(*v, *u)
+    K3 = coefficients(H, v, u, 3)[2]
+    assert sp.expand(K3.xreplace({LAMBDA: LAMBDA + 1}) - printed(H, v, u)[2]) != 0
+
+
+def residual(K, system, lam, point, t):
+    """dS/dt - H(u - (1 - lam) S_v, v + lam S_u) at a point and a time, in 50 digits."""
+    S = sum(k.xreplace({LAMBDA: lam}) * t ** (i + 1) for i, k in enumerate(K))
+    rate = sum((i + 1) * k.xreplace({LAMBDA: lam}) * t**i for i, k in enumerate(K))
+    moved = {x: at(x + lam * S.diff(y), point) for x, y in zip(system.q, system.p, strict=True)}
+    moved |= {y: at(y - (1 - lam) * S.diff(x), point) for x, y in zip(system.q, system.p, strict=True)}
+    return abs(at(rate, point) - at(system.H, moved))
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.parametrize("name", ["pendulum", "henon-heiles", "tao", "coupled"])
+def test_hamilton_jacobi_residual_is_of_the_order(name, order):
+    system, lam = system_of(name), sp.Rational(1, 3)
+    K = coefficients(system.H, system.q, system.p, order)
+    point = point_of(system, 5)
+    a, b = (residual(K, system, lam, point, sp.Rational(1, n)) for n in (1000, 2000))
+    assert abs(float(sp.log(a / b, 2)) - order) < 0.05
+
+
+def test_control_a_wrong_coefficient_leaves_a_residual_of_lower_order():
+    system, lam = system_of("pendulum"), sp.Rational(1, 3)
+    K = coefficients(system.H, system.q, system.p, 3)
+    K[2] = K[2] * sp.Rational(11, 10)
+    a, b = (residual(K, system, lam, point_of(system, 5), sp.Rational(1, n)) for n in (1000, 2000))
+    assert abs(float(sp.log(a / b, 2)) - 2) < 0.05
+
+
+@pytest.mark.parametrize("name", ["pendulum", "henon-heiles", "perturbed-kepler", "tao", "coupled"])
+def test_even_coefficients_vanish_at_one_half(name):
+    system = system_of(name)
+    K = coefficients(system.H, system.q, system.p, 4)
+    for seed in range(3):
+        point = point_of(system, seed)
+        for k in (K[1], K[3]):
+            assert abs(at(k, point | {LAMBDA: sp.Rational(1, 2)})) < 1e-40
+            assert abs(at(k, point | {LAMBDA: sp.Rational(1, 3)})) > 1e-6, "the control"
+
+
+@pytest.mark.parametrize("name", ["harmonic-oscillator", "henon-heiles"])
+def test_the_sixth_even_coefficient_vanishes_too(name):
+    system = system_of(name)
+    K = coefficients(system.H, system.q, system.p, 6)
+    assert sp.expand(K[5].xreplace({LAMBDA: sp.Rational(1, 2)})) == 0
+    assert sp.expand(K[5].xreplace({LAMBDA: sp.Rational(1, 3)})) != 0
+
+
+def test_order_below_one_is_refused():
+    q, p = sp.symbols("q p")
+    with pytest.raises(ValueError, match="at least 1"):
+        coefficients(p**2 + q**2, [q], [p], 0)
+
+
+@pytest.mark.parametrize("lam", [-1, Fraction(1, 3), Fraction(1, 2), Fraction(3, 2), 0.3])
+@pytest.mark.parametrize("name", ["pendulum", "henon-heiles"])
+def test_scheme_ii_is_the_generating_function_of_order_two(name, lam):
+    second, general = method("scheme-ii", lam=lam), method("generating-function", order=2, lam=lam)
+    assert second.data == general.data
+    ends = [integrate(problem(name), m, h=0.05, steps=20) for m in (second, general)]
+    assert (ends[0].q == ends[1].q).all()
+    first = integrate(problem(name), method("scheme-i", lam=lam), h=0.05, steps=20)
+    assert lam == Fraction(1, 2) or np.abs(first.q - ends[0].q).max() > 1e-4, "the control"
+
+
+def scheme_ii_as_printed(H, v, u, h, lam):
+    """(q', p') of (20): the field of h K_1 + h^2 K_2, written with the second derivatives of H."""
+    Hu, Hv = sp.Matrix([H.diff(x) for x in u]), sp.Matrix([H.diff(x) for x in v])
+    Huu, Hvv = sp.hessian(H, u), sp.hessian(H, v)
+    Huv = sp.Matrix(len(u), len(v), lambda i, j: H.diff(u[i], v[j]))
+    c = h * (lam - sp.Rational(1, 2))
+    return list(Hu + c * (Huu * Hv + Huv * Hu)), list(-Hv - c * (Hvv * Hu + Huv.T * Hv))
+
+
+@pytest.mark.parametrize("name", ["pendulum", "henon-heiles"])
+def test_the_compiled_field_of_scheme_ii_is_the_printed_one(name):
+    system = system_of(name)
+    point = {s: v.evalf(30) for s, v in point_of(system, 2).items()}
+    q, p = (tuple(float(point[s]) for s in group) for group in (system.q, system.p))
+    expected = scheme_ii_as_printed(system.H, list(system.q), list(system.p), sp.Rational(1, 10), sp.Rational(1, 3))
+    for ours, theirs in zip(system.field(order=2)(q, p, 0.1, 1 / 3), expected, strict=True):
+        assert np.allclose(ours, [float(e.xreplace(point)) for e in theirs], rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.parametrize("order", [5, 6])
+@pytest.mark.parametrize("name", ["harmonic-oscillator", "henon-heiles"])
+def test_orders_five_and_six_run(name, order):
+    made = problem(name)
+    s = integrate(made, method("generating-function", order=order, lam=Fraction(1, 3)), h=0.05, t_end=2.0)
+    assert s.status == "ok"
+    assert s.counts["hessian"] > 0
+    error = np.ptp(made.system.observe(made.system.H, s.q, s.p))
+    lower = integrate(made, method("generating-function", order=3, lam=Fraction(1, 3)), h=0.05, t_end=2.0)
+    assert error < 0.1 * np.ptp(made.system.observe(made.system.H, lower.q, lower.p))
+
+
+def test_oscillator_against_the_closed_form():
+    """For H = (p^2 + q^2)/2 at lam = 1/2, S = (u^2 + v^2) tan(t/2): its truncation at order 5 is known."""
+    q, p = sp.symbols("q p")
+    t = sp.Symbol("t")
+    series = sp.series(sp.tan(t / 2), t, 0, 6).removeO()
+    K = coefficients((p**2 + q**2) / 2, [q], [p], 5, lam=sp.Rational(1, 2))
+    for i, k in enumerate(K):
+        assert sp.expand(k - (p**2 + q**2) * series.coeff(t, i + 1)) == 0

@@ -1,0 +1,205 @@
+r"""The Kepler solver against solutions known from an anomaly, and against itself in 40 digits.
+
+At an anomaly of an ellipse, parabola or hyperbola (a = 1, or pericentre distance 1/2; mu = 1) state and time are known
+without an equation to solve.  ``python test_kepler_flow.py`` prints what a process with NUMBA_DISABLE_JIT=1 measures.
+"""
+
+from __future__ import annotations
+
+import json
+
+import mpmath
+import numpy as np
+import pytest
+
+from phasebench.integrators.engine import kepler_flow
+from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
+from phasebench.integrators.engine.kernel import array
+
+EPS = np.finfo(float).eps
+DIGITS = 40
+ECCENTRICITIES = (0.0, 0.2, 0.6, 0.9, 0.99, 0.999, 1.0, 1.5, 3.0)
+#: From where, and over which change of the anomaly: tiny, of a step, long, backwards.
+ANOMALIES = (0.0, 1.0, -2.5, 3.0)
+CHANGES = (1e-9, 1e-3, 0.3, 2.5, 6.0, -1e-4, -4.0)
+CASES = [(e, a, d) for e in ECCENTRICITIES for a in ANOMALIES for d in CHANGES]
+
+
+def on_orbit(e, A, mp=mpmath):
+    """(q, v, t) at an anomaly."""
+    if e < 1:
+        s, c, b, r = mp.sin(A), mp.cos(A), mp.sqrt(1 - e * e), 1 - e * mp.cos(A)
+        return [c - e, b * s], [-s / r, b * c / r], A - e * s
+    if e == 1:
+        r = (1 + A * A) / 2
+        return [(1 - A * A) / 2, A], [-A / r, 1 / r], (A + A**3 / 3) / 2
+    s, c, b = mp.sinh(A), mp.cosh(A), mp.sqrt(e * e - 1)
+    r = e * c - 1
+    return [e - c, b * s], [-s / r, b * c / r], e * s - A
+
+
+def flow(q, v, h, arithmetic=DOUBLE, mu=1, mass=1, spoil=None):
+    """The state after h by the solver: the rows (q, p, what rounding lost of q, of p)."""
+    table = array(kepler_flow.constants(arithmetic), arithmetic)
+    if spoil is not None:
+        spoil(table)
+    number = mpmath.mpf if arithmetic == MULTIPRECISION else float
+    X = array([q, [mass * x for x in v], [0] * len(q), [0] * len(q)], arithmetic)
+    eps = mpmath.mp.eps if arithmetic == MULTIPRECISION else EPS
+    kepler_flow.advance(X, 0, len(q), number(mass), number(mu), number(h), eps, table)
+    return X
+
+
+def doubles(e, A, change):
+    """A case's initial state and time, rounded to double."""
+    with mpmath.workdps(DIGITS):
+        q, v, t = on_orbit(mpmath.mpf(e), mpmath.mpf(A))
+        h = on_orbit(mpmath.mpf(e), mpmath.mpf(A) + mpmath.mpf(change))[2] - t
+        return [float(x) for x in q], [float(x) for x in v], float(h)
+
+
+def measured_in_40_digits():
+    """For each case: the error in 40 digits; from the doubles the increments, and how much the state magnifies."""
+    out = []
+    mpmath.mp.dps = DIGITS
+    for e, A, change in CASES:
+        q, v, t = on_orbit(mpmath.mpf(e), mpmath.mpf(A))
+        end, velocity, later = on_orbit(mpmath.mpf(e), mpmath.mpf(A) + mpmath.mpf(change))
+        X = flow(q, v, later - t, MULTIPRECISION)
+        size = max(abs(x) for x in (*end, *velocity, *q, *v))
+        error = max(abs(a - b) for a, b in zip((*X[0], *X[1]), (*end, *velocity), strict=True)) / size
+
+        q, v, h = doubles(e, A, change)
+        small = mpmath.mpf(10) ** -20
+        Y = flow(q, v, h, MULTIPRECISION)
+        near = [flow([x * (1 + small) for x in q], v, h, MULTIPRECISION), flow(q, v, h * (1 + small), MULTIPRECISION)]
+        near.append(flow(q, [x * (1 + small) for x in v], h, MULTIPRECISION))
+        magnified = [max(abs(N[i] - Y[i]).max() for N in near) / small for i in (0, 1)]
+        increments = [mpmath.nstr(Y[i, k] - (q, v)[i][k], 25) for i in (0, 1) for k in (0, 1)]
+        out.append([float(error), increments, [float(m) for m in magnified]])
+    return out
+
+
+@pytest.fixture(scope="module")
+def exact(uncompiled):
+    return dict(zip(CASES, uncompiled("integrators/test_kepler_flow.py"), strict=True))
+
+
+def test_in_40_digits_the_solver_is_exact_to_40_digits(exact):
+    """Near a pericentre of e = 0.999 speeds change by a thousand: some digits are the problem's own."""
+    for case, (error, _, _) in exact.items():
+        assert error < 1e-33, case
+
+
+def worst(exact, e, spoil=None):
+    """The largest error of increments in units of what rounded data would cause, over the cases of e."""
+    ratios = []
+    for case in [c for c in CASES if c[0] == e]:
+        _, increments, magnified = exact[case]
+        q, v, h = doubles(*case)
+        X = flow(q, v, h, spoil=spoil)
+        with mpmath.workdps(DIGITS):
+            wanted = [mpmath.mpf(x) for x in increments]
+            found = [mpmath.mpf(X[i, k]) - (q, v)[i][k] + mpmath.mpf(X[i + 2, k]) for i in (0, 1) for k in (0, 1)]
+            error = [float(abs(a - b)) for a, b in zip(found, wanted, strict=True)]
+        ratios += [max(error[2 * i : 2 * i + 2]) / (EPS * magnified[i]) for i in (0, 1)]
+    return max(ratios)
+
+
+@pytest.mark.parametrize("e", ECCENTRICITIES)
+def test_doubles_err_as_much_as_rounded_data_would(exact, e):
+    """On a hyperbola that is followed inwards and out again the terms of Kepler's equation cancel, up to a factor."""
+    assert worst(exact, e) < (8 if e <= 1 else 128)
+
+
+def test_control_a_coefficient_with_a_wrong_digit_is_seen(exact):
+    def spoil(table):
+        table[kepler_flow.SERIES_3, 2] *= 1 + 1e-8
+
+    assert all(worst(exact, e, spoil) > 300 for e in (0.0, 0.6, 1.5))
+
+
+def test_increments_of_tiny_steps_are_relatively_exact(exact):
+    """The control: the difference of the rounded states has no digit left."""
+    q, v, h = doubles(0.6, 1.0, 1e-9)
+    wanted = [float(mpmath.mpf(x)) for x in exact[0.6, 1.0, 1e-9][1]]
+    X = flow(q, v, h)
+    with mpmath.workdps(DIGITS):
+        found = [float(mpmath.mpf(X[i, k]) - (q, v)[i][k] + mpmath.mpf(X[i + 2, k])) for i in (0, 1) for k in (0, 1)]
+    plain = [X[i, k] - (q, v)[i][k] for i in (0, 1) for k in (0, 1)]
+    assert found == pytest.approx(wanted, rel=1e-14, abs=0)
+    assert max(abs(np.array(plain) / wanted - 1)) > 1e-9
+
+
+@pytest.mark.parametrize("e", [0.0, 0.6, 0.99])
+@pytest.mark.parametrize("periods", [1, -1, 1000, 123456])
+def test_whole_periods_return(e, periods):
+    q, v, _ = doubles(e, 0.7, 1.0)
+    beta = 2 / np.hypot(*q) - np.dot(v, v)
+    h = 2 * np.pi * periods / beta**1.5
+    X = flow(q, v, h)
+    # h and beta are known to eps: the phase is, times the number of periods.
+    assert np.abs(X[:2] - [q, v]).max() < 8 * EPS * 2 * np.pi * abs(periods) * 5
+    assert np.abs(flow(q, v, h * (1 + 1e-3 / periods))[:2] - [q, v]).max() > 1e-4, "the control: another time"
+
+
+@pytest.mark.parametrize("e", ECCENTRICITIES)
+def test_energy_and_angular_momentum_of_many_steps(e):
+    """An ellipse has 20 000 steps of a twentieth of its period; of an open orbit the steps grow."""
+    q, v, _ = doubles(e, -1.0, 1.0)
+    table = array(kepler_flow.constants(DOUBLE), DOUBLE)
+    X = np.array([q, v, [0, 0], [0, 0]])
+    scale = 1 / (1 - e) if e < 1 else 1.0
+
+    def kept():
+        return np.array([np.dot(X[1], X[1]) / 2 - 1 / np.hypot(*X[0]), X[0, 0] * X[1, 1] - X[0, 1] * X[1, 0]])
+
+    before, steps = kept(), 20_000 if e < 1 else 40
+    for n in range(steps):
+        kepler_flow.advance(X, 0, 2, 1.0, 1.0, 0.31 if e < 1 else 0.01 * 1.4**n, EPS, table)
+    error = np.abs(kept() - before)
+    assert error[0] < 8 * EPS * scale * steps**0.5
+    assert error[1] < (8 * EPS * steps**0.5 if e < 1 else 8 * EPS * np.abs(X[0]).max())
+
+
+@pytest.mark.parametrize("e", [0.0, 0.6, 0.999, 1.0, 1.5])
+def test_backwards_is_the_mirror_image(e):
+    """(q, v, h) and (q, -v, -h) take the same arithmetic; there and back returns."""
+    q, v, h = doubles(e, 1.0, 0.8)
+    forth, mirrored = flow(q, v, h), flow(q, [-x for x in v], -h)
+    assert (forth[0] == mirrored[0]).all()
+    assert (forth[1] == -mirrored[1]).all()
+    back = flow(forth[0], forth[1], -h)
+    assert np.abs(back[:2] - [q, v]).max() < 1e-11
+
+
+def test_mass_parameter_and_space_are_scales_and_frames():
+    """mu and mass by powers of two are exact; a third dimension is a rotation."""
+    q, v, h = doubles(0.6, 1.0, 2.0)
+    X = flow(q, v, h)
+    heavy = flow(q, [2 * x for x in v], h / 2, mu=4, mass=8)
+    assert np.array_equal(heavy[0], X[0])
+    assert np.array_equal(heavy[1], 16 * X[1])
+    R = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0][:, :2]
+    turned = flow(R @ q, R @ v, h)
+    assert np.abs(turned[:2] - X[:2] @ R.T).max() < 1e-14
+    free = flow(q, v, h, mu=0)
+    assert free[0] + free[2] == pytest.approx(np.array(q) + h * np.array(v), rel=1e-15, abs=0)
+    assert np.array_equal(free[1], v)
+
+
+def test_few_evaluations():
+    """A step of an ordinary orbit takes two or three evaluations, the worst of the cases a few more."""
+    table = array(kepler_flow.constants(DOUBLE), DOUBLE)
+
+    def evaluations(q, v, h):
+        X = np.array([q, v, [0, 0], [0, 0]])
+        return kepler_flow.advance(X, 0, 2, 1.0, 1.0, h, EPS, table)
+
+    step = [evaluations(*doubles(0.2, a, 1.0)[:2], 0.3) for a in np.linspace(0, 6, 61)]
+    assert np.mean(step) <= 3
+    assert max(evaluations(*doubles(*case)) for case in CASES) <= 20
+
+
+if __name__ == "__main__":
+    print(json.dumps({"result": measured_in_40_digits()}))

@@ -1,0 +1,202 @@
+r"""States that are arrays (d above `codegen.TUPLE_LIMIT`): the same sources reach the same end states.
+
+The system is the chain of Fermi, Pasta, Ulam (Los Alamos LA-1940, 1955) with fixed ends,
+:math:`H = \tfrac12|p|^2 + \sum_{i=0}^{d} \bigl(\tfrac12 r_i^2 + \tfrac\alpha3 r_i^3 + \tfrac\beta4 r_i^4\bigr)`,
+:math:`r_i = q_{i+1} - q_i`, stepped again here by NumPy loops written for it alone.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+import sympy as sp
+
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian, InvalidInput, integrate
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine.vector import add, axpy, bump, head, join, load, minus, plus, scale, store, tail
+
+ALPHA, BETA = sp.Rational(1, 4), sp.Rational(1, 2)
+D = codegen.TUPLE_LIMIT + 1
+H, STEPS = 0.1, 60
+ROUND_OFF = 1e-12
+
+
+@pytest.fixture(scope="module")
+def chain() -> Hamiltonian:
+    q, p = sp.symbols(f"q:{D}", real=True), sp.symbols(f"p:{D}", real=True)
+    r = [b - a for a, b in zip((0, *q), (*q, 0), strict=True)]
+    V = sum(x**2 / 2 + ALPHA * x**3 / 3 + BETA * x**4 / 4 for x in r)
+    return Hamiltonian(q=q, p=p, H=sum(x**2 for x in p) / 2 + V)
+
+
+Q0 = np.sin(np.pi * np.arange(1, D + 1) / (D + 1)) + 0.3 * np.cos(1.7 * np.arange(D))
+P0 = 0.5 * np.sin(2.3 * np.arange(D) + 0.4)
+
+
+def force(q):
+    r = np.diff(np.concatenate([[0.0], q, [0.0]]))
+    tension = r + float(ALPHA) * r**2 + float(BETA) * r**3
+    return tension[1:] - tension[:-1]
+
+
+def energy(q, p):
+    r = np.diff(np.concatenate([[0.0], q, [0.0]]))
+    return p @ p / 2 + (r**2 / 2 + float(ALPHA) * r**3 / 3 + float(BETA) * r**4 / 4).sum()
+
+
+def field(y):
+    return np.concatenate([y[D:], force(y[:D])])
+
+
+def verlet(y):
+    q, p = y[:D], y[D:]
+    p = p + H / 2 * force(q)
+    q = q + H * p
+    return np.concatenate([q, p + H / 2 * force(q)])
+
+
+def rk4(y):
+    a = field(y)
+    b = field(y + H / 2 * a)
+    c = field(y + H / 2 * b)
+    return y + H / 6 * (a + 2 * b + 2 * c + field(y + H * c))
+
+
+def fixed_point(mean):
+    def step(y):
+        new = y
+        for _ in range(200):
+            last, new = new, y + H * mean(y, new)
+            if np.abs(new - last).max() < 1e-16:
+                break
+        return new
+
+    return step
+
+
+def averaged(y, new):
+    """The mean of the field between y and new: Simpson's rule, exact for its cubic components."""
+    return (field(y) + 4 * field((y + new) / 2) + field(new)) / 6
+
+
+LOOPS = {
+    "stormer-verlet": verlet,
+    "rk4": rk4,
+    "implicit-midpoint": fixed_point(lambda y, new: field((y + new) / 2)),
+    "avf": fixed_point(averaged),
+}
+
+
+def end(solution):
+    assert solution.status == "ok", solution.reason
+    return np.concatenate([solution.q[-1], solution.p[-1]])
+
+
+@pytest.mark.parametrize("id", LOOPS)
+def test_a_chain_of_arrays_is_the_chain_of_a_plain_loop(chain, id):
+    y = np.concatenate([Q0, P0])
+    for _ in range(STEPS):
+        y = LOOPS[id](y)
+    found = end(integrate(chain, id, h=H, steps=STEPS, q0=Q0, p0=P0))
+    assert np.abs(found - y).max() < ROUND_OFF
+
+
+def test_control_the_loops_differ_from_each_other():
+    ends = []
+    for step in LOOPS.values():
+        y = np.concatenate([Q0, P0])
+        for _ in range(STEPS):
+            y = step(y)
+        ends.append(y)
+    for i, a in enumerate(ends):
+        assert all(np.abs(a - b).max() > 1e6 * ROUND_OFF for b in ends[:i])
+
+
+def test_avf_keeps_the_energy_of_the_chain(chain):
+    done = {id: integrate(chain, id, h=H, steps=400, q0=Q0, p0=P0) for id in ("avf", "implicit-midpoint")}
+    error = {
+        id: max(abs(energy(q, p) - energy(Q0, P0)) for q, p in zip(s.q, s.p, strict=True)) for id, s in done.items()
+    }
+    assert error["avf"] < 1e-13 * 400**0.5 * energy(Q0, P0)
+    assert error["implicit-midpoint"] > 1e-6
+
+
+def test_the_energy_is_that_of_the_formula(chain):
+    assert chain.observe(chain.H, Q0[None], P0[None])[0] == pytest.approx(energy(Q0, P0), rel=1e-14)
+
+
+def test_the_chain_runs_on_arrays_and_the_largest_tuple_below_it(chain):
+    assert codegen.value_kind(D) == "array"
+    assert codegen.value_kind(D - 1) == "tuple"
+    assert codegen.options(D)["_nrt"]
+    assert codegen.options(D - 1)["_nrt"] is False
+
+
+def test_one_exception_whatever_the_dimension():
+    """A kernel of arrays raises the public InvalidInput: a component of h omega = pi is a pole of Gautschi's method."""
+    d = codegen.TUPLE_LIMIT + 1
+    q, p = ([f"{x}{i}" for i in range(d)] for x in "qp")
+    H = " + ".join(f"{x}**2/2" for x in (*p, *q)) + " + q0**4/4"
+    system = Hamiltonian(q=q, p=p, H=H, frequencies=[1] * d)
+    with pytest.raises(InvalidInput, match=r"is 1\.0 pi"):
+        integrate(system, "gautschi", h=np.pi, steps=1, q0=np.ones(d), p0=np.ones(d))
+
+
+SMALL = [
+    "explicit-euler",
+    "rk4",
+    "stormer-verlet",
+    "symplectic-euler-q",
+    "implicit-midpoint",
+    "scheme-i",
+    "scheme-ii",
+    "avf",
+]
+
+
+@pytest.mark.parametrize("id", SMALL)
+def test_arrays_and_tuples_agree(id, monkeypatch):
+    """Henon-Heiles as arrays: a system made anew, for functions are kept on the system."""
+    made = problem("henon-heiles")
+    tuples = end(integrate(made, id, h=0.05, steps=200))
+    with monkeypatch.context() as patch:
+        patch.setattr(codegen, "TUPLE_LIMIT", 1)
+        S = made.system
+        arrays = end(integrate(Hamiltonian(q=S.q, p=S.p, H=S.H), id, h=0.05, steps=200, q0=made.q0, p0=made.p0))
+    assert np.abs(arrays - tuples).max() < ROUND_OFF
+
+
+def test_a_blow_up_of_arrays_is_a_divergence(chain):
+    found = integrate(chain, "explicit-euler", h=2.0, steps=200, q0=Q0, p0=P0)
+    assert found.status == "diverged"
+    assert np.isfinite(found.q).all()
+
+
+@pytest.mark.parametrize("n", [30, 32, 2 * codegen.TUPLE_LIMIT])
+def test_operations_compile_on_the_longest_tuples(n):
+    """(q, p) is one tuple of up to twice the limit; Python builds tuples of more than 30 items in another way."""
+
+    @numba.njit
+    def operate(x, y, A):
+        store(A, 0, bump(axpy(0.5, x, y), n - 1, 1.0))
+        s, c = add(load(A, 0, x), scale(0.0, x), minus(y, x))
+        return plus(s, join(head(c), tail(c)))
+
+    x, y = np.arange(1.0, n + 1), np.sqrt(np.arange(1.0, n + 1))
+    expected = 2 * y - 0.5 * x
+    expected[-1] += 1.0
+    assert np.abs(np.array(operate(tuple(x), tuple(y), np.zeros((1, n)))) - expected).max() < 1e-13
+
+
+def test_a_lost_close_encounter_of_many_bodies_is_a_collision():
+    """Eight bodies run on loops, with the least distance as a function of the rows."""
+    made = problem("n-body", N=8)
+    q = 3 * np.array(made.q0).reshape(8, 3)
+    q[0], q[1] = (10.0, 0.0, 0.0), (10.5, 0.0, 0.0)
+    start = {"q0": q.ravel(), "p0": np.zeros(24)}
+    lost = integrate(made, "stormer-verlet", h=0.01, t_end=3.0, **start)
+    assert lost.status == "collision"
+    assert "take a smaller h" in lost.reason
+    assert integrate(made, "stormer-verlet", h=0.01, t_end=0.3, **start).status == "ok"

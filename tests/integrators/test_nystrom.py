@@ -1,0 +1,107 @@
+"""The Nystrom and splitting forms, which methods choose by themselves, against the general parametric form."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.measure.battery import by_label, variants
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine import kernel as kernels
+from phasebench.integrators.families import parametric, splitting
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
+ROUND_OFF = 2e-13
+ONE_STAGE = by_label([m for m in variants() if m.family == "parametric" and m.data[0] == 1])
+
+
+class General(Hamiltonian):
+    """A system that hides its structure, so that every method takes its general form."""
+
+    separable = False
+    quadratic_kinetic = False
+
+
+def full_mass():
+    """A kinetic energy with a mass matrix that is not diagonal."""
+    return Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2 + p1*p2 + p2**2 + cos(q1)/3 + q1**2*q2**2/2 + q2**2/2")
+
+
+SYSTEMS = {
+    "pendulum": lambda: problem("pendulum").system,
+    "henon-heiles": lambda: problem("henon-heiles").system,
+    "perturbed-kepler": lambda: problem("perturbed-kepler").system,
+    "full mass matrix": full_mass,
+}
+STARTS = {
+    "pendulum": ([1.3], [0.4]),
+    "henon-heiles": ([0.1, 0.3], [0.2, -0.1]),
+    "perturbed-kepler": ([0.8, 0.3], [-0.2, 0.9]),
+    "full mass matrix": ([0.5, -0.3], [0.2, 0.4]),
+}
+
+
+def run(system, method, name, steps=40):
+    q, p = STARTS[name]
+    s = integrate(system, method, h=0.02, steps=steps, q0=q, p0=p)
+    assert s.status == "ok"
+    return np.hstack([s.q, s.p])
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("label", ONE_STAGE)
+def test_the_special_form_equals_the_general_one(label, name):
+    m, system = ONE_STAGE[label], SYSTEMS[name]()
+    general = General(q=system.q, p=system.p, H=system.H, singular=system.singular)
+    special, forced = kernels.prepare(m, system), kernels.prepare(m, general)
+    assert forced.run is parametric.run
+    assert forced.functions[0] is not None
+    assert special.run is splitting.run or special.functions[0] is None, "the special form was not chosen"
+    assert np.abs(run(system, m, name) - run(general, m, name)).max() < ROUND_OFF
+
+
+def test_the_control_another_parameter_differs():
+    system = SYSTEMS["henon-heiles"]()
+    general = General(q=system.q, p=system.p, H=system.H)
+    m = ONE_STAGE["scheme-i(lam=1/3)"]
+    assert (
+        np.abs(
+            run(system, m, "henon-heiles") - run(general, m(lam=Fraction(1, 3) + Fraction(1, 1000)), "henon-heiles")
+        ).max()
+        > 1e-7
+    )
+
+
+@pytest.mark.parametrize(("lam", "kicks_first"), [(1, True), (0, False)])
+def test_scheme_i_at_zero_and_one_is_the_splitting_written_out(lam, kicks_first):
+    m, system = ONE_STAGE["scheme-i(lam=1/3)"](lam=lam), SYSTEMS["pendulum"]()
+    assert kernels.prepare(m, system).run is splitting.run
+    (q,), (p,) = STARTS["pendulum"]
+    h = 0.02
+    for _ in range(40):
+        if kicks_first:
+            p = p - h * np.sin(q)
+            q = q + h * p
+        else:
+            q = q + h * p
+            p = p - h * np.sin(q)
+    assert np.abs(run(system, m, "pendulum")[-1] - [q, p]).max() < ROUND_OFF
+
+
+def test_the_mass_matrix_is_used():
+    """Twice the off-diagonal mass term is another system: a form that dropped it would not notice."""
+    system = full_mass()
+    other = Hamiltonian(q=system.q, p=system.p, H=system.H + system.p[0] * system.p[1])
+    m = ONE_STAGE["scheme-i(lam=1/3)"]
+    assert kernels.prepare(m, other).functions[0] is None
+    assert np.abs(run(system, m, "full mass matrix") - run(other, m, "full mass matrix")).max() > 1e-3
+
+
+def test_a_linear_kinetic_term_is_no_quadratic_one():
+    system = Hamiltonian(q="q", p="p", H="p**2/2 + p - cos(q)")
+    assert system.separable
+    assert not system.quadratic_kinetic
+    assert kernels.prepare(ONE_STAGE["scheme-i(lam=1/3)"], system).functions[0] is not None

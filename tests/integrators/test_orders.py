@@ -1,0 +1,73 @@
+"""The observed order of every method, without round-off, two-sided, on nonlinear and non-separable systems."""
+
+from __future__ import annotations
+
+import mpmath
+import pytest
+
+from phasebench.benchmarks.measure.battery import (
+    NON_SEPARABLE,
+    by_label,
+    expected_order,
+    high_order_variants,
+    systems,
+    variants,
+)
+from phasebench.benchmarks.measure.multiprecision import observed_order
+from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly
+from phasebench.integrators.registry import METHODS
+
+TOLERANCE = 0.1
+ALL = by_label(variants() + high_order_variants())
+CASES = [(label, n) for label, m in ALL.items() for n in systems(m)]
+
+
+def observed(row):
+    """The observed order of a measurement that did not fail."""
+    assert not isinstance(row, str), row
+    return observed_order(row)
+
+
+@pytest.mark.parametrize(("label", "name"), CASES)
+def test_observed_order_is_the_declared_one(measured, label, name):
+    o = observed(measured("orders")[label][name])
+    assert o.points >= 3
+    assert abs(o.value - expected_order(ALL[label], name)) < TOLERANCE, f"observed {o}"
+
+
+def test_every_method_is_measured(measured):
+    assert set(measured("orders")) == set(ALL)
+    for label, m in ALL.items():
+        assert measured("orders")[label], f"{label} runs on no system of the suite"
+        if not set(m.requires) - {"canonical", "Poisson structure"}:
+            assert set(measured("orders")[label]) & set(NON_SEPARABLE), f"{label} is measured on separable systems only"
+
+
+def test_control_another_order_is_refused(measured):
+    for label, m in ALL.items():
+        for name, row in measured("orders")[label].items():
+            if isinstance(row, str):
+                continue
+            assert not abs(observed(row).value - (expected_order(m, name) + 1)) < TOLERANCE
+            assert not abs(observed(row).value - (expected_order(m, name) - 1)) < TOLERANCE
+
+
+def test_control_midpoint_with_a_wrong_weight_loses_an_order(measured):
+    rows = measured("orders")
+    right, wrong = "scheme-i(lam=1/2)", "scheme-i(lam=1/3)"
+    for name in rows[right]:
+        assert observed(rows[right][name]).value - observed(rows[wrong][name]).value > 0.8
+
+
+def fractions(m):
+    """The fractions of the step that the substeps of a record take, those of an alternative left out."""
+    if m.family == "schemes_iv_v":
+        return [c for c, _, _, alternative in m.data if alternative == 0]
+    return [row[0] for row in m.data[1]]
+
+
+@pytest.mark.parametrize("m", [m for m in METHODS if m.family in ("parametric", "schemes_iv_v")], ids=lambda m: m.id)
+def test_the_substeps_fill_the_step_in_full_precision(m):
+    """In the records as they are imported: fractions rounded to doubles leave a clock error of 1e-16."""
+    with mpmath.workdps(50):
+        assert abs(mpmath.fsum(exactly(c, MULTIPRECISION) for c in fractions(m)) - 1) < 1e-40

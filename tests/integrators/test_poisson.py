@@ -1,0 +1,223 @@
+"""Poisson systems: their structure, the step maps that respect it, the collocation methods of Cohen & Hairer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import quad_vec
+from scipy.optimize import fsolve
+
+from phasebench.benchmarks.measure.metrics import jacobian
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems.poisson import PoissonSystem, jacobi_defects
+
+LV = problem("lotka-volterra:4-2")
+ROUND_OFF = 1e-13
+
+
+def three(v, H, **more):
+    """y' = v(y) x grad H in three variables, with a fourth that stays: Poisson where v . curl v = 0 (v a gradient)."""
+    y = sp.symbols("y1:5", real=True)
+    v = [sp.sympify(e, locals={str(s): s for s in y}) for e in v]
+    B = sp.zeros(4, 4)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        B[i, j], B[j, i] = -v[k], v[k]
+    return PoissonSystem(q=y[:2], p=y[2:], B=B, H=H, **more)
+
+
+#: A body with a quartic term, on the Casimir |y|^2 / 2 of the rotation group and on one that is not quadratic.
+BODY = "y1**2/2 + y2**2/3 + y3**2/5 + y1**4/20 + y2*y3/4"
+SPHERE = three(["y1", "y2", "y3"], BODY)
+OTHER = three(["y1**3", "y2", "y3"], BODY)
+CASIMIRS = {"quadratic": (SPHERE, "y1**2 + y2**2 + y3**2"), "quartic": (OTHER, "y1**4/2 + y2**2 + y3**2")}
+START = {"q0": (0.8, -0.5), "p0": (0.6, 1.0)}
+
+
+def structure(system, y):
+    """B(y), shape (2 d, 2 d), of the compiled function."""
+    d = system.d
+    f = system.structure()
+    columns = [np.concatenate(f(*(tuple(x) for x in (y[:d], y[d:], e[:d], e[d:])))) for e in np.eye(2 * d)]
+    return np.array(columns).T
+
+
+# -- the systems -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("system", [LV.system, SPHERE, OTHER], ids=["lotka-volterra", "sphere", "other"])
+def test_the_structure_is_skew_and_has_the_jacobi_identity(system):
+    y = (*system.q, *system.p)
+    assert sp.simplify(system.B + system.B.T) == sp.zeros(len(y), len(y))
+    assert all(e == 0 for e in jacobi_defects(system.B, y))
+    assert system.traits["Poisson structure"]
+    assert not system.traits["canonical"]
+
+
+def test_control_a_skew_matrix_without_the_jacobi_identity():
+    """v = (y2, 0, 1) has v . curl v = -1."""
+    system = three(["y2", "0", "1"], BODY)
+    assert any(e != 0 for e in jacobi_defects(system.B, (*system.q, *system.p)))
+
+
+def test_what_is_no_poisson_system_is_refused():
+    u, v = sp.symbols("u v", real=True)
+    with pytest.raises(InvalidInput, match="not skew"):
+        PoissonSystem(q=[u], p=[v], B=[[0, u], [u, 0]], H=u + v)
+    with pytest.raises(InvalidInput, match="shape"):
+        PoissonSystem(q=[u], p=[v], B=[[0]], H=u + v)
+    with pytest.raises(InvalidInput, match="not B grad H"):
+        PoissonSystem(q=[u], p=[v], B=[[0, -u * v], [u * v, 0]], H="u + v", dq=[u * v], dp=[u * v])
+
+
+def test_lotka_volterra_is_what_the_talk_writes():
+    u, v = *LV.system.q, *LV.system.p
+    assert LV.system.dq == (u * (v - 2),)
+    assert LV.system.dp == (v * (1 - u),)
+    bare = PoissonSystem(q=[u], p=[v], B=LV.system.B, H=LV.system.H)
+    assert all(sp.simplify(a - b) == 0 for a, b in zip((*bare.dq, *bare.dp), (u * (v - 2), v * (1 - u)), strict=True))
+
+
+@pytest.mark.parametrize("orbit", ["2-2", "4-8", "4-2", "6-2"])
+def test_the_logarithms_follow_the_same_orbit(orbit):
+    """To the error of RK4 at this step; H is -I, to the rounding of the logarithms."""
+    own, log = (problem(f"{id}:{orbit}") for id in ("lotka-volterra", "lotka-volterra-log"))
+    a, b = (integrate(m, "rk4", h=1 / 512, t_end=4.0, save_every=256) for m in (own, log))
+    assert np.abs(np.exp(np.hstack([b.q, b.p])) - np.hstack([a.q, a.p])).max() < 1e-8
+    own_energy, H = (m.system.observe(m.system.H, s.q, s.p) for m, s in ((own, a), (log, b)))
+    assert np.abs(own_energy + H).max() < 1e-9
+    assert np.abs(np.exp(b.q) - a.q[::-1]).max() > 1e-2, "the control: another time"
+    assert log.system.separable
+    assert not log.system.quadratic_kinetic
+
+
+# -- which maps are Poisson maps ---------------------------------------------------------------------------------------
+
+
+def defect(method, system=LV.system, y=(4.0, 2.0), h=0.1, steps=1):
+    """The largest entry of M B(y0) M^T - B(y1) for the map of some steps of one h."""
+    d, y = system.d, np.array(y)
+
+    def step(x):
+        s = integrate(system, method, h=h / steps, steps=steps, q0=x[:d], p0=x[d:], save_every=0)
+        assert s.status == "ok"
+        return np.concatenate([s.q[-1], s.p[-1]])
+
+    M = jacobian(step, y)
+    return np.abs(M @ structure(system, y) @ M.T - structure(system, step(y))).max()
+
+
+#: The error of the difference Jacobian is below the first; what is no Poisson map lies above the second.
+NOTHING, VISIBLE = 1e-9, 1e-5
+
+
+@pytest.mark.parametrize("method", ["symplectic-euler-p", "symplectic-euler-q", "stormer-verlet"])
+def test_symplectic_euler_is_a_poisson_integrator_of_lotka_volterra(method):
+    """Hairer, Lubich & Wanner 2006, VII.4, for this B; and with it its compositions."""
+    assert defect(method) < NOTHING
+
+
+def test_the_flow_is_a_poisson_map():
+    assert defect("rk4", steps=100) < NOTHING
+
+
+@pytest.mark.parametrize("method", ["implicit-midpoint", "rk4", "explicit-euler", "cohen-hairer-1"])
+def test_control_others_are_not(method):
+    assert defect(method, h=0.2) > VISIBLE
+
+
+# -- Cohen & Hairer ----------------------------------------------------------------------------------------------------
+
+
+def by_the_formula(system, s, y, h):
+    """One step from the definition: Lagrange polynomials, adaptive integrals, an equation solver from elsewhere."""
+    d = system.d
+    c, b = (x / 2 for x in np.polynomial.legendre.leggauss(s))
+    c = c + 0.5
+    basis = []
+    for i in range(s):
+        others = np.polynomial.Polynomial(np.polynomial.polynomial.polyfromroots(np.delete(c, i)))
+        basis.append(others / others(c[i]))
+    integrals = [e.integ() for e in basis]
+    gradient = system.gradient()
+
+    def grad(x):
+        return np.concatenate(gradient(tuple(x[:d]), tuple(x[d:]), 0.0, 0.0))
+
+    def defect(K):
+        K = K.reshape(s, 2 * d)
+        Y = lambda t: y + sum(f(t) * k for f, k in zip(integrals, K, strict=True))  # noqa: E731
+        G = [
+            quad_vec(lambda t, e=e: e(t) * grad(Y(t)), 0, 1, epsabs=1e-14)[0] / w for e, w in zip(basis, b, strict=True)
+        ]
+        return (K - h * np.array([structure(system, Y(t)) @ g for t, g in zip(c, G, strict=True)])).ravel()
+
+    K = fsolve(defect, np.zeros(2 * d * s), xtol=1e-13).reshape(s, 2 * d)
+    return y + b @ K
+
+
+@pytest.mark.parametrize("s", [1, 2, 3])
+def test_a_step_is_that_of_the_formula(s):
+    for system, q, p, h in ((LV.system, (4.0,), (2.0,), 0.2), (OTHER, START["q0"], START["p0"], 0.3)):
+        expected = by_the_formula(system, s, np.array([*q, *p]), h)
+        got = integrate(system, f"cohen-hairer-{s}", h=h, steps=1, q0=q, p0=p)
+        assert np.abs(np.concatenate([got.q[-1], got.p[-1]]) - expected).max() < 1e-12
+
+
+@pytest.mark.parametrize("name", ["pendulum", "henon-heiles"])
+@pytest.mark.parametrize(("ours", "theirs"), [("cohen-hairer-1", "avf"), ("cohen-hairer-2", "cpg-2")])
+def test_on_canonical_systems_it_is_the_known_method(name, ours, theirs):
+    made = problem(name)
+    a, b = (integrate(made, m, h=0.1, steps=20) for m in (ours, theirs))
+    assert np.abs([a.q - b.q, a.p - b.p]).max() < ROUND_OFF
+
+
+def spread(system, expression, solution):
+    """The greatest change of an invariant along a trajectory."""
+    value = system.observe(expression, solution.q, solution.p)
+    return np.abs(value - value[0]).max()
+
+
+@pytest.mark.parametrize("s", [1, 2, 3])
+@pytest.mark.parametrize(("orbit", "h"), [("2-2", 0.12), ("4-8", 0.06), ("4-2", 0.12)])
+def test_it_keeps_the_invariant_of_lotka_volterra(s, orbit, h):
+    made = problem(f"lotka-volterra:{orbit}")
+    found = integrate(made, f"cohen-hairer-{s}", h=h, steps=5000)
+    assert found.status == "ok"
+    assert found.counts["fallbacks"] == 0
+    assert spread(made.system, made.system.H, found) < ROUND_OFF
+
+
+def test_control_the_midpoint_rule_does_not():
+    assert spread(LV.system, LV.system.H, integrate(LV, "implicit-midpoint", h=0.12, steps=5000)) > 1e-3
+
+
+@pytest.mark.parametrize("s", [1, 2, 3])
+def test_energy_and_quadratic_casimirs_are_kept_others_not(s):
+    changed = {}
+    for kind, (system, C) in CASIMIRS.items():
+        C = sp.sympify(C, locals={str(x): x for x in (*system.q, *system.p)})
+        assert sp.simplify(sp.Matrix([[sp.diff(C, x) for x in (*system.q, *system.p)]]) * system.B) == sp.zeros(1, 4)
+        found = integrate(system, f"cohen-hairer-{s}", h=0.5, steps=1000, **START)
+        assert spread(system, system.H, found) < ROUND_OFF
+        assert np.all(found.p[:, 1] == START["p0"][1])
+        changed[kind] = spread(system, C, found)
+    assert changed["quadratic"] < ROUND_OFF
+    assert changed["quartic"] > 1e4 * ROUND_OFF
+
+
+def test_control_rk4_keeps_neither():
+    system, C = CASIMIRS["quadratic"]
+    found = integrate(system, "rk4", h=0.5, steps=1000, **START)
+    assert spread(system, system.H, found) > 1e-6
+    assert spread(system, sp.sympify(C, locals={str(x): x for x in (*system.q, *system.p)}), found) > 1e-6
+
+
+@pytest.mark.parametrize("s", [1, 2, 3])
+def test_where_the_fixed_point_fails_newton_solves(s):
+    found = integrate(SPHERE, f"cohen-hairer-{s}", h=3.0, steps=50, **START)
+    assert found.status == "ok"
+    assert found.counts["newton"] > 10
+    assert spread(SPHERE, SPHERE.H, found) < ROUND_OFF

@@ -1,0 +1,195 @@
+"""Projection: invariants to round-off against bases that drift, symmetry, fallbacks, and the equations themselves."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy.optimize import root
+
+from phasebench.benchmarks.measure.metrics import slope
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.families import projection
+from phasebench.integrators.families.projection import projected
+from phasebench.integrators.records.projection import METHODS
+from phasebench.integrators.registry import METHODS as REGISTRY
+from phasebench.integrators.registry import method
+
+BOX, KEPLER = problem("henon-heiles:box"), problem("perturbed-kepler")
+PROJECTED = {m.id: m for m in METHODS if m.family == "projection"}
+CASES = [(P, h, id) for P, h in ((BOX, 0.05), (KEPLER, 0.01)) for id, m in PROJECTED.items() if not m.lacks(P.system)]
+#: An invariant that was 1 is kept to this; what is not kept is wrong by more than FAR times as much.
+KEPT, FAR = 2e-14, 1e3
+
+
+def errors(P, s):
+    """The greatest relative errors of H and of the problem's further invariants."""
+    values = [P.system.observe(e, s.q, s.p) for e in (P.system.H, *P.system.invariants)]
+    return [np.abs(v / v[0] - 1).max() for v in values]
+
+
+@pytest.mark.parametrize(("P", "h", "id"), CASES, ids=lambda x: getattr(x, "id", x))
+def test_invariants_to_round_off_and_those_of_the_base_are_not(P, h, id):
+    m = PROJECTED[id]
+    base, onto, _ = m.data
+    s, plain = (integrate(P, x, h=h, t_end=1000) for x in (m, base))
+    assert s.status == "ok"
+    assert s.counts["fallbacks"] == 0
+    found = errors(P, s)
+    assert max(found if onto == "invariants" else found[:1]) < KEPT
+    assert errors(P, plain)[0] > FAR * KEPT
+    if P is KEPLER and onto == "energy":
+        assert found[1] > FAR * KEPT
+
+
+def there_and_back(id, steps=300):
+    """The distance from the start after some steps, p -> -p, and as many again."""
+    s = integrate(KEPLER, id, h=0.02, steps=steps)
+    back = integrate(KEPLER, id, h=0.02, steps=steps, q0=s.q[-1], p0=-s.p[-1])
+    return np.abs([back.q[-1] - s.q[0], -back.p[-1] - s.p[0]]).max()
+
+
+@pytest.mark.parametrize("id", PROJECTED)
+def test_symmetric_projection_is_reversible_and_standard_projection_is_not(id):
+    assert there_and_back(id) < 1e-10 if PROJECTED[id].symmetric else there_and_back(id) > 1e-8
+
+
+def equations(symmetric, P, h):
+    """One projected Stormer-Verlet step by a solver of all equations at once: y -> y1."""
+    system = P.system
+    f, d = system.vector_field(), system.d
+
+    def gradient(y):
+        dy = f(0, y)
+        return np.concatenate([-dy[d:], dy[:d]])
+
+    def energy(y):
+        return system.observe(system.H, y[None, :d], y[None, d:])[0]
+
+    def verlet(y):
+        q, p = y[:d], y[d:]
+        p = p + h / 2 * f(0, np.concatenate([q, p]))[d:]
+        q = q + h * p
+        return np.concatenate([q, p + h / 2 * f(0, np.concatenate([q, p]))[d:]])
+
+    H0 = energy(np.concatenate([P.q0, P.p0]))
+
+    def step(y0):
+        def residual(z):
+            y1, mu = z[:-1], z[-1]
+            if symmetric:
+                end = verlet(y0 + mu * gradient(y0)) + mu * gradient(y1)
+            else:
+                end = verlet(y0) + mu * gradient(verlet(y0))
+            return np.append(y1 - end, energy(y1) - H0)
+
+        return root(residual, np.append(verlet(y0), 0.0), tol=1e-14).x[:-1]
+
+    return step
+
+
+def test_the_steps_solve_the_equations_of_the_docstring():
+    ends = {}
+    for symmetric in (False, True):
+        step, y = equations(symmetric, BOX, 0.2), np.concatenate([BOX.q0, BOX.p0])
+        for _ in range(30):
+            y = step(y)
+        s = integrate(BOX, projected("stormer-verlet", symmetric=symmetric), h=0.2, steps=30)
+        ends[symmetric] = np.concatenate([s.q[-1], s.p[-1]])
+        assert np.abs(ends[symmetric] - y).max() < 1e-12
+    assert np.abs(ends[True] - ends[False]).max() > 1e-8
+
+
+@pytest.mark.parametrize("id", ["stormer-verlet-symmetric-projection", "rk4-projected-energy"])
+def test_multipliers_are_as_small_as_the_local_error(id):
+    h = np.array([0.2, 0.1, 0.05])
+    mu = [np.abs(integrate(BOX, id, h=x, t_end=50).parameter).max() for x in h]
+    assert slope(np.log(h), np.log(mu)).value == pytest.approx(PROJECTED[id].order + 1, abs=0.3)
+
+
+@pytest.mark.parametrize("id", ["rk4-projected-energy", "stormer-verlet-symmetric-projection"])
+def test_control_a_gradient_with_the_wrong_sign_projects_nothing(id, monkeypatch):
+    right = projection.functions
+
+    def wrong(system, invariants, arithmetic):
+        constraint, gram, _ = right(system, invariants, arithmetic)
+        return constraint, gram, right(system, [-e for e in invariants], arithmetic)[2]
+
+    monkeypatch.setattr(projection, "functions", wrong)
+    s = integrate(BOX, id, h=0.1, steps=500)
+    assert s.status == "no-root"
+    assert s.counts["fallbacks"] > 0.9 * s.counts["steps"]
+    assert "could not be projected" in s.reason
+
+
+def test_a_fallback_is_a_step_of_the_base_and_is_counted():
+    """On a circular orbit the gradients of H and L are dependent."""
+    P = problem("kepler")
+    s = integrate(P, "rk4-projected-invariants", h=0.02, steps=500, q0=[1.0, 0.0], p0=[0.0, 1.0])
+    missed = np.flatnonzero(np.isnan(s.parameter))
+    assert 0 < len(missed) == s.counts["fallbacks"]
+    for i in missed[:5]:
+        base = integrate(P, "rk4", h=0.02, steps=1, q0=s.q[i], p0=s.p[i])
+        assert np.abs([base.q[-1] - s.q[i + 1], base.p[-1] - s.p[i + 1]]).max() < 1e-15
+
+
+def test_a_later_step_wins_back_what_a_fallback_lost():
+    P = problem("kepler")
+    s = integrate(P, projected("explicit-euler"), h=0.1, steps=200)
+    error = np.abs(P.system.observe(P.system.H, s.q, s.p)[1:] + 0.5)
+    missed = np.isnan(s.parameter)
+    assert s.status == "ok"
+    assert 0 < missed.sum() == s.counts["fallbacks"]
+    assert error[missed].max() > 0.1
+    assert error[~missed].max() < KEPT
+
+
+def test_a_correction_longer_than_the_state_is_none():
+    """Past a collision the iteration would find states as far away as one likes."""
+    s = integrate(problem("kepler"), "rk4-projected-energy", h=0.6, steps=200)
+    assert s.status == "collision"
+    assert np.abs(s.q).max() < 1000
+
+
+def test_multipliers_that_no_longer_continue_the_last_ones_start_from_zero():
+    """At this h the pericentre is hardly resolved: without the second start a hundred steps are fallbacks."""
+    s = integrate(problem("kepler"), "stormer-verlet-symmetric-projection", h=0.2, t_end=200)
+    assert s.status == "ok"
+    assert s.counts["fallbacks"] == 0
+
+
+def test_an_equilibrium_stays_where_it_is():
+    for id, m in PROJECTED.items():
+        if not m.lacks(BOX.system):
+            s = integrate(BOX, id, h=0.1, steps=10, q0=[0.0, 0.0], p0=[0.0, 0.0])
+            assert s.status == "ok"
+            assert s.counts["fallbacks"] == 0
+            assert not s.q.any()
+
+
+def test_any_base_of_the_families_and_its_parameters():
+    splitting = next(m.id for m in REGISTRY if m.family == "splitting")
+    for base in ("explicit-euler", "symplectic-euler-q", "scheme-ii", splitting):
+        m = projected(base)
+        assert (m.id, m.order) == (f"{base}-projected-energy", method(base).order)
+        s = integrate(BOX, m, h=0.02, t_end=20)
+        assert s.status == "ok"
+        assert errors(BOX, s)[0] < KEPT
+    m = projected("scheme-i", symmetric=True, lam=Fraction(1, 2))
+    assert (m.order, m.symmetric, m.parameters["lam"]) == (2, True, Fraction(1, 2))
+    with pytest.raises(InvalidInput, match="not symmetric"):
+        m(lam=Fraction(1, 3))
+
+
+def test_what_cannot_be_projected_is_refused():
+    with pytest.raises(InvalidInput, match="is not symmetric"):
+        projected("rk4", symmetric=True)
+    with pytest.raises(InvalidInput, match="family averaged"):
+        projected("avf")
+    with pytest.raises(InvalidInput, match="energy, invariants"):
+        projected("rk4", onto="momentum")
+    with pytest.raises(InvalidInput, match="further invariants"):
+        integrate(BOX, "rk4-projected-invariants", h=0.1, steps=1)

@@ -1,0 +1,103 @@
+"""What a record says of a method: ids, classes, requirements, and the works it cites."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from typer.testing import CliRunner
+
+from phasebench.benchmarks import bibliography
+from phasebench.benchmarks.__main__ import app
+from phasebench.benchmarks.problems import PROBLEMS, problem
+from phasebench.integrators.record import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
+from phasebench.integrators.registry import BY_ID, METHODS, method
+
+TRAITS = set(problem("pendulum").system.traits)
+IDS = [m.id for m in METHODS]
+
+
+def test_there_are_ninety_methods_and_no_id_stands_twice():
+    assert len(IDS) >= 90
+    assert len(set(IDS)) == len(IDS)
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_a_record_is_complete(id):
+    m = BY_ID[id]
+    assert re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", m.id)
+    assert m.name
+    assert m.source
+    assert m.order >= 1
+    assert {m.energy, m.quadratic} <= {EXACT, ROUND_OFF, BOUNDED, DRIFT, NONE}
+    assert set(m.requires) <= TRAITS, "no system has such a trait"
+    assert m.cite
+    assert set(m.cite) <= set(bibliography.entries()), "the bibliography lacks a key"
+
+
+def test_every_work_of_the_bibliography_is_cited():
+    works = {key for m in METHODS for key in m.cite} | {key for name in PROBLEMS for key in problem(name).cite}
+    assert set(bibliography.entries()) == works
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_a_problem_cites_its_works(name):
+    assert problem(name).cite
+    assert set(problem(name).cite) <= set(bibliography.entries()), "the bibliography lacks a key"
+
+
+@pytest.mark.parametrize("key", bibliography.entries())
+def test_an_entry_is_bibtex(key):
+    text = bibliography.entries()[key]
+    assert text.count("{") == text.count("}")
+    fields = dict(re.findall(r"^  (\w+) = \{(.*)\},?$", text, re.MULTILINE))
+    assert {"title", "author"} <= set(fields)
+    assert fields.get("year", "2000").isdigit()
+    assert not re.search(r"\}\n  \w+ =", text), "a comma is missing"
+
+
+def test_no_two_methods_are_the_same_data():
+    """One method under two ids would count twice; Stormer-Verlet and others have relatives, none a twin."""
+    seen = {}
+    for m in METHODS:
+        key = (m.family, repr(m.data), m.requires)
+        assert key not in seen or {m.id, seen[key]} in TWINS, f"{m.id} is {seen[key]}"
+        seen[key] = m.id
+
+
+#: Equal at the default parameter only.
+TWINS = [{"scheme-i", "generating-function"}]
+
+
+def test_a_parameter_changes_a_record_and_its_label():
+    a, b = method("scheme-i", lam=-1), method("scheme-i", lam=2)
+    assert a.data != b.data
+    assert a.label != b.label
+
+
+def cite(*arguments):
+    return CliRunner().invoke(app, ["cite", *arguments])
+
+
+def test_cite_prints_each_work_once():
+    text = cite("scheme-v", "scheme-iv", "avf").stdout
+    assert text.count("@misc{wang-talk,") == 1
+    assert "@article{quispel2008," in text
+    assert "verlet" not in text
+
+
+def test_cite_of_a_report_has_the_works_of_its_methods(tmp_path):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "rows.csv").write_text("id,h\navf,0.1\nstormer-verlet,0.1\nheyoka,0.1\n")
+    text = cite("--folder", str(tmp_path)).stdout
+    assert {"quispel2008", "verlet1967"} <= set(re.findall(r"^@\w+\{([^,]+),", text, re.MULTILINE))
+    assert "kutta1901" not in text
+
+
+def test_cite_says_what_is_wrong(tmp_path):
+    unknown = cite("scheme-vi")
+    assert unknown.exit_code == 2
+    assert "scheme-v" in unknown.stderr
+    empty = cite("--folder", str(tmp_path))
+    assert empty.exit_code == 2
+    assert "pytest benchmarks" in " ".join(empty.stderr.split())

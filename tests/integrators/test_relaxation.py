@@ -1,0 +1,137 @@
+"""Relaxation Runge-Kutta: the energy to round-off, the relaxed time near n h, and the controls without either."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from phasebench.benchmarks.measure.metrics import order, slope
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import driver
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.families.relaxation import relaxed
+from phasebench.integrators.records.projection import METHODS
+from phasebench.integrators.registry import method
+
+BOX, CHAOTIC, KEPLER = (problem(n) for n in ("henon-heiles:box", "henon-heiles:chaotic", "perturbed-kepler"))
+RELAXED = {m.id: m for m in METHODS if m.family == "relaxation"}
+KEPT, FAR = 2e-14, 1e3
+#: By this much a method of high order takes longer steps, for its errors to show.
+LONGER = {"dop853-relaxation": 8}
+
+
+def error(P, s):
+    """The greatest relative error of H."""
+    H = P.system.observe(P.system.H, s.q, s.p)
+    return np.abs(H / H[0] - 1).max()
+
+
+def end(s):
+    return np.concatenate([s.q[-1], s.p[-1]])
+
+
+@pytest.mark.parametrize(("P", "h"), [(BOX, 0.05), (KEPLER, 0.01)], ids=["box", "kepler"])
+@pytest.mark.parametrize("id", RELAXED)
+def test_the_energy_to_round_off_and_without_relaxation_a_drift(P, h, id):
+    h *= LONGER.get(id, 1)
+    s, plain = (integrate(P, m, h=h, t_end=1000) for m in (RELAXED[id], RELAXED[id].data[0]))
+    assert s.status == "ok"
+    assert s.counts["fallbacks"] == 0
+    assert error(P, s) < KEPT
+    assert error(P, plain) > FAR * KEPT
+
+
+def offsets(gamma, h):
+    """t_n - n h of steps with these gamma, each aimed at the next grid time."""
+    found = [0.0]
+    for g in gamma:
+        found.append((g - 1) * (h - found[-1]))
+    return np.array(found[1:])
+
+
+@pytest.mark.parametrize("id", RELAXED)
+def test_the_relaxed_time_stays_within_the_methods_error_of_the_grid(id):
+    h = np.array([0.2, 0.1, 0.05]) * LONGER.get(id, 2) / 2
+    greatest = []
+    for x in h:
+        gamma = integrate(BOX, id, h=x, t_end=1000).parameter
+        offset = np.abs(offsets(gamma, x))
+        greatest.append(offset.max())
+        assert offset[-len(offset) // 4 :].max() < 1.2 * offset[: len(offset) // 4].max()
+        # Control: steps that do not aim at the grid leave it for good.
+        assert abs((gamma - 1).sum() * x) > 20 * offset.max()
+    assert slope(np.log(h), np.log(greatest)).value == pytest.approx(RELAXED[id].order, abs=0.5)
+
+
+@pytest.mark.parametrize("id", ["rk4-relaxation", "kutta-3-relaxation"])
+def test_a_step_reaches_the_relaxed_time_not_the_grid_time(id):
+    """Its error is of order p + 1 at gamma h, of order p at h."""
+    h = np.array([0.1, 0.05, 0.025])
+    relaxed_time, grid_time = [], []
+    for x in h:
+        s = integrate(CHAOTIC, id, h=x, steps=1, q0=[0.3, 0.2], p0=[0.1, 0.4])
+        for t, errors in ((s.parameter[0] * x, relaxed_time), (x, grid_time)):
+            exact = integrate(CHAOTIC, "rk4", t_end=t, steps=2000, q0=[0.3, 0.2], p0=[0.1, 0.4])
+            errors.append(np.abs(end(s) - end(exact)).max())
+    p = RELAXED[id].order
+    assert slope(np.log(h), np.log(relaxed_time)).value == pytest.approx(p + 1, abs=0.3)
+    assert slope(np.log(h), np.log(grid_time)).value == pytest.approx(p, abs=0.3)
+
+
+def test_control_without_the_time_adjusted_an_order_is_lost():
+    P, base, h = problem("pendulum"), method("rk4"), 0.1 / 2.0 ** np.arange(4)
+    exact = end(integrate(P, "rk4", h=0.001, t_end=10))
+    observed = []
+    for adjust in (True, False):
+        m = relaxed(base, adjust_time=adjust)
+        e = [np.abs(end(integrate(P, m, h=x, t_end=10)) - exact).max() for x in h]
+        observed.append(order(h, e))
+        assert m.order == round(observed[-1].value)
+    assert [o.value for o in observed] == pytest.approx([4, 3], abs=0.2)
+
+
+def test_the_steps_are_those_of_a_plain_loop():
+    """Another root finder, and the steps' lengths from the sum of the relaxed times."""
+    f, H = BOX.system.vector_field(), lambda y: BOX.system.observe(BOX.system.H, y[None, :2], y[None, 2:])[0]
+    y, t, h = np.concatenate([BOX.q0, BOX.p0]), 0.0, 0.2
+    H0 = H(y)
+    for n in range(40):
+        step = (n + 1) * h - t
+        k1 = f(0, y)
+        k2 = f(0, y + step / 2 * k1)
+        k3 = f(0, y + step / 2 * k2)
+        d = step / 6 * (k1 + 2 * k2 + 2 * k3 + f(0, y + step * k3))
+        gamma = brentq(lambda g, y=y, d=d: H(y + g * d) - H0, 0.9, 1.1, xtol=1e-15)
+        y, t = y + gamma * d, t + gamma * step
+    s = integrate(BOX, "rk4-relaxation", h=h, steps=40)
+    assert np.abs(end(s) - y).max() < 1e-11
+    plain = integrate(BOX, "rk4", h=h, steps=40)
+    assert np.abs(end(plain) - y).max() > 1e-6
+
+
+def test_the_offset_goes_on_between_calls_of_the_kernel(monkeypatch):
+    """The relaxed time is part of the state."""
+    ends = []
+    for piece in (1000, 7):
+        monkeypatch.setattr(driver, "PIECE", piece)
+        ends.append(end(integrate(BOX, "kutta-3-relaxation", h=0.2, steps=50)))
+    assert np.array_equal(*ends)
+
+
+def test_a_step_without_a_root_is_the_base_step_and_is_counted():
+    P = problem("pendulum")
+    s = integrate(P, "rk4-relaxation", h=0.8, steps=125, q0=[0.0], p0=[2.5])
+    missed = np.flatnonzero(np.isnan(s.parameter))
+    assert 0 < len(missed) == s.counts["fallbacks"]
+    i = missed[0]
+    length = 0.8 - [0.0, *offsets(s.parameter[:i], 0.8)][-1]
+    base = integrate(P, "rk4", h=length, steps=1, q0=s.q[i], p0=s.p[i])
+    assert np.abs(end(base) - np.concatenate([s.q[i + 1], s.p[i + 1]])).max() < 1e-13
+
+
+@pytest.mark.parametrize("id", ["explicit-euler", "stormer-verlet"])
+def test_what_cannot_be_relaxed_is_refused(id):
+    with pytest.raises(InvalidInput, match="order 2 or more"):
+        relaxed(id)

@@ -1,0 +1,45 @@
+"""The units of p do not matter: with p and H in units of a power of two, q is the same to round-off and p is scaled.
+
+A stopping rule in one norm of q and p together would hide the error of momenta far smaller than the coordinates.
+Gonzalez' discrete gradient and projections use the Euclidean norm of (q, p), so that they change with the units by
+their definition: the controls.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from phasebench.integrators import Hamiltonian, integrate
+from phasebench.integrators.registry import METHODS
+
+POWERS = (-24, 24)
+Q0, P0, STEPS = 2.0, 0.3, 40
+EUCLIDEAN = {"discrete_gradient", "projection"}
+
+
+def pendulum(power: int) -> Hamiltonian:
+    """H = 2^k ((p / 2^k)^2 / 2 + 1 - cos q)."""
+    return Hamiltonian(q="q", p="p", H=f"p**2*{2.0**-power!r}/2 + {2.0**power!r}*(1 - cos(q))")
+
+
+SYSTEMS = {power: pendulum(power) for power in (0, *POWERS)}
+
+
+def moved(method, power: int) -> float:
+    """How far the run in other units is from the one in units of 1."""
+    own = integrate(SYSTEMS[0], method, h=0.1, steps=STEPS, q0=[Q0], p0=[P0])
+    other = integrate(SYSTEMS[power], method, h=0.1, steps=STEPS, q0=[Q0], p0=[P0 * 2.0**power])
+    assert own.status == "ok"
+    if other.status != own.status:
+        return np.inf
+    return float(max(np.abs(other.q - own.q).max(), np.abs(other.p / 2.0**power - own.p).max()))
+
+
+@pytest.mark.parametrize("power", POWERS)
+@pytest.mark.parametrize("m", [m for m in METHODS if not m.lacks(SYSTEMS[0])], ids=lambda m: m.id)
+def test_units_of_the_momenta_change_round_off_alone(m, power):
+    if m.family in EUCLIDEAN:
+        assert moved(m, power) > 1e-9
+    else:
+        assert moved(m, power) < 1e-12

@@ -1,0 +1,46 @@
+"""The symplecticity defect of every step map, from Jacobians in multiprecision."""
+
+from __future__ import annotations
+
+import pytest
+
+from phasebench.benchmarks.measure.battery import by_label, high_order_variants, variants
+
+#: The error of the difference Jacobian in 40 digits is below the first, what a defect shows above the second.
+ROUND_OFF, VISIBLE = 1e-26, 1e-22
+ALL = by_label(variants() + high_order_variants())
+SYMPLECTIC = [label for label, m in ALL.items() if m.symplectic]
+OTHERS = [label for label, m in ALL.items() if not m.symplectic]
+
+
+def numbers(row):
+    """A measurement of which no part failed."""
+    assert row
+    assert not [x for x in row.values() if isinstance(x, str)], row
+    return row
+
+
+@pytest.mark.parametrize("label", SYMPLECTIC)
+def test_symplectic(measured, label):
+    defects = numbers(measured("symplecticity")[label])
+    assert max(defects.values()) < ROUND_OFF, defects
+
+
+@pytest.mark.parametrize("label", OTHERS)
+def test_control_what_is_not_declared_symplectic_visibly_is_not(measured, label):
+    defects = numbers(measured("symplecticity")[label])
+    assert max(defects.values()) > VISIBLE, defects
+
+
+def test_the_known_controls_are_among_them():
+    assert {"rk4", "explicit-euler", "implicit-euler", "avf", "scheme-iv", "scheme-v"} <= set(OTHERS)
+
+
+@pytest.mark.parametrize("label", ["scheme-iv", "scheme-v"])
+def test_with_its_parameter_frozen_the_step_is_symplectic(measured, label):
+    rows = measured("frozen")[label]
+    assert rows, "no step of these has a root"
+    for name, row in rows.items():
+        assert row["distance"] < 1e-14, f"{name}: the frozen step is not the step that was taken"
+        assert row["defect"] < ROUND_OFF, name
+        assert measured("symplecticity")[label][name] > VISIBLE or row["lam"] == 0.5, name

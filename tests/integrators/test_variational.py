@@ -1,0 +1,254 @@
+"""Galerkin variational integrators: the discrete action itself, and the collocation methods that some of them are."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+
+import mpmath
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.measure.battery import SYSTEMS
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.families import variational
+from phasebench.integrators.registry import METHODS, method
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
+IDS = [m.id for m in METHODS if m.family == "variational"]
+H, STEPS = 0.1, 40
+ROUND_OFF, VISIBLE = 1e-13, 1e-10
+
+
+@cache
+def end(id, name="henon-heiles"):
+    system, q, p = SYSTEMS[name]()
+    s = integrate(system, id, h=H, steps=STEPS, q0=q, p0=p)
+    assert s.status == "ok", s.reason
+    return np.concatenate([s.q[-1], s.p[-1]])
+
+
+# -- the discrete action ----------------------------------------------------------------------------------------------
+
+
+#: Kinetic energy with coupled momenta: M^-1 = [[2, 1/2], [1/2, 1]].
+INVERSE_MASS = ((2, 0.5), (0.5, 1))
+
+
+@cache
+def heavy():
+    return Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2 + p1*p2/2 + p2**2/2 + q1**4/4 + q1*q2**2 + cos(q2)")
+
+
+def rule(quadrature, nodes):
+    """[(node, weight)] from NumPy's Legendre polynomials, polished and integrated in the working precision."""
+    base = np.polynomial.legendre.Legendre.basis(nodes if quadrature == "gauss" else nodes - 1)
+    roots = list(base.roots()) if quadrature == "gauss" else [-1.0, *base.deriv().roots(), 1.0]
+    t = [mpmath.mpf(x) for x in roots]
+    polynomial = (lambda x: mpmath.legendre(nodes, x)) if quadrature == "gauss" else (
+        lambda x: (1 - x * x) * mpmath.diff(lambda y: mpmath.legendre(nodes - 1, y), x)
+    )  # fmt: skip
+    t = [x if abs(x) == 1 else mpmath.findroot(polynomial, x) for x in t]
+    A = mpmath.matrix([[x**k for x in t] for k in range(nodes)])
+    moments = mpmath.matrix([mpmath.mpf(1 - (-1) ** (k + 1)) / (k + 1) for k in range(nodes)])
+    return [((1 + x) / 2, w / 2) for x, w in zip(t, mpmath.lu_solve(A, moments), strict=True)]
+
+
+def action(points, h, quadrature):
+    """The discrete action of the polynomial through ``points`` [(q1, q2), ...] at equidistant times of the step."""
+    s = len(points) - 1
+    mass = mpmath.matrix(INVERSE_MASS) ** -1
+    V = lambda q1, q2: q1**4 / 4 + q1 * q2**2 + mpmath.cos(q2)  # noqa: E731
+    total = mpmath.mpf(0)
+    for c, b in quadrature:
+        Q, velocity = [mpmath.mpf(0)] * 2, [mpmath.mpf(0)] * 2
+        for k, point in enumerate(points):
+            others = [j for j in range(s + 1) if j != k]
+            value = mpmath.fprod((s * c - j) / (k - j) for j in others)
+            slope = mpmath.fsum(
+                mpmath.mpf(s) / (k - i) * mpmath.fprod((s * c - j) / (k - j) for j in others if j != i) for i in others
+            )
+            for m in range(2):
+                Q[m] += value * point[m]
+                velocity[m] += slope * point[m] / h
+        v = mpmath.matrix(velocity)
+        total += h * b * ((v.T * mass * v)[0] / 2 - V(*Q))
+    return total
+
+
+def residual(id, spoil=0):
+    """How far a step is from p0 = -dL_d/dq0, p1 = dL_d/dq1 with the inner control points stationary."""
+    degree, quadrature, nodes = method(id).data
+    system, q0, p0 = heavy(), (0.3, -0.5), (0.4, 0.7)
+    s = integrate(system, id, h=H, steps=1, q0=q0, p0=p0)
+    with mpmath.workdps(30):
+        h, weights = mpmath.mpf(H), rule(quadrature, nodes)
+        weights[0] = (weights[0][0], weights[0][1] * (1 + spoil))
+        first, last = [mpmath.mpf(x) for x in q0], [mpmath.mpf(x) for x in s.q[-1]]
+        size = 2 * (degree - 1)
+
+        def slope(flat, i):
+            """dL_d by the i-th of the numbers of all control points."""
+
+            def along(x):
+                moved = [*flat[:i], x, *flat[i + 1 :]]
+                return action(list(zip(moved[::2], moved[1::2], strict=True)), h, weights)
+
+            e = mpmath.mpf(10) ** -7
+            return (8 * (along(flat[i] + e) - along(flat[i] - e)) - along(flat[i] + 2 * e) + along(flat[i] - 2 * e)) / (
+                12 * e
+            )
+
+        inner = [a + (b - a) * k / degree for k in range(1, degree) for a, b in zip(first, last, strict=True)]
+        if size:
+            J = mpmath.matrix(size, size)
+            for sweep in range(3):  # Newton's method, the matrix of the first sweep
+                flat = [*first, *inner, *last]
+                g = mpmath.matrix([slope(flat, 2 + i) for i in range(size)])
+                if sweep == 0:
+                    e = mpmath.mpf(10) ** -5
+                    for j in range(size):
+                        bent = list(flat)
+                        bent[2 + j] += e
+                        for i in range(size):
+                            J[i, j] = (slope(bent, 2 + i) - g[i]) / e
+                inner = list(mpmath.matrix(inner) - mpmath.lu_solve(J, g))
+        flat = [*first, *inner, *last]
+        rest = [p0[i] + slope(flat, i) for i in range(2)] + [
+            s.p[-1][i] - slope(flat, len(flat) - 2 + i) for i in (0, 1)
+        ]
+        return max(abs(float(x)) for x in rest)
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_a_step_makes_the_discrete_action_stationary(id):
+    # The derivatives of L_d divide the round-off of q1 by h.
+    assert residual(id) < 2e-14
+
+
+def test_control_another_action_is_not_stationary():
+    assert residual("variational-2-3", spoil=1e-8) > 1e-10
+
+
+# -- the collocation methods that some of them are --------------------------------------------------------------------
+
+
+def collocation(nodes):
+    """(A, b) with the integrals of the Lagrange polynomials of the nodes, in doubles."""
+    c = np.array(nodes)
+    powers = np.vander(c, increasing=True)
+    k = np.arange(1, len(c) + 1)
+    A = np.linalg.solve(powers.T, (c[:, None] ** k / k).T).T
+    return A, np.linalg.solve(powers.T, 1 / k)
+
+
+def gauss(stages):
+    A, b = collocation((np.polynomial.legendre.leggauss(stages)[0] + 1) / 2)
+    return A, A, b
+
+
+def lobatto(stages):
+    """Lobatto IIIA for q; IIIB for p, from b_i B_ij + b_j A_ji = b_i b_j."""
+    inner = np.polynomial.legendre.Legendre.basis(stages - 1).deriv().roots()
+    A, b = collocation((np.array([-1.0, *inner, 1.0]) + 1) / 2)
+    return A, b - (b * A.T / b[:, None]), b
+
+
+def partitioned(A, B, b):
+    """The end of the Henon-Heiles orbit by stages (q', p') that a fixed point finds, A for q and B for p."""
+    _, q, p = SYSTEMS["henon-heiles"]()
+    q, p = np.array(q), np.array(p)
+    for _ in range(STEPS):
+        V, F = np.zeros((len(b), 2)), np.zeros((len(b), 2))
+        for _ in range(60):
+            x, y = (q + H * A @ V).T
+            V, F = p + H * B @ F, np.stack([-x - 2 * x * y, -y - x * x + y * y], axis=1)
+        q, p = q + H * b @ V, p + H * b @ F
+    return np.concatenate([q, p])
+
+
+OTHERS = {
+    "variational-midpoint": lambda: end("implicit-midpoint"),
+    "variational-trapezoidal": lambda: end("stormer-verlet"),
+    "variational-gauss-2": lambda: partitioned(*gauss(2)),
+    "variational-gauss-3": lambda: partitioned(*gauss(3)),
+    "variational-lobatto-3": lambda: partitioned(*lobatto(3)),
+    "variational-lobatto-4": lambda: partitioned(*lobatto(4)),
+}
+
+
+@pytest.mark.parametrize("id", OTHERS)
+def test_with_as_many_nodes_as_unknowns_it_is_a_known_method(id):
+    assert np.abs(end(id) - OTHERS[id]()).max() < ROUND_OFF
+
+
+def test_with_more_nodes_it_is_none_of_them():
+    """The control of the equalities too: what is another method shows."""
+    assert set(IDS) == {*OTHERS, "variational-2-3"}
+    ends = [*(f() for f in OTHERS.values()), end("variational-2-3")]
+    for i, a in enumerate(ends):
+        assert all(np.abs(a - b).max() > VISIBLE for b in ends[:i])
+
+
+def test_the_coefficients_satisfy_the_conditions_of_symplecticity():
+    for id in IDS:
+        degree, quadrature, nodes = method(id).data
+        points = variational.QUADRATURES[quadrature](nodes, 60)
+        *rows, last, _ = variational.coefficients(degree, points)
+        with mpmath.workdps(60):
+            for i, (c, _) in enumerate(points):
+                assert abs(last[i] - (1 - c)) < 1e-55
+                assert abs(rows[i][nodes] - c) < 1e-55
+                for j in range(i):
+                    assert abs(rows[i][j] - rows[j][i] - (c - points[j][0])) < 1e-55
+
+
+# -- the solver, long runs, arrays ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("id", "numerator"), [("variational-midpoint", (1, 1 / 2)), ("variational-gauss-2", (1, 1 / 2, 1 / 12))]
+)
+def test_newtons_method_takes_over_where_the_force_is_stiff(id, numerator):
+    """Of y' = Ky the Gauss methods are the diagonal Pade approximations of exp: here h omega = 20."""
+    w = 200.0
+    system = Hamiltonian(q="q1 q2", p="p1 p2", H="(p1**2 + p2**2 + 40000*q1**2 + q2**2)/2")
+    s = integrate(system, id, h=H, steps=3, q0=[0.01, 0.5], p0=[1.0, 0.3])
+    assert s.status == "ok", s.reason
+    assert s.counts["newton"] == 3
+    for i, omega in enumerate((w, 1.0)):
+        z = H * np.array([[0, 1], [-(omega**2), 0]])
+        above, below = (sum(a * np.linalg.matrix_power(f * z, k) for k, a in enumerate(numerator)) for f in (1, -1))
+        y = np.linalg.matrix_power(np.linalg.solve(below, above), 3) @ [(0.01, 0.5)[i], (1.0, 0.3)[i]]
+        assert abs(s.q[-1, i] - y[0]) < 1e-12
+        assert abs(s.p[-1, i] - y[1]) < 1e-10
+
+
+def test_an_unsolvable_step_is_a_status():
+    s = integrate(SYSTEMS["henon-heiles"]()[0], "variational-gauss-2", h=50.0, steps=5, q0=[2.0, 3.0], p0=[9.0, 9.0])
+    assert s.status in ("not-converged", "diverged")
+
+
+@pytest.mark.parametrize("id", ["variational-gauss-2", "variational-2-3"])
+def test_rounded_coefficients_do_not_add_up_to_a_trend_of_the_angular_momentum(id):
+    """With rounded b_j (1 - c_j) in place of 1 - c_j times b_j F_j, Gauss 2 is at 5e-15 here."""
+    made = problem("perturbed-kepler")
+    s = integrate(made, id, h=0.02, steps=200_000, save_every=100)
+    L = made.system.observe(made.invariants["angular-momentum"], s.q, s.p)
+    assert np.abs(L - L[0]).max() < 3e-15
+
+
+@pytest.mark.parametrize("id", ["variational-lobatto-3"])
+def test_arrays_and_tuples_agree(id, monkeypatch):
+    made = problem("henon-heiles")
+    ends = []
+    for limit in (codegen.TUPLE_LIMIT, 1):
+        with monkeypatch.context() as patch:
+            patch.setattr(codegen, "TUPLE_LIMIT", limit)
+            system = Hamiltonian(q=made.system.q, p=made.system.p, H=made.system.H)
+            s = integrate(system, id, h=0.05, steps=200, q0=made.q0, p0=made.p0)
+            assert s.status == "ok", s.reason
+            ends.append(np.concatenate([s.q[-1], s.p[-1]]))
+    assert max(np.abs(a - b).max() for a, b in pairwise(ends)) < 1e-12

@@ -1,0 +1,254 @@
+"""Wisdom-Holman splittings: generalised orders, correctors, Jacobi coordinates, the planets.
+
+``python test_wisdom_holman.py`` prints what a process with NUMBA_DISABLE_JIT=1 measures.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from math import log
+
+import mpmath
+import numpy as np
+import pytest
+import sympy as sp
+
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import driver
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.families import wisdom_holman
+from phasebench.integrators.families.wisdom_holman import KeplerPart, corrector, jacobi
+from phasebench.integrators.registry import METHODS, method
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
+FAMILY = [m.id for m in METHODS if m.family == "wisdom_holman"]
+#: The power of h that the error has to first order in the perturbation.
+FIRST_ORDER = {
+    "wisdom-holman": 2,
+    "wisdom-holman-corrector(corrector=3)": 4,
+    "wisdom-holman-corrector(corrector=5)": 6,
+    "wisdom-holman-corrector(corrector=7)": 8,
+    "wisdom-holman-corrector(corrector=11)": 12,
+    "wisdom-holman-corrector(corrector=17)": 18,
+    "wisdom-holman-saba-2": 4,
+    "wisdom-holman-saba-4": 8,
+    "wisdom-holman-aba-8-6-4": 8,
+    "wisdom-holman-aba-10-6-4": 10,
+}
+#: A perturbation whose square is far below every error, and the digits that it takes.
+TINY, DIGITS = 1e-30, 80
+#: Whose step maps are compared with plain NumPy's.
+PLANETS, H, STEPS = "outer-solar-system", 100.0, 3
+
+
+def by_label(label):
+    id, _, value = label.partition("(corrector=")
+    return method(id, corrector=int(value[:-1])) if value else method(id)
+
+
+def first_orders():
+    """{label: observed orders of the error to first order in the perturbation}, and with the corrector's sign wrong."""
+    from phasebench.benchmarks.measure.multiprecision import advance, flow, vector
+
+    out = {}
+    with mpmath.workdps(DIGITS):
+        made = problem("perturbed-kepler", e=0.2, mu=TINY)
+        y, _ = flow(made.system, vector(made.q0, made.p0), mpmath.mpf(1) / 2, 16)
+        span = mpmath.mpf(1) / 8
+        end, _ = flow(made.system, y, span, 32)
+
+        def orders(chosen):
+            errors = [max(abs(advance(made.system, chosen, y, span / n, n) - end)) for n in (2, 3, 4)]
+            return [float(mpmath.log(errors[i] / errors[i + 1]) / log((i + 3) / (i + 2))) for i in (0, 1)]
+
+        for label in FIRST_ORDER:
+            out[label] = orders(by_label(label))
+        right = wisdom_holman.corrector
+        wisdom_holman.corrector = lambda order: [(t, -b) for t, b in right(order)]
+        out["wrong sign"] = orders(by_label("wisdom-holman-corrector(corrector=17)"))
+    return out
+
+
+def planets():
+    """{id: state after a few steps of the outer solar system}, as hexadecimal text."""
+    made = problem(PLANETS)
+    out = {}
+    for id in FAMILY:
+        s = integrate(made, id, h=H, steps=STEPS)
+        out[id] = [float(x).hex() for x in (*s.q[-1], *s.p[-1])]
+    return out
+
+
+def end(s):
+    assert s.status == "ok", s.reason
+    return np.concatenate([s.q[-1], s.p[-1]])
+
+
+def elsewhere(system, q, p, t):
+    """The state at t by DOP853, which knows no Kepler problem."""
+    from scipy.integrate import solve_ivp
+
+    return solve_ivp(system.vector_field(), (0, t), [*q, *p], method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+
+
+@pytest.mark.parametrize("label", FIRST_ORDER)
+def test_the_error_to_first_order_in_the_perturbation(uncompiled, label):
+    """eps h^2 becomes eps h^(n + 1) by the corrector of order n: eps h^18 for the 17th."""
+    assert (
+        max(abs(o - FIRST_ORDER[label]) for o in uncompiled("integrators/test_wisdom_holman.py", "orders")[label]) < 0.1
+    )
+
+
+def test_control_a_corrector_of_the_wrong_sign_removes_nothing(uncompiled):
+    assert max(abs(o - 2) for o in uncompiled("integrators/test_wisdom_holman.py", "orders")["wrong sign"]) < 0.1
+
+
+def test_correctors_are_the_published_ones():
+    """Wisdom (2006), table 1: alpha = sqrt(7/40), beta = 1/(48 alpha); beta/2 for order 3, 5/6 and 1/6 beta for 5."""
+    alpha = mpmath.sqrt(mpmath.mpf(7) / 40)
+    beta = 1 / (48 * alpha)
+    found = {n: {float(round(t / alpha)): b / beta for t, b in corrector(n)} for n in (3, 5)}
+    assert found[3][1] == pytest.approx(-1 / 2, rel=1e-15, abs=0)
+    assert found[5][1] == pytest.approx(-5 / 6, rel=1e-15, abs=0)
+    assert found[5][2] == pytest.approx(1 / 6, rel=1e-15, abs=0)
+    for n in (3, 17):
+        kicks = corrector(n)
+        assert kicks == kicks[::-1], "backwards in time it is itself"
+
+
+@pytest.mark.parametrize("value", [0, 2, 4, 9, 19, -3])
+def test_other_correctors_are_refused(value):
+    with pytest.raises(InvalidInput, match="3, 5, 7, 11, 17"):
+        method("wisdom-holman-corrector", corrector=value)
+
+
+@pytest.mark.parametrize("id", ["wisdom-holman", "wisdom-holman-corrector", "wisdom-holman-aba-8-6-4"])
+def test_rows_and_pieces_change_nothing(id, monkeypatch):
+    """The state of a step does not depend on which rows are kept, nor on where the driver looks at the clock."""
+    made = problem("perturbed-kepler")
+    every = integrate(made, id, h=0.1, steps=100)
+    some = integrate(made, id, h=0.1, steps=100, save_every=7)
+    last = integrate(made, id, h=0.1, steps=100, save_every=0)
+    monkeypatch.setattr(driver, "PIECE", 9)
+    pieces = integrate(made, id, h=0.1, steps=100, save_every=11)
+    assert np.array_equal(some.q[:-1], every.q[:-1:7])
+    for other in (some, last, pieces):
+        assert np.array_equal(end(other), end(every))
+
+
+@pytest.mark.parametrize("id", FAMILY)
+def test_kepler_is_solved_exactly(id):
+    """Without an interaction every step is exact; with one it is not."""
+    from phasebench.reference.solvers.exact import exact
+
+    made = problem("kepler", e=0.6)
+    Q, P = exact(made, [30.0])
+    wanted = np.array([float(x) for x in (*Q[0], *P[0])])
+    for steps in (10, 200):
+        found = end(integrate(made, id, h=30.0 / steps, steps=steps))
+        assert np.abs(found - wanted).max() < 1e-12
+    other = end(integrate(problem("perturbed-kepler"), id, h=0.15, steps=200))
+    assert np.abs(other - wanted).max() > 1e-3
+
+
+def test_jacobi_coordinates_are_canonical_and_split_the_masses():
+    masses, G = [sp.Rational(m) for m in ("1", "1/1000", "3/1000")], sp.Rational(1, 3)
+    part = jacobi(masses, G)
+    C = part.matrix
+    assert C * sp.Matrix([1, 1, 1]) == sp.Matrix([1, 0, 0]), "differences but for the centre of mass"
+    assert C * sp.diag(*(1 / m for m in masses)) * C.T == sp.diag(*(1 / m for m in part.masses))
+    assert part.mu == (0, G * sp.Rational(1001, 1000), G * sp.Rational(1004, 1000))
+    assert part.masses[1] * part.mu[1] == G * masses[0] * masses[1]
+
+
+def planar(part):
+    q, p = sp.symbols("x1 x2 y1 y2", real=True), sp.symbols("u1 u2 v1 v2", real=True)
+    r = sp.sqrt((q[2] - q[0]) ** 2 + (q[3] - q[1]) ** 2)
+    H = (p[0] ** 2 + p[1] ** 2) / 2 + (p[2] ** 2 + p[3] ** 2) / sp.Rational(1, 2) - 1 / (4 * r)
+    return Hamiltonian(q=q, p=p, H=H, singular=[r], kepler=part)
+
+
+def test_two_bodies_in_the_plane_are_solved_exactly():
+    """The centre of mass moves freely, the relative motion is Kepler's: a long step is many short ones."""
+    system = planar(jacobi([1, sp.Rational(1, 4)], 1, dimension=2))
+    state = {"q0": [0.1, 0.2, 1.0, 0.1], "p0": [0.3, -0.1, 0.05, 0.25]}
+    one, many = (end(integrate(system, "wisdom-holman", h=7.0 / n, steps=n, **state)) for n in (1, 64))
+    assert np.abs(one - many).max() < 1e-13
+    assert np.abs(one - elsewhere(system, state["q0"], state["p0"], 7.0)).max() < 1e-10
+    assert system.kepler.interaction(system)((0.1, 0.2, 1.0, 0.1)) == (0, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        KeplerPart(2, (1, 1), (0, 1)),
+        KeplerPart(2, (1, sp.Rational(1, 2)), (1, 1)),
+        KeplerPart(3, (1,), (1,)),
+        jacobi([1, 2], 1, dimension=2),
+    ],
+)
+def test_a_kepler_part_of_another_kinetic_energy_is_refused(part):
+    with pytest.raises(InvalidInput, match="Kepler part"):
+        integrate(planar(part), "wisdom-holman", h=0.1, steps=1, q0=[0, 0, 1, 0], p0=[0, 0, 0, 1])
+
+
+def test_systems_without_one_are_refused():
+    with pytest.raises(InvalidInput, match="Kepler part"):
+        integrate(problem("henon-heiles"), "wisdom-holman", h=0.1, steps=1)
+
+
+def test_arrays_and_tuples_agree(monkeypatch):
+    made = problem("perturbed-kepler")
+    tuples = end(integrate(made, "wisdom-holman-corrector", h=0.05, steps=50))
+    S = made.system
+    with monkeypatch.context() as patch:
+        patch.setattr(codegen, "TUPLE_LIMIT", 1)
+        system = Hamiltonian(q=S.q, p=S.p, H=S.H, kepler=S.kepler)
+        arrays = end(integrate(system, "wisdom-holman-corrector", h=0.05, steps=50, q0=made.q0, p0=made.p0))
+    assert np.abs(arrays - tuples).max() < 1e-12
+
+
+@pytest.mark.parametrize("id", FAMILY)
+def test_the_planets_compiled_and_not(uncompiled, id):
+    plain = np.array([float.fromhex(x) for x in uncompiled("integrators/test_wisdom_holman.py", "planets")[id]])
+    found = end(integrate(problem(PLANETS), id, h=H, steps=STEPS))
+    assert np.abs(found - plain).max() < 1e-12
+
+
+@pytest.fixture(scope="module")
+def fine():
+    """The planets after 5000 days."""
+    made = problem(PLANETS)
+    return elsewhere(made.system, made.q0, made.p0, 5000.0)
+
+
+#: Errors of the positions after 5000 days in steps of 50, and of the energy on the way, to a factor of 4.
+ERRORS = {
+    "wisdom-holman": (3e-7, 1e-7),
+    "wisdom-holman-corrector": (5e-8, 1e-10),
+    "wisdom-holman-saba-2": (1.4e-8, 8e-11),
+    "wisdom-holman-saba-4": (4e-9, 1e-11),
+}
+#: The others show the reference's error and round-off.
+LEAST = (1e-11, 1e-14)
+
+
+@pytest.mark.parametrize("id", FAMILY)
+def test_the_planets(fine, id):
+    made = problem(PLANETS)
+    s = integrate(made, id, h=50.0, steps=100)
+    E = made.system.observe(made.system.H, s.q, s.p)
+    found = np.abs(end(s) - fine)[:18].max(), np.abs(E / E[0] - 1).max()
+    for error, expected, least in zip(found, ERRORS.get(id, (0, 0)), LEAST, strict=True):
+        assert error < 4 * max(expected, least)
+        assert error > expected / 4, "the table is out of date"
+    for name, expression in made.invariants.items():
+        kept = made.system.observe(expression, s.q, s.p)
+        assert np.abs(kept - kept[0]).max() < 1e-18, name
+
+
+if __name__ == "__main__":
+    print(json.dumps({"result": {"orders": first_orders, "planets": planets}[sys.argv[1]]()}))

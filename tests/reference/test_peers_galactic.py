@@ -1,0 +1,279 @@
+"""galpy's and gala's integrators as peers: their list, their orders, whose steps they take, what they cannot do."""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import os
+import re
+import subprocess
+import sys
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian, InvalidInput, integrate
+from phasebench.reference.peers import gala, galpy, integrate_peer
+from phasebench.reference.peers.galactic import is_henon_heiles, powers
+from phasebench.reference.solvers.taylor import reference
+
+PEERS = {p.id: p for p in (*galpy.PEERS, *gala.PEERS)}
+FIXED = [p for p in PEERS.values() if not p.adaptive]
+ADAPTIVE = [p for p in PEERS.values() if p.adaptive]
+#: Problem -> end, steps of the coarser run.
+SPANS = {
+    "kepler": (3.0, 160),
+    "perturbed-kepler": (3.0, 160),
+    "henon-heiles": (3.0, 24),
+    "harmonic-oscillator": (3.0, 20),
+    "duffing": (3.0, 48),
+    "pendulum": (3.0, 48),
+    "toda": (1.0, 64),
+    "charged-particle": (3.0, 24),
+    "figure-eight": (1.0, 40),
+    "outer-solar-system": (4000.0, 40),
+}
+
+
+@pytest.fixture(autouse=True)
+def quiet():
+    """galpy is imported without its search for a newer version, where it is installed."""
+    with contextlib.suppress(ImportError):
+        galpy.load()
+
+
+def need(package: str):
+    return pytest.importorskip(package, reason=f"{package} is not installed: it comes with the extra [peers]")
+
+
+@lru_cache(maxsize=32)
+def made(name):
+    return problem(name)
+
+
+@lru_cache(maxsize=32)
+def truth(name):
+    """Rows at the quarters of the span."""
+    end, steps = SPANS[name]
+    return reference(made(name), [end / steps * (steps // 4) * k for k in range(5)], certify=False)
+
+
+def solve(name, peer, refinement=1, tol=None):
+    end, steps = SPANS[name]
+    steps *= refinement
+    s = integrate_peer(made(name), peer, h=end / steps, steps=steps, save_every=steps // 4, tol=tol)
+    assert s.status == "ok", (peer.id, s.reason)
+    assert s.seconds > 0
+    return s
+
+
+def error(name, solution) -> float:
+    rows = truth(name)
+    np.testing.assert_allclose(solution.t, rows.t, rtol=1e-14)
+    return float(np.abs(np.hstack([solution.q - rows.q, solution.p - rows.p])).max())
+
+
+def able(peers):
+    """The pairs of a peer and a problem that it can do."""
+    return [
+        pytest.param(p, name, id=f"{p.id}:{name}")
+        for p in peers
+        for name in SPANS
+        if p.lacks(made(name), made(name).system) is None
+    ]
+
+
+def test_each_integrator_of_the_packages_has_a_record():
+    need("galpy")
+    from galpy.orbit import Orbit
+
+    offered = set(re.findall(r"- +'(\w+)' for", inspect.getdoc(Orbit.integrate)))
+    assert len(offered) > 9
+    assert {p.id for p in galpy.PEERS} == {f"galpy-{m.replace('_', '-')}" for m in offered}
+    module = need("gala.integrate")
+    classes = {n for n in vars(module) if n.endswith("Integrator")}
+    assert classes == {gala.LEAPFROG, gala.RUTH4, gala.RK5, gala.DOPRI853}
+    assert {p.id for p in gala.PEERS if not p.id.endswith("cython")} == {
+        f"gala-{n.removesuffix('Integrator').lower()}" for n in classes
+    }
+
+
+@pytest.mark.parametrize(("peer", "name"), able(FIXED))
+def test_a_fixed_step_has_its_order(peer, name):
+    need(peer.package)
+    runs = [solve(name, peer, k) for k in (1, 2)]
+    assert [s.counts["steps"] for s in runs] == [SPANS[name][1], 2 * SPANS[name][1]]
+    coarse, fine = (error(name, s) for s in runs)
+    assert fine > 1e-14
+    assert abs(np.log2(coarse / fine) - peer.order) < 0.25, (coarse, fine)
+
+
+@pytest.mark.parametrize(("peer", "name"), able(ADAPTIVE))
+def test_a_tolerance_is_met(peer, name):
+    need(peer.package)
+    tight = error(name, solve(name, peer, tol=1e-12))
+    assert tight < 2e-9
+    if peer.id != "galpy-ias15-c":  # its tolerance does nothing
+        assert error(name, solve(name, peer, tol=1e-6)) > tight or peer.id == "gala-dopri853"
+
+
+@pytest.mark.parametrize("peer", PEERS.values(), ids=PEERS)
+def test_a_wrong_sign_and_a_wrong_strength_show(peer):
+    need(peer.package)
+    name = "kepler"
+    s = solve(name, peer)
+    right = error(name, s)
+    for factor in ("-1", "1.01"):
+        wrong = Hamiltonian(q="x y", p="u v", H=f"(u**2 + v**2)/2 - ({factor})/sqrt(x**2 + y**2)")
+        start = {"q0": made(name).q0, "p0": made(name).p0}
+        other = integrate_peer(wrong, peer, h=s.h, steps=SPANS[name][1], save_every=SPANS[name][1] // 4, **start)
+        assert error(name, other) > 0.02 > 2 * right
+
+
+@pytest.mark.parametrize("name", ["kepler", "perturbed-kepler", "henon-heiles", "harmonic-oscillator", "duffing"])
+@pytest.mark.parametrize(
+    ("id", "ours", "other"),
+    [
+        ("galpy-leapfrog", "stormer-verlet-dkd", "stormer-verlet"),
+        ("galpy-leapfrog-c", "stormer-verlet-dkd", "stormer-verlet"),
+        ("gala-leapfrog", "stormer-verlet", "stormer-verlet-dkd"),
+        ("gala-leapfrog-cython", "stormer-verlet", "stormer-verlet-dkd"),
+    ],
+)
+def test_a_leapfrog_takes_the_steps_of_ours(id, ours, other, name):
+    peer = PEERS[id]
+    need(peer.package)
+    if peer.lacks(made(name), made(name).system):
+        pytest.skip("not its potential")
+    s = integrate_peer(made(name), peer, h=0.01, steps=300)
+    same, different = (integrate(made(name), m, h=0.01, steps=300) for m in (ours, other))
+    bound = 1e-11 if id == "galpy-leapfrog" else 2e-13  # it reads the angle of rows by arccos
+    assert np.abs(np.hstack([s.q - same.q, s.p - same.p])).max() < bound
+    assert np.abs(np.hstack([s.q - different.q, s.p - different.p])).max() > 1e-7
+
+
+@pytest.mark.parametrize("peer", PEERS.values(), ids=PEERS)
+def test_rows_do_not_change_the_steps(peer):
+    need(peer.package)
+    h, n = 0.0875, 18
+    assert int(3 * h / h) == 2  # rounded below 3: what galpy's C code would truncate
+    options = {"h": h, "steps": n, "tol": 1e-12 if peer.adaptive else None}
+    whole = integrate_peer(made("henon-heiles"), peer, **options)
+    for every in (3, 5, 0):
+        some = integrate_peer(made("henon-heiles"), peer, **options, save_every=every)
+        where = [round(x / h) for x in some.t]
+        assert where == [*range(0, n, every or n), n]
+        assert np.abs(some.q - whole.q[where]).max() < (1e-10 if peer.adaptive else 1e-14)
+    assert (whole.q[0] == made("henon-heiles").q0).all()
+
+
+def test_the_number_of_steps_between_rows_is_not_truncated():
+    """galpy's C code takes two steps of 0.1 for a row at 0.3: rows are declared a little later."""
+    need("galpy")
+    assert int(0.3 / 0.1) == 2
+    times, every, options = galpy._times("leapfrog_c", False, 0.1, [0, 3])
+    assert (every, options) == (3, {"dt": 0.1})
+    for h in (0.1, 0.3, 1e-3, 0.7, 2.0 / 3):
+        for stride in (1, 2, 3, 7, 1000):
+            times, every, _ = galpy._times("leapfrog_c", False, h, [0, stride])
+            assert int((times[1] - times[0]) / h) == stride == every
+
+
+@pytest.mark.parametrize(
+    ("id", "name", "what"),
+    [
+        ("galpy-leapfrog-c", "pendulum", "Henon-Heiles"),
+        ("galpy-dop853-c", "toda", "Henon-Heiles"),
+        ("galpy-leapfrog", "charged-particle", "alone"),
+        ("galpy-dop853", "figure-eight", "d is 1, 2 or 3, not 6"),
+        ("galpy-odeint", "lotka-volterra", "alone"),
+        ("gala-leapfrog", "charged-particle", "p.M"),
+        ("gala-ruth4", "double-pendulum", "p.M"),
+        ("gala-leapfrog", "lotka-volterra", "p.M"),
+        ("gala-ruth4-cython", "perturbed-kepler", "in C"),
+        ("gala-dopri853-cython", "pendulum", "in C"),
+    ],
+)
+def test_what_it_lacks_is_refused_with_a_reason(id, name, what):
+    with pytest.raises(InvalidInput, match=re.escape(what)):
+        integrate_peer(problem(name), PEERS[id], h=0.1, steps=3)
+
+
+def test_another_method_in_its_place_is_a_failure():
+    need("galpy")
+    times = np.array([0.0, 0.1])
+    for method, what in (("rk4_c", "using odeint instead"), ("symplec4_c", "using leapfrog instead")):
+        rows, _, failure = galpy._integrate(method, galpy._defined(made("pendulum").system), [1.0, 0.0], times, {})
+        assert rows is None
+        assert what in failure
+
+
+def test_potentials_are_recognised():
+    assert powers(made("perturbed-kepler").system) == ((-1.0, -1.0), (-0.0025, -3.0))
+    assert powers(made("duffing").system) == ((-0.5, 2.0), (0.25, 4.0))
+    assert is_henon_heiles(made("henon-heiles").system)
+    for H in ("(u**2 + v**2)/2 + x**2/2 + y**2", "(u**2 + v**2)/2 + x*y", "(u**2 + 2*v**2)/2 - 1/sqrt(x**2 + y**2)"):
+        assert not powers(Hamiltonian(q="x y", p="u v", H=H))
+    assert powers(Hamiltonian(q="x", p="u", H="u**2/2 + x**3")) is None
+    near = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 + (x**2 + y**2)/2 + x**2*y - y**3/4")
+    assert not is_henon_heiles(near)
+
+
+@pytest.mark.parametrize("id", [p.id for p in galpy.PEERS if p.adaptive])
+def test_where_galpy_would_not_return_it_is_not_called(id):
+    need("galpy")
+    runaway = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
+    for system, q, p in (
+        (made("kepler"), [1.0, 0.0], [0.0, 0.0]),
+        (runaway, [1.0], [1.0]),
+        (made("henon-heiles"), [0.0, 0.0], [0.1, 0.2]),
+        (made("duffing"), [0.0], [0.4]),
+    ):
+        s = integrate_peer(system, PEERS[id], t_end=3.0, steps=10, q0=q, p0=p)
+        on_a_line = system is made("duffing") and not id.endswith("-c")  # in Python, a line is a line
+        assert s.status == ("ok" if on_a_line else "diverged")
+        assert on_a_line or "galpy" in s.reason
+
+
+QUIET = """
+from reference.peers import galpy
+import numpy as np, signal
+potential = galpy.load().potential.toPlanarPotential(galpy.load().potential.KeplerPotential())
+if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+    raise SystemExit("this process started without an interrupt handler")
+try:
+    galpy._integrate("leapfrog_c", potential, [1.0, 0.0, 1.2, 0.0], np.array([0.0, 0.1]), {})
+    signal.raise_signal(signal.SIGINT)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+@pytest.mark.parametrize(("text", "calls"), [(QUIET, False), ("import galpy", True)], ids=["ours", "its own"])
+def test_galpy_asks_no_server_and_leaves_interrupts_to_python(tmp_path, text, calls):
+    need("galpy")
+    trap = """
+import socket
+def connect(*arguments, **options):
+    raise SystemExit("network")
+socket.create_connection = connect
+"""
+    environment = os.environ | {"HOME": str(tmp_path), "USERPROFILE": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", trap + text], capture_output=True, text=True, env=environment)
+    assert ("network" in done.stderr) == calls, done.stderr
+    assert ("interrupted" in done.stdout) != calls, done.stderr
+
+
+def test_dopri853_is_of_order_8_whatever_its_class_says():
+    integrators = need("gala.integrate")
+    assert "5th-order accurate" in re.sub(r"\s+", " ", integrators.DOPRI853Integrator.__doc__)
+    system, errors = made("henon-heiles"), []
+    q = reference(system, [3.0], certify=False).q[0]
+    function = gala._function(system.system, gala.DOPRI853, [0])
+    for n in (5, 10):  # SciPy's dop853 starts anew at every row: one step of h each
+        options = {"first_step": 3.0 / n, "max_step": 3.0 / n, "rtol": 1e9, "atol": 1e9}
+        method = integrators.DOPRI853Integrator(function, **options)
+        errors.append(np.abs(method([*system.q0, *system.p0], dt=3.0 / n, n_steps=n).w()[:2, -1] - q).max())
+    assert 7.5 < np.log2(errors[0] / errors[1]) < 9.5

@@ -1,0 +1,121 @@
+"""heyoka's peers: both against the reference, the lanes alike, and integrators kept by system and tolerance."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian, InvalidInput
+from phasebench.integrators.record import ROUND_OFF
+from phasebench.reference.peers import BY_ID, integrate_peer
+from phasebench.reference.peers import heyoka as peers
+from phasebench.reference.solvers import taylor
+
+hy = pytest.importorskip("heyoka")
+
+IDS = [p.id for p in peers.PEERS]
+T_END = 10.0
+
+
+def error(solution, made) -> float:
+    truth = taylor.reference(made, solution.t, certify=False)
+    return float(np.abs(np.hstack([solution.q - truth.q, solution.p - truth.p])).max())
+
+
+@pytest.mark.parametrize("id", IDS)
+@pytest.mark.parametrize("name", ["henon-heiles:box", "lotka-volterra", "perturbed-kepler"])
+def test_the_tolerance_bounds_the_error(id, name):
+    made = problem(name)
+    tight, loose = (integrate_peer(made, id, t_end=T_END, steps=7, tol=tol) for tol in (None, 1e-6))
+    assert (tight.status, loose.status) == ("ok", "ok")
+    assert error(tight, made) < 1e-11
+    assert 1000 * error(tight, made) < error(loose, made) < 1e-2
+    assert tight.counts["steps"] > 0
+    other = made.start.p[0] + 1e-8
+    assert error(integrate_peer(made, id, t_end=T_END, steps=7, p0=[other, *made.p0[1:]]), made) > 1e-10
+
+
+def test_a_looser_tolerance_costs_less():
+    """The order of the series falls with the tolerance, so the work is steps times the order squared."""
+    made = problem("henon-heiles:box")
+    work = []
+    for tol in (1e-15, 1e-9, 1e-4):
+        steps = integrate_peer(made, "heyoka", t_end=100.0, tol=tol).counts["steps"]
+        work.append(steps * peers._scalar(made.system, tol).order ** 2)
+    assert work[0] > 1.5 * work[1] > 2 * work[2]
+
+
+@pytest.mark.parametrize("name", ["henon-heiles:chaotic", "fpu"])
+def test_the_lanes_do_what_one_orbit_does(name):
+    made = problem(name)
+    one, lanes = (integrate_peer(made, id, h=0.5, t_end=T_END) for id in IDS)
+    assert lanes.counts == one.counts
+    assert np.abs(lanes.q - one.q).max() < 1e-11
+    kept = peers._batch(made.system, peers.EPS)
+    assert kept.batch_size == hy.recommended_simd_size() == kept.state.shape[1]
+    assert (kept.state == kept.state[:, :1]).all()
+    assert np.abs(kept.state[: made.system.d, 0] - lanes.q[-1]).max() < 1e-11
+
+
+def test_seconds_of_the_lanes_are_shared(monkeypatch):
+    """A clock that ticks once a call: one second in all."""
+    ticks = iter(range(100))
+    monkeypatch.setattr(peers.time, "perf_counter", lambda: float(next(ticks)))
+    made = problem("kepler")
+    assert [integrate_peer(made, id, t_end=1.0).seconds for id in IDS] == [1.0, 1 / hy.recommended_simd_size()]
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_integrators_are_kept_and_start_anew(id):
+    """Another orbit, a blow-up or another tolerance between two runs leaves no trace."""
+    made = problem("henon-heiles:box")
+    first = integrate_peer(made, id, h=0.5, t_end=T_END)
+    integrate_peer(made, id, h=0.5, t_end=3.0, q0=[0.0, 50.0], p0=[0.0, 50.0])
+    integrate_peer(made, id, t_end=3.0, tol=1e-4)
+    again = integrate_peer(made, id, h=0.5, t_end=T_END)
+    assert (again.q == first.q).all()
+    assert (again.p == first.p).all()
+    kept = peers._scalar(made.system, peers.EPS)
+    assert kept is peers._scalar(made.system, peers.EPS)
+    assert kept is not peers._scalar(made.system, 1e-4)
+    assert kept is not peers._scalar(problem("henon-heiles:box").system, peers.EPS)
+    began = time.perf_counter()
+    for _ in range(100):
+        integrate_peer(made, id, t_end=0.1)
+    assert time.perf_counter() - began < 1.0  # 100 compilations take far longer
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_a_blow_up_keeps_the_rows_before_it(id):
+    runaway = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
+    solution = integrate_peer(runaway, id, t_end=5.0, steps=10, q0=[1.0], p0=[1.0])
+    assert (solution.status, solution.t.tolist()) == ("diverged", [0.0, 0.5, 1.0])
+    assert "no longer finite" in solution.reason
+    assert "t = 1 of 5" in solution.reason
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_a_run_of_too_many_steps_is_given_up(id, monkeypatch):
+    monkeypatch.setattr(taylor, "STEP_LIMIT", 3)
+    solution = integrate_peer(problem("kepler"), id, t_end=100.0)
+    assert solution.status == "diverged"
+    assert "3 steps" in solution.reason
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_limits_and_claims(id):
+    with pytest.raises(InvalidInput, match="none below"):
+        integrate_peer(problem("kepler"), id, t_end=1.0, tol=1e-17)
+    claims = BY_ID[id].claims
+    assert (claims.order, claims.symplectic, claims.energy) == (None, None, ROUND_OFF)
+    assert claims.source.startswith("https://")
+    made = problem("henon-heiles:box")
+    H = [
+        made.system.observe(made.system.H, s.q, s.p)
+        for s in (integrate_peer(made, id, t_end=1000.0, steps=100, tol=tol) for tol in (None, 1e-6))
+    ]
+    claimed, control = (np.abs(h - h[0]).max() for h in H)
+    assert claimed < 1e-14 < 1e-9 < control

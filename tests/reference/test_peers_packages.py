@@ -1,0 +1,292 @@
+"""desolver's, pyhamsys's and diffrax's integrators as peers: list, claims, orders, steps, and what they refuse."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import inspect
+import re
+import subprocess
+import sys
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian, InvalidInput, integrate
+from phasebench.reference.peers import desolver, diffrax, integrate_peer, pyhamsys
+from phasebench.reference.solvers.taylor import reference
+
+PACKAGES = {"desolver": desolver, "pyhamsys": pyhamsys, "diffrax": diffrax}
+PEERS = {p.id: p for module in PACKAGES.values() for p in module.PEERS}
+FIXED = [id for id, p in PEERS.items() if not p.adaptive]
+ADAPTIVE = [id for id, p in PEERS.items() if p.adaptive]
+END = 3.0
+#: Steps of the coarser run by order: errors are asymptotic and far from round-off.
+STEPS = {1: 128, 2: 64, 3: 32, 4: 32, 5: 24, 6: 16, 7: 12, 8: 12, 10: 10}
+#: Orders that need a step of their own on the pendulum; their errors have a small leading coefficient.
+FINER = {"diffrax-tsit5": 256, "diffrax-dopri5": 128, "pyhamsys-yo8": 32, "pyhamsys-yo8-extended": 32}
+FINER |= {"desolver-dopri45": 128, "pyhamsys-yo10": 24, "pyhamsys-bm6-omega": 48}
+#: Ends of longer runs, for the same reason.
+LONGER = {"diffrax-tsit5": 12.0}
+NO_ORDER = ("desolver-rk1412", "desolver-radau-iia-19")
+NOT_SEPARABLE = "double-pendulum"
+WRONG_SIGN = Hamiltonian(q="q", p="p", H="p**2/2 + cos(q)")
+BLOWN_UP = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
+
+
+def need(id: str):
+    package = id.split("-")[0]
+    try:
+        PACKAGES[package].PEERS[0].load(package)
+    except ImportError:
+        pytest.skip(f"{package} is not installed: it comes with the extra [peers]")
+    return PEERS.get(id)
+
+
+@lru_cache(maxsize=8)
+def truth(name="pendulum", end=END):
+    made = problem(name)
+    rows = reference(made, [end], certify=False)
+    return made, np.concatenate([rows.q[-1], rows.p[-1]])
+
+
+def error(chosen, system_or_problem, steps, **start):
+    end = LONGER.get(chosen.id, END)
+    solution = integrate_peer(system_or_problem, chosen, steps=steps, t_end=end, save_every=0, **start)
+    assert solution.status == "ok", solution.reason
+    return np.abs(np.concatenate([solution.q[-1], solution.p[-1]]) - truth(end=end)[1]).max()
+
+
+def has_order(chosen, system_or_problem, order, steps, **start) -> bool:
+    errors = [error(chosen, system_or_problem, n, **start) for n in (steps, 2 * steps)]
+    return bool(abs(np.log2(errors[0] / errors[1]) - order) < 0.35)
+
+
+# -- what there is, and what the packages say of it ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_record_does_not_import_its_package(package):
+    code = f"import sys, reference.peers.{package}; assert '{package}' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_every_integrator_of_desolver_is_a_peer_and_claims_are_its_attributes():
+    need("desolver")
+    package = desolver.load().integrators
+    classes = {c.__name__: c for c in package.explicit_methods() + package.implicit_methods()}
+    claimed = {}
+    for p in desolver.PEERS:
+        name = re.match(r"desolver\.integrators\.(\w+)\.", p.claims.source).group(1)
+        if p.claims.order is None:  # Richardson's has no order that can be read
+            assert desolver.made_class(desolver.RICHARDSON + name).symplectic is p.claims.symplectic
+        else:
+            claimed[name] = (p.claims.order, p.claims.symplectic)
+    assert claimed == {name: (c.__order__, c.symplectic) for name, c in classes.items()}
+
+
+def test_every_method_of_pyhamsys_is_a_peer_and_orders_are_its_readmes():
+    need("pyhamsys")
+    from pyhamsys import METHODS
+
+    readme = importlib.metadata.metadata("pyhamsys").get_payload()
+    readme = readme or importlib.metadata.metadata("pyhamsys")["Description"]
+    plain = {p.name.removeprefix("pyhamsys's "): p for p in pyhamsys.PEERS if "extended" not in p.name}
+    assert {m for m in METHODS if "#" not in m} == {n for n in plain if not re.match(r"Yo\d", n)}
+    for name, chosen in plain.items():
+        if re.match(r"Yo\d", name):
+            assert chosen.claims.order == int(name[2:])
+            continue
+        line = next(line for line in readme.splitlines() if f"`{name}`" in line and "order" in line)
+        after = line[line.index(f"`{name}`") :]
+        numbers = re.search(r"order (\d+|\([\d,]+\))", after).group(1)
+        assert chosen.claims.order == min(int(n) for n in re.findall(r"\d+", numbers)), name
+    assert "ensuring the preservation of the symplectic structure" in readme
+    assert all(p.claims.symplectic for p in plain.values())
+
+
+def test_every_ode_solver_of_diffrax_is_a_peer_and_claims_are_its_own():
+    need("diffrax")
+    import diffrax as package
+
+    solvers = {
+        name
+        for name, c in vars(package).items()
+        if inspect.isclass(c) and issubclass(c, package.AbstractSolver) and "Abstract" not in name
+    }
+    both = {"Euler", "Heun", "Midpoint", "Ralston", "ReversibleHeun"}  # these solve stochastic equations too
+    stochastic = (package.AbstractItoSolver, package.AbstractStratonovichSolver, package.AbstractSRK)
+    stochastic = (*stochastic, package.AbstractFosterLangevinSRK)
+    expected = {n for n in solvers if n in both or not issubclass(getattr(package, n), stochastic)} - {"HalfSolver"}
+    found = {re.match(r"diffrax\.(\w+)\.", p.claims.source).group(1): p for p in diffrax.PEERS}
+    assert set(found) == expected
+    for name, chosen in found.items():
+        assert diffrax.solver(name).order(None) == chosen.claims.order, name
+        assert ("Symplectic method" in getattr(package, name).__doc__) is bool(chosen.claims.symplectic), name
+
+
+@pytest.mark.parametrize(("package", "license"), [("desolver", "MIT"), ("pyhamsys", "BSD"), ("diffrax", "Apache")])
+def test_the_license_is_the_packages(package, license):
+    need(package)
+    told = importlib.metadata.metadata(package)
+    assert license in f"{told['License-Expression']} {told['License']}"
+    assert {p.license.split("-")[0] for p in PACKAGES[package].PEERS} == {license}
+
+
+# -- accuracy and steps -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("id", FIXED)
+def test_a_peer_has_its_order_on_the_pendulum(id):
+    chosen = need(id)
+    if id in NO_ORDER:  # the first step that resolves anything is at round-off with the second
+        assert error(chosen, truth()[0], 12) < 1e-12
+        return
+    order = chosen.order or 4
+    assert has_order(chosen, truth()[0], order, FINER.get(id, STEPS[order]))
+
+
+@pytest.mark.parametrize("id", ["desolver-rk4", "pyhamsys-verlet", "pyhamsys-verlet-extended", "diffrax-midpoint"])
+def test_a_wrong_sign_shows(id):
+    chosen, made = need(id), truth()[0]
+    start = {"q0": made.q0, "p0": made.p0}
+    assert not has_order(chosen, WRONG_SIGN, chosen.order, STEPS[chosen.order], **start)
+    assert error(chosen, WRONG_SIGN, 64, **start) > 0.1
+
+
+@pytest.mark.parametrize("id", FIXED)
+def test_rows_are_those_of_runs_of_so_many_steps(id):
+    chosen, made = need(id), truth()[0]
+    rows = integrate_peer(made, chosen, h=0.11, steps=11, save_every=5)
+    assert (rows.t / 0.11).round(9).tolist() == [0, 5, 10, 11]
+    for i, n in enumerate((5, 10, 11), start=1):
+        alone = integrate_peer(made, chosen, h=0.11, steps=n, save_every=0)
+        assert rows.q[i] == pytest.approx(alone.q[-1], rel=1e-12, abs=0 if "omega" not in id else 1e-12)
+        assert rows.p[i] == pytest.approx(alone.p[-1], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("id", "method", "tolerance"),
+    [
+        ("desolver-symplectic-euler", "stormer-verlet", 1e-12),
+        ("desolver-implicit-midpoint", "implicit-midpoint", 1e-11),  # it shortens its step on the way, which is undone
+        ("pyhamsys-verlet", "stormer-verlet", 1e-12),
+        ("diffrax-semi-implicit-euler", "symplectic-euler-q", 1e-12),
+    ],
+)
+def test_exactly_n_steps_of_h_are_taken(id, method, tolerance):
+    chosen, made = need(id), truth()[0]
+    theirs = integrate_peer(made, chosen, h=0.05, steps=600, save_every=1)
+    ours = integrate(made, method, h=0.05, steps=600)
+    assert (len(theirs.q), theirs.counts["steps"]) == (601, 600)
+    assert np.abs(theirs.q - ours.q).max() < tolerance
+    assert np.abs(theirs.p - ours.p).max() < tolerance
+
+
+def test_a_two_step_method_goes_on_between_pieces():
+    chosen, made, h = need("diffrax-leapfrog-midpoint"), truth()[0], 0.01
+    theirs = integrate_peer(made, chosen, h=h, steps=600)
+    field = made.system.vector_field()
+    before = np.concatenate([made.q0, made.p0])
+    now = before + h * field(0.0, before)
+    for k in range(1, 601):
+        assert np.abs(np.concatenate([theirs.q[k], theirs.p[k]]) - now).max() < 1e-11
+        before, now = now, before + 2 * h * field(0.0, now)
+
+
+@pytest.mark.parametrize("id", ADAPTIVE)
+def test_an_adaptive_peer_meets_its_tolerance_roughly(id):
+    chosen, (made, end) = need(id), truth()
+    errors = []
+    for tol in (1e-5, 1e-8):
+        solution = integrate_peer(made, chosen, t_end=END, steps=3, tol=tol)
+        assert solution.status == "ok"
+        errors.append(np.abs(np.concatenate([solution.q[-1], solution.p[-1]]) - end).max())
+    assert errors[0] < 1e-3
+    assert errors[1] < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("id", "name"),
+    [
+        ("desolver-rk108", NOT_SEPARABLE),
+        ("pyhamsys-bm6-extended", NOT_SEPARABLE),
+        ("diffrax-dopri8", NOT_SEPARABLE),
+        ("desolver-rk108", "lotka-volterra"),
+        ("diffrax-kencarp5", "lotka-volterra"),
+    ],
+)
+def test_any_system_is_any_system(id, name):
+    made, end = truth(name, 1.0)
+    solution = integrate_peer(made, need(id), t_end=1.0, steps=100, save_every=0)
+    assert np.abs(np.concatenate([solution.q[-1], solution.p[-1]]) - end).max() < 1e-7
+
+
+# -- what they cannot do ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("id", ["desolver-babs9o7h", "pyhamsys-bm4", "diffrax-semi-implicit-euler"])
+def test_a_problem_that_is_lacking_is_refused(id):
+    for name in (NOT_SEPARABLE, "lotka-volterra"):
+        with pytest.raises(InvalidInput, match="H must be"):
+            integrate_peer(problem(name), PEERS[id], h=0.1, steps=3)
+
+
+def test_two_copies_of_a_system_without_canonical_coordinates_are_refused():
+    with pytest.raises(InvalidInput, match="canonical"):
+        integrate_peer(problem("lotka-volterra"), PEERS["pyhamsys-bm4-extended"], h=0.1, steps=3)
+
+
+@pytest.mark.parametrize("id", ["desolver-rk4", "desolver-dopri45-adaptive", "pyhamsys-verlet", "diffrax-kvaerno3"])
+def test_a_blow_up_keeps_the_rows_before_it(id):
+    solution = integrate_peer(BLOWN_UP, need(id), t_end=20.0, steps=40, q0=[1.0], p0=[1.0])
+    assert solution.status == "diverged"
+    assert 1 <= len(solution.q) < 40
+    assert np.isfinite(solution.q).all()
+
+
+# -- traps of the packages that the modules speak of --------------------------------------------------------------
+
+
+def test_desolvers_own_loop_keeps_the_step_of_explicit_methods_alone():
+    need("desolver")
+    package, made = desolver.load(), truth()[0]
+    field = made.system.vector_field()
+    for name, constant in (("RK4Solver", True), ("GaussLegendre4", False)):
+        system = package.OdeSystem(field, y0=np.concatenate([made.q0, made.p0]), t=(0.0, 2.0), dt=0.125)
+        system.method = desolver.made_class(name)
+        system.integrate()
+        taken = np.diff(system.t)
+        assert bool((taken == 0.125).all()) is constant
+        if constant:
+            ours = integrate_peer(made, PEERS["desolver-rk4"], h=0.125, steps=16)
+            assert np.array_equal(np.hstack([ours.q, ours.p]), system.y)
+        else:
+            assert taken.max() > 0.25
+
+
+def test_the_projection_of_pyhamsys_is_not_read():
+    need("pyhamsys")
+    from pyhamsys import HamSys, Parameters
+
+    made = HamSys(y_dot=lambda t, y: np.array([y[1], -np.sin(y[0])]))
+    ends = [
+        made.integrate(
+            np.array([1.0, 0.0]),
+            np.arange(6) * 0.1,
+            Parameters(step=1.0, solver="Verlet", extension=True, display=False, projection=projection),
+        )
+        for projection in ("symmetric", None)
+    ]
+    assert [s.projection for s in ends] == ["midpoint", "midpoint"]
+    assert np.array_equal(ends[0].y, ends[1].y)
+
+
+def test_double_precision_of_jax_is_not_left_on():
+    chosen = need("diffrax-midpoint")
+    import jax.numpy as jnp
+
+    before = jnp.ones(1).dtype
+    integrate_peer(truth()[0], chosen, h=0.1, steps=3)
+    assert jnp.ones(1).dtype == before

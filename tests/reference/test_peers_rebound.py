@@ -1,0 +1,348 @@
+"""REBOUND's integrators as peers: the forces they compute, their orders, what they cannot do, JANUS's reversibility."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.problems import PROBLEMS, problem
+from phasebench.benchmarks.problems.outer_solar_system import BODIES, G
+from phasebench.integrators import Hamiltonian, InvalidInput
+from phasebench.reference.peers import BY_ID, PEERS, integrate_peer
+from phasebench.reference.peers import particles as nbody
+from phasebench.reference.peers.particles import CENTRAL, GRAVITY, POTENTIAL
+from phasebench.reference.solvers.taylor import reference
+
+rebound = pytest.importorskip("rebound")
+
+OURS = [p for p in PEERS if p.package == "rebound"]
+FIXED = [p for p in OURS if not p.adaptive]
+#: Problem -> (parameters, end, steps of the coarser run), one or more of each kind of setting.
+SPANS = {
+    "kepler": ({}, 3.0, 200),
+    "perturbed-kepler": ({"e": 0.2}, 3.0, 80),
+    "outer-solar-system": ({}, 10_000.0, 100),
+    "n-body": ({}, 1.0, 40),
+    "figure-eight": ({}, 1.0, 40),
+    "pendulum": ({}, 3.0, 60),
+    "henon-heiles:box": ({}, 3.0, 60),
+    "toda": ({}, 1.0, 40),
+    "fpu": ({}, 0.1, 20),
+}
+#: Where a term of another order is measured than the peer's own.
+MEASURED = {("rebound-whfast", "n-body"): 2}
+
+#: JANUS rounds velocities to multiples of 1e-16, and those of planets are of order 1e-3 au a day.
+ROUND_OFF = {(f"rebound-janus-{n}", "outer-solar-system"): 1e-10 for n in (8, 10)}
+
+
+@lru_cache(maxsize=32)
+def made(name, **parameters):
+    return problem(name, **parameters)
+
+
+@lru_cache(maxsize=32)
+def truth(name):
+    parameters, end, _ = SPANS[name]
+    return reference(problem(name, **parameters), [end], certify=False).q[0]
+
+
+def distance(name, peer, steps) -> float:
+    """The largest error of the coordinates at the end, relative to the largest of them."""
+    parameters, end, _ = SPANS[name]
+    s = integrate_peer(made(name, **parameters), peer.id, t_end=end, steps=1 if peer.adaptive else steps, save_every=0)
+    assert s.status == "ok", (peer.id, s.reason)
+    assert peer.adaptive or s.counts["steps"] == steps
+    return float(np.abs(s.q[-1] - truth(name)).max() / np.abs(truth(name)).max())
+
+
+def available(peer, name) -> bool:
+    made_here = made(name, **SPANS.get(name, ({},))[0])
+    return peer.lacks(made_here, made_here.system) is None
+
+
+# -- how a system is put to REBOUND ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [*PROBLEMS, "n-body of 5"])
+def test_accelerations_are_the_systems(name):
+    """From rest a leapfrog of step 1 ends with the acceleration as the velocity."""
+    here = made("n-body", N=5) if name == "n-body of 5" else made(name)
+    system = here.system
+    settings = nbody.settings(system)
+    assert (not settings) == (not system.quadratic_kinetic)
+    q = np.array(here.q0) + np.random.default_rng(1).normal(size=system.d) / 10
+    for kind, setting in settings.items():
+        wanted = np.hstack([system.observe(e, q[None], 0 * q[None]) for e in system.dp])
+        ends = []
+        for extra in (True, False):
+            sim, force = nbody.build(setting, q, 0 * q, "leapfrog", extra=extra)
+            sim.dt = 1.0
+            sim.steps(1)
+            ends.append(nbody.state(sim, setting)[system.d :])
+            assert (force is None) == (setting.gradient is None or not extra)
+        np.testing.assert_allclose(ends[0], wanted, rtol=0, atol=1e-14 * np.abs(wanted).max())
+        assert (setting.gradient is None) == np.allclose(ends[1], wanted, rtol=1e-6, atol=0), kind
+
+
+def test_masses_are_read_off_the_energy():
+    found = nbody.settings(made("outer-solar-system").system)
+    assert list(found) == [GRAVITY, POTENTIAL]
+    assert found[GRAVITY].masses == tuple(m for m, _, _ in BODIES.values())
+    assert found[GRAVITY].G == G
+    five = nbody.settings(made("n-body", N=5).system)[GRAVITY]
+    assert (five.masses, five.G, five.dimension) == ((1.0,) * 5, 0.2, 3)
+    assert list(nbody.settings(made("perturbed-kepler", e=0.2).system)) == [CENTRAL, POTENTIAL]
+
+
+@pytest.mark.parametrize(
+    ("kinetic", "potential", "kind"),
+    [
+        ("(a**2 + b**2)/4 + c**2/6 + d**2/6", "-18/sqrt((z - x)**2 + (y - w)**2)", GRAVITY),
+        ("(a**2 + b**2)/4 + c**2/6 + d**2/6", "18/sqrt((z - x)**2 + (y - w)**2)", POTENTIAL),
+        ("(a**2 + b**2)/4 + c**2/6 + d**2/8", "-18/sqrt((z - x)**2 + (y - w)**2)", POTENTIAL),
+        ("(a**2 + b**2 + c**2 + d**2)/2", "-1/((x - z)**2 + (y - w)**2)", POTENTIAL),
+        ("(a**2 + b**2 + c**2 + d**2)/2", "-1/sqrt((x - z)**2 + 2*(y - w)**2)", POTENTIAL),
+        ("(a**2 + b**2 + c**2 + d**2)/2", "-1/sqrt((x - z)**2 + (y - w)**2) + x", POTENTIAL),
+        ("(a**2 + b**2 + c**2 + d**2)/2 + a*c", "x", None),
+        ("a**2 + b**2 + c**2 + d**4", "x", None),
+    ],
+)
+def test_what_is_gravity_between_bodies(kinetic, potential, kind):
+    system = Hamiltonian(q="x y z w", p="a b c d", H=f"{kinetic} + {potential}")
+    found = nbody.settings(system)
+    assert next(iter(found), None) == kind
+    if kind == GRAVITY:
+        assert (found[kind].masses, found[kind].G, found[kind].dimension) == ((2.0, 3.0), 3.0, 2)
+
+
+@pytest.mark.parametrize(("last", "kind"), [("1", GRAVITY), ("2", POTENTIAL)])
+def test_gravity_has_one_constant(last, kind):
+    pairs = {(1, 2): "1", (1, 3): "1", (2, 3): last}
+    V = "".join(f" - {c}/sqrt((x{i} - x{j})**2 + (y{i} - y{j})**2)" for (i, j), c in pairs.items())
+    T = "(a1**2 + b1**2 + a2**2 + b2**2 + a3**2 + b3**2)/2"
+    system = Hamiltonian(q="x1 y1 x2 y2 x3 y3", p="a1 b1 a2 b2 a3 b3", H=T + V)
+    assert next(iter(nbody.settings(system))) == kind
+
+
+# -- every peer on every kind of problem ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SPANS)
+def test_every_peer_reaches_the_reference(name):
+    """Within round-off, or nearer by its order at half the step; the adaptive ones by their tolerance."""
+    steps, wrong, run = SPANS[name][2], {}, 0
+    for peer in OURS:
+        if not available(peer, name):
+            continue
+        run += 1
+        coarse = distance(name, peer, steps)
+        if peer.adaptive:
+            good = coarse < (1e-13 if peer.id == "rebound-ias15" else 1e-7)
+        else:
+            order = MEASURED.get((peer.id, name), peer.order)
+            fine = distance(name, peer, 2 * steps)
+            good = fine < max(1.3 * coarse / 2**order, ROUND_OFF.get((peer.id, name), 1e-12)) and coarse < 0.1
+        if not good:
+            wrong[peer.id] = (coarse,) if peer.adaptive else (coarse, fine)
+    assert not wrong
+    assert run >= 14
+
+
+def test_an_extra_force_left_out_would_be_seen():
+    parameters, end, _ = SPANS["perturbed-kepler"]
+    without = reference(made("kepler", **parameters), [end], certify=False).q[0]
+    assert np.abs(without - truth("perturbed-kepler")).max() > 0.01
+    assert all(distance("perturbed-kepler", p, 320) < 0.005 for p in OURS if available(p, "perturbed-kepler"))
+
+
+#: Where an order is measured cleanly.
+LADDERS = {2: 40, 4: 28, 6: 20, 8: 20, 10: 14}
+
+
+def ladder(name, peer, first):
+    counts = [round(first * 2 ** (k / 2)) for k in range(3)]
+    errors = [distance(name, peer, n) for n in counts]
+    return np.diff(np.log(errors)) / -np.diff(np.log(counts))
+
+
+@pytest.mark.parametrize("peer", FIXED, ids=lambda p: p.id)
+def test_orders(peer):
+    if peer.id == "rebound-eos-pmlf6":
+        name, first = "figure-eight", 20
+    elif peer.id == "rebound-whfast":
+        name, first = "perturbed-kepler", 28
+    else:
+        name = "toda" if available(peer, "toda") else "n-body"
+        first = LADDERS[peer.order]
+    if not available(peer, name):
+        pytest.skip("no AVX512")
+    slopes = ladder(name, peer, first)
+    assert (np.abs(slopes - peer.order) < 0.1).all(), slopes
+
+
+def test_the_lazy_kernel_is_of_order_2_between_bodies():
+    """Measured on REBOUND 5.2.2; the composition kernel and the lazy corrector of SABA keep order 4 there."""
+    assert np.abs(ladder("n-body", BY_ID["rebound-whfast"], 40) - 2).max() < 0.1
+    assert np.abs(ladder("n-body", BY_ID["rebound-whfast-composition"], 28) - 4).max() < 0.1
+    assert np.abs(ladder("n-body", BY_ID["rebound-saba-cl-2"], 28) - 4).max() < 0.1
+
+
+# -- what they cannot do ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("integrator", "options"),
+    [
+        ("whfast", {"corrector": 17, "kernel": "modifiedkick"}),
+        ("saba", {"type": "CM_2"}),
+        ("saba", {"type": "CM_4"}),
+        ("eos", {"phi0": "PMLF6", "phi1": "LF8"}),
+        ("whfast512", {}),
+    ],
+)
+def test_forces_that_are_not_taken_are_refused_for_a_reason(integrator, options):
+    """Forced on these integrators an extra force is ignored, or their order falls to 2."""
+    if integrator == "whfast512" and not rebound.avx512_available:
+        pytest.skip("no AVX512")
+    here, (_, end, _) = made("perturbed-kepler", e=0.2), SPANS["perturbed-kepler"]
+    setting, errors = nbody.settings(here.system)[CENTRAL], []
+    for n in (40, 80, 160):
+        q, *_ = nbody.run(
+            setting,
+            integrator,
+            {"safe_mode": 0} | options if integrator != "whfast512" else {},
+            here.q0,
+            here.p0,
+            end / n,
+            [0, n],
+            adaptive=False,
+        )
+        errors.append(np.abs(q[-1] - truth("perturbed-kepler")).max())
+    slopes = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.abs(slopes - (0 if integrator == "whfast512" else 2)).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("id", "name", "parameters", "options", "what"),
+    [
+        ("whfast", "pendulum", {}, {"h": 0.1}, "body to revolve around"),
+        ("trace", "henon-heiles", {}, {"h": 0.1}, "body to revolve around"),
+        ("ias15", "double-pendulum", {}, {}, "V\\(q\\) alone"),
+        ("janus-6", "lotka-volterra-log", {}, {"h": 0.1}, "V\\(q\\) alone"),
+        ("whfast512", "perturbed-kepler", {}, {"h": 0.1}, "Newtonian gravity alone"),
+        ("whfast512", "n-body", {"N": 10}, {"h": 0.1}, "at most 9 bodies, not 10"),
+        ("saba-cm-2", "perturbed-kepler", {}, {"h": 0.1}, "Newtonian gravity alone"),
+        ("saba-10-6-4", "figure-eight", {}, {"h": 0.1}, "body 3 .* singular"),
+        ("bs", "kepler", {}, {"tol": 1e-15}, "none below 1e-14"),
+        ("janus-6", "kepler", {}, {"h": 0.1, "tol": 1e-9}, "give h, not tol"),
+    ],
+)
+def test_what_cannot_be_done_is_refused(id, name, parameters, options, what):
+    with pytest.raises(InvalidInput, match=what):
+        integrate_peer(made(name, **parameters), f"rebound-{id}", t_end=1.0, **options)
+
+
+def test_without_avx512_whfast512_says_so(monkeypatch):
+    monkeypatch.setattr(rebound, "avx512_available", False)
+    with pytest.raises(InvalidInput, match="AVX512"):
+        integrate_peer(made("kepler"), "rebound-whfast512", t_end=1.0, h=0.1)
+
+
+def test_without_numba_there_is_no_extra_force(monkeypatch):
+    monkeypatch.setattr("numba.config.DISABLE_JIT", True)
+    with pytest.raises(InvalidInput, match="NUMBA_DISABLE_JIT"):
+        integrate_peer(made("pendulum"), "rebound-ias15", t_end=1.0)
+    assert integrate_peer(made("kepler"), "rebound-ias15", t_end=1.0).status == "ok"
+
+
+def test_singular_jacobi_coordinates_end_the_run():
+    here = made("figure-eight")
+    s = integrate_peer(here.system, "rebound-whfast-plain", t_end=0.1, steps=10, q0=here.q0, p0=here.p0)
+    assert (s.status, len(s.t)) == ("diverged", 1)
+
+
+# -- particulars ------------------------------------------------------------------------------------------------------
+
+
+def test_ias15_passes_the_zeros_of_an_acceleration():
+    """A body of the figure eight passes its centre at t = 1.05: with min_dt = 0, its default, IAS15 never does."""
+    here = made("figure-eight")
+    end = reference(here, [10.0], certify=False).q[0]
+    assert np.abs(integrate_peer(here, "rebound-ias15", t_end=10.0).q[-1] - end).max() < 1e-12
+    sim, _ = nbody.build(nbody.settings(here.system)[GRAVITY], here.q0, here.p0, "ias15")
+    sim.steps(5000)
+    assert 1 < sim.t < 1.06
+
+
+@pytest.mark.parametrize(("id", "reversible"), [("janus-2", True), ("janus-10", True), ("leapfrog-6", False)])
+@pytest.mark.parametrize("name", ["figure-eight", "toda"])
+def test_janus_is_bitwise_reversible(id, reversible, name):
+    here, (integrator, _, order) = made(name), id.partition("-")
+    setting = next(iter(nbody.settings(here.system).values()))
+    sim, force = nbody.build(setting, here.q0, here.p0, integrator, {"order": int(order)})
+    sim.dt = 0.01
+    sim.steps(1)  # now its integers are the state
+    start = nbody.state(sim, setting)
+    sim.steps(1000)
+    there = nbody.state(sim, setting)
+    sim.dt = -0.01
+    sim.steps(1000)
+    assert (force is None) == (name == "figure-eight")
+    assert np.abs(there - start).max() > 0.1
+    assert (nbody.state(sim, setting) == start).all() == reversible
+
+
+def test_janus_stops_before_its_integers_overflow():
+    free = Hamiltonian(q="x", p="v", H="v**2/2 - x")
+    s = integrate_peer(free, "rebound-janus-4", t_end=40.0, steps=40, q0=[0.0], p0=[0.0])
+    assert s.status == "diverged"
+    assert "beyond 461" in s.reason
+    assert s.q[-1, 0] == pytest.approx(s.t[-1] ** 2 / 2)
+    assert s.t[-1] == 30
+
+
+def test_rows_change_whfast512_by_round_off_alone():
+    here = made("outer-solar-system")
+    if BY_ID["rebound-whfast512"].lacks(here, here.system):
+        pytest.skip("no AVX512")
+    every, end = (integrate_peer(here, "rebound-whfast512", h=50.0, steps=100, save_every=n) for n in (7, 0))
+    plain = integrate_peer(here, "rebound-whfast-plain", h=50.0, steps=100, save_every=7)
+    assert np.abs(every.q[-1] - end.q[-1]).max() < 1e-12
+    assert np.abs(every.q - plain.q).max() < 1e-11
+
+
+def test_bs_errs_more_at_a_looser_tolerance():
+    here = made("henon-heiles:box")
+    tight, loose = (integrate_peer(here, "rebound-bs", t_end=30.0, tol=tol) for tol in (1e-13, 1e-4))
+    end = reference(here, [30.0], certify=False).q[0]
+    assert np.abs(loose.q[-1] - end).max() > 100 * np.abs(tight.q[-1] - end).max()
+
+
+def test_the_outer_solar_system_of_ias15_and_taylor(capsys):
+    here, times = made("outer-solar-system"), [10_000.0, 500_000.0]
+    truth = reference(here, times, certify=False)
+    ends = [integrate_peer(here, "rebound-ias15", t_end=t).q[-1] for t in times]
+    apart = [float(np.abs(a - b).max()) for a, b in zip(ends, truth.q, strict=True)]
+    with capsys.disabled():
+        print(f"\nouter solar system, rebound-ias15 and Taylor series apart: {apart[0]:.2g} and {apart[1]:.2g} au")
+    assert apart[0] < 2e-13
+    assert apart[1] < 1e-9
+
+
+def test_no_type_of_saba_is_forgotten():
+    sim = rebound.Simulation()
+    sim.integrator = "saba"
+    offered = {line.split("'")[1] for line in sim.integrator.__doc__.splitlines() if " = '" in line} - {"DEFAULT"}
+    ours = {p.id.removeprefix("rebound-saba-") for p in OURS if "-saba-" in p.id}
+    assert ours == {name.lower().replace("_", "-") for name in offered}
+
+
+def test_claims_say_where():
+    for p in OURS:
+        assert "rebound.readthedocs.io" in p.claims.source
+        assert p.claims.order in (None, p.order)
+        assert p.claims.symplectic == (None if "eos" in p.id or "trace" in p.id else not p.adaptive)
+        assert p.claims.reversible == (True if "janus" in p.id else None)

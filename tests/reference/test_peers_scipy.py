@@ -1,0 +1,152 @@
+"""SciPy's peers: against the reference, Numba and Python right-hand sides alike, SciPy's own results, failures."""
+
+from __future__ import annotations
+
+import warnings
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import scipy.integrate
+
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian, InvalidInput
+from phasebench.integrators.engine import codegen
+from phasebench.reference.peers import BY_ID, integrate_peer
+from phasebench.reference.peers import scipy as peers
+from phasebench.reference.solvers.taylor import reference
+
+SOLVERS = ("DOP853", "Radau", "LSODA")
+IDS = [p.id for p in peers.PEERS]
+T_END = 10.0
+#: The smallest tolerances that are run here; Radau's steps are many at smaller ones.
+TIGHT = {"DOP853": 1e-12, "Radau": 1e-9, "LSODA": 1e-11}
+
+
+def error(solution, made) -> float:
+    truth = reference(made, solution.t, certify=False)
+    return float(np.abs(np.hstack([solution.q - truth.q, solution.p - truth.p])).max())
+
+
+def test_every_solver_has_both_right_hand_sides_and_says_so():
+    wanted = [f"scipy-{s.lower()}{suffix}" for s in SOLVERS for suffix in ("", "-numba")]
+    assert wanted == IDS
+    for p in peers.PEERS:
+        assert ("compiled by Numba" in p.name) == p.id.endswith("-numba") != ("Python right-hand side" in p.name)
+        assert p.claims.source.startswith("https://docs.scipy.org/")
+        assert (p.claims.symplectic, p.claims.energy) == (None, None)
+    orders = {s: {BY_ID[f"scipy-{s.lower()}{x}"].claims.order for x in ("", "-numba")} for s in SOLVERS}
+    assert orders == {"DOP853": {8}, "Radau": {5}, "LSODA": {None}}
+    for s, order in (("DOP853", "order 8"), ("Radau", "Radau IIA family of order 5")):
+        assert order in getattr(scipy.integrate, s).__doc__.splitlines()[0]
+    assert all("differences" in BY_ID[f"scipy-{s}"].about for s in ("radau", "lsoda", "radau-numba"))
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("name", ["henon-heiles:box", "lotka-volterra", "perturbed-kepler"])
+def test_a_looser_tolerance_errs_more_and_costs_less(solver, name):
+    made, id = problem(name), f"scipy-{solver.lower()}-numba"
+    tight, loose = (integrate_peer(made, id, t_end=T_END, steps=7, tol=tol) for tol in (TIGHT[solver], 1e-4))
+    assert (tight.status, loose.status) == ("ok", "ok")
+    assert error(tight, made) < 1e4 * TIGHT[solver]
+    assert error(loose, made) > 100 * error(tight, made)
+    for count in ("steps", "gradient"):
+        assert 0 < loose.counts[count] < tight.counts[count] / 2
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("name", ["kepler", "lotka-volterra", "fpu"])
+def test_both_right_hand_sides_take_the_same_steps(solver, name):
+    made = problem(name)
+    t_end = 0.5 if name == "fpu" else 5.0
+    a, b = (integrate_peer(made, f"scipy-{solver.lower()}{x}", t_end=t_end, steps=5, tol=1e-6) for x in ("", "-numba"))
+    assert a.counts == b.counts
+    assert np.abs(a.q - b.q).max() < 1e-12
+    other = integrate_peer(made, f"scipy-{solver.lower()}", t_end=t_end, steps=5, tol=1.1e-6)
+    assert np.abs(a.q - other.q).max() > 1e-12
+
+
+@pytest.mark.parametrize("sites", [3, codegen.TUPLE_LIMIT + 2])
+def test_the_compiled_field_is_the_systems(sites):
+    """Of tuples and of arrays, of contiguous states and of every other component."""
+    x = [f"q{i}" for i in range(sites)]
+    springs = " + ".join(f"{a}**2*{b}**2/3" for a, b in pairwise(x))
+    p = [f"p{i}" for i in range(sites)]
+    system = Hamiltonian(q=x, p=p, H=f"{' + '.join(f'{b}**2/2' for b in p)} + {springs} + q0*p1")
+    y = np.random.default_rng(0).normal(size=4 * sites)
+    f = peers.compiled_field(system)
+    assert f is peers.compiled_field(system)
+    for state in (y[: 2 * sites], y[::2]):
+        assert (f(0.0, state) == system.vector_field()(0.0, state.copy())).all()
+    assert len(f.signatures) == 2
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_defaults_and_rows_are_scipys(solver):
+    made = problem("kepler")
+    t = [0.0, 3.0, 6.0, 9.0]
+    mine = integrate_peer(made, f"scipy-{solver.lower()}", t_end=9.0, steps=3)
+    start, field = [*made.q0, *made.p0], made.system.vector_field()
+    theirs = scipy.integrate.solve_ivp(field, (0, 9.0), start, method=solver, t_eval=t)
+    assert np.abs(np.hstack([mine.q, mine.p]).T - theirs.y).max() < 1e-14
+    assert mine.status == "ok"
+
+
+def test_evaluations_are_all_of_them(monkeypatch):
+    made, calls = problem("kepler"), [0]
+    inner = made.system.vector_field()
+
+    def field(t, y):
+        calls[0] += 1
+        return inner(t, y)
+
+    monkeypatch.setattr(made.system, "vector_field", lambda: field, raising=False)
+    for solver in SOLVERS:
+        calls[0] = 0
+        count = integrate_peer(made, f"scipy-{solver.lower()}", t_end=T_END, tol=1e-6).counts["gradient"]
+        assert count == calls[0] - 1, solver  # one before the clock starts
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_a_blow_up_says_why_and_keeps_the_rows_before_it(id):
+    runaway = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
+    solution = integrate_peer(runaway, id, t_end=5.0, steps=10, q0=[1.0], p0=[1.0], tol=1e-5)
+    assert (solution.status, solution.t.tolist()) == ("diverged", [0.0, 0.5, 1.0])
+    assert "step" in solution.reason
+    assert "t = 1 of 5" in solution.reason
+
+
+def test_lsoda_says_in_words_why_it_failed():
+    runaway = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
+    least = BY_ID["scipy-lsoda"].least
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # what it warns of is a reason, not a warning
+        solution = integrate_peer(runaway, "scipy-lsoda", t_end=5.0, steps=10, q0=[1.0], p0=[1.0], tol=least)
+    assert solution.status == "diverged"
+    assert "LSODA" in solution.reason
+    assert "tolerances too small" in solution.reason
+
+
+def test_a_run_of_too_many_steps_is_given_up(monkeypatch):
+    monkeypatch.setattr(peers, "STEP_LIMIT", 5)
+    solution = integrate_peer(problem("kepler"), "scipy-lsoda", t_end=T_END)
+    assert solution.status == "diverged"
+    assert "5 steps" in solution.reason
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_the_limit_of_the_tolerance_is_scipys(id):
+    least = BY_ID[id].least
+    with pytest.raises(InvalidInput, match="none below"):
+        integrate_peer(problem("kepler"), id, t_end=1.0, tol=least / 1.01)
+    for tol, warned in ((least, False), (least / 1.01, True)):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            scipy.integrate.DOP853(lambda t, y: -y, 0.0, [1.0], 1.0, rtol=tol, atol=tol)
+        assert bool(told) == warned
+
+
+def test_without_compilation_there_is_no_compiled_right_hand_side(monkeypatch):
+    monkeypatch.setattr(codegen, "compiled", lambda: False)
+    with pytest.raises(InvalidInput, match="compilation is off"):
+        integrate_peer(problem("kepler"), "scipy-lsoda-numba", t_end=1.0)

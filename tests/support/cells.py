@@ -1,0 +1,17 @@
+"""Some cells of the matrix, for a process with NUMBA_DISABLE_JIT=1: ``python cells.py`` prints JSON."""
+
+from __future__ import annotations
+
+import json
+
+import mpmath
+
+from phasebench.benchmarks.experiments.matrix import matrix
+from phasebench.integrators.registry import method
+
+METHODS = ("stormer-verlet", "rk4", "avf", "gauss-2", "pefrl", "cohen-hairer-1", "wisdom-holman")
+PROBLEMS = ("pendulum", "kepler", "lotka-volterra", "lotka-volterra-log")
+
+if __name__ == "__main__":
+    mpmath.mp.dps = matrix.DIGITS
+    print(json.dumps({"result": matrix.share(0, 1, [method(m) for m in METHODS], PROBLEMS)}))

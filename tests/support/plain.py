@@ -1,0 +1,37 @@
+"""End states of short runs, for a process with NUMBA_DISABLE_JIT=1: ``python plain.py`` prints JSON."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from phasebench.benchmarks.measure.battery import FEW, SYSTEMS, runs_on, variants
+from phasebench.integrators.driver import integrate
+
+H, STEPS = 0.02, 12
+
+
+def end_states():
+    """{label: {system: [status, state at the end]}}; numbers as hexadecimal text, so that none is rounded."""
+    out = {}
+    for m in variants():
+        out[m.label] = {}
+        for name in FEW:
+            if runs_on(m, name):
+                system, q, p = SYSTEMS[name]()
+                try:
+                    with np.errstate(all="ignore"):
+                        s = integrate(system, m, h=H, steps=STEPS, q0=q, p0=p)
+                except Exception as error:  # one method that fails is to fail its own test alone
+                    out[m.label][name] = [f"{type(error).__name__}: {error}", []]
+                    continue
+                out[m.label][name] = [s.status, [float(x).hex() for x in (*s.q[-1], *s.p[-1])]]
+    return out
+
+
+if __name__ == "__main__":
+    from phasebench.integrators.engine.codegen import compiled
+
+    assert not compiled(), "this process compiles"
+    print(json.dumps({"result": end_states()}))

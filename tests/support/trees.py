@@ -1,0 +1,50 @@
+"""Rooted trees, the order conditions of Runge-Kutta methods, and vectors of mpmath numbers."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import mpmath
+import numpy as np
+
+EPS, DIGITS = np.finfo(float).eps, 50
+
+
+@cache
+def trees(n):
+    """The rooted trees of n vertices, as sorted tuples of their branches."""
+
+    def forests(vertices, largest):
+        if vertices == 0:
+            yield ()
+        for k in range(1, min(vertices, largest) + 1):
+            for tree in trees(k):
+                for rest in forests(vertices - k, k):
+                    yield tuple(sorted((tree, *rest)))
+
+    return tuple(sorted(set(forests(n - 1, n - 1))))
+
+
+def density(tree):
+    """(vertices, gamma) of a tree."""
+    parts = [density(branch) for branch in tree]
+    vertices = 1 + sum(n for n, _ in parts)
+    return vertices, vertices * int(np.prod([g for _, g in parts], dtype=object))
+
+
+def order_residual(A, b, orders):
+    """The largest residual of the order conditions of trees with so many vertices, A and b arrays."""
+    known = {}
+
+    def weights(tree):
+        if tree not in known:
+            known[tree] = b * 0 + 1
+            for branch in tree:
+                known[tree] = known[tree] * (A @ weights(branch))
+        return known[tree]
+
+    return max(abs((b * weights(t)).sum() - mpmath.mpf(1) / density(t)[1]) for n in orders for t in trees(n))
+
+
+def vector(x):
+    return np.array([mpmath.mpf(a) for a in x], dtype=object)
