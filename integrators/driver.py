@@ -5,8 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import isfinite
-from numbers import Real
 
 import mpmath
 import numpy as np
@@ -18,6 +16,7 @@ from .engine import codegen, solve
 from .errors import InvalidInput
 from .record import Method
 from .registry import method as method_of
+from .request import check_timeout, grid, initial, request, spacing
 
 OK, DIVERGED, NOT_CONVERGED, NO_ROOT, COLLISION = "ok", "diverged", "not-converged", "no-root", "collision"
 INVALID, TIMEOUT, SKIPPED = "invalid", "timeout", "skipped"
@@ -27,8 +26,6 @@ STATUSES = (OK, DIVERGED, NOT_CONVERGED, NO_ROOT, COLLISION, INVALID, TIMEOUT, S
 ESCAPED = 1e6
 #: A method that keeps the energy and misses it in a larger share of its steps has the status "no-root".
 TOLERATED = 0.1
-#: The most numbers of a trajectory, of q and as many of p (2 GB in all).
-LARGEST = 125_000_000
 #: A motion whose direction misses a singularity by less than this angle meets it.
 HEAD_ON = 1e-7
 #: Steps of one call of a kernel: between calls progress is told and the clock is looked at.
@@ -60,59 +57,6 @@ class Solution:
     method: Method
     parameter: np.ndarray = field(repr=False, default=None)
     seconds: float = 0.0
-
-
-def grid(h=None, t_end=None, steps=None) -> tuple[float, int]:
-    """(h, steps) from two of the three; h is adjusted so that a whole number of steps ends at ``t_end``.
-
-    Raises InvalidInput where they are missing, not finite, not positive, or contradict each other.
-    """
-    for name, value in (("h", h), ("t_end", t_end), ("steps", steps)):
-        real = isinstance(value, Real) and not isinstance(value, bool)
-        if value is not None and not (real and isfinite(value) and value > 0):
-            raise InvalidInput(f"{name} is {value!r}; it must be a positive finite number")
-    if steps is not None and int(steps) != steps:
-        raise InvalidInput(f"steps is {steps}; it must be a positive integer")
-    if h is None and (t_end is None or steps is None):
-        raise InvalidInput("give the step h, or both t_end and steps")
-    if t_end is None and steps is None:
-        raise InvalidInput("give t_end or steps: where does the integration end?")
-    if steps is None:
-        if t_end / h > 1e13:
-            raise InvalidInput(f"t_end/h asks for {t_end / h:.3g} steps; the most is 1e13")
-        steps = max(1, round(t_end / h))
-        h = t_end / steps if abs(steps * h - t_end) > 1e-12 * t_end else h
-    elif t_end is not None:
-        if h is not None and abs(steps * h - t_end) > 1e-9 * t_end:
-            raise InvalidInput(f"steps times h is {steps * h}, not t_end = {t_end}; give two of the three")
-        h = t_end / steps
-    return h, int(steps)
-
-
-def initial(problem, q0, p0, arithmetic=DOUBLE):
-    """The system and its initial state as vectors; raises InvalidInput where they do not fit or H is not finite."""
-    system = getattr(problem, "system", problem)
-    state = []
-    for name, value in (("q0", q0), ("p0", p0)):
-        if value is None:
-            value = getattr(problem, name, None)
-        if value is None:
-            raise InvalidInput(f"give {name}: the problem brings no initial data")
-        if arithmetic == DOUBLE:
-            try:
-                value = np.array(value, dtype=float).reshape(-1)
-            except (TypeError, ValueError):
-                raise InvalidInput(f"{name} is {value!r}; it must be numbers") from None
-            if not np.isfinite(value).all():
-                raise InvalidInput(f"{name} is {value.tolist()}; every component must be finite")
-        if len(value) != system.d:
-            raise InvalidInput(f"{name} has {len(value)} components; the problem has d = {system.d}")
-        state.append(value)
-    if arithmetic == DOUBLE and system.H is not None:
-        H = system.observe(system.H, state[0][None], state[1][None])[0]
-        if not isfinite(H):
-            raise InvalidInput(f"the energy of the initial state is {H}: it is at a singularity or outside H's domain")
-    return system, state[0], state[1]
 
 
 def integrate(
@@ -157,25 +101,21 @@ def integrate(
     multi = arithmetic == MULTIPRECISION
     if multi and codegen.compiled():
         raise InvalidInput("multiprecision runs need a process with NUMBA_DISABLE_JIT=1")
+    check_timeout(timeout)
     if multi:
         h = mpmath.mpf(t_end) / steps if h is None else mpmath.mpf(h)
         steps = steps or round(t_end / h)
+        every = spacing(save_every, steps)
+        system, q, p = initial(problem, q0, p0, exact=True)
     else:
-        h, steps = grid(h, t_end, steps)
-    if save_every < 0 or int(save_every) != save_every:
-        raise InvalidInput(f"save_every is {save_every}; it must be a positive integer, or 0 for the end alone")
-    if timeout is not None and not timeout > 0:
-        raise InvalidInput(f"timeout is {timeout}; it must be a positive number of seconds")
-    system, q, p = initial(problem, q0, p0, arithmetic)
-    kept = 1 + (steps // save_every if save_every else 1)
-    if kept * system.d > LARGEST:
-        room = f"{kept:.3g} rows of d = {system.d} do not fit in memory"
-        raise InvalidInput(f"{room}; take fewer steps, or keep fewer with save_every in Python")
+        system, q, p, h, steps, every = request(
+            problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every
+        )
     lack = chosen.lacks(system)
     if lack:
         raise InvalidInput(lack)
     prepared = prepare(chosen, system, arithmetic)
-    return _run(prepared, system, chosen, q, p, h, steps, save_every or steps, arithmetic, timeout, progress)
+    return _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, progress)
 
 
 @dataclass
@@ -253,7 +193,6 @@ def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dic
 
 def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, progress) -> Solution:
     d = system.d
-    every = min(every, steps)
     multi = arithmetic == MULTIPRECISION
     layout = _lay_out(prepared, system, h, q, p, arithmetic)
     state, counts = layout.state, layout.counts

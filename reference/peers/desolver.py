@@ -25,7 +25,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from .record import Claims, Peer, Run, anything, split_alone
+from .record import NOT_FINITE, Claims, Peer, Run, Task, anything, split_alone
+from .scipy import right_hand_side
 
 #: Steps after which an adaptive run is given up: near a singularity they may shrink without end.
 STEP_LIMIT = 100_000
@@ -61,11 +62,7 @@ def _integrator(which: str, size: int, h: float):
 
 def _right_hand_side(system):
     """A counting (t, y) -> y'."""
-    from phasebench.integrators.engine import codegen
-
-    from .scipy import compiled_field
-
-    field = compiled_field(system) if codegen.compiled() else system.vector_field()
+    field = right_hand_side(system)
     return load().DiffRHS(lambda t, y: field(float(t), y))  # t may be an array without dimensions
 
 
@@ -88,19 +85,20 @@ def _stops() -> tuple[type[Exception], ...]:
 
 
 def _run_constant(which: str):
-    def run(problem, system, q, p, h, index, t, tol) -> Run:
-        state, size, h = np.concatenate([q, p]).astype(float), 2 * system.d, np.float64(h)
-        rhs = _right_hand_side(system)
+    def run(task: Task) -> Run:
+        state, h, numbers = task.state, np.float64(task.h), task.numbers
+        size = len(state)
+        rhs = _right_hand_side(task.system)
         rhs(0.0, state)
         rhs.nfev = 0
-        rows = np.empty((len(index), size))
+        rows = np.empty((len(numbers), size))
         rows[0] = state
         row, steps, failure, stops = 1, 0, None, _stops()
         with _quiet():
             _warm(which, size)
             made = _integrator(which, size, h)
             started = time.perf_counter()
-            while row < len(index) and failure is None:
+            while row < len(numbers) and failure is None:
                 try:
                     taken, change = made(rhs, h * steps, state, {}, h)[1]
                     if taken != h:
@@ -113,11 +111,11 @@ def _run_constant(which: str):
                 if taken != h:
                     failure = f"Newton's iteration does not converge in step {steps}"
                 elif not np.isfinite(state).all():
-                    failure = "the state is no longer finite"
-                elif steps == index[row]:
+                    failure = NOT_FINITE
+                elif steps == numbers[row]:
                     rows[row], row = state, row + 1
             seconds = time.perf_counter() - started
-        return Run(rows[:row, : system.d], rows[:row, system.d :], steps, rhs.nfev, seconds, failure)
+        return Run.of_states(rows[:row], steps, rhs.nfev, seconds, failure)
 
     return run
 
@@ -127,12 +125,12 @@ class _Stuck(RuntimeError):
 
 
 def _run_adaptive(which: str):
-    def run(problem, system, q, p, h, index, t, tol) -> Run:
+    def run(task: Task) -> Run:
         desolver = load()
-        state = np.concatenate([q, p]).astype(float)
-        rhs = _right_hand_side(system)
+        state, times, tol = task.state, task.times, task.tol
+        rhs = _right_hand_side(task.system)
         rhs(0.0, state)
-        rows = np.empty((len(t), 2 * system.d))
+        rows = np.empty((len(times), len(state)))
         rows[0] = state
         row, failure = 1, None
         last = [-1.0]
@@ -145,21 +143,21 @@ def _run_adaptive(which: str):
             last[0] = made.t[-1]
 
         with _quiet():
-            _warm(which, 2 * system.d)
-            made = desolver.OdeSystem(rhs, y0=state, t=(0.0, t[-1]), dt=h, rtol=tol, atol=tol)
+            _warm(which, len(state))
+            made = desolver.OdeSystem(rhs, y0=state, t=(0.0, times[-1]), dt=task.h, rtol=tol, atol=tol)
             made.method = made_class(which)
             rhs = made.equ_rhs  # a copy
             rhs.nfev = 0
             started = time.perf_counter()
             try:
-                for row in range(1, len(t)):
-                    made.integrate(t[row], callback=advancing)
+                for row in range(1, len(times)):
+                    made.integrate(times[row], callback=advancing)
                     rows[row] = made.y[-1]
-                row = len(t)
+                row = len(times)
             except desolver.exception_types.FailedIntegration as error:
                 failure = str(error.__cause__ or error)
             seconds = time.perf_counter() - started
-        return Run(rows[:row, : system.d], rows[:row, system.d :], len(made) - 1, rhs.nfev, seconds, failure)
+        return Run.of_states(rows[:row], len(made) - 1, rhs.nfev, seconds, failure)
 
     return run
 

@@ -28,7 +28,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from .record import Claims, Peer, Run, anything, split_alone
+from .record import Claims, Peer, Run, Task, anything, split_alone
 
 #: rtol and atol of the solution of implicit equations, and how many iterations it may take.
 ROOT, ITERATIONS = 1e-12, 30
@@ -151,16 +151,15 @@ def _steps(first, loop, y, h: float, index):
 
 
 def _run(name: str, how: str):
-    def run(problem, system, q, p, h, index, t, tol) -> Run:
-        y = np.concatenate([q, p]).astype(float)
+    def run(task: Task) -> Run:
+        y = task.state
         with double_precision():
-            first, loop = _compiled(name, how, system)
+            first, loop = _compiled(name, how, task.system)
             began = time.perf_counter()
-            rows, failed = _steps(first, loop, y, h, np.asarray(index[1:]))
+            rows, failed = _steps(first, loop, y, task.h, np.asarray(task.numbers[1:]))
             seconds = time.perf_counter() - began
         failure = f"Newton's method fails in step {failed}" if failed > 0 else None
-        rows = np.vstack([y, rows])
-        return Run(rows[:, : system.d], rows[:, system.d :], index[-1], 0, seconds, failure)
+        return Run.of_states(np.vstack([y, rows]), task.steps, 0, seconds, failure)
 
     return run
 

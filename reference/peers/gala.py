@@ -22,7 +22,7 @@ import numpy as np
 from phasebench.integrators.record import BOUNDED, DRIFT
 
 from .galactic import is_henon_heiles, powers
-from .record import Claims, Peer, Run
+from .record import Claims, Peer, Run, Task
 
 LEAPFROG, RUTH4, RK5, DOPRI853 = "LeapfrogIntegrator", "Ruth4Integrator", "RK5Integrator", "DOPRI853Integrator"
 #: The integrators of second-order systems, which set q' = v.
@@ -79,28 +79,32 @@ def _warm(integrator: str) -> None:
     _call(integrator, lambda t, w: np.array([w[1], -w[0]]), np.array([1.0, 0.0]), {"dt": 0.1, "n_steps": 1}, {})
 
 
+def _ways(integrator: str, task: Task, limit: str):
+    """(gala's times, its options, which of its rows are ours, the steps taken or 0); ``limit`` is of the steps."""
+    if integrator != DOPRI853:
+        return {"dt": task.h, "n_steps": task.steps}, {}, task.numbers, task.steps
+    tolerances = {} if task.tol is None else {"rtol": task.tol, "atol": task.tol}
+    return {"t": task.times}, {limit: MOST_STEPS, **tolerances}, slice(None), 0
+
+
 def _run_python(integrator: str):
-    def run(problem, system, q, p, h, index, t, tol) -> Run:
+    def run(task: Task) -> Run:
         _warm(integrator)
-        masses = _masses(system) if integrator in SECOND_ORDER else None
-        v = p if masses is None else masses[1] @ p
-        adaptive, calls = integrator == DOPRI853, [0]
-        function = _function(system, integrator, calls)
-        times, options = ({"t": t}, {"nsteps": MOST_STEPS}) if adaptive else ({"dt": h, "n_steps": index[-1]}, {})
-        if tol is not None:
-            options |= {"rtol": tol, "atol": tol}
+        masses = _masses(task.system) if integrator in SECOND_ORDER else None
+        v = task.p if masses is None else masses[1] @ task.p
+        calls = [0]
+        function = _function(task.system, integrator, calls)
+        times, options, rows, steps = _ways(integrator, task, "nsteps")
         began = time.perf_counter()
         with np.errstate(all="ignore"):
             try:
-                orbit, seconds = _call(integrator, function, np.concatenate([q, v]), times, options)
+                orbit, seconds = _call(integrator, function, np.concatenate([task.q, v]), times, options)
             except (ArithmeticError, RuntimeError) as error:
-                seconds = time.perf_counter() - began
-                return Run(np.array([q], float), np.array([p], float), 0, calls[0], seconds, str(error))
-        rows = slice(None) if adaptive else list(index)
+                return Run.stuck(task, 0, calls[0], time.perf_counter() - began, str(error))
         Q, V = (np.array(x.xyz if hasattr(x, "xyz") else x.d_xyz)[:, rows].T for x in (orbit.pos, orbit.vel))
         P = V if masses is None else V @ masses[0].T
-        P[0] = p
-        return Run(Q, P, 0 if adaptive else index[-1], calls[0], seconds, None)
+        P[0] = task.p
+        return Run(Q, P, steps, calls[0], seconds)
 
     return run
 
@@ -139,24 +143,20 @@ def _class(integrator: str):
 
 
 def _run_cython(integrator: str):
-    def run(problem, system, q, p, h, index, t, tol) -> Run:
-        made, d = _potential(system), system.d
+    def run(task: Task) -> Run:
+        made, d = _potential(task.system), task.system.d
         state = np.zeros(made.ndim)
         half = made.ndim // 2
-        state[:d], state[half : half + d] = q, p
-        adaptive = integrator == DOPRI853
-        times, options = ({"t": t}, {"nmax": MOST_STEPS}) if adaptive else ({"dt": h, "n_steps": index[-1]}, {})
-        if tol is not None:
-            options |= {"rtol": tol, "atol": tol}
+        state[:d], state[half : half + d] = task.q, task.p
+        times, options, rows, steps = _ways(integrator, task, "nmax")
         began = time.perf_counter()
         try:
             orbit = made.integrate_orbit(state, Integrator=_class(integrator), Integrator_kwargs=options, **times)
         except RuntimeError as error:
-            seconds = time.perf_counter() - began
-            return Run(np.array([q], float), np.array([p], float), 0, 0, seconds, str(error))
+            return Run.stuck(task, 0, 0, time.perf_counter() - began, str(error))
         seconds = time.perf_counter() - began
-        rows = orbit.w()[:, slice(None) if adaptive else list(index)].T
-        return Run(rows[:, :d], rows[:, half : half + d], 0 if adaptive else index[-1], 0, seconds, None)
+        states = orbit.w()[:, rows].T
+        return Run(states[:, :d], states[:, half : half + d], steps, 0, seconds)
 
     return run
 

@@ -37,7 +37,7 @@ from unittest.mock import patch
 import numpy as np
 
 from .galactic import is_henon_heiles, powers, unit_mass
-from .record import Claims, Peer, Run
+from .record import Claims, Peer, Run, Task
 
 METHODS_IN_WORDS = "Orbit.integrate.__doc__ of galpy 1.12.1"
 TUTORIAL = "https://docs.galpy.org/en/latest/, tutorial Integration and Plotting, available integrators"
@@ -170,19 +170,20 @@ def _from_galpy(rows, d: int, line: bool):
 # -- runs ---------------------------------------------------------------------------------------------------------
 
 
-def _times(method: str, adaptive: bool, h: float, index):
+def _times(method: str, adaptive: bool, task: Task):
     """(the times for galpy, how many of its rows make one of ours, options)."""
-    stride = gcd(*np.diff(index).tolist())
-    count = index[-1] // stride
+    h, stride = task.h, gcd(*np.diff(task.numbers).tolist())
+    count = task.steps // stride
     if method == "leapfrog":
-        return h * np.arange(index[-1] + 1), 1, {"rtol": ANY_STEP, "atol": ANY_STEP}
+        return h * np.arange(task.steps + 1), 1, {"rtol": ANY_STEP, "atol": ANY_STEP}
     if not adaptive:
         apart = h * stride
         while int(apart / h) < stride:
             apart = np.nextafter(apart, np.inf)
         return apart * np.arange(count + 1), stride, {"dt": h}
     parts = -(-ROWS // count) if method in ("odeint", "ias15_c") else 1
-    return h * stride * np.arange(count * parts + 1) / parts, stride / parts, {}
+    tolerances = {} if task.tol is None else {"rtol": task.tol, "atol": task.tol}
+    return h * stride * np.arange(count * parts + 1) / parts, stride / parts, tolerances
 
 
 def _integrate(method, potential, start, times, options):
@@ -234,27 +235,25 @@ def _warm(method: str, system, own: bool):
 def _run(method: str, adaptive: bool):
     own = method.endswith("_c")
 
-    def run(problem, system, q, p, h, index, t, tol) -> Run:
+    def run(task: Task) -> Run:
+        system = task.system
         line = system.d == 1 and (not own or _linear(system))
-        start = _to_galpy(q, p, line)
+        start = _to_galpy(task.q, task.p, line)
         potential = _warm(method, system, own)
-        times, every, options = _times(method, adaptive, h, index)
-        if tol is not None:
-            options |= {"rtol": tol, "atol": tol}
-        rows, seconds = None, 0.0
-        failure = None
+        times, every, options = _times(method, adaptive, task)
+        rows, seconds, failure = None, 0.0, None
         if not line and start[0] == 0:
             failure = "the orbit starts on the axis of polar coordinates, where galpy's forces are 0/0"
         elif adaptive:
-            failure = _hopeless(system, tuple(map(float, q)), tuple(map(float, p)), float(t[-1]))
+            failure = _hopeless(system, tuple(map(float, task.q)), tuple(map(float, task.p)), float(task.times[-1]))
         if failure is None:
             rows, seconds, failure = _integrate(method, potential, start, times, options)
-        steps = 0 if adaptive else index[-1]
+        steps = 0 if adaptive else task.steps
         if failure is not None:
-            return Run(np.array([q], float), np.array([p], float), steps, 0, seconds, failure)
-        Q, P = _from_galpy(rows[[round(i / every) for i in index]], system.d, line)
-        Q[0], P[0] = q, p
-        return Run(Q, P, steps, 0, seconds, None)
+            return Run.stuck(task, steps, 0, seconds, failure)
+        Q, P = _from_galpy(rows[[round(n / every) for n in task.numbers]], system.d, line)
+        Q[0], P[0] = task.q, task.p
+        return Run(Q, P, steps, 0, seconds)
 
     return run
 

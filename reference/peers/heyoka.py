@@ -15,7 +15,7 @@ import numpy as np
 
 from phasebench.integrators.record import ROUND_OFF
 
-from .record import Claims, Peer, Run
+from .record import NOT_FINITE, Claims, Peer, Run, Task
 
 EPS = float(np.finfo(float).eps)
 #: Integrators that are kept.
@@ -39,27 +39,27 @@ def _batch(system, tol):
     return hy.taylor_adaptive_batch(one.sys, zeros, tol=one.tol, compact_mode=one.compact_mode)
 
 
-def _run(problem, system, q, p, h, index, t, tol) -> Run:
+def _run(task: Task) -> Run:
     from phasebench.reference.solvers import taylor
 
-    ta = _scalar(system, tol)
-    taylor.start(ta, float, q, p)
+    ta = _scalar(task.system, task.tol)
+    taylor.start(ta, float, task.q, task.p)
     started = time.perf_counter()
-    rows, steps, failure = taylor.propagate(ta, t)
+    rows, steps, failure = taylor.propagate(ta, task.times)
     seconds = time.perf_counter() - started
-    return Run(rows[:, : system.d], rows[:, system.d :], steps, 0, seconds, failure)
+    return Run.of_states(rows, steps, 0, seconds, failure)
 
 
-def _run_batch(problem, system, q, p, h, index, t, tol) -> Run:
+def _run_batch(task: Task) -> Run:
     import heyoka as hy
 
     from phasebench.reference.solvers import taylor
 
-    ta = _batch(system, tol)
+    ta = _batch(task.system, task.tol)
     lanes = ta.batch_size
     ta.set_time(0.0)
-    ta.state[:] = np.concatenate([q, p])[:, None]
-    grid = np.repeat(np.asarray(t, float)[:, None], lanes, axis=1)
+    ta.state[:] = task.state[:, None]
+    grid = np.repeat(task.times[:, None], lanes, axis=1)
     started = time.perf_counter()
     _, found = ta.propagate_grid(grid, max_steps=taylor.STEP_LIMIT)
     seconds = (time.perf_counter() - started) / lanes
@@ -67,13 +67,13 @@ def _run_batch(problem, system, q, p, h, index, t, tol) -> Run:
     outcome, _, _, steps = ta.propagate_res[0]
     why = {
         hy.taylor_outcome.time_limit: None,
-        hy.taylor_outcome.err_nf_state: "the state is no longer finite",
+        hy.taylor_outcome.err_nf_state: NOT_FINITE,
         hy.taylor_outcome.step_limit: f"{taylor.STEP_LIMIT} steps did not reach the end",
     }
     failure = why.get(outcome, f"heyoka stopped with {outcome}")
     if failure is None and not (found == rows[:, :, None]).all():
         rows, failure = rows[:1], f"the {lanes} lanes, which started alike, differ"
-    return Run(rows[:, : system.d], rows[:, system.d :], steps, 0, seconds, failure)
+    return Run.of_states(rows, steps, 0, seconds, failure)
 
 
 def _peer(id: str, name: str, run, more: str) -> Peer:

@@ -26,6 +26,8 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
+from .record import Run, Task
+
 CENTRAL, GRAVITY, POTENTIAL = "a central body", "gravity between bodies", "a potential"
 
 
@@ -214,31 +216,25 @@ def state(sim, setting: Setting) -> np.ndarray:
     return np.concatenate([x[at], v[at] / setting.inverse])
 
 
-def run(setting: Setting, integrator: str, options, q0, p0, h: float, index, adaptive: bool, limit: float = np.inf):
-    """Integrate to the step numbers ``index`` (increasing, from 0), each a row.
+def run(task: Task, setting: Setting, integrator: str, options, *, adaptive: bool, limit: float = np.inf) -> Run:
+    """Integrate a task that is put to REBOUND by ``setting``; seconds are those in REBOUND alone.
 
-    Adaptive integrators stop at the times h times index; the others take that many steps of h, so that no sum of times
-    enters.  Coordinates and
-    velocities beyond ``limit`` end the run.
-
-    Returns
-    -------
-    tuple
-        Rows reached of q and of p (rows, d), steps taken, seconds in REBOUND alone, what ended it (or None).
+    Adaptive integrators stop at the times of the rows; the others take as many steps of h, so that no sum of times
+    enters.  Coordinates and velocities beyond ``limit`` end the run.
     """
-    sim, force = build(setting, q0, p0, integrator, options)
+    sim, force = build(setting, task.q, task.p, integrator, options)
     if not adaptive:
-        sim.dt = h
+        sim.dt = task.h
     d = len(setting.inverse)
-    rows = np.empty((len(index), 2 * d))
-    rows[0] = [*q0, *p0]
+    rows = np.empty((len(task.numbers), 2 * d))
+    rows[0] = task.state
     spent, reached, failure = 0.0, 1, None
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        for row, (before, n) in enumerate(pairwise(map(int, index)), start=1):
+        for row, (before, n) in enumerate(pairwise(map(int, task.numbers)), start=1):
             started = time.perf_counter()
             try:
-                _advance(sim, integrator, h, before, n, adaptive)
+                _advance(sim, integrator, task.h, before, n, adaptive)
             except RuntimeError as error:
                 failure = str(error)
                 break
@@ -252,8 +248,8 @@ def run(setting: Setting, integrator: str, options, q0, p0, h: float, index, ada
                 break
             reached = row + 1
     del force  # not before: the simulation holds only its address
-    steps = int(sim.steps_done) if adaptive else int(index[reached - 1])
-    return rows[:reached, :d], rows[:reached, d:], steps, spent, failure
+    steps = int(sim.steps_done) if adaptive else int(task.numbers[reached - 1])
+    return Run.of_states(rows[:reached], steps, 0, spent, failure)
 
 
 def _advance(sim, integrator: str, h: float, before: int, n: int, adaptive: bool) -> None:

@@ -29,7 +29,8 @@ import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
 
-from .record import Claims, Peer, Run, split_alone
+from .record import NOT_FINITE, Claims, Peer, Run, Task, split_alone
+from .scipy import right_hand_side
 
 #: The most steps of one call of pyhamsys, and of one with two copies that are not set to their mean.
 PIECE, MOST = 256, 100_000
@@ -95,11 +96,7 @@ def _whole(system):
     """pyhamsys's system of any H."""
     from pyhamsys import HamSys
 
-    from phasebench.integrators.engine.codegen import compiled
-
-    from .scipy import compiled_field
-
-    return HamSys(ndof=system.d, y_dot=compiled_field(system) if compiled() else system.vector_field())
+    return HamSys(ndof=system.d, y_dot=right_hand_side(system))
 
 
 def _piece(made, options: dict, state, h: float, n: int):
@@ -131,30 +128,29 @@ def _warm() -> None:
 
 
 def _run(solver: str, position_first: bool, extension: bool, omega: float | None):
-    def run(problem, system, q, p, h, index, t, tol) -> Run:
+    def run(task: Task) -> Run:
         one = omega is not None
-        if one and index[-1] > MOST:
+        if one and task.steps > MOST:
             raise InvalidInput(f"pyhamsys's time grows as the square of the steps: at most {MOST} with omega")
-        made = _whole(system) if extension else _split(system, position_first)
+        made = _whole(task.system) if extension else _split(task.system, position_first)
         options = {"solver": solver, "extension": extension, "omega": omega}
-        state = np.concatenate([q, p]).astype(float)
+        state = task.state
         _warm()
         done, kept, failure = 0, [state[None]], None
-        wanted = np.asarray(index[1:])
+        wanted = np.asarray(task.numbers[1:])
         seconds = 0.0
         with np.errstate(all="ignore"):
-            for n in _pieces(index[-1], one):
+            for n in _pieces(task.steps, one):
                 began = time.perf_counter()
-                rows, _ = _piece(made, options, state, float(h), n)
+                rows, _ = _piece(made, options, state, task.h, n)
                 seconds += time.perf_counter() - began
-                here = wanted[(wanted > done) & (wanted <= done + n)] - done - 1
-                kept.append(rows[here])
+                inside = wanted[(wanted > done) & (wanted <= done + n)]
+                kept.append(rows[inside - done - 1])
                 state, done = np.ascontiguousarray(rows[-1]), done + n
                 if not np.isfinite(state).all():
-                    failure = "the state is no longer finite"
+                    failure = NOT_FINITE
                     break
-        Q = np.vstack(kept)
-        return Run(Q[:, : system.d], Q[:, system.d :], done, 0, seconds, failure)
+        return Run.of_states(np.vstack(kept), done, 0, seconds, failure)
 
     return run
 

@@ -1,6 +1,6 @@
 """REBOUND's integrators as peers, through its public Python interface.
 
-How a system is put to REBOUND: `reference.nbody`.  SEI is left out: it is for the shearing sheet alone, whose
+How a system is put to REBOUND: `particles`.  SEI is left out: it is for the shearing sheet alone, whose
 forces depend on velocities.  Fixed-step integrators run with safe_mode = 0 where they have it: neighbouring drifts are
 one and a corrector acts at rows alone.  Wisdom-Holman splittings use Jacobi coordinates (REBOUND's default); with
 planets of relative mass eps their error is a sum of terms eps h^a + eps^2 h^b + ...: a peer's ``order`` is the least
@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from phasebench.integrators.record import DRIFT, ROUND_OFF
 
-from . import particles as nbody
+from . import particles
 from .particles import CENTRAL, GRAVITY, POTENTIAL
-from .record import Claims, Peer, Run
+from .record import Claims, Peer, Run, Task
 
 DOCUMENTATION = "https://rebound.readthedocs.io/en/latest/integrators/ and sim.integrator.__doc__ of version 5.2"
 HIGH_ORDER = "Rein, Tamayo & Brown 2019, Mon. Not. R. Astron. Soc. 489, 4632-4640"
@@ -41,7 +41,7 @@ NEWTON = "a Kepler problem; gravity between bodies, the first in the middle"
 
 def _setting(kinds, forces: bool, system):
     """How a system is put to an integrator that takes these settings; None where it cannot be."""
-    found = nbody.settings(system)
+    found = particles.settings(system)
     for kind in kinds:
         if kind in found and (forces or found[kind].gradient is None):
             return found[kind]
@@ -52,7 +52,7 @@ def _lacks(integrator: str, kinds, forces: bool):
     def lacks(problem, system) -> str | None:
         from phasebench.integrators.engine.codegen import compiled
 
-        found = nbody.settings(system)
+        found = particles.settings(system)
         if not found:
             return "REBOUND integrates H = sum p_i^2 / (2 m_i) + V(q) alone"
         chosen = _setting(kinds, forces, system)
@@ -69,7 +69,7 @@ def _lacks(integrator: str, kinds, forces: bool):
                 return "REBOUND finds no AVX512 here (rebound.avx512_available): the processor or the build lacks it"
         q = getattr(problem, "q0", None)
         if chosen.kind == GRAVITY and integrator in ("whfast", "whfast512", "saba") and q is not None:
-            body = nbody.jacobi_vanishes(chosen, q)
+            body = particles.jacobi_vanishes(chosen, q)
             if body is not None:
                 return (
                     f"body {body + 1} starts in the centre of mass of those before it: Jacobi coordinates are singular"
@@ -89,18 +89,15 @@ def _avx512() -> bool:
 
 
 def _run(integrator: str, kinds, forces: bool, options: dict, tolerances):
-    def run(problem, system, q, p, h, index, t, tol) -> Run:
-        setting = _setting(kinds, forces, system)
-        chosen = options | ({} if tol is None else dict.fromkeys(tolerances, tol))
+    def run(task: Task) -> Run:
+        setting = _setting(kinds, forces, task.system)
+        chosen = options | ({} if task.tol is None else dict.fromkeys(tolerances, task.tol))
         if chosen.get("kernel") == "lazy" and setting.kind == CENTRAL and setting.gradient is None:
             chosen = {"safe_mode": 0}  # there is nothing to correct in a pure Kepler problem
         if integrator == "ias15":
-            chosen["min_dt"] = SHORTEST * h * index[-1]
+            chosen["min_dt"] = SHORTEST * task.h * task.steps
         limit = 2.0**62 * UNIT if integrator == "janus" else float("inf")
-        Q, P, steps, seconds, failure = nbody.run(
-            setting, integrator, chosen, q, p, h, index, adaptive=bool(tolerances), limit=limit
-        )
-        return Run(Q, P, steps, 0, seconds, failure)
+        return particles.run(task, setting, integrator, chosen, adaptive=bool(tolerances), limit=limit)
 
     return run
 

@@ -29,6 +29,43 @@ class Claims:
     source: str = ""
 
 
+#: Why a run ends that has left the numbers.
+NOT_FINITE = "the state is no longer finite"
+
+
+class Task(NamedTuple):
+    """What a peer is to integrate.
+
+    Attributes
+    ----------
+    problem, system : the problem (or again the system, where there is no other), and its system
+    q, p : arrays (d,), the initial state
+    h : the step, of an adaptive peer the spacing of its rows
+    numbers : the numbers of the steps after which a row is wanted, increasing from 0
+    times : array, h times each of them
+    tol : the tolerance of an adaptive peer; None: the package's own
+    """
+
+    problem: Any
+    system: Any
+    q: np.ndarray
+    p: np.ndarray
+    h: float
+    numbers: list[int]
+    times: np.ndarray
+    tol: float | None
+
+    @property
+    def state(self) -> np.ndarray:
+        """(q, p), a new array (2 d,)."""
+        return np.concatenate([self.q, self.p]).astype(float)
+
+    @property
+    def steps(self) -> int:
+        """The number of steps to the end."""
+        return self.numbers[-1]
+
+
 class Run(NamedTuple):
     """What a peer did: rows (n, d) of q and p reached, steps, evaluations (0: not told), seconds, what failed."""
 
@@ -38,6 +75,17 @@ class Run(NamedTuple):
     gradient: int
     seconds: float
     failure: str | None = None
+
+    @classmethod
+    def of_states(cls, rows, *more) -> Run:
+        """The run whose rows are of states (q, p), of shape (n, 2 d)."""
+        d = rows.shape[1] // 2
+        return cls(rows[:, :d], rows[:, d:], *more)
+
+    @classmethod
+    def stuck(cls, task: Task, *more) -> Run:
+        """The run that came no further than its start."""
+        return cls.of_states(task.state[None], *more)
 
 
 def anything(problem, system) -> str | None:
@@ -67,8 +115,8 @@ class Peer:
     license : of the package
     about : what its tolerance or its options mean, and what its time includes
     source : author, year
-    run : (problem, system, q, p, h, index, t, tol) -> `Run` with a row for each step number of ``index`` (increasing
-        from 0; ``t`` is h times it) up to where it failed; it may import the package, its module may not
+    run : `Task` -> `Run` with a row for each step number of the task up to where it failed; it may import the package,
+        its module may not
     scope : in words, what it can integrate
     lacks : (problem, system) -> why it cannot do a problem, or None
     claims : what its package says of it
@@ -85,7 +133,7 @@ class Peer:
     license: str
     about: str
     source: str
-    run: Callable[..., Run]
+    run: Callable[[Task], Run]
     scope: str = "any"
     lacks: Callable[[Any, Any], str | None] = anything
     claims: Claims = field(default_factory=Claims)

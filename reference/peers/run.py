@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from math import isfinite
+from numbers import Real
 
 import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
 
-from .record import Peer
+from .record import NOT_FINITE, Peer, Run, Task
 
 #: On a singular system a change of the energy by more than this many times itself is a collision.
 LOST = 10.0
@@ -50,7 +51,8 @@ def integrate_peer(
     InvalidInput
         For input that cannot be used, or a problem that the peer cannot do.
     """
-    from phasebench.integrators.driver import COLLISION, DIVERGED, OK, SKIPPED, grid, initial
+    from phasebench.integrators.driver import SKIPPED, Solution
+    from phasebench.integrators.request import request
 
     from . import peer
 
@@ -61,40 +63,40 @@ def integrate_peer(
     tol = _tolerance(chosen, tol)
     if chosen.adaptive and h is None and steps is None:
         steps = 1
-    h, steps = grid(h, t_end, steps)
-    if save_every < 0 or int(save_every) != save_every:
-        raise InvalidInput(f"save_every is {save_every}; it must be a positive integer, or 0 for the end alone")
-    system, q, p = initial(problem, q0, p0)
-    every = min(int(save_every) or steps, steps)
-    index = [*range(0, steps, every), steps]
-    t = np.array([h * n for n in index])
+    asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every)
+    system, numbers = asked.system, asked.step_numbers
+    times = np.array([asked.h * n for n in numbers])
+    task = Task(problem, system, asked.q, asked.p, asked.h, numbers, times, tol)
     try:
         chosen.load(chosen.package)
     except ImportError as error:
-        reason = f"{chosen.package} cannot be imported ({error}); pip install {chosen.package}"
-        return _solution(chosen, t, q[None], p[None], SKIPPED, reason, 0, 0, h, 0.0)
-    Q, P, taken, gradient, seconds, failure = chosen.run(problem, system, q, p, h, index, t, tol)
-    whole = np.isfinite(Q).all(axis=1) & np.isfinite(P).all(axis=1)
-    kept = len(Q) if whole.all() else int(np.argmin(whole))
-    status, reason = OK, ""
-    if kept < len(t):
-        why = (failure or "the state is no longer finite").rstrip(".")
-        status, reason = DIVERGED, f"{why}; the rows end at t = {t[kept - 1]:.6g} of {t[-1]:.6g}"
-    elif system.singular and system.H is not None:
-        H = system.observe(system.H, Q, P)
+        run = Run.stuck(task, 0, 0, 0.0)
+        status, reason = SKIPPED, f"{chosen.package} cannot be imported ({error}); pip install {chosen.package}"
+    else:
+        run = chosen.run(task)
+        status, reason, rows = ending(system, times, run.q, run.p, run.failure)
+        run = run._replace(q=run.q[:rows], p=run.p[:rows])
+    q, p = (np.ascontiguousarray(x, dtype=float) for x in (run.q, run.p))
+    counts = {"steps": int(run.steps), "gradient": int(run.gradient), "hessian": 0, "iterations": 0, "fallbacks": 0}
+    unknown = np.full(len(q) - 1, np.nan)
+    return Solution(times[: len(q)], q, p, status, reason, counts, asked.h, chosen, unknown, run.seconds)
+
+
+def ending(system, times, q, p, failure: str | None) -> tuple[str, str, int]:
+    """How rows of q and p at the first of the ``times`` ended: the status, the reason, and how many rows are good."""
+    from phasebench.integrators.driver import COLLISION, DIVERGED, OK
+
+    finite = np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1)
+    rows = len(q) if finite.all() else int(np.argmin(finite))
+    if rows < len(times):
+        why = (failure or NOT_FINITE).rstrip(".")
+        return DIVERGED, f"{why}; the rows end at t = {times[rows - 1]:.6g} of {times[-1]:.6g}", rows
+    if system.singular and system.H is not None:
+        H = system.observe(system.H, q, p)
         worst = float(np.abs(H - H[0]).max())
         if worst > LOST * abs(H[0]):
-            status, reason = COLLISION, f"the energy {H[0]:.6g} changed by {worst:.3g}: the orbit met the singularity"
-    Q, P = np.ascontiguousarray(Q[:kept], dtype=float), np.ascontiguousarray(P[:kept], dtype=float)
-    return _solution(chosen, t, Q, P, status, reason, taken, gradient, h, seconds)
-
-
-def _solution(chosen, t, Q, P, status, reason, steps, gradient, h, seconds):
-    from phasebench.integrators.driver import Solution
-
-    counts = {"steps": int(steps), "gradient": int(gradient), "hessian": 0, "iterations": 0, "fallbacks": 0}
-    aux = np.full(len(Q) - 1, np.nan)
-    return Solution(t[: len(Q)], Q, P, status, reason, counts, h, chosen, aux, seconds)
+            return COLLISION, f"the energy {H[0]:.6g} changed by {worst:.3g}: the orbit met the singularity", rows
+    return OK, "", rows
 
 
 def _tolerance(chosen: Peer, tol) -> float | None:
@@ -102,7 +104,7 @@ def _tolerance(chosen: Peer, tol) -> float | None:
         return chosen.tol
     if not chosen.adaptive:
         raise InvalidInput(f"'{chosen.id}' takes steps of fixed size: give h, not tol")
-    if isinstance(tol, bool) or not isinstance(tol, (int, float)) or not isfinite(tol) or not 0 < tol < 1:
+    if isinstance(tol, bool) or not isinstance(tol, Real) or not isfinite(tol) or not 0 < tol < 1:
         raise InvalidInput(f"tol is {tol!r}; it must be a number between 0 and 1")
     if tol < chosen.least:
         raise InvalidInput(f"tol is {tol!r}; '{chosen.id}' takes none below {chosen.least:.3g}")

@@ -16,7 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from .record import Claims, Peer, Run
+from .record import NOT_FINITE, Claims, Peer, Run, Task
 
 #: SciPy's own defaults.
 RTOL, ATOL = 1e-3, 1e-6
@@ -54,14 +54,21 @@ def compiled_field(system):
     return f
 
 
+def right_hand_side(system):
+    """(t, y) -> y' on arrays (2 d,): compiled, unless compilation is off."""
+    from phasebench.integrators.engine import codegen
+
+    return compiled_field(system) if codegen.compiled() else system.vector_field()
+
+
 def _solve(solver_name: str, compiled: bool):
-    def run(problem, system, q, p, h, index, t, tol) -> Run:
+    def run(task: Task) -> Run:
         import scipy.integrate
 
-        field = compiled_field(system) if compiled else system.vector_field()
-        y = np.concatenate([q, p]).astype(float)
+        field = compiled_field(task.system) if compiled else task.system.vector_field()
+        y, t, tol = task.state, task.times, task.tol
         field(0.0, y)
-        rows = np.empty((len(t), 2 * system.d))
+        rows = np.empty((len(t), len(y)))
         rows[0] = y
         row, steps, failure = 1, 0, None
         tolerances = {"rtol": RTOL if tol is None else tol, "atol": ATOL if tol is None else tol}
@@ -87,8 +94,8 @@ def _solve(solver_name: str, compiled: bool):
         else:
             failure = "; ".join(dict.fromkeys([failure.rstrip("."), *(str(w.message).rstrip(".") for w in told)]))
         # SciPy's own count leaves out the evaluations for a Jacobian by differences, one for each component.
-        evaluations = solver.nfev + (2 * system.d * solver.njev if solver_name == "Radau" else 0)
-        return Run(rows[:row, : system.d], rows[:row, system.d :], steps, int(evaluations), seconds, failure)
+        evaluations = solver.nfev + (len(y) * solver.njev if solver_name == "Radau" else 0)
+        return Run.of_states(rows[:row], steps, int(evaluations), seconds, failure)
 
     return run
 
@@ -98,7 +105,7 @@ def _failure(solver, message, before: float, steps: int) -> str | None:
     if solver.status == "failed":
         return message or "SciPy gave no reason"
     if not np.isfinite(solver.y).all():
-        return "the state is no longer finite"
+        return NOT_FINITE
     if solver.t == before:
         return "the step no longer changes the time"
     if steps + 1 >= STEP_LIMIT and solver.status == "running":

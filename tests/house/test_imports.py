@@ -30,6 +30,7 @@ ROOMS = {
         ("records",),
         ("registry",),
         ("families",),
+        ("request",),
         ("driver",),
     ),
     "reference": (("tables",), ("solvers",), ("peers",), ("certificates",)),

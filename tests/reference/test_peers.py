@@ -10,8 +10,7 @@ import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput
-from phasebench.reference.peers import BY_ID, PEERS, Peer, integrate_peer, peer
-from phasebench.reference.peers import particles as nbody
+from phasebench.reference.peers import BY_ID, PEERS, Peer, integrate_peer, particles, peer
 from phasebench.reference.solvers.taylor import reference
 
 T_END = 10.0
@@ -127,7 +126,7 @@ def test_the_extra_force_is_the_problems():
     h = 1e-3
     kicks = []
     for strength in (mu, 0.0):
-        sim, keep = nbody.simulation(made, Q[0], (0.0, 0.0), "leapfrog", strength)
+        sim, keep = particles.simulation(made, Q[0], (0.0, 0.0), "leapfrog", strength)
         sim.dt = h
         sim.steps(1)
         kicks.append(np.array([sim.particles[1].vx, sim.particles[1].vy]))

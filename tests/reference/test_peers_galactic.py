@@ -15,7 +15,7 @@ import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
-from phasebench.reference.peers import gala, galpy, integrate_peer
+from phasebench.reference.peers import Task, gala, galpy, integrate_peer
 from phasebench.reference.peers.galactic import is_henon_heiles, powers
 from phasebench.reference.solvers.taylor import reference
 
@@ -173,11 +173,16 @@ def test_the_number_of_steps_between_rows_is_not_truncated():
     """galpy's C code takes two steps of 0.1 for a row at 0.3: rows are declared a little later."""
     need("galpy")
     assert int(0.3 / 0.1) == 2
-    times, every, options = galpy._times("leapfrog_c", False, 0.1, [0, 3])
+
+    def asked(h, stride):
+        start, system = np.zeros(2), made("henon-heiles").system
+        return galpy._times("leapfrog_c", False, Task(system, system, start, start, h, [0, stride], [0.0], None))
+
+    _, every, options = asked(0.1, 3)
     assert (every, options) == (3, {"dt": 0.1})
     for h in (0.1, 0.3, 1e-3, 0.7, 2.0 / 3):
         for stride in (1, 2, 3, 7, 1000):
-            times, every, _ = galpy._times("leapfrog_c", False, h, [0, stride])
+            times, every, _ = asked(h, stride)
             assert int((times[1] - times[0]) / h) == stride == every
 
 
@@ -238,7 +243,7 @@ def test_where_galpy_would_not_return_it_is_not_called(id):
 
 
 QUIET = """
-from reference.peers import galpy
+from phasebench.reference.peers import galpy
 import numpy as np, signal
 potential = galpy.load().potential.toPlanarPotential(galpy.load().potential.KeplerPotential())
 if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:

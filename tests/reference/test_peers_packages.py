@@ -68,7 +68,7 @@ def has_order(chosen, system_or_problem, order, steps, **start) -> bool:
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_a_record_does_not_import_its_package(package):
-    code = f"import sys, reference.peers.{package}; assert '{package}' not in sys.modules"
+    code = f"import sys, phasebench.reference.peers.{package}; assert '{package}' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

@@ -10,8 +10,7 @@ import pytest
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.problems.outer_solar_system import BODIES, G
 from phasebench.integrators import Hamiltonian, InvalidInput
-from phasebench.reference.peers import BY_ID, PEERS, integrate_peer
-from phasebench.reference.peers import particles as nbody
+from phasebench.reference.peers import BY_ID, PEERS, Task, integrate_peer, particles
 from phasebench.reference.peers.particles import CENTRAL, GRAVITY, POTENTIAL
 from phasebench.reference.solvers.taylor import reference
 
@@ -71,30 +70,30 @@ def test_accelerations_are_the_systems(name):
     """From rest a leapfrog of step 1 ends with the acceleration as the velocity."""
     here = made("n-body", N=5) if name == "n-body of 5" else made(name)
     system = here.system
-    settings = nbody.settings(system)
+    settings = particles.settings(system)
     assert (not settings) == (not system.quadratic_kinetic)
     q = np.array(here.q0) + np.random.default_rng(1).normal(size=system.d) / 10
     for kind, setting in settings.items():
         wanted = np.hstack([system.observe(e, q[None], 0 * q[None]) for e in system.dp])
         ends = []
         for extra in (True, False):
-            sim, force = nbody.build(setting, q, 0 * q, "leapfrog", extra=extra)
+            sim, force = particles.build(setting, q, 0 * q, "leapfrog", extra=extra)
             sim.dt = 1.0
             sim.steps(1)
-            ends.append(nbody.state(sim, setting)[system.d :])
+            ends.append(particles.state(sim, setting)[system.d :])
             assert (force is None) == (setting.gradient is None or not extra)
         np.testing.assert_allclose(ends[0], wanted, rtol=0, atol=1e-14 * np.abs(wanted).max())
         assert (setting.gradient is None) == np.allclose(ends[1], wanted, rtol=1e-6, atol=0), kind
 
 
 def test_masses_are_read_off_the_energy():
-    found = nbody.settings(made("outer-solar-system").system)
+    found = particles.settings(made("outer-solar-system").system)
     assert list(found) == [GRAVITY, POTENTIAL]
     assert found[GRAVITY].masses == tuple(m for m, _, _ in BODIES.values())
     assert found[GRAVITY].G == G
-    five = nbody.settings(made("n-body", N=5).system)[GRAVITY]
+    five = particles.settings(made("n-body", N=5).system)[GRAVITY]
     assert (five.masses, five.G, five.dimension) == ((1.0,) * 5, 0.2, 3)
-    assert list(nbody.settings(made("perturbed-kepler", e=0.2).system)) == [CENTRAL, POTENTIAL]
+    assert list(particles.settings(made("perturbed-kepler", e=0.2).system)) == [CENTRAL, POTENTIAL]
 
 
 @pytest.mark.parametrize(
@@ -112,7 +111,7 @@ def test_masses_are_read_off_the_energy():
 )
 def test_what_is_gravity_between_bodies(kinetic, potential, kind):
     system = Hamiltonian(q="x y z w", p="a b c d", H=f"{kinetic} + {potential}")
-    found = nbody.settings(system)
+    found = particles.settings(system)
     assert next(iter(found), None) == kind
     if kind == GRAVITY:
         assert (found[kind].masses, found[kind].G, found[kind].dimension) == ((2.0, 3.0), 3.0, 2)
@@ -124,7 +123,7 @@ def test_gravity_has_one_constant(last, kind):
     V = "".join(f" - {c}/sqrt((x{i} - x{j})**2 + (y{i} - y{j})**2)" for (i, j), c in pairs.items())
     T = "(a1**2 + b1**2 + a2**2 + b2**2 + a3**2 + b3**2)/2"
     system = Hamiltonian(q="x1 y1 x2 y2 x3 y3", p="a1 b1 a2 b2 a3 b3", H=T + V)
-    assert next(iter(nbody.settings(system))) == kind
+    assert next(iter(particles.settings(system))) == kind
 
 
 # -- every peer on every kind of problem ----------------------------------------------------------------------------
@@ -208,19 +207,13 @@ def test_forces_that_are_not_taken_are_refused_for_a_reason(integrator, options)
     if integrator == "whfast512" and not rebound.avx512_available:
         pytest.skip("no AVX512")
     here, (_, end, _) = made("perturbed-kepler", e=0.2), SPANS["perturbed-kepler"]
-    setting, errors = nbody.settings(here.system)[CENTRAL], []
+    setting, errors = particles.settings(here.system)[CENTRAL], []
     for n in (40, 80, 160):
-        q, *_ = nbody.run(
-            setting,
-            integrator,
-            {"safe_mode": 0} | options if integrator != "whfast512" else {},
-            here.q0,
-            here.p0,
-            end / n,
-            [0, n],
-            adaptive=False,
-        )
-        errors.append(np.abs(q[-1] - truth("perturbed-kepler")).max())
+        times = np.array([0.0, end])
+        task = Task(here, here.system, np.array(here.q0), np.array(here.p0), end / n, [0, n], times, None)
+        options = {"safe_mode": 0} | options if integrator != "whfast512" else {}
+        run = particles.run(task, setting, integrator, options, adaptive=False)
+        errors.append(np.abs(run.q[-1] - truth("perturbed-kepler")).max())
     slopes = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.abs(slopes - (0 if integrator == "whfast512" else 2)).max() < 0.1
 
@@ -272,7 +265,7 @@ def test_ias15_passes_the_zeros_of_an_acceleration():
     here = made("figure-eight")
     end = reference(here, [10.0], certify=False).q[0]
     assert np.abs(integrate_peer(here, "rebound-ias15", t_end=10.0).q[-1] - end).max() < 1e-12
-    sim, _ = nbody.build(nbody.settings(here.system)[GRAVITY], here.q0, here.p0, "ias15")
+    sim, _ = particles.build(particles.settings(here.system)[GRAVITY], here.q0, here.p0, "ias15")
     sim.steps(5000)
     assert 1 < sim.t < 1.06
 
@@ -281,18 +274,18 @@ def test_ias15_passes_the_zeros_of_an_acceleration():
 @pytest.mark.parametrize("name", ["figure-eight", "toda"])
 def test_janus_is_bitwise_reversible(id, reversible, name):
     here, (integrator, _, order) = made(name), id.partition("-")
-    setting = next(iter(nbody.settings(here.system).values()))
-    sim, force = nbody.build(setting, here.q0, here.p0, integrator, {"order": int(order)})
+    setting = next(iter(particles.settings(here.system).values()))
+    sim, force = particles.build(setting, here.q0, here.p0, integrator, {"order": int(order)})
     sim.dt = 0.01
     sim.steps(1)  # now its integers are the state
-    start = nbody.state(sim, setting)
+    start = particles.state(sim, setting)
     sim.steps(1000)
-    there = nbody.state(sim, setting)
+    there = particles.state(sim, setting)
     sim.dt = -0.01
     sim.steps(1000)
     assert (force is None) == (name == "figure-eight")
     assert np.abs(there - start).max() > 0.1
-    assert (nbody.state(sim, setting) == start).all() == reversible
+    assert (particles.state(sim, setting) == start).all() == reversible
 
 
 def test_janus_stops_before_its_integers_overflow():

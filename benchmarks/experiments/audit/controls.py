@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from phasebench.reference.peers.record import Claims, Peer, Run
+from phasebench.reference.peers.record import Claims, Peer, Run, Task
 
 #: Audited with every run.
 CONTROLS = ("stormer-verlet", "rk4", "scheme-iii", "gauss-2")
@@ -16,11 +16,11 @@ CONTROLS = ("stormer-verlet", "rk4", "scheme-iii", "gauss-2")
 def as_peer(method) -> Peer:
     """The record of a `Method`; its claims are its declarations."""
 
-    def run(problem, system, q, p, h, index, t, tol) -> Run:
+    def run(task: Task) -> Run:
         from phasebench.integrators.driver import integrate
 
-        every = index[1] - index[0]
-        s = integrate(system, method, h=h, steps=index[-1], q0=q, p0=p, save_every=every)
+        every = task.numbers[1]
+        s = integrate(task.system, method, h=task.h, steps=task.steps, q0=task.q, p0=task.p, save_every=every)
         return Run(s.q, s.p, s.counts["steps"], s.counts["gradient"], s.seconds, s.reason or None)
 
     return Peer(

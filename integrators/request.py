@@ -1,0 +1,125 @@
+"""What a run is asked for, checked in one place: the steps, the initial state, the rows to keep, the time limit."""
+
+from __future__ import annotations
+
+from math import isfinite
+from numbers import Real
+from typing import NamedTuple
+
+import numpy as np
+
+from .errors import InvalidInput
+
+#: The most numbers of a trajectory, of q and as many of p (2 GB in all).
+LARGEST = 125_000_000
+
+
+class Request(NamedTuple):
+    """A run that can be made.
+
+    Attributes
+    ----------
+    system, q, p : the system and its initial state, arrays (d,)
+    h, steps : the step, and how many
+    every : a row is kept after every so many steps, and after the last
+    """
+
+    system: object
+    q: np.ndarray
+    p: np.ndarray
+    h: float
+    steps: int
+    every: int
+
+    @property
+    def step_numbers(self) -> list[int]:
+        """The numbers of the steps after which a row is kept, from 0."""
+        return [*range(0, self.steps, self.every), self.steps]
+
+
+def request(problem, *, h=None, t_end=None, steps=None, q0=None, p0=None, save_every=1) -> Request:
+    """The run that is asked for; raises InvalidInput for what cannot be used."""
+    h, steps = grid(h, t_end, steps)
+    every = spacing(save_every, steps)
+    system, q, p = initial(problem, q0, p0)
+    rows = 1 + -(-steps // every)
+    if rows * system.d > LARGEST:
+        room = f"{rows:.3g} rows of d = {system.d} do not fit in memory"
+        raise InvalidInput(f"{room}; take fewer steps, or keep fewer with save_every in Python")
+    return Request(system, q, p, h, steps, every)
+
+
+def grid(h=None, t_end=None, steps=None) -> tuple[float, int]:
+    """(h, steps) from two of the three; h is adjusted so that a whole number of steps ends at ``t_end``.
+
+    Raises InvalidInput where they are missing, not finite, not positive, or contradict each other.
+    """
+    for name, value in (("h", h), ("t_end", t_end), ("steps", steps)):
+        real = isinstance(value, Real) and not isinstance(value, bool)
+        if value is not None and not (real and isfinite(value) and value > 0):
+            raise InvalidInput(f"{name} is {value!r}; it must be a positive finite number")
+    if steps is not None and int(steps) != steps:
+        raise InvalidInput(f"steps is {steps}; it must be a positive integer")
+    if h is None and (t_end is None or steps is None):
+        raise InvalidInput("give the step h, or both t_end and steps")
+    if t_end is None and steps is None:
+        raise InvalidInput("give t_end or steps: where does the integration end?")
+    h, t_end = (None if x is None else float(x) for x in (h, t_end))
+    if steps is None:
+        if t_end / h > 1e13:
+            raise InvalidInput(f"t_end/h asks for {t_end / h:.3g} steps; the most is 1e13")
+        steps = max(1, round(t_end / h))
+        h = t_end / steps if abs(steps * h - t_end) > 1e-12 * t_end else h
+    elif t_end is not None:
+        if h is not None and abs(steps * h - t_end) > 1e-9 * t_end:
+            raise InvalidInput(f"steps times h is {steps * h}, not t_end = {t_end}; give two of the three")
+        h = t_end / int(steps)
+    return h, int(steps)
+
+
+def spacing(save_every, steps: int) -> int:
+    """After how many steps a row is kept; ``save_every`` 0 keeps the first and the last alone."""
+    whole = isinstance(save_every, Real) and not isinstance(save_every, bool) and isfinite(save_every)
+    if not whole or save_every < 0 or int(save_every) != save_every:
+        raise InvalidInput(f"save_every is {save_every!r}; it must be a positive integer, or 0 for the end alone")
+    return min(int(save_every) or steps, steps)
+
+
+def check_timeout(timeout) -> None:
+    """Raise InvalidInput for a time limit that is no positive number of seconds."""
+    real = isinstance(timeout, Real) and not isinstance(timeout, bool)
+    if timeout is not None and not (real and timeout > 0):
+        raise InvalidInput(f"timeout is {timeout!r}; it must be a positive number of seconds")
+
+
+def initial(problem, q0=None, p0=None, exact: bool = False):
+    """The system and its initial state, arrays (d,) of doubles, or as they are given where ``exact``.
+
+    Raises InvalidInput where they do not fit or H is not finite there.
+    """
+    system = getattr(problem, "system", problem)
+    if not hasattr(system, "vector_field"):
+        raise InvalidInput(f"the problem is {problem!r}; give a system, such as a Hamiltonian, or a problem")
+    state = []
+    for name, value in (("q0", q0), ("p0", p0)):
+        if value is None:
+            value = getattr(problem, name, None)
+        if value is None:
+            raise InvalidInput(f"give {name}: the problem brings no initial data")
+        if not exact:
+            try:
+                if np.iscomplexobj(value):
+                    raise TypeError
+                value = np.array(value, dtype=float).reshape(-1)
+            except (TypeError, ValueError):
+                raise InvalidInput(f"{name} is {value!r}; it must be numbers") from None
+            if not np.isfinite(value).all():
+                raise InvalidInput(f"{name} is {value.tolist()}; every component must be finite")
+        if len(value) != system.d:
+            raise InvalidInput(f"{name} has {len(value)} components; the problem has d = {system.d}")
+        state.append(value)
+    if not exact and system.H is not None:
+        H = system.observe(system.H, state[0][None], state[1][None])[0]
+        if not isfinite(H):
+            raise InvalidInput(f"the energy of the initial state is {H}: it is at a singularity or outside H's domain")
+    return system, state[0], state[1]
