@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from math import isfinite
+from numbers import Rational, Real
 from typing import Any
 
 from .errors import InvalidInput
@@ -68,31 +68,45 @@ class Method:
 
     def lacks(self, system) -> str | None:
         """Why the method cannot run on ``system``, or None where it can."""
-        for trait in self.requires:
-            if not system.traits[trait]:
-                return f"method '{self.id}' requires a system with the trait '{trait}', which this one lacks"
-        return None
+        return lacks(self.id, self.requires, system)
+
+
+def lacks(id: str, requires: Iterable[str], system) -> str | None:
+    """Why a method that requires these traits cannot run on ``system``, or None where it can."""
+    for trait in requires:
+        if not system.traits[trait]:
+            return f"method '{id}' requires a system with the trait '{trait}', which this one lacks"
+    return None
 
 
 def _number(name: str, value, default):
-    """A parameter's value: an integer where the default is one, else an exact fraction or a finite double."""
+    """A parameter's value, exact: an integer where the default is one, else a fraction or the double that it is.
+
+    Scalars of NumPy are the numbers that they hold.
+    """
     try:
         if isinstance(default, str):
             return str(value)
-        if isinstance(value, bool):
+        exact = _exact(value)
+        if isinstance(default, int) and exact.denominator != 1:
             raise ValueError
         if isinstance(default, int):
-            if int(value) != float(Fraction(value) if isinstance(value, str) else value):
-                raise ValueError
-            return int(value)
-        if isinstance(value, str):
-            float(Fraction(value))  # raises where it is too large for a double
-            return Fraction(value)
-        if isinstance(value, (int, Fraction)):
-            return Fraction(value)
-        if isinstance(value, float) and isfinite(value):
-            return Fraction(value).limit_denominator(1) if value == int(value) else value
-    except (ValueError, TypeError, ZeroDivisionError, OverflowError):
+            return int(exact)
+        float(exact)  # raises where it is too large for a double
+        double = isinstance(value, Real) and not isinstance(value, Rational) and exact.denominator > 1
+        return float(value) if double and float(value) == exact else exact
+    except (AttributeError, ValueError, TypeError, ZeroDivisionError, OverflowError):
         pass
     kind = "an integer" if isinstance(default, int) else "a finite number, such as 0.3 or 1/3"
     raise InvalidInput(f"the parameter {name} is {value!r}; it must be {kind}") from None
+
+
+def _exact(value) -> Fraction:
+    """The number that a number, a scalar of NumPy or a text such as 1/3 is."""
+    if isinstance(value, bool) or not isinstance(value, (str, Real)):
+        raise TypeError
+    if isinstance(value, str):
+        return Fraction(value)
+    if isinstance(value, Rational):
+        return Fraction(int(value.numerator), int(value.denominator))
+    return Fraction(*value.as_integer_ratio())

@@ -2,7 +2,9 @@
 
 >>> import phasebench as pb
 >>> pendulum = pb.Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
->>> pb.integrate(pendulum, "scheme-i", h=0.01, t_end=1.0, q0=[1.0], p0=[0.0]).status
+>>> pb.integrate(pendulum, "scheme-i", lam=-1, h=0.01, t_end=1.0, q0=[1.0], p0=[0.0]).status
+'ok'
+>>> pb.integrate("henon-heiles:box", "heyoka", t_end=10.0).status
 'ok'
 """
 
@@ -10,13 +12,18 @@ from __future__ import annotations
 
 import importlib
 
+#: Public name -> the package or module that it comes from, loaded when it is first asked for.
 _HOMES = {
     "Hamiltonian": "integrators",
     "InvalidInput": "integrators",
     "METHODS": "integrators",
+    "PEERS": "reference.peers",
+    "PROBLEMS": "benchmarks.problems",
     "Solution": "integrators",
-    "integrate": "integrators",
+    "integrate": "benchmarks.measure.integrator",
+    "integrator": "benchmarks.measure.integrator",
     "method": "integrators",
+    "problem": "benchmarks.problems",
 }
 __all__ = sorted(_HOMES)
 
@@ -27,4 +34,12 @@ def __getattr__(name: str):
         value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
         globals()[name] = value
         return value
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("phasebench")
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, "__version__"})

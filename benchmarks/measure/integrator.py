@@ -1,10 +1,17 @@
-"""`Integrator`: a method of this project, a peer or a stranger's step, with one ``run`` whatever it is."""
+"""`Integrator`: a method of this project, a peer or a step of the user's own, with one ``run`` whatever it is."""
 
 from __future__ import annotations
 
+import difflib
+import inspect
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
-from phasebench.integrators.driver import Solution, integrate
+from phasebench.benchmarks.problems import problem as problem_of
+from phasebench.benchmarks.problems.user_file import is_file
+from phasebench.integrators import driver
+from phasebench.integrators.driver import Solution
 from phasebench.integrators.errors import InvalidInput, unknown
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import BY_ID as METHODS_BY_ID
@@ -12,8 +19,11 @@ from phasebench.integrators.registry import method
 from phasebench.reference.peers import BY_ID as PEERS_BY_ID
 from phasebench.reference.peers import Peer, integrate_peer
 
-#: The kind of an integrator of this project; a peer's is its package.
-OURS = "phasebench"
+from . import own_step
+from .own_step import OwnStep
+
+#: The kinds of integrators besides those of a package.
+OURS, YOURS = "phasebench", "own step"
 
 
 @dataclass(frozen=True)
@@ -22,14 +32,14 @@ class Integrator:
 
     Attributes
     ----------
-    record : the method with its parameters, or the peer
+    record : the method with its parameters, the peer, or the step of the user's own
     """
 
-    record: Method | Peer
+    record: Method | Peer | OwnStep
 
     @property
     def id(self) -> str:
-        """Its kebab-case name."""
+        """Its kebab-case name, or the path of its file."""
         return self.record.id
 
     @property
@@ -39,13 +49,20 @@ class Integrator:
 
     @property
     def kind(self) -> str:
-        """`OURS`, or the package of a peer."""
-        return self.record.package if isinstance(self.record, Peer) else OURS
+        """`OURS`, `YOURS`, or the package of a peer."""
+        if isinstance(self.record, Peer):
+            return self.record.package
+        return YOURS if isinstance(self.record, OwnStep) else OURS
 
     @property
     def adaptive(self) -> bool:
         """Whether it takes a tolerance in place of a step."""
         return isinstance(self.record, Peer) and self.record.adaptive
+
+    @property
+    def stoppable(self) -> bool:
+        """Whether a time limit ends its run: not that of a peer, whose package runs to its end."""
+        return not isinstance(self.record, Peer)
 
     @property
     def order(self) -> int | None:
@@ -54,9 +71,8 @@ class Integrator:
 
     def lacks(self, problem) -> str | None:
         """Why it cannot integrate a problem, or None where it can."""
-        if isinstance(self.record, Peer):
-            return self.record.lacks(problem, problem.system)
-        return self.record.lacks(problem.system)
+        system = getattr(problem, "system", problem)
+        return self.record.lacks(problem, system) if isinstance(self.record, Peer) else self.record.lacks(system)
 
     def run(
         self,
@@ -73,7 +89,7 @@ class Integrator:
     ) -> Solution:
         """Integrate ``problem``; an adaptive one takes ``tol``, and ``h`` as the spacing of its rows.
 
-        A peer cannot be stopped: ``timeout`` is of this project's methods alone.  Raises InvalidInput as
+        A ``timeout`` has no effect on one that is not `stoppable`.  Raises InvalidInput as
         `integrators.driver.integrate` does, and for a tolerance where there is none.
         """
         common = {"h": h, "t_end": t_end, "steps": steps, "q0": q0, "p0": p0, "save_every": save_every}
@@ -81,25 +97,102 @@ class Integrator:
             return integrate_peer(problem, self.record, tol=tol, **common)
         if tol is not None:
             raise InvalidInput(f"'{self.id}' takes a step h, no tolerance")
-        return integrate(problem, self.record, timeout=timeout, **common)
+        run = own_step.integrate_step if isinstance(self.record, OwnStep) else driver.integrate
+        return run(problem, self.record, timeout=timeout, **common)
 
 
-def integrator(name: str | Method | Peer | Integrator, **parameters) -> Integrator:
-    """The integrator of that id (of a method or a peer) or record, with values for a method's parameters.
+def integrator(name: str | Path | Method | Peer | OwnStep | Integrator | Callable, **parameters) -> Integrator:
+    """What a name stands for: the id of a method or a peer, the path of a file with a step; or a record, or a step.
+
+    Parameters
+    ----------
+    name : an id, a path (with .py or a slash), a record, or a function ``step(system, q, p, h) -> (q, p)``
+    parameters : values of a method's parameters
 
     Raises
     ------
     InvalidInput
-        For an unknown id, naming the nearest, or parameters that it does not have.
+        For an unknown id, naming the nearest, parameters that it does not have, or a file without a step.
     """
-    if isinstance(name, Integrator):
-        name = name.record
-    if isinstance(name, str) and name not in METHODS_BY_ID:
-        if name not in PEERS_BY_ID:
-            raise unknown("method", name, [*METHODS_BY_ID, *PEERS_BY_ID])
-        name = PEERS_BY_ID[name]
-    if isinstance(name, Peer):
-        if parameters:
-            raise InvalidInput(f"'{name.id}' has no parameters; it takes h or tol")
-        return Integrator(name)
-    return Integrator(method(name, **parameters))
+    record = name.record if isinstance(name, Integrator) else name
+    if isinstance(record, Path) or (isinstance(record, str) and is_file(record)):
+        record = own_step.from_file(record)
+    elif isinstance(record, str) and record not in METHODS_BY_ID:
+        if record not in PEERS_BY_ID:
+            raise unknown("method", record, [*METHODS_BY_ID, *PEERS_BY_ID])
+        record = PEERS_BY_ID[record]
+    elif callable(record) and not isinstance(record, Method):
+        record = own_step.from_function(record)
+    if isinstance(record, (str, Method)):
+        return Integrator(method(record, **parameters))
+    if not isinstance(record, (Peer, OwnStep)):
+        raise InvalidInput(
+            f"the method is {name!r}; give an id, a method, a step (system, q, p, h) -> (q, p), or a path"
+        )
+    if parameters:
+        takes = "h or tol" if isinstance(record, Peer) else "h"
+        raise InvalidInput(f"'{record.id}' has no parameters such as {', '.join(parameters)}; it takes {takes}")
+    return Integrator(record)
+
+
+def integrate(
+    problem,
+    method: str | Path | Method | Peer | Callable,
+    *,
+    h: float | None = None,
+    t_end: float | None = None,
+    steps: int | None = None,
+    tol: float | None = None,
+    q0=None,
+    p0=None,
+    save_every: int = 1,
+    timeout: float | None = None,
+    **parameters,
+) -> Solution:
+    """Integrate a problem with a method of this project, a peer, or a step of one's own.
+
+    Parameters
+    ----------
+    problem : a system; a problem; a registered name such as ``"henon-heiles:box"``; or the path of a file with one
+    method : an id of a method or a peer; a record; a function ``step(system, q, p, h) -> (q, p)``; or the path of a
+        file with one
+    h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end.  Of an adaptive
+        peer they make the grid of its rows, and t_end alone gives start and end
+    tol : an adaptive peer's tolerance
+    q0, p0 : arrays (d,), the initial state where not the problem's
+    save_every : keep every so many-th state, and the last; 0 keeps the first and the last
+    timeout : seconds after which the integration stops with status "timeout"; a peer cannot be stopped
+    parameters : values of the method's parameters, ``lam=0.5``: numbers, scalars of NumPy, fractions or "1/3"
+
+    Returns
+    -------
+    Solution
+        t (n,), q and p (n, d), status, reason, counts, seconds
+
+    Raises
+    ------
+    InvalidInput
+        For input that cannot be used; what happens on the way (a blow-up, a stage not solved) is a status.
+
+    Examples
+    --------
+    >>> integrate("pendulum", "scheme-i", h=0.1, steps=10, lam="1/3").status
+    'ok'
+    """
+    try:
+        chosen = integrator(method, **parameters)
+    except InvalidInput as error:
+        raise InvalidInput(f"{error}{_misspelt(parameters)}") from None
+    if timeout is not None and not chosen.stoppable:
+        raise InvalidInput(f"'{chosen.id}' cannot be stopped: leave out the time limit")
+    made = problem_of(problem) if isinstance(problem, (str, Path)) else problem
+    return chosen.run(
+        made, h=h, t_end=t_end, steps=steps, tol=tol, q0=q0, p0=p0, save_every=save_every, timeout=timeout
+    )
+
+
+def _misspelt(names) -> str:
+    """What follows an error where a name is near to one of `integrate`'s own arguments."""
+    known = [name for name in inspect.signature(integrate).parameters if name != "parameters"]
+    near = [match for name in names for match in difflib.get_close_matches(name, known)]
+    return f"; did you mean {' or '.join(near)}?" if near else ""

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 from phasebench.integrators.errors import InvalidInput, unknown
 
+from .user_file import is_file
+
 if TYPE_CHECKING:
     from .base import Problem
 
@@ -79,7 +81,7 @@ def file_and_orbit(name: str) -> tuple[str | None, str]:
     head, _, orbit = name.rpartition(":")
     if not name.lower().endswith(".py") and head.lower().endswith(".py"):
         return head, orbit
-    return (name, "") if name.lower().endswith(".py") or "/" in name or "\\" in name else (None, "")
+    return (name, "") if is_file(name) else (None, "")
 
 
 def check_parameters(what: str, known: Iterable[str], values: Mapping[str, object]) -> None:

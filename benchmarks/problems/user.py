@@ -10,12 +10,8 @@ and invariants I with dI/dt = 0 along the flow, {I, H} = 0 of a canonical system
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
 import inspect
 import re
-import sys
-import traceback
 import types
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -31,7 +27,7 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems import formula
 from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
-from . import PROBLEMS, check_parameters
+from . import PROBLEMS, check_parameters, user_file
 from .base import Orbit, Problem
 
 DIGITS = 30
@@ -59,7 +55,7 @@ def from_file(path: str | Path, **parameters) -> Problem:
     InvalidInput
         For a file that cannot be read or raises (naming line and error), or a problem that breaks the contract.
     """
-    module = _loaded(str(path))
+    module = user_file.load(str(path))
     make = getattr(module, "make", None)
     if make is None:
         made, values = getattr(module, "problem", None), {}
@@ -68,7 +64,7 @@ def from_file(path: str | Path, **parameters) -> Problem:
         check_parameters(str(path), (), parameters)
     else:
         values = _values(module, make, str(path), parameters)
-        with _own_code(str(path), f"make({', '.join(f'{k}={v!r}' for k, v in values.items())})"):
+        with user_file.users_code(str(path), f"make({', '.join(f'{k}={v!r}' for k, v in values.items())})"):
             made = make(**values)
     if not isinstance(made, Problem):
         what = "what make returns is" if make else "problem is"
@@ -149,45 +145,6 @@ def _degrees(names: Sequence[str]) -> int:
 
 
 # -- files -------------------------------------------------------------------------------------------------------------
-
-
-def _loaded(path: str) -> types.ModuleType:
-    """The file's module.  Imports relative to this package work in it: a copy of one of its modules runs as it is."""
-    file = Path(path)
-    if file.is_dir():
-        raise InvalidInput(f"{path} is a directory; a problem is a Python file in it")
-    if not file.exists():
-        raise InvalidInput(f"there is no file {path}; names of registered problems have neither a slash nor .py")
-    if file.suffix.lower() != ".py":
-        raise InvalidInput(f"{path} is no Python file: the name of a problem's file ends in .py")
-    try:
-        text = file.read_bytes()
-    except OSError as error:
-        raise InvalidInput(f"{path} cannot be read: {error.strerror}") from None
-    name = f"{__package__}.user_{hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:12]}"
-    module = types.ModuleType(name)
-    module.__file__, module.__package__ = str(file.resolve()), __package__
-    with _own_code(path, "the file"):
-        code = compile(text, path, "exec")
-        sys.modules[name] = module  # dataclasses look their module up
-        exec(code, module.__dict__)
-    return module
-
-
-@contextlib.contextmanager
-def _own_code(path: str, what: str):
-    """Code of the user's: what it raises is invalid input at a line, what it prints is no result of ours."""
-    try:
-        with contextlib.redirect_stdout(sys.stderr):
-            yield
-    except (Exception, SystemExit) as error:
-        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == path]
-        if isinstance(error, SyntaxError) and error.filename == path:
-            lines.append(error.lineno)
-        where = f"{path}, line {lines[-1]}" if lines and lines[-1] else f"{path}, {what}"
-        said = error.msg if isinstance(error, SyntaxError) else error
-        text = str(said) if isinstance(error, InvalidInput) else f"{type(error).__name__}: {said}"
-        raise InvalidInput(f"{where}: {text}") from error
 
 
 def _values(module: types.ModuleType, make: Any, path: str, parameters: Mapping[str, float]) -> dict[str, float]:

@@ -16,7 +16,8 @@ from phasebench.integrators.errors import InvalidInput
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = ("--h", "0.1", "--t-end", "2")
 FORMULA = ("--hamiltonian", "p**2/2 - cos(q)", "--q", "2", "--p", "0")
-HEAD = "from benchmarks.problems.base import Orbit, Problem\nfrom integrators import Hamiltonian, PartitionedSystem\n"
+HEAD = "from phasebench.benchmarks.problems.base import Orbit, Problem\n"
+HEAD += "from phasebench.integrators import Hamiltonian, PartitionedSystem\n"
 GOOD = """
 def make(k=1.0):
     print("made")
@@ -107,7 +108,7 @@ BAD = {
     "raises": ("\ndef make():\n    return 1/0\n", ["line 5", "ZeroDivisionError: division by zero"]),
     "exits": ("raise SystemExit(3)\n", ["line 3", "SystemExit"]),
     "imports": ("import no_such_module\n", ["line 3", "ModuleNotFoundError"]),
-    "own check": ("from integrators import InvalidInput\nraise InvalidInput('k is 0')\n", ["line 4: k is 0"]),
+    "own check": ("from phasebench import InvalidInput\nraise InvalidInput('k is 0')\n", ["line 4: k is 0"]),
     "formula": (system(H="p**2/2 - cos(x)"), ["line 3", "'x'"]),
     "nothing": ("x = 1\n", ["no function 'make'"]),
     "no function": ("make = 3\n", ["make is a int"]),

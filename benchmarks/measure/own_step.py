@@ -1,0 +1,265 @@
+"""A step of the user's own: a Python function, or a file with one, integrated as a method is.
+
+A file is plain Python::
+
+    def step(system, q, p, h):
+        p = p - h * system.dH_dq(q, p)
+        q = q + h * system.dH_dp(q, p)
+        return q, p
+
+    CLAIMS = {"order": 1, "symplectic": True}
+    REQUIRES = ("separable",)
+
+q and p are arrays (d,) that cannot be written to; the step returns new ones.  What it claims and what it requires of a
+system may be left out.
+"""
+
+from __future__ import annotations
+
+import inspect
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from phasebench.benchmarks.problems import user_file
+from phasebench.integrators import record
+from phasebench.integrators.driver import OK, TIMEOUT, Solution
+from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.request import check_timeout, request
+from phasebench.reference.peers.run import ending
+
+#: What a step may claim of how the energy is kept.
+ENERGY = ("preserved", record.EXACT, record.ROUND_OFF, record.BOUNDED, record.DRIFT, record.NONE)
+
+
+@dataclass(frozen=True)
+class OwnStep:
+    """A step of the user's own.
+
+    Attributes
+    ----------
+    id : the function's name, or the path of its file
+    step : (system, q, p, h) -> (q, p), see `System`
+    claims : any of order, symplectic, reversible, energy (one of `ENERGY`)
+    requires : traits of the system that it cannot do without
+    where : the file of its code, as Python names it in a traceback
+    """
+
+    id: str
+    step: Callable[..., tuple[Any, Any]]
+    claims: Mapping[str, Any] = field(default_factory=dict)
+    requires: tuple[str, ...] = ()
+    where: str = ""
+
+    #: As of a method: a step has no parameters.
+    parameters = {}  # noqa: RUF012
+
+    @property
+    def label(self) -> str:
+        """The id."""
+        return self.id
+
+    @property
+    def order(self) -> int | None:
+        """The order that is claimed."""
+        return self.claims.get("order")
+
+    def lacks(self, system) -> str | None:
+        """Why it cannot run on ``system``, or None where it can."""
+        for trait in self.requires:
+            if trait not in system.traits:
+                raise unknown("trait of systems", trait, system.traits)
+        return record.lacks(self.id, ("canonical", *self.requires), system)
+
+
+class System:
+    """What a step sees of a system: H and its derivatives at q and p, arrays (d,).
+
+    Attributes
+    ----------
+    d : degrees of freedom
+    evaluations : of `dH_dq` and of `dH_dp` so far
+    """
+
+    def __init__(self, system):
+        self.d, self.evaluations = system.d, [0, 0]
+        self._system, self._field = system, system.vector_field()
+
+    def _state(self, q, p) -> np.ndarray:
+        return np.concatenate([_vector(x, f"the system is called with {n}", self.d) for n, x in (("q", q), ("p", p))])
+
+    def dH_dq(self, q, p) -> np.ndarray:
+        """The gradient by q, (d,)."""
+        self.evaluations[0] += 1
+        return -self._field(0.0, self._state(q, p))[self.d :]
+
+    def dH_dp(self, q, p) -> np.ndarray:
+        """The gradient by p, (d,)."""
+        self.evaluations[1] += 1
+        return self._field(0.0, self._state(q, p))[: self.d]
+
+    def H(self, q, p) -> float:
+        """The energy."""
+        state = self._state(q, p)
+        return float(self._system.observe(self._system.H, state[None, : self.d], state[None, self.d :])[0])
+
+
+def from_function(step: Callable) -> OwnStep:
+    """The step that a function (system, q, p, h) -> (q, p) makes; raises InvalidInput where it takes something else."""
+    code = getattr(step, "__code__", None) or getattr(type(step).__call__, "__code__", None)
+    where = code.co_filename if code else "the step"
+    try:
+        inspect.signature(step).bind("system", "q", "p", "h")
+    except TypeError as error:
+        raise InvalidInput(f"{where}: a step is called as step(system, q, p, h): {error}") from None
+    except ValueError:  # a function whose arguments cannot be known
+        pass
+    return OwnStep(getattr(step, "__name__", type(step).__name__), step, where=where)
+
+
+def from_file(path: str | Path) -> OwnStep:
+    """The step of a Python file, with its ``CLAIMS`` and ``REQUIRES``.
+
+    Raises
+    ------
+    InvalidInput
+        For a file that cannot be read or raises (naming the line), or without such a step.
+    """
+    path = str(path)
+    module = user_file.load(path, "method")
+    step = getattr(module, "step", None)
+    if not callable(step):
+        has = "has no function 'step'" if step is None else f"has a 'step' that is a {type(step).__name__}"
+        raise InvalidInput(f"{path} {has}; write def step(system, q, p, h): ... return q, p")
+    requires = getattr(module, "REQUIRES", ())
+    requires = (requires,) if isinstance(requires, str) else requires
+    if not isinstance(requires, (tuple, list)) or not all(isinstance(x, str) for x in requires):
+        raise InvalidInput(f"{path}: REQUIRES is {requires!r}; write REQUIRES = ('separable',)")
+    own = from_function(step)
+    return OwnStep(path, step, _claims(getattr(module, "CLAIMS", {}), path), tuple(requires), own.where)
+
+
+def _claims(claims, path: str) -> Mapping[str, Any]:
+    """``CLAIMS``, checked."""
+    if not isinstance(claims, Mapping):
+        raise InvalidInput(f"{path}: CLAIMS is {claims!r}; write CLAIMS = {{'order': 2, 'symplectic': True}}")
+    wanted = {
+        "order": ("a positive integer", lambda x: isinstance(x, int) and not isinstance(x, bool) and x > 0),
+        "symplectic": ("True or False", lambda x: isinstance(x, bool)),
+        "reversible": ("True or False", lambda x: isinstance(x, bool)),
+        "energy": (f"one of {', '.join(ENERGY)}", lambda x: x in ENERGY),
+    }
+    for name, value in claims.items():
+        if name not in wanted:
+            raise InvalidInput(f"{path}: {unknown('claim', str(name), wanted)}")
+        words, right = wanted[name]
+        if not right(value):
+            raise InvalidInput(f"{path}: CLAIMS has {name} = {value!r}; it must be {words}")
+    return dict(claims)
+
+
+def integrate_step(
+    problem, own: OwnStep, *, h=None, t_end=None, steps=None, q0=None, p0=None, save_every=1, timeout=None
+) -> Solution:
+    """Integrate ``problem`` with a step of the user's own, at constant h.
+
+    Parameters
+    ----------
+    problem, h, t_end, steps, q0, p0, save_every : as of `integrators.driver.integrate`
+    timeout : seconds after which no further step is taken; one step that does not return cannot be stopped
+
+    Returns
+    -------
+    integrators.driver.Solution
+        Its ``seconds`` are those of the loop in Python; of ``counts`` the gradient is of H by q or by p, whichever was
+        evaluated more often.
+
+    Raises
+    ------
+    InvalidInput
+        For input that cannot be used, and for a step that raises (naming file and line), that returns anything but two
+        arrays (d,) of real numbers, or that changes its q or p.
+    """
+    check_timeout(timeout)
+    asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every)
+    lack = own.lacks(asked.system)
+    if lack:
+        raise InvalidInput(lack)
+    seen = System(asked.system)
+    seen.dH_dq(asked.q, asked.p)  # what has to be compiled is compiled before the clock starts
+    seen.evaluations[:] = 0, 0
+    numbers = asked.step_numbers
+    rows = np.empty((2, len(numbers), seen.d))
+    rows[:, 0] = asked.q, asked.p
+    started = time.perf_counter()
+    with user_file.users_code(own.where, "its step"), np.errstate(all="ignore"):
+        row, taken, late = _steps(own.step, seen, asked, rows, None if timeout is None else started + timeout)
+    seconds = time.perf_counter() - started
+    times = np.array([asked.h * n for n in numbers[: row if late else None]])
+    status, reason, kept = ending(asked.system, times, *rows[:, :row], None)
+    if status == OK and late:
+        status, reason = (
+            TIMEOUT,
+            f"{timeout} s had passed after step {taken} of {asked.steps}; the rows so far are kept",
+        )
+    counts = {"steps": taken, "gradient": max(seen.evaluations), "hessian": 0, "iterations": 0, "fallbacks": 0}
+    q, p = rows[:, :kept].copy()
+    return Solution(times[:kept], q, p, status, reason, counts, asked.h, own, np.full(kept - 1, np.nan), seconds)
+
+
+def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:
+    """Fill the rows; (rows that are filled, steps that were taken, whether the time was over before the end)."""
+    q, p, row = asked.q, asked.p, 1
+    for n in range(1, asked.steps + 1):
+        try:
+            q, p = _returned(step(seen, _frozen(q), _frozen(p), asked.h), seen.d)
+        except ValueError as error:
+            if "read-only" not in str(error):
+                raise
+            why = InvalidInput("a step must not change its q and p: write q = q + ..., not q += ...")
+            raise why.with_traceback(error.__traceback__) from error
+        if n == asked.steps or n % asked.every == 0:
+            rows[:, row] = q, p
+            row += 1
+        if not (np.isfinite(q).all() and np.isfinite(p).all()):
+            return row, n - 1, False
+        if deadline is not None and n < asked.steps and time.perf_counter() > deadline:
+            return row, n, True
+    return row, asked.steps, False
+
+
+def _frozen(x: np.ndarray) -> np.ndarray:
+    """A view that cannot be written to, nor made so."""
+    x.flags.writeable = False
+    return x.view()
+
+
+def _returned(pair, d: int) -> tuple[np.ndarray, np.ndarray]:
+    """What a step returned, as arrays of its own."""
+    two = len(pair) == 2 if isinstance(pair, (tuple, list)) else np.ndim(pair) == 2 and len(pair) == 2
+    if not two:
+        raise InvalidInput(f"step returned {_described(pair)}; it must return q, p")
+    return _vector(pair[0], "step returned q", d), _vector(pair[1], "step returned p", d)
+
+
+def _vector(x, what: str, d: int) -> np.ndarray:
+    """x as a new array (d,) of doubles; ``what`` it is begins the error's message."""
+    try:
+        if np.iscomplexobj(x):
+            raise TypeError
+        vector = np.array(x, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"{what} = {_described(x)}; it must be an array of real numbers") from None
+    if vector.shape != (d,):
+        raise InvalidInput(f"{what} of shape {vector.shape}; it must be ({d},)")
+    return vector
+
+
+def _described(x) -> str:
+    """A value in an error's message."""
+    text = repr(x)
+    return text if len(text) <= 60 else f"{type(x).__name__} {text[:60]} ..."

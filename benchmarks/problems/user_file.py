@@ -1,0 +1,65 @@
+"""A Python file of the user's: read and run, and what is wrong with it named with its line."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import sys
+import traceback
+import types
+from collections.abc import Iterator
+from pathlib import Path
+
+from phasebench.integrators.errors import InvalidInput
+
+
+def is_file(name: str) -> bool:
+    """Whether a name is the path of a file: it ends in .py or has a slash."""
+    return name.lower().endswith(".py") or "/" in name or "\\" in name
+
+
+def load(path: str, what: str = "problem") -> types.ModuleType:
+    """The module of a file with a ``what`` in it.
+
+    Imports relative to the package of problems work in it: a copy of one of its modules runs as it is.
+
+    Raises
+    ------
+    InvalidInput
+        For a file that cannot be read or that raises, naming its line.
+    """
+    file = Path(path)
+    if file.is_dir():
+        raise InvalidInput(f"{path} is a directory; a {what} is a Python file in it")
+    if not file.exists():
+        raise InvalidInput(f"there is no file {path}; names of registered {what}s have neither a slash nor .py")
+    if file.suffix.lower() != ".py":
+        raise InvalidInput(f"{path} is no Python file: the name of a {what}'s file ends in .py")
+    try:
+        text = file.read_bytes()
+    except OSError as error:
+        raise InvalidInput(f"{path} cannot be read: {error.strerror}") from None
+    name = f"{__package__}.user_{hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:12]}"
+    module = types.ModuleType(name)
+    module.__file__, module.__package__ = str(file.resolve()), __package__
+    with users_code(path, "the file"):
+        code = compile(text, path, "exec")
+        sys.modules[name] = module  # dataclasses look their module up
+        exec(code, module.__dict__)
+    return module
+
+
+@contextlib.contextmanager
+def users_code(path: str, what: str) -> Iterator[None]:
+    """Code of the user's: what it raises is invalid input at a line, what it prints is no result of ours."""
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            yield
+    except (Exception, SystemExit) as error:
+        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == path]
+        if isinstance(error, SyntaxError) and error.filename == path:
+            lines.append(error.lineno)
+        where = f"{path}, line {lines[-1]}" if lines and lines[-1] else f"{path}, {what}"
+        said = error.msg if isinstance(error, SyntaxError) else error
+        text = str(said) if isinstance(error, InvalidInput) else f"{type(error).__name__}: {said}"
+        raise InvalidInput(f"{where}: {text}") from error
