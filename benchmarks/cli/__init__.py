@@ -6,6 +6,8 @@ that needs them, so its module imports them inside the function.
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import typer
 
 from .audit import audit
@@ -28,11 +30,27 @@ COMMANDS = {
 }
 
 app = typer.Typer(
-    help="A validation benchmark suite for geometric integrators of Hamiltonian systems.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"phasebench {version('phasebench')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Say which.")] = False,
+) -> None:
+    """A validation benchmark suite for geometric integrators of Hamiltonian systems."""
+
+
 for name, command in COMMANDS.items():
     app.command(name)(command)
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated
 
 import typer
 
-from .shared import err, invalid_input, out
+from .shared import err, invalid_input, out, print_json
 
 
 def audit(
@@ -23,6 +22,6 @@ def audit(
     with invalid_input(), err.status("audit") as status:
         found = measure([*package, *peer] or None, quick=quick, progress=status.update)
     if as_json:
-        print(json.dumps({"rows": found.rows, "claims": found.claims, "remarks": found.remarks}))
+        print_json({"rows": found.rows, "claims": found.claims, "remarks": found.remarks})
     else:
         show(found, out)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .shared import err, invalid_input, out
+from .shared import err, invalid_input, out, print_json
 
 
 def certify(
@@ -15,10 +15,12 @@ def certify(
     t_end: Annotated[
         float | None, typer.Option(help="Certify this one time of one problem, and store nothing.")
     ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a reference, in an array.")] = False,
 ) -> None:
     """Compute stored reference states anew and show that nothing moved; exit code 1 where something did."""
     from phasebench.benchmarks.experiments.references import certify as references
 
     with invalid_input():
-        code = references.certify(problem or (), update=update, t_end=t_end, console=out, progress=err)
+        show = print_json if as_json else None
+        code = references.certify(problem or (), update=update, t_end=t_end, console=out, progress=err, show=show)
     raise typer.Exit(code)

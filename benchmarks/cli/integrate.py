@@ -1,4 +1,4 @@
-"""``integrate``: one problem, one method or peer, and how it went.
+"""``integrate``: one problem, one method, peer or step of one's own, and how it went.
 
 The problem is a registered one, a file of the user's, or a formula of H; every step is kept in memory, for the largest
 energy error over all of them.
@@ -6,14 +6,14 @@ energy error over all of them.
 
 from __future__ import annotations
 
-import json
+from dataclasses import replace
 from typing import Annotated, Any
 
 import typer
 
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput
 
-from .shared import WRONG, complain, invalid_input, numbers, out, pairs, values
+from .shared import WRONG, compilation_shown, complain, invalid_input, numbers, out, pairs, print_json, values
 
 COUNTS = ("steps", "gradient", "hessian", "iterations", "fallbacks")
 
@@ -23,7 +23,9 @@ def integrate(
         str,
         typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or the path of your own, ./my_problem.py."),
     ],
-    method: Annotated[str | None, typer.Argument(metavar="METHOD", help="A method or a peer.")] = None,
+    method: Annotated[
+        str | None, typer.Argument(metavar="METHOD", help="A method, a peer, or the path of your own step, ./mine.py.")
+    ] = None,
     h: Annotated[
         float | None, typer.Option("--h", help="Step; adjusted so that a whole number of steps ends at --t-end.")
     ] = None,
@@ -50,7 +52,7 @@ def integrate(
         if not as_json:
             return complain(reason)
         named = {"problem": hamiltonian if problem is None else problem, "method": method, "params": chosen}
-        print(json.dumps(named | {"status": "invalid", "reason": reason}))
+        print_json(named | {"status": "invalid", "reason": reason})
 
     with invalid_input(said):
         if method is None and hamiltonian is None:
@@ -60,9 +62,14 @@ def integrate(
         q0, p0 = numbers(q, "q"), numbers(p, "p")
         made = _made(problem, hamiltonian, values(set_, "set"), q0, p0)
         chosen |= pairs(param, "--param")
-        result = _integrated(made, method, chosen, h, t_end, steps, tol, q0, p0, timeout)
+        with compilation_shown(not as_json):
+            from phasebench.benchmarks.measure.integrator import integrator
+
+            result = _integrated(
+                made, integrator(method, **chosen), tol, timeout, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0
+            )
     if as_json:
-        print(json.dumps(result))
+        print_json(result)
     else:
         _print(result)
     raise typer.Exit(0 if result["status"] == "ok" else WRONG)
@@ -88,37 +95,18 @@ def _label(word: str) -> tuple[str | None, str | None]:
     return (word, None) if word.partition(":")[0] in PROBLEMS else (None, word)
 
 
-def _integrated(made, id, parameters, h, t_end, steps, tol, q, p, timeout) -> dict[str, Any]:
-    from phasebench.integrators.registry import BY_ID
-    from phasebench.integrators.registry import method as method_of
-    from phasebench.reference.peers import BY_ID as PEERS
-
-    if id in PEERS:
-        from phasebench.reference.peers import integrate_peer
-
-        if parameters:
-            raise InvalidInput(f"'{id}' has no parameters; it takes --h or --tol")
-        if timeout is not None:
-            raise InvalidInput(f"'{id}' cannot be stopped: leave out --timeout")
-        solution = integrate_peer(made, id, h=h, tol=tol, t_end=t_end, steps=steps, q0=q, p0=p)
-        if solution.status == "ok":
-            # The rows above give the invariants along the way; the time is of a run without output.
-            bare = integrate_peer(made, id, h=h, tol=tol, t_end=t_end, steps=steps, q0=q, p0=p, save_every=0)
-            object.__setattr__(solution, "seconds", bare.seconds)
-        return _result(made, solution, {} if tol is None else {"tol": tol})
-    if id not in BY_ID:
-        raise unknown("method", id, [*BY_ID, *PEERS])
-    if tol is not None:
-        raise InvalidInput(f"'{id}' takes a step --h, no tolerance")
-    from phasebench.integrators.driver import integrate as run
-
-    chosen = method_of(id, **parameters)
-    common = {"h": h, "t_end": t_end, "steps": steps, "q0": q, "p0": p, "timeout": timeout}
-    solution = run(made, chosen, **common)
+def _integrated(problem, integrator, tol, timeout, **common) -> dict[str, Any]:
+    """The JSON object of one integration."""
+    if timeout is not None and not integrator.stoppable:
+        raise InvalidInput(f"'{integrator.id}' cannot be stopped: leave out --timeout")
+    options = common | {"tol": tol, "timeout": timeout}
+    solution = integrator.run(problem, **options)
+    seconds = solution.seconds
     if solution.status == "ok":
-        bare = run(made, chosen, **common, save_every=0)
-        object.__setattr__(solution, "seconds", bare.seconds)
-    return _result(made, solution, {k: str(v) for k, v in chosen.parameters.items()})
+        # The rows above give the invariants along the way; the time is of a run without output.
+        seconds = integrator.run(problem, **options, save_every=0).seconds
+    parameters = {k: str(v) for k, v in integrator.record.parameters.items()}
+    return _result(problem, replace(solution, seconds=seconds), parameters if tol is None else {"tol": tol})
 
 
 def _result(problem, solution, parameters: dict[str, Any]) -> dict[str, Any]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from .shared import show
+from phasebench.integrators.errors import InvalidInput, unknown
+
+from .shared import invalid_input, print_json, show
 
 
 class Kind(StrEnum):
@@ -19,38 +22,163 @@ class Kind(StrEnum):
     peers = "peers"
 
 
-def _methods() -> tuple[list[str], list[list[str]]]:
-    from phasebench.benchmarks.experiments.catalogue import describe
-
-    table = describe.methods()
-    return list(table[0]), [list(r.values()) for r in table]
+Row = dict[str, Any]
 
 
-def _problems() -> tuple[list[str], list[list[str]]]:
+def _methods() -> list[Row]:
+    from phasebench.integrators.registry import METHODS
+
+    return [
+        {
+            "method": m.id,
+            "order": m.order,
+            "family": m.family.replace("_", "-"),
+            "symplectic": m.symplectic,
+            "energy": m.energy,
+            "requires": list(m.requires),
+            "symmetric": m.symmetric,
+            "q.D p": m.quadratic,
+            "parameters": {k: v if isinstance(v, (int, str)) else str(v) for k, v in m.parameters.items()},
+            "name": m.name,
+            "source": m.source,
+            "cite": list(m.cite),
+        }
+        for m in METHODS
+    ]
+
+
+def _problems() -> list[Row]:
     from phasebench.benchmarks.problems import PROBLEMS
 
-    heads = ["problem", "name", "orbits (the first is the default)"]
-    return heads, [[id, name, ", ".join(orbits)] for id, (_, name, orbits) in PROBLEMS.items()]
+    return [{"problem": id, "orbits": list(orbits), "name": name} for id, (_, name, orbits) in PROBLEMS.items()]
 
 
-def _scenes() -> tuple[list[str], list[list[str]]]:
+def _scenes() -> list[Row]:
     from phasebench.benchmarks.problems.scenes import SCENES
 
-    heads = ["scene", "problem", "purpose", "t_end", "h"]
-    return heads, [[s.id, s.problem, s.purpose, f"{s.t_end:g}", ", ".join(f"{h:g}" for h in s.steps)] for s in SCENES]
+    return [
+        {"scene": s.id, "problem": s.problem, "t_end": s.t_end, "purpose": s.purpose, "h": list(s.steps)}
+        for s in SCENES
+    ]
 
 
-def _peers() -> tuple[list[str], list[list[str]]]:
+def _peers() -> list[Row]:
     from phasebench.reference.peers import PEERS
 
-    heads = ["peer", "name", "package", "step", "problems", "license"]
-    step = {True: "adaptive (--tol)", False: "fixed (--h)"}
-    return heads, [[p.id, p.name, p.package, step[p.adaptive], p.scope, p.license] for p in PEERS]
+    installed = {package: _version(package) for package in dict.fromkeys(p.package for p in PEERS)}
+    return [
+        {
+            "peer": p.id,
+            "order": p.order,
+            "step": "adaptive (--tol)" if p.adaptive else "fixed (--h)",
+            "installed": installed[p.package],
+            "package": p.package,
+            "problems": p.scope,
+            "name": p.name,
+            "about": p.about,
+            "license": p.license,
+            "source": p.source,
+        }
+        for p in PEERS
+    ]
 
 
-TABLES = {Kind.methods: _methods, Kind.problems: _problems, Kind.scenes: _scenes, Kind.peers: _peers}
+def _version(package: str) -> str | None:
+    """The version that is installed, without importing it."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
-def list_(kind: Annotated[Kind, typer.Argument(help="What to list.")] = Kind.methods) -> None:
-    """List methods, problems, scenes or peers."""
-    show(kind.value, *TABLES[kind]())
+TABLES: dict[Kind, Callable[[], list[Row]]] = {
+    Kind.methods: _methods,
+    Kind.problems: _problems,
+    Kind.scenes: _scenes,
+    Kind.peers: _peers,
+}
+#: Filters whose value must be among those of the column, of which there is one in a row or a list.
+NAMED = ("family", "requires", "energy", "package", "problem")
+
+
+def list_(
+    kind: Annotated[Kind, typer.Argument(help="What to list.")] = Kind.methods,
+    order: Annotated[int | None, typer.Option(help="Methods and peers of this order.")] = None,
+    family: Annotated[str | None, typer.Option(help="Methods of this family: splitting.")] = None,
+    requires: Annotated[
+        str | None, typer.Option(help="Methods that require this of a system: separable; or nothing.")
+    ] = None,
+    energy: Annotated[str | None, typer.Option(help="Methods that keep the energy so: round-off, bounded.")] = None,
+    symplectic: Annotated[bool | None, typer.Option("--symplectic/--no-symplectic", help="Methods.")] = None,
+    symmetric: Annotated[bool | None, typer.Option("--symmetric/--no-symmetric", help="Methods.")] = None,
+    package: Annotated[str | None, typer.Option(help="Peers of this package.")] = None,
+    installed: Annotated[
+        bool | None, typer.Option("--installed/--not-installed", help="Peers whose package is installed.")
+    ] = None,
+    problem: Annotated[str | None, typer.Option(help="Scenes of this problem.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON array.")] = False,
+) -> None:
+    """List methods, problems, scenes or peers, all of them or those that the options leave."""
+    wanted = {
+        "order": order,
+        "family": family,
+        "requires": requires,
+        "energy": energy,
+        "symplectic": symplectic,
+        "symmetric": symmetric,
+        "package": package,
+        "installed": installed,
+        "problem": problem,
+    }
+    with invalid_input():
+        rows = _chosen(kind, TABLES[kind](), {k: v for k, v in wanted.items() if v is not None})
+    if as_json:
+        print_json(rows)
+    elif not rows:
+        print(f"none of the {kind.value}")
+    else:
+        show(f"{len(rows)} {kind.value}", [{head: _text(value) for head, value in row.items()} for row in rows])
+
+
+def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]:
+    """The rows that the options leave."""
+    for name, value in wanted.items():
+        if name not in rows[0] or (kind is Kind.problems and name == "problem"):
+            raise InvalidInput(f"--{name} is no option of {kind.value}")
+        if name in NAMED:
+            known = {x for row in rows for x in _values(row[name])}
+            if value not in known:
+                raise unknown(name, value, known)
+        rows = [row for row in rows if _is(row[name], value)]
+        if not rows:
+            break
+    return rows
+
+
+def _values(cell) -> list:
+    """What a cell can be asked for: itself, an entry or that it has none; of problem:orbit the problem too."""
+    if isinstance(cell, list):
+        return cell or ["nothing"]
+    return [cell, cell.partition(":")[0]] if isinstance(cell, str) else [cell]
+
+
+def _is(cell, value) -> bool:
+    """Whether a cell is what was asked for; a version is there or it is not."""
+    return (
+        (cell is not None) == value
+        if isinstance(value, bool) and not isinstance(cell, bool)
+        else value in _values(cell)
+    )
+
+
+def _text(value) -> str:
+    """A value in a table."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list):
+        return ", ".join(map(_text, value)) or "-"
+    if isinstance(value, dict):
+        return ", ".join(f"{k}={v}" for k, v in value.items()) or "-"
+    return "-" if value is None else f"{value:g}" if isinstance(value, float) else str(value)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from fractions import Fraction
+from math import isfinite
 
 import typer
 from rich.console import Console
@@ -14,6 +17,8 @@ from phasebench.integrators.errors import InvalidInput
 out, err = Console(), Console(stderr=True)
 #: Exit codes of a run that went wrong, and of input that cannot be used.
 WRONG, INVALID = 1, 2
+#: Between two columns of a table; and the least that is shown of one, or all of it where it is narrower.
+GAP, LEAST = 2, 24
 
 
 @contextmanager
@@ -33,16 +38,64 @@ def complain(message: str) -> None:
     err.print(f"[bold red]invalid:[/] {escape(message)}", highlight=False, soft_wrap=True)
 
 
-def show(title: str, heads: list[str], rows: list[list[str]]) -> None:
-    """Print a table."""
-    from rich.table import Table
+@contextmanager
+def compilation_shown(wanted: bool) -> Iterator[None]:
+    """While something is compiled, say so on a terminal."""
+    from phasebench.integrators.engine import progress
 
-    table = Table(title=title, header_style="bold", show_lines=False)
-    for i, head in enumerate(heads):
-        table.add_column(head, no_wrap=i == 0, overflow="fold")
+    if wanted and err.is_terminal:
+        progress.announce = err.status
+    try:
+        yield
+    finally:
+        progress.announce = nullcontext
+
+
+def print_json(value: object) -> None:
+    """Print a value as one line of JSON: numbers in full precision, null where there is none."""
+    print(json.dumps(_finite(value), allow_nan=False))
+
+
+def _finite(value: object) -> object:
+    """The value with None in place of what JSON has no number for."""
+    if isinstance(value, dict):
+        return {key: _finite(x) for key, x in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(x) for x in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def width() -> int | None:
+    """How many columns there are to print in; None where nothing says so (a pipe, a file)."""
+    return out.width if out.is_terminal or "COLUMNS" in os.environ else None
+
+
+def show(title: str, rows: list[dict[str, str]]) -> None:
+    """Print a table: of its columns, in their order, as many as fit, the last of them cut where it has to be."""
+    from rich.table import Table
+    from rich.text import Text
+
+    room = width()
+    heads = list(rows[0]) if rows else []
+    widths: dict[str, int] = {}
+    for head in heads:
+        wide = max(len(head), *(len(row[head]) for row in rows))
+        left = wide if room is None else room - sum(widths.values()) - GAP * len(widths)
+        if left < min(wide, LEAST):
+            break
+        widths[head] = min(wide, left)
+    table = Table(
+        title=title, title_justify="left", header_style="bold", box=None, pad_edge=False, padding=(0, GAP, 0, 0)
+    )
+    for head, wide in widths.items():
+        table.add_column(head, no_wrap=True, overflow="ellipsis", width=wide)
     for row in rows:
-        table.add_row(*row)
-    (out if out.is_terminal else Console(width=280)).print(table)
+        table.add_row(*(Text(row[head]) for head in widths))
+    whole = sum(widths.values()) + GAP * len(widths)
+    (out if room is not None else Console(width=max(whole, len(title)))).print(table)
+    hidden = heads[len(widths) :]
+    if hidden:
+        out.print(f"in a wider terminal also: {', '.join(hidden)}; everything with --json", highlight=False)
 
 
 def numbers(text: str | None, name: str) -> list[float] | None:

@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numba import types
 
-from . import codegen
+from . import codegen, progress
 from .codegen import DOUBLE, MULTIPRECISION
 
 
@@ -69,7 +69,8 @@ def zeros(shape, arithmetic: str):
 def prepare(method, system, arithmetic: str = DOUBLE) -> Prepared:
     """The kernel of ``method`` for ``system``."""
     family = importlib.import_module(f"phasebench.integrators.families.{method.family}")
-    return family.prepare(method, system, arithmetic)
+    with progress.compiling(f"the functions of {method.id}", system.d):
+        return family.prepare(method, system, arithmetic)
 
 
 _kernels: dict = {}
@@ -91,7 +92,8 @@ def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
         T, number = codegen.value_type(d), types.float64
         tables = (_TABLE, _TABLE, number, types.int64, number, T, _TABLE, _TABLE, _TABLE, _TABLE, _TABLE)
         signature = types.UniTuple(types.int64, 2)(*functions, *tables, _FLOATS, _COUNTS)
-        with warnings.catch_warnings():
+        family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")
+        with progress.compiling(f"the kernel of {family}", d), warnings.catch_warnings():
             warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
             _kernels[key] = numba.njit(signature, cache=True, **codegen.options(d))(prepared.run)
     return _kernels[key]
