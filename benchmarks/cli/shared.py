@@ -43,8 +43,17 @@ def compilation_shown(wanted: bool) -> Iterator[None]:
     """While something is compiled, say so on a terminal."""
     from phasebench.integrators.engine import progress
 
+    shown: list[str] = []
+
+    @contextmanager
+    def outermost(what: str) -> Iterator[None]:
+        with nullcontext() if shown else err.status(what):  # a terminal has one status line
+            shown.append(what)
+            yield
+            shown.pop()
+
     if wanted and err.is_terminal:
-        progress.announce = err.status
+        progress.announce = outermost
     try:
         yield
     finally:

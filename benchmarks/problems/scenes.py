@@ -7,9 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
+from typing import TYPE_CHECKING
 
 from . import problem
-from .base import Problem
+
+if TYPE_CHECKING:
+    from .base import Problem
 
 ORDER, DRIFT = "order", "drift"
 

@@ -95,7 +95,95 @@ def loaded(*arguments: str, heavy=HEAVY):
     return json.loads(done.stdout.splitlines()[-1])
 
 
-@pytest.mark.parametrize("kind", ["methods", "problems"])
+@pytest.mark.parametrize("columns", [60, 80, 100, 200])
+@pytest.mark.parametrize("kind", REGISTERED)
+def test_a_list_fits_the_terminal(kind, columns, monkeypatch):
+    """No line is longer, ids are whole, and no column is narrower than a word."""
+    monkeypatch.setenv("COLUMNS", str(columns))
+    lines = call("list", kind)[1].splitlines()
+    assert max(map(len, lines)) <= columns
+    shown = {line.split()[0] for line in lines[2:]}
+    assert {r[kind[:-1]] for r in strict(call("list", kind, "--json")[1])} <= shown
+    assert len(lines[1].split()) >= 2
+
+
+def test_a_wider_terminal_shows_more_and_says_what_is_missing(monkeypatch):
+    heads = {}
+    for columns in (60, 80, 120, 1000):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        text = call("list", "methods")[1]
+        title, head, *_ = text.splitlines()
+        heads[columns] = head.split()
+        assert title.split() == [str(len(METHODS)), "methods"]
+        assert ("everything with --json" in " ".join(text.split())) == (columns < 1000)
+    assert len(heads[60]) < len(heads[80]) < len(heads[120]) < len(heads[1000])
+    assert heads[80][:3] == ["method", "order", "family"]
+    assert {"name", "source"} <= set(heads[1000])
+
+
+FILTERS = [
+    ("methods", ("--order", "4"), lambda m: m.order == 4),
+    ("methods", ("--family", "splitting"), lambda m: m.family == "splitting"),
+    ("methods", ("--family", "schemes-iv-v"), lambda m: m.family == "schemes_iv_v"),
+    ("methods", ("--requires", "separable"), lambda m: "separable" in m.requires),
+    ("methods", ("--requires", "nothing"), lambda m: not m.requires),
+    ("methods", ("--symplectic",), lambda m: m.symplectic),
+    ("methods", ("--no-symplectic", "--symmetric"), lambda m: m.symmetric and not m.symplectic),
+    ("methods", ("--energy", "round-off", "--order", "2"), lambda m: m.energy == "round-off" and m.order == 2),
+    ("peers", ("--package", "rebound", "--order", "4"), lambda p: p.package == "rebound" and p.order == 4),
+    ("peers", ("--installed", "--package", "heyoka"), lambda p: p.package == "heyoka"),
+    ("scenes", ("--problem", "pendulum"), lambda s: s.problem.startswith("pendulum")),
+]
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "keep"), FILTERS, ids=lambda x: " ".join(x) if isinstance(x, tuple) else ""
+)
+def test_filters_leave_what_they_say(kind, options, keep):
+    known = {"methods": METHODS, "peers": PEERS, "scenes": SCENES}[kind]
+    expected = [x.id for x in known if keep(x)]
+    rows = strict(call("list", kind, *options, "--json")[1])
+    assert [r[kind[:-1]] for r in rows] == expected
+    assert 0 < len(expected) < len(known)
+
+
+def test_filters_that_leave_nothing_or_are_of_something_else():
+    code, text, _ = call("list", "methods", "--order", "99")
+    assert (code, text) == (0, "none of the methods\n")
+    assert call("list", "methods", "--order", "99", "--json")[1] == "[]\n"
+    for arguments, message in [
+        (("methods", "--family", "spliting"), "did you mean splitting"),
+        (("methods", "--requires", "seperable"), "did you mean separable"),
+        (("methods", "--package", "rebound"), "--package is no option of methods"),
+        (("problems", "--order", "2"), "--order is no option of problems"),
+        (("problems", "--problem", "kepler"), "--problem is no option of problems"),
+    ]:
+        code, _, said = call("list", *arguments)
+        assert code == 2
+        assert message in said
+
+
+def test_the_list_of_peers_says_what_is_installed(monkeypatch):
+    import importlib.metadata as metadata
+
+    rows = {r["peer"]: r for r in strict(call("list", "peers", "--json")[1])}
+    assert rows["scipy-dop853"]["installed"] == metadata.version("scipy")
+
+    def absent(name):
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, "version", absent)
+    assert {r["installed"] for r in strict(call("list", "peers", "--json")[1])} == {None}
+    assert len(strict(call("list", "peers", "--not-installed", "--json")[1])) == len(PEERS)
+
+
+def test_the_version():
+    import importlib.metadata as metadata
+
+    assert call("--version")[:2] == (0, f"phasebench {metadata.version('phasebench')}\n")
+
+
+@pytest.mark.parametrize("kind", REGISTERED)
 def test_listing_loads_no_heavy_package(kind):
     assert loaded("list", kind) == []
 
@@ -326,6 +414,55 @@ def test_a_timeout_is_told():
     assert code == 1
     assert found["status"] == "timeout"
     assert 0 < found["steps"] < 20_000_000
+
+
+# -- integrate: a step of one's own, and what is said on a terminal ----------------------------------------------------
+
+STEP = "def step(system, q, p, h):\n    p = p - h * system.dH_dq(q, p)\n    return q + h * system.dH_dp(q, p), p\n"
+
+
+def test_a_file_with_a_step_is_a_method(tmp_path, monkeypatch):
+    (tmp_path / "mine.py").write_text(STEP)
+    monkeypatch.chdir(tmp_path)
+    code, found = run_json("henon-heiles:box", "./mine.py", *SHORT)
+    assert code == 0
+    assert list(found) == CONTRACT
+    expected = run_json("henon-heiles:box", "symplectic-euler-p", *SHORT)[1]
+    assert np.abs(np.array(found["q"]) - expected["q"]).max() < 1e-14
+    assert (found["method"], found["params"]) == ("./mine.py", {})
+    (tmp_path / "mine.py").write_text(STEP.replace("dH_dq", "dV"))
+    code, found = run_json("henon-heiles:box", "./mine.py", *SHORT)
+    assert (code, found["status"]) == (2, "invalid")
+    assert "./mine.py, line 2" in found["reason"]
+
+
+#: Runs a command on a terminal of its own; prints what came on it.
+TERMINAL = """
+import os, pty, subprocess, sys
+ours, theirs = pty.openpty()
+process = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=theirs)
+os.close(theirs)
+try:
+    while piece := os.read(ours, 4096):
+        sys.stdout.buffer.write(piece)
+except OSError:  # the other side is closed
+    pass
+sys.exit(process.wait())
+"""
+
+
+@pytest.mark.parametrize(("options", "terminal"), [((), True), (("--json",), True), ((), False)])
+def test_a_terminal_says_what_is_compiled(options, terminal, tmp_path):
+    environment = os.environ | {"PHASEBENCH_CACHE": str(tmp_path), "TERM": "xterm"}
+    formula = ("--hamiltonian", "p**2/2 - cos(q)", "--q", "1", "--p", "0", "--h", "0.1", "--steps", "3")
+    command = [sys.executable, "-m", "benchmarks", "integrate", "rk4", *formula, *options]
+    command = [sys.executable, "-c", TERMINAL, *command] if terminal else command
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    said = done.stdout if terminal else done.stderr
+    if terminal and not options:
+        assert "compiling the functions of rk4 for d = 1" in said
+    else:
+        assert said == ""
 
 
 # -- run and report ----------------------------------------------------------------------------------------------------
