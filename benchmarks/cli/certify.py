@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .shared import err, invalid_input, out, print_json
+from .shared import err, invalid_input, out
 
 
 def certify(
@@ -15,12 +15,10 @@ def certify(
     t_end: Annotated[
         float | None, typer.Option(help="Certify this one time of one problem, and store nothing.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a reference, in an array.")] = False,
 ) -> None:
     """Compute stored reference states anew and show that nothing moved; exit code 1 where something did."""
     from phasebench.benchmarks.experiments.references import certify as references
 
     with invalid_input():
-        show = print_json if as_json else None
-        code = references.certify(problem or (), update=update, t_end=t_end, console=out, progress=err, show=show)
+        code = references.certify(problem or (), update=update, t_end=t_end, console=out, progress=err)
     raise typer.Exit(code)

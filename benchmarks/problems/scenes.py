@@ -7,12 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
-from typing import TYPE_CHECKING
 
 from . import problem
-
-if TYPE_CHECKING:
-    from .base import Problem
+from .base import Problem
 
 ORDER, DRIFT = "order", "drift"
 

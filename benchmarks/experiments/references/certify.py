@@ -197,7 +197,6 @@ def certify(
     console: Console | None = None,
     progress: Console | None = None,
     make: Callable[[str], Outcome] | None = None,
-    show: Callable[[list[dict]], None] | None = None,
 ) -> int:
     """The command ``phasebench certify``; returns its exit code, 1 where a reference moved or solvers disagree.
 
@@ -208,7 +207,6 @@ def certify(
     t_end : certify this one time of one problem, print the state and store nothing
     console, progress : where the table and the progress go
     make : label -> `Outcome`, `renew` by default
-    show : is handed the rows, or the state, in place of a table
 
     Raises
     ------
@@ -224,7 +222,7 @@ def certify(
         names = list(names)
         if len(names) != 1 or update:
             raise InvalidInput("--t-end certifies one problem and stores nothing: name one, as id or id:orbit")
-        return _one(names[0], t_end, console, show)
+        return _one(names[0], t_end, console)
     todo = chosen(names)
     outcomes = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -239,10 +237,7 @@ def certify(
                 outcome = (make or renew)(label)
             outcomes.append(outcome)
             bars.update(bar, advance=1)
-    if show:
-        show([row(o) for o in outcomes])
-    else:
-        _print(outcomes, update, console)
+    _print(outcomes, update, console)
     wrong = [o for o in outcomes if not all(e.agree for e in o.fresh.ends) or (o.changed and not update)]
     return 1 if wrong else 0
 
@@ -285,7 +280,7 @@ def _print(outcomes: list[Outcome], update: bool, console: Console) -> None:
         console.print(f"{len(outcomes)} computed anew; {said}", highlight=False)
 
 
-def _one(label: str, t_end: float, console: Console, show: Callable[[list[dict]], None] | None) -> int:
+def _one(label: str, t_end: float, console: Console) -> int:
     """Certify one time and print the state."""
     from phasebench.benchmarks.page.markdown import number
 
@@ -297,10 +292,6 @@ def _one(label: str, t_end: float, console: Console, show: Callable[[list[dict]]
     except taylor.ReferenceFailed as error:
         raise InvalidInput(f"{label} cannot be certified to {t_end!r}: {error}") from None
     (found,) = new.ends
-    if show:
-        state = {"q": list(found.q_text), "p": list(found.p_text)}
-        show([state | row(Outcome(None, new, float("nan"), float("nan"), ""))])
-        return 0 if found.agree else 1
     lines = [f"{label} at t = {found.t!r}"]
     for name, texts in (("q", found.q_text), ("p", found.p_text)):
         lines += [f"  {name}{i} = {x}" for i, x in enumerate(texts, 1)]
