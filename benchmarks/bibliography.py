@@ -23,9 +23,9 @@ FILES = (
 def entries() -> dict[str, str]:
     """Key -> the text of its entry."""
     text = "\n".join(path.read_text() for path in FILES)
-    found = {m[1]: m[0].strip() for m in re.finditer(r"^@\w+\{([^,\s]+),.*?^\}$", text, re.MULTILINE | re.DOTALL)}
-    assert len(found) == len(re.findall(r"^@", text, re.MULTILINE)), "an entry does not end with a brace of its own"
-    return found
+    by_key = {m[1]: m[0].strip() for m in re.finditer(r"^@\w+\{([^,\s]+),.*?^\}$", text, re.MULTILINE | re.DOTALL)}
+    assert len(by_key) == len(re.findall(r"^@", text, re.MULTILINE)), "an entry does not end with a brace of its own"
+    return by_key
 
 
 def cited(names: Iterable[str]) -> str:
@@ -51,9 +51,9 @@ def used(folder: Path) -> list[str]:
     tables = sorted((folder / "data").glob("*.csv"))
     if not tables:
         raise FileNotFoundError(folder / "data")
-    found = set()
+    names = set()
     for path in tables:
         frame = pd.read_csv(path, comment="#")
         for column in {"id", "method", "problem"} & set(frame.columns):
-            found |= {str(x).partition("(")[0].partition(":")[0] for x in frame[column].unique()}
-    return sorted(found & {*BY_ID, *problems.PROBLEMS})
+            names |= {str(x).partition("(")[0].partition(":")[0] for x in frame[column].unique()}
+    return sorted(names & {*BY_ID, *problems.PROBLEMS})

@@ -52,5 +52,5 @@ def method(id: str | Method, **parameters) -> Method:
         return id(**parameters) if parameters else id
     if id not in BY_ID:
         raise unknown("method", id, BY_ID)
-    found = BY_ID[id]
-    return found(**parameters) if parameters else found
+    record = BY_ID[id]
+    return record(**parameters) if parameters else record

@@ -20,8 +20,8 @@ def audit(
     from phasebench.benchmarks.experiments.audit.table import show
 
     with invalid_input(), err.status("audit") as status:
-        found = measure([*package, *peer] or None, quick=quick, progress=status.update)
+        measured = measure([*package, *peer] or None, quick=quick, progress=status.update)
     if as_json:
-        print_json({"rows": found.rows, "claims": found.claims, "remarks": found.remarks})
+        print_json({"rows": measured.rows, "claims": measured.claims, "remarks": measured.remarks})
     else:
-        show(found, out)
+        show(measured, out)

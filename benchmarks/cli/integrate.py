@@ -46,27 +46,35 @@ def integrate(
     """Integrate a problem with a method and say how it went; exit code 0 only for status ok."""
     if hamiltonian is not None and method is None:
         problem, method = _label(problem)
-    chosen: dict[str, str] = {}
+    parameters: dict[str, str] = {}
 
-    def said(reason: str) -> None:
+    def report(reason: str) -> None:
         if not as_json:
             return complain(reason)
-        named = {"problem": hamiltonian if problem is None else problem, "method": method, "params": chosen}
+        named = {"problem": hamiltonian if problem is None else problem, "method": method, "params": parameters}
         print_json(named | {"status": "invalid", "reason": reason})
 
-    with invalid_input(said):
+    with invalid_input(report):
         if method is None and hamiltonian is None:
             raise InvalidInput(
                 "give a problem and a method, as in: integrate pendulum stormer-verlet --h 0.1 --t-end 1"
             )
         q0, p0 = numbers(q, "q"), numbers(p, "p")
-        made = _made(problem, hamiltonian, values(set_, "set"), q0, p0)
-        chosen |= pairs(param, "--param")
+        chosen_problem = _problem(problem, hamiltonian, values(set_, "set"), q0, p0)
+        parameters |= pairs(param, "--param")
         with compilation_shown(not as_json):
             from phasebench.benchmarks.measure.integrator import integrator
 
             result = _integrated(
-                made, integrator(method, **chosen), tol, timeout, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0
+                chosen_problem,
+                integrator(method, **parameters),
+                tol,
+                timeout,
+                h=h,
+                t_end=t_end,
+                steps=steps,
+                q0=q0,
+                p0=p0,
             )
     if as_json:
         print_json(result)
@@ -75,7 +83,7 @@ def integrate(
     raise typer.Exit(0 if result["status"] == "ok" else WRONG)
 
 
-def _made(name: str | None, hamiltonian: str | None, parameters: dict[str, float], q0, p0):
+def _problem(name: str | None, hamiltonian: str | None, parameters: dict[str, float], q0, p0):
     """The problem of that name, or of the formula, which ``name`` then labels."""
     from phasebench.benchmarks.problems import PROBLEMS, file_and_orbit, problem
 
@@ -158,8 +166,8 @@ def _print(result: dict[str, Any]) -> None:
     table.add_row("p", ", ".join(map(repr, result["p"])))
     for name, e in {"energy": result["energy_error"], **result["invariants"]}.items():
         known = e["max"] is not None
-        said = f"at most {e['max']:.3e}, at the end {e['end']:+.3e}" if known else "unknown"
-        table.add_row(Text(f"{name} error"), said)
+        words = f"at most {e['max']:.3e}, at the end {e['end']:+.3e}" if known else "unknown"
+        table.add_row(Text(f"{name} error"), words)
     table.add_row("counts", ", ".join(f"{k} {v}" for k, v in result["counts"].items()))
     table.add_row("seconds", f"{result['seconds']:.6f} (warm integration alone)")
     out.print(table, highlight=False)

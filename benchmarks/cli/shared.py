@@ -22,12 +22,12 @@ GAP, LEAST = 2, 24
 
 
 @contextmanager
-def invalid_input(said: Callable[[str], None] | None = None) -> Iterator[None]:
+def invalid_input(report: Callable[[str], None] | None = None) -> Iterator[None]:
     """End the command with code 2 where its input is invalid; ``said`` prints the message elsewhere than on stderr."""
     try:
         yield
     except InvalidInput as error:
-        (said or complain)(str(error))
+        (report or complain)(str(error))
         raise typer.Exit(INVALID) from None
 
 
@@ -119,23 +119,23 @@ def numbers(text: str | None, name: str) -> list[float] | None:
 
 def pairs(items: list[str], option: str) -> dict[str, str]:
     """name=value, each name once."""
-    found: dict[str, str] = {}
+    items_by_name: dict[str, str] = {}
     for item in items:
         key, mark, value = (x.strip() for x in item.partition("="))
         if not mark or not key or not value:
             raise InvalidInput(f"{option} {item}: write name=value, such as lam=1/3")
-        if key in found:
+        if key in items_by_name:
             raise InvalidInput(f"{option} {key} is given twice")
-        found[key] = value
-    return found
+        items_by_name[key] = value
+    return items_by_name
 
 
 def values(items: list[str], option: str) -> dict[str, float]:
     """name=value with one number each."""
-    found = {}
+    numbers_by_name = {}
     for key, text in pairs(items, f"--{option}").items():
         value = numbers(text, f"{option} {key}")
         if len(value) != 1:
             raise InvalidInput(f"--{option} {key} is '{text}'; it must be one number")
-        found[key] = value[0]
-    return found
+        numbers_by_name[key] = value[0]
+    return numbers_by_name

@@ -180,14 +180,14 @@ def integrate(
     'ok'
     """
     try:
-        chosen = integrator(method, **parameters)
+        method = integrator(method, **parameters)
     except InvalidInput as error:
         raise InvalidInput(f"{error}{_misspelt(parameters)}") from None
-    if timeout is not None and not chosen.stoppable:
-        raise InvalidInput(f"'{chosen.id}' cannot be stopped: leave out the time limit")
-    made = problem_of(problem) if isinstance(problem, (str, Path)) else problem
-    return chosen.run(
-        made, h=h, t_end=t_end, steps=steps, tol=tol, q0=q0, p0=p0, save_every=save_every, timeout=timeout
+    if timeout is not None and not method.stoppable:
+        raise InvalidInput(f"'{method.id}' cannot be stopped: leave out the time limit")
+    problem = problem_of(problem) if isinstance(problem, (str, Path)) else problem
+    return method.run(
+        problem, h=h, t_end=t_end, steps=steps, tol=tol, q0=q0, p0=p0, save_every=save_every, timeout=timeout
     )
 
 

@@ -25,8 +25,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from .field import right_hand_side
 from .record import NOT_FINITE, Claims, Peer, Run, Task, anything, split_alone
-from .scipy import right_hand_side
 
 #: Steps after which an adaptive run is given up: near a singularity they may shrink without end.
 STEP_LIMIT = 100_000
@@ -44,7 +44,7 @@ def load(name: str = "desolver"):
 
 
 @lru_cache(maxsize=64)
-def made_class(which: str):
+def integrator_class(which: str):
     """The integrator's class; ``which`` is its name, or "richardson " and the name of another."""
     integrators = load().integrators
     if which.startswith(RICHARDSON):
@@ -55,9 +55,9 @@ def made_class(which: str):
 
 def _integrator(which: str, size: int, h: float):
     """A new integrator that keeps the step h."""
-    made = made_class(which)((size,), dtype=np.dtype(float), rtol=TOLERANCE, atol=TOLERANCE)
-    made.adaptation_fn = lambda integrator: (h, False)
-    return made
+    integrator = integrator_class(which)((size,), dtype=np.dtype(float), rtol=TOLERANCE, atol=TOLERANCE)
+    integrator.adaptation_fn = lambda _: (h, False)
+    return integrator
 
 
 def _right_hand_side(system):
@@ -96,14 +96,14 @@ def _run_constant(which: str):
         row, steps, failure, stops = 1, 0, None, _stops()
         with _quiet():
             _warm(which, size)
-            made = _integrator(which, size, h)
+            integrator = _integrator(which, size, h)
             started = time.perf_counter()
             while row < len(numbers) and failure is None:
                 try:
-                    taken, change = made(rhs, h * steps, state, {}, h)[1]
+                    taken, change = integrator(rhs, h * steps, state, {}, h)[1]
                     if taken != h:
-                        made = _integrator(which, size, h)
-                        taken, change = made(rhs, h * steps, state, {}, h)[1]
+                        integrator = _integrator(which, size, h)
+                        taken, change = integrator(rhs, h * steps, state, {}, h)[1]
                 except stops as error:
                     failure = f"step {steps + 1}: {str(error) or type(error).__name__}"
                     break
@@ -135,29 +135,29 @@ def _run_adaptive(which: str):
         row, failure = 1, None
         last = [-1.0]
 
-        def advancing(made):
-            if len(made) > STEP_LIMIT:
+        def advancing(ode):
+            if len(ode) > STEP_LIMIT:
                 raise _Stuck(f"{STEP_LIMIT} steps did not reach the end")
-            if not made.t[-1] > last[0] or not np.isfinite(made.y[-1]).all():
+            if not ode.t[-1] > last[0] or not np.isfinite(ode.y[-1]).all():
                 raise _Stuck("the step no longer changes the time, or the state is no longer finite")
-            last[0] = made.t[-1]
+            last[0] = ode.t[-1]
 
         with _quiet():
             _warm(which, len(state))
-            made = desolver.OdeSystem(rhs, y0=state, t=(0.0, times[-1]), dt=task.h, rtol=tol, atol=tol)
-            made.method = made_class(which)
-            rhs = made.equ_rhs  # a copy
+            ode = desolver.OdeSystem(rhs, y0=state, t=(0.0, times[-1]), dt=task.h, rtol=tol, atol=tol)
+            ode.method = integrator_class(which)
+            rhs = ode.equ_rhs  # a copy
             rhs.nfev = 0
             started = time.perf_counter()
             try:
                 for row in range(1, len(times)):
-                    made.integrate(times[row], callback=advancing)
-                    rows[row] = made.y[-1]
+                    ode.integrate(times[row], callback=advancing)
+                    rows[row] = ode.y[-1]
                 row = len(times)
             except desolver.exception_types.FailedIntegration as error:
                 failure = str(error.__cause__ or error)
             seconds = time.perf_counter() - started
-        return Run.of_states(rows[:row], len(made) - 1, rhs.nfev, seconds, failure)
+        return Run.of_states(rows[:row], len(ode) - 1, rhs.nfev, seconds, failure)
 
     return run
 

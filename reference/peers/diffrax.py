@@ -70,17 +70,17 @@ def _function(variables, expressions):
     import jax.numpy as jnp
     import sympy as sp
 
-    made = sp.lambdify(variables, list(expressions), modules="jax", cse=True)
-    return lambda *values: jnp.array(made(*values))
+    evaluate = sp.lambdify(variables, list(expressions), modules="jax", cse=True)
+    return lambda *values: jnp.array(evaluate(*values))
 
 
-def _terms(system, how: str):
+def _terms(system, split: str):
     """diffrax's terms of the system; the state is an array (2 d,), or a pair of arrays (d,) for `HALVES`."""
     import diffrax
     import jax.numpy as jnp
 
     d = system.d
-    if how == HALVES:
+    if split == HALVES:
         velocity, force = _function([system.p], system.dq), _function([system.q], system.dp)
         return (
             diffrax.ODETerm(lambda t, p, args: velocity(p)),
@@ -88,7 +88,7 @@ def _terms(system, how: str):
         )
     both = [system.q, system.p]
     dq, dp = _function(both, system.dq), _function(both, system.dp)
-    if how == WHOLE:
+    if split == WHOLE:
         field = _function(both, [*system.dq, *system.dp])
         return diffrax.ODETerm(lambda t, y, args: field(y[:d], y[d:]))
     still = np.zeros(d)
@@ -99,17 +99,17 @@ def _terms(system, how: str):
 
 
 @lru_cache(maxsize=KEPT)
-def _compiled(name: str, how: str, system):
+def _compiled(name: str, split: str, system):
     """(the state before the first step from y and h, the loop over steps), after a first step that compiles them."""
     import diffrax
     import jax
     import jax.numpy as jnp
 
-    made, terms, multistep, d = solver(name), _terms(system, how), name == "LeapfrogMidpoint", system.d
+    method, terms, multistep, d = solver(name), _terms(system, split), name == "LeapfrogMidpoint", system.d
 
     def first(y, h):
-        y = (y[:d], y[d:]) if how == HALVES else y
-        return y, made.init(terms, jnp.zeros_like(h), h, y, None)
+        y = (y[:d], y[d:]) if split == HALVES else y
+        return y, method.init(terms, jnp.zeros_like(h), h, y, None)
 
     def loop(state, h, begin, end, index):
         """Rows (ROWS, 2 d) at the step numbers of index, the new state, and the first step that failed or -1."""
@@ -118,9 +118,9 @@ def _compiled(name: str, how: str, system):
         def step(k, carried):
             (y, inner), rows, row, failed = carried
             t0, t1 = (k * h, (k + 1) * h) if multistep else (jnp.zeros_like(h), h)
-            y, _, _, inner, result = made.step(terms, t0, t1, y, None, inner, False)
+            y, _, _, inner, result = method.step(terms, t0, t1, y, None, inner, False)
             wanted = index[row] == k + 1
-            flat = jnp.concatenate(y) if how == HALVES else y
+            flat = jnp.concatenate(y) if split == HALVES else y
             rows = rows.at[row].set(jnp.where(wanted, flat, rows[row]))
             failed = jnp.where((failed < 0) & (result != diffrax.RESULTS.successful), k + 1, failed)
             return (y, inner), rows, row + wanted, failed
@@ -142,19 +142,19 @@ def _steps(first, loop, y, h: float, index):
         part = index[i : i + ROWS]
         padded = np.full(ROWS, -1)
         padded[: len(part)] = part
-        found, state, failed = loop(state, h, begin, int(part[-1]), padded)
+        reached, state, failed = loop(state, h, begin, int(part[-1]), padded)
         failed, begin = int(failed), int(part[-1])
-        rows.append(np.asarray(found)[: len(part) if failed < 0 else int((part < failed).sum())])
+        rows.append(np.asarray(reached)[: len(part) if failed < 0 else int((part < failed).sum())])
         if failed >= 0:
             return np.vstack(rows), failed
     return np.vstack(rows), -1
 
 
-def _run(name: str, how: str):
+def _run(name: str, split: str):
     def run(task: Task) -> Run:
         y = task.state
         with double_precision():
-            first, loop = _compiled(name, how, task.system)
+            first, loop = _compiled(name, split, task.system)
             began = time.perf_counter()
             rows, failed = _steps(first, loop, y, task.h, np.asarray(task.numbers[1:]))
             seconds = time.perf_counter() - began
@@ -167,8 +167,8 @@ def _run(name: str, how: str):
 _lacks_halves = split_alone("its two terms are q' of p alone and p' of q alone: H must be T(p) + V(q)")
 
 
-def _peer(id, name, title, order, source, about="", *, how=WHOLE, symplectic=None) -> Peer:
-    about = "; ".join(filter(None, [about, "" if how == WHOLE else f"terms: {how}"]))
+def _peer(id, name, title, order, source, about="", *, split=WHOLE, symplectic=None) -> Peer:
+    about = "; ".join(filter(None, [about, "" if split == WHOLE else f"terms: {split}"]))
     cost = f"a compiled JAX loop; the time includes its dispatch and the copying of rows, {ROWS} a call"
     return Peer(
         f"diffrax-{id}",
@@ -179,9 +179,9 @@ def _peer(id, name, title, order, source, about="", *, how=WHOLE, symplectic=Non
         license="Apache-2.0",
         about=f"{about}; {cost}" if about else cost,
         source=source,
-        run=_run(name, how),
-        scope="H = T(p) + V(q)" if how == HALVES else "any",
-        lacks=_lacks_halves if how == HALVES else anything,
+        run=_run(name, split),
+        scope="H = T(p) + V(q)" if split == HALVES else "any",
+        lacks=_lacks_halves if split == HALVES else anything,
         claims=Claims(
             order=order,
             symplectic=symplectic,
@@ -210,7 +210,7 @@ PEERS: tuple[Peer, ...] = (
         "semi-implicit Euler method",
         1,
         "Hairer, Lubich & Wanner 2006, I.1.2",
-        how=HALVES,
+        split=HALVES,
         symplectic=True,
     ),
     _peer(
@@ -238,10 +238,10 @@ PEERS: tuple[Peer, ...] = (
         2,
         "Whitaker & Kar 2013, Mon. Weather Rev. 141, 3426-3434",
         f"order 3 in the explicit term, says diffrax, 2 in the implicit one; {SOLVED}",
-        how=IMEX,
+        split=IMEX,
     ),
     *(
-        _peer(f"kencarp{n}", f"KenCarp{n}", f"Kennedy-Carpenter method of order {n}", n, KENNEDY, SOLVED, how=IMEX)
+        _peer(f"kencarp{n}", f"KenCarp{n}", f"Kennedy-Carpenter method of order {n}", n, KENNEDY, SOLVED, split=IMEX)
         for n in (3, 4, 5)
     ),
 )

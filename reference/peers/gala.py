@@ -67,9 +67,9 @@ def _function(system, integrator: str, calls: list):
 
 def _call(integrator: str, function, state, times, options):
     """(gala's Orbit, seconds)."""
-    made = _class(integrator)(function, **options)
+    solver = _class(integrator)(function, **options)
     began = time.perf_counter()
-    orbit = made(state, **times)
+    orbit = solver(state, **times)
     return orbit, time.perf_counter() - began
 
 
@@ -130,10 +130,10 @@ def _potential(system):
         potential = gala.potential.HenonHeilesPotential()
     else:
         potential = gala.potential.KeplerPotential(m=-powers(system)[0][0])
-    made = gala.potential.Hamiltonian(potential)
+    hamiltonian = gala.potential.Hamiltonian(potential)
     for integrator in (LEAPFROG, RUTH4, DOPRI853):
-        made.integrate_orbit(np.full(made.ndim, 0.5), Integrator=_class(integrator), dt=1e-3, n_steps=1)
-    return made
+        hamiltonian.integrate_orbit(np.full(hamiltonian.ndim, 0.5), Integrator=_class(integrator), dt=1e-3, n_steps=1)
+    return hamiltonian
 
 
 def _class(integrator: str):
@@ -144,14 +144,16 @@ def _class(integrator: str):
 
 def _run_cython(integrator: str):
     def run(task: Task) -> Run:
-        made, d = _potential(task.system), task.system.d
-        state = np.zeros(made.ndim)
-        half = made.ndim // 2
+        hamiltonian, d = _potential(task.system), task.system.d
+        state = np.zeros(hamiltonian.ndim)
+        half = hamiltonian.ndim // 2
         state[:d], state[half : half + d] = task.q, task.p
         times, options, rows, steps = _ways(integrator, task, "nmax")
         began = time.perf_counter()
         try:
-            orbit = made.integrate_orbit(state, Integrator=_class(integrator), Integrator_kwargs=options, **times)
+            orbit = hamiltonian.integrate_orbit(
+                state, Integrator=_class(integrator), Integrator_kwargs=options, **times
+            )
         except RuntimeError as error:
             return Run.stuck(task, 0, 0, time.perf_counter() - began, str(error))
         seconds = time.perf_counter() - began

@@ -61,9 +61,9 @@ def _run_batch(task: Task) -> Run:
     ta.state[:] = task.state[:, None]
     grid = np.repeat(task.times[:, None], lanes, axis=1)
     started = time.perf_counter()
-    _, found = ta.propagate_grid(grid, max_steps=taylor.STEP_LIMIT)
+    _, states = ta.propagate_grid(grid, max_steps=taylor.STEP_LIMIT)
     seconds = (time.perf_counter() - started) / lanes
-    rows = found[:, :, 0]
+    rows = states[:, :, 0]
     outcome, _, _, steps = ta.propagate_res[0]
     why = {
         hy.taylor_outcome.time_limit: None,
@@ -71,7 +71,7 @@ def _run_batch(task: Task) -> Run:
         hy.taylor_outcome.step_limit: f"{taylor.STEP_LIMIT} steps did not reach the end",
     }
     failure = why.get(outcome, f"heyoka stopped with {outcome}")
-    if failure is None and not (found == rows[:, :, None]).all():
+    if failure is None and not (states == rows[:, :, None]).all():
         rows, failure = rows[:1], f"the {lanes} lanes, which started alike, differ"
     return Run.of_states(rows, steps, 0, seconds, failure)
 

@@ -85,18 +85,18 @@ def settings(system) -> dict[str, Setting]:
     if split is None:
         return {}
     inverse, terms = split
-    numbers, found = tuple(map(float, inverse)), {}
+    numbers, fitting = tuple(map(float, inverse)), {}
     part = system.kepler
     if part is not None and len(part.masses) == 1 and not part.change and part.mu[0] > 0:
         rest = sp.Add(*terms) - part.potential(system.q)
         gradient = (lambda: part.interaction(system)) if rest != 0 else None
-        found[CENTRAL] = Setting(CENTRAL, (float(part.mu[0]), 0.0), part.dimension, 1, numbers, gradient=gradient)
+        fitting[CENTRAL] = Setting(CENTRAL, (float(part.mu[0]), 0.0), part.dimension, 1, numbers, gradient=gradient)
     bodies = _bodies(system.q, inverse, terms)
     if bodies is not None:
         masses, G, dimension = bodies
-        found[GRAVITY] = Setting(GRAVITY, tuple(map(float, masses)), dimension, 0, numbers, float(G))
-    found[POTENTIAL] = Setting(POTENTIAL, (0.0,) * -(-system.d // 3), 3, 0, numbers, gradient=system.grad_V)
-    return found
+        fitting[GRAVITY] = Setting(GRAVITY, tuple(map(float, masses)), dimension, 0, numbers, float(G))
+    fitting[POTENTIAL] = Setting(POTENTIAL, (0.0,) * -(-system.d // 3), 3, 0, numbers, gradient=system.grad_V)
+    return fitting
 
 
 def _bodies(q, inverse, terms):
@@ -229,7 +229,7 @@ def run(task: Task, setting: Setting, integrator: str, options, *, adaptive: boo
     rows = np.empty((len(task.numbers), 2 * d))
     rows[0] = task.state
     spent, reached, failure = 0.0, 1, None
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         for row, (before, n) in enumerate(pairwise(map(int, task.numbers)), start=1):
             started = time.perf_counter()
@@ -241,7 +241,7 @@ def run(task: Task, setting: Setting, integrator: str, options, *, adaptive: boo
             spent += time.perf_counter() - started
             rows[row] = state(sim, setting)
             if not np.isfinite(rows[row]).all():
-                failure = str(said[-1].message) if said else None
+                failure = str(warned[-1].message) if warned else None
                 break
             if max(np.abs(rows[row, :d]).max(), np.abs(rows[row, d:] * setting.inverse).max()) > limit:
                 failure = f"a coordinate or velocity is beyond {limit:.4g}"

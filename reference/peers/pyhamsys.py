@@ -29,8 +29,8 @@ import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
 
+from .field import right_hand_side
 from .record import NOT_FINITE, Claims, Peer, Run, Task, split_alone
-from .scipy import right_hand_side
 
 #: The most steps of one call of pyhamsys, and of one with two copies that are not set to their mean.
 PIECE, MOST = 256, 100_000
@@ -99,14 +99,14 @@ def _whole(system):
     return HamSys(ndof=system.d, y_dot=right_hand_side(system))
 
 
-def _piece(made, options: dict, state, h: float, n: int):
+def _piece(system, options: dict, state, h: float, n: int):
     """The states after 1, ..., n steps, of shape (n, 2 d), and the step taken."""
     from pyhamsys import Parameters
 
     times = np.arange(max(n, 2) + 1) * h
     # times[-1] / step must be less than the number of rows for the rows to be the steps
     parameters = Parameters(step=2.0 * times[-1], display=False, **options)
-    solution = made.integrate(state, times, parameters)
+    solution = system.integrate(state, times, parameters)
     return solution.y.T[1 : n + 1], solution.step
 
 
@@ -132,7 +132,7 @@ def _run(solver: str, position_first: bool, extension: bool, omega: float | None
         one = omega is not None
         if one and task.steps > MOST:
             raise InvalidInput(f"pyhamsys's time grows as the square of the steps: at most {MOST} with omega")
-        made = _whole(task.system) if extension else _split(task.system, position_first)
+        system = _whole(task.system) if extension else _split(task.system, position_first)
         options = {"solver": solver, "extension": extension, "omega": omega}
         state = task.state
         _warm()
@@ -142,7 +142,7 @@ def _run(solver: str, position_first: bool, extension: bool, omega: float | None
         with np.errstate(all="ignore"):
             for n in _pieces(task.steps, one):
                 began = time.perf_counter()
-                rows, _ = _piece(made, options, state, task.h, n)
+                rows, _ = _piece(system, options, state, task.h, n)
                 seconds += time.perf_counter() - began
                 inside = wanted[(wanted > done) & (wanted <= done + n)]
                 kept.append(rows[inside - done - 1])

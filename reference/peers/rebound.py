@@ -41,10 +41,10 @@ NEWTON = "a Kepler problem; gravity between bodies, the first in the middle"
 
 def _setting(kinds, forces: bool, system):
     """How a system is put to an integrator that takes these settings; None where it cannot be."""
-    found = particles.settings(system)
+    settings = particles.settings(system)
     for kind in kinds:
-        if kind in found and (forces or found[kind].gradient is None):
-            return found[kind]
+        if kind in settings and (forces or settings[kind].gradient is None):
+            return settings[kind]
     return None
 
 
@@ -52,24 +52,24 @@ def _lacks(integrator: str, kinds, forces: bool):
     def lacks(problem, system) -> str | None:
         from phasebench.integrators.engine.codegen import compiled
 
-        found = particles.settings(system)
-        if not found:
+        settings = particles.settings(system)
+        if not settings:
             return "REBOUND integrates H = sum p_i^2 / (2 m_i) + V(q) alone"
-        chosen = _setting(kinds, forces, system)
-        if chosen is None and CENTRAL in found:
+        setting = _setting(kinds, forces, system)
+        if setting is None and CENTRAL in settings:
             return "no extra force reaches it, or not all of its stages: it knows Newtonian gravity alone"
-        if chosen is None:
+        if setting is None:
             return "it needs a body to revolve around: a declared Kepler part, or gravity between bodies"
-        if chosen.gradient is not None and not compiled():
+        if setting.gradient is not None and not compiled():
             return "the extra force is compiled by Numba, which NUMBA_DISABLE_JIT switches off"
         if integrator == "whfast512":
-            if len(chosen.masses) > MOST:
-                return f"it takes at most {MOST} bodies, not {len(chosen.masses)}"
+            if len(setting.masses) > MOST:
+                return f"it takes at most {MOST} bodies, not {len(setting.masses)}"
             if not _avx512():
                 return "REBOUND finds no AVX512 here (rebound.avx512_available): the processor or the build lacks it"
         q = getattr(problem, "q0", None)
-        if chosen.kind == GRAVITY and integrator in ("whfast", "whfast512", "saba") and q is not None:
-            body = particles.jacobi_vanishes(chosen, q)
+        if setting.kind == GRAVITY and integrator in ("whfast", "whfast512", "saba") and q is not None:
+            body = particles.jacobi_vanishes(setting, q)
             if body is not None:
                 return (
                     f"body {body + 1} starts in the centre of mass of those before it: Jacobi coordinates are singular"
@@ -91,13 +91,13 @@ def _avx512() -> bool:
 def _run(integrator: str, kinds, forces: bool, options: dict, tolerances):
     def run(task: Task) -> Run:
         setting = _setting(kinds, forces, task.system)
-        chosen = options | ({} if task.tol is None else dict.fromkeys(tolerances, task.tol))
-        if chosen.get("kernel") == "lazy" and setting.kind == CENTRAL and setting.gradient is None:
-            chosen = {"safe_mode": 0}  # there is nothing to correct in a pure Kepler problem
+        fields = options | ({} if task.tol is None else dict.fromkeys(tolerances, task.tol))
+        if fields.get("kernel") == "lazy" and setting.kind == CENTRAL and setting.gradient is None:
+            fields = {"safe_mode": 0}  # there is nothing to correct in a pure Kepler problem
         if integrator == "ias15":
-            chosen["min_dt"] = SHORTEST * task.h * task.steps
+            fields["min_dt"] = SHORTEST * task.h * task.steps
         limit = 2.0**62 * UNIT if integrator == "janus" else float("inf")
-        return particles.run(task, setting, integrator, chosen, adaptive=bool(tolerances), limit=limit)
+        return particles.run(task, setting, integrator, fields, adaptive=bool(tolerances), limit=limit)
 
     return run
 

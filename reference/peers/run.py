@@ -56,30 +56,30 @@ def integrate_peer(
 
     from . import peer
 
-    chosen = peer(peer_id)
-    lack = chosen.lacks(problem, getattr(problem, "system", problem))
+    integrator = peer(peer_id)
+    lack = integrator.lacks(problem, getattr(problem, "system", problem))
     if lack:
-        raise InvalidInput(f"'{chosen.id}' cannot do this: {lack}")
-    tol = _tolerance(chosen, tol)
-    if chosen.adaptive and h is None and steps is None:
+        raise InvalidInput(f"'{integrator.id}' cannot do this: {lack}")
+    tol = _tolerance(integrator, tol)
+    if integrator.adaptive and h is None and steps is None:
         steps = 1
     asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every)
     system, numbers = asked.system, asked.step_numbers
     times = np.array([asked.h * n for n in numbers])
     task = Task(problem, system, asked.q, asked.p, asked.h, numbers, times, tol)
     try:
-        chosen.load(chosen.package)
+        integrator.load(integrator.package)
     except ImportError as error:
         run = Run.stuck(task, 0, 0, 0.0)
-        status, reason = SKIPPED, f"{chosen.package} cannot be imported ({error}); pip install {chosen.package}"
+        status, reason = SKIPPED, f"{integrator.package} cannot be imported ({error}); pip install {integrator.package}"
     else:
-        run = chosen.run(task)
+        run = integrator.run(task)
         status, reason, rows = ending(system, times, run.q, run.p, run.failure)
         run = run._replace(q=run.q[:rows], p=run.p[:rows])
     q, p = (np.ascontiguousarray(x, dtype=float) for x in (run.q, run.p))
     counts = {"steps": int(run.steps), "gradient": int(run.gradient), "hessian": 0, "iterations": 0, "fallbacks": 0}
     unknown = np.full(len(q) - 1, np.nan)
-    return Solution(times[: len(q)], q, p, status, reason, counts, asked.h, chosen, unknown, run.seconds)
+    return Solution(times[: len(q)], q, p, status, reason, counts, asked.h, integrator, unknown, run.seconds)
 
 
 def ending(system, times, q, p, failure: str | None) -> tuple[str, str, int]:
@@ -99,13 +99,13 @@ def ending(system, times, q, p, failure: str | None) -> tuple[str, str, int]:
     return OK, "", rows
 
 
-def _tolerance(chosen: Peer, tol) -> float | None:
+def _tolerance(integrator: Peer, tol) -> float | None:
     if tol is None:
-        return chosen.tol
-    if not chosen.adaptive:
-        raise InvalidInput(f"'{chosen.id}' takes steps of fixed size: give h, not tol")
+        return integrator.tol
+    if not integrator.adaptive:
+        raise InvalidInput(f"'{integrator.id}' takes steps of fixed size: give h, not tol")
     if isinstance(tol, bool) or not isinstance(tol, Real) or not isfinite(tol) or not 0 < tol < 1:
         raise InvalidInput(f"tol is {tol!r}; it must be a number between 0 and 1")
-    if tol < chosen.least:
-        raise InvalidInput(f"tol is {tol!r}; '{chosen.id}' takes none below {chosen.least:.3g}")
+    if tol < integrator.least:
+        raise InvalidInput(f"tol is {tol!r}; '{integrator.id}' takes none below {integrator.least:.3g}")
     return float(tol)

@@ -12,53 +12,17 @@ from __future__ import annotations
 
 import time
 import warnings
-from functools import lru_cache
 
 import numpy as np
 
+from .field import compiled_field
 from .record import NOT_FINITE, Claims, Peer, Run, Task
 
 #: SciPy's own defaults.
 RTOL, ATOL = 1e-3, 1e-6
 #: Steps after which a run is given up: near a singularity LSODA's steps may shrink without end.
 STEP_LIMIT = 1_000_000
-#: Compiled right-hand sides that are kept.
-KEPT = 128
 DOCUMENTATION = "https://docs.scipy.org/doc/scipy/reference/generated/scipy.integrate.{}.html"
-
-
-@lru_cache(maxsize=KEPT)
-def compiled_field(system):
-    """(t, y) -> y' on arrays y = (q, p) of shape (2 d,), compiled; y need not be contiguous."""
-    import numba
-    from numba import float64
-
-    from phasebench.integrators.engine import codegen, vector
-
-    field, d, load = system.field(), system.d, vector.load
-    zero = (0.0,) * d
-    if codegen.value_kind(d) == "tuple":
-        halves = numba.njit(lambda rows: (load(rows, 0, zero), load(rows, 1, zero)))
-    else:
-        halves = numba.njit(lambda rows: (rows[0], rows[1]))
-
-    @numba.njit([float64[::1](float64, float64[::1]), float64[::1](float64, float64[:])], error_model="numpy")
-    def f(t, y):
-        q, p = halves(np.ascontiguousarray(y).reshape(2, d))
-        dq, dp = field(q, p, 0.0, 0.0)
-        out = np.empty(2 * d)
-        for i in range(d):
-            out[i], out[d + i] = dq[i], dp[i]
-        return out
-
-    return f
-
-
-def right_hand_side(system):
-    """(t, y) -> y' on arrays (2 d,): compiled, unless compilation is off."""
-    from phasebench.integrators.engine import codegen
-
-    return compiled_field(system) if codegen.compiled() else system.vector_field()
 
 
 def _solve(solver_name: str, compiled: bool):
@@ -72,7 +36,7 @@ def _solve(solver_name: str, compiled: bool):
         rows[0] = y
         row, steps, failure = 1, 0, None
         tolerances = {"rtol": RTOL if tol is None else tol, "atol": ATOL if tol is None else tol}
-        with np.errstate(all="ignore"), warnings.catch_warnings(record=True) as told:
+        with np.errstate(all="ignore"), warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")  # LSODA says in warnings why it failed
             started = time.perf_counter()
             solver = getattr(scipy.integrate, solver_name)(field, 0.0, y, t[-1], **tolerances)
@@ -92,7 +56,7 @@ def _solve(solver_name: str, compiled: bool):
         if failure is None:
             rows[row], row = solver.y, row + 1
         else:
-            failure = "; ".join(dict.fromkeys([failure.rstrip("."), *(str(w.message).rstrip(".") for w in told)]))
+            failure = "; ".join(dict.fromkeys([failure.rstrip("."), *(str(w.message).rstrip(".") for w in warned)]))
         # SciPy's own count leaves out the evaluations for a Jacobian by differences, one for each component.
         evaluations = solver.nfev + (len(y) * solver.njev if solver_name == "Radau" else 0)
         return Run.of_states(rows[:row], steps, int(evaluations), seconds, failure)

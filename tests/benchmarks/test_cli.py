@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 from phasebench.benchmarks.__main__ import app
+from phasebench.benchmarks.cli import shared
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.problems.scenes import SCENES
 from phasebench.integrators import integrate
@@ -196,13 +198,18 @@ def test_control_a_loaded_package_is_seen():
     assert loaded("list", "methods", heavy=("typer", REGISTRY)) == ["typer", REGISTRY]
 
 
-def test_listing_takes_less_than_two_seconds():
-    started = time.monotonic()
-    done = subprocess.run(
-        [sys.executable, "-m", "benchmarks", "list", "methods"], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    assert time.monotonic() - started < 2
-    assert "stormer-verlet" in done.stdout
+@pytest.mark.parametrize("kind", ["methods", "problems", "peers"])
+def test_listing_takes_less_than_two_seconds(kind):
+    """Of the processor's time: other programs may be running."""
+    resource = pytest.importorskip("resource")
+
+    def spent() -> float:
+        usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return usage.ru_utime + usage.ru_stime
+
+    before = spent()
+    subprocess.run([sys.executable, "-m", "benchmarks", "list", kind], cwd=ROOT, capture_output=True, check=True)
+    assert spent() - before < 2
 
 
 # -- integrate: the contract -------------------------------------------------------------------------------------------
@@ -436,33 +443,15 @@ def test_a_file_with_a_step_is_a_method(tmp_path, monkeypatch):
     assert "./mine.py, line 2" in found["reason"]
 
 
-#: Runs a command on a terminal of its own; prints what came on it.
-TERMINAL = """
-import os, pty, subprocess, sys
-ours, theirs = pty.openpty()
-process = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=theirs)
-os.close(theirs)
-try:
-    while piece := os.read(ours, 4096):
-        sys.stdout.buffer.write(piece)
-except OSError:  # the other side is closed
-    pass
-sys.exit(process.wait())
-"""
-
-
 @pytest.mark.parametrize(("options", "terminal"), [((), True), (("--json",), True), ((), False)])
-def test_a_terminal_says_what_is_compiled(options, terminal, tmp_path):
-    environment = os.environ | {"PHASEBENCH_CACHE": str(tmp_path), "TERM": "xterm"}
-    formula = ("--hamiltonian", "p**2/2 - cos(q)", "--q", "1", "--p", "0", "--h", "0.1", "--steps", "3")
-    command = [sys.executable, "-m", "benchmarks", "integrate", "rk4", *formula, *options]
-    command = [sys.executable, "-c", TERMINAL, *command] if terminal else command
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
-    said = done.stdout if terminal else done.stderr
+def test_a_terminal_says_what_is_compiled(options, terminal, monkeypatch):
+    screen = io.StringIO()
+    monkeypatch.setattr(shared, "err", Console(file=screen, force_terminal=terminal))
+    assert call("integrate", "pendulum", "rk4", *SHORT, *options)[0] == 0
     if terminal and not options:
-        assert "compiling the functions of rk4 for d = 1" in said
+        assert "compiling the functions of rk4 for d = 1" in screen.getvalue()
     else:
-        assert said == ""
+        assert screen.getvalue() == ""
 
 
 # -- run and report ----------------------------------------------------------------------------------------------------

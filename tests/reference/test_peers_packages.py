@@ -80,7 +80,7 @@ def test_every_integrator_of_desolver_is_a_peer_and_claims_are_its_attributes():
     for p in desolver.PEERS:
         name = re.match(r"desolver\.integrators\.(\w+)\.", p.claims.source).group(1)
         if p.claims.order is None:  # Richardson's has no order that can be read
-            assert desolver.made_class(desolver.RICHARDSON + name).symplectic is p.claims.symplectic
+            assert desolver.integrator_class(desolver.RICHARDSON + name).symplectic is p.claims.symplectic
         else:
             claimed[name] = (p.claims.order, p.claims.symplectic)
     assert claimed == {name: (c.__order__, c.symplectic) for name, c in classes.items()}
@@ -255,7 +255,7 @@ def test_desolvers_own_loop_keeps_the_step_of_explicit_methods_alone():
     field = made.system.vector_field()
     for name, constant in (("RK4Solver", True), ("GaussLegendre4", False)):
         system = package.OdeSystem(field, y0=np.concatenate([made.q0, made.p0]), t=(0.0, 2.0), dt=0.125)
-        system.method = desolver.made_class(name)
+        system.method = desolver.integrator_class(name)
         system.integrate()
         taken = np.diff(system.t)
         assert bool((taken == 0.125).all()) is constant

@@ -1,0 +1,44 @@
+"""The right-hand side of a system for solvers that take a function of Python, (t, y) -> y' with y = (q, p)."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+#: Compiled right-hand sides that are kept.
+KEPT = 128
+
+
+@lru_cache(maxsize=KEPT)
+def compiled_field(system):
+    """(t, y) -> y' on arrays y = (q, p) of shape (2 d,), compiled; y need not be contiguous."""
+    import numba
+    from numba import float64
+
+    from phasebench.integrators.engine import codegen, vector
+
+    field, d, load = system.field(), system.d, vector.load
+    zero = (0.0,) * d
+    if codegen.value_kind(d) == "tuple":
+        halves = numba.njit(lambda rows: (load(rows, 0, zero), load(rows, 1, zero)))
+    else:
+        halves = numba.njit(lambda rows: (rows[0], rows[1]))
+
+    @numba.njit([float64[::1](float64, float64[::1]), float64[::1](float64, float64[:])], error_model="numpy")
+    def f(t, y):
+        q, p = halves(np.ascontiguousarray(y).reshape(2, d))
+        dq, dp = field(q, p, 0.0, 0.0)
+        out = np.empty(2 * d)
+        for i in range(d):
+            out[i], out[d + i] = dq[i], dp[i]
+        return out
+
+    return f
+
+
+def right_hand_side(system):
+    """(t, y) -> y' on arrays (2 d,): compiled, unless compilation is off."""
+    from phasebench.integrators.engine import codegen
+
+    return compiled_field(system) if codegen.compiled() else system.vector_field()
