@@ -75,6 +75,12 @@ class OwnStep:
                 raise unknown("trait of systems", trait, system.traits)
         return record.lacks(self.id, ("canonical", *self.requires), system)
 
+    def __reduce__(self):
+        """A file is read again in the process that this is sent to."""
+        if user_file.is_file(self.id):
+            return from_file, (self.id,)
+        return OwnStep, (self.id, self.step, self.claims, self.requires, self.where)
+
 
 class System:
     """What a step sees of a system: H and its derivatives at q and p, arrays (d,).

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import time
 from fractions import Fraction
 
@@ -70,6 +71,13 @@ def test_a_step_of_ones_own_is_what_the_method_is(file, every):
         assert s.counts == {"steps": 100, "gradient": 200, "hessian": 0, "iterations": 0, "fallbacks": 0}
     other = pb.integrate(HENON, lambda system, q, p, h: verlet(system, q, p, 1.001 * h), h=0.1, t_end=10)
     assert np.abs(other.q[-1] - ours.q[-1]).max() > 1e-4
+
+
+def test_a_step_of_ones_own_can_be_sent_to_another_process(file):
+    for own in (verlet, file(VERLET)):
+        sent = pickle.loads(pickle.dumps(integrator(own)))
+        assert (sent.id, sent.order) == (integrator(own).id, integrator(own).order)
+        assert sent.run(HENON, h=0.1, steps=3).q[-1].tolist() == pb.integrate(HENON, own, h=0.1, steps=3).q[-1].tolist()
 
 
 def test_a_step_sees_the_energy_of_the_system():
