@@ -1,12 +1,14 @@
 """Coefficients of compositions and splittings: as published, each with its source, and polished to full precision.
 
 `TABLES` holds them as published; `polished` and `steps` give them as numbers of 60 digits that satisfy the order
-conditions to 1e-50 and better, from ``polished.json``, which `polish` writes.
+conditions to 1e-50 and better.  They stand in ``polished.json``, each with a digest of the table it was made from: one
+that is new or was edited is polished when it is asked for, and the command (`__main__`) keeps the result.
 """
 
 from __future__ import annotations
 
 import json
+import warnings
 from functools import cache
 from pathlib import Path
 
@@ -30,8 +32,9 @@ DAMAGED: dict[str, dict[int, str]] = {
     "aba-864": {7: "0.0653961422823734184559721793911134363710"},
 }
 POLISHED = Path(__file__).with_name("polished.json")
+COMMAND = "python -m phasebench.integrators.coefficients"
 
-__all__ = ["BY_NAME", "DAMAGED", "POLISHED", "TABLES", "Table", "polished", "report", "steps", "table"]
+__all__ = ["BY_NAME", "DAMAGED", "POLISHED", "TABLES", "Table", "about", "polished", "steps", "stored", "table"]
 
 
 def table(name: str) -> Table:
@@ -42,14 +45,35 @@ def table(name: str) -> Table:
 
 
 @cache
-def report() -> dict[str, dict]:
-    """What ``polished.json`` holds, by name: the numbers, the residuals before and after, how far the digits moved."""
+def stored() -> dict[str, dict]:
+    """What ``polished.json`` holds, by name."""
     return json.loads(POLISHED.read_text())
+
+
+@cache
+def about(name: str) -> dict:
+    """Of a table the polished numbers, the residuals before and after, and how far the digits moved.
+
+    Raises
+    ------
+    InvalidInput
+        For an unknown name.
+    ArithmeticError
+        Where the numbers of a table that is not in ``polished.json`` have not the order that it declares.
+    """
+    wanted = table(name)
+    found = stored().get(name, {})
+    if found.get("published") == wanted.digest:
+        return found
+    from .polish import entry
+
+    warnings.warn(f"{name} is new or was edited and is polished now; to keep the numbers: {COMMAND}", stacklevel=2)
+    return entry(wanted)
 
 
 def polished(name: str) -> tuple[mpmath.mpf, ...]:
     """The polished numbers in the order of `Table.published`."""
-    found = report()[table(name).name]
+    found = about(name)
     with mpmath.workdps(DIGITS):
         return tuple(value(x) for part in ("gamma", "a", "b") for x in found.get(part, ()))
 

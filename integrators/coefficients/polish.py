@@ -1,37 +1,39 @@
-r"""Coefficients to full precision, from published digits, by Gauss-Newton steps on the order conditions.
+r"""Coefficients to full precision: the solution of the order conditions nearest to the published digits.
 
-With r(x) the residuals of `order_conditions` and J their Jacobian at the published digits,
+With r(x) the residuals of `order_conditions`, J(x) their Jacobian and :math:`x_0` the published digits, it is x with
 
 .. math::
-    x \leftarrow x - J^{+} r(x),
+    r(x) = 0, \qquad x - x_0 \in \operatorname{range} J(x)^T,
 
-where the pseudo-inverse makes the step of minimum norm: of a family of solutions it finds the one nearest to the
-published digits.  J in doubles is enough, each step gains some 12 digits.  Halves stay mirrored, and published numbers
-that are fractions or of few digits are design choices, which stay.
+an isolated solution or, of a family with free directions, its member at the least distance.  It is found by the
+iteration of minimum norm on the linearised conditions, with J anew at each x,
 
-``python -m phasebench.integrators.coefficients.polish`` writes ``coefficients/polished.json``.
+.. math:: x \leftarrow x_0 + J^+ (J (x - x_0) - r(x)),
+
+all in multiprecision, so that the digits depend on nothing but the published ones.  Halves stay mirrored, and published
+numbers that are fractions or of few digits are design choices, which stay.
 
 Source: A. Ben-Israel, J. Math. Anal. Appl. 15 (1966) 243-252 (Newton steps by the generalised inverse).
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 
 import mpmath
 import numpy as np
 
-from . import POLISHED, TABLES
 from .fractions import DIGITS
 from .order_conditions import conditions, excess, residuals
 from .table import Table, is_exact, value
 
-GUARD = 10
-STEPS = 12
-#: Singular values below this share of the largest are those of redundant conditions or of directions left free.
-RANK = 1e-9
-DIFFERENCE = mpmath.mpf("1e-25")
+#: Digits carried beyond those that are kept, and the displacement of a central difference: a third of all digits.
+GUARD = 40
+DIFFERENCE = mpmath.mpf(10) ** (-(DIGITS + GUARD) // 3)
+#: The changes of the numbers fall by the factor of their first one or faster.
+STEPS, SMALL = 12, mpmath.mpf(10) ** -(DIGITS + 5)
+#: A condition whose gradient is that of others to this share of the largest is redundant.
+RANK = mpmath.mpf("1e-12")
 
 
 def starting(table: Table, replaced: dict[int, str] | None = None) -> list[mpmath.mpf]:
@@ -51,14 +53,28 @@ def residual(table: Table, numbers: Sequence[mpmath.mpf]) -> np.ndarray:
 
 
 def jacobian(table: Table, numbers: Sequence[mpmath.mpf], free: Sequence[int]) -> np.ndarray:
-    """The derivatives of `residual` by the numbers of the indices ``free``, in doubles."""
-    r = residual(table, numbers)
+    """The derivatives of `residual` by the numbers of the indices ``free``, by central differences."""
     columns = []
     for k in free:
-        moved = list(numbers)
-        moved[k] = moved[k] + DIFFERENCE
-        columns.append([float(x / DIFFERENCE) for x in residual(table, moved) - r])
+        above, below = list(numbers), list(numbers)
+        above[k], below[k] = above[k] + DIFFERENCE, below[k] - DIFFERENCE
+        columns.append((residual(table, above) - residual(table, below)) / (2 * DIFFERENCE))
     return np.array(columns).T
+
+
+def independent(J: np.ndarray) -> list[int]:
+    """The rows of a matrix, shape (n, m), that span all: by Gram-Schmidt, of what is left the largest row first."""
+    rows: list[int] = []
+    left, largest = J, None
+    while len(rows) < J.shape[1]:
+        squares = [row @ row for row in left]
+        k = max(range(len(squares)), key=squares.__getitem__)
+        largest = largest or squares[k]
+        if squares[k] <= RANK**2 * largest:
+            break
+        rows.append(k)
+        left = left - np.outer(left @ left[k], left[k]) / squares[k]
+    return rows
 
 
 def polish(table: Table, numbers: Sequence[mpmath.mpf] | None = None) -> list[mpmath.mpf]:
@@ -70,22 +86,23 @@ def polish(table: Table, numbers: Sequence[mpmath.mpf] | None = None) -> list[mp
         If the residual does not fall to round-off.
     """
     with mpmath.workdps(DIGITS + GUARD):
-        x = list(starting(table) if numbers is None else numbers)
-        free = [k for k, text in enumerate(table.published) if not is_exact(text)]
-        if free:
-            inverse = np.linalg.pinv(jacobian(table, x, free), rcond=RANK)
-            for _ in range(STEPS):
-                r = residual(table, x)
-                size = max(map(abs, r))
-                if size < mpmath.mpf(10) ** -(DIGITS + GUARD // 2):
-                    break
-                scaled = inverse @ np.array([float(v / size) for v in r])
-                for k, step in zip(free, scaled, strict=True):
-                    x[k] = x[k] - size * mpmath.mpf(step)
+        first = np.array(starting(table) if numbers is None else numbers, dtype=object)
+        x, free = first.copy(), [k for k, text in enumerate(table.published) if not is_exact(text)]
+        rows: list[int] = []
+        for _ in range(STEPS if free else 0):
+            J, r = jacobian(table, x, free), residual(table, x)
+            rows = rows or independent(J)
+            A = J[rows]
+            factors = mpmath.lu_solve((A @ A.T).tolist(), list(A @ (x - first)[free] - r[rows]))
+            nearer = first[free] + A.T @ np.array(list(factors), dtype=object)
+            change = max(abs(nearer - x[free]))
+            x[free] = nearer
+            if change < SMALL:
+                break
         left = max(map(abs, residual(table, x)))
         if left > mpmath.mpf(10) ** (2 - DIGITS):
             raise ArithmeticError(f"{table.name}: a residual of {mpmath.nstr(left, 3)} is left")
-        return x
+        return list(x)
 
 
 def locate(table: Table, numbers: Sequence[mpmath.mpf]) -> tuple[int, mpmath.mpf]:
@@ -95,7 +112,7 @@ def locate(table: Table, numbers: Sequence[mpmath.mpf]) -> tuple[int, mpmath.mpf
     """
     with mpmath.workdps(DIGITS + GUARD):
         r = residual(table, numbers)
-        J = jacobian(table, numbers, range(len(numbers)))
+        J = jacobian(table, numbers, range(len(numbers))).astype(float)
         scale = max(map(abs, r))
         unit = np.array([float(x / scale) for x in r])
         shift = (J * unit[:, None]).sum(axis=0) / (J * J).sum(axis=0)
@@ -114,6 +131,7 @@ def entry(table: Table) -> dict:
         n, m = len(table.gamma), len(table.gamma) + len(table.a)
         weights = full if table.gamma else [w for _, w in full]
         return {
+            "published": table.digest,
             **{part: t for part, t in (("gamma", texts[:n]), ("a", texts[n:m]), ("b", texts[m:])) if t},
             "residual_before": mpmath.nstr(excess(found[0], table.order), 3),
             "residual_after": mpmath.nstr(excess(found[1], table.order), 3),
@@ -121,16 +139,3 @@ def entry(table: Table) -> dict:
             "sum": mpmath.nstr(mpmath.fsum(weights), 3),
             "sum_of_sizes": mpmath.nstr(mpmath.fsum(map(abs, weights)), 10),
         }
-
-
-def main() -> None:
-    """Write ``polished.json``."""
-    data = {}
-    for t in TABLES:
-        data[t.name] = entry(t)
-        print(f"{t.name}: {data[t.name]['residual_before']} -> {data[t.name]['residual_after']}")
-    POLISHED.write_text(json.dumps(data, indent=1) + "\n")
-
-
-if __name__ == "__main__":
-    main()

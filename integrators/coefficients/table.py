@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -47,6 +48,12 @@ class Table:
     def published(self) -> tuple[str, ...]:
         """Every number: gamma, or a and then b."""
         return self.gamma + self.a + self.b
+
+    @property
+    def digest(self) -> str:
+        """What tells whether polished numbers are of this table: a digest of its published numbers and their use."""
+        used = (self.kind, self.order, self.gamma, self.a, self.b, self.first, self.symmetric)
+        return hashlib.sha256(repr(used).encode()).hexdigest()[:16]
 
     @property
     def classical_order(self) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from fractions import Fraction
 
 import mpmath
@@ -9,11 +11,11 @@ import numpy as np
 import pytest
 
 from phasebench.integrators import coefficients
-from phasebench.integrators.coefficients import BY_NAME, DAMAGED, TABLES, polished, steps
+from phasebench.integrators.coefficients import BY_NAME, DAMAGED, TABLES, __main__, polished, steps
 from phasebench.integrators.coefficients.fractions import DIGITS, substeps, suzuki, triple_jump
 from phasebench.integrators.coefficients.gauss import gauss
 from phasebench.integrators.coefficients.order_conditions import classical_order
-from phasebench.integrators.coefficients.polish import locate, polish, residual, starting
+from phasebench.integrators.coefficients.polish import independent, jacobian, locate, polish, residual, starting
 from phasebench.integrators.coefficients.table import is_exact, unit, value
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
@@ -82,6 +84,65 @@ def test_control_polishing_from_elsewhere_finds_other_numbers():
     assert distance(polish(free, [first + mpmath.mpf("1e-15"), *others]), polished(free.name)) > 1e-17
     start = [x + mpmath.mpf("1e-12") for x in starting(isolated)]
     assert distance(polish(isolated, start), polished(isolated.name)) < ROUND_OFF
+
+
+@pytest.mark.parametrize("name", ["blanes-moan-s6", "pefrl"])
+def test_no_member_of_a_family_is_nearer(name):
+    """x - x0 has no part along the directions in which the conditions stay fulfilled, to the digits of the Jacobian."""
+    table = BY_NAME[name]
+    moved = np.array([a - b for a, b in zip(polished(name), starting(table), strict=True)])
+    J = jacobian(table, polished(name), range(len(moved)))
+    rows = J[independent(J)]
+    factors = np.array(list(mpmath.lu_solve((rows @ rows.T).tolist(), list(rows @ moved))), dtype=object)
+    assert len(rows) < len(moved)
+    assert max(abs(moved - rows.T @ factors)) < mpmath.mpf("1e-38") < mpmath.mpf("1e-20") * max(abs(moved))
+
+
+@pytest.fixture
+def edited(monkeypatch):
+    """Puts a table in the place of the one of its name, or beside the others."""
+
+    def enter(table):
+        monkeypatch.setitem(BY_NAME, table.name, table)
+        monkeypatch.setattr(__main__, "TABLES", tuple(BY_NAME.values()))
+        coefficients.about.cache_clear()
+        return table
+
+    yield enter
+    coefficients.about.cache_clear()
+
+
+def test_polished_numbers_are_of_the_tables_as_they_stand():
+    assert {name: entry["published"] for name, entry in coefficients.stored().items()} == {
+        t.name: t.digest for t in TABLES
+    }
+
+
+def test_an_edited_table_is_polished_when_it_is_asked_for(edited, tmp_path, monkeypatch):
+    """Its method is of the edited numbers at once, with a warning until the command has kept them."""
+    table = BY_NAME["blanes-moan-s6"]
+    before = polished(table.name)
+    edited(replace(table, a=("0.209515106713362", *table.a[1:])))
+    with pytest.warns(UserWarning, match=r"blanes-moan-s6 is new or was edited.*python -m phasebench\.integrators"):
+        after = polished(table.name)
+    assert 1e-12 < distance(before, after) < 1e-9
+    assert max(map(abs, residual(BY_NAME[table.name], after))) < ROUND_OFF
+    path = tmp_path / "polished.json"
+    monkeypatch.setattr(__main__, "POLISHED", path)
+    __main__.main([])
+    written = json.loads(path.read_text())
+    changed = [name for name, entry in written.items() if entry != coefficients.stored()[name]]
+    assert changed == [table.name]
+    assert distance([value(x) for part in "ab" for x in written[table.name][part]], after) == 0
+
+
+def test_a_new_table_needs_no_entry_and_one_of_a_wrong_order_is_refused(edited):
+    edited(replace(BY_NAME["pefrl"], name="pefrl-again"))
+    with pytest.warns(UserWarning, match="pefrl-again is new"):
+        assert distance(polished("pefrl-again"), polished("pefrl")) == 0
+    edited(replace(BY_NAME["ruth-3"], b=("7/24", "3/4", "1/24")))
+    with pytest.warns(UserWarning, match="edited"), pytest.raises(ArithmeticError, match="ruth-3"):
+        splittings.weights(BY_NAME["ruth-3"])
 
 
 def test_what_cannot_be_polished_is_refused():
@@ -248,4 +309,3 @@ def test_a_parameter_that_breaks_the_symmetry_of_the_base_is_refused():
 def test_no_method_stands_twice():
     data = [(m.family, m.data) for m in (*splittings.METHODS, *compositions.METHODS, method("stormer-verlet"))]
     assert len(set(data)) == len(data)
-    assert coefficients.report().keys() == BY_NAME.keys()

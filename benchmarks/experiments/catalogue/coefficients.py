@@ -43,7 +43,7 @@ def frame() -> pd.DataFrame:
             steps = coefficients.steps(t.name)
             found = residuals(t.kind, steps, max(t.order) + 1)
             before = residuals(t.kind, t.steps(starting(t)), max(t.order))
-            about = coefficients.report()[t.name]
+            about = coefficients.about(t.name)
             order = observed(found, max(t.order) + 1, len(t.order))
             stages = (
                 len(steps) if t.gamma else sum(letter == "B" for letter, _ in steps) - (t.first == "B" and t.symmetric)

@@ -1,0 +1,24 @@
+"""Write ``polished.json``: the tables that are new or edited, and those named as arguments, are polished anew."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+from phasebench.integrators.coefficients import POLISHED, TABLES, stored, table
+from phasebench.integrators.coefficients.polish import entry
+
+
+def main(names: list[str]) -> None:
+    """Keep the entries of the tables as they are; polish the others and those named, and say what came of it."""
+    again, kept, data = {table(name).name for name in names}, stored(), {}
+    for t in TABLES:
+        data[t.name] = kept.get(t.name, {})
+        if t.name in again or data[t.name].get("published") != t.digest:
+            data[t.name] = entry(t)
+            print(f"{t.name}: {data[t.name]['residual_before']} -> {data[t.name]['residual_after']}", flush=True)
+    POLISHED.write_text(json.dumps(data, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
