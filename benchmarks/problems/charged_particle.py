@@ -14,7 +14,7 @@ import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem
+from .base import Orbit, Problem, decades
 
 PARAMETERS = {"phi0": 0.01}
 
@@ -33,7 +33,7 @@ def make(phi0: float) -> Problem:
         source="He, Sun, Liu & Qin 2015, J. Comput. Phys. 281, 135-147, section 4.1",
         cite=("he2015",),
         system=Hamiltonian(q=[q1, q2], p=[p1, p2], H=H, singular=[R], invariants=[L]),
-        orbits=(Orbit("drift", (0.0, -1.0), (0.1 + 1 / 3, 0.01), "velocity (0.1, 0.01)"),),
+        orbits=(Orbit("drift", (0.0, -1.0), (0.1 + 1 / 3, 0.01), "velocity (0.1, 0.01)", decades(1000.0)),),
         invariants={"angular-momentum": L},
         parameters={"phi0": phi0},
     )

@@ -20,7 +20,7 @@ import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem
+from .base import Orbit, Problem, decades
 
 PARAMETERS = {"m1": 1.0, "m2": 1.0, "l1": 1.0, "l2": 1.0, "g": 1.0}
 
@@ -42,8 +42,10 @@ def make(**parameters: float) -> Problem:
         cite=("landau1976", "shinbrot1992"),
         system=Hamiltonian(q=[q1, q2], p=[p1, p2], H=T - (m1 + m2) * g * l1 * sp.cos(q1) - m2 * g * l2 * sp.cos(q2)),
         orbits=(
-            Orbit("chaotic", (radians(120), radians(-10)), (0.0, 0.0), "at rest at 120 and -10 degrees"),
-            Orbit("regular", (0.2, 0.2 * sqrt(2)), (0.0, 0.0), "at rest near the slow normal mode"),
+            Orbit(
+                "chaotic", (radians(120), radians(-10)), (0.0, 0.0), "at rest at 120 and -10 degrees", decades(100.0)
+            ),
+            Orbit("regular", (0.2, 0.2 * sqrt(2)), (0.0, 0.0), "at rest near the slow normal mode", decades(100.0)),
         ),
         parameters=parameters,
     )

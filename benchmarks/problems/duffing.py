@@ -16,7 +16,7 @@ import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem
+from .base import Orbit, Problem, decades
 
 PARAMETERS = {"alpha": -1.0, "beta": 1.0}
 #: Amplitudes in units of the wells' distance from 0; the separatrix is at sqrt(2).
@@ -48,6 +48,6 @@ def make(alpha: float, beta: float) -> Problem:
         source="Duffing 1918; Guckenheimer & Holmes 1983, section 2.2; NIST DLMF, 22.19(ii) (the solutions)",
         cite=("guckenheimer1983",),
         system=Hamiltonian(q=[q], p=[p], H=H),
-        orbits=tuple(Orbit(k, (a,), (0.0,), f"at rest at q = {a:g}") for k, a in amplitudes.items()),
+        orbits=tuple(Orbit(k, (a,), (0.0,), f"at rest at q = {a:g}", decades(200.0)) for k, a in amplitudes.items()),
         parameters={"alpha": alpha, "beta": beta},
     )

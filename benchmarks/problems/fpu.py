@@ -17,7 +17,7 @@ import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem
+from .base import Orbit, Pace, Problem, decades
 
 PARAMETERS = {"omega": 50.0, "m": 3}
 #: The most stiff springs.
@@ -38,7 +38,11 @@ def make(omega: float, m: int) -> Problem:
     H = sum(p**2 for p in (*p0, *p1)) / 2 + w**2 * sum(q**2 for q in q1) / 2 + sum(s**4 for s in soft) / 4
     rest = (0.0,) * (m - 1)
     start = Orbit(
-        "one-spring", (1.0, *rest, 1.0 / omega, *rest), (1.0, *rest, 1.0, *rest), "energy in the first stiff spring"
+        "one-spring",
+        (1.0, *rest, 1.0 / omega, *rest),
+        (1.0, *rest, 1.0, *rest),
+        "energy in the first stiff spring",
+        decades(200.0),
     )
     return Problem(
         id="fpu",
@@ -48,6 +52,7 @@ def make(omega: float, m: int) -> Problem:
         system=Hamiltonian(q=[*q0, *q1], p=[*p0, *p1], H=H, frequencies=[0] * m + [w] * m),
         orbits=(start,),
         parameters={"omega": omega, "m": m},
+        pace=Pace(unit=0.05),
     )
 
 

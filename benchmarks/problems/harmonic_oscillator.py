@@ -5,9 +5,10 @@ import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem
+from .base import ORDER, Orbit, Pace, Problem, Scene, halved
 
 PARAMETERS = {"omega": 1.0}
+SCENES = (Scene("oscillator-t2", "harmonic-oscillator", ORDER, 2.0, halved(0.2, 6)),)
 
 
 def make(omega: float) -> Problem:
@@ -22,6 +23,7 @@ def make(omega: float) -> Problem:
         source="Hairer, Lubich & Wanner 2006, I.1",
         cite=("hairer2006",),
         system=Hamiltonian(q=[q], p=[p], H=p**2 / 2 + w**2 * q**2 / 2, frequencies=[w]),
-        orbits=(Orbit("unit", (1.0,), (0.0,), "at rest at unit distance"),),
+        orbits=(Orbit("unit", (1.0,), (0.0,), "at rest at unit distance", (1.0, 2.0, 10.0, 100.0, 1000.0)),),
         parameters={"omega": omega},
+        pace=Pace(step=0.1, span=1.0, later=0.0),
     )

@@ -1,14 +1,24 @@
 """The Kepler problem H = |p|^2 / 2 - 1 / |q| from pericentre at eccentricity e; the period is 2 pi."""
 
+from math import pi
+
 import sympy as sp
 
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families.wisdom_holman import KeplerPart
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem
+from .base import DRIFT, ORDER, Orbit, Pace, Problem, Scene, halved
 
 PARAMETERS = {"e": 0.6}
+#: The period, and the times of certified states: those of 1, 10, 100 of them.
+PERIOD = 2 * pi
+TIMES = (1.0, PERIOD, 10 * PERIOD, 100 * PERIOD)
+PACE = Pace(step=0.15, later=0.7)
+SCENES = (
+    Scene("kepler-t1", "kepler", ORDER, 1.0, halved(0.04, 6)),
+    Scene("kepler-100-orbits", "kepler", DRIFT, 200 * pi, (pi / 60, pi / 150, pi / 300), trajectory=1e-9),
+)
 
 
 def plane():
@@ -17,11 +27,11 @@ def plane():
     return q1, q2, p1, p2, sp.sqrt(q1**2 + q2**2), q1 * p2 - q2 * p1
 
 
-def pericentre(e: float) -> Orbit:
-    """q = (1 - e, 0), p = (0, sqrt((1 + e)/(1 - e))), rounded to double."""
+def pericentre(e: float, times: tuple[float, ...]) -> Orbit:
+    """q = (1 - e, 0), p = (0, sqrt((1 + e)/(1 - e))), rounded to double; ``times`` of its certified states."""
     if not 0 <= e < 1:
         raise InvalidInput(f"the eccentricity e is {e}; it must be at least 0 and less than 1")
-    return Orbit("e", (1.0 - e, 0.0), (0.0, ((1.0 + e) / (1.0 - e)) ** 0.5), f"pericentre of eccentricity {e:g}")
+    return Orbit("e", (1.0 - e, 0.0), (0.0, ((1.0 + e) / (1.0 - e)) ** 0.5), f"pericentre of eccentricity {e:g}", times)
 
 
 def make(e: float) -> Problem:
@@ -40,11 +50,12 @@ def make(e: float) -> Problem:
             invariants=[L],
             kepler=KeplerPart(2, (1,), (1,)),
         ),
-        orbits=(pericentre(e),),
+        orbits=(pericentre(e, TIMES),),
         invariants={
             "angular-momentum": L,
             "laplace-runge-lenz-1": p2 * L - q1 / r,
             "laplace-runge-lenz-2": -p1 * L - q2 / r,
         },
         parameters={"e": e},
+        pace=PACE,
     )

@@ -138,7 +138,7 @@ def make(N: int, L: float) -> Problem:
         source="Strauss & Vazquez 1978, J. Comput. Phys. 28, 271-278 (the real equation); initial data of this suite",
         cite=("strauss-vazquez1978",),
         system=system,
-        orbits=(Orbit("collision", *start, "two packets of opposite charge"),),
+        orbits=(Orbit("collision", *start, "two packets of opposite charge", (0.1, 1.0, 10.0)),),
         invariants={"charge": charge},
         parameters={"N": N, "L": L},
     )

@@ -14,7 +14,7 @@ import sympy as sp
 
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem
+from .base import Orbit, Pace, Problem
 from .n_body import bodies
 
 PARAMETERS: dict[str, float] = {}
@@ -42,7 +42,9 @@ def make() -> Problem:
                 tuple(x / SIGMA for at in POSITIONS for x in at),
                 tuple(v / speed for velocity in VELOCITIES for v in velocity),
                 "seven atoms of 22.72 K",
+                (0.1, 1.0, 10.0),
             ),
         ),
         invariants=kept,
+        pace=Pace(unit=0.2),
     )

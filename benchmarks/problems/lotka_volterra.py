@@ -8,9 +8,13 @@ import sympy as sp
 
 from phasebench.integrators.systems.poisson import PoissonSystem
 
-from .base import Orbit, Problem
+from .base import DRIFT, ORDER, Orbit, Problem, Scene, decades, halved
 
 PARAMETERS: dict[str, float] = {}
+SCENES = (
+    Scene("lotka-volterra-t1", "lotka-volterra:4-2", ORDER, 1.2, halved(0.12, 6)),
+    Scene("lotka-volterra-t120", "lotka-volterra:4-2", DRIFT, 120.0, (0.12, 0.06, 0.03)),
+)
 
 
 def make() -> Problem:
@@ -30,6 +34,7 @@ def make() -> Problem:
             dp=[v * (1 - u)],
         ),
         orbits=tuple(
-            Orbit(f"{a}-{b}", (float(a),), (float(b),), f"from ({a}, {b})") for a, b in [(2, 2), (4, 8), (4, 2), (6, 2)]
+            Orbit(f"{a}-{b}", (float(a),), (float(b),), f"from ({a}, {b})", decades(120.0))
+            for a, b in [(2, 2), (4, 8), (4, 2), (6, 2)]
         ),
     )

@@ -10,7 +10,7 @@ import sympy as sp
 
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem
+from .base import Orbit, Problem, decades
 
 PARAMETERS: dict[str, float] = {}
 
@@ -25,7 +25,7 @@ def make() -> Problem:
         cite=("hairer2006", "wang-talk"),
         system=Hamiltonian(q=[x], p=[y], H=sp.exp(y) - 2 * y + sp.exp(x) - x),
         orbits=tuple(
-            Orbit(f"{a}-{b}", (log(a),), (log(b),), f"from (u, v) = ({a}, {b})")
+            Orbit(f"{a}-{b}", (log(a),), (log(b),), f"from (u, v) = ({a}, {b})", decades(120.0))
             for a, b in [(2, 2), (4, 8), (4, 2), (6, 2)]
         ),
     )

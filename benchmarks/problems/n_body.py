@@ -25,7 +25,7 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian
 
-from .base import Orbit, Problem
+from .base import Orbit, Pace, Problem
 
 PARAMETERS = {"N": 3}
 #: The most bodies; the seed of the random start; radii beyond this are drawn again, as in the recipe.
@@ -148,9 +148,8 @@ def make(N: int) -> Problem:
     q, p, pairs, distances, kept = bodies(N, "xyz")
     if N == 3:
         m = [mass for mass, _ in PYTHAGOREAN]
-        start = Orbit(
-            "pythagorean", tuple(x for _, at in PYTHAGOREAN for x in at), (0.0,) * 9, "masses 3, 4, 5 at rest"
-        )
+        at = tuple(x for _, position in PYTHAGOREAN for x in position)
+        start = Orbit("pythagorean", at, (0.0,) * 9, "masses 3, 4, 5 at rest", (1.0, 10.0, 15.0, 16.0, 30.0))
         product = {(i, j): sp.Integer(m[i] * m[j]) for i, j in pairs}
     else:
         m = [1] * N
@@ -181,4 +180,5 @@ def make(N: int) -> Problem:
         orbits=(start,),
         invariants=kept,
         parameters={"N": N},
+        pace=Pace(step=0.06, span=0.6, later=0.8),
     )

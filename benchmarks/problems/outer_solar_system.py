@@ -11,7 +11,7 @@ import sympy as sp
 from phasebench.integrators.families.wisdom_holman import jacobi
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem
+from .base import Orbit, Pace, Problem, decades
 
 PARAMETERS: dict[str, float] = {}
 G = 2.95912208286e-4
@@ -44,6 +44,7 @@ def make() -> Problem:
         tuple(x for _, where, _ in BODIES.values() for x in where),
         tuple(m * v for m, _, velocity in BODIES.values() for v in velocity),
         "the positions and velocities of September 5, 1994",
+        decades(500_000.0),
     )
     return Problem(
         id="outer-solar-system",
@@ -55,4 +56,5 @@ def make() -> Problem:
         ),
         orbits=(start,),
         invariants=kept,
+        pace=Pace(unit=400.0, step=100.0, span=2500.0, later=700.0),
     )

@@ -4,9 +4,13 @@ import sympy as sp
 
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem
+from .base import DRIFT, ORDER, Orbit, Problem, Scene, decades, halved
 
 PARAMETERS: dict[str, float] = {}
+SCENES = (
+    Scene("pendulum-t2", "pendulum:swinging", ORDER, 2.0, halved(0.2, 6)),
+    Scene("pendulum-t1000", "pendulum:swinging", DRIFT, 1000.0, (0.1, 0.05, 0.02)),
+)
 
 
 def make() -> Problem:
@@ -19,7 +23,7 @@ def make() -> Problem:
         cite=("hairer2006", "wang-talk"),
         system=Hamiltonian(q=[q], p=[p], H=p**2 / 2 - sp.cos(q)),
         orbits=(
-            Orbit("swinging", (2.0,), (0.0,), "released at 2 radians"),
-            Orbit("rotating", (0.0,), (2.5,), "turns over: H = 2.125 > 1"),
+            Orbit("swinging", (2.0,), (0.0,), "released at 2 radians", (1.0, 2.0, 10.0, 100.0, 1000.0)),
+            Orbit("rotating", (0.0,), (2.5,), "turns over: H = 2.125 > 1", decades(1000.0)),
         ),
     )

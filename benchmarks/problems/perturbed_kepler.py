@@ -5,10 +5,14 @@ import sympy as sp
 from phasebench.integrators.families.wisdom_holman import KeplerPart
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Problem
-from .kepler import pericentre, plane
+from .base import DRIFT, ORDER, Problem, Scene, decades, halved
+from .kepler import PACE, pericentre, plane
 
 PARAMETERS = {"e": 0.6, "mu": 0.0075}
+SCENES = (
+    Scene("perturbed-kepler-t1", "perturbed-kepler", ORDER, 1.0, halved(0.04, 6)),
+    Scene("perturbed-kepler-t1000", "perturbed-kepler", DRIFT, 1000.0, (0.05, 0.02, 0.01, 0.005), trajectory=1e-9),
+)
 
 
 def make(e: float, mu: float) -> Problem:
@@ -21,7 +25,8 @@ def make(e: float, mu: float) -> Problem:
         source="Wang, Bo & Cai (talk), (29)-(30); Hairer, Lubich & Wanner 2006, exercise I.12",
         cite=("wang-talk", "hairer2006"),
         system=Hamiltonian(q=[q1, q2], p=[p1, p2], H=H, singular=[r], invariants=[L], kepler=KeplerPart(2, (1,), (1,))),
-        orbits=(pericentre(e),),
+        orbits=(pericentre(e, decades(1000.0)),),
         invariants={"angular-momentum": L},
         parameters={"e": e, "mu": mu},
+        pace=PACE,
     )

@@ -12,7 +12,7 @@ import sympy as sp
 
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem
+from .base import Orbit, Problem, decades
 
 PARAMETERS = {"A": 1.0, "B": 0.55, "D": 0.4}
 
@@ -35,12 +35,19 @@ def make(A: float, B: float, D: float) -> Problem:
         cite=("baran-raduta1998",),
         system=Hamiltonian(q=[q0, q2], p=[p0, p2], H=H),
         orbits=(
-            Orbit("benchmark", (4.919080920016389, 2.836942666663649), (0.0, 0.0), "at rest, H = 120 at the defaults"),
+            Orbit(
+                "benchmark",
+                (4.919080920016389, 2.836942666663649),
+                (0.0, 0.0),
+                "at rest, H = 120 at the defaults",
+                decades(100.0),
+            ),
             Orbit(
                 "h20",
                 (0.0, -2.5830294658973876),
                 (1.3873470962626937, -4.743416490252585),
                 "H = 20 at the defaults",
+                (0.1, 1.0, 10.0, 60.0),
             ),
         ),
         parameters={"A": A, "B": B, "D": D},

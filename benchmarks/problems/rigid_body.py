@@ -21,7 +21,7 @@ import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem
+from .base import Orbit, Problem, decades
 
 PARAMETERS = {"I1": 2.0, "I2": 1.0, "I3": 2 / 3, "G": 1.0}
 
@@ -43,9 +43,11 @@ def make(**parameters: float) -> Problem:
         cite=("andoyer1923", "deprit1967", "hairer2006"),
         system=Hamiltonian(q=[q], p=[p], H=H),
         orbits=(
-            Orbit("around-e3", (pi / 2,), (size * sin(1.1),), "m = G (cos 1.1, 0, sin 1.1)"),
-            Orbit("around-e1", (pi / 2,), (size * cos(1.1),), "m = G (sin 1.1, 0, cos 1.1)"),
-            Orbit("near-separatrix", (0.01,), (size * 0.02,), "almost the rotation about the middle axis"),
+            Orbit("around-e3", (pi / 2,), (size * sin(1.1),), "m = G (cos 1.1, 0, sin 1.1)", decades(200.0)),
+            Orbit("around-e1", (pi / 2,), (size * cos(1.1),), "m = G (sin 1.1, 0, cos 1.1)", decades(200.0)),
+            Orbit(
+                "near-separatrix", (0.01,), (size * 0.02,), "almost the rotation about the middle axis", decades(200.0)
+            ),
         ),
         parameters=parameters,
     )

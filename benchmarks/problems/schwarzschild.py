@@ -24,16 +24,16 @@ import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem
+from .base import Orbit, Pace, Problem, decades
 
 PARAMETERS = {"M": 1.0, "semilatus": 10.0, "e": 0.5}
 
 
-def _pericentre(name: str, M: float, semilatus: float, e: float) -> Orbit:
+def _pericentre(name: str, M: float, semilatus: float, e: float, times: tuple[float, ...]) -> Orbit:
     x = semilatus - 3 - e**2
     E = sqrt(((semilatus - 2) ** 2 - 4 * e**2) / (semilatus * x))
     about = f"pericentre of semilatus rectum {semilatus:g} M, eccentricity {e:g}"
-    return Orbit(name, (0.0, semilatus * M / (1 + e), 0.0), (-E, 0.0, semilatus * M / sqrt(x)), about)
+    return Orbit(name, (0.0, semilatus * M / (1 + e), 0.0), (-E, 0.0, semilatus * M / sqrt(x)), about, times)
 
 
 def make(M: float, semilatus: float, e: float) -> Problem:
@@ -61,11 +61,24 @@ def make(M: float, semilatus: float, e: float) -> Problem:
             invariants=kept.values(),
         ),
         orbits=(
-            _pericentre("precessing", M, semilatus, e),
-            _pericentre("zoom-whirl", M, 7.001, 0.5),
-            Orbit("isco", (0.0, 6 * M, 0.0), (-sqrt(8 / 9), 0.0, sqrt(12) * M), "innermost stable circular orbit"),
-            Orbit("photon-sphere", (0.0, 3 * M, 0.0), (-1.0, 0.0, sqrt(27) * M), "light on the unstable circle"),
+            _pericentre("precessing", M, semilatus, e, decades(1000.0)),
+            _pericentre("zoom-whirl", M, 7.001, 0.5, (*decades(1000.0), 2000.0)),
+            Orbit(
+                "isco",
+                (0.0, 6 * M, 0.0),
+                (-sqrt(8 / 9), 0.0, sqrt(12) * M),
+                "innermost stable circular orbit",
+                decades(1000.0),
+            ),
+            Orbit(
+                "photon-sphere",
+                (0.0, 3 * M, 0.0),
+                (-1.0, 0.0, sqrt(27) * M),
+                "light on the unstable circle",
+                (0.1, 1.0, 10.0, 40.0),
+            ),
         ),
         invariants=kept,
         parameters={"M": M, "semilatus": semilatus, "e": e},
+        pace=Pace(unit=20.0, step=4.0, span=100.0, later=20.0),
     )

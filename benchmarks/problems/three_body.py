@@ -19,6 +19,8 @@ PARAMETERS: dict[str, float] = {}
 #: Position of the first body and momentum of the third, and the period.
 FIRST, THIRD = (0.97000435669733344, -0.24308753153584886), (-0.9324073714410523, -0.864731460921006)
 PERIOD = 6.32591398292621
+#: Ten periods in decades.
+TIMES = (0.0632591398, 0.632591398, 6.32591398, 63.2591398)
 
 
 def make() -> Problem:
@@ -39,7 +41,13 @@ def make() -> Problem:
             invariants=kept.values(),
         ),
         orbits=(
-            Orbit("simo", (x, y, -x, -y, 0.0, 0.0), (-u / 2, -v / 2, -u / 2, -v / 2, u, v), f"period {PERIOD:.11g}"),
+            Orbit(
+                "simo",
+                (x, y, -x, -y, 0.0, 0.0),
+                (-u / 2, -v / 2, -u / 2, -v / 2, u, v),
+                f"period {PERIOD:.11g}",
+                TIMES,
+            ),
         ),
         invariants=kept,
     )

@@ -15,7 +15,7 @@ import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem
+from .base import Orbit, Problem, decades
 
 PARAMETERS = {"N": 3}
 #: The most particles: from 7 on the invariants take SymPy seconds.
@@ -71,8 +71,10 @@ def make(N: int) -> Problem:
     traces = {k: t.subs(bonds) for k, t in _traces(N, X, p).items()}
     kept = {"momentum": traces[1]} | {f"trace-{k}": traces[k] for k in range(3, N + 1)}
     with mpmath.workdps(30):
-        wave = Orbit("cnoidal", *(tuple(map(float, z)) for z in cnoidal(N, MODULUS, 0)), "a travelling wave")
-    three = (Orbit("three", (1.0, 2.0, -1.0), (-1.5, 1.0, 0.5), "three particles"),) if N == 3 else ()
+        wave = Orbit(
+            "cnoidal", *(tuple(map(float, z)) for z in cnoidal(N, MODULUS, 0)), "a travelling wave", decades(100.0)
+        )
+    three = (Orbit("three", (1.0, 2.0, -1.0), (-1.5, 1.0, 0.5), "three particles", decades(100.0)),) if N == 3 else ()
     return Problem(
         id="toda",
         name="periodic Toda lattice",

@@ -15,7 +15,7 @@ import pytest
 from phasebench.benchmarks.experiments.trade import bench_errors, peer_rows, sweep
 from phasebench.benchmarks.measure import accuracy
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.problems.scenes import BY_ID, ORDER, SCENES
+from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
 from phasebench.integrators import integrate
 from phasebench.reference.certificates import stored as certified
 from phasebench.reference.peers import BY_ID as PEERS
@@ -26,45 +26,73 @@ SCENE = BY_ID["lotka-volterra-t1"]
 CHAOTIC = next(s for s in SCENES if not s.regular)
 
 
+def exactly(made, t, q, p):
+    """The error of the doubles q, p at t by a run in quadruple precision of one's own."""
+    _, quad = taylor.extended()
+    (row,) = taylor.states(made.system, quad, made.q0, made.p0, [t])
+    return max(abs(float(quad(float(x)) - y)) for x, y in zip((*q, *p), row, strict=True))
+
+
+def test_what_is_true_of_every_scene_is_stored():
+    for scene in SCENES:
+        true, certificate = accuracy.truth(scene.id), certified.find(scene.made())
+        assert (true.source, true.horizon) == (accuracy.STORED, min(certificate.horizon, scene.t_end))
+        assert (true.t == scene.t_end) == scene.regular
+        end = certificate.at(true.t)
+        assert (true.texts, true.uncertainty) == ((*end.q_text, *end.p_text), end.uncertainty)
+
+
 def test_a_regular_scene_is_measured_at_its_end():
-    assert all(accuracy.reference(s.id).horizon() == s.t_end for s in SCENES if s.regular and s.purpose == ORDER)
     row = sweep.measure(sweep.Task(SCENE.id, "rk4", (), 0.03), repeats=1)
     assert (row["reference_horizon"], row["global_error_time"]) == (SCENE.t_end, SCENE.t_end)
-    truth = taylor.reference(SCENE.made(), [SCENE.t_end])
-    assert row["reference_uncertainty"] == truth.uncertainty[-1]
+    made = SCENE.made()
+    end = integrate(made, "rk4", h=0.03, t_end=SCENE.t_end)
+    assert row["global_error"] == exactly(made, SCENE.t_end, end.q[-1], end.p[-1]) > 1e-9
 
 
 @pytest.mark.parametrize(("id", "size"), [("stormer-verlet", {"h": 0.05}), ("heyoka", {"h": None, "tol": 1e-15})])
-def test_a_chaotic_trajectory_is_measured_at_the_horizon_of_the_reference(id, size):
-    """Not later: the uncertainty there is 1e-13 of the state, and the best of doubles are far above it."""
+def test_a_chaotic_trajectory_is_measured_at_the_last_stored_time_before_the_horizon(id, size):
+    """Not later: a long double run is 1e-13 of the state away there, and the best of doubles are far further."""
     row = sweep.measure(sweep.Task(CHAOTIC.id, id, (), **size), repeats=1)
     assert row["status"] == "ok"
     assert row["energy_max_early"] <= row["energy_max"]
-    horizon, t = row["reference_horizon"], row["global_error_time"]
-    spacing = size["h"] or CHAOTIC.t_end / peer_rows.ADAPTIVE
-    assert horizon - spacing < t <= horizon < CHAOTIC.t_end / 2
-    certificate = certified.find(CHAOTIC.made())
-    assert abs(horizon - certificate.horizon) <= certificate.spacing + CHAOTIC.t_end / accuracy.GRID
-    assert 100 * row["reference_uncertainty"] < row["global_error"]
     made = CHAOTIC.made()
+    certificate = certified.find(made)
+    t = max(end.t for end in certificate.ends if end.t <= certificate.horizon)
+    assert (row["global_error_time"], row["reference_horizon"]) == (t, certificate.horizon)
+    assert t < CHAOTIC.t_end / 2
     if id == "heyoka":
-        again = integrate_peer(made, id, tol=1e-15, t_end=CHAOTIC.t_end, steps=peer_rows.ADAPTIVE)
+        again = integrate_peer(made, id, tol=1e-15, t_end=t)
     else:
-        again = integrate(made, id, h=0.05, t_end=CHAOTIC.t_end)
-    truth = taylor.reference(made, [t])
-    (here,) = np.flatnonzero(again.t == t)
-    error = np.abs(np.hstack([again.q[here] - truth.q[0], again.p[here] - truth.p[0]])).max()
-    assert row["global_error"] == error
+        again = integrate(made, id, h=0.05, t_end=t)
+    assert row["global_error"] == exactly(made, t, again.q[-1], again.p[-1])
+    assert 100 * row["reference_uncertainty"] < row["global_error"] < 1
 
 
-def test_control_past_the_horizon_the_reference_is_no_better_than_the_method():
-    late = accuracy.reference(CHAOTIC.id)
-    assert late.uncertainty[-1] > 1e-3
-    first = late.t[np.argmax(late.uncertainty > 1e-13 * np.abs(np.hstack([late.q, late.p])).max(axis=1))]
-    assert late.horizon() < first < late.horizon() + 1.5 * CHAOTIC.t_end / accuracy.GRID
+def test_without_a_certificate_the_truth_is_computed_and_the_row_says_so(monkeypatch):
+    monkeypatch.setattr(accuracy.stored, "find", lambda problem: None)
+    computed = accuracy.truth.__wrapped__(SCENE.id)
+    stored = accuracy.truth(SCENE.id)
+    assert computed.source == accuracy.COMPUTED
+    assert stored.error([float(x) for x in computed.texts]) < 1e-14
+    monkeypatch.setattr(accuracy, "truth", lambda scene: computed)
+    solution = integrate(SCENE.made(), "rk4", h=0.03, t_end=SCENE.t_end)
+    row = accuracy.trajectory_error(SCENE, solution)
+    assert row["reference"] == "computed"
+    assert row["global_error"] == pytest.approx(stored.error(accuracy.end_state(solution)), rel=1e-6)
 
 
-def test_no_error_where_no_row_is_before_the_horizon():
+def test_control_past_the_horizon_no_error_is_told(monkeypatch):
+    """Without a certificate the end of the chaotic scene is past what long double can tell."""
+    monkeypatch.setattr(accuracy.stored, "find", lambda problem: None)
+    late = accuracy.truth.__wrapped__(CHAOTIC.id)
+    assert late.uncertainty > 1e-3
+    monkeypatch.setattr(accuracy, "truth", lambda scene: late)
+    solution = integrate(CHAOTIC.made(), "stormer-verlet", h=0.05, t_end=CHAOTIC.t_end, save_every=0)
+    assert set(accuracy.trajectory_error(CHAOTIC, solution)) == {"reference_horizon"}
+
+
+def test_no_error_where_no_row_is_at_the_time():
     solution = integrate(CHAOTIC.made(), "stormer-verlet", h=0.05, t_end=CHAOTIC.t_end, save_every=0)
     assert set(accuracy.trajectory_error(CHAOTIC, solution)) == {"reference_horizon"}
 
@@ -73,7 +101,7 @@ def test_no_error_where_no_row_is_before_the_horizon():
 
 
 def test_the_peers_of_a_sweep_are_of_the_packages_that_are_required():
-    project = tomllib.loads((Path(sweep.__file__).parents[1] / "pyproject.toml").read_text())["project"]
+    project = tomllib.loads((Path(sweep.__file__).parents[3] / "pyproject.toml").read_text())["project"]
     required = {re.split("[>=<;]", x)[0] for x in project["dependencies"]}
     swept = peer_rows.swept()
     assert {p.package for p in swept} == set(peer_rows.PACKAGES) <= required
@@ -126,9 +154,9 @@ def test_a_row_of_a_peer_has_the_columns_of_a_method(id, size):
     assert row["h"] == size["h"]
     assert row["tol"] == size.get("tol")
     bare = integrate_peer(scene.made(), id, **size, t_end=scene.t_end, save_every=0)
-    truth = accuracy.reference(scene.id)
-    error = np.abs(np.hstack([bare.q[-1] - truth.q[-1], bare.p[-1] - truth.p[-1]])).max()
-    assert row["global_error"] == error > 1e-13
+    error = exactly(scene.made(), scene.t_end, bare.q[-1], bare.p[-1])
+    assert row["global_error"] == pytest.approx(error, rel=1e-9)
+    assert error > 1e-13
     assert row["steps"] == bare.counts["steps"]
     assert 0 < row["energy_max"] < 0.1
     assert json.loads(json.dumps(row)) == row

@@ -40,8 +40,6 @@ from phasebench.integrators.registry import METHODS
 EXACT = 1e6
 #: Numbers of steps over `SPAN` units of time: an order is measured on three.
 LADDER, FINER = (1, 2, 3), 16
-#: The unit of time in which a problem's steps are counted, where that is not 1.
-UNITS = {"outer-solar-system": 400.0, "fpu": 0.05, "schwarzschild": 20.0, "lennard-jones": 0.2}
 #: Problems whose size is a parameter are measured small.
 SMALL = {"nls": {"N": 4}, "klein-gordon": {"N": 4}}
 #: The state at which a problem is measured is its orbit's at this many units of time.
@@ -65,7 +63,7 @@ def _made(name: str):
 def _at(name: str, places: int):
     """The system, the state and the unit of time of a problem."""
     made = _made(name)
-    unit = mpmath.mpf(UNITS.get(name, 1.0))
+    unit = mpmath.mpf(made.pace.unit)
     y = flow(made.system, vector(made.q0, made.p0), LATER * unit)[0]
     return made.system, y, unit
 
@@ -118,7 +116,7 @@ def _reversibility(chosen: Method, name: str) -> dict:
 def _run(id: str, name: str):
     made = _made(name)
     with np.errstate(all="ignore"):
-        return made, integrate(made, id, h=float(STEP) * UNITS.get(name, 1.0), steps=RUN)
+        return made, integrate(made, id, h=float(STEP) * made.pace.unit, steps=RUN)
 
 
 def _energy(chosen: Method, name: str) -> dict:

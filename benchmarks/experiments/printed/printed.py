@@ -15,7 +15,7 @@ from math import floor, log10
 import numpy as np
 
 from phasebench.benchmarks.measure import metrics
-from phasebench.benchmarks.measure.accuracy import end_state, reference
+from phasebench.benchmarks.measure.accuracy import end_state, truth
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import method
@@ -62,8 +62,7 @@ def measured(scheme: str, lam: str | None) -> Iterator[dict]:
     """The rows of one column: h, printed, refinement difference, its order, global error, units of disagreement."""
     made = problem("henon-heiles:chaotic")
     chosen = method(scheme, **({} if lam is None else {"lam": lam}))
-    truth = reference(SCENE)
-    exact = end_state(truth)
+    true = truth(SCENE)
     states = ends(made, chosen)
     last = None
     for k, text in enumerate(PRINTED[scheme, lam], 1):
@@ -76,8 +75,8 @@ def measured(scheme: str, lam: str | None) -> Iterator[dict]:
             "refinement_difference": difference,
             "order": float(np.log2(last / difference)) if last else float("nan"),
             "units": abs(difference - float(text)) / unit(text),
-            "global_error": float(np.abs(states[k] - exact).max()),
-            "uncertainty": float(truth.uncertainty[-1]),
+            "global_error": true.error(states[k]),
+            "uncertainty": true.uncertainty,
         }
         last = difference
 

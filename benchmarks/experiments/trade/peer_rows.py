@@ -2,9 +2,9 @@
 
 In a sweep are the peers of the packages that this project depends on.  A fixed-step peer runs at a scene's steps, an
 adaptive one over `TOLERANCES` (a row has ``tol``, and no h).  Two runs are made: one without output, which gives the
-time, the counts and the error at the end, and one with rows, which gives the invariants and, where trajectories part,
-the error at the reference's horizon.  Output of an integrator that has no interpolation ends its steps at the rows,
-hence the first.  Rows are at most `MOST`, every ``rows_every``-th step of a fixed-step peer.
+time, the counts and the error at the end, and one with rows, which gives the invariants; where trajectories part, a
+third to the time at which their error is told.  Output of an integrator that has no interpolation ends its steps at the
+rows, hence the first.  Rows are at most `MOST`, every ``rows_every``-th step of a fixed-step peer.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from math import ceil
 from typing import TYPE_CHECKING, Any
 
-from phasebench.benchmarks.measure.accuracy import head, invariants, trajectory_error
+from phasebench.benchmarks.measure.accuracy import head, invariants, trajectory_error, truth
 from phasebench.benchmarks.problems import scenes
 from phasebench.benchmarks.problems.scenes import DRIFT, Scene
 from phasebench.integrators.driver import INVALID, OK, SKIPPED
@@ -98,7 +98,10 @@ def measure(task: Task, repeats: int) -> dict[str, Any]:
     row |= invariants(problem, with_rows, scene.t_end)
     if worse.status != OK:
         return row
-    row |= trajectory_error(scene, end if scene.regular else with_rows)
+    told = truth(scene.id).t
+    row |= trajectory_error(
+        scene, end if told == scene.t_end else integrate_peer(problem, peer, **bare | {"t_end": told})
+    )
     runs = [end.seconds]
     if end.seconds < LONG:
         runs += [integrate_peer(problem, peer, **bare).seconds for _ in range(repeats - 1)]
