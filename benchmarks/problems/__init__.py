@@ -76,6 +76,26 @@ def problem(name: str | Path, **parameters) -> Problem:
     return made.at(orbit) if orbit else made
 
 
+def labels(names: Iterable[str] = ()) -> list[str]:
+    """The labels, as `Problem.label`, that names stand for: a label, or an id for each of its orbits; all at first.
+
+    Raises
+    ------
+    InvalidInput
+        For an unknown problem or orbit.
+    """
+    found: list[str] = []
+    for name in list(names) or PROBLEMS:
+        id, _, wanted = name.partition(":")
+        if id not in PROBLEMS:
+            raise unknown("problem", id, PROBLEMS)
+        orbits = PROBLEMS[id][2]
+        if wanted and wanted not in orbits:
+            raise unknown(f"orbit of '{id}'", wanted, orbits)
+        found += [id if len(orbits) == 1 else f"{id}:{orbit}" for orbit in ([wanted] if wanted else orbits)]
+    return list(dict.fromkeys(found))
+
+
 def file_and_orbit(name: str) -> tuple[str | None, str]:
     """(path, orbit) of ``./my_problem.py:orbit`` (a drive's colon is part of the path); (None, "") for an id."""
     head, _, orbit = name.rpartition(":")
@@ -94,4 +114,4 @@ def check_parameters(what: str, known: Iterable[str], values: Mapping[str, objec
             raise InvalidInput(f"the parameter {key} of {what} is {value!r}; it must be a finite number")
 
 
-__all__ = ["PROBLEMS", "problem"]
+__all__ = ["PROBLEMS", "labels", "problem"]

@@ -1,9 +1,9 @@
-"""How a certified end state is computed, and whether it has moved since.
+"""How a certified end state is computed.
 
 The state is that of a Taylor run in quadruple precision.  Its uncertainty is the distance from the same run at a
 tolerance 50 times as large, which changes order, steps and round-off, and the rounding of the stored text.  Beside it
 run long double (the distance is the uncertainty of `taylor.reference`), Gauss's method of order 16 in long double over
-steps of two sizes (`gauss_check`), and IAS15 in double at two tolerances where REBOUND can do the problem.  A solver's
+steps of two sizes (`gauss`), and IAS15 in double at two tolerances where REBOUND can do the problem.  A solver's
 own uncertainty is `SAFETY` times the difference of its two runs, since both carry round-off of the same size, and the
 round-off eps n^(1/2) of a random walk of n steps, grown as neighbouring trajectories part: it checks the equations and
 the solvers to its precision, not all digits.
@@ -21,10 +21,9 @@ from decimal import Decimal
 import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
-from phasebench.reference.solvers import gauss as gauss_check
-from phasebench.reference.solvers import taylor
+from phasebench.reference.solvers import gauss, taylor
 
-from . import stored as certified
+from . import stored
 from .stored import Certificate, Check, End
 
 #: The other tolerance of quadruple precision, whose epsilon is 1.9e-34.
@@ -61,22 +60,22 @@ def certify(problem, times: Sequence[float], grid_points: int = GRID) -> Certifi
     coarser = taylor.states(system, quad, q0, p0, grid, COARSER)
     near = taylor.states(system, long, q0, p0, grid)
     size = np.array([max(abs(float(x)) for x in row) for row in truth])
-    text = [[f"{Decimal(str(x)):.{certified.DIGITS - 1}e}" for x in row] for row in truth]
-    uncertainty = _upto(_distances(coarser, truth, quad)) + size * 10.0 ** (1 - certified.DIGITS)
+    text = [[f"{Decimal(str(x)):.{stored.DIGITS - 1}e}" for x in row] for row in truth]
+    uncertainty = _upto(_distances(coarser, truth, quad)) + size * 10.0 ** (1 - stored.DIGITS)
     off = _upto(_distances(near, truth, quad))
     apart = _neighbour(problem, grid, near, long)
     unit = np.maximum(_upto(size), apart / SHIFT)
     growth, rate = _growth(grid, apart, size)
-    gauss, own = _gauss(problem, grid, truth, unit, long, quad)
+    beyond, own = _gauss(problem, grid, truth, unit, long, quad)
     found = _ias15(problem, times, np.array([unit[grid.index(t)] for t in times]))
     ends = []
     for t in times:
         i = grid.index(t)
-        beside = [Check(GAUSS, float(gauss[i]), float(own[i]))]
+        beside = [Check(GAUSS, float(beyond[i]), float(own[i]))]
         if found is not None:
             beside.append(_compared(found, times.index(t), [truth[grid.index(s)] for s in times], quad))
         q, p = tuple(text[i][:d]), tuple(text[i][d:])
-        change = certified.energy_change(problem, q, p)
+        change = stored.energy_change(problem, q, p)
         ends.append(End(t, q, p, float(uncertainty[i]), float(off[i]), change, tuple(beside)))
     return Certificate(
         problem=problem.label,
@@ -84,7 +83,7 @@ def certify(problem, times: Sequence[float], grid_points: int = GRID) -> Certifi
         parameters=dict(problem.parameters),
         q0=tuple(map(float, q0)),
         p0=tuple(map(float, p0)),
-        fingerprint=certified.fingerprint(problem),
+        fingerprint=stored.fingerprint(problem),
         t_end=t_end,
         limit=LIMIT,
         spacing=t_end / grid_points,
@@ -101,11 +100,6 @@ def versions() -> dict[str, str | None]:
     from phasebench.reference.tables import version_of
 
     return {name: version_of(name) for name in ("heyoka", "numpy", "sympy", "mpmath", "rebound")}
-
-
-def moved(stored: End, fresh: End) -> tuple[float, float]:
-    """(how far a state has moved, how far it may have: the sum of both uncertainties)."""
-    return float(certified.distance(stored, fresh)), stored.uncertainty + fresh.uncertainty
 
 
 def _distances(rows, truth, quad) -> np.ndarray:
@@ -137,10 +131,10 @@ def _gauss(problem, grid, truth, unit, long, quad):
         for a, b in zip([0.0, *ends[:-1]], ends, strict=True):
             pieces = parts * max(1, int(np.ceil((b - a) / (SHARE * t_end))))
             marks += [a + (b - a) * (k + 1) / pieces for k in range(pieces)]
-        runs.append(gauss_check.run(system, q0, p0, marks, grid))
+        runs.append(gauss.run(system, q0, p0, marks, grid))
     walk = np.sqrt(np.arange(1, len(grid) + 1) / len(grid) * len(marks))
     difference = np.array([float(x) for x in np.abs(runs[1] - runs[0]).max(axis=1)])
-    own = SAFETY * _upto(difference) + float(gauss_check.EPS) * walk * unit
+    own = SAFETY * _upto(difference) + float(gauss.EPS) * walk * unit
     return _upto(_distances(runs[1], truth, quad)), own
 
 

@@ -1,7 +1,7 @@
 """Stored end states with their uncertainty: a JSON file per problem, checked whenever it is read.
 
 An end state is the quadruple run of `taylor` in decimal.  Its uncertainty and what other solvers say of it come from
-`certification`, which writes the files; nothing here integrates.  A file is bound to its problem by the initial
+`make`; nothing here integrates.  A file is bound to its problem by the initial
 doubles, the parameters and a fingerprint: the energy (of a system that is not canonical, the vector field too) in 20
 digits at a state beside the initial one, which no rewriting of a formula changes.
 """
@@ -190,6 +190,21 @@ def write(id: str, certificates: Sequence[Certificate], versions: dict, director
     path.parent.mkdir(parents=True, exist_ok=True)
     write_file(path, json.dumps(content | {"sha256": _digest(content)}, indent=1) + "\n")
     return path
+
+
+def keep(new: Certificate, labels: Sequence[str], versions: dict, directory: Path | str | None = None) -> Path:
+    """Store a certificate in its problem's file, in place of the one of the same orbit and parameters.
+
+    ``labels`` are those of the problem's orbits, in the order of the file; what is of none of them is left out, and a
+    file that cannot be trusted counts as empty.
+    """
+    id = new.problem.partition(":")[0]
+    try:
+        others, _ = read(id, directory)
+    except InvalidInput:
+        others = ()
+    kept = {(c.problem, tuple(c.parameters.items())): c for c in (*others, new) if c.problem in labels}
+    return write(id, sorted(kept.values(), key=lambda c: labels.index(c.problem)), versions, directory)
 
 
 def read(id: str, directory: Path | str | None = None) -> tuple[tuple[Certificate, ...], dict]:
