@@ -37,7 +37,7 @@ def orbits():
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_the_entry_agrees_with_the_module(name):
     module_name, line, names = PROBLEMS[name]
-    module = importlib.import_module(f"benchmarks.problems.{module_name}")
+    module = importlib.import_module(f"phasebench.benchmarks.problems.{module_name}")
     made = module.make(**module.PARAMETERS)
     assert made.id == name
     assert tuple(o.name for o in made.orbits) == names
