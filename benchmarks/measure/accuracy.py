@@ -116,15 +116,15 @@ def invariants(problem, solution: Solution, t_end: float) -> dict[str, float]:
     out: dict[str, float] = {}
     H = problem.system.observe(problem.system.H, solution.q, solution.p)
     good = np.isfinite(H)
-    error = metrics.energy_error(H[good])
+    error = metrics.invariant_error(H[good])
     out["energy_max"], out["energy_end"] = error.max, error.end
     early = good & (solution.t <= EARLY * t_end)
     if early.sum() > LEAST:
-        out["energy_max_early"] = metrics.energy_error(H[early]).max
+        out["energy_max_early"] = metrics.invariant_error(H[early]).max
     if good.sum() >= 4 * metrics.BLOCKS and solution.status == OK:
         slope = metrics.drift(solution.t, H - H[0])
         out |= {"energy_drift": slope.value, "energy_drift_low": slope.low, "energy_drift_high": slope.high}
     for name, expression in problem.invariants.items():
         value = problem.system.observe(expression, solution.q, solution.p)
-        out[f"{name}_max"] = float(np.abs(value - value[0])[np.isfinite(value)].max())
+        out[f"{name}_max"] = float(metrics.invariant_error(value[np.isfinite(value)]).max)
     return out

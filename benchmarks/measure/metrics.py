@@ -73,6 +73,11 @@ def slope(x, y) -> Slope:
     return Slope(float(value), float(value - half), float(value + half))
 
 
+def power(h, error) -> Slope:
+    """The exponent p of error = C h^p, arrays (n,) of n >= 3 positive numbers, with its interval."""
+    return slope(np.log(h), np.log(error))
+
+
 def order(h, error, noise: float = 0.0, ceiling: float = np.inf) -> Order:
     """The observed order of ``error`` as h falls, in the asymptotic window.
 
@@ -99,7 +104,7 @@ def order(h, error, noise: float = 0.0, ceiling: float = np.inf) -> Order:
         for j in range(i + 3, len(h) + 1):
             if not use[i:j].all():
                 break
-            s = slope(np.log(h[i:j]), np.log(error[i:j]))
+            s = power(h[i:j], error[i:j])
             key = (max(s.high - s.value, WELL_KNOWN), -(j - i), -i)
             if best_key is None or key < best_key:
                 best, best_key = Order(s.value, s.low, s.high, float(h[i]), float(h[j - 1]), j - i), key
@@ -107,9 +112,9 @@ def order(h, error, noise: float = 0.0, ceiling: float = np.inf) -> Order:
     return best or Order(nan, nan, nan, nan, nan, 0)
 
 
-def energy_error(H) -> InvariantError:
-    """The error of H (or any invariant) along a trajectory, array (n,), against its first value; NaN where any is."""
-    error = np.asarray(H) - np.asarray(H)[0]
+def invariant_error(values) -> InvariantError:
+    """The error of H or another invariant along a trajectory, array (n,), against its first value; NaN where any is."""
+    error = np.asarray(values) - np.asarray(values)[0]
     return InvariantError(np.max(np.abs(error)), error[-1])
 
 

@@ -120,7 +120,9 @@ class Scene:
     purpose : "order" or "drift"
     t_end : where it ends
     steps : the step sizes h, falling; in an order scene each is half of the one before
-    relative, absolute : the band |measured - stored| <= absolute + relative * |stored| of the stored error tables
+    relative, absolute : the band |measured - stored| <= absolute + relative * |stored| of the stored error tables:
+        another processor rounds elementary functions and fused operations otherwise in the last bit, and the band is
+        for what many steps make of it
     trajectory : the same as ``absolute`` for errors of the trajectory, in which round-off grows
     regular : whether nearby trajectories stay together (else trajectory errors count only to the reference's horizon)
     """

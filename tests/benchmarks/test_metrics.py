@@ -74,10 +74,10 @@ def test_slope_refuses_two_points():
         metrics.order([1, 2, 3], [1, 2])
 
 
-def test_energy_error_is_the_greatest_and_the_signed_last():
-    e = metrics.energy_error(np.array([2.0, 2.5, 1.0, 1.75]))
+def test_the_error_of_an_invariant_is_the_greatest_and_the_signed_last():
+    e = metrics.invariant_error(np.array([2.0, 2.5, 1.0, 1.75]))
     assert (e.max, e.end) == (1.0, -0.25)
-    assert np.isnan(metrics.energy_error(np.array([2.0, np.nan, 2.0])).max)
+    assert np.isnan(metrics.invariant_error(np.array([2.0, np.nan, 2.0])).max)
 
 
 @pytest.mark.parametrize("phase", [0.0, 1.0, 2.0])

@@ -28,9 +28,9 @@ ROUND_OFF = mpmath.mpf("1e-50")
 AGAIN = (
     "yoshida-8d",
     "mclachlan-ss9",
-    "blanes-moan-s6",
+    pytest.param("blanes-moan-s6", marks=pytest.mark.processor),
     "blanes-moan-srkn11b",
-    "calvo-sanz-serna-4",
+    pytest.param("calvo-sanz-serna-4", marks=pytest.mark.processor),
     "aba-864",
     "saba-3",
 )

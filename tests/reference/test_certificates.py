@@ -195,6 +195,7 @@ def short():
     return make.certify(problem("pendulum:swinging"), [1.0, 10.0], grid_points=20)
 
 
+@pytest.mark.processor
 def test_a_fresh_run_meets_what_is_stored(short):
     for new in short.ends:
         distance, allowed = check.moved(stored.end(problem("pendulum:swinging"), new.t), new)
@@ -225,6 +226,7 @@ def test_control_a_second_solver_of_another_equation_disagrees(monkeypatch):
     assert not found.ends[0].agree
 
 
+@pytest.mark.processor
 @pytest.mark.parametrize("label", ["kepler", "quadrupole-boson:benchmark", "lotka-volterra-log:4-8"])
 def test_gauss_is_exact_to_long_double(label):
     """Constants such as 2**(1/2) and 1/3 are not to be doubles: the error would be 1e-16."""

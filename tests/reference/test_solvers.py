@@ -35,12 +35,25 @@ def bare(system, q0, p0):
     return SimpleNamespace(system=system, q0=q0, p0=p0)
 
 
-def test_importing_the_package_loads_no_solver():
-    names = ("exact", "taylor", "translate", "nbody", "peers", "tables")
-    code = f"import sys, reference\nfrom reference import {', '.join(names)}\nprint(*sys.modules)"
+ROOMS = (
+    "solvers.exact",
+    "solvers.gauss",
+    "solvers.taylor",
+    "certificates.check",
+    "certificates.stored",
+    "peers",
+    "tables",
+)
+
+
+def test_importing_the_references_loads_no_solver():
+    imports = "\n".join(f"import phasebench.reference.{room}" for room in ROOMS)
+    code = f"import sys\n{imports}\nprint(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert "reference.peers" in loaded
-    assert not {"heyoka", "rebound", "scipy", "mpmath", "pandas", "sympy", "numba", "benchmarks"} & set(loaded)
+    assert "phasebench.reference.peers" in loaded
+    assert not {"heyoka", "rebound", "scipy", "mpmath", "pandas", "sympy", "numba", "phasebench.benchmarks"} & set(
+        loaded
+    )
 
 
 # -- exact solutions --------------------------------------------------------------------------------------------------

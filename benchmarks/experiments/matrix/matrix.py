@@ -125,7 +125,7 @@ def _energy(chosen: Method, name: str) -> dict:
         return {"energy_reason": s.status}
     H = made.system.observe(made.system.H, s.q, s.p)
     size = float(made.system.energy()(s.q[0], s.p[0])[1])
-    return {"energy": metrics.energy_error(H).max / size, "fallbacks": s.counts["fallbacks"]}
+    return {"energy": metrics.invariant_error(H).max / size, "fallbacks": s.counts["fallbacks"]}
 
 
 @cache
@@ -154,7 +154,7 @@ def _quadratic(chosen: Method, name: str) -> dict:
         e = made.invariants[invariant]
         values = made.system.observe(e, s.q, s.p)
         size = sum(np.abs(made.system.observe(t, s.q, s.p)) for t in sp.Add.make_args(e)).max()
-        worst = max(worst, float(np.abs(values - values[0]).max() / size) if size else 0.0)
+        worst = max(worst, float(metrics.invariant_error(values).max / size) if size else 0.0)
     return {"quadratic": worst}
 
 

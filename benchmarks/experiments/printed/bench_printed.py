@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from phasebench.benchmarks.experiments.printed import printed, riddle
+from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.problems import problem
 
 
@@ -15,7 +15,7 @@ def bench_printed(column, results):
     rows = list(printed.measured(*column))
     results.add("printed", rows)
     if column == printed.RIDDLE:
-        slope = np.polyfit(np.log([r["h"] for r in rows]), np.log([r["refinement_difference"] for r in rows]), 1)[0]
+        slope = metrics.power([r["h"] for r in rows], [r["refinement_difference"] for r in rows]).value
         assert abs(slope - 2) < 0.15, f"Scheme IV on the root nearest 1/2 has order {slope:.3f}"
         return
     off = [r for r in rows if r["units"] > printed.AGREEMENT]
