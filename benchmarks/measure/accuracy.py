@@ -61,12 +61,12 @@ def truth(scene: str) -> Truth:
     """What is true of a scene: at its end where that can be told, else at the last stored time that can."""
     wanted = BY_ID[scene]
     problem = wanted.made()
-    found = stored.find(problem)
-    if found is not None:
-        horizon = min(found.horizon, wanted.t_end)
-        told = [e for e in found.ends if e.t <= horizon and (e.t == wanted.t_end or not wanted.regular)]
-        if told:
-            last = told[-1]
+    certificate = stored.find(problem)
+    if certificate is not None:
+        horizon = min(certificate.horizon, wanted.t_end)
+        ends = [e for e in certificate.ends if e.t <= horizon and (e.t == wanted.t_end or not wanted.regular)]
+        if ends:
+            last = ends[-1]
             return Truth(last.t, (*last.q_text, *last.p_text), last.uncertainty, horizon, STORED)
     return _computed(problem, wanted.t_end)
 

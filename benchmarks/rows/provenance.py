@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import platform
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+
+from phasebench.reference.tables import version_of
 
 PACKAGES = ("numpy", "scipy", "numba", "sympy", "mpmath", "heyoka", "rebound", "pandas", "matplotlib")
 
@@ -14,13 +15,8 @@ PACKAGES = ("numpy", "scipy", "numba", "sympy", "mpmath", "heyoka", "rebound", "
 @cache
 def versions() -> dict[str, str]:
     """Versions of this project, Python and the packages that a number may depend on."""
-    found = {"python": platform.python_version()}
-    for name in ("phasebench", *PACKAGES):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "absent"
-    return found
+    packages = ("phasebench", *PACKAGES)
+    return {"python": platform.python_version()} | {name: version_of(name) or "absent" for name in packages}
 
 
 @cache

@@ -62,9 +62,9 @@ def about(name: str) -> dict:
         Where the numbers of a table that is not in ``polished.json`` have not the order that it declares.
     """
     wanted = table(name)
-    found = stored().get(name, {})
-    if found.get("published") == wanted.digest:
-        return found
+    kept = stored().get(name, {})
+    if kept.get("published") == wanted.digest:
+        return kept
     from .polish import entry
 
     warnings.warn(f"{name} is new or was edited and is polished now; to keep the numbers: {COMMAND}", stacklevel=2)
@@ -73,9 +73,9 @@ def about(name: str) -> dict:
 
 def polished(name: str) -> tuple[mpmath.mpf, ...]:
     """The polished numbers in the order of `Table.published`."""
-    found = about(name)
+    texts = about(name)
     with mpmath.workdps(DIGITS):
-        return tuple(value(x) for part in ("gamma", "a", "b") for x in found.get(part, ()))
+        return tuple(value(x) for part in ("gamma", "a", "b") for x in texts.get(part, ()))
 
 
 def steps(name: str) -> list:

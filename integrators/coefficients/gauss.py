@@ -17,12 +17,12 @@ from .table import Table
 
 def legendre(n: int) -> list[Fraction]:
     """The coefficients of the Legendre polynomial P_n, highest first."""
-    before, here = [], [Fraction(1)]
+    previous, current = [], [Fraction(1)]
     for k in range(n):
-        first = [Fraction(2 * k + 1, k + 1) * c for c in here] + [Fraction(0)]
-        shifted = [Fraction(0)] * (len(first) - len(before)) + [Fraction(k, k + 1) * c for c in before]
-        before, here = here, [a - b for a, b in zip(first, shifted, strict=True)]
-    return here
+        first = [Fraction(2 * k + 1, k + 1) * c for c in current] + [Fraction(0)]
+        shifted = [Fraction(0)] * (len(first) - len(previous)) + [Fraction(k, k + 1) * c for c in previous]
+        previous, current = current, [a - b for a, b in zip(first, shifted, strict=True)]
+    return current
 
 
 def gauss(n: int) -> tuple[list[mpmath.mpf], list[mpmath.mpf]]:

@@ -145,27 +145,27 @@ def norm(residual: Iterable) -> mpmath.mpf:
         return mpmath.sqrt(mpmath.fsum(x * x for x in residual))
 
 
-def conditions(found: Residuals, order: Sequence[int]) -> list[Key]:
+def conditions(errors: Residuals, order: Sequence[int]) -> list[Key]:
     """The keys whose residuals vanish for a (generalised) order, ``(p,)`` or ``(p_1, p_2, ...)``."""
-    return [(n, k) for n, k in found if n <= order[min(max(k, 1), len(order)) - 1]]
+    return [(n, k) for n, k in errors if n <= order[min(max(k, 1), len(order)) - 1]]
 
 
-def excess(found: Residuals, order: Sequence[int]) -> mpmath.mpf:
+def excess(errors: Residuals, order: Sequence[int]) -> mpmath.mpf:
     """The largest coefficient that an order needs to vanish."""
-    return max(abs(x) for key in conditions(found, order) for x in found[key])
+    return max(abs(x) for key in conditions(errors, order) for x in errors[key])
 
 
-def leading(found: Residuals, order: Sequence[int]) -> tuple[mpmath.mpf, ...]:
+def leading(errors: Residuals, order: Sequence[int]) -> tuple[mpmath.mpf, ...]:
     """The norms of the first residuals that do not vanish: for each power of eps that the order names, or one."""
     if len(order) == 1:
-        return (norm(found[order[0] + 1, 0]),)
-    return tuple(norm(found[p + 1, k]) for k, p in enumerate(order, 1))
+        return (norm(errors[order[0] + 1, 0]),)
+    return tuple(norm(errors[p + 1, k]) for k, p in enumerate(order, 1))
 
 
 def classical_order(kind: str, steps: Sequence, tolerance=TOLERANCE, limit: int = 12) -> int:
     """The largest p with every residual up to degree p below the tolerance; raises ValueError beyond ``limit``."""
     for p in range(1, limit + 1):
-        found = residuals(kind, steps, p)
-        if any(abs(x) > tolerance for (n, _), r in found.items() if n == p for x in r):
+        errors = residuals(kind, steps, p)
+        if any(abs(x) > tolerance for (n, _), r in errors.items() if n == p for x in r):
             return p - 1
     raise ValueError(f"the order is at least {limit}")

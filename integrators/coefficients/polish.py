@@ -47,9 +47,9 @@ def starting(table: Table, replaced: dict[int, str] | None = None) -> list[mpmat
 def residual(table: Table, numbers: Sequence[mpmath.mpf]) -> np.ndarray:
     """Every coefficient that the order needs to vanish; of a symmetric method those of odd degree imply the others."""
     order = table.order
-    found = residuals(table.kind, table.steps(numbers), max(order) - (table.symmetric and max(order) % 2 == 0))
-    keys = [key for key in conditions(found, order) if key[0] % 2 or not table.symmetric]
-    return np.concatenate([found[key] for key in keys])
+    errors = residuals(table.kind, table.steps(numbers), max(order) - (table.symmetric and max(order) % 2 == 0))
+    keys = [key for key in conditions(errors, order) if key[0] % 2 or not table.symmetric]
+    return np.concatenate([errors[key] for key in keys])
 
 
 def jacobian(table: Table, numbers: Sequence[mpmath.mpf], free: Sequence[int]) -> np.ndarray:
@@ -127,14 +127,14 @@ def entry(table: Table) -> dict:
     with mpmath.workdps(DIGITS):
         texts = [x if is_exact(x) else mpmath.nstr(y, DIGITS) for x, y in zip(table.published, after, strict=True)]
         full = table.steps([value(x) for x in texts])
-        found = [residuals(table.kind, table.steps(x), max(table.order)) for x in (before, [value(x) for x in texts])]
+        errors = [residuals(table.kind, table.steps(x), max(table.order)) for x in (before, [value(x) for x in texts])]
         n, m = len(table.gamma), len(table.gamma) + len(table.a)
         weights = full if table.gamma else [w for _, w in full]
         return {
             "published": table.digest,
             **{part: t for part, t in (("gamma", texts[:n]), ("a", texts[n:m]), ("b", texts[m:])) if t},
-            "residual_before": mpmath.nstr(excess(found[0], table.order), 3),
-            "residual_after": mpmath.nstr(excess(found[1], table.order), 3),
+            "residual_before": mpmath.nstr(excess(errors[0], table.order), 3),
+            "residual_after": mpmath.nstr(excess(errors[1], table.order), 3),
             "moved": mpmath.nstr(max(abs(x - y) for x, y in zip(before, after, strict=True)), 3),
             "sum": mpmath.nstr(mpmath.fsum(weights), 3),
             "sum_of_sizes": mpmath.nstr(mpmath.fsum(map(abs, weights)), 10),

@@ -1,1 +1,1 @@
-"""Certified end states: how they are made, where they are stored, how they are found again."""
+"""Certified end states: `make` computes them, `stored` keeps and finds them, `check` says whether they still hold."""

@@ -67,13 +67,13 @@ def certify(problem, times: Sequence[float], grid_points: int = GRID) -> Certifi
     unit = np.maximum(_upto(size), apart / SHIFT)
     growth, rate = _growth(grid, apart, size)
     beyond, own = _gauss(problem, grid, truth, unit, long, quad)
-    found = _ias15(problem, times, np.array([unit[grid.index(t)] for t in times]))
+    ias15 = _ias15(problem, times, np.array([unit[grid.index(t)] for t in times]))
     ends = []
     for t in times:
         i = grid.index(t)
         beside = [Check(GAUSS, float(beyond[i]), float(own[i]))]
-        if found is not None:
-            beside.append(_compared(found, times.index(t), [truth[grid.index(s)] for s in times], quad))
+        if ias15 is not None:
+            beside.append(_compared(ias15, times.index(t), [truth[grid.index(s)] for s in times], quad))
         q, p = tuple(text[i][:d]), tuple(text[i][d:])
         change = stored.energy_change(problem, q, p)
         ends.append(End(t, q, p, float(uncertainty[i]), float(off[i]), change, tuple(beside)))
@@ -157,8 +157,8 @@ def _ias15(problem, times, unit):
     return runs[1], SAFETY * difference + np.finfo(float).eps * np.sqrt(steps) * unit
 
 
-def _compared(found, i: int, truth, quad) -> Check:
-    rows, own = found
+def _compared(ias15, i: int, truth, quad) -> Check:
+    rows, own = ias15
     return Check(
         IAS15, max(_norm(x, y, quad) for x, y in zip(rows[: i + 1], truth[: i + 1], strict=True)), float(own[i])
     )

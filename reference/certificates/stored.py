@@ -1,9 +1,9 @@
 """Stored end states with their uncertainty: a JSON file per problem, checked whenever it is read.
 
 An end state is the quadruple run of `taylor` in decimal.  Its uncertainty and what other solvers say of it come from
-`make`; nothing here integrates.  A file is bound to its problem by the initial
-doubles, the parameters and a fingerprint: the energy (of a system that is not canonical, the vector field too) in 20
-digits at a state beside the initial one, which no rewriting of a formula changes.
+`make`; this module integrates nothing.  A file is bound to its problem by the initial doubles, the parameters and a
+fingerprint: the energy (of a system that is not canonical, the vector field too) in 20 digits at a state beside the
+initial one, which no rewriting of a formula changes.
 """
 
 from __future__ import annotations
@@ -156,9 +156,9 @@ def energy_change(problem, q: Sequence, p: Sequence) -> float:
 
     terms = sp.Add.make_args(problem.system.H)
     with mpmath.workdps(WORK):
-        here, before = (evaluate(problem, terms, *z) for z in ((q, p), (problem.q0, problem.p0)))
-        scale = max(sum(abs(x) for x in here), sum(abs(x) for x in before))
-        return float((sum(here) - sum(before)) / scale)
+        now, then = (evaluate(problem, terms, *z) for z in ((q, p), (problem.q0, problem.p0)))
+        scale = max(sum(abs(x) for x in now), sum(abs(x) for x in then))
+        return float((sum(now) - sum(then)) / scale)
 
 
 # -- on disk ------------------------------------------------------------------------------------------------------
@@ -260,28 +260,28 @@ def find(problem, directory: Path | str | None = None) -> Certificate | None:
     same = [c for c in stored if c.problem == problem.label and c.parameters == dict(problem.parameters)]
     if not same:
         return None
-    found, path = same[0], _path(problem.id, directory)
-    if (found.q0, found.p0) != tuple(tuple(float(x) for x in z) for z in (problem.q0, problem.p0)):
+    certificate, path = same[0], _path(problem.id, directory)
+    if (certificate.q0, certificate.p0) != tuple(tuple(float(x) for x in z) for z in (problem.q0, problem.p0)):
         raise _bad(path, f"the initial data of {problem.label} are no longer those it was computed from", problem.label)
-    if found.fingerprint != fingerprint(problem):
+    if certificate.fingerprint != fingerprint(problem):
         raise _bad(path, f"the formulae of {problem.label} are no longer those it was computed from", problem.label)
-    return found
+    return certificate
 
 
 def load(problem, directory: Path | str | None = None) -> tuple[End, ...]:
     """The certified states of a problem's orbit, by time; raises InvalidInput as `find`, and where there are none."""
-    found = find(problem, directory)
-    if found is None:
+    certificate = find(problem, directory)
+    if certificate is None:
         values = ", ".join(f"{k} = {v!r}" for k, v in problem.parameters.items())
         at = f" at {values}" if values else ""
         raise _bad(_path(problem.id, directory), f"it has no reference of {problem.label}{at}", problem.label)
-    return found.ends
+    return certificate.ends
 
 
 def end(problem, t: float, directory: Path | str | None = None) -> End | None:
     """The certified state of a problem's orbit at exactly ``t``, or None where none is stored; raises as `find`."""
-    found = find(problem, directory)
-    return None if found is None else found.at(float(t))
+    certificate = find(problem, directory)
+    return None if certificate is None else certificate.at(float(t))
 
 
 def distance(one: End, other: End) -> Decimal:

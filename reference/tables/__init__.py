@@ -53,7 +53,7 @@ def provenance(problem, **more) -> dict:
 
 
 def version_of(package: str) -> str | None:
-    """The installed version of a package, or None."""
+    """The installed version of a package; None where it is absent."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:

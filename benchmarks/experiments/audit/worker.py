@@ -14,8 +14,9 @@ import subprocess
 import sys
 import threading
 import time
-from importlib.metadata import PackageNotFoundError, version
 from math import isfinite
+
+from phasebench.reference.tables import version_of
 
 from . import cases, measures
 
@@ -25,14 +26,6 @@ LOADING = 120.0
 PATIENCE, MORE = 1.5, 3.0
 #: A measure of this name loads the package and takes a step on each case.
 PREPARE = "package"
-
-
-def version_of(package: str) -> str:
-    """The installed version of a package, or "absent"."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "absent"
 
 
 def row(peer, measure: str, case_name: str = "", seconds: float = float("inf")) -> dict:
@@ -74,7 +67,7 @@ def blank(peer, measure: str, case_name: str = "") -> dict:
     """A row without what is measured."""
     return {
         "package": peer.package,
-        "version": version_of(peer.package),
+        "version": version_of(peer.package) or "absent",
         "peer": peer.id,
         "name": peer.name,
         "adaptive": peer.adaptive,
