@@ -52,7 +52,7 @@ def make(omega: float, m: int) -> Problem:
         system=Hamiltonian(q=[*q0, *q1], p=[*p0, *p1], H=H, frequencies=[0] * m + [w] * m),
         orbits=(start,),
         parameters={"omega": omega, "m": m},
-        pace=Pace(unit=0.05),
+        pace=Pace(unit=0.05, step=0.004, span=0.2, later=0.05),
     )
 
 

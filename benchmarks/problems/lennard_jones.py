@@ -46,5 +46,5 @@ def make() -> Problem:
             ),
         ),
         invariants=kept,
-        pace=Pace(unit=0.2),
+        pace=Pace(unit=0.2, step=0.005, span=0.5, later=0.1),
     )

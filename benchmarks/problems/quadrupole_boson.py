@@ -12,7 +12,7 @@ import sympy as sp
 
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem, decades
+from .base import Orbit, Pace, Problem, decades
 
 PARAMETERS = {"A": 1.0, "B": 0.55, "D": 0.4}
 
@@ -51,4 +51,5 @@ def make(A: float, B: float, D: float) -> Problem:
             ),
         ),
         parameters={"A": A, "B": B, "D": D},
+        pace=Pace(step=0.03, span=0.5, later=0.2),
     )

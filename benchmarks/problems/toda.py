@@ -15,7 +15,7 @@ import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import Orbit, Problem, decades
+from .base import Orbit, Pace, Problem, decades
 
 PARAMETERS = {"N": 3}
 #: The most particles: from 7 on the invariants take SymPy seconds.
@@ -85,4 +85,5 @@ def make(N: int) -> Problem:
         orbits=(*three, wave),
         invariants=kept,
         parameters={"N": N},
+        pace=Pace(step=0.05, span=1.0, later=0.3),
     )

@@ -11,8 +11,10 @@ import sympy as sp
 
 from phasebench.benchmarks.experiments.matrix.matrix import SMALL
 from phasebench.benchmarks.problems import PROBLEMS, problem
+from phasebench.benchmarks.problems.scenes import SCENES
 from phasebench.integrators.engine.codegen import compiled, value_kind
 from phasebench.integrators.errors import InvalidInput
+from phasebench.reference.solvers import taylor
 
 DIGITS = 40
 
@@ -46,6 +48,26 @@ def test_the_entry_agrees_with_the_module(name):
     assert made.name
     assert problem(name).start.name == names[0]
     assert set(made.parameters) == set(module.PARAMETERS)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_a_module_states_the_scenes_of_its_own_problem(name):
+    module = importlib.import_module(f"phasebench.benchmarks.problems.{PROBLEMS[name][0]}")
+    stated = getattr(module, "SCENES", ())
+    assert [s for s in SCENES if s.problem.partition(":")[0] == name] == sorted(stated, key=SCENES.index)
+    assert all(s.made().label == s.problem for s in stated)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_a_problem_moves_in_the_times_it_states(name):
+    """Over its span an orbit goes a good part of its own size, over a step much less."""
+    made = problem(name, **SMALL.get(name, {}))
+    step, span = made.pace.step, made.pace.span
+    start = np.array([*made.q0, *made.p0])
+    after_step, after_span = taylor.states(made.system, float, made.q0, made.p0, [step, span])
+    size = np.abs([start, after_step, after_span]).max()
+    assert np.abs(after_step - start).max() < size / 2
+    assert np.abs(after_span - start).max() > size / 20
 
 
 @pytest.mark.parametrize(("name", "orbit"), orbits())

@@ -125,8 +125,8 @@ def _known(frame: pd.DataFrame, column: str) -> bool:
 
 def _horizon(shown: pd.DataFrame) -> str:
     return (
-        f" The reference can be trusted to t = {number(shown['reference_horizon'].max())}: there errors of trajectories "
-        "are measured, not later."
+        f" Errors of trajectories can be told to t = {number(shown['reference_horizon'].max())}; those here are at "
+        f"t = {number(shown['global_error_time'].max())}."
     )
 
 
