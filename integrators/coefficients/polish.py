@@ -101,7 +101,10 @@ def polish(table: Table, numbers: Sequence[mpmath.mpf] | None = None) -> list[mp
                 break
         left = max(map(abs, residual(table, x)))
         if left > mpmath.mpf(10) ** (2 - DIGITS):
-            raise ArithmeticError(f"{table.name}: a residual of {mpmath.nstr(left, 3)} is left")
+            order = ",".join(map(str, table.order))
+            raise ArithmeticError(
+                f"{table.name} has not the order {order} it declares: a residual of {mpmath.nstr(left, 3)} is left"
+            )
         return list(x)
 
 
