@@ -27,6 +27,8 @@ import sympy as sp
 from numba import types
 from sympy.printing.pycode import PythonCodePrinter
 
+from phasebench.integrators.errors import InvalidInput
+
 from .vector import ARRAYS, TUPLES
 
 #: Above this many degrees of freedom a state is an array, up to it a tuple (registers).
@@ -79,7 +81,7 @@ class _Printer(PythonCodePrinter):
         return f"mpfr({float(x)!r})" if self.multi else repr(float(x))
 
     def _print_NumberSymbol(self, x):
-        return f"exactly(mp.{x}, MULTIPRECISION)" if self.multi else repr(float(x))
+        return f"exactly(mp.{str(x).lower()}, MULTIPRECISION)" if self.multi else repr(float(x))
 
     _print_Pi = _print_Exp1 = _print_NumberSymbol
 
@@ -257,11 +259,6 @@ def precision(digits: int) -> Iterator[None]:
         yield
 
 
-def precise() -> bool:
-    """Whether the numbers of "multiprecision" have the digits that mpmath works with, as within `precision`."""
-    return gmpy2.get_context().precision == mpmath.mp.prec
-
-
 def epsilon(arithmetic: str):
     """The round-off of the arithmetic at hand."""
     return exactly(mpmath.mp.eps if arithmetic == MULTIPRECISION else np.finfo(float).eps, arithmetic)
@@ -275,9 +272,14 @@ def vector(numbers) -> np.ndarray:
 
 
 def exactly(x, arithmetic: str):
-    """x (int, float, Fraction, decimal string, number of mpmath or of MPFR) in the arithmetic at hand."""
+    """x (int, float, Fraction, decimal string, number of mpmath or of MPFR) in the arithmetic at hand.
+
+    Raises InvalidInput for "multiprecision" where mpmath works with other digits than `precision` has set.
+    """
     if arithmetic == DOUBLE:
         return float(mpmath.mpf(x)) if isinstance(x, str) else float(x)
+    if gmpy2.get_context().precision != mpmath.mp.prec:
+        raise InvalidInput("set the digits of multiprecision by codegen.precision(digits), not by mpmath alone")
     if isinstance(x, (int, float, str, gmpy2.mpfr)):
         return gmpy2.mpfr(x)
     ratio = mpmath.libmp.to_rational(x._mpf_) if hasattr(x, "_mpf_") else (x.numerator, x.denominator)
