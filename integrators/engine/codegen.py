@@ -265,21 +265,21 @@ def epsilon(arithmetic: str):
 
 
 def vector(numbers) -> np.ndarray:
-    """An array of numbers of many digits, whatever kind of number each was."""
+    """An array of numbers of many digits, whatever kind of number each was.
+
+    Raises InvalidInput where mpmath works with other digits than `precision` has set.
+    """
+    if gmpy2.get_context().precision != mpmath.mp.prec:
+        raise InvalidInput("set the digits of multiprecision by codegen.precision(digits), not by mpmath alone")
     out = np.empty(len(numbers), dtype=object)
     out[:] = [exactly(x, MULTIPRECISION) for x in numbers]
     return out
 
 
 def exactly(x, arithmetic: str):
-    """x (int, float, Fraction, decimal string, number of mpmath or of MPFR) in the arithmetic at hand.
-
-    Raises InvalidInput for "multiprecision" where mpmath works with other digits than `precision` has set.
-    """
+    """x (int, float, Fraction, decimal string, number of mpmath or of MPFR) in the arithmetic at hand."""
     if arithmetic == DOUBLE:
         return float(mpmath.mpf(x)) if isinstance(x, str) else float(x)
-    if gmpy2.get_context().precision != mpmath.mp.prec:
-        raise InvalidInput("set the digits of multiprecision by codegen.precision(digits), not by mpmath alone")
     if isinstance(x, (int, float, str, gmpy2.mpfr)):
         return gmpy2.mpfr(x)
     ratio = mpmath.libmp.to_rational(x._mpf_) if hasattr(x, "_mpf_") else (x.numerator, x.denominator)

@@ -46,9 +46,9 @@ def test_text_and_constants_have_all_digits():
 
 def test_digits_that_only_mpmath_knows_are_refused():
     with mpmath.workdps(DIGITS), pytest.raises(InvalidInput, match="precision"):
-        exactly(1, MULTIPRECISION)
+        codegen.vector([1])
     with precision(DIGITS):
-        assert exactly(1, MULTIPRECISION) == 1
+        assert codegen.vector([1]) == [1]
 
 
 x, y = sp.symbols("x y", positive=True)
