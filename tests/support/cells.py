@@ -13,4 +13,4 @@ PROBLEMS = ("pendulum", "kepler", "lotka-volterra", "lotka-volterra-log")
 
 if __name__ == "__main__":
     with precision(matrix.DIGITS):
-        print(json.dumps({"result": matrix.share(0, 1, [method(m) for m in METHODS], PROBLEMS)}))
+        print(json.dumps({"result": [matrix.cell(method(m), name) for name in PROBLEMS for m in METHODS]}))
