@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import mpmath
 import numpy as np
 
 from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
@@ -84,7 +83,7 @@ def integrate(
     q0, p0 : arrays (d,), the initial state where not the problem's
     save_every : keep every so many-th state, and the last; 0 keeps the first and the last
     parameters : values of the method's parameters
-    arithmetic : "double", or "multiprecision" at mpmath's working precision (needs NUMBA_DISABLE_JIT=1)
+    arithmetic : "double", or "multiprecision" at the digits of `codegen.precision` (needs NUMBA_DISABLE_JIT=1)
     timeout : seconds after which the integration stops with status "timeout"
     progress : called with the number of steps taken so far
 
@@ -103,10 +102,11 @@ def integrate(
         raise InvalidInput("multiprecision runs need a process with NUMBA_DISABLE_JIT=1")
     check_timeout(timeout)
     if multi:
-        h = mpmath.mpf(t_end) / steps if h is None else mpmath.mpf(h)
+        h = codegen.exactly(t_end, arithmetic) / steps if h is None else codegen.exactly(h, arithmetic)
         steps = steps or round(t_end / h)
         every = spacing(save_every, steps)
         system, q, p = initial(problem, q0, p0, exact=True)
+        q, p = codegen.vector(q), codegen.vector(p)
     else:
         system, q, p, h, steps, every = request(
             problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every
@@ -157,7 +157,7 @@ def _lay_out(prepared, system, h, q, p, arithmetic) -> _Layout:
         functions=prepared.functions,
         plan=plan,
         table=table,
-        eps=mpmath.mp.eps if arithmetic == MULTIPRECISION else np.finfo(float).eps,
+        eps=codegen.epsilon(arithmetic),
         zero=(0.0,) * d if as_tuple else zeros(d, arithmetic),
         state=zeros((4 + prepared.slots, max(2, d)), arithmetic),
         memory=zeros(((3 * solve.LEVELS + 1) * prepared.slots, width), arithmetic),

@@ -16,11 +16,23 @@ from phasebench.benchmarks.measure import multiprecision
 HERE = Path(__file__).resolve().parent
 
 
+#: The files that take longest, first: else one process would be at them when the other has ended.  Of the first two one
+#: compiles every kernel, the other none.
+LONGEST = ("test_orders", "test_allocation", "test_symplectic")
+
+
+def pytest_collection_modifyitems(items):
+    """Run the files of `LONGEST` first."""
+    places = {f"{name}.py": place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.path.name, len(places)))
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """A file's tests go to one worker, so that none measures again what another has measured."""
+    """A file's tests go to one worker, so that none measures again what another has measured, in the order of items."""
     from xdist.scheduler import LoadFileScheduling
 
+    config.option.loadscopereorder = False
     return LoadFileScheduling(config, log)
 
 

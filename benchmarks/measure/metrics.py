@@ -178,8 +178,10 @@ def pair_defect(step: Callable, y):
     """
     import mpmath
 
-    d, delta = len(y) // 2, mpmath.cbrt(mpmath.mp.eps)
-    u, v = (np.array([mpmath.cos(k * (i + 1)) * (abs(x) or 1) for i, x in enumerate(y)], dtype=object) for k in (1, 2))
+    from phasebench.integrators.engine.codegen import MULTIPRECISION, epsilon, vector
+
+    d, delta = len(y) // 2, epsilon(MULTIPRECISION) ** (1 / 3)
+    u, v = (vector([mpmath.cos(k * (i + 1)) * (abs(x) or 1) for i, x in enumerate(y)]) for k in (1, 2))
     Mu, Mv = ((step(y + delta * w) - step(y - delta * w)) / (2 * delta) for w in (u, v))
     terms = abs(u[:d]) @ abs(v[d:]) + abs(u[d:]) @ abs(v[:d])
     return abs(Mu[:d] @ Mv[d:] - Mu[d:] @ Mv[:d] - (u[:d] @ v[d:] - u[d:] @ v[:d])) / terms

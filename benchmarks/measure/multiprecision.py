@@ -1,8 +1,8 @@
 """Measurements without round-off, in a process of their own, which `elsewhere` starts: run with a name it prints JSON.
 
-Each measurement runs every method of the registry on every system of `cases` where it can run, uncompiled, on numbers
-of 40 digits.  The reference is Gragg's extrapolated explicit midpoint rule, which shares only the vector field with
-the methods.
+Each measurement runs every method of the registry on every system of `battery` where it can run, uncompiled, on numbers
+of 40 digits and more.  The reference is Gragg's extrapolated explicit midpoint rule, which shares only the vector field
+with the methods.
 """
 
 from __future__ import annotations
@@ -14,13 +14,14 @@ import sys
 import time
 from dataclasses import replace
 from fractions import Fraction
-from functools import cache
+from functools import cache, partial
 
 import mpmath
 import numpy as np
 
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly
+from phasebench.integrators.engine.codegen import MULTIPRECISION, epsilon, exactly, precision, vector
+from phasebench.integrators.record import Method
 from phasebench.integrators.registry import METHODS, method
 
 from .battery import (
@@ -38,19 +39,14 @@ from .battery import (
 from .metrics import jacobian, order, pair_defect, symplecticity_defect
 
 DIGITS = 40
-SPAN = mpmath.mpf(1) / 256
+SPAN = Fraction(1, 256)
 LADDER = (1, 2, 3, 4)
-STEP = mpmath.mpf(1) / 40
+STEP = Fraction(1, 40)
 #: A coefficient wrong by this share of itself has to show.
-SLIP, SHORT_STEP = mpmath.mpf(10) ** -6, SPAN / 16
+SLIP, SHORT_STEP = Fraction(1, 10**6), SPAN / 16
 #: Methods of more coefficients come from tables, every number of which the order conditions check.
 MOST = 12
 COLUMNS = 14
-
-
-def vector(*parts):
-    """One object array of mpmath numbers."""
-    return np.array([mpmath.mpf(x) for part in parts for x in part], dtype=object)
 
 
 def extrapolated(f, y, T):
@@ -64,8 +60,8 @@ def extrapolated(f, y, T):
             a, b = b, a + 2 * h * f(b)
         row = [(a + b + h * f(b)) / 2]
         for k in range(1, j + 1):
-            ratio = mpmath.mpf(n) ** 2 / (2 * (j + 1 - k)) ** 2
-            row.append(row[k - 1] + (row[k - 1] - rows[j - 1][k - 1]) / (ratio - 1))
+            m = 2 * (j + 1 - k)
+            row.append(row[k - 1] + (row[k - 1] - rows[j - 1][k - 1]) * m**2 / (n**2 - m**2))
         rows.append(row)
     return rows[-1][-1], max(abs(rows[-1][-1] - rows[-1][-2]))
 
@@ -73,14 +69,14 @@ def extrapolated(f, y, T):
 def flow(system, y, T, pieces=8):
     """(y(T), uncertainty) by `extrapolated` over pieces."""
     f = system.vector_field(MULTIPRECISION)
-    doubt = mpmath.mpf(0)
+    y, T, doubt = vector(y), exactly(T, MULTIPRECISION), 0
     for _ in range(pieces):
         y, more = extrapolated(lambda x: f(0, x), y, T / pieces)
         doubt += more
     return y, doubt
 
 
-def digits(chosen) -> int:
+def digits(chosen: Method) -> int:
     """The digits at which a method is measured: its error along the ladder lies far above them."""
     return max(DIGITS, 8 * chosen.order)
 
@@ -93,9 +89,9 @@ def start(name):
 @cache
 def _start(name, digits):
     system, q, p = SYSTEMS[name]()
-    y = vector(q, p)
+    y = vector([*q, *p])
     if name not in ("tao", "coupled", "two-frequencies"):
-        y = flow(system, y, mpmath.mpf(LATER))[0]
+        y = flow(system, y, LATER)[0]
     return system, y
 
 
@@ -110,58 +106,80 @@ def _reference(name, digits):
     return system, y, *flow(system, y, SPAN)
 
 
+def displacement():
+    """The displacement of a difference Jacobian in the working precision."""
+    return epsilon(MULTIPRECISION) ** 0.2
+
+
 def advance(system, chosen, y, h, steps=1):
     """The state after some steps."""
     d = system.d
     s = integrate(system, chosen, h=h, steps=steps, q0=y[:d], p0=y[d:], arithmetic=MULTIPRECISION, save_every=0)
     if s.status != "ok":
         raise ArithmeticError(f"{chosen.label}: {s.reason}")
-    return vector(s.q[-1], s.p[-1])
+    return np.concatenate([s.q[-1], s.p[-1]])
 
 
-def everywhere(measure, few=None, only=lambda name: True):
-    """{label: {system: measure(method, system's name), or why it failed}}, at the digits that an order needs."""
+def errors(chosen: Method, name: str) -> dict:
+    """Errors at SPAN along LADDER, and the reference's uncertainty."""
+    system, y, end, doubt = reference(name)
+    error = [max(abs(advance(system, chosen, y, SPAN / n, n) - end)) for n in LADDER]
+    return {"h": [float(SPAN / n) for n in LADDER], "error": [float(e) for e in error], "doubt": float(doubt)}
 
-    def attempt(chosen, name):
+
+def defect(chosen: Method, name: str) -> float:
+    """The symplecticity defect of one step; of a high order, for one pair of vectors."""
+    system, y = start(name)
+    if chosen.order > LOW_ORDER:
+        return float(pair_defect(lambda x: advance(system, chosen, x, STEP), y))
+    return float(symplecticity_defect(jacobian(lambda x: advance(system, chosen, x, STEP), y, displacement())))
+
+
+def distance(chosen: Method, name: str, back: Method | None = None) -> float:
+    """The distance from the start after a step with H and one with -H, which ``back`` takes, at first the method."""
+    system, y = start(name)
+    return float(max(abs(advance(system, back or chosen, advance(system, chosen, y, STEP), -STEP) - y)))
+
+
+#: Of every method on every system: the measure of a cell, and the systems where it is made.
+CELLS = {
+    "orders": (errors, systems),
+    "symplecticity": (defect, lambda m: [n for n in systems(m, few=True) if canonical(n)]),
+    "symmetry": (distance, lambda m: systems(m, few=True)),
+}
+
+
+def cells(what: str) -> list[tuple[str, str]]:
+    """(label, system) of every cell of a measurement of `CELLS`."""
+    return [(m.label, n) for m in methods().values() for n in CELLS[what][1](m)]
+
+
+def measure(what: str, label: str, name: str):
+    """One cell of a measurement of `CELLS`, or why it failed, at the digits that the method's order needs."""
+    chosen = methods()[label]
+    with precision(digits(chosen)):
         try:
-            return measure(chosen, name)
+            return CELLS[what][0](chosen, name)
         except Exception as error:  # one method that fails is to fail its own tests alone
             return f"{type(error).__name__}: {error}"
 
-    out = {}
-    for chosen in variants() + high_order_variants():
-        with mpmath.workdps(digits(chosen)):
-            out[chosen.label] = {n: attempt(chosen, n) for n in systems(chosen, few) if only(n)}
+
+@cache
+def methods() -> dict[str, Method]:
+    """Label -> method, of all that are measured."""
+    return by_label(variants() + high_order_variants())
+
+
+def everywhere(what: str) -> dict:
+    """{label: {system: `measure` of it}}."""
+    out: dict = {label: {} for label in methods()}
+    for label, name in cells(what):
+        out[label][name] = measure(what, label, name)
     return out
-
-
-def orders():
-    """Errors at SPAN along LADDER, and the reference's uncertainty: {label: {system: {h, error, doubt}}}."""
-
-    def measure(chosen, name):
-        system, y, end, doubt = reference(name)
-        error = [max(abs(advance(system, chosen, y, SPAN / n, n) - end)) for n in LADDER]
-        return {"h": [float(SPAN / n) for n in LADDER], "error": [float(e) for e in error], "doubt": float(doubt)}
-
-    return everywhere(measure)
-
-
-def symplecticity():
-    """The symplecticity defect of one step: {label: {system: defect}}; of a high order, for one pair of vectors."""
-
-    def measure(chosen, name):
-        system, y = start(name)
-        if chosen.order > LOW_ORDER:
-            return float(pair_defect(lambda x: advance(system, chosen, x, STEP), y))
-        delta = mpmath.mp.eps ** mpmath.mpf("0.2")
-        return float(symplecticity_defect(jacobian(lambda x: advance(system, chosen, x, STEP), y, delta)))
-
-    return everywhere(measure, few=True, only=canonical)
 
 
 def frozen():
     """Schemes IV and V with the parameter of one step frozen: {id: {system: {defect, distance, lam}}}."""
-    delta = mpmath.mp.eps ** mpmath.mpf("0.2")
     out = {}
     for free, fixed in (("scheme-iv", "scheme-i"), ("scheme-v", "scheme-iii")):
         out[free] = {}
@@ -173,37 +191,24 @@ def frozen():
             if lam != lam:
                 continue
             frozen_method = method(fixed, lam=lam)
-            gap = max(abs(advance(system, frozen_method, y, STEP) - vector(s.q[-1], s.p[-1])))
-            M = jacobian(lambda x, a=system, b=frozen_method: advance(a, b, x, STEP), y, delta)
-            out[free][name] = {"defect": float(symplecticity_defect(M)), "distance": float(gap), "lam": lam}
+            gap = max(abs(advance(system, frozen_method, y, STEP) - np.concatenate([s.q[-1], s.p[-1]])))
+            out[free][name] = {"defect": defect(frozen_method, name), "distance": float(gap), "lam": lam}
     return out
 
 
-def symmetry():
-    """The distance from the start after a step with H and one with -H: {label: {system: distance}}."""
-
-    def measure(chosen, name):
-        system, y = start(name)
-        return float(max(abs(advance(system, chosen, advance(system, chosen, y, STEP), -STEP) - y)))
-
-    return everywhere(measure, few=True)
-
-
 def adjoint():
-    """The distance from the start after Phi^lam_h and, with -H, the same method at 1 - lam or at lam: {label: ...}."""
+    """Distances after Phi^lam_h and, with -H, the method at 1 - lam and at lam: {label: {system: {...}}}.
+
+    Of methods that are not symmetric: the others are their own adjoints.
+    """
     out = {}
     for chosen in variants():
-        if "lam" not in chosen.parameters:
-            continue
-        other = chosen(**dict(chosen.parameters) | {"lam": 1 - chosen.parameters["lam"]})
-        out[chosen.label] = {}
-        for name in FEW:
-            if not runs_on(chosen, name):
-                continue
-            system, y = start(name)
-            there = advance(system, chosen, y, STEP)
-            distances = [float(max(abs(advance(system, m, there, -STEP) - y))) for m in (other, chosen)]
-            out[chosen.label][name] = dict(zip(("adjoint", "itself"), distances, strict=True))
+        if "lam" in chosen.parameters and not chosen.symmetric:
+            other = chosen(lam=1 - chosen.parameters["lam"])
+            pairs = [n for n in FEW if runs_on(chosen, n)]
+            out[chosen.label] = {
+                n: {"adjoint": distance(chosen, n, other), "itself": distance(chosen, n)} for n in pairs
+            }
     return out
 
 
@@ -228,31 +233,44 @@ def perturbed():
     ``rows`` has for every coefficient its path, the step's error, and where that is not ten times the unperturbed one
     the defects of symplecticity and symmetry.
     """
-    delta = mpmath.mp.eps ** mpmath.mpf("0.2")
     out = {}
     for chosen in METHODS:
-        if not 0 < len(list(leaves(chosen.data))) <= MOST:
-            continue
         name = next((n for n in systems(chosen, few=True)[::-1] if canonical(n)), None)
-        if name is None:
-            continue
-        with mpmath.workdps(digits(chosen)):
-            system, y = start(name)
-            end = flow(system, y, SHORT_STEP, pieces=1)[0]
+        if name and 0 < len(list(leaves(chosen.data))) <= MOST:
+            with precision(digits(chosen)):
+                out[chosen.id] = slipped(chosen, name)
+    return out
 
-            def error(m, system=system, y=y, end=end):
-                return float(max(abs(advance(system, m, y, SHORT_STEP) - end)))
 
-            right, rows = error(chosen), []
-            for path, x in leaves(chosen.data):
-                m = replace(chosen, data=changed(chosen.data, path, exactly(x, MULTIPRECISION) * (1 + SLIP)))
-                row = {"path": list(path), "error": error(m)}
-                if row["error"] < 10 * right:
-                    M = jacobian(lambda x, a=system, b=m: advance(a, b, x, STEP), y, delta)
-                    row["symplecticity"] = float(symplecticity_defect(M))
-                    row["symmetry"] = float(max(abs(advance(system, m, advance(system, m, y, STEP), -STEP) - y)))
-                rows.append(row)
-            out[chosen.id] = {"system": name, "error": right, "rows": rows}
+def slipped(chosen: Method, name: str) -> dict:
+    """`perturbed` of one method."""
+    system, y = start(name)
+    end = flow(system, y, SHORT_STEP, pieces=1)[0]
+
+    def error(m):
+        return float(max(abs(advance(system, m, y, SHORT_STEP) - end)))
+
+    right, rows = error(chosen), []
+    for path, x in leaves(chosen.data):
+        m = replace(chosen, data=changed(chosen.data, path, exactly(x, MULTIPRECISION) * (1 + SLIP)))
+        row = {"path": list(path), "error": error(m)}
+        if row["error"] < 10 * right:
+            row |= {"symplecticity": defect(m, name), "symmetry": distance(m, name)}
+        rows.append(row)
+    return {"system": name, "error": right, "rows": rows}
+
+
+def spoiled():
+    """Errors, as of `errors`, where the first coefficient is an eighth of itself more: {id: {system: row}}.
+
+    Of the first method of every family that has coefficients in its record.
+    """
+    out: dict = {}
+    families = {m.family: m for m in reversed(METHODS) if m.order <= LOW_ORDER and list(leaves(m.data))}
+    for chosen in families.values():
+        path, x = next(leaves(chosen.data))
+        wrong = replace(chosen, data=changed(chosen.data, path, exactly(x, MULTIPRECISION) * 9 / 8))
+        out[chosen.id] = {n: errors(wrong, n) for n in systems(chosen, few=True)}
     return out
 
 
@@ -271,11 +289,12 @@ def observed_order(row):
     return order(row["h"], row["error"], noise=10 * row["doubt"])
 
 
-MEASUREMENTS = {f.__name__: f for f in (orders, symplecticity, frozen, symmetry, adjoint, perturbed)}
+MEASUREMENTS = {what: partial(everywhere, what) for what in CELLS} | {
+    f.__name__: f for f in (frozen, adjoint, perturbed, spoiled)
+}
 
 if __name__ == "__main__":
-    mpmath.mp.dps = DIGITS
     begin = time.perf_counter()
-    result = MEASUREMENTS[sys.argv[1]]()
-    by_label(variants())
+    with precision(DIGITS):
+        result = MEASUREMENTS[sys.argv[1]]()
     print(json.dumps({"seconds": time.perf_counter() - begin, "result": result}))

@@ -1,8 +1,8 @@
-"""From symbolic expressions to functions: compiled, on plain NumPy, or on mpmath numbers.
+"""From symbolic expressions to functions: compiled, on plain NumPy, or on numbers of many digits.
 
 A generated function takes and returns the values of `vector`: tuples of doubles (compiled, small d), arrays of doubles
-(compiled, large d; plain NumPy) or object arrays of mpmath numbers.  The source is kept on disk under the hash of what
-it was generated from, so that SymPy works once; Numba keeps the machine code beside it.
+(compiled, large d; plain NumPy) or object arrays of MPFR's numbers (`precision`).  The source is kept on disk under
+the hash of what it was generated from, so that SymPy works once; Numba keeps the machine code beside it.
 
 Numbers: a rational is divided in the arithmetic at hand, a double stays exactly the double it is.
 """
@@ -15,15 +15,19 @@ import os
 import sys
 import tempfile
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
+import gmpy2
 import mpmath
 import numba
 import numpy as np
 import sympy as sp
 from numba import types
 from sympy.printing.pycode import PythonCodePrinter
+
+from phasebench.integrators.errors import InvalidInput
 
 from .vector import ARRAYS, TUPLES
 
@@ -65,8 +69,8 @@ class _Printer(PythonCodePrinter):
 
     def _print_Rational(self, x):
         if float(x) == x:  # a double, such as a parameter of the problem
-            return f"mpf({float(x)!r})" if self.multi else repr(float(x))
-        return f"(mpf({x.p})/{x.q})" if self.multi else repr(x.p / x.q)  # rounded once, whatever the size of p and q
+            return f"mpfr({float(x)!r})" if self.multi else repr(float(x))
+        return f"(mpfr({x.p})/{x.q})" if self.multi else repr(x.p / x.q)  # rounded once, whatever the size of p and q
 
     _print_Half = _print_Rational
 
@@ -74,10 +78,10 @@ class _Printer(PythonCodePrinter):
         return str(x.p)
 
     def _print_Float(self, x):
-        return f"mpf({float(x)!r})" if self.multi else repr(float(x))
+        return f"mpfr({float(x)!r})" if self.multi else repr(float(x))
 
     def _print_NumberSymbol(self, x):
-        return f"(+mp.{x})" if self.multi else repr(float(x))
+        return f"exactly(mp.{str(x).lower()}, MULTIPRECISION)" if self.multi else repr(float(x))
 
     _print_Pi = _print_Exp1 = _print_NumberSymbol
 
@@ -199,8 +203,8 @@ def _finish(text: str, style: str) -> str:
         return text.replace("value((", "((").replace("number(", "float(")
     if style == "array":
         return text.replace("value((", "np.array((").replace("number(", "float(")
-    if style == "mpmath":
-        return text.replace("value((", "obj((").replace("number(", "mpf(")
+    if style == "mpfr":
+        return text.replace("value((", "vector((").replace("number(", "mpfr(")
     return text.replace("value((", "np.array((").replace("number(", "(")
 
 
@@ -210,10 +214,8 @@ def function(key: str, build, d: int, signature, arithmetic: str = DOUBLE):
     ``key`` identifies the content (it is hashed for the cache on disk); ``signature`` is its Numba signature.
     """
     if arithmetic == MULTIPRECISION:
-        style, header = "mpmath", "import numpy as np\nfrom mpmath import *\nimport mpmath as mp\n"
-        header += (
-            "def obj(x):\n    y = np.empty(len(x), dtype=object)\n    y[:] = [mpf(c) for c in x]\n    return y\n\n"
-        )
+        style, header = "mpfr", "import mpmath as mp\nfrom gmpy2 import *\n"
+        header += f"from {__name__} import MULTIPRECISION, exactly, vector\n\n"
     elif compiled():
         style = value_kind(d)
         header = "from math import *\nimport numpy as np\n\n"
@@ -227,7 +229,7 @@ def function(key: str, build, d: int, signature, arithmetic: str = DOUBLE):
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # Numba looks the module up when it loads the machine code
     spec.loader.exec_module(module)
-    if style in ("mpmath", "numpy"):
+    if style in ("mpfr", "numpy"):
         return module.f
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
@@ -250,10 +252,35 @@ def _write(path: Path, text: str) -> None:
     os.replace(temporary, path)
 
 
+@contextmanager
+def precision(digits: int) -> Iterator[None]:
+    """Work with so many digits: mpmath, and the numbers of "multiprecision"."""
+    with mpmath.workdps(digits), gmpy2.context(gmpy2.get_context(), precision=mpmath.mp.prec):
+        yield
+
+
+def epsilon(arithmetic: str):
+    """The round-off of the arithmetic at hand."""
+    return exactly(mpmath.mp.eps if arithmetic == MULTIPRECISION else np.finfo(float).eps, arithmetic)
+
+
+def vector(numbers) -> np.ndarray:
+    """An array of numbers of many digits, whatever kind of number each was.
+
+    Raises InvalidInput where mpmath works with other digits than `precision` has set.
+    """
+    if gmpy2.get_context().precision != mpmath.mp.prec:
+        raise InvalidInput("set the digits of multiprecision by codegen.precision(digits), not by mpmath alone")
+    out = np.empty(len(numbers), dtype=object)
+    out[:] = [exactly(x, MULTIPRECISION) for x in numbers]
+    return out
+
+
 def exactly(x, arithmetic: str):
-    """x (int, float, Fraction, decimal string or mpmath number) in the arithmetic at hand."""
+    """x (int, float, Fraction, decimal string, number of mpmath or of MPFR) in the arithmetic at hand."""
     if arithmetic == DOUBLE:
         return float(mpmath.mpf(x)) if isinstance(x, str) else float(x)
-    if isinstance(x, (int, float, str, mpmath.mpf)):
-        return mpmath.mpf(x)
-    return mpmath.mpf(x.numerator) / x.denominator
+    if isinstance(x, (int, float, str, gmpy2.mpfr)):
+        return gmpy2.mpfr(x)
+    ratio = mpmath.libmp.to_rational(x._mpf_) if hasattr(x, "_mpf_") else (x.numerator, x.denominator)
+    return gmpy2.mpfr(gmpy2.mpq(*ratio))

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import mpmath
 import numba
 import numpy as np
 from numba import types
@@ -61,7 +60,7 @@ def zeros(shape, arithmetic: str):
     """Zeros of the arithmetic at hand."""
     if arithmetic == MULTIPRECISION:
         out = np.empty(shape, dtype=object)
-        out.fill(mpmath.mpf(0))
+        out.fill(codegen.exactly(0, arithmetic))
         return out
     return np.zeros(shape)
 

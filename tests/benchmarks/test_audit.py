@@ -149,15 +149,15 @@ def test_a_small_leading_term_shows_at_finer_steps():
     h = 0.5 / np.sqrt(2.0) ** k
     error = 0.1 * np.where(k < 12, h**2, h * h[12] * (1 + 0.01 * np.sin(37.0 * k)))
     assert abs(metrics.order(h, error).value - 2) < 0.01, "the control: the best fit is that of the coarse steps"
-    found, _ = measures._asymptotic(h, error, 1e-15)
+    found, _ = measures.asymptotic(h, error, 1e-15)
     assert abs(found.value - 1) < 0.05
-    found, bend = measures._asymptotic(h[:8], 0.1 * (h[:8] ** 2 + 0.05 * h[:8]), 1e-15)
+    found, bend = measures.asymptotic(h[:8], 0.1 * (h[:8] ** 2 + 0.05 * h[:8]), 1e-15)
     assert found.value - bend < 1.9, "the bend is in the interval"
 
 
 def test_round_off_that_adds_up_is_no_order():
     h = 1 / np.sqrt(2.0) ** np.arange(24)
-    found, _ = measures._asymptotic(h, 1e-2 * h**8 + 1e-15 / h, 1e-16)
+    found, _ = measures.asymptotic(h, 1e-2 * h**8 + 1e-15 / h, 1e-16)
     assert abs(found.value - 8) < 0.1
 
 

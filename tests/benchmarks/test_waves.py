@@ -6,7 +6,6 @@ import cmath
 from itertools import pairwise
 from math import cosh, pi, sqrt
 
-import mpmath
 import numba
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from phasebench.benchmarks.problems import klein_gordon, nls, problem
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine import vector as arrays
-from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly
+from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision, vector
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian
@@ -81,8 +80,8 @@ def test_control_the_loops_of_another_spacing_are_not(name, small):
 
 def test_the_loops_run_on_multiprecision_numbers(name, small):
     """The formula at 40 digits: nothing in a loop or in its constants is a double."""
-    with mpmath.workdps(40):
-        q, p = (np.array([mpmath.mpf(x) / 3 for x in row], dtype=object) for row in state(small.d))
+    with precision(40):
+        q, p = (vector(row) / 3 for row in state(small.d))
         theirs = small.field(MULTIPRECISION)(q, p, 0, 0)
         ours = loop(name, "field", SMALL, MULTIPRECISION)(q, p, 0, 0)
         assert max(abs(a - b) for x, y in zip(ours, theirs, strict=True) for a, b in zip(x, y, strict=True)) < 1e-37

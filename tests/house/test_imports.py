@@ -206,7 +206,7 @@ import phasebench.benchmarks.cli, phasebench.benchmarks.report
 seen = {}
 for name, module in list(sys.modules.items()):
     file = getattr(module, "__file__", None) or ""
-    if file.startswith(ROOT) and "/tests/" not in file:
+    if file.startswith(ROOT) and "/tests/" not in file[len(ROOT) :]:
         seen.setdefault(file, []).append(name)
 bare = lambda f: f.endswith("__init__.py") and len(__import__("ast").parse(open(f).read()).body) <= 1
 print()

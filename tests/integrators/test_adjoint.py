@@ -10,7 +10,8 @@ from phasebench.benchmarks.measure.battery import by_label, high_order_variants,
 
 ROUND_OFF, VISIBLE = 1e-30, 1e-22
 ALL = by_label(variants() + high_order_variants())
-WITH_LAMBDA = {label: m for label, m in by_label(variants()).items() if "lam" in m.parameters}
+#: Of a symmetric method the adjoint is the method itself, which is tested as its symmetry.
+WITH_LAMBDA = [label for label, m in by_label(variants()).items() if "lam" in m.parameters and not m.symmetric]
 
 
 def numbers(row):
@@ -39,10 +40,11 @@ def test_the_known_controls_are_among_the_others():
 
 @pytest.mark.parametrize("label", WITH_LAMBDA)
 def test_the_adjoint_of_lambda_is_one_minus_lambda(measured, label):
-    m = WITH_LAMBDA[label]
-    for name, row in measured("adjoint")[label].items():
-        assert m.symmetric or row["adjoint"] < ROUND_OFF, f"{name}: {row}"
-        assert m.symmetric or row["itself"] > VISIBLE, f"{name}, the control: {row}"
+    rows = measured("adjoint")[label]
+    assert rows
+    for name, row in rows.items():
+        assert row["adjoint"] < ROUND_OFF, f"{name}: {row}"
+        assert row["itself"] > VISIBLE, f"{name}, the control: {row}"
 
 
 def test_scheme_i_adjoint_is_scheme_i_at_one_minus_lambda():

@@ -207,17 +207,17 @@ def test_the_energy_error_of_gauss_6_is_a_random_walk():
 def textbook(system, kind, s, y, h):
     """One step of k_i = f(y + h sum a_ij k_j) at 30 digits, by fixed point over all stages."""
     d = system.d
-    with mpmath.workdps(30):
+    with codegen.precision(30):
         *tableau, b, _ = tableaus.runge_kutta(kind, s)
-        matrices = [np.array(M.tolist(), dtype=object) for M in tableau]
-        weights = np.array(list(b), dtype=object)
-        K = np.array([vector([0] * 2 * d) for _ in range(s)])
+        matrices = [np.array([codegen.vector(row) for row in M.tolist()]) for M in tableau]
+        y, weights = codegen.vector(y), codegen.vector(b)
+        K = np.array([codegen.vector([0] * 2 * d) for _ in range(s)])
         field = system.vector_field(codegen.MULTIPRECISION)
         for _ in range(200):
             Z = [y + h * np.concatenate([matrices[0][i] @ K[:, :d], matrices[1][i] @ K[:, d:]]) for i in range(s)]
             new = np.array([field(0, z) for z in Z])
             change, K = np.abs(new - K).max(), new
-            if change < mpmath.mpf("1e-27"):
+            if change < 1e-27:
                 return y + h * (weights @ K)
         raise AssertionError("the textbook's fixed point did not settle")
 
@@ -228,7 +228,7 @@ def test_a_step_is_the_textbook_s_to_round_off(id, name):
     """So the stage equations are solved to round-off, in the Nystrom form as in the general one."""
     made, q, p = SYSTEMS[name]()
     y, h = vector([*q, *p]), 0.2
-    expected = textbook(made, *BY_ID[id].data, y, mpmath.mpf(h)).astype(float)
+    expected = textbook(made, *BY_ID[id].data, y, h).astype(float)
     found = end(integrate(made, BY_ID[id], h=h, steps=1, q0=q, p0=p))
     assert np.abs(found - expected).max() < 4 * EPS
 

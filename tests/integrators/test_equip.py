@@ -11,10 +11,10 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients import tableaus
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import MULTIPRECISION
+from phasebench.integrators.engine.codegen import MULTIPRECISION, precision, vector
 from phasebench.integrators.families import equip as gauss_equip
 from phasebench.integrators.records.collocation import METHODS
-from support.trees import DIGITS, EPS, order_residual, vector
+from support.trees import DIGITS, EPS, order_residual
 
 BY_ID = {m.id: m for m in METHODS}
 IDS = ["gauss-equip-2", "gauss-equip-3", "gauss-equip-4"]
@@ -56,14 +56,15 @@ def test_a_step_is_the_textbook_s_with_its_alpha_and_ends_at_the_energy_of_the_s
     H = system.observe(system.H, solution.q, solution.p)
     assert abs(H[1] - H[0]) < 4 * EPS
     ends = []
-    with mpmath.workdps(30):
+    with precision(30):
         field = system.vector_field(MULTIPRECISION)
         for a in (mpmath.mpf(alpha), 0):
             A, b = butcher(*BY_ID[id].data, a)
+            A, b = np.array([vector(row) for row in A]), vector(b)
             y, K = vector([*q, *p]), np.array([vector([0] * 2 * len(q)) for _ in b])
             for _ in range(120):
-                K = np.array([field(0, y + mpmath.mpf(h) * (row @ K)) for row in A])
-            ends.append((y + mpmath.mpf(h) * (b @ K)).astype(float))
+                K = np.array([field(0, y + h * (row @ K)) for row in A])
+            ends.append((y + h * (b @ K)).astype(float))
     found = np.concatenate([solution.q[-1], solution.p[-1]])
     assert np.abs(found - ends[0]).max() < 4 * EPS
     assert np.abs(found - ends[1]).max() > 1e3 * EPS, "the parameter made no difference: Gauss's step was tested"

@@ -202,8 +202,8 @@ def test_what_is_read_can_be_used(text):
 AUDITED = """
 import json, sys
 import sympy as sp
-from integrators import formula
-from integrators.errors import InvalidInput
+from phasebench.integrators.systems import formula
+from phasebench.integrators.errors import InvalidInput
 
 texts = json.loads(sys.stdin.read())
 read = {read}

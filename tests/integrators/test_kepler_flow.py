@@ -7,13 +7,14 @@ without an equation to solve.  ``python test_kepler_flow.py`` prints what a proc
 from __future__ import annotations
 
 import json
+from fractions import Fraction
 
 import mpmath
 import numpy as np
 import pytest
 
 from phasebench.integrators.engine import kepler_flow
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
+from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, exactly, precision, vector
 from phasebench.integrators.engine.kernel import array
 
 EPS = np.finfo(float).eps
@@ -43,10 +44,10 @@ def flow(q, v, h, arithmetic=DOUBLE, mu=1, mass=1, spoil=None):
     table = array(kepler_flow.constants(arithmetic), arithmetic)
     if spoil is not None:
         spoil(table)
-    number = mpmath.mpf if arithmetic == MULTIPRECISION else float
     X = array([q, [mass * x for x in v], [0] * len(q), [0] * len(q)], arithmetic)
     eps = mpmath.mp.eps if arithmetic == MULTIPRECISION else EPS
-    kepler_flow.advance(X, 0, len(q), number(mass), number(mu), number(h), eps, table)
+    numbers = (exactly(x, arithmetic) for x in (mass, mu, h, eps))
+    kepler_flow.advance(X, 0, len(q), *numbers, table)
     return X
 
 
@@ -61,21 +62,20 @@ def doubles(e, A, change):
 def measured_in_40_digits():
     """For each case: the error in 40 digits; from the doubles the increments, and how much the state magnifies."""
     out = []
-    mpmath.mp.dps = DIGITS
     for e, A, change in CASES:
         q, v, t = on_orbit(mpmath.mpf(e), mpmath.mpf(A))
         end, velocity, later = on_orbit(mpmath.mpf(e), mpmath.mpf(A) + mpmath.mpf(change))
         X = flow(q, v, later - t, MULTIPRECISION)
-        size = max(abs(x) for x in (*end, *velocity, *q, *v))
-        error = max(abs(a - b) for a, b in zip((*X[0], *X[1]), (*end, *velocity), strict=True)) / size
+        size = max(abs(x) for x in vector([*end, *velocity, *q, *v]))
+        error = max(abs(a - b) for a, b in zip((*X[0], *X[1]), vector([*end, *velocity]), strict=True)) / size
 
         q, v, h = doubles(e, A, change)
-        small = mpmath.mpf(10) ** -20
+        small = exactly(Fraction(1, 10**20), MULTIPRECISION)
         Y = flow(q, v, h, MULTIPRECISION)
         near = [flow([x * (1 + small) for x in q], v, h, MULTIPRECISION), flow(q, v, h * (1 + small), MULTIPRECISION)]
         near.append(flow(q, [x * (1 + small) for x in v], h, MULTIPRECISION))
         magnified = [max(abs(N[i] - Y[i]).max() for N in near) / small for i in (0, 1)]
-        increments = [mpmath.nstr(Y[i, k] - (q, v)[i][k], 25) for i in (0, 1) for k in (0, 1)]
+        increments = [mpmath.nstr(mpmath.mpf(Y[i, k] - (q, v)[i][k]), 25) for i in (0, 1) for k in (0, 1)]
         out.append([float(error), increments, [float(m) for m in magnified]])
     return out
 
@@ -202,4 +202,5 @@ def test_few_evaluations():
 
 
 if __name__ == "__main__":
-    print(json.dumps({"result": measured_in_40_digits()}))
+    with precision(DIGITS):
+        print(json.dumps({"result": measured_in_40_digits()}))

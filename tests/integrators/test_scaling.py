@@ -19,8 +19,8 @@ EUCLIDEAN = {"discrete_gradient", "projection"}
 
 
 def pendulum(power: int) -> Hamiltonian:
-    """H = 2^k ((p / 2^k)^2 / 2 + 1 - cos q)."""
-    return Hamiltonian(q="q", p="p", H=f"p**2*{2.0**-power!r}/2 + {2.0**power!r}*(1 - cos(q))")
+    """H = 2^k ((p / 2^k)^2 + 1 - cos q): a mass that is not 1 in any units, as kernels tell that apart."""
+    return Hamiltonian(q="q", p="p", H=f"p**2*{2.0**-power!r} + {2.0**power!r}*(1 - cos(q))")
 
 
 SYSTEMS = {power: pendulum(power) for power in (0, *POWERS)}

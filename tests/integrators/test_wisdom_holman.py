@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from fractions import Fraction
 from math import log
 
 import mpmath
@@ -18,6 +19,7 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators import driver
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine.codegen import precision
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import wisdom_holman
 from phasebench.integrators.families.wisdom_holman import KeplerPart, corrector, jacobi
@@ -51,18 +53,18 @@ def by_label(label):
 
 def first_orders():
     """{label: observed orders of the error to first order in the perturbation}, and with the corrector's sign wrong."""
-    from phasebench.benchmarks.measure.multiprecision import advance, flow, vector
+    from phasebench.benchmarks.measure.multiprecision import advance, flow
 
     out = {}
-    with mpmath.workdps(DIGITS):
+    with precision(DIGITS):
         made = problem("perturbed-kepler", e=0.2, mu=TINY)
-        y, _ = flow(made.system, vector(made.q0, made.p0), mpmath.mpf(1) / 2, 16)
-        span = mpmath.mpf(1) / 8
+        y, _ = flow(made.system, [*made.q0, *made.p0], 0.5, 16)
+        span = Fraction(1, 8)
         end, _ = flow(made.system, y, span, 32)
 
         def orders(chosen):
             errors = [max(abs(advance(made.system, chosen, y, span / n, n) - end)) for n in (2, 3, 4)]
-            return [float(mpmath.log(errors[i] / errors[i + 1]) / log((i + 3) / (i + 2))) for i in (0, 1)]
+            return [log(errors[i] / errors[i + 1]) / log((i + 3) / (i + 2)) for i in (0, 1)]
 
         for label in FIRST_ORDER:
             out[label] = orders(by_label(label))

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 
-import mpmath
-
 from phasebench.benchmarks.experiments.matrix import matrix
+from phasebench.integrators.engine.codegen import precision
 from phasebench.integrators.registry import method
 
 METHODS = ("stormer-verlet", "rk4", "avf", "gauss-2", "pefrl", "cohen-hairer-1", "wisdom-holman")
 PROBLEMS = ("pendulum", "kepler", "lotka-volterra", "lotka-volterra-log")
 
 if __name__ == "__main__":
-    mpmath.mp.dps = matrix.DIGITS
-    print(json.dumps({"result": matrix.share(0, 1, [method(m) for m in METHODS], PROBLEMS)}))
+    with precision(matrix.DIGITS):
+        print(json.dumps({"result": [matrix.cell(method(m), name) for name in PROBLEMS for m in METHODS]}))

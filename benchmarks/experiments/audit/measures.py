@@ -123,7 +123,7 @@ def order(peer, case: Case, late: Callable[..., bool] = never) -> dict:
     if np.isnan(error).all():
         raise Failed("diverged", why)
     seen = np.array(error)[np.isfinite(error)]
-    found, bend = _asymptotic(np.array(h), np.array(error), truth.noise)
+    found, bend = asymptotic(np.array(h), np.array(error), truth.noise)
     half = found.high - found.value
     if (seen <= truth.noise).all():
         reason = "no asymptotic window: every error is of round-off"
@@ -142,7 +142,7 @@ def order(peer, case: Case, late: Callable[..., bool] = never) -> dict:
     }
 
 
-def _asymptotic(h, error, noise: float):
+def asymptotic(h, error, noise: float):
     """(order, by how much it changes inside its window), h falling."""
     # Steps beyond that of the least error show how round-off adds up, and errors near it are touched by that.
     least = int(np.nanargmin(error)) + 1

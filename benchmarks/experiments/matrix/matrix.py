@@ -29,10 +29,10 @@ import numpy as np
 import sympy as sp
 
 from phasebench.benchmarks.measure import metrics
-from phasebench.benchmarks.measure.multiprecision import DIGITS, SPAN, advance, digits, flow, observed_order, vector
+from phasebench.benchmarks.measure.multiprecision import DIGITS, SPAN, advance, digits, flow, observed_order
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import compiled
+from phasebench.integrators.engine.codegen import MULTIPRECISION, compiled, epsilon, precision
 from phasebench.integrators.record import ROUND_OFF, Method
 from phasebench.integrators.registry import METHODS
 
@@ -64,7 +64,7 @@ def _at(name: str, places: int):
     """The system, the state and the unit of time of a problem."""
     made = _made(name)
     unit = mpmath.mpf(made.pace.unit)
-    y = flow(made.system, vector(made.q0, made.p0), LATER * unit)[0]
+    y = flow(made.system, [*made.q0, *made.p0], LATER * unit)[0]
     return made.system, y, unit
 
 
@@ -81,7 +81,7 @@ def _order(chosen: Method, name: str) -> dict:
     for span in (SPAN, SPAN / FINER):
         end, doubt = _truth(name, span, mpmath.mp.dps)
         error = [max(abs(advance(system, chosen, y, span * unit / n, n) - end)) for n in LADDER]
-        if max(error) <= 10 * doubt + EXACT * mpmath.mp.eps * max(abs(end)):
+        if max(error) <= 10 * doubt + EXACT * epsilon(MULTIPRECISION) * max(abs(end)):
             return {"order_reason": "exact"}
         found = observed_order(
             {"h": [float(span / n) for n in LADDER], "error": [float(e) for e in error], "doubt": float(doubt)}
@@ -105,8 +105,8 @@ def _reversibility(chosen: Method, name: str) -> dict:
         return {"reversibility_reason": "not canonical"}
     d = system.d
     rho = np.array([1] * d + [-1] * d, dtype=object)
-    field = system.vector_field("multiprecision")
-    if max(abs(field(0, rho * y) + rho * field(0, y))) > mpmath.mpf(10) ** (10 - DIGITS):
+    field = system.vector_field(MULTIPRECISION)
+    if max(abs(field(0, rho * y) + rho * field(0, y))) > 10.0 ** (10 - DIGITS):
         return {"reversibility_reason": "H is not even in p"}
     defect = metrics.reversibility_defect(lambda x: advance(system, chosen, x, STEP * unit), y, rho)
     return {"reversibility": float(defect)}
@@ -186,7 +186,7 @@ def cell(chosen: Method, name: str) -> dict:
             row[f"{name_of}_reason"] = f"d > {LARGEST}: measured in doubles alone"
             continue
         try:
-            with mpmath.workdps(digits(chosen)):
+            with precision(digits(chosen)):
                 row |= measure(chosen, name)
         except ArithmeticError as error:  # a stage that is not solved at this step is a result, not a failure
             row |= {f"{name_of}_reason": str(error)}
@@ -268,5 +268,5 @@ def shares(of: int = 2) -> list[dict]:
 if __name__ == "__main__":
     if compiled():
         sys.exit("set NUMBA_DISABLE_JIT=1: nothing is compiled here")
-    mpmath.mp.dps = DIGITS
-    print(json.dumps(share(int(sys.argv[1]), int(sys.argv[2]))))
+    with precision(DIGITS):
+        print(json.dumps(share(int(sys.argv[1]), int(sys.argv[2]))))

@@ -1,0 +1,77 @@
+"""Numbers of many digits: conversions are exact, generated functions keep every digit, digits are set in one place."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import mpmath
+import pytest
+import sympy as sp
+from hypothesis import given
+from hypothesis import strategies as st
+
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision
+from phasebench.integrators.errors import InvalidInput
+
+DIGITS = 40
+
+
+def many(x) -> Fraction:
+    """The number itself."""
+    return Fraction(*map(int, x.as_integer_ratio()))
+
+
+@given(st.fractions(), st.integers(-200, 200))
+def test_a_fraction_is_rounded_as_mpmath_rounds_it(x, shift):
+    x *= Fraction(2) ** shift
+    with precision(DIGITS):
+        other = mpmath.mpf(x.numerator) / x.denominator
+        assert many(exactly(x, MULTIPRECISION)) == Fraction(*map(int, mpmath.libmp.to_rational(other._mpf_)))
+        assert exactly(other, MULTIPRECISION) == exactly(x, MULTIPRECISION)
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_a_double_stays_what_it_is(x):
+    with precision(DIGITS):
+        assert many(exactly(x, MULTIPRECISION)) == Fraction(x)
+
+
+def test_text_and_constants_have_all_digits():
+    with precision(DIGITS):
+        assert abs(exactly("0.1", MULTIPRECISION) - exactly(Fraction(1, 10), MULTIPRECISION)) < 1e-40
+        assert exactly(0.1, MULTIPRECISION) != exactly("0.1", MULTIPRECISION), "the control: the double is another"
+        assert mpmath.mpf(str(exactly(mpmath.mp.pi, MULTIPRECISION))) == +mpmath.mp.pi
+
+
+def test_digits_that_only_mpmath_knows_are_refused():
+    with mpmath.workdps(DIGITS), pytest.raises(InvalidInput, match="precision"):
+        codegen.vector([1])
+    with precision(DIGITS):
+        assert codegen.vector([1]) == [1]
+
+
+x, y = sp.symbols("x y", positive=True)
+EXPRESSIONS = [
+    sp.sqrt(x + y) * sp.pi,
+    (x + 2 * y) ** sp.Rational(-3, 2),
+    (x + y) ** sp.Rational(1, 3) + x**15,
+    sp.sin(x) * sp.cos(y) + sp.tan(x) - sp.exp(-y) + sp.log(x + y),
+    sp.sinh(x) * sp.cosh(y) / sp.tanh(x) + sp.E,
+    sp.asin(x / 2) + sp.acos(y / 3) - sp.atan(x * y) + abs(x - y),
+    x / 3 - sp.Rational(2, 7) * y + sp.Rational(0.1),
+]
+
+
+@pytest.mark.parametrize("expression", EXPRESSIONS, ids=str)
+def test_a_generated_function_keeps_every_digit(expression):
+    def build(arithmetic):
+        return codegen.source("f", [("q", [x]), ("p", [y])], [expression], arithmetic)
+
+    f = codegen.function(str(expression), build, 1, None, MULTIPRECISION)
+    with precision(DIGITS):
+        value = f(codegen.vector([Fraction(2, 3)]), codegen.vector([Fraction(5, 7)]))
+        expected = sp.N(expression.subs({x: sp.Rational(2, 3), y: sp.Rational(5, 7)}), DIGITS + 10)
+        error = abs(value - exactly(mpmath.mpf(str(expected)), MULTIPRECISION))
+    assert error < 1e-37
+    assert abs(float(value) - value) > 1e-20, "the control: a double has not these digits"
