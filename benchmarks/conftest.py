@@ -47,11 +47,6 @@ def update(pytestconfig) -> bool:
     return pytestconfig.getoption("--update-tables")
 
 
-def _partial(config) -> bool:
-    """Whether only some of the benchmarks were asked for: the talks' figures, which integrate anew, then stay."""
-    return bool(config.option.keyword) or any(".py" in a for a in config.args)
-
-
 def pytest_terminal_summary(terminalreporter, exitstatus, config):
     """Write the data and the reports, and say where."""
     results = config.stash[RESULTS]
@@ -61,9 +56,7 @@ def pytest_terminal_summary(terminalreporter, exitstatus, config):
     results.write()
     from phasebench.benchmarks import report
 
-    entry = report.build(
-        results.folder, quick=results.quick, progress=terminalreporter.write_line, figures=not _partial(config)
-    )
+    entry = report.build(results.folder, quick=results.quick, progress=terminalreporter.write_line)
     for line in results.notes:
         terminalreporter.write_line(line)
     terminalreporter.write_line(f"read {entry}")

@@ -1,17 +1,22 @@
-"""The reports, written from the tables that a run left: `reports/README.md` and a page for each question.
+"""The reports, written from the tables that a run left: an entry page, and for each question a page in two formats.
 
-Every sentence of verdict is computed from the rows.  A page whose table was not measured says so.
+Nothing is integrated here: a page is a function of rows on disk.  Every sentence of verdict is computed from them.  A
+report is made whole beside the old one and then takes its place, file by file, the entry last.
 """
 
 from __future__ import annotations
 
+import os
+import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
+import pandas as pd
+
 from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
-from phasebench.benchmarks.experiments.catalogue.coefficients import PAGE as COEFFICIENTS
-from phasebench.benchmarks.experiments.catalogue.methods import PAGE as METHODS
-from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as EQUIP
+from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
+from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
@@ -21,31 +26,39 @@ from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
 from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
-from phasebench.benchmarks.experiments.waves.page import PAGE as PDE
+from phasebench.benchmarks.experiments.talks.page import PAGES as TALKS
+from phasebench.benchmarks.experiments.trade.page import PAGE as TRADE
+from phasebench.benchmarks.experiments.waves.page import PAGE as WAVES
 from phasebench.benchmarks.experiments.wisdom_holman.page import PAGE as WISDOM_HOLMAN
-from phasebench.benchmarks.page.markdown import measured_on
-from phasebench.benchmarks.page.page import Page
+from phasebench.benchmarks.page import html, markdown
+from phasebench.benchmarks.page.origin import origin
+from phasebench.benchmarks.page.page import Page, Picture, Table, outcome
 
 from .rows import tables as results
 
 #: In the order in which a reader wants them.
 PAGES: tuple[Page, ...] = (
+    TRADE,
     PRINTED,
-    MATRIX,
     ORDERS,
-    COEFFICIENTS,
     STRUCTURE,
+    MATRIX,
     INVARIANTS,
-    EQUIP,
-    OSCILLATORY,
-    PDE,
+    ENERGY_PRESERVATION,
     KEPLER,
     WISDOM_HOLMAN,
+    OSCILLATORY,
+    WAVES,
     AUDIT,
     REFERENCES,
     SPEED,
-    METHODS,
+    *CATALOGUE,
+    *TALKS,
 )
+QUICK = "This is the quick tier: few steps, few rounds; it shows that the suite runs, and no more."
+
+
+SAME = "The same pages [in HTML](index.html), in which tables sort and filter."
 
 
 class Data:
@@ -55,11 +68,11 @@ class Data:
         self.folder = folder
         self._known: dict = {}
 
-    def __call__(self, name: str):
+    def __call__(self, name: str) -> pd.DataFrame | None:
         """The table as a DataFrame, or None where it was not measured."""
         return self._read(name)[0]
 
-    def about(self, name: str):
+    def about(self, name: str) -> dict | None:
         """On what it was measured."""
         return self._read(name)[1]
 
@@ -69,65 +82,70 @@ class Data:
         return self._known[name]
 
 
-def build(
-    folder: str | Path, quick: bool = False, progress: Callable[[str], None] = print, figures: bool = True
-) -> Path:
-    """Write every page into ``folder`` from its data; returns the entry page.
+@dataclass(frozen=True)
+class _Written:
+    """What the entry says of a page that was written."""
 
-    ``figures``: draw the talks' figures, which integrate what they show; else those that stand in the folder are kept.
-    """
+    page: Page
+    outcome: str
+    short: str
+    pictures: list[Picture]
+    table: Table | None
+
+
+def build(folder: str | Path, quick: bool = False, progress: Callable[[str], None] = print) -> Path:
+    """Write every page into ``folder`` from its data, whole or not at all; returns the entry page."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     data = Data(folder)
-    from .experiments.talks import gallery as seeds
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".report-") as scratch:
+        made = Path(scratch)
+        (made / "figures").mkdir()
+        written = [_page(page, data, made) for page in PAGES]
+        _entry(written, made, quick)
+        _replace(made, folder)
+    progress(f"wrote {len(written)} pages")
+    return folder / "README.md"
 
-    if figures:
-        progress("drawing the figures")
-        drawn = seeds.save(folder / "figures", quick=quick)
-    else:
-        drawn = seeds.standing(folder / "figures")
-    verdicts: list[str] = []
-    contents: list[str] = []
-    for page in PAGES:
-        found = page.write(data, folder / "figures")
-        missing = [t for t in page.tables if data(t) is None]
-        text = [f"# {page.title}\n"]
-        if missing:
-            text.append(f"Not measured in this folder: {', '.join(missing)}. Run `pytest benchmarks`.\n")
-        if found is not None:
-            verdict, body = found
-            verdicts += [f"- **[{page.title}]({page.id}.md)**", *(f"  - {v}" for v in verdict)]
-            text += [*(f"- {v}" for v in verdict), "", body]
-        text += [measured_on(data.about(t)) for t in page.tables[:1]]
-        (folder / f"{page.id}.md").write_text("\n".join(text).rstrip() + "\n")
-        contents.append(f"- [{page.title}]({page.id}.md): {page.question}")
-        progress(f"wrote {page.id}.md")
-    if drawn:
-        contents += _gallery(folder, drawn)
-    entry = folder / "README.md"
-    about = next((data.about(t) for p in PAGES for t in p.tables if data.about(t)), None)
-    heading = "# phasebench: what was measured\n"
-    tier = "" if not quick else "This is the quick tier: few steps, few rounds; it shows that the suite runs.\n"
-    entry.write_text(
-        "\n".join(
-            [heading, tier, "## Verdict\n", *verdicts, "\n## Pages\n", *contents, "", measured_on(about)]
-        ).rstrip()
-        + "\n"
+
+def _page(page: Page, data: Data, made: Path) -> _Written:
+    """Write a page into ``made``."""
+    verdicts = page.judged(data)
+    pictures, table = list(page.figures(data, made / "figures") or ()), page.table(data)
+    _put(made, page.id, markdown.document(page, verdicts, pictures, table, origin(page, data)), page.whole(data))
+    return _Written(page, *outcome(verdicts), pictures, table)
+
+
+def _put(made: Path, name: str, text: str, whole: pd.DataFrame | None) -> None:
+    """Write a page in both formats."""
+    (made / f"{name}.md").write_text(text, encoding="utf-8")
+    (made / f"{name}.html").write_text(html.document(text, made, whole), encoding="utf-8")
+
+
+def _entry(written: list[_Written], made: Path, quick: bool) -> None:
+    """The entry: a line a page, and which integrator for which accuracy."""
+    lines = pd.DataFrame(
+        [
+            {"question": f"[{w.page.question}]({w.page.id}.md)", "outcome": f"**{w.outcome}**", "in short": w.short}
+            for w in written
+        ]
     )
-    return entry
+    parts = ["# phasebench: what was measured\n", *([f"{QUICK}\n"] if quick else []), markdown.table(lines)]
+    choice = next(w for w in written if w.page is TRADE)
+    if choice.table is not None:
+        parts += ["## Which integrator for which accuracy\n", markdown.wrapped(choice.table.caption) + "\n"]
+        parts += [markdown.table(choice.table.frame, digits=choice.table.digits)]
+    for picture in choice.pictures[:1]:
+        parts += [f"![{picture.title}](figures/{picture.file})\n", markdown.wrapped(picture.caption) + "\n"]
+    text = "\n".join(parts)
+    (made / "README.md").write_text(f"{text}\n{SAME}\n", encoding="utf-8")
+    (made / "index.html").write_text(html.document(text, made, home=None), encoding="utf-8")
 
 
-def _gallery(folder: Path, drawn) -> list[str]:
-    """A page of figures for each section; returns their lines for the entry."""
-    sections: dict[str, list] = {}
-    for record, filename, caption in drawn:
-        sections.setdefault(record.section, []).append((record, filename, caption))
-    lines = []
-    for section, members in sections.items():
-        name = "figures-" + "".join(c if c.isalnum() else "-" for c in section.lower())
-        text = [f"# Figures: {section}\n"]
-        for record, filename, caption in members:
-            text += [f"## {record.title}\n", f"![{record.title}](figures/{Path(filename).name})\n", f"{caption}\n"]
-        (folder / f"{name}.md").write_text("\n".join(text).rstrip() + "\n")
-        lines.append(f"- [Figures: {section}]({name}.md): {'; '.join(r.title for r, _, _ in members)}")
-    return lines
+def _replace(made: Path, folder: Path) -> None:
+    """Move every file of ``made`` to its place in ``folder``; the entry comes last, when all it links to is there."""
+    (folder / "figures").mkdir(exist_ok=True)
+    entry = ("README.md", "index.html")
+    files = sorted((p for p in made.rglob("*") if p.is_file()), key=lambda p: p.name in entry)
+    for path in files:
+        os.replace(path, folder / path.relative_to(made))

@@ -15,7 +15,6 @@ from .shared import err, invalid_input, out
 def report(
     folder: Annotated[Path, typer.Option(help="The folder whose data the report is written from.")] = Path("reports"),
     rows: Annotated[Path | None, typer.Option(help="Rows of `run` to take in first.")] = None,
-    figures: Annotated[bool, typer.Option(help="Draw the talks' figures anew.")] = True,
 ) -> None:
     """Write the report of a folder from the tables in its ``data``."""
     from phasebench.benchmarks import report as reports
@@ -34,5 +33,5 @@ def report(
             found.write()
         if not (folder / "data").is_dir():
             raise InvalidInput(f"there are no data in {folder}; `pytest benchmarks` or `phasebench run` measures them")
-    entry = reports.build(folder, progress=lambda line: err.print(line, highlight=False), figures=figures)
+    entry = reports.build(folder, progress=lambda line: err.print(line, highlight=False))
     out.print(f"read {entry}")

@@ -1,11 +1,17 @@
-"""Aligned Markdown tables and the few phrases that every page shares."""
+"""The Markdown of a page: aligned tables, wrapped sentences."""
 
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 
 import pandas as pd
+
+from .page import Page, Picture, Table, Verdict, outcome
+
+#: Characters of a line of text.
+WIDTH = 110
 
 
 def number(x, digits: int = 3) -> str:
@@ -36,7 +42,7 @@ def table(frame: pd.DataFrame, columns: Mapping[str, str] | Sequence[str] | None
         if isinstance(columns, Mapping):
             frame = frame.rename(columns=columns)
     right = [_numeric(frame[c]) for c in frame]
-    cells = [[number(x, digits) for x in row] for row in frame.itertuples(index=False)]
+    cells = [[number(x, digits).replace("|", "\\|") for x in row] for row in frame.itertuples(index=False)]
     heads = [str(c) for c in frame.columns]
     widths = [max(len(h), *(len(r[i]) for r in cells), 3) if cells else max(len(h), 3) for i, h in enumerate(heads)]
 
@@ -54,14 +60,6 @@ def table(frame: pd.DataFrame, columns: Mapping[str, str] | Sequence[str] | None
     return "\n".join([line(heads), rule, *(line(c) for c in cells)]) + "\n"
 
 
-def measured_on(about: Mapping | None) -> str:
-    """The line that says where a table comes from."""
-    if not about:
-        return ""
-    tier = "quick tier" if about.get("quick") else "full run"
-    return f"_Measured on {about['processor']}; {about['system']}; {about['versions']}; {tier}._\n"
-
-
 def listed(items: Sequence[str], limit: int = 8) -> str:
     """a, b and c; the first of many."""
     items = list(items)
@@ -70,3 +68,30 @@ def listed(items: Sequence[str], limit: int = 8) -> str:
     if len(items) > limit:
         return ", ".join(items[:limit]) + f" and {len(items) - limit} more"
     return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
+
+
+def wrapped(text: str, first: str = "", then: str = "") -> str:
+    """The text in lines of at most `WIDTH` characters; no word is broken."""
+    return textwrap.fill(text, WIDTH, initial_indent=first, subsequent_indent=then, break_long_words=False,
+                         break_on_hyphens=False)  # fmt: skip
+
+
+def bullets(sentences: Sequence[str]) -> str:
+    """A list of sentences."""
+    return "\n".join(wrapped(sentence, "- ", "  ") for sentence in sentences) + "\n"
+
+
+def document(page: Page, verdicts: Sequence[Verdict], pictures: Sequence[Picture], shown: Table | None, origin: str):
+    """The Markdown of a page; ``origin`` says where and when its tables were measured, or that they were not."""
+    parts = [f"# {page.question}\n"]
+    if verdicts:
+        parts += [f"**{outcome(verdicts)[0]}**\n", bullets([v.text for v in verdicts])]
+    parts += ["## What is measured\n", bullets(page.setting)]
+    for picture in pictures:
+        parts += [f"![{picture.title}](figures/{picture.file})\n", wrapped(picture.caption) + "\n"]
+    if shown is not None:
+        parts += ["## Table\n", wrapped(shown.caption) + "\n", table(shown.frame, digits=shown.digits)]
+    if page.limits:
+        parts += ["## What could invalidate this\n", bullets(page.limits)]
+    parts += ["## Where it is from\n", origin]
+    return "\n".join(parts).rstrip() + "\n"

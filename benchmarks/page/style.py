@@ -56,9 +56,9 @@ def drawn(draw):
     """``draw`` under `settings`."""
 
     @functools.wraps(draw)
-    def settled(quick: bool = False):
+    def settled(*given):
         with settings():
-            return draw(quick)
+            return draw(*given)
 
     return settled
 
@@ -85,6 +85,12 @@ def curve(index: int, points: int = 0, marks: int = 12) -> dict:
     }
 
 
+def looks() -> list[dict]:
+    """Keywords of up to nine curves of one panel: each has its own colour, line and marker."""
+    more = ((GREY, (0, (3, 1)), "*"), ("#7a5c00", "-", "h"))
+    return [dict(zip(("color", "linestyle", "marker"), look, strict=True)) for look in (*CURVES, *more)]
+
+
 def legend_above(figure, axes, columns: int) -> None:
     """One legend for all panels, above them: it covers no data."""
     handles, labels = axes.get_legend_handles_labels()
@@ -101,6 +107,17 @@ def decades(axes) -> None:
     low, high = (math.log10(y) for y in axes.get_ylim())
     axes.set_ylim(10.0 ** math.floor(low), 10.0 ** math.ceil(high))
     axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def plain_ticks(axis) -> None:
+    """Labels of a short logarithmic axis that do not run into each other: 1, 2, 5 times powers of ten."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    if high < 40 * low:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def slope(axes, h, values, order: int, line: str = "-") -> None:

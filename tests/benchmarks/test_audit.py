@@ -240,30 +240,23 @@ def test_the_page_is_written_from_rows(controls, lying, tmp_path):
     gone = worker.blank(replace(peer, id="gone", package="nowhere"), worker.PREPARE)
     rows += [*mine, gone | {"status": "skipped", "reason": "nowhere cannot be imported"}]
     claims += judge.claims(peer, "1.2", mine)
-    tables = {"audit": rows, "audit_claims": claims}
-    for name, part in tables.items():
+    for name, part in {"audit": rows, "audit_claims": claims}.items():
         pd.DataFrame(part).to_csv(tmp_path / f"{name}.csv", index=False)
-    verdict, body = PAGE.write(lambda n: pd.read_csv(tmp_path / f"{n}.csv"), tmp_path)
-    assert verdict[0].startswith("1 integrators of 1 packages were audited (somewhere 1.2)")
-    assert f"4 claims were tested: {4 - lying} hold" in verdict[1]
-    assert "nowhere absent" in verdict[2]
-    assert "12 come out as declared." in verdict[3]
-    assert ("phasebench audit --peer rk4-mislabelled" in body) is lying
-    assert "gone: skipped: nowhere cannot be imported." in body
-    assert (tmp_path / "audit-orders.png").stat().st_size > 5000
-    assert "nan" not in body.lower().replace("inance", "")
-    assert PAGE.write(lambda n: None, tmp_path) is None
 
+    def data(name):
+        return pd.read_csv(tmp_path / f"{name}.csv")
 
-@pytest.mark.parametrize(("claimed", "said"), [(1, True), (6, False)])
-def test_the_page_says_where_an_order_is_more_than_claimed(controls, claimed, said, tmp_path):
-    peer = replace(relabelled("rk4", order=claimed), package="somewhere")
-    about = {"peer": peer.id, "package": peer.package, "version": "1"}
-    rows = [r | about for r in controls.rows if r["peer"] == "rk4"]
-    tables = {"audit": pd.DataFrame(rows), "audit_claims": pd.DataFrame(judge.claims(peer, "1", rows))}
-    _, body = PAGE.write(tables.get, tmp_path)
-    assert f"claimed: order {claimed} " in body
-    assert (": more than is claimed" in body) is said
+    judged, covered, own = PAGE.judged(data)
+    assert f"Of 4 claims that could be judged {4 - lying} hold" in judged.text
+    assert judged.holds is not lying
+    assert covered.text.startswith("1 integrators of 1 packages were audited (somewhere 1.2)")
+    assert "nowhere absent" in covered.text
+    assert "12 of their 12 declarations come out as declared" in own.text
+    shown = PAGE.table(data).frame
+    assert ("`phasebench audit --peer rk4-mislabelled`" in set(shown.get("reproduce", ()))) is lying
+    assert "nowhere cannot be imported" in set(shown["measured"])
+    (picture,) = PAGE.figures(data, tmp_path)
+    assert (tmp_path / picture.file).stat().st_size > 2000
 
 
 def test_the_terminal_shows_rows_and_claims(controls):

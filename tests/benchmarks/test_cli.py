@@ -542,7 +542,7 @@ def test_a_report_of_rows_that_are_not_there(tmp_path):
 def test_report_of_rows(swept, tmp_path):
     (tmp_path / "rows.jsonl").write_text(swept)
     folder = tmp_path / "report"
-    arguments = ("--folder", str(folder), "--rows", str(tmp_path / "rows.jsonl"), "--no-figures")
+    arguments = ("--folder", str(folder), "--rows", str(tmp_path / "rows.jsonl"))
     code, text, _ = call("report", *arguments)
     assert code == 0
     assert "README.md" in text
@@ -557,13 +557,13 @@ def test_report_of_rows(swept, tmp_path):
 def test_report_of_rows_without_an_order(scene, method, tmp_path):
     rows = str(tmp_path / "rows.jsonl")
     assert call("run", "--scene", scene, "--method", method, "--quick", "--output", rows)[0] == 0
-    code, _, _ = call("report", "--folder", str(tmp_path / "report"), "--rows", rows, "--no-figures")
+    code, _, _ = call("report", "--folder", str(tmp_path / "report"), "--rows", rows)
     assert code == 0
 
 
 def test_report_of_no_rows(tmp_path):
     (tmp_path / "rows.jsonl").write_text("")
-    arguments = ("--folder", str(tmp_path / "report"), "--rows", str(tmp_path / "rows.jsonl"), "--no-figures")
+    arguments = ("--folder", str(tmp_path / "report"), "--rows", str(tmp_path / "rows.jsonl"))
     assert call("report", *arguments)[0] in (0, 2)
 
 

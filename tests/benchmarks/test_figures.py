@@ -1,17 +1,16 @@
-"""The figures: drawn, small, the same bytes twice, nothing cut off; what they compute, against what is known."""
+"""The talks' figures: drawn from rows, small, the same bytes twice, nothing cut off; what is measured for them."""
 
 from __future__ import annotations
 
 import dataclasses
-import shutil
 import subprocess
 import sys
 
 import numpy as np
+import pandas as pd
 import pytest
 from PIL import Image
 
-from phasebench.benchmarks import report
 from phasebench.benchmarks.experiments.talks import (
     convergence,
     henon_heiles,
@@ -20,33 +19,43 @@ from phasebench.benchmarks.experiments.talks import (
     pendulum,
     perturbed_kepler,
 )
-from phasebench.benchmarks.experiments.talks.gallery import FIGURES, save, standing
+from phasebench.benchmarks.experiments.talks.gallery import FIGURES, pictures
+from phasebench.benchmarks.experiments.talks.page import PAGES
 from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.style import number
 from phasebench.integrators.errors import InvalidInput
 
-SECTIONS = {"pendulum and symplectic maps", "lotka-volterra", "henon-heiles", "perturbed kepler", "convergence"}
 IDS = [f.id for f in FIGURES]
 
 
 @pytest.fixture(scope="module")
-def saved(tmp_path_factory):
-    """Folder and captions of all figures in quick mode."""
-    folder = tmp_path_factory.mktemp("figures")
-    return folder, {figure.id: caption for figure, _, caption in save(folder, quick=True)}
+def curves(tmp_path_factory):
+    """The rows of all figures in quick mode, as they are read from a file."""
+    path = tmp_path_factory.mktemp("curves") / "curves.csv"
+    rows = [row for figure in FIGURES if figure.measure for row in figure.rows(quick=True)]
+    pd.DataFrame(rows).to_csv(path, index=False)
+    return pd.read_csv(path)
 
 
 @pytest.fixture(scope="module")
-def drawings():
-    """The matplotlib figures of errors and differences, in quick mode."""
+def saved(curves, tmp_path_factory):
+    """Folder and captions of all figures."""
+    folder = tmp_path_factory.mktemp("figures")
+    drawn = [p for section in dict.fromkeys(f.section for f in FIGURES) for p in pictures(curves, section, folder)]
+    return folder, {p.file.removesuffix(".png"): p.caption for p in drawn}
+
+
+@pytest.fixture(scope="module")
+def drawings(curves):
+    """The matplotlib figures of errors and differences."""
     wanted = [f for f in FIGURES if any(word in f.id for word in ("energy", "invariants", "convergence"))]
-    return {f.id: f.draw(True)[0] for f in wanted}
+    return {f.id: f.draw(curves[curves["figure"] == f.id])[0] for f in wanted}
 
 
 def test_records_are_complete_and_frozen():
     assert isinstance(FIGURES, tuple)
     assert len(set(IDS)) == len(IDS)
-    assert {f.section for f in FIGURES} == SECTIONS
+    assert {f"talk-{f.section}" for f in FIGURES} == {p.id for p in PAGES}
     with pytest.raises(dataclasses.FrozenInstanceError):
         FIGURES[0].id = "other"
 
@@ -62,50 +71,49 @@ def test_figure_is_drawn_small_and_captioned(saved, id):
         assert not set(image.info) - {"transparency", "gamma", "dpi"}
     caption = captions[id]
     assert caption.endswith(".")
-    assert caption.isascii()
     assert any(c.isdigit() for c in caption)
     assert "nan" not in caption
 
 
-def test_unchanged_figures_are_unchanged_files(saved, tmp_path):
+def test_unchanged_rows_are_unchanged_files(curves, saved, tmp_path):
     folder, _ = saved
-    again = IDS[::4]
-    save(tmp_path, quick=True, only=again)
-    for id in again:
-        assert (tmp_path / f"{id}.png").read_bytes() == (folder / f"{id}.png").read_bytes(), id
+    for picture in pictures(curves, "convergence", tmp_path):
+        assert (tmp_path / picture.file).read_bytes() == (folder / picture.file).read_bytes(), picture.file
 
 
-def test_save_draws_only_what_is_asked_for_and_tells(tmp_path):
-    told = []
-    only = ["convergence-preserving", "linear-symplectic-map"]
-    made = save(
-        tmp_path, quick=True, only=only, progress=lambda done, total, figure: told.append((done, total, figure.id))
-    )
-    assert [figure.id for figure, _, _ in made] == [id for id in IDS if id in only]
-    assert told == [(1, 2, "linear-symplectic-map"), (2, 2, "convergence-preserving")]
-    assert sorted(p.name for p in tmp_path.glob("*.png")) == sorted(name for _, name, _ in made)
-    assert standing(tmp_path) == made
+def test_a_figure_without_rows_is_left_out(curves, tmp_path):
+    some = curves[curves["figure"] != "convergence-preserving"]
+    assert [p.file for p in pictures(some, "convergence", tmp_path)] == [
+        "convergence-schemes-i-iii.png",
+        "convergence-compositions.png",
+    ]
 
 
-def test_figures_that_stand_stay_in_the_list(saved, tmp_path):
-    folder, _ = saved
-    shutil.copytree(folder, tmp_path / "figures")
-    (tmp_path / "figures" / f"{IDS[2]}.png").unlink()
-    assert [f.id for f, _, _ in standing(tmp_path / "figures")] == [id for id in IDS if id != IDS[2]]
-    save(tmp_path / "figures", quick=True, only=[IDS[2]])
-    assert [f.id for f, _, _ in standing(tmp_path / "figures")] == IDS
-    assert standing(tmp_path) == []
-    entry = report.build(tmp_path, progress=lambda line: None, figures=False).read_text()
-    assert all(f"figures-{section.replace(' ', '-')}.md" in entry for section in SECTIONS)
+def test_the_stored_curves_are_small(curves):
+    assert curves["x"].str.len().max() < 32_000
+    assert curves["y"].str.count(" ").max() < 2_500
 
 
-def test_unknown_figure_names_the_nearest(tmp_path):
-    with pytest.raises(InvalidInput, match="pendulum-area"):
-        save(tmp_path, only=["pendulum-aera"])
+def test_points_are_read_as_they_were_written():
+    values = np.array([0.1, -1.2345678e-17, 3.0, np.nan])
+    read = measure.points(measure.packed(values, 17))
+    assert np.array_equal(read, values, equal_nan=True)
+    assert measure.points(measure.packed(values))[1] == -1.23457e-17
+    assert len(measure.points(float("nan"))) == 0
+
+
+def test_a_traced_path_keeps_its_ends_and_its_spacing():
+    angle = np.linspace(0, 1, 5001) ** 3 * 2 * np.pi
+    path = measure.traced(np.stack([np.cos(angle), np.sin(angle)], axis=1), n=100)
+    apart = np.hypot(*np.diff(path, axis=0).T)
+    assert len(path) <= 100
+    assert (path[0] == (1, 0)).all()
+    assert path[-1] == pytest.approx((1, 0))
+    assert apart.max() < 1.2 * apart.min()
 
 
 def test_import_leaves_matplotlib_alone():
-    code = "import sys, benchmarks.figures; sys.exit('matplotlib' in sys.modules)"
+    code = "import sys, phasebench.benchmarks.experiments.talks.gallery; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
@@ -126,11 +134,11 @@ def test_type_is_at_least_8_points(drawings):
         assert min(t.get_fontsize() for t in drawing.findobj(Text)) >= 8, id
 
 
-def test_user_settings_change_no_figure():
+def test_user_settings_change_no_figure(curves):
     import matplotlib
 
     with matplotlib.rc_context({"font.size": 30, "axes.titlesize": 30}):
-        drawing, _ = linear_map.parallelograms(True)
+        drawing, _ = linear_map.parallelograms(curves[curves["figure"] == "linear-symplectic-map"])
     assert drawing.axes[0].title.get_fontsize() == style.RC["axes.titlesize"]
 
 
@@ -182,13 +190,13 @@ def test_energy_caption_holds_the_computed_maxima(saved):
         start = measure.start(f"henon-heiles:{orbit}")
         for lam in measure.LAMBDAS:
             error = measure.energy_error(start, measure.run(start, "scheme-i", henon_heiles.STEP, 100.0, lam=lam)).max()
-            assert f"{number(error, 2)} (lambda = {lam})" in caption
+            assert f"{number(error, 2)} (λ = {lam})" in caption
 
 
 def test_avf_loses_the_angular_momentum_and_schemes_iv_and_v_keep_it(saved):
     kepler = measure.start("perturbed-kepler")
     errors = {}
-    for _, id in perturbed_kepler.PRESERVING:
+    for id, _ in perturbed_kepler.PRESERVING.values():
         solution = measure.run(kepler, id, perturbed_kepler.STEP, 100.0)
         errors[id] = perturbed_kepler.invariant_error("angular-momentum", solution).max()
         assert perturbed_kepler.invariant_error("energy", solution).max() < 1e-13
@@ -227,11 +235,15 @@ def test_observed_orders(id, order, steps):
 
 def test_caption_tells_of_what_went_wrong():
     good = measure.run(measure.start("pendulum"), "scheme-iv", 0.1, 1.0)
-    assert measure.troubles([good]) == ""
     lost = dataclasses.replace(good, status="diverged", reason="the state is no longer finite")
     missed = dataclasses.replace(good, counts=good.counts | {"fallbacks": 3})
-    assert "diverged, the state is no longer finite" in measure.troubles([good, lost])
-    assert "3 of 20 (Scheme IV)" in measure.troubles([good, missed])
+
+    def said(*solutions):
+        return measure.troubles(pd.DataFrame([measure.row("", "", [], [], s) for s in solutions]))
+
+    assert said(good) == ""
+    assert "diverged, the state is no longer finite" in said(good, lost)
+    assert "3 of 20 (Scheme IV)" in said(good, missed)
 
 
 def test_points_that_are_lost_stop_the_figure():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import pickle
-import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -12,12 +11,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks import report
 from phasebench.benchmarks.experiments.trade import bench_errors, peer_rows, sweep
 from phasebench.benchmarks.page import markdown
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.scenes import BY_ID, DRIFT, ORDER, SCENES
-from phasebench.benchmarks.report import PAGES
 from phasebench.benchmarks.rows import tables as results
 from phasebench.benchmarks.rows.store import Store
 from phasebench.integrators import integrate
@@ -353,67 +350,6 @@ def test_a_run_of_some_benchmarks_leaves_the_tables_of_the_others(tmp_path):
         found.add(name, [{"x": x}])
         found.write()
     assert [results.read(tmp_path, n)[0]["x"].tolist() for n in "ab"] == [[3], [2]]
-
-
-@pytest.fixture(scope="module")
-def reported(rows, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("report")
-    found = results.Results(folder, quick=True)
-    found.add("rows", rows)
-    found.write()
-    assert report.build(folder, quick=True, progress=lambda line: None, figures=False) == folder / "README.md"
-    return folder
-
-
-def test_every_link_of_a_report_leads_to_a_file(reported):
-    seen = 0
-    for path in [reported / "README.md", *(reported / f"{p.id}.md" for p in PAGES)]:
-        links = [x for x in re.findall(r"\]\(([^)#\s]+)", path.read_text()) if "://" not in x]
-        for link in links:
-            assert (path.parent / link).exists(), f"{path.name}: {link}"
-        seen += len(links)
-    assert seen >= len(PAGES)
-
-
-def test_the_verdict_comes_first(reported):
-    text = (reported / "README.md").read_text()
-    assert 0 < text.index("## Verdict") < text.index("## Pages")
-    assert "quick tier" in text
-    assert all(f"({p.id}.md)" in text[text.index("## Pages") :] for p in PAGES)
-    page = (reported / "orders.md").read_text().splitlines()
-    first = [line for line in page[1:] if line and not line.startswith("Not measured")]
-    assert first[0].startswith("- ")
-    assert next(i for i, x in enumerate(page) if x.startswith("|")) > page.index(first[0])
-
-
-def test_a_verdict_is_computed_from_the_rows(rows, tmp_path):
-    pairs = {}
-    for name, kept in (("all", rows), ("some", [r for r in rows if r["id"] == "rk4"])):
-        found = results.Results(tmp_path / name)
-        found.add("rows", kept)
-        found.write()
-        report.build(tmp_path / name, progress=lambda line: None, figures=False)
-        text = (tmp_path / name / "orders.md").read_text()
-        pairs[name] = int(re.search(r"of (\d+) pairs", text).group(1))
-    assert pairs["all"] == len(sweep.orders(rows)) > pairs["some"] == 2
-
-
-def test_a_page_without_its_table_says_so(reported):
-    for page in PAGES:
-        text = (reported / f"{page.id}.md").read_text()
-        missing = [t for t in page.tables if t != "rows"]
-        assert text.startswith(f"# {page.title}")
-        assert ("Not measured" in text) == bool(missing), page.id
-        assert all(t in text for t in missing)
-
-
-def test_the_tables_of_a_report_are_aligned(reported):
-    blocks = 0
-    for page in PAGES:
-        for block in re.findall(r"(?:^\|.*\n)+", (reported / f"{page.id}.md").read_text(), re.M):
-            assert len({len(line) for line in block.splitlines()}) == 1, f"{page.id}:\n{block}"
-            blocks += 1
-    assert blocks >= 3
 
 
 def test_markdown_table():

@@ -273,12 +273,13 @@ def test_the_verdict_of_the_page_follows_the_rows(tmp_path):
     rows = oscillatory.errors([method("hairer-lubich"), method("stormer-verlet")], [0.1, 0.5, 1.5], t_end=20.0)
     assert list(rows["status"]) == ["ok", "ok", "ok", "ok", "ok", "diverged"]
     assert rows["energy error"].isna().tolist() == [False] * 5 + [True]
-    verdict, body = PAGE.write(lambda name: rows, tmp_path)
-    assert "hairer-lubich (greatest" in verdict[0]
-    assert "stormer-verlet loses the energy at every step size above h omega = 0.5 pi." in verdict
-    assert "oscillatory-resonances.png" in body
-    assert (tmp_path / "oscillatory-resonances.png").exists()
+    said = [v.text for v in PAGE.judged(lambda name: rows)]
+    assert "hairer-lubich (energy" in said[0]
+    assert "stormer-verlet above 0.5 π" in said[1]
+    (picture,) = PAGE.figures(lambda name: rows, tmp_path)
+    assert (tmp_path / picture.file).exists()
     worse = rows.assign(**{"energy error": rows["energy error"].where(rows["h omega / pi"] != 0.5, 30.0)})
-    verdict, _ = PAGE.write(lambda name: pd.DataFrame(worse), tmp_path)
-    assert "No method keeps the energy at every step size." in verdict
-    assert "hairer-lubich loses it at 1 step size elsewhere." in verdict
+    first, second, *_ = PAGE.judged(lambda name: pd.DataFrame(worse))
+    assert not first.holds
+    assert "by no method." in first.text
+    assert "hairer-lubich at 1 step size elsewhere" in second.text

@@ -1,57 +1,48 @@
-"""The figure of the audit: the measured orders less the claimed ones (in parentheses), with their intervals."""
+"""The figure of the audit: the measured orders less the claimed ones, a line for each package."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from phasebench.benchmarks.page import style
 
 from .judge import GATE
 
-#: Differences beyond stand at the edge, with their value.
+#: Differences beyond stand at the edge.
 SHOWN = 3.2
-#: Inches a line and around the lines.
-LINE, AROUND = 0.14, 0.9
-#: More integrators than this stand in two columns.
-MOST = 40
 
 
-def orders(rows: list[dict], claims: list[dict], directory: Path, name: str = "audit-orders.png") -> str | None:
+def orders(rows: list[dict], claims: list[dict], directory: Path, name: str = "audit.png") -> str | None:
     """Draw it from the rows and claims of an audit; returns the file's name in ``directory``, None without orders."""
-    claimed = {c["peer"]: float(c["claim"].split()[-1]) for c in claims if c["property"] == "order"}
+    claimed = {c["peer"]: c for c in claims if c["property"] == "order"}
     seen = [
-        r
+        r | {"apart": r["value"] - float(claimed[r["peer"]]["claim"].split()[-1])}
         for r in rows
         if r["measure"] == "order" and r["status"] == "ok" and r.get("value") is not None and r["peer"] in claimed
     ]
     if not seen:
         return None
-    peers = list(dict.fromkeys(r["peer"] for r in seen))
-    problems = list(dict.fromkeys(r["problem"] for r in seen))
+    packages = list(dict.fromkeys(r["package"] for r in seen))
     with style.settings():
-        columns = 1 if len(peers) <= MOST else 2
-        lines = -(-len(peers) // columns)
-        figure, axes = style.panels(1, columns, AROUND + LINE * lines, sharex=True)
-        widest = min(SHOWN, max(0.3, *(abs(r["value"] - claimed[r["peer"]]) for r in seen))) + 0.3
-        for column, ax in enumerate(axes[0]):
-            here = peers[column * lines : (column + 1) * lines]
-            ax.axvspan(-GATE, GATE, color="0.9")
-            for k, problem in enumerate(problems):
-                part = [r for r in seen if r["problem"] == problem and r["peer"] in here]
-                y = [here.index(r["peer"]) + 0.2 * (k % 3 - 1) for r in part]
-                apart = [r["value"] - claimed[r["peer"]] for r in part]
-                x = [min(max(a, -SHOWN), SHOWN) for a in apart]
-                for a, xx, yy in zip(apart, x, y, strict=True):
-                    if a != xx:
-                        side = "left" if a < 0 else "right"
-                        ax.annotate(f"{a:+.1f}", (xx, yy), (0, 4), textcoords="offset points", ha=side, fontsize=5)
-                bars = [[max(r["value"] - r["low"], 0) for r in part], [max(r["high"] - r["value"], 0) for r in part]]
-                colour, _, marker = style.CURVES[k % len(style.CURVES)]
-                ax.errorbar(x, y, xerr=bars, color=colour, marker=marker, linestyle="", markersize=3, label=problem)
-            ax.set_yticks(range(len(here)), [f"{p} ({claimed[p]:g})" for p in here], fontsize=6)
-            ax.set_ylim(lines - 0.4, -0.6)
-            ax.set_xlim(-widest, widest)
-            ax.set_xlabel("measured less claimed order")
-            ax.grid(axis="x", color="0.9", linewidth=0.5)
-        style.legend_above(figure, axes[0][0], 3)
+        figure, ((axes,),) = style.panels(1, 1, 1.1 + 0.32 * len(packages))
+        axes.axvspan(-GATE, GATE, color="0.9")
+        for wrong, k, label in ((False, 0, "claim holds or is not judged"), (True, 1, "claim contradicted")):
+            part = [r for r in seen if (claimed[r["peer"]]["verdict"] == "contradicted") == wrong]
+            index = {p: [r["peer"] for r in seen if r["package"] == p] for p in packages}
+            y = [packages.index(r["package"]) + _spread(index[r["package"]], r["peer"]) for r in part]
+            look = {"color": style.CURVES[k][0], "marker": style.CURVES[k][2], "linestyle": "none"}
+            axes.plot(np.clip([r["apart"] for r in part], -SHOWN, SHOWN), y, label=label, markersize=4, **look)
+        axes.set_yticks(range(len(packages)), packages)
+        axes.set_ylim(len(packages) - 0.5, -0.5)
+        axes.set_xlabel("measured − claimed order")
+        axes.grid(axis="x", color="0.93", linewidth=0.5)
+        style.legend_above(figure, axes, 2)
     return style.save(figure, directory, name)
+
+
+def _spread(peers: list[str], peer: str) -> float:
+    """Where a peer's mark lies within its package's line."""
+    names = list(dict.fromkeys(peers))
+    return 0.6 * (names.index(peer) / max(1, len(names) - 1) - 0.5)

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import pandas as pd
 
-from phasebench.benchmarks.page.markdown import listed, table
-from phasebench.benchmarks.page.page import Page
-from phasebench.reference.peers import BY_ID
+from phasebench.benchmarks.page.markdown import listed
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
 
-from . import audit, cases, judge, measures
-from . import figures as drawings
-from .table import legend, letter, lines
-from .worker import LOADING
+from . import audit, figures, judge, measures
 
 OWN = "phasebench"
 
@@ -23,155 +19,134 @@ def records(frame) -> list[dict]:
     return [r | {k: r[k] or "" for k in texts if k in r} for r in rows]
 
 
-def _versions(rows) -> list[str]:
-    return list(dict.fromkeys(f"{r['package']} {r['version']}" for r in rows))
+def _present(found: pd.DataFrame) -> pd.DataFrame:
+    """The rows that say of each integrator whether its package could be loaded."""
+    return found[(found["measure"] == "package") & (found["package"] != OWN)]
 
 
-def _more(claim, rows) -> str:
-    """Said of an order that is contradicted because it is higher."""
-    if claim["property"] != "order" or claim["verdict"] != judge.CONTRADICTED:
-        return ""
-    on = claim["problems"].split(", ")
-    found = [r["value"] for r in rows if r["measure"] == "order" and r["peer"] == claim["peer"] and r["problem"] in on]
-    return ": more than is claimed" if min(found) > float(claim["claim"].removeprefix("order ")) else ""
+def _versions(frame: pd.DataFrame) -> list[str]:
+    return list(dict.fromkeys(f"{r.package} {r.version}" for r in frame.itertuples()))
 
 
-def _about(claim) -> str:
-    """What is known of how the peer is made, which may say why."""
-    peer = BY_ID.get(claim["peer"])
-    return f"Its making: {peer.about}. " if peer else ""
+def _claims(found: pd.DataFrame, claimed: pd.DataFrame) -> pd.DataFrame:
+    """The claims of the integrators that were audited."""
+    there = _present(found)
+    return claimed[claimed["peer"].isin(there[there["status"] == "ok"]["peer"])]
 
 
-def _claims(claims, rows, verdict: str) -> list[str]:
-    return [
-        f"- **{c['peer']}** ({c['package']} {c['version']}): claimed: {c['claim']} ({c['source']}). Measured: "
-        f"{c['measured']}{_more(c, rows)}. {_about(c)}Reproduce: `{c['command']}`"
-        for c in claims
-        if c["verdict"] == verdict
-    ] or ["None."]
-
-
-def _controls(rows, claims) -> str:
-    if not rows:
-        return "No control was run."
-    wrong = [f"{c['peer']} ({c['claim']})" for c in claims if c["verdict"] != judge.HOLDS]
-    names = list(dict.fromkeys(r["peer"] for r in rows))
-    return (
-        f"The controls, {listed(names)} of this project, go through the same functions: of their {len(claims)} "
-        f"declarations {len(claims) - len(wrong)} come out as declared"
-        + (f"; not so {listed(wrong)}." if wrong else ".")
+@of("audit", "audit_claims")
+def claims(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
+    """How many claims hold."""
+    mine = _claims(found, claimed)
+    count = mine["verdict"].value_counts()
+    holds, part, wrong = (int(count.get(v, 0)) for v in (judge.HOLDS, judge.IN_PART, judge.CONTRADICTED))
+    judged = holds + part + wrong
+    if not judged:
+        return None
+    names = [f"{r.peer} ({r.claim})" for r in mine[mine["verdict"] == judge.CONTRADICTED].itertuples()]
+    text = f"Of {judged} claims that could be judged {holds} hold, {part} hold on some problems only, {wrong} are contradicted"
+    return Verdict(
+        f"{text}{f': {listed(names, 3)}' if names else ''}; {len(mine) - judged} could not be judged.",
+        wrong + part == 0,
+        f"{wrong} of {judged} claims are contradicted{f', {part} hold in part' if part else ''}.",
     )
 
 
-def _write(data, figures):
-    found, claimed = data("audit"), data("audit_claims")
-    if found is None or claimed is None:
+@of("audit")
+def covered(found: pd.DataFrame) -> Verdict | None:
+    """What was audited."""
+    first = _present(found)
+    if first.empty:
         return None
-    rows, claims = records(found), records(claimed)
-    own = [r for r in rows if r["package"] == OWN], [c for c in claims if c["package"] == OWN]
-    rows, claims = [r for r in rows if r["package"] != OWN], [c for c in claims if c["package"] != OWN]
-    first = [r for r in rows if r["measure"] == "package"]
-    there, away = [r for r in first if r["status"] == "ok"], [r for r in first if r["status"] != "ok"]
-    ids = {r["peer"] for r in there}
-    claims_there = [c for c in claims if c["peer"] in ids]
-    count = {
-        v: [c for c in claims_there if c["verdict"] == v] for v in (judge.HOLDS, judge.CONTRADICTED, judge.IN_PART)
-    }
-    judged = sum(map(len, count.values()))
-    verdict = [
-        f"{len(there)} integrators of {len({r['package'] for r in there})} packages were audited "
-        f"({listed(_versions(there), 20)}).",
-        f"{judged} claims were tested: {len(count[judge.HOLDS])} hold, {len(count[judge.IN_PART])} hold on some problems "
-        f"and not on others, {len(count[judge.CONTRADICTED])} are contradicted"
-        + "".join(f"; {c['peer']}: {c['claim']}" for c in count[judge.CONTRADICTED])
-        + f". {len(claims_there) - judged} more could not be judged.",
+    there, away = first[first["status"] == "ok"], first[first["status"] != "ok"]
+    text = f"{len(there)} integrators of {there['package'].nunique()} packages were audited ({listed(_versions(there), 8)})"
+    text += f"; not audited: {listed(_versions(away), 4)}, {len(away)} integrators" if len(away) else ""
+    return Verdict(f"{text}.", True, text)
+
+
+@of("audit_claims")
+def controls(claimed: pd.DataFrame) -> Verdict | None:
+    """Whether the controls come out as declared."""
+    own = claimed[claimed["package"] == OWN]
+    if own.empty:
+        return None
+    wrong = own[own["verdict"] != judge.HOLDS]
+    names = listed(list(dict.fromkeys(own["peer"])))
+    text = f"The controls, {names} of this project, go through the same functions: {len(own) - len(wrong)} of their "
+    text += f"{len(own)} declarations come out as declared"
+    text += f", not {listed([f'{r.peer} ({r.claim})' for r in wrong.itertuples()], 3)}" if len(wrong) else ""
+    return Verdict(f"{text}.", wrong.empty, f"{len(wrong)} controls do not come out as declared.")
+
+
+@of("audit", "audit_claims")
+def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder) -> list[Picture] | None:
+    """The orders."""
+    rows = [r for r in records(found) if r["package"] != OWN]
+    file = figures.orders(rows, records(claimed), folder)
+    if file is None:
+        return None
+    caption = (
+        "Measured less claimed order, a mark for each integrator and problem; grey: the gate of "
+        f"±{judge.GATE}; what is beyond ±{figures.SHOWN} stands at the edge."
+    )
+    return [Picture(file, "measured less claimed orders", caption)]
+
+
+@of("audit", "audit_claims")
+def table(found: pd.DataFrame, claimed: pd.DataFrame) -> Table | None:
+    """The findings, then what could not be audited."""
+    mine = _claims(found, claimed)
+    wrong = mine[mine["verdict"].isin([judge.CONTRADICTED, judge.IN_PART])].sort_values("verdict", kind="stable")
+    lines = [
+        {
+            "integrator": r.peer,
+            "version": r.version,
+            "claimed": r.claim,
+            "measured": str(r.measured).split(";")[0],
+            "verdict": r.verdict,
+            "reproduce": f"`{r.command}`",
+        }
+        for r in wrong.itertuples()
     ]
-    if away:
-        verdict.append(f"Not audited: {listed(_versions(away), 20)} ({len(away)} integrators, reasons below).")
-    verdict.append(_controls(*own))
-    body = ["## Claims that are contradicted\n", *_claims(claims_there, rows, judge.CONTRADICTED)]
-    body += ["\n## Claims that hold on some problems and not on others\n", *_claims(claims_there, rows, judge.IN_PART)]
-    picture = drawings.orders(rows, claims, figures)
-    if picture:
-        body += [
-            "\n## Orders\n",
-            f"![measured less claimed order](figures/{picture})\n",
-            "The measured order less the claimed one with its interval, a mark for each problem; the band is the gate of "
-            f"+-{judge.GATE}.\n",
-        ]
-    body.append(f"\n## What was measured\n\nThe letters name the problems: {legend(rows)}.\n")
-    for package in dict.fromkeys(r["package"] for r in there):
-        mine = [r for r in rows if r["package"] == package and r["peer"] in ids]
-        body.append(f"\n### {package} {mine[0]['version']}\n")
-        for adaptive in (False, True):
-            if part := lines(mine, claims, adaptive):
-                body += [f"{'Adaptive' if adaptive else 'Fixed'} steps.\n", table(pd.DataFrame(part))]
-    remarks = judge.remarks(rows, claims)
-    body += ["\n## More than is claimed\n", *([f"- {r}" for r in remarks] or ["Nothing."])]
-    body += ["\n## Not audited\n"]
-    reasons: dict[str, list[str]] = {}
-    for r in away:
-        reasons.setdefault(f"{r['status']}: {r['reason']}", []).append(r["peer"])
-    body += [f"- {listed(ids, 40)}: {reason}." for reason, ids in reasons.items()] or ["Nothing."]
-    body += ["\n## Claims that could not be judged\n"]
-    unjudged: dict[str, list[str]] = {}
-    for c in claims_there:
-        if c["verdict"] == judge.UNJUDGED:
-            unjudged.setdefault(c["reason"], []).append(f"{c['peer']} ({c['claim']})")
-    body += [f"- {reason}: {listed(who, 60)}." for reason, who in unjudged.items()] or ["None."]
-    body += ["\n## Measures that did not end or ended early\n"]
-    ended: dict[str, dict[str, list[str]]] = {}
-    for r in rows:
-        if r["peer"] in ids and r["measure"] != "package" and (r["status"] != "ok" or "budget" in r["reason"]):
-            why = r["reason"] if r["status"] == "ok" else f"{r['status']}: {r['reason']}"
-            where = ended.setdefault(why, {}).setdefault(r["peer"], [])
-            where.append(f"{r['measure']} {letter(r['problem'])}")
-    for reason, who in ended.items():
-        body.append(f"- {reason}: " + "; ".join(f"{peer} ({', '.join(on)})" for peer, on in who.items()))
-    if not ended:
-        body.append("None.")
-    return verdict, "\n".join([*body, _how(rows)])
+    first = _present(found)
+    for (package, status, reason), part in (
+        first[first["status"] != "ok"].fillna("").groupby(["package", "status", "reason"], sort=False)
+    ):
+        names = listed(list(part["peer"]), 3)
+        lines.append({"integrator": names, "version": package, "measured": str(reason)[:120], "verdict": status})
+    if not lines:
+        return None
+    shown = pd.DataFrame(lines[:ROWS]).fillna("")
+    return Table(shown, "Claims that are contradicted or hold in part, then what could not be audited.")
 
 
-def _how(rows) -> str:
-    floors = [r["floor"] for r in rows if r["measure"] == "symplecticity" and r.get("floor") is not None]
-    seen = f" (here {min(floors):.0e} to {max(floors):.0e})" if floors else ""
-    return f"""
-## How it is measured
-
-Every integrator is a black box (q0, p0, h, n) -> (q, p), called through its package's public interface, on orbits in
-general position: {listed([c.problem for c in cases.CASES], 20)}, as far as it can do them. Reproduce one with
-`phasebench audit --peer ID`; a measure gets {audit.BUDGET:g} s, the loading of a package and its compilation {LOADING:g} s.
-
-- **Order** (fixed steps): the error against a certified Taylor series (long double, certified by quadruple precision) over
-  a ladder of steps; window and 95 % interval of the fit, widened by half of what the slope changes inside. Errors below 100
-  times round-off and the reference's uncertainty are left out. A claim is contradicted where on at least two problems, and
-  against none, the whole interval is more than {judge.GATE} away from it, at another integer: a slope between integers is
-  not asymptotic.
-- **Symplecticity**: the largest entry of M^T J M - J, M the Jacobian of {" and ".join(map(str, measures.JACOBIAN_STEPS))}
-  steps by extrapolated central differences (the worse of them is shown). The floor is what doubling the displacement
-  changes, or what a method of this project that is symplectic shows{seen}. Above {judge.BROKEN:g} times the floor it is
-  broken; below, it is kept if the classical Runge-Kutta method shows {judge.VISIBLE:g} times the floor there, and unclear else.
-- **Reversibility**: {measures.OUT} steps, momenta reversed, as many steps back, reversed: the distance from the start,
-  judged in the same way. Bitwise: it is 0.
-- **Energy**: the largest error of H at {measures.SEEN} times of {measures.SHORT} or {measures.LONG} steps and the drift's
-  slope a unit of time with its interval. It drifts where that leaves out 0 and the drift is more than {judge.DRIFTS:g} of
-  the largest error, and is bounded where it leaves 0 in or the drift is less than {judge.STAYS:g} of it; large is an error
-  of {judge.LARGE:g} of the energies' size that no longer drifts. Claims of round-off are held to {judge.BROUWER:g} round-offs times the root of the steps.
-- **Stability**: the largest h on the harmonic oscillator of frequency 1 with which the energy grows by no more than
-  {measures.GROWTH:g} in {measures.STABLE_STEPS} steps; probes are a factor of {measures.APART:g} apart, then bisected to 1 %.
-- **Cost**: median of {measures.REPEATS} warm runs without output, microseconds a step; of an adaptive integrator a step of
-  its own, at a tolerance of {measures.TOLERANCES[1]:g}, as the rest but the energy where round-off is claimed.
-
-Not judged: the order of an adaptive integrator (the error at some tolerances is shown), its symplecticity (there is no map
-of one step), accuracy beyond what it claims, and stability and cost, of which nothing is claimed.
-"""
+@of("audit", "audit_claims")
+def _whole(found: pd.DataFrame, claimed: pd.DataFrame) -> pd.DataFrame:
+    return claimed[["peer", "version", "claim", "verdict", "measured", "reason"]]
 
 
 PAGE = Page(
-    "audit",
-    "Audit of the established integrators",
-    "whether other packages' integrators are what they claim",
-    ("audit", "audit_claims"),
-    _write,
+    id="audit",
+    question="Are the established integrators what their packages claim?",
+    tables=("audit", "audit_claims"),
+    setting=(
+        "Every integrator is a black box (q₀, p₀, h, n) → (q, p), called through its package's public interface.",
+        "Claims are what a package's own attributes or documentation say: order, symplectic, reversible, energy.",
+        "Order: the error over a ladder of steps against a certified reference, with a 95 % interval of the slope.",
+        "Symplecticity: MᵀJM − J by extrapolated differences; reversibility: out and back with reversed momenta.",
+        f"Energy: its drift with an interval over {measures.SHORT} or {measures.LONG} steps. Orbits in general position.",
+    ),
+    verdicts=(claims, covered, controls),
+    figures=draw,
+    table=table,
+    whole=_whole,
+    limits=(
+        f"An order is contradicted where on two problems, and against none, its whole interval is more than {judge.GATE} "
+        "away, at another integer.",
+        f"A defect above {judge.BROKEN:g} times the floor is broken; below it counts only where classical Runge–Kutta "
+        f"shows {judge.VISIBLE:g} times the floor.",
+        "Not judged: order and symplecticity of an adaptive integrator, and what a package does not claim.",
+        f"A measure gets {audit.BUDGET:g} s; what took longer is in data/audit.csv with its reason.",
+    ),
+    command="pytest benchmarks/experiments/audit",
 )

@@ -5,20 +5,11 @@ from __future__ import annotations
 import mpmath
 import pandas as pd
 
-from phasebench.benchmarks.page.markdown import number, table
-from phasebench.benchmarks.page.page import Page
 from phasebench.integrators import coefficients
 from phasebench.integrators.coefficients import DAMAGED, TABLES
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.coefficients.order_conditions import TOLERANCE, conditions, excess, leading, residuals
 from phasebench.integrators.coefficients.polish import locate, starting
-
-HEADINGS = {
-    "composition": "Symmetric compositions of a symmetric base of order 2",
-    "splitting": "Splittings for any T(p) + V(q)",
-    "nystrom": "Splittings for a quadratic kinetic energy",
-    "near-integrable": "Splittings for A + eps B",
-}
 
 
 def _digits(x) -> str:
@@ -103,45 +94,3 @@ def loose() -> pd.DataFrame:
         if t.good is not None
     ]
     return pd.DataFrame(rows)
-
-
-def _write(data, figures):
-    rows, mended, few = frame(), repairs(), loose()
-    agree = int((rows["order"] == rows["declared order"]).sum())
-    worst = max(rows["polished residual"], key=float)
-    verdict = [
-        f"{agree} of {len(rows)} tables have the declared order by their coefficients alone, two-sided: the residuals are at "
-        f"most {worst} after polishing, at most {max(rows['published residual'], key=float)} with the published digits.",
-        f"Digits repaired from the order conditions: {len(mended)} numbers in {mended['table'].nunique()} tables.",
-    ]
-    longest = (
-        rows[rows["kind"] == "composition"].astype({"sum of sizes": float}).groupby("declared order")["sum of sizes"]
-    )
-    verdict.append(
-        "Least sum of the sizes of a composition's fractions: "
-        + ", ".join(
-            f"order {p}: {rows.loc[s.idxmin(), 'table']} ({number(float(s.min()))})"
-            for p, s in sorted(longest, key=lambda x: int(x[0]))
-        )
-        + "."
-    )
-    body = [
-        "A step is a product of exponentials; its coefficients of all words in the letters up to degree p have to be those of "
-        "the exact flow (`integrators/order_conditions.py`). Residuals are the largest such coefficient, published digits "
-        "first, then polished by Gauss-Newton steps at 70 digits to the nearest solution; `moved by` is the largest change. "
-        "The error constant is the 2-norm of the first residuals that do not vanish; it compares methods of one kind and "
-        "order. For A + eps B the orders and constants are those of the terms in eps, eps^2, ...\n",
-    ]
-    for kind, heading in HEADINGS.items():
-        body += [f"## {heading}\n", table(rows[rows["kind"] == kind].drop(columns="kind"))]
-    body += ["## Damaged digits\n", table(mended), "## More digits printed than are right\n", table(few)]
-    return verdict, "\n".join(body)
-
-
-PAGE = Page(
-    "coefficients",
-    "Coefficients",
-    "which order the tables of coefficients have, what polishing changed, how large their errors are",
-    (),
-    _write,
-)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from phasebench.benchmarks.experiments.trade.choice import frontier
 from phasebench.benchmarks.page import style
 
-#: The curves of one panel, each of its own colour, line and marker.
-LOOKS = (*style.CURVES, (style.GREY, (0, (3, 1)), "*"))
 #: Errors below these are drawn on them: the round-off of the state, of an angle of some radians.
 FLOOR = 1e-16
 QUANTITIES = {
@@ -18,17 +17,13 @@ QUANTITIES = {
 }
 
 
-def _look(i: int) -> dict:
-    return dict(zip(("color", "linestyle", "marker"), LOOKS[i % len(LOOKS)], strict=True))
-
-
-def errors(rows, names: dict[str, str], directory: Path, name: str) -> str:
+def errors(rows, names: list[str], directory: Path, name: str) -> str:
     """The four errors against the number of orbits, a column for each eccentricity; returns the file's name.
 
     Parameters
     ----------
     rows : DataFrame with the columns e, method, orbits, energy, momentum, phase, perihelion
-    names : the methods to draw, in order, and how the legend calls them
+    names : the methods to draw, in order
     directory, name : where the figure goes
     """
     import numpy as np
@@ -43,7 +38,7 @@ def errors(rows, names: dict[str, str], directory: Path, name: str) -> str:
                 for i, method in enumerate(names):
                     curve = part[part["method"] == method].sort_values("orbits")
                     y = curve[quantity].clip(lower=FLOOR)
-                    ax.plot(curve["orbits"], y, label=names[method], **_look(i))
+                    ax.plot(curve["orbits"], y, label=method, **style.looks()[i % len(style.looks())])
                 ax.set(xscale="log", yscale="log")
                 ax.grid(color="0.9", linewidth=0.5)
                 if not np.isfinite(part[quantity]).any():
@@ -57,34 +52,37 @@ def errors(rows, names: dict[str, str], directory: Path, name: str) -> str:
             step = max(1, int(np.ceil((high - low) / 6)))
             row[0].set_yticks(10.0 ** np.arange(np.ceil(low), high + 1e-9, step))
             row[0].minorticks_off()
-        handles = [axes[0][0].plot([], [], label=names[m], **_look(i))[0] for i, m in enumerate(names)]
+        handles = [
+            axes[0][0].plot([], [], label=m, **style.looks()[i % len(style.looks())])[0] for i, m in enumerate(names)
+        ]
         figure.legend(handles=handles, loc="outside upper center", ncols=3, handlelength=3.4)
         figure.align_ylabels()
     return style.save(figure, directory, name)
 
 
-def work_precision(rows, problem: str, directory: Path) -> str:
-    """Error at the end against warm seconds, this project's methods on the left and its peers on the right.
+def work_precision(rows, directory: Path, name: str = "kepler-cost.png") -> tuple[str, int]:
+    """Error at the end against warm seconds, ours and the peers on shared axes: (file's name, number of curves).
 
-    ``rows`` is a DataFrame with the columns method, kind, seconds and error; returns the file's name in ``directory``.
+    ``rows`` is a DataFrame with the columns problem, method, kind, seconds and error; a panel for each problem.
     """
+    ours = rows[rows["kind"] == "phasebench"]
+    peers = rows[rows["kind"] != "phasebench"]
+    shown = [*frontier(ours, 4, "error"), *frontier(peers, 3, "error")]
+    shown += [m for m in ("stormer-verlet", "scipy-dop853") if m in set(rows["method"]) and m not in shown]
+    problems = list(dict.fromkeys(rows["problem"]))
     with style.settings():
-        figure, axes = style.panels(1, 3, 3.8, sharex=True, sharey=True)
-        ours = rows[rows["kind"] == "phasebench"]
-        names = list(dict.fromkeys(ours["method"]))
-        half = -(-len(names) // 2)
-        parts = [
-            ("phasebench", ours, names[:half]),
-            ("phasebench, continued", ours, names[half:]),
-            ("established", rows[rows["kind"] != "phasebench"], None),
-        ]
-        for ax, (title, part, chosen) in zip(axes[0], parts, strict=True):
-            for i, name in enumerate(chosen if chosen is not None else list(dict.fromkeys(part["method"]))):
-                curve = part[part["method"] == name].sort_values("seconds")
-                ax.loglog(curve["seconds"], curve["error"].clip(lower=FLOOR), label=name, **_look(i))
-            ax.set_title(title)
-            ax.set_xlabel("warm integration (s)")
-            ax.grid(color="0.9", linewidth=0.5)
-            ax.legend(fontsize=6.5, loc="upper center", bbox_to_anchor=(0.5, -0.2), handlelength=2.6)
+        figure, axes = style.panels(1, len(problems), 3.6, sharex=True, sharey=True)
+        for ax, problem in zip(axes[0], problems, strict=True):
+            for i, method in enumerate(shown):
+                curve = rows[(rows["problem"] == problem) & (rows["method"] == method)].sort_values("seconds")
+                ax.loglog(
+                    curve["seconds"],
+                    curve["error"].clip(lower=FLOOR),
+                    label=method,
+                    **style.looks()[i % len(style.looks())],
+                )
+            ax.set(title=problem, xlabel="warm integration (s)")
+            ax.grid(color="0.93", linewidth=0.5)
         axes[0][0].set_ylabel("error at the end, maximum norm")
-    return style.save(figure, directory, f"work-precision-{problem.replace(':', '-')}.png")
+        style.legend_above(figure, axes[0][0], 3)
+    return style.save(figure, directory, name), len(shown)

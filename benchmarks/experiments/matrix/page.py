@@ -2,117 +2,185 @@
 
 from __future__ import annotations
 
-import string
-
+import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.page.markdown import listed, table
-from phasebench.benchmarks.page.page import Page
+from phasebench.benchmarks.page import style
+from phasebench.benchmarks.page.markdown import listed
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of, once
 
 from . import matrix
 
-PARTS = {
-    "order": "Order",
-    "symplecticity": "Symplecticity defect",
-    "reversibility": "Reversibility defect",
-    "energy": "Energy error, relative to its terms",
-    "quadratic": "Error of the invariants of the form q.D p, relative to their terms",
-}
-DECLARED = {
-    "order": ("declared", lambda r: str(r["declared_order"])),
-    "symplecticity": ("symplectic", lambda r: "yes" if r["symplectic"] else "no"),
-    "reversibility": ("symmetric", lambda r: "yes" if r["symmetric"] else "no"),
-    "energy": ("declared", lambda r: r["energy_class"]),
-    "quadratic": ("declared", lambda r: r["quadratic_class"]),
+ABOVE = 0.1
+#: What a cell is -> (its colour, its letter for readers without colours)
+KINDS = {
+    "cannot run": "#ffffff",
+    "as declared": "#cfe3f2",
+    "order above": style.GREEN,
+    "explained": style.ORANGE,
+    "contradicted": style.BLACK,
 }
 
 
-def _order(r) -> str:
-    if pd.isna(r["order"]):
-        return "no window"
-    half = (r["high"] - r["low"]) / 2
-    return f"{r['order']:.2f}" if half < 0.005 else f"{r['order']:.2f} +- {half:.2f}"
+@once
+def _cells(frame: pd.DataFrame) -> list[dict]:
+    rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
+    return [{"reason": None} | r for r in rows]
 
 
-class Reasons:
-    """A letter for each reason why a cell has no number."""
-
-    def __init__(self):
-        self.letters: dict[str, str] = {}
-
-    def __call__(self, reason: str) -> str:
-        """The reason's letter in parentheses."""
-        if reason not in self.letters:
-            n = len(self.letters)
-            self.letters[reason] = string.ascii_lowercase[n % 26] * (1 + n // 26)
-        return f"({self.letters[reason]})"
-
-    def legend(self) -> str:
-        """The letters and what they stand for."""
-        return "; ".join(f"({letter}) {reason}" for reason, letter in self.letters.items())
+@once
+def _shortfalls(frame: pd.DataFrame) -> list[tuple[dict, str, str]]:
+    """(cell, contradiction, explanation or "") of every cell that falls short of its method's declaration."""
+    return [
+        (r, c, matrix.explanation(r, c)) for r in _cells(frame) if not r["reason"] for c in matrix.contradictions(r)
+    ]
 
 
-def _text(r, part: str, reasons: Reasons) -> str:
-    for reason in (r.get("reason"), r.get(f"{part}_reason")):
-        if isinstance(reason, str):
-            return reasons(reason)
-    return _order(r) if part == "order" else f"{r[part]:.0e}"
+@once
+def _higher(frame: pd.DataFrame) -> list[dict]:
+    return [
+        r
+        for r in _cells(frame)
+        if not r["reason"] and r.get("order") is not None and r["order"] > r["declared_order"] + ABOVE
+    ]
 
 
-def _part(frame, part: str, reasons: Reasons) -> str:
-    head, declared = DECLARED[part]
-    lines = []
-    for method, members in frame.groupby("method", sort=False):
-        first = members.iloc[0]
-        cells = {r["problem"]: _text(r, part, reasons) for _, r in members.iterrows()}
-        lines.append({"method": method, head: declared(first)} | cells)
-    return table(pd.DataFrame(lines).fillna("missing"))
+@of("matrix")
+def declared(frame: pd.DataFrame) -> Verdict:
+    """Whether every cell is as declared, or explained."""
+    short = _shortfalls(frame)
+    open_ = [f"{r['method']} on {r['problem']}: {c}" for r, c, why in short if not why]
+    counts = f"{len(short)} cells fall short of their declaration"
+    said = f"{counts}, {len(short) - len(open_)} of them for a known reason (in the table)"
+    return Verdict(
+        f"{said}" + (f"; not so {listed(open_, 3)}." if open_ else "."),
+        not open_,
+        f"{len(open_) or 'None'} of {len(frame)} pairs contradicts its declaration without a known reason.",
+    )
 
 
-def _write(data, figures):
-    frame = data("matrix")
-    if frame is None:
-        return None
-    frame = frame.astype(object).where(frame.notna(), None)
-    rows = frame.to_dict("records")
-    for r in rows:
-        r["reason"] = r.get("reason")
-    run = [r for r in rows if r["reason"] is None]
-    wrong = [(r, c) for r in run for c in matrix.contradictions(r)]
-    higher = [r for r in run if r.get("order") is not None and r["order"] > r["declared_order"] + 0.1]
+@of("matrix")
+def complete(frame: pd.DataFrame) -> Verdict:
+    """Whether a pair is missing."""
     methods, problems = frame["method"].nunique(), frame["problem"].nunique()
-    unexplained = [f"{r['method']} on {r['problem']}: {c}" for r, c in wrong if not matrix.explanation(r, c)]
-    verdict = [
-        f"{methods} methods on {problems} problems: {len(run)} pairs run, in {len(rows) - len(run)} the problem lacks what "
-        "the method requires; no pair is missing.",
-        f"{len(wrong)} cells fall short of their declaration; {len(wrong) - len(unexplained)} of these are explained below"
-        + (f", the others: {listed(unexplained)}." if unexplained else "."),
-        f"On {len(higher)} pairs the order is higher than declared (linear problems, and where leading terms vanish).",
+    missing = methods * problems - len(frame.drop_duplicates(["method", "problem"]))
+    cannot = sum(bool(r["reason"]) for r in _cells(frame))
+    return Verdict(
+        f"{methods} methods on {problems} problems: {len(frame) - cannot} pairs run, in {cannot} the problem lacks what "
+        f"the method requires, {missing or 'none'} {'are' if missing > 1 else 'is'} missing.",
+        missing == 0,
+        f"{missing} pairs are missing.",
+    )
+
+
+@of("matrix")
+def superconvergent(frame: pd.DataFrame) -> Verdict | None:
+    """Where the order is higher than declared."""
+    higher = _higher(frame)
+    if not higher:
+        return None
+    problems = pd.Series([r["problem"] for r in higher]).value_counts()
+    where = listed([f"{name} {n}" for name, n in problems.items()], 5)
+    text = f"On {len(higher)} pairs the order is higher than declared, where leading terms vanish: {where}."
+    return Verdict(text, True, text)
+
+
+@of("matrix")
+def draw(frame: pd.DataFrame, folder) -> list[Picture]:
+    """What every pair is, as a map: a line for each problem, a column for each method."""
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    frame = frame.sort_values(["declared_order"], kind="stable")
+    methods, problems = list(dict.fromkeys(frame["method"])), list(dict.fromkeys(frame["problem"]))
+    kinds = list(KINDS)
+    seen = np.zeros((len(problems), len(methods)))
+
+    def put(r, kind):
+        seen[problems.index(r["problem"]), methods.index(r["method"])] = kinds.index(kind)
+
+    for r in _cells(frame):
+        if not r["reason"]:
+            put(r, "as declared")
+    for r in _higher(frame):
+        put(r, "order above")
+    for r, _, why in _shortfalls(frame):
+        put(r, "explained" if why else "contradicted")
+    orders = frame.drop_duplicates("method")["declared_order"].to_numpy()
+    first = np.flatnonzero(np.diff(orders, prepend=-1))
+    last = np.append(first[1:], len(orders))
+    with style.settings():
+        figure, ((axes,),) = style.panels(1, 1, 3.9)
+        colours = ListedColormap(list(KINDS.values()))
+        axes.pcolormesh(seen, cmap=colours, vmin=0, vmax=len(kinds) - 1)
+        axes.hlines(np.arange(len(problems)), 0, len(methods), color="white", linewidth=1.2)
+        axes.set_yticks(np.arange(len(problems)) + 0.5, problems)
+        axes.invert_yaxis()
+        for x in first[1:]:
+            axes.axvline(x, color="0.35", linewidth=0.7)
+        wide = [(a, b) for a, b in zip(first, last, strict=True) if b - a > 2]
+        axes.set_xticks([(a + b) / 2 for a, b in wide], [str(orders[a]) for a, _ in wide])
+        axes.tick_params(length=0)
+        axes.set_xlabel(f"{len(methods)} methods, by declared order")
+        patches = [Patch(facecolor=c, edgecolor="0.6", linewidth=0.5, label=k) for k, c in KINDS.items()]
+        figure.legend(handles=patches, loc="outside upper center", ncols=len(kinds))
+    caption = (
+        "Every method (columns, by declared order) on every problem (rows): as declared in order, symplecticity, "
+        "reversibility, energy and quadratic invariants; of higher order; short of it with a known reason; contradicted."
+    )
+    return [Picture(style.save(figure, folder, "matrix.png"), "every method on every problem", caption)]
+
+
+@of("matrix")
+def table(frame: pd.DataFrame) -> Table | None:
+    """The exceptions: cells that fall short, then orders above the declared ones."""
+    lines = [
+        {"method": r["method"], "problem": r["problem"], "measured": c, "why": why or "NOT EXPLAINED"}
+        for r, c, why in sorted(_shortfalls(frame), key=lambda x: bool(x[2]))
     ]
-    body = [
-        "Order, symplecticity and reversibility without round-off; the energy's error in doubles over a short run. A number "
-        "is what was measured, a letter says why there is none. Lattices are measured with four points.\n"
+    lines += [
+        {
+            "method": r["method"],
+            "problem": r["problem"],
+            "measured": f"order {r['order']:.2f}, declared {r['declared_order']}",
+            "why": "more than is declared",
+        }
+        for r in sorted(_higher(frame), key=lambda r: r["declared_order"] - r["order"])
     ]
-    reasons = Reasons()
-    tables = {part: _part(frame.astype(object).where(frame.notna(), None), part, reasons) for part in PARTS}
-    body.append(f"{reasons.legend()}.\n")
-    for part, title in PARTS.items():
-        body += [f"## {title}\n", tables[part]]
-    body += ["## Explained\n"]
-    for text in dict.fromkeys(matrix.explanation(r, c) for r, c in wrong if matrix.explanation(r, c)):
-        cells = [f"{r['method']} on {r['problem']} ({c})" for r, c in wrong if matrix.explanation(r, c) == text]
-        body.append(f"- {text}: {listed(cells, 40)}.")
-    if not wrong:
-        body.append("Nothing had to be.")
-    body.append("\n## Order above the declared one\n")
-    body.append(listed([f"{r['method']} on {r['problem']}: {r['order']:.2f}" for r in higher], 1000) + ".")
-    return verdict, "\n".join(body)
+    if not lines:
+        return None
+    shown = pd.DataFrame(lines[:ROWS])
+    return Table(shown, f"Exceptions: {len(shown)} of {len(lines)}, those that fall short first.")
+
+
+@of("matrix")
+def _whole(frame: pd.DataFrame) -> pd.DataFrame:
+    """The cells that were run, without what is the same in all."""
+    ran = frame[frame["reason"].isna()] if "reason" in frame else frame
+    columns = ["method", "problem", "declared_order", "order", "symplecticity", "reversibility", "energy"]
+    small = ran[ran["problem"].isin(["henon-heiles", "kepler", "pendulum", "outer-solar-system", "lotka-volterra"])]
+    return small.reindex(columns=columns).rename(columns={"declared_order": "declared"})
 
 
 PAGE = Page(
-    "matrix",
-    "Every method on every problem",
-    "order and defects of all pairs, beside what is declared",
-    ("matrix",),
-    _write,
+    id="matrix",
+    question="Is every method, on every problem, what its record declares?",
+    tables=("matrix",),
+    setting=(
+        "Order, symplecticity |ω(Mu, Mv) − ω(u, v)| and reversibility |ρΦₕρΦₕ(y) − y|: in multiprecision, no round-off.",
+        f"Energy and the invariants q·Dp: the largest error over {matrix.RUN} steps in doubles, in units of H's terms.",
+        "From a state that the published orbit reaches a little later: a turning point superconverges.",
+        f"Systems of more than {matrix.LARGEST} degrees of freedom are measured in doubles alone; lattices have four points.",
+    ),
+    verdicts=(declared, complete, superconvergent),
+    figures=draw,
+    table=table,
+    whole=_whole,
+    limits=(
+        f"An order counts as above the declared one from {ABOVE} on, as below it from 0.1 on, over three step sizes.",
+        f"A defect of at most {matrix.NOTHING:g} is the differences' own; energy errors up to "
+        f"{matrix.UNITS_OF_ROUND_OFF} units are round-off.",
+        f"{matrix.RUN} steps show no slow drift: that is the page on invariants.",
+    ),
+    command="pytest benchmarks/experiments/matrix",
 )

@@ -8,8 +8,8 @@ from pathlib import Path
 import pandas as pd
 
 from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.markdown import listed, number, table
-from phasebench.benchmarks.page.page import Page
+from phasebench.benchmarks.page.markdown import listed, number
+from phasebench.benchmarks.page.page import Page, Picture, Table, Verdict, of
 
 from .oscillatory import ERRORS, SPAN
 
@@ -47,52 +47,66 @@ def _summary(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _places(ratios) -> str:
-    """Which of the ratios lie near integer multiples, by multiple; and how many lie elsewhere."""
+def _places(lost: pd.DataFrame) -> str:
+    """Near which integer multiples the steps lie, and how many lie elsewhere."""
+    ratios = lost[RATIO]
     near = sorted({round(r) for r in ratios if round(r) >= 1 and abs(r - round(r)) <= NEAR})
     others = sum(1 for r in ratios if round(r) < 1 or abs(r - round(r)) > NEAR)
-    text = f"near {listed([f'{k} pi' for k in near])}" if near else ""
+    text = f"near {listed([f'{k} π' for k in near])}" if near else ""
     return " and ".join(
         filter(None, [text, f"at {others} step size{'s' if others > 1 else ''} elsewhere" if others else ""])
     )
 
 
-def _verdict(frame: pd.DataFrame, summary: pd.DataFrame) -> list[str]:
-    sentences = []
+@of("oscillatory")
+def survivors(frame: pd.DataFrame) -> Verdict:
+    """Who keeps the energy at every step size."""
+    summary = _summary(frame)
     whole = summary[summary["energy lost"] == 0]
-    if len(whole):
-        parts = [
-            f"{r['method']} (greatest energy error {number(r['greatest energy error'])}, of I "
-            f"{number(r['greatest error of I'])})"
-            for r in whole.to_dict("records")
-        ]
-        sentences.append(
-            f"To h omega = {number(frame[RATIO].max())} pi these keep the energy to within {number(LOST)} at every step size: "
-            f"{listed(parts)}."
-        )
-    else:
-        sentences.append("No method keeps the energy at every step size.")
+    parts = [
+        f"{r['method']} (energy error at most {number(r['greatest energy error'])})" for r in whole.to_dict("records")
+    ]
+    range_ = f"up to hω = {number(frame[RATIO].max())} π"
+    return Verdict(
+        f"At every step size {range_} the energy is kept to within {number(LOST)} by "
+        + (f"{listed(parts, 4)}." if parts else "no method."),
+        len(whole) > 0,
+        f"{len(whole)} of {len(summary)} methods survive every step size {range_}.",
+    )
+
+
+@of("oscillatory")
+def resonances(frame: pd.DataFrame) -> Verdict | None:
+    """Where the others lose it."""
+    summary = _summary(frame)
+    parts = []
     for r in summary[summary["energy lost"] > 0].to_dict("records"):
         part = frame[frame["method"] == r["method"]]
         lost = part[(part["status"] != "ok") | ~(part[ENERGY] < LOST)]
         above = part[part[RATIO] >= lost[RATIO].min()]
-        if len(lost) == len(above):
-            last = part[part[RATIO] < lost[RATIO].min()][RATIO].max()
-            sentences.append(f"{r['method']} loses the energy at every step size above h omega = {number(last)} pi.")
-        else:
-            sentences.append(f"{r['method']} loses it {_places(lost[RATIO])}.")
+        everywhere = len(lost) == len(above)
+        where = f"above {number(part[part[RATIO] < lost[RATIO].min()][RATIO].max())} π" if everywhere else _places(lost)
+        parts.append(f"{r['method']} {where}")
+    if not parts:
+        return None
+    text = f"The others lose it: {'; '.join(parts)}."
+    return Verdict(text, True, text)
+
+
+@of("oscillatory")
+def smallest(frame: pd.DataFrame) -> Verdict | None:
+    """Who is best where every method works."""
     small = frame[frame[RATIO] == frame[RATIO].min()]
-    if small[ENERGY].notna().any():
-        best = small.loc[small[ENERGY].idxmin()]
-        sentences.append(
-            f"Least energy error at the smallest step, h omega = {number(best[RATIO])} pi: {best['method']}, "
-            f"{number(best[ENERGY])}."
-        )
-    return sentences
+    if not small[ENERGY].notna().any():
+        return None
+    best = small.loc[small[ENERGY].idxmin()]
+    text = f"Least energy error at the smallest step, hω = {number(best[RATIO])} π: {best['method']}, {number(best[ENERGY])}."
+    return Verdict(text, True, text)
 
 
-def draw(frame: pd.DataFrame, directory: Path) -> str:
-    """Errors of H and I against h omega / pi, a panel for each method; returns the file's name in ``directory``."""
+@of("oscillatory")
+def draw(frame: pd.DataFrame, directory: Path) -> list[Picture]:
+    """Errors of H and I against h omega / pi, a panel for each method."""
     names = list(dict.fromkeys(frame["method"]))
     columns = 3
     with style.settings():
@@ -120,38 +134,47 @@ def draw(frame: pd.DataFrame, directory: Path) -> str:
         for text, y, colour in (("error of H", 0.17, style.BLUE), ("error of I", 0.06, style.ORANGE)):
             last = axes.flat[len(names) - 1]
             last.text(0.96, y, text, color=colour, transform=last.transAxes, ha="right")
-    return style.save(figure, directory, "oscillatory-resonances.png")
+    caption = (
+        "Greatest errors of H (solid) and of the oscillatory energy I (dashed) against hω/π; triangles: no finite end, a "
+        f"step refused, or an error of H above {number(LIMITS[1])}. Grey lines: hω a multiple of π."
+    )
+    return [Picture(style.save(figure, directory, "oscillatory.png"), "errors of H and I against hω/π", caption)]
 
 
-def _write(data, figures):
-    frame = data("oscillatory")
-    if frame is None:
-        return None
-    frame = frame.assign(method=frame["method"].astype(str))
-    summary = _summary(frame)
-    omega = float((frame[RATIO] * math.pi / frame["h"]).median())
-    refused = frame[frame["status"] == "invalid"]
-    body = [
-        f"The Fermi-Pasta-Ulam problem with stiff springs, omega = {number(omega)}, to t = {number(SPAN)}. The energy "
-        f"counts as lost where the integration does not end, is refused, or the greatest error of H exceeds {number(LOST)}; "
-        "medians are over the other step sizes. I is an adiabatic invariant: the exact flow does not keep it exactly.\n",
-        f"![greatest errors of H and I against h omega / pi](figures/{draw(frame, figures)})\n",
-        "Solid blue: the total energy H. Dashed orange: the oscillatory energy I. Triangles: no finite end, a step refused, "
-        f"or an error of H above {number(LIMITS[1])}.\n",
-        table(summary),
-    ]
-    if len(refused):
-        at = listed(
-            [f"{m} at {listed([number(x) for x in g[RATIO]])} pi" for m, g in refused.groupby("method", sort=False)]
-        )
-        body.append(f"Refused, as the kick is infinite there: h omega of {at}.\n")
-    return _verdict(frame, summary), "\n".join(body)
+@of("oscillatory")
+def table(frame: pd.DataFrame) -> Table:
+    """A row for each method."""
+    caption = (
+        f"Lost: no finite end, a step refused, or an error of H above {number(LOST)}; medians are over the other steps."
+    )
+    return Table(_summary(frame), caption)
+
+
+@of("oscillatory")
+def _whole(frame: pd.DataFrame) -> pd.DataFrame:
+    """The step sizes at which the energy is lost."""
+    columns = ["method", RATIO, "status", ENERGY, OSCILLATORY]
+    return frame[(frame["status"] != "ok") | ~(frame[ENERGY] < LOST)][columns]
 
 
 PAGE = Page(
-    "oscillatory",
-    "Highly oscillatory systems",
-    "which step sizes beyond the fast period an integrator survives, and where it resonates",
-    ("oscillatory",),
-    _write,
+    id="oscillatory",
+    question="Which integrators survive steps beyond the fast period, and where do they resonate?",
+    tables=("oscillatory",),
+    setting=(
+        "H = Σ (p₀ᵢ² + p₁ᵢ²)/2 + (ω²/2) Σ q₁ᵢ² + slow part: Fermi–Pasta–Ulam with three stiff springs, ω = 50.",
+        f"From the published initial state (H = 2.0012) to t = {number(SPAN)}; step sizes up to hω = 4.5 π.",
+        "I = Σ (p₁ᵢ² + ω² q₁ᵢ²)/2, the oscillatory energy, is an adiabatic invariant: the exact flow moves it a little.",
+        "Trigonometric integrators, r-RESPA, IMEX, and Störmer–Verlet beside them.",
+    ),
+    verdicts=(survivors, resonances, smallest),
+    figures=draw,
+    table=table,
+    whole=_whole,
+    limits=(
+        f"The energy counts as lost from an error of {number(LOST)} on, half of the total; resonant means within {NEAR} π "
+        "of a multiple of π.",
+        "One ω and one initial state; narrow resonances may lie between the step sizes that were tried.",
+    ),
+    command="pytest benchmarks/experiments/oscillatory",
 )

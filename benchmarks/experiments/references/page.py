@@ -2,93 +2,124 @@
 
 from __future__ import annotations
 
-from phasebench.benchmarks.page.markdown import listed, number, table
-from phasebench.benchmarks.page.page import Page
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks.page import style
+from phasebench.benchmarks.page.markdown import listed, number
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
 from phasebench.reference.certificates.make import FASTEST, SAFETY
 
 COLUMNS = {
     "problem": "problem",
     "t_end": "t_end",
-    "uncertainty": "uncertainty of the digits",
+    "uncertainty": "uncertainty",
     "long double": "long double",
     "horizon": "horizon",
-    "growth": "growth exponent",
-    "rate": "rate (1/t)",
-    "energy": "energy change (relative)",
+    "rate": "rate",
     "distance": "Gauss 16",
-    "its uncertainty": "its own uncertainty",
-    "moved by": "moved by",
+    "its uncertainty": "its uncertainty",
 }
 
 
-def _worst(frame, column: str) -> str:
+def _worst(frame: pd.DataFrame, column: str) -> str:
     worst = frame.loc[frame[column].idxmax()]
     return f"{number(worst[column], 2)} ({worst['problem']} at t = {number(worst['t_end'])})"
 
 
-def _write(data, figures):
-    frame = data("references")
-    if frame is None:
-        return None
-    frame = frame.copy()
-    frame["changed"] = frame["changed"].astype(object).fillna("")
-    moved, apart = frame[frame["changed"] != ""], frame[frame["disagree"] > 0]
-    unstable, short = frame[frame["rate"].notna()], frame[~frame["holds to the end"].astype(bool)]
-    verdict = [
-        f"{len(frame)} references with {frame['states'].sum()} stored states were computed anew: "
-        + (
-            "none moved by more than its uncertainty."
-            if moved.empty
-            else "these changed: " + listed([f"{r.problem} ({r.changed})" for r in moved.itertuples()], 12) + "."
-        ),
-        f"The largest uncertainty of a stored state is {_worst(frame, 'uncertainty')}; "
-        f"the energy changes by at most {number(frame['energy'].abs().max(), 2)} of the sum of its terms.",
-        (
-            f"In all {frame['pairs'].sum()} comparisons with another solver the distance is within the uncertainties."
-            if apart.empty
-            else f"Solvers disagree on {listed(list(apart['problem']), 12)}."
+@of("references")
+def unmoved(frame: pd.DataFrame) -> Verdict:
+    """Whether the stored states are what is computed anew."""
+    changed = frame["changed"].astype(object).fillna("")
+    moved = frame[changed != ""]
+    names = [f"{name} ({how})" for name, how in zip(moved["problem"], changed[changed != ""], strict=True)]
+    text = f"{len(frame)} references with {int(frame['states'].sum())} stored states were computed anew: "
+    text += f"these changed: {listed(names, 4)}." if names else "none moved by more than its uncertainty"
+    text += "" if names else f", which is at most {_worst(frame, 'uncertainty')}."
+    return Verdict(text, moved.empty, f"{len(moved) or 'None'} of {len(frame)} references moved when computed anew.")
+
+
+@of("references")
+def second(frame: pd.DataFrame) -> Verdict:
+    """Whether a second solver agrees."""
+    apart, pairs = frame[frame["disagree"] > 0], int(frame["pairs"].sum())
+    text = (
+        f"Solvers disagree beyond their uncertainties on {listed(list(apart['problem']), 6)}"
+        if len(apart)
+        else f"In all {pairs} comparisons with another solver the distance is within the uncertainties"
+    )
+    text += f"; the second solver's own uncertainty is {number(frame['its uncertainty'].median(), 2)} in the median."
+    return Verdict(text, apart.empty, f"Solvers disagree on {len(apart)} of {len(frame)} references.")
+
+
+@of("references")
+def horizons(frame: pd.DataFrame) -> Verdict:
+    """Where long double, the reference of a run whose end is not stored, leaves its limit."""
+    short = frame[~frame["holds to the end"].astype(bool)].sort_values("horizon")
+    parts = [f"{r.problem} ({number(r.horizon)} of {number(r.t_end)})" for r in short.itertuples()]
+    text = "Long double holds to the end on every orbit."
+    if parts:
+        text = (
+            f"Long double leaves its limit before the end on {len(short)} of {len(frame)} orbits: {listed(parts, 4)}."
         )
-        + f" The second solver's own uncertainty is at most {_worst(frame, 'its uncertainty')}, "
-        + f"in the median {number(frame['its uncertainty'].median(), 2)}.",
-        "Neighbouring trajectories part exponentially, as of a chaotic flow or an unstable orbit, on "
-        + listed(
-            [
-                f"{r.problem} (rate {number(r.rate, 2)}, horizon {number(r.horizon)} of {number(r.t_end)})"
-                for r in unstable.itertuples()
-            ],
-            12,
-        )
-        + ".",
-        "Long double, the reference of a run whose end is not stored, leaves its limit before the end on "
-        + listed([f"{r.problem} (after t = {number(r.horizon)} of {number(r.t_end)})" for r in short.itertuples()], 12)
-        + ": no error of a trajectory is to be reported later.",
-    ]
-    body = [
-        "Errors are max norms over (q, p), the largest at any time up to t_end, in the problem's own units. The digits are "
-        "heyoka's Taylor run in quadruple precision, their uncertainty its distance from a run at a tolerance 50 times as "
-        "large. _Long double_ and _Gauss 16_ (order 16, 8 stages, in NumPy's long double) are distances from these digits; "
-        f"the Gauss method's own uncertainty is {SAFETY:g} times the difference of two step sizes, and its round-off grown as "
-        f"neighbouring trajectories part. Horizon: the last time, on a grid, at which long double is within {number(frame['limit'].max())} of "
-        "the state's max norm. Growth exponent: of the distance of neighbours as a power of t, over the later part of the span; "
-        f"a rate is given where it exceeds {FASTEST:g}.\n",
-        table(frame, COLUMNS),
-    ]
-    others = frame[frame["other solvers"].fillna("") != ""]
-    if len(others):
-        body.append("## Other solvers\n")
-        body.append(
-            table(
-                others,
-                {"problem": "problem", "t_end": "t_end", "other solvers": "distance at t_end (its own uncertainty)"},
+    return Verdict(text, True, text)
+
+
+@of("references")
+def draw(frame: pd.DataFrame, folder) -> list[Picture]:
+    """The uncertainty of the digits, and the distances of two other solvers."""
+    shown = frame.sort_values("long double").reset_index(drop=True)
+    with style.settings():
+        figure, ((axes,),) = style.panels(1, 1, 1.3 + 0.145 * len(shown))
+        for k, column in enumerate(("uncertainty", "long double", "distance")):
+            colour, _, marker = style.CURVES[k]
+            label = {"uncertainty": "uncertainty of the stored digits", "distance": "Gauss of order 16"}.get(
+                column, column
             )
-        )
-    return verdict, "\n".join(body)
+            axes.semilogx(shown[column], np.arange(len(shown)), marker, color=colour, label=label)
+        axes.set_yticks(range(len(shown)), shown["problem"])
+        axes.set_ylim(-0.7, len(shown) - 0.3)
+        axes.set_xlabel("largest distance from the stored digits, maximum norm over (q, p)")
+        axes.grid(color="0.93", linewidth=0.5)
+        style.legend_above(figure, axes, 3)
+    caption = "Each reference: the uncertainty of its digits, and how far a long double run and the Gauss method end from them."
+    return [Picture(style.save(figure, folder, "references.png"), "the references' uncertainties", caption)]
+
+
+@of("references")
+def table(frame: pd.DataFrame) -> Table:
+    """The orbits whose neighbours part exponentially, or that leave the limit, then the largest uncertainties."""
+    hard = frame["rate"].notna() | ~frame["holds to the end"].astype(bool)
+    shown = pd.concat([frame[hard], frame[~hard].nlargest(10, "uncertainty")])
+    caption = (
+        "The orbits whose neighbours part exponentially or whose horizon is short, then the ten largest uncertainties."
+    )
+    return Table(shown[list(COLUMNS)].rename(columns=COLUMNS).head(ROWS), caption)
+
+
+@of("references")
+def _whole(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame[list(COLUMNS)].rename(columns=COLUMNS)
 
 
 PAGE = Page(
-    "references",
-    "Certified references",
-    "how exact the stored end states are, how far trajectories can be trusted, and whether a second solver agrees",
-    ("references",),
-    _write,
+    id="references",
+    question="How exact are the references that errors are measured against, and how far do they reach?",
+    tables=("references",),
+    setting=(
+        "The stored digits are a Taylor run in quadruple precision; their uncertainty is its distance from a second "
+        "run at a tolerance 50 times as large. Errors are max norms over (q, p), the largest at any time up to t_end.",
+        "Long double and Gauss 16 (8 stages) are distances from these digits, by solvers that share no code.",
+        "Horizon: the last time at which long double is within its limit; a trajectory's error is not reported later.",
+    ),
+    verdicts=(unmoved, second, horizons),
+    figures=draw,
+    table=table,
+    whole=_whole,
+    limits=(
+        f"The Gauss method's uncertainty is SAFETY = {SAFETY:g} times the difference of two step sizes, and its round-off "
+        "grown as neighbouring trajectories part.",
+        f"A rate (1/t) is given where it exceeds FASTEST = {FASTEST:g}; the horizon is a property of one run and machine.",
+    ),
+    command="pytest benchmarks/experiments/references",
 )

@@ -6,6 +6,8 @@ Henon-Heiles model'; M. Henon, C. Heiles, Astron. J. 69 (1964) 73-79 (the sectio
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from phasebench.benchmarks.page import style
@@ -16,29 +18,72 @@ from .measure import LAMBDAS
 from .record import Figure
 
 SECTION = "henon-heiles"
-ORBITS = ("box", "chaotic")
+#: orbit -> the half width of the plane that is drawn
+ORBITS = {"box": 0.26, "chaotic": 1.05}
 STEP = 0.02
+#: Orbits are drawn to this time: later they only fill what they have filled.
+DRAWN = 400.0
 #: |H - H0| of an orbit that has left the well (the chaotic one starts at the escape energy): not drawn.
 ESCAPED = 1.0
-ENERGY_METHODS = (("AVF", "avf"), ("Scheme IV", "scheme-iv"), ("Scheme V", "scheme-v"))
-SCHEME_I = tuple((f"$\\lambda$ = {lam}", "scheme-i", {"lam": lam}) for lam in LAMBDAS)
-PRESERVING = tuple((title, id, {}) for title, id in ENERGY_METHODS)
+#: label -> (method, parameters)
+SCHEME_I = {f"λ = {lam}": ("scheme-i", {"lam": lam}) for lam in LAMBDAS}
+PRESERVING = {"AVF": ("avf", {}), "Scheme IV": ("scheme-iv", {}), "Scheme V": ("scheme-v", {})}
 
 
-def _runs(orbit: str, methods, t_end: float):
-    start = measure.start(f"henon-heiles:{orbit}")
-    return start, [measure.run(start, id, STEP, t_end, **parameters) for _, id, parameters in methods]
+def _runs(methods, t_end: float):
+    """(orbit, label, problem, solution) of every method on both orbits."""
+    for orbit in ORBITS:
+        start = measure.start(f"henon-heiles:{orbit}")
+        for label, (id, parameters) in methods.items():
+            yield orbit, label, start, measure.run(start, id, STEP, t_end, **parameters)
 
 
-def _largest(methods, solutions, start) -> str:
+def _end(quick: bool) -> float:
+    return 100.0 if quick else 1000.0
+
+
+def _measure_orbits(methods, quick: bool) -> list[dict]:
+    rows = []
+    for orbit, label, start, s in _runs(methods, _end(quick)):
+        inside = np.abs(s.q).max(axis=1) < 10 * ORBITS[orbit]  # an orbit that escapes ends at the frame
+        path = measure.traced(s.q[inside], until=round(DRAWN / STEP))
+        error = measure.energy_error(start, s).max()
+        rows.append(measure.row(orbit, label, *path.T, s, energy_error=error))
+    return rows
+
+
+def _measure_energies(methods, quick: bool) -> list[dict]:
+    rows = []
+    for orbit, label, start, s in _runs(methods, _end(quick)):
+        error = measure.energy_error(start, s)
+        t, e = measure.binned_maxima(s.t, error)
+        rows.append(measure.row(orbit, label, t, e, s, energy_error=error.max()))
+    return rows
+
+
+def _measure_sections(quick: bool) -> list[dict]:
+    rows = []
+    for orbit, label, start, s in _runs(SCHEME_I, 500.0 if quick else 8000.0):
+        crossings = measure.section(start, s)
+        rows.append(measure.row(orbit, label, *crossings.T, s, crossings=len(crossings)))
+    return rows
+
+
+def _largest(rows) -> str:
     """The largest energy error of each run, in words."""
-    labels = [title.replace("$\\lambda$", "lambda") for title, _, _ in methods]
-    pairs = zip(labels, solutions, strict=True)
-    return ", ".join(f"{number(measure.energy_error(start, s).max(), 2)} ({label})" for label, s in pairs)
+    return "; ".join(
+        f"{orbit}: " + ", ".join(f"{number(r.energy_error, 2)} ({r.curve})" for r in part.itertuples())
+        for orbit, part in rows.groupby("panel", sort=False)
+    )
 
 
-def _boundary(axes, start, reach) -> None:
+def _span(rows) -> str:
+    return f"to t = {rows['t_end'].max():g}, h = {rows['h'].iloc[0]:g}"
+
+
+def _boundary(axes, orbit: str, reach: float) -> None:
     """The curve U(q) = H0, which no orbit of that energy crosses."""
+    start = measure.start(f"henon-heiles:{orbit}")
     system = start.system
     q = np.stack([x.ravel() for x in np.meshgrid(*2 * [np.linspace(-reach, reach, 241)])], axis=1)
     U = system.observe(system.potential, q, 0 * q).reshape(241, 241)
@@ -46,116 +91,125 @@ def _boundary(axes, start, reach) -> None:
     axes.contour(*(q[:, i].reshape(241, 241) for i in (0, 1)), U, levels=[H0], colors=style.VERMILION, linewidths=1.0)
 
 
-def _orbits(methods, quick: bool, height: float):
-    """Orbits in the plane (q1, q2): a row for each orbit, a column for each method."""
-    t_end = 100.0 if quick else 1000.0
-    figure, grid = style.panels(2, len(methods), height, sharex="row", sharey="row")
-    parts, every = [], []
-    for row, orbit in zip(grid, ORBITS, strict=True):
-        start, solutions = _runs(orbit, methods, t_end)
-        reach = 0.26 if orbit == "box" else 1.05
-        for axes, (title, _, _), s in zip(row, methods, solutions, strict=True):
-            inside = np.abs(s.q).max(axis=1) < 10 * reach  # an orbit that escapes ends at the frame
-            axes.plot(*s.q[inside].T, color=style.BLUE, linewidth=0.25)
-            _boundary(axes, start, 1.2 * reach)
-            axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", title=f"{orbit}, {title}")
-            axes.set_xlabel("$q_1$")
-        row[0].set_ylabel("$q_2$")
-        every += solutions
-        parts.append(f"{orbit}: {_largest(methods, solutions, start)}")
-    return figure, t_end, "; ".join(parts), every
+def _grid(rows, height: float):
+    """A row of panels for each orbit, a column for each curve: (figure, [(axes, row)], the left axes)."""
+    figure, grid = style.panels(2, rows["curve"].nunique(), height, sharex="row", sharey="row")
+    return figure, list(zip(grid.flat, rows.itertuples(), strict=True)), grid[:, 0]
+
+
+def _draw_orbits(rows, methods: str, height: float):
+    figure, panels, left = _grid(rows, height)
+    for axes, r in panels:
+        reach = ORBITS[r.panel]
+        axes.plot(measure.points(r.x), measure.points(r.y), color=style.BLUE, linewidth=0.25)
+        _boundary(axes, r.panel, 1.2 * reach)
+        axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", title=f"{r.panel}, {r.curve}")
+        axes.set_xlabel("$q_1$")
+    for axes in left:
+        axes.set_ylabel("$q_2$")
+    caption = (
+        f"Hénon–Heiles, box (above) and chaotic orbits of {methods} {_span(rows)}, drawn to t = "
+        f"{min(DRAWN, rows['t_end'].max()):g}; red: the curve U(q) = H0, which the exact flow does not cross. Largest "
+        f"|H - H0|, {_largest(rows)}.{measure.troubles(rows)}"
+    )
+    return figure, caption
 
 
 @style.drawn
-def scheme_i_orbits(quick: bool):
+def scheme_i_orbits(rows):
     """Box and chaotic orbits of Scheme I."""
-    figure, t_end, largest, solutions = _orbits(SCHEME_I, quick, 4.2)
-    caption = (
-        f"Henon-Heiles, box (above) and chaotic orbits of Scheme I to t = {t_end:g}, h = {STEP:g}; red: the curve "
-        f"U(q) = H0 of the exact flow. Largest |H - H0|, {largest}.{measure.troubles(solutions)}"
-    )
-    return figure, caption
+    return _draw_orbits(rows, "Scheme I", 4.2)
 
 
 @style.drawn
-def preserving_orbits(quick: bool):
+def preserving_orbits(rows):
     """Box and chaotic orbits of AVF, Schemes IV and V."""
-    figure, t_end, largest, solutions = _orbits(PRESERVING, quick, 5.1)
-    caption = (
-        f"Henon-Heiles, box (above) and chaotic orbits of AVF, Schemes IV and V to t = {t_end:g}, h = {STEP:g}; red: "
-        f"the curve U(q) = H0. Largest |H - H0|, {largest}.{measure.troubles(solutions)}"
-    )
-    return figure, caption
+    return _draw_orbits(rows, "AVF, Schemes IV and V", 5.1)
 
 
 @style.drawn
-def sections(quick: bool):
+def sections(rows):
     """The Poincare section of Scheme I's orbits."""
-    t_end = 500.0 if quick else 8000.0
-    figure, grid = style.panels(2, len(SCHEME_I), 4.2, sharex="row", sharey="row")
-    parts, every = [], []
-    for row, orbit in zip(grid, ORBITS, strict=True):
-        start, solutions = _runs(orbit, SCHEME_I, t_end)
-        counts = []
-        for axes, (title, _, _), s in zip(row, SCHEME_I, solutions, strict=True):
-            points = measure.section(start, s)
-            counts.append(len(points))
-            axes.plot(*points.T, linestyle="none", marker=".", markersize=2.4, markeredgewidth=0, color=style.BLUE)
-            axes.set(title=f"{orbit}, {title}", xlabel="$q_2$")
-        row[0].set_ylabel("$p_2$")
-        every += solutions
-        parts.append(f"{orbit} {', '.join(map(str, counts))}")
+    figure, panels, left = _grid(rows, 4.2)
+    for axes, r in panels:
+        look = {"linestyle": "none", "marker": ".", "markersize": 2.4, "markeredgewidth": 0, "color": style.BLUE}
+        axes.plot(measure.points(r.x), measure.points(r.y), **look)
+        axes.set(title=f"{r.panel}, {r.curve}", xlabel="$q_2$")
+    for axes in left:
+        axes.set_ylabel("$p_2$")
+    counts = "; ".join(
+        f"{orbit} {', '.join(str(int(n)) for n in part['crossings'])}"
+        for orbit, part in rows.groupby("panel", sort=False)
+    )
     caption = (
-        f"Henon-Heiles, Poincare section q_1 = 0, p_1 > 0 of Scheme I's orbits to t = {t_end:g}, h = {STEP:g}. "
-        f"Crossings for lambda = {', '.join(map(str, LAMBDAS))}: {'; '.join(parts)}.{measure.troubles(every)}"
+        f"Hénon–Heiles, Poincaré section q_1 = 0, p_1 > 0 of Scheme I's orbits {_span(rows)}. Crossings for "
+        f"{', '.join(rows['curve'].unique())}: {counts}.{measure.troubles(rows)}"
     )
     return figure, caption
 
 
-def _energies(methods, quick: bool):
+def _draw_energies(rows, methods: str):
     """|H - H0| against t: a panel for each orbit, a curve for each method."""
-    t_end = 100.0 if quick else 1000.0
     figure, grid = style.panels(2, 1, 4.4, sharex=True)
-    parts, every, errors = [], [], []
+    errors = []
     for axes, orbit in zip(grid[:, 0], ORBITS, strict=True):
-        start, solutions = _runs(orbit, methods, t_end)
-        for k, ((title, _, _), s) in enumerate(zip(methods, solutions, strict=True)):
-            t, e = measure.binned_maxima(s.t, measure.energy_error(start, s))
+        for k, r in enumerate(rows[rows["panel"] == orbit].itertuples()):
+            t, e = measure.points(r.x), measure.points(r.y)
             e = np.where(e < ESCAPED, e, np.nan)
-            axes.semilogy(t, measure.shown(e), label=title, **style.curve(k, len(t)))
+            axes.semilogy(t, measure.shown(e), label=r.curve, **style.curve(k, len(t)))
             errors.append(e)
         style.decades(axes)
-        axes.set(ylabel="$|H - H_0|$", title=f"{orbit} orbit", xlim=(0, t_end))
-        every += solutions
-        parts.append(f"{orbit}: {_largest(methods, solutions, start)}")
+        axes.set(ylabel="$|H - H_0|$", title=f"{orbit} orbit", xlim=(0, rows["t_end"].max()))
     grid[-1, 0].set_xlabel("$t$")
     figure.align_ylabels()
-    style.legend_above(figure, grid[0, 0], len(methods))
-    tail = (
-        f"to t = {t_end:g}, h = {STEP:g}; each curve joins the maxima of 200 equal pieces of time. Largest |H - H0|, "
-        f"{'; '.join(parts)}.{measure.floor_note(errors)}{measure.troubles(every)}"
+    style.legend_above(figure, grid[0, 0], rows["curve"].nunique())
+    caption = (
+        f"Hénon–Heiles, energy error of {methods} {_span(rows)}; each curve joins the maxima of 200 equal pieces of "
+        f"time. Largest |H - H0|, {_largest(rows)}.{measure.floor_note(errors)}{measure.troubles(rows)}"
     )
-    return figure, tail
+    return figure, caption
 
 
 @style.drawn
-def scheme_i_energy(quick: bool):
+def scheme_i_energy(rows):
     """Energy error of Scheme I."""
-    figure, tail = _energies(SCHEME_I, quick)
-    return figure, f"Henon-Heiles, energy error of Scheme I {tail}"
+    return _draw_energies(rows, "Scheme I")
 
 
 @style.drawn
-def preserving_energy(quick: bool):
+def preserving_energy(rows):
     """Energy error of AVF, Schemes IV and V."""
-    figure, tail = _energies(PRESERVING, quick)
-    return figure, f"Henon-Heiles, energy error of AVF, Schemes IV and V {tail}"
+    return _draw_energies(rows, "AVF, Schemes IV and V")
 
 
 FIGURES = (
-    Figure("henon-heiles-scheme-i-orbits", "Henon-Heiles: orbits of Scheme I", SECTION, scheme_i_orbits),
-    Figure("henon-heiles-scheme-i-sections", "Henon-Heiles: Poincare sections of Scheme I", SECTION, sections),
-    Figure("henon-heiles-scheme-i-energy", "Henon-Heiles: energy error of Scheme I", SECTION, scheme_i_energy),
-    Figure("henon-heiles-preserving-orbits", "Henon-Heiles: orbits of AVF, IV and V", SECTION, preserving_orbits),
-    Figure("henon-heiles-preserving-energy", "Henon-Heiles: energy error of AVF, IV and V", SECTION, preserving_energy),
+    Figure(
+        "henon-heiles-scheme-i-orbits",
+        "Orbits of Scheme I",
+        SECTION,
+        partial(_measure_orbits, SCHEME_I),
+        scheme_i_orbits,
+    ),
+    Figure("henon-heiles-scheme-i-sections", "Poincaré sections of Scheme I", SECTION, _measure_sections, sections),
+    Figure(
+        "henon-heiles-scheme-i-energy",
+        "Energy error of Scheme I",
+        SECTION,
+        partial(_measure_energies, SCHEME_I),
+        scheme_i_energy,
+    ),
+    Figure(
+        "henon-heiles-preserving-orbits",
+        "Orbits of AVF, Schemes IV and V",
+        SECTION,
+        partial(_measure_orbits, PRESERVING),
+        preserving_orbits,
+    ),
+    Figure(
+        "henon-heiles-preserving-energy",
+        "Energy error of AVF, Schemes IV and V",
+        SECTION,
+        partial(_measure_energies, PRESERVING),
+        preserving_energy,
+    ),
 )

@@ -47,12 +47,18 @@ def _projected(xi, eta, i: int) -> np.ndarray:
     return corners[:, [d + i, i]]
 
 
+def _measure(quick: bool) -> list[dict]:
+    shapes = {"before": (XI, ETA)} | {title: image(id) for title, id in METHODS}
+    return [measure.row(title, "xi and eta", xi, eta, digits=17) for title, (xi, eta) in shapes.items()]
+
+
 @style.drawn
-def parallelograms(quick: bool):
+def parallelograms(rows):
     """The parallelogram and its images, in both planes."""
     figure, grid = style.panels(2, 3, 4.4, sharex=True, sharey=True)
-    shapes = [("before", (XI, ETA)), *((title, image(id)) for title, id in METHODS)]
-    for column, (title, (xi, eta)) in enumerate(shapes):
+    parts = []
+    for column, r in enumerate(rows.itertuples()):
+        xi, eta = measure.points(r.x), measure.points(r.y)
         oriented = areas(xi, eta)
         for i, axes in enumerate(grid[:, column]):
             corners = _projected(xi, eta, i)
@@ -64,20 +70,18 @@ def parallelograms(quick: bool):
                 axes.annotate(
                     "", vector, (0, 0), arrowprops={"arrowstyle": "->", "linestyle": line, "shrinkA": 0, "shrinkB": 0}
                 )
-            first = f"{title}, $\\omega$ = {oriented.sum():.4f}\n" if i == 0 else ""
+            first = f"{r.panel}, $\\omega$ = {oriented.sum():.4f}\n" if i == 0 else ""
             axes.set_title(f"{first}area {i + 1}: {oriented[i]:+.4f}")
             axes.set(xlabel=f"$p_{i + 1}$", ylabel=f"$q_{i + 1}$" if column == 0 else "")
             axes.margins(0.12)
             axes.set_aspect("equal")
-    sums = "; ".join(
-        f"{title} {' and '.join(number(a, 6) for a in areas(*pair))} with sum {number(areas(*pair).sum(), 12)}"
-        for title, pair in shapes
-    )
+        sizes = " and ".join(number(a, 6) for a in oriented)
+        parts.append(f"{r.panel} {sizes} with sum {number(oriented.sum(), 12)}")
     caption = (
-        f"A parallelogram (solid arrow xi, dashed eta) and its image under one step, h = {number(STEP)}, of a "
+        f"A parallelogram (solid arrow ξ, dashed η) and its image under one step, h = {number(STEP)}, of a "
         "symplectic and of a non-symplectic method on two coupled oscillators, projected onto the planes (p_1, q_1) "
-        "(above) and (p_2, q_2) (below); hatched: negative orientation. Oriented areas and their sum omega(xi, eta): "
-        f"{sums}."
+        "(above) and (p_2, q_2) (below); hatched: negative orientation. Oriented areas and their sum ω(ξ, η): "
+        f"{'; '.join(parts)}."
     )
     return figure, caption
 
@@ -86,7 +90,8 @@ FIGURES = (
     Figure(
         "linear-symplectic-map",
         "A linear symplectic map on a parallelogram",
-        "pendulum and symplectic maps",
+        "symplectic-maps",
+        _measure,
         parallelograms,
     ),
 )

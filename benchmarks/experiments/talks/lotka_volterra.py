@@ -19,6 +19,10 @@ from .record import Figure
 
 SECTION = "lotka-volterra"
 STEP = 0.12
+#: The disc is shown so many times, so far apart, and carried by steps of a part of that.
+SNAPSHOTS, SPACING, SUBSTEPS = 4, 0.9, 300
+#: The exact flow is the classical Runge-Kutta method at this part of the step.
+FINER = 50
 #: (title, method, orbits): the talk's starting points; its symplectic Euler is implicit in u and explicit in v.
 RUNS = (
     ("explicit Euler", "explicit-euler", ("2-2",)),
@@ -40,8 +44,51 @@ def _invariant(u: float, v: float) -> float:
     return float(system.observe(system.H, [[u]], [[v]])[0])
 
 
+def _measure_flow(quick: bool) -> list[dict]:
+    disc = measure.circle((3.0, 2.0), 0.4, 128 if quick else 256)
+    sets = measure.carry(measure.start("lotka-volterra"), "rk4", disc, SPACING / SUBSTEPS, SNAPSHOTS, SUBSTEPS)
+    return [
+        measure.row(
+            "disc",
+            f"{k * SPACING:g}",
+            *points.T,
+            area=abs(measure.enclosed_area(points)),
+            measure=abs(measure.enclosed_area(np.log(points))),
+        )
+        for k, points in enumerate(sets)
+    ]
+
+
+def _measure_methods(quick: bool) -> list[dict]:
+    t_end = (60 if quick else 120) * STEP
+    rows = []
+    for title, id, orbits in RUNS:
+        for orbit in orbits:
+            start = measure.start(f"lotka-volterra:{orbit}")
+            exact = measure.run(start, "rk4", STEP / FINER, t_end)
+            path = measure.traced(np.hstack([exact.q, exact.p]), n=400)
+            rows.append(measure.row(title, "exact flow", *path.T, exact))
+            s = measure.run(start, id, STEP, t_end)
+            values = start.system.observe(start.system.H, s.q, s.p) - _invariant(*s.q[0], *s.p[0])
+            change = {"end": values[-1], "energy_error": np.abs(values).max()}
+            rows.append(measure.row(title, start.start.about, s.q, s.p, s, **change))
+    return rows
+
+
+def _disc(axes, k: int, name: str, points) -> None:
+    """The k-th image of the disc, with its time beside it."""
+    colour = style.ORANGE if k == 0 else style.SKY
+    axes.fill(*points.T, facecolor=colour, edgecolor="black", linewidth=0.8, alpha=0.85)
+    inward = np.array([1.0, 2.0]) - points
+    nearest = np.argmin(np.hypot(*inward.T))
+    offset = 10 * inward[nearest] / np.hypot(*inward[nearest])
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.4}
+    middle = {"ha": "center", "va": "center", "bbox": box}
+    axes.annotate(name, points[nearest], offset, textcoords="offset points", **middle)
+
+
 @style.drawn
-def exact_flow(quick: bool):
+def exact_flow(rows):
     """The vector field, and a disc carried along level curves."""
     system = measure.start("lotka-volterra").system
     span = (5.2, 6.2)
@@ -59,69 +106,47 @@ def exact_flow(quick: bool):
         u[:, 0], v[:, 0], du / speed, dv / speed, color=style.BLUE, scale=26, width=0.0032, pivot="mid", angles="xy"
     )
     left.set_title("vector field")
-    snapshots, spacing, substeps = 4, 0.9, 300
-    disc = measure.circle((3.0, 2.0), 0.4, 128 if quick else 256)
-    sets = measure.carry(measure.start("lotka-volterra"), "rk4", disc, spacing / substeps, snapshots, substeps)
-    for k, points in enumerate(sets):
-        right.fill(
-            *points.T, facecolor=style.ORANGE if k == 0 else style.SKY, edgecolor="black", linewidth=0.8, alpha=0.85
-        )
-        inward = np.array([1.0, 2.0]) - points
-        nearest = np.argmin(np.hypot(*inward.T))
-        offset = 10 * inward[nearest] / np.hypot(*inward[nearest])
-        right.annotate(
-            f"{k * spacing:g}",
-            points[nearest],
-            offset,
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4},
-        )
+    for k, r in enumerate(rows.itertuples()):
+        _disc(right, k, f"{float(r.curve):g}", np.stack([measure.points(r.x), measure.points(r.y)], axis=1))
     right.set_title("exact flow of a disc, at the times shown")
-    plain = np.abs([measure.enclosed_area(s) for s in sets])
-    measured = np.abs([measure.enclosed_area(np.log(s)) for s in sets])
+    first, last = rows.iloc[0], rows.iloc[-1]
     caption = (
-        "Lotka-Volterra: the vector field's direction (left) and a disc carried by the flow to "
-        f"t = {snapshots * spacing:g} (right; classical Runge-Kutta method, h = {number(spacing / substeps)}), over "
-        f"level curves of I = ln u - u + 2 ln v - v. The disc's area goes from {number(plain[0], 6)} to "
-        f"{number(plain[-1], 6)}; its measure du dv/(uv), {number(measured[0], 10)}, changes by at most "
-        f"{number(np.abs(measured - measured[0]).max(), 2)}."
+        "Lotka–Volterra: the vector field's direction (left) and a disc carried by the flow to "
+        f"t = {float(last['curve']):g} (right; classical Runge–Kutta method, h = {number(SPACING / SUBSTEPS)}), over "
+        f"level curves of I = ln u - u + 2 ln v - v. The disc's area goes from {number(first['area'], 6)} to "
+        f"{number(last['area'], 6)}; its measure du dv/(uv), {number(first['measure'], 10)}, changes by at most "
+        f"{number(np.abs(rows['measure'] - first['measure']).max(), 2)}."
     )
     return figure, caption
 
 
 @style.drawn
-def numerical_flow(quick: bool):
+def numerical_flow(rows):
     """The four methods from the talk's starting points."""
-    steps = 60 if quick else 120
     figure, grid = style.panels(2, 2, 5.2)
-    parts, solutions = [], []
-    for axes, (title, id, orbits) in zip(grid.flat, RUNS, strict=True):
-        starts = [measure.start(f"lotka-volterra:{orbit}") for orbit in orbits]
-        runs = [measure.run(start, id, STEP, steps * STEP) for start in starts]
-        for k, (start, s) in enumerate(zip(starts, runs, strict=True)):
-            exact = measure.run(start, "rk4", STEP / 50, steps * STEP)
-            axes.plot(exact.q, exact.p, color=style.GREY, linewidth=1.2)
+    exact = rows["curve"] == "exact flow"
+    parts = []
+    for axes, title in zip(grid.flat, rows["panel"].unique(), strict=False):
+        for r in rows[exact & (rows["panel"] == title)].itertuples():
+            axes.plot(measure.points(r.x), measure.points(r.y), color=style.GREY, linewidth=1.2)
+        for k, r in enumerate(rows[~exact & (rows["panel"] == title)].itertuples()):
+            u, v = measure.points(r.x), measure.points(r.y)
             colour, _, marker = style.CURVES[k]
-            name = start.start.about
-            axes.plot(s.q, s.p, color=colour, marker=marker, linewidth=0.4, markersize=2.4, label=name)
-            axes.plot(s.q[0], s.p[0], color="black", marker="*", markersize=8, linestyle="none")
-            values = start.system.observe(start.system.H, s.q, s.p)
-            change, largest = values[-1] - values[0], np.abs(values - values[0]).max()
-            parts.append(f"{title} {name} {number(change)} at the end, {number(largest)} at most")
-        solutions += runs
+            axes.plot(u, v, color=colour, marker=marker, linewidth=0.4, markersize=2.4, label=r.curve)
+            axes.plot(u[0], v[0], color="black", marker="*", markersize=8, linestyle="none")
+            parts.append(f"{title} {r.curve} {number(r.end)} at the end, {number(r.energy_error)} at most")
         axes.set(xlim=(0, None), ylim=(0, None), title=title, xlabel="$u$ (predators)", ylabel="$v$ (prey)")
         axes.legend(loc="upper right")
+    runs = rows[~exact]
     caption = (
-        f"Numerical flow of Lotka-Volterra, {steps} steps of h = {STEP:g} to t = {number(steps * STEP)}, from the "
-        f"stars; grey: the exact flow (classical Runge-Kutta method, h = {number(STEP / 50)}). Change of the invariant "
-        f"I: {'; '.join(parts)}.{measure.troubles(solutions)}"
+        f"Numerical flow of Lotka–Volterra, {int(runs['steps'].max())} steps of h = {STEP:g} to t = "
+        f"{number(runs['t_end'].max())}, from the stars; grey: the exact flow (classical Runge–Kutta method, h = "
+        f"{number(STEP / FINER)}). Change of the invariant I: {'; '.join(parts)}.{measure.troubles(runs)}"
     )
     return figure, caption
 
 
 FIGURES = (
-    Figure("lotka-volterra-flow", "Lotka-Volterra: vector field and exact flow", SECTION, exact_flow),
-    Figure("lotka-volterra-methods", "Lotka-Volterra: numerical flow of four methods", SECTION, numerical_flow),
+    Figure("lotka-volterra-flow", "Vector field and exact flow", SECTION, _measure_flow, exact_flow),
+    Figure("lotka-volterra-methods", "Numerical flow of four methods", SECTION, _measure_methods, numerical_flow),
 )

@@ -1,4 +1,4 @@
-r"""What figures compute of trajectories: sets carried along, areas, errors, thinning, Poincare sections.
+r"""What is measured of trajectories for figures: sets carried along, areas, errors, thinning, Poincare sections.
 
 The area within a closed curve is that of its trigonometric interpolant, the polygon formula
 :math:`\tfrac12\sum (q_i p_{i+1} - q_{i+1} p_i)` in the limit of many vertices: with
@@ -11,6 +11,7 @@ Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006),
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from fractions import Fraction
 from functools import cache
 from itertools import pairwise
@@ -28,6 +29,9 @@ LAMBDAS = (Fraction(-1), Fraction(1, 3), Fraction(3, 2), Fraction(2))
 
 #: Errors that are zero stand here on logarithmic axes.
 FLOOR = 1e-18
+
+#: Points of a stored curve at most, and their significant digits: a figure of 7 inches shows no more.
+POINTS, DIGITS = 2500, 6
 
 #: Refinement differences below this are no ground for an order: round-off is near.
 NOISE = 1e-12
@@ -67,22 +71,51 @@ def shown(e) -> np.ndarray:
     return np.maximum(e, FLOOR)
 
 
-def floor_note(errors) -> str:
+def floor_note(errors: Iterable[np.ndarray]) -> str:
     """The caption's sentence about zeros, where there are any."""
     return f" Zeros are drawn at {number(FLOOR)}." if any((e == 0).any() for e in errors) else ""
 
 
-def troubles(solutions) -> str:
+def packed(values, digits: int = DIGITS) -> str:
+    """The points of a curve as the text of one cell, an array (n,) with so many significant digits."""
+    return " ".join(f"{x:.{digits}g}" for x in np.ravel(values))
+
+
+def points(cell) -> np.ndarray:
+    """The array (n,) that `packed` wrote; empty for an empty cell."""
+    return np.array(cell.split(), dtype=float) if isinstance(cell, str) else np.empty(0)
+
+
+def row(panel: str, curve: str, x, y, solution=None, digits: int = DIGITS, **values) -> dict:
+    """The row of one curve: where it is drawn, the run it is of, its points (x, y), and numbers for the caption."""
+    of_run = {}
+    if solution is not None:
+        of_run = {
+            "method": solution.method.label,
+            "name": solution.method.name,
+            "h": solution.h,
+            "t_end": float(solution.t[-1]),
+            "status": solution.status,
+            "reason": solution.reason,
+            "steps": solution.counts["steps"],
+            "fallbacks": solution.counts["fallbacks"],
+        }
+    return {"panel": panel, "curve": curve} | of_run | values | {"x": packed(x, digits), "y": packed(y, digits)}
+
+
+def traced(q, until: int | None = None, n: int = POINTS) -> np.ndarray:
+    """At most ``n`` of the first ``until`` points of a path, array (m, 2), equally far apart along it."""
+    q = q[:until]
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(q, axis=0).T))])
+    return q[np.unique(np.searchsorted(along, np.linspace(0, along[-1], n)).clip(max=len(q) - 1))]
+
+
+def troubles(rows) -> str:
     """The caption's sentences about integrations that did not end as they should, and steps without a root."""
-    text = "".join(f" {s.method.label}: {s.status}, {s.reason}." for s in solutions if s.status != "ok")
-    missed: dict[str, list] = {}
-    for s in solutions:
-        missed.setdefault(s.method.name, []).append(s.counts)
-    missed = {name: [sum(c[k] for c in all) for k in ("fallbacks", "steps")] for name, all in missed.items()}
-    if any(misses for misses, _ in missed.values()):
-        counts = ", ".join(f"{a} of {b} ({name})" for name, (a, b) in missed.items() if a)
-        text += f" Steps without a root lambda, taken with lambda = 1/2: {counts}."
-    return text
+    text = "".join(f" {r.method}: {r.status}, {r.reason}." for r in rows[rows["status"] != "ok"].itertuples())
+    sums = rows.groupby("name", sort=False)[["fallbacks", "steps"]].sum()
+    missed = [f"{int(r.fallbacks)} of {int(r.steps)} ({r.Index})" for r in sums.itertuples() if r.fallbacks]
+    return text + (f" Steps without a root λ, taken with λ = 1/2: {', '.join(missed)}." if missed else "")
 
 
 def carry(problem, id: str, points, h: float, snapshots: int, substeps: int = 1, **parameters) -> np.ndarray:

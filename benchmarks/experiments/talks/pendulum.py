@@ -17,7 +17,7 @@ from phasebench.benchmarks.page.style import number
 from . import measure
 from .record import Figure
 
-SECTION = "pendulum and symplectic maps"
+SECTION = "symplectic-maps"
 SNAPSHOTS = 4
 STEP = np.pi / 4
 
@@ -38,7 +38,7 @@ def _grid(q, p, n: int):
 
 
 @style.drawn
-def phase_portrait(quick: bool):
+def phase_portrait(rows):
     """Level curves of H and the vector field."""
     system = measure.start("pendulum").system
     span, height = (-1.5 * np.pi, 3.5 * np.pi), (-2.8, 2.8)
@@ -68,30 +68,37 @@ def carried(id: str, substeps: int, vertices: int) -> np.ndarray:
     return measure.carry(measure.start("pendulum"), id, face, STEP / substeps, SNAPSHOTS, substeps)
 
 
+def _measure_area(quick: bool) -> list[dict]:
+    rows = []
+    for title, id, substeps in CARRIERS:
+        carry = {"h": STEP / substeps, "snapshots": SNAPSHOTS, "substeps": substeps}
+        for k, face in enumerate(carried(id, substeps, 256 if quick else 512)):
+            rows.append(measure.row(title, f"face {k}", *face.T, area=measure.enclosed_area(face)))
+        for side, x in (("left", -0.16), ("right", 0.16)):
+            eyes = measure.carry(measure.start("pendulum"), id, measure.circle((x, 1.45), 0.07, 24), **carry)
+            rows += [measure.row(title, f"{side} eye {k}", *eye.T) for k, eye in enumerate(eyes)]
+    return rows
+
+
 @style.drawn
-def area(quick: bool):
+def area(rows):
     """A cat's face carried by the flow and by methods of either kind."""
     figure, grid = style.panels(2, 2, 5.0, sharex=True, sharey=True)
-    vertices = 256 if quick else 512
-    flow, parts = None, []
-    for axes, (title, id, substeps) in zip(grid.flat, CARRIERS, strict=True):
-        faces = carried(id, substeps, vertices)
-        eyes = [
-            measure.carry(
-                measure.start("pendulum"), id, measure.circle((x, 1.45), 0.07, 24), STEP / substeps, SNAPSHOTS, substeps
-            )
-            for x in (-0.16, 0.16)
-        ]
-        flow = faces if flow is None else flow
-        for k, face in enumerate(faces):
-            axes.fill(
-                *face.T, facecolor=style.SKY if k % 2 else style.ORANGE, edgecolor="black", linewidth=0.8, alpha=0.8
-            )
-            for eye in eyes:
-                axes.fill(*eye[k].T, color="black", linewidth=0)
-            if id != "rk4":
-                axes.plot(*np.vstack([flow[k], flow[k][:1]]).T, color=style.GREY, linestyle="--", linewidth=0.7)
-        areas = np.array([measure.enclosed_area(face) for face in faces])
+    faces, eyes = (rows[rows["curve"].str.contains(word)] for word in ("face", "eye"))
+    flow = {r.curve: (measure.points(r.x), measure.points(r.y)) for r in faces.itertuples() if r.panel == "exact flow"}
+    parts = []
+    for axes, title in zip(grid.flat, rows["panel"].unique(), strict=False):
+        here = faces[faces["panel"] == title]
+        for k, r in enumerate(here.itertuples()):
+            colour = style.SKY if k % 2 else style.ORANGE
+            points = measure.points(r.x), measure.points(r.y)
+            axes.fill(*points, facecolor=colour, edgecolor="black", linewidth=0.8, alpha=0.8)
+            if title != "exact flow":
+                closed = [np.append(x, x[0]) for x in flow[r.curve]]
+                axes.plot(*closed, color=style.GREY, linestyle="--", linewidth=0.7)
+        for r in eyes[eyes["panel"] == title].itertuples():
+            axes.fill(measure.points(r.x), measure.points(r.y), color="black", linewidth=0)
+        areas = here["area"].to_numpy()
         axes.set_title(f"{title}\nareas {', '.join(f'{a:.3f}' for a in areas)}")
         axes.set_aspect("equal")
         parts.append(f"{title} {number(areas[-1], 10)} (largest change {number(np.abs(areas - areas[0]).max(), 2)})")
@@ -99,16 +106,17 @@ def area(quick: bool):
         axes.set_xlabel("$q$ (rad)")
     for axes in grid[:, 0]:
         axes.set_ylabel("$p$")
+    vertices = len(flow["face 0"][0])
     caption = (
         f"A set of area {number(areas[0], 10)} carried by the pendulum's flow and by three methods with "
-        f"h = pi/4 = {number(STEP, 4)}, shown at t = 0, h, ..., {SNAPSHOTS}h (dashed: the flow, by the classical "
-        f"Runge-Kutta method at h/{CARRIERS[0][2]}). Area after {SNAPSHOTS} steps: {'; '.join(parts)}. Areas are those "
+        f"h = π/4 = {number(STEP, 4)}, shown at t = 0, h, ..., {SNAPSHOTS}h (dashed: the flow, by the classical "
+        f"Runge–Kutta method at h/{CARRIERS[0][2]}). Area after {SNAPSHOTS} steps: {'; '.join(parts)}. Areas are those "
         f"of the trigonometric interpolant of {vertices} vertices."
     )
     return figure, caption
 
 
 FIGURES = (
-    Figure("pendulum-phase-portrait", "Phase portrait of the pendulum", SECTION, phase_portrait),
-    Figure("pendulum-area", "Area preservation on the pendulum", SECTION, area),
+    Figure("pendulum-phase-portrait", "Phase portrait of the pendulum", SECTION, None, phase_portrait),
+    Figure("pendulum-area", "Area preservation on the pendulum", SECTION, _measure_area, area),
 )

@@ -9,6 +9,8 @@ perturbed Kepler problem', (29)-(30).
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from phasebench.benchmarks.page import style
@@ -18,10 +20,16 @@ from . import measure
 from .measure import LAMBDAS
 from .record import Figure
 
-SECTION = "perturbed kepler"
+SECTION = "perturbed-kepler"
 STEP = 0.01
-PRESERVING = (("AVF", "avf"), ("Scheme IV", "scheme-iv"), ("Scheme V", "scheme-v"))
-INVARIANTS = (("energy", "$|H - H_0|$"), ("angular-momentum", "$|L - L_0|$"))
+#: Orbits are drawn to this time, in which the apocentre goes round: later they only fill the ring.
+DRAWN = 400.0
+#: label -> (method, parameters)
+PRESERVING = {"AVF": ("avf", {}), "Scheme IV": ("scheme-iv", {}), "Scheme V": ("scheme-v", {})}
+SCHEMES = {"Scheme I": "scheme-i", "Scheme III": "scheme-iii"}
+INVARIANTS = {"energy": "$|H - H_0|$", "angular-momentum": "$|L - L_0|$"}
+#: What the exact flow is measured by.
+EXACT = "scheme-iii-suzuki-6"
 
 
 def _kepler():
@@ -54,163 +62,199 @@ def precession(solution) -> float:
     return float((turned[-1] - turned[0]) / (len(far) - 1) - 2 * np.pi)
 
 
-def _reference_turn(t_end: float) -> str:
-    """The caption's words about the turn of the exact flow, from a method of order 6."""
-    s = measure.run(measure.start("perturbed-kepler"), "scheme-iii-suzuki-6", STEP / 2, t_end)
-    return f"{number(precession(s), 4)} (Suzuki's composition of order 6, h = {number(s.h)})"
+def _over_lambda(id: str) -> dict:
+    return {f"λ = {lam}": (id, {"lam": lam}) for lam in LAMBDAS}
 
 
-def _draw_orbit(axes, solution, title: str) -> None:
-    axes.plot(*solution.q.T, color=style.BLUE, linewidth=0.25)
-    axes.plot(0, 0, marker="+", color=style.VERMILION, markersize=6)
-    axes.set(xlim=(-1.85, 1.85), ylim=(-1.85, 1.85), aspect="equal", title=title, xlabel="$q_1$")
+def _run(chosen: tuple[str, dict], t_end: float):
+    id, parameters = chosen
+    return measure.run(_kepler(), id, STEP, t_end, **parameters)
 
 
-@style.drawn
-def scheme_i_orbits(quick: bool):
-    """Orbits of Scheme I."""
-    t_end = _end(quick)
-    figure, (row,) = style.panels(1, len(LAMBDAS), 2.25, sharey=True)
-    solutions = [measure.run(_kepler(), "scheme-i", STEP, t_end, lam=lam) for lam in LAMBDAS]
-    for axes, lam, s in zip(row, LAMBDAS, solutions, strict=True):
-        _draw_orbit(axes, s, f"$\\lambda$ = {lam}")
-    row[0].set_ylabel("$q_2$")
-    turns = [precession(s) for s in solutions]
+def _measure_orbits(methods, quick: bool) -> list[dict]:
+    rows = []
+    for label, chosen in methods.items():
+        s = _run(chosen, _end(quick))
+        path = measure.traced(s.q, until=round(DRAWN / STEP))
+        rows.append(measure.row("", label, *path.T, s, turn=precession(s)))
+    s = measure.run(_kepler(), EXACT, STEP / 2, _end(quick))
+    return [*rows, measure.row("", "exact flow", [], [], s, turn=precession(s))]
+
+
+def _measure_invariants(methods, quick: bool, column: str = "") -> list[dict]:
+    rows = []
+    for label, chosen in methods.items():
+        s = _run(chosen, _end(quick))
+        for name in INVARIANTS:
+            error = invariant_error(name, s)
+            t, e = measure.binned_maxima(s.t, error)
+            rows.append(measure.row(f"{column} {name}".strip(), label, t, e, s, largest=error.max()))
+    return rows
+
+
+def _measure_schemes(quick: bool) -> list[dict]:
+    return [row for title, id in SCHEMES.items() for row in _measure_invariants(_over_lambda(id), quick, column=title)]
+
+
+def _measure_parameter(quick: bool) -> list[dict]:
+    rows = []
+    for label in ("Scheme IV", "Scheme V"):
+        s = _run(PRESERVING[label], 8.0 if quick else 20.0)
+        if not rows:
+            rows.append(measure.row("distance", label, s.t, np.hypot(*s.q.T), s))
+        low, middle, high = (f(s.parameter) for f in (np.nanmin, np.nanmedian, np.nanmax))
+        rows.append(measure.row("lambda", label, s.t[1:], s.parameter, s, low=low, median=middle, high=high))
+    return rows
+
+
+def _span(rows) -> str:
+    return f"to t = {rows['t_end'].max():g}, h = {STEP:g}"
+
+
+def _draw_orbits(rows, methods: str, height: float):
+    exact = rows[rows["curve"] == "exact flow"].iloc[0]
+    shown = rows[rows["curve"] != "exact flow"]
+    figure, (panels,) = style.panels(1, len(shown), height, sharey=True)
+    for axes, r in zip(panels, shown.itertuples(), strict=True):
+        axes.plot(measure.points(r.x), measure.points(r.y), color=style.BLUE, linewidth=0.25)
+        axes.plot(0, 0, marker="+", color=style.VERMILION, markersize=6)
+        axes.set(xlim=(-1.85, 1.85), ylim=(-1.85, 1.85), aspect="equal", title=r.curve, xlabel="$q_1$")
+    panels[0].set_ylabel("$q_2$")
+    turns = ", ".join(f"{number(r.turn, 4)} ({r.curve})" for r in shown.itertuples())
     caption = (
-        f"Perturbed Kepler, orbits of Scheme I to t = {t_end:g}, h = {STEP:g}. The apocentre turns in each revolution, "
-        f"for lambda = {', '.join(map(str, LAMBDAS))}, by {', '.join(number(x, 4) for x in turns)} rad; by "
-        f"{_reference_turn(t_end)} for the exact flow."
-        f"{measure.troubles(solutions)}"
+        f"Perturbed Kepler, orbits of {methods} {_span(shown)}, drawn to t = {min(DRAWN, shown['t_end'].max()):g}. The "
+        f"apocentre turns in each revolution by {turns} rad; by {number(exact['turn'], 4)} for the exact flow "
+        f"(Suzuki's composition of order 6, h = {number(exact['h'])}).{measure.troubles(shown)}"
     )
     return figure, caption
 
 
-def _invariant_panels(axes_by_name, labelled) -> list[np.ndarray]:
-    """Curves of the labelled solutions in a panel for each invariant; returns the errors shown."""
-    errors = []
-    for axes, (name, label) in zip(axes_by_name, INVARIANTS, strict=True):
-        for k, (title, s) in enumerate(labelled):
-            t, e = measure.binned_maxima(s.t, invariant_error(name, s))
-            axes.semilogy(t, measure.shown(e), label=title, **style.curve(k, len(t)))
-            errors.append(e)
-        axes.set(ylabel=label, xlim=(0, labelled[0][1].t[-1]))
-    return errors
-
-
-def _largest(name: str, solutions) -> str:
-    return ", ".join(number(invariant_error(name, s).max(), 2) for s in solutions)
+@style.drawn
+def scheme_i_orbits(rows):
+    """Orbits of Scheme I."""
+    return _draw_orbits(rows, "Scheme I", 2.25)
 
 
 @style.drawn
-def scheme_i_and_iii(quick: bool):
+def preserving_orbits(rows):
+    """Orbits of AVF, Schemes IV and V."""
+    return _draw_orbits(rows, "AVF, Schemes IV and V", 2.75)
+
+
+def _invariant_panels(axes_by_name, rows, column: str = "") -> list[np.ndarray]:
+    """Curves of a column in a panel for each invariant; returns the errors shown."""
+    errors = []
+    for axes, (name, label) in zip(axes_by_name, INVARIANTS.items(), strict=True):
+        for k, r in enumerate(rows[rows["panel"] == f"{column} {name}".strip()].itertuples()):
+            t, e = measure.points(r.x), measure.points(r.y)
+            axes.semilogy(t, measure.shown(e), label=r.curve, **style.curve(k, len(t)))
+            errors.append(e)
+        axes.set(ylabel=label, xlim=(0, rows["t_end"].max()))
+    return errors
+
+
+def _largest(rows, panel: str) -> str:
+    return ", ".join(number(x, 2) for x in rows[rows["panel"] == panel]["largest"])
+
+
+def _invariants_caption(rows, parts: list[str], errors) -> str:
+    return (
+        f"Perturbed Kepler, errors of energy H (above) and angular momentum L {_span(rows)}; each curve joins the "
+        f"maxima of 200 equal pieces of time. Largest errors for {', '.join(rows['curve'].unique())}: "
+        f"{'; '.join(parts)}.{measure.floor_note(errors)}{measure.troubles(rows[rows['panel'].str.contains('energy')])}"
+    )
+
+
+@style.drawn
+def scheme_i_and_iii(rows):
     """Energy and angular momentum error of Schemes I and III."""
-    t_end = _end(quick)
     figure, grid = style.panels(2, 2, 4.6, sharex=True, sharey="row")
-    errors, parts, every = [], [], []
-    for column, (name, id) in enumerate((("Scheme I", "scheme-i"), ("Scheme III", "scheme-iii"))):
-        solutions = [measure.run(_kepler(), id, STEP, t_end, lam=lam) for lam in LAMBDAS]
-        labelled = [(f"$\\lambda$ = {lam}", s) for lam, s in zip(LAMBDAS, solutions, strict=True)]
-        errors += _invariant_panels(grid[:, column], labelled)
+    errors, parts = [], []
+    for column, name in enumerate(SCHEMES):
+        errors += _invariant_panels(grid[:, column], rows, name)
         grid[0, column].set_title(name)
         grid[1, column].set_xlabel("$t$")
-        every += solutions
-        parts.append(f"{name}: {_largest('energy', solutions)} of H, {_largest('angular-momentum', solutions)} of L")
+        largest = (_largest(rows, f"{name} {invariant}") for invariant in INVARIANTS)
+        parts.append("{}: {} of H, {} of L".format(name, *largest))
     for left, right in grid:
         style.decades(left)
         right.set_ylabel("")
     figure.align_ylabels()
     style.legend_above(figure, grid[0, 0], len(LAMBDAS))
-    caption = (
-        f"Perturbed Kepler, errors of energy H (above) and angular momentum L to t = {t_end:g}, h = {STEP:g}; each "
-        f"curve joins the maxima of 200 equal pieces of time. Largest errors for lambda = "
-        f"{', '.join(map(str, LAMBDAS))}, {'; '.join(parts)}.{measure.floor_note(errors)}{measure.troubles(every)}"
-    )
-    return figure, caption
+    return figure, _invariants_caption(rows, parts, errors)
 
 
 @style.drawn
-def preserving_orbits(quick: bool):
-    """Orbits of AVF, Schemes IV and V."""
-    t_end = _end(quick)
-    figure, (row,) = style.panels(1, len(PRESERVING), 2.75, sharey=True)
-    solutions = [measure.run(_kepler(), id, STEP, t_end) for _, id in PRESERVING]
-    for axes, (title, _), s in zip(row, PRESERVING, solutions, strict=True):
-        _draw_orbit(axes, s, title)
-    row[0].set_ylabel("$q_2$")
-    turns = [f"{number(precession(s), 4)} ({title})" for (title, _), s in zip(PRESERVING, solutions, strict=True)]
-    caption = (
-        f"Perturbed Kepler, orbits of AVF, Schemes IV and V to t = {t_end:g}, h = {STEP:g}. The apocentre turns in "
-        f"each revolution by {', '.join(turns)} rad; by {_reference_turn(t_end)} for the exact flow."
-        f"{measure.troubles(solutions)}"
-    )
-    return figure, caption
-
-
-@style.drawn
-def preserving_invariants(quick: bool):
+def preserving_invariants(rows):
     """Energy and angular momentum error of AVF, Schemes IV and V."""
-    t_end = _end(quick)
     figure, grid = style.panels(2, 1, 4.4, sharex=True)
-    solutions = [measure.run(_kepler(), id, STEP, t_end) for _, id in PRESERVING]
-    labelled = [(title, s) for (title, _), s in zip(PRESERVING, solutions, strict=True)]
-    errors = _invariant_panels(grid[:, 0], labelled)
+    errors = _invariant_panels(grid[:, 0], rows)
     for axes in grid[:, 0]:
         style.decades(axes)
     grid[1, 0].set_xlabel("$t$")
     figure.align_ylabels()
     style.legend_above(figure, grid[0, 0], len(PRESERVING))
-    caption = (
-        f"Perturbed Kepler, errors of energy H (above) and angular momentum L to t = {t_end:g}, h = {STEP:g}; each "
-        f"curve joins the maxima of 200 equal pieces of time. Largest errors of {', '.join(t for t, _ in PRESERVING)}: "
-        f"{_largest('energy', solutions)} of H, {_largest('angular-momentum', solutions)} of L."
-        f"{measure.floor_note(errors)}{measure.troubles(solutions)}"
-    )
-    return figure, caption
+    parts = ["{} of H, {} of L".format(*(_largest(rows, name) for name in INVARIANTS))]
+    return figure, _invariants_caption(rows, parts, errors)
 
 
 @style.drawn
-def chosen_parameter(quick: bool):
+def chosen_parameter(rows):
     """lambda of Schemes IV and V along the orbit."""
-    t_end = 8.0 if quick else 20.0
     figure, grid = style.panels(3, 1, 4.8, sharex=True)
-    solutions = [measure.run(_kepler(), id, STEP, t_end) for _, id in PRESERVING[1:]]
-    grid[0, 0].plot(solutions[0].t, np.hypot(*solutions[0].q.T), color="black")
+    distance = rows[rows["panel"] == "distance"].iloc[0]
+    grid[0, 0].plot(measure.points(distance["x"]), measure.points(distance["y"]), color="black")
     grid[0, 0].set_ylabel("$|q|$")
-    parts = []
-    for axes, (title, _), s, colour in zip(
-        grid[1:, 0], PRESERVING[1:], solutions, (style.BLUE, style.VERMILION), strict=True
-    ):
-        axes.plot(s.t[1:], s.parameter, color=colour, linestyle="none", marker=".", markersize=2.2)
+    chosen = rows[rows["panel"] == "lambda"]
+    for axes, r, colour in zip(grid[1:, 0], chosen.itertuples(), (style.BLUE, style.VERMILION), strict=True):
+        look = {"color": colour, "linestyle": "none", "marker": ".", "markersize": 2.2}
+        axes.plot(measure.points(r.x), measure.points(r.y), **look)
         axes.axhline(0.5, color=style.GREY, linewidth=0.8, zorder=0)
-        axes.set(ylabel="$\\lambda$", title=title)
-        low, high = np.nanmin(s.parameter), np.nanmax(s.parameter)
-        parts.append(f"{title} {number(low, 4)} to {number(high, 4)}, median {number(np.nanmedian(s.parameter), 6)}")
-    grid[0, 0].set(title="distance (Scheme IV)", xlim=(0, t_end))
+        axes.set(ylabel="$\\lambda$", title=r.curve)
+    grid[0, 0].set(title=f"distance ({distance['curve']})", xlim=(0, distance["t_end"]))
     grid[-1, 0].set_xlabel("$t$")
     figure.align_ylabels()
+    ranges = "; ".join(
+        f"{r.curve} {number(r.low, 4)} to {number(r.high, 4)}, median {number(r.median, 6)}"
+        for r in chosen.itertuples()
+    )
     caption = (
-        f"Perturbed Kepler, the parameter lambda that Schemes IV and V choose in each step to keep the energy, h = "
-        f"{STEP:g}; grey: lambda = 1/2. Range to t = {t_end:g}: {'; '.join(parts)}.{measure.troubles(solutions)}"
+        f"Perturbed Kepler, the parameter λ that Schemes IV and V choose in each step to keep the energy, h = "
+        f"{STEP:g}; grey: λ = 1/2. Range to t = {distance['t_end']:g}: {ranges}.{measure.troubles(chosen)}"
     )
     return figure, caption
 
 
 FIGURES = (
-    Figure("perturbed-kepler-scheme-i-orbits", "Perturbed Kepler: orbits of Scheme I", SECTION, scheme_i_orbits),
+    Figure(
+        "perturbed-kepler-scheme-i-orbits",
+        "Orbits of Scheme I",
+        SECTION,
+        partial(_measure_orbits, _over_lambda("scheme-i")),
+        scheme_i_orbits,
+    ),
     Figure(
         "perturbed-kepler-scheme-i-iii-invariants",
-        "Perturbed Kepler: H and L of Schemes I and III",
+        "Energy and angular momentum of Schemes I and III",
         SECTION,
+        _measure_schemes,
         scheme_i_and_iii,
     ),
     Figure(
-        "perturbed-kepler-preserving-orbits", "Perturbed Kepler: orbits of AVF, IV and V", SECTION, preserving_orbits
+        "perturbed-kepler-preserving-orbits",
+        "Orbits of AVF, Schemes IV and V",
+        SECTION,
+        partial(_measure_orbits, PRESERVING),
+        preserving_orbits,
     ),
     Figure(
         "perturbed-kepler-preserving-invariants",
-        "Perturbed Kepler: H and L of AVF, IV and V",
+        "Energy and angular momentum of AVF, Schemes IV and V",
         SECTION,
+        partial(_measure_invariants, PRESERVING),
         preserving_invariants,
     ),
-    Figure("perturbed-kepler-parameter", "Perturbed Kepler: lambda of Schemes IV and V", SECTION, chosen_parameter),
+    Figure(
+        "perturbed-kepler-parameter", "The parameter of Schemes IV and V", SECTION, _measure_parameter, chosen_parameter
+    ),
 )

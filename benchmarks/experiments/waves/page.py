@@ -2,88 +2,130 @@
 
 from __future__ import annotations
 
-from phasebench.benchmarks.page.markdown import listed, number, table
-from phasebench.benchmarks.page.page import Page
+import pandas as pd
+
+from phasebench.benchmarks.page import style
+from phasebench.benchmarks.page.markdown import listed, number
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+
+ROUND_OFF = "round-off"
+
+
+def _ran(frame: pd.DataFrame) -> pd.DataFrame:
+    ran = frame[frame["status"] == "ok"].copy()
+    for column in ("energy is kept", "invariant is kept"):
+        ran[column] = ran[column].astype(bool)
+    return ran
+
+
+def _judge(frame: pd.DataFrame, what: str, declared: str, name: str) -> Verdict | None:
+    """Whether those that declare to keep something do; the mass, q.q + p.p, is none of the declared form."""
+    ran = _ran(frame)
+    if ran.empty:
+        return None
+    says = ran[ran[declared] == ROUND_OFF]
+    keeps, loses = says[says[f"{what} is kept"]], says[~says[f"{what} is kept"]]
+    others = ran[(ran[declared] != ROUND_OFF) & ~ran[f"{what} is kept"]]
+    text = f"The {name} is kept to round-off in {len(keeps)} of {len(says)} runs whose method declares it"
+    text += f" (at most {number(keeps[f'{what} error'].max())})" if len(keeps) else ""
+    text += f", not by {listed(sorted(loses['method'].unique()), 4)}" if len(loses) else ""
+    text += f"; the other methods' error is at least {number(others[f'{what} error'].min())}" if len(others) else ""
+    return Verdict(f"{text}.", loses.empty, f"The {name} is kept in {len(keeps)} of {len(says)} runs that declare it.")
+
+
+@of("pde")
+def energy(frame: pd.DataFrame) -> Verdict | None:
+    """Whether the energy is kept on steps with a root."""
+    return _judge(frame, "energy", "energy class", "energy (on steps with a root)")
+
+
+@of("pde")
+def charge(frame: pd.DataFrame) -> Verdict | None:
+    """Whether the charge of the Klein-Gordon equation is kept."""
+    return _judge(frame[frame["invariant"] == "charge"], "invariant", "quadratic class", "charge, of the form q·Dp,")
+
+
+@of("pde")
+def roots(frame: pd.DataFrame) -> Verdict | None:
+    """On how many steps there is no root."""
+    ran = _ran(frame)
+    if ran.empty:
+        return None
+    missed = ran[ran["fallbacks"] > 0]
+    parts = [f"{r.method} on {r.problem} at h = {number(r.h)}: {int(r.fallbacks)}" for r in missed.itertuples()]
+    text = f"Steps without a root: {listed(parts, 4)}." if parts else "No step of any run is without a root."
+    return Verdict(text, missed.empty, f"{int(ran['fallbacks'].sum())} steps have no root; the next ones win H back.")
+
+
+@of("pde")
+def draw(frame: pd.DataFrame, folder) -> list[Picture] | None:
+    """Energy error against time."""
+    ran = _ran(frame)
+    if ran.empty:
+        return None
+    problems, methods = (list(dict.fromkeys(ran[c])) for c in ("problem", "method"))
+    with style.settings():
+        figure, (panels,) = style.panels(1, len(problems), 3.2, sharey=True)
+        for axes, name in zip(panels, problems, strict=True):
+            for k, method in enumerate(methods):
+                part = ran[(ran["problem"] == name) & (ran["method"] == method)]
+                look = style.curve(k) if k < len(style.CURVES) else {"color": style.GREY, "marker": "*"}
+                axes.loglog(part["seconds"], part["energy error"].clip(lower=1e-17), label=method, **look)
+            axes.set(title=name, xlabel="warm integration (s)")
+            axes.grid(color="0.93", linewidth=0.5)
+            style.plain_ticks(axes.xaxis)
+        panels[0].set_ylabel("energy error")
+        style.legend_above(figure, panels[0], 4)
+    caption = (
+        "Largest energy error, on steps with a root, against warm seconds; the two marks of a curve are two steps."
+    )
+    return [Picture(style.save(figure, folder, "waves.png"), "energy error against time", caption)]
+
 
 COLUMNS = {
+    "problem": "problem",
     "method": "method",
     "h": "h",
     "energy error": "energy error",
-    "energy error, steps without a root": "on steps without a root",
-    "invariant error": None,
-    "evaluations per step": "evaluations per step",
-    "newton": "Newton solves",
-    "fallbacks": "fallbacks",
+    "invariant": "invariant",
+    "invariant error": "its error",
+    "evaluations per step": "evaluations a step",
+    "fallbacks": "no root",
     "seconds": "seconds",
     "status": "status",
 }
 
 
-def _kept(members, what, name):
-    """A sentence: which methods keep something at every step that was measured, and the least error of the others."""
-    kept = members.groupby("method", sort=False)[f"{what} is kept"].all()
-    keep, lose = list(kept[kept].index), list(kept[~kept].index)
-    text = f"the {name} is kept to round-off by {listed(keep, 12)}"
-    if keep:
-        text += f" (at most {number(members[members['method'].isin(keep)][f'{what} error'].max())})"
-    if lose:
-        text += f", not by {listed(lose, 12)} (error at least {number(members[members['method'].isin(lose)][f'{what} error'].min())})"
-    return text
+@of("pde")
+def table(frame: pd.DataFrame) -> Table:
+    """The smaller step of each method on each problem."""
+    least = frame.loc[frame.groupby(["problem", "method"], sort=False)["h"].idxmin()]
+    caption = "Every method on every problem, at its smallest step."
+    return Table(least[list(COLUMNS)].rename(columns=COLUMNS).head(ROWS), caption)
 
 
-def _write(data, figures):
-    frame = data("pde")
-    if frame is None:
-        return None
-    ran = frame[frame["status"] == "ok"].copy()
-    for column in ("energy is kept", "invariant is kept"):
-        ran[column] = ran[column].astype(bool)
-    verdict = []
-    for problem, members in ran.groupby("problem", sort=False):
-        name = members["invariant"].iloc[0]
-        d, t_end = members["d"].iloc[0], members["t_end"].iloc[0]
-        verdict.append(
-            f"{problem}, d = {d}, to t = {number(t_end)}: {_kept(members, 'energy', 'energy of steps with a root')}; "
-            f"{_kept(members, 'invariant', name)}."
-        )
-    missed = ran[ran["fallbacks"] > 0]
-    verdict.append(
-        "No step of any run is without a root."
-        if missed.empty
-        else f"Steps without a root, whose energy error a later step wins back: {listed([f'{r.method} on {r.problem} at h = {number(r.h)}: {int(r.fallbacks)}' for r in missed.itertuples()])}."
-    )
-    stopped = frame[~frame["status"].isin(["ok", "skipped"])]
-    if len(stopped):
-        verdict.append(f"{len(stopped)} runs did not reach the end: {listed(sorted(stopped['method'].unique()))}.")
-    body = [
-        "Both equations are discretized in space by central differences, which leaves a canonical system; that system is "
-        "what is integrated. Multisymplectic box schemes, which discretize space and time together, are not part of this "
-        "suite.\n",
-        "The charge of the Klein-Gordon equation is an invariant of the form q.D p, which symplectic partitioned methods "
-        "keep and Schemes I and III at every lambda, so IV and V too. The mass of the Schroedinger equation is of the form "
-        "q.q + p.p: Scheme I keeps it at lambda = 1/2 alone. `seconds` is the warm integration without output; errors are "
-        "absolute, over every step.\n",
-    ]
-    for problem, members in frame.groupby("problem", sort=False):
-        columns = COLUMNS | {"invariant error": f"{members['invariant'].iloc[0]} error"}
-        if members["energy error, steps without a root"].isna().all():
-            columns.pop("energy error, steps without a root")
-        body += [
-            f"## {problem}\n",
-            f"N = {members['N'].iloc[0]}, d = {members['d'].iloc[0]}.\n",
-            table(members, columns),
-            "",
-        ]
-        for r in members[members["status"] != "ok"].drop_duplicates("method").itertuples():
-            body.append(f"- {r.method}: {r.status}: {r.reason}.")
-        body.append("")
-    return verdict, "\n".join(body)
+@of("pde")
+def _whole(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame[list(COLUMNS)].rename(columns=COLUMNS)
 
 
 PAGE = Page(
-    "pde",
-    "Wave equations, semi-discrete",
-    "energy, mass and charge of Hamiltonian systems with many degrees of freedom",
-    ("pde",),
-    _write,
+    id="waves",
+    question="Do energy, mass and charge of wave equations stay when many degrees of freedom are integrated?",
+    tables=("pde",),
+    setting=(
+        "Nonlinear Schrödinger: i u_t + u_xx + 2|u|²u = 0 (plane wave, soliton), d = 64; Klein–Gordon, d = 128.",
+        "Central differences in space leave a canonical system; that system is what is integrated.",
+        "Mass Σ|u|² is of the form q·q + p·p: Scheme I keeps it at λ = 1/2 alone. Charge is of the form q·Dp.",
+        "Errors are absolute, over every step; seconds are the warm integration without output.",
+    ),
+    verdicts=(energy, charge, roots),
+    figures=draw,
+    table=table,
+    whole=_whole,
+    limits=(
+        "Kept is judged by the measurement, in units of round-off of the terms' size (`is kept` in the table).",
+        "Multisymplectic box schemes, which discretize space and time together, are not part of this suite.",
+    ),
+    command="pytest benchmarks/experiments/waves",
 )

@@ -1,0 +1,185 @@
+"""Error against time: which integrator for which accuracy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks.page import style
+from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+
+from . import sweep
+from .choice import ACCURACIES, BATCHES, NONE, OPEN, OURS, PEERS, TIE, TIED, choices, frontier, long_rows
+
+#: The scene of the work-precision diagram, where it was measured, and its curves at most: ours, the peers'.
+SCENE = "perturbed-kepler-t1000"
+CURVES = {True: 5, False: 4}
+#: Errors are drawn no smaller.
+FLOOR = 1e-16
+
+
+@of("rows")
+def wins(rows: pd.DataFrame) -> Verdict | None:
+    """Who is the cheaper how often."""
+    found = choices(rows)
+    if found.empty:
+        return None
+    count = found["cheaper"].value_counts()
+    ours, peers, tied, open_, none = (int(count.get(w, 0)) for w in (OURS, PEERS, TIED, OPEN, NONE))
+    text = (
+        f"Of {len(found)} pairs of a long scene and an accuracy one of this project's methods is cheapest in {ours}, "
+    )
+    text += f"a peer in {peers}, {tied} {'is a tie' if tied == 1 else 'are ties'}"
+    text += f", {open_} {'is' if open_ == 1 else 'are'} not decided" if open_ else ""
+    text += f", and {none} {'is' if none == 1 else 'are'} reached by none" if none else ""
+    return Verdict(
+        f"{text}.",
+        ours >= peers,
+        f"Cheapest on long scenes: ours {ours}, a peer {peers}, ties {tied}, not decided {open_} of {len(found)}.",
+    )
+
+
+@of("rows")
+def largest(rows: pd.DataFrame) -> Verdict | None:
+    """Where the two sides are farthest apart."""
+    found = choices(rows)
+    if found.empty:
+        return None
+    both = found[
+        (found["cheaper"] != OPEN) & np.isfinite(found[f"{OURS} seconds"]) & np.isfinite(found[f"{PEERS} seconds"])
+    ]
+    if both.empty:
+        return None
+    ratio = both[f"{PEERS} seconds"] / both[f"{OURS} seconds"]
+    parts = []
+    for who, k, factor in ((OURS, ratio.idxmax(), ratio.max()), (PEERS, ratio.idxmin(), 1 / ratio.min())):
+        if factor > TIE:
+            r = both.loc[k]
+            other = PEERS if who == OURS else OURS
+            at = f"{r['scene']} to {r['error up to']:g}"
+            parts.append(f"on {at} {r[who]} takes {number(1 / factor, 2)} of the time of {r[other]}")
+    if not parts:
+        return None
+    text = f"Farthest apart: {'; '.join(parts)}."
+    return Verdict(text, True, text)
+
+
+def _work_precision(rows: pd.DataFrame, folder) -> Picture | None:
+    """Error at the end against seconds on one scene, all curves on the same axes."""
+    part = long_rows(rows)
+    if part.empty:
+        return None
+    scene = SCENE if SCENE in set(part["scene"]) else part["scene"].iloc[0]
+    part = part[part["scene"] == scene]
+    own = part["kind"] == sweep.KIND if "kind" in part else pd.Series(True, part.index)
+    with style.settings():
+        figure, ((axes,),) = style.panels(1, 1, 4.2)
+        looks = iter(style.looks())
+        for side, most in CURVES.items():
+            members = part[own == side]
+            for method in frontier(members, most):
+                curve = members[members["method"] == method].sort_values("seconds")
+                fill = {} if side else {"markerfacecolor": "white"}
+                label = method if side else f"{method} (peer)"
+                axes.loglog(
+                    curve["seconds"], curve["global_error"].clip(lower=FLOOR), label=label, **next(looks) | fill
+                )
+        style.plain_ticks(axes.xaxis)
+        axes.set(xlabel="warm integration (s)", ylabel="error at the end, maximum norm over (q, p)", title=scene)
+        axes.grid(color="0.93", linewidth=0.5)
+        style.legend_above(figure, axes, 3)
+    caption = (
+        f"Error at the end of {scene} against seconds: of each side the methods that are cheapest for some error; filled "
+        "marks ours, white marks peers. A mark alone is a method measured at one step or tolerance."
+    )
+    return Picture(style.save(figure, folder, "trade.png"), "error against time", caption)
+
+
+def _dumbbells(rows: pd.DataFrame, folder) -> Picture | None:
+    """The seconds of the cheapest of each side, a line for each scene and accuracy."""
+    found = choices(rows)
+    if found.empty:
+        return None
+    y = np.arange(len(found)) + 0.6 * found["scene"].ne(found["scene"].shift()).cumsum()
+    with style.settings():
+        figure, ((axes,),) = style.panels(1, 1, 1.1 + 0.19 * len(found))
+        pairs = found[[f"{OURS} seconds", f"{PEERS} seconds"]].replace(np.inf, np.nan)
+        axes.hlines(y, pairs.min(axis=1), pairs.max(axis=1), color=style.GREY, linewidth=1)
+        for who, k, label in ((OURS, 0, "cheapest of phasebench"), (PEERS, 1, "cheapest peer")):
+            colour, _, marker = style.CURVES[k]
+            axes.semilogx(pairs[f"{who} seconds"], y, marker, color=colour, label=label, markersize=5)
+        axes.set_yticks(
+            y, [f"{r.scene}, {r.accuracy:g}" for r in found.rename(columns={"error up to": "accuracy"}).itertuples()]
+        )
+        axes.invert_yaxis()
+        axes.set_xlabel("warm integration (s)")
+        axes.grid(axis="x", color="0.93", linewidth=0.5)
+        style.legend_above(figure, axes, 2)
+    caption = "Seconds of the cheapest integration whose end state has at most the error named on the left."
+    return Picture(style.save(figure, folder, "cheapest.png"), "the cheapest for an accuracy", caption)
+
+
+@of("rows")
+def draw(rows: pd.DataFrame, folder) -> list[Picture]:
+    """The cheapest of each side, and the work-precision diagram."""
+    return [p for p in (_dumbbells(rows, folder), _work_precision(rows, folder)) if p is not None]
+
+
+@of("rows")
+def table(rows: pd.DataFrame) -> Table | None:
+    """The cheapest of each side for every scene and accuracy."""
+    found = choices(rows)
+    if found.empty:
+        return None
+    shown = pd.DataFrame(
+        {
+            "scene": found["scene"],
+            "error up to": [f"{x:.0e}" for x in found["error up to"]],
+            "cheapest of phasebench": found[OURS],
+            "ms": [number(1e3 * x) if np.isfinite(x) else "" for x in found[f"{OURS} seconds"]],
+            "cheapest peer": found[PEERS],
+            "its ms": [number(1e3 * x) if np.isfinite(x) else "" for x in found[f"{PEERS} seconds"]],
+            "cheaper": found["cheaper"],
+        }
+    )
+    caption = (
+        "The cheapest integration on each long scene whose state at the end is in error by at most so much (maximum norm "
+        f"over q and p): warm seconds, without output; times within a factor of {TIE} are a tie. Not decided: an adaptive peer that was not run tightly enough to reach "
+        "the error took less time where it stopped."
+    )
+    return Table(shown.head(ROWS), caption)
+
+
+@of("rows")
+def _whole(rows: pd.DataFrame) -> pd.DataFrame:
+    """Of every method and scene the row of the least error."""
+    part = long_rows(rows)
+    best = part.loc[part.groupby(["scene", "method"], sort=False)["global_error"].idxmin()]
+    names = {"scene": "scene", "method": "method", "h": "h", "tol": "tolerance", "global_error": "error"}
+    return best.reindex(columns=[*names, "seconds"]).rename(columns=names).sort_values(["scene", "seconds"])
+
+
+PAGE = Page(
+    id="trade",
+    question="Which integrator is the cheapest for a given accuracy?",
+    tables=("rows",),
+    setting=(
+        "Long scenes: pendulum, perturbed Kepler and Hénon–Heiles (box) to t = 1000, Kepler over 100 orbits, "
+        "Lotka–Volterra to t = 120; the chaotic orbit is left out, whose end state no reference certifies.",
+        "Error: max |y_h(t_end) − y(t_end)| over q and p, against a certified Taylor solution.",
+        "Peers: heyoka, REBOUND's integrators and SciPy's (compiled with Numba where so named), over their tolerances.",
+    ),
+    verdicts=(wins, largest),
+    figures=draw,
+    table=table,
+    whole=_whole,
+    limits=(
+        f"Accuracies are {', '.join(f'{x:g}' for x in ACCURACIES)}; times within a factor TIE = {TIE} are a tie.",
+        "Methods of order above 4 are run at the largest step of a scene only: a larger step might be cheaper still.",
+        f"Left out are {', '.join(BATCHES)}: many orbits at once, whose seconds are shared among them.",
+        "Peers are run at tolerances a thousand times apart: one in between might just do.",
+        "Seconds are one machine's, medians of few runs; SciPy's right-hand side is Python unless it says numba.",
+    ),
+    command="pytest benchmarks/experiments/trade",
+)

@@ -1,0 +1,513 @@
+"""The pages: short, whole, self-contained, and every sentence of verdict follows its rows."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from phasebench.benchmarks import report
+from phasebench.benchmarks.experiments.audit import page as audit
+from phasebench.benchmarks.experiments.catalogue import page as catalogue
+from phasebench.benchmarks.experiments.energy_preservation import page as energy_preservation
+from phasebench.benchmarks.experiments.invariants import page as invariants
+from phasebench.benchmarks.experiments.kepler import page as kepler
+from phasebench.benchmarks.experiments.matrix import page as matrix
+from phasebench.benchmarks.experiments.orders import page as orders
+from phasebench.benchmarks.experiments.oscillatory import page as oscillatory
+from phasebench.benchmarks.experiments.printed import page as printed
+from phasebench.benchmarks.experiments.references import page as references
+from phasebench.benchmarks.experiments.speed import page as speed
+from phasebench.benchmarks.experiments.structure import page as structure
+from phasebench.benchmarks.experiments.talks import page as talks
+from phasebench.benchmarks.experiments.trade import choice
+from phasebench.benchmarks.experiments.trade import page as trade
+from phasebench.benchmarks.experiments.waves import page as waves
+from phasebench.benchmarks.experiments.wisdom_holman import page as wisdom_holman
+from phasebench.benchmarks.page import html, markdown
+from phasebench.benchmarks.page.origin import earlier
+from phasebench.benchmarks.page.page import FINDING, MISSING, PASS, ROWS, SETTING, VERDICTS, Verdict, outcome
+from phasebench.benchmarks.report import PAGES
+from phasebench.integrators import driver
+
+DATA = Path(report.__file__).resolve().parents[1] / "reports" / "data"
+#: Bytes of a page and characters of a line at most; an HTML page holds its figures.
+PAGE, LINE, HTML = 60_000, 400, 800_000
+IDS = [p.id for p in PAGES]
+
+
+def silent(line: str) -> None:
+    """No progress."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The report of the committed tables; a run that integrates something fails."""
+    folder = tmp_path_factory.mktemp("report")
+    shutil.copytree(DATA, folder / "data")
+
+    def integrated(*given, **named):
+        raise AssertionError("a page integrates")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(driver, "Solution", integrated)
+        report.build(folder, progress=silent)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def empty(tmp_path_factory):
+    """The report of a folder without tables."""
+    folder = tmp_path_factory.mktemp("empty")
+    report.build(folder, progress=silent)
+    return folder
+
+
+# -- what a page may be ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("id", [*IDS, "README"])
+def test_a_page_is_short(folder, id):
+    text = (folder / f"{id}.md").read_text()
+    assert len(text.encode()) <= PAGE
+    assert max(map(len, text.splitlines())) <= LINE
+    assert (folder / f"{'index' if id == 'README' else id}.html").stat().st_size <= HTML
+    assert not re.search(r"\bnan\b", text)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=IDS)
+def test_a_page_has_its_parts(folder, page):
+    data = report.Data(folder)
+    assert page.question.endswith("?")
+    assert 1 <= len(page.setting) <= SETTING
+    assert 1 <= len(page.judged(data)) <= VERDICTS
+    table = page.table(data)
+    assert table is not None
+    assert 1 <= len(table.frame) <= ROWS
+    text = (folder / f"{page.id}.md").read_text()
+    assert text.startswith(f"# {page.question}\n\n**")
+    assert page.command in text
+    assert all(f"(data/{name}.csv)" in text for name in page.tables)
+    assert not page.tables or "Measured on" in text
+
+
+@pytest.mark.parametrize("id", [*IDS, "README"])
+def test_every_link_and_figure_is_there(folder, id):
+    links = re.findall(r"\]\(([^)#\s]+)", (folder / f"{id}.md").read_text())
+    assert [x for x in links if "://" not in x and not (folder / x).exists()] == []
+
+
+def test_the_entry_names_every_page_with_its_outcome(folder):
+    text = (folder / "README.md").read_text()
+    for page in PAGES:
+        verdict, short = outcome(page.judged(report.Data(folder)))
+        (line,) = [x for x in text.splitlines() if f"]({page.id}.md)" in x]
+        assert f"**{verdict}**" in line
+        assert short.replace("|", "\\|") in line
+    assert "## Which integrator for which accuracy" in text
+
+
+@pytest.mark.parametrize("page", PAGES, ids=IDS)
+def test_a_page_without_its_tables_says_so(empty, page):
+    text = (empty / f"{page.id}.md").read_text()
+    assert ("**Not measured**" in text) == bool(page.tables)
+    assert all(name in text for name in page.tables)
+    (line,) = [x for x in (empty / "README.md").read_text().splitlines() if f"]({page.id}.md)" in x]
+    assert (f"**{MISSING}**" in line) == bool(page.tables)
+
+
+@pytest.mark.parametrize("part", ["first", "last", "failed", "none"])
+def test_a_report_of_few_rows_is_written(tmp_path, part):
+    (tmp_path / "data").mkdir()
+    for path in DATA.glob("*.csv"):
+        frame = pd.read_csv(path, low_memory=False)
+        if part == "failed" and "status" in frame:
+            few = frame[frame["status"] != "ok"].head(40)
+        else:
+            few = {"first": frame.head(3), "last": frame.tail(7), "none": frame.head(0), "failed": frame.head(2)}[part]
+        few.to_csv(tmp_path / "data" / path.name, index=False)
+        shutil.copy(path.with_suffix(".json"), tmp_path / "data")
+    assert report.build(tmp_path, quick=True, progress=silent).exists()
+    assert "quick tier" in (tmp_path / "README.md").read_text()
+
+
+def test_a_report_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
+    report.build(tmp_path, progress=silent)
+    before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
+    (tmp_path / "README.md").write_text("as it was")
+    written = html.document
+
+    def broken(text, *rest, **named):
+        if "phasebench: what was measured" in text:
+            raise OSError("no space is left")
+        return written(text, *rest, **named).replace("</body>", "<p>new</p></body>")
+
+    monkeypatch.setattr(html, "document", broken)
+    with pytest.raises(OSError, match="no space"):
+        report.build(tmp_path, progress=silent)
+    assert {p for p in tmp_path.rglob("*") if p.is_file()} == set(before)
+    assert (tmp_path / "README.md").read_text() == "as it was"
+    assert "<p>new</p>" not in (tmp_path / "trade.html").read_text()
+
+
+def test_rows_of_an_earlier_run_are_said_to_be():
+    frame = pd.DataFrame(
+        {"date": ["2026-11-20T10:00", "2026-11-21T11:00", "2026-11-21T12:00"], "machine": ["a", "b", "b"]}
+    )
+    assert earlier(frame) == "2 measured on 2026-11-21, 1 not in that run but on 2026-11-20, on a"
+    assert earlier(frame.iloc[1:]) == "measured on 2026-11-21"
+    assert earlier(frame[["machine"]]) == ""
+
+
+def test_a_finding_comes_first():
+    good, bad = Verdict("It is.", True, "fine"), Verdict("It is not.", False, "wrong")
+    assert outcome([good, good]) == (PASS, "fine")
+    assert outcome([good, bad]) == (FINDING, "wrong")
+    assert outcome([])[0] == MISSING
+
+
+def test_the_tables_are_aligned(folder):
+    blocks = [b for p in PAGES for b in re.findall(r"(?:^\|.*\n)+", (folder / f"{p.id}.md").read_text(), re.M)]
+    assert len(blocks) >= len(PAGES)
+    assert all(len({len(line) for line in block.splitlines()}) == 1 for block in blocks)
+
+
+def test_a_bar_in_a_cell_does_not_end_it():
+    text = markdown.table(pd.DataFrame({"what": ["|H - H0|"]}))
+    assert r"\|H - H0\|" in text
+
+
+# -- verdicts, both ways -----------------------------------------------------------------------------------------------
+
+
+def frame(*rows: dict, **same) -> pd.DataFrame:
+    """A table of rows, each with what is the same in all."""
+    return pd.DataFrame([same | row for row in rows])
+
+
+def changed(table: pd.DataFrame, **values) -> pd.DataFrame:
+    """The table with its last row's values replaced."""
+    worse = table.copy()
+    for column, value in values.items():
+        worse[column] = worse[column].astype(object)
+        worse.iloc[-1, worse.columns.get_loc(column)] = value
+    return worse.infer_objects()
+
+
+PRINTED = frame(
+    {"scheme": "scheme-iv", "h": 0.01, "printed": 1e-4, "refinement_difference": 1e-4, "units": 0.1},
+    {"scheme": "scheme-iv", "h": 0.02, "printed": 4e-4, "refinement_difference": 4e-4, "units": 0.1},
+    {"scheme": "avf", "h": 0.01, "printed": 2e-4, "refinement_difference": 2e-4, "units": 0.2},
+)
+RIDDLE = frame({"steps": 50, "without a root": 0, "far roots": 3, "far root closest to 1/2": 5.0})
+COLUMNS = frame({"recipe": "Scheme I, lambda = 0", "0.01": 1.0, "0.005": 0.5, "entries that agree": 1})
+EXACT = frame({"method": "a", "problem": "x", "order": 2.01, "declared": 2, "digits": 40})
+LADDER = frame(
+    *({"h": h, "global_error": h**2} for h in (0.1, 0.05, 0.025, 0.0125)),
+    purpose="order", status="ok", scene="s", problem="x", method="a", kind="phasebench", declared_order=2,
+    reference_uncertainty=0.0,
+)  # fmt: skip
+STRUCTURE = frame(
+    {"method": "a", "declared": True, "defect": 1e-38},
+    {"method": "b", "declared": False, "defect": 1e-9},
+    property="symplecticity",
+)
+CELLS = frame(
+    {"method": "rk4", "declared_order": 4, "order": 4.0},
+    {"method": "avf", "declared_order": 2, "order": 2.0},
+    problem="pendulum", symplectic=False, symmetric=False, energy_class="drift", quadratic_class="drift",
+)  # fmt: skip
+LONG = {"purpose": "drift", "status": "ok", "kind": "phasebench", "t_end": 1000.0, "h": 0.1, "fallbacks": 0}
+LONG |= {"scene": "pendulum-t1000", "problem": "pendulum:swinging", "energy_drift": 1e-20}
+DRIFTS = frame(
+    {"id": "rk4", "method": "rk4", "energy_max": 1e-3, "energy_drift": 1e-6},
+    {"id": "avf", "method": "avf", "energy_max": 1e-15, "energy_drift": 1e-20},
+    **{k: v for k, v in LONG.items() if k != "energy_drift"},
+    energy_drift_low=-1e-19,
+    energy_drift_high=1e-19,
+    **{"angular-momentum_max": 1e-15},
+)
+MOMENTA = frame({"id": "scheme-iv", "method": "scheme-iv"}, **LONG, energy_max=1e-15, energy_drift_low=-1.0,
+                energy_drift_high=1.0, **{"angular-momentum_max": 1e-15})  # fmt: skip
+STEPS = frame(
+    {"scheme": "scheme-iv", "without a root": 3},
+    {"scheme": "scheme-v", "without a root": 0},
+    {"scheme": "scheme-v-iv", "without a root": 0},
+    {"scheme": "scheme-iv-v", "without a root": 0},
+    status="ok", h=0.01, steps=100,
+    **{energy_preservation.WITH: 1e-15, energy_preservation.WITHOUT: 1e-8, "scanned steps": 3,
+       "scan finds a root within the radius": 0},
+)  # fmt: skip
+WH = frame(
+    {"problem": "solar", wisdom_holman.OURS: 1e-6, wisdom_holman.THEIRS: 1e-6, "time ratio": 1.0},
+    **{"distance of early positions": 1e-12},
+)
+FAST = frame(
+    {"method": "a", oscillatory.RATIO: 0.1, oscillatory.ENERGY: 1e-3},
+    {"method": "a", oscillatory.RATIO: 1.0, oscillatory.ENERGY: 1e-2},
+    status="ok", **{oscillatory.OSCILLATORY: 1e-3},
+)  # fmt: skip
+PDE = frame(
+    {"problem": "klein-gordon", "method": "scheme-iv", "invariant": "charge", "fallbacks": 0, "h": 0.1},
+    status="ok",
+    **{"energy class": "round-off", "quadratic class": "round-off", "energy is kept": True, "energy error": 1e-15},
+    **{"invariant is kept": True, "invariant error": 1e-15},
+)
+AUDITED = frame({"package": "p", "version": "1", "peer": "x", "measure": "package", "status": "ok", "reason": ""})
+CLAIMS = frame({"package": "p", "version": "1", "peer": "x", "claim": "order 2", "verdict": "holds"})
+CONTROLS = frame({"package": "phasebench", "version": "1", "peer": "rk4", "claim": "order 4", "verdict": "holds"})
+CERTIFIED = frame(
+    {"problem": "kepler", "t_end": 1.0, "states": 4, "uncertainty": 1e-20, "changed": None, "disagree": 0, "pairs": 5},
+    **{"its uncertainty": 1e-15},
+)
+RATIOS = frame({"ratio": "Verlet / C loop", "median": 1.2, speed.WANTED: 1.4})
+TABLES = frame(
+    {"table": "t", "declared order": "4", "order": "4", "polished residual": 1e-50, "published residual": 1e-20}
+)
+FACES = frame(
+    {"panel": "implicit midpoint", "area": 1.0},
+    {"panel": "explicit Euler", "area": 1.0},
+    {"panel": "explicit Euler", "area": 2.0},
+    {"panel": "implicit midpoint", "area": 1.0},
+    figure="pendulum-area",
+)
+PREY = frame(
+    {"panel": "explicit Euler", "energy_error": 5.0},
+    {"panel": "implicit midpoint", "energy_error": 0.1},
+    figure="lotka-volterra-methods",
+)
+WELL = frame({"curve": "Scheme V", "energy_error": 1e-16, "fallbacks": 0}, figure="henon-heiles-preserving-energy")
+SCHEME_I = frame(
+    {"panel": "box", "curve": "1/3", "energy_error": 1e-4, "status": "ok"}, figure="henon-heiles-scheme-i-energy"
+)
+BOTH = frame(
+    *({"curve": c, "panel": p} for c in ("Scheme IV", "Scheme V") for p in ("energy", "angular-momentum")),
+    figure="perturbed-kepler-preserving-invariants", largest=1e-15,
+)  # fmt: skip
+TURNS = frame(
+    {"curve": "exact flow", "turn": 0.12}, {"curve": "AVF", "turn": 0.121}, figure="perturbed-kepler-preserving-orbits"
+)
+SLOPES = frame({"panel": "Scheme I", "curve": "1/3", "order": 1.0}, figure="convergence-schemes-i-iii")
+
+#: (verdict, tables for which it holds, the table that is changed, the last row's new values)
+BOTH_WAYS = {
+    "printed": (printed.agreement, {"printed": PRINTED}, "printed", {"units": 0.7}),
+    "scheme-iv": (printed.scheme_iv, {"printed": PRINTED.iloc[[2, 0, 1]]}, "printed", {"units": 200.0}),
+    "riddle": (printed.explanations, {"riddle": RIDDLE, "riddle_columns": COLUMNS}, "riddle", {"without a root": 1}),
+    "recipe": (printed.explanations, {"riddle": RIDDLE, "riddle_columns": COLUMNS}, "riddle_columns",
+               {"entries that agree": 2}),
+    "multiprecision": (orders.exact, {"multiprecision": EXACT}, "multiprecision", {"order": 1.8}),
+    "no window": (orders.exact, {"multiprecision": EXACT}, "multiprecision", {"order": np.nan}),
+    "symplecticity": (structure.symplecticity, {"structure": STRUCTURE}, "structure", {"defect": 1e-30}),
+    "symmetry": (structure.symmetry, {"structure": STRUCTURE.iloc[::-1].assign(property="symmetry")}, "structure",
+                 {"defect": 1e-9}),
+    "matrix": (matrix.declared, {"matrix": CELLS}, "matrix", {"order": 1.0}),
+    "missing": (matrix.complete, {"matrix": CELLS}, "matrix", {"problem": "kepler"}),
+    "energy": (invariants.energy, {"rows": DRIFTS}, "rows", {"energy_max": 1e-9}),
+    "drift": (invariants.drifting, {"rows": DRIFTS}, "rows",
+              {"energy_max": 1e-9, "energy_drift": 1e-9, "energy_drift_low": 1e-10}),
+    "momentum": (invariants.momentum, {"rows": MOMENTA}, "rows", {"angular-momentum_max": 1e-6}),
+    "steps": (energy_preservation.kept, {"energy_preservation": STEPS.head(1)}, "energy_preservation",
+              {energy_preservation.WITH: 1e-9}),
+    "finder": (energy_preservation.searched, {"energy_preservation": STEPS.head(1)}, "energy_preservation",
+               {"scan finds a root within the radius": 1}),
+    "other scheme": (energy_preservation.alternating, {"energy_preservation": STEPS}, "energy_preservation",
+                     {"without a root": 2}),
+    "rebound": (wisdom_holman.same, {"wisdom_holman": WH}, "wisdom_holman", {wisdom_holman.OURS: 2e-6}),
+    "rebound's time": (wisdom_holman.cost, {"wisdom_holman": WH}, "wisdom_holman", {"time ratio": 3.0}),
+    "rebound's least": (wisdom_holman.least, {"wisdom_holman": WH}, "wisdom_holman", {wisdom_holman.OURS: 3e-6}),
+    "oscillatory": (oscillatory.survivors, {"oscillatory": FAST}, "oscillatory", {oscillatory.ENERGY: 30.0}),
+    "wave energy": (waves.energy, {"pde": PDE}, "pde", {"energy is kept": False}),
+    "charge": (waves.charge, {"pde": PDE}, "pde", {"invariant is kept": False}),
+    "wave roots": (waves.roots, {"pde": PDE}, "pde", {"fallbacks": 2}),
+    "audit": (audit.claims, {"audit": AUDITED, "audit_claims": CLAIMS}, "audit_claims", {"verdict": "contradicted"}),
+    "controls": (audit.controls, {"audit_claims": CONTROLS}, "audit_claims", {"verdict": "contradicted"}),
+    "references": (references.unmoved, {"references": CERTIFIED}, "references", {"changed": "moved by 1e-9"}),
+    "second solver": (references.second, {"references": CERTIFIED}, "references", {"disagree": 1}),
+    "ratios": (speed.limits, {"ratios": RATIOS}, "ratios", {"median": 1.5}),
+    "coefficients": (catalogue.orders, {"coefficients": TABLES}, "coefficients", {"order": "2"}),
+    "polished": (catalogue.polished, {"coefficients": TABLES}, "coefficients", {"polished residual": 1e-16}),
+    "areas": (talks.areas, {"talk_curves": FACES}, "talk_curves", {"area": 1.1}),
+    "level curves": (talks.invariant_curves, {"talk_curves": PREY}, "talk_curves", {"energy_error": 6.0}),
+    "well": (talks.energies, {"talk_curves": WELL}, "talk_curves", {"energy_error": 1e-6}),
+    "well's roots": (talks.energies, {"talk_curves": WELL}, "talk_curves", {"fallbacks": 1}),
+    "escape": (talks.escapes, {"talk_curves": SCHEME_I}, "talk_curves", {"status": "diverged"}),
+    "both": (talks.momenta, {"talk_curves": BOTH}, "talk_curves", {"largest": 1e-6}),
+    "turn": (talks.turns, {"talk_curves": TURNS}, "talk_curves", {"turn": 0.2}),
+    "slope": (talks.slopes, {"talk_curves": SLOPES}, "talk_curves", {"order": 2.0}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BOTH_WAYS)
+def test_a_verdict_changes_with_its_rows(name):
+    verdict, tables, which, values = BOTH_WAYS[name]
+    good = verdict(tables.get)
+    bad = verdict((tables | {which: changed(tables[which], **values)}).get)
+    assert good.holds
+    assert not bad.holds
+    assert good.text != bad.text
+    assert verdict(lambda name: None) is None
+    for said in (good, bad):
+        assert said.text.endswith(".")
+        assert "nan" not in said.text
+
+
+def test_orders_in_doubles_are_judged_both_ways():
+    good = orders.confirmed({"rows": LADDER}.get)
+    assert good.holds
+    assert "of 1 pairs 1 have a window" in good.text
+    flat = orders.confirmed({"rows": LADDER.assign(declared_order=3)}.get)
+    assert not flat.holds
+    assert "a on x (2.00 for 3)" in flat.text
+
+
+def kepler_tables(ours: float, theirs: float, phase: float = 1e-10):
+    runs = frame(
+        {"method": "gauss-8", "kind": "phasebench", "us per orbit": ours, "setting": "150 steps"},
+        {"method": "heyoka", "kind": "heyoka", "us per orbit": theirs, "setting": "adaptive"},
+        problem="kepler", e=0.2, mu=0.0, status="ok", orbits=100.0, **{"phase growth": 1.0, "steps per orbit": 150},
+    )  # fmt: skip
+    growth = frame(
+        *({"method": r["method"], "setting": r["setting"]} for r in runs.to_dict("records")),
+        problem="kepler", e=0.2, orbits=100.0, energy=1e-13, momentum=1e-15, phase=phase, perihelion=1e-12,
+    )  # fmt: skip
+    return {"kepler": runs, "kepler_growth": growth}
+
+
+def test_the_cheaper_on_kepler_is_named():
+    ours, tied, theirs = (kepler.costs(kepler_tables(t, 10.0).get) for t in (5.0, 10.5, 20.0))
+    assert ours.holds
+    assert tied.holds
+    assert not theirs.holds
+    assert "methods in 3, a peer in 0" in ours.text
+    assert "3 are ties" in tied.text
+    assert "a peer in 3" in theirs.text
+
+
+def test_a_lost_clock_is_told_from_an_energy_error():
+    assert kepler.clocks(kepler_tables(1.0, 1.0).get).holds
+    lost = kepler.clocks(kepler_tables(1.0, 1.0, phase=1e-6).get)
+    assert not lost.holds
+    assert "heyoka at e = 0.2" in lost.text
+
+
+def test_phase_errors_that_are_not_linear_are_found():
+    tables = kepler_tables(1.0, 1.0, phase=1e-3)
+    assert kepler.laws(tables.get).holds
+    assert not kepler.laws((tables | {"kepler": tables["kepler"].assign(**{"phase growth": 2.0})}).get).holds
+
+
+def priced(ours: float, theirs: float, error: float = 1e-10, tol: float = 1e-15) -> pd.DataFrame:
+    return frame(
+        {"method": "gauss-5", "kind": "phasebench", "seconds": ours, "global_error": 1e-10, "tol": np.nan},
+        {"method": "heyoka", "kind": "heyoka", "seconds": theirs, "global_error": error, "tol": tol},
+        purpose="drift", status="ok", scene="s", t_end=10.0, global_error_time=10.0, h=0.1,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        (priced(1.0, 2.0), [choice.OURS] * 3),
+        (priced(2.0, 1.0), [choice.PEERS] * 3),
+        (priced(1.0, 1.1), [choice.TIED] * 3),
+        # heyoka was run at 1e-9 alone, fast: what it would take for an error of 1e-9 was not measured.
+        (priced(1.0, 0.5, error=1e-7, tol=1e-9), [choice.PEERS, choice.PEERS, choice.OPEN]),
+        # It took longer even so: a tighter tolerance takes no less.
+        (priced(1.0, 3.0, error=1e-7, tol=1e-9), [choice.OURS] * 3),
+        (priced(1.0, 2.0).assign(global_error=1e-4), [choice.OURS, choice.NONE, choice.NONE]),
+    ],
+    ids=["ours", "peer", "tie", "not decided", "slower still", "none"],
+)
+def test_the_cheapest_for_an_accuracy(rows, expected):
+    assert choice.choices(rows)["cheaper"].tolist() == expected
+    said = trade.wins({"rows": rows}.get)
+    assert said.holds == (expected.count(choice.OURS) >= expected.count(choice.PEERS))
+
+
+def test_rows_that_did_not_end_well_and_batches_are_no_choice():
+    rows = priced(1.0, 2.0)
+    assert choice.choices(rows.assign(status="diverged")).empty
+    assert choice.choices(rows.assign(global_error_time=5.0)).empty
+    batch = choice.choices(rows.assign(method=["gauss-5", "heyoka-batch"]))
+    assert set(batch[choice.PEERS]) == {"none"}
+
+
+# -- HTML --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("id", [*IDS, "index"])
+def test_an_html_page_needs_nothing_else(folder, id):
+    text = (folder / f"{id}.html").read_text()
+    assert not re.search(r"""(?:src|href)=["'](?:https?:)?//|<link|@import|url\(""", text)
+    assert set(re.findall(r'src="([^"]{10})', text)) <= {"data:image"}
+    links = re.findall(r'href="([^"]+)"', text)
+    assert all((folder / link).exists() for link in links)
+    if id == "index":
+        assert {f"{i}.html" for i in IDS} <= set(links)
+
+
+CHROMIUM = next((p for p in ("chromium", "chromium-browser", "google-chrome") if shutil.which(p)), None)
+browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed to look at the HTML pages with")
+#: What a page is made to do; it leaves its answer as the body's text.
+SORT_AND_FILTER = """
+const table = document.querySelector("table"), rows = () => [...table.tBodies[0].rows].filter((r) => !r.hidden);
+const column = (k) => rows().map((r) => r.cells[k].textContent);
+const before = column(COLUMN);
+table.tHead.rows[0].cells[COLUMN].click();
+const rising = column(COLUMN);
+table.tHead.rows[0].cells[COLUMN].click();
+const falling = column(COLUMN);
+const field = document.querySelector("input.filter");
+field.value = "WORD";
+field.dispatchEvent(new Event("input"));
+document.body.textContent = "ANSWER" + JSON.stringify([before, rising, falling, column(0)]) + "END";
+"""
+
+
+def answer(page: Path, tmp_path: Path, *options: str) -> str:
+    """What the page's script leaves, in a headless Chromium."""
+    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"]
+    command += ["--disable-background-networking", "--disable-component-update", "--disable-sync"]
+    command += [f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=5000", *options]
+    done = subprocess.run(
+        [*command, "--dump-dom", page.as_uri()], capture_output=True, text=True, timeout=120, check=True
+    )
+    return re.search(r"ANSWER(.*)END", done.stdout, re.S)[1]
+
+
+@browser
+def test_a_table_sorts_and_filters(folder, tmp_path):
+    text = (folder / "structure.html").read_text()
+    script = SORT_AND_FILTER.replace("COLUMN", "3").replace("WORD", "dop853")
+    page = tmp_path / "page.html"
+    page.write_text(text.replace("</body>", f"<script>{{{script}}}</script></body>"))
+    before, rising, falling, left = json.loads(answer(page, tmp_path))
+    numbers = sorted(map(float, before))
+    assert list(map(float, rising)) == numbers
+    assert list(map(float, falling)) == numbers[::-1]
+    assert list(map(float, before)) != numbers
+    assert 0 < len(left) < len(before)
+
+
+@browser
+def test_no_page_is_wider_than_a_telephone(folder, tmp_path):
+    frames = "".join(
+        f'<iframe width="400" height="900" src="{(folder / f"{i}.html").as_uri()}"></iframe>' for i in [*IDS, "index"]
+    )
+    script = (
+        "addEventListener('load', () => { const wide = [...document.querySelectorAll('iframe')].map((f) => "
+        "[f.src.split('/').pop(), f.contentDocument.documentElement.scrollWidth]);"
+        "document.body.textContent = 'ANSWER' + JSON.stringify(wide) + 'END'; });"
+    )
+    page = tmp_path / "all.html"
+    page.write_text(f"<!doctype html><body>{frames}<script>{script}</script></body>")
+    widths = json.loads(answer(page, tmp_path, "--allow-file-access-from-files"))
+    assert len(widths) == len(IDS) + 1
+    assert [(name, width) for name, width in widths if not 300 < width <= 400] == []
