@@ -58,6 +58,8 @@ PAGES: tuple[Page, ...] = (
 QUICK = "This is the quick tier: few steps, few rounds; it shows that the suite runs, and no more."
 
 
+#: Columns that say where a row is from: in the tables on disk, not on a page.
+PROVENANCE = ["hash", "date", "machine"]
 SAME = "The same pages [in HTML](index.html), in which tables sort and filter."
 
 
@@ -112,7 +114,10 @@ def _page(page: Page, data: Data, made: Path) -> _Written:
     """Write a page into ``made``."""
     verdicts = page.judged(data)
     pictures, table = list(page.figures(data, made / "figures") or ()), page.table(data)
-    _put(made, page.id, markdown.document(page, verdicts, pictures, table, origin(page, data)), page.whole(data))
+    whole = page.whole(data)
+    if whole is not None:
+        whole = whole.drop(columns=PROVENANCE, errors="ignore")
+    _put(made, page.id, markdown.document(page, verdicts, pictures, table, origin(page, data)), whole)
     return _Written(page, *outcome(verdicts), pictures, table)
 
 

@@ -133,6 +133,6 @@ class Page:
 def outcome(verdicts: list[Verdict]) -> tuple[str, str]:
     """(PASS, FINDING or not measured; the short sentence) of a page's verdicts: the first finding comes first."""
     if not verdicts:
-        return MISSING, "No row tells."
+        return MISSING, "Not measured in this folder, or no row tells."
     first = next((v for v in verdicts if not v.holds), verdicts[0])
     return (PASS if all(v.holds for v in verdicts) else FINDING), first.short

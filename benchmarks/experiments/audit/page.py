@@ -110,7 +110,7 @@ def table(found: pd.DataFrame, claimed: pd.DataFrame) -> Table | None:
     ]
     first = _present(found)
     for (package, status, reason), part in (
-        first[first["status"] != "ok"].fillna("").groupby(["package", "status", "reason"], sort=False)
+        first[first["status"] != "ok"].astype(object).fillna("").groupby(["package", "status", "reason"], sort=False)
     ):
         names = listed(list(part["peer"]), 3)
         lines.append({"integrator": names, "version": package, "measured": str(reason)[:120], "verdict": status})

@@ -131,26 +131,34 @@ def draw(frame: pd.DataFrame, folder) -> list[Picture]:
     return [Picture(style.save(figure, folder, "matrix.png"), "every method on every problem", caption)]
 
 
+def _grouped(exceptions: list[tuple[str, str, str, str]]) -> list[dict]:
+    """Exceptions (method, problem, measured, why), one line for each method and reason; the first measured is shown."""
+    lines: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
+    for method, name, measured, why in exceptions:
+        lines.setdefault((method, measured.split()[0], why), []).append((name, measured))
+    return [
+        {"method": method, "problems": listed([n for n, _ in cells], 4), "measured": cells[0][1], "why": why}
+        for (method, _, why), cells in lines.items()
+    ]
+
+
 @of("matrix")
 def table(frame: pd.DataFrame) -> Table | None:
     """The exceptions: cells that fall short, then orders above the declared ones."""
-    lines = [
-        {"method": r["method"], "problem": r["problem"], "measured": c, "why": why or "NOT EXPLAINED"}
-        for r, c, why in sorted(_shortfalls(frame), key=lambda x: bool(x[2]))
-    ]
-    lines += [
-        {
-            "method": r["method"],
-            "problem": r["problem"],
-            "measured": f"order {r['order']:.2f}, declared {r['declared_order']}",
-            "why": "more than is declared",
-        }
-        for r in sorted(_higher(frame), key=lambda r: r["declared_order"] - r["order"])
-    ]
+    short = sorted(_shortfalls(frame), key=lambda x: bool(x[2]))
+    lines = _grouped([(r["method"], r["problem"], c, why or "NOT EXPLAINED") for r, c, why in short])
+    above = sorted(_higher(frame), key=lambda r: r["declared_order"] - r["order"])
+    lines += _grouped(
+        [
+            (r["method"], r["problem"], f"order {r['order']:.2f}, declared {r['declared_order']}", "more than declared")
+            for r in above
+        ]
+    )
     if not lines:
         return None
-    shown = pd.DataFrame(lines[:ROWS])
-    return Table(shown, f"Exceptions: {len(shown)} of {len(lines)}, those that fall short first.")
+    caption = f"The {len(short)} cells that fall short, then the {len(above)} orders above the declared ones; "
+    caption += "`measured` is that of the first problem named."
+    return Table(pd.DataFrame(lines[:ROWS]), caption)
 
 
 @of("matrix")

@@ -151,6 +151,8 @@ def _table(section: str, data) -> Table | None:
     if not values:
         return None
     rows = rows.dropna(subset=values, how="all").sort_values(values[0], key=pd.isna, kind="stable")
+    if "area" in values:  # of areas the last: a table of equal numbers tells nothing
+        rows = rows[rows["area"].isna() | ~rows.duplicated(["figure", "panel"], keep="last")]
     columns = ["panel", "curve", "h", "t_end", *values, "fallbacks", "status"]
     shown = rows.reindex(columns=columns).drop_duplicates().dropna(axis=1, how="all").head(ROWS)
     return Table(
