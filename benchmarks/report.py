@@ -59,7 +59,7 @@ QUICK = "This is the quick tier: few steps, few rounds; it shows that the suite 
 
 
 #: Columns that say where a row is from: in the tables on disk, not on a page.
-PROVENANCE = ["hash", "date", "machine"]
+PROVENANCE = ["content", "date", "machine", "spent", "state"]
 SAME = "The same pages [in HTML](index.html), in which tables sort and filter."
 
 
@@ -73,6 +73,11 @@ class Data:
     def __call__(self, name: str) -> pd.DataFrame | None:
         """The table as a DataFrame, or None where it was not measured."""
         return self._read(name)[0]
+
+    def provenance(self, name: str) -> pd.DataFrame:
+        """When and on what machine each row of a table on disk was measured, where that was recorded."""
+        path = self.folder / "data" / f"{name}.csv"
+        return pd.read_csv(path, usecols=lambda column: column in PROVENANCE, low_memory=False)
 
     def about(self, name: str) -> dict | None:
         """On what it was measured."""

@@ -10,23 +10,35 @@ from .markdown import listed, wrapped
 from .page import Page
 
 
-def earlier(frame: pd.DataFrame) -> str:
-    """What is said of rows that the latest run did not measure; empty where there are none, or no dates."""
-    if "date" not in frame or frame["date"].isna().all():
-        return ""
-    days = frame["date"].dropna().astype(str).str[:10]
+def earlier(rows: pd.DataFrame, machines: Mapping) -> str:
+    """What is said of when the rows were measured, and of those that the latest run did not measure.
+
+    ``rows`` has the columns date, machine and state, or lacks them; ``machines`` describes the machines by name.
+    """
+    if "date" not in rows or rows["date"].isna().all():
+        return "the date was not recorded"
+    days = rows["date"].dropna().astype(str).str[:10]
     old = days[days < days.max()]
-    if old.empty:
-        return f"measured on {days.max()}"
-    machines = frame.loc[old.index, "machine"].dropna().unique() if "machine" in frame else []
-    where = f", on {listed(list(machines), 2)}" if len(machines) else ""
-    span = old.min() if old.min() == old.max() else f"{old.min()} to {old.max()}"
-    return f"{len(days) - len(old)} measured on {days.max()}, {len(old)} not in that run but on {span}{where}"
+    text = f"measured on {days.max()}"
+    if len(old):
+        span = old.min() if old.min() == old.max() else f"{old.min()} to {old.max()}"
+        names = rows.loc[old.index, "machine"].dropna().unique() if "machine" in rows else ()
+        where = (
+            listed(list(dict.fromkeys(machines.get(n, {}).get("processor", n) for n in names)), 2) if len(names) else ""
+        )
+        text = (
+            f"{len(days) - len(old)} {text}, {len(old)} not by that run but on {span}{f' ({where})' if where else ''}"
+        )
+    unknown = len(rows) - len(days)
+    text += f", {unknown} at a date that was not recorded" if unknown else ""
+    stale = int((rows["state"] == "stale").sum()) if "state" in rows else 0
+    return text + (f"; {stale} rows of another version of the code are left out" if stale else "")
 
 
-def _table(name: str, frame: pd.DataFrame) -> str:
-    date = earlier(frame) or "the date was not recorded"
-    return f"[data/{name}.csv](data/{name}.csv): {len(frame)} rows, {date}."
+def _table(name: str, data) -> str:
+    rows = data.provenance(name)
+    said = earlier(rows, (data.about(name) or {}).get("machines", {}))
+    return f"[data/{name}.csv](data/{name}.csv): {len(data(name))} rows, {said}."
 
 
 def machine(about: Mapping | None) -> str:
@@ -44,7 +56,7 @@ def origin(page: Page, data) -> str:
     lines = [f"- `{page.command}`"] if page.command else []
     if missing:
         lines.append(wrapped(f"**Not measured** in this folder: {', '.join(missing)}.", "- ", "  "))
-    lines += [wrapped(_table(name, data(name)), "- ", "  ") for name in measured]
+    lines += [wrapped(_table(name, data), "- ", "  ") for name in measured]
     said = dict.fromkeys(machine(data.about(name)) for name in measured)
     lines += [wrapped(text, "- ", "  ") for text in said if text]
     return "\n".join(lines or ["Computed from the records of the methods and problems."]) + "\n"

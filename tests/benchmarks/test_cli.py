@@ -546,7 +546,7 @@ def test_report_of_rows(swept, tmp_path):
     code, text, _ = call("report", *arguments)
     assert code == 0
     assert "README.md" in text
-    assert "lotka-volterra" in (folder / "orders.md").read_text()
+    assert "lotka-volterra" in (folder / "orders.html").read_text()
     # A sweep of --quick is no full run.
     assert "full run" not in (folder / "README.md").read_text()
 

@@ -157,12 +157,13 @@ def test_a_report_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
 
 
 def test_rows_of_an_earlier_run_are_said_to_be():
-    frame = pd.DataFrame(
-        {"date": ["2026-11-20T10:00", "2026-11-21T11:00", "2026-11-21T12:00"], "machine": ["a", "b", "b"]}
-    )
-    assert earlier(frame) == "2 measured on 2026-11-21, 1 not in that run but on 2026-11-20, on a"
-    assert earlier(frame.iloc[1:]) == "measured on 2026-11-21"
-    assert earlier(frame[["machine"]]) == ""
+    rows = pd.DataFrame({"date": ["2026-11-20", "2026-11-21", "2026-11-21"], "machine": ["a", "b", "b"]})
+    known = {"a": {"processor": "a small one"}}
+    assert earlier(rows, known) == "2 measured on 2026-11-21, 1 not by that run but on 2026-11-20 (a small one)"
+    assert earlier(rows.iloc[1:], known) == "measured on 2026-11-21"
+    assert earlier(rows[["machine"]], known) == "the date was not recorded"
+    assert "1 at a date that was not recorded" in earlier(rows.assign(date=[None, "2026-11-21", "2026-11-21"]), known)
+    assert "1 rows of another version" in earlier(rows.assign(state=["stale", "current", "current"]), known)
 
 
 def test_a_finding_comes_first():

@@ -183,7 +183,7 @@ def table(rows: pd.DataFrame) -> Table | None:
 
 @of("rows")
 def _whole(rows: pd.DataFrame) -> pd.DataFrame:
-    ran = long_runs(rows)
+    ran = long_runs(rows).dropna(subset=["h"])
     ran = ran.loc[ran.groupby(["scene", "method"], sort=False)["h"].idxmax()]
     columns = {"scene": "scene", "method": "method", "declared": "declared", "h": "h", "energy_max": "energy error"}
     return ran[[*columns, "status"]].rename(columns=columns)

@@ -103,17 +103,17 @@ def clocks(runs: pd.DataFrame, growth: pd.DataFrame) -> Verdict | None:
     """Phase errors of adaptive methods that are larger than their energy errors can make them."""
     finished = _finished(runs, growth)
     adaptive = finished[(finished["mu"] == 0) & (finished["setting"] == "adaptive")]
-    if adaptive.empty:
-        return None
     # The frequency is (-2 H)^(3/2): an energy error within d turns the orbit by at most 3/2 d of its angle.
     most = 1.5 * adaptive["energy"] * 2 * pi * adaptive["orbits"]
     lost = adaptive[adaptive["phase"] > CLOCK * most]
     names = [f"{r['method']} at e = {r['e']:g} ({number(r['phase'])} rad)" for _, r in lost.iterrows()]
-    failed = ends(runs, growth)
-    stopped = int((~failed["status"].isin(["ok", "skipped"])).sum())
+    runs = ends(runs, growth)
+    stopped = int((~runs["status"].isin(["ok", "skipped"])).sum())
+    if runs.empty:
+        return None
     text = (
-        f"A phase error beyond {CLOCK:g} times what the energy error explains, a lost clock: "
-        f"{listed(names, 3) if names else 'in no adaptive run'}; {stopped} of {len(failed)} runs do not get through."
+        f"{stopped} of {len(runs)} runs do not get through; a phase error beyond {CLOCK:g} times what the energy error "
+        f"explains, a lost clock, has {listed(names, 3) if names else 'none of the adaptive runs without the term'}."
     )
     return Verdict(text, lost.empty, f"{listed(names, 1)} loses its clock.")
 

@@ -152,9 +152,11 @@ def table(rows: pd.DataFrame) -> Table | None:
 
 
 @of("rows")
-def _whole(rows: pd.DataFrame) -> pd.DataFrame:
+def _whole(rows: pd.DataFrame) -> pd.DataFrame | None:
     """Of every method and scene the row of the least error."""
     part = long_rows(rows)
+    if part.empty:
+        return None
     best = part.loc[part.groupby(["scene", "method"], sort=False)["global_error"].idxmin()]
     names = {"scene": "scene", "method": "method", "h": "h", "tol": "tolerance", "global_error": "error"}
     return best.reindex(columns=[*names, "seconds"]).rename(columns=names).sort_values(["scene", "seconds"])
