@@ -135,8 +135,9 @@ PAGE = Page(
     tables=("rows", "multiprecision"),
     setting=(
         "e(h) = max |y_h(T) − y(T)| over q and p against a certified reference; order = d log e / d log h.",
-        "Problems: pendulum, Kepler, perturbed Kepler, Hénon–Heiles, Lotka–Volterra, harmonic oscillator; T about 1.",
-        "In multiprecision (40 digits and more) there is no round-off: the gate is two-sided, |order − declared| < 0.1.",
+        "In doubles: pendulum, Kepler, perturbed Kepler, Hénon–Heiles, Lotka–Volterra, oscillator, T of 1 to 2; in "
+        "multiprecision also systems that are not separable.",
+        "In multiprecision (40 digits and more) there is no round-off: the gate is two-sided.",
         "In doubles the window is found: at least three steps above the noise, with a 95 % interval of the slope.",
     ),
     verdicts=(exact, confirmed),

@@ -109,14 +109,20 @@ def _dumbbells(rows: pd.DataFrame, folder) -> Picture | None:
         for who, k, label in ((OURS, 0, "cheapest of phasebench"), (PEERS, 1, "cheapest peer")):
             colour, _, marker = style.CURVES[k]
             axes.semilogx(pairs[f"{who} seconds"], y, marker, color=colour, label=label, markersize=5)
+        open_ = found["cheaper"] == OPEN
+        white = {"color": "white", "markeredgecolor": style.CURVES[1][0], "markersize": 5, "label": "peer, not decided"}
+        axes.semilogx(pairs[f"{PEERS} seconds"][open_], y[open_], style.CURVES[1][2], **white)
         axes.set_yticks(
             y, [f"{r.scene}, {r.accuracy:g}" for r in found.rename(columns={"error up to": "accuracy"}).itertuples()]
         )
         axes.invert_yaxis()
         axes.set_xlabel("warm integration (s)")
         axes.grid(axis="x", color="0.93", linewidth=0.5)
-        style.legend_above(figure, axes, 2)
-    caption = "Seconds of the cheapest integration whose end state has at most the error named on the left."
+        style.legend_above(figure, axes, 3)
+    caption = (
+        "Seconds of the cheapest integration whose end state has at most the error named on the left. White: a faster peer "
+        "was not run tightly enough to tell."
+    )
     return Picture(style.save(figure, folder, "cheapest.png"), "the cheapest for an accuracy", caption)
 
 
