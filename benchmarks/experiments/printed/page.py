@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pandas as pd
 
+from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
@@ -38,11 +38,11 @@ def agreement(printed: pd.DataFrame) -> Verdict | None:
 def scheme_iv(printed: pd.DataFrame) -> Verdict | None:
     """Whether Scheme IV's printed column is reproduced, and the orders of both."""
     iv, _ = _split(printed)
-    if len(iv) < 2:
+    if len(iv) < 3:
         return None
     agree = int((iv["units"] <= AGREEMENT).sum())
     measured, claimed = (
-        np.polyfit(np.log(iv["h"]), np.log(iv[c].astype(float)), 1)[0] for c in ("refinement_difference", "printed")
+        metrics.power(iv["h"], iv[c].astype(float)).value for c in ("refinement_difference", "printed")
     )
     return Verdict(
         f"Scheme IV: {agree} of {len(iv)} printed entries are reproduced; on the root nearest 1/2 its order is "
