@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
-from phasebench.integrators.engine.kernel import kernel, prepare, zeros
+from phasebench.integrators.engine.kernel import COUNTS, Orbit, Prepared, Samples, entry, kernel, prepare, value, zeros
 
 from .engine import codegen, solve
 from .errors import InvalidInput
@@ -115,60 +115,48 @@ def integrate(
     if lack:
         raise InvalidInput(lack)
     prepared = prepare(chosen, system, arithmetic)
-    return _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, progress)
+    trajectory = _Trajectory(system, q, p, h, steps, every, arithmetic)
+    return _run(prepared, trajectory, chosen, timeout, progress)
 
 
 @dataclass
-class _Layout:
-    """A compiled kernel with the arrays of one run."""
+class _Run:
+    """A compiled kernel with the step, the orbit and the counts of one run."""
 
-    run: Callable
-    functions: tuple
-    plan: np.ndarray
-    table: np.ndarray
-    eps: float
-    zero: tuple | np.ndarray
-    state: np.ndarray
-    memory: np.ndarray
-    work: np.ndarray
-    counts: np.ndarray
+    kernel: Callable
+    step: tuple
+    orbit: Orbit
+    counts: np.record
 
-    def __call__(self, h, every, Q, P, aux) -> tuple[int, int]:
-        """Fill the rows of Q, P, aux; (rows filled, status)."""
-        return self.run(
-            *self.functions, self.plan, self.table, h, every, self.eps, self.zero, self.state, self.memory, self.work,
-            Q, P, aux, self.counts,
-        )  # fmt: skip
+    def __call__(self, Q, P, parameter, every: int) -> tuple[int, int]:
+        """Fill rows, each after ``every`` steps; (rows filled, status)."""
+        return self.kernel(self.step, self.orbit, Samples(Q, P, parameter, every), self.counts)
 
     def restart(self, q, p) -> None:
         """Forget what was, and start from q, p."""
-        for a in (self.state, self.memory, self.counts):
-            a.fill(0)
-        self.state[0, : len(q)], self.state[1, : len(p)] = q, p
+        self.orbit.state.fill(0)
+        self.orbit.memory.fill(0)
+        self.orbit.state[0, : len(q)], self.orbit.state[1, : len(p)] = q, p
+        for name in self.counts.dtype.names:
+            self.counts[name] = 0
 
 
-def _lay_out(prepared, system, h, q, p, arithmetic) -> _Layout:
-    d, width = system.d, prepared.width
-    order = 1 + (prepared.linear or width)
-    plan, table = (x(h) if callable(x) else x for x in (prepared.plan, prepared.table))
-    as_tuple = codegen.compiled() and codegen.value_kind(d) == "tuple"
-    layout = _Layout(
-        run=kernel(prepared, d, arithmetic),
-        functions=prepared.functions,
-        plan=plan,
-        table=table,
-        eps=codegen.epsilon(arithmetic),
-        zero=(0.0,) * d if as_tuple else zeros(d, arithmetic),
-        state=zeros((4 + prepared.slots, max(2, d)), arithmetic),
-        memory=zeros(((3 * solve.LEVELS + 1) * prepared.slots, width), arithmetic),
-        work=zeros((order, order), arithmetic),
-        counts=np.zeros(8, dtype=np.int64),
-    )
-    layout.restart(q, p)
+def _lay_out(prepared: Prepared, d: int, h, q, p, arithmetic) -> _Run:
+    """The run of a kernel from q, p."""
+    order = 1 + (prepared.linear or prepared.width)
+    h = float(h) if arithmetic == DOUBLE else h
+    step = prepared.step._replace(h=h, eps=codegen.epsilon(arithmetic))
     if prepared.begin is not None:
-        value = tuple if as_tuple else np.array
-        prepared.begin(layout.table, value(layout.state[0, :d]), value(layout.state[1, :d]))
-    return layout
+        step = prepared.begin(step, value(q, d, arithmetic), value(p, d, arithmetic))
+    orbit = Orbit(
+        state=zeros((4 + prepared.stages, max(2, d)), arithmetic),
+        memory=zeros(((3 * solve.LEVELS + 1) * prepared.stages, prepared.width), arithmetic),
+        work=zeros((order, order), arithmetic),
+        zero=value(zeros(d, arithmetic), d, arithmetic),
+    )
+    run = _Run(entry(kernel(prepared, d, arithmetic)), step, orbit, np.zeros(1, COUNTS).view(np.recarray)[0])
+    run.restart(q, p)
+    return run
 
 
 def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dict | None = None) -> Callable[[], tuple]:
@@ -180,105 +168,141 @@ def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dic
     integrate(problem, chosen, h=h, steps=1)
     h, steps = grid(h, None, steps)
     system, q, p = initial(problem, None, None)
-    layout = _lay_out(prepare(chosen, system), system, h, q, p, DOUBLE)
-    Q, P, aux = np.zeros((1, system.d)), np.zeros((1, system.d)), np.zeros(1)
+    integration = _lay_out(prepare(chosen, system), system.d, h, q, p, DOUBLE)
+    Q, P, parameter = np.zeros((1, system.d)), np.zeros((1, system.d)), np.zeros((1, 1))
 
     def run():
-        layout.restart(q, p)
-        layout(h, steps, Q, P, aux)
+        integration.restart(q, p)
+        integration(Q, P, parameter, steps)
         return Q[0], P[0]
 
     return run
 
 
-def _run(prepared, system, chosen, q, p, h, steps, every, arithmetic, timeout, progress) -> Solution:
-    d = system.d
-    multi = arithmetic == MULTIPRECISION
-    layout = _lay_out(prepared, system, h, q, p, arithmetic)
-    state, counts = layout.state, layout.counts
+class _Trajectory:
+    """The rows of a run, filled in pieces: every ``every`` steps one, and the last."""
 
-    rows, rest = divmod(steps, every)
-    sizes = [every] * rows + ([rest] if rest else [])
-    Q, P = zeros((len(sizes) + 1, d), arithmetic), zeros((len(sizes) + 1, d), arithmetic)
-    Q[0], P[0] = state[0, :d], state[1, :d]
-    aux = np.full(len(sizes), np.nan)
-    at, status, reason, begin, spent = 0, OK, "", time.monotonic(), 0.0
-    piece_rows = max(1, PIECE // every)
-    while at < len(sizes) and status == OK:
-        n = min(piece_rows, rows - at) if at < rows else 1
-        part = slice(at, at + n)
-        step_rows = sizes[at]
-        span, whole = (step_rows, 1) if step_rows <= PIECE else (PIECE, -(-step_rows // PIECE))
-        for k in range(whole):
-            span = min(span, step_rows - k * PIECE)
-            outs = (Q[1:][part], P[1:][part], aux[part])
-            started = time.perf_counter()
-            filled, code = layout(h, span, *outs)
-            spent += time.perf_counter() - started
-            late = timeout is not None and time.monotonic() - begin > timeout
-            if code or late:
-                break
-        if late and k < whole - 1:
+    def __init__(self, system, q, p, h, steps: int, every: int, arithmetic: str):
+        self.system, self.h, self.steps, self.every, self.arithmetic = system, h, steps, every, arithmetic
+        n = -(-steps // self.every)
+        self.q, self.p = zeros((n + 1, system.d), arithmetic), zeros((n + 1, system.d), arithmetic)
+        self.q[0], self.p[0] = q, p
+        self.parameter = np.full((n, 1), np.nan)
+        self.filled = 0
+        self.seconds = 0.0
+        self.status, self.reason = OK, ""
+
+    @property
+    def done(self) -> int:
+        """The number of the step that the last filled row belongs to."""
+        return min(self.steps, self.filled * self.every)
+
+    def __bool__(self) -> bool:
+        """Whether there is more to integrate."""
+        return self.status == OK and self.filled < len(self.parameter)
+
+    def advance(self, run: _Run, deadline: float) -> None:
+        """Call the kernel for as many rows as make a piece, or in pieces for one row; look at what came of it."""
+        rows, rest = divmod(self.steps, self.every)
+        first, n, size = self.filled, min(max(1, PIECE // self.every), rows - self.filled), self.every
+        if first == rows:  # the last row, after fewer steps
+            n, size = 1, rest
+        part = slice(first, first + n)
+        left, filled, code, late = size, 0, solve.SOLVED, False
+        while left and not code and not late:
+            piece = min(left, PIECE) if n == 1 else size
+            left -= piece
+            began = time.perf_counter()
+            filled, code = run(self.q[1:][part], self.p[1:][part], self.parameter[part], piece)
+            self.seconds += time.perf_counter() - began
+            late = time.monotonic() > deadline
+        if left and late:
             filled = 0  # the row is of a time between two that are kept
-        at += filled
-        if not multi:
-            bad = np.flatnonzero(~np.isfinite(Q[1:][part][:filled]).all(1) | ~np.isfinite(P[1:][part][:filled]).all(1))
-            if len(bad):
-                at = at - filled + bad[0]
-                status, reason = DIVERGED, "the state is no longer finite"
-            elif system.H is not None:
-                lost = np.flatnonzero(
-                    ~np.isfinite(system.observe(system.H, Q[1:][part][:filled], P[1:][part][:filled]))
-                )
-                if len(lost):
-                    at = at - filled + lost[0]
-                    status, reason = DIVERGED, "the energy is no longer finite: the state is outside H's domain"
-        if status == OK and code:
-            status = DIVERGED if code == solve.NOT_FINITE else NOT_CONVERGED
-            reason = (
-                "a stage equation has no finite iterate"
-                if code == solve.NOT_FINITE
-                else ("neither the fixed point nor Newton's method solves the stage equation")
-            )
-            size, begun = np.abs([Q[at], P[at]]).max(), np.abs([Q[0], P[0]]).max()
-            if status == NOT_CONVERGED and size > ESCAPED * (1 + begun):
-                status, reason = DIVERGED, f"the state has grown to {size:.3g}"
-        elif status == OK and late and at < len(sizes):
-            status, reason = TIMEOUT, f"{timeout} s had passed"
+        self.filled += filled
+        self._judge(first)
+        if self.status == OK and code:
+            self._stopped(code)
+        elif late and self:
+            self.status = TIMEOUT
+
+    def _judge(self, first: int) -> None:
+        """Give up the rows from the first on that is not finite, or whose energy is not."""
+        if self.arithmetic == MULTIPRECISION:
+            return
+        Q, P = self.q[first + 1 : self.filled + 1], self.p[first + 1 : self.filled + 1]
+        bad = ~np.isfinite(Q).all(1) | ~np.isfinite(P).all(1)
+        reason = "the state is no longer finite"
+        if not bad.any() and self.system.H is not None:
+            bad = ~np.isfinite(self.system.observe(self.system.H, Q, P))
+            reason = "the energy is no longer finite: the state is outside H's domain"
+        if bad.any():
+            self.filled = first + int(bad.argmax())
+            self.status, self.reason = DIVERGED, reason
+
+    def _stopped(self, code: int) -> None:
+        """Say why a stage equation was not solved."""
+        if code == solve.NOT_FINITE:
+            self.status, self.reason = DIVERGED, "a stage equation has no finite iterate"
+            return
+        size, begun = (np.abs([self.q[i], self.p[i]]).max() for i in (self.filled, 0))
+        if size > ESCAPED * (1 + begun):
+            self.status, self.reason = DIVERGED, f"the state has grown to {size:.3g}"
+        else:
+            self.status = NOT_CONVERGED
+            self.reason = "neither the fixed point nor Newton's method solves the stage equation"
+
+    def conclude(self, timeout: float | None) -> None:
+        """Complete the reason; see whether the motion met a singularity."""
+        Q, P = self.q[: self.filled + 1], self.p[: self.filled + 1]
+        at = f"after step {self.done} of {self.steps} (t = {float(self.h * self.done):.6g})"
+        if self.status == TIMEOUT:
+            self.reason = f"{timeout} s had passed {at}; the rows so far are kept"
+        elif self.status != OK:
+            near = _approach(self.system, Q[-1:], P[-1:], self.h)
+            if near is not None:
+                self.status, self.reason = COLLISION, f"{near} {at}; a regularized or adaptive method is needed"
+            else:
+                self.reason += f" {at}; take a smaller h"
+        elif self.arithmetic == DOUBLE and self.system.singular and self.system.H is not None:
+            near = _passed(self.system, Q, P, self.h)
+            if near is not None:
+                self.status, self.reason = COLLISION, near
+
+    def count_missed(self, fallbacks: int, missed: str) -> None:
+        """Say how many steps lack what the method promises, in the words ``missed``."""
+        if not missed or not fallbacks or self.status != OK:
+            return
+        self.reason = f"{fallbacks} of {self.done} steps {missed}"
+        if fallbacks > TOLERATED * self.done:
+            self.status, self.reason = NO_ROOT, self.reason + ": the energy is not kept; take a smaller h"
+
+
+def _run(prepared, trajectory: _Trajectory, chosen: Method, timeout, progress) -> Solution:
+    """Integrate, from the first row of the trajectory."""
+    t = trajectory
+    run = _lay_out(prepared, t.system.d, t.h, t.q[0], t.p[0], t.arithmetic)
+    deadline = np.inf if timeout is None else time.monotonic() + timeout
+    while t:
+        t.advance(run, deadline)
         if progress is not None:
-            progress(min(steps, at * every))
-    done = int(min(steps, at * every))
-    Q, P, aux = Q[: at + 1], P[: at + 1], aux[:at]
-    index = np.minimum(np.arange(at + 1) * every, steps)
-    t = np.array([h * int(i) for i in index], dtype=object if multi else float)
-    if status not in (OK, TIMEOUT):
-        near = _approach(system, Q[-1:], P[-1:], h)
-        if near is not None:
-            status, reason = COLLISION, near
-        reason += f" after step {done} of {steps} (t = {float(t[-1]):.6g}); " + (
-            "a regularized or adaptive method is needed" if status == COLLISION else "take a smaller h"
-        )
-    elif status == TIMEOUT:
-        reason += f" after step {done} of {steps} (t = {float(t[-1]):.6g}); the rows so far are kept"
-    elif not multi and system.singular and system.H is not None:
-        near = _passed(system, Q, P, h)
-        if near is not None:
-            status, reason = COLLISION, near
-    missed = int(counts[3])
-    if prepared.missed and missed and status == OK:
-        reason = f"{missed} of {done} steps {prepared.missed}"
-        if missed > TOLERATED * done:
-            status, reason = NO_ROOT, reason + ": the energy is not kept; take a smaller h"
-    evaluations = int(counts[1])
+            progress(t.done)
+    t.conclude(timeout)
+    counts = run.counts
+    t.count_missed(int(counts.fallbacks), prepared.missed)
+    evaluations = int(counts.gradient)
     tally = {
-        "steps": done,
+        "steps": t.done,
         "gradient": evaluations,
         "hessian": evaluations if prepared.hessian else 0,
         "iterations": evaluations if prepared.implicit else 0,
-        "fallbacks": int(counts[3]),
-        "newton": int(counts[2]),
+        "fallbacks": int(counts.fallbacks),
+        "newton": int(counts.newton),
     }
-    return Solution(t, Q, P, status, reason, tally, h, chosen, aux, spent)
+    n = t.filled
+    index = np.minimum(np.arange(n + 1) * t.every, t.steps)
+    times = np.array([t.h * int(i) for i in index], dtype=object if t.arithmetic == MULTIPRECISION else float)
+    Q, P, parameter = t.q[: n + 1], t.p[: n + 1], t.parameter[:n, 0]
+    return Solution(times, Q, P, t.status, t.reason, tally, t.h, chosen, parameter, t.seconds)
 
 
 def _travel(system, Q, P, h):

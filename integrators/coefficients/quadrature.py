@@ -17,11 +17,22 @@ G. Wanner, Solving Ordinary Differential Equations II (1996), IV.5.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import mpmath
 
-#: Sizes of the rules for an H that is no polynomial.
-RULES = (2, 3, 4, 6, 8, 12, 16, 24, 32)
+#: Sizes of the rules for an H that is no polynomial, in doubles and at higher precision.
+RULES, LARGE = (2, 3, 4, 6, 8, 12, 16, 24, 32), (8, 12, 16, 24, 32, 48, 64)
+
+
+def sizes(s: int, degree: int | None, rules: tuple[int, ...] = RULES) -> tuple[int, ...]:
+    """The numbers of nodes for the integrals of grad H along a polynomial of degree s in time.
+
+    One rule that is exact for a polynomial H of that degree; where H is none, those of rising size.
+    """
+    if degree:
+        return (max(s, -(-s * degree // 2)),)
+    return tuple(k for k in rules if k >= s)
 
 
 def _legendre(n: int, x) -> list:
@@ -47,6 +58,7 @@ def _root(x, move: Callable, digits: int):
     return x
 
 
+@cache
 def gauss_legendre(nodes: int, digits: int = 40) -> list[tuple]:
     """[(node, weight), ...] of the Gauss-Legendre rule on [0, 1], as mpmath numbers of so many digits."""
 

@@ -1,4 +1,4 @@
-r"""Tableaus of implicit Runge-Kutta methods and of HBVM in the form of `stages`, at any precision.
+r"""Tableaus of implicit Runge-Kutta methods and of HBVM in the form of `collocation`, at any precision.
 
 Collocation at nodes c: :math:`a_{ij} = \int_0^{c_i} \ell_j`, :math:`b_j = \int_0^1 \ell_j`: Gauss, Lobatto IIIA, Radau
 IIA.  Lobatto IIIB is the symplectic conjugate of IIIA, :math:`b_i a^q_{ij} + b_j a^p_{ji} = b_i b_j`.
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from typing import NamedTuple
 
 import mpmath
 import numpy as np
@@ -99,24 +100,31 @@ def extrapolation(B, c) -> list[tuple]:
     return out
 
 
+class Tableau(NamedTuple):
+    """Rows of exact numbers: w^q and w^p; c, A^q, A^p and B^T at the nodes; the weights of `extrapolation`."""
+
+    weights: tuple
+    c: tuple
+    A_q: tuple
+    A_p: tuple
+    B: tuple
+    extrapolation: list
+
+
 @cache
-def rows(kind: str, s: int, k: int, nystrom: bool, digits: int, unit) -> tuple:
-    """(rows of the plan, rows of the table) for one rule."""
+def tableau(kind: str, s: int, k: int, nystrom: bool, digits: int, unit) -> Tableau:
+    """The tableau with k nodes, rounded to ``unit`` where symplecticity asks for it."""
     with mpmath.workdps(digits):
         A, C, B, w, c = exact(kind, s, k)
+        weights = w
         if nystrom:
             A, weights = A * B * C, w * B * C
             A, c = nystrom_rounded(A, c, unit)
             if kind != "hbvm" and max(abs(weights[j] - 1 + c[j]) for j in range(s)) < 2 * unit:
                 weights = [1 - x for x in c]
             C = A
-        else:
-            weights = w
-            if kind != "hbvm":
-                A, C = on_grid(A, unit), on_grid(C, unit)
+        elif kind != "hbvm":
+            A, C = on_grid(A, unit), on_grid(C, unit)
         start = extrapolation(B, c)
-        own = (int(kind != "hbvm"), s, len(start) // s)
-        nodes = range(len(c))
-        every = range(s)
-        table = [(len(c), c[i], *(M[i, j] for M in (A, C) for j in every), *(B[j, i] for j in every)) for i in nodes]
-        return (tuple(weights), tuple(w), own, *start), table
+        A_q, A_p, B_T = (tuple(map(tuple, M.tolist())) for M in (A, C, B.T))
+        return Tableau((tuple(weights), tuple(w)), tuple(c), A_q, A_p, B_T, start)

@@ -33,8 +33,8 @@ from phasebench.integrators.coefficients.fractions import DIGITS
 from .codegen import MULTIPRECISION
 from .vector import inlined, jit
 
-#: The rows of `constants`, and where a table may go on.
-NUMBERS, SERIES_2, SERIES_3, ROWS = 0, 1, 2, 3
+#: The rows of `constants`.
+NUMBERS, SERIES_2, SERIES_3 = 0, 1, 2
 #: Arguments of the series are at most this.
 REACH = 0.5
 ITERATIONS = 300
@@ -44,7 +44,7 @@ def constants(arithmetic: str) -> list[list]:
     """Rows (pi, number of terms N), and of the coefficients of 2 c_2 and 6 c_3, the constant term first.
 
     They are multiplied by (2 N + 2)!/2 and (2 N + 3)!/6, which makes them integers that a double holds exactly:
-    rounded, they would have errors with a sign, and the energy a drift.
+    rounded, their errors would be biased, and the energy would drift.
     """
     eps = mpmath.mp.eps if arithmetic == MULTIPRECISION else mpmath.mpf(2) ** -52
     terms = 1

@@ -1,4 +1,26 @@
-"""Kernels by family: prepared for a method and a system, compiled once per family and kind of state."""
+"""Kernels: what a family's ``run`` is handed, and its compilation, once per family and kind of state.
+
+For somebody who adds a family.  Its module holds a NamedTuple of what a step needs, ``run`` and ``prepare``:
+
+1. ``prepare(method, system, arithmetic)`` returns a `Prepared`.  Its ``step`` is an instance of the family's
+   NamedTuple: the functions asked of the system (None for one that is not there, which `vector.chosen` can tell when it
+   compiles), the coefficients in the arithmetic at hand (`array`, `numbers`), and ``h`` and ``eps``, which a run sets.
+2. What depends on h or on the initial state (H0) is set by ``Prepared.begin``: begin(step, q, p) -> step.  Fields keep
+   their types.
+3. ``run(step, orbit, samples, counts)`` takes ``samples.every`` steps before each row of ``samples`` and fills it.  It
+   returns (rows filled, status): `solve.SOLVED`, or why it stopped in the middle of the row that follows.
+4. ``run`` is called again and again, in pieces.  All that goes from one piece to the next stands in ``orbit`` and
+   ``counts``: it reads the state at its begin (`vector.opened`) and writes it at its end (`vector.close`).
+5. The state, stage unknowns and increments are values: tuples of small d, arrays of large d, object arrays of mpmath
+   numbers.  Only the operations of `vector` touch them, so that the same source runs on all three.  Increments are
+   added with compensation.
+6. A step of tuples allocates nothing.  Arrays in ``step`` and ``orbit`` are two-dimensional or read-only: a writable
+   one-dimensional array of numbers is a value of large d.
+7. Implicit equations go to `solve.solver` or `solve.row_solver`, quadratures to be confirmed to `solve.confirmer`
+   or `solve.unchanged`, parameters that keep the energy to `root.finder`.
+8. ``counts`` has the number of steps, of evaluations of the gradient or field, of equations that needed Newton's
+   method, and of fallbacks: steps that lack what the method promises.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +30,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -17,28 +39,54 @@ from numba import types
 from . import codegen, progress
 from .codegen import DOUBLE, MULTIPRECISION
 
+#: What is counted; ``rule`` is the quadrature rule that the next step begins with, as the first of its rows.
+COUNTS = np.dtype([(name, np.int64) for name in ("steps", "gradient", "newton", "fallbacks", "rule")])
 
-@dataclass(frozen=True)
-class Prepared:
-    """A kernel's ``run`` with what it needs besides the state.
+
+class Orbit(NamedTuple):
+    """What goes on from step to step.
 
     Attributes
     ----------
-    functions : the kernel's leading arguments (None where it can do without)
-    plan, table : its coefficients, two-dimensional arrays, or functions of the step h that make them
-    width, slots : components of a stage's unknown, and the number of such unknowns in a step
+    state : array, rows q, p, what rounding lost of q, and of p, then ``stages`` rows that are the family's own
+    memory : array (rows, width), for solutions of earlier steps
+    work : array, for a linear system with its right-hand side
+    zero : the zero of a value
+    """
+
+    state: np.ndarray
+    memory: np.ndarray
+    work: np.ndarray
+    zero: Any
+
+
+class Samples(NamedTuple):
+    """The rows to fill, each after ``every`` steps: q, p, and in one column a parameter that the method chose."""
+
+    q: np.ndarray
+    p: np.ndarray
+    parameter: np.ndarray
+    every: int
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A kernel's ``run`` with what it needs besides the state (guidelines 1 and 2).
+
+    Attributes
+    ----------
+    run, step : the kernel and its first argument
+    width, stages : components of a stage's unknown, and the number of such unknowns in a step
     implicit, hessian : whether evaluations count as iterations, and as evaluations of higher derivatives
     linear : the number of unknowns of the largest linear system that the kernel solves, at first ``width``
-    begin : begin(table, q, p) is called once with the initial state, for values that are kept (H0)
+    begin : completes ``step`` for a run
     missed : what a fallback is, in words after "n of m steps"; without it fallbacks do not change the status
     """
 
     run: Callable
-    functions: tuple
-    plan: Any
-    table: Any
+    step: NamedTuple
     width: int
-    slots: int
+    stages: int
     implicit: bool = True
     hessian: bool = False
     linear: int = 0
@@ -46,7 +94,7 @@ class Prepared:
     missed: str = ""
 
 
-def array(rows, arithmetic: str):
+def array(rows, arithmetic: str) -> np.ndarray:
     """A two-dimensional array of exact numbers in the arithmetic at hand."""
     rows = [list(r) for r in rows]
     out = zeros((len(rows), max(map(len, rows), default=1)), arithmetic)
@@ -56,13 +104,32 @@ def array(rows, arithmetic: str):
     return out
 
 
-def zeros(shape, arithmetic: str):
+def numbers(row, arithmetic: str) -> np.ndarray:
+    """A read-only array of exact numbers in the arithmetic at hand."""
+    return fixed(array([row], arithmetic)[0])
+
+
+def fixed(x) -> np.ndarray:
+    """x as a read-only array; integers stay integers."""
+    x = np.array(x)
+    x.flags.writeable = False
+    return x
+
+
+def zeros(shape, arithmetic: str) -> np.ndarray:
     """Zeros of the arithmetic at hand."""
     if arithmetic == MULTIPRECISION:
         out = np.empty(shape, dtype=object)
         out.fill(codegen.exactly(0, arithmetic))
         return out
     return np.zeros(shape)
+
+
+def value(x, d: int, arithmetic: str = DOUBLE):
+    """The numbers x as a value of systems of d degrees of freedom."""
+    if arithmetic == DOUBLE and codegen.compiled() and codegen.value_kind(d) == "tuple":
+        return tuple(map(float, x))
+    return np.array(x)
 
 
 def prepare(method, system, arithmetic: str = DOUBLE) -> Prepared:
@@ -72,25 +139,26 @@ def prepare(method, system, arithmetic: str = DOUBLE) -> Prepared:
         return family.prepare(method, system, arithmetic)
 
 
+def keep_energy(energy: Callable) -> Callable:
+    """A ``begin`` that sets the step's H0."""
+    return lambda step, q, p: step._replace(H0=energy(q, p)[0])
+
+
 _kernels: dict = {}
-_FLOATS, _TABLE, _COUNTS = (
-    types.Array(types.float64, 1, "C"),
-    types.Array(types.float64, 2, "C"),
-    types.Array(types.int64, 1, "C"),
-)
+_TABLE = types.Array(types.float64, 2, "C")
 
 
 def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
     """``prepared.run``, compiled with an explicit signature (and kept on disk) unless compilation is off."""
     if arithmetic == MULTIPRECISION or not codegen.compiled():
         return prepared.run
-    functions = tuple(types.none if f is None else _function_type(f) for f in prepared.functions)
-    key = (prepared.run, functions, codegen.value_type(d))
+    step, T = _type(prepared.step), codegen.value_type(d)
+    key = (prepared.run, step, T)
     if key not in _kernels:
         _drop_stale()
-        T, number = codegen.value_type(d), types.float64
-        tables = (_TABLE, _TABLE, number, types.int64, number, T, _TABLE, _TABLE, _TABLE, _TABLE, _TABLE)
-        signature = types.UniTuple(types.int64, 2)(*functions, *tables, _FLOATS, _COUNTS)
+        orbit = _tuple_type((_TABLE, _TABLE, _TABLE, T), Orbit)
+        samples = _tuple_type((_TABLE, _TABLE, _TABLE, types.int64), Samples)
+        signature = types.UniTuple(types.int64, 2)(step, orbit, samples, numba.from_dtype(COUNTS))
         family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")
         with progress.compiling(f"the kernel of {family}", d), warnings.catch_warnings():
             warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
@@ -98,9 +166,23 @@ def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
     return _kernels[key]
 
 
-def _function_type(f):
-    signature = f.nopython_signatures[0]
-    return types.FunctionType(signature.return_type(*signature.args))
+def entry(kernel: Callable) -> Callable:
+    """What a compiled kernel is called by: Numba's dispatcher does not know a function inside of a tuple."""
+    return next(iter(kernel.overloads.values())).entry_point if hasattr(kernel, "overloads") else kernel
+
+
+def _tuple_type(fields, kind=None):
+    return types.BaseTuple.from_types(tuple(fields), kind)
+
+
+def _type(x):
+    """The Numba type of a step's field: a function is a pointer, so that a kernel serves every system."""
+    if isinstance(x, tuple):
+        return _tuple_type(map(_type, x), type(x) if hasattr(x, "_fields") else None)
+    if isinstance(x, numba.core.dispatcher.Dispatcher):
+        signature = x.nopython_signatures[0]
+        return types.FunctionType(signature.return_type(*signature.args))
+    return numba.typeof(x)
 
 
 def _drop_stale() -> None:

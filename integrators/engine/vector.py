@@ -11,6 +11,7 @@ lost (Kahan 1965; Moller 1965, "Quasi double-precision in floating point additio
 from __future__ import annotations
 
 import inspect
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, types
@@ -27,9 +28,12 @@ ARRAYS = COMMON | {"_nrt": True}
 
 
 def _holds_vectors(t) -> bool:
-    """Whether a Numba type is, or holds, a vector (d,): a value of large d.  Plans and memory are two-dimensional."""
+    """Whether a Numba type is, or holds, a vector (d,): a value of large d.
+
+    Memory is two-dimensional, and coefficients are read-only.
+    """
     if isinstance(t, types.Array):
-        return t.ndim == 1
+        return t.ndim == 1 and t.mutable and isinstance(t.dtype, types.Float)
     return isinstance(t, types.BaseTuple) and any(map(_holds_vectors, t))
 
 
@@ -240,19 +244,44 @@ def store(A, i, x):
     A[i, : len(x)] = x
 
 
-@inlined
-def opened(state, zero):
-    """(q, p, what rounding lost of q, and of p): the first four rows of a run's state."""
-    return load(state, 0, zero), load(state, 1, zero), load(state, 2, zero), load(state, 3, zero)
+class State(NamedTuple):
+    """The values q and p, and what rounding lost of them."""
+
+    q: Any
+    p: Any
+    lost_q: Any
+    lost_p: Any
 
 
 @inlined
-def close(state, q, p, cq, cp):
-    """Write them back, for the run to go on."""
-    store(state, 0, q)
-    store(state, 1, p)
-    store(state, 2, cq)
-    store(state, 3, cp)
+def advanced(y, dq, dp):
+    """The state y moved by the increments dq and dp, with compensation."""
+    q, lost_q = add(y.q, y.lost_q, dq)
+    p, lost_p = add(y.p, y.lost_p, dp)
+    return State(q, p, lost_q, lost_p)
+
+
+@inlined
+def opened(orbit):
+    """The state in the first four rows of an orbit's."""
+    rows, zero = orbit.state, orbit.zero
+    return State(load(rows, 0, zero), load(rows, 1, zero), load(rows, 2, zero), load(rows, 3, zero))
+
+
+@inlined
+def close(orbit, y):
+    """Write it back, for the run to go on."""
+    store(orbit.state, 0, y.q)
+    store(orbit.state, 1, y.p)
+    store(orbit.state, 2, y.lost_q)
+    store(orbit.state, 3, y.lost_p)
+
+
+@inlined
+def keep(samples, row, y):
+    """Fill a row of the samples."""
+    store(samples.q, row, y.q)
+    store(samples.p, row, y.p)
 
 
 def chosen(when_none, otherwise):
@@ -265,7 +294,7 @@ def chosen(when_none, otherwise):
     namespace["holds"] = lambda *arguments: any(map(_holds_vectors, arguments))
     for vectors, options in ((False, {"forceinline": True, **TUPLES}), (True, ARRAYS)):
         exec(f"def typed({names}):\n  return kind({names}) if holds({names}) == {vectors} else None", namespace)
-        overload(namespace["pick"], jit_options=options, inline="always")(namespace["typed"])
+        overload(namespace["pick"], jit_options=options)(namespace["typed"])
     return namespace["pick"]
 
 

@@ -14,8 +14,8 @@ Abe: an average over a single component is a difference quotient.  The reverse p
 over both paths, and the composition of both maps over half steps, are symmetric.  Where H has no term in variables of
 two blocks, every path is AVF (the partitioned method where H is separable).
 
-The integral is a Gauss-Legendre sum: exact with ceil(m/2) nodes for a polynomial H of degree m; otherwise ``table``
-lists rules of rising size, and a step takes the first that the next one confirms to round-off.  The confirming sweep
+The integral is a Gauss-Legendre sum: exact with ceil(m/2) nodes for a polynomial H of degree m; otherwise there is a
+list of rules of rising size, and a step takes the first that the next one confirms to round-off.  The confirming sweep
 is itself an iterate of the finer rule, so nothing of it is lost.  A step that the largest rule leaves unconfirmed is
 counted as a fallback.
 
@@ -25,35 +25,67 @@ W. Cai, H. Li, Y. Wang, J. Comput. Phys. 370 (2018) 25-42; T. Itoh, K. Abe, J. C
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Callable
 from itertools import combinations
+from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
 import sympy as sp
 
-from phasebench.integrators.coefficients.quadrature import RULES, gauss_legendre
+from phasebench.integrators.coefficients.quadrature import LARGE, RULES, gauss_legendre, sizes
 from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import Prepared, array
-from phasebench.integrators.engine.solve import SOLVED, confirmed, predict, remember, solver
+from phasebench.integrators.engine.kernel import Prepared, array, fixed, numbers
+from phasebench.integrators.engine.solve import SOLVED, Change, change, predict, remember, solver, unchanged
 from phasebench.integrators.engine.vector import (
-    add,
+    advanced,
     axpy,
     chosen,
     close,
-    distance,
     elementwise,
     head,
     inlined,
     join,
+    keep,
     load,
     opened,
     plus,
     scale,
     size,
-    store,
     tail,
 )
+
+
+class Averaged(NamedTuple):
+    """Substeps along paths, and quadrature rules.
+
+    Substep s takes ``fraction[s]`` of h, its components belong to the blocks ``place[s]``, it goes along the path
+    (``direction`` 1), its reverse (-1) or both (0).  ``path`` is None where every substep has one block only.  A rule
+    is a range of nodes c with weights b, each with the ``nodes`` of its rule.
+    """
+
+    path: Callable | None
+    field: Callable
+    place: np.ndarray
+    blocks: np.ndarray
+    direction: np.ndarray
+    fraction: np.ndarray
+    nodes: np.ndarray
+    c: np.ndarray
+    b: np.ndarray
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class Average(NamedTuple):
+    """The equation of substep s of length h from (q, p), by the rule that begins with the node ``rule``."""
+
+    step: Averaged
+    q: Any
+    p: Any
+    h: float
+    s: int
+    rule: int
 
 
 @elementwise()
@@ -69,116 +101,106 @@ def of_block(b, place, a, f, total):
 
 
 @inlined
-def one_way(direction, x, arguments):
+def one_way(direction, x, e):
     """h times the mean of f along a path: each block's part of the gradient where that block moves."""
-    field, q, p, h, table, first, plan, s = arguments
-    place = load(plan, s, x)
+    step = e.step
+    place = load(step.place, e.s, x)
     at_q, at_p = head(place), tail(place)
     total = scale(0.0, x)
-    for b in range(int(plan[s, len(x)])):
-        for i in range(first, first + int(table[first, 0])):
-            c, a = table[i, 1], table[i, 2] * h
-            dq, dp = field(moved(direction, b, at_q, c, head(x), q), moved(direction, b, at_p, c, tail(x), p), h, 0.0)
+    for b in range(step.blocks[e.s]):
+        for i in range(e.rule, e.rule + step.nodes[e.rule]):
+            c, a = step.c[i], step.b[i] * e.h
+            q, p = moved(direction, b, at_q, c, head(x), e.q), moved(direction, b, at_p, c, tail(x), e.p)
+            dq, dp = step.field(q, p, e.h, 0.0)
             # q' is a derivative by p: it belongs to the block of p
             total = join(of_block(b, at_p, a, dq, head(total)), of_block(b, at_q, a, dp, tail(total)))
     return total
 
 
-def _along(path, x, arguments):
-    plan, s = arguments[6:]
-    direction = plan[s, len(x) + 1]
+def _along(path, x, e):
+    direction = e.step.direction[e.s]
     if direction == 0:
-        return scale(0.5, plus(one_way(1.0, x, arguments), one_way(-1.0, x, arguments)))
-    return one_way(direction, x, arguments)
+        return scale(0.5, plus(one_way(1.0, x, e), one_way(-1.0, x, e)))
+    return one_way(direction, x, e)
 
 
-def _straight(path, x, arguments):
-    field, q, p, h, table, first = arguments[:6]
+def _straight(path, x, e):
+    step = e.step
     total = scale(0.0, x)
-    for i in range(first, first + int(table[first, 0])):
-        s = table[i, 1]
-        dq, dp = field(axpy(s, head(x), q), axpy(s, tail(x), p), h, 0.0)
-        total = axpy(table[i, 2] * h, join(dq, dp), total)
+    for i in range(e.rule, e.rule + step.nodes[e.rule]):
+        c = step.c[i]
+        dq, dp = step.field(axpy(c, head(x), e.q), axpy(c, tail(x), e.p), e.h, 0.0)
+        total = axpy(step.b[i] * e.h, join(dq, dp), total)
     return total
 
 
-#: h times the mean of f between (q, p) and (q, p) + x, by the rule in rows first, ... of the table: over the straight
-#: line where ``path`` is None, else over the path of row s of the plan; (path, x, arguments) -> x.
-mean = chosen(_straight, _along)
+_mean = chosen(_straight, _along)
 
 
 @inlined
-def averaged(x, arguments):
-    """The equation's right-hand side, for arguments (path, (field, q, p, h, table, first, plan, s))."""
-    return mean(arguments[0], x, arguments[1])
+def mean(x, e):
+    """h times the mean of f between (q, p) and (q, p) + x, over the straight line or the path."""
+    return _mean(e.step.path, x, e)
 
 
-solve_averaged = solver(averaged)
+solve_mean = solver(mean)
 
 
-def run(path, field, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
-    """Fill the rows of Q and P, each after ``every`` steps; returns (rows, status).
-
-    A row of ``plan`` is a substep: the 2d blocks of the components, the number of blocks, the direction of the path
-    (0: the mean of both) and the fraction of h.  ``path`` is None where every substep has one block only.
-    """
-    q, p, cq, cp = opened(state, zero)
-    both = join(zero, zero)
-    n = len(both)
-    slots = len(plan)
-    first = counts[4]
-    for row in range(len(Q)):
-        for _ in range(every):
-            for s in range(slots):
-                c = plan[s, n + 2] * h
-                sweeps = int(plan[s, n]) * (2 if plan[s, n + 1] == 0 else 1)
-                x = predict(memory, s, slots, counts[0], both)
-                if counts[0] % 16 == 0:
-                    first = 0
-                moved_q = moved_p = np.inf
-                before = first
-                while True:
-                    nodes = int(table[first, 0])
-                    span = size(q) + size(p)
-                    arguments = path, (field, q, p, c, table, first, plan, s)
-                    x, sums, used, status = solve_averaged(arguments, x, span, eps, work)
-                    counts[1] += sums * sweeps * nodes
-                    counts[2] += used
-                    if status != SOLVED:
-                        return row, status
-                    if len(table) == int(table[0, 0]):
-                        break
-                    if first + nodes == len(table):
-                        counts[3] += 1
-                        break
-                    new = averaged(x, (path, (field, q, p, c, table, first + nodes, plan, s)))
-                    counts[1] += sweeps * int(table[first + nodes, 0])
-                    last_q, last_p = moved_q, moved_p
-                    moved_q, moved_p = distance(head(new), head(x)), distance(tail(new), tail(x))
-                    x = new
-                    noise = abs(c) * span
-                    sure_q, ended_q = confirmed(moved_q, last_q, size(head(x)), noise, eps)
-                    sure_p, ended_p = confirmed(moved_p, last_p, size(tail(x)), noise, eps)
-                    if sure_q and sure_p:
-                        break
-                    if ended_q and ended_p:  # the next step need not begin with the rule that only showed the end
-                        first = before
-                        break
-                    before = first
-                    first += nodes
-                remember(memory, s, slots, counts[0], x)
-                q, cq = add(q, cq, head(x))
-                p, cp = add(p, cp, tail(x))
-            counts[0] += 1
-        store(Q, row, q)
-        store(P, row, p)
-    close(state, q, p, cq, cp)
-    counts[4] = first
-    return len(Q), 0
+@inlined
+def increment(step, y, s, orbit, counts):
+    """(The increment of substep s from y, status), with rules of rising size until one is confirmed."""
+    eps, several = step.eps, len(step.nodes) > step.nodes[0]
+    sweeps = step.blocks[s] * (2 if step.direction[s] == 0 else 1)
+    x = predict(orbit.memory, s, len(step.fraction), counts.steps, join(orbit.zero, orbit.zero))
+    h = step.fraction[s] * step.h
+    span = size(y.q) + size(y.p)
+    move = Change(np.inf, np.inf, np.inf, np.inf)
+    rule = before = counts.rule
+    while True:
+        x, n, used, status = solve_mean(Average(step, y.q, y.p, h, s, rule), x, span, eps, orbit.work)
+        counts.gradient += n * sweeps * step.nodes[rule]
+        counts.newton += used
+        following = rule + step.nodes[rule]
+        if status != SOLVED or not several:
+            break
+        if following == len(step.nodes):
+            counts.fallbacks += 1
+            break
+        new = mean(x, Average(step, y.q, y.p, h, s, following))
+        counts.gradient += sweeps * step.nodes[following]
+        last, move = move, change(x, new)
+        x = new
+        sure, ended = unchanged(move, last, abs(h) * span, eps)
+        if sure:
+            break
+        if ended:  # the next step need not begin with the rule that only showed the end
+            rule = before
+            break
+        before, rule = rule, following
+    counts.rule = rule
+    return x, status
 
 
-#: They are computed once, not for every run.
-rule = cache(gauss_legendre)
+def run(step, orbit, samples, counts):
+    """The kernel."""
+    y = opened(orbit)
+    stages = len(step.fraction)
+    for row in range(len(samples.q)):
+        for _ in range(samples.every):
+            for s in range(stages):
+                if counts.steps % 16 == 0:
+                    counts.rule = 0
+                x, status = increment(step, y, s, orbit, counts)
+                if status != SOLVED:
+                    return row, status
+                remember(orbit.memory, s, stages, counts.steps, x)
+                y = advanced(y, head(x), tail(x))
+            counts.steps += 1
+        keep(samples, row, y)
+    close(orbit, y)
+    return len(samples.q), 0
+
+
 #: Path -> d -> the blocks of q1, ..., qd, p1, ..., pd, in the order in which they move.
 PATHS = {
     "whole": lambda d: (0,) * 2 * d,
@@ -203,18 +225,27 @@ def is_avf(method, system) -> bool:
 
 def prepare(method, system, arithmetic):
     """One exact rule for a polynomial H, else the list of rules; substeps (fraction, path, direction)."""
-    degree = system.polynomial_degree
-    sizes = RULES if degree is None else (max(1, -(-degree // 2)),)
-    if arithmetic != DOUBLE and degree is None:
-        sizes = (*RULES, 48, 64)
-    digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps
-    table = array([(n, x, w) for n in sizes for x, w in rule(n, digits)], arithmetic)
+    digits, rules = (40, RULES) if arithmetic == DOUBLE else (mpmath.mp.dps, LARGE)
+    nodes, c, b = zip(
+        *((n, x, w) for n in sizes(1, system.polynomial_degree, rules) for x, w in gauss_legendre(n, digits)),
+        strict=True,
+    )
     rows = []
     for fraction, path, direction in method.data:
         if not coupled(path, system):
             path, direction = "whole", 1
         place = PATHS[path](system.d)
-        rows.append((*place, 1 + max(place), direction, fraction))
-    field = system.field(arithmetic)
-    path = field if any(blocks > 1 for *_, blocks, _, _ in rows) else None
-    return Prepared(run, (path, field), array(rows, arithmetic), table, 2 * system.d, len(rows))
+        rows.append((place, 1 + max(place), float(direction), fraction))
+    place, blocks, directions, fractions = zip(*rows, strict=True)
+    step = Averaged(
+        path=system.field(arithmetic) if max(blocks) > 1 else None,
+        field=system.field(arithmetic),
+        place=array(place, arithmetic),
+        blocks=fixed(blocks),
+        direction=fixed(directions),
+        fraction=numbers(fractions, arithmetic),
+        nodes=fixed(nodes),
+        c=numbers(c, arithmetic),
+        b=numbers(b, arithmetic),
+    )
+    return Prepared(run, step, 2 * system.d, len(rows))

@@ -9,12 +9,12 @@ where A and w may differ for q and p.
 
 - Runge-Kutta with :math:`(a_{ij}, b_j)`: k = s, :math:`A_{ij} = a_{ij}/b_j`, :math:`B = \mathrm{diag}(b)`, w = 1.
   Then symplectic means :math:`A^q_{ij} + A^p_{ji} = 1`.  A is rounded so that this holds of the doubles, whatever b:
-  else the map would be symplectic only to round-off, with a sign, and quadratic invariants would drift.
+  else the map would be symplectic only to round-off, with a bias, and quadratic invariants would drift.
 - HBVM(k, s): :math:`A_{im} = \int_0^{c_i} P_m`, :math:`B_{ji} = b_i P_j(c_i)`, w = e_1, with the orthonormal
   Legendre polynomials and the Gauss rule of k nodes.  It keeps a polynomial H of degree up to 2k/s; HBVM(s, s) is
   Gauss.
 - cPG(s), the continuous Petrov-Galerkin method, is HBVM with the integrals in full: k from the degree of a polynomial
-  H; else k rises until the next rule of ``table`` confirms the increments to round-off (as in `averaged`).  A step
+  H; else k rises until the next rule confirms the increments to round-off (as in `averaged`).  A step
   that the largest rule leaves unconfirmed is counted as a fallback.
 
 For a separable H with quadratic T only the kicks are unknown (Nystrom form): with :math:`x_m` the increments of p,
@@ -28,9 +28,6 @@ symplectic where :math:`\bar A_{ij} - \bar A_{ji} = c_i - c_j` and :math:`\bar w
 The equations are solved by fixed point to round-off, by Newton's method with difference Jacobians of f at the nodes
 where that does not contract.  They start from the polynomial in time through the increments of the last steps.
 
-``plan`` has the rows w^q, w^p, (whether B is diagonal, s, steps to extrapolate from), then the weights of the
-extrapolation; ``table`` has a row (k, c_i, A^q_i, A^p_i, B_i) for each node of each rule.
-
 Sources: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), II.1-2, VI.4, VIII.6; L. Brugnano,
 F. Iavernaro, D. Trigiante, J. Numer. Anal. Ind. Appl. Math. 5 (2010) 17-37 (HBVM); P. Betsch, P. Steinmann, Int. J.
 Numer. Methods Eng. 49 (2000) 599-638 (cPG); E. Hairer, R. McLachlan, A. Razakarivony, BIT 48 (2008) 231-243 (rounding).
@@ -38,25 +35,19 @@ Numer. Methods Eng. 49 (2000) 599-638 (cPG); E. Hairer, R. McLachlan, A. Razakar
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
 import mpmath
 import numpy as np
 
-from phasebench.integrators.coefficients import tableaus
+from phasebench.integrators.coefficients.quadrature import LARGE, RULES, sizes
+from phasebench.integrators.coefficients.tableaus import tableau
 from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import Prepared, array
-from phasebench.integrators.engine.solve import (
-    FIXED_POINT_LIMIT,
-    LEVELS,
-    NEWTON_LIMIT,
-    NOT_FINITE,
-    SOLVED,
-    STALLED,
-    gauss,
-    polished,
-    settled,
-)
+from phasebench.integrators.engine.kernel import Prepared, array, fixed
+from phasebench.integrators.engine.solve import LEVELS, SOLVED, Change, change, confirmer, copy, row_solver
 from phasebench.integrators.engine.vector import (
-    add,
+    advanced,
     axpy,
     bump,
     chosen,
@@ -64,8 +55,8 @@ from phasebench.integrators.engine.vector import (
     distance,
     head,
     inlined,
-    jit,
     join,
+    keep,
     load,
     minus,
     opened,
@@ -77,93 +68,136 @@ from phasebench.integrators.engine.vector import (
     velocity,
 )
 
-from .parametric import unknown
+from .parametric import quadratic, unknown
+
+
+class Collocation(NamedTuple):
+    """The tableau, in the Nystrom form where ``field`` is None.
+
+    A rule is a range of nodes, each with the number of its rule's ``nodes``, its time ``c[i, 0]`` and rows of A and
+    B^T; B is ``diagonal`` or not.  ``weights`` has the rows w^q, w^p; ``extrapolation`` s rows for each number of
+    steps.
+    """
+
+    field: Callable | None
+    dT: Callable | None
+    dV: Callable | None
+    diagonal: bool
+    weights: np.ndarray
+    nodes: np.ndarray
+    c: np.ndarray
+    A_q: np.ndarray
+    A_p: np.ndarray
+    B: np.ndarray
+    extrapolation: np.ndarray
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class Equations(NamedTuple):
+    """Of the increments in rows of the memory, from (q, p); v is h M^-1 p in the Nystrom form."""
+
+    step: Collocation
+    q: Any
+    p: Any
+    v: Any
+    memory: np.ndarray
+    zero: Any
+    like: Any
+    stages: int
+    counts: np.record
+
 
 # -- one node: Nystrom form where ``field`` is None, else q and p ------------------------------------------------------
 
 
-def _sum_kicks(field, table, i, memory, at, slots, zero):
-    x = zero
-    for m in range(slots):
-        x = axpy(table[i, 2 + m], load(memory, at + m, zero), x)
+def _sum_kicks(field, e, i, at):
+    x = e.zero
+    for m in range(e.stages):
+        x = axpy(e.step.A_q[i, m], load(e.memory, at + m, e.zero), x)
     return x
 
 
-def _sum_both(field, table, i, memory, at, slots, zero):
-    x, y = zero, zero
-    for m in range(slots):
-        z = load(memory, at + m, join(zero, zero))
-        x = axpy(table[i, 2 + m], head(z), x)
-        y = axpy(table[i, 2 + slots + m], tail(z), y)
+def _sum_both(field, e, i, at):
+    x, y = e.zero, e.zero
+    for m in range(e.stages):
+        z = load(e.memory, at + m, e.like)
+        x = axpy(e.step.A_q[i, m], head(z), x)
+        y = axpy(e.step.A_p[i, m], tail(z), y)
     return join(x, y)
 
 
-def _kick(field, dT, dV, x, c, q, p, v, h):
-    return scale(-1.0, dV(plus(q, axpy(c, v, scale(h, velocity(dT, x))))))
+def _kick(field, e, i, x):
+    moved = axpy(e.step.c[i, 0], e.v, scale(e.step.h, velocity(e.step.dT, x)))
+    return scale(-1.0, e.step.dV(plus(e.q, moved)))
 
 
-def _both(field, dT, dV, x, c, q, p, v, h):
-    dq, dp = field(plus(q, head(x)), plus(p, tail(x)), h, 0.0)
+def _both(field, e, i, x):
+    dq, dp = field(plus(e.q, head(x)), plus(e.p, tail(x)), e.step.h, 0.0)
     return join(dq, dp)
 
 
-def _moves_kicks(field, dT, plan, memory, at, v, h, zero):
-    x, y = zero, zero
-    for m in range(int(plan[2, 1])):
-        z = load(memory, at + m, zero)
-        x, y = axpy(plan[0, m], z, x), axpy(plan[1, m], z, y)
-    return plus(v, scale(h, velocity(dT, x))), y
+def _moves_kicks(field, e, at):
+    x, y = e.zero, e.zero
+    for m in range(e.stages):
+        z = load(e.memory, at + m, e.zero)
+        x, y = axpy(e.step.weights[0, m], z, x), axpy(e.step.weights[1, m], z, y)
+    return plus(e.v, scale(e.step.h, velocity(e.step.dT, x))), y
 
 
-def _moves_both(field, dT, plan, memory, at, v, h, zero):
-    x, y = zero, zero
-    for m in range(int(plan[2, 1])):
-        z = load(memory, at + m, join(zero, zero))
-        x, y = axpy(plan[0, m], head(z), x), axpy(plan[1, m], tail(z), y)
+def _moves_both(field, e, at):
+    x, y = e.zero, e.zero
+    for m in range(e.stages):
+        z = load(e.memory, at + m, e.like)
+        x, y = axpy(e.step.weights[0, m], head(z), x), axpy(e.step.weights[1, m], tail(z), y)
     return x, y
 
 
 #: sum_m A_im x_m of the increments in the rows ``at``, ... of the memory.
 inner = chosen(_sum_kicks, _sum_both)
-#: f(Z_i) with that sum as ``x``; ``v`` is h M^-1 p.
+#: f(Z_i) with that sum as ``x``.
 force = chosen(_kick, _both)
 #: The increments of q and p over the step.
 moves = chosen(_moves_kicks, _moves_both)
 #: h M^-1 p, which the Nystrom form needs.
 drift = chosen(lambda field, dT, p, h: scale(h, velocity(dT, p)), lambda field, dT, p, h: p)
+#: How far a row moved: kicks are momenta.
+moved = chosen(
+    lambda field, x, y: Change(0.0, distance(x, y), 0.0, size(y)),
+    lambda field, x, y: change(x, y),
+)
 
 
 # -- the equations -----------------------------------------------------------------------------------------------------
 
 
 @inlined
-def sweep(arguments, table, first, old, new):
+def sweep(e, old, new):
     """Write h B f at the increments in rows ``old`` to rows ``new``; returns (their distance, their size).
 
     All nodes use the old increments: nodes that use the new ones at once (Gauss-Seidel) need a tenth fewer evaluations,
     but each then waits for the one before, and more time.
     """
-    field, dT, dV, h, zero, q, p, v, memory, slots, own = arguments
-    like = unknown(field, zero)
+    step, memory, like = e.step, e.memory, e.like
+    first = e.counts.rule
     delta, length = 0.0, 0.0
-    nodes = int(table[first, 0])
-    if not own:
-        for j in range(slots):
+    if not step.diagonal:
+        for j in range(e.stages):
             store(memory, new + j, like)
-    for i in range(nodes):
-        x = inner(field, table, first + i, memory, old, slots, zero)
-        f = force(field, dT, dV, x, table[first + i, 1], q, p, v, h)
-        if own:
-            z = scale(h * table[first + i, 2 + 2 * slots + i], f)
+    for i in range(step.nodes[first]):
+        x = inner(step.field, e, first + i, old)
+        f = force(step.field, e, first + i, x)
+        if step.diagonal:
+            z = scale(step.h * step.B[first + i, i], f)
             delta += distance(z, load(memory, old + i, like))
             length += size(z)
             store(memory, new + i, z)
         else:
-            for j in range(slots):
+            for j in range(e.stages):
                 z = load(memory, new + j, like)
-                store(memory, new + j, axpy(h * table[first + i, 2 + 2 * slots + j], f, z))
-    if not own:
-        for j in range(slots):
+                store(memory, new + j, axpy(step.h * step.B[first + i, j], f, z))
+    if not step.diagonal:
+        for j in range(e.stages):
             z = load(memory, new + j, like)
             delta += distance(z, load(memory, old + j, like))
             length += size(z)
@@ -171,206 +205,93 @@ def sweep(arguments, table, first, old, new):
 
 
 @inlined
-def copy(memory, old, new, slots, like):
-    """Copy increments from rows ``old`` to rows ``new``."""
-    for j in range(slots):
-        store(memory, new + j, load(memory, old + j, like))
+def linearize(e, at, step, work):
+    """The matrix of 1 - G' by differences of f at the nodes."""
+    tableau, memory = e.step, e.memory
+    n, first = len(e.like), e.counts.rule
+    spare = at + 2 * e.stages
+    for a in range(e.stages * n):
+        for b in range(e.stages * n):
+            work[a, b] = 1.0 if a == b else 0.0
+    for i in range(first, first + tableau.nodes[first]):
+        x = inner(tableau.field, e, i, at)
+        f = force(tableau.field, e, i, x)
+        for c in range(n):
+            A = tableau.A_q if 2 * c < n else tableau.A_p
+            slope = minus(force(tableau.field, e, i, bump(x, c, step)), f)
+            store(memory, spare, scale(tableau.h / step, slope))
+            for j in range(e.stages):
+                for m in range(e.stages):
+                    weight = tableau.B[i, j] * A[i, m]
+                    for r in range(n):
+                        work[j * n + r, m * n + c] -= weight * memory[spare, r]
+    sweep(e, at, at + e.stages)
+    return n + 2
 
 
-@jit
-def newton(arguments, table, first, at, eps, work):
-    """Newton's method for the increments in the rows ``at``; returns (evaluations, status)."""
-    field, dT, dV, h, zero, q, p, v, memory, slots, _ = arguments
-    like = unknown(field, zero)
-    n = len(like)
-    order = slots * n
-    new, spare = at + slots, at + 2 * slots
-    span = size(q) + size(p)
-    step = eps**0.5 * span
-    nodes = int(table[first, 0])
-    last = np.inf
-    evaluations = 0
-    for _ in range(NEWTON_LIMIT):
-        for a in range(order):
-            for b in range(order):
-                work[a, b] = 1.0 if a == b else 0.0
-        for i in range(first, first + nodes):
-            x = inner(field, table, i, memory, at, slots, zero)
-            f = force(field, dT, dV, x, table[i, 1], q, p, v, h)
-            for c in range(n):
-                moved = force(field, dT, dV, bump(x, c, step), table[i, 1], q, p, v, h)
-                store(memory, spare, scale(h / step, minus(moved, f)))
-                part = 2 if 2 * c < n else 2 + slots
-                for j in range(slots):
-                    for m in range(slots):
-                        weight = table[i, 2 + 2 * slots + j] * table[i, part + m]
-                        for r in range(n):
-                            work[j * n + r, m * n + c] -= weight * memory[spare, r]
-        sweep(arguments, table, first, at, new)
-        evaluations += (n + 2) * nodes
-        for j in range(slots):
-            for r in range(n):
-                work[j * n + r, order] = memory[new + j, r] - memory[at + j, r]
-                if not abs(work[j * n + r, order]) < np.inf:
-                    return evaluations, NOT_FINITE
-        if not gauss(work, order):
-            return evaluations, STALLED
-        delta, length = 0.0, 0.0
-        for j in range(slots):
-            for r in range(n):
-                memory[spare, r] = work[j * n + r, order]
-            z = load(memory, spare, like)
-            delta += size(z)
-            z = plus(load(memory, at + j, like), z)
-            length += size(z)
-            store(memory, at + j, z)
-        if not delta < np.inf:
-            return evaluations, NOT_FINITE
-        if polished(delta, last, eps * length, eps * span):
-            return evaluations, SOLVED
-        last = delta
-    return evaluations, STALLED
-
-
-@jit
-def solve(arguments, table, first, at, eps, work):
-    """Solve for the increments in rows ``at``, from the start that stands there; (evaluations, Newton used, status).
-
-    The rows from ``at + slots`` to ``at + 4 slots`` are written over.
-    """
-    field, _, _, _, zero, q, p, _, memory, slots, _ = arguments
-    like = unknown(field, zero)
-    start = at + 3 * slots
-    copy(memory, at, start, slots, like)
-    nodes = int(table[first, 0])
-    span = size(q) + size(p)
-    here, there = at, at + slots
-    delta = np.inf
-    growth = 0
-    k = 0
-    solved = False
-    while not solved:
-        last = delta
-        delta, length = sweep(arguments, table, first, here, there)
-        here, there = there, here
-        k += 1
-        if not delta < np.inf:
-            break
-        solved = settled(delta, last, length, span, eps)
-        if delta >= last:
-            growth += 1
-        if growth == 2 or (k >= FIXED_POINT_LIMIT and delta > 0.5 * last):
-            break
-    if solved:
-        if here != at:
-            copy(memory, here, at, slots, like)
-        return k * nodes, 0, SOLVED
-    copy(memory, start, at, slots, like)
-    n, status = newton(arguments, table, first, at, eps, work)
-    if status != SOLVED:
-        for j in range(slots):
-            store(memory, at + j, like)
-        more, status = newton(arguments, table, first, at, eps, work)
-        n += more
-    return k * nodes + n, 1, status
+solve = row_solver(sweep, linearize)
+solve_confirmed = confirmer(solve, sweep, inlined(lambda e, x, y: moved(e.step.field, x, y)))
 
 
 @inlined
-def begin(plan, memory, at, slots, known, like):
-    """Extrapolate the increments of the last steps into the rows ``at``: `extrapolation` in the plan's further rows."""
-    steps = min(known, int(plan[2, 2]))
-    row = 3 + slots * (steps - 1)
-    for j in range(slots):
-        x = like
+def extrapolate(e, at):
+    """Continue the increments of the last steps into the rows ``at``, ..."""
+    weights, known = e.step.extrapolation, e.counts.steps
+    steps = min(known, len(weights) // e.stages)
+    row = e.stages * (steps - 1)
+    for j in range(e.stages):
+        x = e.like
         for back in range(steps, 0, -1):
-            ring = (known - back) % LEVELS * slots
-            for m in range(slots):
-                x = axpy(plan[row + j, (back - 1) * slots + m], load(memory, ring + m, like), x)
-        store(memory, at + j, x)
+            ring = (known - back) % LEVELS * e.stages
+            for m in range(e.stages):
+                x = axpy(weights[row + j, (back - 1) * e.stages + m], load(e.memory, ring + m, e.like), x)
+        store(e.memory, at + j, x)
 
 
-@inlined
-def confirm(arguments, table, first, at, eps, work):
-    """Go on to finer rules until one confirms the increments; (rule, evaluations, status, confirmed)."""
-    field, _, _, h, zero, q, p, _, memory, slots, _ = arguments
-    like = unknown(field, zero)
-    span = size(q) + size(p)
-    last = np.inf
-    evaluations = 0
-    while True:
-        following = first + int(table[first, 0])
-        if following == len(table):
-            return first, evaluations, SOLVED, False
-        delta, length = sweep(arguments, table, following, at, at + slots)
-        copy(memory, at + slots, at, slots, like)
-        evaluations += int(table[following, 0])
-        if delta <= 4 * eps * length or (delta > 0.5 * last and delta <= 64 * eps * (length + abs(h) * span)):
-            return first, evaluations, SOLVED, True
-        last = delta
-        first = following
-        n, _, status = solve(arguments, table, first, at, eps, work)
-        evaluations += n
-        if status != SOLVED:
-            return first, evaluations, status, False
-
-
-def run(field, dT, dV, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
-    """Fill the rows of Q and P, each after ``every`` steps; returns (rows filled, status)."""
-    q, p, cq, cp = opened(state, zero)
-    like = unknown(field, zero)
-    slots = int(plan[2, 1])
-    own = plan[2, 0] != 0
-    single = len(table) == int(table[0, 0])
-    at = LEVELS * slots
-    first = counts[4]
-    for row in range(len(Q)):
-        for _ in range(every):
-            if counts[0] % 16 == 0:
-                first = 0
-            arguments = field, dT, dV, h, zero, q, p, drift(field, dT, p, h), memory, slots, own
-            begin(plan, memory, at, slots, counts[0], like)
-            n, used, status = solve(arguments, table, first, at, eps, work)
-            counts[1] += n
-            counts[2] += used
-            if not single and status == SOLVED:
-                first, n, status, confirmed = confirm(arguments, table, first, at, eps, work)
-                counts[1] += n
-                counts[3] += 0 if confirmed else 1
+def run(step, orbit, samples, counts):
+    """The kernel."""
+    y = opened(orbit)
+    memory, zero, like = orbit.memory, orbit.zero, unknown(step.field, orbit.zero)
+    stages = step.weights.shape[1]
+    at = LEVELS * stages
+    for row in range(len(samples.q)):
+        for _ in range(samples.every):
+            if counts.steps % 16 == 0:
+                counts.rule = 0
+            v = drift(step.field, step.dT, y.p, step.h)
+            e = Equations(step, y.q, y.p, v, memory, zero, like, stages, counts)
+            extrapolate(e, at)
+            status = solve_confirmed(e, at, orbit.work, counts)
             if status != SOLVED:
                 return row, status
-            copy(memory, at, counts[0] % LEVELS * slots, slots, like)
-            dq, dp = moves(field, dT, plan, memory, at, arguments[7], h, zero)
-            q, cq = add(q, cq, dq)
-            p, cp = add(p, cp, dp)
-            counts[0] += 1
-        store(Q, row, q)
-        store(P, row, p)
-    close(state, q, p, cq, cp)
-    counts[4] = first
-    return len(Q), 0
-
-
-#: Sizes of the rules of cPG for an H that is no polynomial.
-RULES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+            copy(memory, at, counts.steps % LEVELS * stages, stages, like)
+            dq, dp = moves(step.field, e, at)
+            y = advanced(y, dq, dp)
+            counts.steps += 1
+        keep(samples, row, y)
+    close(orbit, y)
+    return len(samples.q), 0
 
 
 def prepare(method, system, arithmetic):
     """Of data (kind, s) or ("hbvm", s, k); the Nystrom form where T is quadratic, else the field."""
     kind, s, *rest = method.data
-    sizes = rest or [s]
+    rules = rest or [s]
     if kind == "cpg":
-        degree = system.polynomial_degree
-        kind, sizes = "hbvm", [max(s, -(-s * degree // 2))] if degree else [k for k in RULES if k >= s]
-        if arithmetic != DOUBLE and not degree:
-            sizes = [*sizes, 48, 64]
-    nystrom = system.separable and system.quadratic_kinetic
+        kind, rules = "hbvm", sizes(s, system.polynomial_degree, RULES if arithmetic == DOUBLE else LARGE)
+    functions, width = quadratic(system, arithmetic)
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
-    made = [tableaus.rows(kind, s, k, nystrom, digits, unit) for k in sizes]
-    if nystrom:
-        functions, width = (None, system.grad_T(arithmetic), system.grad_V(arithmetic)), system.d
-    else:
-        functions, width = (system.field(arithmetic), None, None), 2 * system.d
-    plan = array(made[0][0], arithmetic)
-    table = array([row for _, table in made for row in table], arithmetic)
-    return Prepared(run, functions, plan, table, width, s, linear=s * width)
+    tableaus = [tableau(kind, s, k, functions[0] is None, digits, unit) for k in rules]
+    step = Collocation(
+        *functions,
+        diagonal=kind != "hbvm",
+        weights=array(tableaus[0].weights, arithmetic),
+        nodes=fixed([k for k in rules for _ in range(k)]),
+        c=array(([c] for t in tableaus for c in t.c), arithmetic),
+        A_q=array((row for t in tableaus for row in t.A_q), arithmetic),
+        A_p=array((row for t in tableaus for row in t.A_p), arithmetic),
+        B=array((row for t in tableaus for row in t.B), arithmetic),
+        extrapolation=array(tableaus[0].extrapolation, arithmetic),
+    )
+    return Prepared(run, step, width, s, linear=s * width)

@@ -12,28 +12,29 @@ slope :math:`dH(y + x)/da = -x\cdot x + O(h^3)`, until H is H0 to its round-off.
 round-off of H, divided by x.x, into every iterate; and with H0 as the target in place of H(y) nothing accumulates.  A
 substep in which H stays away from H0 is counted as a fallback.
 
-``plan`` rows are the fractions of the step, ``table`` is [[H0]].
-
 Source: O. Gonzalez, J. Nonlinear Sci. 6 (1996) 449-467, equation (11).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
 import numpy as np
 
-from phasebench.integrators.engine.kernel import Prepared, array
+from phasebench.integrators.engine.kernel import Prepared, keep_energy, numbers
 from phasebench.integrators.engine.solve import LEVELS, SOLVED, predict, predict_number, remember, solver
 from phasebench.integrators.engine.vector import (
-    add,
+    advanced,
     axpy,
     close,
     head,
     inlined,
     join,
+    keep,
     opened,
     scale,
     size,
-    store,
     tail,
     written,
 )
@@ -43,6 +44,27 @@ LIMIT = 12
 MISSED = "do not reach the energy of the start"
 
 
+class DiscreteGradient(NamedTuple):
+    """Substeps over the ``fraction`` of h, H and its value to keep."""
+
+    field: Callable
+    energy: Callable
+    fraction: np.ndarray
+    H0: float = 0.0
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class Increment(NamedTuple):
+    """The equation of a substep of length h from (q, p), for a given a."""
+
+    field: Callable
+    q: Any
+    p: Any
+    h: float
+    a: float
+
+
 @written(lambda d: "  return " + " + ".join(f"x[{i}] * x[{i}]" for i in range(d)))
 def square(x):
     """x . x."""
@@ -50,68 +72,68 @@ def square(x):
 
 
 @inlined
-def increment(x, arguments):
+def increment(x, e):
     """h J^-1 (grad H(y + x/2) + a x)."""
-    field, q, p, h, a = arguments
-    dq, dp = field(axpy(0.5, head(x), q), axpy(0.5, tail(x), p), h, 0.0)
-    return join(scale(h, axpy(a, tail(x), dq)), scale(h, axpy(-a, head(x), dp)))
+    dq, dp = e.field(axpy(0.5, head(x), e.q), axpy(0.5, tail(x), e.p), e.h, 0.0)
+    return join(scale(e.h, axpy(e.a, tail(x), dq)), scale(e.h, axpy(-e.a, head(x), dp)))
 
 
 solve_increment = solver(increment)
 
 
-def run(field, energy, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
-    """Fill the rows of Q and P, each after ``every`` steps; returns (rows, status)."""
-    q, p, cq, cp = opened(state, zero)
-    both = join(zero, zero)
-    slots = len(plan)
-    numbers = LEVELS * slots  # where ``memory`` keeps the ring of each substep's a
-    H0 = table[0, 0]
-    for row in range(len(Q)):
-        for _ in range(every):
-            for s in range(slots):
-                c = plan[s, 0] * h
-                x = predict(memory, s, slots, counts[0], both)
-                a = predict_number(memory, numbers + s, slots, counts[0])
-                last_a, last = a, H0
-                span = size(q) + size(p)
-                reached = False
-                for k in range(LIMIT):
-                    x, n, used, status = solve_increment((field, q, p, c, a), x, span, eps, work)
-                    counts[1] += n
-                    counts[2] += used
-                    if status != SOLVED:
-                        return row, status
-                    H, magnitude = energy(add(q, cq, head(x))[0], add(p, cp, tail(x))[0])
-                    error, unit = H - H0, eps * magnitude
-                    reached = abs(error) <= unit or (k > 1 and 8 * unit >= abs(error) >= 0.5 * abs(last))
-                    slope = -square(x)
-                    if k > 0 and (error - last) / (a - last_a) < 0:
-                        slope = (error - last) / (a - last_a)
-                    if reached or a - error / slope == a or not slope < 0:
-                        break
-                    last_a, last = a, error
-                    a = a - error / slope
-                if not reached:
-                    counts[3] += 1
-                remember(memory, s, slots, counts[0], x)
-                memory[numbers + s + counts[0] % LEVELS * slots, 0] = a
-                q, cq = add(q, cq, head(x))
-                p, cp = add(p, cp, tail(x))
-            counts[0] += 1
-        store(Q, row, q)
-        store(P, row, p)
-    close(state, q, p, cq, cp)
-    return len(Q), 0
+@inlined
+def search(step, y, h, x, a, orbit, counts):
+    """(x, a, status) of the substep of length h that ends at H0, from the starts x and a."""
+    last_a, last = a, step.H0
+    span = size(y.q) + size(y.p)
+    reached, status = False, SOLVED
+    for k in range(LIMIT):
+        x, n, used, status = solve_increment(Increment(step.field, y.q, y.p, h, a), x, span, step.eps, orbit.work)
+        counts.gradient += n
+        counts.newton += used
+        if status != SOLVED:
+            return x, a, status
+        end = advanced(y, head(x), tail(x))
+        H, magnitude = step.energy(end.q, end.p)
+        error, unit = H - step.H0, step.eps * magnitude
+        reached = abs(error) <= unit or (k > 1 and 8 * unit >= abs(error) >= 0.5 * abs(last))
+        slope = -square(x)
+        if k > 0 and (error - last) / (a - last_a) < 0:
+            slope = (error - last) / (a - last_a)
+        if reached or a - error / slope == a or not slope < 0:
+            break
+        last_a, last = a, error
+        a = a - error / slope
+    if not reached:
+        counts.fallbacks += 1
+    return x, a, status
+
+
+def run(step, orbit, samples, counts):
+    """The kernel."""
+    y = opened(orbit)
+    both, memory = join(orbit.zero, orbit.zero), orbit.memory
+    stages = len(step.fraction)
+    ring = LEVELS * stages  # where the memory keeps the ring of each substep's a
+    for row in range(len(samples.q)):
+        for _ in range(samples.every):
+            for s in range(stages):
+                x = predict(memory, s, stages, counts.steps, both)
+                a = predict_number(memory, ring + s, stages, counts.steps)
+                x, a, status = search(step, y, step.fraction[s] * step.h, x, a, orbit, counts)
+                if status != SOLVED:
+                    return row, status
+                remember(memory, s, stages, counts.steps, x)
+                memory[ring + s + counts.steps % LEVELS * stages, 0] = a
+                y = advanced(y, head(x), tail(x))
+            counts.steps += 1
+        keep(samples, row, y)
+    close(orbit, y)
+    return len(samples.q), 0
 
 
 def prepare(method, system, arithmetic):
     """The kernel with the initial state's energy as its target."""
     energy = system.energy(arithmetic)
-
-    def begin(table, q, p):
-        table[0, 0] = energy(q, p)[0]
-
-    plan = array([[c] for c in method.data], arithmetic)
-    functions = (system.field(arithmetic), energy)
-    return Prepared(run, functions, plan, array([[0]], arithmetic), 2 * system.d, len(plan), begin=begin, missed=MISSED)
+    step = DiscreteGradient(system.field(arithmetic), energy, numbers(method.data, arithmetic))
+    return Prepared(run, step, 2 * system.d, len(step.fraction), begin=keep_energy(energy), missed=MISSED)

@@ -10,22 +10,21 @@ Every fixed alpha gives a symplectic, symmetric method of order 2s - 2, so every
 the root of :math:`E(\alpha) = H(y_1(\alpha)) - H_0` next to zero.  As E(0) is O(h^(2s+1)) and the slope of E is
 O(h^(2s-1)), the root is O(h^2), and the method has the order 2s of Gauss.
 
-In the form of `stages`, :math:`A_{ij}/b_j` loses :math:`\alpha S_{ij}`, with the skew :math:`S = P V P^T`; for each
-alpha the tableau is written anew, in Nystrom form where T is quadratic, the conditions of symplecticity being imposed.
+In the form of `collocation`, :math:`A_{ij}/b_j` loses :math:`\alpha S_{ij}`, with the skew :math:`S = P V P^T`; for
+each alpha the tableau is written anew, in Nystrom form where T is quadratic, the conditions of symplecticity being
+imposed.
 
-The root: if E(0) is at the round-off of H, alpha = 0; else Muller's method from the smaller root of the quadratic
-model that the last step left; where that fails a search outwards from zero for a change of sign, to `RADIUS`.  Where
-the slope of E passes through zero a step may have no root: it is taken with alpha = 0 and counted as a fallback.  The
-target stays H0, so that a later step wins the energy back.
-
-``plan`` is that of `stages`; ``table`` has the rows of the tableau in use, then (b_i, c_i, A_i, S_i) and [H0].
+Where the slope of E passes through zero a step may have no root: it is taken with alpha = 0 and counted as a fallback.
+The target stays H0, so that a later step wins the energy back.
 
 Source: L. Brugnano, F. Iavernaro, D. Trigiante, SIAM J. Numer. Anal. 50 (2012) 2897-2916.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
@@ -33,203 +32,126 @@ import numpy as np
 from phasebench.integrators.coefficients import tableaus
 from phasebench.integrators.coefficients.quadrature import legendre
 from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import array, zeros
+from phasebench.integrators.engine.kernel import Orbit, array, numbers
+from phasebench.integrators.engine.root import AT_ZERO, Attempt, Search, finder
 from phasebench.integrators.engine.solve import LEVELS, SOLVED
-from phasebench.integrators.engine.vector import add, chosen, close, jit, opened, store
+from phasebench.integrators.engine.vector import State, advanced, chosen, close, jit, keep, opened, size
 
-from . import collocation as stages
-from .schemes_iv_v import muller, smaller_root
+from . import collocation
+from .parametric import unknown
 
-RADIUS = 0.5
-MULLER_LIMIT = 14
-REFINE_LIMIT = 60
-#: The search's points on either side: RADIUS / RATIO^k.
-RATIO, POINTS = 1.5, 16
-#: A root farther than this is taken only if there is no nearer change of sign.
-NEAR = 0.1
-#: Where the first root is looked for.
-FIRST = 0.01
-#: H is known to its round-off times this where the iteration can do no better.
-SLACK = 8.0
+SEARCH = Search(radius=0.5, first=0.01, near=0.1, ratio=1.5, points=16, branches=False, slack=8.0)
 MISSED = "have no parameter near 0 that keeps the energy and were taken as Gauss's method"
 
 
-def _tableau_kicks(field, plan, table, slots, alpha):
-    base = slots
-    for i in range(slots):
+class Equip(NamedTuple):
+    """The tableau in use, which is written for each alpha; A_ij / b_j, S_ij and b of the Gauss method."""
+
+    energy: Callable
+    tableau: collocation.Collocation
+    A: np.ndarray
+    S: np.ndarray
+    b: np.ndarray
+    search: Search
+    H0: float = 0.0
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class Step(NamedTuple):
+    """A step from the state y; v is that of `collocation.Equations`."""
+
+    step: Equip
+    y: State
+    v: Any
+    orbit: Orbit
+    counts: np.record
+
+
+def _write_kicks(field, step, alpha):
+    t, A, S, b = step.tableau, step.A, step.S, step.b
+    stages = len(b)
+    for i in range(stages):
         c = 0.0
-        for j in range(slots):
-            c = c + (table[base + i, 2 + j] - alpha * table[base + i, 2 + slots + j]) * table[base + j, 0]
-        plan[0, i] = 1.0 - c
-        table[i, 1] = 1.0 - plan[0, i]
-    for i in range(slots):
-        for j in range(i, slots):
+        for j in range(stages):
+            c = c + (A[i, j] - alpha * S[i, j]) * b[j]
+        t.weights[0, i] = 1.0 - c
+        t.c[i, 0] = 1.0 - t.weights[0, i]
+    for i in range(stages):
+        for j in range(i, stages):
             a = 0.0
-            for m in range(slots):
-                left = table[base + i, 2 + m] - alpha * table[base + i, 2 + slots + m]
-                right = table[base + m, 2 + j] - alpha * table[base + m, 2 + slots + j]
-                a = a + left * table[base + m, 0] * right
-            table[i, 2 + j] = a
-            table[j, 2 + i] = a - table[i, 1] + table[j, 1]
-            table[i, 2 + slots + j] = table[i, 2 + j]
-            table[j, 2 + slots + i] = table[j, 2 + i]
+            for m in range(stages):
+                a = a + (A[i, m] - alpha * S[i, m]) * b[m] * (A[m, j] - alpha * S[m, j])
+            t.A_q[i, j] = a
+            t.A_q[j, i] = a - t.c[i, 0] + t.c[j, 0]
+            t.A_p[i, j] = t.A_q[i, j]
+            t.A_p[j, i] = t.A_q[j, i]
 
 
-def _tableau_both(field, plan, table, slots, alpha):
-    for i in range(slots):
-        for j in range(i, slots):
-            a = table[slots + i, 2 + j] - alpha * table[slots + i, 2 + slots + j]
-            for part in range(2, 2 + 2 * slots, slots):
-                table[i, part + j] = a
-                table[j, part + i] = 1.0 - a
+def _write_both(field, step, alpha):
+    t = step.tableau
+    for i in range(len(step.b)):
+        for j in range(i, len(step.b)):
+            a = step.A[i, j] - alpha * step.S[i, j]
+            t.A_q[i, j], t.A_p[i, j] = a, a
+            t.A_q[j, i], t.A_p[j, i] = 1.0 - a, 1.0 - a
 
 
-#: Write the tableau at alpha into the first rows of the table (and the weights of q into the plan).
-tableau = chosen(_tableau_kicks, _tableau_both)
+#: Write the tableau at alpha (and the weights of q where ``field`` is None).
+write = chosen(_write_kicks, _write_both)
 
 
 @jit
-def attempt(alpha, predicted, arguments):
-    """Take the step with alpha; (q, p, cq, cp, E, round-off of H, status).
+def attempt(alpha, start, e):
+    """Take the step with alpha.
 
-    The stages start from earlier steps' (``predicted``) or from the last attempt's.
+    The stages start from earlier steps' or from the last attempt's, which was taken with an alpha nearby.
     """
-    energy, field, dT, dV, plan, table, h, eps, zero, q, p, cq, cp, v, memory, work, counts = arguments
-    slots = int(plan[2, 1])
-    at = LEVELS * slots
-    tableau(field, plan, table, slots, alpha)
-    if predicted:
-        stages.begin(plan, memory, at, slots, counts[0], stages.unknown(field, zero))
-    inner = field, dT, dV, h, zero, q, p, v, memory, slots, True
-    n, used, status = stages.solve(inner, table, 0, at, eps, work)
-    counts[1] += n
-    counts[2] += used
+    step, y, counts, zero = e.step, e.y, e.counts, e.orbit.zero
+    field, stages = step.tableau.field, len(step.b)
+    equations = collocation.Equations(
+        step.tableau, y.q, y.p, e.v, e.orbit.memory, zero, unknown(field, zero), stages, counts
+    )
+    at = LEVELS * stages
+    write(field, step, alpha)
+    if start == AT_ZERO:
+        collocation.extrapolate(equations, at)
+    span = size(y.q) + size(y.p)
+    sweeps, newton, status = collocation.solve(equations, at, span, step.eps, e.orbit.work)
+    counts.gradient += (sweeps + newton) * stages
+    counts.newton += min(newton, 1)
     if status != SOLVED:
-        return q, p, cq, cp, np.inf, eps, status
-    dq, dp = stages.moves(field, dT, plan, memory, at, v, h, zero)
-    q, cq = add(q, cq, dq)
-    p, cp = add(p, cp, dp)
-    E, magnitude = energy(q, p)
-    return q, p, cq, cp, E - table[2 * slots, 0], eps * magnitude, status
+        return Attempt(y, np.inf, step.eps, status)
+    dq, dp = collocation.moves(field, equations, at)
+    new = advanced(y, dq, dp)
+    H, magnitude = step.energy(new.q, new.p)
+    return Attempt(new, H - step.H0, step.eps * magnitude, status)
 
 
-@jit
-def refine(a, Ea, b, Eb, arguments):
-    """The root between a and b, where E changes sign: bisection quickened by the secant (Illinois); (alpha, found)."""
-    side = 0
-    x = b
-    for k in range(REFINE_LIMIT):
-        x = 0.5 * (a + b) if k % 3 == 2 else b - Eb * (b - a) / (Eb - Ea)
-        if not (min(a, b) < x < max(a, b)):
-            x = 0.5 * (a + b)
-        E, unit, status = attempt(x, False, arguments)[4:]
-        if status != SOLVED:
-            return x, False
-        if abs(E) <= unit or x in (a, b):
-            return x, abs(E) <= 64 * unit
-        if (E > 0) == (Eb > 0):
-            b, Eb = x, E
-            Ea = 0.5 * Ea if side == 1 else Ea
-            side = 1
-        else:
-            a, Ea = x, E
-            Eb = 0.5 * Eb if side == 2 else Eb
-            side = 2
-    return x, False
+find = finder(attempt)
 
 
-@jit
-def search(E0, arguments):
-    """The change of sign of E nearest zero, outwards on both sides at once; (alpha, found)."""
-    x = 0.0
-    above, below = E0, E0
-    for k in range(POINTS):
-        last, x = x, RADIUS * RATIO ** (k + 1 - POINTS)
-        E, _, status = attempt(x, False, arguments)[4:]
-        if status != SOLVED:
-            return 0.0, False
-        if (E > 0) != (above > 0):
-            return refine(last, above, x, E, arguments)
-        above = E
-        E, _, status = attempt(-x, False, arguments)[4:]
-        if status != SOLVED:
-            return 0.0, False
-        if (E > 0) != (below > 0):
-            return refine(-last, below, -x, E, arguments)
-        below = E
-    return 0.0, False
-
-
-@jit
-def chase(x, E0, model, arguments):
-    """Muller's method from x, with (0, E0) as its other point; (alpha, found, result of the last attempt)."""
-    xa, Ea, xb, Eb = 0.0, E0, 0.0, E0
-    c1, c2 = 0.0, model[1]  # the curvature of the last step's model serves until there is a third point
-    result = attempt(x, False, arguments)
-    for k in range(MULLER_LIMIT):
-        E, unit, status = result[4:]
-        if status != SOLVED:
-            break
-        if k == 0:
-            c1 = (E - E0) / x + c2 * x
-            model[0] = c1 - 2 * c2 * x
-        elif x != xb and x != xa and xa != xb:
-            c1, c2 = muller(xa, xb, x, Ea, Eb, E)
-            if k == 1 and abs(Eb) > 1e4 * unit:
-                model[0], model[1] = c1 - 2 * c2 * x, c2
-        if abs(E) <= unit or (k > 1 and abs(E) <= SLACK * unit and abs(E) >= 0.5 * abs(Eb)):
-            return x, True, result
-        move = smaller_root(E, c1, c2)
-        if not abs(x + move) <= RADIUS and Eb != E:
-            move = -E * (x - xb) / (E - Eb)  # the parabola has no root: the secant
-        xa, Ea, xb, Eb = xb, Eb, x, E
-        x = x + move
-        if not abs(x) <= RADIUS or x == xb:
-            break
-        result = attempt(x, False, arguments)
-    return x, False, result
-
-
-@jit
-def find(model, arguments):
-    """The root next to zero; (alpha, found, status, result of the attempt at alpha)."""
-    result = attempt(0.0, True, arguments)
-    E0, unit, status = result[4:]
-    if status != SOLVED or abs(E0) <= unit:
-        return 0.0, True, status, result
-    x = smaller_root(E0, model[0], model[1])
-    if not 0 < abs(x) <= RADIUS:
-        x = FIRST
-    x, found, result = chase(x, E0, model, arguments)
-    if not found or abs(x) > NEAR:
-        x, found = (0.0, True) if abs(E0) <= SLACK * unit else search(E0, arguments)
-        result = attempt(x, True, arguments)
-    return x, found, result[6], result
-
-
-def run(energy, field, dT, dV, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
-    """Fill the rows of Q, P and aux (the last alpha of the row, NaN for a fallback); returns (rows filled, status)."""
-    q, p, cq, cp = opened(state, zero)
-    slots = int(plan[2, 1])
-    like = stages.unknown(field, zero)
-    for row in range(len(Q)):
+def run(step, orbit, samples, counts):
+    """The kernel; the parameter is alpha, NaN for a fallback."""
+    y = opened(orbit)
+    field, dT, memory = step.tableau.field, step.tableau.dT, orbit.memory
+    stages, like = len(step.b), unknown(field, orbit.zero)
+    for row in range(len(samples.q)):
         alpha, found = 0.0, True
-        for _ in range(every):
-            v = stages.drift(field, dT, p, h)
-            arguments = energy, field, dT, dV, plan, table, h, eps, zero, q, p, cq, cp, v, memory, work, counts
-            alpha, found, status, result = find(state[4], arguments)
-            if status != SOLVED:
-                return row, status
-            q, p, cq, cp = result[0], result[1], result[2], result[3]
-            stages.copy(memory, LEVELS * slots, counts[0] % LEVELS * slots, slots, like)
-            counts[0] += 1
+        for _ in range(samples.every):
+            v = collocation.drift(field, dT, y.p, step.h)
+            alpha, found, result = find(step.search, orbit.state, 4, 0.0, Step(step, y, v, orbit, counts))
+            if result.status != SOLVED:
+                return row, result.status
+            y = result.y
+            collocation.copy(memory, LEVELS * stages, counts.steps % LEVELS * stages, stages, like)
+            counts.steps += 1
             if not found:
-                counts[3] += 1
-        store(Q, row, q)
-        store(P, row, p)
-        aux[row] = alpha if found else np.nan
-    close(state, q, p, cq, cp)
-    return len(Q), 0
+                counts.fallbacks += 1
+        keep(samples, row, y)
+        samples.parameter[row, 0] = alpha if found else np.nan
+    close(orbit, y)
+    return len(samples.q), 0
 
 
 def skew(s: int, nodes):
@@ -241,16 +163,15 @@ def skew(s: int, nodes):
 def prepare(method, system, arithmetic):
     """Of data (s,); the Nystrom form where T is quadratic."""
     (s,) = method.data
-    inner = stages.prepare(replace(method, data=("gauss", s)), system, arithmetic)
+    inner = collocation.prepare(replace(method, data=("gauss", s)), system, arithmetic)
     energy = system.energy(arithmetic)
     with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
         A, _, b, c = tableaus.runge_kutta("gauss", s)
-        S = skew(s, c)
-        base = array([(b[i], c[i], *(A[i, j] / b[j] for j in range(s)), *S[i]) for i in range(s)], arithmetic)
-    table = zeros((2 * s + 1, inner.table.shape[1]), arithmetic)
-    table[:s], table[s : 2 * s, : base.shape[1]] = inner.table, base
+        A = array(([A[i, j] / b[j] for j in range(s)] for i in range(s)), arithmetic)
+        S = array(skew(s, c), arithmetic)
 
-    def begin(table, q, p):
-        table[2 * s, 0] = energy(q, p)[0]
+    def begin(step, q, p):
+        return step._replace(H0=energy(q, p)[0], tableau=step.tableau._replace(h=step.h, eps=step.eps))
 
-    return replace(inner, run=run, functions=(energy, *inner.functions), table=table, begin=begin, missed=MISSED)
+    step = Equip(energy, inner.step, A, S, numbers(b, arithmetic), SEARCH)
+    return replace(inner, run=run, step=step, begin=begin, missed=MISSED)

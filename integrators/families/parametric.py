@@ -19,8 +19,8 @@ For a separable H with quadratic T the stage :math:`\bar u` can be eliminated, w
     k = -\nabla U\bigl(q + \mu\,ch\,(v + \lambda\,ch\,M^{-1}k)\bigr),\qquad v = M^{-1}p,
 
 the one-stage Nystrom form.  The stages are written through the increments themselves, mu Delta q and lambda Delta p:
-a product such as lambda h, rounded once and for all, would break the conditions of symplecticity by a little that has
-a sign, and angular momentum would drift.
+a product such as lambda h, rounded once and for all, would break the conditions of symplecticity by a little that is
+biased, and angular momentum would drift.
 
 Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical Hamiltonian systems" (talk), equations
 (11)-(21) and the Nystrom form; K. Feng, H. M. Wu, M. Z. Qin, D. L. Wang, J. Comput. Math. 7 (1989) 71-96.
@@ -28,21 +28,26 @@ Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical H
 
 from __future__ import annotations
 
-from phasebench.integrators.engine.kernel import Prepared, array
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from phasebench.integrators.engine.kernel import Prepared, array, fixed
 from phasebench.integrators.engine.solve import LEVELS, SOLVED, predict, remember, solver
 from phasebench.integrators.engine.vector import (
-    add,
+    advanced,
     axpy,
     chosen,
     close,
     head,
     inlined,
     join,
+    keep,
     load,
     opened,
     scale,
     size,
-    store,
     tail,
     velocity,
 )
@@ -50,41 +55,68 @@ from phasebench.integrators.engine.vector import (
 from . import splitting
 
 
+class Parametric(NamedTuple):
+    """Substeps of length c h with the weights mu and lam; in the Nystrom form ``field`` is None, else dT and dV are."""
+
+    field: Callable | None
+    dT: Callable | None
+    dV: Callable | None
+    c: np.ndarray
+    mu: np.ndarray
+    lam: np.ndarray
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class Stage(NamedTuple):
+    """The stage equation of a substep of length h from (q, p); v = grad T(p)."""
+
+    step: Any
+    q: Any
+    p: Any
+    v: Any
+    h: float
+    mu: float
+    lam: float
+
+
 @inlined
-def increments(x, arguments):
+def increments(x, stage):
     """(Delta q, Delta p) = h f at the stage that the increments x make."""
-    field, q, p, h, mu, lam = arguments
-    dq, dp = field(axpy(mu, head(x), q), axpy(lam, tail(x), p), h, lam)
+    h, lam = stage.h, stage.lam
+    dq, dp = stage.step.field(axpy(stage.mu, head(x), stage.q), axpy(lam, tail(x), stage.p), h, lam)
     return join(scale(h, dq), scale(h, dp))
 
 
 @inlined
-def kick(x, arguments):
+def shift(x, stage):
+    """Delta q = h M^-1 (p + lam x) of the kick x."""
+    return scale(stage.h, axpy(stage.lam, velocity(stage.step.dT, x), stage.v))
+
+
+@inlined
+def kick(x, stage):
     """Delta p = -h grad V at the stage that the kick x makes."""
-    dT, dV, q, v, h, mu, lam = arguments
-    return scale(-h, dV(axpy(mu, scale(h, axpy(lam, velocity(dT, x), v)), q)))
+    return scale(-stage.h, stage.step.dV(axpy(stage.mu, shift(x, stage), stage.q)))
 
 
 solve_increments, solve_kick = solver(increments), solver(kick)
 
 
-def _nystrom(field, dT, dV, q, p, cq, cp, h, mu, lam, x, eps, work):
-    v = velocity(dT, p)
-    x, n, used, status = solve_kick((dT, dV, q, v, h, mu, lam), x, size(q) + size(p), eps, work)
-    q, cq = add(q, cq, scale(h, axpy(lam, velocity(dT, x), v)))
-    p, cp = add(p, cp, x)
-    return q, p, cq, cp, x, n, used, status
+def _nystrom(field, step, y, c, mu, lam, x, work):
+    stage = Stage(step, y.q, y.p, velocity(step.dT, y.p), c * step.h, mu, lam)
+    x, n, used, status = solve_kick(stage, x, size(y.q) + size(y.p), step.eps, work)
+    return advanced(y, shift(x, stage), x), x, n, used, status
 
 
-def _general(field, dT, dV, q, p, cq, cp, h, mu, lam, x, eps, work):
-    x, n, used, status = solve_increments((field, q, p, h, mu, lam), x, size(q) + size(p), eps, work)
-    q, cq = add(q, cq, head(x))
-    p, cp = add(p, cp, tail(x))
-    return q, p, cq, cp, x, n, used, status
+def _general(field, step, y, c, mu, lam, x, work):
+    stage = Stage(step, y.q, y.p, y.p, c * step.h, mu, lam)
+    x, n, used, status = solve_increments(stage, x, size(y.q) + size(y.p), step.eps, work)
+    return advanced(y, head(x), tail(x)), x, n, used, status
 
 
 #: One substep from the start x of its equation, in the Nystrom form where ``field`` is None;
-#: (field, dT, dV, q, p, cq, cp, h, mu, lam, x, eps, work) -> (q, p, cq, cp, x, evaluations, Newton used, status).
+#: (field, step, y, c, mu, lam, x, work) -> (y, x, evaluations, Newton used, status).
 substep = chosen(_nystrom, _general)
 
 #: A zero of the kind of the substep's unknown: the kick, or both increments; (field, zero) -> x.
@@ -92,69 +124,69 @@ unknown = chosen(lambda field, zero: zero, lambda field, zero: join(zero, zero))
 
 
 @inlined
-def step(field, dT, dV, plan, h, eps, start, known, first, q, p, cq, cp, memory, work):
-    """One step of the substeps ``plan[s]`` = (c, mu, lambda), the one after ``known`` others.
+def advance(step, y, orbit, known, first):
+    """One step, the one after ``known`` others.
 
     Its equations start from an extrapolation of earlier steps (``first``) or, where the step is taken again from a
-    state nearby, from the last attempt's solutions.  Returns (q, p, cq, cp, evaluations, Newton solves, status).
+    state nearby, from the last attempt's solutions.  Returns (y, evaluations, Newton solves, status).
     """
-    slots = len(plan)
+    stages = len(step.c)
+    start = unknown(step.field, orbit.zero)
     evaluations, newtons, status = 0, 0, SOLVED
-    for s in range(slots):
+    for s in range(stages):
         if first:
-            x = predict(memory, s, slots, known, start)
+            x = predict(orbit.memory, s, stages, known, start)
         else:
-            x = load(memory, s + known % LEVELS * slots, start)
-        q, p, cq, cp, x, n, used, status = substep(
-            field, dT, dV, q, p, cq, cp, plan[s, 0] * h, plan[s, 1], plan[s, 2], x, eps, work
-        )
+            x = load(orbit.memory, s + known % LEVELS * stages, start)
+        y, x, n, used, status = substep(step.field, step, y, step.c[s], step.mu[s], step.lam[s], x, orbit.work)
         evaluations += n
         newtons += used
         if status != SOLVED:
             break
-        remember(memory, s, slots, known, x)
-    return q, p, cq, cp, evaluations, newtons, status
+        remember(orbit.memory, s, stages, known, x)
+    return y, evaluations, newtons, status
 
 
-def run(field, dT, dV, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
-    """Fill the rows of Q and P, each after ``every`` steps of the substeps ``plan[s]`` = (c, mu, lambda).
-
-    Returns (rows filled, status); ``state`` (q, p and what rounding lost of them) and ``memory`` go on where they were.
-    """
-    q, p, cq, cp = opened(state, zero)
-    start = unknown(field, zero)
-    known, evaluations, newtons = counts[0], 0, 0
-    for row in range(len(Q)):
-        for _ in range(every):
-            q, p, cq, cp, n, used, status = step(
-                field, dT, dV, plan, h, eps, start, known, True, q, p, cq, cp, memory, work
-            )
+def run(step, orbit, samples, counts):
+    """The kernel."""
+    y = opened(orbit)
+    known, evaluations, newtons, status = counts.steps, 0, 0, SOLVED
+    row = 0
+    while row < len(samples.q) and status == SOLVED:
+        for _ in range(samples.every):
+            y, n, used, status = advance(step, y, orbit, known, True)
             evaluations += n
             newtons += used
             if status != SOLVED:
-                counts[0], counts[1], counts[2] = known, counts[1] + evaluations, counts[2] + newtons
-                return row, status
+                break
             known += 1
-        store(Q, row, q)
-        store(P, row, p)
-    close(state, q, p, cq, cp)
-    counts[0], counts[1], counts[2] = known, counts[1] + evaluations, counts[2] + newtons
-    return len(Q), 0
+        if status == SOLVED:
+            keep(samples, row, y)
+            row += 1
+    close(orbit, y)
+    counts.steps = known
+    counts.gradient += evaluations
+    counts.newton += newtons
+    return row, status
+
+
+def quadratic(system, arithmetic, order=1):
+    """((field, dT, dV), components of a stage's unknown): in the Nystrom form where H is separable with quadratic T."""
+    if order == 1 and system.separable and system.quadratic_kinetic:
+        return (None, system.grad_T(arithmetic), system.grad_V(arithmetic)), system.d
+    return (system.field(arithmetic, order), None, None), 2 * system.d
 
 
 def prepare(method, system, arithmetic):
     """Explicit where H is separable and every substep a symplectic Euler one; else Nystrom where T is quadratic."""
     order, substeps = method.data
-    simple = order == 1 and system.separable
-    if simple and all({mu, lam} == {0, 1} for _, mu, lam in substeps):
+    if order == 1 and system.separable and all({mu, lam} == {0, 1} for _, mu, lam in substeps):
         return splitting.from_substeps(substeps, system, arithmetic)
-    if simple and system.quadratic_kinetic:
-        functions, width = (None, system.grad_T(arithmetic), system.grad_V(arithmetic)), system.d
-    else:
-        functions, width = (system.field(arithmetic, order), None, None), 2 * system.d
-    plan = array(substeps, arithmetic)
-    for row, (_, mu, lam) in zip(plan, substeps, strict=True):
-        if mu + lam == 1:  # also of the doubles: else the map is symplectic only to round-off, with a sign
-            row[1] = 1 - row[2]
-            row[2] = 1 - row[1]
-    return Prepared(run, functions, plan, array([[0]], arithmetic), width, len(plan), hessian=order > 1)
+    c, weights_mu, weights_lam = array(zip(*substeps, strict=True), arithmetic)
+    for k, (_, mu, lam) in enumerate(substeps):
+        if mu + lam == 1:  # also of the doubles: else the map is symplectic only to round-off, with a bias
+            weights_mu[k] = 1 - weights_lam[k]
+            weights_lam[k] = 1 - weights_mu[k]
+    functions, width = quadratic(system, arithmetic, order)
+    step = Parametric(*functions, *map(fixed, (c, weights_mu, weights_lam)))
+    return Prepared(run, step, width, len(c), hessian=order > 1)

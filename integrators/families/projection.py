@@ -18,35 +18,38 @@ round-off: with the matrix :math:`G G^T` at :math:`\tilde y`, and with the sum o
 A step is taken with mu = 0 and counted as a fallback where the gradients are dependent, the iteration fails, or the
 correction is longer than the state; a later step wins back what it lost.
 
-``plan`` is the base method's, ``table`` is [[H0, I0, ...]].
-
 Sources: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), IV.4 (Algorithm 4.2) and V.4.1;
 E. Hairer, "Symmetric projection methods for differential equations on manifolds", BIT 40 (2000) 726-734.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
 import numpy as np
 import sympy as sp
 from numba import types
 
 from phasebench.integrators.engine import codegen
-from phasebench.integrators.engine.kernel import Prepared, array
+from phasebench.integrators.engine.kernel import Prepared, value
 from phasebench.integrators.engine.solve import LEVELS, SOLVED, gauss, predict, remember, solver
 from phasebench.integrators.engine.vector import (
+    State,
     add,
+    advanced,
     chosen,
     close,
     head,
     inlined,
     join,
+    keep,
     load,
     minus,
     opened,
     plus,
     scale,
     size,
-    store,
     tail,
     velocity,
     written,
@@ -65,6 +68,26 @@ MISSED = "could not be projected and were taken as the base method's"
 PREDICTED, UNPROJECTED = 0, 2
 
 
+class Projection(NamedTuple):
+    """The step of the base method, one of three; what is kept, g = 0 where its values are those of ``target``.
+
+    ``constraint``, ``gram`` and ``pull`` are of `functions`; ``mirror`` is ``gram`` where the projection is symmetric,
+    else None.
+    """
+
+    mirror: Callable | None
+    constraint: Callable
+    gram: Callable
+    pull: Callable
+    explicit: runge_kutta.RungeKutta | None
+    split: splitting.Splitting | None
+    implicit: parametric.Parametric | None
+    stages: int
+    target: Any
+    h: float = 0.0
+    eps: float = 0.0
+
+
 @written(lambda d: "  return " + " and ".join(f"abs(r[{i}]) <= a * M[{i}]" for i in range(d)))
 def within(r, a, M):
     """Whether the size of every component of r is at most a times that of M; not so where one is NaN."""
@@ -74,39 +97,37 @@ def within(r, a, M):
 # -- the base methods' steps ------------------------------------------------------------------------------------------
 
 
-def _kicks_and_drifts(kick, field, dT, dV, plan, h, eps, zero, known, first, q, p, cq, cp, memory, work):
+def _kicks_and_drifts(split, step, y, orbit, known, first):
+    q, p, lost_q, lost_p = y
     evaluations = 0
-    for k in range(len(plan)):
-        if plan[k, 0] != 0:
-            q, cq = add(q, cq, scale(plan[k, 0] * h, velocity(dT, p)))
-        if plan[k, 1] != 0:
-            p, cp = add(p, cp, scale(-plan[k, 1] * h, kick(q)))
+    for k in range(len(split.a)):
+        if split.a[k] != 0:
+            q, lost_q = add(q, lost_q, scale(split.a[k] * split.h, velocity(split.dT, p)))
+        if split.b[k] != 0:
+            p, lost_p = add(p, lost_p, scale(-split.b[k] * split.h, split.dV(q)))
             evaluations += 1
-    return q, p, cq, cp, evaluations, 0, SOLVED
+    return State(q, p, lost_q, lost_p), evaluations, 0, SOLVED
 
 
-def _substeps(kick, field, dT, dV, plan, h, eps, zero, known, first, q, p, cq, cp, memory, work):
-    start = parametric.unknown(field, zero)
-    return parametric.step(field, dT, dV, plan, h, eps, start, known, first, q, p, cq, cp, memory, work)
+def _substeps(split, step, y, orbit, known, first):
+    return parametric.advance(step.implicit, y, orbit, known, first)
 
 
 _partitioned = chosen(_substeps, _kicks_and_drifts)
 
 
-def _one_stage(tableau, kick, field, dT, dV, plan, h, eps, zero, known, first, q, p, cq, cp, memory, work):
-    return _partitioned(kick, field, dT, dV, plan, h, eps, zero, known, first, q, p, cq, cp, memory, work)
+def _one_stage(explicit, step, y, orbit, known, first):
+    return _partitioned(step.split, step, y, orbit, known, first)
 
 
-def _explicit(tableau, kick, field, dT, dV, plan, h, eps, zero, known, first, q, p, cq, cp, memory, work):
-    x = runge_kutta.increment(tableau, plan, h, zero, q, p, memory)
-    q, cq = add(q, cq, head(x))
-    p, cp = add(p, cp, tail(x))
-    return q, p, cq, cp, len(plan) - 1, 0, SOLVED
+def _explicit(explicit, step, y, orbit, known, first):
+    x = runge_kutta.increment(explicit.field, explicit.tableau, explicit.h, y, orbit)
+    return advanced(y, head(x), tail(x)), len(explicit.tableau) - 1, 0, SOLVED
 
 
-#: The base method's step: explicit Runge-Kutta where ``tableau`` is its field, explicit kicks and drifts where ``kick``
-#: is grad V, else substeps with stage equations; returns (q, p, cq, cp, evaluations, Newton solves, status).
-step = chosen(_one_stage, _explicit)
+#: The base method's step: explicit Runge-Kutta, explicit kicks and drifts, or substeps with stage equations;
+#: (explicit, step, y, orbit, known, first) -> (y, evaluations, Newton solves, status).
+advance = chosen(_one_stage, _explicit)
 
 
 # -- the projections --------------------------------------------------------------------------------------------------
@@ -127,127 +148,124 @@ def corrected(mu, r, A, work):
     return plus(mu, load(work, m, mu)), True
 
 
+class Closing(NamedTuple):
+    """The last part of a symmetric projection: x = G(y + x)^T mu."""
+
+    pull: Callable
+    q: Any
+    p: Any
+    mu: Any
+
+
 @inlined
-def closing(x, arguments):
-    """G(y)^T mu at y = (q, p) + x: the last part of a symmetric projection is its fixed point."""
-    pull, q, p, mu = arguments
-    dq, dp = pull(plus(q, head(x)), plus(p, tail(x)), mu)
+def closing(x, e):
+    """G(y + x)^T mu."""
+    dq, dp = e.pull(plus(e.q, head(x)), plus(e.p, tail(x)), e.mu)
     return join(dq, dp)
 
 
 solve_closing = solver(closing)
 
 
-def _standard(mirror, constraint, gram, pull, base, h, eps, zero, target, q, p, cq, cp, memory, work, counts):
-    tableau, kick, field, dT, dV, plan = base
-    q1, p1, c1, d1, n, used, status = step(
-        tableau, kick, field, dT, dV, plan, h, eps, zero, counts[0], True, q, p, cq, cp, memory, work
-    )
-    counts[1] += n
-    counts[2] += used
-    value, M = constraint(q1, p1)
-    r = minus(value, target)
-    mu = scale(0.0, target)
-    if status != SOLVED or within(r, eps, M):
-        return q1, p1, c1, d1, mu, True, status
-    A = gram(q1, p1)
-    counts[1] += 1
-    reach = size(q1) + size(p1)
+@inlined
+def onto(step, y, last):
+    """(g(y), whether it is at round-off, or as near as it gets, by its ``last`` size)."""
+    value, M = step.constraint(y.q, y.p)
+    r = minus(value, step.target)
+    eps = step.eps
+    return r, within(r, eps, M) or (size(r) >= 0.5 * last and within(r, SLACK * eps, M))
+
+
+def _standard(mirror, step, y, orbit, counts):
+    y1, n, used, status = advance(step.explicit, step, y, orbit, counts.steps, True)
+    counts.gradient += n
+    counts.newton += used
+    r, kept = onto(step, y1, np.inf)
+    mu = scale(0.0, step.target)
+    if status != SOLVED or kept:
+        return y1, mu, True, status
+    A = step.gram(y1.q, y1.p)
+    counts.gradient += 1
+    reach = size(y1.q) + size(y1.p)
     last = np.inf
     for _ in range(LIMIT):
-        mu, regular = corrected(mu, r, A, work)
-        dq, dp = pull(q1, p1, mu)
-        counts[1] += 1
+        mu, regular = corrected(mu, r, A, orbit.work)
+        dq, dp = step.pull(y1.q, y1.p, mu)
+        counts.gradient += 1
         if not (regular and size(dq) + size(dp) <= reach):
             break
-        qa, ca = add(q1, c1, dq)
-        pa, da = add(p1, d1, dp)
-        value, M = constraint(qa, pa)
-        r = minus(value, target)
-        if within(r, eps, M) or (size(r) >= 0.5 * last and within(r, SLACK * eps, M)):
-            return qa, pa, ca, da, mu, True, status
+        end = advanced(y1, dq, dp)
+        r, kept = onto(step, end, last)
+        if kept:
+            return end, mu, True, status
         last = size(r)
-    return q1, p1, c1, d1, scale(0.0, target), False, status
+    return y1, scale(0.0, step.target), False, status
 
 
-def _symmetric(mirror, constraint, gram, pull, base, h, eps, zero, target, q, p, cq, cp, memory, work, counts):
-    tableau, kick, field, dT, dV, plan = base
-    ring = LEVELS * len(plan)  # where ``memory`` keeps the multipliers of earlier steps
-    A0 = mirror(q, p)
+def _symmetric(mirror, step, y, orbit, counts):
+    ring = LEVELS * step.stages  # where the memory keeps the multipliers of earlier steps
+    zero = scale(0.0, step.target)
+    A0 = mirror(y.q, y.p)
     A = A0
-    counts[1] += 1
+    counts.gradient += 1
     attempt, k, last = PREDICTED, 0, np.inf
-    x = join(zero, zero)
-    mu = predict(memory, ring, len(plan), counts[0], target)
+    x = join(orbit.zero, orbit.zero)
+    mu = predict(orbit.memory, ring, step.stages, counts.steps, zero)
     while True:
-        dq, dp = pull(q, p, mu)
-        counts[1] += 1
-        q1, c1 = add(q, cq, dq)
-        p1, d1 = add(p, cp, dp)
-        q1, p1, c1, d1, n, used, status = step(
-            tableau, kick, field, dT, dV, plan, h, eps, zero, counts[0], k == 0, q1, p1, c1, d1, memory, work
-        )
-        counts[1] += n
-        counts[2] += used
+        dq, dp = step.pull(y.q, y.p, mu)
+        counts.gradient += 1
+        y1, n, used, status = advance(step.explicit, step, advanced(y, dq, dp), orbit, counts.steps, k == 0)
+        counts.gradient += n
+        counts.newton += used
         if attempt == UNPROJECTED:
-            return q1, p1, c1, d1, mu, False, status
-        reach = size(q1) + size(p1)
-        x, n, _, closed = solve_closing((pull, q1, p1, mu), x, reach, eps, work)
-        counts[1] += n
+            return y1, mu, False, status
+        reach = size(y1.q) + size(y1.p)
+        x, n, _, closed = solve_closing(Closing(step.pull, y1.q, y1.p, mu), x, reach, step.eps, orbit.work)
+        counts.gradient += n
         good = status == SOLVED and closed == SOLVED and size(x) <= reach
         if good:
-            qa, ca = add(q1, c1, head(x))
-            pa, da = add(p1, d1, tail(x))
-            value, M = constraint(qa, pa)
-            r = minus(value, target)
-            if within(r, eps, M) or (size(r) >= 0.5 * last and within(r, SLACK * eps, M)):
-                remember(memory, ring, len(plan), counts[0], mu)
-                return qa, pa, ca, da, mu, True, status
+            end = advanced(y1, head(x), tail(x))
+            r, kept = onto(step, end, last)
+            if kept:
+                remember(orbit.memory, ring, step.stages, counts.steps, mu)
+                return end, mu, True, status
             last = size(r)
             if k == 0:
-                A = plus(A0, gram(qa, pa))
-                counts[1] += 1
-            mu, good = corrected(mu, r, A, work)
+                A = plus(A0, step.gram(end.q, end.p))
+                counts.gradient += 1
+            mu, good = corrected(mu, r, A, orbit.work)
             k += 1
         if not good or k == LIMIT:
             attempt, k, last = attempt + 1, 0, np.inf
-            mu = scale(0.0, mu)
+            mu = zero
             x = scale(0.0, x)
             if attempt == UNPROJECTED:
-                remember(memory, ring, len(plan), counts[0], mu)
+                remember(orbit.memory, ring, step.stages, counts.steps, mu)
 
 
-#: One projected step, symmetric where ``mirror`` (the matrix G G^T once more) is given; returns (q, p, cq, cp, mu,
-#: whether the step is projected, status of the base's step).
+#: One projected step, symmetric where ``mirror`` is given; (mirror, step, y, orbit, counts) -> (y, mu, whether the step
+#: is projected, status of the base's step).
 project = chosen(_standard, _symmetric)
 
 
-def run(
-    mirror, constraint, gram, pull, tableau, kick, field, dT, dV,
-    plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts,
-):  # fmt: skip
-    """Fill the rows of Q, P and aux (the last multiplier of H, NaN for a fallback); returns (rows filled, status)."""
-    q, p, cq, cp = opened(state, zero)
-    target = load(table, 0, constraint(q, p)[0])
-    base = (tableau, kick, field, dT, dV, plan)
-    for row in range(len(Q)):
+def run(step, orbit, samples, counts):
+    """The kernel; the parameter is the multiplier of H, NaN for a fallback."""
+    y = opened(orbit)
+    for row in range(len(samples.q)):
         multiplier = np.nan
-        for _ in range(every):
-            q, p, cq, cp, mu, found, status = project(
-                mirror, constraint, gram, pull, base, h, eps, zero, target, q, p, cq, cp, memory, work, counts
-            )
+        for _ in range(samples.every):
+            y, mu, found, status = project(step.mirror, step, y, orbit, counts)
             if status != SOLVED:
                 return row, status
-            counts[0] += 1
+            counts.steps += 1
             multiplier = mu[0]
             if not found:
-                counts[3] += 1
+                counts.fallbacks += 1
                 multiplier = np.nan
-        store(Q, row, q)
-        store(P, row, p)
-        aux[row] = multiplier
-    close(state, q, p, cq, cp)
-    return len(Q), 0
+        keep(samples, row, y)
+        samples.parameter[row, 0] = multiplier
+    close(orbit, y)
+    return len(samples.q), 0
 
 
 def functions(system, invariants, arithmetic):
@@ -295,27 +313,23 @@ def prepare(method, system, arithmetic):
     """The base method's own functions and coefficients, with those of the invariants."""
     base, onto, symmetric = method.data
     inner = FAMILIES[base.family].prepare(base, system, arithmetic)
-    tableau = kick = field = dT = dV = None
-    if inner.run is runge_kutta.run:
-        (tableau,) = inner.functions
-    elif inner.run is splitting.run:
-        dT, kick = inner.functions
-    else:
-        field, dT, dV = inner.functions
+    kinds = {"explicit": runge_kutta.RungeKutta, "split": splitting.Splitting, "implicit": parametric.Parametric}
+    bases = {name: inner.step if isinstance(inner.step, kind) else None for name, kind in kinds.items()}
     invariants = (system.H, *(system.invariants if onto == "invariants" else ()))
     m = len(invariants)
     constraint, gram, pull = functions(system, invariants, arithmetic)
+    stages = len(inner.step.a) if bases["split"] else inner.stages
 
-    def begin(table, q, p):
-        table[0, :] = constraint(q, p)[0]
+    def begin(step, q, p):
+        known = {name: base._replace(h=step.h, eps=step.eps) for name, base in bases.items() if base is not None}
+        return step._replace(target=constraint(q, p)[0], **known)
 
+    target = value([0] * m, system.d, arithmetic)
     return Prepared(
         run,
-        (gram if symmetric else None, constraint, gram, pull, tableau, kick, field, dT, dV),
-        inner.plan,
-        array([[0] * m], arithmetic),
+        Projection(gram if symmetric else None, constraint, gram, pull, **bases, stages=stages, target=target),
         max(inner.width, m),
-        len(inner.plan),
+        stages,
         implicit=inner.implicit,
         hessian=inner.hessian,
         linear=max(inner.width, m, 2 * system.d if symmetric else 0),

@@ -15,7 +15,7 @@ Without that (``adjust_time`` false) each step counts as h: the incremental dire
 The slope of H(y + gamma l d) at 1 is :math:`\tfrac12 h^2 f^T H'' f` to leading order: where it passes through zero
 there may be no root near 1; the step is then taken with gamma = 1 and counted as a fallback.  The target stays H0.
 
-``plan`` is the tableau, ``table`` is [[H0, adjust_time]], the first spare row of ``state`` keeps t_n - n h.
+The first spare row of the state keeps t_n - n h.
 
 Sources: D. I. Ketcheson, SIAM J. Numer. Anal. 57 (2019) 2850-2870; H. Ranocha, M. Sayyari, L. Dalcin, M. Parsani,
 D. I. Ketcheson, SIAM J. Sci. Comput. 42 (2020) A612-A638.
@@ -23,10 +23,13 @@ D. I. Ketcheson, SIAM J. Sci. Comput. 42 (2020) A612-A638.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
-from phasebench.integrators.engine.kernel import Prepared, array
-from phasebench.integrators.engine.vector import add, close, head, inlined, opened, scale, store, tail, written
+from phasebench.integrators.engine.kernel import Prepared, keep_energy
+from phasebench.integrators.engine.vector import advanced, close, head, inlined, keep, opened, scale, tail, written
 from phasebench.integrators.records.projection import relaxed as relaxed
 
 from . import runge_kutta
@@ -39,6 +42,18 @@ SLACK = 64.0
 MISSED = "have no relaxation near 1 and were taken as the base method's"
 
 
+class Relaxation(NamedTuple):
+    """The field and tableau of a Runge-Kutta method, H and its value to keep; whether time is relaxed too."""
+
+    field: Callable
+    energy: Callable
+    tableau: np.ndarray
+    adjust_time: bool
+    H0: float = 0.0
+    h: float = 0.0
+    eps: float = 0.0
+
+
 @written(lambda d: "  return " + " + ".join(f"x[{i}] * y[{i}]" for i in range(d)))
 def dot(x, y):
     """x . y."""
@@ -46,19 +61,18 @@ def dot(x, y):
 
 
 @inlined
-def root(energy, field, H0, x, eps, q, p, cq, cp):
-    """(gamma next to 1 with H((q, p) + gamma x) = H0, found, evaluations of the field)."""
+def root(step, y, x):
+    """(gamma next to 1 with H(y + gamma x) = H0, found, evaluations of the field)."""
     gamma = 1.0
     last = np.inf
     for k in range(LIMIT):
-        a = add(q, cq, scale(gamma, head(x)))[0]
-        b = add(p, cp, scale(gamma, tail(x)))[0]
-        H, M = energy(a, b)
-        E = H - H0
-        if abs(E) <= eps * M or (abs(E) >= 0.5 * last and abs(E) <= SLACK * eps * M):
+        end = advanced(y, scale(gamma, head(x)), scale(gamma, tail(x)))
+        H, M = step.energy(end.q, end.p)
+        E = H - step.H0
+        if abs(E) <= step.eps * M or (abs(E) >= 0.5 * last and abs(E) <= SLACK * step.eps * M):
             return gamma, True, k
         last = abs(E)
-        dq, dp = field(a, b, 1.0, 0.0)
+        dq, dp = step.field(end.q, end.p, 1.0, 0.0)
         slope = dot(dq, tail(x)) - dot(dp, head(x))  # grad H = (-p', q')
         if slope == 0:
             return 1.0, False, k + 1
@@ -68,30 +82,27 @@ def root(energy, field, H0, x, eps, q, p, cq, cp):
     return 1.0, False, LIMIT
 
 
-def run(energy, field, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
-    """Fill the rows of Q, P and aux (the last gamma of the row, NaN for a fallback); returns (rows filled, status)."""
-    q, p, cq, cp = opened(state, zero)
-    offset = state[4, 0]
-    H0, adjust = table[0, 0], table[0, 1]
-    for row in range(len(Q)):
+def run(step, orbit, samples, counts):
+    """The kernel; the parameter is gamma, NaN for a fallback."""
+    y = opened(orbit)
+    offset = orbit.state[4, 0]
+    for row in range(len(samples.q)):
         gamma, found = 1.0, True
-        for _ in range(every):
-            length = h - offset
-            x = runge_kutta.increment(field, plan, length, zero, q, p, memory)
-            gamma, found, n = root(energy, field, H0, x, eps, q, p, cq, cp)
-            counts[0] += 1
-            counts[1] += n + len(plan) - 1
+        for _ in range(samples.every):
+            length = step.h - offset
+            x = runge_kutta.increment(step.field, step.tableau, length, y, orbit)
+            gamma, found, n = root(step, y, x)
+            counts.steps += 1
+            counts.gradient += n + len(step.tableau) - 1
             if not found:
-                counts[3] += 1
-            q, cq = add(q, cq, scale(gamma, head(x)))
-            p, cp = add(p, cp, scale(gamma, tail(x)))
-            offset = adjust * (gamma - 1) * length
-        store(Q, row, q)
-        store(P, row, p)
-        aux[row] = gamma if found else np.nan
-    close(state, q, p, cq, cp)
-    state[4, 0] = offset
-    return len(Q), 0
+                counts.fallbacks += 1
+            y = advanced(y, scale(gamma, head(x)), scale(gamma, tail(x)))
+            offset = (gamma - 1) * length if step.adjust_time else 0.0 * length
+        keep(samples, row, y)
+        samples.parameter[row, 0] = gamma if found else np.nan
+    close(orbit, y)
+    orbit.state[4, 0] = offset
+    return len(samples.q), 0
 
 
 def prepare(method, system, arithmetic):
@@ -99,18 +110,5 @@ def prepare(method, system, arithmetic):
     base, adjust_time = method.data
     inner = runge_kutta.prepare(base, system, arithmetic)
     energy = system.energy(arithmetic)
-
-    def begin(table, q, p):
-        table[0, 0] = energy(q, p)[0]
-
-    return Prepared(
-        run,
-        (energy, *inner.functions),
-        inner.plan,
-        array([[0, int(adjust_time)]], arithmetic),
-        inner.width,
-        inner.slots,
-        implicit=False,
-        begin=begin,
-        missed=MISSED,
-    )
+    step = Relaxation(inner.step.field, energy, inner.step.tableau, bool(adjust_time))
+    return Prepared(run, step, inner.width, inner.stages, implicit=False, begin=keep_energy(energy), missed=MISSED)

@@ -3,8 +3,8 @@ r"""Splitting methods for a separable H = T(p) + V(q): kicks and drifts, one ker
 .. math::
     p \leftarrow p - b_k h\,\nabla V(q),\qquad q \leftarrow q + a_k h\,\nabla T(p),\qquad k = 0, 1, \dots
 
-``plan[0]`` = (0, b_0) is the first kick, ``plan[k]`` = (a_{k-1}, b_k) the drift and the kick that follow.  The last
-kick of a step and the first of the next act at the same q: they are one kick, taken apart again where a row is
+Before the drift over :math:`a_k h` the step kicks over :math:`b_k h`; ``a[0]`` is zero, ``b[0]`` the first kick.  The
+last kick of a step and the first of the next act at the same q: they are one kick, taken apart again where a row is
 stored, so that a Stormer-Verlet step costs one gradient.
 
 Reference: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), II.5 and V.3.
@@ -12,45 +12,59 @@ Reference: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (200
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import zip_longest
+from typing import NamedTuple
 
-from phasebench.integrators.engine.kernel import Prepared, array
-from phasebench.integrators.engine.vector import add, close, opened, scale, store, velocity
+import numpy as np
+
+from phasebench.integrators.engine.kernel import Prepared, numbers
+from phasebench.integrators.engine.vector import State, add, close, keep, opened, scale, velocity
 
 
-def run(dT, dV, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
-    """Fill the rows of Q and P, each after ``every`` steps; returns (rows filled, status)."""
-    q, p, cq, cp = opened(state, zero)
-    stages = len(plan)
-    first = plan[0, 1] * h
-    last = stages - 1
-    gradient = dV(q)
+class Splitting(NamedTuple):
+    """Drifts of a and kicks of b, fractions of h: the first kick, then drift k and kick k, k = 1, 2, ..."""
+
+    dT: Callable | None
+    dV: Callable
+    a: np.ndarray
+    b: np.ndarray
+    h: float = 0.0
+    eps: float = 0.0
+
+
+def run(step, orbit, samples, counts):
+    """The kernel."""
+    q, p, lost_q, lost_p = opened(orbit)
+    h = step.h
+    first = step.b[0] * h
+    last = len(step.a) - 1
+    gradient = step.dV(q)
     evaluations = 1
-    for row in range(len(Q)):
+    for row in range(len(samples.q)):
         if first != 0:
-            p, cp = add(p, cp, scale(-first, gradient))
-        for _ in range(every):
-            for k in range(1, stages):
-                q, cq = add(q, cq, scale(plan[k, 0] * h, velocity(dT, p)))
-                kick = plan[k, 1] * h
+            p, lost_p = add(p, lost_p, scale(-first, gradient))
+        for _ in range(samples.every):
+            for k in range(1, last + 1):
+                q, lost_q = add(q, lost_q, scale(step.a[k] * h, velocity(step.dT, p)))  # exp(a_k h A), a drift
+                kick = step.b[k] * h
                 if k == last:
                     kick += first
                 if kick != 0:
-                    gradient = dV(q)
+                    gradient = step.dV(q)
                     evaluations += 1
-                    p, cp = add(p, cp, scale(-kick, gradient))
+                    p, lost_p = add(p, lost_p, scale(-kick, gradient))  # exp(b_k h B), a kick
         if first != 0:
-            p, cp = add(p, cp, scale(first, gradient))
-        store(Q, row, q)
-        store(P, row, p)
-    close(state, q, p, cq, cp)
-    counts[0] += len(Q) * every
-    counts[1] += evaluations
-    return len(Q), 0
+            p, lost_p = add(p, lost_p, scale(first, gradient))
+        keep(samples, row, State(q, p, lost_q, lost_p))
+    close(orbit, State(q, p, lost_q, lost_p))
+    counts.steps += len(samples.q) * samples.every
+    counts.gradient += evaluations
+    return len(samples.q), 0
 
 
 def _prepared(parts, system, arithmetic):
-    """From (is a kick, fraction) in their order: neighbours of a kind are one; rows (drift, kick that follows)."""
+    """From (is a kick, fraction) in their order: neighbours of a kind are one."""
     rows = [[0, 0]]
     for kick, fraction in parts:
         if kick:
@@ -59,8 +73,9 @@ def _prepared(parts, system, arithmetic):
             rows[-1][0] += fraction
         else:
             rows.append([fraction, 0])
-    functions = (system.grad_T(arithmetic), system.grad_V(arithmetic))
-    return Prepared(run, functions, array(rows, arithmetic), array([[0]], arithmetic), 1, 1, implicit=False)
+    a, b = (numbers(column, arithmetic) for column in zip(*rows, strict=True))
+    step = Splitting(system.grad_T(arithmetic), system.grad_V(arithmetic), a, b)
+    return Prepared(run, step, 1, 1, implicit=False)
 
 
 def from_substeps(substeps, system, arithmetic):

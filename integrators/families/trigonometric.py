@@ -39,16 +39,29 @@ G. J. Martyna, J. Chem. Phys. 97 (1992) 1990-2001; A. Stern, E. Grinspun, Multis
 
 from __future__ import annotations
 
-import mpmath
+from collections.abc import Callable
+from typing import NamedTuple
 
-from phasebench.integrators.engine.kernel import Prepared, array
-from phasebench.integrators.engine.vector import add, close, elementwise, load, opened, scale, store
+import mpmath
+import numpy as np
+
+from phasebench.integrators.engine.kernel import Prepared, array, zeros
+from phasebench.integrators.engine.vector import State, add, close, elementwise, keep, load, opened, scale
 from phasebench.integrators.errors import InvalidInput
 
 #: The least digits of the functions of xi, whatever the arithmetic of the run.
 DIGITS = 40
 #: A kick that is magnified by more than this is at a pole.
 POLE = 1e8
+
+
+class Trigonometric(NamedTuple):
+    """grad U; the rows phi, (h/2) psi_1, a, b and s of every component."""
+
+    dU: Callable
+    filters: np.ndarray
+    h: float = 0.0
+    eps: float = 0.0
 
 
 @elementwise()
@@ -63,29 +76,27 @@ def impulse(beta, gradient, a, q):
     return -(beta * gradient + a * q)
 
 
-def run(dU, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
-    """Fill the rows of Q and P, each after ``every`` steps; returns (rows filled, status).
-
-    The rows of ``plan`` are phi, (h/2) psi_1, a, b and s of every component.
-    """
-    q, p, cq, cp = opened(state, zero)
-    phi, beta, a = load(plan, 0, zero), load(plan, 1, zero), load(plan, 2, zero)
-    b, sign = load(plan, 3, zero), load(plan, 4, zero)
-    kick = impulse(beta, dU(product(phi, q)), a, q)
-    for row in range(len(Q)):
-        p, cp = add(p, cp, kick)
-        for _ in range(every):
-            q, cq = add(q, cq, product(b, p))
-            q, cq, p, cp = product(sign, q), product(sign, cq), product(sign, p), product(sign, cp)
-            kick = impulse(beta, dU(product(phi, q)), a, q)
-            p, cp = add(p, cp, scale(2.0, kick))
-        p, cp = add(p, cp, scale(-1.0, kick))
-        store(Q, row, q)
-        store(P, row, p)
-    close(state, q, p, cq, cp)
-    counts[0] += len(Q) * every
-    counts[1] += len(Q) * every + 1
-    return len(Q), 0
+def run(step, orbit, samples, counts):
+    """The kernel."""
+    q, p, lost_q, lost_p = opened(orbit)
+    rows, zero = step.filters, orbit.zero
+    phi, beta, a, b, sign = (
+        load(rows, 0, zero), load(rows, 1, zero), load(rows, 2, zero), load(rows, 3, zero), load(rows, 4, zero),
+    )  # fmt: skip
+    kick = impulse(beta, step.dU(product(phi, q)), a, q)
+    for row in range(len(samples.q)):
+        p, lost_p = add(p, lost_p, kick)
+        for _ in range(samples.every):
+            q, lost_q = add(q, lost_q, product(b, p))
+            q, lost_q, p, lost_p = product(sign, q), product(sign, lost_q), product(sign, p), product(sign, lost_p)
+            kick = impulse(beta, step.dU(product(phi, q)), a, q)
+            p, lost_p = add(p, lost_p, scale(2.0, kick))
+        p, lost_p = add(p, lost_p, scale(-1.0, kick))
+        keep(samples, row, State(q, p, lost_q, lost_p))
+    close(orbit, State(q, p, lost_q, lost_p))
+    counts.steps += len(samples.q) * samples.every
+    counts.gradient += len(samples.q) * samples.every + 1
+    return len(samples.q), 0
 
 
 def coefficients(h, omega, propagator, psi1, phi, *arguments):
@@ -106,10 +117,11 @@ def coefficients(h, omega, propagator, psi1, phi, *arguments):
 def prepare(method, system, arithmetic):
     """The coefficients are formed with at least 40 digits once h is known."""
 
-    def plan(h):
+    def begin(step, q, p):
         with mpmath.workdps(max(DIGITS, mpmath.mp.dps + 5)):
             frequencies = [mpmath.mpf(w.evalf(mpmath.mp.dps)) for w in system.frequencies]
-            rows = [coefficients(mpmath.mpf(h), w, *method.data) for w in frequencies]
-        return array(zip(*rows, strict=True), arithmetic)
+            rows = [coefficients(mpmath.mpf(step.h), w, *method.data) for w in frequencies]
+        return step._replace(filters=array(zip(*rows, strict=True), arithmetic))
 
-    return Prepared(run, (system.grad_U(arithmetic),), plan, array([[0]], arithmetic), 1, 1, implicit=False)
+    step = Trigonometric(system.grad_U(arithmetic), zeros((5, system.d), arithmetic))
+    return Prepared(run, step, 1, 1, implicit=False, begin=begin)

@@ -18,13 +18,11 @@ of numbers; solved, they leave the equations of the kicks :math:`k_i = b_i F_i`,
     Q_i = q_0 + h\,d_i M^{-1}p_0 + h^2 M^{-1}\sum_j a_{ij}k_j,\qquad
     p_1 = p_0 + h\sum_j k_j ,
 
-and q1 = q^s likewise.  ``plan`` has the rows :math:`(a_{i1}, \dots, a_{ir}, d_i)` of the nodes, that of q1, and the
-weights b; ``table`` is [[e, f]]: the kicks before e need no iteration, no other one needs those from f on.  The result
-does not depend on the times of the inner control points.  The kicks are iterated to round-off from an extrapolated
-start, by Newton's method where that does not contract.
+and q1 = q^s likewise.  The result does not depend on the times of the inner control points.  The kicks are iterated to
+round-off from an extrapolated start, by Newton's method where that does not contract.
 
 The map is symplectic as :math:`a_{ij} - a_{ji} = d_i - d_j` and the row of q1 is :math:`1 - d_j`.  The latter holds of
-the doubles too, whatever the weights: an error of it, rounded once and for all, has a sign, and angular momentum would
+the doubles too, whatever the weights: an error of it, rounded once and for all, is a bias, and angular momentum would
 drift.
 
 Source: J. E. Marsden, M. West, Acta Numerica 10 (2001) 357-514, 2.2.6 and 2.6.6; S. Ober-Bloebaum, N. Saake,
@@ -33,33 +31,24 @@ Adv. Comput. Math. 41 (2015) 955-986.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
 import mpmath
 import numpy as np
 
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.coefficients.quadrature import gauss_legendre, gauss_lobatto
-from phasebench.integrators.engine.kernel import Prepared, array
-from phasebench.integrators.engine.solve import (
-    FIXED_POINT_LIMIT,
-    LEVELS,
-    NEWTON_LIMIT,
-    NOT_FINITE,
-    SOLVED,
-    STALLED,
-    gauss,
-    polished,
-    predict,
-    remember,
-    settled,
-)
+from phasebench.integrators.engine.kernel import Prepared, array, numbers
+from phasebench.integrators.engine.solve import LEVELS, SOLVED, copy, predict, remember, row_solver
 from phasebench.integrators.engine.vector import (
-    add,
+    advanced,
     axpy,
     bump,
     close,
     distance,
     inlined,
-    jit,
+    keep,
     load,
     minus,
     opened,
@@ -71,144 +60,126 @@ from phasebench.integrators.engine.vector import (
 )
 
 
-@inlined
-def displacement(i, arguments):
-    """The point of row i of the plan, less q: h d_i v + h^2 M^-1 sum_j a_ij k_j."""
-    dT, _, q, v, h, plan, memory, latest = arguments
-    r = len(plan) - 2
-    x = scale(0.0, q)
-    for j in range(r):
-        if plan[i, j] != 0:
-            x = axpy(plan[i, j], load(memory, latest + j, q), x)
-    return scale(h, axpy(plan[i, r], v, scale(h, velocity(dT, x))))
+class Variational(NamedTuple):
+    """The rows a_ij, d_i of the nodes and of q1, the weights b.
+
+    The kicks before ``first`` need no iteration, no other one needs those from ``end`` on.
+    """
+
+    dT: Callable | None
+    dV: Callable
+    rows: np.ndarray
+    b: np.ndarray
+    first: int
+    end: int
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class Equations(NamedTuple):
+    """Of the kicks in rows of the memory, from q with the velocity v."""
+
+    step: Variational
+    q: Any
+    v: Any
+    memory: np.ndarray
+    like: Any
+    stages: int
 
 
 @inlined
-def kick(i, arguments):
-    """k_i = b_i F_i from the present kicks."""
-    dV, q, plan = arguments[1], arguments[2], arguments[5]
-    return scale(-plan[len(plan) - 1, i], dV(axpy(1.0, displacement(i, arguments), q)))
+def displacement(e, i, at):
+    """The point of row i, less q: h d_i v + h^2 M^-1 sum_j a_ij k_j."""
+    rows, h = e.step.rows, e.step.h
+    x = e.like
+    for j in range(e.stages):
+        if rows[i, j] != 0:
+            x = axpy(rows[i, j], load(e.memory, at + j, e.like), x)
+    return scale(h, axpy(rows[i, e.stages], e.v, scale(h, velocity(e.step.dT, x))))
 
 
 @inlined
-def sweep(first, last, arguments):
-    """Renew the kicks first, ..., last - 1, each from the newest of the others; (h times their change, their size)."""
-    q, h, memory, latest = arguments[2], arguments[4], arguments[6], arguments[7]
-    change = total = 0.0 * h
-    for i in range(first, last):
-        k = kick(i, arguments)
-        change = change + abs(h) * distance(k, load(memory, latest + i, q))
-        total = total + abs(h) * size(k)
-        store(memory, latest + i, k)
+def renew(e, at, first, end):
+    """Renew the kicks first, ..., end - 1, each from the newest of the others; (their change, their size)."""
+    change = total = 0.0 * e.step.h
+    for i in range(first, end):
+        k = scale(-e.step.b[i], e.step.dV(axpy(1.0, displacement(e, i, at), e.q)))  # k_i = b_i F_i
+        change = change + distance(k, load(e.memory, at + i, e.like))
+        total = total + size(k)
+        store(e.memory, at + i, k)
     return change, total
 
 
-@jit
-def newton(arguments, span, eps, work):
-    """Newton's method for the kicks; their derivatives are differences of the gradient.  (evaluations, status)."""
-    dT, dV, q, _, h, plan, memory, latest = arguments
-    r, d = len(plan) - 2, len(q)
-    n = r * d
-    step = eps**0.5 * span
-    last = np.inf
-    evaluations = 0
-    for _ in range(NEWTON_LIMIT):
-        total = 0.0 * h
-        for i in range(r):
-            Q = axpy(1.0, displacement(i, arguments), q)
-            b = plan[r + 1, i]
-            present = scale(-b, dV(Q))
-            for k in range(d):
-                there = axpy(1.0, velocity(dT, bump(scale(0.0, q), k, step)), Q)
-                store(work, n, minus(scale(-b, dV(there)), present))
-                for m in range(d):
-                    for j in range(r):
-                        one = 1.0 if i == j and k == m else 0.0
-                        work[i * d + m, j * d + k] = one - h * h * plan[i, j] * (work[n, m] / step)
-            rest = minus(present, load(memory, latest + i, q))
-            store(work, n, rest)
-            for m in range(d):
-                work[i * d + m, n] = work[n, m]
-            total = total + abs(h) * size(present)
-        evaluations += r * (d + 1)
-        if not total < np.inf:
-            return evaluations, NOT_FINITE
-        if not gauss(work, n):
-            return evaluations, STALLED
-        delta = 0.0 * h
-        for i in range(r):
-            for m in range(d):
-                memory[latest + i, m] = memory[latest + i, m] + work[i * d + m, n]
-                delta = delta + abs(h * work[i * d + m, n])
-        if not delta < np.inf:
-            return evaluations, NOT_FINITE
-        if polished(delta, last, eps * total, eps * span):
-            return evaluations, SOLVED
-        last = delta
-    return evaluations, STALLED
+@inlined
+def sweep(e, old, new):
+    """Renew the kicks of the rows ``old`` in the rows ``new``."""
+    copy(e.memory, old, new, e.stages, e.like)
+    return renew(e, new, e.step.first, e.step.end)
 
 
 @inlined
-def solve_kicks(explicit, end, known, arguments, span, eps, work):
-    """Find the kicks of a step, from those of ``known`` steps; returns (evaluations, Newton used: 0 or 1, status).
-
-    Those before ``explicit`` and from ``end`` on are computed once.
-    """
-    q, plan, memory, latest = arguments[2], arguments[5], arguments[6], arguments[7]
-    r = len(plan) - 2
+def linearize(e, at, step, work):
+    """The matrix of 1 - G' by differences of the gradient."""
+    r, d, h = e.stages, len(e.like), e.step.h
+    n = r * d
+    step = step * abs(h)  # of q
     for i in range(r):
-        store(memory, latest + i, predict(memory, i, r, known, q))
-    sweep(0, explicit, arguments)
-    last = np.inf
-    growth = 0
-    k = 0
-    solved = explicit == end
-    while not solved and k < FIXED_POINT_LIMIT and growth < 2:
-        delta, total = sweep(explicit, end, arguments)
-        k += 1
-        if not delta < np.inf:
-            break
-        solved = settled(delta, last, total, span, eps)
-        if delta >= last:
-            growth += 1
-        last = delta
-    evaluations = r + (k - 1) * (end - explicit) if end > explicit else r
-    if solved:
-        sweep(end, r, arguments)
-        return evaluations, 0, SOLVED
+        Q = axpy(1.0, displacement(e, i, at), e.q)
+        present = scale(-e.step.b[i], e.step.dV(Q))
+        store(e.memory, at + r + i, present)
+        for k in range(d):
+            there = axpy(1.0, velocity(e.step.dT, bump(e.like, k, step)), Q)
+            store(work, n, minus(scale(-e.step.b[i], e.step.dV(there)), present))
+            for m in range(d):
+                for j in range(r):
+                    one = 1.0 if i == j and k == m else 0.0
+                    work[i * d + m, j * d + k] = one - h * h * e.step.rows[i, j] * (work[n, m] / step)
+    return d + 1
+
+
+solve = row_solver(sweep, linearize)
+
+
+@inlined
+def solve_kicks(e, span, orbit, counts):
+    """Find the kicks of a step, in the rows at, ...; returns the status."""
+    step, r = e.step, e.stages
+    at = LEVELS * r
     for i in range(r):
-        store(memory, latest + i, predict(memory, i, r, known, q))
-    more, status = newton(arguments, span, eps, work)
-    return evaluations + more, 1, status
+        store(e.memory, at + i, predict(e.memory, i, r, counts.steps, e.like))
+    renew(e, at, 0, step.first)
+    counts.gradient += r
+    if step.first == step.end:
+        return SOLVED
+    # The unknowns are forces: span / h is what an increment of p is to be compared with.
+    sweeps, newton, status = solve(e, at, span / abs(step.h), step.eps, orbit.work)
+    renew(e, at, step.end, r)
+    counts.gradient += (sweeps - 1) * (step.end - step.first) + newton * r
+    counts.newton += min(newton, 1)
+    return status
 
 
-def run(dT, dV, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
-    """Fill the rows of Q and P, each after ``every`` steps; returns (rows, status)."""
-    q, p, cq, cp = opened(state, zero)
-    explicit, end = int(table[0, 0]), int(table[0, 1])
-    r = len(plan) - 2
-    latest = LEVELS * r
-    for row in range(len(Q)):
-        for _ in range(every):
-            v = velocity(dT, p)
-            arguments = (dT, dV, q, v, h, plan, memory, latest)
-            n, used, status = solve_kicks(explicit, end, counts[0], arguments, size(q) + size(p), eps, work)
-            counts[1] += n
-            counts[2] += used
+def run(step, orbit, samples, counts):
+    """The kernel."""
+    y = opened(orbit)
+    memory, zero = orbit.memory, orbit.zero
+    r = len(step.b)
+    for row in range(len(samples.q)):
+        for _ in range(samples.every):
+            e = Equations(step, y.q, velocity(step.dT, y.p), memory, zero, r)
+            status = solve_kicks(e, size(y.q) + size(y.p), orbit, counts)
             if status != SOLVED:
                 return row, status
             total = zero
             for j in range(r):
-                k = load(memory, latest + j, zero)
+                k = load(memory, LEVELS * r + j, zero)
                 total = plus(total, k)
-                remember(memory, j, r, counts[0], k)
-            q, cq = add(q, cq, displacement(r, arguments))
-            p, cp = add(p, cp, scale(h, total))
-            counts[0] += 1
-        store(Q, row, q)
-        store(P, row, p)
-    close(state, q, p, cq, cp)
-    return len(Q), 0
+                remember(memory, j, r, counts.steps, k)
+            y = advanced(y, displacement(e, r, LEVELS * r), scale(step.h, total))
+            counts.steps += 1
+        keep(samples, row, y)
+    close(orbit, y)
+    return len(samples.q), 0
 
 
 QUADRATURES = {"gauss": gauss_legendre, "lobatto": gauss_lobatto}
@@ -254,17 +225,12 @@ def prepare(method, system, arithmetic):
     end = nodes
     while end > explicit and not any(row[end - 1] for row in rows[:end]):
         end -= 1
-    plan = array(rows, arithmetic)
+    *rows, b = rows
+    rows = array(rows, arithmetic)
     for j in range(nodes):
-        plan[nodes, j] = 1 - plan[j, nodes]
-        plan[j, nodes] = 1 - plan[nodes, j]
-    return Prepared(
-        run,
-        (system.grad_T(arithmetic), system.grad_V(arithmetic)),
-        plan,
-        array([[explicit, end]], arithmetic),
-        system.d,
-        nodes,
-        implicit=explicit < nodes,
-        linear=nodes * system.d,
+        rows[nodes, j] = 1 - rows[j, nodes]
+        rows[j, nodes] = 1 - rows[nodes, j]
+    step = Variational(
+        system.grad_T(arithmetic), system.grad_V(arithmetic), rows, numbers(b, arithmetic), explicit, end
     )
+    return Prepared(run, step, system.d, nodes, implicit=explicit < nodes, linear=nodes * system.d)

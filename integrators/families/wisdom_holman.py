@@ -5,9 +5,9 @@ In the variables :math:`Q = C q, P = C^{-T} p` (for N bodies Jacobi's),
 .. math:: A = \sum_k \frac{|P_k|^2}{2 m_k} - \frac{m_k\mu_k}{|Q_k|},\qquad
           B = V(C^{-1} Q) + \sum_k \frac{m_k\mu_k}{|Q_k|},
 
-``plan`` holds rows (drift along A, kick by B), the last with a drift alone.  The last drift of a step and the first of
-the next are one; a stored row is finished on a copy, so that rows change nothing of the trajectory.  Q, P are kept
-between pieces of a run (``state[4, 0]`` is 1 once they are), and converted for rows.
+A step is a row of drifts along A and kicks by B, the last drift without a kick.  The last drift of a step and the first
+of the next are one; a stored row is finished on a copy, so that rows change nothing of the trajectory.  Q, P are kept
+between pieces of a run, and converted for rows.
 
 A symplectic corrector K is applied once at the start and undone on every row.  To first order in B the step
 :math:`e^{hA/2}e^{hB}e^{hA/2}` has every kick in its middle; with :math:`B(t) = e^{t\,\mathrm{ad}_A} B` and
@@ -25,25 +25,41 @@ Soc. 452 (2015) 376-388 (mu_k = G times the mass inside and of body k).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import mpmath
+import numpy as np
 import sympy as sp
 
 from phasebench.integrators.coefficients.fractions import DIGITS
-from phasebench.integrators.engine import codegen
-from phasebench.integrators.engine import kepler_flow as kepler_solver
+from phasebench.integrators.engine import codegen, kepler_flow
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kepler_flow import add
-from phasebench.integrators.engine.kernel import Prepared, array
+from phasebench.integrators.engine.kernel import Prepared, array, numbers
 from phasebench.integrators.engine.vector import jit, load, store
 from phasebench.integrators.errors import InvalidInput
 
-#: Rows of the table: the solver's constants; (bodies, dimension, rows of the corrector); masses; mu; C; C^-1; the
-#: corrector.
-SIZES, MASSES, MU, CHANGE = kepler_solver.ROWS, kepler_solver.ROWS + 1, kepler_solver.ROWS + 2, kepler_solver.ROWS + 3
+
+class WisdomHolman(NamedTuple):
+    """The kernel's step; rows of ``substeps`` and ``corrector`` are (drift along A, kick by B), fractions of h.
+
+    Q = change q and q = back Q, by bodies; ``series`` are the constants of `kepler_flow`.
+    """
+
+    dB: Callable
+    substeps: np.ndarray
+    corrector: np.ndarray
+    dimension: int
+    masses: np.ndarray
+    mu: np.ndarray
+    change: np.ndarray
+    back: np.ndarray
+    series: np.ndarray
+    h: float = 0.0
+    eps: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -144,79 +160,76 @@ def _substeps(kicks):
 
 
 @jit
-def _drift(X, h, eps, table, counts):
-    """The flow of A on the rows (Q, P, what rounding lost) of X."""
-    dimension = int(table[SIZES, 1])
-    for k in range(int(table[SIZES, 0])):
-        counts[4] += kepler_solver.advance(X, k * dimension, dimension, table[MASSES, k], table[MU, k], h, eps, table)
+def _drift(step, X, h):
+    """The flow of A over h on the rows (Q, P, what rounding lost) of X."""
+    n = step.dimension
+    for k in range(len(step.mu)):
+        kepler_flow.advance(X, k * n, n, step.masses[k], step.mu[k], h, step.eps, step.series)
 
 
 @jit
-def _convert(X, row, table, first, transposed, Y, out):
-    """Row ``out`` of Y = the matrix in the rows ``first``, ... of the table, or its transpose, times a row of X."""
-    bodies, dimension = int(table[SIZES, 0]), int(table[SIZES, 1])
-    for k in range(bodies):
-        for i in range(dimension):
+def _convert(matrix, X, row, n, Y, out):
+    """Row ``out`` of Y = the matrix times a row of X, whose bodies have n components."""
+    for k in range(len(matrix)):
+        for i in range(n):
             total = X[row, i] * 0
-            for j in range(bodies):
-                c = table[first + j, k] if transposed else table[first + k, j]
-                total = total + c * X[row, j * dimension + i]
-            Y[out, k * dimension + i] = total
+            for j in range(len(matrix)):
+                total = total + matrix[k, j] * X[row, j * n + i]
+            Y[out, k * n + i] = total
 
 
 @jit
-def _kick(dB, X, h, zero, table, memory, counts):
-    """The flow of B on the rows of X; rows 4 to 6 of ``memory`` are overwritten."""
-    bodies = int(table[SIZES, 0])
-    _convert(X, 0, table, CHANGE + bodies, False, memory, 4)
-    store(memory, 5, dB(load(memory, 4, zero)))
-    _convert(memory, 5, table, CHANGE + bodies, True, memory, 6)
-    for i in range(len(zero)):
+def _kick(step, X, h, orbit, counts):
+    """The flow of B over h on the rows of X; rows 4 to 6 of the memory are overwritten."""
+    memory, n = orbit.memory, step.dimension
+    _convert(step.back, X, 0, n, memory, 4)
+    store(memory, 5, step.dB(load(memory, 4, orbit.zero)))
+    _convert(step.back.T, memory, 5, n, memory, 6)
+    for i in range(len(orbit.zero)):
         X[1, i], X[3, i] = add(X[1, i], X[3, i], -h * memory[6, i])
-    counts[1] += 1
+    counts.gradient += 1
 
 
 @jit
-def _correct(dB, X, h, sign, eps, zero, table, memory, counts):
+def _correct(step, X, sign, orbit, counts):
     """The corrector (sign 1) or its inverse (-1) on the rows of X: it is the same backwards in time."""
-    first = CHANGE + 2 * int(table[SIZES, 0])
-    rows = int(table[SIZES, 2])
+    rows = len(step.corrector)
     for k in range(rows):
-        _drift(X, table[first + k, 0] * h, eps, table, counts)
+        _drift(step, X, step.corrector[k, 0] * step.h)
         if k + 1 < rows:
-            _kick(dB, X, sign * table[first + k, 1] * h, zero, table, memory, counts)
+            _kick(step, X, sign * step.corrector[k, 1] * step.h, orbit, counts)
 
 
-def run(dB, plan, table, h, every, eps, zero, state, memory, work, Q, P, aux, counts):
-    """Fill the rows of Q and P, each after ``every`` steps; returns (rows filled, status)."""
-    bodies = int(table[SIZES, 0])
-    stages = len(plan) - 1
-    between = (plan[stages, 0] + plan[0, 0]) * h
+def run(step, orbit, samples, counts):
+    """The kernel."""
+    state, memory, zero = orbit.state, orbit.memory, orbit.zero
+    a, n, h = step.substeps, step.dimension, step.h
+    stages = len(a) - 1
+    between = (a[stages, 0] + a[0, 0]) * h
     lead = between
-    if state[4, 0] == 0:
-        _convert(state, 0, table, CHANGE, False, memory, 0)
-        _convert(state, 1, table, CHANGE + bodies, True, memory, 1)
+    if counts.steps == 0:
+        _convert(step.change, state, 0, n, memory, 0)
+        _convert(step.back.T, state, 1, n, memory, 1)
         store(state, 0, load(memory, 0, zero))
         store(state, 1, load(memory, 1, zero))
-        _correct(dB, state, h, 1, eps, zero, table, memory, counts)
-        state[4, 0] = state[4, 0] + 1
-        lead = plan[0, 0] * h
-    for row in range(len(Q)):
-        for _ in range(every):
-            _drift(state, lead, eps, table, counts)
+        _correct(step, state, 1, orbit, counts)
+        lead = a[0, 0] * h
+    for row in range(len(samples.q)):
+        for _ in range(samples.every):
+            _drift(step, state, lead)  # exp(a_0 h A), with the last of the step before
             for k in range(stages):
                 if k > 0:
-                    _drift(state, plan[k, 0] * h, eps, table, counts)
-                _kick(dB, state, plan[k, 1] * h, zero, table, memory, counts)
+                    _drift(step, state, a[k, 0] * h)  # exp(a_k h A)
+                _kick(step, state, a[k, 1] * h, orbit, counts)  # exp(b_k h B)
             lead = between
         for i in range(4):
             store(memory, i, load(state, i, zero))
-        _drift(memory, plan[stages, 0] * h, eps, table, counts)
-        _correct(dB, memory, h, -1, eps, zero, table, memory, counts)
-        _convert(memory, 0, table, CHANGE + bodies, False, Q, row)
-        _convert(memory, 1, table, CHANGE, True, P, row)
-    counts[0] += len(Q) * every
-    return len(Q), 0
+        _drift(step, memory, a[stages, 0] * h)
+        _correct(step, memory, -1, orbit, counts)
+        _convert(step.back, memory, 0, n, samples.q, row)
+        _convert(step.change.T, memory, 1, n, samples.p, row)
+    counts.steps += len(samples.q) * samples.every
+    return len(samples.q), 0
 
 
 def _check(system) -> None:
@@ -241,16 +254,16 @@ def prepare(method, system, arithmetic):
     _check(system)
     drifts, kicks, order = method.data
     rows = [[a, b] for a, b in zip(drifts, (*kicks, 0), strict=True)]
-    correcting = _substeps(corrector(order))
-    n, change = len(part.masses), part.matrix
-    table = [
-        *kepler_solver.constants(arithmetic),
-        [n, part.dimension, len(correcting)],
-        part.masses,
-        part.mu,
-        *change.tolist(),
-        *change.inv().tolist(),
-        *correcting,
-    ]
-    functions = (part.interaction(system, arithmetic),)
-    return Prepared(run, functions, array(rows, arithmetic), array(table, arithmetic), system.d, 1, implicit=False)
+    change = part.matrix
+    step = WisdomHolman(
+        dB=part.interaction(system, arithmetic),
+        substeps=array(rows, arithmetic),
+        corrector=array(_substeps(corrector(order)), arithmetic),
+        dimension=part.dimension,
+        masses=numbers(part.masses, arithmetic),
+        mu=numbers(part.mu, arithmetic),
+        change=array(change.tolist(), arithmetic),
+        back=array(change.inv().tolist(), arithmetic),
+        series=array(kepler_flow.constants(arithmetic), arithmetic),
+    )
+    return Prepared(run, step, system.d, 1, implicit=False)

@@ -17,7 +17,7 @@ from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine import codegen
-from phasebench.integrators.engine.kernel import prepare
+from phasebench.integrators.engine.kernel import fixed, prepare
 from phasebench.integrators.families import averaged, discrete_gradient
 from phasebench.integrators.families.averaged import coupled, is_avf
 from phasebench.integrators.record import ROUND_OFF
@@ -72,24 +72,22 @@ def test_the_round_off_of_small_increments_stays_out_of_gonzalez_gradient(h):
 # -- the identity -----------------------------------------------------------------------------------------------------
 
 
-def product(id, name, seed, spoil=lambda prepared: None):
+def product(id, name, seed, spoil=lambda step: step):
     """(DG . x, H(y + x) - H(y)) for a random increment x that solves no equation, by the kernel's own functions."""
     system, q, p = SYSTEMS[name]()
     x = 0.4 * np.random.default_rng(seed).standard_normal(2 * system.d)
-    prepared = prepare(method(id), system)
-    spoil(prepared)
+    step = spoil(prepare(method(id), system).step)
     E = lambda q, p: system.observe(system.H, np.array([q]), np.array([p]))[0]  # noqa: E731
     difference = E(q + x[: system.d], p + x[system.d :]) - E(q, p)
     if id == "gonzalez":
-        arguments = prepared.functions[0], q, p, 1.0
 
         def flow(a):
-            return np.array(discrete_gradient.increment(tuple(x), (*arguments, a)))
+            equation = discrete_gradient.Increment(step.field, q, p, 1.0, a)
+            return np.array(discrete_gradient.increment(tuple(x), equation))
 
         i = flow((difference - pairing(flow(0.0), x)) / (x @ x))
     else:
-        path, field = prepared.functions
-        i = averaged.averaged(tuple(x), (path, (field, q, p, 1.0, prepared.table, 0, prepared.plan, 0)))
+        i = averaged.mean(tuple(x), averaged.Average(step, q, p, 1.0, 0, 0))
     return pairing(i, x), difference
 
 
@@ -110,17 +108,18 @@ def test_a_discrete_gradient_times_the_increment_is_the_difference_of_h(id, name
 
 @pytest.mark.parametrize("id", ["avf", "pavf", "itoh-abe-symmetrized"])
 def test_control_a_perturbed_weight_breaks_the_identity(id):
-    def spoil(prepared):
-        prepared.table[0, 2] *= 1 + 1e-9
+    def spoil(step):
+        return step._replace(b=fixed([step.b[0] * (1 + 1e-9), *step.b[1:]]))
 
     found, difference = product(id, "coupled", 0, spoil)
     assert abs(found - difference) > 1e4 * UNIT
 
 
 def test_control_a_block_left_out_breaks_the_identity():
-    def spoil(prepared):
-        assert list(prepared.plan[0, :5]) == [0, 1, 2, 3, 4]
-        prepared.plan[0, 4] = 3
+    def spoil(step):
+        assert list(step.place[0, :5]) == [0, 1, 2, 3, 4]
+        step.place[0, 4] = 3
+        return step
 
     found, difference = product("itoh-abe", "coupled", 0, spoil)
     assert abs(found - difference) > 1e-3

@@ -58,8 +58,8 @@ def test_the_special_form_equals_the_general_one(label, name):
     general = General(q=system.q, p=system.p, H=system.H, singular=system.singular)
     special, forced = kernels.prepare(m, system), kernels.prepare(m, general)
     assert forced.run is parametric.run
-    assert forced.functions[0] is not None
-    assert special.run is splitting.run or special.functions[0] is None, "the special form was not chosen"
+    assert forced.step.field is not None
+    assert special.run is splitting.run or special.step.field is None, "the special form was not chosen"
     assert np.abs(run(system, m, name) - run(general, m, name)).max() < ROUND_OFF
 
 
@@ -96,7 +96,7 @@ def test_the_mass_matrix_is_used():
     system = full_mass()
     other = Hamiltonian(q=system.q, p=system.p, H=system.H + system.p[0] * system.p[1])
     m = ONE_STAGE["scheme-i(lam=1/3)"]
-    assert kernels.prepare(m, other).functions[0] is None
+    assert kernels.prepare(m, other).step.field is None
     assert np.abs(run(system, m, "full mass matrix") - run(other, m, "full mass matrix")).max() > 1e-3
 
 
@@ -104,4 +104,4 @@ def test_a_linear_kinetic_term_is_no_quadratic_one():
     system = Hamiltonian(q="q", p="p", H="p**2/2 + p - cos(q)")
     assert system.separable
     assert not system.quadratic_kinetic
-    assert kernels.prepare(ONE_STAGE["scheme-i(lam=1/3)"], system).functions[0] is not None
+    assert kernels.prepare(ONE_STAGE["scheme-i(lam=1/3)"], system).step.field is not None

@@ -43,3 +43,19 @@ def test_units_of_the_momenta_change_round_off_alone(m, power):
         assert moved(m, power) > 1e-9
     else:
         assert moved(m, power) < 1e-12
+
+
+def tilted(power: int) -> Hamiltonian:
+    """A pendulum whose mass depends on q, with p and H in units of 2^power: H is neither separable nor a polynomial."""
+    return Hamiltonian(q="q", p="p", H=f"p**2*(1 + sin(q)**2)*{2.0**-power!r}/2 - {2.0**power!r}*cos(q)")
+
+
+@pytest.mark.parametrize("power", [-32, 0, 32])
+def test_cpg_1_is_avf_in_any_units(power):
+    """Their quadratures are confirmed of q and p apart: a joint norm would not see the momenta."""
+    runs = [integrate(tilted(power), m, h=0.1, steps=200, q0=[1.0], p0=[0.5 * 2.0**power]) for m in ("cpg-1", "avf")]
+    assert [s.status for s in runs] == ["ok", "ok"]
+    assert [s.counts["fallbacks"] for s in runs] == [0, 0]
+    q, p = (np.abs(getattr(runs[0], x) - getattr(runs[1], x)).max() for x in "qp")
+    assert q < 1e-13
+    assert p < 1e-13 * 2.0**power
