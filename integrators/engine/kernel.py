@@ -129,7 +129,7 @@ def value(x, d: int, arithmetic: str = DOUBLE):
     """The numbers x as a value of systems of d degrees of freedom."""
     if arithmetic == DOUBLE and codegen.compiled() and codegen.value_kind(d) == "tuple":
         return tuple(map(float, x))
-    return np.array(x)
+    return np.array(x, dtype=object if arithmetic == MULTIPRECISION else float)
 
 
 def prepare(method, system, arithmetic: str = DOUBLE) -> Prepared:
