@@ -70,7 +70,7 @@ class Data:
 
 
 def build(
-    folder: str | Path, quick: bool = False, progress: Callable[[str], None] = print, figures: bool = True
+    folder: str | Path, quick: bool = False, progress: Callable[[str], None] = print, figures: bool = False
 ) -> Path:
     """Write every page into ``folder`` from its data; returns the entry page.
 
