@@ -1,38 +1,67 @@
-"""`pytest benchmarks`: measure, compare with the stored tables, write the reports."""
+"""`pytest benchmarks`: measure what changed, compare with the stored tables, write the reports."""
 
 from __future__ import annotations
 
+import sys
+import traceback
 from pathlib import Path
 
 import pytest
 
-from phasebench.benchmarks.rows.tables import Results
+from phasebench.benchmarks.rows import run, screen
+from phasebench.integrators.errors import InvalidInput
 
 ROOT = Path(__file__).resolve().parents[1]
+OUTCOME = pytest.StashKey[run.Outcome]()
+WANTED = pytest.StashKey[frozenset]()
+NOTES = pytest.StashKey[list]()
 
 
 def pytest_addoption(parser):
     """The options of the main job."""
     group = parser.getgroup("phasebench")
-    group.addoption("--quick", action="store_true", help="fewer steps and rounds, reports to reports/quick")
+    group.addoption("--quick", action="store_true", help="a handful of cells, reports to reports/quick")
+    group.addoption("--budget", type=float, default=run.BUDGET, help="seconds of the run (%(default)g)")
+    group.addoption("--all", action="store_true", help="measure every cell, however long it takes")
+    group.addoption("--seed", type=int, default=None, help="of the sample (the number of the day)")
     group.addoption("--update-tables", action="store_true", help="re-record reference/tables and show what changed")
     group.addoption("--reports", default=None, help="where the reports go (default: reports, or reports/quick)")
 
 
 def pytest_configure(config):
-    """Where this run's results go."""
+    """A keyword that names a method, peer, problem, scene or experiment chooses cells, not functions."""
+    config.stash[NOTES] = []
+    config.stash[WANTED] = frozenset()
+    words = [w for w in config.option.keyword.split() if w != "or"] if config.option.keyword else []
+    if words and set(words) <= _names():
+        config.stash[WANTED] = frozenset(words)
+        config.option.keyword = ""
+
+
+def _names() -> set[str]:
+    """What a keyword may name, besides functions."""
+    from phasebench.benchmarks.problems import PROBLEMS
+    from phasebench.benchmarks.problems.scenes import SCENES
+    from phasebench.integrators.registry import METHODS
+    from phasebench.reference.peers import PEERS
+
+    experiments = {p.parent.name for p in Path(__file__).parent.glob("experiments/*/bench_*.py")}
+    ids = {x.id for x in (*METHODS, *PEERS, *SCENES)}
+    return ids | {p.package for p in PEERS} | {*PROBLEMS} | experiments
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config, items):
+    """The statistics of pytest-benchmark are for those who ask for them by an option --benchmark-*."""
+    if not any(a.startswith("--benchmark") for a in config.invocation_params.args):
+        asked = [i for i in items if "benchmark" not in i.fixturenames]
+        config.hook.pytest_deselected(items=[i for i in items if "benchmark" in i.fixturenames])
+        items[:] = asked
+
+
+def _folder(config) -> Path:
     quick = config.getoption("--quick")
-    folder = config.getoption("--reports") or ROOT / "reports" / ("quick" if quick else "")
-    config.stash[RESULTS] = Results(Path(folder), quick)
-
-
-RESULTS = pytest.StashKey[Results]()
-
-
-@pytest.fixture(scope="session")
-def results(pytestconfig) -> Results:
-    """What the run measured, by name; written when it ends."""
-    return pytestconfig.stash[RESULTS]
+    return Path(config.getoption("--reports") or ROOT / "reports" / ("quick" if quick else ""))
 
 
 @pytest.fixture(scope="session")
@@ -47,16 +76,84 @@ def update(pytestconfig) -> bool:
     return pytestconfig.getoption("--update-tables")
 
 
-def pytest_terminal_summary(terminalreporter, exitstatus, config):
-    """Write the data and the reports, and say where."""
-    results = config.stash[RESULTS]
-    if not results.measured:
+@pytest.fixture(scope="session")
+def notes(pytestconfig) -> list[str]:
+    """What is said at the end."""
+    return pytestconfig.stash[NOTES]
+
+
+@pytest.fixture(scope="session")
+def outcome(request, pytestconfig, quick) -> run.Outcome:
+    """The run: the cells of the collected benchmarks, measured within the budget."""
+    modules = {item.module.__name__: item.module for item in request.session.items}
+    cells = [c for m in modules.values() if hasattr(m, "cells") for c in m.cells(quick)]
+    wanted = pytestconfig.stash[WANTED]
+    chosen = (lambda c: bool(wanted & {*c.names, c.experiment})) if wanted else None
+    if quick and not wanted:
+        cells = [c for c in cells if c.quick]
+    capture = pytestconfig.pluginmanager.getplugin("capturemanager")
+    with capture.global_and_fixture_disabled(), screen.progress(sys.stderr) as progress:
+        try:
+            found = run.execute(
+                cells,
+                _folder(pytestconfig) / "data",
+                chosen=chosen,
+                budget=pytestconfig.getoption("--budget"),
+                everything=pytestconfig.getoption("--all"),
+                quick=quick,
+                seed=pytestconfig.getoption("--seed"),
+                progress=progress,
+            )
+        except InvalidInput as error:
+            pytest.exit(str(error), returncode=2)
+    pytestconfig.stash[OUTCOME] = found
+    return found
+
+
+@pytest.fixture
+def measured(outcome, request):
+    """The rows of a table that were measured by this run; fails where a cell of the experiment could not be."""
+    experiment = Path(request.path).parent.name
+    failed = [f"{c.label}: {outcome.failed[c.id]}" for c in outcome.cells if _fails(outcome, c, experiment)]
+    assert not failed, "cells that could not be measured:\n" + "\n".join(failed)
+    return outcome.rows
+
+
+def _fails(outcome, cell, experiment: str) -> bool:
+    return cell.experiment == experiment and cell.id in outcome.failed
+
+
+@pytest.fixture
+def complete(outcome):
+    """Whether a table has cells, and every one was measured by this run."""
+
+    def whole(table: str) -> bool:
+        members = [c for c in outcome.cells if table in c.tables]
+        return bool(members) and all(c.id in outcome.entries for c in members)
+
+    return whole
+
+
+def pytest_sessionfinish(session):
+    """Write the reports; a page that cannot be written fails the run."""
+    config = session.config
+    if OUTCOME not in config.stash:
         return
-    terminalreporter.section("reports")
-    results.write()
     from phasebench.benchmarks import report
 
-    entry = report.build(results.folder, quick=results.quick, progress=terminalreporter.write_line)
-    for line in results.notes:
+    try:
+        entry = report.build(_folder(config), quick=config.getoption("--quick"), progress=lambda line: None)
+        config.stash[NOTES].append(f"read {entry}")
+    except Exception:
+        config.stash[NOTES].append(f"the reports could not be written:\n{traceback.format_exc()}")
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter, exitstatus, config):
+    """Say in one table what was measured."""
+    if OUTCOME not in config.stash:
+        return
+    found = config.stash[OUTCOME]
+    terminalreporter.section("measured")
+    for line in (*screen.summary(found).splitlines(), *found.notes, *config.stash[NOTES]):
         terminalreporter.write_line(line)
-    terminalreporter.write_line(f"read {entry}")

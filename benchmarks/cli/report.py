@@ -18,19 +18,16 @@ def report(
 ) -> None:
     """Write the report of a folder from the tables in its ``data``."""
     from phasebench.benchmarks import report as reports
-    from phasebench.benchmarks.rows.store import Store
-    from phasebench.benchmarks.rows.tables import Results
+    from phasebench.benchmarks.rows import lines, tables
 
     with invalid_input():
         if rows is not None:
             if not rows.exists():
                 raise InvalidInput(f"there is no file {rows}; `phasebench run --output {rows}` makes one")
-            measured = [{k: v for k, v in r.items() if k != "key"} for r in Store(rows).rows()]
-            if not measured:
+            entries = lines.read(rows, "rows")
+            if not entries:
                 raise InvalidInput(f"{rows} has no rows; `phasebench run --output {rows}` measures some")
-            found = Results(folder, quick=any(r.get("tier") == "quick" for r in measured))
-            found.add("rows", measured)
-            found.write()
+            tables.take(folder / "data", "rows", entries)
         if not (folder / "data").is_dir():
             raise InvalidInput(f"there are no data in {folder}; `pytest benchmarks` or `phasebench run` measures them")
     entry = reports.build(folder, progress=lambda line: err.print(line, highlight=False))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -72,8 +73,14 @@ def problem(name: str | Path, **parameters) -> Problem:
         raise unknown("problem", id, PROBLEMS)
     module = importlib.import_module(f".{PROBLEMS[id][0]}", __name__)
     check_parameters(f"problem '{id}'", module.PARAMETERS, parameters)
-    made = module.make(**(module.PARAMETERS | parameters))
+    made = _made(module, **(module.PARAMETERS | parameters))
     return made.at(orbit) if orbit else made
+
+
+@lru_cache(maxsize=128, typed=True)
+def _made(module, **parameters) -> Problem:
+    """The problem of a module, the same object each time: what was derived from its formulae is kept with it."""
+    return module.make(**parameters)
 
 
 def labels(names: Iterable[str] = ()) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
 from functools import cache
@@ -28,6 +29,18 @@ def processor() -> str:
             if line.startswith("model name"):
                 return line.split(":", 1)[1].strip()
     return platform.processor() or platform.machine()
+
+
+@cache
+def machine() -> str:
+    """A short name of the hardware, and after a slash of the versions that it was measured with."""
+    hardware = f"{processor()}|{os.cpu_count()}|{platform.system()}|{platform.machine()}"
+    return "/".join(hashlib.sha256(x.encode()).hexdigest()[:6] for x in (hardware, repr(sorted(versions().items()))))
+
+
+def same_hardware(a: str, b: str) -> bool:
+    """Whether two of `machine` have the same hardware."""
+    return a.partition("/")[0] == b.partition("/")[0]
 
 
 def summary() -> dict[str, str]:

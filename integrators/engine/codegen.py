@@ -2,7 +2,8 @@
 
 A generated function takes and returns the values of `vector`: tuples of doubles (compiled, small d), arrays of doubles
 (compiled, large d; plain NumPy) or object arrays of MPFR's numbers (`precision`).  The source is kept on disk under
-the hash of what it was generated from, so that SymPy works once; Numba keeps the machine code beside it.
+the hash of what it was generated from, so that SymPy works once; Numba keeps the machine code beside it.  A process
+keeps what it has made ready, whichever system object asks again.
 
 Numbers: a rational is divided in the arithmetic at hand, a double stays exactly the double it is.
 """
@@ -17,6 +18,7 @@ import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 
 import gmpy2
@@ -208,8 +210,12 @@ def _finish(text: str, style: str) -> str:
     return text.replace("value((", "np.array((").replace("number(", "(")
 
 
+#: What this process has made ready, by the digest of what it was generated from.
+_ready: dict = {}
+
+
 def function(key: str, build, d: int, signature, arithmetic: str = DOUBLE):
-    """The function whose text ``build(arithmetic)`` writes, ready for the kernels.
+    """The function whose text ``build(arithmetic)`` writes, ready for the kernels; the same object for the same key.
 
     ``key`` identifies the content (it is hashed for the cache on disk); ``signature`` is its Numba signature.
     """
@@ -222,9 +228,16 @@ def function(key: str, build, d: int, signature, arithmetic: str = DOUBLE):
     else:
         style, header = "numpy", "from math import *\nimport numpy as np\n\n"
     digest = hashlib.sha256(f"{VERSION}|{style}|{key}".encode()).hexdigest()[:24]
+    if digest not in _ready:
+        _ready[digest] = _load(digest, header, style, lambda: build(arithmetic), d, signature)
+    return _ready[digest]
+
+
+def _load(digest: str, header: str, style: str, text, d: int, signature):
+    """The generated function, from the disk where it is there."""
     path = cache_directory() / f"f_{digest}.py"
     if not path.exists():
-        _write(path, header + _finish(build(arithmetic), style))
+        _write(path, header + _finish(text(), style))
     spec = importlib.util.spec_from_file_location(f"phasebench_generated_{path.stem}", path)
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # Numba looks the module up when it loads the machine code
@@ -236,11 +249,13 @@ def function(key: str, build, d: int, signature, arithmetic: str = DOUBLE):
         return numba.njit(signature, cache=True, **options(d))(module.f)
 
 
-def vectorised(build):
-    """The function whose text ``build`` writes, on columns of NumPy arrays: f(q, p) with q, p of shape (d, n)."""
+@lru_cache(maxsize=4096)
+def vectorised(q: tuple[sp.Symbol, ...], p: tuple[sp.Symbol, ...], expression: sp.Expr):
+    """The expression on columns of NumPy arrays: f(q, p) with q, p of shape (d, n)."""
     namespace = {"np": np}
     exec("from numpy import *\nfrom numpy import arcsin as asin, arccos as acos, arctan as atan\n", namespace)
-    exec(build(DOUBLE).replace("value((", "np.array((").replace("number(", "("), namespace)
+    text = source("f", [("q", q), ("p", p)], [expression], DOUBLE)
+    exec(text.replace("value((", "np.array((").replace("number(", "("), namespace)
     return namespace["f"]
 
 

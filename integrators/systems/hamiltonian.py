@@ -106,12 +106,20 @@ class PartitionedSystem:
 
     # -- the functions that kernels ask for -----------------------------------------------------------------------
 
+    @cached_property
+    def content(self) -> str:
+        """What the generated functions depend on, as text."""
+        return "|".join([*map(str, (self.q, self.p)), *map(sp.srepr, (*self.dq, *self.dp, self.H))])
+
+    def __getstate__(self):
+        """Without the functions that were made ready: they are made again from the formulae, in any process."""
+        return self.__dict__ | {"_functions": {}}
+
     def made(self, kind: str, arguments, results, signature, arithmetic: str):
         """A generated function; ``results`` is a function without arguments, called only if the text is not cached."""
         if (kind, arithmetic) not in self._functions:
-            content = "|".join([kind, *map(str, (self.q, self.p)), *map(sp.srepr, (*self.dq, *self.dp))])
             self._functions[kind, arithmetic] = codegen.function(
-                f"{content}|{sp.srepr(self.H)}",
+                f"{kind}|{self.content}",
                 lambda a: codegen.source("f", arguments, results(), a),
                 self.d,
                 signature,
@@ -148,15 +156,9 @@ class PartitionedSystem:
 
     def observe(self, expression, Q, P):
         """The values of an expression in (q, p) along rows of Q, P, each of shape (n, d); an array of shape (n,)."""
-        key = ("observe", expression)
-        if key not in self._functions:
-            self._functions[key] = codegen.vectorised(
-                lambda a: codegen.source("f", [("q", self.q), ("p", self.p)], [expression], a)
-            )
+        f = codegen.vectorised(self.q, self.p, sp.sympify(expression))
         with np.errstate(all="ignore"):
-            return np.broadcast_to(self._functions[key](np.asarray(Q, float).T, np.asarray(P, float).T), len(Q)).astype(
-                float
-            )
+            return np.broadcast_to(f(np.asarray(Q, float).T, np.asarray(P, float).T), len(Q)).astype(float)
 
     def speed(self, Q, P):
         """The Euclidean norm of dq/dt along rows of Q, P, each of shape (n, d); an array of shape (n,)."""

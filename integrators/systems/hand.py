@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numba
 import numpy as np
@@ -21,6 +21,14 @@ from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.errors import InvalidInput
 
 from .hamiltonian import Hamiltonian, _symbols
+
+
+@lru_cache(maxsize=256)
+def _compiled(loop: Callable, constants: tuple[float, ...], signature, d: int):
+    """The loop compiled for these constants, once in a process."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
+        return numba.njit(signature, cache=True, **codegen.options(d))(loop(*constants))
 
 
 class HandHamiltonian(Hamiltonian):
@@ -79,13 +87,11 @@ class HandHamiltonian(Hamiltonian):
         return tuple(-sp.diff(self.H, x) for x in self.q)
 
     def _loop(self, name: str, signature, arithmetic: str):
+        constants = tuple(codegen.exactly(c, arithmetic) for c in self.constants)
+        if arithmetic == DOUBLE and codegen.compiled():
+            return _compiled(self.loops[name], constants, signature, self.d)
         if ("loop", name, arithmetic) not in self._functions:
-            f = self.loops[name](*(codegen.exactly(c, arithmetic) for c in self.constants))
-            if arithmetic == DOUBLE and codegen.compiled():
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
-                    f = numba.njit(signature, cache=True, **codegen.options(self.d))(f)
-            self._functions["loop", name, arithmetic] = f
+            self._functions["loop", name, arithmetic] = self.loops[name](*constants)
         return self._functions["loop", name, arithmetic]
 
     def field(self, arithmetic: str = DOUBLE, order: int = 1):

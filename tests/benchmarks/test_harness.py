@@ -16,7 +16,7 @@ from phasebench.benchmarks.page import markdown
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.scenes import BY_ID, DRIFT, ORDER, SCENES
 from phasebench.benchmarks.rows import tables as results
-from phasebench.benchmarks.rows.store import Store
+from phasebench.benchmarks.rows.journal import Entry
 from phasebench.integrators import integrate
 from phasebench.integrators.registry import METHODS
 from phasebench.reference import tables
@@ -39,20 +39,17 @@ def same(a, b) -> bool:
 
 
 @pytest.mark.parametrize("quick", [False, True])
-def test_the_keys_of_tasks_are_unique(quick):
-    todo = sweep.tasks(quick=quick)
-    assert len({t.key for t in todo}) == len(todo)
-    assert {t.method for t in todo} == {m.id for m in METHODS} | {p.id for p in peer_rows.swept(quick)}
-    assert {t.scene for t in todo} == {s.id for s in SCENES}
+def test_every_method_and_peer_has_a_cell_on_every_scene(quick):
+    cells = sweep.cells(quick)
+    names = {(c.key["scene"], n) for c in cells for n in c.names}
+    assert names >= {(s.id, x.id) for s in SCENES for x in (*METHODS, *peer_rows.swept())}
+    assert all(c.key["scene"] in c.names for c in cells)
 
 
-@pytest.mark.parametrize(
-    "change", [{"scene": "pendulum-t2"}, {"method": "avf"}, {"parameters": ()}, {"h": 0.1 + 1e-17}, {"tol": 1e-6}]
-)
-def test_a_key_tells_tasks_apart(change):
-    task = sweep.Task("oscillator-t2", "scheme-i", (("lam", "1/3"),), 0.2)
-    assert replace(task, **change).key != task.key
-    assert replace(task).key == task.key
+def test_the_handful_of_the_quick_tier():
+    handful = {c.key["method"] for c in sweep.cells(quick=True) if c.quick}
+    assert {"stormer-verlet", "implicit-midpoint", "heyoka", "rebound-leapfrog"} <= handful
+    assert len(handful) < 10
 
 
 def test_tasks_of_one_method_and_the_quick_tier():
@@ -167,33 +164,19 @@ def rows(todo):
     return sweep.run(todo, repeats=1)
 
 
-def travelling(f, *columns):
-    """A map whose function, arguments and results are pickled, as those of a pool of processes."""
-
-    def there_and_back(x):
-        return pickle.loads(pickle.dumps(x))
-
-    return (there_and_back(there_and_back(f)(*map(there_and_back, x))) for x in zip(*columns, strict=True))
-
-
-def test_another_map_measures_the_same_rows(todo, rows):
-    assert len(rows) == len(todo)
+def test_rows_are_in_the_order_of_their_tasks(todo, rows):
     assert [(r["scene"], r["h"]) for r in rows] == [(t.scene, t.h) for t in todo]
-    assert same(sweep.run(todo, repeats=1, map_=travelling), rows)
+
+
+def test_a_cell_travels_to_another_process_and_measures_its_rows():
+    (cell,) = sweep.cells(True, [SCENE], lambda m: m.id == "rk4")
+    measure, arguments = pickle.loads(pickle.dumps((cell.measure, cell.arguments)))
+    assert same(measure(*arguments)["rows"], cell()["rows"])
+    assert [r["h"] for r in cell()["rows"]] == list(SCENE.ladder(quick=True))
 
 
 def test_control_other_tasks_measure_other_rows(todo, rows):
     assert not same(sweep.run(todo[1:2], repeats=1), rows[:1])
-
-
-def test_a_sweep_goes_on_where_it_was(todo, rows, tmp_path):
-    store, told = Store(tmp_path / "rows.jsonl"), []
-    first = sweep.run(todo[:3], store, repeats=1)
-    again = sweep.run(todo[:5], Store(store.path), lambda task, row: told.append(task), repeats=1)
-    assert told == todo[3:5]
-    assert again[:3] == first  # the times as well: they were not measured again
-    assert same(again, rows[:5])
-    assert len(Store(store.path).rows()) == 5
 
 
 # -- orders ------------------------------------------------------------------------------------------------------------
@@ -307,49 +290,42 @@ def test_measured_rows_are_within_the_bands_of_the_stored_tables(rows):
         assert bench_errors._violations(measured, stored, scene).empty
 
 
-def test_the_benchmark_fails_with_the_row_and_both_numbers(monkeypatch, tmp_path):
+def test_a_regression_is_reported_with_the_row_both_numbers_and_their_ratio():
     stored = table_of(SCENE.id).astype(object)
-    stored = stored.where(stored.notna(), None)
-    rows = stored.to_dict("records")
+    rows = stored.where(stored.notna(), None).to_dict("records")
     bad = max((r for r in rows if r["method"] == "rk4"), key=lambda r: r["h"])
     old = bad["global_error"]
     bad["global_error"] = new = 1.01 * old
-    monkeypatch.setattr(bench_errors.sweep, "run", lambda *a, **k: rows)
-    found = results.Results(tmp_path)
-    with pytest.raises(AssertionError) as caught:
-        bench_errors.bench_scene(SCENE, found, False, False)
-    assert all(text in str(caught.value) for text in ("rk4", "global_error", f"{new:.6e}", f"{old:.6e}", SCENE.id))
+    some = [r for r in rows if r["method"] in ("rk4", "stormer-verlet")]
+    (found,) = bench_errors.regressions(some, table_of(SCENE.id), SCENE).to_dict("records")
+    assert (found["method"], found["column"], found["measured"], found["stored"]) == ("rk4", "global_error", new, old)
+    assert found["ratio"] == pytest.approx(1.01)
+    with pytest.raises(AssertionError, match=rf"{SCENE.id} left their bands(.|\n)*rk4(.|\n)*{new:.6e}"):
+        bench_errors.bench_scene(SCENE, lambda table: [r | {"scene": SCENE.id} for r in some], False, False, [])
     bad["global_error"] = old
-    bench_errors.bench_scene(SCENE, found, False, False)
+    assert bench_errors.regressions(some, table_of(SCENE.id), SCENE).empty
 
 
-# -- results and reports -----------------------------------------------------------------------------------------------
+def test_a_table_recorded_anew_keeps_the_methods_that_were_not_measured():
+    stored = table_of(SCENE.id)
+    rows = stored.astype(object).where(stored.notna(), None).to_dict("records")
+    some = [r | {"global_error": 7.0} for r in rows if r["method"] == "rk4"]
+    new = bench_errors.recorded(some, stored, SCENE)
+    assert new["method"].tolist() == stored["method"].tolist()
+    assert (new[new["method"] == "rk4"]["global_error"] == 7.0).all()
+    others = new["method"] != "rk4"
+    assert (new[others]["global_error"].dropna() == stored[others]["global_error"].dropna()).all()
+    gone = pd.concat([stored, stored[stored["method"] == "rk4"].assign(method="nobody")])
+    assert "nobody" not in set(bench_errors.recorded(some, gone, SCENE)["method"])
 
 
-def test_results_read_what_they_wrote(tmp_path):
-    values = np.random.default_rng(0).normal(size=200) * 10.0 ** np.arange(-150, 50)
-    found = results.Results(tmp_path, quick=True)
-    found.add("numbers", [{"x": x, "text": f"row {i}", "n": i} for i, x in enumerate(values[:100])])
-    found.add("numbers", [{"x": x, "text": f"row {i}", "n": i} for i, x in enumerate(values[100:], 100)])
-    found.write()
-    frame, about = results.read(tmp_path, "numbers")
-    assert frame["n"].tolist() == list(range(200))
-    assert frame["text"].tolist() == [f"row {i}" for i in range(200)]
-    assert (frame["x"].to_numpy() == values).all()
-    assert about["quick"] is True
-    assert "numpy" in about["versions"]
+# -- reports -----------------------------------------------------------------------------------------------------------
 
 
-def test_results_that_were_not_measured(tmp_path):
-    assert results.read(tmp_path, "numbers") == (None, None)
-
-
-def test_a_run_of_some_benchmarks_leaves_the_tables_of_the_others(tmp_path):
-    for name, x in (("a", 1), ("b", 2), ("a", 3)):
-        found = results.Results(tmp_path)
-        found.add(name, [{"x": x}])
-        found.write()
-    assert [results.read(tmp_path, n)[0]["x"].tolist() for n in "ab"] == [[3], [2]]
+def written(folder, rows):
+    """A folder with the rows as its table."""
+    entry = Entry("rows", "", "2026-11-21", "", 0.0, {"rows": rows})
+    results.take(folder / "data", "rows", {"rows": entry})
 
 
 def test_markdown_table():

@@ -8,11 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.kepler import bench_kepler, kepler
-from phasebench.benchmarks.experiments.kepler.kepler import Contender
+from phasebench.benchmarks.experiments.kepler import bench_kepler, comparison, kepler
 from phasebench.benchmarks.experiments.kepler.page import PAGE
+from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.tables import Results
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.solvers import taylor
 from phasebench.reference.solvers.exact import exact as exact_solution
@@ -76,7 +75,7 @@ def test_angle_variables_of_the_perturbed_problem(e, turn):
 
 def test_the_quadratures_have_converged():
     p = made("perturbed-kepler", 0.9)
-    s = Contender("scheme-iii-suzuki-4", (("lam", "0"),)).run(p, 0.01, 500, 1)
+    s = integrator("scheme-iii-suzuki-4", lam="0").run(p, h=0.01, steps=500)
     few, many = (kepler.elements(s.q, s.p, 0.002, nodes) for nodes in (kepler.NODES, 3 * kepler.NODES))
     assert all(np.abs(a - b).max() < 1e-14 for a, b in zip(few, many, strict=True))
     rough = kepler.elements(s.q, s.p, 0.002, 6)
@@ -156,16 +155,16 @@ def test_growth_of_an_oscillating_error(power):
 def test_a_run_that_fails_says_so():
     p = made("kepler", 0.9)
     truth = kepler.truth(p)
-    run, rows = kepler.follow(Contender("stormer-verlet"), p, truth, 20, 30)
+    run, rows = kepler.follow(integrator("stormer-verlet"), p, truth, 20, 30)
     assert run["status"] == "collision"
     assert run["reason"]
     assert all(r["orbits"] <= run["reached"] for r in rows)
     p = made("kepler", 0.6)
-    run, rows = kepler.follow(Contender("explicit-euler"), p, kepler.truth(p), 60, 30)
+    run, rows = kepler.follow(integrator("explicit-euler"), p, kepler.truth(p), 60, 30)
     assert run["status"] == "diverged"
     assert "no bound orbit" in run["reason"]
     assert run["reached"] < 30
-    run, rows = kepler.follow(Contender("scheme-iii", (("lam", "0"),)), p, kepler.truth(p), 200, 30)
+    run, rows = kepler.follow(integrator("scheme-iii", lam="0"), p, kepler.truth(p), 200, 30)
     assert run["status"] == "ok"
     assert [r["orbits"] for r in rows] == [1.5, 3.5, 10.5, 30.5]
 
@@ -173,7 +172,7 @@ def test_a_run_that_fails_says_so():
 def test_bad_input_is_named():
     p = made("kepler", 0.6)
     with pytest.raises(InvalidInput, match="per_orbit is 15; it must be even"):
-        kepler.follow(Contender("stormer-verlet"), p, kepler.truth(p), 15, 3)
+        kepler.follow(integrator("stormer-verlet"), p, kepler.truth(p), 15, 3)
     with pytest.raises(InvalidInput, match="states in the plane"):
         kepler.elements(np.ones((2, 3)), np.ones((2, 3)))
     with pytest.raises(InvalidInput, match="no bound orbit"):
@@ -184,16 +183,20 @@ def test_bad_input_is_named():
 
 
 def test_the_page_is_written_from_few_rows(tmp_path, monkeypatch):
-    ours = Contender("scheme-iii", (("lam", "0"),))
-    monkeypatch.setattr(bench_kepler, "GROUPS", {"low order": (ours, Contender("heyoka", peer=True))})
-    monkeypatch.setattr(bench_kepler, "YARDSTICKS", (Contender("heyoka", peer=True),))
-    results = Results(tmp_path, quick=True)
-    bench_kepler.bench_kepler("perturbed-kepler", 0.6, results, True)
-    tables = {n: pd.DataFrame(rows) for n, rows in results.measured.items()}
+    ours = integrator("scheme-iii", lam="0")
+    monkeypatch.setattr(comparison, "GROUPS", {"low order": (ours, integrator("heyoka"))})
+    monkeypatch.setattr(comparison, "ORBITS", 10)
+    monkeypatch.setattr(comparison, "YARDSTICKS", (integrator("heyoka"),))
+    comparison._yardstick.cache_clear()
+    cells = [c for c in comparison.cells() if (c.key["problem"], c.key["e"]) == ("perturbed-kepler", 0.6)]
+    measured = [c() for c in cells]
+    comparison._yardstick.cache_clear()
+    tables = {n: pd.DataFrame([r for rows in measured for r in rows[n]]) for n in ("kepler", "kepler_growth")}
+    assert not bench_kepler.away(tables["kepler_growth"].to_dict("records"))
     failed = tables["kepler"].iloc[-1:].assign(method="nobody", status="diverged", reason="it fell", reached=0.0)
     tables["kepler"] = pd.concat([tables["kepler"], failed])
     said = " ".join(v.text for v in PAGE.judged(tables.get))
-    assert "1 of 4 runs do not get through" in said
+    assert "1 of 5 runs do not get through" in said
     assert "heyoka (adaptive)" in set(PAGE.table(tables.get).frame["peers"])
     assert "nobody" in set(PAGE.whole(tables.get)["method"])
     (picture,) = PAGE.figures(tables.get, tmp_path / "figures")
@@ -201,3 +204,16 @@ def test_the_page_is_written_from_few_rows(tmp_path, monkeypatch):
     row = tables["kepler"].set_index(["method", "setting"]).loc[("heyoka", "adaptive")]
     assert abs(row["advance error"]) < 1e-12 < abs(tables["kepler"]["advance error"].iloc[1])
     assert PAGE.judged(lambda name: None) == []
+
+
+def test_verdicts_of_fabricated_rows():
+    rows = [
+        {"problem": "kepler", "e": 0.2, "kind": "reference", "phase": 1e-8},
+        {"problem": "kepler", "e": 0.2, "kind": "phasebench", "phase": 1e-3},
+        {"problem": "kepler", "e": 0.6, "kind": "phasebench", "phase": 1e-9},
+    ]
+    (said,) = bench_kepler.away(rows)
+    assert "e = 0.2" in said
+    assert "1.00e-08" in said
+    (said,) = bench_kepler.nobody(rows[1:], "phase", "{problem}, e = {e}")
+    assert said == "kepler, e = 0.2: the best phase is 1.00e-03"

@@ -7,7 +7,6 @@ import re
 import tomllib
 from dataclasses import replace
 from importlib import metadata
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from phasebench.benchmarks.experiments.trade import bench_errors, peer_rows, swe
 from phasebench.benchmarks.measure import accuracy
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
+from phasebench.benchmarks.rows import sources
 from phasebench.integrators import integrate
 from phasebench.reference.certificates import stored as certified
 from phasebench.reference.peers import BY_ID as PEERS
@@ -101,7 +101,7 @@ def test_no_error_where_no_row_is_at_the_time():
 
 
 def test_the_peers_of_a_sweep_are_of_the_packages_that_are_required():
-    project = tomllib.loads((Path(sweep.__file__).parents[3] / "pyproject.toml").read_text())["project"]
+    project = tomllib.loads((sources.ROOT / "pyproject.toml").read_text())["project"]
     required = {re.split("[>=<;]", x)[0] for x in project["dependencies"]}
     swept = peer_rows.swept()
     assert {p.package for p in swept} == set(peer_rows.PACKAGES) <= required

@@ -15,8 +15,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
 
+from phasebench.benchmarks.rows.cells import ALONE, Cell, Rows, content
 from phasebench.integrators.errors import unknown
+from phasebench.integrators.registry import method
 
+from . import cases
 from .judge import CONTRADICTED, HOLDS, IN_PART, UNJUDGED
 
 #: Seconds of one measure of one peer, over its problems.
@@ -93,7 +96,7 @@ def audit(
     """
     from phasebench.reference.peers import BY_ID
 
-    from . import cases, judge, measures, worker
+    from . import judge, measures, worker
     from .controls import CONTROLS, control
 
     found, known = Audit(), dict(BY_ID) | {c: control(c) for c in CONTROLS}
@@ -116,6 +119,36 @@ def audit(
             found.claims += judge.claims(peer, first["version"], rows)
     found.remarks += judge.remarks(found.rows, found.claims)
     return found
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each peer and each control; none of the quick tier."""
+    if quick:
+        return []
+    from phasebench.reference.peers import PEERS
+
+    from .controls import CONTROLS
+
+    return [_cell(p.id, p, (p.id, p.package)) for p in PEERS] + [_cell(c, method(c), (c,)) for c in CONTROLS]
+
+
+def _cell(id: str, record, names: tuple[str, ...]) -> Cell:
+    return Cell(
+        "audit",
+        ("audit", "audit_claims"),
+        {"peer": id},
+        measured,
+        (id,),
+        content("audit", record, *map(repr, cases.BY_NAME.values()), code=[__name__]),
+        frozenset(names),
+        ALONE,
+    )
+
+
+def measured(id: str) -> Rows:
+    """The rows and claims of a peer or a control."""
+    found = audit([id])
+    return {"audit": found.rows, "audit_claims": found.claims}
 
 
 def _tell(progress, id: str, what: str) -> None:

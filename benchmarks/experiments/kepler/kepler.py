@@ -38,6 +38,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.metrics import slope
 from phasebench.integrators.errors import InvalidInput
 
@@ -291,39 +292,15 @@ def growth(orbits, error, least: float = 10.0) -> float | None:
     return slope(np.log(orbits[chosen]), np.log(grown[chosen])).value if len(chosen) >= 3 else None
 
 
-class Contender(NamedTuple):
-    """A method with its parameters, or a peer."""
-
-    id: str
-    parameters: tuple[tuple[str, str], ...] = ()
-    peer: bool = False
-
-    @property
-    def chosen(self):
-        """The record of it."""
-        from phasebench.integrators.registry import method
-        from phasebench.reference.peers import peer
-
-        return peer(self.id) if self.peer else method(self.id, **dict(self.parameters))
-
-    def run(self, problem, h: float, steps: int, save_every: int = 0, timeout: float | None = None, tol=None):
-        """Integrate; an adaptive peer takes h as the spacing of its rows, and ``tol``."""
-        from phasebench.integrators.driver import integrate
-        from phasebench.reference.peers import integrate_peer
-
-        if self.peer:
-            return integrate_peer(problem, self.id, h=h, steps=steps, save_every=save_every, tol=tol)
-        return integrate(problem, self.chosen, h=h, steps=steps, save_every=save_every, timeout=timeout)
-
-
-def seconds_per_orbit(contender: Contender, problem, period: float, per_orbit: int, orbits: int, rounds: int) -> float:
+def seconds_per_orbit(contender: Integrator, problem, period: float, per_orbit: int, orbits: int, rounds: int) -> float:
     """The median of warm seconds an orbit, without output; NaN where it does not get through."""
-    runs = [contender.run(problem, period / per_orbit, per_orbit * orbits) for _ in range(rounds)]
+    size = {"h": period / per_orbit, "steps": per_orbit * orbits, "save_every": 0}
+    runs = [contender.run(problem, **size) for _ in range(rounds)]
     return float(np.median([s.seconds if s.status in ("ok", "no-root") else np.nan for s in runs])) / orbits
 
 
 def follow(
-    contender: Contender, problem, exact: Truth, per_orbit: int, orbits: int, timeout: float | None = None
+    contender: Integrator, problem, exact: Truth, per_orbit: int, orbits: int, timeout: float | None = None
 ) -> tuple[dict, list[dict]]:
     """A run of ``orbits`` + 1/2 orbits with a row each half orbit: what it measured at its end, and on the way.
 
@@ -343,7 +320,7 @@ def follow(
     if per_orbit < 2 or per_orbit % 2:
         raise InvalidInput(f"per_orbit is {per_orbit}; it must be even: rows are half an orbit apart")
     every, h = per_orbit // 2, exact.period / per_orbit
-    s = contender.run(problem, h, every * (2 * orbits + 1), every, timeout)
+    s = contender.run(problem, h=h, steps=every * (2 * orbits + 1), save_every=every, timeout=timeout)
     index = np.arange(1, len(s.q)) * every
     run = {
         "status": s.status,
@@ -353,8 +330,7 @@ def follow(
     }
     if s.status == "skipped" or not len(index):
         return run | {"reached": 0.0}, []
-    adaptive = contender.peer and contender.chosen.adaptive
-    when = times(h, index, exactly=not adaptive)
+    when = times(h, index, exactly=not contender.adaptive)
     found = errors(exact, when, s.q[1:], s.p[1:])
     whole = np.isfinite(found.phase)
     last = len(whole) if whole.all() else int(np.argmin(whole))
@@ -379,9 +355,9 @@ def follow(
     return run | advances(exact, when, found, end), rows
 
 
-def within_orbits(contender: Contender, problem, exact: Truth, per_orbit: int, orbits: int = 10) -> dict[str, float]:
+def within_orbits(contender: Integrator, problem, exact: Truth, per_orbit: int, orbits: int = 10) -> dict[str, float]:
     """The greatest energy and angular momentum errors over every step of a few orbits, relative."""
-    s = contender.run(problem, exact.period / per_orbit, per_orbit * orbits, 1)
+    s = contender.run(problem, h=exact.period / per_orbit, steps=per_orbit * orbits)
     found = zip(("energy", "momentum"), invariants(s.q, s.p, exact.mu), (exact.H, exact.L), strict=True)
     return {f"{n}, every step": float(np.abs((x - y) / y).max()) for n, x, y in found}
 

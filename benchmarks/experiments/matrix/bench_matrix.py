@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import pytest
-
 from phasebench.benchmarks.experiments.matrix import matrix
+from phasebench.benchmarks.experiments.matrix.matrix import cells  # noqa: F401
 
 
-def bench_matrix(results, quick):
+def bench_matrix(measured):
     """No cell is missing without a reason; none falls short of its declaration without an explanation."""
-    if quick:
-        pytest.skip("the full run measures the matrix in multiprecision; tests/test_matrix.py measures some cells")
-    rows = matrix.shares()
-    results.add("matrix", rows)
+    rows = measured("matrix")
     for r in rows:
         assert r.get("reason") or all(k in r or f"{k}_reason" in r for k in matrix.MEASURED), r
     left = [

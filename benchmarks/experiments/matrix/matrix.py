@@ -1,8 +1,5 @@
 r"""Every method on every problem: order, symplecticity, reversibility, energy.
 
-Run as a module with the arguments 0 2 it prints the first of two shares as JSON (`shares` starts it so, with
-NUMBA_DISABLE_JIT=1).
-
 Order, symplecticity and reversibility are measured in the digits that the method's order needs (`multiprecision`), from
 a state that the published orbit reaches a little later (a turning point superconverges by its symmetry).
 
@@ -17,10 +14,6 @@ Source: Hairer, Lubich & Wanner, Geometric Numerical Integration (2006), V.1 and
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 import time
 from functools import cache
 
@@ -31,10 +24,11 @@ import sympy as sp
 from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.measure.multiprecision import DIGITS, SPAN, advance, digits, flow, observed_order
 from phasebench.benchmarks.problems import PROBLEMS, problem
+from phasebench.benchmarks.rows.cells import UNCOMPILED, Cell, Problem, Rows, content
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import MULTIPRECISION, compiled, epsilon, precision
+from phasebench.integrators.engine.codegen import MULTIPRECISION, epsilon, precision
 from phasebench.integrators.record import ROUND_OFF, Method
-from phasebench.integrators.registry import METHODS
+from phasebench.integrators.registry import BY_ID, METHODS
 
 #: A method that is off by no more than so many units of round-off is exact.
 EXACT = 1e6
@@ -238,35 +232,25 @@ def explanation(row: dict, contradiction: str) -> str:
     return ""
 
 
-def share(first: int, of: int, methods=METHODS, problems=tuple(PROBLEMS)) -> list[dict]:
-    """The cells of every ``of``-th problem from ``first`` on."""
-    return [cell(m, name) for name in problems[first::of] for m in methods]
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each method on each problem; none of the quick tier."""
+    return [] if quick else [_cell(m, name) for name in PROBLEMS for m in METHODS]
 
 
-def shares(of: int = 2) -> list[dict]:
-    """All cells, measured by so many processes side by side; raises RuntimeError where one fails."""
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    started = [
-        subprocess.Popen(
-            [sys.executable, "-m", "phasebench.benchmarks.experiments.matrix.matrix", str(i), str(of)],
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        for i in range(of)
-    ]
-    rows = []
-    for process in started:
-        text, said = process.communicate()
-        if process.returncode:
-            raise RuntimeError(f"the matrix's process failed:\n{said}")
-        rows += json.loads(text.splitlines()[-1])
-    return rows
+def _cell(chosen: Method, name: str) -> Cell:
+    return Cell(
+        "matrix",
+        ("matrix",),
+        {"method": chosen.id, "problem": name},
+        measured,
+        (chosen.id, name),
+        content("matrix", chosen, Problem(name, tuple(SMALL.get(name, {}).items())), code=[__name__]),
+        frozenset({chosen.id, name}),
+        UNCOMPILED,
+    )
 
 
-if __name__ == "__main__":
-    if compiled():
-        sys.exit("set NUMBA_DISABLE_JIT=1: nothing is compiled here")
+def measured(id: str, name: str) -> Rows:
+    """The row of a method on a problem, in a process that compiles nothing."""
     with precision(DIGITS):
-        print(json.dumps(share(int(sys.argv[1]), int(sys.argv[2]))))
+        return {"matrix": [cell(BY_ID[id], name)]}

@@ -17,6 +17,7 @@ import numpy as np
 
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.fpu import oscillatory_energies
+from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
 from phasebench.integrators.driver import INVALID, OK, integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import Method
@@ -80,3 +81,27 @@ def errors(methods: Iterable[Method], ratios: Sequence[float], t_end: float = SP
 
 
 ERRORS = ("energy error", "oscillatory energy error")
+PARTS = 40
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each method, with its rows over h omega; none of the quick tier."""
+    return [] if quick else [_cell(m) for m in compared()]
+
+
+def _cell(chosen: Method) -> Cell:
+    return Cell(
+        "oscillatory",
+        ("oscillatory",),
+        {"method": chosen.label},
+        measured,
+        (chosen.id,),
+        content("oscillatory", chosen, Problem("fpu"), code=[__name__]),
+        frozenset({"fpu", chosen.id}),
+    )
+
+
+def measured(id: str) -> Rows:
+    """The rows of a method."""
+    frame = errors([method(id)], multiples(PARTS))
+    return {"oscillatory": frame.astype(object).where(frame.notna(), None).to_dict("records")}

@@ -17,6 +17,7 @@ import numpy as np
 from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.measure.accuracy import end_state, truth
 from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import method
 
@@ -79,6 +80,30 @@ def measured(scheme: str, lam: str | None) -> Iterator[dict]:
             "uncertainty": true.uncertainty,
         }
         last = difference
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each printed column; of the quick tier one."""
+    return [_cell(scheme, lam, (scheme, lam) == ("scheme-i", "1/3")) for scheme, lam in PRINTED]
+
+
+def _cell(scheme: str, lam: str | None, handful: bool) -> Cell:
+    chosen = method(scheme, **({} if lam is None else {"lam": lam}))
+    return Cell(
+        "printed",
+        ("printed",),
+        {"scheme": scheme, "lambda": lam or ""},
+        column,
+        (scheme, lam),
+        content("printed", chosen, Problem("henon-heiles:chaotic"), STEPS, PRINTED[scheme, lam], code=[__name__]),
+        frozenset({"henon-heiles", scheme}),
+        quick=handful,
+    )
+
+
+def column(scheme: str, lam: str | None) -> Rows:
+    """The rows of one column."""
+    return {"printed": list(measured(scheme, lam))}
 
 
 def table() -> list[dict]:

@@ -22,6 +22,8 @@ import sympy as sp
 from phasebench.benchmarks.measure.metrics import refinement_difference
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.base import Problem
+from phasebench.benchmarks.rows.cells import Cell, Rows, content
+from phasebench.benchmarks.rows.cells import Problem as About
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import method
 
@@ -184,3 +186,30 @@ def summary(scans: list[Scan]) -> list[dict]:
             }
         )
     return out
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for the scan of each printed step, and one for the recipes; none of the quick tier."""
+    scheme, problem_of = method("scheme-iv"), About("henon-heiles:chaotic")
+    names = frozenset({"henon-heiles", "scheme-iv"})
+
+    def cell(tables, key, measure, arguments):
+        about = content(measure.__name__, key, scheme, problem_of, code=[__name__])
+        return Cell("printed", tables, key, measure, arguments, about, names)
+
+    if quick:
+        return []
+    scans = [cell(("riddle", "riddle_roots"), {"h": h}, scanned, (h,)) for h in STEPS]
+    return [*scans, cell(("riddle_columns",), {}, recipes, ())]
+
+
+def scanned(h: float) -> Rows:
+    """Every root of every step of Scheme IV, and their summary."""
+    s = along(problem("henon-heiles:chaotic"), "scheme-iv", h, 1.0)
+    roots = [{"h": h, "t": i * s.h, "lambda": float(lam)} for i, r in enumerate(s.roots) for lam in r[1:]]
+    return {"riddle": [row | {"h": h} for row in summary([s])], "riddle_roots": roots}
+
+
+def recipes() -> Rows:
+    """The recipes beside the printed column."""
+    return {"riddle_columns": columns()}

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
-
-from phasebench.benchmarks.experiments.talks.gallery import FIGURES
+from phasebench.benchmarks.experiments.talks.cells import cells  # noqa: F401
 from phasebench.benchmarks.experiments.talks.record import TABLE
 
 
-@pytest.mark.parametrize("figure", [f for f in FIGURES if f.measure], ids=lambda f: f.id)
-def bench_talk(figure, results, quick):
-    """Measure the curves of a figure."""
-    rows = figure.rows(quick)
-    assert rows
-    results.add(TABLE, rows)
+def bench_talks(measured, complete):
+    """Every figure has its curves: `measured` fails where one could not be measured."""
+    assert measured(TABLE) or not complete(TABLE)

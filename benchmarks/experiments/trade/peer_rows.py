@@ -10,20 +10,15 @@ rows, hence the first.  Rows are at most `MOST`, every ``rows_every``-th step of
 from __future__ import annotations
 
 import statistics
-from functools import cache
 from importlib.util import find_spec
 from math import ceil
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from phasebench.benchmarks.measure.accuracy import head, invariants, trajectory_error, truth
-from phasebench.benchmarks.problems import scenes
 from phasebench.benchmarks.problems.scenes import DRIFT, Scene
 from phasebench.integrators.driver import INVALID, OK, SKIPPED
 from phasebench.integrators.errors import InvalidInput
-from phasebench.reference.peers import BY_ID, PEERS, Peer, integrate_peer
-
-if TYPE_CHECKING:
-    from .sweep import Task
+from phasebench.reference.peers import PEERS, Peer, integrate_peer
 
 #: The hard dependencies among the packages; peers of others are in the audit alone.
 PACKAGES = ("heyoka", "rebound", "scipy")
@@ -46,12 +41,6 @@ def swept(quick: bool = False) -> list[Peer]:
     return [p for p in PEERS if p.package in PACKAGES and (not quick or p.id in QUICK)]
 
 
-@cache
-def _problem(scene: str):
-    """The scene's problem, the same object each time: what peers compile is kept by system."""
-    return scenes.BY_ID[scene].made()
-
-
 def lacks(peer: Peer, scene: Scene) -> str | None:
     """Why a peer cannot do a scene, or None."""
     try:
@@ -60,7 +49,7 @@ def lacks(peer: Peer, scene: Scene) -> str | None:
         here = False
     if not here:
         return f"{peer.package} is not installed; pip install {peer.package}"
-    made = _problem(scene.id)
+    made = scene.made()
     return peer.lacks(made, made.system)
 
 
@@ -78,19 +67,18 @@ def sizes(peer: Peer, scene: Scene, quick: bool = False) -> list[tuple[float | N
     return found[: 1 if lacks(peer, scene) else few]
 
 
-def measure(task: Task, repeats: int) -> dict[str, Any]:
-    """The row of a peer's task."""
-    scene, peer = scenes.BY_ID[task.scene], BY_ID[task.method]
-    problem = _problem(scene.id)
+def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeats: int) -> dict[str, Any]:
+    """What is measured of a peer on a scene at a step or a tolerance."""
+    problem = scene.made()
     row = head(scene, problem, peer, peer.package, peer.package)
-    row |= {"h": task.h, "tol": task.tol, "tier": "quick" if task.quick else "full"}
+    row |= {"h": h, "tol": tol}
     lack = lacks(peer, scene)
     if lack:
         return row | {"status": SKIPPED, "reason": lack}
-    bare = {"h": task.h, "tol": task.tol, "t_end": scene.t_end, "save_every": 0}
+    bare = {"h": h, "tol": tol, "t_end": scene.t_end, "save_every": 0}
     try:
         end = integrate_peer(problem, peer, **bare)
-        with_rows, every = _with_rows(problem, peer, scene, task)
+        with_rows, every = _with_rows(problem, peer, scene, h, tol)
     except InvalidInput as error:
         return row | {"status": INVALID, "reason": str(error)}
     worse = end if end.status != OK else with_rows
@@ -108,10 +96,10 @@ def measure(task: Task, repeats: int) -> dict[str, Any]:
     return row | {"seconds": statistics.median(runs)}
 
 
-def _with_rows(problem, peer: Peer, scene: Scene, task: Task):
+def _with_rows(problem, peer: Peer, scene: Scene, h: float | None, tol: float | None):
     """(the run with rows, how many steps a row is apart, or None of an adaptive peer)."""
     if peer.adaptive:
         steps = ADAPTIVE if scene.purpose == DRIFT else round(scene.t_end / scene.steps[0])
-        return integrate_peer(problem, peer, tol=task.tol, t_end=scene.t_end, steps=steps), None
-    every = ceil(scene.t_end / task.h / MOST)
-    return integrate_peer(problem, peer, h=task.h, t_end=scene.t_end, save_every=every), every
+        return integrate_peer(problem, peer, tol=tol, t_end=scene.t_end, steps=steps), None
+    every = ceil(scene.t_end / h / MOST)
+    return integrate_peer(problem, peer, h=h, t_end=scene.t_end, save_every=every), every

@@ -12,20 +12,20 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.measure.accuracy import end_state, head, invariants, trajectory_error
+from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems.scenes import BY_ID, DRIFT, ORDER, SCENES, Scene
-from phasebench.benchmarks.rows.store import Store
+from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content, states
 from phasebench.integrators.driver import OK, SKIPPED, Solution, integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import METHODS, method
-from phasebench.reference.peers import BY_ID as PEERS_BY_ID
 from phasebench.reference.peers import Peer
 
 from . import peer_rows
@@ -38,6 +38,9 @@ REPEATS = 3
 HIGH = 4
 #: A run of more seconds is not repeated for its time.
 LONG = 1.0
+#: The handful of the quick tier.
+HANDFUL_SCENES = ("kepler-t1",)
+HANDFUL = ("explicit-euler", "stormer-verlet", "rk4", "pefrl", "implicit-midpoint", "heyoka", "rebound-leapfrog")
 #: What a row of a method says of where it is from; a row of a peer has its package.
 KIND = "phasebench"
 
@@ -53,15 +56,9 @@ class Task:
     quick: bool = False
     tol: float | None = None
 
-    @property
-    def key(self) -> str:
-        """What tells it from every other."""
-        size = f"{self.h!r}" if self.tol is None else f"tol={self.tol!r}"
-        return f"{self.scene}|{self.method}|{dict(self.parameters)}|{size}"
-
     def made(self) -> Method | Peer:
         """The method with its parameters, or the peer."""
-        return PEERS_BY_ID.get(self.method) or method(self.method, **dict(self.parameters))
+        return integrator(self.method, **dict(self.parameters)).record
 
 
 def variants(methods: Iterable[Method] = METHODS) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
@@ -107,11 +104,12 @@ def _twice(scene: str, id: str, parameters: tuple, h: float) -> np.ndarray | Non
 
 def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
     """The row of a task."""
-    if task.method in PEERS_BY_ID:
-        return peer_rows.measure(task, repeats)
     scene, chosen = BY_ID[task.scene], task.made()
+    tier = {"tier": "quick" if task.quick else "full"}
+    if isinstance(chosen, Peer):
+        return peer_rows.measure(scene, chosen, task.h, task.tol, repeats) | tier
     problem = scene.made()
-    row = head(scene, problem, chosen, KIND) | {"h": task.h, "tier": "quick" if task.quick else "full"}
+    row = head(scene, problem, chosen, KIND) | {"h": task.h} | tier
     lack = chosen.lacks(problem.system)
     if lack:
         return row | {"status": SKIPPED, "reason": lack}
@@ -141,27 +139,41 @@ def _errors(scene: Scene, task: Task, solution: Solution) -> dict[str, float]:
     return out
 
 
-def run(
-    todo: list[Task],
-    store: Store | None = None,
-    progress: Callable[[Task, dict], None] | None = None,
-    repeats: int = REPEATS,
-    map_: Callable = map,
-) -> list[dict[str, Any]]:
-    """Measure the rows, keeping each at once in ``store``, from which a run that was killed goes on.
+def run(todo: list[Task], repeats: int = REPEATS) -> list[dict[str, Any]]:
+    """The rows of tasks."""
+    return [measure(task, repeats) for task in todo]
 
-    ``map_`` is the engine: the built-in, or an executor's or Dask client's map, for sweeps that outgrow the machine.
-    """
-    known = {t.key: store.get(t.key) for t in todo} if store else {}
-    missing = [t for t in todo if known.get(t.key) is None]
-    rows = {k: v for k, v in known.items() if v is not None}
-    for task, row in zip(missing, map_(partial(measure, repeats=repeats), missing), strict=True):
-        rows[task.key] = row
-        if store:
-            store.put(task.key, row)
-        if progress:
-            progress(task, row)
-    return [{k: v for k, v in rows[t.key].items() if k != "key"} for t in todo]
+
+def measured(todo: tuple[Task, ...], repeats: int) -> Rows:
+    """The rows of a cell, by table."""
+    return {"rows": run(list(todo), repeats)}
+
+
+def cells(
+    quick: bool = False, scenes: Iterable[Scene] = SCENES, only: Callable[[Method | Peer], bool] | None = None
+) -> list[Cell]:
+    """A cell for each method and peer on each scene, with its rows over the steps or tolerances."""
+    groups: dict[tuple[str, str, tuple], list[Task]] = {}
+    for task in tasks(scenes, quick, only or (lambda chosen: True)):
+        groups.setdefault((task.scene, task.method, task.parameters), []).append(task)
+    return [_cell(tuple(members), quick) for members in groups.values()]
+
+
+def _cell(todo: tuple[Task, ...], quick: bool) -> Cell:
+    scene, chosen = BY_ID[todo[0].scene], todo[0].made()
+    made = Problem(scene.problem)
+    setting = (scene.id, scene.purpose, scene.t_end, scene.regular, *((t.h, t.tol) for t in todo))
+    return Cell(
+        "trade",
+        ("rows",),
+        {"scene": scene.id, "method": chosen.label},
+        measured,
+        (todo, 1 if quick else REPEATS),
+        content("rows", quick, chosen, made, states(made.id), setting, code=[__name__]),
+        frozenset({scene.id, scene.problem.partition(":")[0], chosen.id, getattr(chosen, "package", KIND)}),
+        ALONE,
+        quick=scene.id in HANDFUL_SCENES and chosen.id in HANDFUL,
+    )
 
 
 def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dict[str, Any]]:
@@ -196,4 +208,4 @@ def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dic
     return out
 
 
-__all__ = ["DRIFT", "LAMBDAS", "ORDER", "Task", "measure", "orders", "run", "tasks", "variants"]
+__all__ = ["DRIFT", "LAMBDAS", "ORDER", "Task", "cells", "measure", "orders", "run", "tasks", "variants"]

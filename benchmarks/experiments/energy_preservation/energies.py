@@ -1,0 +1,87 @@
+"""Schemes IV and V and their variants to t = 1000: energy and angular momentum, and the steps without a root."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phasebench.benchmarks.experiments.printed import riddle
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.families.schemes_iv_v import RADIUS
+from phasebench.integrators.registry import BY_ID
+
+PROBLEMS = ("henon-heiles:box", "henon-heiles:chaotic", "perturbed-kepler")
+SCHEMES = ("scheme-iv", "scheme-v", "scheme-iv-v", "scheme-v-iv")
+LADDER = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
+
+
+def _row(found, scheme: str, h: float):
+    path = integrate(found, scheme, h=h, t_end=1000.0)
+    plain = integrate(found, "implicit-midpoint", h=h, t_end=1000.0)
+    system = found.system
+
+    def energy(s):
+        H = system.observe(system.H, s.q, s.p)
+        return np.abs(H - H[0])[1:]
+
+    error = energy(path)
+    rootless = np.isnan(path.parameter)
+    after = np.flatnonzero(rootless[:-1] & ~rootless[1:]) + 1
+    momentum = {}
+    if "angular-momentum" in found.invariants:
+        L = system.observe(found.invariants["angular-momentum"], path.q, path.p)
+        momentum = {"angular momentum error": float(np.abs(L - L[0]).max())}
+    good = path.parameter[~rootless]
+    return path, {
+        "problem": found.label,
+        "scheme": scheme,
+        "h": h,
+        "status": path.status,
+        "steps": path.counts["steps"],
+        "without a root": int(rootless.sum()),
+        "energy error, steps with a root": float(error[~rootless].max()),
+        "energy error, steps without": float(error[rootless].max()) if rootless.any() else np.nan,
+        "one step later": float(error[after].max()) if len(after) else np.nan,
+        "implicit midpoint's energy error": float(energy(plain).max()),
+        **momentum,
+        "least lambda": float(good.min()),
+        "greatest lambda": float(good.max()),
+        "evaluations per step": path.counts["gradient"] / path.counts["steps"],
+    }
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each scheme and step on each problem; none of the quick tier."""
+    return [] if quick else [_cell(name, scheme, h) for name in PROBLEMS for scheme in SCHEMES for h in LADDER]
+
+
+def _cell(name: str, scheme: str, h: float) -> Cell:
+    plain = BY_ID["implicit-midpoint"]
+    return Cell(
+        "energy_preservation",
+        ("energy_preservation",),
+        {"problem": name, "scheme": scheme, "h": h},
+        measured,
+        (name, scheme, h),
+        content("energies", BY_ID[scheme], plain, Problem(name), h, code=[__name__]),
+        frozenset({name.partition(":")[0], scheme}),
+    )
+
+
+def measured(name: str, scheme: str, h: float) -> Rows:
+    """The row of a scheme with a step: where the finder has no root, a scan looks for one."""
+    found = problem(name)
+    path, row = _row(found, scheme, h)
+    steps = np.flatnonzero(np.isnan(path.parameter))
+    if len(steps) and scheme in riddle.SIGNS:
+        H0 = float(found.system.observe(found.system.H, path.q[:1], path.p[:1])[0])
+        checked = riddle.scan(found, scheme, path.h, path.q[steps], path.p[steps], H0)
+        near = [i for i, r in zip(steps, checked.roots, strict=True) if len(r) and abs(r[0] - 0.5) < RADIUS]
+        far = [r[0] for r in checked.roots if len(r)]
+        row |= {
+            "scanned steps": len(steps),
+            "scan finds a root within the radius": len(near),
+            "nearest root beyond it": min(far, key=lambda lam: abs(lam - 0.5)) if far else np.nan,
+        }
+    return {"energy_preservation": [{"problem": name} | {k: v for k, v in row.items() if k != "problem"}]}

@@ -1,0 +1,113 @@
+"""Error of the state at an apocentre of Kepler's orbit after 100.5 revolutions against warm time."""
+
+from __future__ import annotations
+
+import statistics
+from functools import cache
+from math import pi
+
+import numpy as np
+
+from phasebench.benchmarks.measure import metrics
+from phasebench.benchmarks.measure.accuracy import end_state
+from phasebench.benchmarks.measure.integrator import Integrator, integrator
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
+from phasebench.integrators.driver import OK
+from phasebench.reference.solvers import taylor
+
+PROBLEMS = ("kepler", "perturbed-kepler")
+ORBITS = 100.5
+PER_ORBIT = (100, 300, 1000, 3000)
+OURS = (
+    integrator("stormer-verlet"),
+    integrator("implicit-midpoint"),
+    integrator("scheme-i", lam="1/3"),
+    integrator("scheme-ii", lam="1/3"),
+    integrator("scheme-iii", lam="1/3"),
+    integrator("scheme-iv"),
+    integrator("scheme-v"),
+    integrator("avf"),
+    integrator("rk4"),
+    integrator("scheme-iii-yoshida-4", lam="1/3"),
+    integrator("scheme-iii-suzuki-4", lam="0"),
+    integrator("scheme-iii-yoshida-6", lam="0"),
+    integrator("scheme-iii-sofroniou-spaletta-8", lam="0"),
+    integrator("scheme-v-suzuki-4"),
+    integrator("gauss-8"),
+    integrator("wisdom-holman-aba-10-6-4"),
+)
+FIXED = ("rebound-whfast", "rebound-saba-10-6-4", "rebound-leapfrog", "rebound-leapfrog-8")
+ADAPTIVE = ("rebound-ias15", "rebound-bs", "heyoka", "scipy-dop853")
+TOLERANCES = (1e-6, 1e-9, 1e-12, 1e-15)
+#: A run of so many seconds is timed once.
+LONG, ROUNDS = 0.2, 3
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each integrator on each problem, with its rows over steps or tolerances; none of the quick tier."""
+    return [] if quick else [_cell(name, k, c) for name in PROBLEMS for k, c in enumerate(_compared())]
+
+
+@cache
+def _compared() -> tuple[Integrator, ...]:
+    return (*OURS, *map(integrator, FIXED), *map(integrator, ADAPTIVE))
+
+
+def _cell(name: str, position: int, c: Integrator) -> Cell:
+    return Cell(
+        "kepler",
+        ("kepler_cost",),
+        {"problem": problem(name).label, "method": c.label},
+        measured,
+        (name, position),
+        content("cost", Problem(name), c.record, ORBITS, PER_ORBIT, TOLERANCES, code=[__name__]),
+        frozenset({name, c.id, c.kind}),
+        ALONE,
+        own=True,
+    )
+
+
+@cache
+def _truth(name: str):
+    """The certified end."""
+    return taylor.reference(problem(name), [ORBITS * 2 * pi])
+
+
+def measured(name: str, position: int) -> Rows:
+    """The rows of an integrator over steps or tolerances."""
+    c, t_end = _compared()[position], ORBITS * 2 * pi
+    rows = []
+    if c.adaptive:
+        least = 1e-13 if c.kind == "scipy" else c.record.least
+        for tol in (t for t in TOLERANCES if t >= least):
+            spaced = {1: {"h": t_end / 200, "steps": 200}, 0: {"h": t_end, "steps": 1}}
+            rows.append(_row(name, c, f"tolerance {tol:g}", spaced, tol))
+    else:
+        for n in PER_ORBIT:
+            size = {"h": 2 * pi / n, "steps": round(t_end / (2 * pi / n))}
+            rows.append(_row(name, c, f"{n} steps an orbit", {0: size, 1: size}, None))
+    return {"kepler_cost": rows}
+
+
+def _row(name: str, c: Integrator, setting: str, sizes: dict, tol: float | None) -> dict:
+    found, truth = problem(name), _truth(name)
+
+    def run(every: int):
+        return c.run(found, **sizes[every], save_every=every, tol=tol)
+
+    row = {"problem": found.label, "e": found.parameters["e"], "orbits": ORBITS}
+    row |= {"method": c.label, "kind": c.kind, "setting": setting}
+    s = run(1)
+    row |= {"status": s.status, "reason": s.reason, "steps": s.counts.get("steps", 0)}
+    if s.status != OK:
+        return row
+    system = found.system
+    H, L = (system.observe(x, s.q, s.p) for x in (system.H, found.invariants["angular-momentum"]))
+    return row | {
+        "error": float(np.abs(end_state(s) - end_state(truth)).max()),
+        "reference uncertainty": float(truth.uncertainty[-1]),
+        "energy error": float(metrics.invariant_error(H).max),
+        "angular momentum error": float(metrics.invariant_error(L).max),
+        "seconds": statistics.median(run(0).seconds for _ in range(ROUNDS if s.seconds < LONG else 1)),
+    }

@@ -1,0 +1,124 @@
+"""Warm times of every method, and the ratios that are claimed, each measured in one run."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phasebench.benchmarks.experiments.trade import sweep
+from phasebench.benchmarks.measure import metrics
+from phasebench.benchmarks.measure.c_loop import Loop
+from phasebench.benchmarks.measure.timing import interleaved, ratio
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, Unavailable, content
+from phasebench.integrators.driver import integrate, warm
+from phasebench.integrators.registry import method
+
+H, STEPS, ROUNDS = 0.01, 10_000, 11
+PROBLEMS = ("pendulum", "henon-heiles:chaotic", "perturbed-kepler")
+AGAINST_C = ("kepler", "henon-heiles:chaotic", "pendulum")
+#: Of the ratios: steps beside the C loop, steps among methods, rounds.
+LONG, SHORT, MANY = 400_000, 50_000, 21
+#: The handful of the quick tier.
+HANDFUL = ("explicit-euler", "stormer-verlet", "rk4", "implicit-midpoint")
+#: What is divided by what, and the most that is wanted; the names are those of `_work`.
+RATIOS = {
+    "Stormer-Verlet / C loop": ("stormer-verlet", "C", 1.4),
+    "Scheme I(1/3) / C Stormer-Verlet": ("scheme-i", "C", 10),
+    "Scheme V / Scheme III(1/3)": ("scheme-v", "scheme-iii", 8),
+    "Scheme IV / implicit midpoint": ("scheme-iv", "implicit-midpoint", None),
+    "AVF / implicit midpoint": ("avf", "implicit-midpoint", None),
+}
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each method on each problem, and one for each ratio."""
+    able = [(n, *of) for n in PROBLEMS for of in sweep.variants() if not method(of[0]).lacks(problem(n).system)]
+    return [_time(*of) for of in able] + [_ratio(what, name) for what in RATIOS for name in _on(what)]
+
+
+def _on(what: str) -> tuple[str, ...]:
+    if what.startswith("Scheme I("):
+        return ("henon-heiles:chaotic",)
+    return AGAINST_C if what.endswith("C loop") else PROBLEMS
+
+
+def _time(name: str, id: str, parameters: tuple) -> Cell:
+    chosen = method(id, **dict(parameters))
+    return Cell(
+        "speed",
+        ("speed",),
+        {"problem": problem(name).label, "method": chosen.label},
+        timed,
+        (name, id, parameters),
+        content("speed", chosen, Problem(name), code=[__name__]),
+        frozenset({name.partition(":")[0], id}),
+        ALONE,
+        own=True,
+        quick=name == "perturbed-kepler" and id in HANDFUL,
+    )
+
+
+def _ratio(what: str, name: str) -> Cell:
+    chosen = [method(m) for m in RATIOS[what][:2] if m != "C"]
+    return Cell(
+        "speed",
+        ("ratios",),
+        {"ratio": f"{what}, {problem(name).label}"},
+        compared,
+        (what, name),
+        content("ratio", what, *chosen, Problem(name), code=[__name__]),
+        frozenset({name.partition(":")[0], *(m.id for m in chosen)}),
+        ALONE,
+        own=True,
+        quick=(what, name) == ("Stormer-Verlet / C loop", "kepler"),
+    )
+
+
+def timed(name: str, id: str, parameters: tuple) -> Rows:
+    """The warm integration alone: compiled, no output, no checks; and what it reaches."""
+    found, chosen = problem(name), method(id, **dict(parameters))
+    full = integrate(found, chosen, h=H, steps=STEPS)
+    E = found.system.observe(found.system.H, full.q, full.p)
+    seconds = interleaved({"it": warm(found, chosen, h=H, steps=STEPS)}, ROUNDS)["it"]
+    row = {"problem": found.label, "method": chosen.label, "ns per step": float(np.median(seconds)) / STEPS * 1e9}
+    row |= {
+        "gradients per step": full.counts["gradient"] / STEPS,
+        "energy error": float(metrics.invariant_error(E).max),
+    }
+    return {"speed": [row | {"status": full.status}]}
+
+
+def _work(found, id: str, steps: int):
+    if id != "C":
+        return warm(found, method(id), h=H, steps=steps)
+    try:
+        loop = Loop(found)
+    except RuntimeError as error:
+        raise Unavailable(str(error)) from None
+    return lambda: loop.run(H, steps)
+
+
+def compared(what: str, name: str) -> Rows:
+    """A ratio of two times, taken in alternation.
+
+    Raises
+    ------
+    Unavailable
+        Where there is no C compiler.
+    RuntimeError
+        Where the C loop of a regular motion ends elsewhere: it is another integration.
+    """
+    found = problem(name)
+    one, other, limit = RATIOS[what]
+    steps = LONG if other == "C" else SHORT
+    work = {id: _work(found, id, steps) for id in (one, other)}
+    if (one, other, name) == ("stormer-verlet", "C", "pendulum"):
+        (q, p), (_, end) = (run() for run in work.values())
+        if not abs(q[0] - end[0]) + abs(p[0] - end[1]) < 1e-6:
+            raise RuntimeError(f"the C loop ends at {end}, this project's at {q}, {p}")
+    times = interleaved(work, MANY)
+    r = ratio(times[one], times[other])
+    includes = f"{steps} steps of h = {H}, warm, no output"
+    includes += "; C: gcc -O3 -march=native, uncompensated" if other == "C" else ""
+    row = {"ratio": f"{what}, {found.label}", "median": r.value, "lower quartile": r.low, "upper quartile": r.high}
+    return {"ratios": [row | {"wanted, at most": limit, "what is timed": includes}]}

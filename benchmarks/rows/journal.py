@@ -1,0 +1,105 @@
+"""The cells that a run has finished, on disk at once: one JSON object a line, so that a killed run loses nothing.
+
+A line that cannot be read (the run was killed while it wrote, the disk failed) counts as not measured.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from phasebench.integrators.errors import InvalidInput
+
+from .cells import Rows
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A finished cell: its id and the hash of its content, when, on which machine, in how many seconds, its rows."""
+
+    cell: str
+    content: str
+    date: str
+    machine: str
+    spent: float
+    rows: Rows
+
+
+class Journal:
+    """The finished cells in a file.  Raises InvalidInput where it cannot be read or written."""
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+        self.unreadable = 0
+        self.entries: dict[str, Entry] = {}
+        for entry in self._read():
+            self.entries[entry.cell] = entry
+
+    def _read(self) -> Iterator[Entry]:
+        try:
+            lines = self.path.read_bytes().split(b"\n")
+        except FileNotFoundError:
+            return
+        except OSError as error:
+            raise InvalidInput(f"{self.path} cannot be read: {error.strerror}") from None
+        for line in filter(None, lines):
+            try:
+                entry = Entry(**json.loads(line))
+                if not all(isinstance(rows, list) for rows in entry.rows.values()):
+                    raise ValueError
+            except (ValueError, TypeError, AttributeError):
+                self.unreadable += 1
+            else:
+                yield entry
+
+    def put(self, entry: Entry) -> None:
+        """Keep a finished cell, on disk before this returns."""
+        self.entries[entry.cell] = entry
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with self.path.open("ab") as stream:
+                # A line that a killed run left unfinished ends here.
+                begin = b"\n" if stream.tell() and not _ends(self.path) else b""
+                stream.write(begin + json.dumps(asdict(entry), default=_plain).encode() + b"\n")
+                stream.flush()
+                os.fsync(stream.fileno())
+        except OSError as error:
+            raise InvalidInput(f"{self.path} cannot be written: {error.strerror}") from None
+
+    def clear(self) -> None:
+        """Forget them: they are in the tables."""
+        self.path.unlink(missing_ok=True)
+        self.entries = {}
+
+
+def _ends(path: Path) -> bool:
+    """Whether a file ends with a line's end."""
+    with path.open("rb") as stream:
+        stream.seek(-1, os.SEEK_END)
+        return stream.read(1) == b"\n"
+
+
+def _plain(value):
+    """A scalar of NumPy as Python's own."""
+    return value.item()
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Nobody else's run writes to the folder meanwhile; raises InvalidInput where one does."""
+    try:
+        import fcntl
+    except ImportError:  # a system without file locks
+        yield
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / ".lock").open("w") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise InvalidInput(f"another run writes to {folder}; wait for it, or write elsewhere") from None
+        yield

@@ -1,0 +1,263 @@
+"""A run: which cells it measures within its budget, in which order, and what it then knows of each.
+
+First what is new or has changed, then what is the machine's own and was measured on another one, then a seeded sample
+of the rest, which is compared with the stored rows and changes nothing.  Finished cells are in a journal at once; the
+tables are written at the end, and a run that was killed is taken up by the next one.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from datetime import date
+from pathlib import Path
+
+from . import provenance, tables, workers
+from .cells import ALONE, POOL, UNCOMPILED, Cell, Rows
+from .journal import Entry, Journal, locked
+
+#: Seconds of a run, of the sample where nothing changed, and the share of a budget that is kept for the reports.
+BUDGET, SAMPLE, REPORTS = 600.0, 30.0, 0.1
+#: Stored times of cells of which none is known, and the longest cell that a sample takes.
+UNKNOWN, LONGEST = 5.0, 3.0
+
+
+@dataclass
+class Standing:
+    """What is known of a cell before it is measured: its stored rows' hash, machine and seconds."""
+
+    content: str | None = None
+    machine: str = ""
+    spent: float = UNKNOWN
+
+
+@dataclass
+class Plan:
+    """The cells by why they are measured; each cell is in one of the lists."""
+
+    done: list[Cell] = field(default_factory=list)
+    changed: list[Cell] = field(default_factory=list)
+    own: list[Cell] = field(default_factory=list)
+    rest: list[Cell] = field(default_factory=list)
+
+
+@dataclass
+class Outcome:
+    """What a run did.
+
+    Attributes
+    ----------
+    entries : finished cells by id, also those of a run that was killed before
+    sampled : the rows of cells that were measured again to be compared, by id
+    failed : cell -> why it could not be measured
+    left : cells for which there was no time
+    """
+
+    cells: list[Cell]
+    plan: Plan
+    entries: dict[str, Entry] = field(default_factory=dict)
+    sampled: dict[str, Rows] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    left: list[Cell] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=dict)
+    stored: dict[str, tables.Table] = field(default_factory=dict)
+    seed: int = 0
+    notes: list[str] = field(default_factory=list)
+
+    def fresh(self, cell: Cell) -> bool:
+        """Whether the stored rows of a cell are of this version of the code."""
+        return standing(cell, self.stored).content == cell.content
+
+    def rows(self, table: str) -> list[dict]:
+        """The rows of a table that were measured by this run, the sample's among them."""
+        out = []
+        for cell in self.cells:
+            rows = self.entries[cell.id].rows if cell.id in self.entries else self.sampled.get(cell.id, {})
+            out += rows.get(table, [])
+        return out
+
+
+def entry(cell: Cell, rows: Rows, seconds: float) -> Entry:
+    """What is kept of a cell that was measured now, here."""
+    return Entry(cell.id, cell.content, date.today().isoformat(), provenance.machine(), round(seconds, 3), rows)
+
+
+def standing(cell: Cell, stored: dict[str, tables.Table]) -> Standing:
+    """What the stored tables know of a cell; its rows must all say the same."""
+    rows = [row for t in cell.tables for row in stored[t].of(cell)]
+    contents = {row.get("content", "") for row in rows}
+    if len(contents) != 1:
+        return Standing()
+    row = rows[0]
+    return Standing(contents.pop(), row.get("machine", ""), float(row.get("spent") or UNKNOWN))
+
+
+def plan(
+    cells: Iterable[Cell],
+    known: dict[str, Standing],
+    entries: dict[str, Entry],
+    machine: str,
+    again: bool = False,
+) -> Plan:
+    """Why each cell is measured; ``again``: whether a fresh one is measured as well as a changed one."""
+    out = Plan()
+    for cell in cells:
+        kept, before = entries.get(cell.id), known[cell.id]
+        here = provenance.same_hardware
+        if kept and kept.content == cell.content and (here(kept.machine, machine) or not cell.own):
+            out.done.append(cell)
+        elif before.content != cell.content or again:
+            out.changed.append(cell)
+        elif cell.own and not here(before.machine, machine):
+            out.own.append(cell)
+        else:
+            out.rest.append(cell)
+    return out
+
+
+def sample(cells: Sequence[Cell], known: dict[str, Standing], seconds: float, seed: int, count: int) -> list[Cell]:
+    """A random choice that takes about ``seconds`` on ``count`` cores; an experiment after another gives a cell."""
+    rng = random.Random(seed)
+    groups: dict[str, list[Cell]] = {}
+    for cell in cells:
+        if known[cell.id].spent <= LONGEST:
+            groups.setdefault(cell.experiment, []).append(cell)
+    for members in groups.values():
+        rng.shuffle(members)
+    out, spent = [], 0.0
+    while any(groups.values()):
+        for members in groups.values():
+            if members:
+                cell = members.pop()
+                spent += known[cell.id].spent / (1 if cell.where == ALONE else max(1, count))
+                if spent > seconds:
+                    return out
+                out.append(cell)
+    return out
+
+
+def execute(
+    cells: Sequence[Cell],
+    folder: Path,
+    *,
+    chosen: Callable[[Cell], bool] | None = None,
+    budget: float = BUDGET,
+    everything: bool = False,
+    quick: bool = False,
+    count: int | None = None,
+    seed: int | None = None,
+    progress: Callable[[str, int, int, float], None] = lambda *_: None,
+) -> Outcome:
+    """Measure what there is time for, and write the tables.
+
+    Parameters
+    ----------
+    cells : all cells of their tables; a stored row of none of them is dropped
+    folder : of the tables
+    chosen : measures these cells alone, whether they have changed or not
+    budget : seconds
+    everything : measure every cell, however long it takes
+    count : processes beside each other; 0 measures in this one
+    seed : of the sample; at first the number of the day
+    progress : called with an experiment, the cells done and to be done, and the seconds left by estimate
+
+    Raises
+    ------
+    InvalidInput
+        Where another run writes to the folder, or two cells have one id.
+    """
+    if len({c.id for c in cells}) != len(cells):
+        raise ValueError("two cells have the same key")
+    began = time.monotonic()
+    deadline = float("inf") if everything else began + budget * (1 - REPORTS)
+    count = (os.cpu_count() or 1) if count is None else count
+    seed = date.today().toordinal() if seed is None else seed
+    with locked(folder):
+        journal = Journal(folder / "journal.jsonl")
+        stored = {t: tables.Table(folder, t) for t in dict.fromkeys(t for c in cells for t in c.tables)}
+        known = {c.id: standing(c, stored) for c in cells}
+        wanted = [c for c in cells if chosen is None or chosen(c)]
+        todo = plan(wanted, known, journal.entries, provenance.machine(), again=everything or chosen is not None)
+        out = Outcome(list(cells), todo, stored=stored, seed=seed)
+        if journal.unreadable:
+            out.notes.append(f"{journal.unreadable} unreadable lines of {journal.path} count as not measured")
+        out.entries = {c.id: journal.entries[c.id] for c in todo.done}
+        if todo.done:
+            out.notes.append(f"{len(todo.done)} cells were measured by a run that did not end")
+        work = _Work(out, journal, known, count, progress)
+        work.measure([*todo.changed], deadline)
+        work.measure([*todo.own], deadline)
+        spare = min(deadline, time.monotonic() + SAMPLE)
+        if chosen is None and not everything and not quick and spare > time.monotonic():
+            picked = sample(todo.rest, known, spare - time.monotonic(), seed, count)
+            work.measure(picked, spare, compared=True)
+        out.left = [c for c in (*todo.changed, *todo.own) if c.id not in out.entries and c.id not in out.failed]
+        if out.left:
+            out.notes.append(
+                f"{len(out.left)} cells are not measured by this version of the code on this machine: the budget of "
+                f"{budget:g} s is spent; run again, or with --all"
+            )
+        tables.write(folder, cells, out.entries, quick)
+        journal.clear()
+    return out
+
+
+class _Work:
+    """Measuring lists of cells, the short lanes first."""
+
+    def __init__(self, out: Outcome, journal: Journal, known, count: int, progress):
+        self.out, self.journal, self.known, self.count, self.progress = out, journal, known, count, progress
+
+    def measure(self, cells: list[Cell], deadline: float, compared: bool = False) -> None:
+        """Measure cells until the deadline; those to be ``compared`` are not kept."""
+        left = sum(self._share(c) for c in cells)
+        done = 0
+        lanes = {w: lane for w in (POOL, ALONE, UNCOMPILED) if (lane := [c for c in cells if c.where == w])}
+        for k, (where, lane) in enumerate(lanes.items()):
+            count = min(self.count, 1) if where == ALONE else self.count
+            now = time.monotonic()
+            if now >= deadline:
+                return
+            # A sample has something of every lane: one that is late leaves the others their share.
+            until = now + (deadline - now) / (len(lanes) - k) if compared else deadline
+            for cell, rows, error, seconds in workers.measured(lane, where, count, until):
+                done, left = done + 1, left - self._share(cell)
+                self.progress(cell.experiment, done, len(cells), max(0.0, min(left, deadline - time.monotonic())))
+                self._keep(cell, rows, error, seconds, compared)
+
+    def _share(self, cell: Cell) -> float:
+        return self.known[cell.id].spent / (1 if cell.where == ALONE else max(1, self.count))
+
+    def _keep(self, cell: Cell, rows: Rows | None, error: str | None, seconds: float, compared: bool) -> None:
+        out = self.out
+        out.seconds[cell.experiment] = out.seconds.get(cell.experiment, 0.0) + seconds
+        if rows is not None and error is None:
+            error = _strange(cell, rows)
+        if error is not None and "Unavailable: " in error:
+            out.notes.append(f"{cell.label}: {error.partition('Unavailable: ')[2]}")
+        elif error is not None:
+            out.failed[cell.id] = error
+        elif compared:
+            out.sampled[cell.id] = rows
+        else:
+            out.entries[cell.id] = entry(cell, rows, seconds)
+            self.journal.put(out.entries[cell.id])
+
+
+def _strange(cell: Cell, rows: Rows) -> str | None:
+    """Why rows cannot be a cell's."""
+    if set(rows) != set(cell.tables):
+        return f"it measured tables {sorted(rows)}, not {sorted(cell.tables)}"
+    for members in rows.values():
+        for row in members:
+            wrong = [k for k, v in cell.key.items() if tables.text(row.get(k)) != tables.text(v)]
+            if wrong:
+                return f"a row's {', '.join(wrong)} is not the cell's"
+            if taken := {*row} & {*tables.PROVENANCE}:
+                return f"a row's column {', '.join(taken)} is the provenance's"
+    if not any(rows.values()):
+        return "it has no rows"
+    return None

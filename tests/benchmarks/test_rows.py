@@ -1,0 +1,347 @@
+"""Rows on disk: journals, tables, what is measured again and what is not, runs that are killed or meet another."""
+
+from __future__ import annotations
+
+import csv
+import json
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.rows import compare, provenance, run, screen, tables
+from phasebench.benchmarks.rows.cells import text
+from phasebench.benchmarks.rows.journal import Entry, Journal, locked
+from phasebench.integrators.errors import InvalidInput
+from support import toy_cells
+
+MACHINE = provenance.machine()
+OTHER = "0ther0/" + MACHINE.partition("/")[2]
+
+
+@pytest.fixture(autouse=True)
+def importable(monkeypatch):
+    """Other processes find the toys."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(toy_cells.__file__).parents[1]))
+
+
+def execute(folder, cells, **more):
+    return run.execute(cells, folder, **({"count": 0, "seed": 1} | more))
+
+
+def rows(folder, name="toys"):
+    with (folder / f"{name}.csv").open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def timeless(folder):
+    """All tables of a folder without what differs between two runs."""
+    return {
+        name: [{k: v for k, v in r.items() if k not in ("seconds", "spent")} for r in rows(folder, name)]
+        for name in toy_cells.TABLES
+    }
+
+
+def measured_now(outcome):
+    """The numbers of the cells that were measured by this run, and kept."""
+    return [c.key["n"] for c in outcome.cells if c.id in outcome.entries and c not in outcome.plan.done]
+
+
+# -- the journal -------------------------------------------------------------------------------------------------------
+
+
+def entry(k: int, content="c") -> Entry:
+    return Entry(f"cell {k}", content, "2026-11-21", MACHINE, 0.5, {"t": [{"x": k / 3, "y": None}]})
+
+
+@pytest.fixture
+def path(tmp_path):
+    journal = Journal(tmp_path / "deep" / "journal.jsonl")
+    for k in range(3):
+        journal.put(entry(k))
+    return journal.path
+
+
+def test_a_journal_gives_what_was_put(path):
+    assert Journal(path).entries == {f"cell {k}": entry(k) for k in range(3)}
+    Journal(path).put(entry(1, "other"))
+    assert Journal(path).entries["cell 1"].content == "other"
+
+
+@pytest.mark.parametrize("cut", [1, 2, 40, 90])
+def test_a_line_that_was_cut_counts_as_not_measured_and_the_next_one_is_whole(path, cut):
+    path.write_bytes(path.read_bytes()[:-cut])
+    journal = Journal(path)
+    assert set(journal.entries) >= {"cell 0", "cell 1"}
+    journal.put(entry(7))
+    assert {"cell 0", "cell 1", "cell 7"} <= set(Journal(path).entries)
+
+
+@pytest.mark.parametrize("line", [b"{}", b"\xff\xfe\x00", b'{"cell": "a"}', b"[1]", b'{"cell": "cell 1", "rows"'])
+def test_a_corrupt_line_inside_is_left_out_and_counted(path, line):
+    lines = path.read_bytes().split(b"\n")
+    lines[1] = line
+    path.write_bytes(b"\n".join(lines))
+    journal = Journal(path)
+    assert (set(journal.entries), journal.unreadable) == ({"cell 0", "cell 2"}, 1)
+
+
+def test_a_journal_that_is_a_folder_is_an_invalid_input(tmp_path):
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        Journal(tmp_path)
+
+
+# -- runs --------------------------------------------------------------------------------------------------------------
+
+
+def test_a_first_run_measures_all_and_a_second_one_nothing_but_its_sample(tmp_path):
+    cells = toy_cells.cells(6)
+    first = execute(tmp_path, cells)
+    assert measured_now(first) == list(range(6))
+    written = {p.name: p.read_bytes() for p in tmp_path.glob("*.*")}
+    second = execute(tmp_path, cells)
+    assert measured_now(second) == []
+    assert 0 < len(second.sampled) <= 6
+    assert {p.name: p.read_bytes() for p in tmp_path.glob("*.*")} == written
+    assert [r["n"] for r in rows(tmp_path)] == [str(n) for n in range(6)]
+    assert [(r["n"], r["part"]) for r in rows(tmp_path, "toy_parts")] == [
+        ("1", "0"), ("2", "0"), ("2", "1"), ("4", "0"), ("5", "0"), ("5", "1")
+    ]  # fmt: skip
+    assert {(r["machine"], r["state"]) for r in rows(tmp_path)} == {(MACHINE, tables.CURRENT)}
+
+
+def test_only_what_changed_is_measured_again(tmp_path):
+    execute(tmp_path, toy_cells.cells(6))
+    changed = [toy_cells.cell(n, version=2 if n in (1, 4) else 1) for n in range(6)]
+    assert measured_now(execute(tmp_path, changed)) == [1, 4]
+    assert {c["content"] for c in rows(tmp_path) if c["n"] in "14"} == {changed[n].content for n in (1, 4)}
+
+
+def test_nothing_stale_is_taken_for_fresh_when_the_budget_is_spent(tmp_path):
+    tmp_path = tmp_path / "data"
+    execute(tmp_path, toy_cells.cells(4))
+    changed = toy_cells.cells(4, version=2)
+    outcome = execute(tmp_path, changed, budget=0.0)
+    assert measured_now(outcome) == []
+    assert len(outcome.left) == 4
+    assert any("4 cells are not measured by this version" in note for note in outcome.notes)
+    assert {r["state"] for r in rows(tmp_path)} == {tables.STALE}
+    assert tables.read(tmp_path.parent, "toys") == (None, None)
+    assert json.loads((tmp_path / "toys.json").read_text())["stale"] == 4
+    assert screen.counts(outcome)[0]["not by this version"] == 4
+    assert measured_now(execute(tmp_path, changed)) == [0, 1, 2, 3]
+    assert {r["state"] for r in rows(tmp_path)} == {tables.CURRENT}
+
+
+def test_a_cell_whose_rows_were_edited_apart_is_measured_again(tmp_path):
+    execute(tmp_path, toy_cells.cells(3))
+    file = tmp_path / "toy_parts.csv"
+    file.write_text(file.read_text().replace(toy_cells.cell(2).content, "0" * 16))
+    assert measured_now(execute(tmp_path, toy_cells.cells(3))) == [2]
+
+
+def test_what_is_the_machines_own_is_measured_on_another_machine(tmp_path):
+    cells = [toy_cells.cell(n, own=n in (1, 2)) for n in range(4)]
+    execute(tmp_path, cells)
+    assert measured_now(execute(tmp_path, cells)) == []
+    for name in toy_cells.TABLES:
+        file = tmp_path / f"{name}.csv"
+        file.write_text(file.read_text().replace(MACHINE, OTHER))
+    outcome = execute(tmp_path, cells)
+    assert sorted(measured_now(outcome)) == [1, 2]
+    assert {r["n"]: r["machine"] for r in rows(tmp_path)} == {"0": OTHER, "1": MACHINE, "2": MACHINE, "3": OTHER}
+
+
+def test_chosen_cells_are_measured_whether_they_changed_or_not_and_no_others(tmp_path):
+    tmp_path = tmp_path / "data"
+    execute(tmp_path, toy_cells.cells(4))
+    outcome = execute(tmp_path, toy_cells.cells(4, version=2), chosen=lambda c: "n3" in c.names)
+    assert measured_now(outcome) == [3]
+    frame, about = tables.read(tmp_path.parent, "toys")
+    assert (frame["n"].tolist(), about["stale"]) == ([3], 3)
+    assert [r["state"] for r in rows(tmp_path)] == [tables.STALE] * 3 + [tables.CURRENT]
+    again = execute(tmp_path, toy_cells.cells(4, version=2), chosen=lambda c: "n3" in c.names)
+    assert measured_now(again) == [3]
+
+
+def test_rows_of_cells_that_are_no_more_are_dropped_and_other_tables_stay(tmp_path):
+    execute(tmp_path, toy_cells.cells(4))
+    (tmp_path / "others.csv").write_text("x\n1\n")
+    execute(tmp_path, toy_cells.cells(2))
+    assert [r["n"] for r in rows(tmp_path)] == ["0", "1"]
+    assert (tmp_path / "others.csv").read_text() == "x\n1\n"
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_a_cell_that_fails_or_dies_is_named_and_the_others_go_on(tmp_path, count):
+    bad = {1: toy_cells.fail, 3: toy_cells.lack} | ({2: toy_cells.die} if count else {})
+    cells = [toy_cells.cell(n, function=bad.get(n, toy_cells.measure)) for n in range(6)]
+    outcome = execute(tmp_path, cells, count=count)
+    assert sorted(measured_now(outcome)) == sorted({0, 1, 2, 3, 4, 5} - set(bad))
+    assert outcome.failed[cells[1].id] == "ValueError: there is no 1"
+    assert any("no compiler" in note for note in outcome.notes)
+    assert not count or "died" in outcome.failed[cells[2].id]
+    assert [r["n"] for r in rows(tmp_path)] == [str(n) for n in range(6) if n not in bad]
+
+
+def test_workers_are_ended_at_the_deadline(tmp_path):
+    began = time.monotonic()
+    outcome = execute(tmp_path, toy_cells.cells(2, seconds=60.0), count=1, budget=8.0)
+    assert time.monotonic() - began < 30
+    assert len(outcome.left) == 2
+
+
+def test_what_a_worker_has_started_ends_with_it(tmp_path):
+    cell = toy_cells.cell(0)
+    late = tmp_path / "late"
+    starts = type(cell)(**{**vars(cell), "measure": toy_cells.start, "arguments": (str(late), 0)})
+    outcome = execute(tmp_path, [starts], count=1, budget=6.0)
+    assert outcome.left == [starts]
+    time.sleep(6)
+    assert not late.exists()
+
+
+def test_rows_that_are_not_the_cells_own_are_refused(tmp_path):
+    cell = toy_cells.cell(1)
+    wrong = type(cell)(**{**vars(cell), "key": {"n": 2}})
+    outcome = execute(tmp_path, [wrong])
+    assert "a row's n is not the cell's" in outcome.failed[wrong.id]
+    taken = toy_cells.cell(1, function=toy_cells.dated)
+    assert "column date is the provenance's" in execute(tmp_path, [taken]).failed[taken.id]
+
+
+def test_two_cells_of_one_key_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="two cells"):
+        execute(tmp_path, [toy_cells.cell(1), toy_cells.cell(1)])
+
+
+def test_two_runs_in_one_folder(tmp_path):
+    with locked(tmp_path), pytest.raises(InvalidInput, match="another run"):
+        execute(tmp_path, toy_cells.cells(1))
+    assert measured_now(execute(tmp_path, toy_cells.cells(1))) == [0]
+
+
+def test_a_run_that_is_killed_at_any_moment_goes_on_and_gives_the_same_tables(tmp_path):
+    """SIGKILL five times at random moments; what had been finished is not measured again."""
+    count, folder = 60, tmp_path / "killed"
+    command = [sys.executable, "-m", "support.toy_cells", str(folder), str(count)]
+    rng, finished = random.Random(5), []
+    for _ in range(5):
+        process = subprocess.Popen(command, stdout=subprocess.PIPE)
+        _wait_for_progress(folder / "journal.jsonl", len(finished), process)
+        time.sleep(rng.uniform(0, 0.25))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        entries = Journal(folder / "journal.jsonl").entries
+        assert len(entries) > len(finished)
+        finished = [*entries]
+    before = Journal(folder / "journal.jsonl").entries
+    assert 5 <= len(before) < count
+    subprocess.run(command, check=True)
+    kept = {r["n"]: r["seconds"] for r in rows(folder)}
+    for e in before.values():
+        (row,) = e.rows["toys"]
+        assert kept[str(row["n"])] == text(row["seconds"])
+    whole = tmp_path / "whole"
+    execute(whole, toy_cells.cells(count, seconds=0.03))
+    assert timeless(folder) == timeless(whole)
+    assert not (folder / "journal.jsonl").exists()
+
+
+def _wait_for_progress(journal: Path, before: int, process) -> None:
+    for _ in range(3000):
+        if journal.exists() and len(journal.read_bytes().splitlines()) > before + 1:
+            return
+        assert process.poll() is None, "it ended before it was killed"
+        time.sleep(0.02)
+    raise AssertionError("nothing was measured")
+
+
+def test_a_journal_of_another_version_is_not_taken(tmp_path):
+    Journal(tmp_path / "journal.jsonl").put(
+        Entry(toy_cells.cell(0).id, "another", "2026-01-01", MACHINE, 0.1, toy_cells.measure(0))
+    )
+    assert measured_now(execute(tmp_path, toy_cells.cells(1))) == [0]
+
+
+# -- the sample --------------------------------------------------------------------------------------------------------
+
+
+def test_a_sample_takes_about_its_seconds_and_follows_its_seed():
+    cells = toy_cells.cells(40)
+    known = {c.id: run.Standing(c.content, MACHINE, 1.0 if c.key["n"] else 1e3) for c in cells}
+    chosen = run.sample(cells, known, 9.5, 1, 1)
+    assert len(chosen) == 9
+    assert chosen == run.sample(cells, known, 9.5, 1, 1) != run.sample(cells, known, 9.5, 2, 1)
+    assert cells[0] not in run.sample(cells, known, 1e6, 1, 1), "one cell would take the whole time"
+
+
+@pytest.mark.parametrize(("column", "factor", "seen"), [("order", 1.1, True), ("order", 1.0001, False)])
+def test_a_number_that_left_its_band_is_named_with_both_and_their_ratio(column, factor, seen):
+    cell = toy_cells.cell(1)
+    stored = [{"n": "1", column: "2.0", "symplecticity": "", "reversibility": "1e-30"}]
+    measured = [{"n": 1, column: 2.0 * factor, "reversibility": 2e-25}]
+    found = compare.differences(cell, "matrix", measured, stored)
+    assert len(found) == seen
+    assert not seen or all(x in str(found[0]) for x in ("order", "2.2", "2.0", "ratio 1.1"))
+
+
+def test_a_number_that_is_no_more_and_a_status_that_changed_are_seen():
+    cell = toy_cells.cell(1)
+    assert compare.differences(cell, "matrix", [{"n": 1}], [{"n": "1", "order": "2.0"}])
+    old = [{"order": "2.0", "status": "ok"}]
+    assert compare.differences(cell, "matrix", [{"order": 2.0, "status": "diverged"}], old)
+    assert not compare.differences(cell, "matrix", [{"order": 2.0, "status": "ok"}], old)
+
+
+def test_a_sample_that_differs_is_found_by_a_run(tmp_path, monkeypatch):
+    monkeypatch.setitem(compare.BANDS, "toys", {"x": (1e-6, 0.0)})
+    execute(tmp_path, toy_cells.cells(3))
+    assert compare.sampled(execute(tmp_path, toy_cells.cells(3))) == []
+    file = tmp_path / "toys.csv"
+    file.write_text(file.read_text().replace(repr(2 / 7), "0.29"))
+    (found,) = compare.sampled(execute(tmp_path, toy_cells.cells(3)))
+    assert (found.column, found.stored, found.measured) == ("x", "0.29", repr(2 / 7))
+
+
+# -- tables and the screen ---------------------------------------------------------------------------------------------
+
+
+def test_a_table_reads_the_numbers_that_were_measured(tmp_path):
+    values = np.random.default_rng(0).normal(size=200) * 10.0 ** np.arange(-150, 50)
+    cell = toy_cells.cell(1)
+    entries = {cell.id: Entry(cell.id, cell.content, "2026-11-21", MACHINE, 1.0, {"toys": [], "toy_parts": []})}
+    entries[cell.id].rows["toys"][:] = [{"n": 1, "x": x, "text": f'row, "{i}"'} for i, x in enumerate(values)]
+    tables.write(tmp_path / "data", [cell], entries, quick=True)
+    frame, about = tables.read(tmp_path, "toys")
+    assert (frame["x"].to_numpy() == values).all()
+    assert frame["text"].tolist() == [f'row, "{i}"' for i in range(200)]
+    assert set(tables.PROVENANCE).isdisjoint(frame)
+    assert about["quick"] is True
+    assert "numpy" in about["machines"][MACHINE]["versions"]
+    assert tables.read(tmp_path, "numbers") == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [(None, ""), (float("nan"), ""), (np.float64(0.1), "0.1"), (np.bool_(True), "True"), (1e-300, "1e-300"), (3, "3")],
+)
+def test_values_as_text(value, expected):
+    assert text(value) == expected
+
+
+def test_the_screen_fits_a_terminal_and_counts_cells(tmp_path):
+    execute(tmp_path, toy_cells.cells(3))
+    cells = [toy_cells.cell(n, version=2 if n == 1 else 1, function=toy_cells.fail if n == 1 else toy_cells.measure)
+             for n in range(4)]  # fmt: skip
+    outcome = execute(tmp_path, cells)
+    (row,) = screen.counts(outcome)
+    assert (row["failed"], row["measured now"], row["sampled"] + row["unchanged"]) == (1, 1, 2)
+    lines = screen.summary(outcome, 100).splitlines()
+    assert all(len(line) <= 100 for line in lines)
+    assert len(lines) == 3
