@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .solve import SOLVED
-from .vector import State, inlined, jit
+from .vector import State, apart, inlined, jit
 
 #: Where an attempt's stage equations start from: earlier steps at their roots, earlier steps at x = 0, the last
 #: attempt.
@@ -90,6 +90,12 @@ def finder(attempt):
     """
 
     @jit
+    def apart_attempt(x, start, arguments):
+        """`attempt` where it is rare."""
+        apart()
+        return attempt(x, start, arguments)
+
+    @jit
     def refine(a, Ea, b, Eb, arguments):
         """The root between a and b, where E changes sign: bisection quickened by the secant (Illinois); (x, found)."""
         x = b
@@ -98,7 +104,7 @@ def finder(attempt):
             x = 0.5 * (a + b) if k % 3 == 2 else b - Eb * (b - a) / (Eb - Ea)
             if not (min(a, b) < x < max(a, b)):
                 x = 0.5 * (a + b)
-            new = attempt(x, LATEST, arguments)
+            new = apart_attempt(x, LATEST, arguments)
             if new.status != SOLVED:
                 return x, False
             if abs(new.E) <= new.unit or x in (a, b):
@@ -119,13 +125,13 @@ def finder(attempt):
     def outwards(side, bound, search, arguments):
         """The root nearest zero on one side, by continuation from x = 0 to the bound or the branch's end; (x,
         found)."""
-        E0 = attempt(0.0, AT_ZERO, arguments).E
+        E0 = apart_attempt(0.0, AT_ZERO, arguments).E
         inner, Einner, outer, Eouter = 0.0, np.inf, 0.0, E0
         for k in range(search.points):
             x = side * min(search.radius / search.ratio ** (search.points - 1 - k), bound)
             if x == outer:
                 break
-            new = attempt(x, LATEST, arguments)
+            new = apart_attempt(x, LATEST, arguments)
             E = new.E
             if new.status != SOLVED:
                 break
@@ -135,12 +141,12 @@ def finder(attempt):
                 # A least |E| between three points of one sign: is there a pair of roots about it?
                 c1, c2 = muller(x, inner, outer, E, Einner, Eouter)
                 middle = outer - 0.5 * c1 / c2
-                new = attempt(middle, LATEST, arguments)
+                new = apart_attempt(middle, LATEST, arguments)
                 if new.status == SOLVED and (new.E > 0) != (Eouter > 0):
                     if abs(middle) < abs(outer):
                         return refine(inner, Einner, middle, new.E, arguments)
                     return refine(outer, Eouter, middle, new.E, arguments)
-                attempt(x, LATEST, arguments)
+                apart_attempt(x, LATEST, arguments)
             inner, Einner, outer, Eouter = outer, Eouter, x, E
         return 0.0, False
 
@@ -153,7 +159,7 @@ def finder(attempt):
             return below, True
         return above, found
 
-    @jit
+    @inlined
     def chase(x, E0, radius, models, row, arguments):
         """Muller's method from x, with (0, E0) as its other point; returns (x, found, the last attempt)."""
         xa, Ea, xb, Eb = 0.0, E0, 0.0, E0
@@ -183,10 +189,16 @@ def finder(attempt):
             new = attempt(x, LATEST, arguments)
         return x, False, new
 
+    @jit
+    def apart_chase(x, E0, radius, models, row, arguments):
+        """`chase` where it is rare."""
+        apart()
+        return chase(x, E0, radius, models, row, arguments)
+
     @inlined
     def nearer_side(x, E0, models, row, arguments):
         """x, or a guess on the other side where E has a nearer root; E(-x) also says what the model is now."""
-        beyond = attempt(-x, AT_ROOTS, arguments)
+        beyond = apart_attempt(-x, AT_ROOTS, arguments)
         if beyond.status != SOLVED:
             return x
         c2 = 0.5 * (beyond.E - 2 * E0) / (x * x)
@@ -216,7 +228,7 @@ def finder(attempt):
         if search.branches and found and abs(E0) < 1.2 * abs(models[row, 1]) * x * x:
             # The product of the model's two roots is E0 / c2: the other one may be nearer.
             other = E0 / (models[row, 1] * x)
-            nearer, better, second = chase(other, E0, radius, models, row, arguments)
+            nearer, better, second = apart_chase(other, E0, radius, models, row, arguments)
             if better and abs(nearer) < abs(x):
                 x, result = nearer, second
         if found and abs(x) <= search.near:
@@ -227,6 +239,6 @@ def finder(attempt):
             x, found = scan(search, arguments)
         if found and x != 0:
             models[row, 0], models[row, 1] = -E0 / x, 0.0
-        return x, found, attempt(x, LATEST if found and x != 0 else AT_ZERO, arguments)
+        return x, found, apart_attempt(x, LATEST if found and x != 0 else AT_ZERO, arguments)
 
     return find

@@ -14,8 +14,8 @@ import inspect
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit, types
-from numba.extending import overload
+from numba import config, njit, types
+from numba.extending import intrinsic, overload
 
 #: Options of every compiled function.  "contract" lets a product and a sum become one fused operation, as a C compiler
 #: does by default; it reorders nothing, so compensated sums stay exact.
@@ -37,9 +37,9 @@ def _holds_vectors(t) -> bool:
     return isinstance(t, types.BaseTuple) and any(map(_holds_vectors, t))
 
 
-def _jitted(f, **inline):
+def _jitted(f, inline):
     """Compile ``f`` on demand, without allocation where its values are tuples, with it where they are arrays."""
-    on_tuples, on_arrays = njit(**TUPLES, **inline)(f), njit(**ARRAYS)(f)
+    on_tuples, on_arrays = njit(**TUPLES, forceinline=inline)(f), njit(**ARRAYS, forceinline=False)(f)
     if on_tuples is f:  # compilation is off
         return f
     call_template, overload_of = on_tuples.get_call_template, on_tuples.get_overload
@@ -55,12 +55,27 @@ def _jitted(f, **inline):
     return on_tuples
 
 
-jit = _jitted
+def jit(f):
+    """Compile ``f`` as a function of its own.  (Without being told Numba would inline it where its caller is.)"""
+    return _jitted(f, inline=False)
 
 
 def inlined(f):
     """Compile ``f`` into its caller: for what a step of tuples consists of."""
-    return _jitted(f, forceinline=True)
+    return _jitted(f, inline=True)
+
+
+@intrinsic
+def _not_inlined(typing_context):
+    def codegen(context, builder, signature, arguments):
+        builder.function.attributes.add("noinline")
+        return context.get_dummy_value()
+
+    return types.none(), codegen
+
+
+#: Called first thing, it keeps a function from being inlined: what is rare and long is compiled once, not at each call.
+apart = (lambda: None) if config.DISABLE_JIT else _not_inlined
 
 
 def _unrolled(fn, template, loop=None, loop_options=ARRAYS):

@@ -35,7 +35,7 @@ from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Orbit, array, numbers
 from phasebench.integrators.engine.root import AT_ZERO, Attempt, Search, finder
 from phasebench.integrators.engine.solve import LEVELS, SOLVED
-from phasebench.integrators.engine.vector import State, advanced, chosen, close, jit, keep, opened, size
+from phasebench.integrators.engine.vector import State, advanced, apart, chosen, close, jit, keep, opened, size
 
 from . import collocation
 from .parametric import unknown
@@ -107,6 +107,7 @@ def attempt(alpha, start, e):
 
     The stages start from earlier steps' or from the last attempt's, which was taken with an alpha nearby.
     """
+    apart()
     step, y, counts, zero = e.step, e.y, e.counts, e.orbit.zero
     field, stages = step.tableau.field, len(step.b)
     equations = collocation.Equations(
