@@ -76,7 +76,10 @@ def _finite(value: object) -> object:
 
 def width() -> int | None:
     """How many columns there are to print in; None where nothing says so (a pipe, a file)."""
-    return out.width if out.is_terminal or "COLUMNS" in os.environ else None
+    stated = os.environ.get("COLUMNS", "")
+    if stated.isdigit():
+        return int(stated)
+    return out.width if out.is_terminal else None
 
 
 def show(title: str, rows: list[dict[str, str]]) -> None:
@@ -101,10 +104,11 @@ def show(title: str, rows: list[dict[str, str]]) -> None:
     for row in rows:
         table.add_row(*(Text(row[head]) for head in widths))
     whole = sum(widths.values()) + GAP * len(widths)
-    (out if room is not None else Console(width=max(whole, len(title)))).print(table)
+    console = Console(width=room or max(whole, len(title)))
+    console.print(table)
     hidden = heads[len(widths) :]
     if hidden:
-        out.print(f"in a wider terminal also: {', '.join(hidden)}; everything with --json", highlight=False)
+        console.print(f"in a wider terminal also: {', '.join(hidden)}; everything with --json", highlight=False)
 
 
 def numbers(text: str | None, name: str) -> list[float] | None:

@@ -9,14 +9,15 @@ from phasebench.integrators.coefficients.fractions import SCHEMES, times
 from phasebench.integrators.errors import InvalidInput, unknown
 from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF, Method
 
-from . import classical, collocation, compositions, parametric, splittings
+from . import classical, collocation, compositions, energy, parametric, splittings, variational
 
 ONTO = ("energy", "invariants")
 FAMILIES = ("runge_kutta", "parametric", "splitting")
 
 
 #: Id -> record of what may be projected or relaxed by its name.
-BASES = {m.id: m for module in (classical, parametric, splittings, compositions, collocation) for m in module.METHODS}
+MODULES = (classical, parametric, splittings, compositions, collocation, variational, energy)
+BASES = {m.id: m for module in MODULES for m in module.METHODS}
 
 
 def _method(base: Method | str, **parameters) -> Method:

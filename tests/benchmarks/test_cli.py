@@ -488,7 +488,7 @@ def test_a_second_run_measures_nothing(swept, tmp_path):
 def test_a_method_that_changed_is_measured_again(swept, tmp_path, monkeypatch):
     path = tmp_path / "rows.jsonl"
     path.write_text(swept)
-    monkeypatch.setitem(registry.BY_ID, "rk4", replace(registry.BY_ID["kutta-3"], id="rk4"))
+    monkeypatch.setitem(registry.BY_ID, "rk4", replace(registry.BY_ID["explicit-euler"], id="rk4"))
     code, _, said = call("run", *SWEEP, "--output", str(path))
     assert (code, "cells are in" in said) == (0, False)
     old, new = ([strict(line)["global_error"] for line in text.splitlines()] for text in (swept, path.read_text()))

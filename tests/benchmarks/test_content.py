@@ -74,7 +74,12 @@ def copy(tmp_path):
 @pytest.mark.parametrize(
     ("file", "old", "new", "moved"),
     [
-        ("integrators/families/splitting.py", "    return len(Q), 0", "    return len(P), 0", {SPLITTING}),
+        (
+            "integrators/families/splitting.py",
+            "    return len(samples.q), 0",
+            "    return len(samples.p), 0",
+            {SPLITTING},
+        ),
         (
             "integrators/engine/vector.py",
             "import numpy",
