@@ -19,7 +19,6 @@ from .request import check_timeout, grid, initial, request, spacing
 
 OK, DIVERGED, NOT_CONVERGED, NO_ROOT, COLLISION = "ok", "diverged", "not-converged", "no-root", "collision"
 INVALID, TIMEOUT, SKIPPED = "invalid", "timeout", "skipped"
-STATUSES = (OK, DIVERGED, NOT_CONVERGED, NO_ROOT, COLLISION, INVALID, TIMEOUT, SKIPPED)
 
 #: A state that has grown by this factor has escaped, whatever stopped it in the end.
 ESCAPED = 1e6
@@ -300,7 +299,7 @@ def _run(prepared, trajectory: _Trajectory, chosen: Method, timeout, progress) -
     }
     n = t.filled
     index = np.minimum(np.arange(n + 1) * t.every, t.steps)
-    times = np.array([t.h * int(i) for i in index], dtype=object if t.arithmetic == MULTIPRECISION else float)
+    times = t.h * (index.astype(object) if t.arithmetic == MULTIPRECISION else index)
     Q, P, parameter = t.q[: n + 1], t.p[: n + 1], t.parameter[:n, 0]
     return Solution(times, Q, P, t.status, t.reason, tally, t.h, chosen, parameter, t.seconds)
 

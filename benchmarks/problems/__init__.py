@@ -6,6 +6,7 @@ import importlib
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from math import isfinite
+from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -72,8 +73,7 @@ def problem(name: str | Path, **parameters) -> Problem:
     if id not in PROBLEMS:
         raise unknown("problem", id, PROBLEMS)
     module = importlib.import_module(f".{PROBLEMS[id][0]}", __name__)
-    check_parameters(f"problem '{id}'", module.PARAMETERS, parameters)
-    made = _made(module, **(module.PARAMETERS | parameters))
+    made = _made(module, **(module.PARAMETERS | real_parameters(f"problem '{id}'", module.PARAMETERS, parameters)))
     return made.at(orbit) if orbit else made
 
 
@@ -111,14 +111,15 @@ def file_and_orbit(name: str) -> tuple[str | None, str]:
     return (name, "") if is_file(name) else (None, "")
 
 
-def check_parameters(what: str, known: Iterable[str], values: Mapping[str, object]) -> None:
-    """Raise InvalidInput for a parameter that is not ``known`` or no finite number."""
+def real_parameters(what: str, known: Iterable[str], values: Mapping[str, object]) -> dict[str, int | float]:
+    """The parameters as Python's numbers; raises InvalidInput for one that is not ``known`` or no finite number."""
     for key, value in values.items():
         if key not in known:
             has = f"has {', '.join(known)}" if known else "has none"
             raise InvalidInput(f"{what} has no parameter '{key}'; it {has}")
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
             raise InvalidInput(f"the parameter {key} of {what} is {value!r}; it must be a finite number")
+    return {key: int(value) if isinstance(value, Integral) else float(value) for key, value in values.items()}
 
 
 __all__ = ["PROBLEMS", "labels", "problem"]

@@ -27,7 +27,7 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems import formula
 from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
-from . import PROBLEMS, check_parameters, user_file
+from . import PROBLEMS, real_parameters, user_file
 from .base import Orbit, Problem
 
 DIGITS = 30
@@ -61,7 +61,7 @@ def from_file(path: str | Path, **parameters) -> Problem:
         made, values = getattr(module, "problem", None), {}
         if made is None:
             raise InvalidInput(f"{path} has no function 'make' that returns a Problem, and no 'problem = Problem(...)'")
-        check_parameters(str(path), (), parameters)
+        real_parameters(str(path), (), parameters)
     else:
         values = _values(module, make, str(path), parameters)
         with user_file.users_code(str(path), f"make({', '.join(f'{k}={v!r}' for k, v in values.items())})"):
@@ -97,7 +97,7 @@ def from_formula(
         For a formula that cannot be used, variables with gaps, constants that are missing or not in the formula, or an
         initial state that does not fit.
     """
-    constants = dict(constants or {})
+    constants = real_parameters("the formula", constants or {}, constants or {})
     found = formula.names(text)
     d = _degrees(found)
     numbers = [""] if d == 0 else [str(i) for i in range(1, d + 1)]
@@ -107,7 +107,6 @@ def from_formula(
             raise InvalidInput(f"'{name}' is a variable of the formula: its initial value is given by --{name[0]}")
         if name not in found or name in formula.FUNCTIONS:
             raise InvalidInput(f"the formula has no constant '{name}'")
-    check_parameters("the formula", constants, constants)
     known = {*variables, *constants, *formula.CONSTANTS, *formula.FUNCTIONS}
     missing = [x for x in found if x not in known]
     if missing:
@@ -158,8 +157,7 @@ def _values(module: types.ModuleType, make: Any, path: str, parameters: Mapping[
     if not isinstance(own, Mapping):
         raise InvalidInput(f"{path}: PARAMETERS is a {type(own).__name__}; write PARAMETERS = {{'k': 2.0}}")
     values |= own
-    check_parameters(path, {a.name for a in named} | set(values), {**values, **parameters})
-    values |= parameters
+    values = real_parameters(path, {a.name for a in named} | set(values), {**values, **parameters})
     for a in named:
         if a.name not in values:
             raise InvalidInput(f"{path}: make needs a value of {a.name}: write it in PARAMETERS, or --set {a.name}=2")

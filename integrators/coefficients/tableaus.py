@@ -14,7 +14,6 @@ from functools import cache
 from typing import NamedTuple
 
 import mpmath
-import numpy as np
 
 from .quadrature import gauss_legendre, gauss_lobatto, legendre, legendre_integrals, radau_right
 
@@ -90,13 +89,14 @@ def extrapolation(B, c) -> list[tuple]:
     """
     s = B.rows
     shared = int(c[0] == 0 and c[-1] == 1)
-    B, c = np.array(B.tolist(), dtype=float), np.array(c, dtype=float)
     out = []
     for m in range(1, max(2, LEVELS // s) + 1):
         degree = min(m * (s - shared) + shared - 1, DEGREE)
-        basis = [np.polynomial.chebyshev.chebvander(2 * (c - n) / m + 1, degree) for n in range(m + 1)]
-        here, *earlier = [B @ T for T in basis]
-        out += [tuple(map(float, row)) for row in here @ np.linalg.pinv(np.concatenate(earlier))]
+        basis = [[[mpmath.chebyt(k, 2 * (x - n) / m + 1) for k in range(degree + 1)] for x in c] for n in range(m + 1)]
+        here, *earlier = [B * mpmath.matrix(T) for T in basis]
+        past = mpmath.matrix([row for T in earlier for row in T.tolist()])
+        weights = here * mpmath.inverse(past.T * past) * past.T  # the smallest of all that are exact
+        out += [tuple(map(float, row)) for row in weights.tolist()]
     return out
 
 

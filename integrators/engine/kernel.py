@@ -11,7 +11,7 @@ For somebody who adds a family.  Its module holds a NamedTuple of what a step ne
    returns (rows filled, status): `solve.SOLVED`, or why it stopped in the middle of the row that follows.
 4. ``run`` is called again and again, in pieces.  All that goes from one piece to the next stands in ``orbit`` and
    ``counts``: it reads the state at its begin (`vector.opened`) and writes it at its end (`vector.close`).
-5. The state, stage unknowns and increments are values: tuples of small d, arrays of large d, object arrays of mpmath
+5. The state, stage unknowns and increments are values: tuples of small d, arrays of large d, object arrays of MPFR
    numbers.  Only the operations of `vector` touch them, so that the same source runs on all three.  Increments are
    added with compensation.
 6. A step of tuples allocates nothing.  Arrays in ``step`` and ``orbit`` are two-dimensional or read-only: a writable

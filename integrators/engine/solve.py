@@ -92,6 +92,22 @@ def converged(delta, last, length, span, eps):
 
 
 @inlined
+def lengths_of_both(x, g, e):
+    """How large the coordinates and the momenta are that the increments x, on the way to g, lead to.
+
+    Differences are taken of these lengths, told apart: where momenta are far smaller than coordinates, a difference of
+    the coordinates' length would leave their range, and one of the momenta's would be lost in the coordinates.
+    """
+    return size(e.q) + size(head(x)) + size(head(g)), size(e.p) + size(tail(x)) + size(tail(g))
+
+
+@inlined
+def difference(length, span, eps):
+    """The length of a difference in a variable of the size ``length``, or of ``span`` where that is zero."""
+    return eps**0.5 * (length if length > 0 else span)
+
+
+@inlined
 def newton_converged(delta, last, unit, noise):
     """Whether Newton's method is at its end, by the last two moves: at round-off, or near it and no longer falling."""
     return delta <= unit or (delta >= 0.5 * last and delta <= 1e3 * (unit + noise))
@@ -155,9 +171,12 @@ def gauss(A, n):
 # -- unknowns that are values -----------------------------------------------------------------------------------------
 
 
-def solver(G):
-    """The solver of x = G(x, arguments): a function (arguments, start, span, eps, work) -> (x, evaluations, Newton
-    used: 0 or 1, status)."""
+def solver(G, lengths=lengths_of_both):
+    """The solver of x = G(x, arguments).
+
+    It is a function (arguments, start, span, eps, work) -> (x, evaluations, Newton used: 0 or 1, status); ``lengths``
+    (x, G(x), arguments) are the sizes of the variables that the first and the second half of x move.
+    """
 
     @jit
     def newton(arguments, x, span, eps, work):
@@ -166,12 +185,13 @@ def solver(G):
         ``work`` is an array of at least (n + 1, n + 1) numbers, ``span`` the size of the variables in which G varies.
         """
         n = len(x)
-        step = eps**0.5 * span
         last = np.inf
         evaluations = 0
         for _ in range(NEWTON_LIMIT):
             g = G(x, arguments)
+            first, second = lengths(x, g, arguments)
             for i in range(n):
+                step = difference(first if 2 * i < n else second, span, eps)
                 column = minus(G(bump(x, i, step), arguments), g)
                 store(work, n, column)
                 for j in range(n):
@@ -243,8 +263,9 @@ def row_solver(sweep, linearize):
     leaves the solution where the start was and writes over the 3 ``stages`` rows that follow.  ``equations`` is a
     NamedTuple with the fields memory, stages, and like, a zero of the kind of a row; sweep(equations, old, new) writes
     G of the rows ``old`` to the rows ``new`` and returns (their distance, the size of the new); linearize(equations,
-    at, step, work) writes the matrix of 1 - G' into ``work``, G itself to the rows at + stages, may use the ``stages``
-    rows after those, and returns the sweeps that this is worth.
+    at, span, work) writes the matrix of 1 - G' into ``work``, by differences of the variables' own lengths
+    (`difference`), G itself to the rows at + stages, may use the ``stages`` rows after those, and returns the sweeps
+    that this is worth.
     """
 
     @jit
@@ -256,7 +277,7 @@ def row_solver(sweep, linearize):
         last = np.inf
         sweeps = 0
         for _ in range(NEWTON_LIMIT):
-            sweeps += linearize(equations, at, eps**0.5 * span, work)
+            sweeps += linearize(equations, at, span, work)
             for r in range(order):
                 j, i = r // n, r % n
                 work[r, order] = memory[at + stages + j, i] - memory[at + j, i]
@@ -277,7 +298,7 @@ def row_solver(sweep, linearize):
             last = delta
         return sweeps, STALLED
 
-    @jit
+    @inlined
     def solve(equations, at, span, eps, work):
         """Solve from the start in the rows ``at``."""
         memory, stages, like = equations.memory, equations.stages, equations.like
@@ -332,7 +353,7 @@ def confirmer(solve, sweep, change):
             total = Change(total.q + c.q, total.p + c.p, total.size_q + c.size_q, total.size_p + c.size_p)
         return total
 
-    @jit
+    @inlined
     def confirmed(e, at, work, counts):
         """Solve from the start in the rows ``at``, by the rule ``counts.rule`` and finer ones."""
         eps, nodes = e.step.eps, e.step.nodes

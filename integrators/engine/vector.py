@@ -1,7 +1,7 @@
 """The handful of vector operations in which every kernel is written.
 
 A kernel speaks of ``q`` and ``p`` as *values*.  Each operation below is one plain NumPy expression; it works as it
-stands on arrays of doubles and on object arrays of mpmath numbers.  Compiled, the same expression is unrolled for
+stands on arrays of doubles and on object arrays of MPFR numbers.  Compiled, the same expression is unrolled for
 tuples of doubles (small ``d``: the state lives in registers) and left to Numba for arrays (large ``d``).
 
 ``add`` is the compensated sum x + (dx + c): it returns the new value and the part of the increment that rounding

@@ -218,11 +218,6 @@ def coupled(path: str, system) -> bool:
     return any(a != b and sp.expand(sp.diff(system.H, x, y)) != 0 for (x, a), (y, b) in combinations(variables, 2))
 
 
-def is_avf(method, system) -> bool:
-    """Whether every substep is one of the averaged vector field method, because no path makes a difference."""
-    return not any(coupled(path, system) for _, path, _ in method.data)
-
-
 def prepare(method, system, arithmetic):
     """One exact rule for a polynomial H, else the list of rules; substeps (fraction, path, direction)."""
     digits, rules = (40, RULES) if arithmetic == DOUBLE else (mpmath.mp.dps, LARGE)

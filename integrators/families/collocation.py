@@ -45,7 +45,17 @@ from phasebench.integrators.coefficients.quadrature import LARGE, RULES, sizes
 from phasebench.integrators.coefficients.tableaus import tableau
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, array, fixed
-from phasebench.integrators.engine.solve import LEVELS, SOLVED, Change, change, confirmer, copy, row_solver
+from phasebench.integrators.engine.solve import (
+    LEVELS,
+    SOLVED,
+    Change,
+    change,
+    confirmer,
+    copy,
+    difference,
+    lengths_of_both,
+    row_solver,
+)
 from phasebench.integrators.engine.vector import (
     advanced,
     axpy,
@@ -137,6 +147,15 @@ def _both(field, e, i, x):
     return join(dq, dp)
 
 
+def _lengths_kick(field, e, x, f):
+    length = size(e.p) + size(x) + abs(e.step.h) * size(f)
+    return length, length
+
+
+def _lengths_both(field, e, x, f):
+    return lengths_of_both(x, scale(e.step.h, f), e)
+
+
 def _moves_kicks(field, e, at):
     x, y = e.zero, e.zero
     for m in range(e.stages):
@@ -157,6 +176,8 @@ def _moves_both(field, e, at):
 inner = chosen(_sum_kicks, _sum_both)
 #: f(Z_i) with that sum as ``x``.
 force = chosen(_kick, _both)
+#: How large the variables are that the two halves of that sum move.
+lengths = chosen(_lengths_kick, _lengths_both)
 #: The increments of q and p over the step.
 moves = chosen(_moves_kicks, _moves_both)
 #: h M^-1 p, which the Nystrom form needs.
@@ -205,7 +226,7 @@ def sweep(e, old, new):
 
 
 @inlined
-def linearize(e, at, step, work):
+def linearize(e, at, span, work):
     """The matrix of 1 - G' by differences of f at the nodes."""
     tableau, memory = e.step, e.memory
     n, first = len(e.like), e.counts.rule
@@ -216,8 +237,10 @@ def linearize(e, at, step, work):
     for i in range(first, first + tableau.nodes[first]):
         x = inner(tableau.field, e, i, at)
         f = force(tableau.field, e, i, x)
+        in_q, in_p = lengths(tableau.field, e, x, f)
         for c in range(n):
             A = tableau.A_q if 2 * c < n else tableau.A_p
+            step = difference(in_q if 2 * c < n else in_p, span, tableau.eps)
             slope = minus(force(tableau.field, e, i, bump(x, c, step)), f)
             store(memory, spare, scale(tableau.h / step, slope))
             for j in range(e.stages):

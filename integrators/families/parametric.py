@@ -100,7 +100,14 @@ def kick(x, stage):
     return scale(-stage.h, stage.step.dV(axpy(stage.mu, shift(x, stage), stage.q)))
 
 
-solve_increments, solve_kick = solver(increments), solver(kick)
+@inlined
+def lengths_of_kick(x, g, stage):
+    """The size of the momenta, for both halves."""
+    length = size(stage.p) + size(x) + size(g)
+    return length, length
+
+
+solve_increments, solve_kick = solver(increments), solver(kick, lengths_of_kick)
 
 
 def _nystrom(field, step, y, c, mu, lam, x, work):

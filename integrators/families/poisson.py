@@ -42,7 +42,17 @@ from phasebench.integrators.coefficients.quadrature import (
 )
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, array, fixed
-from phasebench.integrators.engine.solve import LEVELS, SOLVED, change, confirmer, copy, predict, row_solver
+from phasebench.integrators.engine.solve import (
+    LEVELS,
+    SOLVED,
+    change,
+    confirmer,
+    copy,
+    difference,
+    lengths_of_both,
+    predict,
+    row_solver,
+)
 from phasebench.integrators.engine.vector import (
     advanced,
     axpy,
@@ -132,20 +142,23 @@ def sweep(e, old, new):
 
 
 @inlined
-def linearize(e, at, step, work):
+def linearize(e, at, span, work):
     """The matrix of 1 - G' by differences of sweeps."""
     memory, n = e.memory, len(e.like)
     base, moved = at + e.stages, at + 2 * e.stages
     sweep(e, at, base)
     for c in range(e.stages * n):
         row, i = at + c // n, c % n
+        x, g = load(memory, row, e.like), load(memory, row + e.stages, e.like)
+        in_q, in_p = lengths_of_both(x, g, e)
+        step = difference(in_q if 2 * i < n else in_p, span, e.step.eps)
         value = memory[row, i]
         memory[row, i] = value + step
         sweep(e, at, moved)
         memory[row, i] = value
         for r in range(e.stages * n):
-            difference = memory[moved + r // n, r % n] - memory[base + r // n, r % n]
-            work[r, c] = (1.0 if r == c else 0.0) - difference / step
+            change_of_g = memory[moved + r // n, r % n] - memory[base + r // n, r % n]
+            work[r, c] = (1.0 if r == c else 0.0) - change_of_g / step
     return e.stages * n + 1
 
 

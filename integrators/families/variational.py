@@ -40,7 +40,7 @@ import numpy as np
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.coefficients.quadrature import gauss_legendre, gauss_lobatto
 from phasebench.integrators.engine.kernel import Prepared, array, numbers
-from phasebench.integrators.engine.solve import LEVELS, SOLVED, copy, predict, remember, row_solver
+from phasebench.integrators.engine.solve import LEVELS, SOLVED, copy, difference, predict, remember, row_solver
 from phasebench.integrators.engine.vector import (
     advanced,
     axpy,
@@ -118,13 +118,13 @@ def sweep(e, old, new):
 
 
 @inlined
-def linearize(e, at, step, work):
+def linearize(e, at, span, work):
     """The matrix of 1 - G' by differences of the gradient."""
     r, d, h = e.stages, len(e.like), e.step.h
     n = r * d
-    step = step * abs(h)  # of q
     for i in range(r):
         Q = axpy(1.0, displacement(e, i, at), e.q)
+        step = difference(size(e.q) + size(Q), span, e.step.eps)
         present = scale(-e.step.b[i], e.step.dV(Q))
         store(e.memory, at + r + i, present)
         for k in range(d):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from fractions import Fraction
 
 import mpmath
 import numpy as np
@@ -217,3 +218,8 @@ def test_good_parameters_change_the_problem():
     assert problem("kepler", e=0).q0 == (1.0, 0.0)
     assert problem("perturbed-kepler", mu=0.0).system.H.equals(problem("kepler").system.H)
     assert energy("harmonic-oscillator", omega=3) == 4.5
+
+
+@pytest.mark.parametrize("value", [np.float32(1.5), np.float64(1.5), Fraction(3, 2)])
+def test_a_parameter_may_be_any_real_number(value):
+    assert problem("harmonic-oscillator", omega=value) is problem("harmonic-oscillator", omega=1.5)

@@ -73,7 +73,13 @@ def infinite(x, arguments):
     return (np.nan, x[1])
 
 
-solve_affine, solve_none, solve_infinite = solver(affine), solver(no_solution), solver(infinite)
+@njit
+def of_one(x, g, arguments):
+    """Both unknowns are increments of variables of the size 1."""
+    return 1.0, 1.0
+
+
+solve_affine, solve_none, solve_infinite = (solver(G, of_one) for G in (affine, no_solution, infinite))
 
 
 def fixed_point(factor, constant):
@@ -105,6 +111,28 @@ def test_an_equation_without_a_solution_is_not_called_solved():
 
 def test_what_is_not_finite_is_not_called_solved():
     assert solve_infinite((0.0, 0.0), (0.3, 0.0), 1.0, EPS, WORK)[3] in (STALLED, NOT_FINITE)
+
+
+UNIT = 2.0**-40
+
+
+@njit
+def in_two_units(x, arguments):
+    """u = 3 cos(v / UNIT), v = 3 UNIT sin(u): the second unknown is one of far smaller units."""
+    return (3 * np.cos(x[1] / UNIT), 3 * UNIT * np.sin(x[0]))
+
+
+@njit
+def of_their_units(x, g, arguments):
+    return 1.0, UNIT
+
+
+@pytest.mark.parametrize(("lengths", "solved"), [(of_their_units, True), (of_one, False)])
+def test_differences_are_as_long_as_what_is_varied(lengths, solved):
+    x, _, newton, status = solver(in_two_units, lengths)((0.0,), (1.1, UNIT), 1.0, EPS, WORK)
+    assert (newton, status == SOLVED) == (1, solved)
+    if solved:
+        assert np.abs(np.subtract(x, in_two_units.py_func(x, None)) / (1, UNIT)).max() < 1e-13
 
 
 # -- stiff steps ------------------------------------------------------------------------------------------------------
