@@ -88,16 +88,16 @@ def outcome(request, pytestconfig, quick) -> run.Outcome:
     modules = {item.module.__name__: item.module for item in request.session.items}
     cells = [c for m in modules.values() if hasattr(m, "cells") for c in m.cells(quick)]
     wanted = pytestconfig.stash[WANTED]
-    chosen = (lambda c: bool(wanted & {*c.names, c.experiment})) if wanted else None
+    selected = (lambda c: bool(wanted & {*c.names, c.experiment})) if wanted else None
     if quick and not wanted:
         cells = [c for c in cells if c.quick]
     capture = pytestconfig.pluginmanager.getplugin("capturemanager")
     with capture.global_and_fixture_disabled(), screen.progress(sys.stderr) as progress:
         try:
-            found = run.execute(
+            outcome = run.execute(
                 cells,
                 _folder(pytestconfig) / "data",
-                chosen=chosen,
+                selected=selected,
                 budget=pytestconfig.getoption("--budget"),
                 everything=pytestconfig.getoption("--all"),
                 quick=quick,
@@ -106,8 +106,8 @@ def outcome(request, pytestconfig, quick) -> run.Outcome:
             )
         except InvalidInput as error:
             pytest.exit(str(error), returncode=2)
-    pytestconfig.stash[OUTCOME] = found
-    return found
+    pytestconfig.stash[OUTCOME] = outcome
+    return outcome
 
 
 @pytest.fixture
@@ -153,7 +153,7 @@ def pytest_terminal_summary(terminalreporter, exitstatus, config):
     """Say in one table what was measured."""
     if OUTCOME not in config.stash:
         return
-    found = config.stash[OUTCOME]
+    outcome = config.stash[OUTCOME]
     terminalreporter.section("measured")
-    for line in (*screen.summary(found).splitlines(), *found.notes, *config.stash[NOTES]):
+    for line in (*screen.summary(outcome).splitlines(), *outcome.notes, *config.stash[NOTES]):
         terminalreporter.write_line(line)

@@ -106,33 +106,33 @@ def build(folder: str | Path, quick: bool = False, progress: Callable[[str], Non
     folder.mkdir(parents=True, exist_ok=True)
     data = Data(folder)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".report-") as scratch:
-        made = Path(scratch)
-        (made / "figures").mkdir()
-        written = [_page(page, data, made) for page in PAGES]
-        _entry(written, made, quick)
-        _replace(made, folder)
+        target = Path(scratch)
+        (target / "figures").mkdir()
+        written = [_page(page, data, target) for page in PAGES]
+        _entry(written, target, quick)
+        _replace(target, folder)
     progress(f"wrote {len(written)} pages")
     return folder / "README.md"
 
 
-def _page(page: Page, data: Data, made: Path) -> _Written:
-    """Write a page into ``made``."""
+def _page(page: Page, data: Data, target: Path) -> _Written:
+    """Write a page into ``target``."""
     verdicts = page.judged(data)
-    pictures, table = list(page.figures(data, made / "figures") or ()), page.table(data)
+    pictures, table = list(page.figures(data, target / "figures") or ()), page.table(data)
     whole = page.whole(data)
     if whole is not None:
         whole = whole.drop(columns=PROVENANCE, errors="ignore")
-    _put(made, page.id, markdown.document(page, verdicts, pictures, table, origin(page, data)), whole)
+    _put(target, page.id, markdown.document(page, verdicts, pictures, table, origin(page, data)), whole)
     return _Written(page, *outcome(verdicts), pictures, table)
 
 
-def _put(made: Path, name: str, text: str, whole: pd.DataFrame | None) -> None:
+def _put(target: Path, name: str, text: str, whole: pd.DataFrame | None) -> None:
     """Write a page in both formats."""
-    (made / f"{name}.md").write_text(text, encoding="utf-8")
-    (made / f"{name}.html").write_text(html.document(text, made, whole), encoding="utf-8")
+    (target / f"{name}.md").write_text(text, encoding="utf-8")
+    (target / f"{name}.html").write_text(html.document(text, target, whole), encoding="utf-8")
 
 
-def _entry(written: list[_Written], made: Path, quick: bool) -> None:
+def _entry(written: list[_Written], target: Path, quick: bool) -> None:
     """The entry: a line a page, and which integrator for which accuracy."""
     lines = pd.DataFrame(
         [
@@ -148,14 +148,14 @@ def _entry(written: list[_Written], made: Path, quick: bool) -> None:
     for picture in choice.pictures[:1]:
         parts += [f"![{picture.title}](figures/{picture.file})\n", markdown.wrapped(picture.caption) + "\n"]
     text = "\n".join(parts)
-    (made / "README.md").write_text(f"{text}\n{SAME}\n", encoding="utf-8")
-    (made / "index.html").write_text(html.document(text, made, home=None), encoding="utf-8")
+    (target / "README.md").write_text(f"{text}\n{SAME}\n", encoding="utf-8")
+    (target / "index.html").write_text(html.document(text, target, home=None), encoding="utf-8")
 
 
-def _replace(made: Path, folder: Path) -> None:
-    """Move every file of ``made`` to its place in ``folder``; the entry comes last, when all it links to is there."""
+def _replace(target: Path, folder: Path) -> None:
+    """Move every file of ``target`` to its place in ``folder``; the entry comes last, when all it links to is there."""
     (folder / "figures").mkdir(exist_ok=True)
     entry = ("README.md", "index.html")
-    files = sorted((p for p in made.rglob("*") if p.is_file()), key=lambda p: p.name in entry)
+    files = sorted((p for p in target.rglob("*") if p.is_file()), key=lambda p: p.name in entry)
     for path in files:
-        os.replace(path, folder / path.relative_to(made))
+        os.replace(path, folder / path.relative_to(target))

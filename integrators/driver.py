@@ -95,7 +95,7 @@ def integrate(
     InvalidInput
         For input that cannot be used; what happens on the way (a blow-up, a stage not solved) is a status.
     """
-    chosen = method_of(method, **(parameters or {}))
+    record = method_of(method, **(parameters or {}))
     multi = arithmetic == MULTIPRECISION
     if multi and codegen.compiled():
         raise InvalidInput("multiprecision runs need a process with NUMBA_DISABLE_JIT=1")
@@ -110,12 +110,12 @@ def integrate(
         system, q, p, h, steps, every = request(
             problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every
         )
-    lack = chosen.lacks(system)
+    lack = record.lacks(system)
     if lack:
         raise InvalidInput(lack)
-    prepared = prepare(chosen, system, arithmetic)
+    prepared = prepare(record, system, arithmetic)
     trajectory = _Trajectory(system, q, p, h, steps, every, arithmetic)
-    return _run(prepared, trajectory, chosen, timeout, progress)
+    return _run(prepared, trajectory, record, timeout, progress)
 
 
 @dataclass
@@ -163,11 +163,11 @@ def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dic
 
     It returns the end state (q, p) as arrays.  Raises what `integrate` raises.
     """
-    chosen = method_of(method, **(parameters or {}))
-    integrate(problem, chosen, h=h, steps=1)
+    record = method_of(method, **(parameters or {}))
+    integrate(problem, record, h=h, steps=1)
     h, steps = grid(h, None, steps)
     system, q, p = initial(problem, None, None)
-    integration = _lay_out(prepare(chosen, system), system.d, h, q, p, DOUBLE)
+    integration = _lay_out(prepare(record, system), system.d, h, q, p, DOUBLE)
     Q, P, parameter = np.zeros((1, system.d)), np.zeros((1, system.d)), np.zeros((1, 1))
 
     def run():
@@ -276,7 +276,7 @@ class _Trajectory:
             self.status, self.reason = NO_ROOT, self.reason + ": the energy is not kept; take a smaller h"
 
 
-def _run(prepared, trajectory: _Trajectory, chosen: Method, timeout, progress) -> Solution:
+def _run(prepared, trajectory: _Trajectory, record: Method, timeout, progress) -> Solution:
     """Integrate, from the first row of the trajectory."""
     t = trajectory
     run = _lay_out(prepared, t.system.d, t.h, t.q[0], t.p[0], t.arithmetic)
@@ -301,7 +301,7 @@ def _run(prepared, trajectory: _Trajectory, chosen: Method, timeout, progress) -
     index = np.minimum(np.arange(n + 1) * t.every, t.steps)
     times = t.h * (index.astype(object) if t.arithmetic == MULTIPRECISION else index)
     Q, P, parameter = t.q[: n + 1], t.p[: n + 1], t.parameter[:n, 0]
-    return Solution(times, Q, P, t.status, t.reason, tally, t.h, chosen, parameter, t.seconds)
+    return Solution(times, Q, P, t.status, t.reason, tally, t.h, record, parameter, t.seconds)
 
 
 def _travel(system, Q, P, h):

@@ -33,17 +33,17 @@ def _accepted(record: Method, values: dict) -> list[Method]:
 def variants(methods=METHODS, **values) -> list[Method]:
     """Every method at every tested value of its parameters."""
     values = VALUES | values
-    found = []
+    members = []
     for record in methods:
         if record.order > LOW_ORDER and "order" not in record.parameters:
-            found.append(record)
+            members.append(record)
             continue
         names = list(record.parameters)
         grids = [values.get(n, (record.parameters[n],)) for n in names]
-        here = [m for point in product(*grids) for m in _accepted(record, dict(zip(names, point, strict=True)))]
-        assert here or not set(values) <= set(VALUES), f"{record.id} accepts none of the tested parameters"
-        found += here
-    return found
+        accepted = [m for point in product(*grids) for m in _accepted(record, dict(zip(names, point, strict=True)))]
+        assert accepted or not set(values) <= set(VALUES), f"{record.id} accepts none of the tested parameters"
+        members += accepted
+    return members
 
 
 def high_order_variants() -> list[Method]:
@@ -98,8 +98,8 @@ LATER = 0.4
 
 
 def _of(name: str):
-    made = problem(name)
-    return made.system, made.q0, made.p0
+    whole = problem(name)
+    return whole.system, whole.q0, whole.p0
 
 
 def runs_on(method: Method, name: str) -> bool:
@@ -113,8 +113,8 @@ def systems(method: Method, few: bool | None = None) -> list[str]:
         return [n for n in SHORT if runs_on(method, n)]
     few = method.order > LOW_ORDER if few is None else few
     fast = "linear fast part" in method.requires
-    found = [n for n in SYSTEMS if runs_on(method, n) and (fast or n != "two-frequencies")]
-    return [n for n in found if n in FEW] or found if few and not fast else found
+    names = [n for n in SYSTEMS if runs_on(method, n) and (fast or n != "two-frequencies")]
+    return [n for n in names if n in FEW] or names if few and not fast else names
 
 
 def expected_order(method: Method, name: str) -> int:

@@ -76,9 +76,9 @@ def flow(system, y, T, pieces=8):
     return y, doubt
 
 
-def digits(chosen: Method) -> int:
+def digits(record: Method) -> int:
     """The digits at which a method is measured: its error along the ladder lies far above them."""
-    return max(DIGITS, 8 * chosen.order)
+    return max(DIGITS, 8 * record.order)
 
 
 def start(name):
@@ -111,34 +111,34 @@ def displacement():
     return epsilon(MULTIPRECISION) ** 0.2
 
 
-def advance(system, chosen, y, h, steps=1):
+def advance(system, record, y, h, steps=1):
     """The state after some steps."""
     d = system.d
-    s = integrate(system, chosen, h=h, steps=steps, q0=y[:d], p0=y[d:], arithmetic=MULTIPRECISION, save_every=0)
+    s = integrate(system, record, h=h, steps=steps, q0=y[:d], p0=y[d:], arithmetic=MULTIPRECISION, save_every=0)
     if s.status != "ok":
-        raise ArithmeticError(f"{chosen.label}: {s.reason}")
+        raise ArithmeticError(f"{record.label}: {s.reason}")
     return np.concatenate([s.q[-1], s.p[-1]])
 
 
-def errors(chosen: Method, name: str) -> dict:
+def errors(record: Method, name: str) -> dict:
     """Errors at SPAN along LADDER, and the reference's uncertainty."""
     system, y, end, doubt = reference(name)
-    error = [max(abs(advance(system, chosen, y, SPAN / n, n) - end)) for n in LADDER]
+    error = [max(abs(advance(system, record, y, SPAN / n, n) - end)) for n in LADDER]
     return {"h": [float(SPAN / n) for n in LADDER], "error": [float(e) for e in error], "doubt": float(doubt)}
 
 
-def defect(chosen: Method, name: str) -> float:
+def defect(record: Method, name: str) -> float:
     """The symplecticity defect of one step; of a high order, for one pair of vectors."""
     system, y = start(name)
-    if chosen.order > LOW_ORDER:
-        return float(pair_defect(lambda x: advance(system, chosen, x, STEP), y))
-    return float(symplecticity_defect(jacobian(lambda x: advance(system, chosen, x, STEP), y, displacement())))
+    if record.order > LOW_ORDER:
+        return float(pair_defect(lambda x: advance(system, record, x, STEP), y))
+    return float(symplecticity_defect(jacobian(lambda x: advance(system, record, x, STEP), y, displacement())))
 
 
-def distance(chosen: Method, name: str, back: Method | None = None) -> float:
+def distance(record: Method, name: str, back: Method | None = None) -> float:
     """The distance from the start after a step with H and one with -H, which ``back`` takes, at first the method."""
     system, y = start(name)
-    return float(max(abs(advance(system, back or chosen, advance(system, chosen, y, STEP), -STEP) - y)))
+    return float(max(abs(advance(system, back or record, advance(system, record, y, STEP), -STEP) - y)))
 
 
 #: Of every method on every system: the measure of a cell, and the systems where it is made.
@@ -156,10 +156,10 @@ def cells(what: str) -> list[tuple[str, str]]:
 
 def measure(what: str, label: str, name: str):
     """One cell of a measurement of `CELLS`, or why it failed, at the digits that the method's order needs."""
-    chosen = methods()[label]
-    with precision(digits(chosen)):
+    record = methods()[label]
+    with precision(digits(record)):
         try:
-            return CELLS[what][0](chosen, name)
+            return CELLS[what][0](record, name)
         except Exception as error:  # one method that fails is to fail its own tests alone
             return f"{type(error).__name__}: {error}"
 
@@ -202,12 +202,12 @@ def adjoint():
     Of methods that are not symmetric: the others are their own adjoints.
     """
     out = {}
-    for chosen in variants():
-        if "lam" in chosen.parameters and not chosen.symmetric:
-            other = chosen(lam=1 - chosen.parameters["lam"])
-            pairs = [n for n in FEW if runs_on(chosen, n)]
-            out[chosen.label] = {
-                n: {"adjoint": distance(chosen, n, other), "itself": distance(chosen, n)} for n in pairs
+    for record in variants():
+        if "lam" in record.parameters and not record.symmetric:
+            other = record(lam=1 - record.parameters["lam"])
+            pairs = [n for n in FEW if runs_on(record, n)]
+            out[record.label] = {
+                n: {"adjoint": distance(record, n, other), "itself": distance(record, n)} for n in pairs
             }
     return out
 
@@ -234,15 +234,15 @@ def perturbed():
     the defects of symplecticity and symmetry.
     """
     out = {}
-    for chosen in METHODS:
-        name = next((n for n in systems(chosen, few=True)[::-1] if canonical(n)), None)
-        if name and 0 < len(list(leaves(chosen.data))) <= MOST:
-            with precision(digits(chosen)):
-                out[chosen.id] = slipped(chosen, name)
+    for record in METHODS:
+        name = next((n for n in systems(record, few=True)[::-1] if canonical(n)), None)
+        if name and 0 < len(list(leaves(record.data))) <= MOST:
+            with precision(digits(record)):
+                out[record.id] = slipped(record, name)
     return out
 
 
-def slipped(chosen: Method, name: str) -> dict:
+def slipped(record: Method, name: str) -> dict:
     """`perturbed` of one method."""
     system, y = start(name)
     end = flow(system, y, SHORT_STEP, pieces=1)[0]
@@ -250,9 +250,9 @@ def slipped(chosen: Method, name: str) -> dict:
     def error(m):
         return float(max(abs(advance(system, m, y, SHORT_STEP) - end)))
 
-    right, rows = error(chosen), []
-    for path, x in leaves(chosen.data):
-        m = replace(chosen, data=changed(chosen.data, path, exactly(x, MULTIPRECISION) * (1 + SLIP)))
+    right, rows = error(record), []
+    for path, x in leaves(record.data):
+        m = replace(record, data=changed(record.data, path, exactly(x, MULTIPRECISION) * (1 + SLIP)))
         row = {"path": list(path), "error": error(m)}
         if row["error"] < 10 * right:
             row |= {"symplecticity": defect(m, name), "symmetry": distance(m, name)}
@@ -267,10 +267,10 @@ def spoiled():
     """
     out: dict = {}
     families = {m.family: m for m in reversed(METHODS) if m.order <= LOW_ORDER and list(leaves(m.data))}
-    for chosen in families.values():
-        path, x = next(leaves(chosen.data))
-        wrong = replace(chosen, data=changed(chosen.data, path, exactly(x, MULTIPRECISION) * 9 / 8))
-        out[chosen.id] = {n: errors(wrong, n) for n in systems(chosen, few=True)}
+    for record in families.values():
+        path, x = next(leaves(record.data))
+        wrong = replace(record, data=changed(record.data, path, exactly(x, MULTIPRECISION) * 9 / 8))
+        out[record.id] = {n: errors(wrong, n) for n in systems(record, few=True)}
     return out
 
 

@@ -67,14 +67,14 @@ def problem(name: str | Path, **parameters) -> Problem:
     if path is not None:
         from . import user
 
-        made = user.from_file(path, **parameters)
-        return made.at(orbit) if orbit else made
+        whole = user.from_file(path, **parameters)
+        return whole.at(orbit) if orbit else whole
     id, _, orbit = str(name).partition(":")
     if id not in PROBLEMS:
         raise unknown("problem", id, PROBLEMS)
     module = importlib.import_module(f".{PROBLEMS[id][0]}", __name__)
-    made = _made(module, **(module.PARAMETERS | real_parameters(f"problem '{id}'", module.PARAMETERS, parameters)))
-    return made.at(orbit) if orbit else made
+    whole = _made(module, **(module.PARAMETERS | real_parameters(f"problem '{id}'", module.PARAMETERS, parameters)))
+    return whole.at(orbit) if orbit else whole
 
 
 @lru_cache(maxsize=128, typed=True)
@@ -91,7 +91,7 @@ def labels(names: Iterable[str] = ()) -> list[str]:
     InvalidInput
         For an unknown problem or orbit.
     """
-    found: list[str] = []
+    out: list[str] = []
     for name in list(names) or PROBLEMS:
         id, _, wanted = name.partition(":")
         if id not in PROBLEMS:
@@ -99,8 +99,8 @@ def labels(names: Iterable[str] = ()) -> list[str]:
         orbits = PROBLEMS[id][2]
         if wanted and wanted not in orbits:
             raise unknown(f"orbit of '{id}'", wanted, orbits)
-        found += [id if len(orbits) == 1 else f"{id}:{orbit}" for orbit in ([wanted] if wanted else orbits)]
-    return list(dict.fromkeys(found))
+        out += [id if len(orbits) == 1 else f"{id}:{orbit}" for orbit in ([wanted] if wanted else orbits)]
+    return list(dict.fromkeys(out))
 
 
 def file_and_orbit(name: str) -> tuple[str | None, str]:

@@ -58,21 +58,21 @@ def from_file(path: str | Path, **parameters) -> Problem:
     module = user_file.load(str(path))
     make = getattr(module, "make", None)
     if make is None:
-        made, values = getattr(module, "problem", None), {}
-        if made is None:
+        problem, values = getattr(module, "problem", None), {}
+        if problem is None:
             raise InvalidInput(f"{path} has no function 'make' that returns a Problem, and no 'problem = Problem(...)'")
         real_parameters(str(path), (), parameters)
     else:
         values = _values(module, make, str(path), parameters)
         with user_file.users_code(str(path), f"make({', '.join(f'{k}={v!r}' for k, v in values.items())})"):
-            made = make(**values)
-    if not isinstance(made, Problem):
+            problem = make(**values)
+    if not isinstance(problem, Problem):
         what = "what make returns is" if make else "problem is"
         hint = ": write Problem(id=..., name=..., source=..., system=it, orbits=...)"
-        raise InvalidInput(f"{path}: {what} of type {type(made).__name__}, no Problem{hint}")
-    if made.id in PROBLEMS:
-        made = replace(made, id=str(path))
-    return checked(replace(made, parameters=made.parameters or values), str(path))
+        raise InvalidInput(f"{path}: {what} of type {type(problem).__name__}, no Problem{hint}")
+    if problem.id in PROBLEMS:
+        problem = replace(problem, id=str(path))
+    return checked(replace(problem, parameters=problem.parameters or values), str(path))
 
 
 def from_formula(
@@ -98,17 +98,17 @@ def from_formula(
         initial state that does not fit.
     """
     constants = real_parameters("the formula", constants or {}, constants or {})
-    found = formula.names(text)
-    d = _degrees(found)
+    names = formula.names(text)
+    d = _degrees(names)
     numbers = [""] if d == 0 else [str(i) for i in range(1, d + 1)]
     variables = {f"{x}{i}": sp.Symbol(f"{x}{i}", real=True) for x in "qp" for i in numbers}
     for name in constants:
         if name in variables:
             raise InvalidInput(f"'{name}' is a variable of the formula: its initial value is given by --{name[0]}")
-        if name not in found or name in formula.FUNCTIONS:
+        if name not in names or name in formula.FUNCTIONS:
             raise InvalidInput(f"the formula has no constant '{name}'")
     known = {*variables, *constants, *formula.CONSTANTS, *formula.FUNCTIONS}
-    missing = [x for x in found if x not in known]
+    missing = [x for x in names if x not in known]
     if missing:
         raise InvalidInput(
             f"the formula has {', '.join(missing)} besides the variables {', '.join(variables)}: "
@@ -123,8 +123,8 @@ def from_formula(
     H = formula.parse(text, variables | {k: sp.Rational(v) for k, v in constants.items()})
     names = list(variables.values())
     system = Hamiltonian(q=names[: len(numbers)], p=names[len(numbers) :], H=H)
-    made = Problem(id or text.strip(), "a formula", "the command line", system, (Orbit("start", q, p),))
-    return checked(replace(made, parameters=constants), "the formula")
+    problem = Problem(id or text.strip(), "a formula", "the command line", system, (Orbit("start", q, p),))
+    return checked(replace(problem, parameters=constants), "the formula")
 
 
 def _degrees(names: Sequence[str]) -> int:
@@ -167,30 +167,32 @@ def _values(module: types.ModuleType, make: Any, path: str, parameters: Mapping[
 # -- the contract of a problem -----------------------------------------------------------------------------------------
 
 
-def checked(made: Problem, where: str) -> Problem:
+def checked(problem: Problem, where: str) -> Problem:
     """The problem with its initial data as doubles and its invariants as expressions.
 
     Raises InvalidInput, naming ``where``, for one that breaks the contract of problems.
     """
-    system = made.system
+    system = problem.system
     if not isinstance(system, PartitionedSystem):
         raise InvalidInput(
             f"{where}: system is a {type(system).__name__}; write system=Hamiltonian(q=..., p=..., H=...)"
         )
     if system.H is None:
         raise InvalidInput(f"{where}: the system has no energy: give PartitionedSystem(..., energy=...) an invariant")
-    if not isinstance(made.invariants, Mapping):
-        raise InvalidInput(f"{where}: invariants is a {type(made.invariants).__name__}; write {{'name': expression}}")
-    orbits = (made.orbits,) if isinstance(made.orbits, Orbit) else tuple(made.orbits)
+    if not isinstance(problem.invariants, Mapping):
+        raise InvalidInput(
+            f"{where}: invariants is a {type(problem.invariants).__name__}; write {{'name': expression}}"
+        )
+    orbits = (problem.orbits,) if isinstance(problem.orbits, Orbit) else tuple(problem.orbits)
     if not orbits or not all(isinstance(o, Orbit) for o in orbits):
-        raise InvalidInput(f"{where}: orbits is {made.orbits!r}; write orbits=(Orbit('start', (1.0,), (0.0,)),)")
+        raise InvalidInput(f"{where}: orbits is {problem.orbits!r}; write orbits=(Orbit('start', (1.0,), (0.0,)),)")
     if len({o.name for o in orbits}) < len(orbits):
         raise InvalidInput(f"{where}: two orbits have one name")
     orbits = tuple(replace(o, q=_state(o, "q", system, where), p=_state(o, "p", system, where)) for o in orbits)
     for o in orbits:
         _check_start(system, o, where if len(orbits) == 1 else f"{where}, orbit {o.name}")
     invariants = {}
-    for name, e in made.invariants.items():
+    for name, e in problem.invariants.items():
         try:
             invariants[name] = system._formula(e)
         except (InvalidInput, sp.SympifyError, TypeError) as error:
@@ -202,7 +204,7 @@ def checked(made: Problem, where: str) -> Problem:
         kept["the energy"] = system.H
     for name, e in kept.items():
         _check_kept(system, e, orbits[0], f"{where}: {name}")
-    return replace(made, orbits=orbits, invariants=invariants)
+    return replace(problem, orbits=orbits, invariants=invariants)
 
 
 def _state(orbit: Orbit, name: str, system: PartitionedSystem, where: str) -> tuple[float, ...]:

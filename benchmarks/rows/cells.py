@@ -159,7 +159,7 @@ def _digest(modules: tuple[str, ...]) -> str:
 
 def _families(method) -> list[str]:
     """The modules of a method's kernel, and of the methods that it is built on."""
-    found = [f"phasebench.integrators.families.{method.family}", "phasebench.integrators.driver"]
-    found += [f for part in method.data if hasattr(part, "family") for f in _families(part)]
-    found += [part.__module__ for part in method.data if callable(part) and hasattr(part, "__module__")]
-    return [m for m in found if m.startswith("phasebench")]
+    modules = [f"phasebench.integrators.families.{method.family}", "phasebench.integrators.driver"]
+    modules += [f for part in method.data if hasattr(part, "family") for f in _families(part)]
+    modules += [part.__module__ for part in method.data if callable(part) and hasattr(part, "__module__")]
+    return [m for m in modules if m.startswith("phasebench")]

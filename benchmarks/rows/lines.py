@@ -36,13 +36,13 @@ def read(path: Path, table: str) -> dict[str, Entry]:
             cells.setdefault(row["cell"], []).append(row)
         except (ValueError, KeyError, TypeError):
             continue
-    found = {}
+    entries = {}
     for id, members in cells.items():
         about = members[0]
         if len(members) == about.get("of") and set(ABOUT) <= set(about):
             rows = [{k: v for k, v in row.items() if k not in ABOUT} for row in members]
-            found[id] = Entry(id, *(about[k] for k in ABOUT[2:]), {table: rows})
-    return found
+            entries[id] = Entry(id, *(about[k] for k in ABOUT[2:]), {table: rows})
+    return entries
 
 
 def write(path: Path, entries: Mapping[str, Entry], table: str) -> None:

@@ -106,12 +106,12 @@ def plan(
     out = Plan()
     for cell in cells:
         kept, before = entries.get(cell.id), known[cell.id]
-        here = provenance.same_hardware
-        if kept and kept.content == cell.content and (here(kept.machine, machine) or not cell.own):
+        alike = provenance.same_hardware
+        if kept and kept.content == cell.content and (alike(kept.machine, machine) or not cell.own):
             out.done.append(cell)
         elif before.content != cell.content or again:
             out.changed.append(cell)
-        elif cell.own and not here(before.machine, machine):
+        elif cell.own and not alike(before.machine, machine):
             out.own.append(cell)
         else:
             out.rest.append(cell)
@@ -143,7 +143,7 @@ def execute(
     cells: Sequence[Cell],
     folder: Path,
     *,
-    chosen: Callable[[Cell], bool] | None = None,
+    selected: Callable[[Cell], bool] | None = None,
     budget: float = BUDGET,
     everything: bool = False,
     quick: bool = False,
@@ -157,7 +157,7 @@ def execute(
     ----------
     cells : all cells of their tables; a stored row of none of them is dropped
     folder : of the tables
-    chosen : measures these cells alone, whether they have changed or not
+    selected : measures these cells alone, whether they have changed or not
     budget : seconds
     everything : measure every cell, however long it takes
     count : processes beside each other; 0 measures in this one
@@ -179,8 +179,8 @@ def execute(
         journal = Journal(folder / "journal.jsonl")
         stored = {t: tables.Table(folder, t) for t in dict.fromkeys(t for c in cells for t in c.tables)}
         known = {c.id: standing(c, stored) for c in cells}
-        wanted = [c for c in cells if chosen is None or chosen(c)]
-        todo = plan(wanted, known, journal.entries, provenance.machine(), again=everything or chosen is not None)
+        wanted = [c for c in cells if selected is None or selected(c)]
+        todo = plan(wanted, known, journal.entries, provenance.machine(), again=everything or selected is not None)
         out = Outcome(list(cells), todo, stored=stored, seed=seed)
         if journal.unreadable:
             out.notes.append(f"{journal.unreadable} unreadable lines of {journal.path} count as not measured")
@@ -191,7 +191,7 @@ def execute(
         work.measure([*todo.changed], deadline)
         work.measure([*todo.own], deadline)
         spare = min(deadline, time.monotonic() + SAMPLE)
-        if chosen is None and not everything and not quick and spare > time.monotonic():
+        if selected is None and not everything and not quick and spare > time.monotonic():
             picked = sample(todo.rest, known, spare - time.monotonic(), seed, count)
             work.measure(picked, spare, compared=True)
         out.left = [c for c in (*todo.changed, *todo.own) if c.id not in out.entries and c.id not in out.failed]

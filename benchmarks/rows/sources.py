@@ -84,16 +84,16 @@ def _followed(module: str, start: str) -> bool:
 @cache
 def closure(module: str, root: Path = ROOT) -> dict[str, str]:
     """Module -> digest of the module and of all that it imports, at whatever depth, short of `DATA`."""
-    found: dict[str, str] = {}
+    files: dict[str, str] = {}
     waiting = [module]
     while waiting:
         name = waiting.pop()
         path = path_of(name, root)
-        if path is None or name in found or not _followed(name, module):
+        if path is None or name in files or not _followed(name, module):
             continue
-        found[name], more = _file(path, name)
+        files[name], more = _file(path, name)
         waiting += more
-    return found
+    return files
 
 
 def digest(modules: Iterable[str], root: Path = ROOT) -> str:

@@ -93,9 +93,9 @@ def extrapolation(B, c) -> list[tuple]:
     for m in range(1, max(2, LEVELS // s) + 1):
         degree = min(m * (s - shared) + shared - 1, DEGREE)
         basis = [[[mpmath.chebyt(k, 2 * (x - n) / m + 1) for k in range(degree + 1)] for x in c] for n in range(m + 1)]
-        here, *earlier = [B * mpmath.matrix(T) for T in basis]
+        following, *earlier = [B * mpmath.matrix(T) for T in basis]
         past = mpmath.matrix([row for T in earlier for row in T.tolist()])
-        weights = here * mpmath.inverse(past.T * past) * past.T  # the smallest of all that are exact
+        weights = following * mpmath.inverse(past.T * past) * past.T  # the smallest of all that are exact
         out += [tuple(map(float, row)) for row in weights.tolist()]
     return out
 

@@ -40,11 +40,11 @@ def composed(base: Method, fractions: str | Sequence, **facts) -> Method:
         If the base is not symmetric of order 2 or of another family, or the fractions do not add up to 1.
     """
     if isinstance(fractions, str):
-        found = coefficients.table(fractions)
-        if not found.gamma:
+        composition = coefficients.table(fractions)
+        if not composition.gamma:
             raise InvalidInput(f"'{fractions}' is a splitting, no composition of a symmetric method")
-        named = {"name": f"{base.name}, composed by {fractions}", "order": found.classical_order}
-        named |= {"source": found.source, "cite": (*base.cite, *found.cite), "id": f"{base.id}-{fractions}"}
+        named = {"name": f"{base.name}, composed by {fractions}", "order": composition.classical_order}
+        named |= {"source": composition.source, "cite": (*base.cite, *composition.cite), "id": f"{base.id}-{fractions}"}
         gamma = tuple(coefficients.steps(fractions))
     else:
         gamma = _exact(fractions)
@@ -53,10 +53,10 @@ def composed(base: Method, fractions: str | Sequence, **facts) -> Method:
             named["order"] = _order(gamma)
     data = _data(base, gamma)
     symmetric = all(abs(f - g) < SUM for f, g in zip(gamma, reversed(gamma), strict=True))
-    made = {"data": data, "symmetric": symmetric}
+    changes = {"data": data, "symmetric": symmetric}
     if base.with_parameters is not None:
-        made["with_parameters"] = lambda **values: {"data": _data(base(**values), gamma)}
-    return replace(base, **(named | made | facts))
+        changes["with_parameters"] = lambda **values: {"data": _data(base(**values), gamma)}
+    return replace(base, **(named | changes | facts))
 
 
 def _exact(fractions) -> tuple[mpmath.mpf, ...]:

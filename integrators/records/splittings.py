@@ -22,10 +22,10 @@ NAMES = {
 
 def weights(table: Table) -> tuple[tuple, tuple]:
     """(a, b) of `splitting`: kick b_k before drift a_k; the first kick is zero where the table begins with a drift."""
-    found = {"A": [], "B": [] if table.first == "B" else [mpmath.mpf(0)]}
+    stages = {"A": [], "B": [] if table.first == "B" else [mpmath.mpf(0)]}
     for letter, weight in coefficients.steps(table.name):
-        found[letter].append(weight)
-    return tuple(found["A"]), tuple(found["B"])
+        stages[letter].append(weight)
+    return tuple(stages["A"]), tuple(stages["B"])
 
 
 def _record(table: Table) -> Method:

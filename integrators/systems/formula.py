@@ -50,17 +50,17 @@ def parse(text: str, variables: Mapping[str, sp.Expr]) -> sp.Expr:
         For anything else, naming it; for a formula that is not real and finite, or larger than the limits.
     """
     try:
-        found = _read(_tree(text), variables, 0)
-        if found.has(sp.zoo, sp.oo, -sp.oo, sp.nan):
+        expression = _read(_tree(text), variables, 0)
+        if expression.has(sp.zoo, sp.oo, -sp.oo, sp.nan):
             raise InvalidInput("it is not finite: it has a constant part such as 1/0 or log(0)")
-        if found.has(sp.I):
+        if expression.has(sp.I):
             raise InvalidInput("it is not real: it has a root or logarithm of a negative number")
-        _check_expansion(found)
+        _check_expansion(expression)
     except InvalidInput as error:
         raise InvalidInput(f"the formula {_shown(text)} cannot be used: {error}") from None
     except RecursionError:
         raise InvalidInput(f"the formula {_shown(text)} is nested too deep") from None
-    return found
+    return expression
 
 
 def names(text: str) -> list[str]:
@@ -107,11 +107,11 @@ def _tree(text: str) -> ast.expr:
 
 def _chain(node: ast.BinOp, kinds: tuple[type, ...]) -> list[tuple[type, ast.expr]]:
     """The operands of a - b + c with their operators, without recursion: a sum of a thousand terms is not deep."""
-    found: list[tuple[type, ast.expr]] = []
+    operands: list[tuple[type, ast.expr]] = []
     while isinstance(node, ast.BinOp) and isinstance(node.op, kinds):
-        found.append((type(node.op), node.right))
+        operands.append((type(node.op), node.right))
         node = node.left
-    return [(kinds[0], node), *reversed(found)]
+    return [(kinds[0], node), *reversed(operands)]
 
 
 def _read(node: ast.expr, variables: Mapping[str, sp.Expr], depth: int) -> sp.Expr:
@@ -134,10 +134,10 @@ def _read(node: ast.expr, variables: Mapping[str, sp.Expr], depth: int) -> sp.Ex
             terms = _chain(node, (ast.Add, ast.Sub))
             return _good(sp.Add(*(read(x) if op is ast.Add else -read(x) for op, x in terms)))
         case ast.BinOp(op=ast.Mult() | ast.Div()):
-            found = sp.Integer(1)
+            product = sp.Integer(1)
             for op, x in _chain(node, (ast.Mult, ast.Div)):
-                found = _product(found, read(x), op is ast.Div)
-            return found
+                product = _product(product, read(x), op is ast.Div)
+            return product
         case ast.BinOp(op=ast.Pow(), left=a, right=b):
             return _power(read(a), read(b))
         case ast.BinOp(op=ast.BitXor()):
@@ -251,11 +251,11 @@ def _applied(function: Callable[[sp.Expr], sp.Expr], x: sp.Expr) -> sp.Expr:
             c, rest = term.as_coeff_Mul()
             if isinstance(rest, sp.log) and c != 1:
                 return _product(_power(rest.args[0], c), _applied(sp.exp, x - term), False)
-    found = _good(function(x))
-    if not (isinstance(found, sp.Function) and found.args == (x,)):
-        _small_powers(found)
-        _count(found)  # tan(asin(x)) holds x twice: such a chain doubles at every link
-    return found
+    value = _good(function(x))
+    if not (isinstance(value, sp.Function) and value.args == (x,)):
+        _small_powers(value)
+        _count(value)  # tan(asin(x)) holds x twice: such a chain doubles at every link
+    return value
 
 
 def _count(e: sp.Expr) -> None:
@@ -276,10 +276,10 @@ def _check_expansion(e: sp.Expr) -> None:
         if x.is_Add:
             return _few(sum(map(terms, x.args)))
         if x.is_Mul:
-            found = 1
+            count = 1
             for f in x.args:
-                found = _few(found * terms(f))
-            return found
+                count = _few(count * terms(f))
+            return count
         if x.is_Pow and x.exp.is_Rational:
             m, n = terms(x.base), ceil(abs(x.exp))
             return _few(comb(m + n - 1, n))

@@ -244,22 +244,22 @@ def compare(
                 raise ValueError(f"the {name} table has no column '{column}', which has a band")
     others = [c for c in measured if c in stored and c not in keys and c not in bands]
     texts = [c for c in others if exact(measured, c) or exact(stored, c)]
-    found = []
+    differences = []
     for key in [*old, *(k for k in new if k not in old)]:
         if key not in new or key not in old:
-            here = ["present" if key in side else "missing" for side in (new, old)]
-            found.append([*key, "row", *here, "present"])
+            presence = ["present" if key in side else "missing" for side in (new, old)]
+            differences.append([*key, "row", *presence, "present"])
             continue
         for column, (relative, absolute) in bands.items():
             x, y = float(new[key][column]), float(old[key][column])
             allowed = relative * abs(y) + absolute
             if not (x == y or (x != x and y != y) or abs(x - y) <= allowed < float("inf")):
-                found.append([*key, column, x, y, allowed])
+                differences.append([*key, column, x, y, allowed])
         for column in texts:
             x, y = new[key][column], old[key][column]
             if not _same(x, y):
-                found.append([*key, column, x, y, "equal"])
-    return pd.DataFrame(found, columns=[*keys, "column", "measured", "stored", "allowed"], dtype=object)
+                differences.append([*key, column, x, y, "equal"])
+    return pd.DataFrame(differences, columns=[*keys, "column", "measured", "stored", "allowed"], dtype=object)
 
 
 def difference(old: pd.DataFrame | None, new: pd.DataFrame, keys: Sequence[str]) -> str:

@@ -160,12 +160,12 @@ def test_what_is_the_machines_own_is_measured_on_another_machine(tmp_path):
 def test_chosen_cells_are_measured_whether_they_changed_or_not_and_no_others(tmp_path):
     tmp_path = tmp_path / "data"
     execute(tmp_path, toy_cells.cells(4))
-    outcome = execute(tmp_path, toy_cells.cells(4, version=2), chosen=lambda c: "n3" in c.names)
+    outcome = execute(tmp_path, toy_cells.cells(4, version=2), selected=lambda c: "n3" in c.names)
     assert measured_now(outcome) == [3]
     frame, about = tables.read(tmp_path.parent, "toys")
     assert (frame["n"].tolist(), about["stale"]) == ([3], 3)
     assert [r["state"] for r in rows(tmp_path)] == [tables.STALE] * 3 + [tables.CURRENT]
-    again = execute(tmp_path, toy_cells.cells(4, version=2), chosen=lambda c: "n3" in c.names)
+    again = execute(tmp_path, toy_cells.cells(4, version=2), selected=lambda c: "n3" in c.names)
     assert measured_now(again) == [3]
 
 
