@@ -16,9 +16,18 @@ from phasebench.benchmarks.measure import multiprecision
 HERE = Path(__file__).resolve().parent
 
 
-#: The files that take longest, first: else one process would be at them when the other has ended.  Of the first two one
-#: compiles every kernel, the other none.
-LONGEST = ("test_orders", "test_allocation", "test_symplectic")
+#: The files that take longest, first: else one process would be at them when the other has ended.  The first compiles
+#: the kernels of every family; the two that take as long as it beside it compile none, and what follows loads them.
+LONGEST = (
+    "test_allocation",
+    "test_orders",
+    "test_pages",
+    "test_nojit",
+    "test_audit",
+    "test_problem_literature",
+    "test_symplectic",
+    "test_figures",
+)
 
 
 def pytest_collection_modifyitems(items):
@@ -66,6 +75,8 @@ def _elsewhere(name: str):
 
 
 def _measured(name: str):
+    if name in multiprecision.CELLS:
+        return _result("support/exact.py", name)
     result = _elsewhere(name)
     assert not isinstance(result, str), result
     return result
@@ -73,5 +84,5 @@ def _measured(name: str):
 
 @pytest.fixture(scope="session")
 def measured():
-    """Name -> the measurement of that name in `benchmarks.multiprecision`."""
+    """Name -> the measurement of that name in `measure.multiprecision`, on the systems of `support.exact`."""
     return _measured

@@ -234,7 +234,7 @@ def test_observed_orders(id, order, steps):
 
 
 def test_caption_tells_of_what_went_wrong():
-    good = measure.run(measure.start("pendulum"), "scheme-iv", 0.1, 1.0)
+    good = measure.run(measure.start("henon-heiles:box"), "scheme-iv", 0.1, 1.0)
     lost = dataclasses.replace(good, status="diverged", reason="the state is no longer finite")
     missed = dataclasses.replace(good, counts=good.counts | {"fallbacks": 3})
 

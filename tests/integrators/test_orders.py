@@ -4,21 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from phasebench.benchmarks.measure.battery import (
-    NON_SEPARABLE,
-    by_label,
-    expected_order,
-    high_order_variants,
-    systems,
-    variants,
-)
+from phasebench.benchmarks.measure.battery import NON_SEPARABLE, expected_order, systems
 from phasebench.benchmarks.measure.multiprecision import observed_order
 from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision
 from phasebench.integrators.registry import BY_ID, METHODS
+from support.exact import ALL, SAME_KIND, cells
 
 TOLERANCE = 0.1
-ALL = by_label(variants() + high_order_variants())
-CASES = [(label, n) for label, m in ALL.items() for n in systems(m)]
+CASES = cells("orders")
 
 
 def observed(row):
@@ -43,6 +36,8 @@ def test_every_method_is_measured(measured):
     assert set(measured("orders")) == set(ALL)
     for label, m in ALL.items():
         assert measured("orders")[label], f"{label} runs on no system of the suite"
+        for name in systems(m):
+            assert {name, SAME_KIND.get(name)} & set(measured("orders")[label]), f"{label} on the kind of {name}"
         if not set(m.requires) - {"canonical", "Poisson structure"}:
             assert set(measured("orders")[label]) & set(NON_SEPARABLE), f"{label} is measured on separable systems only"
 
