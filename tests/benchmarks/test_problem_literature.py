@@ -21,7 +21,7 @@ MODULES = {"figure-eight": "three_body"}
 def made(name, **parameters):
     """A problem ``id`` or ``id:orbit`` from its module."""
     id, _, orbit = name.partition(":")
-    module = importlib.import_module(f"benchmarks.problems.{MODULES.get(id, id.replace('-', '_'))}")
+    module = importlib.import_module(f"phasebench.benchmarks.problems.{MODULES.get(id, id.replace('-', '_'))}")
     found = module.make(**(module.PARAMETERS | parameters))
     return found.at(orbit) if orbit else found
 
