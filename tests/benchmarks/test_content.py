@@ -63,12 +63,18 @@ def test_a_problems_parameters_and_a_scenes_steps_count():
     assert cells[0].content != cells[1].content
 
 
-@pytest.fixture
-def copy(tmp_path):
-    """The three folders, to be edited."""
+MODULES = (SPLITTING, SWEEP, REBOUND, KEPLER)
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory):
+    """(The three folders, to be edited, the digests of `MODULES` before that)."""
+    root = tmp_path_factory.mktemp("copy")
     for folder in ("integrators", "reference", "benchmarks"):
-        shutil.copytree(sources.ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__", "*.csv"))
-    return tmp_path
+        shutil.copytree(sources.ROOT / folder, root / folder, ignore=shutil.ignore_patterns("__pycache__", "*.csv"))
+    digests = {m: sources.digest([m], root) for m in MODULES}
+    assert digests == {m: sources.digest([m]) for m in MODULES}
+    return root, digests
 
 
 @pytest.mark.parametrize(
@@ -100,15 +106,17 @@ def copy(tmp_path):
     ],
 )
 def test_an_edit_changes_what_imports_it(copy, file, old, new, moved):
-    before = {m: sources.digest([m], copy) for m in (SPLITTING, SWEEP, REBOUND, KEPLER)}
-    assert before == {m: sources.digest([m]) for m in before}
-    path = copy / file
+    root, before = copy
+    path = root / file
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
     for cached in (sources.closure, sources._file):
         cached.cache_clear()
-    assert {m for m in before if sources.digest([m], copy) != before[m]} == moved
+    try:
+        assert {m for m in MODULES if sources.digest([m], root) != before[m]} == moved
+    finally:
+        path.write_text(text)
 
 
 def test_the_essence_keeps_what_runs():

@@ -32,11 +32,12 @@ SYSTEMS = {power: pendulum(power) for power in (0, *POWERS)}
 
 
 def moved(method, power: int) -> float:
-    """How far the run in other units is from the one in units of 1."""
+    """How far the run in other units is from the one in units of 1; NaN, which no test accepts, if that fails."""
     own = integrate(SYSTEMS[0], method, h=0.1, steps=STEPS, q0=[Q0], p0=[P0])
     other = integrate(SYSTEMS[power], method, h=0.1, steps=STEPS, q0=[Q0], p0=[P0 * 2.0**power])
-    assert own.status == "ok"
-    if other.status != own.status:
+    if own.status != "ok":
+        return np.nan
+    if other.status != "ok":
         return np.inf
     return float(max(np.abs(other.q - own.q).max(), np.abs(other.p / 2.0**power - own.p).max()))
 
