@@ -29,6 +29,7 @@ from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
 from phasebench.benchmarks.experiments.talks.page import PAGES as TALKS
 from phasebench.benchmarks.experiments.trade.page import PAGE as TRADE
 from phasebench.benchmarks.experiments.waves.page import PAGE as WAVES
+from phasebench.benchmarks.experiments.waves.spacetime_page import PAGE as MULTISYMPLECTIC
 from phasebench.benchmarks.experiments.wisdom_holman.page import PAGE as WISDOM_HOLMAN
 from phasebench.benchmarks.page import html, markdown
 from phasebench.benchmarks.page.origin import origin
@@ -49,6 +50,7 @@ PAGES: tuple[Page, ...] = (
     WISDOM_HOLMAN,
     OSCILLATORY,
     WAVES,
+    MULTISYMPLECTIC,
     AUDIT,
     REFERENCES,
     SPEED,

@@ -11,6 +11,11 @@ semi-discrete equation is canonical,
 with indices periodic in each half.  Rotations of :math:`\phi` leave H as it is, so that the charge
 :math:`\sum_j q_j p_{N+j} - q_{N+j} p_j` is kept, a quadratic invariant of the form q.D p.
 
+In space-time it is multisymplectic (`multisymplectic`) with z = (q, p, w), :math:`\phi = q_1 + iq_2`, p its rate, w its
+slope,
+
+.. math:: -p_t + w_x = q + |q|^2 q,\quad q_t = p,\quad -q_x = -w .
+
 The orbit "collision" starts with two wave packets of opposite charge at x = -L/4 and L/4 that move towards each other,
 :math:`\phi = A\operatorname{sech}(x)\,e^{ikx}`, :math:`\dot\phi = -i\omega\phi` with A = 1 and 1/2 and the signs of k
 and :math:`\omega^2 = 1 + k^2` that this takes, k = 1.  (The data are this suite's own.)
@@ -27,6 +32,7 @@ from phasebench.integrators.engine.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian
+from phasebench.integrators.systems.multisymplectic import Equation
 
 from .base import Orbit, Problem
 
@@ -106,6 +112,31 @@ def formula(N: int, L: float):
     return q, p, sp.Add(*(x**2 / 2 for x in (*q, *p)), *bending, *quartic)
 
 
+def multisymplectic(strength: float = 1.0) -> Equation:
+    """The equation in space-time, z = (q, p, w) of two components each, with so many times the nonlinear term."""
+    K, L = np.zeros((6, 6)), np.zeros((6, 6))
+    K[[0, 1], [2, 3]], K[[2, 3], [0, 1]] = -1.0, 1.0
+    L[[0, 1], [4, 5]], L[[4, 5], [0, 1]] = 1.0, -1.0
+
+    def S(z):
+        r, v, w = ((z[..., 2 * i : 2 * i + 2] ** 2).sum(-1) for i in range(3))
+        return (r + v - w) / 2 + strength * r**2 / 4
+
+    def gradient(z):
+        q, p, w = z[..., :2], z[..., 2:4], z[..., 4:]
+        return np.concatenate([(1 + strength * (q**2).sum(-1, keepdims=True)) * q, p, -w], axis=-1)
+
+    def hessian(z):
+        q = z[..., :2]
+        r = (q**2).sum(-1)[..., None, None]
+        H = np.zeros((*z.shape, 6))
+        H[..., :2, :2] = (1 + strength * r) * np.eye(2) + 2 * strength * q[..., :, None] * q[..., None, :]
+        H[..., 2:4, 2:4], H[..., 4:, 4:] = np.eye(2), -np.eye(2)
+        return H
+
+    return Equation(K, L, S, gradient, hessian, slopes=2)
+
+
 def packet(x: float, A: float, direction: int, charge: int) -> tuple[complex, complex]:
     """(phi, phi_t) of a packet about x = 0 that moves in a direction (1 or -1) and has that sign of the charge."""
     phi = A * exp(1j * direction * charge * K * x) / cosh(x)
@@ -136,7 +167,7 @@ def make(N: int, L: float) -> Problem:
         id="klein-gordon",
         name="complex Klein-Gordon equation, semi-discrete",
         source="Strauss & Vazquez 1978, J. Comput. Phys. 28, 271-278 (the real equation); initial data of this suite",
-        cite=("strauss-vazquez1978",),
+        cite=("strauss-vazquez1978", "moore-reich2003", "reich2000", "chen-hong2020", "gong2014"),
         system=system,
         orbits=(Orbit("collision", *start, "two packets of opposite charge", (0.1, 1.0, 10.0)),),
         invariants={"charge": charge},

@@ -10,6 +10,10 @@ On a periodic interval of length L with :math:`\Delta x = L/N`, central differen
 It keeps the mass :math:`\sum_j q_j^2 + p_j^2 = \Delta x\sum_j |\psi_j|^2`, a quadratic invariant of the form q.q + p.p,
 not q.D p.  The equation is integrable, this discretization is not.
 
+In space-time it is multisymplectic (`multisymplectic`) with z = (q, p, v, w), :math:`\psi = q + ip`, v + iw its slope,
+
+.. math:: p_t - v_x = 2|\psi|^2 q,\quad -q_t - w_x = 2|\psi|^2 p,\quad q_x = v,\quad p_x = w .
+
 "plane-wave": a modulated plane wave, unstable to two modes at the default length.  "soliton": a soliton that moves,
 :math:`\psi = \operatorname{sech}(x)\,e^{2\pi i x/L}` from x = -L/2 to L/2 (periodic up to the size of its tails).
 """
@@ -24,6 +28,7 @@ from phasebench.integrators.engine.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian
+from phasebench.integrators.systems.multisymplectic import Equation
 
 from .base import Orbit, Problem
 
@@ -82,6 +87,30 @@ def formula(N: int, L: float):
     return q, p, sp.Add(*bending, *(-b * (x**2 + y**2) ** 2 / 4 for x, y in zip(q, p, strict=True)))
 
 
+def multisymplectic(strength: float = 1.0) -> Equation:
+    """The equation in space-time, z = (q, p, v, w), with so many times the nonlinear term."""
+    K, L = np.zeros((4, 4)), np.zeros((4, 4))
+    K[0, 1], K[1, 0] = 1.0, -1.0
+    L[[0, 1], [2, 3]], L[[2, 3], [0, 1]] = -1.0, 1.0
+
+    def S(z):
+        return strength * (z[..., :2] ** 2).sum(-1) ** 2 / 2 + (z[..., 2:] ** 2).sum(-1) / 2
+
+    def gradient(z):
+        r = (z[..., :2] ** 2).sum(-1, keepdims=True)
+        return np.concatenate([2 * strength * r * z[..., :2], z[..., 2:]], axis=-1)
+
+    def hessian(z):
+        y = z[..., :2]
+        r = (y**2).sum(-1)[..., None, None]
+        H = np.zeros((*z.shape, 4))
+        H[..., :2, :2] = strength * (2 * r * np.eye(2) + 4 * y[..., :, None] * y[..., None, :])
+        H[..., 2:, 2:] = np.eye(2)
+        return H
+
+    return Equation(K, L, S, gradient, hessian, slopes=2)
+
+
 def make(N: int, L: float) -> Problem:
     """The equation on ``N`` >= 3 points of a period ``L``: loops by hand where states are arrays."""
     if int(N) != N or not 3 <= N <= LARGEST:
@@ -104,7 +133,7 @@ def make(N: int, L: float) -> Problem:
         name="nonlinear Schroedinger equation, semi-discrete",
         source="Zakharov & Shabat 1972, Sov. Phys. JETP 34, 62-69 (soliton); Karpeev & Schober 2001, Math. Comput. "
         "Simul. 56, 145-156 (standard discretization); Islas, Karpeev & Schober 2001, J. Comput. Phys. 173, 116-148",
-        cite=("zakharov-shabat1972", "islas2001"),
+        cite=("zakharov-shabat1972", "islas2001", "bridges-reich2001"),
         system=system,
         orbits=(
             Orbit(

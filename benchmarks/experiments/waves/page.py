@@ -125,7 +125,7 @@ PAGE = Page(
     whole=_whole,
     limits=(
         "Kept is judged by the measurement, in units of round-off of the terms' size (`is kept` in the table).",
-        "Multisymplectic box schemes, which discretize space and time together, are not part of this suite.",
+        "What is kept in every cell of space-time is told by the page on [local laws](multisymplectic.md).",
     ),
     command="pytest benchmarks/experiments/waves",
 )

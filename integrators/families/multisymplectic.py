@@ -1,0 +1,282 @@
+r"""Box schemes of multisymplectic equations: a symplectic Runge-Kutta method in time on a symplectic division of space.
+
+A step of the (partitioned) Runge-Kutta method (A, b) on y of the divided equation `systems.multisymplectic`,
+
+.. math::
+    K T_i + L\,D Z_i = \nabla S(Z_i),\qquad Y_i = y_n + h\sum_j a_{ij} T_j,\qquad y_{n+1} = y_n + h\sum_i b_i T_i .
+
+Where the method is symplectic, :math:`b_i a^q_{ij} + b_j a^p_{ji} = b_i b_j`, the multisymplectic law holds in each
+cell of space-time, with the densities at :math:`t_n` and the fluxes :math:`\sum_i b_i (\cdot)_i` of the stages.
+
+- Euler box: symplectic Euler in time and in space (B. Moore, S. Reich, Numer. Math. 95 (2003) 625-652).
+- Preissmann's box: the midpoint rule in both (T. J. Bridges, S. Reich, Phys. Lett. A 284 (2001) 184-193).
+- Gauss box: two Gauss nodes in time, the midpoint rule in space (S. Reich, J. Comput. Phys. 157 (2000) 473-499).
+- EQUIP box: Gauss-EQUIP in time, :math:`A(\alpha) = A - \alpha S B`, see `families.equip`: multisymplectic for every
+  fixed alpha, which is chosen in each step such that the total energy stays (C. Chen, J. Hong, C. Sim, K. Sonwu,
+  J. Comput. Phys. 418 (2020) 109599).
+- Controls, not multisymplectic: the averaged vector field in time, which keeps the energy in every cell
+  (Y. Gong, J. Cai, Y. Wang, J. Comput. Phys. 279 (2014) 80-102), with :math:`a_{ij} = c_i b_j` of a rule that is exact
+  for the quartic S; Radau IIA; and the midpoint rule with a coefficient that is off.
+
+Stages are solved by Newton's method with the exact Jacobian to round-off; y is summed with compensation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cache
+
+import numpy as np
+
+from phasebench.integrators.coefficients import tableaus
+from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.systems.multisymplectic import Box, Division, Equation, Staggered
+
+from .equip import skew
+
+NEWTON_LIMIT, SECANT_LIMIT = 30, 20
+#: An increment of the stages below this share of them may be the last.
+CLOSE = 1e-10
+#: The energy is met within so many units of round-off, and by a parameter not farther from zero than this.
+UNITS, RADIUS = 8.0, 0.5
+EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """A box scheme.
+
+    Attributes
+    ----------
+    id, name, source : as of a method
+    division : of space
+    A_q, A_p, b : the tableau in time
+    S : skew, where a parameter keeps the energy
+    order : in time
+    multisymplectic : whether it is declared to be
+    keeps : the energy that it is declared to keep: "total", or "cell" in every cell
+    means : whether fluxes are those of the stages' mean, not the mean of the stages' fluxes
+    """
+
+    id: str
+    name: str
+    source: str
+    division: type[Division]
+    A_q: np.ndarray = field(repr=False)
+    A_p: np.ndarray = field(repr=False)
+    b: np.ndarray = field(repr=False)
+    order: int
+    S: np.ndarray | None = field(default=None, repr=False)
+    multisymplectic: bool = True
+    keeps: str = ""
+    means: bool = False
+
+    def at(self, alpha: float) -> tuple[np.ndarray, np.ndarray]:
+        """(A_q, A_p) with the parameter alpha."""
+        less = 0.0 if self.S is None else alpha * self.S * self.b
+        return self.A_q - less, self.A_p - less
+
+
+def _collocation(kind: str, s: int) -> tuple[np.ndarray, np.ndarray, list]:
+    A, _, b, c = tableaus.runge_kutta(kind, s)
+    return np.array(A.tolist(), float), np.array(list(b), float), c
+
+
+@cache
+def schemes() -> dict[str, Scheme]:
+    """Id -> scheme."""
+    half, one = np.array([[0.5]]), np.array([1.0])
+    gauss, b, c = _collocation("gauss", 2)
+    radau, radau_b, _ = _collocation("radau-iia", 2)
+    mean = np.array(c, float)[:, None] * b
+    off = half + 1e-3
+    box = Scheme("preissmann-box", "Preissmann box", "Bridges & Reich 2001", Box, half, half, one, 2)
+    two = Scheme("gauss-box", "Gauss box", "Reich 2000", Box, gauss, gauss, b, 4)
+    equip = {"id": "equip-box", "name": "EQUIP box", "source": "Chen, Hong, Sim & Sonwu 2020", "keeps": "total"}
+    vector = {"id": "avf-box", "name": "AVF box", "source": "Gong, Cai & Wang 2014", "keeps": "cell", "means": True}
+    control = {"source": "control", "multisymplectic": False}
+    known = (
+        Scheme("euler-box", "Euler box", "Moore & Reich 2003", Staggered, 0 * half, 2 * half, one, 1),
+        box,
+        two,
+        replace(two, S=np.array(skew(2, c), float), **equip),
+        replace(two, A_q=mean, A_p=mean, order=2, multisymplectic=False, **vector),
+        replace(two, id="radau-box", name="Radau IIA box", A_q=radau, A_p=radau, b=radau_b, order=3, **control),
+        replace(box, id="perturbed-box", name="perturbed Preissmann box", A_q=off, A_p=off, order=1, **control),
+    )
+    return {s.id: s for s in known}
+
+
+def scheme(id: str) -> Scheme:
+    """The scheme of an id; raises InvalidInput for an unknown one, naming the nearest."""
+    if id not in schemes():
+        raise unknown("box scheme", id, schemes())
+    return schemes()[id]
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """A solution of the linearized scheme over one step: at its ends, and at its stages with their rates."""
+
+    start: np.ndarray
+    end: np.ndarray
+    Y: np.ndarray
+    T: np.ndarray
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step: y at its ends, arrays (N, m), stages Y and their rates T, arrays (s, N, m), and the parameter.
+
+    ``tangents`` are those of the fixed parameter, ``moving`` those whose parameter follows the state (the same where
+    there is none).  ``found`` tells whether a parameter keeps the energy.
+    """
+
+    start: np.ndarray
+    end: np.ndarray
+    Y: np.ndarray
+    T: np.ndarray
+    alpha: float
+    found: bool
+    tangents: tuple[Tangent, ...]
+    moving: tuple[Tangent, ...]
+
+
+class Stages:
+    """The stage equations of a step of size h from y with the tableau at a parameter."""
+
+    def __init__(self, space: Division, scheme: Scheme, y, h: float, alpha: float, T=None):
+        self.space, self.scheme, self.y, self.h, self.alpha = space, scheme, y, h, alpha
+        m = y.shape[-1]
+        self._A = np.repeat(np.stack(scheme.at(alpha)), m // 2, axis=0)
+        self.T = self._solved(np.stack([space.field(y)] * len(scheme.b)) if T is None else T)
+
+    def along(self, T, A=None):
+        """h sum_j a_ij T_j."""
+        return self.h * np.einsum("cij,jnc->inc", self._A if A is None else A, T)
+
+    def _solved(self, T):
+        before = np.inf
+        for _ in range(NEWTON_LIMIT):
+            Y = self.y + self.along(T)
+            rest = np.stack([self.space.field(x) for x in Y]) - T
+            change = np.linalg.solve(self._matrix(Y), rest.ravel()).reshape(T.shape)
+            T = T + change
+            now = np.abs(change).max() / max(np.abs(T).max(), EPS)
+            if not np.isfinite(now):
+                break
+            if now == 0 or (now < CLOSE and now >= before / 2):
+                self.Y = self.y + self.along(T)
+                return T
+            before = now
+        raise ArithmeticError(f"Newton's method does not solve the stages of h = {self.h:g}; take a smaller h")
+
+    def _matrix(self, Y):
+        s, N, m = Y.shape
+        self.J = [self.space.jacobian(x) for x in Y]
+        M = np.eye(s * N * m).reshape(s, N * m, s, N * m)
+        for i in range(s):
+            for j in range(s):
+                M[i, :, j, :] -= self.h * self.J[i] * np.tile(self._A[:, i, j], N)
+        return M.reshape(s * N * m, s * N * m)
+
+    @property
+    def increment(self):
+        """h sum_i b_i T_i."""
+        return self.h * np.tensordot(self.scheme.b, self.T, 1)
+
+    def linearized(self, u, more=0.0) -> Tangent:
+        """The tangent that starts at u; ``more`` is what else changes the stages."""
+        right = u + more + np.zeros_like(self.Y)
+        matrix = self._matrix(self.Y)
+        forced = np.stack([J @ x.ravel() for J, x in zip(self.J, right, strict=True)])
+        T = np.linalg.solve(matrix, forced.ravel()).reshape(self.Y.shape)
+        return Tangent(u, u + self.h * np.tensordot(self.scheme.b, T, 1), right + self.along(T), T)
+
+    def by_parameter(self) -> np.ndarray:
+        """How the stages change with alpha, the rates being kept."""
+        d = -np.repeat(np.stack([self.scheme.S * self.scheme.b] * 2), self.y.shape[-1] // 2, axis=0)
+        return self.along(self.T, d)
+
+
+def _magnitude(space: Division, y) -> float:
+    z = space.lifted(y)
+    return float(np.abs(z * space.equation.gradient(z)).sum() * space.dx)
+
+
+def keeping(space: Division, scheme: Scheme, y, h: float, energy: float) -> tuple[Stages, bool]:
+    """The stages with the parameter nearest zero at which the total energy is ``energy``, by the secant method.
+
+    Where none is found they are those of zero, and False.
+    """
+    first = Stages(space, scheme, y, h, 0.0)
+    bound = UNITS * EPS * _magnitude(space, y)
+
+    def off(stages):
+        return space.total_energy(y + stages.increment) - energy
+
+    a, E = 0.0, off(first)
+    if abs(E) <= bound:
+        return first, True
+    b, stages = 0.1 * h * h, first
+    for _ in range(SECANT_LIMIT):
+        stages = Stages(space, scheme, y, h, b, stages.T)
+        F = off(stages)
+        if abs(F) <= bound:
+            return stages, True
+        if F == E:
+            break
+        a, b, E = b, b - F * (b - a) / (F - E), F
+        if not abs(b) <= RADIUS:
+            break
+    return first, False
+
+
+def _moving(stages: Stages, tangents, energy_is_kept: bool):
+    """The tangents of a step whose parameter follows the state."""
+    if stages.scheme.S is None or not energy_is_kept:
+        return tangents
+    space = stages.space
+    m = space.equation.moving
+    gradient = space.field(stages.y + stages.increment) @ space.equation.K[:m, :m].T
+    more = stages.by_parameter()
+    unit = stages.linearized(0 * stages.y, more)
+    slope = np.sum(gradient * unit.end)
+    if slope == 0:
+        return tangents
+    return tuple(stages.linearized(t.start, -np.sum(gradient * t.end) / slope * more) for t in tangents)
+
+
+def run(equation: Equation, scheme: Scheme, y, dx: float, h: float, steps: int, tangents=()) -> Iterator[Step]:
+    """The steps of a box scheme.
+
+    Parameters
+    ----------
+    equation, scheme : what is solved, and how
+    y : array (N, m), the initial values of the cells on a period of length N dx
+    h, steps : the step in time and their number
+    tangents : arrays (N, m), carried along by the linearized scheme at each step's fixed parameter
+
+    Raises
+    ------
+    InvalidInput
+        For a division that cannot be, or a step that is not positive.
+    ArithmeticError
+        Where the stages cannot be solved.
+    """
+    y = np.array(y, float)
+    if not h > 0 or y.ndim != 2 or y.shape[1] != equation.moving:
+        raise InvalidInput(f"h = {h} and y of shape {y.shape}: h > 0 and (N, {equation.moving}) are needed")
+    space = scheme.division(equation, len(y), dx)
+    energy = space.total_energy(y)
+    lost = np.zeros_like(y)
+    for _ in range(steps):
+        stages, found = (Stages(space, scheme, y, h, 0.0), True) if scheme.S is None else (
+            keeping(space, scheme, y, h, energy))  # fmt: skip
+        change = stages.increment + lost
+        new = y + change
+        lost = change - (new - y)
+        carried = tuple(stages.linearized(u) for u in tangents)
+        yield Step(y, new, stages.Y, stages.T, stages.alpha, found, carried, _moving(stages, carried, found))
+        y, tangents = new, [t.end for t in carried]

@@ -1,0 +1,215 @@
+r"""Multisymplectic equations :math:`K z_t + L z_x = \nabla S(z)` in one space dimension, and how space is divided.
+
+K and L are skew.  Three local laws hold at every point of space-time, for solutions U, V of the linearized equation:
+
+.. math::
+    (U^T K V)_t + (U^T L V)_x &= 0, \\
+    (S - \tfrac12 z^T L z_x)_t + (\tfrac12 z^T L z_t)_x &= 0, \\
+    (\tfrac12 z^T K z_x)_t + (S - \tfrac12 z^T K z_t)_x &= 0
+
+(conservation of multisymplecticity, energy and momentum).  Here z = (y, w): y evolves in time, q before p, and w are
+the slopes of the first components of y.
+
+Space is a period of N cells.  In each of two divisions w is a difference of y, w = D y, and :math:`-D^T` acts on w, so
+that y obeys a canonical Hamiltonian system:
+
+- `Box`, the midpoint rule in space: :math:`z_{m+1/2} = (\zeta_m + \zeta_{m+1})/2` and
+  :math:`z_x = (\zeta_{m+1} - \zeta_m)/\Delta x` of values at the nodes; N is odd, then the cells' means determine them.
+- `Staggered`, the symplectic Euler rule in space, :math:`L_+ = ` the part of L that acts on w: w is the backward
+  difference, its own is the forward one, together the central second difference.
+
+Source: T. J. Bridges, S. Reich, Phys. Lett. A 284 (2001) 184-193; B. Moore, S. Reich, Numer. Math. 95 (2003) 625-652.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from phasebench.integrators.errors import InvalidInput
+
+
+@dataclass(frozen=True)
+class Equation:
+    """A multisymplectic equation whose S is the sum of a function of y and a quadratic one of w.
+
+    Attributes
+    ----------
+    K, L : arrays (n, n), skew
+    S, gradient, hessian : of arrays (..., n), with values of shape (...), (..., n) and (..., n, n)
+    slopes : the number k of components of w; y has the other n - k, half of them q
+    """
+
+    K: np.ndarray
+    L: np.ndarray
+    S: Callable
+    gradient: Callable
+    hessian: Callable
+    slopes: int
+
+    @property
+    def moving(self) -> int:
+        """The number of components of y."""
+        return len(self.K) - self.slopes
+
+
+def _form(a, B, b):
+    """a^T B b in each cell, for arrays (..., n)."""
+    return np.einsum("...i,ij,...j->...", a, B, b)
+
+
+@dataclass(frozen=True)
+class Division:
+    """A period of ``N`` cells of width ``dx``: the common part of both divisions."""
+
+    equation: Equation
+    N: int
+    dx: float
+
+    def __post_init__(self):
+        """Refuse what is no division."""
+        if int(self.N) != self.N or self.N < 3 or not self.dx > 0:
+            raise InvalidInput(f"{self.N} cells of width {self.dx}: at least 3 of positive width are needed")
+
+    def lifted(self, y):
+        """Z = (y, D y) of arrays (..., N, n - k)."""
+        return np.concatenate([y, self.slope(y[..., : self.equation.slopes])], axis=-1)
+
+    @cached_property
+    def _parts(self) -> tuple[np.ndarray, np.ndarray]:
+        """(K^-1 of y, L from w to y)."""
+        m = self.equation.moving
+        return np.linalg.inv(self.equation.K[:m, :m]), self.equation.L[:m, m:]
+
+    @cached_property
+    def _second(self) -> np.ndarray:
+        """-D^T D."""
+        D = self.slope(np.eye(self.N))
+        return -D.T @ D
+
+    def field(self, y):
+        """y_t of an array (N, n - k)."""
+        inverse, L = self._parts
+        z = self.lifted(y)
+        force = self.equation.gradient(z)[..., : y.shape[-1]] - self.back(z[..., y.shape[-1] :]) @ L.T
+        return force @ inverse.T
+
+    def jacobian(self, y):
+        """The derivative of `field`, array (N (n - k), N (n - k))."""
+        m, k = self.equation.moving, self.equation.slopes
+        inverse, L = self._parts
+        local = inverse @ self.equation.hessian(self.lifted(y))[:, :m, :m]
+        full = np.einsum("ij,ab->iajb", self._second, -inverse @ L @ np.eye(k, m))
+        cells = np.arange(self.N)
+        full[cells, :, cells, :] += local
+        return full.reshape(self.N * m, self.N * m)
+
+    def divergence(self, flux):
+        """The difference of a flux through the left and the right end of each cell, over its width."""
+        return (np.roll(flux, -1, axis=-1) - flux) / self.dx
+
+    def total_energy(self, y) -> float:
+        """The sum of the energy density over the cells, times their width."""
+        return float(self.energy(self.lifted(y)).sum() * self.dx)
+
+
+class Box(Division):
+    """Midpoint in space; fluxes are of the values at the nodes."""
+
+    def __post_init__(self):
+        """Refuse an even number of cells: then cells do not determine nodes."""
+        super().__post_init__()
+        if self.N % 2 == 0:
+            raise InvalidInput(f"the box scheme on a period needs an odd number of cells, not {self.N}")
+
+    @cached_property
+    def _inverse(self) -> np.ndarray:
+        """Of the mean of neighbours: alternating signs."""
+        return np.linalg.inv((np.eye(self.N) + np.roll(np.eye(self.N), 1, axis=1)) / 2).round()
+
+    def nodes(self, z):
+        """The values at the cells' left ends.
+
+        They are the means of neighbouring cells and what these miss, of the size of the second difference: the
+        alternating sum of z itself would lose digits.
+        """
+        left, right = np.roll(z, 1, axis=-2), np.roll(z, -1, axis=-2)
+        return (left + z) / 2 - self._inverse @ ((right - z) - (z - left)) / 4
+
+    def slope(self, z):
+        """The difference of a cell's nodes over its width."""
+        return self.nodes((np.roll(z, -1, axis=-2) - z) / self.dx)
+
+    back = slope
+
+    def two_form(self, u, v):
+        """The flux u^T L v of the symplectic form through the left ends."""
+        return _form(self.nodes(u), self.equation.L, self.nodes(v))
+
+    def energy(self, z):
+        """The density S - z^T L z_x / 2 in each cell."""
+        return self.equation.S(z) - _form(z, self.equation.L, self.slope(z)) / 2
+
+    def energy_flux(self, z, rate):
+        """The flux z^T L z_t / 2 through the left ends."""
+        return _form(self.nodes(z), self.equation.L, self.nodes(rate)) / 2
+
+    def momentum(self, z):
+        """The density z^T K z_x / 2 in each cell."""
+        return _form(z, self.equation.K, self.slope(z)) / 2
+
+    def momentum_flux(self, z, rate):
+        """The flux S - z^T K z_t / 2 through the left ends."""
+        z = self.nodes(z)
+        return self.equation.S(z) - _form(z, self.equation.K, self.nodes(rate)) / 2
+
+
+class Staggered(Division):
+    """Symplectic Euler in space: w of a cell is the slope between it and the cell on its left."""
+
+    def slope(self, z):
+        """The backward difference."""
+        return (z - np.roll(z, 1, axis=-2)) / self.dx
+
+    def back(self, w):
+        """The forward difference."""
+        return (np.roll(w, -1, axis=-2) - w) / self.dx
+
+    @cached_property
+    def _upper(self) -> np.ndarray:
+        """L_+, the part of L that acts on w."""
+        m = self.equation.moving
+        upper = np.zeros_like(self.equation.L)
+        upper[:m, m:] = self.equation.L[:m, m:]
+        return upper
+
+    def _across(self, a, b):
+        """a^T L_+ b with a of the cell on the left."""
+        return _form(np.roll(a, 1, axis=-2), self._upper, b)
+
+    def two_form(self, u, v):
+        """The flux of the symplectic form through the left ends."""
+        return self._across(u, v) - self._across(v, u)
+
+    def energy(self, z):
+        """The density S + z_x^T L_+ z in each cell."""
+        return self.equation.S(z) + _form(self.slope(z), self._upper, z)
+
+    def energy_flux(self, z, rate):
+        """The flux -z_t^T L_+ z through the left ends."""
+        return -self._across(rate, z)
+
+    def momentum(self, z):
+        """The density z^T K z_x / 2 in each cell, with the central difference."""
+        return _form(z, self.equation.K, (self.slope(z) + self.back(z)) / 2) / 2
+
+    def momentum_flux(self, z, rate):
+        """The flux S - z^T K z_t / 2 through the left ends, where w is and y is a mean."""
+        m = self.equation.moving
+        z, rate = z.copy(), rate.copy()
+        for x in (z, rate):
+            x[..., :m] = (x[..., :m] + np.roll(x[..., :m], 1, axis=-2)) / 2
+        return self.equation.S(z) - _form(z, self.equation.K, rate) / 2

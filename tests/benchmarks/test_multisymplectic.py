@@ -1,0 +1,285 @@
+"""Box schemes: they are what they say, their local laws hold or fall as declared, the page follows its rows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+import sympy as sp
+
+from phasebench.benchmarks.experiments.waves import laws, spacetime, spacetime_page
+from phasebench.benchmarks.experiments.waves.bench_waves import lost
+from phasebench.benchmarks.problems import klein_gordon, nls, problem
+from phasebench.integrators import Hamiltonian, integrate
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.families.multisymplectic import run, scheme, schemes
+from phasebench.integrators.systems.multisymplectic import Box, Staggered
+
+MODULES = {"nls": nls, "klein-gordon": klein_gordon}
+DECLARED = [s.id for s in schemes().values() if s.multisymplectic]
+CONTROLS = [s.id for s in schemes().values() if not s.multisymplectic]
+N, FEW, LENGTH = 5, 3, 2 * np.pi
+
+
+@pytest.fixture(params=MODULES)
+def name(request):
+    return request.param
+
+
+def case(name, cells=N, strength=1.0):
+    """(equation, y, tangents, dx)."""
+    dx = LENGTH / cells
+    y, *tangents = spacetime.CASES[name].data(dx * np.arange(cells))
+    return MODULES[name].multisymplectic(strength), y, tangents, dx
+
+
+def measured(name, chosen, h=0.01, steps=3, cells=9, strength=1.0):
+    """The residuals of the laws."""
+    equation, y, tangents, dx = case(name, cells, strength)
+    space = chosen.division(equation, cells, dx)
+    return laws.measure(
+        space, chosen, run(equation, chosen, y, dx, h, steps, tangents), h, spacetime.CASES[name].invariant
+    )
+
+
+def units(row, law=laws.TWO_FORM):
+    return row[law] / row[f"{law}, round-off"]
+
+
+# -- the equations and the divisions -----------------------------------------------------------------------------------
+
+
+def test_the_gradient_and_the_hessian_are_those_of_S(name):
+    equation, *_ = case(name)
+    z = np.random.default_rng(1).normal(size=len(equation.K))
+    moved = np.eye(len(z)) * 1e-5
+    slope = [(equation.S(z + e) - equation.S(z - e)) / 2e-5 for e in moved]
+    assert equation.gradient(z) == pytest.approx(slope, abs=1e-7)
+    curve = [(equation.gradient(z + e) - equation.gradient(z - e)) / 2e-5 for e in moved]
+    assert equation.hessian(z) == pytest.approx(np.array(curve), abs=1e-7)
+    assert np.array_equal(equation.K, -equation.K.T)
+    assert np.array_equal(equation.L, -equation.L.T)
+
+
+@pytest.mark.parametrize("division", [Box, Staggered])
+def test_a_division_is_of_symplectic_rules(name, division):
+    equation, y, _, dx = case(name)
+    space = division(equation, N, dx)
+    slope, back = space.slope(np.eye(N)), space.back(np.eye(N))
+    assert back == pytest.approx(-slope.T, abs=1e-13)
+    wave = np.exp(1j * dx * np.arange(N))[:, None]
+    assert np.abs(space.slope(wave)) == pytest.approx(np.full((N, 1), abs(space.slope(wave)[0, 0])))
+    if division is Box:
+        nodes = space.nodes(y)
+        assert (nodes + np.roll(nodes, -1, axis=0)) / 2 == pytest.approx(y, abs=1e-14)
+        assert (np.roll(nodes, -1, axis=0) - nodes) / dx == pytest.approx(space.slope(y), abs=1e-13)
+    difference = [(space.field(y + e) - space.field(y - e)).ravel() / 2e-6 for e in 1e-6 * directions(y)]
+    assert space.jacobian(y) == pytest.approx(np.array(difference).T, abs=1e-7)
+
+
+def directions(y):
+    return np.eye(y.size).reshape(y.size, *y.shape)
+
+
+@pytest.mark.parametrize("id", schemes())
+def test_the_equation_holds_at_the_stages(name, id):
+    """K T + L z_x = grad S(Z) in all components, also those that do not evolve."""
+    equation, y, _, dx = case(name)
+    chosen = scheme(id)
+    space = chosen.division(equation, N, dx)
+    k = equation.slopes
+    (step,) = run(equation, chosen, y, dx, 0.02, 1)
+    for Y, T in zip(step.Y, step.T, strict=True):
+        z, rate = space.lifted(Y), space.lifted(T)
+        z_x = np.concatenate([space.slope(z[:, :-k]), space.back(z[:, -k:])], axis=1)
+        rest = rate @ equation.K.T + z_x @ equation.L.T - equation.gradient(z)
+        assert np.abs(rest).max() < 1e-12
+
+
+def test_bad_input_is_refused():
+    equation, y, _, dx = case("nls")
+    with pytest.raises(InvalidInput, match="odd"):
+        Box(equation, 4, dx)
+    with pytest.raises(InvalidInput, match="cells"):
+        Staggered(equation, 2, dx)
+    with pytest.raises(InvalidInput, match="did you mean"):
+        scheme("preissman-box")
+    with pytest.raises(InvalidInput, match="h > 0"):
+        list(run(equation, scheme("preissmann-box"), y, dx, 0.0, 1))
+    with pytest.raises(InvalidInput, match="needed"):
+        list(run(equation, scheme("preissmann-box"), y[:, :1], dx, 0.1, 1))
+
+
+# -- the schemes -------------------------------------------------------------------------------------------------------
+
+
+def divided(space) -> Hamiltonian:
+    """The canonical system of the nonlinear Schroedinger equation on a mesh."""
+    D = sp.Matrix(space.slope(np.eye(space.N)))
+    q, p = (sp.symbols([f"{x}{j}" for j in range(space.N)], real=True) for x in "qp")
+    bending = sum(((D * sp.Matrix(x)).T * (D * sp.Matrix(x)))[0] for x in (q, p)) / 2
+    return Hamiltonian(q=q, p=p, H=bending - sum((x**2 + y**2) ** 2 / 2 for x, y in zip(q, p, strict=True)))
+
+
+@pytest.mark.parametrize(
+    ("id", "method"),
+    [("euler-box", "symplectic-euler-p"), ("preissmann-box", "implicit-midpoint")],
+)
+def test_a_box_scheme_is_the_method_in_time_on_the_divided_equation(id, method):
+    """By the kernels of the suite, which share no code with this one; a finer step is the control."""
+    equation, y, _, dx = case("nls", FEW)
+    chosen = scheme(id)
+    system = divided(chosen.division(equation, FEW, dx))
+    *_, step = run(equation, chosen, y, dx, 0.05, 4)
+    ends = [integrate(system, method, h=h, t_end=0.2, q0=y[:, 0], p0=y[:, 1], save_every=0) for h in (0.05, 0.025)]
+    same, other = (np.abs(np.hstack([s.q[-1], s.p[-1]]) - step.end.T.ravel()).max() for s in ends)
+    assert same < 1e-12
+    assert other > 1e-7
+
+
+def test_the_staggered_division_is_that_of_the_wave_equations(name):
+    """Central differences in space, as the problems of the suite have them."""
+    made = problem(name, N=N, L=LENGTH)
+    equation, y, _, dx = case(name)
+    q, p = np.split(y.T.ravel() * np.sqrt(dx), 2)
+    T = tuple if codegen.compiled() and codegen.value_kind(made.system.d) == "tuple" else np.array
+    rates = np.hstack(made.system.field()(T(q), T(p), 0.0, 0.0)) / np.sqrt(dx)
+    assert Staggered(equation, N, dx).field(y).T.ravel() == pytest.approx(rates, abs=1e-12)
+
+
+# -- the laws ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("id", DECLARED)
+def test_the_multisymplectic_law_holds(name, id):
+    assert units(measured(name, scheme(id), h=0.004)) < spacetime_page.UNITS
+
+
+@pytest.mark.parametrize("id", CONTROLS)
+def test_control_the_law_does_not_hold(name, id):
+    assert units(measured(name, scheme(id))) > 1e3
+
+
+@pytest.mark.parametrize("id", ["euler-box", "preissmann-box", "gauss-box"])
+def test_a_coefficient_that_is_off_shows(name, id):
+    chosen = scheme(id)
+    off = replace(chosen, A_q=chosen.A_q + 1e-6)
+    assert units(measured(name, off, h=0.004)) > 1e3
+
+
+def test_the_parameter_that_follows_the_state_breaks_the_law(name):
+    row = measured(name, scheme("equip-box"))
+    assert units(row) < spacetime_page.UNITS
+    assert units(row, laws.FOLLOWS) > 1e6
+    assert row["total energy error"] < 1e-12
+    assert row["quadratic invariant error"] < 1e-13
+    assert row["steps without a root"] == 0
+    assert 0 < row["largest parameter"] < 0.1
+
+
+def test_a_linear_equation_keeps_all_laws(name):
+    """The laws of energy and momentum are quadratic there; with S of fourth degree they are not kept."""
+    linear, full = (measured(name, scheme("preissmann-box"), strength=s) for s in (0.0, 1.0))
+    for law in (laws.ENERGY, laws.MOMENTUM):
+        assert units(linear, law) < spacetime_page.UNITS
+        assert units(full, law) > 1e3
+
+
+def test_the_averaged_field_keeps_the_energy_of_every_cell(name):
+    assert units(measured(name, scheme("avf-box")), laws.ENERGY) < spacetime_page.UNITS
+    assert units(measured(name, replace(scheme("avf-box"), means=False)), laws.ENERGY) > 1e3
+
+
+def test_residuals_keep_the_largest():
+    law = laws.Residuals()
+    law.add((np.array([1.0, -3.0]), np.array([-1.0, 2.5])), 1e-3)
+    law.add((np.array([2.0]), np.array([-1.9])), 2e-3)
+    assert law.row("x") == {"x": 0.5, "x, largest term": 3.0, "x, round-off": 2e-3}
+
+
+def test_a_step_that_cannot_be_solved_is_a_row():
+    (row,) = spacetime.measured("nls", "euler-box", spacetime.IN_TIME, 9, 1e9, 1)[spacetime.TABLE]
+    assert row["status"] == "not-converged"
+    assert "smaller h" in row["reason"]
+
+
+# -- the page ----------------------------------------------------------------------------------------------------------
+
+
+LADDER = [*(("time", 17, 0.1 / 2**k) for k in range(4)), *(("space", n, 0.01) for n in (17, 33, 65))]
+
+
+def table() -> pd.DataFrame:
+    """Rows of an EQUIP and an AVF box, as they should be."""
+    rows = []
+    for id, declared, keeps, size in (("equip-box", True, "total", 1e-15), ("avf-box", False, "cell", 1e-4)):
+        for falls, cells, h in [("time", 17, 0.1 / 2**k) for k in range(4)] + [
+            ("space", n, 0.01) for n in (17, 33, 65)
+        ]:
+            row = {"equation": "nls", "id": id, "scheme": id, "falls": falls, "N": cells, "h": h, "order": 4}
+            row |= {"multisymplectic": declared, "keeps": keeps, "status": "ok", "reason": ""}
+            for law, value in (
+                (laws.TWO_FORM, size),
+                (laws.FOLLOWS, 1e-3),
+                (laws.ENERGY, 1e-16 if keeps == "cell" else h**4),
+                (laws.MOMENTUM, 1 / cells**2),
+            ):
+                row |= {law: value, f"{law}, largest term": 1.0, f"{law}, round-off": 1e-15}
+            row |= {"total energy error": 1e-14, "quadratic invariant error": 0.0, "steps without a root": 0}
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+BOTH_WAYS = {
+    "two-form lost": (spacetime_page.two_form, {("equip-box", laws.TWO_FORM): 1e-13}, "not as declared: equip-box"),
+    "control kept": (spacetime_page.two_form, {("avf-box", laws.TWO_FORM): 1e-15}, "not as declared: avf-box"),
+    "cell energy": (spacetime_page.energy, {("avf-box", laws.ENERGY): 1e-10}, "kept by none"),
+    "total energy": (spacetime_page.energy, {("equip-box", "total energy error"): 1e-9}, "total to 1.0e-09"),
+    "energy order": (spacetime_page.energy, {("equip-box", laws.ENERGY): lambda f: f["h"] ** 3.8}, "0 of 1"),
+    "energy order above": (spacetime_page.energy, {("equip-box", laws.ENERGY): lambda f: f["h"] ** 4.2}, "0 of 1"),
+    "momentum": (spacetime_page.momentum, {("equip-box", laws.MOMENTUM): lambda f: f["N"] ** -1.8}, "0 of 1"),
+    "momentum above": (spacetime_page.momentum, {("equip-box", laws.MOMENTUM): lambda f: f["N"] ** -2.2}, "0 of 1"),
+}
+
+
+@pytest.mark.parametrize("name", BOTH_WAYS)
+def test_a_verdict_follows_its_rows(name):
+    verdict, changes, said = BOTH_WAYS[name]
+    good, bad = (verdict({spacetime.TABLE: t}.get) for t in (table(), changed(changes)))
+    assert good.holds
+    assert not bad.holds
+    assert said in bad.text
+    assert said not in good.text
+
+
+def changed(changes) -> pd.DataFrame:
+    frame = table()
+    for (id, column), value in changes.items():
+        here = frame["id"] == id
+        frame.loc[here, column] = value(frame[here]) if callable(value) else value
+    return frame
+
+
+def test_what_follows_the_state_is_said():
+    text = spacetime_page.energy({spacetime.TABLE: table()}.get).text
+    assert "with α following the state it is not multisymplectic" in text
+    kept = changed({("equip-box", laws.FOLLOWS): 1e-15})
+    assert "it is multisymplectic too" in spacetime_page.energy({spacetime.TABLE: kept}.get).text
+
+
+def test_the_bench_names_what_is_lost():
+    good, bad = (t.to_dict("records") for t in (table(), changed({("equip-box", laws.TWO_FORM): 1e-13})))
+    assert lost(good) == []
+    assert len(lost(bad)) == 7
+    assert len(lost(changed({("avf-box", laws.TWO_FORM): 1e-15}).to_dict("records"))) == 7
+    assert "equip-box on nls" in lost(bad)[0]
+
+
+def test_every_scheme_is_measured_on_every_equation():
+    cells = spacetime.cells()
+    assert {(c.key["equation"], c.key["id"]) for c in cells} == {(e, i) for e in spacetime.CASES for i in schemes()}
+    assert len({c.id for c in cells}) == len(cells)
+    assert spacetime.cells(quick=True) == []
