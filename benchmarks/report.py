@@ -26,7 +26,8 @@ from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
 from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
-from phasebench.benchmarks.experiments.talks.page import PAGES as TALKS
+from phasebench.benchmarks.experiments.talks.page import PAGES as FIGURES
+from phasebench.benchmarks.experiments.talks.statements_page import PAGES as TALKS
 from phasebench.benchmarks.experiments.trade.page import PAGE as TRADE
 from phasebench.benchmarks.experiments.waves.page import PAGE as WAVES
 from phasebench.benchmarks.experiments.waves.spacetime_page import PAGE as MULTISYMPLECTIC
@@ -56,6 +57,7 @@ PAGES: tuple[Page, ...] = (
     SPEED,
     *CATALOGUE,
     *TALKS,
+    *FIGURES,
 )
 QUICK = "This is the quick tier: few steps, few rounds; it shows that the suite runs, and no more."
 

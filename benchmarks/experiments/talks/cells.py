@@ -1,4 +1,4 @@
-"""The curves of the talks' figures as cells: one for each figure."""
+"""The curves of the talks' figures as cells, one for each figure, and the checks of their statements."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ from phasebench.benchmarks.problems import PROBLEMS
 from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
 from phasebench.integrators.registry import METHODS
 
+from . import checks
 from .gallery import FIGURES
 from .record import TABLE, Figure
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each figure that is measured; none of the quick tier."""
-    return [] if quick else [_cell(f) for f in FIGURES if f.measure]
+    """A cell for each figure that is measured and each check; none of the quick tier."""
+    return [] if quick else [*(_cell(f) for f in FIGURES if f.measure), *checks.cells()]
 
 
 def _cell(figure: Figure) -> Cell:

@@ -1,0 +1,203 @@
+"""Checks of the introduction: flows, symplectic maps, Lagrange's equations, Lotka-Volterra, first integrals."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import sympy as sp
+
+from phasebench.benchmarks.measure import metrics
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import integrate
+
+from .checks_base import Check, J, damped, defect, flow, henon_heiles, pendulum
+
+POINT = (0.1, 0.2, 0.3, -0.25)
+SWINGING = (1.0, 0.3)
+
+
+def _random(*shape: int) -> np.ndarray:
+    return np.random.default_rng(7).normal(size=shape)
+
+
+def lagrange() -> tuple[float, float]:
+    """Accelerations of the double pendulum from its Lagrangian, against those of the registered Hamiltonian."""
+    a, b, u, v, p1, p2 = sp.symbols("q1 q2 u v p1 p2", real=True)
+    T = u**2 + v**2 / 2 + u * v * sp.cos(a - b)
+    momenta = [sp.diff(T, x) for x in (u, v)]
+    known = problem("double-pendulum").system
+    values = {a: 0.4, b: -0.7, u: 0.3, v: 0.9}
+    at = {a: values[a], b: values[b]} | {p: m.subs(values) for p, m in zip((p1, p2), momenta, strict=True)}
+
+    def numbers(expressions):
+        return np.array([float(e.subs({s: at[next(k for k in at if k.name == s.name)] for s in e.free_symbols}))
+                         for e in expressions])  # fmt: skip
+
+    def forces(gravity):
+        L = T + gravity * (2 * sp.cos(a) + sp.cos(b))
+        return np.array([float(sp.diff(L, x).subs(values)) for x in (a, b)])
+
+    rates = np.abs(numbers(known.dq) - [values[u], values[v]]).max()
+    found = numbers(known.dp)
+    return max(rates, np.abs(found - forces(1)).max()), np.abs(found - forces(1.1)).max()
+
+
+def pendulum_equations() -> tuple[float, float]:
+    """The registered pendulum's field against (p, -sin q)."""
+    q, p = _random(2, 20, 1)
+    system = problem("pendulum").system
+    dp = system.observe(system.dp[0], q, p)
+    return np.abs(dp + np.sin(q[:, 0])).max(), np.abs(dp + q[:, 0]).max()
+
+
+def first_integral() -> tuple[float, float]:
+    """The change of H along the pendulum's flow, and with friction."""
+
+    def change(field):
+        y = flow(field, 10.0, 4000)(SWINGING)
+        return abs((y[1] ** 2 - SWINGING[1] ** 2) / 2 - np.cos(y[0]) + np.cos(SWINGING[0]))
+
+    return change(pendulum), change(damped)
+
+
+def oriented_areas() -> tuple[float, float]:
+    """The form xi^T J eta against the sum of determinants, y = (p, q)."""
+    xi, eta = _random(2, 6)
+    areas = sum(xi[i] * eta[3 + i] - xi[3 + i] * eta[i] for i in range(3))
+    return abs(xi @ J(3) @ eta - areas), abs(xi @ J(3).T @ eta - areas)
+
+
+def linear_maps() -> tuple[float, float]:
+    """A^T J A = J and omega(A xi, A eta) = omega(xi, eta) at once: a product of shears, and the same off by 1e-3."""
+    S = _random(3, 3)
+    one, zero = np.eye(3), np.zeros((3, 3))
+    A = np.block([[one, S + S.T], [zero, one]]) @ np.block([[one, zero], [S @ S.T, one]])
+    xi, eta = _random(2, 6)
+
+    def off(A):
+        form = abs((A @ xi) @ J(3) @ (A @ eta) - xi @ J(3) @ eta)
+        return np.abs(A.T @ J(3) @ A - J(3)).max(), form
+
+    return max(off(A)), min(off(A + 1e-3 * np.eye(6)))
+
+
+def poincare() -> tuple[float, float]:
+    """The defect of the Henon-Heiles flow at t = 1, and of the damped pendulum's."""
+    return defect(flow(henon_heiles, 1.0), POINT), defect(flow(damped, 1.0), SWINGING)
+
+
+def group() -> tuple[float, float]:
+    """phi_0.7 after phi_0.3 against phi_1, and against phi_1.1."""
+    y = flow(henon_heiles, 0.7)(flow(henon_heiles, 0.3)(POINT))
+    return np.abs(y - flow(henon_heiles, 1.0)(POINT)).max(), np.abs(y - flow(henon_heiles, 1.1)(POINT)).max()
+
+
+def _asymmetry(field, y) -> float:
+    """Of the Jacobian of J field, symmetric iff the field is locally Hamiltonian."""
+    M = J(len(y) // 2) @ metrics.jacobian(field, np.array(y, float))
+    return np.abs(M - M.T).max()
+
+
+def locally_hamiltonian() -> tuple[float, float]:
+    """Both sides of the equivalence: of Henon-Heiles both vanish, of the damped pendulum neither."""
+    both = [(_asymmetry(f, y), defect(flow(f, 0.5), y)) for f, y in ((henon_heiles, POINT), (damped, SWINGING))]
+    return max(both[0]), min(both[1])
+
+
+def integrability() -> tuple[float, float]:
+    """The integral along a closed curve of a field with a symmetric Jacobian, and of one without."""
+    angle = 2 * np.pi * np.arange(64) / 64
+    x, y = 0.3 + np.cos(angle), 0.2 + np.sin(angle)
+    dx, dy = -np.sin(angle), np.cos(angle)
+
+    def around(fx, fy):
+        return abs(np.mean(fx * dx + fy * dy) * 2 * np.pi)
+
+    return around(x + 2 * x * y, y + x**2 - y**2), around(x + 2 * x * y, y - x**2 - y**2)
+
+
+def lotka_volterra() -> tuple[float, float]:
+    """The registered field against u (v - 2), v (1 - u)."""
+    u, v = np.random.default_rng(7).uniform(0.5, 4, (2, 20, 1))
+    system = problem("lotka-volterra").system
+    du, dv = (system.observe(e, u, v) for e in (system.dq[0], system.dp[0]))
+    u, v = u[:, 0], v[:, 0]
+    off = np.abs(du - u * (v - 2)).max()
+    return max(off, np.abs(dv - v * (1 - u)).max()), np.abs(dv - v * (1 - 1.1 * u)).max()
+
+
+def level_curves() -> tuple[float, float]:
+    """The rate of I along the field, and of I with 1.9 in the place of 2."""
+    u, v = np.random.default_rng(7).uniform(0.5, 4, (2, 20))
+
+    def rate(two):
+        return np.abs((1 / u - 1) * u * (v - 2) + (two / v - 1) * v * (1 - u)).max()
+
+    return rate(2), rate(1.9)
+
+
+def species() -> tuple[float, float]:
+    """How the growth rate of u rises with v, and that of v with u: a predator's rises with its prey."""
+
+    def growth(x, y):
+        return (y - 2), (1 - x)
+
+    u, v = 1.5, 1.5
+    return growth(u, v + 1)[0] - growth(u, v)[0], growth(u + 1, v)[1] - growth(u, v)[1]
+
+
+@cache
+def _kept(id: str, orbit: str, early: int, steps: int) -> tuple[float, float]:
+    """The largest change of I over the first ``early`` steps of h = 0.12 and over all ``steps``."""
+    made = problem(f"lotka-volterra:{orbit}")
+    s = integrate(made, id, h=0.12, steps=steps)
+    values = made.system.observe(made.system.H, s.q, s.p)
+    return metrics.invariant_error(values[: early + 1]).max, metrics.invariant_error(values).max
+
+
+def closed(id: str, orbit: str) -> tuple[float, float]:
+    """How the largest change of I grows from 120 to 12000 steps; of implicit Euler from 12 to 120."""
+    early, all_of_it = _kept(id, orbit, 120, 12000)
+    first, then = _kept("implicit-euler", "4-8", 12, 120)
+    return all_of_it / early - 1, then / first - 1
+
+
+def damps() -> tuple[float, float]:
+    """The largest factor of the oscillator's energy in a step of implicit Euler, h = 0.1, 1, 10, and of explicit."""
+
+    def factor(id):
+        made = problem("harmonic-oscillator")
+        runs = [integrate(made, id, h=h, steps=4) for h in (0.1, 1.0, 10.0)]
+        energies = [made.system.observe(made.system.H, s.q, s.p) for s in runs]
+        return max((E[1:] / E[:-1]).max() for E in energies)
+
+    return factor("implicit-euler"), factor("explicit-euler")
+
+
+EULERS = ("implicit-euler",)
+LV = ("lotka-volterra",)
+CHECKS = (
+    Check("lagrange", "difference of Hamilton's and Lagrange's equations, double pendulum", "with gravity 10 % off",
+          lagrange, problems=("double-pendulum",)),
+    Check("pendulum", "difference to p' = −sin q", "to p' = −q", pendulum_equations, problems=("pendulum",)),
+    Check("first-integral", "change of H along the pendulum's flow to t = 10", "with friction", first_integral),
+    Check("oriented-areas", "ξᵀJη less the sum of areas, d = 3", "with the other sign of J", oriented_areas),
+    Check("linear-maps", "defects of both conditions for a product of shears", "the smaller one, off by 1e-3",
+          linear_maps),
+    Check("poincare", "defect of the Hénon–Heiles flow, t = 1", "of the damped pendulum's", poincare),
+    Check("group", "φ₀.₇φ₀.₃ less φ₁", "less φ₁.₁", group),
+    Check("locally-hamiltonian", "asymmetry of (J f)' and defect of the flow, Hénon–Heiles", "of the damped pendulum",
+          locally_hamiltonian),
+    Check("integrability", "integral of a symmetric field along a closed curve", "of one that is not symmetric",
+          integrability),
+    Check("lotka-volterra", "difference to u(v − 2), v(1 − u)", "to another coefficient", lotka_volterra, problems=LV),
+    Check("level-curves", "rate of I along the field", "with 1.9 for 2", level_curves),
+    Check("species", "growth rate of u for one v more", "of v for one u more", species),
+    Check("closed-midpoint", "growth of max |I − I₀| from 120 to 12000 steps, less 1", "implicit Euler, 12 to 120",
+          lambda: closed("implicit-midpoint", "4-2"), ("implicit-midpoint", *EULERS), LV),
+    Check("closed-euler", "growth of max |I − I₀| from 120 to 12000 steps, less 1", "implicit Euler, 12 to 120",
+          lambda: closed("symplectic-euler-q", "4-2"), ("symplectic-euler-q", *EULERS), LV),
+    Check("damps", "largest energy factor of a step, h = 0.1, 1, 10", "of explicit Euler", damps,
+          ("explicit-euler", *EULERS), ("harmonic-oscillator",)),
+)  # fmt: skip
