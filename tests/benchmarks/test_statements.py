@@ -31,6 +31,7 @@ KNOWN = {
     "(23)": WHERE,
     "Remark": WHERE,
     "(26), Theorem (1)": WHERE,
+    "Theorem (2)": WHERE,
     "Background": UNTESTABLE,
     "Remarks II, 2": UNTESTABLE,
 }
@@ -284,7 +285,7 @@ def test_the_sentences_follow_the_rows():
     for verdict, said in (
         (statements_page.contradicted, "Contradicted: (1) (x)."),
         (statements_page.counted, "1 are not measured"),
-        (statements_page.conditional, "true under a condition: (2) (x)."),
+        (statements_page.conditional, "Only under a condition: (2) (x)."),
     ):
         assert verdict(good).holds
         assert not verdict(bad).holds

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .checks_base import TABLE as CHECKS
-from .judging import NOTHING, check, curves, ended, every, has, order, rows_of, said, system, untestable, where
+from .judging import NOTHING, check, curves, every, has, order, rows_of, said, system, untestable, where
 from .record import TABLE as CURVES
 from .statement import DEFINITION, FIGURE, FORMULA, METHOD, REMARK, SYSTEM, THEOREM, Statement
 
@@ -109,7 +109,7 @@ LOTKA_VOLTERRA: tuple[Statement, ...] = (
     Statement("Implicit Euler", METHOD, "damps everything", check("damps", 1 - 1e-3), LV),
     Statement("Implicit midpoint", METHOD, "is symmetric", has(("implicit-midpoint",), "symmetry"), "structure"),
     Statement("Symplectic Euler", METHOD, "applies to partitioned systems, one variable implicit",
-              ended("lotka-volterra-methods", 6), LV),
+              order(("symplectic-euler-q",), 1, "lotka-volterra"), LV),
     Statement("Numerical flow", FIGURE, "Euler methods from (2, 2) and (4, 8), h = 0.12, leave the level curve",
               every(_lotka_volterra("explicit Euler", 2, True), _lotka_volterra("implicit Euler", 2, True)), LV),
     Statement("Numerical flow", FIGURE, "midpoint from (4, 2) and (2, 2), h = 0.12, stays near the level curve",

@@ -47,6 +47,7 @@ NOTHING = Judgement(MISSING, "")
 
 
 def said(holds: bool, text: str) -> Judgement:
+    """Holds or contradicted, with the number."""
     return Judgement(HOLDS if holds else CONTRADICTED, text)
 
 
@@ -58,6 +59,10 @@ def rows_of(data, table: str, **values) -> pd.DataFrame:
     for column, value in values.items():
         frame = frame[frame[column].isin(value if isinstance(value, (list, tuple)) else [value])]
     return frame
+
+
+def _plural(n: int, word: str) -> str:
+    return f"{n} {word}{'s' if n != 1 else ''}"
 
 
 def untestable(why: str) -> Judge:
@@ -81,15 +86,16 @@ def check(id: str, bound: float, least: float | None = None) -> Judge:
     return judge
 
 
-def order(labels: Sequence[str], wanted: int) -> Judge:
-    """The order of these methods without round-off is the wanted one, two-sided, on every system."""
+def order(labels: Sequence[str], wanted: int, problem: str = "") -> Judge:
+    """The order of these methods without round-off is the wanted one, two-sided, on every system or on one."""
 
     def judge(data):
-        rows = rows_of(data, "multiprecision", method=list(labels))
+        rows = rows_of(data, "multiprecision", method=list(labels), **({"problem": problem} if problem else {}))
         if rows.empty:
             return NOTHING
         orders = rows["order"]
-        text = f"order {orders.min():.3f} to {orders.max():.3f} in {len(rows)} measurements"
+        span = list(dict.fromkeys(f"{x:.3f}" for x in (orders.min(), orders.max())))
+        text = f"order {' to '.join(span)} ({_plural(len(rows), 'measurement')})"
         return said(bool(((orders - wanted).abs() < GATE).all()), text)
 
     return judge
@@ -103,8 +109,9 @@ def has(labels: Sequence[str], what: str, wanted: bool = True) -> Judge:
         if rows.empty:
             return NOTHING
         worst = rows["defect"].max() if wanted else rows["defect"].min()
-        word = "up to" if wanted else "at least"
-        return said((worst <= TINY) == wanted, f"defect of {what} {word} {number(worst, 2)}, {len(rows)} maps")
+        word = "up to" if wanted else f"of {', '.join(labels)} at least"
+        text = f"defect of {what} {word} {number(worst, 2)} ({_plural(len(rows), 'map')})"
+        return said((worst <= TINY) == wanted, text)
 
     return judge
 
@@ -117,7 +124,9 @@ def keeps_energy(ids: Sequence[str], problem: str = "henon-heiles") -> Judge:
         if len(rows) < len(ids) or rows["energy"].isna().any():
             return NOTHING
         worst = rows["energy"].max()
-        return said(worst <= ROUND_OFF, f"energy error on {problem} up to {number(worst, 2)}, {len(rows)} methods")
+        return said(
+            worst <= ROUND_OFF, f"energy error on {problem} up to {number(worst, 2)} ({_plural(len(rows), 'method')})"
+        )
 
     return judge
 
@@ -174,7 +183,8 @@ def curves(figure: str, column: str, bound: float, curve: Sequence[str] = (), pa
             "energy_error": "change of I" if figure.startswith("lotka") else "energy error",
             "largest": f"error of {panel or 'invariants'}",
         }
-        text = f"{names.get(column, column)} {'at least' if above else 'up to'} {number(value, 2)}"
+        whose = f"{panel or ', '.join(curve)}: " if column == "energy_error" and (panel or curve) else ""
+        text = f"{whose}{names.get(column, column)} {'at least' if above else 'up to'} {number(value, 2)}"
         return said((value > bound) if above else (value <= bound), text)
 
     return judge

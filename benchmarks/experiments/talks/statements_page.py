@@ -70,7 +70,7 @@ def conditional(rows: pd.DataFrame) -> Verdict | None:
     if not _measured(rows):
         return None
     some = rows[rows["verdict"] == WHERE]
-    text = f"False in general, true under a condition: {_named(some, 8)}." if len(some) else "None needs a condition."
+    text = f"Only under a condition: {_named(some, 8)}." if len(some) else "None needs a condition."
     return Verdict(text, some.empty, text)
 
 
