@@ -188,6 +188,28 @@ def test_a_linear_equation_keeps_all_laws(name):
         assert units(full, law) > 1e3
 
 
+def test_the_laws_of_the_staggered_division(name):
+    """With midpoint in time and a linear equation the energy of every cell is kept; momentum falls with dx^2."""
+    chosen = replace(scheme("preissmann-box"), division=Staggered)
+    assert units(measured(name, chosen, strength=0.0), laws.ENERGY) < spacetime_page.UNITS
+    assert units(measured(name, chosen), laws.ENERGY) > 1e3
+    coarse, fine = (measured(name, chosen, h=1e-3, cells=cells)[laws.MOMENTUM] for cells in (33, 66))
+    assert coarse / fine == pytest.approx(4, rel=0.1)
+    early, late = (measured(name, scheme("euler-box"), h=h)[laws.ENERGY] for h in (2e-3, 1e-3))
+    assert early / late == pytest.approx(2, rel=0.1)
+
+
+def test_increments_are_not_lost():
+    """A thousand steps, each of which changes less than half of the last digit."""
+    equation, y, _, dx = case("nls", FEW)
+    *_, step = run(equation, scheme("preissmann-box"), y, dx, 1e-17, 1000)
+    rate = Box(equation, FEW, dx).field(y)
+    large = np.abs(y) > 0.5
+    assert (np.abs(1e-17 * rate[large]) < np.spacing(y[large]) / 2).all()
+    assert (step.end - y)[large] == pytest.approx(1e-14 * rate[large], abs=1.2 * np.spacing(1.0))
+    assert np.abs(1e-14 * rate[large]).max() > 3 * np.spacing(1.0)
+
+
 def test_the_averaged_field_keeps_the_energy_of_every_cell(name):
     assert units(measured(name, scheme("avf-box")), laws.ENERGY) < spacetime_page.UNITS
     assert units(measured(name, replace(scheme("avf-box"), means=False)), laws.ENERGY) > 1e3
