@@ -242,7 +242,7 @@ def test_the_sentences_follow_the_rows():
     good, bad = rows(HOLDS, UNTESTABLE, HOLDS), rows(HOLDS, CONTRADICTED, WHERE, MISSING)
     for verdict, said in (
         (statements_page.contradicted, "Contradicted: (1) (x)."),
-        (statements_page.counted, "1 are not measured"),
+        (statements_page.counted, "not measured: 1"),
         (statements_page.conditional, "Only under a condition: (2) (x)."),
     ):
         assert verdict(good).holds
@@ -250,7 +250,7 @@ def test_the_sentences_follow_the_rows():
         assert said in verdict(bad).text
         assert said not in verdict(good).text
         assert verdict(rows(MISSING, UNTESTABLE)) is None
-    assert statements_page.counted(good).text.startswith("2 of 3 statements hold, 0 hold under a condition")
+    assert statements_page.counted(good).text.startswith("2 of 3 statements hold; holds where a condition is met: 0")
 
 
 def test_what_does_not_hold_stands_first(tables):

@@ -48,11 +48,11 @@ def counted(rows: pd.DataFrame) -> Verdict | None:
     if not _measured(rows):
         return None
     number = {v: int((rows["verdict"] == v).sum()) for v in VERDICTS}
-    parts = [f"{number[HOLDS]} of {len(rows)} statements hold", f"{number[WHERE]} hold under a condition"]
-    parts += [f"{number[CONTRADICTED]} are contradicted", f"{number[UNTESTABLE]} cannot be tested"]
-    parts += [f"{number[MISSING]} are not measured"] if number[MISSING] else []
-    short = f"{number[HOLDS]} of {len(rows)} statements hold, {number[CONTRADICTED]} are contradicted."
-    return Verdict(f"{', '.join(parts)}.", number[MISSING] == 0, short)
+    text = f"{number[HOLDS]} of {len(rows)} statements hold; {WHERE} a condition is met: {number[WHERE]}"
+    others = [v for v in (CONTRADICTED, UNTESTABLE, MISSING) if number[v] or v == CONTRADICTED]
+    text += "".join(f", {v}: {number[v]}" for v in others)
+    short = f"{number[HOLDS]} of {len(rows)} statements hold, contradicted: {number[CONTRADICTED]}."
+    return Verdict(f"{text}.", number[MISSING] == 0, short)
 
 
 def contradicted(rows: pd.DataFrame) -> Verdict | None:
@@ -70,7 +70,7 @@ def conditional(rows: pd.DataFrame) -> Verdict | None:
     if not _measured(rows):
         return None
     some = rows[rows["verdict"] == WHERE]
-    text = f"Only under a condition: {_named(some, 8)}." if len(some) else "None needs a condition."
+    text = f"Only under a condition: {_named(some, 10)}." if len(some) else "None needs a condition."
     return Verdict(text, some.empty, text)
 
 
