@@ -135,6 +135,7 @@ def _peer(
         lacks=_lacks(integrator, kinds, forces),
         least=least,
         claims=Claims(source=DOCUMENTATION, **(claims or {})),
+        settings={"integrator": integrator} | (options or {}),
     )
 
 

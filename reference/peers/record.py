@@ -123,6 +123,7 @@ class Peer:
     load : imports the package by its name, where that needs care
     tol : the default tolerance; None: the package's own
     least : the smallest tolerance it takes
+    settings : the options of the package that are set, by their names there
     """
 
     id: str
@@ -141,6 +142,7 @@ class Peer:
     tol: float | None = None
     least: float = 0.0
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def label(self) -> str:

@@ -93,7 +93,7 @@ def test_a_page_has_its_parts(folder, page):
     text = (folder / f"{page.id}.md").read_text()
     assert text.startswith(f"# {page.question}\n\n**")
     assert page.command in text
-    assert all(f"(data/{name}.csv)" in text for name in page.tables)
+    assert all(f"(data/{name}.csv)" in text for name in page.tables if data(name) is not None)
     assert not page.tables or "Measured on" in text
 
 
@@ -264,6 +264,7 @@ PDE = frame(
 AUDITED = frame({"package": "p", "version": "1", "peer": "x", "measure": "package", "status": "ok", "reason": ""})
 CLAIMS = frame({"package": "p", "version": "1", "peer": "x", "claim": "order 2", "verdict": "holds"})
 CONTROLS = frame({"package": "phasebench", "version": "1", "peer": "rk4", "claim": "order 4", "verdict": "holds"})
+STATED = frame({"package": "p", "script": "a_script", "verdict": "holds", "severity": "wrong states"})
 CERTIFIED = frame(
     {"problem": "kepler", "t_end": 1.0, "states": 4, "uncertainty": 1e-20, "changed": None, "disagree": 0, "pairs": 5},
     **{"its uncertainty": 1e-15},
@@ -329,7 +330,8 @@ BOTH_WAYS = {
     "charge": (waves.charge, {"pde": PDE}, "pde", {"invariant is kept": False}),
     "wave roots": (waves.roots, {"pde": PDE}, "pde", {"fallbacks": 2}),
     "audit": (audit.claims, {"audit": AUDITED, "audit_claims": CLAIMS}, "audit_claims", {"verdict": "contradicted"}),
-    "controls": (audit.controls, {"audit_claims": CONTROLS}, "audit_claims", {"verdict": "contradicted"}),
+    "controls": (audit.covered, {"audit": AUDITED, "audit_claims": CONTROLS}, "audit_claims", {"verdict": "-"}),
+    "statements": (audit.statements, {"audit_statements": STATED}, "audit_statements", {"verdict": "contradicted"}),
     "references": (references.unmoved, {"references": CERTIFIED}, "references", {"changed": "moved by 1e-9"}),
     "second solver": (references.second, {"references": CERTIFIED}, "references", {"disagree": 1}),
     "ratios": (speed.limits, {"ratios": RATIOS}, "ratios", {"median": 1.5}),

@@ -7,11 +7,12 @@ Runge-Kutta method shows is what there is to see.
 
 - order: `metrics.order` of the error over a ladder of steps, at most a factor of :math:`\sqrt2` apart but for the
   coarsest; its interval is widened by half of what the slope changes inside the window;
+- own error, of the runs that show a structure or not: their distance from runs at half the step;
 - symplecticity: :math:`\max|M^TJM - J|`, M the Jacobian of 1 and of 10 steps by `metrics.jacobian` (central
   differences, extrapolated); its floor is what doubling the displacement changes, or the floor of the control;
 - reversibility: n steps, the momenta reversed, n steps, reversed again: the distance from the start;
 - energy: the largest error, and the slope of `metrics.drift` with its interval, over a long run;
-- stability: the largest h on the harmonic oscillator of frequency 1 up to which energies do not grow.
+- stability: where the powers of the matrix of a step on the harmonic oscillator stay bounded (`linear_stability`).
 
 Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), V.1 and VI.2; `benchmarks.metrics`.
 """
@@ -24,7 +25,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from phasebench.benchmarks.measure import metrics
+from phasebench.benchmarks.measure import linear_stability, metrics
 from phasebench.benchmarks.measure.accuracy import end_state
 
 from . import cases
@@ -50,15 +51,17 @@ SHORTER = 0.5
 #: Integrators of so high an order have their structure looked at with a step so many times as long: at the step of the
 #: case what is broken may be below round-off.
 HIGH, LONGER = 6, 3.0
-#: Steps of the energy's run, most and least, and the rows that are looked at.
-LONG, SHORT, SEEN = 10_000, 1000, 1000
+#: Steps of the energy's run, most (where they take at most so many seconds) and least, and the rows that are looked at.
+LONG, LONG_SECONDS, SHORT, SEEN = 10_000, 2.0, 1000, 1000
 #: The time of an adaptive peer's run for the energy, in steps of the case.
 ADAPTIVE_SPAN = 2500
 TOLERANCES = (1e-6, 1e-9, 1e-12)
-#: Stability: steps, the factor of growth allowed, the factor between probes, the first and the last h.
-STABLE_STEPS, GROWTH, APART, FIRST, LAST = 1000, 1e3, 1.25, 0.5, 10.0
-#: Cost: repeats, and the seconds that one of them should last.
-REPEATS, LASTING = 5, 0.05
+#: Stability: the matrix of two steps is the square of that of one up to this, else more than the state is kept.
+SQUARE = 1e-9
+#: Where no step is stable, what a step multiplies by is said for this one.
+GROWING_AT = 0.5
+#: Cost: repeats, the seconds that one of them should last, those that all of them may, and the most steps.
+REPEATS, LASTING, ENOUGH_COST, MOST_STEPS = 5, 0.05, 1.0, 10_000
 #: Where a method is unstable at the step of the case, its cost is measured at this part of it.
 TINY = 1e-3
 #: Its structure and its floor are known by proof; Stormer-Verlet where it can, else the midpoint rule.
@@ -216,6 +219,11 @@ def _controls(measure: str, case: Case, h: float, steps: int) -> tuple[float, fl
     return max(MEASURED[measure](known, case, h, steps)), MEASURED[measure](control(CLASSICAL), case, h, steps)[0]
 
 
+def _own_error(peer, case: Case, h: float, steps: int) -> float:
+    """How far ``steps`` steps end from twice as many of half the size: where that is round-off, so is every defect."""
+    return float(np.abs(end_state(run(peer, case, h, steps)) - end_state(run(peer, case, h / 2, 2 * steps))).max())
+
+
 def _structure(measure: str, peer, case: Case, steps: int) -> dict:
     h, high = case.h, _high(peer)
     try:
@@ -228,7 +236,8 @@ def _structure(measure: str, peer, case: Case, steps: int) -> dict:
         h = case.h
         value, noise = MEASURED[measure](peer, case, h, steps)
     known, classical = _controls(measure, case, h, steps)
-    out = {"value": value, "floor": max(noise, known), "classical": classical, "steps": steps, "h": h}
+    own = _own_error(peer, case, h, steps)
+    out = {"value": value, "floor": max(noise, known), "classical": classical, "own": own, "steps": steps, "h": h}
     if value > BROKEN * out["floor"]:
         shorter = MEASURED[measure](peer, case, SHORTER * h, steps if measure == "symplecticity" else 2 * steps)[0]
         if shorter > 0:
@@ -274,7 +283,8 @@ def energy(peer, case: Case, late: Callable[..., bool] = never) -> dict:
         tol = None if peer.claims.energy else _tolerances(peer)[1]
     else:
         h, trial = case.h, run(peer, case, case.h, 100)
-        steps = LONG if not late(LONG / 100 * trial.seconds * 2) else SHORT
+        expected = LONG / 100 * trial.seconds
+        steps = LONG if expected < LONG_SECONDS and not late(2 * expected) else SHORT
         rows, every = SEEN, steps // SEEN
     s = run(peer, case, h, rows * every, every=every, tol=tol)
     H = system.observe(system.H, s.q, s.p)
@@ -293,38 +303,40 @@ def energy(peer, case: Case, late: Callable[..., bool] = never) -> dict:
     }
 
 
-def _grows(peer, case: Case, h: float) -> bool:
-    """Whether energies grow by more than `GROWTH` in `STABLE_STEPS` steps, or the run does not end."""
-    system = cases.problem(case).system
-    try:
-        s = run(peer, case, h, STABLE_STEPS, every=STABLE_STEPS // 20)
-    except Failed as failure:
-        if failure.args[0] in ("skipped", "invalid"):
-            raise
-        return True
-    H = system.observe(system.H, s.q, s.p)
-    return bool(not np.isfinite(H).all() or np.abs(H).max() > GROWTH * abs(H[0]))
+def _matrix(peer, case: Case, h: float, steps: int = 1) -> np.ndarray:
+    """The matrix of ``steps`` steps on a linear system of d = 1: its columns are where the unit vectors go."""
+    return np.array([end_state(run(peer, case, h, steps, ([q], [p]))) for q, p in ((1.0, 0.0), (0.0, 1.0))]).T
 
 
 def stability(peer, case: Case, late: Callable[..., bool] = never) -> dict:
-    """The largest stable h of the frequency 1, between two probes 1 % apart; none found up to `LAST`: unconditional."""
-    low, high = 0.0, FIRST
-    while not _grows(peer, case, high):
-        low = high
-        if high >= LAST:
-            return {"value": LAST, "reason": f"no limit up to {LAST:g}", "steps": STABLE_STEPS, "unconditional": True}
+    """The first stable interval of h omega, and all of them as texts; ``end`` says what ended a scan before its end."""
+    end = ""
+
+    def step_matrix(h: float) -> np.ndarray | None:
+        nonlocal end
         if late():
-            return {"value": low, "reason": f"stopped by the budget: stable up to {low:.3g}", "steps": STABLE_STEPS}
-        high = min(high * APART, LAST)
-    while high - low > 0.01 * high:
-        middle = (low + high) / 2
-        if _grows(peer, case, middle):
-            high = middle
-        else:
-            low = middle
-        if late() or high < 1e-3:
-            break
-    return {"value": low, "low": low, "high": high, "steps": STABLE_STEPS, "unconditional": False}
+            end = "the budget"
+            return None
+        try:
+            return _matrix(peer, case, h)
+        except Failed as failure:
+            if failure.args[0] in ("skipped", "invalid"):
+                raise
+            end = failure.args[1]
+            return None
+
+    one, two = (_matrix(peer, case, GROWING_AT, n) for n in (1, 2))
+    if np.abs(two - one @ one).max() > SQUARE:
+        raise Failed("skipped", "it keeps more than the state between steps: two steps are not one taken twice")
+    found = linear_stability.stability(step_matrix)
+    return {
+        "value": found.scanned if found.limit is None else found.limit,
+        "unconditional": found.limit is None and not end,
+        "scanned": found.scanned,
+        "intervals": " ".join(f"{a:.7g}..{b:.7g}" for a, b in found.intervals),
+        "grows": linear_stability.radius(one) - 1,
+        "reason": f"scanned to {found.scanned:.4g}: {end}" if end else "",
+    }
 
 
 def cost(peer, case: Case, late: Callable[..., bool] = never) -> dict:
@@ -332,17 +344,18 @@ def cost(peer, case: Case, late: Callable[..., bool] = never) -> dict:
     h, steps, tol = case.h, 100, _tolerances(peer)[1] if peer.adaptive else None
     try:
         s = run(peer, case, h, steps, tol=tol)
-        s = s if peer.adaptive else run(peer, case, h, 100 * steps, tol=tol)
+        if not peer.adaptive and s.seconds < ENOUGH_COST / 200:
+            s = run(peer, case, h, 100 * steps, tol=tol)
+            steps *= 100
     except Failed:  # an unstable method: its steps cost what shorter ones do
         h *= TINY
         s = run(peer, case, h, steps, tol=tol)
-    times = min(100, max(1, round(LASTING / max(s.seconds, 1e-6))))
-    steps *= times
+    steps = min(MOST_STEPS, max(1, round(steps * LASTING / max(s.seconds, 1e-6))))
     seconds = []
     for _ in range(REPEATS):
         s = run(peer, case, h, steps, tol=tol)
         seconds.append(s.seconds)
-        if late():
+        if late() or sum(seconds) > ENOUGH_COST:
             break
     taken, evaluations = s.counts["steps"], s.counts["gradient"]
     per_step = float(np.median(seconds)) / taken * 1e6 if taken else np.nan

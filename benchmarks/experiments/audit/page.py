@@ -5,9 +5,10 @@ from __future__ import annotations
 import pandas as pd
 
 from phasebench.benchmarks.page.markdown import listed
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, Verdict, of
 
 from . import audit, figures, judge, measures
+from .statements import SEVERITIES
 
 OWN = "phasebench"
 
@@ -39,12 +40,14 @@ def claims(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
     """How many claims hold."""
     mine = _claims(found, claimed)
     count = mine["verdict"].value_counts()
-    holds, part, wrong = (int(count.get(v, 0)) for v in (judge.HOLDS, judge.IN_PART, judge.CONTRADICTED))
-    judged = holds + part + wrong
+    kinds = (judge.HOLDS, judge.IN_PART, judge.CONTRADICTED, judge.UNDERSTATED)
+    holds, part, wrong, more = (int(count.get(v, 0)) for v in kinds)
+    judged = holds + part + wrong + more
     if not judged:
         return None
     names = [f"{r.peer} ({r.claim})" for r in mine[mine["verdict"] == judge.CONTRADICTED].itertuples()]
-    text = f"Of {judged} claims that could be judged {holds} hold, {part} hold on some problems only, {wrong} are contradicted"
+    text = f"Of {judged} claims of order, symplecticity, reversibility and energy that could be judged {holds} hold, "
+    text += f"{part} hold on some problems only, {more} are understated, {wrong} contradicted"
     return Verdict(
         f"{text}{f': {listed(names, 3)}' if names else ''}; {len(mine) - judged} could not be judged.",
         wrong + part == 0,
@@ -52,30 +55,58 @@ def claims(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
     )
 
 
-@of("audit")
-def covered(found: pd.DataFrame) -> Verdict | None:
-    """What was audited."""
-    first = _present(found)
-    if first.empty:
+@of("audit_statements")
+def statements(stated: pd.DataFrame) -> Verdict | None:
+    """How many statements of the documentation hold, and the worst that do not."""
+    count = stated["verdict"].value_counts()
+    kinds = (judge.HOLDS, judge.CONTRADICTED, judge.UNDERSTATED, judge.UNJUDGED)
+    holds, wrong, more, open_ = (int(count.get(v, 0)) for v in kinds)
+    if not holds + wrong + more:
         return None
+    bad = _by_severity(stated[stated["verdict"] == judge.CONTRADICTED])
+    worst = (
+        f"; the worst: {bad.iloc[0]['package']}, {bad.iloc[0]['severity']} ({bad.iloc[0]['script']})" if wrong else ""
+    )
+    text = f"Of {len(stated)} statements of documentation, each with a script, {holds} hold, {wrong} are contradicted, "
+    text += f"{more} understated, {open_} not judged{worst}."
+    return Verdict(text, wrong == 0, f"{wrong} of {len(stated)} statements of documentation are contradicted.")
+
+
+def _by_severity(frame: pd.DataFrame) -> pd.DataFrame:
+    """The worst first."""
+    place = {s: i for i, s in enumerate(SEVERITIES)}
+    return frame.sort_values("severity", key=lambda s: s.map(place).fillna(len(place)), kind="stable")
+
+
+def covered(data: Data) -> Verdict | None:
+    """What was audited, what was not, and whether the controls come out as declared."""
+    found, claimed, left = (data(name) for name in ("audit", "audit_claims", "audit_unregistered"))
+    if found is None or claimed is None or _present(found).empty:
+        return None
+    first = _present(found)
     there, away = first[first["status"] == "ok"], first[first["status"] != "ok"]
     text = f"{len(there)} integrators of {there['package'].nunique()} packages were audited ({listed(_versions(there), 8)})"
-    text += f"; not audited: {listed(_versions(away), 4)}, {len(away)} integrators" if len(away) else ""
-    return Verdict(f"{text}.", True, text)
-
-
-@of("audit_claims")
-def controls(claimed: pd.DataFrame) -> Verdict | None:
-    """Whether the controls come out as declared."""
+    absent = [f"{p} ({len(part)} integrators)" for p, part in away.groupby("package", sort=False)]
+    text += f"; not audited: {_left(left, absent)}."
     own = claimed[claimed["package"] == OWN]
-    if own.empty:
-        return None
     wrong = own[own["verdict"] != judge.HOLDS]
-    names = listed(list(dict.fromkeys(own["peer"])))
-    text = f"The controls, {names} of this project, go through the same functions: {len(own) - len(wrong)} of their "
-    text += f"{len(own)} declarations come out as declared"
+    text += (
+        f" Of the {len(own)} declarations of the controls ({listed(list(dict.fromkeys(own['peer'])))}, this project's) "
+    )
+    text += f"{len(own) - len(wrong)} come out as declared"
     text += f", not {listed([f'{r.peer} ({r.claim})' for r in wrong.itertuples()], 3)}" if len(wrong) else ""
-    return Verdict(f"{text}.", wrong.empty, f"{len(wrong)} controls do not come out as declared.")
+    return Verdict(f"{text}.", wrong.empty, f"{len(wrong)} declarations of controls do not come out.")
+
+
+def _left(left: pd.DataFrame | None, absent: list[str]) -> str:
+    """What a package has and the audit has not, in a few words."""
+    if left is None:
+        return listed([*absent, "what the packages have besides was not looked up"])
+    named = left[left["name"].notna() & (left["name"] != "")]
+    parts = [
+        f"{len(part)} of {package} ({listed(list(part['name']), 2)})" for package, part in named.groupby("package")
+    ]
+    return listed([*absent, *parts]) + (" (data/audit_unregistered.csv)" if parts else "")
 
 
 @of("audit", "audit_claims")
@@ -92,60 +123,90 @@ def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder) -> list[Picture] | 
     return [Picture(file, "measured less claimed orders", caption)]
 
 
-@of("audit", "audit_claims")
-def table(found: pd.DataFrame, claimed: pd.DataFrame) -> Table | None:
-    """The findings, then what could not be audited."""
-    mine = _claims(found, claimed)
-    wrong = mine[mine["verdict"].isin([judge.CONTRADICTED, judge.IN_PART])].sort_values("verdict", kind="stable")
-    lines = [
-        {
-            "integrator": r.peer,
-            "version": r.version,
-            "claimed": r.claim,
-            "measured": str(r.measured).split(";")[0],
-            "verdict": r.verdict,
-            "reproduce": f"`{r.command}`",
-        }
-        for r in wrong.itertuples()
-    ]
-    first = _present(found)
-    for (package, status, reason), part in (
-        first[first["status"] != "ok"].astype(object).fillna("").groupby(["package", "status", "reason"], sort=False)
-    ):
-        names = listed(list(part["peer"]), 3)
-        lines.append({"integrator": names, "version": package, "measured": str(reason)[:120], "verdict": status})
+def table(data: Data) -> Table | None:
+    """The findings: statements of the documentation, then claims that no statement speaks of, then what failed."""
+    stated, found, claimed = (data(name) for name in ("audit_statements", "audit", "audit_claims"))
+    lines, spoken = [], set()
+    if stated is not None and len(stated):
+        stated = stated.fillna("")
+        spoken = {pair for text in stated["covers"] for pair in str(text).split()}
+        bad = stated[stated["verdict"].isin([judge.CONTRADICTED, judge.UNDERSTATED])]
+        bad = pd.concat([_by_severity(bad[bad["verdict"] == v]) for v in (judge.CONTRADICTED, judge.UNDERSTATED)])
+        lines += [_stated(r) for r in bad.itertuples()]
+    if found is not None and claimed is not None:
+        mine = _claims(found, claimed)
+        shown = mine[mine["verdict"].isin([judge.CONTRADICTED, judge.IN_PART, judge.UNDERSTATED])]
+        lines += [_claim(r) for r in shown.itertuples() if f"{r.peer}:{r.property}" not in spoken]
+        first = _present(found)
+        away = first[first["status"] != "ok"].astype(object).fillna("")
+        for (package, status, reason), part in away.groupby(["package", "status", "reason"], sort=False):
+            names = listed(list(part["peer"]), 3)
+            lines.append({"package": package, "said": names, "measured": str(reason)[:120], "verdict": status})
     if not lines:
         return None
-    shown = pd.DataFrame(lines[:ROWS]).fillna("")
-    return Table(shown, "Claims that are contradicted or hold in part, then what could not be audited.")
+    caption = "What is contradicted, the worst first, then what is understated, then what could not be run."
+    if len(lines) > ROWS:
+        caption += f" {len(lines) - ROWS} more are in data/audit_statements.csv and data/audit_claims.csv."
+    return Table(pd.DataFrame(lines[:ROWS]).fillna(""), caption)
 
 
-@of("audit", "audit_claims")
-def _whole(found: pd.DataFrame, claimed: pd.DataFrame) -> pd.DataFrame:
-    return claimed[["peer", "version", "claim", "verdict", "measured", "reason"]]
+def _stated(r) -> dict:
+    return {
+        "package": f"{r.package} {r.version}",
+        "said": f"[“{_short(r.said, 60)}”]({r.link})",
+        "measured": r.shows,
+        "verdict": f"{r.verdict}: {r.severity}" if r.severity else r.verdict,
+        "script": r.script,
+    }
+
+
+def _claim(r) -> dict:
+    return {
+        "package": f"{r.package} {r.version}",
+        "said": f"{r.peer}: {r.claim}",
+        "measured": str(r.measured).split(";")[0],
+        "verdict": r.verdict,
+        "script": f"`{r.command}`",
+    }
+
+
+def _short(text: str, most: int) -> str:
+    """The text, or its first words."""
+    return text if len(text) <= most else text[:most].rsplit(" ", 1)[0] + " …"
+
+
+@of("audit_statements")
+def mended(stated: pd.DataFrame) -> pd.DataFrame:
+    """Every statement with its words, what was printed and what would mend it."""
+    return stated[["package", "said", "where", "verdict", "printed", "mend", "script"]].fillna("")
 
 
 PAGE = Page(
     id="audit",
     question="Are the established integrators what their packages claim?",
-    tables=("audit", "audit_claims"),
+    tables=("audit", "audit_claims", "audit_statements", "audit_unregistered"),
     setting=(
-        "Every integrator is a black box (q₀, p₀, h, n) → (q, p), called through its package's public interface.",
-        "Claims are what a package's own attributes or documentation say: order, symplectic, reversible, energy.",
+        "Every integrator is a black box (q₀, p₀, h, n) → (q, p), called through its package; desolver's choice of the step "
+        "is replaced by a constant one (adaptation_fn), since its own loop keeps no step of an implicit method.",
+        "Claims are a package's own words or attributes. What else its documentation says is tested by a script of 20 lines "
+        "that needs the package alone: benchmarks/experiments/audit/scripts/.",
         "Order: the error over a ladder of steps against a certified reference, with a 95 % interval of the slope.",
-        "Symplecticity: MᵀJM − J by extrapolated differences; reversibility: out and back with reversed momenta.",
-        f"Energy: its drift with an interval over {measures.SHORT} or {measures.LONG} steps. Orbits in general position.",
+        "Symplecticity: MᵀJM − J by extrapolated differences; reversibility: out and back; energy: its drift with an "
+        f"interval over {measures.SHORT} or {measures.LONG} steps; stability: where the matrix of a step on the oscillator "
+        "has bounded powers. Orbits in general position.",
     ),
-    verdicts=(claims, covered, controls),
+    verdicts=(claims, statements, covered),
     figures=draw,
     table=table,
-    whole=_whole,
+    whole=mended,
     limits=(
         f"An order is contradicted where on two problems, and against none, its whole interval is more than {judge.GATE} "
         "away, at another integer.",
-        f"A defect above {judge.BROKEN:g} times the floor is broken; below it counts only where classical Runge–Kutta "
-        f"shows {judge.VISIBLE:g} times the floor.",
-        "Not judged: order and symplecticity of an adaptive integrator, and what a package does not claim.",
+        f"A defect above {judge.BROKEN:g} times the floor is broken; below it counts only where classical Runge–Kutta's "
+        f"defect and the integrator's own error are {judge.VISIBLE:g} times the floor.",
+        "More than is claimed is understated, of whatever kind the claim is. A statement is of the version that is named.",
+        "Not judged: order and symplecticity of an adaptive integrator (but for those with a script), and what a package "
+        "does not claim.",
         f"A measure gets {audit.BUDGET:g} s; what took longer is in data/audit.csv with its reason.",
     ),
     command="pytest benchmarks/experiments/audit",

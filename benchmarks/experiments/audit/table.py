@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 
 from .cases import BY_NAME
 from .judge import CONTRADICTED, IN_PART, LARGE, bounded, kept, round_off
-from .measures import TOLERANCES
+from .measures import GROWING_AT, TOLERANCES
 
 #: Tables of a terminal that is none are this wide.
 WIDTH = 220
@@ -47,7 +48,16 @@ def _energy(row) -> str:
 
 
 def _stability(row) -> str:
-    return f"none up to {row['value']:g}" if row.get("unconditional") else f"{row['value']:.3g}"
+    pieces = [tuple(map(float, piece.split(".."))) for piece in (row.get("intervals") or "").split()]
+    if row.get("unconditional"):
+        return f"none up to {row['value']:g}"
+    if not row["value"]:
+        return f"0 (x {1 + row['grows']:.4g} a step at {GROWING_AT:g})"
+    first = f"{row['value']:.4g}"
+    if row["reason"]:
+        return f"{first}, the last that could be taken" if row["value"] >= row["scanned"] else first
+    windows = [f"{a[1]:.4g} to {b[0]:.4g}" for a, b in pairwise(pieces)]
+    return f"{first}; unstable on {', '.join(windows)}, then from {pieces[-1][1]:.4g}" if windows else first
 
 
 def _cost(row) -> str:

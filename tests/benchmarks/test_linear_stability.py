@@ -1,0 +1,150 @@
+"""Where step maps of the oscillator are stable: closed forms, planted narrow windows, maps that grow from the start."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.measure.linear_stability import LAST, SPACING, margins, radius, stability
+
+
+def drift(a):
+    return np.array([[1.0, a], [0.0, 1.0]])
+
+
+def kick(b):
+    return np.array([[1.0, 0.0], [-b, 1.0]])
+
+
+def verlet(z):
+    return kick(z / 2) @ drift(z) @ kick(z / 2)
+
+
+def scheme_i(lam, z):
+    """Scheme I: Q = lam q' + (1 - lam) q, P = (1 - lam) p' + lam p; q' = q + z P, p' = p - z Q."""
+    left = np.array([[1.0, -z * (1 - lam)], [z * lam, 1.0]])
+    right = np.array([[1.0, z * lam], [-z * (1 - lam), 1.0]])
+    return np.linalg.solve(left, right)
+
+
+def of_trace(trace):
+    """A symplectic map of that trace."""
+    return lambda z: np.array([[trace(z), -1.0], [1.0, 0.0]])
+
+
+def triple_jump(z):
+    g = 1 / (2 - 2 ** (1 / 3))
+    return verlet(g * z) @ verlet((1 - 2 * g) * z) @ verlet(g * z)
+
+
+def runge_kutta(*c):
+    """The map of an explicit method with the stability polynomial sum c_k z^k."""
+
+    def step(z):
+        A = z * np.array([[0.0, 1.0], [-1.0, 0.0]])
+        return sum(ck * np.linalg.matrix_power(A, k) for k, ck in enumerate(c))
+
+    return step
+
+
+def same(found, expected):
+    return len(found) == len(expected) and np.allclose(found, expected, atol=1e-6)
+
+
+def test_stormer_verlet_is_stable_below_2():
+    found = stability(verlet)
+    assert same(found.intervals, [(0, 2)])
+    assert found.limit == pytest.approx(2, abs=1e-8)
+    assert found.windows == ()
+
+
+@pytest.mark.parametrize("lam", [-1.0, 0.0, 0.3, 0.45, 1.0, 2.5])
+def test_scheme_i_is_stable_where_it_is_proved(lam):
+    limit = 2 / abs(1 - 2 * lam)
+    found = stability(lambda z: scheme_i(lam, z))
+    assert (found.limit is None) is (limit > LAST)
+    assert limit > LAST or found.limit == pytest.approx(limit, abs=1e-7)
+
+
+def test_the_midpoint_rule_has_no_limit():
+    found = stability(lambda z: scheme_i(0.5, z))
+    assert (found.limit, found.intervals, found.scanned) == (None, ((0.0, LAST),), LAST)
+
+
+def test_runge_kutta_methods_end_where_they_are_known_to():
+    assert stability(runge_kutta(1, 1, 1 / 2, 1 / 6, 1 / 24)).limit == pytest.approx(8**0.5, abs=1e-7)
+    assert stability(runge_kutta(1, 1, 1 / 2, 1 / 6)).limit == pytest.approx(3**0.5, abs=1e-7)
+
+
+@pytest.mark.parametrize("c", [(1, 1), (1, 1, 1 / 2), (1, 1, 1 / 2, 1 / 6, 1 / 24, 1 / 120)])
+def test_what_grows_as_a_power_of_the_step_has_no_stable_steps(c):
+    """Orders 1, 2 and 5: |R(i z)| > 1 for every small z, if only by z^6 / 144."""
+    found = stability(runge_kutta(*c))
+    assert found.limit == 0
+    assert all(start > 0 for start, _ in found.intervals)
+    assert radius(runge_kutta(*c)(0.5)) > 1
+
+
+def test_a_composition_has_its_windows():
+    """The triple jump of leapfrogs is unstable from the root of its trace; every boundary has |trace| = 2."""
+    found = stability(triple_jump)
+    trace = [abs(np.trace(triple_jump(z))) for z in np.arange(0.0005, 6, 0.001)]
+    changes = [0.0005 + 0.001 * k for k, (a, b) in enumerate(pairwise(trace)) if (a > 2) != (b > 2)]
+    bounds = [z for piece in found.intervals for z in piece if z > 0]
+    assert np.allclose(bounds, changes, atol=0.0011)
+    assert found.limit == pytest.approx(1.573, abs=1e-3)
+
+
+@pytest.mark.parametrize("width", [0.3, 1e-2, 1e-3])
+def test_a_narrow_window_is_found_that_a_scan_misses(width):
+    """The trace passes -2 by its own curvature between points of the scan."""
+    at, bend = 3.0 + SPACING / 3, 1.0
+    low = -2 - bend * width**2 / 4
+    found = stability(of_trace(lambda z: min(low + bend * (z - at) ** 2, 2 - 1e-3)))
+    scan = np.arange(SPACING, LAST, SPACING)
+    if width < SPACING / 2:
+        assert all(abs(low + bend * (z - at) ** 2) <= 2 for z in scan if abs(z - at) < 1), "the scan does not see it"
+    ((start, end),) = found.windows
+    assert (start, end) == (pytest.approx(at - width / 2, abs=1e-6), pytest.approx(at + width / 2, abs=1e-6))
+
+
+def test_a_trace_that_only_touches_minus_2_leaves_no_window():
+    found = stability(of_trace(lambda z: 2 * np.cos(z)))
+    assert found.intervals == ((0.0, LAST),)
+
+
+def test_a_sliver_of_stability_is_found():
+    """From far below -2 to far above 2 within a scan's spacing: a narrow stable interval, bounded on both sides."""
+    found = stability(of_trace(lambda z: 1000 * (z - 5.01)))
+    assert same(found.intervals, [(5.008, 5.012)])
+    assert found.limit == 0
+
+
+def test_a_step_that_cannot_be_taken_ends_the_scan():
+    found = stability(lambda z: verlet(z) if z < 1 else None)
+    assert found.limit is None
+    assert found.scanned == pytest.approx(1 - SPACING)
+    assert stability(lambda z: None).intervals == ()
+
+
+def test_a_hopeless_polynomial_is_not_scanned_to_the_end():
+    called = []
+
+    def step(z):
+        called.append(z)
+        return verlet(z**3)
+
+    found = stability(step)
+    assert found.limit == pytest.approx(2 ** (1 / 3), abs=1e-7)
+    assert found.scanned < LAST
+    assert max(called) < LAST
+
+
+def test_large_entries_do_not_make_a_map_stable():
+    """A map of entries 1e6 and trace 100 grows, whatever its determinant is rounded to."""
+    huge = stability(lambda z: 1e16 * np.array([[-1.0, 1.0], [-1.0, 1.0]]) + 1e9 * np.eye(2))
+    assert huge.intervals == ()
+    assert margins([[1e6, 1e6], [-1e6 - 100 / 1e6, 100 - 1e6]]).min() < 0
+    assert (margins([[0.5, 100.0], [-0.0075, 0.5]]) > 0).all()
