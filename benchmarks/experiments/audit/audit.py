@@ -100,23 +100,20 @@ def audit(
     from .controls import CONTROLS, control
 
     found, known = Audit(), dict(BY_ID) | {c: control(c) for c in CONTROLS}
-    with worker.Worker() as apart:
-        for peer in select(names):
-            ask = apart.row if isolate and known.get(peer.id) is peer else worker.row
-            tell = partial(_tell, progress, peer.id)
-            tell(worker.PREPARE)
-            first = ask(peer, worker.PREPARE, seconds=worker.LOADING)
-            rows = [first]
-            if first["status"] == "ok":
-                for measure in (
-                    QUICK[peer.adaptive] if quick else measures.ADAPTIVE if peer.adaptive else measures.FIXED
-                ):
-                    on = cases.chosen(peer, measure, quick)
-                    for case in on:
-                        tell(f"{measure} on {case.problem}")
-                        rows.append(ask(peer, measure, case.problem, budget / len(on)))
-            found.rows += rows
-            found.claims += judge.claims(peer, first["version"], rows)
+    for peer in select(names):
+        ask = worker.shared().row if isolate and known.get(peer.id) is peer else worker.row
+        tell = partial(_tell, progress, peer.id)
+        tell(worker.PREPARE)
+        first = ask(peer, worker.PREPARE, seconds=worker.LOADING)
+        rows = [first]
+        if first["status"] == "ok":
+            for measure in QUICK[peer.adaptive] if quick else measures.ADAPTIVE if peer.adaptive else measures.FIXED:
+                on = cases.chosen(peer, measure, quick)
+                for case in on:
+                    tell(f"{measure} on {case.problem}")
+                    rows.append(ask(peer, measure, case.problem, budget / len(on)))
+        found.rows += rows
+        found.claims += judge.claims(peer, first["version"], rows)
     found.remarks += judge.remarks(found.rows, found.claims)
     return found
 

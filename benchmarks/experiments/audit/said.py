@@ -324,8 +324,8 @@ STATEMENTS = (
     Statement(
         "heyoka_tolerance",
         "heyoka",
-        "maintain machine precision accuracy over tens of billions of timesteps",
-        "",
+        "the ability to maintain machine precision accuracy over tens of billions of timesteps",
+        "readme:heyoka",
         HEYOKA,
         below(1e-12),
         "pendulum to t = 70000: energy error {0}, with high_accuracy {1}; billions of steps were not tried",

@@ -6,6 +6,7 @@ from outside: the process is killed, the row says so, and a new process goes on.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import json
 import os
@@ -14,6 +15,7 @@ import subprocess
 import sys
 import threading
 import time
+from functools import cache
 from math import isfinite
 
 from phasebench.reference.tables import version_of
@@ -158,6 +160,14 @@ class Worker:
             self.stop()
             return blank(peer, measure, case_name) | {"status": "invalid", "reason": "its process died", "seconds": 0.0}
         return json.loads(answer)
+
+
+@cache
+def shared() -> Worker:
+    """The process of this one's audits: packages are loaded, and what is true is computed, once for all peers."""
+    worker = Worker()
+    atexit.register(worker.stop)
+    return worker
 
 
 def _listen(stream, answers) -> None:

@@ -1,0 +1,262 @@
+"""Statements of documentation: quoted as the packages have them, judged both ways, tested by scripts that run alone."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import re
+
+import pandas as pd
+import pytest
+
+from phasebench.benchmarks.experiments.audit import page, said, statements, unregistered
+from phasebench.benchmarks.experiments.audit.judge import CONTRADICTED, HOLDS, UNDERSTATED, UNJUDGED
+from phasebench.benchmarks.experiments.audit.said import BY_SCRIPT, STATEMENTS
+from phasebench.reference.peers import BY_ID
+
+OK = "1.0e-16"
+#: script -> values for which its statements hold, values for which they do not, and what they then are.
+VALUES = {
+    "galpy_dt": (("1e-15", "1.8", OK), ("1.8", "1e-15", OK), CONTRADICTED),
+    "desolver_fixed_steps": (("0.10, 0.10",) * 5, ("0.10, 0.10", "0.10, 0.30", *("0.10, 0.10",) * 3), CONTRADICTED),
+    "desolver_radau_iia_3": (("1.0", "1.0", "2.98"), ("1.0", "1.0833", "1.00"), CONTRADICTED),
+    "desolver_orders": (("8.01", "6.98", "6.1", "1.0"), ("7.02", "4.01", "4.00", "0.40"), CONTRADICTED),
+    "desolver_richardson": ((OK, OK, OK, "True"), (OK, "1.9e-05", OK, "True"), CONTRADICTED),
+    "desolver_richardson_default": (("1e-3", "1e-2"), ("0.0e+00", "1e-2"), CONTRADICTED),
+    "desolver_lobatto_iiib_2": (("False", "True", "1e-3"), ("False", "True", "0.0e+00"), UNDERSTATED),
+    "gala_time_dependent": (("2.0", "4.0", "5.0"), ("2.0", "1.0", "5.0"), CONTRADICTED),
+    "gala_leapfrog_energy": ((OK, OK), ("2.50e-03", OK), CONTRADICTED),
+    "gala_rk5_coefficients": (("0.4", OK), (OK, "0.4"), CONTRADICTED),
+    "gala_dopri853_order": (("5.0",), ("7.93",), UNDERSTATED),
+    "gala_dopri853_defaults": (("1e-6", "1e-6", "1e-5"), ("1e-5", "1e-6", "0.00e+00"), CONTRADICTED),
+    "pyhamsys_projection": (("symmetric", "1e-3"), ("midpoint", "0.0e+00"), CONTRADICTED),
+    "pyhamsys_extension": ((OK, OK), (OK, "3.2e-08"), CONTRADICTED),
+    "pyhamsys_step": (("0.0995", "0.0299", "0.1", "1.0"), ("0.0995", "0.0299", "0.0391", "0.2"), CONTRADICTED),
+    "pyhamsys_times": (("0.13, 1.27",) * 2, ("0.13, 1.27", "0.10, 1.24"), CONTRADICTED),
+    "diffrax_sil3": (("3.0", "2.99", "0.3333"), ("3.0", "2.1", "0.3889"), CONTRADICTED),
+    "diffrax_reversible_heun": (("5.9e-15", "1e-5"), ("1e-5", "1e-5"), CONTRADICTED),
+    "diffrax_a_stability": (("-1e-4", "1e-6", "0.0", "1e-6"), ("-1e-4", "1e-6", "1e-3", "1e-6"), CONTRADICTED),
+    "rebound_janus_reversible": (("0",) * 5, ("0", "0", "3", "0", "0"), CONTRADICTED),
+    "rebound_leapfrog_order_4": (("2.0", "2.0", "6.0", "8.0"), ("2.0", "3.99", "6.0", "8.0"), UNDERSTATED),
+    "rebound_correctors": (("2.0", "3.99", "5.99"), ("2.0", "2.01", "5.99"), CONTRADICTED),
+    "rebound_whfast_bitwise": (("12", "0"), ("12", "3"), CONTRADICTED),
+    "scipy_orders": (("3.0", "5.04", "7.97"), ("3.0", "4.04", "7.97"), CONTRADICTED),
+    "galpy_ias15_tolerance": (("1e-3", "1e-2"), ("0.0e+00", "1e-2"), CONTRADICTED),
+    "heyoka_tolerance": (("3.6e-14", "4.1e-14"), ("3.6e-14", "4.1e-11"), CONTRADICTED),
+}
+
+
+# -- the words ----------------------------------------------------------------------------------------------------
+
+
+def documentation(where: str) -> str:
+    """The text, or the value as an assignment, that ``where`` names, in one line."""
+    module, _, path = where.partition(":")
+    if module == "readme":
+        told = importlib.metadata.metadata(path)
+        return told.get_payload() or told["Description"]
+    if module == "rebound":
+        sim = importlib.import_module("rebound").Simulation()
+        sim.integrator = path
+        return sim.integrator.__doc__
+    if module in ("galpy.orbit", "desolver.integrators"):
+        importlib.import_module(f"phasebench.reference.peers.{module.split('.')[0]}").load()
+    found = importlib.import_module(module)
+    for name in path.split("."):
+        called = re.fullmatch(r"(\w+)\((\w+)\)", name)
+        owner, found = found, getattr(found, called[1])(getattr(found, called[2])) if called else getattr(found, name)
+        last = name
+    return found.__doc__ if callable(found) else f"{last} = {found}" if owner else ""
+
+
+@pytest.mark.parametrize("statement", [s for s in STATEMENTS if s.where], ids=lambda s: f"{s.script}-{s.where}")
+def test_a_statement_is_quoted_as_the_installed_package_has_it(statement):
+    pytest.importorskip(statement.package, exc_type=ImportError)
+    text = " ".join(documentation(statement.where).split())
+    assert statement.said in text
+    assert statement.said[::-1] not in text
+
+
+def test_statements_are_whole():
+    for s in STATEMENTS:
+        assert s.link.startswith("https://")
+        assert s.severity in (*statements.SEVERITIES, "")
+        assert bool(s.severity) <= bool(s.mend), s.script
+        assert all(peer in BY_ID for peer, _ in s.covers)
+    assert {p.stem for p in statements.SCRIPTS.glob("*.py")} == set(BY_SCRIPT)
+
+
+@pytest.mark.parametrize("script", BY_SCRIPT)
+def test_a_script_needs_the_package_alone_and_is_short(script):
+    text = (statements.SCRIPTS / f"{script}.py").read_text()
+    assert "phasebench" not in text
+    assert text.startswith('"""')
+    assert len(text.splitlines()) <= 36
+
+
+# -- verdicts -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("script", [s for s in BY_SCRIPT if s != "rebound_whfast_orders"])
+def test_a_verdict_changes_with_what_is_printed(script):
+    good, bad, verdict = VALUES[script]
+    assert {s.verdict(list(good)) for s in BY_SCRIPT[script]} == {HOLDS}
+    assert {s.verdict(list(bad)) for s in BY_SCRIPT[script]} == {verdict}
+    for s in BY_SCRIPT[script]:
+        row = statements.row(s, list(bad), "a = 1")
+        assert row["verdict"] == verdict
+        assert row["shows"]
+        assert statements.row(s, [], "", "no package")["verdict"] == UNJUDGED
+    assert any(s.severity and s.mend for s in BY_SCRIPT[script]) or verdict == CONTRADICTED
+
+
+@pytest.mark.parametrize(
+    ("order", "verdict"),
+    [("4.29", HOLDS), ("3.71", HOLDS), ("4.4", UNJUDGED), ("4.51", UNDERSTATED), ("3.49", CONTRADICTED)],
+)
+def test_an_order_is_near_or_another(order, verdict):
+    assert statements.near(0, 4)([order]) == verdict
+
+
+@pytest.mark.parametrize(("value", "verdict"), [("-9e-7", HOLDS), ("5e-6", UNJUDGED), ("-1.1e-5", CONTRADICTED)])
+def test_a_bound_is_met_or_ten_times_passed(value, verdict):
+    assert statements.below(1e-6)(["0", value]) == verdict
+    assert statements.below(1e-6, 0)(["0", value]) == HOLDS
+
+
+def test_the_worst_of_several_verdicts_counts():
+    def of(verdict):
+        return lambda values: verdict
+
+    every = statements.every
+    assert every(of(HOLDS), of(CONTRADICTED), of(UNDERSTATED))([]) == CONTRADICTED
+    assert every(of(HOLDS), of(UNJUDGED), of(UNDERSTATED))([]) == UNJUDGED
+    assert every(of(HOLDS), of(UNDERSTATED))([]) == UNDERSTATED
+    assert every(of(HOLDS), of(HOLDS))([]) == HOLDS
+
+
+# -- scripts ------------------------------------------------------------------------------------------------------
+
+
+def test_lines_with_values_are_read_and_others_are_not():
+    assert statements.printed("Using a backend\na = b = 1\nx, y = 2.0, 3\n") == {"a = b": "1", "x, y": "2.0, 3"}
+
+
+def test_a_script_that_fails_or_prints_nothing_judges_nothing(tmp_path, monkeypatch):
+    path = tmp_path / "a.py"
+    for text, why in (("raise ImportError('no such package')", "no such package"), ("", "it printed nothing")):
+        path.write_text(text)
+        values, lines, reason = statements.run(path)
+        assert (values, lines) == ([], "")
+        assert why in reason
+    path.write_text("import time; time.sleep(9)")
+    monkeypatch.setattr(statements, "SECONDS", 0.2)
+    assert "more than 0.2 s" in statements.run(path)[2]
+
+
+@pytest.mark.parametrize(
+    ("script", "verdict"),
+    [
+        ("rebound_janus_reversible", HOLDS),
+        ("rebound_leapfrog_order_4", UNDERSTATED),
+        ("gala_rk5_coefficients", CONTRADICTED),
+        ("desolver_radau_iia_3", CONTRADICTED),
+    ],
+)
+def test_scripts_print_what_the_page_says(script, verdict):
+    pytest.importorskip(BY_SCRIPT[script][0].package)
+    (row,) = statements.measured(script)["audit_statements"]
+    assert (row["verdict"], row["reason"]) == (verdict, "")
+
+
+def test_each_script_is_a_cell_and_its_text_is_in_its_content(monkeypatch):
+    cells = {c.key["script"]: c for c in statements.cells()}
+    assert set(cells) == set(BY_SCRIPT)
+    monkeypatch.setattr(said, "BY_SCRIPT", {"galpy_dt": BY_SCRIPT["gala_rk5_coefficients"]})
+    assert statements.cells()[0].content != cells["galpy_dt"].content
+
+
+# -- the page -----------------------------------------------------------------------------------------------------
+
+
+def frame(**verdicts):
+    rows = [statements.row(s, list(VALUES[s.script][1])) for s in STATEMENTS if s.script in VALUES]
+    return pd.DataFrame([r | {"verdict": verdicts.get(r["script"], HOLDS)} for r in rows])
+
+
+def data(tables):
+    return lambda name: tables.get(name)
+
+
+def test_the_worst_statement_is_named_and_comes_first():
+    bad = {"gala_leapfrog_energy": CONTRADICTED, "galpy_dt": CONTRADICTED, "diffrax_sil3": UNDERSTATED}
+    stated = frame(**bad)
+    verdict = page.statements(data({"audit_statements": stated}))
+    assert not verdict.holds
+    assert "2 are contradicted, 1 understated, 0 not judged; the worst: galpy, wrong states (galpy_dt)" in verdict.text
+    shown = page.table(data({"audit_statements": stated})).frame
+    assert list(shown["script"]) == ["galpy_dt", "gala_leapfrog_energy", "diffrax_sil3"]
+    assert shown["said"][0].startswith("[“If set, force the integrator")
+    fine = page.statements(data({"audit_statements": frame(diffrax_sil3=UNDERSTATED)}))
+    assert fine.holds
+    assert "0 are contradicted, 1 understated" in fine.text
+    assert page.table(data({"audit_statements": frame()})) is None
+
+
+def test_a_claim_that_a_statement_speaks_of_is_not_said_twice():
+    about = {"package": "desolver", "version": "5", "property": "order", "claim": "order 3", "verdict": CONTRADICTED}
+    about |= {"measured": "1.0", "command": "phasebench audit"}
+    claimed = pd.DataFrame([about | {"peer": p} for p in ("desolver-radau-iia-3", "desolver-rk4")])
+    found = pd.DataFrame(
+        {"package": "desolver", "peer": list(claimed["peer"]), "measure": "package", "status": "ok", "reason": ""}
+    )
+    tables = {"audit": found, "audit_claims": claimed, "audit_statements": frame(desolver_radau_iia_3=CONTRADICTED)}
+    shown = page.table(data(tables)).frame
+    assert list(shown["said"]) == [shown["said"][0], "desolver-rk4: order 3"]
+
+
+# -- what is not registered ---------------------------------------------------------------------------------------
+
+
+def names(package):
+    return [r["name"] for r in unregistered.measured(package)["audit_unregistered"]]
+
+
+def test_what_a_package_has_and_the_audit_has_not_grows_with_it(monkeypatch):
+    import scipy.integrate
+
+    before = names("scipy")
+    assert before == ["BDF", "RK23", "RK45"]
+    monkeypatch.setattr(scipy.integrate, "RK99", type("RK99", (scipy.integrate.RK45,), {}), raising=False)
+    assert names("scipy") == [*before, "RK99"]
+    scipys = next(m for m in unregistered.PACKAGES if m.PEERS[0].package == "scipy")
+    monkeypatch.setattr(scipys, "PEERS", tuple(p for p in scipys.PEERS if "radau" not in p.id))
+    assert "Radau" in names("scipy")
+
+
+def test_rebounds_options_that_no_peer_sets_are_named(monkeypatch):
+    found = names("rebound")
+    assert "whfast corrector2 1" in found
+    assert "whfast512 corrector 17" in found
+    assert any(n.startswith("whfast coordinates DEMOCRATIC") for n in found)
+    assert any(n.startswith("eos phi0 LF6") for n in found)
+    assert not any(n.startswith(("whfast kernel", "janus", "leapfrog", "bs")) for n in found)
+    from phasebench.reference.peers import rebound
+
+    monkeypatch.setattr(rebound, "PEERS", tuple(p for p in rebound.PEERS if p.settings.get("kernel") != "lazy"))
+    assert "whfast kernel LAZY" in names("rebound")
+
+
+def test_other_packages_are_looked_into():
+    assert names("desolver") == ["DIRK3LStable"]
+    assert names("gala") == names("pyhamsys") == names("galpy") == [""]
+    assert {c.key["package"] for c in unregistered.cells()} == set(unregistered.LOOKS)
+
+
+def test_an_absent_package_says_so(monkeypatch):
+    def absent():
+        raise ImportError("No module named 'gala'")
+
+    monkeypatch.setitem(unregistered.LOOKS, "gala", absent)
+    (row,) = unregistered.measured("gala")["audit_unregistered"]
+    assert (row["name"], "cannot be imported" in row["reason"]) == ("", True)
