@@ -13,6 +13,7 @@ def audit(
     package: Annotated[list[str], typer.Option(help="A package, such as rebound.")] = [],  # noqa: B006
     peer: Annotated[list[str], typer.Option(help="A peer, such as rebound-leapfrog.")] = [],  # noqa: B006
     quick: Annotated[bool, typer.Option(help="Two measures on one problem.")] = False,
+    scripts: Annotated[bool, typer.Option(help="Run the scripts that test what documentation says, too.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Measure established integrators, all where none is named, and show which of their claims hold."""
@@ -21,7 +22,25 @@ def audit(
 
     with invalid_input(), err.status("audit") as status:
         measured = measure([*package, *peer] or None, quick=quick, progress=status.update)
+        stated = _stated({r["package"] for r in measured.rows}, status.update) if scripts else []
     if as_json:
-        print_json({"rows": measured.rows, "claims": measured.claims, "remarks": measured.remarks})
-    else:
-        show(measured, out)
+        whole = {"rows": measured.rows, "claims": measured.claims, "remarks": measured.remarks}
+        print_json(whole | ({"statements": stated} if scripts else {}))
+        return
+    show(measured, out)
+    for row in stated:
+        out.print(f"{row['package']}, {row['verdict']}: '{row['said']}'", markup=False, highlight=False)
+        out.print(f"  {row['script']}: {row['shows'] or row['reason']}", markup=False, highlight=False)
+
+
+def _stated(packages: set[str], progress) -> list[dict]:
+    """The statements of the packages' documentation, judged by their scripts."""
+    from phasebench.benchmarks.experiments.audit import statements
+    from phasebench.benchmarks.experiments.audit.said import BY_SCRIPT
+
+    rows = []
+    for script, members in BY_SCRIPT.items():
+        if members[0].package in packages:
+            progress(script)
+            rows += statements.measured(script)["audit_statements"]
+    return rows

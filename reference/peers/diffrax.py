@@ -237,7 +237,7 @@ PEERS: tuple[Peer, ...] = (
         "Whitaker-Kar method",
         2,
         "Whitaker & Kar 2013, Mon. Weather Rev. 141, 3426-3434",
-        f"order 3 in the explicit term, says diffrax, 2 in the implicit one; {SOLVED}",
+        f"order 3 in the explicit term, says diffrax (on linear problems), 2 in the implicit one; {SOLVED}",
         split=IMEX,
     ),
     *(

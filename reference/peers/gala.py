@@ -7,7 +7,7 @@ problems that gala has in C are Kepler's (in space; the plane is z = 0) and Heno
 
 Of version 1.11: RK5 and Ruth4 evaluate a force that depends on time at the end of the step, which makes them of order 1
 there (no system here does); the Python DOPRI853 starts anew at every row, the Cython one interpolates rows.  What its
-documentation says and `Claims` cannot hold: that leapfrog conserves the energy of linear systems exactly.
+documentation says besides `Claims` the audit's scripts test.
 
 Source: A. M. Price-Whelan, J. Open Source Softw. 2 (2017) 388.
 """

@@ -13,7 +13,8 @@ of x and loses digits around it; forces that depend on the angle, as Henon and H
 finds the angle of its rows that way too.
 
 Fixed steps: ``dt`` is the step h of a method in C; the number of steps between two rows is their distance divided by
-dt, which galpy truncates (0.3 / 0.1 is 2), so rows are declared apart by a rounding more where they must.  The Python
+dt, which galpy truncates (0.3 / 0.1 is 2: a caller gets other times' states, a script of the audit shows it), so rows
+are declared apart by a rounding more where they must.  The Python
 leapfrog chooses its step by a tolerance, so large here that it is the distance of its rows, h.
 
 What galpy does not do for its caller is done here: its adaptive integrators do not return from a blow-up, a collision

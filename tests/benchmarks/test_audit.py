@@ -340,7 +340,7 @@ def test_the_page_is_written_from_rows(controls, lying, tmp_path):
     assert "Of the 12 declarations of the controls" in covered.text
     assert "12 come out as declared" in covered.text
     shown = PAGE.table(data).frame
-    assert ("`phasebench audit --peer rk4-mislabelled`" in set(shown.get("script", ()))) is lying
+    assert ("(`phasebench audit --peer rk4-mislabelled`)" in set(shown.get("what would mend it", ()))) is lying
     assert "nowhere cannot be imported" in set(shown["measured"])
     (picture,) = PAGE.figures(data, tmp_path)
     assert (tmp_path / picture.file).stat().st_size > 2000

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
+import json
 import re
 
 import pandas as pd
@@ -83,6 +84,7 @@ def test_statements_are_whole():
         assert s.severity in (*statements.SEVERITIES, "")
         assert bool(s.severity) <= bool(s.mend), s.script
         assert all(peer in BY_ID for peer, _ in s.covers)
+        assert len(s.mend) <= 76, s.script
     assert {p.stem for p in statements.SCRIPTS.glob("*.py")} == set(BY_SCRIPT)
 
 
@@ -105,7 +107,7 @@ def test_a_verdict_changes_with_what_is_printed(script):
     for s in BY_SCRIPT[script]:
         row = statements.row(s, list(bad), "a = 1")
         assert row["verdict"] == verdict
-        assert row["shows"]
+        assert 0 < len(row["shows"]) <= 135, "a line of the page's table has at most 400 characters"
         assert statements.row(s, [], "", "no package")["verdict"] == UNJUDGED
     assert any(s.severity and s.mend for s in BY_SCRIPT[script]) or verdict == CONTRADICTED
 
@@ -174,6 +176,21 @@ def test_each_script_is_a_cell_and_its_text_is_in_its_content(monkeypatch):
     assert set(cells) == set(BY_SCRIPT)
     monkeypatch.setattr(said, "BY_SCRIPT", {"galpy_dt": BY_SCRIPT["gala_rk5_coefficients"]})
     assert statements.cells()[0].content != cells["galpy_dt"].content
+
+
+def test_the_command_runs_the_scripts_of_the_packages_that_it_audits(monkeypatch):
+    from typer.testing import CliRunner
+
+    from phasebench.benchmarks.cli import app
+    from phasebench.benchmarks.experiments.audit import audit
+
+    asked = {"rebound_leapfrog_order_4": BY_SCRIPT["rebound_leapfrog_order_4"], "galpy_dt": BY_SCRIPT["galpy_dt"]}
+    monkeypatch.setattr(said, "BY_SCRIPT", asked)
+    monkeypatch.setattr(audit, "audit", lambda *a, **k: audit.Audit(rows=[{"package": "rebound"}]))
+    told = json.loads(CliRunner().invoke(app, ["audit", "--peer", "rebound-leapfrog", "--scripts", "--json"]).stdout)
+    assert [(r["script"], r["verdict"]) for r in told["statements"]] == [("rebound_leapfrog_order_4", UNDERSTATED)]
+    without = json.loads(CliRunner().invoke(app, ["audit", "--peer", "rebound-leapfrog", "--json"]).stdout)
+    assert "statements" not in without
 
 
 # -- the page -----------------------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from . import cases
 from .judge import CONTRADICTED, HOLDS, IN_PART, UNJUDGED
 
 #: Seconds of one measure of one peer, over its problems.
-BUDGET = 20.0
+BUDGET = 10.0
 #: What the quick tier measures, on one problem.
 QUICK = {False: ("order", "symplecticity"), True: ("tolerance", "reversibility")}
 

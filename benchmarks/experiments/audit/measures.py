@@ -51,8 +51,9 @@ SHORTER = 0.5
 #: Integrators of so high an order have their structure looked at with a step so many times as long: at the step of the
 #: case what is broken may be below round-off.
 HIGH, LONGER = 6, 3.0
-#: Steps of the energy's run, most (where they take at most so many seconds) and least, and the rows that are looked at.
-LONG, LONG_SECONDS, SHORT, SEEN = 10_000, 2.0, 1000, 1000
+#: Steps of the energy's run: most, least where the package claims how the energy is kept, least otherwise; the seconds
+#: that more than these may take, and the rows that are looked at.
+LONG, SHORT, SHORTEST, LONG_SECONDS, SEEN = 10_000, 1000, 250, 1.0, 1000
 #: The time of an adaptive peer's run for the energy, in steps of the case.
 ADAPTIVE_SPAN = 2500
 TOLERANCES = (1e-6, 1e-9, 1e-12)
@@ -283,9 +284,10 @@ def energy(peer, case: Case, late: Callable[..., bool] = never) -> dict:
         tol = None if peer.claims.energy else _tolerances(peer)[1]
     else:
         h, trial = case.h, run(peer, case, case.h, 100)
-        expected = LONG / 100 * trial.seconds
-        steps = LONG if expected < LONG_SECONDS and not late(2 * expected) else SHORT
-        rows, every = SEEN, steps // SEEN
+        affordable = int(LONG_SECONDS * 100 / max(trial.seconds, 1e-9))
+        steps = min(LONG, max(affordable, SHORT if peer.claims.energy else SHORTEST))
+        rows = min(SEEN, steps)
+        every = steps // rows
     s = run(peer, case, h, rows * every, every=every, tol=tol)
     H = system.observe(system.H, s.q, s.p)
     found, slope = metrics.invariant_error(H), metrics.drift(s.t, H - H[0])
