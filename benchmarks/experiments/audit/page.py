@@ -132,7 +132,7 @@ def table(data: Data) -> Table | None:
     stated, found, claimed = (data(name) for name in ("audit_statements", "audit", "audit_claims"))
     lines, spoken = [], set()
     if stated is not None and len(stated):
-        stated = stated.fillna("")
+        stated = stated.astype(object).fillna("")
         spoken = {pair for text in stated["covers"] for pair in str(text).split()}
         bad = stated[stated["verdict"].isin([judge.CONTRADICTED, judge.UNDERSTATED])]
         bad = pd.concat([_by_severity(bad[bad["verdict"] == v]) for v in (judge.CONTRADICTED, judge.UNDERSTATED)])
@@ -188,7 +188,7 @@ def _quoted(text: str, where: str) -> str:
 @of("audit_statements")
 def mended(stated: pd.DataFrame) -> pd.DataFrame:
     """Every statement with its words, what was printed and what would mend it."""
-    return stated[["package", "said", "where", "verdict", "printed", "mend", "script"]].fillna("")
+    return stated[["package", "said", "where", "verdict", "printed", "mend", "script"]].astype(object).fillna("")
 
 
 PAGE = Page(
