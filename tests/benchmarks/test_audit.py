@@ -336,7 +336,7 @@ def test_the_page_is_written_from_rows(controls, lying, tmp_path):
     assert judged.holds is not lying
     assert covered.text.startswith("1 integrators of 1 packages were audited (somewhere 1.2)")
     assert "not audited: nowhere (1 integrators)" in covered.text
-    assert ("1 of somewhere (NewSolver)" in covered.text) is lying
+    assert ("of somewhere NewSolver (data/audit_unregistered.csv)" in covered.text) is lying
     assert "Of the 12 declarations of the controls" in covered.text
     assert "12 come out as declared" in covered.text
     shown = PAGE.table(data).frame

@@ -107,10 +107,13 @@ def _left(left: pd.DataFrame | None, absent: list[str]) -> str:
     if left is None:
         return listed([*absent, "what the packages have besides was not looked up"])
     named = left[left["name"].notna() & (left["name"] != "")]
-    parts = [
-        f"{len(part)} of {package} ({listed(list(part['name']), 2)})" for package, part in named.groupby("package")
-    ]
-    return listed([*absent, *parts]) + (" (data/audit_unregistered.csv)" if parts else "")
+    parts = [f"of {package} {listed(_brief(part['name']), 12)}" for package, part in named.groupby("package")]
+    return "; ".join([*absent, *parts] or ["nothing"]) + (" (data/audit_unregistered.csv)" if parts else "")
+
+
+def _brief(names: pd.Series) -> list[str]:
+    """The names without their remarks, options without their values."""
+    return list(dict.fromkeys(" ".join(n.partition(" (")[0].split()[:2]) for n in names))
 
 
 @of("audit", "audit_claims")
