@@ -166,6 +166,22 @@ def test_what_is_below_the_floor_is_not_judged():
     assert judge.kept(row | {"value": 1.1e-10}) is False
 
 
+@pytest.mark.parametrize("missing", [None, float("nan")])
+def test_what_was_not_found_is_not_judged(missing):
+    assert judge.agrees({"status": "ok", "value": missing}, 2) is None
+    assert judge.kept({"status": "ok", "value": 1e-9, "floor": missing}) is None
+    assert judge.bounded({"status": "ok", "value": 1e-9, "slope": missing}) is None
+
+
+@pytest.mark.parametrize("text", [judge.order_text, judge.structure_text, judge.energy_text])
+def test_a_failed_row_is_shown_with_its_reason(text):
+    row = {"status": "diverged", "problem": "kepler", "reason": "a collision", "value": 1.0, "low": 1.0, "high": 1.0}
+    row |= {"floor": 1.0, "classical": 1.0, "own": 1.0, "h": 1.0, "steps": 1.0, "slope": 1.0, "time": 1.0}
+    assert text(row) == "diverged (kepler: a collision)"
+    assert "1" in text(row | {"status": "ok"})
+    assert "collision" not in text(row | {"status": "ok"})
+
+
 @pytest.mark.parametrize(("value", "kind"), [(0.09, True), (0.11, None), (0.6, None), (0.95, False)])
 def test_an_order_agrees_within_the_gate(value, kind):
     row = {"status": "ok", "value": 2 + value, "low": 2 + value - 0.005, "high": 2 + value + 0.005}
