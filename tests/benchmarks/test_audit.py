@@ -166,6 +166,28 @@ def test_what_is_below_the_floor_is_not_judged():
     assert judge.kept(row | {"value": 1.1e-10}) is False
 
 
+def test_a_claim_without_its_measure_is_not_judged_and_says_why():
+    peer = replace(control("rk4"), claims=Claims(order=4))
+    row = {"peer": peer.id, "measure": "package", "status": "ok", "reason": "", "problem": ""}
+    (claim,) = judge.claims(peer, "1", [row])
+    assert (claim["verdict"], claim["reason"]) == (UNJUDGED, "it was not measured")
+    failed = row | {"measure": "cost", "status": "timeout", "reason": "it did not return"}
+    (claim,) = judge.claims(peer, "1", [row, failed])
+    assert (claim["verdict"], claim["reason"]) == (UNJUDGED, "it did not return")
+    (claim,) = judge.claims(peer, "1", [row | {"status": "skipped", "reason": "no such package"}])
+    assert (claim["verdict"], claim["reason"]) == (UNJUDGED, "skipped: no such package")
+
+
+def test_a_remark_names_structures_that_nobody_claims(controls):
+    rows = [r for r in controls.rows if r["peer"] in ("stormer-verlet", "rk4")]
+    claimed = {"peer": "stormer-verlet", "property": "symplectic", "claim": "symplectic"}
+    (remark,) = judge.remarks(rows, [claimed])
+    assert remark == "reversible on the problems here, which is not claimed: stormer-verlet"
+    found = judge.remarks(rows, [claimed | {"claim": "not symplectic"}])
+    assert [r.split()[0] for r in found] == ["symplectic", "reversible"]
+    assert all("rk4" not in r for r in found)
+
+
 @pytest.mark.parametrize("missing", [None, float("nan")])
 def test_what_was_not_found_is_not_judged(missing):
     assert judge.agrees({"status": "ok", "value": missing}, 2) is None
