@@ -146,7 +146,8 @@ def test_lines_with_values_are_read_and_others_are_not():
 
 def test_a_script_that_fails_or_prints_nothing_judges_nothing(tmp_path, monkeypatch):
     path = tmp_path / "a.py"
-    for text, why in (("raise ImportError('no such package')", "no such package"), ("", "it printed nothing")):
+    texts = ("raise ImportError('no such package')", "no such package"), ("", "it printed nothing")
+    for text, why in (*texts, ("print('a = 1'); raise ValueError('half way')", "half way")):
         path.write_text(text)
         values, lines, reason = statements.run(path)
         assert (values, lines) == ([], "")

@@ -87,6 +87,17 @@ def test_what_grows_as_a_power_of_the_step_has_no_stable_steps(c):
     assert radius(runge_kutta(*c)(0.5)) > 1
 
 
+def test_growth_that_begins_below_round_off_is_growth():
+    """|R|^2 - 1 of 2e-4 z^8 can be told from z = 0.2 on: that is no stable interval, a damped one of that length is."""
+
+    def rotation(z):
+        return np.array([[np.cos(z), np.sin(z)], [-np.sin(z), np.cos(z)]])
+
+    assert stability(lambda z: (1 + 1e-4 * z**8) * rotation(z)).limit == 0
+    damped = stability(lambda z: (1 - 1e-4 * z**2 * (1 - z**2)) * rotation(z))
+    assert damped.limit == pytest.approx(1, abs=1e-5)
+
+
 def test_a_composition_has_its_windows():
     """The triple jump of leapfrogs is unstable from the root of its trace; every boundary has |trace| = 2."""
     found = stability(triple_jump)
