@@ -54,11 +54,12 @@ def unmoved(frame: pd.DataFrame) -> Verdict:
         text = f"Of {len(frame)} references these state what does not hold: {listed(names, 4)}."
     else:
         worst = frame.loc[frame["uncertainty"].idxmax()]
+        least, most = number(frame["least bound"].min()), number(frame["largest bound"].max())
+        factor = least if least == most else f"{least} to {most}"
         text = (
             f"The digits of all {states} stored states of {len(frame)} references are within their stated uncertainties "
-            f"(measured again in {AGAIN.bits} bits), which are {number(frame['least bound'].min())} to "
-            f"{number(frame['largest bound'].max())} times the error and at most {number(worst['uncertainty'], 2)} "
-            f"({worst['problem']} at t = {number(worst['t_end'])})."
+            f"(measured again in {AGAIN.bits} bits), which are {factor} times the error and at most "
+            f"{number(worst['uncertainty'], 2)} ({worst['problem']} at t = {number(worst['t_end'])})."
         )
     return Verdict(text, wrong.empty, f"{len(wrong) or 'None'} of {len(frame)} references state what does not hold.")
 
@@ -73,11 +74,9 @@ def second(frame: pd.DataFrame) -> Verdict:
     else:
         text = f"In all {pairs} comparisons with another solver the distance is within the uncertainties"
     text += f"; the second solver's own is {number(frame['its uncertainty'].median(), 2)} in the median"
-    text += (
-        f". {none} more are no comparisons: the solver's own uncertainty is above {TELLING:g} of the state"
-        if none
-        else ""
-    )
+    if none:
+        said = "are no comparisons" if none > 1 else "is no comparison"
+        text += f"; {none} more {said}: the solver's own uncertainty is above {TELLING:g} of the state"
     text += f". No other solver compares on every state of {listed(list(bare['problem']), 6)}" if len(bare) else ""
     short = f"Solvers disagree on {len(apart)} of {len(frame)} references"
     return Verdict(f"{text}.", apart.empty and bare.empty, f"{short}; {len(bare)} have a state without a comparison.")
@@ -133,7 +132,7 @@ def draw(frame: pd.DataFrame, folder) -> list[Picture]:
         for axes in (left, right):
             axes.set_ylim(-0.7, len(shown) - 0.3)
             axes.grid(color="0.93", linewidth=0.5)
-            axes.legend(loc="lower right", fontsize=7)
+            axes.legend(loc="lower right" if axes is left else "lower left")
     caption = (
         "Each reference: the error of its digits at the last time and the uncertainty that is stated of them; until when "
         "it can be followed, with the interval of 95 of 100 runs in long double."
