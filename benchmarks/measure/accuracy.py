@@ -2,8 +2,8 @@
 
 What is true is a stored state of the orbit's certificate, so that it is the same on every machine.  The error is taken
 at the scene's end, or, of an orbit that parts from its neighbours, at the last stored time before the certificate's
-horizon, up to which a long double run is within 1e-13 of the state: a double's error there is far above a stored
-state's uncertainty, and is not yet as large as the orbit.
+horizon, up to which rounding to long double stays within 1e-13 of the state (`reference.certificates.horizon`, the same
+on every machine): a double's error there is far above a stored state's uncertainty, and not yet as large as the orbit.
 """
 
 from __future__ import annotations
@@ -72,10 +72,12 @@ def truth(scene: str) -> Truth:
 
 
 def _computed(problem, t: float) -> Truth:
+    from phasebench.reference.certificates import horizon
     from phasebench.reference.solvers import taylor
 
     run = taylor.reference(problem, [t])
-    return Truth(t, (*run.q_text[0], *run.p_text[0]), float(run.uncertainty[0]), run.horizon(), COMPUTED)
+    reach = horizon.span(problem, t).horizon
+    return Truth(t, (*run.q_text[0], *run.p_text[0]), float(run.uncertainty[0]), reach, COMPUTED)
 
 
 def head(scene: Scene, problem, chosen, kind: str, *packages: str) -> dict[str, Any]:

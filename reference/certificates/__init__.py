@@ -1,1 +1,1 @@
-"""Certified end states: `make` computes them, `stored` keeps and finds them, `check` says whether they still hold."""
+"""Certified end states: `make` computes them, `stored` keeps and finds them, `check` measures whether they hold."""

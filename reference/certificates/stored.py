@@ -1,18 +1,19 @@
-"""Stored end states with their uncertainty: a JSON file per problem, checked whenever it is read.
+"""Stored end states with their uncertainty: a JSON file per problem, bound to it and checked whenever it is read.
 
-An end state is the quadruple run of `taylor` in decimal.  Its uncertainty and what other solvers say of it come from
-`make`; this module integrates nothing.  A file is bound to its problem by the initial doubles, the parameters and a
-fingerprint: the energy (of a system that is not canonical, the vector field too) in 20 digits at a state beside the
-initial one, which no rewriting of a formula changes.
+An end state is the quadruple run of `taylor` in decimal.  Its uncertainty, the horizon and what other solvers say of
+it come from `make`; this module integrates nothing.  A file is bound to its problem by the initial doubles, the
+parameters and a fingerprint: the energy (of a system that is not canonical, the vector field too) in 20 digits at a
+state beside the initial one, which no rewriting of a formula changes.
 """
 
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal, InvalidOperation, localcontext
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +22,14 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.tables import write_file
 
 DIRECTORY = Path(__file__).with_name("states")
-FORMAT = 1
+FORMAT = 2
 #: Significant digits of a stored component: all that quadruple precision has.
 DIGITS = 34
 #: Digits of a fingerprint, and those that it is evaluated with.
 PRINT, WORK = 20, 50
+#: A solver that states an uncertainty above this share of a state's size has not two digits of it: any orbit of that
+#: size would agree with it, so what it says is no comparison.
+TELLING = 0.01
 
 
 @dataclass(frozen=True)
@@ -46,14 +50,14 @@ class Check:
 
 @dataclass(frozen=True)
 class End:
-    """A certified state; errors are max norms over (q, p), each the largest at any time up to ``t``.
+    """A certified state; errors are max norms over (q, p).
 
     Attributes
     ----------
     t : the time
     q_text, p_text : d decimal strings each, the quadruple run
-    uncertainty : of the strings: the distance between quadruple runs of two tolerances, and what writing them rounded
-    long_double : the distance of the long double run, which is what `taylor.reference` calls its uncertainty
+    uncertainty : a bound of the strings' error at this time and at the stored ones before it (`make`)
+    long_double : the largest distance so far of the long double run, which `taylor.reference` calls its uncertainty
     energy : the change of the energy since the start, relative to the sum of its terms' sizes, in 50 digits
     checks : what other solvers say
     """
@@ -76,14 +80,29 @@ class End:
         """The momenta, array (d,), rounded to double."""
         return np.array([float(x) for x in self.p_text])
 
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """(q, p) as 2 d decimal strings."""
+        return self.q_text + self.p_text
+
+    @property
+    def size(self) -> float:
+        """The max norm of (q, p)."""
+        return max(abs(float(x)) for x in self.texts)
+
+    def compares(self, check: Check) -> bool:
+        """Whether a solver's word is a comparison: its own uncertainty is at most `TELLING` of the state's size."""
+        return check.uncertainty <= TELLING * self.size
+
     def agrees(self, check: Check) -> bool:
-        """Whether a solver's distance is no more than its uncertainty and the state's own."""
-        return check.distance <= check.uncertainty + self.uncertainty
+        """Whether it is a comparison, and the distance is no more than the solver's uncertainty and the state's own."""
+        return self.compares(check) and check.distance <= check.uncertainty + self.uncertainty
 
     @property
     def agree(self) -> bool:
-        """Whether there is another solver, and all agree."""
-        return bool(self.checks) and all(self.agrees(c) for c in self.checks)
+        """Whether there is a comparison with another solver, and all agree."""
+        compared = [c for c in self.checks if self.compares(c)]
+        return bool(compared) and all(self.agrees(c) for c in compared)
 
 
 @dataclass(frozen=True)
@@ -96,9 +115,11 @@ class Certificate:
     q0, p0 : the initial doubles
     fingerprint : of the problem's formulae
     t_end : the last time
-    limit : of an uncertainty relative to the state's max norm; it defines the horizons
-    horizon : the time up to which long double stays within it, on a grid of spacing ``spacing``
-    digits_horizon : the same for the stored states
+    limit : of an error relative to the state's max norm; it defines the horizons
+    bits : of the run that the digits' error was measured against
+    horizon : the time up to which rounding to long double stays within the limit in the median of seeded draws, on a
+        grid of spacing ``spacing`` (`horizon`): a property of the problem
+    earliest, latest : between these times 95 of 100 runs in long double leave the limit
     growth : d ln / d ln t of the distance between neighbouring trajectories over the later part of the span
     rate : where they part exponentially, the rate 1/t, else None
     ends : the states, by time
@@ -112,9 +133,11 @@ class Certificate:
     fingerprint: str
     t_end: float
     limit: float
+    bits: int
     spacing: float
     horizon: float
-    digits_horizon: float
+    earliest: float
+    latest: float
     growth: float
     rate: float | None
     ends: tuple[End, ...]
@@ -122,6 +145,12 @@ class Certificate:
     def at(self, t: float) -> End | None:
         """The state at exactly that time, or None."""
         return next((e for e in self.ends if e.t == t), None)
+
+    @property
+    def digits_horizon(self) -> float:
+        """The last stored time up to which the uncertainties of the digits are within the limit, else 0."""
+        good = [e.t for e in itertools.takewhile(lambda e: e.uncertainty <= self.limit * e.size, self.ends)]
+        return good[-1] if good else 0.0
 
 
 # -- what binds a file to its problem -----------------------------------------------------------------------------
@@ -284,7 +313,7 @@ def end(problem, t: float, directory: Path | str | None = None) -> End | None:
     return None if certificate is None else certificate.at(float(t))
 
 
-def distance(one: End, other: End) -> Decimal:
-    """The max norm over (q, p) of the difference of two states' strings."""
-    pairs = zip((*one.q_text, *one.p_text), (*other.q_text, *other.p_text), strict=True)
-    return max(abs(Decimal(a) - Decimal(b)) for a, b in pairs)
+def apart(one: Iterable[str], other: Iterable[str]) -> float:
+    """The max norm of the difference of two states in decimal, without a round-off of its own."""
+    with localcontext(prec=200):
+        return float(max(abs(Decimal(a) - Decimal(b)) for a, b in zip(one, other, strict=True)))

@@ -1,7 +1,7 @@
-"""References by heyoka's Taylor series: long double, certified by quadruple precision.
+"""References by heyoka's Taylor series in long double, quadruple precision, or any number of bits.
 
-Both runs start from the same doubles, and every number of the system is exact in either precision (`translate`).
-The uncertainty of the long double run is its distance from the quadruple one.
+All runs start from the same doubles, and every number of the system is exact in each precision (`translate`).
+The uncertainty of a long double run is its distance from the quadruple one.
 
 Source: F. Biscani, D. Izzo, Revisiting high-order Taylor methods for astrodynamics and celestial mechanics,
 Mon. Not. R. Astron. Soc. 504 (2021) 2614-2628.
@@ -21,6 +21,28 @@ DIGITS = 25
 COMPACT = 12
 #: Steps after which a run is given up: near a collision the steps shrink without end.
 STEP_LIMIT = 10_000_000
+
+
+@dataclass(frozen=True)
+class Bits:
+    """Numbers of so many bits (heyoka's `real`, MPFR), called as the types of the other precisions are."""
+
+    bits: int
+
+    @property
+    def __name__(self) -> str:
+        return f"{self.bits}-bit"
+
+    @property
+    def digits(self) -> int:
+        """Decimals that hold a number of this precision, and a few more."""
+        return int(self.bits * 0.302) + 10
+
+    def __call__(self, x):
+        """The number x (a double, an integer, a number of another precision or a text) in this precision."""
+        import heyoka as hy
+
+        return hy.real(x, prec=self.bits)
 
 
 class ReferenceFailed(RuntimeError):
@@ -60,18 +82,21 @@ class Reference:
 
 
 def integrator(system, fp, tol=None):
-    """A heyoka integrator of ``system`` in the precision ``fp`` (float, numpy.longdouble, heyoka.real128)."""
+    """A heyoka integrator of ``system`` in the precision ``fp`` (float, numpy.longdouble, heyoka.real128, `Bits`)."""
     import heyoka as hy
 
     names = [f"x{i}" for i in range(2 * system.d)]
     variables = dict(zip((*system.q, *system.p), (hy.expression(n) for n in names), strict=True))
     sides = [translate(e, variables, fp) for e in (*system.dq, *system.dp)]
+    many = isinstance(fp, Bits)
+    kind = hy.real if many else fp
     options = {} if tol is None else {"tol": fp(tol)}
+    options |= {"prec": fp.bits} if many else {}
     return hy.taylor_adaptive(
         list(zip(variables.values(), sides, strict=True)),
-        np.array([fp(0.0)] * len(names), dtype=fp),
-        fp_type=fp,
-        compact_mode=len(names) > COMPACT,
+        np.array([fp(0.0)] * len(names), dtype=kind),
+        fp_type=kind,
+        compact_mode=many or len(names) > COMPACT,  # unrolled calls of MPFR compile for minutes
         **options,
     )
 
@@ -116,9 +141,11 @@ def states(system, fp, q0, p0, times, tol=None):
     ReferenceFailed
         Where the run does not reach the end, naming the time it reached.
     """
+    import heyoka as hy
+
     ta = integrator(system, fp, tol)
     start(ta, fp, q0, p0)
-    grid = np.array([fp(0.0)] + [fp(float(t)) for t in times], dtype=fp)
+    grid = np.array([fp(0.0)] + [fp(float(t)) for t in times], dtype=hy.real if isinstance(fp, Bits) else fp)
     rows, _, failure = propagate(ta, grid)
     if failure is None and not all(np.isfinite(float(x)) for x in rows[-1]):
         failure = "the state is no longer finite"

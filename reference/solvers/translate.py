@@ -18,14 +18,14 @@ FUNCTIONS = ("sin", "cos", "tan", "exp", "log", "sinh", "cosh", "tanh", "asin", 
 
 
 def number(e: sp.Expr, fp):
-    """The number ``e`` (without variables) in the type ``fp``, correctly rounded up to one unit in the last place."""
+    """The number ``e`` (without variables) in the type ``fp``, right up to one unit in the last place."""
     import sympy as sp
 
     if isinstance(e, (sp.Float, sp.Rational)):
         r = sp.Rational(e)  # a Float is the binary number that it stores
         p, q = int(r.p), int(r.q)
         return p / q if fp is float else fp(p) / fp(q)
-    return fp(str(sp.N(e, 50)))
+    return fp(str(sp.N(e, getattr(fp, "digits", 50))))
 
 
 def translate(e: sp.Expr, variables: dict, fp):

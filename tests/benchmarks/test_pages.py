@@ -267,7 +267,18 @@ CONTROLS = frame({"package": "phasebench", "version": "1", "peer": "rk4", "claim
 STATED = frame({"package": "p", "script": "a_script", "verdict": "holds", "severity": "wrong states"})
 CERTIFIED = frame(
     {"problem": "kepler", "t_end": 1.0, "states": 4, "uncertainty": 1e-20, "changed": None, "disagree": 0, "pairs": 5},
-    **{"its uncertainty": 1e-15},
+    error=1e-21,
+    horizon=1.0,
+    earliest=1.0,
+    latest=1.0,
+    unchecked=0,
+    **{
+        "its uncertainty": 1e-15,
+        "least bound": 4.0,
+        "largest bound": 5.0,
+        "no comparison": 1,
+        "long double leaves": 1.0,
+    },
 )
 RATIOS = frame({"ratio": "Verlet / C loop", "median": 1.2, speed.WANTED: 1.4})
 TABLES = frame(
@@ -334,6 +345,8 @@ BOTH_WAYS = {
     "statements": (audit.statements, {"audit_statements": STATED}, "audit_statements", {"verdict": "contradicted"}),
     "references": (references.unmoved, {"references": CERTIFIED}, "references", {"changed": "moved by 1e-9"}),
     "second solver": (references.second, {"references": CERTIFIED}, "references", {"disagree": 1}),
+    "unchecked": (references.second, {"references": CERTIFIED}, "references", {"unchecked": 1}),
+    "horizons": (references.horizons, {"references": CERTIFIED}, "references", {"long double leaves": 0.1}),
     "ratios": (speed.limits, {"ratios": RATIOS}, "ratios", {"median": 1.5}),
     "coefficients": (catalogue.orders, {"coefficients": TABLES}, "coefficients", {"order": "2"}),
     "polished": (catalogue.polished, {"coefficients": TABLES}, "coefficients", {"polished residual": 1e-16}),

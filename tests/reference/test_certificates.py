@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.problems import PROBLEMS, labels, problem
 from phasebench.integrators import Hamiltonian, InvalidInput
-from phasebench.reference.certificates import check, make, stored
+from phasebench.reference.certificates import check, horizon, make, stored
 from phasebench.reference.solvers import gauss, taylor
 from phasebench.reference.solvers.exact import exact
 
@@ -77,8 +77,7 @@ def test_the_digits_are_those_of_the_exact_solution(label):
         for state, q, p in zip(ends, Q, P, strict=True):
             pairs = zip((*state.q_text, *state.p_text), (*q, *p), strict=True)
             error = max(abs(mpmath.mpf(x) - y) for x, y in pairs)
-            assert error < 4 * state.uncertainty
-            assert error < 1e-25
+            assert error < state.uncertainty < 1e-25
 
 
 @pytest.mark.parametrize("label", ["pendulum:rotating", "kepler", "lotka-volterra:4-2", "duffing:both-wells"])
@@ -198,19 +197,17 @@ def short():
 @pytest.mark.processor
 def test_a_fresh_run_meets_what_is_stored(short):
     for new in short.ends:
-        distance, allowed = check.moved(stored.end(problem("pendulum:swinging"), new.t), new)
-        assert distance <= allowed < 1e-30
+        old = stored.end(problem("pendulum:swinging"), new.t)
+        assert stored.apart(old.texts, new.texts) <= old.uncertainty + new.uncertainty < 1e-30
         assert new.agree
 
 
-def test_a_moved_digit_is_seen(short):
-    """The last digit of quadruple precision is noise, one three places before it is not."""
-    assert check.compare(short, short).changed == ""
-    for digit, says in ((33, ""), (30, "moved at t = 10")):
-        last = replace(short.ends[-1], q_text=(spoilt(short.ends[-1].q_text[0], digit),))
-        assert check.compare(replace(short, ends=(short.ends[0], last)), short).changed == says
-    assert check.compare(None, short).changed == "not stored"
-    assert check.compare(replace(short, ends=short.ends[1:]), short).changed == "stored at other times"
+def test_what_moved_is_told(short):
+    assert check.moved(short, short) == ""
+    last = replace(short.ends[-1], q_text=(spoilt(short.ends[-1].q_text[0], 30),))
+    assert check.moved(replace(short, ends=(short.ends[0], last)), short) == "t = 10 by 5e-31"
+    assert check.moved(None, short) == "new"
+    assert check.moved(replace(short, ends=short.ends[1:]), short) == "at other times"
 
 
 def test_control_a_second_solver_of_another_equation_disagrees(monkeypatch):
@@ -260,43 +257,54 @@ def run(*arguments):
     return done.exit_code, done.stdout
 
 
-@pytest.fixture
-def renewed(monkeypatch):
-    """Sets the certificate that computing kepler's anew gives."""
+def outcome(known, **changed):
+    """What measuring a certificate again says, were all as it states."""
+    span = horizon.Span(known.horizon, known.earliest, known.latest)
+    errors = tuple(e.uncertainty / 4 for e in known.ends)
+    told = check.Outcome(known, errors, span, known.t_end, known.ends[-1].long_double, known.growth, known.rate, ())
+    return replace(told, **changed)
 
-    def give(new):
-        known = stored.find(problem("kepler"))
-        monkeypatch.setattr(check, "renew", lambda made, mend: check.compare(known, new))
+
+@pytest.fixture
+def measured(monkeypatch):
+    """Sets what measuring kepler's certificate again says."""
+
+    def give(**changed):
+        told = outcome(stored.find(problem("kepler")), **changed)
+        monkeypatch.setattr(check, "recheck", lambda made: told)
+        return told
 
     return give
 
 
-def test_the_command_says_that_nothing_moved_and_what_did(renewed):
-    known = stored.find(problem("kepler"))
-    renewed(known)
+def test_the_command_says_that_all_holds_and_what_does_not(measured):
+    known = measured().certificate
     code, text = run("kepler")
     assert code == 0
-    assert "nothing moved" in text
-    first = replace(known.ends[0], p_text=(spoilt(known.ends[0].p_text[0], 15), known.ends[0].p_text[1]))
-    renewed(replace(known, ends=(first, *known.ends[1:])))
+    assert "all that they state holds" in text
+    measured(wrong=("at t = 1 the digits are off by 2, and 1 is stated",))
     code, text = run("kepler")
     assert code == 1
-    assert "moved at t = 1" in text
-    wrong = replace(known.ends[0], checks=(replace(known.ends[0].checks[0], distance=1.0),))
-    renewed(replace(known, ends=(wrong, *known.ends[1:])))
-    code, text = run("kepler")
-    assert code == 1
-    assert "disagree" in text
+    assert "wrong: kepler" in text
+    assert "the digits are off by 2" in text
+    for check_of, says in (
+        ({"distance": 1.0}, "disagree"),
+        ({"uncertainty": 9.0}, "1 of 4 states without a comparison"),
+    ):
+        spoilt_end = replace(known.ends[0], checks=(replace(known.ends[0].checks[0], **check_of),))
+        measured(certificate=replace(known, ends=(spoilt_end, *known.ends[1:])))
+        code, text = run("kepler")
+        assert code == 1
+        assert says in text
 
 
-def test_the_command_as_json(renewed):
-    known = stored.find(problem("kepler"))
-    for new, code, changed in ((known, 0, ""), (replace(known, ends=known.ends[1:]), 1, "stored at other times")):
-        renewed(new)
+def test_the_command_as_json(measured):
+    for wrong, code in (((), 0), (("the limit",), 1)):
+        measured(wrong=wrong)
         said, text = run("kepler", "--json")
         (row,) = json.loads(text)["references"]
-        assert (said, row["problem"], row["changed"]) == (code, "kepler", changed)
-        assert (row["moved by"] is None) == bool(changed)
+        assert (said, row["problem"], row["changed"]) == (code, "kepler", "".join(wrong))
+        assert row["least bound"] == row["largest bound"] == 4.0
 
 
 def test_an_update_keeps_each_problem_at_once(folder, monkeypatch):
@@ -310,10 +318,20 @@ def test_an_update_keeps_each_problem_at_once(folder, monkeypatch):
         return known
 
     monkeypatch.setattr(make, "certify", certify)
+    monkeypatch.setattr(check, "examine", lambda made, new: outcome(new))
     code, _ = run("kepler", "fpu", "--update")
     assert code != 0
     assert stored.find(problem("kepler")) == known
     assert [p.name for p in folder.iterdir()] == ["kepler.json"]
+
+
+def test_an_update_does_not_store_what_does_not_hold(folder, monkeypatch):
+    known = stored.find(problem("kepler"))
+    monkeypatch.setattr(make, "certify", lambda made, times: replace(known, horizon=1.0))
+    monkeypatch.setattr(check, "examine", lambda made, new: outcome(new, wrong=("horizon",)))
+    code, _ = run("kepler", "--update")
+    assert code == 1
+    assert stored.find(problem("kepler")) == known
 
 
 def test_one_time_is_certified_and_printed():
@@ -349,6 +367,11 @@ def test_an_orbit_without_times_is_refused():
     made = problem("kepler")
     with pytest.raises(InvalidInput, match="kepler states no times"):
         check.renew(replace(made, orbits=(replace(made.start, times=()),)))
+
+
+def test_an_orbit_without_a_certificate_is_refused():
+    with pytest.raises(InvalidInput, match="no reference of kepler is stored"):
+        check.recheck(problem("kepler", e=0.5))
 
 
 def test_names_stand_for_orbits():

@@ -1,4 +1,4 @@
-"""The certified references computed anew: a cell fails where a stored state moved or solvers disagree."""
+"""The certified references measured again: a cell fails where what one states does not hold."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from phasebench.benchmarks.experiments.references.cells import cells  # noqa: F4
 
 
 def bench_references(measured):
-    """Nothing moved beyond its uncertainty, and every solver agrees: `measured` fails where a cell did."""
+    """Every uncertainty bounds its error, every horizon is the problem's: `measured` fails where a cell did."""
     wrong = [f"{r['problem']}: {r['changed']}" for r in measured("references") if r["changed"]]
     assert not wrong, "\n".join(wrong)

@@ -1,4 +1,4 @@
-"""The row of a certified reference that was computed anew, in the command's table and in the report."""
+"""The row of a certified reference that was measured again, in the command's table and in the report."""
 
 from __future__ import annotations
 
@@ -6,30 +6,41 @@ from phasebench.reference.certificates.check import Outcome
 
 
 def row(outcome: Outcome) -> dict[str, object]:
-    """How exact a reference is at its last time, how far it reaches, what other solvers say and whether it moved."""
-    new = outcome.fresh
-    last = new.ends[-1]
+    """How exact a reference is, how far it reaches, what other solvers say and what of it does not hold."""
+    known, ratios = outcome.certificate, outcome.ratios
+    last = known.ends[-1]
     first = last.checks[0]
+    checks = [(e, c) for e in known.ends for c in e.checks]
     return {
-        "problem": new.problem,
-        "t_end": new.t_end,
-        "states": len(new.ends),
-        "limit": new.limit,
+        "problem": known.problem,
+        "t_end": known.t_end,
+        "states": len(known.ends),
+        "limit": known.limit,
+        "error": outcome.errors[-1],
         "uncertainty": last.uncertainty,
-        "long double": last.long_double,
-        "horizon": new.horizon,
-        "holds to the end": new.horizon == new.t_end,
-        "digits hold to the end": new.digits_horizon == new.t_end,
-        "growth": new.growth,
-        "rate": new.rate,
-        "energy": max(abs(e.energy) for e in new.ends),
+        "least bound": min(ratios),
+        "largest bound": max(ratios),
+        "long double": outcome.long_double,
+        "horizon": known.horizon,
+        "earliest": known.earliest,
+        "latest": known.latest,
+        "long double leaves": outcome.leaves,
+        "digits hold to the end": known.digits_horizon == known.t_end,
+        "growth": outcome.growth,
+        "rate": outcome.rate,
+        "energy": max(abs(e.energy) for e in known.ends),
         "second solver": first.solver,
         "distance": first.distance,
         "its uncertainty": first.uncertainty,
-        "other solvers": ", ".join(f"{c.solver}: {c.distance:.2g} (own {c.uncertainty:.2g})" for c in last.checks[1:]),
+        "other solvers": ", ".join(_said(last, c) for c in last.checks[1:]),
         "disagree": outcome.disagree,
-        "pairs": sum(len(e.checks) for e in new.ends),
-        "moved by": outcome.moved,
-        "allowed": outcome.allowed,
-        "changed": outcome.changed,
+        "pairs": sum(e.compares(c) for e, c in checks),
+        "no comparison": sum(not e.compares(c) for e, c in checks),
+        "unchecked": sum(not any(e.compares(c) for c in e.checks) for e in known.ends),
+        "changed": "; ".join(outcome.wrong),
     }
+
+
+def _said(end, check) -> str:
+    text = f"{check.solver}: {check.distance:.2g} (own {check.uncertainty:.2g})"
+    return text if end.compares(check) else f"{text}, no comparison"

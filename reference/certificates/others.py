@@ -1,0 +1,80 @@
+"""What other solvers say of an orbit: Gauss's method, which shares no code with the Taylor runs, and IAS15.
+
+A solver's own uncertainty is `SAFETY` times the difference of its two runs (two step sizes, two tolerances), since both
+carry round-off of the same size, and the round-off eps n^(1/2) of a random walk of n steps, grown as neighbouring
+trajectories part.  It checks the equations and the solvers to its precision, not all digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from phasebench.reference.solvers import gauss, taylor
+
+from . import horizon
+from .along import Along, norm, upto
+from .stored import Check
+
+SAFETY = 4.0
+#: Gauss's steps: the Taylor run's, each in so many parts, but none above the span's share.
+PARTS, SHARE = (2, 3), 1 / 400
+GAUSS, IAS15 = "Gauss of order 16, long double", "IAS15, double"
+TOLERANCES = (1e-9, 1e-11)
+
+
+def words(problem, times: Sequence[float], path: Along, apart: np.ndarray) -> list[tuple[Check, ...]]:
+    """What each solver says at each of the times; ``apart`` is `horizon.neighbour`'s distance on the path's grid."""
+    unit = np.maximum(upto(path.size), apart / horizon.SHIFT)
+    beyond, own = _gauss(problem, path, unit)
+    at = [path.grid.index(t) for t in times]
+    said = [[Check(GAUSS, float(beyond[i]), float(own[i]))] for i in at]
+    ias15 = _ias15(problem, times, unit[at])
+    if ias15 is not None:
+        rows, uncertainty = ias15
+        number = taylor.Bits(path.precision.bits)
+        far = upto([norm(x, path.rows[i], number) for x, i in zip(rows, at, strict=True)])
+        for checks, distance, mine in zip(said, far, uncertainty, strict=True):
+            checks.append(Check(IAS15, float(distance), float(mine)))
+    return [tuple(checks) for checks in said]
+
+
+def _gauss(problem, path: Along, unit) -> tuple[np.ndarray, np.ndarray]:
+    """(distances on the grid, uncertainties) of Gauss's method; ``unit`` is what a relative error of 1 grows to."""
+    system, q0, p0, t_end = problem.system, problem.q0, problem.p0, path.grid[-1]
+    ends = taylor.step_ends(system, np.longdouble, q0, p0, t_end)
+    runs = []
+    for parts in PARTS:
+        marks = []
+        for a, b in zip([0.0, *ends[:-1]], ends, strict=True):
+            pieces = parts * max(1, int(np.ceil((b - a) / (SHARE * t_end))))
+            marks += [a + (b - a) * (k + 1) / pieces for k in range(pieces)]
+        runs.append(gauss.run(system, q0, p0, marks, path.grid))
+    walk = np.sqrt(np.arange(1, len(path.grid) + 1) / len(path.grid) * len(marks))
+    difference = np.abs(runs[1] - runs[0]).max(axis=1).astype(float)
+    return path.distances(runs[1]), uncertainty(difference, float(gauss.EPS) * walk * unit)
+
+
+def _ias15(problem, times, unit):
+    """(states at the times at the finer tolerance, uncertainties) of REBOUND's IAS15, or None where it cannot."""
+    from phasebench.reference.peers import BY_ID, integrate_peer
+
+    peer = BY_ID.get("rebound-ias15")
+    # Of one degree of freedom the acceleration vanishes on the way, and IAS15's steps with it.
+    if peer is None or problem.system.d == 1 or peer.lacks(problem, problem.system):
+        return None
+    runs = []
+    for tol in TOLERANCES:
+        solutions = [integrate_peer(problem, peer, tol=tol, t_end=t) for t in times]
+        if any(s.status != "ok" for s in solutions):
+            return None
+        runs.append([np.concatenate([s.q[-1], s.p[-1]]) for s in solutions])
+    steps = np.array([s.counts["steps"] for s in solutions])
+    difference = [np.abs(a - b).max() for a, b in zip(*runs, strict=True)]
+    return runs[1], uncertainty(difference, np.finfo(float).eps * np.sqrt(steps) * unit)
+
+
+def uncertainty(difference, round_off) -> np.ndarray:
+    """A solver's own: of the differences of its two runs, the largest so far, and of its round-off."""
+    return SAFETY * upto(difference) + round_off

@@ -1,0 +1,297 @@
+"""Stated uncertainties bound the errors, horizons are the problem's, and `check` sees whatever of these was changed."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from phasebench.benchmarks.cli import app
+from phasebench.benchmarks.experiments.references import cells
+from phasebench.benchmarks.problems import labels, problem
+from phasebench.reference.certificates import check, horizon, make, others, stored
+from phasebench.reference.certificates.along import Precision, along
+from phasebench.reference.solvers import taylor
+
+#: Whose error was far above what the distance of two quadruple runs had stated.
+WORST = ("schwarzschild:photon-sphere", "schwarzschild:isco", "toda:three")
+#: The orbit that the checks are tried on: unstable, and cheap.
+ORBIT = "schwarzschild:photon-sphere"
+STILL_MORE = Precision(300, "1e-66")
+
+
+def errors(made, ends, precision=STILL_MORE) -> list[float]:
+    """Of each state by a run of one's own, not the largest so far."""
+    times = [e.t for e in ends]
+    rows = taylor.states(made.system, taylor.Bits(precision.bits), made.q0, made.p0, times, precision.tolerance)
+    return [stored.apart(e.texts, map(str, row)) for e, row in zip(ends, rows, strict=True)]
+
+
+# -- uncertainties ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("label", WORST)
+def test_the_worst_states_are_within_half_their_uncertainty_against_still_more_bits(label):
+    made = problem(label)
+    ends = stored.load(made)
+    for end, error in zip(ends, errors(made, ends), strict=True):
+        assert 2 * error <= end.uncertainty
+    assert ends[-1].uncertainty <= 100 * error
+
+
+@pytest.mark.parametrize("label", WORST[:2])
+def test_a_bound_made_now_has_its_margin_too(label):
+    made = problem(label)
+    ends = stored.load(made)
+    times = [e.t for e in ends]
+    bounds = make.bound(
+        [e.texts for e in ends], times, along(made, times, make.PRECISION, 4), [horizon.UNIT] * len(ends)
+    )
+    assert all(
+        2 * error <= bound <= 1e4 * error for error, bound in zip(errors(made, ends)[2:], bounds[2:], strict=True)
+    )
+    assert bounds == sorted(bounds)
+
+
+def test_a_run_of_too_few_bits_is_refused_and_so_is_growth_that_eats_them():
+    made = problem(ORBIT)
+    ends = stored.load(made)[-1:]
+    texts, times = [e.texts for e in ends], [e.t for e in ends]
+    few = along(made, times, Precision(120, "1e-34"), 4)
+    with pytest.raises(taylor.ReferenceFailed, match="120 bits may be off"):
+        make.bound(texts, times, few, [1e-8])
+    many = along(made, times, make.PRECISION, 4)
+    assert make.bound(texts, times, many, [1e-8])
+    with pytest.raises(taylor.ReferenceFailed, match="needs more bits"):
+        make.bound(texts, times, many, [1e14])
+
+
+def test_every_stored_uncertainty_was_measured_in_more_bits_and_holds_to_the_end():
+    for label in labels():
+        known = stored.find(problem(label))
+        assert known.bits >= 200
+        assert known.digits_horizon == known.t_end
+        assert [e.uncertainty for e in known.ends] == sorted(e.uncertainty for e in known.ends)
+
+
+@pytest.mark.parametrize("bits", [150, 300])
+def test_numbers_of_many_bits_are_exact(bits):
+    """The double third, the rational third and pi, against mpmath."""
+    import mpmath
+    import sympy as sp
+
+    from phasebench.reference.solvers.translate import number
+
+    with mpmath.workprec(bits + 40):
+        for e, true in (
+            (sp.Rational(1, 3), mpmath.mpf(1) / 3),
+            (sp.Float(1 / 3), mpmath.mpf(1 / 3)),
+            (sp.pi, +mpmath.pi),
+        ):
+            off = abs(mpmath.mpf(str(number(e, taylor.Bits(bits)))) - true)
+            assert off <= 8 * true * mpmath.mpf(2) ** -bits
+
+
+# -- what is measured again, can fail ---------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def measured():
+    """What `examine` measures of the orbit, kept, so that it is measured once for all changes."""
+    made, known = problem(ORBIT), stored.find(problem(ORBIT))
+    path = along(made, [e.t for e in known.ends], check.AGAIN)
+    said = others.words(made, made.start.times, path, horizon.neighbour(made, path.grid, path.near))
+    return path, horizon.rounding(made, path.grid, horizon.OTHER), said
+
+
+@pytest.fixture
+def kept(measured, monkeypatch):
+    path, rounding, said = measured
+    monkeypatch.setattr(check, "along", lambda *a: path)
+    monkeypatch.setattr(horizon, "rounding", lambda *a: rounding)
+    monkeypatch.setattr(others, "words", lambda *a: said)
+    return rounding
+
+
+def at_end(**changed):
+    """A change of the last state of a certificate."""
+    return lambda c: replace(
+        c, ends=(*c.ends[:-1], replace(c.ends[-1], **{k: f(c.ends[-1]) for k, f in changed.items()}))
+    )
+
+
+def digit(place: int):
+    """A change of one digit of q1 at that place after the point by 5."""
+
+    def other(end):
+        text = end.q_text[0]
+        at = text.index(".") + place
+        return (f"{text[:at]}{(int(text[at]) + 5) % 10}{text[at + 1 :]}", *end.q_text[1:])
+
+    return at_end(q_text=other)
+
+
+def later(name: str, points: float):
+    return lambda c: replace(c, **{name: getattr(c, name) + points * c.spacing})
+
+
+CHANGES = {
+    "a digit": (digit(20), "digits are off"),
+    "the last digit that is known": (digit(22), "digits are off"),
+    "a tenth of the uncertainty": (at_end(uncertainty=lambda e: e.uncertainty / 10), "is stated"),
+    "3000 uncertainties": (at_end(uncertainty=lambda e: 3000 * e.uncertainty), "is stated"),
+    "a later horizon": (later("horizon", 4), "horizon is stated"),
+    "an earlier horizon": (later("horizon", -4), "horizon is stated"),
+    "the interval's begin": (later("earliest", -4), "earliest is stated"),
+    "the interval's end": (later("latest", 4), "latest is stated"),
+    "the limit": (lambda c: replace(c, limit=1e-11), "the limit is stated"),
+}
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_what_was_changed_does_not_hold(kept, what):
+    made, known = problem(ORBIT), stored.find(problem(ORBIT))
+    assert check.examine(made, known).wrong == ()
+    change, says = CHANGES[what]
+    outcome = check.examine(made, change(known))
+    assert not outcome.holds
+    assert len(outcome.wrong) == 1
+    assert says in outcome.wrong[0]
+
+
+def test_a_state_that_is_missing_does_not_hold():
+    made = problem("harmonic-oscillator")
+    known = stored.find(made)
+    outcome = check.examine(made, replace(known, t_end=1.0, ends=known.ends[:1]), grid_points=10)
+    assert any("the orbit's times are" in x for x in outcome.wrong)
+
+
+@pytest.mark.parametrize("what", ["a digit", "a tenth of the uncertainty", "a later horizon"])
+def test_the_command_and_the_cell_fail_on_a_changed_file(kept, what, tmp_path, monkeypatch):
+    """The checksum is right: the file was not damaged, what it states is wrong."""
+    all_of, versions = stored.read("schwarzschild")
+    change = CHANGES[what][0]
+    changed = [change(c) if c.problem == ORBIT else c for c in all_of]
+    monkeypatch.setattr(stored, "DIRECTORY", tmp_path)
+    for certificates, code in ((all_of, 0), (changed, 1)):
+        stored.write("schwarzschild", certificates, versions)
+        done = CliRunner().invoke(app, ["certify", ORBIT, "--json"])
+        (row,) = json.loads(done.stdout)["references"]
+        assert (done.exit_code, bool(row["changed"])) == (code, bool(code))
+    with pytest.raises(AssertionError, match="stated"):
+        cells.measured(ORBIT)
+
+
+# -- comparisons ------------------------------------------------------------------------------------------------------
+
+
+def end(**check_of) -> stored.End:
+    said = stored.Check("another", **check_of)
+    return stored.End(1.0, ("0.78",), ("0.1",), 1e-20, 1e-15, 0.0, (said,))
+
+
+@pytest.mark.parametrize(
+    ("distance", "uncertainty", "compares", "agrees"),
+    [
+        (2.6e-3, 2.4, False, False),  # IAS15 on the chaotic Henon-Heiles orbit at t = 300
+        (1e-3, 0.05, False, False),
+        (1e-3, 0.007, True, True),
+        (0.5, 0.007, True, False),
+        (1.01e-15, 1e-15, True, False),
+        (0.99e-15, 1e-15, True, True),
+        (1e-20, 0.0, True, True),
+        (1.1e-20, 0.0, True, False),
+        (0.0, float("nan"), False, False),
+    ],
+)
+def test_a_solver_without_two_digits_is_no_comparison(distance, uncertainty, compares, agrees):
+    state = end(distance=distance, uncertainty=uncertainty)
+    (said,) = state.checks
+    assert (state.compares(said), state.agrees(said), state.agree) == (compares, agrees, agrees)
+
+
+def test_what_is_no_comparison_is_told_and_neither_agrees_nor_disagrees():
+    state = stored.load(problem("henon-heiles:chaotic"))[-1]
+    gauss, ias15 = state.checks
+    assert ias15.uncertainty > state.size
+    assert state.compares(gauss)
+    assert not state.compares(ias15)
+    assert state.agree
+    assert not replace(state, checks=(ias15,)).agree
+
+
+def test_a_solvers_own_uncertainty_covers_round_off_that_walks():
+    """Two runs whose errors walk at random: the difference, times `SAFETY`, covers the error of one."""
+    random = np.random.default_rng(0)
+    walks = random.normal(size=(2, 400, 300)).cumsum(axis=2)
+    own = np.array([others.uncertainty(np.abs(a - b), 0.0) for a, b in zip(*walks, strict=True)])
+    covered = np.mean(np.maximum.accumulate(np.abs(walks[0]), axis=1)[:, -1] <= own[:, -1])
+    assert covered > 0.95
+    assert np.mean(np.abs(walks[0]).max(axis=1) <= own[:, -1] / 10) < 0.5
+
+
+# -- horizons ---------------------------------------------------------------------------------------------------------
+
+CHAOTIC = "henon-heiles:chaotic"
+GRID = [150.0 * (i + 1) / 200 for i in range(200)]
+
+
+@pytest.fixture(scope="module")
+def chaotic():
+    return horizon.rounding(problem(CHAOTIC), GRID)
+
+
+def test_the_horizon_is_that_of_growth_from_a_unit_of_long_double():
+    """Distances that grow as exp(rate t) from draws of a normal variable: the times are known in closed form."""
+    rate, grid = 0.1, [0.1 * i for i in range(1, 2400)]
+    sizes = np.abs(np.random.default_rng(1).normal(size=1001))
+    made = horizon.Rounding(grid, np.ones(len(grid)), horizon.UNIT * sizes[:, None] * np.exp(rate * np.array(grid)))
+    scale = np.log(1e-13 / horizon.UNIT)
+    span = made.span()
+    for t, quantile in zip(span, (0.6745, 2.2414, 0.03134), strict=True):
+        assert t == pytest.approx((scale - np.log(quantile)) / rate, abs=1.5)
+    low, high = made.band
+    assert all(a < t < b for a, t, b in zip(low, span, high, strict=True))
+    assert high.horizon - low.horizon == pytest.approx(0.04 / rate + 0.2, abs=0.21)
+
+
+def test_the_horizon_is_the_same_at_another_displacement_and_order(chaotic):
+    """What another machine's round-off does to the draws is less than what these change."""
+    other = horizon.rounding(problem(CHAOTIC), GRID, horizon.OTHER)
+    low, high = chaotic.band
+    assert all(a <= t <= b for a, t, b in zip(low, other.span(), high, strict=True))
+    assert high.horizon - low.horizon < 3.0
+    assert np.abs(other.distances[:, 60] / chaotic.distances[:, 60] - 1).max() < 1e-3
+
+
+def test_the_interval_covers_what_single_runs_do(chaotic):
+    """Both horizons that this orbit had when they were one run's, and the runs of other seeds."""
+    span = chaotic.span()
+    assert span.earliest < 110 < 133.5 <= span.latest + 0.75
+    again = horizon.rounding(problem(CHAOTIC), GRID, seed=7)
+    leaves = [horizon.within(GRID, distance, again.size) for distance in again.distances]
+    assert np.mean([span.earliest <= t <= span.latest for t in leaves]) >= 0.85
+    assert np.mean([abs(t - span.horizon) < 1.0 for t in leaves]) < 0.5  # a control: one run's is not the horizon
+    assert again.span().horizon == pytest.approx(span.horizon, abs=3.0)
+
+
+def test_the_stored_horizon_is_that_of_the_problem(chaotic):
+    known = stored.find(problem(CHAOTIC))
+    low, high = chaotic.band
+    assert low.horizon - known.spacing <= known.horizon <= high.horizon + known.spacing
+    assert known.limit == horizon.LIMIT == 1e-13
+    assert horizon.span(problem("harmonic-oscillator"), 100.0, 10) == (100.0, 100.0, 100.0)
+
+
+def test_rounding_on_the_way_counts():
+    """Through the close encounter of three bodies what is rounded there grows most; of the start little is left."""
+    made = problem("n-body")
+    grid = [0.1 * (i + 1) for i in range(60)]
+    found = horizon.rounding(made, grid, draws=6)
+    assert found.span().horizon < 6
+    near = taylor.states(made.system, np.longdouble, made.q0, made.p0, grid)
+    start = horizon.neighbour(made, grid, near) * (horizon.UNIT / horizon.SHIFT)
+    assert horizon.within(grid, start, found.size) == 6.0
