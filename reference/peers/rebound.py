@@ -138,9 +138,15 @@ def _peer(
     )
 
 
-ADAPTIVE = (
-    _peer(
-        "ias15",
+#: How IAS15 chooses its steps: the default first.
+ADAPTIVE_MODES = ("prs23", "individual", "global", "aarseth85")
+
+
+def ias15(mode: str = ADAPTIVE_MODES[0]) -> Peer:
+    """IAS15 with one of its `ADAPTIVE_MODES`; that with the default one is in the registry."""
+    options = {} if mode == ADAPTIVE_MODES[0] else {"adaptive_mode": mode}
+    return _peer(
+        "ias15" if not options else f"ias15(adaptive_mode={mode})",
         "ias15",
         "IAS15, adaptive Gauss-Radau of order 15",
         15,
@@ -150,7 +156,12 @@ ADAPTIVE = (
         tolerances=("epsilon",),
         least=1e-16,
         claims={"order": 15, "symplectic": False, "energy": ROUND_OFF},
-    ),
+        options=options,
+    )
+
+
+ADAPTIVE = (
+    ias15(),
     _peer(
         "bs",
         "bs",
@@ -216,17 +227,24 @@ WHFAST = (
         corrector=17,
         kernel="composition",
     ),
-    _peer(
-        "whfast512",
-        "whfast512",
-        "WHFast512, Wisdom-Holman splitting in AVX512 instructions",
-        2,
-        f"eps h^2, without corrector; at most {MOST} bodies, in units of G = 1; it ignores extra forces; the steps "
-        "between two rows are one call",
-        "Javaheri, Rein & Tamayo 2023, Open J. Astrophys. 6",
-        kinds=KEPLERIAN,
-        forces=False,
-        claims={"symplectic": True},
+    *(
+        _peer(
+            "whfast512" if not corrector else f"whfast512-corrector-{corrector}",
+            "whfast512",
+            f"WHFast512, Wisdom-Holman splitting in AVX512 instructions{with_}",
+            2,
+            f"{terms}; at most {MOST} bodies, in units of G = 1; it ignores extra forces; the steps between two rows are "
+            "one call",
+            "Javaheri, Rein & Tamayo 2023, Open J. Astrophys. 6",
+            kinds=KEPLERIAN,
+            forces=False,
+            claims={"symplectic": True},
+            options={"corrector": corrector} if corrector else {},
+        )
+        for corrector, with_, terms in (
+            (0, "", "eps h^2, without corrector"),
+            (17, ", with corrector", "eps h^18 + eps^2 h^2: the corrector of order 17"),
+        )
     ),
 )
 
