@@ -8,9 +8,9 @@ enclose the median with the probability 1 - 2 P(B < k), B binomial of n throws o
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from math import comb, inf, isinf, nan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -50,18 +50,29 @@ def median(samples: Iterable[float]) -> Median:
     return Median(float(np.median(ordered)), ordered[k - 1], ordered[-k])
 
 
-def interleaved(work: Mapping[str, Callable[[], object]], rounds: int = 15) -> dict[str, np.ndarray]:
-    """Seconds of each callable in every round; the first round is not counted, the order alternates."""
-    names = list(work)
-    seconds: dict[str, list[float]] = {n: [] for n in names}
+def in_turns(work: Mapping[Hashable, Callable[[], float]], rounds: int = 15) -> dict[Any, np.ndarray]:
+    """The seconds that each callable tells in every round; the first round is not counted, the order alternates."""
+    seconds: dict[Hashable, list[float]] = {n: [] for n in work}
     for k in range(rounds + 1):
-        for name in names if k % 2 else reversed(names):
-            started = time.perf_counter()
-            work[name]()
-            elapsed = time.perf_counter() - started
+        for name in work if k % 2 else reversed(work):
+            elapsed = work[name]()
             if k:
                 seconds[name].append(elapsed)
     return {n: np.array(s) for n, s in seconds.items()}
+
+
+def interleaved(work: Mapping[Hashable, Callable[[], object]], rounds: int = 15) -> dict[Any, np.ndarray]:
+    """Seconds of each callable in every round, as `in_turns`."""
+
+    def clocked(run):
+        def seconds() -> float:
+            started = time.perf_counter()
+            run()
+            return time.perf_counter() - started
+
+        return seconds
+
+    return in_turns({n: clocked(run) for n, run in work.items()}, rounds)
 
 
 def ratio(a: np.ndarray, b: np.ndarray) -> Median:

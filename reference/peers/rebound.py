@@ -249,6 +249,28 @@ WHFAST = (
 )
 
 
+#: Settings of WHFast that are measured beside those of the registry.
+TRIED = (
+    *(
+        _whfast(f"whfast(coordinates={c})", f"WHFast in {c} coordinates", 2, "eps h^2", WISDOM_HOLMAN, coordinates=c)
+        for c in ("democraticheliocentric", "whds", "barycentric")
+    ),
+    *(
+        _whfast(
+            f"whfast({kernel}, corrector2)",
+            f"WHFast with both correctors and the {kernel} kernel",
+            2 if kernel == "default" else 4,
+            "corrector 17 and the second corrector",
+            forces=kernel != "modifiedkick",
+            corrector=17,
+            corrector2=1,
+            kernel=kernel,
+        )
+        for kernel in ("default", "lazy", "modifiedkick", "composition")
+    ),
+)
+
+
 def _saba(type: str, order: int, about: str, source: str, forces: bool = True, claim: int | None = None) -> Peer:
     id = type.lower().replace("_", "-")
     kind = {"c": "SABAC", "h": "SABAH"}.get(id[0], "SABA")
