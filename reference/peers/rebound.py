@@ -233,8 +233,8 @@ WHFAST = (
             "whfast512",
             f"WHFast512, Wisdom-Holman splitting in AVX512 instructions{with_}",
             2,
-            f"{terms}; at most {MOST} bodies, in units of G = 1; it ignores extra forces; the steps between two rows are "
-            "one call",
+            f"{terms}; at most {MOST} bodies, in units of G = 1; it ignores extra forces; the steps between two rows "
+            "are one call",
             "Javaheri, Rein & Tamayo 2023, Open J. Astrophys. 6",
             kinds=KEPLERIAN,
             forces=False,

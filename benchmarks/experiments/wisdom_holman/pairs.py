@@ -48,15 +48,14 @@ def cells(quick: bool = False) -> list[Cell]:
 
 def _cell(case: str, ours: str, h: float) -> Cell:
     name, parameters, _, t_end = CASES[case]
+    made = Problem(name, tuple(parameters.items()))
     return Cell(
         "wisdom_holman",
         ("wisdom_holman",),
         {"problem": case, "method": ours, "h": h},
         measured,
         (case, ours, h),
-        content(
-            "pair", BY_ID[ours], peer(PAIRS[ours]), Problem(name, tuple(parameters.items())), h, t_end, code=[__name__]
-        ),
+        content("pair", BY_ID[ours], peer(PAIRS[ours]), made, h, t_end, code=[__name__]),
         frozenset({name, ours, "rebound"}),
         ALONE,
         own=True,
