@@ -22,7 +22,11 @@ def told(verdict, table: str, *rows: dict):
         (ratio(1.2), True, "2 of 2 ratios are within what is wanted, 2 with their whole interval."),
         (ratio(1.38), True, "2 of 2 ratios are within what is wanted, 1 with their whole interval."),
         (ratio(1.4), True, "2 of 2 ratios are within what is wanted, 1 with their whole interval."),
-        (ratio(1.42), False, "1 of 2 ratios are within what is wanted, 1 with their whole interval; over it: Verlet / C"),
+        (
+            ratio(1.42),
+            False,
+            "1 of 2 ratios are within what is wanted, 1 with their whole interval; over it: Verlet / C",
+        ),
         (ratio(1.42), False, "loop 1.42 (wanted 1.4)"),
         (ratio(9.0, None), True, "1 of 1 ratios"),
     ],
