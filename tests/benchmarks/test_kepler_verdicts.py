@@ -85,6 +85,9 @@ def test_shorter_runs_and_the_reference_follow_nothing():
     runs = [run(OWN, 1e-10), run(THEIRS, 1e-10, orbits=10.0), run("Taylor", 1e-12, kind="reference")]
     data = tables(runs, [time(OWN, 9), time(THEIRS, 1), time("Taylor", 1)])
     assert page.cheapest(data["kepler"], data[TABLE])["cheaper"].tolist() == [OURS] * 3
+    said = page.costs(data.get)
+    assert said.text.startswith("Following the phase over 100 orbits")
+    assert said.short.startswith("Cheapest over 100 orbits")
     untimed = tables([run(OWN, 1e-10)], [time(OWN, float("nan"))])
     assert page.costs(untimed.get) is None
 
