@@ -36,6 +36,11 @@ CASES = {
     "tight enough": ([row("gauss-5", 1.0), row("heyoka", 0.5, 1e-7, 9e-15)], [PEERS, PEERS, OURS]),
     # It took longer even so: a tighter tolerance takes no less.
     "slower still": ([row("gauss-5", 1.0), row("heyoka", 3.0, 1e-7, 1e-9)], [OURS] * 3),
+    # It got there, at one of its tolerances: nothing is open.
+    "reached": (
+        [row("gauss-5", 1.0), row("heyoka", 0.4, 1e-2, 1e-6), row("heyoka", 0.95, 1e-10, 1e-9)],
+        [TIED] * 3,
+    ),
     "none": ([row("gauss-5", 1.0, 1e-4), row("heyoka", 2.0, 1e-2, 1e-15)], [OURS, NONE, NONE]),
     "at the limit": ([row("gauss-5", 1.0, 1e-6)], [OURS, OURS, NONE]),
     "the cheaper of many": (

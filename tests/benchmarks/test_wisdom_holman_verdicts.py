@@ -29,7 +29,9 @@ def told(verdict, table: str, *rows: dict):
 def test_the_same_splitting_is_told_by_the_worst_pair(worst, holds):
     said = told(page.same, "wisdom_holman", PAIR, PAIR | {page.ERROR: worst}, PAIR)
     assert said.holds == holds
-    assert f"{100 * abs(worst * 1e6 - 1):.1g}" in said.text
+    apart = f"by at most {100 * abs(worst * 1e6 - 1):.1g} %"
+    assert apart in said.text
+    assert said.short == f"Energy errors differ from REBOUND's {apart}."
 
 
 def test_errors_of_round_off_are_no_evidence():
