@@ -1,5 +1,8 @@
 """heyoka's Taylor series as peers: one orbit, and the same orbit in every lane of the processor's SIMD registers.
 
+``high_accuracy`` sums the series with compensation.  ``compact_mode`` compiles faster and runs slower on small systems:
+`compact` gives a peer with it, to be measured beside the others.
+
 Integrators are kept by system and tolerance, so that a further run costs no compilation.  They are reset in place:
 one thread at a time may run a peer of a system.
 
@@ -24,10 +27,17 @@ DOCUMENTATION = "https://bluescarni.github.io/heyoka.py/"
 
 
 @lru_cache(maxsize=KEPT)
-def _scalar(system, tol):
+def _scalar(system, tol, **options):
     from phasebench.reference.solvers import taylor
 
-    return taylor.integrator(system, float, tol)
+    if not options:
+        return taylor.integrator(system, float, tol)
+    import heyoka as hy
+
+    plain = _scalar(system, EPS)
+    return hy.taylor_adaptive(
+        plain.sys, np.zeros(plain.dim), tol=tol, **({"compact_mode": plain.compact_mode} | options)
+    )
 
 
 @lru_cache(maxsize=KEPT)
@@ -39,15 +49,18 @@ def _batch(system, tol):
     return hy.taylor_adaptive_batch(one.sys, zeros, tol=one.tol, compact_mode=one.compact_mode)
 
 
-def _run(task: Task) -> Run:
-    from phasebench.reference.solvers import taylor
+def _run(**options):
+    def run(task: Task) -> Run:
+        from phasebench.reference.solvers import taylor
 
-    ta = _scalar(task.system, task.tol)
-    taylor.start(ta, float, task.q, task.p)
-    started = time.perf_counter()
-    rows, steps, failure = taylor.propagate(ta, task.times)
-    seconds = time.perf_counter() - started
-    return Run.of_states(rows, steps, 0, seconds, failure)
+        ta = _scalar(task.system, task.tol, **options)
+        taylor.start(ta, float, task.q, task.p)
+        started = time.perf_counter()
+        rows, steps, failure = taylor.propagate(ta, task.times)
+        seconds = time.perf_counter() - started
+        return Run.of_states(rows, steps, 0, seconds, failure)
+
+    return run
 
 
 def _run_batch(task: Task) -> Run:
@@ -56,13 +69,12 @@ def _run_batch(task: Task) -> Run:
     from phasebench.reference.solvers import taylor
 
     ta = _batch(task.system, task.tol)
-    lanes = ta.batch_size
     ta.set_time(0.0)
     ta.state[:] = task.state[:, None]
-    grid = np.repeat(task.times[:, None], lanes, axis=1)
+    grid = np.repeat(task.times[:, None], ta.batch_size, axis=1)
     started = time.perf_counter()
     _, states = ta.propagate_grid(grid, max_steps=taylor.STEP_LIMIT)
-    seconds = (time.perf_counter() - started) / lanes
+    seconds = time.perf_counter() - started  # of all lanes: that is how long one orbit takes
     rows = states[:, :, 0]
     outcome, _, _, steps = ta.propagate_res[0]
     why = {
@@ -72,7 +84,7 @@ def _run_batch(task: Task) -> Run:
     }
     failure = why.get(outcome, f"heyoka stopped with {outcome}")
     if failure is None and not (states == rows[:, :, None]).all():
-        rows, failure = rows[:1], f"the {lanes} lanes, which started alike, differ"
+        rows, failure = rows[:1], f"the {ta.batch_size} lanes, which started alike, differ"
     return Run.of_states(rows, steps, 0, seconds, failure)
 
 
@@ -98,12 +110,27 @@ def _peer(id: str, name: str, run, more: str) -> Peer:
     )
 
 
+def compact(high_accuracy: bool) -> Peer:
+    """heyoka in compact mode, which is no peer of the registry."""
+    name = "heyoka-high-accuracy" if high_accuracy else "heyoka"
+    run = _run(high_accuracy=high_accuracy, compact_mode=True)
+    return _peer(f"{name}(compact_mode)", f"{SERIES}, compact mode", run, "one orbit; compact_mode")
+
+
+SERIES = "Taylor series of adaptive step and order, double precision"
 PEERS = (
-    _peer("heyoka", "Taylor series of adaptive step and order, double precision", _run, "one orbit"),
+    _peer("heyoka", SERIES, _run(), "one orbit"),
+    _peer(
+        "heyoka-high-accuracy",
+        f"{SERIES}, compensated",
+        _run(high_accuracy=True),
+        "one orbit; high_accuracy: the series is summed with compensation",
+    ),
     _peer(
         "heyoka-batch",
-        "Taylor series of adaptive step and order, double precision, SIMD lanes",
+        f"{SERIES}, SIMD lanes",
         _run_batch,
-        "the same orbit in each of recommended_simd_size() lanes at once: seconds are of all, divided by the lanes",
+        "the same orbit in each of recommended_simd_size() lanes at once: seconds are of all lanes together, in which "
+        "that many orbits could be had",
     ),
 )

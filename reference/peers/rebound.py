@@ -139,9 +139,15 @@ def _peer(
     )
 
 
-ADAPTIVE = (
-    _peer(
-        "ias15",
+#: How IAS15 chooses its steps: the default first.
+ADAPTIVE_MODES = ("prs23", "individual", "global", "aarseth85")
+
+
+def ias15(mode: str = ADAPTIVE_MODES[0]) -> Peer:
+    """IAS15 with one of its `ADAPTIVE_MODES`; that with the default one is in the registry."""
+    options = {} if mode == ADAPTIVE_MODES[0] else {"adaptive_mode": mode}
+    return _peer(
+        "ias15" if not options else f"ias15(adaptive_mode={mode})",
         "ias15",
         "IAS15, adaptive Gauss-Radau of order 15",
         15,
@@ -149,9 +155,14 @@ ADAPTIVE = (
         f"than {SHORTEST:g} of the time span",
         "Rein & Spiegel 2015, Mon. Not. R. Astron. Soc. 446, 1424-1437",
         tolerances=("epsilon",),
-        least=1e-16,
+        least=1e-11 if options else 1e-16,  # below it the steps of "individual" shrink without end
         claims={"order": 15, "symplectic": False, "energy": ROUND_OFF},
-    ),
+        options=options,
+    )
+
+
+ADAPTIVE = (
+    ias15(),
     _peer(
         "bs",
         "bs",
@@ -217,17 +228,46 @@ WHFAST = (
         corrector=17,
         kernel="composition",
     ),
-    _peer(
-        "whfast512",
-        "whfast512",
-        "WHFast512, Wisdom-Holman splitting in AVX512 instructions",
-        2,
-        f"eps h^2, without corrector; at most {MOST} bodies, in units of G = 1; it ignores extra forces; the steps "
-        "between two rows are one call",
-        "Javaheri, Rein & Tamayo 2023, Open J. Astrophys. 6",
-        kinds=KEPLERIAN,
-        forces=False,
-        claims={"symplectic": True},
+    *(
+        _peer(
+            "whfast512" if not corrector else f"whfast512-corrector-{corrector}",
+            "whfast512",
+            f"WHFast512, Wisdom-Holman splitting in AVX512 instructions{with_}",
+            2,
+            f"{terms}; at most {MOST} bodies, in units of G = 1; it ignores extra forces; the steps between two rows "
+            "are one call",
+            "Javaheri, Rein & Tamayo 2023, Open J. Astrophys. 6",
+            kinds=KEPLERIAN,
+            forces=False,
+            claims={"symplectic": True},
+            options={"corrector": corrector} if corrector else {},
+        )
+        for corrector, with_, terms in (
+            (0, "", "eps h^2, without corrector"),
+            (17, ", with corrector", "eps h^18 + eps^2 h^2: the corrector of order 17"),
+        )
+    ),
+)
+
+
+#: Settings of WHFast that are measured beside those of the registry.
+TRIED = (
+    *(
+        _whfast(f"whfast(coordinates={c})", f"WHFast in {c} coordinates", 2, "eps h^2", WISDOM_HOLMAN, coordinates=c)
+        for c in ("democraticheliocentric", "whds", "barycentric")
+    ),
+    *(
+        _whfast(
+            f"whfast({kernel}, corrector2)",
+            f"WHFast with both correctors and the {kernel} kernel",
+            2 if kernel == "default" else 4,
+            "corrector 17 and the second corrector",
+            forces=kernel != "modifiedkick",
+            corrector=17,
+            corrector2=1,
+            kernel=kernel,
+        )
+        for kernel in ("default", "lazy", "modifiedkick", "composition")
     ),
 )
 

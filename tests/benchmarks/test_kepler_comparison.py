@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.kepler import bench_kepler, comparison, kepler
+from phasebench.benchmarks.experiments.kepler import bench_kepler, comparison, kepler, runs, times
 from phasebench.benchmarks.experiments.kepler.page import PAGE
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
@@ -142,29 +142,29 @@ def test_phases_are_unwrapped_over_many_turns():
     assert expected[-1] > 20 * np.pi
     assert np.abs(found.phase / expected - 1).max() < 1e-11
     assert np.abs(found.perihelion).max() < 1e-14
-    assert kepler.growth(n / 2, found.phase) == pytest.approx(1, abs=1e-6)
+    assert runs.growth(n / 2, found.phase) == pytest.approx(1, abs=1e-6)
 
 
 @pytest.mark.parametrize("power", [0.5, 1.0, 2.0])
 def test_growth_of_an_oscillating_error(power):
     t = np.arange(1, 20_001) / 2
-    assert kepler.growth(t, 1e-9 * t**power * np.cos(1.7 * t)) == pytest.approx(power, abs=0.05)
-    assert kepler.growth(t, np.zeros(len(t))) is None
+    assert runs.growth(t, 1e-9 * t**power * np.cos(1.7 * t)) == pytest.approx(power, abs=0.05)
+    assert runs.growth(t, np.zeros(len(t))) is None
 
 
 def test_a_run_that_fails_says_so():
     p = made("kepler", 0.9)
     truth = kepler.truth(p)
-    run, rows = kepler.follow(integrator("stormer-verlet"), p, truth, 20, 30)
+    run, rows = runs.follow(integrator("stormer-verlet"), p, truth, comparison.steps(20), 30)
     assert run["status"] == "collision"
     assert run["reason"]
     assert all(r["orbits"] <= run["reached"] for r in rows)
     p = made("kepler", 0.6)
-    run, rows = kepler.follow(integrator("explicit-euler"), p, kepler.truth(p), 60, 30)
+    run, rows = runs.follow(integrator("explicit-euler"), p, kepler.truth(p), comparison.steps(60), 30)
     assert run["status"] == "diverged"
     assert "no bound orbit" in run["reason"]
     assert run["reached"] < 30
-    run, rows = kepler.follow(integrator("scheme-iii", lam="0"), p, kepler.truth(p), 200, 30)
+    run, rows = runs.follow(integrator("scheme-iii", lam="0"), p, kepler.truth(p), comparison.steps(200), 30)
     assert run["status"] == "ok"
     assert [r["orbits"] for r in rows] == [1.5, 3.5, 10.5, 30.5]
 
@@ -172,7 +172,7 @@ def test_a_run_that_fails_says_so():
 def test_bad_input_is_named():
     p = made("kepler", 0.6)
     with pytest.raises(InvalidInput, match="per_orbit is 15; it must be even"):
-        kepler.follow(integrator("stormer-verlet"), p, kepler.truth(p), 15, 3)
+        runs.follow(integrator("stormer-verlet"), p, kepler.truth(p), comparison.steps(15), 3)
     with pytest.raises(InvalidInput, match="states in the plane"):
         kepler.elements(np.ones((2, 3)), np.ones((2, 3)))
     with pytest.raises(InvalidInput, match="no bound orbit"):
@@ -185,25 +185,165 @@ def test_bad_input_is_named():
 def test_the_page_is_written_from_few_rows(tmp_path, monkeypatch):
     ours = integrator("scheme-iii", lam="0")
     monkeypatch.setattr(comparison, "GROUPS", {"low order": (ours, integrator("heyoka"))})
-    monkeypatch.setattr(comparison, "ORBITS", 10)
-    monkeypatch.setattr(comparison, "YARDSTICKS", (integrator("heyoka"),))
-    comparison._yardstick.cache_clear()
-    cells = [c for c in comparison.cells() if (c.key["problem"], c.key["e"]) == ("perturbed-kepler", 0.6)]
+    monkeypatch.setattr(comparison, "ORBITS", 100)
+    monkeypatch.setattr(times, "ROUNDS", 2)
+    cells = [c for c in [*comparison.cells(), *times.cells()] if (c.key["problem"], c.key["e"]) == ("kepler", 0.6)]
     measured = [c() for c in cells]
-    comparison._yardstick.cache_clear()
-    tables = {n: pd.DataFrame([r for rows in measured for r in rows[n]]) for n in ("kepler", "kepler_growth")}
+    names = {n for c in cells for n in c.tables}
+    tables = {n: pd.DataFrame([r for rows in measured for r in rows.get(n, [])]) for n in names}
     assert not bench_kepler.away(tables["kepler_growth"].to_dict("records"))
+    assert bench_kepler.bench_kepler_times(lambda table: tables[table].to_dict("records")) is None
     failed = tables["kepler"].iloc[-1:].assign(method="nobody", status="diverged", reason="it fell", reached=0.0)
     tables["kepler"] = pd.concat([tables["kepler"], failed])
     said = " ".join(v.text for v in PAGE.judged(tables.get))
-    assert "1 of 5 runs do not get through" in said
-    assert "heyoka (adaptive)" in set(PAGE.table(tables.get).frame["peers"])
+    assert "1 of" in said
+    assert "runs do not get through" in said
+    shown = PAGE.table(tables.get).frame
+    assert "heyoka" in " ".join(shown["peer"])
+    assert set(shown["ours"]) == {"none"}
+    assert set(shown["cheaper"]) == {"peer"}
     assert "nobody" in set(PAGE.whole(tables.get)["method"])
     (picture,) = PAGE.figures(tables.get, tmp_path / "figures")
     assert (tmp_path / "figures" / picture.file).exists()
-    row = tables["kepler"].set_index(["method", "setting"]).loc[("heyoka", "adaptive")]
-    assert abs(row["advance error"]) < 1e-12 < abs(tables["kepler"]["advance error"].iloc[1])
+    row = tables["kepler"].set_index(["method", "setting"])
+    assert row.loc[("heyoka", "adaptive"), "phase median"] < 1e-9
+    ladder = [s for m, s in row.index if m == ours.label]
+    assert ladder == ["150 steps", "300 steps", "600 steps", "1200 steps", "2400 steps"]
     assert PAGE.judged(lambda name: None) == []
+
+
+def test_the_advance_of_the_perihelion_is_in_the_rows(monkeypatch):
+    monkeypatch.setattr(comparison, "GROUPS", {"": (integrator("heyoka"),)})
+    monkeypatch.setattr(comparison, "ORBITS", 100)
+    row = comparison.followed("perturbed-kepler", 0.6, "", 0)["kepler"][0]
+    assert abs(row["advance error"]) < 1e-12
+
+
+# -- draws ------------------------------------------------------------------------------------------------------------
+
+
+def test_the_neighbours_are_an_ulp_away():
+    p = made("kepler", 0.6)
+    found = runs.neighbours(p)
+    assert len({(s.q0, s.p0) for s in found}) == 8
+    for s in found:
+        away = [abs(x - y) / np.spacing(y) for x, y in zip((*s.q0, *s.p0), (*p.q0, *p.p0), strict=True) if y]
+        # Below a power of two the spacing is half as wide.
+        assert max(away) in (0.5, 1.0)
+        assert (s.q0[1], s.p0[0]) == (0.0, 0.0)
+        assert kepler.truth(s).H != kepler.truth(p).H or kepler.truth(s).L != kepler.truth(p).L
+
+
+def test_each_draw_is_held_to_its_own_orbit(monkeypatch):
+    """Against the orbit of the first start the phases of the others part; truncation is the same for all."""
+    p, c = made("kepler", 0.2), integrator("heyoka")
+    truth = kepler.truth(p)
+    setting = comparison.tolerances(c)[0]
+    found = list(runs.draws(c, p, truth, setting, 1000))
+    assert len(found) == 8
+    assert max(found) < 1e-9
+    assert max(found) > 1.05 * min(found)
+    monkeypatch.setattr(runs, "neighbours", lambda problem: [SimpleNamespace(q0=p.q0, p0=p.p0, parameters={})])
+    faster = SimpleNamespace(q0=p.q0, p0=tuple(np.array(p.p0) * (1 + 1e-12)), parameters={})
+    monkeypatch.setattr(runs, "truth", lambda start: kepler.truth(faster))
+    (wrong,) = runs.draws(c, p, truth, setting, 1000)
+    assert wrong > 5e-9
+    coarse = integrator("scheme-iii", lam="0")
+    monkeypatch.undo()
+    same = list(runs.draws(coarse, p, truth, comparison.steps(150), 200))
+    assert max(same) < (1 + 1e-6) * min(same)
+
+
+def test_a_draw_that_fails_is_infinite(monkeypatch):
+    p = made("kepler", 0.9)
+    monkeypatch.setattr(runs, "neighbours", lambda problem: [problem])
+    assert list(runs.draws(integrator("stormer-verlet"), p, kepler.truth(p), comparison.steps(20), 100)) == [np.inf]
+
+
+@pytest.mark.parametrize(
+    ("others", "found"),
+    [
+        ([2e-9, 3e-9, 4e-9, 5e-9, 6e-9, 7e-9, 8e-9, 9e-9], ((5e-9, 2e-9, 8e-9), 9)),
+        ([9e-9] + [1.1e-9] * 7, ((1.1e-9, 1.1e-9, 1.1e-9), 9)),
+        ([1.04e-9, 1.02e-9, 9e-9, 9e-9], ((1.02e-9, 1e-9, 1.04e-9), 3)),
+        ([1.06e-9, 1e-9, 2e-9], ((1.03e-9, 1e-9, 2e-9), 4)),
+        ([], ((1e-9, 1e-9 / 30, 3e-8), 1)),
+    ],
+    ids=["spread", "an outlier", "truncation", "hardly truncation", "too dear"],
+)
+def test_a_phase_error_is_settled_by_draws(others, found):
+    ((value, low, high), count), taken = comparison.settled(1e-9, iter(others)), found
+    assert (value, low, high) == pytest.approx(taken[0])
+    assert count == taken[1]
+
+
+@pytest.mark.parametrize(
+    ("phase", "seconds", "starts"),
+    [(1e-9, 0.1, 9), (1e-7, 0.1, 1), (1e-11, 0.1, 1), (1e-9, 3.0, 1), (2.9e-8, 2.4, 9), (3.1e-11, 0.1, 9)],
+)
+def test_draws_are_taken_where_round_off_may_decide(phase, seconds, starts, monkeypatch):
+    run = {"status": "ok", "seconds": seconds}
+    monkeypatch.setattr(runs, "follow", lambda *of: (dict(run), [{"phase": 5.0}, {"phase": phase}]))
+    monkeypatch.setattr(runs, "draws", lambda *of: iter([phase * k for k in range(2, 10)]))
+    found, _ = comparison._run(integrator("heyoka"), "kepler", 0.2, comparison.tolerances(integrator("heyoka"))[0])
+    assert found["starts"] == starts
+    assert "seconds" not in found
+    if starts == 9:
+        assert found["phase median"] == pytest.approx(5 * phase)
+    elif seconds > comparison.DEAR:
+        assert (found["phase, low"], found["phase, high"]) == pytest.approx((phase / 30, phase * 30))
+    else:
+        assert found["phase, low"] == found["phase, high"] == phase
+
+
+def test_a_run_that_fails_follows_nothing(monkeypatch):
+    monkeypatch.setattr(runs, "follow", lambda *of: ({"status": "diverged", "seconds": 1.0}, [{"phase": 1e-9}]))
+    found, _ = comparison._run(integrator("heyoka"), "kepler", 0.2, comparison.tolerances(integrator("heyoka"))[0])
+    assert found["phase median"] == found["phase, low"] == np.inf
+
+
+@pytest.mark.parametrize(
+    ("phases", "cost", "taken"),
+    [
+        ({150: 1e-5, 300: 1e-7, 600: 1e-9, 1200: 5e-11, 100: 1e-4, 50: 1e-3}, 0.0, (150, 300, 600, 1200, 100, 50)),
+        ({150: 1e-5, 300: 1e-7, 600: 1e-9, 1200: 5e-11, 100: 0.1}, 0.0, (150, 300, 600, 1200, 100)),
+        ({150: 1.0, 300: 0.5}, 3.9e-7, (150, 300)),
+        ({150: 5e-11, 100: 1e-4, 50: 1e-3}, 0.0, (150, 100, 50)),
+    ],
+    ids=["both ways", "too wide", "too dear", "fine enough"],
+)
+def test_the_ladder_goes_as_far_as_it_is_of_use(phases, cost, taken, monkeypatch):
+    monkeypatch.setattr(runs, "seconds_per_orbit", lambda c, made, period, setting, orbits: cost * setting.per_orbit)
+
+    def run(c, name, e, setting):
+        phase = phases[setting.per_orbit]
+        return {"status": "ok", "phase median": phase, "phase, low": phase, "phase, high": phase}, []
+
+    monkeypatch.setattr(comparison, "_run", run)
+    found = [s.per_orbit for s, _, _ in comparison._ladder(integrator("gauss-8"), "kepler", 0.2)]
+    assert tuple(found) == taken
+
+
+def test_peers_are_compared_at_their_tolerances_and_an_orbit_costs_its_median(monkeypatch):
+    names = {c.id: [s.tol for s in comparison.tolerances(c)] for c in comparison.contenders() if c.adaptive}
+    assert names == {
+        "rebound-ias15": [None, 1e-6],
+        "heyoka": [None, 1e-12, 1e-9, 1e-6],
+        "heyoka-high-accuracy": [None, 1e-12],
+    }
+    seconds = iter([9.0, 3.0, 1.0, 2.0] * 9)
+    monkeypatch.setattr(comparison, "GROUPS", {"": (integrator("heyoka-high-accuracy"),)})
+    monkeypatch.setattr(times, "seconds_per_orbit", lambda *of: next(seconds))
+    monkeypatch.setattr(times, "ROUNDS", 3)
+    rows = times.measured("kepler", 0.2)[times.TABLE]
+    assert [r["setting"] for r in rows] == ["adaptive", "tolerance 1e-12"]
+    assert rows[0]["us, low"] <= rows[0]["us per orbit"] <= rows[0]["us, high"]
+    monkeypatch.setattr(times, "in_turns", lambda work, rounds: {k: np.array([1.0, 5.0, 2.0]) for k in work})
+    assert [times.measured("kepler", 0.2)[times.TABLE][0][c] for c in ("us per orbit", "us, low", "us, high")] == [
+        2e6,
+        1e6,
+        5e6,
+    ]
 
 
 def test_verdicts_of_fabricated_rows():

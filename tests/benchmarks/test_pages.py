@@ -17,19 +17,14 @@ from phasebench.benchmarks.experiments.audit import page as audit
 from phasebench.benchmarks.experiments.catalogue import page as catalogue
 from phasebench.benchmarks.experiments.energy_preservation import page as energy_preservation
 from phasebench.benchmarks.experiments.invariants import page as invariants
-from phasebench.benchmarks.experiments.kepler import page as kepler
 from phasebench.benchmarks.experiments.matrix import page as matrix
 from phasebench.benchmarks.experiments.orders import page as orders
 from phasebench.benchmarks.experiments.oscillatory import page as oscillatory
 from phasebench.benchmarks.experiments.printed import page as printed
 from phasebench.benchmarks.experiments.references import page as references
-from phasebench.benchmarks.experiments.speed import page as speed
 from phasebench.benchmarks.experiments.structure import page as structure
 from phasebench.benchmarks.experiments.talks import page as talks
-from phasebench.benchmarks.experiments.trade import choice
-from phasebench.benchmarks.experiments.trade import page as trade
 from phasebench.benchmarks.experiments.waves import page as waves
-from phasebench.benchmarks.experiments.wisdom_holman import page as wisdom_holman
 from phasebench.benchmarks.page import html, markdown
 from phasebench.benchmarks.page.origin import earlier
 from phasebench.benchmarks.page.page import FINDING, MISSING, PASS, ROWS, SETTING, VERDICTS, Verdict, outcome
@@ -246,10 +241,6 @@ STEPS = frame(
     **{energy_preservation.WITH: 1e-15, energy_preservation.WITHOUT: 1e-8, "scanned steps": 3,
        "scan finds a root within the radius": 0},
 )  # fmt: skip
-WH = frame(
-    {"problem": "solar", wisdom_holman.OURS: 1e-6, wisdom_holman.THEIRS: 1e-6, "time ratio": 1.0},
-    **{"distance of early positions": 1e-12},
-)
 FAST = frame(
     {"method": "a", oscillatory.RATIO: 0.1, oscillatory.ENERGY: 1e-3},
     {"method": "a", oscillatory.RATIO: 1.0, oscillatory.ENERGY: 1e-2},
@@ -280,7 +271,6 @@ CERTIFIED = frame(
         "long double leaves": 1.0,
     },
 )
-RATIOS = frame({"ratio": "Verlet / C loop", "median": 1.2, speed.WANTED: 1.4})
 TABLES = frame(
     {"table": "t", "declared order": "4", "order": "4", "polished residual": 1e-50, "published residual": 1e-20}
 )
@@ -333,9 +323,6 @@ BOTH_WAYS = {
                {"scan finds a root within the radius": 1}),
     "other scheme": (energy_preservation.alternating, {"energy_preservation": STEPS}, "energy_preservation",
                      {"without a root": 2}),
-    "rebound": (wisdom_holman.same, {"wisdom_holman": WH}, "wisdom_holman", {wisdom_holman.OURS: 2e-6}),
-    "rebound's time": (wisdom_holman.cost, {"wisdom_holman": WH}, "wisdom_holman", {"time ratio": 3.0}),
-    "rebound's least": (wisdom_holman.least, {"wisdom_holman": WH}, "wisdom_holman", {wisdom_holman.OURS: 3e-6}),
     "oscillatory": (oscillatory.survivors, {"oscillatory": FAST}, "oscillatory", {oscillatory.ENERGY: 30.0}),
     "wave energy": (waves.energy, {"pde": PDE}, "pde", {"energy is kept": False}),
     "charge": (waves.charge, {"pde": PDE}, "pde", {"invariant is kept": False}),
@@ -347,7 +334,6 @@ BOTH_WAYS = {
     "second solver": (references.second, {"references": CERTIFIED}, "references", {"disagree": 1}),
     "unchecked": (references.second, {"references": CERTIFIED}, "references", {"unchecked": 1}),
     "horizons": (references.horizons, {"references": CERTIFIED}, "references", {"long double leaves": 0.1}),
-    "ratios": (speed.limits, {"ratios": RATIOS}, "ratios", {"median": 1.5}),
     "coefficients": (catalogue.orders, {"coefficients": TABLES}, "coefficients", {"order": "2"}),
     "polished": (catalogue.polished, {"coefficients": TABLES}, "coefficients", {"polished residual": 1e-16}),
     "areas": (talks.areas, {"talk_curves": FACES}, "talk_curves", {"area": 1.1}),
@@ -382,78 +368,6 @@ def test_orders_in_doubles_are_judged_both_ways():
     flat = orders.confirmed({"rows": LADDER.assign(declared_order=3)}.get)
     assert not flat.holds
     assert "a on x (2.00 for 3)" in flat.text
-
-
-def kepler_tables(ours: float, theirs: float, phase: float = 1e-10):
-    runs = frame(
-        {"method": "gauss-8", "kind": "phasebench", "us per orbit": ours, "setting": "150 steps"},
-        {"method": "heyoka", "kind": "heyoka", "us per orbit": theirs, "setting": "adaptive"},
-        problem="kepler", e=0.2, mu=0.0, status="ok", orbits=100.0, **{"phase growth": 1.0, "steps per orbit": 150},
-    )  # fmt: skip
-    growth = frame(
-        *({"method": r["method"], "setting": r["setting"]} for r in runs.to_dict("records")),
-        problem="kepler", e=0.2, orbits=100.0, energy=1e-13, momentum=1e-15, phase=phase, perihelion=1e-12,
-    )  # fmt: skip
-    return {"kepler": runs, "kepler_growth": growth}
-
-
-def test_the_cheaper_on_kepler_is_named():
-    ours, tied, theirs = (kepler.costs(kepler_tables(t, 10.0).get) for t in (5.0, 10.5, 20.0))
-    assert ours.holds
-    assert tied.holds
-    assert not theirs.holds
-    assert "methods in 3, a peer in 0" in ours.text
-    assert "3 are ties" in tied.text
-    assert "a peer in 3" in theirs.text
-
-
-def test_a_lost_clock_is_told_from_an_energy_error():
-    assert kepler.clocks(kepler_tables(1.0, 1.0).get).holds
-    lost = kepler.clocks(kepler_tables(1.0, 1.0, phase=1e-6).get)
-    assert not lost.holds
-    assert "heyoka at e = 0.2" in lost.text
-
-
-def test_phase_errors_that_are_not_linear_are_found():
-    tables = kepler_tables(1.0, 1.0, phase=1e-3)
-    assert kepler.laws(tables.get).holds
-    assert not kepler.laws((tables | {"kepler": tables["kepler"].assign(**{"phase growth": 2.0})}).get).holds
-
-
-def priced(ours: float, theirs: float, error: float = 1e-10, tol: float = 1e-15) -> pd.DataFrame:
-    return frame(
-        {"method": "gauss-5", "kind": "phasebench", "seconds": ours, "global_error": 1e-10, "tol": np.nan},
-        {"method": "heyoka", "kind": "heyoka", "seconds": theirs, "global_error": error, "tol": tol},
-        purpose="drift", status="ok", scene="s", t_end=10.0, global_error_time=10.0, h=0.1,
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("rows", "expected"),
-    [
-        (priced(1.0, 2.0), [choice.OURS] * 3),
-        (priced(2.0, 1.0), [choice.PEERS] * 3),
-        (priced(1.0, 1.1), [choice.TIED] * 3),
-        # heyoka was run at 1e-9 alone, fast: what it would take for an error of 1e-9 was not measured.
-        (priced(1.0, 0.5, error=1e-7, tol=1e-9), [choice.PEERS, choice.PEERS, choice.OPEN]),
-        # It took longer even so: a tighter tolerance takes no less.
-        (priced(1.0, 3.0, error=1e-7, tol=1e-9), [choice.OURS] * 3),
-        (priced(1.0, 2.0).assign(global_error=1e-4), [choice.OURS, choice.NONE, choice.NONE]),
-    ],
-    ids=["ours", "peer", "tie", "not decided", "slower still", "none"],
-)
-def test_the_cheapest_for_an_accuracy(rows, expected):
-    assert choice.choices(rows)["cheaper"].tolist() == expected
-    said = trade.wins({"rows": rows}.get)
-    assert said.holds == (expected.count(choice.OURS) >= expected.count(choice.PEERS))
-
-
-def test_rows_that_did_not_end_well_and_batches_are_no_choice():
-    rows = priced(1.0, 2.0)
-    assert choice.choices(rows.assign(status="diverged")).empty
-    assert choice.choices(rows.assign(global_error_time=5.0)).empty
-    batch = choice.choices(rows.assign(method=["gauss-5", "heyoka-batch"]))
-    assert set(batch[choice.PEERS]) == {"none"}
 
 
 # -- HTML --------------------------------------------------------------------------------------------------------------

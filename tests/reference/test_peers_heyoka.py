@@ -51,7 +51,7 @@ def test_a_looser_tolerance_costs_less():
 @pytest.mark.parametrize("name", ["henon-heiles:chaotic", "fpu"])
 def test_the_lanes_do_what_one_orbit_does(name):
     made = problem(name)
-    one, lanes = (integrate_peer(made, id, h=0.5, t_end=T_END) for id in IDS)
+    one, lanes = (integrate_peer(made, id, h=0.5, t_end=T_END) for id in ("heyoka", "heyoka-batch"))
     assert lanes.counts == one.counts
     assert np.abs(lanes.q - one.q).max() < 1e-11
     kept = peers._batch(made.system, peers.EPS)
@@ -60,12 +60,37 @@ def test_the_lanes_do_what_one_orbit_does(name):
     assert np.abs(kept.state[: made.system.d, 0] - lanes.q[-1]).max() < 1e-11
 
 
-def test_seconds_of_the_lanes_are_shared(monkeypatch):
-    """A clock that ticks once a call: one second in all."""
+def test_seconds_of_the_lanes_are_those_of_one_orbit(monkeypatch):
+    """A clock that ticks once a call: an orbit in lanes is there after all of them, not after a share of the time."""
     ticks = iter(range(100))
     monkeypatch.setattr(peers.time, "perf_counter", lambda: float(next(ticks)))
     made = problem("kepler")
-    assert [integrate_peer(made, id, t_end=1.0).seconds for id in IDS] == [1.0, 1 / hy.recommended_simd_size()]
+    assert hy.recommended_simd_size() > 1
+    assert [integrate_peer(made, id, t_end=1.0).seconds for id in IDS] == [1.0, 1.0, 1.0]
+
+
+SCALAR = {
+    "heyoka": (False, False),
+    "heyoka-high-accuracy": (True, False),
+    "heyoka(compact_mode)": (False, True),
+    "heyoka-high-accuracy(compact_mode)": (True, True),
+}
+
+
+@pytest.mark.parametrize("tol", [None, 1e-9])
+def test_the_settings_of_each_peer(tol, monkeypatch):
+    """What heyoka itself says that it was built with: (high_accuracy, compact_mode), and the tolerance."""
+    made, started = problem("kepler"), []
+    start = taylor.start
+    monkeypatch.setattr(taylor, "start", lambda ta, *more: (started.append(ta), start(ta, *more)))
+    of_one_orbit = [p for p in peers.PEERS if p.id != "heyoka-batch"]
+    for p in (*of_one_orbit, peers.compact(False), peers.compact(True)):
+        assert integrate_peer(made, p, t_end=1.0, tol=tol).status == "ok"
+        assert (started[-1].high_accuracy, started[-1].compact_mode) == SCALAR[p.id]
+        assert started[-1].tol == (tol or np.finfo(float).eps)
+    assert len(started) == len(SCALAR)
+    lanes = peers._batch(made.system, tol or peers.EPS)
+    assert (lanes.high_accuracy, lanes.compact_mode, lanes.tol) == (False, False, tol or np.finfo(float).eps)
 
 
 @pytest.mark.parametrize("id", IDS)

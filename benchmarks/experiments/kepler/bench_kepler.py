@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from phasebench.benchmarks.experiments.kepler import comparison, cost
+from phasebench.benchmarks.experiments.kepler import comparison, cost, times
 
 #: The closed form and the Taylor series may part by this many radians; the best integrator's phase error.
 AWAY, BEST = 1e-9, 1e-6
 
 
 def cells(quick: bool = False):
-    """The orbits and the costs."""
-    return [*comparison.cells(quick), *cost.cells(quick)]
+    """The orbits, what one costs, and error against cost."""
+    return [*comparison.cells(quick), *times.cells(quick), *cost.cells(quick)]
 
 
 def away(rows) -> list[str]:
@@ -47,3 +47,10 @@ def bench_kepler_cost(measured, complete):
     rows = [r for r in measured("kepler_cost") if r["kind"] != "phasebench" and r["status"] == "ok"]
     wrong = nobody(rows, "error", "{problem}") if complete("kepler_cost") else []
     assert not wrong, "\n".join(wrong)
+
+
+def bench_kepler_times(measured):
+    """Whoever gets through has a cost."""
+    ran = [r for r in measured(times.TABLE) if r["us per orbit"] == r["us per orbit"]]
+    wrong = [r for r in ran if not 0 < r["us, low"] <= r["us per orbit"] <= r["us, high"]]
+    assert not wrong, wrong

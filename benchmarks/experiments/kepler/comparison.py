@@ -1,8 +1,8 @@
-"""Kepler with the Schwarzschild term and without, beside the established integrators.
+"""Kepler with the Schwarzschild term and without, beside the established integrators, to 10^4 orbits.
 
-To 10^4 orbits at e = 0, 0.2, 0.6 and 0.9: the errors in energy, angular momentum, phase and perihelion at equal steps
-and at equal time, and the advance of the perihelion (`kepler`).  To 100.5 orbits, at an apocentre, where a phase error
-is not multiplied by the speed of a pericentre: the error of the state against the cost.
+At e = 0, 0.2, 0.6 and 0.9: the errors in energy, angular momentum, phase and perihelion over steps and tolerances, and
+the advance of the perihelion (`kepler`).  What an orbit costs is in `times`; the error of the state at an apocentre,
+where a phase error is not multiplied by the speed of a pericentre, against the cost over 100.5 orbits in `cost`.
 
 mu is that of the talk (0.0075) at e = 0.6 and scales with L^4, so that the first-order advance is the same at every e;
 with one mu for all, the term would be most of the force at the pericentre of e = 0.9.
@@ -10,18 +10,22 @@ with one mu for all, the term would be most of the force at the pericentre of e 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
+from itertools import islice
+from math import inf
 
 import numpy as np
 
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
+from phasebench.benchmarks.measure.timing import Median, median
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
+from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
 from phasebench.integrators.driver import OK, SKIPPED
 from phasebench.reference.solvers import taylor
 
-from . import kepler
-from .kepler import LONGEST, STANDARD
+from . import kepler, runs
+from .runs import STANDARD, Setting
 
 PROBLEMS = ("kepler", "perturbed-kepler")
 ECCENTRICITIES = (0.0, 0.2, 0.6, 0.9)
@@ -47,26 +51,42 @@ GROUPS = {
         integrator("rebound-whfast"),
         integrator("rebound-ias15"),
         integrator("heyoka"),
+        integrator("heyoka-high-accuracy"),
     ),
     "": (
         integrator("stormer-verlet"),
         integrator("wisdom-holman-aba-10-6-4"),
         integrator("scheme-iii-sofroniou-spaletta-10", lam="0"),
+        integrator("gauss-6"),
+        integrator("rebound-leapfrog-8"),
+        integrator("rebound-saba-10-6-4"),
     ),
 }
-#: Whose time an orbit is everybody's in the comparison at equal time, over EQUAL orbits; the second where the first
-#: cannot run.
-YARDSTICKS = (integrator("rebound-ias15"), integrator("gauss-8"))
-EQUAL = 10_000
-#: Finer settings, and a still finer one for e = 0.9: taken where the run is estimated at no more than LONGEST seconds.
-FINER, FINEST = 600, 2400
+#: Steps an orbit: from the standard ones on more, while the phase is not followed to FOLLOWED and the run is estimated
+#: at no more than LONGEST seconds; and fewer, while it is still followed to USEFUL.
+LADDER = (50, 100, 150, 300, 600, 1200, 2400)
+LONGEST, FOLLOWED, USEFUL = 1.2, 1e-10, 1e-2
+#: The tolerances of adaptive peers; None: the package's own.
+TOLERANCES = {
+    "heyoka": (None, 1e-12, 1e-9, 1e-6),
+    "heyoka-high-accuracy": (None, 1e-12),
+    "rebound-ias15": (None, 1e-6),
+}
+#: Phase errors in which round-off may have the last word are drawn again from neighbouring starts, in runs of at most
+#: DEAR seconds; those of longer runs are known to a factor SPREAD.
+DRAWN, DEAR, SPREAD = (3e-11, 3e-8), 2.5, 30.0
+#: Where the first draws agree within this factor it is truncation, and no more are taken.
+ALIKE, FIRST = 1.05, 2
 #: Seconds after which a run of this project stops.
 TIMEOUT = 20.0
-
-
-#: Orbits of the long runs, rounds of a time.
-ORBITS, ROUNDS = 10_000, 3
+#: Orbits of the long runs, and of the estimate of their cost.
+ORBITS, FEW = 10_000, 20
 TAYLOR = "Taylor, long double"
+
+
+def contenders() -> list[Integrator]:
+    """All that are compared."""
+    return [c for members in GROUPS.values() for c in members]
 
 
 def cells(quick: bool = False) -> list[Cell]:
@@ -92,12 +112,11 @@ def _cell(name: str, e: float, measure, arguments: tuple, c: Integrator | str) -
         (name, e, *arguments),
         content("kepler", label, Problem(name, (("e", e),)), MU, AT, ORBITS, *known, code=[__name__]),
         frozenset({name, *(r.id for r in known), *(getattr(r, "package", "") for r in known)}),
-        ALONE,
     )
 
 
 @cache
-def _orbit(name: str, e: float):
+def orbit(name: str, e: float):
     """The problem, its exact solution, and what the rows say of them."""
     mu = MU * ((1 - e**2) / (1 - AT**2)) ** 2 if name == "perturbed-kepler" else 0.0
     made = problem(name, e=e, **({"mu": mu} if mu else {}))
@@ -107,32 +126,19 @@ def _orbit(name: str, e: float):
     return made, exact, about
 
 
-@cache
-def _yardstick(name: str, e: float) -> tuple[Integrator, float]:
-    """Whose time an orbit is everybody's, and that time."""
-    made, exact, _ = _orbit(name, e)
-    costs = ((c, _cost(c, made, exact, STANDARD)) for c in YARDSTICKS)
-    return next((c, seconds) for c, seconds in costs if np.isfinite(seconds))
+def steps(n: int) -> Setting:
+    """The setting of ``n`` steps an orbit."""
+    return Setting(f"{n} steps", n)
 
 
-def _cost(contender: Integrator, made, exact, per_orbit: int) -> float:
-    """Seconds an orbit."""
-    return kepler.seconds_per_orbit(contender, made, exact.period, 1 if contender.adaptive else per_orbit, 20, ROUNDS)
-
-
-def _steps_at(contender, made, exact, seconds: float, guess: float) -> int:
-    """The even number of steps an orbit, of two digits, that costs so many seconds; ``guess`` is seconds a step."""
-    n = STANDARD
-    for _ in range(2):  # an implicit step costs more where it is longer
-        n = min(max(10, 2 * round(float(f"{seconds / guess:.2g}") / 2)), 20_000)
-        found = _cost(contender, made, exact, n) / n
-        guess = found if np.isfinite(found) else guess
-    return n
+def tolerances(c: Integrator) -> list[Setting]:
+    """The settings of an adaptive peer, its own first."""
+    return [Setting("adaptive" if t is None else f"tolerance {t:g}", tol=t) for t in TOLERANCES.get(c.id, (None,))]
 
 
 def _reference(made, exact, orbits: int):
     """The certified Taylor series, as a run: what is left of the errors is the measurement's own."""
-    index = [2 * k + 1 for k in kepler.sample_orbits(orbits)]
+    index = [2 * k + 1 for k in runs.sample_orbits(orbits)]
     when = kepler.times(exact.period / 2, index, exactly=False)
     grid = [exact.period / 2 * n for n in index]
     rows = taylor.states(made.system, np.longdouble, made.q0, made.p0, grid).astype(float)
@@ -145,50 +151,80 @@ def _reference(made, exact, orbits: int):
     return run | kepler.advances(exact, when, found, -1), samples
 
 
-def _rows(about: dict, one: dict, per_orbit: int | None, seconds: float, run: dict, samples: list[dict]) -> Rows:
+def _rows(about: dict, one: dict, per_orbit: int | None, run: dict, samples: list[dict]) -> Rows:
     """The row of a run and those of its growth."""
-    row = about | one | {"steps per orbit": per_orbit, "us per orbit": seconds * 1e6} | run
+    row = about | one | {"steps per orbit": per_orbit} | run
     where = {"problem": about["problem"], "e": about["e"]} | one
     return {"kepler": [row], "kepler_growth": [where | s | {"status": run["status"]} for s in samples]}
 
 
 def reference(name: str, e: float) -> Rows:
     """The rows of the Taylor series."""
-    made, exact, about = _orbit(name, e)
+    made, exact, about = orbit(name, e)
     one = {"method": TAYLOR, "kind": "reference", "group": "", "setting": "reference"}
-    return _rows(about, one, None, float("nan"), *_reference(made, exact, ORBITS))
+    return _rows(about, one, None, *_reference(made, exact, ORBITS))
 
 
 def followed(name: str, e: float, group: str, position: int) -> Rows:
     """The rows of an integrator: the four errors and the perihelion's advance; an orbit is a radial period."""
-    made, exact, about = _orbit(name, e)
+    _, _, about = orbit(name, e)
     c = GROUPS[group][position]
-    one = {"method": c.label, "kind": c.kind, "group": group}
-    if c.adaptive:
-        yard, budget = _yardstick(name, e)
-        seconds = budget if c == yard else _cost(c, made, exact, STANDARD)
-        return _rows(about, one | {"setting": "adaptive"}, None, seconds, *kepler.follow(c, made, exact, 2, ORBITS))
     out: Rows = {"kepler": [], "kepler_growth": []}
-    for setting, n, length in _settings(c, name, e):
-        run, samples = kepler.follow(c, made, exact, n, length, TIMEOUT)
-        if run["status"] == OK:
-            run |= kepler.within_orbits(c, made, exact, n)
-        rows = _rows(about, one | {"setting": setting}, n, _cost(c, made, exact, n), run, samples)
+    for setting, run, samples in _adaptive(c, name, e) if c.adaptive else _ladder(c, name, e):
+        one = {"method": c.label, "kind": c.kind, "group": group, "setting": setting.name}
+        rows = _rows(about, one, None if c.adaptive else setting.per_orbit, run, samples)
         out = {table: [*before, *rows[table]] for table, before in out.items()}
-        if run["status"] == SKIPPED:
-            break
     return out
 
 
-def _settings(c: Integrator, name: str, e: float) -> list[tuple[str, int, int]]:
-    """(what it is called, steps an orbit, orbits) of the runs of a fixed step: equal steps, finer ones, equal time."""
-    made, exact, _ = _orbit(name, e)
-    yard, budget = _yardstick(name, e)
-    # The cost of a step: where the standard one is too long, of a shorter one.
-    costs = [_cost(c, made, exact, n) / n for n in (STANDARD, FINEST)[: 2 if e > AT else 1]]
-    step = next((s for s in costs if np.isfinite(s)), np.nan)
-    finer = [n for n in ((FINER, FINEST) if e > AT else (FINER,)) if step * n * ORBITS <= LONGEST]
-    settings = [(f"{n} steps", n, ORBITS) for n in (STANDARD, *finer)]
-    if np.isfinite(step):
-        settings.append((f"time of {yard.id}", _steps_at(c, made, exact, budget, step), min(ORBITS, EQUAL)))
-    return settings
+def _adaptive(c: Integrator, name: str, e: float) -> Iterator[tuple[Setting, dict, list[dict]]]:
+    for setting in tolerances(c):
+        yield setting, *_run(c, name, e, setting)
+
+
+def _ladder(c: Integrator, name: str, e: float) -> Iterator[tuple[Setting, dict, list[dict]]]:
+    """The runs of a fixed step: the standard one, then finer and wider ones while they may be of use."""
+    made, exact, _ = orbit(name, e)
+    # The cost of a step: where the standard one is too long, of the shortest.
+    costs = (runs.seconds_per_orbit(c, made, exact.period, steps(n), FEW) / n for n in (STANDARD, LADDER[-1]))
+    step = next((s for s in costs if np.isfinite(s)), inf)
+    first, samples = _run(c, name, e, steps(STANDARD))
+    yield steps(STANDARD), first, samples
+    run = first
+    for n in (n for n in LADDER if n > STANDARD):
+        if run["status"] == SKIPPED or run["phase, high"] <= FOLLOWED or step * n * ORBITS > LONGEST:
+            break
+        run, samples = _run(c, name, e, steps(n))
+        yield steps(n), run, samples
+    run = first
+    for n in (n for n in LADDER[::-1] if n < STANDARD):
+        if run["status"] != OK or run["phase, low"] > USEFUL:
+            break
+        run, samples = _run(c, name, e, steps(n))
+        yield steps(n), run, samples
+
+
+def _run(c: Integrator, name: str, e: float, setting: Setting) -> tuple[dict, list[dict]]:
+    """A run and its growth, the phase error at its end as the median over neighbouring starts with its interval."""
+    made, exact, _ = orbit(name, e)
+    run, samples = runs.follow(c, made, exact, setting, ORBITS, None if c.adaptive else TIMEOUT)
+    if run["status"] == OK and not c.adaptive:
+        run |= runs.within_orbits(c, made, exact, setting.per_orbit)
+    seconds = run.pop("seconds", inf)
+    phase = samples[-1]["phase"] if run["status"] == OK else inf
+    found, count = Median(phase, phase, phase), 1
+    if DRAWN[0] <= phase <= DRAWN[1]:
+        others = runs.draws(c, made, exact, setting, ORBITS) if seconds <= DEAR else iter(())
+        found, count = settled(phase, others)
+    run |= {"phase median": found.value, "phase, low": found.low, "phase, high": found.high}
+    return run | {"starts": count}, samples
+
+
+def settled(phase: float, others: Iterator[float]) -> tuple[Median, int]:
+    """The median of a phase error and those from other starts, and how many there were; a factor SPREAD without any."""
+    drawn = [phase, *islice(others, FIRST)]
+    if len(drawn) == 1:
+        return Median(phase, phase / SPREAD, phase * SPREAD), 1
+    if max(drawn) > ALIKE * min(drawn):
+        drawn += others
+    return median(drawn), len(drawn)

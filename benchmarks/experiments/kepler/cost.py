@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 from functools import cache
-from math import pi
+from math import ceil, pi
 
 import numpy as np
 
@@ -14,11 +14,12 @@ from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
 from phasebench.integrators.driver import OK
+from phasebench.reference.peers import heyoka, rebound
 from phasebench.reference.solvers import taylor
 
 PROBLEMS = ("kepler", "perturbed-kepler")
 ORBITS = 100.5
-PER_ORBIT = (100, 300, 1000, 3000)
+PER_ORBIT = (30, 50, 100, 300, 1000, 3000)
 OURS = (
     integrator("stormer-verlet"),
     integrator("implicit-midpoint"),
@@ -34,14 +35,22 @@ OURS = (
     integrator("scheme-iii-yoshida-6", lam="0"),
     integrator("scheme-iii-sofroniou-spaletta-8", lam="0"),
     integrator("scheme-v-suzuki-4"),
+    integrator("gauss-6"),
     integrator("gauss-8"),
+    integrator("dop853-relaxation"),
     integrator("wisdom-holman-aba-10-6-4"),
 )
-FIXED = ("rebound-whfast", "rebound-saba-10-6-4", "rebound-leapfrog", "rebound-leapfrog-8")
-ADAPTIVE = ("rebound-ias15", "rebound-bs", "heyoka", "scipy-dop853")
-TOLERANCES = (1e-6, 1e-9, 1e-12, 1e-15)
+PEERS = (
+    *map(integrator, ("rebound-whfast", "rebound-saba-10-6-4", "rebound-leapfrog", "rebound-leapfrog-8", "rebound-bs")),
+    *(integrator(rebound.ias15(mode)) for mode in rebound.ADAPTIVE_MODES),
+    *map(integrator, ("heyoka", "heyoka-high-accuracy", heyoka.compact(False), heyoka.compact(True))),
+    *map(integrator, ("scipy-dop853-numba", "scipy-lsoda-numba")),
+)
+TOLERANCES = tuple(10.0**-k for k in range(3, 16, 2))
+#: Rows of a run at most.
+MOST = 5_000
 #: A run of so many seconds is timed once.
-LONG, ROUNDS = 0.2, 3
+LONG, ROUNDS = 0.2, 5
 
 
 def cells(quick: bool = False) -> list[Cell]:
@@ -51,7 +60,7 @@ def cells(quick: bool = False) -> list[Cell]:
 
 @cache
 def _compared() -> tuple[Integrator, ...]:
-    return (*OURS, *map(integrator, FIXED), *map(integrator, ADAPTIVE))
+    return (*OURS, *PEERS)
 
 
 def _cell(name: str, position: int, c: Integrator) -> Cell:
@@ -79,8 +88,7 @@ def measured(name: str, position: int) -> Rows:
     c, t_end = _compared()[position], ORBITS * 2 * pi
     rows = []
     if c.adaptive:
-        least = 1e-13 if c.kind == "scipy" else c.record.least
-        for tol in (t for t in TOLERANCES if t >= least):
+        for tol in (t for t in TOLERANCES if t >= c.record.least):
             spaced = {1: {"h": t_end / 200, "steps": 200}, 0: {"h": t_end, "steps": 1}}
             rows.append(_row(name, c, f"tolerance {tol:g}", spaced, tol))
     else:
@@ -93,8 +101,9 @@ def measured(name: str, position: int) -> Rows:
 def _row(name: str, c: Integrator, setting: str, sizes: dict, tol: float | None) -> dict:
     found, truth = problem(name), _truth(name)
 
-    def run(every: int):
-        return c.run(found, **sizes[every], save_every=every, tol=tol)
+    def run(rows: int):
+        size = sizes[rows]
+        return c.run(found, **size, save_every=rows * ceil(size["steps"] / MOST), tol=tol)
 
     row = {"problem": found.label, "e": found.parameters["e"], "orbits": ORBITS}
     row |= {"method": c.label, "kind": c.kind, "setting": setting}

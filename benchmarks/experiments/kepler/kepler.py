@@ -38,8 +38,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.benchmarks.measure.integrator import Integrator
-from phasebench.benchmarks.measure.metrics import slope
 from phasebench.integrators.errors import InvalidInput
 
 #: Nodes of the quadratures of phi and t from pericentre: the test of the elements doubles them.
@@ -52,10 +50,6 @@ ROUND = 1e-10
 DIGITS = 40
 #: Times and rates are integers in units of 2^-TICK, exact for any h of a run: n h modulo a period loses nothing.
 TICK = 200
-#: Steps an orbit of the comparison at equal steps; the seconds that the runs of finer settings may take, by estimate.
-STANDARD, LONGEST = 150, 1.2
-#: Points, equally spaced in the logarithm of the time, of the growth's slope.
-POINTS = 25
 
 
 class Elements(NamedTuple):
@@ -275,93 +269,3 @@ def advances(exact: Truth, when: Sequence[int], found: Errors, row: int) -> dict
         return {}
     measured = measured_advance(exact, when[row], found.perihelion[row], found.anomaly[row])
     return {"advance": measured, "advance error": measured - exact.advance}
-
-
-def growth(orbits, error, least: float = 10.0) -> float | None:
-    """The exponent of t with which the greatest size so far of ``error``, arrays (n,), grows.
-
-    Points are equally spaced in log t from ``least`` orbits on; None for fewer than three or an error that is zero.
-    """
-    orbits, error = np.asarray(orbits, float), np.abs(np.asarray(error, float))
-    grown = np.maximum.accumulate(error)
-    use = np.flatnonzero((orbits >= least) & (grown > 0))
-    if len(use) < 3:
-        return None
-    wanted = np.geomspace(orbits[use[0]], orbits[use[-1]], POINTS)
-    chosen = use[np.unique(np.searchsorted(orbits[use], wanted * (1 - 1e-12)))]
-    return slope(np.log(orbits[chosen]), np.log(grown[chosen])).value if len(chosen) >= 3 else None
-
-
-def seconds_per_orbit(contender: Integrator, problem, period: float, per_orbit: int, orbits: int, rounds: int) -> float:
-    """The median of warm seconds an orbit, without output; NaN where it does not get through."""
-    size = {"h": period / per_orbit, "steps": per_orbit * orbits, "save_every": 0}
-    runs = [contender.run(problem, **size) for _ in range(rounds)]
-    return float(np.median([s.seconds if s.status in ("ok", "no-root") else np.nan for s in runs])) / orbits
-
-
-def follow(
-    contender: Integrator, problem, exact: Truth, per_orbit: int, orbits: int, timeout: float | None = None
-) -> tuple[dict, list[dict]]:
-    """A run of ``orbits`` + 1/2 orbits with a row each half orbit: what it measured at its end, and on the way.
-
-    Parameters
-    ----------
-    contender, problem, exact : who, on what, and that problem's `truth`
-    per_orbit : steps an orbit, even; an orbit is a radial period.  An adaptive peer takes 2: its rows
-    orbits : whole orbits
-    timeout : seconds after which a method of this project stops, with the rows so far
-
-    Returns
-    -------
-    run : status, reason, counts; the advance measured, radians an orbit, and its difference from the exact one; the
-        exponents of growth
-    rows : after 1, 3, 10, ... orbits and a half, the greatest size so far of each of the `Errors`
-    """
-    if per_orbit < 2 or per_orbit % 2:
-        raise InvalidInput(f"per_orbit is {per_orbit}; it must be even: rows are half an orbit apart")
-    every, h = per_orbit // 2, exact.period / per_orbit
-    s = contender.run(problem, h=h, steps=every * (2 * orbits + 1), save_every=every, timeout=timeout)
-    index = np.arange(1, len(s.q)) * every
-    run = {
-        "status": s.status,
-        "reason": s.reason,
-        "orbits": orbits + 0.5,
-        "evaluations": s.counts.get("gradient", 0) / orbits,
-    }
-    if s.status == "skipped" or not len(index):
-        return run | {"reached": 0.0}, []
-    when = times(h, index, exactly=not contender.adaptive)
-    found = errors(exact, when, s.q[1:], s.p[1:])
-    whole = np.isfinite(found.phase)
-    last = len(whole) if whole.all() else int(np.argmin(whole))
-    if last < len(whole) and run["status"] == "ok":
-        reason = f"no bound orbit after {last / 2:g} of {orbits + 0.5:g} orbits; take a smaller h"
-        run |= {"status": "diverged", "reason": reason}
-    run["reached"] = last / 2
-    if not last:
-        return run, []
-    after = np.arange(1, last + 1) / 2
-    so_far = {n: np.maximum.accumulate(np.abs(x[:last])) for n, x in zip(found._fields, found, strict=True)}
-    rows = [
-        {"orbits": k + 0.5} | {n: float(f"{x[2 * k]:.5g}") for n, x in so_far.items()}
-        for k in sample_orbits(orbits)
-        if 2 * k < last
-    ]
-    for name in ("energy", "phase", "perihelion"):
-        grown = growth(after, getattr(found, name)[:last])
-        if grown is not None:
-            run[f"{name} growth"] = grown
-    end = last - 1 - (last - 1) % 2  # an apocentre of the unperturbed orbit
-    return run | advances(exact, when, found, end), rows
-
-
-def within_orbits(contender: Integrator, problem, exact: Truth, per_orbit: int, orbits: int = 10) -> dict[str, float]:
-    """The greatest energy and angular momentum errors over every step of a few orbits, relative."""
-    s = contender.run(problem, h=exact.period / per_orbit, steps=per_orbit * orbits)
-    found = zip(("energy", "momentum"), invariants(s.q, s.p, exact.mu), (exact.H, exact.L), strict=True)
-    return {f"{n}, every step": float(np.abs((x - y) / y).max()) for n, x, y in found}
-
-
-def sample_orbits(orbits: int) -> list[int]:
-    """1, 3, 10, 30, 100, ... up to ``orbits``."""
-    return [n for k in range(12) for n in (10**k, 3 * 10**k) if n <= orbits]

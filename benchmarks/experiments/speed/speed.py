@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from phasebench.benchmarks.experiments.trade import sweep
 from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.measure.c_loop import Loop
-from phasebench.benchmarks.measure.timing import interleaved, ratio
+from phasebench.benchmarks.measure.timing import interleaved, median, ratio
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, Unavailable, content
 from phasebench.integrators.driver import integrate, warm
@@ -79,8 +77,9 @@ def timed(name: str, id: str, parameters: tuple) -> Rows:
     found, chosen = problem(name), method(id, **dict(parameters))
     full = integrate(found, chosen, h=H, steps=STEPS)
     E = found.system.observe(found.system.H, full.q, full.p)
-    seconds = interleaved({"it": warm(found, chosen, h=H, steps=STEPS)}, ROUNDS)["it"]
-    row = {"problem": found.label, "method": chosen.label, "ns per step": float(np.median(seconds)) / STEPS * 1e9}
+    seconds = median(interleaved({"it": warm(found, chosen, h=H, steps=STEPS)}, ROUNDS)["it"])
+    row = {"problem": found.label, "method": chosen.label, "ns per step": seconds.value / STEPS * 1e9}
+    row |= {"ns, low": seconds.low / STEPS * 1e9, "ns, high": seconds.high / STEPS * 1e9}
     row |= {
         "gradients per step": full.counts["gradient"] / STEPS,
         "energy error": float(metrics.invariant_error(E).max),
@@ -120,5 +119,5 @@ def compared(what: str, name: str) -> Rows:
     r = ratio(times[one], times[other])
     includes = f"{steps} steps of h = {H}, warm, no output"
     includes += "; C: gcc -O3 -march=native, uncompensated" if other == "C" else ""
-    row = {"ratio": f"{what}, {found.label}", "median": r.value, "lower quartile": r.low, "upper quartile": r.high}
+    row = {"ratio": f"{what}, {found.label}", "median": r.value, "median, low": r.low, "median, high": r.high}
     return {"ratios": [row | {"wanted, at most": limit, "what is timed": includes}]}

@@ -9,8 +9,7 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.trade import sweep
-from phasebench.benchmarks.experiments.trade.sweep import cells  # noqa: F401
+from phasebench.benchmarks.experiments.trade import ladders, sweep
 from phasebench.benchmarks.problems.scenes import SCENES
 from phasebench.integrators.registry import METHODS, method
 from phasebench.reference import tables
@@ -22,6 +21,11 @@ INVARIANTS = ("energy_max", "energy_max_early", "angular-momentum_max")
 CHAOTIC = ("energy_max_early",)
 #: Schemes IV and V choose between roots; where two are equally near, round-off decides which.
 CHOICE = 0.5
+
+
+def cells(quick: bool = False):
+    """The sweep, and the ladders of the long scenes."""
+    return [*sweep.cells(quick), *ladders.cells(quick)]
 
 
 def _regressed(scene) -> tuple[str, ...]:
@@ -109,3 +113,10 @@ def bench_scene(scene, measured, quick, update, notes):
         f"{len(found)} numbers of {scene.id} left their bands (re-record with --update-tables if that is right):\n"
         + found.to_string(index=False, float_format=lambda x: f"{x:.6e}")
     )
+
+
+def bench_ladders(measured):
+    """An error is told of whoever came to the end, and a time of everything with an error."""
+    rows = [r for r in measured(ladders.TABLE) if r["status"] == "ok"]
+    wrong = [r for r in rows if not (r["global_error"] >= 0 and r["seconds"] > 0)]
+    assert not wrong, wrong

@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.page.page import once
+from phasebench.benchmarks.measure.timing import OPEN, OURS, PEERS, TIED, Median, cheaper
+from phasebench.benchmarks.page.page import Data
 
 from . import sweep
+from .ladders import ACCURACIES, TABLE
 
-#: Errors of the state at the end for which the cheapest is named.
-ACCURACIES = (1e-3, 1e-6, 1e-9)
-#: Times that differ by less than this factor are a tie.
+#: Times that differ by less than this factor are a tie: they are of cells that were measured one after another.
 TIE = 1.15
-#: Peers whose seconds are those of many orbits at once, shared among them: one orbit cannot be had for that.
-BATCHES = ("heyoka-batch",)
-OURS, PEERS, TIED, OPEN, NONE = "ours", "peer", "tie", "not decided", "none"
 #: An adaptive peer that was run at this tolerance was run as tightly as it goes.
 TIGHTEST = 1e-14
+
+
+def of_all(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Make a function of the rows of the sweep and the ladders one of ``data``; None where neither was measured."""
+
+    @functools.wraps(function)
+    def from_data(data: Data, *more):
+        tables = [t for t in (data("rows"), data(TABLE)) if t is not None and not t.empty]
+        return function(pd.concat(tables, ignore_index=True), *more) if tables else None
+
+    return from_data
 
 
 def long_rows(rows: pd.DataFrame) -> pd.DataFrame:
@@ -27,7 +39,6 @@ def long_rows(rows: pd.DataFrame) -> pd.DataFrame:
         if column not in part:
             return part.iloc[:0]
     at_end = part["global_error_time"] >= 0.999 * part["t_end"]
-    at_end &= ~part["method"].isin(BATCHES)
     return part[at_end & part["global_error"].notna() & part["seconds"].notna()]
 
 
@@ -51,16 +62,6 @@ def might_win(members: pd.DataFrame, accuracy: float, ours: float) -> list[str]:
     return open_
 
 
-def judge(ours: float, peers: float) -> str:
-    """Who is cheaper, by seconds (infinite for nobody)."""
-    if np.isinf(ours) and np.isinf(peers):
-        return NONE
-    if max(ours, peers) <= TIE * min(ours, peers):
-        return TIED
-    return OURS if ours < peers else PEERS
-
-
-@once
 def choices(rows: pd.DataFrame) -> pd.DataFrame:
     """A row for each long scene and accuracy: the cheapest of each side, their seconds, who is cheaper."""
     lines = []
@@ -73,9 +74,9 @@ def choices(rows: pd.DataFrame) -> pd.DataFrame:
             line = {"scene": scene, "error up to": accuracy}
             for who, row in best.items():
                 line |= {who: "none" if row is None else row["method"], f"{who} seconds": seconds[who]}
-            cheaper = judge(seconds[OURS], seconds[PEERS])
-            undecided = might_win(members, accuracy, seconds[OURS]) if cheaper in (OURS, TIED) else []
-            lines.append(line | {"cheaper": OPEN if undecided else cheaper})
+            who = cheaper(*(Median(x, x, x) for x in seconds.values()), TIE)
+            undecided = might_win(members, accuracy, seconds[OURS]) if who in (OURS, TIED) else []
+            lines.append(line | {"cheaper": OPEN if undecided else who})
     return pd.DataFrame(lines)
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from phasebench.benchmarks.measure.timing import NONE, OPEN, OURS, PEERS, TIED
 from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict
 
-from . import sweep
-from .choice import ACCURACIES, BATCHES, NONE, OPEN, OURS, PEERS, TIE, TIED, choices, frontier, long_rows
+from . import ladders, sweep
+from .choice import TIE, choices, frontier, long_rows, of_all
+from .ladders import ACCURACIES
 
 #: The scene of the work-precision diagram, where it was measured, and its curves at most: ours, the peers'.
 SCENE = "perturbed-kepler-t1000"
@@ -19,7 +21,7 @@ CURVES = {True: 5, False: 4}
 FLOOR = 1e-16
 
 
-@of("rows")
+@of_all
 def wins(rows: pd.DataFrame) -> Verdict | None:
     """Who is the cheaper how often."""
     found = choices(rows)
@@ -40,7 +42,7 @@ def wins(rows: pd.DataFrame) -> Verdict | None:
     )
 
 
-@of("rows")
+@of_all
 def largest(rows: pd.DataFrame) -> Verdict | None:
     """Where the two sides are farthest apart."""
     found = choices(rows)
@@ -91,7 +93,7 @@ def _work_precision(rows: pd.DataFrame, folder) -> Picture | None:
         style.legend_above(figure, axes, 3)
     caption = (
         f"Error at the end of {scene} against seconds: of each side the methods that are cheapest for some error; filled "
-        "marks ours, white marks peers. A mark alone is a method measured at one step or tolerance."
+        "marks ours, white marks peers."
     )
     return Picture(style.save(figure, folder, "trade.png"), "error against time", caption)
 
@@ -126,13 +128,13 @@ def _dumbbells(rows: pd.DataFrame, folder) -> Picture | None:
     return Picture(style.save(figure, folder, "cheapest.png"), "the cheapest for an accuracy", caption)
 
 
-@of("rows")
+@of_all
 def draw(rows: pd.DataFrame, folder) -> list[Picture]:
     """The cheapest of each side, and the work-precision diagram."""
     return [p for p in (_dumbbells(rows, folder), _work_precision(rows, folder)) if p is not None]
 
 
-@of("rows")
+@of_all
 def table(rows: pd.DataFrame) -> Table | None:
     """The cheapest of each side for every scene and accuracy."""
     found = choices(rows)
@@ -157,7 +159,7 @@ def table(rows: pd.DataFrame) -> Table | None:
     return Table(shown.head(ROWS), caption)
 
 
-@of("rows")
+@of_all
 def _whole(rows: pd.DataFrame) -> pd.DataFrame | None:
     """Of every method and scene the row of the least error."""
     part = long_rows(rows)
@@ -171,23 +173,28 @@ def _whole(rows: pd.DataFrame) -> pd.DataFrame | None:
 PAGE = Page(
     id="trade",
     question="Which integrator is the cheapest for a given accuracy?",
-    tables=("rows",),
+    tables=("rows", ladders.TABLE),
     setting=(
         "Long scenes: pendulum, perturbed Kepler and Hénon–Heiles (box) to t = 1000, Kepler over 100 orbits, "
         "Lotka–Volterra to t = 120; the chaotic orbit is left out, whose end state no reference certifies.",
         "Error: max |y_h(t_end) − y(t_end)| over q and p, against a certified Taylor solution.",
-        "Peers: heyoka, REBOUND's integrators and SciPy's (compiled with Numba where so named), over their tolerances.",
+        "Peers: heyoka (with high_accuracy and without), REBOUND's integrators and SciPy's (compiled with Numba where so "
+        f"named): adaptive ones at tolerances from {ladders.TOLERANCES[0]:g} to {ladders.TOLERANCES[-1]:g}.",
+        f"Steps: from a scene's widest on wider by factors of {ladders.FACTOR} while the error is of use, finer for methods "
+        f"of order above {sweep.HIGH}; a ladder ends below {ACCURACIES[-1]:g} or with a run of {ladders.LONGEST:g} s.",
+        "Times: warm, the integration alone, without output; medians of three runs, one integrator after another.",
     ),
     verdicts=(wins, largest),
     figures=draw,
     table=table,
     whole=_whole,
     limits=(
-        f"Accuracies are {', '.join(f'{x:g}' for x in ACCURACIES)}; times within a factor TIE = {TIE} are a tie.",
-        "Methods of order above 4 are run at the largest step of a scene only: a larger step might be cheaper still.",
-        f"Left out are {', '.join(BATCHES)}: many orbits at once, whose seconds are shared among them.",
-        "Peers are run at tolerances a thousand times apart: one in between might just do.",
-        "Seconds are one machine's, medians of few runs; SciPy's right-hand side is Python unless it says numba.",
+        f"Accuracies are {', '.join(f'{x:g}' for x in ACCURACIES)}; times within a factor TIE = {TIE} are a tie, since they "
+        "are not taken in turns.",
+        f"A step between two of a ladder, a factor of {ladders.FACTOR} apart, or a tolerance between two, a factor of ten "
+        "apart, might just do.",
+        "heyoka-batch carries the same orbit in every lane: its time is of all lanes, as long as one orbit takes that way.",
+        "IAS15 runs in its default adaptive mode; the Kepler page compares the others.",
     ),
     command="pytest benchmarks/experiments/trade",
 )

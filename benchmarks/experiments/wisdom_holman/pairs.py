@@ -10,20 +10,21 @@ from math import pi
 
 import numpy as np
 
-from phasebench.benchmarks.measure.timing import interleaved, ratio
+from phasebench.benchmarks.measure.integrator import Integrator, integrator
+from phasebench.benchmarks.measure.timing import in_turns, median, ratio
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.problems.outer_solar_system import BODIES, G
 from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, Unavailable, content
-from phasebench.integrators.driver import OK, integrate, warm
+from phasebench.integrators.driver import OK, SKIPPED
 from phasebench.integrators.registry import BY_ID
+from phasebench.reference.peers import peer
 
-#: Ours -> REBOUND's integrator and its options.
+#: Ours -> the peer that is the same splitting.
 PAIRS = {
-    "wisdom-holman": ("whfast", {}),
-    "wisdom-holman-corrector": ("whfast", {"corrector": 17}),
-    "wisdom-holman-saba-4": ("saba", {"type": "4"}),
-    "wisdom-holman-aba-8-6-4": ("saba", {"type": "8_6_4"}),
-    "wisdom-holman-aba-10-6-4": ("saba", {"type": "10_6_4"}),
+    "wisdom-holman": "rebound-whfast-plain",
+    "wisdom-holman-corrector": "rebound-whfast-corrector-17",
+    "wisdom-holman-saba-4": "rebound-saba-4",
+    "wisdom-holman-aba-8-6-4": "rebound-saba-8-6-4",
+    "wisdom-holman-aba-10-6-4": "rebound-saba-10-6-4",
 }
 #: Problem, its parameters, the steps, the time span.
 CASES = {
@@ -34,50 +35,8 @@ CASES = {
 ROWS, TIMED, ROUNDS = 200, 5_000, 15
 
 
-def _simulation(made, integrator, options, h):
-    """A REBOUND simulation of a problem; the second object has to be kept alive while it runs."""
-    from phasebench.reference.peers import particles as nbody
-
-    options = {"safe_mode": 0} | options
-    if made.id == "perturbed-kepler":
-        sim, force = nbody.simulation(made, made.q0, made.p0, integrator, made.parameters["mu"], **options)
-    else:
-        import rebound
-
-        sim, force = rebound.Simulation(), None
-        sim.G = G
-        sim.integrator = integrator
-        for name, value in options.items():
-            setattr(sim.integrator, name, value)
-        for mass, (x, y, z), (vx, vy, vz) in BODIES.values():
-            sim.add(m=mass, x=x, y=y, z=z, vx=vx, vy=vy, vz=vz)
-    sim.dt = h
-    return sim, force
-
-
-def _states(made, sim):
-    """(q, p) of a simulation."""
-    if made.id == "perturbed-kepler":
-        body = sim.particles[1]
-        return [body.x, body.y], [body.vx, body.vy]
-    q = [x for b in sim.particles for x in (b.x, b.y, b.z)]
-    return q, [b.m * v for b in sim.particles for v in (b.vx, b.vy, b.vz)]
-
-
-def _theirs(made, integrator, options, h, steps, every):
-    """(q, p), each of shape (rows, d)."""
-    sim, force = _simulation(made, integrator, options, h)
-    rows = [(made.q0, made.p0)]
-    for _ in range(steps // every):
-        sim.steps(every)
-        sim.synchronize()
-        rows.append(_states(made, sim))
-    del force
-    q, p = zip(*rows, strict=True)
-    return np.array(q), np.array(p)
-
-
-def _energy_error(made, q, p):
+def energy_error(made, q, p) -> float:
+    """The largest relative energy error of rows (n, d)."""
     E = made.system.observe(made.system.H, q, p)
     return float(np.abs(E / E[0] - 1).max())
 
@@ -89,13 +48,14 @@ def cells(quick: bool = False) -> list[Cell]:
 
 def _cell(case: str, ours: str, h: float) -> Cell:
     name, parameters, _, t_end = CASES[case]
+    made = Problem(name, tuple(parameters.items()))
     return Cell(
         "wisdom_holman",
         ("wisdom_holman",),
         {"problem": case, "method": ours, "h": h},
         measured,
         (case, ours, h),
-        content("pair", BY_ID[ours], Problem(name, tuple(parameters.items())), PAIRS[ours], h, t_end, code=[__name__]),
+        content("pair", BY_ID[ours], peer(PAIRS[ours]), made, h, t_end, code=[__name__]),
         frozenset({name, ours, "rebound"}),
         ALONE,
         own=True,
@@ -104,35 +64,36 @@ def _cell(case: str, ours: str, h: float) -> Cell:
 
 def measured(case: str, ours: str, h: float) -> Rows:
     """The same splitting by this project and by REBOUND; raises Unavailable without REBOUND."""
-    try:
-        import rebound  # noqa: F401
-    except ImportError:
-        raise Unavailable("REBOUND is not installed; pip install rebound") from None
     name, parameters, _, t_end = CASES[case]
-    made, (integrator, options) = problem(name, **parameters), PAIRS[ours]
-    steps = round(t_end / h / ROWS) * ROWS
-    every = steps // ROWS
-    s = integrate(made, ours, h=h, steps=steps, save_every=every)
-    if s.status != OK:
-        raise RuntimeError(f"{ours} on {case}: {s.reason}")
-    q, p = _theirs(made, integrator, options, h, steps, every)
-    sim, force = _simulation(made, integrator, options, h)
-    run = {"ours": warm(made, ours, h=h, steps=TIMED), "theirs": lambda: (sim.steps(TIMED), sim.synchronize())}
-    times = interleaved(run, ROUNDS)
-    del force
-    size = np.abs(q).max()
+    made, both = problem(name, **parameters), {"ours": integrator(ours), "theirs": integrator(PAIRS[ours])}
+    every = round(t_end / h / ROWS)
+    runs = {who: c.run(made, h=h, steps=every * ROWS, save_every=every) for who, c in both.items()}
+    if runs["theirs"].status == SKIPPED:
+        raise Unavailable(runs["theirs"].reason)
+    for s in runs.values():
+        if s.status != OK:
+            raise RuntimeError(f"{s.method.label} on {case}: {s.reason}")
+    s, r = runs.values()
+    times = in_turns({who: _seconds(c, made, h) for who, c in both.items()}, ROUNDS)
+    size, paid = np.abs(r.q).max(), ratio(times["ours"], times["theirs"])
     row = {
         "problem": case,
         "method": ours,
-        "REBOUND's": " ".join([integrator, *(f"{k} {v}" for k, v in options.items())]),
+        "REBOUND's": PAIRS[ours],
         "h": h,
-        "steps": steps,
-        "energy error": _energy_error(made, s.q, s.p),
-        "REBOUND's energy error": _energy_error(made, q, p),
-        "distance of early positions": float(np.abs(s.q[: ROWS // 10] - q[: ROWS // 10]).max() / size),
-        "distance of end positions": float(np.abs(s.q[-1] - q[-1]).max() / size),
-        "ns per step": float(np.median(times["ours"]) / TIMED * 1e9),
-        "REBOUND's ns per step": float(np.median(times["theirs"]) / TIMED * 1e9),
-        "time ratio": ratio(times["ours"], times["theirs"]).value,
+        "steps": every * ROWS,
+        "energy error": energy_error(made, s.q, s.p),
+        "REBOUND's energy error": energy_error(made, r.q, r.p),
+        "distance of early positions": float(np.abs(s.q[: ROWS // 10] - r.q[: ROWS // 10]).max() / size),
+        "distance of end positions": float(np.abs(s.q[-1] - r.q[-1]).max() / size),
+        "ns per step": median(times["ours"]).value / TIMED * 1e9,
+        "REBOUND's ns per step": median(times["theirs"]).value / TIMED * 1e9,
+        "time ratio": paid.value,
+        "ratio, low": paid.low,
+        "ratio, high": paid.high,
     }
     return {"wisdom_holman": [row]}
+
+
+def _seconds(c: Integrator, made, h: float):
+    return lambda: c.run(made, h=h, steps=TIMED, save_every=0).seconds

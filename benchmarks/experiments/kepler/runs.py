@@ -1,0 +1,150 @@
+"""Runs of an integrator along a Kepler orbit: what it loses on the way, what an orbit costs, and what a draw decides.
+
+Where round-off is all that is left, the error of one run is one draw: a start an ulp away gives another.  The nine
+starts whose coordinates are an ulp less, the same or an ulp more give an ensemble of which the median means something.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from types import SimpleNamespace
+from typing import NamedTuple
+
+import numpy as np
+
+from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.measure.metrics import slope
+from phasebench.integrators.errors import InvalidInput
+
+from .kepler import Truth, advances, errors, invariants, times, truth
+
+#: Steps an orbit of the comparison at equal steps.
+STANDARD = 150
+#: Orbits between the rows of a run from a neighbour.
+APART = 100
+#: Points, equally spaced in the logarithm of the time, of the growth's slope.
+POINTS = 25
+
+
+class Setting(NamedTuple):
+    """How an integrator is run: steps an orbit (of an adaptive one rows an orbit), and its tolerance."""
+
+    name: str
+    per_orbit: int = 2
+    tol: float | None = None
+
+
+def growth(orbits, error, least: float = 10.0) -> float | None:
+    """The exponent of t with which the greatest size so far of ``error``, arrays (n,), grows.
+
+    Points are equally spaced in log t from ``least`` orbits on; None for fewer than three or an error that is zero.
+    """
+    orbits, error = np.asarray(orbits, float), np.abs(np.asarray(error, float))
+    grown = np.maximum.accumulate(error)
+    use = np.flatnonzero((orbits >= least) & (grown > 0))
+    if len(use) < 3:
+        return None
+    wanted = np.geomspace(orbits[use[0]], orbits[use[-1]], POINTS)
+    chosen = use[np.unique(np.searchsorted(orbits[use], wanted * (1 - 1e-12)))]
+    return slope(np.log(orbits[chosen]), np.log(grown[chosen])).value if len(chosen) >= 3 else None
+
+
+def seconds_per_orbit(contender: Integrator, problem, period: float, setting: Setting, orbits: int) -> float:
+    """Warm seconds an orbit, without output; NaN where it does not get through."""
+    n = setting.per_orbit
+    s = contender.run(problem, h=period / n, steps=n * orbits, save_every=0, tol=setting.tol)
+    return s.seconds / orbits if s.status in ("ok", "no-root") else float("nan")
+
+
+def follow(
+    contender: Integrator, problem, exact: Truth, setting: Setting, orbits: int, timeout: float | None = None
+) -> tuple[dict, list[dict]]:
+    """A run of ``orbits`` + 1/2 orbits with a row each half orbit: what it measured at its end, and on the way.
+
+    Parameters
+    ----------
+    contender, problem, exact : who, on what, and that problem's `truth`
+    setting : steps an orbit, an even number, or a tolerance
+    orbits : whole orbits
+    timeout : seconds after which a method of this project stops, with the rows so far
+
+    Returns
+    -------
+    run : status, reason, counts; the advance measured, radians an orbit, and its difference from the exact one; the
+        exponents of growth
+    rows : after 1, 3, 10, ... orbits and a half, the greatest size so far of each of the `Errors`
+    """
+    per_orbit = setting.per_orbit
+    if per_orbit < 2 or per_orbit % 2:
+        raise InvalidInput(f"per_orbit is {per_orbit}; it must be even: rows are half an orbit apart")
+    every, h = per_orbit // 2, exact.period / per_orbit
+    size = {"h": h, "steps": every * (2 * orbits + 1), "save_every": every, "tol": setting.tol}
+    s = contender.run(problem, **size, timeout=timeout)
+    index = np.arange(1, len(s.q)) * every
+    run = {
+        "status": s.status,
+        "reason": s.reason,
+        "orbits": orbits + 0.5,
+        "evaluations": s.counts.get("gradient", 0) / orbits,
+        "seconds": s.seconds,
+    }
+    if s.status == "skipped" or not len(index):
+        return run | {"reached": 0.0}, []
+    when = times(h, index, exactly=not contender.adaptive)
+    found = errors(exact, when, s.q[1:], s.p[1:])
+    whole = np.isfinite(found.phase)
+    last = len(whole) if whole.all() else int(np.argmin(whole))
+    if last < len(whole) and run["status"] == "ok":
+        reason = f"no bound orbit after {last / 2:g} of {orbits + 0.5:g} orbits; take a smaller h"
+        run |= {"status": "diverged", "reason": reason}
+    run["reached"] = last / 2
+    if not last:
+        return run, []
+    after = np.arange(1, last + 1) / 2
+    so_far = {n: np.maximum.accumulate(np.abs(x[:last])) for n, x in zip(found._fields, found, strict=True)}
+    rows = [
+        {"orbits": k + 0.5} | {n: float(f"{x[2 * k]:.5g}") for n, x in so_far.items()}
+        for k in sample_orbits(orbits)
+        if 2 * k < last
+    ]
+    for name in ("energy", "phase", "perihelion"):
+        grown = growth(after, getattr(found, name)[:last])
+        if grown is not None:
+            run[f"{name} growth"] = grown
+    end = last - 1 - (last - 1) % 2  # an apocentre of the unperturbed orbit
+    return run | advances(exact, when, found, end), rows
+
+
+def neighbours(problem) -> list[SimpleNamespace]:
+    """The starts whose coordinates other than 0 are an ulp less, the same or an ulp more, without the problem's own."""
+    state = [float(x) for x in (*problem.q0, *problem.p0)]
+    near = [(x, np.nextafter(x, -np.inf), np.nextafter(x, np.inf)) if x else (x,) for x in state]
+    d = len(problem.q0)
+    return [
+        SimpleNamespace(q0=tuple(map(float, y[:d])), p0=tuple(map(float, y[d:])), parameters=problem.parameters)
+        for y in list(product(*near))[1:]
+    ]
+
+
+def draws(contender: Integrator, problem, exact: Truth, setting: Setting, orbits: int) -> Iterator[float]:
+    """The greatest phase errors from the `neighbours`, at every `APART`-th orbit; infinite where a run fails."""
+    n = setting.per_orbit
+    size = {"h": exact.period / n, "steps": n * orbits, "save_every": n * APART, "tol": setting.tol}
+    when = times(size["h"], np.arange(1, orbits // APART + 1) * n * APART, exactly=not contender.adaptive)
+    for start in neighbours(problem):
+        s = contender.run(problem, **size, q0=start.q0, p0=start.p0)
+        phase = errors(truth(start), when, s.q[1:], s.p[1:]).phase if s.status == "ok" else np.array([np.inf])
+        yield float(np.abs(phase).max()) if np.isfinite(phase).all() else float("inf")
+
+
+def within_orbits(contender: Integrator, problem, exact: Truth, per_orbit: int, orbits: int = 10) -> dict[str, float]:
+    """The greatest energy and angular momentum errors over every step of a few orbits, relative."""
+    s = contender.run(problem, h=exact.period / per_orbit, steps=per_orbit * orbits)
+    found = zip(("energy", "momentum"), invariants(s.q, s.p, exact.mu), (exact.H, exact.L), strict=True)
+    return {f"{n}, every step": float(np.abs((x - y) / y).max()) for n, x, y in found}
+
+
+def sample_orbits(orbits: int) -> list[int]:
+    """1, 3, 10, 30, 100, ... up to ``orbits``."""
+    return [n for k in range(12) for n in (10**k, 3 * 10**k) if n <= orbits]

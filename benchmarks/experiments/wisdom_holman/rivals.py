@@ -1,0 +1,82 @@
+"""Every Wisdom-Holman splitting of this project and every setting of REBOUND's, over steps: energy error and cost.
+
+Of REBOUND: WHFast without and with each corrector, its kernels, the second corrector and other coordinates, all with
+safe_mode = 0; WHFast512 where the processor and the build have AVX512; every type of SABA.  All of a problem are timed
+in one cell, in turns, so that a busy machine is busy for all of them.
+"""
+
+from __future__ import annotations
+
+from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.measure.timing import in_turns, median
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
+from phasebench.integrators.driver import OK, SKIPPED
+from phasebench.integrators.records.wisdom_holman import CORRECTORS
+from phasebench.integrators.registry import METHODS, method
+from phasebench.reference.peers import PEERS, rebound
+
+from .pairs import CASES, ROWS, energy_error
+
+#: Steps that are timed, and rounds: more than one synchronization costs.
+TIMED, ROUNDS = 2_500, 11
+#: REBOUND's integrators that split off the Kepler motion.
+SPLIT = ("rebound-whfast", "rebound-saba")
+TABLE = "wisdom_holman_rivals"
+
+
+def rivals() -> list[Integrator]:
+    """This project's splittings, the corrected one with each corrector; then REBOUND's."""
+    ours = [m for m in METHODS if m.family == "wisdom_holman" and not m.parameters]
+    corrected = [method("wisdom-holman-corrector", corrector=n) for n in CORRECTORS]
+    theirs = [p for p in PEERS if p.id.startswith(SPLIT)]
+    return [Integrator(r) for r in (*ours, *corrected, *theirs, *rebound.TRIED)]
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each problem; none of the quick tier."""
+    return [] if quick else [_cell(case) for case in CASES]
+
+
+def _cell(case: str) -> Cell:
+    name, parameters, steps, t_end = CASES[case]
+    records = [c.record for c in rivals()]
+    return Cell(
+        "wisdom_holman",
+        (TABLE,),
+        {"problem": case},
+        measured,
+        (case,),
+        content("rivals", Problem(name, tuple(parameters.items())), *records, steps, t_end, code=[__name__]),
+        frozenset({name, "rebound", *(r.id for r in records)}),
+        ALONE,
+        own=True,
+    )
+
+
+def measured(case: str) -> Rows:
+    """The rows of all on a problem, over its steps."""
+    name, parameters, steps, _ = CASES[case]
+    made = problem(name, **parameters)
+    rows = {(c.label, h): _row(case, made, c, h) for c in rivals() for h in steps}
+    able = {(c.label, h): c for c in rivals() for h in steps if rows[c.label, h]["status"] == OK}
+
+    def seconds(c: Integrator, h: float):
+        return lambda: c.run(made, h=h, steps=TIMED, save_every=0).seconds
+
+    times = in_turns({(label, h): seconds(c, h) for (label, h), c in able.items()}, ROUNDS)
+    for (label, h), found in times.items():
+        cost = median(found / TIMED / h * 1e9)
+        rows[label, h] |= {"ns a unit of time": cost.value, "ns, low": cost.low, "ns, high": cost.high}
+    return {TABLE: list(rows.values())}
+
+
+def _row(case: str, made, c: Integrator, h: float) -> dict:
+    row = {"problem": case, "kind": c.kind, "method": c.label, "h": h}
+    lack = c.lacks(made)
+    if lack:
+        return row | {"status": SKIPPED, "reason": lack}
+    every = round(CASES[case][3] / h / ROWS)
+    s = c.run(made, h=h, steps=every * ROWS, save_every=every)
+    row |= {"status": s.status, "reason": s.reason}
+    return row if s.status != OK else row | {"energy error": energy_error(made, s.q, s.p)}
