@@ -26,6 +26,7 @@ import numpy as np
 
 from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.measure.accuracy import end_state
+from phasebench.benchmarks.measure.drift import drift
 
 from . import cases
 from .cases import EPS, Case
@@ -278,7 +279,7 @@ def energy(peer, case: Case, late: Callable[..., bool] = never) -> dict:
         rows, every = SEEN, steps // SEEN
     s = run(peer, case, h, rows * every, every=every, tol=tol)
     H = system.observe(system.H, s.q, s.p)
-    found, slope = metrics.invariant_error(H), metrics.drift(s.t, H - H[0])
+    found, slope = metrics.invariant_error(H), drift(s.t, H - H[0])
     kinetic = sum(system.observe(e, s.q, s.p) * s.p[:, i] for i, e in enumerate(system.dq))
     return {
         "value": float(found.max),
