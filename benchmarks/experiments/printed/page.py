@@ -82,7 +82,8 @@ def explanations(riddle: pd.DataFrame, riddle_columns: pd.DataFrame) -> Verdict:
     names = list(recipes[recipes["entries that agree"] == best]["recipe"]) if best else []
     closest = (riddle["far root closest to 1/2"] - 0.5).abs().min()
     without = int(riddle["without a root"].sum())
-    found = "explains it" if best == entries else "comes nearest"
+    many = len(names) > 1
+    found = ("explain it" if many else "explains it") if best == entries else ("come" if many else "comes") + " nearest"
     return Verdict(
         f"Of {riddle['steps'].sum()} steps of Scheme IV {without} have no root near 1/2, and the {riddle['far roots'].sum()} "
         f"other roots are at least {number(closest)} away from it; of {len(recipes)} ways to make the column "
@@ -134,36 +135,19 @@ def _shown(printed: pd.DataFrame) -> pd.DataFrame:
     return shown[["scheme", "lambda", "h", *scientific, "order", "units"]].rename(columns=names)
 
 
-@of("printed")
-def _farthest(printed: pd.DataFrame) -> pd.DataFrame:
-    """Scheme IV, and of every other printed column the farthest entry."""
-    iv, rest = _split(printed)
-    worst = rest.loc[rest.groupby(["scheme", rest["lambda"].astype(object).fillna("")], sort=False)["units"].idxmax()]
-    return _shown(pd.concat([iv, worst]))
-
-
 @of("riddle_columns")
-def _ways(riddle_columns: pd.DataFrame) -> pd.DataFrame:
-    """The ways to make Scheme IV's column, the nearest first."""
+def table(riddle_columns: pd.DataFrame) -> Table:
+    """The riddle: the ways to make Scheme IV's column, the nearest first."""
     heads = _entries(riddle_columns)
     written = riddle_columns.assign(**{c: [f"{float(x):.3e}" for x in riddle_columns[c]] for c in heads})
-    shown = written.sort_values("entries that agree", ascending=False, kind="stable")
-    names = {c: f"h = {c}" for c in heads}
-    return shown[["recipe", *heads, "entries that agree"]].rename(columns=names)
-
-
-def table(data) -> Table | None:
-    """The riddle: the ways to make Scheme IV's column; without them the farthest entries."""
-    ways = _ways(data)
-    if ways is not None:
-        caption = (
-            "Scheme IV's printed column, and the ways that were tried to make it; every entry of the other columns is in "
-            "the table on the HTML page."
-        )
-        return Table(ways.head(ROWS), caption)
-    far = _farthest(data)
-    caption = "The entries of Scheme IV, and of every other printed column the farthest entry."
-    return None if far is None else Table(far.head(ROWS), caption)
+    shown = written.sort_values("entries that agree", ascending=False, kind="stable").rename(
+        columns={c: f"h = {c}" for c in heads}
+    )
+    caption = (
+        "Scheme IV's printed column, and the ways that were tried to make it; every entry of the other columns is in the "
+        "CSV, and in a table of the HTML page."
+    )
+    return Table(shown.head(ROWS), caption)
 
 
 PAGE = Page(
