@@ -171,6 +171,13 @@ def test_coverage_is_judged_from_both_sides(share):
     assert page.coverage({"drift_coverage": covering(periods=1.0).tail(1)}.get) is None
 
 
+def test_a_kind_is_judged_by_the_mean_over_its_lengths():
+    several = pd.concat([covering(covered=share).tail(1) for share in (0.9, 0.999, 0.999)])
+    found = page.coverage({"drift_coverage": several}.get)
+    assert found.holds
+    assert "in 96.6% to 96.6% of the draws, and for one length and period in 90.0% to 99.9%" in found.text
+
+
 def test_a_single_length_covered_too_seldom_is_not_hidden_by_the_others():
     table = pd.concat([covering(covered=0.97), covering(covered=0.89).tail(1)])
     assert not page.coverage({"drift_coverage": table}.get).holds
@@ -194,7 +201,7 @@ def test_bounded_methods_are_counted():
     good = page.bounded({"rows": runs("stormer-verlet", *[0.0] * 9, 5e-12)}.get)
     assert good.holds
     assert "Of 10 long runs of methods declared bounded 90.0%" in good.text
-    assert "at most 0.005 of" in good.text
+    assert "adds for certain at most 0.004 of" in good.text
     bad = page.bounded({"rows": runs("stormer-verlet", *[0.0] * 8, 5e-12, -5e-12)}.get)
     assert not bad.holds
     assert page.bounded({"rows": runs("rk4", 0.0)}.get) is None

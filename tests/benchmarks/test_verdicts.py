@@ -256,11 +256,14 @@ def test_what_does_not_claim_to_keep_the_energy_is_not_held_to_it(left_out):
     assert "The 1 energy-preserving methods" in found.text
 
 
-DRIFTING = {"energy_max": 1e-6, "energy_drift": 0.6e-9, "energy_drift_low": 0.5e-9, "energy_drift_high": 0.7e-9}
+DRIFTING = {"energy_max": 1e-6, "energy_drift": 0.6e-9, "energy_drift_low": 0.51e-9, "energy_drift_high": 0.7e-9}
+DRIFTING |= {"energy_end": 0.51e-6}
 NOT_DRIFTING = [
-    {"energy_drift": 0.49e-9, "energy_drift_low": 0.4e-9},
+    {"energy_drift_low": 0.49e-9},
+    {"energy_end": 0.49e-6},
+    {"energy_end": -1e-6},
     {"energy_drift_low": -0.1e-9},
-    {"energy_max": 0.9e-12, "energy_drift": 0.6e-15, "energy_drift_low": 0.5e-15},
+    {"energy_max": 0.9e-12, "energy_end": 0.9e-12},
     {"scene": "lotka-volterra-t120", "problem": "lotka-volterra"},
 ]
 
@@ -269,6 +272,7 @@ NOT_DRIFTING = [
 def test_an_undeclared_drift_is_a_finding(sign):
     low, high = sorted(sign * DRIFTING[f"energy_drift_{side}"] for side in ("low", "high"))
     drift = DRIFTING | {"energy_drift": sign * 0.6e-9, "energy_drift_low": low, "energy_drift_high": high}
+    drift |= {"energy_end": sign * 0.51e-6}
     bad = said(invariants.drifting, rows=runs({"id": "stormer-verlet"} | drift, {"id": "rk4"} | drift))
     assert not bad.holds
     assert "drifts in rk4 as declared, and in stormer-verlet (pendulum-t1000, h = 0.1), undeclared." in bad.text
