@@ -178,6 +178,19 @@ def test_a_kind_is_judged_by_the_mean_over_its_lengths():
     assert "in 96.6% to 96.6% of the draws, and for one length and period in 90.0% to 99.9%" in found.text
 
 
+def test_the_numbers_of_the_coverage_are_those_of_the_resolved_rows():
+    rows = covering(periods=9.0, **{"covered by the line": 0.8})
+    text = page.coverage({"drift_coverage": pd.concat([rows, covering(periods=1.0, covered=0.1)])}.get).text
+    assert "On 2 kinds of series, with 4 to 9 periods" in text
+    assert "(the line through all points in 10% to 80%)" in text
+
+
+def test_the_farthest_from_the_nominal_coverage_is_shown_first():
+    rows = pd.concat([covering(covered=0.9), covering(covered=0.98, periods=2.0), covering(covered=0.1, periods=1.0)])
+    shown = page.table({"drift_coverage": rows}.get).frame
+    assert list(shown["covered"]) == [0.9, 0.98, 0.95, 0.95, 0.95, 0.1]
+
+
 def test_a_single_length_covered_too_seldom_is_not_hidden_by_the_others():
     table = pd.concat([covering(covered=0.97), covering(covered=0.89).tail(1)])
     assert not page.coverage({"drift_coverage": table}.get).holds
@@ -205,6 +218,8 @@ def test_bounded_methods_are_counted():
     bad = page.bounded({"rows": runs("stormer-verlet", *[0.0] * 8, 5e-12, -5e-12)}.get)
     assert not bad.holds
     assert page.bounded({"rows": runs("rk4", 0.0)}.get) is None
+    prey = runs("stormer-verlet", 5e-12).assign(problem="lotka-volterra")
+    assert page.bounded({"rows": pd.concat([runs("stormer-verlet", 0.0), prey])}.get).text.startswith("Of 1 long runs")
     assert page.bounded({"rows": runs("stormer-verlet", 0.0)}.get).holds
 
 

@@ -51,6 +51,12 @@ def test_orders_without_round_off_have_a_gate_on_both_sides(order, holds):
     assert (not bench_orders.orders_off(rows)) is holds
 
 
+def test_an_order_without_a_window_is_said_to_have_none():
+    found = said(orders.exact, multiprecision=orders_of(2.0, np.nan, 3.25))
+    assert not found.holds
+    assert "m1 on x (no window) and m2 on x (3.25)." in found.text
+
+
 def test_the_fewest_digits_are_named():
     table = orders_of(2.0, 2.0).assign(digits=[40, 80])
     assert "(40 digits or more)" in said(orders.exact, multiprecision=table).text
@@ -85,6 +91,9 @@ def test_an_order_with_a_wide_interval_is_no_finding_and_is_counted():
     found = said(orders.confirmed, rows=in_doubles(ladder("a", 1.2, bend=0.4)))
     assert found.holds
     assert "1 converge irregularly" in found.text
+    bent = in_doubles(ladder("a", 1.2, bend=0.4), ladder("b", 1.98, bend=0.25))
+    assert "0 are within" in said(orders.confirmed, rows=bent.iloc[:4]).text
+    assert "1 are within 0.1 of the declared order, 1 converge irregularly" in said(orders.confirmed, rows=bent).text
     none = said(orders.confirmed, rows=in_doubles(ladder("a", 1.2, points=2)))
     assert "of 1 pairs 0 have a window" in none.text
     others = in_doubles(ladder("a", 1.0)).assign(kind="rebound")
@@ -315,7 +324,7 @@ def test_the_best_of_each_class_and_the_drifts_are_shown():
     rows = runs(
         large,
         small,
-        {"id": "stormer-verlet"},
+        {"id": "stormer-verlet", "energy_max": 1e-6},
         {"id": "explicit-euler"} | DRIFTING,
         more,
         {"id": "rk4", "status": "diverged"},
