@@ -126,7 +126,7 @@ def without_lines(t, error) -> np.ndarray:
             break
         more = _refined(x, y, hann, np.append(frequencies, found))
         again = _fitted(x, y, hann, more)
-        if not _size(y - _columns(x, more) @ again, hann) < _size(rest, hann):
+        if not _sound(more, again) or not _size(y - _columns(x, more) @ again, hann) < _size(rest, hann):
             break
         frequencies, fit = more, again
     return scale * _straightened(x, y, hann, frequencies, fit)
@@ -138,6 +138,16 @@ def _straightened(x, y, weight, frequencies, fit) -> np.ndarray:
     rest = y - columns[:, : len(fit)] @ fit
     more = _least_squares(columns, rest, weight)
     return rest - columns @ more + columns[:, :2] @ (fit + more[: len(fit)])[:2]
+
+
+def _sound(frequencies, fit) -> bool:
+    """Whether lines are a period apart from each other and from 0, and none is larger than the error's whole range.
+
+    Lines that cancel each other are what a fit makes of an error that is no oscillation, such as one that decays.
+    """
+    k = len(frequencies)
+    amplitudes = np.hypot(fit[2 : 2 + k], fit[2 + k :])
+    return bool(np.diff(np.sort(frequencies), prepend=0).min() >= 1 and amplitudes.max() <= 1)
 
 
 def _size(rest, weight) -> float:

@@ -10,7 +10,7 @@ Runge-Kutta method shows is what there is to see.
 - symplecticity: :math:`\max|M^TJM - J|`, M the Jacobian of 1 and of 10 steps by `metrics.jacobian` (central
   differences, extrapolated); its floor is what doubling the displacement changes, or the floor of the control;
 - reversibility: n steps, the momenta reversed, n steps, reversed again: the distance from the start;
-- energy: the largest error, and the slope of `metrics.drift` with its interval, over a long run;
+- energy: the largest error, and the slope of `drift` with its interval, over a long run;
 - stability: the largest h on the harmonic oscillator of frequency 1 up to which energies do not grow.
 
 Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), V.1 and VI.2; `benchmarks.metrics`.
