@@ -143,7 +143,7 @@ PAGE = Page(
     limits=(
         f"LEAST = {LEAST} and MOST = {MOST} for a kind of series, LEAST for each length and period; of {DRAWN} draws a coverage has a standard error of "
         f"{number((CONFIDENCE * (1 - CONFIDENCE) / DRAWN) ** 0.5, 2)}.",
-        f"An oscillation of fewer than {SLOWEST} periods in the whole time cannot be told from a drift: no interval covers.",
+        f"An oscillation of fewer than {SLOWEST} periods in the whole time cannot be told from a drift: its interval covers too seldom.",
         f"At most {LINES} lines are fitted, each {ABOVE:g} times as high as the spectrum about it; the rest widens the "
         "interval.",
         "Round-off that does drift, and a harmonic that meets the steps' own frequency, exclude 0 rightly.",
