@@ -16,6 +16,7 @@ import pandas as pd
 
 from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
 from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
+from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
@@ -46,6 +47,7 @@ PAGES: tuple[Page, ...] = (
     STRUCTURE,
     MATRIX,
     INVARIANTS,
+    DRIFT,
     ENERGY_PRESERVATION,
     KEPLER,
     WISDOM_HOLMAN,

@@ -21,6 +21,7 @@ from phasebench.integrators.driver import OK, Solution
 from phasebench.reference.certificates import stored
 
 from . import metrics
+from .drift import POINTS, drift
 
 #: The first part of a long run, in which also a chaotic trajectory can be measured again to all digits but a few.
 EARLY = 0.05
@@ -123,8 +124,8 @@ def invariants(problem, solution: Solution, t_end: float) -> dict[str, float]:
     early = good & (solution.t <= EARLY * t_end)
     if early.sum() > LEAST:
         out["energy_max_early"] = metrics.invariant_error(H[early]).max
-    if good.sum() >= 4 * metrics.BLOCKS and solution.status == OK:
-        slope = metrics.drift(solution.t, H - H[0])
+    if good.sum() >= POINTS and solution.status == OK:
+        slope = drift(solution.t, H - H[0])
         out |= {"energy_drift": slope.value, "energy_drift_low": slope.low, "energy_drift_high": slope.high}
     for name, expression in problem.invariants.items():
         value = problem.system.observe(expression, solution.q, solution.p)

@@ -1,25 +1,22 @@
-r"""Errors, orders, drifts and defects: pure functions of arrays.
+r"""Errors, orders and defects: pure functions of arrays (drifts: `drift`).
 
 Observed order: least squares of log error on log h, :math:`\log e = \log C + p \log h`, over the asymptotic window,
 with the two-sided Student-t interval of the slope.  Symplecticity defect: :math:`\max_{ij}|M^T J M - J|_{ij}`.
 
-Sources: N. R. Draper, H. Smith, Applied Regression Analysis (1998), 1.4 (the interval of a slope); F. J. Harris, Proc.
-IEEE 66 (1978) 51-83 (the Hann window); Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), V.1 and VI.2.
+Sources: N. R. Draper, H. Smith, Applied Regression Analysis (1998), 1.4 (the interval of a slope); Hairer, Lubich,
+Wanner, Geometric Numerical Integration (2006), V.1 and VI.2.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 CONFIDENCE = 0.95
 #: A window whose slope is known this well needs no shortening: among such windows the longest is taken.
 WELL_KNOWN = 0.01
-#: Blocks into which `drift` divides the time.
-BLOCKS = 16
 
 
 @dataclass(frozen=True)
@@ -116,28 +113,6 @@ def invariant_error(values) -> InvariantError:
     """The error of H or another invariant along a trajectory, array (n,), against its first value; NaN where any is."""
     error = np.asarray(values) - np.asarray(values)[0]
     return InvariantError(np.max(np.abs(error)), error[-1])
-
-
-def drift(t, error, blocks: int = BLOCKS) -> Slope:
-    """The secular slope of ``error`` in t, arrays (n,), with its interval; bounded oscillation does not count.
-
-    The time is divided into ``blocks`` equal parts.  In each the error is averaged under a Hann window, which removes
-    an oscillation of period shorter than half a block to third order in the ratio, whatever its phase at the block's
-    ends; the means of different blocks are nearly independent, so the interval of the line through them is honest
-    where that through neighbouring points would be far too narrow.
-
-    Raises ValueError for fewer than 4 points a block.
-    """
-    t, error = np.asarray(t, float), np.asarray(error, float)
-    if len(t) < 4 * blocks:
-        raise ValueError(f"{len(t)} points are too few for {blocks} blocks; give at least {4 * blocks}")
-    edges = np.linspace(0, len(t), blocks + 1).astype(int)
-    times, means = [], []
-    for a, b in pairwise(edges):
-        weight = np.hanning(b - a + 2)[1:-1]
-        times.append(np.average(t[a:b], weights=weight))
-        means.append(np.average(error[a:b], weights=weight))
-    return slope(times, means)
 
 
 def jacobian(step: Callable, y, delta=None):

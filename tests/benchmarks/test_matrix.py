@@ -89,3 +89,30 @@ def test_the_page_hides_no_contradiction(measured):
     assert "rk4 on pendulum" in first.text
     shown = PAGE.table({"matrix": lying}.get).frame
     assert shown.loc[shown["why"] == "NOT EXPLAINED", "method"].eq("rk4").any()
+
+
+EPS = 2.0**-30
+
+
+@pytest.mark.parametrize(
+    ("error", "doubt", "end", "exact"),
+    [(9, 1, 0, True), (11, 1, 0, False), (0.9e6 * EPS, 0, 1, True), (1.1e6 * EPS, 0, 1, False)],
+    ids=["within the doubt", "beyond it", "round-off", "more than round-off"],
+)
+def test_a_method_is_exact_within_the_reference_s_doubt_and_round_off(monkeypatch, error, doubt, end, exact):
+    import mpmath
+    import numpy as np
+
+    monkeypatch.setattr(matrix, "epsilon", lambda arithmetic: EPS)
+    monkeypatch.setattr(matrix, "_at", lambda name, places: (None, None, mpmath.mpf(1)))
+    monkeypatch.setattr(matrix, "_truth", lambda name, span, places: (np.array([end]), doubt))
+    monkeypatch.setattr(matrix, "advance", lambda system, chosen, y, h, steps: np.array([end + mpmath.mpf(error)]))
+    assert (matrix._order(BY_ID["rk4"], "pendulum") == {"order_reason": "exact"}) is exact
+
+
+def test_errors_near_the_reference_s_doubt_are_left_out_of_an_order():
+    from phasebench.benchmarks.measure.multiprecision import observed_order
+
+    row = {"h": [1.0, 0.5, 0.25, 0.125], "error": [1.0, 0.25, 0.0625, 0.015625]}
+    assert observed_order(row | {"doubt": 0.0015}).points == 4
+    assert observed_order(row | {"doubt": 0.0016}).points == 3

@@ -5,9 +5,10 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.printed import printed, riddle
+from phasebench.benchmarks.experiments.printed import bench_printed, page, printed, riddle
 from phasebench.benchmarks.measure import c_loop, timing
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import integrate
@@ -49,6 +50,159 @@ def test_units_and_orders_of_a_column():
         assert row["global_error"] == pytest.approx(row["refinement_difference"] / 3, rel=0.05)
     assert np.isnan(rows[0]["order"])
     assert all(abs(r["order"] - 2) < 0.02 for r in rows[1:])
+
+
+#: The talk's columns, copied from it a second time.
+TALK = """
+4.31E-03 2.09E-03 1.03E-03 5.13E-04   4.38E-04 2.23E-04 1.12E-04 5.63E-05   2.63E-03 1.34E-03 6.73E-04 3.38E-04
+3.85E-03 1.98E-03 1.00E-03 5.06E-04   5.09E-04 1.25E-04 3.11E-05 7.74E-06   2.35E-05 5.87E-06 1.47E-06 3.67E-07
+2.24E-04 5.67E-05 1.42E-05 3.57E-06   4.77E-04 1.21E-04 3.06E-05 7.68E-06   1.12E-04 2.79E-05 6.97E-06 1.74E-06
+3.54E-06 8.84E-07 2.21E-07 5.52E-08   5.04E-05 1.26E-05 3.15E-06 7.88E-07   1.18E-04 2.94E-05 7.34E-06 1.84E-06
+1.78E-05 4.46E-06 1.11E-06 2.78E-07   2.50E-03 1.24E-03 6.22E-04 3.10E-04   4.23E-06 1.06E-06 2.64E-07 6.60E-08
+"""
+
+
+def test_the_printed_columns_are_the_talk_s():
+    assert [entry for column in printed.PRINTED.values() for entry in column] == TALK.split()
+
+
+def entries(scheme: str, lam: str, *measured: float) -> list[dict]:
+    column = printed.PRINTED[scheme, lam or None]
+    rows = zip(printed.STEPS[1:], column, measured, strict=True)
+    return [
+        {"scheme": scheme, "lambda": lam, "h": h, "printed": float(t), "refinement_difference": x,
+         "units": abs(x - float(t)) / printed.unit(t)}
+        for h, t, x in rows
+    ]  # fmt: skip
+
+
+SCHEME_V = (4.2338e-6, 1.0566e-6, 2.64e-7, 6.60e-8)
+SCHEME_I = (2.625836e-3, 1.334988e-3, 6.7312e-4, 3.3798e-4)
+SCHEME_IV = (1.8019e-5, 3.486e-6, 1.1025e-6, 2.754e-7)
+
+
+def table(*columns: list[dict]) -> dict:
+    return {"printed": pd.DataFrame([r for column in columns for r in column])}
+
+
+def test_entries_that_round_to_the_printed_digits_are_counted_and_the_others_listed():
+    iv, v = entries("scheme-iv", "", *SCHEME_IV), entries("scheme-v", "", *SCHEME_V)
+    rounded = page.agreement(table(iv, v).get)
+    assert rounded.holds
+    assert rounded.text.startswith("Of 4 printed entries")
+    assert "4 are what is measured, rounded, and 4 are within 0.6 of its last digit." in rounded.text
+    slack = page.agreement(table(iv, v, entries("scheme-i", "3/2", *SCHEME_I)).get)
+    assert slack.holds
+    assert "7 are what is measured, rounded, and 8 are within" in slack.text
+    assert "scheme-i(3/2) at h = 0.005, printed 1.34E-03, measured 1.33499E-03, 0.501 units off." in slack.text
+    off = page.agreement(table(iv, entries("scheme-v", "", *(x + 0.007e-6 for x in SCHEME_V))).get)
+    assert not off.holds
+    assert page.agreement(table(iv).get) is None
+
+
+@pytest.mark.parametrize(("units", "agree"), [(0.59, 4), (0.61, 3), (6.0, 3)])
+def test_an_entry_agrees_within_six_tenths_of_the_last_digit(units, agree):
+    column = entries("scheme-v", "", SCHEME_V[0], SCHEME_V[1], 2.64e-7 + units * 1e-9, SCHEME_V[3])
+    found = page.agreement(table(column).get)
+    assert f"and {agree} are within 0.6" in found.text
+    assert found.holds == (agree == 4)
+    assert len(bench_printed.off(column)) == 4 - agree
+
+
+def test_scheme_iv_s_column_is_judged_by_its_order_alone_in_the_main_job():
+    good, first = entries("scheme-iv", "", *SCHEME_IV), entries("scheme-iv", "", *(0.25 / 2**k for k in range(4)))
+    assert not bench_printed.off(good)
+    assert bench_printed.off(first) == ["Scheme IV on the root nearest 1/2 has order 1.000"]
+    assert len(bench_printed.off(entries("scheme-v", "", *SCHEME_IV))) == 4
+    for slope, off in ((2.14, 0), (2.16, 1), (1.86, 0), (1.84, 1)):
+        column = entries("scheme-iv", "", *(x**slope for x in printed.STEPS[1:]))
+        assert len(bench_printed.off(column)) == off
+
+
+def test_scheme_iv_s_column_is_told_from_a_reproduced_one():
+    found = page.scheme_iv(table(entries("scheme-iv", "", *SCHEME_IV)).get)
+    assert not found.holds
+    assert found.text.startswith("Scheme IV: 0 of 4 printed entries are reproduced")
+    assert "its order is 1.98, the printed column has order 1.00" in found.text
+    assert page.scheme_iv(table(entries("scheme-iv", "", 2.5e-3, 1.24e-3, 6.22e-4, 3.1e-4)).get).holds
+    assert page.scheme_iv(table(entries("scheme-v", "", *SCHEME_V)).get) is None
+
+
+@pytest.mark.parametrize(
+    ("row", "lost"),
+    [({}, 0), ({"without a root": 1}, 1), ({"nearest root, greatest": 0.61}, 1), ({"nearest root, least": 0.39}, 1),
+     ({"nearest root, least": 0.41, "nearest root, greatest": 0.59}, 0), ({"nearest root, least": np.nan}, 1)],
+)  # fmt: skip
+def test_steps_that_lost_their_root_fail_the_main_job(row, lost):
+    good = {"h": 0.01, "without a root": 0, "nearest root, least": 0.5, "nearest root, greatest": 0.5}
+    assert len(bench_printed.lost([good | row])) == lost
+
+
+# -- the ways to make Scheme IV's column -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def ways():
+    wanted = ("Scheme IV, one step more", "Scheme I, lambda = -51/50, in q alone", "Scheme I, lambda = -2/5")
+    found = problem("henon-heiles:chaotic")
+    return {r.name: r.column(found) for r in riddle.RECIPES if r.name in wanted}
+
+
+def test_the_nearest_misses_are_what_is_known_of_them(ways):
+    more = ways["Scheme IV, one step more"]
+    assert more == pytest.approx([2.573e-3, 1.294e-3, 0.648e-3, 0.325e-3], abs=0.0006e-3)
+    assert [f"{x:.2E}" for x in ways["Scheme I, lambda = -51/50, in q alone"]] == [
+        "2.50E-03", "1.24E-03", "6.20E-04", "3.10E-04",
+    ]  # fmt: skip
+    assert [riddle.agreeing(column) for column in ways.values()] == [1, 0, 3]
+
+
+def test_one_step_more_is_a_step_of_each_run():
+    """At t = 1 + h the states of h and 2 h are apart by h times the velocity: the column halves."""
+    recipe = riddle.Recipe("", method("implicit-midpoint"), beyond=1)
+    column = recipe.column(problem("henon-heiles:chaotic"))
+    assert all(1.95 < a / b < 2.05 for a, b in pairwise(column))
+
+
+@pytest.mark.parametrize(("units", "agree"), [(0.59, 4), (0.61, 0)])
+def test_agreeing_entries_are_counted_by_their_last_digits(units, agree):
+    column = [float(t) + units * printed.unit(t) for t in ("2.50E-03", "1.24E-03", "6.22E-04", "3.10E-04")]
+    assert riddle.agreeing(column) == agree
+
+
+def recipes(**agree: int) -> pd.DataFrame:
+    rows = {riddle.CLAIM: 4} | agree
+    return pd.DataFrame([{"recipe": k, "0.01": 1.0, "0.005": 0.5, "entries that agree": n} for k, n in rows.items()])
+
+
+SCANS = pd.DataFrame(
+    [{"steps": 50, "without a root": 0, "far roots": 3, "far root closest to 1/2": x} for x in (5.5, -1.5)]
+)
+
+
+def test_the_nearest_way_to_make_the_column_is_named():
+    good = page.explanations({"riddle": SCANS, "riddle_columns": recipes(a=0, b=1, c=1)}.get)
+    assert good.holds
+    assert good.text == (
+        "Of 100 steps of Scheme IV 0 have no root near 1/2, and the 6 other roots are at least 2 away from it; of 3 "
+        "ways to make the column b and c come nearest, with 1 of the 2 entries."
+    )
+    made = page.explanations({"riddle": SCANS, "riddle_columns": recipes(a=0, b=2)}.get)
+    assert not made.holds
+    assert "b explains it, with 2 of the 2 entries" in made.text
+    none = page.explanations({"riddle": SCANS, "riddle_columns": recipes(a=0)}.get)
+    assert none.holds
+    assert none.text.endswith("none gives an entry.")
+    rootless = SCANS.assign(**{"without a root": [0, 1]})
+    assert not page.explanations({"riddle": rootless, "riddle_columns": recipes(a=0)}.get).holds
+
+
+def test_the_ways_are_shown_the_nearest_first():
+    shown = page.table({"riddle_columns": recipes(a=0, b=1)}.get).frame
+    assert list(shown["recipe"]) == [riddle.CLAIM, "b", "a"]
+    assert list(shown) == ["recipe", "h = 0.01", "h = 0.005", "entries that agree"]
+    assert shown["h = 0.005"].iloc[0] == "5.000e-01"
+    assert page.table(lambda name: None) is None
 
 
 # -- the exhaustive scan -----------------------------------------------------------------------------------------------

@@ -80,34 +80,6 @@ def test_the_error_of_an_invariant_is_the_greatest_and_the_signed_last():
     assert np.isnan(metrics.invariant_error(np.array([2.0, np.nan, 2.0])).max)
 
 
-@pytest.mark.parametrize("phase", [0.0, 1.0, 2.0])
-def test_drift_sees_through_an_oscillation(phase):
-    t = np.arange(20_000) * 0.05
-    swing = 1e-3 * np.cos(2.7 * t + phase)
-    bounded = metrics.drift(t, swing)
-    assert max(abs(bounded.low), abs(bounded.high)) * t[-1] < 1e-3 * 1e-3
-    rising = metrics.drift(t, swing + 1e-7 * t)
-    assert rising.low > 0.99e-7
-    assert rising.high < 1.01e-7
-
-
-def test_drift_interval_is_honest_where_the_naive_one_is_not():
-    rng = np.random.default_rng(3)
-    t = np.arange(4096.0)
-    missed = {"drift": 0, "naive": 0}
-    for _ in range(200):
-        noise = np.convolve(rng.standard_normal(len(t) + 31), np.ones(32) / 32, mode="valid")
-        for name, s in (("drift", metrics.drift(t, noise)), ("naive", metrics.slope(t, noise))):
-            missed[name] += not s.low <= 0 <= s.high
-    assert missed["drift"] < 25
-    assert missed["naive"] > 80, "the control: neighbouring points are not independent"
-
-
-def test_drift_refuses_too_few_points():
-    with pytest.raises(ValueError, match="too few"):
-        metrics.drift(np.arange(10.0), np.zeros(10))
-
-
 def _rotation(angle):
     return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
 

@@ -315,7 +315,7 @@ BOTH_WAYS = {
     "missing": (matrix.complete, {"matrix": CELLS}, "matrix", {"problem": "kepler"}),
     "energy": (invariants.energy, {"rows": DRIFTS}, "rows", {"energy_max": 1e-9}),
     "drift": (invariants.drifting, {"rows": DRIFTS}, "rows",
-              {"energy_max": 1e-9, "energy_drift": 1e-9, "energy_drift_low": 1e-10}),
+              {"energy_max": 1e-9, "energy_drift": 1e-12, "energy_drift_low": 9e-13, "energy_drift_high": 1.1e-12}),
     "momentum": (invariants.momentum, {"rows": MOMENTA}, "rows", {"angular-momentum_max": 1e-6}),
     "steps": (energy_preservation.kept, {"energy_preservation": STEPS.head(1)}, "energy_preservation",
               {energy_preservation.WITH: 1e-9}),

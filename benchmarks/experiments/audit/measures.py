@@ -11,7 +11,7 @@ Runge-Kutta method shows is what there is to see.
 - symplecticity: :math:`\max|M^TJM - J|`, M the Jacobian of 1 and of 10 steps by `metrics.jacobian` (central
   differences, extrapolated); its floor is what doubling the displacement changes, or the floor of the control;
 - reversibility: n steps, the momenta reversed, n steps, reversed again: the distance from the start;
-- energy: the largest error, and the slope of `metrics.drift` with its interval, over a long run;
+- energy: the largest error, and the slope of `drift` with its interval, over a long run;
 - stability: where the powers of the matrix of a step on the harmonic oscillator stay bounded (`linear_stability`).
 
 Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), V.1 and VI.2; `benchmarks.metrics`.
@@ -27,6 +27,7 @@ import numpy as np
 
 from phasebench.benchmarks.measure import linear_stability, metrics
 from phasebench.benchmarks.measure.accuracy import end_state
+from phasebench.benchmarks.measure.drift import drift
 
 from . import cases
 from .cases import EPS, Case
@@ -290,7 +291,7 @@ def energy(peer, case: Case, late: Callable[..., bool] = never) -> dict:
         every = steps // rows
     s = run(peer, case, h, rows * every, every=every, tol=tol)
     H = system.observe(system.H, s.q, s.p)
-    found, slope = metrics.invariant_error(H), metrics.drift(s.t, H - H[0])
+    found, slope = metrics.invariant_error(H), drift(s.t, H - H[0])
     kinetic = sum(system.observe(e, s.q, s.p) * s.p[:, i] for i, e in enumerate(system.dq))
     return {
         "value": float(found.max),

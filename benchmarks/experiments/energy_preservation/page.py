@@ -137,7 +137,7 @@ PAGE = Page(
     table=table,
     whole=_whole,
     limits=(
-        f"Round-off is an energy error up to {ROUND_OFF:g}; roots are sought within |λ − 1/2| < {RADIUS:g}.",
+        f"Round-off is an energy error up to {ROUND_OFF:g}; steps up to {SMALL} are small; roots are sought within |λ − 1/2| < {RADIUS:g}.",
         "The orbits are three: a different one may pass more often where no root exists.",
     ),
     command="pytest benchmarks/experiments/energy_preservation",

@@ -30,8 +30,11 @@ from phasebench.integrators.engine.codegen import MULTIPRECISION, epsilon, preci
 from phasebench.integrators.record import ROUND_OFF, Method
 from phasebench.integrators.registry import BY_ID, METHODS
 
-#: A method that is off by no more than so many units of round-off is exact.
-EXACT = 1e6
+#: A method that is off by no more than so many units of round-off, besides so many times the reference's own
+#: uncertainty, is exact.
+EXACT, DOUBTS = 1e6, 10
+#: A measured order within this of the declared one is that order.
+GATE = 0.1
 #: Numbers of steps over `SPAN` units of time: an order is measured on three.
 LADDER, FINER = (1, 2, 3), 16
 #: Problems whose size is a parameter are measured small.
@@ -75,13 +78,13 @@ def _order(chosen: Method, name: str) -> dict:
     for span in (SPAN, SPAN / FINER):
         end, doubt = _truth(name, span, mpmath.mp.dps)
         error = [max(abs(advance(system, chosen, y, span * unit / n, n) - end)) for n in LADDER]
-        if max(error) <= 10 * doubt + EXACT * epsilon(MULTIPRECISION) * max(abs(end)):
+        if max(error) <= DOUBTS * doubt + EXACT * epsilon(MULTIPRECISION) * max(abs(end)):
             return {"order_reason": "exact"}
         found = observed_order(
             {"h": [float(span / n) for n in LADDER], "error": [float(e) for e in error], "doubt": float(doubt)}
         )
         row = {"order": found.value, "low": found.low, "high": found.high, "points": found.points, "h": float(span)}
-        if abs(found.value - chosen.order) < 0.1:
+        if abs(found.value - chosen.order) < GATE:
             break
     return row
 
@@ -193,7 +196,7 @@ def contradictions(row: dict) -> list[str]:
         return []
     found = []
     order = row.get("order")
-    if order is not None and order == order and not order > row["declared_order"] - 0.1:
+    if order is not None and order == order and not order > row["declared_order"] - GATE:
         found.append(f"order {order:.2f}, declared {row['declared_order']}")
     for name, declared in (("symplecticity", row["symplectic"]), ("reversibility", row["symmetric"])):
         defect = row.get(name)

@@ -11,7 +11,6 @@ from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict,
 
 from . import matrix
 
-ABOVE = 0.1
 #: What a cell is -> (its colour, its letter for readers without colours)
 KINDS = {
     "cannot run": "#ffffff",
@@ -41,7 +40,7 @@ def _higher(frame: pd.DataFrame) -> list[dict]:
     return [
         r
         for r in _cells(frame)
-        if not r["reason"] and r.get("order") is not None and r["order"] > r["declared_order"] + ABOVE
+        if not r["reason"] and r.get("order") is not None and r["order"] > r["declared_order"] + matrix.GATE
     ]
 
 
@@ -175,7 +174,7 @@ PAGE = Page(
     question="Is every method, on every problem, what its record declares?",
     tables=("matrix",),
     setting=(
-        "Order, symplecticity |ω(Mu, Mv) − ω(u, v)| and reversibility |ρΦₕρΦₕ(y) − y|: in multiprecision, no round-off.",
+        "Order, symplecticity |ω(Mu, Mv) − ω(u, v)| and reversibility |ρΦₕρΦₕ(y) − y|: in MPFR's numbers, no round-off.",
         f"Energy and the invariants q·Dp: the largest error over {matrix.RUN} steps in doubles, in units of H's terms.",
         "From a state that the published orbit reaches a little later: a turning point superconverges.",
         f"Systems of more than {matrix.LARGEST} degrees of freedom are measured in doubles alone; lattices have four points.",
@@ -185,7 +184,8 @@ PAGE = Page(
     table=table,
     whole=_whole,
     limits=(
-        f"An order counts as above the declared one from {ABOVE} on, as below it from 0.1 on, over three step sizes.",
+        f"An order counts as above or below the declared one from {matrix.GATE} on, over {len(matrix.LADDER)} step sizes; a "
+        f"method is exact within {matrix.EXACT:g} units of round-off and {matrix.DOUBTS} times the reference's uncertainty.",
         f"A defect of at most {matrix.NOTHING:g} is the differences' own; energy errors up to "
         f"{matrix.UNITS_OF_ROUND_OFF} units are round-off.",
         f"{matrix.RUN} steps show no slow drift: that is the page on invariants.",

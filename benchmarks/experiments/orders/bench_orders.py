@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from phasebench.benchmarks.experiments.orders.orders import cells  # noqa: F401
+from phasebench.benchmarks.experiments.orders.page import GATE
 
-TOLERANCE = 0.1
 #: The error of a difference Jacobian in 40 digits is below the first; what a property lacks shows above the second.
 ROUND_OFF, VISIBLE = 1e-26, 1e-22
 
 
 def orders_off(rows) -> list[str]:
-    """|order - declared| < `TOLERANCE`, two-sided: the rows that are not."""
+    """|order - declared| < `GATE`, two-sided: the rows that are not."""
     return [
         f"{r['method']} on {r['problem']}: {r['order']:.3f}, declared {r['declared']}"
         for r in rows
-        if not abs(r["order"] - r["declared"]) < TOLERANCE
+        if not abs(r["order"] - r["declared"]) < GATE
     ]
 
 

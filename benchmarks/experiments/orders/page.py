@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks.experiments.trade import sweep
+from phasebench.benchmarks.measure.multiprecision import DIGITS
 from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.markdown import listed, number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of, once
@@ -137,15 +138,16 @@ PAGE = Page(
         "e(h) = max |y_h(T) − y(T)| over q and p against a certified reference; order = d log e / d log h.",
         "In doubles: pendulum, Kepler, perturbed Kepler, Hénon–Heiles, Lotka–Volterra, oscillator, T of 1 to 2; in "
         "multiprecision also systems that are not separable.",
-        "In multiprecision (40 digits and more) there is no round-off: the gate is two-sided.",
-        "In doubles the window is found: at least three steps above the noise, with a 95 % interval of the slope.",
+        f"In multiprecision ({DIGITS} digits and more, MPFR's numbers through gmpy2) there is no round-off: the gate is two-sided.",
+        f"In doubles the window is found: at least {POINTS} steps above the noise, with a 95 % interval of the slope.",
     ),
     verdicts=(exact, confirmed),
     figures=draw,
     table=table,
     whole=_whole,
     limits=(
-        f"GATE = {GATE} for both; in doubles an interval wider than that is no measurement.",
+        f"GATE = {GATE} for both; in doubles an interval wider than that is no measurement, and an order is too low from "
+        f"BELOW = {BELOW} below the declared one on.",
         "Errors below 100 times the reference's uncertainty or round-off are left out: high orders lose their window.",
         "Schemes IV and V converge irregularly where the orbit passes a zero of a(y): there the root leaves 1/2.",
     ),

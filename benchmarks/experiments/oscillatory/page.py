@@ -49,9 +49,9 @@ def _summary(frame: pd.DataFrame) -> pd.DataFrame:
 
 def _places(lost: pd.DataFrame) -> str:
     """Near which integer multiples the steps lie, and how many lie elsewhere."""
-    ratios = lost[RATIO]
-    near = sorted({round(r) for r in ratios if round(r) >= 1 and abs(r - round(r)) <= NEAR})
-    others = sum(1 for r in ratios if round(r) < 1 or abs(r - round(r)) > NEAR)
+    resonant = [r for r in lost[RATIO] if round(r) >= 1 and round(abs(r - round(r)), 9) <= NEAR]
+    near = sorted({round(r) for r in resonant})
+    others = len(lost) - len(resonant)
     text = f"near {listed([f'{k} π' for k in near])}" if near else ""
     return " and ".join(
         filter(None, [text, f"at {others} step size{'s' if others > 1 else ''} elsewhere" if others else ""])

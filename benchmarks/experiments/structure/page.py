@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from phasebench.benchmarks.measure.multiprecision import DIGITS
 from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.markdown import listed, number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
@@ -69,7 +70,7 @@ def draw(structure: pd.DataFrame, folder) -> list[Picture]:
         panels[0].set_ylabel("defect of one step")
         style.legend_above(figure, panels[0], 2)
     caption = (
-        f"Defects of the step maps in 40 digits, the largest over the systems; dashed: {NOTHING:g}, below which a defect "
+        f"Defects of the step maps in {DIGITS} digits, the largest over the systems; dashed: {NOTHING:g}, below which a defect "
         f"is the solver's own; zeros are drawn at {FLOOR:g}."
     )
     return [Picture(style.save(figure, folder, "structure.png"), "defects of the step maps", caption)]
@@ -104,7 +105,7 @@ PAGE = Page(
         "Symplecticity: the largest entry of MᵀJM − J, M the Jacobian of one step by differences.",
         "Symmetry: |Φ₋ₕ(Φₕ(y)) − y|, the distance from the start after a step and the same step backwards.",
         "Systems: pendulum, Hénon–Heiles, and non-separable ones where the method can do them; the largest counts.",
-        "In 40-digit arithmetic, with stages solved to it: a defect of round-off does not hide a small one.",
+        f"In {DIGITS}-digit arithmetic (MPFR through gmpy2), with stages solved to it: a defect of round-off does not hide a small one.",
     ),
     verdicts=(symplecticity, symmetry),
     figures=draw,
