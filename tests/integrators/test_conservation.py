@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.measure.battery import by_label, variants
-from phasebench.benchmarks.measure.metrics import drift
+from phasebench.benchmarks.measure.drift import drift
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.record import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
