@@ -27,7 +27,7 @@ class Method:
     symmetric : equal to its own adjoint
     symplectic : its step map is symplectic on canonical systems
     energy, quadratic : how the energy and invariants of the form q.D p of canonical systems are kept, one of
-        `ROUND_OFF`, `BOUNDED`, `DRIFT`
+        `ROUND_OFF`, `BOUNDED`, `DRIFT`, or `NONE` where it is not kept and no more is declared
     source, cite : author, year, equation; and the keys of the works in ``bibliography.bib``
     requires : traits of the system it cannot do without
     parameters : names and values of its parameters

@@ -54,7 +54,7 @@ def verdict(declared, s, t, error, value):
         return greatest > 1e6 * unit, f"greatest {greatest:.2g}"
     if s.status != "ok" or len(t) < 64:
         return declared == DRIFT, f"status {s.status}"
-    if greatest > 0.5 * abs(value):
+    if greatest > 0.25 * abs(value):
         return declared == DRIFT, f"greatest {greatest:.2g}: the invariant is lost"
     d = drift(t, error)
     # A trend counts if it is more than its interval and makes up a tenth of the greatest error.

@@ -15,6 +15,7 @@ from phasebench.reference.peers import PEERS, rebound
 #: id, order, symplectic, reversible, energy, options of the integrator; - : nothing is said.
 SAID = """
 heyoka                        - -   -   round-off
+heyoka-high-accuracy          - -   -   round-off
 heyoka-batch                  - -   -   round-off
 rebound-ias15                15 no  -   round-off
 rebound-bs                    - no  -   drift
@@ -28,6 +29,7 @@ rebound-whfast-corrector-17   2 yes -   -         safe_mode=0 corrector=17
 rebound-whfast-modifiedkick   - yes -   -         safe_mode=0 corrector=17 kernel=modifiedkick
 rebound-whfast-composition    - yes -   -         safe_mode=0 corrector=17 kernel=composition
 rebound-whfast512             - yes -   -
+rebound-whfast512-corrector-17 - yes -  -         corrector=17
 rebound-saba-1                - yes -   -         safe_mode=0 type=1
 rebound-saba-2                - yes -   -         safe_mode=0 type=2
 rebound-saba-3                - yes -   -         safe_mode=0 type=3
