@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import islice
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -136,6 +138,12 @@ def test_a_ladder_of_steps_goes_wider_while_it_is_of_use(errors):
     assert found == pytest.approx([BASE, *(BASE / 1.5**k for k in range(1, 4))], rel=1e-3)
     errors(lambda n: 2e-3 * (BASE / n) ** 2)
     assert len(list(ladders._steps(SCENE, integrator("stormer-verlet")))) == 1
+
+
+def test_a_method_that_is_exact_at_every_step_ends_its_ladder_at_one(errors):
+    errors(lambda n: 0.0)
+    steps = ladders._steps(SCENE, integrator("stormer-verlet"))
+    assert [r["n"] for r in islice(steps, 100)][-1] == 1
 
 
 def test_a_ladder_of_steps_goes_finer_for_a_high_order_until_it_is_enough(errors):
