@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -64,16 +64,26 @@ class Journal:
             with self.path.open("ab") as stream:
                 # A line that a killed run left unfinished ends here.
                 begin = b"\n" if stream.tell() and not _ends(self.path) else b""
-                stream.write(begin + json.dumps(asdict(entry), default=_plain).encode() + b"\n")
+                stream.write(begin + _line(entry))
                 stream.flush()
                 os.fsync(stream.fileno())
         except OSError as error:
             raise InvalidInput(f"{self.path} cannot be written: {error.strerror}") from None
 
-    def clear(self) -> None:
-        """Forget them: they are in the tables."""
-        self.path.unlink(missing_ok=True)
-        self.entries = {}
+    def drop(self, cells: Iterable[str]) -> None:
+        """Forget those of ``cells``, which are in the tables: a killed run of other cells still wants its own."""
+        for cell in cells:
+            self.entries.pop(cell, None)
+        if not self.entries:
+            self.path.unlink(missing_ok=True)
+            return
+        part = self.path.with_name(f"{self.path.name}.new")
+        part.write_bytes(b"".join(_line(entry) for entry in self.entries.values()))
+        os.replace(part, self.path)
+
+
+def _line(entry: Entry) -> bytes:
+    return json.dumps(asdict(entry), default=_plain).encode() + b"\n"
 
 
 def _ends(path: Path) -> bool:

@@ -78,5 +78,5 @@ def measure(path: Path, cells: Sequence[Cell], progress) -> tuple[dict[str, Entr
         known[cell.id] = entry(cell, rows, seconds)
         journal.put(known[cell.id])
     write(path, known, table)
-    journal.clear()
+    journal.drop([*journal.entries])
     return {c.id: known[c.id] for c in cells if c.id in known}, failed, len(cells) - len(todo)

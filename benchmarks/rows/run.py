@@ -201,7 +201,7 @@ def execute(
                 f"{budget:g} s is spent; run again, or with --all"
             )
         tables.write(folder, cells, out.entries, quick)
-        journal.clear()
+        journal.drop(c.id for c in wanted)
     return out
 
 

@@ -253,6 +253,17 @@ def test_a_run_that_is_killed_at_any_moment_goes_on_and_gives_the_same_tables(tm
     assert not (folder / "journal.jsonl").exists()
 
 
+def test_a_run_of_some_cells_keeps_what_a_killed_run_had_measured_of_others(tmp_path):
+    cells = toy_cells.cells(4)
+    journal = Journal(tmp_path / "journal.jsonl")
+    for cell in cells[:2]:
+        journal.put(run.entry(cell, cell(), 0.1))
+    execute(tmp_path, cells, selected=lambda c: "n3" in c.names)
+    assert [*Journal(tmp_path / "journal.jsonl").entries] == [c.id for c in cells[:2]]
+    assert measured_now(execute(tmp_path, cells)) == [2]
+    assert not (tmp_path / "journal.jsonl").exists()
+
+
 def _wait_for_progress(journal: Path, before: int, process) -> None:
     for _ in range(3000):
         if journal.exists() and len(journal.read_bytes().splitlines()) > before + 1:
