@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from phasebench.integrators.errors import InvalidInput
+from phasebench.reference.tables import write_file
 
 from .cells import Rows
 
@@ -64,7 +65,7 @@ class Journal:
             with self.path.open("ab") as stream:
                 # A line that a killed run left unfinished ends here.
                 begin = b"\n" if stream.tell() and not _ends(self.path) else b""
-                stream.write(begin + _line(entry))
+                stream.write(begin + _line(entry).encode())
                 stream.flush()
                 os.fsync(stream.fileno())
         except OSError as error:
@@ -77,13 +78,14 @@ class Journal:
         if not self.entries:
             self.path.unlink(missing_ok=True)
             return
-        part = self.path.with_name(f"{self.path.name}.new")
-        part.write_bytes(b"".join(_line(entry) for entry in self.entries.values()))
-        os.replace(part, self.path)
+        try:
+            write_file(self.path, "".join(map(_line, self.entries.values())))
+        except OSError as error:
+            raise InvalidInput(f"{self.path} cannot be written: {error.strerror}") from None
 
 
-def _line(entry: Entry) -> bytes:
-    return json.dumps(asdict(entry), default=_plain).encode() + b"\n"
+def _line(entry: Entry) -> str:
+    return json.dumps(asdict(entry), default=_plain) + "\n"
 
 
 def _ends(path: Path) -> bool:
