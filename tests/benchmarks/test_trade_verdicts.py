@@ -110,6 +110,13 @@ def test_the_curves_are_of_those_that_are_cheapest_somewhere():
     assert choice.frontier(rows, 1) == ["b"]
 
 
+def test_the_choices_of_a_report_are_made_once_and_anew_for_other_tables():
+    first, second = (pd.DataFrame([row("gauss-5", 1.0, 1e-9)]) for _ in range(2))
+    seen = [choice.of_all(choice.choices)({"rows": t}.get) for t in (first, first, second)]
+    assert seen[0] is seen[1]
+    assert seen[1] is not seen[2]
+
+
 # -- ladders -----------------------------------------------------------------------------------------------------------
 
 SCENE = BY_ID["henon-heiles-box-t1000"]

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks.measure.timing import OPEN, OURS, PEERS, TIED, Median, cheaper
-from phasebench.benchmarks.page.page import Data
+from phasebench.benchmarks.page.page import Data, once
 
 from . import sweep
 from .ladders import ACCURACIES, TABLE
@@ -26,10 +26,20 @@ def of_all(function: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(function)
     def from_data(data: Data, *more):
-        tables = [t for t in (data("rows"), data(TABLE)) if t is not None and not t.empty]
-        return function(pd.concat(tables, ignore_index=True), *more) if tables else None
+        tables = tuple(t for t in (data("rows"), data(TABLE)) if t is not None and not t.empty)
+        return function(_joined(tables), *more) if tables else None
 
     return from_data
+
+
+_last: list = [(), None]
+
+
+def _joined(tables: tuple[pd.DataFrame, ...]) -> pd.DataFrame:
+    """The tables as one, the same object while they are the same: `once` asks for that."""
+    if len(tables) != len(_last[0]) or any(a is not b for a, b in zip(tables, _last[0], strict=True)):
+        _last[:] = tables, pd.concat(tables, ignore_index=True)
+    return _last[1]
 
 
 def long_rows(rows: pd.DataFrame) -> pd.DataFrame:
@@ -62,6 +72,7 @@ def might_win(members: pd.DataFrame, accuracy: float, ours: float) -> list[str]:
     return open_
 
 
+@once
 def choices(rows: pd.DataFrame) -> pd.DataFrame:
     """A row for each long scene and accuracy: the cheapest of each side, their seconds, who is cheaper."""
     lines = []
