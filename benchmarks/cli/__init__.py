@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from .audit import audit
+from .cache import cache
 from .certify import certify
 from .cite import cite
 from .integrate import integrate
@@ -27,6 +28,7 @@ COMMANDS = {
     "certify": certify,
     "audit": audit,
     "cite": cite,
+    "cache": cache,
 }
 
 app = typer.Typer(
