@@ -8,6 +8,7 @@ or a system's function, becomes machine code.  What it calls is lowered, linked 
 from __future__ import annotations
 
 import ctypes
+import gc
 import hashlib
 import pickle
 import warnings
@@ -119,8 +120,14 @@ class _Whole(Compiler):
 
     def compile_extra(self, func):
         """Compile ``func``; Numba's lock keeps other threads from compiling meanwhile."""
-        with global_compiler_lock, _parts(cpu_target.target_context):
-            return super().compile_extra(func)
+        collects = gc.isenabled()
+        gc.disable()  # a compilation makes few cycles and many objects: looking through them takes a tenth of it
+        try:
+            with global_compiler_lock, _parts(cpu_target.target_context):
+                return super().compile_extra(func)
+        finally:
+            if collects:
+                gc.enable()
 
 
 @contextmanager

@@ -5,6 +5,7 @@ Numbers: a rational is divided in the arithmetic at hand, a double stays exactly
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -12,7 +13,7 @@ import numpy as np
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
-from .codegen import DOUBLE, MULTIPRECISION
+from .codegen import DOUBLE, MULTIPRECISION, kept_text
 
 
 class _Printer(PythonCodePrinter):
@@ -142,6 +143,7 @@ def vectorised(q: tuple[sp.Symbol, ...], p: tuple[sp.Symbol, ...], expression: s
     """The expression on columns of NumPy arrays: f(q, p) with q, p of shape (d, n)."""
     namespace = {"np": np}
     exec("from numpy import *\nfrom numpy import arcsin as asin, arccos as acos, arctan as atan\n", namespace)
-    text = source("f", [("q", q), ("p", p)], [expression], DOUBLE)
+    key = hashlib.sha256(" ".join(map(sp.srepr, (*q, *p, expression))).encode()).hexdigest()[:24]
+    text = kept_text(f"v-{key}.py", lambda: source("f", [("q", q), ("p", p)], [expression], DOUBLE))
     exec(text.replace("value((", "np.array((").replace("number(", "("), namespace)
     return namespace["f"]
