@@ -14,6 +14,7 @@ from .audit import audit
 from .cache import cache
 from .certify import certify
 from .cite import cite
+from .compare import compare
 from .integrate import integrate
 from .listing import list_
 from .report import report
@@ -27,6 +28,7 @@ COMMANDS = {
     "report": report,
     "certify": certify,
     "audit": audit,
+    "compare": compare,
     "cite": cite,
     "cache": cache,
 }
