@@ -27,8 +27,8 @@ from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
-#: The largest size of the folder, in bytes; a suite's own functions and kernels take about a tenth.
-BOUND = 1_000_000_000
+#: The largest size of the folder, in bytes.
+BOUND = 500_000_000
 #: Seconds after which a file that was to be renamed is one that a killed process left.
 ABANDONED = 3600
 
@@ -114,6 +114,7 @@ def read(name: str) -> bytes | None:
     except OSError:
         return None
     if seal == _seal(name, content):
+        _note_use(place)
         return content
     forget(name)
     return None
@@ -146,6 +147,13 @@ def forget(name: str) -> None:
     if place is not None:
         with suppress(OSError):
             (place / name).unlink()
+
+
+@lru_cache(maxsize=8)
+def _note_use(place: Path) -> None:
+    """Let the subfolder's time be that of its last use, once in a process."""
+    with suppress(OSError):
+        os.utime(place)
 
 
 def _seal(name: str, content: bytes) -> bytes:
@@ -220,7 +228,7 @@ def _evict_once() -> None:
 
 
 def _used(place: Path) -> float:
-    """When a process last looked into the subfolder."""
+    """When a process last read or wrote in the subfolder."""
     with suppress(OSError):
         return place.stat().st_mtime
     return 0.0

@@ -236,6 +236,15 @@ def test_the_longest_unused_version_goes_first(place, monkeypatch):
     assert cache.read("a.py") is not None
 
 
+def test_reading_is_use(place):
+    cache.write("a.py", SEVERAL)
+    for name, ago in (("a.py", 0), ("b.py", 1000)):
+        cache._note_use.cache_clear()
+        os.utime(place, (time.time() - 1000,) * 2)
+        cache.read(name)
+        assert time.time() - cache._used(place) == pytest.approx(ago, abs=100)
+
+
 def test_then_the_oldest_entries_go(place, monkeypatch):
     for k in range(4):
         cache.write(f"{k}.py", bytes(1000))
