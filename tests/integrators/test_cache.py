@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numba
 import pytest
+from numba.core.registry import cpu_target
 
 from phasebench.integrators.engine import cache, machine, vector
 
@@ -70,9 +71,9 @@ def test_an_entry_under_another_name_is_no_entry(place):
 # -- machine code ------------------------------------------------------------------------------------------------------
 
 
-def made(name="plus|1"):
+def made(name="plus|1", options=vector.TUPLES):
     """(a compiled function, whether it was loaded)."""
-    function = machine.compiled(lambda x: x + 1.0, SIGNATURE, dict(vector.TUPLES), name)
+    function = machine.compiled(lambda x: x + 1.0, SIGNATURE, dict(options), name)
     return function, sum(function.stats.cache_hits.values()) == 1
 
 
@@ -82,6 +83,7 @@ def test_machine_code_is_loaded_and_is_of_its_name_and_options(place):
     assert loaded
     assert function(1.5) == 2.5
     assert not made("plus|2")[1]
+    assert not made(options=vector.ARRAYS)[1]
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
@@ -115,6 +117,7 @@ def test_a_part_of_another_function_can_be_called_all_the_same(place):
     assert whole(1.5) == 4.0
     assert part(1.5) == 3.0
     assert numba.njit(lambda x: part(x))(1.5) == 3.0
+    assert not [name for name in vars(cpu_target.target_context) if name.startswith("create_")]  # as Numba left it
 
 
 # -- nowhere to write --------------------------------------------------------------------------------------------------
