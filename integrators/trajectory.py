@@ -45,6 +45,11 @@ class Pace:
             self.steps = min(PIECE, 4 * self.steps)
 
 
+def _leading(good: np.ndarray) -> int:
+    """How many are true before the first that is not."""
+    return len(good) if good.all() else int(good.argmin())
+
+
 class Trajectory:
     """The rows of a run: every ``every`` steps one, and the last.
 
@@ -144,12 +149,14 @@ class Trajectory:
         if self.arithmetic == MULTIPRECISION:
             return n, ""
         Q, P = self.q[first : first + n], self.p[first : first + n]
-        bad = ~np.isfinite(Q).all(1) | ~np.isfinite(P).all(1)
-        reason = "the state is no longer finite"
-        if not bad.any() and self.system.H is not None:
-            bad = ~np.isfinite(self.system.observe(self.system.H, Q, P))
-            reason = "the energy is no longer finite: the state is outside H's domain"
-        return (int(bad.argmax()), reason) if bad.any() else (n, "")
+        good, reason = _leading(np.isfinite(Q).all(1) & np.isfinite(P).all(1)), ""
+        if good < n:
+            reason = "the state is no longer finite"
+        if self.system.H is not None and good:
+            known = _leading(np.isfinite(self.system.observe(self.system.H, Q[:good], P[:good])))
+            if known < good:
+                good, reason = known, "the energy is no longer finite: the state is outside H's domain"
+        return good, reason
 
     def _stopped(self, code: int) -> None:
         """Say why a stage equation was not solved."""

@@ -91,8 +91,11 @@ def ending(system, times, q, p, failure: str | None) -> tuple[str, str, int]:
     if rows < len(times):
         why = (failure or NOT_FINITE).rstrip(".")
         return DIVERGED, f"{why}; the rows end at t = {times[rows - 1]:.6g} of {times[-1]:.6g}", rows
+    H = system.observe(system.H, q, p) if system.H is not None else np.zeros(rows)
+    if not np.isfinite(H).all():
+        rows = int(np.isfinite(H).argmin())
+        return DIVERGED, f"the state is outside H's domain; the rows end at t = {times[rows - 1]:.6g}", rows
     if system.singular and system.H is not None:
-        H = system.observe(system.H, q, p)
         worst = float(np.abs(H - H[0]).max())
         if worst > LOST * abs(H[0]):
             return COLLISION, f"the energy {H[0]:.6g} changed by {worst:.3g}: the orbit met the singularity", rows
