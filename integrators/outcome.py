@@ -110,6 +110,12 @@ def escaped(system, Q, P, found: EnergyError | None = None) -> str:
     return f"; the energy was kept until the state had grown to {sizes[-1]:.3g}: the motion itself may escape"
 
 
+def energy_unit(system, Q, P) -> float:
+    """The size of the first row's energy; of its terms where they cancel."""
+    H, M = (abs(float(x[0])) for x in (system.observe(system.H, Q[:1], P[:1]), system.scale(Q[:1], P[:1])))
+    return M if H < KEPT * M else H
+
+
 # -- singularities ----------------------------------------------------------------------------------------------------
 
 
@@ -159,7 +165,7 @@ def passed(system, t, Q, P, h) -> str | None:
     if len(head_on):
         return f"the motion meets the singularity head-on after t = {t[head_on[0]]:.6g}; no step goes through it"
     H = system.observe(system.H, Q, P)
-    if np.abs(H[near[0] :] - H[0]).max() <= 0.1 * abs(H[0]):
+    if np.abs(H[near[0] :] - H[0]).max() <= 0.1 * energy_unit(system, Q, P):
         return None
     return (
         f"near t = {t[near[0]]:.6g} a step of length {length[near[0]]:.3g} crosses the singularity at distance "
