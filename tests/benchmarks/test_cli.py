@@ -76,6 +76,12 @@ def test_control_an_absent_id_is_not_listed():
     assert "rk5" not in re.findall(r"[\w.-]+", call("list", "methods")[1])
 
 
+def test_an_unstable_run_is_no_success():
+    for h, status in (("2.1", "unstable"), ("0.1", "ok")):
+        code, found = run_json("harmonic-oscillator", "stormer-verlet", "--h", h, "--t-end", "1000")
+        assert (found["status"], code == 0) == (status, status == "ok")
+
+
 def test_list_of_what_is_unknown_is_an_error():
     assert call("list", "planets")[0] == 2
 
