@@ -188,6 +188,22 @@ def _next(builder, row, j):
 
 
 @intrinsic
+def _horner(typing_context, coefficients, z, like):
+    def codegen(context, builder, sig, args):
+        n = coefficients.n
+
+        def coefficient(k):
+            return builder.shuffle_vector(args[0], args[0], ir.VectorType(ir.IntType(32), n)([k] * n))
+
+        y = coefficient(like.count - 1)
+        for k in range(like.count - 2, -1, -1):
+            y = builder.fadd(builder.fmul(y, args[1], flags=FUSED), coefficient(k), flags=FUSED)
+        return y
+
+    return coefficients(coefficients, z, like), codegen
+
+
+@intrinsic
 def _total(typing_context, x):
     def codegen(context, builder, sig, args):
         kind, name = ir.VectorType(NUMBER, x.n), f"llvm.vector.reduce.fadd.v{x.n}f64"
@@ -216,6 +232,15 @@ def combine(x, y, factor, table, row, like):
     """x + factor sum_j y_j table[row + j], j = 0, ..., as many as ``like`` has."""
     terms = [y[j] * table[row + j, : len(y)] for j in range(len(like))]
     return x + factor * sum(terms[1:], terms[0])
+
+
+@operation(_horner)
+def horner(coefficients, z, like):
+    """The polynomial with these coefficients, lowest power first, as many as ``like`` has, at each of the lanes z."""
+    y = coefficients[len(like) - 1] + 0 * z
+    for k in range(len(like) - 2, -1, -1):
+        y = y * z + coefficients[k]
+    return y
 
 
 @operation(_total)

@@ -76,13 +76,14 @@ class Lanes(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Of the kicks, in rows of the memory; its rows from ``base`` on are q, h M^-1 p and p, ``like`` a row's zero."""
+    """Of the kicks, in rows of the memory; its rows from ``base`` on are q, h M^-1 p and p, then increments."""
 
     step: Lanes
     memory: np.ndarray
     base: int
     stages: int
     like: tuple
+    h: float
 
 
 @inlined
@@ -93,7 +94,7 @@ def places(e, at):
     for k in range(e.stages):
         start = memory[e.base, k] + memory[e.base + 1, k] * c
         x = take(memory, at + k, e.like)
-        put(memory, k, combine(start, x, step.h * step.inverse_mass[0, k], step.A, 0, step.stages), e.like)
+        put(memory, k, combine(start, x, e.h * step.inverse_mass[0, k], step.A, 0, step.stages), e.like)
 
 
 @inlined
@@ -102,7 +103,7 @@ def sweep(e, old, new):
     step, memory = e.step, e.memory
     places(e, old)
     step.forces(memory)
-    weights = step.h * take(step.nodes, 1, e.like)
+    weights = e.h * take(step.nodes, 1, e.like)
     moved, length = 0.0 * weights, 0.0 * weights
     for k in range(e.stages):
         x = weights * take(memory, e.stages + k, e.like)
@@ -125,10 +126,10 @@ def linearize(e, at, span, work):
         x = abs(take(memory, at + k, e.like)) + abs(take(memory, at + d + k, e.like))
         length = length + abs(memory[e.base + 2, k]) + total(x)
     change = difference(length, span, step.eps)
-    weights = step.h * take(step.nodes, 1, e.like)
+    weights = e.h * take(step.nodes, 1, e.like)
     for k in range(d):
         places(e, at)
-        put(memory, k, take(memory, k, e.like) + change * (step.h * step.inverse_mass[0, k]), e.like)
+        put(memory, k, take(memory, k, e.like) + change * (e.h * step.inverse_mass[0, k]), e.like)
         step.forces(memory)
         for r in range(d):
             slope = weights * take(memory, d + r, e.like) - take(memory, at + d + r, e.like)
@@ -156,35 +157,49 @@ def extrapolate(e, ring, known, at):
         put(memory, at + k, x, e.like)
 
 
+@inlined
+def begin(e, y):
+    """Write the state of which the step's equations speak."""
+    memory = e.memory
+    store(memory, e.base, y.q)
+    store(memory, e.base + 2, y.p)
+    for k in range(e.stages):
+        memory[e.base + 1, k] = e.h * e.step.inverse_mass[0, k] * memory[e.base + 2, k]
+
+
+@inlined
+def end(e, at, y, zero):
+    """The state after the step whose kicks are in the rows ``at``, ..."""
+    memory = e.memory
+    late = take(e.step.nodes, 2, e.like)
+    for k in range(e.stages):
+        x = take(memory, at + k, e.like)
+        drift = e.h * e.step.inverse_mass[0, k] * total(late * x)
+        memory[e.base + 2, k], memory[e.base + 3, k] = memory[e.base + 1, k] + drift, total(x)
+    return advanced(y, load(memory, e.base + 2, zero), load(memory, e.base + 3, zero))
+
+
 def run(step, orbit, samples, counts):
     """The kernel."""
     y = opened(orbit)
     memory, d = orbit.memory, len(orbit.zero)
-    base = 2 * d
-    ring = base + 4
+    ring = 2 * d + 4
     at = ring + step.steps * d
-    e = Equations(step, memory, base, d, step.like)
-    lanes = len(step.stages)
+    e = Equations(step, memory, 2 * d, d, step.like, step.h)
     for row in range(len(samples.q)):
         for _ in range(samples.every):
-            store(memory, base, y.q)
-            store(memory, base + 2, y.p)
-            for k in range(d):
-                memory[base + 1, k] = step.h * step.inverse_mass[0, k] * memory[base + 2, k]
+            begin(e, y)
             extrapolate(e, ring, counts.steps, at)
             sweeps, newton, status = solve(e, at, size(y.q) + size(y.p), step.eps, orbit.work)
-            counts.gradient += (sweeps + newton) * lanes
+            counts.gradient += (sweeps + newton) * len(step.stages)
             counts.newton += min(newton, 1)
             if status != SOLVED:
                 close(orbit, y)
                 return row, status
-            late = take(step.nodes, 2, e.like)
+            newest = ring + counts.steps % step.steps * d
             for k in range(d):
-                x = take(memory, at + k, e.like)
-                put(memory, ring + counts.steps % step.steps * d + k, x, e.like)
-                drift = step.h * step.inverse_mass[0, k] * total(late * x)
-                memory[base + 2, k], memory[base + 3, k] = memory[base + 1, k] + drift, total(x)
-            y = advanced(y, load(memory, base + 2, orbit.zero), load(memory, base + 3, orbit.zero))
+                put(memory, newest + k, take(memory, at + k, e.like), e.like)
+            y = end(e, at, y, orbit.zero)
             counts.steps += 1
         keep(samples, row, y)
     close(orbit, y)
@@ -239,26 +254,35 @@ def padded(row, lanes: int, filler) -> list:
     return [*row, *[filler] * (lanes - len(row))]
 
 
-def prepare(s: int, system, arithmetic) -> Prepared:
-    """Gauss of s stages."""
+def laned(s: int, system, arithmetic) -> Lanes:
+    """The tableau of Gauss of s stages, with the forces of the system."""
     lanes = 1 << (s - 1).bit_length()
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
     t = tableau("gauss", s, s, True, digits, unit)
     b = [t.B[i][i] for i in range(s)]
-    columns = zip(*t.A_q, strict=True)
     masses = [mpmath.mpf(sp.diff(v, p).evalf(digits)) for v, p in zip(system.dq, system.p, strict=True)]
     steps = len(t.extrapolation) // s
     starts = [zip(*t.extrapolation[s * m : s * (m + 1)], strict=True) for m in range(steps)]
-    step = Lanes(
+    return Lanes(
         forces(system, lanes, arithmetic),
         like=(0.0,) * lanes,
         stages=(0.0,) * s,
         inverse_mass=array([masses], arithmetic),
         nodes=array([padded(t.c, lanes, t.c[0]), padded(b, lanes, 0), padded(t.weights[0], lanes, 0)], arithmetic),
-        A=array([padded(column, lanes, column[0]) for column in columns], arithmetic),
+        A=array([padded(column, lanes, column[0]) for column in zip(*t.A_q, strict=True)], arithmetic),
         extrapolation=array((padded(column, lanes, 0) for start in starts for column in start), arithmetic),
         steps=steps,
     )
-    rows = 2 * system.d + 4 + (steps + 4) * system.d
-    return Prepared(run, step, max(lanes, system.d), -(-rows // (3 * LEVELS + 1)), linear=system.d * lanes)
+
+
+def prepare(s: int, system, arithmetic) -> Prepared:
+    """Gauss of s stages."""
+    step = laned(s, system, arithmetic)
+    return Prepared(run, step, *room(step, system.d), linear=len(step.like) * system.d)
+
+
+def room(step: Lanes, d: int) -> tuple[int, int]:
+    """Columns of the memory, and the number of stages that gives it rows enough."""
+    rows = 4 + (6 + step.steps) * d
+    return max(len(step.like), d), -(-rows // (3 * LEVELS + 1))
