@@ -6,8 +6,8 @@ Time is a function of a fictitious time in which steps are of the constant lengt
     \frac{dt}{d\tau} = \sigma(q) = \Bigl(\sum_k r_k(q)^{-3}\Bigr)^{-1/2},
 
 with the distances :math:`r_k` that vanish at the singularities which the system declares; so h is the step in time
-where the one distance that matters is 1.  The density :math:`\rho` of the steps follows :math:`1/\sigma` as a variable of its
-own, by the leapfrog rule,
+where the one distance that matters is 1.  The density :math:`\rho` of the steps follows :math:`1/\sigma` as a variable
+of its own, by the leapfrog rule,
 
 .. math::
     \rho_{1/2} = \frac{1}{\sigma(q_0)} + \frac h2 G(y_0),\qquad
@@ -18,7 +18,8 @@ With a symmetric :math:`\Phi` the map of :math:`(y, \rho)` in fictitious time is
 system is: the energy does not drift as with steps that look back only.  It is not symplectic.
 
 A row, at a multiple of h in time, is reached by a shorter step from the last state before it.  The orbit goes on from
-that last state, so that it does not depend on which rows are kept: what leads to a row is no part of the reversible map.
+that last state, so that it does not depend on which rows are kept; what leads to a row is no part of the reversible
+map.
 
 A density that has left the neighbourhood of :math:`1/\sigma`, and steps that time does not show, end the run.
 
