@@ -163,6 +163,10 @@ class Trajectory:
         if code == solve.NOT_FINITE:
             self.status, self.reason = DIVERGED, "a stage equation has no finite iterate"
             return
+        if code == solve.OUT_OF_STEP:
+            self.status = NOT_CONVERGED
+            self.reason = "the control of the step has lost the problem's time scale; take a smaller h"
+            return
         size, begun = (np.abs([self.q[i], self.p[i]]).max() for i in (self.filled, 0))
         if size > ESCAPED * (1 + begun):
             self.status, self.reason = DIVERGED, f"the state has grown to {size:.3g}"

@@ -25,7 +25,7 @@ from phasebench.integrators.coefficients.tableaus import LEVELS
 
 from .vector import axpy, bump, distance, head, inlined, jit, load, minus, plus, scale, size, store, tail
 
-SOLVED, STALLED, NOT_FINITE = 0, 1, 2
+SOLVED, STALLED, NOT_FINITE, OUT_OF_STEP = 0, 1, 2, 3
 
 #: Row m: the weights of the last m solutions, newest first.
 _EXTRAPOLATION = np.array(

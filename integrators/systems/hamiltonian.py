@@ -102,6 +102,7 @@ class PartitionedSystem:
             "Kepler part": self.kepler is not None,
             "Poisson structure": self.poisson,
             "further invariants": len(self.invariants) > 0,
+            "singular distances": len(self.singular) > 0,
         }
 
     # -- the functions that kernels ask for -----------------------------------------------------------------------
