@@ -162,7 +162,7 @@ def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
         family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")
         with progress.compiling(f"the kernel of {family}", d), warnings.catch_warnings():
             warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
-            _kernels[key] = numba.njit(signature, cache=True, **codegen.options(d))(prepared.run)
+            _kernels[key] = numba.njit(signature, cache=True, nogil=True, **codegen.options(d))(prepared.run)
     return _kernels[key]
 
 

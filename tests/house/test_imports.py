@@ -32,6 +32,8 @@ ROOMS = {
         ("families",),
         ("request",),
         ("driver",),
+        ("lots",),
+        ("ensemble",),
     ),
     "reference": (("tables",), ("solvers",), ("peers",), ("certificates",)),
     "benchmarks": (
