@@ -26,6 +26,7 @@ _HOMES = {
     "integrator": "benchmarks.measure.integrator",
     "method": "integrators",
     "problem": "benchmarks.problems",
+    "section": "benchmarks.measure.ensembles",
 }
 __all__ = sorted(_HOMES)
 

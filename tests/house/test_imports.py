@@ -34,6 +34,7 @@ ROOMS = {
         ("driver",),
         ("lots",),
         ("ensemble",),
+        ("section",),
     ),
     "reference": (("tables",), ("solvers",), ("peers",), ("certificates",)),
     "benchmarks": (
