@@ -14,6 +14,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +40,7 @@ class Ensemble:
     times, Q, P : arrays (n, rows) and (n, rows, d), the rows that were kept, the first the initial state; NaN after an
         orbit has stopped
     h : array (n,), the step that each orbit took
-    methods : the method of each orbit
+    methods, method : the methods, and an array (n,) with the number of each orbit's
     counts : of all orbits together, as those of a `Solution`
     in_lanes : array (n,), whether an orbit was integrated in lanes
     seconds : of the integration on all threads together, by the clock on the wall; compiled before
@@ -55,6 +56,7 @@ class Ensemble:
     P: np.ndarray
     h: np.ndarray
     methods: list[Method]
+    method: np.ndarray
     counts: dict[str, int]
     in_lanes: np.ndarray
     seconds: float
@@ -119,20 +121,30 @@ def integrate_ensemble(
     rest = good[~wide]
     if len(rest):  # compiles
         i = rest[0]
-        integrate(orbits.system, orbits.methods[i], h=orbits.h[i], steps=1, q0=orbits.q[i], p0=orbits.p[i])
+        integrate(orbits.system, orbits.kinds[orbits.kind[i]], h=orbits.h[i], steps=1, q0=orbits.q[i], p0=orbits.p[i])
     began = time.perf_counter()
-    with ThreadPoolExecutor(workers) as pool:
-        lots.run(made, orbits, pool, workers, tell)
+    with _mapping(workers) as each:
+        lots.run(made, orbits, each, workers, tell)
         stopped = lots.doubtful(orbits, good[wide])
         again = np.concatenate([rest, stopped]).astype(int)
         tell(-len(stopped))
-        for i, solution in zip(again, pool.map(lambda i: _alone(orbits, i), again), strict=True):
+        for i, solution in zip(again, each(lambda i: _alone(orbits, i), again), strict=True):
             _enter(orbits, i, solution)
             tell(1)
     seconds = time.perf_counter() - began
     in_lanes = np.zeros(len(orbits.q), bool)
     in_lanes[np.setdiff1d(good[wide], stopped)] = True
     return _concluded(orbits, in_lanes, seconds)
+
+
+@contextmanager
+def _mapping(workers: int) -> Iterator[Callable]:
+    """What maps a function on so many threads, or as Python does in this one."""
+    if workers == 1:
+        yield map
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        yield pool.map
 
 
 class _Progress:
@@ -150,7 +162,7 @@ class _Progress:
 def _alone(orbits: Orbits, i: int) -> Solution:
     return integrate(
         orbits.system,
-        orbits.methods[i],
+        orbits.kinds[orbits.kind[i]],
         h=orbits.h[i],
         steps=int(orbits.steps[i]),
         q0=orbits.q[i],
@@ -185,7 +197,8 @@ def _concluded(orbits: Orbits, in_lanes: np.ndarray, seconds: float) -> Ensemble
         orbits.Q,
         orbits.P,
         orbits.h,
-        orbits.methods,
+        orbits.kinds,
+        orbits.kind,
         orbits.counts,
         in_lanes,
         seconds,
@@ -204,20 +217,28 @@ def _request(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> 
     if len(q) != len(p):
         raise InvalidInput(f"Q has {len(q)} rows and P has {len(p)}; give a row of each for every orbit")
     n = len(q)
-    each = np.full(n, None) if h is None else np.broadcast_to(_column("h", h, n), n)
-    kinds = {x: grid(x, t_end, steps) for x in set(each.tolist())}
-    sizes = np.array([kinds[x][0] for x in each.tolist()])
-    numbers = np.array([kinds[x][1] for x in each.tolist()])
-    every = np.array([spacing(save_every, k) for k in numbers.tolist()])
+    sizes, numbers = _grids(h, t_end, steps, n)
+    different, which = np.unique(numbers, return_inverse=True)
+    every = np.array([spacing(save_every, k) for k in different.tolist()])[which]
     rows = 1 + -(-numbers // every)
     if len(set(rows.tolist())) > 1:
         raise InvalidInput("the orbits take different numbers of steps: keep no rows (save_every=0), or give steps")
     if n * int(rows[0]) * system.d > LARGEST:
         raise InvalidInput(f"{rows[0]} rows of {n} orbits do not fit in memory; keep fewer with save_every")
-    methods = list(_methods(method, parameters or {}, n))
-    for lack in {record.lacks(system) for record in {m.label: m for m in methods}.values()} - {None}:
+    kinds, kind = _methods(method, parameters or {}, n)
+    for lack in {record.lacks(system) for record in kinds} - {None}:
         raise InvalidInput(lack)
-    return _checked(Orbits.begun(system, q, p, sizes, numbers, every, int(rows[0]), methods))
+    return _checked(Orbits.begun(system, q, p, sizes, numbers, every, int(rows[0]), kinds, kind))
+
+
+def _grids(h, t_end, steps, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """(h, steps) of each orbit, arrays (n,)."""
+    if np.ndim(h) == 0:
+        size, number = grid(h, t_end, steps)
+        return np.full(n, size), np.full(n, number)
+    different, which = np.unique(_column("h", h, n), return_inverse=True)
+    grids = [grid(x, t_end, steps) for x in different.tolist()]
+    return np.array([x for x, _ in grids])[which], np.array([k for _, k in grids])[which]
 
 
 def _states(name: str, rows, d: int) -> np.ndarray:
@@ -240,16 +261,16 @@ def _column(name: str, values, n: int) -> np.ndarray:
     return out
 
 
-def _methods(method, parameters: Mapping, n: int) -> Iterator[Method]:
-    columns = {}
-    for name, values in parameters.items():
-        single = np.ndim(values) == 0
-        columns[name] = [values] * n if single else _column(f"the parameter {name}", values, n).tolist()
-    known: dict = {}
-    for values in zip(*columns.values(), strict=True) if columns else [()] * n:
-        if values not in known:
-            known[values] = method_of(method, **dict(zip(columns, values, strict=True)))
-        yield known[values]
+def _methods(method, parameters: Mapping, n: int) -> tuple[list[Method], np.ndarray]:
+    """The different methods, and the number of each orbit's, an array (n,)."""
+    columns = {name: _column(f"the parameter {name}", x, n).tolist() for name, x in parameters.items() if np.ndim(x)}
+    same = {name: x for name, x in parameters.items() if name not in columns}
+    if not columns:
+        return [method_of(method, **same)], np.zeros(n, int)
+    rows = list(zip(*columns.values(), strict=True))
+    number = {values: k for k, values in enumerate(dict.fromkeys(rows))}
+    kinds = [method_of(method, **same, **dict(zip(columns, values, strict=True))) for values in number]
+    return kinds, np.array([number[values] for values in rows])
 
 
 def _checked(orbits: Orbits) -> Orbits:
@@ -265,10 +286,14 @@ def _checked(orbits: Orbits) -> Orbits:
     return orbits
 
 
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def _threads(threads) -> int:
-    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     if threads is None:
-        return available
+        return cores()
     if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
         raise InvalidInput(f"threads is {threads!r}; it must be a positive integer")
     return threads
@@ -276,8 +301,8 @@ def _threads(threads) -> int:
 
 def _goes_in_lanes(orbits: Orbits, good: np.ndarray, lanes: bool | None) -> np.ndarray:
     """Which of the ``good`` orbits are integrated in lanes."""
-    able = np.array([lots.able(orbits.system, orbits.methods[i]) for i in good], bool)
+    able = np.array([lots.able(orbits.system, record) for record in orbits.kinds], bool)[orbits.kind[good]]
     if lanes and not able.all():
-        raise InvalidInput(f"'{orbits.methods[good[~able][0]].label}' does not run in lanes on this system")
+        raise InvalidInput(f"'{orbits.kinds[orbits.kind[good[~able][0]]].label}' does not run in lanes on this system")
     enough = lanes or (lanes is None and able.sum() >= lots.ENOUGH)
     return able if enough else np.zeros(len(good), bool)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,7 +28,7 @@ class Orbits:
     system : what is integrated
     q, p : arrays (n, d), the starts
     h, steps, every : arrays (n,)
-    methods : n methods
+    kinds, kind : the methods, and an array (n,) with the number of each orbit's
     Q, P : arrays (n, rows, d), NaN where a row is not filled
     filled : array (n,), the number of good rows
     status, reason : arrays (n,) of text
@@ -42,7 +41,8 @@ class Orbits:
     h: np.ndarray
     steps: np.ndarray
     every: np.ndarray
-    methods: list[Method]
+    kinds: list[Method]
+    kind: np.ndarray
     Q: np.ndarray
     P: np.ndarray
     filled: np.ndarray
@@ -51,23 +51,32 @@ class Orbits:
     counts: dict[str, int]
 
     @classmethod
-    def begun(cls, system, q, p, h, steps, every, rows: int, methods) -> Orbits:
+    def begun(cls, system, q, p, h, steps, every, rows: int, kinds, kind) -> Orbits:
         """Orbits of which the first row is there."""
         n = len(q)
         Q, P = (np.full((n, rows, system.d), np.nan) for _ in "qp")
         Q[:, 0], P[:, 0] = q, p
         counts = dict.fromkeys(("steps", "gradient", "hessian", "iterations", "fallbacks", "newton"), 0)
         status, reason = (np.full(n, text, dtype=object) for text in (OK, ""))
-        return cls(system, q, p, h, steps, every, methods, Q, P, np.ones(n, int), status, reason, counts)
+        return cls(system, q, p, h, steps, every, kinds, kind, Q, P, np.ones(n, int), status, reason, counts)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Lot:
-    """Orbits with the same kernel and the same number of steps; weights (n, substeps) by their name."""
+    """Orbits with the same kernel and the same number of steps.
+
+    Attributes
+    ----------
+    prepared : their kernel, with the coefficients that they share
+    loop : the compiled loop
+    members : array (n,), the numbers of the orbits
+    weights : by their name, arrays (n, substeps)
+    """
 
     prepared: Prepared
-    members: list[int] = field(default_factory=list)
-    weights: dict[str, list] = field(default_factory=dict)
+    loop: Callable
+    members: np.ndarray
+    weights: dict[str, np.ndarray]
 
 
 def able(system, method: Method) -> bool:
@@ -78,45 +87,41 @@ def able(system, method: Method) -> bool:
 def of(orbits: Orbits, members: np.ndarray) -> list[Lot]:
     """The members in lots; their kernels are compiled."""
     twin = orbit_lanes.twin(orbits.system)
-    known: dict[int, Prepared] = {}
-    made: dict[tuple, Lot] = {}
-    for i in members.tolist():
-        record = orbits.methods[i]
-        if id(record) not in known:
-            known[id(record)] = prepare(record, twin)
-        prepared = known[id(record)]
-        lot = made.setdefault((*_common(prepared), int(orbits.steps[i])), Lot(prepared))
-        lot.members.append(i)
-        for name in orbit_lanes.VARYING[1:]:
-            if hasattr(prepared.step, name):
-                lot.weights.setdefault(name, []).append(getattr(prepared.step, name))
-    for lot in made.values():
-        _loop(lot, orbits, np.array(lot.members[:1]), slice(0, 1))
-    return list(made.values())
+    parts: dict[tuple, list] = {}
+    pairs, number = np.unique(np.stack([orbits.kind, orbits.steps])[:, members], axis=1, return_inverse=True)
+    known = {k: prepare(orbits.kinds[k], twin) for k in set(pairs[0].tolist())}
+    for i, (kind, steps) in enumerate(pairs.T.tolist()):
+        parts.setdefault((*_common(known[kind]), steps), []).append((known[kind], members[number.reshape(-1) == i]))
+    return [_lot(part, orbits.system.d) for part in parts.values()]
 
 
 def _common(prepared: Prepared) -> tuple:
     """What the orbits of a lot share."""
-    fields = [(k, v) for k, v in prepared.step._asdict().items() if k not in orbit_lanes.VARYING]
-    return (prepared.run, *(v.tobytes() if isinstance(v, np.ndarray) else v for k, v in fields), len(fields))
+    fields = {k: v for k, v in prepared.step._asdict().items() if k not in orbit_lanes.VARYING}
+    return (prepared.run, *((v.shape, v.tobytes()) if isinstance(v, np.ndarray) else v for v in fields.values()))
 
 
-def _loop(lot: Lot, orbits: Orbits, members: np.ndarray, part: slice):
-    """(the compiled loop, step, varying) of members of a lot."""
-    weights = {name: np.array(rows[part]) for name, rows in lot.weights.items()}
-    varying = orbit_lanes.varying_of(lot.prepared.step, orbits.h[members], weights)
-    step = lot.prepared.step._replace(eps=codegen.epsilon(codegen.DOUBLE))
-    return orbit_lanes.loop(lot.prepared, varying, orbits.system.d), step, varying
+def _lot(parts: list[tuple[Prepared, np.ndarray]], d: int) -> Lot:
+    first = parts[0][0]
+    weights = {
+        name: np.concatenate([np.tile(getattr(prepared.step, name), (len(members), 1)) for prepared, members in parts])
+        for name in orbit_lanes.WEIGHTS
+        if hasattr(first.step, name)
+    }
+    step = first.step._replace(eps=codegen.epsilon(codegen.DOUBLE))
+    first = replace(first, step=step)
+    loop = orbit_lanes.loop(first, orbit_lanes.varying_of(np.ones(1), {k: w[:1] for k, w in weights.items()}), d)
+    return Lot(first, loop, np.concatenate([members for _, members in parts]), weights)
 
 
-def run(made: list[Lot], orbits: Orbits, pool: Executor, workers: int, tell: Callable[[int], None]) -> None:
-    """Integrate the lots, in shares of whole blocks, and fill the rows."""
+def run(made: list[Lot], orbits: Orbits, each: Callable, workers: int, tell: Callable[[int], None]) -> None:
+    """Integrate the lots, in shares of whole blocks, and fill the rows; ``each`` maps, on so many threads."""
     shares = []
     for lot in made:
         blocks = -(-len(lot.members) // LANES.width)
-        size = LANES.width * max(1, -(-blocks // (workers * SHARES)))
+        size = LANES.width * max(1, -(-blocks // (workers * SHARES if workers > 1 else 1)))
         shares += [(lot, slice(i, i + size)) for i in range(0, len(lot.members), size)]
-    for counts, n in pool.map(lambda share: _share(*share, orbits), shares):
+    for counts, n in each(lambda share: _share(*share, orbits), shares):
         for name, number in counts.items():
             orbits.counts[name] += number
         tell(n)
@@ -141,9 +146,9 @@ def pieces(steps: int, every: int) -> Iterator[tuple[int, int, int]]:
 
 def _share(lot: Lot, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
     """Integrate a part of a lot; returns the counts and the number of orbits."""
-    members = np.array(lot.members[part])
+    members = lot.members[part]
     n, d, width = len(members), orbits.system.d, LANES.width
-    loop, step, varying = _loop(lot, orbits, members, part)
+    varying = orbit_lanes.varying_of(orbits.h[members], {name: rows[part] for name, rows in lot.weights.items()})
     tables = orbit_lanes.tables_of(lot.prepared, orbits.q[members], orbits.p[members])
     blocks = len(tables.state)
     counts = np.zeros(blocks, COUNTS)
@@ -151,7 +156,7 @@ def _share(lot: Lot, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
     for first, rows, every in pieces(steps, int(orbits.every[members[0]])):
         q, p = (np.full((blocks, rows, d, width), np.nan) for _ in "qp")
         samples = Samples(q, p, np.zeros((blocks, rows, 1, width)), every)
-        loop(step, varying, tables, (0.0,) * d, samples, counts)
+        lot.loop(lot.prepared.step, varying, tables, (0.0,) * d, samples, counts)
         filled = slice(1 + first, 1 + first + rows)
         orbits.Q[members, filled], orbits.P[members, filled] = (orbit_lanes.of_blocks(x, n) for x in (q, p))
     orbits.filled[members] = orbits.Q.shape[1]

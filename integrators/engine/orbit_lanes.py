@@ -12,6 +12,7 @@ import copy
 import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numba
 import numpy as np
@@ -27,8 +28,9 @@ from .solve import LEVELS
 FAMILIES = ("splitting", "parametric", "runge_kutta")
 #: Above this many degrees of freedom a state in lanes is far from fitting into registers, and compiles for long.
 MOST = 8
-#: Fields of a step that may differ from orbit to orbit.
-VARYING = ("h", "mu", "lam")
+#: Fields of a step that may differ from orbit to orbit; the weights of its substeps among them.
+WEIGHTS = ("mu", "lam")
+VARYING = ("h", *WEIGHTS)
 
 
 class OfSteps(NamedTuple):
@@ -68,15 +70,25 @@ def _lanes_for_numbers(t):
     return t
 
 
+#: The twins of systems.
+_twins: WeakKeyDictionary = WeakKeyDictionary()
+
+
 def twin(system):
-    """The system, its functions compiled for lanes."""
+    """The system, its functions compiled for lanes; always the same one."""
+    if system not in _twins:
+        _twins[system] = _made_twin(system)
+    return _twins[system]
+
+
+def _made_twin(system):
     other = copy.copy(system)
-    other._functions = {}
+    other._functions, kind_of_system = {}, type(system)
 
     def made(kind, arguments, results, signature, arithmetic):
         in_lanes = _lanes_for_numbers(signature.return_type)(*map(_lanes_for_numbers, signature.args))
         kind = f"{kind} in {LANES.width} lanes"
-        return type(system).made(other, kind, arguments, results, in_lanes, arithmetic)
+        return kind_of_system.made(other, kind, arguments, results, in_lanes, arithmetic)
 
     other.made = made
     return other
@@ -140,7 +152,7 @@ def of_blocks(blocks: np.ndarray, n: int) -> np.ndarray:
     return rows.reshape(-1, *rows.shape[2:])[:n]
 
 
-def varying_of(step, h: np.ndarray, weights: dict[str, np.ndarray]) -> tuple:
+def varying_of(h: np.ndarray, weights: dict[str, np.ndarray]) -> tuple:
     """`OfSteps` or `OfWeights`: ``h`` (n,) and, by name, weights (n, substeps), in blocks."""
     fields = {"h": in_blocks(h, 1.0)} | {name: in_blocks(w, 0.0) for name, w in weights.items()}
     return (OfWeights if weights else OfSteps)(**fields)
