@@ -41,7 +41,7 @@ ROOMS = {
         ("problems",),
         ("rows",),
         ("measure",),
-        ("page", "bibliography"),
+        ("page", "bibliography", "history"),
         ("experiments",),
         ("report",),
         ("cli",),
