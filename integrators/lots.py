@@ -14,7 +14,7 @@ from .engine.orbit_lanes import LANES
 from .record import Method
 
 #: Below this many orbits the lanes are not filled, and a kernel for them need not be compiled.
-ENOUGH = LANES.width
+ENOUGH = LANES.n
 #: Pieces of work for each thread, so that none waits long for another.
 SHARES = 4
 
@@ -118,8 +118,8 @@ def run(made: list[Lot], orbits: Orbits, each: Callable, workers: int, tell: Cal
     """Integrate the lots, in shares of whole blocks, and fill the rows; ``each`` maps, on so many threads."""
     shares = []
     for lot in made:
-        blocks = -(-len(lot.members) // LANES.width)
-        size = LANES.width * max(1, -(-blocks // (workers * SHARES if workers > 1 else 1)))
+        blocks = -(-len(lot.members) // LANES.n)
+        size = LANES.n * max(1, -(-blocks // (workers * SHARES if workers > 1 else 1)))
         shares += [(lot, slice(i, i + size)) for i in range(0, len(lot.members), size)]
     for counts, n in each(lambda share: _share(*share, orbits), shares):
         for name, number in counts.items():
@@ -147,7 +147,7 @@ def pieces(steps: int, every: int) -> Iterator[tuple[int, int, int]]:
 def _share(lot: Lot, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
     """Integrate a part of a lot; returns the counts and the number of orbits."""
     members = lot.members[part]
-    n, d, width = len(members), orbits.system.d, LANES.width
+    n, d, width = len(members), orbits.system.d, LANES.n
     varying = orbit_lanes.varying_of(orbits.h[members], {name: rows[part] for name, rows in lot.weights.items()})
     tables = orbit_lanes.tables_of(lot.prepared, orbits.q[members], orbits.p[members])
     blocks = len(tables.state)

@@ -11,7 +11,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 from numba.np import arrayobj
 
-from .simd import LANES
+from .masks import LANES
 
 
 def table_type(ndim: int = 2) -> types.Array:
@@ -35,7 +35,7 @@ def _view(context, builder, array_type, array, block):
     """A block of an array."""
     source = arrayobj.make_array(array_type)(context, builder, array)
     shape, strides = (cgutils.unpack_tuple(builder, x) for x in (source.shape, source.strides))
-    pointer = ir.VectorType(ir.DoubleType(), LANES.width).as_pointer()
+    pointer = ir.VectorType(ir.DoubleType(), LANES.n).as_pointer()
     address = cgutils.pointer_add(builder, source.data, builder.mul(block, strides[0]), pointer)
     kind = block_type(array_type)
     if kind is LANES:
@@ -46,7 +46,7 @@ def _view(context, builder, array_type, array, block):
         data=address,
         shape=shape[1:-1],
         strides=strides[1:-1],
-        itemsize=context.get_constant(types.intp, 8 * LANES.width),
+        itemsize=context.get_constant(types.intp, 8 * LANES.n),
         meminfo=None,
     )
     return out._getvalue()

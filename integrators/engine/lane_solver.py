@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .simd import alike, count, select
+from .masks import alike, count, select
 from .vector import distance, inlined, scale, size
 
 

@@ -21,7 +21,7 @@ from numba import types
 from . import codegen, progress
 from .kernel import COUNTS, Orbit, Prepared, Samples, _drop_stale, _tuple_type, _type, entry
 from .lane_memory import block_of, changed_type, table_type, with_block, zeros_of
-from .simd import LANES
+from .masks import LANES
 from .solve import LEVELS
 
 #: Families whose kernels run in lanes as they stand.
@@ -87,7 +87,7 @@ def _made_twin(system):
 
     def made(kind, arguments, results, signature, arithmetic):
         in_lanes = _lanes_for_numbers(signature.return_type)(*map(_lanes_for_numbers, signature.args))
-        kind = f"{kind} in {LANES.width} lanes"
+        kind = f"{kind}, {LANES.n} orbits"
         return kind_of_system.made(other, kind, arguments, results, in_lanes, arithmetic)
 
     other.made = made
@@ -139,7 +139,7 @@ def loop(prepared: Prepared, varying: tuple, d: int) -> Callable:
 
 def in_blocks(rows: np.ndarray, fill: float = np.nan) -> np.ndarray:
     """Rows of orbits (n, ...) as blocks (blocks, ..., lanes), the last one filled up."""
-    width = LANES.width
+    width = LANES.n
     blocks = -(-len(rows) // width)
     full = np.full((blocks * width, *rows.shape[1:]), fill)
     full[: len(rows)] = rows

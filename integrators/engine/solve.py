@@ -24,7 +24,7 @@ import numpy as np
 from phasebench.integrators.coefficients.tableaus import LEVELS
 
 from .lane_solver import lane_solver
-from .simd import also_in_lanes
+from .masks import also_in_lanes
 from .vector import axpy, bump, distance, head, inlined, jit, load, minus, plus, scale, size, store, tail
 
 SOLVED, STALLED, NOT_FINITE = 0, 1, 2

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators import driver, lots
+from phasebench.integrators import Hamiltonian, driver, lots
 from phasebench.integrators.driver import COLLISION, DIVERGED, INVALID, OK, integrate
 from phasebench.integrators.engine.orbit_lanes import LANES
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.errors import InvalidInput
 
 #: One more than a block: the last one is filled up.
-N = LANES.width + 1
+N = LANES.n + 1
 BOX = "henon-heiles:box"
 
 
@@ -61,6 +61,29 @@ def test_a_lane_is_the_scalar_kernel_to_the_last_bit(name, id, parameters):
         assert_same(ensemble, i, solution)
     for kind in ("steps", "gradient", "iterations", "hessian", "newton"):
         assert ensemble.counts[kind] == sum(s.counts[kind] for s in solutions), kind
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize("name", ["pendulum", "lotka-volterra-log"])
+def test_a_lane_has_functions_of_its_own(name):
+    """Sine, cosine and exponential, whose errors of a few units in the last place a regular motion carries on."""
+    made, Q, P = starts(name)
+    options = {"h": 0.05, "steps": 200, "save_every": 50}
+    ensemble = integrate_ensemble(made, "stormer-verlet", Q, P, **options)
+    assert ensemble.in_lanes.all()
+    for i in range(N):
+        solution = alone(made, "stormer-verlet", Q, P, i, **options)
+        np.testing.assert_allclose(ensemble.Q[i], solution.q, rtol=0, atol=2e-13)
+        np.testing.assert_allclose(ensemble.P[i], solution.p, rtol=0, atol=2e-13)
+
+
+def test_other_functions_are_called_lane_by_lane():
+    system = Hamiltonian(q="q", p="p", H="p**2/2 + (q**2 + 1)**1.3 - log(q**2 + 2) + cosh(q)")
+    Q, P = np.linspace(-1, 1, N)[:, None], np.zeros((N, 1))
+    ensemble = integrate_ensemble(system, "stormer-verlet", Q, P, h=0.05, steps=100)
+    assert ensemble.in_lanes.all()
+    for i in (0, 3, N - 1):
+        assert_same(ensemble, i, alone(system, "stormer-verlet", Q, P, i, h=0.05, steps=100, save_every=0))
 
 
 def test_every_orbit_has_its_own_step_and_parameter():

@@ -1,12 +1,11 @@
-"""Lanes: a Numba type for doubles side by side in SIMD registers, one for each of several orbits.
+"""Conditions on lanes, and what else a kernel needs to integrate several orbits in the lanes of its numbers.
 
-A kernel's source is written for values (`vector`): tuples of doubles.  Handed tuples of `Lanes`, the same source
-integrates as many orbits as there are lanes, operation by operation as for one: +, -, *, / and the square root round
-alike, so that a lane's result is that of the scalar kernel.  A condition on lanes is a `Mask`: as a truth value it says
-whether it holds in any lane, and `select` chooses lane by lane.  What has no vector instruction is called lane by lane,
-or is a polynomial (`elementary`).
+Handed tuples of lanes, a kernel's source integrates as many orbits, operation by operation as for one: +, -, *, / and
+the square root round alike, so that a lane's result is the scalar kernel's.  A number beside lanes is that number in
+each.  A condition on lanes is a `Mask`: as a truth value it says whether it holds in any lane, and `select` chooses
+lane by lane.  The functions of formulae are those of `elementary`; those that it lacks are called lane by lane.
 
-The width is that of the processor's registers, twice: two independent chains hide the latency of one.
+There are as many lanes as the processor's registers hold, twice: two independent chains hide the latency of one.
 """
 
 from __future__ import annotations
@@ -14,48 +13,28 @@ from __future__ import annotations
 import math
 import operator
 
-import numpy as np
 from llvmlite import binding, ir
-from numba.core import cgutils, config, types
+from numba.core import config, types
 from numba.core.datamodel import models
-from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, overload, register_model
 
-#: Options of what is compiled into its caller.
-INLINED = {"forceinline": True}
-
-
-class Lanes(types.Type):
-    """So many doubles side by side."""
-
-    def __init__(self, width: int):
-        self.width = width
-        super().__init__(f"Lanes({width})")
-
-    def can_convert_from(self, typingctx, other):
-        """A number is the same number in every lane."""
-        return Conversion.safe if isinstance(other, (types.Integer, types.Float)) else None
+from . import elementary
+from .lanes import OPTIONS, Lanes, spread
 
 
 class Mask(types.Type):
-    """A truth value for each lane."""
+    """A truth value for each of n lanes."""
 
-    def __init__(self, width: int):
-        self.width = width
-        super().__init__(f"Mask({width})")
-
-
-@register_model(Lanes)
-class _LanesModel(models.PrimitiveModel):
-    def __init__(self, dmm, fe_type):
-        super().__init__(dmm, fe_type, ir.VectorType(ir.DoubleType(), fe_type.width))
+    def __init__(self, n: int):
+        self.n = n
+        super().__init__(f"mask({n})")
 
 
 @register_model(Mask)
 class _MaskModel(models.PrimitiveModel):
-    def __init__(self, dmm, fe_type):
-        super().__init__(dmm, fe_type, ir.VectorType(ir.IntType(1), fe_type.width))
+    def __init__(self, manager, mask):
+        super().__init__(manager, mask, ir.VectorType(ir.IntType(1), mask.n))
 
 
 def _native() -> int:
@@ -65,101 +44,28 @@ def _native() -> int:
     return 8 if features.get("avx512f") else 4 if features.get("avx") else 2
 
 
-#: The lanes of this processor.
+#: The lanes of orbits on this processor.
 LANES = Lanes(2 * _native())
-
-
-# -- arithmetic -------------------------------------------------------------------------------------------------------
-
-
-def _lanes(*arguments) -> Lanes | None:
-    """The type that lanes and numbers combine to; None where there is no lane among them, or something else."""
-    if not all(isinstance(a, (Lanes, types.Integer, types.Float)) for a in arguments):
-        return None
-    return next((a for a in arguments if isinstance(a, Lanes)), None)
-
-
-def _typed(function, result=lambda lanes: lanes):
-    """Type a function of lanes and numbers."""
-
-    @infer_global(function)
-    class _Template(AbstractTemplate):
-        def generic(self, args, kws):
-            lanes = _lanes(*args)
-            return None if lanes is None else signature(result(lanes), *[lanes] * len(args))
-
-    return _Template
 
 
 @lower_cast(types.Integer, Lanes)
 @lower_cast(types.Float, Lanes)
-def _spread(context, builder, fromty, toty, value):
-    """The same number in every lane."""
-    if isinstance(fromty, types.IntegerLiteral):
-        value = context.get_constant(types.float64, float(fromty.literal_value))
-    else:
-        value = context.cast(builder, value, fromty, types.float64)
-    vector = ir.VectorType(ir.DoubleType(), toty.width)
-    one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-    zeros = ir.Constant(ir.VectorType(ir.IntType(32), toty.width), [0] * toty.width)
-    return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), zeros)
-
-
-def _binary(name: str, *functions):
-    for function in functions:
-        _typed(function)
-
-        @lower_builtin(function, Lanes, Lanes)
-        def _lowered(context, builder, sig, args):
-            return getattr(builder, name)(*args, flags=("contract",))
-
-
-_binary("fadd", operator.add, operator.iadd)
-_binary("fsub", operator.sub, operator.isub)
-_binary("fmul", operator.mul, operator.imul)
-_binary("fdiv", operator.truediv, operator.itruediv)
-
-
-def _unary(name: str, *functions):
-    for function in functions:
-        _typed(function)
-
-        @lower_builtin(function, Lanes)
-        def _lowered(context, builder, sig, args):
-            kind = args[0].type
-            full, called = f"llvm.{name}.v{kind.count}f64", ir.FunctionType(kind, [kind])
-            return builder.call(cgutils.get_or_insert_function(builder.module, called, full), args)
-
-
-_unary("fabs", abs, math.fabs)
-_unary("sqrt", math.sqrt)
-
-
-def floor(x):
-    """The largest whole number that is not above x, in each lane."""
-    return np.floor(x)
-
-
-_unary("floor", floor)
-_typed(operator.neg)
-_typed(operator.pos)
-
-
-@lower_builtin(operator.neg, Lanes)
-def _negative(context, builder, sig, args):
-    return builder.fneg(args[0])
-
-
-@lower_builtin(operator.pos, Lanes)
-def _same(context, builder, sig, args):
-    return args[0]
+def _same_number(context, builder, kind, lanes, value):
+    if isinstance(kind, types.IntegerLiteral):
+        kind, value = types.float64, context.get_constant(types.float64, float(kind.literal_value))
+    return spread(context, builder, value, kind, lanes.n)
 
 
 # -- conditions -------------------------------------------------------------------------------------------------------
 
 
 def _comparison(function, sign: str):
-    _typed(function, lambda lanes: Mask(lanes.width))
+    @infer_global(function)
+    class _Template(AbstractTemplate):
+        def generic(self, args, kws):
+            known = all(isinstance(a, (Lanes, types.Integer, types.Float)) for a in args)
+            lanes = next((a for a in args if isinstance(a, Lanes)), None)
+            return signature(Mask(lanes.n), lanes, lanes) if known and lanes is not None else None
 
     @lower_builtin(function, Lanes, Lanes)
     def _lowered(context, builder, sig, args):
@@ -201,7 +107,7 @@ def count(typingctx, mask):
     """In how many lanes a condition holds."""
 
     def codegen(context, builder, sig, args):
-        bits = ir.IntType(mask.width)
+        bits = ir.IntType(mask.n)
         packed = builder.bitcast(args[0], bits)
         return builder.zext(builder.ctpop(packed), ir.IntType(64))
 
@@ -233,7 +139,7 @@ def _any(context, builder, sig, args):
 
 @lower_cast(Mask, types.Boolean)
 def _truth(context, builder, fromty, toty, value):
-    packed = builder.bitcast(value, ir.IntType(fromty.width))
+    packed = builder.bitcast(value, ir.IntType(fromty.n))
     return builder.icmp_unsigned("!=", packed, ir.Constant(packed.type, 0))
 
 
@@ -255,7 +161,20 @@ def select(typingctx, mask, a, b):
     return kind(mask, kind, kind), codegen
 
 
-# -- what has no vector instruction -----------------------------------------------------------------------------------
+# -- functions of formulae ---------------------------------------------------------------------------------------------
+
+
+def _as_in(name: str) -> None:
+    """Let a function of the module math take lanes: it is that of `elementary`."""
+    of_lanes = getattr(elementary, name)
+
+    @overload(getattr(math, name), jit_options=OPTIONS)
+    def typed(x):
+        return (lambda x: of_lanes(x)) if isinstance(x, Lanes) else None
+
+
+for _name in ("sin", "cos", "exp", "sqrt"):
+    _as_in(_name)
 
 
 @intrinsic
@@ -277,11 +196,11 @@ def _put(typingctx, x, i, value):
 def lane_by_lane(function) -> None:
     """Let a function of one number take lanes: it is called for each."""
 
-    @overload(function, jit_options=INLINED)
+    @overload(function, jit_options=OPTIONS)
     def of_lanes(x):
         if not isinstance(x, Lanes):
             return None
-        width = x.width
+        width = x.n
 
         def impl(x):
             out = x
@@ -293,10 +212,7 @@ def lane_by_lane(function) -> None:
 
 
 for _function in (
-    math.sin,
-    math.cos,
     math.tan,
-    math.exp,
     math.log,
     math.sinh,
     math.cosh,
@@ -308,11 +224,11 @@ for _function in (
     lane_by_lane(_function)
 
 
-@overload(operator.pow, jit_options=INLINED)
+@overload(operator.pow, jit_options=OPTIONS)
 def _power(x, n):
     if not isinstance(x, Lanes) or isinstance(n, Lanes):
         return None
-    width = x.width
+    width = x.n
 
     def impl(x, n):
         out = x
