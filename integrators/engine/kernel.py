@@ -157,7 +157,7 @@ def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
         signature = types.UniTuple(types.int64, 2)(step, orbit, samples, numba.from_dtype(COUNTS))
         family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")
         with progress.compiling(f"the kernel of {family}", d):
-            _kernels[key] = machine.compiled(prepared.run, signature, codegen.options(d), family)
+            _kernels[key] = machine.compiled(prepared.run, signature, codegen.options(d) | {"nogil": True}, family)
     return _kernels[key]
 
 
