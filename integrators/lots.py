@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .driver import OK, PIECE, _travel
 from .engine import codegen, orbit_lanes
 from .engine.kernel import COUNTS, Prepared, Samples, prepare
 from .engine.orbit_lanes import LANES
+from .outcome import NOTED, OK, travel
 from .record import Method
+from .trajectory import PIECE
 
 #: Below this many orbits the lanes are not filled, and a kernel for them need not be compiled.
 ENOUGH = LANES.n
@@ -178,8 +179,18 @@ def doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
     system = orbits.system
     flat = Q.reshape(-1, d), P.reshape(-1, d)
     if system.H is not None:
-        bad |= ~np.isfinite(system.observe(system.H, *flat)).reshape(n, rows)
+        bad |= _strange(system, Q, P)
     if system.singular:
-        distance, length = _travel(system, *flat, np.repeat(orbits.h[members], rows))
+        distance, length = travel(system, *flat, np.repeat(orbits.h[members], rows))
         bad |= (length > distance).reshape(n, rows)
     return members[bad.any(1)]
+
+
+def _strange(system, Q, P) -> np.ndarray:
+    """Where the energy is not finite, or has an error that `outcome.judged` would name; Q, P are (n, rows, d)."""
+    n, rows, d = Q.shape
+    flat = Q.reshape(-1, d), P.reshape(-1, d)
+    H = system.observe(system.H, *flat).reshape(n, rows)
+    with np.errstate(all="ignore"):
+        M = system.scale(*flat).reshape(n, rows)
+        return ~(np.abs(H - H[:, :1]) <= NOTED * np.maximum(M, M[:, 1:].mean(axis=1, keepdims=True)))

@@ -119,7 +119,7 @@ def energy_unit(system, Q, P) -> float:
 # -- singularities ----------------------------------------------------------------------------------------------------
 
 
-def _travel(system, Q, P, h):
+def travel(system, Q, P, h):
     """(distance to the nearest singularity, length of a step) of each row."""
     distance = np.min([np.abs(system.observe(s, Q, P)) for s in system.singular], axis=0)
     return distance, h * system.speed(Q, P)
@@ -147,7 +147,7 @@ def approach(system, Q, P, h) -> str | None:
     """Whether the last good state was about to step across a singularity."""
     if not system.singular or Q.dtype == object:
         return None
-    distance, length = _travel(system, Q[-1:], P[-1:], h)
+    distance, length = travel(system, Q[-1:], P[-1:], h)
     if length[-1] > distance[-1]:
         return f"the step {length[-1]:.3g} is longer than the distance {distance[-1]:.3g} to the singularity"
     return None
@@ -157,7 +157,7 @@ def passed(system, t, Q, P, h) -> str | None:
     """Whether a kept step jumped across a singularity: head-on, or with a tenth of the energy lost."""
     if not system.singular or system.H is None:
         return None
-    distance, length = _travel(system, Q, P, h)
+    distance, length = travel(system, Q, P, h)
     near = np.flatnonzero(length > distance)
     if not len(near):
         return None
