@@ -24,6 +24,7 @@ _HOMES = {
     "integrator": "benchmarks.measure.integrator",
     "method": "integrators",
     "problem": "benchmarks.problems",
+    "stability": "benchmarks.measure.oscillator",
 }
 __all__ = sorted(_HOMES)
 
