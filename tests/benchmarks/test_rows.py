@@ -310,6 +310,16 @@ def test_a_number_that_is_no_more_and_a_status_that_changed_are_seen():
     assert not compare.differences(cell, "matrix", [{"order": 2.0, "status": "ok"}], old)
 
 
+def test_of_a_ladder_that_goes_as_far_as_the_machine_is_fast_the_common_rows_are_compared():
+    cell = toy_cells.cell(1)
+    stored = [{"setting": "150 steps", "closed form": "0.12"}]
+    measured = [{"setting": "150 steps", "closed form": 0.12}, {"setting": "300 steps", "closed form": 0.13}]
+    assert not compare.differences(cell, "kepler", measured, stored)
+    assert not compare.differences(cell, "kepler", measured[:1], [*stored, {"setting": "300 steps"}])
+    assert compare.differences(cell, "kepler", [measured[0] | {"closed form": 0.1201}, measured[1]], stored)
+    assert compare.differences(cell, "kepler", measured[1:], stored), "nothing is left to compare"
+
+
 def test_a_sample_that_differs_is_found_by_a_run(tmp_path, monkeypatch):
     monkeypatch.setitem(compare.BANDS, "toys", {"x": (1e-6, 0.0)})
     execute(tmp_path, toy_cells.cells(3))
