@@ -23,6 +23,7 @@ _HOMES = {
     "integrate": "benchmarks.measure.integrator",
     "integrator": "benchmarks.measure.integrator",
     "method": "integrators",
+    "prepare": "benchmarks.measure.integrator",
     "problem": "benchmarks.problems",
     "stability": "benchmarks.measure.oscillator",
 }
