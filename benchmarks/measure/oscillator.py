@@ -19,14 +19,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from types import SimpleNamespace
 
 import numpy as np
 
 from phasebench.benchmarks.problems import problem as problem_of
-from phasebench.integrators import driver
-from phasebench.integrators.engine.kernel import prepare
+from phasebench.integrators.driver import OK
+from phasebench.integrators.engine import kernel
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.prepared import PreparedRun, prepare
 from phasebench.integrators.record import Method
 
 from . import linear_stability
@@ -83,13 +83,23 @@ def _oscillator():
     return problem_of(PROBLEM)
 
 
+_last: list = [None, None]
+
+
+def _prepared(record: Method) -> PreparedRun:
+    """The method on the oscillator, ready to run; the last one is kept."""
+    if _last[0] is not record:
+        _last[:] = record, prepare(_oscillator(), record)
+    return _last[1]
+
+
 def end(chosen: Integrator, z: float, steps: int, state=(1.0, 0.0)) -> np.ndarray | None:
     """The state (q, p) after ``steps`` steps of z, whatever it is worth; None where one of them cannot be taken."""
     if isinstance(chosen.record, Method):
-        start = SimpleNamespace(system=_oscillator().system, q0=state[:1], p0=state[1:])
+        run = _prepared(chosen.record)
         with np.errstate(all="ignore"):
-            y = np.concatenate(driver.warm(start, chosen.record, h=z, steps=steps)())
-        return y if y.any() else None  # a kernel that stops leaves its row empty
+            q, p, code = run(z, steps, state[:1], state[1:])
+        return None if code == run.STALLED else np.concatenate([q, p])
     s = chosen.run(_oscillator(), h=z, steps=steps, q0=state[:1], p0=state[1:], save_every=0)
     return np.concatenate([s.q[-1], s.p[-1]]) if len(s.t) > 1 else None
 
@@ -105,7 +115,7 @@ def linear(chosen: Integrator) -> bool:
 
     A method of this project that may miss what it promises in a step (`Prepared.missed`) has no one step map.
     """
-    if isinstance(chosen.record, Method) and prepare(chosen.record, _oscillator().system).missed:
+    if isinstance(chosen.record, Method) and kernel.prepare(chosen.record, _oscillator().system).missed:
         return False
     for z in ASKED:
         M = matrix(chosen, z)
@@ -247,7 +257,7 @@ def _bisected(stays: Callable[[float], bool], good: float, bad: float) -> float:
 def lost(chosen: Integrator, z: float, steps: int) -> str:
     """How a run of ``steps`` steps of z failed: its status, or that it has grown; empty where it did not."""
     s = chosen.run(_oscillator(), h=z, steps=steps, save_every=max(1, steps // 200))
-    if s.status != driver.OK:
+    if s.status != OK:
         return s.status
     return "grown" if max(np.abs(s.q).max(), np.abs(s.p).max()) > GROWN else ""
 

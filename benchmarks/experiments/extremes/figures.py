@@ -129,6 +129,27 @@ def solvers(table: pd.DataFrame, folder) -> Picture:
 
 
 @style.drawn
+def resonances(table: pd.DataFrame, folder) -> Picture:
+    """How much a step multiplies, over the two frequencies."""
+    methods = list(dict.fromkeys(table["method"]))
+    figure, (panels,) = style.panels(1, len(methods), 2.3, sharey=True)
+    for axes, id in zip(panels, methods, strict=True):
+        part = table[table["method"] == id].sort_values(["ratio", "h omega 2"])
+        shape = (part["ratio"].nunique(), -1)
+        x, y, radius = (part[c].to_numpy().reshape(shape) for c in ("h omega 1", "h omega 2", "radius"))
+        grows = np.log10(np.clip(radius - 1, 1e-12, 1e2))
+        for first, second in ((x, y), (y, x)):  # the two frequencies may be exchanged
+            axes.pcolormesh(first, second, grows, cmap="Greys", vmin=-9, vmax=0, shading="nearest")
+        axes.set(title=id, xlabel="h ω₁", aspect="equal")
+    panels[0].set_ylabel("h ω₂")
+    caption = (
+        "Two coupled oscillators: black where a step multiplies, white where it is stable; Stormer-Verlet ends at "
+        "h ω = 2, a split coupling resonates about h (ω₁ + ω₂) = 2πk, filters take the resonances away."
+    )
+    return Picture(style.save(figure, folder, "extremes-resonances.png"), "two frequencies", caption)
+
+
+@style.drawn
 def regions(table: pd.DataFrame, folder) -> Picture:
     """|R(z)| = 1 in the complex plane."""
     x, y = np.meshgrid(np.linspace(-7.5, 12, 391), np.linspace(0, 8, 161))

@@ -25,6 +25,8 @@ SWEPT = ("-10", "-2", "-1", "0", "1/3", "1/2", "2/3", "1", "2", "11")
 SCHEME_I = tuple(str(Fraction(k, 2)) for k in range(-20, 23))
 #: Long runs beside an end: the relative distance from it, the steps, the growth that tells a stable from an unstable.
 BESIDE, STEPS, GROWTH = 1e-4, 100_000, 1e6
+#: A damped run is followed down to exp of minus this.
+DAMPED = 300.0
 #: A gap is confirmed where the trace exceeds 2 by this: less does not grow to `GROWTH` in so many steps.
 DEEP = 1e-6
 #: The steps z at which a method without an end is run.
@@ -105,9 +107,10 @@ def _gaps(found: oscillator.Found) -> list[tuple[float, float]]:
     return [(a[1], b[0]) for a, b in zip(found.intervals, found.intervals[1:], strict=False)]
 
 
-def grows(chosen, z: float, steps: int = STEPS) -> bool:
-    """Whether a run of so many steps leaves every bound, or cannot be made."""
-    y = oscillator.end(chosen, z, steps)
+def grows(chosen, z: float) -> bool:
+    """Whether a run of `STEPS` steps leaves every bound, or cannot be made; a damped one ends before it is denormal."""
+    rate = -math.log(max(_radius(chosen, z), 1e-9))
+    y = oscillator.end(chosen, z, STEPS if rate <= 0 else max(1, min(STEPS, int(DAMPED / rate))))
     return y is None or not np.isfinite(y).all() or bool(np.abs(y).max() > GROWTH)
 
 
@@ -136,9 +139,14 @@ def _near(z: float, touches) -> bool:
 
 
 def _depth(chosen, z: float) -> float:
-    """By how much a step multiplies more than it may, squared as the trace's excess is."""
+    """By how much a step multiplies more than it may, squared: of the size of the trace's excess."""
+    return (_radius(chosen, z) - 1) ** 2
+
+
+def _radius(chosen, z: float) -> float:
+    """The spectral radius of a step; infinite where it cannot be taken."""
     M = oscillator.matrix(chosen, z)
-    return math.inf if M is None else float((np.abs(np.linalg.eigvals(M)).max() - 1) ** 2)
+    return math.inf if M is None else float(np.abs(np.linalg.eigvals(M)).max())
 
 
 def _growing(chosen) -> float:

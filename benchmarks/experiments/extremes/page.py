@@ -26,6 +26,7 @@ DRAWN = {
     "extremes_growth_curves": figures.growth,
     "extremes_solvers": figures.solvers,
     "extremes_lambda": figures.lambdas,
+    "extremes_resonances": figures.resonances,
     "extremes_regions": figures.regions,
 }
 
@@ -100,6 +101,7 @@ PAGE = Page(
         "extremes_growth",
         "extremes_growth_curves",
         "extremes_solvers",
+        "extremes_resonances",
         "extremes_regions",
     ),
     setting=(

@@ -19,12 +19,15 @@ from phasebench.benchmarks.experiments.extremes import (
     page,
     push,
     regions,
+    resonances,
     stiff,
     verdicts,
 )
 from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.integrators.driver import OK
+from phasebench.integrators.prepared import prepare
+from phasebench.integrators.registry import BY_ID
 
 
 def data(**tables):
@@ -181,6 +184,16 @@ def test_stability_functions():
     rows = {r["method"]: r for r in regions.measured()[regions.TABLES[0]]}
     assert np.allclose([float(c) for c in rows["rk4"]["above"].split()], [1 / 24, 1 / 6, 1 / 2, 1, 1])
     assert np.allclose([float(c) for c in rows["gauss-2"]["below"].split()], [1 / 12, -1 / 2, 1])
+
+
+def test_resonances_are_where_theory_has_them():
+    """Modes of Stormer-Verlet end at 2; the impulse method resonates at h (1 + ratio) = 2 pi, a filtered one not."""
+    coupled = resonances.Coupled(resonances.RATIOS[0] * 2)
+    run = {id: prepare(coupled, BY_ID[id]) for id in ("stormer-verlet", "deuflhard", "hairer-lubich")}
+    assert resonances.radius(run["stormer-verlet"], 0.9) < 1 + 1e-9
+    assert resonances.radius(run["stormer-verlet"], 1.1) > 1.1
+    at = 2 * math.pi / 3
+    assert resonances.radius(run["deuflhard"], at) > 1.01 > resonances.radius(run["hairer-lubich"], at)
 
 
 def test_outcomes_of_solvers():
