@@ -12,6 +12,7 @@ import pytest
 from phasebench.benchmarks.experiments.extremes import (
     bench_extremes,
     brouwer,
+    brouwer_kepler,
     cases,
     edge,
     encounters,
@@ -80,7 +81,9 @@ def test_close_encounters_are_told_by_kind():
 
 def grown(energy=0.5, phase=1.4, units=1.0, control=100.0, long=1.0):
     base = {"h": 0.01, "steps": 1000, "bias per step": 1e-22}
+    exact = {"energy exponent": 0.53, "phase exponent": 1.58, "energy low": 0.45, "phase low": 1.5}
     rows = [
+        base | exact | {"label": brouwer_kepler.LABEL},
         base
         | {"label": "a", "energy exponent": energy, "energy low": energy - 0.03, "phase low": phase, "in units": units},
         base
@@ -92,8 +95,9 @@ def grown(energy=0.5, phase=1.4, units=1.0, control=100.0, long=1.0):
 
 def test_brouwers_law_has_four_ways_to_fail():
     assert grown().holds
+    assert "n^0.53 and n^1.58" in grown().text
     assert not grown(energy=0.95).holds
-    assert "in 0 of 1 ensembles" in grown(energy=0.95).text
+    assert "in 1 of 2 ensembles" in grown(energy=0.95).text
     assert not grown(phase=1.9).holds
     assert not grown(units=30.0).holds
     assert not grown(long=30.0).holds
@@ -135,6 +139,22 @@ def test_the_exact_orbit_has_no_error_and_another_has():
         energy, phase = brouwer.errors(M, [0, 100_000], [y[0], far[0] * (1 + 1e-9)], [y[1], far[1] * (1 + 1e-9)])
         assert energy[1] == pytest.approx(2e-9, rel=1e-6)
         assert abs(phase[1]) < 1e-15
+
+
+def test_elements_of_an_exact_orbit_have_no_error_and_a_late_one_has():
+    """a = 1, e = 0.6, at E = 1: M = 1 - 0.6 sin 1; a clock that is late by 1e-9 shows as that."""
+
+    def at(E):
+        x, y, r = math.cos(E) - 0.6, 0.8 * math.sin(E), 1 - 0.6 * math.cos(E)
+        return (x, y), (-math.sin(E) / r, 0.8 * math.cos(E) / r)
+
+    with mpmath.workdps(brouwer.DIGITS):
+        a, M = map(float, brouwer_kepler.elements(*at(1.0)))
+        assert (a, M) == (pytest.approx(1, rel=1e-14), pytest.approx(1 - 0.6 * math.sin(1), rel=1e-14))
+        Q, P = zip(at(0.0), at(1.0), strict=True)
+        energy, phase = brouwer_kepler.errors([0, 1], Q, P, M - 1e-9)
+    assert abs(energy[1]) < 1e-14
+    assert phase[1] == pytest.approx(1e-9, rel=1e-5)
 
 
 @pytest.mark.parametrize("edge_at", [0.013, 0.1, 3.0])

@@ -3,8 +3,9 @@ r"""Brouwer's law: how round-off grows over long times, on the oscillator, where
 A linear symplectic step y -> M y with trace 2 cos(theta) turns :math:`w = M_{pq} q + (e^{i\theta} - M_{qq}) p` by
 theta: |w|^2 is kept exactly and arg w grows by theta a step.  M is computed in extended precision from the method's
 coefficients and the double h; what a run does to |w| and arg w besides is round-off.  With unbiased rounding the
-energy's error grows as n^(1/2) and the phase's as n^(3/2) (Brouwer 1937), with compensated increments from
-:math:`\epsilon h \sqrt n` (epsilon the unit round-off).  The control is Stormer-Verlet by plain sums.
+energy's error grows as n^(1/2), with compensated increments from :math:`\epsilon h \sqrt n` (epsilon the unit
+round-off), and the phase's as n^(3/2) where the frequency depends on the energy (Brouwer 1937): here it does not, see
+`brouwer_kepler`.  The control is Stormer-Verlet by plain sums.
 A step such as 0.01, whose binary digits repeat, is run beside ones whose do not: its products round to few residues.
 
 Source: D. Brouwer, Astron. J. 46 (1937) 149-153; Hairer, Lubich, Wanner, Geometric Numerical Integration (2006),

@@ -112,7 +112,7 @@ PAGE = Page(
         f"Close encounters: Kepler from pericentre, {encounters.ORBITS} orbits, at most {encounters.LADDER[-1]} steps from an "
         "apside to the next.",
         f"Long times: {brouwer.STARTS} starts on the oscillator, |w|² and arg w of the exact step map in {brouwer.DIGITS} "
-        "digits; whether errors are bounded is [another page](drift.md)'s.",
+        "digits, and on Kepler's problem by Wisdom-Holman's exact step; whether errors are bounded is [another page](drift.md)'s.",
         f"Orbits: {'; '.join(c.id for c in cases.CASES)}.",
     ),
     verdicts=(verdicts.limits, verdicts.close, verdicts.brouwers_law),

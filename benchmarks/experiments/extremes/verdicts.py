@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks.experiments.extremes import brouwer, encounters
+from phasebench.benchmarks.experiments.extremes.brouwer_kepler import LABEL as KEPLER
 from phasebench.benchmarks.page.markdown import listed, number
 from phasebench.benchmarks.page.page import Verdict, of
 
@@ -83,6 +84,9 @@ def brouwers_law(table: pd.DataFrame) -> Verdict | None:
     long = table[table["energy exponent"].isna()]
     if len(long):
         text += f", {number(long['in units'].max())} after {number(float(long['steps'].max()))}"
+    for _, row in ours[ours["label"] == KEPLER].iterrows():
+        exponents = f"n^{row['energy exponent']:.2f} and n^{row['phase exponent']:.2f}"
+        text += f"; {KEPLER}, where the frequency depends on the energy, has {exponents}"
     text += f"; plain sums, the control, have {number(control['in units'].max())}"
     text += "." if caught else ": not told apart."
     holds = fast.empty and late.empty and large.empty and caught
