@@ -77,6 +77,11 @@ def test_close_encounters_are_told_by_kind():
     bad = verdicts.close(data(extremes_encounters=encountered(fixed_a=(1, 0, 0), adaptive_c=(1, 1, 0))))
     assert not bad.holds
     assert "0 of 2" in bad.text
+    assert [verdicts.kind(m, "fixed") for m in ("stormer-verlet", "wisdom-holman", "rebound-whfast")] == [
+        "fixed",
+        "Kepler-solving",
+        "Kepler-solving",
+    ]
 
 
 def grown(energy=0.5, phase=1.4, units=1.0, control=100.0, long=1.0):

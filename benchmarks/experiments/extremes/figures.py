@@ -52,7 +52,7 @@ def intervals(linear: pd.DataFrame, folder) -> Picture:
 @style.drawn
 def encountered(table: pd.DataFrame, folder) -> Picture:
     """The best error within the budget over 1 - e."""
-    figure, panels = style.panels(1, 2, 3.4, sharey=True)
+    figure, panels = style.panels(1, 2, 4.0, sharey=True)
     looks = style.looks()
     for axes, fixed in zip(panels[0], (True, False), strict=True):
         part = table[(table["kind"] == "fixed") == fixed]
@@ -63,7 +63,7 @@ def encountered(table: pd.DataFrame, folder) -> Picture:
         axes.axhline(encounters.HELD, color=style.GREY, linewidth=0.8)
         axes.invert_xaxis()
         axes.set(title="fixed steps" if fixed else "adaptive or transformed", xlabel="1 − e")
-        axes.legend(fontsize=6, loc="best")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
     panels[0][0].set_ylabel("relative error")
     caption = (
         f"Kepler, {encounters.ORBITS} orbits: the first error below {encounters.HELD:g}, else the least, on a ladder "
@@ -175,7 +175,7 @@ def regions(table: pd.DataFrame, folder) -> Picture:
         axes.plot([], [], color=look["color"], linestyle=look["linestyle"], label=row.method)
     axes.axvline(0, color=style.GREY, linewidth=0.6)
     axes.set(xlabel="Re z", ylabel="Im z", aspect="equal")
-    style.legend_above(figure, axes, 6)
+    style.legend_above(figure, axes, 3)
     caption = (
         "Boundaries |R(z)| = 1 of Runge-Kutta methods: stable within the curve of an explicit method, outside "
         "that of a Radau method, left of the axis for Gauss; the upper half plane."
