@@ -60,11 +60,11 @@ def close(table: pd.DataFrame) -> Verdict:
     kinds = pd.Series({r.method: kind(r.method, r.kind) for r in first.itertuples()})
     last = float(table["e"].max())
     parts = []
-    for kind in dict.fromkeys(kinds):
-        found = worst[kinds[worst.index] == kind]
+    for each in dict.fromkeys(kinds):
+        found = worst[kinds[worst.index] == each]
         best = found[found == found.max()]
         names = listed(list(best.index), 3) if best.iloc[0] > 0 else "none"
-        parts.append(f"{kind} steps reach e = {best.iloc[0]:.10g} ({names})")
+        parts.append(f"{each} steps reach e = {best.iloc[0]:.10g} ({names})")
     all_the_way = list(worst[worst == last].index)
     said = f"{len(all_the_way)} of {len(worst)} integrators hold {number(encounters.HELD)} at e = {last:.10g}"
     asked = f"Over {encounters.ORBITS} Kepler orbits with a relative error of {number(encounters.HELD)}"
