@@ -44,8 +44,8 @@ NEAR = 1e-3
 #: A trace within this of 2 at its turning point touches it.
 TOUCH = 1e-9
 #: Long runs: their steps, those of the run that is tried first, the growth that they may show, the scan's spacing, how
-#: sharp its ends are.
-LONG, FIRST, GROWN, COARSE, SHARPNESS = 10_000, 100, 10.0, 0.25, 1e-3
+#: sharp its ends are, after how many points without a stable one it ends.
+LONG, FIRST, GROWN, COARSE, SHARPNESS, HOPELESS = 10_000, 100, 10.0, 0.25, 1e-3, 8
 #: Steps z at which a map is asked whether it is linear.
 ASKED = (0.3, 0.9)
 TRACE, RUNS = "trace of the step map", "long runs"
@@ -233,8 +233,10 @@ def of_runs(chosen: Integrator) -> Found:
         why.extend([failure] if failure else [])
         return not failure
 
-    scan = [COARSE * k for k in range(1, round(linear_stability.LAST / COARSE) + 1)]
-    good = [stays(z) for z in scan]
+    scan, good = [], []
+    while len(scan) < round(linear_stability.LAST / COARSE) and (len(scan) < HOPELESS or any(good[-HOPELESS:])):
+        scan.append(COARSE * (len(scan) + 1))
+        good.append(stays(scan[-1]))
     ends = [(0.0, scan[0], True, good[0])] + [(*x, *y) for x, y in zip(pairwise(scan), pairwise(good), strict=True)]
     intervals: list[tuple[float, float | None]] = [(0.0, None)]
     for a, b, stable_a, stable_b in ends:

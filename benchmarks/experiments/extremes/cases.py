@@ -21,7 +21,7 @@ from phasebench.integrators.driver import OK, integrate
 LOST, WRONG = "energy-lost", "wrong-orbit"
 TRUTH, FINE, TIMES = "dop853", 8, 400
 #: Rows of a run that are looked at, and the seconds after which it counts as a failure.
-SEEN, SECONDS = 1000, 1.5
+SEEN, SECONDS = 1000, 4.0
 
 
 @dataclass(frozen=True)

@@ -108,10 +108,16 @@ def _gaps(found: oscillator.Found) -> list[tuple[float, float]]:
 
 
 def grows(chosen, z: float) -> bool:
-    """Whether a run of `STEPS` steps leaves every bound, or cannot be made; a damped one ends before it is denormal."""
+    """Whether a run of `STEPS` steps leaves every bound, or cannot be made; a damped one ends before it is denormal.
+
+    A bounded run may be as large as its matrix: the bound is in units of that.
+    """
+    M = oscillator.matrix(chosen, z)
+    if M is None:
+        return True
     rate = -math.log(max(_radius(chosen, z), 1e-9))
     y = oscillator.end(chosen, z, STEPS if rate <= 0 else max(1, min(STEPS, int(DAMPED / rate))))
-    return y is None or not np.isfinite(y).all() or bool(np.abs(y).max() > GROWTH)
+    return y is None or not np.isfinite(y).all() or bool(np.abs(y).max() > GROWTH * (1 + np.abs(M).max()))
 
 
 def confirmed(chosen, found: oscillator.Found) -> tuple[int, int]:

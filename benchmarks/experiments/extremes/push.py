@@ -89,9 +89,10 @@ def measured(id: str) -> Rows:
 def swept(id: str, on: str) -> Rows:
     """The rows of a scheme on an orbit: a lambda each."""
     rows, case = [], cases.BY_ID[on]
-    first = problem(case.problem).pace.step
     for value in LAMBDAS:
-        h, fails = largest(_survives(case, id, SWEPT_STEPS, {"lam": value}), first)
         lam = float(Fraction(value))
+        # Far from 1/2 the first interval ends at a step of 2 / |1 - 2 lambda|, and some have another beyond.
+        first = problem(case.problem).pace.step / (1 + abs(1 - 2 * lam))
+        h, fails = largest(_survives(case, id, SWEPT_STEPS, {"lam": value}), first)
         rows.append({"method": id, "orbit": on, "lam": lam, "largest h": h, "fails": fails, "steps": SWEPT_STEPS})
     return {TABLES[1]: rows}
