@@ -46,6 +46,8 @@ TOUCH = 1e-9
 #: Long runs: their steps, those of the run that is tried first, the growth that they may show, the scan's spacing, how
 #: sharp its ends are, after how many points without a stable one it ends.
 LONG, FIRST, GROWN, COARSE, SHARPNESS, HOPELESS = 10_000, 100, 10.0, 0.25, 1e-3, 8
+#: Steps below this are not looked at.
+LEAST = 1e-3
 #: Steps z at which a map is asked whether it is linear.
 ASKED = (0.3, 0.9)
 TRACE, RUNS = "trace of the step map", "long runs"
@@ -249,8 +251,8 @@ def of_runs(chosen: Integrator) -> Found:
 
 
 def _bisected(stays: Callable[[float], bool], good: float, bad: float) -> float:
-    """The last step on the good side."""
-    while abs(bad - good) > SHARPNESS * max(bad, good):
+    """The last step on the good side; 0 where no step above `LEAST` is good."""
+    while abs(bad - good) > max(SHARPNESS * max(bad, good), LEAST):
         middle = (good + bad) / 2
         good, bad = (middle, bad) if stays(middle) else (good, middle)
     return good

@@ -120,6 +120,12 @@ def test_a_step_of_ones_own_and_what_it_keeps():
     assert not oscillator.linear(integrator(remembering))
 
 
+def test_a_map_that_is_not_linear_and_always_grows_has_no_limit():
+    found = oscillator.find(integrator(lambda system, q, p, h: (1.02 * q + h * p, 1.02 * p - h * q * abs(q))))
+    assert (found.how, found.limit, found.intervals) == (oscillator.RUNS, 0.0, ())
+    assert found.reason
+
+
 def test_what_has_no_step_is_refused():
     with pytest.raises(InvalidInput, match="tolerance"):
         pb.stability("heyoka")
