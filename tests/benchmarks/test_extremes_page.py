@@ -244,7 +244,11 @@ def test_intervals_are_read_back():
 def test_the_summary_lacks_nothing_but_what_was_not_measured():
     steps = pd.DataFrame([{"method": "rk4", "orbit": "pendulum", "largest h": 0.25, "fails": "energy-lost"}])
     linear = pd.DataFrame([{"method": "rk4", "limit": math.inf}])
-    row = page.summary(linear, steps, encountered(rk4=(1, 0, 0)), None).set_index("method").loc["rk4"]
+    grown = pd.DataFrame([{"label": "scheme-i(lam=-1)", "h": brouwer.PLAIN, "energy exponent": 0.9}])
+    grown = pd.concat([grown, grown.assign(label="scheme-i(lam=1/3)", **{"energy exponent": 0.7})])
+    found = page.summary(linear, steps, encountered(rk4=(1, 0, 0)), grown).set_index("method")
+    row = found.loc["rk4"]
+    assert found.loc["scheme-i"]["growth"] == "0.70"
     assert (row["limit of h ω"], row["pendulum"], row["worst e"]) == ("none", "0.25", "0.9")
     assert row["how it fails"] == "energy-lost"
     assert page.table(data()) is None

@@ -11,6 +11,7 @@ from phasebench.benchmarks.experiments.extremes import brouwer, cases, encounter
 from phasebench.benchmarks.experiments.extremes.methods import REPRESENTATIVE
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table
+from phasebench.integrators.registry import BY_ID
 
 #: The orbits of the table, by their headings.
 SHOWN = {
@@ -61,7 +62,8 @@ def summary(linear, steps, met, grown) -> pd.DataFrame:
             fails.update(x for x in mine["fails"] if isinstance(x, str) and x)
         row["worst e"] = f"{worst[id]:.10g}" if id in worst else ""
         if grown is not None:
-            mine = grown[(grown["label"].str.partition("(")[0] == id) & grown["energy exponent"].notna()]
+            same = (grown["label"] == BY_ID[id].label) & (grown["h"] == brouwer.PLAIN)
+            mine = grown[same & grown["energy exponent"].notna()]
             row["growth"] = f"{mine['energy exponent'].iloc[0]:.2f}" if len(mine) else ""
         row["how it fails"] = ", ".join(name for name, _ in fails.most_common(2))
         out.append(row)
@@ -76,7 +78,7 @@ def table(data) -> Table | None:
     caption = (
         f"How far each method goes: the stability limit of h ω; the largest h that survives {push.STEPS} steps on four orbits; the "
         f"largest eccentricity held to {encounters.HELD:g} over {encounters.ORBITS} orbits (0: not the smallest one, "
-        f"{encounters.ECCENTRICITIES[0]:g}; nothing: not run); the exponent of the energy's round-off; the commonest ways to fail."
+        f"{encounters.ECCENTRICITIES[0]:g}; nothing: not run); the exponent of the energy's round-off at h = {brouwer.PLAIN:.3g}; the commonest ways to fail."
     )
     return Table(summary(*tables).head(ROWS), caption)
 
