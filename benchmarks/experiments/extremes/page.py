@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks.experiments.extremes import brouwer, cases, encounters, figures, push, verdicts
-from phasebench.benchmarks.experiments.extremes.methods import REPRESENTATIVE
+from phasebench.benchmarks.experiments.extremes.methods import REPRESENTATIVE, transformed
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table
 from phasebench.integrators.registry import BY_ID
@@ -47,10 +47,10 @@ def _step(value) -> str:
 
 
 def summary(linear, steps, met, grown) -> pd.DataFrame:
-    """A row for each method that is pushed, its own parameters where it has some; the tables may be None."""
+    """A row for each method that is pushed, of its own parameters, and each of transformed time; the tables may be None."""
     worst = verdicts.reach(met) if met is not None else {}
     out = []
-    for id in REPRESENTATIVE:
+    for id in (*REPRESENTATIVE, *transformed()):
         row = {"method": id}
         if linear is not None:
             own = linear[linear["method"] == id]
