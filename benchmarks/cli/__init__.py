@@ -19,6 +19,7 @@ from .integrate import integrate
 from .listing import list_
 from .report import report
 from .run import run
+from .stability import stability
 
 #: Name -> the function, whose signature typer reads and whose docstring is the help.
 COMMANDS = {
@@ -30,6 +31,7 @@ COMMANDS = {
     "audit": audit,
     "compare": compare,
     "cite": cite,
+    "stability": stability,
     "cache": cache,
 }
 
