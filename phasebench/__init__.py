@@ -20,6 +20,7 @@ _HOMES = {
     "PEERS": "reference.peers",
     "PROBLEMS": "benchmarks.problems",
     "Solution": "integrators",
+    "advise": "benchmarks.advice.table",
     "integrate": "benchmarks.measure.integrator",
     "integrator": "benchmarks.measure.integrator",
     "method": "integrators",

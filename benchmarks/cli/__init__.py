@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from .advise import advise
 from .audit import audit
 from .certify import certify
 from .cite import cite
@@ -17,6 +18,7 @@ from .integrate import integrate
 from .listing import list_
 from .report import report
 from .run import run
+from .workprecision import workprecision
 
 #: Name -> the function, whose signature typer reads and whose docstring is the help.
 COMMANDS = {
@@ -24,6 +26,8 @@ COMMANDS = {
     "integrate": integrate,
     "run": run,
     "report": report,
+    "advise": advise,
+    "workprecision": workprecision,
     "certify": certify,
     "audit": audit,
     "cite": cite,

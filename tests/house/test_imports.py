@@ -38,6 +38,7 @@ ROOMS = {
         ("problems",),
         ("rows",),
         ("measure",),
+        ("advice",),
         ("page", "bibliography"),
         ("experiments",),
         ("report",),

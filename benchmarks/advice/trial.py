@@ -1,0 +1,108 @@
+"""A candidate's runs: at a number of steps or a tolerance, with the error against what is true and the time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf, isfinite
+from typing import Any, NamedTuple
+
+from phasebench.benchmarks.measure import quantities
+from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.measure.quantities import Truth
+from phasebench.integrators.driver import DIVERGED, INVALID, OK
+from phasebench.integrators.errors import InvalidInput
+
+from .ask import Ask
+
+#: A run shorter than this is made twice, and the shorter time counts: the first finds cold caches.
+SHORT = 0.05
+#: A run that may take long is first made over such a part of the span.
+PART = 1 / 50
+#: The most steps of any run.
+MOST = 10_000_000
+
+
+class Point(NamedTuple):
+    """A run: its ``size`` (steps, or tol), error, seconds without output, and how it ended."""
+
+    size: dict[str, Any]
+    error: float
+    seconds: float
+    steps: int
+    status: str = OK
+    reason: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether it came to the end."""
+        return self.status == OK
+
+
+@dataclass
+class Trial:
+    """An integrator on trial for an ask.
+
+    Attributes
+    ----------
+    integrator, ask, true : who, on what, and what is true
+    longest : seconds after which a run tells nothing more; a method of this project is stopped
+    points : of its runs so far, by size
+    """
+
+    integrator: Integrator
+    ask: Ask
+    true: Truth
+    longest: float
+    points: dict[float, Point] = field(default_factory=dict)
+
+    def at(self, size: float) -> Point:
+        """The run with so many steps, or at that tolerance."""
+        if not self.integrator.adaptive:
+            size = self.ask.quantity.steps(size)
+        if size not in self.points:
+            self.points[size] = self._run({"tol": size} if self.integrator.adaptive else {"steps": int(size)})
+        return self.points[size]
+
+    def _run(self, size: dict[str, Any]) -> Point:
+        try:
+            bare = self.run(size, timed=True)
+            seconds = bare.seconds
+            if bare.status == OK and seconds < SHORT:
+                seconds = min(seconds, self.run(size, timed=True).seconds)
+            found = self.run(size) if bare.status == OK and self.ask.quantity.rows > 1 else bare
+        except InvalidInput as error:
+            return Point(size, inf, inf, 0, INVALID, str(error))
+        if found.status != OK:
+            return Point(size, inf, bare.seconds, bare.counts["steps"], found.status, found.reason)
+        error = quantities.error(self.ask.problem, self.ask.quantity, found, self.true)
+        return Point(size, error, seconds, bare.counts["steps"])
+
+    def run(self, size: dict[str, Any], timed: bool = False):
+        """The solution at a size: with the quantity's rows, or without output where it is ``timed``."""
+        rows = {**size, "save_every": 0} if timed else self.ask.quantity.grid(**size)
+        stop = {"timeout": self.longest} if self.integrator.stoppable and isfinite(self.longest) else {}
+        return self.integrator.run(self.ask.problem, t_end=self.ask.t_end, **rows, **stop)
+
+    def error(self, size: float) -> float:
+        """The error of a further run at a size."""
+        found = self.run({"tol": size} if self.integrator.adaptive else {"steps": int(size)})
+        return quantities.error(self.ask.problem, self.ask.quantity, found, self.true)
+
+    def pilot(self, size: float) -> float:
+        """The seconds that a run of a size will take, from one over a part of the span; 0 where it can be stopped."""
+        if self.integrator.stoppable:
+            return 0.0
+        part = {"tol": size} if self.integrator.adaptive else {"steps": max(1, round(size * PART))}
+        try:
+            done = self.integrator.run(self.ask.problem, t_end=self.ask.t_end * PART, **part, save_every=0)
+        except InvalidInput:
+            return 0.0
+        return done.seconds / PART if done.status == OK else 0.0
+
+    def failure(self) -> str:
+        """How the run of the most steps, or of the tightest tolerance, ended."""
+        if not self.points:
+            return DIVERGED
+        size = (min if self.integrator.adaptive else max)(self.points)
+        point = self.points[size]
+        return f"{point.status}: {point.reason}" if point.reason else point.status
