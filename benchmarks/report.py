@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from phasebench.benchmarks.experiments.advice.page import PAGE as ADVICE
 from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
 from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
@@ -42,6 +43,7 @@ from .rows import tables as results
 #: In the order in which a reader wants them.
 PAGES: tuple[Page, ...] = (
     TRADE,
+    ADVICE,
     PRINTED,
     ORDERS,
     STRUCTURE,

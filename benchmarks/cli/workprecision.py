@@ -42,7 +42,7 @@ def workprecision(
         if t_end is None or not t_end > 0:
             raise InvalidInput("give --t-end, a positive number: where does the integration end?")
         _check(output)
-        rows = _measured(_asked(problem, hamiltonian, set_, q, p), t_end, quantity, methods)
+        rows = measured(_asked(problem, hamiltonian, set_, q, p), t_end, quantity, methods)
         if output is not None:
             _figure(rows, output)
     if as_json:
@@ -67,7 +67,8 @@ def _asked(problem, hamiltonian, set_, q, p):
     return chosen if hamiltonian is not None else started(chosen, q0, p0)
 
 
-def _measured(problem, t_end: float, quantity: str, methods: str | None) -> list[dict[str, Any]]:
+def measured(problem, t_end: float, quantity: str, methods: str | None) -> list[dict[str, Any]]:
+    """The rows of methods, names with commas between, on a problem."""
     from phasebench.benchmarks.advice import ladder
     from phasebench.benchmarks.measure.integrator import integrator
     from phasebench.benchmarks.measure.quantities import quantity as quantity_of
