@@ -14,6 +14,7 @@ from .advise import advise
 from .audit import audit
 from .certify import certify
 from .cite import cite
+from .compare import compare
 from .integrate import integrate
 from .listing import list_
 from .report import report
@@ -30,6 +31,7 @@ COMMANDS = {
     "workprecision": workprecision,
     "certify": certify,
     "audit": audit,
+    "compare": compare,
     "cite": cite,
 }
 

@@ -39,7 +39,7 @@ ROOMS = {
         ("rows",),
         ("measure",),
         ("advice",),
-        ("page", "bibliography"),
+        ("page", "bibliography", "history"),
         ("experiments",),
         ("report",),
         ("cli",),
