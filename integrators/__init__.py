@@ -20,6 +20,7 @@ _HOMES = {
     "Solution": "driver",
     "integrate": "driver",
     "method": "registry",
+    "prepare": "prepared",
 }
 __all__ = sorted(_HOMES)
 

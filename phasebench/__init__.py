@@ -24,6 +24,7 @@ _HOMES = {
     "integrate": "benchmarks.measure.integrator",
     "integrator": "benchmarks.measure.integrator",
     "method": "integrators",
+    "prepare": "benchmarks.measure.integrator",
     "problem": "benchmarks.problems",
 }
 __all__ = sorted(_HOMES)

@@ -117,6 +117,13 @@ class HandHamiltonian(Hamiltonian):
         rows = zip(np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float), strict=True)
         return np.array([np.linalg.norm(field(q, p, 0.0, 0.0)[0]) for q, p in rows])
 
+    def scale(self, Q, P):
+        """A third of what the loop says the round-off of H is in units of: of quadratic terms their size."""
+        Q, P = np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float)
+        energy = self.energy()
+        with np.errstate(all="ignore"):
+            return np.array([energy(q, p)[1] for q, p in zip(Q, P, strict=True)], float) / 3
+
     def observe(self, expression, Q, P):
         """As of every system; H by its loop, and ``expression`` may be a function of the rows."""
         Q, P = np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float)
