@@ -117,7 +117,8 @@ def _chosen(found: Search, order: list[Candidate], problem_words: Sequence[str])
     again = {c: _again(c) for c in named}
     rows = {c: c.row(ask, problem_words) | ({"error": again[c]} if c in again else {}) for c in order}
     second = _second(found)
-    good = ask.accuracy is None or again[order[0]] + found.true.uncertainty <= ask.accuracy
+    first = order[0]
+    good = ask.accuracy is None or first.trial.meets(first.point._replace(error=again[first]), ask.accuracy)
     confirmed = found.ask.quantity.kept or second["confirmed"]
     return {
         "choice": rows[order[0]],
@@ -129,7 +130,7 @@ def _chosen(found: Search, order: list[Candidate], problem_words: Sequence[str])
         "alternatives": [rows[c] for c in order[1 : ALTERNATIVES + 1]],
         "dropped": [d._asdict() for d in found.dropped],
         "reference": {"uncertainty": found.true.uncertainty, "source": found.true.source} | second,
-        "verified": bool(good and confirmed and again[order[0]] == order[0].point.error),
+        "verified": bool(good and confirmed),
     }
 
 

@@ -114,18 +114,14 @@ def _ordered(trial: Trial) -> list[tuple[float, Point]]:
 
 def _good(trial: Trial, accuracy: float) -> Point | None:
     """The coarsest of the runs that meet the accuracy."""
-    return next((p for _, p in _ordered(trial) if _meets(trial, p, accuracy)), None)
-
-
-def _meets(trial: Trial, point: Point, accuracy: float) -> bool:
-    return point.ok and point.error + trial.true.uncertainty <= accuracy
+    return next((p for _, p in _ordered(trial) if trial.meets(p, accuracy)), None)
 
 
 def _bad(trial: Trial, accuracy: float) -> Point | None:
     """The finest run that is coarser than every one that meets the accuracy."""
     last = None
     for _, point in _ordered(trial):
-        if _meets(trial, point, accuracy):
+        if trial.meets(point, accuracy):
             break
         last = point
     return last

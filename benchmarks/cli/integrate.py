@@ -130,14 +130,14 @@ def _integrated(problem, integrator, wanted: Wanted, tol, timeout, **common) -> 
         raise InvalidInput(f"'{integrator.id}' cannot be stopped: leave out --timeout")
     options = common | {"tol": tol, "timeout": timeout}
     solution = integrator.run(problem, **options)
-    seconds = solution.seconds
+    bare = solution
     if solution.status == "ok":
-        # The rows above give the invariants along the way; the time is of a run without output.
-        seconds = integrator.run(problem, **options, save_every=0).seconds
+        # The rows above give the invariants along the way; time and error are of a run without output.
+        bare = integrator.run(problem, **options, save_every=0)
     parameters = {k: str(v) for k, v in integrator.record.parameters.items()}
-    result = _result(problem, replace(solution, seconds=seconds), parameters if tol is None else {"tol": tol})
+    result = _result(problem, replace(solution, seconds=bare.seconds), parameters if tol is None else {"tol": tol})
     if solution.status == "ok" and (wanted.error or wanted.quantity):
-        result |= _errors(problem, integrator, solution, wanted, tol, common)
+        result |= _errors(problem, integrator, bare, wanted, tol, common)
     if wanted.output is not None:
         rows = trajectory.write(wanted.output, solution, wanted.every)
         result["output"] = {"file": str(wanted.output), "rows": rows}

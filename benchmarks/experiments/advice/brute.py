@@ -64,7 +64,7 @@ def cheapest_of(trial: Trial, cheapest: float) -> Point | None:
         if trial.pilot(at) > max(20 * cheapest, LONGEST):
             return None
         point = trial.at(at)
-        if _meets(trial, point):
+        if trial.meets(point, trial.ask.accuracy):
             break
         if (point.ok and point.seconds > DEAR * cheapest) or point.seconds > trial.longest:
             return None
@@ -76,8 +76,4 @@ def cheapest_of(trial: Trial, cheapest: float) -> Point | None:
         while finer < at:
             trial.at(round(finer))
             finer = max(finer * FINE, finer + 1)
-    return min((p for p in trial.points.values() if _meets(trial, p)), key=lambda p: p.seconds)
-
-
-def _meets(trial: Trial, point: Point) -> bool:
-    return point.ok and point.error + trial.true.uncertainty <= trial.ask.accuracy
+    return min((p for p in trial.points.values() if trial.meets(p, trial.ask.accuracy)), key=lambda p: p.seconds)

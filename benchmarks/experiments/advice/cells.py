@@ -113,8 +113,8 @@ def _against(question: Ask, choice: dict[str, Any]) -> dict[str, Any]:
     advised = Trial(integrator(choice["integrator"], **choice["params"]), question, true, brute.LONGEST)
     turns = in_turns(
         {
-            "advised": lambda: advised.run(size, timed=True).seconds,
-            "best": lambda: found.trial.run(found.point.size, timed=True).seconds,
+            "advised": lambda: advised.seconds(size),
+            "best": lambda: found.trial.seconds(found.point.size),
         },
         ROUNDS,
     )
