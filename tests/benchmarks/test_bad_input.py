@@ -1,4 +1,4 @@
-"""What cannot be used, and what is said of it: one table of commands, `bad_input.txt`, each with its answer and exit code.
+"""What cannot be used, and what is said of it: commands in `bad_input.txt`, each with its answer and exit code.
 
 No exception of another package reaches a user, and nothing is integrated or written.
 """
