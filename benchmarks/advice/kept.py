@@ -27,6 +27,8 @@ UNITS = 100.0
 DEFECT = 1e-8
 #: Defects that differ by less over two displacements are the step's, not the differences'.
 SAME = 4.0
+#: Steps over which the sizes of q and p are looked for.
+LOOKED = 16
 #: Rows on which invariants are looked at.
 ROWS = 1000
 EPS = float(np.finfo(float).eps)
@@ -126,14 +128,13 @@ def rows(size: dict) -> dict:
 
 
 def symplecticity_defect(integrator: Integrator, problem, h: float) -> float:
-    """The defect of one step of size h at the initial state, q and p in units of their sizes there.
+    """The defect of one step of size h at the initial state, q and p in units of their sizes along the orbit.
 
     0 where differences cannot tell: where it is not the same over displacements of another size.
     """
     d = len(problem.q0)
     start = np.array([*problem.q0, *problem.p0], float)
-    units = np.repeat([max(np.abs(half).max(), EPS) for half in (start[:d], start[d:])], d)
-    units[d:] = units[d:] if np.abs(start[d:]).max() > EPS else units[0]
+    units = np.repeat(_sizes(integrator, problem, h), d)
 
     def step(x):
         y = x * units
@@ -145,3 +146,9 @@ def symplecticity_defect(integrator: Integrator, problem, h: float) -> float:
     defects = [metrics.symplecticity_defect(metrics.jacobian(step, start / units, x)) for x in (first, first / 4)]
     low, high = min(defects), max(defects)
     return float(low) if np.isfinite(high) and high <= SAME * low else 0.0
+
+
+def _sizes(integrator: Integrator, problem, h: float) -> list[float]:
+    """The max norms of q and p over the first steps; 1 where a coordinate stays 0."""
+    solution = integrator.run(problem, h=h, steps=LOOKED)
+    return [float(np.nanmax(np.abs(x))) or 1.0 for x in (solution.q, solution.p)]

@@ -55,20 +55,25 @@ def _mean(values: list[float], tables: int) -> float:
 
 
 def made(rows) -> list[dict[str, object]]:
-    """The lines of `prior.csv` from rows with problem, id, error, seconds (a DataFrame), of runs that ended well."""
+    """The lines of `prior.csv` from rows (scene, problem, id, error, seconds) of runs that ended well.
+
+    Of a problem with several scenes the geometric mean; who did not get there in one counts as `LARGEST` in it.
+    """
     lines = []
     for problem, members in rows.groupby("problem", sort=True):
         for at in DECADES:
-            enough = members[members["error"] <= 10.0**at]
-            if enough.empty:
-                continue
-            cheapest = enough.groupby("id")["seconds"].min().sort_values()
-            share = cheapest / cheapest.iloc[0]
-            lines += [
-                {"problem": problem, "decade": at, "integrator": id, "factor": round(float(f), 2)}
-                for id, f in share[share < LARGEST].items()
-            ]
+            shares = [s for _, scene in members.groupby("scene") if (s := _shares(scene, 10.0**at))]
+            for id in sorted({id for s in shares for id in s}):
+                factor = _mean([min(s.get(id, LARGEST), LARGEST) for s in shares], len(shares))
+                if factor < LARGEST:
+                    lines.append({"problem": problem, "decade": at, "integrator": id, "factor": round(factor, 2)})
     return lines
+
+
+def _shares(rows, error: float) -> dict[str, float]:
+    """Integrator -> the seconds of its cheapest run that meets an error over those of the cheapest of all."""
+    cheapest = rows[rows["error"] <= error].groupby("id")["seconds"].min()
+    return {} if cheapest.empty else (cheapest / cheapest.min()).to_dict()
 
 
 def keep(lines: list[dict[str, object]]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from dataclasses import dataclass, field
 from math import inf, isfinite
 from typing import Any, NamedTuple
@@ -92,7 +93,9 @@ class Trial:
         if not isinstance(self.integrator.record, Method):
             return self.run(size, bare=True).seconds
         if self.prepared is None:
-            self.prepared = prepare(self.ask.problem, self.integrator.record)
+            with warnings.catch_warnings():  # Numba calls functions in tuples experimental
+                warnings.simplefilter("ignore")
+                self.prepared = prepare(self.ask.problem, self.integrator.record)
         steps = size["steps"]
         h = self.ask.t_end / steps
         began = time.perf_counter()

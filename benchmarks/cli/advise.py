@@ -96,7 +96,10 @@ def _plainly():
 
 def _words(problem, hamiltonian, chosen, set_, q, p) -> list[str]:
     """What names the problem on a command line: as it was named here."""
-    words = [] if problem is None else [chosen.label if hamiltonian is None and "/" not in problem else problem]
+    from phasebench.benchmarks.problems import file_and_orbit
+
+    own = problem is not None and (hamiltonian is not None or file_and_orbit(problem)[0] is not None)
+    words = [] if problem is None else [problem if own else chosen.label]
     words += ["--hamiltonian", hamiltonian] if hamiltonian is not None else []
     for name, value in [("--set", x) for x in set_] + [("--q", q), ("--p", p)]:
         words += [name, value] if value is not None else []

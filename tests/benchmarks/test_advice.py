@@ -218,6 +218,9 @@ def test_what_is_kept_is_measured():
     asked = question("henon-heiles:box", conserve=("symplectic",))
     assert kept.broken(integrator("stormer-verlet"), asked, {"steps": 100}) is None
     assert "not symplectic" in kept.broken(integrator("rk4"), asked, {"steps": 20})
+    asked = question("pendulum:rotating", conserve=("symplectic",))  # it starts at q = 0
+    assert kept.broken(integrator("stormer-verlet"), asked, {"steps": 30}) is None
+    assert "not symplectic" in kept.broken(integrator("rk4"), asked, {"steps": 30})
     asked = question("kepler", conserve=("momentum",))
     assert "angular-momentum" in kept.broken(integrator("rk4"), asked, {"steps": 200})
     assert kept.broken(integrator("gauss-4"), asked, {"steps": 200}) is None
@@ -229,10 +232,11 @@ def test_what_is_kept_is_measured():
 def test_the_prior_is_of_the_rows():
     rows = pd.DataFrame(
         {
-            "problem": ["a", "a", "a", "b"],
-            "id": ["x", "y", "x", "y"],
-            "error": [1e-7, 1e-5, 1e-4, 1e-9],
-            "seconds": [4.0, 1.0, 0.5, 1.0],
+            "scene": ["a1", "a1", "a1", "b1", "c1", "c1", "c2"],
+            "problem": ["a", "a", "a", "b", "c", "c", "c"],
+            "id": ["x", "y", "x", "y", "x", "y", "x"],
+            "error": [1e-7, 1e-5, 1e-4, 1e-9, 1e-9, 1e-9, 1e-9],
+            "seconds": [4.0, 1.0, 0.5, 1.0, 4.0, 1.0, 9.0],
         }
     )
     lines = {(r["problem"], r["decade"], r["integrator"]): r["factor"] for r in prior.made(rows)}
@@ -242,6 +246,8 @@ def test_the_prior_is_of_the_rows():
     assert ("a", -6, "y") not in lines
     assert lines["b", -9, "y"] == 1.0
     assert ("b", -10, "y") not in lines
+    assert lines["c", -9, "x"] == 2.0  # 4 times in one scene, the cheapest of the other
+    assert lines["c", -9, "y"] == pytest.approx(prior.LARGEST**0.5, abs=0.01)  # not there in the other
 
 
 def test_factors_are_of_the_problem_or_of_all(monkeypatch):

@@ -7,7 +7,7 @@ import pytest
 
 from phasebench.benchmarks.advice.trial import Point, Trial
 from phasebench.benchmarks.experiments.advice import asks, brute, page, rerun
-from phasebench.benchmarks.experiments.advice.bench_advice import unmet
+from phasebench.benchmarks.experiments.advice.bench_advice import prior_of, unmet
 from phasebench.benchmarks.experiments.advice.cells import asked_of, cells
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.integrators.driver import DIVERGED
@@ -125,3 +125,12 @@ def test_a_command_is_run_by_another_process():
     assert rerun.error_of({"quantity_error": {"error": 2.0}, "global_error": 1.0}) == 2.0
     with pytest.raises(RuntimeError, match="rerun failed"):
         rerun.rerun(["another command"])
+
+
+def test_the_prior_is_made_of_the_trades_rows():
+    row = {"scene": "pendulum-long", "status": "ok", "error": 1e-7}
+    found = [row | {"id": "a", "seconds": 1.0}, row | {"id": "b", "seconds": 3.0}]
+    found += [row | {"id": "heyoka-batch", "seconds": 0.1}, row | {"id": "c", "seconds": 0.1, "status": "diverged"}]
+    lines = {(x["problem"], x["decade"], x["integrator"]): x["factor"] for x in prior_of(found)}
+    assert lines["pendulum", -7, "b"] == 3.0
+    assert {id for _, _, id in lines} == {"a", "b"}
