@@ -52,6 +52,12 @@ def test_another_initial_state_has_another_reference():
     assert found["reference"]["source"] == "long double"
 
 
+def test_a_formula_longer_than_a_files_name():
+    H = "p**2/2 + q**2/2" + " + 0*q" * 60
+    found = printed("rk4", "--hamiltonian", H, "--q", "1", "--p", "0", "--h", "0.1", "--t-end", "1", "--error")
+    assert 0 < found["global_error"] < 1e-5
+
+
 def test_an_orbit_that_is_lost_has_no_error():
     found = printed("henon-heiles:chaotic", "rk4", "--h", "0.1", "--t-end", "1000", "--error")
     assert found["global_error"] is None
