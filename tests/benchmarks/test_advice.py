@@ -90,8 +90,10 @@ def test_a_candidate_that_cannot_win_is_given_up():
 
 
 def test_one_that_breaks_everywhere_is_given_up():
-    found = search.search(trial(lambda n: None), 1e-3, 8)
+    made = trial(lambda n: None)
+    found = search.search(made, 1e-3, 8)
     assert found.point is None
+    assert len(made.points) <= search.FAILURES
     assert "it breaks" in found.why
 
 
