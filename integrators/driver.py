@@ -11,6 +11,7 @@ from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
 from phasebench.integrators.engine.kernel import prepare
 
+from . import prepared
 from .errors import InvalidInput
 from .outcome import (  # noqa: F401
     COLLISION,
@@ -23,7 +24,6 @@ from .outcome import (  # noqa: F401
     TIMEOUT,
     UNSTABLE,
 )
-from .prepared import lay_out
 from .record import Method
 from .registry import method as method_of
 from .request import check_timeout, initial, request, spacing
@@ -115,16 +115,25 @@ def integrate(
     lack = record.lacks(system)
     if lack:
         raise InvalidInput(lack)
-    prepared = prepare(record, system, arithmetic)
-    trajectory = Trajectory(system, q, p, h, steps, every, arithmetic, prepared.missed)
-    return _run(prepared, trajectory, record, timeout, progress)
+    kernel = prepare(record, system, arithmetic)
+    trajectory = Trajectory(system, q, p, h, steps, every, arithmetic, kernel.missed)
+    return _run(kernel, trajectory, record, timeout, progress)
 
 
-def _run(prepared, trajectory: Trajectory, record: Method, timeout, progress) -> Solution:
+def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dict | None = None) -> Callable[[], tuple]:
+    """A function that integrates ``steps`` steps from the initial state and returns (q, p): a prepared run of one size.
+
+    Raises what `prepared.prepare` raises.
+    """
+    run = prepared.prepare(problem, method, **(parameters or {}))
+    return lambda: run(h, steps)[:2]
+
+
+def _run(kernel, trajectory: Trajectory, record: Method, timeout, progress) -> Solution:
     """Integrate, from the first row of the trajectory."""
     t = trajectory
-    run = lay_out(prepared, t.system.d, t.h, t.q[0], t.p[0], t.arithmetic)
-    counts, pace = run.counts, Pace(timeout, FIRST if prepared.missed else PIECE)
+    run = prepared.lay_out(kernel, t.system.d, t.h, t.q[0], t.p[0], t.arithmetic)
+    counts, pace = run.counts, Pace(timeout, FIRST if kernel.missed else PIECE)
     while t:
         t.advance(run, pace)
         if progress is not None:
@@ -134,8 +143,8 @@ def _run(prepared, trajectory: Trajectory, record: Method, timeout, progress) ->
     tally = {
         "steps": t.reached,
         "gradient": evaluations,
-        "hessian": evaluations if prepared.hessian else 0,
-        "iterations": evaluations if prepared.implicit else 0,
+        "hessian": evaluations if kernel.hessian else 0,
+        "iterations": evaluations if kernel.implicit else 0,
         "fallbacks": int(counts.fallbacks),
         "newton": int(counts.newton),
     }

@@ -110,10 +110,16 @@ def escaped(system, Q, P, found: EnergyError | None = None) -> str:
     return f"; the energy was kept until the state had grown to {sizes[-1]:.3g}: the motion itself may escape"
 
 
+def energy_unit(system, Q, P) -> float:
+    """The size of the first row's energy; of its terms where they cancel."""
+    H, M = (abs(float(x[0])) for x in (system.observe(system.H, Q[:1], P[:1]), system.scale(Q[:1], P[:1])))
+    return M if H < KEPT * M else H
+
+
 # -- singularities ----------------------------------------------------------------------------------------------------
 
 
-def _travel(system, Q, P, h):
+def travel(system, Q, P, h):
     """(distance to the nearest singularity, length of a step) of each row."""
     distance = np.min([np.abs(system.observe(s, Q, P)) for s in system.singular], axis=0)
     return distance, h * system.speed(Q, P)
@@ -141,7 +147,7 @@ def approach(system, Q, P, h) -> str | None:
     """Whether the last good state was about to step across a singularity."""
     if not system.singular or Q.dtype == object:
         return None
-    distance, length = _travel(system, Q[-1:], P[-1:], h)
+    distance, length = travel(system, Q[-1:], P[-1:], h)
     if length[-1] > distance[-1]:
         return f"the step {length[-1]:.3g} is longer than the distance {distance[-1]:.3g} to the singularity"
     return None
@@ -151,7 +157,7 @@ def passed(system, t, Q, P, h) -> str | None:
     """Whether a kept step jumped across a singularity: head-on, or with a tenth of the energy lost."""
     if not system.singular or system.H is None:
         return None
-    distance, length = _travel(system, Q, P, h)
+    distance, length = travel(system, Q, P, h)
     near = np.flatnonzero(length > distance)
     if not len(near):
         return None
@@ -159,7 +165,7 @@ def passed(system, t, Q, P, h) -> str | None:
     if len(head_on):
         return f"the motion meets the singularity head-on after t = {t[head_on[0]]:.6g}; no step goes through it"
     H = system.observe(system.H, Q, P)
-    if np.abs(H[near[0] :] - H[0]).max() <= 0.1 * abs(H[0]):
+    if np.abs(H[near[0] :] - H[0]).max() <= 0.1 * energy_unit(system, Q, P):
         return None
     return (
         f"near t = {t[near[0]]:.6g} a step of length {length[near[0]]:.3g} crosses the singularity at distance "

@@ -163,6 +163,10 @@ class Trajectory:
         if code == solve.NOT_FINITE:
             self.status, self.reason = DIVERGED, "a stage equation has no finite iterate"
             return
+        if code == solve.OUT_OF_STEP:
+            self.status = NOT_CONVERGED
+            self.reason = "the control of the step has lost the problem's time scale; take a smaller h"
+            return
         size, begun = (np.abs([self.q[i], self.p[i]]).max() for i in (self.filled, 0))
         if size > ESCAPED * (1 + begun):
             self.status, self.reason = DIVERGED, f"the state has grown to {size:.3g}"
@@ -184,9 +188,9 @@ class Trajectory:
         if self.status in (OK, TIMEOUT):
             if self.status == TIMEOUT:
                 self.reason = f"{timeout} s had passed {at}; what was reached is kept"
-            if self.arithmetic != MULTIPRECISION:
-                self._judge()
             self._count_missed(fallbacks)
+            if self.arithmetic != MULTIPRECISION and self.status != NO_ROOT:
+                self._judge()
             return
         _, Q, P = self._looked()
         near = approach(self.system, Q, P, self.h)
@@ -214,14 +218,13 @@ class Trajectory:
             self.status, self.reason = COLLISION, near
             return
         found = judged(self.system, t, Q, P)
-        if found.status != OK or not self.reason:
-            self.reason = "; ".join(filter(None, (found.reason, self.reason)))
-            self.status = self.status if found.status == OK else found.status
+        self.status = self.status if found.status == OK else found.status
+        self.reason = "; ".join(filter(None, (self.reason, found.reason)))
 
     def _count_missed(self, fallbacks: int) -> None:
         """Say how many steps lack what the method promises."""
         if not self.missed or not fallbacks or self.status != OK:
             return
-        self.reason = "; ".join(filter(None, (f"{fallbacks} of {self.reached} steps {self.missed}", self.reason)))
+        self.reason = f"{fallbacks} of {self.reached} steps {self.missed}"
         if fallbacks > TOLERATED * self.reached:
             self.status, self.reason = NO_ROOT, self.reason + ": the energy is not kept; take a smaller h"

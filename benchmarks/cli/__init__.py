@@ -12,6 +12,7 @@ import typer
 
 from .advise import advise
 from .audit import audit
+from .cache import cache
 from .certify import certify
 from .cite import cite
 from .compare import compare
@@ -33,6 +34,7 @@ COMMANDS = {
     "audit": audit,
     "compare": compare,
     "cite": cite,
+    "cache": cache,
 }
 
 app = typer.Typer(

@@ -18,7 +18,7 @@ from numba import types
 from numba.core.imputils import impl_ret_borrowed, impl_ret_new_ref
 from numba.extending import intrinsic
 
-from . import progress
+from . import machine, progress
 from .kernel import Prepared, Samples, _tuple_type, entry, kernel
 from .solve import NOT_FINITE, SOLVED
 
@@ -47,14 +47,14 @@ _flat: dict = {}
 
 
 def flat(prepared: Prepared, d: int) -> Flat:
-    """The functions of ``prepared.run`` for d degrees of freedom, compiled once in a process."""
+    """The functions of ``prepared.run`` for d degrees of freedom, compiled once."""
     run = kernel(prepared, d)
     step, orbit, samples, counts = run.nopython_signatures[0].args
     if (run, step) not in _flat:
-        pointer = types.FunctionType(run.nopython_signatures[0].return_type(step, orbit, samples, counts))
-        block = _tuple_type((pointer, step, orbit, samples, counts, _NUMBERS))
         with progress.compiling("the kernel's entry", d), warnings.catch_warnings():
             warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
+            pointer = types.FunctionType(run.nopython_signatures[0].return_type(step, orbit, samples, counts))
+            block = _tuple_type((pointer, step, orbit, samples, counts, _NUMBERS))
             _flat[run, step] = _compiled(run, block, d)
     return _flat[run, step]
 
@@ -87,10 +87,16 @@ def _compiled(run, block, d: int) -> Flat:
         return status
 
     number = types.int64
-    made = numba.njit(types.void(number, *block), error_model="numpy")(pack)
-    released = numba.njit(types.void(number), error_model="numpy")(release)
-    called = numba.njit(number(number, types.float64, number), error_model="numpy")(call)
-    return Flat(_size(block), entry(made), entry(released), run, entry(called))
+    made = _kept(pack, types.void(number, *block), block, d)
+    released = _kept(release, types.void(number), block, d)
+    called = _kept(call, number(number, types.float64, number), block, d)
+    return Flat(_size(block), made, released, run, called)
+
+
+def _kept(f: Callable, signature, block, d: int) -> Callable:
+    """``f``, compiled for a block of arguments."""
+    options = {"error_model": "numpy", "nogil": True}
+    return entry(machine.compiled(f, signature, options, f"entry-{f.__name__}|{block}|{d}"))
 
 
 def _size(t) -> int:

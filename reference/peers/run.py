@@ -84,7 +84,7 @@ def integrate_peer(
 
 def ending(system, times, q, p, failure: str | None) -> tuple[str, str, int]:
     """How rows of q and p at the first of the ``times`` ended: the status, the reason, and how many rows are good."""
-    from phasebench.integrators.outcome import COLLISION, DIVERGED, judged
+    from phasebench.integrators.outcome import COLLISION, DIVERGED, energy_unit, judged
 
     finite = np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1)
     rows = len(q) if finite.all() else int(np.argmin(finite))
@@ -97,7 +97,7 @@ def ending(system, times, q, p, failure: str | None) -> tuple[str, str, int]:
         return DIVERGED, f"the state is outside H's domain; the rows end at t = {times[rows - 1]:.6g}", rows
     if system.singular and system.H is not None:
         worst = float(np.abs(H - H[0]).max())
-        if worst > LOST * abs(H[0]):
+        if worst > LOST * energy_unit(system, q, p):
             return COLLISION, f"the energy {H[0]:.6g} changed by {worst:.3g}: the orbit met the singularity", rows
     return *judged(system, times[:rows], q, p, "take a smaller step or tolerance"), rows
 

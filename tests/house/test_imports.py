@@ -35,6 +35,9 @@ ROOMS = {
         ("prepared",),
         ("trajectory",),
         ("driver",),
+        ("lots",),
+        ("ensemble",),
+        ("section",),
     ),
     "reference": (("tables",), ("solvers",), ("peers",), ("certificates",)),
     "benchmarks": (
