@@ -58,6 +58,14 @@ def test_a_formula_longer_than_a_files_name():
     assert 0 < found["global_error"] < 1e-5
 
 
+def test_a_decimal_in_a_formula_may_make_integers_beyond_64_bits():
+    H = "p**2/2 - 1/sqrt(q**2 + 0.1)"
+    found = printed(
+        "rk4-relaxation", "--hamiltonian", H, "--q", "1", "--p", "0", "--h", "0.01", "--t-end", "1", "--error"
+    )
+    assert found["global_error"] < 1e-7
+
+
 def test_an_orbit_that_is_lost_has_no_error():
     found = printed("henon-heiles:chaotic", "rk4", "--h", "0.1", "--t-end", "1000", "--error")
     assert found["global_error"] is None
