@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from .advise import advise
 from .audit import audit
 from .cache import cache
 from .certify import certify
@@ -20,6 +21,7 @@ from .listing import list_
 from .report import report
 from .run import run
 from .stability import stability
+from .workprecision import workprecision
 
 #: Name -> the function, whose signature typer reads and whose docstring is the help.
 COMMANDS = {
@@ -27,6 +29,8 @@ COMMANDS = {
     "integrate": integrate,
     "run": run,
     "report": report,
+    "advise": advise,
+    "workprecision": workprecision,
     "certify": certify,
     "audit": audit,
     "compare": compare,

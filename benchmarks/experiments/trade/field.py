@@ -1,0 +1,59 @@
+"""Who competes: every method of this project that can do a problem, and every peer at the settings of its own best.
+
+Peers run as fast as their packages can: heyoka with and without ``high_accuracy`` and in ``compact_mode`` too;
+REBOUND's WHFast with ``safe_mode`` 0, its correctors, kernels and coordinates, IAS15 in each of its adaptive modes,
+SABA, leapfrog, JANUS, EOS and BS; SciPy's solvers with right-hand sides that Numba compiled.  `LEFT_OUT` says who does
+not compete, and why.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+from phasebench.benchmarks.measure.integrator import OURS, Integrator, integrator
+from phasebench.reference.peers import PEERS, heyoka, rebound
+
+from . import peer_rows, sweep
+
+#: Peers of the registry that do not compete, and why.
+LEFT_OUT = {
+    "heyoka-batch": "it carries the same orbit in every lane: a throughput of many orbits",
+    "scipy-dop853": "its right-hand side is Python; scipy-dop853-numba is the same solver with a compiled one",
+    "scipy-lsoda": "its right-hand side is Python; scipy-lsoda-numba is the same solver with a compiled one",
+    "scipy-radau": "its right-hand side is Python; scipy-radau-numba is the same solver with a compiled one",
+}
+#: Who is measured first, on either side: what they need is what the others have to beat.
+FIRST = ("heyoka", "heyoka-high-accuracy", "rebound-ias15", "stormer-verlet", "pefrl", "gauss-4", "gauss-8")
+
+
+@cache
+def competitors() -> tuple[Integrator, ...]:
+    """All of them, those of `FIRST` before the others."""
+    ours = [integrator(id, **dict(parameters)) for id, parameters in sweep.variants()]
+    found = {c.label: c for c in (*ours, *map(Integrator, peers()))}
+    first = [found.pop(id) for id in FIRST if id in found]
+    return (*first, *found.values())
+
+
+def peers() -> list:
+    """The peers of the packages that this project depends on, with settings that are not in the registry."""
+    registered = [p for p in PEERS if p.package in peer_rows.PACKAGES and p.id not in LEFT_OUT]
+    modes = [rebound.ias15(mode) for mode in rebound.ADAPTIVE_MODES[1:]]
+    return [*registered, heyoka.compact(False), heyoka.compact(True), *modes, *rebound.TRIED]
+
+
+def able(problem) -> tuple[list[Integrator], dict[str, str]]:
+    """(those that can integrate a problem, label -> why not of the others)."""
+    can, cannot = [], {}
+    for c in competitors():
+        lack = c.lacks(problem)
+        if lack is None:
+            can.append(c)
+        else:
+            cannot[c.label] = lack
+    return can, cannot
+
+
+def ours(c: Integrator) -> bool:
+    """Whether it is a method of this project."""
+    return c.kind == OURS
