@@ -172,7 +172,7 @@ def test_every_way_to_run_a_peer_fast_is_in_the_field():
     assert {"heyoka", "heyoka-high-accuracy", "heyoka(compact_mode)", "heyoka-high-accuracy(compact_mode)"} <= labels
     assert {f"rebound-ias15(adaptive_mode={m})" for m in ("individual", "global", "aarseth85")} <= labels
     assert {"rebound-whfast", "rebound-whfast-plain", "rebound-saba-10-6-4", "rebound-bs"} <= labels
-    assert {"scipy-dop853-numba", "scipy-lsoda-numba"} <= labels
+    assert {"scipy-dop853-numba", "scipy-lsoda-numba", "scipy-ode(DOP853)", "scipy-odeint(LSODA)"} <= labels
     fixed = [p.settings for p in field.peers() if p.settings.get("integrator") in ("whfast", "saba")]
     assert fixed
     assert all(s["safe_mode"] == 0 for s in fixed)

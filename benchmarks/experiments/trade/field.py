@@ -2,7 +2,8 @@
 
 Peers run as fast as their packages can: heyoka with and without ``high_accuracy`` and in ``compact_mode`` too;
 REBOUND's WHFast with ``safe_mode`` 0, its correctors, kernels and coordinates, IAS15 in each of its adaptive modes,
-SABA, leapfrog, JANUS, EOS and BS; SciPy's solvers with right-hand sides that Numba compiled.  `LEFT_OUT` says who does
+SABA, leapfrog, JANUS, EOS and BS; SciPy's solvers with right-hand sides that Numba compiled, and
+its older interfaces, whose loops are compiled as well.  `LEFT_OUT` says who does
 not compete, and why.
 """
 
@@ -11,7 +12,7 @@ from __future__ import annotations
 from functools import cache
 
 from phasebench.benchmarks.measure.integrator import OURS, Integrator, integrator
-from phasebench.reference.peers import PEERS, heyoka, rebound
+from phasebench.reference.peers import PEERS, heyoka, rebound, scipy
 
 from . import peer_rows, sweep
 
@@ -39,7 +40,8 @@ def peers() -> list:
     """The peers of the packages that this project depends on, with settings that are not in the registry."""
     registered = [p for p in PEERS if p.package in peer_rows.PACKAGES and p.id not in LEFT_OUT]
     modes = [rebound.ias15(mode) for mode in rebound.ADAPTIVE_MODES[1:]]
-    return [*registered, heyoka.compact(False), heyoka.compact(True), *modes, *rebound.TRIED]
+    compact = [heyoka.compact(high_accuracy) for high_accuracy in (False, True)]
+    return [*registered, *compact, *modes, *rebound.TRIED, scipy.fast("ode"), scipy.fast("odeint")]
 
 
 def able(problem) -> tuple[list[Integrator], dict[str, str]]:

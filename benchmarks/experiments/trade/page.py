@@ -137,7 +137,7 @@ PAGE = Page(
         f"At every accuracy at most {FINALISTS} of each side, within a factor {MARGIN:g} of its best, get their largest step "
         "and are timed in turns: warm, without output, medians with 95 % intervals.",
         "Peers at their best: heyoka's high_accuracy and compact_mode on and off, tolerances to the machine epsilon; SciPy's "
-        "DOP853, LSODA and Radau with compiled right-hand sides, its loops over steps being Python.",
+        "DOP853, LSODA and Radau with right-hand sides compiled by Numba, and ode and odeint, whose loops are compiled too.",
         "REBOUND: safe_mode 0 and extra forces compiled to C; every corrector, kernel and system of coordinates of WHFast, IAS15 in "
         "four adaptive modes down to the least epsilon, SABA, leapfrog, JANUS, EOS, BS.",
     ),
