@@ -103,11 +103,11 @@ def test_a_method_that_never_gets_there_ends_after_a_multiple_of_the_finest_pric
 
 def test_the_bracket_is_the_last_miss_and_what_follows_it():
     """An error that happens to be small at a wide step is no answer; what follows the least error is round-off."""
-    errors = [0.5, 1e-7, 1e-2, 1e-4, 1e-8, 1e-6, 1e-6]
+    errors = [0.5, 1e-10, 1e-2, 1e-4, 1e-11, 5e-9, 5e-9]
     rungs = [Rung(2**k, None, "ok", e, 1e-6 * 2**k, 2**k, 0) for k, e in enumerate(errors)]
-    low, high = front.bracket(rungs, 5e-7)
-    assert (low.error, high.error) == (1e-4, 1e-8)
-    assert front.bracket(rungs, 1e-9) is None
+    low, high = front.bracket(rungs, 2e-9)
+    assert (low.error, high.error) == (1e-4, 1e-11)
+    assert front.bracket(rungs, 1e-12) is None
     lucky = [Rung(2**k, None, "ok", e, 1.0, 2**k, 0) for k, e in enumerate([0.03, 0.07, 0.3])]
     assert front.bracket(lucky, 0.1) is None
     assert front.estimate(lucky, 0.1) == inf
