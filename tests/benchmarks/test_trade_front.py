@@ -79,11 +79,12 @@ def test_who_is_too_slow_everywhere_is_dropped_early_and_it_is_said_by_whom():
 
 
 def test_who_is_slow_at_first_but_comes_nearer_is_kept():
-    """Order 8 at eight times the price of a step of order 2 wins in the end, having lost at the beginning."""
-    _, (_, high) = climbed(Law("low", 2, 1e-8), Law("high", 8, 8e-8))
+    """Order 4 at twenty times the price of a step of order 2 loses until 6e-6 and wins from there on."""
+    _, (_, high) = climbed(Law("low", 2, 1e-8), Law("high", 4, 2e-7))
+    assert high.rungs[2].error > 1e-3
     assert not high.dropped
     assert min(r.error for r in high.rungs) <= 1e-12
-    _, (_, high) = climbed(Law("low", 2, 1e-8), Law("high", 2, 8e-8))
+    _, (_, high) = climbed(Law("low", 2, 1e-8), Law("high", 2, 2e-7))
     assert high.dropped
 
 
@@ -102,11 +103,14 @@ def test_a_method_that_never_gets_there_ends_after_a_multiple_of_the_finest_pric
 
 def test_the_bracket_is_the_last_miss_and_what_follows_it():
     """An error that happens to be small at a wide step is no answer; what follows the least error is round-off."""
-    errors = [0.5, 1e-7, 1e-2, 1e-4, 1e-8, 1e-6]
+    errors = [0.5, 1e-10, 1e-2, 1e-4, 1e-11, 5e-9, 5e-9]
     rungs = [Rung(2**k, None, "ok", e, 1e-6 * 2**k, 2**k, 0) for k, e in enumerate(errors)]
-    low, high = front.bracket(rungs, 1e-5)
-    assert (low.error, high.error) == (1e-4, 1e-8)
-    assert front.bracket(rungs, 1e-9) is None
+    low, high = front.bracket(rungs, 2e-9)
+    assert (low.error, high.error) == (1e-4, 1e-11)
+    assert front.bracket(rungs, 1e-12) is None
+    lucky = [Rung(2**k, None, "ok", e, 1.0, 2**k, 0) for k, e in enumerate([0.03, 0.07, 0.3])]
+    assert front.bracket(lucky, 0.1) is None
+    assert front.estimate(lucky, 0.1) == inf
     assert front.bracket(rungs, 1.0) == (None, rungs[0])
 
 
@@ -172,7 +176,7 @@ def test_every_way_to_run_a_peer_fast_is_in_the_field():
     assert {"heyoka", "heyoka-high-accuracy", "heyoka(compact_mode)", "heyoka-high-accuracy(compact_mode)"} <= labels
     assert {f"rebound-ias15(adaptive_mode={m})" for m in ("individual", "global", "aarseth85")} <= labels
     assert {"rebound-whfast", "rebound-whfast-plain", "rebound-saba-10-6-4", "rebound-bs"} <= labels
-    assert {"scipy-dop853-numba", "scipy-lsoda-numba"} <= labels
+    assert {"scipy-dop853-numba", "scipy-lsoda-numba", "scipy-ode(DOP853)", "scipy-odeint(LSODA)"} <= labels
     fixed = [p.settings for p in field.peers() if p.settings.get("integrator") in ("whfast", "saba")]
     assert fixed
     assert all(s["safe_mode"] == 0 for s in fixed)
@@ -182,6 +186,21 @@ def test_the_field_of_a_problem_says_why_the_others_cannot():
     can, cannot = field.able(problem("lotka-volterra:4-2"))
     assert "heyoka" in {c.label for c in can}
     assert "quadratic" in cannot["rebound-whfast"] or "REBOUND" in cannot["rebound-whfast"]
+
+
+def test_who_solves_a_problem_exactly_does_not_compete_on_it():
+    _, cannot = field.able(problem("kepler"))
+    assert all("exact" in cannot[x] for x in ("rebound-whfast", "rebound-saba-1", "wisdom-holman"))
+    can, _ = field.able(problem("perturbed-kepler"))
+    assert {"rebound-whfast", "rebound-saba-1", "wisdom-holman"} <= {c.label for c in can}
+    _, cannot = field.able(problem("harmonic-oscillator"))
+    assert "exact" in cannot["gautschi"]
+
+
+def test_rows_are_kept_of_those_who_come_near():
+    asked, known = task(), Known()
+    fast, fair, slow = (climb.climb(asked, Law(x, 4, s), known) for x, s in (("a", 1e-8), ("b", 1.5e-8), ("c", 1e-7)))
+    assert [front.near(asked, k, known) for k in (fast, fair, slow)] == [True, True, False]
 
 
 def test_a_scene_with_a_real_peer_and_a_real_method():

@@ -8,6 +8,7 @@ dropped, and it is said at which error and by whom it was beaten.  Before anybod
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import inf, isfinite
@@ -18,6 +19,8 @@ from phasebench.benchmarks.measure.quantities import Quantity, Truth, error
 from phasebench.benchmarks.problems.questions import Question
 from phasebench.integrators.driver import INVALID, OK
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.prepared import PreparedRun, prepare
+from phasebench.integrators.record import Method
 
 #: So many times the cheapest's time, and on so many rungs, is out of reach.
 KEEP, LOSING = 3.0, 2
@@ -32,7 +35,7 @@ FREE = 3e-4
 #: Rungs that fall by less than this factor, so many in a row, stand on the floor of round-off.
 FLOOR, STANDING = 0.7, 2
 #: Shorter runs are made twice for their time; no longer ones are made again, so often, before somebody is dropped.
-SHORT, LONG, AGAIN = 0.01, 0.2, 3
+SHORT, LONG, AGAIN = 0.05, 0.2, 3
 
 
 class Rung(NamedTuple):
@@ -60,6 +63,7 @@ class Task:
     problem: object
     quantity: Quantity
     truth: Truth
+    prepared: dict[str, PreparedRun] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def asked(self) -> tuple[float, ...]:
@@ -83,7 +87,15 @@ class Task:
         return Rung(steps, tol, told.status, off, seconds, counts.get("steps", 0), counts.get("gradient", 0))
 
     def bare(self, c: Integrator, steps: int | None, tol: float | None) -> float:
-        """The seconds of a run without output."""
+        """The seconds of a run without output: of a method of ours, prepared; of a peer, as it tells them."""
+        if isinstance(c.record, Method):
+            if c.label not in self.prepared:
+                self.prepared[c.label] = prepare(self.problem, c.record)
+            run, h = self.prepared[c.label], self.question.t_end / steps
+            run(h, 1)  # a step that depends on h is made here
+            started = time.perf_counter()
+            run(h, steps)
+            return time.perf_counter() - started
         size = {"tol": tol} if steps is None else {"steps": steps}
         return c.run(self.problem, t_end=self.question.t_end, save_every=0, **size).seconds
 
@@ -181,8 +193,10 @@ def climb(task: Task, c: Integrator, known: Known) -> Climb:
         if rung.seconds > max(FREE, LONGEST * dear):
             rung = rungs[-1] = task.again(c, rung)
         if rung.seconds > max(FREE, LONGEST * dear):
-            took = f"a run of error {rung.error:.1g} took longer than {LONGEST:g} times the finest accuracy's cheapest"
-            return Climb(c, rungs, took, not any(r.error <= task.asked[0] for r in rungs))
+            least = min(r.error for r in rungs)
+            off = f"it is off by {least:.1g}" if least < inf else "it does not come to the end"
+            took = f"{off} in {LONGEST:g} times the time in which the best reach {finest:g}"
+            return Climb(c, rungs, took, least > task.asked[0])
         if rung.status == OK and rung.seconds > 10 * PATIENCE:
             return Climb(c, rungs, f"a run took {rung.seconds:.2g} s", True)
     return Climb(c, rungs, "it takes no smaller tolerance", False)

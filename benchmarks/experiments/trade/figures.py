@@ -65,7 +65,7 @@ def work_precision(question: Question, finals: pd.DataFrame, rungs: pd.DataFrame
     looks = iter(style.looks())
     for side, most in CURVES.items():
         for name in drawn(finals, side, most):
-            curve = rungs[(rungs["integrator"] == name) & (rungs["error"] > 0)].sort_values("error")
+            curve = rungs[(rungs["integrator"] == name) & (rungs["error"] > 0)]
             fill = {} if side == OURS else {"markerfacecolor": "white"}
             look = next(looks) | fill
             label = name if side == OURS else f"{name} (peer)"

@@ -27,6 +27,10 @@ FINALISTS, MARGIN, REFINED = 3, 1.4, 3
 SPARE = 1.03
 #: Rounds of a final: at least, at most, and the seconds that they may take together.
 LEAST, MOST, SECONDS = 6, 15, 0.6
+#: No error above this is that of round-off.
+ROUND_OFF = 1e-8
+#: Rows are kept of climbs that come so near to the cheapest known.
+NEAR = 2.0
 #: Finals in which a round takes longer than this have one finalist of each side less.
 DEAR = 0.15
 CHOICES, FINALS, RUNGS, DROPPED = "front", "front_finals", "front_rungs", "front_dropped"
@@ -48,21 +52,33 @@ def task_of(scene: str) -> Task:
     return Task(question, made, wanted, truths.truth(made, wanted, question.t_end))
 
 
-def climbs(task: Task) -> tuple[list[Climb], dict[str, str]]:
-    """(the climbs of all who can do the problem, label -> why not of the others)."""
+def climbs(task: Task) -> tuple[list[Climb], dict[str, str], Known]:
+    """(the climbs of all who can do the problem, label -> why not of the others, what errors cost)."""
     can, cannot = able(task.problem)
     known = Known()
-    return [climb(task, c, known) for c in can], cannot
+    return [climb(task, c, known) for c in can], cannot, known
+
+
+def near(task: Task, one: Climb, known: Known) -> bool:
+    """Whether a climb comes within a factor `NEAR` of the cheapest known at one of its rungs."""
+    told = (r for r in one.rungs if r.error <= task.asked[0])
+    return any(r.seconds <= NEAR * known.cheapest(r.error)[0] for r in told)
 
 
 def bracket(rungs: list[Rung], wanted: float) -> tuple[Rung | None, Rung] | None:
-    """(the last rung that misses an error before the least one, the next); None where none reaches it."""
+    """(the last rung that misses an error, the next one); None where none reaches it.
+
+    Past the least error what misses it is round-off, where it is small; where it is not, the least was a lucky one.
+    """
     good = [r for r in rungs if isfinite(r.error)]
     if not good or min(r.error for r in good) > wanted:
         return None
     least = min(range(len(rungs)), key=lambda k: rungs[k].error)
-    missing = [k for k in range(least) if not rungs[k].error <= wanted]
-    return (rungs[missing[-1]], rungs[missing[-1] + 1]) if missing else (None, rungs[0])
+    missing = [k for k, r in enumerate(rungs) if not r.error <= wanted and (k < least or r.error > ROUND_OFF)]
+    last = missing[-1] if missing else -1
+    if last == len(rungs) - 1:
+        return None
+    return (rungs[last] if missing else None), rungs[last + 1]
 
 
 def estimate(rungs: list[Rung], wanted: float) -> float:
@@ -176,7 +192,7 @@ def _said(task: Task, c: Integrator, rung: Rung) -> dict[str, Any]:
 def measured(scene: str) -> Rows:
     """The rows of a scene, by table."""
     task = task_of(scene)
-    climbed, cannot = climbs(task)
+    climbed, cannot, known = climbs(task)
     finals, choices = [], []
     for wanted in task.asked:
         rows, choice = final(task, climbed, wanted)
@@ -190,7 +206,7 @@ def measured(scene: str) -> Rows:
     rungs = [
         _said(task, k.integrator, r) | {"seconds": r.seconds}
         for k in climbed
-        if k.integrator.label in kept or not k.dropped
+        if k.integrator.label in kept or near(task, k, known)
         for r in sorted(k.rungs, key=lambda r: r.size)
         if isfinite(r.error)
     ]

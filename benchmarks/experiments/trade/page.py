@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 from phasebench.benchmarks.measure.timing import NONE, OURS, PEERS, TIED
-from phasebench.benchmarks.page.markdown import number
+from phasebench.benchmarks.page.markdown import listed, number
 from phasebench.benchmarks.page.page import Page, Picture, Table, Verdict, of
 from phasebench.benchmarks.problems.questions import QUESTIONS
 
@@ -72,7 +72,7 @@ def twice(finals: pd.DataFrame, second: pd.DataFrame) -> Verdict | None:
         return None
     share = (same + tied) / pairs
     text = (
-        f"The same sweep made twice on {second['scene'].nunique()} scenes: of {pairs} accuracies the cheapest was the same "
+        f"The same sweep made twice (scenes {listed(list(second['scene'].unique()))}): of {pairs} accuracies the cheapest was the same "
         f"integrator in {same} and a tie in {tied}, together {100 * share:.0f} %."
     )
     return Verdict(text, share >= AGREED, f"The same sweep twice: {100 * share:.0f} % the same or a tie.")
@@ -137,7 +137,7 @@ PAGE = Page(
         f"At every accuracy at most {FINALISTS} of each side, within a factor {MARGIN:g} of its best, get their largest step "
         "and are timed in turns: warm, without output, medians with 95 % intervals.",
         "Peers at their best: heyoka's high_accuracy and compact_mode on and off, tolerances to the machine epsilon; SciPy's "
-        "DOP853, LSODA and Radau with compiled right-hand sides, its loops over steps being Python.",
+        "DOP853, LSODA and Radau with right-hand sides compiled by Numba, and ode and odeint, whose loops are compiled too.",
         "REBOUND: safe_mode 0 and extra forces compiled to C; every corrector, kernel and system of coordinates of WHFast, IAS15 in "
         "four adaptive modes down to the least epsilon, SABA, leapfrog, JANUS, EOS, BS.",
     ),
@@ -150,7 +150,8 @@ PAGE = Page(
         "with a Python right-hand side; heyoka's parallel_mode, since everything runs on one core.",
         "A step is the largest found between the last rung that misses an accuracy and the next one; a larger one at which the "
         "error happens to vanish does not count.",
-        "On the pure Kepler problem Wisdom-Holman integrators, ours and REBOUND's, have nothing to integrate: they are exact.",
+        "Who is exact on a problem does not compete there, being the answer at every accuracy: Wisdom-Holman integrators, ours "
+        "and REBOUND's, on the pure Kepler problem, trigonometric ones on the harmonic oscillator.",
         "Of chaotic orbits an average and an exponent have a statistical uncertainty, stated on the scene's page; an accuracy "
         "below the uncertainty of what is true is not asked.",
         "A final of a few runs has the range as its interval; ratios are taken round by round.",

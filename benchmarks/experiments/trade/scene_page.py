@@ -118,7 +118,7 @@ def page_of(question: Question) -> Page:
     made = question.problem
     return Page(
         id=f"trade-{question.id}",
-        question=f"Which integrator for {question.about}?",
+        question=f"{question.about[0].upper()}{question.about[1:]}: which integrator is the cheapest?",
         tables=(CHOICES, FINALS, RUNGS, DROPPED),
         setting=(
             f"Problem: {made}, from its initial data to t = {question.t_end:g}.",
