@@ -18,6 +18,7 @@ _HOMES = {
     "METHODS": "registry",
     "Method": "record",
     "Solution": "driver",
+    "TransformedHamiltonian": "systems.transformed",
     "integrate": "driver",
     "method": "registry",
 }
