@@ -12,6 +12,7 @@ from __future__ import annotations
 import importlib
 
 _HOMES = {
+    "Ensemble": "ensemble",
     "Hamiltonian": "systems.hamiltonian",
     "PartitionedSystem": "systems.hamiltonian",
     "InvalidInput": "errors",
@@ -20,7 +21,9 @@ _HOMES = {
     "Solution": "driver",
     "TransformedHamiltonian": "systems.transformed",
     "integrate": "driver",
+    "integrate_ensemble": "ensemble",
     "method": "registry",
+    "prepare": "prepared",
 }
 __all__ = sorted(_HOMES)
 

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from .audit import audit
+from .cache import cache
 from .certify import certify
 from .cite import cite
 from .compare import compare
@@ -29,6 +30,7 @@ COMMANDS = {
     "audit": audit,
     "compare": compare,
     "cite": cite,
+    "cache": cache,
 }
 
 app = typer.Typer(

@@ -16,6 +16,7 @@ import operator
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
@@ -33,6 +34,10 @@ class Lanes(types.Type):
     def __init__(self, n: int):
         self.n = n
         super().__init__(f"lanes({n})")
+
+    def can_convert_from(self, typing_context, other):
+        """A number is the same number in every lane."""
+        return Conversion.safe if isinstance(other, (types.Integer, types.Float)) else None
 
 
 @register_model(Lanes)
@@ -92,6 +97,7 @@ for _function, _instruction in (
     (operator.sub, "fsub"),
     (operator.mul, "fmul"),
     (operator.truediv, "fdiv"),
+    (operator.iadd, "fadd"),
 ):
     _operator(_function, _instruction)
 

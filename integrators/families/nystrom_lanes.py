@@ -35,7 +35,7 @@ import sympy as sp
 from numba import types
 
 from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
-from phasebench.integrators.engine import codegen, elementary
+from phasebench.integrators.engine import codegen, elementary, printing
 from phasebench.integrators.engine import lanes as lane_operations
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, array
@@ -233,7 +233,7 @@ def forces(system, lanes: int, arithmetic: str):
 
     def text(arithmetic):
         names = [(f"q_{k}", x) for k, x in enumerate(system.q)]
-        formula = codegen.source("g", names, [[-sp.diff(system.potential, x) for x in system.q]], arithmetic)
+        formula = printing.source("g", names, [[-sp.diff(system.potential, x) for x in system.q]], arithmetic)
         unpacked = "".join(f"g_{k}, " for k in range(d))
         places = ", ".join(f"take(B, {k}, LIKE)" for k in range(d))
         return "\n".join(
