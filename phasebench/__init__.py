@@ -28,6 +28,7 @@ _HOMES = {
     "method": "integrators",
     "prepare": "benchmarks.measure.integrator",
     "problem": "benchmarks.problems",
+    "stability": "benchmarks.measure.oscillator",
     "section": "benchmarks.measure.ensembles",
 }
 __all__ = sorted(_HOMES)

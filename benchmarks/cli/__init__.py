@@ -20,6 +20,7 @@ from .integrate import integrate
 from .listing import list_
 from .report import report
 from .run import run
+from .stability import stability
 from .workprecision import workprecision
 
 #: Name -> the function, whose signature typer reads and whose docstring is the help.
@@ -34,6 +35,7 @@ COMMANDS = {
     "audit": audit,
     "compare": compare,
     "cite": cite,
+    "stability": stability,
     "cache": cache,
 }
 
