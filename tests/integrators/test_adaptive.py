@@ -65,7 +65,7 @@ def test_the_steps_can_be_taken_back_in_fictitious_time(m):
 @pytest.mark.parametrize("id", ["stormer-verlet-adaptive", "gauss-8-adaptive"])
 def test_the_first_density_is_half_a_step_ahead(id):
     q, p, h = np.array([1.0, 0.2]), np.array([0.3, 0.9]), 0.3
-    run = _lay_out(prepare(BY_ID[id], ORBIT.system), 2, h, q, p, DOUBLE)
+    run = lay_out(prepare(BY_ID[id], ORBIT.system), 2, h, q, p, DOUBLE)
     assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 1) == (1, 0)
     assert run.counts.steps == 0, "the row is reached by a shorter step alone"
     r = np.hypot(*q)
