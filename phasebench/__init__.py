@@ -24,6 +24,7 @@ _HOMES = {
     "integrator": "benchmarks.measure.integrator",
     "method": "integrators",
     "problem": "benchmarks.problems",
+    "validate": "benchmarks.certificate.certificate",
 }
 __all__ = sorted(_HOMES)
 

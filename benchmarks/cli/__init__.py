@@ -17,6 +17,7 @@ from .integrate import integrate
 from .listing import list_
 from .report import report
 from .run import run
+from .validate import validate
 
 #: Name -> the function, whose signature typer reads and whose docstring is the help.
 COMMANDS = {
@@ -27,6 +28,7 @@ COMMANDS = {
     "certify": certify,
     "audit": audit,
     "cite": cite,
+    "validate": validate,
 }
 
 app = typer.Typer(

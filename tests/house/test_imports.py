@@ -39,6 +39,7 @@ ROOMS = {
         ("rows",),
         ("measure",),
         ("page", "bibliography"),
+        ("certificate",),
         ("experiments",),
         ("report",),
         ("cli",),

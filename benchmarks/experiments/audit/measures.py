@@ -25,6 +25,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from phasebench.benchmarks.certificate.evidence import BROKEN
 from phasebench.benchmarks.measure import linear_stability, metrics
 from phasebench.benchmarks.measure.accuracy import end_state
 from phasebench.benchmarks.measure.drift import drift
@@ -32,7 +33,6 @@ from phasebench.benchmarks.measure.drift import drift
 from . import cases
 from .cases import EPS, Case
 from .controls import control
-from .judge import BROKEN
 
 #: Twice these are the steps of an order's ladder.
 LADDER = tuple(sorted({round(2 ** (k / 2)) for k in range(23)}))
