@@ -18,9 +18,9 @@ from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
 from . import adaptive, battery, behaviour, conservation, judge, structure
 from .battery import Entry
 from .order import order
-from .stepping import StepFailed, Stepper
+from .stepping import DIGITS, StepFailed, Stepper
 from .subject import Subject, subject
-from .verdicts import Judged, Tables
+from .verdicts import CONSERVED, Judged, Tables
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,6 +35,10 @@ DEFECTS = {
     "reversible": structure.reversibility,
 }
 
+#: Claim -> the measure that judges it, where that is of another name; and all measures but those that are always made.
+MEASURE = dict.fromkeys(CONSERVED, "long")
+EVERYTHING = {*DEFECTS, "stability", "long", "round_off"}
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -47,7 +51,7 @@ class Certificate:
     offers : claims that would hold and are not made
     verdict : "pass", "fail" or "not-judged"
     tables : the rows of every measure
-    doubles : why it was measured in doubles alone; "" where it was in 60 digits
+    doubles : why it was measured in doubles alone; "" where it was in many digits
     requires : traits that it requires of a system
     seed : of the states
     seconds : that it took
@@ -73,7 +77,7 @@ class Certificate:
             "verdict": self.verdict,
             "offers": self.offers,
             "failed": dict(self.tables.failed),
-            "arithmetic": f"doubles: {self.doubles}" if self.doubles else "60 digits, long runs in doubles",
+            "arithmetic": f"doubles: {self.doubles}" if self.doubles else f"{DIGITS} digits, long runs in doubles",
             "requires": list(self.requires),
             "seed": self.seed,
             "versions": {name: versions().get(name, "absent") for name in PACKAGES},
@@ -109,6 +113,7 @@ def certify(
     requires: tuple[str, ...] = (),
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
+    alone: bool = False,
 ) -> Certificate:
     """Measure an integrator on the battery and judge its claims.
 
@@ -117,6 +122,7 @@ def certify(
     target, claims, requires : as of `subject.subject`
     seed : of the states at which it is measured
     progress : told what is measured
+    alone : measure what is claimed alone; nothing is offered then
 
     Raises
     ------
@@ -131,14 +137,15 @@ def certify(
         if chosen.adaptive:
             _adaptive(chosen, tables, seed, tell)
         else:
-            doubles = _step(chosen, tables, seed, tell)
+            wanted = {MEASURE.get(name, name) for name in chosen.own.claims} if alone else EVERYTHING
+            doubles = _step(chosen, tables, seed, tell, wanted)
     except StepFailed as failure:
         tables.failed["raised"] = str(failure)
     found = judge.judged(chosen.own.claims, tables)
     return Certificate(
         chosen.id,
         found,
-        [] if judge.gross_failure(found) else judge.offers(chosen.own.claims, tables),
+        [] if alone or judge.gross_failure(found) else judge.offers(chosen.own.claims, tables),
         judge.verdict(found, chosen.own.claims),
         tables,
         doubles,
@@ -192,7 +199,7 @@ def _able(chosen: Subject, entries, tables: Tables) -> list[Entry]:
     return able
 
 
-def _step(chosen: Subject, tables: Tables, seed: int, tell) -> str:
+def _step(chosen: Subject, tables: Tables, seed: int, tell, wanted) -> str:
     """Fill the tables of a step; why it was measured in doubles alone, or ""."""
     entries = _able(chosen, battery.entries(), tables)
     if not entries:
@@ -210,19 +217,19 @@ def _step(chosen: Subject, tables: Tables, seed: int, tell) -> str:
         tell(f"order on {entry.name}")
         row = _first_that_runs(lambda a, e=entry: order(Stepper(chosen, e, a), seed), arithmetics)
         tables.rows.setdefault("order", []).append(row | {"separable": entry.system.separable})
-    for name, defect in DEFECTS.items():
+    for name in (name for name in DEFECTS if name in wanted):
         tell(name)
         for entry in entries:
             if entry.reversible or name != "reversible":
-                row = _structure(chosen, entry, seed, defect, arithmetics)
+                row = _structure(chosen, entry, seed, DEFECTS[name], arithmetics)
                 tables.rows.setdefault(name, []).append(row | {"separable": entry.system.separable})
-    tell("stability")
-    if chosen.lacks(battery.oscillator().system) is None:
+    if "stability" in wanted and chosen.lacks(battery.oscillator().system) is None:
+        tell("stability")
         tables.rows["stability"] = [behaviour.stability(chosen)]
-    for entry in _able(chosen, battery.lasting(), tables):
+    for entry in _able(chosen, battery.lasting(), tables) if "long" in wanted else ():
         tell(f"a long run on {entry.name}")
         tables.rows.setdefault("long", []).append(conservation.long_run(chosen, entry, seed))
-    if not doubles:
+    if "round_off" in wanted and not doubles:
         tables.rows["round_off"] = [conservation.round_off(chosen, entries[min(1, len(entries) - 1)], seed)]
     return doubles
 

@@ -1,6 +1,6 @@
 """What a step keeps over a long run: the energy and another invariant, their drift; and what its round-off adds up to.
 
-Round-off, where the step takes many digits: of each of some steps in doubles the energy error that is not there in 60
+Round-off, where the step takes many digits: of each of some steps in doubles the energy error that is not there in 40
 digits, in units of eps times the energies' size.  A mean that is not zero adds up as t, a mean of zero as the root of
 t (Brouwer's law).
 """
@@ -21,8 +21,8 @@ from .subject import Subject
 
 #: Steps of a long run, the longest step, and how often it is halved where the run does not last.
 STEPS, H, HALVED = 2400, 0.2, 3
-#: Steps of more evaluations of a gradient than this are fewer.
-DEAR, FEWER = 16, 800
+#: So many evaluations of a gradient may a run take, and at least so many steps.
+EVALUATIONS, LEAST = 40_000, 400
 #: Steps whose round-off is looked at, and how long they are (dyadic).
 ROUNDED = 256
 H_ROUND = 0.125
@@ -35,7 +35,8 @@ def long_run(subject: Subject, entry: Entry, seed: int) -> dict:
     stepper, y, why = Stepper(subject, entry), entry.start(seed), "the run did not last"
     stepper.run(y, H / 2**HALVED, 20)
     # Counted, not timed: a run again has as many steps.
-    steps = STEPS if sum(stepper.system.evaluations) <= 20 * DEAR else FEWER
+    affordable = EVALUATIONS * 20 // max(1, sum(stepper.system.evaluations))
+    steps = max(LEAST, min(STEPS, affordable // LEAST * LEAST))
     for k in range(HALVED + 1):
         h = H / 2**k
         try:

@@ -63,8 +63,7 @@ def gross_failure(found: list[Judged]) -> str:
 
 def _claim(name: str, value, tables: Tables) -> Judged:
     words = in_words(name, value)
-    measure = {"order": "order", "stability": "stability", "tolerance": "tolerance"}.get(name, name)
-    measure = "long" if name in CONSERVED else measure
+    measure = "long" if name in CONSERVED else name
     if not tables.of(measure):
         why = tables.failed.get(measure) or tables.failed.get("all") or "it was not measured"
         return Judged(name, words, UNJUDGED, why=why)

@@ -1,7 +1,7 @@
 r"""The order of a step: its error over a ladder of steps, and the power series of its error in h.
 
 Ladder: `metrics.order` of :math:`|\Phi_h^n(y) - \varphi_{nh}(y)|` with its interval and window, in many digits where
-the step takes them, in doubles otherwise.  The reference is Gragg's extrapolated midpoint rule in 60 digits.
+the step takes them, in doubles otherwise.  The reference is Gragg's extrapolated midpoint rule in 40 digits.
 
 Series, in many digits alone: with :math:`\Phi_h - \varphi_h = \sum_k c_k h^k` and
 :math:`\varphi_h = \sum_k f_k h^k`, the relative :math:`\varepsilon_k = |c_k|/|f_k|` for k = 1 ... 8, from divided
@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 
 from phasebench.benchmarks.measure import metrics, multiprecision
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, exactly, precision
+from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, exactly, precision, vector
 
 from .battery import LADDER, SPAN, known
 from .stepping import DIGITS, StepFailed, Stepper
@@ -31,8 +31,12 @@ EPS = float(np.finfo(float).eps)
 TERMS, CLOSE, SERIES_DIGITS = 8, 2.0**-40, 240
 #: Below it a coefficient of the series vanishes but for rounded or cut coefficients of the method.
 VANISHES = 1e-6
+#: A step of more evaluations has a ladder of fewer rungs in many digits.
+DEAR, SHORTER = 40, 8
 #: Errors of the ladder that are round-off: in doubles, and of a step in many digits whose own solver stops at doubles'.
 DOUBLES, SOLVERS = 20 * EPS, 1e-13
+#: Relative errors below this are the reference's.
+FINEST = 1e-34
 #: Relative errors above this are of another orbit.
 SATURATED = 0.1
 #: What a step raises for its numbers.
@@ -65,6 +69,17 @@ def flow(name: str, seed: int, h: float | object, pieces: int = 4):
         return multiprecision.flow(entry.system, entry.start(seed), h, pieces)
 
 
+@lru_cache(maxsize=64)
+def nearby(name: str, seed: int) -> list:
+    """The states after 0, 1, 2, ... times `CLOSE` from the seed's start, in `SERIES_DIGITS` digits."""
+    with precision(SERIES_DIGITS):
+        entry = known(name)
+        field, y = entry.system.vector_field(MULTIPRECISION), vector(entry.start(seed))
+        close = exactly(CLOSE, MULTIPRECISION)
+        ends = (multiprecision.extrapolated(lambda x: field(0, x), y, j * close)[0] for j in range(1, TERMS + 3))
+        return [y, *ends]
+
+
 def differences(values) -> list:
     """The coefficients of h^0, h^1, ... of the polynomial through arrays at h = 0, 1, 2, ..."""
     rows, newton = list(values), []
@@ -82,12 +97,9 @@ def differences(values) -> list:
 def series(stepper: Stepper, seed: int) -> Series:
     """The relative coefficients of the error's series; raises StepFailed where the step takes no such numbers."""
     with precision(SERIES_DIGITS):
-        y = stepper.state(stepper.entry.start(seed))
-        close = exactly(CLOSE, MULTIPRECISION)
-        nodes = range(TERMS + 3)
-        field = stepper.entry.system.vector_field(MULTIPRECISION)
-        truth = [y] + [multiprecision.extrapolated(lambda x: field(0, x), y, j * close)[0] for j in nodes[1:]]
-        taken = [y] + [stepper(y, j * close) for j in nodes[1:]]
+        close, truth = exactly(CLOSE, MULTIPRECISION), nearby(stepper.entry.name, seed)
+        y = truth[0]
+        taken = [y] + [stepper(y, j * close) for j in range(1, len(truth))]
         size, error = differences(truth), differences([a - b for a, b in zip(taken, truth, strict=True)])
         pairs = list(zip(error, size, strict=True))[1 : TERMS + 1]
         return Series(tuple(float(max(abs(c)) / max(abs(f))) for c, f in pairs))
@@ -108,7 +120,7 @@ def ladder(stepper: Stepper, seed: int, noise: float = 0.0) -> dict:
         truth = truth.astype(float)
     size, error = float(max(abs(truth))), []
     with precision(DIGITS):
-        for n in LADDER:
+        for n in rungs(stepper):
             h = float(SPAN / n) if double else exactly(SPAN / n, MULTIPRECISION)
             try:
                 rows = stepper.run(stepper.entry.start(seed), h, n, every=n)
@@ -118,7 +130,16 @@ def ladder(stepper: Stepper, seed: int, noise: float = 0.0) -> dict:
                 rows = ()
             error.append(float(max(abs(rows[-1] - truth))) / size if len(rows) == 2 else float("nan"))
     noise = max(noise, DOUBLES if double else 10 * float(doubt) / size)
-    return {"h": [float(SPAN / n) for n in LADDER], "error": error, "noise": noise}
+    return {"h": [float(SPAN / n) for n in LADDER[: len(error)]], "error": error, "noise": noise}
+
+
+def rungs(stepper: Stepper) -> tuple[int, ...]:
+    """The ladder, shorter for a step of many evaluations in many digits."""
+    if stepper.arithmetic == DOUBLE:
+        return LADDER
+    before = sum(stepper.system.evaluations)
+    stepper(stepper.state(stepper.entry.start(0)), stepper.number(float(SPAN)))
+    return LADDER if sum(stepper.system.evaluations) - before <= DEAR else LADDER[:SHORTER]
 
 
 def numerical(failure: StepFailed) -> bool:
@@ -138,7 +159,7 @@ def order(stepper: Stepper, seed: int) -> dict:
     found = _found(row)
     if not found.points or terms.clean >= round(found.value):
         finer = 100 * terms.largest(terms.clean) * float(SPAN)
-        row["noise"] = max(finer, min(row["noise"], 1e-40)) if terms.clean else row["noise"]
+        row["noise"] = max(finer, min(row["noise"], FINEST)) if terms.clean else row["noise"]
         found = _found(row)
     return row | _shown(found) | {"terms": list(terms.terms), "clean": terms.clean}
 

@@ -16,6 +16,7 @@ from phasebench.integrators.errors import InvalidInput
 from . import figures
 from .certificate import Certificate
 from .evidence import BROKEN, GATE, VISIBLE
+from .stepping import DIGITS
 from .structure import STEPS
 
 TITLES = {"pass": "PASS", "fail": "FAIL", "not-judged": "NOT JUDGED"}
@@ -98,7 +99,7 @@ def _measured(certificate: Certificate) -> pd.DataFrame:
             rows.setdefault(r["on"], {})["dH/dq, dH/dp a step"] = f"{number(r['dH_dq'])}, {number(r['dH_dp'])}"
     for r in tables.of("order"):
         rows.setdefault(r["on"], {})["order"] = f"{r['value']:.3f} [{r['low']:.3f}, {r['high']:.3f}]"
-        rows[r["on"]]["digits"] = "16" if r["arithmetic"] == "double" else "60"
+        rows[r["on"]]["digits"] = "16" if r["arithmetic"] == "double" else str(DIGITS)
     for name in ("symplectic", "symmetric", "reversible"):
         for r in tables.of(name):
             rows.setdefault(r["on"], {})[f"{name} defect"] = number(r["value"]) if "value" in r else "not measured"
