@@ -48,6 +48,11 @@ class Integrator:
         return self.record.label
 
     @property
+    def name(self) -> str:
+        """Its full name, where it has another than its id."""
+        return getattr(self.record, "name", self.id)
+
+    @property
     def kind(self) -> str:
         """`OURS`, `YOURS`, or the package of a peer."""
         if isinstance(self.record, Peer):
@@ -78,6 +83,11 @@ class Integrator:
         if isinstance(record, OwnStep):
             return Claims(*map(record.claims.get, ("order", "symplectic", "reversible", "energy")), record.id)
         return Claims(record.order, record.symplectic, record.symmetric, record.energy, "the registry of methods")
+
+    def load(self) -> None:
+        """Import the package of a peer; raises ImportError where it is not there."""
+        if isinstance(self.record, Peer):
+            self.record.load(self.record.package)
 
     def lacks(self, problem) -> str | None:
         """Why it cannot integrate a problem, or None where it can."""

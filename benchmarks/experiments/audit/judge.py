@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from phasebench.benchmarks.certificate.evidence import agrees, bounded, has, kept, round_off
+from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.integrators.record import BOUNDED, DRIFT, EXACT, ROUND_OFF
 
 HOLDS, CONTRADICTED, IN_PART, UNJUDGED = "holds", "contradicted", "holds in part", "not judged"
@@ -132,8 +133,9 @@ def claims(peer, version: str, rows: Iterable[dict]) -> list[dict]:
     list of dict
         package, version, peer, name, property, claim (in words), source, verdict, measured, problems, reason, command
     """
+    peer = integrator(peer)
     mine = [r for r in rows if r["peer"] == peer.id]
-    about = {"package": peer.package, "version": version, "peer": peer.id, "name": peer.name}
+    about = {"package": peer.kind, "version": version, "peer": peer.id, "name": peer.name}
     tests = (
         ("order", peer.claims.order, "order", _order, order_text),
         ("symplectic", peer.claims.symplectic, "symplecticity", _structure, structure_text),
