@@ -36,6 +36,7 @@ from phasebench.benchmarks.experiments.wisdom_holman.page import PAGE as WISDOM_
 from phasebench.benchmarks.page import html, markdown
 from phasebench.benchmarks.page.origin import origin
 from phasebench.benchmarks.page.page import Page, Picture, Table, outcome
+from phasebench.integrators.errors import InvalidInput
 
 from .rows import tables as results
 
@@ -65,7 +66,6 @@ QUICK = "This is the quick tier: few steps, few rounds; it shows that the suite 
 
 
 #: Columns that say where a row is from: in the tables on disk, not on a page.
-PROVENANCE = ["content", "date", "machine", "spent", "state"]
 SAME = "The same pages [in HTML](index.html), in which tables sort and filter."
 
 
@@ -83,7 +83,7 @@ class Data:
     def provenance(self, name: str) -> pd.DataFrame:
         """When and on what machine each row of a table on disk was measured, where that was recorded."""
         path = self.folder / "data" / f"{name}.csv"
-        return pd.read_csv(path, usecols=lambda column: column in PROVENANCE, low_memory=False)
+        return pd.read_csv(path, usecols=lambda column: column in results.PROVENANCE, low_memory=False)
 
     def about(self, name: str) -> dict | None:
         """On what it was measured."""
@@ -107,16 +107,22 @@ class _Written:
 
 
 def build(folder: str | Path, quick: bool = False, progress: Callable[[str], None] = print) -> Path:
-    """Write every page into ``folder`` from its data, whole or not at all; returns the entry page."""
+    """Write every page into ``folder`` from its data, whole or not at all; returns the entry page.
+
+    Raises InvalidInput where the data cannot be read, or the pages not written.
+    """
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    data = Data(folder)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".report-") as scratch:
-        target = Path(scratch)
-        (target / "figures").mkdir()
-        written = [_page(page, data, target) for page in PAGES]
-        _entry(written, target, quick)
-        _replace(target, folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder, prefix=".report-") as scratch:
+            target = Path(scratch)
+            (target / "figures").mkdir()
+            data = Data(folder)
+            written = [_page(page, data, target) for page in PAGES]
+            _entry(written, target, quick)
+            _replace(target, folder)
+    except OSError as error:
+        raise InvalidInput(f"the report in {folder} cannot be written: {error.strerror}; it is as it was") from None
     progress(f"wrote {len(written)} pages")
     return folder / "README.md"
 
@@ -127,7 +133,7 @@ def _page(page: Page, data: Data, target: Path) -> _Written:
     pictures, table = list(page.figures(data, target / "figures") or ()), page.table(data)
     whole = page.whole(data)
     if whole is not None:
-        whole = whole.drop(columns=PROVENANCE, errors="ignore")
+        whole = whole.drop(columns=list(results.PROVENANCE), errors="ignore")
     _put(target, page.id, markdown.document(page, verdicts, pictures, table, origin(page, data)), whole)
     return _Written(page, *outcome(verdicts), pictures, table)
 

@@ -13,6 +13,7 @@ import typer
 from .audit import audit
 from .certify import certify
 from .cite import cite
+from .compare import compare
 from .integrate import integrate
 from .listing import list_
 from .report import report
@@ -27,6 +28,7 @@ COMMANDS = {
     "report": report,
     "certify": certify,
     "audit": audit,
+    "compare": compare,
     "cite": cite,
     "validate": validate,
 }

@@ -28,6 +28,9 @@ BANDS: dict[str, dict[str, tuple[float, float]]] = {
 }
 #: Rows of these settings are of the machine: the number of steps is what a second allows.
 OF_THE_MACHINE = "time of"
+#: Table -> the column that tells the rows of a ladder which goes as far as the machine's speed allows: those that both
+#: have are compared.
+LADDERS = {"kepler": "setting"}
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,9 @@ def differences(
 ) -> list[Difference]:
     """Where the rows of a cell measured again are not the stored ones (texts, in the same order)."""
     bands = BANDS.get(table, {})
-    if len(measured) != len(stored) and bands:
+    if table in LADDERS:
+        measured, stored = _common(measured, stored, LADDERS[table])
+    if bands and (len(measured) != len(stored) or not measured):
         return [Difference(table, cell.label, "rows", len(measured), len(stored))]
     out = []
     for new, old in zip(measured, stored, strict=False):
@@ -67,6 +72,13 @@ def differences(
         if bands and "status" in new and text(new["status"]) != old.get("status", ""):
             out.append(Difference(table, cell.label, "status", new["status"], old.get("status", "")))
     return out
+
+
+def _common(measured: Sequence[Mapping], stored: Sequence[Mapping], column: str) -> tuple[list, list]:
+    """The rows of either whose value in a column the other has too, in the order of the first."""
+    known = {row.get(column, ""): row for row in stored}
+    pairs = [(row, known[text(row.get(column))]) for row in measured if text(row.get(column)) in known]
+    return [new for new, _ in pairs], [old for _, old in pairs]
 
 
 def sampled(outcome: Outcome) -> list[Difference]:

@@ -86,13 +86,12 @@ def entry(cell: Cell, rows: Rows, seconds: float) -> Entry:
 
 
 def standing(cell: Cell, stored: dict[str, tables.Table]) -> Standing:
-    """What the stored tables know of a cell; its rows must all say the same."""
-    rows = [row for t in cell.tables for row in stored[t].of(cell)]
-    contents = {row.get("content", "") for row in rows}
-    if len(contents) != 1:
+    """What the stored tables know of a cell: of its rows as they were measured, and of none that were changed."""
+    found = tables.version(cell, stored)
+    if found is None:
         return Standing()
-    row = rows[0]
-    return Standing(contents.pop(), row.get("machine", ""), float(row.get("spent") or UNKNOWN))
+    row = next(row for t in cell.tables for row in stored[t].of(cell))
+    return Standing(found, row.get("machine", ""), float(row.get("spent") or UNKNOWN))
 
 
 def plan(
@@ -103,10 +102,9 @@ def plan(
     again: bool = False,
 ) -> Plan:
     """Why each cell is measured; ``again``: whether a fresh one is measured as well as a changed one."""
-    out = Plan()
+    out, alike = Plan(), provenance.same_hardware
     for cell in cells:
         kept, before = entries.get(cell.id), known[cell.id]
-        alike = provenance.same_hardware
         if kept and kept.content == cell.content and (alike(kept.machine, machine) or not cell.own):
             out.done.append(cell)
         elif before.content != cell.content or again:

@@ -1,18 +1,21 @@
 """The tables on disk: a CSV file each, every row with what it depends on, when and on what machine it was measured.
 
 The columns of provenance are ``content`` (the hash of what the row depends on), ``date``, ``machine``
-(described in the JSON file beside), ``spent`` (the seconds that its cell took) and ``state``: `CURRENT`, or `STALE`
-where the code has changed since and the row was not measured again.
+(described in the JSON file beside), ``spent`` (the seconds that its cell took), ``digest`` (of all rows of its cell, in
+every table: one that was changed, lost or doubled since makes them count as not measured) and ``state``: `CURRENT`, or
+`STALE` where the code has changed since and the row was not measured again.
 """
 
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.tables import write_file
 
 from . import provenance
@@ -20,7 +23,7 @@ from .cells import Cell, text
 from .journal import Entry
 
 CURRENT, STALE = "current", "stale"
-PROVENANCE = ("content", "date", "machine", "spent", "state")
+PROVENANCE = ("content", "date", "machine", "spent", "digest", "state")
 
 Row = dict[str, str]
 
@@ -35,10 +38,14 @@ def read(folder: Path, name: str):
     path = folder / "data" / f"{name}.csv"
     if not path.exists():
         return None, None
-    about = json.loads((folder / "data" / f"{name}.json").read_text())
-    frame = pd.read_csv(path, keep_default_na=True, low_memory=False)
+    try:
+        about = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        frame = pd.read_csv(path, keep_default_na=True, low_memory=False)
+    except (OSError, ValueError) as error:
+        raise InvalidInput(f"{path} cannot be read ({error}); `pytest benchmarks` measures it again") from None
     if "state" in frame:
-        frame = frame[frame["state"] != STALE].reset_index(drop=True).drop(columns=list(PROVENANCE))
+        frame = frame[frame["state"] != STALE].reset_index(drop=True)
+        frame = frame.drop(columns=list(PROVENANCE), errors="ignore")
     return (frame, about) if len(frame) else (None, None)
 
 
@@ -49,10 +56,12 @@ class Table:
         self.name, self.path = name, folder / f"{name}.csv"
         self.rows: list[Row] = []
         if self.path.exists():
-            with self.path.open(newline="", encoding="utf-8") as stream:
-                self.rows = list(csv.DictReader(stream))
-        about = self.path.with_suffix(".json")
-        self.about = json.loads(about.read_text()) if about.exists() else {}
+            with self.path.open(newline="", encoding="utf-8", errors="replace") as stream:
+                self.rows = [{k: v or "" for k, v in row.items() if k} for row in csv.DictReader(stream)]
+        try:
+            self.about = json.loads(self.path.with_suffix(".json").read_text(encoding="utf-8"))
+        except (OSError, ValueError):  # it is not there, or was cut: nothing is known
+            self.about = {}
         self._found: dict[tuple, dict[tuple, list[Row]]] = {}
 
     def of(self, cell: Cell) -> list[Row]:
@@ -65,12 +74,15 @@ class Table:
             self._found[columns] = index
         return self._found[columns].get(tuple(text(v) for v in cell.key.values()), [])
 
-    def write(self, cells: Sequence[Cell], entries: Mapping[str, Entry], quick: bool) -> None:
-        """Write the rows of ``cells``: those of ``entries``, and for the others the rows that were there."""
+    def write(self, cells: Sequence[Cell], entries: Mapping[str, Entry], fresh: set[str], quick: bool) -> None:
+        """Write the rows of ``cells``: those of ``entries``, and for the others the rows that were there.
+
+        ``fresh`` has the ids of those of the others whose rows are of this version.
+        """
         rows: list[Row] = []
         for cell in cells:
-            entry = entries.get(cell.id)
-            rows += fresh_rows(entry, self.name) if entry else [_judged(r, cell) for r in self.of(cell)]
+            entry, state = entries.get(cell.id), CURRENT if cell.id in fresh else STALE
+            rows += fresh_rows(entry, self.name) if entry else [r | {"state": state} for r in self.of(cell)]
         about = provenance.summary() | {"quick": quick} if any(c.id in entries for c in cells) else self.about
         self.replace(rows, about)
 
@@ -98,8 +110,29 @@ class Table:
 def fresh_rows(entry: Entry, table: str) -> list[Row]:
     """The rows of a finished cell as text, with their provenance."""
     about = {"content": entry.content, "date": entry.date, "machine": entry.machine}
-    about |= {"spent": text(round(entry.spent, 3)), "state": CURRENT}
-    return [{k: text(v) for k, v in row.items()} | about for row in entry.rows.get(table, [])]
+    rows = {name: [{k: text(v) for k, v in row.items()} for row in members] for name, members in entry.rows.items()}
+    about |= {"spent": text(round(entry.spent, 3)), "digest": digest(rows), "state": CURRENT}
+    return [row | about for row in rows.get(table, [])]
+
+
+def digest(rows: Mapping[str, Sequence[Row]]) -> str:
+    """Of the rows of a cell, by table, without their provenance and what is missing."""
+    plain = {
+        name: [sorted((k, v) for k, v in row.items() if v and k not in PROVENANCE) for row in members]
+        for name, members in rows.items()
+        if members
+    }
+    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def version(cell: Cell, stored: Mapping[str, Table]) -> str | None:
+    """The hash of what the stored rows of a cell depend on; None where they are not all those that were measured."""
+    found = {name: stored[name].of(cell) for name in cell.tables}
+    said = {(row.get("content"), row.get("digest")) for rows in found.values() for row in rows}
+    if len(said) != 1:
+        return None
+    ((content, told),) = said
+    return content if told == digest(found) else None
 
 
 def take(folder: Path, name: str, entries: Mapping[str, Entry]) -> None:
@@ -109,17 +142,14 @@ def take(folder: Path, name: str, entries: Mapping[str, Entry]) -> None:
     Table(folder, name).replace(rows, provenance.summary() | {"quick": quick})
 
 
-def _judged(row: Row, cell: Cell) -> Row:
-    return row | {"state": CURRENT if row.get("content") == cell.content else STALE}
-
-
-def write(folder: Path, cells: Iterable[Cell], entries: Mapping[str, Entry], quick: bool = False) -> None:
+def write(folder: Path, cells: Sequence[Cell], entries: Mapping[str, Entry], quick: bool = False) -> None:
     """Write every table of the cells into ``folder``."""
     by_table: dict[str, list[Cell]] = {}
     for cell in cells:
         for table in cell.tables:
             by_table.setdefault(table, []).append(cell)
+    stored = {name: Table(folder, name) for name in by_table}
+    fresh = {c.id for c in cells if c.id not in entries and version(c, stored) == c.content}
     for name, members in by_table.items():
-        table = Table(folder, name)
-        if table.rows or any(c.id in entries for c in members):
-            table.write(members, entries, quick)
+        if stored[name].rows or any(c.id in entries for c in members):
+            stored[name].write(members, entries, fresh, quick)

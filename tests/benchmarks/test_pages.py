@@ -30,6 +30,7 @@ from phasebench.benchmarks.page.origin import earlier
 from phasebench.benchmarks.page.page import FINDING, MISSING, PASS, ROWS, SETTING, VERDICTS, Verdict, outcome
 from phasebench.benchmarks.report import PAGES
 from phasebench.integrators import driver
+from phasebench.integrators.errors import InvalidInput
 
 DATA = Path(report.__file__).resolve().parents[1] / "reports" / "data"
 #: Bytes of a page and characters of a line at most; an HTML page holds its figures.
@@ -140,11 +141,11 @@ def test_a_report_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
 
     def broken(text, *rest, **named):
         if "phasebench: what was measured" in text:
-            raise OSError("no space is left")
+            raise OSError(28, "no space is left")
         return written(text, *rest, **named).replace("</body>", "<p>new</p></body>")
 
     monkeypatch.setattr(html, "document", broken)
-    with pytest.raises(OSError, match="no space"):
+    with pytest.raises(InvalidInput, match="cannot be written: no space is left; it is as it was"):
         report.build(tmp_path, progress=silent)
     assert {p for p in tmp_path.rglob("*") if p.is_file()} == set(before)
     assert (tmp_path / "README.md").read_text() == "as it was"

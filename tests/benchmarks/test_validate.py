@@ -170,7 +170,11 @@ RIGHT = {
     "rk4": (rk4, (), {"order": 4, "symplectic": False, "stability": 2.828}),
     "implicit-midpoint": (implicit_midpoint, (), {"order": 2, **WHOLE}),
     "gauss-2": (gauss_2, (), {"order": 4, **WHOLE}),
-    "averaged": (averaged, ("polynomial degree",), {"order": 2, "energy": "preserved", "symplectic": False, "symmetric": True}),
+    "averaged": (
+        averaged,
+        ("polynomial degree",),
+        {"order": 2, "energy": "preserved", "symplectic": False, "symmetric": True},
+    ),
     "compiled-leapfrog": (compiled_leapfrog, SEPARABLE, {"order": 2, **WHOLE, "bilinear": "preserved"}),
 }
 

@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = {name: (ROOT / name).read_text() for name in ("README.md", "CONTRIBUTING.md")}
 BLOCK = re.compile(r"^( *)```(\w*)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 #: Commands that take more than a few seconds are parsed, not run.
-LONG = ("run", "report", "certify", "audit")
+LONG = ("run", "report", "certify", "audit", "compare")
 #: What an example writes or reads, and no file of the project.
 OWN = ("my_step.py", "my_problem.py", "test_my_step.py")
 
@@ -54,7 +54,7 @@ def test_every_block_has_a_language_that_is_tested():
     for text in DOCUMENTS.values():
         assert {m[2] for m in BLOCK.finditer(text)} <= {"sh", "python", "diff", "yaml"}
         assert text.count("```") == 2 * len(BLOCK.findall(text))
-    known = [("phasebench",), ("pytest",), ("ruff",), ("python", "-m", "pip"), ("python", "-m")]
+    known = [("phasebench",), ("pytest",), ("ruff",), ("python", "-m"), ("python", "tests/mutation")]
     assert all(any(tuple(c[: len(k)]) == k for k in known) for c in COMMANDS)
     assert len(COMMANDS) > 20
 
@@ -101,7 +101,7 @@ def test_modules_and_extras_are_there():
     installed = [c[-1] for c in named(("python", "-m", "pip", "install"))]
     assert installed
     for target in installed:
-        assert target == "." or re.fullmatch(r"\.\[(\w+)\]", target)[1] in extras
+        assert target == "." or {*re.fullmatch(r"\.\[([\w,]+)\]", target)[1].split(",")} <= {*extras}
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)

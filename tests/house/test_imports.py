@@ -38,7 +38,7 @@ ROOMS = {
         ("problems",),
         ("rows",),
         ("measure",),
-        ("page", "bibliography"),
+        ("page", "bibliography", "history"),
         ("certificate",),
         ("experiments",),
         ("report",),

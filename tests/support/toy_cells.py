@@ -18,6 +18,13 @@ def measure(n: int, seconds: float = 0.0) -> dict:
     return {"toys": [{"n": n, "x": n / 7, "name": f"cell, {n}", "seconds": time.perf_counter()}], "toy_parts": parts}
 
 
+def moved(n: int, seconds: float = 0.0) -> dict:
+    """The rows of `measure`, but for a number."""
+    found = measure(n, seconds)
+    found["toys"][0]["x"] = 0.29
+    return found
+
+
 def fail(n: int) -> dict:
     """No row."""
     raise ValueError(f"there is no {n}")

@@ -1,4 +1,4 @@
-"""The tables of coefficients as a cell: they are computed from their numbers alone."""
+"""The tables of coefficients, computed from their numbers alone, and what is installed, each as a cell."""
 
 from __future__ import annotations
 
@@ -7,21 +7,32 @@ import hashlib
 from phasebench.benchmarks.rows import sources
 from phasebench.benchmarks.rows.cells import Cell, Rows, content
 
-from . import coefficients
+from . import coefficients, dependencies
 
 TABLES = ("coefficients", "repairs", "loose_digits")
 
+INSTALLED = "dependencies"
+
 
 def cells(quick: bool = False) -> list[Cell]:
-    """One cell; none of the quick tier."""
+    """Two cells; none of the quick tier."""
     if quick:
         return []
     numbers = sorted((sources.ROOT / "integrators" / "coefficients").glob("*.json"))
     digests = [hashlib.sha256(p.read_bytes()).hexdigest() for p in numbers]
-    return [Cell("catalogue", TABLES, {}, measured, (), content(*digests, code=[coefficients.__name__]))]
+    wanted = (sources.ROOT / "pyproject.toml").read_text()
+    return [
+        Cell("catalogue", TABLES, {}, measured, (), content(*digests, code=[coefficients.__name__])),
+        Cell("catalogue", (INSTALLED,), {}, installed, (), content(wanted, code=[dependencies.__name__]), own=True),
+    ]
 
 
 def measured() -> Rows:
     """The rows of the three tables."""
     frames = (coefficients.frame(), coefficients.repairs(), coefficients.loose())
     return {name: frame.to_dict("records") for name, frame in zip(TABLES, frames, strict=True)}
+
+
+def installed() -> Rows:
+    """The rows of what is installed."""
+    return {INSTALLED: dependencies.frame()}

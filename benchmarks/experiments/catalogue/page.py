@@ -210,4 +210,62 @@ COEFFICIENTS_PAGE = Page(
     command="pytest benchmarks/experiments/catalogue",
 )
 
-PAGES = (METHODS_PAGE, PROBLEMS_PAGE, COEFFICIENTS_PAGE)
+#: What may not be part of this project, and who may be it: a comparison that is reached through its public interface.
+COPYLEFT, COMPARED = "GPL-", ("rebound",)
+
+
+@of("dependencies")
+def licences(dependencies: pd.DataFrame) -> Verdict:
+    """Whether every distribution says its licence, and none but the comparison has one that binds this project."""
+    said = dependencies["licence"].fillna("")
+    strong = said.str.contains(COPYLEFT) & ~said.str.contains(f"L{COPYLEFT}")
+    silent, bound = list(dependencies[said == ""]["package"]), list(dependencies[strong]["package"])
+    other = [name for name in bound if name not in COMPARED]
+    text = f"{len(dependencies)} distributions are needed, {int(dependencies['direct'].sum())} of them directly"
+    text += f"; under the GPL: {listed(bound, 4)}" if bound else "; none is under the GPL"
+    text += f", of which not a comparison alone: {listed(other, 4)}" if other else ""
+    text += f"; without a stated licence: {listed(silent, 4)}." if silent else "; each states its licence."
+    return Verdict(text, not (silent or other), text)
+
+
+@of("dependencies")
+def weight(dependencies: pd.DataFrame) -> Verdict:
+    """How large an installation is."""
+    heavy = dependencies.sort_values("MB", ascending=False).head(3)
+    whole = float(dependencies["MB"].sum())
+    part = listed([f"{r['package']} ({r['MB']:.0f} MB)" for _, r in heavy.iterrows()], 3)
+    text = f"An installation takes {whole:.0f} MB; the largest are {part}."
+    return Verdict(text, True, text)
+
+
+@of("dependencies")
+def _needed(dependencies: pd.DataFrame) -> Table:
+    shown = dependencies.assign(direct=dependencies["direct"].map({True: "yes", False: "no"}))
+    caption = "What phasebench needs itself, then the largest of what these need; the CSV has every one."
+    return Table(shown[["package", "version", "licence", "direct", "MB"]].head(ROWS), caption)
+
+
+@of("dependencies")
+def _all_needed(dependencies: pd.DataFrame) -> pd.DataFrame:
+    return dependencies
+
+
+DEPENDENCIES_PAGE = Page(
+    id="dependencies",
+    question="What does an installation bring, and under which licences?",
+    tables=("dependencies",),
+    setting=(
+        "Every distribution that `pip install` brings without an extra, by the metadata of what was installed here.",
+        "MB: the files of a distribution, without bytecode.",
+    ),
+    verdicts=(licences, weight),
+    table=_needed,
+    whole=_all_needed,
+    limits=(
+        "A licence is what the distribution's own metadata say; other versions may say otherwise.",
+        "Libraries that a wheel carries inside count as its own.",
+    ),
+    command="pytest benchmarks/experiments/catalogue",
+)
+
+PAGES = (METHODS_PAGE, PROBLEMS_PAGE, COEFFICIENTS_PAGE, DEPENDENCIES_PAGE)

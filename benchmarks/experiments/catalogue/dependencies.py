@@ -1,0 +1,77 @@
+"""What an installation brings: every distribution that phasebench needs, whose licence, how large.
+
+The metadata of what is installed are asked, not an index: the version, the licence (`License-Expression` of PEP 639, else
+`License`, else the classifiers), the bytes of its files, and who of the others requires it.
+"""
+
+from __future__ import annotations
+
+import re
+from importlib import metadata
+
+from packaging.requirements import Requirement
+
+ROOT = "phasebench"
+#: A licence's text is told from its name by its length.
+NAME = 60
+#: What the classifiers call a licence, and the identifiers that others use.
+SHORT = {
+    "BSD License": "BSD",
+    "MIT License": "MIT",
+    "Python Software Foundation License": "PSF-2.0",
+    "Apache Software License": "Apache-2.0",
+    "GNU General Public License v3 (GPLv3)": "GPL-3.0-only",
+    "GNU Lesser General Public License v3 or later (LGPLv3+)": "LGPL-3.0-or-later",
+    "Mozilla Public License 2.0 (MPL 2.0)": "MPL-2.0",
+}
+
+
+def key(name: str) -> str:
+    """A distribution's name as its index spells it."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def needed(requires: list[str] | None, extra: str = "") -> list[str]:
+    """The names of the requirements that hold here."""
+    found = [Requirement(text) for text in requires or ()]
+    return [key(r.name) for r in found if r.marker is None or r.marker.evaluate({"extra": extra})]
+
+
+def licence(about) -> str:
+    """What a distribution's metadata call its licence; empty where they do not."""
+    for field in ("License-Expression", "License"):
+        text = " ".join((about.get(field) or "").split())
+        if text and len(text) <= NAME and text.upper() != "UNKNOWN":
+            return SHORT.get(text, text)
+    heads = [c.split(" :: ")[-1] for c in about.get_all("Classifier") or () if c.startswith("License :: ")]
+    names = [SHORT.get(h, h) for h in heads if h != "OSI Approved"]
+    return " or ".join(dict.fromkeys(names))
+
+
+def frame() -> list[dict[str, object]]:
+    """A row for each distribution that is needed, the direct ones first, then by size."""
+    by: dict[str, set[str]] = {}
+    todo = [(name, ROOT) for name in needed(metadata.requires(ROOT))]
+    direct = {name for name, _ in todo}
+    while todo:
+        name, parent = todo.pop()
+        known = name in by
+        by.setdefault(name, set()).add(parent)
+        if not known:
+            todo += [(other, name) for other in needed(metadata.distribution(name).requires)]
+    rows = [_row(name, parents, name in direct) for name, parents in by.items()]
+    return sorted(rows, key=lambda row: (not row["direct"], -row["MB"], row["package"]))
+
+
+def _row(name: str, parents: set[str], direct: bool) -> dict[str, object]:
+    found = metadata.distribution(name)
+    files = [f.locate() for f in found.files or ()]
+    size = sum(f.stat().st_size for f in files if f.suffix != ".pyc" and f.exists())
+    return {
+        "package": name,
+        "version": found.version,
+        "licence": licence(found.metadata),
+        "direct": direct,
+        "needed by": ", ".join(sorted(parents)),
+        "MB": round(size / 1e6, 1),
+    }

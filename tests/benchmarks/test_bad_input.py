@@ -1,0 +1,68 @@
+"""What cannot be used, and what is said of it: commands in `bad_input.txt`, each with its answer and exit code.
+
+No exception of another package reaches a user, and nothing is integrated or written.
+"""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from phasebench.benchmarks.cli import app
+
+FILES = {
+    "syntax.py": "def make(:\n",
+    "nomake.py": "x = 1\n",
+    "raises.py": "raise RuntimeError('no')\n",
+    "makeraises.py": "def make():\n    return 1 / 0\n",
+    "wrongtype.py": "problem = 3\n",
+    "nostep.py": "def stepp(): pass\n",
+    "stepsig.py": "def step(q, p): return q, p\n",
+    "stepnone.py": "def step(system, q, p, h): return None\n",
+    "stepshape.py": "def step(system, q, p, h): return q[:0], p\n",
+    "stepraise.py": "def step(system, q, p, h): raise ValueError('oops')\n",
+    "stepnan.py": "def step(system, q, p, h): return q * float('nan'), p\n",
+    "stepclaims.py": "CLAIMS = {'ordr': 2}\ndef step(system, q, p, h): return q, p\n",
+    "stepreq.py": "REQUIRES = ('sep',)\ndef step(system, q, p, h): return q, p\n",
+    "empty.jsonl": "",
+    "bad.jsonl": "{not json\n",
+    "keyonly.jsonl": '{"id": "x"}\n',
+    "bin.py": "\x00\x01",
+}
+LINES = Path(__file__).with_name("bad_input.txt").read_text(encoding="utf-8").splitlines()
+TABLE = [re.fullmatch(r"(\d )?(.*) => (.*)", line).groups() for line in LINES if line and not line.startswith("#")]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with files that cannot be used."""
+    made = tmp_path_factory.mktemp("bad")
+    for name, text in FILES.items():
+        (made / name).write_text(text, encoding="utf-8")
+    (made / "notutf.py").write_bytes(b"\xff\xfe\xfa")
+    return made
+
+
+@pytest.mark.parametrize(("code", "command", "said"), TABLE, ids=[command for _, command, _ in TABLE])
+def test_what_cannot_be_used_is_named(code, command, said, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    before = sorted(p for p in folder.rglob("*") if "__pycache__" not in p.parts)
+    result = CliRunner().invoke(app, shlex.split(command))
+    assert result.exit_code == int(code or 2), result.output
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    assert said in " ".join((result.stderr + result.stdout).split())
+    after = sorted(p for p in folder.rglob("*") if "__pycache__" not in p.parts)
+    assert after == before, "something was written"
+
+
+def test_the_table_is_long_and_says_nothing_twice():
+    commands = [command for _, command, _ in TABLE]
+    assert len(commands) == len(set(commands)) >= 110
+
+
+def test_control_what_can_be_used_is_not_refused(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    for command in ("integrate pendulum rk4 --h 0.1 --steps 1", "list problems"):
+        assert CliRunner().invoke(app, shlex.split(command)).exit_code == 0

@@ -1,0 +1,137 @@
+"""Faults that a store has to survive: killed at any moment, a disk that is full, files cut, tampered with or older.
+
+After each of them nothing that was finished is lost, nothing half-written is read, and a run without the fault gives
+the tables that a run without any fault gives.
+"""
+
+import json
+import multiprocessing
+import os
+import random
+import resource
+import signal
+import time
+
+import pytest
+
+from phasebench.benchmarks import report
+from phasebench.benchmarks.rows import run, tables
+from phasebench.benchmarks.rows.journal import Journal
+from phasebench.integrators.errors import InvalidInput
+from support import toy_cells
+
+COUNT, MOMENTS = 12, 50
+FORK = multiprocessing.get_context("fork")
+
+
+def timeless(folder) -> dict:
+    """The tables without what every run has of its own."""
+    own = {"seconds", "spent", "date", "digest"}
+    return {
+        name: [{k: v for k, v in row.items() if k not in own} for row in tables.Table(folder, name).rows]
+        for name in toy_cells.TABLES
+    }
+
+
+def measured(folder, cells=None) -> run.Outcome:
+    return run.execute(cells or toy_cells.cells(COUNT, seconds=0.005), folder, count=0, seed=1, quick=True)
+
+
+def in_a_process(function, *arguments):
+    process = FORK.Process(target=function, args=arguments)
+    process.start()
+    return process
+
+
+def test_fifty_kills_at_random_moments_lose_nothing_that_was_finished(tmp_path):
+    whole, folder, rng = tmp_path / "whole", tmp_path / "killed", random.Random(7)
+    began = time.perf_counter()
+    measured(whole)
+    length = time.perf_counter() - began
+    hit = 0
+    for _ in range(MOMENTS):
+        file = folder / "toys.csv"
+        if file.exists() and not (folder / "journal.jsonl").exists():  # it had ended: half of the rows are cut off
+            lines = file.read_text().splitlines(keepends=True)
+            file.write_text("".join(lines[: 1 + COUNT // 2]))
+        before = Journal(folder / "journal.jsonl").entries if folder.exists() else {}
+        process = in_a_process(measured, folder)
+        time.sleep(rng.uniform(0, 1.2 * length))
+        os.kill(process.pid, signal.SIGKILL)
+        process.join()
+        hit += process.exitcode == -signal.SIGKILL
+        journal = Journal(folder / "journal.jsonl")
+        assert journal.unreadable <= 1, "only the line that was being written may be cut"
+        if (folder / "journal.jsonl").exists():
+            assert before.keys() <= journal.entries.keys()
+        for name in toy_cells.TABLES:
+            if (folder / f"{name}.csv").exists():
+                json.loads((folder / f"{name}.json").read_text())
+                assert all(None not in row.values() for row in tables.Table(folder, name).rows)
+    assert hit > MOMENTS / 3, "most of the runs had ended before they were killed"
+    measured(folder)
+    assert timeless(folder) == timeless(whole)
+    assert not (folder / "journal.jsonl").exists()
+
+
+def _on_a_full_disk(folder, largest, said):
+    """A run that cannot make a file larger than so many bytes."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
+    try:
+        measured(folder, toy_cells.cells(COUNT, version=2))
+    except InvalidInput as error:
+        said.put(str(error))
+    except BaseException as error:
+        said.put(repr(error))
+    else:
+        said.put("done")
+
+
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.3, 0.6, 0.9])
+def test_a_full_disk_is_named_and_leaves_the_tables_as_they_were(tmp_path, share):
+    folder, whole = tmp_path / "data", tmp_path / "whole"
+    measured(folder)
+    measured(whole, toy_cells.cells(COUNT, version=2))
+    stored = {p.name: p.read_bytes() for p in folder.glob("*.*") if p.name.startswith("toy")}
+    said = FORK.SimpleQueue()
+    process = in_a_process(_on_a_full_disk, folder, int(share * len(stored["toys.csv"])), said)
+    process.join()
+    text = said.get()
+    assert "cannot be written" in text, text
+    assert "Error(" not in text
+    assert {p.name: p.read_bytes() for p in folder.glob("*.*") if p.name.startswith("toy")} == stored
+    measured(folder, toy_cells.cells(COUNT, version=2))
+    assert timeless(folder) == timeless(whole)
+
+
+TAMPERED = {
+    "cut": lambda text: text[: 2 * len(text) // 3],
+    "a line doubled": lambda text: text + text.splitlines(keepends=True)[-1],
+    "empty": lambda text: "",
+    "an older schema": lambda text: text.replace("content", "hash", 1),
+    "no table": lambda text: "\x00\x01\x02",
+}
+
+
+@pytest.mark.parametrize("how", TAMPERED)
+@pytest.mark.parametrize("name", toy_cells.TABLES)
+def test_a_table_that_was_tampered_with_is_measured_again(tmp_path, name, how):
+    folder, whole = tmp_path / "data", tmp_path / "whole"
+    measured(folder)
+    measured(whole)
+    file = folder / f"{name}.csv"
+    file.write_text(TAMPERED[how](file.read_text()))
+    measured(folder)
+    assert timeless(folder) == timeless(whole)
+
+
+def test_a_report_of_a_table_that_cannot_be_read_says_so(tmp_path):
+    measured(tmp_path / "data")
+    report.build(tmp_path)
+    before = {p: p.read_bytes() for p in tmp_path.glob("*.md")}
+    (tmp_path / "data" / "rows.csv").write_text("\x00")
+    (tmp_path / "data" / "rows.json").write_text("{")
+    with pytest.raises(InvalidInput, match=r"rows\.csv cannot be read"):
+        report.build(tmp_path)
+    assert {p: p.read_bytes() for p in tmp_path.glob("*.md")} == before

@@ -1,0 +1,128 @@
+"""Two stored runs beside each other: each kind of change is found where it is, and none where nothing has changed."""
+
+import json
+import subprocess
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from phasebench.benchmarks import history
+from phasebench.benchmarks.cli import app
+from phasebench.integrators.errors import InvalidInput
+
+METHODS = ("a", "b", "c")
+
+
+def table(noise=0.0, seed=0) -> pd.DataFrame:
+    rng = np.random.default_rng(seed)
+    rows = [
+        {"method": m, "problem": f"p{k}", "h": h, "status": "ok", "reason": "", "global_error": h**2, "seconds": 1 / h}
+        for m in METHODS
+        for k in range(4)
+        for h in (0.1, 0.05)
+    ]
+    frame = pd.DataFrame(rows)
+    return frame.assign(seconds=frame["seconds"] * np.exp(noise * rng.normal(size=len(frame))))
+
+
+def kinds(before, after) -> set[tuple[str, str]]:
+    return {(c.kind, c.row.partition(",")[0]) for c in history.changes({"t": before}, {"t": after})}
+
+
+def test_two_draws_of_the_same_run_do_not_differ():
+    assert not history.changes({"t": table()}, {"t": table()})
+    for seed in range(20):
+        assert not history.changes({"t": table(0.05, seed)}, {"t": table(0.05, seed + 100)})
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "kind"),
+    [
+        ("status", lambda x: "diverged", history.STATUS),
+        ("global_error", lambda x: 1.6 * x, history.WORSE),
+        ("global_error", lambda x: x / 1.6, history.BETTER),
+        ("seconds", lambda x: 1.3 * x, history.SLOW),
+        ("seconds", lambda x: x / 1.3, history.FAST),
+    ],
+)
+def test_a_change_is_named_with_the_method_that_it_is_of(column, value, kind):
+    after = table()
+    of = after["method"] == "b"
+    after[column] = after[column].where(~of, after[column].map(value))
+    assert kinds(table(), after) == {(kind, "b")}
+
+
+def test_what_is_within_the_noise_or_below_round_off_is_no_change():
+    after = table()
+    of = after["method"] == "b"
+    after.loc[of, "seconds"] *= 1.1
+    after.loc[of, "global_error"] *= 1.4
+    assert not kinds(table(), after)
+    tiny = table().assign(global_error=1e-15)
+    assert not kinds(tiny, tiny.assign(global_error=9e-14))
+    assert kinds(tiny, tiny.assign(global_error=2e-13)) == {(history.WORSE, m) for m in METHODS}
+
+
+def test_a_slower_machine_is_not_a_slower_method():
+    after = table()
+    after["seconds"] *= 2
+    assert not kinds(table(), after)
+    assert history.usual({"t": table()}, {"t": after}).value == pytest.approx(2)
+
+
+def test_one_slow_row_of_many_does_not_make_a_method_slow():
+    after = table()
+    after.loc[0, "seconds"] *= 10
+    assert not kinds(table(), after)
+
+
+def test_rows_that_are_gone_or_new_are_named():
+    assert kinds(table(), table().iloc[1:]) == {(history.GONE, "a")}
+    assert kinds(table().iloc[1:], table()) == {(history.NEW, "a")}
+
+
+def test_rows_are_found_by_what_was_run_whatever_their_order():
+    assert not kinds(table(), table().iloc[::-1])
+
+
+def written(folder, frame):
+    (folder / "data").mkdir(parents=True)
+    frame.to_csv(folder / "data" / "t.csv", index=False)
+    return str(folder)
+
+
+def test_the_command_compares_folders_files_and_commits(tmp_path, monkeypatch):
+    repository = tmp_path / "repository"
+    written(repository / "reports", table())
+    for words in (["init", "-q"], ["add", "-A"], ["-c", "user.name=x", "-c", "user.email=x", "commit", "-qm", "x"]):
+        subprocess.run(["git", *words], cwd=repository, check=True)
+    monkeypatch.chdir(repository)
+    worse = table()
+    worse["global_error"] *= 2
+    other = written(tmp_path / "other", worse)
+    run = CliRunner()
+    for before in ("HEAD", "reports", "reports/data/t.csv"):
+        found = run.invoke(app, ["compare", before, other, "--json"])
+        assert found.exit_code == 1
+        said = json.loads(found.stdout)
+        assert len(said["changes"]) == len(table())
+        assert {c["kind"] for c in said["changes"]} == {history.WORSE}
+        assert said["changes"][0]["ratio"]["value"] == pytest.approx(2)
+    assert run.invoke(app, ["compare", "HEAD"]).exit_code == 0
+    assert "less accurate: 24" in run.invoke(app, ["compare", "HEAD", other]).stdout
+
+
+@pytest.mark.parametrize("name", ["none", "--output=x", "empty"])
+def test_what_is_no_run_is_invalid(name, tmp_path, monkeypatch):
+    (tmp_path / "empty").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InvalidInput, match=name):
+        history.stored(name)
+
+
+def test_a_file_that_is_no_table_is_invalid(tmp_path):
+    (tmp_path / "t.csv").write_text("")
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        history.stored(str(tmp_path / "t.csv"))
