@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from phasebench.benchmarks.rows import run, screen
+from phasebench.benchmarks.rows.cluster import Cluster
 from phasebench.integrators.errors import InvalidInput
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -25,6 +26,7 @@ def pytest_addoption(parser):
     group.addoption("--all", action="store_true", help="measure every cell, however long it takes")
     group.addoption("--seed", type=int, default=None, help="of the sample (the number of the day)")
     group.addoption("--update-tables", action="store_true", help="re-record reference/tables and show what changed")
+    group.addoption("--scheduler", default=None, help="address of a Dask cluster that measures what is not timed")
     group.addoption("--reports", default=None, help="where the reports go (default: reports, or reports/quick)")
 
 
@@ -93,6 +95,7 @@ def outcome(request, pytestconfig, quick) -> run.Outcome:
         cells = [c for c in cells if c.quick]
     capture = pytestconfig.pluginmanager.getplugin("capturemanager")
     with capture.global_and_fixture_disabled(), screen.progress(sys.stderr) as progress:
+        address = pytestconfig.getoption("--scheduler")
         try:
             outcome = run.execute(
                 cells,
@@ -103,6 +106,7 @@ def outcome(request, pytestconfig, quick) -> run.Outcome:
                 quick=quick,
                 seed=pytestconfig.getoption("--seed"),
                 progress=progress,
+                cluster=Cluster(address) if address else None,
             )
         except InvalidInput as error:
             pytest.exit(str(error), returncode=2)

@@ -18,6 +18,7 @@ from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
 from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
+from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
@@ -58,6 +59,7 @@ PAGES: tuple[Page, ...] = (
     AUDIT,
     REFERENCES,
     SPEED,
+    ENSEMBLES,
     *CATALOGUE,
     *TALKS,
     *FIGURES,

@@ -12,6 +12,7 @@ from __future__ import annotations
 import importlib
 
 _HOMES = {
+    "Ensemble": "ensemble",
     "Hamiltonian": "systems.hamiltonian",
     "PartitionedSystem": "systems.hamiltonian",
     "InvalidInput": "errors",
@@ -19,7 +20,9 @@ _HOMES = {
     "Method": "record",
     "Solution": "driver",
     "integrate": "driver",
+    "integrate_ensemble": "ensemble",
     "method": "registry",
+    "prepare": "prepared",
 }
 __all__ = sorted(_HOMES)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from .errors import unknown
 from .record import Method
 from .records import (
+    adaptive,
     classical,
     collocation,
     compositions,
@@ -29,6 +30,7 @@ METHODS: tuple[Method, ...] = (
     *splittings.METHODS,
     *compositions.METHODS,
     *collocation.METHODS,
+    *adaptive.METHODS,
     *variational.METHODS,
     *energy.METHODS,
     *projection.METHODS,

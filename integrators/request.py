@@ -12,6 +12,8 @@ from .errors import InvalidInput
 
 #: The most numbers of a trajectory, of q and as many of p (2 GB in all).
 LARGEST = 125_000_000
+#: A step is made longer by this factor at most where t_end is no multiple of it: it may be near a limit of stability.
+WIDENED = 1.01
 
 
 class Request(NamedTuple):
@@ -52,7 +54,8 @@ def request(problem, *, h=None, t_end=None, steps=None, q0=None, p0=None, save_e
 def grid(h=None, t_end=None, steps=None) -> tuple[float, int]:
     """(h, steps) from two of the three; h is adjusted so that a whole number of steps ends at ``t_end``.
 
-    Raises InvalidInput where they are missing, not finite, not positive, or contradict each other.
+    Raises InvalidInput where they are missing, not finite, not positive, or contradict each other, and where h would
+    grow by more than 1 %; t_end and steps ask for any step.
     """
     for name, value in (("h", h), ("t_end", t_end), ("steps", steps)):
         real = isinstance(value, Real) and not isinstance(value, bool)
@@ -68,13 +71,23 @@ def grid(h=None, t_end=None, steps=None) -> tuple[float, int]:
     if steps is None:
         if t_end / h > 1e13:
             raise InvalidInput(f"t_end/h asks for {t_end / h:.3g} steps; the most is 1e13")
-        steps = max(1, round(t_end / h))
+        steps = _whole(h, t_end)
         h = t_end / steps if abs(steps * h - t_end) > 1e-12 * t_end else h
     elif t_end is not None:
         if h is not None and abs(steps * h - t_end) > 1e-9 * t_end:
             raise InvalidInput(f"steps times h is {steps * h}, not t_end = {t_end}; give two of the three")
         h = t_end / int(steps)
     return h, int(steps)
+
+
+def _whole(h: float, t_end: float) -> int:
+    """The whole number of steps nearest to t_end / h; raises InvalidInput where h would grow by more than `WIDENED`."""
+    steps = max(1, round(t_end / h))
+    if t_end <= steps * h * WIDENED:
+        return steps
+    fit = f"{t_end / steps!r} ({steps} step{'s' * (steps > 1)}) and {t_end / (steps + 1)!r} ({steps + 1} steps)"
+    asked = f"h = {h!r} does not divide t_end = {t_end!r}; the nearest that do are {fit}"
+    raise InvalidInput(f"{asked}: give one of them, or t_end and steps")
 
 
 def spacing(save_every, steps: int) -> int:

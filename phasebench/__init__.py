@@ -14,6 +14,7 @@ import importlib
 
 #: Public name -> the package or module that it comes from, loaded when it is first asked for.
 _HOMES = {
+    "Ensemble": "integrators",
     "Hamiltonian": "integrators",
     "InvalidInput": "integrators",
     "METHODS": "integrators",
@@ -21,9 +22,12 @@ _HOMES = {
     "PROBLEMS": "benchmarks.problems",
     "Solution": "integrators",
     "integrate": "benchmarks.measure.integrator",
+    "integrate_ensemble": "benchmarks.measure.ensembles",
     "integrator": "benchmarks.measure.integrator",
     "method": "integrators",
+    "prepare": "benchmarks.measure.integrator",
     "problem": "benchmarks.problems",
+    "section": "benchmarks.measure.ensembles",
     "validate": "benchmarks.certificate.certificate",
 }
 __all__ = sorted(_HOMES)

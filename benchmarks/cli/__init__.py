@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from .audit import audit
+from .cache import cache
 from .certify import certify
 from .cite import cite
 from .compare import compare
@@ -31,6 +32,7 @@ COMMANDS = {
     "compare": compare,
     "cite": cite,
     "validate": validate,
+    "cache": cache,
 }
 
 app = typer.Typer(

@@ -22,7 +22,8 @@ from pathlib import Path
 import numpy as np
 import sympy as sp
 
-from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine import printing
+from phasebench.integrators.engine.codegen import DOUBLE
 
 
 def compiler() -> str | None:
@@ -35,7 +36,7 @@ def compiler() -> str | None:
 
 def _statements(system) -> tuple[list[str], list[str]]:
     """C statements of the gradient of V and the components' expressions."""
-    text = codegen.source("f", [("q", system.q)], [[sp.diff(system.potential, x) for x in system.q]], codegen.DOUBLE)
+    text = printing.source("f", [("q", system.q)], [[sp.diff(system.potential, x) for x in system.q]], DOUBLE)
     lines = [line.strip() for line in text.splitlines()[1:]]
     body = [f"double {line};" for line in lines[system.d : -1]]
     inner = re.fullmatch(r"return value\(\((.*),\)\)", lines[-1]).group(1)

@@ -10,9 +10,10 @@ from pathlib import Path
 
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.user_file import is_file
-from phasebench.integrators import driver
+from phasebench.integrators import driver, prepared
 from phasebench.integrators.driver import Solution
 from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.prepared import PreparedRun
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import BY_ID as METHODS_BY_ID
 from phasebench.integrators.registry import method
@@ -209,6 +210,25 @@ def integrate(
     return method.run(
         problem, h=h, t_end=t_end, steps=steps, tol=tol, q0=q0, p0=p0, save_every=save_every, timeout=timeout
     )
+
+
+def prepare(problem, method: str | Method, **parameters) -> PreparedRun:
+    """A compiled run of a method of this project, called as ``run(h, steps)``; as `integrators.prepared.prepare`.
+
+    Parameters
+    ----------
+    problem : a problem; a registered name such as ``"henon-heiles:box"``; or the path of a file with one
+    method, parameters : an id or a method, and values of its parameters
+
+    Examples
+    --------
+    >>> run = prepare("pendulum", "stormer-verlet")
+    >>> q, p, code = run(0.01, 100)
+    >>> code == run.SOLVED
+    True
+    """
+    problem = problem_of(problem) if isinstance(problem, (str, Path)) else problem
+    return prepared.prepare(problem, method, **parameters)
 
 
 def _misspelt(names) -> str:

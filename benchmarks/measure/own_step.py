@@ -229,13 +229,13 @@ def integrate_step(
     with user_file.users_code(own.where, "its step"), np.errstate(all="ignore"):
         row, taken, late = _steps(own.step, seen, asked, rows, None if timeout is None else started + timeout)
     seconds = time.perf_counter() - started
-    times = np.array([asked.h * n for n in numbers[: row if late else None]])
+    if late:
+        numbers = [*numbers[: row - 1], taken]
+    times = asked.h * np.array(numbers, float)
     status, reason, kept = ending(asked.system, times, *rows[:, :row], None)
     if status == OK and late:
-        status, reason = (
-            TIMEOUT,
-            f"{timeout} s had passed after step {taken} of {asked.steps}; the rows so far are kept",
-        )
+        status = TIMEOUT
+        reason = f"{timeout} s had passed after step {taken} of {asked.steps}; what was reached is kept"
     counts = {"steps": taken, "gradient": max(seen.evaluations), "hessian": 0, "iterations": 0, "fallbacks": 0}
     q, p = rows[:, :kept].copy()
     return Solution(times[:kept], q, p, status, reason, counts, asked.h, own, np.full(kept - 1, np.nan), seconds)
@@ -258,6 +258,9 @@ def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:
         if not (np.isfinite(q).all() and np.isfinite(p).all()):
             return row, n - 1, False
         if deadline is not None and n < asked.steps and time.perf_counter() > deadline:
+            if n % asked.every:  # a row of its own
+                rows[:, row] = q, p
+                row += 1
             return row, n, True
     return row, asked.steps, False
 

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from . import provenance, tables, workers
 from .cells import ALONE, POOL, UNCOMPILED, Cell, Rows
+from .cluster import Cluster
 from .journal import Entry, Journal, locked
 
 #: Seconds of a run, of the sample where nothing changed, and the share of a budget that is kept for the reports.
@@ -80,9 +81,10 @@ class Outcome:
         return out
 
 
-def entry(cell: Cell, rows: Rows, seconds: float) -> Entry:
-    """What is kept of a cell that was measured now, here."""
-    return Entry(cell.id, cell.content, date.today().isoformat(), provenance.machine(), round(seconds, 3), rows)
+def entry(cell: Cell, rows: Rows, seconds: float, machine: str | None = None) -> Entry:
+    """What is kept of a cell that was measured now, here or on another machine."""
+    machine = provenance.machine() if machine is None else machine
+    return Entry(cell.id, cell.content, date.today().isoformat(), machine, round(seconds, 3), rows)
 
 
 def standing(cell: Cell, stored: dict[str, tables.Table]) -> Standing:
@@ -148,6 +150,7 @@ def execute(
     count: int | None = None,
     seed: int | None = None,
     progress: Callable[[str, int, int, float], None] = lambda *_: None,
+    cluster: Cluster | None = None,
 ) -> Outcome:
     """Measure what there is time for, and write the tables.
 
@@ -161,6 +164,7 @@ def execute(
     count : processes beside each other; 0 measures in this one
     seed : of the sample; at first the number of the day
     progress : called with an experiment, the cells done and to be done, and the seconds left by estimate
+    cluster : measures what is not timed
 
     Raises
     ------
@@ -185,7 +189,7 @@ def execute(
         out.entries = {c.id: journal.entries[c.id] for c in todo.done}
         if todo.done:
             out.notes.append(f"{len(todo.done)} cells were measured by a run that did not end")
-        work = _Work(out, journal, known, count, progress)
+        work = _Work(out, journal, known, count, progress, cluster)
         work.measure([*todo.changed], deadline)
         work.measure([*todo.own], deadline)
         spare = min(deadline, time.monotonic() + SAMPLE)
@@ -206,8 +210,9 @@ def execute(
 class _Work:
     """Measuring lists of cells, the short lanes first."""
 
-    def __init__(self, out: Outcome, journal: Journal, known, count: int, progress):
+    def __init__(self, out: Outcome, journal: Journal, known, count: int, progress, cluster: Cluster | None):
         self.out, self.journal, self.known, self.count, self.progress = out, journal, known, count, progress
+        self.cluster = cluster
 
     def measure(self, cells: list[Cell], deadline: float, compared: bool = False) -> None:
         """Measure cells until the deadline; those to be ``compared`` are not kept."""
@@ -221,7 +226,9 @@ class _Work:
                 return
             # A sample has something of every lane: one that is late leaves the others their share.
             until = now + (deadline - now) / (len(lanes) - k) if compared else deadline
-            for cell, rows, error, seconds in workers.measured(lane, where, count, until):
+            there = where != ALONE and self.cluster is not None
+            found = self.cluster.measured(lane, where, until) if there else workers.measured(lane, where, count, until)
+            for cell, rows, error, seconds in found:
                 done, left = done + 1, left - self._share(cell)
                 self.progress(cell.experiment, done, len(cells), max(0.0, min(left, deadline - time.monotonic())))
                 self._keep(cell, rows, error, seconds, compared)
@@ -241,7 +248,8 @@ class _Work:
         elif compared:
             out.sampled[cell.id] = rows
         else:
-            out.entries[cell.id] = entry(cell, rows, seconds)
+            there = self.cluster.machines.get(cell.id) if self.cluster else None
+            out.entries[cell.id] = entry(cell, rows, seconds, there)
             self.journal.put(out.entries[cell.id])
 
 

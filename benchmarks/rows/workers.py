@@ -107,7 +107,7 @@ def measured(
             worker.ask(waiting.pop())
         while any(w.cell for w in workers):
             try:
-                worker, answer = answers.get(timeout=_until(deadline))
+                worker, answer = answers.get(timeout=until(deadline))
             except queue.Empty:
                 return
             cell, worker.cell = worker.cell, None
@@ -126,7 +126,7 @@ def measured(
             worker.stop()
 
 
-def _until(deadline: float) -> float | None:
+def until(deadline: float) -> float | None:
     """Seconds to a deadline; None where there is none."""
     return None if deadline == float("inf") else max(0.0, deadline - time.monotonic())
 

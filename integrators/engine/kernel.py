@@ -24,19 +24,16 @@ For somebody who adds a family.  Its module holds a NamedTuple of what a step ne
 
 from __future__ import annotations
 
-import hashlib
 import importlib
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numba import types
 
-from . import codegen, progress
+from . import codegen, machine, progress
 from .codegen import DOUBLE, MULTIPRECISION
 
 #: What is counted; ``rule`` is the quadrature rule that the next step begins with, as the first of its rows.
@@ -155,14 +152,12 @@ def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
     step, T = _type(prepared.step), codegen.value_type(d)
     key = (prepared.run, step, T)
     if key not in _kernels:
-        _drop_stale()
         orbit = _tuple_type((_TABLE, _TABLE, _TABLE, T), Orbit)
         samples = _tuple_type((_TABLE, _TABLE, _TABLE, types.int64), Samples)
         signature = types.UniTuple(types.int64, 2)(step, orbit, samples, numba.from_dtype(COUNTS))
         family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")
-        with progress.compiling(f"the kernel of {family}", d), warnings.catch_warnings():
-            warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
-            _kernels[key] = numba.njit(signature, cache=True, **codegen.options(d))(prepared.run)
+        with progress.compiling(f"the kernel of {family}", d):
+            _kernels[key] = machine.compiled(prepared.run, signature, codegen.options(d) | {"nogil": True}, family)
     return _kernels[key]
 
 
@@ -183,21 +178,3 @@ def _type(x):
         signature = x.nopython_signatures[0]
         return types.FunctionType(signature.return_type(*signature.args))
     return numba.typeof(x)
-
-
-def _drop_stale() -> None:
-    """Numba's cache watches only a kernel's own file; forget it when any file of the package changed."""
-    folder = Path(__file__).parents[1]
-    digest = hashlib.sha256()
-    for path in sorted([*folder.glob("engine/*.py"), *folder.glob("families/*.py")]):
-        digest.update(path.read_bytes())
-    stamp = folder / "__pycache__" / "kernels.stamp"
-    try:
-        if stamp.exists() and stamp.read_text() == digest.hexdigest():
-            return
-        stamp.parent.mkdir(exist_ok=True)
-        for path in [*folder.glob("engine/__pycache__/*.nb[ic]"), *folder.glob("families/__pycache__/*.nb[ic]")]:
-            path.unlink(missing_ok=True)
-        stamp.write_text(digest.hexdigest())
-    except OSError:
-        pass

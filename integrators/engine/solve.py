@@ -6,8 +6,8 @@ far below the round-off of x, or until it no longer falls.  Where the iteration 
 over on :math:`x - G(x)`, with a difference Jacobian (its error only slows the convergence: the residual is exact): from
 the start, and where that fails from zero.
 
-Unknowns that fit into registers are values (`solver`), those of many stages the rows of a memory (`row_solver`).  Their
-starts are extrapolated from earlier steps (`predict`, `remember`).
+Unknowns that fit into registers are values (`solver`; in lanes, `lane_solver`), those of many stages the rows of a
+memory (`row_solver`).  Their starts are extrapolated from earlier steps (`predict`, `remember`).
 
 Integrals whose rule depends on the state are confirmed by the next finer rule (`unchanged`).
 
@@ -23,9 +23,11 @@ import numpy as np
 
 from phasebench.integrators.coefficients.tableaus import LEVELS
 
+from .lane_solver import lane_solver
+from .masks import also_in_lanes
 from .vector import axpy, bump, distance, head, inlined, jit, load, minus, plus, scale, size, store, tail
 
-SOLVED, STALLED, NOT_FINITE = 0, 1, 2
+SOLVED, STALLED, NOT_FINITE, OUT_OF_STEP = 0, 1, 2, 3
 
 #: Row m: the weights of the last m solutions, newest first.
 _EXTRAPOLATION = np.array(
@@ -250,7 +252,7 @@ def solver(G, lengths=lengths_of_both):
             evaluations += more
         return new, k + evaluations, 1, status
 
-    return solve
+    return also_in_lanes(solve, lane_solver(G, SHARE, FIXED_POINT_LIMIT, SOLVED, NOT_FINITE))
 
 
 # -- unknowns that are rows of a memory -------------------------------------------------------------------------------

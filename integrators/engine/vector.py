@@ -17,6 +17,8 @@ import numpy as np
 from numba import config, njit, types
 from numba.extending import intrinsic, overload
 
+from . import machine
+
 #: Options of every compiled function.  "contract" lets a product and a sum become one fused operation, as a C compiler
 #: does by default; it reorders nothing, so compensated sums stay exact.
 COMMON = {"error_model": "numpy", "fastmath": {"contract"}}
@@ -47,11 +49,15 @@ def _jitted(f, inline):
     def fitting(arguments):
         return any(map(_holds_vectors, arguments))
 
-    on_tuples.get_call_template = lambda args, kws: (
-        on_arrays.get_call_template if fitting((*args, *kws.values())) else call_template
-    )(args, kws)
+    def template_of(args, kws):
+        # A literal is a number like others: a compilation for each would cost more than it gains.
+        args, kws = tuple(map(types.unliteral, args)), {name: types.unliteral(t) for name, t in kws.items()}
+        return (on_arrays.get_call_template if fitting((*args, *kws.values())) else call_template)(args, kws)
+
+    on_tuples.get_call_template = template_of
     on_tuples.get_overload = lambda sig: (on_arrays.get_overload if fitting(sig) else overload_of)(sig)
     on_tuples.on_arrays = on_arrays
+    machine.callable_from_python(on_tuples)
     return on_tuples
 
 

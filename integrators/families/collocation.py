@@ -78,6 +78,7 @@ from phasebench.integrators.engine.vector import (
     velocity,
 )
 
+from . import nystrom_lanes
 from .parametric import quadratic, unknown
 
 
@@ -297,7 +298,14 @@ def run(step, orbit, samples, counts):
 
 
 def prepare(method, system, arithmetic):
-    """Of data (kind, s) or ("hbvm", s, k); the Nystrom form where T is quadratic, else the field."""
+    """Of data (kind, s) or ("hbvm", s, k): with the stages of Gauss in lanes where these serve the system."""
+    if method.data[0] == "gauss" and nystrom_lanes.serves(method.data[1], system):
+        return nystrom_lanes.prepare(method.data[1], system, arithmetic)
+    return stage_by_stage(method, system, arithmetic)
+
+
+def stage_by_stage(method, system, arithmetic):
+    """In the Nystrom form where T is quadratic, else by the field."""
     kind, s, *rest = method.data
     rules = rest or [s]
     if kind == "cpg":

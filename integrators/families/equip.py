@@ -164,7 +164,7 @@ def skew(s: int, nodes):
 def prepare(method, system, arithmetic):
     """Of data (s,); the Nystrom form where T is quadratic."""
     (s,) = method.data
-    inner = collocation.prepare(replace(method, data=("gauss", s)), system, arithmetic)
+    inner = collocation.stage_by_stage(replace(method, data=("gauss", s)), system, arithmetic)
     energy = system.energy(arithmetic)
     with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
         A, _, b, c = tableaus.runge_kutta("gauss", s)

@@ -13,7 +13,7 @@ import numpy as np
 import sympy as sp
 from numba import types
 
-from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine import codegen, printing
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.errors import InvalidInput
 
@@ -102,6 +102,7 @@ class PartitionedSystem:
             "Kepler part": self.kepler is not None,
             "Poisson structure": self.poisson,
             "further invariants": len(self.invariants) > 0,
+            "singular distances": len(self.singular) > 0,
         }
 
     # -- the functions that kernels ask for -----------------------------------------------------------------------
@@ -120,7 +121,7 @@ class PartitionedSystem:
         if (kind, arithmetic) not in self._functions:
             self._functions[kind, arithmetic] = codegen.function(
                 f"{kind}|{self.content}",
-                lambda a: codegen.source("f", arguments, results(), a),
+                lambda a: printing.source("f", arguments, results(), a),
                 self.d,
                 signature,
                 arithmetic,
@@ -154,9 +155,30 @@ class PartitionedSystem:
 
         return self.made("energy-2", [("q", self.q), ("p", self.p)], results, signature, arithmetic)
 
+    @cached_property
+    def constant(self) -> float:
+        """The additive constant of H."""
+        return float(self.H.as_coeff_Add()[0])
+
+    @cached_property
+    def _size(self) -> sp.Expr:
+        """The sum of the sizes of H's terms but for a constant; of a sine or cosine its amplitude."""
+
+        def size(factor: sp.Expr) -> sp.Expr:
+            base, n = factor.as_base_exp()
+            wave = isinstance(base, (sp.sin, sp.cos)) and n.is_positive
+            return sp.Integer(1) if wave else sp.Abs(factor)
+
+        terms = (t for t in sp.Add.make_args(sp.expand_mul(self.H)) if t.free_symbols)
+        return sp.Add(*(sp.Mul(*map(size, sp.Mul.make_args(t))) for t in terms))
+
+    def scale(self, Q, P):
+        """The size of H's terms along rows of Q, P, each of shape (n, d): an array of shape (n,)."""
+        return self.observe(self._size, Q, P)
+
     def observe(self, expression, Q, P):
         """The values of an expression in (q, p) along rows of Q, P, each of shape (n, d); an array of shape (n,)."""
-        f = codegen.vectorised(self.q, self.p, sp.sympify(expression))
+        f = printing.vectorised(self.q, self.p, sp.sympify(expression))
         with np.errstate(all="ignore"):
             return np.broadcast_to(f(np.asarray(Q, float).T, np.asarray(P, float).T), len(Q)).astype(float)
 

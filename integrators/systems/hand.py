@@ -7,16 +7,17 @@ the derived ones at a small size.
 
 from __future__ import annotations
 
-import warnings
+import hashlib
+import inspect
 from collections.abc import Callable, Mapping
 from functools import cached_property, lru_cache
+from pathlib import Path
 
-import numba
 import numpy as np
 import sympy as sp
 from numba import types
 
-from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine import codegen, machine
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.errors import InvalidInput
 
@@ -26,9 +27,9 @@ from .hamiltonian import Hamiltonian, _symbols
 @lru_cache(maxsize=256)
 def _compiled(loop: Callable, constants: tuple[float, ...], signature, d: int):
     """The loop compiled for these constants, once in a process."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
-        return numba.njit(signature, cache=True, **codegen.options(d))(loop(*constants))
+    source = Path(inspect.getfile(loop)).read_bytes()  # of helpers too
+    content = f"{loop.__qualname__}|{constants}|{hashlib.sha256(source).hexdigest()}"
+    return machine.compiled(loop(*constants), signature, codegen.options(d), f"loop|{content}")
 
 
 class HandHamiltonian(Hamiltonian):
@@ -116,6 +117,13 @@ class HandHamiltonian(Hamiltonian):
         field = self.field()
         rows = zip(np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float), strict=True)
         return np.array([np.linalg.norm(field(q, p, 0.0, 0.0)[0]) for q, p in rows])
+
+    def scale(self, Q, P):
+        """A third of what the loop says the round-off of H is in units of: of quadratic terms their size."""
+        Q, P = np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float)
+        energy = self.energy()
+        with np.errstate(all="ignore"):
+            return np.array([energy(q, p)[1] for q, p in zip(Q, P, strict=True)], float) / 3
 
     def observe(self, expression, Q, P):
         """As of every system; H by its loop, and ``expression`` may be a function of the rows."""

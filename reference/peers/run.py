@@ -84,19 +84,22 @@ def integrate_peer(
 
 def ending(system, times, q, p, failure: str | None) -> tuple[str, str, int]:
     """How rows of q and p at the first of the ``times`` ended: the status, the reason, and how many rows are good."""
-    from phasebench.integrators.driver import COLLISION, DIVERGED, OK
+    from phasebench.integrators.outcome import COLLISION, DIVERGED, energy_unit, judged
 
     finite = np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1)
     rows = len(q) if finite.all() else int(np.argmin(finite))
     if rows < len(times):
         why = (failure or NOT_FINITE).rstrip(".")
         return DIVERGED, f"{why}; the rows end at t = {times[rows - 1]:.6g} of {times[-1]:.6g}", rows
+    H = system.observe(system.H, q, p) if system.H is not None else np.zeros(rows)
+    if not np.isfinite(H).all():
+        rows = int(np.isfinite(H).argmin())
+        return DIVERGED, f"the state is outside H's domain; the rows end at t = {times[rows - 1]:.6g}", rows
     if system.singular and system.H is not None:
-        H = system.observe(system.H, q, p)
         worst = float(np.abs(H - H[0]).max())
-        if worst > LOST * abs(H[0]):
+        if worst > LOST * energy_unit(system, q, p):
             return COLLISION, f"the energy {H[0]:.6g} changed by {worst:.3g}: the orbit met the singularity", rows
-    return OK, "", rows
+    return *judged(system, times[:rows], q, p, "take a smaller step or tolerance"), rows
 
 
 def _tolerance(integrator: Peer, tol) -> float | None:

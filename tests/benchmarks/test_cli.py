@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import json
 import os
@@ -73,6 +74,12 @@ def test_list_shows_every_registered_id(kind):
 
 def test_control_an_absent_id_is_not_listed():
     assert "rk5" not in re.findall(r"[\w.-]+", call("list", "methods")[1])
+
+
+def test_an_unstable_run_is_no_success():
+    for h, status in (("2.1", "unstable"), ("0.1", "ok")):
+        code, found = run_json("harmonic-oscillator", "stormer-verlet", "--h", h, "--t-end", "1000")
+        assert (found["status"], code == 0) == (status, status == "ok")
 
 
 def test_list_of_what_is_unknown_is_an_error():
@@ -581,3 +588,46 @@ def test_the_module_is_the_command():
     )
     assert done.returncode == 0, done.stderr
     assert list(strict(done.stdout)) == CONTRACT
+
+
+def test_cache_says_where_it_is_and_is_cleared(tmp_path, monkeypatch):
+    from phasebench.integrators.engine import cache
+
+    monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path))
+    cache.write("a.py", bytes(1000))
+    _, text, _ = call("cache", "--json")
+    state = strict(text)
+    assert state["folder"] == str(tmp_path)
+    assert (state["entries"], state["other_versions"]) == (1, 0)
+    assert 1000 < state["bytes"] < 1200
+    assert str(tmp_path) in "".join(call("cache")[1].split())
+    assert strict(call("cache", "--clear", "--json")[1])["entries"] == 0
+    assert not list(tmp_path.iterdir())
+
+
+def test_cache_builds_kernels_ahead_and_says_what_failed(tmp_path, monkeypatch):
+    from phasebench.integrators import driver
+    from phasebench.integrators.engine import cache, codegen, kernel
+
+    command = importlib.import_module("phasebench.benchmarks.cli.cache")
+    monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path))
+    monkeypatch.setattr(codegen, "_ready", {})  # as in a new process
+    monkeypatch.setattr(kernel, "_kernels", {})
+    todo = command.tasks()
+    assert len(todo) == len(set(todo))
+    assert {name for _, _, names in todo for name in names} == {
+        name for name in PROBLEMS if problem(name).system.d <= command.LARGEST
+    }
+    assert {f for f, _, _ in todo} == {m.family for m in METHODS}
+    done, failures = command.made(("splitting", 1, ("pendulum",)))
+    assert done > 1
+    assert not failures
+    assert any(path.name.startswith("splitting-") for path in cache.folder().iterdir())
+    monkeypatch.setattr(driver, "warm", lambda *_, **__: 1 / 0)
+    done, failures = command.made(("splitting", 1, ("pendulum",)))
+    assert done == 0
+    assert all("ZeroDivisionError" in line for line in failures)
+    monkeypatch.setattr(command, "_in_processes", lambda todo, jobs: iter([(1, []), (0, ["a on b: no"])]))
+    code, _, complaint = call("cache", "--build")
+    assert code == 1
+    assert "a on b: no" in complaint

@@ -31,7 +31,13 @@ ROOMS = {
         ("registry",),
         ("families",),
         ("request",),
+        ("outcome",),
+        ("prepared",),
+        ("trajectory",),
         ("driver",),
+        ("lots",),
+        ("ensemble",),
+        ("section",),
     ),
     "reference": (("tables",), ("solvers",), ("peers",), ("certificates",)),
     "benchmarks": (

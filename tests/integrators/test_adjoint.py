@@ -7,11 +7,18 @@ from fractions import Fraction
 import pytest
 
 from phasebench.benchmarks.measure.battery import by_label, high_order_variants, variants
+from phasebench.benchmarks.measure.multiprecision import digits
 
 ROUND_OFF, VISIBLE = 1e-30, 1e-22
+HIGH = 8
 ALL = by_label(variants() + high_order_variants())
 #: Of a symmetric method the adjoint is the method itself, which is tested as its symmetry.
 WITH_LAMBDA = [label for label, m in by_label(variants()).items() if "lam" in m.parameters and not m.symmetric]
+
+
+def shown(label):
+    """What a defect shows above: less for methods of high order, of which more digits are measured."""
+    return VISIBLE if ALL[label].order <= HIGH else 10.0 ** (-digits(ALL[label]) / 2)
 
 
 def numbers(row):
@@ -24,13 +31,13 @@ def numbers(row):
 @pytest.mark.parametrize("label", [label for label, m in ALL.items() if m.symmetric])
 def test_symmetric_methods_return(measured, label):
     distances = numbers(measured("symmetry")[label])
-    assert max(distances.values()) < ROUND_OFF, distances
+    assert max(distances.values()) < min(ROUND_OFF, shown(label)), distances
 
 
 @pytest.mark.parametrize("label", [label for label, m in ALL.items() if not m.symmetric])
 def test_control_the_others_do_not_return_everywhere(measured, label):
     distances = numbers(measured("symmetry")[label])
-    assert max(distances.values()) > VISIBLE, distances
+    assert max(distances.values()) > shown(label), distances
 
 
 def test_the_known_controls_are_among_the_others():

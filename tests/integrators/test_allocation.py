@@ -9,9 +9,9 @@ from numba.core.registry import cpu_target
 from numba.core.runtime import _nrt_python, rtsys
 
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators.driver import warm
 from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.kernel import kernel, prepare
+from phasebench.integrators.prepared import prepare as prepared_run
 from phasebench.integrators.registry import METHODS
 
 PROBLEMS = [problem(name) for name in ("henon-heiles", "perturbed-kepler")]
@@ -48,7 +48,8 @@ def test_control_an_allocation_in_a_loop_is_counted():
 
 @pytest.mark.parametrize("id", BY_ID)
 def test_no_step_allocates(id):
-    few, many = (warm(made(id), id, h=0.01, steps=n) for n in (10, 1000))
+    run = prepared_run(made(id), id)
+    few, many = (lambda n=n: run(0.01, n) for n in (10, 1000))
     few(), many()
     assert allocations(many) == allocations(few)
 

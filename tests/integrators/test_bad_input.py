@@ -17,6 +17,7 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import COLLISION, DIVERGED, NOT_CONVERGED, OK, TIMEOUT, integrate
 from phasebench.integrators.errors import InvalidInput, unknown
 from phasebench.integrators.registry import METHODS, method
+from phasebench.integrators.request import grid
 from phasebench.integrators.systems.formula import FUNCTIONS, parse
 from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
@@ -89,6 +90,7 @@ GRIDS = [
     ({"h": 0.1, "t_end": 1.0, "steps": 11}, "give two of the three"),
     ({"h": 0.1, "steps": 3, "save_every": -1}, "save_every"),
     ({"h": 0.1, "steps": 3, "save_every": 1.5}, "save_every"),
+    ({"h": 1.9, "t_end": 2.8}, r"nearest that do are 2.8 \(1 step\) and 1.4 \(2 steps\)"),
     ({"h": "a tenth", "steps": 3}, "h is"),
     ({"h": 0.1, "steps": "three"}, "steps is"),
 ]
@@ -98,6 +100,14 @@ GRIDS = [
 def test_a_grid_that_cannot_be_is_refused(arguments, message):
     with pytest.raises(InvalidInput, match=message):
         integrate(PENDULUM, "implicit-midpoint", **arguments)
+
+
+def test_a_step_may_be_widened_by_one_percent_or_where_it_is_asked_for():
+    assert grid(h=0.995, t_end=2.0) == (1.0, 2)
+    assert grid(h=1.2, t_end=2.0) == (1.0, 2)
+    assert grid(t_end=2.8, steps=1) == (2.8, 1)
+    with pytest.raises(InvalidInput, match="nearest"):
+        grid(h=0.98, t_end=2.0)
 
 
 STATES = [
@@ -394,12 +404,15 @@ def test_random_text_is_read_or_refused_and_nothing_else(text):
         assert isinstance(parse(text, VARIABLES), sp.Basic)
 
 
-def test_a_timeout_between_two_kept_rows_keeps_neither_the_row_nor_the_status():
-    """Only the ends are kept and time runs out long before the end: the state then is of no time that was asked for."""
+def test_a_timeout_between_two_kept_rows_keeps_what_was_reached():
+    """Only the ends are kept and time runs out long before the end: the last row is of the time that was reached."""
     s = integrate(problem("pendulum"), "stormer-verlet", h=1e-6, steps=10**9, save_every=0, timeout=0.05)
     assert s.status == "timeout"
-    assert len(s.t) == 1
-    assert s.counts["steps"] == 0
+    n = s.counts["steps"]
+    assert len(s.t) == 2
+    assert s.t[1] == n * 1e-6
+    again = integrate(problem("pendulum"), "stormer-verlet", h=1e-6, steps=n, save_every=0)
+    assert np.abs(again.q[1] - s.q[1]) < 1e-12
 
 
 if __name__ == "__main__":

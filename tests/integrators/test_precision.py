@@ -10,7 +10,7 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine import codegen, printing
 from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision
 from phasebench.integrators.errors import InvalidInput
 
@@ -66,7 +66,7 @@ EXPRESSIONS = [
 @pytest.mark.parametrize("expression", EXPRESSIONS, ids=str)
 def test_a_generated_function_keeps_every_digit(expression):
     def build(arithmetic):
-        return codegen.source("f", [("q", [x]), ("p", [y])], [expression], arithmetic)
+        return printing.source("f", [("q", [x]), ("p", [y])], [expression], arithmetic)
 
     f = codegen.function(str(expression), build, 1, None, MULTIPRECISION)
     with precision(DIGITS):

@@ -9,7 +9,7 @@ import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, integrate
-from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine import printing
 
 PENDULUM = {"q": "q", "p": "p", "H": "p**2/2 - cos(q)"}
 
@@ -31,7 +31,7 @@ def test_nothing_is_generated_again(monkeypatch):
     def refuse(*_):
         raise AssertionError("generated again")
 
-    monkeypatch.setattr(codegen, "source", refuse)
+    monkeypatch.setattr(printing, "source", refuse)
     end(Hamiltonian(**PENDULUM))
     with pytest.raises(AssertionError, match="generated again"):
         end(Hamiltonian(q="q", p="p", H="p**2/2 - cos(q) + q**6/7919"))

@@ -8,7 +8,7 @@ from phasebench.benchmarks.experiments.speed import speed
 from phasebench.benchmarks.experiments.speed.speed import cells  # noqa: F401
 from phasebench.benchmarks.experiments.trade import sweep
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators.driver import warm
+from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
 
 
@@ -32,5 +32,5 @@ def bench_method(benchmark, name, variant):
     if chosen.lacks(found.system):
         pytest.skip(chosen.lacks(found.system))
     benchmark.group = f"{name}, h = {speed.H}, {speed.STEPS} steps"
-    run = warm(found, chosen, h=speed.H, steps=speed.STEPS)
-    benchmark.pedantic(run, rounds=speed.ROUNDS, warmup_rounds=1)
+    run = prepare(found, chosen)
+    benchmark.pedantic(run, (speed.H, speed.STEPS), rounds=speed.ROUNDS, warmup_rounds=1)

@@ -8,7 +8,8 @@ from phasebench.benchmarks.measure.c_loop import Loop
 from phasebench.benchmarks.measure.timing import interleaved, median, ratio
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, Unavailable, content
-from phasebench.integrators.driver import integrate, warm
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
 
 H, STEPS, ROUNDS = 0.01, 10_000, 11
@@ -77,7 +78,8 @@ def timed(name: str, id: str, parameters: tuple) -> Rows:
     found, chosen = problem(name), method(id, **dict(parameters))
     full = integrate(found, chosen, h=H, steps=STEPS)
     E = found.system.observe(found.system.H, full.q, full.p)
-    seconds = median(interleaved({"it": warm(found, chosen, h=H, steps=STEPS)}, ROUNDS)["it"])
+    run = prepare(found, chosen)
+    seconds = median(interleaved({"it": lambda: run(H, STEPS)}, ROUNDS)["it"])
     row = {"problem": found.label, "method": chosen.label, "ns per step": seconds.value / STEPS * 1e9}
     row |= {"ns, low": seconds.low / STEPS * 1e9, "ns, high": seconds.high / STEPS * 1e9}
     row |= {
@@ -89,7 +91,8 @@ def timed(name: str, id: str, parameters: tuple) -> Rows:
 
 def _work(found, id: str, steps: int):
     if id != "C":
-        return warm(found, method(id), h=H, steps=steps)
+        run = prepare(found, method(id))
+        return lambda: run(H, steps)
     try:
         loop = Loop(found)
     except RuntimeError as error:
@@ -112,7 +115,7 @@ def compared(what: str, name: str) -> Rows:
     steps = LONG if other == "C" else SHORT
     work = {id: _work(found, id, steps) for id in (one, other)}
     if (one, other, name) == ("stormer-verlet", "C", "pendulum"):
-        (q, p), (_, end) = (run() for run in work.values())
+        (q, p, _), (_, end) = (run() for run in work.values())
         if not abs(q[0] - end[0]) + abs(p[0] - end[1]) < 1e-6:
             raise RuntimeError(f"the C loop ends at {end}, this project's at {q}, {p}")
     times = interleaved(work, MANY)

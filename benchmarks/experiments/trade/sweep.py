@@ -98,7 +98,13 @@ def tasks(
 def _twice(scene: str, id: str, parameters: tuple, h: float) -> np.ndarray | None:
     """The end state at twice the step, for the refinement difference."""
     made = BY_ID[scene]
-    found = integrate(made.made(), method(id, **dict(parameters)), h=2 * h, t_end=made.t_end, save_every=0)
+    found = integrate(
+        made.made(),
+        method(id, **dict(parameters)),
+        t_end=made.t_end,
+        steps=max(1, round(made.t_end / (2 * h))),
+        save_every=0,
+    )
     return end_state(found) if found.status == OK else None
 
 

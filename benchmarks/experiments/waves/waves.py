@@ -9,7 +9,8 @@ import numpy as np
 
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
-from phasebench.integrators.driver import OK, SKIPPED, integrate, warm
+from phasebench.integrators.driver import OK, SKIPPED, integrate
+from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
 
 METHODS = ("stormer-verlet", "implicit-midpoint", "scheme-iii", "scheme-iv", "scheme-v", "avf", "cohen-hairer-2", "rk4")
@@ -40,7 +41,7 @@ def _row(name: str, id: str, N: int, h: float, t_end: float) -> dict:
     H, value = (system.observe(e, s.q, s.p) for e in (system.H, expression))
     size = system.energy()(s.q[0], s.p[0])[1]
     steps = s.counts["steps"]
-    run = warm(made, chosen, h=s.h, steps=steps)
+    run = prepare(made, chosen)
     return row | {
         "energy error": float(np.abs(H - H[0])[good].max()),
         "energy error, steps without a root": float(np.abs(H - H[0])[~good].max()) if not good.all() else np.nan,
@@ -48,7 +49,7 @@ def _row(name: str, id: str, N: int, h: float, t_end: float) -> dict:
         "invariant error": float(np.abs(value - value[0]).max()),
         "invariant is kept": bool(np.abs(value - value[0]).max() < UNITS * np.finfo(float).eps * abs(value[0])),
         "evaluations per step": s.counts["gradient"] / steps,
-        "seconds": statistics.median(_seconds(run) for _ in range(REPEATS)),
+        "seconds": statistics.median(_seconds(lambda: run(s.h, steps)) for _ in range(REPEATS)),
     }
 
 

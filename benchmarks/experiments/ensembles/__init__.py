@@ -1,0 +1,1 @@
+"""What does an orbit cost when there are thousands of them?"""

@@ -1,0 +1,143 @@
+"""Ensembles in lanes beside heyoka's batches: what an orbit costs at what error, distinct orbits in the lanes of both.
+
+The error is that of the worst orbit: the largest distance, over the orbits, of the end state from heyoka's in long
+double.  Both run on one core, in turns, from arrays of initial states to arrays of end states; a
+batch is reset in place.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from phasebench.benchmarks.measure.timing import in_turns, median
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, Unavailable, content
+from phasebench.integrators.ensemble import integrate_ensemble
+from phasebench.integrators.registry import method
+from phasebench.reference.peers import BY_ID
+
+from .lanes import starts
+
+TABLE = "ensembles_against"
+PROBLEMS = ("henon-heiles:box", "pendulum", "kepler")
+T_END, ROUNDS = 100.0, 6
+#: Orbits whose error is measured, and which heyoka integrates; ours fill more lanes, the cost is that of one.
+JUDGED, ORBITS = 128, 512
+#: Method -> the numbers of steps of a unit of time.
+LADDERS = {
+    "stormer-verlet": (2, 5, 10, 30),
+    "blanes-moan-srkn6b": (2, 4, 8, 16),
+    "blanes-moan-srkn11b": (1, 2, 4, 8),
+    "kahan-li-8": (1, 2, 4, 8),
+    "sofroniou-spaletta-10": (1, 2, 4, 8),
+}
+#: On Kepler's problem, whose pericentre is passed at short steps, more of each.
+SHORTER = {"kepler": 4}
+TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14, 2.220446049250313e-16)
+PEER = "heyoka-batch"
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each problem."""
+    return [
+        Cell(
+            "ensembles",
+            (TABLE,),
+            {"problem": problem(name).label},
+            measured,
+            (name,),
+            content(TABLE, *map(method, LADDERS), BY_ID[PEER], Problem(name), code=[__name__]),
+            frozenset({name.partition(":")[0], PEER, *LADDERS}),
+            ALONE,
+            own=True,
+        )
+        for name in PROBLEMS
+    ]
+
+
+def exact(system, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """The end states in long double, rounded: array (n, 2 d)."""
+    from phasebench.reference.solvers import taylor
+
+    try:
+        long, _ = taylor.extended()
+    except taylor.ReferenceFailed as error:
+        raise Unavailable(str(error)) from None
+    ta = taylor.integrator(system, long)
+    out = np.empty((len(Q), 2 * system.d))
+    for i, (q, p) in enumerate(zip(Q, P, strict=True)):
+        taylor.start(ta, long, q, p)
+        ta.propagate_until(long(T_END))
+        out[i] = ta.state.astype(float)
+    return out
+
+
+def _batches(system, tol: float, width: int, y: np.ndarray) -> Callable[[], np.ndarray]:
+    """A function that carries the states y, array (n, 2 d), to the end in batches of ``width``."""
+    import heyoka as hy
+
+    from phasebench.reference.solvers import taylor
+
+    one = taylor.integrator(system, float, tol)
+    ta = hy.taylor_adaptive_batch(one.sys, np.zeros((one.dim, width)), tol=one.tol)
+    lanes, end = np.ascontiguousarray(y.reshape(-1, width, one.dim).transpose(0, 2, 1)), [T_END] * width
+
+    def run() -> np.ndarray:
+        out = np.empty_like(lanes)
+        for start, row in zip(lanes, out, strict=True):
+            ta.set_time(0.0)
+            ta.state[:] = start
+            ta.propagate_until(end)
+            row[:] = ta.state
+        return out.transpose(0, 2, 1).reshape(y.shape)
+
+    return run
+
+
+def _ours(system, id: str, per_unit: int, Q, P) -> Callable[[], np.ndarray]:
+    def run() -> np.ndarray:
+        e = integrate_ensemble(system, id, Q, P, t_end=T_END, steps=int(per_unit * T_END), threads=1)
+        return np.where((e.status == "ok")[:, None], np.hstack([e.q, e.p]), np.nan)
+
+    return run
+
+
+def widths() -> tuple[int, ...]:
+    """heyoka's own choice of lanes for this processor, and twice as many."""
+    import heyoka as hy
+
+    return hy.recommended_simd_size(), 2 * hy.recommended_simd_size()
+
+
+def measured(name: str) -> Rows:
+    """The error and the cost of every rung of every ladder."""
+    found = problem(name)
+    system, (Q, P) = found.system, starts(found, ORBITS)
+    truth = exact(system, Q[:JUDGED], P[:JUDGED])
+    factor = SHORTER.get(found.id, 1)
+    work = {(id, "h", 1 / (k * factor)): _ours(system, id, k * factor, Q, P) for id, r in LADDERS.items() for k in r}
+    both = np.hstack([Q, P])[:JUDGED]
+    for width in widths():
+        work |= {(f"heyoka, {width} lanes", "tol", tol): _batches(system, tol, width, both) for tol in TOLERANCES}
+    errors = {key: float(np.abs(run()[:JUDGED] - truth).max()) for key, run in work.items()}
+    seconds = in_turns({key: _clocked(run) for key, run in work.items()}, ROUNDS)
+    rows = []
+    for (who, kind, value), error in errors.items():
+        orbits = JUDGED if kind == "tol" else ORBITS
+        cost = median(1e6 * seconds[who, kind, value] / orbits)
+        row = {"problem": found.label, "integrator": who, "side": "heyoka" if kind == "tol" else "ours", "t_end": T_END}
+        row |= {"h": value if kind == "h" else None, "tol": value if kind == "tol" else None, "error": error}
+        rows.append(row | {"us": cost.value, "us, low": cost.low, "us, high": cost.high, "orbits": orbits})
+    return {TABLE: rows}
+
+
+def _clocked(run) -> Callable[[], float]:
+    def seconds() -> float:
+        began = time.perf_counter()
+        run()
+        return time.perf_counter() - began
+
+    return seconds

@@ -1,0 +1,112 @@
+"""What an orbit's step costs in lanes beside the scalar kernel, and on all cores beside one, each in one run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from phasebench.benchmarks.measure.timing import in_turns, median, ratio
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
+from phasebench.integrators.driver import integrate, warm
+from phasebench.integrators.ensemble import cores, integrate_ensemble
+from phasebench.integrators.registry import method
+
+TABLE = "ensembles"
+#: Orbits of an ensemble in lanes, rounds of the competitors in turns, orbits that are compared with the scalar kernel.
+ORBITS, ROUNDS, COMPARED = 1024, 11, 16
+SPREAD = 0.01
+H = 0.01
+#: (problem, method, parameters, steps in lanes); methods that do not run in lanes show what the cores alone give.
+CASES = (
+    ("henon-heiles:box", "stormer-verlet", (), 8000),
+    ("henon-heiles:box", "blanes-moan-srkn11b", (), 1000),
+    ("henon-heiles:box", "scheme-i", (("lam", "1/3"),), 2000),
+    ("henon-heiles:box", "rk4", (), 2000),
+    ("pendulum", "stormer-verlet", (), 4000),
+    ("pendulum", "scheme-i", (("lam", "1/3"),), 1000),
+    ("kepler", "stormer-verlet", (), 4000),
+    ("kepler", "scheme-iii", (("lam", "1/3"),), 500),
+)
+#: (problem, method, steps, orbits)
+ALONE_CASES = (("henon-heiles:box", "avf", 100_000, 8),)
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each method on each problem."""
+    in_lanes = [(*case, ORBITS) for case in CASES]
+    alone = [(name, id, (), steps, n) for name, id, steps, n in ALONE_CASES]
+    return [_cell(*case) for case in (*in_lanes, *alone)]
+
+
+def _cell(name: str, id: str, parameters: tuple, steps: int, n: int) -> Cell:
+    chosen = method(id, **dict(parameters))
+    return Cell(
+        "ensembles",
+        (TABLE,),
+        {"problem": problem(name).label, "method": chosen.label},
+        measured,
+        (name, id, parameters, steps, n),
+        content(TABLE, chosen, Problem(name), steps, n, code=[__name__]),
+        frozenset({name.partition(":")[0], id, TABLE}),
+        ALONE,
+        own=True,
+        quick=(name, id) == CASES[0][:2],
+    )
+
+
+def starts(found, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """n initial states around a problem's own, arrays (n, d)."""
+    random = np.random.default_rng(0)
+    return tuple(np.array(x) + SPREAD * random.uniform(-1, 1, (n, found.system.d)) for x in (found.q0, found.p0))
+
+
+def measured(name: str, id: str, parameters: tuple, steps: int, n: int) -> Rows:
+    """Nanoseconds of an orbit's step: the scalar kernel, the ensemble on one core, and on all."""
+    found, chosen = problem(name), method(id, **dict(parameters))
+    Q, P = starts(found, n)
+
+    def ensemble(threads: int) -> Callable[[], float]:
+        return lambda: integrate_ensemble(found, chosen, Q, P, h=H, steps=steps, threads=threads).seconds / (n * steps)
+
+    available = cores()
+    first = integrate_ensemble(found, chosen, Q, P, h=H, steps=steps)  # compiles, and is compared
+    single = warm(found, chosen, h=H, steps=steps)
+    work = {"scalar": _clocked(single, steps), "one": ensemble(1), "all": ensemble(available)}
+    times = in_turns(work, ROUNDS)
+    row = {"problem": found.label, "method": chosen.label, "orbits": n, "steps": steps, "h": H}
+    row |= {"in lanes": bool(first.in_lanes.all()), "cores": available}
+    for key, column in (("scalar", "ns scalar"), ("one", "ns ensemble"), ("all", "ns all cores")):
+        row |= _with_interval(column, median(1e9 * times[key]))
+    row |= _with_interval("gain", ratio(times["scalar"], times["one"]))
+    row |= _with_interval("speed-up", ratio(times["one"], times["all"]))
+    stopped = sorted({*first.status.tolist()} - {"ok"})
+    return {
+        TABLE: [row | _differences(found, chosen, first, Q, P, steps) | {"status": stopped[0] if stopped else "ok"}]
+    }
+
+
+def _clocked(run, steps: int) -> Callable[[], float]:
+    def seconds() -> float:
+        began = time.perf_counter()
+        run()
+        return (time.perf_counter() - began) / steps
+
+    return seconds
+
+
+def _with_interval(column: str, value) -> dict:
+    return {column: value.value, f"{column}, low": value.low, f"{column}, high": value.high}
+
+
+def _differences(found, chosen, ensemble, Q, P, steps: int) -> dict:
+    """How many of some orbits end where `integrate` ends, to the last bit, and the largest distance."""
+    same, largest = 0, 0.0
+    for i in range(min(COMPARED, len(Q))):
+        s = integrate(found, chosen, h=H, steps=steps, q0=Q[i], p0=P[i], save_every=0)
+        away = max(np.abs(s.q[-1] - ensemble.q[i]).max(), np.abs(s.p[-1] - ensemble.p[i]).max())
+        same += bool(away == 0)
+        largest = max(largest, float(away))
+    return {"compared": min(COMPARED, len(Q)), "to the last bit": same, "largest difference": largest}

@@ -1,0 +1,153 @@
+"""A kernel called by three numbers: where its arguments lie in memory, h, and how many steps.
+
+To hand a kernel its NamedTuples from Python costs tens of microseconds: every field is taken apart and brought to the
+compiler's form.  Here that is done once (`pack`); a call reads them from memory, in that form.  What was packed holds
+references to its arrays, until it is released.  The kernel is called through a pointer, as the compiled one that it is:
+compiled into its caller it would be another, slow to make and free to round elsewhere.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numba import types
+from numba.core.imputils import impl_ret_borrowed, impl_ret_new_ref
+from numba.extending import intrinsic
+
+from . import machine, progress
+from .kernel import Prepared, Samples, _tuple_type, entry, kernel
+from .solve import NOT_FINITE, SOLVED
+
+_NUMBERS = types.Array(types.float64, 2, "C")
+
+
+class Flat(NamedTuple):
+    """The compiled functions of a kernel.
+
+    Attributes
+    ----------
+    size : bytes of the memory that `pack` fills
+    pack, release : (address, run, step, orbit, samples, counts, start): the arguments into memory; (address)
+    run : the kernel
+    call : (address, h, steps) -> status: from the start, an array (2, d), to the one row of the samples
+    """
+
+    size: int
+    pack: Callable
+    release: Callable
+    run: Callable
+    call: Callable
+
+
+_flat: dict = {}
+
+
+def flat(prepared: Prepared, d: int) -> Flat:
+    """The functions of ``prepared.run`` for d degrees of freedom, compiled once."""
+    run = kernel(prepared, d)
+    step, orbit, samples, counts = run.nopython_signatures[0].args
+    if (run, step) not in _flat:
+        with progress.compiling("the kernel's entry", d), warnings.catch_warnings():
+            warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
+            pointer = types.FunctionType(run.nopython_signatures[0].return_type(step, orbit, samples, counts))
+            block = _tuple_type((pointer, step, orbit, samples, counts, _NUMBERS))
+            _flat[run, step] = _compiled(run, block, d)
+    return _flat[run, step]
+
+
+def _compiled(run, block, d: int) -> Flat:
+    read, take, write = _in_memory(block)
+    with_h = _with_h(block[1])
+
+    def pack(address, run, step, orbit, samples, counts, start):
+        write(address, (run, step, orbit, samples, counts, start))
+
+    def release(address):
+        take(address)
+
+    def call(address, h, steps):
+        run, step, orbit, samples, counts, start = read(address)
+        for rows in (orbit.state, orbit.memory):
+            for i in range(rows.shape[0]):
+                for j in range(rows.shape[1]):
+                    rows[i, j] = 0.0
+        for j in range(d):
+            orbit.state[0, j], orbit.state[1, j] = start[0, j], start[1, j]
+            samples.q[0, j] = samples.p[0, j] = np.nan
+        counts.steps = counts.gradient = counts.newton = counts.fallbacks = counts.rule = 0
+        status = run(with_h(step, h), orbit, Samples(samples.q, samples.p, samples.parameter, steps), counts)[1]
+        if status == SOLVED:
+            for j in range(d):
+                if not (np.isfinite(samples.q[0, j]) and np.isfinite(samples.p[0, j])):
+                    return NOT_FINITE
+        return status
+
+    number = types.int64
+    made = _kept(pack, types.void(number, *block), block, d)
+    released = _kept(release, types.void(number), block, d)
+    called = _kept(call, number(number, types.float64, number), block, d)
+    return Flat(_size(block), made, released, run, called)
+
+
+def _kept(f: Callable, signature, block, d: int) -> Callable:
+    """``f``, compiled for a block of arguments."""
+    options = {"error_model": "numpy", "nogil": True}
+    return entry(machine.compiled(f, signature, options, f"entry-{f.__name__}|{block}|{d}"))
+
+
+def _size(t) -> int:
+    """The bytes of a value of this type."""
+    context = numba.core.registry.cpu_target.target_context
+    return context.get_abi_sizeof(context.get_value_type(t))
+
+
+def _in_memory(t):
+    """(read, take, write): a value of this type from an address, with and without leaving it there; and to one."""
+
+    def place(context, builder, address):
+        return builder.inttoptr(address, context.get_value_type(t).as_pointer())
+
+    @intrinsic
+    def read(typing_context, address):
+        def codegen(context, builder, signature, arguments):
+            value = builder.load(place(context, builder, arguments[0]))
+            return impl_ret_borrowed(context, builder, t, value)
+
+        return t(address), codegen
+
+    @intrinsic
+    def take(typing_context, address):
+        def codegen(context, builder, signature, arguments):
+            return impl_ret_new_ref(context, builder, t, builder.load(place(context, builder, arguments[0])))
+
+        return t(address), codegen
+
+    @intrinsic
+    def write(typing_context, address, value):
+        def codegen(context, builder, signature, arguments):
+            context.nrt.incref(builder, t, arguments[1])
+            builder.store(arguments[1], place(context, builder, arguments[0]))
+            return context.get_dummy_value()
+
+        return types.none(address, t), codegen
+
+    return read, take, write
+
+
+def _with_h(t):
+    """(step, h) -> the step with this h."""
+    index = t.fields.index("h")
+
+    @intrinsic
+    def with_h(typing_context, step, h):
+        def codegen(context, builder, signature, arguments):
+            value = builder.insert_value(arguments[0], arguments[1], index)
+            return impl_ret_borrowed(context, builder, t, value)
+
+        return t(t, types.float64), codegen
+
+    return with_h

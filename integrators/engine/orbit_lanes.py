@@ -1,0 +1,165 @@
+"""Orbits in lanes: a family's kernel, compiled for values of lanes, integrates as many orbits side by side.
+
+Nothing of a family is written twice.  The system hands out its functions compiled for lanes (`twin`), the family
+prepares its step from them as from any system's, and its ``run`` is compiled with lanes in the place of numbers: in
+the state, in h and in the weights that differ from orbit to orbit (`VARYING`).  A compiled loop calls it block by
+block, without the interpreter's lock.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numba
+import numpy as np
+from numba import types
+
+from . import codegen, machine, progress
+from .kernel import COUNTS, Orbit, Prepared, Samples, _tuple_type, _type, entry
+from .lane_memory import block_of, changed_type, table_type, with_block, zeros_of
+from .masks import LANES
+from .solve import LEVELS
+
+#: Families whose kernels run in lanes as they stand.
+FAMILIES = ("splitting", "parametric", "runge_kutta")
+#: Above this many degrees of freedom a state in lanes is far from fitting into registers, and compiles for long.
+MOST = 8
+#: Fields of a step that may differ from orbit to orbit; the weights of its substeps among them.
+WEIGHTS = ("mu", "lam")
+VARYING = ("h", *WEIGHTS)
+
+
+class OfSteps(NamedTuple):
+    """Step sizes, an array (blocks, lanes)."""
+
+    h: Any
+
+
+class OfWeights(NamedTuple):
+    """Step sizes (blocks, lanes), and the weights of the substeps (blocks, substeps, lanes)."""
+
+    h: Any
+    mu: Any
+    lam: Any
+
+
+class Tables(NamedTuple):
+    """The orbits' state and memory, arrays (blocks, rows, components, lanes), as the fields of `kernel.Orbit`."""
+
+    state: Any
+    memory: Any
+    work: Any
+
+
+def able(system, family: str) -> bool:
+    """Whether orbits of the system can be integrated in lanes by a family's methods."""
+    derived = hasattr(system, "made") and not hasattr(system, "loops")
+    return family in FAMILIES and derived and system.d <= MOST and codegen.compiled()
+
+
+def _lanes_for_numbers(t):
+    """The type with lanes in the place of numbers."""
+    if t == types.float64:
+        return LANES
+    if isinstance(t, types.BaseTuple):
+        return types.BaseTuple.from_types(tuple(map(_lanes_for_numbers, t)))
+    return t
+
+
+#: The twins of systems.
+_twins: WeakKeyDictionary = WeakKeyDictionary()
+
+
+def twin(system):
+    """The system, its functions compiled for lanes; always the same one."""
+    if system not in _twins:
+        _twins[system] = _made_twin(system)
+    return _twins[system]
+
+
+def _made_twin(system):
+    other = copy.copy(system)
+    other._functions, kind_of_system = {}, type(system)
+
+    def made(kind, arguments, results, signature, arithmetic):
+        in_lanes = _lanes_for_numbers(signature.return_type)(*map(_lanes_for_numbers, signature.args))
+        kind = f"{kind}, {LANES.n} orbits"
+        return kind_of_system.made(other, kind, arguments, results, in_lanes, arithmetic)
+
+    other.made = made
+    return other
+
+
+def _block_loop(run, step, varying, tables, zero, samples, counts):
+    """Call ``run`` for every block."""
+    for b in range(len(counts)):
+        orbit = Orbit(block_of(tables.state, b), block_of(tables.memory, b), block_of(tables.work, b), zeros_of(zero))
+        rows = Samples(block_of(samples.q, b), block_of(samples.p, b), block_of(samples.parameter, b), samples.every)
+        run(with_block(step, varying, b), orbit, rows, counts[b])
+
+
+_loops: dict = {}
+_ARRAYS = {n: types.Array(types.float64, n, "C") for n in (2, 3, 4)}
+
+
+def loop(prepared: Prepared, varying: tuple, d: int) -> Callable:
+    """The compiled (step, varying, tables, zero, samples, counts) -> None of a step prepared with a `twin`."""
+    scalar = _type(prepared.step)
+    given = _type(varying)
+    key = (prepared.run, scalar, given, d)
+    if key not in _loops:
+        T, table, record = types.UniTuple(LANES, d), table_type(), numba.from_dtype(COUNTS)
+        orbit = _tuple_type((table, table, table, T), Orbit)
+        rows = _tuple_type((table, table, table, types.int64), Samples)
+        inner = types.UniTuple(types.int64, 2)(changed_type(scalar, given), orbit, rows, record)
+        A = _ARRAYS[4]
+        outer = types.none(
+            types.FunctionType(inner),
+            scalar,
+            given,
+            _tuple_type((A, A, A), Tables),
+            types.UniTuple(types.float64, d),
+            _tuple_type((A, A, A, types.int64), Samples),
+            types.Array(record, 1, "C"),
+        )
+        options = codegen.options(d) | {"nogil": True}
+        family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")
+        with progress.compiling(f"the kernel of {family} in lanes", d):
+            run = machine.compiled(prepared.run, inner, options, f"{family}-lanes")
+            _loops[key] = run, entry(machine.compiled(_block_loop, outer, options, "blocks"))
+    run, called = _loops[key]
+    return lambda *arguments: called(run, *arguments)
+
+
+def in_blocks(rows: np.ndarray, fill: float = np.nan) -> np.ndarray:
+    """Rows of orbits (n, ...) as blocks (blocks, ..., lanes), the last one filled up."""
+    width = LANES.n
+    blocks = -(-len(rows) // width)
+    full = np.full((blocks * width, *rows.shape[1:]), fill)
+    full[: len(rows)] = rows
+    return np.ascontiguousarray(np.moveaxis(full.reshape(blocks, width, *rows.shape[1:]), 1, -1))
+
+
+def of_blocks(blocks: np.ndarray, n: int) -> np.ndarray:
+    """The rows of the first n orbits of blocks (blocks, ..., lanes)."""
+    rows = np.moveaxis(blocks, -1, 1)
+    return rows.reshape(-1, *rows.shape[2:])[:n]
+
+
+def varying_of(h: np.ndarray, weights: dict[str, np.ndarray]) -> tuple:
+    """`OfSteps` or `OfWeights`: ``h`` (n,) and, by name, weights (n, substeps), in blocks."""
+    fields = {"h": in_blocks(h, 1.0)} | {name: in_blocks(w, 0.0) for name, w in weights.items()}
+    return (OfWeights if weights else OfSteps)(**fields)
+
+
+def tables_of(prepared: Prepared, Q: np.ndarray, P: np.ndarray) -> Tables:
+    """The tables of orbits that start at the rows of Q, P, arrays (n, d)."""
+    q, p = in_blocks(Q), in_blocks(P)
+    blocks, d, width = q.shape
+    state = np.zeros((blocks, 4 + prepared.stages, max(2, d), width))
+    state[:, 0, :d], state[:, 1, :d] = q, p
+    memory = np.zeros((blocks, (3 * LEVELS + 1) * prepared.stages, prepared.width, width))
+    return Tables(state, memory, np.zeros((blocks, 1, 1, width)))

@@ -1,0 +1,308 @@
+"""Ensembles: many orbits of one system, side by side in SIMD lanes and on all cores.
+
+Where a family's kernel runs in lanes (`engine.orbit_lanes`), blocks of orbits are handed to it; else, and where a lane
+did not end well, orbits are handed one by one to `driver.integrate`, which says why.  Either way kernels run without
+the interpreter's lock, on threads.
+
+The result is that of `integrate` for every orbit: to the last bit where the formulae have no other functions than the
+square root, and up to the rounding of sin, cos and exp where they have (`engine.elementary` states their errors).
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import lots
+from .driver import INVALID, OK, Solution, integrate
+from .errors import InvalidInput
+from .lots import Orbits
+from .record import Method
+from .registry import method as method_of
+from .request import LARGEST, grid, initial, spacing
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """Orbits and how they were made; n orbits of d degrees of freedom.
+
+    Attributes
+    ----------
+    q, p : arrays (n, d), the end states; of an orbit that stopped, its last good row
+    t : array (n,), the times of the end states
+    status, reason : arrays (n,) of text, for each orbit as of a `Solution`; "invalid" for a start that cannot be used
+    times, Q, P : arrays (n, rows) and (n, rows, d), the rows that were kept, the first the initial state; NaN after an
+        orbit has stopped
+    h : array (n,), the step that each orbit took
+    methods, method : the methods, and an array (n,) with the number of each orbit's
+    counts : of all orbits together, as those of a `Solution`
+    in_lanes : array (n,), whether an orbit was integrated in lanes
+    seconds : of the integration on all threads together, by the clock on the wall; compiled before
+    """
+
+    q: np.ndarray
+    p: np.ndarray
+    t: np.ndarray
+    status: np.ndarray
+    reason: np.ndarray
+    times: np.ndarray
+    Q: np.ndarray
+    P: np.ndarray
+    h: np.ndarray
+    methods: list[Method]
+    method: np.ndarray
+    counts: dict[str, int]
+    in_lanes: np.ndarray
+    seconds: float
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+def integrate_ensemble(
+    problem,
+    method: str | Method,
+    Q,
+    P,
+    *,
+    h=None,
+    t_end: float | None = None,
+    steps: int | None = None,
+    parameters: Mapping | None = None,
+    save_every: int = 0,
+    lanes: bool | None = None,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Ensemble:
+    """Integrate many orbits of ``problem`` with ``method``.
+
+    Parameters
+    ----------
+    problem : a system, or an object with ``system``
+    method : an id or a method
+    Q, P : arrays (n, d), the initial states; one that is not finite is "invalid", and the others go on
+    h : number, or array (n,) with a step for each orbit
+    t_end, steps : as of `integrate`; with steps of several lengths, ``t_end`` keeps no rows but the first and the last
+    parameters : values of the method's parameters: numbers, or arrays (n,) with a value for each orbit
+    save_every : keep every so many-th state, and the last; 0 keeps the first and the last
+    lanes : whether orbits go into SIMD lanes; where that is left open, if they can and there are enough of them
+    threads : how many at once; all cores that this process may use
+    progress : called with the number of orbits that are at their end
+
+    Returns
+    -------
+    Ensemble
+
+    Raises
+    ------
+    InvalidInput
+        For input that cannot be used; what happens to an orbit on the way is its status.
+
+    Examples
+    --------
+    >>> from phasebench.integrators import Hamiltonian
+    >>> oscillator = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
+    >>> integrate_ensemble(oscillator, "stormer-verlet", [[1.0], [2.0]], [[0.0], [0.0]], h=0.1, steps=9).q.shape
+    (2, 1)
+    """
+    orbits = _request(problem, method, Q, P, h, t_end, steps, parameters, save_every)
+    workers = _threads(threads)
+    good = np.flatnonzero(orbits.status == OK)
+    wide = _goes_in_lanes(orbits, good, lanes)
+    tell = _Progress(progress, len(orbits.q))
+    tell(len(orbits.q) - len(good))
+    made = lots.of(orbits, good[wide]) if wide.any() else []
+    rest = good[~wide]
+    if len(rest):  # compiles
+        i = rest[0]
+        integrate(orbits.system, orbits.kinds[orbits.kind[i]], h=orbits.h[i], steps=1, q0=orbits.q[i], p0=orbits.p[i])
+    began = time.perf_counter()
+    with _mapping(workers) as each:
+        lots.run(made, orbits, each, workers, tell)
+        stopped = lots.doubtful(orbits, good[wide])
+        again = np.concatenate([rest, stopped]).astype(int)
+        tell(-len(stopped))
+        for i, solution in zip(again, each(lambda i: _alone(orbits, i), again), strict=True):
+            _enter(orbits, i, solution)
+            tell(1)
+    seconds = time.perf_counter() - began
+    in_lanes = np.zeros(len(orbits.q), bool)
+    in_lanes[np.setdiff1d(good[wide], stopped)] = True
+    return _concluded(orbits, in_lanes, seconds)
+
+
+@contextmanager
+def _mapping(workers: int) -> Iterator[Callable]:
+    """What maps a function on so many threads, or as Python does in this one."""
+    if workers == 1:
+        yield map
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        yield pool.map
+
+
+class _Progress:
+    """Tells the number of orbits at their end."""
+
+    def __init__(self, told: Callable[[int], None] | None, n: int):
+        self.told, self.done = told, 0
+
+    def __call__(self, more: int) -> None:
+        self.done += int(more)
+        if self.told is not None and more > 0:
+            self.told(self.done)
+
+
+def _alone(orbits: Orbits, i: int) -> Solution:
+    return integrate(
+        orbits.system,
+        orbits.kinds[orbits.kind[i]],
+        h=orbits.h[i],
+        steps=int(orbits.steps[i]),
+        q0=orbits.q[i],
+        p0=orbits.p[i],
+        save_every=int(orbits.every[i]),
+    )
+
+
+def _enter(orbits: Orbits, i: int, solution: Solution) -> None:
+    """Write down what came of an orbit that was integrated alone."""
+    filled = len(solution.q)
+    orbits.Q[i], orbits.P[i] = np.nan, np.nan
+    orbits.Q[i, :filled], orbits.P[i, :filled] = solution.q, solution.p
+    orbits.filled[i] = filled
+    orbits.status[i], orbits.reason[i] = solution.status, solution.reason
+    for name, number in solution.counts.items():
+        orbits.counts[name] += number
+
+
+def _concluded(orbits: Orbits, in_lanes: np.ndarray, seconds: float) -> Ensemble:
+    n = np.arange(len(orbits.q))
+    last = orbits.filled - 1
+    number = np.minimum(np.arange(orbits.Q.shape[1]) * orbits.every[:, None], orbits.steps[:, None])
+    times = orbits.h[:, None] * number
+    return Ensemble(
+        orbits.Q[n, last],
+        orbits.P[n, last],
+        times[n, last],
+        orbits.status,
+        orbits.reason,
+        np.where(np.arange(times.shape[1]) <= last[:, None], times, np.nan),
+        orbits.Q,
+        orbits.P,
+        orbits.h,
+        orbits.kinds,
+        orbits.kind,
+        orbits.counts,
+        in_lanes,
+        seconds,
+    )
+
+
+# -- what is asked for ------------------------------------------------------------------------------------------------
+
+
+def _request(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> Orbits:
+    """The orbits that are asked for; raises InvalidInput."""
+    system = getattr(problem, "system", problem)
+    if not hasattr(system, "vector_field"):
+        raise InvalidInput(f"the problem is {problem!r}; give a system, such as a Hamiltonian, or a problem")
+    q, p = _states("Q", Q, system.d), _states("P", P, system.d)
+    if len(q) != len(p):
+        raise InvalidInput(f"Q has {len(q)} rows and P has {len(p)}; give a row of each for every orbit")
+    n = len(q)
+    sizes, numbers = _grids(h, t_end, steps, n)
+    different, which = np.unique(numbers, return_inverse=True)
+    every = np.array([spacing(save_every, k) for k in different.tolist()])[which]
+    rows = 1 + -(-numbers // every)
+    if len(set(rows.tolist())) > 1:
+        raise InvalidInput("the orbits take different numbers of steps: keep no rows (save_every=0), or give steps")
+    if n * int(rows[0]) * system.d > LARGEST:
+        raise InvalidInput(f"{rows[0]} rows of {n} orbits do not fit in memory; keep fewer with save_every")
+    kinds, kind = _methods(method, parameters or {}, n)
+    for lack in {record.lacks(system) for record in kinds} - {None}:
+        raise InvalidInput(lack)
+    return _checked(Orbits.begun(system, q, p, sizes, numbers, every, int(rows[0]), kinds, kind))
+
+
+def _grids(h, t_end, steps, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """(h, steps) of each orbit, arrays (n,)."""
+    if np.ndim(h) == 0:
+        size, number = grid(h, t_end, steps)
+        return np.full(n, size), np.full(n, number)
+    different, which = np.unique(_column("h", h, n), return_inverse=True)
+    grids = [grid(x, t_end, steps) for x in different.tolist()]
+    return np.array([x for x, _ in grids])[which], np.array([k for _, k in grids])[which]
+
+
+def _states(name: str, rows, d: int) -> np.ndarray:
+    try:
+        if np.iscomplexobj(rows):
+            raise TypeError
+        out = np.array(rows, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"{name} must be numbers, an array (n, {d}) with a row for each orbit") from None
+    if out.ndim != 2 or out.shape[1] != d or not len(out):
+        raise InvalidInput(f"{name} has the shape {out.shape}; it must be (n, {d}), a row for each orbit")
+    return out
+
+
+def _column(name: str, values, n: int) -> np.ndarray:
+    """A number for each orbit, as it was given."""
+    out = np.asarray(values)
+    if out.ndim > 1 or (out.ndim == 1 and len(out) != n):
+        raise InvalidInput(f"{name} has the shape {out.shape}; give one value, or an array ({n},)")
+    return out
+
+
+def _methods(method, parameters: Mapping, n: int) -> tuple[list[Method], np.ndarray]:
+    """The different methods, and the number of each orbit's, an array (n,)."""
+    columns = {name: _column(f"the parameter {name}", x, n).tolist() for name, x in parameters.items() if np.ndim(x)}
+    same = {name: x for name, x in parameters.items() if name not in columns}
+    if not columns:
+        return [method_of(method, **same)], np.zeros(n, int)
+    rows = list(zip(*columns.values(), strict=True))
+    number = {values: k for k, values in enumerate(dict.fromkeys(rows))}
+    kinds = [method_of(method, **same, **dict(zip(columns, values, strict=True))) for values in number]
+    return kinds, np.array([number[values] for values in rows])
+
+
+def _checked(orbits: Orbits) -> Orbits:
+    """Mark the starts that cannot be used."""
+    good = np.isfinite(orbits.q).all(1) & np.isfinite(orbits.p).all(1)
+    if orbits.system.H is not None:
+        good &= np.isfinite(orbits.system.observe(orbits.system.H, orbits.q, orbits.p))
+    for i in np.flatnonzero(~good):
+        try:
+            initial(orbits.system, orbits.q[i], orbits.p[i])
+        except InvalidInput as error:
+            orbits.status[i], orbits.reason[i] = INVALID, str(error)
+    return orbits
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _threads(threads) -> int:
+    if threads is None:
+        return cores()
+    if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
+        raise InvalidInput(f"threads is {threads!r}; it must be a positive integer")
+    return threads
+
+
+def _goes_in_lanes(orbits: Orbits, good: np.ndarray, lanes: bool | None) -> np.ndarray:
+    """Which of the ``good`` orbits are integrated in lanes."""
+    able = np.array([lots.able(orbits.system, record) for record in orbits.kinds], bool)[orbits.kind[good]]
+    if lanes and not able.all():
+        raise InvalidInput(f"'{orbits.kinds[orbits.kind[good[~able][0]]].label}' does not run in lanes on this system")
+    enough = lanes or (lanes is None and able.sum() >= lots.ENOUGH)
+    return able if enough else np.zeros(len(good), bool)

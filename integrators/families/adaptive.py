@@ -1,0 +1,243 @@
+r"""Variable steps that can be taken back: Stormer-Verlet and Gauss's methods with Hairer and Soderlind's controller.
+
+Time is a function of a fictitious time in which steps are of the constant length h,
+
+.. math::
+    \frac{dt}{d\tau} = \sigma(q) = \Bigl(\sum_k r_k(q)^{-3}\Bigr)^{-1/2},
+
+with the distances :math:`r_k` that vanish at the singularities which the system declares; so h is the step in time
+where the one distance that matters is 1.  The density :math:`\rho` of the steps follows :math:`1/\sigma` as a variable
+of its own, by the leapfrog rule,
+
+.. math::
+    \rho_{1/2} = \frac{1}{\sigma(q_0)} + \frac h2 G(y_0),\qquad
+    y_{n+1} = \Phi_{h/\rho_{n+1/2}}(y_n),\qquad \rho_{n+3/2} = \rho_{n+1/2} + h\,G(y_{n+1}),\qquad
+    G = \sigma \dot q \cdot \nabla \frac1\sigma .
+
+With a symmetric :math:`\Phi` the map of :math:`(y, \rho)` in fictitious time is symmetric, and reversible where the
+system is: the energy does not drift as with steps that look back only.  It is not symplectic.
+
+A row, at a multiple of h in time, is reached by a shorter step from the last state before it.  The orbit goes on from
+that last state, so that it does not depend on which rows are kept; what leads to a row is no part of the reversible
+map.
+
+A density that has left the neighbourhood of :math:`1/\sigma`, and steps that time does not show, end the run.
+
+Source: E. Hairer, G. Soderlind, SIAM J. Sci. Comput. 26 (2005) 1838-1851; E. Hairer, C. Lubich, G. Wanner,
+Geometric Numerical Integration (2006), VIII.3.2; stages in lanes: see `nystrom_lanes`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import mpmath
+import numpy as np
+import sympy as sp
+from numba import types
+
+from phasebench.integrators.coefficients.quadrature import gauss_legendre
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.kernel import Prepared, array
+from phasebench.integrators.engine.lanes import combine, horner, put, take
+from phasebench.integrators.engine.solve import OUT_OF_STEP, SOLVED
+from phasebench.integrators.engine.vector import (
+    advanced,
+    axpy,
+    chosen,
+    close,
+    inlined,
+    keep,
+    opened,
+    plus,
+    scale,
+    size,
+    velocity,
+)
+from phasebench.integrators.errors import InvalidInput
+
+from . import nystrom_lanes
+from .nystrom_lanes import Equations, begin, end, padded, solve
+
+#: The density is lost where it is away from 1 / sigma by this factor.
+FAR = 1e3
+
+
+class Adaptive(NamedTuple):
+    """Gauss's ``method`` in lanes with the matrix of `remember`, transposed; or None, and Stormer-Verlet's functions.
+
+    ``monitor`` is (q, p) -> (1 / sigma, G).
+    """
+
+    method: nystrom_lanes.Lanes | None
+    dT: Callable | None
+    dV: Callable | None
+    monitor: Callable
+    inverse: np.ndarray
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class Clock(NamedTuple):
+    """Time with what rounding lost of it, the density of the next step, the length of the last."""
+
+    t: float
+    lost: float
+    density: float
+    last: float
+
+
+@inlined
+def predict(e, first, at, ratio):
+    """Continue the polynomials with coefficients in rows from ``first`` on into a step ``ratio`` times as long."""
+    nodes = e.step.nodes
+    z = 1.0 + ratio * take(nodes, 0, e.like)
+    weights = e.h * take(nodes, 1, e.like)
+    for k in range(e.stages):
+        put(e.memory, at + k, weights * horner(take(e.memory, first + k, e.like), z, e.step.stages), e.like)
+
+
+@inlined
+def remember(e, first, inverse):
+    """Write the coefficients of the polynomials through the forces at the nodes to the rows from ``first`` on."""
+    zero = 0.0 * take(e.step.nodes, 0, e.like)
+    for k in range(e.stages):
+        forces = take(e.memory, e.stages + k, e.like)
+        put(e.memory, first + k, combine(zero, forces, 1.0, inverse, 0, e.step.stages), e.like)
+
+
+def _verlet(method, step, orbit, y, clock, dt, counts):
+    half = 0.5 * dt
+    first = step.dV(y.q)
+    drift = scale(dt, velocity(step.dT, axpy(-half, first, y.p)))
+    kick = scale(-half, plus(first, step.dV(plus(y.q, drift))))
+    counts.gradient += 2
+    return advanced(y, drift, kick), SOLVED
+
+
+def _gauss(method, step, orbit, y, clock, dt, counts):
+    d = len(orbit.zero)
+    first = 2 * d + 4
+    e = Equations(method, orbit.memory, 2 * d, d, method.like, dt)
+    begin(e, y)
+    predict(e, first, first + d, dt / clock.last)
+    sweeps, newton, status = solve(e, first + d, size(y.q) + size(y.p), step.eps, orbit.work)
+    counts.gradient += (sweeps + newton) * len(method.stages)
+    counts.newton += min(newton, 1)
+    return end(e, first + d, y, orbit.zero), status
+
+
+def _remember_forces(method, step, orbit, dt):
+    d = len(orbit.zero)
+    remember(Equations(method, orbit.memory, 2 * d, d, method.like, dt), 2 * d + 4, step.inverse)
+
+
+#: A step of length dt from y: (its end, status).
+attempt = chosen(_verlet, _gauss)
+#: Keep what the next step starts from.
+settle = chosen(lambda method, step, orbit, dt: None, _remember_forces)
+
+
+@inlined
+def started(step, orbit, y):
+    """The clock, as the last run left it."""
+    rows = orbit.state
+    clock = Clock(rows[4, 0], rows[4, 1], rows[5, 0], rows[5, 1])
+    if clock.density == 0:
+        rate, change = step.monitor(y.q, y.p)
+        density = rate + 0.5 * step.h * change
+        clock = Clock(clock.t, clock.lost, density, step.h / density)
+    return clock
+
+
+@inlined
+def ticked(step, clock, dt, y):
+    """The clock after a step of length dt that led to y."""
+    rate, change = step.monitor(y.q, y.p)
+    t = (clock.t + clock.lost) + dt
+    lost = (dt + clock.lost) - (t - clock.t)
+    density = clock.density + step.h * change
+    return Clock(t, lost, density, dt), density < FAR * rate and FAR * density > rate and abs(dt) > step.eps * abs(t)
+
+
+@inlined
+def wind(step, orbit, y, clock, until, counts):
+    """Step until the next step would pass that time; returns (state, clock, status)."""
+    while True:
+        dt = step.h / clock.density
+        left = (until - clock.t) - clock.lost
+        if abs(dt) >= abs(left) or left * step.h <= 0:
+            return y, clock, SOLVED
+        following, status = attempt(step.method, step, orbit, y, clock, dt, counts)
+        if status != SOLVED:
+            return y, clock, status
+        settle(step.method, step, orbit, dt)
+        counts.steps += 1
+        y = following
+        clock, kept = ticked(step, clock, dt, y)
+        if not kept:
+            return y, clock, OUT_OF_STEP
+
+
+def run(step, orbit, samples, counts):
+    """The kernel; the state's row 6 counts the multiples of h that were asked for."""
+    y = opened(orbit)
+    clock, rows = started(step, orbit, y), orbit.state
+    row, status = 0, SOLVED
+    while row < len(samples.q) and status == SOLVED:
+        until = (rows[6, 0] + samples.every) * step.h
+        y, clock, status = wind(step, orbit, y, clock, until, counts)
+        if status == SOLVED:
+            left = (until - clock.t) - clock.lost
+            there, status = attempt(step.method, step, orbit, y, clock, left, counts)
+            if status == SOLVED:
+                keep(samples, row, there)
+                rows[6, 0] += samples.every
+                row += 1
+    rows[4, 0], rows[4, 1], rows[5, 0], rows[5, 1] = clock.t, clock.lost, clock.density, clock.last
+    close(orbit, y)
+    return row, status
+
+
+# -- the functions and numbers that it is handed ----------------------------------------------------------------------
+
+
+def monitor(system, arithmetic: str):
+    """(q, p) -> (1 / sigma, G)."""
+    T = codegen.value_type(system.d)
+
+    def results():
+        rate = sp.sqrt(sum(r**-3 for r in system.singular))
+        change = sum(sp.diff(rate, x) * v for x, v in zip(system.q, system.dq, strict=True)) / rate
+        return [rate, change]
+
+    kind = f"rate of {', '.join(map(sp.srepr, system.singular))}"
+    return system.made(
+        kind, [("q", system.q), ("p", system.p)], results, types.UniTuple(types.float64, 2)(T, T), arithmetic
+    )
+
+
+def prepare(method, system, arithmetic) -> Prepared:
+    """Of data (s,): Gauss of s stages; of (), Stormer-Verlet."""
+    if not all(isinstance(r, sp.Expr) for r in system.singular):
+        raise InvalidInput(f"method '{method.id}' requires the distances to the singularities as formulae")
+    if not method.data:
+        functions = system.grad_T(arithmetic), system.grad_V(arithmetic)
+        return Prepared(
+            run, Adaptive(None, *functions, monitor(system, arithmetic), array([[0]], arithmetic)), 1, 3, implicit=False
+        )
+    (s,) = method.data
+    if not nystrom_lanes.serves(s, system):
+        raise InvalidInput(
+            f"method '{method.id}' requires H = sum p_i^2 / 2 m_i + V(q) with at most {codegen.TUPLE_LIMIT} degrees of "
+            "freedom, and forces made of integer powers, square roots, sin, cos and exp"
+        )
+    step = nystrom_lanes.laned(s, system, arithmetic)
+    with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
+        inverse = mpmath.matrix([[c**k for k in range(s)] for c, _ in gauss_legendre(s, mpmath.mp.dps)]) ** -1
+        columns = [padded([inverse[k, j] for k in range(s)], len(step.like), 0) for j in range(s)]
+    whole = Adaptive(step, None, None, monitor(system, arithmetic), array(columns, arithmetic))
+    width, stages = nystrom_lanes.room(step, system.d)
+    return Prepared(run, whole, width, max(3, stages), linear=len(step.like) * system.d)

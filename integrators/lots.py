@@ -1,0 +1,196 @@
+"""Lots: the orbits of an ensemble that one kernel integrates in lanes, block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .engine import codegen, orbit_lanes
+from .engine.kernel import COUNTS, Prepared, Samples, prepare
+from .engine.orbit_lanes import LANES
+from .outcome import NOTED, OK, travel
+from .record import Method
+from .trajectory import PIECE
+
+#: Below this many orbits the lanes are not filled, and a kernel for them need not be compiled.
+ENOUGH = LANES.n
+#: Pieces of work for each thread, so that none waits long for another.
+SHARES = 4
+
+
+@dataclass
+class Orbits:
+    """What an ensemble is made of: n orbits, their rows, and how each ended.
+
+    Attributes
+    ----------
+    system : what is integrated
+    q, p : arrays (n, d), the starts
+    h, steps, every : arrays (n,)
+    kinds, kind : the methods, and an array (n,) with the number of each orbit's
+    Q, P : arrays (n, rows, d), NaN where a row is not filled
+    filled : array (n,), the number of good rows
+    status, reason : arrays (n,) of text
+    counts : of all orbits together
+    """
+
+    system: object
+    q: np.ndarray
+    p: np.ndarray
+    h: np.ndarray
+    steps: np.ndarray
+    every: np.ndarray
+    kinds: list[Method]
+    kind: np.ndarray
+    Q: np.ndarray
+    P: np.ndarray
+    filled: np.ndarray
+    status: np.ndarray
+    reason: np.ndarray
+    counts: dict[str, int]
+
+    @classmethod
+    def begun(cls, system, q, p, h, steps, every, rows: int, kinds, kind) -> Orbits:
+        """Orbits of which the first row is there."""
+        n = len(q)
+        Q, P = (np.full((n, rows, system.d), np.nan) for _ in "qp")
+        Q[:, 0], P[:, 0] = q, p
+        counts = dict.fromkeys(("steps", "gradient", "hessian", "iterations", "fallbacks", "newton"), 0)
+        status, reason = (np.full(n, text, dtype=object) for text in (OK, ""))
+        return cls(system, q, p, h, steps, every, kinds, kind, Q, P, np.ones(n, int), status, reason, counts)
+
+
+@dataclass(frozen=True)
+class Lot:
+    """Orbits with the same kernel and the same number of steps.
+
+    Attributes
+    ----------
+    prepared : their kernel, with the coefficients that they share
+    loop : the compiled loop
+    members : array (n,), the numbers of the orbits
+    weights : by their name, arrays (n, substeps)
+    """
+
+    prepared: Prepared
+    loop: Callable
+    members: np.ndarray
+    weights: dict[str, np.ndarray]
+
+
+def able(system, method: Method) -> bool:
+    """Whether orbits of a method run in lanes."""
+    return orbit_lanes.able(system, method.family)
+
+
+def of(orbits: Orbits, members: np.ndarray) -> list[Lot]:
+    """The members in lots; their kernels are compiled."""
+    twin = orbit_lanes.twin(orbits.system)
+    parts: dict[tuple, list] = {}
+    pairs, number = np.unique(np.stack([orbits.kind, orbits.steps])[:, members], axis=1, return_inverse=True)
+    known = {k: prepare(orbits.kinds[k], twin) for k in set(pairs[0].tolist())}
+    for i, (kind, steps) in enumerate(pairs.T.tolist()):
+        parts.setdefault((*_common(known[kind]), steps), []).append((known[kind], members[number.reshape(-1) == i]))
+    return [_lot(part, orbits.system.d) for part in parts.values()]
+
+
+def _common(prepared: Prepared) -> tuple:
+    """What the orbits of a lot share."""
+    fields = {k: v for k, v in prepared.step._asdict().items() if k not in orbit_lanes.VARYING}
+    return (prepared.run, *((v.shape, v.tobytes()) if isinstance(v, np.ndarray) else v for v in fields.values()))
+
+
+def _lot(parts: list[tuple[Prepared, np.ndarray]], d: int) -> Lot:
+    first = parts[0][0]
+    weights = {
+        name: np.concatenate([np.tile(getattr(prepared.step, name), (len(members), 1)) for prepared, members in parts])
+        for name in orbit_lanes.WEIGHTS
+        if hasattr(first.step, name)
+    }
+    step = first.step._replace(eps=codegen.epsilon(codegen.DOUBLE))
+    first = replace(first, step=step)
+    loop = orbit_lanes.loop(first, orbit_lanes.varying_of(np.ones(1), {k: w[:1] for k, w in weights.items()}), d)
+    return Lot(first, loop, np.concatenate([members for _, members in parts]), weights)
+
+
+def run(made: list[Lot], orbits: Orbits, each: Callable, workers: int, tell: Callable[[int], None]) -> None:
+    """Integrate the lots, in shares of whole blocks, and fill the rows; ``each`` maps, on so many threads."""
+    shares = []
+    for lot in made:
+        blocks = -(-len(lot.members) // LANES.n)
+        size = LANES.n * max(1, -(-blocks // (workers * SHARES if workers > 1 else 1)))
+        shares += [(lot, slice(i, i + size)) for i in range(0, len(lot.members), size)]
+    for counts, n in each(lambda share: _share(*share, orbits), shares):
+        for name, number in counts.items():
+            orbits.counts[name] += number
+        tell(n)
+
+
+def pieces(steps: int, every: int) -> Iterator[tuple[int, int, int]]:
+    """(first row, rows, steps for each) of the calls of a kernel, as the driver makes them.
+
+    A row of many steps is more than one call; what the last of them leaves is kept.
+    """
+    rows, rest = divmod(steps, every)
+    first = 0
+    while first < rows + (rest > 0):
+        n, left = (1, rest) if first == rows else (min(max(1, PIECE // every), rows - first), every)
+        if n > 1:
+            yield first, n, every
+        while n == 1 and left:
+            yield first, 1, min(left, PIECE)
+            left -= min(left, PIECE)
+        first += n
+
+
+def _share(lot: Lot, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
+    """Integrate a part of a lot; returns the counts and the number of orbits."""
+    members = lot.members[part]
+    n, d, width = len(members), orbits.system.d, LANES.n
+    varying = orbit_lanes.varying_of(orbits.h[members], {name: rows[part] for name, rows in lot.weights.items()})
+    tables = orbit_lanes.tables_of(lot.prepared, orbits.q[members], orbits.p[members])
+    blocks = len(tables.state)
+    counts = np.zeros(blocks, COUNTS)
+    steps = int(orbits.steps[members[0]])
+    for first, rows, every in pieces(steps, int(orbits.every[members[0]])):
+        q, p = (np.full((blocks, rows, d, width), np.nan) for _ in "qp")
+        samples = Samples(q, p, np.zeros((blocks, rows, 1, width)), every)
+        lot.loop(lot.prepared.step, varying, tables, (0.0,) * d, samples, counts)
+        filled = slice(1 + first, 1 + first + rows)
+        orbits.Q[members, filled], orbits.P[members, filled] = (orbit_lanes.of_blocks(x, n) for x in (q, p))
+    orbits.filled[members] = orbits.Q.shape[1]
+    evaluations = counts["gradient"]
+    if not lot.prepared.implicit:  # counted once for all lanes
+        evaluations = evaluations * np.minimum(width, n - width * np.arange(blocks))
+    total = int(evaluations.sum())
+    tally = {"steps": n * steps, "gradient": total, "iterations": total if lot.prepared.implicit else 0}
+    return tally | {"hessian": total if lot.prepared.hessian else 0}, n
+
+
+def doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
+    """The members that did not end well, or came near a singularity: what came of them is for `integrate` to say."""
+    if not len(members):
+        return members
+    Q, P = orbits.Q[members], orbits.P[members]
+    n, rows, d = Q.shape
+    bad = ~(np.isfinite(Q).all(2) & np.isfinite(P).all(2))
+    system = orbits.system
+    flat = Q.reshape(-1, d), P.reshape(-1, d)
+    if system.H is not None:
+        bad |= _strange(system, Q, P)
+    if system.singular:
+        distance, length = travel(system, *flat, np.repeat(orbits.h[members], rows))
+        bad |= (length > distance).reshape(n, rows)
+    return members[bad.any(1)]
+
+
+def _strange(system, Q, P) -> np.ndarray:
+    """Where the energy is not finite, or has an error that `outcome.judged` would name; Q, P are (n, rows, d)."""
+    n, rows, d = Q.shape
+    flat = Q.reshape(-1, d), P.reshape(-1, d)
+    H = system.observe(system.H, *flat).reshape(n, rows)
+    with np.errstate(all="ignore"):
+        M = system.scale(*flat).reshape(n, rows)
+        return ~(np.abs(H - H[:, :1]) <= NOTED * np.maximum(M, M[:, 1:].mean(axis=1, keepdims=True)))

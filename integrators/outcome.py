@@ -1,0 +1,173 @@
+r"""How a run ended: the statuses, and what its rows say.
+
+Energy and orbit.  H is a sum of terms; M(y) is the sum of their sizes at y (`PartitionedSystem.scale`).  Rows
+:math:`y_0, ..., y_n` are not the orbit, the status is "unstable", where
+
+.. math::
+    |H(y_i) - H(y_0)| > \tfrac12\,\max\bigl(M(y_i), \overline M\bigr)
+
+for some i, with :math:`\overline M` the mean over the rows after the first.  At such a row the error is of the size of
+what H consists of, so that kinetic and potential energy there are those of another motion, whatever the method
+promises; on an oscillator it says that H has doubled, or halved.  The measure is of the place: a blow-up carries its
+own M along, and at a close encounter, where the terms are large and cancel, an error that is small against them
+may pass and still is seen at the rows beyond.  The mean keeps an accurate orbit from being judged where it passes a
+point at which all terms vanish (a saddle with H = 0).  M(y_0) alone has no say: an orbit that starts at a pericentre
+would never be judged.
+
+What conserves the energy passes however far it goes: an escape is a motion, and the problem's to tell.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+OK, UNSTABLE, DIVERGED, NOT_CONVERGED, NO_ROOT = "ok", "unstable", "diverged", "not-converged", "no-root"
+COLLISION, INVALID, TIMEOUT, SKIPPED = "collision", "invalid", "timeout", "skipped"
+
+#: An energy error of this share of the size of H's terms is another motion's.
+LOST = 0.5
+#: One of this share is named in the reason of a run that is ok.
+NOTED = 0.1
+#: A motion that has grown by the second factor and kept the energy to the first share until then may escape.
+KEPT, GROWN = 1e-3, 10.0
+#: A motion whose direction misses a singularity by less than this angle meets it.
+HEAD_ON = 1e-7
+
+
+class Outcome(NamedTuple):
+    """A status and its reason."""
+
+    status: str
+    reason: str
+
+
+class EnergyError(NamedTuple):
+    """The size of the energy's error in each row, array (n,), and in units of the size of H's terms there.
+
+    ``sofar`` is in units in which the mean is over the rows so far: it says when an error became so large.
+    """
+
+    size: np.ndarray
+    share: np.ndarray
+    sofar: np.ndarray
+
+
+def energy_error(system, Q, P) -> EnergyError | None:
+    """The energy error of finite rows Q, P, each (n, d), from the first row's energy; None where it is small."""
+    H = system.observe(system.H, Q, P)
+    size = np.abs(H - H[0])
+    size[size < np.finfo(float).tiny] = 0.0  # numbers that small have no digits
+    if len(H) < 2 or (size <= KEPT * np.abs(H - system.constant)).all():  # M is no less
+        return None
+    M = np.minimum(system.scale(Q, P), np.finfo(float).max)
+    mean = (M[1:] / (len(M) - 1)).sum()  # a sum of large numbers must not overflow
+    with np.errstate(over="ignore"):
+        sofar = np.append(M[0], np.cumsum(M[1:]) / np.arange(1, len(M)))
+    return EnergyError(size, _share(size, np.maximum(M, mean)), _share(size, np.maximum(M, sofar)))
+
+
+def _share(error, size) -> np.ndarray:
+    """error / size, where zero of zero is none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(error > 0, error / size, 0.0)
+
+
+def judged(system, t, Q, P, advice: str = "take a smaller h") -> Outcome:
+    """What the energy of finite rows at the times t says of a run that came to its end; without an energy nothing."""
+    found = energy_error(system, Q, P) if system.H is not None else None
+    worst = 0.0 if found is None else found.share.max()
+    if not worst > NOTED:
+        return Outcome(OK, "")
+    if worst > LOST:
+        late = found.sofar > LOST
+        row = (late if late.any() else found.share > LOST).argmax()
+        what = f"the energy error is of the size of H's own terms, at its largest {worst:.3g} times that"
+        seen = f"from t = {t[row]:.6g} on {what}{_bounded(found.size)}{escaped(system, Q, P, found)}"
+        return Outcome(UNSTABLE, f"{seen}: what came out is not the orbit; {advice}")
+    size = f"{worst:.0%} of the size of H's terms near t = {t[found.share.argmax()]:.6g}"
+    return Outcome(OK, f"the energy error is {size}; {advice}")
+
+
+def _bounded(error) -> str:
+    """What to add where the energy error comes and goes, and does not grow."""
+    first, last = np.array_split(error, 2)
+    if len(last) < 10 or last.max() > 1.05 * first.max() or last.min() > 0.1 * last.max():
+        return ""
+    return " (it comes and goes: the step may be stable, but is far too wide)"
+
+
+def escaped(system, Q, P, found: EnergyError | None = None) -> str:
+    """What to add where a state has grown: whether it had grown by much while the energy was kept."""
+    if system.H is None or len(Q) < 2:
+        return ""
+    found = energy_error(system, Q, P) if found is None else found
+    lost = len(Q) if found is None or found.sofar.max() < KEPT else int((found.sofar >= KEPT).argmax())
+    sizes = np.maximum(np.abs(Q[:lost]).max(axis=1), np.abs(P[:lost]).max(axis=1))
+    if not sizes[-1] > GROWN * sizes[0]:
+        return ""
+    return f"; the energy was kept until the state had grown to {sizes[-1]:.3g}: the motion itself may escape"
+
+
+def energy_unit(system, Q, P) -> float:
+    """The size of the first row's energy; of its terms where they cancel."""
+    H, M = (abs(float(x[0])) for x in (system.observe(system.H, Q[:1], P[:1]), system.scale(Q[:1], P[:1])))
+    return M if H < KEPT * M else H
+
+
+# -- singularities ----------------------------------------------------------------------------------------------------
+
+
+def travel(system, Q, P, h):
+    """(distance to the nearest singularity, length of a step) of each row."""
+    distance = np.min([np.abs(system.observe(s, Q, P)) for s in system.singular], axis=0)
+    return distance, h * system.speed(Q, P)
+
+
+def _aim(system, Q, P):
+    """The sine of the angle between the velocity and the way to the nearest singularity, of each row.
+
+    A distance that is a function of the rows has no slopes: its motions count as passing by.
+    """
+    speed = system.speed(Q, P)
+    sines = [np.ones(len(Q))]
+    for s in system.singular:
+        if not hasattr(s, "diff"):
+            continue
+        slopes = [system.observe(s.diff(x), Q, P) for x in system.q]
+        towards = sum(g * system.observe(e, Q, P) for g, e in zip(slopes, system.dq, strict=True))
+        with np.errstate(all="ignore"):
+            cosine = towards / (speed * np.sqrt(sum(g**2 for g in slopes)))
+        sines.append(np.sqrt(np.abs(1 - cosine**2)))
+    return np.min(sines, axis=0)
+
+
+def approach(system, Q, P, h) -> str | None:
+    """Whether the last good state was about to step across a singularity."""
+    if not system.singular or Q.dtype == object:
+        return None
+    distance, length = travel(system, Q[-1:], P[-1:], h)
+    if length[-1] > distance[-1]:
+        return f"the step {length[-1]:.3g} is longer than the distance {distance[-1]:.3g} to the singularity"
+    return None
+
+
+def passed(system, t, Q, P, h) -> str | None:
+    """Whether a kept step jumped across a singularity: head-on, or with a tenth of the energy lost."""
+    if not system.singular or system.H is None:
+        return None
+    distance, length = travel(system, Q, P, h)
+    near = np.flatnonzero(length > distance)
+    if not len(near):
+        return None
+    head_on = near[_aim(system, Q[near], P[near]) < HEAD_ON]
+    if len(head_on):
+        return f"the motion meets the singularity head-on after t = {t[head_on[0]]:.6g}; no step goes through it"
+    H = system.observe(system.H, Q, P)
+    if np.abs(H[near[0] :] - H[0]).max() <= 0.1 * energy_unit(system, Q, P):
+        return None
+    return (
+        f"near t = {t[near[0]]:.6g} a step of length {length[near[0]]:.3g} crosses the singularity at distance "
+        f"{distance[near[0]]:.3g} and the energy is lost; take a smaller h"
+    )

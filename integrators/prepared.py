@@ -1,0 +1,199 @@
+"""A run laid out for a kernel, and a prepared run: compiled once, then called with h and the number of steps."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from phasebench.integrators.engine import codegen, solve
+from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.flat import flat
+from phasebench.integrators.engine.kernel import COUNTS, Orbit, Prepared, Samples, entry, kernel, value, zeros
+from phasebench.integrators.engine.kernel import prepare as prepare_kernel
+
+from .errors import InvalidInput
+from .record import Method
+from .registry import method as method_of
+from .request import initial
+
+
+@dataclass
+class Layout:
+    """A compiled kernel with the step, the orbit and the counts of one run."""
+
+    kernel: Callable
+    step: tuple
+    orbit: Orbit
+    counts: np.record
+
+    def __call__(self, Q, P, parameter, every: int) -> tuple[int, int]:
+        """Fill rows, each after ``every`` steps; (rows filled, status)."""
+        return self.kernel(self.step, self.orbit, Samples(Q, P, parameter, every), self.counts)
+
+    def restart(self, q, p) -> None:
+        """Forget what was, and start from q, p."""
+        self.orbit.state.fill(0)
+        self.orbit.memory.fill(0)
+        self.orbit.state[0, : len(q)], self.orbit.state[1, : len(p)] = q, p
+        for name in self.counts.dtype.names:
+            self.counts[name] = 0
+
+
+def step_of(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE):
+    """The kernel's first argument for a run from q, p."""
+    step = prepared.step._replace(h=float(h) if arithmetic == DOUBLE else h, eps=codegen.epsilon(arithmetic))
+    if prepared.begin is not None:
+        step = prepared.begin(step, value(q, d, arithmetic), value(p, d, arithmetic))
+    return step
+
+
+def lay_out(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE) -> Layout:
+    """The run of a kernel from q, p."""
+    order = 1 + (prepared.linear or prepared.width)
+    orbit = Orbit(
+        state=zeros((4 + prepared.stages, max(2, d)), arithmetic),
+        memory=zeros(((3 * solve.LEVELS + 1) * prepared.stages, prepared.width), arithmetic),
+        work=zeros((order, order), arithmetic),
+        zero=value(zeros(d, arithmetic), d, arithmetic),
+    )
+    step = step_of(prepared, d, h, q, p, arithmetic)
+    layout = Layout(entry(kernel(prepared, d, arithmetic)), step, orbit, np.zeros(1, COUNTS).view(np.recarray)[0])
+    layout.restart(q, p)
+    return layout
+
+
+class PreparedRun:
+    """A method on a problem, compiled: ``run(h, steps)`` integrates and keeps no rows.
+
+    Nothing is checked: h is a number, ``steps`` a positive integer, q0 and p0 have d finite numbers.  Every call starts
+    anew.  Methods whose step depends on the initial state (those that keep H0) or in more than its length on h (the
+    trigonometric ones) are told so again where it is another than in the call before, which takes longer.
+
+    Attributes
+    ----------
+    method : the method
+    SOLVED, STALLED, NOT_FINITE : status codes 0, 1 and 2: as the statuses ok, not-converged and diverged; whether the
+        end is on the orbit is not judged
+    """
+
+    SOLVED, STALLED, NOT_FINITE = solve.SOLVED, solve.STALLED, solve.NOT_FINITE
+
+    def __init__(self, problem, method: Method):
+        system, q, p = initial(problem)
+        lack = method.lacks(system)
+        if lack:
+            raise InvalidInput(lack)
+        self.method, self._d = method, system.d
+        self._default, self._start, self._end = np.array([q, p]), np.array([q, p]), np.zeros((2, 1, system.d))
+        self._prepared = prepare_kernel(method, system)
+        self._begun = None  # the start and h that the step was made for
+        self._moved = False
+        self._layout = lay_out(self._prepared, system.d, 1.0, q, p)
+        self._parameter = np.full((1, 1), np.nan)
+        self._call = self._uncompiled
+        if codegen.compiled():
+            functions = flat(self._prepared, system.d)
+            self._memory = np.zeros(functions.size, np.uint8)
+            self._address = self._memory.ctypes.data
+            self._functions, self._call = functions, functions.call
+            self._pack()
+
+    def __call__(self, h: float, steps: int, q0=None, p0=None) -> tuple[np.ndarray, np.ndarray, int]:
+        """(q, p, status code) after ``steps`` steps; NaN where a stage equation was not solved.
+
+        Parameters
+        ----------
+        h : step, in the problem's unit of time
+        steps : how many, at least 1
+        q0, p0 : arrays (d,), the initial state where not the problem's
+        """
+        if q0 is not None or p0 is not None:
+            self._start[0] = self._default[0] if q0 is None else q0
+            self._start[1] = self._default[1] if p0 is None else p0
+            self._moved = True
+        elif self._moved:
+            self._start[:] = self._default
+            self._moved = False
+        if self._prepared.begin is not None:
+            self._begin(h)
+        code = self._call(self._address, h, steps)
+        end = self._end.copy()
+        return end[0, 0], end[1, 0], code
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """What the last call took: steps, evaluations of the gradient, Newton solves, fallbacks."""
+        return {name: int(self._layout.counts[name]) for name in COUNTS.names if name != "rule"}
+
+    def _begin(self, h: float) -> None:
+        """Make the step again where it depends on what has changed."""
+        wanted = (h, self._start.tobytes())
+        if wanted != self._begun:
+            self._layout.step = step_of(self._prepared, self._d, h, *self._start)
+            self._begun = wanted
+            if codegen.compiled():
+                self._pack()
+
+    _address, _packed = 0, False
+
+    def _pack(self) -> None:
+        """Write the kernel's arguments into memory."""
+        self._release()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
+            self._write()
+        self._packed = True
+
+    def _write(self) -> None:
+        it = self._layout
+        samples = Samples(*self._end, self._parameter, 1)
+        self._functions.pack(self._address, self._functions.run, it.step, it.orbit, samples, it.counts, self._start)
+
+    def _release(self) -> None:
+        if self._packed:
+            self._functions.release(self._address)
+            self._packed = False
+
+    __del__ = _release
+
+    def _uncompiled(self, address: int, h: float, steps: int) -> int:
+        """The same without a compiler."""
+        self._layout.step = self._layout.step._replace(h=float(h))
+        self._layout.restart(*self._start)
+        self._end.fill(np.nan)
+        code = self._layout(*self._end, self._parameter, steps)[1]
+        return code if code or np.isfinite(self._end).all() else solve.NOT_FINITE
+
+
+def prepare(problem, method: str | Method, **parameters) -> PreparedRun:
+    """A compiled run of ``method`` on ``problem``, for many short integrations and for timing.
+
+    Parameters
+    ----------
+    problem : a problem: a system with initial data
+    method : an id or a method
+    parameters : values of the method's parameters
+
+    Returns
+    -------
+    PreparedRun
+        Called with h and the number of steps it returns (q, p, status code).
+
+    Raises
+    ------
+    InvalidInput
+        For an unknown method or parameter, a problem without initial data, or a system that the method cannot do.
+
+    Examples
+    --------
+    >>> from phasebench.benchmarks.problems import problem
+    >>> run = prepare(problem("pendulum"), "stormer-verlet")
+    >>> q, p, code = run(0.01, 100)
+    >>> code == run.SOLVED
+    True
+    """
+    return PreparedRun(problem, method_of(method, **parameters))

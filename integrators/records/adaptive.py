@@ -1,0 +1,41 @@
+"""Methods of variable steps: reversible in a fictitious time, over the kernel of `adaptive`."""
+
+from __future__ import annotations
+
+from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
+
+SOURCE = "Hairer & Soderlind 2005; Hairer, Lubich & Wanner 2006, VIII.3.2; dt = h (sum r^-3)^(-1/2)"
+
+
+def adaptive(id, name, order, source, cite, data=()):
+    """A method whose step follows the distances to the singularities; h is the step where the distance is 1."""
+    return Method(
+        id=id,
+        name=f"{name} with a reversible control of the step; h is the step where the distance to the singularity is 1",
+        family="adaptive",
+        order=order,
+        symmetric=False,  # in time: in fictitious time it is
+        symplectic=False,
+        energy=BOUNDED,
+        quadratic=ROUND_OFF,
+        source=source,
+        cite=cite,
+        requires=("canonical", "separable", "quadratic kinetic energy", "singular distances"),
+        data=data,
+    )
+
+
+METHODS: tuple[Method, ...] = (
+    adaptive("stormer-verlet-adaptive", "Stormer-Verlet", 2, SOURCE, ("hairer2005", "hairer2006")),
+    *(
+        adaptive(
+            f"gauss-{s}-adaptive",
+            f"Gauss, {s} stages,",
+            2 * s,
+            f"Butcher 1964; {SOURCE}",
+            ("butcher1964", "hairer2005", "hairer2006"),
+            (s,),
+        )
+        for s in (4, 6, 8)
+    ),
+)

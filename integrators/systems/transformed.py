@@ -1,0 +1,69 @@
+r"""Poincare's transformation of time: a Hamiltonian whose fixed steps are variable ones in time.
+
+.. math::
+    K(q, t, p, p_t) = \sigma(q)\,\bigl(H(q, p) + p_t\bigr),\qquad \frac{dt}{d\tau} = \sigma(q),
+
+with time as one more coordinate and, as its momentum, minus the energy.  From :math:`p_t = -H(q_0, p_0)` on K = 0 the
+flow of K in the fictitious time :math:`\tau` passes the states of the flow of H.  K is a Hamiltonian like any other: a
+symplectic method of the registry is symplectic in this extended phase space, its step h is one of :math:`\tau`, and the
+time of a row is its last coordinate.  K is not separable, whatever H is.
+
+Source: K. Zare, V. Szebehely, Celest. Mech. 11 (1975) 469-482; E. Hairer, Appl. Numer. Math. 25 (1997) 219-227; S.
+Reich, SIAM J. Numer. Anal. 36 (1999) 1549-1570.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import sympy as sp
+
+from phasebench.integrators.errors import InvalidInput
+
+from .hamiltonian import Hamiltonian
+
+
+def distance_scale(system) -> sp.Expr:
+    r"""The scale :math:`\sigma = (\sum_k r_k^{-3})^{-1/2}` of the distances to the singularities of a system.
+
+    Raises InvalidInput where it declares none as formulae.
+    """
+    if not system.singular or not all(isinstance(r, sp.Expr) for r in system.singular):
+        raise InvalidInput("the system declares no distances to singularities; give the scale of time")
+    return 1 / sp.sqrt(sum(r**-3 for r in system.singular))
+
+
+class TransformedHamiltonian(Hamiltonian):
+    """The system of K for a canonical system.
+
+    Parameters
+    ----------
+    system : Hamiltonian, the system of H, of d degrees of freedom; this one has d + 1
+    scale : expression or formula in the coordinates, positive: sigma; at first `distance_scale`
+
+    Raises
+    ------
+    InvalidInput
+        If the system is not canonical, or the scale has other symbols than its coordinates.
+    """
+
+    def __init__(self, system: Hamiltonian, scale=None):
+        if not system.canonical:
+            raise InvalidInput("only a canonical system has a transformed Hamiltonian")
+        self.original = system
+        self.scale = distance_scale(system) if scale is None else system._formula(scale)
+        if self.scale.free_symbols - {*system.q}:
+            raise InvalidInput(f"the scale of time is {self.scale}; it must be a formula in the coordinates alone")
+        t, minus_energy = (sp.Symbol(name, real=True) for name in ("time_", "minus_energy_"))
+        super().__init__(
+            q=[*system.q, t],
+            p=[*system.p, minus_energy],
+            H=self.scale * (system.H + minus_energy),
+            singular=system.singular,
+            invariants=system.invariants,
+        )
+
+    def start(self, q0, p0) -> tuple[np.ndarray, np.ndarray]:
+        """The initial state (q, t), (p, -H) at t = 0, arrays (d + 1,), of the original one."""
+        q, p = np.asarray(q0, float), np.asarray(p0, float)
+        H = self.original.observe(self.original.H, q[None], p[None])[0]
+        return np.append(q, 0.0), np.append(p, -H)

@@ -1,0 +1,230 @@
+"""The rows of a run, filled in pieces; what was reached is kept, however the run ends."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from .engine import solve
+from .engine.codegen import MULTIPRECISION
+from .engine.kernel import zeros
+from .outcome import COLLISION, DIVERGED, NO_ROOT, NOT_CONVERGED, OK, TIMEOUT, approach, escaped, judged, passed
+
+#: A state that has grown by this factor has escaped, whatever stopped it in the end.
+ESCAPED = 1e6
+#: A method that keeps the energy and misses it in a larger share of its steps has the status "no-root".
+TOLERATED = 0.1
+#: One that misses it in this share of its first steps is stopped.
+HOPELESS, FIRST = 0.95, 1000
+#: Steps of one call of a kernel: between calls progress is told and the clock is looked at.
+PIECE = 200_000
+
+
+class Pace:
+    """How many steps one call of a kernel takes: few at first where somebody waits, then more.
+
+    Attributes
+    ----------
+    steps : of the next call
+    """
+
+    def __init__(self, timeout: float | None, first: int = PIECE):
+        self.timeout = np.inf if timeout is None else timeout
+        self.deadline = time.monotonic() + self.timeout
+        self.steps = first if timeout is None else 64
+
+    @property
+    def late(self) -> bool:
+        """Whether the time is over."""
+        return time.monotonic() > self.deadline
+
+    def took(self, seconds: float) -> None:
+        """Lengthen the next call where the last was short against the time that there is."""
+        if seconds < min(0.05, self.timeout / 20):
+            self.steps = min(PIECE, 4 * self.steps)
+
+
+def _leading(good: np.ndarray) -> int:
+    """How many are true before the first that is not."""
+    return len(good) if good.all() else int(good.argmin())
+
+
+class Trajectory:
+    """The rows of a run: every ``every`` steps one, and the last.
+
+    Attributes
+    ----------
+    q, p, parameter : arrays; row 0 of q and p is the initial state
+    filled : rows after it that are filled
+    status, reason : how it is going
+    seconds : of the kernel alone
+    """
+
+    def __init__(self, system, q, p, h, steps: int, every: int, arithmetic: str, missed: str = ""):
+        self.system, self.h, self.steps, self.every, self.arithmetic = system, h, steps, every, arithmetic
+        self.missed = missed  # what a fallback is, in words
+        n = -(-steps // self.every)
+        self.q, self.p = zeros((n + 1, system.d), arithmetic), zeros((n + 1, system.d), arithmetic)
+        self.q[0], self.p[0] = q, p
+        self.parameter = np.full((n, 1), np.nan)
+        self.filled = 0
+        self.reached = 0  # the number of the step that the last filled row belongs to
+        self.looks: list[tuple] = []  # (step, q, p) between rows
+        self.seconds = 0.0
+        self.status, self.reason = OK, ""
+
+    def __bool__(self) -> bool:
+        """Whether there is more to integrate."""
+        return self.status == OK and self.filled < len(self.parameter)
+
+    @property
+    def index(self) -> np.ndarray:
+        """The step numbers of the rows."""
+        numbers = np.arange(self.filled + 1) * self.every
+        numbers[-1] = self.reached
+        return numbers
+
+    @property
+    def times(self) -> np.ndarray:
+        """The times of the rows."""
+        return self.h * (self.index.astype(object) if self.arithmetic == MULTIPRECISION else self.index)
+
+    def advance(self, run, pace: Pace) -> None:
+        """Fill the rows of a piece, or one row in pieces; look at what came of it."""
+        rows = self.steps // self.every
+        n = min(pace.steps // self.every, rows - self.filled)
+        code = self._rows(run, n, pace) if n > 1 else self._row(run, pace)
+        if self.status == OK and code:
+            self._stopped(code)
+        elif self.status == OK and self.reached < self.steps:
+            self._look(run)
+            if pace.late and self.status == OK:
+                self.status = TIMEOUT
+
+    def _call(self, run, n: int, every: int, pace: Pace) -> tuple[int, int]:
+        """Fill the next n rows; (rows filled, the kernel's status)."""
+        part = slice(self.filled, self.filled + n)
+        began = time.perf_counter()
+        filled, code = run(self.q[1:][part], self.p[1:][part], self.parameter[part], every)
+        took = time.perf_counter() - began
+        self.seconds += took
+        pace.took(took)
+        return filled, code
+
+    def _rows(self, run, n: int, pace: Pace) -> int:
+        filled, code = self._call(run, n, self.every, pace)
+        bad, reason = self._flawed(self.filled + 1, filled)
+        if bad < filled:
+            self.status, self.reason = DIVERGED, reason
+        self.filled += bad
+        self.reached = self.filled * self.every
+        return code
+
+    def _row(self, run, pace: Pace) -> int:
+        """Fill one row; where it is not completed it is that of the last good piece."""
+        row, end = self.filled + 1, min(self.steps, (self.filled + 1) * self.every)
+        began, code = self.reached, solve.SOLVED
+        while self.reached < end:
+            good = self.q[row].copy(), self.p[row].copy()
+            piece = min(end - self.reached, pace.steps)
+            filled, code = self._call(run, 1, piece, pace)
+            bad, reason = self._flawed(row, filled)
+            if not bad:
+                self.q[row], self.p[row] = good
+                if filled:
+                    self.status, self.reason = DIVERGED, reason
+                break
+            self.reached += piece
+            if self.reached < end:
+                self.looks.append((self.reached, self.q[row].copy(), self.p[row].copy()))
+                self._look(run)
+            if pace.late or self.status != OK:
+                break
+        self.filled += self.reached > began
+        return code
+
+    def _flawed(self, first: int, n: int) -> tuple[int, str]:
+        """How many of n rows are good before one is not finite, or has no energy; and what it is."""
+        if self.arithmetic == MULTIPRECISION:
+            return n, ""
+        Q, P = self.q[first : first + n], self.p[first : first + n]
+        good, reason = _leading(np.isfinite(Q).all(1) & np.isfinite(P).all(1)), ""
+        if good < n:
+            reason = "the state is no longer finite"
+        if self.system.H is not None and good:
+            known = _leading(np.isfinite(self.system.observe(self.system.H, Q[:good], P[:good])))
+            if known < good:
+                good, reason = known, "the energy is no longer finite: the state is outside H's domain"
+        return good, reason
+
+    def _stopped(self, code: int) -> None:
+        """Say why a stage equation was not solved."""
+        if code == solve.NOT_FINITE:
+            self.status, self.reason = DIVERGED, "a stage equation has no finite iterate"
+            return
+        if code == solve.OUT_OF_STEP:
+            self.status = NOT_CONVERGED
+            self.reason = "the control of the step has lost the problem's time scale; take a smaller h"
+            return
+        size, begun = (np.abs([self.q[i], self.p[i]]).max() for i in (self.filled, 0))
+        if size > ESCAPED * (1 + begun):
+            self.status, self.reason = DIVERGED, f"the state has grown to {size:.3g}"
+        else:
+            self.status = NOT_CONVERGED
+            self.reason = "neither the fixed point nor Newton's method solves the stage equation"
+
+    def _look(self, run) -> None:
+        """Stop where hardly a step so far has what the method promises."""
+        fallbacks = int(run.counts.fallbacks)
+        if self.missed and self.reached >= FIRST and fallbacks > HOPELESS * self.reached:
+            self.status = NO_ROOT
+            self.reason = f"{fallbacks} of the first {self.reached} steps {self.missed}: the energy cannot be kept on "
+            self.reason += "this orbit; take another method, or a smaller h; stopped"
+
+    def conclude(self, timeout: float | None, fallbacks: int) -> None:
+        """Complete the reason; see what the rows say of the energy and of singularities."""
+        at = f"after step {self.reached} of {self.steps} (t = {float(self.h * self.reached):.6g})"
+        if self.status in (OK, TIMEOUT):
+            if self.status == TIMEOUT:
+                self.reason = f"{timeout} s had passed {at}; what was reached is kept"
+            self._count_missed(fallbacks)
+            if self.arithmetic != MULTIPRECISION and self.status != NO_ROOT:
+                self._judge()
+            return
+        _, Q, P = self._looked()
+        near = approach(self.system, Q, P, self.h)
+        if near is not None:
+            self.status, self.reason = COLLISION, f"{near} {at}; a regularized or adaptive method is needed"
+        elif self.status == DIVERGED and self.arithmetic != MULTIPRECISION:
+            self.reason += f" {at}; take a smaller h{escaped(self.system, Q, P)}"
+        else:
+            self.reason += f" {at}" if self.status == NO_ROOT else f" {at}; take a smaller h"
+
+    def _looked(self):
+        """(t, Q, P) of the rows and of what was seen between them."""
+        Q, P = self.q[: self.filled + 1], self.p[: self.filled + 1]
+        if not self.looks:
+            return self.times, Q, P
+        seen, q, p = (np.array(x) for x in zip(*self.looks, strict=True))
+        index, which = np.unique(np.concatenate([self.index, seen]), return_index=True)
+        return self.h * index, np.concatenate([Q, q])[which], np.concatenate([P, p])[which]
+
+    def _judge(self) -> None:
+        """Whether the motion met a singularity, and whether the rows are the orbit."""
+        t, Q, P = self._looked()
+        near = passed(self.system, t, Q, P, self.h)
+        if near is not None:
+            self.status, self.reason = COLLISION, near
+            return
+        found = judged(self.system, t, Q, P)
+        self.status = self.status if found.status == OK else found.status
+        self.reason = "; ".join(filter(None, (self.reason, found.reason)))
+
+    def _count_missed(self, fallbacks: int) -> None:
+        """Say how many steps lack what the method promises."""
+        if not self.missed or not fallbacks or self.status != OK:
+            return
+        self.reason = f"{fallbacks} of {self.reached} steps {self.missed}"
+        if fallbacks > TOLERATED * self.reached:
+            self.status, self.reason = NO_ROOT, self.reason + ": the energy is not kept; take a smaller h"

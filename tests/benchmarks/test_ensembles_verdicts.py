@@ -1,0 +1,118 @@
+"""The ensembles page's sentences follow their rows, both ways."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from phasebench.benchmarks.experiments.ensembles import against, bench_ensembles, compare, lanes, maps, page
+
+
+def step(method="verlet", gain=4.0, spread=0.5, speed_up=1.9, **more) -> dict:
+    row = {"problem": "p", "method": method, "in lanes": True, "status": "ok", "cores": 2, "speed-up": speed_up}
+    row |= {"gain": gain, "gain, low": gain - spread, "gain, high": gain + spread, "largest difference": 0.0}
+    return row | more
+
+
+def told(verdict, **tables):
+    return verdict({name: pd.DataFrame(rows) for name, rows in tables.items()}.get)
+
+
+def gain(*rows):
+    return told(page.gain, **{lanes.TABLE: rows})
+
+
+def test_what_lanes_gain_is_the_least_and_the_most():
+    said = gain(
+        step("a", 3.0), step("b", 5.0), step("c", 9.0, **{"in lanes": False}), step("d", 9.0, status="diverged")
+    )
+    assert said.holds
+    assert "3.0 (a, p) to 5.0 times (b, p) as fast" in said.text
+    assert "2 of 2 ensembles end where it ends to the last bit." in said.text
+    slow = gain(step("a", 3.0), step("b", 1.3))
+    assert not slow.holds
+    assert "not surely faster: b, p;" in slow.text
+    assert gain(step(**{"in lanes": False})) is None
+
+
+def test_ensembles_that_end_elsewhere_are_counted():
+    said = gain(step("a"), step("b", **{"largest difference": 3e-14}))
+    assert "1 of 2 ensembles end where it ends to the last bit, the others within 3.00e-14." in said.text
+
+
+MAPS = [{"map": maps.SECTION, "seconds": 0.25}, {"map": maps.GRID, "seconds": 0.5}]
+
+
+@pytest.mark.parametrize(("slowest", "holds"), [(1.8, True), (1.79, False)])
+def test_cores_are_held_to_what_is_wanted(slowest, holds):
+    said = told(page.parallel, **{lanes.TABLE: [step(), step("b", speed_up=slowest)], maps.TABLE: MAPS})
+    assert said.holds == holds
+    assert f"2 cores are {slowest:.2f} to 1.90 times as fast as one" in said.text
+    assert ("less: b, p" in said.text) != holds
+    assert "the section took 0.25 s; the map of chaos took 0.5 s." in said.text
+
+
+def rung(side, error, us, integrator=None, spread=0.02, problem="p") -> dict:
+    row = {"problem": problem, "integrator": integrator or side, "side": side, "error": error, "us": us}
+    return row | {"us, low": us * (1 - spread), "us, high": us * (1 + spread)}
+
+
+def ladder(side, factor: float, order: int = 4) -> list[dict]:
+    """The cost rises by 2 where the error falls by 2^order."""
+    return [rung(side, 2.0 ** (-order * k), factor * 2.0**k) for k in range(12)]
+
+
+def test_the_cost_at_an_error_is_on_the_line_between_two_rungs():
+    rungs = pd.DataFrame(ladder("ours", 1.0))
+    assert compare.at(rungs, 2.0**-16).value == pytest.approx(2.0**4)
+    assert compare.at(rungs, 2.0**-18).value == pytest.approx(2.0**4.5)
+    assert compare.at(rungs, 10.0).value == 1.0
+    assert compare.at(rungs, 1e-30) is compare.NOWHERE
+
+
+def test_a_run_that_does_not_arrive_is_no_rung():
+    rungs = pd.DataFrame([*ladder("ours", 1.0), rung("ours", np.nan, 1e-3)])
+    assert compare.at(rungs, 2.0**-16).value == pytest.approx(2.0**4)
+
+
+def test_a_cheap_rung_of_a_small_error_is_not_made_dearer_by_a_dear_one_of_a_large():
+    rungs = pd.DataFrame([rung("ours", 1e-3, 50.0), rung("ours", 1e-9, 10.0)])
+    assert compare.at(rungs, 1e-5).value == 10.0
+
+
+def beside(*rows):
+    return told(page.beside_heyoka, **{against.TABLE: rows})
+
+
+def test_whose_orbit_is_cheaper_follows_the_costs():
+    n = sum(error >= 2.0**-44 for error in compare.ERRORS)
+    ahead = beside(*ladder("ours", 1.0), *ladder("heyoka", 2.0))
+    assert ahead.holds
+    assert f"cheaper than in heyoka's in {n} of {n} cells, in 0 the intervals overlap; behind nowhere." in ahead.text
+    behind = beside(*ladder("ours", 2.0), *ladder("heyoka", 1.0))
+    assert not behind.holds
+    assert f"in 0 of {n} cells" in behind.text
+    assert "behind on p from 0.1 (2 to 2 times)." in behind.text
+    tied = beside(*ladder("ours", 1.01), *ladder("heyoka", 1.0))
+    assert tied.holds
+    assert f"in {n} the intervals overlap" in tied.text
+
+
+def test_an_error_that_only_heyoka_reaches_is_behind():
+    said = beside(*ladder("ours", 1.0)[:5], *ladder("heyoka", 2.0))
+    assert not said.holds
+    assert "not reached" in said.text
+
+
+def test_the_bench_names_what_is_off():
+    rows = [step(), step("b", status="diverged"), step("c", **{"largest difference": 1e-9})]
+    assert [line.partition(" ")[0] for line in bench_ensembles.off(rows)] == ["b", "c"]
+
+
+def test_maps_start_on_the_plane_at_their_energy():
+    Q, P = maps.scattered(50)
+    energy = (P**2).sum(1) / 2 + (Q**2).sum(1) / 2 + Q[:, 0] ** 2 * Q[:, 1] - Q[:, 1] ** 3 / 3
+    np.testing.assert_allclose(energy, maps.ENERGY, rtol=1e-14)
+    assert (Q[:, 0] == 0).all()
+    assert (P[:, 0] > 0).all()

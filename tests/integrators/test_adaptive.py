@@ -1,0 +1,139 @@
+"""Methods of variable steps: reversible in fictitious time, better than fixed steps on eccentric orbits."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.measure.drift import drift
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.driver import _lay_out, integrate
+from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.kernel import prepare
+from phasebench.integrators.engine.solve import OUT_OF_STEP
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.records.adaptive import METHODS
+
+BY_ID = {m.id: m for m in METHODS}
+ORBIT = problem("kepler", e=0.6)
+PERIOD = 2 * np.pi
+
+
+def end(solution):
+    assert solution.status == "ok", solution.reason
+    return np.concatenate([solution.q[-1], solution.p[-1]])
+
+
+def returned(id, e, h, periods=10):
+    """(distance from the start after so many periods, evaluations)."""
+    made = problem("kepler", e=e)
+    s = integrate(made, id, h=h, t_end=periods * PERIOD, save_every=0)
+    return np.abs(end(s) - np.concatenate([made.q0, made.p0])).max(), s.counts["gradient"]
+
+
+def there_and_back(id, h, n, reflected=True):
+    """How far from the start n steps end that follow n steps, the momenta and the density turned round in between."""
+    record = BY_ID[id]
+    prepared = prepare(record, ORBIT.system)
+    forth, back = (_lay_out(prepared, 2, h, ORBIT.q0, ORBIT.p0, DOUBLE) for _ in range(2))
+    Q, P, parameter = np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1))
+    assert forth(Q, P, parameter, n) == (1, 0)
+    q, p, _, _, (t, lost), (density, _) = forth.orbit.state[:6]
+    back.orbit.state[0], back.orbit.state[1] = q, -p
+    _, change = prepared.step.monitor(tuple(q), tuple(p))
+    back.orbit.state[5] = density - reflected * h * change, -h
+    back.orbit.state[6, 0] = (t + lost) / h - n
+    assert back(Q, P, parameter, n) == (1, 0)
+    return max(np.abs(Q[0] - ORBIT.q0).max(), np.abs(P[0] + ORBIT.p0).max())
+
+
+#: Steps at which the error of the method shows.
+WIDE = {2: 0.05, 8: 0.3, 12: 0.8, 16: 0.9}
+
+
+@pytest.mark.parametrize("m", METHODS, ids=lambda m: m.id)
+def test_the_steps_can_be_taken_back_in_fictitious_time(m):
+    assert there_and_back(m.id, WIDE[m.order], 20) < 1e-11
+    assert there_and_back(m.id, WIDE[m.order], 20, reflected=False) > 1e-9, "the control: a density not turned round"
+
+
+def test_an_eccentric_orbit_costs_less_than_with_fixed_steps():
+    error, evaluations = returned("gauss-8-adaptive", 0.9, 0.3)
+    fixed, more = returned("gauss-8", 0.9, PERIOD / 100)
+    assert error < 1e-8
+    assert evaluations < more
+    assert fixed > 1e3 * error
+
+
+def test_the_worst_orbits_are_closed():
+    assert returned("gauss-8-adaptive", 0.99, 0.2)[0] < 1e-6
+    assert returned("gauss-8-adaptive", 0.999, 0.2, periods=1)[0] < 1e-4
+
+
+def energies(id, h):
+    s = integrate(ORBIT, id, h=h, t_end=300 * PERIOD, save_every=7)
+    assert s.status == "ok"
+    H = ORBIT.system.observe(ORBIT.system.H, s.q, s.p)
+    return s.t, H - H[0]
+
+
+def drifts(id, h):
+    """(whether the energy drifts by more than a tenth of its greatest error, that error)."""
+    t, error = energies(id, h)
+    trend, greatest = drift(t, error), np.abs(error).max()
+    return (trend.low > 0 or trend.high < 0) and abs(trend.value) * t[-1] > 0.1 * greatest, greatest
+
+
+def test_the_energy_error_stays_bounded():
+    drifting, greatest = drifts("stormer-verlet-adaptive", 0.05)
+    assert not drifting
+    assert greatest < 0.01
+    assert not drifts("gauss-4-adaptive", 0.5)[0]
+    assert drifts("rk4", 0.05)[0], "the control"
+
+
+@pytest.mark.parametrize("id", BY_ID)
+def test_the_orbit_does_not_depend_on_the_rows_that_are_kept(id):
+    every, none = (integrate(ORBIT, id, h=0.1, t_end=10, save_every=n) for n in (1, 0))
+    assert np.array_equal(end(every), end(none))
+    assert every.t[-1] == 10.0
+
+
+@pytest.mark.parametrize("id", BY_ID)
+def test_a_fall_into_the_singularity_is_a_collision_and_ends(id):
+    s = integrate(ORBIT, id, h=0.1, t_end=5, q0=[1.0, 0.0], p0=[0.0, 0.0])
+    assert s.status == "collision"
+    assert s.t[-1] < 1.2
+
+
+def test_a_density_that_is_lost_ends_the_run():
+    made = problem("kepler", e=0.9)
+    run = _lay_out(prepare(BY_ID["stormer-verlet-adaptive"], made.system), 2, 20.0, made.q0, made.p0, DOUBLE)
+    assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 50) == (0, OUT_OF_STEP)
+    s = integrate(made, "stormer-verlet-adaptive", h=20.0, t_end=1000)
+    assert s.status in ("collision", "not-converged")
+
+
+def test_what_a_system_must_have_is_said():
+    with pytest.raises(InvalidInput, match="singular distances"):
+        integrate(problem("henon-heiles"), "gauss-8-adaptive", h=0.1, steps=1)
+    logarithmic = Hamiltonian(q="x y", p="u v", H="u**2/2 + v**2/2 + log(x**2 + y**2)", singular=["sqrt(x**2 + y**2)"])
+    with pytest.raises(InvalidInput, match="forces made of"):
+        integrate(logarithmic, "gauss-8-adaptive", h=0.1, steps=1, q0=[1, 0], p0=[0, 1])
+
+
+def short():
+    return {id: end(integrate(ORBIT, id, h=0.2, steps=12, save_every=5)).tolist() for id in BY_ID}
+
+
+def test_compiled_and_plain_agree(uncompiled):
+    there = uncompiled("integrators/test_adaptive.py")
+    for id, state in short().items():
+        assert np.abs(np.array(state) - there[id]).max() < 1e-12, id
+
+
+if __name__ == "__main__":
+    print(json.dumps({"result": short()}))

@@ -1,0 +1,302 @@
+"""The cache: what is damaged is made again, what cannot be written is done without, nothing stale is found."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import multiprocessing
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numba
+import pytest
+from numba.core.registry import cpu_target
+
+from phasebench.integrators.engine import cache, machine, vector
+
+SEVERAL = b"text of a function\n" * 50
+SIGNATURE = numba.types.float64(numba.types.float64)
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """An empty cache for this process."""
+    monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(cache, "_said", [])
+    cache._evict_once.cache_clear()
+    return cache.folder()
+
+
+DAMAGES = {
+    "empty": lambda b: b"",
+    "cut in the seal": lambda b: b[:20],
+    "cut": lambda b: b[: len(b) // 2],
+    "one byte less": lambda b: b[:-1],
+    "one byte more": lambda b: b + b"x",
+    "one bit flipped": lambda b: b[:-5] + bytes([b[-5] ^ 1]) + b[-4:],
+    "zeros, as after a power cut": lambda b: bytes(len(b)),
+    "garbage": lambda b: os.urandom(len(b)),
+}
+
+
+def test_what_was_written_is_read(place):
+    assert cache.read("a.py") is None
+    cache.write("a.py", SEVERAL)
+    assert cache.read("a.py") == SEVERAL
+    cache.write("a.py", b"other")
+    assert cache.read("a.py") == b"other"
+    assert [p.name for p in place.iterdir()] == ["a.py"]
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_entry_is_no_entry(place, damage):
+    cache.write("a.py", SEVERAL)
+    (place / "a.py").write_bytes(DAMAGES[damage]((place / "a.py").read_bytes()))
+    assert cache.read("a.py") is None
+    assert not (place / "a.py").exists()
+
+
+def test_an_entry_under_another_name_is_no_entry(place):
+    cache.write("a.py", SEVERAL)
+    shutil.copy(place / "a.py", place / "b.py")
+    assert cache.read("b.py") is None
+    assert cache.read("a.py") == SEVERAL
+
+
+# -- machine code ------------------------------------------------------------------------------------------------------
+
+
+def made(name="plus|1", options=vector.TUPLES):
+    """(a compiled function, whether it was loaded)."""
+    function = machine.compiled(lambda x: x + 1.0, SIGNATURE, dict(options), name)
+    return function, sum(function.stats.cache_hits.values()) == 1
+
+
+def test_machine_code_is_loaded_and_is_of_its_name_and_options(place):
+    assert not made()[1]
+    function, loaded = made()
+    assert loaded
+    assert function(1.5) == 2.5
+    assert not made("plus|2")[1]
+    assert not made(options=vector.ARRAYS)[1]
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damaged_machine_code_is_made_again(place, damage):
+    made()
+    (path,) = place.iterdir()
+    path.write_bytes(DAMAGES[damage](path.read_bytes()))
+    function, loaded = made()
+    assert not loaded
+    assert function(1.5) == 2.5
+    assert made()[1]
+
+
+@pytest.mark.parametrize("content", [b"", b"no pickle", b"\x80\x04K\x01.", b"cphasebench.nothing\nsuch\n."])
+def test_whole_entries_that_cannot_be_used_are_made_again(place, content):
+    made()
+    (path,) = place.iterdir()
+    cache.write(path.name, content)
+    assert not made()[1]
+    assert made()[1]
+
+
+def test_a_part_of_another_function_can_be_called_all_the_same(place):
+    """As a part it has no machine code of its own."""
+
+    @vector.jit
+    def part(x):
+        return x * 2.0
+
+    whole = machine.compiled(lambda x: part(x) + 1.0, SIGNATURE, dict(vector.TUPLES), "whole|1")
+    assert whole(1.5) == 4.0
+    assert part(1.5) == 3.0
+    assert numba.njit(lambda x: part(x))(1.5) == 3.0
+    assert not [name for name in vars(cpu_target.target_context) if name.startswith("create_")]  # as Numba left it
+
+
+# -- nowhere to write --------------------------------------------------------------------------------------------------
+
+
+def full(monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(cache.os, "replace", refuse)
+
+
+def no_folder(monkeypatch):
+    place = Path(os.environ["PHASEBENCH_CACHE"])
+    place.parent.mkdir(exist_ok=True, parents=True)
+    place.write_text("a file")
+
+
+def no_home(monkeypatch):
+    monkeypatch.setattr(cache, "root", lambda: None)
+
+
+@pytest.mark.parametrize("fault", [full, no_folder, no_home])
+def test_where_nothing_can_be_written_one_line_says_so(place, monkeypatch, caplog, fault):
+    fault(monkeypatch)
+    with caplog.at_level(logging.WARNING, "phasebench"):
+        for k in range(3):
+            cache.write(f"{k}.py", SEVERAL)
+            assert cache.read(f"{k}.py") is None
+        assert made()[0](1.5) == 2.5
+    assert len(caplog.records) == 1
+    assert "\n" not in caplog.text.strip()
+    monkeypatch.undo()
+
+
+def test_a_disk_that_fills_in_the_middle_leaves_nothing(place):
+    cache.write("a.py", b"before")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        cache.write("a.py", bytes(100_000))
+        cache.write("b.py", bytes(100_000))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert len(cache._said) == 1
+    assert cache.read("a.py") == b"before"
+    assert [p.name for p in place.iterdir()] == ["a.py"]
+
+
+# -- several processes -------------------------------------------------------------------------------------------------
+
+CONTENTS = [bytes([65 + k]) * (1000 + 20_000 * k) for k in range(5)]
+
+
+def _write_often(times: int) -> None:
+    for k in range(times):
+        cache.write("a.py", CONTENTS[k % len(CONTENTS)])
+
+
+def test_processes_that_write_at_once_leave_whole_entries(place):
+    cache.write("a.py", CONTENTS[0])
+    workers = [multiprocessing.get_context("fork").Process(target=_write_often, args=(100,)) for _ in range(3)]
+    for worker in workers:
+        worker.start()
+    seen = []
+    while any(worker.is_alive() for worker in workers):
+        seen.append(cache.read("a.py"))
+    for worker in workers:
+        worker.join()
+    assert all(worker.exitcode == 0 for worker in workers)
+    assert seen
+    assert all(content in CONTENTS for content in seen)
+    assert [p.name for p in place.iterdir()] == ["a.py"]
+
+
+# -- what is stale, what is too much -----------------------------------------------------------------------------------
+
+
+def test_the_version_is_of_the_source_and_of_the_processor(tmp_path, monkeypatch):
+    package = Path(cache.__file__).parents[1]
+    copy = tmp_path / "copy"
+    shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    now = cache.version.__wrapped__
+    usual = now()
+    monkeypatch.setattr(cache, "__file__", str(copy / "engine" / "cache.py"))
+    assert now() == usual
+    source = copy / "families" / "splitting.py"
+    source.write_text(source.read_text() + "\n")
+    assert now() != usual
+    monkeypatch.undo()
+    monkeypatch.setattr(numba.config, "CPU_NAME", "generic")
+    assert now() != usual
+    monkeypatch.undo()
+    monkeypatch.setattr(numba, "__version__", "0.0")
+    assert now() != usual
+
+
+def filled(name: str, size: int, age: float) -> Path:
+    folder = cache.root() / name
+    folder.mkdir(parents=True)
+    (folder / "entry").write_bytes(bytes(size))
+    os.utime(folder, (time.time() - age,) * 2)
+    return folder
+
+
+def test_the_longest_unused_version_goes_first(place, monkeypatch):
+    monkeypatch.setattr(cache, "BOUND", 2500)
+    old, newer = filled("py311-" + "0" * 16, 1000, 900), filled("py312-" + "f" * 16, 1000, 500)
+    foreign = filled("photographs", 10_000, 9000)
+    cache.write("a.py", bytes(1000))
+    cache.evict()
+    assert not old.exists()
+    assert newer.exists()
+    assert foreign.exists()
+    assert cache.read("a.py") is not None
+    monkeypatch.setattr(cache, "BOUND", 1100)
+    cache.evict()
+    assert not newer.exists()
+    assert cache.read("a.py") is not None
+
+
+def test_reading_is_use(place):
+    cache.write("a.py", SEVERAL)
+    for name, ago in (("a.py", 0), ("b.py", 1000)):
+        cache._note_use.cache_clear()
+        os.utime(place, (time.time() - 1000,) * 2)
+        cache.read(name)
+        assert time.time() - cache._used(place) == pytest.approx(ago, abs=100)
+
+
+def test_then_the_oldest_entries_go(place, monkeypatch):
+    for k in range(4):
+        cache.write(f"{k}.py", bytes(1000))
+        os.utime(place / f"{k}.py", (time.time() - 100 + k,) * 2)
+    monkeypatch.setattr(cache, "BOUND", 2500)
+    cache.evict()
+    assert [cache.read(f"{k}.py") is not None for k in range(4)] == [False, False, True, True]
+
+
+def test_what_a_killed_process_left_is_removed(place):
+    cache.write("a.py", SEVERAL)
+    for name, age in (("old.tmp", 2 * cache.ABANDONED), ("new.tmp", 0)):
+        (place / name).write_bytes(b"part")
+        os.utime(place / name, (time.time() - age,) * 2)
+    cache.evict()
+    assert sorted(p.name for p in place.iterdir()) == ["a.py", "new.tmp"]
+
+
+def test_clearing_leaves_what_is_not_its_own(place):
+    cache.write("a.py", SEVERAL)
+    foreign = filled("photographs", 10, 0)
+    cache.clear()
+    assert not place.exists()
+    assert foreign.exists()
+
+
+# -- in a new process --------------------------------------------------------------------------------------------------
+
+RUN = """
+from phasebench.integrators import Hamiltonian, integrate
+pendulum = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
+print(integrate(pendulum, "stormer-verlet", h=0.1, steps=10, q0=[1.0], p0=[0.2]).q[-1, 0])
+"""
+
+
+def run_in_process() -> tuple[str, str]:
+    """(what it prints, what it complains of)."""
+    done = subprocess.run([sys.executable, "-c", RUN], capture_output=True, text=True, check=True)
+    return done.stdout, done.stderr
+
+
+def test_a_run_survives_a_cache_of_garbage_and_none(place):
+    first = run_in_process()
+    assert not first[1]
+    for k, path in enumerate(sorted(place.iterdir())):
+        path.write_bytes(list(DAMAGES.values())[k % len(DAMAGES)](path.read_bytes()))
+    assert run_in_process() == first
+    shutil.rmtree(cache.root())
+    cache.root().write_text("a file")
+    printed, complaints = run_in_process()
+    assert printed == first[0]
+    assert len(complaints.splitlines()) == 1

@@ -1,0 +1,128 @@
+"""Inputs at the extremes, each with the status that it must have and words of the reason: none is ok where it broke."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
+OSCILLATOR, PENDULUM, LOTKA = problem("harmonic-oscillator"), problem("pendulum"), problem("lotka-volterra")
+KEPLER, CIRCLE = problem("kepler"), problem("kepler", e=0.0)
+CLOSE, CLOSER = problem("kepler", e=0.9999), problem("kepler", e=0.999999)
+BOX, CHAOTIC = problem("henon-heiles:box"), problem("henon-heiles:chaotic")
+FALL = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q")
+RUNAWAY = Hamiltonian(q="q", p="p", H="p**2/2 - q**4")
+SADDLE = Hamiltonian(q="q", p="p", H="p**2/2 - q**2/2 + q**4/4")
+ROOT = Hamiltonian(q="q", p="p", H="p**2/2 + sqrt(q)")
+INVALID = "invalid"
+
+
+def at(q, p, **options):
+    return options | {"q0": [q], "p0": [p]}
+
+
+ESCAPE = {"q0": [0.0, 1.2], "p0": [0.0, 0.5]}
+REST = {"q0": [1.0, 0.0], "p0": [0.0, 0.0]}
+#: (problem, method, options, status, words of the reason)
+TABLE = [
+    # beyond and at the limit of stability
+    (OSCILLATOR, "stormer-verlet", {"h": 2.1, "t_end": 1000}, "unstable", "from t = 4.2"),
+    (OSCILLATOR, "stormer-verlet", {"h": 2.1, "t_end": 1000, "save_every": 0}, "unstable", "from t = 1000"),
+    (OSCILLATOR, "stormer-verlet", {"h": 2.1, "steps": 10**6}, "diverged", "no longer finite"),
+    (OSCILLATOR, "stormer-verlet", {"h": 2.1, "steps": 10**6, "save_every": 0}, "diverged", "no longer finite"),
+    (OSCILLATOR, "stormer-verlet", {"h": 1.99, "t_end": 1000}, "unstable", "comes and goes"),
+    (OSCILLATOR, "stormer-verlet", {"h": 1.9, "t_end": 2.8}, INVALID, "2.8 (1 step) and 1.4 (2 steps)"),
+    (OSCILLATOR, "stormer-verlet", {"steps": 1, "t_end": 2.8}, "unstable", "not the orbit"),
+    (OSCILLATOR, "explicit-euler", {"h": 0.1, "t_end": 100}, "unstable", "from t = 7 on"),
+    (OSCILLATOR, "explicit-euler", {"h": 0.1, "t_end": 2}, "ok", "the energy error is 18%"),
+    (OSCILLATOR, "explicit-euler", {"h": 1e-3, "t_end": 10}, "ok", ""),
+    (OSCILLATOR, "implicit-euler", {"h": 0.1, "t_end": 100}, "unstable", "from t = 5 on"),
+    (PENDULUM, "stormer-verlet", {"h": 1e10, "steps": 100}, "unstable", "not the orbit"),
+    (CHAOTIC, "stormer-verlet", {"h": 1.5, "steps": 1000}, "diverged", "no longer finite"),
+    # h from 1e-16 to 1e3, lambda from -1000 to 1000
+    (OSCILLATOR, "implicit-midpoint", {"h": 1e3, "steps": 1000}, "ok", ""),
+    (OSCILLATOR, "implicit-midpoint", {"h": 1e-16, "steps": 100}, "ok", ""),
+    (PENDULUM, "implicit-midpoint", {"h": 1e3, "steps": 100}, "unstable", "not the orbit"),
+    (OSCILLATOR, "scheme-i", {"h": 0.1, "steps": 1000, "parameters": {"lam": 1000}}, "unstable", "not the orbit"),
+    (OSCILLATOR, "scheme-i", {"h": 0.1, "steps": 1000, "parameters": {"lam": -1000}}, "unstable", "not the orbit"),
+    (OSCILLATOR, "scheme-i", {"h": 1e-4, "steps": 1000, "parameters": {"lam": -1000}}, "ok", ""),
+    # spans
+    (PENDULUM, "stormer-verlet", {"h": -0.1, "steps": 100}, INVALID, "h is -0.1"),
+    (PENDULUM, "stormer-verlet", {"h": 0.1, "t_end": -1.0}, INVALID, "t_end is -1.0"),
+    (PENDULUM, "stormer-verlet", {"h": 0.1, "t_end": 0.0}, INVALID, "t_end is 0.0"),
+    # scales
+    (OSCILLATOR, "stormer-verlet", at(1e150, 0.0, h=0.1, steps=100), "ok", ""),
+    (OSCILLATOR, "stormer-verlet", at(1e-150, 0.0, h=0.1, steps=100), "ok", ""),
+    (OSCILLATOR, "stormer-verlet", at(1e200, 0.0, h=0.1, steps=100), INVALID, "energy of the initial state is inf"),
+    (OSCILLATOR, "implicit-midpoint", at(1e-300, 0.0, h=0.1, steps=100), "ok", ""),
+    (LOTKA, "symplectic-euler-q", at(1e-300, 1.0, h=0.01, steps=1000), "diverged", "outside H's domain"),
+    (LOTKA, "symplectic-euler-q", at(1e-300, 1.0, h=0.001, steps=1000), "ok", ""),
+    (LOTKA, "explicit-euler", {"h": 1.5, "steps": 1000}, "diverged", "outside H's domain after step 0"),
+    (ROOT, "stormer-verlet", at(1.0, 0.0, h=0.1, steps=100), "diverged", "after step 18"),
+    # equilibria, separatrices, turning points
+    (OSCILLATOR, "stormer-verlet", at(0.0, 0.0, h=2.5, steps=1000), "ok", ""),
+    (PENDULUM, "implicit-midpoint", at(pi, 0.0, h=0.01, steps=1000), "ok", ""),
+    (PENDULUM, "implicit-midpoint", at(pi - 1e-12, 0.0, h=0.01, steps=5000), "ok", ""),
+    (PENDULUM, "scheme-iv", {"h": 0.05, "steps": 2000}, "ok", ""),
+    (PENDULUM, "scheme-iv", at(0.0, 0.0, h=0.05, steps=2000), "ok", ""),
+    (SADDLE, "stormer-verlet", at(2**0.5, 0.0, h=0.1, t_end=40), "ok", ""),
+    (CIRCLE, "scheme-iv", {"h": 0.1, "steps": 10**7, "save_every": 0}, "no-root", "of the first 1000 steps"),
+    (CIRCLE, "scheme-v", {"h": 0.1, "steps": 10**7, "save_every": 1000}, "no-root", "of the first 1000 steps"),
+    # encounters and escapes
+    (FALL, "stormer-verlet", at(1.0, 0.0, h=0.01, t_end=10), "unstable", "from t = 1.12 on"),
+    (FALL, "stormer-verlet", at(1.0, 0.0, h=0.01, t_end=10, save_every=0), "unstable", "from t = 10 on"),
+    (CLOSE, "stormer-verlet", {"h": 0.01, "t_end": 20}, "collision", "singularity"),
+    (CLOSER, "scheme-i", {"h": 0.01, "t_end": 20}, "collision", "crosses the singularity"),
+    (KEPLER, "stormer-verlet", {"h": 0.01, "t_end": 5} | REST, "collision", "head-on"),
+    (KEPLER, "explicit-euler", {"h": 0.01, "t_end": 100, "save_every": 0}, "unstable", "not the orbit"),
+    (CHAOTIC, "stormer-verlet", {"h": 0.01, "t_end": 100} | ESCAPE, "diverged", "the motion itself may escape"),
+    (CHAOTIC, "stormer-verlet", {"h": 0.01, "t_end": 3.05} | ESCAPE, "unstable", "the motion itself may escape"),
+    (CHAOTIC, "stormer-verlet", {"h": 0.01, "t_end": 2.0} | ESCAPE, "ok", ""),
+    (RUNAWAY, "stormer-verlet", at(1.0, 1.0, h=0.01, t_end=10), "diverged", "the motion itself may escape"),
+    (RUNAWAY, "implicit-midpoint", at(1.0, 1.0, h=0.01, t_end=10), "not-converged", "after step 73"),
+    # time
+    (
+        PENDULUM,
+        "scheme-i",
+        {"h": 1e-6, "steps": 10**9, "save_every": 0, "timeout": 0.05},
+        "timeout",
+        "what was reached",
+    ),
+    (PENDULUM, "scheme-i", {"h": 1e-6, "steps": 10**9, "save_every": 10**6, "timeout": 0.05}, "timeout", "reached"),
+]
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize(("made", "method", "options", "status", "words"), TABLE)
+def test_an_extreme_input_has_its_status(made, method, options, status, words):
+    if status == INVALID:
+        with pytest.raises(InvalidInput) as refused:
+            integrate(made, method, **options)
+        assert words in str(refused.value)
+        return
+    s = integrate(made, method, **options)
+    assert (s.status, words in s.reason) == (status, True), s.reason
+    assert (s.reason == "") == (words == "")
+    assert np.isfinite([s.q, s.p]).all()
+    assert len(s.t) == len(s.q) == len(s.p) == len(s.parameter) + 1
+    assert s.t[-1] == pytest.approx(s.counts["steps"] * s.h)
+    if status == "timeout":
+        assert s.t[-1] > 0
+
+
+@pytest.mark.parametrize("method", ["stormer-verlet", "implicit-midpoint"])
+@pytest.mark.parametrize("unit", [2.0**400, 2.0**-400, 1e150, 1e-150])
+def test_a_linear_motion_is_the_same_in_other_units(method, unit):
+    plain, scaled = (integrate(OSCILLATOR, method, **at(x, 0.25 * x, h=0.1, steps=1000)) for x in (1.0, unit))
+    assert scaled.status == "ok"
+    error = np.abs(scaled.q / unit - plain.q).max()
+    exactly = np.log2(unit) % 1 == 0
+    assert error == 0 if exactly else error < 1e-12
+    other = integrate(OSCILLATOR, method, **at(unit, 0.2500001 * unit, h=0.1, steps=1000))
+    assert np.abs(other.q / unit - plain.q).max() > 1e-9, "the control: another start"

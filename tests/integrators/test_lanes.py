@@ -1,0 +1,229 @@
+"""Lanes: their operations and functions against 40 digits, and the Gauss methods whose stages they hold."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+
+import mpmath
+import numba
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine import elementary
+from phasebench.integrators.engine.kernel import prepare
+from phasebench.integrators.engine.lanes import combine, put, take, total
+from phasebench.integrators.families import collocation, nystrom_lanes
+from phasebench.integrators.registry import method
+
+WIDTH = 8
+LIKE = (0.0,) * WIDTH
+RANDOM = np.random.default_rng(0)
+
+
+def over(function):
+    """The function of lanes, compiled, on the rows of a table."""
+
+    @numba.njit
+    def each(x, y):
+        for i in range(len(x)):
+            put(y, i, function(take(x, i, LIKE)), LIKE)
+
+    def on(x):
+        x = np.asarray(x, float)
+        y = np.empty_like(x)
+        each(x.reshape(-1, WIDTH), y.reshape(-1, WIDTH))
+        return y
+
+    return on
+
+
+LANED = {name: over(getattr(elementary, name)) for name in ("sin", "cos", "exp", "sqrt")}
+
+
+def units(name, x):
+    """The errors of the function in lanes, in units of the exact values' last places."""
+    y = LANED[name](x)
+    with mpmath.workdps(40):
+        exact = [getattr(mpmath, name)(mpmath.mpf(float(a))) for a in x]
+        wrong = [abs(mpmath.mpf(float(a)) - b) for a, b in zip(y, exact, strict=True)]
+        return np.array([float(e / np.spacing(abs(float(b)))) for e, b in zip(wrong, exact, strict=True)])
+
+
+# -- functions --------------------------------------------------------------------------------------------------------
+
+MULTIPLES = np.pi / 2 * np.arange(-1024, 1024)
+RANGES = {"small": (-2, 2), "ordinary": (-100, 100), "large": (-1e6, 1e6)}
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize("name", ["sin", "cos"])
+@pytest.mark.parametrize("size", RANGES)
+def test_sine_and_cosine_are_right_to_their_last_places(name, size):
+    assert units(name, RANDOM.uniform(*RANGES[size], 2048)).max() < 2.5
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize("name", ["sin", "cos"])
+def test_near_their_zeros_sine_and_cosine_keep_their_relative_accuracy(name):
+    assert units(name, MULTIPLES).max() < 2.5
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize("name", ["sin", "cos"])
+def test_beyond_a_million_the_error_is_the_argument_s_own(name):
+    x = RANDOM.uniform(-1e12, 1e12, 2048)
+    with mpmath.workdps(40):
+        exact = np.array([float(getattr(mpmath, name)(mpmath.mpf(a))) for a in x])
+    error = np.abs(LANED[name](x) - exact)
+    assert np.all(error < 4e-16 + np.spacing(np.abs(x)))
+    assert np.isnan(LANED[name](np.array([2e12, -2e12, np.inf, -np.inf, np.nan, 1e300, -1e18, 3e12]))).all()
+
+
+@pytest.mark.processor
+def test_the_exponential_is_right_to_its_last_place():
+    assert units("exp", RANDOM.uniform(-1, 1, 2048)).max() < 1.5
+    assert units("exp", RANDOM.uniform(-745, 709.7, 2048)).max() < 1.5
+
+
+@pytest.mark.processor
+def test_the_exponential_ends_as_it_should():
+    x = np.array([0.0, -0.0, np.inf, -np.inf, np.nan, 710.0, -746.0, 1e300])
+    assert np.array_equal(LANED["exp"](x), [1, 1, np.inf, 0, np.nan, np.inf, 0, np.inf], equal_nan=True)
+
+
+@pytest.mark.processor
+def test_the_square_root_is_the_processor_s():
+    x = RANDOM.uniform(0, 100, 512)
+    assert np.array_equal(LANED["sqrt"](x), np.sqrt(x))
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize(
+    ("number", "name", "size"),
+    [
+        (elementary.SINE[7], "sin", 100),
+        (elementary.EXPONENTIAL[9], "exp", 700),
+        (elementary.PI[2], "cos", 1e6),
+        (elementary.LOG_2[1], "exp", 700),
+    ],
+)
+def test_control_a_wrong_coefficient_is_seen(monkeypatch, number, name, size):
+    text = Path(elementary.__file__).read_text()
+    assert text.count(repr(number)) == 1
+    spoiled = ModuleType("spoiled")
+    spoiled.__package__ = elementary.__package__
+    exec(text.replace(repr(number), repr(number * 1.01)), spoiled.__dict__)
+    monkeypatch.setitem(LANED, name, over(getattr(spoiled, name)))
+    assert units(name, RANDOM.uniform(-size, size, 1024)).max() > 2.5
+
+
+# -- operations -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.processor
+def test_operators_are_those_of_arrays():
+    @numba.njit
+    def mixed(x, y, z):
+        a, b = take(x, 0, LIKE), take(y, 0, LIKE)
+        put(z, 0, 2 * a + b / 3.0 - a * b, LIKE)
+        put(z, 1, -abs(b) / (1 - a), LIKE)
+        put(z, 2, 7, LIKE)
+        return total(a)
+
+    x, y, z = RANDOM.standard_normal((1, WIDTH)), RANDOM.standard_normal((1, WIDTH)), np.empty((3, WIDTH))
+    assert mixed(x, y, z) == pytest.approx(x.sum(), rel=1e-14)
+    assert np.allclose(z, [(2 * x + y / 3 - x * y)[0], (-abs(y) / (1 - x))[0], np.full(WIDTH, 7.0)], rtol=1e-14, atol=0)
+
+
+@pytest.mark.processor
+def test_combine_adds_the_rows_of_a_matrix():
+    A, x, y = RANDOM.standard_normal((5, WIDTH)), RANDOM.standard_normal(WIDTH), RANDOM.standard_normal(WIDTH)
+    few = (0.0,) * 3
+
+    @numba.njit
+    def compiled(rows, A, z):
+        put(z, 0, combine(take(rows, 0, LIKE), take(rows, 1, LIKE), 0.5, A, 2, few), LIKE)
+
+    z = np.empty((1, WIDTH))
+    compiled(np.array([x, y]), A, z)
+    exact = x + 0.5 * (y[:3] @ A[2:])
+    assert np.allclose(z[0], exact, rtol=0, atol=1e-14)
+    assert np.allclose(combine(x, y, 0.5, A, 2, few), exact, rtol=0, atol=1e-14)
+
+
+# -- Gauss's methods --------------------------------------------------------------------------------------------------
+
+BOX, ORBIT = problem("henon-heiles:box"), problem("perturbed-kepler")
+
+
+def end(solution):
+    assert solution.status == "ok", solution.reason
+    return np.concatenate([solution.q[-1], solution.p[-1]])
+
+
+def both(monkeypatch, made, s, **run):
+    """The runs with the stages in lanes, and one after the other."""
+    lanes = integrate(made, f"gauss-{s}", **run)
+    with monkeypatch.context() as patch:
+        patch.setattr(nystrom_lanes, "serves", lambda s, system: False)
+        return lanes, integrate(made, f"gauss-{s}", **run)
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize("s", [2, 3, 5, 8])
+def test_stages_in_lanes_reach_what_stages_one_by_one_reach(monkeypatch, s):
+    for made, h in ((BOX, 0.3), (ORBIT, 0.05)):
+        lanes, rows = both(monkeypatch, made, s, h=h, steps=100, save_every=0)
+        assert np.abs(end(lanes) - end(rows)).max() < 1e-13
+        assert abs(lanes.counts["gradient"] - rows.counts["gradient"]) <= 0.05 * rows.counts["gradient"]
+
+
+FORCES = {
+    "pendulum": "-cos(q1) - cos(q2) + sin(q1*q2)/10",
+    "exponential": "exp(q1 - q2) + exp(q2 - q1) + q1**2/2",
+    "powers": "(1 + q1**2 + q2**2)**(3/2) + 1/sqrt(2 + q1**2) + q2**(-2)/50",
+    "masses": "q1**2/2 + q2**4/4",
+    "uniform": "q1 + 2*q2",
+}
+
+
+@pytest.mark.parametrize("name", FORCES)
+def test_every_kind_of_force_is_the_one_of_the_formula(monkeypatch, name):
+    T = "p1**2/2 + p2**2/6" if name == "masses" else "p1**2/2 + p2**2/2"
+    made = Hamiltonian(q="q1 q2", p="p1 p2", H=f"{T} + {FORCES[name]}")
+    assert nystrom_lanes.serves(3, made)
+    lanes, rows = both(monkeypatch, made, 3, h=0.1, steps=50, q0=[0.7, 1.1], p0=[0.2, -0.3])
+    assert np.abs(end(lanes) - end(rows)).max() < 1e-13
+
+
+@pytest.mark.parametrize(
+    "H",
+    [
+        "p1**2/2 + p2**2/2 + log(1 + q1**2) + q2**2",
+        "p1**2/2 + p2**2/2 + (1 + q1**2)**(1/3) + q2**2",
+        "p1**2/2 + p2**2/2 + p1*p2/3 + q1**2/2 + q2**2/2",
+        "p1**2/2 + p2**2*(1 + q1**2)/2 + q1**2/2 + q2**2",
+        "p1**4/4 + p2**2/2 + q1**2/2 + q2**2",
+    ],
+)
+def test_what_lanes_cannot_do_is_left_to_the_stages_one_by_one(H):
+    made = Hamiltonian(q="q1 q2", p="p1 p2", H=H)
+    assert not nystrom_lanes.serves(3, made)
+    assert prepare(method("gauss-3"), made).run is collocation.run
+
+
+def test_newton_s_method_in_lanes_takes_over_where_the_fixed_point_does_not_contract(monkeypatch):
+    stiff = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2 + q1**4")
+    lanes, rows = both(monkeypatch, stiff, 3, h=0.2, steps=20, q0=[0.9, 0.2], p0=[3.0, -0.4])
+    assert lanes.counts["newton"] == rows.counts["newton"] == 20
+    assert np.abs(end(lanes) - end(rows)).max() < 1e-11
+
+
+def test_a_run_in_pieces_is_the_run():
+    whole, kept = (integrate(BOX, "gauss-5", h=0.5, steps=40, save_every=n) for n in (0, 1))
+    assert np.array_equal(end(whole), end(kept))
+    assert len(kept.q) == 41

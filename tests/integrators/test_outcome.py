@@ -1,0 +1,167 @@
+"""What is not the orbit: on rows that are made up, on accurate orbits, and for whoever made them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import phasebench as pb
+from phasebench.benchmarks.problems import PROBLEMS, problem
+from phasebench.integrators import Hamiltonian, integrate, outcome
+from phasebench.integrators.outcome import judged
+from phasebench.reference.peers.run import ending
+
+OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
+T = np.linspace(0.0, 100.0, 1001)
+
+
+def circle(amplitude):
+    """Rows of the oscillator with an amplitude for each of the times `T`."""
+    return (amplitude * np.cos(T))[:, None], (-amplitude * np.sin(T))[:, None]
+
+
+def verdict(energy, system=OSCILLATOR):
+    """Of rows whose energy is ``energy`` times the first's, from t = 50 on."""
+    return judged(system, T, *circle(np.where(T < 50.0, 1.0, energy**0.5)))
+
+
+@pytest.mark.parametrize(
+    ("energy", "status", "noted"),
+    [(1.0, "ok", False), (1.05, "ok", False), (1.9, "ok", True), (2.1, "unstable", True), (1e9, "unstable", True)]
+    + [(0.95, "ok", False), (0.75, "ok", True), (0.2, "unstable", True), (0.0, "unstable", True)],
+)
+def test_an_oscillator_may_neither_double_nor_lose_half_its_energy(energy, status, noted):
+    found = verdict(energy)
+    assert found.status == status
+    assert bool(found.reason) == noted
+    assert ("from t = 50 on" in found.reason) == (status == "unstable")
+
+
+def test_a_constant_in_H_has_no_say_and_a_cosine_has_its_amplitude():
+    assert verdict(2.1, Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2 + 1000000")).status == "unstable"
+    pendulum = problem("pendulum").system
+    Q, P = np.array([[np.pi / 2], [1.0], [0.1]]), np.array([[0.0], [2.0], [3.0]])
+    assert pendulum.scale(Q, P) == pytest.approx([1.0, 3.0, 5.5])
+    assert Hamiltonian(q="q", p="p", H="p**2/2 - 3*q + 5").scale(Q, P) == pytest.approx([1.5 * np.pi, 5.0, 4.8])
+
+
+def test_one_bad_row_among_good_ones_is_seen():
+    Q, P = circle(np.where(T[500] == T, 2.0, 1.0))
+    assert judged(OSCILLATOR, T, Q, P).status == "unstable"
+    keep = T[500] != T
+    assert judged(OSCILLATOR, T[keep], Q[keep], P[keep]).status == "ok"
+
+
+def test_a_start_at_a_pericentre_excuses_nothing():
+    """M is 2e4 there; then the body leaves with an energy of 1 in place of -1/2."""
+    kepler = problem("kepler", e=0.9999).system
+    r = 1.0 + np.arange(50.0)
+    v = np.sqrt(2 * (1.0 + 1 / r))
+    Q, P = (np.stack([x, 0 * x], axis=1) for x in (r, v))
+    Q[0], P[0] = problem("kepler", e=0.9999).q0, problem("kepler", e=0.9999).p0
+    assert judged(kepler, r, Q, P).status == "unstable"
+
+
+def test_a_saddle_at_which_all_terms_vanish_is_passed():
+    """By the terms of the place alone the orbit that comes near to it would be judged: the control."""
+    well = Hamiltonian(q="q", p="p", H="p**2/2 - q**2/2 + q**4/4")
+    s = integrate(well, "stormer-verlet", h=0.1, t_end=60, q0=[2**0.5], p0=[0.0])
+    error, M = np.abs(well.observe(well.H, s.q, s.p)), well.scale(s.q, s.p)
+    assert (error > outcome.LOST * M).any()
+    assert (s.status, s.reason) == ("ok", "")
+
+
+def test_what_has_overflowed_is_judged():
+    assert verdict(1e300).status == "unstable"
+    assert judged(OSCILLATOR, T, *circle(1e-170 * np.exp(T / 10))).status == "ok"  # below the numbers that have digits
+
+
+def accurate() -> dict[str, list]:
+    """Every orbit's status and reason after accurate steps, with every row and with the ends alone."""
+    ends = {}
+    for made in (problem(name).at(orbit.name) for name in PROBLEMS for orbit in problem(name).orbits):
+        for every in (1, 0):
+            s = integrate(made, "rk4", h=made.pace.step / 10, steps=60, save_every=every)
+            ends[f"{made.label} {every}"] = [s.status, s.reason]
+    return ends
+
+
+def test_no_orbit_that_is_integrated_accurately_is_judged(uncompiled):
+    """In a process that compiles nothing: the states are the same."""
+    found = uncompiled("integrators/test_outcome.py")
+    assert {label: end for label, end in found.items() if end != ["ok", ""]} == {}
+    assert len(found) > 60
+    assert {label.partition(" ")[0].partition(":")[0] for label in found} == set(PROBLEMS)
+
+
+@pytest.mark.parametrize("every", [1, 3, 0])
+def test_a_run_of_loops_is_judged_too(every):
+    waves = problem("klein-gordon")
+    wide, narrow = (integrate(waves, "stormer-verlet", h=h, steps=6, save_every=every) for h in (0.7, 0.01))
+    assert (wide.status, narrow.status) == ("unstable", "ok")
+    assert len(wide.t) > 1
+
+
+def test_the_state_between_two_kept_rows_is_looked_at():
+    """Kept are the ends; a piece's end shows what the last row does not."""
+    states = [(1, 10.0), (2, 1.0)]
+
+    class Run:
+        counts = np.rec.array([(0,)], dtype=[("fallbacks", int)])[0]
+
+        def __call__(self, Q, P, parameter, every):
+            Q[0], P[0] = states[0][1], 0.0
+            states.pop(0)
+            return 1, 0
+
+    from phasebench.integrators.trajectory import PIECE, Pace, Trajectory
+
+    t = Trajectory(OSCILLATOR, [1.0], [0.0], 0.1, 2 * PIECE, 2 * PIECE, "double")
+    t.advance(Run(), Pace(None))
+    t.conclude(None, 0)
+    assert (t.status, len(t.times)) == ("unstable", 2)
+    assert f"t = {0.1 * PIECE:.6g}" in t.reason
+
+
+# -- alike for whoever integrates -------------------------------------------------------------------------------------
+
+
+def euler(system, q, p, h):
+    return q + h * system.dH_dp(q, p), p - h * system.dH_dq(q, p)
+
+
+@pytest.mark.parametrize("every", [1, 0])
+def test_a_step_of_ones_own_is_judged(every):
+    s = pb.integrate("harmonic-oscillator", euler, h=0.1, t_end=100, save_every=every)
+    assert s.status == "unstable"
+    assert pb.integrate("harmonic-oscillator", euler, h=1e-4, t_end=1, save_every=every).status == "ok"
+
+
+def test_a_step_of_ones_own_that_runs_out_of_time_keeps_what_it_reached():
+    s = pb.integrate("harmonic-oscillator", euler, h=1e-7, steps=10**9, save_every=0, timeout=0.1)
+    assert s.status == "timeout"
+    assert s.t[-1] == s.counts["steps"] * 1e-7 > 0
+    assert len(s.q) == 2
+
+
+def test_the_rows_of_a_peer_are_judged():
+    good, bad = circle(np.ones(len(T))), circle(np.exp(T / 50))
+    assert ending(OSCILLATOR, T, *good, None)[0] == "ok"
+    status, reason, rows = ending(OSCILLATOR, T, *bad, None)
+    assert (status, rows) == ("unstable", len(T))
+    assert "tolerance" in reason
+    lotka = problem("lotka-volterra").system
+    outside = np.ones((3, 1)), np.array([[1.0], [-1.0], [1.0]])
+    assert ending(lotka, T[:3], *outside, None)[::2] == ("diverged", 1)
+
+
+def test_a_system_without_an_energy_is_not_judged():
+    free = pb.integrators.systems.hamiltonian.PartitionedSystem(q="q", p="p", dq=["q"], dp=[sp.Integer(0)])
+    assert integrate(free, "rk4", h=0.1, t_end=50, q0=[1.0], p0=[0.0]).status == "ok"
+
+
+if __name__ == "__main__":
+    print(json.dumps({"result": accurate()}))
