@@ -128,6 +128,11 @@ def test_consistency_in_doubles_is_told_as_far_as_they_tell(constant, doubt, exp
     assert (expected != HOLDS) or "smaller could not be seen" in found.why
 
 
+def test_consistency_is_told_on_every_system_or_not_at_all():
+    silent = {k: v for k, v in order_row("tao").items() if k not in ("terms", "clean")}
+    assert of("consistent", {}, tables(order=[order_row(), silent])).verdict == UNJUDGED
+
+
 def test_a_structure_holds_on_every_system_or_is_not_judged():
     kept = {"on": "pendulum", "value": 1e-16, "floor": 1e-13, "own": 1e-2, "h": 0.5, "separable": True}
     broken = kept | {"on": "tao", "value": 1e-3, "separable": False}
