@@ -19,6 +19,7 @@ from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
+from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
@@ -51,6 +52,7 @@ PAGES: tuple[Page, ...] = (
     INVARIANTS,
     DRIFT,
     ENERGY_PRESERVATION,
+    EXTREMES,
     KEPLER,
     WISDOM_HOLMAN,
     OSCILLATORY,

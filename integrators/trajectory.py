@@ -189,7 +189,7 @@ class Trajectory:
             if self.status == TIMEOUT:
                 self.reason = f"{timeout} s had passed {at}; what was reached is kept"
             self._count_missed(fallbacks)
-            if self.arithmetic != MULTIPRECISION and self.status != NO_ROOT:
+            if self.arithmetic != MULTIPRECISION:
                 self._judge()
             return
         _, Q, P = self._looked()
@@ -216,6 +216,8 @@ class Trajectory:
         near = passed(self.system, t, Q, P, self.h)
         if near is not None:
             self.status, self.reason = COLLISION, near
+            return
+        if self.status == NO_ROOT:  # that explains the energy
             return
         found = judged(self.system, t, Q, P)
         self.status = self.status if found.status == OK else found.status

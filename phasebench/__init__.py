@@ -27,6 +27,7 @@ _HOMES = {
     "method": "integrators",
     "prepare": "benchmarks.measure.integrator",
     "problem": "benchmarks.problems",
+    "stability": "benchmarks.measure.oscillator",
     "section": "benchmarks.measure.ensembles",
     "validate": "benchmarks.certificate.certificate",
 }

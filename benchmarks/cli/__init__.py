@@ -19,6 +19,7 @@ from .integrate import integrate
 from .listing import list_
 from .report import report
 from .run import run
+from .stability import stability
 from .validate import validate
 
 #: Name -> the function, whose signature typer reads and whose docstring is the help.
@@ -32,6 +33,7 @@ COMMANDS = {
     "compare": compare,
     "cite": cite,
     "validate": validate,
+    "stability": stability,
     "cache": cache,
 }
 

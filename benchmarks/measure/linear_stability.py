@@ -9,7 +9,9 @@ matrix M has both eigenvalues in the closed unit disc if and only if three margi
 of a symplectic map the first two: :math:`|\operatorname{tr} M| \le 2`.  The margins are smooth in z where the map is:
 they are scanned, their changes of sign are refined by Brent's method, and where one of them has a minimum between
 points of the scan without changing its sign at them, the minimum is refined too, so that a window of instability far
-narrower than the scan is found.
+narrower than the scan is found.  Of an implicit map the trace may have a pole just past the end of an interval, where
+both of the first margins change their signs through infinity; their product over the sum of their squares is bounded,
+and passes a pole without changing its sign: it is a fourth margin, whose roots are ends where the others' may be poles.
 
 Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), I.5 and IX.3; E. I. Jury, Theory and
 Application of the z-Transform Method (1964), 3.1.
@@ -69,6 +71,13 @@ def margins(M) -> np.ndarray:
     return np.array([1 - trace + det, 1 + trace + det, 1 - det]) + SLACK * (1 + size) + min(ROUNDING * size**2, 1)
 
 
+def _with_bounded(three: np.ndarray) -> np.ndarray:
+    """The margins with the bounded one of the first two: positive where both are, negative where one is."""
+    first, second, _ = three
+    product = -1.0 if max(first, second) < 0 else first * second / (first**2 + second**2)
+    return np.append(three, product)
+
+
 def radius(M) -> float:
     """The spectral radius of a matrix: by how much a step multiplies in the long run."""
     return float(np.abs(np.linalg.eigvals(M)).max())
@@ -91,7 +100,7 @@ def stability(
         if z not in seen:
             M = step_matrix(z)
             taken = M is not None and np.isfinite(M).all()
-            seen[z] = (margins(M), float(np.abs(M).max())) if taken else (np.full(3, -1.0), np.inf)
+            seen[z] = (_with_bounded(margins(M)), float(np.abs(M).max())) if taken else (np.full(4, -1.0), np.inf)
         return seen[z]
 
     def at(z: float) -> np.ndarray:
@@ -126,7 +135,7 @@ def _roots(at, scan: list[float]) -> Iterator[float]:
     """Where a margin changes its sign."""
     from scipy.optimize import brentq
 
-    for i in range(3):
+    for i in range(4):
 
         def f(z, i=i):
             return at(z)[i]

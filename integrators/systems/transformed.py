@@ -50,14 +50,14 @@ class TransformedHamiltonian(Hamiltonian):
         if not system.canonical:
             raise InvalidInput("only a canonical system has a transformed Hamiltonian")
         self.original = system
-        self.scale = distance_scale(system) if scale is None else system._formula(scale)
-        if self.scale.free_symbols - {*system.q}:
-            raise InvalidInput(f"the scale of time is {self.scale}; it must be a formula in the coordinates alone")
+        self.time_scale = distance_scale(system) if scale is None else system._formula(scale)
+        if self.time_scale.free_symbols - {*system.q}:
+            raise InvalidInput(f"the scale of time is {self.time_scale}; it must be a formula in the coordinates alone")
         t, minus_energy = (sp.Symbol(name, real=True) for name in ("time_", "minus_energy_"))
         super().__init__(
             q=[*system.q, t],
             p=[*system.p, minus_energy],
-            H=self.scale * (system.H + minus_energy),
+            H=self.time_scale * (system.H + minus_energy),
             singular=system.singular,
             invariants=system.invariants,
         )

@@ -10,11 +10,12 @@ import pytest
 from phasebench.benchmarks.measure.drift import drift
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
-from phasebench.integrators.driver import _lay_out, integrate
+from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.engine.solve import OUT_OF_STEP
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.adaptive import METHODS
 
 BY_ID = {m.id: m for m in METHODS}
@@ -30,7 +31,8 @@ def end(solution):
 def returned(id, e, h, periods=10):
     """(distance from the start after so many periods, evaluations)."""
     made = problem("kepler", e=e)
-    s = integrate(made, id, h=h, t_end=periods * PERIOD, save_every=0)
+    t_end = periods * PERIOD
+    s = integrate(made, id, t_end=t_end, steps=round(t_end / h), save_every=0)
     return np.abs(end(s) - np.concatenate([made.q0, made.p0])).max(), s.counts["gradient"]
 
 
@@ -38,7 +40,7 @@ def there_and_back(id, h, n, reflected=True):
     """How far from the start n steps end that follow n steps, the momenta and the density turned round in between."""
     record = BY_ID[id]
     prepared = prepare(record, ORBIT.system)
-    forth, back = (_lay_out(prepared, 2, h, ORBIT.q0, ORBIT.p0, DOUBLE) for _ in range(2))
+    forth, back = (lay_out(prepared, 2, h, ORBIT.q0, ORBIT.p0, DOUBLE) for _ in range(2))
     Q, P, parameter = np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1))
     assert forth(Q, P, parameter, n) == (1, 0)
     q, p, _, _, (t, lost), (density, _) = forth.orbit.state[:6]
@@ -111,7 +113,7 @@ def test_a_fall_into_the_singularity_is_a_collision_and_ends(id):
 
 def test_a_density_that_is_lost_ends_the_run():
     made = problem("kepler", e=0.9)
-    run = _lay_out(prepare(BY_ID["stormer-verlet-adaptive"], made.system), 2, 20.0, made.q0, made.p0, DOUBLE)
+    run = lay_out(prepare(BY_ID["stormer-verlet-adaptive"], made.system), 2, 20.0, made.q0, made.p0, DOUBLE)
     assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 50) == (0, OUT_OF_STEP)
     s = integrate(made, "stormer-verlet-adaptive", h=20.0, t_end=1000)
     assert s.status in ("collision", "not-converged")

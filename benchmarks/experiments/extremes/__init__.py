@@ -1,0 +1,1 @@
+"""How far can a method be pushed: where it is stable, where it breaks, and how."""

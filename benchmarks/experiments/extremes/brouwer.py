@@ -1,0 +1,181 @@
+r"""Brouwer's law: how round-off grows over long times, on the oscillator, where the step map is known exactly.
+
+A linear symplectic step y -> M y with trace 2 cos(theta) turns :math:`w = M_{pq} q + (e^{i\theta} - M_{qq}) p` by
+theta: |w|^2 is kept exactly and arg w grows by theta a step.  M is computed in extended precision from the method's
+coefficients and the double h; what a run does to |w| and arg w besides is round-off.  With unbiased rounding the
+energy's error grows as n^(1/2), with compensated increments from :math:`\epsilon h \sqrt n` (epsilon the unit
+round-off), and the phase's as n^(3/2) where the frequency depends on the energy (Brouwer 1937): here it does not, see
+`brouwer_kepler`.  The control is Stormer-Verlet by plain sums.
+A step such as 0.01, whose binary digits repeat, is run beside ones whose do not: its products round to few residues.
+
+Source: D. Brouwer, Astron. J. 46 (1937) 149-153; Hairer, Lubich, Wanner, Geometric Numerical Integration (2006),
+VIII.5.
+"""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.registry import method
+
+from .methods import record
+
+PROBLEM, CONTROL = "harmonic-oscillator", "plain sums"
+#: The starts with their seed, the rows of a run, the doublings of time that are fitted, resampled fits.
+STARTS, SEED, ROWS, FITTED, DRAWN = 100, 1937, 1024, 7, 400
+#: Steps: of no pattern, exact in binary, and of digits that repeat.
+PLAIN, BINARY, DECIMAL = 0.0123456789, 2.0**-7, 0.01
+DIGITS = 40
+EPS = 2.0**-53
+#: (method, parameters, h, steps of a run): as many as take a few seconds.
+RUNS = (
+    ("stormer-verlet", {}, PLAIN, 10_240_000),
+    ("stormer-verlet", {}, BINARY, 10_240_000),
+    ("stormer-verlet", {}, DECIMAL, 10_240_000),
+    ("symplectic-euler-p", {}, PLAIN, 10_240_000),
+    ("pefrl", {}, PLAIN, 2_048_000),
+    ("implicit-midpoint", {}, PLAIN, 1_024_000),
+    ("scheme-i", {"lam": "-1"}, PLAIN, 1_024_000),
+    ("scheme-i", {"lam": "1/3"}, PLAIN, 1_024_000),
+    ("scheme-i", {"lam": "1/3"}, DECIMAL, 1_024_000),
+    ("scheme-iii", {"lam": "-1"}, PLAIN, 1_024_000),
+    (CONTROL, {}, PLAIN, 10_240_000),
+)
+#: The steps of the one long run.
+LONG = 102_400_000
+TABLES = ("extremes_growth", "extremes_growth_curves")
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each method, and one for the long run."""
+    runs = [*RUNS, ("stormer-verlet", {}, PLAIN, LONG)]
+    return [] if quick else [_cell(*run) for run in runs]
+
+
+def _cell(id: str, values: dict, h: float, steps: int) -> Cell:
+    method_ = record("stormer-verlet" if id == CONTROL else id)
+    needs = content("growth", id, method_, values, h, steps, Problem(PROBLEM), code=[__name__])
+    key = {"label": _label(id, values), "h": h, "steps": steps}
+    return Cell("extremes", TABLES, key, measured, (id, values, h, steps), needs, frozenset({id}))
+
+
+def _label(id: str, values: dict) -> str:
+    return id if id == CONTROL or not values else method(id, **values).label
+
+
+def exact_matrix(id: str, values: dict, h: float):
+    """The matrix of a step on the oscillator, in the working precision: entries ((qq, qp), (pq, pp))."""
+    one, total = mpmath.mpf(1), mpmath.eye(2)
+    for c, mu, lam in method(id, **values).data[1]:
+        z, mu, lam = mpmath.mpf(h) * _number(c), _number(mu), _number(lam)
+        left = mpmath.matrix([[one, -z * lam], [z * mu, one]])
+        right = mpmath.matrix([[one, z * (one - lam)], [-z * (one - mu), one]])
+        total = left**-1 * right * total
+    return total
+
+
+def _number(x):
+    return mpmath.mpf(x.numerator) / x.denominator if hasattr(x, "numerator") else mpmath.mpf(x)
+
+
+def errors(M, n, Q, P) -> tuple[np.ndarray, np.ndarray]:
+    """(relative error of |w|^2, error of the phase) at step numbers n of a run; its first state is the start."""
+    cosine = (M[0, 0] + M[1, 1]) / 2
+    turn = mpmath.mpc(cosine, mpmath.sqrt(1 - cosine**2))
+    w = [M[1, 0] * mpmath.mpf(float(q)) + (turn - M[0, 0]) * mpmath.mpf(float(p)) for q, p in zip(Q, P, strict=True)]
+    theta = mpmath.arg(turn)
+    energy = [float(abs(x) ** 2 / abs(w[0]) ** 2 - 1) for x in w]
+    phase = [float(mpmath.arg(x / w[0] * mpmath.expj(-theta * int(k)))) for k, x in zip(n, w, strict=True)]
+    return np.array(energy), np.array(phase)
+
+
+def _starts(count: int) -> np.ndarray:
+    """Starts, an array (count, 2): any angle, amplitudes from 1/2 to 3/2."""
+    generator = np.random.default_rng(SEED)
+    angle, size = generator.uniform(0, 2 * np.pi, count), generator.uniform(0.5, 1.5, count)
+    return np.column_stack([size * np.cos(angle), size * np.sin(angle)])
+
+
+def _plain(h: float, every: int, rows: int, q: float, p: float):
+    """Stormer-Verlet by plain sums; rows of states."""
+    Q, P = np.empty(rows + 1), np.empty(rows + 1)
+    Q[0], P[0] = q, p
+    for i in range(rows):
+        for _ in range(every):
+            p = p - h / 2 * q
+            q = q + h * p
+            p = p - h / 2 * q
+        Q[i + 1], P[i + 1] = q, p
+    return Q, P
+
+
+def _run(id: str, values: dict, h: float):
+    """(q, p, steps) -> rows of states."""
+    if id == CONTROL:
+        import numba
+
+        plain = numba.njit(_plain)
+        return lambda q, p, steps: plain(h, steps // ROWS, ROWS, q, p)
+    made = problem(PROBLEM)
+
+    def run(q: float, p: float, steps: int):
+        s = integrate(made, id, parameters=values, h=h, steps=steps, q0=(q,), p0=(p,), save_every=steps // ROWS)
+        return s.q[:, 0], s.p[:, 0]
+
+    return run
+
+
+def measured(id: str, values: dict, h: float, steps: int) -> Rows:
+    """The row of a method, and the rms errors of all starts over the number of steps."""
+    rows = [0, *(ROWS // 2**k for k in range(9, -1, -1))]
+    n = np.array(rows) * (steps // ROWS)
+    run, starts = _run(id, values, h), _starts(STARTS if steps < LONG else 1)
+    with mpmath.workdps(DIGITS):
+        M = exact_matrix("stormer-verlet" if id == CONTROL else id, values, h)
+        found = []
+        for q, p in starts:
+            Q, P = run(q, p, steps)
+            found.append(errors(M, n, Q[rows], P[rows]))
+    energy, phase = (np.array([f[k] for f in found])[:, 1:] for k in (0, 1))
+    label = _label(id, values)
+    unit = EPS * h * np.sqrt(n[-1])
+    row = {
+        "label": label,
+        "h": h,
+        "steps": steps,
+        "starts": len(starts),
+        "energy rms": float(np.sqrt((energy[:, -1] ** 2).mean())),
+        "phase rms": float(np.sqrt((phase[:, -1] ** 2).mean())),
+        "in units": float(np.sqrt((energy[:, -1] ** 2).mean()) / unit),
+    }
+    if len(starts) > 1:
+        mean, error = energy[:, -1].mean(), energy[:, -1].std(ddof=1) / np.sqrt(len(starts))
+        row |= {"bias per step": float(mean / n[-1]), "bias in its errors": float(mean / error)}
+        for name, values_ in (("energy", energy), ("phase", phase)):
+            row |= dict(zip((f"{name} exponent", f"{name} low", f"{name} high"), growth(n[1:], values_), strict=True))
+    curves = [
+        {"label": label, "h": h, "steps": steps, "n": int(k), "energy": float(e), "phase": float(f)}
+        for k, e, f in zip(n[1:], np.sqrt((energy**2).mean(0)), np.sqrt((phase**2).mean(0)), strict=True)
+    ]
+    return {TABLES[0]: [row], TABLES[1]: curves}
+
+
+def growth(n, errors_) -> tuple[float, float, float]:
+    """(the exponent of the rms error over n, and its 95 % interval by resampled starts).
+
+    Parameters
+    ----------
+    n : array (m,), rising; the last `FITTED` are fitted
+    errors_ : array (starts, m)
+    """
+    x, generator = np.log(np.asarray(n[-FITTED:], float)), np.random.default_rng(SEED)
+
+    def fit(sample) -> float:
+        return float(np.polyfit(x, 0.5 * np.log((sample[:, -FITTED:] ** 2).mean(axis=0)), 1)[0])
+
+    drawn = [fit(errors_[generator.integers(0, len(errors_), len(errors_))]) for _ in range(DRAWN)]
+    return fit(errors_), *map(float, np.quantile(drawn, (0.025, 0.975)))

@@ -1,0 +1,86 @@
+r"""Brouwer's law where the frequency depends on the energy: Wisdom-Holman's method on the Kepler problem, exact but for
+round-off.
+
+On the oscillator every orbit has one period, and a random walk of the energy leaves the phase a random walk of its own,
+n^(1/2).  Here a change of the energy changes the period: the mean anomaly M = E - e sin E drifts away as the sum of the
+walk, n^(3/2).  Energy, semi-axis and anomaly are taken from the rows in extended precision.
+"""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.integrators.driver import integrate
+
+from . import brouwer
+from .methods import record
+
+METHOD, PROBLEM = "wisdom-holman", "kepler"
+LABEL = f"{METHOD} on Kepler"
+#: The step, and steps of a run; eccentricities of the starts.
+H, STEPS, ECCENTRICITIES = 0.0987654321, 262_144, (0.1, 0.6)
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """One cell."""
+    needs = content("growth-kepler", record(METHOD), Problem(PROBLEM), code=[__name__])
+    key = {"label": LABEL, "h": H, "steps": STEPS}
+    return [] if quick else [Cell("extremes", brouwer.TABLES, key, measured, (), needs, frozenset({METHOD, PROBLEM}))]
+
+
+def elements(q, p) -> tuple:
+    """(semi-axis, mean anomaly) of a state of the Kepler problem, in the working precision."""
+    x, y, u, v = (mpmath.mpf(float(c)) for c in (*q, *p))
+    r = mpmath.sqrt(x**2 + y**2)
+    a = 1 / (2 / r - u**2 - v**2)
+    cosine, sine = 1 - r / a, (x * u + y * v) / mpmath.sqrt(a)  # e cos E, e sin E
+    return a, mpmath.atan2(sine, cosine) - sine
+
+
+def errors(n, Q, P, h: float) -> tuple[np.ndarray, np.ndarray]:
+    """(relative errors of the energy, errors of the mean anomaly) at step numbers n; the first row is the start."""
+    found = [elements(q, p) for q, p in zip(Q, P, strict=True)]
+    a, first = found[0]
+    rate = mpmath.mpf(h) / a ** mpmath.mpf(1.5)
+    late = [mpmath.arg(mpmath.expj(M - first - rate * int(k))) for k, (_, M) in zip(n, found, strict=True)]
+    return np.array([float(a / b - 1) for b, _ in found]), np.array([float(x) for x in late])
+
+
+def _starts(count: int):
+    """Pericentres of a = 1 at any angle."""
+    generator = np.random.default_rng(brouwer.SEED)
+    for e, angle in zip(generator.uniform(*ECCENTRICITIES, count), generator.uniform(0, 2 * np.pi, count), strict=True):
+        speed, c, s = ((1 + e) / (1 - e)) ** 0.5, np.cos(angle), np.sin(angle)
+        yield ((1 - e) * c, (1 - e) * s), (-speed * s, speed * c)
+
+
+def measured() -> Rows:
+    """The row of the ensemble, and its curves."""
+    made, every = problem(PROBLEM), STEPS // brouwer.ROWS
+    rows = [0, *(brouwer.ROWS // 2**k for k in range(9, -1, -1))]
+    n = np.array(rows) * every
+    with mpmath.workdps(brouwer.DIGITS):
+        found = []
+        for q0, p0 in _starts(brouwer.STARTS):
+            s = integrate(made, METHOD, h=H, steps=STEPS, q0=q0, p0=p0, save_every=every)
+            found.append(errors(n, s.q[rows], s.p[rows], H))
+    energy, phase = (np.array([f[k] for f in found])[:, 1:] for k in (0, 1))
+    row = {"label": LABEL, "h": H, "steps": STEPS, "starts": brouwer.STARTS}
+    row |= {
+        "energy rms": float(np.sqrt((energy[:, -1] ** 2).mean())),
+        "phase rms": float(np.sqrt((phase[:, -1] ** 2).mean())),
+    }
+    mean, error = energy[:, -1].mean(), energy[:, -1].std(ddof=1) / np.sqrt(len(energy))
+    row |= {"bias per step": float(mean / STEPS), "bias in its errors": float(mean / error)}
+    for name, values in (("energy", energy), ("phase", phase)):
+        row |= dict(
+            zip((f"{name} exponent", f"{name} low", f"{name} high"), brouwer.growth(n[1:], values), strict=True)
+        )
+    curves = [
+        {"label": LABEL, "h": H, "steps": STEPS, "n": int(k), "energy": float(x), "phase": float(y)}
+        for k, x, y in zip(n[1:], np.sqrt((energy**2).mean(0)), np.sqrt((phase**2).mean(0)), strict=True)
+    ]
+    return {brouwer.TABLES[0]: [row], brouwer.TABLES[1]: curves}

@@ -1,0 +1,99 @@
+r"""Orbits on which methods are pushed, and how a run on one of them is judged.
+
+A run is lost where it ends badly, or where the energy error is as large as the terms of H are: the least of
+:math:`\sum_k |H_k|`, H = H_1 + H_2 + ..., along the orbit itself, as a run of `TRUTH` with a fine step gives it.  It
+is on a wrong orbit where a coordinate leaves the range that the energy allows.  Where the orbit itself escapes, a run
+that has escaped with its energy has done what it should.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import sympy as sp
+
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators.driver import OK, integrate
+
+LOST, WRONG = "energy-lost", "wrong-orbit"
+TRUTH, FINE, TIMES = "dop853", 8, 400
+#: Rows of a run that are looked at, and the seconds after which it counts as a failure.
+SEEN, SECONDS = 1000, 4.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """An orbit.
+
+    Attributes
+    ----------
+    id, problem : a name, and the problem (with its orbit)
+    q, p : the start where not the problem's
+    bound : the largest |q| that the energy allows; None where it allows any
+    escapes : the |q| beyond which the orbit is gone for good, where it may go
+    """
+
+    id: str
+    problem: str
+    q: tuple[float, ...] | None = None
+    p: tuple[float, ...] | None = None
+    bound: float | None = None
+    escapes: float | None = None
+
+
+def _henon_heiles(H0: float, q2: float) -> tuple[float, float]:
+    return (2 * H0 - q2**2 + 2 * q2**3 / 3) ** 0.5, 0.0
+
+
+CASES = (
+    Case("pendulum", "pendulum:swinging", bound=math.pi),
+    Case("pendulum, 1e-12 below the separatrix", "pendulum", (0.0,), (2 * (1 - 1e-12) ** 0.5,), bound=math.pi),
+    Case("pendulum, on the separatrix", "pendulum", (0.0,), (2.0,)),
+    Case("Lotka-Volterra", "lotka-volterra-log:4-2"),
+    Case("Henon-Heiles, box", "henon-heiles:box", escapes=3.0),
+    Case("Henon-Heiles, at escape", "henon-heiles:chaotic", escapes=3.0),
+    Case("Henon-Heiles, beyond escape", "henon-heiles", (0.0, 0.1), _henon_heiles(0.18, 0.1), escapes=3.0),
+    Case("Kepler, e = 0.6", "kepler"),
+)
+BY_ID = {c.id: c for c in CASES}
+
+
+@lru_cache(maxsize=32)
+def size(case: Case) -> float:
+    """The least sum of the sizes of H's terms along the orbit."""
+    made = problem(case.problem)
+    truth = integrate(made, TRUTH, h=made.pace.step / FINE, steps=TIMES, q0=case.q, p0=case.p)
+    terms = sp.Add.make_args(sp.expand(made.system.H))
+    return float(sum(np.abs(made.system.observe(t, truth.q, truth.p)) for t in terms).min())
+
+
+def judged(case: Case, method: str, h: float, steps: int, parameters: dict | None = None) -> str:
+    """How a run ends: `OK`, a status of the driver, `LOST` or `WRONG`."""
+    made = problem(case.problem)
+    s = integrate(
+        made,
+        method,
+        h=h,
+        steps=steps,
+        q0=case.q,
+        p0=case.p,
+        save_every=max(1, steps // SEEN),
+        parameters=parameters,
+        timeout=SECONDS,
+    )
+    Q, P, status = s.q, s.p, s.status
+    if case.escapes is not None:
+        gone = np.flatnonzero(np.abs(Q).max(axis=1) > case.escapes)
+        if len(gone):
+            Q, P, status = Q[: gone[0]], P[: gone[0]], OK
+    with np.errstate(all="ignore"):
+        H = made.system.observe(made.system.H, Q, P)
+        off = ~(np.abs(H - H[0]) <= size(case))
+    if off.any():
+        return LOST
+    if case.bound is not None and np.abs(Q).max() > case.bound:
+        return WRONG
+    return status

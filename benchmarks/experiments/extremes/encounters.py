@@ -1,0 +1,113 @@
+r"""Close encounters: the Kepler problem at e up to 0.999999, ten orbits from pericentre to apocentres.
+
+The error is the distance from where the orbit is at its apocentres, over the distance of these from the centre; there,
+q = (-(a + c), 0) exactly, with the semi-axis a and the period :math:`2\pi a^{3/2}` of the doubles that the run starts
+from, in extended precision.  A method climbs a `LADDER` of steps until the error is below `HELD`; an adaptive peer
+takes tolerances.
+"""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+
+from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, Unavailable, content
+from phasebench.integrators.driver import OK, SKIPPED
+from phasebench.integrators.registry import BY_ID
+from phasebench.reference.peers import BY_ID as PEERS
+
+from .methods import transformed
+
+ECCENTRICITIES = (0.9, 0.99, 0.999, 0.999999)
+HELD, ORBITS = 1e-6, 10
+#: Steps from an apside to the next.
+LADDER = tuple(2**k for k in range(6, 17, 2))
+TOLERANCES = (1e-8, 1e-11, 1e-14)
+#: Beside those of `transformed`: cheap, of high order, implicit, made for Kepler.
+FIXED = (
+    "symplectic-euler-p",
+    "stormer-verlet",
+    "rk4",
+    "dop853",
+    "forest-ruth",
+    "pefrl",
+    "blanes-moan-s6",
+    "kahan-li-8",
+    "sofroniou-spaletta-10",
+    "implicit-midpoint",
+    "scheme-i",
+    "scheme-iii",
+    "gauss-2",
+    "gauss-4",
+    "gauss-8",
+    "avf",
+    "scheme-v",
+    "rk4-projected-energy",
+    "wisdom-holman",
+)
+OTHERS = ("rebound-ias15", "rebound-whfast", "rebound-mercurius", "rebound-trace", "heyoka", "rebound-bs")
+TABLES = ("extremes_encounters",)
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each integrator."""
+    return [] if quick else [_cell(id) for id in (*FIXED, *transformed(), *OTHERS)]
+
+
+def _cell(id: str) -> Cell:
+    needs = content("encounters", BY_ID.get(id) or PEERS[id], Problem("kepler"), code=[__name__])
+    return Cell("extremes", TABLES, {"method": id}, measured, (id,), needs, frozenset({id}))
+
+
+def apocentre(q0, p0) -> tuple[float, float]:
+    """(half the period, the distance of the apocentre) of the orbit from the pericentre (q0, 0), (0, p0)."""
+    with mpmath.workdps(40):
+        r, v = mpmath.mpf(q0), mpmath.mpf(p0)
+        a = 1 / (2 / r - v**2)
+        return float(mpmath.pi * a**1.5), float(2 * a - r)
+
+
+def error(s, far: float) -> float:
+    """The largest relative distance from the apocentres at every other row, from the second one on."""
+    q = s.q[1::2]
+    return float(np.hypot(q[:, 0] + far, q[:, 1]).max() / far) if len(q) >= ORBITS else np.inf
+
+
+def measured(id: str) -> Rows:
+    """The rows of an integrator: an eccentricity each."""
+    rows = []
+    for e in ECCENTRICITIES:
+        made = problem("kepler", e=e)
+        half, far = apocentre(made.q0[0], made.p0[1])
+        chosen = integrator(id)
+        runs = _adaptive(chosen, made, half) if chosen.adaptive else _fixed(chosen, made, half, far)
+        best = {"error": np.inf, "status": "", "asked": np.nan, "steps": 0}
+        for asked, s in runs:
+            if s.status == SKIPPED:
+                raise Unavailable(s.reason)
+            found = error(s, far) if s.status == OK else np.inf
+            if found < best["error"] or not best["status"]:
+                best = {"error": found, "status": s.status, "asked": asked, "steps": s.counts["steps"]}
+            if found <= HELD:
+                break
+        kind = "adaptive" if chosen.adaptive else "transformed" if id in transformed() else "fixed"
+        rows.append({"method": id, "kind": kind, "e": e, "held": best["error"] <= HELD, **best})
+    return {TABLES[0]: rows}
+
+
+def _fixed(chosen, made, half: float, far: float):
+    last = np.inf
+    for m in LADDER:
+        # The longest run is spared where the error before it is too large for one more rung of the ladder.
+        if m == LADDER[-1] and not last <= HELD * (LADDER[-1] / LADDER[-2]) ** ((chosen.order or 2) + 1):
+            return
+        s = chosen.run(made, h=half / m, steps=(2 * ORBITS - 1) * m, save_every=m)
+        last = error(s, far) if s.status == OK else np.inf
+        yield m, s
+
+
+def _adaptive(chosen, made, half: float):
+    for tol in TOLERANCES:
+        yield tol, chosen.run(made, h=half, steps=2 * ORBITS - 1, tol=max(tol, chosen.record.least))

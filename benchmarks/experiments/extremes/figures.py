@@ -1,0 +1,200 @@
+"""The figures of the page of extremes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks.page import style
+from phasebench.benchmarks.page.page import Picture
+
+from . import brouwer, brouwer_kepler, edge, encounters, stiff
+
+#: The methods of the first figure, and how far its axis goes.
+BARS, LAST = 26, 10.0
+#: The labels of the figure of round-off.
+GROWING = (
+    "stormer-verlet",
+    "implicit-midpoint",
+    "pefrl",
+    "scheme-i(lam=1/3)",
+    brouwer.CONTROL,
+    brouwer_kepler.LABEL,
+)
+
+
+def pieces(text) -> list[tuple[float, float]]:
+    """The intervals that a row holds as text; an open end is at infinity."""
+    parts = [] if not isinstance(text, str) else [part.partition("..")[::2] for part in text.split()]
+    return [(float(a), float(b) if b else math.inf) for a, b in parts]
+
+
+@style.drawn
+def intervals(linear: pd.DataFrame, folder) -> Picture:
+    """The stable steps of methods with a limit, those with the most gaps first."""
+    known = linear[linear["intervals"].notna() & np.isfinite(linear["limit"]) & ~linear["label"].str.contains("lam=")]
+    shown = known.sort_values(["gaps", "limit"], ascending=False).head(BARS).sort_values("limit")
+    figure, ((axes,),) = style.panels(1, 1, 4.4)
+    for k, row in enumerate(shown.itertuples()):
+        spans = [(a, min(b, LAST) - a) for a, b in pieces(row.intervals) if a < LAST]
+        axes.broken_barh(spans, (k - 0.35, 0.7), color=style.BLUE if row.symplectic else style.ORANGE)
+    axes.set_yticks(range(len(shown)), shown["label"])
+    axes.set(xlabel="h ω", xlim=(0, LAST))
+    caption = (
+        "Stable steps on the harmonic oscillator of the methods with the most gaps between stable intervals; blue: "
+        "symplectic, orange: not. The first gap of some is narrower than a line."
+    )
+    return Picture(style.save(figure, folder, "extremes-intervals.png"), "stable steps", caption)
+
+
+@style.drawn
+def encountered(table: pd.DataFrame, folder) -> Picture:
+    """The best error within the budget over 1 - e."""
+    figure, panels = style.panels(1, 2, 4.0, sharey=True)
+    looks = style.looks()
+    for axes, fixed in zip(panels[0], (True, False), strict=True):
+        part = table[(table["kind"] == "fixed") == fixed]
+        reached = part.groupby("method")["error"].max().sort_values()
+        for look, id in zip(looks, list(reached.index)[: len(looks)], strict=False):
+            rows = part[part["method"] == id].sort_values("e")
+            axes.loglog(1 - rows["e"], rows["error"].clip(1e-16, 10), label=id, **look)
+        axes.axhline(encounters.HELD, color=style.GREY, linewidth=0.8)
+        axes.invert_xaxis()
+        axes.set(title="fixed steps" if fixed else "adaptive or transformed", xlabel="1 − e")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
+    panels[0][0].set_ylabel("relative error")
+    caption = (
+        f"Kepler, {encounters.ORBITS} orbits: the first error below {encounters.HELD:g}, else the least, on a ladder "
+        "of steps or tolerances; what is lost altogether stands at the top. At most nine integrators a panel."
+    )
+    return Picture(style.save(figure, folder, "extremes-encounters.png"), "close encounters", caption)
+
+
+@style.drawn
+def stiffness(table: pd.DataFrame, folder) -> Picture:
+    """The change of the adiabatic invariant over h omega."""
+    omegas = sorted(table["omega"].unique())[1::2]
+    figure, (panels,) = style.panels(1, len(omegas), 3.4, sharey=True)
+    looks = style.looks()
+    methods = list(dict.fromkeys(table["method"]))[: len(looks)]
+    for axes, omega in zip(panels, omegas, strict=True):
+        for look, id in zip(looks, methods, strict=False):
+            rows = table[(table["method"] == id) & (table["omega"] == omega)].sort_values("h omega")
+            axes.loglog(rows["h omega"], rows["I changes"].clip(1e-12, 1e2), label=id, **look)
+        axes.axhline(stiff.CLIFF, color=style.GREY, linewidth=0.8)
+        axes.set(title=f"ω = {omega:g}", xlabel="h ω")
+    panels[0].set_ylabel("largest change of I / I₀")
+    style.legend_above(figure, panels[0], 4)
+    caption = (
+        f"FPU: the largest change of the oscillatory energy in {stiff.STEPS} steps; grey: {stiff.CLIFF:g}, the cliff."
+    )
+    return Picture(style.save(figure, folder, "extremes-stiffness.png"), "stiffness", caption)
+
+
+@style.drawn
+def growth(curves: pd.DataFrame, folder) -> Picture:
+    """The rms errors over the number of steps."""
+    figure, (panels,) = style.panels(1, 2, 3.4)
+    curves = curves[(curves["steps"] < brouwer.LONG) & curves["label"].isin(GROWING)]
+    runs = list(curves.groupby(["label", "h"], sort=False))[: len(style.looks())]
+    for axes, name, law in zip(panels, ("energy", "phase"), (0.5, 1.5), strict=True):
+        for look, ((label, h), rows) in zip(style.looks(), runs, strict=False):
+            axes.loglog(rows["n"], rows[name], label=f"{label}, h = {h:.3g}", **look)
+        n = np.array([curves["n"].min(), curves["n"].max()], float)
+        axes.loglog(n, brouwer.EPS * brouwer.PLAIN * n**law, color=style.GREY, linestyle=":")
+        axes.set(xlabel="steps", title=f"{name}: dotted, ε h n^{law:g}")
+    panels[0].set_ylabel("rms error over the starts")
+    style.legend_above(figure, panels[0], 3)
+    caption = (
+        f"Round-off of {brouwer.STARTS} starts, on the oscillator where nothing else is said: Brouwer's law and what "
+        "is measured. Only where the frequency depends on the energy does the phase's grow as n^1.5."
+    )
+    return Picture(style.save(figure, folder, "extremes-growth.png"), "growth of round-off", caption)
+
+
+@style.drawn
+def solvers(table: pd.DataFrame, folder) -> Picture:
+    """The outcomes over (h, lambda) and (h, e)."""
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    known = [edge.FIXED_POINT, edge.NEWTON, edge.MISSED, edge.LOST, "no-root", "not-converged", "collision"]
+    known += [x for x in dict.fromkeys(table["outcome"]) if x not in known]
+    colours = [style.SKY, style.GREEN, style.YELLOW, style.ORANGE, style.PURPLE, style.VERMILION, style.BLACK]
+    colours += [style.GREY] * (len(known) - len(colours))
+    maps = list(dict.fromkeys(zip(table["method"], table["over"], strict=True)))
+    figure, (panels,) = style.panels(1, len(maps), 2.8)
+    for axes, (id, over) in zip(panels, maps, strict=True):
+        part = table[(table["method"] == id) & (table["over"] == over)]
+        grid = part.assign(code=part["outcome"].map(known.index)).pivot(index="value", columns="h", values="code")
+        axes.pcolormesh(
+            grid.columns, grid.index, grid.to_numpy(), cmap=ListedColormap(colours), vmin=-0.5, vmax=len(known) - 0.5
+        )
+        axes.set(xscale="log", xlabel="h", title=id, ylabel="λ" if over == "lam" else over)
+    used = [k for k in known if k in set(table["outcome"])]
+    handles = [Patch(color=colours[known.index(k)], label=k) for k in used]
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(used))
+    caption = f"How {edge.STEPS} steps go: the pendulum over (h, λ), Kepler over (h, e)."
+    return Picture(style.save(figure, folder, "extremes-solvers.png"), "solvers at the edge", caption)
+
+
+@style.drawn
+def resonances(table: pd.DataFrame, folder) -> Picture:
+    """How much a step multiplies, over the two frequencies."""
+    methods = list(dict.fromkeys(table["method"]))
+    figure, (panels,) = style.panels(1, len(methods), 2.3, sharey=True)
+    for axes, id in zip(panels, methods, strict=True):
+        part = table[table["method"] == id].sort_values(["ratio", "h omega 2"])
+        shape = (part["ratio"].nunique(), -1)
+        x, y, radius = (part[c].to_numpy().reshape(shape) for c in ("h omega 1", "h omega 2", "radius"))
+        grows = np.log10(np.clip(radius - 1, 1e-12, 1e2))
+        for first, second in ((x, y), (y, x)):  # the two frequencies may be exchanged
+            axes.pcolormesh(first, second, grows, cmap="Greys", vmin=-9, vmax=0, shading="nearest")
+        axes.set(title=id, xlabel="h ω₁", aspect="equal")
+    panels[0].set_ylabel("h ω₂")
+    caption = (
+        "Two coupled oscillators: black where a step multiplies, white where it is stable; Stormer-Verlet ends at "
+        "h ω = 2, a split coupling resonates about h (ω₁ + ω₂) = 2πk, filters take the resonances away."
+    )
+    return Picture(style.save(figure, folder, "extremes-resonances.png"), "two frequencies", caption)
+
+
+@style.drawn
+def regions(table: pd.DataFrame, folder) -> Picture:
+    """|R(z)| = 1 in the complex plane."""
+    x, y = np.meshgrid(np.linspace(-7.5, 12, 391), np.linspace(0, 8, 161))
+    z = x + 1j * y
+    figure, ((axes,),) = style.panels(1, 1, 3.0)
+    for look, row in zip(style.looks(), table.itertuples(), strict=False):
+        above, below = ([float(c) for c in text.split()] for text in (str(row.above), str(row.below)))
+        size = np.abs(np.polyval(above, z) / np.polyval(below, z))
+        lines = axes.contour(x, y, size, levels=[1.0], colors=[look["color"]], linestyles=[look["linestyle"]])
+        del lines
+        axes.plot([], [], color=look["color"], linestyle=look["linestyle"], label=row.method)
+    axes.axvline(0, color=style.GREY, linewidth=0.6)
+    axes.set(xlabel="Re z", ylabel="Im z", aspect="equal")
+    style.legend_above(figure, axes, 3)
+    caption = (
+        "Boundaries |R(z)| = 1 of Runge-Kutta methods: stable within the curve of an explicit method, outside "
+        "that of a Radau method, left of the axis for Gauss; the upper half plane."
+    )
+    return Picture(style.save(figure, folder, "extremes-regions.png"), "stability regions", caption)
+
+
+@style.drawn
+def lambdas(table: pd.DataFrame, folder) -> Picture:
+    """The largest step over lambda."""
+    orbits = list(dict.fromkeys(table["orbit"]))
+    figure, (panels,) = style.panels(1, len(orbits), 2.8, sharey=True)
+    for axes, orbit in zip(panels, orbits, strict=True):
+        for k, id in enumerate(dict.fromkeys(table["method"])):
+            rows = table[(table["method"] == id) & (table["orbit"] == orbit)].sort_values("lam")
+            axes.plot(rows["lam"], rows["largest h"].replace([0, np.inf], np.nan), label=id, **style.curve(k))
+        axes.set_xscale("symlog", linthresh=1)
+        axes.set(yscale="log", xlabel="λ", title=orbit)
+    panels[0].set_ylabel("largest h")
+    style.legend_above(figure, panels[0], 3)
+    caption = "The largest step of Schemes I to III that survives, over λ from −1000 to 1000."
+    return Picture(style.save(figure, folder, "extremes-lambda.png"), "largest steps over lambda", caption)

@@ -1,0 +1,207 @@
+r"""Linear stability: all stable h omega of every method, confirmed by long runs, beside the limits that are known.
+
+Scheme I's limit is known in closed form for every lambda: tr M = 2 - z^2 / (1 + lam (1 - lam) z^2), so it is stable
+where z |1 - 2 lam| < 2; it is measured for lambda from -10 to 11.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+
+from phasebench.benchmarks.measure import oscillator
+from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.integrators.registry import BY_ID, METHODS
+
+from . import published
+
+#: The lambdas of a method of at most this order whose one parameter it is.
+HIGHEST = 2
+SWEPT = ("-10", "-2", "-1", "0", "1/3", "1/2", "2/3", "1", "2", "11")
+SCHEME_I = tuple(str(Fraction(k, 2)) for k in range(-20, 23))
+#: Long runs beside an end: the relative distance from it, the steps, the growth that tells a stable from an unstable.
+BESIDE, STEPS, GROWTH = 1e-4, 100_000, 1e6
+#: A damped run is followed down to exp of minus this.
+DAMPED = 300.0
+#: A gap is confirmed where the trace exceeds 2 by this: less does not grow to `GROWTH` in so many steps.
+DEEP = 1e-6
+#: The steps z at which a method without an end is run.
+BEYOND = (7.0, 70.0)
+TABLES = ("extremes_linear", "extremes_scheme_i", "extremes_published")
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each method and parameter, one for Scheme I's sweep, one for the known limits."""
+    if quick:
+        return []
+    return [_sweep(), _known(), *(_cell(m.id, p) for m in METHODS for p in parameters(m) if _able(m))]
+
+
+def parameters(method) -> list[dict[str, str]]:
+    """The values of a method's parameters that are looked at: its own, and a sweep of lambda."""
+    free = set(method.parameters) == {"lam"} and method.order <= HIGHEST
+    swept = [{"lam": value} for value in SWEPT] if free else []
+    own = {k: str(v) for k, v in method.parameters.items()}
+    return [own, *(p for p in swept if p != own)]
+
+
+def _able(method) -> bool:
+    """Whether its traits let it integrate the oscillator, as far as can be told without making it."""
+    return not {"Poisson structure", "further invariants", "kepler part"} & {
+        r.partition("(")[0] for r in method.requires
+    }
+
+
+def _cell(id: str, values: dict[str, str]) -> Cell:
+    label = BY_ID[id](**values).label if values else id
+    needs = content("linear", BY_ID[id], values, Problem(oscillator.PROBLEM), code=[__name__])
+    return Cell("extremes", TABLES[:1], {"label": label}, measured, (id, values), needs, frozenset({id}))
+
+
+def _sweep() -> Cell:
+    needs = content("scheme-i", BY_ID["scheme-i"], SCHEME_I, Problem(oscillator.PROBLEM), code=[__name__])
+    return Cell("extremes", TABLES[1:2], {"method": "scheme-i"}, sweep, (), needs, frozenset({"scheme-i"}))
+
+
+def _known() -> Cell:
+    methods = [BY_ID[k.method] for k in published.LIMITS if k.method in BY_ID]
+    needs = content("known", *methods, Problem(oscillator.PROBLEM), code=[__name__])
+    return Cell("extremes", TABLES[2:], {"known": True}, known, (), needs, frozenset(m.id for m in methods))
+
+
+def measured(id: str, values: dict[str, str]) -> Rows:
+    """The row of a method; none where it cannot integrate the oscillator."""
+    chosen = integrator(id, **values)
+    if chosen.lacks(problem(oscillator.PROBLEM)):
+        return {TABLES[0]: [{"label": chosen.label, "method": id, "how": "not on the oscillator"}]}
+    found = oscillator.find(chosen)
+    gaps = [b - a for a, b in _gaps(found)]
+    right, runs = confirmed(chosen, found)
+    row = {
+        "label": chosen.label,
+        "method": id,
+        "family": chosen.record.family,
+        "order": chosen.order,
+        "symplectic": chosen.record.symplectic,
+        "limit": math.inf if found.limit is None else found.limit,
+        "intervals": " ".join(f"{a:.11g}..{'' if b is None else f'{b:.11g}'}" for a, b in found.intervals),
+        "gaps": len(gaps),
+        "narrowest gap": min(gaps, default=math.nan),
+        "touches": len(found.touches),
+        "first touch": found.touches[0] if found.touches else math.nan,
+        "how": found.how,
+        "scanned": found.scanned,
+        "confirmed": right,
+        "runs": runs,
+        "reason": found.reason,
+    }
+    return {TABLES[0]: [row]}
+
+
+def _gaps(found: oscillator.Found) -> list[tuple[float, float]]:
+    """The unstable steps between stable ones."""
+    return [(a[1], b[0]) for a, b in zip(found.intervals, found.intervals[1:], strict=False)]
+
+
+def grows(chosen, z: float) -> bool:
+    """Whether a run of `STEPS` steps leaves every bound, or cannot be made; a damped one ends before it is denormal.
+
+    A bounded run may be as large as its matrix: the bound is in units of that.
+    """
+    M = oscillator.matrix(chosen, z)
+    if M is None:
+        return True
+    rate = -math.log(max(_radius(chosen, z), 1e-9))
+    y = oscillator.end(chosen, z, STEPS if rate <= 0 else max(1, min(STEPS, int(DAMPED / rate))))
+    return y is None or not np.isfinite(y).all() or bool(np.abs(y).max() > GROWTH * (1 + np.abs(M).max()))
+
+
+def confirmed(chosen, found: oscillator.Found) -> tuple[int, int]:
+    """(how many long runs end as they should, how many there are): beside the limit, within later pieces and gaps."""
+    if found.how == oscillator.RUNS:
+        return 0, 0
+    limit = found.limit
+    if limit is None:
+        asked = [(z, False) for z in BEYOND if z < found.scanned and not _near(z, found.touches)]
+    elif limit == 0:
+        asked = [(linear_growth, True)] if (linear_growth := _growing(chosen)) else []
+    else:
+        asked = [(limit * (1 - BESIDE), False), (limit * (1 + BESIDE), True)]
+        if len(found.intervals) > 1 and found.intervals[1][0] < limit * (1 + 2 * BESIDE):
+            asked.pop()
+        middles = [(a + b) / 2 for a, b in found.intervals[1:] if b is not None]
+        asked += [(z, False) for z in middles if not _near(z, found.touches)]
+        asked += [((a + b) / 2, True) for a, b in _gaps(found) if _depth(chosen, (a + b) / 2) > DEEP]
+    return sum(grows(chosen, z) is expected for z, expected in asked), len(asked)
+
+
+def _near(z: float, touches) -> bool:
+    """Whether round-off could decide: a touch is near."""
+    return any(abs(z - t) < 1e-6 for t in touches)
+
+
+def _depth(chosen, z: float) -> float:
+    """By how much a step multiplies more than it may, squared: of the size of the trace's excess."""
+    return (_radius(chosen, z) - 1) ** 2
+
+
+def _radius(chosen, z: float) -> float:
+    """The spectral radius of a step; infinite where it cannot be taken."""
+    M = oscillator.matrix(chosen, z)
+    return math.inf if M is None else float(np.abs(np.linalg.eigvals(M)).max())
+
+
+def _growing(chosen) -> float:
+    """A small step at which growth can be seen, 0 where there is none below 1."""
+    return next((z for z in (0.1, 0.3, 0.5, 0.9) if _depth(chosen, z) ** 0.5 * STEPS > 2 * math.log(GROWTH)), 0.0)
+
+
+def sweep() -> Rows:
+    """Scheme I over lambda beside its closed form."""
+    rows = []
+    for value in SCHEME_I:
+        found = oscillator.find(integrator("scheme-i", lam=value))
+        slope = abs(1 - 2 * Fraction(value))
+        rows.append(
+            {
+                "method": "scheme-i",
+                "lam": float(Fraction(value)),
+                "limit": math.inf if found.limit is None else found.limit,
+                "closed form": float(2 / slope) if slope else math.inf,
+                "intervals": len(found.intervals),
+            }
+        )
+    return {TABLES[1]: rows}
+
+
+def known() -> Rows:
+    """Every known limit beside the measured one."""
+    rows = []
+    for limit in published.LIMITS:
+        chosen = integrator(published.STEPS.get(limit.method, limit.method), **limit.parameters)
+        found = oscillator.find(chosen)
+        value = math.inf if found.limit is None else found.limit
+        rows.append(
+            {
+                "known": True,
+                "method": limit.method,
+                "parameters": " ".join(f"{k}={v}" for k, v in limit.parameters.items()),
+                "measured": value,
+                "known limit": limit.value,
+                "digits": limit.digits,
+                "agrees": agrees(value, limit.value, limit.digits),
+                "source": limit.source,
+            }
+        )
+    return {TABLES[2]: rows}
+
+
+def agrees(value: float, expected: float, digits: int) -> bool:
+    """Whether a limit is a known one to its digits."""
+    if math.isinf(expected) or expected == 0:
+        return value == expected
+    return math.isfinite(value) and f"{value:.{digits - 1}e}" == f"{expected:.{digits - 1}e}"

@@ -1,0 +1,98 @@
+"""The largest step that survives: by bisection on a geometric grid of steps, with the way the next one fails.
+
+Survival is not monotone in the step, so this is the end of the first interval that doublings of the step see.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.integrators.driver import OK
+from phasebench.integrators.registry import BY_ID
+
+from . import cases
+from .methods import REPRESENTATIVE, record
+
+#: Steps of a run, and of the one that is tried before it; the parts of an octave on the grid of steps.
+STEPS, FIRST, PARTS = 100_000, 300, 8
+#: Octaves from the problem's own step: downwards at most, and upwards.
+DOWN, UP = 8, 14
+#: The lambdas of Schemes I to III, and the steps of a run.
+LAMBDAS = ("-1000", "-100", "-10", "-3", "-1", "0", "1/3", "1/2", "2/3", "1", "2", "4", "11", "101", "1000")
+SWEPT, SWEPT_STEPS = ("scheme-i", "scheme-ii", "scheme-iii"), 10_000
+ON = ("pendulum", "Henon-Heiles, box")
+TABLES = ("extremes_steps", "extremes_lambda")
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each method, and one for each swept scheme on each orbit."""
+    return [] if quick else [*(_cell(id) for id in REPRESENTATIVE), *(_swept(id, on) for id in SWEPT for on in ON)]
+
+
+def _cell(id: str) -> Cell:
+    needs = content("push", record(id), *(Problem(c.problem) for c in cases.CASES), code=[__name__])
+    return Cell("extremes", TABLES[:1], {"method": id}, measured, (id,), needs, frozenset({id}))
+
+
+def _swept(id: str, on: str) -> Cell:
+    needs = content("push-lambda", record(id), Problem(cases.BY_ID[on].problem), LAMBDAS, code=[__name__])
+    return Cell("extremes", TABLES[1:], {"method": id, "orbit": on}, swept, (id, on), needs, frozenset({id}))
+
+
+def largest(survives, first: float) -> tuple[float, str]:
+    """(the largest step that survives, how the next one fails).
+
+    Parameters
+    ----------
+    survives : h -> `OK`, or how it fails
+    first : where the search begins
+    """
+    k, failure = 0, ""
+    while k > -DOWN * PARTS and (failure := survives(first * 2 ** (k / PARTS))) != OK:
+        k -= PARTS
+    if k <= -DOWN * PARTS:
+        return 0.0, failure
+    good, bad = k, None
+    while bad is None and good < UP * PARTS:
+        found = survives(first * 2 ** ((good + PARTS) / PARTS))
+        good, bad, failure = (good + PARTS, None, "") if found == OK else (good, good + PARTS, found)
+    while bad is not None and bad - good > 1:
+        middle = (good + bad) // 2
+        found = survives(first * 2 ** (middle / PARTS))
+        good, bad, failure = (middle, bad, failure) if found == OK else (good, middle, found)
+    return (math.inf if bad is None else first * 2 ** (good / PARTS)), failure
+
+
+def _survives(case: cases.Case, id: str, steps: int, parameters: dict | None = None):
+    def survives(h: float) -> str:
+        found = cases.judged(case, id, h, FIRST, parameters)
+        return cases.judged(case, id, h, steps, parameters) if found == OK else found
+
+    return survives
+
+
+def measured(id: str) -> Rows:
+    """The rows of a method: an orbit each."""
+    rows = []
+    for case in cases.CASES:
+        made = problem(case.problem)
+        if BY_ID[id].lacks(made.system):
+            continue
+        h, fails = largest(_survives(case, id, STEPS), made.pace.step)
+        rows.append({"method": id, "orbit": case.id, "largest h": h, "fails": fails, "steps": STEPS})
+    return {TABLES[0]: rows}
+
+
+def swept(id: str, on: str) -> Rows:
+    """The rows of a scheme on an orbit: a lambda each."""
+    rows, case = [], cases.BY_ID[on]
+    for value in LAMBDAS:
+        lam = float(Fraction(value))
+        # Far from 1/2 the first interval ends at a step of 2 / |1 - 2 lambda|, and some have another beyond.
+        first = problem(case.problem).pace.step / (1 + abs(1 - 2 * lam))
+        h, fails = largest(_survives(case, id, SWEPT_STEPS, {"lam": value}), first)
+        rows.append({"method": id, "orbit": on, "lam": lam, "largest h": h, "fails": fails, "steps": SWEPT_STEPS})
+    return {TABLES[1]: rows}

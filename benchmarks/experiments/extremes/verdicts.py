@@ -1,0 +1,104 @@
+"""The sentences of the page of extremes: functions of tables."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks.experiments.extremes import brouwer, encounters
+from phasebench.benchmarks.experiments.extremes.brouwer_kepler import LABEL as KEPLER
+from phasebench.benchmarks.page.markdown import listed, number
+from phasebench.benchmarks.page.page import Verdict, of
+from phasebench.integrators.registry import BY_ID
+
+#: Peers whose steps solve Kepler's problem exactly.
+KEPLERIAN = ("rebound-whfast", "rebound-mercurius", "rebound-trace")
+#: A closed form is met to this.
+SHARP = 1e-10
+#: Brouwer's exponents, how far above them an interval may begin, and the energy error that is round-off's in its units.
+ENERGY, PHASE, ABOVE, UNITS = 0.5, 1.5, 0.05, 10.0
+
+
+@of("extremes_published", "extremes_scheme_i", "extremes_linear")
+def limits(known: pd.DataFrame, sweep: pd.DataFrame, linear: pd.DataFrame) -> Verdict:
+    """Whether stability limits are those that are known, and long runs agree with the step maps."""
+    wrong = [r.method for r in known[~known["agrees"].astype(bool)].itertuples()]
+    finite = sweep[np.isfinite(sweep["closed form"])]
+    off = float((finite["limit"] / finite["closed form"] - 1).abs().max())
+    mapped = linear[linear["runs"].fillna(0) > 0]
+    right, runs = int(mapped["confirmed"].sum()), int(mapped["runs"].sum())
+    astray = list(mapped[mapped["confirmed"] < mapped["runs"]]["label"])
+    said = f"{len(known) - len(wrong)} of {len(known)} known stability limits are met to the digits that are given"
+    text = (
+        f"{said}{f' (not {listed(wrong, 3)})' if wrong else ''}; Scheme I's closed form for {len(sweep)} values of "
+        f"lambda to {number(off, 2)}; {right} of {runs} long runs stay or grow as the step maps of {len(mapped)} "
+        f"methods say{f' (not of {listed(astray, 3)})' if astray else ''}."
+    )
+    return Verdict(text, not wrong and off < SHARP and right == runs, f"{said}.")
+
+
+def reach(table: pd.DataFrame) -> pd.Series:
+    """Integrator -> the largest eccentricity up to which it holds at every one; 0 where it holds at none."""
+    out = {}
+    for method, rows in table.groupby("method", sort=False):
+        rows = rows.sort_values("e")
+        held = rows["held"].astype(bool)
+        out[method] = float(rows["e"][held.cummin()].max()) if held.iloc[0] else 0.0
+    return pd.Series(out, dtype=float)
+
+
+def kind(method: str, measured: str) -> str:
+    """The kind of an integrator's steps: as it was measured, but apart where it solves Kepler's problem exactly."""
+    family = BY_ID[method].family if method in BY_ID else ""
+    return "Kepler-solving" if family == "wisdom_holman" or method in KEPLERIAN else measured
+
+
+@of("extremes_encounters")
+def close(table: pd.DataFrame) -> Verdict:
+    """How far steps of each kind go into a close encounter."""
+    worst, first = reach(table), table.drop_duplicates("method")
+    kinds = pd.Series({r.method: kind(r.method, r.kind) for r in first.itertuples()})
+    last = float(table["e"].max())
+    parts = []
+    for each in dict.fromkeys(kinds):
+        found = worst[kinds[worst.index] == each]
+        best = found[found == found.max()]
+        names = listed(list(best.index), 3) if best.iloc[0] > 0 else "none"
+        parts.append(f"{each} steps reach e = {best.iloc[0]:.10g} ({names})")
+    all_the_way = list(worst[worst == last].index)
+    said = f"{len(all_the_way)} of {len(worst)} integrators hold {number(encounters.HELD)} at e = {last:.10g}"
+    asked = f"Over {encounters.ORBITS} Kepler orbits with a relative error of {number(encounters.HELD)}"
+    text = f"{asked}, {'; '.join(parts)}; {said}."
+    return Verdict(text, bool(all_the_way), f"{said}.")
+
+
+@of("extremes_growth")
+def brouwers_law(table: pd.DataFrame) -> Verdict | None:
+    """Whether round-off grows as Brouwer's law has it, and plain sums do not stay as small."""
+    fitted = table[table["energy exponent"].notna()]
+    ours, control = fitted[fitted["label"] != brouwer.CONTROL], fitted[fitted["label"] == brouwer.CONTROL]
+    if ours.empty or control.empty:
+        return None
+    fast = ours[ours["energy low"] > ENERGY + ABOVE]
+    large = table[(table["label"] != brouwer.CONTROL) & (table["in units"] > UNITS)]
+    late = ours[ours["phase low"] > PHASE + ABOVE]
+    caught = bool((control["in units"] > UNITS).all())
+    worst = ours.loc[ours["energy exponent"].idxmax()]
+    fastest = f"{worst['label']} at h = {worst['h']:g}, n^{worst['energy exponent']:.2f}"
+    text = (
+        f"Brouwer's law: in {len(ours) - len(fast)} of {len(ours)} ensembles the energy's round-off grows no faster "
+        f"than n^{ENERGY:g} (fastest {fastest}, {number(abs(worst['bias per step']), 2)} a step), in "
+        f"{len(ours) - len(late)} the phase's than n^{PHASE:g}; the energy's is at most "
+        f"{number(ours['in units'].max())} eps h n^(1/2) after {number(float(ours['steps'].max()))} steps"
+    )
+    long = table[table["energy exponent"].isna()]
+    if len(long):
+        text += f", {number(long['in units'].max())} after {number(float(long['steps'].max()))}"
+    for _, row in ours[ours["label"] == KEPLER].iterrows():
+        exponents = f"n^{row['energy exponent']:.2f} and n^{row['phase exponent']:.2f}"
+        text += f"; {KEPLER}, where the frequency depends on the energy, has {exponents}"
+    text += f"; plain sums, the control, have {number(control['in units'].max())}"
+    text += "." if caught else ": not told apart."
+    holds = fast.empty and late.empty and large.empty and caught
+    said = f"Round-off grows by Brouwer's law in {len(ours) - len(fast)} of {len(ours)} ensembles."
+    return Verdict(text, holds, said)

@@ -1,0 +1,153 @@
+"""Stable steps on the oscillator: closed forms to ten digits, gaps, touches and crossings, long runs, the command."""
+
+from __future__ import annotations
+
+import json
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import phasebench as pb
+from phasebench.benchmarks.cli import app
+from phasebench.benchmarks.experiments.extremes import linear, published
+from phasebench.benchmarks.measure import linear_stability, oscillator
+from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.integrators.errors import InvalidInput
+
+DIGITS = 1e-10
+
+
+def of_trace(trace):
+    """A symplectic map of that trace."""
+    return lambda z: np.array([[trace(z), -1.0], [1.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("method", "limit"),
+    [
+        ("stormer-verlet", 2.0),
+        ("rk4", math.sqrt(8)),
+        ("forest-ruth", (2 - 2 ** (1 / 3)) * math.sqrt(2 + 2 * 2 ** (1 / 3))),
+        ("explicit-euler", 0.0),
+    ],
+)
+def test_limits_are_known_to_ten_digits(method, limit):
+    found = oscillator.find(integrator(method))
+    assert found.how == oscillator.TRACE
+    assert found.limit == pytest.approx(limit, rel=DIGITS)
+
+
+@pytest.mark.parametrize("lam", ["-10", "-4", "3", "6", "1/3"])
+def test_scheme_i_ends_where_it_is_proved_though_a_pole_is_near(lam):
+    """At lambda = 3 the trace has a pole at 0.408, between the same points of the scan as the limit, 0.4."""
+    found = oscillator.find(integrator("scheme-i", lam=lam))
+    assert found.limit == pytest.approx(float(2 / abs(1 - 2 * Fraction(lam))), rel=DIGITS)
+    assert len(found.intervals) == 1
+
+
+def test_a_pole_between_points_of_the_scan_is_no_end():
+    """tr = 2 - z^2 / (1 - 6 z^2): -2 at 0.4, infinite at 0.40825, then above 2 for good."""
+    found = linear_stability.stability(of_trace(lambda z: 2 - z**2 / (1 - 6 * z**2)))
+    assert found.limit == pytest.approx(0.4, abs=1e-6)
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-3])
+def test_a_narrow_gap_past_the_first_end_is_sharp(width):
+    """The trace passes -2 between points of the scan, by its own curvature."""
+    at, low = 3.0 + linear_stability.SPACING / 3, -2 - width**2 / 4
+    found = oscillator.of_matrix(of_trace(lambda z: min(low + (z - at) ** 2, 1.99)))
+    (_, first), (second, last) = found.intervals
+    assert (first, second, last) == (
+        pytest.approx(at - width / 2, rel=DIGITS),
+        pytest.approx(at + width / 2, rel=DIGITS),
+        None,
+    )
+    assert found.touches == ()
+
+
+def test_a_double_root_is_a_touch_and_no_end():
+    found = oscillator.of_matrix(of_trace(lambda z: 2 * np.cos(z)))
+    assert found.intervals == ((0.0, None),)
+    assert np.allclose(found.touches[:3], np.pi * np.arange(1, 4), atol=1e-6)
+
+
+def test_a_trace_that_stays_below_2_by_a_little_touches_nothing():
+    found = oscillator.of_matrix(of_trace(lambda z: 1.99999 * np.cos(z)))
+    assert found.touches == ()
+
+
+def test_gauss_touches_where_its_phase_is_pi():
+    """R = (1 - z^2/12 + i z/2) / (1 - z^2/12 - i z/2) is -1 at z^2 = 12."""
+    found = oscillator.find(integrator("gauss-2"))
+    assert found.limit is None
+    assert np.allclose(found.touches, [math.sqrt(12)], atol=1e-6)
+
+
+def test_lobatto_has_a_gap():
+    found = oscillator.find(integrator("lobatto-iiia-iiib-3"))
+    assert np.allclose(found.intervals, [(0, math.sqrt(8)), (math.sqrt(12), math.sqrt(24))], rtol=DIGITS, atol=0)
+
+
+def test_long_runs_agree_on_both_sides_and_see_a_wrong_limit():
+    chosen = integrator("blanes-moan-s6")
+    found = oscillator.find(chosen)
+    assert len(found.intervals) > 1
+    right, runs = linear.confirmed(chosen, found)
+    assert right == runs >= 4
+    wrong = oscillator.Found(((0.0, found.limit * 1.004), *found.intervals[1:]), (), found.scanned, found.how)
+    assert linear.confirmed(chosen, wrong)[0] < linear.confirmed(chosen, wrong)[1]
+
+
+def test_a_map_that_is_not_linear_is_judged_by_long_runs():
+    found = oscillator.find(integrator("rk4-relaxation"))
+    assert found.how == oscillator.RUNS
+    assert found.limit == pytest.approx(math.sqrt(8), rel=2e-3)
+    assert found.reason
+
+
+def test_a_step_of_ones_own_and_what_it_keeps():
+    """Leapfrog as two steps in one is linear; one that remembers is not a map of the state."""
+    found = pb.stability(published.STEPS["kutta-3"]).iloc[0]
+    assert found["limit"] == pytest.approx(math.sqrt(3), rel=DIGITS)
+
+    def remembering(system, q, p, h, last=[0.0]):  # noqa: B006
+        last[0] += h
+        return q + h * p * (1 + last[0] % 0.7), p - h * q
+
+    assert not oscillator.linear(integrator(remembering))
+
+
+def test_a_map_that_is_not_linear_and_always_grows_has_no_limit():
+    found = oscillator.find(integrator(lambda system, q, p, h: (1.02 * q + h * p, 1.02 * p - h * q * abs(q))))
+    assert (found.how, found.limit, found.intervals) == (oscillator.RUNS, 0.0, ())
+    assert found.reason
+
+
+def test_what_has_no_step_is_refused():
+    with pytest.raises(InvalidInput, match="tolerance"):
+        pb.stability("heyoka")
+    with pytest.raises(InvalidInput, match="requires"):
+        pb.stability("wisdom-holman")
+
+
+def test_the_command_prints_the_contract():
+    done = CliRunner().invoke(app, ["stability", "scheme-i", "--param", "lam=1/2", "--json"])
+    found = json.loads(done.stdout)
+    assert {"method", "params", "limit", "intervals", "how"} <= found.keys()
+    assert (found["limit"], found["intervals"], found["params"]) == (None, [[0.0, None]], {"lam": "1/2"})
+    done = CliRunner().invoke(app, ["stability", "stormer-verlet"])
+    assert done.exit_code == 0
+    assert "trace of the step map" in done.stdout
+    assert CliRunner().invoke(app, ["stability", "stormer-verlett", "--json"]).exit_code == 2
+
+
+def test_known_limits_are_compared_to_the_digits_that_are_printed():
+    assert linear.agrees(2.553145, 2.55, 3)
+    assert not linear.agrees(2.5563, 2.55, 3)
+    assert not linear.agrees(math.inf, 2.0, 3)
+    assert not linear.agrees(2.0, math.inf, 3)
+    assert len(published.LIMITS) >= 15
+    assert all(limit.source for limit in published.LIMITS)
