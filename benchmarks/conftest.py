@@ -43,12 +43,13 @@ def pytest_configure(config):
 def _names() -> set[str]:
     """What a keyword may name, besides functions."""
     from phasebench.benchmarks.problems import PROBLEMS
+    from phasebench.benchmarks.problems.questions import QUESTIONS
     from phasebench.benchmarks.problems.scenes import SCENES
     from phasebench.integrators.registry import METHODS
     from phasebench.reference.peers import PEERS
 
     experiments = {p.parent.name for p in Path(__file__).parent.glob("experiments/*/bench_*.py")}
-    ids = {x.id for x in (*METHODS, *PEERS, *SCENES)}
+    ids = {x.id for x in (*METHODS, *PEERS, *SCENES, *QUESTIONS)}
     return ids | {p.package for p in PEERS} | {*PROBLEMS} | experiments
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from phasebench.benchmarks.experiments.advice.page import PAGE as ADVICE
 from phasebench.benchmarks.experiments.audit.page import PAGE as AUDIT
 from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
@@ -32,6 +33,7 @@ from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
 from phasebench.benchmarks.experiments.talks.page import PAGES as FIGURES
 from phasebench.benchmarks.experiments.talks.statements_page import PAGES as TALKS
 from phasebench.benchmarks.experiments.trade.page import PAGE as TRADE
+from phasebench.benchmarks.experiments.trade.scene_page import PAGES as TRADE_SCENES
 from phasebench.benchmarks.experiments.waves.page import PAGE as WAVES
 from phasebench.benchmarks.experiments.waves.spacetime_page import PAGE as MULTISYMPLECTIC
 from phasebench.benchmarks.experiments.wisdom_holman.page import PAGE as WISDOM_HOLMAN
@@ -45,6 +47,7 @@ from .rows import tables as results
 #: In the order in which a reader wants them.
 PAGES: tuple[Page, ...] = (
     TRADE,
+    ADVICE,
     PRINTED,
     ORDERS,
     STRUCTURE,
@@ -65,6 +68,7 @@ PAGES: tuple[Page, ...] = (
     *CATALOGUE,
     *TALKS,
     *FIGURES,
+    *TRADE_SCENES,
 )
 QUICK = "This is the quick tier: few steps, few rounds; it shows that the suite runs, and no more."
 
@@ -154,6 +158,7 @@ def _entry(written: list[_Written], target: Path, quick: bool) -> None:
         [
             {"question": f"[{w.page.question}]({w.page.id}.md)", "outcome": f"**{w.outcome}**", "in short": w.short}
             for w in written
+            if w.page.listed
         ]
     )
     parts = ["# phasebench: what was measured\n", *([f"{QUICK}\n"] if quick else []), markdown.table(lines)]

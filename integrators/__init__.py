@@ -19,6 +19,7 @@ _HOMES = {
     "METHODS": "registry",
     "Method": "record",
     "Solution": "driver",
+    "TransformedHamiltonian": "systems.transformed",
     "integrate": "driver",
     "integrate_ensemble": "ensemble",
     "method": "registry",

@@ -21,6 +21,7 @@ _HOMES = {
     "PEERS": "reference.peers",
     "PROBLEMS": "benchmarks.problems",
     "Solution": "integrators",
+    "advise": "benchmarks.advice.table",
     "integrate": "benchmarks.measure.integrator",
     "integrate_ensemble": "benchmarks.measure.ensembles",
     "integrator": "benchmarks.measure.integrator",

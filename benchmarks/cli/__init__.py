@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from .advise import advise
 from .audit import audit
 from .cache import cache
 from .certify import certify
@@ -21,6 +22,7 @@ from .report import report
 from .run import run
 from .stability import stability
 from .validate import validate
+from .workprecision import workprecision
 
 #: Name -> the function, whose signature typer reads and whose docstring is the help.
 COMMANDS = {
@@ -28,6 +30,8 @@ COMMANDS = {
     "integrate": integrate,
     "run": run,
     "report": report,
+    "advise": advise,
+    "workprecision": workprecision,
     "certify": certify,
     "audit": audit,
     "compare": compare,

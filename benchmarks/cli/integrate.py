@@ -7,12 +7,14 @@ energy error over all of them.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Any
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
 from phasebench.integrators.errors import InvalidInput
 
+from . import trajectory
 from .shared import WRONG, compilation_shown, complain, invalid_input, numbers, out, pairs, print_json, values
 
 COUNTS = ("steps", "gradient", "hessian", "iterations", "fallbacks")
@@ -41,6 +43,12 @@ def integrate(
     q: Annotated[str | None, typer.Option(help="Initial coordinates: 0,0.82.")] = None,
     p: Annotated[str | None, typer.Option(help="Initial momenta: 0.1,0.")] = None,
     timeout: Annotated[float | None, typer.Option(help="Stop after so many seconds.")] = None,
+    error: Annotated[bool, typer.Option("--error", help="Print the error against the certified reference.")] = False,
+    quantity: Annotated[
+        str | None, typer.Option(help="Print the error of this quantity, too: trajectory, energy, ...")
+    ] = None,
+    output: Annotated[Path | None, typer.Option(help="Write the trajectory: a file .csv or .npz.")] = None,
+    every: Annotated[int, typer.Option(help="Write every so many-th row of it, and the last.")] = 1,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Integrate a problem with a method and say how it went; exit code 0 only for status ok."""
@@ -60,22 +68,16 @@ def integrate(
                 "give a problem and a method, as in: integrate pendulum stormer-verlet --h 0.1 --t-end 1"
             )
         q0, p0 = numbers(q, "q"), numbers(p, "p")
-        chosen_problem = _problem(problem, hamiltonian, values(set_, "set"), q0, p0)
+        _check_output(output, every)
+        chosen_problem = made(problem, hamiltonian, values(set_, "set"), q0, p0)
         parameters |= pairs(param, "--param")
         with compilation_shown(not as_json):
             from phasebench.benchmarks.measure.integrator import integrator
 
-            result = _integrated(
-                chosen_problem,
-                integrator(method, **parameters),
-                tol,
-                timeout,
-                h=h,
-                t_end=t_end,
-                steps=steps,
-                q0=q0,
-                p0=p0,
-            )
+            chosen = integrator(method, **parameters)
+            wanted = Wanted(error, quantity, output, every)
+            options = {"h": h, "t_end": t_end, "steps": steps, "q0": q0, "p0": p0}
+            result = _integrated(chosen_problem, chosen, wanted, tol, timeout, **options)
     if as_json:
         print_json(result)
     else:
@@ -83,7 +85,7 @@ def integrate(
     raise typer.Exit(0 if result["status"] == "ok" else WRONG)
 
 
-def _problem(name: str | None, hamiltonian: str | None, parameters: dict[str, float], q0, p0):
+def made(name: str | None, hamiltonian: str | None, parameters: dict[str, float], q0, p0):
     """The problem of that name, or of the formula, which ``name`` then labels."""
     from phasebench.benchmarks.problems import PROBLEMS, file_and_orbit, problem
 
@@ -103,18 +105,58 @@ def _label(word: str) -> tuple[str | None, str | None]:
     return (word, None) if word.partition(":")[0] in PROBLEMS else (None, word)
 
 
-def _integrated(problem, integrator, tol, timeout, **common) -> dict[str, Any]:
+class Wanted(NamedTuple):
+    """What is wanted besides: the error, that of a quantity, a file with every so many-th row."""
+
+    error: bool
+    quantity: str | None
+    output: Path | None
+    every: int
+
+
+def _check_output(output: Path | None, every: int) -> None:
+    """Raise InvalidInput where the trajectory could not be written."""
+    if every < 1:
+        raise InvalidInput(f"--every is {every}; it must be a positive integer")
+    if output is None and every > 1:
+        raise InvalidInput("--every says which rows are written: give --output trajectory.csv, too")
+    if output is not None:
+        trajectory.check(output)
+
+
+def _integrated(problem, integrator, wanted: Wanted, tol, timeout, **common) -> dict[str, Any]:
     """The JSON object of one integration."""
     if timeout is not None and not integrator.stoppable:
         raise InvalidInput(f"'{integrator.id}' cannot be stopped: leave out --timeout")
     options = common | {"tol": tol, "timeout": timeout}
     solution = integrator.run(problem, **options)
-    seconds = solution.seconds
+    bare = solution
     if solution.status == "ok":
-        # The rows above give the invariants along the way; the time is of a run without output.
-        seconds = integrator.run(problem, **options, save_every=0).seconds
+        # The rows above give the invariants along the way; time and error are of a run without output.
+        bare = integrator.run(problem, **options, save_every=0)
     parameters = {k: str(v) for k, v in integrator.record.parameters.items()}
-    return _result(problem, replace(solution, seconds=seconds), parameters if tol is None else {"tol": tol})
+    result = _result(problem, replace(solution, seconds=bare.seconds), parameters if tol is None else {"tol": tol})
+    if solution.status == "ok" and (wanted.error or wanted.quantity):
+        result |= _errors(problem, integrator, bare, wanted, tol, common)
+    if wanted.output is not None:
+        rows = trajectory.write(wanted.output, solution, wanted.every)
+        result["output"] = {"file": str(wanted.output), "rows": rows}
+    return result
+
+
+def _errors(problem, integrator, solution, wanted: Wanted, tol, common: dict) -> dict[str, Any]:
+    """The error at the end, and that of a quantity where one is wanted."""
+    from phasebench.benchmarks.advice import against
+    from phasebench.benchmarks.measure.quantities import quantity
+
+    problem = against.started(problem, common["q0"], common["p0"])
+    t_end = float(solution.t[-1] if common["t_end"] is None else common["t_end"])
+    found = against.end_error(problem, solution, t_end)
+    if wanted.quantity:
+        size = {"tol": tol} if integrator.adaptive else {"steps": solution.counts["steps"]}
+        chosen = quantity(problem, wanted.quantity)
+        found["quantity_error"] = against.quantity_error(problem, integrator, chosen, t_end, size)
+    return found
 
 
 def _result(problem, solution, parameters: dict[str, Any]) -> dict[str, Any]:
@@ -168,6 +210,21 @@ def _print(result: dict[str, Any]) -> None:
         known = e["max"] is not None
         words = f"at most {e['max']:.3e}, at the end {e['end']:+.3e}" if known else "unknown"
         table.add_row(Text(f"{name} error"), words)
+    if "reference" in result:
+        table.add_row("global error", Text(_told(result["global_error"], result["reference"])))
+    if "quantity_error" in result:
+        e = result["quantity_error"]
+        table.add_row(Text(f"{e['quantity']} error"), Text(_told(e["error"], e)))
+    if "output" in result:
+        table.add_row("written", Text(f"{result['output']['rows']} rows to {result['output']['file']}"))
     table.add_row("counts", ", ".join(f"{k} {v}" for k, v in result["counts"].items()))
     table.add_row("seconds", f"{result['seconds']:.6f} (warm integration alone)")
     out.print(table, highlight=False)
+
+
+def _told(error: float | None, reference: dict[str, Any]) -> str:
+    """An error with how well its reference is known, or why there is none."""
+    if error is None:
+        return f"none: {reference['reason']}"
+    reach = f"; horizon t = {reference['horizon']:.6g}" if "horizon" in reference else ""
+    return f"{error:.3e} (the reference is known to {reference['uncertainty']:.1e}{reach})"

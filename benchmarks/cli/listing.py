@@ -54,11 +54,14 @@ def _problems() -> list[Row]:
 
 
 def _scenes() -> list[Row]:
+    from phasebench.benchmarks.problems.questions import QUESTIONS
     from phasebench.benchmarks.problems.scenes import SCENES
 
+    held = [(s.id, s.problem, s.t_end, s.purpose, "", (), s.steps) for s in SCENES]
+    asked = [(q.id, q.problem, q.t_end, "trade", q.quantity, q.accuracies, ()) for q in QUESTIONS]
+    heads = ("scene", "problem", "t_end", "purpose", "quantity", "accuracies", "h")
     return [
-        {"scene": s.id, "problem": s.problem, "t_end": s.t_end, "purpose": s.purpose, "h": list(s.steps)}
-        for s in SCENES
+        {k: list(v) if isinstance(v, tuple) else v for k, v in zip(heads, row, strict=True)} for row in held + asked
     ]
 
 

@@ -13,6 +13,12 @@ from .shared import err, invalid_input, out
 
 
 def run(
+    problem: Annotated[
+        str | None,
+        typer.Argument(metavar="[PROBLEM]", help="Instead of scenes a problem, or your own, ./my_problem.py."),
+    ] = None,
+    t_end: Annotated[float | None, typer.Option(help="End time of PROBLEM.")] = None,
+    quantity: Annotated[str, typer.Option(help="Of PROBLEM: whose error is measured.")] = "end-state",
     scene: Annotated[list[str], typer.Option(help="A scene; all where none is named.")] = [],  # noqa: B006
     method: Annotated[list[str], typer.Option(help="A method or a peer; all where none is named.")] = [],  # noqa: B006
     quick: Annotated[bool, typer.Option(help="Fewer steps.")] = False,
@@ -20,7 +26,10 @@ def run(
         Path, typer.Option(help="Rows, one JSON object a line; those that are there and have not changed stay.")
     ] = Path("rows.jsonl"),
 ) -> None:
-    """Sweep methods over scenes into tidy rows, kept on disk as they are measured."""
+    """Sweep methods over scenes, or over one problem's steps, into tidy rows on disk."""
+    if problem is not None:
+        _one(problem, t_end, quantity, method, scene, output)
+        return
     from phasebench.benchmarks.experiments.trade import peer_rows, sweep
     from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
     from phasebench.benchmarks.rows import lines, screen
@@ -45,3 +54,26 @@ def run(
     out.print(f"{len(rows)} rows in {output}: " + ", ".join(f"{n} {s}" for s, n in ends.items()))
     if failed:
         raise typer.Exit(1)
+
+
+def _one(problem: str, t_end: float | None, quantity: str, methods: list[str], scenes: list[str], output: Path) -> None:
+    """Error and time of methods on one problem, from where each breaks to round-off, one JSON object a line."""
+    import json
+
+    from phasebench.integrators.errors import InvalidInput
+    from phasebench.reference.tables import write_file
+
+    from .integrate import made
+    from .workprecision import measured
+
+    with invalid_input():
+        if t_end is None or not t_end > 0:
+            raise InvalidInput("give --t-end, a positive number: where does the integration end?")
+        if scenes:
+            raise InvalidInput("both a problem and a scene are given; leave out one of them")
+        if not output.parent.is_dir():
+            raise InvalidInput(f"--output is {output}, and there is no folder {output.parent}")
+        rows = measured(made(problem, None, {}, None, None), t_end, quantity, ",".join(methods))
+        write_file(output, "".join(json.dumps(row) + "\n" for row in rows))
+    ends = Counter(r["status"] for r in rows)
+    out.print(f"{len(rows)} rows in {output}: " + ", ".join(f"{n} {s}" for s, n in ends.items()))

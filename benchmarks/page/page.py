@@ -112,6 +112,7 @@ class Page:
     figures : (data, folder of figures) -> pictures
     table : data -> `Table`
     whole : data -> a table of more rows, folded on the HTML page
+    listed : whether the entry has a line for it; else another page links to it
     """
 
     id: str
@@ -124,6 +125,7 @@ class Page:
     figures: Callable[[Data, Path], list[Picture] | None] = _nothing
     table: Callable[[Data], Table | None] = _nothing
     whole: Callable[[Data], pd.DataFrame | None] = _nothing
+    listed: bool = True
 
     def judged(self, data: Data) -> list[Verdict]:
         """The verdicts on the tables that were measured."""

@@ -15,6 +15,9 @@ from sympy.printing.pycode import PythonCodePrinter
 
 from .codegen import DOUBLE, MULTIPRECISION, kept_text
 
+#: Numba's integers are below it.
+LARGEST = 2**63
+
 
 class _Printer(PythonCodePrinter):
     """Python source in which powers are products and rationals exact in the arithmetic at hand."""
@@ -31,7 +34,7 @@ class _Printer(PythonCodePrinter):
     _print_Half = _print_Rational
 
     def _print_Integer(self, x):
-        return str(x.p)
+        return str(x.p) if abs(x.p) < LARGEST else self._print_Rational(x)
 
     def _print_Float(self, x):
         return f"mpfr({float(x)!r})" if self.multi else repr(float(x))

@@ -23,7 +23,10 @@ BIT 48 (2008) 231-243.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 import mpmath
@@ -32,7 +35,8 @@ import sympy as sp
 from numba import types
 
 from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
-from phasebench.integrators.engine import codegen, printing
+from phasebench.integrators.engine import codegen, elementary, printing
+from phasebench.integrators.engine import lanes as lane_operations
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, array
 from phasebench.integrators.engine.lanes import combine, put, take, total
@@ -246,7 +250,14 @@ def forces(system, lanes: int, arithmetic: str):
         )
 
     signature = types.void(types.Array(types.float64, 2, "C"))
-    return codegen.function(f"forces in {lanes} lanes|{system.content}", text, d, signature, arithmetic)
+    key = f"forces in {lanes} lanes|{_operations()}|{system.content}"
+    return codegen.function(key, text, d, signature, arithmetic)
+
+
+@cache
+def _operations() -> str:
+    """The hash of the modules whose operations become a part of a generated function."""
+    return hashlib.sha256(b"".join(Path(m.__file__).read_bytes() for m in (lane_operations, elementary))).hexdigest()
 
 
 def padded(row, lanes: int, filler) -> list:

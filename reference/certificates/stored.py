@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from decimal import Decimal, InvalidOperation, localcontext
@@ -245,7 +246,7 @@ def read(id: str, directory: Path | str | None = None) -> tuple[tuple[Certificat
         Where the file is truncated or changed, naming it and the remedy.
     """
     path = _path(id, directory)
-    if not path.exists():
+    if not os.path.exists(path):  # of a formula the id is its text, which may be too long for a file's name
         return (), {}
     try:
         content = json.loads(path.read_text(encoding="utf-8"))

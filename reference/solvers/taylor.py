@@ -114,7 +114,12 @@ def propagate(ta, grid):
     """
     import heyoka as hy
 
-    outcome, _, _, steps, _, rows = ta.propagate_grid(grid, max_steps=STEP_LIMIT)
+    if len(grid) == 2:  # the same steps without the polynomials that rows are taken from: up to a fifth faster
+        first = ta.state.copy()
+        outcome, _, _, steps, _, _ = ta.propagate_until(grid[1], max_steps=STEP_LIMIT)
+        rows = np.stack([first, ta.state] if outcome == hy.taylor_outcome.time_limit else [first])
+    else:
+        outcome, _, _, steps, _, rows = ta.propagate_grid(grid, max_steps=STEP_LIMIT)
     if outcome == hy.taylor_outcome.time_limit:
         return rows, steps, None
     why = {

@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 from phasebench.benchmarks.__main__ import app
 from phasebench.benchmarks.cli import shared
 from phasebench.benchmarks.problems import PROBLEMS, problem
+from phasebench.benchmarks.problems.questions import QUESTIONS
 from phasebench.benchmarks.problems.scenes import SCENES
 from phasebench.integrators import integrate, registry
 from phasebench.integrators.registry import METHODS
@@ -29,7 +30,7 @@ ROOT = Path(__file__).resolve().parents[2]
 REGISTERED = {
     "methods": [m.id for m in METHODS],
     "problems": [*PROBLEMS, *(orbit for _, _, orbits in PROBLEMS.values() for orbit in orbits)],
-    "scenes": [s.id for s in SCENES],
+    "scenes": [s.id for s in (*SCENES, *QUESTIONS)],
     "peers": [p.id for p in PEERS],
 }
 CONTRACT = ["problem", "method", "params", "h", "steps", "t", "q", "p", "energy_error", "invariants"]
@@ -150,7 +151,7 @@ FILTERS = [
     ("kind", "options", "keep"), FILTERS, ids=lambda x: " ".join(x) if isinstance(x, tuple) else ""
 )
 def test_filters_leave_what_they_say(kind, options, keep):
-    known = {"methods": METHODS, "peers": PEERS, "scenes": SCENES}[kind]
+    known = {"methods": METHODS, "peers": PEERS, "scenes": (*SCENES, *QUESTIONS)}[kind]
     expected = [x.id for x in known if keep(x)]
     rows = strict(call("list", kind, *options, "--json")[1])
     assert [r[kind[:-1]] for r in rows] == expected

@@ -13,6 +13,7 @@ import pytest
 
 from phasebench.benchmarks.experiments.trade import bench_errors, peer_rows, sweep
 from phasebench.benchmarks.measure import accuracy
+from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
 from phasebench.benchmarks.rows import sources
@@ -199,4 +200,4 @@ def test_rows_of_peers_are_not_in_the_stored_tables():
     table = bench_errors._table([*mine, other], SCENE)
     assert len(table) == len(mine)
     assert "heyoka" not in set(table["method"])
-    assert "heyoka" in set(bench_errors._table([*mine, other | {"kind": sweep.KIND}], SCENE)["method"])
+    assert "heyoka" in set(bench_errors._table([*mine, other | {"kind": OURS}], SCENE)["method"])

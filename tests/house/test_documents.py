@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = {name: (ROOT / name).read_text() for name in ("README.md", "CONTRIBUTING.md")}
 BLOCK = re.compile(r"^( *)```(\w*)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 #: Commands that take more than a few seconds are parsed, not run.
-LONG = ("run", "report", "certify", "audit", "compare")
+LONG = ("run", "report", "certify", "audit", "compare", "advise", "workprecision")
 #: What an example writes or reads, and no file of the project.
 OWN = ("my_step.py", "my_problem.py", "test_my_step.py")
 

@@ -44,6 +44,7 @@ ROOMS = {
         ("problems",),
         ("rows",),
         ("measure",),
+        ("advice",),
         ("page", "bibliography", "history"),
         ("certificate",),
         ("experiments",),

@@ -62,6 +62,16 @@ def test_the_steps_can_be_taken_back_in_fictitious_time(m):
     assert there_and_back(m.id, WIDE[m.order], 20, reflected=False) > 1e-9, "the control: a density not turned round"
 
 
+@pytest.mark.parametrize("id", ["stormer-verlet-adaptive", "gauss-8-adaptive"])
+def test_the_first_density_is_half_a_step_ahead(id):
+    q, p, h = np.array([1.0, 0.2]), np.array([0.3, 0.9]), 0.3
+    run = _lay_out(prepare(BY_ID[id], ORBIT.system), 2, h, q, p, DOUBLE)
+    assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 1) == (1, 0)
+    assert run.counts.steps == 0, "the row is reached by a shorter step alone"
+    r = np.hypot(*q)
+    assert run.orbit.state[5, 0] == pytest.approx(r**-1.5 - 0.5 * h * 1.5 * (q @ p) / r**2, rel=1e-14)
+
+
 def test_an_eccentric_orbit_costs_less_than_with_fixed_steps():
     error, evaluations = returned("gauss-8-adaptive", 0.9, 0.3)
     fixed, more = returned("gauss-8", 0.9, PERIOD / 100)

@@ -150,3 +150,21 @@ def test_without_compilation_there_is_no_compiled_right_hand_side(monkeypatch):
     monkeypatch.setattr(codegen, "compiled", lambda: False)
     with pytest.raises(InvalidInput, match="compilation is off"):
         integrate_peer(problem("kepler"), "scipy-lsoda-numba", t_end=1.0)
+
+
+@pytest.mark.parametrize(("solver", "same"), [("ode", "scipy-dop853-numba"), ("odeint", "scipy-lsoda-numba")])
+def test_the_older_interfaces_are_the_same_algorithms_and_faster(solver, same):
+    made = problem("henon-heiles:box")
+    old = integrate_peer(made, peers.fast(solver), t_end=100.0, steps=4, tol=1e-9)
+    new = integrate_peer(made, BY_ID[same], t_end=100.0, steps=4, tol=1e-9)
+    assert old.status == "ok"
+    assert 1e-12 < error(old, made) < 3 * error(new, made)
+    ends = [integrate_peer(made, p, t_end=100.0, tol=1e-9, save_every=0) for p in (peers.fast(solver), BY_ID[same])]
+    assert ends[0].seconds < ends[1].seconds
+
+
+@pytest.mark.parametrize("solver", ["ode", "odeint"])
+def test_the_older_interfaces_say_that_they_failed(solver):
+    escape = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
+    found = integrate_peer(escape, peers.fast(solver), t_end=50.0, tol=1e-6, q0=[1.0], p0=[1.0], save_every=0)
+    assert found.status == "diverged"

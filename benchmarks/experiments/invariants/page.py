@@ -7,6 +7,7 @@ import pandas as pd
 
 from phasebench.benchmarks.experiments.matrix import matrix
 from phasebench.benchmarks.experiments.trade import sweep
+from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.markdown import listed, number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of, once
@@ -31,7 +32,7 @@ def long_runs(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows of this project's methods on the long scenes, with their declared class."""
     part = rows[rows["purpose"] == sweep.DRIFT]
     if "kind" in part:
-        part = part[part["kind"] == sweep.KIND]
+        part = part[part["kind"] == OURS]
     part = part[part["status"] != "skipped"].copy()
     wanted = (
         "energy_max",

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks.experiments.trade import sweep
+from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.measure.multiprecision import DIGITS
 from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.markdown import listed, number
@@ -26,7 +27,7 @@ def in_doubles(rows: pd.DataFrame) -> pd.DataFrame:
     found = pd.DataFrame(sweep.orders(records))
     if found.empty:
         return found
-    found = found[found["kind"] == sweep.KIND].copy()
+    found = found[found["kind"] == OURS].copy()
     return found.assign(
         deviation=(found["order"] - found["declared"]).astype(float), half=(found["high"] - found["low"]) / 2
     )

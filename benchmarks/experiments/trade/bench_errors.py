@@ -9,7 +9,8 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.trade import ladders, sweep
+from phasebench.benchmarks.experiments.trade import sweep
+from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.problems.scenes import SCENES
 from phasebench.integrators.registry import METHODS, method
 from phasebench.reference import tables
@@ -24,8 +25,8 @@ CHOICE = 0.5
 
 
 def cells(quick: bool = False):
-    """The sweep, and the ladders of the long scenes."""
-    return [*sweep.cells(quick), *ladders.cells(quick)]
+    """The sweep."""
+    return sweep.cells(quick)
 
 
 def _regressed(scene) -> tuple[str, ...]:
@@ -34,7 +35,7 @@ def _regressed(scene) -> tuple[str, ...]:
 
 def _table(rows, scene) -> pd.DataFrame:
     """The rows of methods, with the columns that are stored."""
-    frame = pd.DataFrame([r for r in rows if r.get("kind", sweep.KIND) == sweep.KIND])
+    frame = pd.DataFrame([r for r in rows if r.get("kind", OURS) == OURS])
     status = ["status"] if scene.regular else []
     uncertain = ["reference_uncertainty"] if scene.regular else []
     columns = [*KEYS, *status, *(c for c in (*_regressed(scene), *uncertain) if c in frame.columns)]
@@ -102,7 +103,7 @@ def _record(rows, scene, notes: list[str]) -> None:
 @pytest.mark.parametrize("scene", SCENES, ids=lambda s: s.id)
 def bench_scene(scene, measured, quick, update, notes):
     """A measured number that left its band about the stored one fails, with the row, both numbers and their ratio."""
-    rows = [r for r in measured("rows") if r["scene"] == scene.id and r.get("kind", sweep.KIND) == sweep.KIND]
+    rows = [r for r in measured("rows") if r["scene"] == scene.id and r.get("kind", OURS) == OURS]
     if not rows:
         pytest.skip("no row of a method on this scene was measured")
     if update and not quick:
@@ -113,10 +114,3 @@ def bench_scene(scene, measured, quick, update, notes):
         f"{len(found)} numbers of {scene.id} left their bands (re-record with --update-tables if that is right):\n"
         + found.to_string(index=False, float_format=lambda x: f"{x:.6e}")
     )
-
-
-def bench_ladders(measured):
-    """An error is told of whoever came to the end, and a time of everything with an error."""
-    rows = [r for r in measured(ladders.TABLE) if r["status"] == "ok"]
-    wrong = [r for r in rows if not (r["global_error"] >= 0 and r["seconds"] > 0)]
-    assert not wrong, wrong

@@ -1,94 +1,109 @@
-"""Which integrator for which accuracy: the cheapest of the rows, this project's and the peers'."""
+"""Which integrator for which accuracy: what the tables of the front say, as functions of them."""
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.measure.timing import OPEN, OURS, PEERS, TIED, Median, cheaper
-from phasebench.benchmarks.page.page import Data, once
+from phasebench.benchmarks.measure.timing import NONE, OURS, PEERS, TIED
+from phasebench.benchmarks.page.page import once
 
-from . import sweep
-from .ladders import ACCURACIES, TABLE
-
-#: Times that differ by less than this factor are a tie: they are of cells that were measured one after another.
-TIE = 1.15
-#: An adaptive peer that was run at this tolerance was run as tightly as it goes.
-TIGHTEST = 1e-14
-
-
-def of_all(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Make a function of the rows of the sweep and the ladders one of ``data``; None where neither was measured."""
-
-    @functools.wraps(function)
-    def from_data(data: Data, *more):
-        tables = tuple(t for t in (data("rows"), data(TABLE)) if t is not None and not t.empty)
-        return function(_joined(tables), *more) if tables else None
-
-    return from_data
+#: Two sides are tied where the ratio's interval, widened by this factor, holds 1.
+TIE = 1.05
+#: The accuracies that are shown side by side.
+SHOWN = (1e-3, 1e-6, 1e-9, 1e-12)
+#: Accuracies are the same within this share.
+SAME = 1e-6
 
 
-_last: list = [(), None]
-
-
-def _joined(tables: tuple[pd.DataFrame, ...]) -> pd.DataFrame:
-    """The tables as one, the same object while they are the same: `once` asks for that."""
-    if len(tables) != len(_last[0]) or any(a is not b for a, b in zip(tables, _last[0], strict=True)):
-        _last[:] = tables, pd.concat(tables, ignore_index=True)
-    return _last[1]
-
-
-def long_rows(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows of long scenes that ended well, with an error of the end state and a time."""
-    part = rows[(rows["purpose"] == sweep.DRIFT) & (rows["status"] == "ok")]
-    for column in ("global_error", "global_error_time", "seconds"):
-        if column not in part:
-            return part.iloc[:0]
-    at_end = part["global_error_time"] >= 0.999 * part["t_end"]
-    return part[at_end & part["global_error"].notna() & part["seconds"].notna()]
-
-
-def _cheapest(rows: pd.DataFrame) -> pd.Series | None:
-    return None if rows.empty else rows.loc[rows["seconds"].idxmin()]
-
-
-def might_win(members: pd.DataFrame, accuracy: float, ours: float) -> list[str]:
-    """Adaptive peers of a scene that do not reach the accuracy at the tolerances that were measured, but might.
-
-    They are those whose tightest run took less time than ``ours``: a tighter one was not measured.
-    """
-    if "tol" not in members:
-        return []
-    open_ = []
-    for name, part in members[members["tol"].notna()].groupby("method", sort=False):
-        tightest = part.loc[part["tol"].idxmin()]
-        reached = (part["global_error"] <= accuracy).any()
-        if not reached and tightest["tol"] > TIGHTEST and tightest["seconds"] < ours:
-            open_.append(name)
-    return open_
+def cheaper(row) -> str:
+    """Who is cheaper in a row of the choices; a side that does not reach the accuracy has no integrator."""
+    there = {side: isinstance(row.get(f"{side} integrator"), str) for side in (OURS, PEERS)}
+    if not all(there.values()):
+        return next((side for side, is_ in there.items() if is_), NONE)
+    if row["ratio high"] * TIE < 1:
+        return OURS
+    return PEERS if row["ratio low"] > TIE else TIED
 
 
 @once
-def choices(rows: pd.DataFrame) -> pd.DataFrame:
-    """A row for each long scene and accuracy: the cheapest of each side, their seconds, who is cheaper."""
-    lines = []
-    for scene, members in long_rows(rows).groupby("scene", sort=False):
-        own = members["kind"] == sweep.KIND if "kind" in members else pd.Series(True, members.index)
-        for accuracy in ACCURACIES:
-            enough = members["global_error"] <= accuracy
-            best = {OURS: _cheapest(members[own & enough]), PEERS: _cheapest(members[~own & enough])}
-            seconds = {who: np.inf if row is None else float(row["seconds"]) for who, row in best.items()}
-            line = {"scene": scene, "error up to": accuracy}
-            for who, row in best.items():
-                line |= {who: "none" if row is None else row["method"], f"{who} seconds": seconds[who]}
-            who = cheaper(*(Median(x, x, x) for x in seconds.values()), TIE)
-            undecided = might_win(members, accuracy, seconds[OURS]) if who in (OURS, TIED) else []
-            lines.append(line | {"cheaper": OPEN if undecided else who})
-    return pd.DataFrame(lines)
+def choices(front: pd.DataFrame) -> pd.DataFrame:
+    """The choices with who is cheaper."""
+    columns = [f"{side} {x}" for side in (OURS, PEERS) for x in ("integrator", "seconds")]
+    columns += ["ratio", "ratio low", "ratio high"]
+    whole = front.reindex(columns=[*front.columns, *(c for c in columns if c not in front)])
+    return whole.assign(cheaper=[cheaper(r) for r in whole.to_dict("records")])
+
+
+def at(found: pd.DataFrame, accuracy: float) -> pd.DataFrame:
+    """The rows of an accuracy."""
+    return found[np.isclose(found["accuracy"], accuracy, rtol=SAME, atol=0)]
+
+
+def counts(found: pd.DataFrame) -> tuple[int, int, int, int]:
+    """How often ours, a peer, neither is the cheaper, and none gets there."""
+    number = found["cheaper"].value_counts()
+    return tuple(int(number.get(who, 0)) for who in (OURS, PEERS, TIED, NONE))
+
+
+def winner(row) -> str:
+    """The integrator that is cheapest; of a tie the one of the smaller median."""
+    sides = [s for s in (OURS, PEERS) if isinstance(row[f"{s} integrator"], str)]
+    return row[f"{min(sides, key=lambda s: row[f'{s} seconds'])} integrator"] if sides else ""
+
+
+def changes(found: pd.DataFrame) -> list[tuple[float, str, str]]:
+    """Where the advice of a scene changes: (accuracy from which on, who until then, who from there), by accuracy.
+
+    A tie changes nothing.
+    """
+    out, before = [], None
+    for row in found.sort_values("accuracy", ascending=False).to_dict("records"):
+        who = row["cheaper"]
+        if who in (TIED, NONE):
+            continue
+        if before is not None and who != before:
+            out.append((row["accuracy"], before, who))
+        before = who
+    return out
+
+
+def agreement(finals: pd.DataFrame, again: pd.DataFrame) -> tuple[int, int, int]:
+    """(accuracies measured twice, where the same integrator won both times, where the two that won are tied).
+
+    Two are tied where both were finals of a sweep and their medians' intervals, widened by `TIE`, meet.
+    """
+    pairs = same = tied = 0
+    first = dict(list(finals.groupby(["scene", "accuracy"])))
+    for key, second in again.groupby(["scene", "accuracy"]):
+        if key not in first:
+            continue
+        pairs += 1
+        winners = [part.loc[part["seconds"].idxmin(), "integrator"] for part in (first[key], second)]
+        if winners[0] == winners[1]:
+            same += 1
+        else:
+            tied += any(_meet(part, winners) for part in (first[key], second))
+    return pairs, same, tied
+
+
+def _meet(part: pd.DataFrame, names: Iterable[str]) -> bool:
+    """Whether the intervals of two integrators of one final meet."""
+    members = [part[part["integrator"] == name] for name in names]
+    if any(m.empty for m in members):
+        return False
+    return max(m["low"].iloc[0] for m in members) <= TIE * min(m["high"].iloc[0] for m in members)
+
+
+def drawn(finals: pd.DataFrame, side: str, most: int) -> list[str]:
+    """At most so many integrators of a side for a figure: those that are its cheapest at most accuracies."""
+    part = finals[finals["side"] == side]
+    if part.empty:
+        return []
+    best = part.loc[part.groupby("accuracy")["seconds"].idxmin(), "integrator"]
+    return list(best.value_counts().index[:most])
 
 
 def frontier(rows: pd.DataFrame, most: int, error: str = "global_error") -> list[str]:

@@ -1,200 +1,162 @@
-"""Error against time: which integrator for which accuracy."""
+"""Which integrator for which accuracy: every scene at a glance."""
 
 from __future__ import annotations
 
-import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.measure.timing import NONE, OPEN, OURS, PEERS, TIED
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict
+from phasebench.benchmarks.measure.timing import NONE, OURS, PEERS, TIED
+from phasebench.benchmarks.page.markdown import listed, number
+from phasebench.benchmarks.page.page import Page, Picture, Table, Verdict, of
+from phasebench.benchmarks.problems.questions import QUESTIONS
 
-from . import ladders, sweep
-from .choice import TIE, choices, frontier, long_rows, of_all
-from .ladders import ACCURACIES
+from . import again, figures, front
+from .choice import SHOWN, TIE, agreement, at, choices, counts, winner
+from .climb import KEEP, LOSING
+from .front import CHOICES, FINALISTS, FINALS, MARGIN
 
-#: The scene of the work-precision diagram, where it was measured, and its curves at most: ours, the peers'.
-SCENE = "perturbed-kepler-t1000"
-CURVES = {True: 5, False: 4}
-#: Errors are drawn no smaller.
-FLOOR = 1e-16
+#: How often two sweeps should agree.
+AGREED = 0.95
+#: A peer is farther ahead than this where our methods have something to learn.
+FAR = 2.0
+#: The question that stands for its problem in the table: the first.
+ONE_EACH = {q.problem.partition(":")[0]: q.id for q in reversed(QUESTIONS)}.values()
 
 
-@of_all
+@of(CHOICES)
 def wins(rows: pd.DataFrame) -> Verdict | None:
-    """Who is the cheaper how often."""
+    """Who is the cheaper how often, at each of the accuracies shown."""
     found = choices(rows)
-    if found.empty:
-        return None
-    count = found["cheaper"].value_counts()
-    ours, peers, tied, open_, none = (int(count.get(w, 0)) for w in (OURS, PEERS, TIED, OPEN, NONE))
-    text = (
-        f"Of {len(found)} pairs of a long scene and an accuracy one of this project's methods is cheapest in {ours}, "
-    )
-    text += f"a peer in {peers}, {tied} {'is a tie' if tied == 1 else 'are ties'}"
-    text += f", {open_} {'is' if open_ == 1 else 'are'} not decided" if open_ else ""
-    text += f", and {none} {'is' if none == 1 else 'are'} reached by none" if none else ""
-    return Verdict(
-        f"{text}.",
-        ours >= peers,
-        f"Cheapest on long scenes: ours {ours}, a peer {peers}, ties {tied}, not decided {open_} of {len(found)}.",
-    )
-
-
-@of_all
-def largest(rows: pd.DataFrame) -> Verdict | None:
-    """Where the two sides are farthest apart."""
-    found = choices(rows)
-    if found.empty:
-        return None
-    both = found[
-        (found["cheaper"] != OPEN) & np.isfinite(found[f"{OURS} seconds"]) & np.isfinite(found[f"{PEERS} seconds"])
-    ]
-    if both.empty:
-        return None
-    ratio = both[f"{PEERS} seconds"] / both[f"{OURS} seconds"]
-    parts = []
-    for who, k, factor in ((OURS, ratio.idxmax(), ratio.max()), (PEERS, ratio.idxmin(), 1 / ratio.min())):
-        if factor > TIE:
-            r = both.loc[k]
-            other = PEERS if who == OURS else OURS
-            at = f"{r['scene']} to {r['error up to']:g}"
-            parts.append(f"on {at} {r[who]} takes {number(1 / factor, 2)} of the time of {r[other]}")
+    parts, total = [], counts(found)
+    for accuracy in SHOWN:
+        ours, peers, tied, none = counts(at(found, accuracy))
+        if ours + peers + tied + none:
+            parts.append(f"to {accuracy:g} {ours}:{peers}" + (f" and {_ties(tied)}" if tied else ""))
     if not parts:
         return None
+    ours, peers, tied, none = total
+    text = f"This project's methods against the peers, scenes in which a side is the cheaper: {'; '.join(parts)}. "
+    text += f"Of all {len(found)} pairs of a scene and an accuracy {ours} to {peers}, {_ties(tied)}"
+    text += f", {none} reached by none" if none else ""
+    return Verdict(f"{text}.", ours >= peers, f"Cheapest: ours {ours}, a peer {peers}, ties {tied} of {len(found)}.")
+
+
+def _ties(count: int) -> str:
+    return f"{count} {'tie' if count == 1 else 'ties'}"
+
+
+@of(CHOICES)
+def farthest(rows: pd.DataFrame) -> Verdict | None:
+    """Where the two sides are farthest apart."""
+    found = choices(rows)
+    both = found[found["cheaper"].isin([OURS, PEERS]) & found["ratio"].notna()]
+    if both.empty:
+        return None
+    parts = []
+    for who, k, other in ((OURS, both["ratio"].idxmin(), PEERS), (PEERS, both["ratio"].idxmax(), OURS)):
+        row = both.loc[k]
+        if row["cheaper"] == who:
+            share = row["ratio"] if who == OURS else 1 / row["ratio"]
+            parts.append(
+                f"on {row['scene']} to {row['accuracy']:g} {row[f'{who} integrator']} takes {number(share, 2)} of the time "
+                f"of {row[f'{other} integrator']}"
+            )
     text = f"Farthest apart: {'; '.join(parts)}."
-    return Verdict(text, True, text)
+    return Verdict(text, bool(both["ratio"].max() <= FAR), text)
 
 
-def _work_precision(rows: pd.DataFrame, folder) -> Picture | None:
-    """Error at the end against seconds on one scene, all curves on the same axes."""
-    part = long_rows(rows)
-    if part.empty:
+@of(FINALS, again.TABLE)
+def twice(finals: pd.DataFrame, second: pd.DataFrame) -> Verdict | None:
+    """How often the same sweep, made again, names the same integrator or one that is tied with it."""
+    pairs, same, tied = agreement(finals, second)
+    if not pairs:
         return None
-    scene = SCENE if SCENE in set(part["scene"]) else part["scene"].iloc[0]
-    part = part[part["scene"] == scene]
-    own = part["kind"] == sweep.KIND if "kind" in part else pd.Series(True, part.index)
-    with style.settings():
-        figure, ((axes,),) = style.panels(1, 1, 4.2)
-        looks = iter(style.looks())
-        for side, most in CURVES.items():
-            members = part[own == side]
-            for method in frontier(members, most):
-                curve = members[members["method"] == method].sort_values("seconds")
-                fill = {} if side else {"markerfacecolor": "white"}
-                label = method if side else f"{method} (peer)"
-                axes.loglog(
-                    curve["seconds"], curve["global_error"].clip(lower=FLOOR), label=label, **next(looks) | fill
-                )
-        style.plain_ticks(axes.xaxis)
-        axes.set(xlabel="warm integration (s)", ylabel="error at the end, maximum norm over (q, p)", title=scene)
-        axes.grid(color="0.93", linewidth=0.5)
-        style.legend_above(figure, axes, 3)
-    caption = (
-        f"Error at the end of {scene} against seconds: of each side the methods that are cheapest for some error; filled "
-        "marks ours, white marks peers."
+    share = (same + tied) / pairs
+    text = (
+        f"The same sweep made twice (scenes {listed(list(second['scene'].unique()))}): of {pairs} accuracies the cheapest was the same "
+        f"integrator in {same} and a tie in {tied}, together {100 * share:.0f} %."
     )
-    return Picture(style.save(figure, folder, "trade.png"), "error against time", caption)
+    return Verdict(text, share >= AGREED, f"The same sweep twice: {100 * share:.0f} % the same or a tie.")
 
 
-def _dumbbells(rows: pd.DataFrame, folder) -> Picture | None:
-    """The seconds of the cheapest of each side, a line for each scene and accuracy."""
-    found = choices(rows)
-    if found.empty:
-        return None
-    y = np.arange(len(found)) + 0.6 * found["scene"].ne(found["scene"].shift()).cumsum()
-    with style.settings():
-        figure, ((axes,),) = style.panels(1, 1, 1.1 + 0.19 * len(found))
-        pairs = found[[f"{OURS} seconds", f"{PEERS} seconds"]].replace(np.inf, np.nan)
-        axes.hlines(y, pairs.min(axis=1), pairs.max(axis=1), color=style.GREY, linewidth=1)
-        for who, k, label in ((OURS, 0, "cheapest of phasebench"), (PEERS, 1, "cheapest peer")):
-            colour, _, marker = style.CURVES[k]
-            axes.semilogx(pairs[f"{who} seconds"], y, marker, color=colour, label=label, markersize=5)
-        open_ = found["cheaper"] == OPEN
-        white = {"color": "white", "markeredgecolor": style.CURVES[1][0], "markersize": 5, "label": "peer, not decided"}
-        axes.semilogx(pairs[f"{PEERS} seconds"][open_], y[open_], style.CURVES[1][2], **white)
-        axes.set_yticks(
-            y, [f"{r.scene}, {r.accuracy:g}" for r in found.rename(columns={"error up to": "accuracy"}).itertuples()]
-        )
-        axes.invert_yaxis()
-        axes.set_xlabel("warm integration (s)")
-        axes.grid(axis="x", color="0.93", linewidth=0.5)
-        style.legend_above(figure, axes, 3)
-    caption = (
-        "Seconds of the cheapest integration whose end state has at most the error named on the left. White: a faster peer "
-        "was not run tightly enough to tell."
-    )
-    return Picture(style.save(figure, folder, "cheapest.png"), "the cheapest for an accuracy", caption)
-
-
-@of_all
+@of(CHOICES)
 def draw(rows: pd.DataFrame, folder) -> list[Picture]:
-    """The cheapest of each side, and the work-precision diagram."""
-    return [p for p in (_dumbbells(rows, folder), _work_precision(rows, folder)) if p is not None]
+    """The ratio of the two sides for every scene and accuracy."""
+    return [figures.ratios(choices(rows), folder)]
 
 
-@of_all
+@of(CHOICES)
 def table(rows: pd.DataFrame) -> Table | None:
-    """The cheapest of each side for every scene and accuracy."""
+    """The cheapest of all at four accuracies, one scene of each problem."""
     found = choices(rows)
-    if found.empty:
+    lines = []
+    for scene in ONE_EACH:
+        part = found[found["scene"] == scene]
+        if part.empty:
+            continue
+        line = {"scene": f"[{scene}](trade-{scene}.md)", "wanted": part["quantity"].iloc[0]}
+        lines.append(line | {f"to {a:g}": _cell(at(part, a)) for a in SHOWN})
+    if not lines:
         return None
-    shown = pd.DataFrame(
-        {
-            "scene": found["scene"],
-            "error up to": [f"{x:.0e}" for x in found["error up to"]],
-            "cheapest of phasebench": found[OURS],
-            "ms": [number(1e3 * x) if np.isfinite(x) else "" for x in found[f"{OURS} seconds"]],
-            "cheapest peer": found[PEERS],
-            "its ms": [number(1e3 * x) if np.isfinite(x) else "" for x in found[f"{PEERS} seconds"]],
-            "cheaper": found["cheaper"],
-        }
-    )
     caption = (
-        "The cheapest integration on each long scene whose state at the end is in error by at most so much (maximum norm "
-        f"over q and p): warm seconds, without output; times within a factor of {TIE} are a tie. Not decided: an adaptive peer that was not run tightly enough to reach "
-        "the error took less time where it stopped."
+        "The cheapest of all for an error up to so much, and in brackets how many times as long the best of this project "
+        f"took as the best peer; = where the two are tied (the ratio's interval within a factor {TIE} of 1), the faster "
+        "being named. One scene of each problem; every scene has a page."
     )
-    return Table(shown.head(ROWS), caption)
+    return Table(pd.DataFrame(lines[::-1]), caption)
 
 
-@of_all
-def _whole(rows: pd.DataFrame) -> pd.DataFrame | None:
-    """Of every method and scene the row of the least error."""
-    part = long_rows(rows)
+def _cell(part: pd.DataFrame) -> str:
+    """What is said of a scene at an accuracy."""
     if part.empty:
-        return None
-    best = part.loc[part.groupby(["scene", "method"], sort=False)["global_error"].idxmin()]
-    names = {"scene": "scene", "method": "method", "h": "h", "tol": "tolerance", "global_error": "error"}
-    return best.reindex(columns=[*names, "seconds"]).rename(columns=names).sort_values(["scene", "seconds"])
+        return ""
+    row = part.iloc[0]
+    if row["cheaper"] == NONE:
+        return "none"
+    ratio = number(row["ratio"], 2) if pd.notna(row["ratio"]) else "alone"
+    return f"{winner(row)} ({'= ' if row['cheaper'] == TIED else ''}{ratio})"
+
+
+@of(CHOICES)
+def _whole(rows: pd.DataFrame) -> pd.DataFrame:
+    """Every scene and accuracy."""
+    found = choices(rows)
+    sides = [f"{side} {x}" for side in (OURS, PEERS) for x in ("integrator", "h", "tol", "error", "seconds")]
+    columns = ["scene", "quantity", "accuracy", *sides, "ratio", "ratio low", "ratio high", "cheaper"]
+    return found.reindex(columns=columns)
 
 
 PAGE = Page(
     id="trade",
     question="Which integrator is the cheapest for a given accuracy?",
-    tables=("rows", ladders.TABLE),
+    tables=(CHOICES, FINALS, again.TABLE),
     setting=(
-        "Long scenes: pendulum, perturbed Kepler and Hénon–Heiles (box) to t = 1000, Kepler over 100 orbits, "
-        "Lotka–Volterra to t = 120; the chaotic orbit is left out, whose end state no reference certifies.",
-        "Error: max |y_h(t_end) − y(t_end)| over q and p, against a certified Taylor solution.",
-        "Peers: heyoka (with high_accuracy and without), REBOUND's integrators and SciPy's (compiled with Numba where so "
-        f"named): adaptive ones at tolerances from {ladders.TOLERANCES[0]:g} to {ladders.TOLERANCES[-1]:g}.",
-        f"Steps: from a scene's widest on wider by factors of {ladders.FACTOR} while the error is of use, finer for methods "
-        f"of order above {sweep.HIGH}; a ladder ends below {ACCURACIES[-1]:g} or with a run of {ladders.LONGEST:g} s.",
-        "Times: warm, the integration alone, without output; medians of three runs, one integrator after another.",
+        f"{len(QUESTIONS)} scenes over every problem: an orbit, a span, a quantity that is wanted, accuracies from 0.1 to "
+        "1e-13. Errors against certified states, or long double Taylor series run at two tolerances.",
+        "Everyone climbs from the widest step (or loosest tolerance) that works towards round-off; who takes more than "
+        f"{KEEP:g} times the cheapest known at its error on {LOSING} rungs, without coming nearer, is dropped (front_dropped.csv).",
+        f"At every accuracy at most {FINALISTS} of each side, within a factor {MARGIN:g} of its best, get their largest step "
+        "and are timed in turns: warm, without output, medians with 95 % intervals.",
+        "Peers at their best: heyoka's high_accuracy and compact_mode on and off, tolerances to the machine epsilon; SciPy's "
+        "DOP853, LSODA and Radau with right-hand sides compiled by Numba, and ode and odeint, whose loops are compiled too.",
+        "REBOUND: safe_mode 0 and extra forces compiled to C; every corrector, kernel and system of coordinates of WHFast, IAS15 in "
+        "four adaptive modes down to the least epsilon, SABA, leapfrog, JANUS, EOS, BS.",
     ),
-    verdicts=(wins, largest),
+    verdicts=(wins, farthest, twice),
     figures=draw,
     table=table,
     whole=_whole,
     limits=(
-        f"Accuracies are {', '.join(f'{x:g}' for x in ACCURACIES)}; times within a factor TIE = {TIE} are a tie, since they "
-        "are not taken in turns.",
-        f"A step between two of a ladder, a factor of {ladders.FACTOR} apart, or a tolerance between two, a factor of ten "
-        "apart, might just do.",
-        "heyoka-batch carries the same orbit in every lane: its time is of all lanes, as long as one orbit takes that way.",
-        "IAS15 runs in its default adaptive mode; the Kepler page compares the others.",
+        "Left out: heyoka-batch, which carries the same orbit in every lane (a throughput, not the time of one orbit); SciPy "
+        "with a Python right-hand side; heyoka's parallel_mode, since everything runs on one core.",
+        "A step is the largest found between the last rung that misses an accuracy and the next one; a larger one at which the "
+        "error happens to vanish does not count.",
+        "Who is exact on a problem does not compete there, being the answer at every accuracy: Wisdom-Holman integrators, ours "
+        "and REBOUND's, on the pure Kepler problem, trigonometric ones on the harmonic oscillator.",
+        "Of chaotic orbits an average and an exponent have a statistical uncertainty, stated on the scene's page; an accuracy "
+        "below the uncertainty of what is true is not asked.",
+        "A final of a few runs has the range as its interval; ratios are taken round by round.",
+        f"Every scene has a page: {', '.join(f'[{q.id}](trade-{q.id}.md)' for q in QUESTIONS)}.",
     ),
     command="pytest benchmarks/experiments/trade",
 )
+__all__ = ["PAGE", "front"]

@@ -19,7 +19,7 @@ import numpy as np
 
 from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.measure.accuracy import end_state, head, invariants, trajectory_error
-from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.measure.integrator import OURS, integrator
 from phasebench.benchmarks.problems.scenes import BY_ID, DRIFT, ORDER, SCENES, Scene
 from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content, states
 from phasebench.integrators.driver import OK, SKIPPED, Solution, integrate
@@ -41,8 +41,6 @@ LONG = 1.0
 #: The handful of the quick tier.
 HANDFUL_SCENES = ("kepler-t1",)
 HANDFUL = ("explicit-euler", "stormer-verlet", "rk4", "pefrl", "implicit-midpoint", "heyoka", "rebound-leapfrog")
-#: What a row of a method says of where it is from; a row of a peer has its package.
-KIND = "phasebench"
 
 
 @dataclass(frozen=True)
@@ -115,7 +113,7 @@ def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
     if isinstance(chosen, Peer):
         return peer_rows.measure(scene, chosen, task.h, task.tol, repeats) | tier
     problem = scene.made()
-    row = head(scene, problem, chosen, KIND) | {"h": task.h} | tier
+    row = head(scene, problem, chosen, OURS) | {"h": task.h} | tier
     lack = chosen.lacks(problem.system)
     if lack:
         return row | {"status": SKIPPED, "reason": lack}
@@ -176,7 +174,7 @@ def _cell(todo: tuple[Task, ...], quick: bool) -> Cell:
         measured,
         (todo, 1 if quick else REPEATS),
         content("rows", quick, chosen, made, states(made.id), setting, code=[__name__]),
-        frozenset({scene.id, scene.problem.partition(":")[0], chosen.id, getattr(chosen, "package", KIND)}),
+        frozenset({scene.id, scene.problem.partition(":")[0], chosen.id, getattr(chosen, "package", OURS)}),
         ALONE,
         quick=scene.id in HANDFUL_SCENES and chosen.id in HANDFUL,
     )
@@ -201,7 +199,7 @@ def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dic
                 "scene": scene,
                 "problem": members[0]["problem"],
                 "method": label,
-                "kind": members[0].get("kind", KIND),
+                "kind": members[0].get("kind", OURS),
                 "declared": members[0]["declared_order"],
                 "order": found.value,
                 "low": found.low,

@@ -1,0 +1,75 @@
+"""The error of one integration against what is true, with how well that is known: what ``integrate --error`` says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from phasebench.benchmarks.measure import quantities, truths
+from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.measure.quantities import END_STATE, Quantity
+from phasebench.benchmarks.problems.base import Orbit
+from phasebench.integrators.errors import InvalidInput
+from phasebench.reference.certificates import horizon, stored
+from phasebench.reference.solvers.taylor import ReferenceFailed
+
+#: A reference that is not known to this share of the state's size tells no error.
+KNOWN = 0.01
+#: The horizon of an orbit without a certificate is looked for at so many equidistant times.
+TIMES = 8
+
+
+def started(problem, q0=None, p0=None):
+    """The problem from another initial state, under an id of its own: nothing is certified of it."""
+    if q0 is None and p0 is None:
+        return problem
+    q, p = (problem.q0 if q0 is None else q0), (problem.p0 if p0 is None else p0)
+    orbit = Orbit("given", tuple(map(float, q)), tuple(map(float, p)))
+    return replace(problem, id=f"{problem.id} from a given state", orbits=(orbit,), orbit="")
+
+
+def end_error(problem, solution, t_end: float) -> dict[str, Any]:
+    """``global_error``, the max norm over (q, p) at the end, and the ``reference`` it was told by.
+
+    None where the reference fails or is not known well enough, with the reason in ``reference``.
+    """
+    try:
+        true = truths.truth(problem, END_STATE, t_end)
+        reach = reached(problem, t_end)
+    except ReferenceFailed as error:
+        return {"global_error": None, "reference": {"uncertainty": None, "horizon": None, "reason": str(error)}}
+    reference = {"uncertainty": true.uncertainty, "horizon": reach, "source": true.source}
+    if not true.uncertainty <= KNOWN * float(np.abs(true.values).max()):
+        reference["reason"] = f"the orbit cannot be followed to t = {t_end:g}: rounding to long double parts it"
+        return {"global_error": None, "reference": reference}
+    return {"global_error": quantities.error(problem, END_STATE, solution, true), "reference": reference}
+
+
+def reached(problem, t_end: float) -> float:
+    """The last time, of the certificate or of a few equidistant ones, to which a long double follows the orbit."""
+    certificate = stored.find(problem)
+    if certificate is not None and t_end <= certificate.t_end:
+        return min(certificate.horizon, t_end)
+    for k in range(TIMES, 0, -1):
+        true = truths.truth(problem, END_STATE, t_end * k / TIMES)
+        if true.uncertainty <= horizon.LIMIT * float(np.abs(true.values).max()) * truths.SAFETY:
+            return t_end * k / TIMES
+    return 0.0
+
+
+def quantity_error(problem, integrator: Integrator, wanted: Quantity, t_end: float, size: dict) -> dict[str, Any]:
+    """A quantity's error in a run of its own, with the rows that it is told from; ``size`` is steps or tol."""
+    try:
+        true = truths.truth(problem, wanted, t_end)
+    except ReferenceFailed as error:
+        return {"quantity": wanted.name, "error": None, "uncertainty": None, "reason": str(error)}
+    if "steps" in size and wanted.steps(size["steps"]) != size["steps"]:
+        raise InvalidInput(
+            f"{wanted.name} is told from {wanted.rows} equidistant times: the number of steps, {size['steps']}, must "
+            f"be a multiple; {wanted.steps(size['steps'])} is the nearest"
+        )
+    solution = integrator.run(problem, t_end=t_end, **wanted.grid(**size))
+    error = quantities.error(problem, wanted, solution, true)
+    return {"quantity": wanted.name, "error": error, "uncertainty": true.uncertainty}

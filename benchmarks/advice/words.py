@@ -1,0 +1,74 @@
+"""The command that runs a candidate as it stands: on the terminal, the error against the reference in its output."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from typing import Any
+
+from phasebench.benchmarks.measure.integrator import Integrator
+
+from .ask import Ask
+
+
+def named(problem, name: str | None = None) -> list[str] | None:
+    """The arguments that say which problem: an id or a file, as ``name``, with its parameters; or a formula.
+
+    None where there are none: a system without a name that is not canonical.
+    """
+    from phasebench.benchmarks.problems import PROBLEMS
+    from phasebench.benchmarks.problems import problem as registered
+
+    usual = registered(problem.id).parameters if problem.id in PROBLEMS else {}
+    if name is None and problem.id in PROBLEMS:
+        name = problem.label
+    if name is None:
+        return formula(problem) if problem.system.canonical else None
+    changed = {k: v for k, v in problem.parameters.items() if usual.get(k) != v}
+    return [name, *(word for key, value in changed.items() for word in ("--set", f"{key}={value!r}"))]
+
+
+def formula(problem) -> list[str]:
+    """The arguments of a canonical problem as a formula in q, p or q1, p1, ... with its initial state."""
+    import sympy as sp
+
+    system = problem.system
+    d = system.d
+    numbers = [""] if d == 1 else [str(i) for i in range(1, d + 1)]
+    names = [sp.Symbol(f"{x}{i}") for x in "qp" for i in numbers]
+    renamed = dict(zip((*system.q, *system.p), names, strict=True))
+    H = str(system.H.xreplace(renamed))
+    return ["--hamiltonian", H, "--q", joined(problem.q0), "--p", joined(problem.p0)]
+
+
+def joined(x: Sequence[float]) -> str:
+    """Numbers with commas between, in full precision."""
+    return ",".join(repr(float(v)) for v in x)
+
+
+def command(ask: Ask, integrator: Integrator, size: dict[str, Any], problem_words: Sequence[str] | None) -> str | None:
+    """The line to paste into a terminal; None for a problem that has no name there."""
+    if problem_words is None:
+        return None
+    positional = [] if problem_words[0].startswith("--") else [problem_words[0]]
+    options = list(problem_words[len(positional) :])
+    words = ["phasebench", "integrate", *positional, integrator.id, *options]
+    for key, value in integrator.record.parameters.items():
+        words += ["--param", f"{key}={value}"]
+    words += ["--steps", str(size["steps"])] if "steps" in size else ["--tol", repr(size["tol"])]
+    words += ["--t-end", repr(ask.t_end), "--error"]
+    if ask.quantity.name != "end-state":
+        words += ["--quantity", ask.quantity.name]
+    return shlex.join(_whole(words))
+
+
+def _whole(words: list[str]) -> list[str]:
+    """``--q -1`` as ``--q=-1``: a value that begins with a dash is no option."""
+    joined_words: list[str] = []
+    for word in words:
+        negative = word[:1] == "-" and word[1:2] not in ("-", "")
+        if negative and joined_words[-1].startswith("--"):
+            joined_words[-1] += f"={word}"
+        else:
+            joined_words.append(word)
+    return joined_words

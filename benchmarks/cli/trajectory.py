@@ -1,0 +1,49 @@
+"""A trajectory as a file: CSV with a column for each component, or NumPy's npz; whole or not at all."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+from phasebench.integrators.errors import InvalidInput
+
+SUFFIXES = (".csv", ".npz")
+
+
+def check(path: Path) -> None:
+    """Raise InvalidInput where nothing can be written there, before anything is integrated."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise InvalidInput(f"--output is {path}; its suffix says the format: {' or '.join(SUFFIXES)}")
+    if not path.parent.is_dir():
+        raise InvalidInput(f"--output is {path}, and there is no folder {path.parent}")
+    if path.is_dir():
+        raise InvalidInput(f"--output is {path}, a folder")
+
+
+def write(path: Path, solution, every: int = 1) -> int:
+    """Write every so many-th row of a solution, and the last; returns how many."""
+    import numpy as np
+
+    from phasebench.reference.tables import write_file
+
+    last = len(solution.t) - 1
+    kept = sorted({*range(0, last + 1, every), last})
+    t, q, p = (np.asarray(x)[kept] for x in (solution.t, solution.q, solution.p))
+    try:
+        if path.suffix.lower() == ".npz":
+            whole = io.BytesIO()
+            np.savez(whole, t=t, q=q, p=p)
+            write_file(path, whole.getvalue())
+        else:
+            write_file(path, _csv(t, q, p))
+    except OSError as error:
+        raise InvalidInput(f"--output {path} cannot be written: {error.strerror or error}") from None
+    return len(kept)
+
+
+def _csv(t, q, p) -> str:
+    """Numbers by their shortest digits that give the double back."""
+    d = q.shape[1]
+    names = ["t", *(f"{x}{i}" for x in "qp" for i in range(1, d + 1))]
+    rows = (",".join(repr(float(x)) for x in (time, *a, *b)) for time, a, b in zip(t, q, p, strict=True))
+    return "\n".join([",".join(names), *rows]) + "\n"

@@ -1,0 +1,45 @@
+"""What is advised was run and meets what was asked when run again; the prior is re-recorded from the trade's rows."""
+
+from __future__ import annotations
+
+import pandas as pd
+import pytest
+
+from phasebench.benchmarks.advice import prior
+from phasebench.benchmarks.experiments.advice.cells import TABLE, cells  # noqa: F401
+from phasebench.benchmarks.problems.questions import BY_ID
+from phasebench.integrators.driver import OK
+
+#: The trade's runs, from which the prior is made.
+RUNS = "front_rungs"
+
+
+def unmet(rows) -> list[str]:
+    """The asks whose advice does not meet the accuracy when it is run again."""
+    return [f"{r['ask']}: {r['command']}: {r['rerun error']}" for r in rows if r["command"] and not r["met"]]
+
+
+def bench_advice(measured):
+    """Every advised command meets its accuracy, run again by a process of its own."""
+    rows = measured(TABLE)
+    assert not unmet(rows), "\n".join(unmet(rows))
+
+
+def bench_verified(measured):
+    """What is advised was verified, and what is not advised says why."""
+    wrong = [r["ask"] for r in measured(TABLE) if not (r["verified"] if r["command"] else r["why"])]
+    assert not wrong, wrong
+
+
+def prior_of(rows) -> list[dict]:
+    """The lines of the prior from the trade's rows; many orbits at once are no time of one."""
+    frame = pd.DataFrame([r for r in rows if r.get("status") == OK and r["id"] != "heyoka-batch"])
+    problems = frame["scene"].map(lambda scene: BY_ID[scene].problem.partition(":")[0])
+    return prior.made(frame.assign(problem=problems))
+
+
+def bench_prior(outcome, complete, update):
+    """The prior is re-recorded with the tables where the whole trade was measured."""
+    if not update or not complete(RUNS):
+        pytest.skip("the prior is made with --update-tables where all of the trade is measured")
+    prior.keep(prior_of(outcome.rows(RUNS)))

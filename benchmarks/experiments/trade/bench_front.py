@@ -1,0 +1,45 @@
+"""Which integrator for which accuracy: the front of every scene, and a few scenes once more."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from phasebench.benchmarks.experiments.trade import again, field, front
+from phasebench.benchmarks.problems.questions import BY_ID, QUESTIONS, Question
+from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, content, exact, states
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each scene, and for each that is measured again; none of the quick tier."""
+    if quick:
+        return []
+    first = [_cell(q, front.TABLES, front.measured) for q in QUESTIONS]
+    return first + [_cell(BY_ID[id], (again.TABLE,), again.measured) for id in again.scenes()]
+
+
+@cache
+def _competitors() -> str:
+    return content("front", *(c.record for c in field.competitors()), code=[again.__name__])
+
+
+def _cell(question: Question, tables: tuple[str, ...], measure) -> Cell:
+    made = Problem(question.problem)
+    asked = (question.id, question.t_end, question.quantity, question.accuracies)
+    return Cell(
+        "trade",
+        tables,
+        {"scene": question.id},
+        measure,
+        (question.id,),
+        content(_competitors(), made, states(made.id), exact(asked)),
+        frozenset({question.id, made.id}),
+        ALONE,
+        own=True,
+    )
+
+
+def bench_front(measured):
+    """Whoever is named meets the accuracy, and has a time with an interval about it."""
+    rows = measured(front.FINALS) + measured(again.TABLE)
+    wrong = [r for r in rows if not (r["error"] <= r["accuracy"] and 0 < r["low"] <= r["seconds"] <= r["high"])]
+    assert not wrong, wrong

@@ -1,0 +1,202 @@
+"""The coarse stage: one integrator after another climbs from where it breaks towards round-off, while it may still win.
+
+A rung is a number of steps, twice that of the rung before, or a tolerance, a tenth of it.  It is run twice, once with
+the rows that the quantity needs and once without output, which gives the time.  What is known of all who climbed before
+says what an error costs; whoever takes `KEEP` times that on `LOSING` rungs one after another, without coming nearer, is
+dropped, and it is said at which error and by whom it was beaten.  Before anybody is dropped, the time is taken again.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import inf, isfinite
+from typing import NamedTuple
+
+from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.measure.quantities import Quantity, Truth, error
+from phasebench.benchmarks.problems.questions import Question
+from phasebench.integrators.driver import INVALID, OK
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.prepared import PreparedRun, prepare
+from phasebench.integrators.record import Method
+
+#: So many times the cheapest's time, and on so many rungs, is out of reach.
+KEEP, LOSING = 3.0, 2
+#: A ratio that falls by less than this from a rung to the next does not come nearer.
+NEARER = 0.85
+#: The step that a climb begins with, in units of a problem's own, and the loosest tolerance.
+WIDEST, LOOSEST = 12.0, 1e-1
+#: A run is stopped after so many times what the finest accuracy costs; before that is known, after `PATIENCE` seconds.
+PATIENCE, LONGEST = 0.3, 3.0
+#: No run is too long that takes less than this.
+FREE = 3e-4
+#: Rungs that fall by less than this factor, so many in a row, stand on the floor of round-off.
+FLOOR, STANDING = 0.7, 2
+#: Shorter runs are made twice for their time; no longer ones are made again, so often, before somebody is dropped.
+SHORT, LONG, AGAIN = 0.05, 0.2, 3
+
+
+class Rung(NamedTuple):
+    """A run: its size (steps, or a tolerance), how it ended, its error, warm seconds without output, its counts."""
+
+    steps: int | None
+    tol: float | None
+    status: str
+    error: float
+    seconds: float
+    taken: int
+    evaluations: int
+
+    @property
+    def size(self) -> float:
+        """What rises as the run gets finer."""
+        return float(self.steps) if self.tol is None else 1 / self.tol
+
+
+@dataclass(frozen=True)
+class Task:
+    """A question with what is true of it."""
+
+    question: Question
+    problem: object
+    quantity: Quantity
+    truth: Truth
+    prepared: dict[str, PreparedRun] = field(default_factory=dict, compare=False, repr=False)
+
+    @property
+    def asked(self) -> tuple[float, ...]:
+        """The accuracies that the reference can tell."""
+        return tuple(a for a in self.question.accuracies if self.truth.uncertainty <= a)
+
+    def measure(self, c: Integrator, steps: int | None = None, tol: float | None = None, patience=inf) -> Rung:
+        """Run an integrator at a size: its error, and its time without output."""
+        limit = {"timeout": patience} if c.stoppable and isfinite(patience) else {}
+        run = {"problem": self.problem, "t_end": self.question.t_end}
+        try:
+            told = c.run(**run, **self.quantity.grid(steps=steps, tol=tol), **limit)
+        except InvalidInput:
+            return Rung(steps, tol, INVALID, inf, inf, 0, 0)
+        off = error(self.problem, self.quantity, told, self.truth)
+        seconds = told.seconds
+        if told.status == OK and (self.quantity.rows > 1 or seconds < SHORT):
+            bare = self.bare(c, steps, tol)
+            seconds = bare if self.quantity.rows > 1 else min(seconds, bare)
+        counts = told.counts
+        return Rung(steps, tol, told.status, off, seconds, counts.get("steps", 0), counts.get("gradient", 0))
+
+    def bare(self, c: Integrator, steps: int | None, tol: float | None) -> float:
+        """The seconds of a run without output: of a method of ours, prepared; of a peer, as it tells them."""
+        if isinstance(c.record, Method):
+            if c.label not in self.prepared:
+                self.prepared[c.label] = prepare(self.problem, c.record)
+            run, h = self.prepared[c.label], self.question.t_end / steps
+            run(h, 1)  # a step that depends on h is made here
+            started = time.perf_counter()
+            run(h, steps)
+            return time.perf_counter() - started
+        size = {"tol": tol} if steps is None else {"steps": steps}
+        return c.run(self.problem, t_end=self.question.t_end, save_every=0, **size).seconds
+
+    def again(self, c: Integrator, rung: Rung) -> Rung:
+        """The rung with the least of its time and `AGAIN` more, where it came to its end."""
+        if rung.status != OK or rung.seconds > LONG:
+            return rung
+        more = [self.bare(c, rung.steps, rung.tol) for _ in range(AGAIN)]
+        return rung._replace(seconds=min(rung.seconds, *more))
+
+
+@dataclass
+class Known:
+    """What each error costs, of all that was run so far."""
+
+    runs: list[tuple[float, float, str]] = field(default_factory=list)
+
+    def add(self, rung: Rung, label: str) -> None:
+        """Take a run into account."""
+        if rung.status == OK and isfinite(rung.error):
+            self.runs.append((rung.error, rung.seconds, label))
+
+    def cheapest(self, wanted: float) -> tuple[float, str]:
+        """(seconds, label) of the cheapest run with no more than that error; infinite where there is none."""
+        return min(((s, label) for e, s, label in self.runs if e <= wanted), default=(inf, ""))
+
+
+@dataclass
+class Climb:
+    """The rungs of an integrator, and why there are no more."""
+
+    integrator: Integrator
+    rungs: list[Rung]
+    why: str
+    dropped: bool
+
+
+def sizes(task: Task, c: Integrator) -> Iterator[dict]:
+    """From the widest step on, or from the loosest tolerance."""
+    if c.adaptive:
+        tol = LOOSEST
+        while tol >= c.record.least:
+            yield {"tol": tol}
+            tol = float(f"{tol / 10:.0e}")
+        yield {"tol": c.record.least}
+        return
+    steps, last = task.question.t_end / (WIDEST * task.problem.pace.step), 0
+    while True:
+        whole = task.quantity.steps(steps)
+        if whole > last:
+            yield {"steps": whole}
+        steps, last = 2 * max(steps, 1), whole
+
+
+def wider(task: Task, c: Integrator, rung: Rung, known: Known) -> list[Rung]:
+    """The rungs before a first one that meets the coarsest accuracy: half its steps, and so on, until they miss it."""
+    out: list[Rung] = []
+    steps = rung.steps
+    while steps is not None and rung.error <= task.asked[0]:
+        if (steps := task.quantity.steps(steps / 2)) >= rung.steps:
+            break
+        rung = task.measure(c, steps=steps, patience=PATIENCE)
+        known.add(rung, c.label)
+        out.insert(0, rung)
+    return out
+
+
+def climb(task: Task, c: Integrator, known: Known) -> Climb:
+    """The rungs of an integrator, as far as it may still win."""
+    rungs, lost, still, before = [], 0, 0, inf
+    finest = task.asked[-1]
+    for size in sizes(task, c):
+        dear = known.cheapest(finest)[0]
+        rung = task.measure(c, **size, patience=max(PATIENCE, LONGEST * dear) if isfinite(dear) else 10 * PATIENCE)
+        known.add(rung, c.label)
+        still = still + 1 if rungs and rung.error > FLOOR * min(r.error for r in rungs) and before < inf else 0
+        if not rungs and rung.error <= task.asked[0]:
+            rungs += wider(task, c, rung, known)
+        rungs.append(rung)
+        if rung.error <= finest:
+            return Climb(c, rungs, "reached the finest accuracy", False)
+        if rung.error <= task.asked[0]:
+            best, by = known.cheapest(rung.error)
+            if rung.seconds > KEEP * best and lost == LOSING - 1:
+                rung = rungs[-1] = task.again(c, rung)
+            ratio = rung.seconds / best
+            lost = lost + 1 if ratio > KEEP and ratio > NEARER * before else 0
+            before = ratio
+            if lost >= LOSING:
+                return Climb(
+                    c, rungs, f"at an error of {rung.error:.1g} it took {ratio:.1f} times as long as {by}", True
+                )
+            if still >= STANDING:
+                return Climb(c, rungs, f"its error stays at {min(r.error for r in rungs):.1g}: round-off", False)
+        if rung.seconds > max(FREE, LONGEST * dear):
+            rung = rungs[-1] = task.again(c, rung)
+        if rung.seconds > max(FREE, LONGEST * dear):
+            least = min(r.error for r in rungs)
+            off = f"it is off by {least:.1g}" if least < inf else "it does not come to the end"
+            took = f"{off} in {LONGEST:g} times the time in which the best reach {finest:g}"
+            return Climb(c, rungs, took, least > task.asked[0])
+        if rung.status == OK and rung.seconds > 10 * PATIENCE:
+            return Climb(c, rungs, f"a run took {rung.seconds:.2g} s", True)
+    return Climb(c, rungs, "it takes no smaller tolerance", False)

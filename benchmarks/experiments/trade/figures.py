@@ -1,0 +1,86 @@
+"""The figures of the trade: the ratio of the two sides over all scenes, and a scene's work-precision diagram."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks.measure.timing import OURS, PEERS
+from phasebench.benchmarks.page import style
+from phasebench.benchmarks.page.page import Picture
+from phasebench.benchmarks.problems.questions import Question
+
+from .choice import SAME, drawn
+
+#: Curves of a work-precision diagram at most, of either side.
+CURVES = {OURS: 5, PEERS: 4}
+#: Colours are saturated where a side takes so many times as long; errors are drawn no smaller.
+SATURATED, FLOOR = 8.0, 1e-16
+
+
+@style.drawn
+def ratios(found: pd.DataFrame, folder) -> Picture:
+    """A field for each scene and accuracy: how many times as long ours took as the best peer."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    scenes = list(dict.fromkeys(found["scene"]))
+    decades = [10.0**-k for k in range(1, 14)]
+    field = np.full((len(scenes), len(decades)), np.nan)
+    for row in found.to_dict("records"):
+        k = int(np.argmin([abs(np.log10(a / row["accuracy"])) for a in decades]))
+        if abs(decades[k] / row["accuracy"] - 1) < SAME:
+            field[scenes.index(row["scene"]), k] = _ratio(row)
+    figure, ((axes,),) = style.panels(1, 1, 1.2 + 0.2 * len(scenes))
+    colours = LinearSegmentedColormap.from_list("sides", [style.BLUE, "#ffffff", style.VERMILION])
+    most = np.log2(SATURATED)
+    axes.imshow(np.log2(field.clip(1 / SATURATED, SATURATED)), cmap=colours, vmin=-most, vmax=most, aspect="auto")
+    for (i, k), x in np.ndenumerate(field):
+        if not np.isnan(x):
+            said = {0.0: "ours", np.inf: "peer"}.get(x, style.number(x, 2))
+            dark = abs(np.log2(x)) > 0.6 * most if 0 < x < np.inf else True
+            axes.text(k, i, said, ha="center", va="center", fontsize=8, color="white" if dark else "black")
+    axes.set_yticks(range(len(scenes)), scenes)
+    axes.set_xticks(range(len(decades)), [f"1e-{k}" for k in range(1, 14)])
+    axes.xaxis.tick_top()
+    axes.set_xlabel("error up to")
+    axes.xaxis.set_label_position("top")
+    caption = (
+        "How many times as long the best of this project takes as the best peer: blue where ours is cheaper, red where "
+        "a peer is; ours or peer alone where only that side reaches the error."
+    )
+    return Picture(style.save(figure, folder, "trade.png"), "time of ours over the best peer's", caption)
+
+
+def _ratio(row) -> float:
+    there = [isinstance(row.get(f"{side} integrator"), str) for side in (OURS, PEERS)]
+    if all(there):
+        return row["ratio"]
+    return 0.0 if there[0] else np.inf if there[1] else np.nan
+
+
+@style.drawn
+def work_precision(question: Question, finals: pd.DataFrame, rungs: pd.DataFrame, folder) -> Picture:
+    """Errors against seconds and against steps, the curves that win most often, the front drawn."""
+    figure, (panels,) = style.panels(1, 2, 3.6, sharey=True)
+    looks = iter(style.looks())
+    for side, most in CURVES.items():
+        for name in drawn(finals, side, most):
+            curve = rungs[(rungs["integrator"] == name) & (rungs["error"] > 0)]
+            fill = {} if side == OURS else {"markerfacecolor": "white"}
+            look = next(looks) | fill
+            label = name if side == OURS else f"{name} (peer)"
+            for axes, column in zip(panels, ("seconds", "steps"), strict=True):
+                axes.loglog(curve[column], curve["error"].clip(lower=FLOOR), label=label, **look)
+    front = finals.loc[finals.groupby("accuracy")["seconds"].idxmin()].sort_values("accuracy")
+    panels[0].loglog(front["seconds"], front["accuracy"], color="black", linewidth=4, alpha=0.15, label="the front")
+    panels[0].set(xlabel="warm integration (s)", ylabel=f"error ({question.quantity})")
+    panels[1].set(xlabel="steps")
+    for axes in panels:
+        axes.grid(color="0.93", linewidth=0.5)
+        axes.set_ylim(FLOOR, 10 * max(question.accuracies))
+    style.legend_above(figure, panels[0], 3)
+    caption = (
+        f"Error of {question.id} against warm seconds without output, and against steps: of each side those that are "
+        "cheapest at most accuracies; filled marks ours, white marks peers; grey the front of all."
+    )
+    return Picture(style.save(figure, folder, f"trade-{question.id}.png"), question.about, caption)

@@ -1,0 +1,219 @@
+"""The fine stage: of each side the few that may be cheapest at an accuracy, each at its largest step, timed in turns.
+
+For every accuracy the climbs are interpolated (error and time are powers of the size between two rungs).  Of each side
+at most `FINALISTS` whose estimate is within `MARGIN` of the side's best are refined: the size is moved between the last
+rung that misses the accuracy and the next, `REFINED` times.  These then run in turns, and medians, intervals and ratios
+are those of `measure.timing`.
+"""
+
+from __future__ import annotations
+
+from math import inf, isfinite, log
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from phasebench.benchmarks.measure import timing, truths
+from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.measure.quantities import quantity
+from phasebench.benchmarks.problems.questions import BY_ID
+from phasebench.benchmarks.rows.cells import Rows
+
+from .climb import Climb, Known, Rung, Task, climb
+from .field import able, ours
+
+FINALISTS, MARGIN, REFINED = 3, 1.4, 3
+#: A refined size is so much finer than the estimate, so that it does not just miss.
+SPARE = 1.03
+#: Rounds of a final: at least, at most, and the seconds that they may take together.
+LEAST, MOST, SECONDS = 6, 15, 0.6
+#: No error above this is that of round-off.
+ROUND_OFF = 1e-8
+#: Rows are kept of climbs that come so near to the cheapest known.
+NEAR = 2.0
+#: Finals in which a round takes longer than this have one finalist of each side less.
+DEAR = 0.15
+CHOICES, FINALS, RUNGS, DROPPED = "front", "front_finals", "front_rungs", "front_dropped"
+TABLES = (CHOICES, FINALS, RUNGS, DROPPED)
+
+
+class Finalist(NamedTuple):
+    """An integrator at the size at which it meets an accuracy."""
+
+    integrator: Integrator
+    rung: Rung
+
+
+def task_of(scene: str) -> Task:
+    """The question of that id with its problem and what is true."""
+    question = BY_ID[scene]
+    made = question.made()
+    wanted = quantity(made, question.quantity)
+    return Task(question, made, wanted, truths.truth(made, wanted, question.t_end))
+
+
+def climbs(task: Task) -> tuple[list[Climb], dict[str, str], Known]:
+    """(the climbs of all who can do the problem, label -> why not of the others, what errors cost)."""
+    can, cannot = able(task.problem)
+    known = Known()
+    return [climb(task, c, known) for c in can], cannot, known
+
+
+def near(task: Task, one: Climb, known: Known) -> bool:
+    """Whether a climb comes within a factor `NEAR` of the cheapest known at one of its rungs."""
+    told = (r for r in one.rungs if r.error <= task.asked[0])
+    return any(r.seconds <= NEAR * known.cheapest(r.error)[0] for r in told)
+
+
+def bracket(rungs: list[Rung], wanted: float) -> tuple[Rung | None, Rung] | None:
+    """(the last rung that misses an error, the next one); None where none reaches it.
+
+    Past the least error what misses it is round-off, where it is small; where it is not, the least was a lucky one.
+    """
+    good = [r for r in rungs if isfinite(r.error)]
+    if not good or min(r.error for r in good) > wanted:
+        return None
+    least = min(range(len(rungs)), key=lambda k: rungs[k].error)
+    missing = [k for k, r in enumerate(rungs) if not r.error <= wanted and (k < least or r.error > ROUND_OFF)]
+    last = missing[-1] if missing else -1
+    if last == len(rungs) - 1:
+        return None
+    return (rungs[last] if missing else None), rungs[last + 1]
+
+
+def estimate(rungs: list[Rung], wanted: float) -> float:
+    """The seconds that an error costs, between two rungs as a power of the error; infinite where it is not reached."""
+    between = bracket(rungs, wanted)
+    if between is None:
+        return inf
+    low, high = between
+    if low is None or not isfinite(low.error) or low.error <= high.error:
+        return high.seconds
+    share = log(low.error / wanted) / log(low.error / max(high.error, 1e-300))
+    return min(high.seconds, low.seconds * (high.seconds / low.seconds) ** share)
+
+
+def refine(task: Task, c: Integrator, rungs: list[Rung], wanted: float) -> Rung:
+    """The cheapest run found that meets an accuracy, between two rungs of a climb; all runs join the climb's."""
+    low, high = bracket(rungs, wanted)
+    for _ in range(REFINED if low is not None else 0):
+        size = _between(task, c, low, high, wanted)
+        if size is None:
+            break
+        rung = task.measure(c, **size)
+        rungs.append(rung)
+        if rung.error <= wanted:
+            high = rung
+        else:
+            low = rung
+    rungs.sort(key=lambda r: r.size)
+    return high
+
+
+def _between(task: Task, c: Integrator, low: Rung, high: Rung, wanted: float) -> dict | None:
+    """A size between two, where the error is expected to be the wanted one; None where there is none."""
+    share = 0.5
+    if isfinite(low.error) and high.error > 0:
+        share = log(low.error / wanted) / log(low.error / high.error)
+    share = min(max(share, 0.1), 0.9)
+    if c.adaptive:
+        return {"tol": float(f"{low.tol * (high.tol / low.tol) ** share:.3g}")} if high.tol < 0.95 * low.tol else None
+    steps = task.quantity.steps(min(SPARE * low.steps * (high.steps / low.steps) ** share, high.steps))
+    return {"steps": steps} if low.steps < steps < high.steps and high.steps > SPARE * low.steps else None
+
+
+def finalists(task: Task, climbed: list[Climb], wanted: float) -> list[Finalist]:
+    """Of each side the few that may be the cheapest at an accuracy, refined."""
+    out = []
+    for side in (True, False):
+        costs = sorted(
+            ((estimate(k.rungs, wanted), i) for i, k in enumerate(climbed) if ours(k.integrator) == side),
+        )
+        costs = [(s, i) for s, i in costs if s <= MARGIN * costs[0][0] and isfinite(s)]
+        most = FINALISTS if costs and costs[0][0] < DEAR / FINALISTS else FINALISTS - 1
+        for _, i in costs[:most]:
+            out.append(Finalist(climbed[i].integrator, refine(task, climbed[i].integrator, climbed[i].rungs, wanted)))
+    return out
+
+
+def timed(task: Task, members: list[Finalist]) -> list[np.ndarray]:
+    """The seconds of each finalist in every round."""
+    work = {k: (lambda m=m: task.bare(m.integrator, m.rung.steps, m.rung.tol)) for k, m in enumerate(members)}
+    one = sum(m.rung.seconds for m in members)
+    rounds = int(min(MOST, max(LEAST, SECONDS / max(one, 1e-9))))
+    found = timing.in_turns(work, rounds)
+    return [found[k] for k in range(len(members))]
+
+
+def final(task: Task, climbed: list[Climb], wanted: float) -> tuple[list[dict], dict]:
+    """(the rows of the finalists at an accuracy, the row that says who is cheapest)."""
+    members = finalists(task, climbed, wanted)
+    seconds = timed(task, members) if members else []
+    rows = []
+    for m, s in zip(members, seconds, strict=True):
+        median = timing.median(s)
+        rows.append(
+            {"accuracy": wanted, "side": timing.OURS if ours(m.integrator) else timing.PEERS}
+            | _said(task, m.integrator, m.rung)
+            | {"seconds": median.value, "low": median.low, "high": median.high}
+        )
+    choice: dict[str, Any] = {"accuracy": wanted}
+    best = {}
+    for side in (timing.OURS, timing.PEERS):
+        found = sorted((r["seconds"], k) for k, r in enumerate(rows) if r["side"] == side)
+        if found:
+            best[side] = k = found[0][1]
+            choice |= {f"{side} {name}": rows[k][name] for name in SHOWN}
+    if len(best) == 2:
+        ratio = timing.ratio(seconds[best[timing.OURS]], seconds[best[timing.PEERS]])
+        choice |= {"ratio": ratio.value, "ratio low": ratio.low, "ratio high": ratio.high}
+    return rows, choice
+
+
+SHOWN = ("integrator", "h", "tol", "steps", "evaluations", "error", "seconds", "low", "high")
+
+
+def _said(task: Task, c: Integrator, rung: Rung) -> dict[str, Any]:
+    """What a row says of a run."""
+    h = task.question.t_end / rung.steps if rung.steps else None
+    return {
+        "integrator": c.label,
+        "id": c.id,
+        "kind": c.kind,
+        "h": h,
+        "tol": rung.tol,
+        "steps": rung.taken,
+        "evaluations": rung.evaluations,
+        "status": rung.status,
+        "error": rung.error,
+    }
+
+
+def measured(scene: str) -> Rows:
+    """The rows of a scene, by table."""
+    task = task_of(scene)
+    climbed, cannot, known = climbs(task)
+    finals, choices = [], []
+    for wanted in task.asked:
+        rows, choice = final(task, climbed, wanted)
+        finals += rows
+        choices.append(choice)
+    reference = {"reference": task.truth.source, "reference uncertainty": task.truth.uncertainty}
+    asked = {"problem": task.question.problem, "quantity": task.quantity.name, "t_end": task.question.t_end}
+    dropped = [{"integrator": k.integrator.label, "why": k.why} for k in climbed if k.dropped]
+    dropped += [{"integrator": label, "why": why} for label, why in cannot.items()]
+    kept = {r["integrator"] for r in finals}
+    rungs = [
+        _said(task, k.integrator, r) | {"seconds": r.seconds}
+        for k in climbed
+        if k.integrator.label in kept or near(task, k, known)
+        for r in sorted(k.rungs, key=lambda r: r.size)
+        if isfinite(r.error)
+    ]
+    of = {"scene": scene}
+    return {
+        CHOICES: [of | asked | c | reference for c in choices],
+        FINALS: [of | f for f in finals],
+        RUNGS: [of | r for r in rungs] or [of],
+        DROPPED: [of | d for d in dropped] or [of],
+    }

@@ -1,0 +1,171 @@
+r"""Quantities of single problems, in the words of those who ask for them.
+
+``perihelion`` is the direction of the Laplace-Runge-Lenz vector :math:`A = p\times L - q/|q|`; ``phase`` an orbit's
+polar angle; a planet's longitude is that about the Sun.  ``section`` is where the orbit, followed from the end without
+further error, next meets q1 = 0 with p1 > 0: it sees the error across the orbit and not the one along it.
+``adiabatic-invariant`` is the oscillatory energy of the stiff springs.  Of chaotic orbits, whose states mean nothing
+after a while, ``average`` is the average of the kinetic energy over time in units of the sum of the sizes of H's terms,
+``lyapunov`` the largest Lyapunov exponent over the span.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+
+import numpy as np
+import sympy as sp
+
+from . import lyapunov
+from .quantities import PARTS, Quantity, scale
+
+#: Rows from which an average and an exponent are told.
+AVERAGED = 4000
+#: How far the flow to the section is followed at most, in units of the problem's time.
+FAR = 100.0
+
+
+def _angle(y: Callable, x: Callable, name: str, about: str) -> Quantity:
+    """The angle of a direction (x, y), functions of (problem, q, p), at the end."""
+
+    def values(problem, t, q, p) -> np.ndarray:
+        return np.arctan2(y(problem, q[-1:], p[-1:]), x(problem, q[-1:], p[-1:]))
+
+    return Quantity(name, about, "rad", values, angle=True)
+
+
+def _polar(name: str, about: str) -> Quantity:
+    return _angle(lambda problem, q, p: q[:, 1], lambda problem, q, p: q[:, 0], name, about)
+
+
+def _laplace(component: int):
+    def value(problem, q, p) -> np.ndarray:
+        L = q[:, 0] * p[:, 1] - q[:, 1] * p[:, 0]
+        r = np.hypot(q[:, 0], q[:, 1])
+        return (p[:, 1] * L if component == 0 else -p[:, 0] * L) - q[:, component] / r
+
+    return value
+
+
+PERIHELION = _angle(_laplace(1), _laplace(0), "perihelion", "the direction of the osculating perihelion at the end")
+PHASE = _polar("phase", "the polar angle of the position at the end")
+DRIFT_ANGLE = _polar("drift-angle", "the polar angle of the particle about the origin at the end")
+AZIMUTH = Quantity("azimuth", "the angle phi, all turns, at the end", "rad", lambda problem, t, q, p: q[-1, 2:3])
+
+
+def _rotation(problem, t, q, p) -> np.ndarray:
+    omega = float(problem.system.frequencies[0])
+    return np.arctan2(-p[-1:, 0], omega * q[-1:, 0])
+
+
+ROTATION = Quantity("phase", "the angle of (q, -p / omega) at the end", "rad", _rotation, angle=True)
+
+
+def _longitude(name: str, body: int) -> Quantity:
+    return _angle(
+        lambda problem, q, p: q[:, 3 * body + 1] - q[:, 1],
+        lambda problem, q, p: q[:, 3 * body] - q[:, 0],
+        f"{name}-longitude",
+        f"the longitude of {name} about the Sun, in the plane of coordinates, at the end",
+    )
+
+
+def _oscillatory(problem, t, q, p) -> np.ndarray:
+    from phasebench.benchmarks.problems.fpu import oscillatory_energies
+
+    total = sum(problem.system.observe(e, q, p) for e in oscillatory_energies(problem))
+    return total[1:] / total[0]
+
+
+ADIABATIC = Quantity(
+    "adiabatic-invariant",
+    f"the oscillatory energy at {PARTS} equidistant times in units of the first, the worst",
+    "relative",
+    _oscillatory,
+    rows=PARTS,
+)
+
+
+@lru_cache(maxsize=16)
+def _section_flow(system):
+    import heyoka as hy
+
+    from phasebench.reference.solvers import taylor
+
+    plain = taylor.integrator(system, float)
+    event = hy.t_event(plain.sys[0][0], direction=hy.event_direction.positive)
+    return hy.taylor_adaptive(plain.sys, np.zeros(2 * system.d), t_events=[event])
+
+
+def _section(problem, t, q, p) -> np.ndarray:
+    from phasebench.reference.solvers import taylor
+
+    flow = _section_flow(problem.system)
+    flow.reset_cooldowns()
+    taylor.start(flow, float, q[-1], p[-1])
+    flow.propagate_until(FAR)
+    if abs(flow.state[0]) > 1e-9:
+        return np.full(2 * problem.system.d - 1, np.nan)
+    return np.array(flow.state[1:])
+
+
+SECTION = Quantity(
+    "section",
+    "where the orbit, followed from the end without further error, next meets q1 = 0 with p1 > 0, max norm",
+    "as (q, p)",
+    _section,
+)
+
+
+def _average(problem, t, q, p) -> np.ndarray:
+    T = problem.system.observe(kinetic(problem), q, p)
+    return np.array([np.trapezoid(T, t) / (t[-1] - t[0]) / scale(problem)])
+
+
+def kinetic(problem) -> sp.Expr:
+    """The part of H with momenta in it."""
+    momenta = set(problem.system.p)
+    return sp.Add(*(e for e in sp.Add.make_args(sp.expand(problem.system.H)) if e.free_symbols & momenta))
+
+
+AVERAGE = Quantity(
+    "average",
+    "the average of the kinetic energy over time, in units of the sum of the sizes of H's terms at the start",
+    "relative",
+    _average,
+    rows=AVERAGED,
+    aligned=False,
+    statistical=True,
+)
+EXPONENT = Quantity(
+    "lyapunov",
+    "the largest Lyapunov exponent over the span",
+    "1 / time",
+    lambda problem, t, q, p: np.array([lyapunov.exponent(problem.system, t, q, p)]),
+    rows=AVERAGED,
+    aligned=False,
+    statistical=True,
+)
+PLANETS = ("jupiter", "saturn", "uranus", "neptune", "pluto")
+#: Problem, or one of its orbits -> its own quantities.
+NAMED: dict[str, tuple[Quantity, ...]] = {
+    "harmonic-oscillator": (ROTATION,),
+    "kepler": (PHASE, PERIHELION),
+    "perturbed-kepler": (PHASE, PERIHELION),
+    "schwarzschild": (AZIMUTH,),
+    "charged-particle": (DRIFT_ANGLE,),
+    "outer-solar-system": tuple(_longitude(name, k) for k, name in enumerate(PLANETS, start=1)),
+    "fpu": (ADIABATIC, AVERAGE),
+    "henon-heiles": (SECTION,),
+    "henon-heiles:chaotic": (AVERAGE, EXPONENT),
+    "double-pendulum:chaotic": (EXPONENT,),
+    "lennard-jones": (AVERAGE,),
+}
+
+
+def named(problem) -> Iterator[Quantity]:
+    """The quantities of a problem's own, those of its orbit after those of all its orbits."""
+    id, label = getattr(problem, "id", ""), getattr(problem, "label", "")
+    yield from NAMED.get(id, ())
+    if label != id:
+        yield from NAMED.get(label, ())

@@ -1,0 +1,213 @@
+"""``integrate`` with ``--error``, ``--quantity``, ``--output``; ``workprecision``, and ``run`` on one's own problem."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from phasebench.benchmarks.cli import app, trajectory
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import integrate
+from phasebench.reference.certificates import stored
+
+RUN = ("henon-heiles:box", "rk4", "--h", "0.1", "--t-end", "10")
+
+
+def call(*arguments):
+    done = CliRunner().invoke(app, ["integrate", *arguments])
+    return done.exit_code, done.stdout, done.stderr
+
+
+def printed(*arguments):
+    code, text, said = call(*arguments, "--json")
+    assert code == 0, said
+    return json.loads(text)
+
+
+def test_the_error_is_against_the_certified_state():
+    end = stored.end(problem("henon-heiles:box"), 10.0)
+    s = integrate(problem("henon-heiles:box"), "rk4", h=0.1, t_end=10)
+    expected = max(np.abs(s.q[-1] - end.q).max(), np.abs(s.p[-1] - end.p).max())
+    found = printed(*RUN, "--error")
+    assert found["global_error"] == pytest.approx(expected, rel=1e-9)
+    assert found["reference"]["source"] == "certified"
+    assert found["reference"]["uncertainty"] < 1e-15
+    assert found["reference"]["horizon"] == 10.0
+
+
+def test_a_new_reference_where_none_is_stored():
+    found = printed("pendulum", "rk4", "--h", "0.1", "--t-end", "3.3", "--error")
+    exact = printed("pendulum", "gauss-8", "--h", "0.1", "--t-end", "3.3")
+    mine = printed("pendulum", "rk4", "--h", "0.1", "--t-end", "3.3")
+    assert found["global_error"] == pytest.approx(max(abs(mine[x][0] - exact[x][0]) for x in "qp"), rel=1e-6)
+    assert found["reference"]["source"] == "long double"
+
+
+def test_another_initial_state_has_another_reference():
+    found = printed("kepler", "gauss-8", "--h", "0.02", "--t-end", "10", "--q", "1,0", "--p", "0,1.1", "--error")
+    assert found["global_error"] < 1e-12
+    assert found["reference"]["source"] == "long double"
+
+
+def test_a_formula_longer_than_a_files_name():
+    H = "p**2/2 + q**2/2" + " + 0*q" * 60
+    found = printed("rk4", "--hamiltonian", H, "--q", "1", "--p", "0", "--h", "0.1", "--t-end", "1", "--error")
+    assert 0 < found["global_error"] < 1e-5
+
+
+def test_a_decimal_in_a_formula_may_make_integers_beyond_64_bits():
+    H = "p**2/2 - 1/sqrt(q**2 + 0.1)"
+    found = printed(
+        "rk4-relaxation", "--hamiltonian", H, "--q", "1", "--p", "0", "--h", "0.01", "--t-end", "1", "--error"
+    )
+    assert found["global_error"] < 1e-7
+
+
+def test_an_orbit_that_is_lost_has_no_error():
+    found = printed("henon-heiles:chaotic", "rk4", "--h", "0.1", "--t-end", "1000", "--error")
+    assert found["global_error"] is None
+    assert "cannot be followed" in found["reference"]["reason"]
+    assert found["reference"]["horizon"] < 1000
+    code, text, _ = call("henon-heiles:chaotic", "rk4", "--h", "0.1", "--t-end", "1000", "--error")
+    assert code == 0
+    assert "none: the orbit" in text
+
+
+def test_a_quantity_has_its_error_besides():
+    found = printed(*RUN, "--error", "--quantity", "trajectory")["quantity_error"]
+    assert found["quantity"] == "trajectory"
+    assert found["error"] >= printed(*RUN, "--error")["global_error"] * 0.999
+    energy = printed(*RUN, "--quantity", "energy")
+    assert "global_error" in energy
+    assert 0 < energy["quantity_error"]["error"] < 1e-3
+
+
+@pytest.mark.parametrize("name", ["rows.csv", "rows.npz"])
+def test_the_trajectory_is_written(tmp_path, name):
+    path = tmp_path / name
+    s = integrate(problem("henon-heiles:box"), "rk4", h=0.1, t_end=10)
+    found = printed(*RUN, "--output", str(path), "--every", "7")
+    rows = [*range(0, 100, 7), 100]
+    assert found["output"] == {"file": str(path), "rows": len(rows)}
+    if name.endswith("npz"):
+        with np.load(path) as whole:
+            t, q, p = whole["t"], whole["q"], whole["p"]
+    else:
+        assert path.read_text().splitlines()[0] == "t,q1,q2,p1,p2"
+        table = np.loadtxt(path, delimiter=",", skiprows=1)
+        t, q, p = table[:, 0], table[:, 1:3], table[:, 3:]
+    assert np.array_equal(t, s.t[rows])
+    assert np.array_equal(q, s.q[rows])
+    assert np.array_equal(p, s.p[rows])
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
+    path = tmp_path / "rows.csv"
+    path.write_text("before")
+
+    def full(*of):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    code, _, said = call(*RUN, "--output", str(path))
+    assert code == 2
+    assert "No space left" in said
+    assert path.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--output", "rows.txt"], "its suffix says the format"),
+        (["--output", "/nowhere/at/all/rows.csv"], "there is no folder"),
+        (["--every", "3"], "--every says which rows"),
+        (["--output", "rows.csv", "--every", "0"], "--every is 0"),
+        (["--error", "--quantity", "trajektory"], "trajectory"),
+        (["--quantity", "trajectory", "--steps", "33"], "40 is the nearest"),
+    ],
+)
+def test_what_cannot_be_written_or_told(arguments, message, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    options = RUN if "--steps" not in arguments else (*RUN[:2], "--t-end", "10")
+    code, text, said = call(*options, *arguments)
+    assert code == 2
+    assert message in text + said
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_last_row_is_kept():
+    class Rows:
+        t, q, p = np.arange(5.0), np.zeros((5, 1)), np.zeros((5, 1))
+
+    import tempfile
+    from pathlib import Path
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.csv"
+        assert trajectory.write(path, Rows, 3) == 3
+        assert [line.split(",")[0] for line in path.read_text().splitlines()] == ["t", "0.0", "3.0", "4.0"]
+
+
+# -- work-precision on a problem of one's own ------------------------------------------------------------------------
+
+MINE = """
+from phasebench import Hamiltonian
+from phasebench.benchmarks.problems.base import Orbit, Problem
+
+problem = Problem(
+    id="quartic", name="quartic oscillator", source="mine",
+    system=Hamiltonian(q="q", p="p", H="p**2/2 + q**4/4"), orbits=(Orbit("start", (1.0,), (0.0,)),),
+)
+"""
+
+
+@pytest.fixture
+def mine(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(MINE)
+    return path
+
+
+def test_work_precision_of_ones_own_problem(mine, tmp_path):
+    figure = tmp_path / "figure.png"
+    options = ["workprecision", str(mine), "--t-end", "10", "--methods", "pefrl,heyoka"]
+    done = CliRunner().invoke(app, [*options, "--output", str(figure), "--json"])
+    assert done.exit_code == 0, done.stderr
+    rows = json.loads(done.stdout)["rows"]
+    assert {r["method"] for r in rows} == {"pefrl", "heyoka"}
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    errors = [r["error"] for r in rows if r["method"] == "pefrl" and r["status"] == "ok"]
+    assert errors[0] > 1e-2
+    assert min(errors) < 1e-11
+    done = CliRunner().invoke(app, options)
+    assert "1e-09" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["workprecision", "pendulum"], "--t-end"),
+        (["workprecision", "pendulum", "--t-end", "1", "--output", "a.txt"], "a figure is a file .png"),
+        (["workprecision", "pendulum", "--t-end", "1", "--methods", "wisdom-holman"], "trait"),
+        (["run", "pendulum"], "--t-end"),
+        (["run", "pendulum", "--t-end", "1", "--scene", "kepler-t1"], "leave out one"),
+    ],
+)
+def test_what_cannot_be_measured(arguments, message):
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 2
+    assert message in done.stderr
+
+
+def test_run_on_a_problem_writes_its_rows(mine, tmp_path):
+    path = tmp_path / "rows.jsonl"
+    done = CliRunner().invoke(app, ["run", str(mine), "--t-end", "5", "--method", "pefrl", "--output", str(path)])
+    assert done.exit_code == 0, done.stderr
+    rows = [json.loads(line) for line in path.read_text().splitlines()]
+    assert {r["method"] for r in rows} == {"pefrl"}
+    assert len(rows) > 8

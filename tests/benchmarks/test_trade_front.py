@@ -1,0 +1,221 @@
+"""The climb and the finals of the trade on integrators whose error and time are laws, so that the answer is known."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import inf
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.experiments.trade import climb, field, front
+from phasebench.benchmarks.experiments.trade.climb import Known, Rung, Task
+from phasebench.benchmarks.measure.quantities import Truth, quantity
+from phasebench.benchmarks.measure.timing import OURS, PEERS
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.problems.questions import Question, down_to
+
+
+class Law:
+    """Error (steps / scale)^-order down to a floor; `step` seconds a step."""
+
+    def __init__(self, label: str, order: float, step: float, floor: float = 1e-16, scale: float = 100.0, side=OURS):
+        self.label = self.id = label
+        self.order, self.step, self.floor, self.scale = order, step, floor, scale
+        self.kind = "phasebench" if side == OURS else "heyoka"
+        self.adaptive = self.stoppable = False
+        self.record = SimpleNamespace(least=1e-16)
+        self.seen: list[int] = []
+
+    def run(self, problem, t_end, steps, save_every, **more):
+        """A solution whose state is off by the law's error."""
+        self.seen.append(steps)
+        error = max((steps / self.scale) ** -self.order, self.floor)
+        counts = {"steps": steps, "gradient": steps}
+        return SimpleNamespace(
+            t=np.array([0.0, t_end]),
+            q=np.array([[0.0], [error]]),
+            p=np.zeros((2, 1)),
+            status="ok",
+            seconds=self.step * steps,
+            counts=counts,
+        )
+
+
+def task(last: int = 12) -> Task:
+    """A question about a state that is 0."""
+    made = problem("pendulum:swinging")
+    asked = Question("s", "pendulum:swinging", 100.0, "end-state", down_to(last), "")
+    return Task(asked, made, quantity(made, "end-state"), Truth(np.zeros(2), 0.0, ""))
+
+
+def climbed(*laws: Law, last: int = 12):
+    """(the question, the climbs one after another)."""
+    asked, known = task(last), Known()
+    return asked, [climb.climb(asked, law, known) for law in laws]
+
+
+def test_a_climb_goes_from_the_widest_step_to_the_finest_accuracy_by_doubling():
+    asked, (one,) = climbed(Law("a", 4, 1e-8))
+    steps = [r.steps for r in one.rungs]
+    assert steps[0] == round(100.0 / (climb.WIDEST * asked.problem.pace.step))
+    assert all(1.9 < b / a < 2.1 for a, b in pairwise(steps))
+    assert one.rungs[-2].error > 1e-12 >= one.rungs[-1].error
+    assert not one.dropped
+
+
+def test_a_climb_that_begins_above_the_coarsest_accuracy_goes_wider_first():
+    _, (one,) = climbed(Law("a", 8, 1e-8, scale=4.0))
+    assert one.rungs[0].error > 1e-1 >= one.rungs[1].error
+    assert [r.steps for r in one.rungs] == sorted(r.steps for r in one.rungs)
+
+
+def test_who_is_too_slow_everywhere_is_dropped_early_and_it_is_said_by_whom():
+    _, (_, slow) = climbed(Law("fast", 4, 1e-8), Law("slow", 4, 1e-7))
+    assert slow.dropped
+    assert slow.rungs[-1].error > 1e-5
+    assert "10.0 times as long as fast" in slow.why
+
+
+def test_who_is_slow_at_first_but_comes_nearer_is_kept():
+    """Order 4 at twenty times the price of a step of order 2 loses until 6e-6 and wins from there on."""
+    _, (_, high) = climbed(Law("low", 2, 1e-8), Law("high", 4, 2e-7))
+    assert high.rungs[2].error > 1e-3
+    assert not high.dropped
+    assert min(r.error for r in high.rungs) <= 1e-12
+    _, (_, high) = climbed(Law("low", 2, 1e-8), Law("high", 2, 2e-7))
+    assert high.dropped
+
+
+def test_a_climb_ends_where_round_off_is():
+    _, (one,) = climbed(Law("a", 4, 1e-8, floor=1e-9))
+    assert "round-off" in one.why
+    assert not one.dropped
+    assert sum(r.error == 1e-9 for r in one.rungs) <= climb.STANDING + 1
+
+
+def test_a_method_that_never_gets_there_ends_after_a_multiple_of_the_finest_price():
+    _, (_, lost) = climbed(Law("fast", 8, 1e-8), Law("never", 0.01, 1e-8))
+    assert lost.dropped
+    assert lost.rungs[-1].seconds < 10 * 1e-8 * 100 * 10 ** (12 / 8) + 2 * climb.FREE
+
+
+def test_the_bracket_is_the_last_miss_and_what_follows_it():
+    """An error that happens to be small at a wide step is no answer; what follows the least error is round-off."""
+    errors = [0.5, 1e-10, 1e-2, 1e-4, 1e-11, 5e-9, 5e-9]
+    rungs = [Rung(2**k, None, "ok", e, 1e-6 * 2**k, 2**k, 0) for k, e in enumerate(errors)]
+    low, high = front.bracket(rungs, 2e-9)
+    assert (low.error, high.error) == (1e-4, 1e-11)
+    assert front.bracket(rungs, 1e-12) is None
+    lucky = [Rung(2**k, None, "ok", e, 1.0, 2**k, 0) for k, e in enumerate([0.03, 0.07, 0.3])]
+    assert front.bracket(lucky, 0.1) is None
+    assert front.estimate(lucky, 0.1) == inf
+    assert front.bracket(rungs, 1.0) == (None, rungs[0])
+
+
+def test_the_estimate_lies_on_the_law():
+    _, (one,) = climbed(Law("a", 4, 1e-8))
+    for wanted in (1e-3, 1e-7, 1e-11):
+        assert front.estimate(one.rungs, wanted) == pytest.approx(1e-6 * wanted**-0.25, rel=1e-9)
+    assert front.estimate(one.rungs, 1e-30) == inf
+
+
+def test_a_refined_step_meets_the_accuracy_and_is_hardly_finer_than_it_must_be():
+    law = Law("a", 4, 1e-8)
+    asked, (one,) = climbed(law)
+    for wanted in (1e-2, 1e-5, 1e-10):
+        found = front.refine(asked, law, one.rungs, wanted)
+        needed = 100 * wanted**-0.25
+        assert found.error <= wanted
+        assert needed <= found.steps <= 1.1 * needed + 1
+
+
+def test_the_final_names_the_cheapest_of_either_side_and_their_ratio():
+    ours = [Law("second", 2, 1e-8), Law("eighth", 8, 4e-8)]
+    peers = [Law("taylor", 8, 8e-8, side=PEERS)]
+    asked, found = climbed(*peers, *ours)
+    for wanted, best in ((1e-1, "second"), (1e-10, "eighth")):
+        rows, choice = front.final(asked, found, wanted)
+        assert choice["ours integrator"] == best
+        assert choice["peer integrator"] == "taylor"
+        assert {r["side"] for r in rows} == {OURS, PEERS}
+        price = {"second": 1e-6 * wanted**-0.5, "eighth": 4e-6 * wanted**-0.125, "taylor": 8e-6 * wanted**-0.125}
+        assert choice["ratio"] == pytest.approx(price[best] / price["taylor"], rel=0.15)
+        assert choice["ratio low"] <= choice["ratio"] <= choice["ratio high"]
+        assert all(r["error"] <= wanted for r in rows)
+
+
+def test_of_a_side_that_does_not_get_there_nobody_is_named():
+    asked, found = climbed(Law("a", 4, 1e-8), Law("b", 4, 1e-8, floor=1e-6, side=PEERS))
+    rows, choice = front.final(asked, found, 1e-9)
+    assert [r["integrator"] for r in rows] == ["a"]
+    assert "peer integrator" not in choice
+    assert "ratio" not in choice
+
+
+def test_what_a_reference_cannot_tell_is_not_asked():
+    whole = task()
+    blurred = Task(whole.question, whole.problem, whole.quantity, Truth(np.zeros(2), 3e-7, ""))
+    assert whole.asked == down_to(12)
+    assert blurred.asked == down_to(6)
+
+
+# -- who competes ------------------------------------------------------------------------------------------------------
+
+
+def test_a_throughput_of_many_orbits_competes_with_no_single_orbit():
+    labels = {c.label for c in field.competitors()}
+    assert not labels & set(field.LEFT_OUT)
+    assert "heyoka-batch" in field.LEFT_OUT
+    assert len(labels) == len(field.competitors())
+
+
+def test_every_way_to_run_a_peer_fast_is_in_the_field():
+    labels = {c.label for c in field.competitors()}
+    assert {"heyoka", "heyoka-high-accuracy", "heyoka(compact_mode)", "heyoka-high-accuracy(compact_mode)"} <= labels
+    assert {f"rebound-ias15(adaptive_mode={m})" for m in ("individual", "global", "aarseth85")} <= labels
+    assert {"rebound-whfast", "rebound-whfast-plain", "rebound-saba-10-6-4", "rebound-bs"} <= labels
+    assert {"scipy-dop853-numba", "scipy-lsoda-numba", "scipy-ode(DOP853)", "scipy-odeint(LSODA)"} <= labels
+    fixed = [p.settings for p in field.peers() if p.settings.get("integrator") in ("whfast", "saba")]
+    assert fixed
+    assert all(s["safe_mode"] == 0 for s in fixed)
+
+
+def test_the_field_of_a_problem_says_why_the_others_cannot():
+    can, cannot = field.able(problem("lotka-volterra:4-2"))
+    assert "heyoka" in {c.label for c in can}
+    assert "quadratic" in cannot["rebound-whfast"] or "REBOUND" in cannot["rebound-whfast"]
+
+
+def test_who_solves_a_problem_exactly_does_not_compete_on_it():
+    _, cannot = field.able(problem("kepler"))
+    assert all("exact" in cannot[x] for x in ("rebound-whfast", "rebound-saba-1", "wisdom-holman"))
+    can, _ = field.able(problem("perturbed-kepler"))
+    assert {"rebound-whfast", "rebound-saba-1", "wisdom-holman"} <= {c.label for c in can}
+    _, cannot = field.able(problem("harmonic-oscillator"))
+    assert "exact" in cannot["gautschi"]
+
+
+def test_rows_are_kept_of_those_who_come_near():
+    asked, known = task(), Known()
+    fast, fair, slow = (climb.climb(asked, Law(x, 4, s), known) for x, s in (("a", 1e-8), ("b", 1.5e-8), ("c", 1e-7)))
+    assert [front.near(asked, k, known) for k in (fast, fair, slow)] == [True, True, False]
+
+
+def test_a_scene_with_a_real_peer_and_a_real_method():
+    """A whole scene in small: heyoka against two of ours on a short pendulum."""
+    asked = front.task_of("pendulum-short")
+    known = Known()
+    found = [
+        climb.climb(asked, c, known)
+        for c in field.competitors()
+        if c.label in ("heyoka", "stormer-verlet", "blanes-moan-srkn6b")
+    ]
+    rows, choice = front.final(asked, found, 1e-6)
+    assert choice["peer integrator"] == "heyoka"
+    assert choice["ours integrator"] == "blanes-moan-srkn6b"
+    assert all(1e-9 < r["error"] <= 1e-6 for r in rows)
+    verlet = next(k for k in found if k.integrator.label == "stormer-verlet")
+    assert min(r.error for r in verlet.rungs) > 1e-12
+    assert "times" in verlet.why
