@@ -30,6 +30,7 @@ _HOMES = {
     "problem": "benchmarks.problems",
     "stability": "benchmarks.measure.oscillator",
     "section": "benchmarks.measure.ensembles",
+    "validate": "benchmarks.certificate.certificate",
 }
 __all__ = sorted(_HOMES)
 

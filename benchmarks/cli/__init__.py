@@ -21,6 +21,7 @@ from .listing import list_
 from .report import report
 from .run import run
 from .stability import stability
+from .validate import validate
 from .workprecision import workprecision
 
 #: Name -> the function, whose signature typer reads and whose docstring is the help.
@@ -35,6 +36,7 @@ COMMANDS = {
     "audit": audit,
     "compare": compare,
     "cite": cite,
+    "validate": validate,
     "stability": stability,
     "cache": cache,
 }

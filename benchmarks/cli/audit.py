@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from phasebench.integrators.errors import InvalidInput
+
 from .shared import err, invalid_input, out, print_json
 
 
@@ -21,6 +23,7 @@ def audit(
     from phasebench.benchmarks.experiments.audit.table import show
 
     with invalid_input(), err.status("audit") as status:
+        _own_steps_are_validated(peer)
         measured = measure([*package, *peer] or None, quick=quick, progress=status.update)
         stated = _stated({r["package"] for r in measured.rows}, status.update) if scripts else []
     if as_json:
@@ -31,6 +34,14 @@ def audit(
     for row in stated:
         out.print(f"{row['package']}, {row['verdict']}: '{row['said']}'", markup=False, highlight=False)
         out.print(f"  {row['script']}: {row['shows'] or row['reason']}", markup=False, highlight=False)
+
+
+def _own_steps_are_validated(names: list[str]) -> None:
+    from phasebench.benchmarks.problems.user_file import is_file
+
+    own = next((name for name in names if is_file(name)), None)
+    if own is not None:
+        raise InvalidInput(f"the audit is of packages; `phasebench validate {own}` judges a step of your own")
 
 
 def _stated(packages: set[str], progress) -> list[dict]:

@@ -18,7 +18,7 @@ from phasebench.integrators.record import Method
 from phasebench.integrators.registry import BY_ID as METHODS_BY_ID
 from phasebench.integrators.registry import method
 from phasebench.reference.peers import BY_ID as PEERS_BY_ID
-from phasebench.reference.peers import Peer, integrate_peer
+from phasebench.reference.peers import Claims, Peer, integrate_peer
 
 from . import own_step
 from .own_step import OwnStep
@@ -49,6 +49,11 @@ class Integrator:
         return self.record.label
 
     @property
+    def name(self) -> str:
+        """Its full name, where it has another than its id."""
+        return getattr(self.record, "name", self.id)
+
+    @property
     def kind(self) -> str:
         """`OURS`, `YOURS`, or the package of a peer."""
         if isinstance(self.record, Peer):
@@ -69,6 +74,21 @@ class Integrator:
     def order(self) -> int | None:
         """The order in the step that is declared; None where it is not one number."""
         return self.record.order
+
+    @property
+    def claims(self) -> Claims:
+        """What is claimed of it: by a method's record, by a peer's package, by the file of a step."""
+        record = self.record
+        if isinstance(record, Peer):
+            return record.claims
+        if isinstance(record, OwnStep):
+            return Claims(*map(record.claims.get, ("order", "symplectic", "reversible", "energy")), record.id)
+        return Claims(record.order, record.symplectic, record.symmetric, record.energy, "the registry of methods")
+
+    def load(self) -> None:
+        """Import the package of a peer; raises ImportError where it is not there."""
+        if isinstance(self.record, Peer):
+            self.record.load(self.record.package)
 
     def lacks(self, problem) -> str | None:
         """Why it cannot integrate a problem, or None where it can."""

@@ -20,6 +20,7 @@ import inspect
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,7 @@ class OwnStep:
     ----------
     id : the function's name, or the path of its file
     step : (system, q, p, h) -> (q, p), see `System`
-    claims : any of order, symplectic, reversible, energy (one of `ENERGY`)
+    claims : any of `CLAIMS`
     requires : traits of the system that it cannot do without
     where : the file of its code, as Python names it in a traceback
     """
@@ -89,10 +90,11 @@ class System:
     ----------
     d : degrees of freedom
     evaluations : of `dH_dq` and of `dH_dp` so far
+    whole : the system itself
     """
 
     def __init__(self, system):
-        self.d, self.evaluations = system.d, [0, 0]
+        self.d, self.evaluations, self.whole = system.d, [0, 0], system
         self._system, self._field = system, system.vector_field()
 
     def _state(self, q, p) -> np.ndarray:
@@ -141,30 +143,52 @@ def from_file(path: str | Path) -> OwnStep:
     if not callable(step):
         has = "has no function 'step'" if step is None else f"has a 'step' that is a {type(step).__name__}"
         raise InvalidInput(f"{path} {has}; write def step(system, q, p, h): ... return q, p")
+    return described(path, module, from_function(step).step)
+
+
+def described(path: str, module, function: Callable) -> OwnStep:
+    """A function of a user's module, with what the module says of it."""
     requires = getattr(module, "REQUIRES", ())
     requires = (requires,) if isinstance(requires, str) else requires
     if not isinstance(requires, (tuple, list)) or not all(isinstance(x, str) for x in requires):
         raise InvalidInput(f"{path}: REQUIRES is {requires!r}; write REQUIRES = ('separable',)")
-    own = from_function(step)
-    return OwnStep(path, step, _claims(getattr(module, "CLAIMS", {}), path), tuple(requires), own.where)
+    code = getattr(function, "__code__", None)
+    claims = checked_claims(getattr(module, "CLAIMS", {}), f"{path}: CLAIMS")
+    return OwnStep(path, function, claims, tuple(requires), code.co_filename if code else "the step")
 
 
-def _claims(claims, path: str) -> Mapping[str, Any]:
-    """``CLAIMS``, checked."""
+def _flag(x) -> bool:
+    return isinstance(x, bool)
+
+
+def _positive(x) -> bool:
+    return isinstance(x, Real) and not isinstance(x, bool) and 0 < x < float("inf")
+
+
+#: Claim -> (what its value must be, whether a value is that).
+CLAIMS: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "order": ("a positive integer", lambda x: isinstance(x, int) and not isinstance(x, bool) and x > 0),
+    "symplectic": ("True or False", _flag),
+    "symmetric": ("True or False", _flag),
+    "reversible": ("True or False", _flag),
+    "energy": (f"one of {', '.join(ENERGY)}", lambda x: isinstance(x, str) and x in ENERGY),
+    "bilinear": (f"one of {', '.join(ENERGY)}", lambda x: isinstance(x, str) and x in ENERGY),
+    "quadratic": (f"one of {', '.join(ENERGY)}", lambda x: isinstance(x, str) and x in ENERGY),
+    "stability": ("a positive number, the limit of h omega", _positive),
+    "tolerance": ("a positive number, the most that an error is of the tolerance", _positive),
+}
+
+
+def checked_claims(claims, where: str) -> dict[str, Any]:
+    """The claims, name -> value; raises InvalidInput, which begins with ``where``, for one that is none."""
     if not isinstance(claims, Mapping):
-        raise InvalidInput(f"{path}: CLAIMS is {claims!r}; write CLAIMS = {{'order': 2, 'symplectic': True}}")
-    wanted = {
-        "order": ("a positive integer", lambda x: isinstance(x, int) and not isinstance(x, bool) and x > 0),
-        "symplectic": ("True or False", lambda x: isinstance(x, bool)),
-        "reversible": ("True or False", lambda x: isinstance(x, bool)),
-        "energy": (f"one of {', '.join(ENERGY)}", lambda x: x in ENERGY),
-    }
+        raise InvalidInput(f"{where} is {claims!r}; write {{'order': 2, 'symplectic': True}}")
     for name, value in claims.items():
-        if name not in wanted:
-            raise InvalidInput(f"{path}: {unknown('claim', str(name), wanted)}")
-        words, right = wanted[name]
+        if name not in CLAIMS:
+            raise InvalidInput(f"{where}: {unknown('claim', str(name), CLAIMS)}")
+        words, right = CLAIMS[name]
         if not right(value):
-            raise InvalidInput(f"{path}: CLAIMS has {name} = {value!r}; it must be {words}")
+            raise InvalidInput(f"{where} has {name} = {value!r}; it must be {words}")
     return dict(claims)
 
 
@@ -222,7 +246,7 @@ def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:
     q, p, row = asked.q, asked.p, 1
     for n in range(1, asked.steps + 1):
         try:
-            q, p = _returned(step(seen, _frozen(q), _frozen(p), asked.h), seen.d)
+            q, p = returned(step(seen, _frozen(q), _frozen(p), asked.h), seen.d)
         except ValueError as error:
             if "read-only" not in str(error):
                 raise
@@ -247,7 +271,7 @@ def _frozen(x: np.ndarray) -> np.ndarray:
     return x.view()
 
 
-def _returned(pair, d: int) -> tuple[np.ndarray, np.ndarray]:
+def returned(pair, d: int) -> tuple[np.ndarray, np.ndarray]:
     """What a step returned, as arrays of its own."""
     two = len(pair) == 2 if isinstance(pair, (tuple, list)) else np.ndim(pair) == 2 and len(pair) == 2
     if not two:

@@ -13,13 +13,13 @@ from rich.console import Console
 
 from phasebench.benchmarks.experiments.audit import cases, judge, measures, worker
 from phasebench.benchmarks.experiments.audit.audit import Audit, audit, select
-from phasebench.benchmarks.experiments.audit.controls import control
 from phasebench.benchmarks.experiments.audit.judge import CONTRADICTED, HOLDS, IN_PART, UNDERSTATED, UNJUDGED
 from phasebench.benchmarks.experiments.audit.page import PAGE
 from phasebench.benchmarks.experiments.audit.table import TEXTS, show
 from phasebench.benchmarks.measure import metrics
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.peers import Claims, Run
+from support.planted import control
 
 #: The other control is `bench_audit`'s.
 CONTROLS = ("stormer-verlet", "rk4", "gauss-2")
@@ -333,7 +333,7 @@ def test_a_peer_that_raises_is_a_row():
 
 
 def test_names_are_peers_packages_or_wrong():
-    assert {p.package for p in select(["scipy"])} == {"scipy"}
+    assert {p.kind for p in select(["scipy"])} == {"scipy"}
     assert [p.id for p in select(["rk4", "heyoka", "rk4"])] == ["rk4", "heyoka"]
     with pytest.raises(InvalidInput, match="did you mean"):
         select(["rebound-leapfog"])

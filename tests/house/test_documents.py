@@ -22,7 +22,7 @@ BLOCK = re.compile(r"^( *)```(\w*)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 #: Commands that take more than a few seconds are parsed, not run.
 LONG = ("run", "report", "certify", "audit", "compare", "advise", "workprecision")
 #: What an example writes or reads, and no file of the project.
-OWN = ("my_step.py", "my_problem.py")
+OWN = ("my_step.py", "my_problem.py", "test_my_step.py")
 
 
 def blocks(language: str) -> list[str]:
@@ -52,7 +52,7 @@ def folder(tmp_path, monkeypatch):
 
 def test_every_block_has_a_language_that_is_tested():
     for text in DOCUMENTS.values():
-        assert {m[2] for m in BLOCK.finditer(text)} <= {"sh", "python", "diff"}
+        assert {m[2] for m in BLOCK.finditer(text)} <= {"sh", "python", "diff", "yaml"}
         assert text.count("```") == 2 * len(BLOCK.findall(text))
     known = [("phasebench",), ("pytest",), ("ruff",), ("python", "-m"), ("python", "tests/mutation")]
     assert all(any(tuple(c[: len(k)]) == k for k in known) for c in COMMANDS)

@@ -46,6 +46,7 @@ ROOMS = {
         ("measure",),
         ("advice",),
         ("page", "bibliography", "history"),
+        ("certificate",),
         ("experiments",),
         ("report",),
         ("cli",),

@@ -4,9 +4,10 @@
     found = audit(["rebound-leapfrog", "scipy"])
     print(found.contradictions)
 
-For each integrator (a `reference.peers.Peer`): order with its interval, symplecticity and reversibility defects beside
-what methods of proved structure show through the same functions, energy error and drift, stability limit, cost.  How
-it is measured: `measures`; on what: `cases`; what is concluded: `judge`.
+For each integrator (a peer, or a method of this project as a control, which must come out as declared): order with its
+interval, symplecticity and reversibility defects beside what methods of proved structure show through the same
+functions, energy error and drift, stability limit, cost.  How it is measured: `measures`; on what: `cases`; what is
+concluded: `judge`.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
 
+from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.rows.cells import ALONE, Cell, Rows, content
 from phasebench.integrators.errors import unknown
 from phasebench.integrators.registry import method
@@ -22,6 +24,8 @@ from phasebench.integrators.registry import method
 from . import cases
 from .judge import CONTRADICTED, HOLDS, IN_PART, UNJUDGED
 
+#: Methods of this project that are audited with every run: what is proved of them must come out.
+CONTROLS = ("stormer-verlet", "rk4", "scheme-iii", "gauss-2")
 #: Seconds of one measure of one peer, over its problems.
 BUDGET = 10.0
 #: What the quick tier measures, on one problem.
@@ -42,32 +46,26 @@ class Audit:
         return [c for c in self.claims if c["verdict"] == CONTRADICTED]
 
 
-def select(names: Iterable | None = None) -> list:
-    """The peers of those ids or packages, or records as they are; all where ``names`` is None.
+def select(names: Iterable | None = None) -> list[Integrator]:
+    """The integrators of those ids, packages or records; all peers where ``names`` is None.
 
     Raises InvalidInput for a name that is neither, naming the nearest.
     """
-    from phasebench.reference.peers import BY_ID, PEERS, Peer
-
-    from .controls import CONTROLS, control
+    from phasebench.reference.peers import BY_ID, PEERS
 
     if names is None:
-        return list(PEERS)
-    out: list = []
+        return [integrator(p) for p in PEERS]
+    out: list[Integrator] = []
     for name in names:
-        if isinstance(name, Peer):
-            out.append(name)
-        elif name in BY_ID:
-            out.append(BY_ID[name])
-        elif name in CONTROLS:
-            out.append(control(name))
+        if not isinstance(name, str) or name in BY_ID or name in CONTROLS:
+            out.append(integrator(name))
         elif of := [p for p in PEERS if p.package == name]:
-            out += of
+            out += map(integrator, of)
         else:
             raise unknown("peer or package", name, [*BY_ID, *{p.package for p in PEERS}, *CONTROLS])
-    first: dict = {}
-    for peer in out:
-        first.setdefault(peer.id, peer)
+    first: dict[str, Integrator] = {}
+    for chosen in out:
+        first.setdefault(chosen.id, chosen)
     return list(first.values())
 
 
@@ -94,14 +92,11 @@ def audit(
     InvalidInput
         For a name that is neither a peer nor a package.
     """
-    from phasebench.reference.peers import BY_ID
-
     from . import judge, measures, worker
-    from .controls import CONTROLS, control
 
-    found, known = Audit(), dict(BY_ID) | {c: control(c) for c in CONTROLS}
+    found = Audit()
     for peer in select(names):
-        ask = worker.shared().row if isolate and known.get(peer.id) is peer else worker.row
+        ask = worker.shared().row if isolate and _registered(peer) else worker.row
         tell = partial(_tell, progress, peer.id)
         tell(worker.PREPARE)
         first = ask(peer, worker.PREPARE, seconds=worker.LOADING)
@@ -118,6 +113,13 @@ def audit(
     return found
 
 
+def _registered(peer: Integrator) -> bool:
+    """Whether another process finds the very same integrator under its id."""
+    from phasebench.reference.peers import BY_ID
+
+    return (peer.id in BY_ID or peer.id in CONTROLS) and peer == integrator(peer.id)
+
+
 def cells(quick: bool = False) -> list[Cell]:
     """A cell for each peer and control, each script of a statement and each package; none of the quick tier."""
     if quick:
@@ -125,7 +127,6 @@ def cells(quick: bool = False) -> list[Cell]:
     from phasebench.reference.peers import PEERS
 
     from . import statements, unregistered
-    from .controls import CONTROLS
 
     own = [_cell(p.id, p, (p.id, p.package)) for p in PEERS] + [_cell(c, method(c), (c,)) for c in CONTROLS]
     return own + statements.cells() + unregistered.cells()

@@ -7,8 +7,7 @@ says so.
 from __future__ import annotations
 
 from phasebench.benchmarks.experiments.audit import judge
-from phasebench.benchmarks.experiments.audit.audit import cells  # noqa: F401
-from phasebench.benchmarks.experiments.audit.controls import CONTROLS
+from phasebench.benchmarks.experiments.audit.audit import CONTROLS, cells  # noqa: F401
 
 #: A claim's property, and the measure that judges it.
 PROPERTIES = {"order": "order", "symplectic": "symplecticity", "reversible": "reversibility", "energy": "energy"}

@@ -129,7 +129,7 @@ def able(peer, wanted) -> Iterator[Case]:
     """The cases that a peer can do, of those ``wanted``."""
     for case in wanted:
         made = problem(case)
-        if peer.lacks(made, made.system) is None:
+        if peer.lacks(made) is None:
             yield case
 
 

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from phasebench.benchmarks.certificate.evidence import GATE
 from phasebench.benchmarks.page import style
-
-from .judge import GATE
 
 #: Differences beyond stand at the edge.
 SHOWN = 3.2

@@ -2,46 +2,28 @@
 
 More than is claimed contradicts nothing: the claim is understated, of whatever kind it is.
 
-- Order: a problem agrees where |order - claimed| < 0.1; it differs where the whole interval is farther away and the
-  order is within 0.1 of another integer (else the ladder is not asymptotic yet).  The claim is contradicted where at
-  least two problems differ and none agrees (understated where all orders are higher), holds where at least one agrees
-  and none differs, holds in part where problems disagree.
-- Symplectic, reversible: broken where the defect is over 100 times the floor, kept where it is not and both the
-  classical Runge-Kutta method's defect and the integrator's own error are over 1000 times the floor on the same case
-  (else nothing could be seen).  One broken problem contradicts the claim; a structure that is denied and kept on all
-  problems is understated.
-- Energy: "bounded" is contradicted by a drift whose interval leaves out 0 and whose sum is more than half of the
-  greatest error; "round-off" by an error of 10 times Brouwer's law with a generous constant; "drifts" is understated
-  where an error that is not of round-off stays bounded on all problems.
+- Order: a claim is contradicted where at least two problems differ and none agrees (understated where all orders are
+  higher), holds where at least one agrees and none differs, holds in part where problems disagree.
+- Symplectic, reversible: one broken problem contradicts the claim; a structure that is denied and kept on all problems
+  is understated.
+- Energy: "bounded" is contradicted by a drift; "round-off" by an error of 10 times what round-off does; "drifts" is
+  understated where an error that is not of round-off stays bounded on all problems.
+
+What one row tells: `benchmarks.certificate.evidence`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import isnan, sqrt
 
+from phasebench.benchmarks.certificate.evidence import agrees, bounded, has, kept, round_off
+from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.integrators.record import BOUNDED, DRIFT, EXACT, ROUND_OFF
-
-from .cases import EPS
 
 HOLDS, CONTRADICTED, IN_PART, UNJUDGED = "holds", "contradicted", "holds in part", "not judged"
 #: More than is claimed.
 UNDERSTATED = "understated"
-GATE = 0.1
-#: Multiples of the floor: a defect above is none of round-off; what the classical method must show to be seen.
-BROKEN, VISIBLE = 100.0, 1000.0
-#: The drift's share of the greatest error above which the error drifts, and below which it is bounded.
-DRIFTS, STAYS = 0.5, 0.1
-#: An error of this part of the energies' size is not called bounded: a dissipated energy no longer drifts.
-LARGE = 0.25
-#: The energy error of round-off is at most so many units of round-off times the root of the steps.
-BROUWER = 100.0
 KEPT = {"symplecticity": "symplectic", "reversibility": "reversible"}
-
-
-def _has(row, key) -> bool:
-    value = row.get(key)
-    return value is not None and not (isinstance(value, float) and isnan(value))
 
 
 def number(x: float) -> str:
@@ -49,47 +31,11 @@ def number(x: float) -> str:
     return f"{x:.3g}"
 
 
-def kept(row) -> bool | None:
-    """Whether a row of symplecticity or reversibility shows the structure; None where it cannot be told."""
-    if row["status"] != "ok" or not _has(row, "floor"):
-        return None
-    if row["value"] > BROKEN * row["floor"]:
-        return False
-    return True if min(row["classical"], row["own"]) > VISIBLE * row["floor"] else None
-
-
-def bounded(row) -> bool | None:
-    """Whether the energy error is bounded, as far as its time tells; None where that is open or it is large."""
-    if row["status"] != "ok" or not _has(row, "slope"):
-        return None
-    moved = abs(row["slope"]) * row["time"]
-    if row["value"] > LARGE * row["scale"]:
-        return False if moved > DRIFTS * row["value"] else None
-    if row["low"] <= 0 <= row["high"] or moved <= STAYS * row["value"]:
-        return True
-    return False if moved > DRIFTS * row["value"] else None
-
-
-def round_off(row) -> float:
-    """What round-off may do to the energy of a row."""
-    return BROUWER * EPS * row["scale"] * sqrt(row["steps"])
-
-
-def agrees(row, claimed: int) -> bool | None:
-    """Whether a row's order is the claimed one; None without a window, or with one too wide to tell."""
-    if row["status"] != "ok" or not _has(row, "value"):
-        return None
-    if abs(row["value"] - claimed) < GATE:
-        return True
-    outside = row["low"] > claimed + GATE or row["high"] < claimed - GATE
-    return False if outside and abs(row["value"] - round(row["value"])) < GATE else None
-
-
 def order_text(row) -> str:
     """An order with its interval and problem, or why there is none."""
     if row["status"] != "ok":
         return f"{row['status']} ({row['problem']}: {row['reason']})"
-    if not _has(row, "value"):
+    if not has(row, "value"):
         return f"{row['reason']} ({row['problem']})"
     return f"{row['value']:.2f} [{row['low']:.2f}, {row['high']:.2f}] ({row['problem']})"
 
@@ -98,11 +44,11 @@ def structure_text(row) -> str:
     """A defect with its floor, what the classical method shows, and how it falls with h."""
     if row["status"] != "ok":
         return f"{row['status']} ({row['problem']}: {row['reason']})"
-    if not _has(row, "floor"):
+    if not has(row, "floor"):
         return f"{number(row['value'])} at tol {number(row['tol'])} ({row['problem']})"
     text = f"{number(row['value'])}, floor {number(row['floor'])}, rk4 {number(row['classical'])}"
     text += f", own error {number(row['own'])}"
-    if _has(row, "falls_as"):
+    if has(row, "falls_as"):
         text += f", falls as h^{row['falls_as']:.1f}"
     return f"{text} ({row['problem']}, h = {number(row['h'])}, {row['steps']:.0f} steps)"
 
@@ -187,8 +133,9 @@ def claims(peer, version: str, rows: Iterable[dict]) -> list[dict]:
     list of dict
         package, version, peer, name, property, claim (in words), source, verdict, measured, problems, reason, command
     """
+    peer = integrator(peer)
     mine = [r for r in rows if r["peer"] == peer.id]
-    about = {"package": peer.package, "version": version, "peer": peer.id, "name": peer.name}
+    about = {"package": peer.kind, "version": version, "peer": peer.id, "name": peer.name}
     tests = (
         ("order", peer.claims.order, "order", _order, order_text),
         ("symplectic", peer.claims.symplectic, "symplecticity", _structure, structure_text),

@@ -1,6 +1,6 @@
 r"""What is measured of one integrator on one case: order, symplecticity, reversibility, stability, cost, energy.
 
-Everything goes through `reference.peers.integrate_peer`: an integrator is a black box (q0, p0, h, n) -> (q, p).  Its
+Everything goes through `measure.integrator.Integrator.run`: an integrator is a black box (q0, p0, h, n) -> (q, p).  Its
 own noise (round-off, a stage solver's tolerance) is measured with it, and integrators of this project whose structure
 is proved run through the same functions on the same case: what they show is the floor, and what the classical
 Runge-Kutta method shows is what there is to see.
@@ -25,14 +25,14 @@ from functools import lru_cache
 
 import numpy as np
 
+from phasebench.benchmarks.certificate.evidence import BROKEN
 from phasebench.benchmarks.measure import linear_stability, metrics
 from phasebench.benchmarks.measure.accuracy import end_state
 from phasebench.benchmarks.measure.drift import drift
+from phasebench.benchmarks.measure.integrator import integrator
 
 from . import cases
 from .cases import EPS, Case
-from .controls import control
-from .judge import BROKEN
 
 #: Twice these are the steps of an order's ladder.
 LADDER = tuple(sorted({round(2 ** (k / 2)) for k in range(23)}))
@@ -82,11 +82,9 @@ def never(seconds: float = 0.0) -> bool:
 
 def run(peer, case: Case, h: float, steps: int, state=None, every: int = 0, tol=None):
     """A run that ended well; raises Failed."""
-    from phasebench.reference.peers import integrate_peer
-
     q, p = cases.start(case) if state is None else state
     try:
-        s = integrate_peer(cases.problem(case), peer, h=h, steps=steps, q0=q, p0=p, save_every=every, tol=tol)
+        s = peer.run(cases.problem(case), h=h, steps=steps, q0=q, p0=p, save_every=every, tol=tol)
     except Exception as error:  # whatever a package raises is a finding, not the end of the audit
         raise Failed("invalid", f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''}") from None
     if s.status != "ok":
@@ -217,8 +215,8 @@ MEASURED = {"symplecticity": _symplectic_defect, "reversibility": _reverse_dista
 @lru_cache(maxsize=256)
 def _controls(measure: str, case: Case, h: float, steps: int) -> tuple[float, float]:
     """(the floor that a symplectic and reversible method shows, what the classical Runge-Kutta method shows)."""
-    known = next(c for c in map(control, SYMPLECTIC) if list(cases.able(c, (case,))))
-    return max(MEASURED[measure](known, case, h, steps)), MEASURED[measure](control(CLASSICAL), case, h, steps)[0]
+    known = next(c for c in map(integrator, SYMPLECTIC) if list(cases.able(c, (case,))))
+    return max(MEASURED[measure](known, case, h, steps)), MEASURED[measure](integrator(CLASSICAL), case, h, steps)[0]
 
 
 def _own_error(peer, case: Case, h: float, steps: int) -> float:
@@ -272,7 +270,7 @@ def reversibility(peer, case: Case, late: Callable[..., bool] = never) -> dict:
 
 def _tolerances(peer) -> list[float]:
     """The tolerances of `TOLERANCES` that a peer takes."""
-    return [max(t, peer.least) for t in TOLERANCES]
+    return [max(t, peer.record.least) for t in TOLERANCES]
 
 
 def energy(peer, case: Case, late: Callable[..., bool] = never) -> dict:

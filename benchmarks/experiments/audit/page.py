@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
+from phasebench.benchmarks.certificate import evidence
 from phasebench.benchmarks.page.markdown import listed
 from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, Verdict, of
 
@@ -125,7 +126,7 @@ def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder) -> list[Picture] | 
         return None
     caption = (
         "Measured less claimed order, a mark for each integrator and problem; grey: the gate of "
-        f"±{judge.GATE}; what is beyond ±{figures.SHOWN} stands at the edge."
+        f"±{evidence.GATE}; what is beyond ±{figures.SHOWN} stands at the edge."
     )
     return [Picture(file, "measured less claimed orders", caption)]
 
@@ -213,10 +214,10 @@ PAGE = Page(
     table=table,
     whole=mended,
     limits=(
-        f"An order is contradicted where on two problems, and against none, its whole interval is more than {judge.GATE} "
+        f"An order is contradicted where on two problems, and against none, its whole interval is more than {evidence.GATE} "
         "away, at another integer.",
-        f"A defect above {judge.BROKEN:g} times the floor is broken; below it counts only where classical Runge–Kutta's "
-        f"defect and the integrator's own error are {judge.VISIBLE:g} times the floor.",
+        f"A defect above {evidence.BROKEN:g} times the floor is broken; below it counts only where classical Runge–Kutta's "
+        f"defect and the integrator's own error are {evidence.VISIBLE:g} times the floor.",
         "More than is claimed is understated, of whatever kind the claim is. A statement is of the version that is named: "
         f"its order holds within {NEAR:g}, and is another from 0.5 away; a bound is contradicted from ten times of it.",
         "Not judged: order and symplecticity of an adaptive integrator (but for those with a script), and what a package "

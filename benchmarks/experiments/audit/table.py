@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import pairwise
 
+from phasebench.benchmarks.certificate.evidence import LARGE, bounded, kept, round_off
+
 from .cases import BY_NAME
-from .judge import CONTRADICTED, IN_PART, LARGE, bounded, kept, round_off
+from .judge import CONTRADICTED, IN_PART
 from .measures import GROWING_AT, TOLERANCES
 
 #: Tables of a terminal that is none are this wide.

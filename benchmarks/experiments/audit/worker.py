@@ -18,6 +18,7 @@ import time
 from functools import cache
 from math import isfinite
 
+from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.reference.tables import version_of
 
 from . import cases, measures
@@ -35,6 +36,7 @@ def row(peer, measure: str, case_name: str = "", seconds: float = float("inf")) 
 
     They do not include what is true, which is computed once for all peers.
     """
+    peer = integrator(peer)
     if measure in cases.AGAINST_TRUTH:
         cases.truth(cases.BY_NAME[case_name])
     began = time.monotonic()
@@ -67,9 +69,10 @@ def row(peer, measure: str, case_name: str = "", seconds: float = float("inf")) 
 
 def blank(peer, measure: str, case_name: str = "") -> dict:
     """A row without what is measured."""
+    peer = integrator(peer)
     return {
-        "package": peer.package,
-        "version": version_of(peer.package) or "absent",
+        "package": peer.kind,
+        "version": version_of(peer.kind) or "absent",
         "peer": peer.id,
         "name": peer.name,
         "adaptive": peer.adaptive,
@@ -82,9 +85,9 @@ def blank(peer, measure: str, case_name: str = "") -> dict:
 
 def _prepare(peer) -> dict:
     try:
-        peer.load(peer.package)
+        peer.load()
     except ImportError as error:
-        return {"status": "skipped", "reason": f"{peer.package} cannot be imported ({error})"}
+        return {"status": "skipped", "reason": f"{peer.kind} cannot be imported ({error})"}
     ready = dict.fromkeys(c for m in ("order", "stability") for c in cases.chosen(peer, m))
     if not ready:
         return {"status": "skipped", "reason": "it can do none of the problems of the audit"}
@@ -96,15 +99,11 @@ def _prepare(peer) -> dict:
 
 def serve() -> None:
     """Answer the jobs of stdin, a JSON list a line, with a row a line; what packages print goes to stderr."""
-    from phasebench.reference.peers import peer
-
-    from .controls import CONTROLS, control
-
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     for line in sys.stdin:
         id, *rest = json.loads(line)
-        answers.write(json.dumps(row(control(id) if id in CONTROLS else peer(id), *rest)) + "\n")
+        answers.write(json.dumps(row(integrator(id), *rest)) + "\n")
         answers.flush()
 
 

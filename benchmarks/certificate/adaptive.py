@@ -1,0 +1,61 @@
+"""An adaptive integrator: its error against its tolerance, its energy error, how it behaves as a function."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phasebench.benchmarks.measure import own_step
+from phasebench.integrators.errors import InvalidInput
+
+from .battery import Entry
+from .order import flow
+from .stepping import StepFailed, told
+from .subject import Subject
+
+#: The time of a run, and the tolerances.
+T_END = 4.0
+TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
+
+
+def end(subject: Subject, entry: Entry, y, tol: float) -> tuple[np.ndarray, int]:
+    """(state at `T_END`, evaluations of the gradients); raises StepFailed."""
+    system, d = own_step.System(entry.system), entry.system.d
+    q, p = y[:d].copy(), y[d:].copy()
+    with told(subject, f"the run on {entry.name} with tol = {tol:g}"):
+        pair = subject.run(system, q, p, T_END, tol)
+    try:
+        state = np.concatenate(own_step.returned(pair, d))
+    except InvalidInput as error:
+        raise StepFailed(str(error)) from None
+    if not (np.array_equal(q, y[:d]) and np.array_equal(p, y[d:])):
+        raise InputChanged
+    return state, sum(system.evaluations)
+
+
+class InputChanged(Exception):
+    """A run that changed the q or p that it was handed."""
+
+
+def tolerances(subject: Subject, entry: Entry, seed: int) -> dict:
+    """A row: error, energy error and evaluations for each tolerance, and whether a run a second time ends the same."""
+    y, errors, energies, counts = entry.start(seed), [], [], []
+    truth = flow(entry.name, seed, T_END, 32)[0].astype(float)
+    size, d = float(np.abs(truth).max()), entry.system.d
+    states = []
+    for tol in TOLERANCES:
+        state, evaluations = end(subject, entry, y, tol)
+        states.append(state)
+        rows = np.array([y, state])
+        H = entry.system.observe(entry.system.H, rows[:, :d], rows[:, d:])
+        errors.append(float(np.abs(state - truth).max()) / size)
+        energies.append(float(abs(H[1] - H[0])))
+        counts.append(evaluations)
+    again = end(subject, entry, y, TOLERANCES[0])[0]
+    return {
+        "on": entry.name,
+        "tolerances": list(TOLERANCES),
+        "errors": errors,
+        "energy": energies,
+        "evaluations": counts,
+        "repeats": bool(np.array_equal(again, states[0])),
+    }

@@ -1,0 +1,137 @@
+"""How a step behaves as a function: it runs, keeps nothing between calls, leaves its input alone; and what it costs."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from phasebench.benchmarks.measure import linear_stability
+from phasebench.integrators.engine.codegen import MULTIPRECISION, precision
+
+from .battery import Entry, oscillator
+from .order import numerical
+from .stepping import DIGITS, StepFailed, Stepper
+from .structure import SMOOTH, smooth
+from .subject import Subject
+
+#: Steps of the first runs.
+TAKEN, H = 12, 0.125
+#: Steps on each system when they are taken in turns.
+TURNS = 5
+#: A matrix of two steps is the square of that of one up to this.
+SQUARE = 1e-9
+#: A step of more evaluations is not scanned for its stability unless this is claimed.
+DEAR = 200
+#: The determinant of a map that keeps areas is 1 up to this.
+AREA = 1e-12
+
+
+def runs(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
+    """A row for each system: whether some steps run, with their evaluations of the gradients."""
+    rows = []
+    for entry in entries:
+        stepper = Stepper(subject, entry)
+        row: dict = {"on": entry.name, "status": "ok", "reason": ""}
+        try:
+            states = stepper.run(entry.start(seed), H, TAKEN)
+            if len(states) <= TAKEN:
+                row |= {"status": "diverged", "reason": f"after {len(states) - 1} steps the state was not finite"}
+            row |= {"dH_dq": stepper.system.evaluations[0] / TAKEN, "dH_dp": stepper.system.evaluations[1] / TAKEN}
+        except StepFailed as failure:
+            row |= {"status": "raised", "reason": str(failure)}
+        rows.append(row)
+    return rows
+
+
+def state_between_steps(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
+    """Rows of what changes: the same step twice, and steps on two systems in turns against each alone."""
+    rows = []
+    for entry in entries:
+        stepper, y = Stepper(subject, entry), entry.start(seed)
+        once = stepper(y, H)
+        stepper(once, H)
+        rows.append({"on": entry.name, "what": "the same step twice", "value": _apart(stepper(y, H), once)})
+    pairs = list(combinations(entries, 2))[:3] or [(entries[0], entries[0])]
+    for a, b in pairs:
+        steppers = [Stepper(subject, x) for x in (a, b)]
+        alone = [s.run(x.start(seed), H, TURNS)[-1] for s, x in zip(steppers, (a, b), strict=True)]
+        y = [a.start(seed), b.start(seed + (a is b))]
+        if a is b:
+            alone[1] = steppers[1].run(y[1], H, TURNS)[-1]
+        for _ in range(TURNS):
+            y = [s(x, H) for s, x in zip(steppers, y, strict=True)]
+        away = max(_apart(x, z) for x, z in zip(y, alone, strict=True))
+        rows.append({"on": f"{a.name} and {b.name}", "what": "steps in turns", "value": away})
+    return rows
+
+
+def _apart(x, y) -> float:
+    return 0.0 if np.array_equal(x, y, equal_nan=True) else float(np.nan_to_num(np.abs(x - y).max(), nan=np.inf))
+
+
+def input_changed(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
+    """A row for each system: by how much a step changes the q and p that it is handed, now or when it is used later."""
+    rows = []
+    for entry in entries:
+        stepper, y = Stepper(subject, entry), entry.start(seed)
+        d = len(y) // 2
+        q, p = y[:d].copy(), y[d:].copy()
+        first = stepper.raw(q, p, H)
+        changed = max(_apart(q, y[:d]), _apart(p, y[d:]))
+        try:
+            kept = [np.array(x, dtype=float) for x in first]
+            stepper(y, H)
+            later = max(_apart(np.asarray(x, dtype=float), z) for x, z in zip(first, kept, strict=True))
+        except (TypeError, ValueError):
+            later = 0.0
+        rows.append({"on": entry.name, "value": changed, "later": later})
+    return rows
+
+
+def arithmetic(subject: Subject, entries: list[Entry], seed: int) -> str:
+    """Why the step cannot be measured in many digits; "" where it can."""
+    for entry in entries:
+        try:
+            with precision(DIGITS):
+                rough = smooth(Stepper(subject, entry, MULTIPRECISION), seed)
+        except StepFailed as failure:
+            return str(failure)
+        if not rough < SMOOTH:
+            return f"its steps are rough by {rough:.0e} inside"
+    return ""
+
+
+def stability(subject: Subject) -> dict:
+    """The row of the linear stability limit; or a reason why there is none, such as what it would take."""
+    entry = oscillator()
+    stepper = Stepper(subject, entry)
+    stepper(stepper.state((1.0, 0.0)), 1.0)
+    if "stability" not in subject.own.claims and sum(stepper.system.evaluations) > DEAR:
+        return {"on": entry.name, "reason": f"not measured: more than {DEAR} evaluations a step, and not claimed"}
+
+    def matrix(z: float, steps: int = 1):
+        try:
+            columns = [stepper.run(unit, z, steps, every=steps) for unit in ((1.0, 0.0), (0.0, 1.0))]
+        except StepFailed as failure:
+            if not numerical(failure):
+                raise
+            return None
+        return np.array([c[-1] for c in columns]).T if all(len(c) == 2 for c in columns) else None
+
+    one, two = matrix(0.5), matrix(0.5, 2)
+    if one is None or two is None or np.abs(two - one @ one).max() > SQUARE:
+        return {"on": entry.name, "reason": "a step is no matrix here: two are not one taken twice"}
+    found = linear_stability.stability(matrix)
+    if found.limit == 0 and abs(np.linalg.det(one) - 1) < AREA:
+        # Areas are kept, so nothing grows from the start: its solver fails farther on.
+        z = next((z for z in np.arange(0.05, 10, 0.05) if not _keeps(matrix(z))), 10.0)
+        return {"on": entry.name, "reason": f"from h omega = {z:.2f} its own solver does not converge"}
+    row = {"on": entry.name, "limit": found.limit, "scanned": found.scanned, "reason": ""}
+    trace = [(z, matrix(z)) for z in np.linspace(0.05, min(found.scanned, 6.0), 60)]
+    curve = [(float(z), linear_stability.radius(M)) for z, M in trace if M is not None]
+    return row | {"intervals": [list(pair) for pair in found.intervals], "radius": curve}
+
+
+def _keeps(M) -> bool:
+    return M is not None and abs(np.linalg.det(M) - 1) < AREA

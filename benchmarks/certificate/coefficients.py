@@ -1,0 +1,139 @@
+r"""A record of coefficients as a step: a splitting, or a Butcher tableau.
+
+``{"a": [...], "b": [...], "first": "A"}`` is the splitting :math:`\dots e^{b_1 h B} e^{a_1 h A}`, drifts by ``a`` and
+kicks by ``b`` in turn, the longer list (or ``first``, "A" for drifts) begins; ``{"A": [[...]], "b": [...]}`` the
+Runge-Kutta method of that tableau, implicit where the diagonal of A or what is above it is not 0.  Numbers are those of
+JSON, or texts such as "1/6"; they are exact, and rounded to the arithmetic at hand.  ``claims`` and ``requires`` may be
+added.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from itertools import zip_longest
+from pathlib import Path
+
+import numpy as np
+
+from phasebench.benchmarks.measure import own_step as own_steps
+from phasebench.benchmarks.measure.own_step import OwnStep
+from phasebench.integrators.errors import InvalidInput
+
+KEYS = ("a", "b", "A", "c", "first", "name", "claims", "requires")
+#: Iterations of the stages of an implicit tableau: at most so many, until the change no longer falls.
+ITERATIONS = 200
+FORM = 'write {"a": [...], "b": [...]} for a splitting or {"A": [[...]], "b": [...]} for a tableau'
+
+
+def from_file(path: str) -> OwnStep:
+    """The step of a JSON file; raises InvalidInput for one that cannot be read or is no record of coefficients."""
+    try:
+        record = json.loads(Path(path).read_text(encoding="utf-8"), parse_float=str)
+    except OSError as error:
+        raise InvalidInput(f"{path} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise InvalidInput(f"{path} is no JSON: {error}") from None
+    return own_step(record, path)
+
+
+def own_step(record, name: str) -> OwnStep:
+    """The step of a record."""
+    if not isinstance(record, Mapping):
+        raise InvalidInput(f"{name} is a {type(record).__name__}; {FORM}")
+    strange = [str(key) for key in record if key not in KEYS]
+    if strange or "b" not in record or ("a" in record) == ("A" in record):
+        raise InvalidInput(f"{name}{f' has {strange[0]!r}' if strange else ''}: {FORM}")
+    claims = own_steps.checked_claims(record.get("claims", {}), f"{name}: claims")
+    requires = tuple(record.get("requires", ("separable",) if "a" in record else ()))
+    step = _splitting(record, name) if "a" in record else _tableau(record, name)
+    return OwnStep(name, step, claims, requires)
+
+
+def _number(x, name: str) -> Fraction:
+    try:
+        if isinstance(x, bool) or not isinstance(x, (int, float, str, Fraction)):
+            raise ValueError
+        return Fraction(x)
+    except (ValueError, OverflowError, ZeroDivisionError):
+        raise InvalidInput(f"{name}: {x!r} is no number; write 0.25, or the text '1/4'") from None
+
+
+def _numbers(values, key: str, name: str) -> list[Fraction]:
+    if isinstance(values, str) or not isinstance(values, Sequence) or not len(values):
+        raise InvalidInput(f"{name}: {key} is {values!r}; it must be a list of numbers")
+    return [_number(x, name) for x in values]
+
+
+def _in(coefficient: Fraction, h):
+    """A coefficient times h, rounded once, in the arithmetic of h."""
+    if isinstance(h, float):
+        return float(coefficient) * h
+    return h * coefficient.numerator / coefficient.denominator
+
+
+def _splitting(record, name: str):
+    a, b = (_numbers(record[key], key, name) for key in "ab")
+    first = record.get("first", "B" if len(b) > len(a) else "A")
+    begin, other = (a, b) if first == "A" else (b, a)
+    if first not in ("A", "B") or len(begin) - len(other) not in (0, 1):
+        raise InvalidInput(f"{name}: {len(a)} drifts a and {len(b)} kicks b do not alternate from {first!r}")
+    turns = [[(first, x), ("B" if first == "A" else "A", y)] for x, y in zip_longest(begin, other)]
+    flows = [(letter, x) for turn in turns for letter, x in turn if x is not None]
+
+    def step(system, q, p, h):
+        for letter, x in flows:
+            if letter == "A":
+                q = q + _in(x, h) * system.dH_dp(q, p)
+            else:
+                p = p - _in(x, h) * system.dH_dq(q, p)
+        return q, p
+
+    return step
+
+
+def _tableau(record, name: str):
+    rows, b = record["A"], _numbers(record["b"], "b", name)
+    if isinstance(rows, str) or not isinstance(rows, Sequence) or len(rows) != len(b):
+        raise InvalidInput(f"{name}: A must have {len(b)} rows, one for each of b")
+    A = [_numbers(row, "a row of A", name) for row in rows]
+    if any(len(row) != len(b) for row in A):
+        raise InvalidInput(f"{name}: a row of A must have {len(b)} numbers, one for each of b")
+    explicit = all(x == 0 for i, row in enumerate(A) for x in row[i:])
+    stages = _explicit if explicit else _implicit
+
+    def step(system, q, p, h):
+        d = len(q)
+
+        def slope(y):
+            return np.concatenate([system.dH_dp(y[:d], y[d:]), -system.dH_dq(y[:d], y[d:])])
+
+        y = np.concatenate([q, p])
+        weights = [_in(x, h) for x in b]
+        end = y + sum(w * k for w, k in zip(weights, stages(slope, y, A, h), strict=True))
+        return end[:d], end[d:]
+
+    return step
+
+
+def _explicit(slope, y, A, h) -> list:
+    """The slopes at the stages, one after the other."""
+    slopes: list = []
+    for row in A:
+        slopes.append(slope(y + sum(_in(x, h) * k for x, k in zip(row, slopes, strict=False) if x)))
+    return slopes
+
+
+def _implicit(slope, y, A, h) -> list:
+    """The slopes at the stages, iterated until their change no longer falls."""
+    rows = [[_in(x, h) for x in row] for row in A]
+    slopes, last = [slope(y)] * len(A), None
+    for _ in range(ITERATIONS):
+        new = [slope(y + sum(w * k for w, k in zip(row, slopes, strict=True))) for row in rows]
+        change = max(abs(x - z).max() for x, z in zip(new, slopes, strict=True))
+        slopes = new
+        if change == 0 or (last is not None and change >= last):
+            return slopes
+        last = change
+    raise ArithmeticError(f"the stages do not converge in {ITERATIONS} iterations")

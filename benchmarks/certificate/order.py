@@ -1,0 +1,201 @@
+r"""The order of a step: its error over a ladder of steps, and the power series of its error in h.
+
+Ladder: `metrics.order` of :math:`|\Phi_h^n(y) - \varphi_{nh}(y)|` with its interval and window, in many digits where
+the step takes them, in doubles otherwise.  The reference is Gragg's extrapolated midpoint rule in 40 digits.
+
+Series, in many digits alone: with :math:`\Phi_h - \varphi_h = \sum_k c_k h^k` and
+:math:`\varphi_h = \sum_k f_k h^k`, the relative :math:`\varepsilon_k = |c_k|/|f_k|` for k = 1 ... 8, from divided
+differences at h = 2^-40 j.  A step of order p whose coefficients are doubles has
+:math:`\varepsilon_1 ... \varepsilon_p` of round-off; of coefficients that were cut at ten digits they are about
+:math:`10^{-10}`, and :math:`\varepsilon_1` is by how much the clock of its solution is wrong.
+
+In doubles :math:`\varepsilon_1` is what is left of :math:`|\Phi_h - \varphi_h|/(h|f|)` as h falls, by least squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from phasebench.benchmarks.measure import metrics, multiprecision
+from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, exactly, precision, vector
+
+from .battery import LADDER, SPAN, known
+from .stepping import DIGITS, StepFailed, Stepper
+
+EPS = float(np.finfo(float).eps)
+#: Terms of the series of the error, the distance of its steps, and the digits that their differences need.
+TERMS, CLOSE, SERIES_DIGITS = 8, 2.0**-40, 240
+#: Below it a coefficient of the series vanishes but for rounded or cut coefficients of the method.
+VANISHES = 1e-6
+#: A step of more evaluations has a ladder of fewer rungs in many digits.
+DEAR, SHORTER = 40, 8
+#: Errors of the ladder that are round-off: in doubles, and of a step in many digits whose own solver stops at doubles'.
+DOUBLES, SOLVERS = 20 * EPS, 1e-13
+#: Relative errors below this are the reference's.
+FINEST = 1e-34
+#: Relative errors above this are of another orbit.
+SATURATED = 0.1
+#: What a step raises for its numbers.
+NUMERICAL = ("ArithmeticError", "ZeroDivisionError", "OverflowError", "FloatingPointError", "LinAlgError")
+#: The steps of the fit in doubles.
+FIT = tuple(2.0 ** (-k / 2) for k in range(4, 15))
+
+
+@dataclass(frozen=True)
+class Series:
+    """The relative coefficients of the error in h, from h^1; ``clean`` of them vanish but for rounding or cutting."""
+
+    terms: tuple[float, ...]
+
+    @property
+    def clean(self) -> int:
+        """How many of the first terms vanish."""
+        return next((k for k, x in enumerate(self.terms) if not x < VANISHES), len(self.terms))
+
+    def largest(self, order: int) -> float:
+        """The largest of the terms that vanish, up to that of h^order."""
+        return max(self.terms[: min(order, self.clean)], default=0.0)
+
+
+@lru_cache(maxsize=64)
+def flow(name: str, seed: int, h: float | object, pieces: int = 4):
+    """(state after h from the seed's start, its uncertainty) in `DIGITS` digits."""
+    with precision(DIGITS):
+        entry = known(name)
+        return multiprecision.flow(entry.system, entry.start(seed), h, pieces)
+
+
+@lru_cache(maxsize=64)
+def nearby(name: str, seed: int) -> list:
+    """The states after 0, 1, 2, ... times `CLOSE` from the seed's start, in `SERIES_DIGITS` digits."""
+    with precision(SERIES_DIGITS):
+        entry = known(name)
+        field, y = entry.system.vector_field(MULTIPRECISION), vector(entry.start(seed))
+        close = exactly(CLOSE, MULTIPRECISION)
+        ends = (multiprecision.extrapolated(lambda x: field(0, x), y, j * close)[0] for j in range(1, TERMS + 3))
+        return [y, *ends]
+
+
+def differences(values) -> list:
+    """The coefficients of h^0, h^1, ... of the polynomial through arrays at h = 0, 1, 2, ..."""
+    rows, newton = list(values), []
+    for k in range(len(rows)):
+        newton.append(rows[0])
+        rows = [(b - a) / (k + 1) for a, b in pairwise(rows)]
+    out: list = [0 * newton[0]]
+    for k in reversed(range(len(newton))):  # p(x) = newton_k + (x - k) * p(x)
+        shifted = [0 * newton[0], *out]
+        out = [a - k * b for a, b in zip(shifted, [*out, 0 * newton[0]], strict=True)]
+        out[0] = out[0] + newton[k]
+    return out[: len(newton)]
+
+
+def series(stepper: Stepper, seed: int) -> Series:
+    """The relative coefficients of the error's series; raises StepFailed where the step takes no such numbers."""
+    with precision(SERIES_DIGITS):
+        close, truth = exactly(CLOSE, MULTIPRECISION), nearby(stepper.entry.name, seed)
+        y = truth[0]
+        taken = [y] + [stepper(y, j * close) for j in range(1, len(truth))]
+        size, error = differences(truth), differences([a - b for a, b in zip(taken, truth, strict=True)])
+        pairs = list(zip(error, size, strict=True))[1 : TERMS + 1]
+        return Series(tuple(float(max(abs(c)) / max(abs(f))) for c, f in pairs))
+
+
+def ladder(stepper: Stepper, seed: int, noise: float = 0.0) -> dict:
+    """The error for each number of steps, and what is below noise.
+
+    Returns
+    -------
+    dict
+        h, error : lists; error NaN where the run did not stay finite
+        noise : below it errors are round-off
+    """
+    truth, doubt = flow(stepper.entry.name, seed, SPAN)
+    double = stepper.arithmetic == DOUBLE
+    if double:
+        truth = truth.astype(float)
+    size, error = float(max(abs(truth))), []
+    with precision(DIGITS):
+        for n in rungs(stepper):
+            h = float(SPAN / n) if double else exactly(SPAN / n, MULTIPRECISION)
+            try:
+                rows = stepper.run(stepper.entry.start(seed), h, n, every=n)
+            except StepFailed as failure:
+                if not numerical(failure):
+                    raise
+                rows = ()
+            error.append(float(max(abs(rows[-1] - truth))) / size if len(rows) == 2 else float("nan"))
+    noise = max(noise, DOUBLES if double else 10 * float(doubt) / size)
+    return {"h": [float(SPAN / n) for n in LADDER[: len(error)]], "error": error, "noise": noise}
+
+
+def rungs(stepper: Stepper) -> tuple[int, ...]:
+    """The ladder, shorter for a step of many evaluations in many digits."""
+    if stepper.arithmetic == DOUBLE:
+        return LADDER
+    before = sum(stepper.system.evaluations)
+    stepper(stepper.state(stepper.entry.start(0)), stepper.number(float(SPAN)))
+    return LADDER if sum(stepper.system.evaluations) - before <= DEAR else LADDER[:SHORTER]
+
+
+def numerical(failure: StepFailed) -> bool:
+    """Whether a step failed for its numbers (a division by zero, stages that do not converge), not for its code."""
+    return any(f"{kind}:" in str(failure) for kind in NUMERICAL)
+
+
+def order(stepper: Stepper, seed: int) -> dict:
+    """The row of a ladder: its order, window and errors, and the terms of the series or the constant error."""
+    row = {"on": stepper.entry.name, "arithmetic": stepper.arithmetic}
+    if stepper.arithmetic == DOUBLE:
+        row |= ladder(stepper, seed)
+        found = _found(row)
+        return row | _shown(found) | constant(stepper, seed, found)
+    terms = series(stepper, seed)
+    row |= ladder(stepper, seed, SOLVERS)
+    found = _found(row)
+    if not found.points or terms.clean >= round(found.value):
+        finer = 100 * terms.largest(terms.clean) * float(SPAN)
+        row["noise"] = max(finer, min(row["noise"], FINEST)) if terms.clean else row["noise"]
+        found = _found(row)
+    return row | _shown(found) | {"terms": list(terms.terms), "clean": terms.clean}
+
+
+def _found(row) -> metrics.Order:
+    return metrics.order(row["h"], row["error"], row["noise"], SATURATED)
+
+
+def _shown(found: metrics.Order) -> dict:
+    names = ("value", "low", "high", "first", "last", "points")
+    return {name: getattr(found, name) for name in names}
+
+
+def constant(stepper: Stepper, seed: int, found: metrics.Order) -> dict:
+    """What is left of the error over h as h falls, relative to the field, with its uncertainty."""
+    y = stepper.entry.start(seed)
+    speed = float(np.abs(stepper.entry.system.vector_field()(0.0, y)).max())
+    least = max(1, round(found.value)) if found.points else 1
+    h, left = [], []
+    for step in FIT:
+        try:
+            end = stepper(y, step)
+        except StepFailed as failure:
+            if not numerical(failure):
+                raise
+            continue
+        if np.isfinite(end).all():
+            h.append(step)
+            left.append((end - flow(stepper.entry.name, seed, step, 1)[0].astype(float)) / step / speed)
+    if len(h) < 8:
+        return {}
+    h, left = np.array(h), np.array(left)
+    columns = np.stack([h**k for k in (0, *range(least, least + 5))], axis=1)
+    scale = h / EPS / float(np.abs(y).max()) * speed
+    inverse = np.linalg.pinv(columns * scale[:, None])
+    fitted = inverse @ (left * scale[:, None])
+    rest = np.abs((columns @ fitted - left) * scale[:, None]).max()
+    doubt = float(np.linalg.norm(inverse[0]) * max(rest, 1.0))
+    return {"constant": float(np.abs(fitted[0]).max()), "doubt": 5 * doubt}

@@ -1,0 +1,39 @@
+"""The pytest plugin: ``phasebench_claims(step, order=4, symplectic=True)`` in anyone's tests.
+
+    def test_my_step(phasebench_claims):
+        phasebench_claims(step, order=2, symplectic=True, requires="separable")
+
+Every pytest where phasebench is installed loads this module, so that it imports nothing of phasebench before a test
+asks for the fixture.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+
+def claims_hold(step, *, requires=(), seed: int = 0, **claims):
+    """Fail the test that calls it unless every claim was seen to hold.
+
+    Parameters
+    ----------
+    step, requires, seed, claims : as of `phasebench.validate`
+
+    Returns
+    -------
+    Certificate
+        What was measured of what is claimed.
+    """
+    from phasebench.benchmarks.certificate.certificate import certify
+
+    requires = (requires,) if isinstance(requires, str) else tuple(requires)
+    found = certify(step, claims, requires, seed, alone=True)
+    if found.verdict != "pass":
+        pytest.fail(found.summary(), pytrace=False)
+    return found
+
+
+@pytest.fixture(name="phasebench_claims")
+def _phasebench_claims():
+    """A function (step, **claims) that fails the test unless every claim of the step was seen to hold."""
+    return claims_hold

@@ -1,0 +1,138 @@
+"""The certificate as files: ``certificate.md``, ``.html`` (one self-contained file), ``.json``, and its figures."""
+
+from __future__ import annotations
+
+import json
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from phasebench.benchmarks.page import html, markdown
+from phasebench.benchmarks.page.markdown import bullets, number, wrapped
+from phasebench.integrators.errors import InvalidInput
+
+from . import figures
+from .certificate import Certificate
+from .evidence import BROKEN, GATE, VISIBLE
+from .stepping import DIGITS
+from .structure import STEPS
+
+TITLES = {"pass": "PASS", "fail": "FAIL", "not-judged": "NOT JUDGED"}
+
+
+def write(certificate: Certificate, folder: str | Path) -> list[Path]:
+    """Write the files into a folder, which is made where it is missing; raises InvalidInput where it cannot be."""
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        draws = (figures.order, figures.energy, figures.stability)
+        pictures = [p for p in (draw(certificate.tables, folder / "figures") for draw in draws) if p is not None]
+        text = document(certificate, pictures)
+        files = {
+            "certificate.json": json.dumps(finite(certificate.as_dict()), indent=1, allow_nan=False) + "\n",
+            "certificate.md": text,
+            "certificate.html": html.document(text, folder, home=None),
+        }
+        for name, content in files.items():
+            (folder / name).write_text(content, encoding="utf-8")
+    except OSError as error:
+        raise InvalidInput(f"the certificate cannot be written to {folder}: {error.strerror}") from None
+    return [folder / name for name in files]
+
+
+def finite(value: Any) -> Any:
+    """The value with None in place of what JSON has no number for."""
+    if isinstance(value, dict):
+        return {key: finite(x) for key, x in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(x) for x in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def document(certificate: Certificate, pictures) -> str:
+    """The certificate's Markdown."""
+    parts = [
+        f"# Certificate: {certificate.integrator}\n",
+        f"**{TITLES[certificate.verdict]}**\n",
+        _sentence(certificate),
+    ]
+    parts += ["\n## Claims\n", markdown.table(_claims(certificate))]
+    if certificate.offers:
+        parts.append(wrapped(f"Measured and not claimed: {', '.join(certificate.offers)}.") + "\n")
+    for picture in pictures:
+        parts += [f"![{picture.title}](figures/{picture.file})\n", wrapped(picture.caption) + "\n"]
+    measured = _measured(certificate)
+    if len(measured):
+        parts += ["## Measured\n", markdown.table(measured)]
+    parts += ["## How it was judged\n", bullets(_limits(certificate))]
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def _sentence(certificate: Certificate) -> str:
+    counts = {}
+    for j in certificate.claims:
+        counts[j.verdict] = counts.get(j.verdict, 0) + 1
+    told = ", ".join(f"{n} {verdict}" for verdict, n in counts.items())
+    why = [f"{j.claim}: {j.why or j.verdict}" for j in certificate.claims if j.verdict == "contradicted"]
+    none = "" if len(certificate.claims) > 4 else " Nothing was claimed beyond what every integrator is held to."
+    return wrapped(f"{told}.{none}" + (f" Contradicted: {'; '.join(why)}." if why else "")) + "\n"
+
+
+def _claims(certificate: Certificate) -> pd.DataFrame:
+    rows = []
+    for j in certificate.claims:
+        interval = f"{j.interval[0]:.3g} to {j.interval[1]:.3g}" if j.interval else ""
+        value = number(j.measured) if isinstance(j.measured, (int, float)) else j.measured or ""
+        row = {"claim": j.claim, "verdict": j.verdict, "measured": value, "interval": interval}
+        rows.append(row | {"on": ", ".join(j.on), "why": j.why[:200]})
+    return pd.DataFrame(rows)
+
+
+def _measured(certificate: Certificate) -> pd.DataFrame:
+    """A row a system: order, defects, evaluations."""
+    tables = certificate.tables
+    rows: dict[str, dict] = {}
+    for r in tables.of("runs"):
+        if "dH_dq" in r:
+            rows.setdefault(r["on"], {})["dH/dq, dH/dp a step"] = f"{number(r['dH_dq'])}, {number(r['dH_dp'])}"
+    for r in tables.of("order"):
+        rows.setdefault(r["on"], {})["order"] = f"{r['value']:.3f} [{r['low']:.3f}, {r['high']:.3f}]"
+        rows[r["on"]]["digits"] = "16" if r["arithmetic"] == "double" else str(DIGITS)
+    for name in ("symplectic", "symmetric", "reversible"):
+        for r in tables.of(name):
+            rows.setdefault(r["on"], {})[f"{name} defect"] = number(r["value"]) if "value" in r else "not measured"
+    for r in tables.of("long"):
+        if r["status"] == "ok":
+            rows.setdefault(r["on"], {})["energy error"] = number(r["energy"]["value"])
+            rows[r["on"]]["its slope"] = number(r["energy"]["slope"])
+    for r in tables.of("tolerance"):
+        rows.setdefault(r["on"], {})["errors"] = ", ".join(number(e) for e in r["errors"])
+    return pd.DataFrame([{"system": name} | row for name, row in rows.items()]).fillna("")
+
+
+def _limits(certificate: Certificate) -> list[str]:
+    about = certificate.as_dict()
+    versions = ", ".join(f"{name} {version}" for name, version in about["versions"].items())
+    out = [
+        f"Arithmetic: {about['arithmetic']}."[:380],
+        f"An order agrees within {GATE}; it is that of the worst system. A defect over {BROKEN:g} times the floor is "
+        f"broken; below it counts where the step's own error is {VISIBLE:g} times the floor. Steps h = "
+        f"{' and '.join(f'{h:g}' for h in STEPS)}.",
+        "Small systems of one and two degrees of freedom: what shows on others alone is not seen.",
+    ]
+    for r in certificate.tables.of("round_off"):
+        grows = (
+            "its mean is not 0: it adds up as t"
+            if r["biased"]
+            else "its mean is 0 as far as can be seen: as the root of t"
+        )
+        text = f"Round-off of a step in the energy, in units of 2.2e-16 of it: {number(r['deviation'])}, mean"
+        out.append(f"{text} {number(r['mean'])} over {r['steps']} steps on {r['on']}: {grows}.")
+    for r in certificate.tables.of("stability"):
+        limit = r["reason"] or (
+            f"stable as far as {number(r['scanned'])}" if r["limit"] is None else number(r["limit"])
+        )
+        out.append(f"Linear stability limit, in h omega: {limit}.")
+    return [*out, f"Seed {certificate.seed}; {versions}. Made again, it is the same but for the seconds it takes."]

@@ -1,0 +1,178 @@
+"""What is to be certified: a step, an adaptive run, or a record of coefficients, from wherever it is named."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import re
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from phasebench.benchmarks.measure import own_step
+from phasebench.benchmarks.measure.integrator import Integrator, integrator
+from phasebench.benchmarks.measure.own_step import OwnStep
+from phasebench.benchmarks.problems import user_file
+from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.record import Method
+from phasebench.integrators.registry import BY_ID as METHODS
+from phasebench.reference.peers import BY_ID as PEERS
+from phasebench.reference.peers import Peer
+
+from . import battery, coefficients
+
+NAMED = re.compile(r"^[A-Za-z_][\w.]*:[A-Za-z_][\w.]*$")
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is certified.
+
+    Attributes
+    ----------
+    own : the step with its claims and what it requires of a system
+    run : (system, q, p, t_end, tol) -> (q, p) of an adaptive integrator, in place of a step
+    integrator : the registered method or peer, where it is one
+    """
+
+    own: OwnStep
+    run: Callable[..., tuple[Any, Any]] | None = None
+    integrator: Integrator | None = None
+
+    @property
+    def id(self) -> str:
+        """Its name, or the path of its file."""
+        return self.own.id
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether it takes a tolerance in place of a step."""
+        return self.run is not None
+
+    def lacks(self, system) -> str | None:
+        """Why it cannot run on a system, or None where it can."""
+        return self.own.lacks(system) or (self.integrator.lacks(system) if self.integrator else None)
+
+
+def subject(target, claims: Mapping[str, Any] | None = None, requires: tuple[str, ...] = ()) -> Subject:
+    """What a target stands for, with claims and requirements added to its own.
+
+    Parameters
+    ----------
+    target : the path of a file (Python with ``step`` or ``run``, JSON with coefficients), ``package.module:callable``,
+        a callable, the id or the record of a method or a peer
+    claims : name -> value; they take the place of those that the target makes
+    requires : traits of the systems that it can do
+
+    Raises
+    ------
+    InvalidInput
+        For a target that cannot be found, read or called so, and for a claim that is none.
+    """
+    made = _made(target)
+    own = made.own
+    stated = {**own.claims, **own_step.checked_claims(claims or {}, "the claims")}
+    wanted = tuple(dict.fromkeys((*own.requires, *requires)))
+    traits = battery.oscillator().system.traits
+    for trait in wanted:
+        if trait not in traits:
+            raise unknown("trait of systems", str(trait), traits)
+    return replace(made, own=replace(own, claims=stated, requires=wanted))
+
+
+def _made(target) -> Subject:
+    if isinstance(target, (str, Path)):
+        return _named(str(target))
+    if isinstance(target, Subject):
+        return target
+    if isinstance(target, OwnStep):
+        return Subject(target)
+    if isinstance(target, Mapping):
+        return Subject(coefficients.own_step(target, "coefficients"))
+    if isinstance(target, (Method, Peer, Integrator)):
+        return _registered(integrator(target))
+    if callable(target):
+        return _called(target)
+    raise InvalidInput(f"the integrator is {target!r}; give a path, package.module:callable, a step, or coefficients")
+
+
+def _named(name: str) -> Subject:
+    if name.lower().endswith(".json"):
+        return Subject(coefficients.from_file(name))
+    if NAMED.match(name):
+        return _imported(name)
+    if name in METHODS or name in PEERS:
+        return _registered(integrator(name))
+    if not user_file.is_file(name):
+        hint = "write ./mine.py, ./mine.json or package.module:callable"
+        raise InvalidInput(f"{unknown('integrator', name, [*METHODS, *PEERS])}; {hint}")
+    module = user_file.load(name, "method")
+    run = getattr(module, "run", None)
+    if callable(run) and not hasattr(module, "step"):
+        _binds(run, ("system", "q", "p", "t_end", "tol"), name)
+        return Subject(own_step.described(name, module, run), run)
+    return Subject(own_step.from_file(name))
+
+
+def _imported(name: str) -> Subject:
+    """The callable ``package.module:name``, looked for in the working folder too, as `python -m` does."""
+    home, _, path = name.partition(":")
+    here = str(Path.cwd())
+    added = here not in sys.path and "" not in sys.path
+    if added:
+        sys.path.insert(0, here)
+    try:
+        with user_file.users_code(home, f"importing {home}"):
+            found = importlib.import_module(home)
+            for part in path.split("."):
+                found = getattr(found, part)
+    finally:
+        if added:
+            sys.path.remove(here)
+    if not callable(found):
+        raise InvalidInput(f"{name} is a {type(found).__name__}, which cannot be called")
+    made = _called(found)
+    return replace(made, own=replace(made.own, id=name))
+
+
+def _called(function: Callable) -> Subject:
+    """A function (system, q, p, h), or, where an argument is called tol, (system, q, p, t_end, tol)."""
+    try:
+        names = list(inspect.signature(function).parameters)
+    except (TypeError, ValueError):
+        names = []
+    if "tol" not in names:
+        return Subject(own_step.from_function(function))
+    where = getattr(getattr(function, "__code__", None), "co_filename", "the run")
+    _binds(function, ("system", "q", "p", "t_end", "tol"), where)
+    return Subject(OwnStep(getattr(function, "__name__", "run"), function, where=where), function)
+
+
+def _binds(function: Callable, names: tuple[str, ...], where: str) -> None:
+    try:
+        inspect.signature(function).bind(*names)
+    except TypeError as error:
+        raise InvalidInput(f"{where}: it is called as {function.__name__}({', '.join(names)}): {error}") from None
+
+
+def _registered(chosen: Integrator) -> Subject:
+    """A method or a peer, a step at a time, in doubles."""
+
+    def step(system, q, p, h):
+        end = chosen.run(system.whole, h=h, steps=1, q0=q, p0=p, save_every=0)
+        if end.status != "ok":
+            raise ArithmeticError(f"{end.status}: {end.reason}")
+        return end.q[-1], end.p[-1]
+
+    def run(system, q, p, t_end, tol):
+        end = chosen.run(system.whole, t_end=t_end, tol=max(tol, chosen.record.least), q0=q, p0=p, save_every=0)
+        return end.q[-1], end.p[-1]
+
+    adaptive = chosen.adaptive
+    requires = tuple(getattr(chosen.record, "requires", ()))
+    stated = {name: getattr(chosen.claims, name) for name in ("order", "symplectic", "reversible", "energy")}
+    claims = {name: value for name, value in stated.items() if value is not None}
+    own = OwnStep(chosen.label, run if adaptive else step, claims, requires)
+    return Subject(own, run if adaptive else None, chosen)

@@ -1,0 +1,14 @@
+"""A leapfrog that raises at its third step."""
+
+CLAIMS = {"order": 2, "symplectic": True}
+REQUIRES = ("separable",)
+taken = []
+
+
+def step(system, q, p, h):
+    taken.append(h)
+    if len(taken) == 3:
+        raise RuntimeError("out of memory, said the third step")
+    p = p - h / 2 * system.dH_dq(q, p)
+    q = q + h * system.dH_dp(q, p)
+    return q, p - h / 2 * system.dH_dq(q, p)

@@ -1,0 +1,300 @@
+"""The certificate's judge on fabricated tables, both ways; what may be certified; how it is printed and written."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+import phasebench as pb
+from phasebench.benchmarks.certificate import judge
+from phasebench.benchmarks.certificate.certificate import certify
+from phasebench.benchmarks.certificate.coefficients import own_step
+from phasebench.benchmarks.certificate.judge import judged, offers, verdict
+from phasebench.benchmarks.certificate.render import write
+from phasebench.benchmarks.certificate.subject import subject
+from phasebench.benchmarks.certificate.verdicts import CONTRADICTED, HOLDS, UNJUDGED, Tables
+from phasebench.benchmarks.cli import app
+from phasebench.integrators.errors import InvalidInput
+
+
+def order_row(on="pendulum", value=2.0, half=0.01, first=1e-17, clean=2, second=1e-17, separable=True):
+    terms = [first, second, *[1e-17] * (clean - 2), *[0.3] * (8 - clean)]
+    row = {"on": on, "value": value, "low": value - half, "high": value + half, "separable": separable}
+    return row | {"terms": terms, "clean": clean, "arithmetic": "multiprecision"}
+
+
+def tables(**rows) -> Tables:
+    """Tables of a step that is right, with some of them replaced."""
+    good = {
+        "runs": [{"on": "pendulum", "status": "ok", "reason": ""}],
+        "state": [{"on": "pendulum", "what": "the same step twice", "value": 0.0}],
+        "input": [{"on": "pendulum", "value": 0.0, "later": 0.0}],
+        "order": [order_row(), order_row("tao", separable=False)],
+    }
+    return Tables(good | rows)
+
+
+def of(name, claims, found: Tables):
+    return next(j for j in judged(claims, found) if j.name == name)
+
+
+def outcome(claims, found: Tables) -> str:
+    return verdict(judged(claims, found), claims)
+
+
+def test_pass_needs_a_claim_and_every_verdict():
+    assert outcome({"order": 2}, tables()) == "pass"
+    assert outcome({}, tables()) == "not-judged"
+    assert outcome({"order": 2, "symplectic": True}, tables()) == "not-judged", "it was not measured"
+    assert outcome({"order": 3}, tables()) == "fail"
+    assert outcome({"energy": "none"}, tables()) == "not-judged", "it claims nothing"
+
+
+@pytest.mark.parametrize("missing", ["runs", "state", "input", "order"])
+def test_what_was_not_measured_does_not_pass(missing):
+    assert outcome({"order": 2}, tables(**{missing: []})) == "not-judged"
+
+
+@pytest.mark.parametrize(
+    ("name", "rows"),
+    [
+        ("runs", {"runs": [{"on": "tao", "status": "raised", "reason": "line 3"}]}),
+        ("runs", {"runs": [{"on": "tao", "status": "diverged", "reason": ""}]}),
+        ("stateless", {"state": [{"on": "tao", "what": "steps in turns", "value": 1e-9}]}),
+        ("pure", {"input": [{"on": "tao", "value": 1e-16, "later": 0.0}]}),
+        ("pure", {"input": [{"on": "tao", "value": 0.0, "later": 1e-16}]}),
+        ("consistent", {"order": [order_row(first=1.0)]}),
+        ("consistent", {"order": [order_row(first=2e-13)]}),
+    ],
+)
+def test_what_every_step_is_held_to(name, rows):
+    found = of(name, {"order": 2}, tables(**rows))
+    assert found.verdict == CONTRADICTED
+    assert outcome({}, tables(**rows)) == "fail", "also where nothing is claimed"
+    assert of(name, {}, tables()).verdict == HOLDS
+
+
+def test_a_raise_in_a_later_measure_is_told():
+    found = tables()
+    found.failed["raised"] = "step 700 on dimer"
+    assert of("runs", {}, found).verdict == CONTRADICTED
+    assert outcome({"order": 2}, found) == "fail"
+
+
+def test_a_step_that_is_none_has_no_structure():
+    found = tables(order=[order_row(first=1.0)], symplectic=[{"on": "tao", "value": 0.0, "floor": 1e-13, "own": 0.1}])
+    assert of("symplectic", {"symplectic": True}, found).verdict == UNJUDGED
+    assert of("symplectic", {"symplectic": False}, found).verdict == UNJUDGED
+
+
+@pytest.mark.parametrize(
+    ("orders", "claimed", "expected"),
+    [
+        ((2.0, 2.05), 2, HOLDS),
+        ((2.0, 4.0), 2, HOLDS),  # one system's symmetry may give more
+        ((4.0, 4.0), 2, CONTRADICTED),
+        ((1.0, 2.0), 2, CONTRADICTED),
+        ((1.5, 1.5), 2, UNJUDGED),
+        ((2.0, 1.5), 2, UNJUDGED),  # nothing tells on what is not T + V
+        ((float("nan"), 2.0), 2, UNJUDGED),
+    ],
+)
+def test_an_order_is_that_of_the_worst_system_two_sided(orders, claimed, expected):
+    rows = [order_row("pendulum", orders[0]), order_row("tao", orders[1], separable=False)]
+    assert of("order", {"order": claimed}, tables(order=rows)).verdict == expected
+
+
+def test_cut_coefficients_contradict_an_order():
+    assert of("order", {"order": 2}, tables(order=[order_row(second=1e-11)])).verdict == CONTRADICTED
+    assert of("order", {"order": 2}, tables(order=[order_row(second=1e-15)])).verdict == HOLDS
+
+
+@pytest.mark.parametrize(
+    ("constant", "doubt", "expected"),
+    [
+        (1e-15, 1e-14, HOLDS),
+        (1e-10, 1e-12, CONTRADICTED),
+        (1e-10, 1e-9, HOLDS),
+        (1.0, 1e-3, CONTRADICTED),
+        (0.002, 0.01, UNJUDGED),
+    ],
+)
+def test_consistency_in_doubles_is_told_as_far_as_they_tell(constant, doubt, expected):
+    row = {k: v for k, v in order_row().items() if k not in ("terms", "clean")}
+    found = of("consistent", {}, tables(order=[row | {"constant": constant, "doubt": doubt}]))
+    assert found.verdict == expected
+    assert (expected != HOLDS) or "smaller could not be seen" in found.why
+
+
+def test_consistency_is_told_on_every_system_or_not_at_all():
+    silent = {k: v for k, v in order_row("tao").items() if k not in ("terms", "clean")}
+    assert of("consistent", {}, tables(order=[order_row(), silent])).verdict == UNJUDGED
+
+
+def test_a_structure_holds_on_every_system_or_is_not_judged():
+    kept = {"on": "pendulum", "value": 1e-16, "floor": 1e-13, "own": 1e-2, "h": 0.5, "separable": True}
+    broken = kept | {"on": "tao", "value": 1e-3, "separable": False}
+    unseen = kept | {"on": "tao", "own": 1e-12}
+    failed = {"on": "tao", "status": "failed", "reason": "with -h: no"}
+    for claimed, rows, expected in (
+        (True, [kept], HOLDS),
+        (True, [kept, broken], CONTRADICTED),
+        (True, [kept, unseen], UNJUDGED),
+        (True, [kept, failed], UNJUDGED),
+        (False, [kept, broken], HOLDS),
+        (False, [kept], CONTRADICTED),
+        (False, [kept, unseen], UNJUDGED),
+    ):
+        assert of("symplectic", {"symplectic": claimed}, tables(symplectic=rows)).verdict == expected
+    hinted = of("symplectic", {"symplectic": True}, tables(symplectic=[kept, broken]))
+    assert "REQUIRES = ('separable',)" in hinted.why
+
+
+def long_row(value, slope=0.0, half=1e-12, on="henon-heiles"):
+    part = {"value": value, "slope": slope, "low": slope - half, "high": slope + half, "scale": 1.0, "steps": 2500}
+    return {"on": on, "status": "ok", "reason": "", "energy": part | {"time": 500.0}}
+
+
+def test_energy_is_preserved_bounded_or_drifts():
+    preserved, bounded, drifts = long_row(1e-13), long_row(1e-4), long_row(1e-4, 2e-7)
+    lost = {"on": "dimer", "status": "diverged", "reason": "after 3 steps"}
+    for claimed, rows, expected in (
+        ("preserved", [preserved], HOLDS),
+        ("preserved", [preserved, bounded], CONTRADICTED),
+        ("bounded", [preserved, bounded], HOLDS),
+        ("bounded", [bounded, drifts], CONTRADICTED),
+        ("bounded", [bounded, lost], UNJUDGED),
+        ("drift", [bounded, drifts], HOLDS),
+        ("drift", [bounded, preserved], CONTRADICTED),
+    ):
+        assert of("energy", {"energy": claimed}, tables(long=rows)).verdict == expected, (claimed, expected)
+    assert of("bilinear", {"bilinear": "preserved"}, tables(long=[bounded])).verdict == UNJUDGED
+    assert "energy=bounded" in offers({}, tables(long=[bounded]))
+    assert "energy=preserved" in offers({}, tables(long=[preserved]))
+
+
+def test_a_stability_limit_is_near_the_claimed_one():
+    row = {"on": "harmonic-oscillator", "limit": 2.0, "scanned": 10.0, "reason": ""}
+    for claimed, limit, expected in ((2.0, 2.0, HOLDS), (2.05, 2.0, CONTRADICTED), (3.0, None, CONTRADICTED)):
+        found = tables(stability=[row | {"limit": limit}])
+        assert of("stability", {"stability": claimed}, found).verdict == expected
+    assert of("stability", {"stability": 2.0}, tables(stability=[row | {"reason": "no matrix"}])).verdict == UNJUDGED
+
+
+def test_an_adaptive_integrator_converges_and_keeps_to_its_tolerance():
+    row = {"on": "tao", "tolerances": [1e-4, 1e-10], "errors": [1e-4, 2e-9]}
+    for claimed, expected in ((50.0, HOLDS), (10.0, CONTRADICTED)):
+        assert of("tolerance", {"tolerance": claimed}, tables(tolerance=[row], order=[])).verdict == expected
+    stuck = row | {"errors": [1e-4, 1e-4]}
+    assert of("consistent", {}, tables(tolerance=[stuck], order=[])).verdict == CONTRADICTED
+
+
+def test_what_is_measured_and_not_claimed_is_offered():
+    assert offers({}, tables()) == ["order=2"]
+    assert offers({"order": 2}, tables()) == []
+
+
+# -- what may be certified --------------------------------------------------------------------------------------------
+
+LEAPFROG = {"a": [1], "b": ["1/2", 0.5]}
+HEUN = {"A": [[0, 0], [1, 0]], "b": ["1/2", "1/2"]}
+STEP = "def step(system, q, p, h):\n    return q, p\n"
+
+
+def test_targets(tmp_path, monkeypatch):
+    (tmp_path / "mine_here.py").write_text(STEP + "def run(system, q, p, t_end, tol):\n    return q, p\n")
+    (tmp_path / "c.json").write_text(json.dumps(LEAPFROG | {"claims": {"order": 2}}))
+    monkeypatch.chdir(tmp_path)
+    assert subject("mine_here:step").id == "mine_here:step"
+    assert subject("mine_here:run").adaptive
+    assert subject("./mine_here.py", {"order": 3}).own.claims == {"order": 3}
+    assert subject("c.json").own.claims == {"order": 2}
+    assert subject(LEAPFROG).own.requires == ("separable",)
+    assert subject("rk4").own.claims["order"] == 4
+    assert subject("heyoka").adaptive
+
+
+@pytest.mark.parametrize(
+    ("target", "claims", "said"),
+    [
+        ("leapfog", {}, "package.module:callable"),
+        ("no_such_module_at_all:step", {}, "No module named"),
+        ("math:pi", {}, "cannot be called"),
+        ("./none.py", {}, "no file"),
+        ("./none.json", {}, "cannot be read"),
+        (3, {}, "give a path"),
+        ({"a": [1], "b": ["x"]}, {}, "no number"),
+        ({"a": [1], "b": [1, 2, 3]}, {}, "alternate"),
+        ({"a": [1]}, {}, "for a splitting"),
+        ({"A": [[0]], "b": [1, 2]}, {}, "2 rows"),
+        (LEAPFROG | {"d": 1}, {}, "'d'"),
+        (LEAPFROG, {"order": 2.5}, "positive integer"),
+        (LEAPFROG, {"simplectic": True}, "did you mean symplectic"),
+    ],
+)
+def test_what_cannot_be_used_is_said(target, claims, said):
+    with pytest.raises(InvalidInput, match=said):
+        subject(target, claims)
+
+
+def test_coefficients_are_steps():
+    for record, order in ((LEAPFROG, 2), (HEUN, 2), ({"A": [["1/2"]], "b": [1]}, 2), ({"a": [1], "b": [1]}, 1)):
+        assert certify(own_step(record, "record"), {"order": order}, alone=True).verdict == "pass"
+        assert certify(own_step(record, "record"), {"order": order + 1}, alone=True).verdict == "fail"
+
+
+# -- how it is printed and written ------------------------------------------------------------------------------------
+
+
+def call(*arguments):
+    result = CliRunner().invoke(app, ["validate", *arguments])
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result
+
+
+def test_exit_codes_and_json(tmp_path):
+    path = tmp_path / "leapfrog.json"
+    path.write_text(json.dumps(HEUN))
+    done = call(str(path), "--claim", "order=2", "--json")
+    found = json.loads(done.stdout)
+    assert done.exit_code == 0
+    assert list(found)[:4] == ["integrator", "claims", "measured", "verdict"]
+    assert found["verdict"] == "pass"
+    assert all(list(c) == ["claim", "verdict", "measured", "interval", "on", "why"] for c in found["claims"])
+    wrong = call(str(path), "--claim", "order=3")
+    assert wrong.exit_code == 1
+    assert "contradicted" in wrong.stdout
+    assert call(str(path), "--claim", "order=").exit_code == 2
+    assert call("./none.py").exit_code == 2
+    audit = CliRunner().invoke(app, ["audit", "--peer", "./mine.py"])
+    assert audit.exit_code == 2
+    assert "phasebench validate ./mine.py" in " ".join(audit.stderr.split())
+
+
+def test_made_again_it_is_the_same_and_another_seed_is_another(tmp_path):
+    texts = []
+    for k, seed in enumerate((0, 0, 1)):
+        found = certify(HEUN, {"order": 2}, seed=seed, alone=True)
+        (path, *_) = write(found, tmp_path / str(k))
+        whole = json.loads(path.read_text())
+        assert whole.pop("seconds") > 0
+        texts.append((json.dumps(whole), (tmp_path / str(k) / "certificate.html").read_bytes()))
+    assert texts[0] == texts[1]
+    assert texts[0] != texts[2]
+    assert "order 2" in (tmp_path / "0" / "certificate.md").read_text()
+
+
+def test_a_folder_that_cannot_be_made_is_said(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InvalidInput, match="cannot be written"):
+        write(certify(HEUN, {"order": 2}, alone=True), tmp_path / "file" / "folder")
+
+
+def test_in_python_it_is_a_table():
+    frame = pb.validate(HEUN, order=2, requires="separable")
+    assert list(frame.columns) == ["claim", "verdict", "measured", "interval", "on", "why"]
+    assert frame.attrs["verdict"] == "pass"
+    assert frame["claim"].tolist()[-1] == "order 2"
+    assert judge.in_words("symplectic", False) == "not symplectic"

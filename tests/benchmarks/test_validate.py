@@ -1,0 +1,214 @@
+"""``validate``: the examples are caught or pass, right ones pass, each claim has a control that must fail."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.certificate.certificate import certify
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+SEPARABLE = ("separable",)
+
+
+def verdicts(found) -> dict[str, str]:
+    return {j.name: j.verdict for j in found.claims}
+
+
+def judged(step, requires=(), **claims):
+    """The certificate of what is claimed alone."""
+    return certify(step, claims, requires, alone=True)
+
+
+# -- the examples --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("file", "contradicted"),
+    [
+        ("mislabelled_order.py", {"order"}),
+        ("not_symplectic.py", {"symplectic"}),
+        ("truncated_coefficients.py", {"consistent", "order"}),
+        ("exchanged_kick.py", {"order"}),
+        ("identity.py", {"consistent"}),
+        ("keeps_state.py", {"stateless"}),
+        ("changes_its_input.py", {"pure"}),
+        ("raises.py", {"runs"}),
+    ],
+)
+def test_an_example_that_is_wrong_is_caught(file, contradicted):
+    found = certify(EXAMPLES / file, alone=True)
+    assert found.verdict == "fail"
+    assert {name for name, verdict in verdicts(found).items() if verdict == "contradicted"} == contradicted
+
+
+@pytest.mark.parametrize("file", ["leapfrog.py", "forest_ruth.json", "adaptive.py", "package_adapter.py"])
+def test_an_example_that_is_right_passes(file):
+    found = certify(EXAMPLES / file, alone=True)
+    assert found.verdict == "pass", found.summary()
+
+
+def test_every_example_is_tested():
+    named = {mark.args[1][i] for mark in test_an_example_that_is_right_passes.pytestmark for i in range(4)}
+    named |= {row[0] for mark in test_an_example_that_is_wrong_is_caught.pytestmark for row in mark.args[1]}
+    assert {p.name for p in EXAMPLES.iterdir() if p.is_file()} == named
+
+
+# -- ten that are right --------------------------------------------------------------------------------------------
+
+
+def symplectic_euler(system, q, p, h):
+    """Kick, drift; of H that is not T + V the kick is implicit."""
+    new = p
+    for _ in range(60):
+        new = p - h * system.dH_dq(q, new)
+    return q + h * system.dH_dp(q, new), new
+
+
+def leapfrog(system, q, p, h):
+    p = p - h / 2 * system.dH_dq(q, p)
+    q = q + h * system.dH_dp(q, p)
+    return q, p - h / 2 * system.dH_dq(q, p)
+
+
+def splitting(drifts, kicks):
+    def step(system, q, p, h):
+        for a, b in zip(drifts, kicks, strict=True):
+            q = q + a * h * system.dH_dp(q, p)
+            p = p - b * h * system.dH_dq(q, p)
+        return q, p
+
+    return step
+
+
+#: Ruth 1983; Forest & Ruth 1990; Omelyan, Mryglod & Folk 2002.
+ruth = splitting((1, -2 / 3, 2 / 3), (-1 / 24, 3 / 4, 7 / 24))
+THETA = 1 / (2 - 2 ** (1 / 3))
+forest_ruth = splitting((THETA / 2, (1 - THETA) / 2, (1 - THETA) / 2, THETA / 2), (THETA, 1 - 2 * THETA, THETA, 0))
+XI, LAM, CHI = 0.1786178958448091, -0.2123418310626054, -0.06626458266981849
+pefrl = splitting((XI, CHI, 1 - 2 * (CHI + XI), CHI, XI), ((1 - 2 * LAM) / 2, LAM, LAM, (1 - 2 * LAM) / 2, 0))
+
+
+def slopes(system, y):
+    q, p = np.split(y, 2)
+    return np.concatenate([system.dH_dp(q, p), -system.dH_dq(q, p)])
+
+
+def rk4(system, q, p, h):
+    y = np.concatenate([q, p])
+    a = slopes(system, y)
+    b = slopes(system, y + h / 2 * a)
+    c = slopes(system, y + h / 2 * b)
+    d = slopes(system, y + h * c)
+    return np.split(y + h / 6 * (a + 2 * b + 2 * c + d), 2)
+
+
+def iterated(equation, y):
+    """The fixed point of a contraction."""
+    last = np.inf
+    for _ in range(100):
+        new = equation(y)
+        change = abs(new - y).max()
+        y = new
+        if change >= last or change == 0:
+            return y
+        last = change
+    return y
+
+
+def implicit_midpoint(system, q, p, h):
+    y = np.concatenate([q, p])
+    return np.split(iterated(lambda z: y + h * slopes(system, (y + z) / 2), y), 2)
+
+
+GAUSS = np.array([[1 / 4, 1 / 4 - 3**0.5 / 6], [1 / 4 + 3**0.5 / 6, 1 / 4]])
+
+
+def gauss_2(system, q, p, h):
+    y = np.concatenate([q, p])
+    stages = iterated(lambda k: np.array([slopes(system, y + h * (row @ k)) for row in GAUSS]), np.array([y, y]) * 0)
+    return np.split(y + h / 2 * (stages[0] + stages[1]), 2)
+
+
+NODES, WEIGHTS = (x / 2 for x in np.polynomial.legendre.leggauss(2))
+
+
+def averaged(system, q, p, h):
+    """The averaged vector field of a polynomial H of degree 4, by two nodes."""
+    y = np.concatenate([q, p])
+
+    def equation(z):
+        return y + h * sum(w * slopes(system, y + (c + 0.5) * (z - y)) for c, w in zip(NODES, WEIGHTS, strict=True))
+
+    return np.split(iterated(equation, y), 2)
+
+
+@numba.njit
+def moved(x, h, v):
+    out = np.empty_like(x)
+    for i in range(len(x)):
+        out[i] = x[i] + h * v[i]
+    return out
+
+
+def compiled_leapfrog(system, q, p, h):
+    p = moved(p, -h / 2, system.dH_dq(q, p))
+    q = moved(q, h, system.dH_dp(q, p))
+    return q, moved(p, -h / 2, system.dH_dq(q, p))
+
+
+WHOLE = {"symplectic": True, "symmetric": True, "reversible": True}
+RIGHT = {
+    "symplectic-euler": (symplectic_euler, (), {"order": 1, "symplectic": True, "symmetric": False}),
+    "leapfrog": (leapfrog, SEPARABLE, {"order": 2, **WHOLE}),
+    "ruth": (ruth, SEPARABLE, {"order": 3, "symplectic": True, "reversible": False}),
+    "forest-ruth": (forest_ruth, SEPARABLE, {"order": 4, **WHOLE}),
+    "pefrl": (pefrl, SEPARABLE, {"order": 4, **WHOLE}),
+    "rk4": (rk4, (), {"order": 4, "symplectic": False, "stability": 2.828}),
+    "implicit-midpoint": (implicit_midpoint, (), {"order": 2, **WHOLE}),
+    "gauss-2": (gauss_2, (), {"order": 4, **WHOLE}),
+    "averaged": (
+        averaged,
+        ("polynomial degree",),
+        {"order": 2, "energy": "preserved", "symplectic": False, "symmetric": True},
+    ),
+    "compiled-leapfrog": (compiled_leapfrog, SEPARABLE, {"order": 2, **WHOLE, "bilinear": "preserved"}),
+}
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_what_is_right_passes(name):
+    step, requires, claims = RIGHT[name]
+    found = judged(step, requires, **claims)
+    assert found.verdict == "pass", found.summary()
+    assert bool(found.doubles) is (name == "compiled-leapfrog")
+
+
+# -- each claim has a control -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "false"),
+    [
+        ("leapfrog", {"order": 3}),
+        ("leapfrog", {"order": 1}),
+        ("rk4", {"symplectic": True}),
+        ("leapfrog", {"symplectic": False}),
+        ("symplectic-euler", {"symmetric": True}),
+        ("ruth", {"reversible": True}),
+        ("rk4", {"energy": "bounded"}),
+        ("leapfrog", {"energy": "preserved"}),
+        ("leapfrog", {"energy": "drift"}),
+        ("rk4", {"bilinear": "preserved"}),
+        ("rk4", {"quadratic": "preserved"}),
+        ("leapfrog", {"stability": 2.1}),
+    ],
+)
+def test_a_false_claim_is_contradicted_and_it_alone(name, false):
+    step, requires, _ = RIGHT[name]
+    found = judged(step, requires, **false)
+    assert {n for n, verdict in verdicts(found).items() if verdict == "contradicted"} == set(false), found.summary()
+    assert found.verdict == "fail"
