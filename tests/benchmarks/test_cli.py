@@ -302,8 +302,14 @@ def test_steps_fix_the_step():
 
 
 def test_a_step_that_does_not_fit_is_adjusted():
-    _, found = run_json("pendulum", "rk4", "--h", "0.3", "--t-end", "1")
+    _, found = run_json("pendulum", "rk4", "--h", "0.332", "--t-end", "1")
     assert (found["steps"], found["h"], found["t"]) == (3, 1 / 3, 1.0)
+
+
+def test_a_step_that_would_become_wider_is_refused_with_the_nearest_that_fit():
+    result = CliRunner().invoke(app, ["integrate", "pendulum", "rk4", "--h", "0.3", "--t-end", "1"])
+    assert result.exit_code == 2
+    assert all(x in result.stderr for x in (repr(1 / 3), "0.25"))
 
 
 def test_a_parameter_of_the_problem_is_set():
