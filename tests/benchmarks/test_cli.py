@@ -601,6 +601,7 @@ def test_cache_says_where_it_is_and_is_cleared(tmp_path, monkeypatch):
     from phasebench.integrators.engine import cache
 
     monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path))
+    monkeypatch.setenv("COLUMNS", "300")
     cache.write("a.py", bytes(1000))
     _, text, _ = call("cache", "--json")
     state = strict(text)
