@@ -1,0 +1,1 @@
+"""Which model of a scene suffices, at which accuracy?"""

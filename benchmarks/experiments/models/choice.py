@@ -1,0 +1,86 @@
+"""Which model suffices at an accuracy, and what it saves: functions of the two tables."""
+
+from __future__ import annotations
+
+from math import inf, nan
+
+import numpy as np
+import pandas as pd
+
+#: Accuracies at which a model is chosen.
+ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
+#: An integrator run to this works for nothing where its model's error is larger.
+FINE = 1e-10
+
+
+def cost(runs: pd.DataFrame, accuracy: float) -> float:
+    """The least seconds of the runs of a model whose integration error is at most ``accuracy``; infinite for none."""
+    good = runs[runs["error"] <= accuracy]
+    return float(good["seconds"].min()) if len(good) else inf
+
+
+def of_scene(models: pd.DataFrame, runs: pd.DataFrame) -> list[tuple[pd.Series, pd.DataFrame]]:
+    """(row, runs) of each model of one scene, from the least to the full."""
+    return [(m, runs[runs["rung"] == m["rung"]]) for _, m in models.sort_values("rung").iterrows()]
+
+
+def at(models: pd.DataFrame, runs: pd.DataFrame, accuracy: float) -> tuple[str, float, bool]:
+    """(the cheapest model of a scene whose modelling and integration errors together meet an accuracy, how many times
+    the full model's time it saves, whether it is the full one); ("none", NaN, False) where none does.
+    """
+    found = [(cost(own, accuracy - m["modelling error"]), m) for m, own in of_scene(models, runs)]
+    best = min(range(len(found)), key=lambda i: found[i][0])
+    seconds, model = found[best]
+    if seconds == inf:
+        return "none", nan, False
+    return model["model"], found[-1][0] / seconds, bool(model["full"])
+
+
+def table(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
+    """A row for each scene and accuracy: the model that suffices, the time it saves."""
+    return pd.DataFrame(
+        [
+            dict(zip(("scene", "accuracy", "model", "gain", "full"), (scene, a, *at(mine, part, a)), strict=True))
+            for scene, mine, part in scenes(models, runs)
+            for a in ACCURACIES
+        ]
+    )
+
+
+def scenes(models: pd.DataFrame, runs: pd.DataFrame):
+    """(scene, its models, its runs) for each."""
+    for scene, mine in models.groupby("scene", sort=False):
+        yield scene, mine, runs[runs["scene"] == scene]
+
+
+def rungs(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
+    """A row for each lower model.
+
+    ``gain``: the full model's time over this one's, both at twice its modelling error; ``wasted``: the time of its
+    integration to `FINE` over that of one to its modelling error, where that is larger than `FINE`; ``nearer``: whether
+    its modelling error is below that of the rung under it.
+    """
+    out = []
+    for scene, mine, part in scenes(models, runs):
+        *lower, (_, full) = of_scene(mine, part)
+        before = inf
+        for m, own in lower:
+            error = float(m["modelling error"])
+            enough, least = cost(own, error), cost(full, 2 * error)
+            fine = cost(own, FINE)
+            out.append(
+                {
+                    "scene": scene,
+                    "model": m["model"],
+                    "d": m["d"],
+                    "modelling error": error,
+                    "known to": (m["integration"] + m["uncertainty"]) / error if error else inf,
+                    "nearer": error < before,
+                    "seconds": enough,
+                    "full, seconds": least,
+                    "gain": least / enough if np.isfinite(enough) else nan,
+                    "wasted": fine / enough if error > FINE and np.isfinite(fine) else nan,
+                }
+            )
+            before = error
+    return pd.DataFrame(out)

@@ -1,0 +1,175 @@
+"""Each model of a scene: its error against the full model, and what integrating it to an accuracy costs.
+
+A model's reference is the finest run of `METHODS`'s last, its uncertainty `SAFETY` times the distance from half as many
+steps.  The modelling error is the distance of the reference, as the model's map tells the full problem's state, from
+what is true of the full problem (`measure.truths`): certified, or in long double.  The integration errors are against
+the model's own reference, of the full model against what is true; the times of a scene's runs are taken in turns.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from phasebench.benchmarks.measure import quantities
+from phasebench.benchmarks.measure.quantities import Quantity, distance
+from phasebench.benchmarks.measure.timing import in_turns, median
+from phasebench.benchmarks.measure.truths import truth
+from phasebench.benchmarks.problems.models import BY_ID, LADDERS, Ladder, Rung
+from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content, states
+from phasebench.integrators.prepared import PreparedRun, prepare
+from phasebench.integrators.registry import method
+
+MODELS, RUNS = "models", "models_runs"
+#: Of one family, so that they share their kernels: orders 4, 6 and 8.
+METHODS = ("blanes-moan-srkn6b", "blanes-moan-srkn14a", "blanes-casas-escorihuela-srkn17")
+#: Steps are doubled so often; the reference takes twice the finest.
+DOUBLINGS = 6
+SAFETY = 3.0
+#: Rounds of the competitors in turns, and seconds that a short run is repeated for.
+ROUNDS, LONG = 3, 5e-4
+SLOW = Quantity(
+    "slow-positions",
+    "the positions of the soft chain at the end, max norm",
+    "as q",
+    lambda problem, t, q, p: q[-1, : problem.system.d // 2],
+)
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each scene."""
+    return [_cell(ladder) for ladder in LADDERS]
+
+
+def _cell(ladder: Ladder) -> Cell:
+    full = Problem(ladder.problem, ladder.parameters)
+    what = (ladder.t_end, ladder.quantity, ladder.steps, [(r.name, r.rate, r.steps) for r in ladder.rungs])
+    code = (__name__, "phasebench.benchmarks.problems.models")
+    return Cell(
+        "models",
+        (MODELS, RUNS),
+        {"scene": ladder.id},
+        measured,
+        (ladder.id,),
+        content(MODELS, ladder.id, what, states(full.id), *map(method, METHODS), full, code=code),
+        frozenset({full.id, MODELS, *METHODS}),
+        ALONE,
+        own=True,
+        quick=ladder is LADDERS[0],
+    )
+
+
+def quantity_of(full, name: str) -> Quantity:
+    """The quantity of that name: `SLOW`, or one of the problem's."""
+    return SLOW if name == SLOW.name else quantities.quantity(full, name)
+
+
+@dataclass
+class Model:
+    """A rung of a ladder, ready to run.
+
+    Attributes
+    ----------
+    ladder, rung, full, quantity : what is modelled, how, and what is wanted of it
+    made : its problem
+    runs : method -> its prepared run
+    """
+
+    ladder: Ladder
+    rung: Rung
+    full: Any
+    quantity: Quantity
+    made: Any
+    runs: dict[str, PreparedRun]
+
+    @property
+    def steps(self) -> list[int]:
+        """The numbers of steps, rising."""
+        return [(self.rung.steps or self.ladder.steps) * 2**k for k in range(DOUBLINGS)]
+
+    def h(self, steps: int) -> float:
+        """The step in the model's own time."""
+        return self.rung.rate * self.ladder.t_end / steps
+
+    def values(self, id: str, steps: int) -> np.ndarray | None:
+        """What the full problem's quantity is by this model; None where the run breaks."""
+        run = self.runs[id]
+        q, p, code = run(self.h(steps), steps)
+        if code != run.SOLVED:
+            return None
+        t = np.array([0.0, self.ladder.t_end])
+        rows = self.rung.lift(self.full, t, np.array([self.made.q0, q]), np.array([self.made.p0, p]))
+        return quantities.values(self.full, self.quantity, SimpleNamespace(t=t, q=rows[0], p=rows[1]))
+
+    def clocked(self, id: str, steps: int) -> Callable[[], float]:
+        """A function that tells the seconds of a run, the mean of many where one is short."""
+        run, h = self.runs[id], self.h(steps)
+        began = time.perf_counter()
+        run(h, steps)
+        repeats = 1 + int(LONG / (time.perf_counter() - began))
+
+        def seconds() -> float:
+            started = time.perf_counter()
+            for _ in range(repeats):
+                run(h, steps)
+            return (time.perf_counter() - started) / repeats
+
+        return seconds
+
+
+def prepared(ladder: Ladder, rung: Rung, full) -> Model:
+    """A rung with its prepared runs."""
+    made = rung.make()
+    runs = {id: prepare(made, id) for id in METHODS}
+    return Model(ladder, rung, full, quantity_of(full, ladder.quantity), made, runs)
+
+
+def reference(model: Model) -> tuple[np.ndarray, float]:
+    """(values, uncertainty) of the finest run of a model."""
+    finest = 2 * model.steps[-1]
+    one, other = (model.values(METHODS[-1], n) for n in (finest, finest // 2))
+    rounding = 4 * np.finfo(float).eps * float(np.abs(one).max())
+    return one, SAFETY * distance(model.quantity, one, other) + rounding
+
+
+def measured(id: str) -> Rows:
+    """The rows of a scene: a model each, and its runs."""
+    ladder = BY_ID[id]
+    full = ladder.rungs[-1].make()
+    true = truth(full, quantity_of(full, ladder.quantity), ladder.t_end)
+    rows, runs, work = [], [], {}
+    for k, rung in enumerate(ladder.rungs):
+        model = prepared(ladder, rung, full)
+        own, uncertainty = reference(model)
+        off, is_full = distance(model.quantity, own, true.values), rung is ladder.rungs[-1]
+        rows.append(
+            {
+                "scene": id,
+                "rung": k,
+                "model": rung.name,
+                "full": is_full,
+                "d": model.made.system.d,
+                "modelling error": 0.0 if is_full else off,
+                "integration": off if is_full else uncertainty,
+                "uncertainty": true.uncertainty,
+                "source": true.source,
+            }
+        )
+        for name in METHODS:
+            for n in model.steps:
+                found = model.values(name, n)
+                if found is None:
+                    continue
+                error = distance(model.quantity, found, true.values if is_full else own)
+                noise = true.uncertainty if is_full else uncertainty
+                runs.append({"scene": id, "rung": k, "method": name, "steps": n, "error": max(error, noise)})
+                work[len(runs) - 1] = model.clocked(name, n)
+    for i, seconds in in_turns(work, ROUNDS).items():
+        found = median(seconds)
+        runs[i] |= {"seconds": found.value, "seconds, low": found.low, "seconds, high": found.high}
+    return {MODELS: rows, RUNS: runs}
