@@ -25,7 +25,7 @@ import sympy as sp
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian
 
-from . import klein_gordon, outer_solar_system, problem
+from . import fpu, klein_gordon, outer_solar_system, problem
 from .base import Orbit, Problem
 
 #: (the full problem, t (n,), q (n, d), p (n, d)) of a rung -> (q, p) of the full problem's, arrays (n, D).
@@ -259,9 +259,9 @@ def particle_models() -> tuple[Rung, ...]:
 # -- stiff springs -----------------------------------------------------------------------------------------------------
 
 
-def _slow(order: int) -> Problem:
+def soft_chain(order: int, omega: float = fpu.PARAMETERS["omega"]) -> Problem:
     """The soft chain alone, with the terms in 1 / omega^2: none (0), of the frozen invariants (1), all (2)."""
-    full = problem("fpu")
+    full = problem("fpu", omega=omega)
     m = full.system.d // 2
     q0, q1, p0 = full.system.q[:m], full.system.q[m:], full.system.p[:m]
     w = full.parameters["omega"]
@@ -297,14 +297,15 @@ def fpu_models() -> tuple[Rung, ...]:
     :math:`p_0 - U_{q_0q_1}p_1/\omega^2`.
     """
     names = ("rigid springs", "averaged, invariants frozen", "averaged, all of order 1/omega^2")
-    slow = (Rung(name, lambda k=k: _slow(k), _with_springs, steps=20) for k, name in enumerate(names))
+    slow = (Rung(name, lambda k=k: soft_chain(k), _with_springs, steps=20) for k, name in enumerate(names))
     return *slow, Rung("stiff springs", lambda: problem("fpu"))
 
 
 # -- waves -------------------------------------------------------------------------------------------------------------
 
 
-def _linear_waves() -> Problem:
+def linear_waves() -> Problem:
+    """The full problem without its nonlinear term."""
     full = problem("klein-gordon")
     N, L = full.parameters["N"], full.parameters["L"]
     q, p, H = klein_gordon.formula(N, L)
@@ -402,7 +403,7 @@ LADDERS: tuple[Ladder, ...] = (
         10.0,
         "end-state",
         20,
-        (Rung("linear waves", _linear_waves), FULL_WAVES),
+        (Rung("linear waves", linear_waves), FULL_WAVES),
         "two packets at t = 10",
     ),
     Ladder(

@@ -11,6 +11,8 @@ import pandas as pd
 ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
 #: An integrator run to this works for nothing where its model's error is larger.
 FINE = 1e-10
+#: Models that are further off than this (a radian, the size of the state) are not told apart.
+LOST = 1.0
 
 
 def cost(runs: pd.DataFrame, accuracy: float) -> float:
@@ -58,7 +60,7 @@ def rungs(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
 
     ``gain``: the full model's time over this one's, both at twice its modelling error; ``wasted``: the time of its
     integration to `FINE` over that of one to its modelling error, where that is larger than `FINE`; ``nearer``: whether
-    its modelling error is below that of the rung under it.
+    its modelling error is below that of the rung under it, or both are `LOST`.
     """
     out = []
     for scene, mine, part in scenes(models, runs):
@@ -75,7 +77,7 @@ def rungs(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
                     "d": m["d"],
                     "modelling error": error,
                     "known to": (m["integration"] + m["uncertainty"]) / error if error else inf,
-                    "nearer": error < before,
+                    "nearer": error < before or min(error, before) > LOST,
                     "seconds": enough,
                     "full, seconds": least,
                     "gain": least / enough if np.isfinite(enough) else nan,

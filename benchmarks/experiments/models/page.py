@@ -28,14 +28,14 @@ def enough(models: pd.DataFrame, runs: pd.DataFrame) -> Verdict:
     parts = []
     for a in ASKED:
         lower = chosen[(chosen["accuracy"] == a) & ~chosen["full"].astype(bool) & (chosen["model"] != "none")]
-        parts.append(f"to {number(a)} in {lower['scene'].nunique()}")
+        parts.append(f"to {a:.0e} in {lower['scene'].nunique()}")
     said = f"Of {scenes} scenes a lower model is the cheapest {listed(parts)}"
     never = [
         s for s, mine in rungs.groupby("scene", sort=False) if mine["modelling error"].min() > choice.ACCURACIES[0]
     ]
     further = [f"{r['model']} ({r['scene']})" for _, r in rungs[~rungs["nearer"].astype(bool)].iterrows()]
     text = said
-    text += f"; none has {number(choice.ACCURACIES[0])} in {listed(never, 4)}" if never else ""
+    text += f"; none has {choice.ACCURACIES[0]:.0e} in {listed(never, 4)}" if never else ""
     text += (
         f"; no nearer than the model under it: {listed(further, 4)}"
         if further
@@ -59,7 +59,7 @@ def saved(models: pd.DataFrame, runs: pd.DataFrame) -> Verdict | None:
     if len(wasted):
         worst = wasted.loc[wasted["wasted"].idxmax()]
         text += (
-            f"; integrated to {number(choice.FINE)} it takes {number(wasted['wasted'].median())} times as long in the "
+            f"; integrated to {choice.FINE:.0e} it takes {number(wasted['wasted'].median())} times as long in the "
             f"median for digits that the model has not, at most {number(worst['wasted'])} ({_name(worst)})"
         )
     return Verdict(f"{text}.", dear.empty, f"{said}.")
@@ -135,7 +135,7 @@ def table(models: pd.DataFrame, runs: pd.DataFrame) -> Table:
         numbers = dict(zip(names["model"], names["rung"] + 1, strict=True))
         for r in mine.itertuples():
             gain = "" if r.full or r.gain != r.gain else f" ({number(r.gain, 2)})"
-            row[number(r.accuracy)] = "full" if r.full else f"{numbers.get(r.model, 'none')}{gain}"
+            row[f"{r.accuracy:.0e}"] = "full" if r.full else f"{numbers.get(r.model, 'none')}{gain}"
         out.append(row)
     caption = (
         "The cheapest model of each scene whose modelling and integration errors together meet an accuracy, by its number, "

@@ -1,0 +1,242 @@
+"""Models of a scene: each reduced system is what it says, and the page's sentences follow their rows, both ways."""
+
+from __future__ import annotations
+
+from math import atan2, hypot, pi
+
+import numpy as np
+import pandas as pd
+import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
+
+from phasebench.benchmarks.experiments.models import bench_models, choice, measure, page
+from phasebench.benchmarks.problems import klein_gordon, models, problem
+from phasebench.benchmarks.problems.models import LADDERS
+
+A, B, C = "least", "middle", "full"
+
+
+# -- the systems -------------------------------------------------------------------------------------------------------
+
+
+def followed(made, t_end, **more):
+    """SciPy's solution of a problem."""
+    s = made.system
+    f = sp.lambdify((*s.q, *s.p), [*s.dq, *s.dp], cse=True)
+    y0 = [*made.q0, *made.p0]
+    return solve_ivp(lambda t, y: f(*y), (0, t_end), y0, method="DOP853", rtol=1e-12, atol=1e-34, **more)
+
+
+def end(made, t_end):
+    return followed(made, t_end).y[: made.system.d, -1]
+
+
+def test_every_ladder_ends_with_its_scenes_problem():
+    for ladder in LADDERS:
+        full = ladder.rungs[-1].make()
+        assert full.system.H == problem(ladder.problem, **dict(ladder.parameters)).system.H
+        assert measure.quantity_of(full, ladder.quantity).rows == 1
+        assert len({r.name for r in ladder.rungs}) == len(ladder.rungs) > 1
+    assert len({ladder.id for ladder in LADDERS}) == len(LADDERS) >= 6
+
+
+def pericentre(e, mu):
+    """(time, angle beyond a turn) of the next pericentre of the full problem."""
+
+    def turning(t, y):
+        return y[0] * y[2] + y[1] * y[3] if t > 4 else -1.0  # from beyond the apocentre on
+
+    turning.direction, turning.terminal = 1, True
+    found = followed(problem("perturbed-kepler", e=e, mu=mu), 20.0, events=turning)
+    x, y = found.y_events[0][0][:2]
+    return found.t_events[0][0], atan2(y, x)
+
+
+def test_averaging_is_right_to_first_order_in_the_term():
+    """The radial period and the advance of the averaged model are wrong by O(mu^2); Kepler's period by O(mu)."""
+    wrong = {}
+    for mu in (1e-3, 1e-4):
+        averaged = models.kepler_models(0.3, mu)[2]
+        a = models.mean_semi_axis(0.3, mu)
+        period = 2 * pi * a**1.5 / averaged.rate
+        one = np.array([[1.0, 0.0]])
+        (x, y), _ = (z[0] for z in averaged.lift(None, np.array([period]), one, one))
+        t, advance = pericentre(0.3, mu)
+        wrong[mu] = abs(period - t), abs(atan2(y, x) - advance), abs(2 * pi - t)
+        made = averaged.make()
+        assert hypot(*made.q0) * hypot(*made.p0) == pytest.approx((1 - 0.3**2) ** 0.5, rel=1e-14)
+    ratios = np.array(wrong[1e-3]) / np.array(wrong[1e-4])
+    assert (ratios[:2] > 60).all()
+    assert 8 < ratios[2] < 12
+
+
+def test_the_soft_chain_is_right_to_the_order_it_says():
+    """The distance in units of omega^-2 falls with omega where all of that order is there, and stays otherwise."""
+    far = {}
+    for omega in (50.0, 150.0):
+        true = end(problem("fpu", omega=omega), 2.0)[:3]
+        far[omega] = [omega**2 * np.abs(end(models.soft_chain(k, omega), 2.0) - true).max() for k in range(3)]
+    ratios = np.array(far[50.0]) / np.array(far[150.0])
+    assert ratios[2] > 2
+    assert (abs(ratios[:2] - 1) < 0.3).all()
+
+
+def test_springs_start_as_they_are():
+    full = problem("fpu")
+    slow = models.soft_chain(0)
+    q, p = models.fpu_models()[0].lift(full, np.zeros(1), np.array([slow.q0]), np.array([slow.p0]))
+    assert np.abs(q[0] - full.q0).max() < 1e-15
+    assert np.abs(p[0] - full.p0).max() < 1e-15
+
+
+def test_a_body_without_mass_moves_as_about_the_fixed_sun():
+    alone = end(models.about_the_sun("jupiter")(), 1000.0)
+    pair, massless = models.bodies(("sun", "jupiter")), models.bodies(("sun", "jupiter"), massless=("jupiter",))
+    assert np.abs(end(massless(), 1000.0)[3:] - alone).max() < 1e-9
+    assert np.abs(end(pair(), 1000.0)[3:] - alone).max() > 1e-4
+
+
+def test_bodies_stand_where_the_full_problem_has_them():
+    full = problem("outer-solar-system")
+    made = models.bodies(("sun", "saturn"))()
+    q, p = models.of_bodies("sun", "saturn")(full, np.zeros(1), np.array([made.q0]), np.array([made.p0]))
+    for found, whole in ((q, full.q0), (p, full.p0)):
+        np.testing.assert_array_equal(found[0, [0, 1, 2, 6, 7, 8]], np.array(whole)[[0, 1, 2, 6, 7, 8]])
+        assert np.isnan(found[0, 3:6]).all()
+        assert np.isnan(found[0, 9:]).all()
+
+
+def test_fewer_points_give_a_trigonometric_polynomial_back():
+    full = problem("klein-gordon")
+
+    def sampled(n, k):
+        x = 2 * pi * np.arange(n) / n
+        field = (np.exp(1j * k * x) + 0.5) * (full.parameters["L"] / n) ** 0.5
+        return np.hstack([field.real, field.imag])[None]
+
+    for k, exact in ((3, True), (-7, True), (9, False)):
+        q, _ = models.interpolated(full, None, sampled(16, k), sampled(16, k))
+        assert (np.abs(q - sampled(64, k)).max() < 1e-14) == exact
+
+
+def test_linear_waves_are_without_the_nonlinear_term_alone():
+    system = models.linear_waves().system
+    H = sp.lambdify((*system.q, *system.p), system.H)
+    y = np.random.default_rng(1).standard_normal(4 * 64)
+    loop = klein_gordon.energy(*map(float, system.constants))
+    whole = klein_gordon.energy(*map(float, problem("klein-gordon").system.constants))
+    assert H(*y) == pytest.approx(loop(y[:128], y[128:])[0], rel=1e-13)
+    assert H(*(2 * y)) == pytest.approx(4 * H(*y), rel=1e-13)
+    assert whole(y[:128], y[128:])[0] > 1.01 * H(*y)
+
+
+def test_a_scene_is_measured():
+    """The pendulum from 1/2: Lindstedt's frequency leaves the amplitude's fifth order, the linear one its third."""
+    tables = measure.measured("pendulum-0.5")
+    rows = tables[measure.MODELS]
+    errors = [r["modelling error"] for r in rows]
+    assert errors[0] == pytest.approx(0.5**3 / 16 * 10 * abs(np.sin(10)) * 1.7, rel=0.3)
+    assert errors[1] < errors[0] / 20
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] == 0.0
+    assert bench_models.vague(rows) == []
+    runs = pd.DataFrame(tables[measure.RUNS])
+    assert (runs.groupby(["rung", "method"])["error"].min() < 1e-9).all()
+    assert (runs["seconds"] > 0).all()
+
+
+# -- the page ----------------------------------------------------------------------------------------------------------
+
+
+def scene(name="s", errors=(1e-2, 1e-5), integration=1e-14, scale=(1.0, 2.0, 10.0), full_off=1e-13):
+    """The tables of a scene: a run at each decade costs ``scale`` times the number of the decade."""
+    names = (A, B, C)[: len(errors)] + (C,)
+    rows = [
+        {"scene": name, "rung": k, "model": m, "full": m == C, "d": 1, "modelling error": e, "uncertainty": 1e-15}
+        | {"integration": full_off if m == C else integration, "source": "certified"}
+        for k, (m, e) in enumerate(zip(names, (*errors, 0.0), strict=True))
+    ]
+    runs = [
+        {"scene": name, "rung": k, "method": "m", "steps": n, "error": 10.0**-n, "seconds": s * n}
+        for k, s in enumerate(scale)
+        for n in range(1, 13)
+    ]
+    return pd.DataFrame(rows), pd.DataFrame(runs)
+
+
+def told(verdict, *scenes):
+    models_, runs = (pd.concat(frames, ignore_index=True) for frames in zip(*scenes, strict=True))
+    return verdict({measure.MODELS: models_, measure.RUNS: runs}.get)
+
+
+def test_the_cheapest_sufficient_model_is_chosen():
+    frames = scene()
+    chosen = {a: choice.at(*frames, a) for a in (1e-1, 1e-3, 1e-6, 1e-14)}
+    assert chosen[1e-1] == (A, 10 / 2, False)  # what modelling leaves of 1e-1 is below it: a step finer
+    assert chosen[1e-3] == (B, 30 / 8, False)
+    assert chosen[1e-6] == (C, 1.0, True)
+    assert chosen[1e-14][0] == "none"
+    assert choice.at(*scene(scale=(1.0, 100.0, 10.0)), 1e-3)[0] == C  # a model that is dearer than the full one
+
+
+def test_gain_and_waste_are_told_at_the_models_own_accuracy():
+    rungs = choice.rungs(*scene()).set_index("model")
+    assert list(rungs.index) == [A, B]
+    assert rungs.loc[A, "gain"] == 10 * 2 / 2
+    assert rungs.loc[A, "wasted"] == 10 / 2
+    assert rungs.loc[B, "wasted"] == 20 / 10
+    assert np.isnan(choice.rungs(*scene(errors=(1e-2, 1e-11))).set_index("model").loc[B, "wasted"])
+
+
+def test_rungs_must_come_nearer():
+    good = told(page.enough, scene("s"), scene("t", errors=(0.5, 0.2)))
+    assert good.holds
+    assert "Of 2 scenes a lower model is the cheapest to 1e-02 in 1, to 1e-04 in 1 and to 1e-06 in 0" in good.text
+    assert "none has 1e-01 in t" in good.text
+    bad = told(page.enough, scene("s", errors=(1e-5, 1e-2)))
+    assert not bad.holds
+    assert "no nearer than the model under it: middle (s)" in bad.text
+    assert told(page.enough, scene("s", errors=(2.0, 3.0))).holds
+
+
+def test_a_model_must_save_something():
+    good = told(page.saved, scene())
+    assert good.holds
+    assert "cheaper than the full one in 2 of 2 cases, at most 10 times (least, s)" in good.text
+    assert "at most 5 (least, s)" in good.text
+    bad = told(page.saved, scene(scale=(1.0, 20.0, 10.0)))
+    assert not bad.holds
+    assert "in 1 of 2 cases" in bad.text
+    assert "not cheaper: middle, s" in bad.text
+
+
+@pytest.mark.parametrize(("integration", "holds"), [(9e-8, True), (1.1e-7, False)])
+def test_modelling_errors_must_be_known(integration, holds):
+    said = told(page.known, scene(integration=integration))
+    assert said.holds == holds
+    assert ("not: middle, s" in said.text) != holds
+    assert "within 1.0e-13 of what is true" in said.text
+
+
+def test_the_bench_fails_for_vague_models_and_lost_full_ones():
+    assert bench_models.vague(scene()[0].to_dict("records")) == []
+    (vague,) = bench_models.vague(scene(integration=1.1e-7)[0].to_dict("records"))
+    assert vague.startswith("s, middle")
+    (lost,) = bench_models.vague(scene(full_off=1e-8)[0].to_dict("records"))
+    assert lost.startswith("s, full: 1.0e-08 from what is true")
+
+
+def test_the_table_and_the_figure_say_where_a_curve_is_level(tmp_path):
+    models_, runs = scene()
+    frame = page.table({measure.MODELS: models_, measure.RUNS: runs}.get).frame
+    assert frame["models"][0] == "1 least; 2 middle; 3 full"
+    assert [frame[x][0] for x in ("1e-01", "1e-03", "1e-06")] == ["1 (5)", "2 (3.8)", "full"]
+    seconds, errors = page.envelope(runs[runs["rung"] == 1], 1e-5)
+    assert (np.diff(errors) < 0).all()
+    assert errors[-1] == pytest.approx(1e-5)
+    assert len(seconds) == 12
+    dearer = pd.DataFrame({"seconds": [1.0, 2.0, 3.0], "error": [1e-3, 1e-2, 1e-4]})
+    assert page.envelope(dearer, 0.0)[0].tolist() == [1.0, 3.0]
+    (picture,) = page.draw({measure.MODELS: models_, measure.RUNS: runs}.get, tmp_path)
+    assert (tmp_path / picture.file).exists()
