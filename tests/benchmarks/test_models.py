@@ -240,3 +240,12 @@ def test_the_table_and_the_figure_say_where_a_curve_is_level(tmp_path):
     assert page.envelope(dearer, 0.0)[0].tolist() == [1.0, 3.0]
     (picture,) = page.draw({measure.MODELS: models_, measure.RUNS: runs}.get, tmp_path)
     assert (tmp_path / picture.file).exists()
+
+
+def test_a_page_of_few_rows_is_written(tmp_path):
+    models_, runs = scene()
+    for few, some in ((models_.head(1), runs.head(1)), (models_.tail(1), runs.head(1)), (models_, runs.tail(1))):
+        data = {measure.MODELS: few, measure.RUNS: some}.get
+        assert page.table(data).frame.notna().all(axis=None)
+        assert all("nan" not in v.text and "inf" not in v.text for v in page.PAGE.judged(data))
+        page.draw(data, tmp_path)

@@ -13,6 +13,7 @@ ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
 FINE = 1e-10
 #: Models that are further off than this (a radian, the size of the state) are not told apart.
 LOST = 1.0
+RUNGS = ("scene", "model", "d", "modelling error", "known to", "nearer", "seconds", "full, seconds", "gain", "wasted")
 
 
 def cost(runs: pd.DataFrame, accuracy: float) -> float:
@@ -85,4 +86,4 @@ def rungs(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
                 }
             )
             before = error
-    return pd.DataFrame(out)
+    return pd.DataFrame(out, columns=RUNGS)

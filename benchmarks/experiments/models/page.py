@@ -93,7 +93,7 @@ def envelope(runs: pd.DataFrame, modelling: float) -> tuple[np.ndarray, np.ndarr
     """(seconds, errors against the full model) of the runs that nothing cheaper beats, by seconds."""
     ordered = runs.sort_values("seconds")
     errors = np.minimum.accumulate(ordered["error"].to_numpy(float))
-    keep = np.concatenate([[True], np.diff(errors) < 0])
+    keep = np.diff(errors, prepend=np.inf) < 0
     return ordered["seconds"].to_numpy(float)[keep], (errors + modelling)[keep]
 
 
