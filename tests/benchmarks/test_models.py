@@ -11,8 +11,9 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 
 from phasebench.benchmarks.experiments.models import bench_models, choice, measure, page
-from phasebench.benchmarks.problems import klein_gordon, models, problem
-from phasebench.benchmarks.problems.models import LADDERS
+from phasebench.benchmarks.problems import klein_gordon, problem
+from phasebench.benchmarks.problems.models import one_body, planets, springs, waves
+from phasebench.benchmarks.problems.models.ladders import LADDERS
 
 A, B, C = "least", "middle", "full"
 
@@ -57,8 +58,8 @@ def test_averaging_is_right_to_first_order_in_the_term():
     """The radial period and the advance of the averaged model are wrong by O(mu^2); Kepler's period by O(mu)."""
     wrong = {}
     for mu in (1e-3, 1e-4):
-        averaged = models.kepler_models(0.3, mu)[2]
-        a = models.mean_semi_axis(0.3, mu)
+        averaged = one_body.kepler_models(0.3, mu)[2]
+        a = one_body.mean_semi_axis(0.3, mu)
         period = 2 * pi * a**1.5 / averaged.rate
         one = np.array([[1.0, 0.0]])
         (x, y), _ = (z[0] for z in averaged.lift(None, np.array([period]), one, one))
@@ -76,7 +77,7 @@ def test_the_soft_chain_is_right_to_the_order_it_says():
     far = {}
     for omega in (50.0, 150.0):
         true = end(problem("fpu", omega=omega), 2.0)[:3]
-        far[omega] = [omega**2 * np.abs(end(models.soft_chain(k, omega), 2.0) - true).max() for k in range(3)]
+        far[omega] = [omega**2 * np.abs(end(springs.soft_chain(k, omega), 2.0) - true).max() for k in range(3)]
     ratios = np.array(far[50.0]) / np.array(far[150.0])
     assert ratios[2] > 2
     assert (abs(ratios[:2] - 1) < 0.3).all()
@@ -84,23 +85,23 @@ def test_the_soft_chain_is_right_to_the_order_it_says():
 
 def test_springs_start_as_they_are():
     full = problem("fpu")
-    slow = models.soft_chain(0)
-    q, p = models.fpu_models()[0].lift(full, np.zeros(1), np.array([slow.q0]), np.array([slow.p0]))
+    slow = springs.soft_chain(0)
+    q, p = springs.fpu_models()[0].lift(full, np.zeros(1), np.array([slow.q0]), np.array([slow.p0]))
     assert np.abs(q[0] - full.q0).max() < 1e-15
     assert np.abs(p[0] - full.p0).max() < 1e-15
 
 
 def test_a_body_without_mass_moves_as_about_the_fixed_sun():
-    alone = end(models.about_the_sun("jupiter")(), 1000.0)
-    pair, massless = models.bodies(("sun", "jupiter")), models.bodies(("sun", "jupiter"), massless=("jupiter",))
+    alone = end(planets.about_the_sun("jupiter")(), 1000.0)
+    pair, massless = planets.bodies(("sun", "jupiter")), planets.bodies(("sun", "jupiter"), massless=("jupiter",))
     assert np.abs(end(massless(), 1000.0)[3:] - alone).max() < 1e-9
     assert np.abs(end(pair(), 1000.0)[3:] - alone).max() > 1e-4
 
 
 def test_bodies_stand_where_the_full_problem_has_them():
     full = problem("outer-solar-system")
-    made = models.bodies(("sun", "saturn"))()
-    q, p = models.of_bodies("sun", "saturn")(full, np.zeros(1), np.array([made.q0]), np.array([made.p0]))
+    made = planets.bodies(("sun", "saturn"))()
+    q, p = planets.of_bodies("sun", "saturn")(full, np.zeros(1), np.array([made.q0]), np.array([made.p0]))
     for found, whole in ((q, full.q0), (p, full.p0)):
         np.testing.assert_array_equal(found[0, [0, 1, 2, 6, 7, 8]], np.array(whole)[[0, 1, 2, 6, 7, 8]])
         assert np.isnan(found[0, 3:6]).all()
@@ -116,12 +117,12 @@ def test_fewer_points_give_a_trigonometric_polynomial_back():
         return np.hstack([field.real, field.imag])[None]
 
     for k, exact in ((3, True), (-7, True), (9, False)):
-        q, _ = models.interpolated(full, None, sampled(16, k), sampled(16, k))
+        q, _ = waves.interpolated(full, None, sampled(16, k), sampled(16, k))
         assert (np.abs(q - sampled(64, k)).max() < 1e-14) == exact
 
 
 def test_linear_waves_are_without_the_nonlinear_term_alone():
-    system = models.linear_waves().system
+    system = waves.linear_waves().system
     H = sp.lambdify((*system.q, *system.p), system.H)
     y = np.random.default_rng(1).standard_normal(4 * 64)
     loop = klein_gordon.energy(*map(float, system.constants))

@@ -20,7 +20,8 @@ from phasebench.benchmarks.measure import quantities
 from phasebench.benchmarks.measure.quantities import Quantity, distance
 from phasebench.benchmarks.measure.timing import in_turns, median
 from phasebench.benchmarks.measure.truths import truth
-from phasebench.benchmarks.problems.models import BY_ID, LADDERS, Ladder, Rung
+from phasebench.benchmarks.problems.models.ladder import Ladder, Rung
+from phasebench.benchmarks.problems.models.ladders import BY_ID, LADDERS
 from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content, states
 from phasebench.integrators.prepared import PreparedRun, prepare
 from phasebench.integrators.registry import method
@@ -49,7 +50,7 @@ def cells(quick: bool = False) -> list[Cell]:
 def _cell(ladder: Ladder) -> Cell:
     full = Problem(ladder.problem, ladder.parameters)
     what = (ladder.t_end, ladder.quantity, ladder.steps, [(r.name, r.rate, r.steps) for r in ladder.rungs])
-    code = (__name__, "phasebench.benchmarks.problems.models")
+    code = (__name__, "phasebench.benchmarks.problems.models.ladders")
     return Cell(
         "models",
         (MODELS, RUNS),

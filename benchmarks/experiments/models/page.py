@@ -8,7 +8,8 @@ import pandas as pd
 from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.markdown import listed, number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
-from phasebench.benchmarks.problems.models import BY_ID, MASSLESS
+from phasebench.benchmarks.problems.models.ladders import AMPLITUDES, BY_ID, STRONG, WEAK
+from phasebench.benchmarks.problems.models.planets import MASSLESS
 
 from . import choice
 from .measure import METHODS, MODELS, ROUNDS, RUNS
@@ -48,7 +49,7 @@ def enough(models: pd.DataFrame, runs: pd.DataFrame) -> Verdict:
 def saved(models: pd.DataFrame, runs: pd.DataFrame) -> Verdict | None:
     """What a lower model saves at its own accuracy, and what an integration beyond it costs."""
     rungs = choice.rungs(models, runs)
-    known = rungs[rungs["gain"].notna() & np.isfinite(rungs["gain"])]
+    known = rungs[np.isfinite(rungs["gain"].astype(float))]
     if known.empty:
         return None
     best, dear = known.loc[known["gain"].idxmax()], known[known["gain"] < SAVES]
@@ -161,8 +162,9 @@ PAGE = Page(
     setting=(
         "Each scene has a ladder of models from the least to the full; a model's solution is mapped to the full problem's state, "
         "and its error is that of the scene's quantity.",
-        f"Pendulum from rest at 0.1, 0.5, 2: {BY_ID['pendulum-2'].quantity} at t = {BY_ID['pendulum-2'].t_end:g}; Kepler with "
-        f"-mu / (3 r^3): {_spans('kepler-strong', 'kepler-strong-perihelion', 'kepler-weak-perihelion')}.",
+        f"Pendulum from rest at {listed([f'{a:g}' for a in AMPLITUDES])}: {BY_ID['pendulum-2'].quantity} at t = "
+        f"{BY_ID['pendulum-2'].t_end:g}; Kepler with -mu / (3 r^3), (e, mu) = {STRONG}, weak {WEAK}: "
+        f"{_spans('kepler-strong', 'kepler-strong-perihelion', 'kepler-weak-perihelion')}.",
         f"The outer planets, in days: {_spans('jupiter-14-years', 'jupiter-1400-years', 'saturn-140-years')}.",
         f"Stiff springs and waves: {_spans('fpu-soft-chain', 'klein-gordon-linear', 'klein-gordon-points')}.",
         f"Integrated with {listed(METHODS)}, steps doubled from coarse ones; seconds are warm, in turns, the cheapest of the three.",

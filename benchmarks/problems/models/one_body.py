@@ -1,0 +1,92 @@
+r"""Models of one body: the pendulum without its sine, Kepler's orbit without the Schwarzschild term.
+
+From rest at A the pendulum's frequency is :math:`1 - A^2/16 + O(A^4)` (Lindstedt).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import sqrt
+
+import numpy as np
+import sympy as sp
+
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.problems.base import Problem
+
+from .ladder import Lift, Rung, modelled, started
+
+
+def pendulum_models(amplitude: float) -> tuple[Rung, ...]:
+    """Those of the pendulum from rest at ``amplitude``."""
+    q, p = sp.symbols("q p", real=True)
+    start = (amplitude,), (0.0,)
+
+    def polynomial(terms: int) -> Callable[[], Problem]:
+        V = sum((-1) ** (k + 1) * q ** (2 * k) / sp.factorial(2 * k) for k in range(1, terms + 1))
+        return lambda: modelled(f"pendulum-{terms}", [q], [p], p**2 / 2 + V, start)
+
+    shifted = 1 - amplitude**2 / 16
+    return (
+        Rung("harmonic", lambda: started(problem("harmonic-oscillator"), *start)),
+        Rung(
+            "harmonic, Lindstedt's frequency",
+            lambda: started(problem("harmonic-oscillator", omega=shifted), *start),
+        ),
+        Rung("sin q to q^3", polynomial(2)),
+        Rung("sin q to q^5", polynomial(3)),
+        Rung("pendulum", lambda: _pendulum(*start)),
+    )
+
+
+def _pendulum(q, p) -> Problem:
+    """The registered orbit where it is that one: its states are certified."""
+    swinging = problem("pendulum:swinging")
+    return swinging if (swinging.q0, swinging.p0) == (q, p) else started(swinging, q, p)
+
+
+def turned(rate: float) -> Lift:
+    """The plane's rows turned by ``rate`` t."""
+
+    def lift(full, t, q, p):
+        c, s = np.cos(rate * t), np.sin(rate * t)
+        return tuple(np.stack([c * z[:, 0] - s * z[:, 1], s * z[:, 0] + c * z[:, 1]], axis=1) for z in (q, p))
+
+    return lift
+
+
+def mean_semi_axis(e: float, mu: float) -> float:
+    r"""The mean semi-major axis :math:`L^2` of the orbit that starts at pericentre 1 - e.
+
+    With G conserved, the averaged energy :math:`-1/(2L^2) - \mu/(3L^3G^3)` is the orbit's own (to first order in mu).
+    """
+    G = sqrt(1 - e**2)
+    energy = -0.5 - mu / (3 * (1 - e) ** 3)
+    L = 1.0
+    for _ in range(50):
+        f = -0.5 / L**2 - mu / (3 * (L * G) ** 3) - energy
+        L -= f / (1 / L**3 + mu / (L**4 * G**3))
+    return L**2
+
+
+def kepler_models(e: float, mu: float) -> tuple[Rung, ...]:
+    r"""Those of the Schwarzschild term :math:`-\mu/(3r^3)`, of the average :math:`-\mu/(3L^3G^3)` over an orbit.
+
+    The perihelion turns at :math:`\partial/\partial G = \mu/(L^3G^4)`, the mean anomaly grows by
+    :math:`\partial/\partial L = \mu/(L^4G^3)` faster (Delaunay's elements :math:`L = \sqrt a`,
+    :math:`G = \sqrt{a(1 - e^2)}`).  In "mean precession" L is that of the start, in "averaged" the mean one.
+    """
+    G, a = sqrt(1 - e**2), mean_semi_axis(e, mu)
+    L = sqrt(a)
+    near = a * (1 - sqrt(1 - G**2 / a))
+    return (
+        Rung("Kepler", lambda: problem("kepler", e=e)),
+        Rung("Kepler, mean precession", lambda: problem("kepler", e=e), turned(mu / G**4)),
+        Rung(
+            "averaged, mean elements",
+            lambda: started(problem("kepler", e=e), (near, 0.0), (0.0, G / near)),
+            turned(mu / (L**3 * G**4)),
+            rate=1 + mu / (L * G**3),
+        ),
+        Rung("the term itself", lambda: problem("perturbed-kepler", e=e, mu=mu)),
+    )

@@ -1,0 +1,89 @@
+"""Models of the outer planets: one without mass about the fixed Sun, then body by body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import sympy as sp
+
+from phasebench.benchmarks.problems import outer_solar_system, problem
+from phasebench.benchmarks.problems.base import Problem
+
+from .ladder import Lift, Rung, modelled
+
+BODIES = outer_solar_system.BODIES
+#: The mass, in the Sun's, of a body without mass: no double notices it.
+MASSLESS = 1e-20
+
+
+def bodies(names: tuple[str, ...], massless: tuple[str, ...] = ()) -> Callable[[], Problem]:
+    """The problem of some of the bodies, from where the full one has them."""
+
+    def make() -> Problem:
+        axes = [f"{axis}{i}" for i in range(len(names)) for axis in "xyz"]
+        q, p = sp.symbols(axes, real=True), sp.symbols([f"p{n}" for n in axes], real=True)
+        m = [MASSLESS if n in massless else BODIES[n][0] for n in names]
+        exact = [sp.Rational(x) for x in m]
+        H = sum(x**2 / (2 * exact[i // 3]) for i, x in enumerate(p))
+        for j in range(len(names)):
+            for i in range(j):
+                r = sp.sqrt(sum((q[3 * i + k] - q[3 * j + k]) ** 2 for k in range(3)))
+                H -= sp.Rational(outer_solar_system.G) * exact[i] * exact[j] / r
+        where = tuple(x for n in names for x in BODIES[n][1])
+        momenta = tuple(mass * v for n, mass in zip(names, m, strict=True) for v in BODIES[n][2])
+        return modelled("-".join(names), q, p, H, (where, momenta))
+
+    return make
+
+
+def about_the_sun(name: str) -> Callable[[], Problem]:
+    """A body without mass about the fixed Sun."""
+
+    def make() -> Problem:
+        q, p = sp.symbols("x y z", real=True), sp.symbols("u v w", real=True)
+        M = sp.Rational(outer_solar_system.G) * sp.Rational(BODIES["sun"][0])
+        H = sum(x**2 for x in p) / 2 - M / sp.sqrt(sum(x**2 for x in q))
+        return modelled(f"{name}-alone", q, p, H, BODIES[name][1:])
+
+    return make
+
+
+def of_bodies(*names: str) -> Lift:
+    """Positions of these bodies among all, the Sun at rest where it is not among them; NaN for the rest."""
+
+    def lift(full, t, q, p):
+        out = np.full((2, len(t), full.system.d), np.nan)
+        out[:, :, :3] = 0.0
+        for k, name in enumerate(names):
+            at = 3 * list(BODIES).index(name)
+            out[0, :, at : at + 3], out[1, :, at : at + 3] = q[:, 3 * k : 3 * k + 3], p[:, 3 * k : 3 * k + 3]
+        return out[0], out[1]
+
+    return lift
+
+
+def planet_models() -> tuple[Rung, ...]:
+    """Those of Jupiter's motion: without mass, then body by body."""
+    names = tuple(BODIES)
+    grown = (
+        Rung(
+            "the Sun and Jupiter" if n == 2 else f"+ {names[n - 1].capitalize()}",
+            bodies(names[:n]),
+            of_bodies(*names[:n]),
+        )
+        for n in range(2, len(names))
+    )
+    alone = Rung("Jupiter without mass", about_the_sun("jupiter"), of_bodies("jupiter"))
+    return alone, *grown, Rung("+ Pluto: all", lambda: problem("outer-solar-system"))
+
+
+def particle_models() -> tuple[Rung, ...]:
+    """Those of Saturn's motion: a test particle of the Sun, of the Sun and Jupiter, a body among three, among all."""
+    three = ("sun", "jupiter", "saturn")
+    return (
+        Rung("test particle of the Sun", about_the_sun("saturn"), of_bodies("saturn")),
+        Rung("test particle of Sun and Jupiter", bodies(three, massless=("saturn",)), of_bodies(*three)),
+        Rung("three bodies", bodies(three), of_bodies(*three)),
+        Rung("all six bodies", lambda: problem("outer-solar-system")),
+    )

@@ -1,0 +1,52 @@
+"""Models of the Klein-Gordon equation on points: without its nonlinear term, and on fewer points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import sqrt
+
+import numpy as np
+import sympy as sp
+
+from phasebench.benchmarks.problems import klein_gordon, problem
+from phasebench.benchmarks.problems.base import Problem
+from phasebench.integrators.systems.hand import HandHamiltonian
+
+from .ladder import Rung
+
+
+def linear_waves() -> Problem:
+    """The full problem without its nonlinear term."""
+    full = problem("klein-gordon")
+    N, L = full.parameters["N"], full.parameters["L"]
+    q, p, H = klein_gordon.formula(N, L)
+    loops = {"field": klein_gordon.field, "grad_V": klein_gordon.grad_V, "energy": klein_gordon.energy}
+    a, b = klein_gordon.constants(N, L)
+    H -= sp.Add(*(sp.Rational(b.numerator, b.denominator) * (q[j] ** 2 + q[N + j] ** 2) ** 2 / 4 for j in range(N)))
+    system = HandHamiltonian(q=q, p=p, H=H, loops=loops, constants=(a, a * 0), degree=2)
+    return replace(full, id="linear-klein-gordon", system=system)
+
+
+def interpolated(full, t, q, p):
+    """Rows on n points of a period on the full problem's N by the trigonometric polynomial through them."""
+    N = full.parameters["N"]
+
+    def finer(z):
+        n = z.shape[1] // 2
+        modes = np.fft.fft(z[:, :n] + 1j * z[:, n:], axis=1)
+        wide = np.zeros((len(z), N), complex)
+        wide[:, : n // 2], wide[:, N - n // 2 + 1 :] = modes[:, : n // 2], modes[:, n // 2 + 1 :]
+        wide[:, n // 2] = wide[:, N - n // 2] = modes[:, n // 2] / 2
+        # the values are scaled by the root of the distance of points
+        field = np.fft.ifft(wide, axis=1) * sqrt(N / n)
+        return np.hstack([field.real, field.imag])
+
+    return finer(q), finer(p)
+
+
+def lattice(N: int) -> Rung:
+    """The equation on N points of the same period."""
+    return Rung(f"{N} points", lambda: problem("klein-gordon", N=N), interpolated)
+
+
+FULL_WAVES = Rung("Klein-Gordon, 64 points", lambda: problem("klein-gordon"))
