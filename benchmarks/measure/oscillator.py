@@ -174,7 +174,10 @@ def _remembered(step_matrix: StepMatrix) -> StepMatrix:
 
     def of(z: float) -> np.ndarray | None:
         if z not in seen:
-            seen[z] = step_matrix(z)
+            try:
+                seen[z] = step_matrix(z)
+            except InvalidInput:  # a step at which the method is not defined, such as a resonance of its filter
+                seen[z] = None
         return seen[z]
 
     return of
@@ -214,7 +217,8 @@ def _touches(step_matrix: StepMatrix, a: float, b: float) -> list[float]:
     from scipy.optimize import minimize_scalar
 
     def room(z: float) -> float:
-        return 2 - abs(np.trace(step_matrix(z)))
+        M = step_matrix(z)
+        return np.inf if M is None else 2 - abs(np.trace(M))
 
     points = np.linspace(a, b, max(5, round((b - a) / (linear_stability.SPACING if b < 11 else WIDE))) + 1)[1:-1]
     out = []
