@@ -6,6 +6,7 @@ that a coefficient loses which is off in its ninth digit.  `test_formula` and `t
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
@@ -27,7 +28,6 @@ BOUND = 1e-24
 LOSE_LINEAR = {
     "gonzalez",
     "itoh-abe",
-    "itoh-abe-c",
     "pavf",
     "rk4-projected-energy",
     "stormer-verlet-symmetric-projection",
@@ -54,6 +54,10 @@ HOLDS = [cell for cell in CELLS if declared(*cell)]
 FAILS = [cell for cell in CELLS if not declared(*cell)]
 
 
+def name(x):
+    return getattr(x, "label", x)
+
+
 @pytest.fixture(scope="module")
 def found(uncompiled):
     return uncompiled("support/properties.py")
@@ -74,13 +78,13 @@ def test_control_what_is_not_declared_fails_on_one(found, what, id):
     assert found[what][id]["worst"] > VISIBLE
 
 
-@pytest.mark.parametrize(("what", "slip"), [(what, s) for s in SLIPS for what in s.breaks], ids=str)
+@pytest.mark.parametrize(("what", "slip"), [(what, s) for s in SLIPS for what in s.breaks], ids=name)
 def test_control_a_slip_is_seen(found, what, slip):
     assert declared(what, slip.id)
     assert found[what][slip.label]["worst"] > VISIBLE
 
 
-@pytest.mark.parametrize(("what", "slip"), [(what, s) for s in SLIPS for what in s.keeps], ids=str)
+@pytest.mark.parametrize(("what", "slip"), [(what, s) for s in SLIPS for what in s.keeps], ids=name)
 def test_a_slip_leaves_what_does_not_depend_on_it(found, what, slip):
     check_holds(what, found[what][slip.label])
 
@@ -115,7 +119,7 @@ def test_what_is_drawn_is_of_every_kind():
     assert {c.system.separable for c in some} == {True, False}
     assert {c.system.polynomial_degree is None for c in some} == {True, False}
     assert {type(f).__name__ for c in some for f in c.system.H.atoms(sp.Function)} == {"sin", "cos", "exp"}
-    assert any(c.system.H.atoms(sp.Pow) and "sqrt" in str(c.system.H) for c in some)
+    assert any("sqrt" in str(c.system.H) for c in some)
     lams = [c.lam for c in some]
     assert min(lams) < -5
     assert max(lams) > 6
@@ -150,10 +154,10 @@ def test_compiled_and_plain_agree_on_random_systems(ends):
         assert np.abs(numbers(here) - there).max() < 1e-12 * (1 + np.abs(there).max()), row
 
 
-def test_control_methods_and_lambdas_reach_different_ends(ends):
-    """The comparison would see another method, and another lambda."""
+def test_control_another_method_or_lambda_ends_elsewhere(ends):
     for _, rows in groupby(ends, lambda row: row["case"]):
         end = {row["id"]: numbers(row) for row in rows}
         assert np.abs(end["rk4"] - end["stormer-verlet"]).max() > 1e-10
     case = Case.read(ends[0]["case"])
-    assert properties.run(case, "scheme-i")["end"] != properties.run(case, "scheme-iii")["end"]
+    a, b = (numbers(properties.run(replace(case, lam=case.lam + k), "scheme-i")) for k in (0, 1))
+    assert np.abs(a - b).max() > 1e-10

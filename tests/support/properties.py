@@ -55,7 +55,6 @@ METHODS = (
     "avf",
     "pavf",
     "itoh-abe",
-    "itoh-abe-c",
     "gonzalez",
     "rk4-projected-energy",
     "stormer-verlet-symmetric-projection",
@@ -117,10 +116,16 @@ def symplecticity(record, case: Case):
     return pair_defect(lambda y: advance(case.system, record, y, h), start(case))
 
 
+def moved(record, case: Case, y, h, steps=1):
+    """The state after some steps; NaN where they do nothing, which would keep everything."""
+    end = advance(case.system, record, y, h, steps)
+    return end if max(abs(end - y)) > 1e-9 else end * float("nan")
+
+
 def returned(record, back, h, case: Case):
     """The distance from the start after a step with h and one of ``back`` with -h."""
     y = start(case)
-    return max(abs(advance(case.system, back, advance(case.system, record, y, h), -h) - y))
+    return max(abs(moved(back, case, moved(record, case, y, h), -h) - y))
 
 
 def symmetry(record, case: Case):
@@ -139,7 +144,7 @@ def change(quantity: Callable, record, case: Case):
     """How much a function of (q, p) changes in two steps."""
     record, h = lam_of(record, case)
     y = start(case)
-    end = advance(case.system, record, y, h, steps=2)
+    end = moved(record, case, y, h, steps=2)
     return abs(quantity(end[: case.d], end[case.d :]) - quantity(y[: case.d], y[case.d :]))
 
 
@@ -182,8 +187,8 @@ def systems(what: str, record):
 def examples(what: str, record) -> int:
     """How many cases are drawn: fewer where formulae, or the search for roots that are not there, take long."""
     if what not in ("linear", "bilinear"):
-        return 15
-    return 4 if record.id == "scheme-ii" or record.family in ("schemes_iv_v", "equip") else 8
+        return 10
+    return 4 if record.id == "scheme-ii" or record.family in ("schemes_iv_v", "equip") else 6
 
 
 def measured(what: str, id: str) -> dict:
@@ -200,7 +205,7 @@ def measured(what: str, id: str) -> dict:
     )
     @given(systems(what, record))
     def look(case):
-        if found["worst"] > VISIBLE:
+        if not found["worst"] <= VISIBLE:
             return
         found["drawn"] += 1
         try:
