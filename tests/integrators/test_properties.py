@@ -12,14 +12,13 @@ from itertools import groupby
 import numpy as np
 import pytest
 import sympy as sp
-from hypothesis import given, settings
 
 from phasebench.integrators.engine.codegen import compiled
 from phasebench.integrators.record import ROUND_OFF
 from phasebench.integrators.registry import BY_ID, METHODS, method
 from support import properties
 from support.properties import SLIPS, VISIBLE
-from support.random_systems import Case, cases
+from support.random_systems import Case, cases, draws
 
 #: Of measurements in 30 digits; a Jacobian is a difference quotient, with half as many at the least.
 BOUNDS = {"symplecticity": 1e-17}
@@ -101,20 +100,8 @@ def test_every_family_is_among_them():
 # -- what the strategies draw ------------------------------------------------------------------------------------------
 
 
-def drawn(strategy, n=40):
-    found: list[Case] = []
-
-    @settings(max_examples=n, derandomize=True, database=None, deadline=None)
-    @given(strategy)
-    def look(case):
-        found.append(case)
-
-    look()
-    return found
-
-
 def test_what_is_drawn_is_of_every_kind():
-    some = drawn(cases())
+    some = draws(cases(), 40)
     assert {c.d for c in some} == {1, 2, 3}
     assert {c.system.separable for c in some} == {True, False}
     assert {c.system.polynomial_degree is None for c in some} == {True, False}
@@ -127,10 +114,10 @@ def test_what_is_drawn_is_of_every_kind():
 
 
 def test_a_required_kind_is_what_is_drawn():
-    assert all(c.system.separable for c in drawn(cases("separable"), 10))
-    assert all(c.system.quadratic_kinetic for c in drawn(cases("quadratic"), 10))
-    assert all(c.system.unit_mass for c in drawn(cases("unit"), 10))
-    assert all(c.system.polynomial_degree <= 4 for c in drawn(cases("polynomial"), 10))
+    assert all(c.system.separable for c in draws(cases("separable"), 10))
+    assert all(c.system.quadratic_kinetic for c in draws(cases("quadratic"), 10))
+    assert all(c.system.unit_mass for c in draws(cases("unit"), 10))
+    assert all(c.system.polynomial_degree <= 4 for c in draws(cases("polynomial"), 10))
 
 
 # -- compiled ----------------------------------------------------------------------------------------------------------

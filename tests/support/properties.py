@@ -23,7 +23,7 @@ from phasebench.benchmarks.measure.multiprecision import advance
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine.codegen import compiled, precision, vector
 from phasebench.integrators.registry import method
-from support.random_systems import Case, cases, with_bilinear, with_linear
+from support.random_systems import Case, cases, draws, with_bilinear, with_linear
 
 DIGITS, SLIP = 30, 1e-9
 #: A defect above it settles that a property does not hold: further examples are not measured.
@@ -269,14 +269,8 @@ def ends() -> list[dict]:
     """Runs of `COMPILED` in doubles, each with its case, status and end."""
     rows: list[dict] = []
     for kind, formulae in (("any", 2), ("unit", 1)):  # few formulae, as each is compiled; many states and lambdas
-        drawn: list[Case] = []
-
-        @settings(max_examples=STARTS, derandomize=True, database=None, deadline=None)
-        @given(cases(kind, largest=2, least=2).filter(lambda c, kind=kind: c.system.separable == (kind == "unit")))
-        def draw(case, drawn=drawn):
-            drawn.append(case)
-
-        draw()
+        of_kind = cases(kind, largest=2, least=2).filter(lambda c, unit=kind == "unit": c.system.separable == unit)
+        drawn = draws(of_kind, STARTS)
         for n, case in enumerate(drawn):
             case = replace(case, H=drawn[-1 - n % formulae].H)
             rows += [{"id": id, "case": asdict(case)} | run(case, id) for id in COMPILED]

@@ -13,6 +13,7 @@ from functools import cache
 from itertools import combinations
 
 import numpy as np
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from phasebench.integrators import Hamiltonian
@@ -176,3 +177,16 @@ def with_bilinear(draw, kind="any", largest=LARGEST):
 
 def rows(D) -> tuple[tuple[int, ...], ...]:
     return tuple(tuple(map(int, row)) for row in D)
+
+
+def draws(strategy, n: int) -> list[Case]:
+    """The same n cases whenever they are asked for."""
+    found: list[Case] = []
+
+    @settings(max_examples=n, derandomize=True, database=None, deadline=None)
+    @given(strategy)
+    def look(case):
+        found.append(case)
+
+    look()
+    return found
