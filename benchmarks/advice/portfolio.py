@@ -15,7 +15,7 @@ from .ask import Ask
 #: The same orbit in every lane: a throughput of many orbits, not the time of one.
 LANES = ("heyoka-batch",)
 #: Packages whose loops over steps, or whose right-hand sides, are Python's or compile for seconds: they are tried last.
-SLOW = ("gala", "desolver", "pyhamsys", "diffrax")
+SLOW = ("gala", "galpy", "desolver", "pyhamsys", "diffrax")
 #: A peer that runs on anything, and tells how fast the orbit moves: it is tried first.
 FIRST = "heyoka"
 

@@ -99,8 +99,11 @@ def end(chosen: Integrator, z: float, steps: int, state=(1.0, 0.0)) -> np.ndarra
     """The state (q, p) after ``steps`` steps of z, whatever it is worth; None where one of them cannot be taken."""
     if isinstance(chosen.record, Method):
         run = _prepared(chosen.record)
-        with np.errstate(all="ignore"):
-            q, p, code = run(z, steps, state[:1], state[1:])
+        try:
+            with np.errstate(all="ignore"):
+                q, p, code = run(z, steps, state[:1], state[1:])
+        except InvalidInput:  # the method is not defined at this step: a resonance of its filter
+            return None
         return None if code == run.STALLED else np.concatenate([q, p])
     s = chosen.run(_oscillator(), h=z, steps=steps, q0=state[:1], p0=state[1:], save_every=0)
     return np.concatenate([s.q[-1], s.p[-1]]) if len(s.t) > 1 else None
@@ -214,7 +217,8 @@ def _touches(step_matrix: StepMatrix, a: float, b: float) -> list[float]:
     from scipy.optimize import minimize_scalar
 
     def room(z: float) -> float:
-        return 2 - abs(np.trace(step_matrix(z)))
+        M = step_matrix(z)
+        return np.inf if M is None else 2 - abs(np.trace(M))
 
     points = np.linspace(a, b, max(5, round((b - a) / (linear_stability.SPACING if b < 11 else WIDE))) + 1)[1:-1]
     out = []

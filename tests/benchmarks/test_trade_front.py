@@ -20,13 +20,16 @@ from phasebench.benchmarks.problems.questions import Question, down_to
 class Law:
     """Error (steps / scale)^-order down to a floor; `step` seconds a step."""
 
-    def __init__(self, label: str, order: float, step: float, floor: float = 1e-16, scale: float = 100.0, side=OURS):
+    def __init__(
+        self, label: str, order: float, step: float, floor: float = 1e-16, scale: float = 100.0, side=OURS, fails=0
+    ):
         self.label = self.id = label
         self.order, self.step, self.floor, self.scale = order, step, floor, scale
         self.kind = "phasebench" if side == OURS else "heyoka"
         self.adaptive = self.stoppable = False
         self.record = SimpleNamespace(least=1e-16)
         self.seen: list[int] = []
+        self.fails = fails  # below so many steps it finds no root, at once
 
     def run(self, problem, t_end, steps, save_every, **more):
         """A solution whose state is off by the law's error."""
@@ -37,8 +40,8 @@ class Law:
             t=np.array([0.0, t_end]),
             q=np.array([[0.0], [error]]),
             p=np.zeros((2, 1)),
-            status="ok",
-            seconds=self.step * steps,
+            status="ok" if steps >= self.fails else "no-root",
+            seconds=self.step * steps if steps >= self.fails else 0.0,
             counts=counts,
         )
 
@@ -69,6 +72,15 @@ def test_a_climb_that_begins_above_the_coarsest_accuracy_goes_wider_first():
     _, (one,) = climbed(Law("a", 8, 1e-8, scale=4.0))
     assert one.rungs[0].error > 1e-1 >= one.rungs[1].error
     assert [r.steps for r in one.rungs] == sorted(r.steps for r in one.rungs)
+
+
+def test_who_never_comes_to_the_end_is_given_up_and_who_does_at_finer_steps_is_not():
+    _, (never, late) = climbed(Law("never", 4, 1e-8, fails=10**18), Law("late", 4, 1e-8, fails=1000))
+    assert never.dropped
+    assert len(never.rungs) == climb.FAILURES
+    assert never.why == "10 runs in a row ended as no-root"
+    assert not late.dropped
+    assert late.rungs[-1].error <= 1e-12
 
 
 def test_who_is_too_slow_everywhere_is_dropped_early_and_it_is_said_by_whom():

@@ -34,6 +34,8 @@ PATIENCE, LONGEST = 0.3, 3.0
 FREE = 3e-4
 #: Rungs that fall by less than this factor, so many in a row, stand on the floor of round-off.
 FLOOR, STANDING = 0.7, 2
+#: So many rungs in a row that do not come to their end.
+FAILURES = 10
 #: Shorter runs are made twice for their time; no longer ones are made again, so often, before somebody is dropped.
 SHORT, LONG, AGAIN = 0.05, 0.2, 3
 
@@ -165,7 +167,7 @@ def wider(task: Task, c: Integrator, rung: Rung, known: Known) -> list[Rung]:
 
 def climb(task: Task, c: Integrator, known: Known) -> Climb:
     """The rungs of an integrator, as far as it may still win."""
-    rungs, lost, still, before = [], 0, 0, inf
+    rungs, lost, still, before, failed = [], 0, 0, inf, 0
     finest = task.asked[-1]
     for size in sizes(task, c):
         dear = known.cheapest(finest)[0]
@@ -175,6 +177,9 @@ def climb(task: Task, c: Integrator, known: Known) -> Climb:
         if not rungs and rung.error <= task.asked[0]:
             rungs += wider(task, c, rung, known)
         rungs.append(rung)
+        failed = 0 if rung.status == OK else failed + 1
+        if failed == FAILURES:
+            return Climb(c, rungs, f"{failed} runs in a row ended as {rung.status}", True)
         if rung.error <= finest:
             return Climb(c, rungs, "reached the finest accuracy", False)
         if rung.error <= task.asked[0]:
