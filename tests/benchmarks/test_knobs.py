@@ -68,7 +68,10 @@ def test_an_error_below_the_truths_own_uncertainty_is_not_the_best():
 
 
 def costs(low: float = 1.0, half: float = 2.0):
-    rows = [{"lam": x, "largest h": low if x != 0.5 else half, "gradients per step": 6 + x} for x in (0.0, 0.5, 1.0)]
+    rows = [
+        {"lam": x, "largest h": low if x != 0.5 else half, "gradients per step": 5 + x + (x > 0)}
+        for x in (0.0, 0.5, 1.0)
+    ]
     return pd.DataFrame(rows).assign(scene="a", method="scheme-iii", h=0.1)
 
 
@@ -77,7 +80,10 @@ def test_where_the_longest_step_is():
     assert verdicts.stable(costs(2.0, 2.0)).holds
     bad = verdicts.stable(costs(2.0, 1.0))
     assert not bad.holds
-    assert "0 of 1; not of Scheme III on a." in bad.text
+    assert "0 of 1; not of Scheme III on a;" in bad.text
+    assert bad.text.endswith("the fewest gradients at λ = 0, 1.3 times fewer than at 1/2.")
+    explicit = costs().assign(**{"gradients per step": [1.0, 6.0, 1.0]})
+    assert "λ = 0 and 1, 6 times fewer" in verdicts.stable(explicit).text
 
 
 # -- ladders -----------------------------------------------------------------------------------------------------------
@@ -120,7 +126,9 @@ def test_the_cheapest_is_where_the_power_laws_say():
     assert all(ties == [] for ties in found["ties"])
     wide = findings.cheapest(rungs(ladders.COMPOSITION, spread=0.9, **RISING), ladders.COMPOSITION)
     assert any(ties for ties in wide["ties"])
-    assert "in a tie" in findings.ranges(wide)
+    assert "(or 4, 8, in a tie)" in findings.ranges(wide)
+    many = wide.assign(ties=[["a", "b", "c"]] * len(wide))
+    assert "(in a tie with 3 others)" in findings.ranges(many)
 
 
 def test_what_did_not_arrive_or_cannot_get_there_costs_nothing_comparable():
@@ -261,7 +269,7 @@ def test_the_table_has_a_row_for_each_knob_and_scene(tmp_path):
     ]  # fmt: skip
     assert frame.loc["λ of scheme-iii", "best setting"] == "0.25"
     assert frame.loc["λ of scheme-iii", "gives"] == "error 0.001, at 1/2 1.6 x"
-    assert frame.loc["λ of scheme-iii", "costs"] == "0.92 x"
+    assert frame.loc["λ of scheme-iii", "costs"] == "0.77 x"
     assert frame.loc[ladders.COMPOSITION, "best setting"] == "8"
     assert frame.loc["nodes of AVF", "best setting"] == "4 at h = 0.1"
     assert frame.loc["sums", "costs"] == "1.2 x plain C"

@@ -43,8 +43,8 @@ class Run(NamedTuple):
 
 
 SCENES = (
-    Run("henon-heiles:box", 100.0, (400, 1600, 6400, 25600)),
-    Run("pendulum:swinging", 100.0, (400, 1600, 6400, 25600)),
+    Run("henon-heiles:box", 100.0, (400, 1600, 6400, 25600, 102400)),
+    Run("pendulum:swinging", 100.0, (400, 1600, 6400, 25600, 102400)),
 )
 
 

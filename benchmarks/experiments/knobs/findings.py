@@ -16,6 +16,8 @@ from . import arithmetic, ladders, nodes
 HALF = 0.5
 #: Errors at which settings are compared, and what two errors may differ by to be called the same.
 ERRORS, SAME = (1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10), 1.1
+#: More ties than this are counted, not named.
+TIES = 2
 #: Energy errors, relative, up to which an energy is kept: of a ladder's run, and of a quadrature's.
 KEPT, FLOOR = 1e-12, 1e-13
 
@@ -85,6 +87,8 @@ def power(error: float) -> str:
 
 def _tied(rows) -> str:
     ties = list(dict.fromkeys(name for row in rows for name in row.ties))
+    if len(ties) > TIES:
+        return f" (in a tie with {len(ties)} others)"
     return f" (or {', '.join(ties)}, in a tie)" if ties else ""
 
 

@@ -50,7 +50,8 @@ def _ladders(rungs: pd.DataFrame) -> list[dict]:
         for scene, part in found.groupby("scene", sort=False) if len(found) else ():
             last = part.iloc[-1]
             gives = f"error {findings.power(last['error'])} in {number(last['us'])} µs"
-            dearest = f"the dearest {_times(last['dearest / cheapest'])}"
+            others = len(last["costs"]) - 1
+            dearest = f"the dearest {_times(last['dearest / cheapest'])}" if others else "no other gets there"
             out.append(_line(knob, scene, last["setting"], gives, dearest))
     return out
 
