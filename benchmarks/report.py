@@ -23,6 +23,7 @@ from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
+from phasebench.benchmarks.experiments.knobs.page import PAGE as KNOBS
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
 from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATORY
@@ -48,6 +49,7 @@ from .rows import tables as results
 PAGES: tuple[Page, ...] = (
     TRADE,
     ADVICE,
+    KNOBS,
     PRINTED,
     ORDERS,
     STRUCTURE,
