@@ -23,6 +23,7 @@ from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
+from phasebench.benchmarks.experiments.knobs.page import PAGE as KNOBS
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
 from phasebench.benchmarks.experiments.models.page import PAGE as MODELS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
@@ -50,6 +51,7 @@ PAGES: tuple[Page, ...] = (
     TRADE,
     ADVICE,
     MODELS,
+    KNOBS,
     PRINTED,
     ORDERS,
     STRUCTURE,

@@ -47,7 +47,8 @@ def pytest_xdist_make_scheduler(config, log):
 
 @functools.cache
 def _uncompiled(script: str, *arguments: str):
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    path = os.pathsep.join([str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])])  # as for the tests themselves
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
     command = [sys.executable, str(HERE / script), *arguments]
     done = subprocess.run(command, env=environment, cwd=HERE.parent, capture_output=True, text=True, check=False)
     # The failure is kept as well: hundreds of tests would wait for it again.

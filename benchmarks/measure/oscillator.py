@@ -99,8 +99,11 @@ def end(chosen: Integrator, z: float, steps: int, state=(1.0, 0.0)) -> np.ndarra
     """The state (q, p) after ``steps`` steps of z, whatever it is worth; None where one of them cannot be taken."""
     if isinstance(chosen.record, Method):
         run = _prepared(chosen.record)
-        with np.errstate(all="ignore"):
-            q, p, code = run(z, steps, state[:1], state[1:])
+        try:
+            with np.errstate(all="ignore"):
+                q, p, code = run(z, steps, state[:1], state[1:])
+        except InvalidInput:  # the method is not defined at this step: a resonance of its filter
+            return None
         return None if code == run.STALLED else np.concatenate([q, p])
     s = chosen.run(_oscillator(), h=z, steps=steps, q0=state[:1], p0=state[1:], save_every=0)
     return np.concatenate([s.q[-1], s.p[-1]]) if len(s.t) > 1 else None
@@ -174,10 +177,7 @@ def _remembered(step_matrix: StepMatrix) -> StepMatrix:
 
     def of(z: float) -> np.ndarray | None:
         if z not in seen:
-            try:
-                seen[z] = step_matrix(z)
-            except InvalidInput:  # a step at which the method is not defined, such as a resonance of its filter
-                seen[z] = None
+            seen[z] = step_matrix(z)
         return seen[z]
 
     return of

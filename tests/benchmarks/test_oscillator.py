@@ -151,3 +151,10 @@ def test_known_limits_are_compared_to_the_digits_that_are_printed():
     assert not linear.agrees(2.0, math.inf, 3)
     assert len(published.LIMITS) >= 15
     assert all(limit.source for limit in published.LIMITS)
+
+
+def test_a_step_at_which_a_method_is_not_defined_ends_no_scan():
+    method = integrator("gautschi")
+    assert oscillator.matrix(method, float(np.pi)) is None
+    assert oscillator.matrix(method, 3.0) is not None
+    assert oscillator.find(method).scanned > 4

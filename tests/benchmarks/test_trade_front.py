@@ -83,6 +83,14 @@ def test_who_never_comes_to_the_end_is_given_up_and_who_does_at_finer_steps_is_n
     assert late.rungs[-1].error <= 1e-12
 
 
+def test_who_takes_far_too_long_is_dropped_at_once_whatever_its_error():
+    _, (_, late, slow) = climbed(Law("fast", 4, 1e-8), Law("coarse", 4, 1e-2, scale=1e6), Law("slow", 4, 1e-2))
+    assert late.dropped
+    assert slow.dropped
+    assert len(late.rungs) == len(slow.rungs) == 1
+    assert "times as long as fast" in late.why
+
+
 def test_who_is_too_slow_everywhere_is_dropped_early_and_it_is_said_by_whom():
     _, (_, slow) = climbed(Law("fast", 4, 1e-8), Law("slow", 4, 1e-7))
     assert slow.dropped

@@ -145,8 +145,9 @@ def _near(z: float, touches) -> bool:
 
 
 def _depth(chosen, z: float) -> float:
-    """By how much a step multiplies more than it may, squared: of the size of the trace's excess."""
-    return (_radius(chosen, z) - 1) ** 2
+    """By how much a step multiplies more than it may, squared: of the size of the trace's excess; 0 without a step."""
+    radius = _radius(chosen, z)
+    return (radius - 1) ** 2 if math.isfinite(radius) else 0.0
 
 
 def _radius(chosen, z: float) -> float:

@@ -34,6 +34,8 @@ PATIENCE, LONGEST = 0.3, 3.0
 FREE = 3e-4
 #: Rungs that fall by less than this factor, so many in a row, stand on the floor of round-off.
 FLOOR, STANDING = 0.7, 2
+#: A run of more than `SHORT` that took so many times the cheapest's time ends a climb at once.
+HOPELESS = 30.0
 #: So many rungs in a row that do not come to their end.
 FAILURES = 10
 #: Shorter runs are made twice for their time; no longer ones are made again, so often, before somebody is dropped.
@@ -182,6 +184,10 @@ def climb(task: Task, c: Integrator, known: Known) -> Climb:
             return Climb(c, rungs, f"{failed} runs in a row ended as {rung.status}", True)
         if rung.error <= finest:
             return Climb(c, rungs, "reached the finest accuracy", False)
+        best, by = known.cheapest(min(rung.error, task.asked[0]))
+        if rung.seconds > max(SHORT, HOPELESS * best):
+            times = f"{rung.seconds / best:.0f} times as long as {by}"
+            return Climb(c, rungs, f"at an error of {rung.error:.1g} it took {times}", True)
         if rung.error <= task.asked[0]:
             best, by = known.cheapest(rung.error)
             if rung.seconds > KEEP * best and lost == LOSING - 1:

@@ -1,0 +1,1 @@
+"""What does turning a knob of a method give, and cost?"""

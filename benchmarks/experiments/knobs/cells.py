@@ -1,0 +1,14 @@
+"""All cells of this experiment."""
+
+from __future__ import annotations
+
+from phasebench.benchmarks.rows.cells import Cell
+
+from . import arithmetic, ladders, lambdas, nodes
+
+PARTS = (lambdas, ladders, nodes, arithmetic)
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """The cells of every part."""
+    return [cell for part in PARTS for cell in part.cells(quick)]
