@@ -51,6 +51,10 @@ def request(problem, *, h=None, t_end=None, steps=None, q0=None, p0=None, save_e
     return Request(system, q, p, h, steps, every)
 
 
+#: Steps of a run, at most (messages say 1e13).
+MOST = 1e13
+
+
 def grid(h=None, t_end=None, steps=None) -> tuple[float, int]:
     """(h, steps) from two of the three; h is adjusted so that a whole number of steps ends at ``t_end``.
 
@@ -63,13 +67,15 @@ def grid(h=None, t_end=None, steps=None) -> tuple[float, int]:
             raise InvalidInput(f"{name} is {value!r}; it must be a positive finite number")
     if steps is not None and int(steps) != steps:
         raise InvalidInput(f"steps is {steps}; it must be a positive integer")
+    if steps is not None and steps > MOST:
+        raise InvalidInput(f"steps is {steps:.3g}; the most is 1e13")
     if h is None and (t_end is None or steps is None):
         raise InvalidInput("give the step h, or both t_end and steps")
     if t_end is None and steps is None:
         raise InvalidInput("give t_end or steps: where does the integration end?")
     h, t_end = (None if x is None else float(x) for x in (h, t_end))
     if steps is None:
-        if t_end / h > 1e13:
+        if t_end / h > MOST:
             raise InvalidInput(f"t_end/h asks for {t_end / h:.3g} steps; the most is 1e13")
         steps = _whole(h, t_end)
         h = t_end / steps if abs(steps * h - t_end) > 1e-12 * t_end else h

@@ -50,13 +50,14 @@ def flat(prepared: Prepared, d: int) -> Flat:
     """The functions of ``prepared.run`` for d degrees of freedom, compiled once."""
     run = kernel(prepared, d)
     step, orbit, samples, counts = run.nopython_signatures[0].args
-    if (run, step) not in _flat:
+    key = (run, step, d)  # kernels of arrays serve every d, their entries one
+    if key not in _flat:
         with progress.compiling("the kernel's entry", d), warnings.catch_warnings():
             warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
             pointer = types.FunctionType(run.nopython_signatures[0].return_type(step, orbit, samples, counts))
             block = _tuple_type((pointer, step, orbit, samples, counts, _NUMBERS))
-            _flat[run, step] = _compiled(run, block, d)
-    return _flat[run, step]
+            _flat[key] = _compiled(run, block, d)
+    return _flat[key]
 
 
 def _compiled(run, block, d: int) -> Flat:

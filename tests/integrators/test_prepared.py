@@ -51,6 +51,17 @@ def test_it_is_the_same_run(name, id):
     assert not same(expected, wider)
 
 
+@pytest.mark.parametrize("sizes", [(24, 64), (64, 24)])
+def test_runs_of_several_sizes_of_arrays_are_each_their_own(sizes):
+    """Kernels of arrays serve every d; what hands them their arguments does not."""
+    made = [problem("klein-gordon", N=n) for n in sizes]
+    for run, one in [(prepare(m, "stormer-verlet"), m) for m in made]:
+        alone = integrate(one, "stormer-verlet", h=H, steps=20, save_every=0)
+        q, p, code = run(H, 20)
+        assert code == run.SOLVED
+        assert same((q, p), (alone.q[-1], alone.p[-1]))
+
+
 def test_an_end_is_not_written_over():
     run = prepare(problem("pendulum"), "stormer-verlet")
     q = run(H, 10)[0]

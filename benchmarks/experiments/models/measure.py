@@ -23,7 +23,6 @@ from phasebench.benchmarks.measure.truths import truth
 from phasebench.benchmarks.problems.models.ladder import Ladder, Rung
 from phasebench.benchmarks.problems.models.ladders import BY_ID, LADDERS
 from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content, states
-from phasebench.integrators.engine import flat
 from phasebench.integrators.prepared import PreparedRun, prepare
 from phasebench.integrators.registry import method
 
@@ -127,7 +126,6 @@ class Model:
 def prepared(ladder: Ladder, rung: Rung, full) -> Model:
     """A rung with its prepared runs."""
     made = rung.make()
-    flat._flat.clear()  # it tells kernels of arrays by their type, not by d
     runs = {id: prepare(made, id) for id in METHODS}
     return Model(ladder, rung, full, quantity_of(full, ladder.quantity), made, runs)
 
