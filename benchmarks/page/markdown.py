@@ -86,6 +86,8 @@ def document(page: Page, verdicts: Sequence[Verdict], pictures: Sequence[Picture
     parts = [f"# {page.question}\n"]
     if verdicts:
         parts += [f"**{outcome(verdicts)[0]}**\n", bullets([v.text for v in verdicts])]
+    else:
+        parts += ["**Not measured** in this folder.\n"]
     parts += ["## What is measured\n", bullets(page.setting)]
     for picture in pictures:
         parts += [f"![{picture.title}](figures/{picture.file})\n", wrapped(picture.caption) + "\n"]

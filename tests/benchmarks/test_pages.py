@@ -36,8 +36,8 @@ DATA = Path(report.__file__).resolve().parents[1] / "reports" / "data"
 #: Bytes of a page and characters of a line at most; an HTML page holds its figures.
 PAGE, LINE, HTML = 60_000, 400, 800_000
 IDS = [p.id for p in PAGES]
-#: Pages that the committed run has tables of.
-COMMITTED = [p for p in PAGES if not p.tables or any((DATA / f"{name}.csv").exists() for name in p.tables)]
+#: Pages that the committed run has rows of; of the trade's scenes not every one may be measured.
+COMMITTED = [p for p in PAGES if p.listed or p.judged(report.Data(DATA.parent))]
 
 
 def silent(line: str) -> None:

@@ -31,8 +31,8 @@ def at(rungs: pd.DataFrame, error: float) -> Median:
 def least(rows: pd.DataFrame, error: float) -> tuple[str, Median]:
     """The cheapest integrator of one side and its cost."""
     costs = {name: at(rungs, error) for name, rungs in rows.groupby("integrator", sort=False)}
-    name = min(costs, key=lambda k: costs[k].value)
-    return ("", NOWHERE) if costs[name] is NOWHERE else (name, costs[name])
+    name = min(costs, key=lambda k: costs[k].value, default=None)
+    return ("", NOWHERE) if name is None or costs[name] is NOWHERE else (name, costs[name])
 
 
 def compared(frame: pd.DataFrame) -> pd.DataFrame:

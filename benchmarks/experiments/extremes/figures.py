@@ -75,7 +75,8 @@ def encountered(table: pd.DataFrame, folder) -> Picture:
 @style.drawn
 def stiffness(table: pd.DataFrame, folder) -> Picture:
     """The change of the adiabatic invariant over h omega."""
-    omegas = sorted(table["omega"].unique())[1::2]
+    omegas = sorted(table["omega"].unique())
+    omegas = omegas[1::2] or omegas
     figure, (panels,) = style.panels(1, len(omegas), 3.4, sharey=True)
     looks = style.looks()
     methods = list(dict.fromkeys(table["method"]))[: len(looks)]
