@@ -233,3 +233,13 @@ def test_the_curves_of_a_diagram_are_of_those_that_are_cheapest_somewhere():
     rows = pd.DataFrame(told, columns=["method", "seconds", "global_error"])
     assert choice.frontier(rows, 9) == ["b", "d", "a"]
     assert choice.frontier(rows, 1) == ["b"]
+
+
+def test_scenes_that_were_not_measured_are_named():
+    names = [q.id for q in QUESTIONS]
+    few, every = pd.DataFrame({"scene": names[:-2] * 2}), pd.DataFrame({"scene": names})
+    found = page.missing(lambda name: few)
+    assert not found.holds
+    assert f"{len(names) - 2} of {len(names)} scenes" in found.text
+    assert all(name in found.text for name in names[-2:])
+    assert page.missing(lambda name: every) is None

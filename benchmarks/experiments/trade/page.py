@@ -64,6 +64,16 @@ def farthest(rows: pd.DataFrame) -> Verdict | None:
     return Verdict(text, bool(both["ratio"].max() <= FAR), text)
 
 
+@of(CHOICES)
+def missing(rows: pd.DataFrame) -> Verdict | None:
+    """Which scenes were not measured."""
+    left = [q.id for q in QUESTIONS if q.id not in set(rows["scene"])]
+    if not left:
+        return None
+    text = f"{len(QUESTIONS) - len(left)} of {len(QUESTIONS)} scenes are measured here; not {listed(left, 10)}."
+    return Verdict(text, False, text)
+
+
 @of(FINALS, again.TABLE)
 def twice(finals: pd.DataFrame, second: pd.DataFrame) -> Verdict | None:
     """How often the same sweep, made again, names the same integrator or one that is tied with it."""
@@ -141,7 +151,7 @@ PAGE = Page(
         "REBOUND: safe_mode 0 and extra forces compiled to C; every corrector, kernel and system of coordinates of WHFast, IAS15 in "
         "four adaptive modes down to the least epsilon, SABA, leapfrog, JANUS, EOS, BS.",
     ),
-    verdicts=(wins, farthest, twice),
+    verdicts=(wins, missing, farthest, twice),
     figures=draw,
     table=table,
     whole=_whole,
