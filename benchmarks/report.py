@@ -20,6 +20,7 @@ from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
+from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
@@ -60,6 +61,7 @@ PAGES: tuple[Page, ...] = (
     DRIFT,
     ENERGY_PRESERVATION,
     EXTREMES,
+    EXTREMES_LIMITS,
     KEPLER,
     WISDOM_HOLMAN,
     OSCILLATORY,

@@ -38,6 +38,7 @@ def data(**tables):
 
 def limits(agrees=True, off=0.0, confirmed=4):
     known = pd.DataFrame([{"method": "a", "agrees": True}, {"method": "b", "agrees": agrees}])
+    known["evidence"] = ["derived", "derived and printed"]
     sweep = pd.DataFrame([{"limit": 2.0 + off, "closed form": 2.0}, {"limit": math.inf, "closed form": math.inf}])
     linear = pd.DataFrame(
         [{"label": "c", "runs": 4, "confirmed": confirmed}, {"label": "d", "runs": 0, "confirmed": 0}]
@@ -49,6 +50,7 @@ def test_limits_hold_only_where_everything_does():
     good = limits()
     assert good.holds
     assert "2 of 2 known" in good.text
+    assert "2 derived and 1 printed" in good.text
     assert not limits(agrees=False).holds
     assert "not b" in limits(agrees=False).text
     assert not limits(off=1e-8).holds

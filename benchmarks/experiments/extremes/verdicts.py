@@ -29,8 +29,9 @@ def limits(known: pd.DataFrame, sweep: pd.DataFrame, linear: pd.DataFrame) -> Ve
     right, runs = int(mapped["confirmed"].sum()), int(mapped["runs"].sum())
     astray = list(mapped[mapped["confirmed"] < mapped["runs"]]["label"])
     said = f"{len(known) - len(wrong)} of {len(known)} known stability limits are met to the digits that are given"
+    how = [f"{int(known['evidence'].str.contains(word).sum())} {word}" for word in ("derived", "printed")]
     text = (
-        f"{said}{f' (not {listed(wrong, 3)})' if wrong else ''}; Scheme I's closed form for {len(sweep)} values of "
+        f"{said}{f' (not {listed(wrong, 3)})' if wrong else ''}, {' and '.join(how)}; Scheme I's closed form for {len(sweep)} values of "
         f"lambda to {number(off, 2)}; {right} of {runs} long runs stay or grow as the step maps of {len(mapped)} "
         f"methods say{f' (not of {listed(astray, 3)})' if astray else ''}."
     )
