@@ -22,6 +22,7 @@ from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as E
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
+from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EXTREMES_ROUND_OFF
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
 from phasebench.benchmarks.experiments.knobs.page import PAGE as KNOBS
@@ -62,6 +63,7 @@ PAGES: tuple[Page, ...] = (
     ENERGY_PRESERVATION,
     EXTREMES,
     EXTREMES_LIMITS,
+    EXTREMES_ROUND_OFF,
     KEPLER,
     WISDOM_HOLMAN,
     OSCILLATORY,
