@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks.experiments.extremes import encounters, meetings, verdicts
+from phasebench.benchmarks.experiments.extremes.figures import best, curves, legend_below
 from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
 
@@ -18,13 +19,10 @@ def draw(table: pd.DataFrame, folder) -> list[Picture]:
     figure, (panels,) = style.panels(1, len(scenes), 3.8)
     for axes, scene in zip(panels, scenes, strict=True):
         part = table[table["scene"] == scene]
-        ranked = part.groupby("method")["error"].min().sort_values().index
-        for look, id in zip(style.looks(), ranked, strict=False):
-            rows = part[part["method"] == id].sort_values("steps")
-            axes.loglog(rows["steps"], rows["error"].clip(1e-14, 10), label=id, **look)
+        curves(axes, part, "method", "steps", "error", best(part, "method", "error"), (1e-14, 10))
         axes.axhline(encounters.HELD, color=style.GREY, linewidth=0.8)
         axes.set(title=scene, xlabel="steps")
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
+        legend_below(axes)
     panels[0].set_ylabel("error at the end")
     caption = (
         "The error over the number of steps, each ladder climbed until the error is below the grey line; at the top: "
@@ -36,8 +34,9 @@ def draw(table: pd.DataFrame, folder) -> list[Picture]:
 @of("extremes_meetings")
 def table(met: pd.DataFrame) -> Table:
     """The cheapest run that held of each integrator, or its best."""
-    best = meetings.cheapest(met).sort_values(["scene", "held", "steps"], ascending=[True, False, True]).head(ROWS)
-    shown = best[["scene", "method", "kind", "steps", "evaluations", "error", "status"]]
+    order = ["scene", "held", "steps"]
+    rows = meetings.cheapest(met).sort_values(order, ascending=[True, False, True]).head(ROWS)
+    shown = rows[["scene", "method", "kind", "steps", "evaluations", "error", "status"]]
     shown = shown.assign(evaluations=shown["evaluations"].where(shown["evaluations"] > 0, np.nan))
     caption = (
         f"The fewest steps with an error of at most {encounters.HELD:g}, or the least error of the ladder; peers that do "
