@@ -40,7 +40,7 @@ from phasebench.benchmarks.experiments.waves.page import PAGE as WAVES
 from phasebench.benchmarks.experiments.waves.spacetime_page import PAGE as MULTISYMPLECTIC
 from phasebench.benchmarks.experiments.wisdom_holman.page import PAGE as WISDOM_HOLMAN
 from phasebench.benchmarks.page import html, markdown
-from phasebench.benchmarks.page.origin import origin
+from phasebench.benchmarks.page.origin import origin, outdated
 from phasebench.benchmarks.page.page import Page, Picture, Table, outcome
 from phasebench.integrators.errors import InvalidInput
 
@@ -146,8 +146,10 @@ def _page(page: Page, data: Data, target: Path) -> _Written:
     whole = page.whole(data)
     if whole is not None:
         whole = whole.drop(columns=list(results.PROVENANCE), errors="ignore")
-    _put(target, page.id, markdown.document(page, verdicts, pictures, table, origin(page, data)), whole)
-    return _Written(page, *outcome(verdicts), pictures, table)
+    old = outdated(page, data)
+    _put(target, page.id, markdown.document(page, verdicts, pictures, table, origin(page, data), old), whole)
+    verdict, short = outcome(verdicts)
+    return _Written(page, verdict, f"{short} ({old})" if old else short, pictures, table)
 
 
 def _put(target: Path, name: str, text: str, whole: pd.DataFrame | None) -> None:

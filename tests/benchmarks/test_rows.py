@@ -131,7 +131,8 @@ def test_nothing_stale_is_taken_for_fresh_when_the_budget_is_spent(tmp_path):
     assert len(outcome.left) == 4
     assert any("4 cells are not measured by this version" in note for note in outcome.notes)
     assert {r["state"] for r in rows(tmp_path)} == {tables.STALE}
-    assert tables.read(tmp_path.parent, "toys") == (None, None)
+    frame, about = tables.read(tmp_path.parent, "toys")
+    assert (len(frame), about["stale"]) == (4, 4)
     assert json.loads((tmp_path / "toys.json").read_text())["stale"] == 4
     assert screen.counts(outcome)[0]["not by this version"] == 4
     assert measured_now(execute(tmp_path, changed)) == [0, 1, 2, 3]
@@ -163,7 +164,7 @@ def test_chosen_cells_are_measured_whether_they_changed_or_not_and_no_others(tmp
     outcome = execute(tmp_path, toy_cells.cells(4, version=2), selected=lambda c: "n3" in c.names)
     assert measured_now(outcome) == [3]
     frame, about = tables.read(tmp_path.parent, "toys")
-    assert (frame["n"].tolist(), about["stale"]) == ([3], 3)
+    assert (frame["n"].tolist(), about["stale"]) == ([0, 1, 2, 3], 3)
     assert [r["state"] for r in rows(tmp_path)] == [tables.STALE] * 3 + [tables.CURRENT]
     again = execute(tmp_path, toy_cells.cells(4, version=2), selected=lambda c: "n3" in c.names)
     assert measured_now(again) == [3]
