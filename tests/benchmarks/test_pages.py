@@ -101,6 +101,14 @@ def test_every_link_and_figure_is_there(folder, id):
     assert [x for x in links if "://" not in x and not (folder / x).exists()] == []
 
 
+def test_no_committed_figure_or_page_is_left_over(folder):
+    """What no page of the present shows is of a report of before."""
+    committed = DATA.parent
+    left = {p.name for p in (committed / "figures").iterdir()} - {p.name for p in (folder / "figures").iterdir()}
+    assert left == set()
+    assert {p.stem for p in committed.glob("*.md")} <= {*IDS, "README"}
+
+
 def test_the_entry_names_every_page_with_its_outcome(folder):
     text = (folder / "README.md").read_text()
     for page in PAGES:
