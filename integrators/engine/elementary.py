@@ -29,7 +29,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic, overload
 
-from .lanes import NUMBER, OPTIONS, Lanes, call, spread
+from .lanes import NUMBER, OPTIONS, Lanes, call, horner, spread
 
 PI = (3.1415926534682512, 1.215420100718692e-10, 5.825464112186712e-20)
 LOG_2 = (0.6931471803691238, 1.9082149292705877e-10)
@@ -112,14 +112,7 @@ def _sine_of_part(x, n):
     """sin(x - n pi) where that is at most pi/2."""
     r = ((x - n * PI[0]) - n * PI[1]) - n * PI[2]
     z = r * r
-    y = z * SINE[7] + SINE[6]
-    y = z * y + SINE[5]
-    y = z * y + SINE[4]
-    y = z * y + SINE[3]
-    y = z * y + SINE[2]
-    y = z * y + SINE[1]
-    y = z * y + SINE[0]
-    return r + r * (z * y)
+    return r + r * (z * horner(SINE, z, SINE))
 
 
 @njit(**OPTIONS)
@@ -148,17 +141,8 @@ def _exp(x):
     x = _bounded(x, UNDERFLOW, OVERFLOW, 0.0)
     n = _nearest(x * (1 / math.log(2)))
     r = (x - n * LOG_2[0]) - n * LOG_2[1]
-    y = r * EXPONENTIAL[9] + EXPONENTIAL[8]
-    y = r * y + EXPONENTIAL[7]
-    y = r * y + EXPONENTIAL[6]
-    y = r * y + EXPONENTIAL[5]
-    y = r * y + EXPONENTIAL[4]
-    y = r * y + EXPONENTIAL[3]
-    y = r * y + EXPONENTIAL[2]
-    y = r * y + EXPONENTIAL[1]
-    y = r * y + EXPONENTIAL[0]
     half = _nearest(0.5 * n)
-    return (1.0 + (r + (r * r) * y)) * _two_to(half) * _two_to(n - half)
+    return (1.0 + (r + (r * r) * horner(EXPONENTIAL, r, EXPONENTIAL))) * _two_to(half) * _two_to(n - half)
 
 
 def _function(name: str, of_lanes):

@@ -196,9 +196,11 @@ def _next(builder, row, j):
 @intrinsic
 def _horner(typing_context, coefficients, z, like):
     def codegen(context, builder, sig, args):
-        n = coefficients.n
+        n = z.n
 
         def coefficient(k):
+            if isinstance(coefficients, types.UniTuple):
+                return spread(context, builder, builder.extract_value(args[0], k), types.float64, n)
             return builder.shuffle_vector(args[0], args[0], ir.VectorType(ir.IntType(32), n)([k] * n))
 
         y = coefficient(like.count - 1)
@@ -206,7 +208,7 @@ def _horner(typing_context, coefficients, z, like):
             y = builder.fadd(builder.fmul(y, args[1], flags=FUSED), coefficient(k), flags=FUSED)
         return y
 
-    return coefficients(coefficients, z, like), codegen
+    return z(coefficients, z, like), codegen
 
 
 @intrinsic
@@ -242,7 +244,10 @@ def combine(x, y, factor, table, row, like):
 
 @operation(_horner)
 def horner(coefficients, z, like):
-    """The polynomial with these coefficients, lowest power first, as many as ``like`` has, at each of the lanes z."""
+    """The polynomial with these coefficients, lowest power first, as many as ``like`` has, at each of the lanes z.
+
+    The coefficients are lanes, or a tuple.
+    """
     y = coefficients[len(like) - 1] + 0 * z
     for k in range(len(like) - 2, -1, -1):
         y = y * z + coefficients[k]

@@ -24,7 +24,7 @@ map.
 A density that has left the neighbourhood of :math:`1/\sigma`, and steps that time does not show, end the run.
 
 Source: E. Hairer, G. Soderlind, SIAM J. Sci. Comput. 26 (2005) 1838-1851; E. Hairer, C. Lubich, G. Wanner,
-Geometric Numerical Integration (2006), VIII.3.2; stages in lanes: see `nystrom_lanes`.
+Geometric Numerical Integration (2006), VIII.3.2; stages in lanes: see `stage_lanes`.
 """
 
 from __future__ import annotations
@@ -58,8 +58,9 @@ from phasebench.integrators.engine.vector import (
 )
 from phasebench.integrators.errors import InvalidInput
 
-from . import nystrom_lanes
-from .nystrom_lanes import Equations, begin, end, padded, solve
+from . import gauss_lanes, stage_lanes
+from .gauss_lanes import padded
+from .stage_lanes import begin, end, equations, solve
 
 #: The density is lost where it is away from 1 / sigma by this factor.
 FAR = 1e3
@@ -71,7 +72,7 @@ class Adaptive(NamedTuple):
     ``monitor`` is (q, p) -> (1 / sigma, G).
     """
 
-    method: nystrom_lanes.Lanes | None
+    method: stage_lanes.Lanes | None
     dT: Callable | None
     dV: Callable | None
     monitor: Callable
@@ -118,20 +119,20 @@ def _verlet(method, step, orbit, y, clock, dt, counts):
 
 
 def _gauss(method, step, orbit, y, clock, dt, counts):
-    d = len(orbit.zero)
-    first = 2 * d + 4
-    e = Equations(method, orbit.memory, 2 * d, d, method.like, dt)
-    begin(e, y)
-    predict(e, first, first + d, dt / clock.last)
-    sweeps, newton, status = solve(e, first + d, size(y.q) + size(y.p), step.eps, orbit.work)
+    e = equations(method, orbit, dt)
+    first = e.base + 4
+    at = first + e.stages
+    begin(method.inverse_mass, e, y)
+    predict(e, first, at, dt / clock.last)
+    sweeps, newton, status = solve(e, at, size(y.q) + size(y.p), step.eps, orbit.work)
     counts.gradient += (sweeps + newton) * len(method.stages)
     counts.newton += min(newton, 1)
-    return end(e, first + d, y, orbit.zero), status
+    return end(e, at, y, orbit.zero), status
 
 
 def _remember_forces(method, step, orbit, dt):
-    d = len(orbit.zero)
-    remember(Equations(method, orbit.memory, 2 * d, d, method.like, dt), 2 * d + 4, step.inverse)
+    e = equations(method, orbit, dt)
+    remember(e, e.base + 4, step.inverse)
 
 
 #: A step of length dt from y: (its end, status).
@@ -229,15 +230,15 @@ def prepare(method, system, arithmetic) -> Prepared:
             run, Adaptive(None, *functions, monitor(system, arithmetic), array([[0]], arithmetic)), 1, 3, implicit=False
         )
     (s,) = method.data
-    if not nystrom_lanes.serves(s, system):
+    if not gauss_lanes.nystrom(s, system):
         raise InvalidInput(
             f"method '{method.id}' requires H = sum p_i^2 / 2 m_i + V(q) with at most {codegen.TUPLE_LIMIT} degrees of "
             "freedom, and forces made of integer powers, square roots, sin, cos and exp"
         )
-    step = nystrom_lanes.laned(s, system, arithmetic)
+    step = gauss_lanes.laned(s, system, arithmetic)
     with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
         inverse = mpmath.matrix([[c**k for k in range(s)] for c, _ in gauss_legendre(s, mpmath.mp.dps)]) ** -1
         columns = [padded([inverse[k, j] for k in range(s)], len(step.like), 0) for j in range(s)]
     whole = Adaptive(step, None, None, monitor(system, arithmetic), array(columns, arithmetic))
-    width, stages = nystrom_lanes.room(step, system.d)
+    width, stages = gauss_lanes.room(step, system.d)
     return Prepared(run, whole, width, max(3, stages), linear=len(step.like) * system.d)

@@ -18,7 +18,7 @@ from phasebench.integrators.coefficients import dop853, quadrature, tableaus
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.kernel import prepare
-from phasebench.integrators.families.nystrom_lanes import Lanes
+from phasebench.integrators.families.stage_lanes import Lanes
 from phasebench.integrators.records.collocation import METHODS, hbvm
 from support.trees import DIGITS, EPS, order_residual, trees, vector
 

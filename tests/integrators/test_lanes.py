@@ -16,7 +16,7 @@ from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine import elementary
 from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.engine.lanes import combine, put, take, total
-from phasebench.integrators.families import collocation, nystrom_lanes
+from phasebench.integrators.families import collocation, gauss_lanes
 from phasebench.integrators.registry import method
 
 WIDTH = 8
@@ -169,7 +169,7 @@ def both(monkeypatch, made, s, **run):
     """The runs with the stages in lanes, and one after the other."""
     lanes = integrate(made, f"gauss-{s}", **run)
     with monkeypatch.context() as patch:
-        patch.setattr(nystrom_lanes, "serves", lambda s, system: False)
+        patch.setattr(gauss_lanes, "serves", lambda s, system: False)
         return lanes, integrate(made, f"gauss-{s}", **run)
 
 
@@ -195,7 +195,7 @@ FORCES = {
 def test_every_kind_of_force_is_the_one_of_the_formula(monkeypatch, name):
     T = "p1**2/2 + p2**2/6" if name == "masses" else "p1**2/2 + p2**2/2"
     made = Hamiltonian(q="q1 q2", p="p1 p2", H=f"{T} + {FORCES[name]}")
-    assert nystrom_lanes.serves(3, made)
+    assert gauss_lanes.serves(3, made)
     lanes, rows = both(monkeypatch, made, 3, h=0.1, steps=50, q0=[0.7, 1.1], p0=[0.2, -0.3])
     assert np.abs(end(lanes) - end(rows)).max() < 1e-13
 
@@ -212,7 +212,7 @@ def test_every_kind_of_force_is_the_one_of_the_formula(monkeypatch, name):
 )
 def test_what_lanes_cannot_do_is_left_to_the_stages_one_by_one(H):
     made = Hamiltonian(q="q1 q2", p="p1 p2", H=H)
-    assert not nystrom_lanes.serves(3, made)
+    assert not gauss_lanes.serves(3, made)
     assert prepare(method("gauss-3"), made).run is collocation.run
 
 

@@ -1,0 +1,96 @@
+"""Gauss's methods with their stages in lanes: where that serves, and what the kernel `stage_lanes` is handed."""
+
+from __future__ import annotations
+
+import mpmath
+import sympy as sp
+
+from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
+from phasebench.integrators.engine import codegen, lane_formulae
+from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.kernel import Prepared, array
+
+from .stage_lanes import Lanes, components, run
+
+#: Fewer stages than these gain nothing.
+FEWEST = 2
+
+
+def nystrom(s: int, system) -> bool:
+    """Whether T is a diagonal form and -grad V is made of what lanes have."""
+    if s < FEWEST or not system.quadratic_kinetic or codegen.value_kind(system.d) != "tuple":
+        return False
+    if any(set(e.free_symbols) - {p} for e, p in zip(system.dq, system.p, strict=True)):
+        return False
+    return lane_formulae.known([system.potential])
+
+
+def serves(s: int, system) -> bool:
+    """Whether the stages are worth lanes, and the functions are made of what lanes have.
+
+    Of a quadratic T that is no diagonal form the Nystrom form, stage by stage, is the cheaper.
+    """
+    if s < FEWEST or codegen.value_kind(system.d) != "tuple":
+        return False
+    return nystrom(s, system) if system.quadratic_kinetic else lane_formulae.known([*system.dq, *system.dp])
+
+
+def padded(row, lanes: int, filler) -> list:
+    """The row with the filler in the lanes that are left over."""
+    return [*row, *[filler] * (lanes - len(row))]
+
+
+def _of_kicks(system, lanes, arithmetic, digits):
+    """(-grad V in lanes, the inverse masses)."""
+    forces = lane_formulae.function(
+        "forces",
+        [("q", system.q)],
+        lambda: [-sp.diff(system.potential, x) for x in system.q],
+        lanes,
+        system,
+        arithmetic,
+    )
+    masses = [mpmath.mpf(sp.diff(v, p).evalf(digits)) for v, p in zip(system.dq, system.p, strict=True)]
+    return forces, array([masses], arithmetic)
+
+
+def _of_both(system, lanes, arithmetic):
+    """(The field in lanes, None)."""
+    arguments = [("q", system.q), ("p", system.p)]
+    return lane_formulae.function("field", arguments, lambda: [*system.dq, *system.dp], lanes, system, arithmetic), None
+
+
+def laned(s: int, system, arithmetic) -> Lanes:
+    """The tableau of Gauss of s stages, with the functions of the system."""
+    lanes = 1 << (s - 1).bit_length()
+    digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
+    unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
+    kicks = nystrom(s, system)
+    t = tableau("gauss", s, s, kicks, digits, unit)
+    b = [t.B[i][i] for i in range(s)]
+    f, inverse_mass = _of_kicks(system, lanes, arithmetic, digits) if kicks else _of_both(system, lanes, arithmetic)
+    late = t.weights[0] if kicks else [0] * s
+    steps = len(t.extrapolation) // s
+    starts = [zip(*t.extrapolation[s * m : s * (m + 1)], strict=True) for m in range(steps)]
+    return Lanes(
+        f,
+        like=(0.0,) * lanes,
+        stages=(0.0,) * s,
+        inverse_mass=inverse_mass,
+        nodes=array([padded(t.c, lanes, t.c[0]), padded(b, lanes, 0), padded(late, lanes, 0)], arithmetic),
+        A=array([padded(column, lanes, column[0]) for column in zip(*t.A_q, strict=True)], arithmetic),
+        extrapolation=array((padded(column, lanes, 0) for start in starts for column in start), arithmetic),
+        steps=steps,
+    )
+
+
+def prepare(s: int, system, arithmetic) -> Prepared:
+    """Gauss of s stages."""
+    step = laned(s, system, arithmetic)
+    return Prepared(run, step, *room(step, system.d), linear=len(step.like) * components(step.inverse_mass, system.d))
+
+
+def room(step: Lanes, d: int) -> tuple[int, int]:
+    """Columns of the memory, and the number of stages that gives it rows enough."""
+    rows = 4 + (6 + step.steps) * components(step.inverse_mass, d)
+    return max(len(step.like), d), -(-rows // (3 * LEVELS + 1))
