@@ -41,7 +41,7 @@ from phasebench.integrators.coefficients.quadrature import gauss_legendre
 from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, array
-from phasebench.integrators.engine.lanes import combine, horner, put, take
+from phasebench.integrators.engine.lanes import combine, polynomial, put, take
 from phasebench.integrators.engine.solve import OUT_OF_STEP, SOLVED
 from phasebench.integrators.engine.vector import (
     advanced,
@@ -97,7 +97,7 @@ def predict(e, first, at, ratio):
     z = 1.0 + ratio * take(nodes, 0, e.like)
     weights = e.h * take(nodes, 1, e.like)
     for k in range(e.stages):
-        put(e.memory, at + k, weights * horner(take(e.memory, first + k, e.like), z, e.step.stages), e.like)
+        put(e.memory, at + k, weights * polynomial(take(e.memory, first + k, e.like), z, e.step.stages), e.like)
 
 
 @inlined
@@ -230,7 +230,7 @@ def prepare(method, system, arithmetic) -> Prepared:
             run, Adaptive(None, *functions, monitor(system, arithmetic), array([[0]], arithmetic)), 1, 3, implicit=False
         )
     (s,) = method.data
-    if not gauss_lanes.nystrom(s, system):
+    if not gauss_lanes.serves(s, system):
         raise InvalidInput(
             f"method '{method.id}' requires H = sum p_i^2 / 2 m_i + V(q) with at most {codegen.TUPLE_LIMIT} degrees of "
             "freedom, and forces made of integer powers, square roots, sin, cos and exp"

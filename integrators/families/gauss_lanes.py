@@ -16,13 +16,9 @@ from .stage_lanes import Lanes, components, run
 FEWEST = 2
 
 
-def nystrom(s: int, system) -> bool:
-    """Whether T is a diagonal form and -grad V is made of what lanes have."""
-    if s < FEWEST or not system.quadratic_kinetic or codegen.value_kind(system.d) != "tuple":
-        return False
-    if any(set(e.free_symbols) - {p} for e, p in zip(system.dq, system.p, strict=True)):
-        return False
-    return lane_formulae.known([system.potential])
+def diagonal(system) -> bool:
+    """Whether H = sum p_i^2 / 2 m_i + V(q)."""
+    return system.quadratic_kinetic and all(e.free_symbols <= {p} for e, p in zip(system.dq, system.p, strict=True))
 
 
 def serves(s: int, system) -> bool:
@@ -30,9 +26,9 @@ def serves(s: int, system) -> bool:
 
     Of a quadratic T that is no diagonal form the Nystrom form, stage by stage, is the cheaper.
     """
-    if s < FEWEST or codegen.value_kind(system.d) != "tuple":
+    if s < FEWEST or codegen.value_kind(system.d) != "tuple" or diagonal(system) != system.quadratic_kinetic:
         return False
-    return nystrom(s, system) if system.quadratic_kinetic else lane_formulae.known([*system.dq, *system.dp])
+    return lane_formulae.known([*system.dq, *system.dp])
 
 
 def padded(row, lanes: int, filler) -> list:
@@ -65,7 +61,7 @@ def laned(s: int, system, arithmetic) -> Lanes:
     lanes = 1 << (s - 1).bit_length()
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
-    kicks = nystrom(s, system)
+    kicks = diagonal(system)
     t = tableau("gauss", s, s, kicks, digits, unit)
     b = [t.B[i][i] for i in range(s)]
     f, inverse_mass = _of_kicks(system, lanes, arithmetic, digits) if kicks else _of_both(system, lanes, arithmetic)
