@@ -59,7 +59,7 @@ from phasebench.integrators.engine.vector import (
 from phasebench.integrators.errors import InvalidInput
 
 from . import gauss_lanes, stage_lanes
-from .gauss_lanes import padded
+from .gauss_lanes import squared
 from .stage_lanes import begin, end, equations, solve
 
 #: The density is lost where it is away from 1 / sigma by this factor.
@@ -97,7 +97,7 @@ def predict(e, first, at, ratio):
     z = 1.0 + ratio * take(nodes, 0, e.like)
     weights = e.h * take(nodes, 1, e.like)
     for k in range(e.stages):
-        put(e.memory, at + k, weights * polynomial(take(e.memory, first + k, e.like), z, e.step.stages), e.like)
+        put(e.memory, at + k, weights * polynomial(take(e.memory, first + k, e.like), z, e.like), e.like)
 
 
 @inlined
@@ -106,7 +106,7 @@ def remember(e, first, inverse):
     zero = 0.0 * take(e.step.nodes, 0, e.like)
     for k in range(e.stages):
         forces = take(e.memory, e.stages + k, e.like)
-        put(e.memory, first + k, combine(zero, forces, 1.0, inverse, 0, e.step.stages), e.like)
+        put(e.memory, first + k, combine(zero, forces, 1.0, inverse, 0, e.like), e.like)
 
 
 def _verlet(method, step, orbit, y, clock, dt, counts):
@@ -125,7 +125,7 @@ def _gauss(method, step, orbit, y, clock, dt, counts):
     begin(method.inverse_mass, e, y)
     predict(e, first, at, dt / clock.last)
     sweeps, newton, status = solve(e, at, size(y.q) + size(y.p), step.eps, orbit.work)
-    counts.gradient += (sweeps + newton) * len(method.stages)
+    counts.gradient += (sweeps + newton) * method.stages
     counts.newton += min(newton, 1)
     return end(e, at, y, orbit.zero), status
 
@@ -238,7 +238,7 @@ def prepare(method, system, arithmetic) -> Prepared:
     step = gauss_lanes.laned(s, system, arithmetic)
     with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
         inverse = mpmath.matrix([[c**k for k in range(s)] for c, _ in gauss_legendre(s, mpmath.mp.dps)]) ** -1
-        columns = [padded([inverse[k, j] for k in range(s)], len(step.like), 0) for j in range(s)]
+        columns = squared(([inverse[k, j] for k in range(s)] for j in range(s)), len(step.like))
     whole = Adaptive(step, None, None, monitor(system, arithmetic), array(columns, arithmetic))
     width, stages = gauss_lanes.room(step, system.d)
     return Prepared(run, whole, width, max(3, stages), linear=len(step.like) * system.d)

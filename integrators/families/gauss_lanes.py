@@ -36,6 +36,12 @@ def padded(row, lanes: int, filler) -> list:
     return [*row, *[filler] * (lanes - len(row))]
 
 
+def squared(rows, lanes: int) -> list[list]:
+    """The rows with zeros in the lanes and in the rows that are left over."""
+    rows = [padded(row, lanes, 0) for row in rows]
+    return rows + [[0] * lanes] * (lanes - len(rows))
+
+
 def _of_kicks(system, lanes, arithmetic, digits):
     """(-grad V in lanes, the inverse masses)."""
     forces = lane_formulae.function(
@@ -56,6 +62,14 @@ def _of_both(system, lanes, arithmetic):
     return lane_formulae.function("field", arguments, lambda: [*system.dq, *system.dp], lanes, system, arithmetic), None
 
 
+def _starts(extrapolation, s, lanes):
+    """Rows of the weights of each earlier step, for a start from one step, then for one from two."""
+    for first in range(0, len(extrapolation), s):
+        weights = list(zip(*extrapolation[first : first + s], strict=True))
+        for step in range(0, len(weights), s):
+            yield from squared(weights[step : step + s], lanes)
+
+
 def laned(s: int, system, arithmetic) -> Lanes:
     """The tableau of Gauss of s stages, with the functions of the system."""
     lanes = 1 << (s - 1).bit_length()
@@ -66,17 +80,15 @@ def laned(s: int, system, arithmetic) -> Lanes:
     b = [t.B[i][i] for i in range(s)]
     f, inverse_mass = _of_kicks(system, lanes, arithmetic, digits) if kicks else _of_both(system, lanes, arithmetic)
     late = t.weights[0] if kicks else [0] * s
-    steps = len(t.extrapolation) // s
-    starts = [zip(*t.extrapolation[s * m : s * (m + 1)], strict=True) for m in range(steps)]
     return Lanes(
         f,
         like=(0.0,) * lanes,
-        stages=(0.0,) * s,
+        stages=s,
         inverse_mass=inverse_mass,
         nodes=array([padded(t.c, lanes, t.c[0]), padded(b, lanes, 0), padded(late, lanes, 0)], arithmetic),
-        A=array([padded(column, lanes, column[0]) for column in zip(*t.A_q, strict=True)], arithmetic),
-        extrapolation=array((padded(column, lanes, 0) for start in starts for column in start), arithmetic),
-        steps=steps,
+        A=array(squared((padded(column, lanes, column[0]) for column in zip(*t.A_q, strict=True)), lanes), arithmetic),
+        extrapolation=array(_starts(t.extrapolation, s, lanes), arithmetic),
+        steps=len(t.extrapolation) // s,
     )
 
 

@@ -53,14 +53,15 @@ class Lanes(NamedTuple):
     """The tableau with its stages in lanes, in the Nystrom form where ``inverse_mass`` is not None.
 
     ``f(memory)`` reads the places from the first rows of the memory and writes to as many that follow: the field, of q
-    and p; in the Nystrom form -grad V.  ``like`` and ``stages`` are zeros, one a lane and one a stage.
-    ``inverse_mass`` has one row, d numbers.  ``nodes`` has the rows c, b and 1 - c; ``A`` the stages' rows of A
-    transposed; ``extrapolation`` those for one step, then for two.
+    and p; in the Nystrom form -grad V.  ``like`` has a zero for each lane.  ``inverse_mass`` has one row, d
+    numbers.  ``nodes`` has the rows c, b and 1 - c; ``A`` the rows of A transposed; ``extrapolation`` those for one
+    step, then for two; rows for the lanes that pad the ``stages`` are zero, so that a kernel serves all s of as many
+    lanes.
     """
 
     f: Callable
     like: tuple
-    stages: tuple
+    stages: int
     inverse_mass: np.ndarray | None
     nodes: np.ndarray
     A: np.ndarray
@@ -91,8 +92,8 @@ def _places_of_both(inverse_mass, e, at):
     step, memory, d = e.step, e.memory, e.stages // 2
     for k in range(d):
         x, y = take(memory, at + k, e.like), take(memory, at + d + k, e.like)
-        put(memory, k, combine(memory[e.base, k], x, 1.0, step.A, 0, step.stages), e.like)
-        put(memory, d + k, combine(memory[e.base + 1, k], y, 1.0, step.A, 0, step.stages), e.like)
+        put(memory, k, combine(memory[e.base, k], x, 1.0, step.A, 0, e.like), e.like)
+        put(memory, d + k, combine(memory[e.base + 1, k], y, 1.0, step.A, 0, e.like), e.like)
 
 
 def _places_of_kicks(inverse_mass, e, at):
@@ -101,7 +102,7 @@ def _places_of_kicks(inverse_mass, e, at):
     for k in range(e.stages):
         start = memory[e.base, k] + memory[e.base + 1, k] * c
         x = take(memory, at + k, e.like)
-        put(memory, k, combine(start, x, e.h * inverse_mass[0, k], step.A, 0, step.stages), e.like)
+        put(memory, k, combine(start, x, e.h * inverse_mass[0, k], step.A, 0, e.like), e.like)
 
 
 def _lengths_of_both(inverse_mass, e, at):
@@ -213,7 +214,7 @@ def linearize(e, at, span, work):
             slope = weights * take(memory, rows + r, e.like) - take(memory, at + rows + r, e.like)
             put(memory, rows + r, slope * (1.0 / change), e.like)
             for i in range(n):
-                for j in range(len(step.stages)):
+                for j in range(n):
                     work[r * n + i, k * n + j] -= memory[rows + r, i] * step.A[j, i]
     return rows + 1
 
@@ -226,12 +227,12 @@ def extrapolate(e, ring, known, at):
     """Continue the increments of the last steps, in rows from ``ring`` on, into the rows ``at``, ..."""
     step, memory, rows = e.step, e.memory, e.stages
     steps = min(known, step.steps)
-    row = steps * (steps - 1) // 2 * len(step.stages)
+    row = steps * (steps - 1) // 2 * len(e.like)
     for k in range(rows):
         x = 0.0 * take(step.nodes, 0, e.like)
         for back in range(steps, 0, -1):
             y = take(memory, ring + (known - back) % step.steps * rows + k, e.like)
-            x = combine(x, y, 1.0, step.extrapolation, row + (back - 1) * len(step.stages), step.stages)
+            x = combine(x, y, 1.0, step.extrapolation, row + (back - 1) * len(e.like), e.like)
         put(memory, at + k, x, e.like)
 
 
@@ -261,7 +262,7 @@ def run(step, orbit, samples, counts):
             begin(step.inverse_mass, e, y)
             extrapolate(e, ring, counts.steps, at)
             sweeps, newton, status = solve(e, at, size(y.q) + size(y.p), step.eps, orbit.work)
-            counts.gradient += (sweeps + newton) * len(step.stages)
+            counts.gradient += (sweeps + newton) * step.stages
             counts.newton += min(newton, 1)
             if status != SOLVED:
                 close(orbit, y)

@@ -143,8 +143,8 @@ def rounded(id, system):
     """(A^q, A^p, c, w^q) of a method as the kernel has them, in doubles."""
     step = prepare(BY_ID[id], system).step
     if isinstance(step, Lanes):  # lane i of row j is A_ij
-        s = len(step.stages)
-        return step.A[:, :s].T, step.A[:, :s].T, step.nodes[0, :s], step.nodes[2, :s]
+        s = step.stages
+        return step.A[:s, :s].T, step.A[:s, :s].T, step.nodes[0, :s], step.nodes[2, :s]
     return step.A_q, step.A_p, step.c[:, 0], step.weights[0]
 
 
