@@ -26,7 +26,7 @@ LEFT_OUT = {
     "scipy-radau": "its right-hand side is Python; scipy-radau-numba is the same solver with a compiled one",
 }
 #: Degrees of freedom up to which all of this project's methods compete, and the families that compete above, besides
-#: the explicit methods of the family ``parametric`` and the Gauss methods.
+#: Gauss methods and, where H is separable, those of one stage a substep.
 SMALL = 4
 PRACTICAL = ("splitting", "runge_kutta", "relaxation", "adaptive", "wisdom_holman", "trigonometric")
 #: Problem -> families or methods of ours and integrators of REBOUND that solve it in one step, whatever its length.
@@ -64,7 +64,7 @@ def able(problem) -> tuple[list[Integrator], dict[str, str]]:
     for c in competitors():
         lack = c.lacks(problem) or ("it is exact on this problem, in one step" if exact(c, problem) else None)
         if lack is None and ours(c) and not practical(c.record, problem.system):
-            lack = f"of more than {SMALL} degrees of freedom only explicit, Gauss and relaxation methods compete"
+            lack = f"above {SMALL} degrees of freedom only explicit, one-stage, Gauss and relaxation methods compete"
         if lack is None:
             can.append(c)
         else:
@@ -89,13 +89,7 @@ def practical(m: Method, system) -> bool:
         return True
     if m.family == "collocation":
         return m.data[0] == "gauss"
-    return m.family == "parametric" and system.separable and explicit(m)
-
-
-def explicit(m: Method) -> bool:
-    """Whether a method of the family ``parametric`` is explicit where H is separable: substeps of symplectic Euler."""
-    order, substeps = m.data
-    return order == 1 and all({mu, lam} == {0, 1} for _, mu, lam in substeps)
+    return m.family == "parametric" and system.separable and m.data[0] == 1
 
 
 def ours(c: Integrator) -> bool:
