@@ -12,7 +12,7 @@ from phasebench.benchmarks.problems.questions import QUESTIONS
 from . import again, figures, front
 from .choice import SHOWN, TIE, agreement, at, choices, counts, winner
 from .climb import KEEP, LOSING
-from .front import CHOICES, FINALISTS, FINALS, MARGIN
+from .front import CHOICES, FARTHEST, FINALISTS, FINALS, MARGIN
 
 #: How often two sweeps should agree.
 AGREED = 0.95
@@ -160,6 +160,8 @@ PAGE = Page(
     limits=(
         "Left out: heyoka-batch, which carries the same orbit in every lane (a throughput, not the time of one orbit); SciPy "
         "with a Python right-hand side; heyoka's parallel_mode, since everything runs on one core.",
+        f"Beyond some {FARTHEST / 30:.0f} revolutions SciPy's solvers whose loops are Python's, which nothing can stop, do not "
+        "compete; ode and odeint, whose loops are compiled, do.",
         "A step is the largest found between the last rung that misses an accuracy and the next one; a larger one at which the "
         "error happens to vanish does not count.",
         "Who is exact on a problem does not compete there, being the answer at every accuracy: Wisdom-Holman integrators, ours "
