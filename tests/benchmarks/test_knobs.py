@@ -508,3 +508,17 @@ def test_the_solvers_bench_sees_another_end():
     for bad in ({"error": 2e-5}, {"status": "not-converged"}):
         with pytest.raises(AssertionError):
             bench_knobs.bench_solvers(lambda _, bad=bad: [own, row | {"solver": solvers.NEWTON} | bad])
+
+
+@pytest.mark.parametrize(("start", "degree", "steps"), [(solvers.POLYNOMIAL, 2, 1), (solvers.FIVE, 4, 5)])
+def test_a_start_continues_slopes_that_are_polynomials_of_its_degree(start, degree, steps):
+    """y' = (1, y_0^k): the slopes are the k-th powers of the stages' times."""
+
+    def apart(k: int) -> float:
+        loop = solvers.Loop(lambda y: np.array([1.0, y[0] ** k]), np.zeros(2), 0.5, solvers.FIXED, start, 0.0)
+        assert loop.run(steps)
+        times = 0.5 * (steps + loop.gauss.c)
+        return np.abs(loop.first() - np.array([np.ones_like(times), times**k]).T).max()
+
+    assert apart(degree) < 1e-11
+    assert apart(degree + 1) > 1e-3
