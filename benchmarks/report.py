@@ -36,6 +36,7 @@ from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
 from phasebench.benchmarks.experiments.talks.page import PAGES as FIGURES
 from phasebench.benchmarks.experiments.talks.statements_page import PAGES as TALKS
 from phasebench.benchmarks.experiments.trade.page import PAGE as TRADE
+from phasebench.benchmarks.experiments.trade.ratios_page import PAGE as TRADE_RATIOS
 from phasebench.benchmarks.experiments.trade.scene_page import PAGES as TRADE_SCENES
 from phasebench.benchmarks.experiments.waves.page import PAGE as WAVES
 from phasebench.benchmarks.experiments.waves.spacetime_page import PAGE as MULTISYMPLECTIC
@@ -50,6 +51,7 @@ from .rows import tables as results
 #: In the order in which a reader wants them.
 PAGES: tuple[Page, ...] = (
     TRADE,
+    TRADE_RATIOS,
     ADVICE,
     MODELS,
     KNOBS,
