@@ -20,7 +20,9 @@ from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
+from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
+from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EXTREMES_ROUND_OFF
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
 from phasebench.benchmarks.experiments.knobs.page import PAGE as KNOBS
@@ -63,6 +65,8 @@ PAGES: tuple[Page, ...] = (
     DRIFT,
     ENERGY_PRESERVATION,
     EXTREMES,
+    EXTREMES_LIMITS,
+    EXTREMES_ROUND_OFF,
     KEPLER,
     WISDOM_HOLMAN,
     OSCILLATORY,
