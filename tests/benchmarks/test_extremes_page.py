@@ -105,6 +105,8 @@ def test_meetings_are_told_by_kind():
     assert good.holds
     assert "fixed steps do not (least 1)" in good.text
     assert "adaptive steps do in 700 (b)" in good.text
+    assert good.short == "Not held: fixed steps in three bodies."
+    assert "(all lost)" in verdicts.met(data(extremes_meetings=meeting().assign(error=math.inf))).text
     assert "fixed steps do in 4096 (a)" in verdicts.met(data(extremes_meetings=meeting(fixed=1e-7))).text
     assert not verdicts.met(data(extremes_meetings=meeting(adaptive=1e-3))).holds
 

@@ -84,16 +84,15 @@ def met(table: pd.DataFrame) -> Verdict:
             held = of_kind[of_kind["held"]]
             if held.empty:
                 lost.append(f"{each} steps in {scene}")
-                said.append(f"{each} steps do not (least {number(of_kind['error'].min(), 2)})")
+                least = of_kind["error"].min()
+                said.append(f"{each} steps do not ({'all lost' if np.isinf(least) else f'least {number(least, 2)}'})")
             else:
                 first = held.loc[held["steps"].idxmin()]
                 said.append(f"{each} steps do in {int(first['steps'])} ({first['method']})")
         parts.append(f"{scene}: {', '.join(said)}")
     text = f"With an error of {number(encounters.HELD)} at the end, {'; '.join(parts)}."
     adaptive = best[best["kind"] == "adaptive"]
-    short = (
-        f"{listed(lost, 3)} {'hold' if len(lost) != 1 else 'holds'} nothing." if lost else "Every kind of steps holds."
-    )
+    short = f"Not held: {listed(lost, 3)}." if lost else "Every kind of steps holds."
     return Verdict(text, bool(adaptive["held"].all()), short)
 
 
