@@ -23,6 +23,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.runtime import rtsys
 
 from . import cache
 
@@ -48,10 +49,10 @@ class Kept(_Cache):
 
     def load_overload(self, sig, target_context):
         """The compiled function, or None; an entry that cannot be used is removed."""
-        target_context.refresh()
         content = cache.read(self._entry(sig))
         if content is None:
             return None
+        rtsys.initialize(target_context)  # of all that a compilation has ready, what compiled code itself calls
         try:
             return CompileResult._rebuild(target_context, *pickle.loads(content))
         except Exception:  # whatever it is, compiling anew is the cure

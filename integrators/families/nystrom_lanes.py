@@ -31,15 +31,15 @@ from typing import NamedTuple
 
 import mpmath
 import numpy as np
-import sympy as sp
 from numba import types
 
 from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
-from phasebench.integrators.engine import codegen, elementary, printing
+from phasebench.integrators.engine import codegen, elementary
 from phasebench.integrators.engine import lanes as lane_operations
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, array
 from phasebench.integrators.engine.lanes import combine, put, take, total
+from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.engine.solve import SOLVED, difference, row_solver
 from phasebench.integrators.engine.vector import (
     advanced,
@@ -54,8 +54,8 @@ from phasebench.integrators.engine.vector import (
 
 #: Fewer stages than these gain nothing.
 FEWEST = 2
-#: Functions that lanes have; any other needs `collocation`.
-KNOWN = (sp.Add, sp.Mul, sp.Pow, sp.sin, sp.cos, sp.exp)
+#: SymPy's names of functions that lanes have; any other needs `collocation`.
+KNOWN = ("Add", "Mul", "Pow", "sin", "cos", "exp")
 
 
 class Lanes(NamedTuple):
@@ -219,7 +219,8 @@ def serves(s: int, system) -> bool:
         return False
     if any(set(e.free_symbols) - {p} for e, p in zip(system.dq, system.p, strict=True)):
         return False
-    return all(isinstance(e, KNOWN) and not _root(e) for e in sp.preorder_traversal(system.potential) if e.args)
+    known = tuple(getattr(sp, name) for name in KNOWN)
+    return all(isinstance(e, known) and not _root(e) for e in sp.preorder_traversal(system.potential) if e.args)
 
 
 def _root(e) -> bool:
@@ -232,6 +233,8 @@ def forces(system, lanes: int, arithmetic: str):
     d = system.d
 
     def text(arithmetic):
+        from phasebench.integrators.engine import printing
+
         names = [(f"q_{k}", x) for k, x in enumerate(system.q)]
         formula = printing.source("g", names, [[-sp.diff(system.potential, x) for x in system.q]], arithmetic)
         unpacked = "".join(f"g_{k}, " for k in range(d))
