@@ -52,7 +52,8 @@ class Kept(_Cache):
         content = cache.read(self._entry(sig))
         if content is None:
             return None
-        rtsys.initialize(target_context)  # of all that a compilation has ready, what compiled code itself calls
+        if b"NRT_" in content:  # it allocates: of all that a compilation makes ready, compiled code calls this alone
+            rtsys.initialize(target_context)
         try:
             return CompileResult._rebuild(target_context, *pickle.loads(content))
         except Exception:  # whatever it is, compiling anew is the cure
