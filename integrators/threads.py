@@ -18,7 +18,7 @@ from threading import Lock
 from typing import TypeVar
 
 #: Seconds of the shortest slice.
-LEAST = 2e-3
+LEAST = 3e-3
 #: Of so many pieces one is done first, to see whether all together are worth a second thread.
 MANY = 32
 
@@ -58,7 +58,7 @@ class Slices:
 
     def took(self, part: slice, seconds: float) -> None:
         """What a slice has taken says how short the next may be."""
-        self.fewest = max(1, int((part.stop - part.start) * LEAST / max(seconds, 1e-9)))
+        self.fewest = max(1, round((part.stop - part.start) * LEAST / max(seconds, 1e-9)))
 
     def end(self) -> None:
         """Hand out no more."""

@@ -169,4 +169,15 @@ def compiled(f: Callable, signature, options: dict, name: str) -> Callable:
         with typeinfer.register_dispatcher(dispatcher):
             dispatcher.compile(signature)
     dispatcher.disable_compile()
+    _of_one(dispatcher)
     return dispatcher
+
+
+def _of_one(dispatcher) -> None:
+    """Let a function of one signature know it: it is asked for it whenever it is handed to another by Python."""
+    general, only = dispatcher.get_compile_result, next(iter(dispatcher.overloads.values()))
+
+    def get_compile_result(signature):
+        return only if signature == only.signature else general(signature)
+
+    dispatcher.get_compile_result = get_compile_result

@@ -16,6 +16,9 @@ from numba.core.serialize import NumbaPickler
 
 from . import cache, codegen
 
+#: Whether anything is kept: not where what families prepare is changed, as tests do.
+KEPT = True
+
 
 class _Value(pickle.Pickler):
     """Writes a method as what its kernel is prepared from: how its parameters are read is none of that."""
@@ -55,11 +58,12 @@ def _written(kind: type[pickle.Pickler], thing) -> bytes | None:
 
 def entry(method, system) -> str | None:
     """The name of the entry; None where there can be none."""
-    key = getattr(system, "key", "")
-    value = _written(_Value, method) if key and codegen.compiled() else None
+    key = getattr(system, "key", "") if KEPT and codegen.compiled() else ""
+    value = _written(_Value, method) if key else None
     if value is None:
         return None
-    return f"prepared-{hashlib.sha256(f'{key}|{system.variant}|'.encode() + value).hexdigest()[:24]}.pickle"
+    about = f"{key}|{system.variant}|{codegen.value_kind(system.d)}|"
+    return f"prepared-{hashlib.sha256(about.encode() + value).hexdigest()[:24]}.pickle"
 
 
 @lru_cache(maxsize=512)

@@ -10,7 +10,7 @@ import sympy as sp
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, integrate, method
-from phasebench.integrators.engine import cache, kernel, preparation, printing
+from phasebench.integrators.engine import cache, codegen, kernel, preparation, printing
 from phasebench.integrators.engine.orbit_lanes import twin
 from phasebench.integrators.systems import deferred
 
@@ -96,6 +96,14 @@ def test_a_shell_has_the_values_of_its_system():
     assert made.content == shell.content
 
 
+@pytest.fixture
+def keeping(monkeypatch):
+    monkeypatch.setattr(preparation, "KEPT", True)
+    yield
+    preparation._read.cache_clear()
+
+
+@pytest.mark.usefixtures("keeping")
 @pytest.mark.parametrize("id", ["scheme-v", "gauss-8", "stormer-verlet-symmetric-projection", "gauss-equip-3"])
 def test_what_a_family_prepares_is_read_as_it_was_written(id):
     system, record = problem("pendulum").system, method(id)
@@ -110,15 +118,19 @@ def test_what_a_family_prepares_is_read_as_it_was_written(id):
     assert str(read.step) == str(made.step)
 
 
-def test_entries_are_of_the_method_with_its_parameters_and_of_the_system():
+@pytest.mark.usefixtures("keeping")
+def test_entries_are_of_the_method_with_its_parameters_and_of_the_system(monkeypatch):
     one, other = problem("pendulum").system, problem("kepler").system
     names = {preparation.entry(method("scheme-i", lam=lam), s) for lam in (0.5, 0.25) for s in (one, other, twin(one))}
     assert len(names) == 6
     assert preparation.entry(method("scheme-i", lam=0.5), one) == preparation.entry(method("scheme-i", lam=0.5), one)
     q, p = sp.symbols("q p", real=True)
+    monkeypatch.setattr(codegen, "TUPLE_LIMIT", 0)
+    assert preparation.entry(method("scheme-i", lam=0.5), one) not in names
     assert preparation.entry(method("scheme-i"), Hamiltonian(q=[q], p=[p], H=p**2 / 2 - sp.cos(q))) is None
 
 
+@pytest.mark.usefixtures("keeping")
 def test_a_damaged_preparation_is_made_anew():
     system, record = problem("pendulum").system, method("scheme-iii")
     name = preparation.entry(record, system)

@@ -40,16 +40,21 @@ def slow(part: slice):
     return part, threading.get_ident()
 
 
-def test_long_work_is_done_by_all_and_short_work_by_the_one_that_asks():
+def test_long_work_is_done_by_all_and_short_work_by_the_one_that_asks(monkeypatch):
     assert len({who for _, who in shared(slow, MANY, 2)}) == 2
-    assert {who for _, who in shared(lambda part: (part, threading.get_ident()), MANY, 2)} == {threading.get_ident()}
+    monkeypatch.setattr(threads, "_helpers", None)  # nobody is asked
+    assert numbers(shared(lambda part: part, MANY, 2)) == list(range(MANY))
+    with pytest.raises(TypeError):
+        list(shared(slow, MANY, 2))
 
 
-def test_nobody_waits_for_a_thread_that_does_not_come(monkeypatch):
+def test_nobody_waits_for_a_thread_that_does_not_come():
     blocked, pool = threading.Event(), threads._helpers(1)
-    running = pool.submit(blocked.wait, 60)
+    running = pool.submit(blocked.wait, 8)
+    began = time.monotonic()
     try:
         found = list(shared(slow, 8, 2))
+        assert time.monotonic() - began < 6
     finally:
         blocked.set()
         running.result()
@@ -59,17 +64,19 @@ def test_nobody_waits_for_a_thread_that_does_not_come(monkeypatch):
 
 @pytest.mark.parametrize("here", [True, False])
 def test_what_is_raised_on_any_thread_is_raised_here_and_ends_the_work(here):
-    done = []
+    done, begun, raised = [], threading.Event(), threading.Event()
 
     def work(part):
-        time.sleep(0.01)
         if (threading.current_thread() is threading.main_thread()) == here:
+            begun.wait(5)
+            raised.set()
             raise ZeroDivisionError
+        begun.set()
+        raised.wait(5)
+        time.sleep(0.05)
         done.append(part)
 
+    n = MANY - 1
     with pytest.raises(ZeroDivisionError):
-        list(shared(work, MANY - 1, 2))
-    count = len(done)
-    time.sleep(0.05)
-    assert len(done) == count
-    assert len(numbers(done)) < MANY - 1
+        list(shared(work, n, 2))
+    assert len(done) == 1
