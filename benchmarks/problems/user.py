@@ -238,7 +238,13 @@ def _check_start(system: PartitionedSystem, orbit: Orbit, where: str) -> None:
             raise InvalidInput(
                 f"{where}: the distance {i} of 'singular' is {distance} at the start: it is at a singularity"
             )
-    energy, rates = system.energies(q, p)[0], system.rates(q, p)[:, 0]
+    energy = system.energies(q, p)[0]
+    if system.loops and not isinstance(system.H, sp.Basic):  # loops without a formula
+        rates = system.vector_field()(0.0, np.concatenate([q[0], p[0]]))
+        if not (isfinite(energy) and np.isfinite(rates).all()):
+            raise InvalidInput(f"{where}: the loops give no finite numbers at the start")
+        return
+    rates = system.rates(q, p)[:, 0]
     if not isfinite(energy) or not np.isfinite(rates).all():
         names = ["the energy", *(f"d{x}/dt" for x in (*system.q, *system.p))]
         for name, value in zip(names, (energy, *rates), strict=True):
