@@ -5,6 +5,7 @@ For somebody who adds a family.  Its module holds a NamedTuple of what a step ne
 1. ``prepare(method, system, arithmetic)`` returns a `Prepared`.  Its ``step`` is an instance of the family's
    NamedTuple: the functions asked of the system (None for one that is not there, which `vector.chosen` can tell when it
    compiles), the coefficients in the arithmetic at hand (`array`, `numbers`), and ``h`` and ``eps``, which a run sets.
+   It depends on the method's record and the system alone: it is kept (`preparation`).
 2. What depends on h or on the initial state (H0) is set by ``Prepared.begin``: begin(step, q, p) -> step.  Fields keep
    their types.
 3. ``run(step, orbit, samples, counts)`` takes ``samples.every`` steps before each row of ``samples`` and fills it.  It
