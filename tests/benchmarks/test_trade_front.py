@@ -15,7 +15,7 @@ from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.quantities import Truth, quantity
 from phasebench.benchmarks.measure.timing import OURS, PEERS
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.problems.questions import Question, down_to
+from phasebench.benchmarks.problems.questions import QUESTIONS, Question, down_to
 
 
 class Law:
@@ -317,6 +317,26 @@ def test_who_solves_a_problem_exactly_does_not_compete_on_it():
     assert {"rebound-whfast", "rebound-saba-1", "wisdom-holman"} <= {c.label for c in can}
     _, cannot = field.able(problem("harmonic-oscillator"))
     assert "exact" in cannot["gautschi"]
+
+
+def test_who_cannot_be_stopped_is_left_out_of_a_long_span_alone():
+    made = problem("pendulum:rotating")
+
+    def entered(t_end):
+        asked = Question("s", "pendulum:rotating", t_end, "energy", down_to(3), "")
+        can, cannot = front.entered(Task(asked, made, quantity(made, "energy"), Truth(np.zeros(1), 0.0, "")))
+        return {c.label for c in can}, cannot
+
+    limit = front.FARTHEST * made.pace.step
+    (short, none), (long, why) = entered(limit), entered(1.01 * limit)
+    assert short - long == set(front.LOOPED)
+    assert {"scipy-ode(DOP853)", "scipy-odeint(LSODA)", "heyoka"} <= long
+    assert all("too long" in why[id] for id in front.LOOPED)
+    assert not {*front.LOOPED} & {*none}
+
+
+def test_two_scenes_go_to_a_hundred_thousand():
+    assert sum(q.t_end >= 1e5 and q.made().pace.unit == 1.0 for q in QUESTIONS) >= 2
 
 
 def test_rows_are_kept_of_those_who_come_near():
