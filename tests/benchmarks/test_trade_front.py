@@ -105,6 +105,26 @@ def test_runs_that_fail_slowly_are_made_for_a_while_and_say_nothing_of_those_tha
     assert len(never.rungs) == 4
 
 
+class Newton(Law):
+    """An implicit method whose wide steps take longer than its fine ones."""
+
+    def run(self, problem, t_end, steps, save_every, **more):
+        """So much longer as the step is wider."""
+        told = super().run(problem, t_end, steps, save_every)
+        told.seconds = 1e3 * self.step / steps
+        return told
+
+
+def test_a_hopeless_first_run_is_not_made_with_wider_steps():
+    newton = Newton("newton", 8, 1.0, scale=4.0)
+    _, (_, one) = climbed(Law("fast", 4, 1e-8), newton)
+    assert one.dropped
+    assert len(newton.seen) == len(one.rungs) == 1
+    quick = Newton("newton", 8, 1e-6, scale=4.0)
+    climbed(Law("fast", 4, 1e-8), quick)
+    assert min(quick.seen) < min(newton.seen)
+
+
 class Halting(Law):
     """An adaptive peer whose error stands still for a few tolerances."""
 

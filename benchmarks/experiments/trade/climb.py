@@ -177,16 +177,24 @@ def sizes(task: Task, c: Integrator) -> Iterator[dict]:
 
 
 def wider(task: Task, c: Integrator, rung: Rung, known: Known) -> list[Rung]:
-    """The rungs before a first one that meets the coarsest accuracy: half its steps, and so on, until they miss it."""
+    """The rungs before a first one that meets the coarsest accuracy: half its steps, and so on, until they miss it.
+
+    None are made where one is hopeless: implicit equations that only Newton's method solves take longer in wider steps.
+    """
     out: list[Rung] = []
     steps = rung.steps
-    while steps is not None and rung.error <= task.asked[0]:
+    while steps is not None and rung.error <= task.asked[0] and not hopeless(task, rung, known):
         if (steps := task.quantity.steps(steps / 2)) >= rung.steps:
             break
         rung = task.measure(c, steps=steps, patience=PATIENCE)
         known.add(rung, c.label)
         out.insert(0, rung)
     return out
+
+
+def hopeless(task: Task, rung: Rung, known: Known) -> bool:
+    """Whether a run is no short one and took many times the cheapest's time."""
+    return rung.seconds > max(SHORT, HOPELESS * known.cheapest(min(rung.error, task.asked[0]))[0])
 
 
 def climb(task: Task, c: Integrator, known: Known) -> Climb:
@@ -216,8 +224,8 @@ def climb(task: Task, c: Integrator, known: Known) -> Climb:
         if c.adaptive and len(rungs) > 1 and preparing > PREPARING:
             why = f"it takes more than {PREPARING:g} s to compile from a tolerance of {rung.tol:g} on"
             return Climb(c, rungs, why, False)
-        best, by = known.cheapest(min(rung.error, task.asked[0]))
-        if rung.seconds > max(SHORT, HOPELESS * best):
+        if hopeless(task, rung, known):
+            best, by = known.cheapest(min(rung.error, task.asked[0]))
             times = f"{rung.seconds / best:.0f} times as long as {by}"
             return Climb(c, rungs, f"at an error of {rung.error:.1g} it took {times}", True)
         if rung.error <= task.asked[0]:

@@ -82,8 +82,8 @@ def exact(c: Integrator, problem) -> bool:
 def practical(m: Method, system) -> bool:
     """Whether a method competes on a system of so many degrees of freedom.
 
-    What is left out of many takes minutes to compile (root finders and Newton's method around stages, derivatives of
-    second and higher order) and was all but never among the cheapest of few.
+    What is left out of many takes minutes to compile: root finders around stages, averages, projections, derivatives of
+    second and higher order.
     """
     if system.d <= SMALL or m.family in PRACTICAL:
         return True
