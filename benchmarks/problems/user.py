@@ -229,6 +229,11 @@ def _check_start(system: PartitionedSystem, orbit: Orbit, where: str) -> None:
             raise InvalidInput(
                 f"{where}: the distance {i} of 'singular' is {distance} at the start: it is at a singularity"
             )
+    if not isinstance(system.H, sp.Basic):  # loops without a formula
+        sides = system.vector_field()(0.0, np.concatenate([q[0], p[0]]))
+        if not (np.isfinite(sides).all() and np.isfinite(system.observe(system.H, q, p)).all()):
+            raise InvalidInput(f"{where}: the loops give no finite numbers at the start")
+        return
     values = {"the energy": system.H}
     values |= dict(zip((f"d{x}/dt" for x in (*system.q, *system.p)), (*system.dq, *system.dp), strict=True))
     for name, e in values.items():

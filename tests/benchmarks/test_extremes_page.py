@@ -16,6 +16,7 @@ from phasebench.benchmarks.experiments.extremes import (
     cases,
     edge,
     encounters,
+    exact_maps,
     figures,
     page,
     push,
@@ -24,6 +25,7 @@ from phasebench.benchmarks.experiments.extremes import (
     stiff,
     verdicts,
 )
+from phasebench.benchmarks.experiments.extremes import brouwer_controls as controls
 from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.integrators.driver import OK
@@ -38,6 +40,7 @@ def data(**tables):
 
 def limits(agrees=True, off=0.0, confirmed=4):
     known = pd.DataFrame([{"method": "a", "agrees": True}, {"method": "b", "agrees": agrees}])
+    known["evidence"] = ["derived", "derived and printed"]
     sweep = pd.DataFrame([{"limit": 2.0 + off, "closed form": 2.0}, {"limit": math.inf, "closed form": math.inf}])
     linear = pd.DataFrame(
         [{"label": "c", "runs": 4, "confirmed": confirmed}, {"label": "d", "runs": 0, "confirmed": 0}]
@@ -49,6 +52,7 @@ def test_limits_hold_only_where_everything_does():
     good = limits()
     assert good.holds
     assert "2 of 2 known" in good.text
+    assert "2 derived and 1 printed" in good.text
     assert not limits(agrees=False).holds
     assert "not b" in limits(agrees=False).text
     assert not limits(off=1e-8).holds
@@ -85,15 +89,22 @@ def test_close_encounters_are_told_by_kind():
 
 
 def grown(energy=0.5, phase=1.4, units=1.0, control=100.0, long=1.0):
-    base = {"h": 0.01, "steps": 1000, "bias per step": 1e-22}
+    base = {"h": 0.01, "steps": 1000, "bias per step": 1e-22, "kind": brouwer.USUAL}
     exact = {"energy exponent": 0.53, "phase exponent": 1.58, "energy low": 0.45, "phase low": 1.5}
     rows = [
         base | exact | {"label": brouwer_kepler.LABEL},
         base
         | {"label": "a", "energy exponent": energy, "energy low": energy - 0.03, "phase low": phase, "in units": units},
         base
-        | {"label": brouwer.CONTROL, "energy exponent": 0.5, "energy low": 0.4, "phase low": 1, "in units": control},
-        {"label": "a", "h": 0.01, "steps": 10**6, "in units": long},
+        | {
+            "label": brouwer.CONTROL,
+            "kind": brouwer.HAND,
+            "energy exponent": 0.5,
+            "energy low": 0.4,
+            "phase low": 1,
+            "in units": control,
+        },
+        base | {"label": "a", "steps": 10**6, "in units": long},
     ]
     return verdicts.brouwers_law(data(extremes_growth=pd.DataFrame(rows)))
 
@@ -109,6 +120,37 @@ def test_brouwers_law_has_four_ways_to_fail():
     blind = grown(control=2.0)
     assert not blind.holds
     assert "not told apart" in blind.text
+
+
+def residues(fraction=0.9, beside=0.5, product=0.8, whole=0.5):
+    kinds = {"a": (brouwer.FRACTION, fraction), "b": (brouwer.ASIDE_OF, beside)}
+    kinds |= {controls.HALF: (brouwer.HAND, product), controls.WHOLE: (brouwer.HAND, whole)}
+    rows = [
+        {"label": label, "kind": kind, "h": 0.01, "energy exponent": e, "energy low": e - 0.03}
+        for label, (kind, e) in kinds.items()
+    ]
+    return verdicts.small_denominators(data(extremes_growth=pd.DataFrame(rows)))
+
+
+def test_a_drift_is_explained_only_where_every_control_says_so():
+    found = residues()
+    assert not found.holds
+    assert "the bias is of the rounded state's few residues" in found.text
+    for broken in ({"beside": 0.9}, {"product": 0.5}, {"whole": 0.9}):
+        assert "not explained" in residues(**broken).text
+    assert residues(fraction=0.5).holds
+
+
+def test_of_the_whole_state_exact_products_lose_nothing_and_plain_sums_do():
+    """Against the exact matrix, after 20 000 steps."""
+    with mpmath.workdps(brouwer.DIGITS):
+        M = exact_maps.exact_matrix("stormer-verlet", {}, 0.01) ** 20_000
+        exact = M * mpmath.matrix([0.7, 0.4])
+    far = {kind: controls.runner(kind, 0.01, 10)(0.7, 0.4, 20_000) for kind in controls.KINDS}
+    error = {kind: float(abs(Q[-1] - exact[0])) for kind, (Q, _) in far.items()}
+    assert error[controls.WHOLE] < 2e-16
+    assert error[controls.PLAIN] > 1e-15
+    assert error[controls.HALF] < error[controls.PLAIN]
 
 
 @pytest.mark.parametrize("exponent", [0.5, 1.0])
@@ -127,16 +169,19 @@ def test_growth_is_fitted_with_an_interval_that_covers(exponent):
     assert covered >= 16
 
 
-@pytest.mark.parametrize(("id", "values"), [("stormer-verlet", {}), ("pefrl", {}), ("scheme-i", {"lam": "1/3"})])
+EXACT = ("stormer-verlet", "pefrl", "blanes-moan-srkn6b", "gauss-2", "lobatto-iiia-iiib-3", "avf", "deuflhard")
+
+
+@pytest.mark.parametrize(("id", "values"), [*((id, {}) for id in EXACT), ("scheme-i", {"lam": "1/3"})])
 def test_the_exact_matrix_is_the_methods(id, values):
     with mpmath.workdps(brouwer.DIGITS):
-        M = np.array(brouwer.exact_matrix(id, values, 0.3).tolist(), float)
+        M = np.array(exact_maps.exact_matrix(id, values, 0.3).tolist(), float)
     assert np.allclose(M, oscillator.matrix(integrator(id, **values), 0.3), rtol=0, atol=4e-16)
 
 
 def test_the_exact_orbit_has_no_error_and_another_has():
     with mpmath.workdps(brouwer.DIGITS):
-        M = brouwer.exact_matrix("stormer-verlet", {}, 0.01)
+        M = exact_maps.exact_matrix("stormer-verlet", {}, 0.01)
         y, far = mpmath.matrix([1, 0]), M**100_000 * mpmath.matrix([1, 0])
         energy, phase = brouwer.errors(M, [0, 100_000], [y[0], far[0]], [y[1], far[1]])
         assert abs(energy[1]) < 1e-15

@@ -41,10 +41,10 @@ def lack(n: int) -> dict:
 
 
 def start(path: str, n: int) -> dict:
-    """Starts a process that would write to a file later, and does not return before."""
+    """Starts a process that writes its number to a file and sleeps for a minute, and does not return before."""
     import subprocess
 
-    late = f"import time; time.sleep(9); open({path!r}, 'w')"
+    late = f"import os, time; open({path!r}, 'w').write(str(os.getpid())); time.sleep(60)"
     subprocess.run([sys.executable, "-c", late], check=False)
     return measure(n)
 

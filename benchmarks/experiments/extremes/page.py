@@ -122,14 +122,14 @@ PAGE = Page(
     table=table,
     whole=whole,
     limits=(
+        "Limits beside those that are known: [a page of their own](extremes-limits.md).",
         "A gap in which the trace exceeds 2 by less than 1e-10 counts as a touch; beyond h ω = 10 intervals narrower than "
         "0.25 may be missed.",
         "Survival is not monotone in h: the largest step is the end of the first interval that doublings see.",
         "A run that keeps its energy may be on another orbit all the same; only where an orbit has bounds is that told.",
         f"Brouwer's law is judged at UNITS = {verdicts.UNITS:g} eps h n^(1/2) and exponents whose interval begins at most "
         f"ABOVE = {verdicts.ABOVE:g} over it; the oscillator is linear, and its rounding need not be that of other problems.",
-        f"At h = {brouwer.DECIMAL:g}, whose binary digits repeat, the same method drifts; at h = {brouwer.PLAIN:g} and 2^-7 "
-        "it need not: look at the step before the method.",
+        f"Next to fractions of small denominators, such as h = {brouwer.DECIMAL:g}, round-off drifts: see [why](extremes-round-off.md).",
         f"A run that takes longer than {cases.SECONDS:g} s counts as failed there (timeout).",
     ),
     command="pytest benchmarks/experiments/extremes",
