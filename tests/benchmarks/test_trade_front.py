@@ -190,6 +190,33 @@ def test_who_is_slow_at_first_but_comes_nearer_is_kept():
     assert high.dropped
 
 
+class Implicit(Law):
+    """Wide steps take many evaluations, or (``told`` is False) seem to take no more than others."""
+
+    def __init__(self, *law, told: bool, **more):
+        super().__init__(*law, **more)
+        self.told = told
+
+    def run(self, problem, t_end, steps, save_every, **more):
+        solution = super().run(problem, t_end, steps, save_every)
+        sweeps = 1 + (1000 / steps) ** 2
+        solution.seconds *= sweeps
+        solution.counts["gradient"] = steps * sweeps if self.told else steps
+        return solution
+
+
+def test_wide_steps_of_implicit_equations_tell_nothing_of_shorter_ones():
+    """Off by more than 1 in seven times the time of the best at 1e-12, then nearly as cheap as they are."""
+    fast = Law("fast", 8, 1e-6)
+    _, (_, late) = climbed(fast, Implicit("late", 16, 1e-6, scale=200.0, told=True))
+    assert late.rungs[0].error > 1
+    assert late.rungs[0].seconds > 2 * climb.LONGEST * 1e-6 * 100 * 10 ** (12 / 8)
+    assert late.why == "reached the finest accuracy"
+    _, (_, given_up) = climbed(fast, Implicit("late", 16, 1e-6, scale=200.0, told=False))
+    assert given_up.dropped
+    assert "times the time in which the best reach 1e-12" in given_up.why
+
+
 def test_a_climb_ends_where_round_off_is():
     _, (one,) = climbed(Law("a", 4, 1e-8, floor=1e-9))
     assert "round-off" in one.why
