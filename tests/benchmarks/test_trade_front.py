@@ -199,7 +199,7 @@ class Implicit(Law):
 
     def run(self, problem, t_end, steps, save_every, **more):
         solution = super().run(problem, t_end, steps, save_every)
-        sweeps = 1 + (1000 / steps) ** 2
+        sweeps = 1 + (1400 / steps) ** 2
         solution.seconds *= sweeps
         solution.counts["gradient"] = steps * sweeps if self.told else steps
         return solution
