@@ -189,6 +189,10 @@ def validate(
         For a target or a claim that cannot be used.
     """
     requires = (requires,) if isinstance(requires, str) else tuple(requires)
+    if output is not None:
+        from .render import writable
+
+        writable(output)
     found = certify(target, claims, requires, seed)
     if output is not None:
         from .render import write

@@ -16,6 +16,7 @@ from phasebench.benchmarks.page.markdown import bullets, number, wrapped
 from phasebench.integrators.errors import InvalidInput
 
 from . import figures
+from .adaptive import T_END
 from .certificate import Certificate
 from .evidence import BROKEN, GATE, VISIBLE
 from .stepping import DIGITS
@@ -27,6 +28,8 @@ PLACE = (
     "end (of its worst component), and the fewest of the trade's integrators that come within twice the cheapest in "
     "time. Times are not compared: a step that Python calls says nothing of what it would take compiled."
 )
+#: What every integrator is held to.
+HELD_TO = ("runs", "stateless", "pure", "consistent")
 WORDS = {HOLDS: "hold", CONTRADICTED: "contradicted", UNJUDGED: "not judged"}
 TITLES = {"pass": "PASS", "fail": "FAIL", "not-judged": "NOT JUDGED"}
 
@@ -97,18 +100,20 @@ def document(certificate: Certificate, pictures) -> str:
 
 
 def _sentence(certificate: Certificate) -> str:
-    counts = {verdict: sum(j.verdict == verdict for j in certificate.claims) for verdict in WORDS}
-    told = ", ".join(f"{n} {WORDS[verdict]}" for verdict, n in counts.items() if n)
+    whole, counts = len(certificate.claims), {v: sum(j.verdict == v for j in certificate.claims) for v in WORDS}
+    told = f"Of {whole} claims and requirements {', '.join(f'{n} {WORDS[v]}' for v, n in counts.items() if n)}."
+    if counts[HOLDS] == whole:
+        told = f"All {whole} claims and requirements hold."
+    if whole <= len(HELD_TO):
+        told += " Nothing was claimed beyond what every integrator is held to."
     why = [f"{j.claim}: {j.why or j.verdict}" for j in certificate.claims if j.verdict == CONTRADICTED]
-    none = "" if len(certificate.claims) > 4 else " Nothing was claimed beyond what every integrator is held to."
-    text = f"Of {len(certificate.claims)} claims and requirements {told}.{none}"
-    return wrapped(text + (f" Contradicted: {'; '.join(why)}." if why else "")) + "\n"
+    return wrapped(told + (f" Contradicted: {'; '.join(why)}." if why else "")) + "\n"
 
 
 def _claims(certificate: Certificate) -> pd.DataFrame:
     rows = []
     for j in certificate.claims:
-        interval = f"{j.interval[0]:.3g} to {j.interval[1]:.3g}" if j.interval else ""
+        interval = f"{j.interval[0]:.5g} to {j.interval[1]:.5g}" if j.interval else ""
         value = number(j.measured) if isinstance(j.measured, (int, float)) else j.measured or ""
         row = {"claim": j.claim, "verdict": j.verdict, "measured": value, "interval": interval}
         rows.append(row | {"on": ", ".join(j.on), "why": j.why[:200]})
@@ -155,13 +160,18 @@ def _place(certificate: Certificate) -> pd.DataFrame:
 def _limits(certificate: Certificate) -> list[str]:
     about = certificate.as_dict()
     versions = ", ".join(f"{name} {version}" for name, version in about["versions"].items())
-    out = [
-        f"Arithmetic: {about['arithmetic']}."[:380],
-        f"An order agrees within {GATE}; it is that of the worst system. A defect over {BROKEN:g} times the floor is "
-        f"broken; below it counts where the step's own error is {VISIBLE:g} times the floor. Steps h = "
-        f"{' and '.join(f'{h:g}' for h in STEPS)}.",
-        "Small systems of one and two degrees of freedom: what shows on others alone is not seen.",
-    ]
+    out = []
+    if certificate.tables.of("order") or certificate.tables.of("tolerance"):
+        out.append(f"Arithmetic: {about['arithmetic']}."[:380])
+    if certificate.tables.of("order"):
+        out.append(
+            f"An order agrees within {GATE}; it is that of the worst system. A defect over {BROKEN:g} times the floor "
+            f"is broken; below it counts where the step's own error is {VISIBLE:g} times the floor. Steps h = "
+            f"{' and '.join(f'{h:g}' for h in STEPS)}."
+        )
+    if certificate.tables.of("tolerance"):
+        out.append(f"Errors are relative to the largest component of the state, at t = {T_END:g}.")
+    out.append("Small systems of one and two degrees of freedom: what shows on others alone is not seen.")
     for r in certificate.tables.of("round_off"):
         grows = (
             "its mean is not 0: it adds up as t"
