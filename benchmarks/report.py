@@ -20,6 +20,7 @@ from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
+from phasebench.benchmarks.experiments.extremes.encounters_page import PAGE as EXTREMES_ENCOUNTERS
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
 from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EXTREMES_ROUND_OFF
@@ -67,6 +68,7 @@ PAGES: tuple[Page, ...] = (
     EXTREMES,
     EXTREMES_LIMITS,
     EXTREMES_ROUND_OFF,
+    EXTREMES_ENCOUNTERS,
     KEPLER,
     WISDOM_HOLMAN,
     OSCILLATORY,

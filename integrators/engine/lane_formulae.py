@@ -12,19 +12,20 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
 
-import sympy as sp
 from numba import types
 
-from . import codegen, elementary, lanes, printing
+from . import codegen, elementary, lanes
+from .lazy import sympy as sp
 
-#: What lanes have.
-KNOWN = (sp.Add, sp.Mul, sp.Pow, sp.sin, sp.cos, sp.exp)
+#: SymPy's names of what lanes have.
+KNOWN = ("Add", "Mul", "Pow", "sin", "cos", "exp")
 
 
 def known(expressions: Iterable[sp.Expr]) -> bool:
     """Whether lanes have all that the expressions are made of."""
+    kinds = tuple(getattr(sp, name) for name in KNOWN)
     parts = (part for e in expressions for part in sp.preorder_traversal(e) if part.args)
-    return all(isinstance(e, KNOWN) and not _root(e) for e in parts)
+    return all(isinstance(e, kinds) and not _root(e) for e in parts)
 
 
 def _root(e: sp.Expr) -> bool:
@@ -42,6 +43,8 @@ def function(
     rows = sum(len(symbols) for _, symbols in arguments)
 
     def text(arithmetic):
+        from . import printing
+
         expressions = results()
         formula = printing.source("g", arguments, [expressions], arithmetic)
         begins = [sum(len(symbols) for _, symbols in arguments[:i]) for i in range(len(arguments))]

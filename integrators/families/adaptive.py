@@ -34,7 +34,6 @@ from typing import NamedTuple
 
 import mpmath
 import numpy as np
-import sympy as sp
 from numba import types
 
 from phasebench.integrators.coefficients.quadrature import gauss_legendre
@@ -42,6 +41,7 @@ from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, array
 from phasebench.integrators.engine.lanes import combine, polynomial, put, take
+from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.engine.solve import OUT_OF_STEP, SOLVED
 from phasebench.integrators.engine.vector import (
     advanced,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import mpmath
-import sympy as sp
 
 from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
 from phasebench.integrators.engine import codegen, lane_formulae
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, array
+from phasebench.integrators.engine.lazy import sympy as sp
 
 from .stage_lanes import Lanes, components, run
 

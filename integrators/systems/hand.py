@@ -30,11 +30,11 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
-import sympy as sp
 from numba import types
 
 from phasebench.integrators.engine import codegen, machine
 from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
 from .hamiltonian import Hamiltonian, _symbols
@@ -186,13 +186,18 @@ class HandHamiltonian(Hamiltonian):
         with np.errstate(all="ignore"):
             return np.array([energy(q, p)[1] for q, p in zip(Q, P, strict=True)], float) / 3
 
+    def energies(self, Q, P):
+        """By the loop."""
+        Q, P = np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float)
+        energy = self.energy()
+        with np.errstate(all="ignore"):
+            return np.array([energy(q, p)[0] for q, p in zip(Q, P, strict=True)], float)
+
     def observe(self, expression, Q, P):
         """As of every system; H by its loop, and ``expression`` may be a function of the rows."""
         Q, P = np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float)
         if expression is self.H:
-            energy = self.energy()
-            with np.errstate(all="ignore"):
-                return np.array([energy(q, p)[0] for q, p in zip(Q, P, strict=True)], float)
+            return self.energies(Q, P)
         if callable(expression) and not isinstance(expression, sp.Basic):
             with np.errstate(all="ignore"):
                 return np.asarray(expression(Q, P), float)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import mpmath
@@ -18,6 +19,7 @@ from phasebench.benchmarks.experiments.extremes import (
     encounters,
     exact_maps,
     figures,
+    meetings,
     page,
     push,
     regions,
@@ -86,6 +88,35 @@ def test_close_encounters_are_told_by_kind():
         "Kepler-solving",
         "Kepler-solving",
     ]
+
+
+def meeting(fixed=1.0, adaptive=1e-9):
+    base = {"scene": "three bodies", "status": OK, "evaluations": 0}
+    rows = [
+        base | {"method": "a", "kind": "fixed", "error": fixed, "steps": 4096},
+        base | {"method": "a", "kind": "fixed", "error": 2.0, "steps": 1024},
+        base | {"method": "b", "kind": "adaptive", "error": adaptive, "steps": 700},
+    ]
+    return pd.DataFrame(rows)
+
+
+def test_meetings_are_told_by_kind():
+    good = verdicts.met(data(extremes_meetings=meeting()))
+    assert good.holds
+    assert "fixed steps do not (least 1)" in good.text
+    assert "adaptive steps do in 700 (b)" in good.text
+    assert "fixed steps do in 4096 (a)" in verdicts.met(data(extremes_meetings=meeting(fixed=1e-7))).text
+    assert not verdicts.met(data(extremes_meetings=meeting(adaptive=1e-3))).holds
+
+
+def test_a_meeting_is_judged_at_its_certified_state():
+    assert meetings.apart([1.5, 101.0], [1.0, 100.0]) == 0.5
+    rows = meetings.measured("zoom-whirl", "rk4")[meetings.TABLES[0]]
+    assert rows[-1]["error"] < rows[0]["error"]
+    assert rows[-1]["steps"] == rows[-1]["asked"]
+    held = meetings.cheapest(pd.DataFrame(rows))
+    assert len(held) == 1
+    assert bool(held["held"].iloc[0]) == (rows[-1]["error"] <= encounters.HELD)
 
 
 def grown(energy=0.5, phase=1.4, units=1.0, control=100.0, long=1.0):
@@ -225,6 +256,26 @@ def test_runs_are_judged():
     assert cases.judged(pendulum, "stormer-verlet", 2.2, 1000) == cases.LOST
     assert cases.judged(near, "stormer-verlet", 0.3, 1000) == cases.WRONG
     assert cases.size(pendulum) == pytest.approx(-math.cos(2), rel=1e-3)
+
+
+def test_what_keeps_its_energy_at_a_step_of_a_period_is_no_orbit():
+    """At a step of nearly a period the energy alone has nothing against the run; the clock has."""
+    case = cases.BY_ID["Henon-Heiles, box"]
+    by_energy = dataclasses.replace(case, ranged=False, timed=False)
+    assert cases.judged(case, "blanes-moan-s6", 0.5, 300) == OK
+    assert cases.judged(by_energy, "blanes-moan-s6", 5.4, 300) == OK
+    assert cases.judged(case, "blanes-moan-s6", 5.4, 300) == cases.CLOCK
+
+
+def test_a_course_is_left_by_range_and_by_clock():
+    case = cases.BY_ID["pendulum"]
+    known, t = cases.course(case), np.linspace(0, 200, 2001)
+    swing = (known.high + known.low) / 2 + (known.high - known.low) / 2 * np.sin(np.pi * known.rate * t)[:, None]
+    assert cases.strays(case, swing, 200.0, True) == OK
+    assert cases.strays(case, swing * 2.5, 200.0, True) == cases.WRONG
+    assert cases.strays(case, swing, 500.0, True) == cases.CLOCK
+    assert cases.strays(case, swing, 500.0, False) == OK
+    assert cases.crossings(np.array([1.0, -1.0, -1.0, 1.0]), 0.0) == 2
 
 
 def test_an_orbit_that_escapes_is_no_failure():

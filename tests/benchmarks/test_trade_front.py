@@ -105,6 +105,26 @@ def test_runs_that_fail_slowly_are_made_for_a_while_and_say_nothing_of_those_tha
     assert len(never.rungs) == 4
 
 
+class Newton(Law):
+    """An implicit method whose wide steps take longer than its fine ones."""
+
+    def run(self, problem, t_end, steps, save_every, **more):
+        """So much longer as the step is wider."""
+        told = super().run(problem, t_end, steps, save_every)
+        told.seconds = 1e3 * self.step / steps
+        return told
+
+
+def test_a_hopeless_first_run_is_not_made_with_wider_steps():
+    newton = Newton("newton", 8, 1.0, scale=4.0)
+    _, (_, one) = climbed(Law("fast", 4, 1e-8), newton)
+    assert one.dropped
+    assert len(newton.seen) == len(one.rungs) == 1
+    quick = Newton("newton", 8, 1e-6, scale=4.0)
+    climbed(Law("fast", 4, 1e-8), quick)
+    assert min(quick.seen) < min(newton.seen)
+
+
 class Halting(Law):
     """An adaptive peer whose error stands still for a few tolerances."""
 
@@ -168,6 +188,33 @@ def test_who_is_slow_at_first_but_comes_nearer_is_kept():
     assert min(r.error for r in high.rungs) <= 1e-12
     _, (_, high) = climbed(Law("low", 2, 1e-8), Law("high", 2, 2e-7))
     assert high.dropped
+
+
+class Implicit(Law):
+    """Wide steps take many evaluations, or (``told`` is False) seem to take no more than others."""
+
+    def __init__(self, *law, told: bool, **more):
+        super().__init__(*law, **more)
+        self.told = told
+
+    def run(self, problem, t_end, steps, save_every, **more):
+        solution = super().run(problem, t_end, steps, save_every)
+        sweeps = 1 + (1400 / steps) ** 2
+        solution.seconds *= sweeps
+        solution.counts["gradient"] = steps * sweeps if self.told else steps
+        return solution
+
+
+def test_wide_steps_of_implicit_equations_tell_nothing_of_shorter_ones():
+    """Off by more than 1 in seven times the time of the best at 1e-12, then nearly as cheap as they are."""
+    fast = Law("fast", 8, 1e-6)
+    _, (_, late) = climbed(fast, Implicit("late", 16, 1e-6, scale=200.0, told=True))
+    assert late.rungs[0].error > 1
+    assert late.rungs[0].seconds > 2 * climb.LONGEST * 1e-6 * 100 * 10 ** (12 / 8)
+    assert late.why == "reached the finest accuracy"
+    _, (_, given_up) = climbed(fast, Implicit("late", 16, 1e-6, scale=200.0, told=False))
+    assert given_up.dropped
+    assert "times the time in which the best reach 1e-12" in given_up.why
 
 
 def test_a_climb_ends_where_round_off_is():
@@ -276,7 +323,9 @@ def test_the_field_of_many_degrees_of_freedom_is_a_fixed_one():
     assert {"gauss-8", "stormer-verlet", "implicit-midpoint", "dop853-relaxation", "wisdom-holman"} <= labels
     assert {"avf", "scheme-v", "rk4-projected-energy"}.isdisjoint(labels)
     assert all("degrees of freedom" in cannot[id] for id in ("avf", "scheme-v", "scheme-ii(lam=2)"))
-    assert "implicit-midpoint" not in {c.label for c in field.able(problem("nls"))[0]}
+    waves = {c.label for c in field.able(problem("nls"))[0]}
+    assert {"implicit-midpoint", "gauss-5"}.isdisjoint(waves)
+    assert "gauss-4" in waves, "of 2 d unknowns a stage, 512 in all"
     few, left_out = field.able(problem("henon-heiles"))
     assert {"avf", "scheme-v", "rk4-projected-energy", "implicit-midpoint"} <= {c.label for c in few}
     assert not any("degrees of freedom" in why for why in left_out.values())

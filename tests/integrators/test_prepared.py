@@ -66,6 +66,13 @@ def test_runs_of_several_sizes_of_arrays_are_each_their_own(sizes):
         assert same((q, p), (alone.q[-1], alone.p[-1]))
 
 
+def test_an_explicit_method_holds_no_matrix():
+    made = problem("klein-gordon", N=64)
+    held = {id: prepare(made, id)._layout.orbit.work.size for id in ("rk4", "stormer-verlet", "implicit-midpoint")}
+    assert held["rk4"] == held["stormer-verlet"] == 4
+    assert held["implicit-midpoint"] == (made.system.d + 1) ** 2
+
+
 def test_an_end_is_not_written_over():
     run = prepare(problem("pendulum"), "stormer-verlet")
     q = run(H, 10)[0]

@@ -25,6 +25,14 @@ def moved(n: int, seconds: float = 0.0) -> dict:
     return found
 
 
+def core(n: int) -> dict:
+    """A row with the cores that the process may use, after a while."""
+    import os
+
+    time.sleep(0.3)
+    return {"toys": [{"n": n, "x": sorted(os.sched_getaffinity(0)), "name": "", "seconds": time.time()}]}
+
+
 def fail(n: int) -> dict:
     """No row."""
     raise ValueError(f"there is no {n}")

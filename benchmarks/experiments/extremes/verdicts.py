@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.experiments.extremes import brouwer, encounters
+from phasebench.benchmarks.experiments.extremes import brouwer, encounters, meetings
 from phasebench.benchmarks.experiments.extremes import brouwer_controls as controls
 from phasebench.benchmarks.experiments.extremes.brouwer_kepler import LABEL as KEPLER
 from phasebench.benchmarks.page.markdown import listed, number
@@ -72,6 +72,29 @@ def close(table: pd.DataFrame) -> Verdict:
     asked = f"Over {encounters.ORBITS} Kepler orbits with a relative error of {number(encounters.HELD)}"
     text = f"{asked}, {'; '.join(parts)}; {said}."
     return Verdict(text, bool(all_the_way), f"{said}.")
+
+
+@of("extremes_meetings")
+def met(table: pd.DataFrame) -> Verdict:
+    """Which kind of steps holds three bodies and a zoom-whirl orbit, and in how many steps."""
+    best, parts, lost = meetings.cheapest(table), [], []
+    for scene, rows in best.groupby("scene", sort=False):
+        said = []
+        for each, of_kind in rows.groupby("kind", sort=False):
+            held = of_kind[of_kind["held"]]
+            if held.empty:
+                lost.append(f"{each} steps in {scene}")
+                said.append(f"{each} steps do not (least {number(of_kind['error'].min(), 2)})")
+            else:
+                first = held.loc[held["steps"].idxmin()]
+                said.append(f"{each} steps do in {int(first['steps'])} ({first['method']})")
+        parts.append(f"{scene}: {', '.join(said)}")
+    text = f"With an error of {number(encounters.HELD)} at the end, {'; '.join(parts)}."
+    adaptive = best[best["kind"] == "adaptive"]
+    short = (
+        f"{listed(lost, 3)} {'hold' if len(lost) != 1 else 'holds'} nothing." if lost else "Every kind of steps holds."
+    )
+    return Verdict(text, bool(adaptive["held"].all()), short)
 
 
 @of("extremes_growth")

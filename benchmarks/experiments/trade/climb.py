@@ -177,16 +177,34 @@ def sizes(task: Task, c: Integrator) -> Iterator[dict]:
 
 
 def wider(task: Task, c: Integrator, rung: Rung, known: Known) -> list[Rung]:
-    """The rungs before a first one that meets the coarsest accuracy: half its steps, and so on, until they miss it."""
+    """The rungs before a first one that meets the coarsest accuracy: half its steps, and so on, until they miss it.
+
+    None are made where one is hopeless: implicit equations that only Newton's method solves take longer in wider steps.
+    """
     out: list[Rung] = []
     steps = rung.steps
-    while steps is not None and rung.error <= task.asked[0]:
+    while steps is not None and rung.error <= task.asked[0] and not hopeless(task, rung, known):
         if (steps := task.quantity.steps(steps / 2)) >= rung.steps:
             break
         rung = task.measure(c, steps=steps, patience=PATIENCE)
         known.add(rung, c.label)
         out.insert(0, rung)
     return out
+
+
+def hopeless(task: Task, rung: Rung, known: Known) -> bool:
+    """Whether a run is no short one and took many times the cheapest's time."""
+    return rung.seconds > max(SHORT, HOPELESS * known.cheapest(min(rung.error, task.asked[0]))[0])
+
+
+def eases(rungs: list[Rung]) -> bool:
+    """Whether twice the steps may take less than twice the time: where a step needs ever fewer evaluations.
+
+    In wide steps implicit equations take Newton's method or many sweeps; what they cost tells nothing of shorter ones.
+    Of a first rung nothing is known yet.
+    """
+    each = [r.evaluations / r.taken for r in rungs[-2:] if r.tol is None and r.taken]
+    return len(each) == 1 or (len(each) == 2 and each[1] < NEARER * each[0])
 
 
 def climb(task: Task, c: Integrator, known: Known) -> Climb:
@@ -216,8 +234,8 @@ def climb(task: Task, c: Integrator, known: Known) -> Climb:
         if c.adaptive and len(rungs) > 1 and preparing > PREPARING:
             why = f"it takes more than {PREPARING:g} s to compile from a tolerance of {rung.tol:g} on"
             return Climb(c, rungs, why, False)
-        best, by = known.cheapest(min(rung.error, task.asked[0]))
-        if rung.seconds > max(SHORT, HOPELESS * best):
+        if hopeless(task, rung, known):
+            best, by = known.cheapest(min(rung.error, task.asked[0]))
             times = f"{rung.seconds / best:.0f} times as long as {by}"
             return Climb(c, rungs, f"at an error of {rung.error:.1g} it took {times}", True)
         if rung.error <= task.asked[0]:
@@ -233,12 +251,13 @@ def climb(task: Task, c: Integrator, known: Known) -> Climb:
                 )
             if still >= STANDING and min(r.error for r in rungs) < ROUND_OFF:
                 return Climb(c, rungs, f"its error stays at {min(r.error for r in rungs):.1g}: round-off", False)
-        if rung.seconds > max(FREE, LONGEST * dear):
+        limit = max(FREE, (HOPELESS if eases(rungs) else LONGEST) * dear)
+        if rung.seconds > limit:
             rung = rungs[-1] = task.again(c, rung)
-        if rung.seconds > max(FREE, LONGEST * dear):
+        if rung.seconds > limit:
             least = min(r.error for r in rungs)
             off = f"it is off by {least:.1g}" if least < inf else "it does not come to the end"
-            took = f"{off} in {LONGEST:g} times the time in which the best reach {finest:g}"
+            took = f"{off} in more than {LONGEST:g} times the time in which the best reach {finest:g}"
             return Climb(c, rungs, took, least > task.asked[0])
         if rung.status == OK and rung.seconds > 10 * PATIENCE:
             return Climb(c, rungs, f"a run took {rung.seconds:.2g} s", True)

@@ -29,6 +29,8 @@ LEFT_OUT = {
 #: Gauss methods and, where H is separable, those of one stage a substep.
 SMALL = 4
 PRACTICAL = ("splitting", "runge_kutta", "relaxation", "adaptive", "wisdom_holman", "trigonometric")
+#: The most unknowns of a Gauss method's stages there: its dense Newton steps cost their cube.
+UNKNOWNS = 512
 #: Problem -> families or methods of ours and integrators of REBOUND that solve it in one step, whatever its length.
 EXACT = {
     "kepler": ({"wisdom_holman"}, {"whfast", "whfast512", "saba", "mercurius", "trace"}),
@@ -82,13 +84,14 @@ def exact(c: Integrator, problem) -> bool:
 def practical(m: Method, system) -> bool:
     """Whether a method competes on a system of so many degrees of freedom.
 
-    What is left out of many takes minutes to compile (root finders and Newton's method around stages, derivatives of
-    second and higher order) and was all but never among the cheapest of few.
+    What is left out of many takes minutes to compile: root finders around stages, averages, projections, derivatives of
+    second and higher order.
     """
     if system.d <= SMALL or m.family in PRACTICAL:
         return True
     if m.family == "collocation":
-        return m.data[0] == "gauss"
+        unknowns = system.d if system.quadratic_kinetic else 2 * system.d
+        return m.data[0] == "gauss" and m.data[1] * unknowns <= UNKNOWNS
     return m.family == "parametric" and system.separable and m.data[0] == 1
 
 

@@ -8,10 +8,12 @@ from phasebench.benchmarks.measure.timing import NONE, OURS, PEERS, TIED
 from phasebench.benchmarks.page.markdown import listed, number
 from phasebench.benchmarks.page.page import Page, Picture, Table, Verdict, of
 from phasebench.benchmarks.problems.questions import QUESTIONS
+from phasebench.reference.solvers.taylor import COMPACT
 
 from . import again, figures, front
 from .choice import SHOWN, TIE, agreement, at, choices, counts, winner
-from .climb import KEEP, LOSING
+from .climb import KEEP, LOSING, PREPARING
+from .field import SMALL, UNKNOWNS
 from .front import CHOICES, FARTHEST, FINALISTS, FINALS, MARGIN
 
 #: How often two sweeps should agree.
@@ -160,6 +162,10 @@ PAGE = Page(
     limits=(
         "Left out: heyoka-batch, which carries the same orbit in every lane (a throughput, not the time of one orbit); SciPy "
         "with a Python right-hand side; heyoka's parallel_mode, since everything runs on one core.",
+        f"Above {SMALL} degrees of freedom explicit, one-stage, Gauss and relaxation methods compete: those that seek a root or "
+        "average over a step, that project or need higher derivatives take minutes to compile there (and Gauss methods of more "
+        f"than {UNKNOWNS} unknowns a step minutes to run). heyoka runs there in "
+        f"compact_mode, and without it as far as a tolerance compiles in {PREPARING:g} s; below {COMPACT // 2 + 1} the other way around.",
         f"Beyond some {FARTHEST / 30:.0f} revolutions SciPy's solvers whose loops are Python's, which nothing can stop, do not "
         "compete; ode and odeint, whose loops are compiled, do.",
         "A step is the largest found between the last rung that misses an accuracy and the next one; a larger one at which the "
