@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from phasebench.integrators.errors import InvalidInput
 
 from .integrate import made
 from .shared import err, invalid_input, numbers, out, print_json, show, values
@@ -36,8 +39,6 @@ def workprecision(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Measure error against time over steps and tolerances, from where a method breaks to round-off."""
-    from phasebench.integrators.errors import InvalidInput
-
     with invalid_input():
         if t_end is None or not t_end > 0:
             raise InvalidInput("give --t-end, a positive number: where does the integration end?")
@@ -58,7 +59,6 @@ def workprecision(
 def _asked(problem, hamiltonian, set_, q, p):
     """The problem that is named, from the state that is given."""
     from phasebench.benchmarks.advice.against import started
-    from phasebench.integrators.errors import InvalidInput
 
     if problem is None and hamiltonian is None:
         raise InvalidInput("give a problem, as in: workprecision pendulum --t-end 100 --methods pefrl,heyoka")
@@ -80,12 +80,12 @@ def measured(problem, t_end: float, quantity: str, methods: str | None) -> list[
 
 
 def _check(output: Path | None) -> None:
-    from phasebench.integrators.errors import InvalidInput
-
     if output is not None and output.suffix.lower() != ".png":
         raise InvalidInput(f"--output is {output}; a figure is a file .png")
     if output is not None and not output.parent.is_dir():
         raise InvalidInput(f"--output is {output}, and there is no folder {output.parent}")
+    if output is not None and (output.is_dir() or not os.access(output if output.exists() else output.parent, os.W_OK)):
+        raise InvalidInput(f"--output {output} cannot be written")
 
 
 def table(rows: list[dict[str, Any]]) -> Iterable[dict[str, str]]:
@@ -116,4 +116,7 @@ def _figure(rows: list[dict[str, Any]], path: Path) -> None:
         axes.invert_xaxis()
         axes.set(xlabel=f"error of the {rows[0]['quantity']}", ylabel="seconds, warm, without output")
         style.legend_above(figure, axes, 3)
-        style.write(figure, path)
+        try:
+            style.write(figure, path)
+        except OSError as error:
+            raise InvalidInput(f"--output {path} cannot be written: {error.strerror or error}") from None

@@ -41,6 +41,7 @@ def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("bad")
     for name, text in FILES.items():
         (made / name).write_text(text, encoding="utf-8")
+    (made / "folder.png").mkdir()
     (made / "notutf.py").write_bytes(b"\xff\xfe\xfa")
     return made
 
