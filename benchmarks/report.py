@@ -92,10 +92,10 @@ SAME = "The same pages [in HTML](index.html), in which tables sort and filter."
 
 
 class Data:
-    """The tables of a folder, read once."""
+    """The tables of a folder, read once; with ``stale`` also the rows that an earlier version of the code measured."""
 
-    def __init__(self, folder: Path):
-        self.folder = folder
+    def __init__(self, folder: Path, stale: bool = True):
+        self.folder, self.stale = folder, stale
         self._known: dict = {}
 
     def __call__(self, name: str) -> pd.DataFrame | None:
@@ -113,7 +113,7 @@ class Data:
 
     def _read(self, name: str):
         if name not in self._known:
-            self._known[name] = results.read(self.folder, name)
+            self._known[name] = results.read(self.folder, name, self.stale)
         return self._known[name]
 
 
@@ -139,8 +139,8 @@ def build(folder: str | Path, quick: bool = False, progress: Callable[[str], Non
         with tempfile.TemporaryDirectory(dir=folder, prefix=".report-") as scratch:
             target = Path(scratch)
             (target / "figures").mkdir()
-            data = Data(folder)
-            written = [_page(page, data, target) for page in PAGES]
+            both = Data(folder), Data(folder, stale=False)
+            written = [_page(page, both, target) for page in PAGES]
             _entry(written, target, quick)
             _replace(target, folder)
     except OSError as error:
@@ -149,14 +149,27 @@ def build(folder: str | Path, quick: bool = False, progress: Callable[[str], Non
     return folder / "README.md"
 
 
-def _page(page: Page, data: Data, target: Path) -> _Written:
-    """Write a page into ``target``."""
+def _page(page: Page, both: tuple[Data, Data], target: Path) -> _Written:
+    """Write a page into ``target`` from all rows; from the present version's alone where the others' form is another.
+
+    ``both`` has all rows, and those of the present version.
+    """
+    data, current = both
+    old = outdated(page, data)
+    try:
+        return _written(page, data, target, old)
+    except Exception:  # whatever rows of another form lead to
+        if not old:
+            raise
+        return _written(page, current, target, f"{old}, of another form and left out")
+
+
+def _written(page: Page, data: Data, target: Path, old: str) -> _Written:
     verdicts = page.judged(data)
     pictures, table = list(page.figures(data, target / "figures") or ()), page.table(data)
     whole = page.whole(data)
     if whole is not None:
         whole = whole.drop(columns=list(results.PROVENANCE), errors="ignore")
-    old = outdated(page, data)
     _put(target, page.id, markdown.document(page, verdicts, pictures, table, origin(page, data), old), whole)
     verdict, short = outcome(verdicts)
     return _Written(page, verdict, f"{short} ({old})" if old else short, pictures, table)

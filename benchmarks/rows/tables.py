@@ -28,10 +28,11 @@ PROVENANCE = ("content", "date", "machine", "spent", "digest", "state")
 Row = dict[str, str]
 
 
-def read(folder: Path, name: str):
+def read(folder: Path, name: str, stale: bool = True):
     """The table ``name`` as a DataFrame and what is known of its run; (None, None) where it was not measured.
 
-    Rows that were measured by an earlier version of the code are among them: ``about["stale"]`` says how many.
+    Rows that were measured by an earlier version of the code are among them unless ``stale`` is False:
+    ``about["stale"]`` says how many there are.
     """
     import pandas as pd
 
@@ -45,6 +46,7 @@ def read(folder: Path, name: str):
         raise InvalidInput(f"{path} cannot be read ({error}); `pytest benchmarks` measures it again") from None
     if "state" in frame:
         about["stale"] = int((frame["state"] == STALE).sum())
+        frame = frame if stale else frame[frame["state"] != STALE].reset_index(drop=True)
         frame = frame.drop(columns=list(PROVENANCE), errors="ignore")
     return (frame, about) if len(frame) else (None, None)
 
