@@ -23,7 +23,7 @@ def test_a_run_ends_when_its_time_is_over_or_before_where_it_has_no_hope(clock):
         clock[0] = 4.0
         watch.seen("run", 1.0, 100.0)
         clock[0] = 8.0
-        watch.seen("run", 2.0, 100.0)  # at this rate it takes 4 times the limit, but the rate is young
+        watch.seen("run", 1.2, 100.0)  # at this rate it takes more than 3 times the limit, but the rate is young
         clock[0] = 10.0
         with pytest.raises(watch.TooLong, match=r"the run came to t = 2 in 6 s, and would need about 5 minutes"):
             watch.seen("run", 2.0, 100.0)
