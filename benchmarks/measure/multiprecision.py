@@ -42,6 +42,8 @@ DIGITS = 40
 SPAN = Fraction(1, 256)
 LADDER = (1, 2, 3, 4)
 STEP = Fraction(1, 40)
+#: That of steps of variable length, whose defect is as small as their error.
+VARIABLE_STEP = Fraction(3, 10)
 #: A coefficient wrong by this share of itself has to show.
 SLIP, SHORT_STEP = Fraction(1, 10**6), SPAN / 16
 #: Methods of more coefficients come from tables, every number of which the order conditions check.
@@ -127,18 +129,25 @@ def errors(record: Method, name: str) -> dict:
     return {"h": [float(SPAN / n) for n in LADDER], "error": [float(e) for e in error], "doubt": float(doubt)}
 
 
+def step_of(record: Method) -> Fraction:
+    """The step of which the defects are measured."""
+    return VARIABLE_STEP if record.family == "adaptive" else STEP
+
+
 def defect(record: Method, name: str) -> float:
     """The symplecticity defect of one step; of a high order, for one pair of vectors."""
     system, y = start(name)
+    h = step_of(record)
     if record.order > LOW_ORDER:
-        return float(pair_defect(lambda x: advance(system, record, x, STEP), y))
-    return float(symplecticity_defect(jacobian(lambda x: advance(system, record, x, STEP), y, displacement())))
+        return float(pair_defect(lambda x: advance(system, record, x, h), y))
+    return float(symplecticity_defect(jacobian(lambda x: advance(system, record, x, h), y, displacement())))
 
 
 def distance(record: Method, name: str, back: Method | None = None) -> float:
     """The distance from the start after a step with H and one with -H, which ``back`` takes, at first the method."""
     system, y = start(name)
-    return float(max(abs(advance(system, back or record, advance(system, record, y, STEP), -STEP) - y)))
+    h = step_of(record)
+    return float(max(abs(advance(system, back or record, advance(system, record, y, h), -h) - y)))
 
 
 #: Of every method on every system: the measure of a cell, and the systems where it is made.

@@ -51,13 +51,17 @@ class _Printer(PythonCodePrinter):
         if n == -1:
             return f"(1/{self.parenthesize(base, 1000)})"
         if n == sp.Rational(1, 2):
-            return f"sqrt({self._print(base)})"
+            return f"sqrt({self._argument(base)})"
         if n == -sp.Rational(1, 2):
-            return f"(1/sqrt({self._print(base)}))"
+            return f"(1/sqrt({self._argument(base)}))"
         return f"({self._print(base)})**({self._print(n)})"
 
+    def _argument(self, x):
+        """An argument of a function, which is what tells the function in which arithmetic to work."""
+        return f"mpfr({x.p})" if self.multi and x.is_Integer else self._print(x)
+
     def _print_known(self, x):
-        return f"{type(x).__name__.lower()}({', '.join(self._print(a) for a in x.args)})"
+        return f"{type(x).__name__.lower()}({', '.join(map(self._argument, x.args))})"
 
     _print_sin = _print_cos = _print_tan = _print_exp = _print_log = _print_known
     _print_sinh = _print_cosh = _print_tanh = _print_asin = _print_acos = _print_atan = _print_known

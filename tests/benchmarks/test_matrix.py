@@ -79,6 +79,14 @@ def test_only_what_is_known_is_explained():
     assert not matrix.explanation(hbvm | {"method": "gauss-equip-2", "fallbacks": 0}, said)
 
 
+def test_an_order_of_variable_steps_is_explained_where_its_interval_has_the_declared_one():
+    row = {"method": "gauss-4-adaptive", "problem": "figure-eight", "declared_order": 8, "low": 7.1, "high": 8.2}
+    assert "interval" in matrix.explanation(row, "order 7.65, declared 8")
+    assert not matrix.explanation(row | {"high": 7.9}, "order 7.65, declared 8")
+    assert not matrix.explanation(row | {"low": 8.1}, "order 8.15, declared 8")
+    assert not matrix.explanation(row | {"method": "gauss-4"}, "order 7.65, declared 8")
+
+
 def test_the_page_hides_no_contradiction(measured):
     frame = pd.DataFrame(list(measured.values()))
     said = [v.text for v in PAGE.judged({"matrix": frame}.get)]

@@ -63,12 +63,17 @@ EXPRESSIONS = [
 ]
 
 
-@pytest.mark.parametrize("expression", EXPRESSIONS, ids=str)
-def test_a_generated_function_keeps_every_digit(expression):
-    def build(arithmetic):
-        return printing.source("f", [("q", [x]), ("p", [y])], [expression], arithmetic)
+#: What lanes have of functions, in the place of the library's: their arguments tell them in which arithmetic to work.
+OF_LANES = "from phasebench.integrators.engine.elementary import cos, exp, sin, sqrt\n"
 
-    f = codegen.function(str(expression), build, 1, None, MULTIPRECISION)
+
+@pytest.mark.parametrize("header", ["", OF_LANES], ids=["alone", "in-lanes"])
+@pytest.mark.parametrize("expression", [*EXPRESSIONS, sp.sqrt(2) * x + sp.exp(3) * sp.sin(2) / y], ids=str)
+def test_a_generated_function_keeps_every_digit(expression, header):
+    def build(arithmetic):
+        return header + printing.source("f", [("q", [x]), ("p", [y])], [expression], arithmetic)
+
+    f = codegen.function(header + str(expression), build, 1, None, MULTIPRECISION)
     with precision(DIGITS):
         value = f(codegen.vector([Fraction(2, 3)]), codegen.vector([Fraction(5, 7)]))
         expected = sp.N(expression.subs({x: sp.Rational(2, 3), y: sp.Rational(5, 7)}), DIGITS + 10)

@@ -226,6 +226,9 @@ def explanation(row: dict, contradiction: str) -> str:
         return (
             "over few steps the relaxed time's offset at the end competes with the error; from 8 steps on it does not"
         )
+    if row["method"].endswith("-adaptive") and contradiction.startswith("order"):
+        inside = row["low"] <= row["declared_order"] <= row["high"]
+        return "a row is reached by a shorter step: the declared order is within the interval" if inside else ""
     if not contradiction.startswith("energy"):
         return ""
     if row.get("fallbacks"):
