@@ -51,7 +51,8 @@ def test_a_stranger_s_test_passes_and_fails_readably(project):
 UNUSED = """
 def test_nothing_else():
     import json, sys
-    heavy = ("phasebench.integrators", "sympy", "numba", "numpy", "scipy", "pandas", "matplotlib")
+    heavy = ("phasebench.integrators.driver", "phasebench.integrators.systems")
+    heavy += ("sympy", "numba", "numpy", "scipy", "pandas", "matplotlib")
     print("LOADED", json.dumps([m for m in heavy if m in sys.modules]))
 """
 
