@@ -155,7 +155,9 @@ def pytest_sessionfinish(session):
 
 
 def pytest_terminal_summary(terminalreporter, exitstatus, config):
-    """Say in one table what was measured."""
+    """Say in one table what was measured; of a run that was stopped, how it goes on."""
+    if exitstatus == pytest.ExitCode.INTERRUPTED:
+        terminalreporter.write_line("stopped: what was measured is kept, and the same command goes on from there")
     if OUTCOME not in config.stash:
         return
     outcome = config.stash[OUTCOME]

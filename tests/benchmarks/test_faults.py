@@ -135,3 +135,14 @@ def test_a_report_of_a_table_that_cannot_be_read_says_so(tmp_path):
     with pytest.raises(InvalidInput, match=r"rows\.csv cannot be read"):
         report.build(tmp_path)
     assert {p: p.read_bytes() for p in tmp_path.glob("*.md")} == before
+
+
+@pytest.mark.parametrize(("status", "said"), [(pytest.ExitCode.INTERRUPTED, True), (pytest.ExitCode.OK, False)])
+def test_a_run_that_was_stopped_says_how_it_goes_on(status, said):
+    from phasebench.benchmarks import conftest
+
+    lines = []
+    reporter = type("Reporter", (), {"write_line": lines.append})
+    config = type("Config", (), {"stash": {}})
+    conftest.pytest_terminal_summary(reporter, status, config)
+    assert any("the same command goes on from there" in line for line in lines) is said
