@@ -103,6 +103,8 @@ def _kept(f: Callable, signature, block) -> Callable:
 
 def _size(t) -> int:
     """The bytes of a value of this type."""
+    import numba.experimental.function_type  # code that is loaded brings no model of the functions in a block
+
     context = numba.core.registry.cpu_target.target_context
     return context.get_abi_sizeof(context.get_value_type(t))
 
