@@ -6,6 +6,7 @@ report is made whole beside the old one and then takes its place, file by file, 
 
 from __future__ import annotations
 
+import hashlib
 import os
 import tempfile
 from collections.abc import Callable
@@ -45,6 +46,7 @@ from phasebench.benchmarks.experiments.waves.page import PAGE as WAVES
 from phasebench.benchmarks.experiments.waves.spacetime_page import PAGE as MULTISYMPLECTIC
 from phasebench.benchmarks.experiments.wisdom_holman.page import PAGE as WISDOM_HOLMAN
 from phasebench.benchmarks.page import html, markdown
+from phasebench.benchmarks.page.drawn import Figures
 from phasebench.benchmarks.page.origin import origin, outdated
 from phasebench.benchmarks.page.page import Page, Picture, Table, outcome
 from phasebench.integrators.errors import InvalidInput
@@ -111,6 +113,12 @@ class Data:
         """On what it was measured."""
         return self._read(name)[1]
 
+    def digest(self, name: str) -> str:
+        """Of the rows that are read of a table."""
+        path = self.folder / "data" / f"{name}.csv"
+        content = path.read_bytes() if path.exists() else b""
+        return hashlib.sha256(content + bytes([self.stale])).hexdigest()[:16]
+
     def _read(self, name: str):
         if name not in self._known:
             self._known[name] = results.read(self.folder, name, self.stale)
@@ -139,8 +147,9 @@ def build(folder: str | Path, quick: bool = False, progress: Callable[[str], Non
         with tempfile.TemporaryDirectory(dir=folder, prefix=".report-") as scratch:
             target = Path(scratch)
             (target / "figures").mkdir()
-            both = Data(folder), Data(folder, stale=False)
-            written = [_page(page, both, target) for page in PAGES]
+            both, figures = (Data(folder), Data(folder, stale=False)), Figures(folder)
+            written = [_page(page, both, figures, target) for page in PAGES]
+            figures.write(target / "figures")
             _entry(written, target, quick)
             _replace(target, folder)
     except OSError as error:
@@ -149,7 +158,7 @@ def build(folder: str | Path, quick: bool = False, progress: Callable[[str], Non
     return folder / "README.md"
 
 
-def _page(page: Page, both: tuple[Data, Data], target: Path) -> _Written:
+def _page(page: Page, both: tuple[Data, Data], figures: Figures, target: Path) -> _Written:
     """Write a page into ``target`` from all rows; from the present version's alone where the others' form is another.
 
     ``both`` has all rows, and those of the present version.
@@ -157,16 +166,16 @@ def _page(page: Page, both: tuple[Data, Data], target: Path) -> _Written:
     data, current = both
     old = outdated(page, data)
     try:
-        return _written(page, data, target, old)
+        return _written(page, data, figures, target, old)
     except Exception:  # whatever rows of another form lead to
         if not old:
             raise
-        return _written(page, current, target, f"{old}, of another form and left out")
+        return _written(page, current, figures, target, f"{old}, of another form and left out")
 
 
-def _written(page: Page, data: Data, target: Path, old: str) -> _Written:
+def _written(page: Page, data: Data, figures: Figures, target: Path, old: str) -> _Written:
     verdicts = page.judged(data)
-    pictures, table = list(page.figures(data, target / "figures") or ()), page.table(data)
+    pictures, table = figures.of(page, data, target / "figures"), page.table(data)
     whole = page.whole(data)
     if whole is not None:
         whole = whole.drop(columns=list(results.PROVENANCE), errors="ignore")

@@ -25,7 +25,8 @@ from phasebench.benchmarks.experiments.references import page as references
 from phasebench.benchmarks.experiments.structure import page as structure
 from phasebench.benchmarks.experiments.talks import page as talks
 from phasebench.benchmarks.experiments.waves import page as waves
-from phasebench.benchmarks.page import html, markdown
+from phasebench.benchmarks.page import drawn, html, markdown, style
+from phasebench.benchmarks.page.drawn import Figures
 from phasebench.benchmarks.page.origin import earlier
 from phasebench.benchmarks.page.page import FINDING, MISSING, PASS, ROWS, SETTING, VERDICTS, Verdict, outcome
 from phasebench.benchmarks.report import PAGES
@@ -40,16 +41,18 @@ BOTH = report.Data(DATA.parent), report.Data(DATA.parent, stale=False)
 
 
 def readable(page):
-    """The committed rows that a page is written from: rows of an earlier version may be of another form."""
-    try:
-        page.judged(BOTH[0]), page.table(BOTH[0])
-    except Exception:
-        return BOTH[1]
-    return BOTH[0]
+    """The committed rows that a page is written from (those of an earlier version may be of another form), or None."""
+    for data in BOTH:
+        try:
+            page.judged(data), page.table(data)
+            return data
+        except Exception:
+            continue
+    return None
 
 
 #: Pages that the committed run has rows of; of the trade's scenes not every one may be measured.
-COMMITTED = [p for p in PAGES if p.listed or p.judged(readable(p))]
+COMMITTED = [p for p in PAGES if p.listed or (rows := readable(p)) is None or p.judged(rows)]
 
 
 def silent(line: str) -> None:
@@ -61,6 +64,7 @@ def folder(tmp_path_factory):
     """The report of the committed tables; a run that integrates something fails."""
     folder = tmp_path_factory.mktemp("report")
     shutil.copytree(DATA, folder / "data")
+    shutil.copytree(DATA.parent / "figures", folder / "figures")
 
     def integrated(*given, **named):
         raise AssertionError("a page integrates")
@@ -94,6 +98,7 @@ def test_a_page_is_short(folder, id):
 @pytest.mark.parametrize("page", COMMITTED, ids=lambda page: page.id)
 def test_a_page_has_its_parts(folder, page):
     data = readable(page)
+    assert data is not None, "the committed rows are of another form"
     assert page.question.endswith("?")
     assert 1 <= len(page.setting) <= SETTING
     assert 1 <= len(page.judged(data)) <= VERDICTS
@@ -145,7 +150,7 @@ def test_a_page_without_its_tables_says_so(empty, page):
     assert all((f"**{MISSING}**" in line) == bool(page.tables) for line in lines)
 
 
-@pytest.mark.parametrize("part", ["first", "last", "failed", "none"])
+@pytest.mark.parametrize("part", ["last", "failed", "none"])
 def test_a_report_of_few_rows_is_written(tmp_path, part):
     (tmp_path / "data").mkdir()
     for path in DATA.glob("*.csv"):
@@ -153,7 +158,7 @@ def test_a_report_of_few_rows_is_written(tmp_path, part):
         if part == "failed" and "status" in frame:
             few = frame[frame["status"] != "ok"].head(40)
         else:
-            few = {"first": frame.head(3), "last": frame.tail(7), "none": frame.head(0), "failed": frame.head(2)}[part]
+            few = {"last": frame.tail(7), "none": frame.head(0), "failed": frame.head(2)}[part]
         few.to_csv(tmp_path / "data" / path.name, index=False)
         shutil.copy(path.with_suffix(".json"), tmp_path / "data")
     assert report.build(tmp_path, quick=True, progress=silent).exists()
@@ -197,7 +202,7 @@ def with_states(tmp_path, states: list[str], **columns):
     rows.head(len(states)).assign(state=states).rename(columns=columns).to_csv(path, index=False)
     (tmp_path / "figures").mkdir()
     both = report.Data(tmp_path), report.Data(tmp_path, stale=False)
-    written = report._page(next(p for p in PAGES if p.id == "speed"), both, tmp_path)
+    written = report._page(next(p for p in PAGES if p.id == "speed"), both, Figures(tmp_path), tmp_path)
     return written, " ".join((tmp_path / "speed.md").read_text().split())
 
 
@@ -221,6 +226,70 @@ def test_rows_of_an_earlier_version_in_another_form_are_left_out_and_it_is_said(
 def test_rows_of_this_version_in_another_form_are_an_error(tmp_path):
     with pytest.raises(KeyError):
         with_states(tmp_path, ["current", "current"], ratio="name")
+
+
+@pytest.fixture
+def speed(tmp_path, monkeypatch):
+    """(A folder with the tables of the speed and what is drawn of them, the names of what is drawn from now on)."""
+    (tmp_path / "data").mkdir()
+    for name in ("ratios", "speed"):
+        for end in ("csv", "json"):
+            shutil.copy(DATA / f"{name}.{end}", tmp_path / "data")
+    report.build(tmp_path, progress=silent)
+    names, write = [], style.write
+    monkeypatch.setattr(style, "write", lambda figure, path: names.append(path.name) or write(figure, path))
+    return tmp_path, names
+
+
+def test_figures_that_are_there_are_not_drawn_again(speed):
+    folder, names = speed
+    before = {p.name: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    report.build(folder, progress=silent)
+    assert names == []
+    assert {p.name: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
+
+
+def cut_a_row(folder):
+    table = folder / "data" / "ratios.csv"
+    table.write_text("".join(table.read_text().splitlines(keepends=True)[:-1]))
+
+
+def touch_a_figure(folder):
+    with (folder / "figures" / "speed.png").open("ab") as stream:
+        stream.write(b"more")
+
+
+CHANGES = [
+    cut_a_row,
+    touch_a_figure,
+    lambda folder: (folder / "figures" / "speed.png").unlink(),
+    lambda folder: (folder / "figures" / drawn.KEPT).write_text("{"),
+]
+
+
+@pytest.mark.parametrize("change", CHANGES, ids=["a row", "a figure", "no figure", "no list"])
+def test_figures_are_drawn_again_where_something_has_changed(speed, change):
+    folder, names = speed
+    change(folder)
+    report.build(folder, progress=silent)
+    assert names == ["speed.png"]
+
+
+def test_figures_are_drawn_again_where_what_draws_them_has_changed(speed, monkeypatch):
+    folder, names = speed
+    monkeypatch.setattr(drawn, "_source", lambda module: "other")
+    report.build(folder, progress=silent)
+    assert names == ["speed.png"]
+
+
+@pytest.mark.parametrize(
+    ("id", "module"),
+    [("speed", "speed.page"), ("knobs", "knobs.figures"), ("trade-duffing", "trade.scene_page")],
+)
+def test_a_figure_depends_on_the_module_that_draws_it(id, module):
+    """And not on the one that has made a function of tables one of data."""
+    (page,) = [p for p in PAGES if p.id == id]
+    assert drawn.module_of(page.figures) == f"phasebench.benchmarks.experiments.{module}"
 
 
 def test_a_finding_comes_first():

@@ -1,0 +1,103 @@
+"""Figures that are there already: one is drawn again where its rows, what draws it, or the libraries have changed.
+
+`KEPT` beside the figures says of each page which tables its figures were drawn from and by which source, and what each
+file holds: a file that was changed since is drawn again.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import inspect
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from phasebench.benchmarks.rows import sources
+
+from .page import Page, Picture
+
+KEPT = "drawn.json"
+LIBRARIES = ("matplotlib", "numpy", "pandas", "pillow")
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
+def module_of(draw: Callable) -> str:
+    """The module whose source draws."""
+    while isinstance(draw, functools.partial):
+        draw = draw.func
+    return inspect.unwrap(draw).__module__
+
+
+@functools.cache
+def _source(module: str) -> str:
+    """What draws: a module with all that it imports, the data that these name, and the libraries' versions."""
+    from importlib.metadata import version
+
+    rooms = [sources.path_of(room) for room in sources.DATA]
+    files = sorted(p for room in rooms for p in (room.parent.rglob("*.py") if room.stem == "__init__" else [room]))
+    digests = [sources.digest([module]), *(_hash(path.read_bytes()) for path in files), *map(version, LIBRARIES)]
+    return _hash(" ".join(digests).encode())
+
+
+class _Reading:
+    """The tables of a page, and the names of those that were read."""
+
+    def __init__(self, data):
+        self._data, self.names = data, set()
+
+    def __call__(self, name: str):
+        self.names.add(name)
+        return self._data(name)
+
+    def __getattr__(self, name: str):
+        return getattr(self._data, name)
+
+
+class Figures:
+    """The figures of a folder: those that are there, and those that are drawn now."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder / "figures"
+        self.now: dict[str, dict] = {}
+        try:
+            self.before = json.loads((self.folder / KEPT).read_text(encoding="utf-8"))
+        except (OSError, ValueError):  # it is not there, or was cut: everything is drawn
+            self.before = {}
+
+    def of(self, page: Page, data, target: Path) -> list[Picture]:
+        """The pictures of a page, whose files are then in ``target``; ``data`` is a `report.Data`."""
+        entry = self.before.get(page.id)
+        if entry is None or not self._same(entry, page, data):
+            read = _Reading(data)
+            pictures = list(page.figures(read, target) or ())
+            entry = {
+                "source": _source(module_of(page.figures)),
+                "tables": {name: data.digest(name) for name in sorted(read.names)},
+                "pictures": [[p.file, p.title, p.caption] for p in pictures],
+                "files": {p.file: _hash((target / p.file).read_bytes()) for p in pictures},
+            }
+        else:
+            for name in entry["files"]:
+                shutil.copyfile(self.folder / name, target / name)
+        self.now[page.id] = entry
+        return [Picture(*picture) for picture in entry["pictures"]]
+
+    def _same(self, entry: dict, page: Page, data) -> bool:
+        return (
+            entry["source"] == _source(module_of(page.figures))
+            and all(data.digest(name) == known for name, known in entry["tables"].items())
+            and all(self._holds(name, known) for name, known in entry["files"].items())
+        )
+
+    def _holds(self, name: str, known: str) -> bool:
+        path = self.folder / name
+        return path.is_file() and _hash(path.read_bytes()) == known
+
+    def write(self, target: Path) -> None:
+        """Write what is known of the figures beside them."""
+        (target / KEPT).write_text(json.dumps(self.now, indent=1, sort_keys=True) + "\n", encoding="utf-8")
