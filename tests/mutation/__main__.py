@@ -112,6 +112,7 @@ class Trial:
         same = known is not None and (known.hash, known.mutants) == (score.digest(ROOT / path), len(self.all))
         self.known = known if asked.again and same else None
         self.tried = self.all[: self.known.tried if self.known else asked.sample]
+        self.files = tuple(sorted({t.partition("::")[0] for t in self._quick(reach.tests(path, 0))}))
         self.kills: Counter = Counter()
 
     def todo(self) -> list[Mutant]:
@@ -120,19 +121,21 @@ class Trial:
 
     def tests(self, mutant: Mutant) -> list[str]:
         """Those that may notice a mutant: first what noticed others beside it, and what is quick."""
-        seconds = {test: self.reach.seconds(test) for test in self.reach.tests(self.path, mutant.line)}
 
         def promise(test: str) -> float:
-            return (1 + 20 * self.kills[mutant.where, test] + 5 * self.kills[test]) / (0.02 + seconds[test])
+            return (1 + 20 * self.kills[mutant.where, test] + 5 * self.kills[test]) / (0.02 + self.reach.seconds(test))
 
-        return sorted((t for t in seconds if seconds[t] <= self.within), key=promise, reverse=True)
+        return sorted(self._quick(self.reach.tests(self.path, mutant.line)), key=promise, reverse=True)
+
+    def _quick(self, tests: list[str]) -> list[str]:
+        return [test for test in tests if self.reach.seconds(test) <= self.within]
 
     def judged(self, mutant: Mutant, ask) -> str:
         """Whether one of the tests notices it."""
         tests = self.tests(mutant)
         if not tests:
             return UNREACHED
-        by = ask(worker.Job(mutant.path, mutant.code, tuple(tests)))
+        by = ask(worker.Job(mutant.path, mutant.code, tuple(tests), self.files))
         if by is not None:
             self.kills.update([by, (mutant.where, by)])
         return KILLED if by else SURVIVED

@@ -35,8 +35,8 @@ NAMES = (
 )
 SWAPPED = {"min": "max", "any": "all", "idxmin": "idxmax", "argmin": "argmax", "head": "tail", "notna": "isna"}
 SWAPPED |= {other: name for name, other in SWAPPED.items()} | {"median": "max", "sum": "max"}
-#: What is judged by eye: functions that return this, or begin so, and arguments.
-DRAWN, DRAWING = "Picture", ("draw", "_draw")
+#: What is judged by eye: functions that return this, begin so or use these, and arguments.
+DRAWN, DRAWING, BRUSHES = "Picture", ("draw", "_draw"), {"axes", "style"}
 LOOKS = {"alpha", "dpi", "figsize", "fontsize", "linewidth", "markersize", "zorder"}
 #: Arguments that check or hurry and change no result.
 SILENT = {"strict", "stacklevel", "low_memory"} | LOOKS
@@ -170,9 +170,9 @@ def _chunks(code: str) -> Iterator[tuple[int, int, set[int]]]:
 
 
 def _drawing(function: ast.FunctionDef) -> bool:
-    of = [a.arg for a in function.args.args]
     made = ast.unparse(function.returns) if function.returns else ""
-    return function.name.startswith(DRAWING) or DRAWN in made or "axes" in of
+    named = {n.id for n in ast.walk(function) if isinstance(n, ast.Name)}
+    return function.name.startswith(DRAWING) or DRAWN in made or bool(named & BRUSHES)
 
 
 def _changed(chunk: str) -> Iterator[str]:

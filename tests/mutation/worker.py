@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import cProfile
+import gc
 import importlib
 import marshal
 import multiprocessing
@@ -63,15 +64,17 @@ class Job:
     path : of the file
     code : the changed file
     tests : in the order in which they are asked
+    files : of all the tests that may notice another mutant of the file
     """
 
     path: str
     code: str
     tests: tuple[str, ...]
+    files: tuple[str, ...]
 
     @property
-    def files(self) -> tuple[str, ...]:
-        """Of the tests."""
+    def own(self) -> tuple[str, ...]:
+        """The files of the tests."""
         return tuple(sorted({test.partition("::")[0] for test in self.tests}))
 
 
@@ -116,6 +119,7 @@ class Worker:
             CALLED.enable()
             for name in PROJECT:
                 importlib.import_module(name)
+            gc.freeze()
         found = self._changed(job, original, lambda: self._swapped(job, original))
         return self._changed(job, original, lambda: forked(anew, job)) if found == UNSURE else found
 
@@ -197,8 +201,9 @@ def collect(files: tuple[str, ...], loop: Callable) -> None:
     import pytest
 
     scratch = Path(".mutation") / "scratch"
-    options = ["-q", "-p", "no:cacheprovider", "--capture=sys", f"--basetemp={scratch}"]
-    pytest.main([*options, *files], plugins=[Collected(loop)])
+    # A test need not say why it failed.
+    options = ["-q", "-p", "no:cacheprovider", "--capture=sys", "--assert=plain", "--tb=native"]
+    pytest.main([*options, f"--basetemp={scratch}", *files], plugins=[Collected(loop)])
 
 
 def noticed(items: dict, tests: tuple[str, ...]) -> str | None:
@@ -218,7 +223,9 @@ def _session(connection, file: str, files: tuple[str, ...]) -> None:
     def loop(items: dict) -> None:
         CALLED.disable()
         called = {place(of.code) for of in CALLED.getstats() if getattr(of.code, "co_filename", None) == file}
+        gc.unfreeze()
         made = functions(file)
+        gc.freeze()  # else a child's collector would write to every page, and so copy it
         while (asked := connection.recv()) is not None:
             found = forked(_with, made, items, *asked)
             sure = found or all(where in made and where not in called for where, _ in asked[1])
@@ -241,7 +248,7 @@ def alone(job: Job) -> str | None:
     def loop(items: dict) -> None:
         found[0] = noticed(items, job.tests)
 
-    collect(job.files, loop)
+    collect(job.own, loop)
     return found[0]
 
 
