@@ -113,6 +113,7 @@ class Trial:
         self.known = known if asked.again and same else None
         self.tried = self.all[: self.known.tried if self.known else asked.sample]
         self.files = tuple(sorted({t.partition("::")[0] for t in self._quick(reach.tests(path, 0))}))
+        self.known_tests = frozenset(t for t in reach.known if t.partition("::")[0] in self.files)
         self.kills: Counter = Counter()
 
     def todo(self) -> list[Mutant]:
@@ -135,7 +136,7 @@ class Trial:
         tests = self.tests(mutant)
         if not tests:
             return UNREACHED
-        by = ask(worker.Job(mutant.path, mutant.code, tuple(tests), self.files))
+        by = ask(worker.Job(mutant.path, mutant.code, tuple(tests), self.files, self.known_tests))
         if by is not None:
             self.kills.update([by, (mutant.where, by)])
         return KILLED if by else SURVIVED

@@ -99,7 +99,7 @@ class Reach:
     """
 
     def __init__(self, database: Path, root: Path):
-        self.database, self.root = database, root
+        self.database, self.root, self._lines = database, root, {}
 
     def measure(self, tests: list[str]) -> None:
         """Run tests and keep what they reach, besides what is known of others."""
@@ -125,9 +125,10 @@ class Reach:
     def _names(self) -> dict[str, str]:
         return {str(Path(f).resolve()): f for f in self._data.measured_files()}
 
-    @cached_property
-    def _lines(self) -> dict[str, dict]:
-        return {}
+    @property
+    def known(self) -> list[str]:
+        """The tests that were recorded."""
+        return list(self._known["tests"])
 
     def seconds(self, test: str) -> float:
         """What a test costs with its fixtures."""

@@ -65,12 +65,14 @@ class Job:
     code : the changed file
     tests : in the order in which they are asked
     files : of all the tests that may notice another mutant of the file
+    known : the tests of which it is known what they reach; any other of these files is asked as well
     """
 
     path: str
     code: str
     tests: tuple[str, ...]
     files: tuple[str, ...]
+    known: frozenset[str]
 
     @property
     def own(self) -> tuple[str, ...]:
@@ -142,7 +144,7 @@ class Worker:
             self.about = (job.path, job.files)
             FORK.Process(target=_session, args=(theirs, file, job.files), daemon=False).start()
             theirs.close()
-        self.session.send((job.tests, [(where, marshal.dumps(code)) for where, code in changes]))
+        self.session.send((job.tests, job.known, [(where, marshal.dumps(code)) for where, code in changes]))
         return self.session.recv()
 
     def close(self) -> None:
@@ -206,11 +208,11 @@ def collect(files: tuple[str, ...], loop: Callable) -> None:
     pytest.main([*options, f"--basetemp={scratch}", *files], plugins=[Collected(loop)])
 
 
-def noticed(items: dict, tests: tuple[str, ...]) -> str | None:
-    """The first of the tests that fails."""
+def noticed(items: dict, tests: tuple[str, ...], known: frozenset[str]) -> str | None:
+    """The first of the tests that fails, new ones last."""
     from _pytest.runner import runtestprotocol
 
-    asked = [items[test] for test in tests if test in items]
+    asked = [items[test] for test in (*tests, *(id for id in items if id not in known)) if test in items]
     for item, following in zip(asked, [*asked[1:], None], strict=True):
         if any(report.failed for report in runtestprotocol(item, log=False, nextitem=following)):
             return item.nodeid
@@ -228,17 +230,17 @@ def _session(connection, file: str, files: tuple[str, ...]) -> None:
         gc.freeze()  # else a child's collector would write to every page, and so copy it
         while (asked := connection.recv()) is not None:
             found = forked(_with, made, items, *asked)
-            sure = found or all(where in made and where not in called for where, _ in asked[1])
+            sure = found or all(where in made and where not in called for where, _ in asked[-1])
             connection.send(found if sure else UNSURE)
 
     collect(files, loop)
 
 
-def _with(made: dict, items: dict, tests: tuple[str, ...], changes: list) -> str | None:
+def _with(made: dict, items: dict, tests: tuple[str, ...], known: frozenset[str], changes: list) -> str | None:
     for where, code in changes:
         for function in made.get(where, ()):
             function.__code__ = marshal.loads(code)
-    return noticed(items, tests)
+    return noticed(items, tests, known)
 
 
 def alone(job: Job) -> str | None:
@@ -246,7 +248,7 @@ def alone(job: Job) -> str | None:
     found: list[str | None] = ["collection"]
 
     def loop(items: dict) -> None:
-        found[0] = noticed(items, job.tests)
+        found[0] = noticed(items, job.tests, job.known)
 
     collect(job.own, loop)
     return found[0]
