@@ -49,6 +49,7 @@ MAPS = [{"map": maps.SECTION, "seconds": 0.25}, {"map": maps.GRID, "seconds": 0.
 @pytest.mark.parametrize(("slowest", "holds"), [(1.8, True), (1.79, False)])
 def test_cores_are_held_to_what_is_wanted(slowest, holds):
     said = told(page.parallel, **{lanes.TABLE: [step(), step("b", speed_up=slowest)], maps.TABLE: MAPS})
+    assert said.short == f"2 cores: {(1.9 + slowest) / 2:.2f} times one in the median."
     assert said.holds == holds
     assert f"2 cores are {slowest:.2f} to 1.90 times as fast as one" in said.text
     assert ("less: b, p" in said.text) != holds
@@ -127,6 +128,17 @@ def test_how_far_behind_is_a_range():
     assert "behind on p from 0.1 (2.4 to 11 times, or not reached)." in said.text
     rows = [*ladder("ours", 1.0), *ladder("heyoka", 2.0)]
     assert list(told(page.whole, **{against.TABLE: rows})["cheaper"]) == ["ours"] * len(compare.ERRORS)
+
+
+def test_problems_are_named_in_the_order_of_the_table():
+    rows = [r | {"problem": name} for name in ("z", "a") for r in (*ladder("ours", 2.0), *ladder("heyoka", 1.0))]
+    assert "behind on z from 0.1 (2 to 2 times) and a from 0.1 (2 to 2 times)." in beside(*rows).text
+
+
+def test_the_table_shows_what_a_step_costs():
+    columns = dict.fromkeys(("ns scalar", "ns ensemble", "ns all cores", "speed-up, low", "speed-up, high"), 1.0)
+    shown = told(page.table, **{lanes.TABLE: [step(f"{k:02d}", **columns) for k in range(30)]}).frame
+    assert list(shown["method"]) == [f"{k:02d}" for k in range(25)]
 
 
 def test_an_error_that_only_heyoka_reaches_is_behind():

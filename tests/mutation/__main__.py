@@ -108,8 +108,9 @@ class Trial:
     def __init__(self, path: str, reach: Reach, asked: argparse.Namespace):
         self.path, self.reach, self.within = path, reach, asked.within
         self.all = sorted(mutants(ROOT, path), key=lambda m: m.place)
+        self.hash = score.digest(ROOT / path)  # of what is changed, whatever becomes of the file meanwhile
         known = score.read().get(path)
-        same = known is not None and (known.hash, known.mutants) == (score.digest(ROOT / path), len(self.all))
+        same = known is not None and (known.hash, known.mutants) == (self.hash, len(self.all))
         self.known = known if asked.again and same else None
         self.tried = self.all[: self.known.tried if self.known else asked.sample]
         self.files = tuple(sorted({t.partition("::")[0] for t in self._quick(reach.tests(path, 0))}))
@@ -134,7 +135,7 @@ class Trial:
     def judged(self, mutant: Mutant, ask) -> str:
         """Whether one of the tests notices it."""
         tests = self.tests(mutant)
-        if not tests:
+        if not self.files:
             return UNREACHED
         by = ask(worker.Job(mutant.path, mutant.code, tuple(tests), self.files, self.known_tests))
         if by is not None:
@@ -147,8 +148,7 @@ class Trial:
         survived = tuple(i for i, of in said.items() if of in (SURVIVED, UNREACHED))
         equivalent = sum(m.id in argued() for m in self.tried)
         killed = len(self.tried) - equivalent - len(survived) if self.known else counts[KILLED]
-        hashed = score.digest(ROOT / self.path)
-        return score.Score(self.path, hashed, len(self.all), len(self.tried), killed, equivalent, survived)
+        return score.Score(self.path, self.hash, len(self.all), len(self.tried), killed, equivalent, survived)
 
 
 def tried(trial: Trial, ask) -> dict[str, str]:

@@ -76,8 +76,8 @@ class Job:
 
     @property
     def own(self) -> tuple[str, ...]:
-        """The files of the tests."""
-        return tuple(sorted({test.partition("::")[0] for test in self.tests}))
+        """The files of the tests; of none, all."""
+        return tuple(sorted({test.partition("::")[0] for test in self.tests})) or self.files
 
 
 def write_redirect(root: Path, copy: Path) -> None:
