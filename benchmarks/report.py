@@ -20,10 +20,14 @@ from phasebench.benchmarks.experiments.catalogue.page import PAGES as CATALOGUE
 from phasebench.benchmarks.experiments.drift.page import PAGE as DRIFT
 from phasebench.benchmarks.experiments.energy_preservation.page import PAGE as ENERGY_PRESERVATION
 from phasebench.benchmarks.experiments.ensembles.page import PAGE as ENSEMBLES
+from phasebench.benchmarks.experiments.extremes.encounters_page import PAGE as EXTREMES_ENCOUNTERS
+from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
+from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EXTREMES_ROUND_OFF
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
 from phasebench.benchmarks.experiments.knobs.page import PAGE as KNOBS
+from phasebench.benchmarks.experiments.large.page import PAGE as LARGE
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
 from phasebench.benchmarks.experiments.models.page import PAGE as MODELS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
@@ -35,12 +39,13 @@ from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
 from phasebench.benchmarks.experiments.talks.page import PAGES as FIGURES
 from phasebench.benchmarks.experiments.talks.statements_page import PAGES as TALKS
 from phasebench.benchmarks.experiments.trade.page import PAGE as TRADE
+from phasebench.benchmarks.experiments.trade.ratios_page import PAGE as TRADE_RATIOS
 from phasebench.benchmarks.experiments.trade.scene_page import PAGES as TRADE_SCENES
 from phasebench.benchmarks.experiments.waves.page import PAGE as WAVES
 from phasebench.benchmarks.experiments.waves.spacetime_page import PAGE as MULTISYMPLECTIC
 from phasebench.benchmarks.experiments.wisdom_holman.page import PAGE as WISDOM_HOLMAN
 from phasebench.benchmarks.page import html, markdown
-from phasebench.benchmarks.page.origin import origin
+from phasebench.benchmarks.page.origin import origin, outdated
 from phasebench.benchmarks.page.page import Page, Picture, Table, outcome
 from phasebench.integrators.errors import InvalidInput
 
@@ -49,6 +54,7 @@ from .rows import tables as results
 #: In the order in which a reader wants them.
 PAGES: tuple[Page, ...] = (
     TRADE,
+    TRADE_RATIOS,
     ADVICE,
     MODELS,
     KNOBS,
@@ -60,6 +66,9 @@ PAGES: tuple[Page, ...] = (
     DRIFT,
     ENERGY_PRESERVATION,
     EXTREMES,
+    EXTREMES_LIMITS,
+    EXTREMES_ROUND_OFF,
+    EXTREMES_ENCOUNTERS,
     KEPLER,
     WISDOM_HOLMAN,
     OSCILLATORY,
@@ -68,6 +77,7 @@ PAGES: tuple[Page, ...] = (
     AUDIT,
     REFERENCES,
     SPEED,
+    LARGE,
     ENSEMBLES,
     *CATALOGUE,
     *TALKS,
@@ -146,8 +156,10 @@ def _page(page: Page, data: Data, target: Path) -> _Written:
     whole = page.whole(data)
     if whole is not None:
         whole = whole.drop(columns=list(results.PROVENANCE), errors="ignore")
-    _put(target, page.id, markdown.document(page, verdicts, pictures, table, origin(page, data)), whole)
-    return _Written(page, *outcome(verdicts), pictures, table)
+    old = outdated(page, data)
+    _put(target, page.id, markdown.document(page, verdicts, pictures, table, origin(page, data), old), whole)
+    verdict, short = outcome(verdicts)
+    return _Written(page, verdict, f"{short} ({old})" if old else short, pictures, table)
 
 
 def _put(target: Path, name: str, text: str, whole: pd.DataFrame | None) -> None:

@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-import importlib
+from phasebench.integrators.engine import lazy as _lazy
 
 _HOMES = {
     "Ensemble": "ensemble",
@@ -28,10 +28,5 @@ _HOMES = {
 __all__ = sorted(_HOMES)
 
 
-def __getattr__(name: str):
-    # SymPy and Numba load only when a system or a kernel is asked for.
-    if name in _HOMES:
-        value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
-        globals()[name] = value
-        return value
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+# Numba loads only when a system or a kernel is asked for.
+__getattr__ = _lazy.attributes(__name__, _HOMES)

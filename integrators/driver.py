@@ -139,15 +139,7 @@ def _run(kernel, trajectory: Trajectory, record: Method, timeout, progress) -> S
         if progress is not None:
             progress(t.reached)
     t.conclude(timeout, int(counts.fallbacks))
-    evaluations = int(counts.gradient)
-    tally = {
-        "steps": t.reached,
-        "gradient": evaluations,
-        "hessian": evaluations if kernel.hessian else 0,
-        "iterations": evaluations if kernel.implicit else 0,
-        "fallbacks": int(counts.fallbacks),
-        "newton": int(counts.newton),
-    }
+    tally = kernel.tally(t.reached, *(int(counts[name]) for name in ("gradient", "fallbacks", "newton")))
     n = t.filled
     Q, P, parameter = t.q[: n + 1], t.p[: n + 1], t.parameter[:n, 0]
     return Solution(t.times, Q, P, t.status, t.reason, tally, t.h, record, parameter, t.seconds)

@@ -12,9 +12,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +24,7 @@ from .lots import Orbits
 from .record import Method
 from .registry import method as method_of
 from .request import LARGEST, grid, initial, spacing
+from .threads import shared
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ def integrate_ensemble(
     workers = _threads(threads)
     good = np.flatnonzero(orbits.status == OK)
     wide = _goes_in_lanes(orbits, good, lanes)
-    tell = _Progress(progress, len(orbits.q))
+    tell = _Progress(progress)
     tell(len(orbits.q) - len(good))
     made = lots.of(orbits, good[wide]) if wide.any() else []
     rest = good[~wide]
@@ -123,34 +122,24 @@ def integrate_ensemble(
         i = rest[0]
         integrate(orbits.system, orbits.kinds[orbits.kind[i]], h=orbits.h[i], steps=1, q0=orbits.q[i], p0=orbits.p[i])
     began = time.perf_counter()
-    with _mapping(workers) as each:
-        lots.run(made, orbits, each, workers, tell)
-        stopped = lots.doubtful(orbits, good[wide])
-        again = np.concatenate([rest, stopped]).astype(int)
-        tell(-len(stopped))
-        for i, solution in zip(again, each(lambda i: _alone(orbits, i), again), strict=True):
+    lots.run(made, orbits, workers, tell)
+    stopped = lots.doubtful(orbits, good[wide])
+    again = np.concatenate([rest, stopped]).astype(int)
+    tell(-len(stopped))
+    for found in shared(lambda part: [(i, _alone(orbits, i)) for i in again[part]], len(again), workers):
+        for i, solution in found:
             _enter(orbits, i, solution)
-            tell(1)
+        tell(len(found))
     seconds = time.perf_counter() - began
     in_lanes = np.zeros(len(orbits.q), bool)
     in_lanes[np.setdiff1d(good[wide], stopped)] = True
     return _concluded(orbits, in_lanes, seconds)
 
 
-@contextmanager
-def _mapping(workers: int) -> Iterator[Callable]:
-    """What maps a function on so many threads, or as Python does in this one."""
-    if workers == 1:
-        yield map
-        return
-    with ThreadPoolExecutor(workers) as pool:
-        yield pool.map
-
-
 class _Progress:
     """Tells the number of orbits at their end."""
 
-    def __init__(self, told: Callable[[int], None] | None, n: int):
+    def __init__(self, told: Callable[[int], None] | None):
         self.told, self.done = told, 0
 
     def __call__(self, more: int) -> None:
@@ -276,8 +265,8 @@ def _methods(method, parameters: Mapping, n: int) -> tuple[list[Method], np.ndar
 def _checked(orbits: Orbits) -> Orbits:
     """Mark the starts that cannot be used."""
     good = np.isfinite(orbits.q).all(1) & np.isfinite(orbits.p).all(1)
-    if orbits.system.H is not None:
-        good &= np.isfinite(orbits.system.observe(orbits.system.H, orbits.q, orbits.p))
+    if orbits.system.has_energy:
+        good &= np.isfinite(orbits.system.energies(orbits.q, orbits.p))
     for i in np.flatnonzero(~good):
         try:
             initial(orbits.system, orbits.q[i], orbits.p[i])

@@ -8,16 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .engine import codegen, orbit_lanes
-from .engine.kernel import COUNTS, Prepared, Samples, prepare
+from .engine.kernel import COUNTS, TALLY, Prepared, Samples, prepare
 from .engine.orbit_lanes import LANES
-from .outcome import NOTED, OK, travel
+from .outcome import OK, noted, travel
 from .record import Method
-from .trajectory import PIECE
+from .threads import shared
+from .trajectory import PIECE, whole_rows
 
 #: Below this many orbits the lanes are not filled, and a kernel for them need not be compiled.
 ENOUGH = LANES.n
-#: Pieces of work for each thread, so that none waits long for another.
-SHARES = 4
 
 
 @dataclass
@@ -57,7 +56,7 @@ class Orbits:
         n = len(q)
         Q, P = (np.full((n, rows, system.d), np.nan) for _ in "qp")
         Q[:, 0], P[:, 0] = q, p
-        counts = dict.fromkeys(("steps", "gradient", "hessian", "iterations", "fallbacks", "newton"), 0)
+        counts = dict.fromkeys(TALLY, 0)
         status, reason = (np.full(n, text, dtype=object) for text in (OK, ""))
         return cls(system, q, p, h, steps, every, kinds, kind, Q, P, np.ones(n, int), status, reason, counts)
 
@@ -115,17 +114,23 @@ def _lot(parts: list[tuple[Prepared, np.ndarray]], d: int) -> Lot:
     return Lot(first, loop, np.concatenate([members for _, members in parts]), weights)
 
 
-def run(made: list[Lot], orbits: Orbits, each: Callable, workers: int, tell: Callable[[int], None]) -> None:
-    """Integrate the lots, in shares of whole blocks, and fill the rows; ``each`` maps, on so many threads."""
-    shares = []
-    for lot in made:
-        blocks = -(-len(lot.members) // LANES.n)
-        size = LANES.n * max(1, -(-blocks // (workers * SHARES if workers > 1 else 1)))
-        shares += [(lot, slice(i, i + size)) for i in range(0, len(lot.members), size)]
-    for counts, n in each(lambda share: _share(*share, orbits), shares):
-        for name, number in counts.items():
-            orbits.counts[name] += number
-        tell(n)
+def run(made: list[Lot], orbits: Orbits, threads: int, tell: Callable[[int], None]) -> None:
+    """Integrate the lots, in shares of whole blocks of one lot after the other, and fill the rows."""
+    ends = np.cumsum([0, *(-(-len(lot.members) // LANES.n) for lot in made)]).tolist()
+
+    def share(part: slice) -> list[tuple[dict[str, int], int]]:
+        of_lots = [
+            (lot, slice(LANES.n * (max(part.start, first) - first), LANES.n * (min(part.stop, end) - first)))
+            for lot, first, end in zip(made, ends, ends[1:], strict=False)
+            if max(part.start, first) < min(part.stop, end)
+        ]
+        return [_share(lot, members, orbits) for lot, members in of_lots]
+
+    for found in shared(share, ends[-1], threads):
+        for counts, n in found:
+            for name, number in counts.items():
+                orbits.counts[name] += number
+            tell(n)
 
 
 def pieces(steps: int, every: int) -> Iterator[tuple[int, int, int]]:
@@ -133,16 +138,16 @@ def pieces(steps: int, every: int) -> Iterator[tuple[int, int, int]]:
 
     A row of many steps is more than one call; what the last of them leaves is kept.
     """
-    rows, rest = divmod(steps, every)
     first = 0
-    while first < rows + (rest > 0):
-        n, left = (1, rest) if first == rows else (min(max(1, PIECE // every), rows - first), every)
+    while first * every < steps:
+        n = whole_rows(steps, every, first, PIECE)
         if n > 1:
             yield first, n, every
-        while n == 1 and left:
-            yield first, 1, min(left, PIECE)
-            left -= min(left, PIECE)
-        first += n
+            first += n
+            continue
+        for begun in range(first * every, min(steps, (first + 1) * every), PIECE):
+            yield first, 1, min(PIECE, steps - begun, (first + 1) * every - begun)
+        first += 1
 
 
 def _share(lot: Lot, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
@@ -164,9 +169,7 @@ def _share(lot: Lot, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
     evaluations = counts["gradient"]
     if not lot.prepared.implicit:  # counted once for all lanes
         evaluations = evaluations * np.minimum(width, n - width * np.arange(blocks))
-    total = int(evaluations.sum())
-    tally = {"steps": n * steps, "gradient": total, "iterations": total if lot.prepared.implicit else 0}
-    return tally | {"hessian": total if lot.prepared.hessian else 0}, n
+    return lot.prepared.tally(n * steps, int(evaluations.sum())), n
 
 
 def doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
@@ -178,19 +181,9 @@ def doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
     bad = ~(np.isfinite(Q).all(2) & np.isfinite(P).all(2))
     system = orbits.system
     flat = Q.reshape(-1, d), P.reshape(-1, d)
-    if system.H is not None:
-        bad |= _strange(system, Q, P)
-    if system.singular:
+    if system.has_energy:
+        bad |= noted(*(x.reshape(n, rows) for x in (system.energies(*flat), system.scale(*flat))))
+    if system.singularities:
         distance, length = travel(system, *flat, np.repeat(orbits.h[members], rows))
         bad |= (length > distance).reshape(n, rows)
     return members[bad.any(1)]
-
-
-def _strange(system, Q, P) -> np.ndarray:
-    """Where the energy is not finite, or has an error that `outcome.judged` would name; Q, P are (n, rows, d)."""
-    n, rows, d = Q.shape
-    flat = Q.reshape(-1, d), P.reshape(-1, d)
-    H = system.observe(system.H, *flat).reshape(n, rows)
-    with np.errstate(all="ignore"):
-        M = system.scale(*flat).reshape(n, rows)
-        return ~(np.abs(H - H[:, :1]) <= NOTED * np.maximum(M, M[:, 1:].mean(axis=1, keepdims=True)))

@@ -56,16 +56,35 @@ class EnergyError(NamedTuple):
 
 def energy_error(system, Q, P) -> EnergyError | None:
     """The energy error of finite rows Q, P, each (n, d), from the first row's energy; None where it is small."""
-    H = system.observe(system.H, Q, P)
-    size = np.abs(H - H[0])
-    size[size < np.finfo(float).tiny] = 0.0  # numbers that small have no digits
+    H = system.energies(Q, P)
+    size = sizes(H)
     if len(H) < 2 or (size <= KEPT * np.abs(H - system.constant)).all():  # M is no less
         return None
     M = np.minimum(system.scale(Q, P), np.finfo(float).max)
-    mean = (M[1:] / (len(M) - 1)).sum()  # a sum of large numbers must not overflow
     with np.errstate(over="ignore"):
         sofar = np.append(M[0], np.cumsum(M[1:]) / np.arange(1, len(M)))
-    return EnergyError(size, _share(size, np.maximum(M, mean)), _share(size, np.maximum(M, sofar)))
+    return EnergyError(size, _share(size, units(M)), _share(size, np.maximum(M, sofar)))
+
+
+def sizes(H) -> np.ndarray:
+    """The size of the energy's error in each row, from energies (..., rows)."""
+    size = np.abs(H - H[..., :1])
+    size[size < np.finfo(float).tiny] = 0.0  # numbers that small have no digits
+    return size
+
+
+def units(M) -> np.ndarray:
+    """What an energy error is judged by in each row, from the sizes M of H's terms, finite numbers (..., rows)."""
+    rest = M[..., 1:]
+    mean = (rest / max(1, rest.shape[-1])).sum(axis=-1, keepdims=True)  # a sum of large numbers must not overflow
+    return np.maximum(M, mean)
+
+
+def noted(H, M) -> np.ndarray:
+    """Where `judged` would name an error of the energies H, or one is not finite; arrays (..., rows)."""
+    with np.errstate(all="ignore"):
+        M = np.minimum(M, np.finfo(float).max)
+        return ~(np.isfinite(H) & (_share(sizes(H), units(M)) <= NOTED))
 
 
 def _share(error, size) -> np.ndarray:
@@ -76,7 +95,7 @@ def _share(error, size) -> np.ndarray:
 
 def judged(system, t, Q, P, advice: str = "take a smaller h") -> Outcome:
     """What the energy of finite rows at the times t says of a run that came to its end; without an energy nothing."""
-    found = energy_error(system, Q, P) if system.H is not None else None
+    found = energy_error(system, Q, P) if system.has_energy else None
     worst = 0.0 if found is None else found.share.max()
     if not worst > NOTED:
         return Outcome(OK, "")
@@ -100,7 +119,7 @@ def _bounded(error) -> str:
 
 def escaped(system, Q, P, found: EnergyError | None = None) -> str:
     """What to add where a state has grown: whether it had grown by much while the energy was kept."""
-    if system.H is None or len(Q) < 2:
+    if not system.has_energy or len(Q) < 2:
         return ""
     found = energy_error(system, Q, P) if found is None else found
     lost = len(Q) if found is None or found.sofar.max() < KEPT else int((found.sofar >= KEPT).argmax())
@@ -112,7 +131,7 @@ def escaped(system, Q, P, found: EnergyError | None = None) -> str:
 
 def energy_unit(system, Q, P) -> float:
     """The size of the first row's energy; of its terms where they cancel."""
-    H, M = (abs(float(x[0])) for x in (system.observe(system.H, Q[:1], P[:1]), system.scale(Q[:1], P[:1])))
+    H, M = (abs(float(x[0])) for x in (system.energies(Q[:1], P[:1]), system.scale(Q[:1], P[:1])))
     return M if H < KEPT * M else H
 
 
@@ -121,8 +140,7 @@ def energy_unit(system, Q, P) -> float:
 
 def travel(system, Q, P, h):
     """(distance to the nearest singularity, length of a step) of each row."""
-    distance = np.min([np.abs(system.observe(s, Q, P)) for s in system.singular], axis=0)
-    return distance, h * system.speed(Q, P)
+    return system.distances(Q, P).min(axis=0), h * system.speed(Q, P)
 
 
 def _aim(system, Q, P):
@@ -145,7 +163,7 @@ def _aim(system, Q, P):
 
 def approach(system, Q, P, h) -> str | None:
     """Whether the last good state was about to step across a singularity."""
-    if not system.singular or Q.dtype == object:
+    if not system.singularities or Q.dtype == object:
         return None
     distance, length = travel(system, Q[-1:], P[-1:], h)
     if length[-1] > distance[-1]:
@@ -155,7 +173,7 @@ def approach(system, Q, P, h) -> str | None:
 
 def passed(system, t, Q, P, h) -> str | None:
     """Whether a kept step jumped across a singularity: head-on, or with a tenth of the energy lost."""
-    if not system.singular or system.H is None:
+    if not system.singularities or not system.has_energy:
         return None
     distance, length = travel(system, Q, P, h)
     near = np.flatnonzero(length > distance)
@@ -164,7 +182,7 @@ def passed(system, t, Q, P, h) -> str | None:
     head_on = near[_aim(system, Q[near], P[near]) < HEAD_ON]
     if len(head_on):
         return f"the motion meets the singularity head-on after t = {t[head_on[0]]:.6g}; no step goes through it"
-    H = system.observe(system.H, Q, P)
+    H = system.energies(Q, P)
     if np.abs(H[near[0] :] - H[0]).max() <= 0.1 * energy_unit(system, Q, P):
         return None
     return (

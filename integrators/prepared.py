@@ -53,7 +53,7 @@ def step_of(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE):
 
 def lay_out(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE) -> Layout:
     """The run of a kernel from q, p."""
-    order = 1 + (prepared.linear or prepared.width)
+    order = 1 + (prepared.linear or prepared.width) if prepared.implicit or prepared.linear else 2
     orbit = Orbit(
         state=zeros((4 + prepared.stages, max(2, d)), arithmetic),
         memory=zeros(((3 * solve.LEVELS + 1) * prepared.stages, prepared.width), arithmetic),

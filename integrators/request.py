@@ -14,6 +14,8 @@ from .errors import InvalidInput
 LARGEST = 125_000_000
 #: A step is made longer by this factor at most where t_end is no multiple of it: it may be near a limit of stability.
 WIDENED = 1.01
+#: Steps of a run, at most (messages say 1e13).
+MOST = 1e13
 
 
 class Request(NamedTuple):
@@ -49,10 +51,6 @@ def request(problem, *, h=None, t_end=None, steps=None, q0=None, p0=None, save_e
         room = f"{rows:.3g} rows of d = {system.d} do not fit in memory"
         raise InvalidInput(f"{room}; take fewer steps, or keep fewer with save_every in Python")
     return Request(system, q, p, h, steps, every)
-
-
-#: Steps of a run, at most (messages say 1e13).
-MOST = 1e13
 
 
 def grid(h=None, t_end=None, steps=None) -> tuple[float, int]:
@@ -137,8 +135,8 @@ def initial(problem, q0=None, p0=None, exact: bool = False):
         if len(value) != system.d:
             raise InvalidInput(f"{name} has {len(value)} components; the problem has d = {system.d}")
         state.append(value)
-    if not exact and system.H is not None:
-        H = system.observe(system.H, state[0][None], state[1][None])[0]
+    if not exact and system.has_energy:
+        H = system.energies(state[0][None], state[1][None])[0]
         if not isfinite(H):
             raise InvalidInput(f"the energy of the initial state is {H}: it is at a singularity or outside H's domain")
     return system, state[0], state[1]

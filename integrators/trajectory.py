@@ -50,6 +50,14 @@ def _leading(good: np.ndarray) -> int:
     return len(good) if good.all() else int(good.argmin())
 
 
+def whole_rows(steps: int, every: int, filled: int, most: int) -> int:
+    """How many rows a call of at most so many steps fills; one alone, and a shorter last one, have calls of their own.
+
+    ``steps`` and ``every`` are of the run, of which ``filled`` rows are there.
+    """
+    return min(most // every, steps // every - filled)
+
+
 class Trajectory:
     """The rows of a run: every ``every`` steps one, and the last.
 
@@ -92,8 +100,7 @@ class Trajectory:
 
     def advance(self, run, pace: Pace) -> None:
         """Fill the rows of a piece, or one row in pieces; look at what came of it."""
-        rows = self.steps // self.every
-        n = min(pace.steps // self.every, rows - self.filled)
+        n = whole_rows(self.steps, self.every, self.filled, pace.steps)
         code = self._rows(run, n, pace) if n > 1 else self._row(run, pace)
         if self.status == OK and code:
             self._stopped(code)
@@ -152,8 +159,8 @@ class Trajectory:
         good, reason = _leading(np.isfinite(Q).all(1) & np.isfinite(P).all(1)), ""
         if good < n:
             reason = "the state is no longer finite"
-        if self.system.H is not None and good:
-            known = _leading(np.isfinite(self.system.observe(self.system.H, Q[:good], P[:good])))
+        if self.system.has_energy and good:
+            known = _leading(np.isfinite(self.system.energies(Q[:good], P[:good])))
             if known < good:
                 good, reason = known, "the energy is no longer finite: the state is outside H's domain"
         return good, reason

@@ -10,7 +10,7 @@
 
 from __future__ import annotations
 
-import importlib
+from phasebench.integrators.engine import lazy as _lazy
 
 #: Public name -> the package or module that it comes from, loaded when it is first asked for.
 _HOMES = {
@@ -35,17 +35,16 @@ _HOMES = {
 __all__ = sorted(_HOMES)
 
 
+_public = _lazy.attributes(__name__, _HOMES)
+
+
 def __getattr__(name: str):
-    # SymPy and Numba load only when a system or a kernel is asked for.
-    if name in _HOMES:
-        value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
-        globals()[name] = value
-        return value
+    # Numba loads only when a system or a kernel is asked for.
     if name == "__version__":
         from importlib.metadata import version
 
         return version("phasebench")
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return _public(name)
 
 
 def __dir__() -> list[str]:

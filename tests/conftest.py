@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from phasebench.benchmarks.measure import multiprecision
+from phasebench.integrators.engine import preparation
 
 HERE = Path(__file__).resolve().parent
 
@@ -59,6 +60,14 @@ def _result(script: str, *arguments: str):
     result = _uncompiled(script, *arguments)
     assert not isinstance(result, str), f"{script} {' '.join(arguments)} failed:\n{result}"
     return result
+
+
+@pytest.fixture(scope="session", autouse=True)
+def nothing_that_families_prepare_is_kept():
+    """Tests change families: what they prepare is prepared, never read from the cache."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(preparation, "KEPT", False)
+        yield
 
 
 @pytest.fixture(scope="session")

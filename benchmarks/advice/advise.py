@@ -19,7 +19,7 @@ from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.benchmarks.measure.timing import in_turns, median
 
-from . import words
+from . import models, words
 from .ask import Ask
 from .hunt import LONGEST, MIDDLE, Candidate, Search
 from .known import KNOWN, known
@@ -70,6 +70,7 @@ def _nothing(why: str, true: Truth | None, dropped: Sequence[Dropped] = ()) -> d
         "peer": None,
         "runner_up": None,
         "next": None,
+        "lower_model": None,
         "alternatives": [],
         "dropped": [d._asdict() for d in dropped],
         "reference": None if true is None else {"uncertainty": true.uncertainty, "source": true.source},
@@ -127,6 +128,7 @@ def _chosen(found: Search, order: list[Candidate], problem_words: Sequence[str])
         "peer": rows.get(peer),
         "runner_up": rows[order[1]] if len(order) > 1 else None,
         "next": _tenfold(found, order, problem_words) if ask.accuracy is not None else None,
+        "lower_model": models.lower(ask),
         "alternatives": [rows[c] for c in order[1 : ALTERNATIVES + 1]],
         "dropped": [d._asdict() for d in found.dropped],
         "reference": {"uncertainty": found.true.uncertainty, "source": found.true.source} | second,

@@ -53,7 +53,7 @@ def advise(
         A row for each of the choice, the cheapest of this project, of the others, the runner-up, and what the next ten
         times in accuracy costs (column ``role``): integrator, params, h and steps or tol, model, command, error,
         uncertainty, seconds.  Empty where nothing is advised.  ``attrs`` hold the rest of the answer: ``verified``,
-        ``why``, ``alternatives``, ``dropped``, ``reference``.
+        ``why``, ``lower_model`` (of a scene with a ladder of models), ``alternatives``, ``dropped``, ``reference``.
 
     Raises
     ------

@@ -40,10 +40,12 @@ def stateless(tables: Tables) -> Judged:
         return Judged("stateless", words, UNJUDGED, why=tables.failed.get("state", "it was not measured"))
     worst = max(rows, key=lambda r: r["value"])
     if worst["value"] > NEARLY:
-        why = f"{worst['what']} differ by {worst['value']:.1e} on {worst['on']}"
+        why = f"{worst['what']}: results differ by {worst['value']:.1e} on {worst['on']}"
         return Judged("stateless", words, CONTRADICTED, worst["value"], None, (worst["on"],), why)
     why = (
-        "equal in every bit" if worst["value"] == 0 else f"to round-off: {worst['what']} differ by {worst['value']:.1e}"
+        "equal in every bit"
+        if worst["value"] == 0
+        else f"to round-off: {worst['what']}, results differ by {worst['value']:.1e}"
     )
     return Judged("stateless", words, HOLDS, worst["value"], None, (), why)
 
@@ -83,7 +85,9 @@ def consistent(tables: Tables) -> Judged:
         why = f"a clock that is wrong by {value:.1e}: coefficients of {digits(value)} digits, not of a double's 16"
         return Judged("consistent", "consistent", CONTRADICTED, value, None, on, why)
     if not told:
-        return Judged("consistent", "consistent", UNJUDGED, value, None, on, f"known to {worst['doubt']:.0e} alone")
+        return Judged(
+            "consistent", "consistent", UNJUDGED, value, None, on, f"known to no better than {worst['doubt']:.0e}"
+        )
     why = "" if "terms" in worst else f"in doubles, to {max(worst['doubt'], SEEN):.0e}; smaller could not be seen"
     return Judged("consistent", "consistent", HOLDS, value, None, tuple(r["on"] for r in rows), why)
 

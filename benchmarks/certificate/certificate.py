@@ -18,6 +18,7 @@ from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
 from . import adaptive, battery, behaviour, conservation, judge, structure
 from .battery import Entry
 from .order import order
+from .place import place, scenes
 from .stepping import DIGITS, StepFailed, Stepper
 from .subject import Subject, subject
 from .verdicts import CONSERVED, Judged, Tables
@@ -37,7 +38,7 @@ DEFECTS = {
 
 #: Claim -> the measure that judges it, where that is of another name; and all measures but those that are always made.
 MEASURE = dict.fromkeys(CONSERVED, "long")
-EVERYTHING = {*DEFECTS, "stability", "long", "round_off"}
+EVERYTHING = {*DEFECTS, "stability", "long", "round_off", "place"}
 
 
 @dataclass(frozen=True)
@@ -99,8 +100,12 @@ class Certificate:
             measured = f" ({j.measured:.3g})" if isinstance(j.measured, float) else ""
             lines.append(f"  {j.claim}: {j.verdict}{measured}{f'; {j.why}' if j.why else ''}")
         if self.offers:
-            lines.append(f"  measured and not claimed: {', '.join(self.offers)}")
+            lines.append(f"  measured and not claimed: {self.offered()}")
         return "\n".join(lines)
+
+    def offered(self) -> str:
+        """What could be claimed, as options of the command."""
+        return " ".join(f"--claim {offer}" for offer in self.offers)
 
 
 def _without_curves(row: dict) -> dict:
@@ -136,6 +141,8 @@ def certify(
     try:
         if chosen.adaptive:
             _adaptive(chosen, tables, seed, tell)
+            if not alone:
+                _place(chosen, tables, tell)
         else:
             wanted = {MEASURE.get(name, name) for name in chosen.own.claims} if alone else EVERYTHING
             doubles = _step(chosen, tables, seed, tell, wanted)
@@ -182,6 +189,10 @@ def validate(
         For a target or a claim that cannot be used.
     """
     requires = (requires,) if isinstance(requires, str) else tuple(requires)
+    if output is not None:
+        from .render import writable
+
+        writable(output)
     found = certify(target, claims, requires, seed)
     if output is not None:
         from .render import write
@@ -231,7 +242,18 @@ def _step(chosen: Subject, tables: Tables, seed: int, tell, wanted) -> str:
         tables.rows.setdefault("long", []).append(conservation.long_run(chosen, entry, seed))
     if "round_off" in wanted and not doubles:
         tables.rows["round_off"] = [conservation.round_off(chosen, entries[min(1, len(entries) - 1)], seed)]
+    if "place" in wanted:
+        _place(chosen, tables, tell)
     return doubles
+
+
+def _place(chosen: Subject, tables: Tables, tell) -> None:
+    """Where it stands beside the trade's integrators, unless it is no step of the system."""
+    if judge.gross_failure(judge.judged({}, tables)):
+        return
+    for scene in scenes(chosen):
+        tell(f"its place on {scene}")
+        tables.rows.setdefault("place", []).append(place(chosen, scene))
 
 
 def _first_that_runs(measure: Callable[[str], dict], arithmetics) -> dict:

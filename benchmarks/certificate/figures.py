@@ -11,6 +11,9 @@ from phasebench.benchmarks.page.page import Picture
 
 from .verdicts import Tables
 
+#: Errors are drawn no smaller.
+LEAST = 1e-16
+
 
 @style.drawn
 def order(tables: Tables, folder: Path) -> Picture | None:
@@ -65,3 +68,24 @@ def stability(tables: Tables, folder: Path) -> Picture | None:
     axes.set(xlabel="h omega", ylabel="spectral radius")
     caption = "The spectral radius of a step of the harmonic oscillator (cut at 4); above 1 it is unstable."
     return Picture(style.save(figure, folder, "stability.png"), "linear stability", caption)
+
+
+@style.drawn
+def place(tables: Tables, folder: Path) -> Picture | None:
+    """The error over the evaluations on each scene, beside the fewest of the trade's integrators."""
+    rows = [r for r in tables.of("place") if r["curve"]]
+    if not rows:
+        return None
+    figure, (panels,) = style.panels(1, len(rows), 3.0, sharey=True)
+    for k, (axes, row) in enumerate(zip(panels, rows, strict=True)):
+        evaluations, error = np.array(row["curve"]).T
+        axes.loglog(evaluations, np.maximum(error, LEAST), label="this integrator", **style.curve(0))
+        best = [(r["its evaluations"], r["error"]) for r in row["errors"]]
+        axes.loglog(*zip(*best, strict=True), color="black", linewidth=4, alpha=0.2, label="the cheapest stored")
+        axes.set(xlabel="evaluations of the gradient", title=row["on"])
+        if not k:
+            axes.set_ylabel("error at the end")
+            axes.legend()
+    about = ", ".join(f"{r['about']} ({r['on']})" for r in rows)
+    caption = f"The error against the evaluations: {about}; grey: the fewest evaluations of the trade's integrators."
+    return Picture(style.save(figure, folder, "place.png"), "its place on fronts of the trade", caption)

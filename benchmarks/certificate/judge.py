@@ -87,7 +87,7 @@ def order(claimed: int, tables: Tables) -> Judged:
     value, interval, on = worst["value"], (worst["low"], worst["high"]), tuple(r["on"] for r in told)
     differ = [r for r in told if not agrees(r, claimed) and r["value"] < claimed]
     if differ:
-        why = f"{value:.3g} on {worst['on']}{hint(differ, told)}"
+        why = f"it is {value:.3g} on {worst['on']}{hint(differ, told)}"
         return Judged("order", words, CONTRADICTED, value, interval, tuple(r["on"] for r in differ), why)
     cut = [(max(r["terms"][1 : min(claimed, r["clean"])], default=0.0), r["on"]) for r in told if "terms" in r]
     if cut and max(cut)[0] > ROUNDED:

@@ -76,7 +76,8 @@ def conserved(name: str, claimed: str, tables: Tables) -> Judged:
 def _conserved(name, words, verdict, row, part, how, on) -> Judged:
     seen = {ROUND_OFF: "of round-off", BOUNDED: "bounded", DRIFT: "drifts", None: "open"}[how]
     why = f"{seen}: at most {part['value']:.1e} to t = {part['time']:g} on {row['on']}, slope {part['slope']:.1e}"
-    return Judged(name, words, verdict, part["value"], (part["low"], part["high"]), on, why)
+    why += f" in [{part['low']:.1e}, {part['high']:.1e}]"  # the slope's interval: that of the size would be another
+    return Judged(name, words, verdict, part["value"], None, on, why)
 
 
 def hint(bad: list[dict], rows: list[dict]) -> str:

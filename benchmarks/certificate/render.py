@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -14,20 +16,29 @@ from phasebench.benchmarks.page.markdown import bullets, number, wrapped
 from phasebench.integrators.errors import InvalidInput
 
 from . import figures
+from .adaptive import T_END
 from .certificate import Certificate
 from .evidence import BROKEN, GATE, VISIBLE
 from .stepping import DIGITS
 from .structure import STEPS
+from .verdicts import CONTRADICTED, HOLDS, UNJUDGED
 
+PLACE = (
+    "Evaluations of the gradient, by q or by p, whichever are more, that it needs for an error of the state at the "
+    "end (of its worst component), and the fewest of the trade's integrators that come within twice the cheapest in "
+    "time. Times are not compared: a step that Python calls says nothing of what it would take compiled."
+)
+#: What every integrator is held to.
+HELD_TO = ("runs", "stateless", "pure", "consistent")
+WORDS = {HOLDS: "hold", CONTRADICTED: "contradicted", UNJUDGED: "not judged"}
 TITLES = {"pass": "PASS", "fail": "FAIL", "not-judged": "NOT JUDGED"}
 
 
 def write(certificate: Certificate, folder: str | Path) -> list[Path]:
     """Write the files into a folder, which is made where it is missing; raises InvalidInput where it cannot be."""
-    folder = Path(folder)
+    folder = writable(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        draws = (figures.order, figures.energy, figures.stability)
+        draws = (figures.order, figures.energy, figures.stability, figures.place)
         pictures = [p for p in (draw(certificate.tables, folder / "figures") for draw in draws) if p is not None]
         text = document(certificate, pictures)
         files = {
@@ -38,8 +49,24 @@ def write(certificate: Certificate, folder: str | Path) -> list[Path]:
         for name, content in files.items():
             (folder / name).write_text(content, encoding="utf-8")
     except OSError as error:
-        raise InvalidInput(f"the certificate cannot be written to {folder}: {error.strerror}") from None
+        raise _unwritable(folder, error) from None
     return [folder / name for name in files]
+
+
+def writable(folder: str | Path) -> Path:
+    """The folder, made where it is missing, before anything is measured for it; raises InvalidInput where it cannot."""
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except OSError as error:
+        raise _unwritable(folder, error) from None
+    return folder
+
+
+def _unwritable(folder: Path, error: OSError) -> InvalidInput:
+    return InvalidInput(f"the certificate cannot be written to {folder}: {error.strerror}")
 
 
 def finite(value: Any) -> Any:
@@ -66,24 +93,27 @@ def document(certificate: Certificate, pictures) -> str:
     measured = _measured(certificate)
     if len(measured):
         parts += ["## Measured\n", markdown.table(measured)]
+    if certificate.tables.of("place"):
+        parts += ["## Place on fronts of the trade\n", wrapped(PLACE) + "\n", markdown.table(_place(certificate))]
     parts += ["## How it was judged\n", bullets(_limits(certificate))]
     return "\n".join(parts).rstrip() + "\n"
 
 
 def _sentence(certificate: Certificate) -> str:
-    counts = {}
-    for j in certificate.claims:
-        counts[j.verdict] = counts.get(j.verdict, 0) + 1
-    told = ", ".join(f"{n} {verdict}" for verdict, n in counts.items())
-    why = [f"{j.claim}: {j.why or j.verdict}" for j in certificate.claims if j.verdict == "contradicted"]
-    none = "" if len(certificate.claims) > 4 else " Nothing was claimed beyond what every integrator is held to."
-    return wrapped(f"{told}.{none}" + (f" Contradicted: {'; '.join(why)}." if why else "")) + "\n"
+    whole, counts = len(certificate.claims), {v: sum(j.verdict == v for j in certificate.claims) for v in WORDS}
+    told = f"Of {whole} claims and requirements {', '.join(f'{n} {WORDS[v]}' for v, n in counts.items() if n)}."
+    if counts[HOLDS] == whole:
+        told = f"All {whole} claims and requirements hold."
+    if whole <= len(HELD_TO):
+        told += " Nothing was claimed beyond what every integrator is held to."
+    why = [f"{j.claim}: {j.why or j.verdict}" for j in certificate.claims if j.verdict == CONTRADICTED]
+    return wrapped(told + (f" Contradicted: {'; '.join(why)}." if why else "")) + "\n"
 
 
 def _claims(certificate: Certificate) -> pd.DataFrame:
     rows = []
     for j in certificate.claims:
-        interval = f"{j.interval[0]:.3g} to {j.interval[1]:.3g}" if j.interval else ""
+        interval = f"{j.interval[0]:.5g} to {j.interval[1]:.5g}" if j.interval else ""
         value = number(j.measured) if isinstance(j.measured, (int, float)) else j.measured or ""
         row = {"claim": j.claim, "verdict": j.verdict, "measured": value, "interval": interval}
         rows.append(row | {"on": ", ".join(j.on), "why": j.why[:200]})
@@ -105,23 +135,43 @@ def _measured(certificate: Certificate) -> pd.DataFrame:
             rows.setdefault(r["on"], {})[f"{name} defect"] = number(r["value"]) if "value" in r else "not measured"
     for r in tables.of("long"):
         if r["status"] == "ok":
-            rows.setdefault(r["on"], {})["energy error"] = number(r["energy"]["value"])
-            rows[r["on"]]["its slope"] = number(r["energy"]["slope"])
+            rows.setdefault(r["on"], {})["energy error, in units of H"] = number(r["energy"]["value"])
+            rows[r["on"]]["its slope, per unit of time"] = number(r["energy"]["slope"])
     for r in tables.of("tolerance"):
-        rows.setdefault(r["on"], {})["errors"] = ", ".join(number(e) for e in r["errors"])
+        at = ", ".join(f"{tol:.0e}" for tol in r["tolerances"])
+        rows.setdefault(r["on"], {})[f"relative errors at tolerances {at}"] = ", ".join(number(e) for e in r["errors"])
     return pd.DataFrame([{"system": name} | row for name, row in rows.items()]).fillna("")
+
+
+def _place(certificate: Certificate) -> pd.DataFrame:
+    """A row a scene and error."""
+    rows = []
+    for r in certificate.tables.of("place"):
+        for e in r["errors"]:
+            mine = {"evaluations": "not reached", "times as many": ""}
+            if e["evaluations"] is not None:
+                mine = {"evaluations": f"{e['evaluations']:.0f}", "times as many": f"{e['factor']:.2g}"}
+            row = {"scene": r["on"], "error up to": f"{e['error']:.0e}", "evaluations": mine["evaluations"]}
+            row |= {"cheapest stored": e["cheapest"], "its evaluations": f"{e['its evaluations']:.0f}"}
+            rows.append(row | {"times as many": mine["times as many"]})
+    return pd.DataFrame(rows)
 
 
 def _limits(certificate: Certificate) -> list[str]:
     about = certificate.as_dict()
     versions = ", ".join(f"{name} {version}" for name, version in about["versions"].items())
-    out = [
-        f"Arithmetic: {about['arithmetic']}."[:380],
-        f"An order agrees within {GATE}; it is that of the worst system. A defect over {BROKEN:g} times the floor is "
-        f"broken; below it counts where the step's own error is {VISIBLE:g} times the floor. Steps h = "
-        f"{' and '.join(f'{h:g}' for h in STEPS)}.",
-        "Small systems of one and two degrees of freedom: what shows on others alone is not seen.",
-    ]
+    out = []
+    if certificate.tables.of("order") or certificate.tables.of("tolerance"):
+        out.append(f"Arithmetic: {about['arithmetic']}."[:380])
+    if certificate.tables.of("order"):
+        out.append(
+            f"An order agrees within {GATE}; it is that of the worst system. A defect over {BROKEN:g} times the floor "
+            f"is broken; below it counts where the step's own error is {VISIBLE:g} times the floor. Steps h = "
+            f"{' and '.join(f'{h:g}' for h in STEPS)}."
+        )
+    if certificate.tables.of("tolerance"):
+        out.append(f"Errors are relative to the largest component of the state, at t = {T_END:g}.")
+    out.append("Small systems of one and two degrees of freedom: what shows on others alone is not seen.")
     for r in certificate.tables.of("round_off"):
         grows = (
             "its mean is not 0: it adds up as t"

@@ -73,7 +73,7 @@ def subject(target, claims: Mapping[str, Any] | None = None, requires: tuple[str
     """
     made = _made(target)
     own = made.own
-    stated = {**own.claims, **own_step.checked_claims(claims or {}, "the claims")}
+    stated = {**own.claims, **own_step.checked_claims(claims or {}, "what is claimed")}
     wanted = tuple(dict.fromkeys((*own.requires, *requires)))
     traits = battery.oscillator().system.traits
     for trait in wanted:
@@ -107,6 +107,8 @@ def _named(name: str) -> Subject:
         return _registered(integrator(name))
     if not user_file.is_file(name):
         hint = "write ./mine.py, ./mine.json or package.module:callable"
+        if Path(f"{name}.py").is_file():
+            raise InvalidInput(f"there is no integrator '{name}'; did you mean ./{name}.py?")
         raise InvalidInput(f"{unknown('integrator', name, [*METHODS, *PEERS])}; {hint}")
     module = user_file.load(name, "method")
     run = getattr(module, "run", None)

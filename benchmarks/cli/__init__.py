@@ -6,6 +6,7 @@ that needs them, so its module imports them inside the function.
 
 from __future__ import annotations
 
+import sys
 from typing import Annotated
 
 import typer
@@ -41,12 +42,6 @@ COMMANDS = {
     "cache": cache,
 }
 
-app = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
-
 
 def _version(wanted: bool) -> None:
     if wanted:
@@ -56,20 +51,28 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def options(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Say which.")] = False,
 ) -> None:
     """A validation benchmark suite for geometric integrators of Hamiltonian systems."""
 
 
-for name, command in COMMANDS.items():
-    app.command(name)(command)
+def _made(commands: dict) -> typer.Typer:
+    """The application of these commands."""
+    made = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+    made.callback()(options)
+    for name, command in commands.items():
+        made.command(name)(command)
+    return made
+
+
+app = _made(COMMANDS)
 
 
 def main() -> None:
-    """The installed command."""
-    app()
+    """The installed command; where it is one of `COMMANDS`, the others need not be made ready."""
+    only = {name: COMMANDS[name] for name in sys.argv[1:2] if name in COMMANDS}
+    (_made(only) if only else app)()
 
 
 __all__ = ["COMMANDS", "app", "main"]

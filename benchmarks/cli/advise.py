@@ -120,6 +120,10 @@ def _print(answer: dict[str, Any]) -> None:
     second = f"; {source['second']} came within {source['distance']:.1e} of it" if source["second"] else ""
     state = "verified: run against the reference" if answer["verified"] else "NOT verified"
     out.print(f"{state}; {known}{second}", highlight=False, markup=False, soft_wrap=True)
+    if answer["lower_model"]:
+        from phasebench.benchmarks.advice.models import said
+
+        out.print(said(answer["lower_model"]), highlight=False, markup=False, soft_wrap=True)
     _dropped(answer["dropped"])
     out.print(f"\n{answer['choice']['command']}", highlight=False, markup=False, soft_wrap=True)
 

@@ -35,6 +35,7 @@ def certify(
     t_end: Annotated[
         float | None, typer.Option(help="Certify this one time of one problem, and store nothing.")
     ] = None,
+    timeout: Annotated[float, typer.Option(help="Seconds that certifying one time may take.")] = 300.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Measure the stored reference states, their uncertainties and horizons again; exit code 1 where one is wrong."""
@@ -47,7 +48,7 @@ def certify(
         elif len(names) != 1 or update:
             raise InvalidInput("--t-end certifies one problem and stores nothing: name one, as id or id:orbit")
         else:
-            right = _one(names[0], t_end, as_json)
+            right = _one(names[0], t_end, timeout, as_json)
     raise typer.Exit(0 if right else WRONG)
 
 
@@ -116,17 +117,24 @@ def _print_table(outcomes: list[Outcome], update: bool) -> None:
         out.print(kept, highlight=False)
 
 
-def _one(name: str, t_end: float, as_json: bool) -> bool:
+def _one(name: str, t_end: float, timeout: float, as_json: bool) -> bool:
     """Certify one time and print the state; whether the other solvers agree."""
     from phasebench.benchmarks.problems import problem
     from phasebench.reference.certificates import make
+    from phasebench.reference.solvers import watch
     from phasebench.reference.solvers.taylor import ReferenceFailed
 
+    if not timeout > 0:
+        raise InvalidInput(f"--timeout is {timeout}; it must be a positive number of seconds")
     if not 0 < t_end < float("inf"):
         raise InvalidInput(f"--t-end is {t_end}; it must be a positive number")
     made = problem(name)
     try:
-        new = make.certify(made, [t_end])
+        with err.status("certify") as status, watch.watching(timeout, lambda told: status.update(f"certify, {told}")):
+            new = make.certify(made, [t_end])
+    except watch.TooLong as late:
+        told = f"{made.label} cannot be certified to {t_end:g} in {timeout:g} s (--timeout): {late}"
+        raise InvalidInput(told) from None
     except ReferenceFailed as error:
         raise InvalidInput(f"{made.label} cannot be certified to {t_end!r}: {error}") from None
     if as_json:

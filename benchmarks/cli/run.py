@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from phasebench.integrators.errors import InvalidInput
 
 from .shared import err, invalid_input, out
 
@@ -22,17 +25,25 @@ def run(
     scene: Annotated[list[str], typer.Option(help="A scene; all where none is named.")] = [],  # noqa: B006
     method: Annotated[list[str], typer.Option(help="A method or a peer; all where none is named.")] = [],  # noqa: B006
     quick: Annotated[bool, typer.Option(help="Fewer steps.")] = False,
+    jobs: Annotated[int, typer.Option(help="Measure scenes in so many processes beside each other.", min=0)] = 0,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Measure scenes on a Dask cluster: its address, tcp://10.0.0.1:8786.")
+    ] = None,
     output: Annotated[
         Path, typer.Option(help="Rows, one JSON object a line; those that are there and have not changed stay.")
     ] = Path("rows.jsonl"),
 ) -> None:
     """Sweep methods over scenes, or over one problem's steps, into tidy rows on disk."""
     if problem is not None:
+        with invalid_input():
+            if jobs or scheduler:
+                raise InvalidInput("--jobs and --scheduler are for scenes: the steps of one problem are timed, alone")
         _one(problem, t_end, quantity, method, scene, output)
         return
     from phasebench.benchmarks.experiments.trade import peer_rows, sweep
     from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
     from phasebench.benchmarks.rows import lines, screen
+    from phasebench.benchmarks.rows.cluster import Cluster
     from phasebench.integrators.errors import unknown
     from phasebench.integrators.registry import METHODS
 
@@ -43,8 +54,11 @@ def run(
                 raise unknown(kind, name, known)
         only = (lambda m: m.id in method) if method else None
         cells = sweep.cells(quick, [s for s in SCENES if not scene or s.id in scene], only)
-        with screen.progress(sys.stderr) as progress:
-            entries, failed, there = lines.measure(output, cells, progress)
+        if jobs and scheduler:
+            raise InvalidInput("both --jobs and --scheduler are given; leave out one of them")
+        cluster = Cluster(scheduler) if scheduler else None
+        with closing(cluster) if cluster else nullcontext(), screen.progress(sys.stderr) as progress:
+            entries, failed, there = lines.measure(output, cells, progress, jobs, cluster)
     for line in failed:
         err.print(line)
     rows = [row for e in entries.values() for row in e.rows["rows"]]
@@ -60,7 +74,6 @@ def _one(problem: str, t_end: float | None, quantity: str, methods: list[str], s
     """Error and time of methods on one problem, from where each breaks to round-off, one JSON object a line."""
     import json
 
-    from phasebench.integrators.errors import InvalidInput
     from phasebench.reference.tables import write_file
 
     from .integrate import made

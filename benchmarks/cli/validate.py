@@ -9,11 +9,13 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
-from .shared import WRONG, compilation_shown, err, invalid_input, out, print_json
+from .shared import WRONG, compilation_shown, err, invalid_input, out, print_json, width
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.certificate.certificate import Certificate
 
+#: Below so many columns, and where nobody reads, a claim is a line of text.
+NARROW = 70
 STYLES = {"pass": "green", "fail": "bold red", "holds": "green", "contradicted": "bold red"}
 
 
@@ -37,6 +39,10 @@ def validate(
         claims = stated(claim)
         if seed < 0:
             raise InvalidInput(f"--seed is {seed}; it must not be negative")
+        if output is not None:
+            from phasebench.benchmarks.certificate.render import writable
+
+            writable(output)
         with err.status("validate") as status:
             found = certify(integrator, claims, tuple(requires), seed, status.update)
         if output is not None:
@@ -75,6 +81,26 @@ def _value(text: str) -> Any:
 
 
 def _print(found: Certificate, output: Path | None) -> None:
+    from phasebench.benchmarks.certificate.place import placed
+
+    room = width()
+    if room is None or room < NARROW:
+        _say(found.summary())
+    else:
+        _print_table(found)
+    if found.doubles:
+        _say(f"measured in doubles: {found.doubles}")
+    for line in placed(found.tables):
+        _say(line)
+    if output is not None:
+        _say(f"certificate: {output / 'certificate.html'}")
+
+
+def _say(text: str) -> None:
+    out.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+def _print_table(found: Certificate) -> None:
     from rich.table import Table
     from rich.text import Text
 
@@ -85,10 +111,5 @@ def _print(found: Certificate, output: Path | None) -> None:
     verdict = Text.assemble(f"{found.integrator}: ", (found.verdict, STYLES.get(found.verdict, "yellow")))
     out.print(verdict, highlight=False)
     out.print(table, highlight=False)
-    if found.doubles:
-        out.print(Text(f"measured in doubles: {found.doubles}"), highlight=False)
     if found.offers:
-        flags = " ".join(f"--claim {offer}" for offer in found.offers)
-        out.print(f"measured and not claimed: {flags}", highlight=False, markup=False)
-    if output is not None:
-        out.print(f"certificate: {output / 'certificate.html'}", highlight=False, markup=False)
+        _say(f"measured and not claimed: {found.offered()}")

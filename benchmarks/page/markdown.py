@@ -81,13 +81,28 @@ def bullets(sentences: Sequence[str]) -> str:
     return "\n".join(wrapped(sentence, "- ", "  ") for sentence in sentences) + "\n"
 
 
-def document(page: Page, verdicts: Sequence[Verdict], pictures: Sequence[Picture], shown: Table | None, origin: str):
-    """The Markdown of a page; ``origin`` says where and when its tables were measured, or that they were not."""
+def document(
+    page: Page,
+    verdicts: Sequence[Verdict],
+    pictures: Sequence[Picture],
+    shown: Table | None,
+    origin: str,
+    outdated: str = "",
+) -> str:
+    """The Markdown of a page.
+
+    ``origin`` says where and when its tables were measured, or that they were not; ``outdated`` how much of them an
+    earlier version of the code has measured.
+    """
     parts = [f"# {page.question}\n"]
     if verdicts:
         parts += [f"**{outcome(verdicts)[0]}**\n", bullets([v.text for v in verdicts])]
     else:
         parts += ["**Not measured** in this folder.\n"]
+    if outdated:
+        parts += [
+            wrapped(f"**In part not by this version**: {outdated}; `pytest benchmarks` measures them again.") + "\n"
+        ]
     parts += ["## What is measured\n", bullets(page.setting)]
     for picture in pictures:
         parts += [f"![{picture.title}](figures/{picture.file})\n", wrapped(picture.caption) + "\n"]

@@ -32,7 +32,16 @@ def earlier(rows: pd.DataFrame, machines: Mapping) -> str:
     unknown = len(rows) - len(days)
     text += f", {unknown} at a date that was not recorded" if unknown else ""
     stale = int((rows["state"] == "stale").sum()) if "state" in rows else 0
-    return text + (f"; {stale} rows of another version of the code are left out" if stale else "")
+    return text + (f"; {stale} of them by an earlier version of the code" if stale else "")
+
+
+def outdated(page: Page, data) -> str:
+    """What is said of the rows of a page that an earlier version of the code measured; nothing where there is none."""
+    stale, whole = (
+        sum(count(name) for name in page.tables if data(name) is not None)
+        for count in (lambda name: (data.about(name) or {}).get("stale", 0), lambda name: len(data(name)))
+    )
+    return f"{stale} of {whole} rows measured by an earlier version of the code" if stale else ""
 
 
 def _table(name: str, data) -> str:

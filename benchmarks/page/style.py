@@ -7,7 +7,6 @@ when a figure is drawn, and never before.
 from __future__ import annotations
 
 import functools
-import io
 import math
 from pathlib import Path
 
@@ -133,13 +132,14 @@ def number(x: float, digits: int = 3) -> str:
 
 def write(figure, path: Path) -> None:
     """Write a PNG of few colours that holds no date and no version: the same figure is the same bytes."""
+    import numpy as np
     from PIL import Image
 
-    raw = io.BytesIO()
     with settings():
-        figure.savefig(raw, format="png", dpi=DPI, metadata={"Software": None})
-    raw.seek(0)
-    image = Image.open(raw).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+        figure.set_dpi(DPI)
+        figure.canvas.draw()
+    pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]
+    image = Image.fromarray(np.ascontiguousarray(pixels)).quantize(COLOURS, dither=Image.Dither.NONE)
     image.save(path, format="PNG", optimize=True)
 
 

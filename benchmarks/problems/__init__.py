@@ -72,9 +72,25 @@ def problem(name: str | Path, **parameters) -> Problem:
     id, _, orbit = str(name).partition(":")
     if id not in PROBLEMS:
         raise unknown("problem", id, PROBLEMS)
-    module = importlib.import_module(f".{PROBLEMS[id][0]}", __name__)
-    whole = _made(module, **(module.PARAMETERS | real_parameters(f"problem '{id}'", module.PARAMETERS, parameters)))
+    try:
+        whole = _whole(id, **parameters)
+    except TypeError:  # a parameter that is no number, and perhaps not hashable
+        whole = _derived(id, **parameters)
     return whole.at(orbit) if orbit else whole
+
+
+@lru_cache(maxsize=128, typed=True)
+def _whole(id: str, /, **parameters) -> Problem:
+    """The problem, the same object each time, from the cache where that has it."""
+    from .kept import whole
+
+    return whole(id, parameters, lambda: _derived(id, **parameters))
+
+
+def _derived(id: str, /, **parameters) -> Problem:
+    """The problem with its formulae."""
+    module = importlib.import_module(f".{PROBLEMS[id][0]}", __name__)
+    return _made(module, **(module.PARAMETERS | real_parameters(f"problem '{id}'", module.PARAMETERS, parameters)))
 
 
 @lru_cache(maxsize=128, typed=True)

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-import sympy as sp
-
+from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.errors import unknown
 from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
@@ -101,6 +100,10 @@ class Problem:
     def p0(self) -> tuple[float, ...]:
         """The initial momenta."""
         return self.start.p
+
+    def invariant(self, name: str, Q, P):
+        """The values of an invariant along rows of Q, P, each of shape (n, d); an array of shape (n,)."""
+        return self.system.observed(f"invariant {name}", lambda: self.invariants[name], Q, P)
 
     @property
     def label(self) -> str:

@@ -10,18 +10,103 @@ With :math:`q_{0i}` the scaled displacement and :math:`q_{1i}` the expansion of 
 The motion is chaotic.  The stiff springs exchange energy over times of order omega, while the oscillatory energy
 I = I_1 + ... + I_m, :math:`I_j = (p_{1j}^2 + \omega^2 q_{1j}^2)/2`, stays within O(1/omega) of its first value over
 times exponentially long in omega: an adiabatic invariant, not an exact one (`oscillatory_energies`).
+
+More than ten stiff springs run on loops instead of derived formulae.
 """
+
+from fractions import Fraction
 
 import sympy as sp
 
+from phasebench.integrators.engine.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.hand import HandHamiltonian
 
 from .base import Orbit, Pace, Problem, decades
 
 PARAMETERS = {"omega": 50.0, "m": 3}
 #: The most stiff springs.
-LARGEST = 200
+LARGEST = 5000
+
+
+def grad_V(w2):
+    """The loop of grad V for w2 = omega^2."""
+
+    def f(q):
+        m = len(q) // 2
+        g = 0 * q
+        s = q[0] - q[m]
+        left = s * s * s
+        for i in range(m):
+            j = i + 1
+            s = q[j] - q[m + j] - q[i] - q[m + i] if j < m else -q[i] - q[m + i]
+            right = s * s * s
+            g[i] = left - right
+            g[m + i] = w2 * q[m + i] - left - right
+            left = right
+        return g
+
+    return f
+
+
+def grad_U(w2):
+    """The loop of the gradient of V without the stiff springs."""
+    return grad_V(0 * w2)
+
+
+def field(w2):
+    """The loop of (p, -grad V)."""
+
+    def f(q, p, h, lam):
+        m = len(q) // 2
+        dp = 0 * q
+        s = q[0] - q[m]
+        left = s * s * s
+        for i in range(m):
+            j = i + 1
+            s = q[j] - q[m + j] - q[i] - q[m + i] if j < m else -q[i] - q[m + i]
+            right = s * s * s
+            dp[i] = right - left
+            dp[m + i] = left + right - w2 * q[m + i]
+            left = right
+        return p.copy(), dp
+
+    return f
+
+
+def energy(w2):
+    """The loop of H and of what its round-off is in units of."""
+
+    def f(q, p):
+        m = len(q) // 2
+        s = q[0] - q[m]
+        left = s * s * s
+        H = left * s / 4
+        M = left * s / 4
+        for i in range(m):
+            j = i + 1
+            s = q[j] - q[m + j] - q[i] - q[m + i] if j < m else -q[i] - q[m + i]
+            right = s * s * s
+            v, stiff = p[i] * p[i] + p[m + i] * p[m + i], w2 * q[m + i]
+            terms = (v + stiff * q[m + i]) / 2 + right * s / 4
+            H += terms
+            M += terms + v + abs(q[i] * (left - right)) + abs(q[m + i] * (stiff - left - right))
+            left = right
+        return H, M
+
+    return f
+
+
+def formula(omega: float, m: int):
+    """(q, p, H) as symbols and an expression: the soft coordinates before the stiff ones."""
+    w = sp.Rational(omega)  # exactly the double
+    q0, q1, p0, p1 = (
+        sp.symbols([f"{name}{i}" for i in range(1, m + 1)], real=True) for name in ("q0", "q1", "p0", "p1")
+    )
+    soft = [q0[0] - q1[0], *(q0[i + 1] - q1[i + 1] - q0[i] - q1[i] for i in range(m - 1)), q0[-1] + q1[-1]]
+    terms = [*(p**2 / 2 for p in (*p0, *p1)), *(w**2 * q**2 / 2 for q in q1), *(s**4 / 4 for s in soft)]
+    return [*q0, *q1], [*p0, *p1], sp.Add(*terms)
 
 
 def make(omega: float, m: int) -> Problem:
@@ -30,13 +115,16 @@ def make(omega: float, m: int) -> Problem:
         raise InvalidInput(f"the frequency omega is {omega}; it must be positive")
     if m != int(m) or not 1 <= m <= LARGEST:
         raise InvalidInput(f"the number m of stiff springs is {m}; it must be an integer from 1 to {LARGEST}")
-    m, w = int(m), sp.Rational(omega)  # exactly the double
-    q0, q1, p0, p1 = (
-        sp.symbols([f"{name}{i}" for i in range(1, m + 1)], real=True) for name in ("q0", "q1", "p0", "p1")
-    )
-    soft = [q0[0] - q1[0], *(q0[i + 1] - q1[i + 1] - q0[i] - q1[i] for i in range(m - 1)), q0[-1] + q1[-1]]
-    H = sum(p**2 for p in (*p0, *p1)) / 2 + w**2 * sum(q**2 for q in q1) / 2 + sum(s**4 for s in soft) / 4
+    m = int(m)
+    q, p, H = formula(omega, m)
     rest = (0.0,) * (m - 1)
+    frequencies = [0] * m + [sp.Rational(omega)] * m
+    if value_kind(2 * m) == "tuple":
+        system = Hamiltonian(q=q, p=p, H=H, frequencies=frequencies)
+    else:
+        loops = {"field": field, "grad_V": grad_V, "grad_U": grad_U, "energy": energy}
+        of = {"constants": (Fraction(omega) ** 2,), "degree": 4, "frequencies": frequencies}
+        system = HandHamiltonian(q=q, p=p, H=H, loops=loops, **of)
     start = Orbit(
         "one-spring",
         (1.0, *rest, 1.0 / omega, *rest),
@@ -49,7 +137,7 @@ def make(omega: float, m: int) -> Problem:
         name="Fermi-Pasta-Ulam with stiff springs",
         source="Hairer, Lubich & Wanner 2006, I.5.1; Galgani et al. 1992, Physica D 59, 334-348",
         cite=("hairer2006", "galgani1992"),
-        system=Hamiltonian(q=[*q0, *q1], p=[*p0, *p1], H=H, frequencies=[0] * m + [w] * m),
+        system=system,
         orbits=(start,),
         parameters={"omega": omega, "m": m},
         pace=Pace(unit=0.05, step=0.004, span=0.2, later=0.05),

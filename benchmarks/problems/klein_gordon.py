@@ -34,7 +34,7 @@ from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian
 from phasebench.integrators.systems.multisymplectic import Equation
 
-from .base import Orbit, Problem
+from .base import Orbit, Pace, Problem
 
 PARAMETERS = {"N": 64, "L": 40.0}
 #: The most points, and the lengths at which the initial data are numbers.
@@ -172,4 +172,5 @@ def make(N: int, L: float) -> Problem:
         orbits=(Orbit("collision", *start, "two packets of opposite charge", (0.1, 1.0, 10.0)),),
         invariants={"charge": charge},
         parameters={"N": N, "L": L},
+        pace=Pace(step=0.06),  # of the shortest waves on the default grid
     )

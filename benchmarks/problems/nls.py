@@ -30,7 +30,7 @@ from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian
 from phasebench.integrators.systems.multisymplectic import Equation
 
-from .base import Orbit, Problem
+from .base import Orbit, Pace, Problem
 
 PARAMETERS = {"N": 64, "L": 4 * sqrt(2) * pi}
 #: The most points, and the lengths at which the initial data are numbers.
@@ -153,4 +153,5 @@ def make(N: int, L: float) -> Problem:
         ),
         invariants={"mass": mass},
         parameters={"N": N, "L": L},
+        pace=Pace(step=0.004),  # of the shortest waves on the default grid
     )

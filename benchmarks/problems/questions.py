@@ -52,7 +52,7 @@ QUESTIONS: tuple[Question, ...] = (
     ),
     Question("pendulum-short", "pendulum:swinging", 10.0, "end-state", down_to(13), "the state after one swing"),
     Question("pendulum-long", "pendulum:swinging", 1000.0, "end-state", down_to(11), "the state after 120 swings"),
-    Question("pendulum-energy", "pendulum:rotating", 1e4, "energy", down_to(12), "the energy over some 3500 rotations"),
+    Question("pendulum-energy", "pendulum:rotating", 1e5, "energy", down_to(10), "the energy over 35,000 rotations"),
     Question("kepler-orbit", "kepler", 2 * pi, "end-state", down_to(13), "the state after one revolution, e = 0.6"),
     Question("kepler-phase", "kepler", 200 * pi, "phase", down_to(11), "where the planet is after 100 revolutions"),
     Question(
@@ -94,7 +94,7 @@ QUESTIONS: tuple[Question, ...] = (
     Question(
         "henon-heiles-section", "henon-heiles:box", 1000.0, "section", down_to(13), "the point of a Poincare section"
     ),
-    Question("henon-heiles-energy", "henon-heiles:box", 1e4, "energy", down_to(12), "the energy over t = 1e4"),
+    Question("henon-heiles-energy", "henon-heiles:box", 1e5, "energy", down_to(12), "the energy over t = 1e5"),
     Question(
         "henon-heiles-chaotic", "henon-heiles:chaotic", 100.0, "end-state", down_to(8), "the state of a chaotic orbit"
     ),

@@ -10,6 +10,7 @@ of parameter m with :math:`\kappa = 2K(m)/N`; w is such that the product of the 
 """
 
 import mpmath
+import numpy as np
 import sympy as sp
 
 from phasebench.integrators.errors import InvalidInput
@@ -42,6 +43,62 @@ def cnoidal(N: int, m: float, t):
         z = [-mpmath.fsum(steps[:n]) for n in range(N)]
         state.append([x - mpmath.fsum(z) / N for x in z])
     return tuple(state)
+
+
+def grad_V():
+    """The loop of grad V, for lattices of any length."""
+
+    def f(q):
+        n = len(q)
+        g = 0 * q
+        left = np.exp(q[n - 1] - q[0])
+        for i in range(n):
+            right = np.exp(q[i] - q[i + 1 if i < n - 1 else 0])
+            g[i] = right - left
+            left = right
+        return g
+
+    return f
+
+
+def field():
+    """The loop of (p, -grad V)."""
+
+    def f(q, p, h, lam):
+        n = len(q)
+        dp = 0 * q
+        left = np.exp(q[n - 1] - q[0])
+        for i in range(n):
+            right = np.exp(q[i] - q[i + 1 if i < n - 1 else 0])
+            dp[i] = left - right
+            left = right
+        return p.copy(), dp
+
+    return f
+
+
+def energy():
+    """The loop of H and of what its round-off is in units of."""
+
+    def f(q, p):
+        n = len(q)
+        H = M = 0 * q[0]
+        left = np.exp(q[n - 1] - q[0])
+        for i in range(n):
+            right = np.exp(q[i] - q[i + 1 if i < n - 1 else 0])
+            v = p[i] * p[i]
+            H += v / 2 + right
+            M += v / 2 + right + v + abs(q[i] * (right - left))
+            left = right
+        return H, M
+
+    return f
+
+
+def formula(N: int):
+    """(q, p, H) as symbols and an expression."""
+    q, p = (sp.symbols([f"{x}{i + 1}" for i in range(N)], real=True) for x in "qp")
+    return q, p, sp.Add(*(x**2 / 2 for x in p), *(sp.exp(q[i] - q[(i + 1) % N]) for i in range(N)))
 
 
 def _traces(N: int, X, p):

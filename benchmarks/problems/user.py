@@ -15,16 +15,17 @@ import re
 import types
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 import mpmath
 import numpy as np
-import sympy as sp
 
+from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.systems import formula
+from phasebench.integrators.systems import deferred, formula
 from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
 from . import PROBLEMS, real_parameters, user_file
@@ -101,7 +102,7 @@ def from_formula(
     names = formula.names(text)
     d = _degrees(names)
     numbers = [""] if d == 0 else [str(i) for i in range(1, d + 1)]
-    variables = {f"{x}{i}": sp.Symbol(f"{x}{i}", real=True) for x in "qp" for i in numbers}
+    variables = [f"{x}{i}" for x in "qp" for i in numbers]
     for name in constants:
         if name in variables:
             raise InvalidInput(f"'{name}' is a variable of the formula: its initial value is given by --{name[0]}")
@@ -120,11 +121,20 @@ def from_formula(
             raise InvalidInput(f"a formula has no initial data: give them, --{name} {example}")
         if len(value) != len(numbers):
             raise InvalidInput(f"--{name} has {len(value)} components; the formula has d = {len(numbers)}")
+    key = deferred.key_of("formula", text, variables, sorted(constants.items()))
+    system = deferred.system(key, partial(_of_formula, text, variables, constants))
+    orbit = Orbit("start", *(_state(Orbit("start", q, p), name, system, "the formula") for name in "qp"))
+    _check_start(system, orbit, "the formula")
+    name = id or text.strip()
+    return Problem(name, "a formula", "the command line", system, (orbit,), parameters=constants)
+
+
+def _of_formula(text: str, names: Sequence[str], constants: Mapping[str, float]) -> Hamiltonian:
+    """The system of a formula in the variables q and p of those names."""
+    variables = {name: sp.Symbol(name, real=True) for name in names}
     H = formula.parse(text, variables | {k: sp.Rational(v) for k, v in constants.items()})
-    names = list(variables.values())
-    system = Hamiltonian(q=names[: len(numbers)], p=names[len(numbers) :], H=H)
-    problem = Problem(id or text.strip(), "a formula", "the command line", system, (Orbit("start", q, p),))
-    return checked(replace(problem, parameters=constants), "the formula")
+    symbols, d = list(variables.values()), len(names) // 2
+    return Hamiltonian(q=symbols[:d], p=symbols[d:], H=H)
 
 
 def _degrees(names: Sequence[str]) -> int:
@@ -177,7 +187,7 @@ def checked(problem: Problem, where: str) -> Problem:
         raise InvalidInput(
             f"{where}: system is a {type(system).__name__}; write system=Hamiltonian(q=..., p=..., H=...)"
         )
-    if system.H is None:
+    if not system.has_energy:
         raise InvalidInput(f"{where}: the system has no energy: give PartitionedSystem(..., energy=...) an invariant")
     if not isinstance(problem.invariants, Mapping):
         raise InvalidInput(
@@ -223,17 +233,23 @@ def _state(orbit: Orbit, name: str, system: PartitionedSystem, where: str) -> tu
 
 def _check_start(system: PartitionedSystem, orbit: Orbit, where: str) -> None:
     q, p = np.array([orbit.q]), np.array([orbit.p])
-    for i, s in enumerate(system.singular, 1):
-        distance = system.observe(s, q, p)[0]
+    for i, distance in enumerate(system.distances(q, p)[:, 0] if system.singularities else (), 1):
         if not distance != 0 or not isfinite(distance):
             raise InvalidInput(
                 f"{where}: the distance {i} of 'singular' is {distance} at the start: it is at a singularity"
             )
-    values = {"the energy": system.H}
-    values |= dict(zip((f"d{x}/dt" for x in (*system.q, *system.p)), (*system.dq, *system.dp), strict=True))
-    for name, e in values.items():
-        value = system.observe(e, q, p)[0]
-        if not isfinite(value):
+    energy = system.energies(q, p)[0]
+    if system.loops and not isinstance(system.H, sp.Basic):  # loops without a formula
+        rates = system.vector_field()(0.0, np.concatenate([q[0], p[0]]))
+        if not (isfinite(energy) and np.isfinite(rates).all()):
+            raise InvalidInput(f"{where}: the loops give no finite numbers at the start")
+        return
+    rates = system.rates(q, p)[:, 0]
+    if not isfinite(energy) or not np.isfinite(rates).all():
+        names = ["the energy", *(f"d{x}/dt" for x in (*system.q, *system.p))]
+        for name, value in zip(names, (energy, *rates), strict=True):
+            if isfinite(value):
+                continue
             raise InvalidInput(f"{where}: {name} is {value} at the start: it is at a singularity or outside H's domain")
 
 

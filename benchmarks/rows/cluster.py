@@ -2,7 +2,8 @@
 
 A worker measures in child processes of its own, as the run on one machine does (`workers.Worker`), so that rows are the
 same whichever way.  The scheduler hands what a lost worker had, or had finished and not yet delivered, to another one.
-Cells that are timed are none of it: they are measured here, alone.
+Of cells that are timed a machine's own run measures none there, but here, alone; a user's sweep does, each on a core of
+its own (`workers.PINNED`).
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ Row = dict[str, str]
 def read(folder: Path, name: str):
     """The table ``name`` as a DataFrame and what is known of its run; (None, None) where it was not measured.
 
-    Rows that were not measured by this version of the code are left out: ``about["stale"]`` says how many.
+    Rows that were measured by an earlier version of the code are among them: ``about["stale"]`` says how many.
     """
     import pandas as pd
 
@@ -44,7 +44,7 @@ def read(folder: Path, name: str):
     except (OSError, ValueError) as error:
         raise InvalidInput(f"{path} cannot be read ({error}); `pytest benchmarks` measures it again") from None
     if "state" in frame:
-        frame = frame[frame["state"] != STALE].reset_index(drop=True)
+        about["stale"] = int((frame["state"] == STALE).sum())
         frame = frame.drop(columns=list(PROVENANCE), errors="ignore")
     return (frame, about) if len(frame) else (None, None)
 

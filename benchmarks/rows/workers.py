@@ -3,23 +3,57 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import pickle
 import queue
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 import traceback
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from .cells import UNCOMPILED, Cell
 
-SERVE = "from phasebench.benchmarks.rows.workers import serve; serve()"
+#: Besides the places of `cells`: each process on a core of its own, for what is timed beside others.
+PINNED = "pinned"
+SERVE = "from phasebench.benchmarks.rows.workers import serve; serve({!r})"
+#: Seconds between two looks for a core that is free.
+LOOK = 0.05
 
 
-def serve() -> None:
+@contextlib.contextmanager
+def on_a_core(mine: bool = True) -> Iterator[None]:
+    """Be on one core that no other process uses which asks so; wait for one.  Where cores have no names, do nothing.
+
+    A lock of the system's on a file says that a core is taken: what dies leaves it.
+    """
+    if not mine or not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    import fcntl
+
+    allowed = os.sched_getaffinity(0)
+    for core in itertools.cycle(sorted(allowed)):
+        with open(Path(tempfile.gettempdir()) / f"phasebench-{os.getuid()}-core-{core}", "a") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                time.sleep(LOOK)
+                continue
+            os.sched_setaffinity(0, {core})
+            try:
+                yield
+            finally:
+                os.sched_setaffinity(0, allowed)
+            return
+
+
+def serve(where: str) -> None:
     """Measure the cells of stdin and answer (rows, error, seconds); what packages print goes to stderr."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
@@ -28,12 +62,14 @@ def serve() -> None:
             measure, arguments = pickle.load(sys.stdin.buffer)
         except EOFError:
             return
-        rows, error, began = None, None, time.perf_counter()
-        try:
-            rows = measure(*arguments)
-        except Exception as problem:
-            error = "".join(traceback.format_exception_only(problem)).strip()
-        pickle.dump((rows, error, time.perf_counter() - began), answers)
+        with on_a_core(where == PINNED):
+            rows, error, began = None, None, time.perf_counter()
+            try:
+                rows = measure(*arguments)
+            except Exception as problem:
+                error = "".join(traceback.format_exception_only(problem)).strip()
+            seconds = time.perf_counter() - began
+        pickle.dump((rows, error, seconds), answers)
         answers.flush()
 
 
@@ -48,7 +84,7 @@ class Worker:
         if where == UNCOMPILED:
             environment["NUMBA_DISABLE_JIT"] = "1"
         self.process = subprocess.Popen(
-            [sys.executable, "-c", SERVE],
+            [sys.executable, "-c", SERVE.format(where)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

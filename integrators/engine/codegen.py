@@ -12,6 +12,7 @@ import hashlib
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from types import ModuleType
 
 import gmpy2
@@ -84,6 +85,21 @@ def function(key: str, build, d: int, signature, arithmetic: str = DOUBLE):
     return _ready[digest]
 
 
+def origin(made) -> tuple | None:
+    """What `again` makes a compiled function of this module from; None of any other."""
+    return getattr(made, "origin", None)
+
+
+def again(digest: str, d: int, signature):
+    """The compiled function of that origin; raises KeyError where its text is not in the cache."""
+    if digest not in _ready:
+        text = cache.read(f"f-{digest}.py")
+        if text is None:
+            raise KeyError(digest)
+        _ready[digest] = _load(digest, text.decode(), value_kind(d), d, signature)
+    return _ready[digest]
+
+
 def kept_text(name: str, write) -> str:
     """The text under that name in the cache, or what ``write()`` returns."""
     kept = cache.read(name)
@@ -101,7 +117,18 @@ def _load(digest: str, text: str, style: str, d: int, signature):
     exec(compile(text, f"<generated {digest}>", "exec"), module.__dict__)
     if style in ("mpfr", "numpy"):
         return module.f
-    return machine.compiled(module.f, signature, options(d), f"f|{digest}|{hashlib.sha256(text.encode()).hexdigest()}")
+    name = f"f|{digest}|{hashlib.sha256(text.encode()).hexdigest()}"
+    made = machine.compiled(module.f, signature, options(d), name)
+    made.origin = digest, d, signature
+    return made
+
+
+@lru_cache(maxsize=4096)
+def on_columns(text: str):
+    """The function that the text defines, on columns of NumPy arrays: f(q, p) with q, p of shape (d, n)."""
+    namespace = vars(np) | {"np": np, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan}
+    exec(text.replace("value((", "np.array((").replace("number(", "("), namespace)
+    return namespace["f"]
 
 
 @contextmanager

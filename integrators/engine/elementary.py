@@ -29,7 +29,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic, overload
 
-from .lanes import NUMBER, OPTIONS, Lanes, call, spread
+from .lanes import NUMBER, OPTIONS, Lanes, call, polynomial, spread
 
 PI = (3.1415926534682512, 1.215420100718692e-10, 5.825464112186712e-20)
 LOG_2 = (0.6931471803691238, 1.9082149292705877e-10)
@@ -71,11 +71,12 @@ def _bounded(typing_context, x, low, high, beyond):
 
     def codegen(context, builder, sig, args):
         bounds = [spread(context, builder, a, t, x.n) for a, t in zip(args[1:3], sig.args[1:3], strict=True)]
+        found = args[0]
         for comparison, bound in zip("<>", bounds, strict=True):
             outside = builder.fcmp_ordered(comparison, args[0], bound)
             other = _vector(builder, math.nan, x.n) if isinstance(beyond, types.Integer) else bound
-            args = [builder.select(outside, other, args[0])]
-        return args[0]
+            found = builder.select(outside, other, found)
+        return found
 
     return x(x, low, high, beyond), codegen
 
@@ -108,18 +109,12 @@ def _nearest(x):
 
 
 @njit(**OPTIONS)
-def _sine_of_part(x, n):
-    """sin(x - n pi) where that is at most pi/2."""
+def _sine_of_part(x, n, sign):
+    """The sign times sin(x - n pi), where x - n pi is at most pi/2."""
     r = ((x - n * PI[0]) - n * PI[1]) - n * PI[2]
     z = r * r
-    y = z * SINE[7] + SINE[6]
-    y = z * y + SINE[5]
-    y = z * y + SINE[4]
-    y = z * y + SINE[3]
-    y = z * y + SINE[2]
-    y = z * y + SINE[1]
-    y = z * y + SINE[0]
-    return r + r * (z * y)
+    s = sign * r
+    return s + s * (z * polynomial(SINE, z, SINE))
 
 
 @njit(**OPTIONS)
@@ -133,14 +128,14 @@ def _sign(n):
 def _sin(x):
     x = _bounded(x, -LARGEST, LARGEST, 0)
     n = _nearest(x * (1 / math.pi))
-    return _sign(n) * _sine_of_part(x, n)
+    return _sine_of_part(x, n, _sign(n))
 
 
 @njit(**OPTIONS)
 def _cos(x):
     x = _bounded(x, -LARGEST, LARGEST, 0)
     n = _nearest(x * (1 / math.pi) + 0.5)
-    return _sign(n) * _sine_of_part(x, n - 0.5)
+    return _sine_of_part(x, n - 0.5, _sign(n))
 
 
 @njit(**OPTIONS)
@@ -148,17 +143,8 @@ def _exp(x):
     x = _bounded(x, UNDERFLOW, OVERFLOW, 0.0)
     n = _nearest(x * (1 / math.log(2)))
     r = (x - n * LOG_2[0]) - n * LOG_2[1]
-    y = r * EXPONENTIAL[9] + EXPONENTIAL[8]
-    y = r * y + EXPONENTIAL[7]
-    y = r * y + EXPONENTIAL[6]
-    y = r * y + EXPONENTIAL[5]
-    y = r * y + EXPONENTIAL[4]
-    y = r * y + EXPONENTIAL[3]
-    y = r * y + EXPONENTIAL[2]
-    y = r * y + EXPONENTIAL[1]
-    y = r * y + EXPONENTIAL[0]
     half = _nearest(0.5 * n)
-    return (1.0 + (r + (r * r) * y)) * _two_to(half) * _two_to(n - half)
+    return (1.0 + (r + (r * r) * polynomial(EXPONENTIAL, r, EXPONENTIAL))) * _two_to(half) * _two_to(n - half)
 
 
 def _function(name: str, of_lanes):

@@ -50,17 +50,17 @@ def flat(prepared: Prepared, d: int) -> Flat:
     """The functions of ``prepared.run`` for d degrees of freedom, compiled once."""
     run = kernel(prepared, d)
     step, orbit, samples, counts = run.nopython_signatures[0].args
-    key = (run, step, d)  # kernels of arrays serve every d, their entries one
+    key = (run, step)  # kernels of arrays serve every d, and so do their entries
     if key not in _flat:
         with progress.compiling("the kernel's entry", d), warnings.catch_warnings():
             warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
             pointer = types.FunctionType(run.nopython_signatures[0].return_type(step, orbit, samples, counts))
             block = _tuple_type((pointer, step, orbit, samples, counts, _NUMBERS))
-            _flat[key] = _compiled(run, block, d)
+            _flat[key] = _compiled(run, block)
     return _flat[key]
 
 
-def _compiled(run, block, d: int) -> Flat:
+def _compiled(run, block) -> Flat:
     read, take, write = _in_memory(block)
     with_h = _with_h(block[1])
 
@@ -72,6 +72,7 @@ def _compiled(run, block, d: int) -> Flat:
 
     def call(address, h, steps):
         run, step, orbit, samples, counts, start = read(address)
+        d = start.shape[1]
         for rows in (orbit.state, orbit.memory):
             for i in range(rows.shape[0]):
                 for j in range(rows.shape[1]):
@@ -88,16 +89,16 @@ def _compiled(run, block, d: int) -> Flat:
         return status
 
     number = types.int64
-    made = _kept(pack, types.void(number, *block), block, d)
-    released = _kept(release, types.void(number), block, d)
-    called = _kept(call, number(number, types.float64, number), block, d)
+    made = _kept(pack, types.void(number, *block), block)
+    released = _kept(release, types.void(number), block)
+    called = _kept(call, number(number, types.float64, number), block)
     return Flat(_size(block), made, released, run, called)
 
 
-def _kept(f: Callable, signature, block, d: int) -> Callable:
+def _kept(f: Callable, signature, block) -> Callable:
     """``f``, compiled for a block of arguments."""
     options = {"error_model": "numpy", "nogil": True}
-    return entry(machine.compiled(f, signature, options, f"entry-{f.__name__}|{block}|{d}"))
+    return entry(machine.compiled(f, signature, options, f"entry-{f.__name__}|{block}"))
 
 
 def _size(t) -> int:

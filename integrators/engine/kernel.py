@@ -5,6 +5,7 @@ For somebody who adds a family.  Its module holds a NamedTuple of what a step ne
 1. ``prepare(method, system, arithmetic)`` returns a `Prepared`.  Its ``step`` is an instance of the family's
    NamedTuple: the functions asked of the system (None for one that is not there, which `vector.chosen` can tell when it
    compiles), the coefficients in the arithmetic at hand (`array`, `numbers`), and ``h`` and ``eps``, which a run sets.
+   It depends on the method's record and the system alone: it is kept (`preparation`).
 2. What depends on h or on the initial state (H0) is set by ``Prepared.begin``: begin(step, q, p) -> step.  Fields keep
    their types.
 3. ``run(step, orbit, samples, counts)`` takes ``samples.every`` steps before each row of ``samples`` and fills it.  It
@@ -33,9 +34,11 @@ import numba
 import numpy as np
 from numba import types
 
-from . import codegen, machine, progress
+from . import codegen, machine, preparation, progress
 from .codegen import DOUBLE, MULTIPRECISION
 
+#: What a solution counts.
+TALLY = ("steps", "gradient", "hessian", "iterations", "fallbacks", "newton")
 #: What is counted; ``rule`` is the quadrature rule that the next step begins with, as the first of its rows.
 COUNTS = np.dtype([(name, np.int64) for name in ("steps", "gradient", "newton", "fallbacks", "rule")])
 
@@ -90,6 +93,11 @@ class Prepared:
     begin: Callable | None = None
     missed: str = ""
 
+    def tally(self, steps: int, gradient: int, fallbacks: int = 0, newton: int = 0) -> dict[str, int]:
+        """What a solution says of its counts."""
+        numbers = steps, gradient, gradient if self.hessian else 0, gradient if self.implicit else 0, fallbacks, newton
+        return dict(zip(TALLY, numbers, strict=True))
+
 
 def array(rows, arithmetic: str) -> np.ndarray:
     """A two-dimensional array of exact numbers in the arithmetic at hand."""
@@ -130,7 +138,16 @@ def value(x, d: int, arithmetic: str = DOUBLE):
 
 
 def prepare(method, system, arithmetic: str = DOUBLE) -> Prepared:
-    """The kernel of ``method`` for ``system``."""
+    """The kernel of ``method`` for ``system``, from the cache where that has it."""
+    entry = preparation.entry(method, system) if arithmetic == DOUBLE else None
+    found = preparation.read(entry)
+    if found is None:
+        found = _made(method, system, arithmetic)
+        preparation.write(entry, found)
+    return found
+
+
+def _made(method, system, arithmetic: str) -> Prepared:
     family = importlib.import_module(f"phasebench.integrators.families.{method.family}")
     with progress.compiling(f"the functions of {method.id}", system.d):
         return family.prepare(method, system, arithmetic)
@@ -177,4 +194,6 @@ def _type(x):
     if isinstance(x, numba.core.dispatcher.Dispatcher):
         signature = x.nopython_signatures[0]
         return types.FunctionType(signature.return_type(*signature.args))
+    if type(x) is np.ndarray and x.flags.c_contiguous:  # as Numba says, without its import of masked arrays
+        return types.Array(numba.from_dtype(x.dtype), x.ndim, "C", readonly=not x.flags.writeable)
     return numba.typeof(x)

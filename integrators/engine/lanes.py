@@ -194,19 +194,25 @@ def _next(builder, row, j):
 
 
 @intrinsic
-def _horner(typing_context, coefficients, z, like):
+def _polynomial(typing_context, coefficients, z, like):
     def codegen(context, builder, sig, args):
-        n = coefficients.n
+        n = z.n
 
         def coefficient(k):
+            if isinstance(coefficients, types.UniTuple):
+                return spread(context, builder, builder.extract_value(args[0], k), types.float64, n)
             return builder.shuffle_vector(args[0], args[0], ir.VectorType(ir.IntType(32), n)([k] * n))
 
-        y = coefficient(like.count - 1)
-        for k in range(like.count - 2, -1, -1):
-            y = builder.fadd(builder.fmul(y, args[1], flags=FUSED), coefficient(k), flags=FUSED)
-        return y
+        terms, power = [coefficient(k) for k in range(like.count)], args[1]
+        while True:
+            for k in range(len(terms) // 2):
+                product = builder.fmul(terms[k + 1], power, flags=FUSED)
+                terms[k : k + 2] = [builder.fadd(terms[k], product, flags=FUSED)]
+            if len(terms) == 1:
+                return terms[0]
+            power = builder.fmul(power, power)
 
-    return coefficients(coefficients, z, like), codegen
+    return z(coefficients, z, like), codegen
 
 
 @intrinsic
@@ -240,9 +246,13 @@ def combine(x, y, factor, table, row, like):
     return x + factor * sum(terms[1:], terms[0])
 
 
-@operation(_horner)
-def horner(coefficients, z, like):
-    """The polynomial with these coefficients, lowest power first, as many as ``like`` has, at each of the lanes z."""
+@operation(_polynomial)
+def polynomial(coefficients, z, like):
+    """The polynomial with these coefficients, lowest power first, as many as ``like`` has, at each of the lanes z.
+
+    The coefficients are lanes, or a tuple.  Compiled, neighbours are added in pairs, and pairs again, so that few
+    operations wait for each other (Estrin 1960).
+    """
     y = coefficients[len(like) - 1] + 0 * z
     for k in range(len(like) - 2, -1, -1):
         y = y * z + coefficients[k]

@@ -23,6 +23,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.runtime import rtsys
 
 from . import cache
 
@@ -48,10 +49,11 @@ class Kept(_Cache):
 
     def load_overload(self, sig, target_context):
         """The compiled function, or None; an entry that cannot be used is removed."""
-        target_context.refresh()
         content = cache.read(self._entry(sig))
         if content is None:
             return None
+        if b"NRT_" in content:  # it allocates: of all that a compilation makes ready, compiled code calls this alone
+            rtsys.initialize(target_context)
         try:
             return CompileResult._rebuild(target_context, *pickle.loads(content))
         except Exception:  # whatever it is, compiling anew is the cure
@@ -167,4 +169,15 @@ def compiled(f: Callable, signature, options: dict, name: str) -> Callable:
         with typeinfer.register_dispatcher(dispatcher):
             dispatcher.compile(signature)
     dispatcher.disable_compile()
+    _of_one(dispatcher)
     return dispatcher
+
+
+def _of_one(dispatcher) -> None:
+    """Let a function of one signature know it: it is asked for it whenever it is handed to another by Python."""
+    general, only = dispatcher.get_compile_result, next(iter(dispatcher.overloads.values()))
+
+    def get_compile_result(signature):
+        return only if signature == only.signature else general(signature)
+
+    dispatcher.get_compile_result = get_compile_result

@@ -56,7 +56,7 @@ class Tables(NamedTuple):
 
 def able(system, family: str) -> bool:
     """Whether orbits of the system can be integrated in lanes by a family's methods."""
-    derived = hasattr(system, "made") and not hasattr(system, "loops")
+    derived = hasattr(system, "made") and not system.loops
     return family in FAMILIES and derived and system.d <= MOST and codegen.compiled()
 
 
@@ -83,10 +83,11 @@ def twin(system):
 def _made_twin(system):
     other = copy.copy(system)
     other._functions, kind_of_system = {}, type(system)
+    other.variant = f"{LANES.n} orbits"
 
     def made(kind, arguments, results, signature, arithmetic):
         in_lanes = _lanes_for_numbers(signature.return_type)(*map(_lanes_for_numbers, signature.args))
-        kind = f"{kind}, {LANES.n} orbits"
+        kind = f"{kind}, {other.variant}"
         return kind_of_system.made(other, kind, arguments, results, in_lanes, arithmetic)
 
     other.made = made

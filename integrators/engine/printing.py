@@ -9,7 +9,6 @@ import hashlib
 from collections.abc import Sequence
 from functools import lru_cache
 
-import numpy as np
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
@@ -142,11 +141,7 @@ def source(
 
 
 @lru_cache(maxsize=4096)
-def vectorised(q: tuple[sp.Symbol, ...], p: tuple[sp.Symbol, ...], expression: sp.Expr):
-    """The expression on columns of NumPy arrays: f(q, p) with q, p of shape (d, n)."""
-    namespace = {"np": np}
-    exec("from numpy import *\nfrom numpy import arcsin as asin, arccos as acos, arctan as atan\n", namespace)
+def vectorised(q: tuple[sp.Symbol, ...], p: tuple[sp.Symbol, ...], expression: sp.Expr) -> str:
+    """The text of the expression for `codegen.on_columns`."""
     key = hashlib.sha256(" ".join(map(sp.srepr, (*q, *p, expression))).encode()).hexdigest()[:24]
-    text = kept_text(f"v-{key}.py", lambda: source("f", [("q", q), ("p", p)], [expression], DOUBLE))
-    exec(text.replace("value((", "np.array((").replace("number(", "("), namespace)
-    return namespace["f"]
+    return kept_text(f"v-{key}.py", lambda: source("f", [("q", q), ("p", p)], [expression], DOUBLE))

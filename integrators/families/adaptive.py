@@ -24,7 +24,7 @@ map.
 A density that has left the neighbourhood of :math:`1/\sigma`, and steps that time does not show, end the run.
 
 Source: E. Hairer, G. Soderlind, SIAM J. Sci. Comput. 26 (2005) 1838-1851; E. Hairer, C. Lubich, G. Wanner,
-Geometric Numerical Integration (2006), VIII.3.2; stages in lanes: see `nystrom_lanes`.
+Geometric Numerical Integration (2006), VIII.3.2; stages in lanes: see `stage_lanes`.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from typing import NamedTuple
 
 import mpmath
 import numpy as np
-import sympy as sp
 from numba import types
 
 from phasebench.integrators.coefficients.quadrature import gauss_legendre
 from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, array
-from phasebench.integrators.engine.lanes import combine, horner, put, take
+from phasebench.integrators.engine.lanes import combine, polynomial, put, take
+from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.engine.solve import OUT_OF_STEP, SOLVED
 from phasebench.integrators.engine.vector import (
     advanced,
@@ -58,8 +58,9 @@ from phasebench.integrators.engine.vector import (
 )
 from phasebench.integrators.errors import InvalidInput
 
-from . import nystrom_lanes
-from .nystrom_lanes import Equations, begin, end, padded, solve
+from . import gauss_lanes, stage_lanes
+from .gauss_lanes import squared
+from .stage_lanes import begin, end, equations, solve
 
 #: The density is lost where it is away from 1 / sigma by this factor.
 FAR = 1e3
@@ -71,7 +72,7 @@ class Adaptive(NamedTuple):
     ``monitor`` is (q, p) -> (1 / sigma, G).
     """
 
-    method: nystrom_lanes.Lanes | None
+    method: stage_lanes.Lanes | None
     dT: Callable | None
     dV: Callable | None
     monitor: Callable
@@ -96,7 +97,7 @@ def predict(e, first, at, ratio):
     z = 1.0 + ratio * take(nodes, 0, e.like)
     weights = e.h * take(nodes, 1, e.like)
     for k in range(e.stages):
-        put(e.memory, at + k, weights * horner(take(e.memory, first + k, e.like), z, e.step.stages), e.like)
+        put(e.memory, at + k, weights * polynomial(take(e.memory, first + k, e.like), z, e.like), e.like)
 
 
 @inlined
@@ -105,7 +106,7 @@ def remember(e, first, inverse):
     zero = 0.0 * take(e.step.nodes, 0, e.like)
     for k in range(e.stages):
         forces = take(e.memory, e.stages + k, e.like)
-        put(e.memory, first + k, combine(zero, forces, 1.0, inverse, 0, e.step.stages), e.like)
+        put(e.memory, first + k, combine(zero, forces, 1.0, inverse, 0, e.like), e.like)
 
 
 def _verlet(method, step, orbit, y, clock, dt, counts):
@@ -118,20 +119,20 @@ def _verlet(method, step, orbit, y, clock, dt, counts):
 
 
 def _gauss(method, step, orbit, y, clock, dt, counts):
-    d = len(orbit.zero)
-    first = 2 * d + 4
-    e = Equations(method, orbit.memory, 2 * d, d, method.like, dt)
-    begin(e, y)
-    predict(e, first, first + d, dt / clock.last)
-    sweeps, newton, status = solve(e, first + d, size(y.q) + size(y.p), step.eps, orbit.work)
-    counts.gradient += (sweeps + newton) * len(method.stages)
+    e = equations(method, orbit, dt)
+    first = e.base + 4
+    at = first + e.stages
+    begin(method.inverse_mass, e, y)
+    predict(e, first, at, dt / clock.last)
+    sweeps, newton, status = solve(e, at, size(y.q) + size(y.p), step.eps, orbit.work)
+    counts.gradient += (sweeps + newton) * method.stages
     counts.newton += min(newton, 1)
-    return end(e, first + d, y, orbit.zero), status
+    return end(e, at, y, orbit.zero), status
 
 
 def _remember_forces(method, step, orbit, dt):
-    d = len(orbit.zero)
-    remember(Equations(method, orbit.memory, 2 * d, d, method.like, dt), 2 * d + 4, step.inverse)
+    e = equations(method, orbit, dt)
+    remember(e, e.base + 4, step.inverse)
 
 
 #: A step of length dt from y: (its end, status).
@@ -229,15 +230,15 @@ def prepare(method, system, arithmetic) -> Prepared:
             run, Adaptive(None, *functions, monitor(system, arithmetic), array([[0]], arithmetic)), 1, 3, implicit=False
         )
     (s,) = method.data
-    if not nystrom_lanes.serves(s, system):
+    if not gauss_lanes.serves(s, system):
         raise InvalidInput(
             f"method '{method.id}' requires H = sum p_i^2 / 2 m_i + V(q) with at most {codegen.TUPLE_LIMIT} degrees of "
             "freedom, and forces made of integer powers, square roots, sin, cos and exp"
         )
-    step = nystrom_lanes.laned(s, system, arithmetic)
+    step = gauss_lanes.laned(s, system, arithmetic)
     with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
         inverse = mpmath.matrix([[c**k for k in range(s)] for c, _ in gauss_legendre(s, mpmath.mp.dps)]) ** -1
-        columns = [padded([inverse[k, j] for k in range(s)], len(step.like), 0) for j in range(s)]
+        columns = squared(([inverse[k, j] for k in range(s)] for j in range(s)), len(step.like))
     whole = Adaptive(step, None, None, monitor(system, arithmetic), array(columns, arithmetic))
-    width, stages = nystrom_lanes.room(step, system.d)
+    width, stages = gauss_lanes.room(step, system.d)
     return Prepared(run, whole, width, max(3, stages), linear=len(step.like) * system.d)

@@ -31,11 +31,11 @@ from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
-import sympy as sp
 
 from phasebench.integrators.coefficients.quadrature import LARGE, RULES, gauss_legendre, sizes
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, array, fixed, numbers
+from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.engine.solve import SOLVED, Change, change, predict, remember, solver, unchanged
 from phasebench.integrators.engine.vector import (
     advanced,

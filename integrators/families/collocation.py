@@ -78,8 +78,8 @@ from phasebench.integrators.engine.vector import (
     velocity,
 )
 
-from . import nystrom_lanes
-from .parametric import quadratic, unknown
+from . import gauss_lanes
+from .parametric import lengths_of_kick, quadratic, unknown
 
 
 class Collocation(NamedTuple):
@@ -149,8 +149,7 @@ def _both(field, e, i, x):
 
 
 def _lengths_kick(field, e, x, f):
-    length = size(e.p) + size(x) + abs(e.step.h) * size(f)
-    return length, length
+    return lengths_of_kick(x, scale(e.step.h, f), e)
 
 
 def _lengths_both(field, e, x, f):
@@ -299,8 +298,8 @@ def run(step, orbit, samples, counts):
 
 def prepare(method, system, arithmetic):
     """Of data (kind, s) or ("hbvm", s, k): with the stages of Gauss in lanes where these serve the system."""
-    if method.data[0] == "gauss" and nystrom_lanes.serves(method.data[1], system):
-        return nystrom_lanes.prepare(method.data[1], system, arithmetic)
+    if method.data[0] == "gauss" and gauss_lanes.serves(method.data[1], system):
+        return gauss_lanes.prepare(method.data[1], system, arithmetic)
     return stage_by_stage(method, system, arithmetic)
 
 

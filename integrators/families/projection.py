@@ -28,11 +28,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-import sympy as sp
 from numba import types
 
 from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.kernel import Prepared, value
+from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.engine.solve import LEVELS, SOLVED, gauss, predict, remember, solver
 from phasebench.integrators.engine.vector import (
     State,

@@ -32,13 +32,13 @@ from typing import NamedTuple
 
 import mpmath
 import numpy as np
-import sympy as sp
 
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.engine import codegen, kepler_flow
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kepler_flow import add
 from phasebench.integrators.engine.kernel import Prepared, array, numbers
+from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.engine.vector import jit, load, store
 from phasebench.integrators.errors import InvalidInput
 

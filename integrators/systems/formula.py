@@ -14,13 +14,13 @@ from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
 from math import ceil, comb, isfinite, lcm
 
-import sympy as sp
-
+from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
 NAMES = ("sin", "cos", "tan", "exp", "log", "sqrt", "sinh", "cosh", "tanh", "asin", "acos", "atan")
-FUNCTIONS = {name: getattr(sp, name) for name in NAMES} | {"ln": sp.log, "abs": sp.Abs, "Abs": sp.Abs}
-CONSTANTS = {"pi": sp.pi, "e": sp.E}
+#: Name in a formula -> SymPy's.
+FUNCTIONS = {name: name for name in NAMES} | {"ln": "log", "abs": "Abs", "Abs": "Abs"}
+CONSTANTS = {"pi": "pi", "e": "E"}
 #: Of a text: its characters, and brackets in brackets.
 LONGEST, DEEPEST = 10_000, 25
 #: Of an exponent: its size and its denominator.
@@ -144,7 +144,7 @@ def _read(node: ast.expr, variables: Mapping[str, sp.Expr], depth: int) -> sp.Ex
             raise InvalidInput("'^' is no power; write **")
         case ast.Call(func=ast.Name(id=name), args=[x], keywords=[]) if name in FUNCTIONS and name not in variables:
             if not isinstance(x, ast.Starred):
-                return _applied(FUNCTIONS[name], read(x))
+                return _applied(getattr(sp, FUNCTIONS[name]), read(x))
         case ast.Call(func=ast.Name(id=name)):
             known = ", ".join(FUNCTIONS)
             raise InvalidInput(f"'{name}' is no function of one argument among {known}; a product is written with *")
@@ -165,7 +165,7 @@ def _name(name: str, variables: Mapping[str, sp.Expr]) -> sp.Expr:
     if name in variables:
         return variables[name]
     if name in CONSTANTS:
-        return CONSTANTS[name]
+        return getattr(sp, CONSTANTS[name])
     if name in FUNCTIONS:
         raise InvalidInput(f"'{name}' is a function: write {name}(...)")
     raise InvalidInput(f"'{name}' is none of the variables {', '.join(variables)}")

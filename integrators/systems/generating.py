@@ -17,9 +17,14 @@ from collections.abc import Sequence
 from itertools import combinations_with_replacement
 from math import factorial
 
-import sympy as sp
+from phasebench.integrators.engine.lazy import sympy as sp
 
-LAMBDA = sp.Symbol("lambda_", real=True)
+
+def __getattr__(name: str):
+    # The symbol of the parameter; made with SymPy when it is asked for.
+    if name == "LAMBDA":
+        return sp.Symbol("lambda_", real=True)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 
 
 def _times(a: list[sp.Expr], b: list[sp.Expr], order: int) -> list[sp.Expr]:
@@ -33,13 +38,14 @@ def _times(a: list[sp.Expr], b: list[sp.Expr], order: int) -> list[sp.Expr]:
     return c
 
 
-def coefficients(H: sp.Expr, q: Sequence[sp.Symbol], p: Sequence[sp.Symbol], order: int, lam=LAMBDA) -> list[sp.Expr]:
-    """K_1, ..., K_order as expressions in v = q, u = p and the parameter ``lam``.
+def coefficients(H: sp.Expr, q: Sequence[sp.Symbol], p: Sequence[sp.Symbol], order: int, lam=None) -> list[sp.Expr]:
+    """K_1, ..., K_order as expressions in v = q, u = p and the parameter ``lam``, at first `LAMBDA`.
 
     Raises ValueError for order < 1.
     """
     if order < 1:
         raise ValueError(f"the order of a generating function is at least 1, not {order}")
+    lam = __getattr__("LAMBDA") if lam is None else lam
     polynomial = H.is_polynomial(*q, *p)
     tidy = sp.expand if polynomial else (lambda e: e)
     variables = [*q, *p]

@@ -6,18 +6,20 @@ A `Hamiltonian` is :math:`\dot q = H_p, \dot p = -H_q`; a `PartitionedSystem` an
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, partial
 
 import numpy as np
-import sympy as sp
 from numba import types
 
-from phasebench.integrators.engine import codegen, printing
+from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
-from . import generating
+from . import deferred, generating
 from .formula import parse
 
 
@@ -52,8 +54,12 @@ class PartitionedSystem:
     quadratic_kinetic = False
     #: Whether y' = B(y) grad H(y) with a structure matrix B that the system knows.
     poisson = False
-    frequencies: tuple[sp.Expr, ...] = ()
-    kepler = None
+    #: What the cache knows the system by (see `deferred`); nothing where it is made of expressions.
+    key = ""
+    #: Functions written by hand, by name.
+    loops: Mapping[str, Callable] = {}
+    #: What a twin's functions are compiled for, where that is not numbers.
+    variant = ""
 
     def __init__(self, *, q, p, dq, dp, energy=None, singular=(), invariants=()):
         self.q, self.p = _symbols(q), _symbols(p)
@@ -69,7 +75,15 @@ class PartitionedSystem:
         self.H = None if energy is None else self._formula(energy)
         self.singular = tuple(self._formula(e) for e in singular)
         self.invariants = tuple(self._formula(e) for e in invariants)
+        self.frequencies: tuple[sp.Expr, ...] = ()
+        self.kepler = None
         self._functions: dict = {}
+
+    def __getattr__(self, name: str):
+        # What a shell has not got; of any other system nothing is left to be found.
+        if deferred.complete(self, name):
+            return getattr(self, name)
+        raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
 
     def _formula(self, e) -> sp.Expr:
         if isinstance(e, str):
@@ -90,9 +104,12 @@ class PartitionedSystem:
             return None
         return sp.Poly(self.H, *self.q, *self.p).total_degree()
 
-    @property
+    @cached_property
     def traits(self) -> dict[str, object]:
         """What methods may require or use, by name."""
+        return self.known("traits", self._traits)
+
+    def _traits(self) -> dict[str, object]:
         return {
             "canonical": self.canonical,
             "separable": self.separable,
@@ -102,15 +119,23 @@ class PartitionedSystem:
             "Kepler part": self.kepler is not None,
             "Poisson structure": self.poisson,
             "further invariants": len(self.invariants) > 0,
-            "singular distances": len(self.singular) > 0,
+            "singular distances": self.singularities > 0,
         }
+
+    def known(self, name: str, find: Callable[[], object]):
+        """What ``find()`` finds out about the formulae, or what the cache kept of it: something that JSON can write."""
+        if not self.key:
+            return find()
+        entry = f"k-{deferred.key_of(name, self.key)}.json"
+        return json.loads(codegen.kept_text(entry, lambda: json.dumps(find())))
 
     # -- the functions that kernels ask for -----------------------------------------------------------------------
 
     @cached_property
     def content(self) -> str:
-        """What the generated functions depend on, as text."""
-        return "|".join([*map(str, (self.q, self.p)), *map(sp.srepr, (*self.dq, *self.dp, self.H))])
+        """The hash of what the generated functions depend on."""
+        text = "|".join([*map(str, (self.q, self.p)), *map(sp.srepr, (*self.dq, *self.dp, self.H))])
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def __getstate__(self):
         """Without the functions that were made ready: they are made again from the formulae, in any process."""
@@ -118,14 +143,15 @@ class PartitionedSystem:
 
     def made(self, kind: str, arguments, results, signature, arithmetic: str):
         """A generated function; ``results`` is a function without arguments, called only if the text is not cached."""
+
+        def text(arithmetic: str) -> str:
+            from phasebench.integrators.engine import printing
+
+            return printing.source("f", arguments, results(), arithmetic)
+
         if (kind, arithmetic) not in self._functions:
-            self._functions[kind, arithmetic] = codegen.function(
-                f"{kind}|{self.content}",
-                lambda a: printing.source("f", arguments, results(), a),
-                self.d,
-                signature,
-                arithmetic,
-            )
+            key = f"{kind}|{self.content}"
+            self._functions[kind, arithmetic] = codegen.function(key, text, self.d, signature, arithmetic)
         return self._functions[kind, arithmetic]
 
     def field(self, arithmetic: str = DOUBLE, order: int = 1):
@@ -158,7 +184,7 @@ class PartitionedSystem:
     @cached_property
     def constant(self) -> float:
         """The additive constant of H."""
-        return float(self.H.as_coeff_Add()[0])
+        return self.known("constant", lambda: float(self.H.as_coeff_Add()[0]))
 
     @cached_property
     def _size(self) -> sp.Expr:
@@ -172,20 +198,64 @@ class PartitionedSystem:
         terms = (t for t in sp.Add.make_args(sp.expand_mul(self.H)) if t.free_symbols)
         return sp.Add(*(sp.Mul(*map(size, sp.Mul.make_args(t))) for t in terms))
 
-    def scale(self, Q, P):
-        """The size of H's terms along rows of Q, P, each of shape (n, d): an array of shape (n,)."""
-        return self.observe(self._size, Q, P)
+    # -- values along rows of Q, P, each of shape (n, d); arrays of shape (n,) ---------------------------------------
 
     def observe(self, expression, Q, P):
-        """The values of an expression in (q, p) along rows of Q, P, each of shape (n, d); an array of shape (n,)."""
-        f = printing.vectorised(self.q, self.p, sp.sympify(expression))
+        """The values of an expression in (q, p)."""
+        return self._along(codegen.on_columns(self._text(expression)), Q, P)
+
+    def observed(self, name: str, expression: Callable[[], sp.Expr], Q, P):
+        """The values of one of the system's own expressions, which is made only if its text is not cached."""
+        if not self.key:
+            return self.observe(expression(), Q, P)
+        if ("observed", name) not in self._functions:
+            entry = f"o-{deferred.key_of(name, self.key)}.py"
+            text = codegen.kept_text(entry, lambda: self._text(expression()))
+            self._functions["observed", name] = codegen.on_columns(text)
+        return self._along(self._functions["observed", name], Q, P)
+
+    def _text(self, expression) -> str:
+        from phasebench.integrators.engine import printing
+
+        return printing.vectorised(self.q, self.p, sp.sympify(expression))
+
+    def _along(self, f: Callable, Q, P):
         with np.errstate(all="ignore"):
             return np.broadcast_to(f(np.asarray(Q, float).T, np.asarray(P, float).T), len(Q)).astype(float)
 
+    @cached_property
+    def has_energy(self) -> bool:
+        """Whether there is an H."""
+        return self.H is not None
+
+    @cached_property
+    def singularities(self) -> int:
+        """How many distances vanish where the system is singular."""
+        return len(self.singular)
+
+    def energies(self, Q, P):
+        """H."""
+        return self.observed("energy", lambda: self.H, Q, P)
+
+    def distances(self, Q, P):
+        """The sizes of the distances to the singularities, an array (singularities, n)."""
+        found = [self.observed(f"distance {k}", lambda k=k: self.singular[k], Q, P) for k in range(self.singularities)]
+        return np.abs(found).reshape(self.singularities, len(Q))
+
+    def rates(self, Q, P):
+        """y' = (q', p'), an array (2 d, n)."""
+        names = [(f"d{x}{k}", x, k) for x in "qp" for k in range(self.d)]
+        sides = {"q": lambda k: self.dq[k], "p": lambda k: self.dp[k]}
+        return np.array([self.observed(name, partial(sides[x], k), Q, P) for name, x, k in names])
+
+    def scale(self, Q, P):
+        """The size of H's terms."""
+        return self.observed("size", lambda: self._size, Q, P)
+
     def speed(self, Q, P):
-        """The Euclidean norm of dq/dt along rows of Q, P, each of shape (n, d); an array of shape (n,)."""
+        """The Euclidean norm of dq/dt."""
         with np.errstate(all="ignore"):
-            return np.sqrt(sum(self.observe(e, Q, P) ** 2 for e in self.dq))
+            return np.sqrt(sum(self.observed(f"dq{k}", lambda k=k: self.dq[k], Q, P) ** 2 for k in range(self.d)))
 
     def vector_field(self, arithmetic: str = DOUBLE):
         """y -> y' on arrays y = (q, p) of shape (2 d,), for solvers from elsewhere."""
@@ -197,6 +267,18 @@ class PartitionedSystem:
             return np.concatenate([np.asarray(x) for x in field(q, p, 0.0, 0.0)])
 
         return f
+
+
+def _flat(given) -> list:
+    """The single things among things and sequences of them."""
+    return [y for x in given for y in (x if isinstance(x, (tuple, list)) else [x])]
+
+
+def _derived(given: dict) -> Hamiltonian:
+    """The system of formulae as text, derived."""
+    system = Hamiltonian.__new__(Hamiltonian)
+    system._derive(**given)
+    return system
 
 
 class Hamiltonian(PartitionedSystem):
@@ -221,6 +303,10 @@ class Hamiltonian(PartitionedSystem):
         If the lengths differ, frequencies are given without unit masses, or H has a symbol that is neither a
         coordinate nor a momentum, or no variable at all.
 
+    Notes
+    -----
+    Of formulae as text the system is a shell where the cache knows them (`deferred`).
+
     Examples
     --------
     >>> pendulum = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
@@ -233,13 +319,23 @@ class Hamiltonian(PartitionedSystem):
     poisson = True
 
     def __init__(self, *, q, p, H, singular=(), invariants=(), frequencies=(), kepler=None):
+        given = {"q": q, "p": p, "H": H, "singular": singular, "invariants": invariants}
+        text = all(isinstance(x, str) for x in _flat(given.values())) and type(self) is Hamiltonian
+        if not text or frequencies or kepler is not None:
+            self._derive(**given, frequencies=frequencies, kepler=kepler)
+        else:
+            vars(self).update(vars(deferred.system(deferred.key_of(given), partial(_derived, given))))
+
+    def _derive(self, *, q, p, H, singular=(), invariants=(), frequencies=(), kepler=None) -> None:
+        """Make the system of the formulae."""
         q, p = _symbols(q), _symbols(p)
         if isinstance(H, str):
             H = parse(H, {str(s): s for s in (*q, *p)})
         H = sp.sympify(H)
         if not H.free_symbols & {*q, *p}:
             raise InvalidInput("H depends on none of the coordinates and momenta")
-        super().__init__(
+        PartitionedSystem.__init__(
+            self,
             q=q,
             p=p,
             dq=[sp.diff(H, x) for x in p],

@@ -1,8 +1,24 @@
-r"""Hamiltonians whose functions are loops written by hand: lattices and semi-discretized wave equations.
+r"""Hamiltonians whose functions are loops written by hand: lattices, wave equations on points, many bodies.
 
-The formula of H stays (peers and rare kernels derive from it what they need); the functions that every step calls are
-not derived from it: at hundreds of variables their text would be long and slow to compile.  Tests compare them with
-the derived ones at a small size.
+The functions that every step calls are not derived from a formula: at hundreds of variables its text is long and slow
+to compile.  A loop compiles in a second and serves 10,000 variables as it does 30.
+
+The contract of the loops:
+
+1. Each is made by a function of the constants: ``loops={"grad_V": grad_V}`` with ``def grad_V(a, b): def f(q): ...;
+   return f``.  The constants come as doubles, or as numbers of many digits; a loop holds no rounded number of its own.
+2. ``energy``: (q, p) -> (H, M).  M is what the round-off of H is in units of: the sum of the sizes of its terms and of
+   every \|x_i H_{x_i}\|.
+3. ``field``: (q, p, h, lam) -> (H_p, -H_q); h and lam are not used.
+4. ``grad_V``: q -> grad V(q), given where H = \|p\|^2 / 2 + V(q): the system then is separable with unit masses.
+   With ``frequencies``, ``grad_U`` besides: the gradient of V without the linear springs.
+5. q and p are arrays (d,) of doubles when Numba compiles the loop, object arrays when it runs on many digits: plain
+   loops over components, sums and products; ``x**0.5`` is a root.  What is returned is new: the arguments stay as they
+   are.
+6. The formula H may be left out.  Then what derives from it (peers, methods that need second derivatives) says so.
+
+Test the loops against the formula at a small size: ``tests/integrators/test_hand.py`` shows how, and a lattice of
+10,000 sites beside it.
 """
 
 from __future__ import annotations
@@ -14,11 +30,11 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
-import sympy as sp
 from numba import types
 
 from phasebench.integrators.engine import codegen, machine
 from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
 from .hamiltonian import Hamiltonian, _symbols
@@ -32,25 +48,53 @@ def _compiled(loop: Callable, constants: tuple[float, ...], signature, d: int):
     return machine.compiled(loop(*constants), signature, codegen.options(d), f"loop|{content}")
 
 
+class Unwritten:
+    """In the place of H where a system has loops and no formula."""
+
+    def _sympy_(self):
+        raise InvalidInput("this system has loops and no formula to derive anything from; give its H as an expression")
+
+    def __str__(self) -> str:
+        return "H by its loop"
+
+
 class HandHamiltonian(Hamiltonian):
     """The canonical system of H(q, p) with loops for its functions.
 
     Parameters
     ----------
     q, p : sequences of symbols or names, of equal length d, more than `codegen.TUPLE_LIMIT`
-    H : expression; it is trusted to be what the loops compute
-    loops : name -> a function of the constants that returns the loop: "field" for (q, p, h, lam) -> (H_p, -H_q) and
-        "energy" for (q, p) -> (H, M) as `energy`; for H = |p|^2 / 2 + V(q) also "grad_V" for q -> grad V(q).  Loops
-        take and return arrays (d,), and must run uncompiled on object arrays.
+    H : expression, trusted to be what the loops compute; None where there is none
+    loops : name -> a function of the constants that returns the loop (see this module's contract)
     constants : exact numbers (integers, fractions), handed to the loops in the arithmetic at hand
     degree : of a polynomial H
     invariants : expressions, or functions of the rows Q, P
     singular : distances that vanish where H is singular, as expressions or functions of the rows Q, P
+    frequencies : d numbers, as of a `Hamiltonian`
 
     Raises
     ------
     InvalidInput
-        If d is so small that compiled states are tuples.
+        If d is so small that compiled states are tuples, or a loop is missing that every system needs.
+
+    Examples
+    --------
+    >>> def energy(k):
+    ...     def f(q, p):
+    ...         H = 0 * q[0]
+    ...         for i in range(len(q)):
+    ...             H += p[i] * p[i] / 2 + k * q[i] * q[i] / 2
+    ...         return H, 3 * H
+    ...     return f
+    >>> def field(k):
+    ...     return lambda q, p, h, lam: (p.copy(), -k * q)
+    >>> def grad_V(k):
+    ...     return lambda q: k * q
+    >>> loops = {"energy": energy, "field": field, "grad_V": grad_V}
+    >>> names = [[f"{x}{i}" for i in range(1000)] for x in "qp"]
+    >>> springs = HandHamiltonian(q=names[0], p=names[1], loops=loops, constants=(4,))
+    >>> springs.d, springs.unit_mass
+    (1000, True)
     """
 
     separable = False
@@ -60,19 +104,24 @@ class HandHamiltonian(Hamiltonian):
         *,
         q,
         p,
-        H,
         loops: Mapping[str, Callable],
+        H=None,
         constants=(),
         degree: int | None = None,
         invariants=(),
         singular=(),
+        frequencies=(),
     ):
         self.q, self.p = _symbols(q), _symbols(p)
         self.d = len(self.q)
         if codegen.value_kind(self.d) == "tuple":
             raise InvalidInput(f"loops need more than {codegen.TUPLE_LIMIT} degrees of freedom; d is {self.d}")
-        self.H, self.loops, self.constants = H, loops, tuple(constants)
-        self.singular, self.invariants, self.frequencies, self.kepler = tuple(singular), tuple(invariants), (), None
+        missing = [name for name in ("energy", "field") if name not in loops]
+        if missing:
+            raise InvalidInput(f"the loop '{missing[0]}' is missing; there are {', '.join(sorted(loops)) or 'none'}")
+        self.H, self.loops, self.constants = Unwritten() if H is None else H, loops, tuple(constants)
+        self.singular, self.invariants, self.kepler = tuple(singular), tuple(invariants), None
+        self.frequencies = tuple(sp.sympify(w) for w in frequencies)
         self.polynomial_degree = degree
         self.separable = self.quadratic_kinetic = self.unit_mass = "grad_V" in loops
         self._functions: dict = {}
@@ -107,6 +156,18 @@ class HandHamiltonian(Hamiltonian):
         T = codegen.value_type(self.d)
         return self._loop("grad_V", T(T), arithmetic)
 
+    def grad_U(self, arithmetic: str = DOUBLE):
+        """The loop, or derived from the formula where there is none."""
+        if "grad_U" not in self.loops:
+            return super().grad_U(arithmetic)
+        T = codegen.value_type(self.d)
+        return self._loop("grad_U", T(T), arithmetic)
+
+    @cached_property
+    def constant(self) -> float:
+        """The additive constant of H; none is known of loops alone."""
+        return 0.0 if isinstance(self.H, Unwritten) else super().constant
+
     def energy(self, arithmetic: str = DOUBLE):
         """The loop."""
         T = codegen.value_type(self.d)
@@ -125,13 +186,18 @@ class HandHamiltonian(Hamiltonian):
         with np.errstate(all="ignore"):
             return np.array([energy(q, p)[1] for q, p in zip(Q, P, strict=True)], float) / 3
 
+    def energies(self, Q, P):
+        """By the loop."""
+        Q, P = np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float)
+        energy = self.energy()
+        with np.errstate(all="ignore"):
+            return np.array([energy(q, p)[0] for q, p in zip(Q, P, strict=True)], float)
+
     def observe(self, expression, Q, P):
         """As of every system; H by its loop, and ``expression`` may be a function of the rows."""
         Q, P = np.ascontiguousarray(Q, float), np.ascontiguousarray(P, float)
         if expression is self.H:
-            energy = self.energy()
-            with np.errstate(all="ignore"):
-                return np.array([energy(q, p)[0] for q, p in zip(Q, P, strict=True)], float)
+            return self.energies(Q, P)
         if callable(expression) and not isinstance(expression, sp.Basic):
             with np.errstate(all="ignore"):
                 return np.asarray(expression(Q, P), float)

@@ -15,11 +15,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import combinations
 
-import sympy as sp
 from numba import types
 
 from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
 from .formula import parse

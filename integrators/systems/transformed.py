@@ -15,8 +15,8 @@ Reich, SIAM J. Numer. Anal. 36 (1999) 1549-1570.
 from __future__ import annotations
 
 import numpy as np
-import sympy as sp
 
+from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
 from .hamiltonian import Hamiltonian

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.reference.solvers import taylor
+from phasebench.reference.solvers import taylor, watch
 
 #: A distance relative to the state's size: errors of trajectories are not told once rounding has grown to it.
 LIMIT = 1e-13
@@ -125,6 +125,7 @@ def _displaced(ta, problem, marks, random, by: float) -> np.ndarray:
     ta.state[:] *= factors()
     rows = []
     for t, wanted, ends in marks:
+        watch.seen("displaced run", t, marks[-1][0])
         ta.propagate_until(long(t), max_steps=taylor.STEP_LIMIT)
         if float(ta.time) != t or not np.isfinite(ta.state).all():
             raise taylor.ReferenceFailed(f"a displaced run stopped at t = {float(ta.time):.6g}")

@@ -33,7 +33,6 @@ import time
 import warnings
 from functools import lru_cache
 from math import gcd
-from unittest.mock import patch
 
 import numpy as np
 
@@ -53,6 +52,8 @@ ROWS = 256
 
 def load(name: str = "galpy"):
     """Import galpy without its daily search for a newer version, which calls a server and runs pip."""
+    from unittest.mock import patch  # slow to import
+
     with patch("http.client.HTTPSConnection.request", side_effect=OSError):
         import galpy.orbit
         import galpy.potential

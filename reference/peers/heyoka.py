@@ -1,7 +1,8 @@
 """heyoka's Taylor series as peers: one orbit, and the same orbit in every lane of the processor's SIMD registers.
 
-``high_accuracy`` sums the series with compensation.  ``compact_mode`` compiles faster and runs slower on small systems:
-`compact` gives a peer with it, to be measured beside the others.
+``high_accuracy`` sums the series with compensation.  ``compact_mode`` compiles faster and runs slower on small systems.
+The peers use it above `taylor.COMPACT` variables; `compact` gives a peer with the mode that they do not use, to be
+measured beside the others.
 
 Integrators are kept by system and tolerance, so that a further run costs no compilation.  They are reset in place:
 one thread at a time may run a peer of a system.
@@ -30,7 +31,7 @@ DOCUMENTATION = "https://bluescarni.github.io/heyoka.py/"
 def _scalar(system, tol, **options):
     from phasebench.reference.solvers import taylor
 
-    if not options:
+    if not options and tol == EPS:
         return taylor.integrator(system, float, tol)
     import heyoka as hy
 
@@ -88,7 +89,7 @@ def _run_batch(task: Task) -> Run:
     return Run.of_states(rows, steps, 0, seconds, failure)
 
 
-def _peer(id: str, name: str, run, more: str) -> Peer:
+def _peer(id: str, name: str, run, more: str, **facts) -> Peer:
     return Peer(
         id,
         name,
@@ -107,14 +108,24 @@ def _peer(id: str, name: str, run, more: str) -> Peer:
         ),
         tol=EPS,
         least=EPS / 2,
+        **facts,
     )
 
 
-def compact(high_accuracy: bool) -> Peer:
-    """heyoka in compact mode, which is no peer of the registry."""
+def compact(high_accuracy: bool, on: bool = True) -> Peer:
+    """heyoka with ``compact_mode`` on or off where it runs otherwise by default: no peer of the registry."""
+
+    def lacks(problem, system) -> str | None:
+        from phasebench.reference.solvers import taylor
+
+        if on == (2 * system.d > taylor.COMPACT):
+            return f"of {2 * system.d} variables '{name}' is the same: compact_mode is {'on' if on else 'off'}"
+        return None
+
     name = "heyoka-high-accuracy" if high_accuracy else "heyoka"
-    run = _run(high_accuracy=high_accuracy, compact_mode=True)
-    return _peer(f"{name}(compact_mode)", f"{SERIES}, compact mode", run, "one orbit; compact_mode")
+    run = _run(high_accuracy=high_accuracy, compact_mode=on)
+    label, mode = (f"{name}(compact_mode)", "") if on else (f"{name}(compact_mode=False)", "no ")
+    return _peer(label, f"{SERIES}, {mode}compact mode", run, f"one orbit; {mode}compact_mode", lacks=lacks)
 
 
 SERIES = "Taylor series of adaptive step and order, double precision"

@@ -65,6 +65,8 @@ def _split(system):
 
     if not system.quadratic_kinetic:
         return None
+    if not isinstance(system.H, sp.Basic):  # loops without a formula
+        return ((1,) * system.d, []) if system.unit_mass else None
     momenta, coordinates, T, V = set(system.p), set(system.q), [], []
     for term in sp.Add.make_args(system.H):
         for part in sp.Add.make_args(sp.expand(term) if term.free_symbols & momenta else term):

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from . import watch
 from .taylor import ReferenceFailed
 from .translate import number
 
@@ -137,6 +138,7 @@ def run(system, q0, p0, marks, times) -> np.ndarray:
         new = y + increment
         lost = increment - (new - y)
         y, t, before = new, LONG(end), h
+        watch.seen("run of Gauss's method", end, ends[-1])
         if end in wanted:
             rows.append(y.copy())
     return np.array(rows)

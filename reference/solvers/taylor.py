@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from . import watch
 from .translate import translate
 
 #: Decimals of a long double's text: 21 give it back, the others keep the text's own error out of comparisons.
@@ -107,19 +108,21 @@ def start(ta, fp, q0, p0) -> None:
     ta.state[:] = [fp(float(x)) for x in (*q0, *p0)]
 
 
-def propagate(ta, grid):
+def propagate(ta, grid, run: str = "run"):
     """The states on ``grid`` (increasing, from 0, of the integrator's type): (rows reached, steps, what stopped it).
 
-    The last is None where the end was reached.
+    The last is None where the end was reached; raises `watch.TooLong` where somebody watches the ``run``.
     """
     import heyoka as hy
 
+    said = _said(run, float(grid[-1]))
+
     if len(grid) == 2:  # the same steps without the polynomials that rows are taken from: up to a fifth faster
         first = ta.state.copy()
-        outcome, _, _, steps, _, _ = ta.propagate_until(grid[1], max_steps=STEP_LIMIT)
+        outcome, _, _, steps, _, _ = ta.propagate_until(grid[1], max_steps=STEP_LIMIT, **said)
         rows = np.stack([first, ta.state] if outcome == hy.taylor_outcome.time_limit else [first])
     else:
-        outcome, _, _, steps, _, rows = ta.propagate_grid(grid, max_steps=STEP_LIMIT)
+        outcome, _, _, steps, _, rows = ta.propagate_grid(grid, max_steps=STEP_LIMIT, **said)
     if outcome == hy.taylor_outcome.time_limit:
         return rows, steps, None
     why = {
@@ -127,6 +130,18 @@ def propagate(ta, grid):
         hy.taylor_outcome.step_limit: f"{STEP_LIMIT} steps did not reach the end",
     }
     return rows, steps, why.get(outcome, f"heyoka stopped with {outcome}")
+
+
+def _said(run: str, t_end: float) -> dict:
+    """Keywords of a propagation that says at each step how far it is, where somebody listens."""
+    if not watch.watched():
+        return {}
+
+    def callback(ta) -> bool:
+        watch.seen(run, float(ta.time), t_end)
+        return True
+
+    return {"callback": callback}
 
 
 def extended():
@@ -151,7 +166,7 @@ def states(system, fp, q0, p0, times, tol=None):
     ta = integrator(system, fp, tol)
     start(ta, fp, q0, p0)
     grid = np.array([fp(0.0)] + [fp(float(t)) for t in times], dtype=hy.real if isinstance(fp, Bits) else fp)
-    rows, _, failure = propagate(ta, grid)
+    rows, _, failure = propagate(ta, grid, f"{fp.__name__} run")
     if failure is None and not all(np.isfinite(float(x)) for x in rows[-1]):
         failure = "the state is no longer finite"
     if failure is not None:
@@ -167,6 +182,7 @@ def step_ends(system, fp, q0, p0, t_end) -> list[float]:
 
     def seen(ta) -> bool:
         ends.append(float(ta.time))
+        watch.seen(f"{fp.__name__} run", ends[-1], t_end)
         return True
 
     ta.propagate_until(fp(float(t_end)), callback=seen, max_steps=STEP_LIMIT)

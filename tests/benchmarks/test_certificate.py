@@ -8,11 +8,11 @@ import pytest
 from typer.testing import CliRunner
 
 import phasebench as pb
-from phasebench.benchmarks.certificate import judge
+from phasebench.benchmarks.certificate import certificate, judge
 from phasebench.benchmarks.certificate.certificate import certify
 from phasebench.benchmarks.certificate.coefficients import own_step
 from phasebench.benchmarks.certificate.judge import judged, offers, verdict
-from phasebench.benchmarks.certificate.render import write
+from phasebench.benchmarks.certificate.render import document, write
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.certificate.verdicts import CONTRADICTED, HOLDS, UNJUDGED, Tables
 from phasebench.benchmarks.cli import app
@@ -254,7 +254,13 @@ def call(*arguments):
     return result
 
 
-def test_exit_codes_and_json(tmp_path):
+@pytest.fixture
+def claimed_alone(monkeypatch):
+    """What is not claimed is not measured; all of it is where the README's command runs."""
+    monkeypatch.setattr(certificate, "EVERYTHING", set())
+
+
+def test_exit_codes_and_json(tmp_path, claimed_alone):
     path = tmp_path / "leapfrog.json"
     path.write_text(json.dumps(HEUN))
     done = call(str(path), "--claim", "order=2", "--json")
@@ -292,9 +298,48 @@ def test_a_folder_that_cannot_be_made_is_said(tmp_path):
         write(certify(HEUN, {"order": 2}, alone=True), tmp_path / "file" / "folder")
 
 
-def test_in_python_it_is_a_table():
+def test_in_python_it_is_a_table(claimed_alone):
     frame = pb.validate(HEUN, order=2, requires="separable")
     assert list(frame.columns) == ["claim", "verdict", "measured", "interval", "on", "why"]
     assert frame.attrs["verdict"] == "pass"
     assert frame["claim"].tolist()[-1] == "order 2"
     assert judge.in_words("symplectic", False) == "not symplectic"
+
+
+def test_the_first_sentence_of_a_document_counts_and_says_what_is_wrong():
+    def sentence(claims, **rows):
+        found = tables(**rows)
+        verdicts = judged(claims, found)
+        args = ([], verdict(verdicts, claims), found, "", (), 0, 1.0)
+        return " ".join(document(certificate.Certificate("mine", verdicts, *args), []).split("##")[0].split())
+
+    assert "All 5 claims and requirements hold." in sentence({"order": 2})
+    assert "All 4 claims and requirements hold. Nothing was claimed" in sentence({})
+    wrong = sentence({"order": 3, "symplectic": True})
+    assert "Of 6 claims and requirements 4 hold, 1 contradicted, 1 not judged." in wrong
+    assert "Contradicted: order 3: it is 2 on " in wrong
+
+
+def test_a_narrow_screen_and_a_pipe_have_a_line_a_claim(tmp_path, monkeypatch, claimed_alone):
+    path = tmp_path / "heun.json"
+    path.write_text(json.dumps(HEUN))
+    for columns, whole in (("40", True), ("", True), ("120", False)):
+        monkeypatch.setenv("COLUMNS", columns)
+        lines = call(str(path), "--claim", "order=3").stdout.splitlines()
+        assert any(line.startswith("  order 3: contradicted (") for line in lines) is whole
+        assert any("contradicted" in line for line in lines)
+
+
+def test_a_folder_is_refused_before_anything_is_measured(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(certificate, "certify", lambda *_: pytest.fail("it was measured"))
+    done = call("rk4", "--output", str(tmp_path / "file"))
+    assert done.exit_code == 2
+    assert "cannot be written" in done.stderr
+
+
+def test_a_file_of_that_name_is_pointed_at(tmp_path, monkeypatch):
+    (tmp_path / "mine.py").write_text(STEP)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InvalidInput, match=r"did you mean \./mine\.py"):
+        subject("mine")

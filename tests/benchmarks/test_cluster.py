@@ -6,12 +6,13 @@ import os
 import signal
 import threading
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from phasebench.benchmarks.rows import cells as kinds
-from phasebench.benchmarks.rows import run
+from phasebench.benchmarks.rows import lines, run
 from phasebench.benchmarks.rows.cluster import Cluster
 from phasebench.integrators.errors import InvalidInput
 from support import toy_cells
@@ -32,8 +33,9 @@ def told(outcome) -> list:
     return sorted((r["n"], r["x"], r["name"]) for r in outcome.rows("toys"))
 
 
-def test_a_worker_that_dies_loses_nothing(local, tmp_path):
-    toys = [toy_cells.cell(n, 0.3, where=kinds.POOL) for n in range(12)]
+@contextmanager
+def killing(local):
+    """What is told of progress: after the third cell a worker of the cluster is killed."""
     pid = next(iter(local.workers.values())).pid
     done = threading.Event()
 
@@ -43,17 +45,66 @@ def test_a_worker_that_dies_loses_nothing(local, tmp_path):
 
     killer = threading.Thread(target=kill)
     killer.start()
-    progress = lambda experiment, finished, *_: done.set() if finished == 3 else None  # noqa: E731
-    cluster = Cluster(local.scheduler_address)
-    outcome = run.execute(
-        toys, tmp_path / "there", count=1, seed=0, progress=progress, cluster=cluster, everything=True
-    )
+    yield lambda what, finished, *_: done.set() if finished == 3 else None
     killer.join()
+
+
+def test_a_worker_that_dies_loses_nothing(local, tmp_path):
+    toys = [toy_cells.cell(n, 0.3, where=kinds.POOL) for n in range(12)]
+    cluster = Cluster(local.scheduler_address)
+    with killing(local) as progress:
+        outcome = run.execute(
+            toys, tmp_path / "there", count=1, seed=0, progress=progress, cluster=cluster, everything=True
+        )
     cluster.close()
     here = run.execute(toys, tmp_path / "here", count=0, seed=0, everything=True)
     assert not outcome.failed
     assert told(outcome) == told(here)
     assert len(cluster.machines) == len(toys)
+
+
+def test_a_file_of_rows_is_the_same_from_here_from_processes_and_from_a_cluster_that_loses_a_worker(local, tmp_path):
+    toys = [toy_cells.cell(n, 0.1, where=kinds.ALONE if n == 7 else kinds.POOL) for n in range(10)]
+    cluster = Cluster(local.scheduler_address)
+    with killing(local) as progress:
+        found = {"there": lines.measure(tmp_path / "there", toys, progress, cluster=cluster)}
+    cluster.close()
+    silent = lambda *_: None  # noqa: E731
+    found["beside"] = lines.measure(tmp_path / "beside", toys, silent, jobs=2)
+    found["here"] = lines.measure(tmp_path / "here", toys, silent)
+    kept = {
+        name: [[(r["n"], r["x"], r["name"]) for r in entries[cell.id].rows["toys"]] for cell in toys]
+        for name, (entries, failed, _) in found.items()
+        if not failed
+    }
+    assert kept["there"] == kept["beside"] == kept["here"]
+    assert set(cluster.machines) == {cell.id for cell in toys}
+    assert set(lines.read(tmp_path / "there", "toys")) == {cell.id for cell in toys}
+
+
+@pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: ())(0)) < 2, reason="there are no two cores")
+def test_what_is_timed_is_each_on_a_core_of_its_own(tmp_path):
+    toys = [toy_cells.cell(n, function=toy_cells.core, where=kinds.ALONE) for n in range(6)]
+    entries, failed, _ = lines.measure(tmp_path / "rows", toys, lambda *_: None, jobs=3)
+    rows = [entries[cell.id].rows["toys"][0] for cell in toys]
+    assert not failed
+    assert {len(r["x"]) for r in rows} == {1}
+    for one in rows:
+        beside = [r for r in rows if abs(r["seconds"] - one["seconds"]) < 0.25]
+        assert [r["n"] for r in beside if r["x"] == one["x"]] == [one["n"]]
+    free = [toy_cells.cell(n, function=toy_cells.core, where=kinds.POOL) for n in range(2)]
+    entries, *_ = lines.measure(tmp_path / "free", free, lambda *_: None, jobs=2)
+    assert all(len(e.rows["toys"][0]["x"]) > 1 for e in entries.values()), "the control: others go where they want"
+
+
+def test_processes_work_beside_each_other_and_a_cell_that_fails_says_why(tmp_path):
+    toys = [toy_cells.cell(n, 1.0, where=kinds.POOL) for n in range(4)]
+    toys += [toy_cells.cell(5, function=toy_cells.die, where=kinds.POOL)]
+    began = time.monotonic()
+    entries, failed, _ = lines.measure(tmp_path / "rows", toys, lambda *_: None, jobs=4)
+    assert time.monotonic() - began < 4.0
+    assert set(entries) == {cell.id for cell in toys[:4]}
+    assert [line.partition(": ")[2] for line in failed] == ["its process died"]
 
 
 def test_what_is_timed_is_measured_here_and_what_fails_says_why(local, tmp_path):

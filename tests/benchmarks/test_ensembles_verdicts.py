@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.ensembles import against, bench_ensembles, compare, lanes, maps, page
+from phasebench.benchmarks.experiments.ensembles import against, bench_ensembles, ceiling, compare, lanes, maps, page
 
 
 def step(method="verlet", gain=4.0, spread=0.5, speed_up=1.9, **more) -> dict:
@@ -46,14 +46,33 @@ def test_ensembles_that_end_elsewhere_are_counted():
 MAPS = [{"map": maps.SECTION, "seconds": 0.25}, {"map": maps.GRID, "seconds": 0.5}]
 
 
-@pytest.mark.parametrize(("slowest", "holds"), [(1.8, True), (1.79, False)])
-def test_cores_are_held_to_what_is_wanted(slowest, holds):
-    said = told(page.parallel, **{lanes.TABLE: [step(), step("b", speed_up=slowest)], maps.TABLE: MAPS})
-    assert said.short == f"2 cores: {(1.9 + slowest) / 2:.2f} times one in the median."
+@pytest.mark.parametrize(
+    ("slowest", "bare", "wanted", "holds"),
+    [(1.8, None, 1.8, True), (1.79, None, 1.8, False), (1.79, 2.0, 1.8, False), (1.53, 1.6, 1.52, True)]
+    + [(1.51, 1.6, 1.52, False), (np.nan, 2.0, 1.8, False)],
+)
+def test_cores_are_held_to_what_is_wanted_or_to_what_they_can(slowest, bare, wanted, holds):
+    rows = [step(), step("b", speed_up=slowest)]
+    rows += [] if bare is None else [step(lanes.CEILING, problem="", speed_up=bare, **{"in lanes": False})]
+    said = told(page.parallel, **{lanes.TABLE: rows, maps.TABLE: MAPS})
     assert said.holds == holds
-    assert f"2 cores are {slowest:.2f} to 1.90 times as fast as one" in said.text
+    assert f"(wanted: {wanted:.2f}" in said.text
+    assert bare is None or f"{bare:.2f} times on a bare loop" in said.text
     assert ("less: b, p" in said.text) != holds
+    assert "to 1.90 times as fast as one" in said.text
     assert "the section took 0.25 s; the map of chaos took 0.5 s." in said.text
+
+
+def test_the_speed_up_in_the_median_is_that_of_the_methods():
+    rows = [step(), step("b", speed_up=1.5), step("c", speed_up=1.7)]
+    said = told(page.parallel, **{lanes.TABLE: rows, maps.TABLE: MAPS})
+    assert said.short == "2 cores: 1.70 times one in the median."
+    assert told(page.parallel, **{lanes.TABLE: [step(status="diverged")], maps.TABLE: MAPS}) is None
+
+
+def test_a_bare_loop_gains_on_two_threads_what_two_cores_give_and_on_one_nothing():
+    assert ceiling.speed_up(1, 3, 20_000).value == pytest.approx(1, abs=0.7)
+    assert 0.2 < ceiling.speed_up(2, 3, 200_000).value < 2.6
 
 
 def rung(side, error, us, integrator=None, spread=0.02, problem="p") -> dict:

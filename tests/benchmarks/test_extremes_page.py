@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import mpmath
@@ -16,7 +17,9 @@ from phasebench.benchmarks.experiments.extremes import (
     cases,
     edge,
     encounters,
+    exact_maps,
     figures,
+    meetings,
     page,
     push,
     regions,
@@ -24,6 +27,7 @@ from phasebench.benchmarks.experiments.extremes import (
     stiff,
     verdicts,
 )
+from phasebench.benchmarks.experiments.extremes import brouwer_controls as controls
 from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.integrators.driver import OK
@@ -38,6 +42,7 @@ def data(**tables):
 
 def limits(agrees=True, off=0.0, confirmed=4):
     known = pd.DataFrame([{"method": "a", "agrees": True}, {"method": "b", "agrees": agrees}])
+    known["evidence"] = ["derived", "derived and printed"]
     sweep = pd.DataFrame([{"limit": 2.0 + off, "closed form": 2.0}, {"limit": math.inf, "closed form": math.inf}])
     linear = pd.DataFrame(
         [{"label": "c", "runs": 4, "confirmed": confirmed}, {"label": "d", "runs": 0, "confirmed": 0}]
@@ -49,6 +54,7 @@ def test_limits_hold_only_where_everything_does():
     good = limits()
     assert good.holds
     assert "2 of 2 known" in good.text
+    assert "2 derived and 1 printed" in good.text
     assert not limits(agrees=False).holds
     assert "not b" in limits(agrees=False).text
     assert not limits(off=1e-8).holds
@@ -57,7 +63,8 @@ def test_limits_hold_only_where_everything_does():
 
 
 def test_long_runs_are_counted_over_all_methods_and_the_astray_are_named():
-    known, sweep = pd.DataFrame([{"method": "a", "agrees": True}]), pd.DataFrame([{"limit": 2.0, "closed form": 2.0}])
+    known = pd.DataFrame([{"method": "a", "agrees": True, "evidence": "derived"}])
+    sweep = pd.DataFrame([{"limit": 2.0, "closed form": 2.0}])
     linear = pd.DataFrame([{"label": id, "runs": 4, "confirmed": n} for id, n in (("c", 4), ("d", 3))])
     found = verdicts.limits(data(extremes_published=known, extremes_scheme_i=sweep, extremes_linear=linear))
     assert not found.holds
@@ -103,16 +110,52 @@ def test_close_encounters_are_told_by_kind():
     ]
 
 
+def meeting(fixed=1.0, adaptive=1e-9):
+    base = {"scene": "three bodies", "status": OK, "evaluations": 0}
+    rows = [
+        base | {"method": "a", "kind": "fixed", "error": fixed, "steps": 4096},
+        base | {"method": "a", "kind": "fixed", "error": 2.0, "steps": 1024},
+        base | {"method": "b", "kind": "adaptive", "error": adaptive, "steps": 700},
+    ]
+    return pd.DataFrame(rows)
+
+
+def test_meetings_are_told_by_kind():
+    good = verdicts.met(data(extremes_meetings=meeting()))
+    assert good.holds
+    assert "fixed steps do not (least 1)" in good.text
+    assert "adaptive steps do in 700 (b)" in good.text
+    assert "fixed steps do in 4096 (a)" in verdicts.met(data(extremes_meetings=meeting(fixed=1e-7))).text
+    assert not verdicts.met(data(extremes_meetings=meeting(adaptive=1e-3))).holds
+
+
+def test_a_meeting_is_judged_at_its_certified_state():
+    assert meetings.apart([1.5, 101.0], [1.0, 100.0]) == 0.5
+    rows = meetings.measured("zoom-whirl", "rk4")[meetings.TABLES[0]]
+    assert rows[-1]["error"] < rows[0]["error"]
+    assert rows[-1]["steps"] == rows[-1]["asked"]
+    held = meetings.cheapest(pd.DataFrame(rows))
+    assert len(held) == 1
+    assert bool(held["held"].iloc[0]) == (rows[-1]["error"] <= encounters.HELD)
+
+
 def grown(energy=0.5, phase=1.4, units=1.0, control=100.0, long=1.0):
-    base = {"h": 0.01, "steps": 1000, "bias per step": 1e-22}
+    base = {"h": 0.01, "steps": 1000, "bias per step": 1e-22, "kind": brouwer.USUAL}
     exact = {"energy exponent": 0.53, "phase exponent": 1.58, "energy low": 0.45, "phase low": 1.5}
     rows = [
         base | exact | {"label": brouwer_kepler.LABEL},
         base
         | {"label": "a", "energy exponent": energy, "energy low": energy - 0.03, "phase low": phase, "in units": units},
         base
-        | {"label": brouwer.CONTROL, "energy exponent": 0.5, "energy low": 0.4, "phase low": 1, "in units": control},
-        {"label": "a", "h": 0.01, "steps": 10**6, "in units": long},
+        | {
+            "label": brouwer.CONTROL,
+            "kind": brouwer.HAND,
+            "energy exponent": 0.5,
+            "energy low": 0.4,
+            "phase low": 1,
+            "in units": control,
+        },
+        base | {"label": "a", "steps": 10**6, "in units": long},
     ]
     return verdicts.brouwers_law(data(extremes_growth=pd.DataFrame(rows)))
 
@@ -134,18 +177,53 @@ def test_brouwers_law_has_four_ways_to_fail():
 
 
 def test_brouwers_law_names_the_fastest_and_the_largest():
-    base = {"h": 0.01, "bias per step": -1e-22, "energy low": 0.4, "phase low": 1.5, "phase exponent": 1.5}
+    base = {"h": 0.01, "energy low": 0.4, "phase low": 1.5, "phase exponent": 1.5}
     rows = [
-        base | {"label": id, "energy exponent": x, "in units": u, "steps": n}
-        for id, x, u, n in (("a", 0.51, 1.0, 1000), ("b", 0.54, 3.0, 500), (brouwer.CONTROL, 0.9, 200.0, 9000))
+        base | {"label": id, "kind": kind, "energy exponent": x, "in units": u, "steps": n}
+        for id, kind, x, u, n in (
+            ("a", brouwer.USUAL, 0.51, 1.0, 1000),
+            ("b", brouwer.USUAL, 0.54, 3.0, 500),
+            (brouwer.CONTROL, brouwer.HAND, 0.9, 200.0, 9000),
+        )
     ]
     rows += [{"label": "a", "h": 0.01, "steps": n, "in units": u} for n, u in ((10**6, 2.0), (10**5, 4.0))]
     text = verdicts.brouwers_law(data(extremes_growth=pd.DataFrame(rows))).text
-    assert "(fastest b at h = 0.01, n^0.54, 1.0e-22 a step)" in text
+    assert "(fastest b at h = 0.01, n^0.54)" in text
     assert "is at most 3 eps h n^(1/2) after 1000 steps, 4 after 1.00e+06" in text
     assert text.endswith("; plain sums, the control, have 200.")
     short = verdicts.brouwers_law(data(extremes_growth=pd.DataFrame(rows[:3]))).text
     assert "after 1000 steps; plain sums" in short
+
+
+def residues(fraction=0.9, beside=0.5, product=0.8, whole=0.5):
+    kinds = {"a": (brouwer.FRACTION, fraction), "b": (brouwer.ASIDE_OF, beside)}
+    kinds |= {controls.HALF: (brouwer.HAND, product), controls.WHOLE: (brouwer.HAND, whole)}
+    rows = [
+        {"label": label, "kind": kind, "h": 0.01, "energy exponent": e, "energy low": e - 0.03}
+        for label, (kind, e) in kinds.items()
+    ]
+    return verdicts.small_denominators(data(extremes_growth=pd.DataFrame(rows)))
+
+
+def test_a_drift_is_explained_only_where_every_control_says_so():
+    found = residues()
+    assert not found.holds
+    assert "the bias is of the rounded state's few residues" in found.text
+    for broken in ({"beside": 0.9}, {"product": 0.5}, {"whole": 0.9}):
+        assert "not explained" in residues(**broken).text
+    assert residues(fraction=0.5).holds
+
+
+def test_of_the_whole_state_exact_products_lose_nothing_and_plain_sums_do():
+    """Against the exact matrix, after 20 000 steps."""
+    with mpmath.workdps(brouwer.DIGITS):
+        M = exact_maps.exact_matrix("stormer-verlet", {}, 0.01) ** 20_000
+        exact = M * mpmath.matrix([0.7, 0.4])
+    far = {kind: controls.runner(kind, 0.01, 10)(0.7, 0.4, 20_000) for kind in controls.KINDS}
+    error = {kind: float(abs(Q[-1] - exact[0])) for kind, (Q, _) in far.items()}
+    assert error[controls.WHOLE] < 2e-16
+    assert error[controls.PLAIN] > 1e-15
+    assert error[controls.HALF] < error[controls.PLAIN]
 
 
 @pytest.mark.parametrize("exponent", [0.5, 1.0])
@@ -164,16 +242,19 @@ def test_growth_is_fitted_with_an_interval_that_covers(exponent):
     assert covered >= 16
 
 
-@pytest.mark.parametrize(("id", "values"), [("stormer-verlet", {}), ("pefrl", {}), ("scheme-i", {"lam": "1/3"})])
+EXACT = ("stormer-verlet", "pefrl", "blanes-moan-srkn6b", "gauss-2", "lobatto-iiia-iiib-3", "avf", "deuflhard")
+
+
+@pytest.mark.parametrize(("id", "values"), [*((id, {}) for id in EXACT), ("scheme-i", {"lam": "1/3"})])
 def test_the_exact_matrix_is_the_methods(id, values):
     with mpmath.workdps(brouwer.DIGITS):
-        M = np.array(brouwer.exact_matrix(id, values, 0.3).tolist(), float)
+        M = np.array(exact_maps.exact_matrix(id, values, 0.3).tolist(), float)
     assert np.allclose(M, oscillator.matrix(integrator(id, **values), 0.3), rtol=0, atol=4e-16)
 
 
 def test_the_exact_orbit_has_no_error_and_another_has():
     with mpmath.workdps(brouwer.DIGITS):
-        M = brouwer.exact_matrix("stormer-verlet", {}, 0.01)
+        M = exact_maps.exact_matrix("stormer-verlet", {}, 0.01)
         y, far = mpmath.matrix([1, 0]), M**100_000 * mpmath.matrix([1, 0])
         energy, phase = brouwer.errors(M, [0, 100_000], [y[0], far[0]], [y[1], far[1]])
         assert abs(energy[1]) < 1e-15
@@ -217,6 +298,26 @@ def test_runs_are_judged():
     assert cases.judged(pendulum, "stormer-verlet", 2.2, 1000) == cases.LOST
     assert cases.judged(near, "stormer-verlet", 0.3, 1000) == cases.WRONG
     assert cases.size(pendulum) == pytest.approx(-math.cos(2), rel=1e-3)
+
+
+def test_what_keeps_its_energy_at_a_step_of_a_period_is_no_orbit():
+    """At a step of nearly a period the energy alone has nothing against the run; the clock has."""
+    case = cases.BY_ID["Henon-Heiles, box"]
+    by_energy = dataclasses.replace(case, ranged=False, timed=False)
+    assert cases.judged(case, "blanes-moan-s6", 0.5, 300) == OK
+    assert cases.judged(by_energy, "blanes-moan-s6", 5.4, 300) == OK
+    assert cases.judged(case, "blanes-moan-s6", 5.4, 300) == cases.CLOCK
+
+
+def test_a_course_is_left_by_range_and_by_clock():
+    case = cases.BY_ID["pendulum"]
+    known, t = cases.course(case), np.linspace(0, 200, 2001)
+    swing = (known.high + known.low) / 2 + (known.high - known.low) / 2 * np.sin(np.pi * known.rate * t)[:, None]
+    assert cases.strays(case, swing, 200.0, True) == OK
+    assert cases.strays(case, swing * 2.5, 200.0, True) == cases.WRONG
+    assert cases.strays(case, swing, 500.0, True) == cases.CLOCK
+    assert cases.strays(case, swing, 500.0, False) == OK
+    assert cases.crossings(np.array([1.0, -1.0, -1.0, 1.0]), 0.0) == 2
 
 
 def test_an_orbit_that_escapes_is_no_failure():

@@ -17,6 +17,7 @@ from phasebench.benchmarks.experiments.knobs import (
     lambdas,
     nodes,
     page,
+    solvers,
     verdicts,
 )
 from phasebench.benchmarks.experiments.knobs.cells import cells
@@ -229,7 +230,11 @@ def whole(**changes) -> dict:
         rungs(ladders.ENERGY, **{"scheme-v": (4, 1.0), "rk4-relaxation": (4, 2.0)}),
     ]
     tables = {lambdas.ERRORS: errors(), lambdas.COSTS: costs(), ladders.TABLE: pd.concat(ladder), nodes.TABLE: rules()}
-    tables |= {arithmetic.ERRORS: rounded(), arithmetic.COSTS: pd.DataFrame({"scene": ["a"], "ratio": [1.25]})}
+    tables |= {
+        solvers.TABLE: solved(),
+        arithmetic.ERRORS: rounded(),
+        arithmetic.COSTS: pd.DataFrame({"scene": ["a"], "ratio": [1.25]}),
+    }
     return tables | changes
 
 
@@ -241,10 +246,12 @@ def whole(**changes) -> dict:
         (ladders.TABLE, rungs(ladders.GENERATING, **{LOW: (2, 1.0), HIGH: (2, 2.0)}), 1),
         (nodes.TABLE, rules(dear=9.0), 2),
         (arithmetic.ERRORS, rounded(plain=1e-15), 2),
+        (solvers.TABLE, "dear", 2),
     ],
 )
 def test_one_bad_sentence_is_a_finding_and_comes_first(name, bad, verdict):
     assert [v.holds for v in page.PAGE.judged(whole().get)] == [True, True, True]
+    bad = solved(engine=27.0) if name == solvers.TABLE else bad
     judged = page.PAGE.judged(whole(**{name: bad}).get)
     assert [v.holds for v in judged] == [k != verdict for k in range(3)]
     good = page.PAGE.judged(whole().get)[verdict]
@@ -265,7 +272,7 @@ def test_the_page_says_what_was_measured_alone(tmp_path):
 def test_the_table_has_a_row_for_each_knob_and_scene(tmp_path):
     frame = page.table(whole(**{lambdas.ERRORS: errors(0.25)}).get).frame.set_index("knob")
     assert list(frame.index) == [
-        "λ of scheme-iii", ladders.COMPOSITION, ladders.GENERATING, ladders.ENERGY, "nodes of AVF", "sums",
+        "λ of scheme-iii", ladders.COMPOSITION, ladders.GENERATING, ladders.ENERGY, "nodes of AVF", "sums", "solver",
     ]  # fmt: skip
     assert frame.loc["λ of scheme-iii", "best setting"] == "0.25"
     assert frame.loc["λ of scheme-iii", "gives"] == "error 0.001, at 1/2 1.6 x"
@@ -273,7 +280,7 @@ def test_the_table_has_a_row_for_each_knob_and_scene(tmp_path):
     assert frame.loc[ladders.COMPOSITION, "best setting"] == "8"
     assert frame.loc["nodes of AVF", "best setting"] == "4 at h = 0.1"
     assert frame.loc["sums", "costs"] == "1.2 x plain C"
-    assert len(figures.draw(whole().get, tmp_path)) == 4
+    assert len(figures.draw(whole().get, tmp_path)) == 5
 
 
 def test_every_cell_is_told_from_the_others():
@@ -282,7 +289,7 @@ def test_every_cell_is_told_from_the_others():
     assert len({c.content for c in made}) == len(made)
     assert cells(quick=True) == []
     assert len(lambdas.SCENES) >= 4
-    rows = 2 * len(lambdas.SCENES) + len(ladders.LADDERS) + len(nodes.SCENES) + len(arithmetic.SCENES)
+    rows = 2 * len(lambdas.SCENES) + len(ladders.LADDERS) + len(nodes.SCENES) + len(arithmetic.SCENES) + 2
     assert rows <= 25, "the page's table"
 
 
@@ -396,3 +403,122 @@ def test_every_ladder_has_a_certified_end_and_every_setting_can_do_its_problem()
     for name, record in ladders.chosen(ladders.GENERATING).items():
         assert record.order == verdicts._r(name) + name.endswith("1/2")
     assert {m.energy for m in ladders.chosen(ladders.ENERGY).values()} == {"round-off"}
+
+
+# -- the solver --------------------------------------------------------------------------------------------------------
+
+
+def solved(engine: float = 18.0, fixed: float = 24.0, simple: float = 20.0, tolerance: float = 1e-6, **more):
+    """Evaluations to round-off of either, from five steps two less than from zero; tolerances that leave the error."""
+    rows = []
+    for solver, most in ((solvers.FIXED, fixed), (solvers.SIMPLE, simple)):
+        status = "ok" if most < np.inf else "not-converged"
+        same = {"solver": solver, "status": status}
+        rows += [same | {"start": s, "tol": 0.0, "evaluations": n, "error": 1e-5} for s, n in _starts(most)]
+        for tol in solvers.TOLERANCES:
+            left = 1e-5 if tol <= tolerance else 1e-2
+            rows.append(same | {"start": solvers.FIVE, "tol": tol, "evaluations": most / 2, "error": left})
+    own = {"solver": solvers.ENGINE, "start": solvers.FIVE, "tol": 0.0, "status": "ok", "error": 1e-5}
+    return pd.DataFrame([*rows, own | {"evaluations": engine}]).assign(**{"scene": "a", "h": 0.1} | more)
+
+
+def _starts(most: float):
+    return (solvers.ZERO, most), (solvers.FIVE, most - 2)
+
+
+def test_the_engines_way_is_as_good_as_the_best_or_it_is_said_where_not():
+    """The best of the loop takes 18."""
+    good, bad = verdicts.solving(solved()), verdicts.solving(solved(engine=27.0))
+    assert good.holds
+    assert "1 to 1 times the evaluations" in good.text
+    assert "simplified Newton takes 0.82 to 0.82 of the fixed point's" in good.text
+    assert "from five steps takes 0.92 to 0.92 of those from zero" in good.text
+    assert verdicts.solving(solved(engine=19.7)).holds
+    assert not bad.holds
+    assert "1.5 to 1.5 times the evaluations of the best of a plain loop, more than it need on a, h = 0.1" in bad.text
+
+
+def test_where_the_fixed_point_does_not_converge_is_named():
+    both = pd.concat([solved(), solved(engine=18.0, fixed=np.inf, scene="b")])
+    said = verdicts.solving(both).text
+    assert "does not converge on b, h = 0.1" in said
+    assert "does not converge" not in verdicts.solving(solved()).text
+    found = findings.solving(both)
+    assert found["fixed"].isna().tolist() == [False, True]
+    assert verdicts.solving(both[both["solver"] == solvers.ENGINE]) is None
+
+
+@pytest.mark.parametrize("tolerance", solvers.TOLERANCES)
+def test_the_loosest_tolerance_is_the_one_that_leaves_the_error(tolerance):
+    found = findings.solving(solved(tolerance=tolerance)).iloc[0]
+    assert found["loosest"] == tolerance
+    assert found["saved"] == pytest.approx(1 - 12 / 22)
+    assert (
+        f"a tolerance of {tolerance:.0e} to {tolerance:.0e} leaves"
+        in verdicts.solving(solved(tolerance=tolerance)).text
+    )
+    none = findings.solving(solved(tolerance=0.0)).iloc[0]
+    assert np.isnan(none["loosest"])
+    assert none["saved"] == 0
+    smaller = solved(tolerance=0.0).assign(error=lambda t: np.where(t["tol"] > 0, 1e-7, 1e-5))
+    assert np.isnan(findings.solving(smaller).iloc[0]["loosest"]), "an error that happens to be small is another one"
+
+
+def test_the_table_has_the_nearest_and_the_farthest_case():
+    three = pd.concat([solved(engine=e, scene=s) for s, e in (("a", 20.0), ("b", 9.0), ("c", 36.0))])
+    frame = page.table({solvers.TABLE: three}.get).frame
+    assert frame["scene"].tolist() == ["b", "c"]
+    assert frame["costs"].tolist() == ["the engine 0.5 x", "the engine 2 x"]
+    assert frame["best setting"].iloc[0] == "simplified Newton, from five steps, at h = 0.1"
+
+
+@pytest.mark.parametrize("start", [solvers.ZERO, solvers.POLYNOMIAL, solvers.FIVE])
+@pytest.mark.parametrize("solver", [solvers.FIXED, solvers.SIMPLE, solvers.NEWTON])
+def test_every_solver_from_every_start_is_the_registered_method(solver, start):
+    made, h, steps = problem("henon-heiles:box"), 0.2, 10
+    field = made.system.vector_field()
+    loop = solvers.Loop(lambda y: field(0.0, y), np.array([*made.q0, *made.p0]), h, solver, start, solvers.ROUND_OFF)
+    assert loop.run(steps)
+    own = integrate(made, solvers.METHOD, h=h, steps=steps, save_every=0)
+    assert np.abs(loop.y - np.concatenate([own.q[-1], own.p[-1]])).max() < 1e-14
+
+
+def test_newtons_method_solves_linear_equations_at_once_and_the_fixed_point_only_where_it_contracts():
+    """On the oscillator y' = w J y the first correction is exact; the fixed point needs h w below about 2."""
+
+    def loop(solver, w):
+        return solvers.Loop(
+            lambda y: w * np.array([y[1], -y[0]]), np.array([1.0, 0.0]), 1.0, solver, solvers.ZERO, 1e-5
+        )
+
+    newton, fast, slow = loop(solvers.SIMPLE, 20.0), loop(solvers.FIXED, 20.0), loop(solvers.FIXED, 0.5)
+    assert newton.run(3)
+    assert newton.iterations == 2 * 3, "and the second confirms it"
+    assert newton.evaluations == 3 * (2 * solvers.STAGES + 3)
+    assert np.hypot(*newton.y) == pytest.approx(1, abs=1e-4)
+    assert not fast.run(3)
+    assert slow.run(3)
+    assert slow.evaluations == solvers.STAGES * slow.iterations
+
+
+def test_the_solvers_bench_sees_another_end():
+    row = {"scene": "a", "h": 0.1, "status": "ok", "error": 1e-5}
+    own = row | {"solver": solvers.ENGINE}
+    bench_knobs.bench_solvers(lambda _: [own, row | {"solver": solvers.NEWTON}])
+    for bad in ({"error": 2e-5}, {"status": "not-converged"}):
+        with pytest.raises(AssertionError):
+            bench_knobs.bench_solvers(lambda _, bad=bad: [own, row | {"solver": solvers.NEWTON} | bad])
+
+
+@pytest.mark.parametrize(("start", "degree", "steps"), [(solvers.POLYNOMIAL, 2, 1), (solvers.FIVE, 4, 5)])
+def test_a_start_continues_slopes_that_are_polynomials_of_its_degree(start, degree, steps):
+    """y' = (1, y_0^k): the slopes are the k-th powers of the stages' times."""
+
+    def apart(k: int) -> float:
+        loop = solvers.Loop(lambda y: np.array([1.0, y[0] ** k]), np.zeros(2), 0.5, solvers.FIXED, start, 0.0)
+        assert loop.run(steps)
+        times = 0.5 * (steps + loop.gauss.c)
+        return np.abs(loop.first() - np.array([np.ones_like(times), times**k]).T).max()
+
+    assert apart(degree) < 1e-11
+    assert apart(degree + 1) > 1e-3

@@ -101,6 +101,14 @@ def test_every_link_and_figure_is_there(folder, id):
     assert [x for x in links if "://" not in x and not (folder / x).exists()] == []
 
 
+def test_no_committed_figure_or_page_is_left_over(folder):
+    """What no page of the present shows is of a report of before."""
+    committed = DATA.parent
+    left = {p.name for p in (committed / "figures").iterdir()} - {p.name for p in (folder / "figures").iterdir()}
+    assert left == set()
+    assert {p.stem for p in committed.glob("*.md")} <= {*IDS, "README"}
+
+
 def test_the_entry_names_every_page_with_its_outcome(folder):
     text = (folder / "README.md").read_text()
     for page in PAGES:
@@ -166,7 +174,29 @@ def test_rows_of_an_earlier_run_are_said_to_be():
     assert earlier(rows.iloc[1:], known) == "measured on 2026-11-21"
     assert earlier(rows[["machine"]], known) == "the date was not recorded"
     assert "1 at a date that was not recorded" in earlier(rows.assign(date=[None, "2026-11-21", "2026-11-21"]), known)
-    assert "1 rows of another version" in earlier(rows.assign(state=["stale", "current", "current"]), known)
+    assert "; 1 of them by an earlier version" in earlier(rows.assign(state=["stale", "current", "current"]), known)
+
+
+def with_states(tmp_path, states: list[str]):
+    """The pages of a folder whose table of speed ratios has rows of those states."""
+    shutil.copytree(DATA, tmp_path / "data")
+    path = tmp_path / "data" / "ratios.csv"
+    rows = pd.read_csv(path)
+    rows.head(len(states)).assign(state=states).to_csv(path, index=False)
+    data = report.Data(tmp_path)
+    (tmp_path / "figures").mkdir()
+    return report._page(next(p for p in PAGES if p.id == "speed"), data, tmp_path), data
+
+
+@pytest.mark.parametrize(("states", "said"), [(["stale", "current", "stale"], True), (["current"] * 3, False)])
+def test_a_page_keeps_rows_of_an_earlier_version_and_says_so(tmp_path, states, said):
+    written, data = with_states(tmp_path, states)
+    assert len(data("ratios")) == 3
+    text = " ".join((tmp_path / "speed.md").read_text().split())
+    whole = 3 + len(data("speed"))
+    words = f"2 of {whole} rows measured by an earlier version of the code"
+    assert (f"**In part not by this version**: {words}" in text) == said
+    assert (f"({words})" in written.short) == said
 
 
 def test_a_finding_comes_first():

@@ -11,17 +11,26 @@ import pytest
 
 from phasebench.benchmarks.experiments.trade import climb, field, front
 from phasebench.benchmarks.experiments.trade.climb import Known, Rung, Task
+from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.quantities import Truth, quantity
 from phasebench.benchmarks.measure.timing import OURS, PEERS
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.problems.questions import Question, down_to
+from phasebench.benchmarks.problems.questions import QUESTIONS, Question, down_to
 
 
 class Law:
     """Error (steps / scale)^-order down to a floor; `step` seconds a step."""
 
     def __init__(
-        self, label: str, order: float, step: float, floor: float = 1e-16, scale: float = 100.0, side=OURS, fails=0
+        self,
+        label: str,
+        order: float,
+        step: float,
+        floor: float = 1e-16,
+        scale: float = 100.0,
+        side=OURS,
+        fails=0,
+        failing: float = 0.0,
     ):
         self.label = self.id = label
         self.order, self.step, self.floor, self.scale = order, step, floor, scale
@@ -29,7 +38,7 @@ class Law:
         self.adaptive = self.stoppable = False
         self.record = SimpleNamespace(least=1e-16)
         self.seen: list[int] = []
-        self.fails = fails  # below so many steps it finds no root, at once
+        self.fails, self.failing = fails, failing  # below so many steps it finds no root, after so many seconds
 
     def run(self, problem, t_end, steps, save_every, **more):
         """A solution whose state is off by the law's error."""
@@ -41,7 +50,7 @@ class Law:
             q=np.array([[0.0], [error]]),
             p=np.zeros((2, 1)),
             status="ok" if steps >= self.fails else "no-root",
-            seconds=self.step * steps if steps >= self.fails else 0.0,
+            seconds=self.step * steps if steps >= self.fails else self.failing,
             counts=counts,
         )
 
@@ -83,6 +92,79 @@ def test_who_never_comes_to_the_end_is_given_up_and_who_does_at_finer_steps_is_n
     assert late.rungs[-1].error <= 1e-12
 
 
+def test_runs_that_fail_slowly_are_made_for_a_while_and_say_nothing_of_those_that_arrive():
+    fast = Law("fast", 4, 1e-8)
+    _, (_, late, never) = climbed(
+        fast,
+        Law("late", 4, 1e-8, fails=200, failing=0.9 * climb.WASTED / 4),
+        Law("never", 4, 1e-8, fails=10**18, failing=1.1 * climb.WASTED / 4),
+    )
+    assert sum(r.status == "no-root" for r in late.rungs) > 1
+    assert late.rungs[-1].error <= 1e-12
+    assert never.dropped
+    assert len(never.rungs) == 4
+
+
+class Newton(Law):
+    """An implicit method whose wide steps take longer than its fine ones."""
+
+    def run(self, problem, t_end, steps, save_every, **more):
+        """So much longer as the step is wider."""
+        told = super().run(problem, t_end, steps, save_every)
+        told.seconds = 1e3 * self.step / steps
+        return told
+
+
+def test_a_hopeless_first_run_is_not_made_with_wider_steps():
+    newton = Newton("newton", 8, 1.0, scale=4.0)
+    _, (_, one) = climbed(Law("fast", 4, 1e-8), newton)
+    assert one.dropped
+    assert len(newton.seen) == len(one.rungs) == 1
+    quick = Newton("newton", 8, 1e-6, scale=4.0)
+    climbed(Law("fast", 4, 1e-8), quick)
+    assert min(quick.seen) < min(newton.seen)
+
+
+class Halting(Law):
+    """An adaptive peer whose error stands still for a few tolerances."""
+
+    def __init__(self, at: float):
+        super().__init__("halting", 4, 1e-8, side=PEERS)
+        self.adaptive, self.at = True, at
+
+    def run(self, problem, t_end, save_every, tol, **more):
+        """One whose error is the tolerance, but `at` for three decades."""
+        error = self.at if self.at / 3000 < tol <= self.at else tol
+        return super().run(problem, t_end, self.scale * error**-0.25, save_every)
+
+
+def test_an_error_that_halts_far_above_round_off_is_climbed_past():
+    """A solver of adaptive order may stand still where its order changes."""
+    _, (one,) = climbed(Halting(1e-4))
+    assert one.rungs[-1].error <= 1e-12
+    _, (one,) = climbed(Halting(1e-9))
+    assert "round-off" in one.why
+
+
+def test_a_peer_that_compiles_for_long_climbs_no_further(monkeypatch):
+    clock = iter(range(0, 10**6, 2 + round(climb.PREPARING)))
+    monkeypatch.setattr(climb.time, "process_time", lambda: float(next(clock)))
+    _, (one,) = climbed(Halting(1e-4))
+    assert len(one.rungs) == 2
+    assert "to compile from a tolerance of 0.01 on" in one.why
+    assert not one.dropped
+
+
+def test_a_run_without_output_is_compiled_only_where_it_may_matter():
+    asked, known, one = task(), Known([(1e-6, 1e-4, "fast")]), integrator("rk4")
+    far = climb.OVERHEAD + 1.01 * climb.WORTH * 1e-4
+    assert asked.beaten(one, 1e-6, far, known)
+    assert not asked.beaten(one, 1e-6, 0.98 * far, known)
+    assert not asked.beaten(one, 1e-7, far, known), "nobody has reached that error"
+    assert not asked.beaten(one, 1e-6, far, None)
+    assert not asked.beaten(integrator("heyoka"), 1e-6, far, known), "a peer has nothing to compile for it"
+
+
 def test_who_takes_far_too_long_is_dropped_at_once_whatever_its_error():
     _, (_, late, slow) = climbed(Law("fast", 4, 1e-8), Law("coarse", 4, 1e-2, scale=1e6), Law("slow", 4, 1e-2))
     assert late.dropped
@@ -106,6 +188,33 @@ def test_who_is_slow_at_first_but_comes_nearer_is_kept():
     assert min(r.error for r in high.rungs) <= 1e-12
     _, (_, high) = climbed(Law("low", 2, 1e-8), Law("high", 2, 2e-7))
     assert high.dropped
+
+
+class Implicit(Law):
+    """Wide steps take many evaluations, or (``told`` is False) seem to take no more than others."""
+
+    def __init__(self, *law, told: bool, **more):
+        super().__init__(*law, **more)
+        self.told = told
+
+    def run(self, problem, t_end, steps, save_every, **more):
+        solution = super().run(problem, t_end, steps, save_every)
+        sweeps = 1 + (1400 / steps) ** 2
+        solution.seconds *= sweeps
+        solution.counts["gradient"] = steps * sweeps if self.told else steps
+        return solution
+
+
+def test_wide_steps_of_implicit_equations_tell_nothing_of_shorter_ones():
+    """Off by more than 1 in seven times the time of the best at 1e-12, then nearly as cheap as they are."""
+    fast = Law("fast", 8, 1e-6)
+    _, (_, late) = climbed(fast, Implicit("late", 16, 1e-6, scale=200.0, told=True))
+    assert late.rungs[0].error > 1
+    assert late.rungs[0].seconds > 2 * climb.LONGEST * 1e-6 * 100 * 10 ** (12 / 8)
+    assert late.why == "reached the finest accuracy"
+    _, (_, given_up) = climbed(fast, Implicit("late", 16, 1e-6, scale=200.0, told=False))
+    assert given_up.dropped
+    assert "times the time in which the best reach 1e-12" in given_up.why
 
 
 def test_a_climb_ends_where_round_off_is():
@@ -208,6 +317,28 @@ def test_the_field_of_a_problem_says_why_the_others_cannot():
     assert "quadratic" in cannot["rebound-whfast"] or "REBOUND" in cannot["rebound-whfast"]
 
 
+def test_the_field_of_many_degrees_of_freedom_is_a_fixed_one():
+    can, cannot = field.able(problem("outer-solar-system"))
+    labels = {c.label for c in can}
+    assert {"gauss-8", "stormer-verlet", "implicit-midpoint", "dop853-relaxation", "wisdom-holman"} <= labels
+    assert {"avf", "scheme-v", "rk4-projected-energy"}.isdisjoint(labels)
+    assert all("degrees of freedom" in cannot[id] for id in ("avf", "scheme-v", "scheme-ii(lam=2)"))
+    waves = {c.label for c in field.able(problem("nls"))[0]}
+    assert {"implicit-midpoint", "gauss-5"}.isdisjoint(waves)
+    assert "gauss-4" in waves, "of 2 d unknowns a stage, 512 in all"
+    few, left_out = field.able(problem("henon-heiles"))
+    assert {"avf", "scheme-v", "rk4-projected-energy", "implicit-midpoint"} <= {c.label for c in few}
+    assert not any("degrees of freedom" in why for why in left_out.values())
+
+
+def test_heyoka_runs_in_the_mode_that_it_does_not_choose_besides():
+    for name, other in (("kepler", "heyoka(compact_mode)"), ("outer-solar-system", "heyoka(compact_mode=False)")):
+        can, cannot = field.able(problem(name))
+        labels = {c.label for c in can if c.label.startswith("heyoka")}
+        assert labels == {"heyoka", "heyoka-high-accuracy", other, other.replace("heyoka", "heyoka-high-accuracy")}
+        assert sum("is the same" in why for why in cannot.values()) == 2
+
+
 def test_who_solves_a_problem_exactly_does_not_compete_on_it():
     _, cannot = field.able(problem("kepler"))
     assert all("exact" in cannot[x] for x in ("rebound-whfast", "rebound-saba-1", "wisdom-holman"))
@@ -215,6 +346,26 @@ def test_who_solves_a_problem_exactly_does_not_compete_on_it():
     assert {"rebound-whfast", "rebound-saba-1", "wisdom-holman"} <= {c.label for c in can}
     _, cannot = field.able(problem("harmonic-oscillator"))
     assert "exact" in cannot["gautschi"]
+
+
+def test_who_cannot_be_stopped_is_left_out_of_a_long_span_alone():
+    made = problem("pendulum:rotating")
+
+    def entered(t_end):
+        asked = Question("s", "pendulum:rotating", t_end, "energy", down_to(3), "")
+        can, cannot = front.entered(Task(asked, made, quantity(made, "energy"), Truth(np.zeros(1), 0.0, "")))
+        return {c.label for c in can}, cannot
+
+    limit = front.FARTHEST * made.pace.step
+    (short, none), (long, why) = entered(limit), entered(1.01 * limit)
+    assert short - long == set(front.LOOPED)
+    assert {"scipy-ode(DOP853)", "scipy-odeint(LSODA)", "heyoka"} <= long
+    assert all("too long" in why[id] for id in front.LOOPED)
+    assert not {*front.LOOPED} & {*none}
+
+
+def test_two_scenes_go_to_a_hundred_thousand():
+    assert sum(q.t_end >= 1e5 and q.made().pace.unit == 1.0 for q in QUESTIONS) >= 2
 
 
 def test_rows_are_kept_of_those_who_come_near():

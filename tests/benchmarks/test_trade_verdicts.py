@@ -259,23 +259,50 @@ A, B, MEETS = ("a", 1.0, 0.9, 1.1), ("b", 2.0, 1.9, 2.1), ("b", 1.05, 1.0, 1.2)
 )
 def test_two_sweeps_agree_on_the_same_or_on_a_tie(first, second, expected):
     tables = pd.DataFrame(finals(*first)), pd.DataFrame(finals(*second))
-    assert choice.agreement(*tables) == expected
+    assert choice.agreement(*tables)[:3] == expected
     said = page.twice({front.FINALS: tables[0], again.TABLE: tables[1]}.get)
-    assert said.holds == (expected[1] + expected[2] == 1)
-    assert f"together {100 * (expected[1] + expected[2])} %" in said.text
+    agreed = expected[1] + expected[2] == 1
+    assert said.holds == agreed
+    assert f"together {100 * agreed} %" in said.text
+    assert ("another at kepler-orbit to 0.001 (a, then b)" in said.text) != agreed
+
+
+@pytest.mark.parametrize(("apart", "holds"), [(2, True), (3, False)])
+def test_two_sweeps_must_agree_in_nineteen_of_twenty(apart, holds):
+    first, turned = (A, B), (("b", 0.5, 0.4, 0.6), ("a", 1.0, 0.9, 1.1))
+    one = [r for k in range(40) for r in finals(*first, accuracy=10.0**-k)]
+    other = [r for k in range(40) for r in finals(*(turned if k < apart else first), accuracy=10.0**-k)]
+    said = page.twice({front.FINALS: pd.DataFrame(one), again.TABLE: pd.DataFrame(other)}.get)
+    assert said.holds == holds
+    assert f"of 40 accuracies the cheapest was the same integrator in {40 - apart}" in said.text
 
 
 def test_what_was_measured_once_is_no_pair():
     other = pd.DataFrame(finals(A, scene="toda"))
-    assert choice.agreement(pd.DataFrame(finals(A)), other) == (0, 0, 0)
+    assert choice.agreement(pd.DataFrame(finals(A)), other) == (0, 0, 0, ())
 
 
 def test_some_scenes_are_measured_again_and_each_is_a_cell():
     cells = bench_front.cells()
     assert bench_front.cells(quick=True) == []
-    assert [c.key["scene"] for c in cells] == [*(q.id for q in QUESTIONS), *again.scenes()]
+    assert [c.key["scene"] for c in cells] == [*again.scenes(), *(q.id for q in QUESTIONS)]
     assert len({c.id for c in cells}) == len(cells) == len(QUESTIONS) + again.COUNT
-    assert len({c.content for c in cells[: len(QUESTIONS)]}) == len(QUESTIONS)
+    assert len({c.content for c in cells}) == len(cells)
+    assert set(again.CHEAP) <= set(BY_ID)
+    assert again.scenes() == again.scenes()
+
+
+def test_the_second_sweep_begins_from_nothing(monkeypatch):
+    """Its rows are the finals of a sweep of its own."""
+    swept = []
+
+    def measured(scene):
+        swept.append(scene)
+        return {front.FINALS: finals(A, scene=scene), front.CHOICES: []}
+
+    monkeypatch.setattr(front, "measured", measured)
+    assert again.measured(SCENE) == {again.TABLE: finals(A)}
+    assert swept == [SCENE]
 
 
 def test_who_misses_the_accuracy_fails_the_run():

@@ -22,7 +22,7 @@ MAY = {
 #: The rooms of a folder from the bottom up: a room imports those before it, and itself.
 ROOMS = {
     "integrators": (
-        ("errors",),
+        ("errors", "threads"),
         ("coefficients",),
         ("record",),
         ("engine",),

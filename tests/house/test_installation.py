@@ -18,6 +18,8 @@ SETUPTOOLS = 77
 USE = """
 import phasebench as pb
 from phasebench.benchmarks import bibliography
+from phasebench.benchmarks.advice import prior
+from phasebench.benchmarks.certificate import fronts
 from phasebench.integrators import coefficients
 from phasebench.reference import tables
 from phasebench.reference.certificates import stored
@@ -30,6 +32,8 @@ assert coefficients.polished("pefrl")
 assert bibliography.cited(["pefrl", "pendulum"])
 assert stored.find(pb.problem("pendulum")).ends
 assert list(Path(tables.__file__).parent.glob("*.csv"))
+assert prior.stored()
+assert fronts.stored()
 print(s.q[-1][0])
 """
 
@@ -58,7 +62,7 @@ def installed(tmp_path_factory) -> tuple[Path, Path]:
     (wheel,) = folder.glob("*.whl")
     venv.create(folder / "venv", symlinks=True)
     programs = folder / "venv" / "bin"
-    run(*pip, "--python", programs / "python", "install", "--no-deps", "--no-index", wheel, cwd=folder)
+    run(*pip, "--python", programs / "python", "install", "--no-deps", "--no-index", "--no-compile", wheel, cwd=folder)
     (site,) = (folder / "venv").glob("lib/python*/site-packages")
     (site / "others.pth").write_text("\n".join(p for p in sys.path if p.endswith("site-packages")) + "\n")
     return programs, site

@@ -378,7 +378,7 @@ def _combined(children):
             lambda vn: (f"{vn[0]}**{vn[1]}", VARIABLES[vn[0]] ** vn[1])
         ),
         st.tuples(st.sampled_from(["sin", "cos", "exp", "tanh"]), children).map(
-            lambda fa: (f"{fa[0]}({fa[1][0]})", FUNCTIONS[fa[0]](fa[1][1]))
+            lambda fa: (f"{fa[0]}({fa[1][0]})", getattr(sp, FUNCTIONS[fa[0]])(fa[1][1]))
         ),
     )
 

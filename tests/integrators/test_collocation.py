@@ -18,7 +18,7 @@ from phasebench.integrators.coefficients import dop853, quadrature, tableaus
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.kernel import prepare
-from phasebench.integrators.families.nystrom_lanes import Lanes
+from phasebench.integrators.families.stage_lanes import Lanes
 from phasebench.integrators.records.collocation import METHODS, hbvm
 from support.trees import DIGITS, EPS, order_residual, trees, vector
 
@@ -143,8 +143,8 @@ def rounded(id, system):
     """(A^q, A^p, c, w^q) of a method as the kernel has them, in doubles."""
     step = prepare(BY_ID[id], system).step
     if isinstance(step, Lanes):  # lane i of row j is A_ij
-        s = len(step.stages)
-        return step.A[:, :s].T, step.A[:, :s].T, step.nodes[0, :s], step.nodes[2, :s]
+        s = step.stages
+        return step.A[:s, :s].T, step.A[:s, :s].T, step.nodes[0, :s], step.nodes[2, :s]
     return step.A_q, step.A_p, step.c[:, 0], step.weights[0]
 
 

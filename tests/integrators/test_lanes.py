@@ -9,15 +9,19 @@ import mpmath
 import numba
 import numpy as np
 import pytest
+import sympy as sp
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine import elementary
 from phasebench.integrators.engine.kernel import prepare
-from phasebench.integrators.engine.lanes import combine, put, take, total
-from phasebench.integrators.families import collocation, nystrom_lanes
+from phasebench.integrators.engine.lanes import combine, polynomial, put, take, total
+from phasebench.integrators.families import collocation, gauss_lanes
+from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.registry import method
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+from phasebench.integrators.systems.poisson import PoissonSystem
 
 WIDTH = 8
 LIKE = (0.0,) * WIDTH
@@ -155,6 +159,25 @@ def test_combine_adds_the_rows_of_a_matrix():
     assert np.allclose(combine(x, y, 0.5, A, 2, few), exact, rtol=0, atol=1e-14)
 
 
+NUMBERS = (3.0, -0.5, 2.0, 0.25)
+
+
+@pytest.mark.processor
+def test_a_polynomial_takes_its_coefficients_from_lanes_or_from_a_tuple():
+    few = (0.0,) * 4
+    rows, z = np.array([[*NUMBERS, *[np.nan] * 4], RANDOM.uniform(-2, 2, WIDTH)]), np.empty((2, WIDTH))
+
+    @numba.njit
+    def compiled(rows, z):
+        put(z, 0, polynomial(take(rows, 0, LIKE), take(rows, 1, LIKE), few), LIKE)
+        put(z, 1, polynomial(NUMBERS, take(rows, 1, LIKE), few), LIKE)
+
+    compiled(rows, z)
+    exact = np.polyval(NUMBERS[::-1], rows[1])
+    for found in (*z, polynomial(rows[0], rows[1], few), polynomial(NUMBERS, rows[1], few)):
+        assert np.allclose(found, exact, rtol=0, atol=1e-14)
+
+
 # -- Gauss's methods --------------------------------------------------------------------------------------------------
 
 BOX, ORBIT = problem("henon-heiles:box"), problem("perturbed-kepler")
@@ -169,7 +192,7 @@ def both(monkeypatch, made, s, **run):
     """The runs with the stages in lanes, and one after the other."""
     lanes = integrate(made, f"gauss-{s}", **run)
     with monkeypatch.context() as patch:
-        patch.setattr(nystrom_lanes, "serves", lambda s, system: False)
+        patch.setattr(gauss_lanes, "serves", lambda s, system: False)
         return lanes, integrate(made, f"gauss-{s}", **run)
 
 
@@ -187,6 +210,7 @@ FORCES = {
     "exponential": "exp(q1 - q2) + exp(q2 - q1) + q1**2/2",
     "powers": "(1 + q1**2 + q2**2)**(3/2) + 1/sqrt(2 + q1**2) + q2**(-2)/50",
     "masses": "q1**2/2 + q2**4/4",
+    "logarithm": "log(1 + q1**2) + q2**2/2",
     "uniform": "q1 + 2*q2",
 }
 
@@ -195,29 +219,97 @@ FORCES = {
 def test_every_kind_of_force_is_the_one_of_the_formula(monkeypatch, name):
     T = "p1**2/2 + p2**2/6" if name == "masses" else "p1**2/2 + p2**2/2"
     made = Hamiltonian(q="q1 q2", p="p1 p2", H=f"{T} + {FORCES[name]}")
-    assert nystrom_lanes.serves(3, made)
+    assert gauss_lanes.serves(3, made)
     lanes, rows = both(monkeypatch, made, 3, h=0.1, steps=50, q0=[0.7, 1.1], p0=[0.2, -0.3])
     assert np.abs(end(lanes) - end(rows)).max() < 1e-13
+
+
+#: What is no sum p_i^2 / 2 m_i + V(q): both increments are unknown.
+FIELDS = {
+    "angles": "(p1**2 + 2*p2**2 - 2*p1*p2*cos(q1 - q2))/(2 + 2*sin(q1 - q2)**2) - 2*cos(q1) - cos(q2)",
+    "exponentials": "exp(p1) - 2*p1 + exp(q1) - q1 + exp(p2/2) + q2**2",
+    "magnetic": "(p1 + q2*sqrt(q1**2 + q2**2)/3)**2/2 + (p2 - q1*sqrt(q1**2 + q2**2)/3)**2/2 + 1/sqrt(q1**2 + q2**2)",
+    "metric": "(1 - 1/(4*q1))*p1**2/2 + (p2 + 1)**2/(2*q1**2) + 1/(1 - 1/(4*q1)) + q2**2/2",
+    "quartic": "p1**4/4 + p2**2/2 + q1**2/2 + q2**4",
+}
+
+
+def of_fields(name):
+    """A Hamiltonian, two independent pairs of Lotka and Volterra's species, or a field that no energy has."""
+    if name == "species":
+        u, v, x, y = sp.symbols("u v x y", positive=True)
+        B = sp.Matrix([[0, 0, -u * v, 0], [0, 0, 0, -x * y], [u * v, 0, 0, 0], [0, x * y, 0, 0]])
+        H = sp.log(u) - u + 2 * sp.log(v) - v + sp.log(x) - x + sp.log(y) - y
+        return PoissonSystem(q=[u, x], p=[v, y], B=B, H=H, dq=[u * (v - 2), x * (y - 1)], dp=[v * (1 - u), y * (1 - x)])
+    if name == "no energy":
+        return PartitionedSystem(q="q1 q2", p="p1 p2", dq=["p1", "p2 - q1**2"], dp=["-q1 - p1/9", "cos(q2)*p1"])
+    return Hamiltonian(q="q1 q2", p="p1 p2", H=FIELDS[name])
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize("name", [*FIELDS, "species", "no energy"])
+def test_every_kind_of_field_is_the_one_of_the_formula(monkeypatch, name):
+    made = of_fields(name)
+    assert gauss_lanes.serves(3, made)
+    lanes, rows = both(monkeypatch, made, 3, h=0.1, steps=50, q0=[1.7, 1.1], p0=[0.2, 0.3])
+    assert np.abs(end(lanes) - end(rows)).max() < 1e-13 * np.abs(end(rows)).max()
+    assert abs(lanes.counts["gradient"] - rows.counts["gradient"]) <= 0.05 * rows.counts["gradient"]
+
+
+@pytest.mark.parametrize("place", [(0, 1), (2, 0)])
+def test_control_one_wrong_coefficient_of_the_general_form_is_seen(place):
+    """By the symplectic form: a step's Jacobian M is no longer symplectic."""
+
+    def defect(spoil):
+        prepared = prepare(method("gauss-3"), of_fields("angles"))
+        prepared.step.A[place] += spoil
+        M = np.array([(moved(prepared, k, 1e-5) - moved(prepared, k, -1e-5)) / 2e-5 for k in range(4)]).T
+        J = np.kron([[0, 1], [-1, 0]], np.eye(2))
+        return np.abs(M.T @ J @ M - J).max()
+
+    assert defect(0.0) < 1e-9
+    assert defect(1e-4) > 1e-7
+
+
+def moved(prepared, k, by):
+    """The state after one step from a start of which component k is changed."""
+    y = np.array([1.7, 1.1, 0.2, 0.3])
+    y[k] += by
+    Q, P = np.zeros((1, 2)), np.zeros((1, 2))
+    assert lay_out(prepared, 2, 0.3, y[:2], y[2:])(Q, P, np.zeros((1, 1)), 1) == (1, 0)
+    return np.concatenate([Q[0], P[0]])
 
 
 @pytest.mark.parametrize(
     "H",
     [
-        "p1**2/2 + p2**2/2 + log(1 + q1**2) + q2**2",
+        "p1**2/2 + p2**2/2 + q1*log(1 + q1**2) + q2**2",
         "p1**2/2 + p2**2/2 + (1 + q1**2)**(1/3) + q2**2",
         "p1**2/2 + p2**2/2 + p1*p2/3 + q1**2/2 + q2**2/2",
-        "p1**2/2 + p2**2*(1 + q1**2)/2 + q1**2/2 + q2**2",
-        "p1**4/4 + p2**2/2 + q1**2/2 + q2**2",
+        "p1**2/2 + p2**2*(1 + q1**2)/2 + q1*log(1 + q1**2) + q2**2",
+        "p1**4/4 + p2**2/2 + tan(q1**2)/2 + q2**2",
     ],
 )
 def test_what_lanes_cannot_do_is_left_to_the_stages_one_by_one(H):
     made = Hamiltonian(q="q1 q2", p="p1 p2", H=H)
-    assert not nystrom_lanes.serves(3, made)
+    assert not gauss_lanes.serves(3, made)
     assert prepare(method("gauss-3"), made).run is collocation.run
 
 
-def test_newton_s_method_in_lanes_takes_over_where_the_fixed_point_does_not_contract(monkeypatch):
-    stiff = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2 + q1**4")
+def test_many_degrees_of_freedom_are_left_to_the_stages_one_by_one():
+    names = [[f"{x}{i}" for i in range(21)] for x in "qp"]
+    for T in ("p0**4", "p0**2/2"):
+        H = f"{T} + " + " + ".join(f"p{i}**2/2 + q{i}**2/2" for i in range(1, 21)) + " + q0**2/2"
+        assert not gauss_lanes.serves(3, Hamiltonian(q=names[0], p=names[1], H=H))
+
+
+STIFF = "p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2"
+
+
+@pytest.mark.parametrize("rest", ["q1**4", "q1**2*p1**2/10"])
+def test_newton_s_method_in_lanes_takes_over_where_the_fixed_point_does_not_contract(monkeypatch, rest):
+    """Of the kicks, and of both increments."""
+    stiff = Hamiltonian(q="q1 q2", p="p1 p2", H=f"{STIFF} + {rest}")
     lanes, rows = both(monkeypatch, stiff, 3, h=0.2, steps=20, q0=[0.9, 0.2], p0=[3.0, -0.4])
     assert lanes.counts["newton"] == rows.counts["newton"] == 20
     assert np.abs(end(lanes) - end(rows)).max() < 1e-11

@@ -10,6 +10,7 @@ import pytest
 import phasebench as pb
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import InvalidInput, integrate
+from phasebench.integrators.engine.codegen import compiled
 from phasebench.integrators.prepared import prepare
 
 H = 0.01
@@ -53,13 +54,23 @@ def test_it_is_the_same_run(name, id):
 
 @pytest.mark.parametrize("sizes", [(24, 64), (64, 24)])
 def test_runs_of_several_sizes_of_arrays_are_each_their_own(sizes):
-    """Kernels of arrays serve every d; what hands them their arguments does not."""
+    """Kernels of arrays serve every d, and so does what hands them their arguments."""
     made = [problem("klein-gordon", N=n) for n in sizes]
-    for run, one in [(prepare(m, "stormer-verlet"), m) for m in made]:
+    runs = [prepare(m, "stormer-verlet") for m in made]
+    if compiled():
+        assert runs[0]._functions is runs[1]._functions
+    for run, one in zip(runs, made, strict=True):
         alone = integrate(one, "stormer-verlet", h=H, steps=20, save_every=0)
         q, p, code = run(H, 20)
         assert code == run.SOLVED
         assert same((q, p), (alone.q[-1], alone.p[-1]))
+
+
+def test_an_explicit_method_holds_no_matrix():
+    made = problem("klein-gordon", N=64)
+    held = {id: prepare(made, id)._layout.orbit.work.size for id in ("rk4", "stormer-verlet", "implicit-midpoint")}
+    assert held["rk4"] == held["stormer-verlet"] == 4
+    assert held["implicit-midpoint"] == (made.system.d + 1) ** 2
 
 
 def test_an_end_is_not_written_over():

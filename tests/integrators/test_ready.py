@@ -6,10 +6,13 @@ import pickle
 
 import numpy as np
 import pytest
+import sympy as sp
 
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators import Hamiltonian, integrate
-from phasebench.integrators.engine import printing
+from phasebench.integrators import Hamiltonian, integrate, method
+from phasebench.integrators.engine import cache, codegen, kernel, preparation, printing
+from phasebench.integrators.engine.orbit_lanes import twin
+from phasebench.integrators.systems import deferred
 
 PENDULUM = {"q": "q", "p": "p", "H": "p**2/2 - cos(q)"}
 
@@ -55,3 +58,84 @@ def test_systems_are_pickled(name, parameters):
     )
     assert np.array_equal(before.q, after.q)
     assert np.array_equal(before.p, after.p)
+
+
+# -- what is kept of a system that has a key, and of what families prepare for it -------------------------------------
+
+
+def derived():
+    system = Hamiltonian(**PENDULUM)
+    assert system.H is not None  # where it was a shell, it is none any more
+    return system
+
+
+def shell_of(system, key="a key"):
+    return deferred.shell(system, key, derived)
+
+
+def test_a_shell_knows_facts_and_becomes_the_system_where_its_formula_is_asked_for():
+    whole = derived()
+    shell = shell_of(whole)
+    assert (shell.d, shell.has_energy, shell.singularities) == (1, True, 0)
+    assert "H" not in vars(shell)
+    assert not hasattr(shell, "system")
+    assert not hasattr(shell, "q0")
+    assert "H" not in vars(shell), "asking for what no system has makes nothing"
+    assert shell.H == whole.H
+    assert "_recipe" not in vars(shell)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = shell.nothing
+
+
+def test_a_shell_has_the_values_of_its_system():
+    q, p = np.array([[0.3], [1.2]]), np.array([[0.1], [-0.7]])
+    made, shell = derived(), shell_of(derived())
+    for name in ("energies", "scale", "speed", "rates", "distances"):
+        assert np.array_equal(getattr(made, name)(q, p), getattr(shell, name)(q, p))
+    assert made.traits == shell.traits
+    assert made.content == shell.content
+
+
+@pytest.fixture
+def keeping(monkeypatch):
+    monkeypatch.setattr(preparation, "KEPT", True)
+    yield
+    preparation._read.cache_clear()
+
+
+@pytest.mark.usefixtures("keeping")
+@pytest.mark.parametrize("id", ["scheme-v", "gauss-8", "stormer-verlet-symmetric-projection", "gauss-equip-3"])
+def test_what_a_family_prepares_is_read_as_it_was_written(id):
+    system, record = problem("pendulum").system, method(id)
+    made = kernel._made(record, system, "double")
+    name = preparation.entry(record, system)
+    preparation.write(name, made)
+    preparation._read.cache_clear()
+    read = preparation.read(name)
+    assert read is not made
+    assert read.run is made.run
+    assert kernel._type(read.step) == kernel._type(made.step)
+    assert str(read.step) == str(made.step)
+
+
+@pytest.mark.usefixtures("keeping")
+def test_entries_are_of_the_method_with_its_parameters_and_of_the_system(monkeypatch):
+    one, other = problem("pendulum").system, problem("kepler").system
+    names = {preparation.entry(method("scheme-i", lam=lam), s) for lam in (0.5, 0.25) for s in (one, other, twin(one))}
+    assert len(names) == 6
+    assert preparation.entry(method("scheme-i", lam=0.5), one) == preparation.entry(method("scheme-i", lam=0.5), one)
+    q, p = sp.symbols("q p", real=True)
+    monkeypatch.setattr(codegen, "TUPLE_LIMIT", 0)
+    assert preparation.entry(method("scheme-i", lam=0.5), one) not in names
+    assert preparation.entry(method("scheme-i"), Hamiltonian(q=[q], p=[p], H=p**2 / 2 - sp.cos(q))) is None
+
+
+@pytest.mark.usefixtures("keeping")
+def test_a_damaged_preparation_is_made_anew():
+    system, record = problem("pendulum").system, method("scheme-iii")
+    name = preparation.entry(record, system)
+    cache.write(name, b"nothing that was pickled")
+    preparation._read.cache_clear()
+    assert preparation.read(name) is None
+    assert cache.read(name) is None
+    assert kernel.prepare(record, system).run is kernel._made(record, system, "double").run

@@ -93,6 +93,20 @@ def test_the_settings_of_each_peer(tol, monkeypatch):
     assert (lanes.high_accuracy, lanes.compact_mode, lanes.tol) == (False, False, tol or np.finfo(float).eps)
 
 
+def test_the_other_mode_of_many_variables_is_without_compact_mode(monkeypatch):
+    made, started = problem("toda:cnoidal", N=6), []
+    monkeypatch.setattr(taylor, "COMPACT", 11)
+    start = taylor.start
+    monkeypatch.setattr(taylor, "start", lambda ta, *more: (started.append(ta), start(ta, *more)))
+    other = peers.compact(True, on=False)
+    assert "the same" in peers.compact(True).lacks(made, made.system)
+    ends = [integrate_peer(made, p, t_end=0.1, tol=1e-12).q[-1] for p in ("heyoka", other)]
+    assert [(ta.high_accuracy, ta.compact_mode) for ta in started] == [(False, True), (True, False)]
+    assert np.abs(ends[0] - ends[1]).max() < 1e-11
+    monkeypatch.setattr(taylor, "COMPACT", 12)
+    assert "the same" in other.lacks(made, made.system)
+
+
 @pytest.mark.parametrize("id", IDS)
 def test_integrators_are_kept_and_start_anew(id):
     """Another orbit, a blow-up or another tolerance between two runs leaves no trace."""

@@ -25,6 +25,14 @@ def moved(n: int, seconds: float = 0.0) -> dict:
     return found
 
 
+def core(n: int) -> dict:
+    """A row with the cores that the process may use, after a while."""
+    import os
+
+    time.sleep(0.3)
+    return {"toys": [{"n": n, "x": sorted(os.sched_getaffinity(0)), "name": "", "seconds": time.time()}]}
+
+
 def fail(n: int) -> dict:
     """No row."""
     raise ValueError(f"there is no {n}")
@@ -41,10 +49,10 @@ def lack(n: int) -> dict:
 
 
 def start(path: str, n: int) -> dict:
-    """Starts a process that would write to a file later, and does not return before."""
+    """Starts a process that writes its number to a file and sleeps for a minute, and does not return before."""
     import subprocess
 
-    late = f"import time; time.sleep(9); open({path!r}, 'w')"
+    late = f"import os, time; open({path!r}, 'w').write(str(os.getpid())); time.sleep(60)"
     subprocess.run([sys.executable, "-c", late], check=False)
     return measure(n)
 

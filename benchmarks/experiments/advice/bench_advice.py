@@ -1,4 +1,4 @@
-"""What is advised was run and meets what was asked when run again; the prior is re-recorded from the trade's rows."""
+"""What is advised was run and meets what was asked when run again; what is kept of the trade's rows is re-recorded."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks.advice import prior
+from phasebench.benchmarks.certificate import fronts
 from phasebench.benchmarks.experiments.advice.cells import TABLE, cells  # noqa: F401
 from phasebench.benchmarks.problems.questions import BY_ID
 from phasebench.integrators.driver import OK
@@ -39,7 +40,8 @@ def prior_of(rows) -> list[dict]:
 
 
 def bench_prior(outcome, complete, update):
-    """The prior is re-recorded with the tables where the whole trade was measured."""
+    """The prior and the certificate's fronts are re-recorded with the tables where the whole trade was measured."""
     if not update or not complete(RUNS):
         pytest.skip("the prior is made with --update-tables where all of the trade is measured")
     prior.keep(prior_of(outcome.rows(RUNS)))
+    fronts.keep(fronts.made(outcome.rows(RUNS)))

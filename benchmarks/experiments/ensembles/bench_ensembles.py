@@ -17,6 +17,8 @@ def off(rows) -> list[str]:
     """Ensembles that do not arrive, or end elsewhere than the scalar kernel."""
     out = []
     for r in rows:
+        if r["method"] == lanes.CEILING:
+            continue
         where = f"{r['method']} on {r['problem']}"
         if r["status"] != "ok":
             out.append(f"{where}: {r['status']}")

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from phasebench.benchmarks.experiments.extremes import brouwer
+from phasebench.benchmarks.experiments.extremes import brouwer_controls as controls
 from phasebench.benchmarks.experiments.extremes.cells import cells  # noqa: F401
+from phasebench.benchmarks.experiments.extremes.verdicts import ABOVE, ENERGY
 
 #: Scheme I's limits are in closed form to this.
 SHARP = 1e-10
@@ -50,3 +53,12 @@ def bench_encounters(measured):
     adaptive = [r for r in measured("extremes_encounters") if r["kind"] == "adaptive" and r["e"] <= HARD]
     lost = [f"{r['method']}, e = {r['e']}: {r['error']:.1e}" for r in adaptive if not r["held"]]
     assert not lost, "\n".join(lost)
+
+
+def bench_small_denominators(measured):
+    """Beside the fractions at which round-off drifts, and with the whole state in the force, it does not."""
+    rows = measured("extremes_growth")
+    free = [r for r in rows if r["kind"] == brouwer.ASIDE_OF or r["label"] == controls.WHOLE]
+    drifting = [f"{r['label']}, h = {r['h']!r}" for r in free if r["energy low"] > ENERGY + ABOVE]
+    assert free
+    assert not drifting, "\n".join(drifting)

@@ -6,7 +6,9 @@ coefficients and the double h; what a run does to |w| and arg w besides is round
 energy's error grows as n^(1/2), with compensated increments from :math:`\epsilon h \sqrt n` (epsilon the unit
 round-off), and the phase's as n^(3/2) where the frequency depends on the energy (Brouwer 1937): here it does not, see
 `brouwer_kepler`.  The control is Stormer-Verlet by plain sums.
-A step such as 0.01, whose binary digits repeat, is run beside ones whose do not: its products round to few residues.
+Next to a fraction of a small denominator (h = 0.01 and 0.1, lambda = 1/3) the lost parts of the state, which velocity
+and force do not see, take few values, whose mean is not zero: the energy drifts.  The same runs a little beside the
+fraction, and `brouwer_controls`, show that it is so.
 
 Source: D. Brouwer, Astron. J. 46 (1937) 149-153; Hairer, Lubich, Wanner, Geometric Numerical Integration (2006),
 VIII.5.
@@ -20,30 +22,52 @@ import numpy as np
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.registry import method
 
+from . import brouwer_controls as controls
+from . import exact_maps
+from .exact_maps import exact_matrix
 from .methods import record
 
-PROBLEM, CONTROL = "harmonic-oscillator", "plain sums"
+PROBLEM, CONTROL = "harmonic-oscillator", controls.PLAIN
 #: The starts with their seed, the rows of a run, the doublings of time that are fitted, resampled fits.
 STARTS, SEED, ROWS, FITTED, DRAWN = 100, 1937, 1024, 7, 400
-#: Steps: of no pattern, exact in binary, and of digits that repeat.
-PLAIN, BINARY, DECIMAL = 0.0123456789, 2.0**-7, 0.01
+#: Steps: of no pattern, exact in binary, next to fractions of small denominators, and a little beside these.
+PLAIN, BINARY, DECIMAL, TENTH = 0.0123456789, 2.0**-7, 0.01, 0.1
+ASIDE = 1 + 2.0**-40
+#: The parameter 1/3, and one that is a little beside it.
+THIRD, BESIDE = "1/3", "0.3333333333"
+#: What a run is of.
+USUAL, FRACTION, ASIDE_OF, HAND = "usual", "fraction", "beside a fraction", "by hand"
+UNBIASED = (USUAL, ASIDE_OF)
 DIGITS = 40
 EPS = 2.0**-53
-#: (method, parameters, h, steps of a run): as many as take a few seconds.
+MOST, MANY, SOME, FEW = 10_240_000, 5_120_000, 1_024_000, 512_000
+#: (method, parameters, h, steps of a run): as many as take a few seconds; one of each family whose step is a symplectic
+#: matrix, then the fractions of small denominators and what is beside them.
 RUNS = (
-    ("stormer-verlet", {}, PLAIN, 10_240_000),
-    ("stormer-verlet", {}, BINARY, 10_240_000),
-    ("stormer-verlet", {}, DECIMAL, 10_240_000),
-    ("symplectic-euler-p", {}, PLAIN, 10_240_000),
-    ("pefrl", {}, PLAIN, 2_048_000),
-    ("implicit-midpoint", {}, PLAIN, 1_024_000),
-    ("scheme-i", {"lam": "-1"}, PLAIN, 1_024_000),
-    ("scheme-i", {"lam": "1/3"}, PLAIN, 1_024_000),
-    ("scheme-i", {"lam": "1/3"}, DECIMAL, 1_024_000),
-    ("scheme-iii", {"lam": "-1"}, PLAIN, 1_024_000),
-    (CONTROL, {}, PLAIN, 10_240_000),
+    ("stormer-verlet", {}, PLAIN, MOST),
+    ("stormer-verlet", {}, BINARY, MANY),
+    ("symplectic-euler-p", {}, PLAIN, MANY),
+    ("pefrl", {}, PLAIN, 2 * SOME),
+    ("kahan-li-8", {}, PLAIN, FEW),
+    ("blanes-moan-srkn6b", {}, PLAIN, SOME),
+    ("implicit-midpoint", {}, PLAIN, SOME),
+    ("scheme-i", {"lam": "-1"}, PLAIN, SOME),
+    ("scheme-iii", {"lam": "-1"}, PLAIN, SOME),
+    ("gauss-2", {}, PLAIN, FEW),
+    ("gauss-4", {}, PLAIN, FEW),
+    ("lobatto-iiia-iiib-3", {}, PLAIN, FEW),
+    ("avf", {}, PLAIN, FEW),
+    ("deuflhard", {}, PLAIN, SOME),
+    ("stormer-verlet", {}, DECIMAL, MOST),
+    ("stormer-verlet", {}, DECIMAL * ASIDE, MANY),
+    ("scheme-i", {"lam": THIRD}, PLAIN, SOME),
+    ("scheme-i", {"lam": BESIDE}, PLAIN, SOME),
+    ("gauss-2", {}, TENTH, FEW),
+    ("gauss-2", {}, TENTH * ASIDE, FEW),
+    (controls.HALF, {}, DECIMAL, MANY),
+    (controls.WHOLE, {}, DECIMAL, MANY),
+    (CONTROL, {}, PLAIN, MANY),
 )
 #: The steps of the one long run.
 LONG = 102_400_000
@@ -57,29 +81,36 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def _cell(id: str, values: dict, h: float, steps: int) -> Cell:
-    method_ = record("stormer-verlet" if id == CONTROL else id)
-    needs = content("growth", id, method_, values, h, steps, Problem(PROBLEM), code=[__name__])
+    method_ = record(_method(id))
+    needs = content(
+        "growth",
+        id,
+        method_,
+        values,
+        h,
+        steps,
+        Problem(PROBLEM),
+        code=[__name__, exact_maps.__name__, controls.__name__],
+    )
     key = {"label": _label(id, values), "h": h, "steps": steps}
     return Cell("extremes", TABLES, key, measured, (id, values, h, steps), needs, frozenset({id}))
 
 
+def _method(id: str) -> str:
+    return "stormer-verlet" if id in controls.KINDS else id
+
+
 def _label(id: str, values: dict) -> str:
-    return id if id == CONTROL or not values else method(id, **values).label
+    return f"{id}({', '.join(f'{k}={v}' for k, v in values.items())})" if values else id
 
 
-def exact_matrix(id: str, values: dict, h: float):
-    """The matrix of a step on the oscillator, in the working precision: entries ((qq, qp), (pq, pp))."""
-    one, total = mpmath.mpf(1), mpmath.eye(2)
-    for c, mu, lam in method(id, **values).data[1]:
-        z, mu, lam = mpmath.mpf(h) * _number(c), _number(mu), _number(lam)
-        left = mpmath.matrix([[one, -z * lam], [z * mu, one]])
-        right = mpmath.matrix([[one, z * (one - lam)], [-z * (one - mu), one]])
-        total = left**-1 * right * total
-    return total
-
-
-def _number(x):
-    return mpmath.mpf(x.numerator) / x.denominator if hasattr(x, "numerator") else mpmath.mpf(x)
+def _kind(id: str, values: dict, h: float) -> str:
+    """Whether it is by hand, a fraction of a small denominator, beside one, or none of these."""
+    if id in controls.KINDS:
+        return HAND
+    if h in (DECIMAL, TENTH) or values.get("lam") == THIRD:
+        return FRACTION
+    return ASIDE_OF if h in (DECIMAL * ASIDE, TENTH * ASIDE) or values.get("lam") == BESIDE else USUAL
 
 
 def errors(M, n, Q, P) -> tuple[np.ndarray, np.ndarray]:
@@ -100,26 +131,10 @@ def _starts(count: int) -> np.ndarray:
     return np.column_stack([size * np.cos(angle), size * np.sin(angle)])
 
 
-def _plain(h: float, every: int, rows: int, q: float, p: float):
-    """Stormer-Verlet by plain sums; rows of states."""
-    Q, P = np.empty(rows + 1), np.empty(rows + 1)
-    Q[0], P[0] = q, p
-    for i in range(rows):
-        for _ in range(every):
-            p = p - h / 2 * q
-            q = q + h * p
-            p = p - h / 2 * q
-        Q[i + 1], P[i + 1] = q, p
-    return Q, P
-
-
 def _run(id: str, values: dict, h: float):
     """(q, p, steps) -> rows of states."""
-    if id == CONTROL:
-        import numba
-
-        plain = numba.njit(_plain)
-        return lambda q, p, steps: plain(h, steps // ROWS, ROWS, q, p)
+    if id in controls.KINDS:
+        return controls.runner(id, h, ROWS)
     made = problem(PROBLEM)
 
     def run(q: float, p: float, steps: int):
@@ -135,7 +150,7 @@ def measured(id: str, values: dict, h: float, steps: int) -> Rows:
     n = np.array(rows) * (steps // ROWS)
     run, starts = _run(id, values, h), _starts(STARTS if steps < LONG else 1)
     with mpmath.workdps(DIGITS):
-        M = exact_matrix("stormer-verlet" if id == CONTROL else id, values, h)
+        M = exact_matrix(_method(id), values, h)
         found = []
         for q, p in starts:
             Q, P = run(q, p, steps)
@@ -147,6 +162,7 @@ def measured(id: str, values: dict, h: float, steps: int) -> Rows:
         "label": label,
         "h": h,
         "steps": steps,
+        "kind": _kind(id, values, h),
         "starts": len(starts),
         "energy rms": float(np.sqrt((energy[:, -1] ** 2).mean())),
         "phase rms": float(np.sqrt((phase[:, -1] ** 2).mean())),

@@ -68,7 +68,7 @@ def measured() -> Rows:
             s = integrate(made, METHOD, h=H, steps=STEPS, q0=q0, p0=p0, save_every=every)
             found.append(errors(n, s.q[rows], s.p[rows], H))
     energy, phase = (np.array([f[k] for f in found])[:, 1:] for k in (0, 1))
-    row = {"label": LABEL, "h": H, "steps": STEPS, "starts": brouwer.STARTS}
+    row = {"label": LABEL, "h": H, "steps": STEPS, "kind": brouwer.USUAL, "starts": brouwer.STARTS}
     row |= {
         "energy rms": float(np.sqrt((energy[:, -1] ** 2).mean())),
         "phase rms": float(np.sqrt((phase[:, -1] ** 2).mean())),

@@ -1,9 +1,15 @@
 r"""Orbits on which methods are pushed, and how a run on one of them is judged.
 
 A run is lost where it ends badly, or where the energy error is as large as the terms of H are: the least of
-:math:`\sum_k |H_k|`, H = H_1 + H_2 + ..., along the orbit itself, as a run of `TRUTH` with a fine step gives it.  It
-is on a wrong orbit where a coordinate leaves the range that the energy allows.  Where the orbit itself escapes, a run
-that has escaped with its energy has done what it should.
+:math:`\sum_k |H_k|`, H = H_1 + H_2 + ..., along the orbit itself, as a run of `TRUTH` with a fine step gives it.
+
+A method that keeps the energy is not convicted by it.  Of a regular orbit a run is on a wrong one where a coordinate
+leaves the range that it has along the orbit by more than `MARGIN` of it, and has a wrong clock where its first
+coordinate crosses the middle of that range less than half or more than twice as often as along the orbit: a step that
+is longer than half a period cannot show the motion, whatever it keeps.  (An ellipse that turns leaves its range: of
+Kepler's only the clock is told.)  On other orbits a run is on a wrong one where a coordinate leaves the range that the
+energy allows.  Where the orbit itself escapes, a run that has escaped with its
+energy has done what it should.
 """
 
 from __future__ import annotations
@@ -11,6 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -18,8 +25,10 @@ import sympy as sp
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import OK, integrate
 
-LOST, WRONG = "energy-lost", "wrong-orbit"
-TRUTH, FINE, TIMES = "dop853", 8, 400
+LOST, WRONG, CLOCK = "energy-lost", "wrong-orbit", "wrong-clock"
+TRUTH, FINE, TIMES, LONGER = "dop853", 8, 400, 8000
+#: The share of a range that it may be left by; the crossings that a rate is told from, and how far it may be off.
+MARGIN, CROSSINGS, OFF = 0.5, 8, 2.0
 #: Rows of a run that are looked at, and the seconds after which it counts as a failure.
 SEEN, SECONDS = 1000, 4.0
 
@@ -34,6 +43,8 @@ class Case:
     q, p : the start where not the problem's
     bound : the largest |q| that the energy allows; None where it allows any
     escapes : the |q| beyond which the orbit is gone for good, where it may go
+    ranged : whether it fills the range of its coordinates soon, and a good run does so too
+    timed : whether its first coordinate crosses the middle of its range, or ``middle``, at a steady rate
     """
 
     id: str
@@ -42,6 +53,9 @@ class Case:
     p: tuple[float, ...] | None = None
     bound: float | None = None
     escapes: float | None = None
+    ranged: bool = False
+    timed: bool = False
+    middle: float | None = None
 
 
 def _henon_heiles(H0: float, q2: float) -> tuple[float, float]:
@@ -49,14 +63,14 @@ def _henon_heiles(H0: float, q2: float) -> tuple[float, float]:
 
 
 CASES = (
-    Case("pendulum", "pendulum:swinging", bound=math.pi),
+    Case("pendulum", "pendulum:swinging", bound=math.pi, ranged=True, timed=True),
     Case("pendulum, 1e-12 below the separatrix", "pendulum", (0.0,), (2 * (1 - 1e-12) ** 0.5,), bound=math.pi),
     Case("pendulum, on the separatrix", "pendulum", (0.0,), (2.0,)),
-    Case("Lotka-Volterra", "lotka-volterra-log:4-2"),
-    Case("Henon-Heiles, box", "henon-heiles:box", escapes=3.0),
+    Case("Lotka-Volterra", "lotka-volterra-log:4-2", ranged=True, timed=True),
+    Case("Henon-Heiles, box", "henon-heiles:box", escapes=3.0, ranged=True, timed=True),
     Case("Henon-Heiles, at escape", "henon-heiles:chaotic", escapes=3.0),
     Case("Henon-Heiles, beyond escape", "henon-heiles", (0.0, 0.1), _henon_heiles(0.18, 0.1), escapes=3.0),
-    Case("Kepler, e = 0.6", "kepler"),
+    Case("Kepler, e = 0.6", "kepler", bound=2.0, timed=True, middle=0.0),
 )
 BY_ID = {c.id: c for c in CASES}
 
@@ -70,8 +84,44 @@ def size(case: Case) -> float:
     return float(sum(np.abs(made.system.observe(t, truth.q, truth.p)) for t in terms).min())
 
 
+class Course(NamedTuple):
+    """The range of each coordinate along an orbit, and how often the first one crosses a value in a unit of time."""
+
+    low: np.ndarray
+    high: np.ndarray
+    middle: float
+    rate: float
+
+
+@lru_cache(maxsize=32)
+def course(case: Case) -> Course:
+    """The course of a regular orbit, by a long run of `TRUTH`."""
+    made = problem(case.problem)
+    truth = integrate(made, TRUTH, h=made.pace.step / FINE, steps=LONGER, q0=case.q, p0=case.p)
+    low, high = truth.q.min(axis=0), truth.q.max(axis=0)
+    middle = (low[0] + high[0]) / 2 if case.middle is None else case.middle
+    return Course(low, high, middle, crossings(truth.q[:, 0], middle) / truth.t[-1])
+
+
+def crossings(x, middle: float) -> int:
+    """How often a series crosses a value."""
+    return int(np.count_nonzero(np.diff(np.signbit(x - middle))))
+
+
+def strays(case: Case, Q, span: float, every_step: bool) -> str:
+    """`WRONG` or `CLOCK` where rows of a regular orbit over a time are on another one, else `OK`."""
+    known = course(case)
+    room = MARGIN * (known.high - known.low)
+    if case.ranged and ((known.low - room > Q).any() or (known.high + room < Q).any()):
+        return WRONG
+    expected = known.rate * span
+    if not (case.timed and every_step and expected >= CROSSINGS):
+        return OK
+    return OK if expected / OFF <= crossings(Q[:, 0], known.middle) <= expected * OFF else CLOCK
+
+
 def judged(case: Case, method: str, h: float, steps: int, parameters: dict | None = None) -> str:
-    """How a run ends: `OK`, a status of the driver, `LOST` or `WRONG`."""
+    """How a run ends: `OK`, a status of the driver, `LOST`, `WRONG` or `CLOCK`."""
     made = problem(case.problem)
     s = integrate(
         made,
@@ -96,4 +146,6 @@ def judged(case: Case, method: str, h: float, steps: int, parameters: dict | Non
         return LOST
     if case.bound is not None and np.abs(Q).max() > case.bound:
         return WRONG
+    if status == OK and (case.ranged or case.timed):
+        return strays(case, Q, s.t[len(Q) - 1], steps <= SEEN)
     return status

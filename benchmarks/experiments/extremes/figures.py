@@ -11,18 +11,43 @@ from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.page import Picture
 
 from . import brouwer, brouwer_kepler, edge, encounters, stiff
+from . import brouwer_controls as controls
 
 #: The methods of the first figure, and how far its axis goes.
 BARS, LAST = 26, 10.0
-#: The labels of the figure of round-off.
+#: The runs of the figure of round-off: labels and steps.
 GROWING = (
-    "stormer-verlet",
-    "implicit-midpoint",
-    "pefrl",
-    "scheme-i(lam=1/3)",
-    brouwer.CONTROL,
-    brouwer_kepler.LABEL,
+    ("stormer-verlet", brouwer.PLAIN),
+    ("stormer-verlet", brouwer.DECIMAL),
+    ("stormer-verlet", brouwer.DECIMAL * brouwer.ASIDE),
+    (f"scheme-i(lam={brouwer.THIRD})", brouwer.PLAIN),
+    (f"scheme-i(lam={brouwer.BESIDE})", brouwer.PLAIN),
+    ("gauss-2", brouwer.PLAIN),
+    (controls.WHOLE, brouwer.DECIMAL),
+    (brouwer.CONTROL, brouwer.PLAIN),
+    (brouwer_kepler.LABEL, brouwer_kepler.H),
 )
+
+
+def curves(axes, table: pd.DataFrame, by: str, x: str, y: str, names=None, span=(None, None)) -> None:
+    """A curve of y over x on logarithmic axes for each name in the column ``by``, at most as many as differ in looks.
+
+    Values are drawn at the ends of ``span`` where they lie beyond it.
+    """
+    for look, name in zip(style.looks(), dict.fromkeys(table[by] if names is None else names), strict=False):
+        rows = table[table[by] == name].sort_values(x)
+        axes.loglog(rows[x], rows[y].clip(*span), label=name, **look)
+
+
+def best(table: pd.DataFrame, by: str, value: str, worst: bool = False) -> list:
+    """The names in a column by their least value, or by their largest, the smallest first."""
+    groups = table.groupby(by)[value]
+    return list((groups.max() if worst else groups.min()).sort_values().index)
+
+
+def legend_below(axes) -> None:
+    """A legend under a panel."""
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
 
 
 def pieces(text) -> list[tuple[float, float]]:
@@ -52,19 +77,16 @@ def intervals(linear: pd.DataFrame, folder) -> Picture:
 @style.drawn
 def encountered(table: pd.DataFrame, folder) -> Picture:
     """The best error within the budget over 1 - e."""
-    figure, panels = style.panels(1, 2, 4.0, sharey=True)
-    looks = style.looks()
-    for axes, fixed in zip(panels[0], (True, False), strict=True):
+    figure, (panels,) = style.panels(1, 2, 4.0, sharey=True)
+    table = table.assign(near=1 - table["e"])
+    for axes, fixed in zip(panels, (True, False), strict=True):
         part = table[(table["kind"] == "fixed") == fixed]
-        reached = part.groupby("method")["error"].max().sort_values()
-        for look, id in zip(looks, list(reached.index)[: len(looks)], strict=False):
-            rows = part[part["method"] == id].sort_values("e")
-            axes.loglog(1 - rows["e"], rows["error"].clip(1e-16, 10), label=id, **look)
+        curves(axes, part, "method", "near", "error", best(part, "method", "error", worst=True), (1e-16, 10))
         axes.axhline(encounters.HELD, color=style.GREY, linewidth=0.8)
         axes.invert_xaxis()
         axes.set(title="fixed steps" if fixed else "adaptive or transformed", xlabel="1 − e")
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
-    panels[0][0].set_ylabel("relative error")
+        legend_below(axes)
+    panels[0].set_ylabel("relative error")
     caption = (
         f"Kepler, {encounters.ORBITS} orbits: the first error below {encounters.HELD:g}, else the least, on a ladder "
         "of steps or tolerances; what is lost altogether stands at the top. At most nine integrators a panel."
@@ -78,12 +100,8 @@ def stiffness(table: pd.DataFrame, folder) -> Picture:
     omegas = sorted(table["omega"].unique())
     omegas = omegas[1::2] or omegas
     figure, (panels,) = style.panels(1, len(omegas), 3.4, sharey=True)
-    looks = style.looks()
-    methods = list(dict.fromkeys(table["method"]))[: len(looks)]
     for axes, omega in zip(panels, omegas, strict=True):
-        for look, id in zip(looks, methods, strict=False):
-            rows = table[(table["method"] == id) & (table["omega"] == omega)].sort_values("h omega")
-            axes.loglog(rows["h omega"], rows["I changes"].clip(1e-12, 1e2), label=id, **look)
+        curves(axes, table[table["omega"] == omega], "method", "h omega", "I changes", span=(1e-12, 1e2))
         axes.axhline(stiff.CLIFF, color=style.GREY, linewidth=0.8)
         axes.set(title=f"ω = {omega:g}", xlabel="h ω")
     panels[0].set_ylabel("largest change of I / I₀")
@@ -95,24 +113,30 @@ def stiffness(table: pd.DataFrame, folder) -> Picture:
 
 
 @style.drawn
-def growth(curves: pd.DataFrame, folder) -> Picture:
+def growth(table: pd.DataFrame, folder) -> Picture:
     """The rms errors over the number of steps."""
-    figure, (panels,) = style.panels(1, 2, 3.4)
-    curves = curves[(curves["steps"] < brouwer.LONG) & curves["label"].isin(GROWING)]
-    runs = list(curves.groupby(["label", "h"], sort=False))[: len(style.looks())]
+    figure, (panels,) = style.panels(1, 2, 3.8)
+    drawn = {run: _run_name(*run) for run in GROWING}
+    runs = [drawn.get(run) for run in zip(table["label"], table["h"], strict=True)]
+    table = table.assign(run=runs)[table["steps"] < brouwer.LONG].dropna(subset="run")
     for axes, name, law in zip(panels, ("energy", "phase"), (0.5, 1.5), strict=True):
-        for look, ((label, h), rows) in zip(style.looks(), runs, strict=False):
-            axes.loglog(rows["n"], rows[name], label=f"{label}, h = {h:.3g}", **look)
-        n = np.array([curves["n"].min(), curves["n"].max()], float)
+        curves(axes, table, "run", "n", name, list(drawn.values()))
+        n = np.array([table["n"].min(), table["n"].max()], float)
         axes.loglog(n, brouwer.EPS * brouwer.PLAIN * n**law, color=style.GREY, linestyle=":")
         axes.set(xlabel="steps", title=f"{name}: dotted, ε h n^{law:g}")
     panels[0].set_ylabel("rms error over the starts")
-    style.legend_above(figure, panels[0], 3)
+    style.legend_above(figure, panels[0], 2)
     caption = (
         f"Round-off of {brouwer.STARTS} starts, on the oscillator where nothing else is said: Brouwer's law and what "
-        "is measured. Only where the frequency depends on the energy does the phase's grow as n^1.5."
+        "is measured. Only where the frequency depends on the energy does the phase's grow as n^1.5; next to fractions "
+        "of small denominators it drifts."
     )
     return Picture(style.save(figure, folder, "extremes-growth.png"), "growth of round-off", caption)
+
+
+def _run_name(label: str, h: float) -> str:
+    beside = h == brouwer.DECIMAL * brouwer.ASIDE
+    return f"{label}, h = {h:.3g}{' (1 + 2^-40)' if beside else ''}"
 
 
 @style.drawn
@@ -190,9 +214,8 @@ def lambdas(table: pd.DataFrame, folder) -> Picture:
     orbits = list(dict.fromkeys(table["orbit"]))
     figure, (panels,) = style.panels(1, len(orbits), 2.8, sharey=True)
     for axes, orbit in zip(panels, orbits, strict=True):
-        for k, id in enumerate(dict.fromkeys(table["method"])):
-            rows = table[(table["method"] == id) & (table["orbit"] == orbit)].sort_values("lam")
-            axes.plot(rows["lam"], rows["largest h"].replace([0, np.inf], np.nan), label=id, **style.curve(k))
+        part = table[table["orbit"] == orbit]
+        curves(axes, part.replace({"largest h": {0: np.nan, np.inf: np.nan}}), "method", "lam", "largest h")
         axes.set_xscale("symlog", linthresh=1)
         axes.set(yscale="log", xlabel="λ", title=orbit)
     panels[0].set_ylabel("largest h")

@@ -195,7 +195,9 @@ def known() -> Rows:
                 "known limit": limit.value,
                 "digits": limit.digits,
                 "agrees": agrees(value, limit.value, limit.digits),
-                "source": limit.source,
+                "evidence": limit.evidence,
+                "derived": limit.derived,
+                "printed": limit.printed,
             }
         )
     return {TABLES[2]: rows}

@@ -110,8 +110,8 @@ PAGE = Page(
     setting=(
         "Linear stability: the trace of the step map on H = (p² + ω² q²) / 2, ends refined to ten digits and confirmed by "
         f"{maps.STEPS} steps beside them; maps that are not linear by long runs.",
-        f"Largest step: {push.STEPS} steps survive where the energy error stays below the size of H's terms and the orbit in its "
-        f"bounds; bisected to a part 2^(1/{push.PARTS}).",
+        f"Largest step: {push.STEPS} steps survive where the energy error stays below the size of H's terms, the orbit in its "
+        f"range and its clock right; bisected to a part 2^(1/{push.PARTS}).",
         f"Close encounters: Kepler from pericentre, {encounters.ORBITS} orbits, at most {encounters.LADDER[-1]} steps from an "
         "apside to the next.",
         f"Long times: {brouwer.STARTS} starts on the oscillator, |w|² and arg w of the exact step map in {brouwer.DIGITS} "
@@ -123,14 +123,15 @@ PAGE = Page(
     table=table,
     whole=whole,
     limits=(
+        "Pages of their own: [limits beside those that are known](extremes-limits.md), [three bodies and a zoom-whirl orbit](extremes-encounters.md).",
         "A gap in which the trace exceeds 2 by less than 1e-10 counts as a touch; beyond h ω = 10 intervals narrower than "
         "0.25 may be missed.",
         "Survival is not monotone in h: the largest step is the end of the first interval that doublings see.",
-        "A run that keeps its energy may be on another orbit all the same; only where an orbit has bounds is that told.",
+        f"What keeps its energy is convicted on regular orbits alone, where a coordinate leaves its range by more than MARGIN = {cases.MARGIN:g} "
+        f"of it or crosses its middle {cases.OFF:g} times too often or too seldom; on chaotic ones by the energy's bounds.",
         f"Brouwer's law is judged at UNITS = {verdicts.UNITS:g} eps h n^(1/2) and exponents whose interval begins at most "
         f"ABOVE = {verdicts.ABOVE:g} over it; the oscillator is linear, and its rounding need not be that of other problems.",
-        f"At h = {brouwer.DECIMAL:g}, whose binary digits repeat, the same method drifts; at h = {brouwer.PLAIN:g} and 2^-7 "
-        "it need not: look at the step before the method.",
+        f"Next to fractions of small denominators, such as h = {brouwer.DECIMAL:g}, round-off drifts: see [why](extremes-round-off.md).",
         f"A run that takes longer than {cases.SECONDS:g} s counts as failed there (timeout).",
     ),
     command="pytest benchmarks/experiments/extremes",

@@ -1,6 +1,9 @@
-"""Stability limits of h omega on the harmonic oscillator as others print them, or in closed form, with the source.
+"""Stability limits of h omega on the harmonic oscillator that are known, and how each is known.
 
-``digits`` is how many significant digits are printed: a measured limit agrees where it rounds to these.
+``derived``: the limit follows from the trace and the determinant of the step's matrix, in closed form; the tests derive
+each one again, exactly, from the method's coefficients as its authors give them, and not from this project's records.
+``printed``: who states it, where that was looked up; ``digits`` is how many significant digits a measured limit must
+share with it.
 """
 
 from __future__ import annotations
@@ -12,8 +15,12 @@ from dataclasses import dataclass, field
 UNLIMITED = math.inf
 EXACT = 10
 
-HLW = "Hairer, Lubich & Wanner 2006"
-STIFF = "Hairer & Wanner 1996"
+#: What was looked up.
+KOBAYASHI = "Kobayashi 2007, Phys. Lett. A 371, 360 (arXiv:0705.4523): q and p grow for steps from 2 on"
+NODEPY = "Ketcheson et al. 2020, JOSS 5, 2515: NodePy prints 2.8284271247"
+GAUSS = "documentation of the Rust package differential-equations 0.3: Gauss-Legendre methods are A-stable"
+RADAU = "documentation of OrdinaryDiffEq.jl: RadauIIA3 and RadauIIA5 are A-, B- and L-stable"
+IMEX = "McLachlan & Stern 2014 (arXiv:1305.3216): the midpoint rule for the fast, linear part, free of resonances"
 
 
 @dataclass(frozen=True)
@@ -24,15 +31,22 @@ class Limit:
     ----------
     method : an id, or the name of a step in `STEPS`
     value : `UNLIMITED`, or the limit
-    source : who prints or proves it, and where
-    parameters, digits : of the method; of the value as it is printed
+    derived : what the step's matrix gives; empty where it is not derived
+    printed : who states it; empty where it was not looked up, or not found
+    parameters, digits : of the method; of the value
     """
 
     method: str
     value: float
-    source: str
+    derived: str = ""
+    printed: str = ""
     parameters: dict[str, str] = field(default_factory=dict)
     digits: int = EXACT
+
+    @property
+    def evidence(self) -> str:
+        """Which of the two it is, or both."""
+        return " and ".join(name for name in ("derived", "printed") if getattr(self, name))
 
 
 def _runge_kutta(rows, weights):
@@ -56,36 +70,42 @@ STEPS = {
 }
 
 _CUBE = 2 ** (1 / 3)
-_VERLET = f"{HLW}, XIII.1: h omega < 2"
-_A_STABLE = f"{STIFF}, IV.3: A-stable"
-_SCHEME_I = "closed form: the trace 2 - z^2 / (1 + lam (1 - lam) z^2) gives z |1 - 2 lam| < 2"
+_OMELYAN = (2 * math.sqrt(326) + 36) ** (1 / 3)
+#: The fraction of McLachlan's symmetric two-stage method, 0.1931833275.
+MCLACHLAN = 1 / 2 - _OMELYAN / 12 + 1 / (6 * _OMELYAN)
+_VERLET = "tr = 2 - z^2"
+_SCHEME_I = "tr = 2 - z^2 / (1 + lam (1 - lam) z^2), so z |1 - 2 lam| = 2"
+_MIDPOINT = "tr = 2 (4 - z^2) / (4 + z^2), det = 1"
+_PADE = "R(i z) is a Pade approximation"
 
 LIMITS = (
-    Limit("stormer-verlet", 2.0, _VERLET),
-    Limit("stormer-verlet-dkd", 2.0, _VERLET),
-    Limit("symplectic-euler-p", 2.0, f"{_VERLET}; conjugate to Stormer-Verlet"),
-    Limit("symplectic-euler-q", 2.0, f"{_VERLET}; conjugate to Stormer-Verlet"),
-    Limit("lobatto-iiia-iiib-2", 2.0, f"{HLW}, II.2: it is Stormer-Verlet"),
-    Limit("variational-trapezoidal", 2.0, "Marsden & West 2001: it is Stormer-Verlet"),
-    Limit("explicit-euler", 0.0, f"{HLW}, I.1: spirals outwards"),
-    Limit("heun-2", 0.0, f"{STIFF}, IV.2: |R(iy)|^2 = 1 + y^4 / 4"),
-    Limit("kutta-3", math.sqrt(3), f"{STIFF}, IV.2: 1.732 on the imaginary axis", digits=4),
-    Limit("rk4", math.sqrt(8), f"{STIFF}, IV.2: 2.828 on the imaginary axis", digits=4),
-    Limit("mclachlan-s2", 2.55, "Blanes, Casas & Sanz-Serna 2014, SIAM J. Sci. Comput. 36, A1556", digits=3),
-    Limit(
-        "forest-ruth",
-        (2 - _CUBE) * math.sqrt(2 * (1 + _CUBE)),
-        "closed form: the trace of three leapfrogs gives z = (2 - 2^(1/3)) (2 + 2^(4/3))^(1/2)",
-    ),
-    Limit("implicit-euler", UNLIMITED, _A_STABLE),
-    Limit("implicit-midpoint", UNLIMITED, "Skeel, Zhang & Schlick 1997, SIAM J. Sci. Comput. 18, 203"),
-    Limit("gauss-2", UNLIMITED, _A_STABLE),
-    Limit("gauss-4", UNLIMITED, _A_STABLE),
-    Limit("radau-iia-3", UNLIMITED, f"{_A_STABLE} (Ehle 1969)"),
-    Limit("imex", UNLIMITED, "Stern & Grinspun 2009"),
-    Limit("avf", UNLIMITED, "Quispel & McLaren 2008: the midpoint rule where H is quadratic"),
-    Limit("deuflhard", UNLIMITED, f"{HLW}, XIII.1: exact where the force is linear"),
-    Limit("scheme-i", 2 / 3, _SCHEME_I, {"lam": "-1"}),
-    Limit("scheme-i", 6.0, _SCHEME_I, {"lam": "1/3"}),
-    Limit("scheme-i", UNLIMITED, _SCHEME_I, {"lam": "1/2"}),
+    Limit("symplectic-euler-p", 2.0, _VERLET, KOBAYASHI),
+    Limit("symplectic-euler-q", 2.0, _VERLET, KOBAYASHI),
+    Limit("stormer-verlet", 2.0, _VERLET, KOBAYASHI),
+    Limit("stormer-verlet-dkd", 2.0, _VERLET, KOBAYASHI),
+    Limit("lobatto-iiia-iiib-2", 2.0, f"{_VERLET}: Stormer-Verlet"),
+    Limit("lobatto-iiia-iiib-3", math.sqrt(8), "tr = 2 (48 - 22 z^2 + z^4) / (48 + 2 z^2)"),
+    Limit("variational-trapezoidal", 2.0, f"{_VERLET}: Stormer-Verlet"),
+    Limit("explicit-euler", 0.0, "det = 1 + z^2"),
+    Limit("heun-2", 0.0, "det = 1 + z^4 / 4"),
+    Limit("kutta-3", math.sqrt(3), "det = 1 - z^4 / 12 + z^6 / 36"),
+    Limit("rk4", math.sqrt(8), "det = 1 - z^6 / 72 + z^8 / 576", NODEPY),
+    Limit("mclachlan-s2", math.sqrt(2 / (1 / 2 - MCLACHLAN)), "two stages of fraction b: z^2 = 2 / (1/2 - b)"),
+    Limit("saba-2", 2 * 3**0.25, "two stages of fraction b = 1/2 - 3^(1/2) / 6: z^2 = 2 / (1/2 - b)"),
+    Limit("mclachlan-atela-2", 2.2644837646238005, "the first root of tr = -2, of degree 4"),
+    Limit("ruth-3", 2.5074811709523557, "the first root of |tr| = 2, of degree 6"),
+    Limit("forest-ruth", (2 - _CUBE) * math.sqrt(2 * (1 + _CUBE)), "z = (2 - 2^(1/3)) (2 + 2^(4/3))^(1/2)"),
+    Limit("implicit-euler", UNLIMITED, "det = 1 / (1 + z^2)"),
+    Limit("implicit-midpoint", UNLIMITED, _MIDPOINT),
+    Limit("gauss-2", UNLIMITED, f"{_PADE} of modulus 1", GAUSS),
+    Limit("gauss-4", UNLIMITED, f"{_PADE} of modulus 1", GAUSS),
+    Limit("radau-iia-3", UNLIMITED, f"{_PADE} of modulus below 1", RADAU),
+    Limit("imex", UNLIMITED, f"{_MIDPOINT}: the midpoint rule", IMEX),
+    Limit("avf", UNLIMITED, f"{_MIDPOINT}: the midpoint rule"),
+    Limit("deuflhard", UNLIMITED, "tr = 2 cos z: exact"),
+    Limit("scheme-i", 2 / 3, _SCHEME_I, parameters={"lam": "-1"}),
+    Limit("scheme-i", 6.0, _SCHEME_I, parameters={"lam": "1/3"}),
+    Limit("scheme-i", UNLIMITED, _SCHEME_I, parameters={"lam": "1/2"}),
+    Limit("scheme-iii", 1.0, "two substeps of Scheme I and its adjoint", parameters={"lam": "-1"}),
+    Limit("scheme-iii", 3.0, "two substeps of Scheme I and its adjoint", parameters={"lam": "1/3"}),
 )

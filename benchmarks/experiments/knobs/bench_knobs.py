@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from phasebench.benchmarks.experiments.knobs import arithmetic, ladders, lambdas, nodes
+from phasebench.benchmarks.experiments.knobs import arithmetic, ladders, lambdas, nodes, solvers
 from phasebench.benchmarks.experiments.knobs.cells import cells  # noqa: F401
 
 #: Scheme III at lambda and at 1 - lambda is the same map with its halves exchanged: it takes about the same iterations.
 HALF = 0.5
+#: Two that solve the same equations end at errors that differ by less than this share.
+ALIKE = 1e-2
 #: The least error of every setting is below this: its ladder goes far enough.
 REACHED = 1e-2
 
@@ -57,3 +59,12 @@ def bench_arithmetic(measured):
 def bench_costs_of_sums(measured):
     """Both loops took time."""
     assert all(r["ratio"] > 0 for r in measured(arithmetic.COSTS))
+
+
+def bench_solvers(measured):
+    """Newton's method solves every case to round-off, and its end is the engine's."""
+    rows = measured(solvers.TABLE)
+    own = {(r["scene"], r["h"]): r["error"] for r in rows if r["solver"] == solvers.ENGINE}
+    newton = [r for r in rows if r["solver"] == solvers.NEWTON]
+    wrong = [r for r in newton if r["status"] != "ok" or not abs(r["error"] / own[r["scene"], r["h"]] - 1) < ALIKE]
+    assert not wrong, wrong

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from phasebench.benchmarks.rows.cells import Cell
 
-from . import arithmetic, ladders, lambdas, nodes
+from . import arithmetic, ladders, lambdas, nodes, solvers
 
-PARTS = (lambdas, ladders, nodes, arithmetic)
+PARTS = (lambdas, ladders, nodes, arithmetic, solvers)
 
 
 def cells(quick: bool = False) -> list[Cell]:

@@ -9,7 +9,10 @@ from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.page import Picture
 from phasebench.integrators.driver import OK
 
-from . import arithmetic, findings, ladders, lambdas, nodes
+from . import arithmetic, findings, ladders, lambdas, nodes, solvers
+
+#: No error below is drawn.
+SMALLEST = 1e-17
 
 
 @style.drawn
@@ -48,13 +51,18 @@ def _relative(axes, lam: pd.Series, values: pd.Series, **look) -> None:
         axes.plot(lam, (values / half.iloc[0]).replace([0, np.inf], np.nan), **look)
 
 
+def _curves(axes, table: pd.DataFrame, by: list[str], x: str, y: str, name) -> None:
+    """A curve for each group of a table; ``name`` makes a label of a group's key."""
+    for look, (key, part) in zip(style.looks(), table.groupby(by, sort=False), strict=False):
+        part = part.sort_values(x)
+        axes.plot(part[x], part[y].clip(lower=SMALLEST), label=name(*key), **look)
+
+
 def _ladder(axes, rungs: pd.DataFrame) -> None:
     """Error against time, a curve a setting."""
-    for look, (name, part) in zip(style.looks(), rungs.groupby("setting", sort=False), strict=False):
-        part = part[(part["status"] == OK) & (part["error"] > 0)].sort_values("us")
-        axes.loglog(part["us"], part["error"], label=name, **look)
-    axes.set(xlabel="µs to the end", title=rungs["scene"].iloc[0])
-    axes.set_ylim(1e-14, 10)
+    arrived = rungs[(rungs["status"] == OK) & (rungs["error"] > 0)]
+    _curves(axes, arrived, ["setting"], "us", "error", str)
+    axes.set(xlabel="µs to the end", title=rungs["scene"].iloc[0], xscale="log", yscale="log", ylim=(1e-14, 10))
 
 
 def _legend(axes, columns: int) -> None:
@@ -67,38 +75,71 @@ def _first(rungs: pd.DataFrame, knob: str) -> pd.DataFrame:
     return part[part["scene"] == part["scene"].iloc[0]] if len(part) else part
 
 
-@style.drawn
-def orders(rungs: pd.DataFrame, folder) -> Picture | None:
-    """The order of a composition, the r of a generating function."""
-    parts = [part for part in (_first(rungs, knob) for knob in (ladders.COMPOSITION, ladders.GENERATING)) if len(part)]
+def _side_by_side(parts: list[pd.DataFrame], drawn, label: str):
+    """(a figure with a panel for each of the parts that has rows, its panels); None where none has."""
+    parts = [part for part in parts if len(part)]
     if not parts:
         return None
     figure, (panels,) = style.panels(1, len(parts), 3.9, sharey=True)
     for axes, part in zip(panels, parts, strict=True):
-        _ladder(axes, part)
+        drawn(axes, part)
+    panels[0].set_ylabel(label)
+    return figure, panels
+
+
+@style.drawn
+def orders(rungs: pd.DataFrame, folder) -> Picture | None:
+    """The order of a composition, the r of a generating function."""
+    made = _side_by_side(
+        [_first(rungs, knob) for knob in (ladders.COMPOSITION, ladders.GENERATING)], _ladder, "error at the end"
+    )
+    if made is None:
+        return None
+    for axes in made[1]:
         _legend(axes, 2)
-    panels[0].set_ylabel("error at the end")
     caption = (
         "Error against time: left compositions of Stormer-Verlet of order 2 to 10, right generating functions of order "
         "r; the CSV has other scenes."
     )
-    return Picture(style.save(figure, folder, "knobs-orders.png"), "orders", caption)
+    return Picture(style.save(made[0], folder, "knobs-orders.png"), "orders", caption)
+
+
+def _scenes(table: pd.DataFrame) -> list[pd.DataFrame]:
+    return [part for _, part in table.groupby("scene", sort=False)]
 
 
 @style.drawn
 def keepers(rungs: pd.DataFrame, folder) -> Picture | None:
     """Methods that keep the energy."""
-    rungs = findings.usable(rungs, ladders.ENERGY)
-    parts = [part for _, part in rungs.groupby("scene", sort=False)]
-    if not parts:
+    made = _side_by_side(_scenes(findings.usable(rungs, ladders.ENERGY)), _ladder, "error at the end")
+    if made is None:
         return None
-    figure, (panels,) = style.panels(1, len(parts), 3.9, sharey=True)
-    for axes, part in zip(panels, parts, strict=True):
-        _ladder(axes, part)
-    panels[0].set_ylabel("error at the end")
-    style.legend_above(figure, panels[0], 3)
+    style.legend_above(made[0], made[1][0], 3)
     caption = f"Runs that kept the energy to {findings.KEPT:g}: error of the end against time."
-    return Picture(style.save(figure, folder, "knobs-energy.png"), "methods that keep the energy", caption)
+    return Picture(style.save(made[0], folder, "knobs-energy.png"), "methods that keep the energy", caption)
+
+
+@style.drawn
+def solving(table: pd.DataFrame, folder) -> Picture | None:
+    """The tolerance of the stage equations: evaluations against error, at the smaller step of each scene."""
+
+    def panel(axes, part: pd.DataFrame) -> None:
+        part = part[
+            (part["h"] == part["h"].min()) & (part["start"] == solvers.FIVE) & (part["solver"] != solvers.NEWTON)
+        ]
+        part = part[part["status"] == OK]
+        _curves(axes, part, ["solver"], "evaluations", "error", str)
+        axes.set(xlabel="evaluations a step", title=part["scene"].iloc[0], yscale="log")
+
+    made = _side_by_side([p for p in _scenes(table) if (p["status"] == OK).any()], panel, "error at the end")
+    if made is None:
+        return None
+    style.legend_above(made[0], made[1][0], 3)
+    caption = (
+        f"{solvers.METHOD}, its equations solved to tolerances from {max(solvers.TOLERANCES):g} to round-off: what a "
+        "looser one saves, and where its own error shows."
+    )
+    return Picture(style.save(made[0], folder, "knobs-solvers.png"), "solving to a tolerance", caption)
 
 
 @style.drawn
@@ -106,14 +147,10 @@ def floors(rules: pd.DataFrame, sums: pd.DataFrame, folder) -> Picture:
     """The energy over the nodes of AVF's quadrature; round-off over the steps."""
     figure, ((left, right),) = style.panels(1, 2, 3.9)
     fixed = rules[rules["nodes"] != nodes.CONFIRMED]
-    for look, ((scene, h), part) in zip(style.looks(), fixed.groupby(["scene", "h"], sort=False), strict=False):
-        left.semilogy(part["nodes"], part["energy error"].clip(lower=1e-17), label=f"{scene}, h = {h:g}", **look)
-    left.set(xlabel="nodes", ylabel="largest relative energy error", title="AVF")
-    for look, ((scene, kind), part) in zip(
-        style.looks(), sums.groupby(["scene", "arithmetic"], sort=False), strict=False
-    ):
-        right.loglog(part["steps"], part["round-off rms"], label=f"{scene}, {kind}", **look)
-    right.set(xlabel="steps", ylabel="rms round-off at the end", title=arithmetic.METHOD)
+    _curves(left, fixed, ["scene", "h"], "nodes", "energy error", lambda scene, h: f"{scene}, h = {h:g}")
+    left.set(xlabel="nodes", ylabel="largest relative energy error", title="AVF", yscale="log")
+    _curves(right, sums, ["scene", "arithmetic"], "steps", "round-off rms", lambda scene, kind: f"{scene}, {kind}")
+    right.set(xlabel="steps", ylabel="rms round-off at the end", title=arithmetic.METHOD, xscale="log", yscale="log")
     for axes in (left, right):
         _legend(axes, 1)
     caption = (
@@ -125,7 +162,8 @@ def floors(rules: pd.DataFrame, sums: pd.DataFrame, folder) -> Picture:
 
 def draw(data, folder) -> list[Picture]:
     """The figures of the tables that were measured."""
-    read = {n: data(n) for n in (lambdas.ERRORS, lambdas.COSTS, ladders.TABLE, nodes.TABLE, arithmetic.ERRORS)}
+    names = (lambdas.ERRORS, lambdas.COSTS, ladders.TABLE, nodes.TABLE, arithmetic.ERRORS, solvers.TABLE)
+    read = {n: data(n) for n in names}
     has = {name for name, table in read.items() if table is not None and len(table)}
     out = []
     if {lambdas.ERRORS, lambdas.COSTS} <= has:
@@ -134,4 +172,6 @@ def draw(data, folder) -> list[Picture]:
         out += [orders(read[ladders.TABLE], folder), keepers(read[ladders.TABLE], folder)]
     if {nodes.TABLE, arithmetic.ERRORS} <= has:
         out.append(floors(read[nodes.TABLE], read[arithmetic.ERRORS], folder))
+    if solvers.TABLE in has:
+        out.append(solving(read[solvers.TABLE], folder))
     return [picture for picture in out if picture is not None]

@@ -11,7 +11,7 @@ from phasebench.benchmarks.experiments.ensembles.compare import at
 from phasebench.benchmarks.measure.timing import NOWHERE, TIED, Median, cheaper
 from phasebench.integrators.driver import OK
 
-from . import arithmetic, ladders, nodes
+from . import arithmetic, ladders, nodes, solvers
 
 HALF = 0.5
 #: Errors at which settings are compared, and what two errors may differ by to be called the same.
@@ -123,3 +123,43 @@ def sums(table: pd.DataFrame) -> pd.DataFrame:
         row |= {"floor of single": floor["error"], "at h": floor["h"]}
         rows.append(row | {"error of doubles": last["error"][arithmetic.COMPENSATED]})
     return pd.DataFrame(rows)
+
+
+def solving(table: pd.DataFrame) -> pd.DataFrame:
+    """A row for each scene and step: who solves the stage equations to round-off in the fewest evaluations.
+
+    ``solver``, ``start``, ``fewest`` of the plain loop; ``engine``, its evaluations over those; ``fixed`` and
+    ``simplified``, the evaluations of either from its best start, NaN where it does not converge; ``five``, of the
+    fixed point from five steps over those from zero; ``loosest``, the largest tolerance of either that changes the
+    error of the end by less than a factor `SAME`, and ``saved``, the share of the evaluations that it saves.
+    """
+    rows = []
+    for (scene, h), part in table[table["status"] == OK].groupby(["scene", "h"], sort=False):
+        own, loop = part[part["solver"] == solvers.ENGINE], part[part["solver"] != solvers.ENGINE]
+        exact = loop[loop["tol"] == solvers.ROUND_OFF]
+        if exact.empty or own.empty:
+            continue
+        best = exact.loc[exact["evaluations"].idxmin()]
+        row = {"scene": scene, "h": h, "solver": best["solver"], "start": best["start"], "fewest": best["evaluations"]}
+        row["engine"] = own.iloc[0]["evaluations"] / best["evaluations"]
+        for name, solver in (("fixed", solvers.FIXED), ("simplified", solvers.SIMPLE)):
+            row[name] = exact[exact["solver"] == solver]["evaluations"].min()
+        fixed = exact[exact["solver"] == solvers.FIXED].set_index("start")["evaluations"]
+        row["five"] = fixed.get(solvers.FIVE, np.nan) / fixed.get(solvers.ZERO, np.nan)
+        rows.append(row | _loosest(loop))
+    return pd.DataFrame(rows)
+
+
+def _loosest(loop: pd.DataFrame) -> dict[str, float]:
+    """The loosest tolerance that leaves the error as it is, and what it saves; NaN and 0 where there is none."""
+    found = {"loosest": np.nan, "saved": 0.0}
+    for _, part in loop[loop["start"] == solvers.FIVE].groupby("solver", sort=False):
+        exact = part[part["tol"] == solvers.ROUND_OFF]
+        if exact.empty:
+            continue
+        error, most = exact.iloc[0]["error"], exact.iloc[0]["evaluations"]
+        same = part[(part["tol"] > 0) & (part["error"] <= SAME * error) & (part["error"] >= error / SAME)]
+        if len(same) and not same["tol"].max() <= found["loosest"]:
+            last = same.loc[same["tol"].idxmax()]
+            found = {"loosest": last["tol"], "saved": 1 - last["evaluations"] / most}
+    return found

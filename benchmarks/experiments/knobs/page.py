@@ -4,11 +4,28 @@ from __future__ import annotations
 
 import pandas as pd
 
-from phasebench.benchmarks.experiments.knobs import arithmetic, figures, findings, ladders, lambdas, nodes, verdicts
+from phasebench.benchmarks.experiments.knobs import (
+    arithmetic,
+    figures,
+    findings,
+    ladders,
+    lambdas,
+    nodes,
+    solvers,
+    verdicts,
+)
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Page, Table
 
-TABLES = (lambdas.ERRORS, lambdas.COSTS, ladders.TABLE, nodes.TABLE, arithmetic.ERRORS, arithmetic.COSTS)
+TABLES = (
+    lambdas.ERRORS,
+    lambdas.COSTS,
+    ladders.TABLE,
+    nodes.TABLE,
+    arithmetic.ERRORS,
+    arithmetic.COSTS,
+    solvers.TABLE,
+)
 #: The composition's lambda is in the table of all rows.
 SHOWN = ("scheme-i", "scheme-iii")
 
@@ -84,6 +101,24 @@ def _sums(table: pd.DataFrame, costs: pd.DataFrame | None) -> list[dict]:
     ]
 
 
+def _solvers(table: pd.DataFrame) -> list[dict]:
+    """The two cases where the engine is the nearest to the fewest evaluations, and the farthest from it."""
+    found = findings.solving(table)
+    if found.empty:
+        return []
+    ends = found.loc[list(dict.fromkeys([found["engine"].idxmin(), found["engine"].idxmax()]))]
+    return [
+        _line(
+            "solver",
+            r["scene"],
+            f"{r['solver']}, from {r['start']}, at h = {number(r['h'])}",
+            f"{number(r['fewest'], 3)} evaluations a step",
+            f"the engine {_times(r['engine'])}",
+        )
+        for _, r in ends.iterrows()
+    ]
+
+
 def summary(data) -> pd.DataFrame:
     """A row for each knob and scene."""
     tables = {name: data(name) for name in TABLES}
@@ -97,6 +132,8 @@ def summary(data) -> pd.DataFrame:
         rows += _nodes(read[nodes.TABLE])
     if read[arithmetic.ERRORS] is not None:
         rows += _sums(read[arithmetic.ERRORS], read[arithmetic.COSTS])
+    if read[solvers.TABLE] is not None:
+        rows += _solvers(read[solvers.TABLE])
     return pd.DataFrame(rows)
 
 
@@ -106,7 +143,8 @@ def table(data) -> Table | None:
     caption = (
         "The best setting of each knob on each scene: of λ that of the least trajectory error (costs: gradients of a step "
         f"over those at 1/2); of a ladder the cheapest at the smallest error reached of {findings.power(findings.ERRORS[0])} to "
-        f"{findings.power(findings.ERRORS[-1])}; the fewest nodes whose energy error is at most {findings.FLOOR:g}; the sums."
+        f"{findings.power(findings.ERRORS[-1])}; the fewest nodes whose energy error is at most {findings.FLOOR:g}; the sums; "
+        "of the solver the two cases where the engine is nearest to the fewest evaluations, and farthest."
     )
     return None if rows.empty else Table(rows.head(ROWS), caption)
 
@@ -136,7 +174,8 @@ PAGE = Page(
         "the energy: a ladder of steps each, error of the end state against a certified one, times in turns.",
         "AVF (the mean of the gradient over a step) by Gauss-Legendre rules of a fixed number of nodes, and by the rule that confirms itself.",
         f"Stormer-Verlet from {arithmetic.STARTS} starts by plain sums in single and in double, and compensated, against the same map in long double.",
-        "The solver has no public knob: it goes from the fixed point to Newton's method by itself and always to round-off.",
+        f"The engine's solver has no public knob (fixed point from five steps, Newton where that does not contract, to "
+        f"round-off); a plain loop solves {solvers.METHOD} by either, from three starts, to several tolerances, and counts.",
     ),
     verdicts=(verdicts.best_lambda, verdicts.cheapest_settings, verdicts.round_off),
     figures=figures.draw,
@@ -150,6 +189,8 @@ PAGE = Page(
         f"Of the methods that keep the energy only runs count whose energy error is at most KEPT = {findings.KEPT:g} and that had no fallback.",
         f"The confirmed rule is expected to take at most DEAR = {verdicts.DEAR:g} times as long as the fewest nodes that do; which "
         "these are is not known before. Times of a rule include keeping every step.",
+        "The loop's fixed point is of the equations as they stand, the engine's of q'' = g(q) where H is separated, which "
+        "contracts twice as fast; a Jacobian counts as many evaluations as variables, the linear algebra not at all.",
         "The C loop is bare: what a step takes beyond it is not the compensation alone. Single precision is run in NumPy, without a time.",
     ),
     command="pytest benchmarks/experiments/knobs",

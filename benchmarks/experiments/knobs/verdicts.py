@@ -9,7 +9,7 @@ import pandas as pd
 from phasebench.benchmarks.page.markdown import listed, number
 from phasebench.benchmarks.page.page import Verdict
 
-from . import arithmetic, findings, ladders, lambdas, nodes
+from . import arithmetic, findings, ladders, lambdas, nodes, solvers
 
 #: The confirmed rule may take so many times as long as the fewest nodes that keep the energy.
 DEAR = 2.0
@@ -168,6 +168,40 @@ def single(table: pd.DataFrame) -> Said | None:
     return Said(text, over, text)
 
 
+def solving(table: pd.DataFrame) -> Said | None:
+    """Fixed point or Newton, from which start, to which tolerance: whether the engine's way is the one to take."""
+    found = findings.solving(table)
+    if found.empty:
+        return None
+    dear = found[found["engine"] > findings.SAME]
+    lost, both = found[found["fixed"].isna()], found.dropna(subset=["fixed", "simplified"])
+    text = (
+        f"To solve the stages of {solvers.METHOD} the engine takes {_range(found['engine'])} times the evaluations of "
+        f"the best of a plain loop"
+    )
+    text += f", more than it need on {_cases(dear)}" if len(dear) else ""
+    if len(both):
+        text += f"; there simplified Newton takes {_range(both['simplified'] / both['fixed'])} of the fixed point's"
+    if found["five"].notna().any():
+        text += f", which from five steps takes {_range(found['five'].dropna())} of those from zero"
+    text += f" and does not converge on {_cases(lost)}" if len(lost) else ""
+    loose = found.dropna(subset=["loosest"])
+    if len(loose):
+        text += (
+            f"; a tolerance of {loose['loosest'].min():.0e} to {loose['loosest'].max():.0e} leaves the error as it is "
+            f"and saves {_range(100 * loose['saved'])} % of the evaluations"
+        )
+    return Said(f"{text}.", dear.empty, f"{text.partition(';')[0]}.")
+
+
+def _range(values: pd.Series) -> str:
+    return f"{number(float(values.min()), 2)} to {number(float(values.max()), 2)}"
+
+
+def _cases(found: pd.DataFrame) -> str:
+    return listed([f"{r['scene']}, h = {number(r['h'])}" for _, r in found.iterrows()], 3)
+
+
 def _joined(parts: list[Said | None]) -> Verdict | None:
     said = [part for part in parts if part is not None]
     if not said:
@@ -193,9 +227,10 @@ def cheapest_settings(data) -> Verdict | None:
 
 
 def round_off(data) -> Verdict | None:
-    """Nodes, sums and the length of a number."""
+    """Nodes, the solver, sums and the length of a number."""
 
     def summed(table: pd.DataFrame) -> Said | None:
         return compensation(table, data(arithmetic.COSTS))
 
-    return _joined(_of(data, nodes.TABLE, quadrature) + _of(data, arithmetic.ERRORS, summed, single))
+    said = _of(data, nodes.TABLE, quadrature) + _of(data, solvers.TABLE, solving)
+    return _joined(said + _of(data, arithmetic.ERRORS, summed, single))

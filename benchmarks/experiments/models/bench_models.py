@@ -1,7 +1,11 @@
-"""Models: every modelling error is known, and the full models end where they must."""
+"""Models: every modelling error is known, the full models end where they must; advice's table is re-recorded."""
 
 from __future__ import annotations
 
+import pandas as pd
+import pytest
+
+from phasebench.benchmarks.advice import models
 from phasebench.benchmarks.experiments.models import measure
 from phasebench.benchmarks.experiments.models.page import KNOWN
 
@@ -30,3 +34,10 @@ def bench_known(measured):
     """Integration errors are far below the modelling errors."""
     wrong = vague(measured(measure.MODELS))
     assert not wrong, "\n".join(wrong)
+
+
+def bench_advice(outcome, complete, update):
+    """What `advise` knows of models is re-recorded with the tables where all of them were measured."""
+    if not update or not (complete(measure.MODELS) and complete(measure.RUNS)):
+        pytest.skip("the models of advice are stored with --update-tables where all of them are measured")
+    models.keep(list(models.made(*(pd.DataFrame(outcome.rows(t)) for t in (measure.MODELS, measure.RUNS)))))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from types import ModuleType
 
 from phasebench.benchmarks.experiments.trade import again, field, front
 from phasebench.benchmarks.problems.questions import BY_ID, QUESTIONS, Question
@@ -10,28 +11,28 @@ from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, content, exac
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each scene, and for each that is measured again; none of the quick tier."""
+    """A cell for each scene, and before them, since they are the cheap ones, for each that is measured twice."""
     if quick:
         return []
-    first = [_cell(q, front.TABLES, front.measured) for q in QUESTIONS]
-    return first + [_cell(BY_ID[id], (again.TABLE,), again.measured) for id in again.scenes()]
+    second = [_cell(BY_ID[id], (again.TABLE,), again) for id in again.scenes()]
+    return second + [_cell(q, front.TABLES, front) for q in QUESTIONS]
 
 
 @cache
-def _competitors() -> str:
-    return content("front", *(c.record for c in field.competitors()), code=[again.__name__])
+def _competitors(code: str) -> str:
+    return content("front", *(c.record for c in field.competitors()), code=[code])
 
 
-def _cell(question: Question, tables: tuple[str, ...], measure) -> Cell:
+def _cell(question: Question, tables: tuple[str, ...], sweep: ModuleType) -> Cell:
     made = Problem(question.problem)
     asked = (question.id, question.t_end, question.quantity, question.accuracies)
     return Cell(
         "trade",
         tables,
         {"scene": question.id},
-        measure,
+        sweep.measured,
         (question.id,),
-        content(_competitors(), made, states(made.id), exact(asked)),
+        content(_competitors(sweep.__name__), made, states(made.id), exact(asked)),
         frozenset({question.id, made.id}),
         ALONE,
         own=True,

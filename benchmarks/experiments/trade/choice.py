@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -70,12 +71,25 @@ def changes(found: pd.DataFrame) -> list[tuple[float, str, str]]:
     return out
 
 
-def agreement(finals: pd.DataFrame, again: pd.DataFrame) -> tuple[int, int, int]:
-    """(accuracies measured twice, where the same integrator won both times, where the two that won are tied).
+class Agreement(NamedTuple):
+    """Accuracies measured twice: how many, where one integrator won both times, where two won that are tied; the rest.
 
-    Two are tied where both were finals of a sweep and their medians' intervals, widened by `TIE`, meet.
+    ``apart`` has a line for each accuracy at which two won that are neither the same nor tied.
+    """
+
+    pairs: int
+    same: int
+    tied: int
+    apart: tuple[str, ...]
+
+
+def agreement(finals: pd.DataFrame, again: pd.DataFrame) -> Agreement:
+    """How two sweeps agree on who is the cheapest.
+
+    Two are tied where both were finals of one of the sweeps and their medians' intervals, widened by `TIE`, meet there.
     """
     pairs = same = tied = 0
+    apart = []
     first = dict(list(finals.groupby(["scene", "accuracy"])))
     for key, second in again.groupby(["scene", "accuracy"]):
         if key not in first:
@@ -84,9 +98,11 @@ def agreement(finals: pd.DataFrame, again: pd.DataFrame) -> tuple[int, int, int]
         winners = [part.loc[part["seconds"].idxmin(), "integrator"] for part in (first[key], second)]
         if winners[0] == winners[1]:
             same += 1
+        elif any(_meet(part, winners) for part in (first[key], second)):
+            tied += 1
         else:
-            tied += any(_meet(part, winners) for part in (first[key], second))
-    return pairs, same, tied
+            apart.append(f"{key[0]} to {key[1]:g} ({winners[0]}, then {winners[1]})")
+    return Agreement(pairs, same, tied, tuple(apart))
 
 
 def _meet(part: pd.DataFrame, names: Iterable[str]) -> bool:

@@ -36,10 +36,17 @@ FREE = 3e-4
 FLOOR, STANDING = 0.7, 2
 #: A run of more than `SHORT` that took so many times the cheapest's time ends a climb at once.
 HOPELESS = 30.0
-#: So many rungs in a row that do not come to their end.
-FAILURES = 10
+#: So many rungs in a row that do not come to their end, or so many seconds of them, end a climb.
+FAILURES, WASTED = 10, 1.5
 #: Shorter runs are made twice for their time; no longer ones are made again, so often, before somebody is dropped.
 SHORT, LONG, AGAIN = 0.05, 0.2, 3
+#: No larger error is that of round-off.
+ROUND_OFF = 1e-8
+#: To compile a method's run without output pays where one with rows, less the seconds that handing these over may take,
+#: is within this factor of the cheapest.
+OVERHEAD, WORTH = 3e-4, 2 * KEEP
+#: A peer that takes more seconds than this to get ready for a further rung climbs no more.
+PREPARING = 3.0
 
 
 class Rung(NamedTuple):
@@ -74,8 +81,15 @@ class Task:
         """The accuracies that the reference can tell."""
         return tuple(a for a in self.question.accuracies if self.truth.uncertainty <= a)
 
-    def measure(self, c: Integrator, steps: int | None = None, tol: float | None = None, patience=inf) -> Rung:
-        """Run an integrator at a size: its error, and its time without output."""
+    def measure(
+        self,
+        c: Integrator,
+        steps: int | None = None,
+        tol: float | None = None,
+        patience=inf,
+        known: Known | None = None,
+    ) -> Rung:
+        """Run an integrator at a size: its error, and its time without output (unless `known` says it is beaten)."""
         limit = {"timeout": patience} if c.stoppable and isfinite(patience) else {}
         run = {"problem": self.problem, "t_end": self.question.t_end}
         try:
@@ -84,11 +98,18 @@ class Task:
             return Rung(steps, tol, INVALID, inf, inf, 0, 0)
         off = error(self.problem, self.quantity, told, self.truth)
         seconds = told.seconds
-        if told.status == OK and (self.quantity.rows > 1 or seconds < SHORT):
+        short = self.quantity.rows > 1 or seconds < SHORT
+        if told.status == OK and short and not self.beaten(c, off, seconds, known):
             bare = self.bare(c, steps, tol)
             seconds = bare if self.quantity.rows > 1 else min(seconds, bare)
         counts = told.counts
         return Rung(steps, tol, told.status, off, seconds, counts.get("steps", 0), counts.get("gradient", 0))
+
+    def beaten(self, c: Integrator, off: float, seconds: float, known: Known | None) -> bool:
+        """Whether a method of ours is so far behind that its run without output need not be compiled."""
+        if known is None or not isinstance(c.record, Method) or c.label in self.prepared:
+            return False
+        return seconds - OVERHEAD > WORTH * known.cheapest(off)[0]
 
     def bare(self, c: Integrator, steps: int | None, tol: float | None) -> float:
         """The seconds of a run without output: of a method of ours, prepared; of a peer, as it tells them."""
@@ -104,8 +125,9 @@ class Task:
         return c.run(self.problem, t_end=self.question.t_end, save_every=0, **size).seconds
 
     def again(self, c: Integrator, rung: Rung) -> Rung:
-        """The rung with the least of its time and `AGAIN` more, where it came to its end."""
-        if rung.status != OK or rung.seconds > LONG:
+        """The rung with the least of its time and `AGAIN` more, where it came to its end and is not far `beaten`."""
+        unprepared = isinstance(c.record, Method) and c.label not in self.prepared
+        if rung.status != OK or rung.seconds > LONG or unprepared:
             return rung
         more = [self.bare(c, rung.steps, rung.tol) for _ in range(AGAIN)]
         return rung._replace(seconds=min(rung.seconds, *more))
@@ -155,10 +177,13 @@ def sizes(task: Task, c: Integrator) -> Iterator[dict]:
 
 
 def wider(task: Task, c: Integrator, rung: Rung, known: Known) -> list[Rung]:
-    """The rungs before a first one that meets the coarsest accuracy: half its steps, and so on, until they miss it."""
+    """The rungs before a first one that meets the coarsest accuracy: half its steps, and so on, until they miss it.
+
+    None are made where one is hopeless: implicit equations that only Newton's method solves take longer in wider steps.
+    """
     out: list[Rung] = []
     steps = rung.steps
-    while steps is not None and rung.error <= task.asked[0]:
+    while steps is not None and rung.error <= task.asked[0] and not hopeless(task, rung, known):
         if (steps := task.quantity.steps(steps / 2)) >= rung.steps:
             break
         rung = task.measure(c, steps=steps, patience=PATIENCE)
@@ -167,25 +192,50 @@ def wider(task: Task, c: Integrator, rung: Rung, known: Known) -> list[Rung]:
     return out
 
 
+def hopeless(task: Task, rung: Rung, known: Known) -> bool:
+    """Whether a run is no short one and took many times the cheapest's time."""
+    return rung.seconds > max(SHORT, HOPELESS * known.cheapest(min(rung.error, task.asked[0]))[0])
+
+
+def eases(rungs: list[Rung]) -> bool:
+    """Whether twice the steps may take less than twice the time: where a step needs ever fewer evaluations.
+
+    In wide steps implicit equations take Newton's method or many sweeps; what they cost tells nothing of shorter ones.
+    Of a first rung nothing is known yet.
+    """
+    each = [r.evaluations / r.taken for r in rungs[-2:] if r.tol is None and r.taken]
+    return len(each) == 1 or (len(each) == 2 and each[1] < NEARER * each[0])
+
+
 def climb(task: Task, c: Integrator, known: Known) -> Climb:
     """The rungs of an integrator, as far as it may still win."""
-    rungs, lost, still, before, failed = [], 0, 0, inf, 0
+    rungs, lost, still, before, failed, wasted = [], 0, 0, inf, 0, 0.0
     finest = task.asked[-1]
     for size in sizes(task, c):
         dear = known.cheapest(finest)[0]
-        rung = task.measure(c, **size, patience=max(PATIENCE, LONGEST * dear) if isfinite(dear) else 10 * PATIENCE)
+        patience = max(PATIENCE, LONGEST * dear) if isfinite(dear) else 10 * PATIENCE
+        started = time.process_time()
+        rung = task.measure(c, **size, patience=patience, known=known)
+        preparing = time.process_time() - started - 3 * rung.seconds
         known.add(rung, c.label)
         still = still + 1 if rungs and rung.error > FLOOR * min(r.error for r in rungs) and before < inf else 0
         if not rungs and rung.error <= task.asked[0]:
             rungs += wider(task, c, rung, known)
         rungs.append(rung)
-        failed = 0 if rung.status == OK else failed + 1
-        if failed == FAILURES:
-            return Climb(c, rungs, f"{failed} runs in a row ended as {rung.status}", True)
+        if rung.status == OK:
+            failed, wasted = 0, 0.0
+        else:
+            failed, wasted = failed + 1, wasted + rung.seconds
+            if failed == FAILURES or wasted > WASTED:
+                return Climb(c, rungs, f"{failed} runs in a row ended as {rung.status}", True)
+            continue
         if rung.error <= finest:
             return Climb(c, rungs, "reached the finest accuracy", False)
-        best, by = known.cheapest(min(rung.error, task.asked[0]))
-        if rung.seconds > max(SHORT, HOPELESS * best):
+        if c.adaptive and len(rungs) > 1 and preparing > PREPARING:
+            why = f"it takes more than {PREPARING:g} s to compile from a tolerance of {rung.tol:g} on"
+            return Climb(c, rungs, why, False)
+        if hopeless(task, rung, known):
+            best, by = known.cheapest(min(rung.error, task.asked[0]))
             times = f"{rung.seconds / best:.0f} times as long as {by}"
             return Climb(c, rungs, f"at an error of {rung.error:.1g} it took {times}", True)
         if rung.error <= task.asked[0]:
@@ -199,14 +249,15 @@ def climb(task: Task, c: Integrator, known: Known) -> Climb:
                 return Climb(
                     c, rungs, f"at an error of {rung.error:.1g} it took {ratio:.1f} times as long as {by}", True
                 )
-            if still >= STANDING:
+            if still >= STANDING and min(r.error for r in rungs) < ROUND_OFF:
                 return Climb(c, rungs, f"its error stays at {min(r.error for r in rungs):.1g}: round-off", False)
-        if rung.seconds > max(FREE, LONGEST * dear):
+        limit = max(FREE, (HOPELESS if eases(rungs) else LONGEST) * dear)
+        if rung.seconds > limit:
             rung = rungs[-1] = task.again(c, rung)
-        if rung.seconds > max(FREE, LONGEST * dear):
+        if rung.seconds > limit:
             least = min(r.error for r in rungs)
             off = f"it is off by {least:.1g}" if least < inf else "it does not come to the end"
-            took = f"{off} in {LONGEST:g} times the time in which the best reach {finest:g}"
+            took = f"{off} in more than {LONGEST:g} times the time in which the best reach {finest:g}"
             return Climb(c, rungs, took, least > task.asked[0])
         if rung.status == OK and rung.seconds > 10 * PATIENCE:
             return Climb(c, rungs, f"a run took {rung.seconds:.2g} s", True)

@@ -1,9 +1,11 @@
 """Who competes: every method of this project that can do a problem, and every peer at the settings of its own best.
 
-Peers run as fast as their packages can: heyoka with and without ``high_accuracy`` and in ``compact_mode`` too;
-REBOUND's WHFast with ``safe_mode`` 0, its correctors, kernels and coordinates, IAS15 in each of its adaptive modes,
-SABA, leapfrog, JANUS, EOS and BS; SciPy's solvers with right-hand sides that Numba compiled, and its older interfaces,
-whose loops are compiled as well.  `LEFT_OUT` says who does not compete, and why.
+Peers run as fast as their packages can: heyoka with and without ``high_accuracy`` and ``compact_mode`` (as far as it
+compiles in `climb.PREPARING` seconds); REBOUND's WHFast with ``safe_mode`` 0, its correctors, kernels and coordinates,
+IAS15 in each of its adaptive modes, SABA, leapfrog, JANUS, EOS and BS; SciPy's solvers with right-hand sides that Numba
+compiled, and its older interfaces, whose loops are compiled as well.  `LEFT_OUT` says who does not compete, and why.
+
+On problems of more than `SMALL` degrees of freedom the field of this project's methods is a fixed one (`practical`).
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from __future__ import annotations
 from functools import cache
 
 from phasebench.benchmarks.measure.integrator import OURS, Integrator, integrator
+from phasebench.integrators.record import Method
 from phasebench.reference.peers import PEERS, heyoka, rebound, scipy
 
 from . import peer_rows, sweep
@@ -22,6 +25,12 @@ LEFT_OUT = {
     "scipy-lsoda": "its right-hand side is Python; scipy-lsoda-numba is the same solver with a compiled one",
     "scipy-radau": "its right-hand side is Python; scipy-radau-numba is the same solver with a compiled one",
 }
+#: Degrees of freedom up to which all of this project's methods compete, and the families that compete above, besides
+#: Gauss methods and, where H is separable, those of one stage a substep.
+SMALL = 4
+PRACTICAL = ("splitting", "runge_kutta", "relaxation", "adaptive", "wisdom_holman", "trigonometric")
+#: The most unknowns of a Gauss method's stages there: its dense Newton steps cost their cube.
+UNKNOWNS = 512
 #: Problem -> families or methods of ours and integrators of REBOUND that solve it in one step, whatever its length.
 EXACT = {
     "kepler": ({"wisdom_holman"}, {"whfast", "whfast512", "saba", "mercurius", "trace"}),
@@ -47,8 +56,8 @@ def peers() -> list:
     """The peers of the packages that this project depends on, with settings that are not in the registry."""
     registered = [p for p in PEERS if p.package in peer_rows.PACKAGES and p.id not in LEFT_OUT]
     modes = [rebound.ias15(mode) for mode in rebound.ADAPTIVE_MODES[1:]]
-    compact = [heyoka.compact(high_accuracy) for high_accuracy in (False, True)]
-    return [*registered, *compact, *modes, *rebound.TRIED, scipy.fast("ode"), scipy.fast("odeint")]
+    other = [heyoka.compact(accurate, on) for on in (True, False) for accurate in (False, True)]
+    return [*registered, *other, *modes, *rebound.TRIED, scipy.fast("ode"), scipy.fast("odeint")]
 
 
 def able(problem) -> tuple[list[Integrator], dict[str, str]]:
@@ -56,6 +65,8 @@ def able(problem) -> tuple[list[Integrator], dict[str, str]]:
     can, cannot = [], {}
     for c in competitors():
         lack = c.lacks(problem) or ("it is exact on this problem, in one step" if exact(c, problem) else None)
+        if lack is None and ours(c) and not practical(c.record, problem.system):
+            lack = f"above {SMALL} degrees of freedom only explicit, one-stage, Gauss and relaxation methods compete"
         if lack is None:
             can.append(c)
         else:
@@ -68,6 +79,20 @@ def exact(c: Integrator, problem) -> bool:
     of_ours, of_rebound = EXACT.get(problem.id, (set(), set()))
     settings = getattr(c.record, "settings", {})
     return bool({c.id, getattr(c.record, "family", None)} & of_ours) or settings.get("integrator") in of_rebound
+
+
+def practical(m: Method, system) -> bool:
+    """Whether a method competes on a system of so many degrees of freedom.
+
+    What is left out of many takes minutes to compile: root finders around stages, averages, projections, derivatives of
+    second and higher order.
+    """
+    if system.d <= SMALL or m.family in PRACTICAL:
+        return True
+    if m.family == "collocation":
+        unknowns = system.d if system.quadratic_kinetic else 2 * system.d
+        return m.data[0] == "gauss" and m.data[1] * unknowns <= UNKNOWNS
+    return m.family == "parametric" and system.separable and m.data[0] == 1
 
 
 def ours(c: Integrator) -> bool:

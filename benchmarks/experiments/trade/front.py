@@ -33,6 +33,9 @@ ROUND_OFF = 1e-8
 NEAR = 2.0
 #: Finals in which a round takes longer than this have one finalist of each side less.
 DEAR = 0.15
+#: Peers whose loop over steps is Python's, so that nothing stops it, and the span beyond which they do not compete, in
+#: units of the problem's own step, of which a revolution has some thirty.
+LOOPED, FARTHEST = ("scipy-dop853-numba", "scipy-lsoda-numba", "scipy-radau-numba"), 1e5
 CHOICES, FINALS, RUNGS, DROPPED = "front", "front_finals", "front_rungs", "front_dropped"
 TABLES = (CHOICES, FINALS, RUNGS, DROPPED)
 
@@ -54,9 +57,18 @@ def task_of(scene: str) -> Task:
 
 def climbs(task: Task) -> tuple[list[Climb], dict[str, str], Known]:
     """(the climbs of all who can do the problem, label -> why not of the others, what errors cost)."""
-    can, cannot = able(task.problem)
+    can, cannot = entered(task)
     known = Known()
     return [climb(task, c, known) for c in can], cannot, known
+
+
+def entered(task: Task) -> tuple[list[Integrator], dict[str, str]]:
+    """(those that compete, label -> why not of the others): of who can do the problem, whoever can do its span."""
+    can, cannot = able(task.problem)
+    if task.question.t_end <= FARTHEST * task.problem.pace.step:
+        return can, cannot
+    why = "its loop over steps is Python's and cannot be stopped: the span is too long for it"
+    return [c for c in can if c.id not in LOOPED], cannot | {c.label: why for c in can if c.id in LOOPED}
 
 
 def near(task: Task, one: Climb, known: Known) -> bool:

@@ -8,11 +8,13 @@ from phasebench.benchmarks.measure.timing import NONE, OURS, PEERS, TIED
 from phasebench.benchmarks.page.markdown import listed, number
 from phasebench.benchmarks.page.page import Page, Picture, Table, Verdict, of
 from phasebench.benchmarks.problems.questions import QUESTIONS
+from phasebench.reference.solvers.taylor import COMPACT
 
 from . import again, figures, front
 from .choice import SHOWN, TIE, agreement, at, choices, counts, winner
-from .climb import KEEP, LOSING
-from .front import CHOICES, FINALISTS, FINALS, MARGIN
+from .climb import KEEP, LOSING, PREPARING
+from .field import SMALL, UNKNOWNS
+from .front import CHOICES, FARTHEST, FINALISTS, FINALS, MARGIN
 
 #: How often two sweeps should agree.
 AGREED = 0.95
@@ -77,14 +79,16 @@ def missing(rows: pd.DataFrame) -> Verdict | None:
 @of(FINALS, again.TABLE)
 def twice(finals: pd.DataFrame, second: pd.DataFrame) -> Verdict | None:
     """How often the same sweep, made again, names the same integrator or one that is tied with it."""
-    pairs, same, tied = agreement(finals, second)
-    if not pairs:
+    found = agreement(finals, second)
+    if not found.pairs:
         return None
-    share = (same + tied) / pairs
+    share = (found.same + found.tied) / found.pairs
     text = (
-        f"The same sweep made twice (scenes {listed(list(second['scene'].unique()))}): of {pairs} accuracies the cheapest was the same "
-        f"integrator in {same} and a tie in {tied}, together {100 * share:.0f} %."
+        f"The same sweep made twice ({listed(list(second['scene'].unique()), again.COUNT)}): of {found.pairs} accuracies "
+        f"the cheapest was the same integrator in {found.same} and a tie in {found.tied}, together {100 * share:.0f} % "
+        f"(wanted: {100 * AGREED:.0f} %)"
     )
+    text += f"; another at {listed(found.apart, 3)}." if found.apart else "."
     return Verdict(text, share >= AGREED, f"The same sweep twice: {100 * share:.0f} % the same or a tie.")
 
 
@@ -158,12 +162,20 @@ PAGE = Page(
     limits=(
         "Left out: heyoka-batch, which carries the same orbit in every lane (a throughput, not the time of one orbit); SciPy "
         "with a Python right-hand side; heyoka's parallel_mode, since everything runs on one core.",
+        f"Above {SMALL} degrees of freedom explicit, one-stage, Gauss and relaxation methods compete: those that seek a root or "
+        "average over a step, that project or need higher derivatives take minutes to compile there (and Gauss methods of more "
+        f"than {UNKNOWNS} unknowns a step minutes to run). heyoka runs there in "
+        f"compact_mode, and without it as far as a tolerance compiles in {PREPARING:g} s; below {COMPACT // 2 + 1} the other way around.",
+        f"Beyond some {FARTHEST / 30:.0f} revolutions SciPy's solvers whose loops are Python's, which nothing can stop, do not "
+        "compete; ode and odeint, whose loops are compiled, do.",
         "A step is the largest found between the last rung that misses an accuracy and the next one; a larger one at which the "
         "error happens to vanish does not count.",
         "Who is exact on a problem does not compete there, being the answer at every accuracy: Wisdom-Holman integrators, ours "
         "and REBOUND's, on the pure Kepler problem, trigonometric ones on the harmonic oscillator.",
         "Of chaotic orbits an average and an exponent have a statistical uncertainty, stated on the scene's page; an accuracy "
         "below the uncertainty of what is true is not asked.",
+        f"Twice: {again.COUNT} scenes, drawn with seed {again.SEED} from the {len(again.CHEAP)} that are measured in some 15 "
+        "seconds, each from its beginning: climbs, eliminations, finals. Of the dear scenes nothing is said.",
         "A final of a few runs has the range as its interval; ratios are taken round by round.",
         f"Every scene has a page: {', '.join(f'[{q.id}](trade-{q.id}.md)' for q in QUESTIONS)}.",
     ),

@@ -1,0 +1,166 @@
+"""The lower rung of a problem's model that would do at an accuracy, from stored measurements.
+
+`models.csv` has, for each scene with a ladder of models, what each rung is off by in the scene's quantity, and what an
+integration of it to an error costs: the runs that nothing cheaper beats.  It is made from the rows of the models' page
+(`made`).  A scene is found by its Hamiltonian and its initial state (`fingerprint`), however the problem was named.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+from collections.abc import Iterator
+from functools import cache
+from itertools import groupby
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from phasebench.benchmarks.problems.models.ladders import BY_ID
+
+from . import words
+from .ask import Ask
+
+PATH = Path(__file__).with_name("models.csv")
+#: Spans are the same within this share.
+SAME = 1e-9
+
+
+class Rung(NamedTuple):
+    """A model of a scene: what it is off by, for certain, and (error, seconds) of its integrations."""
+
+    model: str
+    full: bool
+    off: float
+    runs: tuple[tuple[float, float], ...]
+
+    def cost(self, accuracy: float) -> float:
+        """The least seconds in which it meets an accuracy, modelling and integration together; infinite for never."""
+        return min((s for error, s in self.runs if error + self.off <= accuracy), default=inf)
+
+
+class Scene(NamedTuple):
+    """A ladder: of which problem, to which time, in which quantity; its rungs, the full model last."""
+
+    key: str
+    d: int
+    t_end: float
+    quantity: str
+    rungs: tuple[Rung, ...]
+
+
+def fingerprint(problem) -> str:
+    """The hash of a canonical problem's H, in q1, p1, ..., and of its initial state."""
+    return hashlib.sha256(" ".join(words.formula(problem)).encode()).hexdigest()[:16]
+
+
+@cache
+def stored() -> tuple[Scene, ...]:
+    """The scenes of `models.csv`; none where nothing is stored."""
+    if not PATH.exists():
+        return ()
+    with PATH.open(newline="", encoding="utf-8") as stream:
+        lines = list(csv.DictReader(stream))
+    return tuple(_scene(list(members)) for _, members in groupby(lines, key=lambda line: line["scene"]))
+
+
+def _scene(lines: list[dict[str, str]]) -> Scene:
+    first, rungs = lines[0], []
+    for model, members in groupby(lines, key=lambda line: line["model"]):
+        own = list(members)
+        runs = tuple((float(line["error"]), float(line["seconds"])) for line in own)
+        rungs.append(Rung(model, own[0]["full"] == "True", float(own[0]["off"]), runs))
+    return Scene(first["key"], int(first["d"]), float(first["t_end"]), first["quantity"], tuple(rungs))
+
+
+def scene_of(ask: Ask) -> Scene | None:
+    """The stored scene of an ask, of several spans the shortest that is as long; None where there is none.
+
+    Of several ladders of one span the rungs are taken together.
+    """
+    problem, name = ask.problem, ask.quantity.name
+    near = [s for s in stored() if s.quantity == name and s.d == problem.system.d and s.t_end * (1 + SAME) >= ask.t_end]
+    if not near or not problem.system.canonical:
+        return None
+    key = fingerprint(problem)
+    own = sorted((s for s in near if s.key == key), key=lambda s: s.t_end)
+    if not own:
+        return None
+    rungs = [r for s in own if s.t_end == own[0].t_end for r in s.rungs]
+    return own[0]._replace(rungs=tuple(sorted(rungs, key=lambda r: r.full)))
+
+
+def lower(ask: Ask) -> dict[str, Any] | None:
+    """The cheapest lower model that would do at the accuracy; None for a problem without a ladder, or for a budget.
+
+    Returns
+    -------
+    dict
+        ``model``, or None where none does; ``off``, what it (else the ``nearest``) is off by at ``t_end``, which is
+        not before the end that is asked for; ``saves``, the full model's time there over its own
+    """
+    scene = None if ask.accuracy is None else scene_of(ask)
+    if scene is None:
+        return None
+    below, full = [r for r in scene.rungs if not r.full], next(r for r in scene.rungs if r.full)
+    best = min(below, key=lambda r: r.cost(ask.accuracy))
+    seconds = best.cost(ask.accuracy)
+    if not isfinite(seconds):
+        nearest = min(below, key=lambda r: r.off)
+        return {"model": None, "nearest": nearest.model, "off": nearest.off, "t_end": scene.t_end}
+    saves = full.cost(ask.accuracy) / seconds
+    return {
+        "model": best.model,
+        "off": best.off,
+        "t_end": scene.t_end,
+        "saves": saves if isfinite(saves) else None,
+    }
+
+
+def said(found: dict[str, Any]) -> str:
+    """What `lower` found, in words."""
+    if found["model"] is None:
+        return f"no lower model would do: the nearest ({found['nearest']}) is off by {_off(found)}"
+    text = f"a lower model would do: {found['model']}, off by {_off(found)}"
+    if found["saves"] is None:
+        return f"{text}; the full one was not integrated to that accuracy there"
+    but = ", but it saves no time: the" if found["saves"] <= 1 else ", where the"
+    return f"{text}{but} full one takes {found['saves']:.2g} times as long"
+
+
+def _off(found: dict[str, Any]) -> str:
+    return f"{found['off']:.2g} at t = {found['t_end']:g}"
+
+
+# -- the stored lines --------------------------------------------------------------------------------------------------
+
+
+def made(models, runs) -> Iterator[dict[str, object]]:
+    """The lines of `models.csv` from the tables of the models' page."""
+    for id, rungs in models.groupby("scene", sort=False):
+        ladder = BY_ID[id]
+        full = ladder.rungs[-1].make()
+        head = {"scene": id, "key": fingerprint(full), "d": full.system.d, "t_end": ladder.t_end}
+        for m in rungs.sort_values("rung").to_dict("records"):
+            whole = str(m["full"]) == "True"
+            off = 0.0 if whole else m["modelling error"] + m["integration"] + m["uncertainty"]
+            own = runs[(runs["scene"] == id) & (runs["rung"] == m["rung"])].sort_values("seconds")
+            least = inf
+            for error, seconds in zip(own["error"], own["seconds"], strict=True):
+                if error < least:
+                    least = error
+                    line = {"quantity": ladder.quantity, "model": m["model"], "full": whole, "off": f"{off:.4g}"}
+                    yield head | line | {"error": f"{error:.4g}", "seconds": f"{seconds:.4g}"}
+
+
+def keep(lines: list[dict[str, object]]) -> None:
+    """Store the lines, whole or not at all."""
+    from phasebench.reference.tables import write_file
+
+    text = io.StringIO()
+    table = csv.DictWriter(text, list(lines[0]), lineterminator="\n")
+    table.writeheader()
+    table.writerows(lines)
+    write_file(PATH, text.getvalue())
+    stored.cache_clear()

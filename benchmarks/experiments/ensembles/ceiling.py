@@ -1,0 +1,53 @@
+"""What a machine's cores give at best: a loop without memory, without Python, on one of them and on all."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numba import types
+
+from phasebench.benchmarks.measure.timing import Median, in_turns, ratio
+from phasebench.integrators.engine import machine
+from phasebench.integrators.engine.kernel import entry
+
+#: Oscillators side by side, in the fastest memory; their steps take some 0.1 s.
+WIDTH, STEPS, H = 64, 4_000_000, 0.01
+
+
+def _loop(state, steps, h):
+    for _ in range(steps):
+        for i in range(state.shape[1]):
+            state[1, i] -= h * state[0, i]
+            state[0, i] += h * state[1, i]
+
+
+def compiled() -> Callable:
+    """The loop; it needs no lock of the interpreter."""
+    signature = types.void(types.Array(types.float64, 2, "C"), types.int64, types.float64)
+    return entry(machine.compiled(_loop, signature, {"nogil": True, "error_model": "numpy"}, "ceiling"))
+
+
+def speed_up(cores: int, rounds: int, steps: int = STEPS) -> Median:
+    """How many times as much a bare loop does on so many threads as on one, in turns."""
+    loop = compiled()
+
+    def work() -> None:
+        loop(np.ones((2, WIDTH)), steps, H)
+
+    def on(threads: int) -> Callable[[], float]:
+        def seconds() -> float:
+            began = time.perf_counter()
+            others = [pool.submit(work) for _ in range(threads - 1)]
+            work()
+            for other in others:
+                other.result()
+            return (time.perf_counter() - began) / threads
+
+        return seconds
+
+    with ThreadPoolExecutor(max(1, cores - 1)) as pool:
+        times = in_turns({"one": on(1), "all": on(cores)}, rounds)
+    return ratio(times["one"], times["all"])

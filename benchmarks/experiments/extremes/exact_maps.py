@@ -1,0 +1,74 @@
+r"""The matrix of a step on the oscillator in extended precision, from a method's coefficients and the double h.
+
+A coefficient that is rounded to a double makes another method, symplectic as well: |w|^2 of `brouwer` oscillates by it
+and does not grow, and the phase gains a part linear in time.
+"""
+
+from __future__ import annotations
+
+import mpmath
+
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators.coefficients.tableaus import runge_kutta
+from phasebench.integrators.registry import method
+
+#: Methods of no coefficients that are another method on the oscillator, where gradients are linear.
+SAME = {"avf": "implicit-midpoint"}
+
+
+def exact_matrix(id: str, values: dict, h: float):
+    """The matrix ((qq, qp), (pq, pp)) of a step of h, in the working precision."""
+    made, h = method(SAME.get(id, id), **values), mpmath.mpf(h)
+    return BY_FAMILY[made.family](made.data, h)
+
+
+def _number(x):
+    return mpmath.mpf(x.numerator) / x.denominator if hasattr(x, "numerator") else mpmath.mpf(x)
+
+
+def _parametric(data, h):
+    one, total = mpmath.mpf(1), mpmath.eye(2)
+    for c, mu, lam in data[1]:
+        z, mu, lam = h * _number(c), _number(mu), _number(lam)
+        left = mpmath.matrix([[one, -z * lam], [z * mu, one]])
+        right = mpmath.matrix([[one, z * (one - lam)], [-z * (one - mu), one]])
+        total = left**-1 * right * total
+    return total
+
+
+def _splitting(data, h):
+    drifts, kicks = ([*map(_number, part)] for part in data)
+    total = mpmath.eye(2)
+    for k in range(max(len(drifts), len(kicks))):
+        if k < len(kicks):
+            total = mpmath.matrix([[1, 0], [-h * kicks[k], 1]]) * total
+        if k < len(drifts):
+            total = mpmath.matrix([[1, h * drifts[k]], [0, 1]]) * total
+    return total
+
+
+def _collocation(data, h):
+    A, C, b, _ = runge_kutta(*data)
+    s = len(b)
+    left, start = mpmath.eye(2 * s), mpmath.matrix(2 * s, 2)  # Q - h A P = q, P + h C Q = p
+    change = mpmath.matrix(2, 2 * s)
+    for i in range(s):
+        start[i, 0] = start[s + i, 1] = 1
+        change[0, s + i], change[1, i] = h * b[i], -h * b[i]
+        for j in range(s):
+            left[i, s + j], left[s + i, j] = -h * A[i, j], h * C[i, j]
+    return mpmath.eye(2) + change * left**-1 * start
+
+
+def _rotation(data, h):
+    omega = mpmath.mpf(problem("harmonic-oscillator").parameters.get("omega", 1))
+    c, s = mpmath.cos(h * omega), mpmath.sin(h * omega)
+    return mpmath.matrix([[c, s / omega], [-omega * s, c]])
+
+
+BY_FAMILY = {
+    "parametric": _parametric,
+    "splitting": _splitting,
+    "collocation": _collocation,
+    "trigonometric": _rotation,
+}

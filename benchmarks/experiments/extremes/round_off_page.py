@@ -1,0 +1,73 @@
+"""How does round-off grow over long times, and why does it drift at some steps."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from phasebench.benchmarks.experiments.extremes import brouwer, verdicts
+from phasebench.benchmarks.page.page import ROWS, Page, Table, of
+
+
+@of("extremes_growth")
+def table(grown: pd.DataFrame) -> Table:
+    """Every ensemble: fractions and what is beside them first, then by hand, then the rest."""
+    order = {brouwer.FRACTION: 0, brouwer.ASIDE_OF: 1, brouwer.HAND: 2}
+    shown = grown.assign(order=grown["kind"].map(order).fillna(3)).sort_values(["order", "label", "h"]).head(ROWS)
+    columns = {
+        "run": shown["label"],
+        "h": [_step(h) for h in shown["h"]],
+        "steps": shown["steps"].astype(float),
+        "energy ~ n^": [_interval(row, "energy") for _, row in shown.iterrows()],
+        "phase ~ n^": [_interval(row, "phase") for _, row in shown.iterrows()],
+        "of eps h n^(1/2)": shown["in units"],
+        "mean a step": shown["bias per step"],
+        "of its error": shown["bias in its errors"],
+    }
+    caption = (
+        "Exponents with 95 % intervals; the rms error of the energy at the end in units of eps h n^(1/2); the mean "
+        "change of the energy a step, and in units of its standard error."
+    )
+    return Table(pd.DataFrame(columns), caption)
+
+
+def _step(h: float) -> str:
+    """A step as it is, where it is a little beside another with that said."""
+    beside = [x for x in (brouwer.DECIMAL, brouwer.TENTH) if h == x * brouwer.ASIDE]
+    return f"{beside[0]:g} (1 + 2^-40)" if beside else f"{h:.10g}"
+
+
+def _interval(row, name: str) -> str:
+    value, low, high = (row[f"{name} {part}"] for part in ("exponent", "low", "high"))
+    return "" if pd.isna(value) else f"{value:.2f} [{low:.2f}, {high:.2f}]"
+
+
+@of("extremes_growth")
+def whole(grown: pd.DataFrame) -> pd.DataFrame:
+    """Every ensemble with every number."""
+    return grown
+
+
+PAGE = Page(
+    id="extremes-round-off",
+    question="How does round-off grow over long times?",
+    tables=("extremes_growth",),
+    setting=(
+        "H = (p² + q²) / 2: a symplectic step is a matrix M of trace 2 cos θ; w = M_pq q + (e^{iθ} - M_qq) p turns by θ and keeps |w|.",
+        f"{brouwer.STARTS} seeded starts; |w|² and arg w in {brouwer.DIGITS} digits, M from the coefficients and the double h; what changes is round-off.",
+        "Brouwer 1937: unbiased rounding lets the energy's error grow as n^(1/2), the phase's as n^(3/2) where the period depends on the energy.",
+        "Fractions of small denominators: h = 0.01 and 0.1, λ = 1/3; a little beside them: h (1 + 2^-40), λ = 0.3333333333.",
+        "By hand: Stormer-Verlet by plain sums; by exact products; by exact products with the state's lost part in velocity and force.",
+    ),
+    verdicts=(verdicts.brouwers_law, verdicts.small_denominators),
+    table=table,
+    whole=whole,
+    limits=(
+        f"Exponents are judged by whether their interval begins more than {verdicts.ABOVE:g} above the law's, sizes at {verdicts.UNITS:g} eps h n^(1/2).",
+        "Coefficients that are rounded to doubles make another symplectic map: the phase has a part linear in n, which is no round-off of the run.",
+        "The oscillator's force is exact in doubles; a force that rounds by itself may hide the residues of the state.",
+        "The drift next to fractions is not mended: the force would have to be evaluated at more digits than a double has; another step costs nothing.",
+        "Methods whose step is no symplectic matrix drift by truncation, not by round-off: they have no ensemble here.",
+    ),
+    command="pytest benchmarks/experiments/extremes",
+    listed=False,
+)

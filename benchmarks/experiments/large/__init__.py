@@ -1,0 +1,1 @@
+"""What does a step of many degrees of freedom cost?"""

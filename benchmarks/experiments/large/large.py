@@ -1,0 +1,204 @@
+"""Cost by d: of a step, beside bare C and REBOUND; of the memory; and of making a system's functions at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import linregress, t
+
+from phasebench.benchmarks.measure.timing import in_turns, median, ratio
+from phasebench.benchmarks.rows.cells import ALONE, Cell, Rows, Unavailable, content
+from phasebench.integrators.engine.codegen import TUPLE_LIMIT, value_kind
+from phasebench.integrators.prepared import PreparedRun, prepare
+from phasebench.integrators.registry import method
+from phasebench.reference.peers import particles
+
+from .c import Loop
+from .systems import SYSTEMS, Large
+
+COSTS, MADE = "large", "large_made"
+#: Degrees of freedom of the costs, about; exponents are fitted from `MANY` on.
+SIZES = (2, 4, 8, 16, 24, 64, 128, 256, 512, 1024, 2048, 4096, 10_000)
+MANY = 64
+#: Degrees of freedom for which functions are derived from a formula, until it takes longer than so many seconds, and
+#: those for which they are compiled from loops.
+DERIVED, PATIENCE, BY_HAND = (8, 16, 32, 64, 128, 256, 512), 10.0, (32, 512, 10_000)
+#: Seconds of a run that is timed, rounds, and how far the end of a few steps may be from that of C.
+SECONDS, ROUNDS, FEW, APART = 4e-3, 11, 3, 1e-10
+CONFIDENCE = 0.95
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each system and size, and one for making each system's functions."""
+    if quick:
+        return []
+    sizes = [(s.name, d) for s in SYSTEMS.values() for d in sorted({s.size(d) for d in SIZES})]
+    return [_cell(COSTS, {"system": n, "d": d}, costs, (n, d)) for n, d in sizes] + [
+        _cell(MADE, {"system": n}, made, (n,)) for n in SYSTEMS
+    ]
+
+
+def _cell(table: str, key: dict, measure: Callable, arguments: tuple) -> Cell:
+    system = SYSTEMS[key["system"]]
+    made_of = content(table, *arguments, method(system.method), code=[__name__, system.module.__name__])
+    return Cell(
+        "large",
+        (table,),
+        key,
+        measure,
+        arguments,
+        made_of,
+        frozenset({"large", system.name, system.method}),
+        ALONE,
+        own=True,
+    )
+
+
+def costs(name: str, d: int) -> Rows:
+    """The cost of a step at a size, ours and the others' in turns.
+
+    Raises
+    ------
+    Unavailable
+        Where there is no C compiler.
+    RuntimeError
+        Where C ends elsewhere: it is another integration.
+    """
+    system = SYSTEMS[name]
+    problem = system.made(d)
+    run = prepare(problem, system.method)
+    try:
+        loop = Loop(system.C, system.method)
+    except RuntimeError as error:
+        raise Unavailable(str(error)) from None
+    start = np.array([problem.q0, problem.p0])
+    apart = difference(system, run, loop, start)
+    if not apart < APART:
+        raise RuntimeError(f"{name} of d = {d}: C ends {apart:.1e} elsewhere after {FEW} steps")
+    steps = enough(lambda n: loop.run(*start, system.h, n, system.constants(d))[0])
+    work = {"ours": _clocked(lambda: run(system.h, steps))}
+    work["C"] = lambda: loop.run(*start, system.h, steps, system.constants(d))[0]
+    if system.pairs:
+        work["REBOUND"] = rebound(system, d, steps)
+    times = in_turns(work, ROUNDS)
+    row = {"system": name, "d": d, "method": system.method, "values": value_kind(d), "steps": steps}
+    for who, seconds in times.items():
+        m = median(seconds / steps * 1e9)
+        row |= {f"ns, {who}": m.value, f"ns, {who}, low": m.low, f"ns, {who}, high": m.high}
+    for who in ("C", "REBOUND"):
+        if who in times:
+            r = ratio(times["ours"], times[who])
+            row |= {f"ours / {who}": r.value, f"ours / {who}, low": r.low, f"ours / {who}, high": r.high}
+    return {COSTS: [row | {"kB": held(run) / 1e3, "difference from C": apart}]}
+
+
+def difference(system: Large, run: PreparedRun, loop: Loop, start: np.ndarray) -> float:
+    """How far ours and C are apart after a few steps, relative to the state."""
+    d = start.shape[1]
+    q, p, _ = run(system.h, FEW)
+    _, x, v = loop.run(*start, system.h, FEW, system.constants(d))
+    return max(float(np.abs(a - b).max() / np.abs(b).max()) for a, b in ((q, x), (p, v)))
+
+
+def enough(seconds: Callable[[int], float]) -> int:
+    """A number of steps, a power of two, that takes about `SECONDS`."""
+    steps = 1
+    while seconds(steps) < SECONDS and steps < 2**20:
+        steps *= 2
+    return steps
+
+
+def _clocked(run: Callable[[], object]) -> Callable[[], float]:
+    def seconds() -> float:
+        started = time.perf_counter()
+        run()
+        return time.perf_counter() - started
+
+    return seconds
+
+
+def rebound(system: Large, d: int, steps: int) -> Callable[[], float]:
+    """The seconds of steps of REBOUND's leapfrog with direct summation, which goes on from call to call."""
+    N = d // system.unit
+    setting = particles.Setting(particles.GRAVITY, (1.0 / N,) * N, 3, 0, (1.0,) * d)
+    sim, _ = particles.build(setting, *system.start(d), "leapfrog")
+    sim.dt = system.h
+    return _clocked(lambda: sim.steps(steps))
+
+
+def held(run: PreparedRun) -> int:
+    """The bytes of the arrays that a run holds."""
+    orbit = run._layout.orbit
+    return sum(a.nbytes for a in (orbit.state, orbit.memory, orbit.work, run._start, run._end))
+
+
+# -- making a system's functions ---------------------------------------------------------------------------------------
+
+
+def made(name: str) -> Rows:
+    """Seconds in which a system gets its functions from nothing, by size and route."""
+    system, rows = SYSTEMS[name], []
+    for d in DERIVED:
+        seconds = getting_ready(lambda d=d: system.derived(d))
+        rows.append({"system": name, "route": "formula", "d": system.size(d), "seconds": seconds})
+        if seconds > PATIENCE:
+            break
+    for d in BY_HAND:
+        size = system.size(d)
+        seconds = getting_ready(lambda d=size: system.by_hand(d))
+        rows.append({"system": name, "route": "loops", "d": size, "seconds": seconds})
+    return {MADE: rows}
+
+
+def getting_ready(make: Callable[[], SimpleNamespace]) -> float:
+    """Seconds that a system takes from nothing to its compiled energy and gradient (or field), its arrays included."""
+    with nothing_kept():
+        started = time.perf_counter()
+        system = make().system
+        system.energy()
+        (system.grad_V if system.separable else system.field)()
+        return time.perf_counter() - started
+
+
+@contextmanager
+def nothing_kept() -> Iterator[None]:
+    """With an empty cache."""
+    from phasebench.integrators.engine import codegen
+    from phasebench.integrators.systems import hand
+
+    before, ready = os.environ.get("PHASEBENCH_CACHE"), dict(codegen._ready)
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["PHASEBENCH_CACHE"] = folder
+        codegen._ready.clear()
+        hand._compiled.cache_clear()
+        try:
+            yield
+        finally:
+            codegen._ready.update(ready)
+            if before is None:
+                del os.environ["PHASEBENCH_CACHE"]
+            else:
+                os.environ["PHASEBENCH_CACHE"] = before
+
+
+# -- exponents ---------------------------------------------------------------------------------------------------------
+
+
+def exponent(d: ArrayLike, cost: ArrayLike) -> tuple[float, float, float]:
+    """(e, low, high) of cost ~ d^e: the slope of the logarithms by least squares, and its 95 % interval; at least 3."""
+    x, y = np.log(np.asarray(d, float)), np.log(np.asarray(cost, float))
+    if len(x) < 3:
+        return float("nan"), float("nan"), float("nan")
+    line = linregress(x, y)
+    half = t.ppf((1 + CONFIDENCE) / 2, len(x) - 2) * line.stderr
+    return float(line.slope), float(line.slope - half), float(line.slope + half)
+
+
+__all__ = ["COSTS", "MADE", "MANY", "SIZES", "TUPLE_LIMIT", "cells", "costs", "exponent", "made"]

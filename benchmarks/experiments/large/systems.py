@@ -1,0 +1,114 @@
+"""Lattices and bodies of any number of degrees of freedom: their formulae, their loops, a start, and bare C of each.
+
+Up to `codegen.TUPLE_LIMIT` a system is derived from its formula, above it runs on the loops of its problem's module,
+without a formula.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import sympy as sp
+
+from phasebench.benchmarks.problems import fpu, klein_gordon, n_body, nls, toda
+from phasebench.integrators.engine.codegen import value_kind
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.hand import HandHamiltonian
+
+from . import c
+
+#: The distance of points of a wave, the frequency of stiff springs, the seed of the starts.
+SPACING, OMEGA, SEED = 0.5, 50.0, 7
+
+
+@dataclass(frozen=True)
+class Large:
+    """A system of any size.
+
+    Attributes
+    ----------
+    name, module : of the problem
+    unit : d is a multiple of it
+    method : what steps it: one gradient or four fields a step
+    h : the step
+    formula : d -> (q, p, H)
+    constants : d -> of its loops
+    C : the C text of its gradient, or field
+    pairs : whether a step's cost rises as d^2
+    """
+
+    name: str
+    module: ModuleType
+    unit: int
+    method: str
+    h: float
+    formula: Callable
+    constants: Callable
+    C: str
+    pairs: bool = False
+
+    def size(self, d: int) -> int:
+        """The nearest number of degrees of freedom that it can have."""
+        return self.unit * max(1 if self.unit > 1 and not self.pairs else 2, round(d / self.unit))
+
+    def start(self, d: int) -> tuple[np.ndarray, np.ndarray]:
+        """Seeded initial data of the same size whatever d is."""
+        if self.pairs:
+            return tuple(map(np.array, n_body.plummer(d // self.unit)))
+        return tuple(0.1 * np.random.default_rng(SEED).normal(size=(2, d)))
+
+    def derived(self, d: int) -> SimpleNamespace:
+        """The problem with functions derived from its formula."""
+        q, p, H = self.formula(d)
+        return self._problem(Hamiltonian(q=q, p=p, H=H), d)
+
+    def by_hand(self, d: int) -> SimpleNamespace:
+        """The problem with loops."""
+        names = ("field", "energy") if self.module is nls else ("field", "grad_V", "energy")
+        loops = {name: getattr(self.module, name) for name in names}
+        q, p = ([f"{x}{i}" for i in range(d)] for x in "qp")
+        return self._problem(HandHamiltonian(q=q, p=p, loops=loops, constants=self.constants(d)), d)
+
+    def made(self, d: int) -> SimpleNamespace:
+        """The problem as it runs best."""
+        return (self.derived if value_kind(d) == "tuple" else self.by_hand)(d)
+
+    def _problem(self, system, d: int) -> SimpleNamespace:
+        q, p = self.start(d)
+        return SimpleNamespace(id=self.name, system=system, q0=tuple(q), p0=tuple(p))
+
+
+def _bodies(d: int):
+    """The formula of d / 3 bodies of mass 1 / N, divided by it."""
+    N = d // 3
+    q, p, _, distances, _ = n_body.bodies(N, "xyz")
+    return q, p, sp.Add(*(x**2 / 2 for x in p), *(-sp.Rational(1, N) / r for r in distances))
+
+
+def _waves(module: ModuleType, unit: int):
+    def formula(d: int):
+        return module.formula(d // unit, SPACING * (d // unit))
+
+    def constants(d: int):
+        return module.constants(d // unit, SPACING * (d // unit))
+
+    return formula, constants
+
+
+VERLET = "stormer-verlet"
+SYSTEMS = {
+    s.name: s
+    for s in (
+        Large(
+            "fpu", fpu, 2, VERLET, 0.002, lambda d: fpu.formula(OMEGA, d // 2), lambda d: (Fraction(OMEGA) ** 2,), c.FPU
+        ),
+        Large("toda", toda, 1, VERLET, 0.02, toda.formula, lambda d: (), c.TODA),
+        Large("klein-gordon", klein_gordon, 2, VERLET, 0.02, *_waves(klein_gordon, 2), c.KLEIN_GORDON),
+        Large("nls", nls, 1, "rk4", 0.02, *_waves(nls, 1), c.NLS),
+        Large("n-body", n_body, 3, VERLET, 1e-3, _bodies, lambda d: (Fraction(3, d),), c.N_BODY, pairs=True),
+    )
+}

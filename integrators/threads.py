@@ -1,0 +1,108 @@
+"""Work on threads: the one that asks takes its part, so that it never waits for another to begin.
+
+What there is to do is handed out in slices, as each thread asks for more (C. D. Polychronopoulos, D. J. Kuck, IEEE
+Trans. Comput. C-36 (1987) 1425-1439): half of a fair share of what is left, so that all end together whatever the
+pieces cost; but, once the first slice is timed, none that takes less than `LEAST`, which is what handing it out costs
+many times over.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import lru_cache
+from queue import SimpleQueue
+from threading import Lock
+from typing import TypeVar
+
+#: Seconds of the shortest slice.
+LEAST = 3e-3
+#: Of so many pieces one is done first, to see whether all together are worth a second thread.
+MANY = 32
+
+Found = TypeVar("Found")
+
+
+@lru_cache
+def _helpers(count: int) -> ThreadPoolExecutor:
+    """Threads that stay: to start one takes as long as many a short run."""
+    return ThreadPoolExecutor(count)
+
+
+if hasattr(os, "register_at_fork"):  # a child has none of its parent's threads
+    os.register_at_fork(after_in_child=_helpers.cache_clear)
+
+
+class Slices:
+    """The numbers ``first`` ... n - 1 in slices for so many threads; ``fewest`` take `LEAST`, as far as is known."""
+
+    def __init__(self, n: int, threads: int, first: int = 0):
+        self._n, self._threads = n, threads
+        self._next = first
+        self.fewest = 1
+        self._lock = Lock()
+
+    def __iter__(self) -> Iterator[slice]:
+        while True:
+            with self._lock:
+                left = self._n - self._next
+                if left <= 0:
+                    return
+                fair = left if self._threads == 1 else -(-left // (2 * self._threads))
+                begin = self._next
+                self._next += min(left, max(fair, self.fewest))
+                part = slice(begin, self._next)
+            yield part
+
+    def took(self, part: slice, seconds: float) -> None:
+        """What a slice has taken says how short the next may be."""
+        self.fewest = max(1, round((part.stop - part.start) * LEAST / max(seconds, 1e-9)))
+
+    def end(self) -> None:
+        """Hand out no more."""
+        with self._lock:
+            self._next = self._n
+
+
+def shared(work: Callable[[slice], Found], n: int, threads: int) -> Iterator[Found]:
+    """What ``work`` returns of slices that together are 0 ... n - 1, as they are finished, on so many threads.
+
+    What it raises on any of them is raised here, when all have ended.
+    """
+    first = 1 if n >= MANY and threads > 1 else 0
+    slices = Slices(n, threads, first)
+    finished: SimpleQueue = SimpleQueue()
+
+    def take(part: slice) -> Found:
+        began = time.perf_counter()
+        found = work(part)
+        slices.took(part, time.perf_counter() - began)
+        return found
+
+    def help_out() -> None:
+        try:
+            for part in slices:
+                finished.put(take(part))
+        except BaseException:
+            slices.end()
+            raise
+
+    if first:
+        yield take(slice(0, first))
+    alone = first and n - first <= slices.fewest
+    helpers = [_helpers(threads - 1).submit(help_out) for _ in range(0 if alone else min(threads, n) - 1)]
+    try:
+        for part in slices:
+            yield take(part)
+            while not finished.empty():
+                yield finished.get()
+        for helper in helpers:
+            if not helper.cancel():
+                helper.result()
+        while not finished.empty():
+            yield finished.get()
+    finally:
+        slices.end()
+        wait([helper for helper in helpers if not helper.cancel()])

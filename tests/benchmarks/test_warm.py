@@ -1,0 +1,94 @@
+"""A warm start: where everything is in the cache, an integration loads Numba, and none of the other heavy packages."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+METHODS = (
+    "stormer-verlet",
+    "scheme-v",
+    "gauss-8",
+    "gauss-equip-3",
+    "rk4-projected-energy",
+    "stormer-verlet-symmetric-projection",
+)
+#: Ends a script: prints what is loaded of the heavy packages, beside what Numba itself loads.
+SCRIPT = """
+import contextlib, io, json, sys
+import numba
+before = set(sys.modules)
+HEAVY = ("sympy", "pandas", "matplotlib", "scipy", "heyoka", "rebound")
+
+def heavy():
+    return sorted({m.partition(".")[0] for m in set(sys.modules) - before} & set(HEAVY))
+
+found = {}
+import phasebench as pb
+"""
+INTEGRATED = """
+for method in METHODS:
+    assert pb.integrate("pendulum", method, h=0.01, steps=5).status == "ok", method
+    found[method] = heavy()
+pb.integrate("kepler", "stormer-verlet", h=0.01, steps=5)
+found["a singular system"] = heavy()
+pb.integrate("henon-heiles:box", "stormer-verlet", h=0.01, steps=5)
+found["another orbit"] = heavy()
+oscillator = pb.Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2 + q**4/4")
+pb.integrate(oscillator, "stormer-verlet", h=0.01, steps=5, q0=[1.0], p0=[0.0])
+found["text"] = heavy()
+pb.integrate_ensemble("pendulum", "stormer-verlet", [[1.0 + k / 64] for k in range(64)], [[0.0]] * 64, h=0.01, steps=5)
+found["an ensemble"] = heavy()
+from phasebench.benchmarks.cli import main
+for words in COMMANDS:
+    sys.argv = ["phasebench", "integrate", *words, "--h", "0.01", "--steps", "5"]
+    with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
+        main()
+    found[" ".join(words)] = heavy()
+pb.integrate("nls", "implicit-midpoint", h=0.01, steps=2)  # of many variables: arrays, which compiled code allocates
+print(json.dumps(found))
+"""
+COMMANDS = (
+    ("kepler", "stormer-verlet", "--json"),
+    ("stormer-verlet", "--hamiltonian", "p**2/2 + k*q**4", "--set", "k=0.25", "--q", "1", "--p", "0"),
+)
+MADE = """
+found["before"] = heavy()
+system = pb.problem("kepler", e=0.25).system if REGISTERED else pb.Hamiltonian(q="q", p="p", H="p**2/2 + q**6/7")
+assert system.traits["separable"]
+found["traits"] = heavy()
+import numpy as np
+system.energies(np.full((1, system.d), 0.5), np.zeros((1, system.d)))
+found["energy"] = heavy()
+system.H
+found["formula"] = heavy()
+print(json.dumps(found))
+"""
+
+
+def fresh(script: str, **environment: str) -> dict[str, list[str]]:
+    """What a fresh process prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT + script], capture_output=True, text=True, env=os.environ | environment
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_a_warm_integration_loads_no_heavy_package():
+    script = f"METHODS, COMMANDS = {METHODS!r}, {COMMANDS!r}\n{INTEGRATED}"
+    fresh(script)  # fills the cache
+    found = fresh(script)
+    assert {name: packages for name, packages in found.items() if packages} == {}
+
+
+@pytest.mark.parametrize("registered", [True, False])
+def test_control_a_cold_system_loads_sympy_and_a_warm_one_does_where_its_formula_is_asked_for(registered, tmp_path):
+    script = f"REGISTERED = {registered}\n{MADE}"
+    cold, warm = (fresh(script, PHASEBENCH_CACHE=str(tmp_path)) for _ in range(2))
+    assert cold == {"before": [], "traits": ["sympy"], "energy": ["sympy"], "formula": ["sympy"]}
+    assert warm == {"before": [], "traits": [], "energy": [], "formula": ["sympy"]}

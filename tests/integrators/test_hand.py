@@ -1,0 +1,146 @@
+"""Systems of loops: the loops are their formulae, and without a formula 10,000 degrees of freedom run."""
+
+from __future__ import annotations
+
+import pickle
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from phasebench.benchmarks.problems import fpu, problem, toda
+from phasebench.benchmarks.problems.user_file import load
+from phasebench.integrators import Hamiltonian, InvalidInput, integrate
+from phasebench.integrators.engine.codegen import MULTIPRECISION, TUPLE_LIMIT, exactly, precision, vector
+from phasebench.integrators.systems.hand import HandHamiltonian
+
+PATH = str(Path(__file__).parents[2] / "examples" / "problems" / "chain.py")
+CHAIN = load(PATH)
+#: Name -> (module, formula, constants of its loops, other constants).
+LOOPS = {
+    "fpu": (fpu, lambda: fpu.formula(7.0, 2), (49,), (50,)),
+    "toda": (toda, lambda: toda.formula(4), (), None),
+    "chain": (CHAIN, lambda: chain(4, 4), (4,), (5,)),
+}
+
+
+def chain(N, k):
+    """(q, p, H) of the example."""
+    q, p = sp.symbols(f"q:{N}", real=True), sp.symbols(f"p:{N}", real=True)
+    wells = sum((x**2 - 1) ** 2 / 4 for x in q)
+    return q, p, sum(x**2 for x in p) / 2 + k * sum((b - a) ** 2 for a, b in pairwise(q)) / 2 + wells
+
+
+def values(module, constants, q, p, arithmetic="double"):
+    """Every loop's values at a state, uncompiled."""
+    of = [exactly(c, arithmetic) for c in constants]
+    H, M = module.energy(*of)(q, p)
+    return np.concatenate([*module.field(*of)(q, p, 0.0, 0.0), module.grad_V(*of)(q), [H, M]])
+
+
+def by_formula(q_names, p_names, H, q, p):
+    """The same from the formula, at 40 digits (of which sizes are doubles)."""
+    at = dict(zip((*q_names, *p_names), map(sp.Float, (*map(str, q), *map(str, p)), [60] * 2 * len(q)), strict=True))
+    dq, dp = ([sp.diff(H, x) for x in names] for names in (p_names, q_names))
+    terms = sum(sp.Abs(t) for t in sp.Add.make_args(H))
+    M = terms + sum(sp.Abs(x * g) for x, g in zip((*p_names, *q_names), (*dq, *dp), strict=True))
+    found = [*dq, *(-g for g in dp), *dp, H, M]
+    return np.array([float(sp.N(e.subs(at), 30)) for e in found])
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_loops_are_their_formula(name):
+    module, formula, constants, others = LOOPS[name]
+    q_names, p_names, H = formula()
+    q, p = np.random.default_rng(2).normal(size=(2, len(q_names)))
+    expected = by_formula(q_names, p_names, H, q, p)
+    assert values(module, constants, q, p) == pytest.approx(expected, rel=1e-13)
+    if others is not None:
+        assert values(module, others, q, p) != pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["fpu", "chain"])
+def test_loops_hold_no_double_of_their_own(name):
+    module, _, constants, _ = LOOPS[name]
+    with precision(40):
+        q, p = (vector(row) / 3 for row in np.random.default_rng(2).normal(size=(2, 4)))
+        found = values(module, constants, q, p, MULTIPRECISION)
+        again = values(module, constants, q * 1, p * 1, MULTIPRECISION)
+        assert (found == again).all(), "arguments stay as they are"
+        near = values(module, constants, q.astype(float), p.astype(float))
+        assert max(abs(a - b) for a, b in zip(found, near, strict=True)) < 1e-12 * max(abs(x) for x in found)
+        assert any(a != b for a, b in zip(found, near, strict=True))
+
+
+def test_many_stiff_springs_are_the_few(monkeypatch):
+    """Eleven springs on loops against derived functions, the trigonometric methods' among them."""
+    made = problem("fpu", m=11, omega=10.0)
+    assert isinstance(made.system, HandHamiltonian)
+    q, p = np.random.default_rng(4).normal(size=(2, 22)) / 10
+    q_names, p_names, H = fpu.formula(10.0, 11)
+    derived = Hamiltonian(q=q_names, p=p_names, H=H, frequencies=made.system.frequencies)
+    assert made.system.traits | {"polynomial degree": None} == derived.traits | {"polynomial degree": None}
+    for id in ("stormer-verlet", "hochbruck-lubich"):
+        ours, theirs = (integrate(s, id, h=0.01, steps=20, q0=q, p0=p) for s in (made.system, derived))
+        assert ours.status == theirs.status == "ok"
+        assert np.abs(ours.q[-1] - theirs.q[-1]).max() < 1e-13
+
+
+def leapfrog(q, p, k, h, steps):
+    """Stormer-Verlet of the chain in NumPy."""
+
+    def force(q):
+        bend = np.diff(q)
+        return k * (np.append(bend, 0.0) - np.append(0.0, bend)) - (q * q - 1) * q
+
+    for _ in range(steps):
+        p = p + h / 2 * force(q)
+        q = q + h * p
+        p = p + h / 2 * force(q)
+    return q, p
+
+
+def test_a_chain_of_10000_runs_without_a_formula():
+    made = CHAIN.make()
+    assert made.system.d == 10_000
+    s = integrate(made, "stormer-verlet", h=0.05, steps=40)
+    assert s.status == "ok", s.reason
+    q, p = leapfrog(np.array(made.q0), np.array(made.p0), 4, 0.05, 40)
+    assert np.abs(s.q[-1] - q).max() < 1e-12
+    assert np.abs(s.p[-1] - p).max() < 1e-12
+    H = made.system.observe(made.system.H, s.q, s.p)
+    assert 0 < np.abs(H - H[0]).max() < 1e-2 * H[0]
+    moved = np.abs(s.q[-1] - s.q[0]).max()
+    assert moved > 0.1
+    again = integrate(pickle.loads(pickle.dumps(made.system)), "rk4", h=0.05, steps=2, q0=made.q0, p0=made.p0)
+    assert again.status == "ok"
+
+
+def test_a_file_with_loops_is_a_problem():
+    made = problem(PATH, N=40)
+    assert made.system.d == 40
+    assert integrate(made, "stormer-verlet", h=0.05, steps=2).status == "ok"
+
+
+def test_what_needs_a_formula_says_so():
+    made = CHAIN.make(N=30)
+    for id in ("rk4-projected-energy", "generating-function"):
+        with pytest.raises(InvalidInput, match="loops and no formula"):
+            integrate(made, id, h=0.05, steps=1)
+    with pytest.raises(InvalidInput, match="loops and no formula"):
+        made.system.dq  # noqa: B018
+    for id in ("rk4-relaxation", "implicit-midpoint"):
+        assert integrate(made, id, h=0.05, steps=2).status == "ok"
+
+
+def test_a_missing_loop_and_a_small_system_are_refused():
+    loops = {"grad_V": CHAIN.grad_V, "field": CHAIN.field, "energy": CHAIN.energy}
+    names = [[f"{x}{i}" for i in range(TUPLE_LIMIT + 1)] for x in "qp"]
+    for left in ("field", "energy"):
+        few = {name: loop for name, loop in loops.items() if name != left}
+        with pytest.raises(InvalidInput, match=f"the loop '{left}' is missing"):
+            HandHamiltonian(q=names[0], p=names[1], loops=few)
+    with pytest.raises(InvalidInput, match="more than 20"):
+        HandHamiltonian(q=names[0][:-1], p=names[1][:-1], loops=loops)

@@ -1,0 +1,82 @@
+"""Work on threads: everything is done once, whoever does it, and nobody waits for a thread that does not come."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from phasebench.integrators import threads
+from phasebench.integrators.threads import MANY, Slices, shared
+
+
+def numbers(parts) -> list[int]:
+    return sorted(i for part in parts for i in range(part.start, part.stop))
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 7, MANY - 1, MANY, 1000])
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_everything_is_done_once(n, count):
+    assert numbers(shared(lambda part: part, n, count)) == list(range(n))
+
+
+def test_one_thread_gets_all_at_once_and_several_get_less_and_less():
+    assert list(Slices(100, 1)) == [slice(0, 100)]
+    sizes = [part.stop - part.start for part in Slices(100, 2)]
+    assert sizes[0] == 25
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[-1] == 1
+
+
+def test_what_is_short_is_not_handed_out_in_crumbs():
+    slices = Slices(1000, 2)
+    slices.took(slice(0, 10), threads.LEAST / 10)
+    assert [part.stop - part.start for part in slices] == [250, 188, 141, 106, 100, 100, 100, 15]
+
+
+def slow(part: slice):
+    time.sleep(0.01 * (part.stop - part.start))
+    return part, threading.get_ident()
+
+
+def test_long_work_is_done_by_all_and_short_work_by_the_one_that_asks(monkeypatch):
+    assert len({who for _, who in shared(slow, MANY, 2)}) == 2
+    monkeypatch.setattr(threads, "_helpers", None)  # nobody is asked
+    assert numbers(shared(lambda part: part, MANY, 2)) == list(range(MANY))
+    with pytest.raises(TypeError):
+        list(shared(slow, MANY, 2))
+
+
+def test_nobody_waits_for_a_thread_that_does_not_come():
+    blocked, pool = threading.Event(), threads._helpers(1)
+    running = pool.submit(blocked.wait, 8)
+    began = time.monotonic()
+    try:
+        found = list(shared(slow, 8, 2))
+        assert time.monotonic() - began < 6
+    finally:
+        blocked.set()
+        running.result()
+    assert numbers(part for part, _ in found) == list(range(8))
+    assert {who for _, who in found} == {threading.get_ident()}
+
+
+@pytest.mark.parametrize("here", [True, False])
+def test_what_is_raised_on_any_thread_is_raised_here_and_ends_the_work(here):
+    done, begun, raised = [], threading.Event(), threading.Event()
+
+    def work(part):
+        if (threading.current_thread() is threading.main_thread()) == here:
+            begun.wait(5)
+            raised.set()
+            raise ZeroDivisionError
+        begun.set()
+        raised.wait(5)
+        time.sleep(0.05)
+        done.append(part)
+
+    n = MANY - 1
+    with pytest.raises(ZeroDivisionError):
+        list(shared(work, n, 2))
+    assert len(done) == 1
