@@ -71,7 +71,7 @@ def test_every_kind_of_change_is_made_once_and_none_of_what_does_nothing(mutants
 
 def test_the_command_says_what_it_takes():
     said = subprocess.run([sys.executable, TOOL, "--help"], capture_output=True, text=True, check=True).stdout
-    assert all(option in said for option in ("--reach", "--sample", "--again", "--within", "--jobs"))
+    assert all(option in said for option in ("--reach", "--sample", "--again", "--within", "--score", "--jobs"))
 
 
 OLD = """

@@ -28,6 +28,7 @@ import score
 import worker
 from mutants import Mutant, mutants
 from reach import Reach
+from tabulate import tabulate
 
 ROOT = Path(__file__).parents[2]
 CHILDREN = multiprocessing.get_context("forkserver")
@@ -44,6 +45,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--sample", type=int, help="so many mutants of each file, in the order of the score")
     parser.add_argument("--again", action="store_true", help="only the survivors of the score")
     parser.add_argument("--within", type=float, default=20.0, metavar="SECONDS", help="ask no test that takes longer")
+    parser.add_argument("--score", action="store_true", help="print the score that is kept, and no more")
     parser.add_argument("--jobs", type=int, default=1)
     return parser.parse_args()
 
@@ -168,6 +170,10 @@ def main() -> int:
     """Judge the mutants; 1 where one survives."""
     CHILDREN.set_forkserver_preload(["worker", *worker.PRELOADED])
     asked, reach = arguments(), Reach(KEPT / "reach.sqlite", ROOT)
+    if asked.score:
+        columns = ("file", "mutants", "tried", "killed", "equivalent", "survived", "")
+        print(tabulate(score.table(score.read(), ROOT), columns))
+        return 0
     if asked.reach:
         reach.measure(asked.reach)
     counts: Counter = Counter()

@@ -61,8 +61,29 @@ def read(kept: Path = KEPT) -> dict[str, Score]:
 
 def unargued(scores: dict[str, Score], root: Path) -> list[str]:
     """The survivors of files that are as they were when they were judged."""
-    same = [s for s in scores.values() if (root / s.path).is_file() and digest(root / s.path) == s.hash]
-    return [mutant for s in same for mutant in s.survived]
+    return [mutant for s in scores.values() if same(s, root) for mutant in s.survived]
+
+
+def table(scores: dict[str, Score], root: Path) -> list[tuple]:
+    """(file, mutants, tried, killed, equivalent, survived, as judged or changed since) of each file, and of all."""
+    lines = [
+        (
+            s.path,
+            s.mutants,
+            s.tried,
+            s.killed,
+            s.equivalent,
+            len(s.survived),
+            "as judged" if same(s, root) else "changed",
+        )
+        for _, s in sorted(scores.items())
+    ]
+    return [*lines, ("all", *(sum(line[k] for line in lines) for k in range(1, 6)), "")]
+
+
+def same(of: Score, root: Path) -> bool:
+    """Whether a file is as it was when it was judged."""
+    return (root / of.path).is_file() and digest(root / of.path) == of.hash
 
 
 def write(scores: dict[str, Score], kept: Path = KEPT) -> None:
