@@ -209,7 +209,7 @@ def test_gain_and_waste_are_told_at_the_models_own_accuracy():
 def test_a_rung_is_compared_at_twice_its_error_and_known_to_both_of_its_doubts():
     rungs = choice.rungs(*scene(errors=(4e-2, 1e-10))).set_index("model")
     assert rungs.loc[A, "gain"] == 20 / 2
-    assert rungs.loc[A, "known to"] == pytest.approx(1.1e-14 / 4e-2)
+    assert rungs.loc[A, "known to"] == pytest.approx(1.1e-14 / 4e-2, rel=1e-9, abs=0)
     assert np.isnan(rungs.loc[B, "wasted"])
     assert not told(page.enough, scene(errors=(choice.LOST, choice.LOST))).holds
     assert [round(float(np.log10(a)), 9) for a in choice.ACCURACIES] == [-1, -2, -3, -4, -6, -8, -10]
