@@ -60,8 +60,22 @@ def test_near_or_far():
     assert page.near(data(rows().drop(columns="ratio"))) is None
 
 
+def test_the_median_and_the_farthest_are_told_apart():
+    said = page.near(data(rows(ratio={0: 1.5, 2: page.NEAR})))
+    assert "in 9 of 10, in the median 1 times; the farthest is heyoka on pendulum at 1.5 times heyoka." in said.text
+    assert said.holds
+    assert page.near(data(rows(ratio=dict.fromkeys(range(0, 20, 2))))) is None
+
+
+def test_without_brute_force_no_refusal_is_wrong():
+    said = page.refused(data(rows(choice={1: None}).drop(columns="best")))
+    assert said.holds
+    assert said.text == "1 were refused."
+
+
 def test_refused_rightly_or_wrongly():
     assert page.refused(data(rows())).text == "No ask was refused."
+    assert page.refused(data(rows())).holds
     assert page.refused(data(rows(choice={1: None}))).holds
     verdict = page.refused(data(rows(choice={0: None})))
     assert not verdict.holds
@@ -76,6 +90,13 @@ def test_the_bench_fails_for_what_is_not_met():
 def test_the_table_shows_the_unmet_first():
     shown = page.table(data(rows(met={7: False}, ratio={4: 2.0}))).frame
     assert list(shown["ask"][:2]) == ["07", "04"]
+    quick = page.table(data(rows(ratio={4: 0.5}))).frame
+    assert list(quick["ask"][8:11]) == ["18", "04", "01"]
+    assert len(page.PAGE.whole(data(rows()))) == 20
+    many = pd.concat([rows(), rows()])
+    assert list(page.table(data(many)).frame["ask"][:3]) == ["00", "02", "04"]
+    assert len(page.table(data(many)).frame) == 25
+    assert list(page.table(data(rows().drop(columns=["met", "ratio"]))).frame["ask"][:2]) == ["00", "01"]
 
 
 def test_the_asks():

@@ -126,6 +126,44 @@ def test_a_bound_is_met_or_ten_times_passed(value, verdict):
     assert statements.below(1e-6, 0)(["0", value]) == HOLDS
 
 
+@pytest.mark.parametrize(
+    ("judge", "values", "verdict"),
+    [
+        (statements.near(0, 2.0), ["2.5"], UNDERSTATED),
+        (statements.near(0, 2.0), ["1.5"], CONTRADICTED),
+        (statements.below(0.5), ["0.5", "-0.5"], HOLDS),
+        (statements.below(0.5), ["0.1", "5.0"], UNJUDGED),
+        (statements.below(0.5, 0), ["0.1", "9.0"], HOLDS),
+        (statements.a_l_stable, ["1e-12", "0.99e-4", "0", "0"], HOLDS),
+        (statements.a_l_stable, ["0", "0", "2e-12", "0"], CONTRADICTED),
+        (statements.a_l_stable, ["0", "1e-4", "0", "0"], CONTRADICTED),
+        (statements.a_l_stable, ["0", "0", "0", "9e-4"], CONTRADICTED),
+        (statements.denied(0, 1), ["False", "0.9e-12"], UNDERSTATED),
+        (statements.denied(0, 1), ["False", "1e-12"], HOLDS),
+        (statements.denied(0, 1), ["True", "0"], HOLDS),
+        (statements.steps_near((1.0, 4.0), 0.25), ["1.25", "3.0"], HOLDS),
+        (statements.steps_near((1.0, 4.0), 0.25), ["1.25", "2.9"], CONTRADICTED),
+        (statements.differs(1), ["1", "0.0"], CONTRADICTED),
+        (statements.differs(0), ["1e-300"], HOLDS),
+    ],
+)
+def test_verdicts_change_where_they_are_said_to(judge, values, verdict):
+    assert judge(values) == verdict
+
+
+def test_a_row_and_a_cell_know_the_version_of_the_package(monkeypatch):
+    statement = STATEMENTS[0]
+    monkeypatch.setattr(statements, "version_of", lambda package: "1.2")
+    assert statements.row(statement, [])["version"] == "1.2"
+    before = {c.key["script"]: c.content for c in statements.cells()}
+    monkeypatch.setattr(statements, "version_of", lambda package: None)
+    assert statements.row(statement, [], reason="not there")["version"] == "absent"
+    absent = {c.key["script"]: c.content for c in statements.cells()}
+    monkeypatch.setattr(statements, "version_of", lambda package: "absent")
+    assert all(before[script] != absent[script] for script in before)
+    assert {c.key["script"]: c.content for c in statements.cells()} == absent
+
+
 def test_the_worst_of_several_verdicts_counts():
     def of(verdict):
         return lambda values: verdict

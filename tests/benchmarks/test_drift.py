@@ -179,6 +179,15 @@ def test_coverage_is_judged_from_both_sides(share):
     assert page.coverage({"drift_coverage": covering(periods=1.0).tail(1)}.get) is None
 
 
+def test_an_oscillation_is_resolved_beyond_the_slowest_that_is_fitted():
+    assert [page.resolved(p) for p in (1.0, module.SLOWEST, 1.6)] == [False, False, True]
+
+
+def test_the_page_says_how_sure_a_coverage_is():
+    """Of 400 draws: sqrt(0.95 0.05 / 400)."""
+    assert any("of 400 draws a coverage has a standard error of 0.011." in said for said in page.PAGE.limits)
+
+
 def test_a_kind_is_judged_by_the_mean_over_its_lengths():
     several = pd.concat([covering(covered=share).tail(1) for share in (0.9, 0.999, 0.999)])
     found = page.coverage({"drift_coverage": several}.get)
@@ -228,7 +237,9 @@ def test_bounded_methods_are_counted():
     assert page.bounded({"rows": runs("rk4", 0.0)}.get) is None
     prey = runs("stormer-verlet", 5e-12).assign(problem="lotka-volterra")
     assert page.bounded({"rows": pd.concat([runs("stormer-verlet", 0.0), prey])}.get).text.startswith("Of 1 long runs")
-    assert page.bounded({"rows": runs("stormer-verlet", 0.0)}.get).holds
+    all_hold = page.bounded({"rows": runs("stormer-verlet", 0.0)}.get)
+    assert all_hold.holds
+    assert all_hold.text == "Of 1 long runs of methods declared bounded 100.0% have an interval that holds 0."
 
 
 def test_the_controls_must_drift():

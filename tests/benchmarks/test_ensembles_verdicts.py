@@ -34,6 +34,8 @@ def test_what_lanes_gain_is_the_least_and_the_most():
     assert not slow.holds
     assert "not surely faster: b, p;" in slow.text
     assert gain(step(**{"in lanes": False})) is None
+    assert not gain(step(gain=1.5, spread=0.5)).holds
+    assert gain(step(gain=1.5, spread=0.4)).holds
 
 
 def test_ensembles_that_end_elsewhere_are_counted():
@@ -59,6 +61,13 @@ def test_cores_are_held_to_what_is_wanted_or_to_what_they_can(slowest, bare, wan
     assert ("less: b, p" in said.text) != holds
     assert "to 1.90 times as fast as one" in said.text
     assert "the section took 0.25 s; the map of chaos took 0.5 s." in said.text
+
+
+def test_the_speed_up_in_the_median_is_that_of_the_methods():
+    rows = [step(), step("b", speed_up=1.5), step("c", speed_up=1.7)]
+    said = told(page.parallel, **{lanes.TABLE: rows, maps.TABLE: MAPS})
+    assert said.short == "2 cores: 1.70 times one in the median."
+    assert told(page.parallel, **{lanes.TABLE: [step(status="diverged")], maps.TABLE: MAPS}) is None
 
 
 def test_a_bare_loop_gains_on_two_threads_what_two_cores_give_and_on_one_nothing():
@@ -94,6 +103,26 @@ def test_a_cheap_rung_of_a_small_error_is_not_made_dearer_by_a_dear_one_of_a_lar
     assert compare.at(rungs, 1e-5).value == 10.0
 
 
+def test_a_rung_of_just_the_error_is_there_and_one_without_error_is_not_between():
+    assert compare.at(pd.DataFrame([rung("ours", 1e-3, 5.0)]), 1e-3).value == 5.0
+    assert compare.at(pd.DataFrame([rung("ours", 1e-3, 1.0), rung("ours", 0.0, 5.0)]), 1e-5).value == 5.0
+    between = compare.at(pd.DataFrame([rung("ours", 1.0, 1.0), rung("ours", 1e-4, 100.0)]), 1e-2)
+    assert (between.value, between.low, between.high) == (pytest.approx(10), pytest.approx(9.8), pytest.approx(10.2))
+
+
+def test_errors_are_two_decades_apart_down_to_round_off():
+    np.testing.assert_allclose(np.diff(np.log10(compare.ERRORS)), [-2, -2, -2, -2, -2, -1], rtol=1e-12)
+    assert compare.ERRORS[-1] == 1e-12
+
+
+@pytest.mark.parametrize("heyoka", [[], [rung("heyoka", 1.0, 1.0)]], ids=["not run", "not there"])
+def test_a_side_that_does_not_get_there_is_nobody(heyoka):
+    first = compare.compared(pd.DataFrame([rung("ours", 1e-3, 2.0), *heyoka])).iloc[0]
+    assert (first["error"], first["ours"], first["us, ours"]) == (0.1, "ours", 2.0)
+    assert first["heyoka"] == ""
+    assert np.isnan(first["ours / heyoka"])
+
+
 def beside(*rows):
     return told(page.beside_heyoka, **{against.TABLE: rows})
 
@@ -110,6 +139,25 @@ def test_whose_orbit_is_cheaper_follows_the_costs():
     tied = beside(*ladder("ours", 1.01), *ladder("heyoka", 1.0))
     assert tied.holds
     assert f"in {n} the intervals overlap" in tied.text
+
+
+def test_how_far_behind_is_a_range():
+    # By the power laws 2 error^(-1/3) and error^(-1/4), from 1e-1 to 1e-9.
+    said = beside(*ladder("ours", 2.0, order=3), *ladder("heyoka", 1.0))
+    assert "behind on p from 0.1 (2.4 to 11 times, or not reached)." in said.text
+    rows = [*ladder("ours", 1.0), *ladder("heyoka", 2.0)]
+    assert list(told(page.whole, **{against.TABLE: rows})["cheaper"]) == ["ours"] * len(compare.ERRORS)
+
+
+def test_problems_are_named_in_the_order_of_the_table():
+    rows = [r | {"problem": name} for name in ("z", "a") for r in (*ladder("ours", 2.0), *ladder("heyoka", 1.0))]
+    assert "behind on z from 0.1 (2 to 2 times) and a from 0.1 (2 to 2 times)." in beside(*rows).text
+
+
+def test_the_table_shows_what_a_step_costs():
+    columns = dict.fromkeys(("ns scalar", "ns ensemble", "ns all cores", "speed-up, low", "speed-up, high"), 1.0)
+    shown = told(page.table, **{lanes.TABLE: [step(f"{k:02d}", **columns) for k in range(30)]}).frame
+    assert list(shown["method"]) == [f"{k:02d}" for k in range(25)]
 
 
 def test_an_error_that_only_heyoka_reaches_is_behind():

@@ -62,6 +62,15 @@ def test_limits_hold_only_where_everything_does():
     assert "not of c" in limits(confirmed=3).text
 
 
+def test_long_runs_are_counted_over_all_methods_and_the_astray_are_named():
+    known = pd.DataFrame([{"method": "a", "agrees": True, "evidence": "derived"}])
+    sweep = pd.DataFrame([{"limit": 2.0, "closed form": 2.0}])
+    linear = pd.DataFrame([{"label": id, "runs": 4, "confirmed": n} for id, n in (("c", 4), ("d", 3))])
+    found = verdicts.limits(data(extremes_published=known, extremes_scheme_i=sweep, extremes_linear=linear))
+    assert not found.holds
+    assert "7 of 8 long runs stay or grow as the step maps of 2 methods say (not of d)." in found.text
+
+
 def encountered(**held):
     rows = [
         {"method": m, "kind": m.partition("_")[0], "e": e, "held": h, "error": 1e-9 if h else 1.0}
@@ -74,6 +83,17 @@ def encountered(**held):
 def test_the_reach_ends_at_the_first_loss():
     reach = verdicts.reach(encountered(fixed_a=(1, 0, 1), fixed_b=(0, 1, 1), adaptive_c=(1, 1, 1)))
     assert reach.to_dict() == {"fixed_a": 0.9, "fixed_b": 0.0, "adaptive_c": 0.999}
+
+
+def test_the_reach_is_in_the_order_of_the_table():
+    assert list(verdicts.reach(encountered(b=(1, 1, 1), a=(1, 1, 1), c=(1, 1, 1))).index) == ["b", "a", "c"]
+
+
+def test_a_kind_that_holds_nowhere_names_no_integrator():
+    rows = encountered(fixed_a=(0, 0, 0), adaptive_c=(1, 1, 1), adaptive_d=(1, 0, 0))
+    found = verdicts.close(data(extremes_encounters=rows))
+    assert "fixed steps reach e = 0 (none); adaptive steps reach e = 0.999 (adaptive_c)" in found.text
+    assert found.text.endswith("1 of 3 integrators hold 1.00e-06 at e = 0.999.")
 
 
 def test_close_encounters_are_told_by_kind():
@@ -150,9 +170,31 @@ def test_brouwers_law_has_four_ways_to_fail():
     assert not grown(phase=1.9).holds
     assert not grown(units=30.0).holds
     assert not grown(long=30.0).holds
+    assert grown(energy=verdicts.ENERGY + verdicts.ABOVE + 0.03, phase=verdicts.PHASE + verdicts.ABOVE).holds
+    assert grown(units=verdicts.UNITS, long=verdicts.UNITS).holds
+    assert not grown(control=verdicts.UNITS).holds
     blind = grown(control=2.0)
     assert not blind.holds
     assert "not told apart" in blind.text
+
+
+def test_brouwers_law_names_the_fastest_and_the_largest():
+    base = {"h": 0.01, "energy low": 0.4, "phase low": 1.5, "phase exponent": 1.5}
+    rows = [
+        base | {"label": id, "kind": kind, "energy exponent": x, "in units": u, "steps": n}
+        for id, kind, x, u, n in (
+            ("a", brouwer.USUAL, 0.51, 1.0, 1000),
+            ("b", brouwer.USUAL, 0.54, 3.0, 500),
+            (brouwer.CONTROL, brouwer.HAND, 0.9, 200.0, 9000),
+        )
+    ]
+    rows += [{"label": "a", "h": 0.01, "steps": n, "in units": u} for n, u in ((10**6, 2.0), (10**5, 4.0))]
+    text = verdicts.brouwers_law(data(extremes_growth=pd.DataFrame(rows))).text
+    assert "(fastest b at h = 0.01, n^0.54)" in text
+    assert "is at most 3 eps h n^(1/2) after 1000 steps, 4 after 1.00e+06" in text
+    assert text.endswith("; plain sums, the control, have 200.")
+    short = verdicts.brouwers_law(data(extremes_growth=pd.DataFrame(rows[:3]))).text
+    assert "after 1000 steps; plain sums" in short
 
 
 def residues(fraction=0.9, beside=0.5, product=0.8, whole=0.5):
@@ -350,3 +392,25 @@ def test_the_summary_lacks_nothing_but_what_was_not_measured():
     assert (row["limit of h ω"], row["pendulum"], row["worst e"]) == ("none", "0.25", "0.9")
     assert row["how it fails"] == "energy-lost"
     assert page.table(data()) is None
+    only = page.table(data(extremes_steps=steps)).frame.set_index("method").loc["rk4"]
+    assert (only["pendulum"], only["worst e"], only["how it fails"]) == ("0.25", "", "energy-lost")
+
+
+def test_ways_to_fail_that_are_none_are_not_told():
+    """The commonest first; a run to any h has none, as NaN or as an empty text."""
+    fails = ["", math.nan, "lost", "energy-lost", "energy-lost"]
+    steps = pd.DataFrame(
+        [{"method": "rk4", "orbit": f"{k}", "largest h": 1.0, "fails": f} for k, f in enumerate(fails)]
+    )
+    steps = pd.concat([steps, steps.tail(2), steps.iloc[:1].assign(fails="collision")])
+    assert page.summary(None, steps, None, None).set_index("method").loc["rk4", "how it fails"] == "energy-lost, lost"
+
+
+def test_the_page_shows_the_first_methods_and_keeps_every_interval():
+    linear = pd.DataFrame([{"method": "rk4", "label": "rk4", "limit": 2.8}])
+    assert page.whole(data()) is None
+    assert list(page.whole(data(extremes_linear=linear)).columns) == ["label", "limit"]
+    shown = page.table(data(extremes_linear=linear)).frame
+    assert list(shown["method"])[:3] == list(page.REPRESENTATIVE)[:3]
+    assert shown.set_index("method").loc["rk4", "limit of h ω"] == "2.8"
+    assert any(f"at most {max(encounters.LADDER)} steps" in said for said in page.PAGE.setting)

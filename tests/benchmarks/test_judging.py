@@ -79,6 +79,118 @@ def test_thresholds_are_where_they_are_said_to_be(name):
         assert judge(of(**columns)).verdict == expected
 
 
+# -- what is said ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("judge", "rows", "text"),
+    [
+        (judging.has(["avf"], "symmetry"), {"defect": [0.0, 9e-26]}, "defect of symmetry up to 9.0e-26 (2 maps)"),
+        (judging.has(["avf"], "symmetry", False), {"defect": [0.5]}, "defect of symmetry of avf at least 0.5 (1 map)"),
+        (judging.order(["avf"], 2), {"order": [2.0, 1.91]}, "order 1.910 to 2.000 (2 measurements)"),
+        (judging.order(["avf"], 2), {"order": [2.0]}, "order 2.000 (1 measurement)"),
+        (
+            judging.keeps_energy(["avf", "pavf"]),
+            {"energy": [1e-13, 2e-13]},
+            "energy error on henon-heiles up to 2.0e-13 (2 methods)",
+        ),
+        (
+            judging.printed("avf", 3),
+            {"units": [0.5, 0.6, 0.7], "order": [9.0, 2.0, float("nan")]},
+            "2 of 3 entries within 0.6 of the last digit; measured order 2.00",
+        ),
+        (judging.printed("avf", 1), {"units": [0.5], "order": [None]}, "1 of 1 entries within 0.6 of the last digit"),
+    ],
+)
+def test_the_number_is_said_with_what_it_is_of(judge, rows, text):
+    assert judge(of(**WHOSE | rows)).measured == text
+
+
+def test_energies_that_were_not_all_measured_are_missing():
+    judge = judging.keeps_energy(["avf", "pavf"])
+    assert judge(of(**WHOSE | {"energy": [1e-13]})).verdict == MISSING
+    assert judge(of(**WHOSE | {"energy": [1e-13, float("nan")]})).verdict == MISSING
+    assert judge(lambda name: None).verdict == MISSING
+
+
+MIDPOINT = {"method": ["implicit-midpoint", "avf", "gauss-2"], "problem": "toda", "energy": [1e-4, 1e-13, float("nan")]}
+
+
+@pytest.mark.parametrize(
+    ("columns", "verdict", "text"),
+    [
+        ({"symplecticity": [1e-30, 1.0, 1.0]}, HOLDS, "2 methods run; midpoint: energy error 1.0e-04, defect 1.0e-30"),
+        ({"symplecticity": [1e-20, 0.0, 0.0]}, CONTRADICTED, "energy error 1.0e-04, defect 1.0e-20"),
+        ({"symplecticity": float("nan")}, HOLDS, "2 methods run; midpoint: energy error 1.0e-04"),
+        ({"symplecticity": float("nan"), "energy": 1e-3}, CONTRADICTED, "3 methods run"),
+        ({"symplecticity": 0.0, "method": "avf"}, MISSING, ""),
+        ({"symplecticity": 0.0, "problem": "other"}, MISSING, ""),
+    ],
+)
+def test_a_problem_is_integrated_where_the_midpoint_rule_keeps_its_structure(columns, verdict, text):
+    found = judging.system("toda")(of(**MIDPOINT | columns))
+    assert found.verdict == verdict
+    assert text in found.measured
+
+
+CURVE = {"figure": "kepler", "panel": "a long", "curve": ["x", "y"], "status": "ok", "t_end": [50.0, 100.0]}
+
+
+@pytest.mark.parametrize(
+    ("judge", "values", "verdict", "text"),
+    [
+        (judging.curves("kepler", "energy_error", 0.5), [0.1, 0.5], HOLDS, "energy error up to 0.5"),
+        (judging.curves("kepler", "energy_error", 0.5), [0.1, 0.6], CONTRADICTED, "energy error up to 0.6"),
+        (judging.curves("kepler", "energy_error", 0.5, ["x"]), [0.1, 0.6], HOLDS, "x: energy error up to 0.1"),
+        (
+            judging.curves("kepler", "energy_error", 0.5, panel="long"),
+            [0.1, 0.2],
+            HOLDS,
+            "long: energy error up to 0.2",
+        ),
+        (judging.curves("kepler", "energy_error", 0.5, panel="short"), [0.1, 0.2], MISSING, ""),
+        (judging.curves("kepler", "energy_error", 0.5, above=True), [0.6, 0.7], HOLDS, "energy error at least 0.6"),
+        (judging.curves("kepler", "energy_error", 0.5, above=True), [0.5, 9.0], CONTRADICTED, "at least 0.5"),
+        (judging.curves("kepler", "largest", 0.5), [0.1, float("nan")], HOLDS, "error of invariants up to 0.1"),
+        (judging.curves("kepler", "largest", 0.5, panel="long"), [0.1, 0.2], HOLDS, "error of long up to 0.2"),
+        (judging.curves("kepler", "spread", 0.5, ["x"]), [0.1, 0.2], HOLDS, "spread up to 0.1"),
+        (judging.curves("other", "spread", 0.5), [0.1, 0.2], MISSING, ""),
+    ],
+)
+def test_curves_are_held_to_a_bound_from_one_side(judge, values, verdict, text):
+    columns = {"energy_error": values, "largest": values, "spread": values}
+    found = judge(of(**CURVE | columns))
+    assert (found.verdict, text in found.measured) == (verdict, True)
+    assert found.measured == text or verdict == CONTRADICTED
+
+
+def test_curves_of_lotka_and_volterra_change_their_invariant():
+    judge = judging.curves("lotka-volterra", "energy_error", 0.5)
+    assert (
+        judge(of(**CURVE | {"figure": "lotka-volterra", "energy_error": [0.1, 0.2]})).measured
+        == "change of I up to 0.2"
+    )
+
+
+def test_every_orbit_is_to_come_to_its_end():
+    judge = judging.ended("kepler", 2)
+    assert judge(of(**CURVE)) == (HOLDS, "2 of 2 orbits to t = 100")
+    assert judge(of(**CURVE | {"status": ["ok", "diverged"]})) == (CONTRADICTED, "1 of 2 orbits to t = 100")
+    assert judging.ended("kepler", 3)(of(**CURVE)).verdict == CONTRADICTED
+    assert judging.ended("kepler", 1)(of(**CURVE)).verdict == HOLDS
+    assert judge(of(**CURVE | {"figure": "other"})).verdict == MISSING
+
+
+def test_a_check_is_held_to_its_bound_and_its_control_to_the_least():
+    row = {"check": ["a"], "value": -2.0, "control": -3.0, "what": "x", "against": "y"}
+    assert judging.check("a", 2.0)(of(**row)) == (HOLDS, "x: -2; y: -3")
+    assert judging.check("a", 1.9)(of(**row)).verdict == CONTRADICTED
+    assert judging.check("a", 2.0, least=3.0)(of(**row)).verdict == CONTRADICTED
+    assert judging.check("a", 2.0, least=2.9)(of(**row)).verdict == HOLDS
+    assert judging.check("b", 2.0)(of(**row)) == judging.NOTHING
+    assert judging.untestable("no number")(None) == (judging.UNTESTABLE, "no number")
+
+
 def fixed(verdict, text="1"):
     return lambda data: judging.Judgement(verdict, text)
 
@@ -95,6 +207,11 @@ def fixed(verdict, text="1"):
 )
 def test_the_worst_of_several_counts(parts, expected):
     assert judging.every(*map(fixed, parts))(None).verdict == expected
+
+
+def test_the_thresholds_are_said():
+    for threshold in ("up to a defect of 1e-25 (40 digits)", "within 0.1", "kept up to 1e-11", "within 0.6 of its"):
+        assert threshold in judging.KEPT_TEXT
 
 
 @pytest.mark.parametrize(

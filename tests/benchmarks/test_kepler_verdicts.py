@@ -92,6 +92,15 @@ def test_shorter_runs_and_the_reference_follow_nothing():
     assert page.costs(untimed.get) is None
 
 
+def test_the_table_names_the_longest_runs_and_the_page_its_steps():
+    data = tables([run(OWN, 1e-10, orbits=10.0), run(THEIRS, 1e-10)], [time(OWN, 1), time(THEIRS, 2)])
+    shown = page.table(data.get)
+    assert shown.caption.startswith("The cheapest that follow the phase over 100 orbits")
+    assert list(shown.frame["cheaper"]) == [PEERS] * 3
+    assert page.table(tables([run(OWN, 1e-10)], [time(OWN, float("nan"))]).get) is None
+    assert any("Fixed steps: 50 to 2400 an orbit" in said for said in page.PAGE.setting)
+
+
 # -- the other sentences -----------------------------------------------------------------------------------------------
 
 

@@ -206,11 +206,22 @@ def test_gain_and_waste_are_told_at_the_models_own_accuracy():
     assert np.isnan(choice.rungs(*scene(errors=(1e-2, 1e-11))).set_index("model").loc[B, "wasted"])
 
 
+def test_a_rung_is_compared_at_twice_its_error_and_known_to_both_of_its_doubts():
+    rungs = choice.rungs(*scene(errors=(4e-2, 1e-10))).set_index("model")
+    assert rungs.loc[A, "gain"] == 20 / 2
+    assert rungs.loc[A, "known to"] == pytest.approx(1.1e-14 / 4e-2, rel=1e-9, abs=0)
+    assert np.isnan(rungs.loc[B, "wasted"])
+    assert not told(page.enough, scene(errors=(choice.LOST, choice.LOST))).holds
+    assert [round(float(np.log10(a)), 9) for a in choice.ACCURACIES] == [-1, -2, -3, -4, -6, -8, -10]
+
+
 def test_rungs_must_come_nearer():
     good = told(page.enough, scene("s"), scene("t", errors=(0.5, 0.2)))
     assert good.holds
     assert "Of 2 scenes a lower model is the cheapest to 1e-02 in 1, to 1e-04 in 1 and to 1e-06 in 0" in good.text
     assert "none has 1e-01 in t" in good.text
+    both = told(page.enough, *(scene(name, errors=(0.5, 0.2)) for name in ("z", "a")))
+    assert "none has 1e-01 in z and a; each is nearer than the one under it." in both.text
     bad = told(page.enough, scene("s", errors=(1e-5, 1e-2)))
     assert not bad.holds
     assert "no nearer than the model under it: middle (s)" in bad.text
@@ -221,7 +232,10 @@ def test_a_model_must_save_something():
     good = told(page.saved, scene())
     assert good.holds
     assert "no dearer than the full one in 2 of 2 cases, at most 10 times (least, s)" in good.text
-    assert "at most 5 (least, s)" in good.text
+    assert (
+        "it takes 3.5 times as long in the median for digits that the model has not, at most 5 (least, s)." in good.text
+    )
+    assert page.saved({measure.MODELS: scene()[0].tail(1), measure.RUNS: scene()[1]}.get) is None
     bad = told(page.saved, scene(scale=(1.0, 20.0, 10.0)))
     assert not bad.holds
     assert "in 1 of 2 cases" in bad.text
@@ -233,7 +247,16 @@ def test_modelling_errors_must_be_known(integration, holds):
     said = told(page.known, scene(integration=integration))
     assert said.holds == holds
     assert ("not: middle, s" in said.text) != holds
+    assert f"(the least known, middle, s, to {'0.009' if holds else '0.011'})" in said.text
     assert "within 1.0e-13 of what is true" in said.text
+
+
+def test_an_error_known_to_just_the_part_is_known():
+    models_, runs = scene(errors=(0.25, 0.125))
+    data = {measure.MODELS: models_.assign(uncertainty=0.0, integration=page.KNOWN / 8), measure.RUNS: runs}.get
+    assert page.known(data).holds
+    assert list(page.whole(data)["model"]) == [A, B]
+    assert not any("None" in said for said in page.PAGE.setting)
 
 
 def test_the_bench_fails_for_vague_models_and_lost_full_ones():

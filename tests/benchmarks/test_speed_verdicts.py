@@ -38,6 +38,18 @@ def test_ratios_are_held_to_what_is_wanted(last, holds, words):
     assert told(page.limits, "ratios", ratio(1.0, None)) is None
 
 
+def test_an_interval_that_ends_at_what_is_wanted_is_within_it():
+    said = told(page.limits, "ratios", ratio(1.0, 1.25, 0.25))
+    assert "1 of 1 ratios are within what is wanted, 1 with their whole interval." in said.text
+
+
+def test_the_first_ratios_are_shown_and_every_time_is_kept():
+    shown = told(page.table, "ratios", *[ratio(1.0, name=f"{k:02d}") for k in range(30)]).frame
+    assert list(shown["ratio"]) == [f"{k:02d}" for k in range(25)]
+    assert list(shown.columns) == page.COLUMNS
+    assert len(page.PAGE.whole({"speed": pd.DataFrame({"method": range(30)})}.get)) == 30
+
+
 def test_the_ratios_to_c_are_named():
     rows = [ratio(1.25), ratio(3.0, name="AVF / implicit midpoint"), ratio(5.0, name="Scheme I / C Verlet")]
     said = told(page.beside_c, "ratios", *rows)

@@ -52,6 +52,7 @@ CASES = {
     "ours, almost a tie": (row(ratio=(0.94, 0.93, 0.95)), OURS),
     "a tie": (row(ratio=TIE), TIED),
     "a tie, theirs": (row(ratio=(1.1, 1.04, 1.2)), TIED),
+    "a tie, just": (row(ratio=(1.1, choice.TIE, 1.2)), TIED),
     "not certain": (row(ratio=(0.5, 0.1, 3.0)), TIED),
     "ours alone": (row(peer=None), OURS),
     "a peer alone": (row(ours=None), PEERS),
@@ -75,12 +76,119 @@ def test_who_is_the_cheaper(name):
     assert f"are the cheaper at {ours}, the peers at {peers}" in own.text
 
 
+def final_of(**intervals) -> pd.DataFrame:
+    """A final: of each integrator the interval of its median, which is the lower end."""
+    rows = [{"integrator": k, "seconds": low, "low": low, "high": high} for k, (low, high) in intervals.items()]
+    return pd.DataFrame(rows).assign(scene=SCENE, accuracy=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("second", "found"),
+    [
+        ({"c": (9.0, 9.9), "a": (1.0, 1.1), "b": (1.1, 1.2)}, (1, 1, 0)),
+        ({"c": (9.0, 9.9), "a": (1.2, 1.3), "b": (1.1, 1.2)}, (1, 0, 1)),
+        ({"c": (0.5, 0.6), "a": (1.2, 1.3), "b": (1.1, 1.2)}, (1, 0, 0)),
+    ],
+    ids=["same", "tied", "apart"],
+)
+def test_who_wins_twice_or_is_tied_in_either_final(second, found):
+    first = final_of(c=(9.0, 9.9), a=(1.0, 1.1), b=(1.15, 1.2))
+    assert choice.agreement(first, final_of(**second))[:3] == found
+    assert choice.agreement(first.assign(scene="other"), final_of(**second))[:3] == (0, 0, 0)
+
+
 def test_nothing_measured_is_nothing_said():
     for verdict in page.PAGE.verdicts:
         assert verdict({}.get) is None
     other = {front.CHOICES: pd.DataFrame([row(scene="toda")])}.get
     assert all(v(other) is None for v in scene_page.page_of(BY_ID[SCENE]).verdicts)
     assert told(page.farthest, row(ratio=TIE), row(peer=None)) is None
+
+
+def test_the_score_at_an_accuracy_is_told_wherever_anything_was_measured():
+    other = {"scene": "toda-orbit"}
+    rows = [row(1e-3), row(1e-3, LOSS, **other), row(1e-6, TIE), row(1e-6, TIE, **other)]
+    rows += [row(1e-9), row(1e-9, TIE, **other), row(1e-12, ours=None, peer=None), row(1e-1, LOSS), row(1e-1, TIE)]
+    said = told(page.wins, *rows).text
+    assert (
+        "cheaper: to 0.001 1:1; to 1e-06 0:0 and 2 ties; to 1e-09 1:0 and 1 tie; to 1e-12 0:0. Of all 9 pairs" in said
+    )
+    assert said.endswith("2 to 2, 4 ties, 1 reached by none.")
+
+
+@pytest.mark.parametrize("same", [19, 18])
+def test_two_sweeps_agree_in_nineteen_of_twenty(same):
+    names = [("a", "a")] * same + [("a", "b")] * (20 - same)
+    one, two = (
+        pd.concat(
+            [final_of(**{n[k]: (1.0 + 9 * k, 1.1 + 9 * k)}).assign(accuracy=10.0**-i) for i, n in enumerate(names)]
+        )
+        for k in (0, 1)
+    )
+    said = page.twice({front.FINALS: one, again.TABLE: two}.get)
+    assert said.holds == (same == 19)
+    told_of = f"the same integrator in {same} and a tie in 0, together {5 * same} % (wanted: 95 %); another at"
+    assert told_of in said.text
+    assert ("to 1e-18 (a, then b)" in said.text) == (same == 18)
+    assert said.short == f"The same sweep twice: {5 * same} % the same or a tie."
+
+
+def test_the_page_of_a_scene_counts_ties_and_what_none_reaches():
+    advice = scene_page._advice(BY_ID[SCENE])
+    rows = [row(), row(1e-4), row(1e-5, TIE), row(1e-6, TIE), row(1e-7, ours=None, peer=None)]
+    first = told(advice, *rows[:3], rows[4])
+    assert "at 2, the peers at 0, 1 is a tie, 1 is reached by none." in first.text
+    assert first.short == "Ours 2, peers 0, ties 1."
+    both = told(advice, *rows, row(1e-8, ours=None, peer=None)).text
+    assert both == (
+        "Of 6 accuracies this project's methods are the cheaper at 2, the peers at 0, 2 are ties, "
+        "2 are reached by none."
+    )
+
+
+@pytest.mark.parametrize(("uncertainty", "words"), [(2e-15, "certified, uncertain by 2.0e-15;"), (0.0, "certified;")])
+def test_the_page_of_a_scene_says_what_is_true_and_how_well(uncertainty, words):
+    said = told(scene_page._reference(BY_ID[SCENE]), row(**{"reference uncertainty": uncertainty}))
+    assert f"What is true: {words}" in said.text
+    assert said.short == "1 accuracies told."
+    whole = [row(a) for a in BY_ID[SCENE].accuracies]
+    assert told(scene_page._reference(BY_ID[SCENE]), *whole).text.endswith("; every accuracy can be told.")
+
+
+def test_the_page_of_a_scene_counts_who_was_dropped():
+    eliminated, whys = scene_page._eliminated(BY_ID[SCENE]), ["2.1 times as long as a", "3 times", "exact", None]
+
+    def said(*reasons):
+        return eliminated({front.DROPPED: pd.DataFrame({"scene": SCENE, "why": list(reasons)})}.get)
+
+    assert said(*whys).text == "2 were dropped on the way as too slow, 2 cannot do the problem or fail on it."
+    assert said(*whys).holds
+    assert said(None, None) is None
+    assert eliminated({front.DROPPED: pd.DataFrame({"scene": [SCENE]})}.get) is None
+
+
+def test_the_table_of_a_scene_has_both_sides_at_every_accuracy():
+    rows = [row(1e-6, ours=None), row(1e-3) | {f"{OURS} h": np.nan, f"{OURS} tol": 1e-5, f"{OURS} seconds": 0.002}]
+    shown = scene_page._table(BY_ID[SCENE])({front.CHOICES: pd.DataFrame(rows)}.get).frame.to_dict("records")
+    assert shown[0] == {
+        "error up to": "1e-03",
+        "ours": "gauss-5", "h or tol (ours)": "1.00e-05", "steps (ours)": "60", "ms (ours)": "2",
+        "peer": "heyoka", "h or tol (peer)": "0.1", "steps (peer)": "60", "ms (peer)": "1000",
+        "ratio": "0.5 [0.4, 0.6]", "cheaper": OURS,
+    }  # fmt: skip
+    assert [shown[1][name] for name in ("error up to", "ours", "ms (ours)", "steps (ours)", "ratio", "cheaper")] == [
+        "1e-06", "none", "", "", "", PEERS,
+    ]  # fmt: skip
+
+
+def test_the_page_of_a_scene_is_reached_from_the_trades_alone_and_asks_its_question():
+    for made in scene_page.PAGES:
+        question = BY_ID[made.id.removeprefix("trade-")]
+        assert made.question.lower() == f"{question.about}: which integrator is the cheapest?".lower()
+        assert made.question[0].isupper()
+        assert not made.listed
+    alone = page.table({front.CHOICES: pd.DataFrame([row()])}.get).frame
+    assert list(alone["scene"]) == [f"[{SCENE}](trade-{SCENE}.md)"]
 
 
 def test_where_the_two_sides_are_farthest_apart():

@@ -365,6 +365,20 @@ def test_the_energy_of_schemes_iv_and_v_is_held_to_round_off_at_small_steps():
     assert "none" not in said(energies.kept, energy_preservation=steps(better)).text
 
 
+def test_steps_without_a_root_are_added_up_and_the_largest_error_named():
+    found = said(
+        energies.kept, energy_preservation=steps({energies.WITHOUT: 1e-9}, {energies.WITH: energies.ROUND_OFF})
+    )
+    assert found.holds
+    assert "on the 196 steps with a root; 4 steps have none (error there at most 1.00e-08)." in found.text
+    both = steps({}, {}, {"scheme": "scheme-iv-v", "without a root": 1}, {"scheme": "scheme-iv-v", "without a root": 2})
+    other = said(energies.alternating, energy_preservation=both)
+    assert "leaves 3 steps of scheme-iv-v without a root (scheme-iv: 4)" in other.text
+    assert not other.holds
+    assert said(energies.alternating, energy_preservation=steps({"scheme": "scheme-iv-v"})) is not None
+    assert said(energies.alternating, energy_preservation=steps({}, {"scheme": "scheme-v-iv"})) is None
+
+
 def test_a_missed_root_is_a_finding():
     good = said(energies.searched, energy_preservation=steps({}, {}))
     assert good.holds
@@ -396,6 +410,9 @@ def test_the_runs_without_roots_come_first_in_the_table():
     rows = rows.assign(**{"one step later": 0.0, "least lambda": 0.4, "greatest lambda": 0.6})
     shown = energies.table({"energy_preservation": rows}.get).frame
     assert list(shown["energy error with one"]) == [1e-15, 2.0, 1.0]
+    many = energies.table({"energy_preservation": pd.concat([rows] * 7)}.get).frame
+    assert list(many["without a root"]) == [2] * 7 + [0] * 11
+    assert len(energies.PAGE.whole({"energy_preservation": rows}.get)) == 3
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,8 @@
 """Mutation of the suite by itself: ``python tests/mutation PATH ...`` changes the files one place at a time.
 
-Each mutant is written into a copy of the project, the tests that reach its line are run there, and those that no test
+Each mutant is tried in a copy of the project, where the tests that reach its line are run, and those that no test
 notices are printed.  A survivor that changes nothing anybody could notice stands in ``equivalent.toml`` with the
-argument; any other is a test that is missing.  Needs the extra ``mutation``.
+argument; any other is a test that is missing.  The score is kept in ``score.csv``.  Needs the extra ``mutation``.
 
     python tests/mutation --reach tests/benchmarks benchmarks/experiments/drift/page.py
     python tests/mutation --sample 40 integrators/families
@@ -12,28 +12,29 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
-import random
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
 import tomllib
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from queue import SimpleQueue
 
-import child
+import score
+import worker
 from mutants import Mutant, mutants
 from reach import Reach
+from tabulate import tabulate
 
 ROOT = Path(__file__).parents[2]
 CHILDREN = multiprocessing.get_context("forkserver")
 KEPT = ROOT / ".mutation"
 ARGUED = Path(__file__).with_name("equivalent.toml")
-KILLED, SURVIVED, UNREACHED, ARGUED_EQUIVALENT = "killed", "survived", "not reached", "argued equivalent"
-#: Seconds after which a mutant has hung, and is noticed.
-PATIENCE = 300
+KILLED, SURVIVED, UNREACHED, EQUIVALENT = "killed", "survived", "not reached", "argued equivalent"
 
 
 def arguments() -> argparse.Namespace:
@@ -41,8 +42,10 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python tests/mutation", description=__doc__.splitlines()[0])
     parser.add_argument("paths", nargs="*", help="files or folders, from the root of the project")
     parser.add_argument("--reach", nargs="+", default=[], metavar="TESTS", help="first record what these tests reach")
-    parser.add_argument("--sample", type=int, help="so many mutants of each file, chosen by the seed")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--sample", type=int, help="so many mutants of each file, in the order of the score")
+    parser.add_argument("--again", action="store_true", help="only the survivors of the score")
+    parser.add_argument("--within", type=float, default=20.0, metavar="SECONDS", help="ask no test that takes longer")
+    parser.add_argument("--score", action="store_true", help="print the score that is kept, and no more")
     parser.add_argument("--jobs", type=int, default=1)
     return parser.parse_args()
 
@@ -57,6 +60,11 @@ def files(paths: list[str]) -> list[str]:
     return found
 
 
+def argued() -> dict[str, str]:
+    """The argument for each mutant that changes nothing."""
+    return {of["mutant"]: of["why"] for of in tomllib.loads(ARGUED.read_text()).get("equivalent", [])}
+
+
 def copied(folder: Path) -> Path:
     """A copy of the project to change."""
     for name in subprocess.run(
@@ -66,72 +74,124 @@ def copied(folder: Path) -> Path:
         target.parent.mkdir(parents=True, exist_ok=True)
         if (ROOT / name).is_file():
             shutil.copy2(ROOT / name, target)
-    child.redirect(ROOT, folder)
+    worker.write_redirect(ROOT, folder)
     return folder
 
 
-def change(file: Path, text: str) -> None:
-    """Write a module; its bytecode is told from another's by the time in seconds, which is not enough here."""
-    file.write_text(text)
-    for stale in (file.parent / "__pycache__").glob(f"{file.stem}.*.pyc"):
-        stale.unlink()
+@contextmanager
+def judge(folder: Path):
+    """What judges a job, in a copy of the project."""
+    ours, theirs = CHILDREN.Pipe()
+    process = CHILDREN.Process(target=worker.serve, args=(str(ROOT), str(copied(folder)), theirs))
+    process.start()
+    theirs.close()
 
+    def ask(job: worker.Job) -> str | None:
+        ours.send(job)
+        return ours.recv()
 
-def judged(mutant: Mutant, tests: list[str], copy: Path) -> str:
-    """Whether one of the tests notices a mutant."""
-    file = copy / mutant.path
-    original = file.read_text()
     try:
-        change(file, mutant.code(ROOT))
-        process = CHILDREN.Process(target=child.run, args=(str(ROOT), str(copy), tests))
-        process.start()
-        process.join(PATIENCE)
-        if process.is_alive():
-            process.kill()
-            process.join()
-        return KILLED if process.exitcode else SURVIVED
+        yield ask
     finally:
-        change(file, original)
+        ours.send(None)
+        process.join()
+
+
+class Trial:
+    """The mutants of a file, tried one after the other.
+
+    Parameters
+    ----------
+    path : of the file
+    reach : which tests reach which line
+    asked : the arguments of the command
+    """
+
+    def __init__(self, path: str, reach: Reach, asked: argparse.Namespace):
+        self.path, self.reach, self.within = path, reach, asked.within
+        self.all = sorted(mutants(ROOT, path), key=lambda m: m.place)
+        self.hash = score.digest(ROOT / path)  # of what is changed, whatever becomes of the file meanwhile
+        known = score.read().get(path)
+        same = known is not None and (known.hash, known.mutants) == (self.hash, len(self.all))
+        self.known = known if asked.again and same else None
+        self.tried = self.all[: self.known.tried if self.known else asked.sample]
+        self.files = tuple(sorted({t.partition("::")[0] for t in self._quick(reach.tests(path, 0))}))
+        self.known_tests = frozenset(t for t in reach.known if t.partition("::")[0] in self.files)
+        self.kills: Counter = Counter()
+
+    def todo(self) -> list[Mutant]:
+        """Those to try: all of the sample, or those of it that survived."""
+        return [m for m in self.tried if self.known is None or m.id in self.known.survived]
+
+    def tests(self, mutant: Mutant) -> list[str]:
+        """Those that may notice a mutant: first what noticed others beside it, and what is quick."""
+
+        def promise(test: str) -> float:
+            return (1 + 20 * self.kills[mutant.where, test] + 5 * self.kills[test]) / (0.02 + self.reach.seconds(test))
+
+        return sorted(self._quick(self.reach.tests(self.path, mutant.line)), key=promise, reverse=True)
+
+    def _quick(self, tests: list[str]) -> list[str]:
+        return [test for test in tests if self.reach.seconds(test) <= self.within]
+
+    def judged(self, mutant: Mutant, ask) -> str:
+        """Whether one of the tests notices it."""
+        tests = self.tests(mutant)
+        if not self.files:
+            return UNREACHED
+        by = ask(worker.Job(mutant.path, mutant.code, tuple(tests), self.files, self.known_tests))
+        if by is not None:
+            self.kills.update([by, (mutant.where, by)])
+        return KILLED if by else SURVIVED
+
+    def score(self, said: dict[str, str]) -> score.Score:
+        """What is kept of it."""
+        counts = Counter(said.values())
+        survived = tuple(i for i, of in said.items() if of in (SURVIVED, UNREACHED))
+        equivalent = sum(m.id in argued() for m in self.tried)
+        killed = len(self.tried) - equivalent - len(survived) if self.known else counts[KILLED]
+        return score.Score(self.path, self.hash, len(self.all), len(self.tried), killed, equivalent, survived)
+
+
+def tried(trial: Trial, ask) -> dict[str, str]:
+    """What came of each mutant of a file, printed where it was not noticed."""
+    said, equivalent, began = {}, argued(), time.monotonic()
+    for mutant in trial.todo():
+        said[mutant.id] = EQUIVALENT if mutant.id in equivalent else trial.judged(mutant, ask)
+        if said[mutant.id] in (SURVIVED, UNREACHED):
+            print(f"{said[mutant.id]}: line {mutant.line} of {mutant.id}", flush=True)
+    each = (time.monotonic() - began) / max(len(said), 1)
+    counts = ", ".join(f"{n} {of}" for of, n in Counter(said.values()).items())
+    print(f"{trial.path}: {len(said)} of {len(trial.all)} mutants, {each:.2f} s each: {counts}", flush=True)
+    return said
 
 
 def main() -> int:
     """Judge the mutants; 1 where one survives."""
-    CHILDREN.set_forkserver_preload(["child", *child.PRELOADED])
+    CHILDREN.set_forkserver_preload(["worker", *worker.PRELOADED])
     asked, reach = arguments(), Reach(KEPT / "reach.sqlite", ROOT)
+    if asked.score:
+        columns = ("file", "mutants", "tried", "killed", "equivalent", "survived", "")
+        print(tabulate(score.table(score.read(), ROOT), columns))
+        return 0
     if asked.reach:
         reach.measure(asked.reach)
-    argued = {of["mutant"]: of["why"] for of in tomllib.loads(ARGUED.read_text()).get("equivalent", [])}
-    todo: list[Mutant] = []
-    rng = random.Random(asked.seed)
+    counts: Counter = Counter()
+    todo: SimpleQueue = SimpleQueue()
     for path in files(asked.paths):
-        of_file = mutants(ROOT, path)
-        todo += of_file if asked.sample is None else rng.sample(of_file, min(asked.sample, len(of_file)))
-    counts = dict.fromkeys((KILLED, ARGUED_EQUIVALENT, SURVIVED, UNREACHED), 0)
-    began = time.monotonic()
+        todo.put(path)
+
+    def work(folder: Path) -> None:
+        with judge(folder) as ask:
+            while not todo.empty():
+                trial = Trial(todo.get(), reach, asked)
+                said = tried(trial, ask)
+                counts.update(said.values())
+                score.write(score.read() | {trial.path: trial.score(said)})
+
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(asked.jobs) as pool:
-        copies: SimpleQueue = SimpleQueue()
-        for k in range(asked.jobs):
-            copies.put(copied(Path(folder) / str(k)))
-
-        def judge(mutant: Mutant) -> tuple[Mutant, str]:
-            if mutant.id in argued:
-                return mutant, ARGUED_EQUIVALENT
-            tests = reach.tests(mutant.path, mutant.line)
-            if not tests:
-                return mutant, UNREACHED
-            copy = copies.get()
-            try:
-                return mutant, judged(mutant, tests, copy)
-            finally:
-                copies.put(copy)
-
-        for done, (mutant, said) in enumerate(pool.map(judge, todo), 1):
-            counts[said] += 1
-            if said in (SURVIVED, UNREACHED):
-                print(f"{said}: line {mutant.line} of {mutant.id}", flush=True)
-            left = (time.monotonic() - began) / done * (len(todo) - done)
-            print(f"\r{done} of {len(todo)}, {left:.0f} s left ", end="", file=sys.stderr, flush=True)
-    print(f"\n{len(todo)} mutants: " + ", ".join(f"{n} {said}" for said, n in counts.items()))
+        list(pool.map(work, [Path(folder) / str(k) for k in range(min(asked.jobs, todo.qsize()))]))
+    print(f"{sum(counts.values())} mutants: " + ", ".join(f"{n} {said}" for said, n in counts.items()))
     return 1 if counts[SURVIVED] or counts[UNREACHED] else 0
 
 

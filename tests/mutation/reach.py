@@ -1,24 +1,92 @@
-"""Which tests reach a line, by Coverage.py: kept in a database from one run of the whole suite, or of a part of it.
+"""Which tests reach a line, what each costs and whether it passes: from one run of the suite, or of a part of it.
 
 Compiled code is not seen.  A line of a kernel is reached by the tests that reach its module's Python functions, such as
-``prepare``; a line that only runs at import is reached by all tests that reach the module.
+``prepare``; a line that only runs at import is reached by all tests that reach the module, as is every line of a file
+that has changed since.
 """
 
 from __future__ import annotations
 
+import json
+import multiprocessing
 import os
-import subprocess
-import sys
 from collections import defaultdict
 from functools import cached_property
 from pathlib import Path
 
-from coverage import CoverageData
+import pytest
+from coverage import Coverage, CoverageData
+from score import digest
 
 #: What is looked at.
 FOLDERS = ("integrators", "reference", "benchmarks", "phasebench")
-#: As many tests are asked by name; of more the files are.
-NAMED = 60
+RUN, SETUP = "run", "setup"
+
+
+def _computed() -> float:
+    """Seconds of this process and of those that it started: other work on the machine does not count."""
+    return sum(os.times()[:4])
+
+
+class Recorder:
+    """A plugin of pytest that tells Coverage.py which test runs, and keeps what each takes."""
+
+    def __init__(self, coverage: Coverage):
+        self.coverage, self.tests, self.fixtures = coverage, {}, {}
+
+    def pytest_runtest_setup(self, item) -> None:
+        """Its fixtures are made."""
+        self.coverage.switch_context(f"{item.nodeid}|{SETUP}")
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(self, fixturedef, request):
+        """The time of a fixture counts for every test that asks for it."""
+        began = _computed()
+        made = yield
+        key = request.node.nodeid.partition("::")[0], fixturedef.argname
+        self.fixtures[key] = max(_computed() - began, self.fixtures.get(key, 0.0))
+        return made
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_call(self, item):
+        """It runs."""
+        self.coverage.switch_context(f"{item.nodeid}|{RUN}")
+        began = _computed()
+        try:
+            return (yield)
+        finally:
+            self.tests[item.nodeid] = {"fixtures": list(item.fixturenames), "seconds": _computed() - began}
+
+    def pytest_runtest_logreport(self, report) -> None:
+        """It has run."""
+        of = self.tests.setdefault(report.nodeid, {})
+        of["failed"] = of.get("failed", False) or report.failed
+
+    def costs(self) -> dict[str, dict]:
+        """Of each test the seconds with its fixtures, and whether it failed."""
+        return {test: {"seconds": self._seconds(test, of), "failed": of["failed"]} for test, of in self.tests.items()}
+
+    def _seconds(self, test: str, of: dict) -> float:
+        file = test.partition("::")[0]
+        makers = [(place, name) for name in of.get("fixtures", ()) for place in (file, "")]
+        return of.get("seconds", 0.0) + sum(self.fixtures.get(made, 0.0) for made in makers)
+
+
+def _record(database: str, root: str, tests: list[str]) -> None:
+    folders = [f"{root}/{folder}/*" for folder in FOLDERS]
+    coverage = Coverage(data_file=database, include=folders, config_file=False)
+    coverage.load()
+    coverage.start()
+    recorder = Recorder(coverage)
+    pytest.main(["-q", "-p", "no:cacheprovider", *tests], plugins=[recorder])
+    coverage.stop()
+    coverage.save()
+    kept = Path(database).with_suffix(".json")
+    known = json.loads(kept.read_text()) if kept.exists() else {"tests": {}, "files": {}}
+    known["tests"] |= recorder.costs()
+    for file in coverage.get_data().measured_files():
+        known["files"].setdefault(file, digest(Path(file)))
+    kept.write_text(json.dumps(known))
 
 
 class Reach:
@@ -31,21 +99,16 @@ class Reach:
     """
 
     def __init__(self, database: Path, root: Path):
-        self.database, self.root = database, root
+        self.database, self.root, self._lines = database, root, {}
 
     def measure(self, tests: list[str]) -> None:
-        """Run tests and keep which lines each of them reaches, besides what is known of others."""
-        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests]
-        command += [
-            *(f"--cov={self.root / folder}" for folder in FOLDERS),
-            "--cov-context=test",
-            "--cov-append",
-            "--cov-report=",
-            "--cov-config=/dev/null",
-        ]
+        """Run tests and keep what they reach, besides what is known of others."""
         self.database.parent.mkdir(parents=True, exist_ok=True)
-        environment = os.environ | {"COVERAGE_FILE": str(self.database)}
-        subprocess.run(command, cwd=self.root, env=environment, check=False)
+        process = multiprocessing.get_context("spawn").Process(
+            target=_record, args=(str(self.database), str(self.root), tests)
+        )
+        process.start()
+        process.join()
 
     @cached_property
     def _data(self) -> CoverageData:
@@ -54,24 +117,50 @@ class Reach:
         return data
 
     @cached_property
+    def _known(self) -> dict:
+        kept = self.database.with_suffix(".json")
+        return json.loads(kept.read_text()) if kept.exists() else {"tests": {}, "files": {}}
+
+    @cached_property
     def _names(self) -> dict[str, str]:
         return {str(Path(f).resolve()): f for f in self._data.measured_files()}
 
+    @property
+    def known(self) -> list[str]:
+        """The tests that were recorded."""
+        return list(self._known["tests"])
+
+    def seconds(self, test: str) -> float:
+        """What a test costs with its fixtures."""
+        return self._known["tests"].get(test, {}).get("seconds", 1.0)
+
     def tests(self, path: str, line: int) -> list[str]:
-        """The tests that reach a line of a file, or else those that reach the file."""
-        name = self._names.get(str((self.root / path).resolve()))
+        """The tests that reach a line of a file, or else those that reach the file, and pass."""
+        file = (self.root / path).resolve()
+        name = self._names.get(str(file))
         if name is None:
             return []
-        by_line = self._data.contexts_by_lineno(name)
-        found = _ids(by_line.get(line, ())) or _ids(c for contexts in by_line.values() for c in contexts)
-        return found if len(found) <= NAMED else sorted({test.partition("::")[0] for test in found})
+        if name not in self._lines:
+            self._lines[name] = self._data.contexts_by_lineno(name)
+        by_line, same = self._lines[name], self._known["files"].get(name) == digest(file)
+        found = self._asked(by_line.get(line, ()) if same else ())
+        found = found or self._asked({c for contexts in by_line.values() for c in contexts})
+        return [test for test in found if not self._known["tests"].get(test, {}).get("failed")]
 
+    @cached_property
+    def _by_file(self) -> dict[str, list[str]]:
+        by_file = defaultdict(list)
+        for test in self._known["tests"]:
+            by_file[test.partition("::")[0]].append(test)
+        return by_file
 
-def _ids(contexts) -> list[str]:
-    """The tests of contexts such as ``tests/a.py::test|run``, each file's together."""
-    by_file = defaultdict(set)
-    for context in contexts:
-        test, _, phase = context.rpartition("|")
-        if test and phase == "run":
-            by_file[test.partition("::")[0]].add(test)
-    return [test for file in sorted(by_file) for test in sorted(by_file[file])]
+    def _asked(self, contexts) -> list[str]:
+        """The tests of contexts such as ``tests/a.py::test|run``; a fixture serves all the tests of its file."""
+        found = set()
+        for context in contexts:
+            test, _, phase = context.rpartition("|")
+            if phase == RUN:
+                found.add(test)
+            elif phase == SETUP:
+                found |= {test, *self._by_file[test.partition("::")[0]]}
+        return sorted(found)

@@ -6,7 +6,7 @@ import pandas as pd
 
 from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+from phasebench.benchmarks.page.page import Page, Picture, Table, Verdict, of
 from phasebench.integrators.families.schemes_iv_v import RADIUS
 
 #: An energy error up to this, on steps with a root, is round-off.
@@ -113,7 +113,7 @@ def table(frame: pd.DataFrame) -> Table:
     order = frame.assign(none=frame["without a root"] == 0).sort_values(["none", WITH], ascending=[True, False])
     shown = order.head(18)[list(COLUMNS)].rename(columns=COLUMNS)
     caption = "Runs that have steps without a root, then those of the largest energy error. A later step wins H₀ back."
-    return Table(shown.head(ROWS), caption)
+    return Table(shown, caption)
 
 
 @of("energy_preservation")

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from phasebench.benchmarks.experiments.extremes import brouwer, cases, encounters, figures, push, verdicts
+from phasebench.benchmarks.experiments.extremes import linear as maps
 from phasebench.benchmarks.experiments.extremes.methods import REPRESENTATIVE, transformed
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table
@@ -108,7 +109,7 @@ PAGE = Page(
     ),
     setting=(
         "Linear stability: the trace of the step map on H = (p² + ω² q²) / 2, ends refined to ten digits and confirmed by "
-        f"{100_000} steps beside them; maps that are not linear by long runs.",
+        f"{maps.STEPS} steps beside them; maps that are not linear by long runs.",
         f"Largest step: {push.STEPS} steps survive where the energy error stays below the size of H's terms, the orbit in its "
         f"range and its clock right; bisected to a part 2^(1/{push.PARTS}).",
         f"Close encounters: Kepler from pericentre, {encounters.ORBITS} orbits, at most {encounters.LADDER[-1]} steps from an "
