@@ -88,7 +88,7 @@ class Slip(NamedTuple):
 SLIPS = (
     Slip("scheme-i", "mu", ("symplecticity", "adjoint", "bilinear"), ("linear",)),  # lambda is another for q than for p
     Slip("scheme-iii", "mu", ("symplecticity", "symmetry", "bilinear")),
-    Slip("gauss-2", "A_q", ("symplecticity", "symmetry", "bilinear"), ("linear",)),
+    Slip("gauss-2", "A", ("symplecticity", "symmetry", "bilinear"), ("linear",)),
     Slip("lobatto-iiia-iiib-3", "A_p", ("symplecticity", "symmetry")),
     Slip("variational-gauss-2", "b", ("symmetry",)),
     Slip("scheme-v", "sign", ("symmetry",), ("energy",)),
