@@ -28,6 +28,9 @@ import numpy as np
 
 from .record import Run, Task
 
+#: A body that is farther away from the origin has escaped.
+FAR = 1e12
+
 CENTRAL, GRAVITY, POTENTIAL = "a central body", "gravity between bodies", "a potential"
 
 
@@ -224,8 +227,12 @@ def run(task: Task, setting: Setting, integrator: str, options, *, adaptive: boo
     Adaptive integrators stop at the times of the rows; the others take as many steps of h, so that no sum of times
     enters.  Coordinates and velocities beyond ``limit`` end the run.
     """
+    import rebound
+
     sim, force = build(setting, task.q, task.p, integrator, options)
-    if not adaptive:
+    if adaptive:
+        sim.exit_max_distance = FAR  # nothing else ends steps that shrink as a body escapes in a finite time
+    else:
         sim.dt = task.h
     d = len(setting.inverse)
     rows = np.empty((len(task.numbers), 2 * d))
@@ -239,6 +246,9 @@ def run(task: Task, setting: Setting, integrator: str, options, *, adaptive: boo
                 _advance(sim, integrator, task.h, before, n, adaptive)
             except RuntimeError as error:
                 failure = str(error)
+                break
+            except rebound.Escape:
+                failure = f"a body is farther away than {FAR:g}"
                 break
             spent += time.perf_counter() - started
             rows[row] = state(sim, setting)

@@ -339,3 +339,11 @@ def test_claims_say_where():
         assert p.claims.order in (None, p.order)
         assert p.claims.symplectic == (None if "eos" in p.id or "trace" in p.id else not p.adaptive)
         assert p.claims.reversible == (True if "janus" in p.id else None)
+
+
+@pytest.mark.timeout(60)
+def test_a_body_that_escapes_in_a_finite_time_ends_the_run():
+    """Its steps would shrink without end; REBOUND itself has no limit to how far a body goes, or how many they are."""
+    solution = integrate_peer(problem("henon-heiles:chaotic"), "rebound-bs", tol=1e-2, t_end=1e4, steps=1)
+    assert solution.status == "diverged"
+    assert "farther away than 1e+12" in solution.reason

@@ -251,7 +251,7 @@ def climb(task: Task, c: Integrator, known: Known) -> Climb:
                 )
             if still >= STANDING and min(r.error for r in rungs) < ROUND_OFF:
                 return Climb(c, rungs, f"its error stays at {min(r.error for r in rungs):.1g}: round-off", False)
-        limit = max(FREE, (HOPELESS if eases(rungs) else LONGEST) * dear)
+        limit = max(FREE, LONGEST * dear, min(HOPELESS * dear, PATIENCE) if eases(rungs) else 0.0)
         if rung.seconds > limit:
             rung = rungs[-1] = task.again(c, rung)
         if rung.seconds > limit:
