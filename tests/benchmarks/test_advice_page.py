@@ -150,8 +150,9 @@ def test_a_command_is_run_by_another_process():
 
 def test_the_prior_is_made_of_the_trades_rows():
     row = {"scene": "pendulum-long", "status": "ok", "error": 1e-7}
-    found = [row | {"id": "a", "seconds": 1.0}, row | {"id": "b", "seconds": 3.0}]
-    found += [row | {"id": "heyoka-batch", "seconds": 0.1}, row | {"id": "c", "seconds": 0.1, "status": "diverged"}]
+    found = [row | {"id": "gauss-4", "seconds": 1.0}, row | {"id": "heyoka", "seconds": 3.0}]
+    found += [row | {"id": id, "seconds": 0.1} for id in ("heyoka-batch", "no-name-of-the-registry")]
+    found += [row | {"id": "pefrl", "seconds": 0.1, "status": "diverged"}]
     lines = {(x["problem"], x["decade"], x["integrator"]): x["factor"] for x in prior_of(found)}
-    assert lines["pendulum", -7, "b"] == 3.0
-    assert {id for _, _, id in lines} == {"a", "b"}
+    assert lines["pendulum", -7, "heyoka"] == 3.0
+    assert {id for _, _, id in lines} == {"gauss-4", "heyoka"}

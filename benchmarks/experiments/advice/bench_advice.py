@@ -10,6 +10,8 @@ from phasebench.benchmarks.certificate import fronts
 from phasebench.benchmarks.experiments.advice.cells import TABLE, cells  # noqa: F401
 from phasebench.benchmarks.problems.questions import BY_ID
 from phasebench.integrators.driver import OK
+from phasebench.integrators.registry import METHODS
+from phasebench.reference.peers import PEERS
 
 #: The trade's runs, from which the prior is made.
 RUNS = "front_rungs"
@@ -33,8 +35,9 @@ def bench_verified(measured):
 
 
 def prior_of(rows) -> list[dict]:
-    """The lines of the prior from the trade's rows; many orbits at once are no time of one."""
-    frame = pd.DataFrame([r for r in rows if r.get("status") == OK and r["id"] != "heyoka-batch"])
+    """The lines of the prior from the trade's rows, of who can be asked for by name and carries one orbit at a time."""
+    named = {x.id for x in (*METHODS, *PEERS)} - {"heyoka-batch"}
+    frame = pd.DataFrame([r for r in rows if r.get("status") == OK and r["id"] in named])
     problems = frame["scene"].map(lambda scene: BY_ID[scene].problem.partition(":")[0])
     return prior.made(frame.assign(problem=problems))
 

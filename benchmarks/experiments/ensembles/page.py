@@ -165,7 +165,6 @@ PAGE = Page(
         "The scalar kernel is the same source for one orbit; both sum with compensation and solve stages to round-off.",
         f"Beside heyoka's batches: {against.JUDGED} distinct orbits to t = {against.T_END:g}, one core, its own number of lanes and twice it.",
         f"Section and grid of Henon-Heiles at H = 1/8: {maps.METHOD}, h = {maps.STEP}, to t = {maps.LONG:g} and {maps.T_GRID:g}.",
-        f"At best: leapfrog steps of {ceiling.WIDTH} oscillators, compiled, as many on each core as on one.",
         "Seconds are from arrays of starts to arrays of ends, warm: layout, checks and threads are in them.",
     ),
     verdicts=(gain, beside_heyoka, parallel),
@@ -173,6 +172,7 @@ PAGE = Page(
     table=table,
     whole=whole,
     limits=(
+        f"The bare loop is leapfrog steps of {ceiling.WIDTH} oscillators, compiled, as many on each core as on one.",
         "Times are the machine's own; a neighbour on its cores moves them, and those on all cores most.",
         "The error is the worst orbit's; the cost at an error is taken between two rungs of a ladder by a power law.",
         "The scalar kernel's time is of the problem's own orbit; lanes go on until the slowest of their orbits is solved.",
