@@ -99,6 +99,7 @@ class Data:
     def __init__(self, folder: Path, stale: bool = True):
         self.folder, self.stale = folder, stale
         self._known: dict = {}
+        self._digests: dict[str, str] = {}
 
     def __call__(self, name: str) -> pd.DataFrame | None:
         """The table as a DataFrame, or None where it was not measured."""
@@ -115,9 +116,11 @@ class Data:
 
     def digest(self, name: str) -> str:
         """Of the rows that are read of a table."""
-        path = self.folder / "data" / f"{name}.csv"
-        content = path.read_bytes() if path.exists() else b""
-        return hashlib.sha256(content + bytes([self.stale])).hexdigest()[:16]
+        if name not in self._digests:
+            path = self.folder / "data" / f"{name}.csv"
+            content = path.read_bytes() if path.exists() else b""
+            self._digests[name] = hashlib.sha256(content + bytes([self.stale])).hexdigest()[:16]
+        return self._digests[name]
 
     def _read(self, name: str):
         if name not in self._known:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import hashlib
-import io
 from collections.abc import Iterator
 from functools import cache
 from itertools import groupby
@@ -156,11 +155,7 @@ def made(models, runs) -> Iterator[dict[str, object]]:
 
 def keep(lines: list[dict[str, object]]) -> None:
     """Store the lines, whole or not at all."""
-    from phasebench.reference.tables import write_file
+    from phasebench.benchmarks.rows.tables import write_lines
 
-    text = io.StringIO()
-    table = csv.DictWriter(text, list(lines[0]), lineterminator="\n")
-    table.writeheader()
-    table.writerows(lines)
-    write_file(PATH, text.getvalue())
+    write_lines(PATH, lines)
     stored.cache_clear()

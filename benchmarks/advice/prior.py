@@ -78,15 +78,9 @@ def _shares(rows, error: float) -> dict[str, float]:
 
 def keep(lines: list[dict[str, object]]) -> None:
     """Store the lines, whole or not at all."""
-    import io
+    from phasebench.benchmarks.rows.tables import write_lines
 
-    from phasebench.reference.tables import write_file
-
-    text = io.StringIO()
-    table = csv.DictWriter(text, ["problem", "decade", "integrator", "factor"], lineterminator="\n")
-    table.writeheader()
-    table.writerows(lines)
-    write_file(PATH, text.getvalue())
+    write_lines(PATH, lines)
     stored.cache_clear()
 
 

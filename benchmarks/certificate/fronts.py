@@ -97,15 +97,9 @@ def stored() -> dict[str, dict[float, Cheapest]]:
 
 def keep(lines: list[dict[str, Any]]) -> None:
     """Store the lines, whole or not at all."""
-    import io
+    from phasebench.benchmarks.rows.tables import write_lines
 
-    from phasebench.reference.tables import write_file
-
-    text = io.StringIO()
-    table = csv.DictWriter(text, ["scene", "error", "integrator", "evaluations"], lineterminator="\n")
-    table.writeheader()
-    table.writerows(lines)
-    write_file(PATH, text.getvalue())
+    write_lines(PATH, lines)
     stored.cache_clear()
 
 

@@ -34,14 +34,19 @@ def module_of(draw: Callable) -> str:
 
 
 @functools.cache
-def _source(module: str) -> str:
-    """What draws: a module with all that it imports, the data that these name, and the libraries' versions."""
+def _named() -> tuple[str, ...]:
+    """The digests of the data that a source may name, and the libraries' versions."""
     from importlib.metadata import version
 
     rooms = [sources.path_of(room) for room in sources.DATA]
     files = sorted(p for room in rooms for p in (room.parent.rglob("*.py") if room.stem == "__init__" else [room]))
-    digests = [sources.digest([module]), *(_hash(path.read_bytes()) for path in files), *map(version, LIBRARIES)]
-    return _hash(" ".join(digests).encode())
+    return *(_hash(path.read_bytes()) for path in files), *map(version, LIBRARIES)
+
+
+@functools.cache
+def _source(module: str) -> str:
+    """What draws: a module with all that it imports, the data that these name, and the libraries' versions."""
+    return _hash(" ".join([sources.digest([module]), *_named()]).encode())
 
 
 class _Reading:

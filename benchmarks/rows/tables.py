@@ -137,6 +137,15 @@ def version(cell: Cell, stored: Mapping[str, Table]) -> str | None:
     return content if told == digest(found) else None
 
 
+def write_lines(path: Path, lines: Sequence[Mapping[str, object]]) -> None:
+    """Write lines without provenance, of the same columns, as a CSV file: whole or not at all."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(lines[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(lines)
+    write_file(path, text.getvalue())
+
+
 def take(folder: Path, name: str, entries: Mapping[str, Entry]) -> None:
     """Write the cells of a user's own run as the table ``name``, in place of the one that was there."""
     rows = [row for e in entries.values() for row in fresh_rows(e, name)]
