@@ -1,10 +1,11 @@
-r"""The cheapest run of a candidate that meets an accuracy: the widest step, or the loosest tolerance.
+r"""The cheapest run of a candidate that meets an accuracy: mostly the widest step, or the loosest tolerance.
 
 A fixed step of order p has an error :math:`e \sim h^p`, an adaptive peer one in proportion to its tolerance.  From two
 runs the exponent is estimated, and the next run is the one that is to meet the accuracy with a `MARGIN`; so it goes on,
 the accuracy bracketed, until the run that meets it is little dearer than one that does not.  A candidate is given up
 where it cannot win: where its cost, extrapolated, is a multiple of the cheapest so far; where it breaks at every step;
-where its error falls no longer.
+where its error falls no longer.  Where the equations of wide steps take so many sweeps that a finer run was clearly
+cheaper, that one is taken.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ MARGIN = 0.8
 NEAR = 0.93
 #: A candidate is given up where it is so many times dearer than the cheapest, extrapolated; refined where it is less.
 HOPELESS, WORTH = 4.0, 1.6
+#: A finer run stands before the coarsest that meets the accuracy, if it took less than this share of its time.
+CHEAPER = 0.8
 #: An error of such a share of the accuracy may be round-off, from which nothing is extrapolated.
 SMALL = 1e-3
 #: The most runs of a candidate, and of the same one that fail.
@@ -64,7 +67,7 @@ def search(trial: Trial, accuracy: float, start: float, cheapest: float = inf) -
         if following is None or following in trial.points:
             break
         size = following
-    good = _good(trial, accuracy)
+    good = _cheapest(trial, accuracy)
     return Found(good) if good else Found(None, _nearest(trial))
 
 
@@ -115,6 +118,13 @@ def _ordered(trial: Trial) -> list[tuple[float, Point]]:
 def _good(trial: Trial, accuracy: float) -> Point | None:
     """The coarsest of the runs that meet the accuracy."""
     return next((p for _, p in _ordered(trial) if trial.meets(p, accuracy)), None)
+
+
+def _cheapest(trial: Trial, accuracy: float) -> Point | None:
+    """Of the runs that meet the accuracy the coarsest, unless a finer one took less than `CHEAPER` of its time."""
+    meeting = [p for _, p in _ordered(trial) if trial.meets(p, accuracy)]
+    least = min(meeting, key=lambda p: p.seconds, default=None)
+    return least if least and least.seconds < CHEAPER * meeting[0].seconds else _good(trial, accuracy)
 
 
 def _bad(trial: Trial, accuracy: float) -> Point | None:

@@ -70,6 +70,14 @@ def test_the_widest_step_of_a_power_law_is_found(order, start):
     assert least <= found.point.size["steps"] <= 1.1 * least + 1
 
 
+def test_where_wide_steps_take_ever_more_sweeps_a_shorter_step_is_the_cheapest():
+    """Below 1000 steps each one takes forty times as long; 200 meet the accuracy."""
+    made = trial(lambda n: ((20 / n) ** 6, 1e-6 * n * (40 if n < 1000 else 1)))
+    found = search.search(made, 1e-6, 1500)
+    assert any(n < 1000 and made.meets(p, 1e-6) for n, p in made.points.items()), "a wider step was tried"
+    assert found.point.size["steps"] == 1500
+
+
 def test_a_step_that_breaks_is_left_for_a_shorter_one():
     found = search.search(trial(lambda n: None if n < 500 else ((20 / n) ** 4, 1e-6 * n)), 1e-3, 8)
     assert 500 <= found.point.size["steps"] <= 560

@@ -234,13 +234,30 @@ def test_the_bracket_is_the_last_miss_and_what_follows_it():
     """An error that happens to be small at a wide step is no answer; what follows the least error is round-off."""
     errors = [0.5, 1e-10, 1e-2, 1e-4, 1e-11, 5e-9, 5e-9]
     rungs = [Rung(2**k, None, "ok", e, 1e-6 * 2**k, 2**k, 0) for k, e in enumerate(errors)]
-    low, high = front.bracket(rungs, 2e-9)
-    assert (low.error, high.error) == (1e-4, 1e-11)
-    assert front.bracket(rungs, 1e-12) is None
+    low, meeting = front.bracket(rungs, 2e-9)
+    assert (low.error, [r.error for r in meeting]) == (1e-4, [1e-11])
+    assert front.bracket(rungs, 1e-12) == (None, [])
     lucky = [Rung(2**k, None, "ok", e, 1.0, 2**k, 0) for k, e in enumerate([0.03, 0.07, 0.3])]
-    assert front.bracket(lucky, 0.1) is None
+    assert front.bracket(lucky, 0.1)[1] == []
     assert front.estimate(lucky, 0.1) == inf
-    assert front.bracket(rungs, 1.0) == (None, rungs[0])
+    assert front.bracket(rungs, 1.0) == (None, rungs)
+
+
+def test_of_the_steps_that_meet_an_accuracy_the_cheapest_stands_which_need_not_be_the_widest():
+    """Implicit equations take ten times as long where only Newton's method solves them."""
+    asked, (late,) = climbed(Implicit("late", 16, 1e-6, scale=200.0, told=True))
+    widest = front.bracket(late.rungs, 1e-2)[1][0]
+    found = front.refine(asked, late.integrator, late.rungs, 1e-2)
+    assert found.steps > 1.5 * widest.steps
+    assert found.seconds < front.CHEAPER * widest.seconds
+    assert found.seconds == min(r.seconds for r in late.rungs if r.error <= 1e-2)
+    assert front.estimate(late.rungs, 1e-2) <= found.seconds
+
+
+@pytest.mark.parametrize(("share", "stands"), [(0.85, 0), (0.75, 1)])
+def test_a_finer_step_stands_before_the_widest_only_if_it_is_clearly_cheaper(share, stands):
+    rungs = [Rung(2**k, None, "ok", 10.0**-k, s, 2**k, 0) for k, s in enumerate((1e-3, share * 1e-3, 2e-3))]
+    assert front.cheapest(rungs) is rungs[stands]
 
 
 def test_the_estimate_lies_on_the_law():

@@ -1,9 +1,10 @@
-"""The fine stage: of each side the few that may be cheapest at an accuracy, each at its largest step, timed in turns.
+"""The fine stage: of each side the few that may be cheapest at an accuracy, each at its best step, timed in turns.
 
 For every accuracy the climbs are interpolated (error and time are powers of the size between two rungs).  Of each side
 at most `FINALISTS` whose estimate is within `MARGIN` of the side's best are refined: the size is moved between the last
-rung that misses the accuracy and the next, `REFINED` times.  These then run in turns, and medians, intervals and ratios
-are those of `measure.timing`.
+rung that misses the accuracy and the next, `REFINED` times.  The widest step is not always the cheapest: implicit
+equations may take so many sweeps there that shorter steps take less time; then these stand for the integrator.  The
+finalists run in turns, and medians, intervals and ratios are those of `measure.timing`.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ SPARE = 1.03
 LEAST, MOST, SECONDS = 6, 15, 0.6
 #: No error above this is that of round-off.
 ROUND_OFF = 1e-8
+#: A finer run that meets an accuracy stands before the widest that does, if it takes less than this share of its time.
+CHEAPER = 0.8
 #: Rows are kept of climbs that come so near to the cheapest known.
 NEAR = 2.0
 #: Finals in which a round takes longer than this have one finalist of each side less.
@@ -77,37 +80,41 @@ def near(task: Task, one: Climb, known: Known) -> bool:
     return any(r.seconds <= NEAR * known.cheapest(r.error)[0] for r in told)
 
 
-def bracket(rungs: list[Rung], wanted: float) -> tuple[Rung | None, Rung] | None:
-    """(the last rung that misses an error, the next one); None where none reaches it.
+def bracket(rungs: list[Rung], wanted: float) -> tuple[Rung | None, list[Rung]]:
+    """(the last rung that misses an error, the finer ones, which meet it); none finer where it is not reached.
 
     Past the least error what misses it is round-off, where it is small; where it is not, the least was a lucky one.
     """
     good = [r for r in rungs if isfinite(r.error)]
     if not good or min(r.error for r in good) > wanted:
-        return None
+        return None, []
     least = min(range(len(rungs)), key=lambda k: rungs[k].error)
     missing = [k for k, r in enumerate(rungs) if not r.error <= wanted and (k < least or r.error > ROUND_OFF)]
     last = missing[-1] if missing else -1
-    if last == len(rungs) - 1:
-        return None
-    return (rungs[last] if missing else None), rungs[last + 1]
+    return (rungs[last] if missing else None), [r for r in rungs[last + 1 :] if r.error <= wanted]
+
+
+def cheapest(meeting: list[Rung]) -> Rung:
+    """Of rungs that meet an accuracy the widest, unless a finer one takes clearly less time."""
+    widest, least = meeting[0], min(meeting, key=lambda r: r.seconds)
+    return least if least.seconds < CHEAPER * widest.seconds else widest
 
 
 def estimate(rungs: list[Rung], wanted: float) -> float:
     """The seconds that an error costs, between two rungs as a power of the error; infinite where it is not reached."""
-    between = bracket(rungs, wanted)
-    if between is None:
+    low, meeting = bracket(rungs, wanted)
+    if not meeting:
         return inf
-    low, high = between
+    high, least = meeting[0], cheapest(meeting).seconds
     if low is None or not isfinite(low.error) or low.error <= high.error:
-        return high.seconds
+        return least
     share = log(low.error / wanted) / log(low.error / max(high.error, 1e-300))
-    return min(high.seconds, low.seconds * (high.seconds / low.seconds) ** share)
+    return min(least, low.seconds * (high.seconds / low.seconds) ** share)
 
 
 def refine(task: Task, c: Integrator, rungs: list[Rung], wanted: float) -> Rung:
     """The cheapest run found that meets an accuracy, between two rungs of a climb; all runs join the climb's."""
-    low, high = bracket(rungs, wanted)
+    low, (high, *_) = bracket(rungs, wanted)
     for _ in range(REFINED if low is not None else 0):
         size = _between(task, c, low, high, wanted)
         if size is None:
@@ -119,7 +126,9 @@ def refine(task: Task, c: Integrator, rungs: list[Rung], wanted: float) -> Rung:
         else:
             low = rung
     rungs.sort(key=lambda r: r.size)
-    return high
+    meeting = bracket(rungs, wanted)[1]
+    found = cheapest(meeting)
+    return found if found is meeting[0] else cheapest([task.again(c, r) for r in (meeting[0], found)])
 
 
 def _between(task: Task, c: Integrator, low: Rung, high: Rung, wanted: float) -> dict | None:
