@@ -119,7 +119,7 @@ def _ended(runs) -> bool:
 
 
 def placed(tables: Tables) -> list[str]:
-    """A line a scene: how many times as many evaluations as the cheapest stored it takes."""
+    """A line a scene: how many times the fewest stored evaluations it takes."""
     return [f"evaluations on {row['on']}: {_told(row['errors'])}" for row in tables.of("place")]
 
 
@@ -127,5 +127,7 @@ def _told(errors: list[dict]) -> str:
     met = [e for e in errors if e["factor"] is not None]
     if not met:
         return f"none of the errors that are compared is met, from {errors[0]['error']:.0e} on"
-    factors = ", ".join(f"{e['factor']:.2g} at an error of {e['error']:.0e}" for e in met)
-    return f"times the cheapest stored, {factors}" + ("; smaller errors are not met" if len(met) < len(errors) else "")
+    times = [f"{e['factor']:.2g} times" for e in met]
+    times[0] += " the fewest stored"
+    factors = ", ".join(f"{t} for an error of {e['error']:.0e}" for t, e in zip(times, met, strict=True))
+    return factors + ("; smaller errors are not met" if len(met) < len(errors) else "")

@@ -121,6 +121,6 @@ def test_what_is_said_of_a_place():
         return line.removeprefix("evaluations on kepler-orbit: ")
 
     assert said(None, None) == "none of the errors that are compared is met, from 1e-02 on"
-    assert said(2.0, 31.4) == "times the cheapest stored, 2 at an error of 1e-02, 31 at an error of 1e-04"
-    assert said(2.0, None).endswith("2 at an error of 1e-02; smaller errors are not met")
+    assert said(2.0, 31.4) == "2 times the fewest stored for an error of 1e-02, 31 times for an error of 1e-04"
+    assert said(2.0, None).endswith("2 times the fewest stored for an error of 1e-02; smaller errors are not met")
     assert place.placed(Tables({})) == []
