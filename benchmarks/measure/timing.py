@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Hashable, Iterable, Mapping
-from math import comb, inf, isinf, nan
+from fractions import Fraction
+from functools import cache
+from math import inf, isinf, nan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,11 +34,14 @@ class Median(NamedTuple):
 NOWHERE = Median(inf, inf, inf)
 
 
+@cache
 def rank(n: int, confidence: float = CONFIDENCE) -> int:
     """The largest k for which the k-th smallest and largest of n enclose the median that often; 1 where none does."""
-    below, k = 0.0, 0
-    while k < n and 2 * (below + comb(n, k) / 2**n) <= 1 - confidence:
-        below += comb(n, k) / 2**n
+    below, ways, k = 0, 1, 0
+    most = int(Fraction(1 - confidence) / 2 * 2**n)
+    while k < n and below + ways <= most:
+        below += ways
+        ways = ways * (n - k) // (k + 1)
         k += 1
     return max(k, 1)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from phasebench.integrators.engine.lazy import sympy as sp
-from phasebench.integrators.errors import unknown
+from phasebench.integrators.errors import InvalidInput, unknown
 from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 
 ORDER, DRIFT = "order", "drift"
@@ -83,6 +83,8 @@ class Problem:
     def at(self, orbit: str) -> Problem:
         """This problem on another of its orbits; raises InvalidInput for an unknown one."""
         if orbit not in {o.name for o in self.orbits}:
+            if "=" in orbit:
+                raise InvalidInput(f"'{orbit}' sets a parameter; say --set {orbit}, in Python problem(..., {orbit})")
             raise unknown(f"orbit of '{self.id}'", orbit, [o.name for o in self.orbits])
         return replace(self, orbit=orbit)
 

@@ -28,6 +28,7 @@ def test_the_interval_covers_the_median_of_skewed_times(n):
 def test_ranks_are_those_of_the_tables():
     """David & Nagaraja; the sign test's critical values at 5 %, two-sided."""
     assert [timing.rank(n) for n in (3, 5, 6, 8, 9, 11, 12, 15, 20, 21, 25)] == [1, 1, 1, 1, 2, 2, 3, 4, 6, 6, 8]
+    assert timing.rank(40_001) == 19_805  # n/2 - 0.98 sqrt(n), exactly; and at once
 
 
 def test_the_median_is_neither_the_least_nor_the_mean():
