@@ -18,6 +18,8 @@ from . import trajectory
 from .shared import WRONG, compilation_shown, complain, invalid_input, numbers, out, pairs, print_json, values
 
 COUNTS = ("steps", "gradient", "hessian", "iterations", "fallbacks")
+#: Of a state of more numbers than `MANY` so many are shown at either end.
+MANY, SHOWN = 12, 3
 
 
 def integrate(
@@ -189,6 +191,14 @@ def _result(problem, solution, parameters: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def shortened(state: list[float]) -> str:
+    """Numbers in all their digits; of more than `MANY` the first and the last."""
+    if len(state) <= MANY:
+        return ", ".join(map(repr, state))
+    first, last = (", ".join(map(repr, part)) for part in (state[:SHOWN], state[-SHOWN:]))
+    return f"{first}, ..., {last} ({len(state)} numbers; all with --json)"
+
+
 def _print(result: dict[str, Any]) -> None:
     from rich.table import Table
     from rich.text import Text
@@ -203,8 +213,8 @@ def _print(result: dict[str, Any]) -> None:
     fixed = abs(result["steps"] * result["h"] - result["t"]) <= 1e-9 * abs(result["t"])
     steps = "steps of h =" if fixed else "steps, rows every"
     table.add_row("time", f"t = {result['t']!r}, {result['steps']} {steps} {result['h']!r}")
-    table.add_row("q", ", ".join(map(repr, result["q"])))
-    table.add_row("p", ", ".join(map(repr, result["p"])))
+    table.add_row("q", shortened(result["q"]))
+    table.add_row("p", shortened(result["p"]))
     for name, e in {"energy": result["energy_error"], **result["invariants"]}.items():
         known = e["max"] is not None
         words = f"at most {e['max']:.3e}, at the end {e['end']:+.3e}" if known else "unknown"

@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 
 from phasebench.benchmarks.__main__ import app
 from phasebench.benchmarks.cli import shared
+from phasebench.benchmarks.cli.integrate import shortened
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.problems.questions import QUESTIONS
 from phasebench.benchmarks.problems.scenes import SCENES
@@ -622,3 +623,9 @@ def test_cache_builds_kernels_ahead_and_says_what_failed(tmp_path, monkeypatch):
     code, _, complaint = call("cache", "--build")
     assert code == 1
     assert "a on b: no" in complaint
+
+
+def test_of_a_long_state_the_first_and_the_last_numbers_are_shown():
+    short, long = [0.1] * 12, [float(k) for k in range(13)]
+    assert shortened(short) == ", ".join(["0.1"] * 12)
+    assert shortened(long) == "0.0, 1.0, 2.0, ..., 10.0, 11.0, 12.0 (13 numbers; all with --json)"
