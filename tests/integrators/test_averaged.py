@@ -14,6 +14,8 @@ from phasebench.integrators import Hamiltonian
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, precision
 from phasebench.integrators.engine.kernel import prepare
+from phasebench.integrators.engine.lanes import Lanes
+from phasebench.integrators.engine.orbit_lanes import twin
 from phasebench.integrators.families import averaged
 from phasebench.integrators.registry import method
 
@@ -109,7 +111,9 @@ def test_where_lanes_do_not_serve_nodes_stand_one_by_one():
     for system in (quartic, wave, many):
         assert prepare(method("avf"), system).step.like is None
     made = of(KICKS["masses"])
+    twin(made)  # that of an ensemble's lanes is another one
     assert prepare(method("avf"), made).step.like == (0.0,) * averaged.WIDTH
+    assert twin(made, Lanes(averaged.WIDTH)) is not twin(made)
     with precision(30):
         assert prepare(method("avf"), made, MULTIPRECISION).step.like is None
 
