@@ -79,6 +79,7 @@ def test_nodes_in_lanes_reach_what_nodes_one_by_one_reach(one_by_one, name, id):
 def test_a_rule_s_rows_are_the_rule(width, H):
     """It integrates the powers up to 2n - 1; lanes left over have no weight."""
     nodes, rows, c, b = averaged.rules(Hamiltonian(q="q1", p="p1", H=H), width, DOUBLE)
+    assert {len(v) for v in (*c, *b)} == {width}
     first = 0
     while first < len(rows):
         part = slice(first, first + rows[first])
