@@ -20,6 +20,7 @@ from numba import types
 from . import codegen, machine, progress
 from .kernel import COUNTS, Orbit, Prepared, Samples, _tuple_type, _type, entry
 from .lane_memory import block_of, changed_type, table_type, with_block, zeros_of
+from .lanes import Lanes
 from .masks import LANES
 from .solve import LEVELS
 
@@ -54,41 +55,46 @@ class Tables(NamedTuple):
     work: Any
 
 
+def in_lanes(system) -> bool:
+    """Whether the system's functions can be had in lanes (`twin`)."""
+    return hasattr(system, "made") and not system.loops and codegen.compiled()
+
+
 def able(system, family: str) -> bool:
     """Whether orbits of the system can be integrated in lanes by a family's methods."""
-    derived = hasattr(system, "made") and not system.loops
-    return family in FAMILIES and derived and system.d <= MOST and codegen.compiled()
+    return family in FAMILIES and system.d <= MOST and in_lanes(system)
 
 
-def _lanes_for_numbers(t):
+def _lanes_for_numbers(t, lanes: Lanes):
     """The type with lanes in the place of numbers."""
     if t == types.float64:
-        return LANES
+        return lanes
     if isinstance(t, types.BaseTuple):
-        return types.BaseTuple.from_types(tuple(map(_lanes_for_numbers, t)))
+        return types.BaseTuple.from_types(tuple(_lanes_for_numbers(x, lanes) for x in t))
     return t
 
 
-#: The twins of systems.
+#: The twins of systems, by the number of lanes.
 _twins: WeakKeyDictionary = WeakKeyDictionary()
 
 
-def twin(system):
+def twin(system, lanes: Lanes = LANES):
     """The system, its functions compiled for lanes; always the same one."""
-    if system not in _twins:
-        _twins[system] = _made_twin(system)
-    return _twins[system]
+    known = _twins.setdefault(system, {})
+    if lanes.n not in known:
+        known[lanes.n] = _made_twin(system, lanes)
+    return known[lanes.n]
 
 
-def _made_twin(system):
+def _made_twin(system, lanes: Lanes):
     other = copy.copy(system)
     other._functions, kind_of_system = {}, type(system)
-    other.variant = f"{LANES.n} orbits"
+    other.variant = f"{lanes.n} lanes"
 
     def made(kind, arguments, results, signature, arithmetic):
-        in_lanes = _lanes_for_numbers(signature.return_type)(*map(_lanes_for_numbers, signature.args))
+        result, *given = (_lanes_for_numbers(t, lanes) for t in (signature.return_type, *signature.args))
         kind = f"{kind}, {other.variant}"
-        return kind_of_system.made(other, kind, arguments, results, in_lanes, arithmetic)
+        return kind_of_system.made(other, kind, arguments, results, result(*given), arithmetic)
 
     other.made = made
     return other

@@ -102,11 +102,11 @@ def predict(e, first, at, ratio):
 
 @inlined
 def remember(e, first, inverse):
-    """Write the coefficients of the polynomials through the forces at the nodes to the rows from ``first`` on."""
+    """Write the coefficients of the polynomials through f at the nodes to the rows from ``first`` on."""
     zero = 0.0 * take(e.step.nodes, 0, e.like)
     for k in range(e.stages):
-        forces = take(e.memory, e.stages + k, e.like)
-        put(e.memory, first + k, combine(zero, forces, 1.0, inverse, 0, e.like), e.like)
+        f = take(e.memory, e.stages + k, e.like)
+        put(e.memory, first + k, combine(zero, f, 1.0, inverse, 0, e.like), e.like)
 
 
 def _verlet(method, step, orbit, y, clock, dt, counts):
@@ -130,7 +130,7 @@ def _gauss(method, step, orbit, y, clock, dt, counts):
     return end(e, at, y, orbit.zero), status
 
 
-def _remember_forces(method, step, orbit, dt):
+def _remember_field(method, step, orbit, dt):
     e = equations(method, orbit, dt)
     remember(e, e.base + 4, step.inverse)
 
@@ -138,7 +138,7 @@ def _remember_forces(method, step, orbit, dt):
 #: A step of length dt from y: (its end, status).
 attempt = chosen(_verlet, _gauss)
 #: Keep what the next step starts from.
-settle = chosen(lambda method, step, orbit, dt: None, _remember_forces)
+settle = chosen(lambda method, step, orbit, dt: None, _remember_field)
 
 
 @inlined
@@ -232,8 +232,9 @@ def prepare(method, system, arithmetic) -> Prepared:
     (s,) = method.data
     if not gauss_lanes.serves(s, system):
         raise InvalidInput(
-            f"method '{method.id}' requires H = sum p_i^2 / 2 m_i + V(q) with at most {codegen.TUPLE_LIMIT} degrees of "
-            "freedom, and forces made of integer powers, square roots, sin, cos and exp"
+            f"method '{method.id}' requires an H of at most {codegen.TUPLE_LIMIT} degrees of freedom, derivatives "
+            "made of integer powers, square roots, sin, cos and exp, and a T that is no quadratic form but "
+            "sum p_i^2 / 2 m_i"
         )
     step = gauss_lanes.laned(s, system, arithmetic)
     with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
@@ -241,4 +242,5 @@ def prepare(method, system, arithmetic) -> Prepared:
         columns = squared(([inverse[k, j] for k in range(s)] for j in range(s)), len(step.like))
     whole = Adaptive(step, None, None, monitor(system, arithmetic), array(columns, arithmetic))
     width, stages = gauss_lanes.room(step, system.d)
-    return Prepared(run, whole, width, max(3, stages), linear=len(step.like) * system.d)
+    unknowns = stage_lanes.components(step.inverse_mass, system.d)
+    return Prepared(run, whole, width, max(3, stages), linear=len(step.like) * unknowns)

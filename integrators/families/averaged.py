@@ -14,10 +14,18 @@ Abe: an average over a single component is a difference quotient.  The reverse p
 over both paths, and the composition of both maps over half steps, are symmetric.  Where H has no term in variables of
 two blocks, every path is AVF (the partitioned method where H is separable).
 
+Where H = p . M^-1 p / 2 + V(q) and the path has one block, the unknown is the kick k, the increment of p, alone:
+
+.. math::
+    \Delta q = hM^{-1}(p + k/2),\qquad k = -h\int_0^1 \nabla V(q + s\,\Delta q)\,ds .
+
+The fixed point of this equation contracts with the square of h, that of both increments with h.
+
 The integral is a Gauss-Legendre sum: exact with ceil(m/2) nodes for a polynomial H of degree m; otherwise there is a
 list of rules of rising size, and a step takes the first that the next one confirms to round-off.  The confirming sweep
 is itself an iterate of the finer rule, so nothing of it is lost.  A step that the largest rule leaves unconfirmed is
-counted as a fallback.
+counted as a fallback.  The nodes of a rule are evaluated side by side, in lanes, where the system's functions can be
+had in lanes (`orbit_lanes.twin`); lanes that are left over repeat a node with the weight 0.
 
 Source: G. R. W. Quispel, D. I. McLaren, J. Phys. A 41 (2008) 045206; E. Celledoni et al., M2AN 43 (2009) 645-649;
 W. Cai, H. Li, Y. Wang, J. Comput. Phys. 370 (2018) 25-42; T. Itoh, K. Abe, J. Comput. Phys. 76 (1988) 85-102.
@@ -33,10 +41,13 @@ import mpmath
 import numpy as np
 
 from phasebench.integrators.coefficients.quadrature import LARGE, RULES, gauss_legendre, sizes
+from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, array, fixed, numbers
+from phasebench.integrators.engine.lanes import Lanes, take, total
 from phasebench.integrators.engine.lazy import sympy as sp
-from phasebench.integrators.engine.solve import SOLVED, Change, change, predict, remember, solver, unchanged
+from phasebench.integrators.engine.orbit_lanes import in_lanes, twin
+from phasebench.integrators.engine.solve import SOLVED, Change, lengths_of_both, predict, remember, solver, unchanged
 from phasebench.integrators.engine.vector import (
     advanced,
     axpy,
@@ -53,24 +64,38 @@ from phasebench.integrators.engine.vector import (
     scale,
     size,
     tail,
+    velocity,
 )
+
+from .collocation import moved as change
+from .parametric import lengths_of_kick, unknown
+
+#: Nodes side by side, and the size of the largest rule below which that gains nothing.
+WIDTH, FEWEST = 4, 3
 
 
 class Averaged(NamedTuple):
-    """Substeps along paths, and quadrature rules.
+    """Substeps along paths, and quadrature rules; the unknown is the kick where ``field`` is None.
 
     Substep s takes ``fraction[s]`` of h, its components belong to the blocks ``place[s]``, it goes along the path
-    (``direction`` 1), its reverse (-1) or both (0).  ``path`` is None where every substep has one block only.  A rule
-    is a range of nodes c with weights b, each with the ``nodes`` of its rule.
+    (``direction`` 1), its reverse (-1) or both (0).  ``path`` is None where every substep has one block only.
+
+    A rule is a range of rows of nodes ``c`` with weights ``b``, each with the number of its rule's ``nodes`` and of its
+    ``rows``.  Where ``like`` is None a row is one node, else as many as it has zeros: then ``field`` and ``dV`` are
+    functions of lanes.
     """
 
     path: Callable | None
-    field: Callable
+    field: Callable | None
+    dT: Callable | None
+    dV: Callable | None
+    like: tuple | None
     place: np.ndarray
     blocks: np.ndarray
     direction: np.ndarray
     fraction: np.ndarray
     nodes: np.ndarray
+    rows: np.ndarray
     c: np.ndarray
     b: np.ndarray
     h: float = 0.0
@@ -78,26 +103,54 @@ class Averaged(NamedTuple):
 
 
 class Average(NamedTuple):
-    """The equation of substep s of length h from (q, p), by the rule that begins with the node ``rule``."""
+    """The equation of substep s of length h from (q, p), by the rule that begins with the row ``rule``.
+
+    v is M^-1 p where the unknown is the kick.
+    """
 
     step: Averaged
     q: Any
     p: Any
+    v: Any
     h: float
     s: int
     rule: int
 
 
+# -- nodes, one in a row or several in lanes --------------------------------------------------------------------------
+
+
+@elementwise()
+def over_lanes(x):
+    """The sum over the lanes of each component."""
+    return total(x)
+
+
+#: The nodes, or the weights, of a row.
+of_row = chosen(lambda like, table, row: table[row, 0], lambda like, table, row: take(table, row, like))
+#: What was summed over the rows, summed over the nodes.
+over_nodes = chosen(lambda like, x: x, lambda like, x: over_lanes(x))
+
+
+@inlined
+def nothing(x, e):
+    """Zeros, to sum over the rows."""
+    return scale(0.0 * of_row(e.step.like, e.step.b, e.rule), x)
+
+
+# -- the mean along a path --------------------------------------------------------------------------------------------
+
+
 @elementwise()
 def moved(direction, b, place, s, x, y):
     """The point of the path where block b has gone the part s of its way; ``direction`` -1: on the reverse path."""
-    return y + np.minimum(np.maximum(direction * (b - place) + s, 0.0), 1.0) * x
+    return y + (1.0 * (b == place) * s + 1.0 * (direction * (b - place) > 0)) * x
 
 
 @elementwise()
-def of_block(b, place, a, f, total):
-    """total + a f in the components of block b."""
-    return total + a * (place == b) * f
+def of_block(b, place, a, f, sums):
+    """sums + a f in the components of block b."""
+    return sums + 1.0 * (place == b) * a * f
 
 
 @inlined
@@ -106,15 +159,15 @@ def one_way(direction, x, e):
     step = e.step
     place = load(step.place, e.s, x)
     at_q, at_p = head(place), tail(place)
-    total = scale(0.0, x)
+    sums = nothing(x, e)
     for b in range(step.blocks[e.s]):
-        for i in range(e.rule, e.rule + step.nodes[e.rule]):
-            c, a = step.c[i], step.b[i] * e.h
+        for row in range(e.rule, e.rule + step.rows[e.rule]):
+            c, a = of_row(step.like, step.c, row), of_row(step.like, step.b, row) * e.h
             q, p = moved(direction, b, at_q, c, head(x), e.q), moved(direction, b, at_p, c, tail(x), e.p)
             dq, dp = step.field(q, p, e.h, 0.0)
             # q' is a derivative by p: it belongs to the block of p
-            total = join(of_block(b, at_p, a, dq, head(total)), of_block(b, at_q, a, dp, tail(total)))
-    return total
+            sums = join(of_block(b, at_p, a, dq, head(sums)), of_block(b, at_q, a, dp, tail(sums)))
+    return over_nodes(step.like, sums)
 
 
 def _along(path, x, e):
@@ -124,51 +177,84 @@ def _along(path, x, e):
     return one_way(direction, x, e)
 
 
+# -- the mean along the straight line ---------------------------------------------------------------------------------
+
+
 def _straight(path, x, e):
     step = e.step
-    total = scale(0.0, x)
-    for i in range(e.rule, e.rule + step.nodes[e.rule]):
-        c = step.c[i]
+    sums = nothing(x, e)
+    for row in range(e.rule, e.rule + step.rows[e.rule]):
+        c = of_row(step.like, step.c, row)
         dq, dp = step.field(axpy(c, head(x), e.q), axpy(c, tail(x), e.p), e.h, 0.0)
-        total = axpy(step.b[i] * e.h, join(dq, dp), total)
-    return total
+        sums = axpy(of_row(step.like, step.b, row) * e.h, join(dq, dp), sums)
+    return over_nodes(step.like, sums)
 
 
-_mean = chosen(_straight, _along)
+@inlined
+def drift(x, e):
+    """h M^-1 (p + x / 2) of the kick x."""
+    return scale(e.h, axpy(0.5, velocity(e.step.dT, x), e.v))
+
+
+def _kick(field, x, e):
+    step = e.step
+    sums, dq = nothing(x, e), drift(x, e)
+    for row in range(e.rule, e.rule + step.rows[e.rule]):
+        c, a = of_row(step.like, step.c, row), of_row(step.like, step.b, row) * -e.h
+        sums = axpy(a, step.dV(axpy(c, dq, e.q)), sums)
+    return over_nodes(step.like, sums)
+
+
+_both = chosen(_straight, _along)
+_mean = chosen(_kick, lambda field, x, e: _both(e.step.path, x, e))
+_lengths = chosen(lambda field, x, g, e: lengths_of_kick(x, g, e), lambda field, x, g, e: lengths_of_both(x, g, e))
+_velocity = chosen(lambda field, dT, p: velocity(dT, p), lambda field, dT, p: p)
+_ended = chosen(
+    lambda field, y, x, e: advanced(y, drift(x, e), x), lambda field, y, x, e: advanced(y, head(x), tail(x))
+)
 
 
 @inlined
 def mean(x, e):
-    """h times the mean of f between (q, p) and (q, p) + x, over the straight line or the path."""
-    return _mean(e.step.path, x, e)
-
-
-solve_mean = solver(mean)
+    """The unknown, from x: h times the mean of f, or of -grad V, between (q, p) and where x leads."""
+    return _mean(e.step.field, x, e)
 
 
 @inlined
-def increment(step, y, s, orbit, counts):
-    """(The increment of substep s from y, status), with rules of rising size until one is confirmed."""
-    eps, several = step.eps, len(step.nodes) > step.nodes[0]
+def lengths(x, g, e):
+    """How large the variables are that the two halves of x, on the way to g, move."""
+    return _lengths(e.step.field, x, g, e)
+
+
+solve_mean = solver(mean, lengths)
+
+
+# -- steps ------------------------------------------------------------------------------------------------------------
+
+
+@inlined
+def substep(step, y, s, orbit, counts):
+    """(The state after substep s from y, its unknown, status), with rules of rising size until one is confirmed."""
+    eps, several = step.eps, len(step.rows) > step.rows[0]
     sweeps = step.blocks[s] * (2 if step.direction[s] == 0 else 1)
-    x = predict(orbit.memory, s, len(step.fraction), counts.steps, join(orbit.zero, orbit.zero))
-    h = step.fraction[s] * step.h
+    x = predict(orbit.memory, s, len(step.fraction), counts.steps, unknown(step.field, orbit.zero))
+    v, h = _velocity(step.field, step.dT, y.p), step.fraction[s] * step.h
     span = size(y.q) + size(y.p)
     move = Change(np.inf, np.inf, np.inf, np.inf)
     rule = before = counts.rule
     while True:
-        x, n, used, status = solve_mean(Average(step, y.q, y.p, h, s, rule), x, span, eps, orbit.work)
+        x, n, used, status = solve_mean(Average(step, y.q, y.p, v, h, s, rule), x, span, eps, orbit.work)
         counts.gradient += n * sweeps * step.nodes[rule]
         counts.newton += used
-        following = rule + step.nodes[rule]
+        following = rule + step.rows[rule]
         if status != SOLVED or not several:
             break
-        if following == len(step.nodes):
+        if following == len(step.rows):
             counts.fallbacks += 1
             break
-        new = mean(x, Average(step, y.q, y.p, h, s, following))
+        new = mean(x, Average(step, y.q, y.p, v, h, s, following))
         counts.gradient += sweeps * step.nodes[following]
-        last, move = move, change(x, new)
+        last, move = move, change(step.field, x, new)
         x = new
         sure, ended = unchanged(move, last, abs(h) * span, eps)
         if sure:
@@ -178,7 +264,7 @@ def increment(step, y, s, orbit, counts):
             break
         before, rule = rule, following
     counts.rule = rule
-    return x, status
+    return _ended(step.field, y, x, Average(step, y.q, y.p, v, h, s, rule)), x, status
 
 
 def run(step, orbit, samples, counts):
@@ -190,11 +276,11 @@ def run(step, orbit, samples, counts):
             for s in range(stages):
                 if counts.steps % 16 == 0:
                     counts.rule = 0
-                x, status = increment(step, y, s, orbit, counts)
+                following, x, status = substep(step, y, s, orbit, counts)
                 if status != SOLVED:
                     return row, status
                 remember(orbit.memory, s, stages, counts.steps, x)
-                y = advanced(y, head(x), tail(x))
+                y = following
             counts.steps += 1
         keep(samples, row, y)
     close(orbit, y)
@@ -218,29 +304,51 @@ def coupled(path: str, system) -> bool:
     return any(a != b and sp.expand(sp.diff(system.H, x, y)) != 0 for (x, a), (y, b) in combinations(variables, 2))
 
 
+def rules(system, width: int, arithmetic) -> tuple[list, list, list, list]:
+    """(Nodes, rows, c, b), a row each, of one exact rule for a polynomial H, else of those of rising size."""
+    digits, known = (40, RULES) if arithmetic == DOUBLE else (mpmath.mp.dps, LARGE)
+    found = []
+    for n in sizes(1, system.polynomial_degree, known):
+        c, b = zip(*gauss_legendre(n, digits), strict=True)
+        for first in range(0, n, width):
+            part = slice(first, first + width)
+            rest = width - len(c[part])
+            found.append((n, -(-n // width), (*c[part], *[c[first]] * rest), (*b[part], *[0] * rest)))
+    return tuple(zip(*found, strict=True))
+
+
+def serves(system, arithmetic) -> bool:
+    """Whether the nodes are worth lanes, and the functions can be had in lanes."""
+    worth = sizes(1, system.polynomial_degree)[-1] >= FEWEST
+    return worth and arithmetic == DOUBLE and codegen.value_kind(system.d) == "tuple" and in_lanes(system)
+
+
 def prepare(method, system, arithmetic):
-    """One exact rule for a polynomial H, else the list of rules; substeps (fraction, path, direction)."""
-    digits, rules = (40, RULES) if arithmetic == DOUBLE else (mpmath.mp.dps, LARGE)
-    nodes, c, b = zip(
-        *((n, x, w) for n in sizes(1, system.polynomial_degree, rules) for x, w in gauss_legendre(n, digits)),
-        strict=True,
-    )
-    rows = []
+    """Of substeps (fraction, path, direction)."""
+    substeps = []
     for fraction, path, direction in method.data:
         if not coupled(path, system):
             path, direction = "whole", 1
         place = PATHS[path](system.d)
-        rows.append((place, 1 + max(place), float(direction), fraction))
-    place, blocks, directions, fractions = zip(*rows, strict=True)
+        substeps.append((place, 1 + max(place), float(direction), fraction))
+    place, blocks, directions, fractions = zip(*substeps, strict=True)
+    laned = serves(system, arithmetic)
+    source, width = (twin(system, Lanes(WIDTH)), WIDTH) if laned else (system, 1)
+    nodes, rows, c, b = rules(system, width, arithmetic)
+    kick = max(blocks) == 1 and system.separable and system.quadratic_kinetic
     step = Averaged(
-        path=system.field(arithmetic) if max(blocks) > 1 else None,
-        field=system.field(arithmetic),
+        path=source.field(arithmetic) if max(blocks) > 1 else None,
+        field=None if kick else source.field(arithmetic),
+        dT=system.grad_T(arithmetic) if kick else None,
+        dV=source.grad_V(arithmetic) if kick else None,
+        like=(0.0,) * width if laned else None,
         place=array(place, arithmetic),
         blocks=fixed(blocks),
         direction=fixed(directions),
         fraction=numbers(fractions, arithmetic),
         nodes=fixed(nodes),
-        c=numbers(c, arithmetic),
-        b=numbers(b, arithmetic),
+        rows=fixed(rows),
+        c=array(c, arithmetic),
+        b=array(b, arithmetic),
     )
-    return Prepared(run, step, 2 * system.d, len(rows))
+    return Prepared(run, step, (1 if kick else 2) * system.d, len(substeps))

@@ -7,7 +7,7 @@ from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 SOURCE = "Hairer & Soderlind 2005; Hairer, Lubich & Wanner 2006, VIII.3.2; dt = h (sum r^-3)^(-1/2)"
 
 
-def adaptive(id, name, order, source, cite, data=()):
+def adaptive(id, name, order, source, cite, data=(), requires=("canonical", "singular distances")):
     """A method whose step follows the distances to the singularities; h is the step where the distance is 1."""
     return Method(
         id=id,
@@ -20,13 +20,20 @@ def adaptive(id, name, order, source, cite, data=()):
         quadratic=ROUND_OFF,
         source=source,
         cite=cite,
-        requires=("canonical", "separable", "quadratic kinetic energy", "singular distances"),
+        requires=requires,
         data=data,
     )
 
 
 METHODS: tuple[Method, ...] = (
-    adaptive("stormer-verlet-adaptive", "Stormer-Verlet", 2, SOURCE, ("hairer2005", "hairer2006")),
+    adaptive(
+        "stormer-verlet-adaptive",
+        "Stormer-Verlet",
+        2,
+        SOURCE,
+        ("hairer2005", "hairer2006"),
+        requires=("canonical", "separable", "quadratic kinetic energy", "singular distances"),
+    ),
     *(
         adaptive(
             f"gauss-{s}-adaptive",

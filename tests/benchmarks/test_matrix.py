@@ -124,3 +124,19 @@ def test_errors_near_the_reference_s_doubt_are_left_out_of_an_order():
     row = {"h": [1.0, 0.5, 0.25, 0.125], "error": [1.0, 0.25, 0.0625, 0.015625]}
     assert observed_order(row | {"doubt": 0.0015}).points == 4
     assert observed_order(row | {"doubt": 0.0016}).points == 3
+
+
+def test_a_variable_step_is_measured_at_steps_as_long_as_a_fixed_one_s():
+    """At the start of the geodesic sigma is r^(3/2) with a distance near 5; of Kepler's orbit it is below 1."""
+    import numpy as np
+
+    from phasebench.benchmarks.problems import problem
+
+    geodesic, orbit = problem("schwarzschild"), problem("kepler")
+    parts = [
+        matrix._parts(BY_ID[id], made.system, np.array([*made.q0, *made.p0]))
+        for id, made in (("gauss-4-adaptive", geodesic), ("gauss-4", geodesic), ("gauss-4-adaptive", orbit))
+    ]
+    sigma = float(geodesic.system.distances([geodesic.q0], [geodesic.p0])[0, 0]) ** 1.5
+    assert parts == [round(sigma), 1, 1]
+    assert sigma > 9

@@ -71,13 +71,22 @@ def _truth(name: str, span, places: int):
     return flow(system, y, span * unit)
 
 
+def _parts(chosen: Method, system, y) -> int:
+    """What h is divided by: that of variable steps is the step where the distance to the singularity is 1."""
+    if chosen.family != "adaptive":
+        return 1
+    q, p = np.split(np.asarray(y, float)[None], 2, axis=1)
+    return max(1, round(float(np.sum(system.distances(q, p) ** -3) ** -0.5)))
+
+
 def _order(chosen: Method, name: str) -> dict:
     """The order over `SPAN`; where two terms of the error still compete there, over a smaller span."""
     system, y, unit = _at(name, mpmath.mp.dps)
+    parts = _parts(chosen, system, y)
     row: dict = {}
     for span in (SPAN, SPAN / FINER):
         end, doubt = _truth(name, span, mpmath.mp.dps)
-        error = [max(abs(advance(system, chosen, y, span * unit / n, n) - end)) for n in LADDER]
+        error = [max(abs(advance(system, chosen, y, span * unit / n / parts, n * parts) - end)) for n in LADDER]
         if max(error) <= DOUBTS * doubt + EXACT * epsilon(MULTIPRECISION) * max(abs(end)):
             return {"order_reason": "exact"}
         found = observed_order(

@@ -1,0 +1,160 @@
+"""The averaged vector field's kernels against each other: nodes in lanes or one by one, kicks or both increments."""
+
+from __future__ import annotations
+
+from copy import copy
+
+import mpmath
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.measure.battery import SYSTEMS
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, precision
+from phasebench.integrators.engine.kernel import prepare
+from phasebench.integrators.engine.lanes import Lanes
+from phasebench.integrators.engine.orbit_lanes import twin
+from phasebench.integrators.families import averaged
+from phasebench.integrators.registry import method
+
+#: Separable with quadratic T: the kick is the unknown.  The masses tell M^-1 from 1.
+KICKS = {
+    "masses": "p1**2/2 + p2**2/6 + p1*p2/5 - cos(q1) - cos(q2) + sin(q1*q2)/10",
+    "powers": "p1**2/2 + p2**2/2 + (1 + q1**2 + q2**2)**(3/2) + 1/sqrt(2 + q1**2) + q2**2/5",
+    "logarithm": "p1**2/2 + p2**2/2 + log(1 + q1**2) + (1 + q2**2)**(1/3) + tan(q1*q2/9)",
+    "degree 6": "p1**2/2 + p2**2/2 + q1**6 + q1**2*q2**2/3 + q2**4",
+}
+#: Both increments are.
+FIELDS = {
+    "angles": "(p1**2 + 2*p2**2 - 2*p1*p2*cos(q1 - q2))/(2 + 2*sin(q1 - q2)**2) - 2*cos(q1) - cos(q2)",
+    "exponentials": "exp(p1) - 2*p1 + exp(q1) - q1 + exp(p2/2) + q2**2",
+}
+#: Of one block, of two, of four, and of two substeps.
+PATHS = ("avf", "pavf-p", "itoh-abe-c")
+
+
+def of(H) -> Hamiltonian:
+    return Hamiltonian(q="q1 q2", p="p1 p2", H=H)
+
+
+def run(system, id, h=0.1, steps=50):
+    s = integrate(system, id, h=h, steps=steps, q0=[0.7, 0.5], p0=[0.2, -0.3])
+    assert s.status == "ok", s.reason
+    return np.concatenate([s.q[-1], s.p[-1]]), s.counts
+
+
+@pytest.fixture
+def one_by_one(monkeypatch):
+    """The run with the nodes evaluated one after the other."""
+
+    def found(system, *arguments):
+        with monkeypatch.context() as patch:
+            patch.setattr(averaged, "serves", lambda system, arithmetic: False)
+            return run(system, *arguments)
+
+    return found
+
+
+# -- nodes in lanes ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize(
+    ("name", "id"), [*((name, "avf") for name in KICKS), *((name, id) for name in FIELDS for id in PATHS)]
+)
+def test_nodes_in_lanes_reach_what_nodes_one_by_one_reach(one_by_one, name, id):
+    """To the round-off of fifty steps: lanes add the nodes up in another order, and have their own sin, cos and exp."""
+    made = of((KICKS | FIELDS)[name])
+    assert averaged.serves(made, DOUBLE)
+    (lanes, n), (nodes, m) = run(made, id), one_by_one(made, id)
+    assert np.abs(lanes - nodes).max() < 3e-14
+    assert abs(n["gradient"] - m["gradient"]) <= 0.05 * m["gradient"]
+    assert n["fallbacks"] == m["fallbacks"] == 0
+
+
+@pytest.mark.parametrize("width", [1, 4])
+@pytest.mark.parametrize("H", ["p1**2/2 + cos(q1)", "p1**2/2 + q1**10"])
+def test_a_rule_s_rows_are_the_rule(width, H):
+    """It integrates the powers up to 2n - 1; lanes left over have no weight."""
+    nodes, rows, c, b = averaged.rules(Hamiltonian(q="q1", p="p1", H=H), width, DOUBLE)
+    assert {len(v) for v in (*c, *b)} == {width}
+    first = 0
+    while first < len(rows):
+        part = slice(first, first + rows[first])
+        assert rows[first] == -(-nodes[first] // width)
+        for power in range(2 * nodes[first]):
+            terms = (v * u**power for us, vs in zip(c[part], b[part], strict=True) for u, v in zip(us, vs, strict=True))
+            assert abs(mpmath.fsum(terms) - mpmath.mpf(1) / (power + 1)) < 1e-15
+        first += rows[first]
+    assert first == len(c) == len(b) == len(nodes)
+
+
+def test_control_a_lane_left_over_that_weighs_is_seen(one_by_one, monkeypatch):
+    """Of the ten nodes of a rule the last two stand beside two lanes that are left over."""
+    made, rules = of(KICKS["masses"]), averaged.rules
+
+    def spoiled(*arguments):
+        nodes, rows, c, b = rules(*arguments)
+        return nodes, rows, c, tuple((*v[:3], v[3] + 1e-9) for v in b)
+
+    monkeypatch.setattr(averaged, "rules", spoiled)
+    lanes = run(made, "avf")[0]
+    monkeypatch.undo()
+    assert np.abs(lanes - one_by_one(made, "avf")[0]).max() > 1e-10
+
+
+def test_where_lanes_do_not_serve_nodes_stand_one_by_one():
+    quartic, wave = of("p1**2/2 + p2**2/2 + q1**4 + q1*q2"), problem("klein-gordon").system
+    names = [[f"{x}{i}" for i in range(21)] for x in "qp"]
+    many = Hamiltonian(q=names[0], p=names[1], H="cos(q0) + " + " + ".join(f"p{i}**2/2 + q{i}**2" for i in range(21)))
+    for system in (quartic, wave, many):
+        assert prepare(method("avf"), system).step.like is None
+    made = of(KICKS["masses"])
+    twin(made)  # that of an ensemble's lanes is another one
+    assert prepare(method("avf"), made).step.like == (0.0,) * averaged.WIDTH
+    assert twin(made, Lanes(averaged.WIDTH)) is not twin(made)
+    with precision(30):
+        assert prepare(method("avf"), made, MULTIPRECISION).step.like is None
+
+
+# -- the kick as the unknown ------------------------------------------------------------------------------------------
+
+
+def general(system) -> Hamiltonian:
+    """The system as one of which both increments are the unknown."""
+    other = copy(system)
+    other.quadratic_kinetic, other.key = False, ""
+    return other
+
+
+@pytest.mark.parametrize("name", KICKS)
+def test_kicks_reach_what_both_increments_reach_in_fewer_evaluations(name):
+    made = of(KICKS[name])
+    assert made.quadratic_kinetic
+    (kicks, n), (both, m) = run(made, "avf"), run(general(made), "avf")
+    assert np.abs(kicks - both).max() < 3e-14
+    assert n["gradient"] < 0.75 * m["gradient"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_kick_and_its_drift_are_a_discrete_gradient(seed):
+    """For a kick k that solves no equation: H_q-mean . dq + dq . k / h is the difference of H over (dq, k)."""
+    system, q, p = SYSTEMS["henon-heiles"]()
+    step, h = prepare(method("avf"), system).step, 0.5
+    k = 0.4 * np.random.default_rng(seed).standard_normal(2)
+    e = averaged.Average(step, q, p, p, h, 0, 0)
+    dq = np.array(averaged.drift(tuple(k), e))
+    found = -np.array(averaged.mean(tuple(k), e)) @ dq / h + dq @ k / h
+    Q, P = np.array([q, q + dq]), np.array([p, p + k])
+    before, after = system.observe(system.H, Q, P)
+    assert abs(found - (after - before)) < 4e-15
+    assert abs(after - before) > 1e-3
+
+
+def test_newton_s_method_takes_over_where_the_fixed_point_of_the_kick_does_not_contract():
+    stiff = of("p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2 + cos(q1)")
+    (kicks, n), (both, m) = run(stiff, "avf", 0.2, 20), run(general(stiff), "avf", 0.2, 20)
+    assert n["newton"] >= 20 <= m["newton"]  # once for every rule
+    assert np.abs(kicks - both).max() < 1e-11
