@@ -1,4 +1,4 @@
-"""The tables of coefficients, computed from their numbers alone, and what is installed, each as a cell."""
+"""The tables of coefficients, computed from their numbers alone, what is installed, and the score of mutants, as cells."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ import hashlib
 from phasebench.benchmarks.rows import sources
 from phasebench.benchmarks.rows.cells import Cell, Rows, content
 
-from . import coefficients, dependencies
+from . import coefficients, dependencies, mutation
 
 TABLES = ("coefficients", "repairs", "loose_digits")
 
 INSTALLED = "dependencies"
+MUTANTS = "mutation"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """Two cells; none of the quick tier."""
+    """Three cells; none of the quick tier."""
     if quick:
         return []
     numbers = sorted((sources.ROOT / "integrators" / "coefficients").glob("*.json"))
@@ -24,6 +25,7 @@ def cells(quick: bool = False) -> list[Cell]:
     return [
         Cell("catalogue", TABLES, {}, measured, (), content(*digests, code=[coefficients.__name__])),
         Cell("catalogue", (INSTALLED,), {}, installed, (), content(wanted, code=[dependencies.__name__]), own=True),
+        Cell("catalogue", (MUTANTS,), {}, tried, (), content(*mutation.digests(), code=[mutation.__name__])),
     ]
 
 
@@ -36,3 +38,8 @@ def measured() -> Rows:
 def installed() -> Rows:
     """The rows of what is installed."""
     return {INSTALLED: dependencies.frame()}
+
+
+def tried() -> Rows:
+    """The rows of the files that were changed."""
+    return {MUTANTS: mutation.frame()}
