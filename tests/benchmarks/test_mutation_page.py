@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.catalogue import mutation, mutation_page
+from phasebench.benchmarks.experiments.catalogue import cells, mutation, mutation_page
 
 
 def scored(survived=0, same=True, folder="b"):
@@ -69,3 +69,12 @@ def test_the_command_and_the_page_agree_on_a_file(monkeypatch):
     assert len(mutation.frame()) == len(score.read())
     assert score.AND == mutation.AND
     assert score.digest(mutation.SCORE) == mutation.digest(mutation.SCORE)
+
+
+def test_without_the_suites_tests_there_is_no_score(monkeypatch, tmp_path):
+    whole = [table for cell in cells.cells() for table in cell.tables]
+    assert whole[-1] == cells.MUTANTS
+    assert cells.tried() == {cells.MUTANTS: mutation.frame()}
+    monkeypatch.setattr(mutation, "SCORE", tmp_path / "score.csv")
+    assert [table for cell in cells.cells() for table in cell.tables] == whole[:-1]
+    assert cells.cells(quick=True) == []

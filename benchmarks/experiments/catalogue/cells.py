@@ -16,17 +16,20 @@ MUTANTS = "mutation"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """Three cells; none of the quick tier."""
+    """Three cells, two where the suite's own tests are not there; none of the quick tier."""
     if quick:
         return []
     numbers = sorted((sources.ROOT / "integrators" / "coefficients").glob("*.json"))
     digests = [hashlib.sha256(p.read_bytes()).hexdigest() for p in numbers]
     wanted = (sources.ROOT / "pyproject.toml").read_text()
-    return [
+    made = [
         Cell("catalogue", TABLES, {}, measured, (), content(*digests, code=[coefficients.__name__])),
         Cell("catalogue", (INSTALLED,), {}, installed, (), content(wanted, code=[dependencies.__name__]), own=True),
-        Cell("catalogue", (MUTANTS,), {}, tried, (), content(*mutation.digests(), code=[mutation.__name__])),
     ]
+    if mutation.SCORE.is_file():
+        about = content(*mutation.digests(), code=[mutation.__name__])
+        made.append(Cell("catalogue", (MUTANTS,), {}, tried, (), about))
+    return made
 
 
 def measured() -> Rows:
