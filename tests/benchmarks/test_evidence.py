@@ -44,6 +44,7 @@ def test_a_structure_is_kept_to_a_hundred_floors_where_a_thousand_could_be_seen(
         (0.0, 0.01, 25.0, True),  # just a quarter of the energies' size
         (0.0, 0.01, 26.0, None),
         (14.0, 14.0, 26.0, False),
+        (13.0, 0.01, 26.0, None),  # just half of it
     ],
 )
 def test_an_error_is_bounded_or_drifts_by_what_its_slope_adds_up_to(slope, half, value, bounded):
@@ -80,6 +81,13 @@ def test_an_order_agrees_or_is_another_one(value, half, agrees):
     assert evidence.agrees(row, 2) is agrees
     assert evidence.agrees(row | {"status": "diverged"}, 2) is None
     assert evidence.agrees(row | {"value": np.nan}, 2) is None
+
+
+@pytest.mark.parametrize(("value", "low", "high"), [(3.0, 2 + 0.1, 3.9), (1.0, 0.1, 2 - 0.1), (0.1, 0.0, 0.2)])
+def test_an_interval_that_just_reaches_the_gate_and_an_order_just_as_far_from_a_whole_one_tell_nothing(
+    value, low, high
+):
+    assert evidence.agrees({"value": value, "low": low, "high": high}, 2) is None
 
 
 def test_what_is_no_number_is_not_there():
