@@ -134,6 +134,7 @@ SMALL = ENERGY | {"value": LAW}
         ("bounded", (GROWS | {"value": LAW},), "holds"),
         ("round-off", (SMALL,), "holds"),
         ("round-off", (SMALL | {"value": 1.01 * LAW},), "not judged"),
+        ("round-off", (SMALL | {"value": 10 * judge.round_off(ENERGY)},), "not judged"),
         ("round-off", (SMALL | {"value": 10.1 * LAW},), "contradicted"),
         ("drift", (GROWS,), "holds"),
         ("drift", (GROWS, STAYS), "holds"),
@@ -152,6 +153,12 @@ def test_an_energy_is_judged_by_what_it_does(claimed, rows, verdict):
         assert found[2] == "as far as t = 1000 tells"
     if verdict == "not judged":
         assert "too short to tell" in found[2]
+
+
+def test_a_bounded_error_that_was_said_to_drift_is_told_as_far_as_the_longest_run():
+    longer = STAYS | {"time": 2000.0}
+    verdict, seen, why = judge._energy("drift", [ROW | r for r in (STAYS, longer, STAYS)])
+    assert (verdict, len(seen), why) == ("understated", 3, "as far as t = 2000 tells")
 
 
 # -- what is found and not claimed -------------------------------------------------------------------------------------
