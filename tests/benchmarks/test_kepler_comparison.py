@@ -357,3 +357,19 @@ def test_verdicts_of_fabricated_rows():
     assert "1.00e-08" in said
     (said,) = bench_kepler.nobody(rows[1:], "phase", "{problem}, e = {e}")
     assert said == "kepler, e = 0.2: the best phase is 1.00e-03"
+
+
+def test_the_term_turns_every_orbit_by_the_talks_angle():
+    """mu falls with L^4, so that the advance of first order is one for all, and the talk's at its eccentricity."""
+    about = {e: comparison.orbit("perturbed-kepler", e)[2] for e in comparison.ECCENTRICITIES}
+    assert about[0.6]["mu"] == 0.0075
+    assert [a["first order"] for a in about.values()] == pytest.approx([about[0.6]["first order"]] * len(about))
+    assert comparison.orbit("kepler", 0.6)[2]["mu"] == 0.0
+
+
+def test_the_reference_is_followed_at_apocentres_to_half_an_orbit_beyond_the_last():
+    made_, exact, _ = comparison.orbit("kepler", 0.2)
+    run, samples = comparison._reference(made_, exact, 10)
+    assert [s["orbits"] % 1 for s in samples] == [0.5] * len(samples)
+    assert run["reached"] == run["orbits"] == samples[-1]["orbits"] == 10.5
+    assert max(s["phase"] for s in samples) < 1e-12

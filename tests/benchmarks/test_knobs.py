@@ -522,3 +522,52 @@ def test_a_start_continues_slopes_that_are_polynomials_of_its_degree(start, degr
 
     assert apart(degree) < 1e-11
     assert apart(degree + 1) > 1e-3
+
+
+# -- sentences of several scenes ---------------------------------------------------------------------------------------
+
+
+def test_the_best_lambdas_of_several_scenes_are_a_span_and_the_greatest_gain_is_named():
+    two = pd.concat([errors(0.5), errors(0.25).assign(scene="b"), errors(0.0).assign(scene="c")])
+    said = verdicts.lam(two)
+    assert "in 1 of 3 cases" in said.text
+    assert (
+        "best at λ = 0 to 0.5, with a smaller h at λ = 0 to 0.5; 1/2 has up to 3.5 times the least error (c)"
+        in said.text
+    )
+    assert said.short == "λ = 1/2 has the least trajectory error in 1 of 3 cases of a scheme and a scene."
+
+
+def test_the_longest_steps_are_counted():
+    three = pd.concat([costs().assign(scene=s) for s in "ab"] + [costs(2.0, 1.0).assign(scene="c")])
+    assert "in 2 of 3; not of Scheme III on c;" in verdicts.stable(three).text
+
+
+def test_an_order_pays_that_is_the_cheapest_at_once_below_the_largest_error():
+    table = rungs(ladders.GENERATING, **{LOW: (1, 1.0), HIGH: (6, 10.0)})
+    found = findings.cheapest(table, ladders.GENERATING).sort_values("error", ascending=False)["setting"].tolist()
+    assert found[0] == LOW
+    assert set(found[1:]) == {HIGH}
+    assert verdicts.generating(table).holds
+
+
+def test_scenes_without_a_scheme_of_the_talk_are_named_as_they_come():
+    other = {"scheme-v": (2, 9.0), "rk4-relaxation": (4, 1.0)}
+    said = verdicts.energy(pd.concat([rungs(ladders.ENERGY, s, **other) for s in "zam"]))
+    assert "nowhere the cheapest on z, a and m." in said.text
+
+
+def test_nodes_of_several_scenes_are_a_range():
+    """Of b two nodes do, and the rule that confirms itself takes 1.8 times as long as these."""
+    quick = rules(dear=0.9).assign(scene="b", **{"energy error": [1e-8, 1e-16, 1e-16, 1e-16, 1e-15]})
+    said = verdicts.quadrature(pd.concat([rules(), quick]))
+    assert "with 2 to 4 nodes, which take 2 to 4 times as long as one;" in said.text
+    assert "takes 1.5 to 1.8 times as long as the fewest that do." in said.text
+
+
+def test_tolerances_of_several_scenes_are_a_range():
+    loose, tight = max(solvers.TOLERANCES), min(t for t in solvers.TOLERANCES if t > 0)
+    said = verdicts.solving(pd.concat([solved(tolerance=loose), solved(tolerance=tight, fixed=30.0, scene="b")]))
+    assert f"a tolerance of {tight:.0e} to {loose:.0e} leaves the error as it is and saves 45 to 46 % of" in said.text
+    assert said.short == f"{said.text.partition(';')[0]}."
+    assert said.short.startswith("To solve the stages of")

@@ -179,3 +179,77 @@ def test_the_table_has_the_worst_of_every_scene_first(tmp_path):
     assert len(ratios_page.PAGE.whole(given)) == 40
     (picture,) = ratios_page.draw(given, tmp_path)
     assert (tmp_path / picture.file).stat().st_size > 5000
+
+
+# -- on the line, of several ------------------------------------------------------------------------------------------
+
+
+def test_exactly_as_long_is_no_longer():
+    assert reasons.above(pd.DataFrame([row(seconds=(1e-5, 1e-5))]), runs()).empty
+    share = ratios_page.share(data(row(seconds=(1e-5, 1e-5), spread=0.0))).text
+    assert "in 1 of 1 cells (100.0 %)" in share
+    assert "in 1 with the whole interval" in share
+
+
+def test_a_share_of_just_nineteen_in_twenty_is_enough():
+    scenes_ = [f"s{k}" for k in range(20)]
+    rows = [row(10.0**-a, scene=s) for a in range(1, 6) for s in scenes_]
+    slow = [row(1e-4, seconds=(2.0, 1.0), scene=scenes_[0]), row(1e-5, seconds=(2.0, 1.0), scene=scenes_[0])]
+    kept = [r for r in rows if (r["accuracy"], r["scene"]) not in {(1e-4, "s0"), (1e-5, "s0")}]
+    assert ratios_page.until(data(*kept, *slow)).holds
+    more = row(1e-5, seconds=(2.0, 1.0), scene="s1")
+    kept = [r for r in kept if (r["accuracy"], r["scene"]) != (1e-5, "s1")]
+    said = ratios_page.until(data(*kept, *slow, more))
+    assert not said.holds
+    assert said.text.startswith("The share is at least 95 % down to 0.0001, and least at 1e-05 with 90 %")
+    assert said.text.endswith("Slower anywhere: s0 (2) and s1 (1).")
+
+
+def test_cells_that_are_not_explained_are_counted_and_those_within_do_not_grow():
+    unknown = [row(10.0**-k, seconds=(1e-5, 5e-6), steps=(100, 0)) for k in (5, 6)]
+    said = ratios_page.why(data(*unknown, rungs=runs(1e-8)))
+    assert "2 are not explained by the rows" in said.text
+    within = row(1e-6, (90, 20), (1e-5, 9.99e-6))
+    grown = ratios_page.why(data(row(1e-5, (10, 20)), within, row(1e-7, (40, 60), (1e-5, 2e-6)), rungs=runs(1e-8)))
+    assert "its steps grow 4 times in the median, the peer's 3 times" in grown.text
+
+
+def test_the_parts_of_a_cell_are_told_with_its_growth():
+    rows = pd.DataFrame([row(1e-5, (10, 20)), row(1e-6, (40, 30), (1e-5, 2.5e-6))])
+    (found,) = reasons.above(rows, runs(1e-8)).to_dict("records")
+    assert reasons.told(found, runs()) == (
+        "more and dearer steps: steps x 1.3, a step's time x 3; evaluations 80 %; steps since 1e-05 x 4 and 1.5"
+    )
+    nowhere = reasons.told(found | {"ours grew": np.nan, "share": np.nan}, runs())
+    assert nowhere == "more and dearer steps: steps x 1.3, a step's time x 3"
+    exact = pd.concat([runs(error=0.0), runs(error=2e-11)])
+    assert reasons.told(one(steps=(None, 50)).to_dict(), exact) == "not reached: ours end at 2.0e-11 (gauss-4)"
+
+
+def test_evaluations_that_would_take_just_as_long_leave_the_rest_to_blame():
+    """800 of them at 1.25e-8 s are all of our 10 us; at half that price they are what the peer takes."""
+    assert reasons.above(pd.DataFrame([row(seconds=(1e-5, 5e-6))]), runs(6.25e-9)).iloc[0]["reason"] == reasons.REST
+
+
+def test_cells_that_are_as_bad_stand_as_they_come():
+    rows = pd.DataFrame([row(seconds=(2.0, 1.0), scene=s) for s in ("z", "a", "m")])
+    found = reasons.above(rows, runs())
+    assert found["scene"].tolist() == ["z", "a", "m"]
+    assert found.index.tolist() == [0, 1, 2]
+    assert "index" not in found
+    assert "index" not in reasons.cells(rows)
+
+
+def test_the_table_says_who_at_which_size_and_who_is_alone():
+    rows = [row(1e-6, seconds=(3e-5, 1e-5)), row(1e-7, steps=(None, 50)), row(1e-3, steps=(50, None))]
+    rows[0] |= {f"{PEERS} h": np.nan, f"{PEERS} tol": 1e-9}
+    given = data(*rows, rungs=runs(1e-8))
+    shown = ratios_page.table(given).frame
+    assert shown[["ours", "peer", "ratio"]].to_numpy().tolist() == [
+        ["none", "one of peer, h 0.1", "peer alone"],
+        ["one of ours, h 0.1", "one of peer, tol 1.00e-09", "3 [2.97, 3.03]"],
+    ]
+    whole = ratios_page.PAGE.whole(given)
+    assert [bool(w) for w in whole["why"]] == [True, True, False]
+    many = data(*(row(scene=f"s{k}", seconds=(100.0 - k, 1.0)) for k in range(30)))
+    assert ratios_page.table(many).frame["scene"].tolist() == [f"[s{k}](trade-s{k}.md)" for k in range(25)]

@@ -211,3 +211,22 @@ def test_the_energy_error_is_the_greatest_of_either_sign():
     made = SimpleNamespace(system=system)
     assert pairs.energy_error(made, [2.0, 2.1, 1.6, 2.0], None) == pytest.approx(0.2)
     assert pairs.energy_error(made, [-2.0, -2.6, -1.9], None) == pytest.approx(0.3)
+
+
+def test_distances_of_a_pair_are_parts_of_its_size(monkeypatch):
+    """Two runs about 20 units wide that are 0.02 apart soon, 4 apart in the middle, and 1 apart at their end."""
+    theirs = 20 * np.ones((pairs.ROWS + 1, 2))
+    apart = np.zeros_like(theirs)
+    apart[5, 1], apart[pairs.ROWS // 2, 0], apart[-1, 0] = -0.02, 4.0, -1.0
+
+    def made(name):
+        q = theirs if name.startswith("rebound") else theirs + apart
+        method = SimpleNamespace(label=name)
+        s = SimpleNamespace(q=q, p=q, status="ok", reason="", seconds=1.0, method=method)
+        return SimpleNamespace(run=lambda *of, **how: s)
+
+    monkeypatch.setattr(pairs, "integrator", made)
+    monkeypatch.setattr(pairs, "energy_error", lambda *of: 0.0)
+    (row,) = pairs.measured("perturbed-kepler, e = 0.2", "wisdom-holman", 0.1)["wisdom_holman"]
+    assert row["distance of early positions"] == pytest.approx(1e-3)
+    assert row["distance of end positions"] == pytest.approx(0.05)

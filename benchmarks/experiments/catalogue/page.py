@@ -12,7 +12,7 @@ from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.problems.base import Problem
 from phasebench.integrators.registry import METHODS
 
-from . import describe
+from . import describe, mutation_page
 
 KINDS = {
     "composition": "symmetric compositions of a symmetric base of order 2",
@@ -268,4 +268,4 @@ DEPENDENCIES_PAGE = Page(
     command="pytest benchmarks/experiments/catalogue",
 )
 
-PAGES = (METHODS_PAGE, PROBLEMS_PAGE, COEFFICIENTS_PAGE, DEPENDENCIES_PAGE)
+PAGES = (METHODS_PAGE, PROBLEMS_PAGE, COEFFICIENTS_PAGE, DEPENDENCIES_PAGE, mutation_page.PAGE)
