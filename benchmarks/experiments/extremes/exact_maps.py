@@ -10,10 +10,29 @@ import mpmath
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.coefficients.tableaus import runge_kutta
-from phasebench.integrators.registry import method
+from phasebench.integrators.registry import BY_ID, method
 
 #: Methods of no coefficients that are another method on the oscillator, where gradients are linear.
-SAME = {"avf": "implicit-midpoint"}
+SAME = dict.fromkeys(
+    (
+        *("avf", "gonzalez", "pavf", "pavf-adjoint", "pavf-p", "itoh-abe"),
+        *("variational-midpoint", "imex", "implicit-midpoint-symmetric-projection"),
+    ),
+    "implicit-midpoint",
+)
+SAME |= {f"hbvm-{2 * s}-{s}": f"gauss-{s}" for s in (1, 2, 3, 4)} | {f"cpg-{s}": f"gauss-{s}" for s in (1, 2, 3, 4)}
+SAME |= {f"gauss-equip-{s}": f"gauss-{s}" for s in (2, 3, 4)}
+SAME |= {f"{id}-yoshida-4": "implicit-midpoint-yoshida-4" for id in ("avf", "gonzalez")}
+SAME |= {"avf-suzuki-4": "implicit-midpoint-suzuki-4", "variational-trapezoidal": "stormer-verlet"}
+SAME |= {f"variational-gauss-{s}": f"gauss-{s}" for s in (2, 3)}
+SAME |= {f"variational-lobatto-{s}": f"lobatto-iiia-iiib-{s}" for s in (3, 4)}
+#: Methods of a family below whose matrix is another one.
+OTHERS = ("scheme-ii", "generating-function", "r-respa")
+
+
+def known(id: str) -> bool:
+    """Whether the matrix of a method is known here."""
+    return id not in OTHERS and BY_ID[SAME.get(id, id)].family in BY_FAMILY
 
 
 def exact_matrix(id: str, values: dict, h: float):
