@@ -69,8 +69,8 @@ RUNS = (
     ("scheme-i", {"lam": BESIDE}, PLAIN, SOME),
     ("gauss-2", {}, TENTH, FEW),
     ("gauss-2", {}, TENTH * ASIDE, FEW),
-    (controls.HALF, {}, DECIMAL, MANY),
-    (controls.WHOLE, {}, DECIMAL, MANY),
+    (controls.HALF, {}, DECIMAL, 2 * SOME),
+    (controls.WHOLE, {}, DECIMAL, 2 * SOME),
     (CONTROL, {}, PLAIN, MANY),
 )
 #: The steps of the one long run.
