@@ -32,8 +32,12 @@ def test_every_method_has_three_ways_to_fail():
     good = said(FITTED, FITTED | {"phase exponent": np.nan, "phase low": np.nan}, {"reason": "lacks a trait"})
     assert good.holds
     assert "2 of 2 methods at h = 0.0988" in good.text
-    assert "the phase's of 1 of 1" in good.text
+    assert "the phase's than n^1.5 in 1 of 1;" in good.text
     assert good.text.endswith("; 1 have none here: m2.")
+    assert (
+        verdicts.every_method(lambda name: table({"reason": "lacks a trait"}).assign(**{"energy exponent": 0.0}))
+        is None
+    )
     fast = said(FITTED, FITTED | {"energy low": verdicts.ENERGY + verdicts.ABOVE + 0.01})
     assert not fast.holds
     assert "1 of 2 methods" in fast.text

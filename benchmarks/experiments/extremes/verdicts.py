@@ -126,25 +126,25 @@ def brouwers_law(table: pd.DataFrame) -> Verdict | None:
 
 
 @of("extremes_growth_every")
-def every_method(table: pd.DataFrame) -> Verdict:
+def every_method(table: pd.DataFrame) -> Verdict | None:
     """Of how many of our methods round-off grows no faster than Brouwer's law has it, and which have no ensemble."""
     reasons = table["reason"].fillna("")
     run, left = table[reasons == ""], table[reasons != ""]
+    if run.empty:
+        return None
     fitted = run[run["energy exponent"].notna()]
     fast, late = fitted[_faster(fitted)], fitted[fitted["phase low"] > PHASE + ABOVE]
     large = run[run["in units"] > UNITS]
     told, worst = int(run["phase exponent"].notna().sum()), run.loc[run["in units"].idxmax()]
-    said = (
-        f"{len(run) - len(fast)} of {len(run)} methods at h = {run['h'].iloc[0]:.3g} grow no faster than n^{ENERGY:g}"
-    )
+    said = f"{len(run) - len(fast)} of {len(run)} methods at h = {run['h'].iloc[0]:.3g}"
     text = (
-        f"Every symplectic or energy-preserving method, {int(run['starts'].min())} starts: the energy's round-off of "
-        f"{said}{_but(fast)}, the phase's of {told - len(late)} of {told} than n^{PHASE:g}{_but(late)}; in units of "
-        f"eps h n^(1/2) the energy's is at most {number(worst['in units'], 3)} ({worst['label']})"
+        f"Every symplectic or energy-preserving method, {int(run['starts'].min())} starts: the energy's round-off grows "
+        f"no faster than n^{ENERGY:g} in {said}{_but(fast)}, the phase's than n^{PHASE:g} in {told - len(late)} of {told}"
+        f"{_but(late)}; in units of eps h n^(1/2) the energy's is at most {number(worst['in units'])} ({worst['label']})"
     )
     if len(left):
         text += f"; {len(left)} have none here: {listed(list(left['label']), 4)}"
-    return Verdict(f"{text}.", fast.empty and late.empty and large.empty, f"Round-off of {said}.")
+    return Verdict(f"{text}.", fast.empty and late.empty and large.empty, f"Round-off grows by the law in {said}.")
 
 
 def _but(rows: pd.DataFrame) -> str:
