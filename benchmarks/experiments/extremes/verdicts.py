@@ -137,10 +137,11 @@ def every_method(table: pd.DataFrame) -> Verdict | None:
     large = run[run["in units"] > UNITS]
     told, worst = int(run["phase exponent"].notna().sum()), run.loc[run["in units"].idxmax()]
     said = f"{len(run) - len(fast)} of {len(run)} methods at h = {run['h'].iloc[0]:.3g}"
+    whose = f"Every symplectic or energy-preserving method, {int(run['starts'].min())} starts"
+    phase = f"the phase's than n^{PHASE:g} in {told - len(late)} of {told}{_but(late)}"
     text = (
-        f"Every symplectic or energy-preserving method, {int(run['starts'].min())} starts: the energy's round-off grows "
-        f"no faster than n^{ENERGY:g} in {said}{_but(fast)}, the phase's than n^{PHASE:g} in {told - len(late)} of {told}"
-        f"{_but(late)}; in units of eps h n^(1/2) the energy's is at most {number(worst['in units'])} ({worst['label']})"
+        f"{whose}: the energy's round-off grows no faster than n^{ENERGY:g} in {said}{_but(fast)}, {phase}; in units of "
+        f"eps h n^(1/2) the energy's is at most {number(worst['in units'])} ({worst['label']})"
     )
     if len(left):
         text += f"; {len(left)} have none here: {listed(list(left['label']), 4)}"
