@@ -140,8 +140,8 @@ def every_method(table: pd.DataFrame) -> Verdict | None:
     whose = f"Every symplectic or energy-preserving method, {int(run['starts'].min())} starts"
     phase = f"the phase's than n^{PHASE:g} in {told - len(late)} of {told}{_but(late)}"
     text = (
-        f"{whose}: the energy's round-off grows no faster than n^{ENERGY:g} in {said}{_but(fast)}, {phase}; in units of "
-        f"eps h n^(1/2) the energy's is at most {number(worst['in units'])} ({worst['label']})"
+        f"{whose}: the energy's round-off grows no faster than n^{ENERGY:g} in {said}{_but(fast)}, {phase}; in units "
+        f"of eps h n^(1/2) the energy's is at most {number(worst['in units'])} ({worst['label']})"
     )
     if len(left):
         text += f"; {len(left)} have none here: {listed(list(left['label']), 4)}"
