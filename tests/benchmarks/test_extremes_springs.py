@@ -62,6 +62,10 @@ def test_resonances_are_judged_by_lines_and_by_chance():
     aside = judged(on, table("b", lambda i, j: i + j == 2 * NODES - 5))
     assert not aside.holds
     assert "not so b" in aside.text
+    mixed = table("d", lambda i, j: i + j == 2 * NODES or (i + j == 2 * NODES - 5 and i < 12))
+    found = springs_page.found(mixed).iloc[0]
+    assert springs_page.TIMES * found["on lines"] < found["crests on lines"] / found["crests"] < springs_page.MOST
+    assert not judged(mixed).holds
     assert judged(none) is None
     found = springs_page.found(on).iloc[0]
     assert found["crests"] == found["crests on lines"] > 15
