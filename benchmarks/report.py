@@ -25,6 +25,7 @@ from phasebench.benchmarks.experiments.extremes.encounters_page import PAGE as E
 from phasebench.benchmarks.experiments.extremes.limits_page import PAGE as EXTREMES_LIMITS
 from phasebench.benchmarks.experiments.extremes.page import PAGE as EXTREMES
 from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EXTREMES_ROUND_OFF
+from phasebench.benchmarks.experiments.extremes.springs_page import PAGE as EXTREMES_SPRINGS
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
 from phasebench.benchmarks.experiments.knobs.page import PAGE as KNOBS
@@ -71,6 +72,7 @@ PAGES: tuple[Page, ...] = (
     EXTREMES_LIMITS,
     EXTREMES_ROUND_OFF,
     EXTREMES_ENCOUNTERS,
+    EXTREMES_SPRINGS,
     KEPLER,
     WISDOM_HOLMAN,
     OSCILLATORY,

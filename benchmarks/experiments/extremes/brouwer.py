@@ -16,12 +16,14 @@ VIII.5.
 
 from __future__ import annotations
 
+import math
+
 import mpmath
 import numpy as np
 
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
-from phasebench.integrators.driver import integrate
+from phasebench.integrators.ensemble import integrate_ensemble
 
 from . import brouwer_controls as controls
 from . import exact_maps
@@ -39,8 +41,10 @@ THIRD, BESIDE = "1/3", "0.3333333333"
 #: What a run is of.
 USUAL, FRACTION, ASIDE_OF, HAND = "usual", "fraction", "beside a fraction", "by hand"
 UNBIASED = (USUAL, ASIDE_OF)
-DIGITS = 40
+DIGITS, PLACES = 50, 160
 EPS = 2.0**-53
+#: A mean square error below this is none.
+TINY = 1e-40
 MOST, MANY, SOME, FEW = 10_240_000, 5_120_000, 1_024_000, 512_000
 #: (method, parameters, h, steps of a run): as many as take a few seconds; one of each family whose step is a symplectic
 #: matrix, then the fractions of small denominators and what is beside them.
@@ -65,8 +69,8 @@ RUNS = (
     ("scheme-i", {"lam": BESIDE}, PLAIN, SOME),
     ("gauss-2", {}, TENTH, FEW),
     ("gauss-2", {}, TENTH * ASIDE, FEW),
-    (controls.HALF, {}, DECIMAL, MANY),
-    (controls.WHOLE, {}, DECIMAL, MANY),
+    (controls.HALF, {}, DECIMAL, 2 * SOME),
+    (controls.WHOLE, {}, DECIMAL, 2 * SOME),
     (CONTROL, {}, PLAIN, MANY),
 )
 #: The steps of the one long run.
@@ -92,7 +96,7 @@ def _cell(id: str, values: dict, h: float, steps: int) -> Cell:
         Problem(PROBLEM),
         code=[__name__, exact_maps.__name__, controls.__name__],
     )
-    key = {"label": _label(id, values), "h": h, "steps": steps}
+    key = {"label": label(id, values), "h": h, "steps": steps}
     return Cell("extremes", TABLES, key, measured, (id, values, h, steps), needs, frozenset({id}))
 
 
@@ -100,7 +104,8 @@ def _method(id: str) -> str:
     return "stormer-verlet" if id in controls.KINDS else id
 
 
-def _label(id: str, values: dict) -> str:
+def label(id: str, values: dict) -> str:
+    """A method with its parameters."""
     return f"{id}({', '.join(f'{k}={v}' for k, v in values.items())})" if values else id
 
 
@@ -114,70 +119,99 @@ def _kind(id: str, values: dict, h: float) -> str:
 
 
 def errors(M, n, Q, P) -> tuple[np.ndarray, np.ndarray]:
-    """(relative error of |w|^2, error of the phase) at step numbers n of a run; its first state is the start."""
+    """(relative errors of |w|^2, errors of the phase) at step numbers n of runs that begin with their first column.
+
+    Doubles are integers times 2^-`PLACES`, and so is all that is made of them here: nothing is rounded but M and theta.
+
+    Parameters
+    ----------
+    M : matrix of a step, in the working precision
+    n : m step numbers
+    Q, P : arrays (..., m)
+
+    Returns
+    -------
+    tuple
+        Two arrays (..., m)
+    """
     cosine = (M[0, 0] + M[1, 1]) / 2
     turn = mpmath.mpc(cosine, mpmath.sqrt(1 - cosine**2))
-    w = [M[1, 0] * mpmath.mpf(float(q)) + (turn - M[0, 0]) * mpmath.mpf(float(p)) for q, p in zip(Q, P, strict=True)]
-    theta = mpmath.arg(turn)
-    energy = [float(abs(x) ** 2 / abs(w[0]) ** 2 - 1) for x in w]
-    phase = [float(mpmath.arg(x / w[0] * mpmath.expj(-theta * int(k)))) for k, x in zip(n, w, strict=True)]
-    return np.array(energy), np.array(phase)
+    theta, by_p = mpmath.arg(turn), turn - M[0, 0]
+    back = [mpmath.expj(-theta * int(k)) for k in n]
+    Q, P = _integers(np.asarray(Q, float)), _integers(np.asarray(P, float))
+    x, y = _integer(M[1, 0]) * Q + _integer(by_p.real) * P, _integer(by_p.imag) * P
+    first_x, first_y = x[..., :1], y[..., :1]
+    first = first_x * first_x + first_y * first_y
+    energy = (x * x + y * y - first) / first
+    c, s = (np.array([_integer(part(z)) for z in back], dtype=object) for part in (mpmath.re, mpmath.im))
+    along, across = x * first_x + y * first_y, y * first_x - x * first_y
+    whole = first << PLACES
+    phase = np.arctan2(*(((a * c + b * s) / whole).astype(float) for a, b in ((across, along), (along, -across))))
+    return energy.astype(float), phase
 
 
-def _starts(count: int) -> np.ndarray:
+def _integer(x) -> int:
+    """2^`PLACES` x, rounded."""
+    return int(mpmath.nint(mpmath.ldexp(x, PLACES)))
+
+
+#: 2^`PLACES` x of an array of doubles, exact where none is below 2^-100 and not 0.
+_integers = np.frompyfunc(lambda x: int(math.ldexp(x, PLACES)), 1, 1)
+
+
+def starts_of(count: int) -> np.ndarray:
     """Starts, an array (count, 2): any angle, amplitudes from 1/2 to 3/2."""
     generator = np.random.default_rng(SEED)
     angle, size = generator.uniform(0, 2 * np.pi, count), generator.uniform(0.5, 1.5, count)
     return np.column_stack([size * np.cos(angle), size * np.sin(angle)])
 
 
-def _run(id: str, values: dict, h: float):
-    """(q, p, steps) -> rows of states."""
+def runs(id: str, values: dict, h: float, steps: int, starts, rows: int = ROWS) -> tuple[np.ndarray, np.ndarray]:
+    """(Q, P), arrays (starts, rows + 1), of runs from all starts; in lanes where the method has them."""
     if id in controls.KINDS:
-        return controls.runner(id, h, ROWS)
-    made = problem(PROBLEM)
-
-    def run(q: float, p: float, steps: int):
-        s = integrate(made, id, parameters=values, h=h, steps=steps, q0=(q,), p0=(p,), save_every=steps // ROWS)
-        return s.q[:, 0], s.p[:, 0]
-
-    return run
+        run = controls.runner(id, h, rows)
+        Q, P = zip(*(run(q, p, steps) for q, p in starts), strict=True)
+        return np.array(Q), np.array(P)
+    options = {"h": h, "steps": steps, "parameters": values, "save_every": steps // rows, "threads": 1}
+    made = integrate_ensemble(problem(PROBLEM), id, starts[:, :1], starts[:, 1:], **options)
+    return made.Q[:, :, 0], made.P[:, :, 0]
 
 
 def measured(id: str, values: dict, h: float, steps: int) -> Rows:
     """The row of a method, and the rms errors of all starts over the number of steps."""
     rows = [0, *(ROWS // 2**k for k in range(9, -1, -1))]
     n = np.array(rows) * (steps // ROWS)
-    run, starts = _run(id, values, h), _starts(STARTS if steps < LONG else 1)
+    starts = starts_of(STARTS if steps < LONG else 1)
+    Q, P = runs(id, values, h, steps, starts)
     with mpmath.workdps(DIGITS):
-        M = exact_matrix(_method(id), values, h)
-        found = []
-        for q, p in starts:
-            Q, P = run(q, p, steps)
-            found.append(errors(M, n, Q[rows], P[rows]))
-    energy, phase = (np.array([f[k] for f in found])[:, 1:] for k in (0, 1))
-    label = _label(id, values)
-    unit = EPS * h * np.sqrt(n[-1])
-    row = {
-        "label": label,
-        "h": h,
-        "steps": steps,
-        "kind": _kind(id, values, h),
-        "starts": len(starts),
-        "energy rms": float(np.sqrt((energy[:, -1] ** 2).mean())),
-        "phase rms": float(np.sqrt((phase[:, -1] ** 2).mean())),
-        "in units": float(np.sqrt((energy[:, -1] ** 2).mean()) / unit),
-    }
-    if len(starts) > 1:
-        mean, error = energy[:, -1].mean(), energy[:, -1].std(ddof=1) / np.sqrt(len(starts))
-        row |= {"bias per step": float(mean / n[-1]), "bias in its errors": float(mean / error)}
-        for name, values_ in (("energy", energy), ("phase", phase)):
-            row |= dict(zip((f"{name} exponent", f"{name} low", f"{name} high"), growth(n[1:], values_), strict=True))
-    curves = [
-        {"label": label, "h": h, "steps": steps, "n": int(k), "energy": float(e), "phase": float(f)}
-        for k, e, f in zip(n[1:], np.sqrt((energy**2).mean(0)), np.sqrt((phase**2).mean(0)), strict=True)
-    ]
-    return {TABLES[0]: [row], TABLES[1]: curves}
+        found = errors(exact_matrix(_method(id), values, h), n, Q[:, rows], P[:, rows])
+    energy, phase = (x[:, 1:] for x in found)
+    row = {"label": label(id, values), "h": h, "steps": steps, "kind": _kind(id, values, h)}
+    row |= summary(n[1:], h, energy, phase)
+    return {TABLES[0]: [row], TABLES[1]: curves(row, n[1:], energy, phase)}
+
+
+def summary(n, h: float, energy, phase=None) -> dict:
+    """What a row says of the errors (starts, m) at step numbers n; ``phase`` where it is known."""
+    rms = float(np.sqrt((energy[:, -1] ** 2).mean()))
+    row = {"starts": len(energy), "energy rms": rms}
+    if phase is not None:
+        row["phase rms"] = float(np.sqrt((phase[:, -1] ** 2).mean()))
+    row["in units"] = rms / float(EPS * h * np.sqrt(n[-1]))
+    if len(energy) > 1:
+        mean, error = energy[:, -1].mean(), energy[:, -1].std(ddof=1) / np.sqrt(len(energy))
+        row |= {"bias per step": float(mean / n[-1]), "bias in its errors": float(mean / error) if error else 0.0}
+        for name, values in (("energy", energy), ("phase", phase)):
+            if values is not None and values.any():
+                row |= dict(zip((f"{name} exponent", f"{name} low", f"{name} high"), growth(n, values), strict=True))
+    return row
+
+
+def curves(row: dict, n, energy, phase) -> list[dict]:
+    """The rms errors over the number of steps, as rows of the run that ``row`` is of."""
+    key = {name: row[name] for name in ("label", "h", "steps")}
+    each = zip(n, np.sqrt((energy**2).mean(0)), np.sqrt((phase**2).mean(0)), strict=True)
+    return [key | {"n": int(k), "energy": float(e), "phase": float(f)} for k, e, f in each]
 
 
 def growth(n, errors_) -> tuple[float, float, float]:
@@ -191,7 +225,8 @@ def growth(n, errors_) -> tuple[float, float, float]:
     x, generator = np.log(np.asarray(n[-FITTED:], float)), np.random.default_rng(SEED)
 
     def fit(sample) -> float:
-        return float(np.polyfit(x, 0.5 * np.log((sample[:, -FITTED:] ** 2).mean(axis=0)), 1)[0])
+        size = np.maximum((sample[:, -FITTED:] ** 2).mean(axis=0), TINY)
+        return float(np.polyfit(x, 0.5 * np.log(size), 1)[0])
 
     drawn = [fit(errors_[generator.integers(0, len(errors_), len(errors_))]) for _ in range(DRAWN)]
     return fit(errors_), *map(float, np.quantile(drawn, (0.025, 0.975)))

@@ -68,19 +68,6 @@ def measured() -> Rows:
             s = integrate(made, METHOD, h=H, steps=STEPS, q0=q0, p0=p0, save_every=every)
             found.append(errors(n, s.q[rows], s.p[rows], H))
     energy, phase = (np.array([f[k] for f in found])[:, 1:] for k in (0, 1))
-    row = {"label": LABEL, "h": H, "steps": STEPS, "kind": brouwer.USUAL, "starts": brouwer.STARTS}
-    row |= {
-        "energy rms": float(np.sqrt((energy[:, -1] ** 2).mean())),
-        "phase rms": float(np.sqrt((phase[:, -1] ** 2).mean())),
-    }
-    mean, error = energy[:, -1].mean(), energy[:, -1].std(ddof=1) / np.sqrt(len(energy))
-    row |= {"bias per step": float(mean / STEPS), "bias in its errors": float(mean / error)}
-    for name, values in (("energy", energy), ("phase", phase)):
-        row |= dict(
-            zip((f"{name} exponent", f"{name} low", f"{name} high"), brouwer.growth(n[1:], values), strict=True)
-        )
-    curves = [
-        {"label": LABEL, "h": H, "steps": STEPS, "n": int(k), "energy": float(x), "phase": float(y)}
-        for k, x, y in zip(n[1:], np.sqrt((energy**2).mean(0)), np.sqrt((phase**2).mean(0)), strict=True)
-    ]
-    return {brouwer.TABLES[0]: [row], brouwer.TABLES[1]: curves}
+    row = {"label": LABEL, "h": H, "steps": STEPS, "kind": brouwer.USUAL} | brouwer.summary(n[1:], H, energy, phase)
+    del row["in units"]  # of the oscillator's rounding
+    return {brouwer.TABLES[0]: [row], brouwer.TABLES[1]: brouwer.curves(row, n[1:], energy, phase)}

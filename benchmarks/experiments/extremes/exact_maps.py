@@ -7,13 +7,33 @@ and does not grow, and the phase gains a part linear in time.
 from __future__ import annotations
 
 import mpmath
+import sympy as sp
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.coefficients.tableaus import runge_kutta
-from phasebench.integrators.registry import method
+from phasebench.integrators.registry import BY_ID, method
+from phasebench.integrators.systems import generating
 
 #: Methods of no coefficients that are another method on the oscillator, where gradients are linear.
-SAME = {"avf": "implicit-midpoint"}
+SAME = dict.fromkeys(
+    (
+        *("avf", "gonzalez", "pavf", "pavf-adjoint", "pavf-p", "itoh-abe"),
+        *("variational-midpoint", "imex", "implicit-midpoint-symmetric-projection"),
+    ),
+    "implicit-midpoint",
+)
+SAME |= {f"hbvm-{2 * s}-{s}": f"gauss-{s}" for s in (1, 2, 3, 4)} | {f"cpg-{s}": f"gauss-{s}" for s in (1, 2, 3, 4)}
+SAME |= {f"{id}-yoshida-4": "implicit-midpoint-yoshida-4" for id in ("avf", "gonzalez")}
+SAME |= {"avf-suzuki-4": "implicit-midpoint-suzuki-4", "variational-trapezoidal": "stormer-verlet"}
+SAME |= {f"variational-gauss-{s}": f"gauss-{s}" for s in (2, 3)}
+SAME |= {f"variational-lobatto-{s}": f"lobatto-iiia-iiib-{s}" for s in (3, 4)}
+#: Methods of a family below whose matrix is another one.
+OTHERS = ("r-respa",)
+
+
+def known(id: str) -> bool:
+    """Whether the matrix of a method is known here."""
+    return id not in OTHERS and BY_ID[SAME.get(id, id)].family in BY_FAMILY
 
 
 def exact_matrix(id: str, values: dict, h: float):
@@ -27,13 +47,27 @@ def _number(x):
 
 
 def _parametric(data, h):
+    order, substeps = data
     one, total = mpmath.mpf(1), mpmath.eye(2)
-    for c, mu, lam in data[1]:
+    for c, mu, lam in substeps:
         z, mu, lam = h * _number(c), _number(mu), _number(lam)
-        left = mpmath.matrix([[one, -z * lam], [z * mu, one]])
-        right = mpmath.matrix([[one, z * (one - lam)], [-z * (one - mu), one]])
+        a, b, d = (z * x for x in _generating(order, z, lam))
+        # K's gradient at (mu q1 + (1 - mu) q0, lam p1 + (1 - lam) p0)
+        left = mpmath.matrix([[one - b * mu, -d * lam], [a * mu, one + b * lam]])
+        right = mpmath.matrix([[one + b * (one - mu), d * (one - lam)], [-a * (one - mu), one - b * (one - lam)]])
         total = left**-1 * right * total
     return total
+
+
+def _generating(order: int, h, lam) -> list:
+    """The second derivatives by qq, qp and pp of the generating function of the oscillator, H for order 1."""
+    if order == 1:
+        return [mpmath.mpf(1), mpmath.mpf(0), mpmath.mpf(1)]
+    q, p = sp.symbols("q p", real=True)
+    K = generating.coefficients((q**2 + p**2) / 2, (q,), (p,), order)
+    second = [[sp.diff(k, x, y) for k in K] for x, y in ((q, q), (q, p), (p, p))]
+    of_lam = [[sp.lambdify(generating.LAMBDA, k, "mpmath")(lam) for k in each] for each in second]
+    return [mpmath.fsum(k * h**i for i, k in enumerate(each)) for each in of_lam]
 
 
 def _splitting(data, h):

@@ -123,7 +123,8 @@ PAGE = Page(
     table=table,
     whole=whole,
     limits=(
-        "Pages of their own: [limits beside those that are known](extremes-limits.md), [three bodies and a zoom-whirl orbit](extremes-encounters.md).",
+        "Pages of their own: [limits beside those that are known](extremes-limits.md), [three bodies and a zoom-whirl orbit](extremes-encounters.md), "
+        "[step-size resonances of FPU](extremes-springs.md).",
         "A gap in which the trace exceeds 2 by less than 1e-10 counts as a touch; beyond h ω = 10 intervals narrower than "
         "0.25 may be missed.",
         "Survival is not monotone in h: the largest step is the end of the first interval that doublings see.",

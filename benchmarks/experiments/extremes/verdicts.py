@@ -125,6 +125,33 @@ def brouwers_law(table: pd.DataFrame) -> Verdict | None:
     return Verdict(text, holds, said)
 
 
+@of("extremes_growth_every")
+def every_method(table: pd.DataFrame) -> Verdict | None:
+    """Of how many of our methods round-off grows no faster than Brouwer's law has it, and which have no ensemble."""
+    reasons = table["reason"].fillna("")
+    run, left = table[reasons == ""], table[reasons != ""]
+    if run.empty:
+        return None
+    fitted = run[run["energy exponent"].notna()]
+    fast, late = fitted[_faster(fitted)], fitted[fitted["phase low"] > PHASE + ABOVE]
+    large = run[run["in units"] > UNITS]
+    told, worst = int(run["phase exponent"].notna().sum()), run.loc[run["in units"].idxmax()]
+    said = f"{len(run) - len(fast)} of {len(run)} methods at h = {run['h'].iloc[0]:.3g}"
+    whose = f"Every symplectic or energy-preserving method, {int(run['starts'].min())} starts"
+    phase = f"the phase's than n^{PHASE:g} in {told - len(late)} of {told}{_but(late)}"
+    text = (
+        f"{whose}: the energy's round-off grows no faster than n^{ENERGY:g} in {said}{_but(fast)}, {phase}; in units "
+        f"of eps h n^(1/2) the energy's is at most {number(worst['in units'])} ({worst['label']})"
+    )
+    if len(left):
+        text += f"; {len(left)} have none here: {listed(list(left['label']), 4)}"
+    return Verdict(f"{text}.", fast.empty and late.empty and large.empty, f"Round-off grows by the law in {said}.")
+
+
+def _but(rows: pd.DataFrame) -> str:
+    return f" (not {listed(list(rows['label']), 6)})" if len(rows) else ""
+
+
 def _faster(rows: pd.DataFrame) -> pd.Series:
     return rows["energy low"] > ENERGY + ABOVE
 

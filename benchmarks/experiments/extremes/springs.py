@@ -1,0 +1,153 @@
+r"""Step-size resonances of the Fermi-Pasta-Ulam problem with two stiff springs, over (h omega_1, h omega_2).
+
+On a spring alone a step turns by an angle :math:`\theta(h\omega)`, 2 cos(theta) = tr M; the soft springs couple the
+turning ones, and a linear combination that comes round,
+
+.. math::
+    k_1\theta_1 + k_2\theta_2 = 2\pi n,\qquad n \ne 0,
+
+adds up in step after step.  With n = 0 springs exchange energy in the problem itself.  The angles of the grid are
+multiples of pi / `NODES`, which are met exactly by the lines of low order :math:`|k_1| + |k_2|`: strips are narrow.
+
+What changes is told in the energy that the step itself keeps between resonances, in which a spring has the part
+:math:`J\theta/h`, J its action: the area of the ellipse that M keeps, over 2 pi.  Means over `WINDOWS` parts of a run
+leave out what only oscillates.
+
+Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), XIII.2 (h = 0.02 there) and XIII.9; M.
+Mandziuk, T. Schlick, Chem. Phys. Lett. 237 (1995) 525-535 (h omega = sqrt 2 and sqrt 3 of Stormer-Verlet).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import sympy as sp
+
+from phasebench.benchmarks.measure import oscillator
+from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.problems.fpu import formula
+from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.integrators.engine.kernel import prepare
+from phasebench.integrators.prepared import lay_out
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
+from .methods import record
+
+H, WINDOWS = 0.02, 8
+#: The largest h omega, the least angle in nodes, the points of the curve theta(h omega).
+LAST, LEAST, POINTS = 6.2, 4, 2400
+#: (method, nodes in pi, steps of a run)
+RUNS = (
+    ("stormer-verlet", 48, 3000),
+    ("blanes-moan-s6", 48, 3000),
+    ("deuflhard", 36, 3000),
+    ("mollified-impulse", 36, 3000),
+    ("scheme-i", 36, 1600),
+    ("gauss-2", 36, 800),
+)
+NODES = {id: nodes for id, nodes, _ in RUNS}
+#: Positions and momenta of the soft springs; each stiff one begins with the energy 1.
+SOFT_Q, SOFT_P = (1.0, 0.3), (1.0, -0.2)
+TABLES = ("extremes_springs",)
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for each method."""
+    return [] if quick else [_cell(*run) for run in RUNS]
+
+
+def _cell(id: str, nodes: int, steps: int) -> Cell:
+    needs = content("springs", record(id), nodes, steps, Problem("fpu"), code=[__name__])
+    return Cell("extremes", TABLES, {"method": id}, measured, (id, nodes, steps), needs, frozenset({id, "fpu"}))
+
+
+class Turns:
+    """What a step does to a spring at some values z of h omega: its matrices, and the angles by which they turn."""
+
+    def __init__(self, id: str, z):
+        chosen = integrator(id)
+        found = [oscillator.matrix(chosen, float(x)) for x in z]
+        stable = [abs(np.trace(M)) < 2 + oscillator.SAME for M in found]
+        end = stable.index(False) if False in stable else len(stable)
+        self.z, self.matrices = np.asarray(z)[:end], found[:end]
+        angles = [np.arctan2(_sine(M), np.trace(M) / 2) for M in self.matrices]
+        self.angles = np.unwrap(np.array(angles) % (2 * np.pi))
+
+    def energy(self, k: int, x, p) -> np.ndarray:
+        """h J theta / z of the k-th spring at x = omega q and p: in units in which the exact one is (p^2 + x^2) / 2."""
+        M, s = self.matrices[k], _sine(self.matrices[k])
+        if abs(s) < 1e-6:  # half a turn: every ellipse is kept
+            action = (p**2 + x**2) / 2
+        else:
+            action = (M[0, 1] * p**2 + (M[0, 0] - M[1, 1]) * x * p - M[1, 0] * x**2) / (2 * s)
+        return action * self.angles[k] / self.z[k]
+
+
+def _sine(M) -> float:
+    """The sine of the angle by which M turns."""
+    return float(np.sqrt(max(0.0, 1 - (np.trace(M) / 2) ** 2)) * np.sign(M[0, 1] - M[1, 0]))
+
+
+def grid(id: str, nodes: int) -> np.ndarray:
+    """The values of h omega at which the angle is a multiple of pi / ``nodes``, up to `LAST` or where turning ends."""
+    curve = Turns(id, np.linspace(LAST / POINTS, LAST, POINTS))
+    angles = np.arange(LEAST, int(curve.angles[-1] / np.pi * nodes) + 1) * np.pi / nodes
+    return np.interp(angles, curve.angles, curve.z)
+
+
+class Springs:
+    """Runs of a method with any two frequencies, compiled once.
+
+    A method that knows the frequencies is told them; to any other they are coordinates at rest.
+    """
+
+    def __init__(self, id: str):
+        q, p, H_ = formula(1.0, 2)
+        w = sp.symbols("w1 w2", real=True)
+        self.told = record(id).family == "trigonometric"
+        if self.told:
+            self.system = Hamiltonian(q=q, p=p, H=H_, frequencies=[0, 0, 1, 1])
+        else:
+            stiff = sum((v**2 - 1) * x**2 / 2 for v, x in zip(w, q[2:], strict=True))
+            still = sp.symbols("v1 v2", real=True)
+            self.system = Hamiltonian(q=[*q, *w], p=[*p, *still], H=H_ + sp.expand_mul(stiff))
+        self.prepared = prepare(record(id), self.system)
+
+    def __call__(self, w, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """(q, p), arrays (4, steps + 1), for frequencies w; NaN where a step cannot be taken."""
+        q, p = [*SOFT_Q, *(1 / w)], [*SOFT_P, 1.0, 1.0]
+        if self.told:
+            self.system.frequencies = (sp.S.Zero, sp.S.Zero, *(sp.Rational(float(x)) for x in w))
+        else:
+            q, p = [*q, *w], [*p, 0.0, 0.0]
+        Q, P = (np.full((steps + 1, self.system.d), np.nan) for _ in "qp")
+        Q[0], P[0] = q, p
+        layout = lay_out(self.prepared, self.system.d, H, q, p)
+        with np.errstate(all="ignore"):
+            layout(Q[1:], P[1:], np.full((steps, 1), np.nan), 1)
+        return Q.T[:4].copy(), P.T[:4].copy()
+
+
+def drift(Q, P, fast) -> float:
+    """The largest change of a window's mean energy, in units of the energy; ``fast`` is that of the stiff springs."""
+    with np.errstate(all="ignore"):
+        squares = [s * s for s in (Q[0] - Q[2], Q[1] - Q[3] - Q[0] - Q[2], Q[1] + Q[3])]
+        energy = sum(s * s for s in squares) / 4 + (P[0] ** 2 + P[1] ** 2) / 2 + fast
+        size = len(energy) // WINDOWS
+        means = energy[: size * WINDOWS].reshape(WINDOWS, size).mean(axis=1)
+        change = float(np.abs(means - means[0]).max() / energy[0])
+    return change if np.isfinite(change) else np.inf
+
+
+def measured(id: str, nodes: int, steps: int) -> Rows:
+    """The rows of a method: a pair of frequencies each, the first the smaller one."""
+    run, turns, rows = Springs(id), Turns(id, grid(id, nodes)), []
+    for i in range(len(turns.z)):
+        for j in range(i, len(turns.z)):
+            w = turns.z[[i, j]] / H
+            Q, P = run(w, steps)
+            with np.errstate(all="ignore"):
+                fast = turns.energy(i, w[0] * Q[2], P[2]) + turns.energy(j, w[1] * Q[3], P[3])
+            row = {"method": id, "h omega 1": float(turns.z[i]), "h omega 2": float(turns.z[j])}
+            row |= {"node 1": LEAST + i, "node 2": LEAST + j, "nodes": nodes, "steps": steps}
+            rows.append(row | {"drift": drift(Q, P, fast)})
+    return {TABLES[0]: rows}

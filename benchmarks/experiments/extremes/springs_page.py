@@ -1,0 +1,194 @@
+"""Do step-size resonances lie where theory has them: the crests of the drift over two frequencies, and the lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks.experiments.extremes import springs
+from phasebench.benchmarks.page import style
+from phasebench.benchmarks.page.markdown import listed, number
+from phasebench.benchmarks.page.page import Page, Picture, Table, Verdict, of
+
+#: Lines up to this |k1| + |k2|, the distance in nodes within which a node is on one, and how a crest stands out: not
+#: below the next nodes on both sides, so many times those after them.
+ORDER, NEAR, HIGH = 4, 0.75, 5.0
+#: Of the crests of a method on lines at least, and how many times the share of all nodes.
+MOST, TIMES = 0.9, 1.5
+#: The largest drift that is told from a larger one.
+TOP = 10.0
+#: Lines that are drawn.
+DRAWN = 3
+
+
+def lines(order: int, last: float) -> list[tuple[int, int, int]]:
+    """(k1, k2, n) of the lines k1 x + k2 y = 2 n, n > 0, that pass through 0 < x, y <= ``last`` (angles in pi)."""
+    found = []
+    for k1 in range(order + 1):
+        for k2 in range(-order, order + 1):
+            if 0 < k1 + abs(k2) <= order and (k1 or k2 > 0):
+                ends = [k1 * x + k2 * y for x in (0, last) for y in (0, last)]
+                found += [(k1, k2, n) for n in range(-order, 2 * order) if n and min(ends) < 2 * n <= max(ends)]
+    return found
+
+
+def distance(x, y, order: int = ORDER):
+    """How far (x, y), angles in pi, is from the nearest line."""
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    all_ = [np.abs(a * x + b * y - 2 * n) / np.hypot(a, b) for a, b, n in lines(order, max(x.max(), y.max()) + 0.1)]
+    return np.min(all_, axis=0) if all_ else np.full(x.shape, np.inf)
+
+
+def square(rows: pd.DataFrame) -> np.ndarray:
+    """The drift over both nodes of a method's rows, an array (n, n): the springs may be exchanged."""
+    i, j = (rows[f"node {k}"].to_numpy(int) - rows["node 1"].min() for k in (1, 2))
+    out = np.full((j.max() + 1, j.max() + 1), np.nan)
+    out[i, j] = out[j, i] = rows["drift"].clip(upper=TOP)
+    return out
+
+
+def crests(drift: np.ndarray) -> np.ndarray:
+    """Which nodes are on a crest along a row, a column or a diagonal; an array as ``drift``."""
+    n = len(drift)
+    wide = np.pad(drift, 2, constant_values=np.inf)  # what leaves the grid is no crest
+
+    def at(a: int, b: int) -> np.ndarray:
+        return wide[2 + a : 2 + a + n, 2 + b : 2 + b + n]
+
+    out = np.zeros(drift.shape, bool)
+    for a, b in ((1, 0), (0, 1), (1, 1), (1, -1)):
+        next_ = np.maximum(at(a, b), at(-a, -b))
+        after = np.maximum(at(2 * a, 2 * b), at(-2 * a, -2 * b))
+        out |= (drift >= next_) & (drift >= HIGH * after)
+    return out
+
+
+def found(table: pd.DataFrame) -> pd.DataFrame:
+    """A row for each method: its nodes, its crests, the shares of both on lines, drifts."""
+    out = []
+    for method, rows in table.groupby("method", sort=False):
+        drift, nodes = square(rows), int(rows["nodes"].iloc[0])
+        angle = (rows["node 1"].min() + np.arange(len(drift))) / nodes
+        x, y = np.meshgrid(angle, angle, indexing="ij")
+        upper = x <= y
+        on, crest = (distance(x, y) <= NEAR / nodes)[upper], crests(drift)[upper]
+        best = int(np.argmax(np.where(crest, drift[upper], -1)))
+        row = {"method": method, "nodes": int(upper.sum()), "on lines": float(on.mean()), "crests": int(crest.sum())}
+        row |= {"crests on lines": int(on[crest].sum()), "median drift": float(np.median(drift[upper]))}
+        row |= {"highest crest": float(drift[upper][best]) if crest.any() else np.nan}
+        z = dict(zip(rows["node 2"], rows["h omega 2"], strict=True))
+        where = [z[round(c[upper][best] * nodes)] for c in (x, y)]
+        out.append(row | {"at": f"({where[0]:.3g}, {where[1]:.3g})" if crest.any() else ""})
+    return pd.DataFrame(out)
+
+
+@of("extremes_springs")
+def resonances(table: pd.DataFrame) -> Verdict | None:
+    """Whether the crests are on the lines of theory, as far more of them as of all nodes."""
+    rows = found(table)
+    some = rows[rows["crests"] > 0]
+    if some.empty:
+        return None
+    share = some["crests on lines"] / some["crests"]
+    off = some[(share < MOST) | (share < TIMES * some["on lines"])]
+    counts = [
+        f"{r['method']} {r['crests on lines']} of {r['crests']}, by chance {r['on lines']:.0%}"
+        for _, r in some.iterrows()
+    ]
+    said = f"{int(some['crests on lines'].sum())} of {int(some['crests'].sum())} crests of the drift lie on lines"
+    text = f"FPU with two stiff springs: {said} k1 theta1 + k2 theta2 = 2 pi n of order at most {ORDER} ({'; '.join(counts)})"
+    none = list(rows[rows["crests"] == 0]["method"])
+    if none:
+        text += f"; {listed(none, 3)} {'has' if len(none) == 1 else 'have'} none"
+    if len(off):
+        text += f"; not so {listed(list(off['method']), 3)}"
+    return Verdict(f"{text}.", off.empty, f"{said} of theory.")
+
+
+@style.drawn
+def draw(table: pd.DataFrame, folder) -> Picture:
+    """The drift over (h omega_1, h omega_2), and lines below the diagonal."""
+    methods = list(dict.fromkeys(table["method"]))
+    figure, panels = style.panels(2, -(-len(methods) // 2), 4.9)
+    for axes, id in zip(panels.flat, methods, strict=False):
+        rows = table[table["method"] == id]
+        last = rows.drop_duplicates("node 2").sort_values("node 2")
+        z, angle = last["h omega 2"].to_numpy(), (last["node 2"] / last["nodes"]).to_numpy()
+        drift = np.log10(square(rows))
+        axes.pcolormesh(
+            z, z, drift, cmap="Greys", vmin=np.nanquantile(drift, 0.3), vmax=np.nanmax(drift), shading="nearest"
+        )
+        _lines(axes, z, angle)
+        axes.set(title=id, xlim=(z[0], z[-1]), ylim=(z[0], z[-1]), aspect="equal")
+    for axes in panels[-1]:
+        axes.set_xlabel("h ω₁")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("h ω₂")
+    caption = (
+        "FPU with two stiff springs: the drift of the energy that a step keeps between resonances, the darker the larger "
+        f"(each method by itself, from its quantile 0.3 on); below the diagonal the lines of theory of order at most {DRAWN}."
+    )
+    return Picture(style.save(figure, folder, "extremes-springs.png"), "two stiff springs", caption)
+
+
+def _lines(axes, z, angle) -> None:
+    """The lines of theory below the diagonal; z and angle are those of the nodes."""
+    fine = np.linspace(angle[0], angle[-1], 400)
+    colours = {1: style.BLUE, 2: style.BLUE, 3: style.VERMILION, 4: style.GREEN}
+    for k1, k2, n in lines(DRAWN, angle[-1]):
+        x, y = (fine, (2 * n - k1 * fine) / k2) if k2 else (np.full(len(fine), 2 * n / k1), fine)
+        shown = (y <= x) & (y >= angle[0]) & (x <= angle[-1])
+        x, y = (np.interp(v[shown], angle, z) for v in (x, y))
+        axes.plot(x, y, color=colours[abs(k1) + abs(k2)], linewidth=0.7, linestyle=(0, (4, 3)))
+
+
+@of("extremes_springs")
+def table(rows: pd.DataFrame) -> Table:
+    """A row for each method."""
+    shown = found(rows)
+    shown["on lines"] = shown["on lines"].map("{:.0%}".format)
+    shown["highest crest"] = shown["highest crest"].map(lambda x: "" if pd.isna(x) else number(x, 2))
+    caption = (
+        f"Nodes of the grid and the share of them on lines; crests, at least {HIGH:g} times as high as two nodes aside; "
+        f"the median drift, and the highest crest with its (h ω₁, h ω₂), of the energy ({TOP:g}: as much, or more)."
+    )
+    return Table(shown, caption)
+
+
+@of("extremes_springs")
+def whole(rows: pd.DataFrame) -> pd.DataFrame:
+    """Every node."""
+    return rows
+
+
+@of("extremes_springs")
+def figures(rows: pd.DataFrame, folder) -> list[Picture]:
+    """The one figure."""
+    return [draw(rows, folder)]
+
+
+PAGE = Page(
+    id="extremes-springs",
+    question="Do step-size resonances lie where theory has them?",
+    tables=("extremes_springs",),
+    setting=(
+        "[FPU](problems.md) with two stiff springs of frequencies ω₁ and ω₂, each with the energy 1 at first: "
+        f"H = |p|² / 2 + (ω₁² q₁₁² + ω₂² q₁₂²) / 2 + quartic soft springs, h = {springs.H:g}.",
+        "On a spring alone a step turns by θ(h ω), 2 cos θ = tr M; what comes round, k₁ θ₁ + k₂ θ₂ = 2πn, n ≠ 0, adds up from step to step.",
+        f"Grid: θ at multiples of π / N, N = {' or '.join(map(str, sorted({*springs.NODES.values()})))}, which lines of low order meet exactly; h ω up to {springs.LAST:g} or the stability limit.",
+        f"Drift: the largest change of the mean energy over {springs.WINDOWS} windows, the springs' part as J θ / h with the action J that M keeps; n = 0 is the problem's own exchange, and keeps it.",
+        f"A crest is at least {HIGH:g} times as high as the nodes two aside, along a row, a column or a diagonal; it is on a line within {NEAR:g} of a node.",
+    ),
+    verdicts=(resonances,),
+    figures=figures,
+    table=table,
+    whole=whole,
+    limits=(
+        "Nodes are on lines of low order exactly: a narrow resonance of a higher order that meets no node is not seen.",
+        "The slow motion shifts and splits a resonance by h times its frequency, here less than a node.",
+        f"Held: at least {MOST:.0%} of a method's crests are on lines, {TIMES:g} times the share of its nodes; no crest at all is no resonance seen over so many steps.",
+        "Where the drift of a method is high everywhere, as of order 1, weak resonances drown in it.",
+    ),
+    command="pytest benchmarks/experiments/extremes",
+    listed=False,
+)

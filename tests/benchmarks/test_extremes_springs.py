@@ -1,0 +1,114 @@
+"""Step-size resonances of two stiff springs: the lines, the crests, the energy that a step keeps, the runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from phasebench.benchmarks.experiments.extremes import springs, springs_page
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators.driver import integrate
+
+NODES = 36
+
+
+def test_lines_pass_where_a_combination_comes_round():
+    found = springs_page.lines(2, 2.0)
+    assert {(1, 0, 1), (0, 1, 1), (1, 1, 1), (2, 0, 1), (0, 2, 1)} <= {*found}
+    assert not [line for line in springs_page.lines(2, 0.9) if line[0] + abs(line[1]) < 2 or line[2] == 0]
+    x, y = np.array([0.5, 1.0, 0.3]), np.array([1.5, 0.2, 0.3])
+    assert springs_page.distance(x, y, 2) == pytest.approx([0, 0, 0.7])
+    assert springs_page.distance(x, y, 4)[2] == pytest.approx(0.2)
+
+
+def test_a_crest_stands_out_to_both_sides():
+    flat = np.ones((9, 9))
+    assert not springs_page.crests(flat).any()
+    ridge = flat.copy()
+    ridge[4] = 2 * springs_page.HIGH
+    found = springs_page.crests(ridge)
+    assert found[4].all()
+    assert found.sum() == 9
+    step = flat.copy()
+    step[4:] = 100.0
+    assert not springs_page.crests(step).any()
+    at_the_edge = flat.copy()
+    at_the_edge[0] = 100.0
+    assert not springs_page.crests(at_the_edge).any()
+
+
+def table(method: str, high) -> pd.DataFrame:
+    """Drifts of 1e-6, and of 1e-3 where ``high(x, y)`` in nodes."""
+    rows = [
+        {"method": method, "node 1": i, "node 2": j, "h omega 2": j / 10, "nodes": NODES}
+        | {"drift": 1e-3 if high(i, j) else 1e-6}
+        for i in range(4, 70)
+        for j in range(i, 70)
+    ]
+    return pd.DataFrame(rows)
+
+
+def judged(*tables):
+    return springs_page.resonances(lambda name: pd.concat(tables))
+
+
+def test_resonances_are_judged_by_lines_and_by_chance():
+    on = table("a", lambda i, j: i + j == 2 * NODES)
+    none = table("c", lambda i, j: False)
+    good = judged(on, none)
+    assert good.holds
+    assert "c has none" in good.text
+    aside = judged(on, table("b", lambda i, j: i + j == 2 * NODES - 5))
+    assert not aside.holds
+    assert "not so b" in aside.text
+    mixed = table("d", lambda i, j: i + j == 2 * NODES or (i + j == 2 * NODES - 5 and i < 12))
+    found = springs_page.found(mixed).iloc[0]
+    assert springs_page.TIMES * found["on lines"] < found["crests on lines"] / found["crests"] < springs_page.MOST
+    assert not judged(mixed).holds
+    assert judged(none) is None
+    found = springs_page.found(on).iloc[0]
+    assert found["crests"] == found["crests on lines"] > 15
+    assert found["at"] == "(0.5, 6.7)"
+
+
+def test_a_spring_alone_keeps_the_energy_of_its_step_and_not_its_own():
+    turns = springs.Turns("stormer-verlet", [0.5, 1.5, 2.5])
+    assert len(turns.z) == 2
+    assert turns.angles == pytest.approx(2 * np.arcsin([0.25, 0.75]))
+    orbit = np.array([np.linalg.matrix_power(turns.matrices[1], n) @ [1.0, 0.3] for n in range(50)]).T
+    kept = turns.energy(1, *orbit)
+    assert np.ptp(kept) < 1e-13
+    assert np.ptp((orbit**2).sum(axis=0)) > 0.1
+    exact = springs.Turns("deuflhard", [np.pi, 4.0])
+    assert exact.angles == pytest.approx([np.pi, 4.0])
+    assert exact.energy(1, 1.0, 2.0) == pytest.approx(2.5)
+    assert exact.energy(0, 1.0, 2.0) == pytest.approx(2.5)
+
+
+def test_the_grid_is_at_multiples_of_the_angle():
+    z = springs.grid("stormer-verlet", NODES)[:-2]
+    assert np.allclose(z, 2 * np.sin(np.pi * np.arange(springs.LEAST, NODES) / NODES / 2)[: len(z)], atol=1e-4)
+    assert len(z) > NODES - springs.LEAST - 5
+
+
+@pytest.mark.parametrize("id", ["stormer-verlet", "deuflhard"])
+def test_springs_of_any_frequency_are_those_of_the_problem(id):
+    made = problem("fpu", omega=40.0, m=2)
+    q0, p0 = [*springs.SOFT_Q, 1 / 40, 1 / 40], [*springs.SOFT_P, 1.0, 1.0]
+    known = integrate(made, id, h=springs.H, steps=30, q0=q0, p0=p0)
+    Q, P = springs.Springs(id)(np.array([40.0, 40.0]), 30)
+    assert np.allclose(Q, known.q.T, rtol=0, atol=1e-13)
+    assert np.allclose(P, known.p.T, rtol=0, atol=1e-12)
+
+
+def test_the_impulse_method_drifts_where_two_springs_come_round():
+    run, z = springs.Springs("deuflhard"), np.array([2.0, 2 * np.pi - 2.0])
+    drifts = []
+    for at in (z, z + 0.3):
+        turns = springs.Turns("deuflhard", at)
+        Q, P = run(at / springs.H, 1500)
+        fast = sum(turns.energy(k, at[k] / springs.H * Q[2 + k], P[2 + k]) for k in (0, 1))
+        drifts.append(springs.drift(Q, P, fast))
+    assert drifts[0] > 100 * drifts[1]
+    assert springs.drift(Q * np.nan, P, fast) == np.inf
