@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
-
 import mpmath
 import numpy as np
 import pytest
@@ -124,8 +122,8 @@ def test_where_lanes_do_not_serve_nodes_stand_one_by_one():
 
 def general(system) -> Hamiltonian:
     """The system as one of which both increments are the unknown."""
-    other = copy(system)
-    other.quadratic_kinetic, other.key = False, ""
+    other = Hamiltonian(q=system.q, p=system.p, H=system.H)
+    other.quadratic_kinetic = False
     return other
 
 
