@@ -42,6 +42,8 @@ from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.engine.vector import jit, load, store
 from phasebench.integrators.errors import InvalidInput
 
+from . import planet_pairs
+
 
 class WisdomHolman(NamedTuple):
     """The kernel's step; rows of ``substeps`` and ``corrector`` are (drift along A, kick by B), fractions of h.
@@ -255,15 +257,21 @@ def prepare(method, system, arithmetic):
     drifts, kicks, order = method.data
     rows = [[a, b] for a, b in zip(drifts, (*kicks, 0), strict=True)]
     change = part.matrix
+    tables = {
+        "substeps": array(rows, arithmetic),
+        "corrector": array(_substeps(corrector(order)), arithmetic),
+        "series": array(kepler_flow.constants(arithmetic), arithmetic),
+    }
+    in_lanes = planet_pairs.prepare(part, system, tables) if arithmetic == DOUBLE else None
+    if in_lanes is not None:
+        return in_lanes
     step = WisdomHolman(
         dB=part.interaction(system, arithmetic),
-        substeps=array(rows, arithmetic),
-        corrector=array(_substeps(corrector(order)), arithmetic),
         dimension=part.dimension,
         masses=numbers(part.masses, arithmetic),
         mu=numbers(part.mu, arithmetic),
         change=array(change.tolist(), arithmetic),
         back=array(change.inv().tolist(), arithmetic),
-        series=array(kepler_flow.constants(arithmetic), arithmetic),
+        **tables,
     )
     return Prepared(run, step, system.d, 1, implicit=False)
