@@ -35,7 +35,7 @@ REACH = 1.7
 LARGEST, EVALUATIONS = 9.8, 4
 #: The error that remains in s, which has a trend, is below so much of its round-off.
 SMALL = 2.0**-14
-#: The rows of the memory that `increments` needs.
+#: The rows of the memory that `motion` needs.
 ROWS = 5
 
 
