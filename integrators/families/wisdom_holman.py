@@ -7,7 +7,8 @@ In the variables :math:`Q = C q, P = C^{-T} p` (for N bodies Jacobi's),
 
 A step is a row of drifts along A and kicks by B, the last drift without a kick.  The last drift of a step and the first
 of the next are one; a stored row is finished on a copy, so that rows change nothing of the trajectory.  Q, P are kept
-between pieces of a run, and converted for rows.
+between pieces of a run, and converted for rows.  Of several bodies in space whose potential is a sum of inverse
+distances `planet_lanes` takes the same steps, side by side.
 
 A symplectic corrector K is applied once at the start and undone on every row.  To first order in B the step
 :math:`e^{hA/2}e^{hB}e^{hA/2}` has every kick in its middle; with :math:`B(t) = e^{t\,\mathrm{ad}_A} B` and
