@@ -34,6 +34,21 @@ def compiler() -> str | None:
     return None
 
 
+def loaded(text: str) -> ctypes.CDLL:
+    """The functions of a C text, compiled; raises RuntimeError without a C compiler or where it rejects the text."""
+    cc = compiler()
+    if cc is None:
+        raise RuntimeError("no C compiler: install gcc or set CC")
+    with tempfile.TemporaryDirectory() as folder:
+        source, library = Path(folder) / "loop.c", Path(folder) / "loop.so"
+        source.write_text(text)
+        command = [cc, "-O3", "-march=native", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode:
+            raise RuntimeError(f"{cc} failed: {done.stderr.strip()}")
+        return ctypes.CDLL(str(library))
+
+
 def _statements(system) -> tuple[list[str], list[str]]:
     """C statements of the gradient of V and the components' expressions."""
     text = printing.source("f", [("q", system.q)], [[sp.diff(system.potential, x) for x in system.q]], DOUBLE)
@@ -77,20 +92,10 @@ class Loop:
     """The compiled loop of a problem; raises RuntimeError without a C compiler or where it rejects the source."""
 
     def __init__(self, problem):
-        cc = compiler()
-        if cc is None:
-            raise RuntimeError("no C compiler: install gcc or set CC")
         if not getattr(problem.system, "unit_mass", False):
             raise RuntimeError("the C loop is written for a separable H with unit masses")
         self.problem = problem
-        with tempfile.TemporaryDirectory() as folder:
-            text, library = Path(folder) / "loop.c", Path(folder) / "loop.so"
-            text.write_text(source(problem.system))
-            command = [cc, "-O3", "-march=native", "-shared", "-fPIC", str(text), "-o", str(library), "-lm"]
-            done = subprocess.run(command, capture_output=True, text=True)
-            if done.returncode:
-                raise RuntimeError(f"{cc} failed: {done.stderr.strip()}")
-            self._leapfrog = ctypes.CDLL(str(library)).leapfrog
+        self._leapfrog = loaded(source(problem.system)).leapfrog
         self._leapfrog.argtypes = [ctypes.c_long, ctypes.c_double, ctypes.c_void_p]
         self._leapfrog.restype = None
 

@@ -21,7 +21,7 @@ from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.codegen import precision
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.families import wisdom_holman
+from phasebench.integrators.families import planet_pairs, wisdom_holman
 from phasebench.integrators.families.wisdom_holman import KeplerPart, corrector, jacobi
 from phasebench.integrators.registry import METHODS, method
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
@@ -128,14 +128,15 @@ def test_other_correctors_are_refused(value):
 
 
 @pytest.mark.parametrize("id", ["wisdom-holman", "wisdom-holman-corrector", "wisdom-holman-aba-8-6-4"])
-def test_rows_and_pieces_change_nothing(id, monkeypatch):
+@pytest.mark.parametrize(("name", "h"), [("perturbed-kepler", 0.1), (PLANETS, H)])
+def test_rows_and_pieces_change_nothing(id, name, h, monkeypatch):
     """The state of a step does not depend on which rows are kept, nor on where the driver looks at the clock."""
-    made = problem("perturbed-kepler")
-    every = integrate(made, id, h=0.1, steps=100)
-    some = integrate(made, id, h=0.1, steps=100, save_every=7)
-    last = integrate(made, id, h=0.1, steps=100, save_every=0)
+    made = problem(name)
+    every = integrate(made, id, h=h, steps=100)
+    some = integrate(made, id, h=h, steps=100, save_every=7)
+    last = integrate(made, id, h=h, steps=100, save_every=0)
     monkeypatch.setattr(driver, "PIECE", 9)
-    pieces = integrate(made, id, h=0.1, steps=100, save_every=11)
+    pieces = integrate(made, id, h=h, steps=100, save_every=11)
     assert np.array_equal(some.q[:-1], every.q[:-1:7])
     for other in (some, last, pieces):
         assert np.array_equal(end(other), end(every))
@@ -211,6 +212,56 @@ def test_arrays_and_tuples_agree(monkeypatch):
         system = Hamiltonian(q=S.q, p=S.p, H=S.H, kepler=S.kepler)
         arrays = end(integrate(system, "wisdom-holman-corrector", h=0.05, steps=50, q0=made.q0, p0=made.p0))
     assert np.abs(arrays - tuples).max() < 1e-12
+
+
+def small(masses, extra=0):
+    """Bodies of those masses in space, G = 1, with another term of the potential."""
+    n = len(masses)
+    q, p = sp.symbols(f"q:{3 * n}", real=True), sp.symbols(f"p:{3 * n}", real=True)
+    pairs = [(i, j) for j in range(n) for i in range(j)]
+    r = [sp.sqrt(sum((q[3 * j + k] - q[3 * i + k]) ** 2 for k in range(3))) for i, j in pairs]
+    H = sum(x**2 / (2 * masses[k // 3]) for k, x in enumerate(p)) + extra * q[0]
+    H -= sum(masses[i] * masses[j] / x for (i, j), x in zip(pairs, r, strict=True))
+    return Hamiltonian(q=q, p=p, H=H, singular=r, kepler=jacobi(masses, 1))
+
+
+def test_potentials_that_are_sums_of_inverse_distances_are_told():
+    """Of any vectors, in any order of their difference; nothing else is one."""
+    system = small([sp.Integer(1), sp.Rational(1, 100), sp.Rational(1, 50)])
+    found = planet_pairs.distances(system.potential, system.q)
+    assert sorted(w for w, _ in found) == [sp.Rational(1, 5000), sp.Rational(1, 100), sp.Rational(1, 50)]
+    assert all(sorted(row) == [-1, 0, 1] for _, row in found)
+    q = system.q
+    for other in (
+        1 / sp.sqrt(q[0] ** 2 + q[1] ** 2 + 2 * q[2] ** 2),
+        1 / sp.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + 1),
+        1 / (q[0] ** 2 + q[1] ** 2 + q[2] ** 2),
+        1 / sp.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[0] * q[4]),
+        q[0],
+    ):
+        assert planet_pairs.distances(system.potential - other, q) is None, other
+    mean = sp.sqrt(sum((2 * q[k] - q[3 + k] / 2) ** 2 for k in range(3)))
+    ((weight, row),) = planet_pairs.distances(-3 / sp.expand(mean), q)
+    assert (weight, row) == (3, [2, -sp.Rational(1, 2), 0])
+
+
+@pytest.mark.parametrize(("extra", "limit"), [(0, 20), (sp.Rational(1, 1000), 20), (0, 1)])
+def test_bodies_in_lanes_go_where_the_others_do(extra, limit, monkeypatch):
+    """Another term of the potential has no lanes; beyond a limit states are arrays.  All are right."""
+    monkeypatch.setattr(codegen, "TUPLE_LIMIT", limit)
+    bodies = 3
+    masses = [sp.Integer(1), *(sp.Rational(1, 1000 * k) for k in range(1, bodies))]
+    system = small(masses, extra)
+    assert (planet_pairs.distances(system.potential, system.q) is None) == (extra != 0)
+    angle, r = np.arange(1, bodies) * 2.0, np.arange(1.0, bodies)
+    q = np.zeros((bodies, 3))
+    q[1:] = np.transpose([r * np.cos(angle), r * np.sin(angle), 0.1 * np.sin(3 * angle)])
+    v = np.zeros((bodies, 3))
+    v[1:] = np.transpose([-np.sin(angle), np.cos(angle), 0 * angle]) / np.sqrt(r)[:, None]
+    p = v * np.array([float(m) for m in masses])[:, None]
+    state = {"q0": q.ravel(), "p0": p.ravel()}
+    found = end(integrate(system, "wisdom-holman-aba-10-6-4", h=0.1, steps=30, **state))
+    assert np.abs(found - elsewhere(system, state["q0"], state["p0"], 3.0)).max() < 1e-9
 
 
 @pytest.mark.parametrize("id", FAMILY)

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import ctypes
-import subprocess
-import tempfile
 import time
-from pathlib import Path
 
 import numpy as np
 
-from phasebench.benchmarks.measure.c_loop import compiler
+from phasebench.benchmarks.measure.c_loop import loaded
 
 FPU = """
 static void slope(long d, const double *c, const double *restrict q, const double *restrict p, double *restrict g) {
@@ -108,17 +105,7 @@ class Loop:
     """The compiled steps of a system; raises RuntimeError without a C compiler or where it rejects the source."""
 
     def __init__(self, slope: str, method: str):
-        cc = compiler()
-        if cc is None:
-            raise RuntimeError("no C compiler: install gcc or set CC")
-        with tempfile.TemporaryDirectory() as folder:
-            text, library = Path(folder) / "steps.c", Path(folder) / "steps.so"
-            text.write_text(f"#include <math.h>\n{slope}{STEPS[method]}")
-            command = [cc, "-O3", "-march=native", "-shared", "-fPIC", str(text), "-o", str(library), "-lm"]
-            done = subprocess.run(command, capture_output=True, text=True)
-            if done.returncode:
-                raise RuntimeError(f"{cc} failed: {done.stderr.strip()}")
-            self._steps = ctypes.CDLL(str(library)).steps
+        self._steps = loaded(f"#include <math.h>\n{slope}{STEPS[method]}").steps
         self._steps.argtypes = [ctypes.c_long, ctypes.c_long, ctypes.c_double, *[ctypes.c_void_p] * 4]
         self._steps.restype = None
 

@@ -1,0 +1,235 @@
+r"""The steps of `wisdom_holman` for bodies side by side in lanes, where the potential is a sum of inverse distances.
+
+.. math:: V = -\sum_a \frac{w_a}{|D_a|},\qquad D_a = \sum_k M_{ak} Q_k,\qquad
+          -\nabla_k B = -\sum_a w_a M_{ak}\frac{D_a}{|D_a|^3} + m_k\mu_k\frac{Q_k}{|Q_k|^3}.
+
+A row of three values of lanes is x, y, z of all bodies; in the kick lanes are pairs.  Q, P and what rounding lost of
+them stand in the memory between pieces of a run.  The distances at the end of a drift are one correction by Newton's
+method away from those that Kepler's flow gives, without a root or a quotient.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from phasebench.integrators.engine import kepler_lanes
+from phasebench.integrators.engine.lanes import combine, put, take
+from phasebench.integrators.engine.masks import select
+from phasebench.integrators.engine.vector import State, add, axpy, inlined, jit
+
+#: Coordinates of a body.
+SPACE = 3
+#: The rows of the memory: the state with its distances, and what steps and rows need.
+STATE, DISTANCES, WORK = 0, 4 * SPACE, 4 * SPACE + 2
+ROWS = WORK + kepler_lanes.ROWS
+#: The rows of ``maps``, times the number of bodies: the columns of the matrices to q, to Q, to P, to p.
+TO_Q, TO_JACOBI_Q, TO_JACOBI_P, TO_P = range(4)
+#: The rows of ``parts``: mu, the masses, their inverses as sums of two doubles, m mu, and 1 where the motion is free.
+MU, MASS, OVER_MASS, OVER_MASS_LOW, STRENGTH, FREE = range(6)
+
+
+class Planets(NamedTuple):
+    """The kernel's step; ``substeps``, ``corrector`` and ``series`` are those of `wisdom_holman`.
+
+    ``like`` and ``bodies`` are zeros, as many as lanes and as bodies.  Of as many pairs as lanes ``pairs`` has the
+    rows: the columns of M, what is added to D_x (1 where there is no pair), the weights, and the rows of M.
+    """
+
+    substeps: np.ndarray
+    corrector: np.ndarray
+    like: tuple
+    bodies: tuple
+    maps: np.ndarray
+    parts: np.ndarray
+    pairs: np.ndarray
+    series: np.ndarray
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class Places(NamedTuple):
+    """A state in lanes, with the distances |Q| and their inverses; 1 where the motion is free."""
+
+    y: State
+    r: object
+    inverse: object
+
+
+@inlined
+def _rows(table, first, like):
+    return take(table, first, like), take(table, first + 1, like), take(table, first + 2, like)
+
+
+@inlined
+def _keep(table, first, x, like):
+    put(table, first, x[0], like)
+    put(table, first + 1, x[1], like)
+    put(table, first + 2, x[2], like)
+
+
+@inlined
+def _dot(x, y):
+    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
+
+
+@inlined
+def _times(a, x):
+    return a * x[0], a * x[1], a * x[2]
+
+
+@inlined
+def _mapped(step, which, x):
+    """The vectors x of bodies in other coordinates."""
+    row, n = which * len(step.bodies), step.bodies
+    zero = 0 * x[0]
+    return (
+        combine(zero, x[0], 1.0, step.maps, row, n),
+        combine(zero, x[1], 1.0, step.maps, row, n),
+        combine(zero, x[2], 1.0, step.maps, row, n),
+    )
+
+
+@inlined
+def _squares(step, y):
+    free = take(step.parts, FREE, step.like)
+    return select(free > 0, free, _dot(y.q, y.q))
+
+
+@inlined
+def _placed(step, y):
+    """The state with its distances."""
+    r = sqrt(_squares(step, y))
+    return Places(y, r, 1 / r)
+
+
+@inlined
+def _drift(step, at, h, memory):
+    """The flow of A over h."""
+    like, y = step.like, at.y
+    mu, mass = take(step.parts, MU, like), take(step.parts, MASS, like)
+    free = take(step.parts, FREE, like) > 0
+    high, low = take(step.parts, OVER_MASS, like), take(step.parts, OVER_MASS_LOW, like)
+    v = axpy(high, y.p, _times(low, y.p))
+    eta, vv = select(free, mu, _dot(y.q, v)), select(free, mu, _dot(v, v))
+    beta = 2 * mu * at.inverse - vv
+    m = kepler_lanes.motion(at.r, at.inverse, eta, beta, mu, h, step.eps, step.series, memory, WORK, like)
+    q, lost_q = add(y.q, y.lost_q, axpy(m.f, y.q, _times(m.g, v)))
+    p, lost_p = add(y.p, y.lost_p, axpy(mass * m.df, y.q, _times(m.dg, y.p)))
+    y = State(q, p, lost_q, lost_p)
+    if m.unsolved:
+        return _placed(step, y)
+    return Places(y, *kepler_lanes.root(_squares(step, y), m.inverse))
+
+
+@inlined
+def _kick(step, at, h, counts):
+    """The flow of B over h."""
+    like, bodies, y, Q = step.like, step.bodies, at.y, at.y.q
+    strength = take(step.parts, STRENGTH, like) * (at.inverse * at.inverse * at.inverse)
+    x, y_, z = strength * Q[0], strength * Q[1], strength * Q[2]
+    n, lanes = len(bodies), len(like)
+    zero = 0 * Q[0]
+    for first in range(0, len(step.pairs), n + 2 + lanes):
+        D0 = combine(take(step.pairs, first + n, like), Q[0], 1.0, step.pairs, first, bodies)
+        D1 = combine(zero, Q[1], 1.0, step.pairs, first, bodies)
+        D2 = combine(zero, Q[2], 1.0, step.pairs, first, bodies)
+        rr = D0 * D0 + D1 * D1 + D2 * D2
+        w = take(step.pairs, first + n + 1, like) / (rr * sqrt(rr))
+        back = first + n + 2
+        x = combine(x, w * D0, -1.0, step.pairs, back, like)
+        y_ = combine(y_, w * D1, -1.0, step.pairs, back, like)
+        z = combine(z, w * D2, -1.0, step.pairs, back, like)
+    p, lost = add(y.p, y.lost_p, (h * x, h * y_, h * z))
+    counts.gradient += 1
+    return Places(State(y.q, p, y.lost_q, lost), at.r, at.inverse)
+
+
+@jit
+def _corrected(step, at, sign, memory, counts):
+    """The corrector (sign 1) or its inverse (-1): it is the same backwards in time."""
+    rows = len(step.corrector)
+    for k in range(rows):
+        at = _drift(step, at, step.corrector[k, 0] * step.h, memory)
+        if k + 1 < rows:
+            at = _kick(step, at, sign * step.corrector[k, 1] * step.h, counts)
+    return at
+
+
+@inlined
+def _spread(table, row, n, memory, like):
+    """The bodies' vectors in a row of a table, in lanes."""
+    for i in range(SPACE):
+        for j in range(len(like)):
+            memory[WORK + i, j] = table[row, j * SPACE + i] if j < n else 0.0
+    return _rows(memory, WORK, like)
+
+
+@inlined
+def _gathered(x, table, row, n, memory, like):
+    """Write the bodies' vectors, in lanes, into a row of a table."""
+    _keep(memory, WORK, x, like)
+    for i in range(SPACE):
+        for j in range(n):
+            table[row, j * SPACE + i] = memory[WORK + i, j]
+
+
+@jit
+def _begun(step, orbit, counts):
+    """Bring the initial state into the memory, corrected."""
+    memory, like, n = orbit.memory, step.like, len(step.bodies)
+    q = _mapped(step, TO_JACOBI_Q, _spread(orbit.state, 0, n, memory, like))
+    p = _mapped(step, TO_JACOBI_P, _spread(orbit.state, 1, n, memory, like))
+    none = _times(0.0, q)
+    _save(memory, _corrected(step, _placed(step, State(q, p, none, none)), 1, memory, counts), like)
+
+
+@jit
+def _filled(step, at, samples, row, memory, counts):
+    """Fill a row of the samples with the state that a drift and the corrector's inverse complete."""
+    like, n, last = step.like, len(step.bodies), len(step.substeps) - 1
+    at = _drift(step, at, step.substeps[last, 0] * step.h, memory)
+    y = _corrected(step, at, -1, memory, counts).y
+    _gathered(_mapped(step, TO_Q, y.q), samples.q, row, n, memory, like)
+    _gathered(_mapped(step, TO_P, y.p), samples.p, row, n, memory, like)
+
+
+@inlined
+def _save(memory, at, like):
+    y = at.y
+    _keep(memory, STATE, y.q, like)
+    _keep(memory, STATE + SPACE, y.p, like)
+    _keep(memory, STATE + 2 * SPACE, y.lost_q, like)
+    _keep(memory, STATE + 3 * SPACE, y.lost_p, like)
+    put(memory, DISTANCES, at.r, like)
+    put(memory, DISTANCES + 1, at.inverse, like)
+
+
+@inlined
+def _opened(memory, like):
+    q, p = _rows(memory, STATE, like), _rows(memory, STATE + SPACE, like)
+    lost_q, lost_p = _rows(memory, STATE + 2 * SPACE, like), _rows(memory, STATE + 3 * SPACE, like)
+    return Places(State(q, p, lost_q, lost_p), take(memory, DISTANCES, like), take(memory, DISTANCES + 1, like))
+
+
+def run(step, orbit, samples, counts):
+    """The kernel."""
+    memory, like, a, h = orbit.memory, step.like, step.substeps, step.h
+    stages = len(a) - 1
+    lead = between = (a[stages, 0] + a[0, 0]) * h
+    if counts.steps == 0:
+        _begun(step, orbit, counts)
+        lead = a[0, 0] * h
+    at = _opened(memory, like)
+    for row in range(len(samples.q)):
+        for _ in range(samples.every):
+            for k in range(stages):
+                at = _drift(step, at, lead if k == 0 else a[k, 0] * h, memory)  # exp(a_k h A)
+                at = _kick(step, at, a[k, 1] * h, counts)  # exp(b_k h B)
+            lead = between
+        _filled(step, at, samples, row, memory, counts)
+    _save(memory, at, like)
+    counts.steps += len(samples.q) * samples.every
+    return len(samples.q), 0

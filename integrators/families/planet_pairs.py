@@ -1,0 +1,100 @@
+"""Potentials that are sums of inverse distances: what the kernel `planet_lanes` is handed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from phasebench.integrators.coefficients.tableaus import LEVELS
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.kernel import Prepared, array
+from phasebench.integrators.engine.lazy import sympy as sp
+
+from .planet_lanes import ROWS, SPACE, Planets, run
+
+#: Fewer bodies than these gain nothing, and of more no table is made.
+FEWEST, MOST = 3, 16
+
+
+def distances(potential: sp.Expr, q: Sequence[sp.Symbol]) -> list[tuple[sp.Expr, list]] | None:
+    """(w_a, c_a) of a potential that is the sum of -w_a / |sum_j c_aj q_j|; None where it is none."""
+    found = [_distance(term, q) for term in sp.Add.make_args(potential)]
+    return None if None in found else found
+
+
+def _distance(term: sp.Expr, q: Sequence[sp.Symbol]) -> tuple[sp.Expr, list] | None:
+    factor, power = term.as_independent(*q)
+    if not (power.is_Pow and power.exp == -sp.S.Half and power.base.is_polynomial(*q)):
+        return None
+    square, axis = sp.Poly(power.base, *q), q[::SPACE]
+    leading = next((x for x in axis if square.coeff_monomial(x**2) != 0), None)
+    if leading is None:
+        return None
+    root = sp.sqrt(square.coeff_monomial(leading**2))
+    row = [root if x == leading else square.coeff_monomial(x * leading) / (2 * root) for x in axis]
+    vector = [sum(c * x for c, x in zip(row, q[i::SPACE], strict=True)) for i in range(SPACE)]
+    same = sp.Poly(sum(x**2 for x in vector), *q) == square
+    return (-factor, row) if same else None
+
+
+def lanes_of(bodies: int) -> int:
+    """How many lanes so many bodies take."""
+    return max(4, 1 << (bodies - 1).bit_length())
+
+
+def _padded(row, lanes: int, filler=0) -> list:
+    return [*row, *[filler] * (lanes - len(row))]
+
+
+def _of_pairs(found, back: sp.Matrix, lanes: int) -> list[list]:
+    """The rows of `planet_lanes.Planets.pairs`."""
+    rows, n = [], back.rows
+    for first in range(0, len(found), lanes):
+        block = found[first : first + lanes]
+        M = sp.Matrix([c for _, c in block]) * back
+        rows += [_padded(M.col(k), lanes) for k in range(n)]
+        rows += [_padded([0] * len(block), lanes, 1), _padded([w for w, _ in block], lanes)]
+        rows += [_padded(M.row(a) if a < len(block) else [], lanes) for a in range(lanes)]
+    return rows
+
+
+def _of_bodies(part, lanes: int) -> list[list]:
+    """The rows of `planet_lanes.Planets.parts`."""
+    inverse = [1 / sp.Rational(m) for m in part.masses]
+    high = [codegen.exactly(x, DOUBLE) for x in inverse]
+    low = [x - sp.Rational(y) for x, y in zip(inverse, high, strict=True)]
+    return [
+        _padded(part.mu, lanes),
+        _padded(part.masses, lanes, 1),
+        _padded(high, lanes),
+        _padded(low, lanes),
+        _padded([m * mu for m, mu in zip(part.masses, part.mu, strict=True)], lanes),
+        _padded([int(mu == 0) for mu in part.mu], lanes, 1),
+    ]
+
+
+def prepare(part, system, tables: dict) -> Prepared | None:
+    """The kernel in lanes for a Kepler part of a system; None where it serves not.
+
+    ``tables`` are the fields that it shares with the kernel for one body after the other.
+    """
+    n = len(part.masses)
+    if not codegen.compiled() or part.dimension != SPACE or not FEWEST <= n <= MOST:
+        return None
+    if not all(sp.sympify(m).is_Rational for m in part.masses):
+        return None
+    found = distances(system.potential, system.q)
+    if found is None:
+        return None
+    lanes, change = lanes_of(n), part.matrix
+    back = change.inv()
+    maps = [back.T, change.T, back, change]
+    step = Planets(
+        **tables,
+        like=(0.0,) * lanes,
+        bodies=(0.0,) * n,
+        maps=array([_padded(M.row(k), lanes) for M in maps for k in range(n)], DOUBLE),
+        parts=array(_of_bodies(part, lanes), DOUBLE),
+        pairs=array(_of_pairs(found, back, lanes), DOUBLE),
+    )
+    return Prepared(run, step, max(lanes, system.d), -(-ROWS // (3 * LEVELS + 1)), implicit=False)

@@ -1,0 +1,196 @@
+"""Kepler's flow of bodies in lanes beside that of one body, which is tested against 40 digits."""
+
+from __future__ import annotations
+
+from math import factorial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import sympy as sp
+from numba import njit
+
+from phasebench.integrators.engine import kepler_flow, kepler_lanes
+from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.kernel import array
+from phasebench.integrators.engine.lanes import put, take
+from phasebench.integrators.engine.vector import TUPLES
+from phasebench.integrators.families import planet_lanes, planet_pairs
+
+EPS = np.finfo(float).eps
+LANES = 8
+
+
+@njit(**TUPLES)
+def _moved(step, h, steps, memory):
+    at = planet_lanes._placed(step, planet_lanes._opened(memory, step.like).y)
+    for _ in range(steps):
+        at = planet_lanes._drift(step, at, h, memory)
+    planet_lanes._save(memory, at, step.like)
+
+
+def step_of(mu, mass):
+    part = SimpleNamespace(mu=[sp.Rational(x) for x in mu], masses=[sp.Rational(x) for x in mass])
+    empty = np.zeros((0, LANES))
+    like = (0.0,) * LANES
+    parts = array(planet_pairs._of_bodies(part, LANES), DOUBLE)
+    series = array(kepler_flow.constants(DOUBLE), DOUBLE)
+    return planet_lanes.Planets(empty, empty, like, (0.0,) * len(mu), empty, parts, empty, series, 0.0, EPS)
+
+
+def flow(q, v, h, steps=1, mu=None, mass=None):
+    """(q, v, what rounding lost of either) of bodies, arrays (n, 3), after so many steps of h."""
+    n = len(q)
+    mu, mass = np.ones(n) if mu is None else mu, np.ones(n) if mass is None else mass
+    memory = np.zeros((planet_lanes.ROWS, LANES))
+    memory[:3, :n], memory[3:6, :n] = q.T, (mass[:, None] * v).T
+    _moved(step_of(mu, mass), float(h), steps, memory)
+    found = [memory[3 * i : 3 * i + 3, :n].T for i in range(4)]
+    assert not memory[:6, n:].any(), "a lane without a body moves"
+    return found[0], found[1] / mass[:, None], found[2], found[3] / mass[:, None]
+
+
+def alone(q, v, h, steps=1):
+    """The same of each body by `kepler_flow`."""
+    table = array(kepler_flow.constants(DOUBLE), DOUBLE)
+    X = [np.array([a, b, 0 * a, 0 * a]) for a, b in zip(q, v, strict=True)]
+    for _ in range(steps):
+        for x in X:
+            kepler_flow.advance(x, 0, 3, 1.0, 1.0, h, EPS, table)
+    return tuple(np.array([x[i] for x in X]) for i in range(4))
+
+
+def orbits(e, anomalies):
+    """(q, v) of orbits with mu = a = 1, turned in space."""
+    turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0][:, :2]
+    A = np.asarray(anomalies, float)
+    if e < 1:
+        b, r = np.sqrt(1 - e * e), 1 - e * np.cos(A)
+        q, v = np.array([np.cos(A) - e, b * np.sin(A)]), np.array([-np.sin(A) / r, b * np.cos(A) / r])
+    else:
+        b, r = np.sqrt(e * e - 1), e * np.cosh(A) - 1
+        q, v = np.array([e - np.cosh(A), b * np.sinh(A)]), np.array([-np.sinh(A) / r, b * np.cosh(A) / r])
+    return q.T @ turn.T, v.T @ turn.T
+
+
+def kept(q, v):
+    """The energy and the angular momentum of each body."""
+    r = np.sqrt((q**2).sum(1))
+    return (v**2).sum(1) / 2 - 1 / r, np.linalg.norm(np.cross(q, v), axis=1)
+
+
+ANOMALIES = np.linspace(-3, 3, LANES)
+#: Eccentricities with steps: short, ordinary, beyond what lanes solve at the pericentre, about a period.
+CASES = [(e, h) for e in (0.0, 0.05, 0.6, 0.99, 1.5) for h in (1e-9, 0.01, 0.3, 1.2, 6.0)]
+
+
+@pytest.mark.parametrize(("e", "h"), CASES)
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_lane_is_the_body_alone_to_round_off(e, h, sign):
+    """Increments and what rounding lost: to a few units of what a rounded state, or time, moves."""
+    q, v = orbits(e, ANOMALIES)
+    found, wanted = flow(q, v, sign * h), alone(q, v, sign * h)
+    near = [alone(q * (1 + 4 * EPS), v, sign * h), alone(q, v * (1 + 4 * EPS), sign * h)]
+    near += [alone(q, v, sign * h * (1 + 4 * EPS))]
+    for i, start in enumerate((q, v)):
+        moved = wanted[i] - start
+        felt = sum(np.abs(n[i] - wanted[i]).max(1) for n in near) + EPS * np.abs(wanted[i]).max(1)
+        error = np.abs(found[i] - wanted[i] + (found[i + 2] - wanted[i + 2])).max(1)
+        assert (error <= 8 * (felt + EPS * np.abs(moved).max(1))).all()
+    other = flow(q, v, sign * h * (1 + 1e-6))
+    assert np.abs(other[0] - wanted[0]).max() > 1e-8 * h, "the control: another time"
+
+
+def test_increments_of_tiny_steps_are_relatively_exact():
+    q, v = orbits(0.6, ANOMALIES)
+    found, wanted = flow(q, v, 1e-9), alone(q, v, 1e-9)
+    for i, start in enumerate((q, v)):
+        moved, expected = (x[i] - start + x[i + 2] for x in (found, wanted))
+        assert moved == pytest.approx(expected, rel=1e-14, abs=0)
+
+
+def test_a_lane_does_not_depend_on_which_body_its_neighbour_is():
+    """As long as all take as many evaluations; one that is left to the scalar solver changes nothing either."""
+    q, v = orbits(0.05, ANOMALIES)
+    one = flow(q, v, 0.3)
+    q[3], v[3] = (x[0] for x in orbits(0.99, [0.0]))
+    other = flow(q, v, 0.3)
+    for a, b in zip(one, other, strict=True):
+        assert np.abs(np.delete(a - b, 3, 0)).max() <= 8 * EPS
+    wanted = alone(q, v, 0.3)
+    assert np.abs(other[0][3] - wanted[0][3]).max() < 1e-12
+
+
+@pytest.mark.parametrize("e", [0.0, 0.6, 0.99, 1.5])
+def test_backwards_is_the_mirror_image(e):
+    """(q, v, h) and (q, -v, -h) take the same arithmetic; there and back returns."""
+    q, v = orbits(e, ANOMALIES)
+    forth, mirrored = flow(q, v, 0.3), flow(q, -v, -0.3)
+    assert np.array_equal(forth[0], mirrored[0])
+    assert np.array_equal(forth[1], -mirrored[1])
+    back = flow(forth[0], forth[1], -0.3)
+    assert np.abs(back[0] - q).max() < (1e-13 if e < 0.9 else 1e-9)
+
+
+def test_free_bodies_and_masses():
+    q, v = orbits(0.2, ANOMALIES[:4])
+    mu, mass = np.array([0.0, 1.0, 4.0, 1.0]), np.array([3.0, 1.0, 1.0, 8.0])
+    q[0] = 0  # a centre of mass in the origin
+    found = flow(q, v, 0.3, mu=mu, mass=mass)
+    assert found[0][0] == pytest.approx(0.3 * v[0], rel=1e-15, abs=0)
+    assert np.array_equal(found[1][0], v[0])
+    wanted = alone(q[1:], v[1:], 0.3)
+    assert np.abs(found[0][[1, 3]] - wanted[0][[0, 2]]).max() < 4 * EPS
+    assert np.abs(found[0][2] - wanted[0][1]).max() > 1e-3, "the control: another mu"
+
+
+@pytest.mark.parametrize(("e", "h"), [(0.05, 0.05), (0.05, 0.31), (0.2, 0.31)])
+def test_energy_and_angular_momentum_walk_at_random(e, h):
+    """Of 200 000 steps: what all bodies have in common, a trend, does not stand out of what they have not."""
+    steps = 200_000
+    q, v = orbits(e, ANOMALIES)
+    end = flow(q, v, h, steps)
+    for before, after in zip(kept(q, v), kept(end[0], end[1]), strict=True):
+        error = after / before - 1
+        assert abs(error.mean()) < 6 * error.std() / LANES**0.5
+        assert np.abs(error).max() < 2 * EPS * steps**0.5
+
+
+def taylor(k, x):
+    """c_k of an array of long doubles by its Taylor series."""
+    total = term = np.ones_like(x) / np.longdouble(factorial(k))
+    for n in range(1, 25):
+        term = -term * x / ((2 * n + k) * (2 * n + k - 1))
+        total = total + term
+    return total
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="long double is double here")
+@pytest.mark.parametrize(("low", "high"), [(-1.5, -0.1), (0.05, 0.1), (0.7, 0.9), (1.2, 1.69), (1.71, 2.4), (2.5, 6.0)])
+def test_stumpffs_functions_have_no_bias(low, high):
+    """Errors have means below a 300th of round-off: more would be a trend of the energy that outgrows its walk."""
+    n = 20_000
+    x = np.random.default_rng(1).uniform(low, high, (n, LANES))
+    found = np.zeros((4 * n, LANES))
+    _stumpff(x, found, (0.0,) * LANES)
+    for k in (1, 2, 3):
+        exact = taylor(k, x.astype(np.longdouble))
+        error = (found[k::4] / exact - 1).astype(float)
+        assert np.abs(error).max() < 6 * EPS
+        assert abs(error.mean()) < EPS / 300, k
+
+
+@njit(**TUPLES)
+def _stumpff(table, found, like):
+    for i in range(len(table)):
+        c0, c1, c2, c3 = kepler_lanes.stumpff(take(table, i, like))
+        put(found, 4 * i, c0, like)
+        put(found, 4 * i + 1, c1, like)
+        put(found, 4 * i + 2, c2, like)
+        put(found, 4 * i + 3, c3, like)
+
+
+def test_the_series_coefficients_are_exact():
+    for k, (first, second, more) in {2: kepler_lanes._series(2), 3: kepler_lanes._series(3)}.items():
+        for n, c in enumerate((first, second, *more)):
+            assert int(c) * factorial(2 * n + k) == factorial(2 * kepler_lanes.TERMS + k)
