@@ -21,7 +21,7 @@ import sympy as sp
 from phasebench.integrators.engine.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-from phasebench.integrators.systems.hand import HandHamiltonian
+from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
 
 from .base import Orbit, Pace, Problem, decades
 
@@ -30,22 +30,24 @@ PARAMETERS = {"omega": 50.0, "m": 3}
 LARGEST = 5000
 
 
-def grad_V(w2):
-    """The loop of grad V for w2 = omega^2."""
+def grad_V(w2, sign=1):
+    """The loop of grad V, or of its negative, for w2 = omega^2."""
 
-    def f(q):
+    def f(q, g):
         m = len(q) // 2
-        g = 0 * q
-        s = q[0] - q[m]
+        soft, stiff, g_soft, g_stiff = q[:m], q[m:], g[:m], g[m:]
+        s = soft[0] - stiff[0]
         left = s * s * s
-        for i in range(m):
-            j = i + 1
-            s = q[j] - q[m + j] - q[i] - q[m + i] if j < m else -q[i] - q[m + i]
+        for i in range(m - 1):
+            s = soft[i + 1] - stiff[i + 1] - soft[i] - stiff[i]
             right = s * s * s
-            g[i] = left - right
-            g[m + i] = w2 * q[m + i] - left - right
+            g_soft[i] = sign * (left - right)
+            g_stiff[i] = sign * (w2 * stiff[i] - left - right)
             left = right
-        return g
+        s = -soft[m - 1] - stiff[m - 1]
+        right = s * s * s
+        g_soft[m - 1] = sign * (left - right)
+        g_stiff[m - 1] = sign * (w2 * stiff[m - 1] - left - right)
 
     return f
 
@@ -57,22 +59,7 @@ def grad_U(w2):
 
 def field(w2):
     """The loop of (p, -grad V)."""
-
-    def f(q, p, h, lam):
-        m = len(q) // 2
-        dp = 0 * q
-        s = q[0] - q[m]
-        left = s * s * s
-        for i in range(m):
-            j = i + 1
-            s = q[j] - q[m + j] - q[i] - q[m + i] if j < m else -q[i] - q[m + i]
-            right = s * s * s
-            dp[i] = right - left
-            dp[m + i] = left + right - w2 * q[m + i]
-            left = right
-        return p.copy(), dp
-
-    return f
+    return of_unit_masses(grad_V(w2, -1))
 
 
 def energy(w2):

@@ -31,7 +31,7 @@ import sympy as sp
 from phasebench.integrators.engine.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-from phasebench.integrators.systems.hand import HandHamiltonian
+from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses, part
 from phasebench.integrators.systems.multisymplectic import Equation
 
 from .base import Orbit, Pace, Problem
@@ -43,36 +43,29 @@ LARGEST, SHORTEST, LONGEST = 2048, 1e-3, 500.0
 K = 1.0
 
 
-def grad_V(a, b):
-    """The loop of grad V for a = 1 / dx^2 and b = 1 / dx."""
+def grad_V(a, b, sign=1):
+    """The loop of grad V, or of its negative, for a = 1 / dx^2 and b = 1 / dx."""
 
-    def f(q):
+    @part
+    def at(j, left, right, x, y, g_x, g_y):
+        m = 1 + 2 * a + b * (x[j] * x[j] + y[j] * y[j])
+        g_x[j] = sign * (m * x[j] - a * (x[left] + x[right]))
+        g_y[j] = sign * (m * y[j] - a * (y[left] + y[right]))
+
+    def f(q, g):
         n = len(q) // 2
-        g = np.empty_like(q)
-        for j in range(n):
-            left, right = (j if j > 0 else n) - 1, (j + 1 if j < n - 1 else 0)
-            m = 1 + 2 * a + b * (q[j] * q[j] + q[n + j] * q[n + j])
-            g[j] = m * q[j] - a * (q[left] + q[right])
-            g[n + j] = m * q[n + j] - a * (q[n + left] + q[n + right])
-        return g
+        x, y, g_x, g_y = q[:n], q[n:], g[:n], g[n:]
+        at(0, n - 1, 1, x, y, g_x, g_y)
+        for j in range(1, n - 1):
+            at(j, j - 1, j + 1, x, y, g_x, g_y)
+        at(n - 1, n - 2, 0, x, y, g_x, g_y)
 
     return f
 
 
 def field(a, b):
     """The loop of (p, -grad V)."""
-
-    def f(q, p, h, lam):
-        n = len(q) // 2
-        dp = np.empty_like(q)
-        for j in range(n):
-            left, right = (j if j > 0 else n) - 1, (j + 1 if j < n - 1 else 0)
-            m = 1 + 2 * a + b * (q[j] * q[j] + q[n + j] * q[n + j])
-            dp[j] = a * (q[left] + q[right]) - m * q[j]
-            dp[n + j] = a * (q[n + left] + q[n + right]) - m * q[n + j]
-        return p.copy(), dp
-
-    return f
+    return of_unit_masses(grad_V(a, b, -1))
 
 
 def energy(a, b):

@@ -23,7 +23,7 @@ import sympy as sp
 from phasebench.integrators.engine.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-from phasebench.integrators.systems.hand import HandHamiltonian
+from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
 
 from .base import Orbit, Pace, Problem
 
@@ -80,38 +80,26 @@ def plummer(N: int) -> tuple[list[float], list[float]]:
     )
 
 
-def field(strength):
-    """The loop of (H_p, -H_q) of unit masses of attraction ``strength``."""
+def grad_V(strength, sign=1):
+    """The loop of the potential's gradient, or of its negative, of unit masses of attraction ``strength``."""
 
-    def f(q, p, h, lam):
-        dq, dp = p.copy(), 0 * q
+    def f(q, g):
+        for i in range(len(q)):
+            g[i] = 0 * q[i]
         for i in range(0, len(q), 3):
             for j in range(i + 3, len(q), 3):
                 x, y, z = q[j] - q[i], q[j + 1] - q[i + 1], q[j + 2] - q[i + 2]
                 s = x * x + y * y + z * z
-                a = strength / (s * s**0.5)
-                dp[i], dp[i + 1], dp[i + 2] = dp[i] + a * x, dp[i + 1] + a * y, dp[i + 2] + a * z
-                dp[j], dp[j + 1], dp[j + 2] = dp[j] - a * x, dp[j + 1] - a * y, dp[j + 2] - a * z
-        return dq, dp
-
-    return f
-
-
-def grad_V(strength):
-    """The loop of the potential's gradient."""
-
-    def f(q):
-        g = 0 * q
-        for i in range(0, len(q), 3):
-            for j in range(i + 3, len(q), 3):
-                x, y, z = q[j] - q[i], q[j + 1] - q[i + 1], q[j + 2] - q[i + 2]
-                s = x * x + y * y + z * z
-                a = strength / (s * s**0.5)
+                a = sign * strength / (s * s**0.5)
                 g[i], g[i + 1], g[i + 2] = g[i] - a * x, g[i + 1] - a * y, g[i + 2] - a * z
                 g[j], g[j + 1], g[j + 2] = g[j] + a * x, g[j + 1] + a * y, g[j + 2] + a * z
-        return g
 
     return f
+
+
+def field(strength):
+    """The loop of (H_p, -H_q)."""
+    return of_unit_masses(grad_V(strength, -1))
 
 
 def energy(strength):

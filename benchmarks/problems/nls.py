@@ -27,7 +27,7 @@ import sympy as sp
 from phasebench.integrators.engine.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-from phasebench.integrators.systems.hand import HandHamiltonian
+from phasebench.integrators.systems.hand import HandHamiltonian, part
 from phasebench.integrators.systems.multisymplectic import Equation
 
 from .base import Orbit, Pace, Problem
@@ -40,15 +40,18 @@ LARGEST, SHORTEST, LONGEST = 4096, 1e-3, 500.0
 def field(a, b):
     """The loop of (H_p, -H_q) for a = 1 / dx^2 and b = 2 / dx."""
 
-    def f(q, p, h, lam):
+    @part
+    def at(j, left, right, q, p, dq, dp):
+        s = b * (q[j] * q[j] + p[j] * p[j])
+        dq[j] = a * (2 * p[j] - p[left] - p[right]) - s * p[j]
+        dp[j] = s * q[j] - a * (2 * q[j] - q[left] - q[right])
+
+    def f(q, p, h, lam, dq, dp):
         n = len(q)
-        dq, dp = np.empty_like(q), np.empty_like(p)
-        for j in range(n):
-            left, right = (j if j > 0 else n) - 1, (j + 1 if j < n - 1 else 0)
-            s = b * (q[j] * q[j] + p[j] * p[j])
-            dq[j] = a * (2 * p[j] - p[left] - p[right]) - s * p[j]
-            dp[j] = s * q[j] - a * (2 * q[j] - q[left] - q[right])
-        return dq, dp
+        at(0, n - 1, 1, q, p, dq, dp)
+        for j in range(1, n - 1):
+            at(j, j - 1, j + 1, q, p, dq, dp)
+        at(n - 1, n - 2, 0, q, p, dq, dp)
 
     return f
 

@@ -15,6 +15,7 @@ import sympy as sp
 
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.hand import of_unit_masses
 
 from .base import Orbit, Pace, Problem, decades
 
@@ -45,36 +46,24 @@ def cnoidal(N: int, m: float, t):
     return tuple(state)
 
 
-def grad_V():
-    """The loop of grad V, for lattices of any length."""
+def grad_V(sign=1):
+    """The loop of grad V, or of its negative, for lattices of any length."""
 
-    def f(q):
-        n = len(q)
-        g = 0 * q
-        left = np.exp(q[n - 1] - q[0])
-        for i in range(n):
-            right = np.exp(q[i] - q[i + 1 if i < n - 1 else 0])
-            g[i] = right - left
+    def f(q, g):
+        last = len(q) - 1
+        left = first = np.exp(q[last] - q[0])
+        for i in range(last):
+            right = np.exp(q[i] - q[i + 1])
+            g[i] = sign * (right - left)
             left = right
-        return g
+        g[last] = sign * (first - left)
 
     return f
 
 
 def field():
     """The loop of (p, -grad V)."""
-
-    def f(q, p, h, lam):
-        n = len(q)
-        dp = 0 * q
-        left = np.exp(q[n - 1] - q[0])
-        for i in range(n):
-            right = np.exp(q[i] - q[i + 1 if i < n - 1 else 0])
-            dp[i] = left - right
-            left = right
-        return p.copy(), dp
-
-    return f
+    return of_unit_masses(grad_V(-1))
 
 
 def energy():

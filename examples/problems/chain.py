@@ -9,37 +9,27 @@ from math import sqrt
 import numpy as np
 
 from phasebench.benchmarks.problems.base import Orbit, Problem
-from phasebench.integrators.systems.hand import HandHamiltonian
+from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
 
 
-def grad_V(k):
-    """The loop of grad V."""
+def grad_V(k, sign=1):
+    """The loop of grad V, or of its negative."""
 
-    def f(q):
-        n = len(q)
-        g = 0 * q
-        for i in range(n):
-            left = q[i] - q[i - 1] if i > 0 else 0 * q[i]
-            right = q[i + 1] - q[i] if i < n - 1 else 0 * q[i]
-            g[i] = k * (left - right) + (q[i] * q[i] - 1) * q[i]
-        return g
+    def f(q, g):
+        last = len(q) - 1
+        left = 0 * q[0]
+        for i in range(last):
+            right = q[i + 1] - q[i]
+            g[i] = sign * (k * (left - right) + (q[i] * q[i] - 1) * q[i])
+            left = right
+        g[last] = sign * (k * left + (q[last] * q[last] - 1) * q[last])
 
     return f
 
 
 def field(k):
     """The loop of (p, -grad V)."""
-
-    def f(q, p, h, lam):
-        n = len(q)
-        dp = 0 * q
-        for i in range(n):
-            left = q[i] - q[i - 1] if i > 0 else 0 * q[i]
-            right = q[i + 1] - q[i] if i < n - 1 else 0 * q[i]
-            dp[i] = k * (right - left) - (q[i] * q[i] - 1) * q[i]
-        return p.copy(), dp
-
-    return f
+    return of_unit_masses(grad_V(k, -1))
 
 
 def energy(k):

@@ -15,6 +15,7 @@ For somebody who adds a family.  Its module holds a NamedTuple of what a step ne
 5. The state, stage unknowns and increments are values: tuples of small d, arrays of large d, object arrays of MPFR
    numbers.  Only the operations of `vector` touch them, so that the same source runs on all three.  Increments are
    added with compensation.
+   An explicit step works in place (`vector.in_place`): of arrays it then allocates nothing either.
 6. A step of tuples allocates nothing.  Arrays in ``step`` and ``orbit`` are two-dimensional or read-only: a writable
    one-dimensional array of numbers is a value of large d.
 7. Implicit equations go to `solve.solver` or `solve.row_solver`, quadratures to be confirmed to `solve.confirmer`
@@ -34,7 +35,7 @@ import numba
 import numpy as np
 from numba import types
 
-from . import codegen, machine, preparation, progress
+from . import codegen, machine, preparation, progress, vector
 from .codegen import DOUBLE, MULTIPRECISION
 
 #: What a solution counts.
@@ -174,7 +175,8 @@ def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
         signature = types.UniTuple(types.int64, 2)(step, orbit, samples, numba.from_dtype(COUNTS))
         family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")
         with progress.compiling(f"the kernel of {family}", d):
-            _kernels[key] = machine.compiled(prepared.run, signature, codegen.options(d) | {"nogil": True}, family)
+            options = vector.TUPLES if any(map(vector.writes, step.types)) else codegen.options(d)  # nothing allocates
+            _kernels[key] = machine.compiled(prepared.run, signature, options | {"nogil": True}, family)
     return _kernels[key]
 
 

@@ -15,7 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import config, njit, types
+from numba.core import cgutils
 from numba.extending import intrinsic, overload
+from numba.np import arrayobj
 
 from . import machine
 
@@ -321,3 +323,127 @@ def chosen(when_none, otherwise):
 
 #: The velocity grad T(p); ``dT`` is None where that is p itself.
 velocity = chosen(lambda dT, p: p, lambda dT, p: dT(p))
+
+
+# -- in place ---------------------------------------------------------------------------------------------------------
+#
+# At a hundred degrees of freedom a step of arrays spends most of its time on the memory of new ones.  The operations
+# below may write into arguments that the caller needs no more; on tuples and on numbers of many digits they are
+# operations like the others.  A kernel of these alone allocates nothing (`filling`).
+
+
+#: Of operations in place: whether references are counted is the caller's option; to hand arrays over costs more than
+#: what a hundred numbers take.
+PLACES = COMMON | {"forceinline": True}
+
+
+def by_kind(function, on_values, on_arrays):
+    """Overload a function by what these, handed the types of the arguments, return for values and for arrays."""
+    names = ", ".join(inspect.signature(function).parameters)
+    for vectors, chosen_for, options in (
+        (False, on_values, {"forceinline": True, **TUPLES}),
+        (True, on_arrays, PLACES),
+    ):
+        namespace = {"__name__": __name__, "chosen_for": chosen_for}
+        namespace["fit"] = lambda *arguments, wanted=vectors: any(map(_holds_vectors, arguments)) == wanted
+        exec(f"def typed({names}):\n  return chosen_for({names}) if fit({names}) else None", namespace)
+        overload(function, jit_options=options)(namespace["typed"])
+
+
+def in_place(on_arrays):
+    """Make a function of values one that is ``on_arrays``, of the same arguments, where one of them is an array."""
+
+    def decorate(on_values):
+        by_kind(on_values, lambda *arguments: on_values, lambda *arguments: on_arrays or on_values)
+        return on_values
+
+    return decorate
+
+
+def writes(f) -> bool:
+    """Whether a function's type is that of one that writes its results into its last arguments."""
+    return isinstance(f, types.FunctionType) and f.signature.return_type == types.none
+
+
+@intrinsic
+def _part_of_row(typing_context, A, i, first, n):
+    """The n numbers of row i from ``first`` on: a view that counts no references; the table outlives the kernel."""
+    kind = types.Array(types.float64, 1, "C")
+
+    def codegen(context, builder, signature, arguments):
+        table, row, first, n = arguments
+        source = arrayobj.make_array(signature.args[0])(context, builder, table)
+        size, width = context.get_constant(types.intp, 8), cgutils.unpack_tuple(builder, source.strides)[0]
+        offset = builder.add(builder.mul(row, width), builder.mul(first, size))
+        out = arrayobj.make_array(kind)(context, builder)
+        place = cgutils.pointer_add(builder, source.data, offset)
+        arrayobj.populate_array(out, data=place, shape=[n], strides=[size], itemsize=size, meminfo=None)
+        return out._getvalue()
+
+    return kind(A, types.intp, types.intp, types.intp), codegen
+
+
+def _rows(A, i, j, like):
+    return _part_of_row(A, i, 0, len(like)), _part_of_row(A, j, 0, len(like))
+
+
+@in_place(_rows)
+def rows(A, i, j, like):
+    """Rows i and j of A; arrays are the rows themselves, to be written over."""
+    return load(A, i, like), load(A, j, like)
+
+
+def _halves(A, i, like):
+    return _part_of_row(A, i, 0, len(like)), _part_of_row(A, i, len(like), len(like))
+
+
+@in_place(_halves)
+def halves(A, i, like):
+    """The halves of row i of A, each of the kind of ``like``; arrays are the row itself, to be written over."""
+    x = load(A, i, join(like, like))
+    return head(x), tail(x)
+
+
+@inlined
+def held(orbit):
+    """The state in the first four rows of an orbit's; arrays are the rows themselves."""
+    q, p = rows(orbit.state, 0, 1, orbit.zero)
+    lost_q, lost_p = rows(orbit.state, 2, 3, orbit.zero)
+    return State(q, p, lost_q, lost_p)
+
+
+def _moved(x, c, a, v):
+    for i in range(len(x)):
+        dx = a * v[i]
+        t = (x[i] + c[i]) + dx
+        c[i] = (dx + c[i]) - (t - x[i])
+        x[i] = t
+    return x, c
+
+
+@in_place(_moved)
+def moved(x, c, a, v):
+    """The compensated sum of x + c and a v (`add`), in the place of x and c."""
+    return add(x, c, scale(a, v))
+
+
+def of(f, x, old):
+    """f(x), in the place of ``old``; x itself where f is None."""
+    return x if f is None else f(x)
+
+
+def _of_values(f, x, old):
+    if isinstance(f, (types.NoneType, types.Omitted)):
+        return lambda f, x, old: x
+    return lambda f, x, old: f(x)
+
+
+def _of_arrays(f, x, old):
+    def filled(f, x, old):
+        f(x, old)
+        return old
+
+    return filled if writes(f) else _of_values(f, x, old)
+
+
+by_kind(of, _of_values, _of_arrays)

@@ -184,11 +184,11 @@ def quadratic(system, arithmetic, order=1):
     return (system.field(arithmetic, order), None, None), 2 * system.d
 
 
-def prepare(method, system, arithmetic):
+def prepare(method, system, arithmetic, fills=True):
     """Explicit where H is separable and every substep a symplectic Euler one; else Nystrom where T is quadratic."""
     order, substeps = method.data
     if order == 1 and system.separable and all({mu, lam} == {0, 1} for _, mu, lam in substeps):
-        return splitting.from_substeps(substeps, system, arithmetic)
+        return splitting.from_substeps(substeps, system, arithmetic, fills)
     c, weights_mu, weights_lam = array(zip(*substeps, strict=True), arithmetic)
     for k, (_, mu, lam) in enumerate(substeps):
         if mu + lam == 1:  # also of the doubles: else the map is symplectic only to round-off, with a bias

@@ -121,8 +121,8 @@ def _one_stage(explicit, step, y, orbit, known, first):
 
 
 def _explicit(explicit, step, y, orbit, known, first):
-    x = runge_kutta.increment(explicit.field, explicit.tableau, explicit.h, y, orbit)
-    return advanced(y, head(x), tail(x)), len(explicit.tableau) - 1, 0, SOLVED
+    dq, dp = runge_kutta.increment(explicit.field, explicit.tableau, explicit.h, y, orbit)
+    return advanced(y, dq, dp), len(explicit.tableau) - 1, 0, SOLVED
 
 
 #: The base method's step: explicit Runge-Kutta, explicit kicks and drifts, or substeps with stage equations;
@@ -312,7 +312,7 @@ def _vector_type(d, n):
 def prepare(method, system, arithmetic):
     """The base method's own functions and coefficients, with those of the invariants."""
     base, onto, symmetric = method.data
-    inner = FAMILIES[base.family].prepare(base, system, arithmetic)
+    inner = FAMILIES[base.family].prepare(base, system, arithmetic, fills=False)
     kinds = {"explicit": runge_kutta.RungeKutta, "split": splitting.Splitting, "implicit": parametric.Parametric}
     bases = {name: inner.step if isinstance(inner.step, kind) else None for name, kind in kinds.items()}
     invariants = (system.H, *(system.invariants if onto == "invariants" else ()))

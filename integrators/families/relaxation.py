@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phasebench.integrators.engine.kernel import Prepared, keep_energy
-from phasebench.integrators.engine.vector import advanced, close, head, inlined, keep, opened, scale, tail, written
+from phasebench.integrators.engine.vector import advanced, close, inlined, keep, opened, scale, written
 from phasebench.integrators.records.projection import relaxed as relaxed
 
 from . import runge_kutta
@@ -61,19 +61,19 @@ def dot(x, y):
 
 
 @inlined
-def root(step, y, x):
-    """(gamma next to 1 with H(y + gamma x) = H0, found, evaluations of the field)."""
+def root(step, y, dq, dp):
+    """(gamma next to 1 with H(y + gamma (dq, dp)) = H0, found, evaluations of the field)."""
     gamma = 1.0
     last = np.inf
     for k in range(LIMIT):
-        end = advanced(y, scale(gamma, head(x)), scale(gamma, tail(x)))
+        end = advanced(y, scale(gamma, dq), scale(gamma, dp))
         H, M = step.energy(end.q, end.p)
         E = H - step.H0
         if abs(E) <= step.eps * M or (abs(E) >= 0.5 * last and abs(E) <= SLACK * step.eps * M):
             return gamma, True, k
         last = abs(E)
-        dq, dp = step.field(end.q, end.p, 1.0, 0.0)
-        slope = dot(dq, tail(x)) - dot(dp, head(x))  # grad H = (-p', q')
+        rate_q, rate_p = step.field(end.q, end.p, 1.0, 0.0)
+        slope = dot(rate_q, dp) - dot(rate_p, dq)  # grad H = (-p', q')
         if slope == 0:
             return 1.0, False, k + 1
         gamma = gamma - E / slope
@@ -90,13 +90,13 @@ def run(step, orbit, samples, counts):
         gamma, found = 1.0, True
         for _ in range(samples.every):
             length = step.h - offset
-            x = runge_kutta.increment(step.field, step.tableau, length, y, orbit)
-            gamma, found, n = root(step, y, x)
+            dq, dp = runge_kutta.increment(step.field, step.tableau, length, y, orbit)
+            gamma, found, n = root(step, y, dq, dp)
             counts.steps += 1
             counts.gradient += n + len(step.tableau) - 1
             if not found:
                 counts.fallbacks += 1
-            y = advanced(y, scale(gamma, head(x)), scale(gamma, tail(x)))
+            y = advanced(y, scale(gamma, dq), scale(gamma, dp))
             offset = (gamma - 1) * length if step.adjust_time else 0.0 * length
         keep(samples, row, y)
         samples.parameter[row, 0] = gamma if found else np.nan
@@ -108,7 +108,7 @@ def run(step, orbit, samples, counts):
 def prepare(method, system, arithmetic):
     """The tableau's kernel with the energy."""
     base, adjust_time = method.data
-    inner = runge_kutta.prepare(base, system, arithmetic)
+    inner = runge_kutta.prepare(base, system, arithmetic, fills=False)
     energy = system.energy(arithmetic)
     step = Relaxation(inner.step.field, energy, inner.step.tableau, bool(adjust_time))
     return Prepared(run, step, inner.width, inner.stages, implicit=False, begin=keep_energy(energy), missed=MISSED)

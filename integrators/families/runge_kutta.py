@@ -13,19 +13,26 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phasebench.integrators.engine import filling
 from phasebench.integrators.engine.kernel import Prepared, array
 from phasebench.integrators.engine.vector import (
-    advanced,
+    State,
     axpy,
+    by_kind,
     close,
+    halves,
     head,
+    held,
+    in_place,
     inlined,
     join,
     keep,
     load,
-    opened,
+    moved,
+    plus,
     store,
     tail,
+    writes,
 )
 
 
@@ -39,37 +46,100 @@ class RungeKutta(NamedTuple):
 
 
 @inlined
-def increment(field, tableau, h, y, orbit):
-    """h sum b_i k_i of one step from y, the components of q before those of p."""
-    both = join(orbit.zero, orbit.zero)
-    stages = len(tableau) - 1
+def _after(tableau, i, j):
+    """The next j with a_ij other than zero, or i."""
+    j += 1
+    while j < i and tableau[i, j] == 0:
+        j += 1
+    return j
+
+
+def _total(tableau, i, h, memory, zero):
+    """Two terms at a time, in their order, so that the sum is written half as often."""
+    last, n = len(tableau) - 1, 2 * len(zero)
+    j = _after(tableau, i, -1)
+    a = tableau[i, j] * h if j < i else 0.0
+    for r in range(n):
+        memory[last, r] = a * memory[j, r] if j < i else 0.0
+    j = _after(tableau, i, j)
+    while j < i:
+        k = _after(tableau, i, j)
+        a, b = tableau[i, j] * h, tableau[i, k] * h if k < i else 0.0
+        if k < i:
+            for r in range(n):
+                memory[last, r] = memory[last, r] + a * memory[j, r] + b * memory[k, r]
+        else:
+            for r in range(n):
+                memory[last, r] = memory[last, r] + a * memory[j, r]
+        j = _after(tableau, i, k)
+    return halves(memory, last, zero)
+
+
+@in_place(_total)
+def total(tableau, i, h, memory, zero):
+    """(dq, dp) = h sum_j a_ij k_j, j < i, where k_j is row j of the memory; arrays are the row after the last k."""
+    both = join(zero, zero)
     x = both
-    for i in range(stages + 1):
-        x = both
-        for j in range(i):
-            if tableau[i, j] != 0:
-                x = axpy(tableau[i, j] * h, load(orbit.memory, j, both), x)
-        if i < stages:
-            dq, dp = field(axpy(1.0, head(x), y.q), axpy(1.0, tail(x), y.p), h, 0.0)  # k_i
-            store(orbit.memory, i, join(dq, dp))
-    return x
+    for j in range(i):
+        if tableau[i, j] != 0:
+            x = axpy(tableau[i, j] * h, load(memory, j, both), x)
+    return head(x), tail(x)
+
+
+def evaluate(field, q, p, dq, dp, h, memory, i):
+    """Write the field at (q + dq, p + dp) into row i of the memory; arrays dq and dp are written over."""
+    dq, dp = field(plus(q, dq), plus(p, dp), h, 0.0)
+    store(memory, i, join(dq, dp))
+
+
+def _evaluate_arrays(field, q, p, dq, dp, h, memory, i):
+    def returned(field, q, p, dq, dp, h, memory, i):
+        n = len(q)
+        for k in range(n):
+            dq[k], dp[k] = q[k] + dq[k], p[k] + dp[k]
+        slope_q, slope_p = field(dq, dp, h, 0.0)
+        for k in range(n):
+            memory[i, k], memory[i, n + k] = slope_q[k], slope_p[k]
+
+    def written(field, q, p, dq, dp, h, memory, i):
+        for k in range(len(q)):
+            dq[k], dp[k] = q[k] + dq[k], p[k] + dp[k]
+        slope_q, slope_p = halves(memory, i, q)
+        field(dq, dp, h, 0.0, slope_q, slope_p)
+
+    return written if writes(field) else returned
+
+
+by_kind(evaluate, lambda *types: evaluate, _evaluate_arrays)
+
+
+@in_place(None)
+def increment(field, tableau, h, y, orbit):
+    """(dq, dp) = h sum b_i k_i of one step from y."""
+    memory, stages = orbit.memory, len(tableau) - 1
+    for i in range(stages):
+        dq, dp = total(tableau, i, h, memory, orbit.zero)
+        evaluate(field, y.q, y.p, dq, dp, h, memory, i)
+    return total(tableau, stages, h, memory, orbit.zero)
 
 
 def run(step, orbit, samples, counts):
     """The kernel."""
-    y = opened(orbit)
+    q, p, lost_q, lost_p = held(orbit)
     for row in range(len(samples.q)):
         for _ in range(samples.every):
-            x = increment(step.field, step.tableau, step.h, y, orbit)
-            y = advanced(y, head(x), tail(x))
-        keep(samples, row, y)
-    close(orbit, y)
+            dq, dp = increment(step.field, step.tableau, step.h, State(q, p, lost_q, lost_p), orbit)
+            q, lost_q = moved(q, lost_q, 1.0, dq)
+            p, lost_p = moved(p, lost_p, 1.0, dp)
+        keep(samples, row, State(q, p, lost_q, lost_p))
+    close(orbit, State(q, p, lost_q, lost_p))
     counts.steps += len(samples.q) * samples.every
     counts.gradient += len(samples.q) * samples.every * (len(step.tableau) - 1)
     return len(samples.q), 0
 
 
-def prepare(method, system, arithmetic):
+def prepare(method, system, arithmetic, fills=True):
     """The tableau's kernel."""
+    system = filling.twin(system, arithmetic) if fills else system
     step = RungeKutta(system.field(arithmetic), array(method.data, arithmetic))
     return Prepared(run, step, 2 * system.d, len(step.tableau), implicit=False)

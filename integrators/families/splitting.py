@@ -18,8 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phasebench.integrators.engine import filling
 from phasebench.integrators.engine.kernel import Prepared, numbers
-from phasebench.integrators.engine.vector import State, add, close, keep, opened, scale, velocity
+from phasebench.integrators.engine.vector import State, close, held, keep, moved, of, rows
 
 
 class Splitting(NamedTuple):
@@ -35,27 +36,29 @@ class Splitting(NamedTuple):
 
 def run(step, orbit, samples, counts):
     """The kernel."""
-    q, p, lost_q, lost_p = opened(orbit)
+    q, p, lost_q, lost_p = held(orbit)
     h = step.h
     first = step.b[0] * h
     last = len(step.a) - 1
-    gradient = step.dV(q)
+    gradient, velocity = rows(orbit.state, 4, 5, orbit.zero)
+    gradient = of(step.dV, q, gradient)
     evaluations = 1
     for row in range(len(samples.q)):
         if first != 0:
-            p, lost_p = add(p, lost_p, scale(-first, gradient))
+            p, lost_p = moved(p, lost_p, -first, gradient)
         for _ in range(samples.every):
             for k in range(1, last + 1):
-                q, lost_q = add(q, lost_q, scale(step.a[k] * h, velocity(step.dT, p)))  # exp(a_k h A), a drift
+                velocity = of(step.dT, p, velocity)
+                q, lost_q = moved(q, lost_q, step.a[k] * h, velocity)  # exp(a_k h A), a drift
                 kick = step.b[k] * h
                 if k == last:
                     kick += first
                 if kick != 0:
-                    gradient = step.dV(q)
+                    gradient = of(step.dV, q, gradient)
                     evaluations += 1
-                    p, lost_p = add(p, lost_p, scale(-kick, gradient))  # exp(b_k h B), a kick
+                    p, lost_p = moved(p, lost_p, -kick, gradient)  # exp(b_k h B), a kick
         if first != 0:
-            p, lost_p = add(p, lost_p, scale(first, gradient))
+            p, lost_p = moved(p, lost_p, first, gradient)
         keep(samples, row, State(q, p, lost_q, lost_p))
     close(orbit, State(q, p, lost_q, lost_p))
     counts.steps += len(samples.q) * samples.every
@@ -63,7 +66,7 @@ def run(step, orbit, samples, counts):
     return len(samples.q), 0
 
 
-def _prepared(parts, system, arithmetic):
+def _prepared(parts, system, arithmetic, fills):
     """From (is a kick, fraction) in their order: neighbours of a kind are one."""
     rows = [[0, 0]]
     for kick, fraction in parts:
@@ -74,20 +77,21 @@ def _prepared(parts, system, arithmetic):
         else:
             rows.append([fraction, 0])
     a, b = (numbers(column, arithmetic) for column in zip(*rows, strict=True))
+    system = filling.twin(system, arithmetic) if fills else system
     step = Splitting(system.grad_T(arithmetic), system.grad_V(arithmetic), a, b)
-    return Prepared(run, step, 1, 1, implicit=False)
+    return Prepared(run, step, 1, 2, implicit=False)
 
 
-def from_substeps(substeps, system, arithmetic):
+def from_substeps(substeps, system, arithmetic, fills=True):
     """The splitting that substeps (c, mu, lambda) of symplectic Euler methods are: lambda = 1 kicks first."""
     parts = []
     for c, _, lam in substeps:
         parts += [(True, c), (False, c)] if lam == 1 else [(False, c), (True, c)]
-    return _prepared(parts, system, arithmetic)
+    return _prepared(parts, system, arithmetic, fills)
 
 
-def prepare(method, system, arithmetic):
+def prepare(method, system, arithmetic, fills=True):
     """Of data (a, b): a kick of b_k, then a drift of a_k, for each k; either tuple may begin or end with a zero."""
     a, b = method.data
     parts = [part for drift, kick in zip_longest(a, b, fillvalue=0) for part in ((True, kick), (False, drift))]
-    return _prepared([(kick, fraction) for kick, fraction in parts if fraction != 0], system, arithmetic)
+    return _prepared([(kick, fraction) for kick, fraction in parts if fraction != 0], system, arithmetic, fills)

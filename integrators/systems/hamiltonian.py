@@ -14,7 +14,7 @@ from functools import cached_property, partial
 import numpy as np
 from numba import types
 
-from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine import codegen, filling
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
@@ -60,6 +60,8 @@ class PartitionedSystem:
     loops: Mapping[str, Callable] = {}
     #: What a twin's functions are compiled for, where that is not numbers.
     variant = ""
+    #: Whether functions write into arrays that they are handed (`filling.twin`).
+    fills = False
 
     def __init__(self, *, q, p, dq, dp, energy=None, singular=(), invariants=()):
         self.q, self.p = _symbols(q), _symbols(p)
@@ -151,6 +153,8 @@ class PartitionedSystem:
 
         if (kind, arithmetic) not in self._functions:
             key = f"{kind}|{self.content}"
+            if self.fills:
+                key, signature, text = f"{key}|fills", filling.signature(signature), filling.written(text)
             self._functions[kind, arithmetic] = codegen.function(key, text, self.d, signature, arithmetic)
         return self._functions[kind, arithmetic]
 

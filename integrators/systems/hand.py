@@ -10,11 +10,14 @@ The contract of the loops:
 2. ``energy``: (q, p) -> (H, M).  M is what the round-off of H is in units of: the sum of the sizes of its terms and of
    every \|x_i H_{x_i}\|.
 3. ``field``: (q, p, h, lam) -> (H_p, -H_q); h and lam are not used.
-4. ``grad_V``: q -> grad V(q), given where H = \|p\|^2 / 2 + V(q): the system then is separable with unit masses.
-   With ``frequencies``, ``grad_U`` besides: the gradient of V without the linear springs.
+   Or, faster, (q, p, h, lam, dq, dp): it writes them into the arrays dq and dp.
+4. ``grad_V``: q -> grad V(q), or (q, g): it writes it into the array g.  It is given where H = \|p\|^2 / 2 + V(q): the
+   system then is separable with unit masses.  With ``frequencies``, ``grad_U`` besides: the gradient of V without the
+   linear springs.
 5. q and p are arrays (d,) of doubles when Numba compiles the loop, object arrays when it runs on many digits: plain
    loops over components, sums and products; ``x**0.5`` is a root.  What is returned is new: the arguments stay as they
-   are.
+   are.  Arrays to write into hold anything, and are not q and p; a loop that
+   writes allocates none.  A function that loops call is a `part`.
 6. The formula H may be left out.  Then what derives from it (peers, methods that need second derivatives) says so.
 
 Test the loops against the formula at a small size: ``tests/integrators/test_hand.py`` shows how, and a lattice of
@@ -31,8 +34,9 @@ from pathlib import Path
 
 import numpy as np
 from numba import types
+from numba.extending import register_jitable
 
-from phasebench.integrators.engine import codegen, machine
+from phasebench.integrators.engine import codegen, filling, machine, vector
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
@@ -40,12 +44,76 @@ from phasebench.integrators.errors import InvalidInput
 from .hamiltonian import Hamiltonian, _symbols
 
 
+def part(loop: Callable) -> Callable:
+    """The loop, such that other loops may call it."""
+    return register_jitable(**vector.COMMON)(loop)
+
+
+def of_unit_masses(force: Callable) -> Callable:
+    """The loop of the field (p, -grad V), of a loop that writes -grad V."""
+    force = part(force)
+
+    def f(q, p, h, lam, dq, dp):
+        for i in range(len(p)):
+            dq[i] = p[i]
+        force(q, dp)
+
+    return f
+
+
 @lru_cache(maxsize=256)
-def _compiled(loop: Callable, constants: tuple[float, ...], signature, d: int):
-    """The loop compiled for these constants, once in a process."""
+def _compiled(name: str, loop: Callable, constants: tuple[float, ...], fills: bool, d: int):
+    """The loop of that name compiled for these constants, once in a process."""
     source = Path(inspect.getfile(loop)).read_bytes()  # of helpers too
     content = f"{loop.__qualname__}|{constants}|{hashlib.sha256(source).hexdigest()}"
-    return machine.compiled(loop(*constants), signature, codegen.options(d), f"loop|{content}")
+    signature = SIGNATURES[name](codegen.value_type(d))
+    made, writes = _as_asked(loop(*constants), len(signature.args), fills)
+    options = vector.TUPLES if fills and writes else vector.ARRAYS  # a loop that writes need not allocate
+    return machine.compiled(
+        made, filling.signature(signature) if fills else signature, options, f"loop {fills}|{content}"
+    )
+
+
+#: Name of a loop -> its signature as one that returns, of the type of a state.
+SIGNATURES = {
+    "energy": lambda T: types.UniTuple(types.float64, 2)(T, T),
+    "field": lambda T: types.Tuple((T, T))(T, T, types.float64, types.float64),
+    "grad_V": lambda T: T(T),
+    "grad_U": lambda T: T(T),
+}
+
+
+def _as_asked(loop: Callable, given: int, fills: bool) -> tuple[Callable, bool]:
+    """A loop of so many arguments as one that writes its results, or as one that returns them; whether it writes."""
+    writes = len(inspect.signature(loop).parameters) > given
+    if writes == fills:
+        return loop, writes
+    loop = part(loop)
+
+    def returning_gradient(q):
+        g = np.empty_like(q)
+        loop(q, g)
+        return g
+
+    def returning_field(q, p, h, lam):
+        dq, dp = np.empty_like(q), np.empty_like(p)
+        loop(q, p, h, lam, dq, dp)
+        return dq, dp
+
+    def writing_gradient(q, g):
+        g[:] = loop(q)
+
+    def writing_field(q, p, h, lam, dq, dp):
+        dq[:], dp[:] = loop(q, p, h, lam)
+
+    if given == 1:
+        return (writing_gradient if fills else returning_gradient), writes
+    return (writing_field if fills else returning_field), writes
+
+
+def plain(name: str, loop: Callable, constants) -> Callable:
+    """The loop of that name for these constants, not compiled, as one that returns its results."""
+    return _as_asked(loop(*constants), len(SIGNATURES[name](types.float64).args), False)[0]
 
 
 class Unwritten:
@@ -136,42 +204,34 @@ class HandHamiltonian(Hamiltonian):
         """-H_q, derived when asked for."""
         return tuple(-sp.diff(self.H, x) for x in self.q)
 
-    def _loop(self, name: str, signature, arithmetic: str):
+    def _loop(self, name: str, arithmetic: str):
         constants = tuple(codegen.exactly(c, arithmetic) for c in self.constants)
         if arithmetic == DOUBLE and codegen.compiled():
-            return _compiled(self.loops[name], constants, signature, self.d)
+            return _compiled(name, self.loops[name], constants, self.fills, self.d)
         if ("loop", name, arithmetic) not in self._functions:
-            self._functions["loop", name, arithmetic] = self.loops[name](*constants)
+            self._functions["loop", name, arithmetic] = plain(name, self.loops[name], constants)
         return self._functions["loop", name, arithmetic]
 
     def field(self, arithmetic: str = DOUBLE, order: int = 1):
         """The loop; of ``order`` > 1, derived from the formula."""
-        if order > 1:
-            return super().field(arithmetic, order)
-        T, number = codegen.value_type(self.d), types.float64
-        return self._loop("field", types.Tuple((T, T))(T, T, number, number), arithmetic)
+        return self._loop("field", arithmetic) if order == 1 else super().field(arithmetic, order)
 
     def grad_V(self, arithmetic: str = DOUBLE):
         """The loop."""
-        T = codegen.value_type(self.d)
-        return self._loop("grad_V", T(T), arithmetic)
+        return self._loop("grad_V", arithmetic)
 
     def grad_U(self, arithmetic: str = DOUBLE):
         """The loop, or derived from the formula where there is none."""
-        if "grad_U" not in self.loops:
-            return super().grad_U(arithmetic)
-        T = codegen.value_type(self.d)
-        return self._loop("grad_U", T(T), arithmetic)
+        return self._loop("grad_U", arithmetic) if "grad_U" in self.loops else super().grad_U(arithmetic)
+
+    def energy(self, arithmetic: str = DOUBLE):
+        """The loop."""
+        return self._loop("energy", arithmetic)
 
     @cached_property
     def constant(self) -> float:
         """The additive constant of H; none is known of loops alone."""
         return 0.0 if isinstance(self.H, Unwritten) else super().constant
-
-    def energy(self, arithmetic: str = DOUBLE):
-        """The loop."""
-        T = codegen.value_type(self.d)
-        return self._loop("energy", types.UniTuple(types.float64, 2)(T, T), arithmetic)
 
     def speed(self, Q, P):
         """By the loop of the field."""

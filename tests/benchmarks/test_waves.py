@@ -17,7 +17,7 @@ from phasebench.integrators.engine import vector as arrays
 from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision, vector
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-from phasebench.integrators.systems.hand import HandHamiltonian
+from phasebench.integrators.systems.hand import HandHamiltonian, plain
 
 MODULES = {"nls": nls, "klein-gordon": klein_gordon}
 SMALL, LENGTH = 4, 5.0
@@ -27,7 +27,7 @@ ROUND_OFF = 1e-13
 def loop(name, function, N, arithmetic="double"):
     """A problem's loop, not compiled."""
     module = MODULES[name]
-    return getattr(module, function)(*(exactly(c, arithmetic) for c in module.constants(N, LENGTH)))
+    return plain(function, getattr(module, function), [exactly(c, arithmetic) for c in module.constants(N, LENGTH)])
 
 
 def state(d, seed=3):

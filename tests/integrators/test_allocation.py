@@ -54,6 +54,26 @@ def test_no_step_allocates(id):
     assert allocations(many) == allocations(few)
 
 
+def grown(name, id) -> int:
+    """Allocations of a thousand steps on arrays beyond those of ten."""
+    run = prepared_run(problem(name, **LARGE[name]), id)
+    few, many = (lambda n=n: run(1e-3, n) for n in (10, 1000))
+    few(), many()
+    return allocations(many) - allocations(few)
+
+
+LARGE = {"fpu": {"m": 11}, "nls": {"N": 24}}
+
+
+@pytest.mark.parametrize(("name", "id"), [("fpu", "stormer-verlet"), ("fpu", "rk4"), ("nls", "rk4")])
+def test_no_explicit_step_on_arrays_allocates(name, id):
+    assert grown(name, id) == 0
+
+
+def test_control_an_implicit_step_on_arrays_allocates():
+    assert grown("fpu", "implicit-midpoint") > 1000
+
+
 @pytest.mark.parametrize("id", BY_ID)
 def test_the_kernel_may_not_allocate(id):
     system = made(id).system

@@ -14,7 +14,7 @@ from phasebench.benchmarks.problems import fpu, problem, toda
 from phasebench.benchmarks.problems.user_file import load
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
 from phasebench.integrators.engine.codegen import MULTIPRECISION, TUPLE_LIMIT, exactly, precision, vector
-from phasebench.integrators.systems.hand import HandHamiltonian
+from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses, plain
 
 PATH = str(Path(__file__).parents[2] / "examples" / "problems" / "chain.py")
 CHAIN = load(PATH)
@@ -37,7 +37,8 @@ def values(module, constants, q, p, arithmetic="double"):
     """Every loop's values at a state, uncompiled."""
     of = [exactly(c, arithmetic) for c in constants]
     H, M = module.energy(*of)(q, p)
-    return np.concatenate([*module.field(*of)(q, p, 0.0, 0.0), module.grad_V(*of)(q), [H, M]])
+    field, grad_V = (plain(name, getattr(module, name), of) for name in ("field", "grad_V"))
+    return np.concatenate([*field(q, p, 0.0, 0.0), grad_V(q), [H, M]])
 
 
 def by_formula(q_names, p_names, H, q, p):
@@ -86,6 +87,49 @@ def test_many_stiff_springs_are_the_few(monkeypatch):
         ours, theirs = (integrate(s, id, h=0.01, steps=20, q0=q, p0=p) for s in (made.system, derived))
         assert ours.status == theirs.status == "ok"
         assert np.abs(ours.q[-1] - theirs.q[-1]).max() < 1e-13
+
+
+def springs_that_return():
+    """Springs of stiffness k, by loops that return arrays."""
+    return {"field": lambda k: lambda q, p, h, lam: (p.copy(), -k * q), "grad_V": lambda k: lambda q: k * q}
+
+
+def springs_that_write():
+    """The same by loops that write into arrays."""
+
+    def grad_V(k):
+        def f(q, g):
+            for i in range(len(q)):
+                g[i] = k * q[i]
+
+        return f
+
+    return {"field": lambda k: of_unit_masses(grad_V(-k)), "grad_V": grad_V}
+
+
+def springs_energy(k):
+    def f(q, p):
+        H = 0 * q[0]
+        for i in range(len(q)):
+            H += p[i] * p[i] / 2 + k * q[i] * q[i] / 2
+        return H, 3 * H
+
+    return f
+
+
+@pytest.mark.parametrize("id", ["stormer-verlet", "rk4", "rk4-relaxation", "implicit-midpoint"])
+def test_loops_that_write_and_loops_that_return_are_one_to_the_last_bit(id):
+    """In kernels that hand arrays to be written into, and in those that do not."""
+    d, ends = TUPLE_LIMIT + 2, []
+    names = [[f"{x}{i}" for i in range(d)] for x in "qp"]
+    start = dict(zip(("q0", "p0"), np.random.default_rng(6).normal(size=(2, d)), strict=True))
+    for loops, k in ((springs_that_return(), 3), (springs_that_write(), 3), (springs_that_write(), 4)):
+        system = HandHamiltonian(q=names[0], p=names[1], loops=loops | {"energy": springs_energy}, constants=(k,))
+        s = integrate(system, id, h=0.1, steps=9, **start)
+        assert s.status == "ok"
+        ends.append(np.concatenate([s.q[-1], s.p[-1]]))
+    assert (ends[0] == ends[1]).all()
+    assert not np.isclose(ends[0], ends[2]).any(), "the control"
 
 
 def leapfrog(q, p, k, h, steps):

@@ -1,0 +1,48 @@
+"""Functions that write their results into arrays handed to them: of large d, for kernels that allocate nothing.
+
+Of a function (q, ...) -> g or (g, k) it is the one (q, ..., g) -> None or (q, ..., g, k) -> None, with `vector.writes`
+of its type.  A family whose kernel takes such functions asks the `twin` of a system for them.
+"""
+
+from __future__ import annotations
+
+import ast
+import copy
+from collections.abc import Callable
+
+from numba import types
+
+from .codegen import DOUBLE, compiled, value_kind
+
+
+def signature(returning):
+    """The signature that writes of one that returns an array or several."""
+    results = returning.return_type
+    many = results.types if isinstance(results, types.BaseTuple) else (results,)
+    return types.none(*returning.args, *many)
+
+
+def written(build: Callable[[str], str]) -> Callable[[str], str]:
+    """What writes the text of a function, f(q, ...) that ends on ``return value((...)), ...``, so that it writes."""
+    return lambda arithmetic: _writing(build(arithmetic))
+
+
+def _writing(text: str) -> str:
+    tree = ast.parse(text)
+    f = tree.body[0]
+    results = f.body[-1].value
+    values = results.elts if isinstance(results, ast.Tuple) else [results]
+    f.body.pop()
+    for k, value in enumerate(values):
+        f.args.args.append(ast.arg(f"out{k}"))
+        f.body += [ast.parse(f"out{k}[{i}] = {ast.unparse(e)}").body[0] for i, e in enumerate(value.args[0].elts)]
+    return ast.unparse(tree) + "\n"
+
+
+def twin(system, arithmetic: str = DOUBLE):
+    """The system, its functions such that write where they are compiled for arrays."""
+    if arithmetic != DOUBLE or not compiled() or value_kind(system.d) != "array":
+        return system
+    other = copy.copy(system)
+    other._functions, other.fills = {}, True
+    return other
