@@ -37,10 +37,20 @@ def repeated(m: Method):
     return m.family, m.parameters.get("order"), frozenset((row[1], row[-1]) for row in substeps(m))
 
 
+def _shortest() -> dict:
+    """What compositions repeat -> the label of the shortest of them."""
+    found: dict = {}
+    for label, m in sorted(ALL.items(), key=lambda item: len(substeps(item[1]))):
+        found.setdefault(repeated(m), label)
+    return {what: label for what, label in found.items() if what}
+
+
+SHORTEST = _shortest()
+
+
 def shortest(label: str) -> str:
     """The label of the shortest composition that differs from this one in its fractions alone; or this label."""
-    same = [x for x, m in ALL.items() if repeated(m) == repeated(ALL[label]) is not None]
-    return min(same, key=lambda x: len(substeps(ALL[x])), default=label)
+    return SHORTEST.get(repeated(ALL[label]), label)
 
 
 def chosen(what: str, label: str) -> list[str]:
