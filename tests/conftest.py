@@ -18,15 +18,20 @@ HERE = Path(__file__).resolve().parent
 
 
 #: The files that take longest, first: else one process would be at them when the other has ended.  The first compiles
-#: the kernels of every family; the two that take as long as it beside it compile none, and what follows loads them.
+#: the kernels of every family; those beside it, to "test_perturbed", compile none or few, and what follows loads them.
 LONGEST = (
     "test_allocation",
     "test_orders",
     "test_pages",
+    "test_symplectic",
+    "test_properties",
+    "test_adjoint",
+    "test_scaling",
+    "test_perturbed",
     "test_nojit",
     "test_audit",
     "test_problem_literature",
-    "test_symplectic",
+    "test_warm",
     "test_figures",
 )
 
@@ -84,9 +89,14 @@ def _elsewhere(name: str):
         return str(error)
 
 
+#: What the tests of one file want is measured in one process.
+TOGETHER = (("orders", "spoiled"), ("symplecticity", "frozen"), ("symmetry", "adjoint"))
+
+
 def _measured(name: str):
-    if name in multiprecision.CELLS:
-        return _result("support/exact.py", name)
+    for names in TOGETHER:
+        if name in names:
+            return _result("support/exact.py", *names)[name]
     result = _elsewhere(name)
     assert not isinstance(result, str), result
     return result

@@ -202,7 +202,7 @@ def test_workers_and_what_they_have_started_are_ended_at_the_deadline(tmp_path):
     started = tmp_path / "started"
     cell = replace(toy_cells.cell(0), measure=toy_cells.start, arguments=(str(started), 0))
     began = time.monotonic()
-    outcome = execute(tmp_path, [cell, toy_cells.cell(2, seconds=60.0)], count=1, budget=8.0)
+    outcome = execute(tmp_path, [cell, toy_cells.cell(2, seconds=60.0)], count=1, budget=5.0)
     assert time.monotonic() - began < 30
     assert outcome.left == [cell, toy_cells.cell(2, seconds=60.0)]
     child = int(started.read_text())

@@ -8,7 +8,7 @@ from phasebench.benchmarks.measure.battery import NON_SEPARABLE, expected_order,
 from phasebench.benchmarks.measure.multiprecision import observed_order
 from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision
 from phasebench.integrators.registry import BY_ID, METHODS
-from support.exact import ALL, SAME_KIND, cells
+from support.exact import ALL, SAME_KIND, cells, repeated, shortest
 
 TOLERANCE = 0.1
 CASES = cells("orders")
@@ -36,10 +36,20 @@ def test_every_method_is_measured(measured):
     assert set(measured("orders")) == set(ALL)
     for label, m in ALL.items():
         assert measured("orders")[label], f"{label} runs on no system of the suite"
+        of_its_substeps = set(measured("orders")[shortest(label)])
         for name in systems(m):
-            assert {name, SAME_KIND.get(name)} & set(measured("orders")[label]), f"{label} on the kind of {name}"
+            assert {name, SAME_KIND.get(name)} & of_its_substeps, f"{label} on the kind of {name}"
         if not set(m.requires) - {"canonical", "Poisson structure"}:
-            assert set(measured("orders")[label]) & set(NON_SEPARABLE), f"{label} is measured on separable systems only"
+            assert of_its_substeps & set(NON_SEPARABLE), f"{label} is measured on separable systems only"
+
+
+def test_compositions_of_the_same_substeps_alone_stand_for_each_other():
+    standing = {label: shortest(label) for label in ALL if shortest(label) != label}
+    assert standing["hlw-10"] == standing["kahan-li-6"] == "yoshida-6a"
+    assert standing["scheme-v-kahan-li-8"] == "scheme-v-kahan-li-6"
+    assert set(standing.values()) < {label for label, m in ALL.items() if repeated(m)}
+    for label in ("gauss-8", "dop853", "generating-function(lam=-1, order=6)", "scheme-v-yoshida-4"):
+        assert label not in standing
 
 
 def test_control_a_wrong_coefficient_in_any_family_is_refused(measured):

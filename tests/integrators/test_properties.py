@@ -59,7 +59,7 @@ def name(x):
 
 @pytest.fixture(scope="module")
 def found(uncompiled):
-    return uncompiled("support/properties.py")
+    return uncompiled("support/properties.py")["properties"]
 
 
 def check_holds(what: str, row: dict):
@@ -125,7 +125,7 @@ def test_a_required_kind_is_what_is_drawn():
 
 @pytest.fixture(scope="module")
 def ends(uncompiled):
-    return uncompiled("support/properties.py", "ends")
+    return uncompiled("support/properties.py")["ends"]
 
 
 def numbers(row: dict):

@@ -1,22 +1,21 @@
 """Properties of methods over random systems, for a process with NUMBA_DISABLE_JIT=1: prints JSON.
 
-``python properties.py`` measures every property of every method of `METHODS`, without round-off, and again with a
-coefficient of the kernel off by `SLIP` of itself; ``python properties.py ends`` prints runs in doubles on plain NumPy.
+It measures every property of every method of `METHODS`, without round-off, and again with a coefficient of the kernel
+off by `SLIP` of itself; and runs in doubles on plain NumPy.
 """
 
 from __future__ import annotations
 
 import importlib
 import json
-import sys
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from functools import cache
 from typing import NamedTuple
 from unittest import mock
 
 import numpy as np
-from hypothesis import HealthCheck, given, settings
 
 from phasebench.benchmarks.measure.metrics import pair_defect
 from phasebench.benchmarks.measure.multiprecision import advance
@@ -174,14 +173,14 @@ def kind(record) -> str:
     return next((traits[t] for t in record.requires if t in traits), "any")
 
 
-def systems(what: str, record):
-    """The strategy of cases on which a property of a method is measured; None where there is none."""
+def systems(what: str, record) -> tuple[Callable, str, int] | None:
+    """The strategy of cases on which a property of a method is measured, with what it is given; or None."""
     # The formulae of a generating function grow with the order and with d.
     of, largest = kind(record), {"generating-function": 1, "scheme-ii": 2}.get(record.id, 3)
     if what not in ("linear", "bilinear"):
-        return cases(of, largest)
+        return cases, of, largest
     free = {"linear": with_linear, "bilinear": with_bilinear}[what]
-    return None if of in ("fast", "polynomial") or largest < 2 else free(of, largest)
+    return None if of in ("fast", "polynomial") or largest < 2 else (free, of, largest)
 
 
 def examples(what: str, record) -> int:
@@ -195,29 +194,24 @@ def measured(what: str, id: str) -> dict:
     """{drawn, judged: how many cases; worst: the largest defect; case: where it is}."""
     record = method(id)
     found = {"drawn": 0, "judged": 0, "worst": 0.0, "case": ""}
-
-    @settings(
-        max_examples=examples(what, record),
-        derandomize=True,
-        database=None,
-        deadline=None,
-        suppress_health_check=list(HealthCheck),
-    )
-    @given(systems(what, record))
-    def look(case):
+    for case in drawn(*systems(what, record), examples(what, record)):
         if not found["worst"] <= VISIBLE:
-            return
+            break
         found["drawn"] += 1
         try:
             defect = float(MEASURES[what](record, case))
         except ArithmeticError:  # no solution of its equations, no root: nothing is promised there
-            return
+            continue
         found["judged"] += 1
         if not defect <= found["worst"]:
             found["worst"], found["case"] = defect, repr(case)
-
-    look()
     return found
+
+
+@cache
+def drawn(strategy: Callable, kind: str, largest: int, n: int) -> list[Case]:
+    """Cases of a kind: the same for every method, so that their formulae are derived once."""
+    return draws(strategy(kind, largest), n)
 
 
 @contextmanager
@@ -288,4 +282,4 @@ def run(case: Case, id: str) -> dict:
 if __name__ == "__main__":
     assert not compiled(), "this process compiles"
     with precision(DIGITS):
-        print(json.dumps({"result": ends() if sys.argv[1:] == ["ends"] else of_all()}, default=str))
+        print(json.dumps({"result": {"properties": of_all(), "ends": ends()}}, default=str))

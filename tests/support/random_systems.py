@@ -13,7 +13,7 @@ from functools import cache
 from itertools import combinations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from phasebench.integrators import Hamiltonian
@@ -183,7 +183,7 @@ def draws(strategy, n: int) -> list[Case]:
     """The same n cases whenever they are asked for."""
     found: list[Case] = []
 
-    @settings(max_examples=n, derandomize=True, database=None, deadline=None)
+    @settings(max_examples=n, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck))
     @given(strategy)
     def look(case):
         found.append(case)

@@ -20,7 +20,7 @@ from phasebench.benchmarks.measure.quantities import quantity
 from phasebench.benchmarks.problems.questions import BY_ID
 from phasebench.benchmarks.rows.cells import Rows
 
-from .climb import Climb, Known, Rung, Task, climb
+from .climb import ROUND_OFF, Climb, Known, Rung, Task, climb
 from .field import able, ours
 
 FINALISTS, MARGIN, REFINED = 3, 1.4, 3
@@ -28,8 +28,6 @@ FINALISTS, MARGIN, REFINED = 3, 1.4, 3
 SPARE = 1.03
 #: Rounds of a final: at least, at most, and the seconds that they may take together.
 LEAST, MOST, SECONDS = 6, 15, 0.6
-#: No error above this is that of round-off.
-ROUND_OFF = 1e-8
 #: A finer run that meets an accuracy stands before the widest that does, if it takes less than this share of its time.
 CHEAPER = 0.8
 #: Rows are kept of climbs that come so near to the cheapest known.
