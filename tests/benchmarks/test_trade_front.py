@@ -447,7 +447,7 @@ def test_who_meets_an_accuracy_at_its_widest_step_is_not_refined():
 def test_an_error_that_is_just_the_wanted_one_meets_it():
     law = Law("a", 4, 1e-8, floor=1e-6)
     asked, (one,) = climbed(law)
-    _, coarse = front.bracket(one.rungs, 1e-6)
+    _, (coarse, *_) = front.bracket(one.rungs, 1e-6)
     found = front.refine(asked, law, one.rungs, 1e-6)
     assert found.error == 1e-6
     assert found.steps < coarse.steps
