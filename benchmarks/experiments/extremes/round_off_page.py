@@ -63,7 +63,7 @@ PAGE = Page(
         "H = (p² + q²) / 2: a symplectic step is a matrix M of trace 2 cos θ; w = M_pq q + (e^{iθ} - M_qq) p turns by θ and keeps |w|.",
         f"{brouwer.STARTS} seeded starts; |w|² and arg w in {brouwer.DIGITS} digits, M from the coefficients and the double h; what changes is round-off.",
         "Brouwer 1937: unbiased rounding lets the energy's error grow as n^(1/2), the phase's as n^(3/2) where the period depends on the energy.",
-        "Fractions of small denominators: h = 0.01 and 0.1, λ = 1/3; a little beside them: h (1 + 2^-40), λ = 0.3333333333.",
+        "Fractions of small denominators: h = 0.01 and 0.1, λ = 1/3; a little beside them: h (1 + 2^-40), λ = 0.3333333333. "
         f"Every method: h = {every.H:g}, {every.DEAR} to {every.EXPLICIT} steps, fewer where one costs more; of what keeps H the error of H itself.",
         "By hand: Stormer-Verlet by plain sums; by exact products; by exact products with the state's lost part in velocity and force.",
     ),
