@@ -15,7 +15,20 @@ import sympy as sp
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
 from phasebench.integrators.engine import codegen
-from phasebench.integrators.engine.vector import add, axpy, bump, head, join, load, minus, plus, scale, store, tail
+from phasebench.integrators.engine.vector import (
+    add,
+    axpy,
+    bump,
+    head,
+    join,
+    load,
+    minus,
+    moved,
+    plus,
+    scale,
+    store,
+    tail,
+)
 
 ALPHA, BETA = sp.Rational(1, 4), sp.Rational(1, 2)
 D = codegen.TUPLE_LIMIT + 1
@@ -188,6 +201,26 @@ def test_operations_compile_on_the_longest_tuples(n):
     expected = 2 * y - 0.5 * x
     expected[-1] += 1.0
     assert np.abs(np.array(operate(tuple(x), tuple(y), np.zeros((1, n)))) - expected).max() < 1e-13
+
+
+def test_a_sum_in_place_is_the_compensated_sum_to_the_last_bit():
+    """And it takes the place of both of its first arguments."""
+
+    @numba.njit
+    def new(x, c, v):
+        return add(x, c, scale(0.3, v))
+
+    @numba.njit
+    def same_place(x, c, v):
+        return moved(x, c, 0.3, v)
+
+    x, v = np.random.default_rng(8).normal(size=(2, D))
+    wanted = x, np.zeros(D)
+    found = tuple(row.copy() for row in wanted)
+    for _ in range(5):
+        wanted, ends = new(*wanted, v), same_place(*found, v)
+        assert all((a == b).all() and (a == c).all() for a, b, c in zip(wanted, found, ends, strict=True))
+    assert (found[1] != 0).any(), "the control: rounding lost something"
 
 
 def test_a_lost_close_encounter_of_many_bodies_is_a_collision():
