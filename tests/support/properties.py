@@ -26,7 +26,7 @@ from support.random_systems import Case, cases, draws, with_bilinear, with_linea
 
 DIGITS, SLIP = 30, 1e-9
 #: A defect above it settles that a property does not hold: further examples are not measured.
-VISIBLE = 1e-14
+VISIBLE = 1e-16
 #: At least one of each family that integrates a Hamiltonian without a singularity or a Kepler part.
 METHODS = (
     "explicit-euler",
