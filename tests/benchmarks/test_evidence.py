@@ -131,6 +131,7 @@ def test_a_verdict_as_json_has_it():
         (198.9, 200.0, CONTRADICTED),
         (None, 9.94, CONTRADICTED),
         (None, 9.96, UNJUDGED),
+        (None, 10.0 * (1 - judge.NEAR), UNJUDGED),
     ],
 )
 def test_a_stability_limit_is_as_claimed_or_farther_than_was_looked(limit, claimed, verdict):
@@ -151,6 +152,17 @@ def test_of_order_one_there_is_no_term_to_be_cut():
     found = judge.order(1, Tables({"order": [order_row("a", 1.0, terms=(1e-17, 0.3))]}))
     assert found.verdict == HOLDS
     assert (found.measured, found.interval, found.on) == (1.0, (0.99, 1.01), ("a",))
+
+
+def test_terms_below_the_claimed_order_alone_are_cut_and_the_largest_is_named():
+    higher = order_row("b", 4.0, False, terms=(1e-17, 1e-17, 1e-3, 1e-17, 0.3))
+    assert judge.order(2, Tables({"order": [order_row("a", 2.0), higher]})).verdict == HOLDS
+    cut = [order_row(on, 2.0, terms=(1e-17, size, 0.3)) for on, size in (("z", 1e-11), ("a", 1e-9), ("y", 1e-10))]
+    found = judge.order(2, Tables({"order": cut}))
+    assert (found.verdict, found.on) == (CONTRADICTED, ("a",))
+    assert "a term of 1.0e-09 is left: coefficients of 9 digits" in found.why
+    just = order_row("a", 2.0, terms=(1e-17, judge.ROUNDED, 0.3))
+    assert judge.order(2, Tables({"order": [just]})).verdict == HOLDS
 
 
 @pytest.mark.parametrize(("open_", "verdict"), [(1, HOLDS), (2, HOLDS), (3, UNJUDGED)])
@@ -187,6 +199,8 @@ def test_what_is_measured_is_offered_as_it_would_be_claimed():
     claims = {"order": 2, "symplectic": True, "energy": "bounded", "bilinear": "preserved"}
     assert judge.offers(claims, tables) == []
     assert judge.offers({}, Tables({"order": [order_row("a", 0.01)]})) == []
+    assert judge.offers({}, Tables({"order": [order_row("a", 0.01), order_row("b", 2.0, False)]})) == []
+    assert judge.offers({}, Tables({"order": [order_row("a", 1.0)]})) == ["order=1"]
     bounded = Tables({"long": [long | {"energy": part(1e-4), "bilinear": part(1e-4)}]})
     assert judge.offers({}, bounded) == ["energy=bounded"]
 
