@@ -177,6 +177,19 @@ def rules(own: float = 1e-15, dear: float = 1.5):
     return pd.DataFrame(rows).assign(scene="a", h=0.1, status="ok")
 
 
+def test_one_node_is_the_midpoint_rule_and_more_keep_the_energy():
+    """The kernel has its nodes in lanes: a rule of any size fills them."""
+    made = problem("pendulum:swinging")
+    runs = {n: nodes.Run(made, n, 0.1) for n in (1, 3, 5)}
+    assert all(run() for run in runs.values())
+    middle = integrate(made, "implicit-midpoint", h=0.1, steps=nodes.STEPS)
+    assert abs(runs[1].Q[-1] - middle.q[-1]).max() < 1e-9
+    one, three, five = (runs[n].energy_error() for n in (1, 3, 5))
+    assert one > 1e-4
+    assert 1e-13 < three < 1e-10
+    assert five < 1e-14
+
+
 def test_the_fewest_nodes_and_the_rule_that_confirms_itself():
     good = verdicts.quadrature(rules())
     assert good.holds

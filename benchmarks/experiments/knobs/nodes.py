@@ -14,16 +14,16 @@ from phasebench.benchmarks.measure.quantities import scale
 from phasebench.benchmarks.measure.timing import interleaved, median
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
-from phasebench.integrators.coefficients.quadrature import gauss_legendre
 from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import Prepared, fixed, numbers, prepare
+from phasebench.integrators.engine.kernel import Prepared, array, fixed, prepare
 from phasebench.integrators.engine.solve import SOLVED
+from phasebench.integrators.families.averaged import rules
 from phasebench.integrators.prepared import Layout, lay_out
 from phasebench.integrators.registry import method
 
 TABLE, METHOD = "knobs_nodes", "avf"
 NODES, CONFIRMED = (1, 2, 3, 4, 5, 6, 8, 10, 12), 0
-DIGITS, STEPS, ROUNDS = 40, 2000, 7
+STEPS, ROUNDS = 2000, 7
 
 
 class Pace(NamedTuple):
@@ -56,9 +56,16 @@ def with_nodes(prepared: Prepared, n: int) -> Prepared:
     """The kernel with the rule of n nodes alone; as it is for `CONFIRMED`."""
     if n == CONFIRMED:
         return prepared
-    c, b = zip(*gauss_legendre(n, DIGITS), strict=True)
-    step = prepared.step._replace(nodes=fixed((n,) * n), c=numbers(c, DOUBLE), b=numbers(b, DOUBLE))
+    lanes = len(prepared.step.like or (0.0,))
+    nodes, rows, c, b = rules(Degree(2 * n), lanes, DOUBLE)
+    step = prepared.step._replace(nodes=fixed(nodes), rows=fixed(rows), c=array(c, DOUBLE), b=array(b, DOUBLE))
     return Prepared(**(vars(prepared) | {"step": step}))
+
+
+class Degree(NamedTuple):
+    """What a polynomial H would tell of its rule: n nodes are exact to the degree 2 n."""
+
+    polynomial_degree: int
 
 
 class Run:
