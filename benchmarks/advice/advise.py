@@ -83,6 +83,8 @@ def _unreached(found: Search) -> str:
     best = min(
         ((p.error, t) for t in found.trials for p in t.points.values() if p.ok), key=lambda x: x[0], default=None
     )
+    if best is None and not any(t.points for t in found.trials):
+        return "no integrator was tried in the time that the search may take: give it more (--limit)"
     if best is None:
         return "no integrator came to the end of the span"
     if ask.budget is not None:

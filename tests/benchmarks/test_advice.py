@@ -322,3 +322,9 @@ def test_a_wrong_question_is_invalid(arguments, message):
     code, text, said = call("advise", *arguments)
     assert code == 2
     assert message in text + said
+
+
+def test_a_search_that_had_no_time_says_so():
+    nobody = advise(ask(problem("pendulum"), t_end=10.0, accuracy=1e-2, limit=1e-9))
+    assert "no integrator was tried" in nobody["why"]
+    assert "--limit" in nobody["why"]
