@@ -187,6 +187,7 @@ PAGE = Page(
         "Nodes are on lines of low order exactly: a narrow resonance of a higher order that meets no node is not seen.",
         "The slow motion shifts and splits a resonance by h times its frequency, here less than a node.",
         f"Held: at least {MOST:.0%} of a method's crests are on lines, {TIMES:g} times the share of its nodes; no crest at all is no resonance seen over so many steps.",
+        "What a crest is, and how near a line it must lie, were chosen on an earlier run of these maps: what tells is that nodes by chance lie there so much less often.",
         "Where the drift of a method is high everywhere, as of order 1, weak resonances drown in it.",
     ),
     command="pytest benchmarks/experiments/extremes",
