@@ -5,7 +5,9 @@ did not end well, orbits are handed one by one to `driver.integrate`, which says
 the interpreter's lock, on threads.
 
 The result is that of `integrate` for every orbit: to the last bit where the formulae have no other functions than the
-square root, and up to the rounding of sin, cos and exp where they have (`engine.elementary` states their errors).
+square root and the compiler contracts products and sums alike in both kernels, which the page on ensembles measures; up
+to round-off where it does not (pefrl on the harmonic oscillator: 3e-14 after 200,000 steps), and up to the rounding of
+sin, cos and exp where they are called (`engine.elementary` states their errors).
 """
 
 from __future__ import annotations
