@@ -166,3 +166,8 @@ def test_a_control_that_does_not_come_out_is_a_finding():
     assert not said.holds
     assert said.text.endswith("1 come out as declared, not rk4 (its energy).")
     assert said.short == "1 declarations of controls do not come out."
+
+
+def test_a_row_keeps_what_it_has_and_names_what_it_lacks():
+    rows = page.records(pd.DataFrame({"value": [1.5, float("nan")], "reason": ["late", None], "on": [None, "kepler"]}))
+    assert rows == [{"value": 1.5, "reason": "late", "on": None}, {"value": None, "reason": "", "on": "kepler"}]

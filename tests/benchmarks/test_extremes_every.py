@@ -43,6 +43,8 @@ def test_every_method_has_three_ways_to_fail():
     assert "1 of 2 methods" in fast.text
     assert "(not m1)" in fast.text
     assert not said(FITTED, FITTED | {"phase low": verdicts.PHASE + verdicts.ABOVE + 0.01}).holds
+    assert said(FITTED | {"phase low": verdicts.PHASE + verdicts.ABOVE}).holds, "on the line is not above it"
+    assert said(FITTED).text.endswith("(m0)."), "none is without an ensemble"
     large = said(FITTED, FITTED | {"in units": 2 * verdicts.UNITS})
     assert not large.holds
     assert "at most 20 (m1)" in large.text

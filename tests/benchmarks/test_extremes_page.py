@@ -129,6 +129,9 @@ def test_meetings_are_told_by_kind():
     assert "(all lost)" in verdicts.met(data(extremes_meetings=meeting().assign(error=math.inf))).text
     assert "fixed steps do in 4096 (a)" in verdicts.met(data(extremes_meetings=meeting(fixed=1e-7))).text
     assert not verdicts.met(data(extremes_meetings=meeting(adaptive=1e-3))).holds
+    two = pd.concat([meeting(), meeting().assign(scene="a whirl")])
+    text = verdicts.met(data(extremes_meetings=two)).text
+    assert text.index("three bodies") < text.index("a whirl"), "in the order in which they were measured"
 
 
 def test_a_meeting_is_judged_at_its_certified_state():
@@ -197,12 +200,13 @@ def test_brouwers_law_names_the_fastest_and_the_largest():
     assert "after 1000 steps; plain sums" in short
 
 
-def residues(fraction=0.9, beside=0.5, product=0.8, whole=0.5):
+def residues(fraction=0.9, beside=0.5, product=0.8, whole=0.5, without=None):
     kinds = {"a": (brouwer.FRACTION, fraction), "b": (brouwer.ASIDE_OF, beside)}
     kinds |= {controls.HALF: (brouwer.HAND, product), controls.WHOLE: (brouwer.HAND, whole)}
     rows = [
         {"label": label, "kind": kind, "h": 0.01, "energy exponent": e, "energy low": e - 0.03}
         for label, (kind, e) in kinds.items()
+        if label != without
     ]
     return verdicts.small_denominators(data(extremes_growth=pd.DataFrame(rows)))
 
@@ -214,6 +218,8 @@ def test_a_drift_is_explained_only_where_every_control_says_so():
     for broken in ({"beside": 0.9}, {"product": 0.5}, {"whole": 0.9}):
         assert "not explained" in residues(**broken).text
     assert residues(fraction=0.5).holds
+    for missing in ("a", "b", controls.HALF, controls.WHOLE):
+        assert residues(without=missing) is None, "not judged without all four"
 
 
 def test_of_the_whole_state_exact_products_lose_least_and_plain_sums_most():

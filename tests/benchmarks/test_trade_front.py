@@ -254,6 +254,16 @@ def test_of_the_steps_that_meet_an_accuracy_the_cheapest_stands_which_need_not_b
     assert front.estimate(late.rungs, 1e-2) <= found.seconds
 
 
+def test_a_time_that_was_noise_does_not_make_a_finer_step_stand():
+    """Before a finer step stands, both are timed again."""
+    law = Law("a", 4, 1e-6)
+    asked, (one,) = climbed(law)
+    widest, *finer = (r for r in one.rungs if r.error <= 1e-3)
+    found = front.refine(asked, law, [widest._replace(seconds=20 * widest.seconds), *finer], 1e-3)
+    assert found.steps == widest.steps
+    assert found.seconds == pytest.approx(widest.seconds)
+
+
 @pytest.mark.parametrize(("share", "stands"), [(0.85, 0), (0.75, 1)])
 def test_a_finer_step_stands_before_the_widest_only_if_it_is_clearly_cheaper(share, stands):
     rungs = [Rung(2**k, None, "ok", 10.0**-k, s, 2**k, 0) for k, s in enumerate((1e-3, share * 1e-3, 2e-3))]
