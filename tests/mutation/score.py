@@ -7,18 +7,12 @@ file's is of the file as it was before.
 from __future__ import annotations
 
 import csv
-import hashlib
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
+from phasebench.benchmarks.experiments.catalogue.mutation import AND, COUNTS, digest
+
 KEPT = Path(__file__).with_name("score.csv")
-#: Between the survivors of a file.
-AND = " && "
-
-
-def digest(file: Path) -> str:
-    """What tells a file's content from another's."""
-    return hashlib.sha256(file.read_bytes()).hexdigest()[:12]
 
 
 @dataclass(frozen=True)
@@ -49,10 +43,9 @@ def read(kept: Path = KEPT) -> dict[str, Score]:
         return {}
     with kept.open(newline="") as lines:
         rows = list(csv.DictReader(lines))
-    numbers = ("mutants", "tried", "killed", "equivalent")
     return {
         row["path"]: Score(
-            **{"path": row["path"], "hash": row["hash"]} | {n: int(row[n]) for n in numbers},
+            **{"path": row["path"], "hash": row["hash"]} | {n: int(row[n]) for n in COUNTS},
             survived=tuple(filter(None, row["survived"].split(AND))),
         )
         for row in rows
@@ -83,7 +76,7 @@ def table(scores: dict[str, Score], root: Path) -> list[tuple]:
 
 def same(of: Score, root: Path) -> bool:
     """Whether a file is as it was when it was judged."""
-    return (root / of.path).is_file() and digest(root / of.path) == of.hash
+    return digest(root / of.path) == of.hash
 
 
 def write(scores: dict[str, Score], kept: Path = KEPT) -> None:
