@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from phasebench.integrators.errors import unknown
 
-from . import desolver, diffrax, gala, galpy, heyoka, pyhamsys, rebound, scipy
+from . import desolver, diffrax, floating, gala, galpy, heyoka, pyhamsys, rebound, scipy
 from .record import Claims, Peer, Run, Task
 from .run import integrate_peer
 
@@ -29,4 +29,4 @@ def peer(id: str | Peer) -> Peer:
     return BY_ID[id]
 
 
-__all__ = ["BY_ID", "PEERS", "Claims", "Peer", "Run", "Task", "integrate_peer", "peer"]
+__all__ = ["BY_ID", "PEERS", "Claims", "Peer", "Run", "Task", "floating", "integrate_peer", "peer"]
