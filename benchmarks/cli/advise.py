@@ -149,7 +149,7 @@ def _line(role: str, c: dict[str, Any]) -> dict[str, str]:
         "size": size,
         "error": f"{c['error']:.2g}",
         "seconds": f"{c['seconds']:.3g}",
-        "": role,
+        "": ", ".join(filter(None, [role, c.get("remark")])),
     }
 
 
