@@ -15,13 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phasebench.benchmarks.advice.cheapest import cheapest
+from phasebench.benchmarks.certificate.fronts import ROUND_OFF
 from phasebench.benchmarks.measure import timing, truths
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.quantities import quantity
 from phasebench.benchmarks.problems.questions import BY_ID
 from phasebench.benchmarks.rows.cells import Rows
 
-from .climb import ROUND_OFF, Climb, Known, Rung, Task, climb
+from .climb import Climb, Known, Rung, Task, climb
 from .field import able, ours
 
 FINALISTS, MARGIN, REFINED = 3, 1.4, 3
