@@ -36,6 +36,7 @@ ROOMS = {
         ("trajectory",),
         ("driver",),
         ("lots",),
+        ("singles",),
         ("ensemble",),
         ("section",),
     ),
