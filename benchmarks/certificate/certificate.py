@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +18,10 @@ from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
 from . import adaptive, battery, behaviour, conservation, judge, structure
 from .battery import Entry
 from .order import order
-from .place import place, scenes
+from .place import measured, place, scenes
 from .stepping import DIGITS, StepFailed, Stepper
 from .subject import Subject, subject
+from .times import timed
 from .verdicts import CONSERVED, Judged, Tables
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 #: What is told of the versions.
 PACKAGES = ("phasebench", "python", "numpy", "numba", "sympy", "mpmath")
 #: Rows have these for figures alone.
-CURVES = ("curve", "radius")
+CURVES = ("curve", "sizes", "radius")
 DEFECTS = {
     "symplectic": structure.symplecticity,
     "symmetric": structure.symmetry,
@@ -56,6 +57,7 @@ class Certificate:
     requires : traits that it requires of a system
     seed : of the states
     seconds : that it took
+    times : of each scene on which it has a place, what it takes beside the fastest stored
     """
 
     integrator: str
@@ -67,9 +69,10 @@ class Certificate:
     requires: tuple[str, ...]
     seed: int
     seconds: float
+    times: list[dict] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON has it; ``seconds`` alone differs when it is made again."""
+        """As JSON has it; ``seconds`` and ``times`` alone differ when it is made again."""
         rows = {name: [_without_curves(r) for r in part] for name, part in self.tables.rows.items()}
         return {
             "integrator": self.integrator,
@@ -83,6 +86,7 @@ class Certificate:
             "seed": self.seed,
             "versions": {name: versions().get(name, "absent") for name in PACKAGES},
             "seconds": self.seconds,
+            "times": self.times,
         }
 
     def frame(self) -> pd.DataFrame:
@@ -149,6 +153,7 @@ def certify(
     except StepFailed as failure:
         tables.failed["raised"] = str(failure)
     found = judge.judged(chosen.own.claims, tables)
+    times = _times(chosen, tables, tell)
     return Certificate(
         chosen.id,
         found,
@@ -159,6 +164,7 @@ def certify(
         chosen.own.requires,
         seed,
         time.perf_counter() - began,
+        times,
     )
 
 
@@ -254,6 +260,15 @@ def _place(chosen: Subject, tables: Tables, tell) -> None:
     for scene in scenes(chosen):
         tell(f"its place on {scene}")
         tables.rows.setdefault("place", []).append(place(chosen, scene))
+
+
+def _times(chosen: Subject, tables: Tables, tell) -> list[dict]:
+    """What it takes in time on the scenes on which it has a place."""
+    out = []
+    for row in tables.of("place"):
+        tell(f"its time on {row['on']}")
+        out.append(timed(chosen, row, measured))
+    return [x for x in out if x is not None]
 
 
 def _first_that_runs(measure: Callable[[str], dict], arithmetics) -> dict:

@@ -2,8 +2,8 @@
 
 A ladder of steps (or of tolerances) is run on a scene to its end, the number of steps doubled from rung to rung, until
 the error is below the smallest that is compared, no longer falls, or a run would need more than `MOST` evaluations.
-Evaluations are of the gradient by q or by p, whichever are more.  Time is not compared: the step of a stranger is
-called by Python, and the evaluations are what it asks for.
+Evaluations are of the gradient by q or by p, whichever are more: they are what a step asks for, and the same whenever
+it is run.  What it takes in time: `times`.
 """
 
 from __future__ import annotations
@@ -51,20 +51,28 @@ def place(subject: Subject, scene: str) -> dict:
     truth = truths.truth(problem, END_STATE, question.t_end).values
     sizes = _tolerances() if subject.adaptive else _steps(question.t_end / (WIDEST * problem.pace.step))
     runs: list[tuple[float, float]] = []
+    taken: list[float] = []
     for size in sizes:
-        measure = _registered if subject.integrator is not None else _tolerance if subject.adaptive else _own
-        evaluations, end = measure(subject, entry, problem, question.t_end, size)
+        evaluations, end = measured(subject, entry, problem, question.t_end, size)
         off = inf if end is None else float(np.abs(end - truth).max())
         runs.append((evaluations, off if isfinite(off) else inf))
+        taken.append(size)
         if _ended(runs) or 2 * max(evaluations, 0 if subject.adaptive else size) > MOST:
             break
     row: dict = {"on": scene, "problem": question.problem, "t_end": question.t_end, "about": question.about}
     row |= {"curve": [[x, e] for x, e in runs if isfinite(e)], "errors": []}
+    row["sizes"] = [size for size, (_, e) in zip(taken, runs, strict=True) if isfinite(e)]
     for error, best in fronts.stored()[scene].items():
         mine = fronts.needed(runs, error)
         found = {"error": error, "evaluations": mine, "cheapest": best.integrator, "its evaluations": best.evaluations}
         row["errors"].append(found | {"factor": None if mine is None else mine / best.evaluations})
     return row
+
+
+def measured(subject: Subject, entry: Entry, problem, t_end: float, size: float):
+    """(evaluations, state at the end, or None) of a run of so many steps, or at that tolerance."""
+    run = _registered if subject.integrator is not None else _tolerance if subject.adaptive else own
+    return run(subject, entry, problem, t_end, size)
 
 
 def _steps(first: float) -> Iterator[int]:
@@ -78,7 +86,7 @@ def _tolerances() -> Iterator[float]:
     return iter(TOLERANCES)
 
 
-def _own(subject: Subject, entry: Entry, problem, t_end: float, steps: int):
+def own(subject: Subject, entry: Entry, problem, t_end: float, steps: int):
     """(evaluations, state at the end) of a step; None where the numbers do not come to it."""
     stepper = Stepper(subject, entry)
     try:

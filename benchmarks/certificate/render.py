@@ -26,7 +26,7 @@ from .verdicts import CONTRADICTED, HOLDS, UNJUDGED
 PLACE = (
     "Evaluations of the gradient, by q or by p, whichever are more, that it needs for an error of the state at the "
     "end (of its worst component), and the fewest of the trade's integrators that come within twice the cheapest in "
-    "time. Times are not compared: a step that Python calls says nothing of what it would take compiled."
+    "time. Times are of the machine and of the moment: the command prints them, and certificate.json has them."
 )
 #: What every integrator is held to.
 HELD_TO = ("runs", "stateless", "pure", "consistent")

@@ -81,6 +81,7 @@ def _value(text: str) -> Any:
 
 
 def _print(found: Certificate, output: Path | None) -> None:
+    from phasebench.benchmarks.certificate import times
     from phasebench.benchmarks.certificate.place import placed
 
     room = width()
@@ -90,7 +91,7 @@ def _print(found: Certificate, output: Path | None) -> None:
         _print_table(found)
     if found.doubles:
         _say(f"measured in doubles: {found.doubles}")
-    for line in placed(found.tables):
+    for line in (*placed(found.tables), *times.said(found.times)):
         _say(line)
     if output is not None:
         _say(f"certificate: {output / 'certificate.html'}")

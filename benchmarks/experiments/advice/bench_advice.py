@@ -6,15 +6,15 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks.advice import prior
-from phasebench.benchmarks.certificate import fronts
+from phasebench.benchmarks.certificate import fronts, times
 from phasebench.benchmarks.experiments.advice.cells import TABLE, cells  # noqa: F401
 from phasebench.benchmarks.problems.questions import BY_ID
 from phasebench.integrators.driver import OK
 from phasebench.integrators.registry import METHODS
 from phasebench.reference.peers import PEERS
 
-#: The trade's runs, from which the prior is made.
-RUNS = "front_rungs"
+#: The trade's runs, from which the prior is made, and who is the cheapest.
+RUNS, CHOICES = "front_rungs", "front"
 
 
 def unmet(rows) -> list[str]:
@@ -48,3 +48,4 @@ def bench_prior(outcome, complete, update):
         pytest.skip("the prior is made with --update-tables where all of the trade is measured")
     prior.keep(prior_of(outcome.rows(RUNS)))
     fronts.keep(fronts.made(outcome.rows(RUNS)))
+    times.keep(times.made(outcome.rows(CHOICES), outcome.rows(RUNS)))
