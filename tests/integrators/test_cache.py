@@ -10,6 +10,7 @@ import resource
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -234,6 +235,12 @@ def test_nobody_waits_for_an_entry_that_is_there_or_for_another(place):
             pass
         cache.write("a.py", SEVERAL)
         assert waited() < 5
+
+
+def test_nobody_waits_once_the_entry_has_come(place):
+    with holder(30.0):
+        threading.Timer(0.2, cache.write, ("a.py", SEVERAL)).start()
+        assert 0.1 < waited() < 5
 
 
 def test_a_process_that_is_killed_keeps_nobody_waiting(place):
