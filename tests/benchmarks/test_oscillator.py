@@ -75,6 +75,11 @@ def test_a_double_root_is_a_touch_and_no_end():
     assert np.allclose(found.touches[:3], np.pi * np.arange(1, 4), atol=1e-6)
 
 
+def test_touches_close_to_each_other_are_all_found():
+    found = oscillator.of_matrix(of_trace(lambda z: 2 * np.cos(8 * z) if z < 5 else 3.0))
+    assert np.allclose(found.touches, np.pi / 8 * np.arange(1, 13), atol=1e-6)
+
+
 def test_a_trace_that_stays_below_2_by_a_little_touches_nothing():
     found = oscillator.of_matrix(of_trace(lambda z: 1.99999 * np.cos(z)))
     assert found.touches == ()
