@@ -1,8 +1,8 @@
 """The one-stage methods of `parametric`, their equations solved by Newton's method in a narrow band: for lattices.
 
-The same equations in the same forms, from the same starts, to the same round-off; only how they are solved differs
-(`engine.banded`).  Which unknown acts on which is found when a system is prepared (`engine.structure`).  Every substep
-keeps a matrix of its own.  Where nothing is implicit the method is that of `parametric`.
+The same equations in the same forms, to the same round-off; only how they are solved differs (`engine.banded`).  Which
+unknown acts on which is found when a system is prepared (`engine.structure`).  Every substep keeps a matrix of its own.
+Where nothing is implicit the method is that of `parametric`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,19 @@ from phasebench.integrators.engine import structure
 from phasebench.integrators.engine.banded import Band, Room, band_of, band_solver, columns, forget
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, value
-from phasebench.integrators.engine.solve import LEVELS, SOLVED, lengths_of_both, predict, remember
-from phasebench.integrators.engine.vector import advanced, chosen, close, head, inlined, keep, opened, size, tail, velocity
+from phasebench.integrators.engine.solve import SOLVED, lengths_of_both
+from phasebench.integrators.engine.vector import (
+    advanced,
+    chosen,
+    close,
+    head,
+    inlined,
+    keep,
+    opened,
+    size,
+    tail,
+    velocity,
+)
 
 from . import parametric
 from .parametric import Stage, increments, kick, lengths_of_kick, shift, unknown
@@ -46,50 +57,45 @@ solve_increments, solve_kick = band_solver(increments, lengths_of_both), band_so
 def _nystrom(field, step, y, c, mu, lam, x, room):
     stage = Stage(step, y.q, y.p, velocity(step.dT, y.p), c * step.h, mu, lam)
     x, n, status = solve_kick(stage, x, size(y.q) + size(y.p), step.eps, step.band, room)
-    return advanced(y, shift(x, stage), x), x, n, status
+    return advanced(y, shift(x, stage), x), n, status
 
 
 def _general(field, step, y, c, mu, lam, x, room):
     stage = Stage(step, y.q, y.p, y.p, c * step.h, mu, lam)
     x, n, status = solve_increments(stage, x, size(y.q) + size(y.p), step.eps, step.band, room)
-    return advanced(y, head(x), tail(x)), x, n, status
+    return advanced(y, head(x), tail(x)), n, status
 
 
-#: As `parametric.substep`, with a room in the place of the memory of a dense matrix.
+#: One substep from the start x of its equation; (field, step, y, c, mu, lam, x, room) -> (y, evaluations, status).
 substep = chosen(_nystrom, _general)
 
 
 @inlined
-def advance(step, y, orbit, known):
-    """One step, the one after ``known`` others; returns (y, evaluations, status)."""
-    stages = len(step.c)
+def advance(step, y, orbit):
+    """One step; returns (y, evaluations, status)."""
     start = unknown(step.field, orbit.zero)
-    n, evaluations = len(start), 0
-    for s in range(stages):
-        x = predict(orbit.memory, s, stages, known, start)
-        room = Room(orbit.memory, LEVELS * stages, orbit.work, s * n)
-        y, x, used, status = substep(step.field, step, y, step.c[s], step.mu[s], step.lam[s], x, room)
-        evaluations += used
+    evaluations, status = 0, SOLVED
+    for s in range(len(step.c)):
+        room = Room(orbit.memory, 0, orbit.work, s * len(start))
+        y, n, status = substep(step.field, step, y, step.c[s], step.mu[s], step.lam[s], start, room)
+        evaluations += n
         if status != SOLVED:
-            return y, evaluations, status
-        remember(orbit.memory, s, stages, known, x)
-    return y, evaluations, SOLVED
+            break
+    return y, evaluations, status
 
 
 def run(step, orbit, samples, counts):
     """The kernel."""
     y = opened(orbit)
     if counts.steps == 0:  # what is in the memory may be of another h
-        n = len(unknown(step.field, orbit.zero))
         for s in range(len(step.c)):
-            forget(orbit.work, s * n, columns(step.band))
+            forget(orbit.work, s * len(unknown(step.field, orbit.zero)), columns(step.band))
     for row in range(len(samples.q)):
         for _ in range(samples.every):
-            y, n, status = advance(step, y, orbit, counts.steps)
+            y, n, status = advance(step, y, orbit)
             counts.gradient += n
             counts.newton += len(step.c)
             if status != SOLVED:
-                close(orbit, y)
                 return row, status
             counts.steps += 1
         keep(samples, row, y)
@@ -98,7 +104,7 @@ def run(step, orbit, samples, counts):
 
 
 def structure_of(system, order: int) -> list[np.ndarray]:
-    """Of each unknown the stage equations that it acts on; raises InvalidInput where they are not those of a lattice."""
+    """Of each unknown the stage equations that it acts on; raises InvalidInput where that cannot be found."""
     (field, dT, dV), n = parametric.quadratic(system, DOUBLE, order)
     d = system.d
 

@@ -31,9 +31,7 @@ def solved(base: Method, solver: str) -> Method:
     def again(solver, **values):
         return facts(solved(base(**values), solver))
 
-    return replace(
-        base, family="banded", parameters=dict(base.parameters) | {"solver": solver}, with_parameters=again
-    )
+    return replace(base, family="banded", parameters=dict(base.parameters) | {"solver": solver}, with_parameters=again)
 
 
 def facts(record: Method) -> dict:
