@@ -107,6 +107,7 @@ def test_a_state_about_to_step_across_is_the_last_one():
     assert "the step 1.41" in approach(WELL, *rows(far, far, near), 0.1)
     assert "the distance 0.01 " in approach(WELL, *rows(far, far, near), 0.1)
     assert approach(WELL, *rows(near, near, far), 0.1) is None
+    assert "the step 1.41" in approach(WELL, *rows(near), 0.1), "it is the first one too"
 
 
 #: A plane with a singularity at the origin, that motions along x pass at a distance.

@@ -196,6 +196,9 @@ def test_a_warm_run_returns_the_end():
     s = integrate(Started(), "stormer-verlet", h=0.01, steps=5)
     assert np.array_equal([q, p], [s.q[-1], s.p[-1]])
     assert "parameter=array" not in repr(s)
+    asked = {"problem": Started(), "method": "stormer-verlet", "h": 0.01, "steps": 5}
+    assert np.array_equal(integrate(**asked).q, s.q), "every argument may be named"
+    assert np.array_equal(driver.warm(**asked)()[0], q)
 
 
 def many() -> dict:
