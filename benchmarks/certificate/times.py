@@ -4,10 +4,13 @@ r"""The time of an integrator on fronts of the trade, told through a method that
     \frac{T}{T_\text{fastest}} = \frac{T}{T_\text{ref}}\Big|_\text{here} \cdot
     \frac{T_\text{ref}}{T_\text{fastest}}\Big|_\text{in the trade}
 
-The first factor is of runs in turns; T is taken to grow with the evaluations, of which `place` tells how many an error
-needs.  The second one is stored in `times.csv`, made from the rows of the trade: a ratio of times on one machine, which
-another machine has within some tens of percent.  A step that Python calls carries what Python costs: how much that is
-of an evaluation tells a Runge-Kutta step that is called in the same way, beside the compiled reference.
+The first factor is of runs in turns, in seconds of the processor for this process: who shares the machine is not in
+them, and what a step lets others compute is not either (a peer tells its own seconds).  T is taken to grow with the
+evaluations, of which `place` tells how many an error needs.  The second factor is stored in `times.csv`, made from the
+rows of the trade: a ratio on one machine, where runs of microseconds have a call's cost in them.
+
+A step that Python calls carries what Python costs: how much that is of an evaluation tells a Runge-Kutta step that is
+called in the same way, beside the compiled reference.
 """
 
 from __future__ import annotations
@@ -162,12 +165,12 @@ def timed(chosen: Subject, row: Mapping[str, Any], run: Callable) -> dict[str, A
 
 
 def _clocked(run: Callable[[], object]) -> Callable[[], float]:
-    """The run as one that tells its seconds."""
+    """The run as one that tells its seconds, those of the processor."""
 
     def seconds() -> float:
-        began = time.perf_counter()
+        began = time.process_time()
         run()
-        return time.perf_counter() - began
+        return time.process_time() - began
 
     return seconds
 

@@ -9,6 +9,7 @@ from phasebench.benchmarks.certificate import fronts, place, times
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.measure import timing
 from phasebench.benchmarks.problems import problem
+from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import BY_ID as METHODS
 from phasebench.reference.peers import BY_ID as PEERS
 
@@ -156,7 +157,18 @@ def test_the_compiled_reference_takes_its_own_time():
     runs = [times._often(problem("pendulum:swinging"), times.REFERENCE, 5.0, n) for n in (100, 100, 1000)]
     one, same, ten = (min(run() for _ in range(5)) for run in runs)
     assert 0.5 < same / one < 2
+    compiled = prepare(problem("pendulum:swinging"), times.REFERENCE)
+    alone = min(times._clocked(lambda: compiled(5.0 / 1000, 1000))() for _ in range(9))
+    assert 0.3 < ten / alone < 3, "of one run, not of all that are timed together"
     assert ten > 3 * one
+
+
+def test_a_peer_that_tells_its_evaluations_tells_its_seconds():
+    scipy = subject("scipy-dop853")
+    row = place.place(scipy, "pendulum-short")
+    found = times.timed(scipy, row, place.measured)
+    assert found["python"] is None
+    assert all(e["factor"] > 10 for e in found["errors"]), "its right-hand side is Python's"
 
 
 def test_who_tells_no_evaluations_or_meets_nothing_has_no_time():
@@ -184,6 +196,7 @@ def test_what_is_said_of_a_time():
     price = {"low": 900.0, "value": 1234.0, "high": 1500.0}
     assert said(python=price).startswith(plain)
     assert "about 1200 times the compiled one" in said(python=price)
+    assert "compiled one" in said(python=price | {"high": 1800.0})
     assert said(python=price | {"high": 2000.0}) == f"{plain}, with what Python's calls cost"
     assert times.said([{"on": "kepler-orbit", "errors": []}]) == []
 
