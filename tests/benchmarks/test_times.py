@@ -191,7 +191,7 @@ def test_what_is_said_of_a_time():
     plain = said()
     assert plain == (
         "about 100 times the fastest stored for an error of 1e-02, 2.3 times for an error of 1e-04 "
-        "(told through dop853, run in turns here and stored there)"
+        "(to a factor of 2; told through dop853, run in turns here and stored there)"
     )
     price = {"low": 900.0, "value": 1234.0, "high": 1500.0}
     assert said(python=price).startswith(plain)
