@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.audit import bench_audit, modes, page
+from phasebench.benchmarks.experiments.audit.audit import CONTROLS
 from phasebench.benchmarks.measure.integrator import Integrator
-from phasebench.reference.peers import BY_ID, Run, floating
+from phasebench.reference.peers import BY_ID, PEERS, Run, floating
 from support.flushing import flush, only_there
 from support.planted import control
 
@@ -66,6 +68,28 @@ def test_a_process_that_was_spoilt_judges_nobody():
     assert modes.row(peer())["mode"] == modes.KEPT
 
 
+def test_a_row_is_of_the_package_and_of_all_the_steps():
+    tasks = []
+
+    def run(task):
+        tasks.append(task)
+        return Run.stuck(task, 0, 0, 0.0)
+
+    found = modes.row(peer(run, package="numpy"))
+    assert (found["package"], found["version"]) == ("numpy", np.__version__)
+    (task,) = tasks
+    assert task.steps == modes.STEPS
+    assert task.times[-1] == pytest.approx(modes.STEPS * task.h)
+
+
+def test_every_peer_and_every_control_is_in_one_cell():
+    cells = modes.cells(CONTROLS)
+    assert [c.key["package"] for c in cells] == [*dict.fromkeys(p.package for p in PEERS), "phasebench"]
+    ids = [id for c in cells for id in c.arguments[0]]
+    assert ids == [*(p.id for p in PEERS), *CONTROLS]
+    assert all({*c.arguments[0], c.key["package"]} <= c.names for c in cells)
+
+
 def test_one_that_can_do_nothing_is_not_judged():
     nothing = Integrator(replace(control("rk4"), lacks=lambda problem, system: "it cannot"))
     assert modes.row(nothing)["status"] == "skipped"
@@ -94,8 +118,8 @@ def test_a_process_that_dies_is_a_row_and_the_next_goes_on(monkeypatch):
 def test_a_process_that_does_not_return_is_a_row(monkeypatch):
     code = "import json, sys, time\nprint(json.dumps({'peer': sys.argv[1]}), flush=True)\ntime.sleep(60)"
     monkeypatch.setattr(modes, "CODE", code)
-    monkeypatch.setattr(modes, "LOADING", 0.5)
-    monkeypatch.setattr(modes, "EACH", 0.0)
+    monkeypatch.setattr(modes, "LOADING", 0.4)
+    monkeypatch.setattr(modes, "EACH", 0.1)
     assert [r["peer"] for r in modes.measured(("rk4", "gauss-2"))[modes.TABLE]] == ["rk4", "gauss-2"]
     monkeypatch.setattr(modes, "CODE", "import time; time.sleep(60)")
     (row,) = modes.measured(("rk4",))[modes.TABLE]
