@@ -81,6 +81,7 @@ class Prepared:
     width, stages : components of a stage's unknown, and the number of such unknowns in a step
     implicit, hessian : whether evaluations count as iterations, and as evaluations of higher derivatives
     linear : the number of unknowns of the largest linear system that the kernel solves, at first ``width``
+    work : the shape of the memory for it, where that is not the square one of a full matrix
     begin : completes ``step`` for a run
     missed : what a fallback is, in words after "n of m steps"; without it fallbacks do not change the status
     """
@@ -94,6 +95,7 @@ class Prepared:
     linear: int = 0
     begin: Callable | None = None
     missed: str = ""
+    work: tuple[int, int] | None = None
 
     def tally(self, steps: int, gradient: int, fallbacks: int = 0, newton: int = 0) -> dict[str, int]:
         """What a solution says of its counts."""

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from phasebench.integrators.engine import lazy as _lazy
 
+from . import floating
 from .record import Claims, Peer, Run, Task
 from .run import integrate_peer
 
-__all__ = ["BY_ID", "PACKAGES", "PEERS", "Claims", "Peer", "Run", "Task", "integrate_peer", "peer"]
+__all__ = ["BY_ID", "PACKAGES", "PEERS", "Claims", "Peer", "Run", "Task", "floating", "integrate_peer", "peer"]
 
 # The packages' modules load when one of them is asked for.
 __getattr__ = _lazy.attributes(__name__, dict.fromkeys(("BY_ID", "PACKAGES", "PEERS", "peer"), "registry"))
