@@ -62,6 +62,7 @@ def draw(cold: pd.DataFrame, folder) -> list[Picture]:
         axes.set_yticks(y, [f"{r['method']}, d = {r['d']}" for _, r in cold.iterrows()])
         axes.set_ylim(len(cold) - 0.5, -0.5)
         axes.set_xlabel("seconds of the processor in the first integration")
+        axes.set_axisbelow(True)
         axes.grid(axis="x", color="0.93", linewidth=0.5)
     caption = f"First integrations with an empty cache; the line: at most so much is wanted, {COLD_WANTED:g} s."
     return [Picture(style.save(figure, folder, "start.png"), "first integrations", caption)]
@@ -101,8 +102,8 @@ PAGE = Page(
     tables=(start.COLD, start.WARM),
     setting=(
         f"A run of {start.STEPS} steps: what is told is the time to make it ready.",
-        "Cold: a fresh process with an empty cache, from `integrate` on, after imports and the making of the problem;",
-        "a method of each kernel, at d = 4 where it can, and the longest on systems of other kinds.",
+        "Cold: a fresh process with an empty cache, from `integrate` on, after imports and the making of the problem; a "
+        "method of each kernel, at d = 4 where it can, and the longest on systems of other kinds.",
         f"Warm: whole processes of `phasebench integrate` with a filled cache, {start.ROUNDS} rounds in turns with a "
         "process that imports Numba and does nothing.",
     ),
