@@ -37,6 +37,7 @@ from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATO
 from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
+from phasebench.benchmarks.experiments.start.page import PAGE as START
 from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
 from phasebench.benchmarks.experiments.talks.page import PAGES as FIGURES
 from phasebench.benchmarks.experiments.talks.statements_page import PAGES as TALKS
@@ -81,6 +82,7 @@ PAGES: tuple[Page, ...] = (
     AUDIT,
     REFERENCES,
     SPEED,
+    START,
     LARGE,
     ENSEMBLES,
     *CATALOGUE,

@@ -44,7 +44,7 @@ COMMANDS = {
 }
 
 #: Objects made before Python looks for cycles among them: to import makes very many, and hardly a cycle.
-YOUNG = 50_000
+YOUNG = 200_000
 
 
 def _version(wanted: bool) -> None:
@@ -75,6 +75,7 @@ app = _made(COMMANDS)
 
 def main() -> None:
     """The installed command; where it is one of `COMMANDS`, the others need not be made ready."""
+    gc.freeze()
     gc.set_threshold(YOUNG)
     only = {name: COMMANDS[name] for name in sys.argv[1:2] if name in COMMANDS}
     (_made(only) if only else app)()
