@@ -153,9 +153,13 @@ def elementwise(outputs: int = 1):
     return lambda fn: _unrolled(fn, template, loop if outputs > 1 else None)
 
 
-def written(template):
-    """Make a function an operation whose tuple form is the source that ``template(d)`` writes."""
-    return lambda fn: _unrolled(fn, lambda names, arguments: template(_length(arguments)))
+def written(template, loop: str = ""):
+    """Make a function an operation whose tuple form is the source that ``template(d)`` writes.
+
+    That of arrays is the source ``loop``, where it is given.
+    """
+    on_arrays = (lambda names, arguments: loop) if loop else None
+    return lambda fn: _unrolled(fn, lambda names, arguments: template(_length(arguments)), on_arrays)
 
 
 def summed(term: str):
@@ -273,7 +277,8 @@ def load(A, i, like):
     return A[i, : len(like)].copy()
 
 
-@written(lambda d: "\n".join(f"  A[i, {j}] = x[{j}]" for j in range(d)))
+# A loop: to assign to a slice is to compile what is said where the lengths differ, at every call.
+@written(lambda d: "\n".join(f"  A[i, {j}] = x[{j}]" for j in range(d)), "  for j in range(len(x)): A[i, j] = x[j]")
 def store(A, i, x):
     """Write x into row i of A."""
     A[i, : len(x)] = x
