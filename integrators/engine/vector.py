@@ -443,14 +443,24 @@ def moved(x, c, a, v):
     return add_product(x, c, a, v)
 
 
+@written(lambda d: _tuple(d, "f[{i}] * x[{i}]"))
+def times(f, x):
+    """The components of x, each times a number of f, an array that is no value."""
+    return f * x
+
+
 def of(f, x, old):
-    """f(x), in the place of ``old``; x itself where f is None."""
-    return x if f is None else f(x)
+    """f(x), in the place of ``old``; x itself where f is None, f x, component by component, where it is numbers."""
+    if f is None:
+        return x
+    return times(f, x) if isinstance(f, np.ndarray) else f(x)
 
 
 def _of_values(f, x, old):
     if isinstance(f, (types.NoneType, types.Omitted)):
         return lambda f, x, old: x
+    if isinstance(f, types.Array):
+        return lambda f, x, old: times(f, x)
     return lambda f, x, old: f(x)
 
 
@@ -459,6 +469,13 @@ def _of_arrays(f, x, old):
         f(x, old)
         return old
 
+    def multiplied(f, x, old):
+        for i in range(len(x)):
+            old[i] = f[i] * x[i]
+        return old
+
+    if isinstance(f, types.Array):
+        return multiplied
     return filled if writes(f) else _of_values(f, x, old)
 
 

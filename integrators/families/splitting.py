@@ -24,9 +24,12 @@ from phasebench.integrators.engine.vector import State, close, held, keep, moved
 
 
 class Splitting(NamedTuple):
-    """Drifts of a and kicks of b, fractions of h: the first kick, then drift k and kick k, k = 1, 2, ..."""
+    """Drifts of a and kicks of b, fractions of h: the first kick, then drift k and kick k, k = 1, 2, ...
 
-    dT: Callable | None
+    ``dT`` is the function grad T; None where that is p itself, and 1 / m_i where it is p_i / m_i.
+    """
+
+    dT: Callable | np.ndarray | None
     dV: Callable
     a: np.ndarray
     b: np.ndarray
@@ -77,8 +80,10 @@ def _prepared(parts, system, arithmetic, fills):
         else:
             rows.append([fraction, 0])
     a, b = (numbers(column, arithmetic) for column in zip(*rows, strict=True))
+    masses = getattr(system, "inverse_masses", None) if fills else None
     system = filling.twin(system, arithmetic) if fills else system
-    step = Splitting(system.grad_T(arithmetic), system.grad_V(arithmetic), a, b)
+    dT = numbers(masses, arithmetic) if masses else system.grad_T(arithmetic)
+    step = Splitting(dT, system.grad_V(arithmetic), a, b)
     return Prepared(run, step, 1, 2, implicit=False)
 
 

@@ -387,6 +387,15 @@ class Hamiltonian(PartitionedSystem):
         """Whether the velocity is the momentum itself."""
         return self.quadratic_kinetic and all(sp.expand(a - b) == 0 for a, b in zip(self.dq, self.p, strict=True))
 
+    @cached_property
+    def inverse_masses(self) -> tuple[sp.Rational, ...] | None:
+        """1 / m_i of H = sum p_i^2 / 2 m_i + V(q) with rational masses, not all of them one; None of any other H."""
+        if not self.quadratic_kinetic or self.unit_mass:
+            return None
+        found = tuple(sp.diff(v, p) for v, p in zip(self.dq, self.p, strict=True))
+        alone = all(v.free_symbols <= {p} for v, p in zip(self.dq, self.p, strict=True))
+        return found if alone and all(c.is_Rational for c in found) else None
+
     @property
     def kinetic(self) -> sp.Expr | None:
         """T(p) of a separable H."""

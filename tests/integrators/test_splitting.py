@@ -1,0 +1,74 @@
+"""Splittings: masses are numbers that the drift multiplies by, with the bits that the function grad T would give."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine import codegen, kernel, preparation
+from phasebench.integrators.registry import method
+
+
+def oscillators(T, d=2):
+    """H = T + a potential that couples neighbours; ``T`` makes the kinetic energy of the momenta."""
+    q, p = sp.symbols(f"q0:{d}"), sp.symbols(f"p0:{d}")
+    V = sum(x**2 / 2 for x in q) + sum((x - y) ** 4 for x, y in pairwise(q)) / 4
+    return Hamiltonian(q=q, p=p, H=T(p) + V)
+
+
+def of_masses(p):
+    """Of masses that no double is: 1 / m = 1/3, 2/3, 1, ..."""
+    return sum(sp.Rational(i + 1, 3) * x**2 / 2 for i, x in enumerate(p))
+
+
+def end(system):
+    q, p = np.linspace(0.3, 0.7, system.d), np.linspace(-0.2, 0.4, system.d)
+    s = integrate(system, "stormer-verlet", q0=q, p0=p, h=0.01, steps=200)
+    return np.concatenate([s.q[-1], s.p[-1]])
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize("d", [2, codegen.TUPLE_LIMIT + 1])
+def test_masses_are_the_function_to_the_last_bit(d, monkeypatch):
+    monkeypatch.setattr(preparation, "KEPT", False)
+    with_masses = end(oscillators(of_masses, d))
+    monkeypatch.setattr(Hamiltonian, "inverse_masses", None)
+    system = oscillators(of_masses, d)
+    assert not isinstance(kernel.prepare(method("stormer-verlet"), system).step.dT, np.ndarray)
+    np.testing.assert_array_equal(end(system), with_masses)
+
+
+def test_control_another_mass_would_be_seen():
+    others = oscillators(lambda p: of_masses(p) + p[-1] ** 2 / 10**9)
+    assert np.any(end(others) != end(oscillators(of_masses)))
+
+
+@pytest.mark.parametrize("arithmetic", [codegen.DOUBLE, codegen.MULTIPRECISION])
+def test_a_drift_multiplies_by_what_masses_are(arithmetic):
+    with codegen.precision(40):
+        dT = kernel.prepare(method("stormer-verlet"), oscillators(of_masses), arithmetic).step.dT
+        assert list(dT) == [codegen.exactly(sp.Rational(k, 3), arithmetic) for k in (1, 2)]
+        assert not dT.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("T", "wanted"),
+    [
+        (of_masses, (sp.Rational(1, 3), sp.Rational(2, 3))),
+        (lambda p: (p[0] ** 2 + p[1] ** 2) / 2, None),
+        (lambda p: (p[0] ** 2 + p[1] ** 2 + p[0] * p[1]) / 3, None),
+        (lambda p: p[0] ** 2 * sp.sqrt(2) + p[1] ** 2, None),
+        (lambda p: p[0] ** 4 + p[1] ** 2, None),
+    ],
+    ids=["masses", "ones", "coupled", "irrational", "quartic"],
+)
+def test_which_kinetic_energies_are_masses(T, wanted):
+    assert oscillators(T).inverse_masses == wanted
+
+
+def test_the_outer_planets_have_masses():
+    assert len(problem("outer-solar-system").system.inverse_masses) == 18
