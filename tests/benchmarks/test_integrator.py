@@ -48,6 +48,15 @@ def verlet(system, q, p, h):
     return q, p - h / 2 * system.dH_dq(q, p)
 
 
+@pytest.mark.parametrize("named", ["henon-heiles:box", HENON])
+def test_a_prepared_run_of_a_problem_by_its_name_is_the_integration(named):
+    run = pb.prepare(named, "stormer-verlet")
+    q, p, code = run(0.1, 20)
+    ours = integrate(HENON, "stormer-verlet", h=0.1, steps=20)
+    assert code == run.SOLVED
+    assert np.abs(np.concatenate([q - ours.q[-1], p - ours.p[-1]])).max() < 1e-14
+
+
 # -- one run, whatever it is ------------------------------------------------------------------------------------------
 
 
