@@ -65,6 +65,7 @@ def test_what_an_integrator_is(file):
     kinds = [integrator(x) for x in ("rk4", "heyoka", "rebound-leapfrog", path, verlet)]
     assert [k.kind for k in kinds] == [OURS, "heyoka", "rebound", YOURS, YOURS]
     assert [k.label for k in kinds] == ["rk4", "heyoka", "rebound-leapfrog", path, "verlet"]
+    assert [k.name for k in kinds[1:]] == [peer("heyoka").name, peer("rebound-leapfrog").name, path, "verlet"]
     assert [k.order for k in kinds] == [4, None, 2, 2, None]
     assert [k.adaptive for k in kinds] == [False, True, False, False, False]
     assert [k.stoppable for k in kinds] == [True, False, False, True, True]
