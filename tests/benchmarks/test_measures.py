@@ -361,7 +361,7 @@ def test_control_a_wrong_loop_would_be_seen(right, wrong, monkeypatch):
 def test_a_step_has_both_its_kicks_unless_they_are_to_be_merged():
     """Merged ones differ in the last digits of a double, the others not at all."""
     made = problem("pendulum")
-    assert c_loop.source(made.system).count("p_0 -=") == 2
+    assert c_loop.source(made.system) == c_loop.source(made.system, False) != c_loop.source(made.system, True)
     ends = {merged: c_loop.Loop(made, merged).run(0.1, 1000)[1].tolist() for merged in (False, True)}
     assert c_loop.Loop(made).run(0.1, 1000)[1].tolist() == ends[False] != ends[True]
 
