@@ -8,6 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 
+from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.reference.certificates import horizon
 from phasebench.reference.solvers import gauss, taylor
@@ -73,16 +74,16 @@ def test_the_error_falls_as_the_sixteenth_power_of_the_step():
 
 
 def test_a_step_ends_where_its_stages_are_at_round_off(monkeypatch):
-    """Of a pendulum at h = 1 some twenty iterations, of which the last few bring nothing."""
-    calls, right = [], gauss.right_hand_side
+    """Henon-Heiles at h = 1: some twenty iterations a step, also of those steps that never settle to the last unit."""
+    calls, right, made = [], gauss.right_hand_side, problem("henon-heiles:box")
 
     def counted(system):
         F = right(system)
         return lambda Y: calls.append(len(Y)) or F(Y)
 
     monkeypatch.setattr(gauss, "right_hand_side", counted)
-    gauss.run(PENDULUM, (1.5,), (0.3,), np.arange(1.0, 8.0), [8.0])
-    assert 8 * 8 < len(calls) < 8 * 40
+    gauss.run(made.system, made.q0, made.p0, np.arange(1.0, 20.0), [20.0])
+    assert 20 * 12 < len(calls) < 20 * 26
 
 
 def test_stages_that_cannot_be_solved_are_a_failure_at_their_time():
