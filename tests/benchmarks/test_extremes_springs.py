@@ -20,6 +20,7 @@ def test_lines_pass_where_a_combination_comes_round():
     x, y = np.array([0.5, 1.0, 0.3]), np.array([1.5, 0.2, 0.3])
     assert springs_page.distance(x, y, 2) == pytest.approx([0, 0, 0.7])
     assert springs_page.distance(x, y, 4)[2] == pytest.approx(0.2)
+    assert springs_page.distance(np.array([0.1, 0.1]), np.array([0.3, 1.95]), 2)[1] == pytest.approx(0.05 / 2**0.5)
 
 
 def test_a_crest_stands_out_to_both_sides():
@@ -36,6 +37,17 @@ def test_a_crest_stands_out_to_both_sides():
     at_the_edge = flat.copy()
     at_the_edge[0] = 100.0
     assert not springs_page.crests(at_the_edge).any()
+
+
+@pytest.mark.parametrize(("a", "b"), [(1, 0), (0, 1), (1, 1), (1, -1)])
+def test_a_crest_of_any_of_four_directions_is_seen(a, b):
+    """High everywhere but beside the middle along one line: a row, a column, or a diagonal."""
+    drift = np.full((13, 13), 100.0)
+    for k, low in ((1, 50.0), (2, 1.0)):
+        drift[6 + k * a, 6 + k * b] = drift[6 - k * a, 6 - k * b] = low
+    assert np.argwhere(springs_page.crests(drift)).tolist() == [[6, 6]]
+    drift[6 - 2 * a, 6 - 2 * b] = 100.0
+    assert not springs_page.crests(drift).any(), "the control: high on one side"
 
 
 def table(method: str, high) -> pd.DataFrame:
@@ -70,6 +82,8 @@ def test_resonances_are_judged_by_lines_and_by_chance():
     found = springs_page.found(on).iloc[0]
     assert found["crests"] == found["crests on lines"] > 15
     assert found["at"] == "(0.5, 6.7)"
+    both = judged(on, table("e", lambda i, j: i + j == 2 * NODES))
+    assert f": {2 * found['crests']} of {2 * found['crests']} crests of the drift lie on lines" in both.text
 
 
 def test_a_spring_alone_keeps_the_energy_of_its_step_and_not_its_own():

@@ -48,6 +48,15 @@ def verlet(system, q, p, h):
     return q, p - h / 2 * system.dH_dq(q, p)
 
 
+@pytest.mark.parametrize("named", ["henon-heiles:box", HENON])
+def test_a_prepared_run_of_a_problem_by_its_name_is_the_integration(named):
+    run = pb.prepare(named, "stormer-verlet")
+    q, p, code = run(0.1, 20)
+    ours = integrate(HENON, "stormer-verlet", h=0.1, steps=20)
+    assert code == run.SOLVED
+    assert np.abs(np.concatenate([q - ours.q[-1], p - ours.p[-1]])).max() < 1e-14
+
+
 # -- one run, whatever it is ------------------------------------------------------------------------------------------
 
 
@@ -56,6 +65,7 @@ def test_what_an_integrator_is(file):
     kinds = [integrator(x) for x in ("rk4", "heyoka", "rebound-leapfrog", path, verlet)]
     assert [k.kind for k in kinds] == [OURS, "heyoka", "rebound", YOURS, YOURS]
     assert [k.label for k in kinds] == ["rk4", "heyoka", "rebound-leapfrog", path, "verlet"]
+    assert [k.name for k in kinds[1:]] == [peer("heyoka").name, peer("rebound-leapfrog").name, path, "verlet"]
     assert [k.order for k in kinds] == [4, None, 2, 2, None]
     assert [k.adaptive for k in kinds] == [False, True, False, False, False]
     assert [k.stoppable for k in kinds] == [True, False, False, True, True]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -354,6 +355,20 @@ def test_control_a_wrong_loop_would_be_seen(right, wrong, monkeypatch):
     assert right in source(problem("pendulum").system, merged)
     monkeypatch.setattr(c_loop, "source", lambda *of: source(*of).replace(right, wrong))
     assert not distance("pendulum", merged=merged) < 1e-6
+
+
+@needs_compiler
+def test_a_step_has_both_its_kicks_unless_they_are_to_be_merged():
+    """Merged ones differ in the last digits of a double, the others not at all."""
+    made = problem("pendulum")
+    assert c_loop.source(made.system) == c_loop.source(made.system, False) != c_loop.source(made.system, True)
+    ends = {merged: c_loop.Loop(made, merged).run(0.1, 1000)[1].tolist() for merged in (False, True)}
+    assert c_loop.Loop(made).run(0.1, 1000)[1].tolist() == ends[False] != ends[True]
+
+
+def test_a_system_that_says_nothing_of_its_kinetic_energy_has_no_loop():
+    with pytest.raises(RuntimeError, match="quadratic T"):
+        c_loop.Loop(SimpleNamespace(system=SimpleNamespace()))
 
 
 @needs_compiler

@@ -57,6 +57,14 @@ def test_a_certified_angle_is_as_certain_where_it_jumps_by_a_turn(monkeypatch, y
     assert np.spacing(pi) / 2 <= found.uncertainty < 1e-15
 
 
+def test_a_certified_quantity_is_as_uncertain_as_its_worst_value(monkeypatch):
+    made = problem("kepler")
+    end = SimpleNamespace(q=np.array([0.5, 0.5]), p=np.array([0.3, 0.2]), uncertainty=1e-8)
+    monkeypatch.setattr(truths, "_certified", lambda problem, t_end: end)
+    steep = replace(END_STATE, values=lambda problem, t, q, p: np.array([1000 * q[-1, 0], q[-1, 1]]))
+    assert truths.truth(made, steep, 1.0).uncertainty == pytest.approx(1e-5)
+
+
 @pytest.mark.parametrize("lost", [[np.nan, np.nan], [1.0, np.inf]])
 def test_a_reference_that_is_not_finite_has_failed(monkeypatch, lost):
     flow = SimpleNamespace(time=0.5)

@@ -145,3 +145,20 @@ def test_a_child_says_what_it_found_and_is_not_waited_for_when_it_died(monkeypat
     assert worker.forked(lambda: None) is None
     assert worker.forked(lambda: sys.exit(3)) == "died"
     assert worker.forked(lambda: time.sleep(60), patience=1) == "hung"
+
+
+def test_a_line_that_runs_once_is_not_only_its_first_test_s(monkeypatch):
+    """At import, as a default or a field of a class, or in a function whose result is kept."""
+    monkeypatch.syspath_prepend(TOOL)
+    from reach import often
+
+    code = CODE + "\n\n@lru_cache(maxsize=2)\ndef once(x):\n    return x\n"
+    lines = code.splitlines()
+    assert {lines[n - 1].strip() for n in often(code)} == {
+        '"""Whether there are few."""',
+        "if x is None or y:",
+        "return True",
+        "return min(len(x), 9) < LEAST - 1",
+        "return listed(x, 5)",
+        "return x + 1",
+    }

@@ -1,17 +1,19 @@
 """Which tests reach a line, what each costs and whether it passes: from one run of the suite, or of a part of it.
 
 Compiled code is not seen.  A line of a kernel is reached by the tests that reach its module's Python functions, such as
-``prepare``; a line that only runs at import is reached by all tests that reach the module, as is every line of a file
-that has changed since.
+``prepare``; a line that only runs at import, or once because it is cached, is reached by all tests that reach the
+module, as is every line of a file that has changed since.
 """
 
 from __future__ import annotations
 
+import ast
 import json
 import multiprocessing
 import os
 from collections import defaultdict
-from functools import cached_property
+from collections.abc import Iterator
+from functools import cache, cached_property
 from pathlib import Path
 
 import pytest
@@ -26,6 +28,23 @@ RUN, SETUP = "run", "setup"
 def _computed() -> float:
     """Seconds of this process and of those that it started: other work on the machine does not count."""
     return sum(os.times()[:4])
+
+
+@cache
+def often(code: str) -> frozenset[int]:
+    """The lines that run whenever they are called: those of functions whose results are not kept."""
+
+    def lines(node: ast.AST, called: bool) -> Iterator[int]:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.FunctionDef):
+                once = any("cache" in ast.unparse(d) for d in child.decorator_list)
+                yield from (line for part in child.body for line in lines(part, not once))
+            else:
+                yield from lines(child, called)
+        if called and hasattr(node, "lineno"):
+            yield from range(node.lineno, node.end_lineno + 1)
+
+    return frozenset(lines(ast.parse(code), False))
 
 
 class Recorder:
@@ -143,7 +162,7 @@ class Reach:
         if name not in self._lines:
             self._lines[name] = self._data.contexts_by_lineno(name)
         by_line, same = self._lines[name], self._known["files"].get(name) == digest(file)
-        found = self._asked(by_line.get(line, ()) if same else ())
+        found = self._asked(by_line.get(line, ()) if same and line in often(file.read_text()) else ())
         found = found or self._asked({c for contexts in by_line.values() for c in contexts})
         return [test for test in found if not self._known["tests"].get(test, {}).get("failed")]
 

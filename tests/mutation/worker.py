@@ -45,7 +45,7 @@ PROJECT = ("phasebench.benchmarks.report", "phasebench.benchmarks.cli", "phasebe
 #: A mutant has hung, and is noticed, after so many seconds and so many times what its tests take.
 PATIENCE, TIMES = 60, 10
 #: Folders of which functions are compiled: a function that is changed would not be.
-COMPILED = ("integrators/engine/", "integrators/families/", "integrators/systems/", "reference/")
+COMPILED = ("integrators/engine/", "integrators/families/", "integrators/systems/")
 #: What makes a process compile nothing.
 PLAIN = {"NUMBA_DISABLE_JIT": "1"}
 #: What makes Python import the project from a copy of it, which the editable install does not know.

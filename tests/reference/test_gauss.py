@@ -8,6 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 
+from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.reference.certificates import horizon
 from phasebench.reference.solvers import gauss, taylor
@@ -40,6 +41,8 @@ def test_the_numbers_are_those_of_the_method_to_thirty_digits():
         assert abs(sum(x * y**16 for x, y in zip(b, c, strict=True)) - mpmath.mpf(1) / 17) > 1e-12, "the order is 16"
         assert max(abs(x - float(y)) for x, y in zip(rule.c, c, strict=True)) < 1e-16
     assert 1e-21 < np.abs(rule.b_rest).max() < 1e-19, "what is left of a number in long double"
+    moments = [float(rule.weights @ rule.c**k) for k in range(8)]
+    assert moments == pytest.approx([0] * 7 + [1], abs=1e-9 * np.abs(rule.weights).max()), "a divided difference"
 
 
 @pytest.mark.parametrize("ratio", [0.3, 1.0, 1.7, 2.0, 5.0])
@@ -70,6 +73,19 @@ def test_the_error_falls_as_the_sixteenth_power_of_the_step():
     assert np.log2(errors[0] / errors[1]) == pytest.approx(16, abs=1.5)
 
 
+def test_a_step_ends_where_its_stages_are_at_round_off(monkeypatch):
+    """Henon-Heiles at h = 1: some twenty iterations a step, also of those steps that never settle to the last unit."""
+    calls, right, made = [], gauss.right_hand_side, problem("henon-heiles:box")
+
+    def counted(system):
+        F = right(system)
+        return lambda Y: calls.append(len(Y)) or F(Y)
+
+    monkeypatch.setattr(gauss, "right_hand_side", counted)
+    gauss.run(made.system, made.q0, made.p0, np.arange(1.0, 20.0), [20.0])
+    assert 20 * 12 < len(calls) < 20 * 26
+
+
 def test_stages_that_cannot_be_solved_are_a_failure_at_their_time():
     with pytest.raises(taylor.ReferenceFailed, match=r"after t = 0\.5; its steps are too large"):
         gauss.run(PENDULUM, (1.5,), (0.3,), [0.25, 0.5], [90.0])
@@ -89,6 +105,14 @@ def test_bits_hold_the_decimals_that_they_state():
         digits = taylor.Bits(bits).digits
         assert bits * np.log10(2) + 5 < digits < bits * np.log10(2) + 15
         assert taylor.Bits(bits).__name__ == f"{bits}-bit"
+
+
+def test_a_reference_is_certified_unless_it_need_not_be():
+    made = SimpleNamespace(system=OSCILLATOR, q0=(1.0,), p0=(0.0,))
+    found = taylor.reference(made, [0.0, 1.0])
+    assert found.uncertainty[0] == 0.0
+    assert 0 < found.uncertainty[1] < 1e-18
+    assert np.isnan(taylor.reference(made, [1.0], certify=False).uncertainty).all()
 
 
 # -- horizons ---------------------------------------------------------------------------------------------------------

@@ -97,6 +97,13 @@ def test_no_exact_solution_where_there_is_none():
     assert exact(problem("kepler"), [1.0], p0=(0.0, 3.0)) is None
 
 
+def test_a_quarter_of_the_oscillators_period_exchanges_position_and_momentum():
+    made = problem("harmonic-oscillator", omega=1.3)
+    q, p = exact(made, [np.pi / 2 / 1.3], q0=(0.5,), p0=(-0.7,))
+    assert float(q[0, 0]) == pytest.approx(-0.7 / 1.3, abs=1e-15)
+    assert float(p[0, 0]) == pytest.approx(-0.5 * 1.3, abs=1e-15)
+
+
 def test_oscillator_refuses_a_frequency_that_is_not_the_systems():
     made = problem("harmonic-oscillator", omega=1.3)
     wrong = SimpleNamespace(id=made.id, system=made.system, q0=made.q0, p0=made.p0, parameters={"omega": 1.3 + 1e-12})

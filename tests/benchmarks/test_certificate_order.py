@@ -1,0 +1,151 @@
+"""The order of a step by its ladder and its series: steps of known order, cut and truncated ones, made-up series."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from math import nan
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.certificate import battery, order
+from phasebench.benchmarks.certificate.order import Series, differences
+from phasebench.benchmarks.certificate.stepping import StepFailed, Stepper
+from phasebench.benchmarks.certificate.subject import subject
+from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
+
+PENDULUM = battery.known("pendulum")
+
+
+def verlet(system, q, p, h, kick=Fraction(1, 2)):
+    p = p - h * system.dH_dq(q, p) * kick.numerator / kick.denominator
+    q = q + h * system.dH_dp(q, p)
+    return q, p - h * system.dH_dq(q, p) / 2
+
+
+def cut(system, q, p, h):
+    """A first half of ten digits."""
+    return verlet(system, q, p, h, Fraction(5_000_000_001, 10_000_000_000))
+
+
+def euler(system, q, p, h):
+    return q + h * system.dH_dp(q, p), p - h * system.dH_dq(q, p)
+
+
+def rk4(system, q, p, h):
+    def slopes(q, p):
+        return system.dH_dp(q, p), -system.dH_dq(q, p)
+
+    a = slopes(q, p)
+    b = slopes(*(x + h * k / 2 for x, k in zip((q, p), a, strict=True)))
+    c = slopes(*(x + h * k / 2 for x, k in zip((q, p), b, strict=True)))
+    d = slopes(*(x + h * k for x, k in zip((q, p), c, strict=True)))
+    return tuple(x + h * (k + 2 * m + 2 * n + o) / 6 for x, k, m, n, o in zip((q, p), a, b, c, d, strict=True))
+
+
+def broken(system, q, p, h):
+    return q / (h - h), p
+
+
+def stepper(step, arithmetic=MULTIPRECISION) -> Stepper:
+    return Stepper(subject(step), PENDULUM, arithmetic)
+
+
+# -- series ------------------------------------------------------------------------------------------------------------
+
+
+def test_differences_are_the_coefficients_of_a_polynomial():
+    coefficients = np.array([3.0, -1.0, 0.5, 2.0])
+    values = [np.array([sum(c * j**k for k, c in enumerate(coefficients)), 7.0]) for j in range(4)]
+    found = np.array(differences(values))
+    assert np.allclose(found[:, 0], coefficients)
+    assert np.allclose(found[:, 1], [7, 0, 0, 0])
+
+
+def test_the_terms_that_vanish_are_the_first_ones():
+    terms = Series((1e-16, 1e-10, 0.9 * order.VANISHES, 0.2, 1e-30))
+    assert (terms.clean, Series((0.1,)).clean, Series((1e-9, nan, 1e-9)).clean, Series((0.0, 0.0)).clean) == (
+        3,
+        0,
+        1,
+        2,
+    )
+    assert [terms.largest(k) for k in (0, 1, 2, 5)] == [0.0, 1e-16, 1e-10, 0.9 * order.VANISHES]
+    assert Series((order.VANISHES,)).clean == 0
+
+
+@pytest.mark.parametrize(("step", "p"), [(euler, 1), (verlet, 2), (rk4, 4)])
+def test_a_step_of_order_p_has_so_many_terms_that_vanish(step, p):
+    found = order.series(stepper(step), 1)
+    assert found.clean == p
+    assert found.largest(p) < 1e-60
+    assert 0.01 < found.terms[p] < 10
+
+
+def test_cut_coefficients_are_seen_in_the_first_term():
+    """The kick is 1e-10 h too long: so is the change of p, relative to the field."""
+    found = order.series(stepper(cut), 1)
+    assert found.clean == 2
+    slopes = np.abs(PENDULUM.system.vector_field()(0.0, PENDULUM.start(1)))
+    assert found.terms[0] == pytest.approx(1e-10 * slopes[1] / slopes.max(), rel=1e-6)
+
+
+# -- ladders -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("step", "p"), [(euler, 1), (verlet, 2), (rk4, 4)])
+@pytest.mark.parametrize("arithmetic", [DOUBLE, MULTIPRECISION])
+def test_the_order_is_that_of_the_step(step, p, arithmetic):
+    row = order.order(stepper(step, arithmetic), 1)
+    assert row["value"] == pytest.approx(p, abs=0.1)
+    assert row["low"] <= row["value"] <= row["high"]
+    assert len(row["h"]) == len(row["error"]) == len(battery.LADDER)
+    assert row["h"][0] == float(battery.SPAN)
+    assert (row["on"], row["arithmetic"]) == ("pendulum", arithmetic)
+    if arithmetic == DOUBLE:
+        assert row["constant"] <= row["doubt"] < 1e-8, "nothing is left of a consistent step as h falls"
+    else:
+        assert row["clean"] == p
+
+
+def test_what_is_left_of_an_inconsistent_step_is_told_in_doubles():
+    """The kicks are 1e-3 too long; the control is right."""
+
+    def longer(system, q, p, h):
+        return verlet(system, q, p, h, Fraction(501, 1000))
+
+    slopes = np.abs(PENDULUM.system.vector_field()(0.0, PENDULUM.start(1)))
+    row = order.order(stepper(longer, DOUBLE), 1)
+    assert row["constant"] == pytest.approx(1e-3 * slopes[1] / slopes.max(), rel=1e-4)
+    assert row["doubt"] < 1e-3 * row["constant"]
+
+
+def test_errors_are_relative_to_the_size_of_the_state():
+    """Standing still is off by the way of the orbit."""
+    row = order.ladder(stepper(lambda system, q, p, h: (q + 0 * h, p + 0 * h), DOUBLE), 1)
+    start, (end, _) = PENDULUM.start(1), order.flow("pendulum", 1, battery.SPAN)
+    end = end.astype(float)
+    assert row["error"] == pytest.approx([np.abs(start - end).max() / np.abs(end).max()] * len(battery.LADDER))
+
+
+def test_a_step_that_fails_for_its_numbers_has_no_error_and_any_other_is_a_failure():
+    row = order.ladder(stepper(broken, DOUBLE), 1)
+    assert np.isnan(row["error"]).all()
+    with pytest.raises(StepFailed, match="KeyError"):
+        order.ladder(stepper(lambda system, q, p, h: {}["x"], DOUBLE), 1)
+    assert order.numerical(StepFailed("step 1: ZeroDivisionError: division by zero"))
+    assert not order.numerical(StepFailed("step 1: KeyError: 'ZeroDivisionError'"))
+
+
+def test_a_dear_step_has_a_shorter_ladder_in_many_digits():
+    def dear(evaluations):
+        def step(system, q, p, h):
+            for _ in range(evaluations - 3):
+                system.dH_dq(q, p)
+            return verlet(system, q, p, h)
+
+        return step
+
+    lengths = [len(order.rungs(stepper(dear(n)))) for n in (order.DEAR, order.DEAR + 1)]
+    assert lengths == [len(battery.LADDER), order.SHORTER]
+    assert len(order.rungs(stepper(dear(order.DEAR + 1), DOUBLE))) == len(battery.LADDER)
