@@ -141,6 +141,8 @@ def test_a_prepared_run_forgets_the_matrix_of_another_step():
     assert run.counts["gradient"] == counted
     whole = integrate(system, "implicit-midpoint", h=3.0, steps=5, parameters={"solver": "banded"}, **start)
     assert (whole.q[-1] == first).all()
+    usual = prepare(made, "implicit-midpoint")(3.0, 5)[0]
+    assert np.abs(usual - first).max() < 1e-13 * np.abs(usual).max()
 
 
 # -- the cost ----------------------------------------------------------------------------------------------------------
@@ -306,6 +308,19 @@ def test_a_few_that_act_on_all_make_no_band():
     star = [np.arange(n) if j == 0 else np.array([0, j]) for j in range(n)]
     with pytest.raises(InvalidInput, match="not banded"):
         banded.band_of(star)
+
+
+def torus(n):
+    """The columns of a lattice of n times n sites."""
+    sites = np.arange(n * n).reshape(n, n)
+    near = [sites, *(np.roll(sites, by, axis) for by in (1, -1) for axis in (0, 1))]
+    return list(np.stack(near, axis=-1).reshape(n * n, 5))
+
+
+def test_a_lattice_of_two_dimensions_is_as_wide_as_its_side():
+    assert banded.band_of(torus(12)).width <= 2 * 12
+    with pytest.raises(InvalidInput, match="unknowns far"):
+        banded.band_of(torus(70))
 
 
 # -- the linear algebra ------------------------------------------------------------------------------------------------
