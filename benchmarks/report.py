@@ -30,6 +30,7 @@ from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
 from phasebench.benchmarks.experiments.knobs.page import PAGE as KNOBS
 from phasebench.benchmarks.experiments.large.page import PAGE as LARGE
+from phasebench.benchmarks.experiments.large.solvers_page import PAGE as LARGE_SOLVERS
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
 from phasebench.benchmarks.experiments.models.page import PAGE as MODELS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
@@ -84,6 +85,7 @@ PAGES: tuple[Page, ...] = (
     SPEED,
     START,
     LARGE,
+    LARGE_SOLVERS,
     ENSEMBLES,
     *CATALOGUE,
     *TALKS,

@@ -14,7 +14,7 @@ import pickle
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import SimpleNamespace
+from types import FunctionType, SimpleNamespace
 
 import numba
 from numba.core import serialize, typeinfer
@@ -165,13 +165,27 @@ def compiled(f: Callable, signature, options: dict, name: str) -> Callable:
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
-        dispatcher = numba.njit(**options, pipeline_class=_Whole)(f)
-        kept = dispatcher._cache = Kept(f"{name}|{sorted(options.items(), key=str)}")
+        name = f"{name}|{sorted(options.items(), key=str)}"
+        dispatcher = numba.njit(**options, pipeline_class=_Whole)(_told_apart(f, name))
+        kept = dispatcher._cache = Kept(name)
         with typeinfer.register_dispatcher(dispatcher), cache.alone(kept.entry(signature)):
             dispatcher.compile(signature)
     dispatcher.disable_compile()
     _of_one(dispatcher)
     return dispatcher
+
+
+def _told_apart(f: Callable, name: str) -> Callable:
+    """``f``, by another name for each content.
+
+    Machine code is linked by the function's name with a number that counts what a process has compiled.  Functions of
+    one name from two processes (the loops that one line of source makes of other constants) may have one number: when
+    both are loaded, one is called in the place of the other.
+    """
+    other = FunctionType(f.__code__, f.__globals__, f.__name__, f.__defaults__, f.__closure__)
+    other.__qualname__ = f"{f.__qualname__}_{hashlib.sha256(name.encode()).hexdigest()[:16]}"
+    other.__module__, other.__kwdefaults__, other.__doc__ = f.__module__, f.__kwdefaults__, f.__doc__
+    return other
 
 
 def _of_one(dispatcher) -> None:

@@ -10,6 +10,7 @@ from scipy.linalg import solve_banded
 from phasebench.benchmarks.problems import fpu, klein_gordon, n_body, nls, problem, toda
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
 from phasebench.integrators.engine import banded, structure
+from phasebench.integrators.families.banded import structure_of
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
 from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
@@ -81,25 +82,24 @@ def test_every_method_of_one_stage_takes_the_same_steps(name, id, parameters):
     assert np.abs(other - end).max() < 1e-13 * np.abs(end).max()
 
 
-@pytest.mark.parametrize(("name", "id"), [("toda", "scheme-ii"), ("pendulum", "scheme-iii")])
-def test_states_in_registers_and_fields_of_higher_order_too(name, id):
-    made = problem(name)
-    full, found = (integrate(made, id, h=0.3, steps=10, parameters=more) for more in ({}, {"solver": "banded"}))
+def test_states_in_registers_and_fields_of_higher_order_too():
+    made = problem("toda")
+    full, found = (
+        integrate(made, "scheme-ii", h=0.3, steps=10, parameters=more) for more in ({}, {"solver": "banded"})
+    )
     assert full.status == found.status == "ok"
     assert np.abs(full.q - found.q).max() < 1e-14 * np.abs(full.q).max()
 
 
 def test_masses_that_couple_momenta_are_seen():
-    """T = p.M^-1 p / 2 with neighbours in M^-1: the kick's equation is of the product."""
+    """T = p.M^-1 p / 2 with neighbours in M^-1: the kick's equation has the Hessian times that matrix."""
     d = 6
     q, p = sp.symbols(f"q:{d}", real=True), sp.symbols(f"p:{d}", real=True)
-    T = sum(x**2 for x in p) + sum(p[i] * p[i + 1] for i in range(d - 1)) / 2
     V = sum((q[i + 1] - q[i]) ** 2 / 2 + q[i] ** 4 / 4 for i in range(d - 1))
-    system = Hamiltonian(q=q, p=p, H=T + V)
-    start = {"q0": np.linspace(0.3, 1, d), "p0": np.zeros(d)}
-    full, found = (ends(system, "implicit-midpoint", start, 0.5, **more) for more in ({}, {"solver": "banded"}))
-    assert full[0].status == found[0].status == "ok"
-    assert np.abs(full[1] - found[1]).max() < 1e-13
+    for coupling, far in ((0, 1), (1, 2)):
+        T = sum(x**2 for x in p) + sum(coupling * p[i] * p[i + 1] for i in range(d - 1)) / 2
+        reach = structure_of(Hamiltonian(q=q, p=p, H=T + V), 1)
+        assert [set(r) for r in reach] == [set(range(max(0, j - far), min(d, j + far + 1))) for j in range(d)]
 
 
 def test_explicit_steps_stay_explicit():
@@ -118,7 +118,7 @@ def test_equations_without_a_solution_are_not_called_solved():
         assert s.status == "not-converged", s.reason
 
 
-def test_where_the_kept_matrix_is_of_no_use_a_new_one_is_made(monkeypatch):
+def test_where_the_kept_matrix_is_of_no_use_a_new_one_is_made():
     """Long steps of large amplitudes, which no matrix serves twice; the full solver is as far."""
     system, start = lattice("fpu")
     start = {name: 30 * x for name, x in start.items()}
@@ -126,7 +126,7 @@ def test_where_the_kept_matrix_is_of_no_use_a_new_one_is_made(monkeypatch):
     found, other = ends(system, "implicit-midpoint", start, 1.0, solver="banded")
     assert full.status == found.status == "ok"
     assert np.abs(other - end).max() < 1e-12 * np.abs(end).max()
-    gentle, _ = ends(*(system, "implicit-midpoint", {k: x / 300 for k, x in start.items()}, 1.0), solver="banded")
+    gentle, _ = ends(system, "implicit-midpoint", {k: x / 300 for k, x in start.items()}, 1.0, solver="banded")
     assert found.counts["gradient"] > 2 * gentle.counts["gradient"]
 
 
@@ -141,6 +141,8 @@ def test_a_prepared_run_forgets_the_matrix_of_another_step():
     assert run.counts["gradient"] == counted
     whole = integrate(system, "implicit-midpoint", h=3.0, steps=5, parameters={"solver": "banded"}, **start)
     assert (whole.q[-1] == first).all()
+    usual = prepare(made, "implicit-midpoint")(3.0, 5)[0]
+    assert np.abs(usual - first).max() < 1e-13 * np.abs(usual).max()
 
 
 # -- the cost ----------------------------------------------------------------------------------------------------------
@@ -306,6 +308,19 @@ def test_a_few_that_act_on_all_make_no_band():
     star = [np.arange(n) if j == 0 else np.array([0, j]) for j in range(n)]
     with pytest.raises(InvalidInput, match="not banded"):
         banded.band_of(star)
+
+
+def torus(n):
+    """The columns of a lattice of n times n sites."""
+    sites = np.arange(n * n).reshape(n, n)
+    near = [sites, *(np.roll(sites, by, axis) for by in (1, -1) for axis in (0, 1))]
+    return list(np.stack(near, axis=-1).reshape(n * n, 5))
+
+
+def test_a_lattice_of_two_dimensions_is_as_wide_as_its_side():
+    assert banded.band_of(torus(12)).width <= 2 * 12
+    with pytest.raises(InvalidInput, match="unknowns far"):
+        banded.band_of(torus(70))
 
 
 # -- the linear algebra ------------------------------------------------------------------------------------------------

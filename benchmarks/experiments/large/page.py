@@ -161,7 +161,8 @@ PAGE = Page(
         "Exponents are slopes of logarithms by least squares with Student's interval, from sizes that caches treat differently.",
         "Explicit methods work in place on arrays, as C does; operations of all others return new arrays, which below a few "
         "hundred degrees of freedom costs more than the sums. Sums here are compensated, those of C and REBOUND are not.",
-        "Memory is that of the arrays a run holds; of implicit methods it holds a dense matrix, of (d + 1)^2 numbers and more.",
+        "Memory is that of the arrays a run holds; of implicit methods it holds a dense matrix, of (d + 1)^2 numbers and more, "
+        "unless they are solved in a band (the page `large-solvers`).",
         "A chaotic end is not compared: ours and C agree over the first steps.",
     ),
     command="pytest benchmarks/experiments/large",

@@ -1,0 +1,30 @@
+"""Machine code of functions of one name: which of them is called must not depend on what processes compiled before."""
+
+from __future__ import annotations
+
+import re
+
+from numba import types
+
+from phasebench.integrators.engine import machine
+from phasebench.integrators.engine.vector import TUPLES
+
+NUMBER = types.float64(types.float64)
+
+
+def times(k):
+    def f(x):
+        return k * x
+
+    return f
+
+
+def symbol(k, name):
+    """What the linker knows the function by, without the number that counts what the process has compiled."""
+    made = machine.compiled(times(k), NUMBER, TUPLES, name)
+    return re.sub(r"B\dv\d+", "", next(iter(made.overloads.values())).fndesc.mangled_name)
+
+
+def test_functions_of_one_line_and_of_other_content_have_other_symbols():
+    assert symbol(2.0, "times|2") != symbol(3.0, "times|3")
+    assert symbol(2.0, "times|2") == symbol(2.0, "times|2"), "the control"
