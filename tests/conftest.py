@@ -57,7 +57,7 @@ def pytest_xdist_make_scheduler(config, log):
 
 
 def pytest_runtest_teardown():
-    """Take back what a run of REBOUND's WHFast512 leaves in its process: numbers below 2^-1022 are flushed to zero."""
+    """Take back what WHFast512 leaves where a test calls it without `integrate_peer`: small numbers become zero."""
     if float("2.2250738585072014e-308") * float("0.5") == 0:
         ctypes.CDLL(None).fesetenv(ctypes.c_void_p(-1))  # FE_DFL_ENV of the C libraries that run there
 
