@@ -88,6 +88,12 @@ def test_the_calls_of_a_lot_are_those_of_a_trajectory(monkeypatch, steps, every,
     assert firsts[-1] + made[-1][1] == -(-steps // every)
 
 
+def test_the_calls_end_with_the_steps():
+    """A row of a million steps is five calls, and behind the last there is none to look for."""
+    assert len(list(lots.pieces(10**7, 10**6))) == 50
+    assert list(lots.pieces(2, 3)) == [(0, 1, 2)]
+
+
 def test_who_did_not_end_well_is_asked_again():
     n = np.arange(4)
     Q, P = np.ones((4, 3, 1)), np.zeros((4, 3, 1))
@@ -171,6 +177,8 @@ def test_a_start_outside_of_H_is_invalid_and_the_others_go_on():
 def test_a_method_that_cannot_do_the_system_is_refused():
     with pytest.raises(InvalidInput, match="'gautschi' requires a system with the trait"):
         of(2, id="gautschi")
+    with pytest.raises(InvalidInput, match="'scheme-i' requires a system with the trait 'canonical'"):
+        of(lots.ENOUGH, id="scheme-i", system=problem("lotka-volterra").system)
 
 
 # -- names and records ------------------------------------------------------------------------------------------------

@@ -62,6 +62,7 @@ PAGE = Page(
         "Looks are not changed: figures, how many names a sentence lists, to how many digits a number is shown.",
         "A test that fails for another reason than the change kills too; every test passed before.",
         "Two faults at once, and code that is missing, are no mutants.",
+        "A kernel is changed and run as the Python function that it is written as, on few steps; its compilation is not judged.",
         "A file is entered when each of its survivors is killed or argued: of files that are not listed nothing is said, and some that were tried have survivors.",
     ),
     command="python tests/mutation benchmarks/experiments && pytest benchmarks/experiments/catalogue",

@@ -1,0 +1,64 @@
+"""What a run says it evaluated, and how often it called the system's functions: ``python counts.py`` prints JSON.
+
+In a process with NUMBA_DISABLE_JIT=1: a compiled function cannot be watched.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections import Counter
+from fractions import Fraction
+
+from phasebench.benchmarks.measure.battery import LOW_ORDER, SYSTEMS, by_label, runs_on, variants
+from phasebench.integrators.driver import integrate
+
+H, STEPS = 0.02, 3
+NAMES = ("henon-heiles", "coupled", "perturbed-kepler")
+#: A separable and a non-separable system are enough where a method runs on either.
+FEW = 2
+#: Functions of a system that are no gradient or field: energies, velocities, the values of invariants, rates of time.
+OTHERS = ("energy", "grad_T", "constraint", "velocity", "rate")
+#: Its functions are made for lanes and for a process that compiles nothing in one, out of sight.
+UNSEEN = {"gauss-2"}
+
+
+def systems(m) -> list[str]:
+    """Where a method is watched."""
+    return [name for name in NAMES if runs_on(m, name)][:FEW]
+
+
+METHODS = [m for m in variants(lam=(Fraction(1, 3),), order=(1, 2)) if m.order <= LOW_ORDER and m.id not in UNSEEN]
+ALL = by_label([m for m in METHODS if systems(m)])
+
+
+def watched(system, calls: Counter):
+    """The system, whose functions count their calls by their kinds."""
+    other, kind_of_system = copy.copy(system), type(system)
+    other._functions = {}
+
+    def made(kind, *rest):
+        function = kind_of_system.made(other, kind, *rest)
+
+        def called(*arguments):
+            calls[kind] += 1
+            return function(*arguments)
+
+        return called
+
+    other.made = made
+    return other
+
+
+def of(label: str) -> dict:
+    """{system: [evaluations that are told, calls]} of a method."""
+    found = {}
+    for name in systems(ALL[label]):
+        (system, q, p), calls = SYSTEMS[name](), Counter()
+        s = integrate(watched(system, calls), ALL[label], h=H, steps=STEPS, q0=q, p0=p, save_every=2)
+        found[name] = [s.counts["gradient"], sum(n for kind, n in calls.items() if not kind.startswith(OTHERS))]
+    return found
+
+
+if __name__ == "__main__":
+    print(json.dumps({"result": {label: of(label) for label in ALL}}))
