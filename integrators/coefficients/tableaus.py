@@ -66,6 +66,19 @@ def nystrom_rounded(A, c, unit) -> tuple:
     return A, c
 
 
+def rounded_rule(c, b, unit) -> tuple[list, list]:
+    """Gauss's nodes and weights rounded such that c_i + c_{k+1-i} = 1, b_i = b_{k+1-i} and sum_i b_i = 1 exactly.
+
+    Then sum_i b_i c_i = 1/2 of the doubles, too.  Else HBVM(k, s) would change the energy and the phase by the same
+    share of round-off in every step.
+    """
+    k = len(c)
+    b = [mpmath.nint(4 * x / unit) * unit / 4 for x in b]
+    inner = (k - 1) // 2
+    b[inner] = b[k - 1 - inner] = (1 - 2 * mpmath.fsum(b[:inner])) / (1 if k % 2 else 2)
+    return [mpmath.nint(2 * x / unit) * unit / 2 for x in c], b
+
+
 def exact(kind: str, s: int, k: int) -> tuple:
     """(A^q, A^p, B, w, c) of the module's formula for "hbvm" with k nodes or for a kind of `runge_kutta`."""
     if kind != "hbvm":
@@ -116,6 +129,10 @@ def tableau(kind: str, s: int, k: int, nystrom: bool, digits: int, unit) -> Tabl
     """The tableau with k nodes, rounded to ``unit`` where symplecticity asks for it."""
     with mpmath.workdps(digits):
         A, C, B, w, c = exact(kind, s, k)
+        if kind == "hbvm":
+            c, b = rounded_rule(c, [B[0, i] for i in range(k)], unit)
+            for i in range(k):
+                A[i, 0], B[0, i] = c[i], b[i]
         weights = w
         if nystrom:
             A, weights = A * B * C, w * B * C

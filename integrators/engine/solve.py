@@ -337,15 +337,8 @@ def row_solver(sweep, linearize):
     return solve
 
 
-def confirmer(solve, sweep, change):
-    """The solver of equations with integrals, by rules of rising size until the next one confirms the unknowns.
-
-    It is a function (equations, at, work, counts) -> status, with ``solve``, ``sweep`` and ``equations`` as in
-    `row_solver`; besides, these have the fields q, p and step, and the step the fields h, eps and ``nodes``: the size
-    of its rule for each node of each rule.  The rule in use begins with the node ``counts.rule``; change(equations, x,
-    y) is the `Change` from a row x to y.  The confirming sweep is itself an iterate of the finer rule, so nothing of it
-    is lost.  A step that the largest rule leaves unconfirmed is a fallback.
-    """
+def by_rows(change):
+    """The changes(equations, old, new) of `confirmer`, of the `Change` change(equations, x, y) from a row x to y."""
 
     @inlined
     def changes(e, old, new):
@@ -355,22 +348,36 @@ def confirmer(solve, sweep, change):
             total = Change(total.q + c.q, total.p + c.p, total.size_q + c.size_q, total.size_p + c.size_p)
         return total
 
+    return changes
+
+
+def confirmer(solve, sweep, changes):
+    """The solver of equations with integrals, by rules of rising size until the next one confirms the unknowns.
+
+    It is a function (equations, at, work, counts) -> status, with ``solve``, ``sweep`` and ``equations`` as in
+    `row_solver`; besides, these have the fields q, p and step, and the step the fields h, eps, ``nodes`` and ``rows``:
+    for each row of coefficients of each rule the number of the rule's nodes, and of its rows.  The rule in use begins
+    with the row ``counts.rule``; changes(equations, old, new) is the `Change` from the unknowns in the rows ``old`` to
+    those in the rows ``new``.  The confirming sweep is itself an iterate of the finer rule, so nothing of it is lost.
+    A step that the largest rule leaves unconfirmed is a fallback.
+    """
+
     @inlined
     def confirmed(e, at, work, counts):
         """Solve from the start in the rows ``at``, by the rule ``counts.rule`` and finer ones."""
-        eps, nodes = e.step.eps, e.step.nodes
+        eps, nodes, rows = e.step.eps, e.step.nodes, e.step.rows
         span = size(e.q) + size(e.p)
         move = Change(np.inf, np.inf, np.inf, np.inf)
         before = counts.rule
         while True:
             rule = counts.rule
-            following = rule + nodes[rule]
+            following = rule + rows[rule]
             sweeps, newton, status = solve(e, at, span, eps, work)
             counts.gradient += (sweeps + newton) * nodes[rule]
             counts.newton += min(newton, 1)
-            if status != SOLVED or nodes[0] == len(nodes):
+            if status != SOLVED or rows[0] == len(rows):
                 return status
-            if following == len(nodes):
+            if following == len(rows):
                 counts.fallbacks += 1
                 return status
             counts.rule = following

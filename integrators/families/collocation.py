@@ -35,7 +35,7 @@ Numer. Methods Eng. 49 (2000) 599-638 (cPG); E. Hairer, R. McLachlan, A. Razakar
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
@@ -49,6 +49,7 @@ from phasebench.integrators.engine.solve import (
     LEVELS,
     SOLVED,
     Change,
+    by_rows,
     change,
     confirmer,
     copy,
@@ -78,16 +79,16 @@ from phasebench.integrators.engine.vector import (
     velocity,
 )
 
-from . import gauss_lanes
+from . import gauss_lanes, path_lanes
 from .parametric import lengths_of_kick, quadratic, unknown
 
 
 class Collocation(NamedTuple):
     """The tableau, in the Nystrom form where ``field`` is None.
 
-    A rule is a range of nodes, each with the number of its rule's ``nodes``, its time ``c[i, 0]`` and rows of A and
-    B^T; B is ``diagonal`` or not.  ``weights`` has the rows w^q, w^p; ``extrapolation`` s rows for each number of
-    steps.
+    A rule is a range of nodes, each with the number of its rule's ``nodes``, which are its ``rows``, its time
+    ``c[i, 0]`` and rows of A and B^T; B is ``diagonal`` or not.  ``weights`` has the rows w^q, w^p; ``extrapolation`` s
+    rows for each number of steps.
     """
 
     field: Callable | None
@@ -96,6 +97,7 @@ class Collocation(NamedTuple):
     diagonal: bool
     weights: np.ndarray
     nodes: np.ndarray
+    rows: np.ndarray
     c: np.ndarray
     A_q: np.ndarray
     A_p: np.ndarray
@@ -253,7 +255,7 @@ def linearize(e, at, span, work):
 
 
 solve = row_solver(sweep, linearize)
-solve_confirmed = confirmer(solve, sweep, inlined(lambda e, x, y: moved(e.step.field, x, y)))
+solve_confirmed = confirmer(solve, sweep, by_rows(inlined(lambda e, x, y: moved(e.step.field, x, y))))
 
 
 @inlined
@@ -297,27 +299,41 @@ def run(step, orbit, samples, counts):
 
 
 def prepare(method, system, arithmetic):
-    """Of data (kind, s) or ("hbvm", s, k): with the stages of Gauss in lanes where these serve the system."""
-    if method.data[0] == "gauss" and gauss_lanes.serves(method.data[1], system):
-        return gauss_lanes.prepare(method.data[1], system, arithmetic)
+    """Of data (kind, s) or ("hbvm", s, k), with Gauss's stages, or integrals' nodes, in lanes where these serve."""
+    kind, s, *_ = method.data
+    if kind == "gauss" and gauss_lanes.serves(s, system):
+        return gauss_lanes.prepare(s, system, arithmetic)
+    if kind in ("hbvm", "cpg"):
+        rules = rules_of(method, system, arithmetic)
+        if path_lanes.serves(s, rules, system):
+            return path_lanes.prepare(s, rules, system, arithmetic)
     return stage_by_stage(method, system, arithmetic)
+
+
+def rules_of(method, system, arithmetic) -> Sequence[int]:
+    """The numbers of nodes of the quadrature rules."""
+    kind, s, *k = method.data
+    if kind == "cpg":
+        return sizes(s, system.polynomial_degree, RULES if arithmetic == DOUBLE else LARGE)
+    return k or [s]
 
 
 def stage_by_stage(method, system, arithmetic):
     """In the Nystrom form where T is quadratic, else by the field."""
-    kind, s, *rest = method.data
-    rules = rest or [s]
-    if kind == "cpg":
-        kind, rules = "hbvm", sizes(s, system.polynomial_degree, RULES if arithmetic == DOUBLE else LARGE)
+    kind, s, *_ = method.data
+    rules = rules_of(method, system, arithmetic)
+    kind = "hbvm" if kind == "cpg" else kind
     functions, width = quadratic(system, arithmetic)
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
     tableaus = [tableau(kind, s, k, functions[0] is None, digits, unit) for k in rules]
+    nodes = fixed([k for k in rules for _ in range(k)])
     step = Collocation(
         *functions,
         diagonal=kind != "hbvm",
         weights=array(tableaus[0].weights, arithmetic),
-        nodes=fixed([k for k in rules for _ in range(k)]),
+        nodes=nodes,
+        rows=nodes,
         c=array(([c] for t in tableaus for c in t.c), arithmetic),
         A_q=array((row for t in tableaus for row in t.A_q), arithmetic),
         A_p=array((row for t in tableaus for row in t.A_p), arithmetic),

@@ -11,8 +11,8 @@ the root of :math:`E(\alpha) = H(y_1(\alpha)) - H_0` next to zero.  As E(0) is O
 O(h^(2s-1)), the root is O(h^2), and the method has the order 2s of Gauss.
 
 In the form of `collocation`, :math:`A_{ij}/b_j` loses :math:`\alpha S_{ij}`, with the skew :math:`S = P V P^T`; for
-each alpha the tableau is written anew, in Nystrom form where T is quadratic, the conditions of symplecticity being
-imposed.
+each alpha the tableau is written anew, in Nystrom form where T is quadratic, rounded such that the conditions of
+symplecticity hold of the doubles.  The stages are evaluated in lanes where Gauss's are.
 
 Where the slope of E passes through zero a step may have no root: it is taken with alpha = 0 and counted as a fallback.
 The target stays H0, so that a later step wins the energy back.
@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import mpmath
 import numpy as np
@@ -35,9 +35,10 @@ from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Orbit, array, numbers
 from phasebench.integrators.engine.root import AT_ZERO, Attempt, Search, finder
 from phasebench.integrators.engine.solve import LEVELS, SOLVED
-from phasebench.integrators.engine.vector import State, advanced, apart, chosen, close, jit, keep, opened, size
+from phasebench.integrators.engine.vector import State, advanced, apart, chosen, close, inlined, jit, keep, opened, size
 
-from . import collocation
+from . import collocation, gauss_lanes, stage_lanes
+from .gauss_lanes import serves
 from .parametric import unknown
 
 SEARCH = Search(radius=0.5, first=0.01, near=0.1, ratio=1.5, points=16, branches=False, slack=8.0)
@@ -45,10 +46,15 @@ MISSED = "have no parameter near 0 that keeps the energy and were taken as Gauss
 
 
 class Equip(NamedTuple):
-    """The tableau in use, which is written for each alpha; A_ij / b_j, S_ij and b of the Gauss method."""
+    """The tableau in use, which is written for each alpha; A_ij / b_j, S_ij and b of the Gauss method.
 
+    The stages are in lanes where ``f`` is not None, and the unknowns both increments where ``field`` is not None.
+    """
+
+    f: Callable | None
+    field: Callable | None
     energy: Callable
-    tableau: collocation.Collocation
+    tableau: collocation.Collocation | stage_lanes.Lanes
     A: np.ndarray
     S: np.ndarray
     b: np.ndarray
@@ -59,13 +65,85 @@ class Equip(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A step from the state y; v is that of `collocation.Equations`."""
+    """A step from the state y."""
 
     step: Equip
     y: State
-    v: Any
     orbit: Orbit
     counts: np.record
+
+
+# -- stages one by one, or in lanes -----------------------------------------------------------------------------------
+
+
+def _A_in_rows(f, t, i, j, x):
+    t.A_q[i, j], t.A_p[i, j] = x, x
+
+
+def _A_in_lanes(f, t, i, j, x):
+    t.A[j, i] = x
+
+
+def _time_in_rows(f, t, i, late):
+    t.weights[0, i], t.c[i, 0] = late, 1.0 - late
+
+
+def _time_in_lanes(f, t, i, late):
+    t.nodes[2, i], t.nodes[0, i] = late, 1.0 - late
+
+
+def _moved_rows(f, start, e):
+    t, y, zero, memory = e.step.tableau, e.y, e.orbit.zero, e.orbit.memory
+    stages, at = len(e.step.b), LEVELS * len(e.step.b)
+    v, like = collocation.drift(t.field, t.dT, y.p, t.h), unknown(t.field, zero)
+    equations = collocation.Equations(t, y.q, y.p, v, memory, zero, like, stages, e.counts)
+    if start == AT_ZERO:
+        collocation.extrapolate(equations, at)
+    sweeps, newton, status = collocation.solve(equations, at, size(y.q) + size(y.p), t.eps, e.orbit.work)
+    dq, dp = collocation.moves(t.field, equations, at)
+    return advanced(y, dq, dp), sweeps, newton, status
+
+
+def _moved_lanes(f, start, e):
+    t, y = e.step.tableau, e.y
+    equations = stage_lanes.equations(t, e.orbit, t.h)
+    ring = equations.base + 4
+    at = ring + t.steps * equations.stages
+    stage_lanes.begin(t.inverse_mass, equations, y)
+    if start == AT_ZERO:
+        stage_lanes.extrapolate(equations, ring, e.counts.steps, at)
+    sweeps, newton, status = stage_lanes.solve(equations, at, size(y.q) + size(y.p), t.eps, e.orbit.work)
+    return stage_lanes.end(equations, at, y, e.orbit.zero), sweeps, newton, status
+
+
+def _enter_rows(f, e):
+    stages, like = len(e.step.b), unknown(e.step.field, e.orbit.zero)
+    collocation.copy(e.orbit.memory, LEVELS * stages, e.counts.steps % LEVELS * stages, stages, like)
+
+
+def _enter_lanes(f, e):
+    equations = stage_lanes.equations(e.step.tableau, e.orbit, e.step.h)
+    ring = equations.base + 4
+    stage_lanes.enter(equations, ring, e.counts.steps, ring + e.step.tableau.steps * equations.stages)
+
+
+#: Write A_ij of the stages; 1 - c_i and c_i.
+write_A, write_time = chosen(_A_in_rows, _A_in_lanes), chosen(_time_in_rows, _time_in_lanes)
+#: c_i.
+time = chosen(lambda f, t, i: t.c[i, 0], lambda f, t, i: t.nodes[0, i])
+#: Take the step with the tableau that is written: (the state after it, sweeps, sweeps of Newton's method, status).
+moved = chosen(_moved_rows, _moved_lanes)
+#: Keep its stages for the start of the next.
+enter = chosen(_enter_rows, _enter_lanes)
+
+
+# -- the tableau at alpha ---------------------------------------------------------------------------------------------
+
+
+@inlined
+def on_grid(x):
+    """x rounded to a multiple of the round-off of 1: sums and differences of such numbers below 2 are exact."""
+    return (x + 1.5) - 1.5
 
 
 def _write_kicks(field, step, alpha):
@@ -75,30 +153,30 @@ def _write_kicks(field, step, alpha):
         c = 0.0
         for j in range(stages):
             c = c + (A[i, j] - alpha * S[i, j]) * b[j]
-        t.weights[0, i] = 1.0 - c
-        t.c[i, 0] = 1.0 - t.weights[0, i]
+        write_time(step.f, t, i, on_grid(1.0 - c))
     for i in range(stages):
         for j in range(i, stages):
             a = 0.0
             for m in range(stages):
                 a = a + (A[i, m] - alpha * S[i, m]) * b[m] * (A[m, j] - alpha * S[m, j])
-            t.A_q[i, j] = a
-            t.A_q[j, i] = a - t.c[i, 0] + t.c[j, 0]
-            t.A_p[i, j] = t.A_q[i, j]
-            t.A_p[j, i] = t.A_q[j, i]
+            a = on_grid(a)
+            write_A(step.f, t, i, j, a)
+            write_A(step.f, t, j, i, a - time(step.f, t, i) + time(step.f, t, j))
 
 
 def _write_both(field, step, alpha):
-    t = step.tableau
     for i in range(len(step.b)):
         for j in range(i, len(step.b)):
-            a = step.A[i, j] - alpha * step.S[i, j]
-            t.A_q[i, j], t.A_p[i, j] = a, a
-            t.A_q[j, i], t.A_p[j, i] = 1.0 - a, 1.0 - a
+            a = on_grid(step.A[i, j] - alpha * step.S[i, j])
+            write_A(step.f, step.tableau, i, j, a)
+            write_A(step.f, step.tableau, j, i, 1.0 - a)
 
 
 #: Write the tableau at alpha (and the weights of q where ``field`` is None).
 write = chosen(_write_kicks, _write_both)
+
+
+# -- steps ------------------------------------------------------------------------------------------------------------
 
 
 @jit
@@ -108,23 +186,13 @@ def attempt(alpha, start, e):
     The stages start from earlier steps' or from the last attempt's, which was taken with an alpha nearby.
     """
     apart()
-    step, y, counts, zero = e.step, e.y, e.counts, e.orbit.zero
-    field, stages = step.tableau.field, len(step.b)
-    equations = collocation.Equations(
-        step.tableau, y.q, y.p, e.v, e.orbit.memory, zero, unknown(field, zero), stages, counts
-    )
-    at = LEVELS * stages
-    write(field, step, alpha)
-    if start == AT_ZERO:
-        collocation.extrapolate(equations, at)
-    span = size(y.q) + size(y.p)
-    sweeps, newton, status = collocation.solve(equations, at, span, step.eps, e.orbit.work)
-    counts.gradient += (sweeps + newton) * stages
+    step, y, counts = e.step, e.y, e.counts
+    write(step.field, step, alpha)
+    new, sweeps, newton, status = moved(step.f, start, e)
+    counts.gradient += (sweeps + newton) * len(step.b)
     counts.newton += min(newton, 1)
     if status != SOLVED:
         return Attempt(y, np.inf, step.eps, status)
-    dq, dp = collocation.moves(field, equations, at)
-    new = advanced(y, dq, dp)
     H, magnitude = step.energy(new.q, new.p)
     return Attempt(new, H - step.H0, step.eps * magnitude, status)
 
@@ -135,17 +203,15 @@ find = finder(attempt)
 def run(step, orbit, samples, counts):
     """The kernel; the parameter is alpha, NaN for a fallback."""
     y = opened(orbit)
-    field, dT, memory = step.tableau.field, step.tableau.dT, orbit.memory
-    stages, like = len(step.b), unknown(field, orbit.zero)
     for row in range(len(samples.q)):
         alpha, found = 0.0, True
         for _ in range(samples.every):
-            v = collocation.drift(field, dT, y.p, step.h)
-            alpha, found, result = find(step.search, orbit.state, 4, 0.0, Step(step, y, v, orbit, counts))
+            e = Step(step, y, orbit, counts)
+            alpha, found, result = find(step.search, orbit.state, 4, 0.0, e)
             if result.status != SOLVED:
                 return row, result.status
             y = result.y
-            collocation.copy(memory, LEVELS * stages, counts.steps % LEVELS * stages, stages, like)
+            enter(step.f, e)
             counts.steps += 1
             if not found:
                 counts.fallbacks += 1
@@ -162,9 +228,14 @@ def skew(s: int, nodes):
 
 
 def prepare(method, system, arithmetic):
-    """Of data (s,); the Nystrom form where T is quadratic."""
+    """Of data (s,), the stages in lanes where these serve the system; the Nystrom form where T is quadratic."""
     (s,) = method.data
-    inner = collocation.stage_by_stage(replace(method, data=("gauss", s)), system, arithmetic)
+    if serves(s, system):
+        inner = gauss_lanes.prepare(s, system, arithmetic)
+        f, field = inner.step.f, inner.step.f if inner.step.inverse_mass is None else None
+    else:
+        inner = collocation.stage_by_stage(replace(method, data=("gauss", s)), system, arithmetic)
+        f, field = None, inner.step.field
     energy = system.energy(arithmetic)
     with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
         A, _, b, c = tableaus.runge_kutta("gauss", s)
@@ -172,7 +243,10 @@ def prepare(method, system, arithmetic):
         S = array(skew(s, c), arithmetic)
 
     def begin(step, q, p):
-        return step._replace(H0=energy(q, p)[0], tableau=step.tableau._replace(h=step.h, eps=step.eps))
+        t = step.tableau
+        tables = {name: x for name, x in t._asdict().items() if isinstance(x, np.ndarray) and x.flags.writeable}
+        own = {name: x.copy() for name, x in tables.items()}  # other threads write theirs
+        return step._replace(H0=energy(q, p)[0], tableau=t._replace(h=step.h, eps=step.eps, **own))
 
-    step = Equip(energy, inner.step, A, S, numbers(b, arithmetic), SEARCH)
+    step = Equip(f, field, energy, inner.step, A, S, numbers(b, arithmetic), SEARCH)
     return replace(inner, run=run, step=step, begin=begin, missed=MISSED)

@@ -62,7 +62,14 @@ def _of_both(system, lanes, arithmetic):
     return lane_formulae.function("field", arguments, lambda: [*system.dq, *system.dp], lanes, system, arithmetic), None
 
 
-def _starts(extrapolation, s, lanes):
+def functions(system, lanes, arithmetic, digits):
+    """(f in lanes of `stage_lanes.Lanes`, the inverse masses or None)."""
+    if diagonal(system):
+        return _of_kicks(system, lanes, arithmetic, digits)
+    return _of_both(system, lanes, arithmetic)
+
+
+def starts(extrapolation, s, lanes):
     """Rows of the weights of each earlier step, for a start from one step, then for one from two."""
     for first in range(0, len(extrapolation), s):
         weights = list(zip(*extrapolation[first : first + s], strict=True))
@@ -78,7 +85,7 @@ def laned(s: int, system, arithmetic) -> Lanes:
     kicks = diagonal(system)
     t = tableau("gauss", s, s, kicks, digits, unit)
     b = [t.B[i][i] for i in range(s)]
-    f, inverse_mass = _of_kicks(system, lanes, arithmetic, digits) if kicks else _of_both(system, lanes, arithmetic)
+    f, inverse_mass = functions(system, lanes, arithmetic, digits)
     late = t.weights[0] if kicks else [0] * s
     return Lanes(
         f,
@@ -87,7 +94,7 @@ def laned(s: int, system, arithmetic) -> Lanes:
         inverse_mass=inverse_mass,
         nodes=array([padded(t.c, lanes, t.c[0]), padded(b, lanes, 0), padded(late, lanes, 0)], arithmetic),
         A=array(squared((padded(column, lanes, column[0]) for column in zip(*t.A_q, strict=True)), lanes), arithmetic),
-        extrapolation=array(_starts(t.extrapolation, s, lanes), arithmetic),
+        extrapolation=array(starts(t.extrapolation, s, lanes), arithmetic),
         steps=len(t.extrapolation) // s,
     )
 

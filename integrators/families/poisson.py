@@ -10,7 +10,8 @@ With the nodes :math:`c_i` and weights :math:`b_i` of the Gauss rule of s nodes,
 Then :math:`H(y_1) - H(y_0) = \sum_i b_i g_i\cdot B(Y(c_i))\,g_i h = 0` with the integrals :math:`g_i`; a quadratic
 Casimir C is kept because the rule is exact for :math:`\dot Y\cdot\nabla C(Y)`.  The order is 2s.  For s = 1 the line
 from y_0 to y_1 takes the place of Y and B is taken in the middle: on canonical systems this is the averaged vector
-field method, for all s the continuous Petrov-Galerkin method of `stages`.  The map is no Poisson map.
+field method, for all s the continuous Petrov-Galerkin method, so that `collocation` serves these.  The map is no
+Poisson map.
 
 Unknown are the weighted increments :math:`x_i = b_i\dot Y(c_i)`, so that
 :math:`Y(\tau) = y_0 + \sum_i x_i \int_0^\tau \ell_i / b_i` and :math:`y_1 = y_0 + \sum_i x_i`.  They are solved for by
@@ -26,6 +27,7 @@ section 2; E. Hairer, J. Numer. Anal. Ind. Appl. Math. 5 (2010) 73-84 (canonical
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -45,6 +47,7 @@ from phasebench.integrators.engine.kernel import Prepared, array, fixed
 from phasebench.integrators.engine.solve import (
     LEVELS,
     SOLVED,
+    by_rows,
     change,
     confirmer,
     copy,
@@ -56,7 +59,6 @@ from phasebench.integrators.engine.solve import (
 from phasebench.integrators.engine.vector import (
     advanced,
     axpy,
-    chosen,
     close,
     distance,
     head,
@@ -72,18 +74,22 @@ from phasebench.integrators.engine.vector import (
     tail,
 )
 
+from . import collocation
+
 
 class Poisson(NamedTuple):
     """Coefficients of the polynomials and quadrature rules.
 
     ``stage`` has the rows int_0^c_i l_j / b_j.  A rule is a range of nodes, each with the number of its rule's
-    ``nodes`` and rows of ``inner``, int_0^tau l_j / b_j, and ``outer``, the weight times l_j(tau).
+    ``nodes``, which are its ``rows``, and rows of ``inner``, int_0^tau l_j / b_j, and ``outer``, the weight times
+    l_j(tau).
     """
 
-    structure: Callable | None
+    structure: Callable
     gradient: Callable
     stage: np.ndarray
     nodes: np.ndarray
+    rows: np.ndarray
     inner: np.ndarray
     outer: np.ndarray
     h: float = 0.0
@@ -100,13 +106,6 @@ class Equations(NamedTuple):
     like: Any
     stages: int
     counts: np.record
-
-
-#: B(q, p) applied to an integral g; of a canonical system the field itself is integrated and B is the identity.
-applied = chosen(
-    lambda structure, q, p, g: g,
-    lambda structure, q, p, g: join(*structure(q, p, head(g), tail(g))),
-)
 
 
 @inlined
@@ -134,7 +133,8 @@ def sweep(e, old, new):
     for j in range(e.stages):
         x = combined(step.stage, j, e, old)
         g = load(memory, new + j, like)
-        z = scale(step.h, applied(step.structure, plus(e.q, head(x)), plus(e.p, tail(x)), g))
+        a, b = step.structure(plus(e.q, head(x)), plus(e.p, tail(x)), head(g), tail(g))
+        z = scale(step.h, join(a, b))
         store(memory, new + j, z)
         delta += distance(z, load(memory, old + j, like))
         length += size(z)
@@ -162,7 +162,7 @@ def linearize(e, at, span, work):
     return e.stages * n + 1
 
 
-solve = confirmer(row_solver(sweep, linearize), sweep, inlined(lambda e, x, y: change(x, y)))
+solve = confirmer(row_solver(sweep, linearize), sweep, by_rows(inlined(lambda e, x, y: change(x, y))))
 
 
 def run(step, orbit, samples, counts):
@@ -214,14 +214,18 @@ def coefficients(s: int, rules: tuple[int, ...], digits: int):
 def prepare(method, system, arithmetic):
     """Of data (s,): one exact rule for a polynomial H, else the list of rules."""
     (s,) = method.data
+    if system.canonical:
+        return collocation.prepare(replace(method, data=("cpg", s)), system, arithmetic)
     digits, rules = (40, RULES) if arithmetic == DOUBLE else (mpmath.mp.dps, LARGE)
     stage, table = coefficients(s, sizes(s, system.polynomial_degree, rules), digits)
     nodes, inner, outer = zip(*table, strict=True)
-    if system.canonical:
-        functions = (None, system.field(arithmetic))
-    else:
-        functions = (system.structure(arithmetic), system.gradient(arithmetic))
     step = Poisson(
-        *functions, array(stage, arithmetic), fixed(nodes), array(inner, arithmetic), array(outer, arithmetic)
+        system.structure(arithmetic),
+        system.gradient(arithmetic),
+        array(stage, arithmetic),
+        nodes=fixed(nodes),
+        rows=fixed(nodes),
+        inner=array(inner, arithmetic),
+        outer=array(outer, arithmetic),
     )
     return Prepared(run, step, 2 * system.d, s, linear=2 * s * system.d)

@@ -229,11 +229,19 @@ def extrapolate(e, ring, known, at):
     steps = min(known, step.steps)
     row = steps * (steps - 1) // 2 * len(e.like)
     for k in range(rows):
-        x = 0.0 * take(step.nodes, 0, e.like)
+        x = 0.0 * take(step.extrapolation, 0, e.like)
         for back in range(steps, 0, -1):
             y = take(memory, ring + (known - back) % step.steps * rows + k, e.like)
             x = combine(x, y, 1.0, step.extrapolation, row + (back - 1) * len(e.like), e.like)
         put(memory, at + k, x, e.like)
+
+
+@inlined
+def enter(e, ring, known, at):
+    """Enter the increments in the rows ``at``, ... of the step after ``known`` others into `extrapolate`'s ring."""
+    newest = ring + known % e.step.steps * e.stages
+    for k in range(e.stages):
+        put(e.memory, newest + k, take(e.memory, at + k, e.like), e.like)
 
 
 @inlined
@@ -254,9 +262,8 @@ def run(step, orbit, samples, counts):
     """The kernel."""
     y = opened(orbit)
     e = equations(step, orbit, step.h)
-    memory, rows = e.memory, e.stages
     ring = e.base + 4
-    at = ring + step.steps * rows
+    at = ring + step.steps * e.stages
     for row in range(len(samples.q)):
         for _ in range(samples.every):
             begin(step.inverse_mass, e, y)
@@ -267,9 +274,7 @@ def run(step, orbit, samples, counts):
             if status != SOLVED:
                 close(orbit, y)
                 return row, status
-            newest = ring + counts.steps % step.steps * rows
-            for k in range(rows):
-                put(memory, newest + k, take(memory, at + k, e.like), e.like)
+            enter(e, ring, counts.steps, at)
             y = end(e, at, y, orbit.zero)
             counts.steps += 1
         keep(samples, row, y)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import mpmath
 import numpy as np
 import pytest
@@ -12,7 +14,9 @@ from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients import tableaus
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine.codegen import MULTIPRECISION, precision, vector
+from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.families import equip as gauss_equip
+from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.collocation import METHODS
 from support.trees import DIGITS, EPS, order_residual
 
@@ -110,6 +114,58 @@ def test_angular_momentum_and_energy_of_the_perturbed_kepler_problem(id):
     good = np.concatenate([[True], ~np.isnan(s.parameter)])
     assert np.abs(H - H[0])[good].max() < 1e-14
     assert np.abs(L - L[0]).max() < 1e-14
+
+
+# -- stages in lanes --------------------------------------------------------------------------------------------------
+
+LANED = {
+    "kicks": "p1**2/2 + p2**2/6 - cos(q1) - cos(q2) + sin(q1*q2)/10",
+    "both": "(p1**2 + 2*p2**2 - 2*p1*p2*cos(q1 - q2))/(2 + 2*sin(q1 - q2)**2) - 2*cos(q1) - cos(q2)",
+}
+
+
+def of(name) -> Hamiltonian:
+    return Hamiltonian(q="q1 q2", p="p1 p2", H=LANED[name])
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize("name", LANED)
+def test_stages_in_lanes_reach_what_stages_one_by_one_reach(monkeypatch, name):
+    """As nearly as the energy's round-off, from which alpha is found, lets two runs of fifty steps."""
+    runs, state = [], {"q0": [0.7, 0.5], "p0": [0.2, -0.3]}
+    for served in (True, False):
+        monkeypatch.setattr(gauss_equip, "serves", lambda s, system, served=served: served)
+        s = integrate(of(name), BY_ID["gauss-equip-3"], h=0.1, steps=50, **state)
+        runs.append((np.concatenate([s.q[-1], s.p[-1]]), s.counts))
+    (lanes, n), (rows, m) = runs
+    assert np.abs(lanes - rows).max() < 1e-12
+    assert n["fallbacks"] == m["fallbacks"]
+    assert abs(n["gradient"] - m["gradient"]) <= 0.1 * m["gradient"]
+    assert np.abs(lanes - end(of(name), "gauss-3", state)).max() > 1e-10, "the control: without the parameter"
+
+
+def end(system, id, state):
+    s = integrate(system, id, h=0.1, steps=50, **state)
+    return np.concatenate([s.q[-1], s.p[-1]])
+
+
+@pytest.mark.parametrize("name", LANED)
+def test_the_tableau_of_every_alpha_is_symplectic_exactly_and_a_run_s_own(name):
+    """Of the doubles; other threads go on with the tableau that was prepared."""
+    prepared = prepare(BY_ID["gauss-equip-3"], of(name))
+    kept = prepared.step.tableau.A.copy()
+    layout = lay_out(prepared, 2, 0.3, np.array([0.7, 0.5]), np.array([0.2, -0.3]))
+    parameter = np.zeros((1, 1))
+    assert layout(np.zeros((1, 2)), np.zeros((1, 2)), parameter, 3) == (1, 0)
+    assert abs(parameter[0, 0]) > 1e-6
+    t = layout.step.tableau
+    A, c = [[Fraction(x) for x in row] for row in t.A[:3, :3].T], [Fraction(x) for x in t.nodes[0, :3]]
+    for i in range(3):
+        for j in range(3):
+            assert A[i][j] - A[j][i] == c[i] - c[j] if name == "kicks" else A[i][j] + A[j][i] == 1
+    assert t.nodes[2, :3].tolist() == ([float(1 - x) for x in c] if name == "kicks" else [0, 0, 0])
+    assert np.abs(t.A - kept).max() > 1e-7
+    assert np.array_equal(prepared.step.tableau.A, kept)
 
 
 # -- steps without a root ---------------------------------------------------------------------------------------------

@@ -1,0 +1,350 @@
+r"""HBVM and the continuous Petrov-Galerkin method with the nodes of their integrals in lanes: the kernel.
+
+The equations are those of `collocation`.  The path of a step is y + :math:`\sum_m r_m \int_0^\tau P_m`, and unknown are
+the increments :math:`x_0, \dots, x_{s-1}` (of q and p), the lanes of one row for each component:
+
+.. math::
+    Z_i = y + \sum_m A_{im}\,r_m,\qquad x_j = h\sum_i B_{ji}\,f(Z_i),\qquad y_1 = y + r_0,\qquad
+    A_{im} = \int_0^{c_i} P_m,\qquad B_{ji} = b_i\,P_j(c_i) .
+
+In general r = x.  For :math:`H = \sum p_i^2 / 2 m_i + V(q)` only the kicks x of p are unknown, f is :math:`-\nabla V`,
+and the path of q follows from that of p:
+
+.. math::
+    r_m = h M^{-1}\Bigl(\delta_{m0}\,p + \sum_j X_{mj}\,x_j\Bigr),\qquad p_1 = p + x_0,\qquad
+    X_{mj} = \int_0^1 P_m(\tau)\int_0^\tau P_j .
+
+X is 1/2 in its first place and skew otherwise, of the doubles too: so what the kinetic energy gains is
+:math:`\sum_m r_m\cdot x_m / h` but for what the evaluation rounds, whatever the integrals are.
+
+A rule's nodes stand in rows of as many lanes as ``like`` has; lanes that are left over repeat a node with the weight 0.
+Which rule a step takes, how its equations are solved and where they start is as in `collocation`.
+
+Source: L. Brugnano, F. Iavernaro, D. Trigiante, J. Numer. Anal. Ind. Appl. Math. 5 (2010) 17-37 (HBVM); M. Antonana, J.
+Makazaga, A. Murua, arXiv 2511.03655 (2026) (stages in SIMD lanes).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import mpmath
+import numpy as np
+
+from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
+from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.kernel import Prepared, array, fixed
+from phasebench.integrators.engine.lanes import combine, put, take, total
+from phasebench.integrators.engine.solve import SOLVED, Change, confirmer, difference, row_solver
+from phasebench.integrators.engine.vector import (
+    advanced,
+    chosen,
+    close,
+    inlined,
+    keep,
+    load,
+    opened,
+    size,
+    store,
+)
+
+from . import gauss_lanes
+from .gauss_lanes import functions, padded, squared, starts
+from .stage_lanes import components, enter, extrapolate, length
+
+#: Nodes side by side, at least as many as increments; and of nodes times increments below which that gains nothing.
+WIDTH, FEWEST = 4, 3
+
+
+class Path(NamedTuple):
+    """The coefficients with nodes, or increments, in lanes; only kicks are unknown where ``inverse_mass`` is not None.
+
+    ``f(memory)`` is that of `stage_lanes.Lanes`.  ``like`` has a zero for each lane, ``terms`` one for each increment.
+    ``drift`` has a row 1, 0, ... and the rows of X transposed.  A rule is a range of rows of nodes, each with the
+    number of its rule's ``nodes`` and ``rows``; of each ``A`` has a row for every increment, ``B`` for every node.
+    ``extrapolation`` is as in `stage_lanes.Lanes`.
+    """
+
+    f: Callable
+    like: tuple
+    terms: tuple
+    inverse_mass: np.ndarray | None
+    drift: np.ndarray
+    nodes: np.ndarray
+    rows: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    extrapolation: np.ndarray
+    steps: int
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class Equations(NamedTuple):
+    """Of the increments from (q, p), in ``stages`` rows of the memory, a component each.
+
+    Rows from ``base`` on are the state whose places f takes, h M^-1 p, the increments of q and of p over a step, then
+    as many as ``stages``: the path of q where only kicks are unknown.
+    """
+
+    step: Path
+    q: Any
+    p: Any
+    memory: np.ndarray
+    base: int
+    stages: int
+    like: tuple
+    h: float
+    counts: np.record
+
+
+# -- the two forms ----------------------------------------------------------------------------------------------------
+
+
+def _begin_both(inverse_mass, e):
+    store(e.memory, e.base, e.q)
+    for k in range(len(e.p)):
+        e.memory[e.base, len(e.q) + k] = e.p[k]
+
+
+def _begin_kicks(inverse_mass, e):
+    store(e.memory, e.base, e.q)
+    store(e.memory, e.base + 1, e.p)
+    for k in range(e.stages):
+        e.memory[e.base + 1, k] = e.h * inverse_mass[0, k] * e.memory[e.base + 1, k]
+
+
+def _path_of_kicks(inverse_mass, e, at):
+    step, memory, path = e.step, e.memory, e.base + 4
+    for k in range(e.stages):
+        start = memory[e.base + 1, k] * take(step.drift, 0, e.like)
+        x = take(memory, at + k, e.like)
+        put(memory, path + k, combine(start, x, e.h * inverse_mass[0, k], step.drift, 1, step.terms), e.like)
+    return path
+
+
+def _end_both(inverse_mass, e, at):
+    memory, d = e.memory, e.stages // 2
+    for k in range(d):
+        memory[e.base + 2, k], memory[e.base + 3, k] = memory[at + k, 0], memory[at + d + k, 0]
+
+
+def _end_kicks(inverse_mass, e, at):
+    path = path_of(inverse_mass, e, at)
+    for k in range(e.stages):
+        e.memory[e.base + 2, k], e.memory[e.base + 3, k] = e.memory[path + k, 0], e.memory[at + k, 0]
+
+
+def _lengths_of_both(inverse_mass, e, at):
+    d = e.stages // 2
+    return size(e.q) + length(e, at, 0, d), size(e.p) + length(e, at, d, e.stages)
+
+
+def _lengths_of_kicks(inverse_mass, e, at):
+    momenta = size(e.p) + length(e, at, 0, e.stages)
+    return momenta, momenta
+
+
+def _slope_of_both(inverse_mass, e, k, row, i, m):
+    return e.step.A[row * len(e.step.terms) + m, i]
+
+
+def _slope_of_kicks(inverse_mass, e, k, row, i, m):
+    step, s = e.step, len(e.step.terms)
+    x = 0.0
+    for j in range(s):
+        x = x + step.A[row * s + j, i] * step.drift[1 + m, j]
+    return e.h * inverse_mass[0, k] * x
+
+
+def _moved_both(inverse_mass, e, old, new):
+    d = e.stages // 2
+    (q, size_q), (p, size_p) = moves(e, old, new, 0, d), moves(e, old, new, d, e.stages)
+    return Change(q, p, size_q, size_p)
+
+
+def _moved_kicks(inverse_mass, e, old, new):
+    p, size_p = moves(e, old, new, 0, e.stages)
+    return Change(0.0, p, 0.0, size_p)
+
+
+#: Write the state of which a step's equations speak.
+begin = chosen(_begin_both, _begin_kicks)
+#: The rows of r, by the increments in the rows ``at``, ...
+path_of = chosen(lambda inverse_mass, e, at: at, _path_of_kicks)
+#: Write the increments of q and p over the step.
+sums = chosen(_end_both, _end_kicks)
+#: How large the variables are that the first and the second half of the rows ``at``, ... move.
+lengths = chosen(_lengths_of_both, _lengths_of_kicks)
+#: How far the place k of the lane i of a row of nodes moves for a unit of its increment m.
+slope = chosen(_slope_of_both, _slope_of_kicks)
+#: The `Change` from the rows ``old``, ... to the rows ``new``, ...
+change = chosen(_moved_both, _moved_kicks)
+
+
+# -- what they share --------------------------------------------------------------------------------------------------
+
+
+@inlined
+def moves(e, old, new, first, last):
+    """(How far the unknowns ``first``, ... before ``last`` moved, their size)."""
+    moved, sized = 0.0, 0.0
+    for k in range(first, last):
+        x = take(e.memory, new + k, e.like)
+        moved, sized = moved + total(abs(x - take(e.memory, old + k, e.like))), sized + total(abs(x))
+    return moved, sized
+
+
+@inlined
+def places(e, path, row):
+    """Write the places of a row of nodes to the first rows."""
+    step, memory = e.step, e.memory
+    for k in range(e.stages):
+        r = take(memory, path + k, e.like)
+        put(memory, k, combine(memory[e.base, k], r, 1.0, step.A, row * len(step.terms), step.terms), e.like)
+
+
+@inlined
+def sweep(e, old, new):
+    """Write h B f at the places that the increments in rows ``old`` make to rows ``new``: (their distance, size)."""
+    step, memory, n = e.step, e.memory, len(e.like)
+    path = path_of(step.inverse_mass, e, old)
+    for k in range(e.stages):
+        put(memory, new + k, 0.0, e.like)
+    for row in range(e.counts.rule, e.counts.rule + step.rows[e.counts.rule]):
+        places(e, path, row)
+        step.f(memory)
+        for k in range(e.stages):
+            f = take(memory, e.stages + k, e.like)
+            put(memory, new + k, combine(take(memory, new + k, e.like), f, 1.0, step.B, row * n, e.like), e.like)
+    moved = sized = 0.0 * take(step.B, 0, e.like)
+    for k in range(e.stages):
+        x = e.h * take(memory, new + k, e.like)
+        moved = moved + abs(x - take(memory, old + k, e.like))
+        sized = sized + abs(x)
+        put(memory, new + k, x, e.like)
+    return total(moved), total(sized)
+
+
+@inlined
+def linearize(e, at, span, work):
+    """G of the rows ``at``, and the matrix of 1 - G' by differences of f, in all lanes of a row of nodes at once."""
+    step, memory, rows, n = e.step, e.memory, e.stages, len(e.like)
+    sweep(e, at, at + rows)
+    first, second = lengths(step.inverse_mass, e, at)
+    path, spare = path_of(step.inverse_mass, e, at), at + 2 * rows
+    for a in range(rows * n):
+        for b in range(rows * n):
+            work[a, b] = 1.0 if a == b else 0.0
+    for row in range(e.counts.rule, e.counts.rule + step.rows[e.counts.rule]):
+        places(e, path, row)
+        step.f(memory)
+        for r in range(rows):
+            put(memory, spare + r, take(memory, rows + r, e.like), e.like)
+        for k in range(rows):
+            by = difference(first if 2 * k < rows else second, span, step.eps)
+            places(e, path, row)
+            put(memory, k, take(memory, k, e.like) + by, e.like)
+            step.f(memory)
+            for r in range(rows):
+                for i in range(n):
+                    f = e.h * (memory[rows + r, i] - memory[spare + r, i]) / by
+                    for j in range(len(step.terms)):
+                        for m in range(len(step.terms)):
+                            reach = slope(step.inverse_mass, e, k, row, i, m)
+                            work[r * n + j, k * n + m] -= step.B[row * n + i, j] * f * reach
+    return rows + 2
+
+
+solve = confirmer(
+    row_solver(sweep, linearize), sweep, inlined(lambda e, old, new: change(e.step.inverse_mass, e, old, new))
+)
+
+
+@inlined
+def end(e, at, y, zero):
+    """The state after the step whose increments are in the rows ``at``, ..."""
+    sums(e.step.inverse_mass, e, at)
+    return advanced(y, load(e.memory, e.base + 2, zero), load(e.memory, e.base + 3, zero))
+
+
+def run(step, orbit, samples, counts):
+    """The kernel."""
+    y = opened(orbit)
+    memory, rows = orbit.memory, components(step.inverse_mass, len(orbit.zero))
+    ring = 2 * rows + 4 + rows
+    at = ring + step.steps * rows
+    for row in range(len(samples.q)):
+        for _ in range(samples.every):
+            if counts.steps % 16 == 0:
+                counts.rule = 0
+            e = Equations(step, y.q, y.p, memory, 2 * rows, rows, step.like, step.h, counts)
+            begin(step.inverse_mass, e)
+            extrapolate(e, ring, counts.steps, at)
+            status = solve(e, at, orbit.work, counts)
+            if status != SOLVED:
+                close(orbit, y)
+                return row, status
+            enter(e, ring, counts.steps, at)
+            y = end(e, at, y, orbit.zero)
+            counts.steps += 1
+        keep(samples, row, y)
+    close(orbit, y)
+    return len(samples.q), 0
+
+
+# -- what it is handed ------------------------------------------------------------------------------------------------
+
+
+def laned(s: int, rules: Sequence[int], system, arithmetic) -> Path:
+    """The coefficients of degree s with rules of so many nodes, and the functions of the system."""
+    digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
+    unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
+    tableaus = [tableau("hbvm", s, k, False, digits, unit) for k in rules]
+    nodes, rows, A, B = [], [], [], []
+    for t, k in zip(tableaus, rules, strict=True):
+        for first in range(0, k, WIDTH):
+            part = slice(first, first + WIDTH)
+            nodes.append(k)
+            rows.append(-(-k // WIDTH))
+            A += (padded(column, WIDTH, column[0]) for column in zip(*t.A_q[part], strict=True))
+            B += squared(t.B[part], WIDTH)
+    f, inverse_mass = functions(system, WIDTH, arithmetic, digits)
+    return Path(
+        f,
+        like=(0.0,) * WIDTH,
+        terms=(0.0,) * s,
+        inverse_mass=inverse_mass,
+        drift=array([padded([1], WIDTH, 0), *squared(zip(*skew(s, digits), strict=True), WIDTH)], arithmetic),
+        nodes=fixed(nodes),
+        rows=fixed(rows),
+        A=array(A, arithmetic),
+        B=array(B, arithmetic),
+        extrapolation=array(starts(tableaus[0].extrapolation, s, WIDTH), arithmetic),
+        steps=len(tableaus[0].extrapolation) // s,
+    )
+
+
+def skew(s: int, digits: int) -> list[list]:
+    """The rows of X."""
+    X = [[mpmath.mpf(0)] * s for _ in range(s)]
+    X[0][0] = mpmath.mpf(1) / 2
+    with mpmath.workdps(digits):
+        for j in range(1, s):
+            X[j][j - 1] = 1 / (2 * mpmath.sqrt(4 * j * j - 1))
+            X[j - 1][j] = -X[j][j - 1]
+    return X
+
+
+def serves(s: int, rules: Sequence[int], system) -> bool:
+    """Whether the nodes are worth lanes, and the functions are made of what lanes have."""
+    return s <= WIDTH and s * rules[-1] >= FEWEST and gauss_lanes.serves(WIDTH, system)
+
+
+def prepare(s: int, rules: Sequence[int], system, arithmetic) -> Prepared:
+    """Of degree s, with rules of so many nodes."""
+    step = laned(s, rules, system, arithmetic)
+    unknowns = components(step.inverse_mass, system.d)
+    rows = 4 + (7 + step.steps) * unknowns
+    return Prepared(run, step, max(WIDTH, unknowns), -(-rows // (3 * LEVELS + 1)), linear=WIDTH * unknowns)

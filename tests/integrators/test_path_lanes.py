@@ -1,0 +1,181 @@
+"""HBVM and cPG with their nodes in lanes: beside the nodes one by one, coefficients, Newton's method, the limits."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.measure.battery import SYSTEMS
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.coefficients import quadrature, tableaus
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine.kernel import prepare
+from phasebench.integrators.families import path_lanes
+from phasebench.integrators.registry import method
+
+#: Separable with diagonal T: the kicks are the unknowns.
+KICKS = {
+    "masses": "p1**2/2 + p2**2/6 - cos(q1) - cos(q2) + sin(q1*q2)/10",
+    "powers": "p1**2/2 + p2**2/2 + (1 + q1**2 + q2**2)**(3/2) + 1/sqrt(2 + q1**2) + q2**2/5",
+    "degree 6": "p1**2/2 + p2**2/2 + q1**6 + q1**2*q2**2/3 + q2**4",
+}
+#: Both increments are.
+FIELDS = {
+    "angles": "(p1**2 + 2*p2**2 - 2*p1*p2*cos(q1 - q2))/(2 + 2*sin(q1 - q2)**2) - 2*cos(q1) - cos(q2)",
+    "quartic": "p1**4/4 + p2**2/2 + q1**2/2 + q2**4 + q1*p2**2/5",
+}
+#: Of two increments and four; one row of nodes, two, and a list of rules.
+CASES = [("hbvm-8-4", "masses"), ("hbvm-8-4", "degree 6"), *(("cpg-2", name) for name in (*KICKS, *FIELDS))]
+
+
+def of(H) -> Hamiltonian:
+    return Hamiltonian(q="q1 q2", p="p1 p2", H=H)
+
+
+def run(system, id, h=0.1, steps=50):
+    s = integrate(system, id, h=h, steps=steps, q0=[0.7, 0.5], p0=[0.2, -0.3])
+    assert s.status == "ok", s.reason
+    return np.concatenate([s.q[-1], s.p[-1]]), s.counts
+
+
+@pytest.fixture
+def one_by_one(monkeypatch):
+    """The run with the nodes evaluated one after the other."""
+
+    def found(system, *arguments):
+        with monkeypatch.context() as patch:
+            patch.setattr(path_lanes, "serves", lambda s, rules, system: False)
+            return run(system, *arguments)
+
+    return found
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize(("id", "name"), CASES)
+def test_nodes_in_lanes_reach_what_nodes_one_by_one_reach(one_by_one, id, name):
+    """To the round-off of fifty steps: lanes add up in another order, and have their own sin, cos and exp."""
+    made = of((KICKS | FIELDS)[name])
+    assert isinstance(prepare(method(id), made).step, path_lanes.Path)
+    (lanes, n), (nodes, m) = run(made, id), one_by_one(made, id)
+    assert np.abs(lanes - nodes).max() < 3e-14
+    assert abs(n["gradient"] - m["gradient"]) <= 0.05 * m["gradient"]
+    assert n["fallbacks"] == m["fallbacks"] == n["newton"] == 0
+
+
+@pytest.mark.parametrize(("table", "place"), [("A", (0, 1)), ("B", (4, 1)), ("drift", (2, 0)), ("drift", (0, 0))])
+def test_control_a_wrong_coefficient_is_seen(one_by_one, monkeypatch, table, place):
+    laned = path_lanes.laned
+
+    def spoiled(*arguments):
+        step = laned(*arguments)
+        getattr(step, table)[place] += 1e-9
+        return step
+
+    monkeypatch.setattr(path_lanes, "laned", spoiled)
+    made = of(KICKS["degree 6"])
+    lanes = run(made, "hbvm-8-4")[0]
+    monkeypatch.undo()
+    assert np.abs(lanes - one_by_one(made, "hbvm-8-4")[0]).max() > 1e-12
+
+
+@pytest.mark.parametrize("rest", ["q1**4", "q1**2*p1**2/10", "cos(q1)"])
+def test_newton_s_method_takes_over_where_the_fixed_point_does_not_contract(one_by_one, rest):
+    """Of the kicks, of both increments, and by each rule of a list; its Jacobian is right: it needs few sweeps."""
+    stiff = of(f"p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2 + {rest}")
+    (lanes, n), (nodes, m) = run(stiff, "cpg-2", 0.1, 20), one_by_one(stiff, "cpg-2", 0.1, 20)
+    assert n["newton"] >= 20 <= m["newton"]
+    assert n["gradient"] < 1.2 * m["gradient"]
+    assert np.abs(lanes - nodes).max() < 1e-11
+
+
+def test_where_lanes_do_not_serve_nodes_stand_one_by_one():
+    quadratic, log = of("p1**2/2 + p2**2/2 + q1**2 + q1*q2"), of("p1**2/2 + p2**2/2 + q1*log(2 + q1**2)")
+    tilted = of("p1**2/2 + p2**2/2 + p1*p2/3 + cos(q1) + q2**4")
+    for id, system in (("hbvm-2-1", quadratic), ("cpg-2", log), ("hbvm-4-2", tilted)):
+        assert not isinstance(prepare(method(id), system).step, path_lanes.Path)
+    assert isinstance(prepare(method("cpg-2"), quadratic).step, path_lanes.Path)
+
+
+# -- coefficients -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("s", [1, 2, 3, 4])
+def test_the_path_of_q_takes_the_products_of_the_polynomials_with_their_integrals(s):
+    """And its matrix is skew but for its first place, of the doubles."""
+    step = path_lanes.laned(s, [s], SYSTEMS["henon-heiles"]()[0], "double")
+    X = step.drift[1 : 1 + s, :s].T
+    rule = quadrature.gauss_legendre(s + 1)
+    for m in range(s):
+        for j in range(s):
+            terms = (b * quadrature.legendre(s, c)[m] * quadrature.legendre_integrals(s, c)[j] for c, b in rule)
+            with mpmath.workdps(30):
+                assert abs(mpmath.fsum(terms) - X[m, j]) < 1e-16
+            assert X[m, j] + X[j, m] == (m == j == 0)
+    assert step.drift[0].tolist() == [1, 0, 0, 0]
+    assert not step.drift[1:, s:].any()
+
+
+def exact_rules(id, system):
+    """(c, b) of each rule of a method as the kernel has them, as fractions."""
+    step = prepare(method(id), system).step
+    first = 0
+    while first < len(step.rows):
+        k, last = step.nodes[first], first + step.rows[first]
+        if isinstance(step, path_lanes.Path):
+            s, n = len(step.terms), len(step.like)
+            c, b = step.A[first * s : last * s : s].ravel(), step.B[first * n : last * n, 0]
+            assert not b[k:].any()
+        else:
+            c, b = step.c[first:last, 0], step.B[first:last, 0]
+        yield [Fraction(x) for x in c[:k]], [Fraction(x) for x in b[:k]]
+        first = last
+
+
+#: One by one and in lanes, in the Nystrom form and the general one, of one rule and of nine.
+RULES = [
+    *((id, "henon-heiles") for id in ("hbvm-2-1", "hbvm-4-2", "hbvm-6-3", "hbvm-8-4", "cpg-1", "cpg-2")),
+    ("hbvm-8-4", "coupled"),
+    ("cpg-2", "perturbed-kepler"),
+]
+
+
+@pytest.mark.parametrize(("id", "name"), RULES)
+def test_the_doubles_of_a_rule_integrate_constants_and_lines_exactly(id, name):
+    """Else energy and phase change by the same share of round-off in every step."""
+    for c, b in exact_rules(id, SYSTEMS[name]()[0]):
+        assert sum(b) == 1
+        assert all(x + y == 1 for x, y in zip(c, reversed(c), strict=True))
+        assert b == b[::-1]
+        exact = quadrature.gauss_legendre(len(c))
+        assert max(abs(float(x - y)) for x, (y, _) in zip(map(mpmath.mpf, map(float, c)), exact, strict=True)) < 1.2e-16
+        assert max(abs(float(x - y)) for x, (_, y) in zip(map(mpmath.mpf, map(float, b)), exact, strict=True)) < 2e-16
+
+
+def test_control_plainly_rounded_rules_do_not():
+    sums = [sum(Fraction(float(b)) for _, b in quadrature.gauss_legendre(k)) for k in quadrature.RULES]
+    assert sum(x != 1 for x in sums) > 2
+
+
+def growth(monkeypatch, plain):
+    """The mean of the energy's error after runs from many starts, in its standard errors."""
+    made, errors = problem("harmonic-oscillator"), []
+    with monkeypatch.context() as patch:
+        if plain:
+            patch.setattr(tableaus, "rounded_rule", lambda c, b, unit: (c, b))
+            tableaus.tableau.cache_clear()
+        for angle in np.linspace(0, 6, 40):
+            y = [np.cos(angle), np.sin(angle)]
+            s = integrate(made, "hbvm-2-1", h=0.0987654321, steps=20_000, save_every=0, q0=y[:1], p0=y[1:])
+            before, after = (sum(Fraction(x) ** 2 for x in z) for z in (y, (s.q[-1, 0], s.p[-1, 0])))
+            errors.append(float(after - before))
+    tableaus.tableau.cache_clear()
+    return abs(np.mean(errors)) / (np.std(errors) / 40**0.5)
+
+
+def test_the_energy_has_no_bias_but_would_with_plainly_rounded_nodes(monkeypatch):
+    monkeypatch.setattr("phasebench.integrators.engine.preparation.KEPT", False)
+    assert growth(monkeypatch, plain=False) < 4 < 6 < growth(monkeypatch, plain=True)
