@@ -32,8 +32,9 @@ import numpy as np
 from phasebench.integrators.coefficients import tableaus
 from phasebench.integrators.coefficients.quadrature import legendre
 from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.energy_model import FIRST, Attempt, Search
 from phasebench.integrators.engine.kernel import Orbit, array, numbers
-from phasebench.integrators.engine.root import AT_ZERO, Attempt, Search, finder
+from phasebench.integrators.engine.root import finder
 from phasebench.integrators.engine.solve import LEVELS, SOLVED
 from phasebench.integrators.engine.vector import State, advanced, apart, chosen, close, jit, keep, opened, size
 
@@ -102,7 +103,7 @@ write = chosen(_write_kicks, _write_both)
 
 
 @jit
-def attempt(alpha, start, e):
+def attempt(alpha, start, ease, e):
     """Take the step with alpha.
 
     The stages start from earlier steps' or from the last attempt's, which was taken with an alpha nearby.
@@ -115,10 +116,10 @@ def attempt(alpha, start, e):
     )
     at = LEVELS * stages
     write(field, step, alpha)
-    if start == AT_ZERO:
+    if start == FIRST:
         collocation.extrapolate(equations, at)
     span = size(y.q) + size(y.p)
-    sweeps, newton, status = collocation.solve(equations, at, span, step.eps, e.orbit.work)
+    sweeps, newton, status = collocation.solve(equations, at, span, ease * step.eps, e.orbit.work)
     counts.gradient += (sweeps + newton) * stages
     counts.newton += min(newton, 1)
     if status != SOLVED:
@@ -141,7 +142,7 @@ def run(step, orbit, samples, counts):
         alpha, found = 0.0, True
         for _ in range(samples.every):
             v = collocation.drift(field, dT, y.p, step.h)
-            alpha, found, result = find(step.search, orbit.state, 4, 0.0, Step(step, y, v, orbit, counts))
+            alpha, found, result = find(step.search, orbit.state, 4, np.nan, Step(step, y, v, orbit, counts))
             if result.status != SOLVED:
                 return row, result.status
             y = result.y
