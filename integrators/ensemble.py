@@ -1,8 +1,8 @@
 """Ensembles: many orbits of one system, side by side in SIMD lanes and on all cores.
 
-Where a family's kernel runs in lanes (`engine.orbit_lanes`), blocks of orbits are handed to it; else, and where a lane
-did not end well, orbits are handed one by one to `driver.integrate`, which says why.  Either way kernels run without
-the interpreter's lock, on threads.
+Where a family's kernel runs in lanes (`engine.orbit_lanes`), blocks of orbits are handed to it; else the kernel of a
+single orbit takes them one by one (`singles`).  Those that did not end well are handed to `driver.integrate`, which
+says why.  Either way kernels run without the interpreter's lock, on threads.
 
 The result is that of `integrate` for every orbit: to the last bit where the formulae have no other functions than the
 square root and the compiler contracts products and sums alike in both kernels, which the page on ensembles measures; up
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import lots
+from . import lots, singles
 from .driver import INVALID, OK, Solution, integrate
 from .errors import InvalidInput
 from .lots import Orbits
@@ -42,7 +42,7 @@ class Ensemble:
         orbit has stopped
     h : array (n,), the step that each orbit took
     methods, method : the methods, and an array (n,) with the number of each orbit's
-    counts : of all orbits together, as those of a `Solution`
+    counts : of all orbits together, as those of a `Solution`; of one that had to be integrated again, both times
     in_lanes : array (n,), whether an orbit was integrated in lanes
     seconds : of the integration on all threads together, by the clock on the wall; compiled before
     """
@@ -125,8 +125,9 @@ def integrate_ensemble(
         integrate(orbits.system, orbits.kinds[orbits.kind[i]], h=orbits.h[i], steps=1, q0=orbits.q[i], p0=orbits.p[i])
     began = time.perf_counter()
     lots.run(made, orbits, workers, tell)
-    stopped = lots.doubtful(orbits, good[wide])
-    again = np.concatenate([rest, stopped]).astype(int)
+    left = singles.run(orbits, rest, workers, tell)
+    stopped = lots.doubtful(orbits, np.union1d(good[wide], np.setdiff1d(rest, left)))
+    again = np.concatenate([stopped, left]).astype(int)
     tell(-len(stopped))
     for found in shared(lambda part: [(i, _alone(orbits, i)) for i in again[part]], len(again), workers):
         for i, solution in found:

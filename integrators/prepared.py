@@ -57,7 +57,7 @@ def lay_out(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE) -> La
     orbit = Orbit(
         state=zeros((4 + prepared.stages, max(energy_model.NUMBERS, d)), arithmetic),
         memory=zeros(((3 * solve.LEVELS + 1) * prepared.stages, prepared.width), arithmetic),
-        work=zeros((order, order), arithmetic),
+        work=zeros(prepared.work or (order, order), arithmetic),
         zero=value(zeros(d, arithmetic), d, arithmetic),
     )
     step = step_of(prepared, d, h, q, p, arithmetic)

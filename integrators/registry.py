@@ -17,6 +17,7 @@ from .records import (
     parametric,
     poisson,
     projection,
+    solvers,
     splittings,
     variational,
 )
@@ -45,14 +46,16 @@ BY_ID = {m.id: m for m in METHODS}
 def method(id: str | Method, **parameters) -> Method:
     """The method of that id, with values for its parameters: ``method("scheme-i", lam=-1)``.
 
+    ``solver="banded"`` solves the equations of a method of one stage in a narrow band (`records.solvers`).
+
     Raises
     ------
     InvalidInput
         For an unknown id (naming the nearest) or parameter, or a value that is no number.
     """
-    if isinstance(id, Method):
-        return id(**parameters) if parameters else id
-    if id not in BY_ID:
+    solver = parameters.pop("solver", None)
+    if not isinstance(id, Method) and id not in BY_ID:
         raise unknown("method", id, BY_ID)
-    record = BY_ID[id]
-    return record(**parameters) if parameters else record
+    record = id if isinstance(id, Method) else BY_ID[id]
+    record = record(**parameters) if parameters else record
+    return record if solver is None else solvers.solved(record, solver)

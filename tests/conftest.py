@@ -1,11 +1,14 @@
-"""Fixtures of the suite: measurements of a process in which nothing is compiled."""
+"""Fixtures of the suite: measurements of a process in which nothing is compiled; where that is this one, made here."""
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
+import io
 import json
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +16,8 @@ from pathlib import Path
 import pytest
 
 from phasebench.benchmarks.measure import multiprecision
-from phasebench.integrators.engine import preparation
+from phasebench.integrators.engine import codegen, preparation
+from support import lazily
 
 HERE = Path(__file__).resolve().parent
 
@@ -53,7 +57,7 @@ def pytest_xdist_make_scheduler(config, log):
 
 
 def pytest_runtest_teardown():
-    """Take back what a run of REBOUND's WHFast512 leaves in its process: numbers below 2^-1022 are flushed to zero."""
+    """Take back what WHFast512 leaves where a test calls it without `integrate_peer`: small numbers become zero."""
     if float("2.2250738585072014e-308") * float("0.5") == 0:
         ctypes.CDLL(None).fesetenv(ctypes.c_void_p(-1))  # FE_DFL_ENV of the C libraries that run there
 
@@ -68,8 +72,17 @@ def _uncompiled(script: str, *arguments: str):
     return json.loads(done.stdout.splitlines()[-1])["result"] if done.returncode == 0 else done.stderr
 
 
+@functools.cache
+def _here(script: str, *arguments: str):
+    """The same in this process, which compiles nothing."""
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()) as printed:
+        patch.setattr(sys, "argv", [script, *arguments])
+        runpy.run_path(str(HERE / script), run_name="__main__")
+    return json.loads(printed.getvalue().splitlines()[-1])["result"]
+
+
 def _result(script: str, *arguments: str):
-    result = _uncompiled(script, *arguments)
+    result = _uncompiled(script, *arguments) if codegen.compiled() else _here(script, *arguments)
     assert not isinstance(result, str), f"{script} {' '.join(arguments)} failed:\n{result}"
     return result
 
@@ -112,4 +125,4 @@ def _measured(name: str):
 @pytest.fixture(scope="session")
 def measured():
     """Name -> the measurement of that name in `measure.multiprecision`, on the systems of `support.exact`."""
-    return _measured
+    return _measured if codegen.compiled() else functools.cache(lazily.measured)

@@ -12,6 +12,7 @@ from phasebench.benchmarks.measure.quantities import Truth
 
 from . import kept, prior, words
 from .ask import Ask
+from .exact import REMARK, exact
 from .portfolio import FIRST, Dropped
 from .search import LOOSEST, Found, best_within, search
 from .trial import Point, Trial
@@ -56,7 +57,12 @@ class Candidate:
             "error": self.point.error,
             "uncertainty": self.trial.true.uncertainty,
             "seconds": self.seconds,
+            "remark": REMARK if self.exact(ask) else "",
         }
+
+    def exact(self, ask: Ask) -> bool:
+        """Whether it is exact on the problem, and one step was enough."""
+        return exact(self.integrator, ask.problem) and self.point.size.get("steps") == ask.quantity.steps(1)
 
 
 class Search:
@@ -135,9 +141,11 @@ class Search:
             self.found.append(Candidate(trial, found.point))
 
     def start(self, trial: Trial, accuracy: float) -> float:
-        """The first size to try: a tolerance near the accuracy, or steps from the orbit's pace."""
+        """The first size to try: a tolerance near the accuracy, or steps from the orbit's pace; 1 where it is exact."""
         if trial.integrator.adaptive:
             return min(max(accuracy / 10, trial.integrator.record.least), LOOSEST)
+        if exact(trial.integrator, self.ask.problem):
+            return 1.0
         n = (self.pace or 100) / 4
         order = trial.integrator.order or 2
         return n * min((n / accuracy) ** (1 / order), 100.0)

@@ -11,6 +11,7 @@ from phasebench.reference.peers import PEERS
 
 from . import kept, prior
 from .ask import Ask
+from .exact import exact
 
 #: The same orbit in every lane: a throughput of many orbits, not the time of one.
 LANES = ("heyoka-batch",)
@@ -39,8 +40,18 @@ def portfolio(ask: Ask, accuracy: float) -> tuple[list[tuple[Integrator, float]]
             able.append(integrator)
     id = ask.problem.id
     expected = prior.factors(id, accuracy, [i.id for i in able])
-    by_hope = sorted(able, key=lambda i: (i.id != FIRST, i.kind in SLOW, expected[i.id]))
+    turns = _in_turn([i for i in able if exact(i, ask.problem)])
+    expected |= dict.fromkeys(turns, 0.0)  # the trade, of which the prior is made, leaves them out
+    by_hope = sorted(able, key=lambda i: (i.id != FIRST, i.kind in SLOW, expected[i.id], turns.get(i.id, 0)))
     return [(i, expected[i.id]) for i in by_hope], dropped
+
+
+def _in_turn(members: list[Integrator]) -> dict[str, int]:
+    """Integrator -> its place among those of its kind, by which the kinds take turns."""
+    kinds: dict[str, list[str]] = {}
+    for i in members:
+        kinds.setdefault(i.kind, []).append(i.id)
+    return {id: place for ids in kinds.values() for place, id in enumerate(ids)}
 
 
 def _refused(integrator: Integrator, ask: Ask) -> str | None:

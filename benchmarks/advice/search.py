@@ -13,6 +13,7 @@ from __future__ import annotations
 from math import inf, log
 from typing import NamedTuple
 
+from .cheapest import cheapest as cheapest_of
 from .trial import MOST, Point, Trial
 
 number = "{:.2g}".format
@@ -22,8 +23,6 @@ MARGIN = 0.8
 NEAR = 0.93
 #: A candidate is given up where it is so many times dearer than the cheapest, extrapolated; refined where it is less.
 HOPELESS, WORTH = 4.0, 1.6
-#: A finer run stands before the coarsest that meets the accuracy, if it took less than this share of its time.
-CHEAPER = 0.8
 #: An error of such a share of the accuracy may be round-off, from which nothing is extrapolated.
 SMALL = 1e-3
 #: The most runs of a candidate, and of the same one that fail.
@@ -57,7 +56,7 @@ def search(trial: Trial, accuracy: float, start: float, cheapest: float = inf) -
     for _ in range(RUNS):
         point = trial.at(size)
         fails += not point.ok
-        good, bad = _good(trial, accuracy), _bad(trial, accuracy)
+        good, bad = next(iter(_meeting(trial, accuracy)), None), _bad(trial, accuracy)
         if good is not None and (_close(trial, good, bad) or _dear(trial, good, bad, accuracy, cheapest)):
             break
         why = _hopeless(trial, accuracy, cheapest, fails) if good is None else ""
@@ -67,7 +66,7 @@ def search(trial: Trial, accuracy: float, start: float, cheapest: float = inf) -
         if following is None or following in trial.points:
             break
         size = following
-    good = _cheapest(trial, accuracy)
+    good = cheapest_of(_meeting(trial, accuracy))
     return Found(good) if good else Found(None, _nearest(trial))
 
 
@@ -115,16 +114,9 @@ def _ordered(trial: Trial) -> list[tuple[float, Point]]:
     return sorted((_fineness(trial, size), point) for size, point in trial.points.items())
 
 
-def _good(trial: Trial, accuracy: float) -> Point | None:
-    """The coarsest of the runs that meet the accuracy."""
-    return next((p for _, p in _ordered(trial) if trial.meets(p, accuracy)), None)
-
-
-def _cheapest(trial: Trial, accuracy: float) -> Point | None:
-    """Of the runs that meet the accuracy the coarsest, unless a finer one took less than `CHEAPER` of its time."""
-    meeting = [p for _, p in _ordered(trial) if trial.meets(p, accuracy)]
-    least = min(meeting, key=lambda p: p.seconds, default=None)
-    return least if least and least.seconds < CHEAPER * meeting[0].seconds else _good(trial, accuracy)
+def _meeting(trial: Trial, accuracy: float) -> list[Point]:
+    """The runs that meet the accuracy, the coarsest first."""
+    return [p for _, p in _ordered(trial) if trial.meets(p, accuracy)]
 
 
 def _bad(trial: Trial, accuracy: float) -> Point | None:

@@ -6,6 +6,7 @@ that needs them, so its module imports them inside the function.
 
 from __future__ import annotations
 
+import gc
 import sys
 from typing import Annotated
 
@@ -42,6 +43,9 @@ COMMANDS = {
     "cache": cache,
 }
 
+#: Objects made before Python looks for cycles among them: to import makes very many, and hardly a cycle.
+YOUNG = 50_000
+
 
 def _version(wanted: bool) -> None:
     if wanted:
@@ -71,6 +75,7 @@ app = _made(COMMANDS)
 
 def main() -> None:
     """The installed command; where it is one of `COMMANDS`, the others need not be made ready."""
+    gc.set_threshold(YOUNG)
     only = {name: COMMANDS[name] for name in sys.argv[1:2] if name in COMMANDS}
     (_made(only) if only else app)()
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from .integrate import made
-from .shared import WRONG, complain, err, invalid_input, numbers, out, print_json, show, values
+from .shared import WRONG, complain, invalid_input, numbers, out, print_json, show, telling, values
 
 #: Candidates that are shown on a terminal, and reasons for which others fell out.
 SHOWN, REASONS = 10, 6
@@ -61,7 +61,7 @@ def advise(
         from phasebench.benchmarks.advice.advise import advise as found
         from phasebench.benchmarks.advice.ask import ask
 
-        with err.status("advise") as status:
+        with telling("advise") as tell:
             asked = ask(
                 chosen,
                 t_end=t_end,
@@ -70,7 +70,7 @@ def advise(
                 conserve=[x.strip() for x in conserve.split(",") if x.strip()] if conserve else (),
                 budget=budget,
                 limit=limit,
-                progress=status.update if err.is_terminal else _plainly(),
+                progress=tell,
             )
             answer = found(asked, words)
     if as_json:
@@ -78,20 +78,6 @@ def advise(
     else:
         _print(answer)
     raise typer.Exit(0 if answer["choice"] and answer["verified"] else WRONG)
-
-
-def _plainly():
-    """Progress where no terminal shows it: a line now and then."""
-    import time
-
-    last = [time.monotonic()]
-
-    def say(line: str) -> None:
-        if time.monotonic() - last[0] > 2:
-            last[0] = time.monotonic()
-            err.print(f"  {line}", highlight=False, markup=False)
-
-    return say
 
 
 def _words(problem, hamiltonian, chosen, set_, q, p) -> list[str]:
@@ -149,7 +135,7 @@ def _line(role: str, c: dict[str, Any]) -> dict[str, str]:
         "size": size,
         "error": f"{c['error']:.2g}",
         "seconds": f"{c['seconds']:.3g}",
-        "": role,
+        "": ", ".join(filter(None, [role, c.get("remark")])),
     }
 
 

@@ -8,7 +8,7 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
-from .shared import err, invalid_input, out, print_json
+from .shared import invalid_input, out, print_json, telling
 
 
 def audit(
@@ -22,10 +22,10 @@ def audit(
     from phasebench.benchmarks.experiments.audit.audit import audit as measure
     from phasebench.benchmarks.experiments.audit.table import show
 
-    with invalid_input(), err.status("audit") as status:
+    with invalid_input(), telling("audit") as tell:
         _own_steps_are_validated(peer)
-        measured = measure([*package, *peer] or None, quick=quick, progress=status.update)
-        stated = _stated({r["package"] for r in measured.rows}, status.update) if scripts else []
+        measured = measure([*package, *peer] or None, quick=quick, progress=tell)
+        stated = _stated({r["package"] for r in measured.rows}, tell) if scripts else []
     if as_json:
         whole = {"rows": measured.rows, "claims": measured.claims, "remarks": measured.remarks}
         print_json(whole | ({"statements": stated} if scripts else {}))

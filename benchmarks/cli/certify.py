@@ -9,7 +9,7 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
-from .shared import WRONG, err, invalid_input, out
+from .shared import WRONG, err, invalid_input, out, telling
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
@@ -130,7 +130,7 @@ def _one(name: str, t_end: float, timeout: float, as_json: bool) -> bool:
         raise InvalidInput(f"--t-end is {t_end}; it must be a positive number")
     made = problem(name)
     try:
-        with err.status("certify") as status, watch.watching(timeout, lambda told: status.update(f"certify, {told}")):
+        with telling("certify") as tell, watch.watching(timeout, lambda told: tell(f"certify, {told}")):
             new = make.certify(made, [t_end])
     except watch.TooLong as late:
         told = f"{made.label} cannot be certified to {t_end:g} in {timeout:g} s (--timeout): {late}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from fractions import Fraction
@@ -19,6 +20,8 @@ out, err = Console(), Console(stderr=True)
 WRONG, INVALID = 1, 2
 #: Between two columns of a table; and the least that is shown of one, or all of it where it is narrower.
 GAP, LEAST = 2, 24
+#: Seconds between two lines of progress where no terminal shows it: at first, and at most.
+PAUSE, LONGEST_PAUSE = 2.0, 60.0
 
 
 @contextmanager
@@ -58,6 +61,24 @@ def compilation_shown(wanted: bool) -> Iterator[None]:
         yield
     finally:
         progress.announce = nullcontext
+
+
+@contextmanager
+def telling(what: str) -> Iterator[Callable[[str], None]]:
+    """Show how far a command is: on a terminal's status line, elsewhere by a line now and then, ever more rarely."""
+    if err.is_terminal:
+        with err.status(what) as status:
+            yield status.update
+        return
+    last, pause = time.monotonic(), PAUSE
+
+    def say(line: str) -> None:
+        nonlocal last, pause
+        if time.monotonic() - last > pause:
+            last, pause = time.monotonic(), min(2 * pause, LONGEST_PAUSE)
+            err.print(f"  {line}", highlight=False, markup=False, soft_wrap=True)
+
+    yield say
 
 
 def print_json(value: object) -> None:

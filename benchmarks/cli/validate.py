@@ -9,7 +9,7 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
-from .shared import WRONG, compilation_shown, err, invalid_input, out, print_json, width
+from .shared import WRONG, compilation_shown, invalid_input, out, print_json, telling, width
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.certificate.certificate import Certificate
@@ -43,8 +43,8 @@ def validate(
             from phasebench.benchmarks.certificate.render import writable
 
             writable(output)
-        with err.status("validate") as status:
-            found = certify(integrator, claims, tuple(requires), seed, status.update)
+        with telling("validate") as tell:
+            found = certify(integrator, claims, tuple(requires), seed, tell)
         if output is not None:
             from phasebench.benchmarks.certificate.render import write
 

@@ -12,7 +12,7 @@ import typer
 from phasebench.integrators.errors import InvalidInput
 
 from .integrate import made
-from .shared import err, invalid_input, numbers, out, print_json, show, values
+from .shared import invalid_input, numbers, out, print_json, show, telling, values
 
 #: The errors of the table, and curves of a figure at most.
 ACCURACIES = tuple(10.0**-k for k in range(1, 14, 2))
@@ -75,8 +75,8 @@ def measured(problem, t_end: float, quantity: str, methods: str | None) -> list[
 
     ask = ladder.asked(problem, t_end, quantity_of(problem, quantity))
     chosen = [integrator(m.strip()) for m in methods.split(",") if m.strip()] if methods else ladder.chosen(ask)
-    with err.status("workprecision") as status:
-        return ladder.ladders(ask, chosen, status.update)
+    with telling("workprecision") as tell:
+        return ladder.ladders(ask, chosen, tell)
 
 
 def _check(output: Path | None) -> None:

@@ -17,7 +17,7 @@ from phasebench.integrators.prepared import PreparedRun
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import BY_ID as METHODS_BY_ID
 from phasebench.integrators.registry import method
-from phasebench.reference.peers import BY_ID as PEERS_BY_ID
+from phasebench.reference import peers
 from phasebench.reference.peers import Claims, Peer, integrate_peer
 
 from . import own_step
@@ -139,9 +139,9 @@ def integrator(name: str | Path | Method | Peer | OwnStep | Integrator | Callabl
     if isinstance(record, Path) or (isinstance(record, str) and is_file(record)):
         record = own_step.from_file(record)
     elif isinstance(record, str) and record not in METHODS_BY_ID:
-        if record not in PEERS_BY_ID:
-            raise unknown("method", record, [*METHODS_BY_ID, *PEERS_BY_ID])
-        record = PEERS_BY_ID[record]
+        if record not in peers.BY_ID:
+            raise unknown("method", record, [*METHODS_BY_ID, *peers.BY_ID])
+        record = peers.BY_ID[record]
     elif callable(record) and not isinstance(record, Method):
         record = own_step.from_function(record)
     if isinstance(record, (str, Method)):

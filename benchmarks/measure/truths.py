@@ -1,11 +1,11 @@
 """What is true of a quantity, with its own uncertainty, found once for a problem, a quantity and a span.
 
 Of a state at the end: the certified one, where one is stored at that time; the uncertainty is what moving each of its
-components by a unit in the last place of a double makes of the quantity.  Of anything else: heyoka's Taylor series in
-long double, run at two tolerances, whose orders and roundings are others; the uncertainty is `SAFETY` times what the
-quantity differs by, and what rounding the values to double makes.  Of a statistical quantity: the mean over
-`NEIGHBOURS` orbits displaced by `SHIFT`, seeded; the uncertainty is twice their standard deviation, since an exact
-integration is but one more of them.
+components by a unit in the last place of a double, and rounding the values, makes of the quantity.  Of anything else:
+heyoka's Taylor series in long double, run at two tolerances, whose orders and roundings are others; the uncertainty is
+`SAFETY` times what the quantity differs by, and what rounding the values to double makes.  Of a statistical quantity:
+the mean over `NEIGHBOURS` orbits displaced by `SHIFT`, seeded; the uncertainty is twice their standard deviation, since
+an exact integration is but one more of them.
 """
 
 from __future__ import annotations
@@ -45,8 +45,11 @@ def truth(problem, quantity: Quantity, t_end: float) -> Truth:
     if quantity.rows == 1 and (end := _certified(problem, t_end)) is not None:
         return _at_certified(problem, quantity, t_end, end)
     one, other = (values(problem, quantity, run) for run in _runs(problem, quantity.rows, t_end))
-    rounding = EPS * max(float(np.abs(one).max()), pi if quantity.angle else 0.0)
-    return Truth(one, SAFETY * distance(quantity, one, other) + rounding, LONG_DOUBLE)
+    return Truth(one, SAFETY * distance(quantity, one, other) + _rounding(quantity, one), LONG_DOUBLE)
+
+
+def _rounding(quantity: Quantity, values: np.ndarray) -> float:
+    return EPS * max(float(np.abs(values).max()), pi if quantity.angle else 0.0)
 
 
 def _at_certified(problem, quantity: Quantity, t_end: float, end) -> Truth:
@@ -59,7 +62,7 @@ def _at_certified(problem, quantity: Quantity, t_end: float, end) -> Truth:
     for i, unit in enumerate(np.maximum(np.spacing(np.abs(state)), end.uncertainty)):
         moved = at(state + unit * (np.arange(2 * d) == i)) - found
         apart = apart + np.abs((moved + pi) % (2 * pi) - pi if quantity.angle else moved)
-    return Truth(found, float(np.max(apart)), CERTIFIED)
+    return Truth(found, float(np.max(apart)) + _rounding(quantity, found), CERTIFIED)
 
 
 def _certified(problem, t_end: float):

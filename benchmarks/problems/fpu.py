@@ -85,14 +85,20 @@ def energy(w2):
     return f
 
 
+def soft_springs(q0, q1) -> list:
+    """The expansions of the soft springs, from the left wall to the right one: of symbols, numbers or arrays."""
+    between = (q0[i + 1] - q1[i + 1] - q0[i] - q1[i] for i in range(len(q0) - 1))
+    return [q0[0] - q1[0], *between, q0[-1] + q1[-1]]
+
+
 def formula(omega: float, m: int):
     """(q, p, H) as symbols and an expression: the soft coordinates before the stiff ones."""
     w = sp.Rational(omega)  # exactly the double
     q0, q1, p0, p1 = (
         sp.symbols([f"{name}{i}" for i in range(1, m + 1)], real=True) for name in ("q0", "q1", "p0", "p1")
     )
-    soft = [q0[0] - q1[0], *(q0[i + 1] - q1[i + 1] - q0[i] - q1[i] for i in range(m - 1)), q0[-1] + q1[-1]]
-    terms = [*(p**2 / 2 for p in (*p0, *p1)), *(w**2 * q**2 / 2 for q in q1), *(s**4 / 4 for s in soft)]
+    soft = (s**4 / 4 for s in soft_springs(q0, q1))
+    terms = [*(p**2 / 2 for p in (*p0, *p1)), *(w**2 * q**2 / 2 for q in q1), *soft]
     return [*q0, *q1], [*p0, *p1], sp.Add(*terms)
 
 

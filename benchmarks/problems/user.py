@@ -156,6 +156,12 @@ def _degrees(names: Sequence[str]) -> int:
 # -- files -------------------------------------------------------------------------------------------------------------
 
 
+def _like(default: object, value: float) -> float:
+    """A value as a whole number where it is one and its default is: --set n=4 is a number of bodies, not 4.0."""
+    whole = isinstance(default, int) and isinstance(value, float) and value.is_integer()
+    return int(value) if whole else value
+
+
 def _values(module: types.ModuleType, make: Any, path: str, parameters: Mapping[str, float]) -> dict[str, float]:
     """The parameters' values: from PARAMETERS or the defaults of ``make``, and those given."""
     if not callable(make):
@@ -167,7 +173,8 @@ def _values(module: types.ModuleType, make: Any, path: str, parameters: Mapping[
     if not isinstance(own, Mapping):
         raise InvalidInput(f"{path}: PARAMETERS is a {type(own).__name__}; write PARAMETERS = {{'k': 2.0}}")
     values |= own
-    values = real_parameters(path, {a.name for a in named} | set(values), {**values, **parameters})
+    given = {name: _like(values.get(name), value) for name, value in parameters.items()}
+    values = real_parameters(path, {a.name for a in named} | set(values), {**values, **given})
     for a in named:
         if a.name not in values:
             raise InvalidInput(f"{path}: make needs a value of {a.name}: write it in PARAMETERS, or --set {a.name}=2")

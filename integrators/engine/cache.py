@@ -3,8 +3,9 @@
 The folder is $PHASEBENCH_CACHE, else what the platform has for caches.  Its entries stand in a subfolder whose name is
 the hash of all that they depend on (this package's source, the versions of what generates and compiles, the
 processor), so that nothing stale is ever found.  An entry begins with the hash of its name and content: what was
-truncated or changed is removed and made again.  It is written whole, by a rename, whoever else writes it.  Where
-nothing can be written the work goes on without, after one line of warning.
+truncated or changed is removed and made again.  It is written whole, by a rename, whoever else writes it; what takes
+long is made by one process, for which others wait (`alone`).  Where nothing can be written the work goes on without,
+after one line of warning.
 
 Subfolders of other versions go, the longest unused first, when all together are larger than `BOUND`; then this
 version's own oldest entries.
@@ -22,15 +23,17 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 
 #: The largest size of the folder, in bytes.
 BOUND = 500_000_000
-#: Seconds after which a file that was to be renamed is one that a killed process left.
+#: Seconds after which a file that was to be renamed, or a lock, is one that a killed process left.
 ABANDONED = 3600
+#: Seconds that a process waits at most for another to make an entry, and between two looks.
+PATIENCE, PAUSE = 60.0, 0.01
 
 _VERSION = re.compile(r"py\d+-[0-9a-f]{16}")
 _log = logging.getLogger("phasebench")
@@ -149,6 +152,52 @@ def forget(name: str) -> None:
             (place / name).unlink()
 
 
+@contextmanager
+def alone(name: str) -> Iterator[None]:
+    """Let other processes that are about to make the same entry wait for this one, and then find it.
+
+    The lock is the system's, on an open file: it goes with a process that is killed.  Who has waited for `PATIENCE`, or
+    cannot lock, makes the entry as well, which costs time and nothing else.
+    """
+    place = folder()
+    if place is None or (place / name).exists():
+        yield
+        return
+    release = _locked(place / f"{name}.lock", place / name)
+    try:
+        yield
+    finally:
+        release()
+
+
+def _locked(lock: Path, entry: Path) -> Callable[[], None]:
+    """What releases the lock, or does nothing where the entry came, the patience ended or nothing can be locked."""
+    try:
+        import fcntl
+
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        stream = lock.open("ab")
+    except (ImportError, OSError):
+        return lambda: None
+
+    def release() -> None:
+        with stream, suppress(OSError):  # whoever waits has it open, and finds the entry
+            lock.unlink(missing_ok=True)
+            fcntl.flock(stream, fcntl.LOCK_UN)
+
+    until = time.monotonic() + PATIENCE
+    while not entry.exists() and time.monotonic() < until:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return release
+        except BlockingIOError:
+            time.sleep(PAUSE)
+        except OSError:  # a file system without locks
+            break
+    stream.close()
+    return lambda: None
+
+
 @lru_cache(maxsize=8)
 def _note_use(place: Path) -> None:
     """Let the subfolder's time be that of its last use, once in a process."""
@@ -206,7 +255,7 @@ def evict() -> None:
     total = 0
     for place in [*others, own] if own else others:
         for time_, bytes_, path in _entries(place):
-            if path.suffix == ".tmp" and time_ < time.time() - ABANDONED:
+            if path.suffix in (".tmp", ".lock") and time_ < time.time() - ABANDONED:
                 path.unlink(missing_ok=True)
             else:
                 total += bytes_

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import copy
 from collections.abc import Callable
+from weakref import WeakKeyDictionary
 
 from numba import types
 
@@ -39,10 +40,16 @@ def _writing(text: str) -> str:
     return ast.unparse(tree) + "\n"
 
 
+#: The twins of systems.
+_twins: WeakKeyDictionary = WeakKeyDictionary()
+
+
 def twin(system, arithmetic: str = DOUBLE):
-    """The system, its functions such that write where they are compiled for arrays."""
+    """The system, its functions such that write where they are compiled for arrays; always the same one."""
     if arithmetic != DOUBLE or not compiled() or value_kind(system.d) != "array":
         return system
-    other = copy.copy(system)
-    other._functions, other.fills = {}, True
-    return other
+    if system not in _twins:
+        other = copy.copy(system)
+        other._functions, other.fills = {}, True
+        _twins[system] = other
+    return _twins[system]

@@ -30,6 +30,7 @@ import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numba
 import numpy as np
@@ -80,6 +81,7 @@ class Prepared:
     width, stages : components of a stage's unknown, and the number of such unknowns in a step
     implicit, hessian : whether evaluations count as iterations, and as evaluations of higher derivatives
     linear : the number of unknowns of the largest linear system that the kernel solves, at first ``width``
+    work : the shape of the memory for it, where that is not the square one of a full matrix
     begin : completes ``step`` for a run
     missed : what a fallback is, in words after "n of m steps"; without it fallbacks do not change the status
     """
@@ -93,6 +95,7 @@ class Prepared:
     linear: int = 0
     begin: Callable | None = None
     missed: str = ""
+    work: tuple[int, int] | None = None
 
     def tally(self, steps: int, gradient: int, fallbacks: int = 0, newton: int = 0) -> dict[str, int]:
         """What a solution says of its counts."""
@@ -160,6 +163,7 @@ def keep_energy(energy: Callable) -> Callable:
 
 
 _kernels: dict = {}
+_pointers: WeakKeyDictionary = WeakKeyDictionary()  # to make a type takes longer than many a run
 _TABLE = types.Array(types.float64, 2, "C")
 
 
@@ -194,8 +198,10 @@ def _type(x):
     if isinstance(x, tuple):
         return _tuple_type(map(_type, x), type(x) if hasattr(x, "_fields") else None)
     if isinstance(x, numba.core.dispatcher.Dispatcher):
-        signature = x.nopython_signatures[0]
-        return types.FunctionType(signature.return_type(*signature.args))
+        if x not in _pointers:
+            signature = x.nopython_signatures[0]
+            _pointers[x] = types.FunctionType(signature.return_type(*signature.args))
+        return _pointers[x]
     if type(x) is np.ndarray and x.flags.c_contiguous:  # as Numba says, without its import of masked arrays
         return types.Array(numba.from_dtype(x.dtype), x.ndim, "C", readonly=not x.flags.writeable)
     return numba.typeof(x)

@@ -20,6 +20,7 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
+from .fused import fused
 from .vector import TUPLES
 
 OPTIONS = {"forceinline": True, **TUPLES}
@@ -136,6 +137,24 @@ def operation(compiled):
         return function
 
     return decorate
+
+
+@intrinsic
+def _fused(typing_context, a, x, y):
+    lanes = next(t for t in (a, x, y) if isinstance(t, Lanes))
+
+    def codegen(context, builder, sig, args):
+        vectors = (spread(context, builder, v, t, lanes.n) for v, t in zip(args, sig.args, strict=True))
+        return call(builder, "fmuladd", lanes.n, *vectors)
+
+    return lanes(a, x, y), codegen
+
+
+@overload(fused, jit_options=OPTIONS)
+def _fused_lanes(a, x, y):
+    if any(isinstance(t, Lanes) for t in (a, x, y)):
+        return lambda a, x, y: _fused(a, x, y)
+    return None
 
 
 # -- rows of a table --------------------------------------------------------------------------------------------------

@@ -38,7 +38,8 @@ class Kept(_Cache):
     def __init__(self, name: str):
         self.name = name
 
-    def _entry(self, signature) -> str:
+    def entry(self, signature) -> str:
+        """The name of the entry of a signature."""
         label = "".join(c if c.isalnum() else "-" for c in self.name.partition("|")[0])
         return f"{label}-{hashlib.sha256(f'{self.name}|{signature!r}'.encode()).hexdigest()[:24]}.machine"
 
@@ -49,7 +50,7 @@ class Kept(_Cache):
 
     def load_overload(self, sig, target_context):
         """The compiled function, or None; an entry that cannot be used is removed."""
-        content = cache.read(self._entry(sig))
+        content = cache.read(self.entry(sig))
         if content is None:
             return None
         if b"NRT_" in content:  # it allocates: of all that a compilation makes ready, compiled code calls this alone
@@ -57,13 +58,13 @@ class Kept(_Cache):
         try:
             return CompileResult._rebuild(target_context, *pickle.loads(content))
         except Exception:  # whatever it is, compiling anew is the cure
-            cache.forget(self._entry(sig))
+            cache.forget(self.entry(sig))
             return None
 
     def save_overload(self, sig, data) -> None:
         """Keep a compiled function, unless it holds addresses of this process."""
         if not data.lifted and not data.library.has_dynamic_globals:
-            cache.write(self._entry(sig), serialize.dumps(data._reduce()))
+            cache.write(self.entry(sig), serialize.dumps(data._reduce()))
 
     def enable(self) -> None:
         """Always."""
@@ -165,8 +166,8 @@ def compiled(f: Callable, signature, options: dict, name: str) -> Callable:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
         dispatcher = numba.njit(**options, pipeline_class=_Whole)(f)
-        dispatcher._cache = Kept(f"{name}|{sorted(options.items(), key=str)}")
-        with typeinfer.register_dispatcher(dispatcher):
+        kept = dispatcher._cache = Kept(f"{name}|{sorted(options.items(), key=str)}")
+        with typeinfer.register_dispatcher(dispatcher), cache.alone(kept.entry(signature)):
             dispatcher.compile(signature)
     dispatcher.disable_compile()
     _of_one(dispatcher)

@@ -20,6 +20,7 @@ from numba.extending import intrinsic, overload
 from numba.np import arrayobj
 
 from . import machine
+from .fused import fused
 
 #: Options of every compiled function.  "contract" lets a product and a sum become one fused operation, as a C compiler
 #: does by default; it reorders nothing, so compensated sums stay exact.
@@ -152,9 +153,13 @@ def elementwise(outputs: int = 1):
     return lambda fn: _unrolled(fn, template, loop if outputs > 1 else None)
 
 
-def written(template):
-    """Make a function an operation whose tuple form is the source that ``template(d)`` writes."""
-    return lambda fn: _unrolled(fn, lambda names, arguments: template(_length(arguments)))
+def written(template, loop: str = ""):
+    """Make a function an operation whose tuple form is the source that ``template(d)`` writes.
+
+    That of arrays is the source ``loop``, where it is given.
+    """
+    on_arrays = (lambda names, arguments: loop) if loop else None
+    return lambda fn: _unrolled(fn, lambda names, arguments: template(_length(arguments)), on_arrays)
 
 
 def summed(term: str):
@@ -217,6 +222,17 @@ def add(x, c, dx):
     return t, (dx + c) - (t - x)
 
 
+@elementwise(outputs=2)
+def add_product(x, c, a, v):
+    """Compensated sum of x + c and a v: (the sum, the part of it that rounding lost).
+
+    The product is not rounded, neither in the sum nor in what it lost: what both together are off is the rounding of
+    (a v + c), of the difference that the sum shows, and of the part returned.
+    """
+    t = fused(a, v, x + c)
+    return t, fused(a, v, c) - (t - x)
+
+
 @summed("abs(x[i])")
 def size(x):
     """The 1-norm of x; NaN where a component is."""
@@ -261,7 +277,8 @@ def load(A, i, like):
     return A[i, : len(like)].copy()
 
 
-@written(lambda d: "\n".join(f"  A[i, {j}] = x[{j}]" for j in range(d)))
+# A loop: to assign to a slice is to compile what is said where the lengths differ, at every call.
+@written(lambda d: "\n".join(f"  A[i, {j}] = x[{j}]" for j in range(d)), "  for j in range(len(x)): A[i, j] = x[j]")
 def store(A, i, x):
     """Write x into row i of A."""
     A[i, : len(x)] = x
@@ -414,17 +431,16 @@ def held(orbit):
 
 def _moved(x, c, a, v):
     for i in range(len(x)):
-        dx = a * v[i]
-        t = (x[i] + c[i]) + dx
-        c[i] = (dx + c[i]) - (t - x[i])
+        t = fused(a, v[i], x[i] + c[i])
+        c[i] = fused(a, v[i], c[i]) - (t - x[i])
         x[i] = t
     return x, c
 
 
 @in_place(_moved)
 def moved(x, c, a, v):
-    """The compensated sum of x + c and a v (`add`), in the place of x and c."""
-    return add(x, c, scale(a, v))
+    """The compensated sum of x + c and a v (`add_product`), in the place of x and c."""
+    return add_product(x, c, a, v)
 
 
 def of(f, x, old):

@@ -92,18 +92,23 @@ def evaluate(field, q, p, dq, dp, h, memory, i):
     store(memory, i, join(dq, dp))
 
 
+@inlined
+def _moved_there(q, p, dq, dp):
+    """Write the state (q + dq, p + dp) over its increments."""
+    for k in range(len(q)):
+        dq[k], dp[k] = q[k] + dq[k], p[k] + dp[k]
+
+
 def _evaluate_arrays(field, q, p, dq, dp, h, memory, i):
     def returned(field, q, p, dq, dp, h, memory, i):
         n = len(q)
-        for k in range(n):
-            dq[k], dp[k] = q[k] + dq[k], p[k] + dp[k]
+        _moved_there(q, p, dq, dp)
         slope_q, slope_p = field(dq, dp, h, 0.0)
         for k in range(n):
             memory[i, k], memory[i, n + k] = slope_q[k], slope_p[k]
 
     def written(field, q, p, dq, dp, h, memory, i):
-        for k in range(len(q)):
-            dq[k], dp[k] = q[k] + dq[k], p[k] + dp[k]
+        _moved_there(q, p, dq, dp)
         slope_q, slope_p = halves(memory, i, q)
         field(dq, dp, h, 0.0, slope_q, slope_p)
 

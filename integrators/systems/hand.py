@@ -17,8 +17,10 @@ The contract of the loops:
 5. q and p are arrays (d,) of doubles when Numba compiles the loop, object arrays when it runs on many digits: plain
    loops over components, sums and products; ``x**0.5`` is a root.  What is returned is new: the arguments stay as they
    are.  Arrays to write into hold anything, and are not q and p; a loop that
-   writes allocates none.  A function that loops call is a `part`.
-6. The formula H may be left out.  Then what derives from it (peers, methods that need second derivatives) says so.
+   writes allocates none.
+6. A function that loops call is a `part`, never one that Numba inlines (``inline="always"``): closures that take slices
+   of their arguments gave wrong values where they were inlined, without a warning.
+7. The formula H may be left out.  Then what derives from it (peers, methods that need second derivatives) says so.
 
 Test the loops against the formula at a small size: ``tests/integrators/test_hand.py`` shows how, and a lattice of
 10,000 sites beside it.

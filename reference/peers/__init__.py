@@ -6,27 +6,13 @@ read out after it stops (SciPy's rows between steps are interpolated inside it).
 
 from __future__ import annotations
 
-from phasebench.integrators.errors import unknown
+from phasebench.integrators.engine import lazy as _lazy
 
-from . import desolver, diffrax, gala, galpy, heyoka, pyhamsys, rebound, scipy
+from . import floating
 from .record import Claims, Peer, Run, Task
 from .run import integrate_peer
 
-#: Those that the suite depends on, then those of the extra ``peers``.
-PACKAGES = (heyoka, rebound, scipy, gala, galpy, desolver, pyhamsys, diffrax)
+__all__ = ["BY_ID", "PACKAGES", "PEERS", "Claims", "Peer", "Run", "Task", "floating", "integrate_peer", "peer"]
 
-PEERS: tuple[Peer, ...] = tuple(p for package in PACKAGES for p in package.PEERS)
-
-BY_ID = {p.id: p for p in PEERS}
-
-
-def peer(id: str | Peer) -> Peer:
-    """The peer of that id; raises InvalidInput for an unknown one, naming the nearest."""
-    if isinstance(id, Peer):
-        return id
-    if id not in BY_ID:
-        raise unknown("peer", id, BY_ID)
-    return BY_ID[id]
-
-
-__all__ = ["BY_ID", "PEERS", "Claims", "Peer", "Run", "Task", "integrate_peer", "peer"]
+# The packages' modules load when one of them is asked for.
+__getattr__ = _lazy.attributes(__name__, dict.fromkeys(("BY_ID", "PACKAGES", "PEERS", "peer"), "registry"))

@@ -9,6 +9,7 @@ import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
 
+from . import floating
 from .record import NOT_FINITE, Peer, Run, Task
 
 #: On a singular system a change of the energy by more than this many times itself is a collision.
@@ -27,7 +28,7 @@ def integrate_peer(
     q0=None,
     p0=None,
 ):
-    """Integrate ``problem`` with a peer.
+    """Integrate ``problem`` with a peer, and leave the process's floating-point environment as it was before.
 
     Parameters
     ----------
@@ -68,12 +69,13 @@ def integrate_peer(
     times = np.array([asked.h * n for n in numbers])
     task = Task(problem, system, asked.q, asked.p, asked.h, numbers, times, tol)
     try:
-        integrator.load(integrator.package)
+        with floating.kept():
+            integrator.load(integrator.package)
+            run = integrator.run(task)
     except ImportError as error:
         run = Run.stuck(task, 0, 0, 0.0)
         status, reason = SKIPPED, f"{integrator.package} cannot be imported ({error}); pip install {integrator.package}"
     else:
-        run = integrator.run(task)
         status, reason, rows = ending(system, times, run.q, run.p, run.failure)
         run = run._replace(q=run.q[:rows], p=run.p[:rows])
     q, p = (np.ascontiguousarray(x, dtype=float) for x in (run.q, run.p))

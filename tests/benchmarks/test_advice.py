@@ -16,6 +16,8 @@ from phasebench.benchmarks.advice import kept, prior, search, words
 from phasebench.benchmarks.advice import portfolio as portfolios
 from phasebench.benchmarks.advice.advise import advise
 from phasebench.benchmarks.advice.ask import ask
+from phasebench.benchmarks.advice.exact import REMARK
+from phasebench.benchmarks.advice.hunt import Candidate, Search
 from phasebench.benchmarks.advice.trial import Point, Trial
 from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.measure import truths
@@ -121,6 +123,48 @@ def test_the_best_within_a_time():
     found = search.best_within(made, 0.01, 100)
     assert 7000 <= found.point.size["steps"] <= 10_000
     assert search.best_within(trial(lambda n: (1.0, 1.0)), 0.01, 100).point is None
+
+
+# -- who is exact ---------------------------------------------------------------------------------------------------
+
+
+def test_who_is_exact_is_tried_before_who_was_cheap_and_the_kinds_take_turns():
+    members, _ = portfolios.portfolio(question("kepler"), 1e-5)
+    first, *tried = [i.id for i, _ in members]
+    assert first == portfolios.FIRST
+    assert set(tried[:2]) == {"wisdom-holman", "rebound-whfast"}
+    assert {i.id for i, expected in members if expected == 0.0} >= {"wisdom-holman-saba-2", "rebound-saba-1"}
+    for inexact in ("perturbed-kepler", "pendulum"):
+        assert all(expected > 0.0 for _, expected in portfolios.portfolio(question(inexact), 1e-5)[0])
+
+
+@pytest.mark.parametrize(("name", "remark"), [("kepler", REMARK), ("perturbed-kepler", "")])
+def test_what_is_exact_is_offered_at_one_step_and_said_to_be(name, remark):
+    found = advise(question(name, 20.0, 1e-3), portfolio_of=of("heyoka", "rebound-whfast-plain"))
+    exact = {c["integrator"]: c for c in (found["choice"], *found["alternatives"])}["rebound-whfast-plain"]
+    assert (exact["remark"], exact["steps"] == 1) == (remark, bool(remark))
+    if remark:
+        assert found["choice"]["integrator"] == "rebound-whfast-plain"
+        assert found["verified"]
+        assert found["alternatives"][0]["remark"] == "", "heyoka is not"
+
+
+def test_a_run_of_more_steps_than_it_needs_is_no_proof_of_exactness():
+    """Another's problem may bear the name of one that is known."""
+    made = Trial(integrator("rebound-whfast-plain"), question("kepler"), Truth(np.ones(2), 0.0, "a law"), inf)
+    said = [Candidate(made, Point({"steps": n}, 1e-9, 1.0, n)).row(made.ask, None)["remark"] for n in (1, 2)]
+    assert said == [REMARK, ""]
+
+
+def test_the_search_for_one_that_is_exact_begins_at_one_step_and_ends_there():
+    hunt = Search(question("kepler"), Truth(np.ones(2), 0.0, "a law"), 0.0)
+    exact, other = (
+        Trial(integrator(id), hunt.ask, hunt.true, inf) for id in ("rebound-whfast-plain", "stormer-verlet")
+    )
+    assert hunt.start(exact, 1e-5) == 1.0 < hunt.start(other, 1e-5)
+    law = trial(lambda n: (1e-12, 1e-6 * n))
+    assert search.search(law, 1e-6, 1.0).point.size == {"steps": 1}
+    assert len(law.points) == 1
 
 
 # -- an answer -----------------------------------------------------------------------------------------------------

@@ -629,3 +629,23 @@ def test_of_a_long_state_the_first_and_the_last_numbers_are_shown():
     short, long = [0.1] * 12, [float(k) for k in range(13)]
     assert shortened(short) == ", ".join(["0.1"] * 12)
     assert shortened(long) == "0.0, 1.0, 2.0, ..., 10.0, 11.0, 12.0 (13 numbers; all with --json)"
+
+
+def test_progress_is_told_where_no_terminal_shows_it_and_ever_more_rarely(monkeypatch, capsys):
+    """A step of 10 ms is measured for minutes; whoever reads a log wants to know that it goes on."""
+    now = [0.0]
+    monkeypatch.setattr(shared.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(shared, "err", Console(file=sys.stderr, force_terminal=False))
+    with shared.telling("validate") as tell:
+        for second in range(600):
+            now[0] = float(second)
+            tell(f"[{second}]")
+    told = [int(line.strip().strip("[]")) for line in capsys.readouterr().err.splitlines()]
+    pauses = [b - a for a, b in zip([0, *told], told, strict=False)]
+    assert pauses[0] <= 3
+    assert max(pauses) <= 61
+    assert pauses == sorted(pauses)
+    assert len(told) < 20
+    with shared.telling("validate") as tell:
+        tell("at once")
+    assert capsys.readouterr().err == ""

@@ -66,7 +66,9 @@ def test_an_oscillation_slower_than_the_series_is_not_told_from_a_drift():
     assert coverage.covered("oscillation", 0.5, 400, drawn=30)["covered"] < 0.75
 
 
-@pytest.mark.parametrize(("n", "outside"), [(6, 0), (7, 2), (8, 3), (9, 5), (10, 8), (11, 10), (12, 13)])
+@pytest.mark.parametrize(
+    ("n", "outside"), [(6, 0), (7, 2), (8, 3), (9, 5), (10, 8), (11, 10), (12, 13), (15, 25), (20, 52)]
+)
 def test_signed_ranks_are_those_of_the_printed_table(n, outside):
     """Wilcoxon's critical values, two-sided 5 % (F. Wilcoxon, R. A. Wilcox 1964)."""
     assert module._outside(n) == outside

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import time
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -12,9 +13,10 @@ import pytest
 import phasebench as pb
 from phasebench.benchmarks.measure.integrator import OURS, YOURS, integrator
 from phasebench.benchmarks.problems import problem
+from phasebench.integrators import record
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
-from phasebench.reference.peers import integrate_peer
+from phasebench.reference.peers import integrate_peer, peer
 
 HENON = problem("henon-heiles:box")
 VERLET = """
@@ -58,6 +60,22 @@ def test_what_an_integrator_is(file):
     assert [k.adaptive for k in kinds] == [False, True, False, False, False]
     assert [k.stoppable for k in kinds] == [True, False, False, True, True]
     assert all(integrator(k) == k and integrator(k.record) == k for k in kinds)
+
+
+def test_what_is_claimed_is_what_each_says_of_itself(file):
+    path = file(VERLET)
+    ours, theirs, own = (integrator(x).claims for x in ("stormer-verlet", "rebound-leapfrog", path))
+    assert (ours.order, ours.symplectic, ours.reversible, ours.energy) == (2, True, True, record.BOUNDED)
+    assert theirs == peer("rebound-leapfrog").claims
+    assert (own.order, own.symplectic, own.reversible, own.energy, own.source) == (2, True, None, record.BOUNDED, path)
+
+
+def test_loading_imports_the_package_of_a_peer_alone(file):
+    seen = []
+    spied = replace(peer("rebound-leapfrog"), load=seen.append)
+    for each in ("rk4", verlet, spied):
+        integrator(each).load()
+    assert seen == ["rebound"]
 
 
 @pytest.mark.parametrize("every", [1, 7, 0])

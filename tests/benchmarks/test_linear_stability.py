@@ -108,10 +108,10 @@ def test_a_composition_has_its_windows():
     assert found.limit == pytest.approx(1.573, abs=1e-3)
 
 
-@pytest.mark.parametrize("width", [0.3, 1e-2, 1e-3])
-def test_a_narrow_window_is_found_that_a_scan_misses(width):
+@pytest.mark.parametrize(("width", "part"), [(0.3, 1 / 3), (1e-2, 1 / 3), (1e-3, 1 / 3), (1e-3, 0.1), (1e-3, 0.9)])
+def test_a_narrow_window_is_found_that_a_scan_misses(width, part):
     """The trace passes -2 by its own curvature between points of the scan."""
-    at, bend = 3.0 + SPACING / 3, 1.0
+    at, bend = 3.0 + SPACING * part, 1.0
     low = -2 - bend * width**2 / 4
     found = stability(of_trace(lambda z: min(low + bend * (z - at) ** 2, 2 - 1e-3)))
     scan = np.arange(SPACING, LAST, SPACING)
@@ -137,7 +137,40 @@ def test_a_step_that_cannot_be_taken_ends_the_scan():
     found = stability(lambda z: verlet(z) if z < 1 else None)
     assert found.limit is None
     assert found.scanned == pytest.approx(1 - SPACING)
-    assert stability(lambda z: None).intervals == ()
+    nowhere = stability(lambda z: None)
+    assert (nowhere.intervals, nowhere.scanned) == ((), 0.0)
+
+
+def test_a_step_that_cannot_be_taken_between_the_points_of_the_scan_is_not_stable():
+    whole = stability(verlet, last=1.05)
+    found = stability(lambda z: None if abs(z - 0.525) < 0.01 else verlet(z), last=1.05)
+    assert (whole.intervals, found.intervals) == (((0.0, whole.scanned),), ())
+
+
+def test_a_pole_does_not_end_the_scan():
+    """Entries of 1e5 for a while, of trace 0 and determinant 1."""
+
+    def step(z):
+        size = 1e5 if abs(z - 3) < 0.4 else 1.0
+        return np.array([[0.0, -size], [1 / size, 0.0]])
+
+    assert stability(step).intervals == ((0.0, LAST),)
+
+
+def test_the_rounding_of_a_large_matrix_does_not_make_it_unstable():
+    """Of trace 1/2 and determinant 1, to what doubles hold; the control has the determinant 3."""
+    a = 1e7 * np.random.default_rng(3).uniform(-2, 2, 50)
+    rotations = [np.array([[x, 1e7], [(x * (0.5 - x) - 1) / 1e7, 0.5 - x]]) for x in a]
+    assert min(np.linalg.det(M) for M in rotations) < 0.999 or max(np.linalg.det(M) for M in rotations) > 1.001
+    assert all((margins(M) >= 0).all() for M in rotations)
+    growing = [np.array([[x, 1e7], [(x * (0.5 - x) - 3) / 1e7, 0.5 - x]]) for x in a]
+    assert not any((margins(M) >= 0).all() for M in growing)
+
+
+def test_a_symplectic_interval_that_growth_ends_is_stable():
+    """The trace is 3 below z = 1 and 0 above; the determinant is 1 up to z = 2, and greater beyond."""
+    found = stability(lambda z: np.array([[3.0 * (z < 1), -max(1.0, z - 1)], [1.0, 0.0]]))
+    assert same(found.intervals, [(1, 2)])
 
 
 def test_a_hopeless_polynomial_is_not_scanned_to_the_end():

@@ -323,33 +323,46 @@ def test_ratio_of_real_work():
 needs_compiler = pytest.mark.skipif(c_loop.compiler() is None, reason="there is no C compiler")
 
 
-def distance(name, h=0.01, steps=1000):
+def distance(name, h=0.01, steps=1000, merged=False):
     """How far the C loop ends from stormer-verlet."""
     made = problem(name)
-    seconds, y = c_loop.Loop(made).run(h, steps)
-    assert seconds > 0
+    seconds, y = c_loop.Loop(made, merged).run(h, steps)
+    assert 0 < seconds < 60, "of the loop, not of the clock"
     s = integrate(made, "stormer-verlet", h=h, steps=steps)
     return np.abs(y - np.concatenate([s.q[-1], s.p[-1]])).max()
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", ["pendulum", "henon-heiles:box", "kepler"])
-def test_the_c_loop_is_stormer_verlet(name):
-    assert distance(name) < 1e-10
+@pytest.mark.parametrize("name", ["pendulum", "henon-heiles:box", "kepler", "outer-solar-system"])
+@pytest.mark.parametrize("merged", [False, True])
+def test_the_c_loop_is_stormer_verlet(name, merged):
+    assert distance(name, merged=merged) < 1e-10
 
 
 @needs_compiler
 @pytest.mark.parametrize(
-    ("right", "wrong"), [("p_0 -= ", "p_0 += "), ("0.5 * h", "0.5001 * h"), ("q_0 += ", "q_0 -= ")]
+    ("right", "wrong"),
+    [
+        ("p_0 -= ", "p_0 += "),
+        ("0.5 * h", "0.5001 * h"),
+        ("q_0 += ", "q_0 -= "),
+        ("p_0 += 0.5 * ", "p_0 += 0.51 * "),
+    ],
 )
 def test_control_a_wrong_loop_would_be_seen(right, wrong, monkeypatch):
-    source = c_loop.source
-    assert right in source(problem("pendulum").system)
-    monkeypatch.setattr(c_loop, "source", lambda system: source(system).replace(right, wrong))
-    assert not distance("pendulum") < 1e-6
+    source, merged = c_loop.source, right.startswith("p_0 += ")
+    assert right in source(problem("pendulum").system, merged)
+    monkeypatch.setattr(c_loop, "source", lambda *of: source(*of).replace(right, wrong))
+    assert not distance("pendulum", merged=merged) < 1e-6
 
 
-def test_the_c_loop_is_for_unit_masses():
+@needs_compiler
+def test_c_that_is_none_is_refused_with_the_compilers_words():
+    with pytest.raises(RuntimeError, match=r"failed: [^']*error"):
+        c_loop.loaded("this is no C")
+
+
+def test_the_c_loop_is_for_quadratic_kinetic_energies():
     with pytest.raises(RuntimeError):
         c_loop.Loop(problem("lotka-volterra"))
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gmpy2
 import mpmath
 import numpy as np
 import pytest
 
 from phasebench.benchmarks.measure import metrics
+from phasebench.integrators.engine import codegen
 
 H = 0.1 / 2.0 ** np.arange(10)
 
@@ -135,3 +137,37 @@ def test_reversibility_defect():
 
 def test_refinement_difference_is_the_maximum_norm():
     assert metrics.refinement_difference([1.0, 2.0, 3.0], [1.5, 2.0, 2.25]) == 0.75
+
+
+def test_order_of_two_windows_alike_is_of_the_finer_one():
+    h = 0.1 / 2.0 ** np.arange(11)
+    error = h**2
+    error[5] = np.nan
+    assert metrics.order(h, error).first == h[6]
+
+
+def test_three_points_are_enough_for_an_order():
+    o = metrics.order(H[:3], H[:3] ** 2)
+    assert (o.points, o.value) == (3, pytest.approx(2))
+
+
+def _kicked(y):
+    """A kick and a drift of two coupled pendulums, q and p of two components each."""
+    q, p = y[:2], y[2:]
+    p = p - np.array([gmpy2.sin(q[0]) * gmpy2.cos(q[1]), gmpy2.sin(q[1]) * gmpy2.cos(q[0])]) / 10
+    return np.concatenate([q + p / 10, p])
+
+
+def _stretched(*by):
+    return lambda y: codegen.vector(by) * y
+
+
+def test_pair_defect_is_none_of_a_symplectic_map_and_what_is_lost_of_another():
+    with codegen.precision(30):
+        y = codegen.vector(("0.3", "-0.8", "1.1", "0.5"))
+        assert metrics.pair_defect(_kicked, y) < 1e-17, "differences over the cube root of the round-off"
+        assert metrics.pair_defect(_stretched(2, 4, 0.5, 0.25), y) < 1e-17
+        once, twice = (float(metrics.pair_defect(_stretched(k, 1, 1, 1), y)) for k in (2, 3))
+        assert 0 < once <= 1
+        assert twice == pytest.approx(2 * once, rel=1e-9)
+        assert metrics.pair_defect(_stretched(2, 0.5, 4, 0.25), y) > 0.01, "the control: volume is not enough"

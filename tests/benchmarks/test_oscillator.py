@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from fractions import Fraction
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -72,6 +73,11 @@ def test_a_double_root_is_a_touch_and_no_end():
     found = oscillator.of_matrix(of_trace(lambda z: 2 * np.cos(z)))
     assert found.intervals == ((0.0, None),)
     assert np.allclose(found.touches[:3], np.pi * np.arange(1, 4), atol=1e-6)
+
+
+def test_touches_close_to_each_other_are_all_found():
+    found = oscillator.of_matrix(of_trace(lambda z: 2 * np.cos(8 * z) if z < 5 else 3.0))
+    assert np.allclose(found.touches, np.pi / 8 * np.arange(1, 13), atol=1e-6)
 
 
 def test_a_trace_that_stays_below_2_by_a_little_touches_nothing():
@@ -156,3 +162,62 @@ def test_a_step_at_which_a_method_is_not_defined_ends_no_scan():
     assert oscillator.matrix(method, float(np.pi)) is None
     assert oscillator.matrix(method, 3.0) is not None
     assert oscillator.find(method).scanned > 4
+
+
+# -- with runs and scans made up --------------------------------------------------------------------------------------
+
+
+def told(monkeypatch, stays) -> list[tuple[float, int]]:
+    """Runs that end well where ``stays(z)``; (z, steps) of those that were made."""
+    made: list[tuple[float, int]] = []
+
+    def lost(chosen, z: float, steps: int) -> str:
+        made.append((z, steps))
+        return "" if stays(z) or steps < oscillator.LONG else "grown"
+
+    monkeypatch.setattr(oscillator, "lost", lost)
+    return made
+
+
+def test_runs_find_every_interval_and_the_last_has_no_end(monkeypatch):
+    made = told(monkeypatch, lambda z: z < 1.234 or 2.4 < z < 4.1 or z > 5.6)
+    found = oscillator.of_runs(None)
+    ends = [x for pair in found.intervals for x in pair[:2] if x]
+    assert np.allclose(ends, [1.234, 2.4, 4.1, 5.6], rtol=oscillator.SHARPNESS)
+    assert (found.intervals[0][0], found.intervals[-1][1], found.limit) == (0.0, None, found.intervals[0][1])
+    assert (found.scanned, found.reason, found.how) == (linear_stability.LAST, "grown", oscillator.RUNS)
+    inside = [z for pair in found.intervals for z in pair if z]
+    assert all(z < 1.234 or 2.4 < z < 4.1 or z > 5.6 for z in inside), "an end is a step that was seen to be stable"
+    assert min(z for z, _ in made) == oscillator.COARSE
+    assert len(made) < 2 * (40 + 4 * 12)
+
+
+def test_runs_that_all_fail_end_the_scan(monkeypatch):
+    told(monkeypatch, lambda z: z > 5)
+    found = oscillator.of_runs(None)
+    assert (found.intervals, found.limit) == ((), 0.0)
+    assert found.scanned == oscillator.COARSE * oscillator.HOPELESS
+
+
+def test_a_run_is_lost_by_its_status_or_by_growth():
+    def ends(status: str, q: float, p: float):
+        rows = SimpleNamespace(status=status, q=np.array([[1.0], [q]]), p=np.array([[0.0], [p]]))
+        return oscillator.lost(SimpleNamespace(run=lambda problem, **asked: rows), 0.1, 100)
+
+    grown = 1.01 * oscillator.GROWN
+    assert [ends("ok", *end) for end in ((1.0, 0.5), (0.99 * oscillator.GROWN, 0.0))] == ["", ""]
+    assert [ends("ok", *end) for end in ((grown, 0.0), (0.0, -grown))] == ["grown", "grown"]
+    assert [ends("unstable", *end) for end in ((1.0, 0.5), (grown, 0.0))] == ["unstable", "unstable"]
+
+
+def test_a_scan_that_ends_stable_goes_on_wider_and_is_joined_to_it(monkeypatch):
+    def scans(*second):
+        found = iter(
+            [linear_stability.Stability(((0.0, 2.0), (3.0, 10.0)), 10.0), linear_stability.Stability(second, 90.0)]
+        )
+        monkeypatch.setattr(linear_stability, "stability", lambda *scan: next(found))
+        return oscillator._pieces(None)
+
+    assert scans((0.0, 2.0), (3.0, 12.0), (20.0, 90.0)) == ([(0.0, 2.0), (3.0, 12.0), (20.0, 90.0)], 90.0)
+    assert scans((0.0, 2.0), (3.0, 10.0), (20.0, 90.0)) == ([(0.0, 2.0), (3.0, 10.0), (20.0, 90.0)], 90.0)
+    assert scans((0.0, 2.0), (3.0, 10.0)) == ([(0.0, 2.0), (3.0, 10.0)], 90.0)

@@ -6,10 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from sympy import isprime
 
 from phasebench.benchmarks.measure import lyapunov, truths
 from phasebench.benchmarks.measure.integrator import integrator
-from phasebench.benchmarks.measure.quantities import Truth, distance, error, quantities, quantity, values
+from phasebench.benchmarks.measure.named_quantities import AVERAGE
+from phasebench.benchmarks.measure.quantities import Truth, distance, error, quantities, quantity, scale, values
 from phasebench.benchmarks.problems import PROBLEMS, labels, problem
 from phasebench.benchmarks.problems.questions import QUESTIONS
 from phasebench.integrators import Hamiltonian
@@ -41,7 +43,7 @@ def test_an_unknown_quantity_is_named_with_those_there_are():
 def test_the_state_and_the_energy_of_an_oscillator_moved_by_hand():
     made = problem("harmonic-oscillator")
     state, energy = (quantity(made, name) for name in ("end-state", "energy"))
-    moved = rows([0.0, pi], [[1.0], [-1.0]], [[0.0], [0.25]])
+    moved = rows([0.0, 1.0, pi], [[1.0], [-1.0], [-1.0]], [[0.0], [0.0], [0.25]])
     assert error(made, state, moved, Truth(np.array([-1.0, 0.0]), 0.0, "")) == 0.25
     assert error(made, energy, moved) == pytest.approx(0.25**2)  # H0 = 1/2 is the sum of the sizes of its terms
     assert error(made, energy, replace_status(moved)) == inf
@@ -59,12 +61,46 @@ def test_angles_are_compared_modulo_a_turn():
     assert distance(replace(phase, angle=False), np.array([3.0]), np.array([-3.0])) == 6.0
 
 
-def test_the_perihelion_of_a_turned_ellipse_is_where_it_was_turned_to():
-    made, angle = problem("kepler"), 0.7
+@pytest.mark.parametrize("anomaly", [0.0, 0.9, 2.5, 4.0])
+def test_the_perihelion_of_a_turned_ellipse_is_where_it_was_turned_to(anomaly):
+    """A point of the ellipse of eccentricity e by its eccentric anomaly; the phase is where the body itself is."""
+    made, angle, e = problem("kepler"), 0.7, 0.6
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    turned = rows([0.0, 1.0], [made.q0, turn @ made.q0], [made.p0, turn @ made.p0])
-    assert values(made, quantity(made, "perihelion"), turned)[0] == pytest.approx(angle)
-    assert values(made, quantity(made, "phase"), turned)[0] == pytest.approx(angle)
+    across, (c, s) = np.sqrt(1 - e * e), (np.cos(anomaly), np.sin(anomaly))
+    q, p = turn @ [c - e, across * s], turn @ np.array([-s, across * c]) / (1 - e * c)
+    turned = rows([0.0, 0.5, 1.0], [made.q0, [9.0, -2.0], q], [made.p0, [3.0, 4.0], p])
+    assert values(made, quantity(made, "perihelion"), turned) == pytest.approx([angle])
+    phase = np.arctan2(across * s, c - e) + angle
+    assert distance(quantity(made, "phase"), values(made, quantity(made, "phase"), turned), np.array([phase])) < 1e-14
+
+
+def test_the_phase_of_an_oscillator_is_its_time():
+    made = problem("harmonic-oscillator")
+    omega = float(made.system.frequencies[0])
+    t = np.array([0.0, 0.4, 1.3])
+    q, p = 2 * np.cos(omega * t), -2 * omega * np.sin(omega * t)
+    assert values(made, quantity(made, "phase"), rows(t, q[:, None], p[:, None])) == pytest.approx([1.3 * omega])
+
+
+def test_the_average_is_weighted_by_the_times_and_in_units_of_the_terms():
+    made = problem("kepler")  # e = 0.6 from its perihelion: p^2 / 2 = 2 and 1 / r = 2.5
+    assert scale(made) == pytest.approx(np.dot(made.p0, made.p0) / 2 + 1 / np.hypot(*made.q0))
+    moved = rows([0.0, 1.0, 4.0], [made.q0] * 3, [[2.0, 0.0], [2.0, 0.0], [0.0, 0.0]])
+    assert values(made, AVERAGE, moved) == pytest.approx([(2 * 1 + 1 * 3) / 4 / scale(made)])
+
+
+def test_the_oscillatory_energy_is_in_units_of_the_first():
+    made = problem("fpu")
+    found = values(
+        made,
+        quantity(made, "adiabatic-invariant"),
+        rows(
+            np.arange(21),
+            [np.multiply(made.q0, 1 + k) for k in range(21)],
+            [np.multiply(made.p0, 1 + k) for k in range(21)],
+        ),
+    )
+    assert found == pytest.approx((1 + np.arange(1, 21)) ** 2), "it is a square of the state"
 
 
 def test_the_section_sees_what_is_across_the_orbit_and_not_what_is_along_it():
@@ -114,7 +150,10 @@ def test_an_average_and_an_exponent_lie_among_those_of_nearby_orbits():
 def test_rows_that_a_quantity_needs_are_asked_for_and_missed():
     made = problem("pendulum:swinging")
     trajectory = quantity(made, "trajectory")
-    assert trajectory.steps(33) == 40
+    assert [trajectory.steps(wanted) for wanted in (0.2, 29, 33)] == [20, 20, 40]
+    assert trajectory.grid(tol=1e-8) == {"tol": 1e-8, "steps": 20, "save_every": 1}
+    assert quantity(made, "end-state").grid(tol=1e-8) == {"tol": 1e-8, "save_every": 0}
+    assert isprime(quantity(made, "energy").rows), "no period is looked at in few phases"
     assert trajectory.grid(steps=40) == {"steps": 40, "save_every": 2}
     bare = integrator("stormer-verlet").run(made, t_end=1.0, steps=40, save_every=0)
     with pytest.raises(ValueError, match="equidistant"):

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from phasebench.benchmarks.advice.cheapest import CHEAPER, cheapest
 from phasebench.benchmarks.experiments.trade import climb, field, front
 from phasebench.benchmarks.experiments.trade.climb import Known, Rung, Task
 from phasebench.benchmarks.measure.integrator import integrator
@@ -249,7 +250,7 @@ def test_of_the_steps_that_meet_an_accuracy_the_cheapest_stands_which_need_not_b
     widest = front.bracket(late.rungs, 1e-2)[1][0]
     found = front.refine(asked, late.integrator, late.rungs, 1e-2)
     assert found.steps > 1.5 * widest.steps
-    assert found.seconds < front.CHEAPER * widest.seconds
+    assert found.seconds < CHEAPER * widest.seconds
     assert found.seconds == min(r.seconds for r in late.rungs if r.error <= 1e-2)
     assert front.estimate(late.rungs, 1e-2) <= found.seconds
 
@@ -267,7 +268,8 @@ def test_a_time_that_was_noise_does_not_make_a_finer_step_stand():
 @pytest.mark.parametrize(("share", "stands"), [(0.85, 0), (0.75, 1)])
 def test_a_finer_step_stands_before_the_widest_only_if_it_is_clearly_cheaper(share, stands):
     rungs = [Rung(2**k, None, "ok", 10.0**-k, s, 2**k, 0) for k, s in enumerate((1e-3, share * 1e-3, 2e-3))]
-    assert front.cheapest(rungs) is rungs[stands]
+    assert cheapest(rungs) is rungs[stands]
+    assert cheapest([]) is None
 
 
 def test_the_estimate_lies_on_the_law():

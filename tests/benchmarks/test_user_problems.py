@@ -71,6 +71,14 @@ def test_a_file_has_parameters_and_orbits(tmp_path):
     assert set(found["invariants"]) == {"L"}
 
 
+def test_a_number_of_bodies_stays_whole_and_a_stiffness_does_not(tmp_path):
+    """What the command line says is a double; a whole one is whole where the file's own value is."""
+    path = written(tmp_path, GOOD.replace("def make(", "def make(n=2, ", 1))
+    assert problem(path, n=3.0).parameters["n"] == 3
+    kinds = [{k: type(v) for k, v in problem(path, n=n, k=2.0).parameters.items()} for n in (3.0, 3.5)]
+    assert kinds == [{"n": int, "k": float}, {"n": float, "k": float}]
+
+
 def test_a_copy_of_a_registered_problem_runs_under_its_path(tmp_path, monkeypatch):
     text = (ROOT / "benchmarks" / "problems" / "kepler.py").read_text()
     written(tmp_path, text, "kepler.py", head="")

@@ -71,7 +71,10 @@ def test_every_kind_of_change_is_made_once_and_none_of_what_does_nothing(mutants
 
 def test_the_command_says_what_it_takes():
     said = subprocess.run([sys.executable, TOOL, "--help"], capture_output=True, text=True, check=True).stdout
-    assert all(option in said for option in ("--reach", "--sample", "--again", "--within", "--score", "--jobs"))
+    assert all(
+        option in said
+        for option in ("--reach", "--sample", "--again", "--within", "--score", "--jobs", "--plain", "--most")
+    )
 
 
 OLD = """
@@ -138,8 +141,7 @@ def test_a_child_says_what_it_found_and_is_not_waited_for_when_it_died(monkeypat
     monkeypatch.syspath_prepend(TOOL)
     import worker
 
-    monkeypatch.setattr(worker, "PATIENCE", 1)
     assert worker.forked(lambda: "a test") == "a test"
     assert worker.forked(lambda: None) is None
     assert worker.forked(lambda: sys.exit(3)) == "died"
-    assert worker.forked(lambda: time.sleep(60)) == "hung"
+    assert worker.forked(lambda: time.sleep(60), patience=1) == "hung"

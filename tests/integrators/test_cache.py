@@ -10,7 +10,9 @@ import resource
 import shutil
 import subprocess
 import sys
+import threading
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import numba
@@ -193,6 +195,93 @@ def test_processes_that_write_at_once_leave_whole_entries(place):
     assert [p.name for p in place.iterdir()] == ["a.py"]
 
 
+def _hold(seconds: float, holds, content: bytes | None) -> None:
+    with cache.alone("a.py"):
+        holds.set()
+        time.sleep(seconds)
+        if content is not None:
+            cache.write("a.py", content)
+
+
+@contextmanager
+def holder(seconds: float, content: bytes | None = None):
+    """A process that makes an entry for so long."""
+    fork = multiprocessing.get_context("fork")
+    holds = fork.Event()
+    process = fork.Process(target=_hold, args=(seconds, holds, content))
+    process.start()
+    assert holds.wait(10)
+    yield process
+    process.kill()
+    process.join()
+
+
+def waited() -> float:
+    """Seconds until this process may make the entry."""
+    started = time.monotonic()
+    with cache.alone("a.py"):
+        return time.monotonic() - started
+
+
+def test_who_comes_later_waits_and_finds_the_entry(place):
+    with holder(0.5, SEVERAL), cache.alone("a.py"):
+        assert cache.read("a.py") == SEVERAL
+    assert [p.name for p in place.iterdir()] == ["a.py"]
+
+
+def test_nobody_waits_for_an_entry_that_is_there_or_for_another(place):
+    with holder(30.0):
+        with cache.alone("b.py"):
+            pass
+        cache.write("a.py", SEVERAL)
+        assert waited() < 5
+
+
+def test_nobody_waits_once_the_entry_has_come(place):
+    with holder(30.0):
+        threading.Timer(0.2, cache.write, ("a.py", SEVERAL)).start()
+        assert 0.1 < waited() < 5
+
+
+def test_a_process_that_is_killed_keeps_nobody_waiting(place):
+    with holder(30.0) as process:
+        process.kill()
+        process.join()
+        assert waited() < 5
+    assert not list(place.iterdir())
+
+
+def test_patience_ends(place, monkeypatch):
+    monkeypatch.setattr(cache, "PATIENCE", 0.2)
+    with holder(30.0):
+        assert 0.2 <= waited() < 5
+        assert (place / "a.py.lock").exists()  # the holder's still
+
+
+def test_a_lock_is_given_back_after_an_error_too(place):
+    with pytest.raises(ValueError), cache.alone("a.py"):
+        raise ValueError
+    assert waited() < 5
+    assert not list(place.iterdir())
+
+
+def _make_at_once(barrier, results) -> None:
+    barrier.wait()
+    results.put(made("met|1")[1])
+
+
+def test_of_processes_that_meet_on_a_kernel_one_compiles(place):
+    fork = multiprocessing.get_context("fork")
+    barrier, results = fork.Barrier(3), fork.Queue()
+    workers = [fork.Process(target=_make_at_once, args=(barrier, results)) for _ in range(3)]
+    for worker in workers:
+        worker.start()
+    loaded = sorted(results.get(timeout=60) for _ in workers)
+    for worker in workers:
+        worker.join()
+    assert loaded == [False, True, True]
+
+
 # -- what is stale, what is too much -----------------------------------------------------------------------------------
 
 
@@ -259,7 +348,7 @@ def test_then_the_oldest_entries_go(place, monkeypatch):
 
 def test_what_a_killed_process_left_is_removed(place):
     cache.write("a.py", SEVERAL)
-    for name, age in (("old.tmp", 2 * cache.ABANDONED), ("new.tmp", 0)):
+    for name, age in (("old.tmp", 2 * cache.ABANDONED), ("old.lock", 2 * cache.ABANDONED), ("new.tmp", 0)):
         (place / name).write_bytes(b"part")
         os.utime(place / name, (time.time() - age,) * 2)
     cache.evict()

@@ -118,6 +118,19 @@ def test_a_method_of_any_family_runs_on_threads():
     assert ensemble.counts["iterations"] == sum(s.counts["iterations"] for s in solutions)
 
 
+@pytest.mark.parametrize("id", ["avf", "scheme-v", "dop853-relaxation"])
+def test_what_stops_one_by_one_is_what_integrate_says(id):
+    """One falls away, one starts where nothing can be solved; the others end as they would alone."""
+    made, Q, P = starts(BOX, 4)
+    Q[1], P[2] = (3.0, -3.0), (1e80, 1e80)
+    options = {"h": 0.1, "steps": 300, "save_every": 70}
+    ensemble = integrate_ensemble(made, id, Q, P, lanes=False, **options)
+    solutions = [alone(made, id, Q, P, i, **options) for i in range(4)]
+    assert solutions[0].status == OK != solutions[2].status
+    for i, solution in enumerate(solutions):
+        assert_same(ensemble, i, solution)
+
+
 def test_what_goes_wrong_is_that_orbits_own():
     made, Q, P = starts(BOX)
     Q[1], P[3, 0], Q[5], Q[6] = np.nan, np.inf, (30.0, 30.0), (3.0, 3.0)

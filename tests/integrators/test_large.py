@@ -7,6 +7,8 @@ The system is the chain of Fermi, Pasta, Ulam (Los Alamos LA-1940, 1955) with fi
 
 from __future__ import annotations
 
+import copy
+
 import numba
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ import sympy as sp
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
-from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine import codegen, filling
 from phasebench.integrators.engine.vector import (
     add,
     axpy,
@@ -147,6 +149,17 @@ def test_the_chain_runs_on_arrays_and_the_largest_tuple_below_it(chain):
     assert codegen.options(D - 1)["_nrt"] is False
 
 
+def test_functions_that_write_are_made_once_for_a_system(chain):
+    made = problem("pendulum").system
+    assert filling.twin(made) is made, "functions of tuples write nothing"
+    written = filling.twin(chain)
+    assert written.fills
+    assert not chain.fills
+    assert filling.twin(chain) is written
+    other = copy.copy(chain)
+    assert filling.twin(other) is not written
+
+
 def test_one_exception_whatever_the_dimension():
     """A kernel of arrays raises the public InvalidInput: a component of h omega = pi is a pole of Gautschi's method."""
     d = codegen.TUPLE_LIMIT + 1
@@ -160,6 +173,7 @@ def test_one_exception_whatever_the_dimension():
 SMALL = [
     "explicit-euler",
     "rk4",
+    "dop853",  # its sums over stages have neighbouring terms of different weights
     "stormer-verlet",
     "symplectic-euler-q",
     "implicit-midpoint",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 
@@ -31,8 +32,42 @@ def test_one_thread_gets_all_at_once_and_several_get_less_and_less():
 
 def test_what_is_short_is_not_handed_out_in_crumbs():
     slices = Slices(1000, 2)
-    slices.took(slice(0, 10), threads.LEAST / 10)
+    slices.took(slice(40, 50), threads.LEAST / 10)
     assert [part.stop - part.start for part in slices] == [250, 188, 141, 106, 100, 100, 100, 15]
+
+
+def test_of_what_takes_long_single_pieces_are_handed_out():
+    slices = Slices(100, 2)
+    slices.took(slice(0, 10), 100 * threads.LEAST)
+    assert slices.fewest == 1
+
+
+def test_one_thread_is_not_timed_first():
+    assert list(shared(lambda part: part, MANY, 1)) == [slice(0, MANY)]
+    first, *_ = shared(lambda part: part, MANY, 2)
+    assert first == slice(0, 1)
+
+
+def test_what_takes_one_slice_is_no_work_for_a_second_thread(monkeypatch):
+    class Known(Slices):
+        def took(self, part, seconds):
+            self.fewest = MANY - 1
+
+    monkeypatch.setattr(threads, "Slices", Known)
+    monkeypatch.setattr(threads, "_helpers", None)  # nobody is asked
+    assert list(shared(lambda part: part, MANY, 2)) == [slice(0, 1), slice(1, MANY)]
+    with pytest.raises(TypeError):
+        list(shared(lambda part: part, MANY + 1, 2))
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+def test_a_child_has_none_of_its_parents_threads():
+    assert numbers(part for part, _ in shared(slow, 4, 2)) == [0, 1, 2, 3]
+    assert threads._helpers.cache_info().currsize > 0
+    child = os.fork()
+    if child == 0:
+        os._exit(threads._helpers.cache_info().currsize)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
 def slow(part: slice):

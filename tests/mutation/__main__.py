@@ -5,13 +5,18 @@ notices are printed.  A survivor that changes nothing anybody could notice stand
 argument; any other is a test that is missing.  The score is kept in ``score.csv``.  Needs the extra ``mutation``.
 
     python tests/mutation --reach tests/benchmarks benchmarks/experiments/drift/page.py
-    python tests/mutation --sample 40 integrators/families
+    python tests/mutation --plain --within 1 --sample 40 integrators/families
+
+With ``--plain`` nothing is compiled, neither where the reach is recorded nor where mutants are judged: a kernel is the
+Python function that it is written as, and changes as one.  What only compilation meets survives there, and is judged
+without: then every kernel is compiled anew for each mutant of one.
 """
 
 from __future__ import annotations
 
 import argparse
 import multiprocessing
+import os
 import shutil
 import subprocess
 import sys
@@ -21,6 +26,7 @@ import tomllib
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from itertools import accumulate
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -45,6 +51,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--sample", type=int, help="so many mutants of each file, in the order of the score")
     parser.add_argument("--again", action="store_true", help="only the survivors of the score")
     parser.add_argument("--within", type=float, default=20.0, metavar="SECONDS", help="ask no test that takes longer")
+    parser.add_argument("--most", type=float, default=120.0, metavar="SECONDS", help="ask no more tests of a mutant")
+    parser.add_argument("--plain", action="store_true", help="compile nothing: kernels are changed as Python functions")
     parser.add_argument("--score", action="store_true", help="print the score that is kept, and no more")
     parser.add_argument("--jobs", type=int, default=1)
     return parser.parse_args()
@@ -108,7 +116,7 @@ class Trial:
     """
 
     def __init__(self, path: str, reach: Reach, asked: argparse.Namespace):
-        self.path, self.reach, self.within = path, reach, asked.within
+        self.path, self.reach, self.within, self.most = path, reach, asked.within, asked.most
         self.all = sorted(mutants(ROOT, path), key=lambda m: m.place)
         self.hash = score.digest(ROOT / path)  # of what is changed, whatever becomes of the file meanwhile
         known = score.read().get(path)
@@ -129,7 +137,9 @@ class Trial:
         def promise(test: str) -> float:
             return (1 + 20 * self.kills[mutant.where, test] + 5 * self.kills[test]) / (0.02 + self.reach.seconds(test))
 
-        return sorted(self._quick(self.reach.tests(self.path, mutant.line)), key=promise, reverse=True)
+        found = sorted(self._quick(self.reach.tests(self.path, mutant.line)), key=promise, reverse=True)
+        spent = accumulate(map(self.reach.seconds, found))
+        return [test for test, seconds in zip(found, spent, strict=True) if seconds <= self.most]
 
     def _quick(self, tests: list[str]) -> list[str]:
         return [test for test in tests if self.reach.seconds(test) <= self.within]
@@ -139,7 +149,8 @@ class Trial:
         tests = self.tests(mutant)
         if not self.files:
             return UNREACHED
-        by = ask(worker.Job(mutant.path, mutant.code, tuple(tests), self.files, self.known_tests))
+        seconds = sum(map(self.reach.seconds, tests))
+        by = ask(worker.Job(mutant.path, mutant.code, tuple(tests), self.files, self.known_tests, seconds))
         if by is not None:
             self.kills.update([by, (mutant.where, by)])
         return KILLED if by else SURVIVED
@@ -169,7 +180,10 @@ def tried(trial: Trial, ask) -> dict[str, str]:
 def main() -> int:
     """Judge the mutants; 1 where one survives."""
     CHILDREN.set_forkserver_preload(["worker", *worker.PRELOADED])
-    asked, reach = arguments(), Reach(KEPT / "reach.sqlite", ROOT)
+    asked = arguments()
+    reach = Reach(KEPT / ("plain.sqlite" if asked.plain else "reach.sqlite"), ROOT)
+    if asked.plain:
+        os.environ |= worker.PLAIN
     if asked.score:
         columns = ("file", "mutants", "tried", "killed", "equivalent", "survived", "")
         print(tabulate(score.table(score.read(), ROOT), columns))
@@ -178,7 +192,7 @@ def main() -> int:
         reach.measure(asked.reach)
     counts: Counter = Counter()
     todo: SimpleQueue = SimpleQueue()
-    for path in files(asked.paths):
+    for path in sorted(files(asked.paths), key=worker.is_compiled, reverse=True):  # these begin without the project
         todo.put(path)
 
     def work(folder: Path) -> None:

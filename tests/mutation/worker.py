@@ -3,6 +3,9 @@
 A mutant that changes a function is put in the function's place, in a child of a session that has collected the tests.
 One that changes what runs at import is imported, with what imports it; so is one of a function that was called before
 the tests run, where none noticed.  One of a file that is compiled begins without the project.
+
+What the cache keeps is that of the project as it is, for what neither compiles nor is compiled; where kernels are
+changed as Python functions (`PLAIN`), each mutant begins with an empty cache of its own.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ import importlib
 import marshal
 import multiprocessing
 import os
+import shutil
 import signal
 import sys
 from collections.abc import Callable
@@ -38,10 +42,12 @@ PRELOADED = (
     "hypothesis",
 )
 PROJECT = ("phasebench.benchmarks.report", "phasebench.benchmarks.cli", "phasebench.benchmarks.certificate.plugin")
-#: Seconds after which a mutant has hung, and is noticed.
-PATIENCE = 300
+#: A mutant has hung, and is noticed, after so many seconds and so many times what its tests take.
+PATIENCE, TIMES = 60, 10
 #: Folders of which functions are compiled: a function that is changed would not be.
-COMPILED = ("integrators/", "reference/")
+COMPILED = ("integrators/engine/", "integrators/families/", "integrators/systems/", "reference/")
+#: What makes a process compile nothing.
+PLAIN = {"NUMBA_DISABLE_JIT": "1"}
 #: What makes Python import the project from a copy of it, which the editable install does not know.
 REDIRECT = """import sys
 for name, module in list(sys.modules.items()):
@@ -66,6 +72,7 @@ class Job:
     tests : in the order in which they are asked
     files : of all the tests that may notice another mutant of the file
     known : the tests of which it is known what they reach; any other of these files is asked as well
+    seconds : what the tests take together
     """
 
     path: str
@@ -73,11 +80,27 @@ class Job:
     tests: tuple[str, ...]
     files: tuple[str, ...]
     known: frozenset[str]
+    seconds: float = 0.0
+
+    @property
+    def patience(self) -> float:
+        """Seconds that are waited for the tests."""
+        return PATIENCE + TIMES * self.seconds
 
     @property
     def own(self) -> tuple[str, ...]:
         """The files of the tests; of none, all."""
         return tuple(sorted({test.partition("::")[0] for test in self.tests})) or self.files
+
+
+def is_plain() -> bool:
+    """Whether nothing is compiled in this process."""
+    return PLAIN.items() <= os.environ.items()
+
+
+def is_compiled(path: str) -> bool:
+    """Whether a function of the file may be part of compiled code here."""
+    return path.startswith(COMPILED) and not is_plain()
 
 
 def write_redirect(root: Path, copy: Path) -> None:
@@ -111,19 +134,30 @@ class Worker:
 
     def __init__(self, copy: Path):
         self.copy, self.session, self.about = copy, None, None
+        self.cache = copy / ".mutation" / "cache"
+        if is_plain():
+            os.environ["PHASEBENCH_CACHE"] = str(self.cache)
 
     def judge(self, job: Job) -> str | None:
         """The test that notices a mutant, ``hung``, or None."""
         original = (self.copy / job.path).read_text()
-        if job.path.startswith(COMPILED):
-            return self._changed(job, original, lambda: forked(alone, job))
+        if is_compiled(job.path):
+            return self._changed(job, original, lambda: forked(alone, job, patience=job.patience))
         if "phasebench" not in sys.modules:
-            CALLED.enable()
-            for name in PROJECT:
-                importlib.import_module(name)
-            gc.freeze()
+            self._imports()
         found = self._changed(job, original, lambda: self._swapped(job, original))
-        return self._changed(job, original, lambda: forked(anew, job)) if found == UNSURE else found
+        if found != UNSURE:
+            return found
+        return self._changed(job, original, lambda: forked(anew, job, patience=job.patience))
+
+    def _imports(self) -> None:
+        """Import the project."""
+        CALLED.enable()
+        for name in PROJECT:
+            importlib.import_module(name)
+        # The kernels of a mutant that is no part of them are those of the project as it is.
+        importlib.import_module("phasebench.integrators.engine.cache").version()
+        gc.freeze()
 
     def _changed(self, job: Job, original: str, run: Callable[[], str | None]) -> str | None:
         """What comes of it while the file is changed, which a process that a test starts would read."""
@@ -132,6 +166,7 @@ class Worker:
             return run()
         finally:
             change(self.copy / job.path, original)
+            shutil.rmtree(self.cache, ignore_errors=True)  # it holds what the mutant has made
 
     def _swapped(self, job: Job, original: str) -> str | None:
         file = str(self.copy / job.path)
@@ -144,7 +179,8 @@ class Worker:
             self.about = (job.path, job.files)
             FORK.Process(target=_session, args=(theirs, file, job.files), daemon=False).start()
             theirs.close()
-        self.session.send((job.tests, job.known, [(where, marshal.dumps(code)) for where, code in changes]))
+        codes = [(where, marshal.dumps(code)) for where, code in changes]
+        self.session.send((job.patience, job.tests, job.known, codes))
         return self.session.recv()
 
     def close(self) -> None:
@@ -161,7 +197,7 @@ def change(file: Path, text: str) -> None:
         stale.unlink(missing_ok=True)
 
 
-def forked(run: Callable[..., str | None], *arguments) -> str | None:
+def forked(run: Callable[..., str | None], *arguments, patience: float = PATIENCE) -> str | None:
     """What a function returns in a child, and what it started with it; ``hung`` or ``died`` else."""
     ours, theirs = FORK.Pipe(duplex=False)
     process = FORK.Process(target=_tell, args=(theirs, run, *arguments))
@@ -169,7 +205,7 @@ def forked(run: Callable[..., str | None], *arguments) -> str | None:
     theirs.close()
     try:
         # Seconds that this process lives, not those of the clock: all may have been stopped meanwhile.
-        return ours.recv() if any(ours.poll(1) for _ in range(PATIENCE)) else "hung"
+        return ours.recv() if any(ours.poll(1) for _ in range(round(patience))) else "hung"
     except EOFError:
         return "died"
     finally:
@@ -229,7 +265,8 @@ def _session(connection, file: str, files: tuple[str, ...]) -> None:
         made = functions(file)
         gc.freeze()  # else a child's collector would write to every page, and so copy it
         while (asked := connection.recv()) is not None:
-            found = forked(_with, made, items, *asked)
+            patience, *asked = asked
+            found = forked(_with, made, items, *asked, patience=patience)
             sure = found or all(where in made and where not in called for where, _ in asked[-1])
             connection.send(found if sure else UNSURE)
 

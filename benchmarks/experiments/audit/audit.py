@@ -121,15 +121,15 @@ def _registered(peer: Integrator) -> bool:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each peer and control, each script of a statement and each package; none of the quick tier."""
+    """A cell for each peer and control, each script of a statement and twice each package; none of the quick tier."""
     if quick:
         return []
     from phasebench.reference.peers import PEERS
 
-    from . import statements, unregistered
+    from . import modes, statements, unregistered
 
     own = [_cell(p.id, p, (p.id, p.package)) for p in PEERS] + [_cell(c, method(c), (c,)) for c in CONTROLS]
-    return own + statements.cells() + unregistered.cells()
+    return own + statements.cells() + unregistered.cells() + modes.cells(CONTROLS)
 
 
 def _cell(id: str, record, names: tuple[str, ...]) -> Cell:

@@ -6,7 +6,7 @@ says so.
 
 from __future__ import annotations
 
-from phasebench.benchmarks.experiments.audit import judge
+from phasebench.benchmarks.experiments.audit import judge, modes, page
 from phasebench.benchmarks.experiments.audit.audit import CONTROLS, cells  # noqa: F401
 
 #: A claim's property, and the measure that judges it.
@@ -34,3 +34,10 @@ def bench_audit_controls(measured):
     """The controls' declarations hold."""
     wrong = off(measured("audit"), measured("audit_claims"))
     assert not wrong, "\n".join(wrong)
+
+
+def bench_audit_modes(measured):
+    """The controls leave the process's floating-point mode as they found it."""
+    rows = [r for r in measured(modes.TABLE) if r["package"] == page.OWN and r["status"] == "ok"]
+    changed = [r["peer"] for r in rows if r["mode"] != modes.KEPT]
+    assert not changed, ", ".join(changed)

@@ -8,7 +8,7 @@ from phasebench.benchmarks.certificate import evidence
 from phasebench.benchmarks.page.markdown import listed
 from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, Verdict, of
 
-from . import audit, figures, judge, measures
+from . import audit, figures, judge, measures, modes
 from .statements import NEAR, SEVERITIES
 
 OWN = "phasebench"
@@ -73,6 +73,33 @@ def statements(stated: pd.DataFrame) -> Verdict | None:
     text = f"Of {len(stated)} statements of documentation, each with a script, {holds} hold, {wrong} are contradicted, "
     text += f"{more} understated, {open_} not judged{worst}."
     return Verdict(text, wrong == 0, f"{wrong} of {len(stated)} statements of documentation are contradicted.")
+
+
+@of(modes.TABLE)
+def left_as_found(found: pd.DataFrame) -> Verdict | None:
+    """Who leaves the process in another floating-point mode."""
+    seen = found[(found["status"] == "ok") & (found["package"] != OWN)]
+    if seen.empty:
+        return None
+    wrong = seen[seen["mode"] != modes.KEPT]
+    text = (
+        f"{len(seen) - len(wrong)} of {len(seen)} integrators leave the process's floating-point mode as they found it"
+    )
+    if wrong.empty:
+        return Verdict(f"{text}.", True, f"{text}.")
+    text += f"; after {listed(list(wrong['peer']), 3)} numbers below 2⁻¹⁰²² are flushed to zero in whatever follows"
+    return Verdict(
+        f"{text}.", False, f"{len(wrong)} of {len(seen)} integrators change the process's floating-point mode."
+    )
+
+
+def beside_claims(data: Data) -> Verdict | None:
+    """What documentation states and what runs leave behind: a finding where either is."""
+    parts = [v for v in (statements(data), left_as_found(data)) if v is not None]
+    if not parts:
+        return None
+    worst = next((v for v in parts if not v.holds), parts[0])
+    return Verdict(" ".join(v.text for v in parts), worst.holds, worst.short)
 
 
 def _by_severity(frame: pd.DataFrame) -> pd.DataFrame:
@@ -141,6 +168,9 @@ def table(data: Data) -> Table | None:
         bad = stated[stated["verdict"].isin([judge.CONTRADICTED, judge.UNDERSTATED])]
         bad = pd.concat([_by_severity(bad[bad["verdict"] == v]) for v in (judge.CONTRADICTED, judge.UNDERSTATED)])
         lines += [_stated(r) for r in bad.itertuples()]
+    if (left := data(modes.TABLE)) is not None:
+        wrong = left[(left["status"] == "ok") & (left["mode"] != modes.KEPT)]
+        lines += [_changes(*key, part) for key, part in wrong.groupby(["package", "version", "mode"], sort=False)]
     if found is not None and claimed is not None:
         mine = _claims(found, claimed)
         shown = mine[mine["verdict"].isin([judge.CONTRADICTED, judge.IN_PART, judge.UNDERSTATED])]
@@ -182,6 +212,16 @@ def _claim(r) -> dict:
     }
 
 
+def _changes(package: str, version: str, mode: str, part: pd.DataFrame) -> dict:
+    return {
+        "package": f"{package} {version}",
+        "said": f"(nothing) {listed(list(part['peer']), 3)}",
+        "measured": "2⁻¹⁰⁷⁴ + 0 is 0 afterwards in its process",
+        "verdict": f"floating-point mode {mode}",
+        "what would mend it": "restore the mode (fesetenv) at the end of a call",
+    }
+
+
 def _quoted(text: str, where: str) -> str:
     """The first words of a text; the value of an attribute with its class."""
     if (attribute := where.rpartition(".")[2]) and text.startswith(f"{attribute} = "):
@@ -198,7 +238,7 @@ def mended(stated: pd.DataFrame) -> pd.DataFrame:
 PAGE = Page(
     id="audit",
     question="Are the established integrators what their packages claim?",
-    tables=("audit", "audit_claims", "audit_statements", "audit_unregistered"),
+    tables=("audit", "audit_claims", "audit_statements", "audit_unregistered", modes.TABLE),
     setting=(
         "Every integrator is a black box (q₀, p₀, h, n) → (q, p), called through its package; desolver's choice of the step "
         "is replaced by a constant one (adaptation_fn), since its own loop keeps no step of an implicit method.",
@@ -208,8 +248,10 @@ PAGE = Page(
         "Symplecticity: MᵀJM − J by extrapolated differences; reversibility: out and back; energy: its drift with an "
         f"interval over {measures.SHORTEST} to {measures.LONG} steps; stability: where the matrix of a step on the oscillator "
         "has bounded powers. Orbits in general position.",
+        f"Floating-point mode: whether 2⁻¹⁰⁷⁴ survives an addition after {modes.STEPS} steps, in a process where it did before; "
+        "elsewhere in this suite the mode is taken back after each run.",
     ),
-    verdicts=(claims, statements, covered),
+    verdicts=(claims, beside_claims, covered),
     figures=draw,
     table=table,
     whole=mended,

@@ -24,7 +24,7 @@ import sympy as sp
 
 from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.integrator import integrator
-from phasebench.benchmarks.problems.fpu import formula
+from phasebench.benchmarks.problems.fpu import formula, soft_springs
 from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
 from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.prepared import lay_out
@@ -130,7 +130,7 @@ class Springs:
 def drift(Q, P, fast) -> float:
     """The largest change of a window's mean energy, in units of the energy; ``fast`` is that of the stiff springs."""
     with np.errstate(all="ignore"):
-        squares = [s * s for s in (Q[0] - Q[2], Q[1] - Q[3] - Q[0] - Q[2], Q[1] + Q[3])]
+        squares = [s * s for s in soft_springs(Q[:2], Q[2:])]
         energy = sum(s * s for s in squares) / 4 + (P[0] ** 2 + P[1] ** 2) / 2 + fast
         size = len(energy) // WINDOWS
         means = energy[: size * WINDOWS].reshape(WINDOWS, size).mean(axis=1)

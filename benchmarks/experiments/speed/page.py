@@ -102,7 +102,9 @@ PAGE = Page(
     whole=_whole,
     limits=(
         "Times are the machine's own: another processor or compiler moves the ratios, and a busy machine more so.",
-        "Sums here are compensated, those of the C loop are not.",
+        "Sums here are compensated, those of the C loops are not.",
+        "The last kick of a step and the first of the next are one here, and in the C loop with merged kicks; the other "
+        "makes both.",
     ),
     command="pytest benchmarks/experiments/speed",
 )

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from math import inf, isfinite
 from typing import NamedTuple
 
+from phasebench.benchmarks.certificate.fronts import ROUND_OFF
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.quantities import Quantity, Truth, error
 from phasebench.benchmarks.problems.questions import Question
@@ -40,8 +41,6 @@ HOPELESS = 30.0
 FAILURES, WASTED = 10, 1.5
 #: Shorter runs are made twice for their time; no longer ones are made again, so often, before somebody is dropped.
 SHORT, LONG, AGAIN = 0.05, 0.2, 3
-#: No larger error is that of round-off.
-ROUND_OFF = 1e-8
 #: To compile a method's run without output pays where one with rows, less the seconds that handing these over may take,
 #: is within this factor of the cheapest.
 OVERHEAD, WORTH = 3e-4, 2 * KEEP

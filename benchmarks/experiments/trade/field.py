@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from functools import cache
 
+from phasebench.benchmarks.advice.exact import exact
 from phasebench.benchmarks.measure.integrator import OURS, Integrator, integrator
 from phasebench.integrators.record import Method
 from phasebench.reference.peers import PEERS, heyoka, rebound, scipy
@@ -31,14 +32,6 @@ SMALL = 4
 PRACTICAL = ("splitting", "runge_kutta", "relaxation", "adaptive", "wisdom_holman", "trigonometric")
 #: The most unknowns of a Gauss method's stages there: its dense Newton steps cost their cube.
 UNKNOWNS = 512
-#: Problem -> families or methods of ours and integrators of REBOUND that solve it in one step, whatever its length.
-EXACT = {
-    "kepler": ({"wisdom_holman"}, {"whfast", "whfast512", "saba", "mercurius", "trace"}),
-    "harmonic-oscillator": (
-        {"gautschi", "deuflhard", "mollified-impulse", "hochbruck-lubich", "hairer-lubich", "grimm-hochbruck"},
-        set(),
-    ),
-}
 #: Who is measured first, on either side: what they need is what the others have to beat.
 FIRST = ("heyoka", "heyoka-high-accuracy", "rebound-ias15", "stormer-verlet", "pefrl", "gauss-4", "gauss-8")
 
@@ -72,13 +65,6 @@ def able(problem) -> tuple[list[Integrator], dict[str, str]]:
         else:
             cannot[c.label] = lack
     return can, cannot
-
-
-def exact(c: Integrator, problem) -> bool:
-    """Whether there is nothing to integrate for it, so that what it costs is no price of an accuracy."""
-    of_ours, of_rebound = EXACT.get(problem.id, (set(), set()))
-    settings = getattr(c.record, "settings", {})
-    return bool({c.id, getattr(c.record, "family", None)} & of_ours) or settings.get("integrator") in of_rebound
 
 
 def practical(m: Method, system) -> bool:

@@ -14,13 +14,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from phasebench.benchmarks.advice.cheapest import cheapest
+from phasebench.benchmarks.certificate.fronts import ROUND_OFF
 from phasebench.benchmarks.measure import timing, truths
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.quantities import quantity
 from phasebench.benchmarks.problems.questions import BY_ID
 from phasebench.benchmarks.rows.cells import Rows
 
-from .climb import ROUND_OFF, Climb, Known, Rung, Task, climb
+from .climb import Climb, Known, Rung, Task, climb
 from .field import able, ours
 
 FINALISTS, MARGIN, REFINED = 3, 1.4, 3
@@ -28,8 +30,6 @@ FINALISTS, MARGIN, REFINED = 3, 1.4, 3
 SPARE = 1.03
 #: Rounds of a final: at least, at most, and the seconds that they may take together.
 LEAST, MOST, SECONDS = 6, 15, 0.6
-#: A finer run that meets an accuracy stands before the widest that does, if it takes less than this share of its time.
-CHEAPER = 0.8
 #: Rows are kept of climbs that come so near to the cheapest known.
 NEAR = 2.0
 #: Finals in which a round takes longer than this have one finalist of each side less.
@@ -90,12 +90,6 @@ def bracket(rungs: list[Rung], wanted: float) -> tuple[Rung | None, list[Rung]]:
     missing = [k for k, r in enumerate(rungs) if not r.error <= wanted and (k < least or r.error > ROUND_OFF)]
     last = missing[-1] if missing else -1
     return (rungs[last] if missing else None), [r for r in rungs[last + 1 :] if r.error <= wanted]
-
-
-def cheapest(meeting: list[Rung]) -> Rung:
-    """Of rungs that meet an accuracy the widest, unless a finer one takes clearly less time."""
-    widest, least = meeting[0], min(meeting, key=lambda r: r.seconds)
-    return least if least.seconds < CHEAPER * widest.seconds else widest
 
 
 def estimate(rungs: list[Rung], wanted: float) -> float:

@@ -1,0 +1,246 @@
+r"""Newton's method for stage equations x = G(x) of a narrow band: a step costs as much as the lattice is long.
+
+Simplified Newton: the matrix 1 - G' is made by differences, a colour of columns at once (`structure`), factorized by
+Gaussian elimination with row interchanges inside of the band, and kept from step to step; where a move is more than
+`SLOW` times the last it is made again.  Where that fails, every iterate gets its own.  The residual is exact, so that
+the solution is one to round-off, as that of `solve.solver`.
+
+Equations start from zero.  A start extrapolated from earlier steps, as of the fixed point, saves an iteration or two of
+eight at small steps; at those that are too long for the fixed point it costs several, and matrices besides.
+
+References: G. H. Golub, C. F. Van Loan, Matrix Computations (2013), 4.3.5 (bands); E. Hairer, G. Wanner, Solving
+Ordinary Differential Equations II (1996), IV.8 (when to make the matrix again).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .solve import NEWTON_LIMIT, NOT_FINITE, SHARE, SOLVED, STALLED, difference, newton_converged
+from .structure import coloured, ordered, owners
+from .vector import inlined, jit, load, minus, plus, size, store
+
+#: A matrix that shortens moves by less than this is made again.
+SLOW = 0.3
+#: Iterations for an equation, at most.
+LIMIT = 60
+
+
+class Band(NamedTuple):
+    """Where the entries of a matrix of a band are.
+
+    Attributes
+    ----------
+    width : how far from the diagonal they are at most, in the order of ``place``
+    place, colour : arrays (n,), of each unknown
+    owner : array (colours, n), the unknown of a colour that an equation has; -1 where it has none
+    """
+
+    width: int
+    place: np.ndarray
+    colour: np.ndarray
+    owner: np.ndarray
+
+
+class Room(NamedTuple):
+    """Where a solver writes: the rows ``spare``, and the next, of ``memory``, and the rows ``at``, ... of ``work``."""
+
+    memory: np.ndarray
+    spare: int
+    work: np.ndarray
+    at: int
+
+
+def band_of(reach) -> Band:
+    """The band of a matrix of which each column has the rows ``reach``; raises InvalidInput where it is wide."""
+    from .kernel import fixed
+
+    n = len(reach)
+    reach = [np.union1d(rows, [j]) for j, rows in enumerate(reach)]  # 1 - G' has a diagonal
+    colours = coloured(reach, n)
+    place, width = ordered(reach)
+    return Band(width, fixed(place), fixed(np.array(colours)), fixed(owners(reach, colours)))
+
+
+@jit
+def columns(band):
+    """Numbers that a row of the factorized matrix takes: its fill is as wide as the band, and it has a pivot."""
+    return 3 * band.width + 2
+
+
+# -- a matrix of a band ------------------------------------------------------------------------------------------------
+#
+# Row i stands in A[at + i]: its entry of column j in the column j - i + width, of the diagonal at last the inverse; the
+# pivot's row stands in the column after them.
+
+
+@jit
+def factorize(A, at, n, width):
+    """The factors of the matrix, in its place; False where it is singular."""
+    for k in range(n):
+        last, end = min(n, k + width + 1), min(n, k + 2 * width + 1)
+        pivot = k
+        for r in range(k + 1, last):
+            if abs(A[at + r, k - r + width]) > abs(A[at + pivot, k - pivot + width]):
+                pivot = r
+        if not abs(A[at + pivot, k - pivot + width]) > 0:
+            return False
+        A[at + k, 3 * width + 1] = pivot
+        if pivot != k:
+            for j in range(k, end):
+                a, b = A[at + k, j - k + width], A[at + pivot, j - pivot + width]
+                A[at + k, j - k + width], A[at + pivot, j - pivot + width] = b, a
+        A[at + k, width] = 1.0 / A[at + k, width]
+        for r in range(k + 1, last):
+            factor = A[at + r, k - r + width] * A[at + k, width]
+            A[at + r, k - r + width] = factor
+            for j in range(k + 1, end):
+                A[at + r, j - r + width] = A[at + r, j - r + width] - factor * A[at + k, j - k + width]
+    return True
+
+
+@jit
+def substitute(A, at, n, width, table, row):
+    """Solve, in place of the right-hand side in a row of a table, by the factors."""
+    for k in range(n):
+        pivot = int(A[at + k, 3 * width + 1])
+        b = table[row, pivot]
+        table[row, pivot] = table[row, k]
+        table[row, k] = b
+        for r in range(k + 1, min(n, k + width + 1)):
+            table[row, r] = table[row, r] - A[at + r, k - r + width] * b
+    for k in range(n - 1, -1, -1):
+        b = table[row, k]
+        for j in range(min(n, k + 2 * width + 1) - 1, k, -1):  # the next waits for the nearest alone, which comes last
+            b = b - A[at + k, j - k + width] * table[row, j]
+        table[row, k] = b * A[at + k, width]
+
+
+@jit
+def forget(work, at, end):
+    """Have the matrix in the rows ``at``, ..., of ``end`` columns, made again."""
+    work[at, end - 1] = -1.0
+
+
+@jit
+def forgotten(work, at, end):
+    """Whether it is to be made."""
+    return work[at, end - 1] < 0
+
+
+# -- the solver --------------------------------------------------------------------------------------------------------
+
+
+def band_solver(G, lengths):
+    """The solver of x = G(x, arguments), with ``lengths`` as of `solve.solver`; the arguments have a field q.
+
+    It is a function (arguments, start, span, eps, band, room) -> (x, evaluations, status).  It keeps the matrix in the
+    room, for the next equation of its kind (`forget`).
+    """
+
+    @jit
+    def linearize(arguments, x, g, span, eps, band, room):
+        """Factorize the matrix of 1 - G' at x, where G is g; False where it is singular."""
+        memory, spare, work, at, width = room.memory, room.spare, room.work, room.at, band.width
+        n, d = len(x), len(arguments.q)
+        first, second = lengths(x, g, arguments)
+        in_first, in_second = difference(first / d, span / d, eps), difference(second / d, span / d, eps)
+        for i in range(n):
+            for k in range(3 * width + 1):
+                work[at + i, k] = 0.0
+            work[at + i, width] = 1.0
+        store(memory, spare, x)
+        for c in range(len(band.owner)):
+            for i in range(n):
+                step = in_first if 2 * i < n else in_second
+                memory[spare + 1, i] = memory[spare, i] + (step if band.colour[i] == c else 0.0)
+            store(memory, spare + 1, minus(G(load(memory, spare + 1, x), arguments), g))
+            for i in range(n):
+                j = band.owner[c, i]
+                if j >= 0:
+                    step = in_first if 2 * j < n else in_second
+                    row, column = band.place[i], band.place[j]
+                    k = column - row + width
+                    work[at + row, k] = work[at + row, k] - memory[spare + 1, i] / step
+        return factorize(work, at, n, width)
+
+    @jit
+    def move(x, g, band, room):
+        """The solution of the linear equations with the right-hand side g - x."""
+        memory, spare, n = room.memory, room.spare, len(x)
+        store(memory, spare, minus(g, x))
+        for i in range(n):
+            memory[spare + 1, band.place[i]] = memory[spare, i]
+        substitute(room.work, room.at, n, band.width, memory, spare + 1)
+        for i in range(n):
+            memory[spare, i] = memory[spare + 1, band.place[i]]
+        return load(memory, spare, x)
+
+    @jit
+    def simplified(arguments, start, span, eps, band, room):
+        """By the matrix that is kept, or one made on the way."""
+        work, at, end = room.work, room.at, columns(band)
+        x, last = start, np.inf
+        evaluations, made = 0, 0
+        for _ in range(LIMIT):
+            g = G(x, arguments)
+            evaluations += 1
+            if forgotten(work, at, end):
+                made += 1
+                evaluations += len(band.owner)
+                if made > NEWTON_LIMIT or not linearize(arguments, x, g, span, eps, band, room):
+                    break
+                last = np.inf
+            dx = move(x, g, band, room)
+            new, delta = plus(x, dx), size(dx)
+            unit = eps * size(new)
+            if delta < last and (delta == 0 or (last < np.inf and delta * delta <= SHARE * unit * (last - delta))):
+                return new, evaluations, SOLVED
+            if delta <= 1e3 * (unit + eps * span):
+                if delta >= last:
+                    return new, evaluations, SOLVED
+            elif not delta <= SLOW * last:
+                forget(work, at, end)
+                if made == 0:  # the matrix was that of a step before: begin anew with this one's
+                    x = start
+                    continue
+                if not delta < last:
+                    if not delta < np.inf:
+                        break
+                    continue
+            x, last = new, delta
+        return x, evaluations, STALLED
+
+    @jit
+    def newton(arguments, start, span, eps, band, room):
+        """By a matrix for every iterate."""
+        x, last = start, np.inf
+        evaluations = 0
+        for _ in range(NEWTON_LIMIT):
+            g = G(x, arguments)
+            evaluations += 1 + len(band.owner)
+            if not linearize(arguments, x, g, span, eps, band, room):
+                return x, evaluations, STALLED
+            dx = move(x, g, band, room)
+            x, delta = plus(x, dx), size(dx)
+            if not delta < np.inf:
+                return x, evaluations, NOT_FINITE
+            if newton_converged(delta, last, eps * size(x), eps * span):
+                return x, evaluations, SOLVED
+            last = delta
+        return x, evaluations, STALLED
+
+    @inlined
+    def solve(arguments, start, span, eps, band, room):
+        """Solve from the start."""
+        x, evaluations, status = simplified(arguments, start, span, eps, band, room)
+        if status != SOLVED:
+            x, more, status = newton(arguments, start, span, eps, band, room)
+            evaluations += more
+            if status != SOLVED:
+                forget(room.work, room.at, columns(band))
+        return x, evaluations, status
+
+    return solve

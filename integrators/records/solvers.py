@@ -1,0 +1,39 @@
+"""Methods whose stage equations are solved in another way than by fixed point, and Newton's method where that fails."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.record import Method
+
+#: The solvers that can be named: Newton's method for equations in a narrow band (`families.banded`).
+BANDED = "banded"
+SOLVERS = (BANDED,)
+
+
+def solved(base: Method, solver: str) -> Method:
+    """The method ``base`` with that solver, which is one more of its parameters.
+
+    Raises
+    ------
+    InvalidInput
+        For an unknown solver, or a method that is not of one stage.
+    """
+    if solver not in SOLVERS:
+        raise InvalidInput(f"the solver is {solver!r}; it must be {' or '.join(SOLVERS)}, or be left out")
+    if base.family == "banded":
+        return base
+    if base.family != "parametric":
+        families = "implicit methods of one stage and their compositions"
+        raise InvalidInput(f"'{base.id}' has no banded solver; {families} have one, such as implicit-midpoint")
+
+    def again(solver, **values):
+        return facts(solved(base(**values), solver))
+
+    return replace(base, family="banded", parameters=dict(base.parameters) | {"solver": solver}, with_parameters=again)
+
+
+def facts(record: Method) -> dict:
+    """What of a record follows from its parameters."""
+    return {name: getattr(record, name) for name in ("data", "order", "symmetric")}

@@ -1,0 +1,67 @@
+"""Singles: the orbits of an ensemble that one kernel integrates one by one, with as little of Python as can be.
+
+A kernel runs without the interpreter's lock; what goes before and after it does not, and what `integrate` does there
+for an orbit is done here for all of them at once: threads do not wait for one another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .engine.kernel import prepare
+from .engine.solve import SOLVED
+from .lots import Orbits, pieces
+from .prepared import Layout, lay_out, step_of
+from .threads import shared
+
+
+def run(orbits: Orbits, members: np.ndarray, threads: int, tell: Callable[[int], None]) -> np.ndarray:
+    """Integrate the members and fill their rows; those that have to be judged by `integrate` are returned.
+
+    They are the orbits whose kernel did not reach the end, and all of methods that may miss what they promise.
+    """
+    known = {k: prepare(orbits.kinds[k], orbits.system) for k in set(orbits.kind[members].tolist())}
+    whole = np.array([not known[k].missed for k in orbits.kind[members].tolist()], bool)
+    mine, left = members[whole], [members[~whole]]
+    for counts, stopped, n in shared(lambda part: _share(orbits, known, mine[part]), len(mine), threads):
+        for name, number in counts.items():
+            orbits.counts[name] += number
+        left.append(stopped)
+        tell(n - len(stopped))
+    return np.concatenate(left).astype(int)
+
+
+def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[dict[str, int], np.ndarray, int]:
+    """Integrate some; returns the counts of those that came to their end, the others, and how many there were."""
+    total: dict[str, int] = {}
+    layouts: dict[int, Layout] = {}
+    stopped = []
+    for i in members.tolist():
+        kernel, q, p = known[orbits.kind[i]], orbits.q[i], orbits.p[i]
+        layout = layouts.get(orbits.kind[i])
+        if layout is None:
+            layout = layouts[orbits.kind[i]] = lay_out(kernel, orbits.system.d, orbits.h[i], q, p)
+        else:
+            layout.step = step_of(kernel, orbits.system.d, orbits.h[i], q, p)
+            layout.restart(q, p)
+        if not _filled(orbits, i, layout):
+            stopped.append(i)
+            continue
+        numbers = (int(layout.counts[name]) for name in ("gradient", "fallbacks", "newton"))
+        for name, number in kernel.tally(int(orbits.steps[i]), *numbers).items():
+            total[name] = total.get(name, 0) + number
+    return total, np.array(stopped, int), len(members)
+
+
+def _filled(orbits: Orbits, i: int, layout: Layout) -> bool:
+    """Fill the rows of an orbit; whether all were reached."""
+    Q, P = orbits.Q[i], orbits.P[i]
+    parameter = np.full((len(Q), 1), np.nan)
+    for first, rows, every in pieces(int(orbits.steps[i]), int(orbits.every[i])):
+        filled = slice(1 + first, 1 + first + rows)
+        if layout(Q[filled], P[filled], parameter[filled], every) != (rows, SOLVED):
+            return False
+    orbits.filled[i] = len(Q)
+    return True

@@ -1,0 +1,57 @@
+"""How a slow oscillation is found, refined and taken away before a drift is told; the blocks that tell it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.measure import drift as module
+
+N = 400
+X = np.arange(N) / N - 0.5
+HANN = np.hanning(N + 2)[1:-1]
+
+
+def wave(periods: float, phase: float = 0.3) -> np.ndarray:
+    """A cosine of so many periods in the whole time."""
+    return np.cos(2 * np.pi * periods * X + phase)
+
+
+@pytest.mark.parametrize("periods", [5.1, 17.37, 60.8])
+def test_a_line_is_found_to_a_hundredth_of_a_period_and_refined_to_round_off(periods):
+    found = module._line(wave(periods) * HANN)
+    assert abs(found - periods) < 0.01
+    started = np.array([periods + 0.05])
+    assert abs(module._refined(X, wave(periods), HANN, started)[0] - periods) < 1e-7 < 0.05, (
+        "Newton's method, three steps"
+    )
+
+
+@pytest.mark.parametrize("start", [-0.9, 0.9])
+def test_refining_moves_a_frequency_by_at_most_a_period(start):
+    """Of noise, whose Newton steps are of any size."""
+    moved = []
+    for seed in range(20):
+        noise = np.random.default_rng(seed).standard_normal(N)
+        moved.append(module._refined(X, noise, HANN, np.array([20 + start]))[0] - 20 - start)
+    assert max(map(abs, moved)) <= 1 + 1e-12
+    assert min(moved) < -0.3
+    assert max(moved) > 0.3
+
+
+def test_an_error_that_alternates_from_row_to_row_has_no_drift():
+    t = np.arange(400.0)
+    found = module.drift(t, np.where(t % 2, 1e-3, -1e-3))
+    assert found.low <= 0 <= found.high
+    assert module._line(wave(N / 2 - 1) * HANN) is None, "too fast to be told from its mirror image"
+
+
+def test_blocks_are_of_unequal_length_and_no_two_neighbours_alike():
+    """A jump gives a slope in its own block alone."""
+    t = np.arange(1200.0)
+    owner = [int(np.argmax(np.abs(module._slopes(t, (t > at).astype(float))))) for at in range(0, 1199, 4)]
+    lengths = np.bincount(owner, minlength=module.BLOCKS) * 4
+    mean = 1200 / module.BLOCKS
+    assert lengths.min() > (1 - module.UNEQUAL) * mean - 8
+    assert lengths.max() < (1 + module.UNEQUAL) * mean + 8
+    assert np.abs(np.diff(lengths)).min() > 0.2 * mean

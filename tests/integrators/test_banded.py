@@ -1,0 +1,372 @@
+"""Newton's method in a narrow band: the same steps as by full matrices, at a cost by d that is the lattice's length."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.linalg import solve_banded
+
+from phasebench.benchmarks.problems import fpu, klein_gordon, n_body, nls, problem, toda
+from phasebench.integrators import Hamiltonian, InvalidInput, integrate
+from phasebench.integrators.engine import banded, structure
+from phasebench.integrators.prepared import prepare
+from phasebench.integrators.registry import method
+from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
+
+EPS = np.finfo(float).eps
+#: Name -> (module, constants, d, a step at which the fixed point converges, one at which it does not).
+LATTICES = {
+    "toda": (toda, (), 25, 0.1, 3.0),
+    "fpu": (fpu, (2500,), 24, 0.01, 0.2),
+    "klein-gordon": (klein_gordon, (4, 2), 24, 0.1, 1.0),
+    "nls": (nls, (4, 4), 24, 0.02, 0.5),
+}
+
+
+def lattice(name, d=None, constants=None):
+    """(system, initial data) of loops."""
+    module, usual, least, *_ = LATTICES[name]
+    d = d or least
+    loops = {n: getattr(module, n) for n in ("field", "grad_V", "energy") if hasattr(module, n)}
+    q, p = ([f"{x}{i}" for i in range(d)] for x in "qp")
+    system = HandHamiltonian(q=q, p=p, loops=loops, constants=usual if constants is None else constants)
+    start = 0.1 * np.random.default_rng(7).normal(size=(2, d))
+    return system, dict(zip(("q0", "p0"), start, strict=True))
+
+
+def ends(system, id, start, h, steps=15, **parameters):
+    s = integrate(system, id, h=h, steps=steps, parameters=parameters, **start)
+    return s, np.concatenate([s.q[-1], s.p[-1]])
+
+
+# -- the steps are those of the full matrix ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", LATTICES)
+@pytest.mark.parametrize("long", [False, True])
+def test_a_step_is_that_of_the_full_solver_where_the_fixed_point_converges_and_where_not(name, long):
+    system, start = lattice(name)
+    h = LATTICES[name][4 if long else 3]
+    full, end = ends(system, "implicit-midpoint", start, h)
+    found, other = ends(system, "implicit-midpoint", start, h, solver="banded")
+    assert full.status == found.status == "ok"
+    assert (full.counts["newton"] == 15) == long
+    assert np.abs(other - end).max() < 2e-14 * np.abs(end).max()
+    moved = np.abs(end - np.concatenate([start["q0"], start["p0"]])).max()
+    assert moved > 1e-2, "the control"
+    assert found.counts["newton"] == 15
+    if long:
+        assert found.counts["gradient"] < full.counts["gradient"] / 5
+
+
+@pytest.mark.parametrize(
+    ("id", "parameters"),
+    [
+        ("scheme-i", {"lam": 1 / 3}),
+        ("scheme-i", {"lam": -1}),
+        ("scheme-iii", {"lam": 1 / 3}),
+        ("scheme-iii", {"lam": 0.9}),
+        ("implicit-euler", {}),
+        ("scheme-iii-yoshida-4", {}),
+    ],
+)
+@pytest.mark.parametrize("name", ["toda", "nls"])
+def test_every_method_of_one_stage_takes_the_same_steps(name, id, parameters):
+    system, start = lattice(name)
+    full, end = ends(system, id, start, 0.03, **parameters)
+    found, other = ends(system, id, start, 0.03, **parameters, solver="banded")
+    assert full.status == found.status
+    assert len(full.q) == len(found.q) > 1
+    assert np.abs(other - end).max() < 1e-13 * np.abs(end).max()
+
+
+@pytest.mark.parametrize(("name", "id"), [("toda", "scheme-ii"), ("pendulum", "scheme-iii")])
+def test_states_in_registers_and_fields_of_higher_order_too(name, id):
+    made = problem(name)
+    full, found = (integrate(made, id, h=0.3, steps=10, parameters=more) for more in ({}, {"solver": "banded"}))
+    assert full.status == found.status == "ok"
+    assert np.abs(full.q - found.q).max() < 1e-14 * np.abs(full.q).max()
+
+
+def test_masses_that_couple_momenta_are_seen():
+    """T = p.M^-1 p / 2 with neighbours in M^-1: the kick's equation is of the product."""
+    d = 6
+    q, p = sp.symbols(f"q:{d}", real=True), sp.symbols(f"p:{d}", real=True)
+    T = sum(x**2 for x in p) + sum(p[i] * p[i + 1] for i in range(d - 1)) / 2
+    V = sum((q[i + 1] - q[i]) ** 2 / 2 + q[i] ** 4 / 4 for i in range(d - 1))
+    system = Hamiltonian(q=q, p=p, H=T + V)
+    start = {"q0": np.linspace(0.3, 1, d), "p0": np.zeros(d)}
+    full, found = (ends(system, "implicit-midpoint", start, 0.5, **more) for more in ({}, {"solver": "banded"}))
+    assert full[0].status == found[0].status == "ok"
+    assert np.abs(full[1] - found[1]).max() < 1e-13
+
+
+def test_explicit_steps_stay_explicit():
+    system, start = lattice("toda")
+    explicit, end = ends(system, "scheme-i", start, 0.1, lam=1)
+    same, other = ends(system, "scheme-i", start, 0.1, lam=1, solver="banded")
+    assert (end == other).all()
+    assert same.counts == explicit.counts
+
+
+def test_equations_without_a_solution_are_not_called_solved():
+    system, start = lattice("nls")
+    start = {name: 10 * x for name, x in start.items()}
+    for more in ({}, {"solver": "banded"}):
+        s = integrate(system, "implicit-midpoint", h=0.5, steps=3, parameters=more, **start)
+        assert s.status == "not-converged", s.reason
+
+
+def test_where_the_kept_matrix_is_of_no_use_a_new_one_is_made(monkeypatch):
+    """Long steps of large amplitudes, which no matrix serves twice; the full solver is as far."""
+    system, start = lattice("fpu")
+    start = {name: 30 * x for name, x in start.items()}
+    full, end = ends(system, "implicit-midpoint", start, 1.0)
+    found, other = ends(system, "implicit-midpoint", start, 1.0, solver="banded")
+    assert full.status == found.status == "ok"
+    assert np.abs(other - end).max() < 1e-12 * np.abs(end).max()
+    gentle, _ = ends(*(system, "implicit-midpoint", {k: x / 300 for k, x in start.items()}, 1.0), solver="banded")
+    assert found.counts["gradient"] > 2 * gentle.counts["gradient"]
+
+
+def test_a_prepared_run_forgets_the_matrix_of_another_step():
+    system, start = lattice("toda")
+    made = type("Made", (), {"system": system, **start})
+    run = prepare(made, "implicit-midpoint", solver="banded")
+    first = run(3.0, 5)[0]
+    counted = run.counts["gradient"]
+    run(0.01, 5)
+    assert (run(3.0, 5)[0] == first).all()
+    assert run.counts["gradient"] == counted
+    whole = integrate(system, "implicit-midpoint", h=3.0, steps=5, parameters={"solver": "banded"}, **start)
+    assert (whole.q[-1] == first).all()
+
+
+# -- the cost ----------------------------------------------------------------------------------------------------------
+
+
+def test_evaluations_of_a_step_do_not_grow_with_the_lattice_and_the_full_solvers_do():
+    counts = {}
+    for d in (24, 96):
+        system, start = lattice("fpu", d)
+        for solver in ("banded", None):
+            more = {} if solver is None else {"solver": solver}
+            counts[d, solver] = ends(system, "implicit-midpoint", start, 0.2, steps=5, **more)[0].counts["gradient"]
+    assert counts[96, "banded"] < 1.2 * counts[24, "banded"]
+    assert counts[96, None] > 3 * counts[24, None], "the control"
+
+
+class Counted(float):
+    """A number that counts the products, quotients and sums it takes part in."""
+
+    operations = 0
+
+
+def _counting(name):
+    def operate(self, other):
+        Counted.operations += 1
+        return Counted(getattr(float, name)(self, float(other)))
+
+    return operate
+
+
+for _name in ("__mul__", "__rmul__", "__truediv__", "__rtruediv__", "__sub__", "__add__"):
+    setattr(Counted, _name, _counting(_name))
+
+
+def operations(n, width):
+    """What it takes to factorize and to solve once."""
+    A = np.zeros((n, 3 * width + 2), object)
+    A[:, : 2 * width + 1] = np.random.default_rng(1).normal(size=(n, 2 * width + 1))
+    A[...] = np.vectorize(Counted, otypes=[object])(A)
+    Counted.operations = 0
+    assert banded.factorize.py_func(A, 0, n, width)
+    table = np.array([[Counted(1.0)] * n], object)
+    banded.substitute.py_func(A, 0, n, width, table, 0)
+    return Counted.operations
+
+
+def test_operations_grow_as_the_lattice_is_long():
+    few, many = operations(50, 3), operations(200, 3)
+    assert 3.9 < many / few < 4.4
+    assert many < 200 * 3 * (4 * 3 + 10)
+    assert operations(50, 49) > 5 * few, "the control: as wide as it is long"
+
+
+@pytest.mark.parametrize("name", LATTICES)
+def test_matrix_and_structure_grow_as_the_lattice_is_long(name):
+    sizes = {}
+    for d in (40, 160):
+        system, start = lattice(name, d)
+        run = prepare(type("Made", (), {"system": system, **start}), "implicit-midpoint", solver="banded")
+        band = run._prepared.step.band
+        sizes[d] = band.width, len(band.owner), run._layout.orbit.work.size / d
+    assert sizes[40] == sizes[160]
+    assert sizes[40][0] <= 7
+    assert sizes[40][1] <= 9
+
+
+# -- structure ---------------------------------------------------------------------------------------------------------
+
+
+def ring(n, f=lambda x: x * x):
+    """f of the neighbours' difference, on a ring, and how many evaluations it took."""
+    calls = []
+
+    def slope(x):
+        calls.append(1)
+        return f(x - np.roll(x, 1)) + f(np.roll(x, -1) - x)
+
+    return slope, calls
+
+
+@pytest.mark.parametrize("n", [3, 8, 37, 500])
+def test_a_ring_is_found_and_folded(n):
+    f, calls = ring(n)
+    reach = structure.found(f, [np.linspace(1, 2, n)])
+    assert all(set(r) == {(j - 1) % n, j, (j + 1) % n} for j, r in enumerate(reach))
+    place, width = structure.ordered(reach)
+    assert sorted(place) == list(range(n))
+    assert width <= 2
+    assert len(calls) < 12 * (1 + np.log2(n))
+
+
+def test_colours_share_no_row():
+    rng = np.random.default_rng(2)
+    reach = [np.unique(rng.integers(0, 40, size=4)) for _ in range(40)]
+    colours = structure.coloured(reach, 40)
+    owner = structure.owners(reach, colours)
+    for j, rows in enumerate(reach):
+        assert (owner[colours[j], rows] == j).all()
+    assert (owner >= 0).sum() == sum(map(len, reach))
+
+
+def test_points_at_which_nothing_is_finite_are_passed_over():
+    f, _ = ring(9, np.sqrt)
+    with pytest.raises(InvalidInput, match="finite at none"):
+        structure.found(f, [np.arange(9.0)])
+    reach = structure.found(lambda x: np.sqrt(x) + np.roll(x, 1), [-np.ones(9), np.ones(9)])
+    assert all(set(r) == {j, (j + 1) % 9} for j, r in enumerate(reach))
+
+
+def test_what_is_hidden_from_probes_is_said():
+    def honest(x):
+        return x + np.roll(x, 1)
+
+    def hiding(x):
+        far = x[-1] if x[-1] == x[-1] else 0.0
+        return honest(x) + np.where(np.arange(len(x)) == 4, 3 * far, 0.0)
+
+    at = [np.linspace(1, 2, 12)]
+    assert len(structure.found(honest, at)) == 12
+    with pytest.raises(InvalidInput, match="component 4 depends on more"):
+        structure.found(hiding, at)
+
+
+def hiding_chain():
+    """A ring of springs whose loop compares, so that what the last particle does is hidden at the fifth."""
+
+    def grad_V(k):
+        def f(q, g):
+            n = len(q)
+            for i in range(n):
+                g[i] = k * (2 * q[i] - q[i - 1] - q[(i + 1) % n])
+            if q[n - 1] > -1e9:
+                g[4] += k * q[n - 1]
+
+        return f
+
+    def energy(k):
+        return lambda q, p: ((p * p).sum() / 2 + 0 * k, 1.0)
+
+    return {"grad_V": grad_V, "field": lambda k: of_unit_masses(grad_V(-k)), "energy": energy}
+
+
+def test_a_system_that_hides_its_structure_is_refused():
+    q, p = ([f"{x}{i}" for i in range(30)] for x in "qp")
+    system = HandHamiltonian(q=q, p=p, loops=hiding_chain(), constants=(1,))
+    start = {"q0": np.ones(30), "p0": np.zeros(30)}
+    with pytest.raises(InvalidInput, match="component 4"):
+        integrate(system, "implicit-midpoint", h=0.1, steps=1, parameters={"solver": "banded"}, **start)
+    assert integrate(system, "implicit-midpoint", h=0.1, steps=1, **start).status == "ok"
+
+
+def test_bodies_of_which_every_pair_acts_are_refused():
+    loops = {n: getattr(n_body, n) for n in ("field", "grad_V", "energy")}
+    q, p = ([f"{x}{i}" for i in range(90)] for x in "qp")
+    system = HandHamiltonian(q=q, p=p, loops=loops, constants=(1,))
+    start = dict(zip(("q0", "p0"), map(np.array, n_body.plummer(30)), strict=True))
+    with pytest.raises(InvalidInput, match="not banded"):
+        integrate(system, "implicit-midpoint", h=0.1, steps=1, parameters={"solver": "banded"}, **start)
+
+
+def test_a_few_that_act_on_all_make_no_band():
+    n = 200
+    star = [np.arange(n) if j == 0 else np.array([0, j]) for j in range(n)]
+    with pytest.raises(InvalidInput, match="not banded"):
+        banded.band_of(star)
+
+
+# -- the linear algebra ------------------------------------------------------------------------------------------------
+
+
+def banded_matrix(n, width, seed, diagonal=0.0):
+    """(A as `factorize` has it, SciPy's form) of a random matrix; a small diagonal makes rows change places."""
+    rng = np.random.default_rng(seed)
+    A, ab = np.zeros((n + 1, 3 * width + 2)), np.zeros((2 * width + 1, n))
+    for i in range(n):
+        for j in range(max(0, i - width), min(n, i + width + 1)):
+            x = diagonal if i == j and diagonal else rng.normal()
+            A[1 + i, j - i + width], ab[width + i - j, j] = x, x
+    return A, ab
+
+
+@pytest.mark.parametrize(("n", "width"), [(1, 0), (2, 1), (7, 0), (9, 2), (30, 5), (5, 4), (200, 3)])
+@pytest.mark.parametrize("diagonal", [0.0, 1e-9, 100.0])
+def test_solutions_are_those_of_scipy(n, width, diagonal):
+    if width == 0 and diagonal == 1e-9:
+        diagonal = 1.0
+    A, ab = banded_matrix(n, width, n + width, diagonal)
+    b = np.random.default_rng(n).normal(size=n)
+    expected = solve_banded((width, width), ab, b)
+    table = np.array([np.zeros(n), b])
+    assert banded.factorize(A, 1, n, width)
+    banded.substitute(A, 1, n, width, table, 1)
+    condition = np.abs(expected).max() / np.abs(b).max() * np.abs(ab).max()
+    assert np.abs(table[1] - expected).max() < 100 * EPS * n * condition * np.abs(expected).max()
+    assert (table[0] == 0).all()
+    assert (A[0] == 0).all()
+    pivots = A[1:, -1].astype(int)
+    assert (pivots != np.arange(n)).any() == (diagonal < 1 and width > 0 and n > 2) or n == 2
+
+
+def test_a_singular_matrix_is_said_to_be_one():
+    A, _ = banded_matrix(8, 2, 0)
+    A[1:, 2:3] = 0.0
+    A[1:, [0, 1, 3, 4]] = 0.0
+    assert not banded.factorize(A, 1, 8, 2)
+
+
+# -- its name ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_solver_is_a_parameter_like_others():
+    chosen = method("scheme-iii", lam=0.25, solver="banded")
+    assert chosen.label == "scheme-iii(lam=0.25, solver=banded)"
+    assert chosen(lam=1).data == method("scheme-iii", lam=1).data
+    assert chosen(lam=1).family == "banded"
+    assert method(chosen, solver="banded") == chosen
+    assert method("scheme-iii", lam=0.25).family == "parametric"
+    assert method("implicit-midpoint", solver="banded").label == "implicit-midpoint(solver=banded)"
+
+
+def test_other_solvers_and_methods_are_refused():
+    with pytest.raises(InvalidInput, match="must be banded"):
+        method("implicit-midpoint", solver="sparse")
+    with pytest.raises(InvalidInput, match="must be banded"):
+        method("implicit-midpoint", solver="banded")(solver="sparse")
+    with pytest.raises(InvalidInput, match="no banded solver"):
+        method("gauss-2", solver="banded")
+    with pytest.raises(InvalidInput, match="no method"):
+        method("implicit-midpiont", solver="banded")

@@ -1,0 +1,157 @@
+"""What the rows of a run say of its end: on rows that are made up, each sentence both ways."""
+
+from __future__ import annotations
+
+import inspect
+import pkgutil
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+from phasebench import integrators
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.outcome import approach, escaped, judged, passed
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+
+OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
+PLANE = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - y")
+NO_ENERGY = PartitionedSystem(q="q", p="p", dq=["p"], dp=["-q"])
+#: The line with a wall of depth 1/q at its origin.
+WELL = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q", singular=["q"])
+T = np.arange(100.0)
+
+
+def rows(*states):
+    """(Q, P) of states (q, p) of one degree of freedom."""
+    return tuple(np.array(x, dtype=float)[:, None] for x in zip(*states, strict=True))
+
+
+# -- the energy -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("p", "status"), [(1.0, "ok"), (1.001, "unstable")])
+def test_half_the_size_of_the_terms_is_the_last_that_passes(p, status):
+    """H = 1/2 at the start, then 1, of terms that add up to 1."""
+    assert judged(OSCILLATOR, T, *rows((1, 0), (1, p))).status == status
+
+
+def test_the_time_is_that_of_the_first_row_that_is_lost():
+    energy = np.where(T < 40, 1.0, np.where(T < 70, 3.0, 9.0))
+    said = judged(OSCILLATOR, T, np.sqrt(energy)[:, None], np.zeros((100, 1))).reason
+    assert "from t = 40 on" in said
+
+
+def test_an_error_that_only_the_mean_over_all_rows_shows_is_dated_too():
+    """Rows that grow before they come back: by the mean so far nothing is lost, by the mean of all it is."""
+    energy = np.r_[1.0, np.full(9, 100.0), np.full(990, 1.0)]
+    t = np.arange(1000.0)
+    assert "from t = 1 on" in judged(OSCILLATOR, t, np.sqrt(energy)[:, None], np.zeros((1000, 1))).reason
+
+
+def bounded(error):
+    """What is said of the oscillator from an amplitude of 1, with these errors of the energy."""
+    amplitude = np.sqrt(2 * (0.5 + np.array(error)))
+    amplitude[0] = 1.0
+    return (
+        "comes and goes" in judged(OSCILLATOR, np.arange(len(error)), amplitude[:, None], 0 * amplitude[:, None]).reason
+    )
+
+
+def test_an_error_that_comes_and_goes_is_told_from_one_that_grows():
+    waves = 3 * (1 - np.cos(np.arange(100.0)))
+    assert bounded(waves)
+    assert bounded(waves / 10), "whatever its size"
+    assert not bounded(waves * np.linspace(1, 1.5, 100)), "it grows"
+    assert not bounded(waves * np.linspace(1, 15, 100))
+    assert not bounded(3 + waves), "it comes and does not go"
+    assert not bounded(np.full(100, 3.0))
+    assert not bounded(waves[:18]), "too few rows"
+
+
+# -- growth -----------------------------------------------------------------------------------------------------------
+
+
+def test_growth_at_a_kept_energy_is_said_to_be_the_motions_own():
+    """A fall along y: x stays."""
+    t = np.linspace(0, 20, 41)
+    Q, P = np.stack([1 + 0 * t, t**2 / 2], 1), np.stack([0 * t, t], 1)
+    said = escaped(PLANE, Q, P)
+    assert "grown to 200:" in said
+    assert "may escape" in said
+    assert escaped(PLANE, Q[:6], P[:6]) == "", "it has not grown by much"
+    assert escaped(PLANE, Q[:1], P[:1]) == "", "one row"
+    lost = np.where(t[:, None] > 3, 3 * P, P)
+    assert escaped(PLANE, Q, lost) == "", "the energy is lost before it has grown"
+    sideways = np.stack([t**2 / 2, 1 + 0 * t], 1), np.stack([t, 0 * t], 1)
+    along_x = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - x")
+    assert "grown to 200:" in escaped(along_x, *sideways)
+    assert "grown to 200:" in escaped(PLANE, 0 * Q + [0.001, 1] * Q, P), "what is small beside it has no say"
+
+
+def test_without_an_energy_nothing_is_said_of_growth():
+    assert escaped(NO_ENERGY, *rows((1, 0), (1000, 0))) == ""
+    assert approach(NO_ENERGY, *rows((1, 0), (1000, 0)), 0.1) is None
+
+
+# -- singularities ----------------------------------------------------------------------------------------------------
+
+
+def fall(q, H=-1.0):
+    """The momentum with which the well is fallen into, of that energy."""
+    return -np.sqrt(2 * (H + 1 / q))
+
+
+def test_a_state_about_to_step_across_is_the_last_one():
+    near, far = (0.01, fall(0.01)), (0.5, fall(0.5))
+    assert "the step 1.41" in approach(WELL, *rows(far, far, near), 0.1)
+    assert "the distance 0.01 " in approach(WELL, *rows(far, far, near), 0.1)
+    assert approach(WELL, *rows(near, near, far), 0.1) is None
+    assert "the step 1.41" in approach(WELL, *rows(near), 0.1), "it is the first one too"
+
+
+#: A plane with a singularity at the origin, that motions along x pass at a distance.
+KEPLER = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - 1/sqrt(x**2 + y**2)", singular=["sqrt(x**2 + y**2)"])
+
+
+def flyby(x, H):
+    """(Q, P) at the distances 0.1 of a line along x, with energies."""
+    x, H = np.broadcast_arrays(np.array(x, dtype=float), H)
+    Q = np.stack([x, np.full(len(x), 0.1)], 1)
+    return Q, np.stack([np.sqrt(2 * (H + 1 / np.hypot(*Q.T))), np.zeros(len(x))], 1)
+
+
+X = [-5, -0.3, -0.1, 0.1, 5]
+
+
+def test_a_step_longer_than_the_distance_is_told_where_the_energy_is_lost():
+    assert passed(KEPLER, T, *flyby(X, 1.0), 0.2) is None, "kept"
+    assert passed(KEPLER, T, *flyby(X, np.array([1, 1, 1, 1, 0.95])), 0.2) is None, "less than a tenth"
+    said = passed(KEPLER, T, *flyby(X, np.array([1, 1, 1, 1, 0.8])), 0.2)
+    assert "near t = 1 " in said, "the first of several"
+    assert "at distance 0.316 " in said
+    assert f"length {0.2 * flyby(X, 1.0)[1][1, 0]:.3g} " in said
+    after = np.array([1, 0.8, 0.8, 0.8, 0.8])
+    assert "near t = 1 " in passed(KEPLER, T, *flyby(X, after), 0.2), "lost against the start"
+    before = np.array([1, 5, 5, 1, 1])
+    assert passed(KEPLER, T, *flyby([-5, -4, -4, -0.1, 0.1], before), 0.2) is None, "elsewhere"
+    assert passed(KEPLER, T, *flyby(X, np.array([1, 1, 1, 1, 0.8])), 0.01) is None, "short steps"
+
+
+def test_a_head_on_motion_is_told_at_its_first_row():
+    Q, P = flyby(X, 1.0)
+    Q[2:4, 1] = 0.0
+    assert "head-on after t = 2;" in passed(KEPLER, T, Q, P, 0.2)
+
+
+# -- what a name may be given by --------------------------------------------------------------------------------------
+
+
+def test_every_argument_may_be_named():
+    """And what stands behind a star must be: an h in the place of a t_end would be a run of another length."""
+    modules = [import_module(f"{integrators.__name__}.{m.name}") for m in pkgutil.iter_modules(integrators.__path__)]
+    functions = [f for m in modules for f in vars(m).values() if inspect.isfunction(f) and f.__module__ == m.__name__]
+    assert len(functions) > 40
+    for f in functions:
+        kinds = {p.kind for p in inspect.signature(f).parameters.values()}
+        assert inspect.Parameter.POSITIONAL_ONLY not in kinds, f.__qualname__

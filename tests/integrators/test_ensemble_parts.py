@@ -1,0 +1,316 @@
+"""What an ensemble is made of, piece by piece: who goes in lanes, on how many threads, in which calls, what is told."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+from fractions import Fraction
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import (
+    Hamiltonian,
+    ensemble,
+    integrate,
+    integrate_ensemble,
+    lots,
+    prepare,
+    section,
+    trajectory,
+)
+from phasebench.integrators.engine.codegen import compiled
+from phasebench.integrators.ensemble import Ensemble
+from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.registry import BY_ID, method
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+
+OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
+ROOT = Hamiltonian(q="q", p="p", H="p**2/2 + sqrt(q)")
+NO_ENERGY = PartitionedSystem(q="q", p="p", dq=["p"], dp=["-q"])
+
+
+def of(n, system=OSCILLATOR, id="stormer-verlet", **options):
+    """n orbits of the system from q = 1, 2, ..., p = 0."""
+    Q = np.arange(1.0, n + 1)[:, None]
+    return integrate_ensemble(system, id, Q, 0 * Q, **{"h": 0.1, "steps": 3} | options)
+
+
+# -- lanes ------------------------------------------------------------------------------------------------------------
+
+
+def test_orbits_go_in_lanes_where_they_fill_them_or_are_told_to(monkeypatch):
+    monkeypatch.setattr(lots, "able", lambda system, record: record.id == "stormer-verlet")
+    orbits = ensemble._request(OSCILLATOR, "stormer-verlet", np.ones((9, 1)), np.ones((9, 1)), 0.1, None, 3, None, 0)
+    for asked, enough, expected in (
+        (None, 9, True),
+        (None, 10, False),
+        (True, 10, True),
+        (False, 9, False),
+        (False, 1, False),
+    ):
+        monkeypatch.setattr(lots, "ENOUGH", enough)
+        wide = ensemble._goes_in_lanes(orbits, np.arange(9), asked)
+        assert wide.tolist() == [expected] * 9, (asked, enough)
+    other = ensemble._request(OSCILLATOR, "rk4", np.ones((9, 1)), np.ones((9, 1)), 0.1, None, 3, None, 0)
+    assert not ensemble._goes_in_lanes(other, np.arange(9), None).any()
+    with pytest.raises(InvalidInput, match="'rk4' does not run in lanes"):
+        ensemble._goes_in_lanes(other, np.arange(9), True)
+
+
+@pytest.mark.parametrize(("steps", "every"), [(10, 1), (23, 2), (23, 7), (10, 10), (4, 4), (1, 1), (15, 5), (12, 6)])
+@pytest.mark.parametrize("most", [1, 4, 5, 1000])
+def test_the_calls_of_a_lot_are_those_of_a_trajectory(monkeypatch, steps, every, most):
+    for module in (lots, trajectory):
+        monkeypatch.setattr(module, "PIECE", most)
+    calls = []
+
+    class Kernel:
+        counts = np.rec.array([(0,)], dtype=[("fallbacks", int)])[0]
+
+        def __call__(self, Q, P, parameter, every):
+            calls.append((len(Q), every))
+            Q[:], P[:] = 1.0, 0.0
+            return len(Q), 0
+
+    t = trajectory.Trajectory(OSCILLATOR, [1.0], [0.0], 0.1, steps, every, "double")
+    while t:
+        t.advance(Kernel(), trajectory.Pace(None, most))
+    made = list(lots.pieces(steps, every))
+    assert [(rows, size) for _, rows, size in made] == calls
+    assert sum(rows * size for _, rows, size in made) == steps
+    firsts = [first for first, _, _ in made]
+    assert firsts == sorted(firsts)
+    assert firsts[0] == 0
+    assert firsts[-1] + made[-1][1] == -(-steps // every)
+
+
+def test_who_did_not_end_well_is_asked_again():
+    n = np.arange(4)
+    Q, P = np.ones((4, 3, 1)), np.zeros((4, 3, 1))
+    Q[1, 1], P[2, 2], Q[3, 2] = np.nan, np.inf, 2.0
+    state = (
+        np.ones((4, 1)),
+        np.zeros((4, 1)),
+        np.full(4, 0.1),
+        np.full(4, 2),
+        np.ones(4, int),
+        3,
+        [method("rk4")],
+        0 * n,
+    )
+    for system, doubtful in ((OSCILLATOR, [1, 2, 3]), (NO_ENERGY, [1, 2])):
+        orbits = lots.Orbits.begun(system, *state)
+        orbits.Q, orbits.P = Q, P
+        assert lots.doubtful(orbits, n).tolist() == doubtful
+        assert lots.doubtful(orbits, n[2:]).tolist() == doubtful[-len(set(doubtful) & {2, 3}) :]
+    assert lots.doubtful(orbits, n[:0]).tolist() == []
+
+
+def test_who_came_near_to_a_singularity_is_asked_again():
+    well = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q", singular=["q"])
+    Q = np.array([[[1.0], [0.5]], [[1.0], [0.01]]])
+    P = np.sqrt(2 / Q)
+    state = (Q[:, 0], P[:, 0], np.full(2, 0.01), np.ones(2, int), np.ones(2, int), 2, [method("rk4")], np.zeros(2, int))
+    orbits = lots.Orbits.begun(well, *state)
+    orbits.Q, orbits.P = Q, P
+    assert lots.doubtful(orbits, np.arange(2)).tolist() == [1]
+    orbits.h[:] = 1e-5
+    assert lots.doubtful(orbits, np.arange(2)).tolist() == []
+
+
+# -- what is told -----------------------------------------------------------------------------------------------------
+
+
+def test_progress_tells_the_sum_of_what_is_more():
+    told = []
+    tell = ensemble._Progress(told.append)
+    for more in (0, 2, 3, -1, 0, 1):
+        tell(more)
+    assert told == [2, 5, 5]
+    assert ensemble._Progress(None)(1) is None
+
+
+def test_threads_are_counted(monkeypatch):
+    assert ensemble._threads(1) == 1
+    assert ensemble._threads(None) == ensemble.cores() >= 1
+    for wrong in (0, -1, 1.0, True, "2"):
+        with pytest.raises(InvalidInput, match="threads is"):
+            ensemble._threads(wrong)
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    for known, cores in ((3, 3), (None, 1)):
+        monkeypatch.setattr(os, "cpu_count", lambda known=known: known)
+        assert ensemble.cores() == cores
+
+
+def test_an_end_is_that_of_integrate_for_a_start_alone_and_for_many():
+    for lanes in (False, None):
+        found = of(2, lanes=lanes, save_every=2)
+        for i in range(2):
+            s = integrate(OSCILLATOR, "stormer-verlet", h=0.1, steps=3, save_every=2, q0=[i + 1], p0=[0])
+            assert np.array_equal(found.Q[i], s.q)
+            assert np.array_equal(found.times[i], s.t)
+            assert found.t[i] == s.t[-1]
+        assert found.counts["steps"] == 6
+        assert len(found) == 2
+
+
+def test_a_start_outside_of_H_is_invalid_and_the_others_go_on():
+    Q = np.array([[1.0], [-1.0], [np.nan], [2.0]])
+    found = integrate_ensemble(ROOT, "stormer-verlet", Q, 0 * Q + 1, h=0.1, steps=2)
+    assert found.status.tolist() == ["ok", "invalid", "invalid", "ok"]
+    assert "the energy of the initial state is nan" in found.reason[1]
+    assert "every component" in found.reason[2]
+    assert found.t.tolist() == pytest.approx([0.2, 0, 0, 0.2])
+    assert integrate_ensemble(NO_ENERGY, "rk4", [[1.0]], [[0.0]], h=0.1, steps=2).status.tolist() == ["ok"]
+
+
+def test_a_method_that_cannot_do_the_system_is_refused():
+    with pytest.raises(InvalidInput, match="'gautschi' requires a system with the trait"):
+        of(2, id="gautschi")
+
+
+# -- names and records ------------------------------------------------------------------------------------------------
+
+
+def test_a_record_may_stand_in_the_place_of_its_id():
+    record = BY_ID["scheme-i"]
+    assert method(record) is record
+    assert method(record, lam=3) == method("scheme-i", lam=3) != record
+
+
+def test_a_whole_number_is_one_whatever_holds_it():
+    for value in (2, 2.0, np.float64(2), "2", Fraction(4, 2)):
+        assert method("scheme-i", lam=value).label == "scheme-i(lam=2)"
+    assert method("scheme-i", lam=0.1).label == "scheme-i(lam=0.1)"
+
+
+def test_the_parameters_that_there_are_are_told():
+    for id, words in (("scheme-i", "it has lam$"), ("rk4", "it has none$"), ("generating-function", "it has .*, ")):
+        with pytest.raises(InvalidInput, match=words):
+            method(id, mu=1)
+
+
+def test_twenty_names_are_told_at_most_and_of_the_others_how_many():
+    names = [f"n{k:02}" for k in range(23)]
+    for known, more in ((20, ""), (21, " and 1 more "), (23, " and 3 more ")):
+        said = str(unknown("number", "qqqqqq", names[:known]))
+        assert said.count(", n") == 19
+        assert more in said
+        assert (" more " in said) == bool(more)
+
+
+# -- sections ---------------------------------------------------------------------------------------------------------
+
+
+def crossings(x, v=None, at=0.0, sign=1.0):
+    """The times and momenta at which rows at the times 0, 1, ... of a free motion cross."""
+    x = np.array(x, dtype=float)
+    v = np.gradient(x) if v is None else np.array(v, dtype=float)
+    free, rows = Hamiltonian(q="q", p="p", H="p**2/2"), len(x)
+    made = Ensemble(
+        *(np.zeros((1, 1)),) * 2,
+        *(np.zeros(1),) * 3,
+        np.arange(rows, dtype=float)[None],
+        x[None, :, None],
+        v[None, :, None],
+        np.ones(1),
+        [],
+        np.zeros(1),
+        {},
+        np.zeros(1, bool),
+        0.0,
+    )
+    orbit, t, q, p = section._crossings(free, made, 0, at, sign)
+    assert (q == at).all()
+    assert len(orbit) == len(t) == len(p)
+    return t.tolist(), p[:, 0].tolist()
+
+
+def test_a_row_on_the_plane_is_one_crossing():
+    assert crossings([-2, -1, 0, 1, 2])[0] == pytest.approx([2])
+    assert crossings([2, 1, 0, -1], sign=-1.0)[0] == pytest.approx([2])
+    assert crossings([2, 1, 0, -1]) == ([], [])
+    assert crossings([0, 1, 2]) == ([], []), "it begins there"
+    assert crossings([-1, np.nan, 1]) == ([], []), "it has stopped"
+
+
+def test_a_point_is_found_from_the_row_that_is_nearer():
+    """Of a motion that is free but for a jump of its momentum between the rows."""
+    assert crossings([-3, -0.5, 2, 4.5], v=[5, 2, 3, 3]) == (pytest.approx([1.25]), pytest.approx([2]))
+    assert crossings([-4.5, -2, 0.5, 3], v=[3, 2, 4, 3]) == (pytest.approx([1.875]), pytest.approx([4]))
+    assert crossings([-3, -0.5, 2, 4.5], v=[5, 2, 3, 3], at=-1.0)[0] == pytest.approx([0.75])
+
+
+def test_a_section_looks_at_every_step():
+    asked = {"of": "q", "h": 0.5, "t_end": 60.0}
+    found, again, seldom = (
+        section.section(OSCILLATOR, "rk4", [[1.0]], [[0.0]], **asked | more)
+        for more in ({}, {"every": 1}, {"every": 7})
+    )
+    assert np.array_equal(found.t, again.t)
+    named = section.section(problem=OSCILLATOR, method="rk4", Q=[[1.0]], P=[[0.0]], **asked)
+    assert np.array_equal(found.t, named.t)
+    assert len(found.t) == 9
+    assert len(seldom.t) < 9
+
+
+# -- prepared runs ----------------------------------------------------------------------------------------------------
+
+
+def test_a_prepared_run_takes_either_half_of_a_start():
+    made = problem("pendulum")
+    run = prepare(made, "stormer-verlet")
+    for start in ({"q0": [0.3]}, {"p0": [0.7]}, {"q0": [0.3], "p0": [0.7]}, {}):
+        *end, code = run(0.1, 4, **start)
+        s = integrate(made, "stormer-verlet", h=0.1, steps=4, **start)
+        assert (code, *np.array(end)[:, 0]) == (run.SOLVED, s.q[-1, 0], s.p[-1, 0]), start
+
+
+#: Of two degrees of freedom that know nothing of each other: one runs away in a finite time.
+APART = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 + x**2/2 - y**4")
+
+
+@pytest.mark.parametrize("away", [0, 1])
+def test_an_end_of_which_a_part_is_not_finite_is_none(away):
+    class Started:
+        system, q0, p0 = APART, [0.5, 0.0], [0.0, 0.0]
+
+    run = prepare(Started(), "stormer-verlet")
+    q, p, code = run(0.1, 100, q0=[0.5, away])
+    assert code == (run.NOT_FINITE if away else run.SOLVED)
+    assert np.isfinite([q[0], p[0]]).all()
+    assert np.isfinite([q[1], p[1]]).all() == (not away)
+
+
+@pytest.mark.skipif(not compiled(), reason="nothing is packed")
+def test_what_is_packed_is_released_once():
+    run = prepare(problem("pendulum"), "stormer-verlet")
+    packed, released, functions = [1], [], run._functions
+
+    def pack(*arguments):
+        packed.append(1)
+        functions.pack(*arguments)
+
+    def release(address):
+        released.append(1)
+        functions.release(address)
+
+    run._functions = SimpleNamespace(run=functions.run, pack=pack, release=release)
+    run._pack()
+    assert (len(packed), len(released)) == (2, 1)
+    run.__del__()
+    run.__del__()
+    assert len(released) == 2
+
+
+def test_a_run_that_cannot_be_made_leaves_nothing_behind(monkeypatch):
+    raised = []
+    monkeypatch.setattr(sys, "unraisablehook", raised.append)
+    with pytest.raises(InvalidInput):
+        prepare(problem("lotka-volterra"), "scheme-iv")
+    gc.collect()
+    assert raised == []

@@ -1,0 +1,104 @@
+"""Compensated sums of products that are not rounded: numbers, arrays and lanes against exact fractions."""
+
+import platform
+from fractions import Fraction
+
+import numba
+import numpy as np
+import pytest
+from llvmlite import binding
+
+from phasebench.integrators.engine import vector
+from phasebench.integrators.engine.fused import fused
+from phasebench.integrators.engine.lanes import put, take
+
+WIDTH, A = 8, 0.3
+LIKE = (0.0,) * WIDTH
+#: Whether the code that is compiled here fuses a product and a sum.
+NAMED = numba.config.CPU_FEATURES
+FEATURES = binding.get_host_cpu_features() if NAMED is None else {f[1:]: f[0] == "+" for f in NAMED.split(",") if f}
+FUSES = platform.machine() in ("arm64", "aarch64") or bool(FEATURES.get("fma"))
+
+
+def numbers():
+    """x, what was lost of it, and v, of the sizes that they have in a step; (3, 80)."""
+    return np.random.default_rng(3).normal(size=(3, 80)) * np.array([[1.0], [1e-17], [1e-3]])
+
+
+def rounded(a, v, y):
+    """a v + y, rounded as this processor does."""
+    return float(Fraction(a) * Fraction(v) + Fraction(y)) if FUSES else a * v + y
+
+
+@numba.njit(**vector.ARRAYS)
+def in_arrays(x, c, v):
+    """The sums, in place."""
+    vector.moved(x, c, A, v)
+
+
+@numba.njit
+def in_tuples(x, c, v):
+    """The sums, two by two."""
+    for i in range(0, len(x), 2):
+        s, r = vector.moved((x[i], x[i + 1]), (c[i], c[i + 1]), A, (v[i], v[i + 1]))
+        x[i], x[i + 1] = s
+        c[i], c[i + 1] = r
+
+
+@numba.njit
+def _rows(x, c, v):
+    for i in range(len(x)):
+        s, r = vector.moved((take(x, i, LIKE),), (take(c, i, LIKE),), A, (take(v, i, LIKE),))
+        put(x, i, s[0], LIKE)
+        put(c, i, r[0], LIKE)
+
+
+def in_lanes(x, c, v):
+    """The sums, side by side."""
+    _rows(*(z.reshape(-1, WIDTH) for z in (x, c, v)))
+
+
+def product_rounded(x, c, v):
+    """The control: the product is rounded before it is added."""
+    x[:], c[:] = vector.add(x.copy(), c.copy(), A * v)
+
+
+def sums(how):
+    x, c, v = (z.copy() for z in numbers())
+    how(x, c, v)
+    return x, c
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize("how", [in_arrays, in_tuples, in_lanes])
+def test_every_kind_of_value_rounds_the_sum_of_the_exact_product(how):
+    x, c, v = numbers()
+    total = [rounded(A, w, y) for w, y in zip(v, x + c, strict=True)]
+    lost = np.array([rounded(A, w, y) for w, y in zip(v, c, strict=True)]) - (np.array(total) - x)
+    found, rest = sums(how)
+    np.testing.assert_array_equal(found, total)
+    np.testing.assert_array_equal(rest, lost)
+    assert np.abs(lost).max() > 0
+
+
+def over_the_bound(how):
+    """Of how many sums the error is larger than the roundings that `add_product` names."""
+    u, over = Fraction(1, 2**53), 0
+    for x, c, v, t, r in zip(*numbers(), *sums(how), strict=True):
+        x, c, v, t, r = map(Fraction, (x, c, v, t, r))
+        change = Fraction(A) * v + c
+        over += abs(t + r - x - change) > u * (abs(change) + abs(t - x) * (Fraction(float(t - x)) != t - x) + abs(r))
+    return over
+
+
+@pytest.mark.skipif(not FUSES, reason="this processor does not fuse a product and a sum")
+def test_what_is_lost_twice_is_as_little_as_is_said():
+    assert [over_the_bound(how) for how in (in_arrays, in_tuples, in_lanes)] == [0, 0, 0]
+    assert over_the_bound(product_rounded) > 5
+
+
+def test_uncompiled_it_is_a_product_and_a_sum():
+    a, x, y = np.random.default_rng(1).normal(size=(3, 50))
+    np.testing.assert_array_equal(fused(a, x, y), a * x + y)
+    for plain, added in zip(vector.add_product(x, y, 0.3, a), vector.add(x, y, 0.3 * a), strict=True):
+        np.testing.assert_array_equal(plain, added)

@@ -1,0 +1,222 @@
+"""The rows of a run in pieces: with a kernel that is made up, each piece, each row and each end as it should be."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from phasebench.integrators import Hamiltonian, trajectory
+from phasebench.integrators.engine import solve
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+from phasebench.integrators.trajectory import PIECE, Pace, Trajectory, whole_rows
+
+FREE = Hamiltonian(q="q", p="p", H="p**2/2")
+#: The same without an energy.
+MOVED = PartitionedSystem(q="q", p="p", dq=["p"], dp=["0"])
+ROOT = Hamiltonian(q="q", p="p", H="p**2/2 + sqrt(q)")
+
+
+class Kernel:
+    """Counts its steps: q is their number.  At the step ``end`` it stops with ``code``, or writes ``worth``."""
+
+    def __init__(self, end=None, code=solve.SOLVED, worth=None, missing=0.0):
+        self.end, self.code, self.worth, self.missing = end, code, worth, missing
+        self.step, self.calls, self.slept = 0, [], 0.0
+
+    @property
+    def counts(self):
+        return np.rec.array([(self.missing * self.step,)], dtype=[("fallbacks", float)])[0]
+
+    def __call__(self, Q, P, parameter, every):
+        self.calls.append((len(Q), every))
+        time.sleep(self.slept)
+        for row in range(len(Q)):
+            for _ in range(every):
+                self.step += 1
+                if self.step == self.end and self.code:
+                    return row, self.code
+            Q[row], P[row], parameter[row] = self.step, 1.0, -self.step
+            if self.worth is not None and self.end <= self.step < self.end + every:
+                Q[row] = self.worth
+        return len(Q), solve.SOLVED
+
+
+def ran(kernel, steps=10, every=1, system=MOVED, timeout=None, missed="", piece=None):
+    """A trajectory of a kernel, from q = 0, p = 1 with h = 1/2, to its end."""
+    t = Trajectory(system, [0.0], [1.0], 0.5, steps, every, "double", missed)
+    pace = Pace(timeout)
+    pace.steps = piece or pace.steps
+    while t:
+        t.advance(kernel, pace)
+    t.conclude(timeout, int(kernel.counts.fallbacks))
+    return t
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """No call of a kernel takes more than five steps."""
+    monkeypatch.setattr(trajectory, "PIECE", 5)
+
+
+# -- pieces -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("steps", "every"), [(10, 1), (10, 3), (10, 10), (23, 2), (23, 7), (4, 4), (1, 1), (15, 5)])
+@pytest.mark.parametrize("piece", [1, 5, 1000])
+def test_every_row_is_where_its_number_says_whatever_the_pieces(monkeypatch, steps, every, piece):
+    monkeypatch.setattr(trajectory, "PIECE", piece)
+    kernel = Kernel()
+    t = ran(kernel, steps, every, piece=piece)
+    numbers = [*range(0, steps, every), steps]
+    assert t.q[:, 0].tolist() == numbers
+    assert t.index.tolist() == numbers
+    assert t.times.tolist() == [0.5 * n for n in numbers]
+    assert t.parameter[:, 0].tolist() == [-n for n in numbers[1:]]
+    assert (t.status, t.reason, t.filled, t.reached) == ("ok", "", len(numbers) - 1, steps)
+    assert sum(n * size for n, size in kernel.calls) == steps
+    assert max(n * size for n, size in kernel.calls) <= piece
+
+
+def test_as_many_rows_as_fit_into_a_piece_are_one_call(small):
+    kernel = Kernel()
+    ran(kernel, 23, 2, piece=5)
+    assert kernel.calls == [(2, 2)] * 5 + [(1, 2), (1, 1)]
+    assert whole_rows(23, 2, 0, 5) == 2
+    assert whole_rows(23, 2, 10, 5) == 1
+    assert whole_rows(23, 2, 11, 5) == 0
+
+
+def test_a_pace_begins_with_few_steps_where_somebody_waits_and_grows_where_they_are_short():
+    assert Pace(None).steps == PIECE
+    assert Pace(None, 7).steps == 7
+    pace = Pace(100.0, 7)
+    assert pace.steps == 64
+    pace.took(0.06)
+    assert pace.steps == 64, "long enough to be told the progress"
+    pace.took(0.04)
+    assert pace.steps == 256
+    hurried = Pace(0.1)
+    hurried.took(0.006)
+    assert hurried.steps == 64, "a twentieth of the time that there is"
+    hurried.took(0.004)
+    assert hurried.steps == 256
+    for _ in range(20):
+        hurried.took(0.0)
+    assert hurried.steps == PIECE
+
+
+def test_a_pace_is_late_when_its_time_is_over():
+    assert not Pace(None).late
+    assert not Pace(60.0).late
+    pace = Pace(1e-3)
+    time.sleep(2e-3)
+    assert pace.late
+
+
+# -- ends -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("every", "rows"), [(1, 7), (3, 3), (10, 1), (4, 2)])
+@pytest.mark.parametrize("worth", [np.nan, np.inf])
+def test_rows_end_before_the_first_that_is_not_finite(every, rows, worth):
+    t = ran(Kernel(end=7, worth=worth), every=every)
+    assert (t.status, t.filled + 1) == ("diverged", rows)
+    assert "the state is no longer finite after step" in t.reason
+    assert f"after step {every * (rows - 1)} of 10 (t = {0.5 * every * (rows - 1):.6g})" in t.reason
+    assert np.isfinite(t.q[: t.filled + 1]).all()
+
+
+def test_rows_end_before_the_first_without_an_energy():
+    t = ran(Kernel(end=7, worth=-1.0), system=ROOT)
+    assert (t.status, t.filled) == ("diverged", 6)
+    assert "outside H's domain after step 6 of 10 (t = 3)" in t.reason
+    assert ran(Kernel(end=7, worth=-1.0), system=MOVED).status == "ok"
+
+
+@pytest.mark.parametrize(
+    ("code", "status", "words"),
+    [
+        (solve.NOT_FINITE, "diverged", "a stage equation has no finite iterate after step 6 of 10 (t = 3); take"),
+        (solve.STALLED, "not-converged", "neither the fixed point nor Newton's method"),
+        (solve.OUT_OF_STEP, "not-converged", "the control of the step has lost"),
+    ],
+)
+@pytest.mark.parametrize(("every", "filled"), [(1, 6), (3, 2), (10, 0)])
+def test_a_kernel_that_stops_says_why(code, status, words, every, filled):
+    t = ran(Kernel(end=7, code=code), every=every)
+    assert (t.status, t.filled) == (status, filled)
+    assert words.partition(" after")[0] in t.reason
+    assert f"after step {filled * every} of 10" in t.reason
+    assert "take a smaller h" in t.reason
+
+
+def test_what_was_reached_in_a_row_that_is_not_completed_is_kept(small):
+    """Of a row of ten steps the first five are there."""
+    for kernel in (Kernel(end=7, code=solve.STALLED), Kernel(end=7, worth=np.nan)):
+        t = ran(kernel, steps=20, every=10, piece=5)
+        assert (t.filled, t.reached) == (1, 5)
+        assert t.q[:2, 0].tolist() == [0, 5]
+        assert t.times.tolist() == [0, 2.5]
+        assert "after step 5 of 20 (t = 2.5)" in t.reason
+
+
+@pytest.mark.parametrize(("size", "status"), [(3e6, "diverged"), (1e6, "not-converged")])
+def test_what_stops_where_the_state_has_grown_by_a_million_has_diverged(size, status):
+    """From a state of size 1: more than a million times two."""
+    t = ran(Kernel(end=7, code=solve.STALLED), every=1)
+    assert t.status == "not-converged"
+    kernel = Kernel(end=1, worth=size)
+    t = Trajectory(MOVED, [0.0], [1.0], 0.5, 10, 1, "double")
+    t.advance(kernel, Pace(None, 1))
+    t.filled, t.reached = 1, 1
+    t._stopped(solve.STALLED)
+    assert t.status == status
+    assert (f"the state has grown to {size:.3g}" in t.reason) == (status == "diverged")
+
+
+def test_time_that_is_over_keeps_what_was_reached():
+    kernel = Kernel()
+    kernel.slept = 0.02
+    t = ran(kernel, steps=10**6, timeout=0.01)
+    assert (t.status, t.reached) == ("timeout", 64)
+    assert "0.01 s had passed after step 64 of 1000000 (t = 32); what was reached is kept" in t.reason
+    assert t.seconds >= 0.02
+    last = Kernel()
+    last.slept = 0.02
+    assert ran(last, steps=64, timeout=0.01).status == "ok", "it is at its end"
+
+
+# -- what a method promises -------------------------------------------------------------------------------------------
+
+MISSED = "lack a root"
+
+
+@pytest.mark.parametrize(
+    ("missing", "status", "reason"),
+    [
+        (0.0, "ok", ""),
+        (0.1, "ok", "100 of 1000 steps lack a root"),
+        (0.2, "no-root", "200 of 1000 steps lack a root: the"),
+    ],
+)
+def test_steps_that_lack_what_is_promised_are_told(missing, status, reason):
+    t = ran(Kernel(missing=missing), steps=1000, missed=MISSED)
+    assert t.status == status
+    assert t.reason.startswith(reason)
+    assert bool(t.reason) == bool(reason)
+    assert ran(Kernel(missing=missing), steps=1000).reason == "", "nothing is promised"
+
+
+def test_a_run_of_which_hardly_a_step_keeps_it_is_stopped():
+    def stopped(missing, steps=5000):
+        return ran(Kernel(missing=missing), steps=steps, missed=MISSED, piece=trajectory.FIRST)
+
+    t = stopped(1.0)
+    assert (t.status, t.reached) == ("no-root", trajectory.FIRST)
+    assert "1000 of the first 1000 steps lack a root: the energy cannot be kept" in t.reason
+    assert "stopped after step 1000 of 5000 (t = 500)" in t.reason
+    assert stopped(0.94).reached == 5000
+    assert stopped(0.96).reached == trajectory.FIRST
+    assert "of the first" not in stopped(1.0, steps=900).reason

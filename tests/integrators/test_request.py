@@ -1,0 +1,231 @@
+"""What a run is asked for, without running it: which step, how many, which rows, and the words for what cannot be."""
+
+from __future__ import annotations
+
+import json
+import re
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from phasebench.integrators import Hamiltonian, driver, request
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine.codegen import MULTIPRECISION, precision
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.request import MOST, check_timeout, grid, initial, spacing
+
+PLANE = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2 + x**2 + y**2)/2 + x*y**2")
+OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
+
+
+class Started:
+    """A problem of one initial state."""
+
+    system, q0, p0 = PLANE, (1.0, 2.0), (3.0, 4.0)
+
+
+def refused(message: str):
+    return pytest.raises(InvalidInput, match=message)
+
+
+# -- the grid of times ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("asked", "made"),
+    [
+        ((0.25, 10.0, None), (0.25, 40)),
+        ((0.25, None, 7), (0.25, 7)),
+        ((None, 10.0, 4), (2.5, 4)),
+        ((2.5, 10.0, 4), (2.5, 4)),
+        ((2.5 * (1 + 1e-10), 10.0, 4), (2.5, 4)),
+        ((0.331, 10.0, None), (10 / 30, 30)),  # 0.7 % wider
+        ((5.0, 2.0, None), (2.0, 1)),
+        ((1, 3, None), (1.0, 3)),
+        ((None, 3, 1.0), (3.0, 1)),
+        ((0.1, 1.0, None), (0.1, 10)),
+        ((0.1, 0.3, None), (0.1, 3)),  # the step that was given, although three of it are not 0.3 to the last bit
+        ((1.0, None, MOST), (1.0, 10**13)),
+        ((1.0, MOST, None), (1.0, 10**13)),
+    ],
+)
+def test_two_of_the_three_make_a_grid(asked, made):
+    h, steps = grid(*asked)
+    assert (h, steps) == made
+    assert (type(h), type(steps)) == (float, int)
+
+
+def test_a_step_ends_at_t_end_and_is_wider_by_one_percent_at_most():
+    for h in np.geomspace(0.011, 3.0, 200).tolist():
+        try:
+            made, steps = grid(h, 10.0)
+        except InvalidInput as error:
+            nearest = re.search(r"that do are (\S+) \(.*\) and (\S+) \(", str(error)).groups()
+            longer, shorter = map(float, nearest)
+            assert shorter < h < 1.01 * h < longer
+            for fits in (longer, shorter):
+                assert grid(fits, 10.0)[0] == pytest.approx(fits, rel=1e-12)
+        else:
+            assert steps * made == pytest.approx(10.0, rel=1e-12)
+            assert made <= 1.01 * h * (1 + 1e-12)
+            assert steps == max(1, round(10.0 / h))
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ((0.5, 10.0, 4), r"steps times h is 2\.0, not t_end = 10\.0"),
+        ((2.5 * (1 + 1e-8), 10.0, 4), "steps times h"),
+        ((2.5 * (1 - 1e-8), 10.0, 4), "steps times h"),
+        ((2.9, 6.5, None), r"are 3\.25 \(2 steps\) and 2\.1666666666666665 \(3 steps\)"),
+        ((6.0, 6.5, None), r"are 6\.5 \(1 step\) and 3\.25 \(2 steps\)"),
+        ((None, None, 4), "give the step h"),
+        ((None, 1.0, None), "give the step h"),
+        ((0.1, None, None), "where does the integration end"),
+        ((0.1, None, 2 * MOST), r"steps is 2e\+13; the most is 1e13"),
+        ((0.1, MOST, None), r"t_end/h asks for 1e\+14 steps"),
+        ((0.1, None, 2.5), "steps is 2.5"),
+        ((True, 1.0, None), "h is True"),
+        ((0.1, 1.0, False), "steps is False"),
+        ((float("nan"), 1.0, None), "h is nan"),
+        ((0.1, float("inf"), None), "t_end is inf"),
+        ((0, 1.0, None), "h is 0;"),
+        ((0.1, None, 0), "steps is 0;"),
+        (("0.1", 1.0, None), "h is '0.1'"),
+    ],
+)
+def test_what_makes_no_grid_is_refused(asked, message):
+    with refused(message):
+        grid(*asked)
+
+
+# -- rows -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("asked", "every"), [(1, 1), (4, 4), (9, 9), (30, 9), (0, 9), (2.0, 2)])
+def test_rows_are_spaced_as_asked_and_by_the_run_at_most(asked, every):
+    made = spacing(asked, 9)
+    assert (made, type(made)) == (every, int)
+
+
+@pytest.mark.parametrize("asked", [-1, 0.5, 1.5, True, False, None, "2", float("nan"), float("inf")])
+def test_what_spaces_no_rows_is_refused(asked):
+    with refused("save_every is .*positive integer, or 0"):
+        spacing(asked, 9)
+
+
+def test_rows_are_numbered_by_their_steps_and_the_last_is_there():
+    asked = {"h": 0.1, "steps": 10}
+    assert request.request(Started(), **asked, save_every=3).step_numbers == [0, 3, 6, 9, 10]
+    assert request.request(Started(), **asked, save_every=5).step_numbers == [0, 5, 10]
+    assert request.request(Started(), **asked, save_every=0).step_numbers == [0, 10]
+    assert request.request(Started(), **asked).every == 1
+
+
+def test_the_rows_that_fit_are_as_many_as_the_largest(monkeypatch):
+    """Of two degrees of freedom: eleven rows are 22 numbers."""
+    monkeypatch.setattr(request, "LARGEST", 22)
+    assert request.request(Started(), h=0.1, steps=10).steps == 10
+    assert request.request(Started(), h=0.1, steps=30, save_every=3).every == 3
+    with refused("12 rows of d = 2"):
+        request.request(Started(), h=0.1, steps=11)
+    with refused("12 rows of d = 2"):
+        request.request(Started(), h=0.1, steps=31, save_every=3)
+
+
+# -- time -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("timeout", [None, 1, 0.5, Fraction(1, 3), float("inf")])
+def test_a_positive_time_limit_passes(timeout):
+    check_timeout(timeout)
+
+
+@pytest.mark.parametrize("timeout", [0, 0.0, -1, True, False, "1", float("nan"), [1]])
+def test_another_time_limit_is_refused(timeout):
+    with refused("timeout is .*positive number of seconds"):
+        check_timeout(timeout)
+
+
+# -- the initial state ------------------------------------------------------------------------------------------------
+
+
+def test_the_state_is_the_problems_where_none_is_given():
+    system, q, p = initial(Started())
+    assert system is PLANE
+    assert (q.tolist(), p.tolist()) == ([1, 2], [3, 4])
+    _, q, p = initial(Started(), p0=[5, 6])
+    assert (q.tolist(), p.tolist(), p.dtype) == ([1, 2], [5, 6], float)
+    assert initial(PLANE, (0, 0), [[1], [1]])[2].tolist() == [1, 1]
+
+
+def test_an_exact_state_is_left_as_it_is():
+    third = [Fraction(1, 3), Fraction(2, 3)]
+    _, q, p = initial(PLANE, third, third, exact=True)
+    assert q is third
+    assert p is third
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ((PLANE, None, [0, 0]), "give q0"),
+        ((PLANE, [0, 0], None), "give p0"),
+        ((PLANE, [0], [0, 0]), "q0 has 1 components; the problem has d = 2"),
+        ((PLANE, [0, 0], [0, 0, 0]), "p0 has 3 components"),
+        ((PLANE, [0, "a"], [0, 0]), "q0 is .*must be numbers"),
+        ((PLANE, [0, 1j], [0, 0]), "q0 is .*must be numbers"),
+        ((PLANE, [0, 0], [0, float("nan")]), r"p0 is \[0\.0, nan\]; every component"),
+        ((PLANE, [0, float("inf")], [0, 0]), "every component"),
+        ((PLANE, [1e200, 0], [0, 0]), "the energy of the initial state is inf"),
+        (("plane", [0, 0], [0, 0]), "the problem is 'plane'"),
+    ],
+)
+def test_a_state_that_cannot_be_is_refused(asked, message):
+    with refused(message):
+        initial(*asked)
+
+
+# -- runs -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_warm_run_returns_the_end():
+    end = driver.warm(Started(), "stormer-verlet", h=0.01, steps=5)()
+    q, p = end
+    s = integrate(Started(), "stormer-verlet", h=0.01, steps=5)
+    assert np.array_equal([q, p], [s.q[-1], s.p[-1]])
+    assert "parameter=array" not in repr(s)
+    asked = {"problem": Started(), "method": "stormer-verlet", "h": 0.01, "steps": 5}
+    assert np.array_equal(integrate(**asked).q, s.q), "every argument may be named"
+    assert np.array_equal(driver.warm(**asked)()[0], q)
+
+
+def many() -> dict:
+    """Of runs on numbers of many digits: the times, the steps, and how far the start is from the one that was given."""
+    third = [Fraction(1, 3)]
+    runs = {
+        "steps": {"h": Fraction(1, 10), "steps": 7},
+        "span and steps": {"t_end": Fraction(7, 10), "steps": 7},
+        "span": {"h": Fraction(1, 10), "t_end": Fraction(7, 10)},
+        "rows": {"h": Fraction(1, 10), "steps": 7, "save_every": 3},
+    }
+    found = {}
+    with precision(40):
+        for name, asked in runs.items():
+            s = integrate(OSCILLATOR, "stormer-verlet", q0=third, p0=third, arithmetic=MULTIPRECISION, **asked)
+            lost = abs(3 * s.q[0, 0] - 1) + abs(10 * s.h - 1)
+            found[name] = [len(s.t), s.counts["steps"], float(s.t[-1]), float(lost), s.status, s.reason]
+    return found
+
+
+def test_many_digits_take_the_same_grids_without_rounding(uncompiled):
+    found = uncompiled("integrators/test_request.py")
+    for name, (rows, steps, end, lost, *status) in found.items():
+        assert (rows, steps, end) == (4 if name == "rows" else 8, 7, pytest.approx(0.7, rel=1e-15)), name
+        assert lost < 1e-38, name
+        assert status == ["ok", ""], name
+
+
+if __name__ == "__main__":
+    print(json.dumps({"result": many()}))

@@ -1,0 +1,135 @@
+"""Gauss's method in long double: its numbers, its order, its starts; Kepler's equation; horizons of distances given."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import mpmath
+import numpy as np
+import pytest
+
+from phasebench.integrators import Hamiltonian
+from phasebench.reference.certificates import horizon
+from phasebench.reference.solvers import gauss, taylor
+from phasebench.reference.solvers.exact import anomaly
+
+LONG = np.longdouble
+OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
+PENDULUM = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
+
+
+# -- Gauss's method ---------------------------------------------------------------------------------------------------
+
+
+def text(x) -> mpmath.mpf:
+    """A long double without a round-off of its own."""
+    return mpmath.mpf(float(x)) + mpmath.mpf(float(x - LONG(float(x))))
+
+
+def test_the_numbers_are_those_of_the_method_to_thirty_digits():
+    """B(16) and C(8), of sums of two long doubles."""
+    rule = gauss.tableau()
+    with mpmath.workdps(40):
+        b = [text(x) + text(y) for x, y in zip(rule.b, rule.b_rest, strict=True)]
+        c = [
+            sum((text(x) + text(y) for x, y in zip(*rows, strict=True)), mpmath.mpf(0))
+            for rows in zip(rule.A, rule.A_rest, strict=True)
+        ]
+        for k in range(1, 17):
+            assert abs(sum(x * y ** (k - 1) for x, y in zip(b, c, strict=True)) - mpmath.mpf(1) / k) < 1e-30
+        assert abs(sum(x * y**16 for x, y in zip(b, c, strict=True)) - mpmath.mpf(1) / 17) > 1e-12, "the order is 16"
+        assert max(abs(x - float(y)) for x, y in zip(rule.c, c, strict=True)) < 1e-16
+    assert 1e-21 < np.abs(rule.b_rest).max() < 1e-19, "what is left of a number in long double"
+
+
+@pytest.mark.parametrize("ratio", [0.3, 1.0, 1.7, 2.0, 5.0])
+def test_the_next_stages_are_those_of_the_polynomial_through_the_last(ratio):
+    """Of degree 7, at most twice as far."""
+    rule, coefficients = gauss.tableau(), np.array([3.0, -1.0, 0.5, 0.0, 2.0, 1.0, -0.25, 0.125])
+    found = np.polyval(coefficients, rule.c) @ gauss._extrapolation(rule, ratio)
+    wanted = np.polyval(coefficients, 1 + min(ratio, 2.0) * rule.c)
+    assert np.allclose(found.astype(float), wanted, rtol=1e-9)
+
+
+@pytest.mark.parametrize("marks", [[], [1.0, 2.5], [0.5, 0.6, 1.7, 2.9, 7.0]])
+def test_the_circle_is_followed_to_long_double_whatever_the_steps(marks):
+    steps = sorted({*marks, *np.arange(0.25, 3.0, 0.25)})
+    rows = gauss.run(OSCILLATOR, (1.0,), (0.0,), steps, [2.0, 3.0])
+    with mpmath.workdps(30):
+        for row, t in zip(rows, (2, 3), strict=True):
+            assert abs(text(row[0]) - mpmath.cos(t)) < 5e-19
+            assert abs(text(row[1]) + mpmath.sin(t)) < 5e-19
+
+
+def test_the_error_falls_as_the_sixteenth_power_of_the_step():
+    true = gauss.run(PENDULUM, (1.5,), (0.3,), np.arange(0.25, 8, 0.25), [8.0])[0]
+    errors = [
+        float(np.abs(gauss.run(PENDULUM, (1.5,), (0.3,), np.arange(h, 8, h), [8.0])[0] - true).max())
+        for h in (2.0, 1.0)
+    ]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(16, abs=1.5)
+
+
+def test_stages_that_cannot_be_solved_are_a_failure_at_their_time():
+    with pytest.raises(taylor.ReferenceFailed, match=r"after t = 0\.5; its steps are too large"):
+        gauss.run(PENDULUM, (1.5,), (0.3,), [0.25, 0.5], [90.0])
+
+
+@pytest.mark.parametrize(("ecosine", "esine"), [(0.0, 0.0), (0.6, 0.0), (0.3, -0.4), (0.999999, 0.0), (0.0, 0.99)])
+@pytest.mark.parametrize("M", ["-7", "1e-9", "0.3", "3.14", "250"])
+def test_keplers_equation_is_solved_to_all_digits(M, ecosine, esine):
+    with mpmath.workdps(60):
+        M, ecosine, esine = mpmath.mpf(M), mpmath.mpf(ecosine), mpmath.mpf(esine)
+        x = anomaly(M, ecosine, esine)
+        assert abs(x - ecosine * mpmath.sin(x) + esine * (1 - mpmath.cos(x)) - M) < mpmath.mpf("1e-54") * (1 + abs(M))
+
+
+def test_bits_hold_the_decimals_that_they_state():
+    for bits in (64, 113, 256):
+        digits = taylor.Bits(bits).digits
+        assert bits * np.log10(2) + 5 < digits < bits * np.log10(2) + 15
+        assert taylor.Bits(bits).__name__ == f"{bits}-bit"
+
+
+# -- horizons ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_horizon_is_the_last_time_before_the_limit_is_first_left():
+    grid, size = [1.0, 2.0, 3.0, 4.0], np.array([1.0, 1.0, 10.0, 1.0])
+
+    def within(*distances: float) -> float:
+        return horizon.within(grid, np.array(distances), size, 0.1)
+
+    assert within(0.0, 0.1, 1.0, 0.1) == 4.0, "relative to the size, and the limit itself is within"
+    assert within(0.0, 0.2, 0.0, 0.0) == 1.0
+    assert within(0.0, 0.0, 0.5, 0.2) == 3.0
+    assert within(0.2, 0.0, 0.0, 0.0) == within(np.nan, 0.0, 0.0, 0.0) == 0.0
+
+
+def test_growth_is_a_power_or_an_exponential_rate():
+    grid = np.linspace(0.1, 40.0, 400)
+    one = np.ones(len(grid))
+    exponent, rate = horizon.growth(grid, 1e-12 * grid**1.5, one)
+    assert (exponent, rate) == (pytest.approx(1.5), None)
+    exponent, rate = horizon.growth(grid, 1e-12 * np.exp(0.7 * grid), one)
+    assert rate == pytest.approx(0.7, rel=1e-9)
+    lost = np.log(horizon.LOST / 1e-12) / 0.7  # the growth is told up to there
+    assert lost < 40
+    assert exponent == pytest.approx(0.7 * lost * 0.75 / np.log(4), rel=0.02)
+    exponent, rate = horizon.growth(grid, np.minimum(1e-12 * np.exp(0.7 * grid), horizon.LOST * 1.01), one)
+    assert rate == pytest.approx(0.7, rel=1e-9), "what is saturated is left out"
+    assert horizon.growth(grid, 1e-12 * grid**1.5, 1e-30 * one)[1] is None
+    assert np.isnan(horizon.growth(grid, 0 * grid, one)[0])
+    assert horizon.growth(grid, 1e-12 * grid**1.5, 1e-10 * one)[0] == pytest.approx(1.5), "relative to the size"
+
+
+def test_marks_are_of_the_grid_or_of_steps_or_of_both():
+    assert horizon._marks([1.0, 2.0], [0.5, 2.0]) == [(0.5, False, True), (1.0, True, False), (2.0, True, True)]
+
+
+def test_a_neighbour_of_an_oscillator_stays_as_far_as_it_was():
+    made = SimpleNamespace(system=OSCILLATOR, q0=(1.0,), p0=(0.0,))
+    grid = [0.5, np.pi, 6.0]
+    near = taylor.states(OSCILLATOR, np.longdouble, (1.0,), (0.0,), grid)
+    found = horizon.neighbour(made, grid, near)
+    assert found == pytest.approx(horizon.SHIFT * np.array([np.cos(0.5), 1.0, 1.0]), rel=1e-3)
