@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from phasebench.integrators.engine import codegen, solve
+from phasebench.integrators.engine import codegen, energy_model, solve
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.flat import flat
 from phasebench.integrators.engine.kernel import COUNTS, Orbit, Prepared, Samples, entry, kernel, value, zeros
@@ -55,7 +55,7 @@ def lay_out(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE) -> La
     """The run of a kernel from q, p."""
     order = 1 + (prepared.linear or prepared.width) if prepared.implicit or prepared.linear else 2
     orbit = Orbit(
-        state=zeros((4 + prepared.stages, max(2, d)), arithmetic),
+        state=zeros((4 + prepared.stages, max(energy_model.NUMBERS, d)), arithmetic),
         memory=zeros(((3 * solve.LEVELS + 1) * prepared.stages, prepared.width), arithmetic),
         work=zeros(prepared.work or (order, order), arithmetic),
         zero=value(zeros(d, arithmetic), d, arithmetic),

@@ -1,6 +1,7 @@
 r"""The root nearest to zero of the energy's error E(x) of a step that is taken with the parameter x.
 
-If E(0) is at the round-off of H already, x = 0.  Else Muller's method goes on from the smaller root of the quadratic
+Where the model of the last steps can be trusted the root is followed (`energy_model`).  Else E(0) is looked at: if it
+is at the round-off of H already, x = 0.  If not, Muller's method goes on from the smaller root of the quadratic
 model that the last step left; where E has two roots near zero (``branches``) the other side and the other root of the
 model are tried where they may be nearer.  Where that fails, or ends far out, the stage equations are followed outwards
 from x = 0 to the ``radius``, or to the end of their branch, for the nearest change of sign.
@@ -11,89 +12,56 @@ Source: D. E. Muller, Math. Tables Aids Comput. 10 (1956) 208-215; M. Dowell, P.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from .solve import SOLVED
-from .vector import State, apart, inlined, jit
+from .energy_model import (
+    ALONG,
+    BEND,
+    CHECKED,
+    CURVATURE,
+    FIRST,
+    FOLLOWED,
+    LATEST,
+    MISSED,
+    RATE,
+    SLACK,
+    SLOPE,
+    START,
+    STREAK,
+    UNIT,
+    Attempt,
+    eased,
+    follower,
+    grow_old,
+    muller,
+    renew,
+    smaller_root,
+    trusted,
+)
+from .solve import LEVELS, SOLVED
+from .vector import apart, inlined, jit
 
-#: Where an attempt's stage equations start from: earlier steps at their roots, earlier steps at x = 0, the last
-#: attempt.
-AT_ROOTS, AT_ZERO, LATEST = 0, 1, 2
 MULLER_LIMIT, REFINE_LIMIT = 14, 100
-#: For a root farther than this the other side is looked at first.
-CHECKED = 0.1
-#: H is known to its round-off times this where Muller's method can do no better.
-SLACK = 8.0
-
-
-class Search(NamedTuple):
-    """Where a root is looked for.
-
-    Attributes
-    ----------
-    radius : the largest size of a root
-    first : the first guess where there is no model
-    near : a root farther than this is looked for by continuation: Muller's method might leave the branch of x = 0
-    ratio, points : the continuation's points on either side are radius / ratio^k, k = points - 1, ..., 0
-    branches : whether E may have two roots near zero
-    slack : E(0) at the round-off of H times this will do where Muller's method fails
-    """
-
-    radius: float
-    first: float
-    near: float
-    ratio: float
-    points: int
-    branches: bool
-    slack: float
-
-
-class Attempt(NamedTuple):
-    """The state after a step, the error of its energy, the round-off of H, the status of its stage equations."""
-
-    y: State
-    E: float
-    unit: float
-    status: int
-
-
-@inlined
-def smaller_root(c0, c1, c2):
-    """The root of c0 + c1 x + c2 x^2 nearest zero; infinite where it has none."""
-    D = c1 * c1 - 4 * c0 * c2
-    if not D >= 0:
-        return np.inf
-    root = D**0.5
-    denominator = c1 + root if c1 >= 0 else c1 - root
-    if denominator == 0:
-        return np.inf
-    return -2 * c0 / denominator
-
-
-@inlined
-def muller(x0, x1, x2, E0, E1, E2):
-    """The quadratic through three points, about x2: (slope, curvature)."""
-    d1 = (E2 - E1) / (x2 - x1)
-    d0 = (E1 - E0) / (x1 - x0)
-    c2 = (d1 - d0) / (x2 - x0)
-    return d1 + c2 * (x2 - x1), c2
 
 
 def finder(attempt):
-    """The finder for attempt(x, start, arguments) -> `Attempt`.
+    """The finder for attempt(x, start, ease, arguments) -> `Attempt`, ``ease`` times less exact than round-off.
 
     It is a function (search, models, row, predicted, arguments) -> (x, found, the attempt at x, or at 0 where there is
     no root).  The row of ``models`` keeps the slope and curvature of the quadratic model from step to step;
-    ``predicted`` is the root extrapolated from earlier steps, or 0.
+    ``predicted`` is the root extrapolated from earlier steps, NaN where it is not.
     """
 
     @jit
-    def apart_attempt(x, start, arguments):
+    def eased_attempt(x, start, ease, arguments):
         """`attempt` where it is rare."""
         apart()
-        return attempt(x, start, arguments)
+        return attempt(x, start, ease, arguments)
+
+    @inlined
+    def apart_attempt(x, start, arguments):
+        """The same to round-off."""
+        return eased_attempt(x, start, 1.0, arguments)
 
     @jit
     def refine(a, Ea, b, Eb, arguments):
@@ -125,7 +93,7 @@ def finder(attempt):
     def outwards(side, bound, search, arguments):
         """The root nearest zero on one side, by continuation from x = 0 to the bound or the branch's end; (x,
         found)."""
-        E0 = apart_attempt(0.0, AT_ZERO, arguments).E
+        E0 = apart_attempt(0.0, FIRST, arguments).E
         inner, Einner, outer, Eouter = 0.0, np.inf, 0.0, E0
         for k in range(search.points):
             x = side * min(search.radius / search.ratio ** (search.points - 1 - k), bound)
@@ -159,14 +127,20 @@ def finder(attempt):
             return below, True
         return above, found
 
-    @inlined
-    def chase(x, E0, radius, models, row, arguments):
+    @jit
+    def chase(x, E0, unit, search, models, row, arguments):
         """Muller's method from x, with (0, E0) as its other point; returns (x, found, the last attempt)."""
+        apart()
         xa, Ea, xb, Eb = 0.0, E0, 0.0, E0
-        c1, c2 = 0.0, models[row, 1]  # the curvature of the last step's model serves until there is a third point
-        new = attempt(x, AT_ROOTS, arguments)
+        c1, c2 = 0.0, models[row, CURVATURE]  # that of the last step's model serves until there is a third point
+        new = Attempt(arguments.y, np.inf, unit, SOLVED)
         for k in range(MULLER_LIMIT):
-            E, unit = new.E, new.unit
+            ease = eased(Eb, unit)
+            new = eased_attempt(x, ALONG, ease, arguments)
+            if ease > 1 and abs(new.E) < ease * unit:  # too near for so easy a solution
+                ease = 1.0
+                new = apart_attempt(x, LATEST, arguments)
+            E = new.E
             if new.status != SOLVED:
                 break
             if k == 0:
@@ -174,61 +148,60 @@ def finder(attempt):
             elif x != xb and x != xa and xa != xb:
                 c1, c2 = muller(xa, xb, x, Ea, Eb, E)
             if k == 1 and abs(Eb) > 1e4 * unit:
-                models[row, 0], models[row, 1] = c1 - 2 * c2 * x, c2
+                models[row, SLOPE], models[row, CURVATURE] = c1 - 2 * c2 * x, c2
             elif k < 2:
-                models[row, 0] = (E - E0) / x - models[row, 1] * x
-            if abs(E) <= unit or (k > 1 and abs(E) <= SLACK * unit and abs(E) >= 0.5 * abs(Eb)):
+                models[row, SLOPE] = (E - E0) / x - models[row, CURVATURE] * x
+            if ease == 1 and (abs(E) <= unit or (k > 1 and abs(E) <= SLACK * unit and abs(E) >= 0.5 * abs(Eb))):
                 return x, True, new
             move = smaller_root(E, c1, c2)
-            if not abs(x + move) <= radius and Eb != E:
+            if not abs(x + move) <= search.radius and Eb != E:
                 move = -E * (x - xb) / (E - Eb)  # the parabola has no root: the secant
             xa, Ea, xb, Eb = xb, Eb, x, E
             x = x + move
-            if not abs(x) <= radius or x == xb:
+            if not abs(x) <= search.radius or x == xb:
                 break
-            new = attempt(x, LATEST, arguments)
         return x, False, new
 
     @jit
-    def apart_chase(x, E0, radius, models, row, arguments):
-        """`chase` where it is rare."""
-        apart()
-        return chase(x, E0, radius, models, row, arguments)
-
-    @inlined
-    def nearer_side(x, E0, models, row, arguments):
+    def nearer_side(x, E0, ease, models, row, arguments):
         """x, or a guess on the other side where E has a nearer root; E(-x) also says what the model is now."""
-        beyond = apart_attempt(-x, AT_ROOTS, arguments)
+        apart()
+        beyond = eased_attempt(-x, ALONG, ease, arguments)
         if beyond.status != SOLVED:
             return x
         c2 = 0.5 * (beyond.E - 2 * E0) / (x * x)
         c1 = -(E0 + c2 * x * x) / x
-        models[row, 0], models[row, 1] = c1, c2
+        models[row, SLOPE], models[row, CURVATURE] = c1, c2
         if (beyond.E > 0) == (E0 > 0):
             return x
         nearer = smaller_root(E0, c1, c2)
         return nearer if abs(nearer) < abs(x) and nearer * x < 0 else -0.5 * x
 
-    @inlined
-    def find(search, models, row, predicted, arguments):
-        """Find the root."""
+    @jit
+    def search_out(search, models, row, predicted, arguments):
+        """Find the root from E(0) on."""
+        apart()
         radius = search.radius
-        result = attempt(0.0, AT_ZERO, arguments)
+        ease = eased(models[row, START], models[row, UNIT])
+        result = eased_attempt(0.0, FIRST, ease, arguments)
+        if ease > 1 and abs(result.E) < ease * result.unit:
+            result = apart_attempt(0.0, LATEST, arguments)
         E0, unit = result.E, result.unit
+        models[row, START], models[row, UNIT] = E0, unit
         if result.status != SOLVED or abs(E0) <= unit:
             return 0.0, True, result
-        x = smaller_root(E0, models[row, 0], models[row, 1])
+        x = smaller_root(E0, models[row, SLOPE], models[row, CURVATURE])
         if not 0 < abs(x) <= radius:
             x = search.first
-        elif abs(predicted - x) <= 0.25 * abs(x):
+        elif abs(predicted - x) <= 0.25 * abs(x) and models[row, STREAK] < FOLLOWED:
             x = predicted  # the model picks the branch, the last roots say more exactly where it is now
         if search.branches and abs(x) > CHECKED:
-            x = nearer_side(x, E0, models, row, arguments)
-        x, found, result = chase(x, E0, radius, models, row, arguments)
-        if search.branches and found and abs(E0) < 1.2 * abs(models[row, 1]) * x * x:
+            x = nearer_side(x, E0, eased(E0, unit), models, row, arguments)
+        x, found, result = chase(x, E0, unit, search, models, row, arguments)
+        if search.branches and found and abs(E0) < 1.2 * abs(models[row, CURVATURE]) * x * x:
             # The product of the model's two roots is E0 / c2: the other one may be nearer.
-            other = E0 / (models[row, 1] * x)
-            nearer, better, second = apart_chase(other, E0, radius, models, row, arguments)
+            other = E0 / (models[row, CURVATURE] * x)
+            nearer, better, second = chase(other, E0, unit, search, models, row, arguments)
             if better and abs(nearer) < abs(x):
                 x, result = nearer, second
         if found and abs(x) <= search.near:
@@ -238,7 +211,38 @@ def finder(attempt):
         else:
             x, found = scan(search, arguments)
         if found and x != 0:
-            models[row, 0], models[row, 1] = -E0 / x, 0.0
-        return x, found, apart_attempt(x, LATEST if found and x != 0 else AT_ZERO, arguments)
+            models[row, SLOPE], models[row, CURVATURE] = -E0 / x, 0.0
+        return x, found, apart_attempt(x, LATEST if found and x != 0 else FIRST, arguments)
+
+    @jit
+    def search_anew(search, models, row, predicted, c1, arguments):
+        """`search_out` from the model with the slope c1, for the model to be followed from there."""
+        apart()
+        known, old = models[row, STREAK] > 0, models[row, SLOPE]
+        if known:
+            models[row, SLOPE] = c1
+        x, found, result = search_out(search, models, row, predicted, arguments)
+        models[row, MISSED] = abs(x - predicted)
+        if not found or x == 0:
+            models[row, STREAK] = -LEVELS
+            return x, found, result
+        new, models[row, SLOPE] = models[row, SLOPE], old
+        renew(models, row, new)
+        if not known:
+            models[row, RATE], models[row, BEND] = 0.0, 0.0
+        models[row, STREAK] = 1.0 if known else models[row, STREAK] + 1
+        return x, found, result
+
+    follow = follower(attempt)
+
+    @inlined
+    def find(search, models, row, predicted, arguments):
+        """Find the root: follow it, or search for it."""
+        c1 = grow_old(models, row)
+        if trusted(search, models, row, predicted, c1, c1 + 2 * models[row, CURVATURE] * predicted):
+            x, found, result = follow(search, models, row, predicted, c1, arguments)
+            if found:
+                return x, True, result
+        return search_anew(search, models, row, predicted, c1, arguments)
 
     return find

@@ -32,8 +32,9 @@ import numpy as np
 from phasebench.integrators.coefficients import tableaus
 from phasebench.integrators.coefficients.quadrature import legendre
 from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.energy_model import FIRST, Attempt, Search
 from phasebench.integrators.engine.kernel import Orbit, array, numbers
-from phasebench.integrators.engine.root import AT_ZERO, Attempt, Search, finder
+from phasebench.integrators.engine.root import finder
 from phasebench.integrators.engine.solve import LEVELS, SOLVED
 from phasebench.integrators.engine.vector import State, advanced, apart, chosen, close, inlined, jit, keep, opened, size
 
@@ -92,27 +93,27 @@ def _time_in_lanes(f, t, i, late):
     t.nodes[2, i], t.nodes[0, i] = late, 1.0 - late
 
 
-def _moved_rows(f, start, e):
+def _moved_rows(f, start, eps, e):
     t, y, zero, memory = e.step.tableau, e.y, e.orbit.zero, e.orbit.memory
     stages, at = len(e.step.b), LEVELS * len(e.step.b)
     v, like = collocation.drift(t.field, t.dT, y.p, t.h), unknown(t.field, zero)
     equations = collocation.Equations(t, y.q, y.p, v, memory, zero, like, stages, e.counts)
-    if start == AT_ZERO:
+    if start == FIRST:
         collocation.extrapolate(equations, at)
-    sweeps, newton, status = collocation.solve(equations, at, size(y.q) + size(y.p), t.eps, e.orbit.work)
+    sweeps, newton, status = collocation.solve(equations, at, size(y.q) + size(y.p), eps, e.orbit.work)
     dq, dp = collocation.moves(t.field, equations, at)
     return advanced(y, dq, dp), sweeps, newton, status
 
 
-def _moved_lanes(f, start, e):
+def _moved_lanes(f, start, eps, e):
     t, y = e.step.tableau, e.y
     equations = stage_lanes.equations(t, e.orbit, t.h)
     ring = equations.base + 4
     at = ring + t.steps * equations.stages
     stage_lanes.begin(t.inverse_mass, equations, y)
-    if start == AT_ZERO:
+    if start == FIRST:
         stage_lanes.extrapolate(equations, ring, e.counts.steps, at)
-    sweeps, newton, status = stage_lanes.solve(equations, at, size(y.q) + size(y.p), t.eps, e.orbit.work)
+    sweeps, newton, status = stage_lanes.solve(equations, at, size(y.q) + size(y.p), eps, e.orbit.work)
     return stage_lanes.end(equations, at, y, e.orbit.zero), sweeps, newton, status
 
 
@@ -180,7 +181,7 @@ write = chosen(_write_kicks, _write_both)
 
 
 @jit
-def attempt(alpha, start, e):
+def attempt(alpha, start, ease, e):
     """Take the step with alpha.
 
     The stages start from earlier steps' or from the last attempt's, which was taken with an alpha nearby.
@@ -188,7 +189,7 @@ def attempt(alpha, start, e):
     apart()
     step, y, counts = e.step, e.y, e.counts
     write(step.field, step, alpha)
-    new, sweeps, newton, status = moved(step.f, start, e)
+    new, sweeps, newton, status = moved(step.f, start, ease * step.eps, e)
     counts.gradient += (sweeps + newton) * len(step.b)
     counts.newton += min(newton, 1)
     if status != SOLVED:
@@ -207,7 +208,7 @@ def run(step, orbit, samples, counts):
         alpha, found = 0.0, True
         for _ in range(samples.every):
             e = Step(step, y, orbit, counts)
-            alpha, found, result = find(step.search, orbit.state, 4, 0.0, e)
+            alpha, found, result = find(step.search, orbit.state, 4, np.nan, e)
             if result.status != SOLVED:
                 return row, result.status
             y = result.y

@@ -110,20 +110,20 @@ def lengths_of_kick(x, g, stage):
 solve_increments, solve_kick = solver(increments), solver(kick, lengths_of_kick)
 
 
-def _nystrom(field, step, y, c, mu, lam, x, work):
+def _nystrom(field, step, y, c, mu, lam, x, eps, work):
     stage = Stage(step, y.q, y.p, velocity(step.dT, y.p), c * step.h, mu, lam)
-    x, n, used, status = solve_kick(stage, x, size(y.q) + size(y.p), step.eps, work)
+    x, n, used, status = solve_kick(stage, x, size(y.q) + size(y.p), eps, work)
     return advanced(y, shift(x, stage), x), x, n, used, status
 
 
-def _general(field, step, y, c, mu, lam, x, work):
+def _general(field, step, y, c, mu, lam, x, eps, work):
     stage = Stage(step, y.q, y.p, y.p, c * step.h, mu, lam)
-    x, n, used, status = solve_increments(stage, x, size(y.q) + size(y.p), step.eps, work)
+    x, n, used, status = solve_increments(stage, x, size(y.q) + size(y.p), eps, work)
     return advanced(y, head(x), tail(x)), x, n, used, status
 
 
 #: One substep from the start x of its equation, in the Nystrom form where ``field`` is None;
-#: (field, step, y, c, mu, lam, x, work) -> (y, x, evaluations, Newton used, status).
+#: (field, step, y, c, mu, lam, x, eps, work) -> (y, x, evaluations, Newton used, status).
 substep = chosen(_nystrom, _general)
 
 #: A zero of the kind of the substep's unknown: the kick, or both increments; (field, zero) -> x.
@@ -145,7 +145,9 @@ def advance(step, y, orbit, known, first):
             x = predict(orbit.memory, s, stages, known, start)
         else:
             x = load(orbit.memory, s + known % LEVELS * stages, start)
-        y, x, n, used, status = substep(step.field, step, y, step.c[s], step.mu[s], step.lam[s], x, orbit.work)
+        y, x, n, used, status = substep(
+            step.field, step, y, step.c[s], step.mu[s], step.lam[s], x, step.eps, orbit.work
+        )
         evaluations += n
         newtons += used
         if status != SOLVED:

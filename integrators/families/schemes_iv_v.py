@@ -25,15 +25,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phasebench.integrators.engine.energy_model import ALONG, FIRST, LAST, LATEST, STREAK, Attempt, Search
 from phasebench.integrators.engine.kernel import Orbit, Prepared, array, fixed, keep_energy
-from phasebench.integrators.engine.root import AT_ZERO, LATEST, Attempt, Search, finder
+from phasebench.integrators.engine.root import finder
 from phasebench.integrators.engine.solve import LEVELS, SOLVED, predict, predict_number, remember
-from phasebench.integrators.engine.vector import State, close, inlined, keep, load, opened, store
+from phasebench.integrators.engine.vector import State, axpy, close, inlined, keep, load, minus, opened, scale, store
 
 from .parametric import quadratic, substep, unknown
 
 #: How far from 1/2 the parameter is looked for.
 RADIUS = 2.0
+#: Attempts so far apart tell how the solutions change with x.
+APART = 1e-6
 SEARCH = Search(radius=RADIUS, first=0.05, near=1.0, ratio=1.12, points=70, branches=True, slack=0.0)
 MISSED = "have no parameter near 1/2 that keeps the energy and were taken with 1/2"
 
@@ -67,33 +70,41 @@ class Group(NamedTuple):
     counts: np.record
     begin: int
     end: int
+    predicted: float
 
 
 @inlined
-def attempt(x, start, e):
+def attempt(x, start, ease, e):
     """Take the group's substeps with the parameter x.
 
-    The memory keeps the solutions of earlier steps at their roots, at x = 0, then those of the last attempt.
+    The memory keeps the solutions of earlier steps at their roots, those of the last attempt, and how these change
+    with x.
     """
     step, memory, counts, y = e.step, e.orbit.memory, e.counts, e.y
+    numbers, row = e.orbit.state, 4 + e.begin
     guess = unknown(step.field, e.orbit.zero)
     stages = len(step.c)
+    move = x - (e.predicted if start == FIRST else numbers[row, LAST])
+    numbers[row, LAST] = x
     status = SOLVED
     for s in range(e.begin, e.end):
-        latest = 2 * LEVELS * stages + s
-        if start == LATEST:
-            z = load(memory, latest, guess)
+        latest = LEVELS * stages + s
+        if start == FIRST:
+            last = predict(memory, s, stages, counts.steps, guess)
         else:
-            z = predict(memory, start * LEVELS * stages + s, stages, counts.steps, guess)
+            last = load(memory, latest, guess)
+        z = last
+        if start != LATEST:
+            z = axpy(move, load(memory, latest + stages, guess), last)
         lam = 0.5 + step.sign[s] * x
-        y, z, n, used, status = substep(step.field, step, y, step.c[s], 1 - lam, lam, z, e.orbit.work)
+        y, z, n, used, status = substep(step.field, step, y, step.c[s], 1 - lam, lam, z, ease * step.eps, e.orbit.work)
         counts.gradient += n
         counts.newton += used
         if status != SOLVED:
             return Attempt(y, np.inf, step.eps, status)
         store(memory, latest, z)
-        if start == AT_ZERO:
-            remember(memory, LEVELS * stages + s, stages, counts.steps, z)
+        if start == ALONG and abs(move) > APART:
+            store(memory, latest + stages, scale(1 / move, minus(z, last)))
     H, magnitude = step.energy(y.q, y.p)
     return Attempt(y, H - step.H0, step.eps * magnitude, status)
 
@@ -106,7 +117,7 @@ def advance(step, y, orbit, counts, first):
     """Take the group that begins with the substep ``first``; (y, lambda or NaN, the substep after it, status)."""
     stages, memory = len(step.c), orbit.memory
     guess = unknown(step.field, orbit.zero)
-    roots = (2 * LEVELS + 1) * stages  # where the memory keeps the ring of each group's roots
+    roots = (LEVELS + 2) * stages  # where the memory keeps the ring of each group's roots
     begin, found, lam, new = first, False, np.nan, y
     while not found and begin < stages and step.group[begin] == step.group[first]:
         end = begin
@@ -115,7 +126,7 @@ def advance(step, y, orbit, counts, first):
         ):
             end += 1
         predicted = predict_number(memory, roots + begin, stages, counts.steps)
-        e = Group(step, y, orbit, counts, begin, end)
+        e = Group(step, y, orbit, counts, begin, end, predicted)
         x, found, result = find(step.search, orbit.state, 4 + begin, predicted, e)
         memory[roots + begin + counts.steps % LEVELS * stages, 0] = x
         if result.status != SOLVED:
@@ -128,9 +139,10 @@ def advance(step, y, orbit, counts, first):
     if not found:
         counts.fallbacks += 1
     while begin < stages and step.group[begin] == step.group[first]:
+        orbit.state[4 + begin, STREAK] = -LEVELS
         begin += 1
     for s in range(first, begin):
-        remember(memory, s, stages, counts.steps, load(memory, 2 * LEVELS * stages + s, guess))
+        remember(memory, s, stages, counts.steps, load(memory, LEVELS * stages + s, guess))
     return new, lam, begin, SOLVED
 
 
