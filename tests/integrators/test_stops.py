@@ -1,4 +1,4 @@
-"""Where a run ends on the way does not depend on the rows that are kept: nothing steps over what fails inside of one."""
+"""Where a run ends on the way does not depend on the rows that are kept: what fails in a row is not stepped over."""
 
 from __future__ import annotations
 
