@@ -1,0 +1,48 @@
+"""How runs end on the way, whichever rows are kept: ``python stops.py`` prints JSON.
+
+Of H = (p1^2 + p2^2)/2 - q1^4 + q2^2/2, of which the first coordinate runs away in a finite time: implicit equations are
+solved no more, explicit states overflow.
+"""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+
+import numpy as np
+
+from phasebench.benchmarks.measure.battery import LOW_ORDER, by_label, variants
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.driver import integrate
+
+H, STEPS = 0.25, 12
+#: Families of which such a run takes seconds where nothing is compiled.
+SLOW = {"equip"}
+RUNAWAY = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - x**4 + y**2/2")
+
+
+def _methods() -> dict:
+    """Of each family with and without an explicit step a few."""
+    found: dict = {}
+    for m in variants(lam=(Fraction(1, 3),), order=(2,)):
+        if m.order <= LOW_ORDER and m.family not in SLOW and m.lacks(RUNAWAY) is None:
+            found.setdefault((m.family, m.symmetric, m.requires), m)
+    return by_label(list(found.values()))
+
+
+ALL = _methods()
+
+
+def of(label: str) -> dict:
+    """{rows are kept after so many steps: [status, steps taken, evaluations, the rows]} of a method."""
+    ends = {}
+    with np.errstate(all="ignore"):
+        for every in (1, 5, 0):
+            start = {"q0": [1.0, 0.5], "p0": [1.0, 0.0]}
+            s = integrate(RUNAWAY, ALL[label], h=H, steps=STEPS, save_every=every, **start)
+            ends[str(every)] = [s.status, s.counts["steps"], s.counts["gradient"], np.hstack([s.q, s.p]).tolist()]
+    return ends
+
+
+if __name__ == "__main__":
+    print(json.dumps({"result": {label: of(label) for label in ALL}}))
