@@ -12,6 +12,7 @@ from phasebench.benchmarks.certificate import certificate, judge
 from phasebench.benchmarks.certificate.certificate import certify
 from phasebench.benchmarks.certificate.coefficients import own_step
 from phasebench.benchmarks.certificate.judge import judged, offers, verdict
+from phasebench.benchmarks.certificate.kept import structure
 from phasebench.benchmarks.certificate.render import document, write
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.certificate.verdicts import CONTRADICTED, HOLDS, UNJUDGED, Tables
@@ -148,8 +149,14 @@ def test_a_structure_holds_on_every_system_or_is_not_judged():
         (False, [kept, unseen], UNJUDGED),
     ):
         assert of("symplectic", {"symplectic": claimed}, tables(symplectic=rows)).verdict == expected
-    hinted = of("symplectic", {"symplectic": True}, tables(symplectic=[kept, broken]))
+    worse = broken | {"value": 2e-3, "h": 0.25, "on": "coupled"}
+    hinted = of("symplectic", {"symplectic": True}, tables(symplectic=[kept, broken, worse]))
+    assert hinted.why.startswith("a defect of 2.0e-03 at h = 0.25 on coupled, floor 1e-13")
+    assert hinted.on == ("tao", "coupled")
     assert "REQUIRES = ('separable',)" in hinted.why
+    denied = of("symplectic", {"symplectic": False}, tables(symplectic=[kept, broken]))
+    assert "REQUIRES" not in denied.why, "it is as is claimed: there is nothing to mend"
+    assert structure("symplectic", True, tables(symplectic=[])).verdict == UNJUDGED
 
 
 def long_row(value, slope=0.0, half=1e-12, on="henon-heiles"):

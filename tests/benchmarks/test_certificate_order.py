@@ -5,6 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 from math import nan
 
+import gmpy2
 import numpy as np
 import pytest
 
@@ -78,6 +79,7 @@ def test_the_terms_that_vanish_are_the_first_ones():
 def test_a_step_of_order_p_has_so_many_terms_that_vanish(step, p):
     found = order.series(stepper(step), 1)
     assert found.clean == p
+    assert len(found.terms) == order.TERMS
     assert found.largest(p) < 1e-60
     assert 0.01 < found.terms[p] < 10
 
@@ -135,6 +137,29 @@ def test_a_step_that_fails_for_its_numbers_has_no_error_and_any_other_is_a_failu
         order.ladder(stepper(lambda system, q, p, h: {}["x"], DOUBLE), 1)
     assert order.numerical(StepFailed("step 1: ZeroDivisionError: division by zero"))
     assert not order.numerical(StepFailed("step 1: KeyError: 'ZeroDivisionError'"))
+
+
+def test_a_step_without_an_error_has_no_order():
+    """The oscillator's rotation, in as many digits as it is given."""
+
+    def rotation(system, q, p, h):
+        c, s = gmpy2.cos(h), gmpy2.sin(h)
+        return c * q + s * p, c * p - s * q
+
+    row = order.order(Stepper(subject(rotation), battery.oscillator(), MULTIPRECISION), 1)
+    assert (row["points"], row["clean"]) == (0, order.TERMS)
+    assert np.isnan(row["value"])
+
+
+@pytest.mark.parametrize(("least", "told"), [(0.1, True), (0.08, False)])
+def test_what_is_left_is_told_of_eight_steps_or_more(least, told):
+    """A step that fails at large h, at three of the eleven or at four."""
+
+    def small(system, q, p, h):
+        return verlet(system, q, p, h) if h < least else (q / (h - h), p)
+
+    row = order.constant(stepper(small, DOUBLE), 1, order.metrics.Order(2.0, 2.0, 2.0, 0.1, 0.01, 8))
+    assert ("constant" in row, "doubt" in row) == (told, told)
 
 
 def test_a_dear_step_has_a_shorter_ladder_in_many_digits():

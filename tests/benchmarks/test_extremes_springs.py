@@ -46,8 +46,10 @@ def test_a_crest_of_any_of_four_directions_is_seen(a, b):
     for k, low in ((1, 50.0), (2, 1.0)):
         drift[6 + k * a, 6 + k * b] = drift[6 - k * a, 6 - k * b] = low
     assert np.argwhere(springs_page.crests(drift)).tolist() == [[6, 6]]
-    drift[6 - 2 * a, 6 - 2 * b] = 100.0
-    assert not springs_page.crests(drift).any(), "the control: high on one side"
+    for place, high in (((6 - 2 * a, 6 - 2 * b), 100.0), ((6 - a, 6 - b), 101.0), ((6 + a, 6 + b), 101.0)):
+        other = drift.copy()
+        other[place] = high
+        assert not springs_page.crests(other)[6, 6], "the controls: as high on one side"
 
 
 def table(method: str, high) -> pd.DataFrame:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from typer.testing import CliRunner
 
@@ -55,6 +57,41 @@ def test_it_is_told_how_far_they_are_not_more_often_than_one_can_read(clock):
             watch.seen("run", k / 10, 1e3)
     assert told[0] == "run: t = 0 of 1000"
     assert 4 <= len(told) <= 6
+
+
+def test_the_limit_itself_is_in_time(clock):
+    with watch.watching(100.0, lambda told: None):
+        for clock[0], t in ((4.0, 4.0), (50.0, 50.0), (100.0, 99.0)):
+            watch.seen("run", t, 100.0)
+
+
+@pytest.mark.parametrize(
+    ("spent", "t", "said"),
+    [
+        (60.0, 50.0, "in 60 s, and would need about 2 minutes"),
+        (120.0, 0.01, "and would need about 13.9 days"),
+        (119.0, 0.5, "and would need about 6.61 hours"),
+        (119.0, 99.9, "and would need about 119 s"),
+        (60.0, 0.03, "and would need about 2.31 days"),
+        (60.0, 0.037, "and would need about 45 hours"),
+    ],
+)
+def test_what_it_would_need_is_said_in_units_that_one_can_grasp(clock, spent, t, said):
+    with watch.watching(10.0, lambda told: None):
+        watch.seen("run", 0.0, 100.0)
+        clock[0] = spent
+        with pytest.raises(watch.TooLong, match=f"the run came to t = .*{re.escape(said)}$"):
+            watch.seen("run", t, 100.0)
+
+
+@pytest.mark.parametrize(("needs", "told"), [(1.0, False), (1.5, True)])
+def test_a_second_is_not_said(clock, needs, told):
+    with watch.watching(0.1, lambda told: None):
+        watch.seen("run", 0.0, 100.0)
+        clock[0] = 0.5
+        with pytest.raises(watch.TooLong) as said:
+            watch.seen("run", 50.0, 100.0 * needs)
+    assert ("would need" in str(said.value)) is told
 
 
 def test_nobody_listens_outside(clock):
