@@ -56,10 +56,10 @@ def there_and_back(id, h, n, reflected=True, system=ORBIT.system, mirror=(1, 1))
     forth, back = (lay_out(prepared, 2, h, ORBIT.q0, ORBIT.p0, DOUBLE) for _ in range(2))
     Q, P, parameter = np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1))
     assert forth(Q, P, parameter, n) == (1, 0)
-    q, p, _, _, (t, lost), (density, _) = forth.orbit.state[:6]
-    back.orbit.state[0], back.orbit.state[1] = mirror * q, -mirror * p
+    q, p, _, _, (t, lost), (density, _) = forth.orbit.state[:6, :2]
+    back.orbit.state[0, :2], back.orbit.state[1, :2] = mirror * q, -mirror * p
     _, change = prepared.step.monitor(tuple(q), tuple(p))
-    back.orbit.state[5] = density - reflected * h * change, -h
+    back.orbit.state[5, :2] = density - reflected * h * change, -h
     back.orbit.state[6, 0] = (t + lost) / h - n
     assert back(Q, P, parameter, n) == (1, 0)
     return max(np.abs(Q[0] - mirror * ORBIT.q0).max(), np.abs(P[0] + mirror * ORBIT.p0).max())

@@ -19,6 +19,7 @@ from phasebench.integrators import Hamiltonian, InvalidInput, integrate
 from phasebench.integrators.engine import codegen, filling
 from phasebench.integrators.engine.vector import (
     add,
+    add_product,
     axpy,
     bump,
     head,
@@ -222,7 +223,7 @@ def test_a_sum_in_place_is_the_compensated_sum_to_the_last_bit():
 
     @numba.njit
     def new(x, c, v):
-        return add(x, c, scale(0.3, v))
+        return add_product(x, c, 0.3, v)
 
     @numba.njit
     def same_place(x, c, v):
