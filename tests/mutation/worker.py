@@ -4,8 +4,9 @@ A mutant that changes a function is put in the function's place, in a child of a
 One that changes what runs at import is imported, with what imports it; so is one of a function that was called before
 the tests run, where none noticed.  One of a file that is compiled begins without the project.
 
-What the cache keeps is that of the project as it is, for what neither compiles nor is compiled; where kernels are
-changed as Python functions (`PLAIN`), each mutant begins with an empty cache of its own.
+What the cache keeps is that of the project as it is, for what neither compiles nor is compiled.  Where kernels are
+changed as Python functions (`PLAIN`), each mutant has a cache of its own: with what the project keeps, or empty where
+the mutant is of what generates it.
 """
 
 from __future__ import annotations
@@ -46,6 +47,8 @@ PROJECT = ("phasebench.benchmarks.report", "phasebench.benchmarks.cli", "phasebe
 PATIENCE, TIMES = 60, 10
 #: Folders of which functions are compiled: a function that is changed would not be.
 COMPILED = ("integrators/engine/", "integrators/families/", "integrators/systems/")
+#: Folders of what generates the functions that the cache keeps.
+GENERATING = ("integrators/engine/", "integrators/systems/")
 #: What makes a process compile nothing.
 PLAIN = {"NUMBA_DISABLE_JIT": "1"}
 #: What makes Python import the project from a copy of it, which the editable install does not know.
@@ -134,9 +137,7 @@ class Worker:
 
     def __init__(self, copy: Path):
         self.copy, self.session, self.about = copy, None, None
-        self.cache = copy / ".mutation" / "cache"
-        if is_plain():
-            os.environ["PHASEBENCH_CACHE"] = str(self.cache)
+        self.cache, self.kept = copy / ".mutation" / "cache", None
 
     def judge(self, job: Job) -> str | None:
         """The test that notices a mutant, ``hung``, or None."""
@@ -155,12 +156,17 @@ class Worker:
         CALLED.enable()
         for name in PROJECT:
             importlib.import_module(name)
-        # The kernels of a mutant that is no part of them are those of the project as it is.
-        importlib.import_module("phasebench.integrators.engine.cache").version()
+        # From here on the version is that of the project as it is.
+        kept = importlib.import_module("phasebench.integrators.engine.cache").folder()
+        if is_plain():
+            self.kept = kept
+            os.environ["PHASEBENCH_CACHE"] = str(self.cache)
         gc.freeze()
 
     def _changed(self, job: Job, original: str, run: Callable[[], str | None]) -> str | None:
         """What comes of it while the file is changed, which a process that a test starts would read."""
+        if self.kept and not job.path.startswith(GENERATING):
+            lend(self.kept, self.cache / self.kept.name)
         try:
             change(self.copy / job.path, job.code)
             return run()
@@ -195,6 +201,14 @@ def change(file: Path, text: str) -> None:
     file.write_text(text)
     for stale in (file.parent / "__pycache__").glob(f"{file.stem}.*.pyc"):
         stale.unlink(missing_ok=True)
+
+
+def lend(kept: Path, place: Path) -> None:
+    """Copy what a cache keeps, but for machine code, into another."""
+    place.mkdir(parents=True, exist_ok=True)
+    for entry in kept.iterdir() if kept.is_dir() else ():
+        if entry.suffix in (".py", ".json"):
+            shutil.copy2(entry, place)
 
 
 def forked(run: Callable[..., str | None], *arguments, patience: float = PATIENCE) -> str | None:

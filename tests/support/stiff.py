@@ -1,0 +1,65 @@
+"""Steps so wide that no fixed point is found, so that Newton's method has to: ``python stiff.py`` prints JSON.
+
+Of H = (p1^2 + p2^2)/2 + 200 q1^2 + q2^2/2 + q1^2 q2^2/2 + q1^4/4 with h = 0.3: h times the frequency is 6.
+"""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+
+import numpy as np
+
+from phasebench.benchmarks.measure.battery import LOW_ORDER, by_label, variants
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine.codegen import MULTIPRECISION, precision
+
+H, STEPS = Fraction(3, 10), 2
+ENERGY = "(u**2 + v**2)/2 + 200*x**2 + y**2/2 + x**2*y**2/2 + x**4/4"
+SYSTEM, BACK = (Hamiltonian(q="x y", p="u v", H=f"{sign}({ENERGY})") for sign in ("", "-"))
+START = ([0.5, 1.0], [1.0, -0.5])
+#: Families whose stages Newton's method solves, but for two that take long.
+FAMILIES = {"parametric", "collocation", "variational", "averaged", "discrete_gradient", "poisson"}
+
+
+def _implicit(m) -> bool:
+    """Whether a substep is no symplectic Euler one, which are explicit here."""
+    return m.family != "parametric" or any({mu, lam} != {0, 1} for _, mu, lam in m.data[1])
+
+
+def _methods() -> dict:
+    found: dict = {}
+    for m in variants(lam=(Fraction(1, 3),), order=(2,)):
+        if m.order <= LOW_ORDER and m.family in FAMILIES and _implicit(m) and m.lacks(SYSTEM) is None:
+            found.setdefault((m.family, m.symmetric, m.symplectic, m.requires, m.order, "order" in m.parameters), m)
+    return by_label(list(found.values()))
+
+
+METHODS = _methods()
+
+
+def ended(system, m, start, **options):
+    """The solution of a few steps."""
+    return integrate(system, m, h=H, steps=STEPS, q0=start[0], p0=start[1], **options)
+
+
+def of(label: str) -> dict:
+    """What came of a method: whether it is at its end, equations for Newton's method, the way back, digits, energy."""
+    m = METHODS[label]
+    there = ended(SYSTEM, m, START)
+    home = ended(BACK, m, (there.q[-1], there.p[-1]))
+    with precision(40):
+        exact = ended(SYSTEM, m, START, arithmetic=MULTIPRECISION)
+        apart = [*map(float, (*(exact.q[-1] - there.q[-1]), *(exact.p[-1] - there.p[-1])))]
+    return {
+        "steps": [x.counts["steps"] for x in (there, home, exact)],
+        "newton": [x.counts["newton"] for x in (there, home, exact)],
+        "back": float(np.abs(np.array([home.q[-1], home.p[-1]]) - START).max()),
+        "apart": float(np.abs(apart).max()),
+        "energy": float(np.ptp(SYSTEM.energies(there.q, there.p))),
+    }
+
+
+if __name__ == "__main__":
+    print(json.dumps({"result": {label: of(label) for label in METHODS}}))
