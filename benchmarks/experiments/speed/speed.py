@@ -26,7 +26,7 @@ RATIOS = {
     "Stormer-Verlet / C loop": ("stormer-verlet", "C", 1.05),
     "Stormer-Verlet / C loop with merged kicks": ("stormer-verlet", "C merged", None),
     "Scheme I(1/3) / C Stormer-Verlet": ("scheme-i", "C", 10),
-    "Scheme V / Scheme III(1/3)": ("scheme-v", "scheme-iii", 8),
+    "Scheme V / Scheme III(1/3)": ("scheme-v", "scheme-iii", 3),
     "Scheme IV / implicit midpoint": ("scheme-iv", "implicit-midpoint", None),
     "AVF / implicit midpoint": ("avf", "implicit-midpoint", None),
 }
