@@ -162,3 +162,31 @@ def test_a_line_that_runs_once_is_not_only_its_first_test_s(monkeypatch):
         "return listed(x, 5)",
         "return x + 1",
     }
+
+
+def test_what_is_compiled_is_python_where_nothing_is(monkeypatch):
+    monkeypatch.syspath_prepend(TOOL)
+    import worker
+
+    monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
+    kernel, driver = "integrators/families/splitting.py", "integrators/driver.py"
+    assert worker.is_compiled(kernel)
+    assert not worker.is_compiled(driver)
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    assert not worker.is_compiled(kernel)
+
+
+def test_a_mutant_has_what_the_project_keeps_and_no_machine_code(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(TOOL)
+    import worker
+
+    kept, place = tmp_path / "kept", tmp_path / "a" / "place"
+    kept.mkdir()
+    for name in ("f-1.py", "k-2.json", "splitting-3.machine"):
+        (kept / name).write_text(name)
+    worker.lend(kept, place)
+    assert {p.name: p.read_text() for p in place.iterdir()} == {"f-1.py": "f-1.py", "k-2.json": "k-2.json"}
+    (place / "f-1.py").write_text("changed")
+    assert (kept / "f-1.py").read_text() == "f-1.py"
+    worker.lend(tmp_path / "nowhere", tmp_path / "empty")
+    assert list((tmp_path / "empty").iterdir()) == []
