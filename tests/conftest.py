@@ -101,6 +101,20 @@ def uncompiled():
     return _result
 
 
+@pytest.fixture(scope="session")
+def of_each(uncompiled):
+    """A module of `support` that prints {label: what its ``of`` finds} -> the function of the label.
+
+    Where this process compiles nothing a label is measured when it is asked for, so that a test reaches its own alone.
+    """
+
+    def function(module):
+        script = f"support/{Path(module.__file__).name}"
+        return uncompiled(script).get if codegen.compiled() else module.of
+
+    return function
+
+
 @functools.cache
 def _elsewhere(name: str):
     try:

@@ -74,7 +74,7 @@ def made(choices: Iterable[Mapping[str, Any]], rungs: Iterable[Mapping[str, Any]
     lines = []
     for choice in choices:
         mine = [r for r in runs if r["scene"] == choice["scene"]]
-        fastest = min(map(_side(choice), (timing.OURS, timing.PEERS)))
+        fastest = min(_cheapest(choice, side) for side in (timing.OURS, timing.PEERS))
         error = float(choice["accuracy"])
         if choice["scene"] in fronts.SCENES and error in fronts.ERRORS and mine and isfinite(fastest[0]):
             long = max(mine, key=lambda r: float(r["seconds"]))
@@ -84,16 +84,12 @@ def made(choices: Iterable[Mapping[str, Any]], rungs: Iterable[Mapping[str, Any]
     return sorted(lines, key=lambda line: (fronts.SCENES.index(line["scene"]), -line["error"]))
 
 
-def _side(choice: Mapping[str, Any]) -> Callable[[str], tuple[float, str]]:
-    """side -> (the seconds of its cheapest, who); infinite where it does not get there."""
-
-    def cheapest(side: str) -> tuple[float, str]:
-        seconds = choice.get(f"{side} seconds")
-        return (
-            (inf, "") if seconds in ("", None) or seconds != seconds else (float(seconds), choice[f"{side} integrator"])
-        )
-
-    return cheapest
+def _cheapest(choice: Mapping[str, Any], side: str) -> tuple[float, str]:
+    """(the seconds of a side's cheapest, who); infinite where the side does not get there."""
+    seconds = choice.get(f"{side} seconds")
+    if seconds in ("", None) or seconds != seconds:
+        return inf, ""
+    return float(seconds), choice[f"{side} integrator"]
 
 
 @cache

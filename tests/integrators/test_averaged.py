@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import mpmath
 import numpy as np
 import pytest
@@ -9,13 +11,14 @@ import pytest
 from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
-from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, precision
 from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.engine.lanes import Lanes
 from phasebench.integrators.engine.orbit_lanes import twin
 from phasebench.integrators.families import averaged
 from phasebench.integrators.registry import method
+from support import two_degrees
+from support.two_degrees import of, run
 
 #: Separable with quadratic T: the kick is the unknown.  The masses tell M^-1 from 1.
 KICKS = {
@@ -33,26 +36,10 @@ FIELDS = {
 PATHS = ("avf", "pavf-p", "itoh-abe-c")
 
 
-def of(H) -> Hamiltonian:
-    return Hamiltonian(q="q1 q2", p="p1 p2", H=H)
-
-
-def run(system, id, h=0.1, steps=50):
-    s = integrate(system, id, h=h, steps=steps, q0=[0.7, 0.5], p0=[0.2, -0.3])
-    assert s.status == "ok", s.reason
-    return np.concatenate([s.q[-1], s.p[-1]]), s.counts
-
-
 @pytest.fixture
-def one_by_one(monkeypatch):
+def one_by_one():
     """The run with the nodes evaluated one after the other."""
-
-    def found(system, *arguments):
-        with monkeypatch.context() as patch:
-            patch.setattr(averaged, "serves", lambda system, arithmetic: False)
-            return run(system, *arguments)
-
-    return found
+    return partial(two_degrees.one_by_one, averaged)
 
 
 # -- nodes in lanes ---------------------------------------------------------------------------------------------------

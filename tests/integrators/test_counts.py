@@ -6,13 +6,12 @@ import pytest
 
 from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import compiled
 from support import counts
 
 
 @pytest.fixture(scope="module")
-def counted(uncompiled):
-    return uncompiled("support/counts.py").get if compiled() else counts.of
+def counted(of_each):
+    return of_each(counts)
 
 
 @pytest.mark.parametrize("label", counts.ALL)

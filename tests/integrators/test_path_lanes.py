@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import partial
 
 import mpmath
 import numpy as np
@@ -10,12 +11,13 @@ import pytest
 
 from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients import quadrature, tableaus
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.families import path_lanes
 from phasebench.integrators.registry import method
+from support import two_degrees
+from support.two_degrees import of, run
 
 #: Separable with diagonal T: the kicks are the unknowns.
 KICKS = {
@@ -32,26 +34,10 @@ FIELDS = {
 CASES = [("hbvm-8-4", "masses"), ("hbvm-8-4", "degree 6"), *(("cpg-2", name) for name in (*KICKS, *FIELDS))]
 
 
-def of(H) -> Hamiltonian:
-    return Hamiltonian(q="q1 q2", p="p1 p2", H=H)
-
-
-def run(system, id, h=0.1, steps=50):
-    s = integrate(system, id, h=h, steps=steps, q0=[0.7, 0.5], p0=[0.2, -0.3])
-    assert s.status == "ok", s.reason
-    return np.concatenate([s.q[-1], s.p[-1]]), s.counts
-
-
 @pytest.fixture
-def one_by_one(monkeypatch):
+def one_by_one():
     """The run with the nodes evaluated one after the other."""
-
-    def found(system, *arguments):
-        with monkeypatch.context() as patch:
-            patch.setattr(path_lanes, "serves", lambda s, rules, system: False)
-            return run(system, *arguments)
-
-    return found
+    return partial(two_degrees.one_by_one, path_lanes)
 
 
 @pytest.mark.processor

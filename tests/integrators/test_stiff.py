@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from phasebench.integrators.engine.codegen import compiled
 from phasebench.integrators.record import ROUND_OFF
 from support import stiff
 
@@ -13,8 +12,8 @@ BOUND = 1e-12
 
 
 @pytest.fixture(scope="module")
-def solved(uncompiled):
-    return uncompiled("support/stiff.py").get if compiled() else stiff.of
+def solved(of_each):
+    return of_each(stiff)
 
 
 @pytest.mark.parametrize("label", stiff.METHODS)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from phasebench.integrators.engine.codegen import compiled
 from support import stops
 
 
 @pytest.fixture(scope="module")
-def ended(uncompiled):
-    return uncompiled("support/stops.py").get if compiled() else stops.of
+def ended(of_each):
+    return of_each(stops)
 
 
 @pytest.mark.parametrize("label", stops.ALL)

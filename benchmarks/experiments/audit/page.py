@@ -81,7 +81,7 @@ def left_as_found(found: pd.DataFrame) -> Verdict | None:
     seen = found[(found["status"] == "ok") & (found["package"] != OWN)]
     if seen.empty:
         return None
-    wrong = seen[seen["mode"] != modes.KEPT]
+    wrong = _other_mode(seen)
     text = (
         f"{len(seen) - len(wrong)} of {len(seen)} integrators leave the process's floating-point mode as they found it"
     )
@@ -91,6 +91,11 @@ def left_as_found(found: pd.DataFrame) -> Verdict | None:
     return Verdict(
         f"{text}.", False, f"{len(wrong)} of {len(seen)} integrators change the process's floating-point mode."
     )
+
+
+def _other_mode(found: pd.DataFrame) -> pd.DataFrame:
+    """Who was seen to leave another mode."""
+    return found[(found["status"] == "ok") & (found["mode"] != modes.KEPT)]
 
 
 def beside_claims(data: Data) -> Verdict | None:
@@ -169,8 +174,8 @@ def table(data: Data) -> Table | None:
         bad = pd.concat([_by_severity(bad[bad["verdict"] == v]) for v in (judge.CONTRADICTED, judge.UNDERSTATED)])
         lines += [_stated(r) for r in bad.itertuples()]
     if (left := data(modes.TABLE)) is not None:
-        wrong = left[(left["status"] == "ok") & (left["mode"] != modes.KEPT)]
-        lines += [_changes(*key, part) for key, part in wrong.groupby(["package", "version", "mode"], sort=False)]
+        wrong = _other_mode(left).groupby(["package", "version", "mode"], sort=False)
+        lines += [_changes(*key, part) for key, part in wrong]
     if found is not None and claimed is not None:
         mine = _claims(found, claimed)
         shown = mine[mine["verdict"].isin([judge.CONTRADICTED, judge.IN_PART, judge.UNDERSTATED])]

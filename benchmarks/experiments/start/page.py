@@ -72,23 +72,21 @@ def table(data: Data) -> Table | None:
     """Cold starts, the longest first, then the warm ones."""
     cold, warm = data(start.COLD), data(start.WARM)
     parts = []
-    if cold is not None and len(cold):
-        longest = cold.sort_values("seconds", ascending=False)
-        parts.append(pd.DataFrame({"start": "cold", "what": longest["method"] + " on " + longest["problem"]}))
-        parts[-1][["d", "seconds"]] = longest[["d", "seconds"]].astype({"d": object})
     if warm is not None and len(warm):
-        parts.append(pd.DataFrame({"start": "warm", "what": warm["what"], "d": "", "seconds": warm["seconds"]}))
-        parts[-1]["interval"] = [
-            f"{low:.2f} to {high:.2f}" for low, high in zip(warm["low"], warm["high"], strict=True)
-        ]
+        part = pd.DataFrame({"start": "warm", "what": warm["what"], "d": "", "seconds": warm["seconds"]})
+        part["interval"] = [f"{low:.2f} to {high:.2f}" for low, high in zip(warm["low"], warm["high"], strict=True)]
+        parts.append(part)
+    if cold is not None and len(cold):
+        longest = cold.sort_values("seconds", ascending=False).head(ROWS - sum(map(len, parts)))
+        part = pd.DataFrame({"start": "cold", "what": longest["method"] + " on " + longest["problem"]})
+        part[["d", "seconds"]] = longest[["d", "seconds"]].astype({"d": object})
+        parts.insert(0, part)
     if not parts:
         return None
-    warm_rows = len(parts[-1]) if parts[-1]["start"].iloc[0] == "warm" else 0
-    parts[0] = parts[0].head(ROWS - warm_rows) if len(parts) == 2 else parts[0].head(ROWS)
     caption = (
         "Cold: of the processor, once. Warm: by the clock, a whole process, the median of rounds with its interval."
     )
-    return Table(pd.concat(parts, ignore_index=True).fillna(""), caption)
+    return Table(pd.concat(parts, ignore_index=True).head(ROWS).fillna(""), caption)
 
 
 @of(start.COLD)

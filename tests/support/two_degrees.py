@@ -1,0 +1,28 @@
+"""Systems of two degrees of freedom, run from one state: with nodes in lanes, and one by one."""
+
+from __future__ import annotations
+
+from unittest.mock import patch
+
+import numpy as np
+
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.driver import integrate
+
+
+def of(H) -> Hamiltonian:
+    """The system of a Hamiltonian in q1, q2, p1, p2."""
+    return Hamiltonian(q="q1 q2", p="p1 p2", H=H)
+
+
+def run(system, id, h=0.1, steps=50):
+    """(the end, the counts) of a run that is ok."""
+    s = integrate(system, id, h=h, steps=steps, q0=[0.7, 0.5], p0=[0.2, -0.3])
+    assert s.status == "ok", s.reason
+    return np.concatenate([s.q[-1], s.p[-1]]), s.counts
+
+
+def one_by_one(family, *arguments):
+    """The same of a family's kernel that evaluates the nodes one after the other."""
+    with patch.object(family, "serves", lambda *_: False):
+        return run(*arguments)
