@@ -47,7 +47,7 @@ def step_of(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE):
     """The kernel's first argument for a run from q, p."""
     step = prepared.step._replace(h=float(h) if arithmetic == DOUBLE else h, eps=codegen.epsilon(arithmetic))
     if prepared.begin is not None:
-        step = prepared.begin(step, value(q, d, arithmetic), value(p, d, arithmetic))
+        step = prepared.begin(step, *(value(x, d, arithmetic, prepared.arrays) for x in (q, p)))
     return step
 
 
@@ -58,7 +58,7 @@ def lay_out(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE) -> La
         state=zeros((4 + prepared.stages, max(energy_model.NUMBERS, d)), arithmetic),
         memory=zeros(((3 * solve.LEVELS + 1) * prepared.stages, prepared.width), arithmetic),
         work=zeros(prepared.work or (order, order), arithmetic),
-        zero=value(zeros(d, arithmetic), d, arithmetic),
+        zero=value(zeros(d, arithmetic), d, arithmetic, prepared.arrays),
     )
     step = step_of(prepared, d, h, q, p, arithmetic)
     layout = Layout(entry(kernel(prepared, d, arithmetic)), step, orbit, np.zeros(1, COUNTS).view(np.recarray)[0])
@@ -128,6 +128,11 @@ class PreparedRun:
     def counts(self) -> dict[str, int]:
         """What the last call took: steps, evaluations of the gradient, Newton solves, fallbacks."""
         return {name: int(self._layout.counts[name]) for name in COUNTS.names if name != "rule"}
+
+    @property
+    def values(self) -> str:
+        """What the states are in the kernel: "tuple", of numbers in registers, or "array"."""
+        return codegen.value_kind(self._d, self._prepared.arrays)
 
     def _begin(self, h: float) -> None:
         """Make the step again where it depends on what has changed."""

@@ -26,7 +26,8 @@ from phasebench.integrators.errors import InvalidInput
 from . import cache, machine
 from .vector import ARRAYS, TUPLES
 
-#: Above this many degrees of freedom a state is an array, up to it a tuple (registers).
+#: Above this many degrees of freedom a state is an array, up to it a tuple (registers) unless a kernel that works in
+#: place has it otherwise (`filling.twin`).
 TUPLE_LIMIT = 20
 
 DOUBLE, MULTIPRECISION = "double", "multiprecision"
@@ -37,19 +38,25 @@ def compiled() -> bool:
     return not numba.config.DISABLE_JIT
 
 
-def value_kind(d: int) -> str:
-    """What a compiled state of d components is: "tuple" or "array"."""
-    return "tuple" if d <= TUPLE_LIMIT else "array"
+def value_kind(d: int, arrays: bool = False) -> str:
+    """What a compiled state of d components is, "tuple" or "array"; an array in any case where it is told so."""
+    return "array" if arrays or d > TUPLE_LIMIT else "tuple"
 
 
-def value_type(d: int):
+def value_type(d: int, arrays: bool = False):
     """The Numba type of a compiled state of d components."""
-    return types.UniTuple(types.float64, d) if value_kind(d) == "tuple" else types.Array(types.float64, 1, "C")
+    tuples = value_kind(d, arrays) == "tuple"
+    return types.UniTuple(types.float64, d) if tuples else types.Array(types.float64, 1, "C")
 
 
 def options(d: int) -> dict:
     """The compiler's options for states of d components."""
     return TUPLES if value_kind(d) == "tuple" else ARRAYS
+
+
+def _kind_of(signature) -> str:
+    """What the states are that a function of this signature takes."""
+    return "array" if any(isinstance(t, types.Array) for t in signature.args) else "tuple"
 
 
 def _finish(text: str, style: str) -> str:
@@ -67,7 +74,7 @@ def _finish(text: str, style: str) -> str:
 _ready: dict = {}
 
 
-def function(key: str, build, d: int, signature, arithmetic: str = DOUBLE):
+def function(key: str, build, signature, arithmetic: str = DOUBLE):
     """The function whose text ``build(arithmetic)`` writes, ready for the kernels; the same object for the same key.
 
     ``key`` identifies the content (it is hashed for the cache); ``signature`` is its Numba signature.
@@ -76,12 +83,12 @@ def function(key: str, build, d: int, signature, arithmetic: str = DOUBLE):
         style, header = "mpfr", "import mpmath as mp\nfrom gmpy2 import *\n"
         header += f"from {__name__} import MULTIPRECISION, exactly, vector\n\n"
     else:
-        style = value_kind(d) if compiled() else "numpy"
+        style = _kind_of(signature) if compiled() else "numpy"
         header = "from math import *\nimport numpy as np\n\n"
     digest = hashlib.sha256(f"{style}|{key}".encode()).hexdigest()[:24]
     if digest not in _ready:
         text = kept_text(f"f-{digest}.py", lambda: header + _finish(build(arithmetic), style))
-        _ready[digest] = _load(digest, text, style, d, signature)
+        _ready[digest] = _load(digest, text, style, signature)
     return _ready[digest]
 
 
@@ -90,13 +97,13 @@ def origin(made) -> tuple | None:
     return getattr(made, "origin", None)
 
 
-def again(digest: str, d: int, signature):
+def again(digest: str, signature):
     """The compiled function of that origin; raises KeyError where its text is not in the cache."""
     if digest not in _ready:
         text = cache.read(f"f-{digest}.py")
         if text is None:
             raise KeyError(digest)
-        _ready[digest] = _load(digest, text.decode(), value_kind(d), d, signature)
+        _ready[digest] = _load(digest, text.decode(), _kind_of(signature), signature)
     return _ready[digest]
 
 
@@ -110,7 +117,7 @@ def kept_text(name: str, write) -> str:
     return text
 
 
-def _load(digest: str, text: str, style: str, d: int, signature):
+def _load(digest: str, text: str, style: str, signature):
     """The function that the text defines."""
     module = ModuleType(f"phasebench_generated_{digest}")
     sys.modules[module.__name__] = module  # Numba looks the module up when it loads the machine code
@@ -118,8 +125,8 @@ def _load(digest: str, text: str, style: str, d: int, signature):
     if style in ("mpfr", "numpy"):
         return module.f
     name = f"f|{digest}|{hashlib.sha256(text.encode()).hexdigest()}"
-    made = machine.compiled(module.f, signature, options(d), name)
-    made.origin = digest, d, signature
+    made = machine.compiled(module.f, signature, TUPLES if style == "tuple" else ARRAYS, name)
+    made.origin = digest, signature
     return made
 
 

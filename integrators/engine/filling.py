@@ -1,7 +1,8 @@
-"""Functions that write their results into arrays handed to them: of large d, for kernels that allocate nothing.
+"""Functions that write their results into arrays handed to them: of large d, for kernels that work in place.
 
 Of a function (q, ...) -> g or (g, k) it is the one (q, ..., g) -> None or (q, ..., g, k) -> None, with `vector.writes`
-of its type.  A family whose kernel takes such functions asks the `twin` of a system for them.
+of its type.  A family whose kernel takes such functions asks the `twin` of a system for them, and says from how many
+degrees of freedom on: arrays that nothing allocates pay before registers are full of other numbers.
 """
 
 from __future__ import annotations
@@ -44,9 +45,12 @@ def _writing(text: str) -> str:
 _twins: WeakKeyDictionary = WeakKeyDictionary()
 
 
-def twin(system, arithmetic: str = DOUBLE):
-    """The system, its functions such that write where they are compiled for arrays; always the same one."""
-    if arithmetic != DOUBLE or not compiled() or value_kind(system.d) != "array":
+def twin(system, arithmetic: str, most: int):
+    """The system up to ``most`` degrees of freedom or the tuples' limit; above, the one whose functions write.
+
+    That is always the same one.
+    """
+    if arithmetic != DOUBLE or not compiled() or value_kind(system.d, arrays=system.d > most) == "tuple":
         return system
     if system not in _twins:
         other = copy.copy(system)

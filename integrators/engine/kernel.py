@@ -82,6 +82,7 @@ class Prepared:
     implicit, hessian : whether evaluations count as iterations, and as evaluations of higher derivatives
     linear : the number of unknowns of the largest linear system that the kernel solves, at first ``width``
     work : the shape of the memory for it, where that is not the square one of a full matrix
+    arrays : whether its values are arrays, be d large or not: of a step that works in place, on a `filling.twin`
     begin : completes ``step`` for a run
     missed : what a fallback is, in words after "n of m steps"; without it fallbacks do not change the status
     """
@@ -96,6 +97,7 @@ class Prepared:
     begin: Callable | None = None
     missed: str = ""
     work: tuple[int, int] | None = None
+    arrays: bool = False
 
     def tally(self, steps: int, gradient: int, fallbacks: int = 0, newton: int = 0) -> dict[str, int]:
         """What a solution says of its counts."""
@@ -134,9 +136,9 @@ def zeros(shape, arithmetic: str) -> np.ndarray:
     return np.zeros(shape)
 
 
-def value(x, d: int, arithmetic: str = DOUBLE):
-    """The numbers x as a value of systems of d degrees of freedom."""
-    if arithmetic == DOUBLE and codegen.compiled() and codegen.value_kind(d) == "tuple":
+def value(x, d: int, arithmetic: str = DOUBLE, arrays: bool = False):
+    """The numbers x as a value of systems of d degrees of freedom; an array in any case where it is told so."""
+    if arithmetic == DOUBLE and codegen.compiled() and codegen.value_kind(d, arrays) == "tuple":
         return tuple(map(float, x))
     return np.array(x, dtype=object if arithmetic == MULTIPRECISION else float)
 
@@ -171,7 +173,7 @@ def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
     """``prepared.run``, compiled with an explicit signature (and kept on disk) unless compilation is off."""
     if arithmetic == MULTIPRECISION or not codegen.compiled():
         return prepared.run
-    step, T = _type(prepared.step), codegen.value_type(d)
+    step, T = _type(prepared.step), codegen.value_type(d, prepared.arrays)
     key = (prepared.run, step, T)
     if key not in _kernels:
         orbit = _tuple_type((_TABLE, _TABLE, _TABLE, T), Orbit)

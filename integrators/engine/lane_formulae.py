@@ -68,7 +68,7 @@ def function(
 
     signature = types.void(types.Array(types.float64, 2, "C"))
     key = f"{kind} in {n} lanes|{_operations()}|{system.content}"
-    return codegen.function(key, text, system.d, signature, arithmetic)
+    return codegen.function(key, text, signature, arithmetic)
 
 
 @cache

@@ -35,6 +35,9 @@ from phasebench.integrators.engine.vector import (
     writes,
 )
 
+#: Above this many degrees of freedom arrays are faster than tuples: at d = 16 and 18 by 5 to 13 %, at 12 by none.
+MOST = 14
+
 
 class RungeKutta(NamedTuple):
     """The field f and the tableau: the rows of A, then b."""
@@ -145,6 +148,6 @@ def run(step, orbit, samples, counts):
 
 def prepare(method, system, arithmetic, fills=True):
     """The tableau's kernel."""
-    system = filling.twin(system, arithmetic) if fills else system
+    system = filling.twin(system, arithmetic, MOST) if fills else system
     step = RungeKutta(system.field(arithmetic), array(method.data, arithmetic))
-    return Prepared(run, step, 2 * system.d, len(step.tableau), implicit=False)
+    return Prepared(run, step, 2 * system.d, len(step.tableau), implicit=False, arrays=system.fills)

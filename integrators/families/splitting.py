@@ -22,6 +22,9 @@ from phasebench.integrators.engine import filling
 from phasebench.integrators.engine.kernel import Prepared, numbers
 from phasebench.integrators.engine.vector import State, close, held, keep, moved, of, rows
 
+#: Above this many degrees of freedom arrays are faster than tuples: from d = 10 to 18 by 5 to 40 %, below by none.
+MOST = 10
+
 
 class Splitting(NamedTuple):
     """Drifts of a and kicks of b, fractions of h: the first kick, then drift k and kick k, k = 1, 2, ...
@@ -81,10 +84,10 @@ def _prepared(parts, system, arithmetic, fills):
             rows.append([fraction, 0])
     a, b = (numbers(column, arithmetic) for column in zip(*rows, strict=True))
     masses = getattr(system, "inverse_masses", None) if fills else None
-    system = filling.twin(system, arithmetic) if fills else system
+    system = filling.twin(system, arithmetic, MOST) if fills else system
     dT = numbers(masses, arithmetic) if masses else system.grad_T(arithmetic)
     step = Splitting(dT, system.grad_V(arithmetic), a, b)
-    return Prepared(run, step, 1, 2, implicit=False)
+    return Prepared(run, step, 1, 2, implicit=False, arrays=system.fills)
 
 
 def from_substeps(substeps, system, arithmetic, fills=True):

@@ -155,12 +155,12 @@ class PartitionedSystem:
             key = f"{kind}|{self.content}"
             if self.fills:
                 key, signature, text = f"{key}|fills", filling.signature(signature), filling.written(text)
-            self._functions[kind, arithmetic] = codegen.function(key, text, self.d, signature, arithmetic)
+            self._functions[kind, arithmetic] = codegen.function(key, text, signature, arithmetic)
         return self._functions[kind, arithmetic]
 
     def field(self, arithmetic: str = DOUBLE, order: int = 1):
         """f(q, p, h, lam) -> (q', p'); of ``order`` r > 1, the truncated generating function's (S_u, -S_v) / h."""
-        T, number = codegen.value_type(self.d), types.float64
+        T, number = codegen.value_type(self.d, self.fills), types.float64
         h, lam = sp.Symbol("h", positive=True), generating.LAMBDA
 
         def results():
@@ -410,14 +410,14 @@ class Hamiltonian(PartitionedSystem):
         """p -> grad T(p) of a separable H; None where that is p itself."""
         if self.unit_mass:
             return None
-        T = codegen.value_type(self.d)
+        T = codegen.value_type(self.d, self.fills)
         return self.made(
             "grad_T", [("p", self.p)], lambda: [[sp.diff(self.kinetic, x) for x in self.p]], T(T), arithmetic
         )
 
     def grad_V(self, arithmetic: str = DOUBLE):
         """q -> grad V(q) of a separable H."""
-        T = codegen.value_type(self.d)
+        T = codegen.value_type(self.d, self.fills)
         return self.made(
             "grad_V", [("q", self.q)], lambda: [[sp.diff(self.potential, x) for x in self.q]], T(T), arithmetic
         )

@@ -62,10 +62,11 @@ def grown(name, id) -> int:
     return allocations(many) - allocations(few)
 
 
-LARGE = {"fpu": {"m": 11}, "nls": {"N": 24}}
+LARGE = {"fpu": {"m": 11}, "nls": {"N": 24}, "outer-solar-system": {}}
+EXPLICIT = [("fpu", "stormer-verlet"), ("fpu", "rk4"), ("nls", "rk4"), ("outer-solar-system", "stormer-verlet")]
 
 
-@pytest.mark.parametrize(("name", "id"), [("fpu", "stormer-verlet"), ("fpu", "rk4"), ("nls", "rk4")])
+@pytest.mark.parametrize(("name", "id"), EXPLICIT)
 def test_no_explicit_step_on_arrays_allocates(name, id):
     assert grown(name, id) == 0
 

@@ -73,7 +73,7 @@ def test_a_generated_function_keeps_every_digit(expression, header):
     def build(arithmetic):
         return header + printing.source("f", [("q", [x]), ("p", [y])], [expression], arithmetic)
 
-    f = codegen.function(header + str(expression), build, 1, None, MULTIPRECISION)
+    f = codegen.function(header + str(expression), build, None, MULTIPRECISION)
     with precision(DIGITS):
         value = f(codegen.vector([Fraction(2, 3)]), codegen.vector([Fraction(5, 7)]))
         expected = sp.N(expression.subs({x: sp.Rational(2, 3), y: sp.Rational(5, 7)}), DIGITS + 10)

@@ -15,7 +15,7 @@ from scipy.stats import linregress, t
 
 from phasebench.benchmarks.measure.timing import in_turns, median, ratio
 from phasebench.benchmarks.rows.cells import ALONE, Cell, Rows, Unavailable, content
-from phasebench.integrators.engine.codegen import TUPLE_LIMIT, value_kind
+from phasebench.integrators.engine.codegen import TUPLE_LIMIT
 from phasebench.integrators.prepared import PreparedRun, prepare
 from phasebench.integrators.registry import method
 from phasebench.reference.peers import particles
@@ -88,7 +88,7 @@ def costs(name: str, d: int) -> Rows:
     if system.pairs:
         work["REBOUND"] = rebound(system, d, steps)
     times = in_turns(work, ROUNDS)
-    row = {"system": name, "d": d, "method": system.method, "values": value_kind(d), "steps": steps}
+    row = {"system": name, "d": d, "method": system.method, "values": run.values, "steps": steps}
     for who, seconds in times.items():
         m = median(seconds / steps * 1e9)
         row |= {f"ns, {who}": m.value, f"ns, {who}, low": m.low, f"ns, {who}, high": m.high}

@@ -58,7 +58,7 @@ def beside(costs: pd.DataFrame) -> Verdict | None:
     if costs.empty:
         return None
     parts, holds = [], True
-    for kind, what in (("tuple", f"to d = {TUPLE_LIMIT}, in registers"), ("array", "above, on arrays")):
+    for kind, what in (("tuple", "states in registers"), ("array", "on arrays")):
         part = costs[costs["values"] == kind]
         if part.empty:
             continue
@@ -109,12 +109,14 @@ def draw(costs: pd.DataFrame, folder) -> list[Picture]:
             for who, look in looks.items():
                 if f"ns, {who}" in part and part[f"ns, {who}"].notna().any():
                     axes.loglog(part["d"], part[f"ns, {who}"], label=who, **look)
-            axes.axvline(TUPLE_LIMIT + 0.5, color="0.7", linewidth=0.6)
+            in_registers = part.loc[part["values"] == "tuple", "d"]
+            if len(in_registers):
+                axes.axvspan(in_registers.min() / 1.2, in_registers.max() * 1.2, color="0.95", zorder=0)
             axes.set(title=name, xlabel="d")
             axes.grid(color="0.93", linewidth=0.5)
         panels[0].set_ylabel("ns a step")
         style.legend_above(figure, panels[-1], 3)
-    caption = f"Time of a step by the degrees of freedom; to the left of the line (d = {TUPLE_LIMIT}) states are in registers."
+    caption = "Time of a step by the degrees of freedom; where it is grey states are in registers, else on arrays."
     return [Picture(style.save(figure, folder, "large.png"), "cost by d", caption)]
 
 
@@ -147,8 +149,8 @@ PAGE = Page(
         f"Stiff springs (fpu, omega = {OMEGA:g}), Toda's lattice, Klein-Gordon and Schroedinger waves on points {SPACING:g} apart, a "
         "Plummer sphere of N bodies: d from 2 to 10,000.",
         "Stormer-Verlet, one gradient a step; the Schroedinger lattice, which is not separable, by rk4, four fields a step.",
-        f"To d = {TUPLE_LIMIT} functions are derived from the formula of H and states are in registers; above, they are loops written "
-        "by hand, on arrays.",
+        f"To d = {TUPLE_LIMIT} functions are derived from the formula of H; above, they are loops written by hand. States are tuples "
+        "in registers or arrays, as the column `values` says.",
         "Beside it the same loops in C (gcc -O3 -march=native, uncompensated) and, of bodies, REBOUND's leapfrog with direct "
         "summation; in turns, warm, without output.",
         f"Functions are derived for d = {', '.join(map(str, DERIVED))} until it takes longer than {PATIENCE:g} s, from an empty cache.",
