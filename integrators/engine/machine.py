@@ -17,6 +17,8 @@ from contextlib import contextmanager
 from types import FunctionType, SimpleNamespace
 
 import numba
+from llvmlite import ir
+from numba import types
 from numba.core import serialize, typeinfer
 from numba.core.caching import _Cache
 from numba.core.codegen import JITCodeLibrary
@@ -120,6 +122,8 @@ class _Whole(Compiler):
         library = JITCodeLibrary(target_context.codegen(), "whole")
         library.enable_object_caching()
         super().__init__(typing_context, target_context, library, *rest)
+        context = self.state.targetctx  # a copy, of this compilation alone
+        context.create_cfunc_wrapper = _entry(context)
 
     def compile_extra(self, func):
         """Compile ``func``; Numba's lock keeps other threads from compiling meanwhile."""
@@ -131,6 +135,36 @@ class _Whole(Compiler):
         finally:
             if collects:
                 gc.enable()
+
+
+def in_registers(results, arguments) -> bool:
+    """Whether a function takes a value of one or two numbers and returns another: C returns it in registers."""
+    small = isinstance(results, types.UniTuple) and results.dtype == types.float64 and results.count <= 2
+    return small and tuple(arguments) == (results,)
+
+
+def _entry(context) -> Callable:
+    """What makes functions' entries for C: Numba's call the function; where C returns in registers, they are it.
+
+    Such a function is arithmetic, which raises nothing.
+    """
+    usual = context.create_cfunc_wrapper
+
+    def made(library, fndesc, *rest):
+        if not in_registers(fndesc.restype, fndesc.argtypes):
+            return usual(library, fndesc, *rest)
+        module, returned, given = context.create_module("entry"), fndesc.restype, fndesc.argtypes
+        convention = context.call_conv
+        function = ir.Function(module, convention.get_function_type(returned, given), fndesc.llvm_func_name)
+        kind = ir.FunctionType(context.get_value_type(returned), [context.get_value_type(t) for t in given])
+        entry = ir.Function(module, kind, fndesc.llvm_cfunc_wrapper_name)
+        builder = ir.IRBuilder(entry.append_basic_block())
+        inlined = convention.call_function(builder, function, returned, given, entry.args, attrs=("alwaysinline",))
+        builder.ret(inlined[1])
+        library.add_ir_module(module)
+        return None
+
+    return made
 
 
 @contextmanager
