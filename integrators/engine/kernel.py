@@ -15,7 +15,8 @@ For somebody who adds a family.  Its module holds a NamedTuple of what a step ne
 5. The state, stage unknowns and increments are values: tuples of small d, arrays of large d, object arrays of MPFR
    numbers.  Only the operations of `vector` touch them, so that the same source runs on all three.  Increments are
    added with compensation.
-   An explicit step works in place (`vector.in_place`): of arrays it then allocates nothing either.
+   An explicit step works in place (`vector.in_place`): of arrays it then allocates nothing either, and its family may
+   choose them for a smaller d (`filling.twin`, ``Prepared.arrays``).
 6. A step of tuples allocates nothing.  Arrays in ``step`` and ``orbit`` are two-dimensional or read-only: a writable
    one-dimensional array of numbers is a value of large d.
 7. Implicit equations go to `solve.solver` or `solve.row_solver`, quadratures to be confirmed to `solve.confirmer`
