@@ -95,14 +95,20 @@ class _Part(JITCodeLibrary):
             if not function.is_declaration:
                 passes.run(function, builder)
 
-    def _get_module_for_linking(self):
-        """The functions, to be left out where nothing calls them any more."""
+    def alone(self):
+        """The functions, to be left out where nothing calls them any more, without those that they call."""
         if self._shared_module is None:
             self._shared_module = self._final_module
             for function in self._final_module.functions:
                 if not function.is_declaration and function.linkage == Linkage.external:
                     function.linkage = "linkonce_odr"
         return self._shared_module
+
+    def _get_module_for_linking(self):
+        """For a library of another kind: with all that they call."""
+        module = self.alone().clone()
+        _link(module, self)
+        return module
 
     def get_pointer_to_function(self, name):
         """What raises a TypeError, should Python call it after all: see `_Callable`."""
@@ -119,20 +125,30 @@ class _Linked(JITCodeLibrary):
     """The code of an outermost function, with that of all parts."""
 
     def finalize(self):
-        """Link each part once, after all that call it."""
-        found = []
-        _after_callees(self, found, set())
-        self._linking_libraries = found[-2::-1]
+        """Link each part once."""
+        for other in _link(self._final_module, self):
+            self._reload_init.update(other._reload_init)
+        self._linking_libraries = []
         super().finalize()
 
 
-def _after_callees(library, found: list, seen: set) -> None:
-    """Enter what a library links, and then itself."""
-    seen.add(library)
-    for other in getattr(library, "_linking_libraries", ()):
-        if other not in seen:
-            _after_callees(other, found, seen)
-    found.append(library)
+def _link(module, library) -> list:
+    """Link all libraries that a library needs into its module, each after all that call it; returns them."""
+    found: list = []
+    _enter_callees(library, found)
+    found.reverse()
+    for other in found:
+        module.link_in(other.alone() if isinstance(other, _Part) else other._get_module_for_linking(), preserve=True)
+    return found
+
+
+def _enter_callees(library, found: list) -> None:
+    """Enter the libraries that a library needs, each after those that it needs itself."""
+    for other in library._linking_libraries:
+        if other not in found:
+            if isinstance(other, _Part):
+                _enter_callees(other, found)
+            found.append(other)
 
 
 class _Callable(CPUDispatcher):
