@@ -46,7 +46,6 @@ class Search(NamedTuple):
     first : the first guess where there is no model
     near : a root farther than this is looked for by continuation: Muller's method might leave the branch of x = 0
     ratio, points : the continuation's points on either side are radius / ratio^k, k = points - 1, ..., 0
-    branches : whether E may have two roots near zero
     slack : E(0) at the round-off of H times this will do where Muller's method fails
     """
 
@@ -55,7 +54,6 @@ class Search(NamedTuple):
     near: float
     ratio: float
     points: int
-    branches: bool
     slack: float
 
 
@@ -119,7 +117,7 @@ def trusted(search, models, row, predicted, c1, slope):
     c2, room = abs(models[row, CURVATURE]), LONE * abs(slope)
     return (
         0 < models[row, STREAK] < FOLLOWED
-        and abs(predicted) <= (CHECKED if search.branches else search.near)
+        and abs(predicted) <= CHECKED
         and c2 * abs(predicted) <= room
         and c2 * models[row, MISSED] <= 0.1 * room
         and (models[row, AGE] == 1 or abs(c1 - models[row, SLOPE]) <= 0.75 * abs(slope))

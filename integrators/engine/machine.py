@@ -13,19 +13,23 @@ import hashlib
 import pickle
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from types import FunctionType, SimpleNamespace
+from contextlib import contextmanager, nullcontext
+from types import CodeType, FunctionType, SimpleNamespace
 
 import numba
 from llvmlite import ir
+from llvmlite.binding import Linkage
 from numba import types
-from numba.core import serialize, typeinfer
+from numba.core import event, serialize, typeinfer
 from numba.core.caching import _Cache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.compiler_machinery import PassManager
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.runtime import rtsys
+from numba.core.typed_passes import NopythonRewrites
+from numba.core.untyped_passes import InlineClosureLikes
 
 from . import cache
 
@@ -79,15 +83,34 @@ class Kept(_Cache):
 
 
 class _Part(JITCodeLibrary):
-    """The code of a function that others call: for linking alone, neither optimized nor executable."""
+    """The code of a function that others call: for linking alone, neither linked nor optimized as a whole."""
 
-    def _optimize_final_module(self):
-        pass
-
-    def _finalize_final_module(self):
-        self._finalize_dynamic_globals()
-        self._verify_declare_only_symbols()
+    def finalize(self):
+        """What it calls is linked into the whole, once, with it (`_Linked`)."""
         self._finalized = True
+
+    def _optimize_functions(self, ll_module):
+        """As in other libraries, with what optimizes made once for all functions."""
+        ll_module.data_layout = self._codegen._data_layout
+        passes, builder = self._codegen._function_pass_manager()
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                passes.run(function, builder)
+
+    def alone(self):
+        """The functions, to be left out where nothing calls them any more, without those that they call."""
+        if self._shared_module is None:
+            self._shared_module = self._final_module
+            for function in self._final_module.functions:
+                if not function.is_declaration and function.linkage == Linkage.external:
+                    function.linkage = "linkonce_odr"
+        return self._shared_module
+
+    def _get_module_for_linking(self):
+        """For a library of another kind: with all that they call."""
+        module = self.alone().clone()
+        _link(module, self)
+        return module
 
     def get_pointer_to_function(self, name):
         """What raises a TypeError, should Python call it after all: see `_Callable`."""
@@ -98,6 +121,36 @@ class _Part(JITCodeLibrary):
     def codegen(self):
         """Nobody needs its environment, which is for exceptions with arguments."""
         return SimpleNamespace(set_env=lambda name, env: None)
+
+
+class _Linked(JITCodeLibrary):
+    """The code of an outermost function, with that of all parts."""
+
+    def finalize(self):
+        """Link each part once."""
+        for other in _link(self._final_module, self):
+            self._reload_init.update(other._reload_init)
+        self._linking_libraries = []
+        super().finalize()
+
+
+def _link(module, library) -> list:
+    """Link all libraries that a library needs into its module, each after all that call it; returns them."""
+    found: list = []
+    _enter_callees(library, found)
+    found.reverse()
+    for other in found:
+        module.link_in(other.alone() if isinstance(other, _Part) else other._get_module_for_linking(), preserve=True)
+    return found
+
+
+def _enter_callees(library, found: list) -> None:
+    """Enter the libraries that a library needs, each after those that it needs itself."""
+    for other in library._linking_libraries:
+        if other not in found:
+            if isinstance(other, _Part):
+                _enter_callees(other, found)
+            found.append(other)
 
 
 class _Callable(CPUDispatcher):
@@ -119,7 +172,7 @@ class _Whole(Compiler):
     """The compiler of an outermost function: its library is of the usual kind, all others made meanwhile are parts."""
 
     def __init__(self, typing_context, target_context, library, *rest):
-        library = JITCodeLibrary(target_context.codegen(), "whole")
+        library = _Linked(target_context.codegen(), "whole")
         library.enable_object_caching()
         super().__init__(typing_context, target_context, library, *rest)
         context = self.state.targetctx  # a copy, of this compilation alone
@@ -169,7 +222,11 @@ def _entry(context) -> Callable:
 
 @contextmanager
 def _parts(context) -> Iterator[None]:
-    """Libraries made here are parts, without wrappers for a call from Python or C."""
+    """Libraries made here are parts, without wrappers for a call from Python or C.
+
+    Left out are passes that have nothing to do, and Numba's timers: each function being compiled has two, which are
+    told of every event.
+    """
 
     def unless_part(make):
         def made(library, *rest, **named):
@@ -180,15 +237,32 @@ def _parts(context) -> Iterator[None]:
 
     wrappers = ("create_cpython_wrapper", "create_cfunc_wrapper")
     codegen, usual = context.codegen(), context.codegen()._library_class
+    timer, pipelines = event.install_timer, Compiler.define_pipelines
     try:
         codegen._library_class = _Part
+        event.install_timer = lambda kind, callback: nullcontext()
+        Compiler.define_pipelines = lambda compiler: [_needed(compiler.state, *pipelines(compiler))]
         for name in wrappers:
             setattr(context, name, unless_part(getattr(context, name)))
         yield
     finally:
         codegen._library_class = usual
+        event.install_timer, Compiler.define_pipelines = timer, pipelines
         for name in wrappers:
             vars(context).pop(name, None)
+
+
+def _needed(state, passes: PassManager) -> PassManager:
+    """The passes without those that look for functions inside of one without, and for new arrays where none can be."""
+    idle = set()
+    if not any(isinstance(constant, CodeType) for constant in state.func_id.code.co_consts):
+        idle.add(InlineClosureLikes)
+    if not state.flags.nrt:
+        idle.add(NopythonRewrites)
+    needed = PassManager(passes.pipeline_name)
+    needed.passes = [each for each in passes.passes if each[0] not in idle]
+    needed.finalize()
+    return needed
 
 
 def compiled(f: Callable, signature, options: dict, name: str) -> Callable:

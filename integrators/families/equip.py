@@ -42,7 +42,7 @@ from . import collocation, gauss_lanes, stage_lanes
 from .gauss_lanes import serves
 from .parametric import unknown
 
-SEARCH = Search(radius=0.5, first=0.01, near=0.1, ratio=1.5, points=16, branches=False, slack=8.0)
+SEARCH = Search(radius=0.5, first=0.01, near=0.1, ratio=1.5, points=16, slack=8.0)
 MISSED = "have no parameter near 0 that keeps the energy and were taken as Gauss's method"
 
 
@@ -198,7 +198,7 @@ def attempt(alpha, start, ease, e):
     return Attempt(new, H - step.H0, step.eps * magnitude, status)
 
 
-find = finder(attempt)
+find = finder(attempt, several=False)
 
 
 def run(step, orbit, samples, counts):

@@ -37,7 +37,7 @@ from .parametric import quadratic, substep, unknown
 RADIUS = 2.0
 #: Attempts so far apart tell how the solutions change with x.
 APART = 1e-6
-SEARCH = Search(radius=RADIUS, first=0.05, near=1.0, ratio=1.12, points=70, branches=True, slack=0.0)
+SEARCH = Search(radius=RADIUS, first=0.05, near=1.0, ratio=1.12, points=70, slack=0.0)
 MISSED = "have no parameter near 1/2 that keeps the energy and were taken with 1/2"
 
 

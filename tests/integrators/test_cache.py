@@ -122,6 +122,26 @@ def test_a_part_of_another_function_can_be_called_all_the_same(place):
     assert not [name for name in vars(cpu_target.target_context) if name.startswith("create_")]  # as Numba left it
 
 
+def test_parts_that_share_parts_can_be_called_and_linked_again(place):
+    @vector.jit
+    def shared(x):
+        vector.apart()
+        return x * 2.0
+
+    @vector.jit
+    def one(x):
+        return shared(x) + 1.0
+
+    @vector.jit
+    def other(x):
+        return shared(one(x)) + shared(x)
+
+    first = machine.compiled(lambda x: one(x) + other(x), SIGNATURE, dict(vector.TUPLES), "whole|2")
+    second = machine.compiled(lambda x: other(x) - one(x), SIGNATURE, dict(vector.TUPLES), "whole|3")
+    assert (first(1.5), second(1.5)) == (4.0 + 11.0, 11.0 - 4.0)
+    assert other(1.5) == numba.njit(lambda x: other(x))(1.5) == 11.0, "outside of what was compiled"
+
+
 # -- nowhere to write --------------------------------------------------------------------------------------------------
 
 
