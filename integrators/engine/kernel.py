@@ -84,6 +84,7 @@ class Prepared:
     work : the shape of the memory for it, where that is not the square one of a full matrix
     begin : completes ``step`` for a run
     missed : what a fallback is, in words after "n of m steps"; without it fallbacks do not change the status
+    apart : whether evaluations of orbits in lanes are counted for each, as iterations are
     """
 
     run: Callable
@@ -96,6 +97,7 @@ class Prepared:
     begin: Callable | None = None
     missed: str = ""
     work: tuple[int, int] | None = None
+    apart: bool = False
 
     def tally(self, steps: int, gradient: int, fallbacks: int = 0, newton: int = 0) -> dict[str, int]:
         """What a solution says of its counts."""
