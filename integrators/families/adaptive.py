@@ -51,9 +51,11 @@ from phasebench.integrators.engine.solve import OUT_OF_STEP, SOLVED
 from phasebench.integrators.engine.vector import (
     State,
     add_product,
+    apart,
     chosen,
     close,
     inlined,
+    jit,
     keep,
     opened,
     size,
@@ -114,7 +116,10 @@ def remember(e, first, inverse):
         put(e.memory, first + k, combine(zero, f, 1.0, inverse, 0, e.like), e.like)
 
 
-def _split(method, step, orbit, y, clock, dt, counts):
+@jit
+def kicks_and_drifts(step, y, dt):
+    """A step of a splitting: (the end of a step of length dt from y, evaluations)."""
+    apart()
     q, p, lost_q, lost_p = y
     evaluations = 0
     for k in range(len(step.a)):
@@ -123,7 +128,12 @@ def _split(method, step, orbit, y, clock, dt, counts):
         if step.b[k] != 0:
             p, lost_p = add_product(p, lost_p, -step.b[k] * dt, step.dV(q))  # exp(b_k dt B), a kick
             evaluations += 1
-    return State(q, p, lost_q, lost_p), evaluations, SOLVED
+    return State(q, p, lost_q, lost_p), evaluations
+
+
+def _split(method, step, orbit, y, clock, dt, counts):
+    y, evaluations = kicks_and_drifts(step, y, dt)
+    return y, evaluations, SOLVED
 
 
 def _gauss(method, step, orbit, y, clock, dt, counts):
@@ -241,11 +251,11 @@ def monitor(system, arithmetic: str):
     T = codegen.value_type(system.d)
 
     def results():
-        rate = sp.sqrt(sum(r**-3 for r in system.singular))
-        change = sum(sp.diff(rate, x) * v for x, v in zip(system.q, system.dq, strict=True)) / rate
-        return [rate, change]
+        square = sum(r**-3 for r in system.singular)
+        change = sum(sp.diff(square, x) * v for x, v in zip(system.q, system.dq, strict=True)) / (2 * square)
+        return [sp.sqrt(square), change]
 
-    kind = f"rate of {', '.join(map(sp.srepr, system.singular))}"
+    kind = f"density of {', '.join(map(sp.srepr, system.singular))}"
     return system.made(
         kind, [("q", system.q), ("p", system.p)], results, types.UniTuple(types.float64, 2)(T, T), arithmetic
     )
