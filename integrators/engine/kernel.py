@@ -71,7 +71,7 @@ class Samples(NamedTuple):
     every: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prepared:
     """A kernel's ``run`` with what it needs besides the state (guidelines 1 and 2).
 
@@ -165,6 +165,7 @@ def keep_energy(energy: Callable) -> Callable:
 
 
 _kernels: dict = {}
+_of_prepared: WeakKeyDictionary = WeakKeyDictionary()  # by the degrees of freedom
 _pointers: WeakKeyDictionary = WeakKeyDictionary()  # to make a type takes longer than many a run
 _TABLE = types.Array(types.float64, 2, "C")
 
@@ -173,6 +174,13 @@ def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
     """``prepared.run``, compiled with an explicit signature (and kept on disk) unless compilation is off."""
     if arithmetic == MULTIPRECISION or not codegen.compiled():
         return prepared.run
+    known = _of_prepared.setdefault(prepared, {})
+    if d not in known:
+        known[d] = _compiled(prepared, d)
+    return known[d]
+
+
+def _compiled(prepared: Prepared, d: int) -> Callable:
     step, T = _type(prepared.step), codegen.value_type(d)
     key = (prepared.run, step, T)
     if key not in _kernels:
