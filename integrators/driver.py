@@ -138,8 +138,9 @@ def _run(kernel, trajectory: Trajectory, record: Method, timeout, progress) -> S
         t.advance(run, pace)
         if progress is not None:
             progress(t.reached)
-    t.conclude(timeout, int(counts.fallbacks))
-    tally = kernel.tally(t.reached, *(int(counts[name]) for name in ("gradient", "fallbacks", "newton")))
+    counted = dict(zip(counts.dtype.names, counts.item(), strict=True))
+    t.conclude(timeout, counted["fallbacks"])
+    tally = kernel.tally(t.reached, *(counted[name] for name in ("gradient", "fallbacks", "newton")))
     n = t.filled
     Q, P, parameter = t.q[: n + 1], t.p[: n + 1], t.parameter[:n, 0]
     return Solution(t.times, Q, P, t.status, t.reason, tally, t.h, record, parameter, t.seconds)

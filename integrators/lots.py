@@ -10,7 +10,7 @@ import numpy as np
 from .engine import codegen, orbit_lanes
 from .engine.kernel import COUNTS, TALLY, Prepared, Samples, prepare
 from .engine.orbit_lanes import LANES
-from .outcome import OK, noted, travel
+from .outcome import OK, met, noted
 from .record import Method
 from .threads import shared
 from .trajectory import PIECE, whole_rows
@@ -81,7 +81,7 @@ class Lot:
 
 def able(system, method: Method) -> bool:
     """Whether orbits of a method run in lanes."""
-    return orbit_lanes.able(system, method.family)
+    return orbit_lanes.able(system, method)
 
 
 def of(orbits: Orbits, members: np.ndarray) -> list[Lot]:
@@ -167,23 +167,23 @@ def _share(lot: Lot, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
         orbits.Q[members, filled], orbits.P[members, filled] = (orbit_lanes.of_blocks(x, n) for x in (q, p))
     orbits.filled[members] = orbits.Q.shape[1]
     evaluations = counts["gradient"]
-    if not lot.prepared.implicit:  # counted once for all lanes
+    if not (lot.prepared.implicit or lot.prepared.apart):  # counted once for all lanes
         evaluations = evaluations * np.minimum(width, n - width * np.arange(blocks))
     return lot.prepared.tally(n * steps, int(evaluations.sum())), n
 
 
 def doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
-    """The members that did not end well, or came near a singularity: what came of them is for `integrate` to say."""
+    """The members that did not end well, or met a singularity: what came of them is for `integrate` to say."""
     if not len(members):
         return members
     Q, P = orbits.Q[members], orbits.P[members]
     n, rows, d = Q.shape
-    bad = ~(np.isfinite(Q).all(2) & np.isfinite(P).all(2))
+    bad = ~(np.isfinite(Q).all(axis=(1, 2)) & np.isfinite(P).all(axis=(1, 2)))
     system = orbits.system
-    flat = Q.reshape(-1, d), P.reshape(-1, d)
     if system.has_energy:
-        bad |= noted(*(x.reshape(n, rows) for x in (system.energies(*flat), system.scale(*flat))))
-    if system.singularities:
-        distance, length = travel(system, *flat, np.repeat(orbits.h[members], rows))
-        bad |= (length > distance).reshape(n, rows)
-    return members[bad.any(1)]
+        flat = Q.reshape(-1, d), P.reshape(-1, d)
+        H, M = (x.reshape(n, rows) for x in (system.energies(*flat), system.scale(*flat)))
+        bad |= noted(H, M).any(axis=1)
+        if system.singularities:
+            bad |= met(system, Q, P, orbits.h[members], H, M)
+    return members[bad]

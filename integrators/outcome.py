@@ -131,8 +131,13 @@ def escaped(system, Q, P, found: EnergyError | None = None) -> str:
 
 def energy_unit(system, Q, P) -> float:
     """The size of the first row's energy; of its terms where they cancel."""
-    H, M = (abs(float(x[0])) for x in (system.energies(Q[:1], P[:1]), system.scale(Q[:1], P[:1])))
-    return M if H < KEPT * M else H
+    return float(_unit(system.energies(Q[:1], P[:1]), system.scale(Q[:1], P[:1]))[0])
+
+
+def _unit(H, M):
+    """The sizes of energies H; those of their terms, M, where they cancel."""
+    H, M = np.abs(H), np.abs(M)
+    return np.where(H < KEPT * M, M, H)
 
 
 # -- singularities ----------------------------------------------------------------------------------------------------
@@ -150,11 +155,12 @@ def _aim(system, Q, P):
     """
     speed = system.speed(Q, P)
     sines = [np.ones(len(Q))]
-    for s in system.singular:
+    for k, s in enumerate(system.singular):
         if not hasattr(s, "diff"):
             continue
-        slopes = [system.observe(s.diff(x), Q, P) for x in system.q]
-        towards = sum(g * system.observe(e, Q, P) for g, e in zip(slopes, system.dq, strict=True))
+        slopes = [system.observed(f"slope {k} {i}", lambda s=s, x=x: s.diff(x), Q, P) for i, x in enumerate(system.q)]
+        rates = [system.observed(f"dq{i}", lambda i=i: system.dq[i], Q, P) for i in range(system.d)]
+        towards = sum(g * v for g, v in zip(slopes, rates, strict=True))
         with np.errstate(all="ignore"):
             cosine = towards / (speed * np.sqrt(sum(g**2 for g in slopes)))
         sines.append(np.sqrt(np.abs(1 - cosine**2)))
@@ -183,9 +189,27 @@ def passed(system, t, Q, P, h) -> str | None:
     if len(head_on):
         return f"the motion meets the singularity head-on after t = {t[head_on[0]]:.6g}; no step goes through it"
     H = system.energies(Q, P)
-    if np.abs(H[near[0] :] - H[0]).max() <= 0.1 * energy_unit(system, Q, P):
+    if np.abs(H[near[0] :] - H[0]).max() <= NOTED * energy_unit(system, Q, P):
         return None
     return (
         f"near t = {t[near[0]]:.6g} a step of length {length[near[0]]:.3g} crosses the singularity at distance "
         f"{distance[near[0]]:.3g} and the energy is lost; take a smaller h"
     )
+
+
+def met(system, Q, P, h, H, M) -> np.ndarray:
+    """Of which of n orbits `passed` has something to say, an array (n,).
+
+    Q, P (n, rows, d) are their rows, h (n,) their steps; H (n, rows) the energies, and M the sizes of H's terms.
+    """
+    n, rows, d = Q.shape
+    distance, length = travel(system, Q.reshape(-1, d), P.reshape(-1, d), np.repeat(h, rows))
+    near = (length > distance).reshape(n, rows)
+    found = near.any(axis=1)
+    if not found.any():
+        return found
+    with np.errstate(all="ignore"):
+        since = np.where(np.maximum.accumulate(near, axis=1), np.abs(H - H[:, :1]), 0.0)
+    found &= ~(since.max(axis=1) <= NOTED * _unit(H[:, 0], M[:, 0]))
+    found[np.nonzero(near)[0][_aim(system, Q[near], P[near]) < HEAD_ON]] = True
+    return found

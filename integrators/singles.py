@@ -6,6 +6,7 @@ for an orbit is done here for all of them at once: threads do not wait for one a
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
@@ -33,9 +34,9 @@ def run(orbits: Orbits, members: np.ndarray, threads: int, tell: Callable[[int],
     return np.concatenate(left).astype(int)
 
 
-def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[dict[str, int], np.ndarray, int]:
+def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[Counter[str], np.ndarray, int]:
     """Integrate some; returns the counts of those that came to their end, the others, and how many there were."""
-    total: dict[str, int] = {}
+    total: Counter[str] = Counter()
     layouts: dict[int, Layout] = {}
     stopped = []
     for i in members.tolist():
@@ -50,8 +51,7 @@ def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[dict[str, 
             stopped.append(i)
             continue
         numbers = (int(layout.counts[name]) for name in ("gradient", "fallbacks", "newton"))
-        for name, number in kernel.tally(int(orbits.steps[i]), *numbers).items():
-            total[name] = total.get(name, 0) + number
+        total.update(kernel.tally(int(orbits.steps[i]), *numbers))
     return total, np.array(stopped, int), len(members)
 
 

@@ -18,9 +18,9 @@ from threading import Lock
 from typing import TypeVar
 
 #: Seconds of the shortest slice.
-LEAST = 3e-3
+LEAST = 1e-3
 #: Of so many pieces one is done first, to see whether all together are worth a second thread.
-MANY = 32
+MANY = 256
 
 Found = TypeVar("Found")
 

@@ -72,7 +72,7 @@ class Samples(NamedTuple):
     every: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prepared:
     """A kernel's ``run`` with what it needs besides the state (guidelines 1 and 2).
 
@@ -86,6 +86,7 @@ class Prepared:
     arrays : whether its values are arrays, be d large or not: of a step that works in place, on a `filling.twin`
     begin : completes ``step`` for a run
     missed : what a fallback is, in words after "n of m steps"; without it fallbacks do not change the status
+    apart : whether evaluations of orbits in lanes are counted for each, as iterations are
     """
 
     run: Callable
@@ -99,6 +100,7 @@ class Prepared:
     missed: str = ""
     work: tuple[int, int] | None = None
     arrays: bool = False
+    apart: bool = False
 
     def tally(self, steps: int, gradient: int, fallbacks: int = 0, newton: int = 0) -> dict[str, int]:
         """What a solution says of its counts."""
@@ -166,6 +168,7 @@ def keep_energy(energy: Callable) -> Callable:
 
 
 _kernels: dict = {}
+_of_prepared: WeakKeyDictionary = WeakKeyDictionary()  # by the degrees of freedom
 _pointers: WeakKeyDictionary = WeakKeyDictionary()  # to make a type takes longer than many a run
 _TABLE = types.Array(types.float64, 2, "C")
 
@@ -174,6 +177,13 @@ def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
     """``prepared.run``, compiled with an explicit signature (and kept on disk) unless compilation is off."""
     if arithmetic == MULTIPRECISION or not codegen.compiled():
         return prepared.run
+    known = _of_prepared.setdefault(prepared, {})
+    if d not in known:
+        known[d] = _compiled(prepared, d)
+    return known[d]
+
+
+def _compiled(prepared: Prepared, d: int) -> Callable:
     step, T = _type(prepared.step), codegen.value_type(d, prepared.arrays)
     key = (prepared.run, step, T)
     if key not in _kernels:

@@ -116,6 +116,7 @@ def _unary(function, emit) -> None:
 
 _unary(operator.neg, lambda builder, n, x: builder.fneg(x))
 _unary(abs, lambda builder, n, x: call(builder, "fabs", n, x))
+_unary(float, lambda builder, n, x: x)
 
 
 def operation(compiled):

@@ -14,6 +14,7 @@ import pickle
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from functools import lru_cache
 from types import CodeType, FunctionType, SimpleNamespace
 
 import numba
@@ -297,8 +298,9 @@ def _told_apart(f: Callable, name: str) -> Callable:
 
 
 def _of_one(dispatcher) -> None:
-    """Let a function of one signature know it: it is asked for it whenever it is handed to another by Python."""
+    """Let a function of one signature know it, and where its code is: Python asks for both whenever it hands it on."""
     general, only = dispatcher.get_compile_result, next(iter(dispatcher.overloads.values()))
+    only.library.get_pointer_to_function = lru_cache(only.library.get_pointer_to_function)
 
     def get_compile_result(signature):
         return only if signature == only.signature else general(signature)

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 import operator
 
+import numpy as np
 from llvmlite import binding, ir
 from numba.core import config, types
 from numba.core.datamodel import models
@@ -21,6 +22,7 @@ from numba.extending import intrinsic, lower_builtin, lower_cast, overload, regi
 
 from . import elementary
 from .lanes import OPTIONS, Lanes, spread
+from .vector import scale
 
 
 class Mask(types.Type):
@@ -159,6 +161,34 @@ def select(typingctx, mask, a, b):
         return out
 
     return kind(mask, kind, kind), codegen
+
+
+def either(condition, a, b):
+    """a where the condition holds, else b: numbers or tuples of them."""
+    return a if condition else b
+
+
+def number(condition) -> int:
+    """In how many orbits a condition holds: of one alone it is 0 or 1."""
+    return 1 if condition else 0
+
+
+def outlived(going, kept, x):
+    """(x, whether there is more to do): lanes that are ``going`` and not ``kept`` become NaN, the others go on."""
+    return x, kept
+
+
+def _of_lanes(function, in_lanes) -> None:
+    """Let a function of conditions, the first of its arguments, be ``in_lanes`` where that is a mask."""
+    names = ", ".join(function.__code__.co_varnames[: function.__code__.co_argcount])
+    namespace = {"in_lanes": in_lanes, "alone": function, "Mask": Mask}
+    exec(f"def typed({names}): return in_lanes if isinstance({names.split(',')[0]}, Mask) else alone", namespace)
+    overload(function, jit_options=OPTIONS)(namespace["typed"])
+
+
+_of_lanes(either, lambda condition, a, b: select(condition, a, b))
+_of_lanes(number, lambda condition: count(condition))
+_of_lanes(outlived, lambda going, kept, x: (select(going & ~kept, scale(np.nan, x), x), True))
 
 
 # -- functions of formulae ---------------------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ from .masks import LANES
 from .solve import LEVELS
 
 #: Families whose kernels run in lanes as they stand.
-FAMILIES = ("splitting", "parametric", "runge_kutta")
+FAMILIES = ("splitting", "parametric", "runge_kutta", "adaptive")
 #: Above this many degrees of freedom a state in lanes is far from fitting into registers, and compiles for long.
 MOST = 8
 #: Fields of a step that may differ from orbit to orbit; the weights of its substeps among them.
@@ -60,9 +60,11 @@ def in_lanes(system) -> bool:
     return hasattr(system, "made") and not system.loops and codegen.compiled()
 
 
-def able(system, family: str) -> bool:
-    """Whether orbits of the system can be integrated in lanes by a family's methods."""
-    return family in FAMILIES and system.d <= MOST and in_lanes(system)
+def able(system, method) -> bool:
+    """Whether orbits of the system can be integrated in lanes by a method: not where its own stages are in lanes."""
+    if method.family == "adaptive" and len(method.data) == 1:
+        return False
+    return method.family in FAMILIES and system.d <= MOST and in_lanes(system)
 
 
 def _lanes_for_numbers(t, lanes: Lanes):

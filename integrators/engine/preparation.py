@@ -18,6 +18,8 @@ from . import cache, codegen
 
 #: Whether anything is kept: not where what families prepare is changed, as tests do.
 KEPT = True
+#: Of how many methods what they are is remembered.
+MOST = 512
 
 
 class _Value(pickle.Pickler):
@@ -56,10 +58,22 @@ def _written(kind: type[pickle.Pickler], thing) -> bytes | None:
     return stream.getvalue()
 
 
+#: The bytes of methods that have been asked for, by their identity, and the methods, so that they keep it.
+_bytes: dict = {}
+
+
+def _bytes_of(method) -> bytes | None:
+    if id(method) not in _bytes:
+        if len(_bytes) >= MOST:
+            _bytes.clear()
+        _bytes[id(method)] = method, _written(_Value, method)
+    return _bytes[id(method)][1]
+
+
 def entry(method, system) -> str | None:
     """The name of the entry; None where there can be none."""
     key = getattr(system, "key", "") if KEPT and codegen.compiled() else ""
-    value = _written(_Value, method) if key else None
+    value = _bytes_of(method) if key else None
     if value is None:
         return None
     about = f"{key}|{system.variant}|{codegen.value_kind(system.d)}|"

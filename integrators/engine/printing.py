@@ -71,7 +71,7 @@ class _Printer(PythonCodePrinter):
 
 
 def _roots_shared(expressions: list[sp.Expr]) -> tuple[list[tuple[sp.Symbol, sp.Expr]], list[sp.Expr]]:
-    """Write every half-integer power of a base as an integer power of one square root, powers of sums as of symbols."""
+    """Write powers of halves and quarters as integer powers of one root, powers of sums as of symbols."""
     defined: list[tuple[sp.Symbol, sp.Expr]] = []
     names: dict[sp.Expr, sp.Symbol] = {}
 
@@ -87,8 +87,9 @@ def _roots_shared(expressions: list[sp.Expr]) -> tuple[list[tuple[sp.Symbol, sp.
         args = [rewrite(a) for a in e.args]
         if isinstance(e, sp.Pow):
             base, n = args
-            if n.is_Rational and n.q == 2:
-                return name(sp.sqrt(base), "s") ** n.p
+            if n.is_Rational and n.q in (2, 4):
+                root = name(sp.sqrt(base), "s")
+                return (root if n.q == 2 else name(sp.sqrt(root), "s")) ** n.p
             if n.is_Integer and abs(n) > 1 and not base.is_Symbol:
                 return name(base, "t") ** n
         return e.func(*args)

@@ -1,4 +1,6 @@
-r"""Variable steps that can be taken back: Stormer-Verlet and Gauss's methods with Hairer and Soderlind's controller.
+r"""Variable steps that can be taken back: symmetric methods with Hairer and Soderlind's controller.
+
+They are splittings of a separable H (Stormer-Verlet and its compositions), and Gauss's methods.
 
 Time is a function of a fictitious time in which steps are of the constant length h,
 
@@ -21,6 +23,8 @@ A row, at a multiple of h in time, is reached by a shorter step from the last st
 that last state, so that it does not depend on which rows are kept; what leads to a row is no part of the reversible
 map.
 
+Orbits in lanes each have a clock of their own: one that is at its row waits for the others.
+
 A density that has left the neighbourhood of :math:`1/\sigma`, and steps that time does not show, end the run.
 
 Source: E. Hairer, G. Soderlind, SIAM J. Sci. Comput. 26 (2005) 1838-1851; E. Hairer, C. Lubich, G. Wanner,
@@ -42,23 +46,24 @@ from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, array
 from phasebench.integrators.engine.lanes import combine, polynomial, put, take
 from phasebench.integrators.engine.lazy import sympy as sp
+from phasebench.integrators.engine.masks import either, number, outlived
 from phasebench.integrators.engine.solve import OUT_OF_STEP, SOLVED
 from phasebench.integrators.engine.vector import (
-    advanced,
-    axpy,
+    State,
+    add_product,
+    apart,
     chosen,
     close,
     inlined,
+    jit,
     keep,
     opened,
-    plus,
-    scale,
     size,
     velocity,
 )
 from phasebench.integrators.errors import InvalidInput
 
-from . import gauss_lanes, stage_lanes
+from . import gauss_lanes, splitting, stage_lanes
 from .gauss_lanes import squared
 from .stage_lanes import begin, end, equations, solve
 
@@ -67,7 +72,7 @@ FAR = 1e3
 
 
 class Adaptive(NamedTuple):
-    """Gauss's ``method`` in lanes with the matrix of `remember`, transposed; or None, and Stormer-Verlet's functions.
+    """Gauss's ``method`` in lanes with the matrix of `remember`, transposed; or None, and what a `Splitting` has.
 
     ``monitor`` is (q, p) -> (1 / sigma, G).
     """
@@ -75,8 +80,10 @@ class Adaptive(NamedTuple):
     method: stage_lanes.Lanes | None
     dT: Callable | None
     dV: Callable | None
+    a: np.ndarray | None
+    b: np.ndarray | None
+    inverse: np.ndarray | None
     monitor: Callable
-    inverse: np.ndarray
     h: float = 0.0
     eps: float = 0.0
 
@@ -109,13 +116,24 @@ def remember(e, first, inverse):
         put(e.memory, first + k, combine(zero, f, 1.0, inverse, 0, e.like), e.like)
 
 
-def _verlet(method, step, orbit, y, clock, dt, counts):
-    half = 0.5 * dt
-    first = step.dV(y.q)
-    drift = scale(dt, velocity(step.dT, axpy(-half, first, y.p)))
-    kick = scale(-half, plus(first, step.dV(plus(y.q, drift))))
-    counts.gradient += 2
-    return advanced(y, drift, kick), SOLVED
+@jit
+def kicks_and_drifts(step, y, dt):
+    """A step of a splitting: (the end of a step of length dt from y, evaluations)."""
+    apart()
+    q, p, lost_q, lost_p = y
+    evaluations = 0
+    for k in range(len(step.a)):
+        if k > 0:
+            q, lost_q = add_product(q, lost_q, step.a[k] * dt, velocity(step.dT, p))  # exp(a_k dt A), a drift
+        if step.b[k] != 0:
+            p, lost_p = add_product(p, lost_p, -step.b[k] * dt, step.dV(q))  # exp(b_k dt B), a kick
+            evaluations += 1
+    return State(q, p, lost_q, lost_p), evaluations
+
+
+def _split(method, step, orbit, y, clock, dt, counts):
+    y, evaluations = kicks_and_drifts(step, y, dt)
+    return y, evaluations, SOLVED
 
 
 def _gauss(method, step, orbit, y, clock, dt, counts):
@@ -125,9 +143,8 @@ def _gauss(method, step, orbit, y, clock, dt, counts):
     begin(method.inverse_mass, e, y)
     predict(e, first, at, dt / clock.last)
     sweeps, newton, status = solve(e, at, size(y.q) + size(y.p), step.eps, orbit.work)
-    counts.gradient += (sweeps + newton) * method.stages
     counts.newton += min(newton, 1)
-    return end(e, at, y, orbit.zero), status
+    return end(e, at, y, orbit.zero), (sweeps + newton) * method.stages, status
 
 
 def _remember_field(method, step, orbit, dt):
@@ -135,8 +152,8 @@ def _remember_field(method, step, orbit, dt):
     remember(e, e.base + 4, step.inverse)
 
 
-#: A step of length dt from y: (its end, status).
-attempt = chosen(_verlet, _gauss)
+#: A step of length dt from y: (its end, evaluations, status).
+attempt = chosen(_split, _gauss)
 #: Keep what the next step starts from.
 settle = chosen(lambda method, step, orbit, dt: None, _remember_field)
 
@@ -160,26 +177,49 @@ def ticked(step, clock, dt, y):
     t = (clock.t + clock.lost) + dt
     lost = (dt + clock.lost) - (t - clock.t)
     density = clock.density + step.h * change
-    return Clock(t, lost, density, dt), density < FAR * rate and FAR * density > rate and abs(dt) > step.eps * abs(t)
+    return Clock(t, lost, density, dt), (density < FAR * rate) & (FAR * density > rate) & (abs(dt) > step.eps * abs(t))
+
+
+@inlined
+def ahead(step, clock, until):
+    """(length of the next step, what is left until that time, whether the step stays before it)."""
+    dt = step.h / clock.density
+    left = (until - clock.t) - clock.lost
+    return dt, left, (abs(dt) < abs(left)) & (left * step.h > 0)
+
+
+@inlined
+def passed_on(going, y, clock, following, later):
+    """The state and the clock after a step of those that are ``going``."""
+    y = State(
+        either(going, following.q, y.q),
+        either(going, following.p, y.p),
+        either(going, following.lost_q, y.lost_q),
+        either(going, following.lost_p, y.lost_p),
+    )
+    t, lost = either(going, later.t, clock.t), either(going, later.lost, clock.lost)
+    return y, Clock(t, lost, either(going, later.density, clock.density), either(going, later.last, clock.last))
 
 
 @inlined
 def wind(step, orbit, y, clock, until, counts):
     """Step until the next step would pass that time; returns (state, clock, status)."""
-    while True:
-        dt = step.h / clock.density
-        left = (until - clock.t) - clock.lost
-        if abs(dt) >= abs(left) or left * step.h <= 0:
-            return y, clock, SOLVED
-        following, status = attempt(step.method, step, orbit, y, clock, dt, counts)
+    dt, _, going = ahead(step, clock, until)
+    while going:
+        following, evaluations, status = attempt(step.method, step, orbit, y, clock, dt, counts)
+        counts.gradient += evaluations * number(going)
         if status != SOLVED:
             return y, clock, status
         settle(step.method, step, orbit, dt)
-        counts.steps += 1
-        y = following
-        clock, kept = ticked(step, clock, dt, y)
-        if not kept:
+        counts.steps += number(going)
+        later, kept = ticked(step, clock, dt, following)
+        y, clock = passed_on(going, y, clock, following, later)
+        q, alive = outlived(going, kept, y.q)
+        if not alive:
             return y, clock, OUT_OF_STEP
+        y = State(q, y.p, y.lost_q, y.lost_p)
+        dt, _, going = ahead(step, clock, until)
+    return y, clock, SOLVED
 
 
 def run(step, orbit, samples, counts):
@@ -191,8 +231,9 @@ def run(step, orbit, samples, counts):
         until = (rows[6, 0] + samples.every) * step.h
         y, clock, status = wind(step, orbit, y, clock, until, counts)
         if status == SOLVED:
-            left = (until - clock.t) - clock.lost
-            there, status = attempt(step.method, step, orbit, y, clock, left, counts)
+            _, left, _ = ahead(step, clock, until)
+            there, evaluations, status = attempt(step.method, step, orbit, y, clock, left, counts)
+            counts.gradient += evaluations * number(size(y.q) < np.inf)
             if status == SOLVED:
                 keep(samples, row, there)
                 rows[6, 0] += samples.every
@@ -210,25 +251,30 @@ def monitor(system, arithmetic: str):
     T = codegen.value_type(system.d)
 
     def results():
-        rate = sp.sqrt(sum(r**-3 for r in system.singular))
-        change = sum(sp.diff(rate, x) * v for x, v in zip(system.q, system.dq, strict=True)) / rate
-        return [rate, change]
+        square = sum(r**-3 for r in system.singular)
+        change = sum(sp.diff(square, x) * v for x, v in zip(system.q, system.dq, strict=True)) / (2 * square)
+        return [sp.sqrt(square), change]
 
-    kind = f"rate of {', '.join(map(sp.srepr, system.singular))}"
+    kind = f"density of {', '.join(map(sp.srepr, system.singular))}"
     return system.made(
         kind, [("q", system.q), ("p", system.p)], results, types.UniTuple(types.float64, 2)(T, T), arithmetic
     )
 
 
+def gauss(method) -> bool:
+    """Whether a method of the family is Gauss's, of data (s,)."""
+    return len(method.data) == 1
+
+
 def prepare(method, system, arithmetic) -> Prepared:
-    """Of data (s,): Gauss of s stages; of (), Stormer-Verlet."""
+    """Of data (s,): Gauss of s stages; of (1, substeps): the splitting that they are."""
     if not all(isinstance(r, sp.Expr) for r in system.singular):
         raise InvalidInput(f"method '{method.id}' requires the distances to the singularities as formulae")
-    if not method.data:
-        functions = system.grad_T(arithmetic), system.grad_V(arithmetic)
-        return Prepared(
-            run, Adaptive(None, *functions, monitor(system, arithmetic), array([[0]], arithmetic)), 1, 3, implicit=False
-        )
+    if not gauss(method):
+        _, substeps = method.data
+        split = splitting.from_substeps(substeps, system, arithmetic, fills=False).step
+        whole = Adaptive(None, split.dT, split.dV, split.a, split.b, None, monitor(system, arithmetic))
+        return Prepared(run, whole, 1, 3, implicit=False, apart=True)
     (s,) = method.data
     if not gauss_lanes.serves(s, system):
         raise InvalidInput(
@@ -240,7 +286,7 @@ def prepare(method, system, arithmetic) -> Prepared:
     with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
         inverse = mpmath.matrix([[c**k for k in range(s)] for c, _ in gauss_legendre(s, mpmath.mp.dps)]) ** -1
         columns = squared(([inverse[k, j] for k in range(s)] for j in range(s)), len(step.like))
-    whole = Adaptive(step, None, None, monitor(system, arithmetic), array(columns, arithmetic))
+    whole = Adaptive(step, None, None, None, None, array(columns, arithmetic), monitor(system, arithmetic))
     width, stages = gauss_lanes.room(step, system.d)
     unknowns = stage_lanes.components(step.inverse_mass, system.d)
     return Prepared(run, whole, width, max(3, stages), linear=len(step.like) * unknowns)

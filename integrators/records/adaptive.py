@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 
+from . import classical, compositions
+
 SOURCE = "Hairer & Soderlind 2005; Hairer, Lubich & Wanner 2006, VIII.3.2; dt = h (sum r^-3)^(-1/2)"
 
 
@@ -25,14 +27,21 @@ def adaptive(id, name, order, source, cite, data=(), requires=("canonical", "sin
     )
 
 
+def split(base: Method, id: str, name: str) -> Method:
+    """The method of variable steps over a symmetric splitting, a record of the family "parametric"."""
+    requires = ("canonical", "separable", "quadratic kinetic energy", "singular distances")
+    cite = tuple(dict.fromkeys((*base.cite, "hairer2005", "hairer2006")))
+    return adaptive(id, name, base.order, f"{base.source}; {SOURCE}", cite, base.data, requires)
+
+
+VERLET, DRIFTING = (next(m for m in classical.METHODS if m.id == id) for id in ("stormer-verlet", "stormer-verlet-dkd"))
+
 METHODS: tuple[Method, ...] = (
-    adaptive(
-        "stormer-verlet-adaptive",
-        "Stormer-Verlet",
-        2,
-        SOURCE,
-        ("hairer2005", "hairer2006"),
-        requires=("canonical", "separable", "quadratic kinetic energy", "singular distances"),
+    split(VERLET, "stormer-verlet-adaptive", "Stormer-Verlet"),
+    split(
+        compositions.composed(DRIFTING, "sofroniou-spaletta-10"),
+        "sofroniou-spaletta-10-adaptive",
+        "Stormer-Verlet, composed by sofroniou-spaletta-10,",
     ),
     *(
         adaptive(

@@ -225,7 +225,10 @@ class PartitionedSystem:
 
     def _along(self, f: Callable, Q, P):
         with np.errstate(all="ignore"):
-            return np.broadcast_to(f(np.asarray(Q, float).T, np.asarray(P, float).T), len(Q)).astype(float)
+            found = f(np.asarray(Q, float).T, np.asarray(P, float).T)
+        if isinstance(found, np.ndarray) and found.shape == (len(Q),) and found.base is None and found.dtype == float:
+            return found
+        return np.broadcast_to(found, len(Q)).astype(float)
 
     @cached_property
     def has_energy(self) -> bool:

@@ -66,7 +66,7 @@ def there_and_back(id, h, n, reflected=True, system=ORBIT.system, mirror=(1, 1))
 
 
 #: Steps at which the error of the method shows.
-WIDE = {2: 0.05, 8: 0.3, 12: 0.8, 16: 0.9}
+WIDE = {2: 0.05, 8: 0.3, 10: 0.8, 12: 0.8, 16: 0.9}
 
 
 @pytest.mark.parametrize("m", METHODS, ids=lambda m: m.id)

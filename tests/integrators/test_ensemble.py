@@ -8,7 +8,7 @@ import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, driver, lots, trajectory
-from phasebench.integrators.driver import COLLISION, DIVERGED, INVALID, OK, integrate
+from phasebench.integrators.driver import COLLISION, DIVERGED, INVALID, NOT_CONVERGED, OK, integrate
 from phasebench.integrators.engine.orbit_lanes import LANES
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.errors import InvalidInput
@@ -46,6 +46,7 @@ CASES = [
     ("kepler", "scheme-i", {"lam": 0.3}),
     ("lotka-volterra", "implicit-midpoint", None),
     (BOX, "rk4", None),
+    ("kepler", "sofroniou-spaletta-10-adaptive", None),
 ]
 
 
@@ -151,6 +152,31 @@ def test_a_collision_is_seen_in_a_lane():
     assert ensemble.status[2] == COLLISION
     assert set(np.delete(ensemble.status, 2)) == {OK}
     assert_same(ensemble, 2, alone(made, "stormer-verlet", Q, P, 2, h=0.05, steps=100))
+
+
+def test_a_lane_whose_control_is_lost_is_integrated_alone_and_the_others_go_on():
+    made, Q, P = starts("kepler", N, 1e-3)
+    Q[2], P[2] = (1.0, 0.0), (0.0, 0.0)  # it falls
+    options = {"h": 0.1, "steps": 100, "save_every": 10}
+    ensemble = integrate_ensemble(made, "stormer-verlet-adaptive", Q, P, **options)
+    assert ensemble.status[2] == NOT_CONVERGED
+    assert ensemble.in_lanes.tolist() == [i != 2 for i in range(N)]
+    for i in (0, 2, N - 1):
+        assert_same(ensemble, i, alone(made, "stormer-verlet-adaptive", Q, P, i, **options))
+
+
+def test_lanes_wait_for_the_orbit_of_the_most_steps():
+    """A state does not depend on its neighbours, nor what is counted of it: the others are far out, and take few."""
+    made, Q, P = starts("kepler", N, 1e-3)
+    Q[1::2], P[1::2] = 9 * Q[1::2], P[1::2] / 3
+    options = {"h": 0.3, "steps": 40, "save_every": 20}
+    ensemble = integrate_ensemble(made, "sofroniou-spaletta-10-adaptive", Q, P, **options)
+    solutions = [alone(made, "sofroniou-spaletta-10-adaptive", Q, P, i, **options) for i in range(N)]
+    assert ensemble.in_lanes.all()
+    assert solutions[0].counts["gradient"] > 5 * solutions[1].counts["gradient"]
+    assert ensemble.counts["gradient"] == sum(s.counts["gradient"] for s in solutions)
+    for i, solution in enumerate(solutions):
+        assert_same(ensemble, i, solution)
 
 
 def test_a_lane_that_does_not_contract_is_solved_alone():

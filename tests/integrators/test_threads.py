@@ -71,7 +71,7 @@ def test_a_child_has_none_of_its_parents_threads():
 
 
 def slow(part: slice):
-    time.sleep(0.01 * (part.stop - part.start))
+    time.sleep(0.003 * (part.stop - part.start))
     return part, threading.get_ident()
 
 
