@@ -23,6 +23,7 @@ from .outcome import (  # noqa: F401
     SKIPPED,
     TIMEOUT,
     UNSTABLE,
+    unsolved,
 )
 from .record import Method
 from .registry import method as method_of
@@ -116,7 +117,8 @@ def integrate(
     if lack:
         raise InvalidInput(lack)
     kernel = prepare(record, system, arithmetic)
-    trajectory = Trajectory(system, q, p, h, steps, every, arithmetic, kernel.missed)
+    words = kernel.missed, unsolved(record.family, system.d)
+    trajectory = Trajectory(system, q, p, h, steps, every, arithmetic, *words)
     return _run(kernel, trajectory, record, timeout, progress)
 
 

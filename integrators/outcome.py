@@ -23,6 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .engine.codegen import value_kind
+
 OK, UNSTABLE, DIVERGED, NOT_CONVERGED, NO_ROOT = "ok", "unstable", "diverged", "not-converged", "no-root"
 COLLISION, INVALID, TIMEOUT, SKIPPED = "collision", "invalid", "timeout", "skipped"
 
@@ -41,6 +43,25 @@ class Outcome(NamedTuple):
 
     status: str
     reason: str
+
+
+class Unsolved(NamedTuple):
+    """What is said of a stage equation that is not solved, and what is advised besides a smaller step."""
+
+    what: str
+    advice: str
+
+
+UNSOLVED = Unsolved("neither the fixed point nor Newton's method solves the stage equation", "")
+IN_A_BAND = Unsolved("Newton's method in a band does not solve the stage equation", "")
+ADVISED = UNSOLVED._replace(advice=", or try solver='banded' where variables act on few others, as in a lattice")
+
+
+def unsolved(family: str, d: int) -> Unsolved:
+    """What to say of methods of a family with d degrees of freedom; one-stage methods have a solver for large d."""
+    if family == "banded":
+        return IN_A_BAND
+    return ADVISED if family == "parametric" and value_kind(d) == "array" else UNSOLVED
 
 
 class EnergyError(NamedTuple):

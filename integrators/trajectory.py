@@ -9,7 +9,19 @@ import numpy as np
 from .engine import solve
 from .engine.codegen import MULTIPRECISION
 from .engine.kernel import zeros
-from .outcome import COLLISION, DIVERGED, NO_ROOT, NOT_CONVERGED, OK, TIMEOUT, approach, escaped, judged, passed
+from .outcome import (
+    COLLISION,
+    DIVERGED,
+    NO_ROOT,
+    NOT_CONVERGED,
+    OK,
+    TIMEOUT,
+    UNSOLVED,
+    approach,
+    escaped,
+    judged,
+    passed,
+)
 
 #: A state that has grown by this factor has escaped, whatever stopped it in the end.
 ESCAPED = 1e6
@@ -69,9 +81,9 @@ class Trajectory:
     seconds : of the kernel alone
     """
 
-    def __init__(self, system, q, p, h, steps: int, every: int, arithmetic: str, missed: str = ""):
+    def __init__(self, system, q, p, h, steps: int, every: int, arithmetic: str, missed="", unsolved=UNSOLVED):
         self.system, self.h, self.steps, self.every, self.arithmetic = system, h, steps, every, arithmetic
-        self.missed = missed  # what a fallback is, in words
+        self.missed, self.unsolved = missed, unsolved  # what a fallback is, and a stage not solved, in words
         n = -(-steps // self.every)
         self.q, self.p = zeros((n + 1, system.d), arithmetic), zeros((n + 1, system.d), arithmetic)
         self.q[0], self.p[0] = q, p
@@ -80,7 +92,7 @@ class Trajectory:
         self.reached = 0  # the number of the step that the last filled row belongs to
         self.looks: list[tuple] = []  # (step, q, p) between rows
         self.seconds = 0.0
-        self.status, self.reason = OK, ""
+        self.status, self.reason, self.advice = OK, "", ""
 
     def __bool__(self) -> bool:
         """Whether there is more to integrate."""
@@ -179,7 +191,7 @@ class Trajectory:
             self.status, self.reason = DIVERGED, f"the state has grown to {size:.3g}"
         else:
             self.status = NOT_CONVERGED
-            self.reason = "neither the fixed point nor Newton's method solves the stage equation"
+            self.reason, self.advice = self.unsolved
 
     def _look(self, run) -> None:
         """Stop where hardly a step so far has what the method promises."""
@@ -206,7 +218,7 @@ class Trajectory:
         elif self.status == DIVERGED and self.arithmetic != MULTIPRECISION:
             self.reason += f" {at}; take a smaller h{escaped(self.system, Q, P)}"
         else:
-            self.reason += f" {at}" if self.status == NO_ROOT else f" {at}; take a smaller h"
+            self.reason += f" {at}" if self.status == NO_ROOT else f" {at}; take a smaller h{self.advice}"
 
     def _looked(self):
         """(t, Q, P) of the rows and of what was seen between them."""

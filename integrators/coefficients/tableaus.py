@@ -21,6 +21,8 @@ from .quadrature import gauss_legendre, gauss_lobatto, legendre, legendre_integr
 LEVELS = 5
 #: The highest degree of the polynomial that extrapolates the increments.
 DEGREE = 9
+#: The kinds of `runge_kutta` whose rules are symmetric.
+SYMMETRIC = ("gauss", "lobatto-iiia-iiib")
 
 
 def collocation(nodes: Sequence) -> tuple:
@@ -66,17 +68,22 @@ def nystrom_rounded(A, c, unit) -> tuple:
     return A, c
 
 
-def rounded_rule(c, b, unit) -> tuple[list, list]:
-    """Gauss's nodes and weights rounded such that c_i + c_{k+1-i} = 1, b_i = b_{k+1-i} and sum_i b_i = 1 exactly.
+def rounded_weights(b, unit) -> list:
+    """A symmetric rule's weights rounded such that b_i = b_{k+1-i} and sum_i b_i = 1 exactly.
 
-    Then sum_i b_i c_i = 1/2 of the doubles, too.  Else HBVM(k, s) would change the energy and the phase by the same
-    share of round-off in every step.
+    Else a method would change the phase, and HBVM(k, s) the energy, by the same share of round-off in every step.  The
+    product with h has to be taken of what the weights have multiplied: rounded, the h b_i do not add up to h.
     """
-    k = len(c)
+    k = len(b)
     b = [mpmath.nint(4 * x / unit) * unit / 4 for x in b]
     inner = (k - 1) // 2
     b[inner] = b[k - 1 - inner] = (1 - 2 * mpmath.fsum(b[:inner])) / (1 if k % 2 else 2)
-    return [mpmath.nint(2 * x / unit) * unit / 2 for x in c], b
+    return b
+
+
+def rounded_rule(c, b, unit) -> tuple[list, list]:
+    """Gauss's nodes and weights rounded such that c_i + c_{k+1-i} = 1, too: then sum_i b_i c_i = 1/2 of the doubles."""
+    return [mpmath.nint(2 * x / unit) * unit / 2 for x in c], rounded_weights(b, unit)
 
 
 def exact(kind: str, s: int, k: int) -> tuple:
@@ -143,5 +150,7 @@ def tableau(kind: str, s: int, k: int, nystrom: bool, digits: int, unit) -> Tabl
         elif kind != "hbvm":
             A, C = on_grid(A, unit), on_grid(C, unit)
         start = extrapolation(B, c)
+        if kind in SYMMETRIC:
+            B = mpmath.diag(rounded_weights([B[i, i] for i in range(k)], unit))
         A_q, A_p, B_T = (tuple(map(tuple, M.tolist())) for M in (A, C, B.T))
         return Tableau((tuple(weights), tuple(w)), tuple(c), A_q, A_p, B_T, start)

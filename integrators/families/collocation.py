@@ -211,17 +211,18 @@ def sweep(e, old, new):
         x = inner(step.field, e, first + i, old)
         f = force(step.field, e, first + i, x)
         if step.diagonal:
-            z = scale(step.h * step.B[first + i, i], f)
+            z = scale(step.h, scale(step.B[first + i, i], f))
             delta += distance(z, load(memory, old + i, like))
             length += size(z)
             store(memory, new + i, z)
         else:
             for j in range(e.stages):
                 z = load(memory, new + j, like)
-                store(memory, new + j, axpy(step.h * step.B[first + i, j], f, z))
+                store(memory, new + j, axpy(step.B[first + i, j], f, z))
     if not step.diagonal:
         for j in range(e.stages):
-            z = load(memory, new + j, like)
+            z = scale(step.h, load(memory, new + j, like))
+            store(memory, new + j, z)
             delta += distance(z, load(memory, old + j, like))
             length += size(z)
     return delta, length

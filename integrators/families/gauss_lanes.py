@@ -10,7 +10,8 @@ from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, array
 from phasebench.integrators.engine.lazy import sympy as sp
 
-from .stage_lanes import Lanes, components, run
+from .lane_rows import components
+from .stage_lanes import Lanes, run
 
 #: Fewer stages than these gain nothing.
 FEWEST = 2
@@ -87,12 +88,14 @@ def laned(s: int, system, arithmetic) -> Lanes:
     b = [t.B[i][i] for i in range(s)]
     f, inverse_mass = functions(system, lanes, arithmetic, digits)
     late = t.weights[0] if kicks else [0] * s
+    before, middle = [2 * (2 * i < s - 2) for i in range(s)], [int(abs(2 * i - s + 1) <= 1) for i in range(s)]
+    nodes = [padded(t.c, lanes, t.c[0]), *(padded(row, lanes, 0) for row in (b, late, before, middle))]
     return Lanes(
         f,
         like=(0.0,) * lanes,
         stages=s,
         inverse_mass=inverse_mass,
-        nodes=array([padded(t.c, lanes, t.c[0]), padded(b, lanes, 0), padded(late, lanes, 0)], arithmetic),
+        nodes=array(nodes, arithmetic),
         A=array(squared((padded(column, lanes, column[0]) for column in zip(*t.A_q, strict=True)), lanes), arithmetic),
         extrapolation=array(starts(t.extrapolation, s, lanes), arithmetic),
         steps=len(t.extrapolation) // s,
@@ -108,4 +111,4 @@ def prepare(s: int, system, arithmetic) -> Prepared:
 def room(step: Lanes, d: int) -> tuple[int, int]:
     """Columns of the memory, and the number of stages that gives it rows enough."""
     rows = 4 + (6 + step.steps) * components(step.inverse_mass, d)
-    return max(len(step.like), d), -(-rows // (3 * LEVELS + 1))
+    return max(len(step.like), components(step.inverse_mass, d)), -(-rows // (3 * LEVELS + 1))

@@ -36,22 +36,12 @@ from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import Prepared, array, fixed
 from phasebench.integrators.engine.lanes import combine, put, take, total
-from phasebench.integrators.engine.solve import SOLVED, Change, confirmer, difference, row_solver
-from phasebench.integrators.engine.vector import (
-    advanced,
-    chosen,
-    close,
-    inlined,
-    keep,
-    load,
-    opened,
-    size,
-    store,
-)
+from phasebench.integrators.engine.solve import SOLVED, Change, confirmer, row_solver
+from phasebench.integrators.engine.vector import chosen, close, inlined, keep, opened
 
 from . import gauss_lanes
 from .gauss_lanes import functions, padded, squared, starts
-from .stage_lanes import components, enter, extrapolate, length
+from .lane_rows import begin, components, ender, enter, extrapolate, linearizer
 
 #: Nodes side by side, at least as many as increments; and of nodes times increments below which that gains nothing.
 WIDTH, FEWEST = 4, 3
@@ -60,7 +50,7 @@ WIDTH, FEWEST = 4, 3
 class Path(NamedTuple):
     """The coefficients with nodes, or increments, in lanes; only kicks are unknown where ``inverse_mass`` is not None.
 
-    ``f(memory)`` is that of `stage_lanes.Lanes`.  ``like`` has a zero for each lane, ``terms`` one for each increment.
+    ``f(memory)`` is that of `lane_rows`.  ``like`` has a zero for each lane, ``terms`` one for each increment.
     ``drift`` has a row 1, 0, ... and the rows of X transposed.  A rule is a range of rows of nodes, each with the
     number of its rule's ``nodes`` and ``rows``; of each ``A`` has a row for every increment, ``B`` for every node.
     ``extrapolation`` is as in `stage_lanes.Lanes`.
@@ -82,10 +72,9 @@ class Path(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Of the increments from (q, p), in ``stages`` rows of the memory, a component each.
+    """Of the increments from (q, p), in ``stages`` rows of the memory, as in `lane_rows`.
 
-    Rows from ``base`` on are the state whose places f takes, h M^-1 p, the increments of q and of p over a step, then
-    as many as ``stages``: the path of q where only kicks are unknown.
+    After the rows of a step stand as many as ``stages``: the path of q where only kicks are unknown.
     """
 
     step: Path
@@ -100,19 +89,6 @@ class Equations(NamedTuple):
 
 
 # -- the two forms ----------------------------------------------------------------------------------------------------
-
-
-def _begin_both(inverse_mass, e):
-    store(e.memory, e.base, e.q)
-    for k in range(len(e.p)):
-        e.memory[e.base, len(e.q) + k] = e.p[k]
-
-
-def _begin_kicks(inverse_mass, e):
-    store(e.memory, e.base, e.q)
-    store(e.memory, e.base + 1, e.p)
-    for k in range(e.stages):
-        e.memory[e.base + 1, k] = e.h * inverse_mass[0, k] * e.memory[e.base + 1, k]
 
 
 def _path_of_kicks(inverse_mass, e, at):
@@ -136,26 +112,16 @@ def _end_kicks(inverse_mass, e, at):
         e.memory[e.base + 2, k], e.memory[e.base + 3, k] = e.memory[path + k, 0], e.memory[at + k, 0]
 
 
-def _lengths_of_both(inverse_mass, e, at):
-    d = e.stages // 2
-    return size(e.q) + length(e, at, 0, d), size(e.p) + length(e, at, d, e.stages)
-
-
-def _lengths_of_kicks(inverse_mass, e, at):
-    momenta = size(e.p) + length(e, at, 0, e.stages)
-    return momenta, momenta
-
-
-def _slope_of_both(inverse_mass, e, k, row, i, m):
+def _slope_of_both(inverse_mass, e, row, i, m):
     return e.step.A[row * len(e.step.terms) + m, i]
 
 
-def _slope_of_kicks(inverse_mass, e, k, row, i, m):
+def _slope_of_kicks(inverse_mass, e, row, i, m):
     step, s = e.step, len(e.step.terms)
     x = 0.0
     for j in range(s):
         x = x + step.A[row * s + j, i] * step.drift[1 + m, j]
-    return e.h * inverse_mass[0, k] * x
+    return x
 
 
 def _moved_both(inverse_mass, e, old, new):
@@ -169,15 +135,11 @@ def _moved_kicks(inverse_mass, e, old, new):
     return Change(0.0, p, 0.0, size_p)
 
 
-#: Write the state of which a step's equations speak.
-begin = chosen(_begin_both, _begin_kicks)
 #: The rows of r, by the increments in the rows ``at``, ...
 path_of = chosen(lambda inverse_mass, e, at: at, _path_of_kicks)
 #: Write the increments of q and p over the step.
 sums = chosen(_end_both, _end_kicks)
-#: How large the variables are that the first and the second half of the rows ``at``, ... move.
-lengths = chosen(_lengths_of_both, _lengths_of_kicks)
-#: How far the place k of the lane i of a row of nodes moves for a unit of its increment m.
+#: How far a place of the lane i of a row of nodes moves for a unit of its increment m, but for `lane_rows.reach`.
 slope = chosen(_slope_of_both, _slope_of_kicks)
 #: The `Change` from the rows ``old``, ... to the rows ``new``, ...
 change = chosen(_moved_both, _moved_kicks)
@@ -212,7 +174,8 @@ def sweep(e, old, new):
     path = path_of(step.inverse_mass, e, old)
     for k in range(e.stages):
         put(memory, new + k, 0.0, e.like)
-    for row in range(e.counts.rule, e.counts.rule + step.rows[e.counts.rule]):
+    first, last = rule(e)
+    for row in range(first, last):
         places(e, path, row)
         step.f(memory)
         for k in range(e.stages):
@@ -228,45 +191,34 @@ def sweep(e, old, new):
 
 
 @inlined
-def linearize(e, at, span, work):
-    """G of the rows ``at``, and the matrix of 1 - G' by differences of f, in all lanes of a row of nodes at once."""
-    step, memory, rows, n = e.step, e.memory, e.stages, len(e.like)
-    sweep(e, at, at + rows)
-    first, second = lengths(step.inverse_mass, e, at)
-    path, spare = path_of(step.inverse_mass, e, at), at + 2 * rows
-    for a in range(rows * n):
-        for b in range(rows * n):
-            work[a, b] = 1.0 if a == b else 0.0
-    for row in range(e.counts.rule, e.counts.rule + step.rows[e.counts.rule]):
-        places(e, path, row)
-        step.f(memory)
-        for r in range(rows):
-            put(memory, spare + r, take(memory, rows + r, e.like), e.like)
-        for k in range(rows):
-            by = difference(first if 2 * k < rows else second, span, step.eps)
-            places(e, path, row)
-            put(memory, k, take(memory, k, e.like) + by, e.like)
-            step.f(memory)
-            for r in range(rows):
-                for i in range(n):
-                    f = e.h * (memory[rows + r, i] - memory[spare + r, i]) / by
-                    for j in range(len(step.terms)):
-                        for m in range(len(step.terms)):
-                            reach = slope(step.inverse_mass, e, k, row, i, m)
-                            work[r * n + j, k * n + m] -= step.B[row * n + i, j] * f * reach
-    return rows + 2
+def spread(e, row, r, k, i, x, work):
+    """Enter x, the slope of r in its place k at the lane i of a row of nodes, for all increments of both."""
+    n, s = len(e.like), len(e.step.terms)
+    for m in range(s):
+        by = x * slope(e.step.inverse_mass, e, row, i, m)
+        for j in range(s):
+            work[r * n + j, k * n + m] -= e.step.B[row * n + i, j] * by
 
 
+@inlined
+def rule(e):
+    """The rows of the nodes of the rule in use: the first, and the one after the last."""
+    return e.counts.rule, e.counts.rule + e.step.rows[e.counts.rule]
+
+
+linearize = linearizer(
+    sweep,
+    places=inlined(lambda e, at, row: places(e, path_of(e.step.inverse_mass, e, at), row)),
+    weights=inlined(lambda e: e.h),
+    rows=rule,
+    spread=spread,
+)
 solve = confirmer(
     row_solver(sweep, linearize), sweep, inlined(lambda e, old, new: change(e.step.inverse_mass, e, old, new))
 )
 
 
-@inlined
-def end(e, at, y, zero):
-    """The state after the step whose increments are in the rows ``at``, ..."""
-    sums(e.step.inverse_mass, e, at)
-    return advanced(y, load(e.memory, e.base + 2, zero), load(e.memory, e.base + 3, zero))
+end = ender(sums)
 
 
 def run(step, orbit, samples, counts):
@@ -280,7 +232,7 @@ def run(step, orbit, samples, counts):
             if counts.steps % 16 == 0:
                 counts.rule = 0
             e = Equations(step, y.q, y.p, memory, 2 * rows, rows, step.like, step.h, counts)
-            begin(step.inverse_mass, e)
+            begin(step.inverse_mass, e, y)
             extrapolate(e, ring, counts.steps, at)
             status = solve(e, at, orbit.work, counts)
             if status != SOLVED:

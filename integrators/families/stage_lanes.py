@@ -19,8 +19,7 @@ rounds.  All stages are evaluated at once, by a function of lanes; the stage sum
 Lanes that pad s to a power of two repeat the first stage with the weight b = 0, so that their increments are zero.
 
 The increments start from the polynomial through those of the last two steps, and are iterated to round-off by the one
-solver of stage equations, with Newton's method where the fixed point does not contract: its unknowns are the rows here
-too.
+solver of stage equations, with Newton's method where the fixed point does not contract (`lane_rows`).
 
 Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), II.2 and VIII.6; M. Antonana, J.
 Makazaga, A. Murua, arXiv 2511.03655 (2026) (stages in SIMD lanes); rounding: E. Hairer, R. McLachlan, A. Razakarivony,
@@ -30,33 +29,24 @@ BIT 48 (2008) 231-243.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from phasebench.integrators.engine.lanes import combine, put, take, total
-from phasebench.integrators.engine.solve import SOLVED, difference, row_solver
-from phasebench.integrators.engine.vector import (
-    advanced,
-    chosen,
-    close,
-    inlined,
-    keep,
-    load,
-    opened,
-    size,
-    store,
-)
+from phasebench.integrators.engine.solve import SOLVED, row_solver
+from phasebench.integrators.engine.vector import chosen, close, inlined, keep, opened, size
+
+from .lane_rows import begin, components, ender, enter, extrapolate, linearizer
 
 
 class Lanes(NamedTuple):
     """The tableau with its stages in lanes, in the Nystrom form where ``inverse_mass`` is not None.
 
-    ``f(memory)`` reads the places from the first rows of the memory and writes to as many that follow: the field, of q
-    and p; in the Nystrom form -grad V.  ``like`` has a zero for each lane.  ``inverse_mass`` has one row, d
-    numbers.  ``nodes`` has the rows c, b and 1 - c; ``A`` the rows of A transposed; ``extrapolation`` those for one
-    step, then for two; rows for the lanes that pad the ``stages`` are zero, so that a kernel serves all s of as many
-    lanes.
+    ``f(memory)`` is that of `lane_rows`: the field, of q and p; in the Nystrom form -grad V.  ``like`` has a zero for
+    each lane.  ``inverse_mass`` has one row, d numbers.  ``nodes`` has the rows c, b and 1 - c, and two for
+    `exact_weights`; ``A`` the rows of A transposed; ``extrapolation`` those for one step, then for two; rows for the
+    lanes that pad the ``stages`` are zero, so that a kernel serves all s of as many lanes.
     """
 
     f: Callable
@@ -72,10 +62,7 @@ class Lanes(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Of the increments, in ``stages`` rows of the memory, a component each.
-
-    Rows from ``base`` on are q and p, in the Nystrom form q, h M^-1 p and p; then, of four, the increments of a step.
-    """
+    """Of the increments in ``stages`` rows of the memory, as in `lane_rows`; ``weights`` are h b, in lanes."""
 
     step: Lanes
     memory: np.ndarray
@@ -83,17 +70,17 @@ class Equations(NamedTuple):
     stages: int
     like: tuple
     h: float
+    weights: Any
 
 
 # -- the two forms ----------------------------------------------------------------------------------------------------
 
 
 def _places_of_both(inverse_mass, e, at):
-    step, memory, d = e.step, e.memory, e.stages // 2
-    for k in range(d):
-        x, y = take(memory, at + k, e.like), take(memory, at + d + k, e.like)
+    step, memory = e.step, e.memory
+    for k in range(e.stages):
+        x = take(memory, at + k, e.like)
         put(memory, k, combine(memory[e.base, k], x, 1.0, step.A, 0, e.like), e.like)
-        put(memory, d + k, combine(memory[e.base + 1, k], y, 1.0, step.A, 0, e.like), e.like)
 
 
 def _places_of_kicks(inverse_mass, e, at):
@@ -103,29 +90,6 @@ def _places_of_kicks(inverse_mass, e, at):
         start = memory[e.base, k] + memory[e.base + 1, k] * c
         x = take(memory, at + k, e.like)
         put(memory, k, combine(start, x, e.h * inverse_mass[0, k], step.A, 0, e.like), e.like)
-
-
-def _lengths_of_both(inverse_mass, e, at):
-    d = e.stages // 2
-    return extent(e, 0, d) + length(e, at, 0, d), extent(e, 1, d) + length(e, at, d, e.stages)
-
-
-def _lengths_of_kicks(inverse_mass, e, at):
-    momenta = extent(e, 2, e.stages) + length(e, at, 0, e.stages)
-    return momenta, momenta
-
-
-def _begin_both(inverse_mass, e, y):
-    store(e.memory, e.base, y.q)
-    store(e.memory, e.base + 1, y.p)
-
-
-def _begin_kicks(inverse_mass, e, y):
-    memory = e.memory
-    store(memory, e.base, y.q)
-    store(memory, e.base + 2, y.p)
-    for k in range(e.stages):
-        memory[e.base + 1, k] = e.h * inverse_mass[0, k] * memory[e.base + 2, k]
 
 
 def _end_both(inverse_mass, e, at):
@@ -144,16 +108,8 @@ def _end_kicks(inverse_mass, e, at):
         memory[e.base + 2, k], memory[e.base + 3, k] = memory[e.base + 1, k] + drift, total(x)
 
 
-#: Components of an increment, of d degrees of freedom.
-components = chosen(lambda inverse_mass, d: 2 * d, lambda inverse_mass, d: d)
 #: Write the places that the increments in the rows ``at``, ... make to the first rows.
 places = chosen(_places_of_both, _places_of_kicks)
-#: How far the place k moves for a unit of its increment, but for A.
-reach = chosen(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e, k: e.h * inverse_mass[0, k])
-#: How large the variables are that the first and the second half of the rows ``at``, ... move.
-lengths = chosen(_lengths_of_both, _lengths_of_kicks)
-#: Write the state of which a step's equations speak.
-begin = chosen(_begin_both, _begin_kicks)
 #: Write the increments of q and p over the step.
 sums = chosen(_end_both, _end_kicks)
 
@@ -162,21 +118,16 @@ sums = chosen(_end_both, _end_kicks)
 
 
 @inlined
-def extent(e, row, d):
-    """The size of the d numbers in a row from ``base`` on."""
-    s = 0.0
-    for k in range(d):
-        s = s + abs(e.memory[e.base + row, k])
-    return s
+def exact_weights(step, h):
+    """h b, rounded such that they add up to h; else time would go wrong by the same share of round-off in every step.
 
-
-@inlined
-def length(e, at, first, last):
-    """The size of the unknowns ``first``, ... before ``last`` in the rows ``at``, ... and of what they map to."""
-    s = 0.0
-    for k in range(first, last):
-        s = s + total(abs(take(e.memory, at + k, e.like)) + abs(take(e.memory, at + e.stages + k, e.like)))
-    return s
+    They are multiples of half the last place of h but in the middle (the row 4 of ``nodes`` is 1 there), which takes
+    what the others leave; the row 3 is 2 before it and 0 behind, so that no partial sum is rounded.
+    """
+    b = take(step.nodes, 1, step.like)
+    x = (h * b + 0.5 * h) - 0.5 * h
+    rest = (h - total(take(step.nodes, 3, step.like) * x)) * (1.0 if step.stages % 2 else 0.5)
+    return x + take(step.nodes, 4, step.like) * (rest - x)
 
 
 @inlined
@@ -185,10 +136,9 @@ def sweep(e, old, new):
     step, memory = e.step, e.memory
     places(step.inverse_mass, e, old)
     step.f(memory)
-    weights = e.h * take(step.nodes, 1, e.like)
-    moved, sized = 0.0 * weights, 0.0 * weights
+    moved, sized = 0.0 * e.weights, 0.0 * e.weights
     for k in range(e.stages):
-        x = weights * take(memory, e.stages + k, e.like)
+        x = e.weights * take(memory, e.stages + k, e.like)
         moved = moved + abs(x - take(memory, old + k, e.like))
         sized = sized + abs(x)
         put(memory, new + k, x, e.like)
@@ -196,66 +146,29 @@ def sweep(e, old, new):
 
 
 @inlined
-def linearize(e, at, span, work):
-    """G of the rows ``at``, and the matrix of 1 - G' by differences of f, in all lanes at once."""
-    step, memory, rows, n = e.step, e.memory, e.stages, len(e.like)
-    sweep(e, at, at + rows)
-    for a in range(rows * n):
-        for b in range(rows * n):
-            work[a, b] = 1.0 if a == b else 0.0
-    first, second = lengths(step.inverse_mass, e, at)
-    weights = e.h * take(step.nodes, 1, e.like)
-    for k in range(rows):
-        change = difference(first if 2 * k < rows else second, span, step.eps)
-        places(step.inverse_mass, e, at)
-        put(memory, k, take(memory, k, e.like) + change * reach(step.inverse_mass, e, k), e.like)
-        step.f(memory)
-        for r in range(rows):
-            slope = weights * take(memory, rows + r, e.like) - take(memory, at + rows + r, e.like)
-            put(memory, rows + r, slope * (1.0 / change), e.like)
-            for i in range(n):
-                for j in range(n):
-                    work[r * n + i, k * n + j] -= memory[rows + r, i] * step.A[j, i]
-    return rows + 1
+def spread(e, row, r, k, i, x, work):
+    """Enter x, how far the increment i of r moves for its place k, for all increments of k that move this."""
+    n = len(e.like)
+    for j in range(n):
+        work[r * n + i, k * n + j] -= x * e.step.A[j, i]
 
 
+linearize = linearizer(
+    sweep,
+    places=inlined(lambda e, at, row: places(e.step.inverse_mass, e, at)),
+    weights=inlined(lambda e: e.weights),
+    rows=inlined(lambda e: (0, 1)),
+    spread=spread,
+)
 solve = row_solver(sweep, linearize)
-
-
-@inlined
-def extrapolate(e, ring, known, at):
-    """Continue the increments of the last steps, in rows from ``ring`` on, into the rows ``at``, ..."""
-    step, memory, rows = e.step, e.memory, e.stages
-    steps = min(known, step.steps)
-    row = steps * (steps - 1) // 2 * len(e.like)
-    for k in range(rows):
-        x = 0.0 * take(step.extrapolation, 0, e.like)
-        for back in range(steps, 0, -1):
-            y = take(memory, ring + (known - back) % step.steps * rows + k, e.like)
-            x = combine(x, y, 1.0, step.extrapolation, row + (back - 1) * len(e.like), e.like)
-        put(memory, at + k, x, e.like)
-
-
-@inlined
-def enter(e, ring, known, at):
-    """Enter the increments in the rows ``at``, ... of the step after ``known`` others into `extrapolate`'s ring."""
-    newest = ring + known % e.step.steps * e.stages
-    for k in range(e.stages):
-        put(e.memory, newest + k, take(e.memory, at + k, e.like), e.like)
+end = ender(sums)
 
 
 @inlined
 def equations(step, orbit, h):
     """The equations of a step of length h."""
     rows = components(step.inverse_mass, len(orbit.zero))
-    return Equations(step, orbit.memory, 2 * rows, rows, step.like, h)
-
-
-@inlined
-def end(e, at, y, zero):
-    """The state after the step whose increments are in the rows ``at``, ..."""
-    sums(e.step.inverse_mass, e, at)
-    return advanced(y, load(e.memory, e.base + 2, zero), load(e.memory, e.base + 3, zero))
+    return Equations(step, orbit.memory, 2 * rows, rows, step.like, h, exact_weights(step, h))
 
 
 def run(step, orbit, samples, counts):

@@ -11,6 +11,7 @@ from phasebench.benchmarks.problems import fpu, klein_gordon, n_body, nls, probl
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
 from phasebench.integrators.engine import banded, structure
 from phasebench.integrators.families.banded import structure_of
+from phasebench.integrators.outcome import unsolved
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
 from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
@@ -116,6 +117,16 @@ def test_equations_without_a_solution_are_not_called_solved():
     for more in ({}, {"solver": "banded"}):
         s = integrate(system, "implicit-midpoint", h=0.5, steps=3, parameters=more, **start)
         assert s.status == "not-converged", s.reason
+        assert ("neither the fixed point nor" in s.reason) == ("or try solver='banded'" in s.reason) == (not more)
+        assert ("Newton's method in a band does not" in s.reason) == bool(more)
+        assert "; take a smaller h" in s.reason
+
+
+@pytest.mark.parametrize(
+    ("id", "d", "advised"), [("scheme-iii", 21, True), ("scheme-iii", 20, False), ("gauss-2", 21, False)]
+)
+def test_the_band_is_advised_to_large_systems_of_methods_that_have_it(id, d, advised):
+    assert ("or try solver='banded'" in unsolved(method(id).family, d).advice) == advised
 
 
 def test_where_the_kept_matrix_is_of_no_use_a_new_one_is_made():

@@ -10,6 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 
+from phasebench.benchmarks.experiments.extremes import brouwer, exact_maps
 from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.benchmarks.measure.metrics import slope
 from phasebench.benchmarks.problems import problem
@@ -18,6 +19,9 @@ from phasebench.integrators.coefficients import dop853, quadrature, tableaus
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.kernel import prepare
+from phasebench.integrators.engine.lanes import put
+from phasebench.integrators.engine.vector import jit
+from phasebench.integrators.families import gauss_lanes, stage_lanes
 from phasebench.integrators.families.stage_lanes import Lanes
 from phasebench.integrators.records.collocation import METHODS, hbvm
 from support.trees import DIGITS, EPS, order_residual, trees, vector
@@ -186,6 +190,72 @@ def test_angular_momentum_does_not_drift_but_would_with_plainly_rounded_coeffici
     tableaus.tableau.cache_clear()
     assert abs(plain) > 5 * plain_doubt
     assert abs(plain) > 5 * abs(mean)
+
+
+#: h of a pattern and of none, near the ends of their binades.
+LENGTHS = (0.1, 0.0987654321, 0.1234567891, 0.5000000001, 0.9999999999, 7.0 / 3, -0.3)
+
+
+@pytest.mark.parametrize("s", range(2, 9))
+def test_the_weights_of_stages_in_lanes_add_up_to_the_step(s):
+    step = gauss_lanes.laned(s, SYSTEMS["henon-heiles"]()[0], codegen.DOUBLE)
+    for h in LENGTHS:
+        table = np.ones((1, len(step.like)))
+        write_weights(step, h, table)
+        found = [Fraction(x) for x in table[0].tolist()]
+        assert sum(found) == Fraction(h)
+        assert found[:s] == found[s - 1 :: -1]
+        assert not any(found[s:])
+        plain = [h * float(b) for _, b in quadrature.gauss_legendre(s)]
+        assert np.abs(np.array(found[:s], float) - plain).max() <= EPS * abs(h)
+
+
+@jit
+def write_weights(step, h, table):
+    put(table, 0, stage_lanes.exact_weights(step, h), step.like)
+
+
+@pytest.mark.parametrize("id", [m.id for m in METHODS if m.data[0] in tableaus.SYMMETRIC])
+def test_the_doubles_of_a_symmetric_rule_add_up_to_1(id):
+    kind, s, *_ = BY_ID[id].data
+    B = tableaus.tableau(kind, s, s, False, 40, mpmath.mpf(2) ** -52).B
+    b, exact = [Fraction(float(B[i][i])) for i in range(s)], tableaus.runge_kutta(kind, s)[2]
+    assert sum(b) == 1
+    assert b == b[::-1]
+    assert max(abs(float(x - float(y))) for x, y in zip(b, exact, strict=True)) < 2e-16
+
+
+def phase_error(id):
+    """The mean of the phase's error on the oscillator after runs from many starts, in its standard errors."""
+    h, n = 0.0887654321, 16384
+    Q, P = brouwer.runs(id, {}, h, n, brouwer.starts_of(40), 1)
+    with mpmath.workdps(brouwer.DIGITS):
+        phase = brouwer.errors(exact_maps.exact_matrix(id, {}, h), np.array([0, n]), Q, P)[1][:, -1]
+    return abs(phase.mean()) / (phase.std() / 40**0.5)
+
+
+@pytest.mark.parametrize("lanes", [True, False])
+def test_the_phase_has_no_bias_but_would_with_plainly_rounded_weights(monkeypatch, lanes):
+    monkeypatch.setattr("phasebench.integrators.engine.preparation.KEPT", False)
+    if not lanes:
+        monkeypatch.setattr(gauss_lanes, "serves", lambda s, system: False)
+    laned = gauss_lanes.laned
+
+    def spoiled(*arguments):
+        step = laned(*arguments)
+        step.nodes[4] = 0.0  # no lane takes the rest
+        return step
+
+    tableaus.tableau.cache_clear()
+    assert phase_error("gauss-4") < 4
+    with monkeypatch.context() as patch:
+        if lanes:
+            patch.setattr(gauss_lanes, "laned", spoiled)
+        else:
+            patch.setattr(tableaus, "rounded_weights", lambda b, unit: b)
+        tableaus.tableau.cache_clear()
+        assert phase_error("gauss-4") > 20
+    tableaus.tableau.cache_clear()
 
 
 def test_the_energy_error_of_gauss_6_is_a_random_walk():

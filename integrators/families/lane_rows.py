@@ -1,0 +1,137 @@
+r"""What kernels with stages, or the nodes of integrals, in lanes have in common: `stage_lanes` and `path_lanes`.
+
+Their equations, a NamedTuple, are of unknowns in ``stages`` rows of the ``memory``, a component each, in as many lanes
+as ``like`` has: increments of q and p or, where the step's ``inverse_mass`` is not None, of p alone (kicks).  The
+step's f(memory) reads places from the first rows and writes to as many that follow.  From the row ``base`` on stand the
+state that the places begin at, h M^-1 p, and the increments of q and of p over a step; before them, for kicks, p.
+"""
+
+from __future__ import annotations
+
+from phasebench.integrators.engine.lanes import combine, put, take, total
+from phasebench.integrators.engine.solve import difference
+from phasebench.integrators.engine.vector import advanced, chosen, inlined, load, store
+
+# -- the two forms ----------------------------------------------------------------------------------------------------
+
+
+def _begin_both(inverse_mass, e, y):
+    store(e.memory, e.base, y.q)
+    for k in range(len(y.p)):
+        e.memory[e.base, len(y.q) + k] = y.p[k]
+
+
+def _begin_kicks(inverse_mass, e, y):
+    memory = e.memory
+    store(memory, e.base, y.q)
+    store(memory, e.base + 2, y.p)
+    for k in range(e.stages):
+        memory[e.base + 1, k] = e.h * inverse_mass[0, k] * memory[e.base + 2, k]
+
+
+def _lengths_of_both(inverse_mass, e, at):
+    d = e.stages // 2
+    return length(e, at, e.base, 0, d), length(e, at, e.base, d, e.stages)
+
+
+def _lengths_of_kicks(inverse_mass, e, at):
+    momenta = length(e, at, e.base + 2, 0, e.stages)
+    return momenta, momenta
+
+
+#: Components of an increment, of d degrees of freedom.
+components = chosen(lambda inverse_mass, d: 2 * d, lambda inverse_mass, d: d)
+#: Write the state of which a step's equations speak.
+begin = chosen(_begin_both, _begin_kicks)
+#: How large the variables are that the first and the second half of the rows ``at``, ... move.
+lengths = chosen(_lengths_of_both, _lengths_of_kicks)
+#: How far the place k moves for a unit of its increment, but for the coefficients.
+reach = chosen(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e, k: e.h * inverse_mass[0, k])
+
+
+@inlined
+def length(e, at, row, first, last):
+    """The size of the numbers ``first``, ... before ``last`` in a row, of their unknowns and of what these map to."""
+    numbers, unknowns = 0.0, 0.0
+    for k in range(first, last):
+        numbers = numbers + abs(e.memory[row, k])
+        x, g = take(e.memory, at + k, e.like), take(e.memory, at + e.stages + k, e.like)
+        unknowns = unknowns + total(abs(x) + abs(g))
+    return numbers + unknowns
+
+
+# -- Newton's method --------------------------------------------------------------------------------------------------
+
+
+def linearizer(sweep, places, weights, rows, spread):
+    """The ``linearize`` of `solve.row_solver`: by differences of f, in all lanes of a row of nodes at once.
+
+    places(e, at, row) writes the places of a row of nodes to the first rows, of those that rows(e) = (first, last + 1)
+    says; weights(e) are what f is multiplied by; spread(e, row, r, k, i, x, work) enters x, of the lane i, into the
+    matrix's rows of the component r and columns of k.
+    """
+
+    @inlined
+    def linearize(e, at, span, work):
+        step, memory, unknowns, n = e.step, e.memory, e.stages, len(e.like)
+        sweep(e, at, at + unknowns)
+        spare, (first, end) = at + 2 * unknowns, rows(e)
+        in_q, in_p = lengths(step.inverse_mass, e, at)
+        for a in range(unknowns * n):
+            for b in range(unknowns * n):
+                work[a, b] = 1.0 if a == b else 0.0
+        for row in range(end - 1, first - 1, -1):
+            if row < end - 1:  # of the last the sweep has left f
+                places(e, at, row)
+                step.f(memory)
+            for r in range(unknowns):
+                put(memory, spare + r, take(memory, unknowns + r, e.like), e.like)
+            for k in range(unknowns):
+                by = difference(in_q if 2 * k < unknowns else in_p, span, step.eps)
+                places(e, at, row)
+                put(memory, k, take(memory, k, e.like) + by * reach(step.inverse_mass, e, k), e.like)
+                step.f(memory)
+                for r in range(unknowns):
+                    slope = (take(memory, unknowns + r, e.like) - take(memory, spare + r, e.like)) * (1.0 / by)
+                    put(memory, unknowns + r, weights(e) * slope, e.like)
+                    for i in range(n):
+                        spread(e, row, r, k, i, memory[unknowns + r, i], work)
+        return unknowns + (1 if end - first == 1 else 2)
+
+    return linearize
+
+
+# -- from step to step ------------------------------------------------------------------------------------------------
+
+
+@inlined
+def extrapolate(e, ring, known, at):
+    """Continue the increments of the last steps, in rows from ``ring`` on, into the rows ``at``, ..."""
+    step, memory, rows = e.step, e.memory, e.stages
+    steps = min(known, step.steps)
+    row = steps * (steps - 1) // 2 * len(e.like)
+    for k in range(rows):
+        x = 0.0 * take(step.extrapolation, 0, e.like)
+        for back in range(steps, 0, -1):
+            y = take(memory, ring + (known - back) % step.steps * rows + k, e.like)
+            x = combine(x, y, 1.0, step.extrapolation, row + (back - 1) * len(e.like), e.like)
+        put(memory, at + k, x, e.like)
+
+
+@inlined
+def enter(e, ring, known, at):
+    """Enter the increments in the rows ``at``, ... of the step after ``known`` others into `extrapolate`'s ring."""
+    newest = ring + known % e.step.steps * e.stages
+    for k in range(e.stages):
+        put(e.memory, newest + k, take(e.memory, at + k, e.like), e.like)
+
+
+def ender(sums):
+    """The state after the step whose increments are in the rows ``at``, ...; sums(inverse_mass, e, at) adds them up."""
+
+    @inlined
+    def end(e, at, y, zero):
+        sums(e.step.inverse_mass, e, at)
+        return advanced(y, load(e.memory, e.base + 2, zero), load(e.memory, e.base + 3, zero))
+
+    return end
