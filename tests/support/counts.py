@@ -1,4 +1,4 @@
-"""What a run says it evaluated, and how often it called the system's functions: ``python counts.py`` prints JSON.
+"""What a run says it did, and how often it called the system's functions: ``python counts.py`` prints JSON.
 
 In a process with NUMBA_DISABLE_JIT=1: a compiled function cannot be watched.
 """
@@ -19,6 +19,8 @@ H, STEPS = 0.02, 3
 NAMES = ("henon-heiles", "coupled", "perturbed-kepler")
 #: A separable and a non-separable system are enough where a method runs on either.
 FEW = 2
+#: What of what a solution tells is looked at.
+TOLD = ("gradient", "steps", "newton", "fallbacks", "iterations")
 #: Functions of a system that are no gradient or field: energies, velocities, the values of invariants, rates of time.
 OTHERS = ("energy", "grad_T", "constraint", "velocity", "rate")
 
@@ -51,7 +53,7 @@ def watched(system, calls: Counter):
 
 
 def of(label: str) -> dict:
-    """{system: [evaluations that are told, calls]} of a method.
+    """{system: {"called": calls, and what is told: gradient, steps, newton, fallbacks}} of a method.
 
     Functions for lanes cannot be watched: kernels that have them are held to those in rows, counts included.
     """
@@ -60,7 +62,8 @@ def of(label: str) -> dict:
         (system, q, p), calls = SYSTEMS[name](), Counter()
         with patch.object(gauss_lanes, "FEWEST", 99):
             s = integrate(watched(system, calls), ALL[label], h=H, steps=STEPS, q0=q, p0=p, save_every=2)
-        found[name] = [s.counts["gradient"], sum(n for kind, n in calls.items() if not kind.startswith(OTHERS))]
+        found[name] = {key: s.counts[key] for key in TOLD}
+        found[name]["called"] = sum(n for kind, n in calls.items() if not kind.startswith(OTHERS))
     return found
 
 
