@@ -7,7 +7,7 @@ import pytest
 from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.records.projection import projected
-from support import counts
+from support import counts, stiff
 
 
 @pytest.fixture(scope="module")
@@ -23,17 +23,18 @@ EXPLICIT_ONES = {"variational-trapezoidal", "stormer-verlet-adaptive"}
 @pytest.mark.parametrize("label", counts.ALL)
 def test_every_evaluation_is_counted_once(counted, label):
     found = counted(label)
-    assert found
+    assert len(found) > (label in stiff.METHODS)
     for name, told in found.items():
         assert told["gradient"] == told["called"] > 0, name
 
 
 @pytest.mark.parametrize("label", counts.ALL)
-def test_a_short_step_is_told_once_and_needs_neither_newton_nor_a_fallback(counted, label):
+def test_a_step_is_told_once_and_only_a_long_one_needs_newton(counted, label):
     """Where steps vary there are more of them in as much time, or fewer."""
     for name, told in counted(label).items():
         assert told["steps"] == counts.STEPS or counts.ALL[label].family == "adaptive", name
-        assert (told["newton"], told["fallbacks"]) == (0, 0), name
+        assert told["newton"] >= counts.STEPS if name == "stiff" else told["newton"] == 0, name
+        assert told["fallbacks"] == 0, name
 
 
 @pytest.mark.parametrize("label", [x for x, m in counts.ALL.items() if m.family not in ("parametric", "projection")])
