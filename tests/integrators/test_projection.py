@@ -11,6 +11,8 @@ from scipy.optimize import root
 from phasebench.benchmarks.measure.metrics import slope
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine.kernel import value
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import projection
 from phasebench.integrators.families.projection import projected
@@ -193,3 +195,46 @@ def test_what_cannot_be_projected_is_refused():
         projected("rk4", onto="momentum")
     with pytest.raises(InvalidInput, match="further invariants"):
         integrate(BOX, "rk4-projected-invariants", h=0.1, steps=1)
+
+
+def test_a_correction_longer_than_the_state_is_a_fallback_whichever_half_is_long():
+    """Implicit Euler shrinks (1, 0) and (0, 1) of the harmonic oscillator to a hundredth of their energy."""
+    P = problem("harmonic-oscillator")
+    for start in (([1.0], [0.0]), ([0.0], [1.0])):
+        long, short = (
+            integrate(P, projected("implicit-euler"), h=h, steps=1, q0=start[0], p0=start[1]) for h in (10.0, 0.5)
+        )
+        assert long.counts["fallbacks"] == 1
+        assert abs(long.q[-1, 0] ** 2 + long.p[-1, 0] ** 2 - 1 / 101) < 1e-12, "it is the base's step"
+        assert short.counts["fallbacks"] == 0
+
+
+def declared(system, invariants):
+    """{function: (the type that it is declared to return, what it returns)} of the projection's functions."""
+    found, made = {}, type(system).made
+
+    def watched(kind, arguments, results, signature, arithmetic):
+        function = made(system, kind, arguments, results, signature, arithmetic)
+        found[kind.partition(" ")[0]] = signature.return_type, function
+        return function
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(system, "made", watched)
+        projection.functions(system, invariants, codegen.DOUBLE)
+    kept = value([0.1] * len(invariants), system.d, codegen.DOUBLE)
+    q, p = (value([x + 0.1 * i for i in range(system.d)], system.d, codegen.DOUBLE) for x in (0.3, 0.7))
+    return {name: (kind, f(q, p, *([kept] if name == "pull" else []))) for name, (kind, f) in found.items()}
+
+
+@pytest.mark.parametrize("onto", [1, 2])
+def test_functions_return_what_they_are_declared_to(onto):
+    system = problem("kepler").system
+    sizes = {"constraint": (onto, onto), "gram": onto**2, "pull": (system.d, system.d)}
+    found = declared(system, (system.H, *system.invariants)[:onto])
+    assert set(found) == set(sizes)
+    for name, (kind, returned) in found.items():
+        parts = list(zip(kind, returned, strict=True)) if name != "gram" else [(kind, returned)]
+        assert [t.count for t, _ in parts] == [len(x) for _, x in parts] == list(np.atleast_1d(sizes[name]))
+    gram, (_, M) = found["gram"][1], found["constraint"][1]
+    assert np.linalg.eigvalsh(np.reshape(gram, (onto, onto))).min() > 0
+    assert min(M) > 0
