@@ -274,3 +274,26 @@ def test_arrays_and_tuples_agree(id, monkeypatch):
             assert s.status == "ok", s.reason
             ends.append(np.concatenate([s.q[-1], s.p[-1]]))
     assert np.abs(ends[0] - ends[1]).max() < 1e-12
+
+
+# -- the search for Gonzalez' a ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["henon-heiles", "pendulum", "coupled"])
+def test_long_steps_reach_the_energy_to_its_last_unit(name):
+    """Near it is not taken for reached while the error still falls."""
+    system, q, p = SYSTEMS[name]()
+    s = integrate(system, "gonzalez", h=0.8 if name == "pendulum" else 0.4, steps=40, q0=q, p0=p)
+    E = system.observe(system.H, s.q, s.p)
+    assert s.counts["fallbacks"] == 0
+    assert np.abs(E - E[0]).max() < 1e-15
+
+
+def test_a_step_that_misses_the_energy_is_counted_once():
+    """Past its separatrix the pendulum is integrated with steps that are too long."""
+    system = problem("pendulum").system
+    s = integrate(system, "gonzalez", h=2.0, steps=6, q0=[0.0], p0=[2.5])
+    E = system.observe(system.H, s.q, s.p)
+    missed = np.sum(np.abs(E[1:] - E[0]) > 1e-9)
+    assert 2 <= missed <= s.counts["fallbacks"] <= 6
+    assert s.status == "no-root"

@@ -12,6 +12,7 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine import kernel as kernels
 from phasebench.integrators.families import parametric, splitting
+from phasebench.integrators.registry import method
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 ROUND_OFF = 2e-13
@@ -105,3 +106,40 @@ def test_a_linear_kinetic_term_is_no_quadratic_one():
     assert system.separable
     assert not system.quadratic_kinetic
     assert kernels.prepare(ONE_STAGE["scheme-i(lam=1/3)"], system).step.field is not None
+
+
+@pytest.mark.parametrize("kind", [Hamiltonian, General])
+def test_starts_that_continue_earlier_steps_save_iterations(kind):
+    """Forty steps in one run, and each in a run of its own, which starts from zero."""
+    made, m, h = SYSTEMS["henon-heiles"](), ONE_STAGE["scheme-i(lam=1/3)"], 0.005
+    system = kind(q=made.q, p=made.p, H=made.H)
+    y = STARTS["henon-heiles"]
+    whole = integrate(system, m, h=h, steps=40, q0=y[0], p0=y[1])
+    anew = 0
+    for _ in range(40):
+        step = integrate(system, m, h=h, steps=1, q0=y[0], p0=y[1])
+        y, anew = (step.q[-1], step.p[-1]), anew + step.counts["iterations"]
+    assert np.abs(np.concatenate(y) - [*whole.q[-1], *whole.p[-1]]).max() < ROUND_OFF
+    assert whole.counts["iterations"] < 0.6 * anew
+
+
+def weights(lam, rounded=False):
+    """The exact sums of the two weights of a substep of Scheme III, as the kernel is handed them or rounded alone."""
+    step = kernels.prepare(method("scheme-iii", lam=lam), SYSTEMS["henon-heiles"]()).step
+    pairs = zip(step.mu, step.lam, strict=True) if not rounded else [(float(1 - lam), float(lam))]
+    return {Fraction(float(mu)) + Fraction(float(weight)) for mu, weight in pairs}
+
+
+def test_the_weights_of_a_symplectic_substep_add_up_to_one_in_doubles():
+    """Else the map would be symplectic to round-off only."""
+    several = [Fraction(k, n) for n in (3, 7, 11, 1000) for k in (-5, -1, 1, 2, 9)]
+    assert {total for lam in several for total in weights(lam)} == {1}
+    assert {total for lam in several for total in weights(lam, rounded=True)} > {1}, "the control"
+
+
+def test_a_kick_is_as_long_as_the_momenta_that_it_may_lead_to():
+    """Of p, of the kick and of where it goes: none of them is lost where the others are zero."""
+    for k in range(3):
+        p, x, g = ((0.3 * (i == k), -2.0 * (i == k)) for i in range(3))
+        of_q, of_p = parametric.lengths_of_kick(x, g, parametric.Stage(None, None, p, p, 0.1, 0.5, 0.5))
+        assert of_q == of_p >= 2

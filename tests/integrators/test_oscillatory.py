@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from functools import cache
 
+import mpmath
 import numpy as np
 import pandas as pd
 import pytest
@@ -17,6 +18,7 @@ from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.fpu import oscillatory_energies
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine import kernel
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.records.oscillatory import METHODS
 from phasebench.integrators.registry import method
@@ -233,6 +235,17 @@ def test_increments_are_compensated_on_both_branches(turn):
     s = integrate(found, "deuflhard", h=(turn + 0.001) / 3, steps=1_000_000, save_every=100)
     kept = s.p[:, 0] ** 2 + 9 * s.q[:, 0] ** 2
     assert np.abs(kept / kept[0] - 1).max() < 1e-14
+
+
+def test_coefficients_have_all_digits_where_the_sine_nearly_vanishes():
+    """At the double next to h omega = 2 pi, 16 digits of the sine cancel; omega is 50."""
+    h = 2 * math.pi / OMEGA
+    prepared = kernel.prepare(method("deuflhard"), fpu().system)
+    found = prepared.begin(prepared.step._replace(h=h), *STATE).filters[3, -1]
+    with mpmath.workdps(80):
+        wanted = float(mpmath.sin(mpmath.mpf(h) * 50) / 50)
+    assert abs(found / wanted - 1) < 1e-15
+    assert abs(math.sin(h * OMEGA) / OMEGA / wanted - 1) > 1e-6, "the control: doubles"
 
 
 def test_control_a_product_of_rounded_rotations_grows():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mpmath
 import numpy as np
 import pytest
 import sympy as sp
@@ -10,6 +11,8 @@ from scipy.optimize import fsolve
 
 from phasebench.benchmarks.measure.metrics import jacobian
 from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.coefficients.quadrature import gauss_legendre
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.errors import InvalidInput
@@ -234,3 +237,34 @@ def test_where_the_fixed_point_fails_newton_solves(s):
     assert found.status == "ok"
     assert found.counts["newton"] > 10
     assert spread(SPHERE, SPHERE.H, found) < ROUND_OFF
+
+
+@pytest.mark.parametrize("digits", [20, 40])
+def test_coefficients_have_the_digits_that_are_asked_for(digits):
+    """The integrals of the Lagrange polynomials add up to the node, the weights of a force to the rule's."""
+    with mpmath.workdps(digits + 10):
+        weights = [b for _, b in gauss_legendre(3, digits + 10)]
+        _, table = poisson.coefficients(3, (4,), digits)
+        for (_, inner, outer), (x, weight) in zip(table, gauss_legendre(4, digits + 10), strict=True):
+            assert abs(mpmath.fdot(weights, inner) - x) < mpmath.mpf(10) ** (2 - digits)
+            assert abs(mpmath.fsum(outer) - weight) < mpmath.mpf(10) ** (2 - digits)
+
+
+def test_a_step_that_cannot_be_solved_is_a_status():
+    """Both populations leave the quadrant where H is defined."""
+    ends = [integrate(LV, "cohen-hairer-2", h=h, steps=4) for h in (20.0, 0.1)]
+    assert [s.counts["steps"] for s in ends] == [0, 4]
+    assert ends[0].status in ("not-converged", "diverged")
+    assert ends[1].status == "ok", "the control"
+
+
+@pytest.mark.parametrize("id", ["avf", "cohen-hairer-1"])
+def test_a_rule_that_was_needed_on_the_way_is_not_kept(id):
+    """Past a narrow hill a run costs what one costs that begins there: the smallest rule is tried again."""
+    hill = Hamiltonian(q="q1", p="p1", H="p1**2/2 + 1/(8 + 3200*q1**2)")
+    system = as_poisson(hill) if id != "avf" else hill
+    whole, over = (integrate(system, id, h=0.1, steps=n, q0=[-0.3], p0=[1.0]) for n in (64, 16))
+    beyond = integrate(system, id, h=0.1, steps=48, q0=over.q[-1], p0=over.p[-1])
+    rest = whole.counts["gradient"] - over.counts["gradient"]
+    assert rest < 1.02 * beyond.counts["gradient"]
+    assert over.counts["gradient"] > 5 * beyond.counts["gradient"] / 3, "the control: a third of the steps, on the hill"

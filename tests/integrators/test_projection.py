@@ -10,7 +10,10 @@ from scipy.optimize import root
 
 from phasebench.benchmarks.measure.metrics import slope
 from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian
 from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine.kernel import value
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import projection
 from phasebench.integrators.families.projection import projected
@@ -136,6 +139,28 @@ def test_a_fallback_is_a_step_of_the_base_and_is_counted():
         assert np.abs([base.q[-1] - s.q[i + 1], base.p[-1] - s.p[i + 1]]).max() < 1e-15
 
 
+def test_dependent_gradients_are_not_iterated_with():
+    """A step of RK4, the gradients' products and one correction, at most."""
+    s = integrate(problem("kepler"), "rk4-projected-invariants", h=0.02, steps=50, q0=[1.0, 0.0], p0=[0.0, 1.0])
+    assert s.counts["fallbacks"] > 5
+    assert s.counts["gradient"] <= 6 * 50
+
+
+def test_the_base_s_drift_is_of_the_masses():
+    """Equal to a base whose drift is written out, of masses that no double is."""
+    heavy = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2/6 + p2**2/3 + q1**4/4 + q1*q2 + q2**2")
+    other = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2/6 + p2**2/3 + p1*p2/1000 + q1**4/4 + q1*q2 + q2**2")
+    start = {"q0": [0.3, 0.7], "p0": [-0.2, 0.4]}
+    ends = []
+    for system in (heavy, other):
+        s = integrate(system, projected("stormer-verlet"), h=0.05, steps=20, **start)
+        fine = integrate(system, "stormer-verlet", h=0.001, steps=1000, **start)
+        assert np.abs(system.energies(s.q, s.p) - system.energies(s.q[:1], s.p[:1])).max() < KEPT
+        assert np.abs([s.q[-1] - fine.q[-1], s.p[-1] - fine.p[-1]]).max() < 1e-3
+        ends.append(s.q[-1])
+    assert np.abs(ends[0] - ends[1]).max() > 1e-5, "the control"
+
+
 def test_a_later_step_wins_back_what_a_fallback_lost():
     P = problem("kepler")
     s = integrate(P, projected("explicit-euler"), h=0.1, steps=200)
@@ -154,9 +179,10 @@ def test_a_correction_longer_than_the_state_is_none():
     assert np.abs(s.q).max() < 1000
 
 
-def test_multipliers_that_no_longer_continue_the_last_ones_start_from_zero():
-    """At this h the pericentre is hardly resolved: without the second start a hundred steps are fallbacks."""
-    s = integrate(problem("kepler"), "stormer-verlet-symmetric-projection", h=0.2, t_end=200)
+@pytest.mark.parametrize("steps", [40, 1000])
+def test_multipliers_that_no_longer_continue_the_last_ones_start_from_zero(steps):
+    """At this h the pericentre is hardly resolved: without the second start a tenth of the steps are fallbacks."""
+    s = integrate(problem("kepler"), "stormer-verlet-symmetric-projection", h=0.2, steps=steps)
     assert s.status == "ok"
     assert s.counts["fallbacks"] == 0
 
@@ -193,3 +219,46 @@ def test_what_cannot_be_projected_is_refused():
         projected("rk4", onto="momentum")
     with pytest.raises(InvalidInput, match="further invariants"):
         integrate(BOX, "rk4-projected-invariants", h=0.1, steps=1)
+
+
+def test_a_correction_longer_than_the_state_is_a_fallback_whichever_half_is_long():
+    """Implicit Euler shrinks (1, 0) and (0, 1) of the harmonic oscillator to a hundredth of their energy."""
+    P = problem("harmonic-oscillator")
+    for start in (([1.0], [0.0]), ([0.0], [1.0])):
+        long, short = (
+            integrate(P, projected("implicit-euler"), h=h, steps=1, q0=start[0], p0=start[1]) for h in (10.0, 0.5)
+        )
+        assert long.counts["fallbacks"] == 1
+        assert abs(long.q[-1, 0] ** 2 + long.p[-1, 0] ** 2 - 1 / 101) < 1e-12, "it is the base's step"
+        assert short.counts["fallbacks"] == 0
+
+
+def declared(system, invariants):
+    """{function: (the type that it is declared to return, what it returns)} of the projection's functions."""
+    found, made = {}, type(system).made
+
+    def watched(kind, arguments, results, signature, arithmetic):
+        function = made(system, kind, arguments, results, signature, arithmetic)
+        found[kind.partition(" ")[0]] = signature.return_type, function
+        return function
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(system, "made", watched)
+        projection.functions(system, invariants, codegen.DOUBLE)
+    kept = value([0.1] * len(invariants), system.d, codegen.DOUBLE)
+    q, p = (value([x + 0.1 * i for i in range(system.d)], system.d, codegen.DOUBLE) for x in (0.3, 0.7))
+    return {name: (kind, f(q, p, *([kept] if name == "pull" else []))) for name, (kind, f) in found.items()}
+
+
+@pytest.mark.parametrize("onto", [1, 2])
+def test_functions_return_what_they_are_declared_to(onto):
+    system = problem("kepler").system
+    sizes = {"constraint": (onto, onto), "gram": onto**2, "pull": (system.d, system.d)}
+    found = declared(system, (system.H, *system.invariants)[:onto])
+    assert set(found) == set(sizes)
+    for name, (kind, returned) in found.items():
+        parts = list(zip(kind, returned, strict=True)) if name != "gram" else [(kind, returned)]
+        assert [t.count for t, _ in parts] == [len(x) for _, x in parts] == list(np.atleast_1d(sizes[name]))
+    gram, (_, M) = found["gram"][1], found["constraint"][1]
+    assert np.linalg.eigvalsh(np.reshape(gram, (onto, onto))).min() > 0
+    assert min(M) > 0

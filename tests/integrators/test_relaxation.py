@@ -10,7 +10,11 @@ from phasebench.benchmarks.measure.metrics import order, slope
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import driver
 from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.kernel import prepare, value
+from phasebench.integrators.engine.vector import State
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.families import relaxation
 from phasebench.integrators.families.relaxation import relaxed
 from phasebench.integrators.records.projection import METHODS
 from phasebench.integrators.registry import method
@@ -135,3 +139,36 @@ def test_a_step_without_a_root_is_the_base_step_and_is_counted():
 def test_what_cannot_be_relaxed_is_refused(id):
     with pytest.raises(InvalidInput, match="order 2 or more"):
         relaxed(id)
+
+
+def searched(c, start=-1.0):
+    """What the search for gamma finds where H(y + gamma d) is (start + gamma)^2 / 2, and its target -c."""
+    system = problem("harmonic-oscillator").system
+    step = prepare(method("rk4-relaxation"), system).step._replace(H0=-c, eps=2.0**-52)
+    there, one, nothing = (value([x], 1, DOUBLE) for x in (start, 1.0, 0.0))
+    return relaxation.root(step, State(there, nothing, nothing, nothing), one, nothing)
+
+
+def test_a_search_without_a_root_ends_at_the_base_step():
+    """Of x^2 / 2 + c there is none: Newton's method stands still at 0, and wanders about it until it is given up."""
+    assert searched(1e-3) == (1.0, False, 1)
+    ends = {searched(c, start=-1.1) for c in np.geomspace(1e-5, 1e-2, 200)}
+    assert {(gamma, found) for gamma, found, _ in ends} == {(1.0, False)}
+    evaluations = {n for _, _, n in ends}
+    assert max(evaluations) == relaxation.LIMIT
+    assert len(evaluations) > 5, "others leave the neighbourhood of 1 before"
+    gamma, found, evaluations = searched(-0.02, start=-1.1)
+    assert found
+    assert abs(gamma - 0.9) < 1e-14
+    assert evaluations < 8
+
+
+@pytest.mark.parametrize("id", RELAXED)
+def test_evaluations_are_those_of_the_tableau_and_one_for_each_of_newton_s_steps(id):
+    """Near 1 one of these, or two, bring H to its round-off."""
+    base = RELAXED[id].data[0]
+    steps = 200
+    told, plain = (integrate(BOX, m, h=0.2, steps=steps).counts for m in (RELAXED[id], base))
+    assert told["steps"] == steps
+    assert told["fallbacks"] == told["iterations"] == 0
+    assert 0 < told["gradient"] - plain["gradient"] <= 3 * steps

@@ -1,4 +1,4 @@
-"""What a run says it evaluated, and how often it called the system's functions: ``python counts.py`` prints JSON.
+"""What a run says it did, and how often it called the system's functions: ``python counts.py`` prints JSON.
 
 In a process with NUMBA_DISABLE_JIT=1: a compiled function cannot be watched.
 """
@@ -14,11 +14,14 @@ from unittest.mock import patch
 from phasebench.benchmarks.measure.battery import LOW_ORDER, SYSTEMS, by_label, runs_on, variants
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.families import gauss_lanes
+from support import stiff
 
 H, STEPS = 0.02, 3
 NAMES = ("henon-heiles", "coupled", "perturbed-kepler")
 #: A separable and a non-separable system are enough where a method runs on either.
 FEW = 2
+#: What of what a solution tells is looked at.
+TOLD = ("gradient", "steps", "newton", "fallbacks", "iterations")
 #: Functions of a system that are no gradient or field: energies, velocities, the values of invariants, rates of time.
 OTHERS = ("energy", "grad_T", "constraint", "velocity", "rate")
 
@@ -50,17 +53,27 @@ def watched(system, calls: Counter):
     return other
 
 
+def runs(label: str) -> dict:
+    """{name: (system, h, start)} of the runs of a method; "stiff" is one that Newton's method solves."""
+    found = {}
+    for name in systems(ALL[label]):
+        system, *start = SYSTEMS[name]()
+        found[name] = system, H, start
+    return found | ({"stiff": (stiff.SYSTEM, stiff.H, stiff.START)} if label in stiff.METHODS else {})
+
+
 def of(label: str) -> dict:
-    """{system: [evaluations that are told, calls]} of a method.
+    """{name: {"called": calls, and what is told of them}} of the runs of a method.
 
     Functions for lanes cannot be watched: kernels that have them are held to those in rows, counts included.
     """
     found = {}
-    for name in systems(ALL[label]):
-        (system, q, p), calls = SYSTEMS[name](), Counter()
+    for name, (system, h, (q, p)) in runs(label).items():
+        calls: Counter = Counter()
         with patch.object(gauss_lanes, "FEWEST", 99):
-            s = integrate(watched(system, calls), ALL[label], h=H, steps=STEPS, q0=q, p0=p, save_every=2)
-        found[name] = [s.counts["gradient"], sum(n for kind, n in calls.items() if not kind.startswith(OTHERS))]
+            s = integrate(watched(system, calls), ALL[label], h=h, steps=STEPS, q0=q, p0=p, save_every=2)
+        found[name] = {key: s.counts[key] for key in TOLD}
+        found[name]["called"] = sum(n for kind, n in calls.items() if not kind.startswith(OTHERS))
     return found
 
 
