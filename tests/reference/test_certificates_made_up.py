@@ -311,6 +311,12 @@ def test_the_change_of_the_energy_is_relative_to_its_terms():
     assert stored.energy_change(opposed, ["1"], ["3"]) == about(4 / 5)
 
 
+def test_certificates_are_stored_in_folders_that_are_not_there_yet(tmp_path):
+    path = stored.write("made", [certificate()], {"of": "1"}, tmp_path / "some" / "where")
+    assert path.parent == tmp_path / "some" / "where"
+    assert "made:start" in path.read_text()
+
+
 # -- drawn -------------------------------------------------------------------------------------------------------------
 
 
