@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from phasebench.benchmarks.certificate import fronts, place
+from phasebench.benchmarks.certificate.battery import Entry
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.certificate.verdicts import Tables
+from phasebench.benchmarks.problems import problem
 from phasebench.integrators.registry import BY_ID as METHODS
 from phasebench.reference.peers import BY_ID as PEERS
 
@@ -68,6 +73,87 @@ def test_kept_is_what_was_made(tmp_path, monkeypatch):
     fronts.keep(lines)
     assert fronts.stored() == before
     fronts.stored.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("errors", "ended"),
+    [
+        ([0.5], False),
+        ([1e-11], True),
+        ([1e-10], True),
+        ([1e-11, 1.0], False),
+        ([1e-3, 1.0], False),
+        ([1e-3, 1.0, 1.0], True),
+        ([1.0, 1e-3, 1.0, 1.0], True),
+        ([1e-2, 1.0, 1.0], False),  # none was small enough to be compared
+        ([0.5, 1.0, 1.0, 1.0], False),
+        ([1.0, 1.0, 1e-3], False),
+    ],
+)
+def test_a_ladder_ends_at_the_smallest_error_or_where_rungs_bring_nothing(errors, ended):
+    assert (fronts.ERRORS[0], fronts.ERRORS[-1]) == (1e-2, 1e-10)
+    assert place._ended([(1, e) for e in errors]) == ended
+
+
+def climbed(monkeypatch, errors, adaptive=False, each=2):
+    """The place of an integrator that takes so many evaluations a step, and has these errors; None where it stops."""
+    rungs = iter(errors)
+
+    def measured(subject, entry, problem, t_end, size):
+        error = next(rungs)
+        return each * size, None if error is None else np.array([0.0, -error])
+
+    monkeypatch.setattr(place.truths, "truth", lambda *a: SimpleNamespace(values=np.zeros(2)))
+    monkeypatch.setattr(place, "measured", measured)
+    return place.place(SimpleNamespace(adaptive=adaptive), "pendulum-short")
+
+
+def test_a_ladder_is_of_doubled_steps_and_its_factor_is_over_the_cheapest(monkeypatch):
+    question = fronts.question("pendulum-short")
+    first = round(question.t_end / (4 * question.made().pace.step))
+    row = climbed(monkeypatch, [None, float("nan"), 1e-2, 1e-12])
+    assert row["sizes"] == [4 * first, 8 * first]
+    assert row["curve"] == [[8 * first, 1e-2], [16 * first, 1e-12]]
+    best = fronts.stored()["pendulum-short"][1e-2]
+    line = row["errors"][0]
+    assert line["factor"] == pytest.approx(8 * first / best.evaluations)
+    assert (line["cheapest"], line["its evaluations"]) == (best.integrator, best.evaluations)
+    assert (row["on"], row["t_end"]) == ("pendulum-short", question.t_end)
+    assert climbed(monkeypatch, [0.5, 1e-3, 1.0, 1.0])["errors"][-1]["factor"] is None
+
+
+@pytest.mark.parametrize("each", [1, 100])
+def test_no_run_takes_more_evaluations_than_the_most(monkeypatch, each):
+    """None is begun of which the steps or the evaluations would be more."""
+    sizes = climbed(monkeypatch, [1.0] * 40, each=each)["sizes"]
+    assert each * sizes[-1] <= place.MOST < 2 * each * sizes[-1]
+    tried = climbed(monkeypatch, [1.0] * 12, adaptive=True, each=1)["sizes"]
+    assert tried == pytest.approx([10.0**-k for k in range(2, 14)])
+
+
+@pytest.mark.parametrize(
+    ("integrator", "adaptive", "run"),
+    [(None, False, "own"), (None, True, "_tolerance"), ("a", False, "_registered"), ("a", True, "_registered")],
+)
+def test_who_runs_it(monkeypatch, integrator, adaptive, run):
+    for name in ("own", "_tolerance", "_registered"):
+        monkeypatch.setattr(place, name, lambda *a, name=name: name)
+    assert place.measured(SimpleNamespace(integrator=integrator, adaptive=adaptive), None, None, 1.0, 1) == run
+
+
+def test_evaluations_are_of_the_gradient_that_is_asked_for_more_often():
+    made = problem("harmonic-oscillator")
+    entry = Entry("here", made.system, (1.0, 0.0))
+    evaluations, end = place.own(subject(leapfrog, {}, ("separable",)), entry, None, 1.0, 100)
+    assert evaluations == 200
+    assert end == pytest.approx([np.cos(1), -np.sin(1)], abs=1e-5)
+
+    def run(system, q, p, t_end, tol):
+        return leapfrog(system, q, p, t_end)
+
+    evaluations, end = place._tolerance(subject(run, {}, ("separable",)), entry, None, 0.01, 1e-3)
+    assert evaluations == 2
+    assert end == pytest.approx([np.cos(0.01), -np.sin(0.01)], abs=1e-6)
 
 
 def leapfrog(system, q, p, h, wasted=0):

@@ -177,7 +177,8 @@ def test_who_tells_no_evaluations_or_meets_nothing_has_no_time():
     assert times.timed(heyoka, row, place.measured) is None
     row = {"on": "pendulum-short", "curve": [[10.0, 1.0]], "sizes": [10], "errors": [{"evaluations": None}]}
     assert times.timed(subject("rk4"), row, place.measured) is None
-    assert times.timed(subject("rk4"), row | {"on": "nls"}, place.measured) is None
+    row = {"on": "nls", "curve": [[10.0, 1.0]], "sizes": [10], "errors": [{"evaluations": 10.0}]}
+    assert times.timed(subject("rk4"), row, place.measured) is None, "of this scene no time is stored"
 
 
 def said(low=90.0, factor=100.0, high=110.0, python=None):

@@ -15,7 +15,7 @@ from phasebench.integrators.coefficients import BY_NAME, DAMAGED, TABLES, __main
 from phasebench.integrators.coefficients.fractions import DIGITS, substeps, suzuki, triple_jump
 from phasebench.integrators.coefficients.gauss import gauss
 from phasebench.integrators.coefficients.order_conditions import classical_order
-from phasebench.integrators.coefficients.polish import independent, jacobian, locate, polish, residual, starting
+from phasebench.integrators.coefficients.polish import entry, independent, jacobian, locate, polish, residual, starting
 from phasebench.integrators.coefficients.table import is_exact, unit, value
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
@@ -70,6 +70,22 @@ def test_design_choices_stay_and_the_residual_is_round_off(table):
     for text, number in zip(table.published, polished(table.name), strict=True):
         assert not is_exact(text) or number == value(text)
     assert max(map(abs, residual(table, polished(table.name)))) < ROUND_OFF
+
+
+#: By hand: the words of each degree of which the coefficient has to vanish; of a symmetric method, of odd degrees.
+COUNTED = {
+    "pefrl": 2 + 8,
+    "ruth-3": 2 + 4 + 8,
+    "blanes-moan-srkn6b": 2 + 8,
+    "mclachlan-atela-4": 2 + 4 + 8 + 15,
+    "aba-864": 2 + 8 + (1 + 5 + 10) + (1 + 7),
+    "kahan-li-6": 1 + 2 + 5,
+}
+
+
+@pytest.mark.parametrize("name", COUNTED)
+def test_the_conditions_that_are_solved_are_as_many_as_by_hand(name):
+    assert len(residual(BY_NAME[name], polished(name))) == COUNTED[name]
 
 
 @pytest.mark.parametrize("name", AGAIN)
@@ -145,6 +161,20 @@ def test_a_new_table_needs_no_entry_and_one_of_a_wrong_order_is_refused(edited):
         splittings.weights(BY_NAME["ruth-3"])
 
 
+@pytest.mark.parametrize("name", ["forest-ruth", "pefrl"])
+def test_what_is_kept_is_what_the_command_finds(name):
+    assert entry(BY_NAME[name]) == coefficients.stored()[name]
+
+
+def test_how_far_printed_numbers_may_be_wrong():
+    """Ten units of the shortest's last digit; what is a choice, of six digits or as a fraction, is exact."""
+    printed = replace(BY_NAME["ruth-3"], a=("0.1234567", "0.12345678"), b=("2/3", "0.123456", "0.12345600"))
+    assert [is_exact(x) for x in printed.published] == [False, False, True, True, True]
+    assert abs(printed.accuracy * mpmath.mpf(10) ** 6 - 1) < ROUND_OFF
+    assert replace(printed, good=12).accuracy == mpmath.mpf(10) ** -12
+    assert replace(printed, a=("1/3",)).accuracy < ROUND_OFF
+
+
 def test_what_cannot_be_polished_is_refused():
     table = BY_NAME["ruth-3"]
     wrong = [x + mpmath.mpf("1e-9") for x in starting(table)]
@@ -171,8 +201,9 @@ def test_closed_forms():
     root = mpmath.sqrt(2) / 2
     assert distance([w for _, w in steps("mclachlan-atela-2")], (1 - root, root, root, 1 - root)) < 1e-17
     nodes, weights = gauss(3)
-    assert distance(nodes, [(1 - mpmath.sqrt(0.6)) / 2, 0.5, (1 + mpmath.sqrt(0.6)) / 2]) < 1e-16
-    assert distance(weights, [mpmath.mpf(n) / 18 for n in (5, 8, 5)]) < ROUND_OFF
+    outer = mpmath.sqrt(mpmath.mpf(3) / 5)
+    assert distance(nodes, [(1 - outer) / 2, 0.5, (1 + outer) / 2]) < 1e-58
+    assert distance(weights, [mpmath.mpf(n) / 18 for n in (5, 8, 5)]) < 1e-58
 
 
 @pytest.mark.parametrize("name", ELSEWHERE)
@@ -203,6 +234,12 @@ def test_substeps_of_symplectic_euler_are_the_kicks_and_drifts(table):
     made, published = letters(method(table.name).data[1]), steps(table.name)
     assert [x for x, _ in made] == [x for x, _ in published]
     assert distance([w for _, w in made], [w for _, w in published]) < ROUND_OFF
+
+
+def test_leapfrog_is_symplectic_euler_and_its_adjoint():
+    half, one = mpmath.mpf(1) / 2, mpmath.mpf(1)
+    assert substeps([("B", half), ("A", one), ("B", half)]) == ((half, 0, 1), (half, 1, 0))
+    assert substeps([("A", half), ("B", one), ("A", half)]) == ((half, 1, 0), (half, 0, 1))
 
 
 def test_control_drifts_and_kicks_of_different_sums_are_refused():

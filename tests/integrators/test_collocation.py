@@ -107,6 +107,74 @@ def test_simplifying_assumptions_and_what_one_wrong_coefficient_does(which, orde
                 M[place] = kept
 
 
+UNIT = mpmath.mpf(2) ** -52
+
+
+@pytest.mark.parametrize(("kind", "s"), [("gauss", 2), ("gauss", 3), ("gauss", 5), ("lobatto-iiia-iiib", 3)])
+def test_rounded_coefficients_are_symplectic_exactly(kind, s):
+    """a^q_ij / b_j + a^p_ji / b_i = 1, of multiples of the unit that are within half of one of the exact numbers."""
+    made = tableaus.tableau(kind, s, s, False, DIGITS, UNIT)
+    with mpmath.workdps(DIGITS):
+        A, conjugate, b, _ = tableaus.runge_kutta(kind, s)
+        for i in range(s):
+            for j in range(s):
+                assert made.A_q[i][j] + made.A_p[j][i] == 1
+                assert made.A_q[i][j] / UNIT == mpmath.nint(made.A_q[i][j] / UNIT)
+                gaps = made.A_q[i][j] - A[i, j] / b[j], made.A_p[i][j] - conjugate[i, j] / b[j]
+                assert max(map(abs, gaps)) <= UNIT / 2
+        assert made.weights == ((1,) * s,) * 2
+        assert distance(made.B, np.diag(list(b))) < 1e-45
+
+
+@pytest.mark.parametrize("s", [1, 2, 3, 4])
+def test_rounded_nystrom_coefficients_of_gauss_are_symplectic_exactly(s):
+    """a_ij - a_ji = c_i - c_j with the weights 1 - c_j of the increments of q, of doubles near the exact numbers."""
+    made = tableaus.tableau("gauss", s, s, True, DIGITS, UNIT)
+    for i in range(s):
+        assert made.weights[0][i] == 1 - made.c[i]
+        for j in range(s):
+            assert made.A_q[i][j] - made.A_q[j][i] == made.c[i] - made.c[j]
+    with mpmath.workdps(DIGITS):
+        A, _, b, c = tableaus.runge_kutta("gauss", s)
+        squared = A * A
+        exact = [[squared[i, j] / b[j] for j in range(s)] for i in range(s)]
+        assert distance(made.A_q, exact) <= 2 * UNIT
+        assert 0 < distance([made.c], [c]) <= UNIT or s == 1
+        lobatto = tableaus.tableau("lobatto-iiia-iiib", 3, 3, True, DIGITS, UNIT)
+        assert distance([lobatto.weights[0]], [[1, HALF, 0]]) < 1e-45
+
+
+HALF = mpmath.mpf(1) / 2
+
+
+@pytest.mark.parametrize("nystrom", [False, True])
+@pytest.mark.parametrize(("s", "k"), [(1, 1), (1, 4), (2, 3), (3, 6)])
+def test_the_rounded_rule_of_hbvm_integrates_linear_functions_exactly(s, k, nystrom):
+    """The increment is the first coefficient, and the rule of it is symmetric; the second integral of P_0 is c^2/2."""
+    made = tableaus.tableau("hbvm", s, k, nystrom, DIGITS, UNIT)
+    b, c = [row[0] for row in made.B], made.c
+    assert mpmath.fsum(b) == 1
+    assert mpmath.fsum(x * y for x, y in zip(b, c, strict=True)) == HALF
+    assert (b, [1 - x for x in c]) == (b[::-1], [*c][::-1])
+    assert made.weights[1] == (1, *[0] * (s - 1))
+    with mpmath.workdps(DIGITS):
+        rule = quadrature.gauss_legendre(k, DIGITS)
+        assert distance([c, b], [[x for x, _ in rule], [y for _, y in rule]]) <= UNIT
+        if nystrom:
+            first = [made.weights[0][0], *(row[0] for row in made.A_q)]
+            wanted = [HALF, *(x**2 / 2 if s > 1 else x / 2 for x in c)]
+            assert distance([first], [wanted]) <= 2 * UNIT
+        else:
+            assert [row[0] for row in made.A_q] == [*c]
+            assert made.weights[0] == made.weights[1]
+
+
+def distance(found, wanted):
+    """The largest difference of two matrices given by rows."""
+    pairs = [(x, y) for row, other in zip(found, wanted, strict=True) for x, y in zip(row, other, strict=True)]
+    return max(abs(x - y) for x, y in pairs)
+
+
 def dop853_arrays():
     rows = np.array([[mpmath.mpf(0) + x for x in row] for row in dop853.tableau()], dtype=object)
     return rows[:-1], rows[-1]
@@ -422,6 +490,7 @@ def test_the_start_continues_a_polynomial(kind):
     _, _, B, _, c = tableaus.exact(*kind)
     s = kind[1]
     weights = tableaus.extrapolation(B, c)
+    assert len(weights) == s * (5 if s == 1 else 2), "two steps are enough where there is more than one stage"
     B, c = (np.array(x, dtype=float) for x in (B.tolist(), c))
     for m in range(1, len(weights) // s + 1):
         degree = min(len(set(np.concatenate([c - n for n in range(m)]).round(12))), m * s, tableaus.DEGREE + 1) - 1

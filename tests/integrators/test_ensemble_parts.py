@@ -20,6 +20,7 @@ from phasebench.integrators import (
     lots,
     prepare,
     section,
+    singles,
     trajectory,
 )
 from phasebench.integrators.engine.codegen import compiled
@@ -148,6 +149,35 @@ def test_who_passed_by_a_singularity_is_asked_again_where_the_energy_is_lost():
     assert lots.doubtful(orbits, np.array([1, 2])).tolist() == []
     orbits.h[:] = 0.1
     assert lots.doubtful(orbits, np.arange(3)).tolist() == []
+
+
+# -- one by one -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("piece", [2, 1000])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_one_by_one_orbits_are_those_of_integrate_and_who_stops_is_left(monkeypatch, piece, threads):
+    """Those that a kernel does not bring to the end, and all of a method that may miss what it promises."""
+    for module in (lots, trajectory):
+        monkeypatch.setattr(module, "PIECE", piece)
+    kinds = [method("implicit-midpoint"), method("rk4"), method("rk4-relaxation")]
+    kind = np.array([0, 1, 0, 0, 2, 1])
+    q, h = np.array([[0.1], [0.2], [5.0], [0.4], [0.5], [0.6]]), np.array([0.1, 0.2, 0.3, 0.05, 0.1, 0.15])
+    steps, every = np.full(6, 7), np.full(6, 3)
+    cliff = Hamiltonian(q="q", p="p", H="p**2/2 - exp(q)")  # no step from q = 5 has a midpoint
+    orbits = lots.Orbits.begun(cliff, q, 0 * q, h, steps, every, 4, kinds, kind)
+    told = []
+    assert sorted(singles.run(orbits, np.arange(5), threads, told.append).tolist()) == [2, 4]
+    assert sum(told) == 3
+    assert orbits.filled[[0, 1, 3]].tolist() == [4] * 3
+    assert orbits.filled[[2, 4, 5]].tolist() == [1] * 3
+    assert np.isnan(orbits.Q[[4, 5], 1:]).all(), "nobody touched them"
+    alone = {i: integrate(cliff, kinds[kind[i]], h=h[i], steps=7, save_every=3, q0=q[i], p0=[0.0]) for i in (0, 1, 3)}
+    for i, s in alone.items():
+        assert np.array_equal(orbits.Q[i], s.q)
+        assert np.array_equal(orbits.P[i], s.p)
+    assert orbits.counts == {name: sum(s.counts[name] for s in alone.values()) for name in orbits.counts}
+    assert orbits.counts["gradient"] > orbits.counts["steps"] == 21
 
 
 # -- what is told -----------------------------------------------------------------------------------------------------

@@ -179,6 +179,22 @@ def test_what_needs_a_formula_says_so():
         assert integrate(made, id, h=0.05, steps=2).status == "ok"
 
 
+def test_beside_loops_a_formula_and_functions_of_rows_are_observed():
+    names = [[f"{x}{i}" for i in range(TUPLE_LIMIT + 1)] for x in "qp"]
+    q, p = ([sp.Symbol(name, real=True) for name in row] for row in names)
+    loops = springs_that_return() | {"energy": springs_energy}
+    H = sum(x**2 for x in p) / 2 + 3 * sum(x**2 for x in q) / 2 + 5
+    bare = HandHamiltonian(q=q, p=p, loops=loops, constants=(3,))
+    whole = HandHamiltonian(q=q, p=p, loops=loops, constants=(3,), H=H)
+    assert (bare.constant, whole.constant) == (0.0, 5.0)
+    assert whole.dq == tuple(p)
+    assert whole.dp == tuple(-3 * x for x in q)
+    Q, P = np.random.default_rng(1).normal(size=(2, 4, len(q)))
+    assert np.array_equal(bare.observe(lambda Q, P: Q[:, 0] * P[:, 1], Q, P), Q[:, 0] * P[:, 1])
+    assert np.allclose(whole.observe(q[0] * p[1], Q, P), Q[:, 0] * P[:, 1], rtol=1e-14)
+    assert np.allclose(bare.observe(bare.H, Q, P), bare.energies(Q, P))
+
+
 def test_a_missing_loop_and_a_small_system_are_refused():
     loops = {"grad_V": CHAIN.grad_V, "field": CHAIN.field, "energy": CHAIN.energy}
     names = [[f"{x}{i}" for i in range(TUPLE_LIMIT + 1)] for x in "qp"]

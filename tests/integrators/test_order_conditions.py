@@ -12,6 +12,7 @@ from phasebench.integrators import coefficients
 from phasebench.integrators.coefficients import TABLES
 from phasebench.integrators.coefficients.fractions import DIGITS, suzuki, triple_jump
 from phasebench.integrators.coefficients.order_conditions import (
+    KINDS,
     TOLERANCE,
     VISIBLE,
     classical_order,
@@ -96,9 +97,15 @@ def test_a_composition_has_the_same_order_written_out_as_a_splitting(name):
     assert classical_order("splitting", merged) == coefficients.table(name).classical_order
 
 
-@pytest.mark.parametrize(("fractions", "order"), [(triple_jump(4), 4), (triple_jump(6), 6), (suzuki(4), 4)])
-def test_the_fractals(fractions, order):
-    assert classical_order("composition", fractions) == order
+@pytest.mark.parametrize(("fractal", "order"), [(triple_jump, 2), (triple_jump, 4), (triple_jump, 6), (suzuki, 4)])
+def test_the_fractals(fractal, order):
+    assert classical_order("composition", fractal(order)) == order
+
+
+@pytest.mark.parametrize("order", [-2, 0, 1, 3])
+def test_a_fractal_of_no_even_order_is_refused(order):
+    with pytest.raises(ValueError, match="even order"):
+        suzuki(order)
 
 
 def test_leapfrog_by_hand():
@@ -159,6 +166,14 @@ def test_a_generalised_order_asks_for_fewer_conditions():
     assert set(few) < set(all_of_them)
     assert (4, 1) in few
     assert (3, 2) not in few
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_not_consistent_has_order_0(kind):
+    """Kicks or fractions that add up to a half: already of degree 1 a residual is a half, of every kind."""
+    steps = [HALF] if kind == "composition" else [("A", mpmath.mpf(1)), ("B", HALF)]
+    assert excess(residuals(kind, steps, 1), (1,)) == HALF
+    assert classical_order(kind, steps) == 0
 
 
 def test_an_unknown_kind_is_refused():

@@ -72,7 +72,7 @@ def test_what_is_no_poisson_system_is_refused():
     u, v = sp.symbols("u v", real=True)
     with pytest.raises(InvalidInput, match="not skew"):
         PoissonSystem(q=[u], p=[v], B=[[0, u], [u, 0]], H=u + v)
-    with pytest.raises(InvalidInput, match="shape"):
+    with pytest.raises(InvalidInput, match=r"shape \(1, 1\); for d = 1 it is \(2, 2\)"):
         PoissonSystem(q=[u], p=[v], B=[[0]], H=u + v)
     with pytest.raises(InvalidInput, match="not B grad H"):
         PoissonSystem(q=[u], p=[v], B=[[0, -u * v], [u * v, 0]], H="u + v", dq=[u * v], dp=[u * v])

@@ -96,6 +96,17 @@ def test_a_shell_has_the_values_of_its_system():
     assert made.content == shell.content
 
 
+def test_a_mapping_whose_names_are_known_makes_its_values_when_one_is_asked_for():
+    made = []
+    named = deferred.Named(["a", "b"], lambda: made.append(1) or {"a": 3, "b": 4, "c": 5})
+    assert (list(named), len(named), "c" in named, made) == (["a", "b"], 2, False, [])
+    assert (named["b"], dict(named)) == (4, {"a": 3, "b": 4})
+    made.clear()
+    with pytest.raises(KeyError):
+        named["c"]
+    assert not made
+
+
 @pytest.fixture
 def keeping(monkeypatch):
     monkeypatch.setattr(preparation, "KEPT", True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine.codegen import MULTIPRECISION, precision, vector
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.systems.transformed import TransformedHamiltonian
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
+from phasebench.integrators.systems.transformed import TransformedHamiltonian, distance_scale
 
 ORBIT = problem("kepler", e=0.9)
 SYSTEM = TransformedHamiltonian(ORBIT.system)
@@ -26,6 +28,17 @@ def test_on_its_level_the_field_is_the_original_s_times_the_scale():
     assert np.allclose(new, r**1.5 * np.array([old[0], old[1], 1, old[2], old[3], 0]), rtol=1e-12, atol=1e-12)
     doubled = TransformedHamiltonian(ORBIT.system, scale=f"2*{ORBIT.system.q[0]}")
     assert np.isclose(doubled.vector_field()(0, np.append(Q0, P0))[2], 2 * ORBIT.q0[0])
+
+
+def test_the_scale_of_time_and_the_start_by_hand():
+    wells = Hamiltonian(q="x y", p="u v", H="u**2/2 + v**2/2 - 1/x - 1/y", singular=("x", "y"))
+    transformed = TransformedHamiltonian(wells)
+    x, y = wells.q
+    assert np.isclose(float(transformed.time_scale.subs({x: 2, y: 3})), (1 / 8 + 1 / 27) ** -0.5, rtol=1e-14)
+    q, p = transformed.start([2.0, 3.0], [1.0, -1.0])
+    assert q.tolist() == [2, 3, 0]
+    assert np.allclose(p, [1, -1, -(1 - 1 / 2 - 1 / 3)], rtol=1e-14)
+    assert np.allclose(transformed.energies([q], [p]), 0, atol=1e-15), "the orbit is on the level of zero"
 
 
 def kepler_error(s):
@@ -76,6 +89,8 @@ def test_its_step_is_symplectic_in_the_extended_phase_space(uncompiled):
 def test_what_cannot_be_transformed_is_refused():
     with pytest.raises(InvalidInput, match="no distances"):
         TransformedHamiltonian(problem("henon-heiles").system)
+    with pytest.raises(InvalidInput, match="no distances"):
+        distance_scale(SimpleNamespace(singular=(ORBIT.system.q[0], np.hypot)))  # one of them is no formula
     with pytest.raises(InvalidInput, match="coordinates alone"):
         TransformedHamiltonian(ORBIT.system, scale=f"1 + {ORBIT.system.p[0]}**2")
     with pytest.raises(InvalidInput, match="canonical"):

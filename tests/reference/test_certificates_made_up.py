@@ -311,6 +311,12 @@ def test_the_change_of_the_energy_is_relative_to_its_terms():
     assert stored.energy_change(opposed, ["1"], ["3"]) == about(4 / 5)
 
 
+def test_certificates_are_stored_in_folders_that_are_not_there_yet(tmp_path):
+    path = stored.write("made", [certificate()], {"of": "1"}, tmp_path / "some" / "where")
+    assert path.parent == tmp_path / "some" / "where"
+    assert "made:start" in path.read_text()
+
+
 # -- drawn -------------------------------------------------------------------------------------------------------------
 
 
@@ -379,3 +385,15 @@ def test_a_horizon_of_a_span_is_on_a_grid_of_so_many_points(flow):
     assert (never.band[0].horizon, never.band[1].horizon) == (0.0, 1.0)
     close = horizon.Rounding([1.0, 2.0, 3.0], np.ones(3), np.array([[0.0, 0.99, 1.01]]) * horizon.LIMIT)
     assert (close.band[0].horizon, close.band[1].horizon) == (0.0, 3.0), "two in a hundred of the limit either way"
+
+
+def test_growth_is_a_power_of_time_or_exponential():
+    """Over the later three quarters of the time until a neighbour is lost; of one that has not moved there is none."""
+    grid, size = np.arange(1.0, 101.0), np.ones(100)
+    assert horizon.growth(grid, 1e-12 * grid**2, size) == (about(2.0), None)
+    exponent, rate = horizon.growth(grid, 1e-12 * np.exp(0.1 * grid), size)
+    assert (exponent, rate) == (about(7.5 / np.log(4)), about(0.1))
+    lost = np.where(grid <= 40, 1e-12 * grid**2, 1.0)
+    assert horizon.growth(grid, lost, size) == (about(2.0), None), "what comes behind does not count"
+    still = np.where(grid <= 60, 0.0, 1e-12)
+    assert np.isnan(horizon.growth(grid, still, size)[0])

@@ -1,0 +1,180 @@
+"""Systems from formulae: what they are, and every value that they give, against the same written out in NumPy."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from phasebench.integrators import Hamiltonian, InvalidInput
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+
+FORMULAE = {
+    "q": "x y",
+    "p": "u, v",
+    "H": "u**2/2 + v**2/6 + x**4/4 - 2*cos(y) + 7",
+    "singular": ("x - 1", "y"),
+    "invariants": ("u*v",),
+}
+TEXT = Hamiltonian(**FORMULAE)
+#: The same of text, which the cache knows by its key, and of expressions, which nobody knows.
+MADE = {
+    "text": TEXT,
+    "expression": Hamiltonian(q=TEXT.q, p=TEXT.p, H=TEXT.H, singular=TEXT.singular, invariants=TEXT.invariants),
+}
+Q, P = np.random.default_rng(4).normal(size=(2, 3, 2))
+(X, Y), (U, V) = Q.T, P.T
+ANYHOW = pytest.mark.parametrize("system", MADE.values(), ids=MADE)
+
+
+def of(H, q="q", p="p", **further):
+    return Hamiltonian(q=q, p=p, H=H, **further)
+
+
+@ANYHOW
+def test_values_along_rows(system):
+    assert np.allclose(system.energies(Q, P), U**2 / 2 + V**2 / 6 + X**4 / 4 - 2 * np.cos(Y) + 7, rtol=1e-14)
+    assert np.allclose(system.rates(Q, P), [U, V / 3, -(X**3), -2 * np.sin(Y)], rtol=1e-14)
+    assert np.allclose(system.speed(Q, P), np.hypot(U, V / 3), rtol=1e-14)
+    assert np.allclose(system.distances(Q, P), [abs(X - 1), abs(Y)], rtol=1e-14)
+    assert np.allclose(system.observe(system.invariants[0], Q, P), U * V, rtol=1e-14)
+    assert system.observe(3, Q, P).tolist() == [3.0] * 3, "a number, once for each row"
+    assert of("p**2/2").distances(Q[:, :1], P[:, :1]).shape == (0, 3)
+
+
+@ANYHOW
+def test_the_size_of_terms_leaves_the_constant_out_and_has_waves_by_their_amplitude(system):
+    assert system.constant == 7.0
+    assert np.allclose(system.scale(Q, P), U**2 / 2 + V**2 / 6 + X**4 / 4 + 2, rtol=1e-14)
+    assert np.isclose(of("p**2/2 + q/cos(q)").scale([[2.0]], [[0.0]]), 2 / abs(np.cos(2.0))), "a pole is no wave"
+    assert np.isclose(of("p**2/2 - 3*sin(q)**2*(q - 1)").scale([[0.5]], [[0.0]]), 3 * 0.5 + 3), "multiplied out"
+
+
+def test_where_a_value_is_infinite_nothing_warns():
+    with np.errstate(all="raise"):
+        assert of("p**2/2 - 1/q").energies([[0.0]], [[1.0]]) == -np.inf
+
+
+def test_the_rounding_of_the_energy_is_in_units_of_its_terms_and_of_the_state():
+    H, M = TEXT.energy()((0.5, 0.3), (-2.0, 3.0))
+    terms = 4 / 2 + 9 / 6 + 0.5**4 / 4 + 2 * np.cos(0.3) + 7
+    assert np.isclose(H, 4 / 2 + 9 / 6 + 0.5**4 / 4 - 2 * np.cos(0.3) + 7, rtol=1e-14)
+    assert np.isclose(M, terms + 0.5 * 0.5**3 + 0.3 * 2 * np.sin(0.3) + 4 + 3 * 3 / 3, rtol=1e-14)
+
+
+def test_the_field_on_one_array():
+    assert np.allclose(TEXT.vector_field()(0.0, np.array([0.5, 0.3, -2.0, 3.0])), RATES, rtol=1e-14)
+
+
+RATES = [-2.0, 1.0, -(0.5**3), -2 * np.sin(0.3)]
+
+
+def test_the_second_derivatives():
+    at = dict(zip((*TEXT.q, *TEXT.p), (0.5, 0.3, -2.0, 3.0), strict=True))
+    found = np.array(TEXT.hessian().subs(at), float)
+    assert np.allclose(found, np.diag([3 * 0.5**2, 2 * np.cos(0.3), 1, 1 / 3]), rtol=1e-14)
+
+
+# -- what a system is -------------------------------------------------------------------------------------------------
+
+#: H -> (separable, quadratic kinetic energy, unit mass, degree of a polynomial).
+KINDS = {
+    "p**2/2 + q": (True, True, True, 2),
+    "p**2 + q**3": (True, True, False, 3),
+    "p**2/2 + p + q": (True, False, False, 2),
+    "p**4 + q**2": (True, False, False, 4),
+    "cosh(p) + q**2": (True, False, False, None),
+    "p**2/2 - cos(q)": (True, True, True, None),
+    "(p + q)**2/2 - p*q": (True, True, True, 2),
+    "p**2*q**2": (False, False, False, 4),
+}
+
+
+@pytest.mark.parametrize("H", KINDS)
+def test_what_a_formula_is(H):
+    system = of(H)
+    found = (system.separable, bool(system.quadratic_kinetic), bool(system.unit_mass), system.polynomial_degree)
+    assert found == KINDS[H]
+    if system.separable:
+        assert sp.expand(system.kinetic + system.potential - system.H) == 0
+        assert system.kinetic.free_symbols <= {*system.p}
+        assert system.potential.free_symbols <= {*system.q}
+        assert (system.grad_T() is None) == system.unit_mass
+    else:
+        assert system.kinetic is system.potential is None
+
+
+def test_momenta_that_are_multiplied_have_no_masses():
+    mixed = of("u*v + x*y", "x y", "u v")
+    assert (mixed.quadratic_kinetic, mixed.unit_mass, mixed.inverse_masses) == (True, False, None)
+
+
+def test_traits_of_every_kind():
+    bare = PartitionedSystem(q="q", p="p", dq=["p*q"], dp=["-q"])
+    assert not any(bare.traits.values())
+    assert (bare.has_energy, bare.polynomial_degree) == (False, None)
+    assert PartitionedSystem(q="q", p="p", dq=["p"], dp=["-q"], energy="p**2 + q**2").polynomial_degree == 2
+    every = of("p**2/2 + q**2/2 + q**3", singular=("q",), invariants=("p",), frequencies=(1,), kepler=object())
+    assert every.traits == dict.fromkeys(every.traits, True) | {"polynomial degree": 3}
+    assert {*bare.traits} == {*every.traits}
+    assert of("p**2/2 + q").traits | {"polynomial degree": None} == bare.traits | dict.fromkeys(
+        ("canonical", "separable", "quadratic kinetic energy", "Poisson structure"), True
+    )
+
+
+def test_the_slow_potential_is_without_the_springs():
+    fast = of("(u**2 + v**2)/2 + 9*x**2/2 + x**4*y", "x y", "u v", frequencies=(3, 0))
+    x, y = fast.q
+    assert sp.expand(fast.slow_potential - x**4 * y) == 0
+    assert np.allclose(fast.grad_U()((0.5, 2.0)), [4 * 0.5**3 * 2, 0.5**4], rtol=1e-14)
+    assert np.allclose(fast.grad_V()((0.5, 2.0)), [9 * 0.5 + 4 * 0.5**3 * 2, 0.5**4], rtol=1e-14)
+
+
+def test_functions_are_known_by_all_that_they_depend_on():
+    """Two systems have the same functions if and only if their formulae and names are the same."""
+    pairs = [{"dq": ["p"], "dp": ["-q"]}, {"dq": ["p"], "dp": ["q"]}, {"dq": ["2*p"], "dp": ["-q"]}]
+    given = [{"q": "q", "p": "p"} | pair for pair in pairs]
+    given += [given[0] | {"energy": "p**2/2 + q**2/2"}, {"q": "x", "p": "p", "dq": ["p"], "dp": ["-x"]}]
+    contents = [PartitionedSystem(**g).content for g in given]
+    assert len({*contents}) == len(given)
+    assert PartitionedSystem(**given[0]).content == contents[0]
+    assert TEXT.content == MADE["expression"].content
+
+
+def test_a_system_is_sent_without_its_functions():
+    system = Hamiltonian(**FORMULAE)
+    system.energies(Q, P)
+    sent = pickle.loads(pickle.dumps(system))
+    assert (bool(system._functions), sent._functions) == (True, {})
+    assert (sent.energies(Q, P) == system.energies(Q, P)).all()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"q": "q r"}, "2 coordinates and 1 momenta"),
+        ({"H": "3"}, "none of the coordinates and momenta"),
+        ({"invariants": (sp.Symbol("z") + 1,)}, "z in the formula is none of the variables q, p"),
+        ({"frequencies": (1, 2)}, "frequencies are 1 numbers"),
+        ({"H": "p**2 + q**2", "frequencies": (1,)}, r"H = \|p\|\^2 / 2"),
+    ],
+)
+def test_what_is_no_system_is_refused(given, message):
+    with pytest.raises(InvalidInput, match=message):
+        Hamiltonian(**{"q": "q", "p": "p", "H": "p**2/2 + q"} | given)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"dq": ["p", "q"]}, "2 and 1 right-hand sides for d = 1"),
+        ({"dp": []}, "1 and 0 right-hand sides for d = 1"),
+        ({"q": "", "p": ""}, "0 coordinates and 0 momenta"),
+        ({"q": "p"}, "stands twice"),
+    ],
+)
+def test_what_is_no_partitioned_system_is_refused(given, message):
+    with pytest.raises(InvalidInput, match=message):
+        PartitionedSystem(**{"q": "q", "p": "p", "dq": ["p"], "dp": ["-p"]} | given)
