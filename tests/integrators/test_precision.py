@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from fractions import Fraction
+from types import SimpleNamespace
 
 import mpmath
 import pytest
@@ -11,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from phasebench.integrators.engine import codegen, printing
-from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision
+from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, exactly, precision
 from phasebench.integrators.errors import InvalidInput
 
 DIGITS = 40
@@ -44,6 +46,36 @@ def test_text_and_constants_have_all_digits():
         assert mpmath.mpf(str(exactly(mpmath.mp.pi, MULTIPRECISION))) == +mpmath.mp.pi
 
 
+@pytest.mark.parametrize("arithmetic", [DOUBLE, MULTIPRECISION])
+def test_epsilon_is_the_round_off_of_one(arithmetic):
+    with precision(DIGITS):
+        one, eps = (exactly(1, arithmetic), codegen.epsilon(arithmetic))
+        assert type(one) is type(eps)
+        assert one + eps > one
+        assert one + eps / 4 == one
+
+
+def test_few_components_are_values_that_allocate_nothing_and_many_an_array():
+    few, many_more = codegen.TUPLE_LIMIT, codegen.TUPLE_LIMIT + 1
+    assert codegen.value_type(few).count == few
+    assert codegen.value_type(many_more).ndim == 1
+    assert not codegen.options(few)["_nrt"]
+    assert codegen.options(many_more)["_nrt"]
+
+
+def test_a_function_is_made_again_from_its_origin_as_long_as_its_text_is_kept(monkeypatch):
+    made = SimpleNamespace(origin=("f" * 24, 1, None))
+    monkeypatch.setitem(codegen._ready, "f" * 24, made)
+    assert codegen.again(*codegen.origin(made)) is made
+    assert codegen.origin(print) is None
+    with pytest.raises(KeyError):
+        codegen.again("0" * 24, 2, None)
+
+
+def test_nothing_is_compiled_where_numba_is_told_so():
+    assert codegen.compiled() == (os.environ.get("NUMBA_DISABLE_JIT", "0") == "0")
+
+
 def test_digits_that_only_mpmath_knows_are_refused():
     with mpmath.workdps(DIGITS), pytest.raises(InvalidInput, match="precision"):
         codegen.vector([1])
@@ -56,6 +88,7 @@ EXPRESSIONS = [
     sp.sqrt(x + y) * sp.pi,
     (x + 2 * y) ** sp.Rational(-3, 2),
     (x + y) ** sp.Rational(1, 3) + x**15,
+    (x + y) ** sp.Rational(-1, 3) - x**-3 * y**2,
     sp.sin(x) * sp.cos(y) + sp.tan(x) - sp.exp(-y) + sp.log(x + y),
     sp.sinh(x) * sp.cosh(y) / sp.tanh(x) + sp.E,
     sp.asin(x / 2) + sp.acos(y / 3) - sp.atan(x * y) + abs(x - y),
