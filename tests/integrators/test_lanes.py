@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from types import ModuleType
 
@@ -100,6 +101,14 @@ def test_the_exponential_ends_as_it_should():
 
 
 @pytest.mark.processor
+@pytest.mark.parametrize("name", LANED)
+def test_uncompiled_the_functions_are_the_library_s_of_numbers_and_of_arrays(name):
+    function, x = getattr(elementary, name), [0.25, 2.0]
+    wanted = [getattr(math, name)(a) for a in x]
+    assert [function(a) for a in x] == wanted
+    assert function(np.array(x)).tolist() == wanted
+
+
 def test_the_square_root_is_the_processor_s():
     x = RANDOM.uniform(0, 100, 512)
     assert np.array_equal(LANED["sqrt"](x), np.sqrt(x))

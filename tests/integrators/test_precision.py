@@ -89,6 +89,7 @@ EXPRESSIONS = [
     (x + 2 * y) ** sp.Rational(-3, 2),
     (x + y) ** sp.Rational(1, 3) + x**15,
     (x + y) ** sp.Rational(-1, 3) - x**-3 * y**2,
+    (x + y) ** (x * y),
     sp.sin(x) * sp.cos(y) + sp.tan(x) - sp.exp(-y) + sp.log(x + y),
     sp.sinh(x) * sp.cosh(y) / sp.tanh(x) + sp.E,
     sp.asin(x / 2) + sp.acos(y / 3) - sp.atan(x * y) + abs(x - y),
@@ -113,3 +114,28 @@ def test_a_generated_function_keeps_every_digit(expression, header):
         error = abs(value - exactly(mpmath.mpf(str(expected)), MULTIPRECISION))
     assert error < 1e-37
     assert abs(float(value) - value) > 1e-20, "the control: a double has not these digits"
+
+
+def test_a_symbol_that_no_argument_has_is_said():
+    z = sp.Symbol("z")
+    with pytest.raises(ValueError, match=r"neither coordinates nor momenta.*z"):
+        printing.source("f", [("q", [x]), ("p", [y])], [[x * z], y], DOUBLE)
+    assert printing.source("f", [("q", [x])], [], DOUBLE).startswith("def f(q):")
+
+
+def test_results_are_vectors_or_numbers_of_vectors_and_numbers():
+    z = sp.Symbol("z")
+    text = printing.source("f", [("z", z), ("q", [x, y])], [[x + z, y], x * y], DOUBLE)
+    namespace = {"value": tuple, "number": float}
+    exec(text, namespace)
+    assert namespace["f"](0.5, (2.0, 3.0)) == ((2.5, 3.0), 6.0)
+
+
+@pytest.mark.parametrize("n", [*range(2, 14), -1, -2, -12, -13])
+def test_small_powers_are_products(n):
+    """Of the same roundings everywhere; those of high powers are the library's."""
+    text = printing.source("f", [("q", [x])], [x**n], DOUBLE)
+    assert ("**" in text) == (abs(n) > 12)
+    namespace = {"number": float}
+    exec(text, namespace)
+    assert namespace["f"]((2.0,)) == 2.0**n
