@@ -100,7 +100,6 @@ def test_the_exponential_ends_as_it_should():
     assert np.array_equal(LANED["exp"](x), [1, 1, np.inf, 0, np.nan, np.inf, 0, np.inf], equal_nan=True)
 
 
-@pytest.mark.processor
 @pytest.mark.parametrize("name", LANED)
 def test_uncompiled_the_functions_are_the_library_s_of_numbers_and_of_arrays(name):
     function, x = getattr(elementary, name), [0.25, 2.0]
@@ -109,6 +108,7 @@ def test_uncompiled_the_functions_are_the_library_s_of_numbers_and_of_arrays(nam
     assert function(np.array(x)).tolist() == wanted
 
 
+@pytest.mark.processor
 def test_the_square_root_is_the_processor_s():
     x = RANDOM.uniform(0, 100, 512)
     assert np.array_equal(LANED["sqrt"](x), np.sqrt(x))
