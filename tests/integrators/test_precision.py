@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from fractions import Fraction
 from types import SimpleNamespace
@@ -139,3 +140,20 @@ def test_small_powers_are_products(n):
     namespace = {"number": float}
     exec(text, namespace)
     assert namespace["f"]((2.0,)) == 2.0**n
+
+
+def test_numbers_of_a_formula_are_rounded_once():
+    numbers = [
+        sp.Rational(0.1),
+        sp.Rational(1, 3),
+        sp.Float(0.7),
+        sp.pi,
+        sp.Integer(2) ** 70,
+        sp.Rational(3**50, 7**40),
+    ]
+    text = printing.source("f", [("q", [x])], [[n * x for n in numbers]], DOUBLE)
+    assert str(2**70) not in text, "integers beyond Numba's are doubles"
+    namespace = {"value": tuple, "number": float}
+    exec(text, namespace)
+    wanted = [0.1, 1 / 3, 0.7, math.pi, 2.0**70, 3**50 / 7**40]
+    assert namespace["f"]((2.0,)) == pytest.approx([2 * n for n in wanted], rel=1e-15)
