@@ -255,6 +255,14 @@ def test_colours_share_no_row():
     assert (owner >= 0).sum() == sum(map(len, reach))
 
 
+def test_a_diagonal_has_one_colour_and_no_width_and_a_chain_three_and_one():
+    alone, chain = [[j] for j in range(7)], [[i for i in (j - 1, j, j + 1) if 0 <= i < 7] for j in range(7)]
+    for reach, colours, width in ((alone, 1, 0), (chain, 3, 1)):
+        reach = [np.array(rows) for rows in reach]
+        assert set(structure.coloured(reach, 7)) == set(range(colours))
+        assert structure.ordered(reach)[1] == width
+
+
 def test_points_at_which_nothing_is_finite_are_passed_over():
     f, _ = ring(9, np.sqrt)
     with pytest.raises(InvalidInput, match="finite at none"):

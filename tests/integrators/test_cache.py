@@ -366,6 +366,39 @@ def test_then_the_oldest_entries_go(place, monkeypatch):
     assert [cache.read(f"{k}.py") is not None for k in range(4)] == [False, False, True, True]
 
 
+def test_a_folder_of_just_the_bound_stays_as_it_is(place, monkeypatch):
+    other = filled("py311-" + "0" * 16, 1000, 900)
+    cache.write("a.py", bytes(1000))
+    whole = cache.size(place)[1] + cache.size(other)[1]
+    monkeypatch.setattr(cache, "BOUND", whole)
+    cache.evict()
+    assert other.exists()
+    monkeypatch.setattr(cache, "BOUND", whole - 1)
+    cache.evict()
+    assert not other.exists()
+    monkeypatch.setattr(cache, "BOUND", cache.size(place)[1])
+    cache.evict()
+    assert cache.read("a.py") is not None
+
+
+def test_what_another_process_has_removed_meanwhile_is_passed_over(place, monkeypatch):
+    cache.write("a.py", bytes(1000))
+    gone, old = cache.root() / ("py311-" + "0" * 16), 2 * cache.ABANDONED
+    listed = [(time.time() - old, 4, place / "left.tmp"), (0.0, 1000, place / "b.py")]
+    monkeypatch.setattr(cache, "versions", lambda: iter([gone]))
+    monkeypatch.setattr(cache, "_entries", lambda of: listed if of == place else [(0.0, 10, gone / "c.py")])
+    monkeypatch.setattr(cache, "BOUND", 0)
+    cache.evict()
+    assert cache.read("a.py") is not None
+
+
+def test_where_there_is_no_folder_nobody_waits(place, monkeypatch):
+    monkeypatch.setattr(cache, "folder", lambda: None)
+    with cache.alone("a.py"):
+        pass
+    assert not place.exists()
+
+
 def test_what_a_killed_process_left_is_removed(place):
     cache.write("a.py", SEVERAL)
     for name, age in (("old.tmp", 2 * cache.ABANDONED), ("old.lock", 2 * cache.ABANDONED), ("new.tmp", 0)):

@@ -188,6 +188,23 @@ def test_mass_parameter_and_space_are_scales_and_frames():
     assert np.array_equal(free[1], v)
 
 
+#: Steps of which a correction leaves the period, where the root is bracketed.
+BEYOND = ((0.98, 1.25, -3.1), (0.9999, 2.0, -3.9))
+
+
+@pytest.mark.parametrize("length", [4.0**-10, 4.0**10])
+def test_units_change_neither_the_motion_nor_what_it_costs(length):
+    """Lengths, and times by their power 3/2, in units that are powers of two: 1/beta, else 1, is the length."""
+    table = array(kepler_flow.constants(DOUBLE), DOUBLE)
+    for case in (*CASES[:140:9], *BEYOND):
+        q, v, h = doubles(*case)
+        X, Y = np.array([q, v, [0, 0], [0, 0]]), np.array([q, v, [0, 0], [0, 0]]) * [[length], [length**-0.5], [0], [0]]
+        cost = [kepler_flow.advance(Z, 0, 2, 1.0, 1.0, t, EPS, table) for Z, t in ((X, h), (Y, length**1.5 * h))]
+        assert cost[0] == cost[1] <= 12, case
+        for found, wanted in ((Y[0] / length, X[0]), (Y[1] * length**0.5, X[1])):
+            assert np.abs(found - wanted).max() <= 1e-11 * np.abs(wanted).max(), case
+
+
 def test_few_evaluations():
     """A step of an ordinary orbit takes two or three evaluations, the worst of the cases a few more."""
     table = array(kepler_flow.constants(DOUBLE), DOUBLE)

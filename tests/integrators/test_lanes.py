@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from types import ModuleType
 
@@ -97,6 +98,14 @@ def test_the_exponential_is_right_to_its_last_place():
 def test_the_exponential_ends_as_it_should():
     x = np.array([0.0, -0.0, np.inf, -np.inf, np.nan, 710.0, -746.0, 1e300])
     assert np.array_equal(LANED["exp"](x), [1, 1, np.inf, 0, np.nan, np.inf, 0, np.inf], equal_nan=True)
+
+
+@pytest.mark.parametrize("name", LANED)
+def test_uncompiled_the_functions_are_the_library_s_of_numbers_and_of_arrays(name):
+    function, x = getattr(elementary, name), [0.25, 2.0]
+    wanted = [getattr(math, name)(a) for a in x]
+    assert [function(a) for a in x] == wanted
+    assert function(np.array(x)).tolist() == wanted
 
 
 @pytest.mark.processor

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import os
 from fractions import Fraction
+from types import SimpleNamespace
 
 import mpmath
 import pytest
@@ -11,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from phasebench.integrators.engine import codegen, printing
-from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision
+from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, exactly, precision
 from phasebench.integrators.errors import InvalidInput
 
 DIGITS = 40
@@ -44,6 +47,36 @@ def test_text_and_constants_have_all_digits():
         assert mpmath.mpf(str(exactly(mpmath.mp.pi, MULTIPRECISION))) == +mpmath.mp.pi
 
 
+@pytest.mark.parametrize("arithmetic", [DOUBLE, MULTIPRECISION])
+def test_epsilon_is_the_round_off_of_one(arithmetic):
+    with precision(DIGITS):
+        one, eps = (exactly(1, arithmetic), codegen.epsilon(arithmetic))
+        assert type(one) is type(eps)
+        assert one + eps > one
+        assert one + eps / 4 == one
+
+
+def test_few_components_are_values_that_allocate_nothing_and_many_an_array():
+    few, many_more = codegen.TUPLE_LIMIT, codegen.TUPLE_LIMIT + 1
+    assert codegen.value_type(few).count == few
+    assert codegen.value_type(many_more).ndim == 1
+    assert not codegen.options(few)["_nrt"]
+    assert codegen.options(many_more)["_nrt"]
+
+
+def test_a_function_is_made_again_from_its_origin_as_long_as_its_text_is_kept(monkeypatch):
+    made = SimpleNamespace(origin=("f" * 24, 1, None))
+    monkeypatch.setitem(codegen._ready, "f" * 24, made)
+    assert codegen.again(*codegen.origin(made)) is made
+    assert codegen.origin(print) is None
+    with pytest.raises(KeyError):
+        codegen.again("0" * 24, 2, None)
+
+
+def test_nothing_is_compiled_where_numba_is_told_so():
+    assert codegen.compiled() == (os.environ.get("NUMBA_DISABLE_JIT", "0") == "0")
+
+
 def test_digits_that_only_mpmath_knows_are_refused():
     with mpmath.workdps(DIGITS), pytest.raises(InvalidInput, match="precision"):
         codegen.vector([1])
@@ -56,6 +89,8 @@ EXPRESSIONS = [
     sp.sqrt(x + y) * sp.pi,
     (x + 2 * y) ** sp.Rational(-3, 2),
     (x + y) ** sp.Rational(1, 3) + x**15,
+    (x + y) ** sp.Rational(-1, 3) - x**-3 * y**2,
+    (x + y) ** (x * y),
     sp.sin(x) * sp.cos(y) + sp.tan(x) - sp.exp(-y) + sp.log(x + y),
     sp.sinh(x) * sp.cosh(y) / sp.tanh(x) + sp.E,
     sp.asin(x / 2) + sp.acos(y / 3) - sp.atan(x * y) + abs(x - y),
@@ -80,3 +115,45 @@ def test_a_generated_function_keeps_every_digit(expression, header):
         error = abs(value - exactly(mpmath.mpf(str(expected)), MULTIPRECISION))
     assert error < 1e-37
     assert abs(float(value) - value) > 1e-20, "the control: a double has not these digits"
+
+
+def test_a_symbol_that_no_argument_has_is_said():
+    z = sp.Symbol("z")
+    with pytest.raises(ValueError, match=r"neither coordinates nor momenta.*z"):
+        printing.source("f", [("q", [x]), ("p", [y])], [[x * z], y], DOUBLE)
+    assert printing.source("f", [("q", [x])], [], DOUBLE).startswith("def f(q):")
+
+
+def test_results_are_vectors_or_numbers_of_vectors_and_numbers():
+    z = sp.Symbol("z")
+    text = printing.source("f", [("z", z), ("q", [x, y])], [[x + z, y], x * y], DOUBLE)
+    namespace = {"value": tuple, "number": float}
+    exec(text, namespace)
+    assert namespace["f"](0.5, (2.0, 3.0)) == ((2.5, 3.0), 6.0)
+
+
+@pytest.mark.parametrize("n", [*range(2, 14), -1, -2, -12, -13])
+def test_small_powers_are_products(n):
+    """Of the same roundings everywhere; those of high powers are the library's."""
+    text = printing.source("f", [("q", [x])], [x**n], DOUBLE)
+    assert ("**" in text) == (abs(n) > 12)
+    namespace = {"number": float}
+    exec(text, namespace)
+    assert namespace["f"]((2.0,)) == 2.0**n
+
+
+def test_numbers_of_a_formula_are_rounded_once():
+    numbers = [
+        sp.Rational(0.1),
+        sp.Rational(1, 3),
+        sp.Float(0.7),
+        sp.pi,
+        sp.Integer(2) ** 70,
+        sp.Rational(3**50, 7**40),
+    ]
+    text = printing.source("f", [("q", [x])], [[n * x for n in numbers]], DOUBLE)
+    assert str(2**70) not in text, "integers beyond Numba's are doubles"
+    namespace = {"value": tuple, "number": float}
+    exec(text, namespace)
+    wanted = [0.1, 1 / 3, 0.7, math.pi, 2.0**70, 3**50 / 7**40]
+    assert namespace["f"]((2.0,)) == pytest.approx([2 * n for n in wanted], rel=1e-15)

@@ -11,64 +11,86 @@ from numba import njit
 from phasebench.benchmarks.measure.metrics import slope
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine import vector
-from phasebench.integrators.engine.solve import LEVELS, NOT_FINITE, SOLVED, STALLED, predict, remember, solver
+from phasebench.integrators.engine import codegen, vector
+from phasebench.integrators.engine.solve import (
+    FIXED_POINT_LIMIT,
+    LEVELS,
+    NOT_FINITE,
+    SOLVED,
+    STALLED,
+    predict,
+    remember,
+    solver,
+)
 from phasebench.integrators.registry import method
 
 EPS = np.finfo(float).eps
 WORK = np.zeros((8, 8))
 
 
+def value(*components):
+    """A value of a kernel."""
+    return components if codegen.compiled() else np.array(components)
+
+
+def equation(f):
+    """A function of values that returns the components of one."""
+    return njit(f) if codegen.compiled() else lambda *arguments: np.array(f(*arguments))
+
+
 # -- the start --------------------------------------------------------------------------------------------------------
+
+
+ZERO = value(0.0, 0.0)
 
 
 def table(values, slots=1, slot=0):
     memory = np.zeros(((LEVELS + 1) * slots, 2))
     for known, v in enumerate(values):
-        remember(memory, slot, slots, known, (float(v), -2.0 * float(v)))
+        remember(memory, slot, slots, known, value(float(v), -2.0 * float(v)))
     return memory
 
 
 @pytest.mark.parametrize("degree", range(LEVELS))
 def test_the_start_continues_a_polynomial(degree):
     values = [(0.3 * n - 1) ** degree for n in range(LEVELS + 1)]
-    x = predict(table(values[:LEVELS]), 0, 1, LEVELS, (0.0, 0.0))
+    x = predict(table(values[:LEVELS]), 0, 1, LEVELS, ZERO)
     assert x == pytest.approx((values[LEVELS], -2 * values[LEVELS]), abs=1e-13)
 
 
 def test_control_a_polynomial_of_higher_degree_is_not_continued():
     values = [(0.3 * n - 1) ** LEVELS for n in range(LEVELS + 1)]
-    x = predict(table(values[:LEVELS]), 0, 1, LEVELS, (0.0, 0.0))
+    x = predict(table(values[:LEVELS]), 0, 1, LEVELS, ZERO)
     assert abs(x[0] - values[LEVELS]) > 1e-3
 
 
 def test_the_start_uses_no_more_than_the_known_steps():
     memory = table([5.0])
-    assert predict(memory, 0, 1, 1, (0.0, 0.0)) == (5.0, -10.0)
-    assert predict(np.zeros((LEVELS + 1, 2)), 0, 1, 0, (0.0, 0.0)) == (0.0, 0.0)
+    assert tuple(predict(memory, 0, 1, 1, ZERO)) == (5.0, -10.0)
+    assert tuple(predict(np.zeros((LEVELS + 1, 2)), 0, 1, 0, ZERO)) == (0.0, 0.0)
 
 
 def test_the_equations_of_a_step_do_not_mix():
     memory = table([1.0, 2.0], slots=2, slot=0)
-    assert predict(memory, 1, 2, 2, (0.0, 0.0)) == (0.0, 0.0)
-    assert predict(memory, 0, 2, 2, (0.0, 0.0)) == pytest.approx((3.0, -6.0))
+    assert tuple(predict(memory, 1, 2, 2, ZERO)) == (0.0, 0.0)
+    assert predict(memory, 0, 2, 2, ZERO) == pytest.approx((3.0, -6.0))
 
 
 # -- the equation -----------------------------------------------------------------------------------------------------
 
 
-@njit
+@equation
 def affine(x, arguments):
     factor, constant = arguments
     return (factor * x[0] + constant, -0.5 * factor * x[1] + constant)
 
 
-@njit
+@equation
 def no_solution(x, arguments):
     return (x[0] * x[0] + 1.0, x[1])
 
 
-@njit
+@equation
 def infinite(x, arguments):
     return (np.nan, x[1])
 
@@ -88,7 +110,7 @@ def fixed_point(factor, constant):
 
 @pytest.mark.parametrize("factor", [0.0, 1e-8, 0.1, 0.3])
 def test_a_contraction_needs_no_newton(factor):
-    x, evaluations, newton, status = solve_affine((factor, 0.7), (0.0, 0.0), 1.0, EPS, WORK)
+    x, evaluations, newton, status = solve_affine((factor, 0.7), ZERO, 1.0, EPS, WORK)
     assert (status, newton) == (SOLVED, 0)
     assert evaluations <= 60
     assert x == pytest.approx(fixed_point(factor, 0.7), rel=4 * EPS)
@@ -96,27 +118,49 @@ def test_a_contraction_needs_no_newton(factor):
 
 @pytest.mark.parametrize("factor", [0.999, -1.0, 1.5, -30.0, 1e6])
 def test_newton_takes_over_where_it_stalls_or_diverges(factor):
-    x, _, newton, status = solve_affine((factor, 0.7), (0.0, 0.0), 1.0, EPS, WORK)
+    x, _, newton, status = solve_affine((factor, 0.7), ZERO, 1.0, EPS, WORK)
     assert (status, newton) == (SOLVED, 1)
     assert x == pytest.approx(fixed_point(factor, 0.7), rel=1e-12)
 
 
 def test_a_singular_equation_is_not_called_solved():
-    assert solve_affine((1.0, 0.7), (0.0, 0.0), 1.0, EPS, WORK)[3] != SOLVED
+    assert solve_affine((1.0, 0.7), ZERO, 1.0, EPS, WORK)[3] != SOLVED
 
 
 def test_an_equation_without_a_solution_is_not_called_solved():
-    assert solve_none((0.0, 0.0), (0.3, 0.0), 1.0, EPS, WORK)[3] in (STALLED, NOT_FINITE)
+    assert solve_none((0.0, 0.0), value(0.3, 0.0), 1.0, EPS, WORK)[3] in (STALLED, NOT_FINITE)
 
 
 def test_what_is_not_finite_is_not_called_solved():
-    assert solve_infinite((0.0, 0.0), (0.3, 0.0), 1.0, EPS, WORK)[3] in (STALLED, NOT_FINITE)
+    assert solve_infinite((0.0, 0.0), value(0.3, 0.0), 1.0, EPS, WORK)[3] in (STALLED, NOT_FINITE)
+
+
+def test_a_slow_contraction_has_its_iterations_and_newton_whole_differences():
+    """At half its last size a change still falls fast enough."""
+    slow, half = (solve_affine((f, 1.25), value(0.0, 1.0), 1.0, EPS, WORK)[1:] for f in (0.999, 0.5))
+    assert slow[0] > FIXED_POINT_LIMIT
+    assert (slow[0] - FIXED_POINT_LIMIT) % 3 == 0, "two unknowns take two differences and the residual"
+    assert half[0] > FIXED_POINT_LIMIT
+    assert half[2] == SOLVED
+
+
+@equation
+def of_their_size(x, g, arguments):
+    return abs(x[0]) + abs(g[0]), abs(x[1]) + abs(g[1])
+
+
+def test_a_solution_beyond_the_largest_number_is_not_finite():
+    factor, constant = 1 + 1e-6, 1e303
+    start = value(0.0, fixed_point(factor, constant)[1])
+    with np.errstate(all="ignore"):
+        found = solver(affine, of_their_size)((factor, constant), start, 1.0, EPS, WORK)
+    assert found[2:] == (1, NOT_FINITE)
 
 
 UNIT = 2.0**-40
 
 
-@njit
+@equation
 def in_two_units(x, arguments):
     """u = 3 cos(v / UNIT), v = 3 UNIT sin(u): the second unknown is one of far smaller units."""
     return (3 * np.cos(x[1] / UNIT), 3 * UNIT * np.sin(x[0]))
@@ -129,10 +173,10 @@ def of_their_units(x, g, arguments):
 
 @pytest.mark.parametrize(("lengths", "solved"), [(of_their_units, True), (of_one, False)])
 def test_differences_are_as_long_as_what_is_varied(lengths, solved):
-    x, _, newton, status = solver(in_two_units, lengths)((0.0,), (1.1, UNIT), 1.0, EPS, WORK)
+    x, _, newton, status = solver(in_two_units, lengths)((0.0,), value(1.1, UNIT), 1.0, EPS, WORK)
     assert (newton, status == SOLVED) == (1, solved)
     if solved:
-        assert np.abs(np.subtract(x, in_two_units.py_func(x, None)) / (1, UNIT)).max() < 1e-13
+        assert np.abs(np.subtract(x, in_two_units(x, (0.0,))) / (1, UNIT)).max() < 1e-13
 
 
 # -- stiff steps ------------------------------------------------------------------------------------------------------

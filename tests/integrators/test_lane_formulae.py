@@ -1,0 +1,85 @@
+"""Functions of formulae in lanes: which formulae, and what they write where."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from phasebench.integrators.engine import codegen, lane_formulae, lanes
+from phasebench.integrators.engine.codegen import DOUBLE
+
+x, y, z, w = sp.symbols("x y z w", positive=True)
+SYSTEM = SimpleNamespace(content="a toy", d=2)
+ARGUMENTS = [("q", [x, y]), ("s", [z]), ("p", [w])]
+RESULTS = [x * y + z, sp.sin(w) / sp.sqrt(x) - y**3, sp.exp(-z) * sp.cos(x) ** 2 + sp.Rational(1, 3)]
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [
+        x + y * z,
+        x**2 - 3 / y,
+        (x + y) ** 12,
+        x**-12,
+        sp.sqrt(x + 1) * x ** sp.Rational(-5, 2),
+        sp.sin(x) * sp.cos(y) + sp.exp(z),
+        x,
+    ],
+    ids=str,
+)
+def test_sums_products_powers_and_four_functions_can_be_had(kept):
+    assert lane_formulae.known([kept])
+    assert lane_formulae.known([kept, x * y])
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        sp.tan(x),
+        sp.sin(x) + sp.log(y),
+        abs(sp.sin(x) - y),
+        x ** sp.Rational(1, 3),
+        (x + y) ** sp.Rational(25, 2),
+        x**13,
+        x**-13,
+        x**y,
+        x**sp.pi,
+    ],
+    ids=str,
+)
+def test_no_other_function_nor_power(other):
+    assert not lane_formulae.known([other])
+    assert not lane_formulae.known([x * y, sp.sin(other * z)])
+
+
+@pytest.mark.parametrize("n", [2, 4])
+def test_results_follow_the_arguments_row_by_row(n):
+    f = lane_formulae.function(f"toy {n}", ARGUMENTS, lambda: RESULTS, n, SYSTEM, DOUBLE)
+    given = np.random.default_rng(n).uniform(0.5, 2.0, size=(4, n))
+    table = np.vstack([given, np.full((4, n), 9.0)])
+    f(table)
+    X, Y, Z, W = given
+    wanted = [X * Y + Z, np.sin(W) / np.sqrt(X) - Y**3, np.exp(-Z) * np.cos(X) ** 2 + 1 / 3]
+    assert np.array_equal(table[:4], given)
+    assert table[4:7] == pytest.approx(np.array(wanted), rel=1e-14)
+    assert (table[7] == 9).all()
+
+
+def test_a_function_is_of_its_formula_lanes_and_operations_and_takes_a_table(monkeypatch):
+    monkeypatch.setattr(codegen, "function", lambda key, text, d, signature, arithmetic: (key, signature))
+    keys = set()
+    for kind, n, system in (("a", 2, SYSTEM), ("b", 2, SYSTEM), ("a", 4, SYSTEM)):
+        key, signature = lane_formulae.function(kind, ARGUMENTS, lambda: RESULTS, n, system, DOUBLE)
+        assert [a.ndim for a in signature.args] == [2]
+        keys.add(key)
+    keys.add(lane_formulae.function("a", ARGUMENTS, lambda: [], 2, SimpleNamespace(content="another", d=2), DOUBLE)[0])
+    assert len(keys) == 4
+
+
+def test_operations_that_are_changed_make_other_functions(monkeypatch):
+    before = lane_formulae._operations.__wrapped__()
+    monkeypatch.setattr(lanes, "__file__", __file__)
+    assert lane_formulae._operations.__wrapped__() != before
