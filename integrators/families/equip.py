@@ -42,7 +42,7 @@ from . import collocation, gauss_lanes, stage_lanes
 from .gauss_lanes import serves
 from .parametric import unknown
 
-SEARCH = Search(radius=0.5, first=0.01, near=0.1, ratio=1.5, points=16, branches=False, slack=8.0)
+SEARCH = Search(radius=0.5, first=0.01, near=0.1, ratio=1.5, points=16, branches=False, slack=8.0, followed=False)
 MISSED = "have no parameter near 0 that keeps the energy and were taken as Gauss's method"
 
 
@@ -189,7 +189,7 @@ def attempt(alpha, start, ease, e):
     apart()
     step, y, counts = e.step, e.y, e.counts
     write(step.field, step, alpha)
-    new, sweeps, newton, status = moved(step.f, start, ease * step.eps, e)
+    new, sweeps, newton, status = moved(step.f, start, max(1.0, 100 * ease) * step.eps, e)
     counts.gradient += (sweeps + newton) * len(step.b)
     counts.newton += min(newton, 1)
     if status != SOLVED:
@@ -208,7 +208,7 @@ def run(step, orbit, samples, counts):
         alpha, found = 0.0, True
         for _ in range(samples.every):
             e = Step(step, y, orbit, counts)
-            alpha, found, result = find(step.search, orbit.state, 4, np.nan, e)
+            alpha, found, result = find(step.search, orbit.state, 4, e)
             if result.status != SOLVED:
                 return row, result.status
             y = result.y
