@@ -63,11 +63,12 @@ _bytes: dict = {}
 
 
 def _bytes_of(method) -> bytes | None:
-    if id(method) not in _bytes:
+    known = _bytes.get(id(method))
+    if known is None:
         if len(_bytes) >= MOST:
             _bytes.clear()
-        _bytes[id(method)] = method, _written(_Value, method)
-    return _bytes[id(method)][1]
+        known = _bytes[id(method)] = method, _written(_Value, method)
+    return known[1]
 
 
 def entry(method, system) -> str | None:
