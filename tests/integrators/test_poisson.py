@@ -268,3 +268,14 @@ def test_a_rule_that_was_needed_on_the_way_is_not_kept(id):
     rest = whole.counts["gradient"] - over.counts["gradient"]
     assert rest < 1.02 * beyond.counts["gradient"]
     assert over.counts["gradient"] > 5 * beyond.counts["gradient"] / 3, "the control: a third of the steps, on the hill"
+
+
+@pytest.mark.parametrize("small", [1e-9, 1e9])
+def test_newton_s_method_varies_momenta_and_coordinates_by_their_own_lengths(small):
+    """A stiff oscillator in other units of p: a difference as long as the others' is lost, or leaves their range."""
+    system = Hamiltonian(q="q1", p="p1", H=f"{small}*(p1**2/{small}**2 + 400*q1**2 + q1**4)/2")
+    s = integrate(as_poisson(system), "cohen-hairer-1", h=0.3, steps=10, q0=[0.5], p0=[1.0 * small])
+    assert s.status == "ok", s.reason
+    assert s.counts["newton"] >= 10
+    assert s.counts["gradient"] < 700, "a few iterations each"
+    assert np.ptp(system.energies(s.q, s.p)) < 1e-12 * small

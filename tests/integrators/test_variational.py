@@ -226,6 +226,17 @@ def test_newtons_method_takes_over_where_the_force_is_stiff(id, numerator):
         assert abs(s.p[-1, i] - y[1]) < 1e-10
 
 
+@pytest.mark.parametrize(("omega", "h"), [(50, 0.02), (100, 0.01)])
+@pytest.mark.parametrize("id", ["variational-midpoint", "variational-gauss-2"])
+def test_a_force_that_is_the_round_off_of_what_cancels_is_solved_for(id, omega, h):
+    """Of an equilibrium at 1: kicks are known to what an increment of p is, divided by h."""
+    system = Hamiltonian(q="q1", p="p1", H=f"(p1**2 + {omega**2}*(q1 - 1)**2)/2")
+    for away in (1e-13, 1e-12):
+        s = integrate(system, id, h=h, steps=60, q0=[1 + away], p0=[0.0])
+        assert s.status == "ok", s.reason
+        assert np.abs(s.q - 1).max() < 2 * away
+
+
 def test_an_unsolvable_step_is_a_status():
     """Q = q + h d p + h^2 a exp(Q) has no solution where h is large."""
     repelled = Hamiltonian(q="q1 q2", p="p1 p2", H="(p1**2 + p2**2)/2 - exp(q1) - exp(q2)")

@@ -11,19 +11,24 @@ from collections import Counter
 from fractions import Fraction
 from unittest.mock import patch
 
+import sympy as sp
+
 from phasebench.benchmarks.measure.battery import LOW_ORDER, SYSTEMS, by_label, runs_on, variants
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.families import gauss_lanes
+from phasebench.integrators.systems.poisson import PoissonSystem
 from support import stiff
 
 H, STEPS = 0.02, 3
 NAMES = ("henon-heiles", "coupled", "perturbed-kepler")
 #: A separable and a non-separable system are enough where a method runs on either.
 FEW = 2
+#: Runs with steps so long that no fixed point is found.
+LONG = ("stiff", "body")
 #: What of what a solution tells is looked at.
 TOLD = ("gradient", "steps", "newton", "fallbacks", "iterations")
 #: Functions of a system that are no gradient or field: energies, velocities, the values of invariants, rates of time.
-OTHERS = ("energy", "grad_T", "constraint", "velocity", "rate")
+OTHERS = ("structure", "energy", "grad_T", "constraint", "velocity", "rate")
 
 
 def systems(m) -> list[str]:
@@ -53,13 +58,21 @@ def watched(system, calls: Counter):
     return other
 
 
+def body() -> PoissonSystem:
+    """A rigid body with a quartic term, y' = y x grad H, and a variable that stays."""
+    x, y, z, rest = sp.symbols("x y z rest", real=True)
+    B = [[0, -z, y, 0], [z, 0, -x, 0], [-y, x, 0, 0], [0, 0, 0, 0]]
+    return PoissonSystem(q=[x, y], p=[z, rest], B=B, H=x**2 / 2 + y**2 / 3 + z**2 / 5 + x**4 / 20 + y * z / 4)
+
+
 def runs(label: str) -> dict:
-    """{name: (system, h, start)} of the runs of a method; "stiff" is one that Newton's method solves."""
+    """{name: (system, h, start)} of the runs of a method; `LONG` are those that Newton's method solves."""
     found = {}
     for name in systems(ALL[label]):
         system, *start = SYSTEMS[name]()
         found[name] = system, H, start
-    return found | ({"stiff": (stiff.SYSTEM, stiff.H, stiff.START)} if label in stiff.METHODS else {})
+    found |= {"stiff": (stiff.SYSTEM, stiff.H, stiff.START)} if label in stiff.METHODS else {}
+    return found | ({"body": (body(), 3.0, ((0.8, -0.5), (0.6, 1.0)))} if ALL[label].family == "poisson" else {})
 
 
 def of(label: str) -> dict:
