@@ -8,12 +8,13 @@ from fractions import Fraction
 import mpmath
 import numpy as np
 import pytest
+import sympy as sp
 
 from phasebench.benchmarks.measure import battery, multiprecision
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.engine.codegen import MULTIPRECISION, precision, vector
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.registry import BY_ID, method
+from phasebench.integrators.registry import BY_ID, METHODS, method
 
 OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
 VERLET = method("stormer-verlet")
@@ -148,6 +149,38 @@ def test_a_coefficient_is_changed_where_it_stands():
     assert multiprecision.changed(data, (0,), 7) == (7, *data[1:])
 
 
+def test_a_wrong_coefficient_is_seen(monkeypatch):
+    """Of methods that have some, and not too many: kick by one share of a step and by the other, with a drift between."""
+
+    def advance(system, record, y, h, steps=1):
+        field, h = system.vector_field(MULTIPRECISION), multiprecision.exactly(h, MULTIPRECISION)
+        a, b, *_ = (multiprecision.exactly(x, MULTIPRECISION) for x in record.data)
+        for _ in range(steps):
+            y = kick(lambda x: field(0, x), y, a * h)
+            y = kick(lambda x: field(0, x), drift(lambda x: field(0, x), y, h), b * h)
+        return y
+
+    halves = replace(VERLET, id="halves", family="one", data=(Fraction(1, 2), Fraction(1, 2)))
+    others = [
+        replace(halves, id="another"),
+        replace(halves, id="none", family="two", data=(1, 1)),
+        replace(halves, id="many", family="three", order=6, data=(Fraction(1, 2),) * 13),
+    ]
+    monkeypatch.setattr(multiprecision, "advance", advance)
+    monkeypatch.setattr(multiprecision, "METHODS", (halves, *others))
+    found = multiprecision.perturbed()
+    assert {*found} == {"halves", "another"}
+    assert [row["path"] for row in found["halves"]["rows"]] == [[0], [1]]
+    for row in found["halves"]["rows"]:
+        assert row["error"] > 10 * found["halves"]["error"] or row["symmetry"] > 1e-12
+    spoiled = multiprecision.spoiled()
+    assert {*spoiled} == {"halves"}, "the first of its family"
+    assert {*spoiled["halves"]} == {*battery.systems(halves, few=True)}
+    for name, row in spoiled["halves"].items():
+        assert abs(multiprecision.observed_order(row).value) < 0.1
+        assert multiprecision.observed_order(multiprecision.errors(halves, name)).value == pytest.approx(2, abs=0.02)
+
+
 # -- what is measured -------------------------------------------------------------------------------------------------
 
 
@@ -172,6 +205,7 @@ EVERY = ["pendulum", "henon-heiles", "perturbed-kepler", "lotka-volterra", "tao"
         ("stormer-verlet", False, EVERY),
         ("rk4", True, ["pendulum", "henon-heiles", "tao"]),
         ("gauss-8", None, ["pendulum", "henon-heiles", "tao"]),  # of a high order
+        ("mclachlan-atela-5", None, ["pendulum", "henon-heiles"]),
         ("gautschi", True, ["henon-heiles", "two-frequencies"]),  # those with a fast part
         ("mclachlan-atela-4", None, ["pendulum", "henon-heiles", "perturbed-kepler"]),
         ("scheme-iv", None, [name for name in EVERY if name != "lotka-volterra"]),
@@ -179,6 +213,25 @@ EVERY = ["pendulum", "henon-heiles", "perturbed-kepler", "lotka-volterra", "tao"
 )
 def test_systems_are_those_that_a_method_can_do(id, few, names):
     assert battery.systems(BY_ID[id], few) == names
+
+
+def test_the_systems_made_for_it_are_what_they_say():
+    fast, coupled = battery.two_frequencies(), battery.coupled()
+    assert sp.Poly(fast.slow_potential, *fast.q).homogeneous_order() == 3, "nothing quadratic is left to the slow part"
+    assert len({*fast.frequencies}) == 2
+    assert not (coupled.separable)
+    assert not (battery.tao().separable)
+    state = dict(zip((*coupled.q, *coupled.p), (0.4, -0.6, 0.5, 0.3), strict=True))
+    for x, y in ((coupled.q, coupled.q[::-1]), (coupled.q, coupled.p)):
+        exchanged = coupled.H.subs(dict(zip((*x, *y), (*y, *x), strict=True)), simultaneous=True)
+        assert abs((exchanged - coupled.H).subs(state)) > 0.01
+
+
+def test_long_formulae_are_tested_where_they_stay_short():
+    (high,) = battery.variants([BY_ID["generating-function"]], order=(5,), lam=(Fraction(1, 3),))
+    long = next(m for m in METHODS if m.family == "schemes_iv_v" and m.order > 4)
+    for record in (high, long):
+        assert battery.systems(record) == battery.systems(record, few=False) == ["henon-heiles", "tao"]
 
 
 def test_what_is_expected_of_a_system():
