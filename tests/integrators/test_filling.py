@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,8 +24,10 @@ class System:
 
 # -- functions that write ---------------------------------------------------------------------------------------------
 
-ONE = "def f(q, p):\n    c = q[0] * p[0]\n    return value((c, q[1] - c,))\n"
-TWO = "def f(q, p):\n    c = q[0] * p[0]\n    return value((c, q[1] - c,)), value((p[0], c, 3.0,))\n"
+ONE = "def f(q, p):\n    a = 0.5 * q[0]\n    c = 2 * a * p[0]\n    return value((c, q[1] - c,))\n"
+TWO = (
+    "def f(q, p):\n    a = 0.5 * q[0]\n    c = 2 * a * p[0]\n    return value((c, q[1] - c,)), value((p[0], c, 3.0,))\n"
+)
 
 
 @pytest.mark.parametrize(("text", "sizes"), [(ONE, (2,)), (TWO, (2, 3))], ids=["one", "two"])
@@ -119,6 +122,14 @@ def test_what_was_kept_is_read_once_and_what_cannot_be_read_is_removed(keeping):
     cache.write("prepared-3.pickle", b"no pickle")
     assert preparation.read("prepared-3.pickle") is None
     assert cache.read("prepared-3.pickle") is None
+
+
+def test_where_no_test_says_otherwise_it_is_kept():
+    spec = importlib.util.spec_from_file_location(f"{preparation.__name__}_anew", preparation.__file__)
+    anew = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(anew)
+    assert anew.KEPT
+    assert not preparation.KEPT, "the suite's own choice"
 
 
 def test_functions_are_kept_by_their_origins(keeping):
