@@ -1,0 +1,148 @@
+"""Functions that write into arrays handed to them, and what families prepare and keep: in any process."""
+
+from __future__ import annotations
+
+import importlib.util
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numba import types
+
+from phasebench.integrators.engine import cache, codegen, filling, preparation
+from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
+
+ARRAY = types.Array(types.float64, 1, "C")
+
+
+class System:
+    """Of so many components."""
+
+    def __init__(self, d, key="a toy"):
+        self.d, self.key, self.variant, self._functions, self.fills = d, key, "", {"g": print}, False
+
+
+# -- functions that write ---------------------------------------------------------------------------------------------
+
+ONE = "def f(q, p):\n    a = 0.5 * q[0]\n    c = 2 * a * p[0]\n    return value((c, q[1] - c,))\n"
+TWO = (
+    "def f(q, p):\n    a = 0.5 * q[0]\n    c = 2 * a * p[0]\n    return value((c, q[1] - c,)), value((p[0], c, 3.0,))\n"
+)
+
+
+@pytest.mark.parametrize(("text", "sizes"), [(ONE, (2,)), (TWO, (2, 3))], ids=["one", "two"])
+def test_what_a_function_returns_is_written_instead(text, sizes):
+    found = []
+    for build in (lambda arithmetic: text, filling.written(lambda arithmetic: text)):
+        namespace = {"value": np.array}
+        exec(build(DOUBLE), namespace)
+        found.append(namespace["f"])
+    returning, writing = found
+    q, p, outs = np.array([2.0, 5.0]), np.array([0.5]), [np.full(n, 9.0) for n in sizes]
+    wanted = returning(q, p)
+    assert writing(q, p, *outs) is None
+    for out, expected in zip(outs, wanted if len(sizes) > 1 else (wanted,), strict=True):
+        assert np.array_equal(out, expected)
+
+
+def test_the_signature_ends_with_the_arrays_that_are_written():
+    assert filling.signature(ARRAY(ARRAY, ARRAY)) == types.none(ARRAY, ARRAY, ARRAY)
+    two = types.Tuple((ARRAY, ARRAY))
+    assert filling.signature(two(ARRAY)) == types.none(ARRAY, ARRAY, ARRAY)
+
+
+def test_the_twin_is_one_whose_functions_write_where_they_are_compiled_for_arrays(monkeypatch):
+    large, small = System(codegen.TUPLE_LIMIT + 1), System(codegen.TUPLE_LIMIT)
+    for runs in (True, False):
+        monkeypatch.setattr(filling, "compiled", lambda runs=runs: runs)
+        twin = filling.twin(large)
+        assert (twin is large) != runs
+        assert filling.twin(large) is twin
+        assert filling.twin(small) is small
+        assert filling.twin(large, MULTIPRECISION) is large
+        if runs:
+            assert (twin.d, twin.fills, twin._functions) == (large.d, True, {})
+    assert not large.fills
+    assert large._functions
+
+
+# -- what families prepare --------------------------------------------------------------------------------------------
+
+
+class Method(SimpleNamespace):
+    """With parameters, and with how they are read, which cannot be written."""
+
+
+def method(order=2):
+    return Method(order=order, with_parameters=lambda: None)
+
+
+@pytest.fixture
+def keeping(tmp_path, monkeypatch):
+    """Everything is kept, in an empty cache, as where kernels are compiled."""
+    monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(preparation, "KEPT", True)
+    monkeypatch.setattr(codegen, "compiled", lambda: True)
+    preparation._read.cache_clear()
+    yield monkeypatch
+    preparation._read.cache_clear()
+
+
+def test_an_entry_is_of_the_method_by_value_and_of_the_system_by_its_key(keeping):
+    name = preparation.entry(method(), System(2))
+    assert name.startswith("prepared-")
+    assert preparation.entry(method(), System(2)) == name
+    others = [
+        preparation.entry(method(3), System(2)),
+        preparation.entry(method(), System(2, key="another")),
+        preparation.entry(method(), System(codegen.TUPLE_LIMIT + 1)),
+    ]
+    assert len({name, *others}) == 4
+    assert preparation.entry(method(), System(2, key="")) is None
+    assert preparation.entry(method(), SimpleNamespace(d=2)) is None
+    assert preparation.entry(Method(order=lambda: 2), System(2)) is None, "it cannot be written"
+    keeping.setattr(preparation, "KEPT", False)
+    assert preparation.entry(method(), System(2)) is None
+    keeping.setattr(preparation, "KEPT", True)
+    keeping.setattr(codegen, "compiled", lambda: False)
+    assert preparation.entry(method(), System(2)) is None
+
+
+def test_what_was_kept_is_read_once_and_what_cannot_be_read_is_removed(keeping):
+    assert preparation.read(None) is None
+    assert preparation.read("prepared-0.pickle") is None
+    preparation.write(None, [1.0])
+    assert not cache.folder().exists()
+    preparation.write("prepared-1.pickle", [1.0, "a"])
+    found = preparation.read("prepared-1.pickle")
+    assert found == [1.0, "a"]
+    assert preparation.read("prepared-1.pickle") is found
+    preparation.write("prepared-2.pickle", (x for x in "ab"))
+    assert cache.read("prepared-2.pickle") is None, "it cannot be written"
+    cache.write("prepared-3.pickle", b"no pickle")
+    assert preparation.read("prepared-3.pickle") is None
+    assert cache.read("prepared-3.pickle") is None
+
+
+def test_where_no_test_says_otherwise_it_is_kept():
+    spec = importlib.util.spec_from_file_location(f"{preparation.__name__}_anew", preparation.__file__)
+    anew = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(anew)
+    assert anew.KEPT
+    assert not preparation.KEPT, "the suite's own choice"
+
+
+def test_functions_are_kept_by_their_origins(keeping):
+    class Generated:
+        def __init__(self, origin=None):
+            self.origin = origin
+
+    made = Generated(("f" * 24, 2, None))
+    keeping.setattr(preparation, "Dispatcher", Generated)
+    keeping.setitem(codegen._ready, "f" * 24, made)
+    preparation.write("prepared-4.pickle", {"g": made, "h": 0.5})
+    found = preparation.read("prepared-4.pickle")
+    assert found["g"] is made
+    assert found["h"] == 0.5
+    preparation.write("prepared-5.pickle", {"g": Generated()})
+    assert preparation.read("prepared-5.pickle") is None, "it is of no text that is kept"
