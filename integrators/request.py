@@ -16,6 +16,8 @@ LARGEST = 125_000_000
 WIDENED = 1.01
 #: Steps of a run, at most (messages say 1e13).
 MOST = 1e13
+#: The largest number of a state that is not zero is within these: what tells round-off squares changes of the state.
+SMALLEST, GREATEST = 1e-140, 1e150
 
 
 class Request(NamedTuple):
@@ -139,4 +141,7 @@ def initial(problem, q0=None, p0=None, exact: bool = False):
         H = system.energies(state[0][None], state[1][None])[0]
         if not isfinite(H):
             raise InvalidInput(f"the energy of the initial state is {H}: it is at a singularity or outside H's domain")
+    size = 1.0 if exact else max(np.abs(numbers).max() for numbers in state)
+    if size > 0 and not SMALLEST <= size <= GREATEST:
+        raise InvalidInput(f"the state's largest number is {size:.3g}; choose units in which it is nearer to 1")
     return system, state[0], state[1]

@@ -56,7 +56,7 @@ def options(d: int) -> dict:
 
 def _kind_of(signature) -> str:
     """What the states are that a function of this signature takes."""
-    return "array" if any(isinstance(t, types.Array) for t in signature.args) else "tuple"
+    return "array" if any(isinstance(t, types.Array) and t.ndim == 1 for t in signature.args) else "tuple"
 
 
 def _finish(text: str, style: str) -> str:

@@ -15,39 +15,24 @@ import numpy as np
 from .solve import SOLVED
 from .vector import State, inlined
 
-#: Where an attempt's stage equations start from: earlier steps, the last attempt, its linear continuation in x, or the
-#: last step's solution as it is.
-FIRST, LATEST, ALONG, BEFORE = 0, 1, 2, 3
+#: Where an attempt's stage equations start from: earlier steps, the last attempt, its linear continuation in x.
+FIRST, LATEST, ALONG = 0, 1, 2
 #: What a row of numbers keeps from step to step: E is about E0 + SLOPE x + CURVATURE x^2; the slope's RATE and BEND,
 #: its first and second change per step, and its AGE in steps; by how much the last root was MISSED by its prediction;
 #: the STREAK of steps since E(0) was looked at or the curvature measured, not positive where roots are not predicted;
 #: the UNIT of round-off of H; E at the START, x = 0, when last looked at; the x of the LAST attempt.
 SLOPE, CURVATURE, RATE, BEND, AGE, MISSED, STREAK, UNIT, START, LAST = range(10)
-#: The ROOT and the CONSTANT of the model, extrapolated to the step that begins; by how much the last root was missed by
-#: the one and by the model's.
-ROOT, CONSTANT, ROOT_MISSED, MODEL_MISSED = range(10, 14)
-#: Of the equation of a stage (`resumed`): its last CHANGE, the rate of its FALL in this step, and its USUAL one.
-CHANGE, FALL, USUAL = range(14, 17)
-#: Where the differences of roots and of constants begin, of at most so many STEPS.
-STEPS = 6
-ROOTS, CONSTANTS = 17, 17 + STEPS
-NUMBERS = CONSTANTS + STEPS
+NUMBERS = 10
 #: A root is followed where c2 x is at most this times the slope there: the other root is at least twice as far from 0.
 LONE = 0.3
 #: For a root farther than this the other side is looked at first.
 CHECKED = 0.1
-#: Farther out it is followed for so many steps, up to here, and where it was missed by this share of it at most.
-FAR, FAR_OUT, STEADY = 6, 0.5, 1e-4
 #: Steps after which E(0) is looked at again; attempts to follow a root.
 FOLLOWED, FOLLOW_LIMIT = 24, 7
 #: E in units from which a difference is a slope; steps after which such an attempt is made.
 SHARP, AGED = 1e3, 5
-#: An attempt that is not the last may be solved to this share of the E expected, where that is at least EASED units;
-#: to so many units where it is less.
-EASE, EASED, ROUGH = 1e-5, 1.0, 0.05
-
-#: By at least this share of itself a curvature that is measured has changed the slope.
-VISIBLE = 0.05
+#: An attempt that is not the last may be solved to this share of the E expected, where that is at least EASED units.
+EASE, EASED = 1e-2, 100.0
 #: H is known to its round-off times this where no method can do better.
 SLACK = 8.0
 
@@ -96,8 +81,8 @@ def smaller_root(c0, c1, c2):
 
 @inlined
 def eased(E, unit):
-    """The error, in units of H's round-off, that an attempt may have that leads to about the error E; 0: round-off."""
-    return EASE * abs(E) / unit if 0 < EASED * unit <= EASE * abs(E) < np.inf else 0.0
+    """How much less exact than round-off an attempt may be that leads to about the error E of the energy."""
+    return EASE * abs(E) / unit if 0 < EASED * unit <= EASE * abs(E) < np.inf else 1.0
 
 
 @inlined
@@ -127,15 +112,12 @@ def renew(models, row, slope):
 
 
 @inlined
-def trusted(models, row, predicted, c1, slope):
+def trusted(search, models, row, predicted, c1, slope):
     """Whether the predicted root is the nearest to zero, and near enough to the root, for all that the model says."""
     c2, room = abs(models[row, CURVATURE]), LONE * abs(slope)
-    near = abs(predicted) <= CHECKED or (
-        models[row, STREAK] < FAR and abs(predicted) <= FAR_OUT and models[row, MISSED] <= STEADY * abs(predicted)
-    )
     return (
         0 < models[row, STREAK] < FOLLOWED
-        and near
+        and abs(predicted) <= CHECKED
         and c2 * abs(predicted) <= room
         and c2 * models[row, MISSED] <= 0.1 * room
         and (models[row, AGE] == 1 or abs(c1 - models[row, SLOPE]) <= 0.75 * abs(slope))
@@ -154,8 +136,6 @@ def follower(attempt):
         """The root near x, from its slope on; returns (x, found, the last attempt, slope, whether it was measured)."""
         c2, unit = models[row, CURVATURE], models[row, UNIT]
         ease = eased(slope * models[row, MISSED], unit)
-        if ease == 0 and abs(slope) * models[row, MISSED] > 0.5 * unit:
-            ease = ROUGH
         start, xa, Ea, xb, Eb = FIRST, x, 0.0, x, 0.0
         found, measured = False, False
         new = Attempt(arguments.y, np.inf, 0.0, SOLVED)
@@ -165,8 +145,8 @@ def follower(attempt):
             if new.status != SOLVED:
                 break
             start = ALONG
-            if ease > 0 and abs(E) < ease * unit:  # too near for so easy a solution
-                ease = 0.0
+            if ease > 1 and abs(E) < ease * unit:  # too near for so easy a solution
+                ease = 1.0
                 x = x - E / slope
                 continue
             if x != xb:
@@ -176,13 +156,10 @@ def follower(attempt):
                     slope, measured = (E - Eb) / (x - xb) + c2 * (x - xb), True
                     if xa != xb and abs(Ea * Eb) > 1e3 * unit * abs(slope):
                         slope, c2 = muller(xa, xb, x, Ea, Eb, E)
-                        if abs(c2 * (x - xa)) > VISIBLE * abs(slope):
-                            models[row, CURVATURE] = c2
-                            if abs(x) <= CHECKED:
-                                models[row, STREAK] = 0.0
+                        models[row, CURVATURE], models[row, STREAK] = c2, 0.0
                 elif abs(E) > 2 * unit:
                     slope = (E - Eb) / (x - xb)  # that was not the slope
-            if ease == 0 and (abs(E) <= unit or (k > 2 and abs(E) <= SLACK * unit and abs(E) >= 0.5 * abs(Eb))):
+            if ease == 1 and (abs(E) <= unit or (k > 2 and abs(E) <= SLACK * unit and abs(E) >= 0.5 * abs(Eb))):
                 found = True
                 break
             xa, Ea, xb, Eb = xb, Eb, x, E
@@ -206,9 +183,7 @@ def follower(attempt):
         models[row, MISSED] = miss
         models[row, STREAK] += 1
         if measured:
-            c1 = slope - 2 * c2 * x
-            renew(models, row, c1)
-        models[row, CONSTANT] = result.E - (c1 + c2 * x) * x
+            renew(models, row, slope - 2 * c2 * x)
         return x, True, result
 
     return follow

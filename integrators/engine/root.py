@@ -15,22 +15,15 @@ from __future__ import annotations
 import numpy as np
 
 from .energy_model import (
-    AGE,
     ALONG,
-    BEFORE,
     BEND,
     CHECKED,
-    CONSTANT,
     CURVATURE,
     FIRST,
     FOLLOWED,
     LATEST,
     MISSED,
-    MODEL_MISSED,
     RATE,
-    ROOT,
-    ROOT_MISSED,
-    SHARP,
     SLACK,
     SLOPE,
     START,
@@ -52,12 +45,12 @@ MULLER_LIMIT, REFINE_LIMIT = 14, 100
 
 
 def finder(attempt, several=True):
-    """The finder for attempt(x, start, ease, arguments) -> `Attempt`; its E may be ``ease`` units of round-off off.
+    """The finder for attempt(x, start, ease, arguments) -> `Attempt`, ``ease`` times less exact than round-off.
 
-    It is a function (search, models, row, arguments) -> (x, found, the attempt at x, or at 0 where there is no root).
-    The row of ``models`` keeps the model of the last steps, and the root extrapolated from them.  Unless E may have
-    ``several`` roots near zero nothing is predicted and each step searches; what follows a root or looks for a nearer
-    one is then not compiled.
+    It is a function (search, models, row, predicted, arguments) -> (x, found, the attempt at x, or at 0 where there is
+    no root).  The row of ``models`` keeps the slope and curvature of the quadratic model from step to step;
+    ``predicted`` is the root extrapolated from earlier steps.  Unless E may have ``several`` roots near zero, it is
+    NaN and each step searches; what follows a root or looks for a nearer one is then not compiled.
     """
 
     @jit
@@ -69,7 +62,7 @@ def finder(attempt, several=True):
     @inlined
     def apart_attempt(x, start, arguments):
         """The same to round-off."""
-        return eased_attempt(x, start, 0.0, arguments)
+        return eased_attempt(x, start, 1.0, arguments)
 
     @jit
     def refine(a, Ea, b, Eb, arguments):
@@ -145,8 +138,8 @@ def finder(attempt, several=True):
         for k in range(MULLER_LIMIT):
             ease = eased(Eb, unit)
             new = eased_attempt(x, ALONG, ease, arguments)
-            if ease > 0 and abs(new.E) < ease * unit:  # too near for so easy a solution
-                ease = 0.0
+            if ease > 1 and abs(new.E) < ease * unit:  # too near for so easy a solution
+                ease = 1.0
                 new = apart_attempt(x, LATEST, arguments)
             E = new.E
             if new.status != SOLVED:
@@ -159,7 +152,7 @@ def finder(attempt, several=True):
                 models[row, SLOPE], models[row, CURVATURE] = c1 - 2 * c2 * x, c2
             elif k < 2:
                 models[row, SLOPE] = (E - E0) / x - models[row, CURVATURE] * x
-            if ease == 0 and (abs(E) <= unit or (k > 1 and abs(E) <= SLACK * unit and abs(E) >= 0.5 * abs(Eb))):
+            if ease == 1 and (abs(E) <= unit or (k > 1 and abs(E) <= SLACK * unit and abs(E) >= 0.5 * abs(Eb))):
                 return x, True, new
             move = smaller_root(E, c1, c2)
             if not abs(x + move) <= search.radius and Eb != E:
@@ -192,10 +185,8 @@ def finder(attempt, several=True):
         radius = search.radius
         ease = eased(models[row, START], models[row, UNIT])
         result = eased_attempt(0.0, FIRST, ease, arguments)
-        if ease > 0 and abs(result.E) < ease * result.unit:
+        if ease > 1 and abs(result.E) < ease * result.unit:
             result = apart_attempt(0.0, LATEST, arguments)
-        if result.status != SOLVED:
-            result = apart_attempt(0.0, BEFORE, arguments)
         E0, unit = result.E, result.unit
         models[row, START], models[row, UNIT] = E0, unit
         if result.status != SOLVED or abs(E0) <= unit:
@@ -233,7 +224,6 @@ def finder(attempt, several=True):
             models[row, SLOPE] = c1
         x, found, result = search_out(search, models, row, predicted, arguments)
         models[row, MISSED] = abs(x - predicted)
-        models[row, CONSTANT] = result.E - (models[row, SLOPE] + models[row, CURVATURE] * x) * x
         if not found or x == 0:
             models[row, STREAK] = -LEVELS
             return x, found, result
@@ -244,31 +234,16 @@ def finder(attempt, several=True):
         models[row, STREAK] = 1.0 if known else models[row, STREAK] + 1
         return x, found, result
 
-    @inlined
-    def search_always(search, models, row, arguments):
-        """Find the root, of which nothing is predicted."""
-        return search_anew(search, models, row, np.nan, grow_old(models, row), arguments)
-
-    if not several:
-        return search_always
-
     follow = follower(attempt)
 
     @inlined
-    def find(search, models, row, arguments):
+    def find(search, models, row, predicted, arguments):
         """Find the root: follow it, or search for it."""
-        root, constant = models[row, ROOT], models[row, CONSTANT]
-        c1, c2 = grow_old(models, row), models[row, CURVATURE]
-        modelled = smaller_root(constant, c1, c2)
-        missed = models[row, ROOT_MISSED]
-        smooth = missed <= 4 * models[row, MODEL_MISSED] or abs(c1) * missed <= SHARP * models[row, UNIT]
-        predicted = root if smooth or models[row, AGE] > 1 else modelled
-        found = False
-        if trusted(models, row, predicted, c1, c1 + 2 * c2 * predicted):
+        c1 = grow_old(models, row)
+        if several and trusted(search, models, row, predicted, c1, c1 + 2 * models[row, CURVATURE] * predicted):
             x, found, result = follow(search, models, row, predicted, c1, arguments)
-        if not found:
-            x, found, result = search_anew(search, models, row, predicted, c1, arguments)
-        models[row, ROOT_MISSED], models[row, MODEL_MISSED] = abs(x - root), abs(x - modelled)
-        return x, found, result
+            if found:
+                return x, True, result
+        return search_anew(search, models, row, predicted, c1, arguments)
 
     return find

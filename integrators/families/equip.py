@@ -189,7 +189,7 @@ def attempt(alpha, start, ease, e):
     apart()
     step, y, counts = e.step, e.y, e.counts
     write(step.field, step, alpha)
-    new, sweeps, newton, status = moved(step.f, start, max(1.0, 100 * ease) * step.eps, e)
+    new, sweeps, newton, status = moved(step.f, start, ease * step.eps, e)
     counts.gradient += (sweeps + newton) * len(step.b)
     counts.newton += min(newton, 1)
     if status != SOLVED:
@@ -208,7 +208,7 @@ def run(step, orbit, samples, counts):
         alpha, found = 0.0, True
         for _ in range(samples.every):
             e = Step(step, y, orbit, counts)
-            alpha, found, result = find(step.search, orbit.state, 4, e)
+            alpha, found, result = find(step.search, orbit.state, 4, np.nan, e)
             if result.status != SOLVED:
                 return row, result.status
             y = result.y

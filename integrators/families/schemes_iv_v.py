@@ -25,67 +25,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.engine.differences import columns, table
-from phasebench.integrators.engine.energy_model import (
-    ALONG,
-    BEFORE,
-    CHANGE,
-    CONSTANT,
-    CONSTANTS,
-    FALL,
-    FIRST,
-    LAST,
-    ROOT,
-    ROOTS,
-    STEPS,
-    STREAK,
-    USUAL,
-    Attempt,
-    Search,
-)
+from phasebench.integrators.engine.energy_model import ALONG, FIRST, LAST, LATEST, STREAK, Attempt, Search
 from phasebench.integrators.engine.kernel import Orbit, Prepared, array, fixed, keep_energy
-from phasebench.integrators.engine.resumed import Known, resumer
 from phasebench.integrators.engine.root import finder
-from phasebench.integrators.engine.solve import SOLVED
-from phasebench.integrators.engine.vector import (
-    State,
-    advanced,
-    axpy,
-    chosen,
-    close,
-    distance,
-    head,
-    inlined,
-    keep,
-    load,
-    minus,
-    opened,
-    scale,
-    size,
-    store,
-    tail,
-    velocity,
-)
+from phasebench.integrators.engine.solve import LEVELS, SOLVED, predict, predict_number, remember
+from phasebench.integrators.engine.vector import State, axpy, close, inlined, keep, load, minus, opened, scale, store
 
-from .parametric import Stage, increments, kick, quadratic, shift, solve_increments, solve_kick, unknown
+from .parametric import quadratic, substep, unknown
 
 #: How far from 1/2 the parameter is looked for.
 RADIUS = 2.0
-#: Solutions of attempts that are so many units of their round-off apart tell how they change with x.
-APART = 1024.0
-#: A stage equation may be so much less exact, in units of the round-off of p, as the energy may be in its own.
-SHARE_OF_ENERGY = 0.5
+#: Attempts so far apart tell how the solutions change with x.
+APART = 1e-6
 SEARCH = Search(radius=RADIUS, first=0.05, near=1.0, ratio=1.12, points=70, slack=0.0)
 MISSED = "have no parameter near 1/2 that keeps the energy and were taken with 1/2"
-
-
-#: The steps from which stages, how they change with x, and roots are extrapolated.
-LEVELS, ALIKE, RECENT = STEPS, 3, 5
-#: What the memory keeps of a stage: the solution of the last attempt (the next step's start, where a step is done), how
-#: it changes with x, and the differences of both.
-ALONG_ROW, STAGES, CHANGES = (np.uintp(k) for k in (1, 2, 2 + LEVELS))
-KEPT = np.uintp(2 + LEVELS + ALIKE)
-enter_stage, enter_change, enter_root = table(LEVELS), table(ALIKE), columns(LEVELS, RECENT)
 
 
 class Adjusted(NamedTuple):
@@ -117,26 +70,7 @@ class Group(NamedTuple):
     counts: np.record
     begin: int
     end: int
-
-
-resume_kick, resume_increments = resumer(kick, solve_kick), resumer(increments, solve_increments)
-
-
-def _nystrom(field, step, y, h, lam, x, known, rough, work):
-    stage = Stage(step, y.q, y.p, velocity(step.dT, y.p), h, 1 - lam, lam)
-    solved = resume_kick(stage, x, known, rough, size(y.q) + size(y.p), step.eps, work)
-    return advanced(y, shift(solved.x, stage), solved.x), solved
-
-
-def _general(field, step, y, h, lam, x, known, rough, work):
-    stage = Stage(step, y.q, y.p, y.p, h, 1 - lam, lam)
-    solved = resume_increments(stage, x, known, rough, size(y.q) + size(y.p), step.eps, work)
-    return advanced(y, head(solved.x), tail(solved.x)), solved
-
-
-#: One substep from the start x of its equation, in the Nystrom form where ``field`` is None;
-#: (field, step, y, h, lam, x, known, rough, work) -> (y, `Solved`).
-substep = chosen(_nystrom, _general)
+    predicted: float
 
 
 @inlined
@@ -149,38 +83,30 @@ def attempt(x, start, ease, e):
     step, memory, counts, y = e.step, e.orbit.memory, e.counts, e.y
     numbers, row = e.orbit.state, 4 + e.begin
     guess = unknown(step.field, e.orbit.zero)
-    move = x - numbers[row, LAST]
+    stages = len(step.c)
+    move = x - (e.predicted if start == FIRST else numbers[row, LAST])
     numbers[row, LAST] = x
+    status = SOLVED
     for s in range(e.begin, e.end):
-        place = np.uintp(s) * KEPT
-        last = load(memory, place + STAGES if start == BEFORE else place, guess)
+        latest = LEVELS * stages + s
+        if start == FIRST:
+            last = predict(memory, s, stages, counts.steps, guess)
+        else:
+            last = load(memory, latest, guess)
         z = last
-        if start in (FIRST, ALONG):
-            z = axpy(move, load(memory, place + ALONG_ROW, guess), last)
-        own = 4 + s
-        change, rate, usual = numbers[own, CHANGE], numbers[own, FALL], numbers[own, USUAL]
-        if start in (FIRST, BEFORE):
-            known = Known(usual if ease > 0 and usual > 0 else 1.0, 0.0)
-        else:
-            known = Known(abs(move) + (0.0 if change > 0 else rate), change)
+        if start != LATEST:
+            z = axpy(move, load(memory, latest + stages, guess), last)
         lam = 0.5 + step.sign[s] * x
-        rough = ease * SHARE_OF_ENERGY * step.eps * size(y.p)
-        y, solved = substep(step.field, step, y, step.c[s] * step.h, lam, z, known, rough, e.orbit.work)
-        z = solved.x
-        counts.gradient += solved.evaluations
-        counts.newton += solved.newton
-        if solved.status != SOLVED:
-            return Attempt(y, np.inf, step.eps, solved.status)
-        if start == FIRST and solved.evaluations == 1:
-            numbers[own, CHANGE] = solved.change
-        else:
-            numbers[own, CHANGE], numbers[own, FALL] = 0.0, solved.rate
-            numbers[own, USUAL] = min(solved.rate, 2 * usual) if usual > 0 else solved.rate
-        store(memory, place, z)
-        if start == ALONG and distance(z, last) > APART * step.eps * size(z):
-            store(memory, place + ALONG_ROW, scale(1 / move, minus(z, last)))
+        y, z, n, used, status = substep(step.field, step, y, step.c[s], 1 - lam, lam, z, ease * step.eps, e.orbit.work)
+        counts.gradient += n
+        counts.newton += used
+        if status != SOLVED:
+            return Attempt(y, np.inf, step.eps, status)
+        store(memory, latest, z)
+        if start == ALONG and abs(move) > APART:
+            store(memory, latest + stages, scale(1 / move, minus(z, last)))
     H, magnitude = step.energy(y.q, y.p)
-    return Attempt(y, H - step.H0, step.eps * magnitude, SOLVED)
+    return Attempt(y, H - step.H0, step.eps * magnitude, status)
 
 
 find = finder(attempt)
@@ -189,8 +115,9 @@ find = finder(attempt)
 @inlined
 def advance(step, y, orbit, counts, first):
     """Take the group that begins with the substep ``first``; (y, lambda or NaN, the substep after it, status)."""
-    stages, memory, numbers = len(step.c), orbit.memory, orbit.state
+    stages, memory = len(step.c), orbit.memory
     guess = unknown(step.field, orbit.zero)
+    roots = (LEVELS + 2) * stages  # where the memory keeps the ring of each group's roots
     begin, found, lam, new = first, False, np.nan, y
     while not found and begin < stages and step.group[begin] == step.group[first]:
         end = begin
@@ -198,11 +125,10 @@ def advance(step, y, orbit, counts, first):
             end < stages and step.group[end] == step.group[first] and step.alternative[end] == step.alternative[begin]
         ):
             end += 1
-        row = 4 + begin
-        e = Group(step, y, orbit, counts, begin, end)
-        x, found, result = find(step.search, numbers, row, e)
-        numbers[row, LAST], numbers[row, ROOT] = enter_root(numbers, row, ROOTS, counts.steps, x)
-        numbers[row, CONSTANT], _ = enter_root(numbers, row, CONSTANTS, counts.steps, numbers[row, CONSTANT])
+        predicted = predict_number(memory, roots + begin, stages, counts.steps)
+        e = Group(step, y, orbit, counts, begin, end, predicted)
+        x, found, result = find(step.search, orbit.state, 4 + begin, predicted, e)
+        memory[roots + begin + counts.steps % LEVELS * stages, 0] = x
         if result.status != SOLVED:
             return y, lam, end, result.status
         if found:
@@ -212,14 +138,11 @@ def advance(step, y, orbit, counts, first):
         begin = end
     if not found:
         counts.fallbacks += 1
-    for s in range(first, begin):
-        place = np.uintp(s) * KEPT
-        z, along = load(memory, place, guess), load(memory, place + ALONG_ROW, guess)
-        store(memory, place, enter_stage(memory, place + STAGES, counts.steps, z))
-        store(memory, place + ALONG_ROW, enter_change(memory, place + CHANGES, counts.steps, along))
-    while begin < stages and step.group[begin] == step.group[first]:  # alternatives that were not tried
-        numbers[4 + begin, STREAK] = -RECENT
+    while begin < stages and step.group[begin] == step.group[first]:
+        orbit.state[4 + begin, STREAK] = -LEVELS
         begin += 1
+    for s in range(first, begin):
+        remember(memory, s, stages, counts.steps, load(memory, LEVELS * stages + s, guess))
     return new, lam, begin, SOLVED
 
 

@@ -383,7 +383,7 @@ class Hamiltonian(PartitionedSystem):
         if self._split is None:
             return False
         T = self._split[0]
-        return T.is_polynomial(*self.p) and all(sum(m) == 2 for m in sp.Poly(T, *self.p).monoms())
+        return bool(T.is_polynomial(*self.p)) and all(sum(m) == 2 for m in sp.Poly(T, *self.p).monoms())
 
     @cached_property
     def unit_mass(self) -> bool:

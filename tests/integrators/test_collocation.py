@@ -123,7 +123,8 @@ def test_rounded_coefficients_are_symplectic_exactly(kind, s):
                 gaps = made.A_q[i][j] - A[i, j] / b[j], made.A_p[i][j] - conjugate[i, j] / b[j]
                 assert max(map(abs, gaps)) <= UNIT / 2
         assert made.weights == ((1,) * s,) * 2
-        assert distance(made.B, np.diag(list(b))) < 1e-45
+        assert distance(made.B, np.diag(list(b))) <= UNIT / 2
+        assert mpmath.fsum(made.B[i][i] for i in range(s)) == 1
 
 
 @pytest.mark.parametrize("s", [1, 2, 3, 4])

@@ -55,11 +55,13 @@ def test_the_twin_is_one_whose_functions_write_where_they_are_compiled_for_array
     large, small = System(codegen.TUPLE_LIMIT + 1), System(codegen.TUPLE_LIMIT)
     for runs in (True, False):
         monkeypatch.setattr(filling, "compiled", lambda runs=runs: runs)
-        twin = filling.twin(large)
+        most = codegen.TUPLE_LIMIT
+        twin = filling.twin(large, DOUBLE, most)
         assert (twin is large) != runs
-        assert filling.twin(large) is twin
-        assert filling.twin(small) is small
-        assert filling.twin(large, MULTIPRECISION) is large
+        assert filling.twin(large, DOUBLE, most + 5) is twin
+        assert filling.twin(small, DOUBLE, most) is small
+        assert (filling.twin(small, DOUBLE, most - 1) is small) != runs
+        assert filling.twin(large, MULTIPRECISION, most) is large
         if runs:
             assert (twin.d, twin.fills, twin._functions) == (large.d, True, {})
     assert not large.fills
@@ -137,7 +139,7 @@ def test_functions_are_kept_by_their_origins(keeping):
         def __init__(self, origin=None):
             self.origin = origin
 
-    made = Generated(("f" * 24, 2, None))
+    made = Generated(("f" * 24, None))
     keeping.setattr(preparation, "Dispatcher", Generated)
     keeping.setitem(codegen._ready, "f" * 24, made)
     preparation.write("prepared-4.pickle", {"g": made, "h": 0.5})

@@ -95,7 +95,7 @@ KINDS = {
 @pytest.mark.parametrize("H", KINDS)
 def test_what_a_formula_is(H):
     system = of(H)
-    found = (system.separable, bool(system.quadratic_kinetic), bool(system.unit_mass), system.polynomial_degree)
+    found = (system.separable, system.quadratic_kinetic, system.unit_mass, system.polynomial_degree)
     assert found == KINDS[H]
     if system.separable:
         assert sp.expand(system.kinetic + system.potential - system.H) == 0

@@ -69,7 +69,7 @@ def test_results_follow_the_arguments_row_by_row(n):
 
 
 def test_a_function_is_of_its_formula_lanes_and_operations_and_takes_a_table(monkeypatch):
-    monkeypatch.setattr(codegen, "function", lambda key, text, d, signature, arithmetic: (key, signature))
+    monkeypatch.setattr(codegen, "function", lambda key, text, signature, arithmetic: (key, signature))
     keys = set()
     for kind, n, system in (("a", 2, SYSTEM), ("b", 2, SYSTEM), ("a", 4, SYSTEM)):
         key, signature = lane_formulae.function(kind, ARGUMENTS, lambda: RESULTS, n, system, DOUBLE)

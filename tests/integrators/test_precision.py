@@ -65,12 +65,12 @@ def test_few_components_are_values_that_allocate_nothing_and_many_an_array():
 
 
 def test_a_function_is_made_again_from_its_origin_as_long_as_its_text_is_kept(monkeypatch):
-    made = SimpleNamespace(origin=("f" * 24, 1, None))
+    made = SimpleNamespace(origin=("f" * 24, None))
     monkeypatch.setitem(codegen._ready, "f" * 24, made)
     assert codegen.again(*codegen.origin(made)) is made
     assert codegen.origin(print) is None
     with pytest.raises(KeyError):
-        codegen.again("0" * 24, 2, None)
+        codegen.again("0" * 24, None)
 
 
 def test_nothing_is_compiled_where_numba_is_told_so():
