@@ -17,7 +17,7 @@ WIDENED = 1.01
 #: Steps of a run, at most (messages say 1e13).
 MOST = 1e13
 #: The largest number of a state that is not zero is within these: what tells round-off squares changes of the state.
-SMALLEST, GREATEST = 1e-140, 1e150
+SMALLEST, GREATEST = 1e-150, 1e150
 
 
 class Request(NamedTuple):

@@ -58,13 +58,13 @@ TABLE = [
     (PENDULUM, "stormer-verlet", {"h": 0.1, "t_end": 0.0}, INVALID, "t_end is 0.0"),
     # scales
     (OSCILLATOR, "stormer-verlet", at(1e150, 0.0, h=0.1, steps=100), "ok", ""),
-    (OSCILLATOR, "stormer-verlet", at(1e-140, 0.0, h=0.1, steps=100), "ok", ""),
+    (OSCILLATOR, "stormer-verlet", at(1e-150, 0.0, h=0.1, steps=100), "ok", ""),
     (
         OSCILLATOR,
         "stormer-verlet",
-        at(0.0, -1e-141, h=0.1, steps=100),
+        at(0.0, -1e-151, h=0.1, steps=100),
         INVALID,
-        "largest number is 1e-141; choose units",
+        "largest number is 1e-151; choose units",
     ),
     (OSCILLATOR, "stormer-verlet", at(1e200, 0.0, h=0.1, steps=100), INVALID, "energy of the initial state is inf"),
     (OSCILLATOR, "implicit-midpoint", at(1e-300, 0.0, h=0.1, steps=100), INVALID, "choose units"),

@@ -27,8 +27,8 @@ FEW = 2
 LONG = ("stiff", "body")
 #: What of what a solution tells is looked at.
 TOLD = ("gradient", "steps", "newton", "fallbacks", "iterations")
-#: Functions of a system that are no gradient or field: energies, velocities, the values of invariants, rates of time.
-OTHERS = ("structure", "energy", "grad_T", "constraint", "velocity", "rate")
+#: Functions of a system that are no gradient or field: energies, velocities, values of invariants, rates of time, densities of steps.
+OTHERS = ("structure", "energy", "grad_T", "constraint", "velocity", "rate", "density")
 
 
 def systems(m) -> list[str]:
