@@ -27,7 +27,7 @@ FEW = 2
 LONG = ("stiff", "body")
 #: What of what a solution tells is looked at.
 TOLD = ("gradient", "steps", "newton", "fallbacks", "iterations")
-#: Functions of a system that are no gradient or field: energies, velocities, values of invariants, rates of time, densities of steps.
+#: Functions of a system that are no gradient or field: energies, velocities, values of invariants, rates, densities.
 OTHERS = ("structure", "energy", "grad_T", "constraint", "velocity", "rate", "density")
 
 
