@@ -12,12 +12,12 @@ import pytest
 
 from phasebench.benchmarks.problems import klein_gordon, nls, problem
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine import vector as arrays
 from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision, vector
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, plain
+from support.values import value
 
 MODULES = {"nls": nls, "klein-gordon": klein_gordon}
 SMALL, LENGTH = 4, 5.0
@@ -49,9 +49,9 @@ def small(name) -> Hamiltonian:
 
 def derived(system, q, p):
     """(H_p, -H_q, H, M) from the formula."""
-    T = tuple if codegen.compiled() else np.array
-    dq, dp = system.field()(T(q), T(p), 0.0, 0.0)
-    return np.array(dq), np.array(dp), *system.energy()(T(q), T(p))
+    y = value(*q), value(*p)
+    dq, dp = system.field()(*y, 0.0, 0.0)
+    return np.array(dq), np.array(dp), *system.energy()(*y)
 
 
 # -- the loops ---------------------------------------------------------------------------------------------------------

@@ -7,17 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from phasebench.integrators.engine import codegen, solve
+from phasebench.integrators.engine import solve
 from phasebench.integrators.engine.kernel import COUNTS
 from phasebench.integrators.engine.solve import NOT_FINITE, SOLVED, STALLED, Change
 from phasebench.integrators.engine.vector import axpy, distance, inlined, load, scale, size, store
+from support.values import value
 
 EPS = np.finfo(float).eps
-
-
-def value(*components):
-    """A value of a kernel."""
-    return components if codegen.compiled() else np.array(components)
 
 
 # -- when to stop -----------------------------------------------------------------------------------------------------

@@ -23,14 +23,10 @@ from phasebench.integrators.engine.solve import (
     solver,
 )
 from phasebench.integrators.registry import method
+from support.values import value
 
 EPS = np.finfo(float).eps
 WORK = np.zeros((8, 8))
-
-
-def value(*components):
-    """A value of a kernel."""
-    return components if codegen.compiled() else np.array(components)
 
 
 def equation(f):
