@@ -144,7 +144,8 @@ def test_a_child_says_what_it_found_and_is_not_waited_for_when_it_died(monkeypat
     assert worker.forked(lambda: "a test") == "a test"
     assert worker.forked(lambda: None) is None
     assert worker.forked(lambda: sys.exit(3)) == "died"
-    assert worker.forked(lambda: time.sleep(60), patience=1) == "hung"
+    assert worker.forked(lambda: time.sleep(60), patience=0.1) == "hung"
+    assert worker.forked(lambda: max(iter(int, 1)), patience=0.5) == "hung"
 
 
 def test_a_line_that_runs_once_is_not_only_its_first_test_s(monkeypatch):

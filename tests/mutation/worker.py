@@ -16,8 +16,10 @@ import cProfile
 import gc
 import importlib
 import marshal
+import math
 import multiprocessing
 import os
+import resource
 import shutil
 import signal
 import sys
@@ -43,8 +45,10 @@ PRELOADED = (
     "hypothesis",
 )
 PROJECT = ("phasebench.benchmarks.report", "phasebench.benchmarks.cli", "phasebench.benchmarks.certificate.plugin")
-#: A mutant has hung, and is noticed, after so many seconds and so many times what its tests take.
-PATIENCE, TIMES = 60, 10
+#: A mutant has hung, and is noticed, after it has computed for so many seconds and so many times what its tests take.
+PATIENCE, TIMES = 40, 8
+#: One that waits has hung after so many times as long by the clock, which counts what else the machine does.
+WAITING = 10
 #: Folders of which functions are compiled: a function that is changed would not be.
 COMPILED = ("integrators/engine/", "integrators/families/", "integrators/systems/")
 #: Folders of what generates the functions that the cache keeps.
@@ -87,7 +91,7 @@ class Job:
 
     @property
     def patience(self) -> float:
-        """Seconds that are waited for the tests."""
+        """Seconds that the tests may compute."""
         return PATIENCE + TIMES * self.seconds
 
     @property
@@ -214,14 +218,15 @@ def lend(kept: Path, place: Path) -> None:
 def forked(run: Callable[..., str | None], *arguments, patience: float = PATIENCE) -> str | None:
     """What a function returns in a child, and what it started with it; ``hung`` or ``died`` else."""
     ours, theirs = FORK.Pipe(duplex=False)
-    process = FORK.Process(target=_tell, args=(theirs, run, *arguments))
+    process = FORK.Process(target=_tell, args=(theirs, patience, run, *arguments))
     process.start()
     theirs.close()
     try:
         # Seconds that this process lives, not those of the clock: all may have been stopped meanwhile.
-        return ours.recv() if any(ours.poll(1) for _ in range(round(patience))) else "hung"
+        return ours.recv() if any(ours.poll(1) for _ in range(round(WAITING * patience))) else "hung"
     except EOFError:
-        return "died"
+        process.join()
+        return "hung" if process.exitcode == -signal.SIGXCPU else "died"
     finally:
         try:
             os.killpg(process.pid, signal.SIGKILL)
@@ -231,8 +236,9 @@ def forked(run: Callable[..., str | None], *arguments, patience: float = PATIENC
         ours.close()
 
 
-def _tell(connection, run, *arguments) -> None:
+def _tell(connection, patience: float, run, *arguments) -> None:
     os.setpgid(0, 0)
+    resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(patience), resource.RLIM_INFINITY))
     connection.send(run(*arguments))
 
 
