@@ -11,7 +11,7 @@ from phasebench.benchmarks.measure.drift import drift
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, precision
 from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.engine.solve import OUT_OF_STEP
 from phasebench.integrators.errors import InvalidInput
@@ -91,6 +91,27 @@ def test_the_first_density_is_half_a_step_ahead(id):
     assert run.counts.steps == 0, "the row is reached by a shorter step alone"
     r = np.hypot(*q)
     assert run.orbit.state[5, 0] == pytest.approx(r**-1.5 - 0.5 * h * 1.5 * (q @ p) / r**2, rel=1e-14)
+
+
+@pytest.mark.parametrize(("id", "sweeps"), [("gauss-4-adaptive", 6), ("gauss-8-adaptive", 4)])
+def test_a_step_starts_from_the_polynomial_of_the_last(id, sweeps):
+    """From zero, or from a polynomial continued the wrong way, the iteration takes half as many sweeps more."""
+    prepared, h, n = prepare(BY_ID[id], ORBIT.system), 0.02, 20
+    run = lay_out(prepared, 2, h, ORBIT.q0, ORBIT.p0, DOUBLE)
+    assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), n) == (1, 0)
+    steps = run.counts.steps + 1  # and one to the row
+    assert steps > 2 * n, "near the pericentre they are short"
+    assert 2 < run.counts.gradient / steps / prepared.step.method.stages < sweeps
+
+
+def test_the_polynomial_has_the_digits_of_the_run():
+    """The rows of its matrix are those of the polynomials that are 1 at one node and 0 at the others."""
+    with precision(60):
+        step = prepare(BY_ID["gauss-8-adaptive"], ORBIT.system, MULTIPRECISION).step
+        nodes, rows = step.method.nodes[0], step.inverse
+        for i, row in enumerate(rows):
+            for j, c in enumerate(nodes):
+                assert abs(sum(a * c**k for k, a in enumerate(row)) - (i == j)) < 1e-55
 
 
 def test_an_eccentric_orbit_costs_less_than_with_fixed_steps():

@@ -19,6 +19,7 @@ from phasebench.integrators.families import averaged
 from phasebench.integrators.registry import method
 from support import two_degrees
 from support.two_degrees import of, run
+from support.values import value
 
 #: Separable with quadratic T: the kick is the unknown.  The masses tell M^-1 from 1.
 KICKS = {
@@ -129,9 +130,9 @@ def test_a_kick_and_its_drift_are_a_discrete_gradient(seed):
     system, q, p = SYSTEMS["henon-heiles"]()
     step, h = prepare(method("avf"), system).step, 0.5
     k = 0.4 * np.random.default_rng(seed).standard_normal(2)
-    e = averaged.Average(step, q, p, p, h, 0, 0)
-    dq = np.array(averaged.drift(tuple(k), e))
-    found = -np.array(averaged.mean(tuple(k), e)) @ dq / h + dq @ k / h
+    e = averaged.Average(step, value(*q), value(*p), value(*p), h, 0, 0)
+    dq = np.array(averaged.drift(value(*k), e))
+    found = -np.array(averaged.mean(value(*k), e)) @ dq / h + dq @ k / h
     Q, P = np.array([q, q + dq]), np.array([p, p + k])
     before, after = system.observe(system.H, Q, P)
     assert abs(found - (after - before)) < 4e-15
