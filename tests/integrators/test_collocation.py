@@ -127,6 +127,16 @@ def test_rounded_coefficients_are_symplectic_exactly(kind, s):
         assert mpmath.fsum(made.B[i][i] for i in range(s)) == 1
 
 
+@pytest.mark.parametrize("digits", [30, 60])
+def test_coefficients_have_the_digits_of_the_run(digits):
+    """Radau's rule of three nodes integrates the powers up to the fourth."""
+    with codegen.precision(digits):
+        step = prepare(BY_ID["radau-iia-3"], SYSTEMS["coupled"]()[0], codegen.MULTIPRECISION).step
+        for k in range(5):
+            integral = sum(step.B[i, i] * c**k for i, (c,) in enumerate(step.c))
+            assert abs((k + 1) * integral - 1) < 10.0 ** (2 - digits)
+
+
 @pytest.mark.parametrize("s", [1, 2, 3, 4])
 def test_rounded_nystrom_coefficients_of_gauss_are_symplectic_exactly(s):
     """a_ij - a_ji = c_i - c_j with the weights 1 - c_j of the increments of q, of doubles near the exact numbers."""
