@@ -105,6 +105,13 @@ def test_where_lanes_do_not_serve_nodes_stand_one_by_one():
         assert prepare(method("avf"), made, MULTIPRECISION).step.like is None
 
 
+def test_three_nodes_are_worth_lanes_and_two_are_not(monkeypatch):
+    """They are exact of a polynomial of degree 6, and of degree 4."""
+    monkeypatch.setattr(averaged, "in_lanes", lambda system: True)
+    served = [averaged.serves(of(f"p1**2/2 + p2**2/2 + q1**{n} + q1*q2"), DOUBLE) for n in (2, 4, 5, 6)]
+    assert served == [False, False, True, True]
+
+
 # -- the kick as the unknown ------------------------------------------------------------------------------------------
 
 
