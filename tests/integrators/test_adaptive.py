@@ -15,8 +15,10 @@ from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, precis
 from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.engine.solve import OUT_OF_STEP
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.families import adaptive
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.adaptive import METHODS
+from support.values import value
 
 BY_ID = {m.id: m for m in METHODS}
 ORBIT = problem("kepler", e=0.6)
@@ -91,6 +93,19 @@ def test_the_first_density_is_half_a_step_ahead(id):
     assert run.counts.steps == 0, "the row is reached by a shorter step alone"
     r = np.hypot(*q)
     assert run.orbit.state[5, 0] == pytest.approx(r**-1.5 - 0.5 * h * 1.5 * (q @ p) / r**2, rel=1e-14)
+
+
+def test_steps_are_dense_near_either_singularity_and_their_density_changes_along_the_motion(tmp_path, monkeypatch):
+    """The change, G, is that of the logarithm of 1 / sigma in time."""
+    monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path))  # what generates the function is tested, not what is kept
+    names = ["sqrt(x**2 + y**2)", "sqrt((x - 3)**2 + y**2)"]
+    H = "u**2/4 + v**2 - " + " - ".join(f"1/{r}" for r in names)
+    monitor = adaptive.monitor(Hamiltonian(q="x y", p="u v", H=H, singular=names), DOUBLE)
+    q, p, dt = np.array([0.8, 0.6]), np.array([0.7, -0.3]), 1e-5
+    velocity = p * [0.5, 2]
+    before, now, after = (monitor(value(*(q + k * dt * velocity)), value(*p)) for k in (-1, 0, 1))
+    assert now[0] == pytest.approx(np.sqrt(1 + np.hypot(2.2, 0.6) ** -3), rel=1e-14)
+    assert now[1] == pytest.approx((np.log(after[0]) - np.log(before[0])) / (2 * dt), rel=1e-8)
 
 
 @pytest.mark.parametrize(("id", "sweeps"), [("gauss-4-adaptive", 6), ("gauss-8-adaptive", 4)])
