@@ -112,6 +112,12 @@ def test_three_nodes_are_worth_lanes_and_two_are_not(monkeypatch):
     assert served == [False, False, True, True]
 
 
+@pytest.mark.parametrize("name", ["masses", "logarithm"])
+def test_a_short_step_is_served_by_the_smallest_rules(name):
+    """Two nodes that three confirm; eight to begin with would be four times as many evaluations."""
+    assert run(of(KICKS[name]), "avf", 1e-3, 16)[1]["gradient"] < 10 * 16
+
+
 # -- the kick as the unknown ------------------------------------------------------------------------------------------
 
 
