@@ -82,11 +82,15 @@ def test_a_kick_over_a_time_of_1_is_one_like_others(h):
     assert [s.q[-1, 0], s.p[-1, 0]] == pytest.approx([q, p], abs=1e-15)
 
 
-@pytest.mark.parametrize("id", [m.id for m in METHODS if m.family == "splitting"])
+SUBSTEPS = ["stormer-verlet", "stormer-verlet-dkd", "symplectic-euler-q", "suzuki-4"]
+
+
+@pytest.mark.parametrize("id", [*SUBSTEPS, *(m.id for m in METHODS if m.family == "splitting")])
 def test_the_drifts_of_a_step_add_up_to_it_and_so_do_the_kicks(id):
-    """Whatever their numbers are, 1 and fractions that cancel each other among them."""
+    """Whatever their numbers are, 1 and fractions that cancel each other among them; neighbours of a kind are one."""
     step = kernel.prepare(method(id), oscillators(of_masses)).step
     assert np.all(step.a[1:] != 0)
+    assert np.all(step.b[1:-1] != 0)
     assert [np.sum(step.a), np.sum(step.b)] == pytest.approx([1, 1], abs=4e-15)
 
 
