@@ -19,6 +19,7 @@ from phasebench.integrators.families import averaged
 from phasebench.integrators.registry import method
 from support import two_degrees
 from support.two_degrees import of, run
+from support.values import value
 
 #: Separable with quadratic T: the kick is the unknown.  The masses tell M^-1 from 1.
 KICKS = {
@@ -104,6 +105,13 @@ def test_where_lanes_do_not_serve_nodes_stand_one_by_one():
         assert prepare(method("avf"), made, MULTIPRECISION).step.like is None
 
 
+def test_three_nodes_are_worth_lanes_and_two_are_not(monkeypatch):
+    """They are exact of a polynomial of degree 6, and of degree 4."""
+    monkeypatch.setattr(averaged, "in_lanes", lambda system: True)
+    served = [averaged.serves(of(f"p1**2/2 + p2**2/2 + q1**{n} + q1*q2"), DOUBLE) for n in (2, 4, 5, 6)]
+    assert served == [False, False, True, True]
+
+
 # -- the kick as the unknown ------------------------------------------------------------------------------------------
 
 
@@ -129,9 +137,9 @@ def test_a_kick_and_its_drift_are_a_discrete_gradient(seed):
     system, q, p = SYSTEMS["henon-heiles"]()
     step, h = prepare(method("avf"), system).step, 0.5
     k = 0.4 * np.random.default_rng(seed).standard_normal(2)
-    e = averaged.Average(step, q, p, p, h, 0, 0)
-    dq = np.array(averaged.drift(tuple(k), e))
-    found = -np.array(averaged.mean(tuple(k), e)) @ dq / h + dq @ k / h
+    e = averaged.Average(step, value(*q), value(*p), value(*p), h, 0, 0)
+    dq = np.array(averaged.drift(value(*k), e))
+    found = -np.array(averaged.mean(value(*k), e)) @ dq / h + dq @ k / h
     Q, P = np.array([q, q + dq]), np.array([p, p + k])
     before, after = system.observe(system.H, Q, P)
     assert abs(found - (after - before)) < 4e-15
