@@ -266,6 +266,15 @@ def test_changes_that_halve_are_followed_to_the_end(solvers):
     assert evaluations // WIDTH > FIXED_POINT_LIMIT
 
 
+def test_changes_that_fall_no_more_end_at_64_units_of_round_off(solvers):
+    """x -> 2 + 128 EPS - x from 1 goes to and fro by just so much."""
+    alone, in_lanes = solvers
+    x, (evaluations, _, _) = in_lanes(-1.0, 2 + 128 * EPS, 1.0, 1.0)
+    assert x.tolist() == [1.0] * WIDTH
+    assert alone(-1.0, 2 + 128 * EPS, 1.0, 1.0) == ((1.0,), evaluations // WIDTH, 0, SOLVED)
+    assert evaluations == 2 * WIDTH
+
+
 def test_a_lane_that_has_stopped_is_left_as_it_is(solvers):
     _, in_lanes = solvers
     spans = np.full(WIDTH, 1.0)
