@@ -246,3 +246,17 @@ def test_control_without_names_none_is_asked(trial):
     one = trial()
     assert one.files == ()
     assert not any(one.tests(mutant) for mutant in one.all)
+
+
+def test_what_imports_a_changed_module_is_forgotten_with_it(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(TOOL)
+    import worker
+
+    texts = {"base": "LEAST = 3", "user": "from .base import LEAST", "its_user": "import phasebench.user", "other": ""}
+    for name, text in texts.items():
+        (tmp_path / f"{name}.py").write_text(text)
+        module = type(sys)(f"phasebench.{name}")
+        module.__file__, module.__package__ = str(tmp_path / f"{name}.py"), "phasebench"
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    worker.forget(tmp_path / "base.py")
+    assert [name for name in texts if f"phasebench.{name}" in sys.modules] == ["other"]
