@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import mpmath
-import numpy as np
 import pytest
 
-from phasebench.benchmarks.problems import problem
 from phasebench.integrators.coefficients.table import value
-from phasebench.integrators.driver import integrate
+from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import BOUNDED, DRIFT, NONE, ROUND_OFF
-from phasebench.integrators.records import energy, parametric, poisson, projection, variational
+from phasebench.integrators.records import collocation, energy, parametric, poisson, projection, variational
 from phasebench.integrators.registry import BY_ID, METHODS, method
-from support.trees import DIGITS, order_residual, vector
-
-PENDULUM = problem("pendulum:swinging")
 
 #: (symmetric, symplectic, energy, invariants q.D p) -> the methods, each with its order and, behind a stroke, of how
 #: many stages, substeps or values of a gradient's path a step is made, or the nodes of its quadrature.
@@ -132,73 +128,6 @@ def test_substeps_need_no_derivative_of_H_but_its_gradient():
     assert higher == {"scheme-ii": 2, "generating-function": 3}
 
 
-@pytest.mark.parametrize("id", ["explicit-euler", "rk4", "kutta-3"])
-def test_a_tableau_is_explicit_and_of_its_order(id):
-    """Of every tree; of those with one vertex more one at least is missed."""
-    m = projection.KUTTA_3 if id == "kutta-3" else method(id)
-    with mpmath.workdps(DIGITS):
-        *rows, b = (vector(value(str(x)) for x in row) for row in m.data)
-        A = np.array(rows)
-        assert A.shape == (len(b), len(b))
-        assert not np.triu(A).any()
-        assert order_residual(A, b, range(1, m.order + 1)) < 1e-25
-        assert order_residual(A, b, [m.order + 1]) > 1e-6
-
-
-H = 0.3
-
-
-def kick(q, p, by):
-    return q, p - by * H * np.sin(q)
-
-
-def drift(q, p, by):
-    return q + by * H * p, p
-
-
-def euler(where):
-    """The residual of z1 = z0 + h f, f at a place between (q0, p0) and (q1, p1)."""
-
-    def residual(q0, p0, q1, p1):
-        q, p = where(q0, p0, q1, p1)
-        return q1 - q0 - H * p, p1 - p0 + H * np.sin(q)
-
-    return residual
-
-
-def splitting(*parts):
-    """What is missed after kicks and drifts, each over a part of the step."""
-
-    def residual(q0, p0, q1, p1):
-        q, p = q0, p0
-        for move, by in parts:
-            q, p = move(q, p, by)
-        return q1 - q, p1 - p
-
-    return residual
-
-
-#: Hairer, Lubich & Wanner 2006, I.1: the equations of a step.
-EQUATIONS = {
-    "explicit-euler": euler(lambda q0, p0, q1, p1: (q0, p0)),
-    "implicit-euler": euler(lambda q0, p0, q1, p1: (q1, p1)),
-    "symplectic-euler-p": euler(lambda q0, p0, q1, p1: (q0, p1)),
-    "symplectic-euler-q": euler(lambda q0, p0, q1, p1: (q1, p0)),
-    "implicit-midpoint": euler(lambda q0, p0, q1, p1: ((q0 + q1) / 2, (p0 + p1) / 2)),
-    "stormer-verlet": splitting((kick, 0.5), (drift, 1), (kick, 0.5)),
-    "stormer-verlet-dkd": splitting((drift, 0.5), (kick, 1), (drift, 0.5)),
-}
-
-
-@pytest.mark.parametrize("id", EQUATIONS)
-def test_a_step_solves_its_equations_and_no_others(id):
-    """Of the pendulum."""
-    s = integrate(PENDULUM, id, h=H, steps=1, q0=[0.8], p0=[0.6])
-    missed = {name: np.abs(f(0.8, 0.6, s.q[-1, 0], s.p[-1, 0])).max() for name, f in EQUATIONS.items()}
-    assert missed.pop(id) < 1e-15
-    assert min(missed.values()) > 1e-4
-
-
 #: Of methods that other tests do not ask it of: what a step is made of, each as its parts of the step.
 PARTS = {
     "splitting": lambda data: data,
@@ -210,7 +139,7 @@ PARTS = {
 
 @pytest.mark.parametrize("m", [m for m in METHODS if m.family in PARTS], ids=lambda m: m.id)
 def test_the_parts_of_a_step_fill_it(m):
-    with mpmath.workdps(DIGITS):
+    with mpmath.workdps(50):
         for parts in PARTS[m.family](m.data):
             assert abs(mpmath.fsum(value(str(x)) if isinstance(x, Fraction) else x for x in parts) - 1) < 1e-40
 
@@ -277,3 +206,57 @@ def test_a_composition_names_whose_fractions_it_has(m):
 def test_collocation_for_poisson_systems_is_hairer_s_where_it_is_more_than_the_averaged_field():
     cited = {m.id: "hairer2010" in m.cite for m in poisson.METHODS}
     assert cited == {"cohen-hairer-1": False, "cohen-hairer-2": True, "cohen-hairer-3": True}
+
+
+def test_the_name_of_an_hbvm_says_which_polynomials_it_keeps():
+    """Brugnano, Iavernaro & Trigiante 2010: H of degree 2 k / s at the most."""
+    degrees = {(2, 1): 4, (6, 3): 4, (6, 4): 3, (7, 2): 7}
+    assert {of: int(collocation.hbvm(*of).name.rpartition(" ")[2]) for of in degrees} == degrees
+
+
+def test_multiple_time_stepping_takes_from_one_substep_to_ten_thousand():
+    assert [method("r-respa", substeps=n).data[-1] for n in (1, 10_000)] == [1, 10_000]
+    for n in (0, 10_001):
+        with pytest.raises(InvalidInput, match="at least 1 and at most 10000"):
+            method("r-respa", substeps=n)
+
+
+def test_a_record_of_a_projection_says_onto_what_and_how():
+    rk4, midpoint = method("rk4"), method("implicit-midpoint")
+    further = ("canonical", "further invariants")
+    made = {
+        ("projected onto the energy", "rk4-projected-energy", ("canonical",)): projection.projected("rk4"),
+        (
+            "projected onto the energy and the further invariants",
+            "rk4-projected-invariants",
+            further,
+        ): projection.projected(rk4, onto="invariants"),
+        (
+            "symmetric projection onto the energy",
+            "implicit-midpoint-symmetric-projection",
+            ("canonical",),
+        ): projection.projected(midpoint, symmetric=True),
+        (
+            "symmetric projection onto the energy and the further invariants",
+            "implicit-midpoint-symmetric-projection-invariants",
+            further,
+        ): projection.projected(midpoint, "invariants", True),
+    }
+    for (name, id, requires), m in made.items():
+        assert m.name.endswith(f", {name}")
+        assert (m.id, m.requires) == (id, requires)
+        assert ("Hairer 2000" in m.source) == ("hairer2000" in m.cite) == m.symmetric
+
+
+def test_a_record_of_a_relaxation_says_how_long_its_steps_count():
+    """Ketcheson 2019: as long as they are; by the incremental direction technique as h, which loses an order."""
+    m, other = projection.relaxed("rk4"), projection.relaxed("rk4", adjust_time=False)
+    assert (m.id, m.order, other.id, other.order) == ("rk4-relaxation", 4, "rk4-incremental-direction", 3)
+    assert (m.name.rpartition(", ")[2], other.name.rpartition(", ")[2]) == (
+        "relaxation aimed at times n h",
+        "incremental direction technique",
+    )
+    assert projection.relaxed(replace(method("rk4"), requires=("canonical", "separable"))).requires == (
+        "canonical",
+        "separable",
+    )
