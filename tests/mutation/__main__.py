@@ -7,6 +7,9 @@ argument; any other is a test that is missing.  The score is kept in ``score.csv
     python tests/mutation --reach tests/benchmarks benchmarks/experiments/drift/page.py
     python tests/mutation --plain --within 1 --sample 40 integrators/families
 
+A file that runs at import only, as a table does, is reached by no test: ``--by TESTS`` names those that are to know,
+and no others are asked.
+
 With ``--plain`` nothing is compiled, neither where the reach is recorded nor where mutants are judged: a kernel is the
 Python function that it is written as, and changes as one.  What only compilation meets survives there, and is judged
 without: then every kernel is compiled anew for each mutant of one.
@@ -48,6 +51,7 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python tests/mutation", description=__doc__.splitlines()[0])
     parser.add_argument("paths", nargs="*", help="files or folders, from the root of the project")
     parser.add_argument("--reach", nargs="+", default=[], metavar="TESTS", help="first record what these tests reach")
+    parser.add_argument("--by", nargs="+", default=[], metavar="TESTS", help="ask these recorded tests alone")
     parser.add_argument("--sample", type=int, help="so many mutants of each file, in the order of the score")
     parser.add_argument("--again", action="store_true", help="only the survivors of the score")
     parser.add_argument("--within", type=float, default=20.0, metavar="SECONDS", help="ask no test that takes longer")
@@ -123,7 +127,8 @@ class Trial:
         same = known is not None and (known.hash, known.mutants) == (self.hash, len(self.all))
         self.known = known if asked.again and same else None
         self.tried = self.all[: self.known.tried if self.known else asked.sample]
-        self.files = tuple(sorted({t.partition("::")[0] for t in self._quick(reach.tests(path, 0))}))
+        self.named = reach.named(asked.by)
+        self.files = tuple(sorted({t.partition("::")[0] for t in self._quick(self._may_notice(0))}))
         self.known_tests = frozenset(t for t in reach.known if t.partition("::")[0] in self.files)
         self.kills: Counter = Counter()
 
@@ -137,9 +142,12 @@ class Trial:
         def promise(test: str) -> float:
             return (1 + 20 * self.kills[mutant.where, test] + 5 * self.kills[test]) / (0.02 + self.reach.seconds(test))
 
-        found = sorted(self._quick(self.reach.tests(self.path, mutant.line)), key=promise, reverse=True)
+        found = sorted(self._quick(self._may_notice(mutant.line)), key=promise, reverse=True)
         spent = accumulate(map(self.reach.seconds, found))
         return [test for test, seconds in zip(found, spent, strict=True) if seconds <= self.most]
+
+    def _may_notice(self, line: int) -> list[str]:
+        return self.named or self.reach.tests(self.path, line)
 
     def _quick(self, tests: list[str]) -> list[str]:
         return [test for test in tests if self.reach.seconds(test) <= self.within]
@@ -190,6 +198,9 @@ def main() -> int:
         return 0
     if asked.reach:
         reach.measure(asked.reach)
+    if unknown := [name for name in asked.by if not reach.named([name])]:
+        print(f"not recorded, or they fail: {', '.join(unknown)}; --reach records tests", file=sys.stderr)
+        return 2
     counts: Counter = Counter()
     todo: SimpleQueue = SimpleQueue()
     for path in sorted(files(asked.paths), key=worker.is_compiled, reverse=True):  # these begin without the project
