@@ -112,6 +112,22 @@ def test_three_nodes_are_worth_lanes_and_two_are_not(monkeypatch):
     assert served == [False, False, True, True]
 
 
+@pytest.mark.parametrize("name", ["masses", "logarithm"])
+def test_a_short_step_is_served_by_the_smallest_rules(name):
+    """Two nodes that three confirm; eight to begin with would be four times as many evaluations."""
+    assert run(of(KICKS[name]), "avf", 1e-3, 16)[1]["gradient"] < 10 * 16
+
+
+def test_of_a_quadratic_energy_one_node_is_enough_and_a_step_is_cayley_s_transform():
+    """As one of the midpoint rule is."""
+    K, h, steps, zero, one = np.array([[2.0, 1.0], [1.0, 3.0]]), 0.1, 50, np.zeros((2, 2)), np.eye(2)
+    half = h / 2 * np.block([[zero, one], [-K, zero]])
+    exact = np.linalg.matrix_power(np.linalg.solve(np.eye(4) - half, np.eye(4) + half), steps) @ [0.7, 0.5, 0.2, -0.3]
+    found, counts = run(of("p1**2/2 + p2**2/2 + q1**2 + q1*q2 + 3*q2**2/2"), "avf", h, steps)
+    assert np.abs(found - exact).max() < 1e-14
+    assert counts["fallbacks"] == 0
+
+
 # -- the kick as the unknown ------------------------------------------------------------------------------------------
 
 
