@@ -128,7 +128,7 @@ def _of_table(table: str, old: pd.DataFrame, new: pd.DataFrame) -> list[Change]:
     for column in (c for c in old if c in new and c not in key):
         a, b = old[column], new[column]
         if column in JUDGED:
-            moved = (a.fillna("") != b.fillna("")).to_numpy()
+            moved = (a.astype(object).fillna("") != b.astype(object).fillna("")).to_numpy()
             out += [Change(STATUS, table, i[0], column, str(a[i]), str(b[i])) for i in both[moved]]
         elif ERRORS.fullmatch(column):
             out += _errors(table, column, pd.to_numeric(a, errors="coerce"), pd.to_numeric(b, errors="coerce"))

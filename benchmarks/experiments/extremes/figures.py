@@ -46,8 +46,9 @@ def best(table: pd.DataFrame, by: str, value: str, worst: bool = False) -> list:
 
 
 def legend_below(axes) -> None:
-    """A legend under a panel."""
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
+    """A legend under a panel, of the curves that it has."""
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
 
 
 def pieces(text) -> list[tuple[float, float]]:

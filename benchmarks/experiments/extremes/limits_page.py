@@ -13,7 +13,7 @@ from phasebench.benchmarks.page.page import ROWS, Page, Table, of
 def table(known: pd.DataFrame) -> Table:
     """The limits, those that are met by no digits first, then finite ones."""
     order = known.assign(endless=np.isinf(known["known limit"])).sort_values(["agrees", "endless"], kind="stable")
-    shown = order.head(ROWS)
+    shown = order.head(ROWS).astype(dict.fromkeys(("parameters", "derived", "printed"), object))
     label = shown["method"] + shown["parameters"].fillna("").map(lambda p: f" ({p})" if p else "")
     columns = {
         "method": label,

@@ -128,7 +128,7 @@ def brouwers_law(table: pd.DataFrame) -> Verdict | None:
 @of("extremes_growth_every")
 def every_method(table: pd.DataFrame) -> Verdict | None:
     """Of how many of our methods round-off grows no faster than Brouwer's law has it, and which have no ensemble."""
-    reasons = table["reason"].fillna("")
+    reasons = table["reason"].astype(object).fillna("")
     run, left = table[reasons == ""], table[reasons != ""]
     if run.empty:
         return None

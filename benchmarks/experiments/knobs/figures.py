@@ -66,7 +66,8 @@ def _ladder(axes, rungs: pd.DataFrame) -> None:
 
 
 def _legend(axes, columns: int) -> None:
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.12), ncols=columns, handlelength=3.0)
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(handles, labels, loc="lower center", bbox_to_anchor=(0.5, 1.12), ncols=columns, handlelength=3.0)
 
 
 def _first(rungs: pd.DataFrame, knob: str) -> pd.DataFrame:
