@@ -44,6 +44,7 @@ CHILDREN = multiprocessing.get_context("forkserver")
 KEPT = ROOT / ".mutation"
 ARGUED = Path(__file__).with_name("equivalent.toml")
 KILLED, SURVIVED, UNREACHED, EQUIVALENT = "killed", "survived", "not reached", "argued equivalent"
+FAILING = "files of failing tests"
 
 
 def arguments() -> argparse.Namespace:
@@ -152,6 +153,10 @@ class Trial:
     def _quick(self, tests: list[str]) -> list[str]:
         return [test for test in tests if self.reach.seconds(test) <= self.within]
 
+    def failing(self, ask) -> str | None:
+        """A test that was not recorded and fails though nothing is changed: it would notice every mutant."""
+        return ask(worker.Job(self.path, (ROOT / self.path).read_text(), (), self.files, self.known_tests))
+
     def judged(self, mutant: Mutant, ask) -> str:
         """Whether one of the tests notices it."""
         tests = self.tests(mutant)
@@ -210,6 +215,10 @@ def main() -> int:
         with judge(folder) as ask:
             while not todo.empty():
                 trial = Trial(todo.get(), reach, asked)
+                if trial.files and (test := trial.failing(ask)):
+                    print(f"{trial.path}: not judged, as {test} fails without a change", flush=True)
+                    counts[FAILING] += 1
+                    continue
                 said = tried(trial, ask)
                 counts.update(said.values())
                 score.write(score.read() | {trial.path: trial.score(said)})
@@ -217,7 +226,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(asked.jobs) as pool:
         list(pool.map(work, [Path(folder) / str(k) for k in range(min(asked.jobs, todo.qsize()))]))
     print(f"{sum(counts.values())} mutants: " + ", ".join(f"{n} {said}" for said, n in counts.items()))
-    return 1 if counts[SURVIVED] or counts[UNREACHED] else 0
+    return 1 if counts[SURVIVED] or counts[UNREACHED] or counts[FAILING] else 0
 
 
 if __name__ == "__main__":
