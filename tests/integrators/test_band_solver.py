@@ -29,6 +29,7 @@ class Equations(NamedTuple):
     c: np.ndarray
     bend: float
     large: float
+    first: float
     unit: float
     q: Any
 
@@ -53,8 +54,8 @@ def _G(x, e):
 
 @compiled
 def lengths(x, g, e):
-    """Of the first half 3, of the second in another unit."""
-    return 3.0, 3.0 * e.unit
+    """Of either half 3 of its units."""
+    return 3.0 * e.first, 3.0 * e.unit
 
 
 solve = band_solver(_G if codegen.compiled() else lambda x, e: np.array(_G(x, e)), lengths)
@@ -65,20 +66,20 @@ class Made:
 
     SPARE, AT = 2, 1
 
-    def __init__(self, seed=0, factor=2.0, bend=0.0, large=0.0, unit=1.0, M=None, c=None):
+    def __init__(self, seed=0, factor=2.0, bend=0.0, large=0.0, first=1.0, unit=1.0, M=None, c=None):
         rng = np.random.default_rng(seed)
-        scales = np.where(np.arange(N) < N // 2, 1.0, unit)
+        scales = np.where(np.arange(N) < N // 2, first, unit)
         self.M = factor * rng.normal(size=(N, N)) * NEAR if M is None else np.array(M, float)
         self.M = self.M * scales[:, None] / scales
         self.c = rng.normal(size=N) * scales if c is None else np.array(c, float)
-        self.bend, self.large, self.unit = bend, large, unit
+        self.bend, self.large, self.first, self.unit = bend, large, first, unit
         self.band = band_of(REACH)
         self.memory, self.work = np.full((5, N + 1), 7.0), np.full((N + 3, columns(self.band)), 7.0)
         self.room = Room(self.memory, self.SPARE, self.work, self.AT)
         forget(self.work, self.AT, columns(self.band))
 
     def equations(self):
-        return Equations(self.M, self.c[None], self.bend, self.large, self.unit, value(*[1.0] * (N // 2)))
+        return Equations(self.M, self.c[None], self.bend, self.large, self.first, self.unit, value(*[1.0] * (N // 2)))
 
     def solved(self, start=0.0, span=1.0):
         """(x, evaluations, status)."""
@@ -202,6 +203,14 @@ def test_a_singular_matrix_is_not_solved():
     assert status == STALLED
     assert forgotten(made.work, made.AT, columns(made.band))
     assert evaluations == 2 * (1 + len(made.band.owner)), "each of the two ways has seen it"
+
+
+def test_moves_that_are_no_numbers_are_not_finite():
+    """Their sum is beyond the largest number, and so is a difference of two of those."""
+    made = Made(first=2.0**1000, unit=2.0**1000, c=1.7e308 * np.array([1, -1, 1, -1, 1, -1]))
+    with np.errstate(all="ignore"):
+        assert made.solved()[2] == NOT_FINITE
+    assert forgotten(made.work, made.AT, columns(made.band))
 
 
 def test_newton_s_method_with_a_matrix_for_every_iterate_takes_over():

@@ -112,13 +112,25 @@ def test_after_a_search_the_slope_alone_is_known():
     assert models[0, model.STREAK] == -1
 
 
-def test_a_search_on_the_way_goes_on_from_the_slope_and_its_rate():
+@pytest.mark.parametrize("streak", [1, model.FOLLOWED])
+def test_a_search_on_the_way_goes_on_from_the_slope_and_its_rate(streak):
     models = known(1.0)
-    models[0, [model.STREAK, model.RATE]] = model.FOLLOWED, 0.25
+    models[0, [model.STREAK, model.RATE]] = streak, 0.25
     s = look([-0.05, 1.25], models)
     assert s.tried[:, 0] == pytest.approx([0.0, 0.04, 0.04])
     assert models[0, [model.SLOPE, model.RATE, model.BEND, model.AGE]] == pytest.approx([1.25, 0.25, 0, 0])
     assert models[0, model.STREAK] == 1
+
+
+@pytest.mark.parametrize(("curvature", "followed"), [(7.0, True), (8.0, False)])
+def test_a_root_is_followed_where_the_model_at_it_has_no_other_near(curvature, followed):
+    """At x = 0.1 the slope is 1 + 0.2 c, of which 0.3 has to be above 0.1 c."""
+    models = known(1.0, curvature)
+    models[0, [model.STREAK, model.UNIT]] = 1.0, UNIT
+    s = look([-0.1 - 0.01 * curvature, 1.0, curvature], models, predicted=0.1)
+    assert s.found
+    assert s.x == pytest.approx(0.1)
+    assert (s.tried[0, 0] == 0) != followed
 
 
 # Where there are several roots.
