@@ -11,7 +11,16 @@ import pytest
 from phasebench.integrators.coefficients.table import value
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import BOUNDED, DRIFT, NONE, ROUND_OFF
-from phasebench.integrators.records import collocation, energy, parametric, poisson, projection, variational
+from phasebench.integrators.records import (
+    collocation,
+    energy,
+    parametric,
+    poisson,
+    projection,
+    solvers,
+    splittings,
+    variational,
+)
 from phasebench.integrators.registry import BY_ID, METHODS, method
 
 #: (symmetric, symplectic, energy, invariants q.D p) -> the methods, each with its order and, behind a stroke, of how
@@ -106,6 +115,11 @@ def parts(m) -> int | None:
     return by_family[m.family]() if m.family in by_family else None
 
 
+def declared(m) -> tuple:
+    """What the record says, in the order of `PUBLISHED`."""
+    return m.symmetric, m.symplectic, m.energy, m.quadratic, m.order, parts(m)
+
+
 def read(text: str) -> dict[str, tuple[int, int | None]]:
     """{id: (order, parts)} of a text such as "rk4 4/4, gautschi 2"."""
     found = {}
@@ -118,8 +132,10 @@ def read(text: str) -> dict[str, tuple[int, int | None]]:
 
 def test_every_record_says_what_is_published():
     published = {id: (*kind, *of) for kind, text in PUBLISHED.items() for id, of in read(text).items()}
-    declared = {m.id: (m.symmetric, m.symplectic, m.energy, m.quadratic, m.order, parts(m)) for m in METHODS}
-    assert declared == published
+    assert {m.id: declared(m) for m in METHODS} == published
+    suzuki, kutta = projection.SUZUKI, projection.KUTTA_3  # which stand in no list
+    assert declared(suzuki) == declared(method(suzuki.id))
+    assert declared(kutta) == (False, False, DRIFT, DRIFT, 3, 3)
 
 
 def test_substeps_need_no_derivative_of_H_but_its_gradient():
@@ -177,6 +193,12 @@ def test_paths_and_signs_are_the_published_ones():
     for id, found in signs.items():
         pattern = v if id.startswith("scheme-v") else iv
         assert found == pattern * (len(found) // len(pattern)), id
+
+
+def test_rows_that_are_not_told_otherwise_fill_the_step():
+    half = Fraction(1, 2)
+    assert parametric.equip_rows((-1, 1)) == ((half, -1, 0, 0), (half, 1, 0, 0))
+    assert parametric.scheme_iii(0) == ((half, 0, 1), (half, 1, 0))
 
 
 def test_of_kepler_splittings_one_has_a_corrector():
@@ -260,3 +282,35 @@ def test_a_record_of_a_relaxation_says_how_long_its_steps_count():
         "canonical",
         "separable",
     )
+
+
+def test_generating_functions_are_of_the_orders_that_are_derived():
+    assert [method("generating-function", order=n).data[0] for n in (1, 6)] == [1, 6]
+    for n in (0, 7):
+        with pytest.raises(InvalidInput, match="for orders 1 to 6"):
+            method("generating-function", order=n)
+
+
+def test_a_splitting_of_a_generalised_order_is_named_by_it():
+    """Laskar & Robutel 2001; Blanes et al. 2013."""
+    named = {m.id: m.name.partition(" of generalised order ")[2] for m in splittings.METHODS}
+    assert {id: order for id, order in named.items() if order} == {
+        "saba-2": "(4,2)",
+        "saba-3": "(6,2)",
+        "saba-4": "(8,2)",
+        "aba-864": "(8,6,4)",
+        "aba-1064": "(10,6,4)",
+    }
+
+
+def test_a_solver_that_a_method_has_is_not_given_to_it_again():
+    once = method("implicit-midpoint", solver="banded")
+    assert solvers.solved(once, "banded") is once
+    assert once.family == "banded"
+
+
+def test_a_method_with_a_solver_follows_its_parameters_as_without():
+    half = Fraction(1, 2)
+    plain, banded = method("scheme-i", lam=half), method("scheme-i", solver="banded")(lam=half)
+    assert (banded.data, banded.order, banded.symmetric) == (plain.data, 2, True)
+    assert dict(banded.parameters) == {"lam": half, "solver": "banded"}
