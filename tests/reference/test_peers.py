@@ -15,7 +15,7 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput, outcome
 from phasebench.reference.peers import BY_ID, PEERS, Peer, integrate_peer, particles, peer, run
 from phasebench.reference.peers import scipy as older
-from phasebench.reference.peers.record import NOT_FINITE, Run
+from phasebench.reference.peers.record import NOT_FINITE, Run, split_alone
 from phasebench.reference.solvers.taylor import reference
 from support.planted import control
 
@@ -383,6 +383,13 @@ def test_the_energy_tells_a_collision_and_the_domain(energies, status, rows, mon
         assert f"domain; the rows end at t = {rows - 1}" in reason
     regular = run.ending(Observed(H=energies, singular=False), times, states, states, None)
     assert regular[0] == ("diverged" if status == "diverged" else "judged")
+
+
+@pytest.mark.parametrize("canonical", [True, False])
+@pytest.mark.parametrize("separable", [True, False])
+def test_what_is_split_has_to_be_canonical_and_separable(canonical, separable):
+    lack = split_alone("it is not")(None, SimpleNamespace(canonical=canonical, separable=separable))
+    assert lack == (None if canonical and separable else "it is not")
 
 
 def test_rows_of_states_are_halves():

@@ -103,6 +103,13 @@ def test_each_integrator_of_the_packages_has_a_record():
     }
 
 
+def test_an_order_is_the_one_in_the_name():
+    named = [(p.order, re.search(r"order (\d+)", p.name)) for p in PEERS.values()]
+    said = [(order, int(found.group(1))) for order, found in named if found]
+    assert len(said) > 10
+    assert all(order == number for order, number in said)
+
+
 @pytest.mark.parametrize(("peer", "name"), able(FIXED))
 def test_a_fixed_step_has_its_order(peer, name):
     need(peer.package)
