@@ -143,9 +143,11 @@ class Trial:
         def promise(test: str) -> float:
             return (1 + 20 * self.kills[mutant.where, test] + 5 * self.kills[test]) / (0.02 + self.reach.seconds(test))
 
-        found = sorted(self._quick(self._may_notice(mutant.line)), key=promise, reverse=True)
-        spent = accumulate(map(self.reach.seconds, found))
-        return [test for test, seconds in zip(found, spent, strict=True) if seconds <= self.most]
+        return self._affordable(sorted(self._quick(self._may_notice(mutant.line)), key=promise, reverse=True))
+
+    def _affordable(self, tests: list[str]) -> list[str]:
+        spent = accumulate(map(self.reach.seconds, tests))
+        return [test for test, seconds in zip(tests, spent, strict=True) if seconds <= self.most]
 
     def _may_notice(self, line: int) -> list[str]:
         return self.named or self.reach.tests(self.path, line)
@@ -154,8 +156,10 @@ class Trial:
         return [test for test in tests if self.reach.seconds(test) <= self.within]
 
     def failing(self, ask) -> str | None:
-        """A test that was not recorded and fails though nothing is changed: it would notice every mutant."""
-        return ask(worker.Job(self.path, (ROOT / self.path).read_text(), (), self.files, self.known_tests))
+        """A test that fails though nothing is changed, as it is now or in a copy: it would notice every mutant."""
+        tests = self._affordable(sorted(self._quick(self._may_notice(0)), key=self.reach.seconds))
+        code, seconds = (ROOT / self.path).read_text(), sum(map(self.reach.seconds, tests))
+        return ask(worker.Job(self.path, code, tuple(tests), self.files, self.known_tests, seconds))
 
     def judged(self, mutant: Mutant, ask) -> str:
         """Whether one of the tests notices it."""
