@@ -151,7 +151,7 @@ def test_a_child_says_what_it_found_and_is_not_waited_for_when_it_died(monkeypat
 
 
 def test_a_test_that_fails_without_a_change_is_found_before_mutants_are_judged(monkeypatch):
-    """It was not recorded, is asked with every mutant, and would notice each."""
+    """One that is new, or has changed since it was recorded, is asked with every mutant, and would notice each."""
     monkeypatch.syspath_prepend(TOOL)
     Trial = runpy.run_path(str(TOOL / "__main__.py"), run_name="command")["Trial"]
     path, known = "integrators/lots.py", ["tests/a.py::test_one", "tests/b.py::test_two"]
@@ -161,7 +161,7 @@ def test_a_test_that_fails_without_a_change_is_found_before_mutants_are_judged(m
     assert trial.failing(lambda job: jobs.append(job) or "tests/a.py::test_new") == "tests/a.py::test_new"
     (job,) = jobs
     assert job.code == (TOOL.parents[1] / path).read_text()
-    assert (job.tests, job.files, job.known) == ((), ("tests/a.py",), frozenset(known[:1]))
+    assert (job.tests, job.files, job.known) == (tuple(known[:1]), ("tests/a.py",), frozenset(known[:1]))
 
 
 def test_a_line_that_runs_once_is_not_only_its_first_test_s(monkeypatch):

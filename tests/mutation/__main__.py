@@ -139,15 +139,20 @@ class Trial:
             return (1 + 20 * self.kills[mutant.where, test] + 5 * self.kills[test]) / (0.02 + self.reach.seconds(test))
 
         found = sorted(self._quick(self.reach.tests(self.path, mutant.line)), key=promise, reverse=True)
-        spent = accumulate(map(self.reach.seconds, found))
-        return [test for test, seconds in zip(found, spent, strict=True) if seconds <= self.most]
+        return self._affordable(found)
+
+    def _affordable(self, tests: list[str]) -> list[str]:
+        spent = accumulate(map(self.reach.seconds, tests))
+        return [test for test, seconds in zip(tests, spent, strict=True) if seconds <= self.most]
 
     def _quick(self, tests: list[str]) -> list[str]:
         return [test for test in tests if self.reach.seconds(test) <= self.within]
 
     def failing(self, ask) -> str | None:
-        """A test that was not recorded and fails though nothing is changed: it would notice every mutant."""
-        return ask(worker.Job(self.path, (ROOT / self.path).read_text(), (), self.files, self.known_tests))
+        """A test that fails though nothing is changed, new or changed itself: it would notice every mutant."""
+        tests = self._affordable(self._quick(self.reach.tests(self.path, 0)))
+        seconds, code = sum(map(self.reach.seconds, tests)), (ROOT / self.path).read_text()
+        return ask(worker.Job(self.path, code, tuple(tests), self.files, self.known_tests, seconds))
 
     def judged(self, mutant: Mutant, ask) -> str:
         """Whether one of the tests notices it."""
