@@ -261,6 +261,31 @@ def test_residuals_keep_the_largest():
     law.add((np.array([1.0, -3.0]), np.array([-1.0, 2.5])), 1e-3)
     law.add((np.array([2.0]), np.array([-1.9])), 2e-3)
     assert law.row("x") == {"x": 0.5, "x, largest term": 3.0, "x, round-off": 2e-3}
+    assert set(laws.Residuals().row("x").values()) == {0.0}
+
+
+def test_a_unit_of_round_off_is_that_of_the_steepest_wave(name):
+    """The box's slope of a wave of k periods is tan(k dx / 2) 2 / dx, here of k = 2 on five cells."""
+    equation, y, tangents, dx = case(name)
+    h, steep = 0.01, 2 * np.tan(dx) / dx
+    assert laws.steepest(Box(equation, N, dx)) == pytest.approx(steep)
+    row = measured(name, scheme("preissmann-box"), h=h, steps=1, cells=N)
+    largest = np.abs(y).max()
+    wanted = {
+        laws.TWO_FORM: (steep**2 + 1 / h) * np.prod([np.abs(t).max() for t in tangents]),
+        laws.ENERGY: steep**2 / h * largest**2,
+        laws.MOMENTUM: steep**2 / h * largest**2,
+    }
+    for law, size in wanted.items():
+        assert row[f"{law}, round-off"] == pytest.approx(np.finfo(float).eps * size, rel=1e-9, abs=0)
+
+
+def test_steps_without_a_root_are_counted():
+    equation, y, tangents, dx = case("nls")
+    steps = run(equation, scheme("equip-box"), y, dx, 0.01, 3, tangents)
+    missed = [replace(step, found=k == 1, alpha=-0.5 if k == 1 else 0.25) for k, step in enumerate(steps)]
+    row = laws.measure(Box(equation, N, dx), scheme("equip-box"), missed, 0.01, spacetime.mass)
+    assert (row["steps without a root"], row["largest parameter"]) == (2, 0.5)
 
 
 def test_a_step_that_cannot_be_solved_is_a_row():
@@ -339,6 +364,57 @@ def test_the_bench_names_what_is_lost():
     assert len(lost(bad)) == 7
     assert len(lost(changed({("avf-box", laws.TWO_FORM): 1e-15}).to_dict("records"))) == 7
     assert "equip-box on nls" in lost(bad)[0]
+
+
+# -- what is measured --------------------------------------------------------------------------------------------------
+
+
+def waves(values) -> np.ndarray:
+    """The amplitudes of the cosines and of the sines of each component, (k, m) complex."""
+    found = np.fft.rfft(values, axis=0) / len(values)
+    found[1:] *= 2
+    return np.round(found, 12)
+
+
+def test_the_data_are_the_waves_that_are_written_down():
+    """Values psi = 1 + 0.4 cos x + 0.2 i sin x and alike; tangents of no more than two periods."""
+    x = 2 * np.pi / 9 * np.arange(9)
+    values = {
+        "nls": [[1, 0], [0.4, -0.2j]],
+        "klein-gordon": [[1, 0, 0, 0.5], [0.5, -0.3j, -0.2j, 0.2]],
+    }
+    for name, wanted in values.items():
+        y, u, v = spacetime.CASES[name].data(x)
+        assert waves(y)[:2].tolist() == wanted
+        assert not waves(y)[2:].any()
+        for tangent in (u, v):
+            assert not waves(tangent)[3:].any()
+            assert np.abs(waves(tangent)[:3]).max(axis=0) == pytest.approx(np.ones(tangent.shape[1]))
+
+
+@pytest.mark.parametrize("id", ["preissmann-box", "euler-box"])
+def test_a_ladder_is_of_one_division_and_one_span_then_of_one_step(name, id):
+    rungs = spacetime.ladder(spacetime.CASES[name], scheme(id))
+    in_time, in_space = ([r[1:] for r in rungs if r[0] == falls] for falls in (spacetime.IN_TIME, spacetime.IN_SPACE))
+    assert len(in_time) == 4
+    assert {cells for cells, _, _ in in_time} == {min(spacetime.CELLS)}
+    longest = in_time[0][1]
+    assert [h / longest for _, h, _ in in_time] == [1, 1 / 2, 1 / 4, 1 / 8]
+    assert {h * steps / longest for _, h, steps in in_time} == {10}
+    assert [cells for cells, _, _ in in_space] == sorted(spacetime.CELLS)
+    assert {h for _, h, _ in in_space} == {longest / 8}
+    assert all(cells % 2 for cells in spacetime.CELLS), "the box scheme needs it"
+
+
+def test_the_longest_step_shows_the_order_already(name):
+    h = spacetime.CASES[name].longest
+    rows = [
+        spacetime.measured(name, "preissmann-box", spacetime.IN_TIME, 17, h / k, 10 * k)[spacetime.TABLE][0]
+        for k in (1, 2)
+    ]
+    assert [row["status"] for row in rows] == ["ok", "ok"]
+    coarse, fine = (row[laws.ENERGY] for row in rows)
+    assert coarse / fine == pytest.approx(4, rel=0.1)
 
 
 def test_every_scheme_is_measured_on_every_equation():

@@ -153,6 +153,7 @@ def test_operators_are_those_of_arrays():
 
     x, y, z = RANDOM.standard_normal((1, WIDTH)), RANDOM.standard_normal((1, WIDTH)), np.empty((3, WIDTH))
     assert mixed(x, y, z) == pytest.approx(x.sum(), rel=1e-14)
+    assert total(x[0]) == pytest.approx(x.sum(), rel=1e-14), "uncompiled"
     assert np.allclose(z, [(2 * x + y / 3 - x * y)[0], (-abs(y) / (1 - x))[0], np.full(WIDTH, 7.0)], rtol=1e-14, atol=0)
 
 
