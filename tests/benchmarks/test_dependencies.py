@@ -1,5 +1,7 @@
 """What an installation brings: read from the metadata, judged by what they say."""
 
+from types import SimpleNamespace
+
 import pandas as pd
 import pytest
 
@@ -56,6 +58,14 @@ class About(dict):
         ({"License": "A text " * 40, "Classifiers": ["License :: OSI Approved :: MIT License"]}, "MIT"),
         ({"Classifiers": ["Topic :: X", "License :: OSI Approved"]}, ""),
         ({}, ""),
+        ({"License": "x" * 60, "Classifiers": ["License :: OSI Approved :: MIT License"]}, "x" * 60),
+        ({"License": "x" * 61, "Classifiers": ["License :: OSI Approved :: MIT License"]}, "MIT"),
+        ({"License": "Unknown", "Classifiers": ["License :: OSI Approved :: BSD License"]}, "BSD"),
+        ({"License-Expression": "UNKNOWN", "License": "Apache Software License"}, "Apache-2.0"),
+        (
+            {"Classifiers": ["License :: OSI Approved :: MIT License", "License :: Public Domain"]},
+            "MIT or Public Domain",
+        ),
     ],
 )
 def test_a_licence_is_read_where_it_stands(about, name):
@@ -75,3 +85,17 @@ def test_what_is_installed_is_found_with_all_that_it_needs():
     assert not rows["llvmlite"]["direct"]
     assert "numba" in rows["llvmlite"]["needed by"]
     assert all(r["version"] and r["MB"] >= 0 for r in rows.values())
+    order = [(not r["direct"], -r["MB"]) for r in rows.values()]
+    assert order == sorted(order), "the direct ones first, then by size"
+
+
+def test_a_distribution_takes_the_bytes_of_its_files_without_bytecode(monkeypatch, tmp_path):
+    sizes = {"a.py": 1_000_000, "b.so": 2_500_000, "c.pyc": 7_000_000}
+    for name, size in sizes.items():
+        (tmp_path / name).write_bytes(bytes(size))
+    files = [SimpleNamespace(locate=lambda name=name: tmp_path / name) for name in (*sizes, "removed.py")]
+    about = SimpleNamespace(files=files, version="1.2", metadata=About(License="MIT"))
+    monkeypatch.setattr(dependencies.metadata, "distribution", {"x": about}.get)
+    assert dependencies._row("x", {"b", "a"}, True) == {
+        "package": "x", "version": "1.2", "licence": "MIT", "direct": True, "needed by": "a, b", "MB": 3.5,
+    }  # fmt: skip

@@ -20,7 +20,7 @@ from phasebench.benchmarks.experiments.knobs import (
     solvers,
     verdicts,
 )
-from phasebench.benchmarks.experiments.knobs.cells import cells
+from phasebench.benchmarks.experiments.knobs.cells import PARTS, cells
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine.kernel import prepare
@@ -269,6 +269,42 @@ def test_the_page_says_what_was_measured_alone(tmp_path):
     assert len(page.whole(whole().get)) == 3 * len(findings.ERRORS)
 
 
+def test_tables_without_a_row_say_nothing(tmp_path):
+    empty = dict.fromkeys(whole(), pd.DataFrame()).get
+    assert page.PAGE.judged(empty) == []
+    assert page.table(empty) is None
+    assert page.whole(empty) is None
+    assert figures.draw(empty, tmp_path) == []
+    alone = solved().query(f"solver == '{solvers.ENGINE}'")
+    assert page.table({solvers.TABLE: alone}.get) is None
+    none = {ladders.TABLE: whole()[ladders.TABLE].assign(status="diverged")}.get
+    assert page.whole(none) is None
+    assert page.table(none) is None
+
+
+def test_the_table_is_in_the_order_of_the_scenes():
+    """As they were measured, whatever their names; and the caption says between which errors."""
+    names = ("z", "a", "m")
+    ladder = pd.concat([rungs(ladders.COMPOSITION, s, **RISING) for s in names])
+    found = page.table({ladders.TABLE: ladder}.get)
+    assert tuple(found.frame["scene"]) == names
+    assert "the smallest error reached of 1e-1 to 1e-10;" in found.caption
+    several = pd.concat([rules().assign(scene=s) for s in names])
+    assert tuple(page.table({nodes.TABLE: several}.get).frame["scene"]) == names
+    assert tuple(findings.quadratures(several)["scene"]) == names
+
+
+def test_the_cost_of_a_lambda_is_that_of_its_own_method_at_the_nearest_one_measured():
+    others = costs().assign(method="scheme-i", **{"gradients per step": [50.0, 5.0, 500.0]})
+    both = {lambdas.ERRORS: errors(0.96), lambdas.COSTS: pd.concat([others, costs()])}.get
+    assert page.table(both).frame["costs"].tolist() == ["1.1 x"], "7 at 1 over 6.5 at 1/2"
+    below = {lambdas.ERRORS: errors(-0.04), lambdas.COSTS: costs()}.get
+    assert page.table(below).frame["costs"].tolist() == ["0.77 x"], "5 at 0 over 6.5 at 1/2"
+    composed = {lambdas.ERRORS: pd.concat([errors(), errors(id="scheme-iii-suzuki-4")])}.get
+    assert page.table(composed).frame["knob"].tolist() == ["λ of scheme-iii"], "of the two schemes alone"
+    assert page.table(composed).frame["gives"].tolist() == ["error 0.001, at 1/2 1 x"], "at the larger step"
+
+
 def test_the_table_has_a_row_for_each_knob_and_scene(tmp_path):
     frame = page.table(whole(**{lambdas.ERRORS: errors(0.25)}).get).frame.set_index("knob")
     assert list(frame.index) == [
@@ -288,6 +324,7 @@ def test_every_cell_is_told_from_the_others():
     assert len({c.id for c in made}) == len(made)
     assert len({c.content for c in made}) == len(made)
     assert cells(quick=True) == []
+    assert [c.id for part in PARTS for c in part.cells()] == [c.id for c in made], "the whole of each part by default"
     assert len(lambdas.SCENES) >= 4
     rows = 2 * len(lambdas.SCENES) + len(ladders.LADDERS) + len(nodes.SCENES) + len(arithmetic.SCENES) + 2
     assert rows <= 25, "the page's table"
@@ -505,6 +542,39 @@ def test_newtons_method_solves_linear_equations_at_once_and_the_fixed_point_only
     assert slow.evaluations == solvers.STAGES * slow.iterations
 
 
+def test_the_rows_of_a_solver_on_the_oscillator(monkeypatch):
+    """The method's step multiplies q + ip by its stability function at -ih, Pade's (3, 3) approximation of exp."""
+    h, steps = 0.5, 5
+    monkeypatch.setattr(solvers, "SCENES", (solvers.Pace("harmonic-oscillator", (h,)),))
+    monkeypatch.setattr(solvers, "STEPS", steps)
+    rows = pd.DataFrame(solvers.measured(0)[solvers.TABLE])
+    assert len(rows) == len(solvers.SETTINGS) + 1
+    assert set(rows["status"]) == {"ok"}
+    made, z = problem("harmonic-oscillator"), -1j * h
+    above, below = (1 + s * z / 2 + z**2 / 10 + s * z**3 / 120 for s in (1, -1))
+    apart = (made.q0[0] + 1j * made.p0[0]) * ((above / below) ** steps - np.exp(z * steps))
+    to_round_off = rows[rows["tol"] == solvers.ROUND_OFF]
+    assert to_round_off["error"].to_numpy() == pytest.approx(max(abs(apart.real), abs(apart.imag)), rel=1e-6)
+    loop = rows[rows["solver"] != solvers.ENGINE]
+    fixed = loop[loop["solver"] == solvers.FIXED]
+    assert fixed["evaluations"].to_numpy() == pytest.approx(solvers.STAGES * fixed["iterations"].to_numpy())
+    assert loop["iterations"].between(1, solvers.MOST).all()
+    assert loop["iterations"].max() > 2 * loop["iterations"].min()
+
+
+@pytest.mark.parametrize("scene", solvers.SCENES, ids=lambda s: s.problem)
+def test_what_a_solver_is_compared_with_is_finer_than_what_is_compared(scene):
+    made, h, few = problem(scene.problem), max(scene.sizes), 4
+
+    def end(id, parts):
+        run = integrate(made, id, h=h / parts, steps=few * parts, save_every=0)
+        assert run.status == "ok"
+        return np.concatenate([run.q[-1], run.p[-1]])
+
+    own, fine, finer = end(solvers.METHOD, 1), end(solvers.FINE, 4), end(solvers.FINE, 8)
+    assert np.abs(fine - finer).max() < 0.02 * np.abs(own - finer).max()
+
+
 def test_the_solvers_bench_sees_another_end():
     row = {"scene": "a", "h": 0.1, "status": "ok", "error": 1e-5}
     own = row | {"solver": solvers.ENGINE}
@@ -540,6 +610,13 @@ def test_the_best_lambdas_of_several_scenes_are_a_span_and_the_greatest_gain_is_
         in said.text
     )
     assert said.short == "λ = 1/2 has the least trajectory error in 1 of 3 cases of a scheme and a scene."
+
+
+def test_what_was_not_measured_at_one_half_is_left_out_alone():
+    others = errors().query("lam != 0.5").assign(scene="z")
+    assert findings.best_lambdas(pd.concat([others, errors()]))["scene"].tolist() == ["a", "a"]
+    without = costs().query("lam != 0.5").assign(scene="z")
+    assert findings.longest(pd.concat([without, costs()]))["scene"].tolist() == ["a"]
 
 
 def test_the_longest_steps_are_counted():

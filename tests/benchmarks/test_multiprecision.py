@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
+from types import SimpleNamespace
 
 import mpmath
 import numpy as np
@@ -11,7 +16,7 @@ import pytest
 import sympy as sp
 
 from phasebench.benchmarks.measure import battery, multiprecision
-from phasebench.integrators import Hamiltonian
+from phasebench.integrators import Hamiltonian, registry
 from phasebench.integrators.engine.codegen import MULTIPRECISION, precision, vector
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.registry import BY_ID, METHODS, method
@@ -176,6 +181,74 @@ def test_a_wrong_coefficient_is_seen(monkeypatch):
     assert abs(multiprecision.observed_order(spoiled["halves"]["pendulum"]).value) < 0.1
     right = multiprecision.errors(halves, "pendulum")
     assert multiprecision.observed_order(right).value == pytest.approx(2, abs=0.02)
+
+
+THIRD = Fraction(1, 3)
+
+
+def test_adjoints_are_of_methods_with_a_lambda_that_are_not_symmetric(monkeypatch):
+    others = []
+
+    def distance(record, name, back=None):
+        others.append(back and back.parameters["lam"])
+        return 0.5 if back is None else 0.25
+
+    of_lambda, symmetric = BY_ID["scheme-i"](lam=THIRD), BY_ID["scheme-iii"](lam=THIRD)
+    monkeypatch.setattr(multiprecision, "distance", distance)
+    monkeypatch.setattr(multiprecision, "variants", lambda: [VERLET, BY_ID["rk4"], symmetric, of_lambda])
+    assert multiprecision.adjoint() == {
+        of_lambda.label: {name: {"adjoint": 0.25, "itself": 0.5} for name in multiprecision.FEW}
+    }
+    assert {*others} == {1 - THIRD, None}
+
+
+def test_a_scheme_with_its_parameter_frozen_is_measured_beside_the_step_that_found_it(monkeypatch):
+    """The parameter is 1/4; on a system where none is found nothing is measured."""
+
+    def integrate(system, id, *, h, steps, q0, p0, arithmetic):
+        parameter = 0.25 if system.d == 2 else np.nan
+        return SimpleNamespace(parameter=np.full(steps, parameter), q=np.array([q0, q0 + 1]), p=np.array([p0, p0]))
+
+    monkeypatch.setattr(multiprecision, "integrate", integrate)
+    monkeypatch.setattr(multiprecision, "advance", lambda system, record, y, h: y)
+    monkeypatch.setattr(multiprecision, "defect", lambda record, name: (record.id, record.parameters["lam"]))
+    found = multiprecision.frozen()
+    assert {*found} == {"scheme-iv", "scheme-v"}
+    for id, fixed in (("scheme-iv", "scheme-i"), ("scheme-v", "scheme-iii")):
+        flat = [name for name in multiprecision.FEW if battery.SYSTEMS[name]()[0].d == 2]
+        assert found[id] == {name: {"defect": (fixed, 0.25), "distance": 1.0, "lam": 0.25} for name in flat}
+        assert 0 < len(flat) < len(multiprecision.FEW)
+
+
+# -- in a process of its own ------------------------------------------------------------------------------------------
+
+
+def test_the_last_line_of_another_process_is_its_result(monkeypatch):
+    asked = {}
+
+    def run(command, **options):
+        asked.update(options, command=command)
+        return subprocess.CompletedProcess(command, asked["code"], 'a word\n{"result": {"a": 1}}\n', "no such name")
+
+    monkeypatch.setattr(subprocess, "run", run)
+    asked["code"] = 0
+    assert multiprecision.elsewhere("orders") == {"a": 1}
+    assert asked["command"] == [sys.executable, "-m", multiprecision.__name__, "orders"]
+    assert asked["env"]["NUMBA_DISABLE_JIT"] == "1"
+    asked["code"] = 1
+    with pytest.raises(RuntimeError, match="no such name"):
+        multiprecision.elsewhere("orders")
+
+
+def test_it_prints_the_measurement_of_which_it_is_given_the_name(monkeypatch, capsys):
+    """Of no method at all: nothing is perturbed."""
+    monkeypatch.setattr(registry, "METHODS", ())
+    monkeypatch.setattr(sys, "argv", ["multiprecision", "perturbed"])
+    code = compile(Path(multiprecision.__file__).read_text(), multiprecision.__file__, "exec")
+    exec(code, {"__name__": "__main__", "__package__": multiprecision.__package__})
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["result"] == {}
+    assert 0 <= printed["seconds"] < 60
 
 
 # -- what is measured -------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from phasebench.benchmarks.problems import klein_gordon, nls, problem
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.engine import codegen
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.families.multisymplectic import run, scheme, schemes
+from phasebench.integrators.families.multisymplectic import Stages, run, scheme, schemes
 from phasebench.integrators.systems.multisymplectic import Box, Staggered
 
 MODULES = {"nls": nls, "klein-gordon": klein_gordon}
@@ -111,6 +111,47 @@ def test_bad_input_is_refused():
         list(run(equation, scheme("preissmann-box"), y, dx, 0.0, 1))
     with pytest.raises(InvalidInput, match="needed"):
         list(run(equation, scheme("preissmann-box"), y[:, :1], dx, 0.1, 1))
+
+
+@pytest.mark.parametrize("size", [2.0**-40, 2.0**40])
+def test_steps_of_a_linear_equation_scale(name, size):
+    """To the last bit: when Newton's method ends is no matter of units."""
+    equation, y, _, dx = case(name, strength=0.0)
+    for id in ("gauss-box", "equip-box"):
+        (one,), (other,) = (run(equation, scheme(id), z, dx, 1.0, 1) for z in (y, size * y))
+        assert np.array_equal(size * one.end, other.end)
+
+
+def test_the_stages_move_with_the_parameter_as_their_tableau_does(name):
+    """It enters linearly: one more of it is as much as a little, and no stage of uneven weights is spared."""
+    equation, y, _, dx = case(name)
+    chosen = replace(scheme("equip-box"), b=np.array([0.25, 0.75]))
+    stages = Stages(Box(equation, N, dx), chosen, y, 0.02, 0.01)
+    (A_q, A_p), (B_q, B_p) = chosen.at(0.0), chosen.at(1.0)
+    q, p = np.split(stages.T, 2, axis=-1)
+    more = [0.02 * np.einsum("ij,jnc->inc", B, x) for B, x in ((B_q - A_q, q), (B_p - A_p, p))]
+    assert stages.by_parameter() == pytest.approx(np.concatenate(more, axis=-1), abs=1e-15)
+
+
+def test_tangents_whose_parameter_follows_the_state_keep_the_energy(name):
+    """The energy that a step ends at is given: it does not move with the state that the step begins at."""
+    equation, y, tangents, dx = case(name)
+    space = Box(equation, N, dx)
+    (step,) = run(equation, scheme("equip-box"), y, dx, 0.2, 1, tangents)
+    assert step.found
+
+    def moved(tangent):
+        ends = [space.total_energy(step.end + e * tangent.end) for e in (1e-6, -1e-6)]
+        return abs(ends[0] - ends[1]) / 2e-6
+
+    assert max(map(moved, step.moving)) < 1e-6
+    assert max(map(moved, step.tangents)) > 1e-3, "the control"
+
+
+def test_a_scheme_is_shown_without_its_tableau():
+    for id in schemes():
+        assert "array" not in repr(scheme(id))
+        assert id in repr(scheme(id))
 
 
 # -- the schemes -------------------------------------------------------------------------------------------------------
@@ -220,6 +261,31 @@ def test_residuals_keep_the_largest():
     law.add((np.array([1.0, -3.0]), np.array([-1.0, 2.5])), 1e-3)
     law.add((np.array([2.0]), np.array([-1.9])), 2e-3)
     assert law.row("x") == {"x": 0.5, "x, largest term": 3.0, "x, round-off": 2e-3}
+    assert set(laws.Residuals().row("x").values()) == {0.0}
+
+
+def test_a_unit_of_round_off_is_that_of_the_steepest_wave(name):
+    """The box's slope of a wave of k periods is tan(k dx / 2) 2 / dx, here of k = 2 on five cells."""
+    equation, y, tangents, dx = case(name)
+    h, steep = 0.01, 2 * np.tan(dx) / dx
+    assert laws.steepest(Box(equation, N, dx)) == pytest.approx(steep)
+    row = measured(name, scheme("preissmann-box"), h=h, steps=1, cells=N)
+    largest = np.abs(y).max()
+    wanted = {
+        laws.TWO_FORM: (steep**2 + 1 / h) * np.prod([np.abs(t).max() for t in tangents]),
+        laws.ENERGY: steep**2 / h * largest**2,
+        laws.MOMENTUM: steep**2 / h * largest**2,
+    }
+    for law, size in wanted.items():
+        assert row[f"{law}, round-off"] == pytest.approx(np.finfo(float).eps * size, rel=1e-9, abs=0)
+
+
+def test_steps_without_a_root_are_counted():
+    equation, y, tangents, dx = case("nls")
+    steps = run(equation, scheme("equip-box"), y, dx, 0.01, 3, tangents)
+    missed = [replace(step, found=k == 1, alpha=-0.5 if k == 1 else 0.25) for k, step in enumerate(steps)]
+    row = laws.measure(Box(equation, N, dx), scheme("equip-box"), missed, 0.01, spacetime.mass)
+    assert (row["steps without a root"], row["largest parameter"]) == (2, 0.5)
 
 
 def test_a_step_that_cannot_be_solved_is_a_row():
@@ -298,6 +364,57 @@ def test_the_bench_names_what_is_lost():
     assert len(lost(bad)) == 7
     assert len(lost(changed({("avf-box", laws.TWO_FORM): 1e-15}).to_dict("records"))) == 7
     assert "equip-box on nls" in lost(bad)[0]
+
+
+# -- what is measured --------------------------------------------------------------------------------------------------
+
+
+def waves(values) -> np.ndarray:
+    """The amplitudes of the cosines and of the sines of each component, (k, m) complex."""
+    found = np.fft.rfft(values, axis=0) / len(values)
+    found[1:] *= 2
+    return np.round(found, 12)
+
+
+def test_the_data_are_the_waves_that_are_written_down():
+    """Values psi = 1 + 0.4 cos x + 0.2 i sin x and alike; tangents of no more than two periods."""
+    x = 2 * np.pi / 9 * np.arange(9)
+    values = {
+        "nls": [[1, 0], [0.4, -0.2j]],
+        "klein-gordon": [[1, 0, 0, 0.5], [0.5, -0.3j, -0.2j, 0.2]],
+    }
+    for name, wanted in values.items():
+        y, u, v = spacetime.CASES[name].data(x)
+        assert waves(y)[:2].tolist() == wanted
+        assert not waves(y)[2:].any()
+        for tangent in (u, v):
+            assert not waves(tangent)[3:].any()
+            assert np.abs(waves(tangent)[:3]).max(axis=0) == pytest.approx(np.ones(tangent.shape[1]))
+
+
+@pytest.mark.parametrize("id", ["preissmann-box", "euler-box"])
+def test_a_ladder_is_of_one_division_and_one_span_then_of_one_step(name, id):
+    rungs = spacetime.ladder(spacetime.CASES[name], scheme(id))
+    in_time, in_space = ([r[1:] for r in rungs if r[0] == falls] for falls in (spacetime.IN_TIME, spacetime.IN_SPACE))
+    assert len(in_time) == 4
+    assert {cells for cells, _, _ in in_time} == {min(spacetime.CELLS)}
+    longest = in_time[0][1]
+    assert [h / longest for _, h, _ in in_time] == [1, 1 / 2, 1 / 4, 1 / 8]
+    assert {h * steps / longest for _, h, steps in in_time} == {10}
+    assert [cells for cells, _, _ in in_space] == sorted(spacetime.CELLS)
+    assert {h for _, h, _ in in_space} == {longest / 8}
+    assert all(cells % 2 for cells in spacetime.CELLS), "the box scheme needs it"
+
+
+def test_the_longest_step_shows_the_order_already(name):
+    h = spacetime.CASES[name].longest
+    rows = [
+        spacetime.measured(name, "preissmann-box", spacetime.IN_TIME, 17, h / k, 10 * k)[spacetime.TABLE][0]
+        for k in (1, 2)
+    ]
+    assert [row["status"] for row in rows] == ["ok", "ok"]
+    coarse, fine = (row[laws.ENERGY] for row in rows)
+    assert coarse / fine == pytest.approx(4, rel=0.1)
 
 
 def test_every_scheme_is_measured_on_every_equation():

@@ -81,6 +81,21 @@ def test_residuals_of_round_off_have_no_order():
     assert not said(spacetime_page.momentum, {laws.MOMENTUM: {6: 10 * ROUND_OFF}}).holds, "two sizes tell no order"
 
 
+def test_ten_units_of_round_off_are_no_residual_that_has_an_order():
+    column = spacetime_page.COLUMNS["energy order"]
+    for units, empty in ((10, True), (11, False)):
+        falling = {laws.ENERGY: {k: units * ROUND_OFF * (1 if empty else 16 ** (3 - k)) for k in range(4)}}
+        shown = said(spacetime_page.PAGE.table, falling).frame.set_index("scheme")
+        assert pd.isna(shown.loc["equip-box", column]) == empty
+
+
+def test_of_several_controls_the_nearest_is_told():
+    rows = [scheme("avf-box", False, "cell", **{laws.TWO_FORM: dict.fromkeys(range(7), v)}) for v in (4e-12, 3e-12)]
+    table = pd.DataFrame([*scheme("equip-box", True, "total"), *rows[0], *({**r, "id": "b"} for r in rows[1])])
+    found = spacetime_page.two_form({spacetime.TABLE: table}.get)
+    assert "the controls miss it by 3000 units and more." in found.text
+
+
 def test_momenta_are_counted_of_those_that_declare_the_law():
     good, bad = said(spacetime_page.momentum), said(spacetime_page.momentum, {laws.MOMENTUM: {6: 1.0}})
     assert good.text == "The momentum law's residual falls with Δx² in 1 of 1 pairs."

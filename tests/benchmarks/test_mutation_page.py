@@ -4,6 +4,7 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.catalogue import cells, mutation, mutation_page
+from phasebench.benchmarks.page.page import ROWS
 
 
 def scored(survived=0, same=True, folder="b"):
@@ -27,6 +28,18 @@ def test_a_survivor_is_told():
         "Of 16 mutants of 2 files the tests notice 8 (50.0%); 2 are argued to change nothing; 6 survive: in b/y.py."
     )
     assert bad.short == "The tests notice 8 of 16 mutants; 6 survive."
+
+
+def test_a_file_with_one_survivor_is_named():
+    assert said(mutation_page.noticed, survived=1).text.endswith("1 survive: in b/y.py.")
+
+
+def test_folders_stand_in_their_order_with_the_files_first():
+    shown = mutation_page.table({"mutation": scored()}.get).frame
+    assert list(shown.columns) == ["folder", "files", *mutation_page.COUNTS]
+    row = scored().iloc[0]
+    many = pd.DataFrame([{**row, "file": f"{k:03d}/x.py"} for k in range(ROWS + 3)])
+    assert list(mutation_page.table({"mutation": many}.get).frame["folder"]) == [f"{k:03d}" for k in range(ROWS)]
 
 
 @pytest.mark.parametrize(("same", "text"), [(True, "2 of 2"), (False, "1 of 2")])

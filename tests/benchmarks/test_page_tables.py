@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pandas as pd
 import pytest
 
+from phasebench.benchmarks.experiments.catalogue import describe
 from phasebench.benchmarks.experiments.catalogue import page as catalogue
 from phasebench.benchmarks.experiments.matrix import page as matrix
 from phasebench.benchmarks.experiments.talks import statements_page as talks
@@ -80,6 +81,22 @@ def test_families_are_counted_by_what_their_methods_declare():
         assert int(line["energy to round-off"]) == len([m for m in members if m.energy == "round-off"])
         assert line["such as"].startswith(members[0].id)
     assert len(catalogue.METHODS_PAGE.whole({}.get)) == len(METHODS)
+
+
+def test_methods_are_described_by_what_they_declare():
+    """A method of each kind, as the books have them."""
+    lines = {line["method"]: line for line in describe.methods()}
+    assert len(lines) == len(METHODS)
+    for id, symmetric, symplectic in (
+        ("stormer-verlet", "yes", "yes"),
+        ("symplectic-euler-p", "no", "yes"),
+        ("itoh-abe", "no", "no"),
+        ("avf", "yes", "no"),
+    ):
+        assert (lines[id]["symmetric"], lines[id]["symplectic"]) == (symmetric, symplectic)
+    assert (lines["rk4"]["requires"], lines["rk4"]["parameters"]) == ("-", "-")
+    assert lines["itoh-abe"]["requires"] == "canonical"
+    assert lines["scheme-i"]["parameters"] == "lam=1/3"
 
 
 @pytest.mark.parametrize("missing", [{"source": ""}, {"cite": ""}])

@@ -217,6 +217,231 @@ def test_better_rows_would_let_it_hold(where, table, column, value, tables):
     assert statement.judged(data).verdict == HOLDS
 
 
+#: Up to which number each check lets its statements hold, by what it is: sums and products of a few numbers; of many;
+#: Jacobians by differences, of a flow besides; differences of these; printed digits; fits.
+LIMITS = {
+    **dict.fromkeys(("pendulum", "oriented-areas", "lotka-volterra", "special-values", "adjoint", "nystrom"), 1e-14),
+    **dict.fromkeys(("form-minus-one", "form-third", "form-three-halves", "form-two", "singular"), 1e-14),
+    **dict.fromkeys(("henon-heiles", "kepler-momentum"), 1e-14) | {"henon-heiles-data": 1e-15},
+    **dict.fromkeys(("lagrange", "linear-maps", "integrability", "level-curves", "coefficients"), 1e-13),
+    **dict.fromkeys(("first-integral", "group"), 1e-12),
+    **{"any-parameter": 1e-11, "poincare": 1e-10, "locally-hamiltonian": 1e-10},
+    **{"exact-form": 1e-9, "hamilton-jacobi": 1e-8},
+    **{"kepler-data": 5e-5, "closed-euler": 0.01, "solvable": 0.1, "damps": 0.999, "momentum": 1e-11},
+}
+
+
+def changed(tables, table, **columns):
+    """The committed tables with other values in the rows of a check, or in all rows."""
+    id = columns.pop("check", None)
+    frame = tables(table).copy()
+    rows = frame["check"] == id if id else slice(None)
+    for column, value in columns.items():
+        frame.loc[rows, column.replace("_", " ") if column not in frame else column] = value
+    return lambda name: frame if name == table else tables(name)
+
+
+@pytest.fixture(scope="module")
+def asking():
+    """Check -> the statements that ask for it."""
+    found = {}
+    for _, s in ALL:
+        asked = set()
+        s.judged(lambda name, asked=asked: Column(asked) if name == checks.TABLE else None)
+        for id in asked:
+            found.setdefault(id, []).append(s)
+    return found
+
+
+@pytest.mark.parametrize("id", LIMITS)
+def test_a_check_holds_up_to_its_limit_and_no_further(id, tables, asking):
+    limit, row = LIMITS[id], tables(checks.TABLE).set_index("check").loc[id]
+    assert abs(row["value"]) <= limit
+    for s in asking[id]:
+        inside, outside = (changed(tables, checks.TABLE, check=id, value=limit * x) for x in (0.999, 1.001))
+        assert s.judged(inside).verdict == s.judged(tables).verdict
+        assert s.judged(outside).verdict == CONTRADICTED
+        seen = 1e-9 if id == "solvable" else limit
+        weak, strong = (changed(tables, checks.TABLE, check=id, control=seen * x) for x in (1, 1.001))
+        assert s.judged(weak).verdict == CONTRADICTED, "a control that does not fail"
+        assert s.judged(strong).verdict == s.judged(tables).verdict
+
+
+def test_a_mass_that_is_kept_needs_no_condition(tables):
+    s = next(s for _, s in ALL if s.words == "so every quadratic invariant is kept for fixed λ")
+    assert s.judged(tables).verdict == WHERE
+    assert s.judged(changed(tables, checks.TABLE, check="mass", value=0.0)).verdict == HOLDS
+    other = next(s for _, s in ALL if s.where == "Theorem (2)")
+    assert other.judged(changed(tables, checks.TABLE, check="degenerate", value=0.05)).verdict == HOLDS
+    for control, verdict in ((1e-9, WHERE), (1.001e-9, HOLDS)):
+        seen = changed(tables, checks.TABLE, check="degenerate", value=0.05, control=control)
+        assert other.judged(seen).verdict == verdict
+
+
+def test_the_parameters_that_are_farthest_from_one_half_count(tables):
+    s = next(s for _, s in ALL if s.where == "Remarks II, 1")
+    curves = tables("talk_curves")
+    here = curves[(curves["figure"] == "perturbed-kepler-parameter") & (curves["panel"] == "lambda")]
+    first = here.index[0]
+    assert len(here) > 1
+
+    def judged(**values):
+        frame = curves.copy()
+        frame.loc[here.index, ["median", "low", "high"]] = 0.5, 0.4, 0.6
+        for column, value in values.items():
+            frame.loc[first, column] = value
+        return s.judged(lambda name: frame if name == "talk_curves" else tables(name))
+
+    assert judged().verdict == HOLDS
+    assert judged(median=0.61).verdict == judged(median=0.39).verdict == CONTRADICTED
+    assert "range 0.1 to 0.9" in judged(low=0.1, high=0.9).measured
+
+
+@pytest.mark.parametrize(
+    ("words", "table", "column"),
+    [
+        ("EQUIP multi-symplectic methods", "multisymplectic", "two-form"),
+        ("EQUIP multi-symplectic methods", "multisymplectic", "total energy error"),
+    ],
+)
+def test_one_row_of_a_box_scheme_is_enough(words, table, column, tables):
+    s, frame = next(s for _, s in ALL if s.words == words), tables(table)
+    equip = frame[frame["id"] == "equip-box"]
+    assert s.judged(tables).verdict == HOLDS
+    limit = 10 * equip["two-form, round-off"] if column == "two-form" else pd.Series(1e-11, equip.index)
+    for row in equip.index[[0, -1]]:
+        for factor, verdict in ((0.999, HOLDS), (1.001, CONTRADICTED)):
+            other = frame.copy()
+            other.loc[row, column] = factor * limit[row]
+            assert s.judged(lambda name, other=other: other if name == table else tables(name)).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("where", "methods"),
+    [
+        ("Remarks I, 3", "generating-function(lam=1/3, order=6)"),
+        ("Remarks I, 3", "scheme-iii-hlw-10(lam=1/3)"),
+        ("(18)", "generating-function(lam=1/3, order=2)"),
+        ("(18)", "generating-function(lam=1/3, order=3)"),
+        ("(18)", "generating-function(lam=1/3, order=4)"),
+        ("Compositions", "scheme-iii-yoshida-4(lam=1/3)"),
+        ("Compositions", "scheme-iii-yoshida-6(lam=1/3)"),
+        ("Remarks II, 3", "scheme-v-yoshida-4"),
+        ("Remarks II, 3", "scheme-v-kahan-li-8"),
+    ],
+)
+def test_one_method_of_another_order_is_enough(where, methods, tables):
+    s, frame = next(s for _, s in ALL if s.where == where), tables("multiprecision").copy()
+    rows = frame["method"] == methods
+    assert rows.any()
+    assert s.judged(tables).verdict == HOLDS
+    frame.loc[rows, "order"] -= 0.5
+    assert s.judged(lambda name: frame if name == "multiprecision" else tables(name)).verdict == CONTRADICTED
+
+
+@pytest.mark.parametrize(
+    ("where", "table", "column"),
+    [
+        ("Scheme IV", "energy_preservation", "energy error, steps with a root"),
+        ("Scheme IV", "pde", "energy error"),
+        ("Remark", "energy_preservation", "angular momentum error"),
+    ],
+)
+def test_the_worst_of_two_tables_counts(where, table, column, tables):
+    s, frame = next(s for _, s in ALL if s.where == where), tables(table).copy()
+    assert s.judged(tables).verdict == WHERE
+    here = frame[(frame.get("scheme", frame.get("method")) == "scheme-iv") & frame[column].notna()]
+    here = here[
+        (here["status"] == "ok") & (here["problem"] == "perturbed-kepler" if column.startswith("ang") else True)
+    ]
+    for row in here.index[[0, -1]]:
+        worse = frame.copy()
+        worse.loc[row, column] = 1e-8
+        assert s.judged(lambda name, worse=worse: worse if name == table else tables(name)).verdict == CONTRADICTED
+
+
+@pytest.fixture
+def curve(tables):
+    """(words, figure, panel, column, of the row, value) -> the verdict where that row of the figure has that value."""
+
+    def judged(words, figure, panel, column, row, value):
+        s, frame = next(s for _, s in ALL if s.words == words), tables("talk_curves").copy()
+        here = frame[(frame["figure"] == figure) & (frame["panel"].astype(str) == panel) & frame[column].notna()]
+        before = frame.loc[here.index[row], column]
+        frame.loc[here.index[row], column] = value(before) if callable(value) else value
+        return s.judged(lambda name: frame if name == "talk_curves" else tables(name))
+
+    return judged
+
+
+@pytest.mark.parametrize(
+    ("words", "panel", "limit", "above"),
+    [
+        ("Euler methods from (2, 2) and (4, 8), h = 0.12, leave the level curve", "explicit Euler", 2, True),
+        ("Euler methods from (2, 2) and (4, 8), h = 0.12, leave the level curve", "implicit Euler", 2, True),
+        ("explicit and implicit Euler are qualitatively wrong", "explicit Euler", 2, True),
+        ("explicit and implicit Euler are qualitatively wrong", "implicit Euler", 2, True),
+        ("midpoint from (4, 2) and (2, 2), h = 0.12, stays near the level curve", "implicit midpoint", 0.05, False),
+        ("symplectic Euler from (4, 2) and (6, 2), h = 0.12, stays in a band", "symplectic Euler", 2, False),
+    ],
+)
+def test_an_orbit_is_near_its_level_curve_up_to_a_change_of_the_invariant(words, panel, limit, above, curve):
+    for row in (0, -1):
+        for factor in (0.999, 1.001):
+            found = curve(words, "lotka-volterra-methods", panel, "energy_error", row, factor * limit)
+            assert found.verdict == (HOLDS if (factor > 1) == above else CONTRADICTED)
+
+
+@pytest.mark.parametrize(
+    ("words", "panel"),
+    [
+        ("the pendulum's flow carries sets without changing their area", "exact flow"),
+        ("nonlinear symplectic maps keep areas", "symplectic Euler"),
+        ("nonlinear symplectic maps keep areas", "implicit midpoint"),
+    ],
+)
+def test_an_area_is_kept_to_round_off_at_every_time(words, panel, curve, tables):
+    for row in (1, -1):
+        for change, verdict in ((0.9e-11, HOLDS), (1.2e-11, CONTRADICTED)):
+            found = curve(words, "pendulum-area", panel, "area", row, lambda area, change=change: area + change)
+            assert found.verdict == verdict
+    frame = tables("talk_curves").copy()
+    lost = (frame["figure"] == "pendulum-area") & (frame["panel"] == "explicit Euler")
+    found = curve(words, "pendulum-area", panel, "area", 2, lambda area: area + 5e-12)
+    assert found.measured == "change of area up to 5.0e-12; explicit Euler 7.0e-01"
+    frame.loc[lost, "area"] = 1.0
+    s = next(s for _, s in ALL if s.words == words)
+    same = s.judged(lambda name: frame if name == "talk_curves" else tables(name))
+    assert same.verdict == CONTRADICTED, "a control that keeps it too"
+
+
+def test_a_disc_keeps_its_measure_and_not_its_area(curve):
+    words = "the exact flow goes round on level curves of I"
+    for change, verdict in ((0.9e-11, HOLDS), (1.2e-11, CONTRADICTED)):
+        found = curve(words, "lotka-volterra-flow", "disc", "measure", -1, lambda x, change=change: x + change)
+        assert found.verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("value", "control", "verdict"),
+    [(-1.0, 1.0, HOLDS), (0.0, 1.0, CONTRADICTED), (-1.0, 0.0, CONTRADICTED), (0.5, 1.0, CONTRADICTED)],
+)
+def test_the_prey_are_who_grow_less_the_more_there_are_of_the_others(value, control, verdict, tables):
+    s = next(s for _, s in ALL if s.where == "Fig. 4.1, names")
+    assert s.judged(changed(tables, checks.TABLE, check="species", value=value, control=control)).verdict == verdict
+
+
+def test_a_carried_parallelogram_is_judged_by_three_rows(tables):
+    s, frame = next(s for _, s in ALL if s.where == "Fig. 2.1"), tables("talk_curves")
+    here = frame[frame["figure"] == "linear-symplectic-map"]
+    assert (len(here), s.judged(tables).verdict) == (3, HOLDS)
+    two = frame.drop(index=here.index[-1])
+    assert s.judged(lambda name: two).verdict == MISSING
+    same = frame.copy()
+    same.loc[here.index[2], ["x", "y"]] = same.loc[here.index[0], ["x", "y"]].to_numpy()
+    assert s.judged(lambda name: same).verdict == CONTRADICTED, "a control that keeps it too"
+
+
 def test_steps_without_a_root_are_a_condition(tables):
     statement = next(s for _, s in ALL if s.where == "Scheme IV")
     assert statement.judged(tables).verdict == WHERE

@@ -2,10 +2,12 @@
 
 import importlib.util
 import json
+import runpy
 import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -154,6 +156,20 @@ def test_a_child_says_what_it_found_and_is_not_waited_for_when_it_died(monkeypat
     assert worker.forked(lambda: sys.exit(3)) == "died"
     assert worker.forked(lambda: time.sleep(60), patience=0.1) == "hung"
     assert worker.forked(lambda: max(iter(int, 1)), patience=0.5) == "hung"
+
+
+def test_a_test_that_fails_without_a_change_is_found_before_mutants_are_judged(monkeypatch):
+    """It would notice every mutant, whether it was recorded or not."""
+    monkeypatch.syspath_prepend(TOOL)
+    Trial = runpy.run_path(str(TOOL / "__main__.py"), run_name="command")["Trial"]
+    path, known = "integrators/lots.py", ["tests/a.py::test_one", "tests/b.py::test_two"]
+    reach = SimpleNamespace(tests=lambda *_: known[:1], seconds=lambda _: 0.1, known=known, named=lambda _: [])
+    trial = Trial(path, reach, SimpleNamespace(within=1.0, most=1.0, sample=3, again=False, by=[]))
+    jobs = []
+    assert trial.failing(lambda job: jobs.append(job) or "tests/a.py::test_new") == "tests/a.py::test_new"
+    (job,) = jobs
+    assert job.code == (TOOL.parents[1] / path).read_text()
+    assert (job.tests, job.files, job.known) == ((known[0],), ("tests/a.py",), frozenset(known[:1]))
 
 
 def test_a_line_that_runs_once_is_not_only_its_first_test_s(monkeypatch):

@@ -68,6 +68,34 @@ def test_a_family_says_from_how_many_degrees_of_freedom_on(id):
     assert [kernel.prepare(method(id), system(d)).arrays for d in (most, most + 1)] == [False, True]
 
 
+# -- the parts of a Runge-Kutta step of arrays, as Python functions --------------------------------------------------
+
+
+@pytest.mark.parametrize("id", ["rk4", "dop853"])
+def test_two_terms_at_a_time_are_the_sum_over_a_row_of_the_tableau(id):
+    """Some rows have an odd number of terms, some an even one, the first has none; what is zero is left out."""
+    table, h, d = kernel.array(method(id).data, codegen.DOUBLE), 0.3, 3
+    slopes = np.random.default_rng(1).standard_normal((len(table) - 1, 2 * d))
+    terms = {int(np.count_nonzero(row[:i])) for i, row in enumerate(table)}
+    assert {0, 1, 2} <= terms or {0, 1, 4} <= terms
+    for i, row in enumerate(table):
+        memory = np.vstack([slopes, np.full(2 * d, 7.0)])
+        found = np.concatenate(runge_kutta._total(table, i, h, memory, np.zeros(d)))
+        np.testing.assert_allclose(found, h * row[:i] @ slopes[:i], rtol=0, atol=1e-15 * len(table))
+        np.testing.assert_array_equal(memory[:-1], slopes)
+
+
+def test_a_slope_is_that_where_the_increments_lead():
+    """It is written into its row; the increments become the place where it is taken."""
+    q, p, dq, dp = np.array([1.0, 2.0]), np.array([3.0, 5.0]), np.array([0.25, 0.5]), np.array([-0.5, 0.125])
+    evaluate, memory = runge_kutta._evaluate_arrays(*[None] * 8), np.zeros((3, 4))
+    evaluate(lambda q, p, h, _: (10 * p + h, -q), q, p, dq, dp, 0.5, memory, 1)
+    np.testing.assert_array_equal(memory, [[0] * 4, [25.5, 51.75, -1.25, -2.5], [0] * 4])
+    assert (*q, *p) == (1, 2, 3, 5)
+
+
+# -- where arrays are taken -------------------------------------------------------------------------------------------
+
 NOT_IN_PLACE = ["implicit-midpoint", "scheme-i", "gauss-4", "rk4-projected-energy", "rk4-relaxation"]
 
 

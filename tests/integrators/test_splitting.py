@@ -10,7 +10,7 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine import codegen, kernel, preparation
-from phasebench.integrators.registry import method
+from phasebench.integrators.registry import METHODS, method
 
 
 def oscillators(T, d=2):
@@ -68,6 +68,14 @@ def test_a_drift_multiplies_by_what_masses_are(arithmetic):
 )
 def test_which_kinetic_energies_are_masses(T, wanted):
     assert oscillators(T).inverse_masses == wanted
+
+
+@pytest.mark.parametrize("id", [m.id for m in METHODS if m.family == "splitting"])
+def test_the_drifts_of_a_step_add_up_to_it_and_so_do_the_kicks(id):
+    """Whatever their numbers are, 1 and fractions that cancel each other among them."""
+    step = kernel.prepare(method(id), oscillators(of_masses)).step
+    assert np.all(step.a[1:] != 0)
+    assert [np.sum(step.a), np.sum(step.b)] == pytest.approx([1, 1], abs=4e-15)
 
 
 def test_the_outer_planets_have_masses():

@@ -44,6 +44,7 @@ CHILDREN = multiprocessing.get_context("forkserver")
 KEPT = ROOT / ".mutation"
 ARGUED = Path(__file__).with_name("equivalent.toml")
 KILLED, SURVIVED, UNREACHED, EQUIVALENT = "killed", "survived", "not reached", "argued equivalent"
+FAILING = "files of failing tests"
 
 
 def arguments() -> argparse.Namespace:
@@ -142,15 +143,23 @@ class Trial:
         def promise(test: str) -> float:
             return (1 + 20 * self.kills[mutant.where, test] + 5 * self.kills[test]) / (0.02 + self.reach.seconds(test))
 
-        found = sorted(self._quick(self._may_notice(mutant.line)), key=promise, reverse=True)
-        spent = accumulate(map(self.reach.seconds, found))
-        return [test for test, seconds in zip(found, spent, strict=True) if seconds <= self.most]
+        return self._affordable(sorted(self._quick(self._may_notice(mutant.line)), key=promise, reverse=True))
+
+    def _affordable(self, tests: list[str]) -> list[str]:
+        spent = accumulate(map(self.reach.seconds, tests))
+        return [test for test, seconds in zip(tests, spent, strict=True) if seconds <= self.most]
 
     def _may_notice(self, line: int) -> list[str]:
         return self.named or self.reach.tests(self.path, line)
 
     def _quick(self, tests: list[str]) -> list[str]:
         return [test for test in tests if self.reach.seconds(test) <= self.within]
+
+    def failing(self, ask) -> str | None:
+        """A test that fails though nothing is changed, as it is now or in a copy: it would notice every mutant."""
+        tests = self._affordable(sorted(self._quick(self._may_notice(0)), key=self.reach.seconds))
+        code, seconds = (ROOT / self.path).read_text(), sum(map(self.reach.seconds, tests))
+        return ask(worker.Job(self.path, code, tuple(tests), self.files, self.known_tests, seconds))
 
     def judged(self, mutant: Mutant, ask) -> str:
         """Whether one of the tests notices it."""
@@ -210,6 +219,10 @@ def main() -> int:
         with judge(folder) as ask:
             while not todo.empty():
                 trial = Trial(todo.get(), reach, asked)
+                if trial.files and (test := trial.failing(ask)):
+                    print(f"{trial.path}: not judged, as {test} fails without a change", flush=True)
+                    counts[FAILING] += 1
+                    continue
                 said = tried(trial, ask)
                 counts.update(said.values())
                 score.write(score.read() | {trial.path: trial.score(said)})
@@ -217,7 +230,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(asked.jobs) as pool:
         list(pool.map(work, [Path(folder) / str(k) for k in range(min(asked.jobs, todo.qsize()))]))
     print(f"{sum(counts.values())} mutants: " + ", ".join(f"{n} {said}" for said, n in counts.items()))
-    return 1 if counts[SURVIVED] or counts[UNREACHED] else 0
+    return 1 if counts[SURVIVED] or counts[UNREACHED] or counts[FAILING] else 0
 
 
 if __name__ == "__main__":

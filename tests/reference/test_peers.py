@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import json
 import sys
+import time
+from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators import Hamiltonian, InvalidInput
-from phasebench.reference.peers import BY_ID, PEERS, Peer, integrate_peer, particles, peer
+from phasebench.integrators import Hamiltonian, InvalidInput, outcome
+from phasebench.reference.peers import BY_ID, PEERS, Peer, integrate_peer, particles, peer, run
+from phasebench.reference.peers import scipy as older
+from phasebench.reference.peers.record import NOT_FINITE, Run, split_alone
 from phasebench.reference.solvers.taylor import reference
+from support.planted import control
 
 T_END = 10.0
 COUNTS = {"steps", "gradient", "hessian", "iterations", "fallbacks"}
@@ -212,3 +218,183 @@ def test_unusable_input_is_refused(id, name, options, what):
 def test_a_peer_is_a_record_of_its_own():
     assert isinstance(peer("heyoka"), Peer)
     assert peer(PEERS[1]) is PEERS[1]
+
+
+# -- what a record says ---------------------------------------------------------------------------------------------
+
+
+def test_what_is_said_of_a_peer_is_whole():
+    assert len({p.name for p in PEERS}) == len(PEERS)
+    for p in PEERS:
+        for words in (p.name, p.about, p.source, p.scope, p.claims.source):
+            assert words == words.strip(" ;,")
+            assert not any(wrong in words for wrong in ("  ", "; ;", ";;", "None", "{", "}")), words
+        assert p.about.count(";") >= (p.package in ("desolver", "gala", "galpy", "pyhamsys"))
+        assert p.name.endswith(", adaptive") == p.id.endswith("-adaptive")
+
+
+def test_the_scope_in_words_is_what_is_not_lacking():
+    """Of a system that is in no special form: its H is canonical and not separable."""
+    made = problem("double-pendulum")
+    peers = [p for p in PEERS if not p.id.endswith("-numba")]  # where nothing is compiled they lack that
+    able = {p.id for p in peers if p.lacks(made, made.system) is None}
+    assert able == {p.id for p in peers if p.scope.startswith("any")}
+    assert {BY_ID[id].package for id in able} == {"heyoka", "scipy", "gala", "desolver", "pyhamsys", "diffrax"}
+
+
+#: Peer -> the smallest tolerance that it takes, and its default where the package has none of its own.
+TOLERANCES = {
+    "heyoka": (2.0**-53, 2.0**-52),
+    "heyoka-batch": (2.0**-53, 2.0**-52),
+    "rebound-ias15": (1e-16, None),
+    "rebound-bs": (1e-14, None),
+    "scipy-dop853": (100 * 2.0**-52, None),
+    "gala-dopri853": (1e-14, None),
+    "gala-dopri853-cython": (1e-14, None),
+    "galpy-dopr54-c": (1e-14, None),
+    "galpy-dop853": (1e-14, None),
+    "galpy-dop853-c": (1e-14, None),
+    "galpy-odeint": (1e-13, None),
+    "desolver-dopri45-adaptive": (1e-14, 1e-10),
+}
+
+
+@pytest.mark.parametrize("id", TOLERANCES)
+def test_the_least_tolerance_is_taken_and_none_below(id):
+    least, default = TOLERANCES[id]
+    assert BY_ID[id].tol == default
+    with pytest.raises(InvalidInput, match="none below"):
+        integrate_peer(problem("kepler"), id, t_end=0.1, tol=least * (1 - 1e-9))
+    assert integrate_peer(problem("kepler"), id, t_end=1e-3, tol=least).status in ("ok", "skipped")
+
+
+def test_a_record_that_names_no_least_tolerance_takes_every_one():
+    (default,) = (f.default for f in fields(Peer) if f.name == "least")
+    taken = []
+    honest = control("stormer-verlet")
+    any_tolerance = replace(honest, adaptive=True, least=default, run=lambda t: taken.append(t.tol) or honest.run(t))
+    for tol in (1e-300, 0.99):
+        assert integrate_peer(problem("pendulum"), any_tolerance, t_end=0.1, tol=tol).status == "ok"
+    assert taken == [1e-300, 0.99]
+
+
+# -- what a run says ------------------------------------------------------------------------------------------------
+
+#: One of each way to run, and whether it tells its evaluations.
+WAYS = {
+    "heyoka": False,
+    "heyoka-batch": False,
+    "rebound-whfast": False,
+    "rebound-ias15": False,
+    "scipy-dop853": True,
+    "gala-leapfrog": True,
+    "gala-leapfrog-cython": False,
+    "galpy-leapfrog-c": False,
+    "galpy-dop853-c": False,
+    "desolver-rk4": True,
+    "desolver-dopri45-adaptive": True,
+    "pyhamsys-verlet": False,
+    "diffrax-euler": False,
+}
+
+
+@pytest.mark.parametrize("id", WAYS)
+def test_seconds_are_within_those_of_the_call_and_what_is_not_told_is_0(id):
+    made, chosen = problem("kepler"), BY_ID[id]
+    size = {"t_end": 0.01, "steps": 4, "tol": 1e-6 if chosen.adaptive else None}
+    began = time.perf_counter()
+    solution = integrate_peer(made, chosen, **size)
+    spent = time.perf_counter() - began
+    if solution.status == "skipped":
+        pytest.skip(solution.reason)
+    assert solution.status == "ok"
+    assert 0 < solution.seconds < spent
+    counts = solution.counts
+    assert (counts["hessian"], counts["iterations"], counts["fallbacks"]) == (0, 0, 0)
+    assert (counts["gradient"] >= 4) if WAYS[id] else (counts["gradient"] == 0)
+    assert np.isnan(solution.parameter).all()
+    assert len(solution.parameter) == len(solution.t) - 1
+    assert (solution.q.shape, solution.p.shape) == ((5, 2), (5, 2))
+    exact = reference(made, solution.t, certify=False)
+    assert np.abs(solution.q - exact.q).max() < 1e-3
+
+
+@pytest.mark.parametrize("solver", ["ode", "odeint"])
+def test_the_older_interfaces_count_what_scipy_tells(solver, monkeypatch):
+    made, calls = problem("kepler"), [0]
+    inner = made.system.vector_field()
+
+    def field(t, y):
+        calls[0] += 1
+        return inner(t, y)
+
+    monkeypatch.setattr(older, "compiled_field", lambda system: field)
+    began = time.perf_counter()
+    solution = integrate_peer(made, older.fast(solver), t_end=1.0, steps=5)
+    assert 0 < solution.seconds < time.perf_counter() - began
+    assert error(solution, made) < 1e-5
+    counted = (solution.counts["steps"], solution.counts["gradient"])
+    assert counted[1] == (calls[0] - 1 if solver == "odeint" else 0)  # one before the clock starts
+    assert 5 <= counted[0] < counted[1] if solver == "odeint" else counted[0] == 0
+    monkeypatch.setattr(older, "STEP_LIMIT", 2)
+    stopped = integrate_peer(made, older.fast(solver), t_end=100.0, steps=2)
+    assert (stopped.status, len(stopped.t)) == ("diverged", 1)
+    if solver == "ode":
+        assert (stopped.counts["steps"], stopped.counts["gradient"]) == (0, 0)
+
+
+@pytest.mark.parametrize("where", [("q", 2, 0), ("q", 2, 1), ("p", 2, 0), ("p", 2, 1)])
+def test_one_number_that_is_none_ends_the_rows(where):
+    """Whichever of them it is; the rows behind it may be finite."""
+    name, row, component = where
+    rows = {"q": np.ones((4, 2)), "p": np.ones((4, 2))}
+    rows[name][row, component] = np.nan
+    system, times = problem("henon-heiles").system, np.array([0.0, 0.5, 1.0, 7.0])
+    status, reason, good = run.ending(system, times, rows["q"], rows["p"], "it says why.")
+    assert (status, good) == ("diverged", 2)
+    assert reason == "it says why; the rows end at t = 0.5 of 7"
+    assert run.ending(system, times, rows["q"], rows["p"], None)[1].startswith(NOT_FINITE)
+
+
+class Observed(SimpleNamespace):
+    """A system of which the energies are given."""
+
+    def observe(self, H, q, p):
+        return np.asarray(H)
+
+
+@pytest.mark.parametrize(
+    ("energies", "status", "rows"),
+    [
+        ((1.0, -9.0, 1.0), "judged", 3),  # of just ten times itself
+        ((1.0, 11.5, 1.0), "collision", 3),
+        ((1.0, -9.5, 1.0), "collision", 3),
+        ((1.0, np.nan, 1.0), "diverged", 1),
+        ((1.0, 1.0, np.inf), "diverged", 2),
+    ],
+)
+def test_the_energy_tells_a_collision_and_the_domain(energies, status, rows, monkeypatch):
+    monkeypatch.setattr(outcome, "energy_unit", lambda *_: 1.0)
+    monkeypatch.setattr(outcome, "judged", lambda *_: ("judged", ""))
+    system, times, states = Observed(H=energies, singular=True), np.array([0.0, 1.0, 2.0]), np.zeros((3, 1))
+    found, reason, good = run.ending(system, times, states, states, None)
+    assert (found, good) == (status, rows)
+    if status == "diverged":
+        assert f"domain; the rows end at t = {rows - 1}" in reason
+    regular = run.ending(Observed(H=energies, singular=False), times, states, states, None)
+    assert regular[0] == ("diverged" if status == "diverged" else "judged")
+
+
+@pytest.mark.parametrize("canonical", [True, False])
+@pytest.mark.parametrize("separable", [True, False])
+def test_what_is_split_has_to_be_canonical_and_separable(canonical, separable):
+    lack = split_alone("it is not")(None, SimpleNamespace(canonical=canonical, separable=separable))
+    assert lack == (None if canonical and separable else "it is not")
+
+
+def test_rows_of_states_are_halves():
+    states = np.arange(12.0).reshape(3, 4)
+    found = Run.of_states(states, 5, 6, 0.25, "a reason")
+    assert found.q.tolist() == [[0, 1], [4, 5], [8, 9]]
+    assert found.p.tolist() == [[2, 3], [6, 7], [10, 11]]
+    assert found[2:] == (5, 6, 0.25, "a reason")

@@ -8,6 +8,7 @@ import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.reference.peers import BY_ID, floating, integrate_peer
+from support import flushing
 from support.flushing import flush, only_there
 from support.planted import control
 
@@ -41,6 +42,13 @@ def test_the_switch_is_seen():
     assert not floating.gradual()
     flush(False)
     assert floating.gradual()
+
+
+def test_the_least_number_is_what_is_lost(monkeypatch):
+    assert floating.LEAST.hex() == "0x0.0000000000001p-1022"
+    monkeypatch.setattr(flushing, "BITS", 0x8000)  # results alone, not what enters
+    flush()
+    assert not floating.gradual()
 
 
 def test_a_run_that_switches_is_taken_back():

@@ -6,9 +6,11 @@ import contextlib
 import inspect
 import os
 import re
+import signal
 import subprocess
 import sys
-from functools import lru_cache
+import threading
+from functools import lru_cache, partial
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
 from phasebench.reference.peers import Task, gala, galpy, integrate_peer
 from phasebench.reference.peers.galactic import is_henon_heiles, powers
+from phasebench.reference.solvers import taylor
 from phasebench.reference.solvers.taylor import reference
 
 PEERS = {p.id: p for p in (*galpy.PEERS, *gala.PEERS)}
@@ -98,6 +101,13 @@ def test_each_integrator_of_the_packages_has_a_record():
     assert {p.id for p in gala.PEERS if not p.id.endswith("cython")} == {
         f"gala-{n.removesuffix('Integrator').lower()}" for n in classes
     }
+
+
+def test_an_order_is_the_one_in_the_name():
+    named = [(p.order, re.search(r"order (\d+)", p.name)) for p in PEERS.values()]
+    said = [(order, int(found.group(1))) for order, found in named if found]
+    assert len(said) > 10
+    assert all(order == number for order, number in said)
 
 
 @pytest.mark.parametrize(("peer", "name"), able(FIXED))
@@ -215,13 +225,41 @@ def test_another_method_in_its_place_is_a_failure():
         assert what in failure
 
 
+KEPLER_IN_SPACE = Hamiltonian(q="x y z", p="u v w", H="(u**2 + v**2 + w**2)/2 - 3/(2*sqrt(x**2 + y**2 + z**2))")
+
+
+@pytest.mark.parametrize("id", ["galpy-leapfrog", "galpy-symplec4-c", "gala-leapfrog", "gala-ruth4-cython"])
+def test_kepler_s_problem_in_space_is_one_too(id):
+    """A circle of radius 2 in a tilted plane, around a mass of 3/2."""
+    peer = PEERS[id]
+    need(peer.package)
+    speed, h = np.sqrt(0.75), 2e-3
+    along = np.array([0.6, 0.0, 0.8])
+    s = integrate_peer(KEPLER_IN_SPACE, peer, h=h, steps=100, q0=[0.0, 2.0, 0.0], p0=-speed * along)
+    angle = s.t * speed / 2
+    exact = 2 * (np.cos(angle)[:, None] * [0.0, 1.0, 0.0] - np.sin(angle)[:, None] * along)
+    assert np.abs(s.q - exact).max() < 1e-6
+    assert np.abs(np.hypot(s.p[:, 1], s.p @ along) - speed).max() < 1e-6
+
+
 def test_potentials_are_recognised():
     assert powers(made("perturbed-kepler").system) == ((-1.0, -1.0), (-0.0025, -3.0))
     assert powers(made("duffing").system) == ((-0.5, 2.0), (0.25, 4.0))
     assert is_henon_heiles(made("henon-heiles").system)
     for H in ("(u**2 + v**2)/2 + x**2/2 + y**2", "(u**2 + v**2)/2 + x*y", "(u**2 + 2*v**2)/2 - 1/sqrt(x**2 + y**2)"):
         assert not powers(Hamiltonian(q="x y", p="u v", H=H))
+    for V, wanted in (
+        ("x**2 + y**2", ((1.0, 2.0),)),
+        ("sqrt(x**2 + y**2) + 7", ((1.0, 1.0),)),  # a constant is no force
+        ("(x**2 + y**2)**2", ((1.0, 4.0),)),
+    ):
+        assert powers(Hamiltonian(q="x y", p="u v", H=f"(u**2 + v**2)/2 + {V}")) == wanted
+    assert powers(KEPLER_IN_SPACE) == ((-1.5, -1.0),)
+    in_four = Hamiltonian(q="x y z w", p="a b c d", H="(a**2 + b**2 + c**2 + d**2)/2 + x**2 + y**2 + z**2 + w**2")
+    assert powers(in_four) is None
     assert powers(Hamiltonian(q="x", p="u", H="u**2/2 + x**3")) is None
+    for V in ("cos(x)", "exp(-x**2)", "x**2 + exp(-x**2)"):
+        assert powers(Hamiltonian(q="x", p="u", H=f"u**2/2 + {V}")) is None
     near = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 + (x**2 + y**2)/2 + x**2*y - y**3/4")
     assert not is_henon_heiles(near)
 
@@ -269,6 +307,45 @@ socket.create_connection = connect
     done = subprocess.run([sys.executable, "-c", trap + text], capture_output=True, text=True, env=environment)
     assert ("network" in done.stderr) == calls, done.stderr
     assert ("interrupted" in done.stdout) != calls, done.stderr
+
+
+def test_what_galas_loop_in_c_gives_up_is_a_failure():
+    need("gala")
+    s = integrate_peer(made("kepler"), "gala-dopri853-cython", t_end=2.0, steps=4, q0=[1.0, 0.0], p0=[0.0, 0.0])
+    assert (s.status, len(s.t)) == ("diverged", 1)
+    assert (s.counts["steps"], s.counts["gradient"]) == (0, 0)
+    assert s.seconds >= 0
+
+
+def test_pythons_handler_of_interrupts_is_put_back_by_the_main_thread_alone(monkeypatch):
+    """No other thread may."""
+    need("galpy")
+    put = []
+    monkeypatch.setattr(galpy.signal, "signal", lambda *arguments: put.append(arguments))
+    times, potential = np.array([0.0, 0.1]), galpy._known(made("kepler").system)
+    run = partial(galpy._integrate, "leapfrog_c", potential, [1.0, 0.0, 1.2, 0.0], times, {})
+    run()
+    monkeypatch.undo()
+    mine = signal.getsignal(signal.SIGINT)
+    signal.signal(signal.SIGINT, mine)
+    assert (signal.SIGINT, mine) in put
+    monkeypatch.setattr(galpy.signal, "signal", lambda *arguments: put.append(arguments))
+    put.clear()
+    other = threading.Thread(target=run)
+    other.start()
+    other.join()
+    assert put == []
+    monkeypatch.undo()
+    signal.signal(signal.SIGINT, mine)
+
+
+@pytest.mark.parametrize(("lost", "hopeless"), [(0.9e-6, False), (1.1e-6, True)])
+def test_what_heyoka_may_lose_where_there_is_no_collision(lost, hopeless, monkeypatch):
+    """A millionth of 1 + |H|, here of 3/2."""
+    q, p = (1.0, 0.0), (0.0, 1.0)
+    rows = np.array([[*q, *p], [*q, 0.0, np.sqrt(1.0 + 3.0 * lost)]])
+    monkeypatch.setattr(taylor, "propagate", lambda ta, times: (rows, 1, None))
+    assert (galpy._hopeless.__wrapped__(made("kepler").system, q, p, 1.0) is not None) == hopeless
 
 
 def test_dopri853_is_of_order_8_whatever_its_class_says():

@@ -60,6 +60,31 @@ def test_the_lanes_do_what_one_orbit_does(name):
     assert np.abs(kept.state[: made.system.d, 0] - lanes.q[-1]).max() < 1e-11
 
 
+class Differing:
+    """An integrator one lane of which goes astray at a row."""
+
+    def __init__(self, kept, row):
+        self.kept, self.row = kept, row
+
+    def __getattr__(self, name):
+        return getattr(self.kept, name)
+
+    def propagate_grid(self, grid, **options):
+        steps, states = self.kept.propagate_grid(grid, **options)
+        states[self.row, 0, -1] += 1e-15
+        return steps, states
+
+
+@pytest.mark.parametrize("row", [1, 3])
+def test_a_lane_that_does_something_else_is_a_failure(row, monkeypatch):
+    made = problem("henon-heiles:box")
+    kept = Differing(peers._batch(made.system, peers.EPS), row)
+    monkeypatch.setattr(peers, "_batch", lambda *_: kept)
+    solution = integrate_peer(made, "heyoka-batch", t_end=1.0, steps=3)
+    assert (solution.status, len(solution.t)) == ("diverged", 1)
+    assert "lanes, which started alike, differ" in solution.reason
+
+
 def test_seconds_of_the_lanes_are_those_of_one_orbit(monkeypatch):
     """A clock that ticks once a call: an orbit in lanes is there after all of them, not after a share of the time."""
     ticks = iter(range(100))
@@ -99,7 +124,8 @@ def test_the_other_mode_of_many_variables_is_without_compact_mode(monkeypatch):
     start = taylor.start
     monkeypatch.setattr(taylor, "start", lambda ta, *more: (started.append(ta), start(ta, *more)))
     other = peers.compact(True, on=False)
-    assert "the same" in peers.compact(True).lacks(made, made.system)
+    assert "of 12 variables 'heyoka-high-accuracy' is the same" in peers.compact(True).lacks(made, made.system)
+    assert peers.compact(True, on=False).lacks(made, made.system) is None
     ends = [integrate_peer(made, p, t_end=0.1, tol=1e-12).q[-1] for p in ("heyoka", other)]
     assert [(ta.high_accuracy, ta.compact_mode) for ta in started] == [(False, True), (True, False)]
     assert np.abs(ends[0] - ends[1]).max() < 1e-11

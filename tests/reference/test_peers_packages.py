@@ -223,6 +223,71 @@ def test_any_system_is_any_system(id, name):
     assert np.abs(np.concatenate([solution.q[-1], solution.p[-1]]) - end).max() < 1e-7
 
 
+def test_the_half_that_is_said_to_go_first_does(monkeypatch):
+    """In two of pyhamsys's lists that is declared with a method's order."""
+    need("pyhamsys")
+    first, split = [], pyhamsys._split
+
+    def noted(system, position_first):
+        first.append(position_first)
+        return split(system, position_first)
+
+    monkeypatch.setattr(pyhamsys, "_split", noted)
+    told = 0
+    for chosen in pyhamsys.PEERS:
+        words = re.search(r"\b([TV]) first", chosen.about)
+        if words:
+            integrate_peer(truth()[0], chosen, h=0.1, steps=2)
+            assert first.pop() is (words.group(1) == "T"), chosen.id
+            told += 1
+    assert told == 8
+    system, y = truth()[0].system, np.array([0.7, 0.4])
+    for position in (True, False):
+        found = split(system, position).chi(0.1, 0.0, y)
+        moved = y[0] + 0.1 * y[1]
+        kick = y[1] - 0.1 * np.sin(moved if position else y[0])
+        assert found == pytest.approx([moved if position else y[0] + 0.1 * kick, kick], abs=1e-15)
+
+
+def test_two_copies_are_of_every_method_but_two():
+    """Of one by its other name, and of one with hundreds of evaluations a step."""
+    plain, extended, bound = (
+        {p.id.removesuffix(kind) for p in pyhamsys.PEERS if p.id.endswith(kind)} for kind in ("", "-extended", "-omega")
+    )
+    general = {p.id for p in pyhamsys.PEERS if "for all purposes" in p.about and p.claims.symplectic}
+    assert len(general) == 11
+    assert general - extended == {"pyhamsys-yo4", "pyhamsys-yo10"}
+    assert extended <= general <= plain
+    assert bound == {"pyhamsys-verlet", "pyhamsys-bm4", "pyhamsys-bm6"}
+    for p in pyhamsys.PEERS:
+        doubled = p.id.endswith(("-extended", "-omega"))
+        assert ("extension" in p.claims.source) == ("two copies" in p.about) == doubled
+        assert p.claims.symplectic is (None if doubled else True)
+
+
+@pytest.mark.parametrize("id", ["pyhamsys-verlet", "pyhamsys-verlet-extended", "desolver-rk4", "diffrax-euler"])
+def test_a_run_prints_nothing(id, capfd):
+    integrate_peer(truth()[0], need(id), h=0.1, steps=3)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_terms_are_named_where_they_are_not_the_field():
+    named = {p.id.removeprefix("diffrax-"): p.about for p in diffrax.PEERS if "terms:" in p.about}
+    assert {*named} == {"semi-implicit-euler", "sil3", "kencarp3", "kencarp4", "kencarp5"}
+    for name, about in named.items():
+        assert ("explicit in q, implicit in p" in about) == (name != "semi-implicit-euler")
+    solved = {p.id.removeprefix("diffrax-") for p in diffrax.PEERS if "Newton's method" in p.about}
+    assert solved == {*named, "implicit-euler", "kvaerno3", "kvaerno4", "kvaerno5"} - {"semi-implicit-euler"}
+
+
+@pytest.mark.parametrize("id", ADAPTIVE[:2])
+def test_rows_of_adaptive_steps_are_the_orbit_s(id):
+    solution = integrate_peer(truth()[0], need(id), t_end=1.0, steps=4, tol=1e-9)
+    exact = reference(truth()[0], solution.t, certify=False)
+    assert np.abs(np.hstack([solution.q - exact.q, solution.p - exact.p])).max() < 1e-6
+    assert solution.counts["gradient"] > 4 * solution.counts["steps"] >= 16
+
+
 # -- what they cannot do ------------------------------------------------------------------------------------------
 
 
@@ -244,6 +309,34 @@ def test_a_blow_up_keeps_the_rows_before_it(id):
     assert solution.status == "diverged"
     assert 1 <= len(solution.q) < 40
     assert np.isfinite(solution.q).all()
+
+
+def test_a_run_ends_with_the_piece_in_which_it_leaves_the_numbers():
+    chosen = need("pyhamsys-verlet")
+    solution = integrate_peer(BLOWN_UP, chosen, t_end=400.0, steps=400, q0=[1.0], p0=[1.0])
+    assert (solution.status, solution.counts["steps"]) == ("diverged", pyhamsys.PIECE)
+    assert "no longer finite" in solution.reason
+
+
+def test_rows_end_before_the_step_that_newtons_method_cannot_do():
+    stiff = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
+    solution = integrate_peer(stiff, need("diffrax-kvaerno3"), h=0.5, steps=10, q0=[1.0], p0=[1.0])
+    failed = int(re.match(r"Newton's method fails in step (\d+);", solution.reason).group(1))
+    assert failed > 1
+    assert len(solution.t) == failed
+    every_third = integrate_peer(stiff, need("diffrax-kvaerno3"), h=0.5, steps=10, q0=[1.0], p0=[1.0], save_every=3)
+    assert len(every_third.t) == 1 + (failed - 1) // 3
+
+
+def test_a_second_run_compiles_nothing():
+    """However many calls of the loop it takes."""
+    need("diffrax-euler")
+    with diffrax.double_precision():
+        first, loop = diffrax._compiled.__wrapped__("Euler", diffrax.WHOLE, truth()[0].system)
+        before = loop._cache_size()
+        rows, failed = diffrax._steps(first, loop, np.array([1.0, 0.0]), 1e-3, np.arange(1, 2 * diffrax.ROWS + 3))
+    assert (len(rows), failed) == (2 * diffrax.ROWS + 2, -1)
+    assert loop._cache_size() == before
 
 
 # -- traps of the packages that the modules speak of --------------------------------------------------------------

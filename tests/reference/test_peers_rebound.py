@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import lru_cache
 
 import numpy as np
@@ -11,6 +12,7 @@ from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.problems.outer_solar_system import BODIES, G
 from phasebench.integrators import Hamiltonian, InvalidInput
 from phasebench.reference.peers import BY_ID, PEERS, Task, integrate_peer, particles
+from phasebench.reference.peers import rebound as peers
 from phasebench.reference.peers.particles import CENTRAL, GRAVITY, POTENTIAL
 from phasebench.reference.solvers.taylor import reference
 
@@ -96,6 +98,13 @@ def test_masses_are_read_off_the_energy():
     assert list(particles.settings(made("perturbed-kepler", e=0.2).system)) == [CENTRAL, POTENTIAL]
 
 
+@pytest.mark.parametrize(("name", "bodies"), [("henon-heiles", 1), ("toda", 1), ("fpu", 2)])
+def test_a_body_takes_three_coordinates_and_no_more_bodies_are_made(name, bodies):
+    setting = particles.settings(made(name).system)[POTENTIAL]
+    assert setting.masses == (0.0,) * bodies
+    assert bodies - 1 < len(setting.inverse) / 3 <= bodies
+
+
 @pytest.mark.parametrize(
     ("kinetic", "potential", "kind"),
     [
@@ -148,6 +157,16 @@ def test_every_peer_reaches_the_reference(name):
             wrong[peer.id] = (coarse,) if peer.adaptive else (coarse, fine)
     assert not wrong
     assert run >= 14
+
+
+def test_these_take_no_extra_force_and_all_others_do():
+    """Newtonian gravity alone is in the modified kick and in what knows its own forces."""
+    here = made("perturbed-kepler", e=0.2)
+    lacking = {p.id: p.lacks(here, here.system) for p in OURS}
+    without = [f"saba-cm-{n}" for n in (1, 2, 3, 4)] + ["whfast512", "whfast512-corrector-17"]
+    without += ["whfast-modifiedkick", "eos-pmlf6"]
+    assert {id for id, lack in lacking.items() if lack} == {f"rebound-{name}" for name in without}
+    assert all("Newtonian gravity alone" in lack for lack in lacking.values() if lack)
 
 
 def test_an_extra_force_left_out_would_be_seen():
@@ -257,6 +276,25 @@ def test_singular_jacobi_coordinates_end_the_run():
     assert (s.status, len(s.t)) == ("diverged", 1)
 
 
+def test_what_rebound_warns_of_is_the_reason(monkeypatch):
+    """Where the rows are no longer finite, one number of them at least."""
+    here, state = made("pendulum"), particles.state
+
+    def spoiled(sim, setting):
+        found = state(sim, setting)
+        if sim.t > 0.25:
+            warnings.warn("it went astray", RuntimeWarning, stacklevel=1)
+            found[1] = np.nan
+        return found
+
+    monkeypatch.setattr(particles, "state", spoiled)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # it is a reason, not a warning
+        s = integrate_peer(here, "rebound-leapfrog", h=0.1, steps=5)
+    assert (s.status, s.counts["steps"], len(s.t)) == ("diverged", 2, 3)
+    assert s.reason.startswith("it went astray; ")
+
+
 # -- particulars ------------------------------------------------------------------------------------------------------
 
 
@@ -295,6 +333,34 @@ def test_janus_stops_before_its_integers_overflow():
     assert "beyond 461" in s.reason
     assert s.q[-1, 0] == pytest.approx(s.t[-1] ** 2 / 2)
     assert s.t[-1] == 30
+
+
+@pytest.mark.parametrize(
+    ("q", "p", "rows"), [([460.0, 0.0], [1.0, 0.0], 2), ([0.0, 460.0], [0.0, 1.0], 2), ([0.0, 0.0], [462.0, 0.0], 1)]
+)
+def test_janus_stops_whichever_coordinate_or_velocity_goes_too_far(q, p, rows):
+    free = Hamiltonian(q="x y", p="v w", H="(v**2 + w**2)/2 + 0*x*y")
+    s = integrate_peer(free, "rebound-janus-2", h=1.0, steps=4, q0=q, p0=p)
+    assert (s.status, len(s.t)) == ("diverged", rows)
+    assert "beyond 461" in s.reason
+
+
+def test_leapfrogs_are_said_to_evaluate_forces_as_often_as_they_do():
+    for peer in (p for p in OURS if "-leapfrog" in p.id):
+        sim, calls = rebound.Simulation(), [0]
+        sim.add(m=1.0)
+        sim.add(a=1.0)
+        sim.integrator = "leapfrog"
+        sim.integrator.order = peer.order
+        sim.dt = 0.01
+
+        def count(_, calls=calls):
+            calls[0] += 1
+
+        sim.additional_forces = count
+        sim.steps(10)
+        times = calls[0] // 10
+        assert peer.about == f"{times} force evaluation{'' if times == 1 else 's'} a step"
 
 
 def test_rows_change_whfast512_by_round_off_alone():
@@ -339,6 +405,13 @@ def test_claims_say_where():
         assert p.claims.order in (None, p.order)
         assert p.claims.symplectic == (None if "eos" in p.id or "trace" in p.id else not p.adaptive)
         assert p.claims.reversible == (True if "janus" in p.id else None)
+
+
+@pytest.mark.parametrize("mode", [m for m in peers.ADAPTIVE_MODES if m != "prs23"])
+def test_other_modes_of_ias15_take_a_larger_least_tolerance(mode):
+    with pytest.raises(InvalidInput, match="none below"):
+        integrate_peer(made("kepler"), peers.ias15(mode), t_end=0.1, tol=0.99e-11)
+    assert integrate_peer(made("kepler"), peers.ias15(mode), t_end=0.01, tol=1e-11).status == "ok"
 
 
 @pytest.mark.timeout(60)

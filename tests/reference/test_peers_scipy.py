@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from phasebench.integrators import Hamiltonian, InvalidInput
 from phasebench.integrators.engine import codegen
 from phasebench.reference.peers import BY_ID, integrate_peer
 from phasebench.reference.peers import scipy as peers
+from phasebench.reference.peers.field import right_hand_side
 from phasebench.reference.solvers.taylor import reference
 
 SOLVERS = ("DOP853", "Radau", "LSODA")
@@ -81,6 +83,14 @@ def test_the_compiled_field_is_the_systems(sites):
     assert len(f.signatures) == 2
 
 
+def test_a_right_hand_side_is_compiled_unless_nothing_is(monkeypatch):
+    system, y = problem("pendulum").system, np.array([0.4, 0.9])
+    assert right_hand_side(system) is peers.compiled_field(system)
+    assert right_hand_side(system)(0.0, y) == pytest.approx([0.9, -np.sin(0.4)], abs=1e-15)
+    monkeypatch.setattr(codegen, "compiled", lambda: False)
+    assert right_hand_side(SimpleNamespace(vector_field=lambda: "in Python")) == "in Python"
+
+
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_defaults_and_rows_are_scipys(solver):
     made = problem("kepler")
@@ -90,6 +100,8 @@ def test_defaults_and_rows_are_scipys(solver):
     theirs = scipy.integrate.solve_ivp(field, (0, 9.0), start, method=solver, t_eval=t)
     assert np.abs(np.hstack([mine.q, mine.p]).T - theirs.y).max() < 1e-14
     assert mine.status == "ok"
+    own = scipy.integrate.solve_ivp(field, (0, 9.0), start, method=solver)
+    assert mine.counts["steps"] == len(own.t) - 1
 
 
 def test_evaluations_are_all_of_them(monkeypatch):
