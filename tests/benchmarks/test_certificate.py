@@ -64,6 +64,7 @@ def test_what_was_not_measured_does_not_pass(missing):
         ("runs", {"runs": [{"on": "tao", "status": "raised", "reason": "line 3"}]}),
         ("runs", {"runs": [{"on": "tao", "status": "diverged", "reason": ""}]}),
         ("stateless", {"state": [{"on": "tao", "what": "steps in turns", "value": 1e-9}]}),
+        ("stateless", {"state": [{"on": "tao", "what": "steps in turns", "value": 2e-13}]}),
         ("pure", {"input": [{"on": "tao", "value": 1e-16, "later": 0.0}]}),
         ("pure", {"input": [{"on": "tao", "value": 0.0, "later": 1e-16}]}),
         ("consistent", {"order": [order_row(first=1.0)]}),

@@ -126,3 +126,14 @@ def test_a_file_that_is_no_table_is_invalid(tmp_path):
     (tmp_path / "t.csv").write_text("")
     with pytest.raises(InvalidInput, match="cannot be read"):
         history.stored(str(tmp_path / "t.csv"))
+
+
+def test_what_was_timed_on_one_side_alone_is_no_ratio():
+    after = table()
+    of = after["method"] == "b"
+    after.loc[of, "seconds"] = [np.nan, 0.0, np.inf, *(2 * after.loc[of, "seconds"].iloc[3:])]
+    assert kinds(table(), after) == {(history.SLOW, "b")}, "five that tell are enough"
+    untimed = table().drop(columns="seconds")
+    for pair in ((untimed, table()), (table(), untimed)):
+        found = history.usual({"t": pair[0], "u": table()}, {"t": pair[1], "u": table().assign(seconds=2.0)})
+        assert np.isfinite(found.value)

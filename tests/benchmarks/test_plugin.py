@@ -75,3 +75,23 @@ def test_what_the_readme_s_workflow_runs():
     ]
     assert "\nphasebench validate ./my_step.py --output my-certificate\n" in README
     assert ".ci/plugin" in (ROOT / ".ci" / "run").read_text()
+
+
+def leapfrog(system, q, p, h):
+    p = p - h / 2 * system.dH_dq(q, p)
+    q = q + h * system.dH_dp(q, p)
+    return q, p - h / 2 * system.dH_dq(q, p)
+
+
+def test_claims_that_hold_return_what_was_measured_and_others_fail_with_it(request):
+    claims_hold = importlib.import_module(PLUGIN).claims_hold
+    for requires in ("separable", ("separable",)):
+        found = claims_hold(leapfrog, requires=requires, order=2)
+        assert (found.verdict, found.requires, found.seed, found.offers) == ("pass", ("separable",), 0, [])
+    with pytest.raises(pytest.fail.Exception, match="order 3: contradicted") as failure:
+        claims_hold(leapfrog, requires="separable", seed=4, order=3)
+    assert not failure.value.pytrace, "what is wrong is no line of ours"
+    with pytest.raises(TypeError):
+        claims_hold(leapfrog, "separable")
+    if REGISTERED:
+        assert request.getfixturevalue("phasebench_claims")(leapfrog, requires="separable", order=2).verdict == "pass"

@@ -92,6 +92,22 @@ def test_a_corrupt_line_inside_is_left_out_and_counted(path, line):
     assert (set(journal.entries), journal.unreadable) == ({"cell 0", "cell 2"}, 1)
 
 
+def test_a_line_of_which_one_table_is_none_is_left_out(path):
+    lines = path.read_text()
+    half = json.loads(lines.splitlines()[0]) | {"cell": "half", "rows": {"t": [], "u": 3}}
+    path.write_text(lines + json.dumps(half) + "\n")
+    again = Journal(path)
+    assert "half" not in again.entries
+    assert (len(again.entries), again.unreadable) == (3, 1)
+
+
+def test_a_journal_and_a_lock_make_their_folders(tmp_path):
+    Journal(tmp_path / "a" / "b" / "rows.jsonl").put(entry(1))
+    assert len(Journal(tmp_path / "a" / "b" / "rows.jsonl").entries) == 1
+    with locked(tmp_path / "c" / "d"):
+        assert (tmp_path / "c" / "d").is_dir()
+
+
 def test_a_journal_that_is_a_folder_is_an_invalid_input(tmp_path):
     with pytest.raises(InvalidInput, match="cannot be read"):
         Journal(tmp_path)

@@ -1,0 +1,371 @@
+"""What a certificate measures, on steps that are made for it: long runs, structure, what is kept between calls."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.certificate import adaptive, battery, certificate, conservation, render, structure
+from phasebench.benchmarks.certificate.basics import adapts
+from phasebench.benchmarks.certificate.behaviour import state_between_steps
+from phasebench.benchmarks.certificate.order import flow
+from phasebench.benchmarks.certificate.stepping import StepFailed, Stepper
+from phasebench.benchmarks.certificate.subject import subject
+from phasebench.benchmarks.certificate.verdicts import Tables
+from phasebench.integrators.engine.codegen import MULTIPRECISION
+
+PENDULUM = battery.known("pendulum")
+
+
+def leapfrog(system, q, p, h):
+    p = p - h / 2 * system.dH_dq(q, p)
+    q = q + h * system.dH_dp(q, p)
+    return q, p - h / 2 * system.dH_dq(q, p)
+
+
+def made(step):
+    return subject(step, {}, ("separable",))
+
+
+class Failing:
+    """The identity, which fails at a call of each step size; `asked` are the calls by step size."""
+
+    def __init__(self, lasts, raised=None):
+        self.lasts, self.raised, self.asked = lasts, raised, {}
+
+    def __call__(self, system, q, p, h):
+        self.asked[h] = self.asked.get(h, 0) + 1
+        if self.asked[h] < self.lasts(h):
+            return q, p
+        if self.raised:
+            raise self.raised
+        return q * np.nan, p
+
+
+# -- long runs --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("gradients", "steps"), [(1, 2400), (50, 800), (90, 400), (150, 400)])
+def test_a_dear_step_takes_fewer_steps(gradients, steps):
+    def dear(system, q, p, h):
+        for _ in range(gradients):
+            system.dH_dq(q, p)
+        return q, p
+
+    assert conservation.long_run(made(dear), PENDULUM, 0)["steps"] == steps
+
+
+def test_a_step_that_asks_for_nothing_takes_all_steps():
+    assert conservation.long_run(made(lambda system, q, p, h: (q, p)), PENDULUM, 0)["steps"] == 2400
+
+
+def test_a_run_that_does_not_last_is_made_again_with_half_the_step():
+    shorter = Failing(lambda h: 300 if h > 0.06 else np.inf, FloatingPointError("overflow"))
+    row = conservation.long_run(made(shorter), PENDULUM, 0)
+    assert (row["status"], row["h"], row["time"]) == ("ok", 0.05, 0.05 * 2400)
+    assert set(shorter.asked) == {0.2, 0.1, 0.05, 0.025}, "the shortest, in which gradients are counted, too"
+
+
+def test_a_run_lasts_at_no_step_where_it_ends_on_the_last_one():
+    """2400 steps and no number at the last of them; the 20 in which gradients are counted come before."""
+    last = Failing(lambda h: 2420 if h < 0.03 else 2400)
+    row = conservation.long_run(made(last), PENDULUM, 0)
+    assert (row["status"], row["on"]) == ("diverged", "pendulum")
+    assert row["reason"] == "after 2400 steps of h = 0.025 the state was not finite"
+    assert last.asked == {0.2: 2400, 0.1: 2400, 0.05: 2400, 0.025: 2420}
+
+
+def test_a_step_that_is_broken_is_no_run_that_does_not_last():
+    with pytest.raises(StepFailed, match="KeyError"):
+        conservation.long_run(made(Failing(lambda h: 30, KeyError("x"))), PENDULUM, 0)
+
+
+def test_the_energy_of_a_run_and_its_slope_are_those_of_the_rows():
+    """Of a step that adds to p: on H = p^2/2 at a flat place of the potential, by hand."""
+    entry = battery.Entry("flat", battery._one("p**2/2 + 0*q"), (0.0, 1.0))
+
+    def pushed(system, q, p, h):
+        return q + h * p, np.sqrt(p * p + 2e-3 * h)
+
+    row = conservation.long_run(made(pushed), entry, 0)
+    assert row["energy"]["low"] < row["energy"]["slope"] < row["energy"]["high"]
+    assert row["energy"]["slope"] == pytest.approx(1e-3, rel=1e-6)
+    assert row["energy"]["time"] == pytest.approx(480.0)
+    assert row["curve"][-1] == pytest.approx([480.0, 0.48])
+    assert len(row["curve"]) == 401
+
+
+# -- structure --------------------------------------------------------------------------------------------------------
+
+
+def test_a_structure_is_told_at_a_shorter_step_where_the_first_cannot_be_taken():
+    def short(system, q, p, h):
+        if abs(h) > 0.3:
+            raise FloatingPointError("no root")
+        return leapfrog(system, q, p, h)
+
+    assert structure.measured(Stepper(made(leapfrog), PENDULUM), 0, structure.symmetry)["h"] == 0.5
+    assert structure.measured(Stepper(made(short), PENDULUM), 0, structure.symmetry)["h"] == 0.125
+
+
+@pytest.mark.parametrize("rough", [(1, 0), (0, 1)])
+def test_round_off_inside_is_seen_in_every_component(rough):
+    def rounded(system, q, p, h):
+        q, p = leapfrog(system, q, p, h)
+        return tuple(x * (1 + (float(x[0]) / x[0] - 1) * of) for x, of in zip((q, p), rough, strict=True))
+
+    assert structure.smooth(Stepper(made(leapfrog), PENDULUM, MULTIPRECISION), 0) < structure.SMOOTH
+    assert structure.smooth(Stepper(made(rounded), PENDULUM, MULTIPRECISION), 0) > 1e-18
+
+
+# -- what is kept between calls, how an adaptive one converges --------------------------------------------------------
+
+
+def test_with_one_system_steps_in_turns_are_of_two_of_its_orbits():
+    rows = state_between_steps(made(leapfrog), [PENDULUM], 0)
+    assert [(r["what"], r["value"]) for r in rows] == [("the same step twice", 0.0), ("steps in turns", 0.0)]
+    last = {}
+
+    def keeps(system, q, p, h):
+        h = h + last.get("q", q)[0] * 1e-3
+        last["q"] = q.copy()
+        return leapfrog(system, q, p, h)
+
+    assert max(r["value"] for r in state_between_steps(made(keeps), [PENDULUM], 0)) > 1e-5
+
+
+def test_steps_are_taken_in_turns_on_three_pairs_of_systems():
+    rows = state_between_steps(made(leapfrog), list(battery.entries()), 0)
+    assert [r["what"] for r in rows].count("steps in turns") == 3
+
+
+def test_what_is_told_of_an_adaptive_integrator_is_its_error_at_the_smallest_tolerance():
+    row = {"on": "tao", "tolerances": [1e-4, 1e-7, 1e-10], "errors": [1e-4, 1e-3, 2e-9]}
+    better = {"on": "quartic", "tolerances": [1e-4, 1e-7, 1e-11], "errors": [1e-4, 1e-6, 1e-9]}
+    found = adapts(Tables({"tolerance": [better, row]}))
+    assert (found.verdict, found.measured, found.why) == ("holds", 2e-9, "error 2.0e-09 at tolerance 1e-10 on tao")
+
+
+# -- the battery ------------------------------------------------------------------------------------------------------
+
+ALL = {e.name: e for e in (*battery.entries(), *battery.lasting(), battery.oscillator())}
+
+
+def test_long_runs_are_made_on_three_systems_and_orders_told_from_steps_that_are_halved():
+    """So that errors of a step and of its half can be compared, over a time that a double is."""
+    assert [e.name for e in battery.lasting.__wrapped__()] == ["henon-heiles", "kepler", "dimer"]
+    assert all(2 * n in battery.LADDER for n in battery.LADDER if n <= 32)
+    assert sorted({*battery.LADDER}) == list(battery.LADDER)
+    assert float(battery.SPAN) == battery.SPAN
+
+
+@pytest.mark.parametrize("entry", ALL.values(), ids=ALL)
+def test_a_seed_moves_every_component_to_either_side(entry):
+    moved = np.array([entry.start(seed) - entry.state for seed in range(40)]) / battery.MOVED
+    assert (abs(moved) < 1).all()
+    assert (moved.min(axis=0) < -0.7).all()
+    assert (moved.max(axis=0) > 0.7).all()
+    assert (entry.start(3) == entry.start(3)).all()
+
+
+@pytest.mark.parametrize("entry", ALL.values(), ids=ALL)
+def test_states_are_of_the_size_of_one_and_reversible_systems_are(entry):
+    assert np.linalg.norm(entry.state) < 1.5
+    q, p = np.split(entry.start(0), 2)
+    H = entry.system.observe(entry.system.H, *np.array([[q, q], [p, -p]]))
+    assert entry.reversible == (abs(H[0] - H[1]) < 1e-14)
+
+
+def test_orbits_of_the_battery_are_bounded():
+    """A pendulum that swings, an ellipse that is not far from a circle."""
+    pendulum, kepler = (ALL[name] for name in ("pendulum", "kepler"))
+    assert pendulum.state[1] ** 2 / 2 - np.cos(pendulum.state[0]) < 0.5
+    q, p = np.split(np.array(kepler.state), 2)
+    energy, momentum = p @ p / 2 - 1 / np.linalg.norm(q), q[0] * p[1] - q[1] * p[0]
+    assert 0.05 < np.sqrt(1 + 2 * energy * momentum**2) < 0.3
+
+
+# -- an adaptive integrator -------------------------------------------------------------------------------------------
+
+
+def test_errors_are_told_in_parts_of_the_largest_number_of_a_state_and_energies_as_they_are():
+    """Of a run that ends beside the truth by its tolerance in q, a third of it in p."""
+    entry, truth = PENDULUM, flow("pendulum", 0, adaptive.T_END, 48)[0].astype(float)
+    beside = np.array([1.0, -1 / 3])
+
+    def run(system, q, p, t_end, tol):
+        assert t_end == adaptive.T_END
+        return np.split(truth + tol * beside, 2)
+
+    row = adaptive.tolerances(subject(run), entry, 0)
+    tols = np.array(row["tolerances"])
+    assert row["errors"] == pytest.approx(tols / abs(truth).max(), rel=1e-4)
+    ends = truth + tols[:, None] * beside
+    energies = [y[1] ** 2 / 2 - np.cos(y[0]) for y in (entry.start(0), *ends)]
+    assert row["energy"] == pytest.approx(abs(np.array(energies[1:]) - energies[0]), abs=1e-15)
+    assert (row["repeats"], row["evaluations"]) == (True, [0, 0, 0, 0])
+    assert tols[1:] == pytest.approx(tols[:-1] / 100), "so that an order can be seen"
+    assert tols[-1] == 1e-10
+
+
+# -- coefficients -----------------------------------------------------------------------------------------------------
+
+TRAPEZOIDAL = {"A": [[0, 0], ["1/2", "1/2"]], "b": ["1/2", "1/2"]}
+
+
+@pytest.mark.parametrize(
+    ("record", "end", "slopes"),
+    [
+        ({"A": [[0, 0], [1, 0]], "b": ["1/2", "1/2"]}, (0.875, -0.5), 2),
+        ({"A": [["1/2"]], "b": [1]}, (15 / 17, -8 / 17), None),
+        (TRAPEZOIDAL, (15 / 17, -8 / 17), None),
+    ],
+)
+def test_one_step_of_a_tableau_by_hand(record, end, slopes):
+    """On the harmonic oscillator from (1, 0) at h = 1/2; an explicit one evaluates each stage once."""
+    stepper = Stepper(subject(record), battery.oscillator())
+    assert stepper(np.array([1.0, 0.0]), 0.5) == pytest.approx(end, abs=1e-15)
+    assert slopes is None or list(stepper.system.evaluations) == [slopes, slopes]
+
+
+# -- what is measured of whom -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def places(monkeypatch):
+    """Places and times that cost nothing: a list of the subjects that were placed."""
+    asked = []
+    monkeypatch.setattr(certificate, "scenes", lambda chosen: ["near", "far"])
+    monkeypatch.setattr(certificate, "place", lambda chosen, scene: asked.append(scene) or {"on": scene, "errors": []})
+    monkeypatch.setattr(certificate, "timed", lambda chosen, row, run: {"on": "near"} if row["on"] == "near" else None)
+    return asked
+
+
+def adapting(system, q, p, t_end, tol):
+    """Not far from the truth, at any tolerance."""
+    for _ in range(40):
+        q, p = leapfrog(system, q, p, t_end / 40)
+    return q, p
+
+
+def test_an_adaptive_integrator_has_a_place_unless_it_is_measured_alone(places):
+    steps = {"claims": {}, "requires": ("separable",)}
+    certificate.certify(adapting, **steps, alone=True)
+    assert places == []
+
+
+def test_a_place_and_a_time_are_told_of_what_is_a_step(places):
+    chosen, tables = made(leapfrog), Tables()
+    certificate._step(chosen, tables, 0, print, set())
+    certificate._place(chosen, tables, print)
+    assert places == ["near", "far"]
+    assert certificate._times(chosen, tables, print) == [{"on": "near"}], "of some nothing can be told"
+    certificate._place(chosen, Tables(), print)
+    assert places == ["near", "far"]
+
+
+def test_a_system_that_nobody_has_is_said():
+    found = certificate.certify(subject(leapfrog, {}, ("Kepler part",)), alone=True)
+    assert found.verdict == "not-judged"
+    assert (
+        "no system of the kind that it requires: Kepler part" in next(j for j in found.claims if j.name == "runs").why
+    )
+
+
+def test_round_off_is_told_of_the_second_system_of_a_step_that_takes_many_digits(monkeypatch):
+    monkeypatch.setattr(conservation, "round_off", lambda chosen, entry, seed: {"on": entry.name})
+    for requires, on in ((("separable",), "henon-heiles"), (("separable", "quadratic kinetic energy"), "henon-heiles")):
+        tables = Tables()
+        certificate._step(subject(leapfrog, {}, requires), tables, 0, print, {"round_off"})
+        assert tables.rows["round_off"] == [{"on": on}]
+
+    def doubles(system, q, p, h):
+        return tuple(x.astype(float) for x in leapfrog(system, q, p, h))
+
+    tables = Tables()
+    assert certificate._step(subject(doubles, {}, ("separable",)), tables, 0, print, {"round_off"}) != ""
+    assert "round_off" not in tables.rows
+
+
+def test_in_python_seeds_are_those_of_the_command(monkeypatch):
+    asked = []
+
+    def certify(target, claims, requires, seed):
+        asked.append((claims, requires, seed))
+        return certificate.Certificate("mine", [], [], "pass", Tables(), "", (), seed, 0.0)
+
+    monkeypatch.setattr(certificate, "certify", certify)
+    certificate.validate(leapfrog, requires="separable", order=2)
+    certificate.validate(leapfrog, seed=5)
+    assert asked == [({"order": 2}, ("separable",), 0), ({}, (), 5)]
+
+
+# -- where it is looked for, how it is printed ------------------------------------------------------------------------
+
+
+def test_a_callable_of_the_working_folder_comes_before_another_and_the_path_stays(tmp_path, monkeypatch):
+    for folder, first in (("elsewhere", "q"), ("here", "p")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "twice_here.py").write_text(f"def step(system, q, p, h):\n    return {first}, {first}\n")
+    monkeypatch.setattr(sys, "path", [x for x in sys.path if x not in ("", str(tmp_path / "here"))])
+    monkeypatch.syspath_prepend(tmp_path / "elsewhere")
+    monkeypatch.chdir(tmp_path / "here")
+    before = [*sys.path]
+    assert subject("twice_here:step").own.step(None, 1, 2, 0) == (2, 2)
+    assert sys.path == before
+
+
+LIKE = {"low": 1.9, "high": 2.1, "separable": True}
+PLACES = [
+    {"error": 1e-2, "evaluations": 300.0, "factor": 1.5, "cheapest": "pefrl", "its evaluations": 200.0},
+    {"error": 1e-4, "evaluations": None, "factor": None, "cheapest": "gauss-8", "its evaluations": 700.0},
+]
+
+
+def printed(**more) -> str:
+    """The document of a certificate with these tables."""
+    order = [
+        {"on": "pendulum", "value": 2.0, "arithmetic": "multiprecision", **LIKE},
+        {"on": "tao", "value": 2.0, "arithmetic": "double", **LIKE},
+    ]
+    symmetric = [{"on": "pendulum", "value": 2e-30}, {"on": "tao", "status": "failed", "reason": "with -h: no"}]
+    round_off = {"on": "henon-heiles", "mean": 0.1, "deviation": 0.5, "steps": 256, "biased": False}
+    rows = {"order": order, "symmetric": symmetric, "round_off": [round_off]} | more
+    found = certificate.Certificate("mine", [], ["order=2", "symplectic"], "pass", Tables(rows), "", (), 0, 1.0)
+    return render.document(found, [])
+
+
+def test_a_document_says_of_each_system_in_what_digits_it_was_measured_and_what_was_not():
+    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in printed().splitlines() if "|" in line]
+    head = next(line for line in lines if line[0] == "system")
+    rows = {line[0]: dict(zip(head, line, strict=True)) for line in lines if line[0] in ("pendulum", "tao")}
+    assert (rows["pendulum"]["digits"], rows["tao"]["digits"]) == ("40", "16")
+    assert rows["pendulum"]["symmetric defect"].startswith("2")
+    assert rows["tao"]["symmetric defect"] == "not measured"
+    assert "Measured and not claimed: order=2, symplectic." in printed()
+
+
+def test_a_document_tells_the_errors_of_an_adaptive_integrator_by_tolerance():
+    text = printed(tolerance=[{"on": "quartic", "tolerances": [1e-4, 1e-10], "errors": [0.002, 3e-9]}])
+    assert "relative errors at tolerances 1e-04, 1e-10" in text
+    assert next(line for line in text.splitlines() if "quartic" in line).rstrip("| ").endswith("0.002, 3.00e-09")
+    assert "Errors are relative to the largest component of the state" in " ".join(text.split())
+
+
+@pytest.mark.parametrize(
+    ("biased", "grows"), [(True, "not 0: it adds up as t"), (False, "0 as far as can be seen: as the root of t")]
+)
+def test_a_document_says_how_round_off_adds_up(biased, grows):
+    row = {"on": "henon-heiles", "mean": 0.1, "deviation": 0.5, "steps": 256, "biased": biased}
+    text = " ".join(printed(round_off=[row]).split())
+    assert f"over 256 steps on henon-heiles: its mean is {grows}" in text
+
+
+def test_a_document_says_how_many_times_the_fewest_evaluations_it_takes():
+    assert "fronts of the trade" not in printed()
+    text = printed(place=[{"on": "pendulum-short", "errors": PLACES}])
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if "pendulum-short" in line]
+    assert ["pendulum-short", "1e-02", "300", "pefrl", "200", "1.5"] in rows
+    assert ["pendulum-short", "1e-04", "not reached", "gauss-8", "700", ""] in rows
