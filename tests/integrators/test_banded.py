@@ -137,6 +137,17 @@ def test_a_run_in_pieces_keeps_its_matrix_and_forgets_it_where_another_run_begin
     assert np.isnan(q).all()
 
 
+def test_a_step_ends_at_the_substep_that_is_not_solved():
+    """By its evaluations, beside those of half the step."""
+    system, start = lattice("toda", 21)
+    made, counts = type("Made", (), {"system": system, **start}), []
+    for id, h, more in (("scheme-iii", 2e3, {"lam": 0.5}), ("implicit-midpoint", 1e3, {})):
+        run = prepare(made, id, solver="banded", **more)
+        assert run(h, 1)[2] != run.SOLVED
+        counts.append(run.counts["gradient"])
+    assert counts[0] == counts[1] > 0
+
+
 def test_explicit_steps_stay_explicit():
     system, start = lattice("toda")
     explicit, end = ends(system, "scheme-i", start, 0.1, lam=1)
