@@ -12,7 +12,9 @@ from support.curves import EXACT, NEAR, UNIT, from_roots, known, look
 # -- the model --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("c", [(0.3, -1, 0.5), (-0.3, -1, 0.5), (0.3, 1, -2), (1e-9, -2, 3), (1, 0, -4), (1, 4, 0)])
+@pytest.mark.parametrize(
+    "c", [(0.3, -1, 0.5), (-0.3, -1, 0.5), (0.3, 1, -2), (1e-9, -2, 3), (1, 0, -4), (1, 4, 0), (1, -2, 1)]
+)
 def test_the_smaller_root_of_a_parabola_is_its_smaller_root(c):
     roots = np.roots(c[::-1])
     assert model.smaller_root(*map(float, c)) == pytest.approx(roots[np.argmin(abs(roots))], rel=1e-14)
