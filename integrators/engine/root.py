@@ -48,9 +48,10 @@ def finder(attempt, several=True):
     """The finder for attempt(x, start, ease, arguments) -> `Attempt`, ``ease`` times less exact than round-off.
 
     It is a function (search, models, row, predicted, arguments) -> (x, found, the attempt at x, or at 0 where there is
-    no root).  The row of ``models`` keeps the slope and curvature of the quadratic model from step to step;
-    ``predicted`` is the root extrapolated from earlier steps.  Unless E may have ``several`` roots near zero, it is
-    NaN and each step searches; what follows a root or looks for a nearer one is then not compiled.
+    no root; where E jumps from one sign to the other, x is there, not found).  The row of ``models`` keeps the slope
+    and curvature of the quadratic model from step to step; ``predicted`` is the root extrapolated from earlier steps.
+    Unless E may have ``several`` roots near zero, it is NaN and each step searches; what follows a root or looks for a
+    nearer one is then not compiled.
     """
 
     @jit
