@@ -15,7 +15,7 @@ from phasebench.benchmarks.problems import klein_gordon, nls, problem
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.engine import codegen
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.families.multisymplectic import run, scheme, schemes
+from phasebench.integrators.families.multisymplectic import Stages, run, scheme, schemes
 from phasebench.integrators.systems.multisymplectic import Box, Staggered
 
 MODULES = {"nls": nls, "klein-gordon": klein_gordon}
@@ -111,6 +111,61 @@ def test_bad_input_is_refused():
         list(run(equation, scheme("preissmann-box"), y, dx, 0.0, 1))
     with pytest.raises(InvalidInput, match="needed"):
         list(run(equation, scheme("preissmann-box"), y[:, :1], dx, 0.1, 1))
+
+
+@pytest.mark.parametrize("size", [2.0**-40, 2.0**40])
+def test_steps_of_a_linear_equation_scale(name, size):
+    """When Newton's method ends is no matter of units."""
+    equation, y, _, dx = case(name, strength=0.0)
+    for id in ("gauss-box", "equip-box"):
+        (one,), (other,) = (run(equation, scheme(id), z, dx, 1.0, 1) for z in (y, size * y))
+        assert np.abs(other.end / size - one.end).max() < 1e-13
+
+
+def test_the_stages_move_with_the_parameter_as_their_tableau_does(name):
+    """It enters linearly: one more of it is as much as a little, and no stage of uneven weights is spared."""
+    equation, y, _, dx = case(name)
+    chosen = replace(scheme("equip-box"), b=np.array([0.25, 0.75]))
+    stages = Stages(Box(equation, N, dx), chosen, y, 0.02, 0.01)
+    (A_q, A_p), (B_q, B_p) = chosen.at(0.0), chosen.at(1.0)
+    q, p = np.split(stages.T, 2, axis=-1)
+    more = [0.02 * np.einsum("ij,jnc->inc", B, x) for B, x in ((B_q - A_q, q), (B_p - A_p, p))]
+    assert stages.by_parameter() == pytest.approx(np.concatenate(more, axis=-1), abs=1e-15)
+
+
+def test_tangents_whose_parameter_follows_the_state_keep_the_energy(name):
+    """The energy that a step ends at is given: it does not move with the state that the step begins at."""
+    equation, y, tangents, dx = case(name)
+    space = Box(equation, N, dx)
+    (step,) = run(equation, scheme("equip-box"), y, dx, 0.2, 1, tangents)
+    assert step.found
+
+    def moved(tangent):
+        ends = [space.total_energy(step.end + e * tangent.end) for e in (1e-6, -1e-6)]
+        return abs(ends[0] - ends[1]) / 2e-6
+
+    assert max(map(moved, step.moving)) < 1e-6
+    assert max(map(moved, step.tangents)) > 1e-3, "the control"
+
+
+def test_tableaus_are_the_textbook_s():
+    """Made anew: of Gauss, Radau IIA, the midpoint rule and symplectic Euler."""
+    made, off = schemes.__wrapped__(), np.sqrt(3) / 6
+    wanted = {
+        "gauss-box": ([[1 / 4, 1 / 4 - off], [1 / 4 + off, 1 / 4]], [1 / 2, 1 / 2]),
+        "radau-box": ([[5 / 12, -1 / 12], [3 / 4, 1 / 4]], [3 / 4, 1 / 4]),
+        "preissmann-box": ([[1 / 2]], [1]),
+    }
+    for id, (A, b) in wanted.items():
+        for found, x in ((made[id].A_q, A), (made[id].A_p, A), (made[id].b, b)):
+            assert found == pytest.approx(np.array(x, float), abs=1e-16)
+    assert (made["euler-box"].A_q, made["euler-box"].A_p) == (0, 1)
+
+
+def test_a_scheme_is_shown_without_its_tableau():
+    for id in schemes():
+        assert "array" not in repr(scheme(id))
+        assert id in repr(scheme(id))
 
 
 # -- the schemes -------------------------------------------------------------------------------------------------------

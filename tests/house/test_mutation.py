@@ -1,9 +1,13 @@
 """The command that changes the suite: its mutants change what a module does, one place each."""
 
+import importlib.util
+import json
+import runpy
 import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -73,8 +77,14 @@ def test_the_command_says_what_it_takes():
     said = subprocess.run([sys.executable, TOOL, "--help"], capture_output=True, text=True, check=True).stdout
     assert all(
         option in said
-        for option in ("--reach", "--sample", "--again", "--within", "--score", "--jobs", "--plain", "--most")
+        for option in ("--reach", "--by", "--sample", "--again", "--within", "--score", "--jobs", "--plain", "--most")
     )
+
+
+def test_tests_that_are_named_must_be_recorded():
+    done = subprocess.run([sys.executable, TOOL, "--by", "tests/none.py"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "not recorded, or they fail: tests/none.py" in done.stderr
 
 
 OLD = """
@@ -148,6 +158,20 @@ def test_a_child_says_what_it_found_and_is_not_waited_for_when_it_died(monkeypat
     assert worker.forked(lambda: max(iter(int, 1)), patience=0.5) == "hung"
 
 
+def test_a_test_that_fails_without_a_change_is_found_before_mutants_are_judged(monkeypatch):
+    """It would notice every mutant, whether it was recorded or not."""
+    monkeypatch.syspath_prepend(TOOL)
+    Trial = runpy.run_path(str(TOOL / "__main__.py"), run_name="command")["Trial"]
+    path, known = "integrators/lots.py", ["tests/a.py::test_one", "tests/b.py::test_two"]
+    reach = SimpleNamespace(tests=lambda *_: known[:1], seconds=lambda _: 0.1, known=known, named=lambda _: [])
+    trial = Trial(path, reach, SimpleNamespace(within=1.0, most=1.0, sample=3, again=False, by=[]))
+    jobs = []
+    assert trial.failing(lambda job: jobs.append(job) or "tests/a.py::test_new") == "tests/a.py::test_new"
+    (job,) = jobs
+    assert job.code == (TOOL.parents[1] / path).read_text()
+    assert (job.tests, job.files, job.known) == ((known[0],), ("tests/a.py",), frozenset(known[:1]))
+
+
 def test_a_line_that_runs_once_is_not_only_its_first_test_s(monkeypatch):
     """At import, as a default or a field of a class, or in a function whose result is kept."""
     monkeypatch.syspath_prepend(TOOL)
@@ -191,3 +215,64 @@ def test_a_mutant_has_what_the_project_keeps_and_no_machine_code(monkeypatch, tm
     assert (kept / "f-1.py").read_text() == "f-1.py"
     worker.lend(tmp_path / "nowhere", tmp_path / "empty")
     assert list((tmp_path / "empty").iterdir()) == []
+
+
+@pytest.fixture
+def trial(monkeypatch, tmp_path):
+    """Options of the command -> its trial of a file that no recorded test reaches."""
+    monkeypatch.syspath_prepend(TOOL)
+    from reach import Reach
+
+    of = {
+        "tests/a.py::one[x]": {"seconds": 0.1, "failed": False},
+        "tests/a.py::one[y]": {"seconds": 0.1, "failed": True},
+        "tests/a.py::two": {"seconds": 0.1, "failed": False},
+        "tests/b.py::one": {"seconds": 0.1, "failed": False},
+        "tests/b.py::slow": {"seconds": 60.0, "failed": False},
+    }
+    (tmp_path / "reach.json").write_text(json.dumps({"tests": of, "files": {}}))
+    command = importlib.util.spec_from_file_location("command", TOOL / "__main__.py")
+    module = importlib.util.module_from_spec(command)
+    command.loader.exec_module(module)
+
+    def made(*options):
+        monkeypatch.setattr(sys, "argv", ["mutation", *options])
+        reach = Reach(tmp_path / "reach.sqlite", module.ROOT)
+        return module.Trial("integrators/errors.py", reach, module.arguments())
+
+    return made
+
+
+@pytest.mark.parametrize(
+    ("names", "asked", "files"),
+    [
+        (["tests/a.py"], {"tests/a.py::one[x]", "tests/a.py::two"}, ("tests/a.py",)),
+        (["tests/a.py::one"], {"tests/a.py::one[x]"}, ("tests/a.py",)),
+        (["tests/b.py", "tests/a.py::two"], {"tests/b.py::one", "tests/a.py::two"}, ("tests/a.py", "tests/b.py")),
+    ],
+)
+def test_tests_that_are_named_are_asked_of_what_none_is_known_to_reach(trial, names, asked, files):
+    """Of every mutant, but for those that fail without one and those that take too long."""
+    one = trial("--by", *names)
+    assert all(set(one.tests(mutant)) == asked for mutant in one.all)
+    assert one.files == files
+
+
+def test_control_without_names_none_is_asked(trial):
+    one = trial()
+    assert one.files == ()
+    assert not any(one.tests(mutant) for mutant in one.all)
+
+
+def test_what_imports_a_changed_module_is_forgotten_with_it(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(TOOL)
+    import worker
+
+    texts = {"base": "LEAST = 3", "user": "from .base import LEAST", "its_user": "import phasebench.user", "other": ""}
+    for name, text in texts.items():
+        (tmp_path / f"{name}.py").write_text(text)
+        module = type(sys)(f"phasebench.{name}")
+        module.__file__, module.__package__ = str(tmp_path / f"{name}.py"), "phasebench"
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    worker.forget(tmp_path / "base.py")
+    assert [name for name in texts if f"phasebench.{name}" in sys.modules] == ["other"]

@@ -11,12 +11,14 @@ from phasebench.benchmarks.measure.drift import drift
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, precision
 from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.engine.solve import OUT_OF_STEP
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.families import adaptive
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.adaptive import METHODS
+from support.values import value
 
 BY_ID = {m.id: m for m in METHODS}
 ORBIT = problem("kepler", e=0.6)
@@ -91,6 +93,40 @@ def test_the_first_density_is_half_a_step_ahead(id):
     assert run.counts.steps == 0, "the row is reached by a shorter step alone"
     r = np.hypot(*q)
     assert run.orbit.state[5, 0] == pytest.approx(r**-1.5 - 0.5 * h * 1.5 * (q @ p) / r**2, rel=1e-14)
+
+
+def test_steps_are_dense_near_either_singularity_and_their_density_changes_along_the_motion(tmp_path, monkeypatch):
+    """The change, G, is that of the logarithm of 1 / sigma in time."""
+    monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path))  # what generates the function is tested, not what is kept
+    names = ["sqrt(x**2 + y**2)", "sqrt((x - 3)**2 + y**2)"]
+    H = "u**2/4 + v**2 - " + " - ".join(f"1/{r}" for r in names)
+    monitor = adaptive.monitor(Hamiltonian(q="x y", p="u v", H=H, singular=names), DOUBLE)
+    q, p, dt = np.array([0.8, 0.6]), np.array([0.7, -0.3]), 1e-5
+    velocity = p * [0.5, 2]
+    before, now, after = (monitor(value(*(q + k * dt * velocity)), value(*p)) for k in (-1, 0, 1))
+    assert now[0] == pytest.approx(np.sqrt(1 + np.hypot(2.2, 0.6) ** -3), rel=1e-14)
+    assert now[1] == pytest.approx((np.log(after[0]) - np.log(before[0])) / (2 * dt), rel=1e-8)
+
+
+@pytest.mark.parametrize(("id", "sweeps"), [("gauss-4-adaptive", 6), ("gauss-8-adaptive", 4)])
+def test_a_step_starts_from_the_polynomial_of_the_last(id, sweeps):
+    """From zero, or from a polynomial continued the wrong way, the iteration takes half as many sweeps more."""
+    prepared, h, n = prepare(BY_ID[id], ORBIT.system), 0.02, 20
+    run = lay_out(prepared, 2, h, ORBIT.q0, ORBIT.p0, DOUBLE)
+    assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), n) == (1, 0)
+    steps = run.counts.steps + 1  # and one to the row
+    assert steps > 2 * n, "near the pericentre they are short"
+    assert 2 < run.counts.gradient / steps / prepared.step.method.stages < sweeps
+
+
+def test_the_polynomial_has_the_digits_of_the_run():
+    """The rows of its matrix are those of the polynomials that are 1 at one node and 0 at the others."""
+    with precision(60):
+        step = prepare(BY_ID["gauss-8-adaptive"], ORBIT.system, MULTIPRECISION).step
+        nodes, rows = step.method.nodes[0], step.inverse
+        for i, row in enumerate(rows):
+            for j, c in enumerate(nodes):
+                assert abs(sum(a * c**k for k, a in enumerate(row)) - (i == j)) < 1e-55
 
 
 def test_an_eccentric_orbit_costs_less_than_with_fixed_steps():

@@ -19,6 +19,7 @@ from phasebench.integrators.families import averaged
 from phasebench.integrators.registry import method
 from support import two_degrees
 from support.two_degrees import of, run
+from support.values import value
 
 #: Separable with quadratic T: the kick is the unknown.  The masses tell M^-1 from 1.
 KICKS = {
@@ -104,6 +105,29 @@ def test_where_lanes_do_not_serve_nodes_stand_one_by_one():
         assert prepare(method("avf"), made, MULTIPRECISION).step.like is None
 
 
+def test_three_nodes_are_worth_lanes_and_two_are_not(monkeypatch):
+    """They are exact of a polynomial of degree 6, and of degree 4."""
+    monkeypatch.setattr(averaged, "in_lanes", lambda system: True)
+    served = [averaged.serves(of(f"p1**2/2 + p2**2/2 + q1**{n} + q1*q2"), DOUBLE) for n in (2, 4, 5, 6)]
+    assert served == [False, False, True, True]
+
+
+@pytest.mark.parametrize("name", ["masses", "logarithm"])
+def test_a_short_step_is_served_by_the_smallest_rules(name):
+    """Two nodes that three confirm; eight to begin with would be four times as many evaluations."""
+    assert run(of(KICKS[name]), "avf", 1e-3, 16)[1]["gradient"] < 10 * 16
+
+
+def test_of_a_quadratic_energy_one_node_is_enough_and_a_step_is_cayley_s_transform():
+    """As one of the midpoint rule is."""
+    K, h, steps, zero, one = np.array([[2.0, 1.0], [1.0, 3.0]]), 0.1, 50, np.zeros((2, 2)), np.eye(2)
+    half = h / 2 * np.block([[zero, one], [-K, zero]])
+    exact = np.linalg.matrix_power(np.linalg.solve(np.eye(4) - half, np.eye(4) + half), steps) @ [0.7, 0.5, 0.2, -0.3]
+    found, counts = run(of("p1**2/2 + p2**2/2 + q1**2 + q1*q2 + 3*q2**2/2"), "avf", h, steps)
+    assert np.abs(found - exact).max() < 1e-14
+    assert counts["fallbacks"] == 0
+
+
 # -- the kick as the unknown ------------------------------------------------------------------------------------------
 
 
@@ -129,9 +153,9 @@ def test_a_kick_and_its_drift_are_a_discrete_gradient(seed):
     system, q, p = SYSTEMS["henon-heiles"]()
     step, h = prepare(method("avf"), system).step, 0.5
     k = 0.4 * np.random.default_rng(seed).standard_normal(2)
-    e = averaged.Average(step, q, p, p, h, 0, 0)
-    dq = np.array(averaged.drift(tuple(k), e))
-    found = -np.array(averaged.mean(tuple(k), e)) @ dq / h + dq @ k / h
+    e = averaged.Average(step, value(*q), value(*p), value(*p), h, 0, 0)
+    dq = np.array(averaged.drift(value(*k), e))
+    found = -np.array(averaged.mean(value(*k), e)) @ dq / h + dq @ k / h
     Q, P = np.array([q, q + dq]), np.array([p, p + k])
     before, after = system.observe(system.H, Q, P)
     assert abs(found - (after - before)) < 4e-15

@@ -12,7 +12,7 @@ from phasebench.integrators import Hamiltonian, InvalidInput, integrate
 from phasebench.integrators.engine import banded, structure
 from phasebench.integrators.families.banded import structure_of
 from phasebench.integrators.outcome import unsolved
-from phasebench.integrators.prepared import prepare
+from phasebench.integrators.prepared import lay_out, prepare
 from phasebench.integrators.registry import method
 from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
 
@@ -101,6 +101,40 @@ def test_masses_that_couple_momenta_are_seen():
         T = sum(x**2 for x in p) + sum(coupling * p[i] * p[i + 1] for i in range(d - 1)) / 2
         reach = structure_of(Hamiltonian(q=q, p=p, H=T + V), 1)
         assert [set(r) for r in reach] == [set(range(max(0, j - far), min(d, j + far + 1))) for j in range(d)]
+
+
+#: What is finite where coordinates are small alone, neither small nor large, or large.
+DOMAINS = {"small": lambda x: x**6000, "of one": lambda x: x**400 + x**-400, "large": lambda x: x**-6000}
+
+
+@pytest.mark.parametrize("name", DOMAINS)
+def test_a_system_is_probed_where_it_is_finite(name):
+    q, p = sp.symbols("q:5", real=True), sp.symbols("p:5", real=True)
+    V = sum(map(DOMAINS[name], q)) + q[0] * q[1]
+    reach = structure_of(Hamiltonian(q=q, p=p, H=sum(x**2 for x in p) / 2 + V), 1)
+    assert [set(r) for r in reach] == [{0, 1}, {0, 1}, {2}, {3}, {4}]
+
+
+@pytest.mark.parametrize("id", ["implicit-midpoint", "scheme-iii"])
+def test_a_run_in_pieces_keeps_its_matrix_and_forgets_it_where_another_run_begins(id):
+    """A short run of another step in between changes nothing, of the end, the evaluations and the steps."""
+    system, start = lattice("toda", 21)
+    run = prepare(type("Made", (), {"system": system, **start}), id, solver="banded")
+    first, *_, code = run(1.0, 3)
+    counts = dict(run.counts)
+    assert (code, counts["steps"], counts["newton"]) == (run.SOLVED, 3, 3 * (1 if id == "implicit-midpoint" else 2))
+    run(1e-3, 1)
+    assert (run(1.0, 3)[0] == first).all()
+    assert run.counts == counts
+    pieces = lay_out(run._prepared, 21, 1.0, start["q0"], start["p0"])
+    Q, P = np.zeros((2, 2, 21))
+    for k, steps in enumerate((1, 2)):
+        assert pieces(Q[k : k + 1], P[k : k + 1], np.zeros((1, 1)), steps) == (1, 0)
+    assert (Q[1] == first).all()
+    assert pieces.counts["gradient"] == counts["gradient"]
+    q, _, code = run(1e3, 1)
+    assert code != run.SOLVED
+    assert np.isnan(q).all()
 
 
 def test_explicit_steps_stay_explicit():

@@ -319,6 +319,19 @@ def test_composed_of_unequal_fractions_is_not_symmetric():
     assert (made.order, made.symmetric) == (2, False)
 
 
+def test_each_fraction_of_a_composed_composition_has_a_root_of_its_own():
+    twice = compositions.composed(method("scheme-iv"), [Fraction(1, 2), Fraction(1, 2)])
+    assert [row[2] for row in twice.data] == [0, 1]
+    assert [row[2] for row in compositions.composed(twice, "forest-ruth").data] == [0, 1, 2, 3, 4, 5]
+
+
+def test_fractions_add_up_to_the_step_to_twelve_digits():
+    base = method("stormer-verlet")
+    assert compositions.composed(base, ["0.5", "0.5000000000005"]).order == 2
+    with pytest.raises(InvalidInput, match="not to 1"):
+        compositions.composed(base, ["0.5", "0.500000000005"])
+
+
 @pytest.mark.parametrize(
     ("base", "fractions", "message"),
     [

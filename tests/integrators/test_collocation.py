@@ -5,6 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 from itertools import pairwise
 from math import comb, factorial
+from unittest.mock import patch
 
 import mpmath
 import numpy as np
@@ -21,8 +22,9 @@ from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.engine.lanes import put
 from phasebench.integrators.engine.vector import jit
-from phasebench.integrators.families import gauss_lanes, stage_lanes
+from phasebench.integrators.families import gauss_lanes, path_lanes, stage_lanes
 from phasebench.integrators.families.stage_lanes import Lanes
+from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.collocation import METHODS, hbvm
 from support.trees import DIGITS, EPS, order_residual, trees, vector
 
@@ -125,6 +127,16 @@ def test_rounded_coefficients_are_symplectic_exactly(kind, s):
         assert made.weights == ((1,) * s,) * 2
         assert distance(made.B, np.diag(list(b))) <= UNIT / 2
         assert mpmath.fsum(made.B[i][i] for i in range(s)) == 1
+
+
+@pytest.mark.parametrize("digits", [30, 60])
+def test_coefficients_have_the_digits_of_the_run(digits):
+    """Radau's rule of three nodes integrates the powers up to the fourth."""
+    with codegen.precision(digits):
+        step = prepare(BY_ID["radau-iia-3"], SYSTEMS["coupled"]()[0], codegen.MULTIPRECISION).step
+        for k in range(5):
+            integral = sum(step.B[i, i] * c**k for i, (c,) in enumerate(step.c))
+            assert abs((k + 1) * integral - 1) < 10.0 ** (2 - digits)
 
 
 @pytest.mark.parametrize("s", [1, 2, 3, 4])
@@ -462,6 +474,11 @@ def exp_pade(s):
 NYSTROM, GENERAL = "q1**4", "q1**2*p1**2/10"
 
 
+def stiff(rest: str) -> str:
+    """An energy of one fast coordinate."""
+    return f"p1**2/2 + p2**2/2 + {OMEGA**2}*q1**2/2 + q2**2/2 + q1*q2 + {rest}"
+
+
 @pytest.mark.parametrize(
     ("id", "h", "rest"),
     [
@@ -471,7 +488,7 @@ NYSTROM, GENERAL = "q1**4", "q1**2*p1**2/10"
 )
 def test_newton_s_steps_can_be_taken_back(id, h, rest):
     """The exact solution of the stage equations is time-symmetric; in the Nystrom form and in the general one."""
-    H = f"p1**2/2 + p2**2/2 + {OMEGA**2}*q1**2/2 + q2**2/2 + q1*q2 + {rest}"
+    H = stiff(rest)
     forth, back = (Hamiltonian(q="q1 q2", p="p1 p2", H=f"{sign}({H})") for sign in ("", "-"))
     q, p = [0.9, 0.2], [3.0, -0.4]
     there = integrate(forth, BY_ID[id], h=h, steps=5, q0=q, p0=p)
@@ -483,7 +500,35 @@ def test_newton_s_steps_can_be_taken_back(id, h, rest):
     assert np.abs(end(there) - [*q, *p]).max() > 0.1
 
 
+def test_newton_s_method_leaves_the_increments_of_the_last_steps_as_they_were():
+    """The next start continues them: what their rows add up to is what the steps added to the momenta."""
+    prepared = prepare(BY_ID["lobatto-iiia-iiib-3"], Hamiltonian(q="q1 q2", p="p1 p2", H=stiff(GENERAL)))
+    run = lay_out(prepared, 2, 0.03, [0.9, 0.2], [3.0, -0.4], codegen.DOUBLE)
+    weights, added, newton = prepared.step.weights, [], []
+    for _ in range(tableaus.LEVELS + 1):
+        before = run.orbit.state[1, :2].copy()
+        assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 1) == (1, 0)
+        added.append(run.orbit.state[1, :2] - before)
+        newton.append(run.counts.newton)
+    assert np.all(np.diff(newton) > 0)
+    for step in range(1, tableaus.LEVELS + 1):
+        first = step % tableaus.LEVELS * weights.shape[1]
+        kept = weights[1] @ run.orbit.memory[first : first + weights.shape[1], 2:4]
+        np.testing.assert_allclose(kept, added[step], rtol=0, atol=1e-13)
+        assert np.abs(kept).max() > 0.1
+
+
 # -- the start -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("id", "most"), [("radau-iia-3", 20), ("hbvm-4-2", 28)])
+def test_starts_that_continue_the_last_steps_save_evaluations_and_longer_steps_contract_too(id, most):
+    """Starts that continue other numbers take 30, and 32, evaluations a step."""
+    system, q, p = SYSTEMS["coupled"]()
+    with patch.object(path_lanes, "serves", lambda *_: False):
+        short, long = (integrate(system, id, h=h, steps=20, q0=q, p0=p).counts for h in (0.02, 0.1))
+    assert short["gradient"] < most * 20
+    assert short["newton"] == long["newton"] == 0
 
 
 @pytest.mark.parametrize("kind", [("gauss", 1, 1), ("gauss", 4, 4), ("lobatto-iiia-iiib", 3, 3), ("hbvm", 2, 4)])

@@ -23,6 +23,7 @@ from phasebench.integrators.families.averaged import coupled
 from phasebench.integrators.record import ROUND_OFF
 from phasebench.integrators.registry import METHODS, method
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
+from support.values import value
 
 IDS = [m.id for m in METHODS if m.family in ("averaged", "discrete_gradient")]
 KERNELS = ("avf", "pavf", "pavf-p", "itoh-abe", "itoh-abe-symmetrized", "gonzalez")
@@ -84,12 +85,12 @@ def product(id, name, seed, spoil=lambda step: step):
     if id == "gonzalez":
 
         def flow(a):
-            equation = discrete_gradient.Increment(step.field, q, p, 1.0, a)
-            return np.array(discrete_gradient.increment(tuple(x), equation))
+            equation = discrete_gradient.Increment(step.field, value(*q), value(*p), 1.0, a)
+            return np.array(discrete_gradient.increment(value(*x), equation))
 
         i = flow((difference - pairing(flow(0.0), x)) / (x @ x))
     else:
-        i = averaged.mean(tuple(x), averaged.Average(step, q, p, p, 1.0, 0, 0))
+        i = averaged.mean(value(*x), averaged.Average(step, value(*q), value(*p), value(*p), 1.0, 0, 0))
     return pairing(i, x), difference
 
 

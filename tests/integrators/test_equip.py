@@ -116,6 +116,33 @@ def test_angular_momentum_and_energy_of_the_perturbed_kepler_problem(id):
     assert np.abs(L - L[0]).max() < 1e-14
 
 
+#: A step of the pendulum, with a free particle beside it, that has two roots.
+TWO_ROOTS = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2/2 + p2**2/2 - cos(q1)")
+FROM = np.array([0.0663, 0.0, 1.6816, 0.0])
+
+
+def test_control_energy_changes_its_sign_on_both_sides_of_zero():
+    """By the textbook's step of length 1/4."""
+    field, h = TWO_ROOTS.vector_field(), 0.25
+
+    def energy(alpha):
+        A, b = (x.astype(float) for x in butcher(3, mpmath.mpf(alpha)))
+        K = np.zeros((3, 4))
+        for _ in range(40):
+            K = np.array([field(0, FROM + h * (row @ K)) for row in A])
+        states = np.array([FROM, FROM + h * (b @ K)])
+        return np.diff(TWO_ROOTS.observe(TWO_ROOTS.H, states[:, :2], states[:, 2:]))[0]
+
+    assert energy(-0.01) > 0 > energy(-0.008)
+    assert energy(0.015) < 0 < energy(0.019)
+
+
+@pytest.mark.xfail(strict=True, reason="the search looks on one side of zero alone")
+def test_of_two_roots_the_nearer_is_taken():
+    s = integrate(TWO_ROOTS, BY_ID["gauss-equip-3"], h=0.25, steps=1, q0=FROM[:2], p0=FROM[2:])
+    assert abs(s.parameter[0]) < 0.01
+
+
 # -- stages in lanes --------------------------------------------------------------------------------------------------
 
 LANED = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from pathlib import Path
 from types import ModuleType
 
@@ -14,8 +15,11 @@ import sympy as sp
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
+from phasebench.integrators.coefficients.quadrature import gauss_legendre
+from phasebench.integrators.coefficients.tableaus import LEVELS
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine import elementary
+from phasebench.integrators.engine.codegen import MULTIPRECISION, precision
 from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.engine.lanes import combine, polynomial, put, take, total
 from phasebench.integrators.families import collocation, gauss_lanes
@@ -149,6 +153,7 @@ def test_operators_are_those_of_arrays():
 
     x, y, z = RANDOM.standard_normal((1, WIDTH)), RANDOM.standard_normal((1, WIDTH)), np.empty((3, WIDTH))
     assert mixed(x, y, z) == pytest.approx(x.sum(), rel=1e-14)
+    assert total(x[0]) == pytest.approx(x.sum(), rel=1e-14), "uncompiled"
     assert np.allclose(z, [(2 * x + y / 3 - x * y)[0], (-abs(y) / (1 - x))[0], np.full(WIDTH, 7.0)], rtol=1e-14, atol=0)
 
 
@@ -305,6 +310,48 @@ def test_what_lanes_cannot_do_is_left_to_the_stages_one_by_one(H):
     assert prepare(method("gauss-3"), made).run is collocation.run
 
 
+def test_masses_that_couple_some_momenta_only_are_left_to_the_stages_one_by_one():
+    """Of p1 alone T has an inverse mass."""
+    T = "p1**2/2 + p2**2/2 + p3**2/2 + p2*p3/3"
+    assert not gauss_lanes.serves(3, Hamiltonian(q="q1 q2 q3", p="p1 p2 p3", H=f"{T} + q1**4 + q2**2 + q3**2"))
+
+
+@pytest.mark.parametrize("s", [2, 3, 4, 5, 8])
+def test_lanes_are_the_next_power_of_two_and_those_left_over_repeat_the_first_stage(s):
+    """With the weight zero: a function is asked for nothing at a place where no stage is."""
+    step = gauss_lanes.laned(s, BOX.system, "double")
+    lanes = len(step.like)
+    assert lanes / 2 < s <= lanes
+    (c, b), A = step.nodes[:2], step.A
+    assert (c[s:] == c[0]).all()
+    assert (A[:s, s:] == A[:s, :1]).all()
+    assert not b[s:].any()
+    assert not A[s:].any()
+
+
+@pytest.mark.parametrize("s", [2, 3, 5, 8])
+def test_the_doubles_of_a_tableau_are_symplectic_exactly(s):
+    """Of the kicks and of both increments."""
+    for made, kicks in ((BOX.system, True), (of_fields("quartic"), False)):
+        step = gauss_lanes.laned(s, made, "double")
+        assert (step.inverse_mass is not None) == kicks
+        A, c = ([Fraction(x) for x in rows] for rows in (step.A[:s, :s].T.ravel(), step.nodes[0, :s]))
+        for i in range(s):
+            for j in range(s):
+                a, b = A[i * s + j], A[j * s + i]
+                assert a - b == c[i] - c[j] if kicks else a + b == 1
+        assert [Fraction(x) for x in step.nodes[2, :s]] == ([1 - x for x in c] if kicks else [0] * s)
+
+
+def test_of_more_digits_the_coefficients_have_as_many(monkeypatch):
+    """Whether functions could be made of them here or not."""
+    monkeypatch.setattr(gauss_lanes, "functions", lambda *_: (None, None))
+    with precision(30):
+        step = gauss_lanes.laned(3, BOX.system, MULTIPRECISION)
+        for (c, b), *found in zip(gauss_legendre(3), step.nodes[0], step.nodes[1], strict=False):
+            assert max(abs(mpmath.mpf(str(x)) - y) for x, y in zip(found, (c, b), strict=True)) < 1e-28
+
+
 def test_many_degrees_of_freedom_are_left_to_the_stages_one_by_one():
     names = [[f"{x}{i}" for i in range(21)] for x in "qp"]
     for T in ("p0**4", "p0**2/2"):
@@ -322,6 +369,29 @@ def test_newton_s_method_in_lanes_takes_over_where_the_fixed_point_does_not_cont
     lanes, rows = both(monkeypatch, stiff, 3, h=0.2, steps=20, q0=[0.9, 0.2], p0=[3.0, -0.4])
     assert lanes.counts["newton"] == rows.counts["newton"] == 20
     assert np.abs(end(lanes) - end(rows)).max() < 1e-11
+
+
+@pytest.mark.parametrize("moving", [0, 1])
+@pytest.mark.parametrize("h", [0.25, 0.3])
+def test_newton_s_method_takes_differences_of_what_moves_however_far_away_the_rest_is(h, moving):
+    """By the number of its evaluations: differences of the size of the state would lead it astray."""
+    made = Hamiltonian(q="q1 q2", p="p1 p2", H=f"p1**2/2 + p2**2/2 - 400*cos(q{1 + moving})")
+    near, far = np.zeros(2), np.full(2, 1e9)
+    near[moving] = far[moving] = 0.5
+    beside, away = (integrate(made, "gauss-3", h=h, steps=2, q0=q, p0=[0, 0]).counts for q in (near, far))
+    assert beside["newton"] == away["newton"] == 2
+    assert abs(beside["gradient"] - away["gradient"]) < 0.1 * beside["gradient"]
+
+
+@pytest.mark.parametrize("rest", ["q1**4", "q1**2*p1**2/10"])
+def test_the_memory_is_what_a_run_writes(rest):
+    """But for less than a unit in which it is made."""
+    stiff = Hamiltonian(q="q1 q2", p="p1 p2", H=f"{STIFF} + {rest}")
+    layout = lay_out(prepare(method("gauss-3"), stiff), 2, 0.2, np.array([0.9, 0.2]), np.array([3.0, -0.4]))
+    layout.orbit.memory.fill(0.123)
+    assert layout(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 3) == (1, 0)
+    assert layout.counts["newton"] == 3
+    assert (layout.orbit.memory == 0.123).all(1).sum() < 3 * LEVELS + 1
 
 
 def test_a_run_in_pieces_is_the_run():

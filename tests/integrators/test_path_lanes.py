@@ -14,7 +14,7 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators.coefficients import quadrature, tableaus
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine.kernel import prepare
-from phasebench.integrators.families import path_lanes
+from phasebench.integrators.families import collocation, path_lanes
 from phasebench.integrators.registry import method
 from support import two_degrees
 from support.two_degrees import of, run
@@ -78,6 +78,26 @@ def test_newton_s_method_takes_over_where_the_fixed_point_does_not_contract(one_
     assert np.abs(lanes - nodes).max() < 1e-11
 
 
+@pytest.mark.parametrize("id", ["cpg-2", "hbvm-8-4", "gauss-3", "gauss-equip-3"])
+def test_a_step_that_cannot_be_solved_ends_a_run(id):
+    """Its first increments are beyond what numbers hold."""
+    made = of("p1**2/2 + p2**2/2 + q1**6 + q2**4")
+    assert not isinstance(prepare(method(id), made).step, collocation.Collocation)
+    s = integrate(made, id, h=10.0, steps=3, q0=[1e50, 0.5], p0=[0.2, -0.3])
+    assert s.status in ("not-converged", "diverged")
+    assert len(s.q) == 1
+
+
+@pytest.mark.parametrize("rest", ["q1**4", "cos(q1)"])
+def test_by_a_rule_of_two_rows_newton_s_method_takes_as_many_evaluations(one_by_one, rest):
+    """But for the row of nodes of which one evaluation serves twice."""
+    stiff = of(f"p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2 + {rest}")
+    (lanes, n), (nodes, m) = run(stiff, "hbvm-8-4", 0.1, 3), one_by_one(stiff, "hbvm-8-4", 0.1, 3)
+    assert n["newton"] == m["newton"] == 3
+    assert abs(n["gradient"] - m["gradient"]) < 0.1 * m["gradient"]
+    assert np.abs(lanes - nodes).max() < 1e-11
+
+
 def test_where_lanes_do_not_serve_nodes_stand_one_by_one():
     quadratic, log = of("p1**2/2 + p2**2/2 + q1**2 + q1*q2"), of("p1**2/2 + p2**2/2 + q1*log(2 + q1**2)")
     tilted = of("p1**2/2 + p2**2/2 + p1*p2/3 + cos(q1) + q2**4")
@@ -91,7 +111,7 @@ def test_where_lanes_do_not_serve_nodes_stand_one_by_one():
 
 @pytest.mark.parametrize("s", [1, 2, 3, 4])
 def test_the_path_of_q_takes_the_products_of_the_polynomials_with_their_integrals(s):
-    """And its matrix is skew but for its first place, of the doubles."""
+    """And its matrix is skew but for its first place, of the doubles; Newton's method may begin at ``like``, zero."""
     step = path_lanes.laned(s, [s], SYSTEMS["henon-heiles"]()[0], "double")
     X = step.drift[1 : 1 + s, :s].T
     rule = quadrature.gauss_legendre(s + 1)
@@ -103,6 +123,7 @@ def test_the_path_of_q_takes_the_products_of_the_polynomials_with_their_integral
             assert X[m, j] + X[j, m] == (m == j == 0)
     assert step.drift[0].tolist() == [1, 0, 0, 0]
     assert not step.drift[1:, s:].any()
+    assert (set(step.like), set(step.terms)) == ({0.0}, {0.0})
 
 
 def exact_rules(id, system):

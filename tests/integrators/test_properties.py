@@ -58,8 +58,13 @@ def name(x):
 
 
 @pytest.fixture(scope="module")
-def found(uncompiled):
-    return uncompiled("support/properties.py")["properties"]
+def measured(uncompiled):
+    return uncompiled("support/properties.py")
+
+
+@pytest.fixture(scope="module")
+def found(measured):
+    return measured["properties"]
 
 
 def check_holds(what: str, row: dict):
@@ -124,8 +129,8 @@ def test_a_required_kind_is_what_is_drawn():
 
 
 @pytest.fixture(scope="module")
-def ends(uncompiled):
-    return uncompiled("support/properties.py")["ends"]
+def ends(measured):
+    return measured["ends"]
 
 
 def numbers(row: dict):

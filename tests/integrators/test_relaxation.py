@@ -163,6 +163,14 @@ def test_a_search_without_a_root_ends_at_the_base_step():
     assert evaluations < 8
 
 
+@pytest.mark.parametrize(("root", "near"), [(1.4, True), (0.65, True), (2.0, False), (4.0, False)])
+def test_a_root_is_taken_within_a_half_of_1_alone(root, near):
+    """Of gamma^2 / 2 - root^2 / 2, which Newton's method finds from 1 wherever it is."""
+    gamma, found, _ = searched(-(root**2) / 2, start=0.0)
+    assert found == near
+    assert gamma == pytest.approx(root if near else 1.0, abs=1e-14)
+
+
 @pytest.mark.parametrize("id", RELAXED)
 def test_evaluations_are_those_of_the_tableau_and_one_for_each_of_newton_s_steps(id):
     """Near 1 one of these, or two, bring H to its round-off."""

@@ -190,6 +190,13 @@ def test_a_state_that_cannot_be_is_refused(asked, message):
 # -- runs -------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(("size", "beyond"), [(1e150, 1.001e150), (1e-150, 0.999e-150)])
+def test_a_state_may_be_as_large_and_as_small_as_is_said_and_no_more_so(size, beyond):
+    assert initial(OSCILLATOR, [size], [0.0])[1] == size
+    with refused("choose units"):
+        initial(OSCILLATOR, [beyond], [0.0])
+
+
 def test_a_warm_run_returns_the_end():
     end = driver.warm(Started(), "stormer-verlet", h=0.01, steps=5)()
     q, p = end

@@ -279,3 +279,61 @@ def test_a_followed_root_costs_few_evaluations(name, h, most):
     made = problem(name)
     taken = [integrate(made, id, h=h, steps=1000).counts["gradient"] for id in ("scheme-v", "scheme-iii")]
     assert taken[0] < most * taken[1]
+
+
+# -- a few steps -------------------------------------------------------------------------------------------------------
+
+BOX = problem("henon-heiles:box")
+#: From here Scheme IV has no root in a step of 0.1, and Scheme V has one.
+ROOTLESS = {"q0": [0.1365, 0.0292], "p0": [-0.1373, 0.0245]}
+
+
+def stepped(id, parameters=None, h=0.1, **start):
+    s = integrate(BOX, id, h=h, steps=1, parameters=parameters, **(start or ROOTLESS))
+    return np.concatenate([s.q[-1], s.p[-1]]), s.parameter[0], s.counts["fallbacks"]
+
+
+def test_a_step_without_a_root_is_the_midpoint_rule_s_and_its_alternative_s_where_it_has_one():
+    end, lam, fallbacks = stepped("scheme-iv")
+    assert np.isnan(lam)
+    assert fallbacks == 1
+    assert np.abs(end - stepped("implicit-midpoint")[0]).max() < 1e-15
+    other, lam, _ = stepped("scheme-v")
+    assert np.abs(other - end).max() > 1e-6, "the control"
+    for id in ("scheme-iv-v", "scheme-v-iv"):
+        found, same, fallbacks = stepped(id)
+        assert fallbacks == 0
+        assert abs(same - lam) < 1e-9
+        assert np.abs(found - other).max() < 1e-15
+
+
+@pytest.mark.parametrize(("label", "fixed"), [("scheme-iv", "scheme-i"), ("scheme-v", "scheme-iii")])
+def test_a_step_is_that_of_the_scheme_with_its_parameter(label, fixed):
+    s = integrate(BOX, label, h=0.2, steps=4)
+    for n, lam in enumerate(s.parameter):
+        end = stepped(fixed, {"lam": lam}, h=0.2, q0=s.q[n], p0=s.p[n])[0]
+        assert abs(lam - 0.5) > 1e-4
+        assert np.abs(end - [*s.q[n + 1], *s.p[n + 1]]).max() < 1e-15
+
+
+def test_a_run_goes_on_from_a_step_without_a_root():
+    s = integrate(BOX, "scheme-iv", h=0.1, steps=40)
+    assert np.flatnonzero(np.isnan(s.parameter)).tolist() == [24]
+    assert s.counts["fallbacks"] == 1
+    error = np.abs(energy_error(BOX, s))
+    assert error[25] > 1e-8
+    assert np.delete(error, 25).max() < 1e-15
+    both = integrate(BOX, "scheme-iv-v", h=0.1, steps=40)
+    assert both.counts["fallbacks"] == np.isnan(both.parameter).sum() == 0
+    assert np.array_equal(both.q[:25], s.q[:25])
+    assert np.abs(energy_error(BOX, both)).max() < 1e-15
+
+
+@pytest.mark.parametrize(
+    ("name", "h"), [("henon-heiles:box", 0.1), ("henon-heiles:box", 0.01), ("pendulum:swinging", 0.1)]
+)
+def test_a_root_is_followed_from_the_first_steps_on(name, h):
+    """By its evaluations, beside those of Scheme III."""
+    made = problem(name)
+    taken = [integrate(made, id, h=h, steps=40).counts["gradient"] for id in ("scheme-v", "scheme-iii")]
+    assert taken[0] < 2.65 * taken[1]

@@ -9,6 +9,7 @@ import json
 import sys
 from fractions import Fraction
 from math import log
+from types import SimpleNamespace
 
 import mpmath
 import numpy as np
@@ -18,11 +19,13 @@ import sympy as sp
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import driver
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine import codegen
+from phasebench.integrators.engine import codegen, kepler_flow, kepler_lanes, vector
 from phasebench.integrators.engine.codegen import precision
+from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.families import planet_pairs, wisdom_holman
+from phasebench.integrators.families import planet_lanes, planet_pairs, wisdom_holman
 from phasebench.integrators.families.wisdom_holman import KeplerPart, corrector, jacobi
+from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.registry import METHODS, method
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
@@ -43,7 +46,7 @@ FIRST_ORDER = {
 #: A perturbation whose square is far below every error, and the digits that it takes.
 TINY, DIGITS = 1e-30, 80
 #: Whose step maps are compared with plain NumPy's.
-PLANETS, H, STEPS = "outer-solar-system", 100.0, 3
+PLANETS, H = "outer-solar-system", 100.0
 
 
 def by_label(label):
@@ -74,14 +77,18 @@ def first_orders():
     return out
 
 
-def planets():
-    """{id: state after a few steps of the outer solar system}, as hexadecimal text."""
+def planets(ids=FAMILY):
+    """{id: [positions and momenta in the outer solar system, as hexadecimal text, and counts]} of a run in pieces."""
+    return {id: _planets(id) for id in ids}
+
+
+def _planets(id):
     made = problem(PLANETS)
-    out = {}
-    for id in FAMILY:
-        s = integrate(made, id, h=H, steps=STEPS)
-        out[id] = [float(x).hex() for x in (*s.q[-1], *s.p[-1])]
-    return out
+    layout = lay_out(prepare(method(id), made.system), made.system.d, H, made.q0, made.p0)
+    states = np.zeros((2, 2, made.system.d))
+    for k, steps in enumerate((2, 1)):
+        assert layout(*states[:, k : k + 1], np.zeros((1, 1)), steps) == (1, 0)
+    return [[[x.hex() for x in rows.ravel().tolist()] for rows in states], [int(n) for n in layout.counts]]
 
 
 def end(s):
@@ -119,6 +126,8 @@ def test_correctors_are_the_published_ones():
     for n in (3, 17):
         kicks = corrector(n)
         assert kicks == kicks[::-1], "backwards in time it is itself"
+        pairs = [(float(t), float(b)) for t, b in kicks]
+        assert sorted(pairs) == sorted((-t, -b) for t, b in pairs)
 
 
 @pytest.mark.parametrize("value", [0, 2, 4, 9, 19, -3])
@@ -165,6 +174,12 @@ def test_jacobi_coordinates_are_canonical_and_split_the_masses():
     assert C * sp.diag(*(1 / m for m in masses)) * C.T == sp.diag(*(1 / m for m in part.masses))
     assert part.mu == (0, G * sp.Rational(1001, 1000), G * sp.Rational(1004, 1000))
     assert part.masses[1] * part.mu[1] == G * masses[0] * masses[1]
+
+
+def test_the_potential_of_two_bodies_is_that_of_their_relative_motion():
+    part, q = jacobi([2, 3], 5, dimension=2), sp.symbols("x1 x2 y1 y2", real=True)
+    r = sp.sqrt((q[2] - q[0]) ** 2 + (q[3] - q[1]) ** 2)
+    assert sp.simplify(part.potential(q) + 2 * 3 * 5 / r) == 0
 
 
 def planar(part):
@@ -264,11 +279,67 @@ def test_bodies_in_lanes_go_where_the_others_do(extra, limit, monkeypatch):
     assert np.abs(found - elsewhere(system, state["q0"], state["p0"], 3.0)).max() < 1e-9
 
 
+def motion(r0, inverse, eta, beta, mu, h, eps, table, memory, row, like):
+    """`kepler_lanes.motion` by Kepler's flow of one body after the other, at times as if lanes did not solve it."""
+    every, free = zip(r0, eta, beta, mu, strict=True), (-1.0, h, 0.0, -1.0, 0)
+    f, g, df, dg, _ = np.transpose([kepler_flow.coefficients(*x, h, eps, table) if x[-1] else free for x in every])
+    unsolved, inverse = eta.sum() > 0, dg / (r0 * f)
+    f, dg = f * (mu > 0), dg * (mu > 0)
+    return kepler_lanes.Motion(f, g, df, dg, unsolved, np.nan if unsolved else inverse)
+
+
+def root(square, guess):
+    """`kepler_lanes.root`, of a guess that is near."""
+    assert np.abs(square * guess**2 - 1).max() < 1e-12
+    return np.sqrt(square), 1 / np.sqrt(square)
+
+
+@pytest.fixture
+def in_lanes(monkeypatch):
+    """Where nothing is compiled: lanes are arrays of NumPy, and bodies stand in them as where all is."""
+
+    def begin():
+        if codegen.compiled():
+            return
+        arrays = {"select": np.where, "sqrt": np.sqrt, "add": lambda *terms: vector.add(*map(np.array, terms))}
+        for name, function in arrays.items():
+            monkeypatch.setattr(planet_lanes, name, function)
+        monkeypatch.setattr(kepler_lanes, "motion", motion)
+        monkeypatch.setattr(kepler_lanes, "root", root)
+        monkeypatch.setattr(planet_pairs, "codegen", SimpleNamespace(compiled=lambda: True, exactly=codegen.exactly))
+
+    return begin
+
+
 @pytest.mark.parametrize("id", FAMILY)
-def test_the_planets_compiled_and_not(uncompiled, id):
-    plain = np.array([float.fromhex(x) for x in uncompiled("integrators/test_wisdom_holman.py", "planets")[id]])
-    found = end(integrate(problem(PLANETS), id, h=H, steps=STEPS))
-    assert np.abs(found - plain).max() < 1e-12
+def test_the_planets_compiled_and_not(uncompiled, in_lanes, id):
+    """Where nothing is compiled: in lanes that are arrays, and one after the other."""
+    script = "integrators/test_wisdom_holman.py"
+    plain, counts = (uncompiled(script, "planets") if codegen.compiled() else planets([id]))[id]
+    in_lanes()
+    prepared = prepare(method(id), problem(PLANETS).system)
+    step = prepared.step
+    assert isinstance(step, planet_lanes.Planets)
+    assert {table.shape[1] for table in (step.maps, step.parts, step.pairs)} == {len(step.like)} == {8}
+    assert prepared.tally(3, counts[1])["iterations"] == 0
+    found, counted = planets([id])[id]
+    assert counted == counts
+    for x, y in zip(found, plain, strict=True):
+        x, y = (np.array([float.fromhex(a) for a in z]) for z in (x, y))
+        assert np.abs(x - y).max() < 1e-13 * np.abs(y).max()
+
+
+@pytest.mark.parametrize("part", [jacobi([1, 2], 1), jacobi([1] * 17, 1), KeplerPart(3, (1, sp.sqrt(2), 1), (0, 1, 1))])
+def test_few_bodies_and_many_and_masses_that_are_no_fractions_have_no_lanes(in_lanes, part):
+    """Nothing is asked of the system."""
+    in_lanes()
+    assert planet_pairs.prepare(part, None, {}) is None
+
+
+def test_three_bodies_have_lanes(in_lanes):
+    in_lanes()
+    system = small([sp.Integer(1), sp.Rational(1, 100), sp.Rational(1, 50)])
+    assert isinstance(prepare(method("wisdom-holman"), system).step, planet_lanes.Planets)
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,9 @@ argument; any other is a test that is missing.  The score is kept in ``score.csv
     python tests/mutation --reach tests/benchmarks benchmarks/experiments/drift/page.py
     python tests/mutation --plain --within 1 --sample 40 integrators/families
 
+A file that runs at import only, as a table does, is reached by no test: ``--by TESTS`` names those that are to know,
+and no others are asked.
+
 With ``--plain`` nothing is compiled, neither where the reach is recorded nor where mutants are judged: a kernel is the
 Python function that it is written as, and changes as one.  What only compilation meets survives there, and is judged
 without: then every kernel is compiled anew for each mutant of one.
@@ -41,6 +44,7 @@ CHILDREN = multiprocessing.get_context("forkserver")
 KEPT = ROOT / ".mutation"
 ARGUED = Path(__file__).with_name("equivalent.toml")
 KILLED, SURVIVED, UNREACHED, EQUIVALENT = "killed", "survived", "not reached", "argued equivalent"
+FAILING = "files of failing tests"
 
 
 def arguments() -> argparse.Namespace:
@@ -48,6 +52,7 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python tests/mutation", description=__doc__.splitlines()[0])
     parser.add_argument("paths", nargs="*", help="files or folders, from the root of the project")
     parser.add_argument("--reach", nargs="+", default=[], metavar="TESTS", help="first record what these tests reach")
+    parser.add_argument("--by", nargs="+", default=[], metavar="TESTS", help="ask these recorded tests alone")
     parser.add_argument("--sample", type=int, help="so many mutants of each file, in the order of the score")
     parser.add_argument("--again", action="store_true", help="only the survivors of the score")
     parser.add_argument("--within", type=float, default=20.0, metavar="SECONDS", help="ask no test that takes longer")
@@ -123,7 +128,8 @@ class Trial:
         same = known is not None and (known.hash, known.mutants) == (self.hash, len(self.all))
         self.known = known if asked.again and same else None
         self.tried = self.all[: self.known.tried if self.known else asked.sample]
-        self.files = tuple(sorted({t.partition("::")[0] for t in self._quick(reach.tests(path, 0))}))
+        self.named = reach.named(asked.by)
+        self.files = tuple(sorted({t.partition("::")[0] for t in self._quick(self._may_notice(0))}))
         self.known_tests = frozenset(t for t in reach.known if t.partition("::")[0] in self.files)
         self.kills: Counter = Counter()
 
@@ -137,12 +143,23 @@ class Trial:
         def promise(test: str) -> float:
             return (1 + 20 * self.kills[mutant.where, test] + 5 * self.kills[test]) / (0.02 + self.reach.seconds(test))
 
-        found = sorted(self._quick(self.reach.tests(self.path, mutant.line)), key=promise, reverse=True)
-        spent = accumulate(map(self.reach.seconds, found))
-        return [test for test, seconds in zip(found, spent, strict=True) if seconds <= self.most]
+        return self._affordable(sorted(self._quick(self._may_notice(mutant.line)), key=promise, reverse=True))
+
+    def _affordable(self, tests: list[str]) -> list[str]:
+        spent = accumulate(map(self.reach.seconds, tests))
+        return [test for test, seconds in zip(tests, spent, strict=True) if seconds <= self.most]
+
+    def _may_notice(self, line: int) -> list[str]:
+        return self.named or self.reach.tests(self.path, line)
 
     def _quick(self, tests: list[str]) -> list[str]:
         return [test for test in tests if self.reach.seconds(test) <= self.within]
+
+    def failing(self, ask) -> str | None:
+        """A test that fails though nothing is changed, as it is now or in a copy: it would notice every mutant."""
+        tests = self._affordable(sorted(self._quick(self._may_notice(0)), key=self.reach.seconds))
+        code, seconds = (ROOT / self.path).read_text(), sum(map(self.reach.seconds, tests))
+        return ask(worker.Job(self.path, code, tuple(tests), self.files, self.known_tests, seconds))
 
     def judged(self, mutant: Mutant, ask) -> str:
         """Whether one of the tests notices it."""
@@ -190,6 +207,9 @@ def main() -> int:
         return 0
     if asked.reach:
         reach.measure(asked.reach)
+    if unknown := [name for name in asked.by if not reach.named([name])]:
+        print(f"not recorded, or they fail: {', '.join(unknown)}; --reach records tests", file=sys.stderr)
+        return 2
     counts: Counter = Counter()
     todo: SimpleQueue = SimpleQueue()
     for path in sorted(files(asked.paths), key=worker.is_compiled, reverse=True):  # these begin without the project
@@ -199,6 +219,10 @@ def main() -> int:
         with judge(folder) as ask:
             while not todo.empty():
                 trial = Trial(todo.get(), reach, asked)
+                if trial.files and (test := trial.failing(ask)):
+                    print(f"{trial.path}: not judged, as {test} fails without a change", flush=True)
+                    counts[FAILING] += 1
+                    continue
                 said = tried(trial, ask)
                 counts.update(said.values())
                 score.write(score.read() | {trial.path: trial.score(said)})
@@ -206,7 +230,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(asked.jobs) as pool:
         list(pool.map(work, [Path(folder) / str(k) for k in range(min(asked.jobs, todo.qsize()))]))
     print(f"{sum(counts.values())} mutants: " + ", ".join(f"{n} {said}" for said, n in counts.items()))
-    return 1 if counts[SURVIVED] or counts[UNREACHED] else 0
+    return 1 if counts[SURVIVED] or counts[UNREACHED] or counts[FAILING] else 0
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import json
 import multiprocessing
 import os
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache, cached_property
 from pathlib import Path
 
@@ -164,7 +164,14 @@ class Reach:
         by_line, same = self._lines[name], self._known["files"].get(name) == digest(file)
         found = self._asked(by_line.get(line, ()) if same and line in often(file.read_text()) else ())
         found = found or self._asked({c for contexts in by_line.values() for c in contexts})
-        return [test for test in found if not self._known["tests"].get(test, {}).get("failed")]
+        return self._passing(found)
+
+    def named(self, names: list[str]) -> list[str]:
+        """The recorded tests of files, or of tests with or without their parameters, that pass."""
+        return self._passing(t for t in self.known if {t, t.partition("[")[0], t.partition("::")[0]} & set(names))
+
+    def _passing(self, tests: Iterable[str]) -> list[str]:
+        return [test for test in tests if not self._known["tests"].get(test, {}).get("failed")]
 
     @cached_property
     def _by_file(self) -> dict[str, list[str]]:

@@ -25,6 +25,7 @@ import signal
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from swap import functions, place, swaps
@@ -165,6 +166,8 @@ class Worker:
         if is_plain():
             self.kept = kept
             os.environ["PHASEBENCH_CACHE"] = str(self.cache)
+        for module in project().values():
+            imported(module)  # which children need not read again
         gc.freeze()
 
     def _changed(self, job: Job, original: str, run: Callable[[], str | None]) -> str | None:
@@ -269,7 +272,7 @@ def noticed(items: dict, tests: tuple[str, ...], known: frozenset[str]) -> str |
     from _pytest.runner import runtestprotocol
 
     asked = [items[test] for test in (*tests, *(id for id in items if id not in known)) if test in items]
-    for item, following in zip(asked, [*asked[1:], None], strict=True):
+    for item, following in zip(asked, [*asked[1:], None], strict=False):  # none are asked where all are known
         if any(report.failed for report in runtestprotocol(item, log=False, nextitem=following)):
             return item.nodeid
     return None
@@ -320,23 +323,33 @@ def anew(job: Job) -> str | None:
 
 def forget(file: Path) -> None:
     """Unload a module and what imports it."""
-    modules = {name: m for name, m in sys.modules.items() if name.partition(".")[0] == "phasebench"}
-    names = {name: imported(m) & set(modules) for name, m in modules.items() if getattr(m, "__file__", None)}
-    gone = {name for name, m in modules.items() if getattr(m, "__file__", None) and Path(m.__file__).resolve() == file}
+    modules = project()
+    names = {name: imported(m) & set(modules) for name, m in modules.items()}
+    gone = {name for name, m in modules.items() if Path(m.__file__).resolve() == file}
     while more := {name for name, needs in names.items() if needs & gone} - gone:
         gone |= more
     for name in gone:
         del sys.modules[name]
         parent, _, last = name.rpartition(".")
-        if last in vars(modules.get(parent, object)):
-            delattr(modules[parent], last)
+        if last in vars(sys.modules.get(parent, object)):
+            delattr(sys.modules[parent], last)
+
+
+def project() -> dict:
+    """The modules of the project, by name."""
+    found = {name: m for name, m in sys.modules.items() if name.partition(".")[0] == "phasebench"}
+    return {name: m for name, m in found.items() if getattr(m, "__file__", None)}
 
 
 def imported(module) -> set[str]:
     """The modules that one may import, by its text."""
-    package = module.__name__ if hasattr(module, "__path__") else module.__name__.rpartition(".")[0]
+    return _imported(module.__file__, module.__name__ if hasattr(module, "__path__") else module.__package__)
+
+
+@cache
+def _imported(file: str, package: str) -> set[str]:
     found = set()
-    for node in ast.walk(ast.parse(Path(module.__file__).read_text())):
+    for node in ast.walk(ast.parse(Path(file).read_text())):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         if isinstance(node, ast.ImportFrom):

@@ -8,14 +8,18 @@ from __future__ import annotations
 import copy
 import json
 from collections import Counter
+from dataclasses import replace
 from fractions import Fraction
 from unittest.mock import patch
 
+import numpy as np
 import sympy as sp
 
 from phasebench.benchmarks.measure.battery import LOW_ORDER, SYSTEMS, by_label, runs_on, variants
 from phasebench.integrators.driver import integrate
+from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.families import gauss_lanes
+from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.systems.poisson import PoissonSystem
 from support import stiff
 
@@ -24,7 +28,7 @@ NAMES = ("henon-heiles", "coupled", "perturbed-kepler")
 #: A separable and a non-separable system are enough where a method runs on either.
 FEW = 2
 #: Runs with steps so long that no fixed point is found.
-LONG = ("stiff", "body")
+LONG = ("stiff", "body", "lanes")
 #: What of what a solution tells is looked at.
 TOLD = ("gradient", "steps", "newton", "fallbacks", "iterations")
 #: Functions of a system that are no gradient or field: energies, velocities, values of invariants, rates, densities.
@@ -38,6 +42,7 @@ def systems(m) -> list[str]:
 
 METHODS = [m for m in variants(lam=(Fraction(1, 3),), order=(1, 2)) if m.order <= LOW_ORDER]
 ALL = by_label([m for m in METHODS if systems(m)])
+LANED = [x for x, m in ALL.items() if m.data[:1] == ("gauss",) and gauss_lanes.serves(m.data[1], stiff.SYSTEM)]
 
 
 def watched(system, calls: Counter):
@@ -78,7 +83,8 @@ def runs(label: str) -> dict:
 def of(label: str) -> dict:
     """{name: {"called": calls, and what is told of them}} of the runs of a method.
 
-    Functions for lanes cannot be watched: kernels that have them are held to those in rows, counts included.
+    Functions for lanes are watched where every call is for all stages at once, by Gauss's methods; other kernels that
+    have them are held to those in rows, counts included.
     """
     found = {}
     for name, (system, h, (q, p)) in runs(label).items():
@@ -87,7 +93,23 @@ def of(label: str) -> dict:
             s = integrate(watched(system, calls), ALL[label], h=h, steps=STEPS, q0=q, p0=p, save_every=2)
         found[name] = {key: s.counts[key] for key in TOLD}
         found[name]["called"] = sum(n for kind, n in calls.items() if not kind.startswith(OTHERS))
-    return found
+    return found | ({"lanes": in_lanes(label)} if label in LANED else {})
+
+
+def in_lanes(label: str) -> dict:
+    """The same of steps that Newton's method solves, with the stages in lanes."""
+    prepared, calls = prepare(ALL[label], stiff.SYSTEM), []
+    f, stages = prepared.step.f, prepared.step.stages
+
+    def called(memory):
+        calls.append(stages)
+        f(memory)
+
+    watched = replace(prepared, step=prepared.step._replace(f=called))
+    run = lay_out(watched, 2, float(stiff.H), *stiff.START)
+    run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), STEPS)
+    told = prepared.tally(*(int(run.counts[name]) for name in ("steps", "gradient", "fallbacks", "newton")))
+    return {key: told[key] for key in TOLD} | {"called": sum(calls)}
 
 
 if __name__ == "__main__":

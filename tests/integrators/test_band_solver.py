@@ -1,0 +1,243 @@
+"""The solver of equations of a narrow band, of six unknowns whose equations and their derivatives are known."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numba import njit
+
+from phasebench.integrators.engine import banded, codegen
+from phasebench.integrators.engine.banded import Room, band_of, band_solver, columns, forget, forgotten, substitute
+from phasebench.integrators.engine.solve import NOT_FINITE, SOLVED, STALLED
+from support.values import value
+
+EPS = float(np.finfo(float).eps)
+N = 6
+#: The unknowns in the order in which they are neighbours: each acts on the next two on either side.
+CHAIN = [0, 3, 1, 4, 2, 5]
+NEAR = [[abs(CHAIN.index(i) - CHAIN.index(j)) <= 2 for j in range(N)] for i in range(N)]
+REACH = [np.flatnonzero(column) for column in np.array(NEAR).T]
+
+
+class Equations(NamedTuple):
+    """G_i(x) = c_i + sum_j M_ij (x_j + bend x_j^2), rounded as beside ``large`` numbers; q sets the dimension."""
+
+    M: np.ndarray
+    c: np.ndarray
+    bend: float
+    large: float
+    first: float
+    unit: float
+    q: Any
+
+
+def compiled(f):
+    return njit(f) if codegen.compiled() else f
+
+
+@compiled
+def row(i, x, e):
+    """The i-th component."""
+    s = e.c[0, i]
+    for j in range(N):
+        s = s + e.M[i, j] * (x[j] + e.bend * x[j] * x[j])
+    return (s + e.large) - e.large
+
+
+@compiled
+def _G(x, e):
+    return (row(0, x, e), row(1, x, e), row(2, x, e), row(3, x, e), row(4, x, e), row(5, x, e))
+
+
+@compiled
+def lengths(x, g, e):
+    """Of either half 3 of its units."""
+    return 3.0 * e.first, 3.0 * e.unit
+
+
+solve = band_solver(_G if codegen.compiled() else lambda x, e: np.array(_G(x, e)), lengths)
+
+
+class Made:
+    """Equations with a room for their matrix, between rows that are not theirs."""
+
+    SPARE, AT = 2, 1
+
+    def __init__(self, seed=0, factor=2.0, bend=0.0, large=0.0, first=1.0, unit=1.0, M=None, c=None):
+        rng = np.random.default_rng(seed)
+        scales = np.where(np.arange(N) < N // 2, first, unit)
+        self.M = factor * rng.normal(size=(N, N)) * NEAR if M is None else np.array(M, float)
+        self.M = self.M * scales[:, None] / scales
+        self.c = rng.normal(size=N) * scales if c is None else np.array(c, float)
+        self.bend, self.large, self.first, self.unit = bend, large, first, unit
+        self.band = band_of(REACH)
+        self.memory, self.work = np.full((5, N + 1), 7.0), np.full((N + 3, columns(self.band)), 7.0)
+        self.room = Room(self.memory, self.SPARE, self.work, self.AT)
+        forget(self.work, self.AT, columns(self.band))
+
+    def equations(self):
+        return Equations(self.M, self.c[None], self.bend, self.large, self.first, self.unit, value(*[1.0] * (N // 2)))
+
+    def solved(self, start=0.0, span=1.0):
+        """(x, evaluations, status)."""
+        x, *rest = solve(self.equations(), value(*[start] * N), span, EPS, self.band, self.room)
+        return np.array(x), *rest
+
+    def residual(self, x):
+        """Of x = G(x)."""
+        return np.abs(x - self.c - self.M @ (x + self.bend * x**2)).max()
+
+    def inverse(self):
+        """What the factors that are kept stand for."""
+        out, place = np.zeros((N, N)), self.band.place
+        for j in range(N):
+            table = np.zeros((1, N))
+            table[0, place[j]] = 1.0
+            substitute(self.work, self.AT, N, self.band.width, table, 0)
+            out[:, j] = table[0, place]
+        return out
+
+
+def test_the_band_is_that_of_the_chain():
+    band = Made().band
+    assert band.width == 2
+    assert [abs(band.place[a] - band.place[b]) for a, b in pairwise(CHAIN)] == [1] * (N - 1)
+    assert columns(band) == 8
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("unit", [1.0, 2.0**-30, 2.0**30])
+def test_linear_equations_are_solved_by_one_matrix_which_is_kept(seed, unit):
+    """It is 1 - M, whatever the units of the second half; its differences cost an evaluation for each colour."""
+    made = Made(seed, unit=unit)
+    x, evaluations, status = made.solved()
+    exact = np.linalg.solve(np.eye(N) - made.M, made.c)
+    scales = np.where(np.arange(N) < N // 2, 1.0, unit)
+    assert status == SOLVED
+    np.testing.assert_allclose(x / scales, exact / scales, rtol=0, atol=1e-12 * np.abs(exact / scales).max())
+    inverse = np.linalg.inv(np.eye(N) - made.M) * scales / scales[:, None]
+    np.testing.assert_allclose(made.inverse() * scales / scales[:, None], inverse, atol=1e-6 * np.abs(inverse).max())
+    colours = len(made.band.owner)
+    assert colours == 5
+    assert colours + 2 <= evaluations <= colours + 5
+    assert not forgotten(made.work, made.AT, columns(made.band))
+    again, fewer, status = made.solved()
+    assert status == SOLVED
+    np.testing.assert_allclose(again / scales, exact / scales, rtol=0, atol=1e-12 * np.abs(exact / scales).max())
+    assert evaluations - fewer == colours
+    forget(made.work, made.AT, columns(made.band))
+    assert made.solved()[1] == evaluations
+
+
+def test_nothing_is_written_outside_of_the_room():
+    made = Made(bend=0.1, factor=1.0)
+    assert made.solved()[2] == SOLVED
+    mine = np.zeros(made.memory.shape, bool)
+    mine[made.SPARE : made.SPARE + 2, :N] = True
+    assert (made.memory[~mine] == 7).all()
+    assert (made.memory[mine] != 7).all()
+    rows = np.arange(len(made.work))
+    assert (made.work[(rows < made.AT) | (rows >= made.AT + N)] == 7).all()
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_bent_equations_are_solved_to_round_off(seed):
+    made = Made(seed, factor=0.7, bend=0.1)
+    x, evaluations, status = made.solved()
+    assert status == SOLVED
+    assert made.residual(x) < 50 * EPS * (1 + np.abs(x).max())
+    assert evaluations < 60
+    close = Made(seed, factor=0.7, bend=0.1)
+    close.work[:] = made.work
+    close.c = made.c * (1 + 1e-3)
+    y, fewer, status = close.solved()
+    assert status == SOLVED
+    assert close.residual(y) < 50 * EPS * (1 + np.abs(y).max())
+    assert fewer < evaluations, "the matrix of the equations before serves"
+
+
+def test_a_matrix_that_is_of_no_use_is_made_anew_from_the_start():
+    """That of other equations, of any: then it takes what it takes without."""
+    made, other = Made(1), Made(2, factor=5.0)
+    usual = made.solved()
+    assert other.solved()[2] == SOLVED
+    made.work[:] = other.work
+    x, evaluations, status = made.solved()
+    assert status == SOLVED
+    np.testing.assert_allclose(x, usual[0], rtol=0, atol=1e-12 * np.abs(x).max())
+    assert 1 <= evaluations - usual[1] <= 3
+
+
+def test_the_start_that_is_the_solution_is_seen_at_once():
+    made = Made(c=np.zeros(N))
+    x, evaluations, status = made.solved()
+    assert (x == 0).all()
+    assert (evaluations, status) == (1 + len(made.band.owner), SOLVED)
+
+
+@pytest.mark.parametrize("large", [1e3, 1e6])
+def test_equations_of_large_variables_are_solved_to_their_round_off(large):
+    """Small unknowns whose G is the difference of large numbers."""
+    made = Made(3, factor=1.0, large=large, c=1e-6 * np.arange(1.0, N + 1))
+    x, evaluations, status = made.solved(span=large)
+    assert status == SOLVED
+    assert made.residual(x) < 100 * EPS * large
+    assert evaluations <= len(made.band.owner) + 16
+
+
+def test_equations_without_a_solution_are_not_solved_and_their_matrix_is_forgotten():
+    """x = x + x^2 + 1."""
+    made = Made(M=np.eye(N), bend=1.0, c=np.ones(N))
+    _, evaluations, status = made.solved(start=0.3)
+    assert status in (STALLED, NOT_FINITE)
+    assert forgotten(made.work, made.AT, columns(made.band))
+    assert evaluations > 25
+
+
+def test_a_singular_matrix_is_not_solved():
+    made = Made(M=np.eye(N), c=np.ones(N))
+    _, evaluations, status = made.solved()
+    assert status == STALLED
+    assert forgotten(made.work, made.AT, columns(made.band))
+    assert evaluations == 2 * (1 + len(made.band.owner)), "each of the two ways has seen it"
+
+
+def test_moves_that_are_no_numbers_are_not_finite():
+    """Their sum is beyond the largest number, and so is a difference of two of those."""
+    made = Made(first=2.0**1000, unit=2.0**1000, c=1.7e308 * np.array([1, -1, 1, -1, 1, -1]))
+    with np.errstate(all="ignore"):
+        assert made.solved()[2] == NOT_FINITE
+    assert forgotten(made.work, made.AT, columns(made.band))
+
+
+def test_newton_s_method_with_a_matrix_for_every_iterate_takes_over():
+    """Where the simplified one is at a loss: steep equations far from the start."""
+    made = Made(M=np.diag([40.0, 30.0, 20.0, 10.0, 5.0, 3.0]), bend=1.0, c=-np.arange(1.0, N + 1))
+    x, _, status = made.solved(start=-1.0)
+    assert status == SOLVED
+    assert made.residual(x) < 1e-12 * np.abs(made.M).max()
+
+
+@pytest.mark.parametrize(("n", "width"), [(2, 1), (7, 0), (9, 2), (12, 5)])
+def test_factors_take_rows_in_the_order_of_their_pivots(n, width):
+    """Beside a control: without interchanges a tiny pivot spoils the solution."""
+    rng = np.random.default_rng(n)
+    M = rng.normal(size=(n, n)) * (abs(np.subtract.outer(range(n), range(n))) <= width)
+    if width:
+        M[0, 0] = 1e-14
+    A = np.zeros((n + 2, 3 * width + 2))
+    for i in range(n):
+        for j in range(max(0, i - width), min(n, i + width + 1)):
+            A[1 + i, j - i + width] = M[i, j]
+    A[[0, -1]] = 5.0
+    b = rng.normal(size=n)
+    table = np.vstack([b, b])
+    assert banded.factorize(A, 1, n, width)
+    banded.substitute(A, 1, n, width, table, 1)
+    np.testing.assert_allclose(table[1], np.linalg.solve(M, b), rtol=1e-9, atol=1e-10)
+    assert (A[[0, -1]] == 5).all()
+    assert (table[0] == b).all()
+    assert width == 0 or A[1, -1] != 0, "the first row changes places"

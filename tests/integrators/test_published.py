@@ -1,0 +1,316 @@
+"""What is declared of each method, as it is published: a record that says anything else is wrong, or a new one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import mpmath
+import pytest
+
+from phasebench.integrators.coefficients.table import value
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.record import BOUNDED, DRIFT, NONE, ROUND_OFF
+from phasebench.integrators.records import (
+    collocation,
+    energy,
+    parametric,
+    poisson,
+    projection,
+    solvers,
+    splittings,
+    variational,
+)
+from phasebench.integrators.registry import BY_ID, METHODS, method
+
+#: (symmetric, symplectic, energy, invariants q.D p) -> the methods, each with its order and, behind a stroke, of how
+#: many stages, substeps or values of a gradient's path a step is made, or the nodes of its quadrature.
+PUBLISHED = {
+    (False, False, DRIFT, DRIFT): """
+        explicit-euler 1/1, implicit-euler 1/1, rk4 4/4, radau-iia-2 3/2, radau-iia-3 5/3, dop853 8/12
+    """,
+    (False, True, BOUNDED, ROUND_OFF): """
+        symplectic-euler-p 1/1, symplectic-euler-q 1/1, scheme-i 1/1, scheme-i-adjoint 1/1, scheme-ii 2/1,
+        generating-function 3/1, mclachlan-atela-2 2/3, mclachlan-atela-3 3/5, ruth-3 3/5, mclachlan-atela-4
+        4/4, mclachlan-atela-5 5/6, calvo-sanz-serna-4 4/5, wisdom-holman-corrector 2/1
+    """,
+    (True, True, BOUNDED, ROUND_OFF): """
+        implicit-midpoint 2/1, stormer-verlet 2/2, stormer-verlet-dkd 2/2, scheme-iii 2/2,
+        scheme-iii-yoshida-4 4/6, scheme-iii-yoshida-6 6/18, scheme-iii-suzuki-4 4/10, scheme-iii-suzuki-6
+        6/50, blanes-moan-s6 4/12, blanes-moan-s10 6/20, mclachlan-s2 2/4, mclachlan-s4 4/8, mclachlan-s5
+        4/10, pefrl 4/8, aba-864 4/14, aba-1064 4/16, saba-2 2/4, saba-3 2/6, saba-4 2/8, blanes-moan-srkn6b
+        4/7, blanes-moan-srkn11b 6/12, blanes-moan-srkn14a 6/14, mclachlan-sb3a4 4/4, mclachlan-sb3a5 4/5,
+        okunbor-skeel-6 6/7, blanes-casas-escorihuela-srkn17 8/17, yoshida-6a 6/14, kahan-li-6 6/18,
+        suzuki-umeno-8 8/30, kahan-li-8 8/34, sofroniou-spaletta-6 6/26, sofroniou-spaletta-8 8/42,
+        sofroniou-spaletta-10 10/70, hlw-10 10/66, forest-ruth 4/6, mclachlan-ss5 4/10, mclachlan-ss9 6/18,
+        mclachlan-ss17 8/34, suzuki-4 4/10, yoshida-6b 6/14, yoshida-6c 6/14, yoshida-8a 8/30, yoshida-8b
+        8/30, yoshida-8c 8/30, yoshida-8d 8/30, yoshida-8e 8/30, implicit-midpoint-yoshida-4 4/3,
+        implicit-midpoint-suzuki-4 4/5, implicit-midpoint-yoshida-6a 6/7, implicit-midpoint-kahan-li-6 6/9,
+        implicit-midpoint-sofroniou-spaletta-6 6/13, implicit-midpoint-kahan-li-8 8/17,
+        implicit-midpoint-suzuki-umeno-8 8/15, implicit-midpoint-sofroniou-spaletta-8 8/21,
+        implicit-midpoint-sofroniou-spaletta-10 10/35, implicit-midpoint-hlw-10 10/33, scheme-iii-yoshida-6a
+        6/14, scheme-iii-kahan-li-6 6/18, scheme-iii-sofroniou-spaletta-6 6/26, scheme-iii-kahan-li-8 8/34,
+        scheme-iii-suzuki-umeno-8 8/30, scheme-iii-sofroniou-spaletta-8 8/42, scheme-iii-sofroniou-spaletta-10
+        10/70, scheme-iii-hlw-10 10/66, gauss-1 2/1, gauss-2 4/2, gauss-3 6/3, gauss-4 8/4, gauss-5 10/5,
+        gauss-6 12/6, gauss-7 14/7, gauss-8 16/8, lobatto-iiia-iiib-2 2/2, lobatto-iiia-iiib-3 4/3,
+        lobatto-iiia-iiib-4 6/4, variational-midpoint 2/1, variational-trapezoidal 2/2, variational-gauss-2
+        4/2, variational-gauss-3 6/3, variational-lobatto-3 4/3, variational-lobatto-4 6/4, variational-2-3
+        4/3, wisdom-holman 2/1, wisdom-holman-saba-2 2/2, wisdom-holman-saba-4 2/4, wisdom-holman-aba-8-6-4
+        4/7, wisdom-holman-aba-10-6-4 4/8
+    """,
+    (True, False, ROUND_OFF, ROUND_OFF): """
+        scheme-iv 2/1, scheme-v 2/2, scheme-iv-v 2/3, scheme-v-iv 2/3, scheme-iv-yoshida-4 4/3,
+        scheme-v-yoshida-4 4/6, scheme-v-suzuki-4 4/10, scheme-v-kahan-li-6 6/18,
+        scheme-v-sofroniou-spaletta-6 6/26, scheme-v-kahan-li-8 8/34, scheme-v-suzuki-umeno-8 8/30,
+        scheme-v-sofroniou-spaletta-8 8/42, gauss-equip-2 4/2, gauss-equip-3 6/3, gauss-equip-4 8/4,
+        implicit-midpoint-symmetric-projection-invariants 2
+    """,
+    (True, False, ROUND_OFF, BOUNDED): """
+        hbvm-2-1 2/1, hbvm-4-2 4/2, hbvm-6-3 6/3, hbvm-8-4 8/4, cpg-1 2/1, cpg-2 4/2, cpg-3 6/3, cpg-4 8/4,
+        avf 2/1, avf-yoshida-4 4/3, avf-suzuki-4 4/5, pavf-c 2/2, pavf-p 2/1, pavf-c-yoshida-4 4/6,
+        itoh-abe-symmetrized 2/1, itoh-abe-c 2/2, gonzalez 2/1, gonzalez-yoshida-4 4/3,
+        stormer-verlet-symmetric-projection 2, implicit-midpoint-symmetric-projection 2,
+        scheme-iii-symmetric-projection 2, suzuki-4-symmetric-projection 4, cohen-hairer-1 2/1, cohen-hairer-2
+        4/2, cohen-hairer-3 6/3
+    """,
+    (False, False, BOUNDED, ROUND_OFF): """
+        stormer-verlet-adaptive 2, sofroniou-spaletta-10-adaptive 10, gauss-4-adaptive 8, gauss-6-adaptive 12,
+        gauss-8-adaptive 16
+    """,
+    (False, False, ROUND_OFF, BOUNDED): """
+        pavf 1/1, pavf-adjoint 1/1
+    """,
+    (False, False, ROUND_OFF, NONE): """
+        itoh-abe 1/1
+    """,
+    (False, False, ROUND_OFF, DRIFT): """
+        rk4-projected-energy 4, stormer-verlet-projected-energy 2, rk4-relaxation 4, kutta-3-relaxation 3,
+        dop853-relaxation 8
+    """,
+    (False, False, ROUND_OFF, ROUND_OFF): """
+        rk4-projected-invariants 4
+    """,
+    (True, False, BOUNDED, BOUNDED): """
+        gautschi 2, hochbruck-lubich 2, hairer-lubich 2, grimm-hochbruck 2
+    """,
+    (True, True, BOUNDED, BOUNDED): """
+        deuflhard 2, mollified-impulse 2, r-respa 2, imex 2
+    """,
+}
+
+
+def parts(m) -> int | None:
+    """How many stages, substeps or nodes a step has."""
+    by_family = {
+        "parametric": lambda: len(m.data[1]),
+        "runge_kutta": lambda: len(m.data[-1]),
+        "splitting": lambda: sum(b != 0 for b in m.data[1]),
+        "wisdom_holman": lambda: len(m.data[1]),
+        "collocation": lambda: m.data[1],
+        "equip": lambda: m.data[0],
+        "poisson": lambda: m.data[0],
+        "variational": lambda: m.data[2],
+    }
+    by_family |= dict.fromkeys(("schemes_iv_v", "averaged", "discrete_gradient"), lambda: len(m.data))
+    return by_family[m.family]() if m.family in by_family else None
+
+
+def declared(m) -> tuple:
+    """What the record says, in the order of `PUBLISHED`."""
+    return m.symmetric, m.symplectic, m.energy, m.quadratic, m.order, parts(m)
+
+
+def read(text: str) -> dict[str, tuple[int, int | None]]:
+    """{id: (order, parts)} of a text such as "rk4 4/4, gautschi 2"."""
+    found = {}
+    for entry in " ".join(text.split()).split(", "):
+        id, numbers = entry.split()
+        order, _, n = numbers.partition("/")
+        found[id] = int(order), int(n) if n else None
+    return found
+
+
+def test_every_record_says_what_is_published():
+    published = {id: (*kind, *of) for kind, text in PUBLISHED.items() for id, of in read(text).items()}
+    assert {m.id: declared(m) for m in METHODS} == published
+    suzuki, kutta = projection.SUZUKI, projection.KUTTA_3  # which stand in no list
+    assert declared(suzuki) == declared(method(suzuki.id))
+    assert declared(kutta) == (False, False, DRIFT, DRIFT, 3, 3)
+
+
+def test_substeps_need_no_derivative_of_H_but_its_gradient():
+    """The generating function of a substep has the terms of the first order, but where a method is of a higher one."""
+    higher = {m.id: m.data[0] for m in METHODS if m.family == "parametric" and m.data[0] != 1}
+    assert higher == {"scheme-ii": 2, "generating-function": 3}
+
+
+#: Of methods that other tests do not ask it of: what a step is made of, each as its parts of the step.
+PARTS = {
+    "splitting": lambda data: data,
+    "wisdom_holman": lambda data: data[:2],
+    "averaged": lambda data: [[row[0] for row in data]],
+    "discrete_gradient": lambda data: [data],
+}
+
+
+@pytest.mark.parametrize("m", [m for m in METHODS if m.family in PARTS], ids=lambda m: m.id)
+def test_the_parts_of_a_step_fill_it(m):
+    with mpmath.workdps(50):
+        for parts in PARTS[m.family](m.data):
+            assert abs(mpmath.fsum(value(str(x)) if isinstance(x, Fraction) else x for x in parts) - 1) < 1e-40
+
+
+def test_the_values_that_parameters_have_where_none_is_given():
+    third = Fraction(1, 3)
+    others = {m.id: dict(m.parameters) for m in METHODS if m.parameters and m.parameters != {"lam": third}}
+    assert others == {
+        "generating-function": {"order": 3, "lam": third},
+        "r-respa": {"substeps": 10},
+        "wisdom-holman-corrector": {"corrector": 17},
+    }
+
+
+@pytest.mark.parametrize("m", [m for m in METHODS if m.parameters], ids=lambda m: m.id)
+def test_given_the_values_that_it_has_a_record_is_the_same(m):
+    assert m(**m.parameters) == m
+
+
+def test_paths_and_signs_are_the_published_ones():
+    """Of paths the one there, the one back and the mean of both; of schemes IV and V the sign of each half."""
+    paths = {id: [row[1:] for row in BY_ID[id].data] for id in ("avf", "pavf", "pavf-adjoint", "pavf-p", "pavf-c")}
+    there, back = ("momenta, coordinates", 1), ("momenta, coordinates", -1)
+    assert paths == {
+        "avf": [("whole", 1)],
+        "pavf": [there],
+        "pavf-adjoint": [back],
+        "pavf-p": [("momenta, coordinates", 0)],
+        "pavf-c": [there, back],
+    }
+    iv, v = [1], [-1, 1]
+    signs = {m.id: [row[1] for row in m.data] for m in METHODS if m.family == "schemes_iv_v"}
+    assert signs.pop("scheme-iv-v") == iv + v
+    assert signs.pop("scheme-v-iv") == v + iv
+    for id, found in signs.items():
+        pattern = v if id.startswith("scheme-v") else iv
+        assert found == pattern * (len(found) // len(pattern)), id
+
+
+def test_rows_that_are_not_told_otherwise_fill_the_step():
+    half = Fraction(1, 2)
+    assert parametric.equip_rows((-1, 1)) == ((half, -1, 0, 0), (half, 1, 0, 0))
+    assert parametric.scheme_iii(0) == ((half, 0, 1), (half, 1, 0))
+
+
+def test_of_kepler_splittings_one_has_a_corrector():
+    assert {m.id: m.data[2] for m in METHODS if m.family == "wisdom_holman" and m.data[2] != 1} == {
+        "wisdom-holman-corrector": 17
+    }
+
+
+#: The highest degree of polynomials of which so many nodes integrate every one, with one added.
+QUADRATURE = {"gauss": lambda nodes: 2 * nodes, "lobatto": lambda nodes: 2 * nodes - 2}
+
+
+@pytest.mark.parametrize("m", variational.METHODS, ids=lambda m: m.id)
+def test_a_galerkin_method_has_the_order_of_its_polynomials_or_of_its_quadrature(m):
+    """min(2 s, u): Ober-Bloebaum & Saake 2015, of degree s and a quadrature of order u that sees every polynomial."""
+    degree, rule, nodes = m.data
+    assert 2 * degree <= QUADRATURE[rule](nodes)
+    assert m.order == min(2 * degree, QUADRATURE[rule](nodes))
+
+
+@pytest.mark.parametrize("m", [*parametric.METHODS, *energy.METHODS], ids=lambda m: m.id)
+def test_a_composition_names_whose_fractions_it_has(m):
+    for name in ("yoshida", "suzuki"):
+        assert (f"{name}1990" in m.cite) == (f"{name.capitalize()} 1990" in m.source) == (f"-{name}-" in m.id)
+
+
+def test_collocation_for_poisson_systems_is_hairer_s_where_it_is_more_than_the_averaged_field():
+    cited = {m.id: "hairer2010" in m.cite for m in poisson.METHODS}
+    assert cited == {"cohen-hairer-1": False, "cohen-hairer-2": True, "cohen-hairer-3": True}
+
+
+def test_the_name_of_an_hbvm_says_which_polynomials_it_keeps():
+    """Brugnano, Iavernaro & Trigiante 2010: H of degree 2 k / s at the most."""
+    degrees = {(2, 1): 4, (6, 3): 4, (6, 4): 3, (7, 2): 7}
+    assert {of: int(collocation.hbvm(*of).name.rpartition(" ")[2]) for of in degrees} == degrees
+
+
+def test_multiple_time_stepping_takes_from_one_substep_to_ten_thousand():
+    assert [method("r-respa", substeps=n).data[-1] for n in (1, 10_000)] == [1, 10_000]
+    for n in (0, 10_001):
+        with pytest.raises(InvalidInput, match="at least 1 and at most 10000"):
+            method("r-respa", substeps=n)
+
+
+def test_a_record_of_a_projection_says_onto_what_and_how():
+    rk4, midpoint = method("rk4"), method("implicit-midpoint")
+    further = ("canonical", "further invariants")
+    made = {
+        ("projected onto the energy", "rk4-projected-energy", ("canonical",)): projection.projected("rk4"),
+        (
+            "projected onto the energy and the further invariants",
+            "rk4-projected-invariants",
+            further,
+        ): projection.projected(rk4, onto="invariants"),
+        (
+            "symmetric projection onto the energy",
+            "implicit-midpoint-symmetric-projection",
+            ("canonical",),
+        ): projection.projected(midpoint, symmetric=True),
+        (
+            "symmetric projection onto the energy and the further invariants",
+            "implicit-midpoint-symmetric-projection-invariants",
+            further,
+        ): projection.projected(midpoint, "invariants", True),
+    }
+    for (name, id, requires), m in made.items():
+        assert m.name.endswith(f", {name}")
+        assert (m.id, m.requires) == (id, requires)
+        assert ("Hairer 2000" in m.source) == ("hairer2000" in m.cite) == m.symmetric
+
+
+def test_a_record_of_a_relaxation_says_how_long_its_steps_count():
+    """Ketcheson 2019: as long as they are; by the incremental direction technique as h, which loses an order."""
+    m, other = projection.relaxed("rk4"), projection.relaxed("rk4", adjust_time=False)
+    assert (m.id, m.order, other.id, other.order) == ("rk4-relaxation", 4, "rk4-incremental-direction", 3)
+    assert (m.name.rpartition(", ")[2], other.name.rpartition(", ")[2]) == (
+        "relaxation aimed at times n h",
+        "incremental direction technique",
+    )
+    assert projection.relaxed(replace(method("rk4"), requires=("canonical", "separable"))).requires == (
+        "canonical",
+        "separable",
+    )
+
+
+def test_generating_functions_are_of_the_orders_that_are_derived():
+    assert [method("generating-function", order=n).data[0] for n in (1, 6)] == [1, 6]
+    for n in (0, 7):
+        with pytest.raises(InvalidInput, match="for orders 1 to 6"):
+            method("generating-function", order=n)
+
+
+def test_a_splitting_of_a_generalised_order_is_named_by_it():
+    """Laskar & Robutel 2001; Blanes et al. 2013."""
+    named = {m.id: m.name.partition(" of generalised order ")[2] for m in splittings.METHODS}
+    assert {id: order for id, order in named.items() if order} == {
+        "saba-2": "(4,2)",
+        "saba-3": "(6,2)",
+        "saba-4": "(8,2)",
+        "aba-864": "(8,6,4)",
+        "aba-1064": "(10,6,4)",
+    }
+
+
+def test_a_solver_that_a_method_has_is_not_given_to_it_again():
+    once = method("implicit-midpoint", solver="banded")
+    assert solvers.solved(once, "banded") is once
+    assert once.family == "banded"
+
+
+def test_a_method_with_a_solver_follows_its_parameters_as_without():
+    half = Fraction(1, 2)
+    plain, banded = method("scheme-i", lam=half), method("scheme-i", solver="banded")(lam=half)
+    assert (banded.data, banded.order, banded.symmetric) == (plain.data, 2, True)
+    assert dict(banded.parameters) == {"lam": half, "solver": "banded"}

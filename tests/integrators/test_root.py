@@ -1,0 +1,353 @@
+"""The root that a step is taken with, of functions E(x) whose roots are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from phasebench.integrators.engine import energy_model as model
+from phasebench.integrators.engine.energy_model import ALONG, FIRST, LATEST, Search
+from phasebench.integrators.engine.solve import LEVELS, NOT_FINITE, SOLVED
+from support.curves import EXACT, NEAR, UNIT, from_roots, known, look
+
+# -- the search -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("several", [True, False])
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("root", [1e-6, 0.03, 0.3, 0.9])
+@pytest.mark.parametrize("bend", [0.0, 0.4, -0.4])
+def test_a_lone_root_is_found_to_round_off(several, sign, root, bend):
+    """Of (x - root)(1 + bend x): the other root is beyond 2."""
+    s = look(np.convolve([-sign * root, 1.0], [1.0, bend]), several=several)
+    assert s.found
+    assert s.status == SOLVED
+    assert s.x == pytest.approx(sign * root, abs=10 * UNIT)
+    assert s.at == s.x
+    assert abs(s.E) <= model.SLACK * UNIT
+    assert len(s.tried) <= (12 if several else 9)
+
+
+@pytest.mark.parametrize("E0", [0.0, 0.5, 1.0, -1.0])
+def test_an_energy_that_is_kept_at_zero_takes_no_root(E0):
+    models = known()
+    s = look([E0 * UNIT, 1.0], models)
+    assert (s.x, s.found, s.at) == (0.0, True, 0.0)
+    assert s.tried.tolist() == [[0.0, FIRST, 1.0, 0.0]]
+    assert models[0, model.START] == E0 * UNIT
+    assert models[0, model.UNIT] == UNIT
+    assert models[0, model.STREAK] == -LEVELS
+
+
+def test_a_step_that_has_no_solution_at_zero_is_told():
+    s = look([1.0, 1.0], within=(0.5, 1.0))
+    assert (s.x, s.at, s.status) == (0.0, 0.0, NOT_FINITE)
+    assert len(s.tried) == 1
+
+
+def test_zero_is_looked_at_again_where_its_error_is_below_what_it_was_solved_to():
+    """Solved to a hundredth of the error before."""
+    for E0, exact in ((1e-7, True), (-1e-7, True), (1e-4, False), (-1e-4, False)):
+        models = known()
+        models[0, [model.START, model.UNIT]] = 1e-3, UNIT
+        s = look([E0, 1.0], models, blur=0.3 if exact else 0.0)
+        assert s.found
+        assert s.x == pytest.approx(-E0, abs=2 * UNIT)
+        assert s.tried[0] == pytest.approx([0.0, FIRST, 1e7, 0.0])
+        assert (s.tried[1, 0] == 0) == exact
+        if exact:
+            assert s.tried[1].tolist() == [0.0, LATEST, 1.0, 0.0]
+        assert models[0, model.START] == E0
+
+
+@pytest.mark.parametrize("several", [True, False])
+def test_the_root_of_the_model_is_tried_first(several):
+    """It is one: the model stays as it is."""
+    models = known(-1.4, 1.0)
+    s = look([0.125, -1.4, 1.0], models, several=several)
+    root = model.smaller_root(0.125, -1.4, 1.0)
+    assert s.found
+    assert s.tried[:, 0] == pytest.approx([0.0, root, root], abs=UNIT)
+    assert s.tried[:, 1].tolist() == [FIRST, ALONG, LATEST]
+    assert s.tried[1, 2] == pytest.approx(0.01 * 0.125 / UNIT)
+    assert s.tried[2, 2] == 1
+    assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx([-1.4, 1.0], rel=1e-9)
+    assert models[0, [model.RATE, model.BEND, model.STREAK]].tolist() == [0, 0, 1]
+
+
+def test_where_the_model_has_no_root_within_the_radius_the_first_guess_is_a_setting():
+    for slope, curvature in ((0.0, 0.0), (1e-3, 0.0), (-1e-3, 0.0), (0.1, -1.0)):
+        s = look([-0.03, 0.3], known(slope, curvature))
+        assert s.tried[1, 0] == NEAR.first
+        assert s.x == pytest.approx(0.1, abs=10 * UNIT)
+    assert look([-2.0, 1.0], known(1.0), several=False).tried[1, 0] == 2.0, "it is within"
+
+
+@pytest.mark.parametrize(
+    ("predicted", "streak", "several", "taken"),
+    [
+        (0.06, 0, True, True),
+        (0.04, -1, True, True),
+        (0.0626, 0, True, False),
+        (0.06, model.FOLLOWED, True, False),
+        (0.06, 0, False, False),
+        (np.nan, 0, True, False),
+    ],
+)
+def test_a_predicted_root_beside_that_of_the_model_is_tried_first(predicted, streak, several, taken):
+    models = known(1.0)
+    models[0, model.STREAK] = streak
+    s = look([-0.05, 0.9], models, predicted, several)
+    assert s.tried[1, 0] == (predicted if taken else 0.05)
+    assert s.found
+    assert models[0, model.MISSED] == pytest.approx(abs(s.x - predicted), nan_ok=True)
+
+
+def test_after_a_search_the_slope_alone_is_known():
+    models = known(1.0)
+    models[0, [model.STREAK, model.RATE, model.BEND, model.AGE]] = -2.0, 5.0, 5.0, 0.0
+    s = look([-0.05, 1.25], models)
+    assert s.tried[1, 0] == 0.05, "the rate is not used"
+    assert models[0, [model.SLOPE, model.RATE, model.BEND, model.AGE]] == pytest.approx([1.25, 0, 0, 0])
+    assert models[0, model.STREAK] == -1
+
+
+@pytest.mark.parametrize("streak", [1, model.FOLLOWED])
+def test_a_search_on_the_way_goes_on_from_the_slope_and_its_rate(streak):
+    models = known(1.0)
+    models[0, [model.STREAK, model.RATE]] = streak, 0.25
+    s = look([-0.05, 1.25], models)
+    assert s.tried[:, 0] == pytest.approx([0.0, 0.04, 0.04])
+    assert models[0, [model.SLOPE, model.RATE, model.BEND, model.AGE]] == pytest.approx([1.25, 0.25, 0, 0])
+    assert models[0, model.STREAK] == 1
+
+
+@pytest.mark.parametrize(("curvature", "followed"), [(7.0, True), (8.0, False)])
+def test_a_root_is_followed_where_the_model_at_it_has_no_other_near(curvature, followed):
+    """At x = 0.1 the slope is 1 + 0.2 c, of which 0.3 has to be above 0.1 c."""
+    models = known(1.0, curvature)
+    models[0, [model.STREAK, model.UNIT]] = 1.0, UNIT
+    s = look([-0.1 - 0.01 * curvature, 1.0, curvature], models, predicted=0.1)
+    assert s.found
+    assert s.x == pytest.approx(0.1)
+    assert (s.tried[0, 0] == 0) != followed
+
+
+# Where there are several roots.
+
+
+def test_beyond_a_tenth_the_other_side_is_looked_at_first():
+    """The model points at 0.5; at -0.5 the sign says that there is a root between, and the parabola says where."""
+    c = from_roots(0.5, -0.2)
+    models = known(0.2)
+    s = look(c, models)
+    assert s.x == pytest.approx(-0.2, abs=UNIT)
+    assert s.tried[:3, 0] == pytest.approx([0.0, -0.5, -0.2], abs=UNIT)
+    assert s.tried[1, 1:3] == pytest.approx([ALONG, 0.01 * 0.1 / UNIT])
+    assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx([-0.3, 1.0])
+    alone = look(c, known(0.2), several=False)
+    assert alone.tried[:2, 0] == pytest.approx([0.0, 0.5])
+    assert alone.x == pytest.approx(0.5)
+    assert look(-c, known(-0.2)).x == pytest.approx(-0.2, abs=UNIT)
+
+
+def test_where_the_other_side_has_no_root_it_says_what_the_model_is():
+    for sign in (1, -1):
+        models = known(-0.9 * sign)
+        s = look(sign * from_roots(0.5, 0.9), models)
+        assert s.x == pytest.approx(0.5, abs=UNIT)
+        assert s.tried[:3, 0] == pytest.approx([0.0, -0.5, 0.5], abs=UNIT)
+        assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx([-1.4 * sign, sign])
+
+
+def test_the_other_side_is_left_where_no_step_reaches_it():
+    s = look([-0.5, 1.0], known(1.0), within=(-0.3, np.inf))
+    assert s.tried[:3, 0] == pytest.approx([0.0, -0.5, 0.5])
+    assert s.x == pytest.approx(0.5)
+
+
+def test_an_infinite_error_on_the_other_side_says_that_there_is_a_root():
+    """Not where: it is looked for halfway."""
+    with np.errstate(all="ignore"):
+        s = look([0.0], known(1.0), errors=[-0.5 / UNIT, np.inf])
+    assert s.tried[:3, 0] == pytest.approx([0.0, -0.5, -0.25])
+    assert s.tried[1, 2] > 1
+
+
+def test_of_the_parabola_s_two_roots_the_other_one_is_tried_where_it_may_be_nearer():
+    for far, nearest in ((-0.05, -0.05), (-0.2, 0.09)):
+        c = from_roots(0.09, far)
+        bend = 0.5 if far == -0.05 else 2.0
+        slope = -c[0] / 0.09 - bend * 0.09
+        s = look(c, known(slope, bend))
+        assert s.tried[1, 0] == pytest.approx(0.09)
+        assert np.abs(s.tried[:, 0] - c[0] / (bend * 0.09)).min() < 1e-12
+        assert s.found
+        assert s.x == s.at == pytest.approx(nearest, abs=10 * UNIT)
+    s = look(c, known(-c[0] / 0.09 - 0.1 * 0.09, 0.1))
+    assert len(s.tried) == 3, "the other root of the model is far"
+
+
+# Muller's method.
+
+
+def test_the_parabola_through_three_attempts_is_the_model_that_is_left():
+    """Of a parabola the fourth attempt is its root; of any function the model is the one through the first three."""
+    for c in ([-0.04, 1.0, 0.7], [0.04, -1.0, 0.7], [-0.04, 1.0, -0.7, 1.0], [-0.04, 1.0, -0.7, 0.0, -3.0]):
+        models = known()
+        s = look(c, models, several=False)
+        xs = list(dict.fromkeys(s.tried[:, 0].tolist()))
+        parabola = np.polynomial.polynomial.polyfit(xs[:3], np.polynomial.polynomial.polyval(xs[:3], c), 2)
+        assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx(parabola[1:], rel=1e-6)
+        assert xs[3] == pytest.approx(model.smaller_root(*parabola), rel=1e-6)
+        if len(c) == 3:
+            assert s.x == pytest.approx(xs[3], abs=10 * UNIT)
+            assert xs[2] == pytest.approx(-c[0] * 0.05 / (np.polyval(c[::-1], 0.05) - c[0])), "a secant"
+        assert s.found
+        assert len(xs) <= 7
+
+
+def test_a_search_ends_at_the_unit_or_where_it_gets_no_nearer_below_eight():
+    for errors, ends in (
+        ([20.0, 10.0, 1.0], 3),
+        ([20.0, 10.0, 4.0, 1.0], 4),
+        ([20.0, 10.0, 9.0, 8.0], 4),
+        ([20.0, 10.0, 9.0, 5.0, 2.5], 4),
+        ([20.0, 10.0, 16.0, 8.0, 0.0], 4),
+        ([20.0, 10.0, 16.0, 7.9, 0.0], 5),
+        ([20.0, 10.0, 8.0, 3.9, 0.0], 5),
+        ([20.0, 10.0, 9.0, 8.1, 0.0], 5),
+    ):
+        s = look([0.0], known(1.0), errors=errors, unit=EXACT, several=False)
+        assert s.found
+        assert len(s.tried) == ends, errors
+
+
+def test_a_search_that_finds_none_in_fourteen_attempts_goes_outwards():
+    s = look([0.0], known(1.0), errors=[1e6, *(1e5 * (-0.9) ** k for k in range(20))], unit=EXACT, several=False)
+    again = np.flatnonzero(s.tried[:, 1] == FIRST)
+    assert again[1] == 15
+
+
+# Outwards from zero.
+
+OUT = Search(radius=2.0, first=0.05, near=0.0, ratio=2.0, points=5, slack=0.0)
+
+
+def outwards(c, search=OUT, **options):
+    """The run, and the places at which it looked on either side of zero, before and after what it was between."""
+    s = look(c, several=False, search=search, **options)
+    begins = np.flatnonzero(s.tried[:, 1] == FIRST)[1:3]
+    above, below = np.split(s.tried, begins)[1:]
+    assert (above[1:, 1] == LATEST).all()
+    assert (above[:, 2] == 1).all()
+    return s, above[:, 0], below[:, 0]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_nearest_change_of_sign_is_looked_for_on_either_side(sign):
+    for roots, nearest in (
+        ((0.3,), 0.3),
+        ((0.3, -0.28), -0.28),
+        ((0.3, -0.6), 0.3),
+        ((-0.6,), -0.6),
+        ((1.3, 0.4), 0.4),
+    ):
+        models = known()
+        c = sign * from_roots(*roots)
+        s, above, below = outwards(c, models=models)
+        assert s.found
+        assert s.x == s.at == pytest.approx(nearest, abs=10 * UNIT)
+        assert abs(s.E) <= 64 * UNIT
+        first = max(roots) if len(roots) < 2 or roots[1] < 0 else 0.4
+        grid = (0.0, 0.125, 0.25, 0.5, 1.0, 2.0)
+        expected = [x for k, x in enumerate(grid) if k == 0 or first < 0 or grid[k - 1] < first]
+        assert above[: len(expected)] == pytest.approx(expected)
+        assert below.min() >= -max(first, 0) - 1e-12 or first < 0
+        assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx([-c[0] / s.x, 0.0])
+
+
+def test_on_the_other_side_it_is_looked_no_farther_than_the_root_that_is_known():
+    s, _, below = outwards(from_roots(0.3, -0.31))
+    assert s.x == pytest.approx(0.3)
+    assert below[:4] == pytest.approx([0.0, -0.125, -0.25, -0.3])
+    assert below[4:] == pytest.approx([0.3])
+
+
+def test_a_change_of_sign_is_narrowed_down_in_a_few_attempts():
+    """Of functions that are bent more and more, to either side: the secant alone would take hundreds."""
+    for power, most in ((1, 5), (2, 18), (4, 21)):
+        for end in (0.0, 0.9):
+            c = np.poly1d([1.0, -end]) ** power - (0.3 - end) ** power
+            s, above, _ = outwards(c.c[::-1], within=(-0.001, np.inf))
+            assert s.x == pytest.approx(0.3, abs=1e-9)
+            assert 4 < len(above) <= most
+            assert ((above[4:] > 0.25) & (above[4:] < 0.5)).all()
+
+
+def test_a_jump_to_the_other_sign_is_no_root():
+    for sign in (1, -1):
+        s, above, _ = outwards([-sign * 1e-3], jump=2e-3 * sign)
+        assert not s.found
+        assert np.abs(above - 0.3).min() < 1e-15
+        assert len(above) < 100
+
+
+def test_a_root_may_be_as_far_as_the_radius():
+    s = look([-2.0, 1.0], several=False, search=NEAR._replace(first=0.0625, near=2.0))
+    assert (s.x, s.found) == (2.0, True)
+    assert s.tried[:, 0].tolist() == [0.0, 0.0625, 2.0, 2.0]
+
+
+def test_a_pair_of_roots_between_two_places_is_seen_by_the_least_error():
+    for pair, nearest, ends in (((0.7, 0.72), 0.7, 5), ((0.44, 0.46), 0.44, 5)):
+        for sign in (1, -1):
+            s, above, _ = outwards(sign * from_roots(*pair))
+            assert s.x == pytest.approx(nearest, abs=1e-9)
+            assert above[:ends] == pytest.approx([0.0, 0.125, 0.25, 0.5, 1.0])
+            assert above[5] == pytest.approx(sum(pair) / 2), "where the parabola has its extremum"
+
+
+def test_a_least_error_that_is_none_is_passed_by():
+    """(x - 0.7)^2 + 0.001 has no root, and 1.5 - x has one behind it."""
+    c = np.convolve([0.491, -1.4, 1.0], [1.5, -1.0])
+    s, above, _ = outwards(c)
+    assert s.x == pytest.approx(1.5, abs=1e-9)
+    assert above[4] == above[6] == 1.0, "it goes on from where it was"
+    assert 0.5 < above[5] < 1.0
+    assert above[7] == 2.0
+
+
+def test_a_branch_is_followed_to_its_end():
+    s, above, below = outwards([1.0, -1.0 / 0.8], within=(-0.3, 0.6))
+    assert not s.found
+    assert above.tolist() == [0.0, 0.125, 0.25, 0.5, 1.0]
+    assert below.tolist()[:4] == [0.0, -0.125, -0.25, -0.5]
+
+
+def test_where_there_is_no_root_the_step_is_that_at_zero():
+    models = known(1.0)
+    models[0, model.STREAK] = 3.0
+    s = look([1.0, 0.0, 1.0], models)
+    assert (s.x, s.found, s.at, s.E, s.status) == (0.0, False, 0.0, 1.0, SOLVED)
+    assert s.tried[-1].tolist() == [0.0, FIRST, 1.0, 0.0]
+    assert models[0, model.STREAK] == -LEVELS
+
+
+@pytest.mark.parametrize(("near", "far"), [(0.5, False), (0.25, True), (0.49999, True)])
+def test_a_root_that_is_far_is_confirmed_from_zero_on(near, far):
+    s = look([-0.5, 1.0], known(1.0), several=False, search=OUT._replace(near=near))
+    assert s.x == pytest.approx(0.5)
+    assert s.found
+    assert (len(s.tried) > 3) == far
+    assert ((s.tried[3:, 1] == LATEST).sum() > 3) == far
+
+
+@pytest.mark.parametrize(("units", "slack", "kept"), [(5, 8, True), (8, 8, True), (8.1, 8, False), (5, 0, False)])
+def test_where_the_search_fails_an_error_at_zero_of_a_few_units_will_do(units, slack, kept):
+    models = known()
+    s = look([units * UNIT, 0.0, 1.0], models, search=OUT._replace(slack=float(slack), near=1.0), within=(-0.01, 0.01))
+    assert np.isfinite(models[0, model.SLOPE]) or not kept
+    assert (s.x, s.found, s.at) == (0.0, kept, 0.0)
+    assert (len(s.tried) == 3) == kept
+    assert s.tried[-1, 1] == FIRST

@@ -1,0 +1,95 @@
+"""Steps of which the energy's error E(x) is a known function, and the search for its roots."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from phasebench.integrators.engine import energy_model as model
+from phasebench.integrators.engine.energy_model import Attempt, Search
+from phasebench.integrators.engine.root import finder
+from phasebench.integrators.engine.solve import NOT_FINITE, SOLVED
+from phasebench.integrators.engine.vector import State, jit, scale
+
+from .values import value
+
+UNIT = 1e-12
+#: A unit of which multiples are exact.
+EXACT = 2.0**-40
+NEAR = Search(radius=2.0, first=0.05, near=1.0, ratio=1.12, points=70, slack=0.0)
+
+
+class Curve(NamedTuple):
+    """E(x) = c_0 + c_1 x + ... + c_4 x^4 for ``below`` < x < ``above``, elsewhere the step has no solution.
+
+    From x = 0.3 on it is larger by ``jump``.
+    Its round-off is ``unit``; an attempt that need be less exact is wrong by ``blur`` of what it may be.  The attempts
+    are listed in ``tried``, as (x, start, ease, units that are added to E).
+    """
+
+    y: State
+    c: tuple
+    unit: float
+    below: float
+    above: float
+    blur: float
+    jump: float
+    tried: Any
+    many: Any
+
+
+@jit
+def attempt(x, start, ease, e):
+    """The attempt at x, whose state tells it."""
+    n = int(e.many[0, 0])
+    e.tried[n, 0], e.tried[n, 1], e.tried[n, 2] = x, start, ease
+    e.many[0, 0] = n + 1
+    y = State(scale(x, e.y.q), e.y.p, e.y.lost_q, e.y.lost_p)
+    if not e.below < x < e.above:
+        return Attempt(y, np.inf, e.unit, NOT_FINITE)
+    E = e.tried[n, 3] * e.unit + e.c[0] + x * (e.c[1] + x * (e.c[2] + x * (e.c[3] + x * e.c[4])))
+    if x >= 0.3:
+        E = E + e.jump
+    if ease > 1:
+        E = E + e.blur * ease * e.unit
+    return Attempt(y, E, e.unit, SOLVED)
+
+
+FIND = {several: finder(attempt, several) for several in (True, False)}
+
+
+class Found(NamedTuple):
+    """What was found, the attempt that goes with it, and those before."""
+
+    x: float
+    found: bool
+    at: float
+    E: float
+    status: int
+    tried: np.ndarray
+
+
+def look(c, models=None, predicted=np.nan, several=True, search=NEAR, errors=(), unit=UNIT, **curve):
+    """Look for a root of the polynomial, with ``errors`` in units of round-off, attempt by attempt."""
+    one, many, tried = value(1.0), np.zeros((1, 1)), np.zeros((1000, 4))
+    tried[: len(errors), 3] = errors
+    below, above = curve.get("within", (-np.inf, np.inf))
+    c = (*map(float, c), *[0.0] * (5 - len(c)))
+    blur, jump = curve.get("blur", 0.0), curve.get("jump", 0.0)
+    e = Curve(State(one, one, one, one), c, unit, below, above, blur, jump, tried, many)
+    models = known() if models is None else models
+    x, found, result = FIND[several](search, models, 0, predicted, e)
+    return Found(x, found, result.y.q[0], result.E, result.status, tried[: int(many[0, 0])])
+
+
+def from_roots(*roots, factor=1.0):
+    """The coefficients, lowest first, of the polynomial with these roots."""
+    return factor * np.poly(roots)[::-1]
+
+
+def known(slope=0.0, curvature=0.0):
+    """What a step has left of its model."""
+    models = np.zeros((1, model.NUMBERS))
+    models[0, [model.SLOPE, model.CURVATURE]] = slope, curvature
+    return models
