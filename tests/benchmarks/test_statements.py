@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks import report
-from phasebench.benchmarks.experiments.talks import checks, statements_page
+from phasebench.benchmarks.experiments.talks import checks, checks_schemes, statements_page
 from phasebench.benchmarks.experiments.talks.judging import CONTRADICTED, HOLDS, MISSING, UNTESTABLE, WHERE
 from phasebench.benchmarks.experiments.talks.statement import KINDS
 from phasebench.benchmarks.experiments.talks.statements import FIRST, SECOND, SECTIONS
@@ -510,6 +510,10 @@ def test_a_check_measures_what_the_committed_row_says(id, measured, tables):
     assert now["value"] == pytest.approx(then["value"], rel=1e-6, abs=1e-9)
     assert now["what"] == then["what"]
     assert now["against"] == then["against"]
+
+
+def test_the_classical_generating_functions_are_of_0_1_and_one_half():
+    assert sorted(checks_schemes.CLASSICAL) == [0, 0.5, 1]
 
 
 def test_checks_are_cells():

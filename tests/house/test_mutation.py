@@ -276,3 +276,15 @@ def test_what_imports_a_changed_module_is_forgotten_with_it(monkeypatch, tmp_pat
         monkeypatch.setitem(sys.modules, module.__name__, module)
     worker.forget(tmp_path / "base.py")
     assert [name for name in texts if f"phasebench.{name}" in sys.modules] == ["other"]
+
+
+def test_what_a_package_has_been_asked_for_is_unloaded_with_the_module_that_it_is_of(monkeypatch):
+    """It keeps it without an import of it in its text: a changed module would be known by what it was."""
+    monkeypatch.syspath_prepend(TOOL)
+    import worker
+
+    from phasebench.integrators import errors
+    from phasebench.reference import peers
+
+    assert worker.lent(peers) == {"phasebench.reference.peers.registry"}
+    assert worker.lent(errors) == set()

@@ -15,6 +15,7 @@ import ast
 import cProfile
 import gc
 import importlib
+import inspect
 import marshal
 import math
 import multiprocessing
@@ -324,7 +325,7 @@ def anew(job: Job) -> str | None:
 def forget(file: Path) -> None:
     """Unload a module and what imports it."""
     modules = project()
-    names = {name: imported(m) & set(modules) for name, m in modules.items()}
+    names = {name: (imported(m) | lent(m)) & set(modules) for name, m in modules.items()}
     gone = {name for name, m in modules.items() if Path(m.__file__).resolve() == file}
     while more := {name for name, needs in names.items() if needs & gone} - gone:
         gone |= more
@@ -339,6 +340,13 @@ def project() -> dict:
     """The modules of the project, by name."""
     found = {name: m for name, m in sys.modules.items() if name.partition(".")[0] == "phasebench"}
     return {name: m for name, m in found.items() if getattr(m, "__file__", None)}
+
+
+def lent(module) -> set[str]:
+    """The modules of a package from which it keeps what it was asked for; no import of it names them."""
+    asked = vars(module).get("__getattr__")
+    homes = inspect.getclosurevars(asked).nonlocals.get("homes", {}) if asked else {}
+    return {f"{module.__name__}.{home}" for home in homes.values()}
 
 
 def imported(module) -> set[str]:

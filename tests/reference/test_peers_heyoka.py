@@ -184,3 +184,11 @@ def test_limits_and_claims(id):
     ]
     claimed, control = (np.abs(h - h[0]).max() for h in H)
     assert claimed < 1e-14 < 1e-9 < control
+
+
+def test_half_the_machine_epsilon_is_the_least_tolerance_in_every_mode():
+    made, least = problem("kepler"), 2.0**-53
+    for p in (BY_ID["heyoka"], peers.compact(False)):
+        with pytest.raises(InvalidInput, match="none below"):
+            integrate_peer(made, p, t_end=0.1, tol=least * (1 - 1e-9))
+        assert integrate_peer(made, p, t_end=0.1, tol=least).status == "ok"

@@ -104,6 +104,16 @@ def test_defaults_and_rows_are_scipys(solver):
     assert mine.counts["steps"] == len(own.t) - 1
 
 
+@pytest.mark.parametrize(("t_end", "rows", "steps"), [(1e-3, 4, 1), (10.0, 200, 90)])
+def test_several_rows_in_a_step_are_the_orbit_s(t_end, rows, steps):
+    """All in the only step, or a few in each."""
+    made = problem("kepler")
+    solution = integrate_peer(made, "scipy-dop853", t_end=t_end, steps=rows, tol=1e-9)
+    assert (solution.status, len(solution.t)) == ("ok", rows + 1)
+    assert solution.counts["steps"] <= steps < rows
+    assert error(solution, made) < 1e-6
+
+
 def test_evaluations_are_all_of_them(monkeypatch):
     made, calls = problem("kepler"), [0]
     inner = made.system.vector_field()
