@@ -5,6 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 from itertools import pairwise
 from math import comb, factorial
+from unittest.mock import patch
 
 import mpmath
 import numpy as np
@@ -21,7 +22,7 @@ from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.engine.lanes import put
 from phasebench.integrators.engine.vector import jit
-from phasebench.integrators.families import gauss_lanes, stage_lanes
+from phasebench.integrators.families import gauss_lanes, path_lanes, stage_lanes
 from phasebench.integrators.families.stage_lanes import Lanes
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.collocation import METHODS, hbvm
@@ -518,6 +519,16 @@ def test_newton_s_method_leaves_the_increments_of_the_last_steps_as_they_were():
 
 
 # -- the start -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("id", "most"), [("radau-iia-3", 20), ("hbvm-4-2", 28)])
+def test_starts_that_continue_the_last_steps_save_evaluations_and_longer_steps_contract_too(id, most):
+    """Starts that continue other numbers take 30, and 32, evaluations a step."""
+    system, q, p = SYSTEMS["coupled"]()
+    with patch.object(path_lanes, "serves", lambda *_: False):
+        short, long = (integrate(system, id, h=h, steps=20, q0=q, p0=p).counts for h in (0.02, 0.1))
+    assert short["gradient"] < most * 20
+    assert short["newton"] == long["newton"] == 0
 
 
 @pytest.mark.parametrize("kind", [("gauss", 1, 1), ("gauss", 4, 4), ("lobatto-iiia-iiib", 3, 3), ("hbvm", 2, 4)])

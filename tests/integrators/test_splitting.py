@@ -70,11 +70,27 @@ def test_which_kinetic_energies_are_masses(T, wanted):
     assert oscillators(T).inverse_masses == wanted
 
 
-@pytest.mark.parametrize("id", [m.id for m in METHODS if m.family == "splitting"])
+@pytest.mark.parametrize("h", [1.0, 2.0])
+def test_a_kick_over_a_time_of_1_is_one_like_others(h):
+    """The last kick of a step and the first of the next together, or the first alone."""
+    s = integrate(Hamiltonian(q="q", p="p", H="p**2/2 + q**2/50"), "stormer-verlet", h=h, steps=2, q0=[0.3], p0=[0.2])
+    q, p = 0.3, 0.2
+    for _ in range(2):
+        p -= h / 2 * q / 25
+        q += h * p
+        p -= h / 2 * q / 25
+    assert [s.q[-1, 0], s.p[-1, 0]] == pytest.approx([q, p], abs=1e-15)
+
+
+SUBSTEPS = ["stormer-verlet", "stormer-verlet-dkd", "symplectic-euler-q", "suzuki-4"]
+
+
+@pytest.mark.parametrize("id", [*SUBSTEPS, *(m.id for m in METHODS if m.family == "splitting")])
 def test_the_drifts_of_a_step_add_up_to_it_and_so_do_the_kicks(id):
-    """Whatever their numbers are, 1 and fractions that cancel each other among them."""
+    """Whatever their numbers are, 1 and fractions that cancel each other among them; neighbours of a kind are one."""
     step = kernel.prepare(method(id), oscillators(of_masses)).step
     assert np.all(step.a[1:] != 0)
+    assert np.all(step.b[1:-1] != 0)
     assert [np.sum(step.a), np.sum(step.b)] == pytest.approx([1, 1], abs=4e-15)
 
 
