@@ -544,3 +544,9 @@ def test_the_start_continues_a_polynomial(kind):
         for power, continued in ((degree, True), (degree + 1, False)):
             earlier = np.concatenate([B @ (c - n) ** power for n in range(1, m + 1)])
             assert (np.abs(E @ earlier - B @ c**power).max() < 1e-8) == continued
+
+
+def test_what_is_no_difference_of_nodes_is_not_rounded_to_one():
+    A, c = mpmath.matrix([[0, 0], ["0.3", 0]]), [mpmath.mpf(0), mpmath.mpf(1)]
+    assert tableaus.nystrom_rounded(A, c, mpmath.mpf(2) ** -50) == (A, c)
+    assert tableaus.nystrom_rounded(A, [mpmath.mpf(0), A[1, 0]], mpmath.mpf(2) ** -50)[0] != A, "the control"

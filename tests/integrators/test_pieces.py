@@ -128,6 +128,20 @@ def test_rows_end_before_the_first_that_is_not_finite(every, rows, worth):
     assert np.isfinite(t.q[: t.filled + 1]).all()
 
 
+@pytest.mark.parametrize("half", ["q", "p"])
+def test_a_row_of_which_one_number_is_not_finite_is_none(half):
+    plane = PartitionedSystem(q="x y", p="u v", dq=["u", "v"], dp=["0", "0"])
+    t = Trajectory(plane, [0.0, 0.0], [1.0, 1.0], 0.5, 3, 1, "double")
+
+    def kernel(Q, P, parameter, every):
+        Q[:], P[:] = 1.0, 1.0
+        {"q": Q, "p": P}[half][1, 0] = np.inf
+        return len(Q), solve.SOLVED
+
+    t.advance(kernel, Pace(None))
+    assert (t.status, t.filled) == ("diverged", 1)
+
+
 def test_rows_end_before_the_first_without_an_energy():
     t = ran(Kernel(end=7, worth=-1.0), system=ROOT)
     assert (t.status, t.filled) == ("diverged", 6)

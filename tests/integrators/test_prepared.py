@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gc
+import sys
 import time
+import weakref
 
 import numpy as np
 import pytest
@@ -123,6 +126,36 @@ def test_two_runs_do_not_disturb_each_other_and_a_lost_one_frees_its_memory():
         prepare(made, "scheme-v")(H, 1)
     other(H, 77)
     assert same(first, one(H, 30))
+
+
+@pytest.mark.skipif(not compiled(), reason="what is not compiled holds nothing")
+def test_what_a_lost_run_held_is_let_go():
+    run = prepare(problem("pendulum"), "stormer-verlet")
+    run(H, 1)
+    held = weakref.ref(run._layout.orbit.state)
+    assert held() is not None
+    del run
+    gc.collect()
+    assert held() is None
+
+
+def test_a_run_that_was_never_made_has_nothing_to_let_go(monkeypatch):
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    with pytest.raises(InvalidInput, match="canonical"):
+        prepare(problem("lotka-volterra"), "scheme-iv")
+    gc.collect()
+    assert told == []
+
+
+def test_a_step_may_be_a_whole_number():
+    run = prepare(problem("pendulum"), "scheme-v")
+    assert same(run(1, 2)[:2], run(1.0, 2)[:2])
+
+
+@pytest.mark.parametrize(("name", "kind"), [("pendulum", "tuple"), ("klein-gordon", "array")])
+def test_it_says_what_the_states_are_in_the_kernel(name, kind):
+    assert prepare(problem(name), "stormer-verlet").values == kind
 
 
 def test_a_call_costs_microseconds():

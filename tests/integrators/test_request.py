@@ -11,7 +11,7 @@ import pytest
 
 from phasebench.integrators import Hamiltonian, driver, request
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import MULTIPRECISION, precision
+from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.request import MOST, check_timeout, grid, initial, spacing
 
@@ -197,6 +197,12 @@ def test_a_state_may_be_as_large_and_as_small_as_is_said_and_no_more_so(size, be
         initial(OSCILLATOR, [beyond], [0.0])
 
 
+def test_a_run_that_is_stopped_has_as_many_rows_of_each():
+    s = integrate(OSCILLATOR, "explicit-euler", h=1e3, steps=400, q0=[1.0], p0=[0.0])
+    assert s.status == driver.DIVERGED
+    assert 1 < len(s.t) == len(s.q) == len(s.p) == 1 + len(s.parameter) < 400
+
+
 def test_a_warm_run_returns_the_end():
     end = driver.warm(Started(), "stormer-verlet", h=0.01, steps=5)()
     q, p = end
@@ -208,8 +214,18 @@ def test_a_warm_run_returns_the_end():
     assert np.array_equal(driver.warm(**asked)()[0], q)
 
 
+def oscillated(q: Fraction, p: Fraction, h: Fraction, steps: int) -> Fraction:
+    """Where Stormer-Verlet takes the oscillator, exactly."""
+    for _ in range(steps):
+        p -= h * q / 2
+        q += h * p
+        p -= h * q / 2
+    return q
+
+
 def many() -> dict:
-    """Of runs on numbers of many digits: the times, the steps, and how far the start is from the one that was given."""
+    """Of runs on numbers of many digits: the times, the steps, and how far start and end are from those wanted."""
+    end = oscillated(Fraction(1, 3), Fraction(1, 3), Fraction(1, 10), 7)
     third = [Fraction(1, 3)]
     runs = {
         "steps": {"h": Fraction(1, 10), "steps": 7},
@@ -222,6 +238,7 @@ def many() -> dict:
         for name, asked in runs.items():
             s = integrate(OSCILLATOR, "stormer-verlet", q0=third, p0=third, arithmetic=MULTIPRECISION, **asked)
             lost = abs(3 * s.q[0, 0] - 1) + abs(10 * s.h - 1)
+            lost += abs(s.q[-1, 0] - exactly(end, MULTIPRECISION))
             found[name] = [len(s.t), s.counts["steps"], float(s.t[-1]), float(lost), s.status, s.reason]
     return found
 
