@@ -115,11 +115,11 @@ def test_bad_input_is_refused():
 
 @pytest.mark.parametrize("size", [2.0**-40, 2.0**40])
 def test_steps_of_a_linear_equation_scale(name, size):
-    """To the last bit: when Newton's method ends is no matter of units."""
+    """When Newton's method ends is no matter of units."""
     equation, y, _, dx = case(name, strength=0.0)
     for id in ("gauss-box", "equip-box"):
         (one,), (other,) = (run(equation, scheme(id), z, dx, 1.0, 1) for z in (y, size * y))
-        assert np.array_equal(size * one.end, other.end)
+        assert np.abs(other.end / size - one.end).max() < 1e-13
 
 
 def test_the_stages_move_with_the_parameter_as_their_tableau_does(name):
@@ -146,6 +146,20 @@ def test_tangents_whose_parameter_follows_the_state_keep_the_energy(name):
 
     assert max(map(moved, step.moving)) < 1e-6
     assert max(map(moved, step.tangents)) > 1e-3, "the control"
+
+
+def test_tableaus_are_the_textbook_s():
+    """Made anew: of Gauss, Radau IIA, the midpoint rule and symplectic Euler."""
+    made, off = schemes.__wrapped__(), np.sqrt(3) / 6
+    wanted = {
+        "gauss-box": ([[1 / 4, 1 / 4 - off], [1 / 4 + off, 1 / 4]], [1 / 2, 1 / 2]),
+        "radau-box": ([[5 / 12, -1 / 12], [3 / 4, 1 / 4]], [3 / 4, 1 / 4]),
+        "preissmann-box": ([[1 / 2]], [1]),
+    }
+    for id, (A, b) in wanted.items():
+        for found, x in ((made[id].A_q, A), (made[id].A_p, A), (made[id].b, b)):
+            assert found == pytest.approx(np.array(x, float), abs=1e-16)
+    assert (made["euler-box"].A_q, made["euler-box"].A_p) == (0, 1)
 
 
 def test_a_scheme_is_shown_without_its_tableau():

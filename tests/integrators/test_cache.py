@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numba
+import numpy as np
 import pytest
 from numba.core.registry import cpu_target
 
@@ -108,6 +109,23 @@ def test_whole_entries_that_cannot_be_used_are_made_again(place, content):
     assert made()[1]
 
 
+@pytest.mark.parametrize(
+    ("function", "allocates"),
+    [(lambda x: np.zeros(2)[1] + x, True), (lambda x: x + 0.0, False)],
+    ids=["array", "number"],
+)
+def test_a_process_that_loads_what_allocates_is_made_ready_for_it(place, monkeypatch, function, allocates):
+    """One that has compiled is ready; another would end at the first allocation."""
+    about = SIGNATURE, dict(vector.ARRAYS), f"x|{allocates}"
+    machine.compiled(function, *about)
+    told = []
+    monkeypatch.setattr(machine.rtsys, "initialize", told.append)
+    loaded = machine.compiled(function, *about)
+    assert sum(loaded.stats.cache_hits.values()) == 1
+    assert loaded(1.5) == 1.5
+    assert bool(told) == allocates
+
+
 def test_a_part_of_another_function_can_be_called_all_the_same(place):
     """As a part it has no machine code of its own."""
 
@@ -120,6 +138,21 @@ def test_a_part_of_another_function_can_be_called_all_the_same(place):
     assert part(1.5) == 3.0
     assert numba.njit(lambda x: part(x))(1.5) == 3.0
     assert not [name for name in vars(cpu_target.target_context) if name.startswith("create_")]  # as Numba left it
+
+
+def test_a_part_is_optimized_once_and_has_no_entries(place):
+    """Variables are values, not places in memory; and there is the function alone, which Python and C do not call."""
+
+    @vector.jit
+    def part(x):
+        for k in range(3):
+            x = x * x + k
+        return x
+
+    machine.compiled(lambda x: part(x) + 1.0, SIGNATURE, dict(vector.TUPLES), "whole|part")
+    text = str(next(iter(part.overloads.values())).library.alone())
+    assert text.count("\ndefine ") == 1
+    assert "alloca" not in text
 
 
 def test_parts_that_share_parts_can_be_called_and_linked_again(place):

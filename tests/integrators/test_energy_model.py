@@ -62,6 +62,15 @@ def test_a_slope_that_is_seldom_measured_changes_by_its_mean_rate():
     assert models[0, [model.SLOPE, model.RATE, model.BEND]] == pytest.approx([5.5, 0.5, 0.0])
 
 
+def test_the_bend_of_a_slope_is_its_second_change_per_step():
+    models = known(slope=1.0)
+    for n in (3, 6, 9):
+        for _ in range(3):
+            model.grow_old(models, 0)
+        model.renew(models, 0, 1.0 + 0.5 * n - 0.25 * n * n)
+    assert models[0, model.BEND] == pytest.approx(-0.5)
+
+
 ROOM = model.LONE * 0.25  # of a slope of 1/4
 
 

@@ -106,9 +106,27 @@ def test_what_a_formula_is(H):
         assert system.kinetic is system.potential is None
 
 
-def test_momenta_that_are_multiplied_have_no_masses():
-    mixed = of("u*v + x*y", "x y", "u v")
-    assert (mixed.quadratic_kinetic, mixed.unit_mass, mixed.inverse_masses) == (True, False, None)
+@pytest.mark.parametrize(
+    ("T", "unit", "inverse"),
+    [
+        ("u*v", False, None),
+        ("u**2/2 + v**2/3", False, (1, sp.Rational(2, 3))),
+        ("u**2 + v**2 + u*v", False, None),
+        ("sqrt(2)*u**2 + v**2", False, None),
+        ("(u**2 + v**2)/2", True, None),
+    ],
+)
+def test_masses_are_numbers_each_of_its_own_momentum(T, unit, inverse):
+    """Of masses that are all one there is nothing to multiply by."""
+    system = of(f"{T} + x*y", "x y", "u v")
+    assert (system.quadratic_kinetic, system.unit_mass, system.inverse_masses) == (True, unit, inverse)
+
+
+def test_values_along_rows_are_nobody_else_s():
+    system, Q = of("p**2/2 + q"), np.array([[1.0], [2.0]])
+    found = system.observe(system.q[0], Q, 0 * Q)
+    assert found.tolist() == [1.0, 2.0]
+    assert not np.shares_memory(found, Q)
 
 
 def test_traits_of_every_kind():

@@ -11,7 +11,8 @@ import sympy as sp
 import phasebench as pb
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.integrators import Hamiltonian, integrate, outcome
-from phasebench.integrators.outcome import judged
+from phasebench.integrators.engine import codegen
+from phasebench.integrators.outcome import judged, unsolved
 from phasebench.reference.peers.run import ending
 
 OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
@@ -165,3 +166,11 @@ def test_a_system_without_an_energy_is_not_judged():
 
 if __name__ == "__main__":
     print(json.dumps({"result": accurate()}))
+
+
+def test_what_is_said_of_a_stage_that_is_not_solved_is_of_its_solver():
+    few, many = 2, codegen.TUPLE_LIMIT + 1
+    assert unsolved("banded", many).what.startswith("Newton's method in a band")
+    assert "fixed point nor Newton's method" in unsolved("collocation", many).what
+    assert [bool(unsolved("parametric", d).advice) for d in (few, many)] == [False, True]
+    assert not unsolved("collocation", many).advice

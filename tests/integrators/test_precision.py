@@ -12,6 +12,7 @@ import pytest
 import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
+from numba import types
 
 from phasebench.integrators.engine import codegen, printing
 from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, exactly, precision
@@ -62,6 +63,23 @@ def test_few_components_are_values_that_allocate_nothing_and_many_an_array():
     assert codegen.value_type(many_more).ndim == 1
     assert not codegen.options(few)["_nrt"]
     assert codegen.options(many_more)["_nrt"]
+
+
+def test_a_function_of_arrays_is_one_that_takes_a_vector_as_an_array():
+    """A matrix beside tuples, such as a place to work in, makes none."""
+    number, pair = types.float64, types.UniTuple(types.float64, 2)
+    vector, matrix = (types.Array(number, n, "C") for n in (1, 2))
+    kinds = [
+        codegen._kind_of(number(*arguments)) for arguments in ((pair,), (vector,), (pair, matrix), (number, vector))
+    ]
+    assert kinds == ["tuple", "array", "tuple", "array"]
+
+
+@pytest.mark.parametrize(("n", "shown"), [(200, "200"), (2**63 - 1, str(2**63 - 1)), (2**63, repr(2.0**63))])
+def test_whole_numbers_that_the_compiler_has_stay_whole(n, shown):
+    """As exponents they are: a power is then a product, of a negative number too."""
+    q = sp.Symbol("q", real=True)
+    assert f"{shown}*x_0" in printing.source("f", [("x", [q])], [n * q], DOUBLE)
 
 
 def test_a_function_is_made_again_from_its_origin_as_long_as_its_text_is_kept(monkeypatch):

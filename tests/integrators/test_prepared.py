@@ -38,7 +38,7 @@ def ends(made, id, steps, h=H, **start):
 def test_it_is_the_same_run(name, id):
     made = problem(name)
     run = prepare(made, id)
-    start = {"q0": 1.01 * np.array(made.q0), "p0": np.array(made.p0)}
+    start = {"q0": 1.01 * np.array(made.q0), "p0": 0.01 + np.array(made.p0)}
     expected, moved, wider = ends(made, id, 50), ends(made, id, 50, **start), ends(made, id, 50, 2 * H)
     for _ in range(2):
         *end, code = run(H, 50)
@@ -95,6 +95,17 @@ def test_what_goes_wrong_is_a_code():
         prepare(problem("lotka-volterra"), "scheme-iv")
     with pytest.raises(InvalidInput, match="give q0"):
         prepare(made.system, "stormer-verlet")
+
+
+@pytest.mark.parametrize(
+    ("H", "h", "p0", "finite"),
+    [("p**2/2 - q", 1e120, 1e200, [False, True]), ("p**2/2 - q**4", 1.0, 1e110, [True, False])],
+)
+def test_an_end_of_which_either_half_is_not_finite_is_none(H, h, p0, finite):
+    run = prepare(_Started(pb.Hamiltonian(q="q", p="p", H=H)), "stormer-verlet")
+    q, p, code = run(h, 1, q0=[0.0], p0=[p0])
+    assert [np.isfinite(q[0]), np.isfinite(p[0])] == finite
+    assert code == run.NOT_FINITE
 
 
 class _Started:

@@ -275,14 +275,28 @@ def test_on_the_other_side_it_is_looked_no_farther_than_the_root_that_is_known()
 
 
 def test_a_change_of_sign_is_narrowed_down_in_a_few_attempts():
-    """Of functions that are bent more and more: the secant alone would take hundreds."""
-    for power in (1, 2, 4):
-        c = np.zeros(5)
-        c[0], c[power] = -(0.3**power), 1.0
-        s, above, _ = outwards(c, within=(-0.001, np.inf))
-        assert s.x == pytest.approx(0.3, abs=1e-11 / 0.3 ** (power - 1))
-        assert 4 < len(above) <= {1: 6, 2: 18, 4: 25}[power]
-        assert ((above[4:] > 0.25) & (above[4:] < 0.5)).all()
+    """Of functions that are bent more and more, to either side: the secant alone would take hundreds."""
+    for power, most in ((1, 5), (2, 18), (4, 21)):
+        for end in (0.0, 0.9):
+            c = np.poly1d([1.0, -end]) ** power - (0.3 - end) ** power
+            s, above, _ = outwards(c.c[::-1], within=(-0.001, np.inf))
+            assert s.x == pytest.approx(0.3, abs=1e-9)
+            assert 4 < len(above) <= most
+            assert ((above[4:] > 0.25) & (above[4:] < 0.5)).all()
+
+
+def test_a_jump_to_the_other_sign_is_no_root():
+    for sign in (1, -1):
+        s, above, _ = outwards([-sign * 1e-3], jump=2e-3 * sign)
+        assert not s.found
+        assert np.abs(above - 0.3).min() < 1e-15
+        assert len(above) < 100
+
+
+def test_a_root_may_be_as_far_as_the_radius():
+    s = look([-2.0, 1.0], several=False, search=NEAR._replace(first=0.0625, near=2.0))
+    assert (s.x, s.found) == (2.0, True)
+    assert s.tried[:, 0].tolist() == [0.0, 0.0625, 2.0, 2.0]
 
 
 def test_a_pair_of_roots_between_two_places_is_seen_by_the_least_error():
@@ -331,7 +345,9 @@ def test_a_root_that_is_far_is_confirmed_from_zero_on(near, far):
 
 @pytest.mark.parametrize(("units", "slack", "kept"), [(5, 8, True), (8, 8, True), (8.1, 8, False), (5, 0, False)])
 def test_where_the_search_fails_an_error_at_zero_of_a_few_units_will_do(units, slack, kept):
-    s = look([units * UNIT, 0.0, 1.0], search=OUT._replace(slack=float(slack), near=1.0), within=(-0.01, 0.01))
+    models = known()
+    s = look([units * UNIT, 0.0, 1.0], models, search=OUT._replace(slack=float(slack), near=1.0), within=(-0.01, 0.01))
+    assert np.isfinite(models[0, model.SLOPE]) or not kept
     assert (s.x, s.found, s.at) == (0.0, kept, 0.0)
     assert (len(s.tried) == 3) == kept
     assert s.tried[-1, 1] == FIRST

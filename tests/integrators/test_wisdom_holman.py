@@ -126,6 +126,8 @@ def test_correctors_are_the_published_ones():
     for n in (3, 17):
         kicks = corrector(n)
         assert kicks == kicks[::-1], "backwards in time it is itself"
+        pairs = [(float(t), float(b)) for t, b in kicks]
+        assert sorted(pairs) == sorted((-t, -b) for t, b in pairs)
 
 
 @pytest.mark.parametrize("value", [0, 2, 4, 9, 19, -3])
@@ -172,6 +174,12 @@ def test_jacobi_coordinates_are_canonical_and_split_the_masses():
     assert C * sp.diag(*(1 / m for m in masses)) * C.T == sp.diag(*(1 / m for m in part.masses))
     assert part.mu == (0, G * sp.Rational(1001, 1000), G * sp.Rational(1004, 1000))
     assert part.masses[1] * part.mu[1] == G * masses[0] * masses[1]
+
+
+def test_the_potential_of_two_bodies_is_that_of_their_relative_motion():
+    part, q = jacobi([2, 3], 5, dimension=2), sp.symbols("x1 x2 y1 y2", real=True)
+    r = sp.sqrt((q[2] - q[0]) ** 2 + (q[3] - q[1]) ** 2)
+    assert sp.simplify(part.potential(q) + 2 * 3 * 5 / r) == 0
 
 
 def planar(part):
@@ -309,12 +317,29 @@ def test_the_planets_compiled_and_not(uncompiled, in_lanes, id):
     script = "integrators/test_wisdom_holman.py"
     plain, counts = (uncompiled(script, "planets") if codegen.compiled() else planets([id]))[id]
     in_lanes()
-    assert isinstance(prepare(method(id), problem(PLANETS).system).step, planet_lanes.Planets)
+    prepared = prepare(method(id), problem(PLANETS).system)
+    step = prepared.step
+    assert isinstance(step, planet_lanes.Planets)
+    assert {table.shape[1] for table in (step.maps, step.parts, step.pairs)} == {len(step.like)} == {8}
+    assert prepared.tally(3, counts[1])["iterations"] == 0
     found, counted = planets([id])[id]
     assert counted == counts
     for x, y in zip(found, plain, strict=True):
         x, y = (np.array([float.fromhex(a) for a in z]) for z in (x, y))
         assert np.abs(x - y).max() < 1e-13 * np.abs(y).max()
+
+
+@pytest.mark.parametrize("part", [jacobi([1, 2], 1), jacobi([1] * 17, 1), KeplerPart(3, (1, sp.sqrt(2), 1), (0, 1, 1))])
+def test_few_bodies_and_many_and_masses_that_are_no_fractions_have_no_lanes(in_lanes, part):
+    """Nothing is asked of the system."""
+    in_lanes()
+    assert planet_pairs.prepare(part, None, {}) is None
+
+
+def test_three_bodies_have_lanes(in_lanes):
+    in_lanes()
+    system = small([sp.Integer(1), sp.Rational(1, 100), sp.Rational(1, 50)])
+    assert isinstance(prepare(method("wisdom-holman"), system).step, planet_lanes.Planets)
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,7 @@ NEAR = Search(radius=2.0, first=0.05, near=1.0, ratio=1.12, points=70, slack=0.0
 class Curve(NamedTuple):
     """E(x) = c_0 + c_1 x + ... + c_4 x^4 for ``below`` < x < ``above``, elsewhere the step has no solution.
 
+    From x = 0.3 on it is larger by ``jump``.
     Its round-off is ``unit``; an attempt that need be less exact is wrong by ``blur`` of what it may be.  The attempts
     are listed in ``tried``, as (x, start, ease, units that are added to E).
     """
@@ -33,6 +34,7 @@ class Curve(NamedTuple):
     below: float
     above: float
     blur: float
+    jump: float
     tried: Any
     many: Any
 
@@ -47,6 +49,8 @@ def attempt(x, start, ease, e):
     if not e.below < x < e.above:
         return Attempt(y, np.inf, e.unit, NOT_FINITE)
     E = e.tried[n, 3] * e.unit + e.c[0] + x * (e.c[1] + x * (e.c[2] + x * (e.c[3] + x * e.c[4])))
+    if x >= 0.3:
+        E = E + e.jump
     if ease > 1:
         E = E + e.blur * ease * e.unit
     return Attempt(y, E, e.unit, SOLVED)
@@ -72,7 +76,8 @@ def look(c, models=None, predicted=np.nan, several=True, search=NEAR, errors=(),
     tried[: len(errors), 3] = errors
     below, above = curve.get("within", (-np.inf, np.inf))
     c = (*map(float, c), *[0.0] * (5 - len(c)))
-    e = Curve(State(one, one, one, one), c, unit, below, above, curve.get("blur", 0.0), tried, many)
+    blur, jump = curve.get("blur", 0.0), curve.get("jump", 0.0)
+    e = Curve(State(one, one, one, one), c, unit, below, above, blur, jump, tried, many)
     models = known() if models is None else models
     x, found, result = FIND[several](search, models, 0, predicted, e)
     return Found(x, found, result.y.q[0], result.E, result.status, tried[: int(many[0, 0])])
