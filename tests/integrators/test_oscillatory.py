@@ -19,6 +19,7 @@ from phasebench.benchmarks.problems.fpu import oscillatory_energies
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine import kernel
+from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.records.oscillatory import METHODS
 from phasebench.integrators.registry import method
@@ -246,6 +247,24 @@ def test_coefficients_have_all_digits_where_the_sine_nearly_vanishes():
         wanted = float(mpmath.sin(mpmath.mpf(h) * 50) / 50)
     assert abs(found / wanted - 1) < 1e-15
     assert abs(math.sin(h * OMEGA) / OMEGA / wanted - 1) > 1e-6, "the control: doubles"
+
+
+@pytest.mark.parametrize("digits", [30, 60])
+@pytest.mark.parametrize("x", [0.1, 1.5, 1.7, 3.0, 4.5])
+def test_the_shears_make_the_rotation_in_all_digits_and_never_a_large_one(digits, x):
+    """Its cosine is s (1 - a b), where a b, the cosine's distance from 1 or from -1, is at most 1."""
+    with precision(digits):
+        prepared = kernel.prepare(method("deuflhard"), fpu().system, MULTIPRECISION)
+        h = exactly(x / OMEGA, MULTIPRECISION)
+        _, _, a, b, s = prepared.begin(prepared.step._replace(h=h), *STATE).filters[:, -1]
+        wanted = exactly(mpmath.cos(mpmath.mpf(x / OMEGA) * 50), MULTIPRECISION)
+        assert abs(s * (1 - a * b) - wanted) < 10.0 ** (2 - digits)
+        assert 0 <= a * b <= 1
+
+
+def test_a_refusal_says_where_the_pole_is():
+    with pytest.raises(InvalidInput, match=r"h omega is 3\.0 pi"):
+        step("gautschi", 3 * math.pi / OMEGA)
 
 
 def test_control_a_product_of_rounded_rotations_grows():
