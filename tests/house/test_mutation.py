@@ -172,6 +172,16 @@ def test_a_test_that_fails_without_a_change_is_found_before_mutants_are_judged(m
     assert (job.tests, job.files, job.known) == ((known[0],), ("tests/a.py",), frozenset(known[:1]))
 
 
+@pytest.mark.parametrize(("failed", "by"), [(1, "collection"), (0, None)])
+def test_a_mutant_with_which_tests_cannot_be_imported_is_noticed(monkeypatch, failed, by):
+    monkeypatch.syspath_prepend(TOOL)
+    import worker
+
+    session = SimpleNamespace(items=[], testsfailed=failed)
+    monkeypatch.setattr(worker, "collect", lambda files, loop: worker.Collected(loop).pytest_runtestloop(session))
+    assert worker.alone(worker.Job("a.py", "", ("tests/a.py::test_one",), (), frozenset())) == by
+
+
 def test_a_line_that_runs_once_is_not_only_its_first_test_s(monkeypatch):
     """At import, as a default or a field of a class, or in a function whose result is kept."""
     monkeypatch.syspath_prepend(TOOL)

@@ -253,8 +253,8 @@ class Collected:
         self.loop = loop
 
     def pytest_runtestloop(self, session) -> bool:
-        """Run what was asked."""
-        self.loop({item.nodeid: item for item in session.items})
+        """Run what was asked; a file that cannot be imported has no tests."""
+        self.loop({item.nodeid: item for item in session.items}, bool(session.testsfailed))
         return True
 
 
@@ -282,7 +282,7 @@ def noticed(items: dict, tests: tuple[str, ...], known: frozenset[str]) -> str |
 def _session(connection, file: str, files: tuple[str, ...]) -> None:
     """Collect tests, and judge the changed functions that arrive."""
 
-    def loop(items: dict) -> None:
+    def loop(items: dict, failed: bool) -> None:
         CALLED.disable()
         called = {place(of.code) for of in CALLED.getstats() if getattr(of.code, "co_filename", None) == file}
         gc.unfreeze()
@@ -308,8 +308,9 @@ def alone(job: Job) -> str | None:
     """The first of the tests that fails in a session of its own."""
     found: list[str | None] = ["collection"]
 
-    def loop(items: dict) -> None:
-        found[0] = noticed(items, job.tests, job.known)
+    def loop(items: dict, failed: bool) -> None:
+        if not failed:
+            found[0] = noticed(items, job.tests, job.known)
 
     collect(job.own, loop)
     return found[0]
