@@ -298,3 +298,11 @@ def test_a_step_that_misses_the_energy_is_counted_once():
     missed = np.sum(np.abs(E[1:] - E[0]) > 1e-9)
     assert 2 <= missed <= s.counts["fallbacks"] <= 6
     assert s.status == "no-root"
+
+
+@pytest.mark.parametrize(("id", "most"), [("gonzalez", 27), ("gonzalez-yoshida-4", 94)])
+def test_each_step_starts_from_those_before_it(id, most):
+    """From increments and multipliers extrapolated: of either alone it takes a fourth more evaluations."""
+    s = integrate(problem("pendulum"), id, h=0.1, steps=40)
+    assert s.counts["steps"] == 40
+    assert s.counts["gradient"] <= most * 40
