@@ -42,6 +42,13 @@ def test_folders_stand_in_their_order_with_the_files_first():
     assert list(mutation_page.table({"mutation": many}.get).frame["folder"]) == [f"{k:03d}" for k in range(ROWS)]
 
 
+def test_no_folder_of_the_score_that_is_kept_is_left_out():
+    kept = pd.DataFrame(mutation.frame())
+    shown = mutation_page.table({"mutation": kept}.get).frame
+    assert shown["files"].sum() == len(kept)
+    assert {"integrators/families", "integrators/engine", "reference/peers"} < set(shown["folder"])
+
+
 @pytest.mark.parametrize(("same", "text"), [(True, "2 of 2"), (False, "1 of 2")])
 def test_a_file_that_has_changed_since_is_named(same, text):
     found = said(mutation_page.judged, same=same)

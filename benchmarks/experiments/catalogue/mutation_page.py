@@ -32,8 +32,8 @@ def judged(mutation: pd.DataFrame) -> Verdict:
 
 @of("mutation")
 def table(mutation: pd.DataFrame) -> Table:
-    """A line for each folder."""
-    room = mutation["file"].str.rpartition("/")[0]
+    """A line for each folder, that of the experiments with all below it."""
+    room = mutation["file"].map(lambda file: "/".join(file.split("/")[:-1][:2]))
     lines = mutation.groupby(room)[COUNTS].sum()
     lines.insert(0, "files", mutation.groupby(room).size())
     return Table(lines.rename_axis("folder").reset_index().head(ROWS), "By folder; the CSV has every file.")
