@@ -15,14 +15,9 @@ from phasebench.benchmarks.certificate.stepping import StepFailed, Stepper
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.certificate.verdicts import Tables
 from phasebench.integrators.engine.codegen import MULTIPRECISION
+from support.steps import leapfrog
 
 PENDULUM = battery.known("pendulum")
-
-
-def leapfrog(system, q, p, h):
-    p = p - h / 2 * system.dH_dq(q, p)
-    q = q + h * system.dH_dp(q, p)
-    return q, p - h / 2 * system.dH_dq(q, p)
 
 
 def made(step):
@@ -251,9 +246,10 @@ def adapting(system, q, p, t_end, tol):
 
 
 def test_an_adaptive_integrator_has_a_place_unless_it_is_measured_alone(places):
-    steps = {"claims": {}, "requires": ("separable",)}
-    certificate.certify(adapting, **steps, alone=True)
+    certificate.certify(adapting, requires=("separable",), alone=True)
     assert places == []
+    certificate.certify(adapting, requires=("separable",))
+    assert places == ["near", "far"]
 
 
 def test_a_place_and_a_time_are_told_of_what_is_a_step(places):

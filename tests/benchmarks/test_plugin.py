@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from support.steps import leapfrog
+
 ROOT = Path(__file__).resolve().parents[2]
 PLUGIN = "phasebench.benchmarks.certificate.plugin"
 README = (ROOT / "README.md").read_text()
@@ -75,12 +77,6 @@ def test_what_the_readme_s_workflow_runs():
     ]
     assert "\nphasebench validate ./my_step.py --output my-certificate\n" in README
     assert ".ci/plugin" in (ROOT / ".ci" / "run").read_text()
-
-
-def leapfrog(system, q, p, h):
-    p = p - h / 2 * system.dH_dq(q, p)
-    q = q + h * system.dH_dp(q, p)
-    return q, p - h / 2 * system.dH_dq(q, p)
 
 
 def test_claims_that_hold_return_what_was_measured_and_others_fail_with_it(request):

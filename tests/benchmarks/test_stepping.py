@@ -11,14 +11,9 @@ from phasebench.benchmarks.certificate.stepping import StepFailed, Stepper
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, precision
+from support.steps import leapfrog
 
 HERE = Entry("here", problem("harmonic-oscillator").system, (1.0, 0.0))
-
-
-def leapfrog(system, q, p, h):
-    p = p - h / 2 * system.dH_dq(q, p)
-    q = q + h * system.dH_dp(q, p)
-    return q, p - h / 2 * system.dH_dq(q, p)
 
 
 def stepper(step, arithmetic=DOUBLE):

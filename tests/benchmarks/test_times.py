@@ -12,6 +12,7 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import BY_ID as METHODS
 from phasebench.reference.peers import BY_ID as PEERS
+from support.steps import leapfrog
 
 
 def rung(seconds, steps, scene="kepler-orbit", integrator=times.REFERENCE, status="ok"):
@@ -110,12 +111,6 @@ def test_the_interval_is_that_of_the_rounds():
     found = times.told(ROW, KNOWN, 100.0, {"mine": uneven, "reference": REFERENCE})["errors"][0]
     here = timing.ratio(uneven, REFERENCE)
     assert [found[k] for k in ("low", "factor", "high")] == pytest.approx([here.low, here.value, here.high])
-
-
-def leapfrog(system, q, p, h):
-    p = p - h / 2 * system.dH_dq(q, p)
-    q = q + h * system.dH_dp(q, p)
-    return q, p - h / 2 * system.dH_dq(q, p)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import pytest
 
 from phasebench.benchmarks.certificate import judge
 from phasebench.benchmarks.certificate.certificate import certify
+from support.steps import leapfrog
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SEPARABLE = ("separable",)
@@ -63,12 +64,6 @@ def symplectic_euler(system, q, p, h):
     for _ in range(60):
         new = p - h * system.dH_dq(q, new)
     return q + h * system.dH_dp(q, new), new
-
-
-def leapfrog(system, q, p, h):
-    p = p - h / 2 * system.dH_dq(q, p)
-    q = q + h * system.dH_dp(q, p)
-    return q, p - h / 2 * system.dH_dq(q, p)
 
 
 def splitting(drifts, kicks):

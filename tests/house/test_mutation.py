@@ -2,7 +2,6 @@
 
 import importlib.util
 import json
-import runpy
 import subprocess
 import sys
 import time
@@ -158,20 +157,6 @@ def test_a_child_says_what_it_found_and_is_not_waited_for_when_it_died(monkeypat
     assert worker.forked(lambda: max(iter(int, 1)), patience=0.5) == "hung"
 
 
-def test_a_test_that_fails_without_a_change_is_found_before_mutants_are_judged(monkeypatch):
-    """It would notice every mutant, whether it was recorded or not."""
-    monkeypatch.syspath_prepend(TOOL)
-    Trial = runpy.run_path(str(TOOL / "__main__.py"), run_name="command")["Trial"]
-    path, known = "integrators/lots.py", ["tests/a.py::test_one", "tests/b.py::test_two"]
-    reach = SimpleNamespace(tests=lambda *_: known[:1], seconds=lambda _: 0.1, known=known, named=lambda _: [])
-    trial = Trial(path, reach, SimpleNamespace(within=1.0, most=1.0, sample=3, again=False, by=[]))
-    jobs = []
-    assert trial.failing(lambda job: jobs.append(job) or "tests/a.py::test_new") == "tests/a.py::test_new"
-    (job,) = jobs
-    assert job.code == (TOOL.parents[1] / path).read_text()
-    assert (job.tests, job.files, job.known) == ((known[0],), ("tests/a.py",), frozenset(known[:1]))
-
-
 @pytest.mark.parametrize(("failed", "by"), [(1, "collection"), (0, None)])
 def test_a_mutant_with_which_tests_cannot_be_imported_is_noticed(monkeypatch, failed, by):
     monkeypatch.syspath_prepend(TOOL)
@@ -272,6 +257,16 @@ def test_control_without_names_none_is_asked(trial):
     one = trial()
     assert one.files == ()
     assert not any(one.tests(mutant) for mutant in one.all)
+
+
+def test_a_test_that_fails_without_a_change_is_found_before_mutants_are_judged(trial):
+    """It would notice every mutant, whether it was recorded or not."""
+    one, jobs = trial("--by", "tests/b.py"), []
+    assert one.failing(lambda job: jobs.append(job) or "tests/b.py::new") == "tests/b.py::new"
+    (job,) = jobs
+    assert job.code == (TOOL.parents[1] / one.path).read_text()
+    known = frozenset({"tests/b.py::one", "tests/b.py::slow"})
+    assert (job.tests, job.files, job.known) == (("tests/b.py::one",), ("tests/b.py",), known)
 
 
 def test_what_imports_a_changed_module_is_forgotten_with_it(monkeypatch, tmp_path):

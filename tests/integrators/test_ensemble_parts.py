@@ -23,12 +23,12 @@ from phasebench.integrators import (
     singles,
     trajectory,
 )
-from phasebench.integrators.engine.codegen import compiled
 from phasebench.integrators.ensemble import Ensemble
 from phasebench.integrators.errors import InvalidInput, unknown
 from phasebench.integrators.outcome import passed
 from phasebench.integrators.registry import BY_ID, method
 from phasebench.integrators.systems.hamiltonian import PartitionedSystem
+from support.marks import compiled
 
 OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
 ROOT = Hamiltonian(q="q", p="p", H="p**2/2 + sqrt(q)")
@@ -350,7 +350,7 @@ def test_an_end_of_which_a_part_is_not_finite_is_none(away):
     assert np.isfinite([q[1], p[1]]).all() == (not away)
 
 
-@pytest.mark.skipif(not compiled(), reason="nothing is packed")
+@compiled
 def test_what_is_packed_is_released_once():
     run = prepare(problem("pendulum"), "stormer-verlet")
     packed, released, functions = [1], [], run._functions

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import factorial
 from types import SimpleNamespace
 
+import mpmath
 import numpy as np
 import pytest
 import sympy as sp
@@ -16,6 +17,7 @@ from phasebench.integrators.engine.kernel import array
 from phasebench.integrators.engine.lanes import put, take
 from phasebench.integrators.engine.vector import TUPLES
 from phasebench.integrators.families import planet_lanes, planet_pairs
+from support.marks import compiled
 
 EPS = np.finfo(float).eps
 LANES = 8
@@ -178,6 +180,22 @@ def test_stumpffs_functions_have_no_bias(low, high):
         error = (found[k::4] / exact - 1).astype(float)
         assert np.abs(error).max() < 6 * EPS
         assert abs(error.mean()) < EPS / 300, k
+
+
+@compiled
+@pytest.mark.processor
+def test_stumpff_s_functions_are_right_to_round_off():
+    x = np.concatenate([np.linspace(-1.69, 1.69, 24), np.linspace(-6, 9.8, 32)]).reshape(-1, LANES)
+    found = np.empty((4 * len(x), LANES))
+    _stumpff(x, found, (0.0,) * LANES)
+    with mpmath.workdps(40):
+        for k in range(4):
+            exact = [[mpmath.nsum(lambda n, y=y, k=k: (-mpmath.mpf(y)) ** n / mpmath.factorial(2 * n + k), [0, 40])
+                      for y in row] for row in x]  # fmt: skip
+            wrong = np.array([[float(a - b) for a, b in zip(*rows, strict=True)]
+                              for rows in zip(found[k::4], exact, strict=True)])  # fmt: skip
+            assert np.abs(wrong[:3]).max() < 2 * EPS, k
+            assert np.abs(wrong).max() < 12 * EPS * (np.cosh(6**0.5) if k < 2 else 1), k
 
 
 @njit(**TUPLES)

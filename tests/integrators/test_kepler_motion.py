@@ -1,4 +1,4 @@
-"""The parts of Kepler's flow in lanes: the reversion of a series, Stumpff's functions, roots, a motion in one step."""
+"""The parts of Kepler's flow in lanes: the reversion of a series, roots, a motion in one step."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from numba import njit
 
-from phasebench.integrators.engine import codegen, kepler_flow, kepler_lanes
+from phasebench.integrators.engine import kepler_flow, kepler_lanes
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import array
 from phasebench.integrators.engine.lanes import put, take
 from phasebench.integrators.engine.masks import select
 from phasebench.integrators.engine.vector import TUPLES, inlined
+from support.marks import compiled
 
 EPS = float(np.finfo(float).eps)
 W = 8
 LIKE = (0.0,) * W
 TABLE = array(kepler_flow.constants(DOUBLE), DOUBLE)
-compiled = pytest.mark.skipif(not codegen.compiled(), reason="lanes are compiled")
 
 
 # -- numbers ----------------------------------------------------------------------------------------------------------
@@ -57,15 +57,6 @@ def lanes():
     """The functions on rows of lanes; ``in_one`` evaluates Stumpff's functions once."""
 
     @njit(**TUPLES)
-    def stumpff(rows, out):
-        for i in range(len(rows)):
-            c0, c1, c2, c3 = kepler_lanes.stumpff(take(rows, i, LIKE))
-            put(out, 4 * i, c0, LIKE)
-            put(out, 4 * i + 1, c1, LIKE)
-            put(out, 4 * i + 2, c2, LIKE)
-            put(out, 4 * i + 3, c3, LIKE)
-
-    @njit(**TUPLES)
     def root(rows, out):
         r, inverse = kepler_lanes.root(take(rows, 0, LIKE), take(rows, 1, LIKE))
         put(out, 0, r, LIKE)
@@ -89,7 +80,7 @@ def lanes():
             keep(once(r0, inverse, eta, take(rows, 3, LIKE), take(rows, 4, LIKE), h, EPS), out)
 
         in_one(np.ones((5, W)), np.empty((6, W)), 0.1)
-    return SimpleNamespace(stumpff=stumpff, root=root, motion=motion, in_one=in_one)
+    return SimpleNamespace(root=root, motion=motion, in_one=in_one)
 
 
 @njit(**TUPLES)
@@ -101,22 +92,6 @@ def keep(m, out):
     put(out, 3, m.dg, LIKE)
     put(out, 4, select(m.unsolved, 1.0 + 0 * m.f, 0 * m.f), LIKE)
     put(out, 5, m.inverse, LIKE)
-
-
-@compiled
-@pytest.mark.processor
-def test_stumpff_s_functions_are_right_to_round_off(lanes):
-    x = np.concatenate([np.linspace(-1.69, 1.69, 24), np.linspace(-6, 9.8, 32)]).reshape(-1, W)
-    found = np.empty((4 * len(x), W))
-    lanes.stumpff(x, found)
-    with mpmath.workdps(40):
-        for k in range(4):
-            exact = [[mpmath.nsum(lambda n, y=y, k=k: (-mpmath.mpf(y)) ** n / mpmath.factorial(2 * n + k), [0, 40])
-                      for y in row] for row in x]  # fmt: skip
-            wrong = np.array([[float(a - b) for a, b in zip(*rows, strict=True)]
-                              for rows in zip(found[k::4], exact, strict=True)])  # fmt: skip
-            assert np.abs(wrong[:3]).max() < 2 * EPS, k
-            assert np.abs(wrong).max() < 12 * EPS * (np.cosh(6**0.5) if k < 2 else 1), k
 
 
 @compiled

@@ -14,9 +14,7 @@ from numba import types
 from phasebench.integrators.engine import codegen, kernel, preparation, vector
 from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, TUPLE_LIMIT
 from phasebench.integrators.engine.kernel import Orbit, Prepared, Samples
-
-compiled = pytest.mark.skipif(not codegen.compiled(), reason="nothing is compiled")
-
+from support.marks import compiled
 
 # -- numbers ----------------------------------------------------------------------------------------------------------
 

@@ -12,16 +12,14 @@ import pytest
 from llvmlite import binding
 from numba import njit
 
-from phasebench.integrators.engine import codegen, masks
+from phasebench.integrators.engine import masks
 from phasebench.integrators.engine.lanes import Lanes, put, take
 from phasebench.integrators.engine.masks import alike, count, either, number, outlived, select
 from phasebench.integrators.engine.solve import FIXED_POINT_LIMIT, NOT_FINITE, SOLVED, solver
 from phasebench.integrators.engine.vector import TUPLES, jit
+from support.marks import compiled
 
-pytestmark = [
-    pytest.mark.processor,
-    pytest.mark.skipif(not codegen.compiled(), reason="uncompiled there are no masks"),
-]
+pytestmark = [pytest.mark.processor, compiled]
 EPS = np.finfo(float).eps
 WIDTH = 8
 LIKE = (0.0,) * WIDTH

@@ -18,8 +18,8 @@ from phasebench.integrators.engine.lanes import Lanes
 from phasebench.integrators.engine.masks import LANES
 from phasebench.integrators.engine.solve import LEVELS
 from phasebench.integrators.registry import BY_ID, method
+from support.marks import compiled
 
-compiled = pytest.mark.skipif(not codegen.compiled(), reason="lanes are compiled")
 W = LANES.n
 DOUBLE = types.float64
 

@@ -11,9 +11,9 @@ from numba import types
 
 from phasebench.integrators.engine import codegen, vector
 from phasebench.integrators.engine.vector import ARRAYS, TUPLES, State
+from support.marks import compiled
 from support.values import value
 
-compiled = pytest.mark.skipif(not codegen.compiled(), reason="nothing is compiled")
 DOUBLE = types.float64
 VECTOR = types.Array(DOUBLE, 1, "C")
 #: More components than a tuple's text may have in one piece, and an even number of them.

@@ -27,6 +27,7 @@ import tempfile
 import time
 import tomllib
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import accumulate
@@ -143,11 +144,13 @@ class Trial:
         def promise(test: str) -> float:
             return (1 + 20 * self.kills[mutant.where, test] + 5 * self.kills[test]) / (0.02 + self.reach.seconds(test))
 
-        return self._affordable(sorted(self._quick(self._may_notice(mutant.line)), key=promise, reverse=True))
+        return self._affordable(mutant.line, promise)
 
-    def _affordable(self, tests: list[str]) -> list[str]:
-        spent = accumulate(map(self.reach.seconds, tests))
-        return [test for test, seconds in zip(tests, spent, strict=True) if seconds <= self.most]
+    def _affordable(self, line: int, promise: Callable[[str], float]) -> list[str]:
+        """Those that may notice a change of a line, the most promising first, as long as it is not too long."""
+        found = sorted(self._quick(self._may_notice(line)), key=promise, reverse=True)
+        spent = accumulate(map(self.reach.seconds, found))
+        return [test for test, seconds in zip(found, spent, strict=True) if seconds <= self.most]
 
     def _may_notice(self, line: int) -> list[str]:
         return self.named or self.reach.tests(self.path, line)
@@ -157,7 +160,7 @@ class Trial:
 
     def failing(self, ask) -> str | None:
         """A test that fails though nothing is changed, as it is now or in a copy: it would notice every mutant."""
-        tests = self._affordable(sorted(self._quick(self._may_notice(0)), key=self.reach.seconds))
+        tests = self._affordable(0, lambda test: -self.reach.seconds(test))
         code, seconds = (ROOT / self.path).read_text(), sum(map(self.reach.seconds, tests))
         return ask(worker.Job(self.path, code, tuple(tests), self.files, self.known_tests, seconds))
 

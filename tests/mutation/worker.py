@@ -27,6 +27,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 from swap import functions, place, swaps
@@ -273,7 +274,7 @@ def noticed(items: dict, tests: tuple[str, ...], known: frozenset[str]) -> str |
     from _pytest.runner import runtestprotocol
 
     asked = [items[test] for test in (*tests, *(id for id in items if id not in known)) if test in items]
-    for item, following in zip(asked, [*asked[1:], None], strict=False):  # none are asked where all are known
+    for item, following in pairwise([*asked, None]):
         if any(report.failed for report in runtestprotocol(item, log=False, nextitem=following)):
             return item.nodeid
     return None
