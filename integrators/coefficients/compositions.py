@@ -43,6 +43,7 @@ TABLES: tuple[Table, ...] = (
         "Suzuki & Umeno 1993; Hairer, Lubich & Wanner 2006, V.3.2; McLachlan 1995, SS, m = 15",
         (
             "suzuki-umeno1993",
+            "mclachlan1995",
             "hairer2006",
         ),
         "0.74167036435061295344822780",

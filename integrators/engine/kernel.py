@@ -185,14 +185,14 @@ def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
 
 def _compiled(prepared: Prepared, d: int) -> Callable:
     step, T = _type(prepared.step), codegen.value_type(d, prepared.arrays)
-    key = (prepared.run, step, T)
+    options = vector.TUPLES if any(map(vector.writes, step.types)) else codegen.options(d)  # nothing allocates
+    key = (prepared.run, step, T, options is vector.TUPLES)
     if key not in _kernels:
         orbit = _tuple_type((_TABLE, _TABLE, _TABLE, T), Orbit)
         samples = _tuple_type((_TABLE, _TABLE, _TABLE, types.int64), Samples)
         signature = types.UniTuple(types.int64, 2)(step, orbit, samples, numba.from_dtype(COUNTS))
         family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")
         with progress.compiling(f"the kernel of {family}", d):
-            options = vector.TUPLES if any(map(vector.writes, step.types)) else codegen.options(d)  # nothing allocates
             _kernels[key] = machine.compiled(prepared.run, signature, options | {"nogil": True}, family)
     return _kernels[key]
 

@@ -111,7 +111,7 @@ def _block_loop(run, step, varying, tables, zero, samples, counts):
 
 
 _loops: dict = {}
-_ARRAYS = {n: types.Array(types.float64, n, "C") for n in (2, 3, 4)}
+_BLOCKS = types.Array(types.float64, 4, "C")
 
 
 def loop(prepared: Prepared, varying: tuple, d: int) -> Callable:
@@ -124,14 +124,13 @@ def loop(prepared: Prepared, varying: tuple, d: int) -> Callable:
         orbit = _tuple_type((table, table, table, T), Orbit)
         rows = _tuple_type((table, table, table, types.int64), Samples)
         inner = types.UniTuple(types.int64, 2)(changed_type(scalar, given), orbit, rows, record)
-        A = _ARRAYS[4]
         outer = types.none(
             types.FunctionType(inner),
             scalar,
             given,
-            _tuple_type((A, A, A), Tables),
+            _tuple_type((_BLOCKS, _BLOCKS, _BLOCKS), Tables),
             types.UniTuple(types.float64, d),
-            _tuple_type((A, A, A, types.int64), Samples),
+            _tuple_type((_BLOCKS, _BLOCKS, _BLOCKS, types.int64), Samples),
             types.Array(record, 1, "C"),
         )
         options = codegen.options(d) | {"nogil": True}

@@ -2,9 +2,9 @@ r"""The root nearest to zero of the energy's error E(x) of a step that is taken 
 
 Where the model of the last steps can be trusted the root is followed (`energy_model`).  Else E(0) is looked at: if it
 is at the round-off of H already, x = 0.  If not, Muller's method goes on from the smaller root of the quadratic
-model that the last step left; where E may have ``several`` roots near zero the other side and the other root of the
-model are tried where they may be nearer.  Where that fails, or ends far out, the stage equations are followed outwards
-from x = 0 to the ``radius``, or to the end of their branch, for the nearest change of sign.
+model that the last step left; the other side and the other root of the model are tried where they may be nearer.
+Where that fails, or ends far out, the stage equations are followed outwards from x = 0 to the ``radius``, or to the end
+of their branch, for the nearest change of sign; where E only jumps there is no root.
 
 Source: D. E. Muller, Math. Tables Aids Comput. 10 (1956) 208-215; M. Dowell, P. Jarratt, BIT 11 (1971) 168-174
 (Illinois); for E(x): L. Brugnano, F. Iavernaro, D. Trigiante, SIAM J. Numer. Anal. 50 (2012) 2897-2916.
@@ -44,14 +44,13 @@ from .vector import apart, inlined, jit
 MULLER_LIMIT, REFINE_LIMIT = 14, 100
 
 
-def finder(attempt, several=True):
+def finder(attempt, followed=True):
     """The finder for attempt(x, start, ease, arguments) -> `Attempt`, ``ease`` times less exact than round-off.
 
-    It is a function (search, models, row, predicted, arguments) -> (x, found, the attempt at x, or at 0 where there is
-    no root; where E jumps from one sign to the other, x is there, not found).  The row of ``models`` keeps the slope
-    and curvature of the quadratic model from step to step; ``predicted`` is the root extrapolated from earlier steps.
-    Unless E may have ``several`` roots near zero, it is NaN and each step searches; what follows a root or looks for a
-    nearer one is then not compiled.
+    It is a function (search, models, row, predicted, arguments) -> (x, found, the attempt at x), with x = 0 where there
+    is no root, as where E jumps from one sign to the other.  The row of ``models`` keeps the slope and curvature of the
+    quadratic model from step to step; ``predicted`` is the root extrapolated from earlier steps.
+    Unless roots are ``followed`` from step to step it is NaN and each step searches; what follows is then not compiled.
     """
 
     @jit
@@ -195,12 +194,12 @@ def finder(attempt, several=True):
         x = smaller_root(E0, models[row, SLOPE], models[row, CURVATURE])
         if not 0 < abs(x) <= radius:
             x = search.first
-        elif several and abs(predicted - x) <= 0.25 * abs(x) and models[row, STREAK] < FOLLOWED:
+        elif followed and abs(predicted - x) <= 0.25 * abs(x) and models[row, STREAK] < FOLLOWED:
             x = predicted  # the model picks the branch, the last roots say more exactly where it is now
-        if several and abs(x) > CHECKED:
+        if abs(x) > CHECKED:
             x = nearer_side(x, E0, eased(E0, unit), models, row, arguments)
         x, found, result = chase(x, E0, unit, search, models, row, arguments)
-        if several and found and abs(E0) < 1.2 * abs(models[row, CURVATURE]) * x * x:
+        if found and abs(E0) < 1.2 * abs(models[row, CURVATURE]) * x * x:
             # The product of the model's two roots is E0 / c2: the other one may be nearer.
             other = E0 / (models[row, CURVATURE] * x)
             nearer, better, second = chase(other, E0, unit, search, models, row, arguments)
@@ -212,6 +211,8 @@ def finder(attempt, several=True):
             x, found = 0.0, True
         else:
             x, found = scan(search, arguments)
+            if not found:
+                x = 0.0  # the place where E jumps is no place to take the step at
         if found and x != 0:
             models[row, SLOPE], models[row, CURVATURE] = -E0 / x, 0.0
         return x, found, apart_attempt(x, LATEST if found and x != 0 else FIRST, arguments)
@@ -241,7 +242,7 @@ def finder(attempt, several=True):
     def find(search, models, row, predicted, arguments):
         """Find the root: follow it, or search for it."""
         c1 = grow_old(models, row)
-        if several and trusted(search, models, row, predicted, c1, c1 + 2 * models[row, CURVATURE] * predicted):
+        if followed and trusted(search, models, row, predicted, c1, c1 + 2 * models[row, CURVATURE] * predicted):
             x, found, result = follow(search, models, row, predicted, c1, arguments)
             if found:
                 return x, True, result

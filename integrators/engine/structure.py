@@ -38,12 +38,19 @@ def found(f: Callable, points: Sequence[np.ndarray]) -> list[np.ndarray]:
         from the probes what its differences show.
     """
     with np.errstate(all="ignore"):
-        at = next((x for x in points if np.isfinite(f(x)).all()), None)
+        at = next((x for x in points if _finite(f, x)), None)
         if at is None:
             raise InvalidInput("the structure cannot be probed: the functions are finite at none of the points tried")
         reach = _probed(f, at)
         _check(f, at, reach)
     return reach
+
+
+def _finite(f: Callable, x: np.ndarray) -> bool:
+    try:
+        return bool(np.isfinite(f(x)).all())
+    except (ArithmeticError, ValueError):  # functions that are not compiled raise where compiled ones give NaN
+        return False
 
 
 def _probed(f: Callable, at: np.ndarray) -> list[np.ndarray]:

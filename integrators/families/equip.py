@@ -7,9 +7,8 @@ With the orthonormal Legendre polynomials at the Gauss nodes, :math:`P_{ij} = P_
     A(\alpha) = P\,(X_s - \alpha V)\,P^{-1},\qquad V = e_s e_{s-1}^T - e_{s-1} e_s^T .
 
 Every fixed alpha gives a symplectic, symmetric method of order 2s - 2, so every quadratic invariant is kept; alpha is
-the root of :math:`E(\alpha) = H(y_1(\alpha)) - H_0` next to zero; in a long step, where there may be one on each side,
-the first that is found, which need not be the nearer.  As E(0) is O(h^(2s+1)) and the slope of E is O(h^(2s-1)), the
-root is O(h^2), and the method has the order 2s of Gauss.
+the root of :math:`E(\alpha) = H(y_1(\alpha)) - H_0` nearest zero.  As E(0) is O(h^(2s+1)) and the slope of E is
+O(h^(2s-1)), the root is O(h^2), and the method has the order 2s of Gauss.
 
 In the form of `collocation`, :math:`A_{ij}/b_j` loses :math:`\alpha S_{ij}`, with the skew :math:`S = P V P^T`; for
 each alpha the tableau is written anew, in Nystrom form where T is quadratic, rounded such that the conditions of
@@ -199,7 +198,7 @@ def attempt(alpha, start, ease, e):
     return Attempt(new, H - step.H0, step.eps * magnitude, status)
 
 
-find = finder(attempt, several=False)
+find = finder(attempt, followed=False)
 
 
 def run(step, orbit, samples, counts):

@@ -289,12 +289,35 @@ def test_a_refined_step_meets_the_accuracy_and_is_hardly_finer_than_it_must_be()
         assert needed <= found.steps <= 1.1 * needed + 1
 
 
+class Lucky(Law):
+    """Its error vanishes from 620 steps on; from 680 on it is that of 620 until the law's is smaller than a ninth."""
+
+    def run(self, problem, t_end, steps, save_every, **more):
+        """As the law says, but there."""
+        told = super().run(problem, t_end, steps, save_every)
+        if 620 <= steps < 680:
+            told.q[-1] = 1e-12
+        elif 680 <= steps < 1054:
+            told.q[-1] = 6.2**-self.order
+        return told
+
+
+def test_a_wide_step_that_is_found_for_a_fine_accuracy_is_known_at_the_coarser_ones(monkeypatch):
+    """Of two accuracies the coarser never takes more steps."""
+    monkeypatch.setattr(front, "task_of", lambda scene: task(8))
+    monkeypatch.setattr(front, "entered", lambda asked: ([Lucky("a", 4, 1e-6)], {}))
+    choices = front.measured("s")[front.CHOICES]
+    assert [c["accuracy"] for c in choices] == sorted((c["accuracy"] for c in choices), reverse=True)
+    steps = [c["ours steps"] for c in choices]
+    assert steps == sorted(steps)
+
+
 def test_the_final_names_the_cheapest_of_either_side_and_their_ratio():
     ours = [Law("second", 2, 1e-8), Law("eighth", 8, 4e-8)]
     peers = [Law("taylor", 8, 8e-8, side=PEERS)]
     asked, found = climbed(*peers, *ours)
     for wanted, best in ((1e-1, "second"), (1e-10, "eighth")):
-        rows, choice = front.final(asked, found, wanted)
+        rows, choice = front.final(asked, front.finalists(asked, found, wanted), wanted)
         assert choice["ours integrator"] == best
         assert choice["peer integrator"] == "taylor"
         assert {r["side"] for r in rows} == {OURS, PEERS}
@@ -306,7 +329,7 @@ def test_the_final_names_the_cheapest_of_either_side_and_their_ratio():
 
 def test_of_a_side_that_does_not_get_there_nobody_is_named():
     asked, found = climbed(Law("a", 4, 1e-8), Law("b", 4, 1e-8, floor=1e-6, side=PEERS))
-    rows, choice = front.final(asked, found, 1e-9)
+    rows, choice = front.final(asked, front.finalists(asked, found, 1e-9), 1e-9)
     assert [r["integrator"] for r in rows] == ["a"]
     assert "peer integrator" not in choice
     assert "ratio" not in choice
@@ -412,7 +435,7 @@ def test_a_scene_with_a_real_peer_and_a_real_method():
         for c in field.competitors()
         if c.label in ("heyoka", "stormer-verlet", "blanes-moan-srkn6b")
     ]
-    rows, choice = front.final(asked, found, 1e-6)
+    rows, choice = front.final(asked, front.finalists(asked, found, 1e-6), 1e-6)
     assert choice["peer integrator"] == "heyoka"
     assert choice["ours integrator"] == "blanes-moan-srkn6b"
     assert all(1e-9 < r["error"] <= 1e-6 for r in rows)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -314,6 +316,14 @@ def test_points_at_which_nothing_is_finite_are_passed_over():
         structure.found(f, [np.arange(9.0)])
     reach = structure.found(lambda x: np.sqrt(x) + np.roll(x, 1), [-np.ones(9), np.ones(9)])
     assert all(set(r) == {j, (j + 1) % 9} for j, r in enumerate(reach))
+
+
+def test_so_are_points_at_which_a_function_that_is_not_compiled_raises():
+    for f in (math.sqrt, lambda x: math.exp(1000 * abs(min(x, 0))), lambda x: 1 / max(x, 0)):
+        reach = structure.found(lambda x, f=f: np.array([f(z) for z in x]), [-np.ones(9), np.ones(9)])
+        assert [list(rows) for rows in reach] == [[i] for i in range(9)]
+    with pytest.raises(InvalidInput, match="finite at none"):
+        structure.found(lambda x: np.array([math.sqrt(z) for z in x]), [-np.ones(9)])
 
 
 def test_what_is_hidden_from_probes_is_said():

@@ -56,7 +56,7 @@ def attempt(x, start, ease, e):
     return Attempt(y, E, e.unit, SOLVED)
 
 
-FIND = {several: finder(attempt, several) for several in (True, False)}
+FIND = {followed: finder(attempt, followed) for followed in (True, False)}
 
 
 class Found(NamedTuple):
@@ -70,7 +70,7 @@ class Found(NamedTuple):
     tried: np.ndarray
 
 
-def look(c, models=None, predicted=np.nan, several=True, search=NEAR, errors=(), unit=UNIT, **curve):
+def look(c, models=None, predicted=np.nan, followed=True, search=NEAR, errors=(), unit=UNIT, **curve):
     """Look for a root of the polynomial, with ``errors`` in units of round-off, attempt by attempt."""
     one, many, tried = value(1.0), np.zeros((1, 1)), np.zeros((1000, 4))
     tried[: len(errors), 3] = errors
@@ -79,7 +79,7 @@ def look(c, models=None, predicted=np.nan, several=True, search=NEAR, errors=(),
     blur, jump = curve.get("blur", 0.0), curve.get("jump", 0.0)
     e = Curve(State(one, one, one, one), c, unit, below, above, blur, jump, tried, many)
     models = known() if models is None else models
-    x, found, result = FIND[several](search, models, 0, predicted, e)
+    x, found, result = FIND[followed](search, models, 0, predicted, e)
     return Found(x, found, result.y.q[0], result.E, result.status, tried[: int(many[0, 0])])
 
 

@@ -158,9 +158,8 @@ def timed(task: Task, members: list[Finalist]) -> list[np.ndarray]:
     return [found[k] for k in range(len(members))]
 
 
-def final(task: Task, climbed: list[Climb], wanted: float) -> tuple[list[dict], dict]:
+def final(task: Task, members: list[Finalist], wanted: float) -> tuple[list[dict], dict]:
     """(the rows of the finalists at an accuracy, the row that says who is cheapest)."""
-    members = finalists(task, climbed, wanted)
     seconds = timed(task, members) if members else []
     rows = []
     for m, s in zip(members, seconds, strict=True):
@@ -206,9 +205,11 @@ def measured(scene: str) -> Rows:
     """The rows of a scene, by table."""
     task = task_of(scene)
     climbed, cannot, known = climbs(task)
+    # From the finest on: a wide step that is found to hold a fine accuracy is then known at the coarser ones too.
+    members = {wanted: finalists(task, climbed, wanted) for wanted in reversed(task.asked)}
     finals, choices = [], []
     for wanted in task.asked:
-        rows, choice = final(task, climbed, wanted)
+        rows, choice = final(task, members[wanted], wanted)
         finals += rows
         choices.append(choice)
     reference = {"reference": task.truth.source, "reference uncertainty": task.truth.uncertainty}
