@@ -73,10 +73,17 @@ def problem(name: str | Path, **parameters) -> Problem:
     if id not in PROBLEMS:
         raise unknown("problem", id, PROBLEMS)
     try:
-        whole = _whole(id, **parameters)
+        whole = _whole(id, **{name: _plain(value) for name, value in parameters.items()})
     except TypeError:  # a parameter that is no number, and perhaps not hashable
         whole = _derived(id, **parameters)
     return whole.at(orbit) if orbit else whole
+
+
+def _plain(value: object) -> object:
+    """A real number of any type as Python's own, by which the cache knows it; anything else as it is."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return value
+    return int(value) if isinstance(value, Integral) else float(value)
 
 
 @lru_cache(maxsize=128, typed=True)

@@ -146,6 +146,7 @@ def test_beyond_a_tenth_the_other_side_is_looked_at_first():
     assert s.tried[1, 1:3] == pytest.approx([ALONG, 0.01 * 0.1 / UNIT])
     assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx([-0.3, 1.0])
     assert look(-c, known(-0.2)).x == pytest.approx(-0.2, abs=UNIT)
+    assert look([-0.1, 1.0], known(1.0)).tried[1, 0] == 0.1, "a tenth is not beyond it"
 
 
 def test_where_the_other_side_has_no_root_it_says_what_the_model_is():
