@@ -83,7 +83,10 @@ def _plain(value: object) -> object:
     """A real number of any type as Python's own, by which the cache knows it; anything else as it is."""
     if isinstance(value, bool) or not isinstance(value, Real):
         return value
-    return int(value) if isinstance(value, Integral) else float(value)
+    try:
+        return int(value) if isinstance(value, Integral) else float(value)
+    except OverflowError:
+        return value
 
 
 @lru_cache(maxsize=128, typed=True)
