@@ -29,6 +29,15 @@ def test_every_evaluation_is_counted_once(counted, label):
 
 
 @pytest.mark.parametrize("label", counts.ALL)
+def test_the_kernel_counts_what_a_solution_tells(counted, label):
+    """A prepared run tells all of it; a solution counts its steps by its rows, which are of its h where steps vary."""
+    own = {"steps"} if counts.ALL[label].family == "adaptive" else set()
+    for name, told in counted(label).items():
+        for key in set(counts.TOLD) - own:
+            assert told["kernel"][key] == told[key], (name, key)
+
+
+@pytest.mark.parametrize("label", counts.ALL)
 def test_a_step_is_told_once_and_only_a_long_one_needs_newton(counted, label):
     """Where steps vary there are more of them in as much time, or fewer."""
     for name, told in counted(label).items():

@@ -6,6 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+import sympy as sp
 from scipy.optimize import root
 
 from phasebench.benchmarks.measure.metrics import slope
@@ -262,3 +263,31 @@ def test_functions_return_what_they_are_declared_to(onto):
     gram, (_, M) = found["gram"][1], found["constraint"][1]
     assert np.linalg.eigvalsh(np.reshape(gram, (onto, onto))).min() > 0
     assert min(M) > 0
+
+
+def test_what_is_asked_of_the_invariants_is_derived_from_them(monkeypatch):
+    """Two by hand; the second number of an invariant is the size of its terms and of what rounding the state makes."""
+    system = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2/2 + p2**2/2 - q1*q2 + q2**3")
+    (q1, _), (_, p2) = system.q, system.p
+    at = {"q": (0.3, -0.7), "p": (0.2, 0.5), "mu": (2.0, -1.0)}
+    found = {}
+
+    def derived(kind, arguments, results, signature, arithmetic):
+        numbers = {x: value for name, symbols in arguments for x, value in zip(symbols, at[name], strict=True)}
+        found[kind.partition(" ")[0]] = [[float(e.subs(numbers)) for e in map(sp.sympify, row)] for row in results()]
+
+    monkeypatch.setattr(system, "made", derived)  # a function that is kept is derived no more
+    projection.functions(system, (system.H, q1 * p2), codegen.DOUBLE)
+    G = np.array([[0.7, 1.17, 0.2, 0.5], [0.5, 0, 0, 0.3]])
+    assert found["constraint"] == [pytest.approx([0.012, 0.15]), pytest.approx([0.698 + 1.319, 0.15 + 0.3])]
+    assert found["gram"] == [pytest.approx((G @ G.T).ravel())]
+    assert found["pull"] == [pytest.approx(2 * G[0, :2] - G[1, :2]), pytest.approx(2 * G[0, 2:] - G[1, 2:])]
+
+
+@pytest.mark.parametrize(("base", "most"), [("implicit-midpoint", 15.2), ("scheme-iii", 20.3)])
+def test_stages_start_from_earlier_steps_and_in_further_attempts_from_the_last_one(base, most):
+    """In 14.2 and 19.3 evaluations; from attempts alone in 16.1 and 21.3, from earlier steps in 17.1 and 23.1."""
+    s = integrate(BOX, projected(base, symmetric=True), h=0.02, steps=40)
+    assert s.status == "ok"
+    assert s.counts["fallbacks"] == 0
+    assert s.counts["gradient"] < most * 40

@@ -12,7 +12,7 @@ from phasebench.integrators import driver
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.kernel import prepare, value
-from phasebench.integrators.engine.vector import State
+from phasebench.integrators.engine.vector import State, jit, scale
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import relaxation
 from phasebench.integrators.families.relaxation import relaxed
@@ -96,8 +96,9 @@ def test_control_without_the_time_adjusted_an_order_is_lost():
     assert [o.value for o in observed] == pytest.approx([4, 3], abs=0.2)
 
 
-def test_the_steps_are_those_of_a_plain_loop():
-    """Another root finder, and the steps' lengths from the sum of the relaxed times."""
+@pytest.mark.parametrize("adjust", [True, False])
+def test_the_steps_are_those_of_a_plain_loop(adjust):
+    """Another root finder, and the steps' lengths from the sum of the relaxed times, or h where they count as h."""
     f, H = BOX.system.vector_field(), lambda y: BOX.system.observe(BOX.system.H, y[None, :2], y[None, 2:])[0]
     y, t, h = np.concatenate([BOX.q0, BOX.p0]), 0.0, 0.2
     H0 = H(y)
@@ -108,18 +109,21 @@ def test_the_steps_are_those_of_a_plain_loop():
         k3 = f(0, y + step / 2 * k2)
         d = step / 6 * (k1 + 2 * k2 + 2 * k3 + f(0, y + step * k3))
         gamma = brentq(lambda g, y=y, d=d: H(y + g * d) - H0, 0.9, 1.1, xtol=1e-15)
-        y, t = y + gamma * d, t + gamma * step
-    s = integrate(BOX, "rk4-relaxation", h=h, steps=40)
+        y, t = y + gamma * d, t + gamma * step if adjust else (n + 1) * h
+    s = integrate(BOX, relaxed("rk4", adjust_time=adjust), h=h, steps=40)
+    assert s.status == "ok"
     assert np.abs(end(s) - y).max() < 1e-11
     plain = integrate(BOX, "rk4", h=h, steps=40)
     assert np.abs(end(plain) - y).max() > 1e-6
+    other = integrate(BOX, relaxed("rk4", adjust_time=not adjust), h=h, steps=40)
+    assert np.abs(end(other) - y).max() > 1e-6
 
 
 def test_the_offset_goes_on_between_calls_of_the_kernel(monkeypatch):
     """The relaxed time is part of the state."""
     ends = []
-    for piece in (1000, 7):
-        monkeypatch.setattr(driver, "PIECE", piece)
+    for first in (1000, 7):
+        monkeypatch.setattr(driver, "FIRST", first)
         ends.append(end(integrate(BOX, "kutta-3-relaxation", h=0.2, steps=50)))
     assert np.array_equal(*ends)
 
@@ -166,16 +170,76 @@ def test_a_search_without_a_root_ends_at_the_base_step():
 @pytest.mark.parametrize(("root", "near"), [(1.4, True), (0.65, True), (2.0, False), (4.0, False)])
 def test_a_root_is_taken_within_a_half_of_1_alone(root, near):
     """Of gamma^2 / 2 - root^2 / 2, which Newton's method finds from 1 wherever it is."""
-    gamma, found, _ = searched(-(root**2) / 2, start=0.0)
+    gamma, found, evaluations = searched(-(root**2) / 2, start=0.0)
     assert found == near
+    assert near or evaluations == 1, "the first of Newton's steps leads out"
     assert gamma == pytest.approx(root if near else 1.0, abs=1e-14)
+
+
+#: A unit of round-off of which multiples are exact.
+UNIT = 2.0**-40
+
+
+def along_a_line(error, told=1.0, rounding=0.0):
+    """(units of E at the end, found, evaluations) of H = x, its first error given in units of round-off.
+
+    Newton's method is told ``told`` times the slope; H is further from 0 than x by ``rounding`` units.
+    """
+
+    @jit
+    def energy(q, p):
+        return q[0] + (rounding if q[0] >= 0 else -rounding) * UNIT, 1.0
+
+    @jit
+    def field(q, p, h, c):
+        return scale(0.0, q), scale(-told, p)
+
+    step = relaxation.Relaxation(field, energy, np.zeros((1, 1)), True, eps=UNIT)
+    start, one, nothing = (value([x], 1, DOUBLE) for x in (error * UNIT - 1, 1.0, 0.0))
+    gamma, found, evaluations = relaxation.root(step, State(start, one, nothing, nothing), one, nothing)
+    return (gamma - 1) / UNIT + error + np.copysign(rounding, gamma - 1 + error * UNIT), found, evaluations
+
+
+def test_an_error_that_shrinks_is_left_where_it_is_round_off():
+    """To a fifth by each of Newton's steps: 1000 units, 200, 40, 8, 1.6, 0.32."""
+    left, found, evaluations = along_a_line(1000, told=1.25)
+    assert found
+    assert evaluations == 5
+    assert left == pytest.approx(0.32, abs=1e-3)
+
+
+@pytest.mark.parametrize(("told", "steps"), [(2.5, 6), (2.0, 4)])
+def test_one_that_hardly_shrinks_is_left_within_a_multiple_of_it(told, steps):
+    """To three fifths by each step, 1000 units, 600, 360, 216, 130, 78, 47, or to a half."""
+    left, found, evaluations = along_a_line(1000, told=told)
+    assert found
+    assert evaluations == steps
+    assert left == pytest.approx(1000 * (1 - 1 / told) ** steps, abs=1e-2)
+
+
+def test_one_unit_is_round_off_and_the_radius_is_near():
+    assert along_a_line(1, told=2.0) == (1, True, 0)
+    assert along_a_line(1.5, told=2.0) == (0.75, True, 1)
+    for last, found in ((0, True), (1, False)):
+        error = relaxation.RADIUS / UNIT + last
+        assert along_a_line(-error) == ((0, True, 1) if found else (-error, False, 1))
+
+
+@pytest.mark.parametrize("rounding", [20, 32, 40])
+def test_one_that_stays_is_round_off_up_to_a_bound(rounding):
+    """It comes back with the other sign and is no smaller: within 64 units that is as near as H can be."""
+    near = 2 * rounding <= relaxation.SLACK
+    left, found, evaluations = along_a_line(1000, rounding=rounding)
+    assert found == near
+    assert evaluations == (2 if near else relaxation.LIMIT)
+    assert left == (2 * rounding if near else 1000 + rounding)
 
 
 @pytest.mark.parametrize("id", RELAXED)
 def test_evaluations_are_those_of_the_tableau_and_one_for_each_of_newton_s_steps(id):
     """Near 1 one of these, or two, bring H to its round-off."""
     base = RELAXED[id].data[0]
-    steps = 200
+    steps = 20
     told, plain = (integrate(BOX, m, h=0.2, steps=steps).counts for m in (RELAXED[id], base))
     assert told["steps"] == steps
     assert told["fallbacks"] == told["iterations"] == 0

@@ -81,7 +81,7 @@ def runs(label: str) -> dict:
 
 
 def of(label: str) -> dict:
-    """{name: {"called": calls, and what is told of them}} of the runs of a method.
+    """{name: {"called": calls, "kernel": what the kernel counts, and what is told of them}} of the runs of a method.
 
     Functions for lanes are watched where every call is for all stages at once, by Gauss's methods; other kernels that
     have them are held to those in rows, counts included.
@@ -91,8 +91,10 @@ def of(label: str) -> dict:
         calls: Counter = Counter()
         with patch.object(gauss_lanes, "FEWEST", 99):
             s = integrate(watched(system, calls), ALL[label], h=h, steps=STEPS, q0=q, p0=p, save_every=2)
+            kernel = told(prepare(ALL[label], system), system.d, float(h), q, p)
         found[name] = {key: s.counts[key] for key in TOLD}
         found[name]["called"] = sum(n for kind, n in calls.items() if not kind.startswith(OTHERS))
+        found[name]["kernel"] = kernel
     return found | ({"lanes": in_lanes(label)} if label in LANED else {})
 
 
@@ -106,10 +108,17 @@ def in_lanes(label: str) -> dict:
         f(memory)
 
     watched = replace(prepared, step=prepared.step._replace(f=called))
-    run = lay_out(watched, 2, float(stiff.H), *stiff.START)
-    run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), STEPS)
-    told = prepared.tally(*(int(run.counts[name]) for name in ("steps", "gradient", "fallbacks", "newton")))
-    return {key: told[key] for key in TOLD} | {"called": sum(calls)}
+    kernel = told(watched, 2, float(stiff.H), *stiff.START)
+    return kernel | {"called": sum(calls), "kernel": kernel}
+
+
+def told(prepared, d: int, h: float, q, p) -> dict:
+    """What a kernel counts where it is called for every other step and the last one, as for a solution of these."""
+    run = lay_out(prepared, d, h, q, p)
+    for every in (2, STEPS - 2):
+        run(np.zeros((1, d)), np.zeros((1, d)), np.zeros((1, 1)), every)
+    tally = prepared.tally(*(int(run.counts[name]) for name in ("steps", "gradient", "fallbacks", "newton")))
+    return {key: tally[key] for key in TOLD}
 
 
 if __name__ == "__main__":
