@@ -16,6 +16,7 @@ from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.engine.lanes import Lanes
 from phasebench.integrators.engine.orbit_lanes import twin
 from phasebench.integrators.families import averaged
+from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.registry import method
 from support import two_degrees
 from support.two_degrees import of, run
@@ -126,6 +127,54 @@ def test_of_a_quadratic_energy_one_node_is_enough_and_a_step_is_cayley_s_transfo
     found, counts = run(of("p1**2/2 + p2**2/2 + q1**2 + q1*q2 + 3*q2**2/2"), "avf", h, steps)
     assert np.abs(found - exact).max() < 1e-14
     assert counts["fallbacks"] == 0
+
+
+# -- rules and evaluations --------------------------------------------------------------------------------------------
+
+
+def standing(H, id):
+    """A run of steps of the length 0, each of which is solved by the first sweep and confirmed by the next rule."""
+    return lay_out(prepare(method(id), of(H)), 2, 0.0, [0.7, 0.5], [0.2, -0.3], DOUBLE)
+
+
+def one_step(run):
+    """Take it; which rule the next one begins with."""
+    assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 1) == (1, 0)
+    return run.counts.rule
+
+
+@pytest.mark.parametrize(
+    ("id", "sweeps"), [("avf", 1), ("pavf", 2), ("pavf-p", 4), ("pavf-c", 4), ("itoh-abe", 4), ("itoh-abe-c", 8)]
+)
+def test_a_sweep_evaluates_the_nodes_for_each_block_in_each_direction(id, sweeps):
+    """Two of them: one by the smallest rule, one by the next."""
+    run = standing(FIELDS["angles"], id)
+    step = run.step
+    assert one_step(run) == 0
+    assert run.counts.gradient == sweeps * (step.nodes[0] + step.nodes[step.rows[0]])
+    assert run.counts.fallbacks == run.counts.newton == 0
+
+
+def test_every_sixteenth_step_begins_with_the_smallest_rule():
+    """Any other with the one that was confirmed last."""
+    run = standing(KICKS["masses"], "avf")
+    second = run.step.rows[0]
+    for k in range(50):
+        run.counts.rule = second
+        assert one_step(run) == (0 if k % 16 == 0 else second)
+
+
+@pytest.mark.parametrize("turns", [10, -10])
+def test_no_rule_is_asked_to_take_away_the_round_off_of_large_coordinates(turns):
+    """Neither of two rules confirms the other where they differ by it: the step ends, and does so every time."""
+    step = prepare(method("avf"), of("p1**2/2 + p2**2/2 - cos(q1) - cos(q2)"))
+    near, far = (lay_out(step, 2, 0.1, [0.7 + x, 0.5], [0.2, -0.3], DOUBLE) for x in (0.0, 2 * np.pi * turns))
+    for _ in range(40):
+        one_step(near), one_step(far)
+    apart = (far.orbit.state - near.orbit.state)[:2, :2] - [[2 * np.pi * turns, 0], [0, 0]]
+    assert np.abs(apart).max() < 1e-13
+    assert far.counts.fallbacks == near.counts.fallbacks == 0
+    assert far.counts.gradient < 1.25 * near.counts.gradient
 
 
 # -- the kick as the unknown ------------------------------------------------------------------------------------------

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from itertools import pairwise
+from functools import cache
+from itertools import pairwise, product
 from math import comb, factorial
 from unittest.mock import patch
 
@@ -19,14 +20,15 @@ from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients import dop853, quadrature, tableaus
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.engine import codegen
-from phasebench.integrators.engine.kernel import prepare
+from phasebench.integrators.engine.kernel import COUNTS, prepare
 from phasebench.integrators.engine.lanes import put
 from phasebench.integrators.engine.vector import jit
-from phasebench.integrators.families import gauss_lanes, path_lanes, stage_lanes
+from phasebench.integrators.families import collocation, gauss_lanes, path_lanes, stage_lanes
 from phasebench.integrators.families.stage_lanes import Lanes
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.collocation import METHODS, hbvm
 from support.trees import DIGITS, EPS, order_residual, trees, vector
+from support.values import value
 
 BY_ID = {m.id: m for m in METHODS}
 BOX, KEPLER = problem("henon-heiles:box"), problem("perturbed-kepler")
@@ -355,6 +357,71 @@ def test_the_energy_error_of_gauss_6_is_a_random_walk():
 
 
 # -- the kernel -------------------------------------------------------------------------------------------------------
+
+
+#: Quadratic energies (p, q) K (p, q)/2 by their Hessians in q1, q2, p1, p2: kicks are the unknown, or all increments.
+HESSIANS = {
+    "kicks": np.array([[2.0, 0.5, 0, 0], [0.5, 3.0, 0, 0], [0, 0, 1.0, 0.2], [0, 0, 0.2, 0.5]]),
+    "increments": np.array([[2.0, 0.5, 0.3, 0], [0.5, 3.0, 0, -0.4], [0.3, 0, 1.0, 0.2], [0, -0.4, 0.2, 0.5]]),
+}
+
+
+@cache
+def quadratic(name):
+    """The system of a quadratic energy."""
+    q, p = ["q1", "q2"], ["p1", "p2"]
+    terms = zip(HESSIANS[name].ravel() / 2, product(q + p, repeat=2), strict=True)
+    return Hamiltonian(q=q, p=p, H=" + ".join(f"({k})*{a}*{b}" for k, (a, b) in terms if k))
+
+
+def stages(id, name, h=0.5):
+    """(The equations of a step with increments that do not solve them, the first of their rows); rows before are 9."""
+    prepared = collocation.stage_by_stage(BY_ID[id], quadratic(name), codegen.DOUBLE)
+    step, s, at = prepared.step._replace(h=h, eps=EPS), prepared.stages, 3 * prepared.stages
+    memory, q, p = np.full((at + 3 * s, prepared.width), 9.0), value(0.7, -0.2), value(0.4, 1.1)
+    memory[at : at + s] = np.random.default_rng(s).normal(size=(s, prepared.width))
+    v, counts = value(*h * HESSIANS[name][2:, 2:] @ p), np.zeros(1, COUNTS).view(np.recarray)[0]
+    zero, like = value(0.0, 0.0), value(*[0.0] * prepared.width)
+    return collocation.Equations(step, q, p, v, memory, zero, like, s, counts), at
+
+
+def by_matrices(e, K, x):
+    """h B f at the nodes of the increments x, by the matrices of the tableau and the energy."""
+    step, h = e.step, e.step.h
+    q, p = np.array(e.q), np.array(e.p)
+    if step.field is None:
+        return h * step.B.T @ -((q + h * (step.c * p + step.A_q @ x) @ K[2:, 2:]) @ K[:2, :2])
+    slopes = np.hstack([q + step.A_q @ x[:, :2], p + step.A_p @ x[:, 2:]]) @ K
+    return h * step.B.T @ np.hstack([slopes[:, 2:], -slopes[:, :2]])
+
+
+@pytest.mark.parametrize("name", HESSIANS)
+@pytest.mark.parametrize("id", ["gauss-3", "lobatto-iiia-iiib-3", "radau-iia-3", "hbvm-4-2", "hbvm-6-3"])
+def test_a_sweep_is_the_slopes_at_the_nodes_and_tells_how_far_it_went(id, name):
+    (e, at), K = stages(id, name), HESSIANS[name]
+    x = e.memory[at : at + e.stages].copy()
+    told = collocation.sweep(e, at, at + e.stages)
+    found = e.memory[at + e.stages : at + 2 * e.stages]
+    assert found == pytest.approx(by_matrices(e, K, x), rel=1e-13, abs=1e-13)
+    assert told == pytest.approx((np.abs(found - x).sum(), np.abs(found).sum()), rel=1e-13)
+    assert np.array_equal(e.memory[at : at + e.stages], x)
+    assert (e.memory[:at] == 9).all()
+
+
+@pytest.mark.parametrize("name", HESSIANS)
+@pytest.mark.parametrize("id", ["gauss-3", "lobatto-iiia-iiib-3", "radau-iia-3", "hbvm-4-2", "hbvm-6-3"])
+def test_newton_s_matrix_is_the_derivative_of_the_equations(id, name):
+    """They are linear: the derivative is a difference over a whole increment."""
+    (e, at), K = stages(id, name), HESSIANS[name]
+    x = e.memory[at : at + e.stages].copy()
+    matrix = np.zeros((x.size, x.size + 1))
+    assert collocation.linearize(e, at, 1.0, matrix) == x.shape[1] + 2, "a sweep for each difference, and two"
+    units = np.eye(x.size).reshape(-1, *x.shape)
+    columns = [(unit - by_matrices(e, K, x + unit) + by_matrices(e, K, x)).ravel() for unit in units]
+    assert matrix[:, :-1] == pytest.approx(np.transpose(columns), abs=1e-6)
+    assert e.memory[at + e.stages : at + 2 * e.stages] == pytest.approx(by_matrices(e, K, x), rel=1e-13, abs=1e-13)
+    assert np.array_equal(e.memory[at : at + e.stages], x)
+    assert (e.memory[:at] == 9).all()
 
 
 def textbook(system, kind, s, y, h):
