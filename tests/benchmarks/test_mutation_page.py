@@ -39,18 +39,18 @@ def test_a_file_with_one_survivor_is_named():
 
 
 def test_a_file_that_is_not_judged_is_told_in_every_sentence():
-    left = ["a/z.py", "c/v.py", *(f"d/{k}.py" for k in range(6))]
+    left = ["a/z.py", "c/v/k/u.py", *(f"d/{k}.py" for k in range(6))]
     said_of = {name: said(getattr(mutation_page, name), left=left) for name in ("noticed", "judged", "unjudged")}
     assert said_of["noticed"].text.startswith("Mutants were tried in 2 of 10 files, 10 of their 18: ")
     assert said_of["noticed"].short.startswith("The tests notice 8 of 10 mutants of 2 of 10 files")
     assert said_of["judged"].text == "2 of these 2 files are as they were when they were judged."
     assert said_of["unjudged"].text == (
-        "8 of 10 files are not judged, and nothing is known of them: `z.py` in a; `v.py` in c; 6 in d."
+        "8 of 10 files are not judged, and nothing is known of them: `z.py` in a; `u.py` in c/v; 6 in d."
     )
     assert said_of["unjudged"].short == "8 of 10 files are not judged."
     assert not said_of["unjudged"].holds
     fewer = said(mutation_page.unjudged, left=left[:-1])
-    assert fewer.text.endswith("`v.py` in c; `0.py`, `1.py`, `2.py`, `3.py` and `4.py` in d.")
+    assert fewer.text.endswith("`u.py` in c/v; `0.py`, `1.py`, `2.py`, `3.py` and `4.py` in d.")
 
 
 def test_the_page_is_a_finding_until_every_file_is_judged():
@@ -58,6 +58,14 @@ def test_the_page_is_a_finding_until_every_file_is_judged():
     assert everything.holds
     assert everything.text == everything.short == "Not one of the 2 files is left out."
     assert not said(mutation_page.unjudged, left=["a/z.py"]).holds
+
+
+def test_a_file_of_which_one_mutant_was_tried_is_judged():
+    one = {"mutation": scored().assign(tried=1)}.get
+    assert mutation_page.noticed(one).text.startswith("Mutants were tried in 2 of 2 files, 2 of their 18")
+    assert mutation_page.judged(one).text.startswith("2 of these 2 files")
+    assert mutation_page.unjudged(one).holds
+    assert mutation_page.table(one).frame["not judged"].sum() == 0
 
 
 def test_where_no_file_is_judged_nothing_passes():
@@ -192,6 +200,7 @@ def test_the_command_and_the_page_agree_on_a_file(monkeypatch):
 
     assert {row["file"] for row in mutation.frame() if row["judged"]} == set(score.read())
     assert score.AND == mutation.AND
+    assert {len(of.hash) for of in score.read().values()} == {len(mutation.digest(mutation.SCORE))}
     assert score.digest(mutation.SCORE) == mutation.digest(mutation.SCORE)
 
 
