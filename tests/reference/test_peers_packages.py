@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -266,9 +267,27 @@ def test_two_copies_are_of_every_method_but_two():
 
 
 @pytest.mark.parametrize("id", ["pyhamsys-verlet", "pyhamsys-verlet-extended", "desolver-rk4", "diffrax-euler"])
-def test_a_run_prints_nothing(id, capfd):
+def test_a_run_prints_nothing_and_logs_nothing(id, capfd, caplog):
     integrate_peer(truth()[0], need(id), h=0.1, steps=3)
     assert capfd.readouterr() == ("", "")
+    assert caplog.records == []
+
+
+@pytest.mark.parametrize(
+    ("id", "readings"),
+    [
+        ("desolver-rk4", [7.0, 9.5]),
+        ("desolver-dopri45-adaptive", [7.0, 9.5]),
+        ("diffrax-euler", [7.0, 9.5]),
+        ("pyhamsys-verlet", [7.0, 8.0, 11.0, 12.5]),  # of three steps two are one piece, and what is between is not its
+    ],
+)
+def test_seconds_are_those_between_the_readings_of_the_clock(id, readings, monkeypatch):
+    chosen, left = need(id), list(readings)
+    integrate_peer(truth()[0], chosen, h=0.1, steps=3)
+    monkeypatch.setattr(PACKAGES[chosen.package], "time", SimpleNamespace(perf_counter=lambda: left.pop(0)))
+    assert integrate_peer(truth()[0], chosen, h=0.1, steps=3, tol=1e-6 if chosen.adaptive else None).seconds == 2.5
+    assert left == []
 
 
 def test_terms_are_named_where_they_are_not_the_field():
@@ -337,6 +356,21 @@ def test_a_second_run_compiles_nothing():
         rows, failed = diffrax._steps(first, loop, np.array([1.0, 0.0]), 1e-3, np.arange(1, 2 * diffrax.ROWS + 3))
     assert (len(rows), failed) == (2 * diffrax.ROWS + 2, -1)
     assert loop._cache_size() == before
+
+
+def test_the_loop_is_first_compiled_for_a_state_that_it_gave(monkeypatch):
+    """As in any run of more rows than one call keeps: with some versions of JAX that is compiled by itself."""
+    need("diffrax-euler")
+    taken, steps = [], diffrax._steps
+
+    def noted(first, loop, y, h, index):
+        taken.append(len(index))
+        return steps(first, loop, y, h, index)
+
+    monkeypatch.setattr(diffrax, "_steps", noted)
+    with diffrax.double_precision():
+        diffrax._compiled.__wrapped__("Euler", diffrax.WHOLE, truth()[0].system)
+    assert min(taken) > diffrax.ROWS
 
 
 # -- traps of the packages that the modules speak of --------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from functools import lru_cache
 
@@ -199,6 +200,17 @@ def test_orders(peer):
         pytest.skip("no AVX512")
     slopes = ladder(name, peer, first)
     assert (np.abs(slopes - peer.order) < 0.1).all(), slopes
+
+
+def test_the_order_of_a_splitting_is_the_least_exponent_of_the_step_that_it_tells():
+    told = {p.id: re.findall(r"eps(?:\^\d+)? h\^(\d+)", re.split("[:;]", p.about)[0]) for p in (*OURS, *peers.TRIED)}
+    told = {id: min(map(int, exponents)) for id, exponents in told.items() if exponents}
+    orders = {p.id: p.order for p in (*OURS, *peers.TRIED)}
+    assert told == {id: orders[id] for id in told}
+    assert sum("-saba-" in id for id in told) == sum("-saba-" in p.id for p in OURS) == 18
+    assert set(orders) - set(told) == {
+        id for id in orders if not re.match("rebound-(whfast|saba|mercurius|trace)", id)
+    } | {f"rebound-whfast({kernel}, corrector2)" for kernel in ("default", "lazy", "modifiedkick", "composition")}
 
 
 def test_the_lazy_kernel_is_of_order_2_between_bodies():
