@@ -141,8 +141,17 @@ def test_of_two_roots_the_nearer_is_taken():
     """Either keeps the energy: the other lies at 0.017."""
     s = integrate(TWO_ROOTS, BY_ID["gauss-equip-3"], h=0.25, steps=1, q0=FROM[:2], p0=FROM[2:])
     assert -0.01 < s.parameter[0] < -0.008
+    assert s.counts["fallbacks"] == 0
     H = TWO_ROOTS.observe(TWO_ROOTS.H, s.q, s.p)
     assert abs(H[1] - H[0]) < 1e-15
+
+
+def test_a_run_ends_at_the_step_whose_equations_are_not_solved():
+    """Here the second component is free, and the first falls into a singularity."""
+    fall = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2/2 + p2**2/2 - 1/q1")
+    s = integrate(fall, BY_ID["gauss-equip-2"], h=0.5, steps=10, q0=[1.0, 0.1], p0=[0.5, 0.2])
+    assert (s.status, s.counts["steps"], len(s.t)) == ("not-converged", 3, 4)
+    assert np.isfinite(s.q).all()
 
 
 # -- stages in lanes --------------------------------------------------------------------------------------------------
