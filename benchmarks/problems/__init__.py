@@ -81,12 +81,9 @@ def problem(name: str | Path, **parameters) -> Problem:
 
 def _plain(value: object) -> object:
     """A real number of any type as Python's own, by which the cache knows it; anything else as it is."""
-    if isinstance(value, bool) or not isinstance(value, Real):
+    if not _finite(value):
         return value
-    try:
-        return int(value) if isinstance(value, Integral) else float(value)
-    except OverflowError:
-        return value
+    return int(value) if isinstance(value, Integral) else float(value)
 
 
 @lru_cache(maxsize=128, typed=True)
@@ -137,14 +134,21 @@ def file_and_orbit(name: str) -> tuple[str | None, str]:
     return (name, "") if is_file(name) else (None, "")
 
 
+def _finite(value: object) -> bool:
+    try:
+        return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+    except OverflowError:  # a whole number, or a fraction of such, beyond the doubles
+        return False
+
+
 def real_parameters(what: str, known: Iterable[str], values: Mapping[str, object]) -> dict[str, int | float]:
     """The parameters as Python's numbers; raises InvalidInput for one that is not ``known`` or no finite number."""
     for key, value in values.items():
         if key not in known:
             has = f"has {', '.join(known)}" if known else "has none"
             raise InvalidInput(f"{what} has no parameter '{key}'; it {has}")
-        if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
-            raise InvalidInput(f"the parameter {key} of {what} is {value!r}; it must be a finite number")
+        if not _finite(value):
+            raise InvalidInput(f"the parameter {key} of {what} is {value!r:.80}; it must be a finite number")
     return {key: int(value) if isinstance(value, Integral) else float(value) for key, value in values.items()}
 
 

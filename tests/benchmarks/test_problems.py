@@ -201,6 +201,8 @@ def test_lotka_volterra_rests_at_its_equilibrium():
         ("perturbed-kepler", {"mu": float("inf")}, "finite"),
         ("kepler", {"e": "0.5"}, "finite"),
         ("kepler", {"e": True}, "finite"),
+        ("harmonic-oscillator", {"omega": 10**400}, "finite"),
+        ("harmonic-oscillator", {"omega": Fraction(10**400, 3)}, "finite"),
         ("kepler", {"mu": 0.1}, "has no parameter 'mu'; it has e"),
         ("pendulum", {"e": 0.1}, "has none"),
         ("harmonic-oscillator", {"omega": 0.0}, "positive"),
@@ -222,4 +224,5 @@ def test_good_parameters_change_the_problem():
 
 @pytest.mark.parametrize("value", [np.float32(1.5), np.float64(1.5), Fraction(3, 2)])
 def test_a_parameter_may_be_any_real_number(value):
+    """From the cache too, which a first process has filled."""
     assert problem("harmonic-oscillator", omega=value) is problem("harmonic-oscillator", omega=1.5)
