@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import runpy
 import sys
@@ -201,6 +202,21 @@ def test_the_command_polishes_what_is_new_edited_or_named_and_leaves_the_rest(co
     assert made["residual_before"] == "2.0e-8"
 
 
+def test_the_command_says_what_came_of_a_table_before_it_polishes_the_next(command, monkeypatch):
+    """Some take minutes; what stands in a buffer is not seen."""
+    raw, seen = io.BytesIO(), []
+
+    def looked(table):
+        seen.append(raw.getvalue())
+        return entry(table)
+
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw))
+    monkeypatch.setattr(sys.modules[entry.__module__], "entry", looked)
+    command([replace(MADE_UP, name=name) for name in ("first", "second")], {})
+    assert seen[0] == b""
+    assert seen[1].startswith(b"first: 2.0e-8 -> ")
+
+
 def test_the_command_leaves_what_is_kept_of_tables_as_they_stand_to_the_byte(command):
     before = coefficients.POLISHED.read_text()
     assert command(TABLES, coefficients.stored()) == (before, "")
@@ -244,6 +260,20 @@ def test_a_damaged_number_is_located_and_mended(name):
         assert abs(mended - true) < mpmath.mpf("1e-6") * abs(value(left.pop(k)) - true)
         numbers[k] = true
     assert distance(numbers, starting(table)) == 0
+
+
+def without(text, digits):
+    """A number without so many of its digits that stand beside each other, in every way."""
+    return {text[:k] + text[k + digits :] for k in range(len(text))}
+
+
+def test_a_damaged_number_is_the_published_one_of_its_place_but_for_its_damage():
+    texts = [(BY_NAME[name].published[k], text) for name in DAMAGED for k, text in DAMAGED[name].items()]
+    (right, exchanged), (shorter, longer), (whole, lost) = texts
+    assert sorted(exchanged) == sorted(right)
+    assert sum(a != b for a, b in zip(exchanged, right, strict=True)) == 2
+    assert shorter in without(longer, 3)
+    assert lost in without(whole, 1)
 
 
 def test_closed_forms():
