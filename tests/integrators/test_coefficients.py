@@ -165,6 +165,13 @@ def test_a_new_table_needs_no_entry_and_one_of_a_wrong_order_is_refused(edited):
         splittings.weights(BY_NAME["ruth-3"])
 
 
+def test_no_test_runs_on_a_table_of_which_the_numbers_are_not_kept(edited):
+    """The warning is an error here, and says what to do."""
+    edited(replace(BY_NAME["pefrl"], name="pefrl-again"))
+    with pytest.raises(UserWarning, match=r"pefrl-again is new.* is polished now; .*python -m phasebench\.integrators"):
+        polished("pefrl-again")
+
+
 #: Leapfrog, with a digit of its kicks wrong.
 MADE_UP = Table("made-up", "splitting", (2,), "made up", (), a=("1",), b=("0.50000001",))
 OLD = {"b": ["as it was"]}
