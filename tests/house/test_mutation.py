@@ -213,9 +213,42 @@ def test_a_mutant_has_what_the_project_keeps_and_no_machine_code(monkeypatch, tm
 
 
 @pytest.fixture
-def trial(monkeypatch, tmp_path):
-    """Options of the command -> its trial of a file that no recorded test reaches."""
+def command(monkeypatch):
     monkeypatch.syspath_prepend(TOOL)
+    found = importlib.util.spec_from_file_location("command", TOOL / "__main__.py")
+    module = importlib.util.module_from_spec(found)
+    found.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("asked", "found"),
+    [
+        (["room"], ["room/__init__.py", "room/kinds/__init__.py", "room/plain.py"]),
+        (["room/__init__.py"], ["room/__init__.py"]),
+        (["room/bare/__init__.py"], []),
+        (["room/plain.py", "room/kinds"], ["room/plain.py", "room/kinds/__init__.py"]),
+    ],
+)
+def test_a_package_is_judged_where_it_holds_a_function(command, monkeypatch, tmp_path, asked, found):
+    texts = {
+        "__init__.py": "def few(x):\n    return x < 3\n",
+        "bare/__init__.py": '"""A room."""\n\nfrom room.plain import LEAST\n',
+        "kinds/__init__.py": "class Kind:\n    def least(self):\n        return 3\n",
+        "plain.py": "LEAST = 3\n",
+        "bench_plain.py": "def bench_plain():\n    return 3\n",
+        "notes.txt": "3\n",
+    }
+    for name, text in texts.items():
+        (tmp_path / "room" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "room" / name).write_text(text)
+    monkeypatch.setattr(command, "ROOT", tmp_path)
+    assert command.files(asked) == found
+
+
+@pytest.fixture
+def trial(command, monkeypatch, tmp_path):
+    """Options of the command -> its trial of a file that no recorded test reaches."""
     from reach import Reach
 
     of = {
@@ -226,14 +259,11 @@ def trial(monkeypatch, tmp_path):
         "tests/b.py::slow": {"seconds": 60.0, "failed": False},
     }
     (tmp_path / "reach.json").write_text(json.dumps({"tests": of, "files": {}}))
-    command = importlib.util.spec_from_file_location("command", TOOL / "__main__.py")
-    module = importlib.util.module_from_spec(command)
-    command.loader.exec_module(module)
 
     def made(*options):
         monkeypatch.setattr(sys, "argv", ["mutation", *options])
-        reach = Reach(tmp_path / "reach.sqlite", module.ROOT)
-        return module.Trial("integrators/errors.py", reach, module.arguments())
+        reach = Reach(tmp_path / "reach.sqlite", command.ROOT)
+        return command.Trial("integrators/errors.py", reach, command.arguments())
 
     return made
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
+import runpy
+import sys
 from dataclasses import replace
 from fractions import Fraction
 
@@ -16,7 +19,7 @@ from phasebench.integrators.coefficients.fractions import DIGITS, substeps, suzu
 from phasebench.integrators.coefficients.gauss import gauss
 from phasebench.integrators.coefficients.order_conditions import classical_order
 from phasebench.integrators.coefficients.polish import entry, independent, jacobian, locate, polish, residual, starting
-from phasebench.integrators.coefficients.table import is_exact, unit, value
+from phasebench.integrators.coefficients.table import Table, is_exact, unit, value
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.records import compositions, splittings
@@ -63,6 +66,7 @@ def test_polished_numbers_are_the_published_ones_to_their_digits(table):
     if table.good is not None:
         printed = 10 * max(unit(x) for x in table.published if not is_exact(x))
         assert moved > printed, "its published numbers are right to all their digits"
+        assert moved > table.accuracy / 10, "its published numbers are right to more decimals than it says"
 
 
 @named
@@ -161,6 +165,76 @@ def test_a_new_table_needs_no_entry_and_one_of_a_wrong_order_is_refused(edited):
         splittings.weights(BY_NAME["ruth-3"])
 
 
+def test_no_test_runs_on_a_table_of_which_the_numbers_are_not_kept(edited):
+    """The warning is an error here, and says what to do."""
+    edited(replace(BY_NAME["pefrl"], name="pefrl-again"))
+    with pytest.raises(UserWarning, match=r"pefrl-again is new.* is polished now; .*python -m phasebench\.integrators"):
+        polished("pefrl-again")
+
+
+#: Leapfrog, with a digit of its kicks wrong.
+MADE_UP = Table("made-up", "splitting", (2,), "made up", (), a=("1",), b=("0.50000001",))
+OLD = {"b": ["as it was"]}
+
+
+@pytest.fixture
+def command(monkeypatch, tmp_path, capsys):
+    """Runs the command with other tables and other kept numbers: what it writes and what it prints."""
+
+    def run(tables, kept, *names):
+        monkeypatch.setattr(coefficients, "TABLES", tuple(tables))
+        monkeypatch.setattr(coefficients, "BY_NAME", {t.name: t for t in tables})
+        monkeypatch.setattr(coefficients, "stored", lambda: kept)
+        monkeypatch.setattr(coefficients, "POLISHED", path := tmp_path / "polished.json")
+        monkeypatch.setattr(sys, "argv", ["command", *names])
+        runpy.run_path(__main__.__file__, run_name="__main__")
+        return path.read_text(), capsys.readouterr().out
+
+    return run
+
+
+def test_the_command_polishes_what_is_new_edited_or_named_and_leaves_the_rest(command):
+    new, edited, named, left = (replace(MADE_UP, name=name) for name in ("new", "edited", "named", "left"))
+    kept = {"gone": OLD, "left": OLD | {"published": left.digest}, "named": OLD | {"published": named.digest}}
+    text, said = command((left, new, edited, named), kept | {"edited": OLD | {"published": "of before"}}, "named")
+    written = json.loads(text)
+    assert list(written) == ["left", "new", "edited", "named"]
+    assert written["left"] == kept["left"]
+    made = entry(MADE_UP)
+    assert written["new"] == written["edited"] == written["named"] == made
+    assert made["published"] == MADE_UP.digest
+    assert value(made["b"][0]) == mpmath.mpf("0.5")
+    change = f"{made['residual_before']} -> {made['residual_after']}"
+    assert said.splitlines() == [f"new: {change}", f"edited: {change}", f"named: {change}"]
+    assert made["residual_before"] == "2.0e-8"
+
+
+def test_the_command_says_what_came_of_a_table_before_it_polishes_the_next(command, monkeypatch):
+    """Some take minutes; what stands in a buffer is not seen."""
+    raw, seen = io.BytesIO(), []
+
+    def looked(table):
+        seen.append(raw.getvalue())
+        return entry(table)
+
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw))
+    monkeypatch.setattr(sys.modules[entry.__module__], "entry", looked)
+    command([replace(MADE_UP, name=name) for name in ("first", "second")], {})
+    assert seen[0] == b""
+    assert seen[1].startswith(b"first: 2.0e-8 -> ")
+
+
+def test_the_command_leaves_what_is_kept_of_tables_as_they_stand_to_the_byte(command):
+    before = coefficients.POLISHED.read_text()
+    assert command(TABLES, coefficients.stored()) == (before, "")
+
+
+def test_the_command_refuses_an_unknown_name_and_writes_nothing(command, tmp_path):
+    with pytest.raises(InvalidInput, match="did you mean made-up"):
+        command((MADE_UP,), {}, "made-op")
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("name", ["forest-ruth", "pefrl"])
 def test_what_is_kept_is_what_the_command_finds(name):
     assert entry(BY_NAME[name]) == coefficients.stored()[name]
@@ -193,6 +267,20 @@ def test_a_damaged_number_is_located_and_mended(name):
         assert abs(mended - true) < mpmath.mpf("1e-6") * abs(value(left.pop(k)) - true)
         numbers[k] = true
     assert distance(numbers, starting(table)) == 0
+
+
+def without(text, digits):
+    """A number without so many of its digits that stand beside each other, in every way."""
+    return {text[:k] + text[k + digits :] for k in range(len(text))}
+
+
+def test_a_damaged_number_is_the_published_one_of_its_place_but_for_its_damage():
+    texts = [(BY_NAME[name].published[k], text) for name in DAMAGED for k, text in DAMAGED[name].items()]
+    (right, exchanged), (shorter, longer), (whole, lost) = texts
+    assert sorted(exchanged) == sorted(right)
+    assert sum(a != b for a, b in zip(exchanged, right, strict=True)) == 2
+    assert shorter in without(longer, 3)
+    assert lost in without(whole, 1)
 
 
 def test_closed_forms():

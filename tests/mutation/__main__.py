@@ -18,6 +18,7 @@ without: then every kernel is compiled anew for each mutant of one.
 from __future__ import annotations
 
 import argparse
+import ast
 import multiprocessing
 import os
 import shutil
@@ -64,13 +65,19 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
+def has_code(path: Path) -> bool:
+    """Whether a module is more than the name of a package: most packages import, and hold no function."""
+    tree = ast.parse(path.read_text()) if path.name == "__init__.py" else None
+    return tree is None or any(isinstance(node, ast.FunctionDef) for node in ast.walk(tree))
+
+
 def files(paths: list[str]) -> list[str]:
     """The modules that paths stand for."""
     found = []
     for path in paths:
         whole = ROOT / path
         members = [whole] if whole.is_file() else sorted(whole.rglob("*.py"))
-        found += [str(p.relative_to(ROOT)) for p in members if p.name != "__init__.py" and "bench_" not in p.name]
+        found += [str(p.relative_to(ROOT)) for p in members if "bench_" not in p.name and has_code(p)]
     return found
 
 

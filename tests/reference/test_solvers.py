@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import mpmath
@@ -340,6 +341,48 @@ def test_unusable_names_and_provenance_are_refused(tmp_path, name, origin):
         tables.write(name, frame(), origin, tmp_path)
 
 
+@pytest.mark.parametrize("names", [["a", "#b"], ["a", 3], ["a", "a"]])
+def test_columns_that_the_format_cannot_hold_are_refused(tmp_path, names):
+    """One of them is enough."""
+    with pytest.raises(ValueError, match="the columns' names must be unique text"):
+        tables.write("t", pd.DataFrame([[1, 2]], columns=names), {"made": "here"}, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_text_that_is_missing_is_empty_and_one_that_begins_as_a_header_is_a_row(tmp_path):
+    texts = pd.DataFrame({"name": ["# made: 3", "b", "#", "d"], "status": [None, np.nan, "", "ok"]}, dtype=object)
+    tables.write("t", texts, {"made": "here"}, tmp_path / "new" / "folder")
+    back, origin = tables.read("t", tmp_path / "new" / "folder")
+    assert origin == {"made": "here"}
+    assert back.to_numpy().tolist() == [["# made: 3", ""], ["b", ""], ["#", ""], ["d", "ok"]]
+
+
+def test_a_header_without_a_blank_is_read_as_with_one(stored, tmp_path):
+    stored.write_text(stored.read_text().replace("# made", "#made"))
+    assert tables.read("t", tmp_path)[1] == {"made": "here", "n": 3}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"), [("1.23456789012345e-07", "lots", ", column error: 'lots'"), ("avf,", "", " has 5 cells")]
+)
+def test_a_corrupt_table_names_the_line_of_the_file(stored, tmp_path, old, new, what):
+    text = stored.read_text()
+    line = next(k for k, row in enumerate(text.splitlines(), 1) if old in row)
+    stored.write_text(text.replace(old, new))
+    with pytest.raises(tables.CorruptTable, match=f"line {line}{what}"):
+        tables.read("t", tmp_path)
+
+
+def test_a_failed_write_is_told_though_its_temporary_file_has_gone(stored, monkeypatch):
+    def fails(temporary, path):
+        Path(temporary).unlink()
+        raise OSError("full")
+
+    monkeypatch.setattr(tables.os, "replace", fails)
+    with pytest.raises(OSError, match="full"):
+        tables.write_file(stored, "new")
+
+
 def test_a_failed_write_leaves_the_old_table(stored, tmp_path, monkeypatch):
     before = stored.read_bytes()
     monkeypatch.setattr(tables.os, "replace", lambda *a: (_ for _ in ()).throw(OSError("full")))
@@ -382,6 +425,31 @@ def test_compare_allows_what_the_band_allows_and_tells_extra_rows():
     assert found[["measured", "stored"]].to_numpy().tolist() == [["present", "missing"]]
 
 
+def test_compare_allows_a_difference_as_large_as_the_band_and_an_absolute_one_of_nothing():
+    old = pd.DataFrame({"k": [1, 2, 3], "error": [1.0, 0.0, 1.0]})
+    new = pd.DataFrame({"k": [1, 2, 3], "error": [1.75, 0.25, 1.76]})
+    found = tables.compare(new, old, ["k"], {"error": (0.5, 0.25)})
+    assert found.to_numpy().tolist() == [[3, "error", 1.76, 1.0, 0.75]]
+
+
+def test_compare_goes_on_after_a_row_that_is_missing():
+    found = tables.compare(changed("status", "slow", row=2).iloc[1:], frame(), KEYS, BANDS)
+    assert found["column"].tolist() == ["row", "status"]
+
+
+@pytest.mark.parametrize(("column", "value", "row"), [("status", "", 0), ("status", "ok", 2), ("steps", "three", 0)])
+def test_compare_catches_what_is_given_in_one_table_only_or_is_a_number_there(column, value, row):
+    new = changed(column, value, row)
+    assert tables.compare(new, frame(), KEYS, BANDS)["column"].tolist() == [column]
+    assert tables.compare(frame(), new, KEYS, BANDS)["column"].tolist() == [column]
+
+
+def test_compare_passes_over_a_column_of_one_table():
+    more = frame().assign(note="new")
+    assert tables.compare(more, frame(), KEYS, BANDS).empty
+    assert tables.compare(frame(), more, KEYS, BANDS).empty
+
+
 def test_compare_refuses_tables_that_it_cannot_compare():
     with pytest.raises(ValueError, match="two rows"):
         tables.compare(pd.concat([frame(), frame()]), frame(), KEYS, BANDS)
@@ -400,6 +468,21 @@ def test_difference_reads_as_lines():
         "  method=scheme-i(lam=1/3), h=0.1: error 1.23456789012345e-07 -> 2.4691357802469e-07 (+100.00%)",
         '- row method=a "quoted", one, h=None',
     ]
+
+
+@pytest.mark.parametrize(
+    ("column", "old", "new", "line"),
+    [
+        ("status", "ok", "diverged", "status ok -> diverged"),
+        ("error", 0.0, 1.0, "error 0.0 -> 1.0"),
+        ("error", np.nan, 1.0, "error nan -> 1.0"),
+        ("error", 1.0, np.nan, "error 1.0 -> nan"),
+        ("error", -2.0, -1.0, "error -2.0 -> -1.0 (+50.00%)"),
+    ],
+)
+def test_a_difference_is_relative_where_it_can_be(column, old, new, line):
+    before, after = (changed(column, value).iloc[:1] for value in (old, new))
+    assert tables.difference(before, after, KEYS) == f"  method=scheme-i(lam=1/3), h=0.1: {line}"
 
 
 def test_provenance_follows_the_problem():
