@@ -87,6 +87,15 @@ def test_every_integrator_of_desolver_is_a_peer_and_claims_are_its_attributes():
     assert claimed == {name: (c.__order__, c.symplectic) for name, c in classes.items()}
 
 
+def test_desolvers_orders_are_those_that_names_tell_and_five_are_measured_to_be_others():
+    measured = {"rk8713m": 7, "symplectic-euler": 2, "babs9o7h": 4, "abas5o6h": 4, "radau-iia-3": 1}
+    for p in desolver.PEERS:
+        told = re.search(r"order (\d+)", p.name)
+        assert told is None or p.claims.order == int(told.group(1)), p.id
+        assert p.adaptive or p.order == measured.pop(p.id.removeprefix("desolver-"), p.claims.order), p.id
+    assert not measured
+
+
 def test_every_method_of_pyhamsys_is_a_peer_and_orders_are_its_readmes():
     need("pyhamsys")
     from pyhamsys import METHODS
