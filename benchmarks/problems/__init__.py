@@ -149,7 +149,7 @@ def real_parameters(what: str, known: Iterable[str], values: Mapping[str, object
             raise InvalidInput(f"{what} has no parameter '{key}'; it {has}")
         if not _finite(value):
             raise InvalidInput(f"the parameter {key} of {what} is {value!r:.80}; it must be a finite number")
-    return {key: int(value) if isinstance(value, Integral) else float(value) for key, value in values.items()}
+    return {key: _plain(value) for key, value in values.items()}
 
 
 __all__ = ["PROBLEMS", "labels", "problem"]
