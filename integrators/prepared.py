@@ -70,8 +70,9 @@ class PreparedRun:
     """A method on a problem, compiled: ``run(h, steps)`` integrates and keeps no rows.
 
     Nothing is checked: h is a number, ``steps`` a positive integer, q0 and p0 have d finite numbers.  Every call starts
-    anew.  Methods whose step depends on the initial state (those that keep H0) or in more than its length on h (the
-    trigonometric ones) are told so again where it is another than in the call before, which takes longer.
+    anew.  `advance` is such a call without reading the end state back: what a clock should enclose.  Methods whose step
+    depends on the initial state (those that keep H0) or in more than its length on h (the trigonometric ones) prepare
+    their step again where it is another than in the call before, which takes longer.
 
     Attributes
     ----------
@@ -82,8 +83,8 @@ class PreparedRun:
 
     SOLVED, STALLED, NOT_FINITE = solve.SOLVED, solve.STALLED, solve.NOT_FINITE
 
-    def __init__(self, problem, method: Method):
-        system, q, p = initial(problem)
+    def __init__(self, problem, method: Method, q0=None, p0=None):
+        system, q, p = initial(problem, q0, p0)
         lack = method.lacks(system)
         if lack:
             raise InvalidInput(lack)
@@ -112,17 +113,24 @@ class PreparedRun:
         q0, p0 : arrays (d,), the initial state where not the problem's
         """
         if q0 is not None or p0 is not None:
-            self._start[0] = self._default[0] if q0 is None else q0
-            self._start[1] = self._default[1] if p0 is None else p0
+            self.restart(self._default[0] if q0 is None else q0, self._default[1] if p0 is None else p0)
             self._moved = True
         elif self._moved:
-            self._start[:] = self._default
+            self.restart(*self._default)
             self._moved = False
-        if self._prepared.begin is not None:
-            self._begin(h)
-        code = self._call(self._address, h, steps)
+        code = self.advance(h, steps)
         end = self._end.copy()
         return end[0, 0], end[1, 0], code
+
+    def restart(self, q0, p0) -> None:
+        """Set the state, arrays (d,), from which `advance` starts."""
+        self._start[0], self._start[1] = q0, p0
+
+    def advance(self, h: float, steps: int) -> int:
+        """Integrate from the start and return the status code; the end state stays in the kernel's memory."""
+        if self._prepared.begin is not None:
+            self._begin(h)
+        return self._call(self._address, h, steps)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -174,13 +182,14 @@ class PreparedRun:
         return code if code or np.isfinite(self._end).all() else solve.NOT_FINITE
 
 
-def prepare(problem, method: str | Method, **parameters) -> PreparedRun:
+def prepare(problem, method: str | Method, *, q0=None, p0=None, **parameters) -> PreparedRun:
     """A compiled run of ``method`` on ``problem``, for many short integrations and for timing.
 
     Parameters
     ----------
-    problem : a problem: a system with initial data
+    problem : a problem: a system with initial data; or a system, where q0 and p0 are given
     method : an id or a method
+    q0, p0 : arrays (d,), the initial state where not the problem's
     parameters : values of the method's parameters
 
     Returns
@@ -201,4 +210,4 @@ def prepare(problem, method: str | Method, **parameters) -> PreparedRun:
     >>> code == run.SOLVED
     True
     """
-    return PreparedRun(problem, method_of(method, **parameters))
+    return PreparedRun(problem, method_of(method, **parameters), q0, p0)

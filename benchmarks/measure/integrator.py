@@ -19,6 +19,7 @@ from phasebench.integrators.registry import BY_ID as METHODS_BY_ID
 from phasebench.integrators.registry import method
 from phasebench.reference import peers
 from phasebench.reference.peers import Claims, Peer, integrate_peer
+from phasebench.reference.peers.prepared import PreparedPeer, prepare_peer
 
 from . import own_step
 from .own_step import OwnStep
@@ -94,6 +95,16 @@ class Integrator:
         """Why it cannot integrate a problem, or None where it can."""
         system = getattr(problem, "system", problem)
         return self.record.lacks(problem, system) if isinstance(self.record, Peer) else self.record.lacks(system)
+
+    def prepare(self, problem, *, tol: float | None = None, q0=None, p0=None) -> PreparedRun | PreparedPeer:
+        """Its compiled run on a problem; raises InvalidInput where it has none, and as `run` does."""
+        if isinstance(self.record, Peer):
+            return prepare_peer(problem, self.record, tol=tol, q0=q0, p0=p0)
+        if tol is not None:
+            raise InvalidInput(f"'{self.id}' takes a step h, no tolerance")
+        if isinstance(self.record, OwnStep):
+            raise InvalidInput(f"'{self.id}' is called from Python and has no prepared run; pb.integrate runs it")
+        return prepared.prepare(problem, self.record, q0=q0, p0=p0)
 
     def run(
         self,
@@ -212,13 +223,31 @@ def integrate(
     )
 
 
-def prepare(problem, method: str | Method, **parameters) -> PreparedRun:
-    """A compiled run of a method of this project, called as ``run(h, steps)``; as `integrators.prepared.prepare`.
+def prepare(
+    problem,
+    method: str | Method | Peer,
+    *,
+    tol: float | None = None,
+    q0=None,
+    p0=None,
+    **parameters,
+) -> PreparedRun | PreparedPeer:
+    """A compiled run for many short integrations: ``run(h, steps)``, or ``run(t_end)`` of an adaptive peer.
+
+    A call makes the package's own call and a reset to the initial state, and nothing else; it returns (q, p, code).
 
     Parameters
     ----------
-    problem : a problem; a registered name such as ``"henon-heiles:box"``; or the path of a file with one
-    method, parameters : an id or a method, and values of its parameters
+    problem : a system, where q0 and p0 are given; a problem; a registered name such as ``"henon-heiles:box"``; or the
+        path of a file with one
+    method, parameters : an id of a method or a peer, or a record; and values of a method's parameters
+    tol : an adaptive peer's tolerance
+    q0, p0 : arrays (d,), the initial state where not the problem's
+
+    Raises
+    ------
+    InvalidInput
+        For input that cannot be used, or an integrator that has no prepared run (a step of one's own).
 
     Examples
     --------
@@ -226,9 +255,12 @@ def prepare(problem, method: str | Method, **parameters) -> PreparedRun:
     >>> q, p, code = run(0.01, 100)
     >>> code == run.SOLVED
     True
+    >>> q, p, code = prepare("pendulum", "heyoka", tol=1e-9)(1.0)
+    >>> code == 0
+    True
     """
     problem = problem_of(problem) if isinstance(problem, (str, Path)) else problem
-    return prepared.prepare(problem, method, **parameters)
+    return integrator(method, **parameters).prepare(problem, tol=tol, q0=q0, p0=p0)
 
 
 def _misspelt(names) -> str:

@@ -19,7 +19,7 @@ Data = Callable[[str], pd.DataFrame | None]
 
 PASS, FINDING, MISSING = "PASS", "FINDING", "not measured"
 #: A page has at most so many lines of setting, sentences of verdict and rows in a table.
-SETTING, VERDICTS, ROWS = 5, 3, 25
+SETTING, VERDICTS, ROWS = 5, 5, 25
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import struct
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Callable, Iterator
+from functools import cache, wraps
 
 #: 2^-1074 by its bits, since a process that flushes cannot compute it; and a 0 that no compiler sees.
 (LEAST,) = struct.unpack("<d", (1).to_bytes(8, "little"))
@@ -48,3 +48,14 @@ def kept() -> Iterator[None]:
         yield
     finally:
         library.fesetenv(before)
+
+
+def keeping(call: Callable) -> Callable:
+    """The call, which leaves the environment of its thread as it was before."""
+
+    @wraps(call)
+    def kept_call(*arguments):
+        with kept():
+            return call(*arguments)
+
+    return kept_call

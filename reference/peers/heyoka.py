@@ -1,8 +1,8 @@
 """heyoka's Taylor series as peers: one orbit, and the same orbit in every lane of the processor's SIMD registers.
 
 ``high_accuracy`` sums the series with compensation.  ``compact_mode`` compiles faster and runs slower on small systems.
-The peers use it above `taylor.COMPACT` variables; `compact` gives a peer with the mode that they do not use, to be
-measured beside the others.
+The peers use it above `taylor.COMPACT` variables.  `variants` gives each peer in the other mode, and with heyoka's own
+model of the equations of motion (`heyoka_forms`), to be measured beside the others.
 
 Integrators are kept by system and tolerance, so that a further run costs no compilation.  They are reset in place:
 one thread at a time may run a peer of a system.
@@ -19,7 +19,9 @@ import numpy as np
 
 from phasebench.integrators.record import ROUND_OFF
 
-from .record import NOT_FINITE, Claims, Peer, Run, Task
+from . import heyoka_forms
+from .heyoka_forms import TRANSLATED
+from .record import Claims, Peer, Run, Start, Task
 
 EPS = float(np.finfo(float).eps)
 #: Integrators that are kept.
@@ -28,40 +30,77 @@ DOCUMENTATION = "https://bluescarni.github.io/heyoka.py/"
 
 
 @lru_cache(maxsize=KEPT)
-def _scalar(system, tol, **options):
-    from phasebench.reference.solvers import taylor
-
-    if not options and tol == EPS:
-        return taylor.integrator(system, float, tol)
+def _scalar(system, tol: float, model: str = TRANSLATED, compact: bool | None = None, high_accuracy: bool = False):
+    """(heyoka's integrator, the form of its state)."""
     import heyoka as hy
 
-    plain = _scalar(system, EPS)
-    return hy.taylor_adaptive(
-        plain.sys, np.zeros(plain.dim), tol=tol, **({"compact_mode": plain.compact_mode} | options)
-    )
+    from phasebench.reference.solvers import taylor
+
+    form = heyoka_forms.form(system, model)
+    compact = 2 * system.d > taylor.COMPACT if compact is None else compact
+    options = {"compact_mode": compact, "high_accuracy": high_accuracy}
+    return hy.taylor_adaptive(list(form.equations), np.zeros(len(form.equations)), tol=tol, **options), form
 
 
 @lru_cache(maxsize=KEPT)
-def _batch(system, tol):
+def _batch(system, tol: float):
     import heyoka as hy
 
-    one = _scalar(system, tol)
+    one, form = _scalar(system, tol)
     zeros = np.zeros((one.dim, hy.recommended_simd_size()))
-    return hy.taylor_adaptive_batch(one.sys, zeros, tol=one.tol, compact_mode=one.compact_mode)
+    return hy.taylor_adaptive_batch(list(form.equations), zeros, tol=one.tol, compact_mode=one.compact_mode)
 
 
-def _run(**options):
+def _run(*how):
     def run(task: Task) -> Run:
         from phasebench.reference.solvers import taylor
 
-        ta = _scalar(task.system, task.tol, **options)
-        taylor.start(ta, float, task.q, task.p)
+        ta, form = _scalar(task.system, task.tol, *how)
+        ta.time, ta.state[:] = 0.0, form.put(task.state)
+        if len(task.times) > 2:
+            started = time.perf_counter()
+            rows, steps, failure = taylor.propagate(ta, task.times)
+            seconds = time.perf_counter() - started
+            return Run.of_states(form.get(rows), steps, 0, seconds, failure)
+        start, t_end = task.state, float(task.times[-1])
         started = time.perf_counter()
-        rows, steps, failure = taylor.propagate(ta, task.times)
+        outcome, _, _, steps, *_ = ta.propagate_until(t_end, max_steps=taylor.STEP_LIMIT)
         seconds = time.perf_counter() - started
-        return Run.of_states(rows, steps, 0, seconds, failure)
+        reached = str(outcome) == REACHED
+        rows = np.stack([start, form.get(ta.state)] if reached else [start])
+        return Run.of_states(rows, steps, 0, seconds, None if reached else taylor.failure(outcome))
 
     return run
+
+
+REACHED = "taylor_outcome.time_limit"
+
+
+def _prepare(*how):
+    def prepare(start: Start):
+        import heyoka as hy
+
+        from phasebench.reference.solvers import taylor
+
+        from .prepared import NOT_FINITE, SOLVED, STALLED, Calls
+
+        kept, form = _scalar(start.system, start.tol, *how)
+        ta = kept.__copy__()  # its state is this run's alone
+        state, begin, propagate = ta.state, ta.state.copy(), ta.propagate_until
+        codes = {hy.taylor_outcome.time_limit: SOLVED, hy.taylor_outcome.err_nf_state: NOT_FINITE}
+        most = taylor.STEP_LIMIT
+
+        def restart(y) -> None:
+            begin[:] = form.put(y)
+
+        def advance(t_end: float) -> int:
+            ta.time = 0.0
+            state[:] = begin
+            return codes.get(propagate(t_end, max_steps=most)[0], STALLED)
+
+        return Calls(restart, advance, lambda: form.get(state), ta)
+
+    return prepare
 
 
 def _run_batch(task: Task) -> Run:
@@ -78,12 +117,7 @@ def _run_batch(task: Task) -> Run:
     seconds = time.perf_counter() - started  # of all lanes: that is how long one orbit takes
     rows = states[:, :, 0]
     outcome, _, _, steps = ta.propagate_res[0]
-    why = {
-        hy.taylor_outcome.time_limit: None,
-        hy.taylor_outcome.err_nf_state: NOT_FINITE,
-        hy.taylor_outcome.step_limit: f"{taylor.STEP_LIMIT} steps did not reach the end",
-    }
-    failure = why.get(outcome, f"heyoka stopped with {outcome}")
+    failure = None if outcome == hy.taylor_outcome.time_limit else taylor.failure(outcome)
     if failure is None and not (states == rows[:, :, None]).all():
         rows, failure = rows[:1], f"the {ta.batch_size} lanes, which started alike, differ"
     return Run.of_states(rows, steps, 0, seconds, failure)
@@ -112,30 +146,54 @@ def _peer(id: str, name: str, run, more: str, **facts) -> Peer:
     )
 
 
-def compact(high_accuracy: bool, on: bool = True) -> Peer:
-    """heyoka with ``compact_mode`` on or off where it runs otherwise by default: no peer of the registry."""
+def _one(id: str, name: str, more: str, how: tuple, **facts) -> Peer:
+    """A peer that carries one orbit; ``how``: form, compact mode (None: by size), compensated sums."""
+    return _peer(id, name, _run(*how), more, prepare=_prepare(*how), **facts)
+
+
+def compact(high_accuracy: bool, on: bool = True, model: str = TRANSLATED) -> Peer:
+    """heyoka with ``compact_mode`` on or off and with one of its forms of the equations: no peer of the registry."""
 
     def lacks(problem, system) -> str | None:
         from phasebench.reference.solvers import taylor
 
-        if on == (2 * system.d > taylor.COMPACT):
+        if model == TRANSLATED and on == (2 * system.d > taylor.COMPACT):
             return f"of {2 * system.d} variables '{name}' is the same: compact_mode is {'on' if on else 'off'}"
+        if model not in heyoka_forms.names(system):
+            return f"heyoka's model {model} is of other equations of motion"
         return None
 
     name = "heyoka-high-accuracy" if high_accuracy else "heyoka"
-    run = _run(high_accuracy=high_accuracy, compact_mode=on)
-    label, mode = (f"{name}(compact_mode)", "") if on else (f"{name}(compact_mode=False)", "no ")
-    return _peer(label, f"{SERIES}, {mode}compact mode", run, f"one orbit; {mode}compact_mode", lacks=lacks)
+    options = [] if model == TRANSLATED else [f"model={model}"]
+    options += ["compact_mode"] if on else ["compact_mode=False"]
+    mode = f"{'' if on else 'no '}compact mode{'' if model == TRANSLATED else f', its own model {model}'}"
+    how = (model, on, high_accuracy)
+    return _one(f"{name}({', '.join(options)})", f"{SERIES}, {mode}", f"one orbit; {mode}", how, lacks=lacks)
+
+
+def variants() -> tuple[Peer, ...]:
+    """Every other setting of the peers: both modes, and both modes of each of heyoka's own models."""
+    settings = [(high, on, model) for model in heyoka_forms.NAMES for on in (True, False) for high in (False, True)]
+    return tuple(compact(*setting) for setting in settings)
+
+
+def twins(peer: Peer) -> tuple[Peer, ...]:
+    """The settings of heyoka that take the same steps as one of its peers does: compact or not, each form."""
+    if peer.package != "heyoka":
+        return ()
+    high = peer.id.startswith("heyoka-high-accuracy")
+    alike = [p for p in (*PEERS, *variants()) if p.id.startswith("heyoka-high-accuracy") == high]
+    return tuple(p for p in alike if p.id not in (peer.id, "heyoka-batch"))
 
 
 SERIES = "Taylor series of adaptive step and order, double precision"
 PEERS = (
-    _peer("heyoka", SERIES, _run(), "one orbit"),
-    _peer(
+    _one("heyoka", SERIES, "one orbit", (TRANSLATED, None, False)),
+    _one(
         "heyoka-high-accuracy",
         f"{SERIES}, compensated",
-        _run(high_accuracy=True),
         "one orbit; high_accuracy: the series is summed with compensation",
+        (TRANSLATED, None, True),
     ),
     _peer(
         "heyoka-batch",

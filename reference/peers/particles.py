@@ -26,7 +26,8 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from .record import Run, Task
+from . import floating
+from .record import Run, Start, Task
 
 #: A body that is farther away from the origin has escaped.
 FAR = 1e12
@@ -172,9 +173,7 @@ def build(setting: Setting, q0, p0, integrator: str, options=(), extra: bool = T
     import rebound
 
     sim = rebound.Simulation()
-    sim.integrator = integrator  # options set before are forgotten here
-    for name, value in dict(options).items():
-        setattr(sim.integrator, name, value)
+    choose(sim, integrator, options)
     sim.G, masses = setting.G, setting.masses
     if integrator == "whfast512":  # it knows G = 1 alone, and no exact end
         sim.G, masses, sim.exact_finish_time = 1.0, [setting.G * m for m in masses], 0
@@ -190,6 +189,13 @@ def build(setting: Setting, q0, p0, integrator: str, options=(), extra: bool = T
         force = extra_force(setting)
         sim.additional_forces = force.address
     return sim, force
+
+
+def choose(sim, integrator: str, options) -> None:
+    """Set a simulation's integrator and the fields of it; what it had of its own is dropped."""
+    sim.integrator = integrator
+    for name, value in dict(options).items():
+        setattr(sim.integrator, name, value)
 
 
 def simulation(problem, q0, p0, integrator: str, mu: float = 0.0, **options):
@@ -219,6 +225,71 @@ def state(sim, setting: Setting) -> np.ndarray:
     sim.serialize_particle_data(xyz=x, vxvyvz=v)
     at = tuple(zip(*map(setting.place, range(d)), strict=True))
     return np.concatenate([x[at], v[at] / setting.inverse])
+
+
+def prepare(start: Start, setting: Setting, integrator: str, options, *, adaptive: bool, shortest: float):
+    """The calls of a prepared simulation: ``advance(t_end)`` of an adaptive one, else ``advance(h, steps)``.
+
+    A reset sets the particles, the time and the step back.  IAS15 and BS keep what they know of their last step, an
+    equally good start; JANUS computes with integers of its own, which setting the integrator anew drops.  ``shortest``
+    is the least step of IAS15 in units of the span.
+    """
+    import rebound
+
+    from .prepared import SOLVED, STALLED, Calls
+
+    sim, force = build(setting, start.q, start.p, integrator, options)
+    if adaptive:
+        sim.exit_max_distance = FAR
+    d, inverse, first = len(setting.inverse), np.array(setting.inverse), sim.dt
+    at = tuple(zip(*map(setting.place, range(d)), strict=True))
+    begin, end = np.zeros((2, sim.N, 6))
+    sim.serialize_particle_data(xyzvxvyvz=begin)
+    put, address = rebound.clibrebound.reb_simulation_set_serialized_particle_data, ctypes.byref(sim)
+    array = begin.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+    known: list[float | None] = [None]  # the span that the shortest step, or the steps that a call makes, are of
+
+    def restart(y) -> None:
+        begin[:, :3][at], begin[:, 3:][at] = y[:d], y[d:] * inverse
+
+    def reset(dt: float) -> None:
+        if integrator == "janus":
+            choose(sim, integrator, options)
+        sim.t, sim.dt = 0.0, dt
+        put(address, None, None, None, None, array)
+        sim.did_modify_particles = 1
+
+    def adaptively(t_end: float) -> int:
+        if known[0] != t_end:
+            known[0] = t_end
+            if integrator == "ias15":
+                sim.integrator.min_dt = shortest * abs(t_end)
+        reset(first if t_end > 0 else -first)
+        try:
+            sim.integrate(t_end)
+        except (RuntimeError, rebound.Escape):
+            return STALLED
+        return SOLVED
+
+    def evenly(h: float, steps: int) -> int:
+        reset(h)
+        if integrator == "whfast512" and known[0] != steps:  # a step is as many steps as this says
+            known[0] = sim.integrator.concatenate_steps = steps
+        try:
+            sim.steps(1 if integrator == "whfast512" else steps)
+            sim.synchronize()
+        except (RuntimeError, rebound.Escape):
+            return STALLED
+        return SOLVED
+
+    def state() -> np.ndarray:
+        sim.serialize_particle_data(xyzvxvyvz=end)
+        return np.concatenate([end[:, :3][at], end[:, 3:][at] / inverse])
+
+    advance = adaptively if adaptive else evenly
+    if integrator == "whfast512":
+        advance = floating.keeping(advance)
+    return Calls(restart, advance, state, (sim, force))
 
 
 def run(task: Task, setting: Setting, integrator: str, options, *, adaptive: bool, limit: float = np.inf) -> Run:

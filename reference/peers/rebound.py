@@ -15,7 +15,7 @@ from phasebench.integrators.record import DRIFT, ROUND_OFF
 
 from . import particles
 from .particles import CENTRAL, GRAVITY, POTENTIAL
-from .record import Claims, Peer, Run, Task
+from .record import Claims, Peer, Run, Start, Task
 
 DOCUMENTATION = "https://rebound.readthedocs.io/en/latest/integrators/ and sim.integrator.__doc__ of version 5.2"
 HIGH_ORDER = "Rein, Tamayo & Brown 2019, Mon. Not. R. Astron. Soc. 489, 4632-4640"
@@ -88,18 +88,33 @@ def _avx512() -> bool:
     return getattr(rebound, "avx512_available", False)
 
 
+def _fields(integrator: str, setting, options: dict, tolerances, tol: float | None) -> dict:
+    """The fields of an integrator on a setting."""
+    fields = options | ({} if tol is None else dict.fromkeys(tolerances, tol))
+    if fields.get("kernel") == "lazy" and setting.kind == CENTRAL and setting.gradient is None:
+        fields = {"safe_mode": 0}  # there is nothing to correct in a pure Kepler problem
+    return fields
+
+
 def _run(integrator: str, kinds, forces: bool, options: dict, tolerances):
     def run(task: Task) -> Run:
         setting = _setting(kinds, forces, task.system)
-        fields = options | ({} if task.tol is None else dict.fromkeys(tolerances, task.tol))
-        if fields.get("kernel") == "lazy" and setting.kind == CENTRAL and setting.gradient is None:
-            fields = {"safe_mode": 0}  # there is nothing to correct in a pure Kepler problem
+        fields = _fields(integrator, setting, options, tolerances, task.tol)
         if integrator == "ias15":
             fields["min_dt"] = SHORTEST * task.h * task.steps
         limit = 2.0**62 * UNIT if integrator == "janus" else float("inf")
         return particles.run(task, setting, integrator, fields, adaptive=bool(tolerances), limit=limit)
 
     return run
+
+
+def _prepare(integrator: str, kinds, forces: bool, options: dict, tolerances):
+    def prepare(start: Start):
+        setting = _setting(kinds, forces, start.system)
+        fields = _fields(integrator, setting, options, tolerances, start.tol)
+        return particles.prepare(start, setting, integrator, fields, adaptive=bool(tolerances), shortest=SHORTEST)
+
+    return prepare
 
 
 def _peer(
@@ -131,6 +146,7 @@ def _peer(
         about=about,
         source=source,
         run=_run(integrator, kinds, forces, options or {}, tolerances),
+        prepare=_prepare(integrator, kinds, forces, options or {}, tolerances),
         scope=SCOPES[kinds] if forces else NEWTON,
         lacks=_lacks(integrator, kinds, forces),
         least=least,

@@ -33,6 +33,28 @@ class Claims:
 NOT_FINITE = "the state is no longer finite"
 
 
+class Start(NamedTuple):
+    """What a peer is prepared for.
+
+    Attributes
+    ----------
+    problem, system : the problem (or again the system, where there is no other), and its system
+    q, p : arrays (d,), the initial state
+    tol : the tolerance of an adaptive peer; None: the package's own
+    """
+
+    problem: Any
+    system: Any
+    q: np.ndarray
+    p: np.ndarray
+    tol: float | None
+
+    @property
+    def state(self) -> np.ndarray:
+        """(q, p), a new array (2 d,)."""
+        return np.concatenate([self.q, self.p]).astype(float)
+
+
 class Task(NamedTuple):
     """What a peer is to integrate.
 
@@ -117,6 +139,7 @@ class Peer:
     source : author, year
     run : `Task` -> `Run` with a row for each step number of the task up to where it failed; it may import the package,
         its module may not
+    prepare : `Start` -> `prepared.Calls`, its run built and compiled once; None where it has none
     scope : in words, what it can integrate
     lacks : (problem, system) -> why it cannot do a problem, or None
     claims : what its package says of it
@@ -135,6 +158,7 @@ class Peer:
     about: str
     source: str
     run: Callable[[Task], Run]
+    prepare: Callable[[Start], Any] | None = None
     scope: str = "any"
     lacks: Callable[[Any, Any], str | None] = anything
     claims: Claims = field(default_factory=Claims)

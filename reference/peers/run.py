@@ -61,7 +61,7 @@ def integrate_peer(
     lack = integrator.lacks(problem, getattr(problem, "system", problem))
     if lack:
         raise InvalidInput(f"'{integrator.id}' cannot do this: {lack}")
-    tol = _tolerance(integrator, tol)
+    tol = tolerance(integrator, tol)
     if integrator.adaptive and h is None and steps is None:
         steps = 1
     asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every)
@@ -104,7 +104,8 @@ def ending(system, times, q, p, failure: str | None) -> tuple[str, str, int]:
     return *judged(system, times[:rows], q, p, "take a smaller step or tolerance"), rows
 
 
-def _tolerance(integrator: Peer, tol) -> float | None:
+def tolerance(integrator: Peer, tol) -> float | None:
+    """The tolerance of a run, by default the peer's own; raises InvalidInput for one that it cannot take."""
     if tol is None:
         return integrator.tol
     if not integrator.adaptive:

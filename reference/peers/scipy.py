@@ -18,7 +18,7 @@ import warnings
 import numpy as np
 
 from .field import compiled_field
-from .record import NOT_FINITE, Claims, Peer, Run, Task
+from .record import NOT_FINITE, Claims, Peer, Run, Start, Task
 
 #: SciPy's own defaults.
 RTOL, ATOL = 1e-3, 1e-6
@@ -66,6 +66,48 @@ def _solve(solver_name: str, compiled: bool):
     return run
 
 
+def _prepare(solver_name: str, compiled: bool):
+    """The loop over steps that ``solve_ivp`` makes, without its rows."""
+
+    def prepare(start: Start):
+        import scipy.integrate
+
+        solver_of = getattr(scipy.integrate, solver_name)
+        field = compiled_field(start.system) if compiled else start.system.vector_field()
+        tolerances = {"rtol": start.tol, "atol": start.tol} if start.tol else {"rtol": RTOL, "atol": ATOL}
+        return _calls(start, lambda y, t_end: _steps(solver_of(field, 0.0, y, t_end, **tolerances)))
+
+    return prepare
+
+
+def _steps(solver) -> np.ndarray | None:
+    """The state at the end of a solver's span; None where it fails before."""
+    step, most = solver.step, STEP_LIMIT
+    while solver.status == "running" and most:
+        step()
+        most -= 1
+    return solver.y if solver.status == "finished" else None
+
+
+def _calls(start: Start, integrate):
+    """The calls of a prepared run from ``integrate``, (y, t_end) -> the end state, None where it failed."""
+    from .prepared import SOLVED, STALLED, Calls
+
+    begin, end = start.state, [start.state]
+
+    def restart(y) -> None:
+        begin[:] = y
+
+    def advance(t_end: float) -> int:
+        y = integrate(begin, t_end)
+        if y is None:
+            return STALLED
+        end[0] = y
+        return SOLVED
+
+    return Calls(restart, advance, lambda: np.array(end[0]))
+
+
 def _failure(solver, message, before: float, steps: int) -> str | None:
     """Why a step was the last, or None."""
     if solver.status == "failed":
@@ -104,6 +146,7 @@ def _peers(solver: str, name: str, more: str, source: str, order: int | None) ->
             about=f"{about}{side_more}",
             source=source,
             run=_solve(solver, bool(suffix)),
+            prepare=_prepare(solver, bool(suffix)),
             claims=Claims(order=order, source=DOCUMENTATION.format(solver)),
             least=100 * float(np.finfo(float).eps),
             **options,
@@ -155,6 +198,34 @@ def _ode(field, task: Task):
     return np.array(rows), 0, 0, None
 
 
+def _prepare_fast(solver: str):
+    """``odeint`` and ``ode`` as they are called for the end state alone."""
+
+    def prepare(start: Start):
+        from scipy.integrate import ode, odeint
+
+        field = compiled_field(start.system)
+        tolerances = {"rtol": start.tol, "atol": start.tol} if start.tol else {}
+        if solver == "odeint":
+
+            def integrate(y, t_end):
+                rows, said = odeint(
+                    field, y, (0.0, t_end), tfirst=True, mxstep=STEP_LIMIT, full_output=True, **tolerances
+                )
+                return rows[1] if said["message"] == "Integration successful." else None
+
+            return _calls(start, integrate)
+        made = ode(field).set_integrator("dop853", nsteps=STEP_LIMIT, **tolerances)
+
+        def whole(y, t_end):
+            end = made.set_initial_value(y, 0.0).integrate(t_end)
+            return end if made.successful() else None
+
+        return _calls(start, whole)
+
+    return prepare
+
+
 def fast(solver: str) -> Peer:
     """``odeint`` (LSODA) or ``ode`` (DOP853), which are no peers of the registry: SciPy's loops and ours compiled."""
     work = {"odeint": _odeint, "ode": _ode}[solver]
@@ -180,6 +251,7 @@ def fast(solver: str) -> Peer:
         about="rtol = atol = tol; SciPy's older interface",
         source="Petzold 1983; Hairer, Norsett & Wanner 1993, II.5",
         run=run,
+        prepare=_prepare_fast(solver),
         lacks=_off,
         claims=Claims(source=DOCUMENTATION.format(solver)),
         least=100 * float(np.finfo(float).eps),

@@ -82,22 +82,29 @@ class Reference:
         return float(kept[-1]) if len(kept) else 0.0
 
 
+def equations(system, fp) -> list:
+    """The equations of motion of ``system`` for heyoka, [(variable, right-hand side), ...], q before p."""
+    import heyoka as hy
+
+    variables = {x: hy.expression(f"x{i}") for i, x in enumerate((*system.q, *system.p))}
+    sides = (translate(e, variables, fp) for e in (*system.dq, *system.dp))
+    return list(zip(variables.values(), sides, strict=True))
+
+
 def integrator(system, fp, tol=None):
     """A heyoka integrator of ``system`` in the precision ``fp`` (float, numpy.longdouble, heyoka.real128, `Bits`)."""
     import heyoka as hy
 
-    names = [f"x{i}" for i in range(2 * system.d)]
-    variables = dict(zip((*system.q, *system.p), (hy.expression(n) for n in names), strict=True))
-    sides = [translate(e, variables, fp) for e in (*system.dq, *system.dp)]
+    motion = equations(system, fp)
     many = isinstance(fp, Bits)
     kind = hy.real if many else fp
     options = {} if tol is None else {"tol": fp(tol)}
     options |= {"prec": fp.bits} if many else {}
     return hy.taylor_adaptive(
-        list(zip(variables.values(), sides, strict=True)),
-        np.array([fp(0.0)] * len(names), dtype=kind),
+        motion,
+        np.array([fp(0.0)] * len(motion), dtype=kind),
         fp_type=kind,
-        compact_mode=many or len(names) > COMPACT,  # unrolled calls of MPFR compile for minutes
+        compact_mode=many or len(motion) > COMPACT,  # unrolled calls of MPFR compile for minutes
         **options,
     )
 
@@ -125,11 +132,18 @@ def propagate(ta, grid, run: str = "run"):
         outcome, _, _, steps, _, rows = ta.propagate_grid(grid, max_steps=STEP_LIMIT, **said)
     if outcome == hy.taylor_outcome.time_limit:
         return rows, steps, None
+    return rows, steps, failure(outcome)
+
+
+def failure(outcome) -> str:
+    """Why a propagation ended before its end, in words."""
+    import heyoka as hy
+
     why = {
         hy.taylor_outcome.err_nf_state: "the state is no longer finite",
         hy.taylor_outcome.step_limit: f"{STEP_LIMIT} steps did not reach the end",
     }
-    return rows, steps, why.get(outcome, f"heyoka stopped with {outcome}")
+    return why.get(outcome, f"heyoka stopped with {outcome}")
 
 
 def _said(run: str, t_end: float) -> dict:

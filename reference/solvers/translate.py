@@ -1,8 +1,12 @@
-"""SymPy expressions as heyoka's, with every number exact in the precision of the integrator.
+"""SymPy expressions as heyoka's: every number exact in the integrator's precision, in the form that runs fastest.
 
 heyoka's own ``from_sympy`` refuses rationals whose denominator is no power of two and cuts long decimals to double;
 its power with an exponent of 3 or more is NaN at base zero.  Here rationals are divided in the precision at hand,
-decimals keep all their bits, and integer and half-integer powers are products and square roots.
+decimals keep all their bits, and positive integer and half-integer powers are products and square roots.
+
+heyoka differentiates equal subexpressions once.  So that they are equal, a difference x - y stands for y - x too, with
+the sign in the factor; negative half-integer powers are one power (``r2**-1.5``); what multiplies them comes before
+constants, which differ from body to body.
 """
 
 from __future__ import annotations
@@ -53,27 +57,52 @@ def translate(e: sp.Expr, variables: dict, fp):
 
     def power(base, exponent):
         b = walk(base)
-        if exponent.is_Rational and exponent.q in (1, 2):
-            whole, half = divmod(abs(int(exponent.p)), 2) if exponent.q == 2 else (abs(int(exponent.p)), 0)
-            parts = ([product(b, whole)] if whole else []) + ([hy.sqrt(b)] if half else [])
-            value = parts[0] if len(parts) == 1 else parts[0] * parts[1]
-            return constant(sp.Integer(1)) / value if exponent.p < 0 else value
-        return b ** walk(exponent)
+        if not exponent.is_Rational or exponent.q > 2:
+            return b ** walk(exponent)
+        if exponent < 0 and exponent.q == 2:
+            return b ** constant(exponent)
+        whole, half = divmod(abs(int(exponent.p)), exponent.q)
+        parts = ([product(b, whole)] if whole else []) + ([hy.sqrt(b)] if half else [])
+        value = parts[0] if len(parts) == 1 else parts[0] * parts[1]
+        return constant(sp.Integer(1)) / value if exponent < 0 else value
+
+    def unsigned(factor):
+        """(sign, factor without it): of x - y and y - x one has the sign."""
+        base, exponent = factor.as_base_exp()
+        if not (exponent.is_Integer and isinstance(base, sp.Add) and base.could_extract_minus_sign()):
+            return 1, factor
+        return (-1 if exponent % 2 else 1), (-base) ** exponent
+
+    def multiple(x):
+        """A product: the factors that depend on the state, positive powers first, and then the number."""
+        constants = [a for a in x.args if not a.free_symbols]
+        signs, factors = zip(*(unsigned(a) for a in x.args if a.free_symbols), strict=True)
+        ordered = sorted(factors, key=lambda a: (bool(a.as_base_exp()[1].is_negative), sp.default_sort_key(a)))
+        result = walk(ordered[0])
+        for a in ordered[1:]:
+            result = result * walk(a)
+        scale = sp.Mul(*signs) * sp.Mul(*constants)
+        return result if scale == 1 else constant(scale) * result
+
+    known: dict = {}
 
     def walk(x):
+        if x not in known:
+            known[x] = _walk(x)
+        return known[x]
+
+    def _walk(x):
         if x in variables:
             return variables[x]
         if not x.free_symbols:
             return constant(x)
         if isinstance(x, sp.Add):
-            return sum((walk(a) for a in x.args[1:]), walk(x.args[0]))
+            return hy.sum([walk(a) for a in x.args])
         if isinstance(x, sp.Mul):
-            result = walk(x.args[0])
-            for a in x.args[1:]:
-                result = result * walk(a)
-            return result
+            return multiple(x)
         if isinstance(x, sp.Pow):
-            return power(*x.args)
+            sign, factor = unsigned(x)
+            return power(*factor.args) if sign == 1 else constant(sp.Integer(-1)) * power(*factor.args)
         name = type(x).__name__
         if name in FUNCTIONS and len(x.args) == 1:
             return getattr(hy, name)(walk(x.args[0]))

@@ -16,6 +16,7 @@ from phasebench.benchmarks.experiments.trade import (
     front,
     page,
     peer_rows,
+    retime,
     scene_page,
     sweep,
 )
@@ -284,8 +285,10 @@ def test_what_was_measured_once_is_no_pair():
 def test_some_scenes_are_measured_again_and_each_is_a_cell():
     cells = bench_front.cells()
     assert bench_front.cells(quick=True) == []
-    assert [c.key["scene"] for c in cells] == [*again.scenes(), *(q.id for q in QUESTIONS)]
-    assert len({c.id for c in cells}) == len(cells) == len(QUESTIONS) + again.COUNT
+    later = [(c.key["sweep"], c.key["scene"]) for c in cells if "sweep" in c.key]
+    assert later == [(k, q.id) for k in retime.SWEEPS for q in QUESTIONS if retime.finals(q.id)]
+    assert [c.key["scene"] for c in cells if "sweep" not in c.key] == [*again.scenes(), *(q.id for q in QUESTIONS)]
+    assert len({c.id for c in cells}) == len(cells) == len(QUESTIONS) + again.COUNT + len(later)
     assert len({c.content for c in cells}) == len(cells)
     assert set(again.CHEAP) <= set(BY_ID)
     assert again.scenes() == again.scenes()

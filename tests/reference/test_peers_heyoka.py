@@ -10,7 +10,7 @@ import pytest
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput
 from phasebench.integrators.record import ROUND_OFF
-from phasebench.reference.peers import BY_ID, integrate_peer
+from phasebench.reference.peers import BY_ID, heyoka_forms, integrate_peer
 from phasebench.reference.peers import heyoka as peers
 from phasebench.reference.solvers import taylor
 
@@ -44,7 +44,7 @@ def test_a_looser_tolerance_costs_less():
     work = []
     for tol in (1e-15, 1e-9, 1e-4):
         steps = integrate_peer(made, "heyoka", t_end=100.0, tol=tol).counts["steps"]
-        work.append(steps * peers._scalar(made.system, tol).order ** 2)
+        work.append(steps * peers._scalar(made.system, tol)[0].order ** 2)
     assert work[0] > 1.5 * work[1] > 2 * work[2]
 
 
@@ -102,35 +102,73 @@ SCALAR = {
 }
 
 
+@pytest.fixture
+def built(monkeypatch):
+    """The integrators of heyoka that are asked for, in turn."""
+    found, scalar = [], peers._scalar
+
+    def seen(*arguments):
+        made = scalar(*arguments)
+        found.append(made[0])
+        return made
+
+    monkeypatch.setattr(peers, "_scalar", seen)
+    return found
+
+
 @pytest.mark.parametrize("tol", [None, 1e-9])
-def test_the_settings_of_each_peer(tol, monkeypatch):
+def test_the_settings_of_each_peer(tol, built):
     """What heyoka itself says that it was built with: (high_accuracy, compact_mode), and the tolerance."""
-    made, started = problem("kepler"), []
-    start = taylor.start
-    monkeypatch.setattr(taylor, "start", lambda ta, *more: (started.append(ta), start(ta, *more)))
+    made = problem("kepler")
     of_one_orbit = [p for p in peers.PEERS if p.id != "heyoka-batch"]
     for p in (*of_one_orbit, peers.compact(False), peers.compact(True)):
         assert integrate_peer(made, p, t_end=1.0, tol=tol).status == "ok"
-        assert (started[-1].high_accuracy, started[-1].compact_mode) == SCALAR[p.id]
-        assert started[-1].tol == (tol or np.finfo(float).eps)
-    assert len(started) == len(SCALAR)
+        assert (built[-1].high_accuracy, built[-1].compact_mode) == SCALAR[p.id]
+        assert built[-1].tol == (tol or np.finfo(float).eps)
+    assert len(built) == len(SCALAR)
     lanes = peers._batch(made.system, tol or peers.EPS)
     assert (lanes.high_accuracy, lanes.compact_mode, lanes.tol) == (False, False, tol or np.finfo(float).eps)
 
 
-def test_the_other_mode_of_many_variables_is_without_compact_mode(monkeypatch):
-    made, started = problem("toda:cnoidal", N=6), []
+def test_the_other_mode_of_many_variables_is_without_compact_mode(monkeypatch, built):
+    made = problem("toda:cnoidal", N=6)
     monkeypatch.setattr(taylor, "COMPACT", 11)
-    start = taylor.start
-    monkeypatch.setattr(taylor, "start", lambda ta, *more: (started.append(ta), start(ta, *more)))
     other = peers.compact(True, on=False)
     assert "of 12 variables 'heyoka-high-accuracy' is the same" in peers.compact(True).lacks(made, made.system)
     assert peers.compact(True, on=False).lacks(made, made.system) is None
     ends = [integrate_peer(made, p, t_end=0.1, tol=1e-12).q[-1] for p in ("heyoka", other)]
-    assert [(ta.high_accuracy, ta.compact_mode) for ta in started] == [(False, True), (True, False)]
+    assert [(ta.high_accuracy, ta.compact_mode) for ta in built] == [(False, True), (True, False)]
     assert np.abs(ends[0] - ends[1]).max() < 1e-11
     monkeypatch.setattr(taylor, "COMPACT", 12)
     assert "the same" in other.lacks(made, made.system)
+
+
+MODELLED = {"kepler": "fixed_centres", "figure-eight": "nbody", "outer-solar-system": "nbody"}
+
+
+@pytest.mark.parametrize("name", [*MODELLED, "perturbed-kepler", "henon-heiles:box"])
+def test_heyokas_own_model_is_the_same_motion(name):
+    """Its own model where a problem is one, and none elsewhere; the same end state as the translated H."""
+    made = problem(name)
+    model = MODELLED.get(name)
+    named = [n for n in heyoka_forms.NAMES if peers.compact(False, True, n).lacks(made, made.system) is None]
+    assert [n for n in named if n != heyoka_forms.TRANSLATED] == ([model] if model else [])
+    if model:
+        t_end = made.pace.step * 30
+        ends = [integrate_peer(made, p, t_end=t_end, tol=1e-14) for p in ("heyoka", peers.compact(False, True, model))]
+        for x in ("q", "p"):
+            a, b = (getattr(s, x)[-1] for s in ends)
+            assert np.abs(a - b).max() < 1e-11 * np.abs(a).max()
+        moved = integrate_peer(made, "heyoka", t_end=t_end, tol=1e-14, q0=np.array(made.q0) * (1 + 1e-9))
+        assert np.abs(moved.q[-1] - ends[0].q[-1]).max() > 1e-11 * np.abs(ends[0].q[-1]).max()
+
+
+def test_a_peers_twins_are_its_other_modes_and_forms():
+    one, other = ({p.id for p in peers.twins(BY_ID[id])} for id in ("heyoka", "heyoka-high-accuracy"))
+    assert {"heyoka(compact_mode)", "heyoka(compact_mode=False)", "heyoka(model=nbody, compact_mode=False)"} <= one
+    assert not one & other
+    assert "heyoka" not in one
+    assert peers.twins(BY_ID["rebound-ias15"]) == ()
 
 
 @pytest.mark.parametrize("id", IDS)
@@ -143,10 +181,11 @@ def test_integrators_are_kept_and_start_anew(id):
     again = integrate_peer(made, id, h=0.5, t_end=T_END)
     assert (again.q == first.q).all()
     assert (again.p == first.p).all()
-    kept = peers._scalar(made.system, peers.EPS)
-    assert kept is peers._scalar(made.system, peers.EPS)
-    assert kept is not peers._scalar(made.system, 1e-4)
-    assert kept is not peers._scalar(problem("pendulum").system, peers.EPS)
+    how = (heyoka_forms.TRANSLATED, None, False)
+    kept = peers._scalar(made.system, peers.EPS, *how)
+    assert kept is peers._scalar(made.system, peers.EPS, *how)
+    assert kept is not peers._scalar(made.system, 1e-4, *how)
+    assert kept is not peers._scalar(problem("pendulum").system, peers.EPS, *how)
     began = time.perf_counter()
     for _ in range(100):
         integrate_peer(made, id, t_end=0.1)

@@ -1,9 +1,10 @@
 """The coarse stage: one integrator after another climbs from where it breaks towards round-off, while it may still win.
 
 A rung is a number of steps, twice that of the rung before, or a tolerance, a tenth of it.  It is run twice, once with
-the rows that the quantity needs and once without output, which gives the time.  What is known of all who climbed before
-says what an error costs; whoever takes `KEEP` times that on `LOSING` rungs one after another, without coming nearer, is
-dropped, and it is said at which error and by whom it was beaten.  Before anybody is dropped, the time is taken again.
+the rows that the quantity needs and once without output, by `measure.clock`, which gives the time.  What an error costs
+is known from all of its side who climbed before: methods are compared with methods here, and peers with peers.  Whoever
+takes `KEEP` times that on `LOSING` rungs one after another, without coming nearer, is dropped, and it is said at which
+error and by whom it was beaten.  Before anybody is dropped, the time is taken again.
 """
 
 from __future__ import annotations
@@ -12,15 +13,15 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import inf, isfinite
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from phasebench.benchmarks.certificate.fronts import ROUND_OFF
+from phasebench.benchmarks.measure import clock
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.quantities import Quantity, Truth, error
 from phasebench.benchmarks.problems.questions import Question
 from phasebench.integrators.driver import INVALID, OK
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.prepared import PreparedRun, prepare
 from phasebench.integrators.record import Method
 
 #: So many times the cheapest's time, and on so many rungs, is out of reach.
@@ -44,7 +45,8 @@ SHORT, LONG, AGAIN = 0.05, 0.2, 3
 #: To compile a method's run without output pays where one with rows, less the seconds that handing these over may take,
 #: is within this factor of the cheapest.
 OVERHEAD, WORTH = 3e-4, 2 * KEEP
-#: A peer that takes more seconds than this to get ready for a further rung climbs no more.
+#: A peer that takes more seconds than this to get ready for a further rung climbs no more; in the finals heyoka runs
+#: in each of its modes all the same.
 PREPARING = 3.0
 
 
@@ -73,7 +75,8 @@ class Task:
     problem: object
     quantity: Quantity
     truth: Truth
-    prepared: dict[str, PreparedRun] = field(default_factory=dict, compare=False, repr=False)
+    prepared: dict[tuple, Any] = field(default_factory=dict, compare=False, repr=False)
+    sharing: clock.Sharing = field(default_factory=clock.Sharing, compare=False, repr=False)
 
     @property
     def asked(self) -> tuple[float, ...]:
@@ -97,39 +100,42 @@ class Task:
             return Rung(steps, tol, INVALID, inf, inf, 0, 0)
         off = error(self.problem, self.quantity, told, self.truth)
         seconds = told.seconds
-        short = self.quantity.rows > 1 or seconds < SHORT
-        if told.status == OK and short and not self.beaten(c, off, seconds, known):
-            bare = self.bare(c, steps, tol)
-            seconds = bare if self.quantity.rows > 1 else min(seconds, bare)
+        clocked = self.quantity.rows > 1 or seconds < SHORT
+        if told.status == OK and clocked and not self.beaten(c, off, seconds, known):
+            seconds = self.bare(c, steps, tol)
         counts = told.counts
         return Rung(steps, tol, told.status, off, seconds, counts.get("steps", 0), counts.get("gradient", 0))
 
     def beaten(self, c: Integrator, off: float, seconds: float, known: Known | None) -> bool:
         """Whether a method of ours is so far behind that its run without output need not be compiled."""
-        if known is None or not isinstance(c.record, Method) or c.label in self.prepared:
+        if known is None or not isinstance(c.record, Method) or (c.label, None) in self.prepared:
             return False
         return seconds - OVERHEAD > WORTH * known.cheapest(off)[0]
 
+    def clock(self, c: Integrator, steps: int | None, tol: float | None) -> clock.Clock:
+        """The clock of an integrator at a size, on its prepared run."""
+        key = (c.label, tol)
+        if key not in self.prepared:
+            self.prepared[key] = c.prepare(self.problem, tol=tol)
+        size = {"t_end": self.question.t_end, "steps": steps, "tol": tol}
+        return clock.clock(c, self.problem, **size, run=self.prepared[key], sharing=self.sharing)
+
+    def call(self, c: Integrator, steps: int | None, tol: float | None) -> float:
+        """The seconds of a call that integrates next to nothing."""
+        size = {"t_end": self.question.t_end, "steps": steps, "tol": tol}
+        return clock.call(c, self.problem, **size, run=self.prepared.get((c.label, tol)))
+
     def bare(self, c: Integrator, steps: int | None, tol: float | None) -> float:
-        """The seconds of a run without output: of a method of ours, prepared; of a peer, as it tells them."""
-        if isinstance(c.record, Method):
-            if c.label not in self.prepared:
-                self.prepared[c.label] = prepare(self.problem, c.record)
-            run, h = self.prepared[c.label], self.question.t_end / steps
-            run(h, 1)  # a step that depends on h is made here
-            started = time.perf_counter()
-            run(h, steps)
-            return time.perf_counter() - started
-        size = {"tol": tol} if steps is None else {"steps": steps}
-        return c.run(self.problem, t_end=self.question.t_end, save_every=0, **size).seconds
+        """The seconds of a warm run without output."""
+        return self.clock(c, steps, tol)()
 
     def again(self, c: Integrator, rung: Rung) -> Rung:
         """The rung with the least of its time and `AGAIN` more, where it came to its end and is not far `beaten`."""
-        unprepared = isinstance(c.record, Method) and c.label not in self.prepared
+        unprepared = isinstance(c.record, Method) and (c.label, None) not in self.prepared
         if rung.status != OK or rung.seconds > LONG or unprepared:
             return rung
-        more = [self.bare(c, rung.steps, rung.tol) for _ in range(AGAIN)]
-        return rung._replace(seconds=min(rung.seconds, *more))
+        timed = self.clock(c, rung.steps, rung.tol)
+        return rung._replace(seconds=min(rung.seconds, *(timed() for _ in range(AGAIN))))
 
 
 @dataclass

@@ -49,8 +49,7 @@ def peers() -> list:
     """The peers of the packages that this project depends on, with settings that are not in the registry."""
     registered = [p for p in PEERS if p.package in peer_rows.PACKAGES and p.id not in LEFT_OUT]
     modes = [rebound.ias15(mode) for mode in rebound.ADAPTIVE_MODES[1:]]
-    other = [heyoka.compact(accurate, on) for on in (True, False) for accurate in (False, True)]
-    return [*registered, *other, *modes, *rebound.TRIED, scipy.fast("ode"), scipy.fast("odeint")]
+    return [*registered, *heyoka.variants(), *modes, *rebound.TRIED, scipy.fast("ode"), scipy.fast("odeint")]
 
 
 def able(problem) -> tuple[list[Integrator], dict[str, str]]:

@@ -3,8 +3,9 @@
 For every accuracy the climbs are interpolated (error and time are powers of the size between two rungs).  Of each side
 at most `FINALISTS` whose estimate is within `MARGIN` of the side's best are refined: the size is moved between the last
 rung that misses the accuracy and the next, `REFINED` times.  The widest step is not always the cheapest: implicit
-equations may take so many sweeps there that shorter steps take less time; then these stand for the integrator.  The
-finalists run in turns, and medians, intervals and ratios are those of `measure.timing`.
+equations may take so many sweeps there that shorter steps take less time; then these stand for the integrator.  heyoka
+enters in each of its modes and forms of the equations, however long they compile.  The finalists run in turns by
+`measure.clock`; the medians and intervals here are of the rounds of this one sweep (`settled` joins several).
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.quantities import quantity
 from phasebench.benchmarks.problems.questions import BY_ID
 from phasebench.benchmarks.rows.cells import Rows
+from phasebench.integrators.driver import OK
+from phasebench.reference.peers import Peer, heyoka
+from phasebench.reference.solvers import taylor
 
 from .climb import Climb, Known, Rung, Task, climb
 from .field import able, ours
@@ -37,6 +41,8 @@ DEAR = 0.15
 #: Peers whose loop over steps is Python's, so that nothing stops it, and the span beyond which they do not compete, in
 #: units of the problem's own step, of which a revolution has some thirty.
 LOOPED, FARTHEST = ("scipy-dop853-numba", "scipy-lsoda-numba", "scipy-radau-numba"), 1e5
+#: A twin of heyoka's that just misses an accuracy is tried at half the tolerance, so often; variables that it unrolls.
+TIGHTENED, UNROLLED = 3, 64
 CHOICES, FINALS, RUNGS, DROPPED = "front", "front_finals", "front_rungs", "front_dropped"
 TABLES = (CHOICES, FINALS, RUNGS, DROPPED)
 
@@ -59,8 +65,9 @@ def task_of(scene: str) -> Task:
 def climbs(task: Task) -> tuple[list[Climb], dict[str, str], Known]:
     """(the climbs of all who can do the problem, label -> why not of the others, what errors cost)."""
     can, cannot = entered(task)
-    known = Known()
-    return [climb(task, c, known) for c in can], cannot, known
+    known = {side: Known() for side in (True, False)}
+    climbed = [climb(task, c, known[ours(c)]) for c in can]
+    return climbed, cannot, Known([run for side in known.values() for run in side.runs])
 
 
 def entered(task: Task) -> tuple[list[Integrator], dict[str, str]]:
@@ -144,18 +151,58 @@ def finalists(task: Task, climbed: list[Climb], wanted: float) -> list[Finalist]
         )
         costs = [(s, i) for s, i in costs if s <= MARGIN * costs[0][0] and isfinite(s)]
         most = FINALISTS if costs and costs[0][0] < DEAR / FINALISTS else FINALISTS - 1
+        members = []
         for _, i in costs[:most]:
-            out.append(Finalist(climbed[i].integrator, refine(task, climbed[i].integrator, climbed[i].rungs, wanted)))
+            members.append(
+                Finalist(climbed[i].integrator, refine(task, climbed[i].integrator, climbed[i].rungs, wanted))
+            )
+        members += [twin for m in members for twin in twins(task, m, wanted)]
+        out += quickest(members, most)
     return out
+
+
+def quickest(members: list[Finalist], most: int) -> list[Finalist]:
+    """The quickest of each integrator's runs, and of those at most so many within `MARGIN` of the best."""
+    ordered = list({m.integrator.label: m for m in sorted(members, key=lambda m: -m.rung.seconds)}.values())
+    ordered.sort(key=lambda m: m.rung.seconds)
+    return [m for m in ordered[:most] if m.rung.seconds <= MARGIN * ordered[0].rung.seconds]
+
+
+def twins(task: Task, member: Finalist, wanted: float) -> list[Finalist]:
+    """The other modes and forms of a heyoka peer at its tolerance, or at the next tighter one at which they meet."""
+    if not isinstance(member.integrator.record, Peer):
+        return []
+    out = []
+    for record in heyoka.twins(member.integrator.record):
+        c, tol = Integrator(record), member.rung.tol
+        if c.lacks(task.problem) or unrolled_beyond(record, task.problem.system):
+            continue
+        for _ in range(TIGHTENED):
+            rung = task.measure(c, tol=tol)
+            if rung.status == OK and rung.error <= wanted:
+                out.append(Finalist(c, rung))
+                break
+            tol = max(tol / 2, record.least)
+    return out
+
+
+def unrolled_beyond(record: Peer, system) -> bool:
+    """Whether heyoka would have to unroll more than `UNROLLED` variables, or many of them with compensated sums too."""
+    many = 2 * system.d > (taylor.COMPACT if "high-accuracy" in record.id else UNROLLED)
+    return "compact_mode=False" in record.id and many
 
 
 def timed(task: Task, members: list[Finalist]) -> list[np.ndarray]:
     """The seconds of each finalist in every round."""
-    work = {k: (lambda m=m: task.bare(m.integrator, m.rung.steps, m.rung.tol)) for k, m in enumerate(members)}
+    work = {k: task.clock(m.integrator, m.rung.steps, m.rung.tol) for k, m in enumerate(members)}
     one = sum(m.rung.seconds for m in members)
-    rounds = int(min(MOST, max(LEAST, SECONDS / max(one, 1e-9))))
-    found = timing.in_turns(work, rounds)
+    found = timing.in_turns(work, rounds(one))
     return [found[k] for k in range(len(members))]
+
+
+def rounds(seconds: float) -> int:
+    """How many rounds there are where one takes so many seconds."""
+    return int(min(MOST, max(LEAST, SECONDS / max(seconds, 1e-9))))
 
 
 def final(task: Task, members: list[Finalist], wanted: float) -> tuple[list[dict], dict]:
@@ -167,7 +214,12 @@ def final(task: Task, members: list[Finalist], wanted: float) -> tuple[list[dict
         rows.append(
             {"accuracy": wanted, "side": timing.OURS if ours(m.integrator) else timing.PEERS}
             | _said(task, m.integrator, m.rung)
-            | {"seconds": median.value, "low": median.low, "high": median.high}
+            | {
+                "seconds": median.value,
+                "low": median.low,
+                "high": median.high,
+                "call": task.call(m.integrator, m.rung.steps, m.rung.tol),
+            }
         )
     choice: dict[str, Any] = {"accuracy": wanted}
     best = {}

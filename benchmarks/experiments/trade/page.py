@@ -14,17 +14,20 @@ from . import again, figures, front
 from .choice import SHOWN, TIE, agreement, at, choices, counts, winner
 from .climb import KEEP, LOSING, PREPARING
 from .field import SMALL, UNKNOWNS
-from .front import CHOICES, FARTHEST, FINALISTS, FINALS, MARGIN
+from .front import CHOICES, FARTHEST, FINALISTS, FINALS, MARGIN, UNROLLED
+from .settled import LEVEL, TIMES, coverage, of_choices
 
 #: How often two sweeps should agree.
 AGREED = 0.95
+#: How often the interval of a time, or of a ratio, should hold a further sweep.
+HELD = 0.9
 #: A peer is farther ahead than this where our methods have something to learn.
 FAR = 2.0
 #: The question that stands for its problem in the table: the first.
 ONE_EACH = {q.problem.partition(":")[0]: q.id for q in reversed(QUESTIONS)}.values()
 
 
-@of(CHOICES)
+@of_choices()
 def wins(rows: pd.DataFrame) -> Verdict | None:
     """Who is the cheaper how often, at each of the accuracies shown."""
     found = choices(rows)
@@ -46,7 +49,7 @@ def _ties(count: int) -> str:
     return f"{count} {'tie' if count == 1 else 'ties'}"
 
 
-@of(CHOICES)
+@of_choices()
 def farthest(rows: pd.DataFrame) -> Verdict | None:
     """Where the two sides are farthest apart."""
     found = choices(rows)
@@ -66,7 +69,7 @@ def farthest(rows: pd.DataFrame) -> Verdict | None:
     return Verdict(text, bool(both["ratio"].max() <= FAR), text)
 
 
-@of(CHOICES)
+@of_choices()
 def missing(rows: pd.DataFrame) -> Verdict | None:
     """Which scenes were not measured."""
     left = [q.id for q in QUESTIONS if q.id not in set(rows["scene"])]
@@ -92,13 +95,28 @@ def twice(finals: pd.DataFrame, second: pd.DataFrame) -> Verdict | None:
     return Verdict(text, share >= AGREED, f"The same sweep twice: {100 * share:.0f} % the same or a tie.")
 
 
-@of(CHOICES)
+@of(FINALS, TIMES)
+def intervals(finals: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
+    """How often the intervals of the first two sweeps hold the third."""
+    parts, shares = [], []
+    for what, (inside, total) in coverage(finals, times).items():
+        if total:
+            shares.append(inside / total)
+            parts.append(f"{inside} of {total} {what} ({100 * inside / total:.0f} %)")
+    if not parts:
+        return None
+    text = f"A third sweep, apart in time, lies in the intervals told of the first two: {', '.join(parts)}"
+    short = f"A third sweep lies in the intervals in {100 * min(shares):.0f} % or more."
+    return Verdict(f"{text} (wanted: {100 * HELD:.0f} %).", min(shares) >= HELD, short)
+
+
+@of_choices()
 def draw(rows: pd.DataFrame, folder) -> list[Picture]:
     """The ratio of the two sides for every scene and accuracy."""
     return [figures.ratios(choices(rows), folder)]
 
 
-@of(CHOICES)
+@of_choices()
 def table(rows: pd.DataFrame) -> Table | None:
     """The cheapest of all at four accuracies, one scene of each problem."""
     found = choices(rows)
@@ -130,7 +148,7 @@ def _cell(part: pd.DataFrame) -> str:
     return f"{winner(row)} ({'= ' if row['cheaper'] == TIED else ''}{ratio})"
 
 
-@of(CHOICES)
+@of_choices()
 def _whole(rows: pd.DataFrame) -> pd.DataFrame:
     """Every scene and accuracy."""
     found = choices(rows)
@@ -142,20 +160,20 @@ def _whole(rows: pd.DataFrame) -> pd.DataFrame:
 PAGE = Page(
     id="trade",
     question="Which integrator is the cheapest for a given accuracy?",
-    tables=(CHOICES, FINALS, again.TABLE),
+    tables=(CHOICES, FINALS, TIMES, again.TABLE),
     setting=(
         f"{len(QUESTIONS)} scenes over every problem: an orbit, a span, a quantity that is wanted, accuracies from 0.1 to "
         "1e-13. Errors against certified states, or long double Taylor series run at two tolerances.",
         "Everyone climbs from the widest step (or loosest tolerance) that works towards round-off; who takes more than "
         f"{KEEP:g} times the cheapest known at its error on {LOSING} rungs, without coming nearer, is dropped (front_dropped.csv).",
         f"At every accuracy at most {FINALISTS} of each side, within a factor {MARGIN:g} of its best, get their largest step "
-        "and are timed in turns: warm, without output, medians with 95 % intervals.",
-        "Peers at their best: heyoka's high_accuracy and compact_mode on and off, tolerances to the machine epsilon; SciPy's "
-        "DOP853, LSODA and Radau with right-hand sides compiled by Numba, and ode and odeint, whose loops are compiled too.",
+        "and are timed in turns by one clock: reset and the integrator's own call, warm, nothing read back, in sweeps apart in time.",
+        "Peers at their best: heyoka's own models and translated equations, high_accuracy and compact_mode on and off, "
+        "tolerances to the machine epsilon; SciPy's DOP853, LSODA and Radau with compiled right-hand sides, ode and odeint.",
         "REBOUND: safe_mode 0 and extra forces compiled to C; every corrector, kernel and system of coordinates of WHFast, IAS15 in "
         "four adaptive modes down to the least epsilon, SABA, leapfrog, JANUS, EOS, BS.",
     ),
-    verdicts=(wins, missing, farthest, twice),
+    verdicts=(wins, missing, farthest, twice, intervals),
     figures=draw,
     table=table,
     whole=_whole,
@@ -164,8 +182,9 @@ PAGE = Page(
         "with a Python right-hand side; heyoka's parallel_mode, since everything runs on one core.",
         f"Above {SMALL} degrees of freedom explicit, one-stage, Gauss and relaxation methods compete: those that seek a root or "
         "average over a step, that project or need higher derivatives take minutes to compile there (and Gauss methods of more "
-        f"than {UNKNOWNS} unknowns a step minutes to run). heyoka runs there in "
-        f"compact_mode, and without it as far as a tolerance compiles in {PREPARING:g} s; below {COMPACT // 2 + 1} the other way around.",
+        f"than {UNKNOWNS} unknowns a step minutes to run). heyoka climbs there in compact_mode, and without it as far as a "
+        f"tolerance compiles in {PREPARING:g} s; below {COMPACT // 2 + 1} the other way around. In the finals it runs in each mode; "
+        f"more than {UNROLLED} variables are not unrolled, which takes minutes a tolerance.",
         f"Beyond some {FARTHEST / 30:.0f} revolutions SciPy's solvers whose loops are Python's, which nothing can stop, do not "
         "compete; ode and odeint, whose loops are compiled, do.",
         "A step is the largest found between the last rung that misses an accuracy and the next one; a larger one at which the "
@@ -176,7 +195,9 @@ PAGE = Page(
         "below the uncertainty of what is true is not asked.",
         f"Twice: {again.COUNT} scenes, drawn with seed {again.SEED} from the {len(again.CHEAP)} that are measured in some 15 "
         "seconds, each from its beginning: climbs, eliminations, finals. Of the dear scenes nothing is said.",
-        "A final of a few runs has the range as its interval; ratios are taken round by round.",
+        f"An interval is that in which a further sweep's median lies in {100 * LEVEL:.0f} % of the cases, from how far two "
+        "sweeps differ for runs that take about as long (below 25 us, below 100 us, longer).",
+        "A peer is dropped only by comparison with peers, a method of this project only with such methods.",
         f"Every scene has a page: {', '.join(f'[{q.id}](trade-{q.id}.md)' for q in QUESTIONS)}.",
     ),
     command="pytest benchmarks/experiments/trade",

@@ -8,11 +8,12 @@ import pandas as pd
 from phasebench.benchmarks.measure.timing import OURS, PEERS
 from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.markdown import listed, number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict
 from phasebench.benchmarks.problems.questions import QUESTIONS
 
-from .front import CHOICES, RUNGS
+from .front import CHOICES, FINALS, RUNGS
 from .reasons import ALIKE, MEANING, REST, UNREACHED, WANTED, WITHIN, above, cells, told
+from .settled import TIMES, of_choices
 
 #: So often ours should take no longer.
 OFTEN = 0.95
@@ -20,7 +21,7 @@ OFTEN = 0.95
 DRAWN = [reason for reason in MEANING if reason != UNREACHED]
 
 
-@of(CHOICES)
+@of_choices()
 def share(front: pd.DataFrame) -> Verdict:
     """In how many cells ours takes no longer, on how many of the scenes."""
     found = cells(front)
@@ -34,7 +35,7 @@ def share(front: pd.DataFrame) -> Verdict:
     return Verdict(f"{text}.", good >= OFTEN * len(found) and not left, f"{short}.")
 
 
-@of(CHOICES)
+@of_choices()
 def until(front: pd.DataFrame) -> Verdict:
     """From which accuracy on ours takes longer too often, and the scenes where it does."""
     found = cells(front).assign(good=lambda t: t["ratio"] <= WANTED)
@@ -52,7 +53,7 @@ def until(front: pd.DataFrame) -> Verdict:
     return Verdict(f"{text}.", len(enough) == len(shares), f"{text}.")
 
 
-@of(CHOICES, RUNGS)
+@of_choices(RUNGS)
 def why(front: pd.DataFrame, rungs: pd.DataFrame) -> Verdict | None:
     """The reasons, by how many cells they explain."""
     found = above(front, rungs)
@@ -73,7 +74,7 @@ def why(front: pd.DataFrame, rungs: pd.DataFrame) -> Verdict | None:
     return Verdict(f"{text}.", not unknown, f"{len(found) - unknown} of {len(found)} cells above are explained.")
 
 
-@of(CHOICES, RUNGS)
+@of_choices(RUNGS)
 @style.drawn
 def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder) -> list[Picture]:
     """The share of the cells by accuracy; of those above the two factors of the ratio."""
@@ -119,7 +120,7 @@ def _interval(row) -> str:
     return f"{number(row['ratio'], 3)} [{low}, {high}]"
 
 
-@of(CHOICES, RUNGS)
+@of_choices(RUNGS)
 def table(front: pd.DataFrame, rungs: pd.DataFrame) -> Table | None:
     """The worst cell of every scene that has one, then the next worst, up to `ROWS`."""
     found = above(front, rungs)
@@ -146,7 +147,7 @@ def table(front: pd.DataFrame, rungs: pd.DataFrame) -> Table | None:
     return Table(pd.DataFrame(lines), caption)
 
 
-@of(CHOICES, RUNGS)
+@of_choices(RUNGS)
 def _whole(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
     """Every cell, those above with their reason."""
     found, slow = cells(front), above(front, rungs)
@@ -160,7 +161,7 @@ def _whole(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
 PAGE = Page(
     id="trade-ratios",
     question="On which scenes and accuracies are the established integrators faster, and why?",
-    tables=(CHOICES, RUNGS),
+    tables=(CHOICES, FINALS, TIMES, RUNGS),
     setting=(
         f"A cell is one of {len(QUESTIONS)} scenes and an accuracy of 1e-1 to 1e-13 that somebody reaches: the time of "
         "the cheapest method of this project over that of the cheapest of heyoka, REBOUND and SciPy, at their best.",

@@ -15,6 +15,7 @@ from phasebench.benchmarks.problems.questions import QUESTIONS, Question
 from . import figures
 from .choice import changes, choices, counts
 from .front import CHOICES, DROPPED, FINALS, RUNGS
+from .settled import TIMES, of_choices
 
 WHO = {OURS: "this project's methods", PEERS: "the peers"}
 
@@ -27,7 +28,7 @@ def _scene(question: Question, *names: str) -> Callable:
             parts = [t[t["scene"] == question.id] for t in given[: len(names)]]
             return None if parts[0].empty else function(*parts, *given[len(names) :])
 
-        return of(*names)(of_rows)
+        return of_choices(*names[1:])(of_rows) if names[0] == CHOICES else of(*names)(of_rows)
 
     return decorate
 
@@ -99,7 +100,10 @@ def _table(question: Question) -> Callable:
             for r, low, high in zip(found["ratio"], found["ratio low"], found["ratio high"], strict=True)
         ]
         shown["cheaper"] = found["cheaper"].to_numpy()
-        caption = "The cheapest of either side for an error up to so much; ratio: ours over the peer's."
+        caption = (
+            "The cheapest of either side for an error up to so much; ratio: ours over the peer's, with the interval in "
+            "which a further sweep lies."
+        )
         return Table(shown, caption)
 
     return table
@@ -119,7 +123,7 @@ def page_of(question: Question) -> Page:
     return Page(
         id=f"trade-{question.id}",
         question=f"{question.about[0].upper()}{question.about[1:]}: which integrator is the cheapest?",
-        tables=(CHOICES, FINALS, RUNGS, DROPPED),
+        tables=(CHOICES, FINALS, TIMES, RUNGS, DROPPED),
         setting=(
             f"Problem: {made}, from its initial data to t = {question.t_end:g}.",
             f"Wanted: {question.quantity}.",

@@ -1,0 +1,150 @@
+r"""Times and ratios of the trade from several sweeps, with intervals in which a further sweep lies.
+
+A time in one sweep scatters less from round to round than from one process to the next.  Two sweeps apart in time tell
+by how much: with the differences :math:`d` of the logarithms of their medians, over all finals that take about as long,
+
+.. math:: \ln \frac{t_3}{\sqrt{t_1 t_2}} \quad\text{is distributed as}\quad \sqrt{3/4}\; d ,
+
+since the left has the variance :math:`\tfrac32\sigma^2` and :math:`d` has :math:`2\sigma^2`.  The interval of a time is
+the geometric mean of two sweeps, times and over the `LEVEL` quantile of :math:`\sqrt{3/4}\,|d|` in its class, and never
+less than the two sweeps themselves.  Ratios likewise, from their own differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks.measure.timing import OURS, PEERS
+from phasebench.benchmarks.page.page import Data, of
+
+from .front import CHOICES, FINALS, SHOWN
+from .retime import TABLE as TIMES
+
+#: The share of further sweeps that an interval holds, by the quantile of two sweeps' differences.
+LEVEL = 0.95
+#: Bounds in seconds of the classes of times whose differences are taken together.
+CLASSES = (25e-6, 100e-6)
+#: A class of fewer differences takes those of all.
+FEW = 20
+#: Which sweeps make the figures, and which is the check.
+JOINED, CHECK = (1, 2), 3
+KEY = ["scene", "accuracy", "side", "integrator"]
+
+
+def sweeps(finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
+    """The seconds of every final: a row each, a column a sweep (NaN where it was not measured)."""
+    parts = [finals[[*KEY, "seconds"]].assign(sweep=1)]
+    if times is not None and len(times):
+        parts.append(times[[*KEY, "seconds", "sweep"]])
+    table = pd.concat(parts).pivot_table(index=KEY, columns="sweep", values="seconds", aggfunc="last")
+    known = finals.set_index(KEY).index
+    return table[table.index.isin(known)].reindex(columns=[*JOINED, CHECK])
+
+
+def pairs(table: pd.DataFrame) -> pd.DataFrame:
+    """The ratio of ours over the peer's at each accuracy in every sweep, of each side its best by the joined sweeps."""
+    joined = np.exp(np.log(table[list(JOINED)]).mean(axis=1)).rename("joined").reset_index()
+    best = joined.loc[joined.groupby(["scene", "accuracy", "side"])["joined"].idxmin(), KEY]
+    by = {side: best[best["side"] == side].set_index(["scene", "accuracy"])["integrator"] for side in (OURS, PEERS)}
+    rows = []
+    for key in by[OURS].index.intersection(by[PEERS].index):
+        sides = {side: table.loc[(*key, side, by[side].loc[key])] for side in (OURS, PEERS)}
+        ratio = sides[OURS] / sides[PEERS]
+        shorter = min(np.nanmean(s[list(JOINED)]) for s in sides.values())
+        names = {f"{side} integrator": by[side].loc[key] for side in (OURS, PEERS)}
+        rows.append({"scene": key[0], "accuracy": key[1], "shorter": shorter} | names | ratio.to_dict())
+    columns = ["scene", "accuracy", "shorter", f"{OURS} integrator", f"{PEERS} integrator", *JOINED, CHECK]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def joined(values: pd.DataFrame, size: pd.Series) -> pd.DataFrame:
+    """``value``, ``low``, ``high`` of rows with a column a sweep; ``size``, in seconds, says the class of a row."""
+    logs = np.log(values[list(JOINED)])
+    middle, apart = logs.mean(axis=1), (logs[JOINED[0]] - logs[JOINED[1]]).abs()
+    classes = np.searchsorted(CLASSES, size.to_numpy())
+    width = np.full(len(values), np.nan)
+    for k in np.unique(classes):
+        members = apart[classes == k].dropna()
+        members = members if len(members) >= FEW else apart.dropna()
+        if len(members):
+            width[classes == k] = np.sqrt(3 / 4) * np.quantile(members, LEVEL)
+    half = np.fmax(width, (apart / 2).to_numpy())
+    middle = middle.to_numpy()
+    return pd.DataFrame(
+        {"value": np.exp(middle), "low": np.exp(middle - half), "high": np.exp(middle + half)}, index=values.index
+    )
+
+
+def coverage(finals: pd.DataFrame, times: pd.DataFrame) -> dict[str, tuple[int, int]]:
+    """Of the third sweep's times, and of its ratios: how many lie in the intervals of the first two, of how many."""
+    table = sweeps(finals, times)
+    ratios = pairs(table)
+    out = {}
+    for name, values, size in (("times", table, table[JOINED[0]]), ("ratios", ratios, ratios["shorter"])):
+        told = values[[*JOINED, CHECK]].notna().all(axis=1)
+        interval, third = joined(values, size)[told], values.loc[told, CHECK]
+        out[name] = int(third.between(interval["low"], interval["high"]).sum()), int(told.sum())
+    return out
+
+
+def settled(front: pd.DataFrame, finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
+    """The choices by the joined sweeps: the best of each side, times and ratio; as given where there is but one."""
+    if times is None or "sweep" not in times or not (times["sweep"] == JOINED[1]).any():
+        return front
+    table = sweeps(finals, times)
+    interval = joined(table, table[JOINED[0]])
+    ratios = pairs(table)
+    paid = joined(ratios, ratios["shorter"]).set_axis(["ratio", "ratio low", "ratio high"], axis=1)
+    paid = paid.set_index(pd.MultiIndex.from_frame(ratios[["scene", "accuracy"]]))
+    rows = finals.set_index(KEY)
+    out = front.copy()
+    for side in (OURS, PEERS):
+        mine = interval[interval.index.get_level_values("side") == side]
+        best = mine.groupby(["scene", "accuracy"])["value"].idxmin()
+        for k, row in out.iterrows():
+            key = best.get((row["scene"], row["accuracy"]))
+            if key is None or any(np.isnan(mine.loc[key])):
+                continue
+            told = dict(zip(("seconds", "low", "high"), mine.loc[key], strict=True))
+            for name in SHOWN:
+                value = told.get(name, key[-1] if name == "integrator" else rows.loc[key].get(name))
+                out.loc[k, f"{side} {name}"] = value
+    for k, row in out.iterrows():
+        key = (row["scene"], row["accuracy"])
+        if key in paid.index and not paid.loc[key].isna().any():
+            out.loc[k, list(paid.columns)] = paid.loc[key].to_numpy()
+    return out
+
+
+_last: list = [(), None]
+
+
+def of_choices(*names: str) -> Callable:
+    """Make a function of the settled choices and these tables one of ``data``, as `page.of` does."""
+
+    def decorate(function: Callable) -> Callable:
+        @of(CHOICES, *names)
+        @wraps(function)
+        def inner(front, *tables):
+            return function(front, *tables)
+
+        @wraps(function)
+        def from_data(data: Data, *more):
+            given = [data(name) for name in (CHOICES, FINALS, TIMES)]
+
+            def with_settled(name: str):
+                if name != CHOICES or given[0] is None or given[1] is None:
+                    return data(name)
+                if len(_last[0]) != 3 or any(a is not b for a, b in zip(_last[0], given, strict=True)):
+                    _last[:] = given, settled(*given)
+                return _last[1]
+
+            return inner(with_settled, *more)
+
+        return from_data
+
+    return decorate
