@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.wisdom_holman import bench_wisdom_holman, page, pairs, rivals
+from phasebench.benchmarks.measure import clock
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.timing import NONE, OURS, PEERS, TIED
 
@@ -161,18 +162,18 @@ def test_everybody_is_at_its_best():
 
 @pytest.fixture
 def timed(monkeypatch):
-    """Runs that take 9, 1, 2, 3, ... seconds in turn of each integrator, the first one not counted."""
-    spent, run = {}, Integrator.run
+    """Runs that are short, and clocks that tell 9, 1, 2, 3, ... seconds in turn, the first of which is not counted."""
+    run = Integrator.run
 
-    def told(self, problem, **how):
-        s = run(self, problem, **how | {"steps": min(how["steps"], 400)})
-        key = (self.label, how["h"])
-        if how["save_every"]:
-            return s
-        spent.setdefault(key, iter([99.0, *range(1, 99)]))
-        return SimpleNamespace(status=s.status, seconds=float(next(spent[key])))
+    def short(self, problem, **how):
+        return run(self, problem, **how | {"steps": min(how["steps"], 400)})
 
-    monkeypatch.setattr(Integrator, "run", told)
+    def told(*_, **__):
+        spent = iter([99.0, *range(1, 99)])
+        return lambda: float(next(spent))
+
+    monkeypatch.setattr(Integrator, "run", short)
+    monkeypatch.setattr(clock, "clock", told)
 
 
 def test_times_of_rivals_are_medians_of_rounds_in_turns(timed, monkeypatch):
@@ -213,7 +214,7 @@ def test_the_energy_error_is_the_greatest_of_either_sign():
     assert pairs.energy_error(made, [-2.0, -2.6, -1.9], None) == pytest.approx(0.3)
 
 
-def test_distances_of_a_pair_are_parts_of_its_size(monkeypatch):
+def test_distances_of_a_pair_are_parts_of_its_size(timed, monkeypatch):
     """Two runs about 20 units wide that are 0.02 apart soon, 4 apart in the middle, and 1 apart at their end."""
     theirs = 20 * np.ones((pairs.ROWS + 1, 2))
     apart = np.zeros_like(theirs)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phasebench.benchmarks.measure import clock
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.metrics import slope
 from phasebench.integrators.errors import InvalidInput
@@ -52,9 +53,17 @@ def growth(orbits, error, least: float = 10.0) -> float | None:
 
 def seconds_per_orbit(contender: Integrator, problem, period: float, setting: Setting, orbits: int) -> float:
     """Warm seconds an orbit, without output; NaN where it does not get through."""
+    timed = orbit_clock(contender, problem, period, setting, orbits)
+    return timed() / orbits if timed is not None else float("nan")
+
+
+def orbit_clock(contender: Integrator, problem, period: float, setting: Setting, orbits: int) -> clock.Clock | None:
+    """The clock of so many orbits; None where the contender does not get through them."""
     n = setting.per_orbit
     s = contender.run(problem, h=period / n, steps=n * orbits, save_every=0, tol=setting.tol)
-    return s.seconds / orbits if s.status in ("ok", "no-root") else float("nan")
+    if s.status not in ("ok", "no-root"):
+        return None
+    return clock.clock(contender, problem, t_end=period * orbits, steps=n * orbits, tol=setting.tol)
 
 
 def follow(

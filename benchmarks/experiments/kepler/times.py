@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil
+from math import ceil, nan
 
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.timing import in_turns, median
@@ -10,7 +10,7 @@ from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
 
 from . import comparison
 from .comparison import ECCENTRICITIES, LADDER, PROBLEMS
-from .runs import Setting, seconds_per_orbit
+from .runs import Setting, orbit_clock
 
 #: Steps of a timed run, at least; orbits of an adaptive one; rounds.
 STEPS, ORBITS, ROUNDS = 1_500, 10, 9
@@ -48,7 +48,8 @@ def measured(name: str, e: float) -> Rows:
 
     def work(c: Integrator, setting: Setting):
         orbits = ORBITS if c.adaptive else ceil(STEPS / setting.per_orbit)
-        return lambda: seconds_per_orbit(c, made, exact.period, setting, orbits)
+        timed = orbit_clock(c, made, exact.period, setting, orbits)
+        return lambda: timed() / orbits if timed is not None else nan
 
     todo = {(c.label, s.name): work(c, s) for c in comparison.contenders() for s in _settings(c)}
     rows = []

@@ -41,8 +41,9 @@ DEAR = 0.15
 #: Peers whose loop over steps is Python's, so that nothing stops it, and the span beyond which they do not compete, in
 #: units of the problem's own step, of which a revolution has some thirty.
 LOOPED, FARTHEST = ("scipy-dop853-numba", "scipy-lsoda-numba", "scipy-radau-numba"), 1e5
-#: A twin of heyoka's that just misses an accuracy is tried at half the tolerance, so often; variables that it unrolls.
-TIGHTENED, UNROLLED = 3, 64
+#: A twin of heyoka's that just misses an accuracy is tried at half the tolerance, so often; the most variables that it
+#: unrolls.
+TIGHTENED, UNROLLED = 3, 256
 CHOICES, FINALS, RUNGS, DROPPED = "front", "front_finals", "front_rungs", "front_dropped"
 TABLES = (CHOICES, FINALS, RUNGS, DROPPED)
 

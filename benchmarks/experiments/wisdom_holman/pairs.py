@@ -10,7 +10,8 @@ from math import pi
 
 import numpy as np
 
-from phasebench.benchmarks.measure.integrator import Integrator, integrator
+from phasebench.benchmarks.measure import clock
+from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.timing import in_turns, median, ratio
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, Unavailable, content
@@ -74,7 +75,7 @@ def measured(case: str, ours: str, h: float) -> Rows:
         if s.status != OK:
             raise RuntimeError(f"{s.method.label} on {case}: {s.reason}")
     s, r = runs.values()
-    times = in_turns({who: _seconds(c, made, h) for who, c in both.items()}, ROUNDS)
+    times = in_turns({who: clock.clock(c, made, t_end=h * TIMED, steps=TIMED) for who, c in both.items()}, ROUNDS)
     size, paid = np.abs(r.q).max(), ratio(times["ours"], times["theirs"])
     row = {
         "problem": case,
@@ -93,7 +94,3 @@ def measured(case: str, ours: str, h: float) -> Rows:
         "ratio, high": paid.high,
     }
     return {"wisdom_holman": [row]}
-
-
-def _seconds(c: Integrator, made, h: float):
-    return lambda: c.run(made, h=h, steps=TIMED, save_every=0).seconds

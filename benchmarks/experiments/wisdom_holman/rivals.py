@@ -7,6 +7,7 @@ in one cell, in turns, so that a busy machine is busy for all of them.
 
 from __future__ import annotations
 
+from phasebench.benchmarks.measure import clock
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.timing import in_turns, median
 from phasebench.benchmarks.problems import problem
@@ -61,10 +62,8 @@ def measured(case: str) -> Rows:
     rows = {(c.label, h): _row(case, made, c, h) for c in rivals() for h in steps}
     able = {(c.label, h): c for c in rivals() for h in steps if rows[c.label, h]["status"] == OK}
 
-    def seconds(c: Integrator, h: float):
-        return lambda: c.run(made, h=h, steps=TIMED, save_every=0).seconds
-
-    times = in_turns({(label, h): seconds(c, h) for (label, h), c in able.items()}, ROUNDS)
+    clocks = {key: clock.clock(c, made, t_end=key[1] * TIMED, steps=TIMED) for key, c in able.items()}
+    times = in_turns(clocks, ROUNDS)
     for (label, h), found in times.items():
         cost = median(found / TIMED / h * 1e9)
         rows[label, h] |= {"ns a unit of time": cost.value, "ns, low": cost.low, "ns, high": cost.high}
