@@ -79,6 +79,17 @@ def test_brute_force_that_is_beaten_is_told():
     assert none.short.endswith("beaten in 0.")
 
 
+def test_an_energy_that_is_kept_by_construction_says_nothing_of_the_orbit():
+    table = rows(choice={0: "dop853-relaxation", 1: "rk4", 2: "avf"}).assign(quantity="end-state")
+    assert "construction" not in page.met(data(table)).text
+    table.loc[[0, 1, 3], "quantity"] = "energy"
+    text = page.met(data(table)).text
+    assert text.endswith(
+        " Of the 3 asks of the energy 1 are met by a method that keeps it by construction, whatever the orbit: "
+        "dop853-relaxation."
+    )
+
+
 FORMULA = "p1**2 + p2**2/2 + q1*q2**2/3"
 
 

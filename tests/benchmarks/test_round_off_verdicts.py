@@ -161,6 +161,18 @@ def test_a_drift_next_to_a_fraction_is_no_bias_of_the_others():
     assert "1 of 2: b at h = 0.02, 4.0" in beside.text
 
 
+@pytest.mark.parametrize(("id", "is_biased"), [("implicit-midpoint", True), ("stormer-verlet", False)])
+def test_the_bias_that_is_named_is_there_from_other_starts_too(monkeypatch, id, is_biased):
+    """Four seeds that the pages do not use; the means of four ensembles add up, and chance adds up as a root."""
+    means = []
+    for seed in (101, 102, 103, 104):
+        monkeypatch.setattr(brouwer, "SEED", seed)
+        means.append(every.measured(id, {}, id)[every.TABLE][0][verdicts.MEAN])
+    together = abs(sum(means)) / len(means) ** 0.5
+    assert (together > 6) is is_biased
+    assert (together < 3.5) is not is_biased
+
+
 @pytest.mark.parametrize("h", [0.01, 0.25])
 def test_an_error_is_told_in_units_of_eps_h_and_the_root_of_the_steps(h):
     """An error of eps h sqrt(n) is one unit after any number of steps; the control is four times the steps."""

@@ -8,6 +8,8 @@ import pandas as pd
 from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.markdown import code, listed, number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+from phasebench.integrators.record import ROUND_OFF
+from phasebench.integrators.registry import BY_ID
 
 from . import brute
 from .asks import FORMULAS, REGISTERED, SEED
@@ -15,6 +17,8 @@ from .cells import EVERY, LIMIT, ROUNDS, TABLE
 
 #: The advised is as good as the best where its time is at most so many times it; so often it has to be.
 NEAR, OFTEN = 1.2, 0.9
+#: The quantity that some methods keep whatever the orbit.
+ENERGY = "energy"
 
 
 def true(column: pd.Series) -> pd.Series:
@@ -25,6 +29,11 @@ def true(column: pd.Series) -> pd.Series:
 def _named(problem: str, outside) -> str:
     """A problem by its name, a formula as code."""
     return code(problem) if str(outside).lower() == "true" else problem
+
+
+def _keeps_energy(id: str) -> bool:
+    """Whether a method keeps the energy to round-off by its construction."""
+    return id in BY_ID and BY_ID[id].energy == ROUND_OFF
 
 
 def _advised(table: pd.DataFrame) -> pd.DataFrame:
@@ -45,6 +54,13 @@ def met(table: pd.DataFrame) -> Verdict | None:
     )
     failed = [f"{r.ask} ({_named(r.problem, r.outside)})" for r in advised[~good].itertuples()]
     text += f"; not met: {listed(failed, 3)}." if failed else "."
+    energy = advised[advised["quantity"] == ENERGY] if "quantity" in advised else advised.iloc[:0]
+    by_itself = energy[energy["choice"].map(_keeps_energy)]
+    if len(by_itself):
+        text += (
+            f" Of the {len(energy)} asks of the energy {len(by_itself)} are met by a method that keeps it by construction, "
+            f"whatever the orbit: {listed(list(dict.fromkeys(by_itself['choice'])), 3)}."
+        )
     return Verdict(text, bool(good.all()), f"Advice met when run again: {int(good.sum())} of {len(advised)}.")
 
 
