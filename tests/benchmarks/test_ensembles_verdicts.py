@@ -141,6 +141,41 @@ def test_the_error_falls_by_at_most_two_decades_from_a_rung_to_the_next(id):
     assert (rungs * against.T_END == np.round(rungs * against.T_END)).all()
 
 
+def power(who: str, kind: str, order: float, sizes) -> dict:
+    return {against.Rung(who, kind, h): h**order for h in sizes}
+
+
+def test_a_rung_is_put_between_neighbours_that_are_two_decades_apart():
+    steps, tols = (0.5, 0.25, 0.125), (1e-3, 1e-4)
+    wide, near = power("a", "h", 8, steps), power("b", "h", 4, steps)
+    assert against.between(near) == []
+    found = against.between(wide | near | power("c", "tol", 3, tols))
+    assert [(r.who, r.kind) for r in found] == [("a", "h"), ("a", "h"), ("c", "tol")]
+    for rung, middle in zip(found, ((0.5 * 0.25) ** 0.5, (0.25 * 0.125) ** 0.5, 10**-3.5), strict=True):
+        assert rung.value == pytest.approx(middle, rel=2e-3)
+    assert against.T_END / found[0].value == round(against.T_END / found[0].value)
+    assert against.between(wide | {r: r.value**8 for r in found[:2]}) == []
+
+
+def test_no_rung_is_put_where_no_error_is_asked_or_none_arrives():
+    asked = power("a", "tol", 10, (0.9, 0.4))
+    assert len(against.between(asked)) == 1
+    assert against.between({r: e * 1e-13 for r, e in asked.items()}) == [], "below all that is asked"
+    first, second = asked
+    assert against.between({first: np.nan, second: 1e-9}) == []
+    assert against.between({first._replace(who="b"): 1.0, second: 1e-9}) == [], "of two ladders"
+    steps = [against.Rung("a", "h", against.T_END / n) for n in (7, 8)]
+    assert against.between(dict(zip(steps, (1.0, 1e-9), strict=True))) == [], "there is no number of steps between"
+
+
+def test_a_ladder_is_in_order_whatever_was_put_between():
+    rungs = [against.Rung(who, "h", h) for who, h in (("b", 0.5), ("b", 0.1), ("a", 1.0), ("b", 0.3), ("a", 2.0))]
+    assert [(r.who, r.value) for r in against.in_order(rungs)] == [
+        *(("b", 0.5), ("b", 0.3), ("b", 0.1)),
+        *(("a", 2.0), ("a", 1.0)),
+    ]
+
+
 def test_the_error_is_the_worst_orbits_and_one_that_is_lost_is_none():
     truth = np.zeros((3, 2))
     ends = np.array([[0.1, 0.0], [0.0, -0.5], [0.2, 0.3], [9.0, 9.0]])
@@ -155,7 +190,7 @@ def test_a_cost_is_of_as_many_orbits_as_were_carried(monkeypatch):
     ends = np.zeros((against.ORBITS, 4))
     ends[1, 2] = 0.25
     monkeypatch.setattr(against, "exact", lambda system, Q, P: np.zeros((len(Q), 4)))
-    monkeypatch.setattr(against, "_ours", lambda system, id, per_unit, Q, P: lambda: ends[: len(Q)])
+    monkeypatch.setattr(against, "_ours", lambda system, id, h, Q, P: lambda: ends[: len(Q)])
     monkeypatch.setattr(against, "_batches", lambda system, tol, width, y: lambda: ends[: len(y)])
     monkeypatch.setattr(against, "widths", lambda: (4,))
     monkeypatch.setattr(against, "in_turns", lambda runs, rounds: {key: np.ones(9) for key in runs})

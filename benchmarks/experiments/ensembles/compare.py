@@ -10,9 +10,8 @@ import pandas as pd
 
 from phasebench.benchmarks.measure.timing import NOWHERE, Median, cheaper
 
-ERRORS = (1e-1, 1e-3, 1e-5, 1e-7, 1e-9, 1e-10, 1e-11, 1e-12)
-#: The errors of the two rungs of a power law are less than this factor apart.
-SPAN = 100.0
+from .against import ERRORS, SPAN
+
 OURS, HEYOKA = "ours", "heyoka"
 
 
