@@ -410,7 +410,7 @@ STEPS = frame(
     {"scheme": "scheme-v", "without a root": 0},
     {"scheme": "scheme-v-iv", "without a root": 0},
     {"scheme": "scheme-iv-v", "without a root": 0},
-    status="ok", h=0.01, steps=100,
+    problem="x", status="ok", h=0.01, steps=100,
     **{energy_preservation.WITH: 1e-15, energy_preservation.WITHOUT: 1e-8, "scanned steps": 3,
        "scan finds a root within the radius": 0},
 )  # fmt: skip
