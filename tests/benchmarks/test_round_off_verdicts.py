@@ -116,7 +116,7 @@ def test_a_step_beside_a_fraction_is_named_as_that():
 
 def test_a_bias_is_named_by_chance_in_one_table_of_twenty():
     """Unbiased means, as many tables as tell 5 % within 3 standard errors; tables of shifted means are all named."""
-    generator, tables, k = np.random.default_rng(5), 2000, 40
+    generator, tables, k = np.random.default_rng(5), 600, 40
     t = generator.standard_normal((tables, k, 100))
     means = t.mean(-1) / (t.std(-1, ddof=1) / 10)
     named = [len(verdicts.biased(pd.DataFrame({verdicts.MEAN: row, "starts": 100}))) > 0 for row in means]
