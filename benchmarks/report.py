@@ -217,7 +217,7 @@ def _entry(written: list[_Written], target: Path, quick: bool) -> None:
         parts += [f"![{picture.title}](figures/{picture.file})\n", markdown.wrapped(picture.caption) + "\n"]
     text = "\n".join(parts)
     (target / "README.md").write_text(f"{text}\n{SAME}\n", encoding="utf-8")
-    (target / "index.html").write_text(html.document(text, target, home=None), encoding="utf-8")
+    (target / "index.html").write_text(html.document(text, target, home=None, fold=False), encoding="utf-8")
 
 
 def _replace(target: Path, folder: Path) -> None:

@@ -33,11 +33,15 @@ def _inlined(folder: Path):
     return replace
 
 
-def _boxed(match: re.Match) -> str:
+def _box(match: re.Match) -> str:
+    """A table in a box that scrolls by itself."""
+    return f'<div class="table">{match[0]}</div>'
+
+
+def _folded(match: re.Match) -> str:
     """A table in a box that scrolls by itself, folded where it is long."""
-    table, rows = match[0], match[0].count("<tr>") - 1
-    box = f'<div class="table">{table}</div>'
-    return f"<details><summary>{rows} rows</summary>{box}</details>" if rows > LONG else box
+    rows = match[0].count("<tr>") - 1
+    return f"<details><summary>{rows} rows</summary>{_box(match)}</details>" if rows > LONG else _box(match)
 
 
 def _cells(values, tag: str) -> str:
@@ -51,7 +55,9 @@ def _whole(frame: pd.DataFrame) -> str:
     return f'<details><summary>All {len(frame)} rows</summary><div class="table">{table}</div></details>'
 
 
-def document(text: str, folder: Path, whole: pd.DataFrame | None = None, home: str | None = "index.html") -> str:
+def document(
+    text: str, folder: Path, whole: pd.DataFrame | None = None, home: str | None = "index.html", fold: bool = True
+) -> str:
     """The HTML of a page's Markdown.
 
     Parameters
@@ -60,11 +66,12 @@ def document(text: str, folder: Path, whole: pd.DataFrame | None = None, home: s
     folder : where the figures lie
     whole : a table shown folded at the end
     home : the page that is linked above, None on the entry itself
+    fold : whether tables of more than `LONG` rows are folded
     """
     from markdown_it import MarkdownIt
 
     body = MarkdownIt("commonmark").enable("table").render(text)
-    body = re.sub(r"<table>.*?</table>", _boxed, body, flags=re.S)
+    body = re.sub(r"<table>.*?</table>", _folded if fold else _box, body, flags=re.S)
     body = re.sub(r'<img src="([^":]+)"', _inlined(folder), body)
     body = re.sub(r'href="([\w-]+)\.md"', lambda m: f'href="{"index" if m[1] == "README" else m[1]}.html"', body)
     body = re.sub(r"<strong>(PASS|FINDING|not measured)</strong>", r'<strong class="\1">\1</strong>', body)

@@ -70,6 +70,16 @@ def listed(items: Sequence[str], limit: int = 8) -> str:
     return items[0] if len(items) == 1 else ", ".join(items[:-1]) + " and " + items[-1]
 
 
+def code(text: str) -> str:
+    """The text as code, in which * and _ stand for themselves."""
+    return f"`{text}`"
+
+
+def plain(text: str) -> str:
+    """The text with * and _ escaped, so that they stand for themselves."""
+    return text.replace("*", "\\*").replace("_", "\\_")
+
+
 def wrapped(text: str, first: str = "", then: str = "") -> str:
     """The text in lines of at most `WIDTH` characters; no word is broken."""
     return textwrap.fill(text, WIDTH, initial_indent=first, subsequent_indent=then, break_long_words=False,

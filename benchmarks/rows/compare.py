@@ -24,7 +24,8 @@ BANDS: dict[str, dict[str, tuple[float, float]]] = {
     "kepler": {"closed form": (1e-12, 0), "energy, every step": (0.05, 1e-10)},
     "kepler_cost": {"error": (1e-2, 1e-7), "energy error": (1e-2, 1e-10)},
     "riddle_columns": {"0.01": (1e-3, 0)},
-    "references": {"uncertainty": (9.0, 1e-30)},
+    # A stated uncertainty is read from the stored certificate: it does not move at all.
+    "references": {"uncertainty": (0, 0)},
 }
 #: Rows of these settings are of the machine: the number of steps is what a second allows.
 OF_THE_MACHINE = "time of"

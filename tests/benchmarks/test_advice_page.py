@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 import pytest
+from markdown_it import MarkdownIt
 
 from phasebench.benchmarks.advice.trial import Point, Trial
 from phasebench.benchmarks.experiments.advice import asks, brute, page, rerun
@@ -27,6 +28,7 @@ def rows(**changes) -> pd.DataFrame:
             "rerun error": 1e-7,
             "best": [("heyoka" if n % 2 == 0 else None) for n in range(20)],
             "ratio": [(1.0 if n % 2 == 0 else None) for n in range(20)],
+            "ratio high": [(1.1 if n % 2 == 0 else None) for n in range(20)],
         }
     )
     for column, values in changes.items():
@@ -58,6 +60,49 @@ def test_near_or_far():
     assert "in 8 of 10" in verdict.text
     assert "3 times heyoka" in verdict.text
     assert page.near(data(rows().drop(columns="ratio"))) is None
+
+
+def test_brute_force_that_is_beaten_is_told():
+    """Beaten is who takes longer for certain: the ratio's whole interval is below 1."""
+    table = rows(ratio={0: 0.41, 2: 0.9, 4: 0.97, 6: 0.7})
+    for n, high in ((0, 0.45), (2, 0.99), (4, 1.01), (6, 0.8)):
+        table.loc[n, "ratio high"] = high
+    said = page.near(data(table))
+    assert said.holds
+    assert "Brute force is itself beaten in 3 of 10" in said.text
+    order = [said.text.index(f"takes {x} of heyoka's time") for x in ("0.41", "0.7", "0.9")]
+    assert order == sorted(order), "the most beaten first"
+    assert "0.97" not in said.text
+    assert said.short == f"At most {page.NEAR} times the best in 10 of 10; brute force is beaten in 3."
+    none = page.near(data(rows()))
+    assert "beaten" not in none.text
+    assert none.short.endswith("beaten in 0.")
+
+
+def test_an_energy_that_is_kept_by_construction_says_nothing_of_the_orbit():
+    table = rows(choice={0: "dop853-relaxation", 1: "rk4", 2: "avf"}).assign(quantity="end-state")
+    assert "construction" not in page.met(data(table)).text
+    table.loc[[0, 1, 3], "quantity"] = "energy"
+    text = page.met(data(table)).text
+    assert text.endswith(
+        " Of the 3 asks of the energy 1 are met by a method that keeps it by construction, whatever the orbit: "
+        "dop853-relaxation."
+    )
+
+
+FORMULA = "p1**2 + p2**2/2 + q1*q2**2/3"
+
+
+def test_a_formula_stands_as_it_was_asked():
+    """In the sentences and in the table, where two asterisks would be bold; a name is no code."""
+    table = rows(problem={18: FORMULA, 16: FORMULA}, met={16: False}, ratio={18: 3.0, 0: 1.5})
+    near, met = page.near(data(table)).text, page.met(data(table)).text
+    shown = page.table(data(table)).frame.set_index("ask")["problem"]
+    for text in (near, met, shown["16"], shown["18"]):
+        html = MarkdownIt("commonmark").render(text)
+        assert f"<code>{FORMULA}</code>" in html
+        assert "<strong>" not in html
+    assert shown["00"] == "pendulum"
 
 
 def test_the_median_and_the_farthest_are_told_apart():

@@ -38,10 +38,26 @@ def test_claims_are_counted_by_what_came_of_them():
     ]
     said = page.claims(data(audit=audited(*(f"p-{k}" for k in range(6))), audit_claims=claimed(*of)))
     assert said.text.startswith("Of 5 claims of order")
-    assert "2 hold, 1 hold on some problems only, 1 are understated, 1 contradicted: p-0 (its order);" in said.text
+    assert "2 hold, 1 hold on some problems only, 1 are understated, 1 contradicted, of p: p-0 (" in said.text
     assert said.text.endswith("1 could not be judged."), "what was not audited is not counted"
-    assert said.short == "1 of 5 claims are contradicted, 1 hold in part."
+    assert said.short == "1 of 5 claims are contradicted, of p; 1 hold in part."
     assert not said.holds
+
+
+@pytest.mark.parametrize(
+    ("packages", "whose"),
+    [("pp", "all of p"), ("pqp", "2 of p and 1 of q"), ("qp", "1 of p and 1 of q"), ("p", "of p")],
+)
+def test_whose_claims_are_contradicted_is_said_in_the_index_too(packages, whose):
+    peers = [f"{name}-{k}" for k, name in enumerate(packages)]
+    of = claimed(*((peer, "order", "contradicted") for peer in peers), ("r-9", "order", "holds"))
+    table = of.assign(package=of["peer"].str.partition("-")[0])
+    said = page.claims(data(audit=audited(*peers, "r-9"), audit_claims=table))
+    n = len(packages)
+    assert said.short == f"{n} of {n + 1} claims are contradicted, {whose}."
+    assert f"{n} contradicted, {whose}: p" in said.text or f"{n} contradicted, {whose}: q" in said.text
+    fine = page.claims(data(audit=audited("r-9"), audit_claims=table))
+    assert fine.short == "0 of 1 claims are contradicted."
 
 
 @pytest.mark.parametrize(
@@ -78,11 +94,12 @@ def test_statements_are_counted_and_the_worst_is_named():
     )
     said = page.statements(data(audit_statements=rows))
     assert said.text == (
-        "Of 4 statements of documentation, each with a script, 1 hold, 2 are contradicted, 1 understated, "
+        "Of 4 statements of documentation, each with a script, 1 hold, 2 are contradicted (1 of a and 1 of b), 1 "
+        "understated, "
         f"0 not judged; the worst: b, {worst} (of_b)."
     )
     assert not said.holds
-    assert said.short == "2 of 4 statements of documentation are contradicted."
+    assert said.short == "2 of 4 statements of documentation are contradicted (1 of a and 1 of b)."
     good = page.statements(data(audit_statements=rows.tail(2)))
     assert good.holds
     assert good.text.endswith("0 not judged.")

@@ -10,6 +10,8 @@ from phasebench.benchmarks.experiments.drift import bench_drift, coverage, page
 from phasebench.benchmarks.measure import drift as module
 from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.measure.drift import drift, signed_ranks, without_lines
+from phasebench.integrators.record import DRIFT
+from phasebench.integrators.registry import BY_ID
 
 T = np.arange(4000) * 0.05
 
@@ -237,6 +239,7 @@ def test_bounded_methods_are_counted():
     bad = page.bounded({"rows": runs("stormer-verlet", *[0.0] * 8, 5e-12, -5e-12)}.get)
     assert not bad.holds
     assert page.bounded({"rows": runs("rk4", 0.0)}.get) is None
+    assert "(stormer-verlet on pendulum-t1000, h = 0.1)" in good.text
     prey = runs("stormer-verlet", 5e-12).assign(problem="lotka-volterra")
     assert page.bounded({"rows": pd.concat([runs("stormer-verlet", 0.0), prey])}.get).text.startswith("Of 1 long runs")
     all_hold = page.bounded({"rows": runs("stormer-verlet", 0.0)}.get)
@@ -244,12 +247,61 @@ def test_bounded_methods_are_counted():
     assert all_hold.text == "Of 1 long runs of methods declared bounded 100.0% have an interval that holds 0."
 
 
-def test_the_controls_must_drift():
-    rk4_, euler_ = runs("rk4", 1e-9, -1e-9), runs("explicit-euler", 1e-9, 1e-9, 0.0)
-    good = page.controls({"rows": pd.concat([rk4_, euler_])}.get)
+def test_a_scene_whose_intervals_cover_too_seldom_is_not_hidden_by_the_others():
+    """Of 30 runs on one scene all hold 0, of 10 on another 8: 95 % of all."""
+    many = runs("stormer-verlet", *[0.0] * 30)
+    few = runs("stormer-verlet", *[0.0] * 8, 5e-12, -5e-12).assign(scene="kepler-100-orbits", problem="kepler")
+    found = page.bounded({"rows": pd.concat([many, few])}.get)
+    assert not found.holds
+    assert "Of 40 long runs of methods declared bounded 95.0% have an interval that holds 0, least 80.0%" in found.text
+    assert found.short == "Of bounded methods' intervals 95.0% hold 0, 80.0% of the 10 on kepler-100-orbits."
+    fine = page.bounded({"rows": pd.concat([many, few.iloc[:-1].iloc[1:], few.iloc[:2]])}.get)
+    assert fine.holds
+    assert "least 90.0% of the 10 on kepler-100-orbits;" in fine.text
+
+
+def test_the_condition_of_the_coverage_stands_in_the_short_sentence_too():
+    slow = pd.concat([covering(periods=0.5, covered=share).tail(1) for share in (0.5, 0.55)])
+    found = page.coverage({"drift_coverage": pd.concat([covering(periods=2.0), slow])}.get)
+    assert found.holds
+    assert "of 2 periods and more, the 95% interval" in found.short
+    assert found.short.endswith("; with 0.5 in 50% to 55%.")
+    assert "of fewer periods, which are not told from a drift, with 0.5 in 50% to 55%." in found.text
+    assert page.coverage({"drift_coverage": covering()}.get).short.endswith("of the draws.")
+
+
+RK4, RADAU = (runs(id, 1e-9, -1e-9) for id in page.CONTROLS)
+
+
+@pytest.mark.parametrize("id", page.CONTROLS)
+def test_every_run_of_every_control_must_exclude_0(id):
+    good = page.controls({"rows": pd.concat([RK4, RADAU])}.get)
     assert good.holds
-    assert "rk4 in 2 of 2 runs and explicit-euler in 2 of 3 runs; not so explicit-euler on" in good.text
-    assert not page.controls({"rows": pd.concat([runs("rk4", 1e-9, 0.0), euler_])}.get).holds
-    assert not page.controls({"rows": pd.concat([rk4_, runs("explicit-euler", 1e-9, 0.0)])}.get).holds
-    assert page.controls({"rows": runs("rk4", 0.0, error=1e-13)}.get) is None
-    assert page.controls({"rows": rk4_}.get).holds
+    assert "rk4 in 2 of 2 runs and radau-iia-2 in 2 of 2 runs" in good.text
+    assert "declared to drift 4 of 4 runs that end." in good.text
+    more = page.controls({"rows": pd.concat([RK4, RADAU, runs(id, 0.0)])}.get)
+    assert not more.holds
+    assert f"{id} in 2 of 3 runs" in more.text
+    assert f"4 of 5 runs that end; not so {id} on pendulum-t1000, h = 0.1." in more.text
+
+
+@pytest.mark.parametrize(("left", "id"), [(RK4, "radau-iia-2"), (RADAU, "rk4")])
+def test_a_control_that_measured_nothing_does_not_pass(left, id):
+    """Runs that do not end have no interval, runs of round-off are none of the method."""
+    for nothing in (runs(id, 1e-9).assign(status="diverged"), runs(id, 1e-9, error=1e-13), runs(id)):
+        found = page.controls({"rows": pd.concat([left, nothing])}.get)
+        assert not found.holds
+        assert f"{id} in 0 of 0 runs" in found.text
+        assert f"nothing was measured of {id}" in found.text
+    assert page.controls({"rows": runs("rk4", 1e-9).assign(status="diverged")}.get) is None
+
+
+def test_another_method_that_is_declared_to_drift_must_drift_too():
+    other = page.controls({"rows": pd.concat([RK4, RADAU, runs("dop853", 0.0)])}.get)
+    assert not other.holds
+    assert "not so dop853 on" in other.text
+    assert page.controls({"rows": pd.concat([RK4, RADAU, runs("stormer-verlet", 0.0)])}.get).holds
+
+
+def test_the_controls_are_declared_to_drift():
+    assert [BY_ID[id].energy for id in page.CONTROLS] == [DRIFT, DRIFT]

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.ensembles import against, bench_ensembles, ceiling, compare, lanes, maps, page
+from phasebench.integrators.registry import method
 
 
 def step(method="verlet", gain=4.0, spread=0.5, speed_up=1.9, **more) -> dict:
@@ -106,13 +107,100 @@ def test_a_cheap_rung_of_a_small_error_is_not_made_dearer_by_a_dear_one_of_a_lar
 def test_a_rung_of_just_the_error_is_there_and_one_without_error_is_not_between():
     assert compare.at(pd.DataFrame([rung("ours", 1e-3, 5.0)]), 1e-3).value == 5.0
     assert compare.at(pd.DataFrame([rung("ours", 1e-3, 1.0), rung("ours", 0.0, 5.0)]), 1e-5).value == 5.0
-    between = compare.at(pd.DataFrame([rung("ours", 1.0, 1.0), rung("ours", 1e-4, 100.0)]), 1e-2)
+    between = compare.at(pd.DataFrame([rung("ours", 0.0625, 1.0), rung("ours", 1e-3, 100.0)]), 0.25**0.5 * 0.0625**0.5)
+    assert between.value == 1.0, "a coarser rung has the error"
+    between = compare.at(pd.DataFrame([rung("ours", 0.09, 1.0), rung("ours", 1e-3, 100.0)]), (0.09 * 1e-3) ** 0.5)
     assert (between.value, between.low, between.high) == (pytest.approx(10), pytest.approx(9.8), pytest.approx(10.2))
 
 
-def test_errors_are_two_decades_apart_down_to_round_off():
-    np.testing.assert_allclose(np.diff(np.log10(compare.ERRORS)), [-2, -2, -2, -2, -2, -1], rtol=1e-12)
+@pytest.mark.parametrize(("apart", "cost"), [(99.0, 10.0), (100.0, 100.0), (1e4, 100.0)])
+def test_no_power_law_goes_over_two_decades(apart, cost):
+    """Half way between two rungs, of which one costs a hundred times the other."""
+    rungs = pd.DataFrame([rung("ours", 1e-3 * apart, 1.0), rung("ours", 1e-3, 100.0)])
+    assert compare.at(rungs, 1e-3 * apart**0.5).value == pytest.approx(cost)
+    assert compare.at(rungs, 1e-3 * apart).value == 1.0
+    assert compare.at(rungs, 1e-3).value == 100.0
+
+
+def test_errors_are_at_most_two_decades_apart_down_to_round_off():
+    np.testing.assert_allclose(np.diff(np.log10(compare.ERRORS)), [-2, -2, -2, -2, -1, -1, -1], rtol=1e-12)
+    assert 1e-10 in compare.ERRORS
     assert compare.ERRORS[-1] == 1e-12
+
+
+def test_tolerances_are_a_factor_of_ten_apart():
+    np.testing.assert_allclose(np.diff(np.log10(against.TOLERANCES[:-1])), -1, rtol=1e-12)
+    assert 1e-10 in against.TOLERANCES
+    assert against.TOLERANCES[-2] / 10 < against.TOLERANCES[-1] == np.finfo(float).eps
+
+
+@pytest.mark.parametrize("id", against.LADDERS)
+def test_the_error_falls_by_at_most_two_decades_from_a_rung_to_the_next(id):
+    rungs = np.array(against.LADDERS[id])
+    assert method(id).order * np.log10(rungs[1:] / rungs[:-1]).max() <= 2
+    assert (rungs * against.T_END == np.round(rungs * against.T_END)).all()
+
+
+def power(who: str, kind: str, order: float, sizes) -> dict:
+    return {against.Rung(who, kind, h): h**order for h in sizes}
+
+
+def test_a_rung_is_put_between_neighbours_that_are_two_decades_apart():
+    steps, tols = (0.5, 0.25, 0.125), (1e-3, 1e-4)
+    wide, near = power("a", "h", 8, steps), power("b", "h", 4, steps)
+    assert against.between(near) == []
+    found = against.between(wide | near | power("c", "tol", 3, tols))
+    assert [(r.who, r.kind) for r in found] == [("a", "h"), ("a", "h"), ("c", "tol")]
+    for rung, middle in zip(found, ((0.5 * 0.25) ** 0.5, (0.25 * 0.125) ** 0.5, 10**-3.5), strict=True):
+        assert rung.value == pytest.approx(middle, rel=2e-3)
+    assert against.T_END / found[0].value == round(against.T_END / found[0].value)
+    assert against.between(wide | {r: r.value**8 for r in found[:2]}) == []
+
+
+def test_no_rung_is_put_where_no_error_is_asked_or_none_arrives():
+    asked = power("a", "tol", 10, (0.9, 0.4))
+    assert len(against.between(asked)) == 1
+    assert against.between({r: e * 1e-13 for r, e in asked.items()}) == [], "below all that is asked"
+    first, second = asked
+    assert against.between({first: np.nan, second: 1e-9}) == []
+    assert against.between({first._replace(who="b"): 1.0, second: 1e-9}) == [], "of two ladders"
+    steps = [against.Rung("a", "h", against.T_END / n) for n in (7, 8)]
+    assert against.between(dict(zip(steps, (1.0, 1e-9), strict=True))) == [], "there is no number of steps between"
+
+
+def test_a_ladder_is_in_order_whatever_was_put_between():
+    rungs = [against.Rung(who, "h", h) for who, h in (("b", 0.5), ("b", 0.1), ("a", 1.0), ("b", 0.3), ("a", 2.0))]
+    assert [(r.who, r.value) for r in against.in_order(rungs)] == [
+        *(("b", 0.5), ("b", 0.3), ("b", 0.1)),
+        *(("a", 2.0), ("a", 1.0)),
+    ]
+
+
+def test_the_error_is_the_worst_orbits_and_one_that_is_lost_is_none():
+    truth = np.zeros((3, 2))
+    ends = np.array([[0.1, 0.0], [0.0, -0.5], [0.2, 0.3], [9.0, 9.0]])
+    assert against.worst(ends, truth) == 0.5, "of those that are judged"
+    assert against.worst(truth, truth) == 0.0
+    ends[0, 0] = np.nan
+    assert np.isnan(against.worst(ends, truth))
+
+
+def test_a_cost_is_of_as_many_orbits_as_were_carried(monkeypatch):
+    """A run of a second costs 1e6 us over its orbits: heyoka's carry fewer than ours."""
+    ends = np.zeros((against.ORBITS, 4))
+    ends[1, 2] = 0.25
+    monkeypatch.setattr(against, "exact", lambda system, Q, P: np.zeros((len(Q), 4)))
+    monkeypatch.setattr(against, "_ours", lambda system, id, h, Q, P: lambda: ends[: len(Q)])
+    monkeypatch.setattr(against, "_batches", lambda system, tol, width, y: lambda: ends[: len(y)])
+    monkeypatch.setattr(against, "widths", lambda: (4,))
+    monkeypatch.setattr(against, "in_turns", lambda runs, rounds: {key: np.ones(9) for key in runs})
+    rows = pd.DataFrame(against.measured("henon-heiles:box")[against.TABLE])
+    assert set(rows["error"]) == {0.25}
+    for side, orbits in (("heyoka", 128), ("ours", 512)):
+        part = rows[rows["side"] == side]
+        assert set(part["orbits"]) == {orbits}
+        np.testing.assert_allclose(part["us"], 1e6 / orbits, rtol=1e-12)
+    assert list(rows.loc[rows["side"] == "heyoka", "tol"]) == list(against.TOLERANCES)
 
 
 @pytest.mark.parametrize("heyoka", [[], [rung("heyoka", 1.0, 1.0)]], ids=["not run", "not there"])

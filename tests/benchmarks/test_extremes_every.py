@@ -7,8 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.extremes import brouwer, exact_maps, round_off_page, verdicts
+from phasebench.benchmarks.experiments.extremes import brouwer, exact_maps, round_off_page
 from phasebench.benchmarks.experiments.extremes import brouwer_every as every
+from phasebench.benchmarks.experiments.extremes import round_off_verdicts as verdicts
 from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
@@ -34,6 +35,7 @@ def test_every_method_has_three_ways_to_fail():
     assert "2 of 2 methods at h = 0.0988" in good.text
     assert "the phase's than n^1.5 in 1 of 1;" in good.text
     assert good.text.endswith("; 1 have none here: m2.")
+    assert "at most 1 (m0 at h = 0.0987654321, 4096 steps);" in good.text
     assert (
         verdicts.every_method(lambda name: table({"reason": "lacks a trait"}).assign(**{"energy exponent": 0.0}))
         is None
@@ -41,13 +43,13 @@ def test_every_method_has_three_ways_to_fail():
     fast = said(FITTED, FITTED | {"energy low": verdicts.ENERGY + verdicts.ABOVE + 0.01})
     assert not fast.holds
     assert "1 of 2 methods" in fast.text
-    assert "(not m1)" in fast.text
+    assert "(above it: m1 at h = 0.0987654321, n^0.50 [0.56, 0.55])" in fast.text
     assert not said(FITTED, FITTED | {"phase low": verdicts.PHASE + verdicts.ABOVE + 0.01}).holds
     assert said(FITTED | {"phase low": verdicts.PHASE + verdicts.ABOVE}).holds, "on the line is not above it"
-    assert said(FITTED).text.endswith("(m0)."), "none is without an ensemble"
+    assert said(FITTED).text.endswith("4096 steps)."), "none is without an ensemble"
     large = said(FITTED, FITTED | {"in units": 2 * verdicts.UNITS})
     assert not large.holds
-    assert "at most 20 (m1)" in large.text
+    assert "at most 20 (m1 at" in large.text
 
 
 def test_every_method_of_ours_that_could_has_a_cell():

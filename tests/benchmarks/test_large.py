@@ -115,6 +115,25 @@ def test_a_cost_that_grows_as_the_work_is_as_expected_and_a_steeper_one_is_not()
     assert said(page.scaling, large=costs().head(2)) is None
 
 
+@pytest.mark.parametrize(("low", "holds"), [(1.0, True), (1.09, True), (1.11, False)])
+def test_a_cost_is_steeper_than_the_work_where_its_whole_interval_is(monkeypatch, low, holds):
+    """The upper end is far above the work each time."""
+    row = {"system": "toda", "wanted": 1, "time": 1.5, "time, low": low, "time, high": 2.0, "memory": 1.0}
+    monkeypatch.setattr(page, "exponents", lambda costs: pd.DataFrame([row]))
+    found = said(page.scaling, large=costs())
+    assert found.holds is holds
+    assert f"toda 1.50 [{low:.2f}, 2.00]" in found.text
+    assert ("steeper than the work: toda" in found.text) is not holds
+
+
+def test_a_noisy_cost_whose_interval_holds_the_work_is_not_steeper():
+    rows = costs(power=1.2)
+    rows["ns, ours"] *= [1, 3, 1 / 3, 3, 1 / 3]
+    interval = page.exponents(rows).iloc[0]
+    assert interval["time, low"] < 1 + page.ABOVE < interval["time, high"]
+    assert said(page.scaling, large=rows).holds
+
+
 def test_the_cost_beside_c_and_rebound_is_told():
     near = said(page.beside, large=costs())
     assert near.holds

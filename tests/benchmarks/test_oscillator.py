@@ -150,6 +150,17 @@ def test_the_command_prints_the_contract():
     assert CliRunner().invoke(app, ["stability", "stormer-verlett", "--json"]).exit_code == 2
 
 
+@pytest.mark.parametrize(
+    ("method", "limit", "stable"),
+    [("explicit-euler", "0", "no step"), ("stormer-verlet", "2", "0 to 2")]
+    + [("implicit-midpoint", "none up to 100", "0 to beyond")],
+)
+def test_a_limit_of_0_is_no_lack_of_a_limit(method, limit, stable):
+    lines = [" ".join(line.split()) for line in CliRunner().invoke(app, ["stability", method]).stdout.splitlines()]
+    assert f"limit of h omega {limit}" in lines
+    assert f"stable for {stable}" in lines
+
+
 def test_known_limits_are_compared_to_the_digits_that_are_printed():
     assert linear.agrees(2.553145, 2.55, 3)
     assert not linear.agrees(2.5563, 2.55, 3)

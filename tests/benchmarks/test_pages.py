@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import pytest
+from markdown_it import MarkdownIt
 
 from phasebench.benchmarks import report
 from phasebench.benchmarks.experiments.audit import page as audit
@@ -409,7 +410,7 @@ STEPS = frame(
     {"scheme": "scheme-v", "without a root": 0},
     {"scheme": "scheme-v-iv", "without a root": 0},
     {"scheme": "scheme-iv-v", "without a root": 0},
-    status="ok", h=0.01, steps=100,
+    problem="x", status="ok", h=0.01, steps=100,
     **{energy_preservation.WITH: 1e-15, energy_preservation.WITHOUT: 1e-8, "scanned steps": 3,
        "scan finds a root within the radius": 0},
 )  # fmt: skip
@@ -489,8 +490,10 @@ BOTH_WAYS = {
     "drift": (invariants.drifting, {"rows": DRIFTS}, "rows",
               {"energy_max": 1e-9, "energy_drift": 1e-12, "energy_drift_low": 9e-13, "energy_drift_high": 1.1e-12}),
     "momentum": (invariants.momentum, {"rows": MOMENTA}, "rows", {"angular-momentum_max": 1e-6}),
-    "steps": (energy_preservation.kept, {"energy_preservation": STEPS.head(1)}, "energy_preservation",
+    "steps": (energy_preservation.kept, {"energy_preservation": STEPS.iloc[[1]]}, "energy_preservation",
               {energy_preservation.WITH: 1e-9}),
+    "a step": (energy_preservation.kept, {"energy_preservation": STEPS.iloc[[1]]}, "energy_preservation",
+               {"without a root": 1}),
     "finder": (energy_preservation.searched, {"energy_preservation": STEPS.head(1)}, "energy_preservation",
                {"scan finds a root within the radius": 1}),
     "other scheme": (energy_preservation.alternating, {"energy_preservation": STEPS}, "energy_preservation",
@@ -543,6 +546,32 @@ def test_orders_in_doubles_are_judged_both_ways():
 
 
 # -- HTML --------------------------------------------------------------------------------------------------------------
+
+
+def test_the_index_stands_open_and_long_tables_of_other_pages_are_folded(folder, tmp_path):
+    """Every table of the entry is seen at once; a table of as many rows on another page is not."""
+    index = (folder / "index.html").read_text()
+    assert index.count("<tr>") > html.LONG + 2
+    assert "<details>" not in index
+    text = (folder / "README.md").read_text().replace("(figures/", f"({folder}/figures/")
+    assert "<details>" in html.document(text, tmp_path)
+    assert "<details>" not in html.document(text, tmp_path, fold=False)
+
+
+@pytest.mark.parametrize("id", [*IDS, "README"])
+def test_markdown_takes_no_sign_of_a_formula_or_a_name_for_its_own(folder, id):
+    """All that is bold is an outcome, nothing is slanted: `p**2` and `__order__` stand as they are written."""
+    shown = MarkdownIt("commonmark").enable("table").render((folder / f"{id}.md").read_text())
+    bold = {text.partition(" in ")[0] for text in re.findall(r"<strong>(.*?)</strong>", shown, re.S)}
+    assert bold <= {"PASS", "FINDING", "not measured", "Not measured", "In part not by this version"}
+    assert "<em>" not in shown
+
+
+@pytest.mark.parametrize("text", ["p1**2 + p2**2/2", "RadauIIA3.__order__", "q1*q2*q3", "a_b_c"])
+def test_escaped_text_is_shown_as_it_is(text):
+    render = MarkdownIt("commonmark").render
+    assert render(markdown.plain(text)) == f"<p>{text}</p>\n"
+    assert render(markdown.code(text)) == f"<p><code>{text}</code></p>\n"
 
 
 @pytest.mark.parametrize("id", [*IDS, "index"])

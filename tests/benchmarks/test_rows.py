@@ -332,6 +332,23 @@ def test_a_number_that_is_no_more_and_a_status_that_changed_are_seen():
     assert not compare.differences(cell, "matrix", [{"order": 2.0, "status": "ok"}], old)
 
 
+@pytest.mark.parametrize("measured", [0, 1, 3])
+def test_another_number_of_rows_is_a_difference_whether_more_or_fewer(measured):
+    cell, row = toy_cells.cell(1), {"order": 2.0}
+    stored = [{"order": "2.0"}] * 2
+    (found,) = compare.differences(cell, "matrix", [row] * measured, stored)
+    assert (found.column, found.measured, found.stored) == ("rows", measured, 2)
+    assert compare.differences(cell, "matrix", [row] * 2, stored) == []
+
+
+@pytest.mark.parametrize(("factor", "seen"), [(1.0, False), (1 + 1e-12, True), (1.5, True), (0.5, True), (9.9, True)])
+def test_a_stated_uncertainty_does_not_move_at_all(factor, seen):
+    """It is a number of the stored certificate, whatever the machine."""
+    cell, stated = toy_cells.cell(1), 5.2295517e-30
+    found = compare.differences(cell, "references", [{"uncertainty": stated * factor}], [{"uncertainty": repr(stated)}])
+    assert bool(found) is seen
+
+
 def test_of_a_ladder_that_goes_as_far_as_the_machine_is_fast_the_common_rows_are_compared():
     cell = toy_cells.cell(1)
     stored = [{"setting": "150 steps", "closed form": "0.12"}]

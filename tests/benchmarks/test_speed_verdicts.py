@@ -64,9 +64,22 @@ def test_the_fastest_the_slowest_and_the_median_are_told_apart():
         for m, ns, status in (("a", 10.0, "ok"), ("b", 100.0, "ok"), ("c", 30.0, "ok"), ("d", 1.0, "diverged"))
     ]
     said = told(page.fastest, "speed", *rows)
-    assert "from 10 ns (a, p) to 100 ns (b, p), 30 ns in the median of 3 methods" in said.text
+    assert (
+        "from 10 ns (a, p) to 100 ns (b, p), 30 ns in the median of 3 pairs of a method and a problem (3 methods, 3"
+        in said.text
+    )
     assert said.holds
     assert told(page.fastest, "speed", rows[3]) is None
+
+
+def test_a_method_with_other_parameters_is_no_other_method():
+    """As many methods as the page on methods counts, and how many more with each of their parameters."""
+    rows = [
+        {"method": m, "problem": p, "ns per step": 1.0, "status": "ok"}
+        for m in ("a", "a(lam=1/3)", "a(lam=2)", "b")
+        for p in ("p", "q")
+    ]
+    assert "of 8 pairs of a method and a problem (2 methods, 4 with" in told(page.fastest, "speed", *rows).text
 
 
 def test_what_is_wanted_of_whom():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 from phasebench.benchmarks.certificate import evidence
+from phasebench.benchmarks.page import markdown
 from phasebench.benchmarks.page.markdown import listed
 from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, Verdict, of
 
@@ -48,14 +49,23 @@ def claims(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
     judged = holds + part + wrong + more
     if not judged:
         return None
-    names = [f"{r.peer} ({r.claim})" for r in mine[mine["verdict"] == judge.CONTRADICTED].itertuples()]
+    bad = mine[mine["verdict"] == judge.CONTRADICTED]
+    names, whose = [f"{r.peer} ({r.claim})" for r in bad.itertuples()], _packages(bad)
     text = f"Of {judged} claims of order, symplecticity, reversibility and energy that could be judged {holds} hold, "
     text += f"{part} hold on some problems only, {more} are understated, {wrong} contradicted"
     return Verdict(
-        f"{text}{f': {listed(names, 3)}' if names else ''}; {len(mine) - judged} could not be judged.",
+        f"{text}{f', {whose}: {listed(names, 3)}' if names else ''}; {len(mine) - judged} could not be judged.",
         wrong + part == 0,
-        f"{wrong} of {judged} claims are contradicted{f', {part} hold in part' if part else ''}.",
+        f"{wrong} of {judged} claims are contradicted{f', {whose}' if names else ''}{f'; {part} hold in part' if part else ''}.",
     )
+
+
+def _packages(bad: pd.DataFrame) -> str:
+    """Of which packages the rows are, those of most rows first: `all of p`, or `3 of p and 1 of q`."""
+    counts = bad.groupby("package").size().sort_values(ascending=False, kind="stable")
+    if len(counts) == 1:
+        return f"{'all ' if len(bad) > 1 else ''}of {counts.index[0]}"
+    return listed([f"{n} of {package}" for package, n in counts.items()])
 
 
 @of("audit_statements")
@@ -70,9 +80,11 @@ def statements(stated: pd.DataFrame) -> Verdict | None:
     worst = (
         f"; the worst: {bad.iloc[0]['package']}, {bad.iloc[0]['severity']} ({bad.iloc[0]['script']})" if wrong else ""
     )
-    text = f"Of {len(stated)} statements of documentation, each with a script, {holds} hold, {wrong} are contradicted, "
+    text = f"Of {len(stated)} statements of documentation, each with a script, {holds} hold, {wrong} are contradicted"
+    text += f" ({_packages(bad)}), " if wrong else ", "
+    whose = f" ({_packages(bad)})" if wrong else ""
     text += f"{more} understated, {open_} not judged{worst}."
-    return Verdict(text, wrong == 0, f"{wrong} of {len(stated)} statements of documentation are contradicted.")
+    return Verdict(text, wrong == 0, f"{wrong} of {len(stated)} statements of documentation are contradicted{whose}.")
 
 
 @of(modes.TABLE)
@@ -199,7 +211,7 @@ def table(data: Data) -> Table | None:
 def _stated(r) -> dict:
     return {
         "package": f"{r.package} {r.version}",
-        "said": f"[“{_quoted(r.said, r.where)}”]({r.link})",
+        "said": f"[“{markdown.plain(_quoted(r.said, r.where))}”]({r.link})",
         "measured": r.shows,
         "verdict": f"{r.verdict}: {r.severity}" if r.severity else r.verdict,
         "what would mend it": r.mend,

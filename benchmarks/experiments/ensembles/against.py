@@ -8,7 +8,9 @@ batch is reset in place.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,19 +28,33 @@ PROBLEMS = ("henon-heiles:box", "pendulum", "kepler")
 T_END, ROUNDS = 100.0, 6
 #: Orbits whose error is measured, and which heyoka integrates; ours fill more lanes, the cost is that of one.
 JUDGED, ORBITS = 128, 512
-#: Method -> the numbers of steps of a unit of time; of a method that can do the problem.
+#: Errors at which costs are compared, and the factor that the errors of two neighbours of a ladder are to be below: a
+#: rung is put half way between neighbours that are farther apart, so many times at most.
+ERRORS = (1e-1, 1e-3, 1e-5, 1e-7, 1e-9, 1e-10, 1e-11, 1e-12)
+SPAN, HALVED = 100.0, 3
+#: Method -> the numbers of steps of a unit of time; of a method that can do the problem.  From one to the next the
+#: error falls by at most two decades: the order times the logarithm of the factor.
 LADDERS = {
     "stormer-verlet": (2, 5, 10, 30),
     "blanes-moan-srkn6b": (2, 4, 8, 16),
     "blanes-moan-srkn11b": (1, 2, 4, 8),
-    "kahan-li-8": (1, 2, 4, 8),
-    "sofroniou-spaletta-10": (1, 2, 4, 8),
-    "sofroniou-spaletta-10-adaptive": (0.5, 1, 1.5, 2.25, 3),
+    "kahan-li-8": (1, 1.5, 2, 3, 4, 6, 8),
+    "sofroniou-spaletta-10": (1, 1.5, 2, 3, 4, 6, 8),
+    "sofroniou-spaletta-10-adaptive": (0.5, 0.75, 1, 1.5, 2.25, 3),
 }
 #: On Kepler's problem, whose pericentre is passed at short steps, more of each.
 SHORTER = {"kepler": 4}
-TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14, 2.220446049250313e-16)
+#: heyoka's tolerances, a factor of ten apart, and the least, before any is put between.
+TOLERANCES = (*(float(f"1e-{k}") for k in range(2, 16)), 2.220446049250313e-16)
 PEER = "heyoka-batch"
+
+
+class Rung(NamedTuple):
+    """A run of a ladder: whose it is, whether its size is a step (``h``) or a tolerance (``tol``), and the size."""
+
+    who: str
+    kind: str
+    value: float
 
 
 def cells(quick: bool = False) -> list[Cell]:
@@ -98,9 +114,9 @@ def _batches(system, tol: float, width: int, y: np.ndarray) -> Callable[[], np.n
     return run
 
 
-def _ours(system, id: str, per_unit: int, Q, P) -> Callable[[], np.ndarray]:
+def _ours(system, id: str, h: float, Q, P) -> Callable[[], np.ndarray]:
     def run() -> np.ndarray:
-        e = integrate_ensemble(system, id, Q, P, t_end=T_END, steps=int(per_unit * T_END), threads=1)
+        e = integrate_ensemble(system, id, Q, P, t_end=T_END, steps=round(T_END / h), threads=1)
         return np.where((e.status == "ok")[:, None], np.hstack([e.q, e.p]), np.nan)
 
     return run
@@ -120,20 +136,64 @@ def measured(name: str) -> Rows:
     truth = exact(system, Q[:JUDGED], P[:JUDGED])
     factor = SHORTER.get(found.id, 1)
     ladders = {id: rungs for id, rungs in LADDERS.items() if method(id).lacks(system) is None}
-    work = {(id, "h", 1 / (k * factor)): _ours(system, id, k * factor, Q, P) for id, r in ladders.items() for k in r}
-    both = np.hstack([Q, P])[:JUDGED]
-    for width in widths():
-        work |= {(f"heyoka, {width} lanes", "tol", tol): _batches(system, tol, width, both) for tol in TOLERANCES}
-    errors = {key: float(np.abs(run()[:JUDGED] - truth).max()) for key, run in work.items()}
+    batches, both = {f"heyoka, {width} lanes": width for width in widths()}, np.hstack([Q, P])[:JUDGED]
+
+    def made(who: str, kind: str, value: float) -> Callable[[], np.ndarray]:
+        return _batches(system, value, batches[who], both) if kind == "tol" else _ours(system, who, value, Q, P)
+
+    asked = [Rung(id, "h", 1 / (k * factor)) for id, rungs in ladders.items() for k in rungs]
+    asked += [Rung(who, "tol", tol) for who in batches for tol in TOLERANCES]
+    work, errors = {}, {}
+    for _ in range(1 + HALVED):
+        work |= {rung: made(*rung) for rung in asked}
+        errors |= {rung: worst(work[rung](), truth) for rung in asked}
+        asked = between(errors)
+    errors = {rung: errors[rung] for rung in in_order(errors)}
     seconds = in_turns({key: _clocked(run) for key, run in work.items()}, ROUNDS)
     rows = []
-    for (who, kind, value), error in errors.items():
-        orbits = JUDGED if kind == "tol" else ORBITS
-        cost = median(1e6 * seconds[who, kind, value] / orbits)
+    for rung, error in errors.items():
+        who, kind, value = rung
+        orbits = orbits_of(kind)
+        cost = median(1e6 * seconds[rung] / orbits)
         row = {"problem": found.label, "integrator": who, "side": "heyoka" if kind == "tol" else "ours", "t_end": T_END}
         row |= {"h": value if kind == "h" else None, "tol": value if kind == "tol" else None, "error": error}
         rows.append(row | {"us": cost.value, "us, low": cost.low, "us, high": cost.high, "orbits": orbits})
     return {TABLE: rows}
+
+
+def in_order(rungs: Iterable[Rung]) -> list[Rung]:
+    """The ladders one after the other, each from its longest step or its loosest tolerance on."""
+    first = list(dict.fromkeys(rung.who for rung in rungs))
+    return sorted(rungs, key=lambda rung: (first.index(rung.who), -rung.value))
+
+
+def between(errors: Mapping[Rung, float]) -> list[Rung]:
+    """Rungs half way between neighbours of a ladder that enclose one of `ERRORS` and are `SPAN` or more apart."""
+    out = []
+    for a, b in pairwise(in_order(errors)):
+        low, high = sorted((errors[a], errors[b]))
+        wide = a.who == b.who and high >= SPAN * low and any(low < error < high for error in ERRORS)
+        value = (a.value * b.value) ** 0.5
+        if a.kind == "h":
+            value = T_END / round(T_END / value)
+        if wide and b.value < value < a.value:
+            out.append(Rung(a.who, a.kind, value))
+    return out
+
+
+def worst(ends: np.ndarray, truth: np.ndarray) -> float:
+    """The error of the worst of the judged orbits; not a number where one of them did not arrive.
+
+    Parameters
+    ----------
+    ends, truth : arrays (n, 2 d), (m, 2 d) with m <= n, of which the first m are judged
+    """
+    return float(np.abs(ends[: len(truth)] - truth).max())
+
+
+def orbits_of(kind: str) -> int:
+    """How many orbits one run carries to the end: heyoka's, told by its tolerance, or ours."""
+    return JUDGED if kind == "tol" else ORBITS
 
 
 def _clocked(run) -> Callable[[], float]:

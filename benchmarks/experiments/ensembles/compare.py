@@ -1,4 +1,7 @@
-"""Costs at equal error: between the two rungs of a ladder that enclose an error, the cost by a power law."""
+"""Costs at equal error: between two rungs of a ladder that are at most `SPAN` apart in error, the cost by a power law.
+
+Between rungs farther apart nothing is known: the cost is that of the rung that has the error.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,8 @@ import pandas as pd
 
 from phasebench.benchmarks.measure.timing import NOWHERE, Median, cheaper
 
-ERRORS = (1e-1, 1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-12)
+from .against import ERRORS, SPAN
+
 OURS, HEYOKA = "ours", "heyoka"
 
 
@@ -23,6 +27,8 @@ def at(rungs: pd.DataFrame, error: float) -> Median:
     if coarser.empty or best["error"] == 0:
         return below
     above = coarser.iloc[0]
+    if above["error"] / best["error"] >= SPAN:
+        return below
     share = np.log(above["error"] / error) / np.log(above["error"] / best["error"])
     names = ("us", "us, low", "us, high")
     return Median(*(float(above[k] ** (1 - share) * best[k] ** share) for k in names))

@@ -163,7 +163,7 @@ PAGE = Page(
     setting=(
         f"{lanes.ORBITS} orbits that start within {lanes.SPREAD} of a problem's own, in SIMD lanes, on one core and on all; h = {lanes.H}.",
         "The scalar kernel is the same source for one orbit; both sum with compensation and solve stages to round-off.",
-        f"Beside heyoka's batches: {against.JUDGED} distinct orbits to t = {against.T_END:g}, one core, its own number of lanes and twice it.",
+        f"Beside heyoka's batches: {against.JUDGED} distinct orbits to t = {against.T_END:g}, one core, its own number of lanes and twice it, tolerances a factor of ten apart or less.",
         f"Section and grid of Henon-Heiles at H = 1/8: {maps.METHOD}, h = {maps.STEP}, to t = {maps.LONG:g} and {maps.T_GRID:g}.",
         "Seconds are from arrays of starts to arrays of ends, warm: layout, checks and threads are in them.",
     ),
@@ -174,7 +174,8 @@ PAGE = Page(
     limits=(
         f"The bare loop is leapfrog steps of {ceiling.WIDTH} oscillators, compiled, as many on each core as on one.",
         "Times are the machine's own; a neighbour on its cores moves them, and those on all cores most.",
-        "The error is the worst orbit's; the cost at an error is taken between two rungs of a ladder by a power law.",
+        f"The error is the worst orbit's; the cost at an error is taken by a power law between two rungs whose errors are less than a factor {against.SPAN:g} apart; "
+        "where they are farther apart it is that of the finer one.",
         "The scalar kernel's time is of the problem's own orbit; lanes go on until the slowest of their orbits is solved.",
     ),
     command="pytest benchmarks/experiments/ensembles",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from phasebench.benchmarks.experiments.extremes import brouwer
 from phasebench.benchmarks.experiments.extremes import brouwer_controls as controls
 from phasebench.benchmarks.experiments.extremes.cells import cells  # noqa: F401
-from phasebench.benchmarks.experiments.extremes.verdicts import ABOVE, ENERGY
+from phasebench.benchmarks.experiments.extremes.round_off_verdicts import ABOVE, ENERGY
 
 #: Scheme I's limits are in closed form to this.
 SHARP = 1e-10

@@ -9,6 +9,7 @@ import pandas as pd
 
 from phasebench.benchmarks.experiments.extremes import brouwer, cases, encounters, figures, push, verdicts
 from phasebench.benchmarks.experiments.extremes import linear as maps
+from phasebench.benchmarks.experiments.extremes import round_off_verdicts as round_off
 from phasebench.benchmarks.experiments.extremes.methods import REPRESENTATIVE, transformed
 from phasebench.benchmarks.page.markdown import number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table
@@ -118,7 +119,7 @@ PAGE = Page(
         "digits, and on Kepler's problem by Wisdom-Holman's exact step; whether errors are bounded is [another page](drift.md)'s.",
         f"Orbits: {'; '.join(c.id for c in cases.CASES)}.",
     ),
-    verdicts=(verdicts.limits, verdicts.close, verdicts.brouwers_law),
+    verdicts=(verdicts.limits, verdicts.close, round_off.brouwers_law),
     figures=draw,
     table=table,
     whole=whole,
@@ -130,8 +131,8 @@ PAGE = Page(
         "Survival is not monotone in h: the largest step is the end of the first interval that doublings see.",
         f"What keeps its energy is convicted on regular orbits alone, where a coordinate leaves its range by more than MARGIN = {cases.MARGIN:g} "
         f"of it or crosses its middle {cases.OFF:g} times too often or too seldom; on chaotic ones by the energy's bounds.",
-        f"Brouwer's law is judged at UNITS = {verdicts.UNITS:g} eps h n^(1/2) and exponents whose interval begins at most "
-        f"ABOVE = {verdicts.ABOVE:g} over it; the oscillator is linear, and its rounding need not be that of other problems.",
+        f"Brouwer's law is judged at UNITS = {round_off.UNITS:g} eps h n^(1/2) and exponents whose interval begins at most "
+        f"ABOVE = {round_off.ABOVE:g} over it; the oscillator is linear, and its rounding need not be that of other problems.",
         f"Next to fractions of small denominators, such as h = {brouwer.DECIMAL:g}, round-off drifts: see [why](extremes-round-off.md).",
         f"A run that takes longer than {cases.SECONDS:g} s counts as failed there (timeout).",
     ),

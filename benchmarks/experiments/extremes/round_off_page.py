@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pandas as pd
 
-from phasebench.benchmarks.experiments.extremes import brouwer, verdicts
+from phasebench.benchmarks.experiments.extremes import brouwer
 from phasebench.benchmarks.experiments.extremes import brouwer_every as every
+from phasebench.benchmarks.experiments.extremes import round_off_verdicts as verdicts
 from phasebench.benchmarks.page.page import ROWS, Page, Table
 
 
@@ -22,10 +23,10 @@ def table(data) -> Table | None:
     shown = pd.concat([first, rest.sort_values(["above", "in units"], ascending=False)]).head(ROWS)
     columns = {
         "run": shown["label"],
-        "h": [_step(h) for h in shown["h"]],
+        "h": [verdicts.named_step(h) for h in shown["h"]],
         "steps": shown["steps"].astype(float),
-        "energy ~ n^": [_interval(row, "energy") for _, row in shown.iterrows()],
-        "phase ~ n^": [_interval(row, "phase") for _, row in shown.iterrows()],
+        "energy ~ n^": [verdicts.exponent(row, "energy") for _, row in shown.iterrows()],
+        "phase ~ n^": [verdicts.exponent(row, "phase") for _, row in shown.iterrows()],
         "of eps h n^(1/2)": shown["in units"],
         "mean a step": shown["bias per step"],
         "of its error": shown["bias in its errors"],
@@ -36,17 +37,6 @@ def table(data) -> Table | None:
         "mean change of the energy a step, and in units of its standard error."
     )
     return Table(pd.DataFrame(columns), caption)
-
-
-def _step(h: float) -> str:
-    """A step as it is, where it is a little beside another with that said."""
-    beside = [x for x in (brouwer.DECIMAL, brouwer.TENTH) if h == x * brouwer.ASIDE]
-    return f"{beside[0]:g} (1 + 2^-40)" if beside else f"{h:.10g}"
-
-
-def _interval(row, name: str) -> str:
-    value, low, high = (row[f"{name} {part}"] for part in ("exponent", "low", "high"))
-    return "" if pd.isna(value) else f"{value:.2f} [{low:.2f}, {high:.2f}]"
 
 
 def whole(data) -> pd.DataFrame | None:
@@ -71,7 +61,9 @@ PAGE = Page(
     table=table,
     whole=whole,
     limits=(
-        f"Exponents are judged by whether their interval begins more than {verdicts.ABOVE:g} above the law's, sizes at {verdicts.UNITS:g} eps h n^(1/2).",
+        f"An exponent fails where its interval begins more than {verdicts.ABOVE:g} above the law's, a size above {verdicts.UNITS:g} eps h n^(1/2), a mean where "
+        f"Student's law gives it a probability of less than {verdicts.CHANCE:.0%} over all ensembles of its table.",
+        "A bias grows as n and overtakes a random walk after so many steps as make its mean as large as the walk; of a method that keeps H the mean is an offset.",
         "Coefficients that are rounded to doubles make another symplectic map: the phase has a part linear in n, which is no round-off of the run.",
         "The oscillator's force is exact in doubles; a force that rounds by itself may hide the residues of the state.",
         "The drift next to fractions is not mended: the force would have to be evaluated at more digits than a double has; another step costs nothing.",

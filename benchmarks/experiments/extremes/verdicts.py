@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.experiments.extremes import brouwer, encounters, meetings
-from phasebench.benchmarks.experiments.extremes import brouwer_controls as controls
-from phasebench.benchmarks.experiments.extremes.brouwer_kepler import LABEL as KEPLER
+from phasebench.benchmarks.experiments.extremes import encounters, meetings
 from phasebench.benchmarks.page.markdown import listed, number
 from phasebench.benchmarks.page.page import Verdict, of
 from phasebench.integrators.registry import BY_ID
@@ -16,8 +14,6 @@ from phasebench.integrators.registry import BY_ID
 KEPLERIAN = ("rebound-whfast", "rebound-mercurius", "rebound-trace")
 #: A closed form is met to this.
 SHARP = 1e-10
-#: Brouwer's exponents, how far above them an interval may begin, and the energy error that is round-off's in its units.
-ENERGY, PHASE, ABOVE, UNITS = 0.5, 1.5, 0.05, 10.0
 
 
 @of("extremes_published", "extremes_scheme_i", "extremes_linear")
@@ -94,96 +90,3 @@ def met(table: pd.DataFrame) -> Verdict:
     adaptive = best[best["kind"] == "adaptive"]
     short = f"Not held: {listed(lost, 3)}." if lost else "Every kind of steps holds."
     return Verdict(text, bool(adaptive["held"].all()), short)
-
-
-@of("extremes_growth")
-def brouwers_law(table: pd.DataFrame) -> Verdict | None:
-    """Whether round-off grows as Brouwer's law has it, and plain sums do not stay as small."""
-    fitted = table[table["energy exponent"].notna()]
-    ours, control = fitted[fitted["kind"].isin(brouwer.UNBIASED)], fitted[fitted["label"] == brouwer.CONTROL]
-    if ours.empty or control.empty:
-        return None
-    fast, late = ours[_faster(ours)], ours[ours["phase low"] > PHASE + ABOVE]
-    long = table[table["energy exponent"].isna()]
-    large = pd.concat([ours, long])["in units"] > UNITS
-    caught = bool((control["in units"] > UNITS).all())
-    text = (
-        f"Brouwer's law: in {len(ours) - len(fast)} of {len(ours)} ensembles the energy's round-off grows no faster "
-        f"than n^{ENERGY:g} (fastest {_named(ours.loc[ours['energy exponent'].idxmax()])}), in "
-        f"{len(ours) - len(late)} the phase's than n^{PHASE:g}; the energy's is at most "
-        f"{number(ours['in units'].max())} eps h n^(1/2) after {number(float(ours['steps'].max()))} steps"
-    )
-    if len(long):
-        text += f", {number(long['in units'].max())} after {number(float(long['steps'].max()))}"
-    for _, row in ours[ours["label"] == KEPLER].iterrows():
-        exponents = f"n^{row['energy exponent']:.2f} and n^{row['phase exponent']:.2f}"
-        text += f"; {KEPLER}, where the frequency depends on the energy, has {exponents}"
-    text += f"; plain sums, the control, have {number(control['in units'].max())}"
-    text += "." if caught else ": not told apart."
-    holds = fast.empty and late.empty and not large.any() and caught
-    said = f"Round-off grows by Brouwer's law in {len(ours) - len(fast)} of {len(ours)} ensembles."
-    return Verdict(text, holds, said)
-
-
-@of("extremes_growth_every")
-def every_method(table: pd.DataFrame) -> Verdict | None:
-    """Of how many of our methods round-off grows no faster than Brouwer's law has it, and which have no ensemble."""
-    reasons = table["reason"].astype(object).fillna("")
-    run, left = table[reasons == ""], table[reasons != ""]
-    if run.empty:
-        return None
-    fitted = run[run["energy exponent"].notna()]
-    fast, late = fitted[_faster(fitted)], fitted[fitted["phase low"] > PHASE + ABOVE]
-    large = run[run["in units"] > UNITS]
-    told, worst = int(run["phase exponent"].notna().sum()), run.loc[run["in units"].idxmax()]
-    said = f"{len(run) - len(fast)} of {len(run)} methods at h = {run['h'].iloc[0]:.3g}"
-    whose = f"Every symplectic or energy-preserving method, {int(run['starts'].min())} starts"
-    phase = f"the phase's than n^{PHASE:g} in {told - len(late)} of {told}{_but(late)}"
-    text = (
-        f"{whose}: the energy's round-off grows no faster than n^{ENERGY:g} in {said}{_but(fast)}, {phase}; in units "
-        f"of eps h n^(1/2) the energy's is at most {number(worst['in units'])} ({worst['label']})"
-    )
-    if len(left):
-        text += f"; {len(left)} have none here: {listed(list(left['label']), 4)}"
-    return Verdict(f"{text}.", fast.empty and late.empty and large.empty, f"Round-off grows by the law in {said}.")
-
-
-def _but(rows: pd.DataFrame) -> str:
-    return f" (not {listed(list(rows['label']), 6)})" if len(rows) else ""
-
-
-def _faster(rows: pd.DataFrame) -> pd.Series:
-    return rows["energy low"] > ENERGY + ABOVE
-
-
-def _named(row) -> str:
-    return f"{row['label']} at h = {row['h']:g}, n^{row['energy exponent']:.2f}"
-
-
-@of("extremes_growth")
-def small_denominators(table: pd.DataFrame) -> Verdict | None:
-    """Whether the drift next to fractions of small denominators is there, and is what it is said to be.
-
-    It must go where the fraction is left by a little, stay where products alone are exact, and go where velocity and
-    force see the whole state.
-    """
-    parts = {kind: table[table["kind"] == kind] for kind in (brouwer.FRACTION, brouwer.ASIDE_OF)}
-    parts |= {label: table[table["label"] == label] for label in (controls.HALF, controls.WHOLE)}
-    if any(rows.empty for rows in parts.values()):
-        return None
-    drifting = {kind: rows[_faster(rows)] for kind, rows in parts.items()}
-    fractions, beside = drifting[brouwer.FRACTION], drifting[brouwer.ASIDE_OF]
-    asked, near = parts[brouwer.FRACTION], parts[brouwer.ASIDE_OF]
-    product, whole = (drifting[label] for label in (controls.HALF, controls.WHOLE))
-    explained = beside.empty and whole.empty and not product.empty
-    text = f"Next to a fraction of a small denominator the energy drifts in {len(fractions)} of {len(asked)} ensembles"
-    if len(fractions):
-        text += f" ({listed([_named(row) for _, row in fractions.iterrows()], 4)})"
-    text += (
-        f", a little beside it in {len(beside)} of {len(near)}; with exact products Stormer-Verlet "
-        f"{'still drifts' if len(product) else 'does not drift'}, and where velocity and force see the lost part of "
-        f"the state too it {'still does' if len(whole) else 'does not'}: "
-    )
-    text += "the bias is of the rounded state's few residues" if explained else "the drift is not explained"
-    said = f"Steps such as {brouwer.DECIMAL:g} drift by the state's rounding{'' if explained else ', or so it seems'}."
-    return Verdict(f"{text}.", fractions.empty, said)

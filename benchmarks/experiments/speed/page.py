@@ -49,9 +49,16 @@ def fastest(speed: pd.DataFrame) -> Verdict | None:
     text = (
         f"A step takes from {number(low['ns per step'])} ns ({low['method']}, {low['problem']}) to "
         f"{number(high['ns per step'])} ns ({high['method']}, {high['problem']}), "
-        f"{number(ran['ns per step'].median())} ns in the median of {ran['method'].nunique()} methods."
+        f"{number(ran['ns per step'].median())} ns in the median of {len(ran)} pairs of a method and a problem ({_counted(ran)})."
     )
     return Verdict(text, True, text)
+
+
+def _counted(ran: pd.DataFrame) -> str:
+    """How many methods there are, and with how many parameters: a label is `id(lam=2)`."""
+    settings = ran["method"].drop_duplicates()
+    methods = settings.str.partition("(")[0].nunique()
+    return f"{methods} methods, {len(settings)} with each of their parameters counted"
 
 
 @of("ratios")

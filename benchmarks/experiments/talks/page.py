@@ -105,7 +105,7 @@ def turns(curves: pd.DataFrame) -> Verdict | None:
     apart = {r.curve: abs(r.turn / exact.iloc[0] - 1) for r in runs.itertuples() if r.curve != "exact flow"}
     parts = [f"{name} by {100 * x:.2g} %" for name, x in apart.items()]
     text = f"The apocentre turns by {number(exact.iloc[0], 4)} rad a revolution; off from that: {', '.join(parts)}."
-    return Verdict(text, max(apart.values(), default=0) <= TURN, text)
+    return Verdict(text, bool(max(apart.values(), default=0) <= TURN), text)
 
 
 @of(TABLE)

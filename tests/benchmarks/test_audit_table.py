@@ -1,0 +1,40 @@
+"""The audit's cells in words: an energy error is called round-off where it is, and only there."""
+
+from __future__ import annotations
+
+import pytest
+
+from phasebench.benchmarks.certificate.evidence import round_off
+from phasebench.benchmarks.experiments.audit import table
+
+#: Rows that came to their end; the drift's interval tells which of the words it is.
+ROW = {"measure": "energy", "status": "ok", "problem": "pendulum", "scale": 1.0, "steps": 1000, "time": 10.0}
+
+
+def said(value: float, slope: float = 0.0, half: float = 1e-30) -> str:
+    row = ROW | {"value": value, "slope": slope, "low": slope - half, "high": slope + half}
+    return table.cell([row], "energy")
+
+
+LIMIT = round_off(ROW)
+
+
+@pytest.mark.parametrize(
+    ("value", "slope", "half", "word"),
+    [
+        (0.5 * LIMIT, 0.0, 1e-30, "round-off"),
+        (LIMIT, 0.0, 1e-30, "round-off"),
+        (0.5 * LIMIT, 1.0, 1e-3, "round-off"),
+        (1.01 * LIMIT, 0.0, 1e-30, "bounded"),
+        (1e-3, 1e-9, 2e-9, "bounded"),
+        (1e-3, 6e-5, 1e-9, "drifts"),
+        (1e-3, 3e-5, 1e-9, "open"),
+        (0.3, 1e-9, 2e-9, "large"),
+    ],
+)
+def test_an_energy_error_is_round_off_up_to_its_law_and_only_there(value, slope, half, word):
+    text = said(value, slope, half)
+    assert text.split()[2] == word
+    assert ("round-off" in text) is (value <= LIMIT)
+    assert text.startswith(f"pendulum {value:.0e} ")
+    assert text.endswith(f" {slope:+.0e} +- {half:.0e}")
