@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from phasebench.benchmarks.measure.compilation import failure_summary
 from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.benchmarks.measure.timing import in_turns, median
@@ -56,10 +57,18 @@ def advise(ask: Ask, problem_words: Sequence[str] = (), portfolio_of=portfolio) 
     members, search_.dropped = portfolio_of(ask, ask.accuracy or MIDDLE)
     search_.try_all(members)
     if not search_.found:
-        return answer | _nothing(_unreached(search_), true, search_.dropped)
+        return answer | _nothing(_unreached(search_), true, search_.dropped) | _failures(search_)
     order = finals(search_)
     problem_words = list(problem_words) or words.named(ask.problem)
-    return answer | _chosen(search_, order, problem_words)
+    return answer | _chosen(search_, order, problem_words) | _failures(search_)
+
+
+def _failures(found: Search) -> dict[str, Any]:
+    """Which integrators do not compile, and a warning that says so; null where all of them do."""
+    return {
+        "failed": [f._asdict() for f in found.failed],
+        "warning": failure_summary(found.failed, found.all_own_failed) or None,
+    }
 
 
 def _nothing(why: str, true: Truth | None, dropped: Sequence[Dropped] = ()) -> dict[str, Any]:
@@ -73,6 +82,8 @@ def _nothing(why: str, true: Truth | None, dropped: Sequence[Dropped] = ()) -> d
         "lower_model": None,
         "alternatives": [],
         "dropped": [d._asdict() for d in dropped],
+        "failed": [],
+        "warning": None,
         "reference": None if true is None else {"uncertainty": true.uncertainty, "source": true.source},
         "verified": False,
     }
@@ -83,6 +94,8 @@ def _unreached(found: Search) -> str:
     best = min(
         ((p.error, t) for t in found.trials for p in t.points.values() if p.ok), key=lambda x: x[0], default=None
     )
+    if best is None and found.failed and not found.trials:
+        return "no integrator that was tried compiles"
     if best is None and not any(t.points for t in found.trials):
         return "no integrator was tried in the time that the search may take: give it more (--limit)"
     if best is None:

@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from math import inf, isfinite
 from typing import Any
 
+from phasebench.benchmarks.measure.compilation import Failed, compilation_error
 from phasebench.benchmarks.measure.integrator import OURS, Integrator
 from phasebench.benchmarks.measure.quantities import Truth
+from phasebench.integrators.registry import BY_ID as METHODS
 
 from . import kept, prior, words
 from .ask import Ask
@@ -73,6 +75,7 @@ class Search:
         self.found: list[Candidate] = []
         self.trials: list[Trial] = []
         self.dropped: list[Dropped] = []
+        self.failed: list[Failed] = []
         #: How many steps heyoka takes, once known: a tenth of a revolution each, or so.
         self.pace: int | None = None
         #: The families whose kernels are compiled, and the longest time that a new one took.
@@ -88,6 +91,12 @@ class Search:
     def spent(self) -> float:
         """Seconds of the processor since the beginning: a machine that is shared is given the time that it takes."""
         return time.process_time() - self.began
+
+    @property
+    def all_own_failed(self) -> bool:
+        """True if methods of this project were tried and none of them compiled."""
+        compiled = any(t.integrator.kind == OURS for t in self.trials)
+        return not compiled and any(f.integrator in METHODS for f in self.failed)
 
     def over(self, share: float = SEARCHED) -> bool:
         """Whether the time for trying is."""
@@ -131,6 +140,10 @@ class Search:
             else:
                 found = best_within(trial, ask.budget, self.start(trial, MIDDLE))
         except Exception as error:  # whatever it is, it is this candidate's
+            if why := compilation_error(error):
+                self.trials.remove(trial)
+                self.failed.append(Failed(integrator.id, why))
+                return
             found = Found(None, f"fails: {type(error).__name__}: {error}")
         if integrator.id == FIRST and trial.points:
             self.pace = max(p.steps for p in trial.points.values())

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from math import inf
 from typing import Any
 
 from phasebench.benchmarks.measure import truths
+from phasebench.benchmarks.measure.compilation import FAILED, compilation_error
 from phasebench.benchmarks.measure.integrator import OURS, Integrator
 from phasebench.benchmarks.measure.quantities import Quantity
 from phasebench.integrators.errors import InvalidInput
@@ -62,8 +64,19 @@ def ladders(
             raise InvalidInput(lack)
         progress(integrator.label)
         trial = Trial(integrator, ask, true, 2 * LONGEST)
-        rows += [_row(trial, point) for point in rungs(trial)]
+        rows += [_row(trial, point) for point in _points(trial)]
     return rows
+
+
+def _points(trial: Trial) -> list[Point]:
+    """The rungs; of an integrator that does not compile one point, with the status `FAILED` and the reason."""
+    try:
+        return list(rungs(trial))
+    except Exception as error:
+        why = compilation_error(error)
+        if why is None:
+            raise
+        return [Point({}, inf, inf, 0, FAILED, why)]
 
 
 def _row(trial: Trial, point: Point) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -53,7 +54,8 @@ def advise(
         A row for each of the choice, the cheapest of this project, of the others, the runner-up, and what the next ten
         times in accuracy costs (column ``role``): integrator, params, h and steps or tol, model, command, error,
         uncertainty, seconds.  Empty where nothing is advised.  ``attrs`` hold the rest of the answer: ``verified``,
-        ``why``, ``lower_model`` (of a scene with a ladder of models), ``alternatives``, ``dropped``, ``reference``.
+        ``why``, ``lower_model`` (of a scene with a ladder of models), ``alternatives``, ``dropped``, ``reference``,
+        ``failed`` (integrators that do not compile, and why: a warning names them).
 
     Raises
     ------
@@ -82,6 +84,8 @@ def advise(
         progress=progress,
     )
     answer = answered(asked, line or ())
+    if answer["warning"]:
+        warnings.warn(answer["warning"], stacklevel=2)
     rows = [{"role": role} | answer[role] for role in ROLES if answer[role] is not None]
     table = pd.DataFrame(rows)
     table.attrs = {key: value for key, value in answer.items() if key not in ROLES}

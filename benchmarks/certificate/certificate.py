@@ -21,7 +21,7 @@ from .order import order
 from .place import measured, place, scenes
 from .stepping import DIGITS, StepFailed, Stepper
 from .subject import Subject, subject
-from .times import timed
+from .times import timed_or_failed
 from .verdicts import CONSERVED, Judged, Tables
 
 if TYPE_CHECKING:
@@ -267,7 +267,7 @@ def _times(chosen: Subject, tables: Tables, tell) -> list[dict]:
     out = []
     for row in tables.of("place"):
         tell(f"its time on {row['on']}")
-        out.append(timed(chosen, row, measured))
+        out.append(timed_or_failed(chosen, row, measured))
     return [x for x in out if x is not None]
 
 

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from phasebench.benchmarks.measure import timing
+from phasebench.benchmarks.measure.compilation import Failed, NotCompiled, failure_summary, naming
 from phasebench.integrators.driver import OK
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.record import Method
@@ -162,6 +163,20 @@ def timed(chosen: Subject, row: Mapping[str, Any], run: Callable) -> dict[str, A
     return told(row, known, evaluations, timing.in_turns(work | {"reference": reference}, ROUNDS))
 
 
+def timed_or_failed(chosen: Subject, row: Mapping[str, Any], run: Callable) -> dict[str, Any] | None:
+    """The times, or where a compiled run of the comparison does not compile a row without times that says so."""
+    try:
+        return timed(chosen, row, run)
+    except NotCompiled as error:
+        return {
+            "on": row["on"],
+            "reference": REFERENCE,
+            "errors": [],
+            "python": None,
+            "failed": [error.failed._asdict()],
+        }
+
+
 def _clocked(run: Callable[[], object]) -> Callable[[], float]:
     """The run as one that tells its seconds, those of the processor."""
 
@@ -175,11 +190,14 @@ def _clocked(run: Callable[[], object]) -> Callable[[], float]:
 
 def _often(problem, method, t_end: float, steps: int) -> Callable[[], float]:
     """The seconds of one of `INNER` compiled runs of a method of ours."""
-    compiled = prepare(problem, method)
+    name = getattr(method, "id", method)
+    with naming(name):
+        compiled = prepare(problem, method)
 
     def runs() -> None:
-        for _ in range(INNER):
-            compiled(t_end / steps, steps)
+        with naming(name):
+            for _ in range(INNER):
+                compiled(t_end / steps, steps)
 
     clocked = _clocked(runs)
     return lambda: clocked() / INNER
@@ -206,6 +224,13 @@ def told(row: Mapping[str, Any], known: Stored, evaluations: float, seconds: Map
         price = timing.ratio(seconds["python"] / (4 * STEPS), seconds["reference"] / known.evaluations)
         out["python"] = price._asdict()
     return out
+
+
+def failures(times: Iterable[Mapping[str, Any]]) -> str:
+    """A sentence on what the comparison could not compile; empty where it compiled everything."""
+    found = [Failed(**f) for t in times for f in t.get("failed", ())]
+    summary = failure_summary(found, all_own=True)
+    return f"The comparison of times is missing. {summary}" if summary else ""
 
 
 def said(times: Iterable[Mapping[str, Any]]) -> list[str]:

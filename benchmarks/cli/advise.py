@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from .integrate import made
-from .shared import WRONG, complain, invalid_input, numbers, out, print_json, show, telling, values
+from .shared import WRONG, complain, invalid_input, numbers, out, print_json, show, telling, values, warn
 
 #: Candidates that are shown on a terminal, and reasons for which others fell out.
 SHOWN, REASONS = 10, 6
@@ -94,6 +94,7 @@ def _words(problem, hamiltonian, chosen, set_, q, p) -> list[str]:
 
 def _print(answer: dict[str, Any]) -> None:
     """The answer for a person: a table, one command to paste, and why others fell out."""
+    warn(answer["warning"])
     wanted = f"{answer['quantity']} of {answer['problem']} to t = {answer['t_end']:g}"
     if answer["choice"] is None:
         out.print(f"No advice for the {wanted}: {answer['why']}.", highlight=False, markup=False, soft_wrap=True)

@@ -12,7 +12,7 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
-from .shared import err, invalid_input, out
+from .shared import err, invalid_input, out, warn
 
 
 def run(
@@ -74,6 +74,7 @@ def _one(problem: str, t_end: float | None, quantity: str, methods: list[str], s
     """Error and time of methods on one problem, from where each breaks to round-off, one JSON object a line."""
     import json
 
+    from phasebench.benchmarks.measure.compilation import row_failures
     from phasebench.reference.tables import write_file
 
     from .integrate import made
@@ -88,5 +89,6 @@ def _one(problem: str, t_end: float | None, quantity: str, methods: list[str], s
             raise InvalidInput(f"--output is {output}, and there is no folder {output.parent}")
         rows = measured(made(problem, None, {}, None, None), t_end, quantity, ",".join(methods))
         write_file(output, "".join(json.dumps(row) + "\n" for row in rows))
+    warn(row_failures(rows)[1])
     ends = Counter(r["status"] for r in rows)
     out.print(f"{len(rows)} rows in {output}: " + ", ".join(f"{n} {s}" for s, n in ends.items()))

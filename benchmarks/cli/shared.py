@@ -41,6 +41,14 @@ def complain(message: str) -> None:
     err.print(f"[bold red]invalid:[/] {escape(message)}", highlight=False, soft_wrap=True)
 
 
+def warn(message: str | None) -> None:
+    """Print what has to be known first, such as methods that do not compile; nothing where there is nothing."""
+    from rich.markup import escape
+
+    if message:
+        out.print(f"[bold red]warning:[/] {escape(message)}", highlight=False, soft_wrap=True)
+
+
 @contextmanager
 def compilation_shown(wanted: bool) -> Iterator[None]:
     """While something is compiled, say so on a terminal."""

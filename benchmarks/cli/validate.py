@@ -9,7 +9,7 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
-from .shared import WRONG, compilation_shown, invalid_input, out, print_json, telling, width
+from .shared import WRONG, compilation_shown, invalid_input, out, print_json, telling, warn, width
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.certificate.certificate import Certificate
@@ -84,6 +84,7 @@ def _print(found: Certificate, output: Path | None) -> None:
     from phasebench.benchmarks.certificate import times
     from phasebench.benchmarks.certificate.place import placed
 
+    warn(times.failures(found.times))
     room = width()
     if room is None or room < NARROW:
         _say(found.summary())

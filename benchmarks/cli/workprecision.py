@@ -12,7 +12,7 @@ import typer
 from phasebench.integrators.errors import InvalidInput
 
 from .integrate import made
-from .shared import invalid_input, numbers, out, print_json, show, telling, values
+from .shared import invalid_input, numbers, out, print_json, show, telling, values, warn
 
 #: The errors of the table, and curves of a figure at most.
 ACCURACIES = tuple(10.0**-k for k in range(1, 14, 2))
@@ -46,9 +46,14 @@ def workprecision(
         rows = measured(_asked(problem, hamiltonian, set_, q, p), t_end, quantity, methods)
         if output is not None:
             _figure(rows, output)
+    from phasebench.benchmarks.measure.compilation import row_failures
+
+    failed, warning = row_failures(rows)
     if as_json:
-        print_json({"rows": rows, "figure": None if output is None else str(output)})
+        figure = None if output is None else str(output)
+        print_json({"rows": rows, "figure": figure, "failed": failed, "warning": warning or None})
         return
+    warn(warning)
     first = rows[0]
     title = f"seconds for an error of the {first['quantity']} of {first['problem']} to t = {first['t_end']:g}"
     show(title, list(table(rows)))

@@ -190,6 +190,7 @@ def test_the_list_of_peers_says_what_is_installed(monkeypatch):
     assert len(strict(call("list", "peers", "--not-installed", "--json")[1])) == len(PEERS)
 
 
+@pytest.mark.lowest
 def test_the_version():
     import importlib.metadata as metadata
 
@@ -222,6 +223,7 @@ def test_the_module_is_the_command_and_lists_in_less_than_two_seconds():
 # -- integrate: the contract -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.lowest
 def test_json_has_the_keys_of_the_contract():
     code, found = run_json("kepler", "stormer-verlet", *SHORT)
     assert code == 0
@@ -317,6 +319,7 @@ def test_a_parameter_of_the_problem_is_set():
     assert found["q"] != run_json("kepler", "rk4", *SHORT)[1]["q"]
 
 
+@pytest.mark.lowest
 def test_an_adaptive_peer_takes_a_tolerance():
     code, found = run_json("kepler", "heyoka", "--t-end", "1", "--tol", "1e-15")
     assert code == 0
@@ -329,6 +332,7 @@ def test_an_adaptive_peer_takes_a_tolerance():
     assert np.abs(np.array(found["q"]) - s.q[-1]).max() < 1e-9
 
 
+@pytest.mark.lowest
 def test_the_text_says_the_same_as_the_json():
     code, text, _ = call("integrate", "kepler", "rk4", *SHORT)
     assert code == 0

@@ -224,6 +224,7 @@ def test_a_report_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
     assert "<p>new</p>" not in (tmp_path / "trade.html").read_text()
 
 
+@pytest.mark.lowest
 def test_rows_of_an_earlier_run_are_said_to_be():
     rows = pd.DataFrame({"date": ["2026-11-20", "2026-11-21", "2026-11-21"], "machine": ["a", "b", "b"]})
     known = {"a": {"processor": "a small one"}}
@@ -347,6 +348,7 @@ def test_the_tables_are_aligned(folder, said):
     assert all(len({len(line) for line in block.splitlines()}) == 1 for block in blocks)
 
 
+@pytest.mark.lowest
 def test_a_bar_in_a_cell_does_not_end_it():
     text = markdown.table(pd.DataFrame({"what": ["|H - H0|"]}))
     assert r"\|H - H0\|" in text

@@ -14,7 +14,7 @@ from phasebench.integrators import Hamiltonian
 from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, precision
 from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.engine.lanes import Lanes
-from phasebench.integrators.engine.orbit_lanes import twin
+from phasebench.integrators.engine.orbit_lanes import LANES, twin
 from phasebench.integrators.families import averaged
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.registry import method
@@ -92,6 +92,7 @@ def test_control_a_lane_left_over_that_weighs_is_seen(one_by_one, monkeypatch):
     assert np.abs(lanes - one_by_one(made, "avf")[0]).max() > 1e-10
 
 
+@pytest.mark.processor
 def test_where_lanes_do_not_serve_nodes_stand_one_by_one():
     quartic, wave = of("p1**2/2 + p2**2/2 + q1**4 + q1*q2"), problem("klein-gordon").system
     names = [[f"{x}{i}" for i in range(21)] for x in "qp"]
@@ -99,9 +100,10 @@ def test_where_lanes_do_not_serve_nodes_stand_one_by_one():
     for system in (quartic, wave, many):
         assert prepare(method("avf"), system).step.like is None
     made = of(KICKS["masses"])
-    twin(made)  # that of an ensemble's lanes is another one
+    twin(made)  # that of an ensemble's lanes is another one, unless its registers hold as many
     assert prepare(method("avf"), made).step.like == (0.0,) * averaged.WIDTH
-    assert twin(made, Lanes(averaged.WIDTH)) is not twin(made)
+    assert (twin(made, Lanes(averaged.WIDTH)) is twin(made)) is (LANES.n == averaged.WIDTH)
+    assert twin(made, Lanes(2 * LANES.n)) is not twin(made)
     with precision(30):
         assert prepare(method("avf"), made, MULTIPRECISION).step.like is None
 

@@ -80,6 +80,7 @@ def made(name="plus|1", options=vector.TUPLES):
     return function, sum(function.stats.cache_hits.values()) == 1
 
 
+@pytest.mark.lowest
 def test_machine_code_is_loaded_and_is_of_its_name_and_options(place):
     assert not made()[1]
     function, loaded = made()
@@ -89,6 +90,7 @@ def test_machine_code_is_loaded_and_is_of_its_name_and_options(place):
     assert not made(options=vector.ARRAYS)[1]
 
 
+@pytest.mark.lowest
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_damaged_machine_code_is_made_again(place, damage):
     made()

@@ -175,6 +175,7 @@ def test_what_would_never_end_is_refused_at_once(text):
     assert len(str(caught.value)) < 400
 
 
+@pytest.mark.lowest
 @pytest.mark.parametrize(
     "text",
     [
@@ -252,6 +253,7 @@ def audited(texts, read, folder):
     return json.loads(done.stdout.splitlines()[-1])
 
 
+@pytest.mark.lowest
 def test_nothing_is_evaluated(tmp_path):
     """The parser is the only thing that is asked for: no import, no file, no exec, no code but the text's own tree."""
     texts = [*PYTHON, *(t for t, _ in NUMBERS), *LARGE]

@@ -38,6 +38,7 @@ def test_the_table_of_peers():
         peer("rebound-ias51")
 
 
+@pytest.mark.lowest
 @pytest.mark.parametrize("name", ["kepler", "perturbed-kepler"])
 @pytest.mark.parametrize(
     ("id", "tol", "bound"),
@@ -96,6 +97,7 @@ def test_whfast_solves_kepler_to_round_off(n):
     assert solution.counts["steps"] == n
 
 
+@pytest.mark.lowest
 @pytest.mark.parametrize("id", ["rebound-whfast", "rebound-leapfrog"])
 def test_fixed_step_peers_have_their_order_on_the_perturbed_problem(id):
     made = problem("perturbed-kepler")

@@ -209,6 +209,7 @@ def test_a_run_of_too_many_steps_is_given_up(id, monkeypatch):
     assert "3 steps" in solution.reason
 
 
+@pytest.mark.lowest
 @pytest.mark.parametrize("id", IDS)
 def test_limits_and_claims(id):
     with pytest.raises(InvalidInput, match="none below"):

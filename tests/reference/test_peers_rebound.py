@@ -213,6 +213,7 @@ def test_the_order_of_a_splitting_is_the_least_exponent_of_the_step_that_it_tell
     } | {f"rebound-whfast({kernel}, corrector2)" for kernel in ("default", "lazy", "modifiedkick", "composition")}
 
 
+@pytest.mark.lowest
 def test_the_lazy_kernel_is_of_order_2_between_bodies():
     """Measured on REBOUND 5.2.2; the composition kernel and the lazy corrector of SABA keep order 4 there."""
     assert np.abs(ladder("n-body", BY_ID["rebound-whfast"], 40) - 2).max() < 0.1
@@ -269,6 +270,7 @@ def test_what_cannot_be_done_is_refused(id, name, parameters, options, what):
         integrate_peer(made(name, **parameters), f"rebound-{id}", t_end=1.0, **options)
 
 
+@pytest.mark.lowest
 def test_without_avx512_whfast512_says_so(monkeypatch):
     monkeypatch.setattr(rebound, "avx512_available", False)
     with pytest.raises(InvalidInput, match="AVX512"):

@@ -185,6 +185,7 @@ def test_the_older_interfaces_are_the_same_algorithms_and_faster(solver, same):
     assert ends[0].seconds < ends[1].seconds
 
 
+@pytest.mark.lowest
 @pytest.mark.parametrize("solver", ["ode", "odeint"])
 def test_the_older_interfaces_say_that_they_failed(solver):
     escape = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")

@@ -1,0 +1,87 @@
+"""Errors of compilation, told from all others: a method that the compiler cannot make is named, not left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from .integrator import OURS
+
+#: Code that compiles: an error raised in it, or below it, is one of compilation.
+COMPILERS = ("numba", "llvmlite", "phasebench.integrators.engine")
+#: A reason is cut at so many characters.
+LONGEST = 200
+#: The status of a row of an integrator that does not compile.
+FAILED = "failed"
+
+
+class Failed(NamedTuple):
+    """An integrator that does not compile, and the first line of why."""
+
+    integrator: str
+    why: str
+
+
+def compilation_error(error: BaseException) -> str | None:
+    """Type and first line of an error that compilation raised; None for any other error."""
+    if not any(_compiles(name) for name in _modules(error)):
+        return None
+    first = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
+    return f"{type(error).__name__}: {first}"[:LONGEST].rstrip(": ")
+
+
+class NotCompiled(Exception):
+    """A named integrator does not compile."""
+
+    def __init__(self, failed: Failed):
+        super().__init__(f"{failed.integrator} does not compile: {failed.why}")
+        self.failed = failed
+
+
+@contextmanager
+def naming(integrator: str) -> Iterator[None]:
+    """Raise `NotCompiled` with the integrator's name for an error of compilation inside."""
+    try:
+        yield
+    except Exception as error:
+        why = compilation_error(error)
+        if why is None:
+            raise
+        raise NotCompiled(Failed(integrator, why)) from error
+
+
+def _modules(error: BaseException) -> Iterator[str]:
+    """The names of the modules that an error came through."""
+    frame = error.__traceback__
+    while frame is not None:
+        yield frame.tb_frame.f_globals.get("__name__", "")
+        frame = frame.tb_next
+
+
+def _compiles(name: str) -> bool:
+    return any(name == compiler or name.startswith(f"{compiler}.") for compiler in COMPILERS)
+
+
+def row_failures(rows: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, str]], str]:
+    """(what does not compile, the sentence that says so) of rows with ``id``, ``kind``, ``status`` and ``reason``."""
+    failed = [Failed(r["id"], r["reason"]) for r in rows if r["status"] == FAILED]
+    own = [r["status"] for r in rows if r["kind"] == OURS]
+    return [f._asdict() for f in failed], failure_summary(failed, bool(own) and set(own) == {FAILED})
+
+
+def failure_summary(failed: Sequence[Failed], all_own: bool) -> str:
+    """One sentence that names what does not compile, with the first reason; empty where everything does.
+
+    ``all_own`` says that none of this project's methods that were tried compiled.
+    """
+    if not failed:
+        return ""
+    names = list(dict.fromkeys(f.integrator for f in failed))
+    text = f"{', '.join(names)} failed to compile"
+    if all_own:
+        text = f"None of this project's methods that were tried compiles ({', '.join(names)})"
+    return f"{text}: {failed[0].why}"
+
+
+__all__ = ["FAILED", "Failed", "NotCompiled", "compilation_error", "failure_summary", "naming", "row_failures"]
