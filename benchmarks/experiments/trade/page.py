@@ -69,7 +69,9 @@ def farthest(rows: pd.DataFrame) -> Verdict | None:
                 f"of {row[f'{other} integrator']}"
             )
     text = f"Farthest apart: {'; '.join(parts)}"
-    text += f" (without {len(told) - len(both)} whose energy is kept by construction)." if len(both) < len(told) else "."
+    text += (
+        f" (without {len(told) - len(both)} whose energy is kept by construction)." if len(both) < len(told) else "."
+    )
     return Verdict(text, bool(both["ratio"].max() <= FAR), text)
 
 
