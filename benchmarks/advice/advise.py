@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from phasebench.benchmarks.measure.clock import Sharing
 from phasebench.benchmarks.measure.compilation import failure_summary
 from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.measure.quantities import Truth
@@ -84,6 +85,7 @@ def _nothing(why: str, true: Truth | None, dropped: Sequence[Dropped] = ()) -> d
         "dropped": [d._asdict() for d in dropped],
         "failed": [],
         "warning": None,
+        "shared": "",
         "reference": None if true is None else {"uncertainty": true.uncertainty, "source": true.source},
         "verified": False,
     }
@@ -146,9 +148,17 @@ def _chosen(found: Search, order: list[Candidate], problem_words: Sequence[str])
         "lower_model": models.lower(ask),
         "alternatives": [rows[c] for c in order[1 : ALTERNATIVES + 1]],
         "dropped": [d._asdict() for d in found.dropped],
+        "shared": sharing(order),
         "reference": {"uncertainty": found.true.uncertainty, "source": found.true.source} | second,
         "verified": bool(good and confirmed),
     }
+
+
+def sharing(order: Sequence[Candidate]) -> str:
+    """What to know of the times where other processes shared the core; empty where none did."""
+    every = [c.trial.sharing for c in order]
+    together = Sharing(*(sum(getattr(s, name) for s in every) for name in ("readings", "repeated", "disturbed")))
+    return together.told()
 
 
 def _again(candidate: Candidate) -> float:

@@ -94,6 +94,7 @@ def _row(trial: Trial, point: Point) -> dict[str, Any]:
         "error": point.error,
         "uncertainty": trial.true.uncertainty,
         "seconds": point.seconds,
+        "shared": trial.sharing.told(),
         "status": point.status,
         "reason": point.reason,
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import warnings
 from dataclasses import dataclass, field
 from math import inf, isfinite
@@ -10,17 +9,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phasebench.benchmarks.measure import quantities
+from phasebench.benchmarks.measure import clock, quantities
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.integrators.driver import DIVERGED, INVALID, OK
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.prepared import PreparedRun, prepare
-from phasebench.integrators.record import Method
 
 from .ask import Ask
 
-#: A run shorter than this is made twice, and the shorter time counts: the first finds cold caches.
+#: A run shorter than this is timed by the clock; a longer one as it tells.
 SHORT = 0.05
 #: A run that may take long is first made over such a part of the span.
 PART = 1 / 50
@@ -56,7 +53,8 @@ class Trial:
     integrator, ask, true : who, on what, and what is true
     longest : seconds after which a run tells nothing more; a method of this project is stopped
     points : of its runs so far, by size
-    prepared : its compiled run, once it was timed
+    prepared : its prepared runs by tolerance (None of a fixed step), once they were timed
+    sharing : how often other processes shared the core while it was timed
     """
 
     integrator: Integrator
@@ -64,7 +62,8 @@ class Trial:
     true: Truth
     longest: float
     points: dict[float, Point] = field(default_factory=dict)
-    prepared: PreparedRun | None = None
+    prepared: dict[float | None, Any] = field(default_factory=dict)
+    sharing: clock.Sharing = field(default_factory=clock.Sharing)
 
     def at(self, size: float) -> Point:
         """The run with so many steps, or at that tolerance."""
@@ -79,7 +78,7 @@ class Trial:
             bare = self.run(size, bare=True)
             seconds = bare.seconds
             if bare.status == OK and seconds < SHORT:
-                seconds = min(self.seconds(size), self.seconds(size))
+                seconds = self.seconds(size)
             found = self.run(size) if bare.status == OK and self.ask.quantity.rows > 1 else bare
         except InvalidInput as error:
             return Point(size, inf, inf, 0, INVALID, str(error))
@@ -89,18 +88,24 @@ class Trial:
         return Point(size, error, seconds, bare.counts["steps"])
 
     def seconds(self, size: dict[str, Any]) -> float:
-        """The seconds of a warm run at a size, without output: of a method of this project of a prepared one."""
-        if not isinstance(self.integrator.record, Method):
+        """The seconds of a warm run at a size, without output, by `measure.clock`; of one not prepared as it tells."""
+        tol = size.get("tol")
+        if not self.integrator.preparable:
             return self.run(size, bare=True).seconds
-        if self.prepared is None:
+        if tol not in self.prepared:
             with warnings.catch_warnings():  # Numba calls functions in tuples experimental
                 warnings.simplefilter("ignore")
-                self.prepared = prepare(self.ask.problem, self.integrator.record)
-        steps = size["steps"]
-        h = self.ask.t_end / steps
-        began = time.perf_counter()
-        self.prepared(h, steps)
-        return time.perf_counter() - began
+                self.prepared[tol] = self.integrator.prepare(self.ask.problem, tol=tol)
+        timed = clock.clock(
+            self.integrator,
+            self.ask.problem,
+            t_end=self.ask.t_end,
+            steps=size.get("steps"),
+            tol=tol,
+            run=self.prepared[tol],
+            sharing=self.sharing,
+        )
+        return timed()
 
     def meets(self, point: Point, accuracy: float) -> bool:
         """Whether a run meets an accuracy, with a margin for what is uncertain and for another's last digits."""

@@ -95,6 +95,7 @@ def _words(problem, hamiltonian, chosen, set_, q, p) -> list[str]:
 def _print(answer: dict[str, Any]) -> None:
     """The answer for a person: a table, one command to paste, and why others fell out."""
     warn(answer["warning"])
+    warn(answer["shared"])
     wanted = f"{answer['quantity']} of {answer['problem']} to t = {answer['t_end']:g}"
     if answer["choice"] is None:
         out.print(f"No advice for the {wanted}: {answer['why']}.", highlight=False, markup=False, soft_wrap=True)

@@ -54,6 +54,7 @@ def workprecision(
         print_json({"rows": rows, "figure": figure, "failed": failed, "warning": warning or None})
         return
     warn(warning)
+    warn("; ".join(dict.fromkeys(f"{r['method']}: {r['shared']}" for r in rows if r["shared"])))
     first = rows[0]
     title = f"seconds for an error of the {first['quantity']} of {first['problem']} to t = {first['t_end']:g}"
     show(title, list(table(rows)))

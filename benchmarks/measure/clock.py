@@ -22,6 +22,8 @@ LEAST, MOST = 1e-4, 400
 STARTS = 16
 #: The wall's time over the thread's, less 1, from which on the core was shared; readings taken again at most so often.
 SHARED, AGAIN = 0.05, 5
+#: Fewer readings than this share that stay disturbed are not worth telling.
+RARELY = 0.02
 #: A run of more seconds needs no warming up.
 COLD = 0.05
 #: A span of so many units in the last place of the whole: what is left is the cost of a call.
@@ -37,7 +39,10 @@ class Sharing:
     repeated: int = 0
     disturbed: int = 0
 
-    def __str__(self) -> str:
+    def told(self) -> str:
+        """What to know of the times; empty where fewer than `RARELY` of the readings stayed disturbed."""
+        if self.disturbed <= RARELY * self.readings:
+            return ""
         return (
             f"other processes shared the core: {self.repeated} of {self.readings} readings of the clock were taken "
             f"again and {self.disturbed} stayed disturbed; times are upper bounds"

@@ -72,6 +72,12 @@ class Integrator:
         return not isinstance(self.record, Peer)
 
     @property
+    def preparable(self) -> bool:
+        """Whether it has a prepared run: not a step of one's own, and not every peer."""
+        record = self.record
+        return isinstance(record, Method) or (isinstance(record, Peer) and record.prepare is not None)
+
+    @property
     def order(self) -> int | None:
         """The order in the step that is declared; None where it is not one number."""
         return self.record.order

@@ -78,17 +78,11 @@ REACHED = "taylor_outcome.time_limit"
 
 def _prepare(*how):
     def prepare(start: Start):
-        import heyoka as hy
-
-        from phasebench.reference.solvers import taylor
-
-        from .prepared import NOT_FINITE, SOLVED, STALLED, Calls
+        from .prepared import SOLVED, STALLED, Calls
 
         kept, form = _scalar(start.system, start.tol, *how)
         ta = kept.__copy__()  # its state is this run's alone
         state, begin, propagate = ta.state, ta.state.copy(), ta.propagate_until
-        codes = {hy.taylor_outcome.time_limit: SOLVED, hy.taylor_outcome.err_nf_state: NOT_FINITE}
-        most = taylor.STEP_LIMIT
 
         def restart(y) -> None:
             begin[:] = form.put(y)
@@ -96,7 +90,8 @@ def _prepare(*how):
         def advance(t_end: float) -> int:
             ta.time = 0.0
             state[:] = begin
-            return codes.get(propagate(t_end, max_steps=most)[0], STALLED)
+            propagate(t_end)
+            return SOLVED if ta.time == t_end else STALLED
 
         return Calls(restart, advance, lambda: form.get(state), ta)
 

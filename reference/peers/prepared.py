@@ -14,7 +14,7 @@ from .record import Peer, Start
 from .run import tolerance
 
 #: Status codes, those of a prepared method.
-SOLVED, STALLED, NOT_FINITE = 0, 1, 2
+SOLVED, STALLED = 0, 1
 
 
 class Calls(NamedTuple):
@@ -45,11 +45,10 @@ class PreparedPeer:
     peer : the record
     restart : set the state from which `advance` starts, arrays (d,) q0 and p0
     advance : integrate, and return the status code
-    SOLVED, STALLED, NOT_FINITE : status codes 0, 1 and 2: the end was reached, the package gave up before, or the end
-        state is not finite
+    SOLVED, STALLED : status codes 0 and 1: the end was reached, or the package gave up before
     """
 
-    SOLVED, STALLED, NOT_FINITE = SOLVED, STALLED, NOT_FINITE
+    SOLVED, STALLED = SOLVED, STALLED
 
     def __init__(self, peer: Peer, start: Start):
         if peer.prepare is None:

@@ -9,6 +9,9 @@ from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.markdown import listed, number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
 
+from .calls import FACTOR, MORE
+from .calls import TABLE as CALLS
+
 WANTED = "wanted, at most"
 LOW, HIGH = "median, low", "median, high"
 COLUMNS = ["ratio", "median", LOW, HIGH, WANTED]
@@ -61,6 +64,19 @@ def _counted(ran: pd.DataFrame) -> str:
     return f"{methods} methods, {len(settings)} with each of their parameters counted"
 
 
+@of(CALLS)
+def called(calls: pd.DataFrame) -> Verdict:
+    """What a peer's prepared run adds to a bare script of its package."""
+    within = calls["within"].astype(bool)
+    worst = calls.loc[calls["ratio"].idxmax()]
+    short = f"{int(within.sum())} of {len(calls)} peers run prepared within {FACTOR:g} of a bare script and {MORE * 1e6:g} us."
+    text = (
+        f"{short[:-1]}; the most is {number(worst['ratio'], 3)} times, of {worst['peer']} "
+        f"({number(worst['us, prepared'], 3)} us beside {number(worst['us, bare script'], 3)} us)."
+    )
+    return Verdict(text, bool(within.all()), short)
+
+
 @of("ratios")
 def draw(ratios: pd.DataFrame, folder) -> list[Picture]:
     """The ratios with their quartiles."""
@@ -97,13 +113,14 @@ def _whole(speed: pd.DataFrame) -> pd.DataFrame:
 PAGE = Page(
     id="speed",
     question="What does a step cost, beside a bare C loop and beside the other schemes?",
-    tables=("ratios", "speed"),
+    tables=("ratios", "speed", CALLS),
     setting=(
         "Seconds of the warm integration alone, without output and without compilation, divided by the steps.",
         "400,000 steps of h = 0.01 beside a C loop (gcc -O3 -march=native, uncompensated), 50,000 between schemes.",
         "Competitors run in turns, round by round; medians of the rounds' ratios, 95 % intervals.",
+        "A peer's prepared run (`pb.prepare`) beside a bare script of its package: reset and the package's own call.",
     ),
-    verdicts=(limits, beside_c, fastest),
+    verdicts=(limits, beside_c, fastest, called),
     figures=draw,
     table=table,
     whole=_whole,
