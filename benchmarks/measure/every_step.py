@@ -1,7 +1,7 @@
 """One run that is watched at every step, in bounded memory: rows as many as are wanted, errors over all of them.
 
-A method of this project fills a buffer of rows, a piece of the run after the other; of each piece the energy and the
-invariants are looked at, every so many-th row is kept, and the row of the worst energy error, by which the run is judged.
+A method of this project fills a buffer of rows, a piece of the run after the other.  Of each piece the energy and the
+invariants are looked at; every Nth row is kept, and, so that the run can be judged, the row of the worst energy error.
 A step of the user's own is watched as it returns.  A peer runs in one piece, and gives the rows that fit in memory.
 """
 

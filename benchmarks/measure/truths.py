@@ -53,7 +53,9 @@ def of_runs(problem, quantity: Quantity, runs: Followed) -> Truth:
     d = problem.system.d
 
     def at(rows: np.ndarray) -> np.ndarray:
-        return values(problem, quantity, _rows(runs.times, problem, rows[:, :d].astype(float), rows[:, d:].astype(float)))
+        return values(
+            problem, quantity, _rows(runs.times, problem, rows[:, :d].astype(float), rows[:, d:].astype(float))
+        )
 
     one = at(runs.one)
     apart = SAFETY * distance(quantity, one, at(runs.other))

@@ -193,7 +193,8 @@ def test_the_command_runs_as_it_stands(answer):
         code, text, _ = call(*arguments, "--json")
         assert (program, code) == ("phasebench", 0)
         printed = json.loads(text)
-        assert printed["global_error"] == answer[role]["error"]
+        # Of a splitting a row between two steps rounds otherwise than none.
+        assert printed["global_error"] == pytest.approx(answer[role]["error"], rel=1e-6, abs=1e-14)
         assert printed["reference"]["uncertainty"] <= 1e-14
 
 

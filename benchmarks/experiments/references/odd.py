@@ -1,8 +1,8 @@
 """Uncertainties at times of which no state is stored: each is judged by a run in many bits.
 
-Of each orbit `TIMES` are drawn, seeded, over its whole span.  At each the state and its uncertainty are told as they are
-for `integrate --error` and the advice (`measure.truths`); its error is its distance from a Taylor run in `MANY` bits,
-or, above `LARGEST` degrees of freedom, in quadruple precision.
+Of each orbit `TIMES` are drawn, seeded, over its whole span.  At each the state and its uncertainty are computed as for
+`integrate --error` and the advice (`measure.truths`); its error is its distance from a Taylor run in `MANY` bits, or,
+above `LARGEST` degrees of freedom, in quadruple precision.
 """
 
 from __future__ import annotations
@@ -83,3 +83,13 @@ def measured(label: str) -> Rows:
     """The rows of an orbit."""
     made = problem(label)
     return {ODD: judged(made, times(made))}
+
+
+def beyond(rows: list[dict]) -> list[str]:
+    """In words, the rows whose error is above the uncertainty that is stated."""
+    return [
+        f"{r['problem']} at t = {float(r['t']):g}: {float(r['uncertainty']):.2g} is stated, the error is "
+        f"{float(r['error']):.2g}"
+        for r in rows
+        if not float(r["error"]) <= float(r["uncertainty"])
+    ]
