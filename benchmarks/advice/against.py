@@ -9,16 +9,14 @@ import numpy as np
 
 from phasebench.benchmarks.measure import quantities, truths
 from phasebench.benchmarks.measure.integrator import Integrator
-from phasebench.benchmarks.measure.quantities import END_STATE, Quantity
+from phasebench.benchmarks.measure.quantities import END_STATE, TRAJECTORY, Quantity, Truth
 from phasebench.benchmarks.problems.base import Orbit
 from phasebench.integrators.errors import InvalidInput
-from phasebench.reference.certificates import horizon, stored
+from phasebench.reference.certificates import followed, horizon, stored
 from phasebench.reference.solvers.taylor import ReferenceFailed
 
 #: A reference that is not known to this share of the state's size tells no error.
 KNOWN = 0.01
-#: The horizon of an orbit without a certificate is looked for at so many equidistant times.
-TIMES = 8
 
 
 def started(problem, q0=None, p0=None):
@@ -33,7 +31,7 @@ def started(problem, q0=None, p0=None):
 def end_error(problem, solution, t_end: float) -> dict[str, Any]:
     """``global_error``, the max norm over (q, p) at the end, and the ``reference`` it was told by.
 
-    None where the reference fails or is not known well enough, with the reason in ``reference``.
+    None past the horizon, and where the reference fails or is not known well enough: ``reference`` has the reason.
     """
     try:
         true = truths.truth(problem, END_STATE, t_end)
@@ -41,28 +39,46 @@ def end_error(problem, solution, t_end: float) -> dict[str, Any]:
     except ReferenceFailed as error:
         return {"global_error": None, "reference": {"uncertainty": None, "horizon": None, "reason": str(error)}}
     reference = {"uncertainty": true.uncertainty, "horizon": reach, "source": true.source}
-    if not true.uncertainty <= KNOWN * float(np.abs(true.values).max()):
-        reference["reason"] = f"the orbit cannot be followed to t = {t_end:g}: rounding to long double parts it"
-        return {"global_error": None, "reference": reference}
+    why = past(reach, t_end) or vague(true)
+    if why:
+        return {"global_error": None, "reference": reference | {"reason": why}}
     return {"global_error": quantities.error(problem, END_STATE, solution, true), "reference": reference}
 
 
 def reached(problem, t_end: float) -> float:
-    """The last time, of the certificate or of a few equidistant ones, to which a long double follows the orbit."""
-    certificate = stored.find(problem)
+    """The horizon, of the certificate or looked for, or ``t_end`` where that is before it."""
+    certificate = stored.find(problem) if hasattr(problem, "orbits") else None
     if certificate is not None and t_end <= certificate.t_end:
         return min(certificate.horizon, t_end)
-    for k in range(TIMES, 0, -1):
-        true = truths.truth(problem, END_STATE, t_end * k / TIMES)
-        if true.uncertainty <= horizon.LIMIT * float(np.abs(true.values).max()) * truths.SAFETY:
-            return t_end * k / TIMES
-    return 0.0
+    return followed.reach(problem, t_end)
+
+
+def past(reach: float, t_end: float) -> str:
+    """Why no error of a state is told at ``t_end``; empty where one is."""
+    if t_end <= reach:
+        return ""
+    return (
+        f"the orbit cannot be followed to t = {t_end:g}: past its horizon, t = {reach:.4g}, rounding to long double "
+        f"moves it by more than {horizon.LIMIT:g} of its size"
+    )
+
+
+def vague(true: Truth) -> str:
+    """Why nothing is compared with what is true; empty where it is known to `KNOWN` of its size."""
+    size = float(np.abs(true.values).max())
+    if true.uncertainty <= KNOWN * size:
+        return ""
+    return f"the reference is known to {true.uncertainty:.2g} alone, of {size:.2g}"
 
 
 def quantity_error(problem, integrator: Integrator, wanted: Quantity, t_end: float, size: dict) -> dict[str, Any]:
-    """A quantity's error in a run of its own, with the rows that it is told from; ``size`` is steps or tol."""
+    """A quantity's error in a run of its own, with the rows that it is told from; ``size`` is steps or tol.
+
+    None of a state past the horizon, and where what is true is not known well enough, with the reason.
+    """
     try:
         true = truths.truth(problem, wanted, t_end)
+        why = past(reached(problem, t_end), t_end) if wanted in (END_STATE, TRAJECTORY) else ""
     except ReferenceFailed as error:
         return {"quantity": wanted.name, "error": None, "uncertainty": None, "reason": str(error)}
     if "steps" in size and wanted.steps(size["steps"]) != size["steps"]:
@@ -70,6 +86,9 @@ def quantity_error(problem, integrator: Integrator, wanted: Quantity, t_end: flo
             f"{wanted.name} is told from {wanted.rows} equidistant times: the number of steps, {size['steps']}, must "
             f"be a multiple; {wanted.steps(size['steps'])} is the nearest"
         )
+    why = why or ("" if wanted.kept or wanted.angle else vague(true))
+    if why:
+        return {"quantity": wanted.name, "error": None, "uncertainty": true.uncertainty, "reason": why}
     solution = integrator.run(problem, t_end=t_end, **wanted.grid(**size))
     error = quantities.error(problem, wanted, solution, true)
     return {"quantity": wanted.name, "error": error, "uncertainty": true.uncertainty}

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from phasebench.benchmarks.measure import truths
-from phasebench.benchmarks.measure.quantities import END_STATE, Truth
+from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.reference.certificates import horizon, stored
 from phasebench.reference.solvers.taylor import ReferenceFailed
 
@@ -15,6 +17,8 @@ from .ask import Ask
 DOUBLE = 2.0**11
 #: What is true has to be known to this share of the accuracy, and to this one of the state's size.
 KNOWN, SIZE = 0.25, 0.01
+#: How long it is known is looked for from the span halved so often on, and bisected to this factor.
+HALVINGS, NEAR = 12, 1.01
 #: An accuracy above this share of the state's size asks for nothing.
 NOTHING = 0.5
 
@@ -26,17 +30,11 @@ def known(ask: Ask) -> tuple[Truth | None, str]:
     except ReferenceFailed as error:
         return None, f"there is no reference: {error}"
     size = float(np.abs(true.values).max())
+    why = doubt(ask, true)
+    if why:
+        return true, f"{why}; {_until(ask)}: ask for a shorter span, or for the energy (--quantity energy)"
     if ask.quantity.kept:
         return true, ""
-    rounding = _rounding(ask, true)
-    if ask.accuracy is not None and rounding > horizon.LIMIT * size and DOUBLE * rounding > ask.accuracy:
-        grown = f"the rounding of doubles grows to about {DOUBLE * rounding:.1g} by then"
-        return true, f"the orbit is past its horizon: {grown}; {_lost(ask, ask.accuracy)}"
-    if not true.uncertainty <= SIZE * max(size, 1e-300):
-        return true, f"references in long double part before t = {ask.t_end:g}; {_lost(ask, SIZE * size)}"
-    if ask.accuracy is not None and true.uncertainty > KNOWN * ask.accuracy:
-        known = f"the reference itself is known to {true.uncertainty:.2g}"
-        return true, f"{known}, not to a quarter of {ask.accuracy:g}; {_lost(ask, ask.accuracy)}"
     if ask.accuracy is not None and ask.accuracy > NOTHING * size and not ask.quantity.angle:
         return (
             true,
@@ -45,26 +43,47 @@ def known(ask: Ask) -> tuple[Truth | None, str]:
     return true, ""
 
 
+def doubt(ask: Ask, true: Truth) -> str:
+    """Why what is true at the end is not known well enough; empty where it is."""
+    if ask.quantity.kept:
+        return ""
+    size, rounding = float(np.abs(true.values).max()), _rounding(ask, true)
+    if ask.accuracy is not None and rounding > horizon.LIMIT * size and DOUBLE * rounding > ask.accuracy:
+        return f"the orbit is past its horizon: the rounding of doubles grows to about {DOUBLE * rounding:.1g} by then"
+    if not true.uncertainty <= SIZE * max(size, 1e-300):
+        return f"references in long double part before t = {ask.t_end:g}"
+    if ask.accuracy is not None and true.uncertainty > KNOWN * ask.accuracy:
+        return f"the reference itself is known to {true.uncertainty:.2g}, not to a quarter of {ask.accuracy:g}"
+    return ""
+
+
 def _rounding(ask: Ask, true: Truth) -> float:
     """What rounding to long double makes of the quantity; 0 where nearby orbits have the same, or another, anyway."""
     if ask.quantity.statistical:
         return 0.0
     if true.source == truths.CERTIFIED:
         return stored.end(ask.problem, ask.t_end).long_double
-    return true.uncertainty / truths.SAFETY
+    return true.rounding
 
 
-def _lost(ask: Ask, accuracy: float) -> str:
-    """Until when the orbit can be followed to an accuracy."""
-    t = ask.t_end
-    for _ in range(12):
-        t /= 2
-        try:
-            if truths.truth(ask.problem, END_STATE, t).uncertainty * DOUBLE <= accuracy:
-                break
-        except ReferenceFailed:
-            continue
-    else:
-        t = 0.0
-    reached = f"doubles follow it to about t = {t:.2g}" if t else "doubles cannot follow it"
-    return f"to {accuracy:.1g} {reached}: ask for a shorter span, or for the energy (--quantity energy)"
+def _until(ask: Ask) -> str:
+    """Until when the quantity is known well enough: bisected, and rounded downwards."""
+    good, bad = 0.0, ask.t_end
+    t = ask.t_end / 2**HALVINGS
+    for _ in range(2 * HALVINGS):
+        good, bad = (t, bad) if _holds(ask, t) else (good, t)
+        if good == 0.0 or bad <= NEAR * good:
+            break
+        t = min(2 * good, (good + bad) / 2)
+    if not good:
+        return "doubles cannot follow it"
+    unit = 10.0 ** (np.floor(np.log10(good)) - 2)
+    down = float(f"{np.floor(good / unit) * unit:.3g}")
+    return f"to {ask.accuracy or SIZE:.1g} it is known to t = {down:g}"
+
+
+def _holds(ask: Ask, t: float) -> bool:
+    try:
+        return not doubt(replace(ask, t_end=t), truths.truth(ask.problem, ask.quantity, t))
+    except ReferenceFailed:
+        return False

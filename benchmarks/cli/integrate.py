@@ -1,7 +1,7 @@
 """``integrate``: one problem, one method, peer or step of one's own, and how it went.
 
-The problem is a registered one, a file of the user's, or a formula of H; every step is kept in memory, for the largest
-energy error over all of them.
+The problem is a registered one, a file of the user's, or a formula of H.  One run says everything: the energy and the
+invariants are looked at after every step, the rows that are written are kept, and the end is what the error is of.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def integrate(
         str | None, typer.Option(help="Print the error of this quantity, too: trajectory, energy, ...")
     ] = None,
     output: Annotated[Path | None, typer.Option(help="Write the trajectory: a file .csv or .npz.")] = None,
-    every: Annotated[int, typer.Option(help="Write every so many-th row of it, and the last.")] = 1,
+    every: Annotated[int, typer.Option(help="Write every Nth row, and the last.")] = 1,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Integrate a problem with a method and say how it went; exit code 0 only for status ok."""
@@ -130,18 +130,19 @@ def _integrated(problem, integrator, wanted: Wanted, tol, timeout, **common) -> 
     """The JSON object of one integration."""
     if timeout is not None and not integrator.stoppable:
         raise InvalidInput(f"'{integrator.id}' cannot be stopped: leave out --timeout")
-    options = common | {"tol": tol, "timeout": timeout}
-    solution = integrator.run(problem, **options)
-    bare = solution
+    from phasebench.benchmarks.measure import every_step
+
+    every = None if wanted.output is None else wanted.every
+    watched = every_step.watch(problem, integrator, every=every, tol=tol, timeout=timeout, **common)
+    solution = watched.solution
     if solution.status == "ok":
-        # The rows above give the invariants along the way; time and error are of a run without output.
-        bare = integrator.run(problem, **options, save_every=0)
+        solution = replace(solution, seconds=every_step.seconds(problem, integrator, watched, tol=tol, **common))
     parameters = {k: str(v) for k, v in integrator.record.parameters.items()}
-    result = _result(problem, replace(solution, seconds=bare.seconds), parameters if tol is None else {"tol": tol})
+    result = _result(problem, solution, watched.extremes, parameters if tol is None else {"tol": tol})
     if solution.status == "ok" and (wanted.error or wanted.quantity):
-        result |= _errors(problem, integrator, bare, wanted, tol, common)
+        result |= _errors(problem, integrator, solution, wanted, tol, common)
     if wanted.output is not None:
-        rows = trajectory.write(wanted.output, solution, wanted.every)
+        rows = trajectory.write(wanted.output, solution, 1 if integrator.stoppable else wanted.every)
         result["output"] = {"file": str(wanted.output), "rows": rows}
     return result
 
@@ -161,17 +162,11 @@ def _errors(problem, integrator, solution, wanted: Wanted, tol, common: dict) ->
     return found
 
 
-def _result(problem, solution, parameters: dict[str, Any]) -> dict[str, Any]:
+def _result(problem, solution, extremes, parameters: dict[str, Any]) -> dict[str, Any]:
     """The JSON object of ``integrate``."""
-    import numpy as np
 
-    rows = solution.q, solution.p
-
-    def error(value) -> dict[str, float | None]:
-        good = value[np.isfinite(value)]
-        if len(good) < 2:  # nothing but the start is known
-            return {"max": None, "end": None}
-        return {"max": float(np.abs(good - good[0]).max()), "end": float(good[-1] - good[0])}
+    def error(extreme) -> dict[str, float | None]:
+        return {"max": extreme.worst, "end": extreme.end}
 
     return {
         "problem": problem.label,
@@ -182,8 +177,8 @@ def _result(problem, solution, parameters: dict[str, Any]) -> dict[str, Any]:
         "t": float(solution.t[-1]),
         "q": [float(x) for x in solution.q[-1]],
         "p": [float(x) for x in solution.p[-1]],
-        "energy_error": error(problem.system.energies(*rows)),
-        "invariants": {name: error(problem.invariant(name, *rows)) for name in problem.invariants},
+        "energy_error": error(extremes.energy),
+        "invariants": {name: error(extreme) for name, extreme in extremes.invariants.items()},
         "status": solution.status,
         "reason": solution.reason,
         "counts": {k: int(solution.counts.get(k, 0)) for k in COUNTS},

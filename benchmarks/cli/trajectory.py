@@ -21,7 +21,7 @@ def check(path: Path) -> None:
 
 
 def write(path: Path, solution, every: int = 1) -> int:
-    """Write every so many-th row of a solution, and the last; returns how many."""
+    """Write every Nth row of a solution, and the last; returns how many rows."""
     import numpy as np
 
     from phasebench.reference.tables import write_file

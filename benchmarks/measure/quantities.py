@@ -72,11 +72,20 @@ class Quantity:
 
 
 class Truth(NamedTuple):
-    """What is true of a quantity: its values (m,), how uncertain they are in the unit of errors, whence they are."""
+    """What is true of a quantity.
+
+    Attributes
+    ----------
+    values : array (m,)
+    uncertainty : of these, in the unit of errors
+    source : whence they are
+    rounding : what rounding to long double grows to by then, in the same unit; 0 where that is not asked
+    """
 
     values: np.ndarray
     uncertainty: float
     source: str
+    rounding: float = 0.0
 
 
 def _end_state(problem, t, q, p) -> np.ndarray:

@@ -2,31 +2,31 @@
 
 Of a state at the end: the certified one, where one is stored at that time; the uncertainty is what moving each of its
 components by a unit in the last place of a double, and rounding the values, makes of the quantity.  Of anything else:
-heyoka's Taylor series in long double, run at two tolerances, whose orders and roundings are others; the uncertainty is
-`SAFETY` times what the quantity differs by, and what rounding the values to double makes.  Of a statistical quantity:
-the mean over `NEIGHBOURS` orbits displaced by `SHIFT`, seeded; the uncertainty is twice their standard deviation, since
-an exact integration is but one more of them.
+two runs in long double and a few displaced ones (`reference.certificates.followed`); the uncertainty is `SAFETY` times
+what the quantity differs by in the two, `GROWN` times the most that a rounding grows to, and what rounding the values
+to double makes.  Of a statistical quantity: the mean over `NEIGHBOURS` orbits displaced by `SHIFT`, seeded; the
+uncertainty is twice their standard deviation, since an exact integration is but one more of them.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
 from math import pi
 from types import SimpleNamespace
 
 import numpy as np
 
-from phasebench.reference.certificates import stored
+from phasebench.reference.certificates import followed, stored
+from phasebench.reference.certificates.followed import Followed
 
 from .quantities import Quantity, Truth, distance, values
 
 #: Two runs of independent errors: one of them is off by more than three times their distance in a few of 100 cases.
 SAFETY = 3.0
-#: Tolerances of the long double runs.
-TOLERANCES = (1e-19, 1e-18)
+#: A step rounds in many operations, a displaced run in one, and the worst of a few draws may still be a lucky one.
+GROWN = 16.0
 #: Orbits of a statistical quantity, what they are displaced by, the seed, and their tolerance: statistics need no more.
 NEIGHBOURS, SHIFT, SEED, ENOUGH = 24, 1e-6, 1, 1e-12
-CERTIFIED, LONG_DOUBLE, ENSEMBLE, NONE = "certified", "long double", "ensemble", "not needed"
+CERTIFIED, LONG_DOUBLE, ENSEMBLE, NONE = "certified", followed.TAYLOR, "ensemble", "not needed"
 EPS = float(np.finfo(float).eps)
 
 
@@ -36,7 +36,7 @@ def truth(problem, quantity: Quantity, t_end: float) -> Truth:
     Raises
     ------
     reference.solvers.taylor.ReferenceFailed
-        Where the reference does not come to the end, naming the time it reached.
+        Where no reference comes to the end, naming the times they reached.
     """
     if quantity.kept:
         return Truth(np.zeros(1), 0.0, NONE)
@@ -44,8 +44,23 @@ def truth(problem, quantity: Quantity, t_end: float) -> Truth:
         return _ensemble(problem, quantity, t_end)
     if quantity.rows == 1 and (end := _certified(problem, t_end)) is not None:
         return _at_certified(problem, quantity, t_end, end)
-    one, other = (values(problem, quantity, run) for run in _runs(problem, quantity.rows, t_end))
-    return Truth(one, SAFETY * distance(quantity, one, other) + _rounding(quantity, one), LONG_DOUBLE)
+    times = t_end / quantity.rows * np.arange(1, quantity.rows + 1)
+    return of_runs(problem, quantity, followed.follow(problem, times))
+
+
+def of_runs(problem, quantity: Quantity, runs: Followed) -> Truth:
+    """What runs in long double, at the quantity's times, say of it."""
+    d = problem.system.d
+
+    def at(rows: np.ndarray) -> np.ndarray:
+        return values(
+            problem, quantity, _rows(runs.times, problem, rows[:, :d].astype(float), rows[:, d:].astype(float))
+        )
+
+    one = at(runs.one)
+    apart = SAFETY * distance(quantity, one, at(runs.other))
+    grown = runs.share * max(distance(quantity, one, at(rows)) for rows in runs.displaced)
+    return Truth(one, apart + GROWN * grown + _rounding(quantity, one), runs.source, grown)
 
 
 def _rounding(quantity: Quantity, values: np.ndarray) -> float:
@@ -75,38 +90,6 @@ def _rows(t, problem, q, p) -> SimpleNamespace:
     return SimpleNamespace(t=t, q=np.vstack([[problem.q0], q]), p=np.vstack([[problem.p0], p]))
 
 
-@lru_cache(maxsize=8)
-def _flows(system):
-    from phasebench.reference.solvers import taylor
-
-    long, _ = taylor.extended()
-    return [taylor.integrator(system, long, tol) for tol in TOLERANCES]
-
-
-def _runs(problem, parts: int, t_end: float):
-    from phasebench.reference.solvers import taylor
-
-    long, _ = taylor.extended()
-    times = t_end / parts * np.arange(1, parts + 1)
-    d = problem.system.d
-    for flow in _flows(problem.system):
-        rows = _propagated(flow, long, problem.q0, problem.p0, times)
-        yield _rows(times, problem, rows[:, :d].astype(float), rows[:, d:].astype(float))
-
-
-def _propagated(flow, number, q, p, times) -> np.ndarray:
-    from phasebench.reference.solvers import taylor
-
-    taylor.start(flow, number, q, p)
-    grid = np.array([number(0.0), *(number(float(t)) for t in times)], dtype=number)
-    rows, _, failure = taylor.propagate(flow, grid)
-    if failure is None and not np.isfinite(rows.astype(float)).all():
-        failure = "the state is no longer finite"
-    if failure is not None:
-        raise taylor.ReferenceFailed(f"the {number.__name__} run stopped at t = {float(flow.time):.6g}: {failure}")
-    return rows[1:]
-
-
 def _ensemble(problem, quantity: Quantity, t_end: float) -> Truth:
     from phasebench.reference.solvers import taylor
 
@@ -115,11 +98,15 @@ def _ensemble(problem, quantity: Quantity, t_end: float) -> Truth:
     d, found = problem.system.d, []
     for _ in range(NEIGHBOURS):
         start = np.array([*problem.q0, *problem.p0]) * (1 + SHIFT * rng.uniform(-1, 1, 2 * d))
-        rows = _propagated(flow, float, start[:d], start[d:], times)
+        taylor.start(flow, float, start[:d], start[d:])
+        rows, _, failure = taylor.propagate(flow, np.array([0.0, *times]))
+        if failure is not None or not np.isfinite(rows).all():
+            why = failure or "the state is no longer finite"
+            raise taylor.ReferenceFailed(f"the reference of orbits nearby stopped at t = {float(flow.time):.6g}: {why}")
         whole = SimpleNamespace(
             t=np.concatenate([[0.0], times]),
-            q=np.vstack([start[:d], rows[:, :d]]),
-            p=np.vstack([start[d:], rows[:, d:]]),
+            q=rows[:, :d],
+            p=rows[:, d:],
         )
         found.append(values(problem, quantity, whole))
     spread = np.std(found, axis=0, ddof=1)

@@ -14,6 +14,7 @@ Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006),
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -104,7 +105,7 @@ def right_hand_side(system):
     return F
 
 
-def run(system, q0, p0, marks, times) -> np.ndarray:
+def run(system, q0, p0, marks, times, disturb: Callable[[np.ndarray], np.ndarray] = lambda y: y) -> np.ndarray:
     """The states at ``times``, an array (n, 2 d) of long doubles.
 
     Parameters
@@ -113,6 +114,7 @@ def run(system, q0, p0, marks, times) -> np.ndarray:
     q0, p0 : arrays (d,), the initial state
     marks : increasing times > 0, the ends of the steps
     times : increasing times > 0, which become ends of steps too
+    disturb : what becomes of the state at the start and after each step, array (2 d,) -> (2 d,)
 
     Raises
     ------
@@ -123,7 +125,7 @@ def run(system, q0, p0, marks, times) -> np.ndarray:
     F = right_hand_side(system)
     wanted = {float(t) for t in times}
     ends = sorted(wanted | {float(t) for t in marks if 0 < t < max(wanted)})
-    y = np.array([LONG(float(x)) for x in (*q0, *p0)])
+    y = disturb(np.array([LONG(float(x)) for x in (*q0, *p0)]))
     lost = np.zeros_like(y)
     t, K, before = LONG(0.0), None, 0.0
     rows = []
@@ -141,6 +143,7 @@ def run(system, q0, p0, marks, times) -> np.ndarray:
         watch.seen("run of Gauss's method", end, ends[-1])
         if end in wanted:
             rows.append(y.copy())
+        y = disturb(y)
     return np.array(rows)
 
 

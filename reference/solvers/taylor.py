@@ -115,14 +115,15 @@ def start(ta, fp, q0, p0) -> None:
     ta.state[:] = [fp(float(x)) for x in (*q0, *p0)]
 
 
-def propagate(ta, grid, run: str = "run"):
+def propagate(ta, grid, run: str = "run", ends: list[float] | None = None):
     """The states on ``grid`` (increasing, from 0, of the integrator's type): (rows reached, steps, what stopped it).
 
-    The last is None where the end was reached; raises `watch.TooLong` where somebody watches the ``run``.
+    The last is None where the end was reached; the times at which steps end are appended to ``ends``.  Raises
+    `watch.TooLong` where somebody watches the ``run``.
     """
     import heyoka as hy
 
-    said = _said(run, float(grid[-1]))
+    said = _said(run, float(grid[-1]), ends)
 
     if len(grid) == 2:  # the same steps without the polynomials that rows are taken from: up to a fifth faster
         first = ta.state.copy()
@@ -146,13 +147,16 @@ def failure(outcome) -> str:
     return why.get(outcome, f"heyoka stopped with {outcome}")
 
 
-def _said(run: str, t_end: float) -> dict:
-    """Keywords of a propagation that says at each step how far it is, where somebody listens."""
-    if not watch.watched():
+def _said(run: str, t_end: float, ends: list[float] | None = None) -> dict:
+    """Keywords of a propagation that says at each step how far it is, where somebody listens or ``ends`` are wanted."""
+    if ends is None and not watch.watched():
         return {}
 
     def callback(ta) -> bool:
-        watch.seen(run, float(ta.time), t_end)
+        t = float(ta.time)
+        watch.seen(run, t, t_end)
+        if ends is not None:
+            ends.append(t)
         return True
 
     return {"callback": callback}

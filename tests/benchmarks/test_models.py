@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import atan2, hypot, pi
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,7 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 
 from phasebench.benchmarks.experiments.models import bench_models, choice, measure, page
+from phasebench.benchmarks.measure.quantities import END_STATE
 from phasebench.benchmarks.problems import klein_gordon, problem
 from phasebench.benchmarks.problems.models import one_body, planets, springs, waves
 from phasebench.benchmarks.problems.models.ladders import LADDERS
@@ -131,6 +133,16 @@ def test_linear_waves_are_without_the_nonlinear_term_alone():
     assert H(*y) == pytest.approx(loop(y[:128], y[128:])[0], rel=1e-13)
     assert H(*(2 * y)) == pytest.approx(4 * H(*y), rel=1e-13)
     assert whole(y[:128], y[128:])[0] > 1.01 * H(*y)
+
+
+def test_a_models_reference_is_as_uncertain_as_its_two_finest_runs_are_apart():
+    """Of runs whose error is 1 / steps: three times their distance, and the rounding of a few operations."""
+    model = SimpleNamespace(steps=[1, 2, 4], quantity=END_STATE, values=lambda id, steps: np.array([1 + 1 / steps]))
+    values, uncertainty = measure.reference(model)
+    assert list(values) == [1.125]
+    assert uncertainty == pytest.approx(3 * 0.125, rel=1e-12, abs=0)
+    model.values = lambda id, steps: np.array([2.0])
+    assert measure.reference(model)[1] == 4 * 2.0**-52 * 2
 
 
 def test_a_scene_is_measured():

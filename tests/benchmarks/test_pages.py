@@ -446,6 +446,13 @@ CERTIFIED = frame(
         "long double leaves": 1.0,
     },
 )
+ODD_TIMES = frame(
+    {"t": 0.3, "error": 1e-16, "uncertainty": 1e-15, "size": 1.0},
+    {"t": 0.7, "error": 1e-13, "uncertainty": 8e-13, "size": 1.0},
+    problem="kepler",
+    early=True,
+    **{"long double": 1e-17, "two runs": 1e-17},
+)
 TABLES = frame(
     {"table": "t", "declared order": "4", "order": "4", "polished residual": 1e-50, "published residual": 1e-20}
 )
@@ -508,6 +515,7 @@ BOTH_WAYS = {
     "controls": (audit.covered, {"audit": AUDITED, "audit_claims": CONTROLS}, "audit_claims", {"verdict": "-"}),
     "statements": (audit.statements, {"audit_statements": STATED}, "audit_statements", {"verdict": "contradicted"}),
     "references": (references.unmoved, {"references": CERTIFIED}, "references", {"changed": "moved by 1e-9"}),
+    "odd times": (references.odd_times, {"references_odd": ODD_TIMES}, "references_odd", {"error": 2e-12}),
     "second solver": (references.second, {"references": CERTIFIED}, "references", {"disagree": 1}),
     "unchecked": (references.second, {"references": CERTIFIED}, "references", {"unchecked": 1}),
     "horizons": (references.horizons, {"references": CERTIFIED}, "references", {"long double leaves": 0.1}),

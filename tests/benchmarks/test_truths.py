@@ -12,6 +12,7 @@ import pytest
 from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.quantities import END_STATE, ENERGY, quantity
 from phasebench.benchmarks.problems import problem
+from phasebench.reference.certificates import followed
 from phasebench.reference.solvers import taylor
 
 EPS = 2.0**-52
@@ -20,10 +21,11 @@ OSCILLATOR = problem("harmonic-oscillator")
 LOOKED = replace(ENERGY, values=lambda problem, t, q, p: t, rows=4, kept=False, statistical=True)
 
 
-def runs(monkeypatch, *ends: float) -> None:
-    """Two references that end in (q, 0), and no certified one."""
-    made = [SimpleNamespace(t=np.array([0.0, 1.0]), q=np.array([[1.0], [q]]), p=np.zeros((2, 1))) for q in ends]
-    monkeypatch.setattr(truths, "_runs", lambda problem, parts, t_end: iter(made))
+def runs(monkeypatch, one: float, other: float, *displaced: float) -> None:
+    """References that end in (q, 0), and no certified one."""
+    rows = [np.array([[q, 0.0]], dtype=np.longdouble) for q in (one, other, *(displaced or (one,)))]
+    found = followed.Followed(followed.TAYLOR, np.array([1.0]), rows[0], rows[1], rows[2:])
+    monkeypatch.setattr(followed, "follow", lambda problem, times: found)
     monkeypatch.setattr(truths, "_certified", lambda problem, t_end: None)
 
 
@@ -39,6 +41,21 @@ def test_two_references_that_agree_leave_the_rounding_of_a_double(monkeypatch):
 def test_two_references_are_trusted_to_a_few_times_their_distance(monkeypatch):
     runs(monkeypatch, 1.0, 1.001)
     assert truths.truth(OSCILLATOR, END_STATE, 1.0).uncertainty == pytest.approx(3e-3)
+
+
+def test_two_references_that_agree_are_trusted_to_what_a_rounding_grows_to(monkeypatch):
+    """The worst of the displaced runs counts, in the ratio of a rounding to what they were displaced by."""
+    runs(monkeypatch, 1.0, 1.0, 1.0 + 1e-5, 1.0 - 1e-4, 1.0)
+    found = truths.truth(OSCILLATOR, END_STATE, 1.0)
+    assert found.rounding == pytest.approx(1e-4 * 2.0**-12, rel=1e-9, abs=0)
+    assert found.uncertainty == pytest.approx(16 * 1e-4 * 2.0**-12, rel=1e-6, abs=0)
+    assert found.source == truths.LONG_DOUBLE
+
+
+def test_displaced_runs_that_are_lost_are_taken_as_they_are(monkeypatch):
+    """Control of the proportion: what no longer grows with the displacement is not scaled down."""
+    runs(monkeypatch, 1.0, 1.0, 1.0 + 1e-2)
+    assert truths.truth(OSCILLATOR, END_STATE, 1.0).uncertainty == pytest.approx(0.16)
 
 
 def test_what_is_kept_needs_no_reference():
@@ -68,13 +85,14 @@ def test_a_certified_quantity_is_as_uncertain_as_its_worst_value(monkeypatch):
 @pytest.mark.parametrize("lost", [[np.nan, np.nan], [1.0, np.inf]])
 def test_a_reference_that_is_not_finite_has_failed(monkeypatch, lost):
     flow = SimpleNamespace(time=0.5)
+    monkeypatch.setattr(taylor, "integrator", lambda *of: flow)
     monkeypatch.setattr(taylor, "start", lambda *state: None)
     monkeypatch.setattr(taylor, "propagate", lambda flow, grid: (np.array([[1.0, 0.0], lost]), None, None))
     with pytest.raises(taylor.ReferenceFailed, match=r"t = 0\.5: the state is no longer finite"):
-        truths._propagated(flow, float, [1.0], [0.0], [1.0])
+        truths.truth(OSCILLATOR, LOOKED, 1.0)
     monkeypatch.setattr(taylor, "propagate", lambda flow, grid: (np.array([[1.0, 0.0], lost]), None, "too many steps"))
     with pytest.raises(taylor.ReferenceFailed, match="too many steps"):
-        truths._propagated(flow, float, [1.0], [0.0], [1.0])
+        truths.truth(OSCILLATOR, LOOKED, 1.0)
 
 
 def test_orbits_nearby_are_looked_at_over_the_whole_span():

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from phasebench.benchmarks.experiments.references.rows import row
 from phasebench.integrators import Hamiltonian, InvalidInput
 from phasebench.reference import peers
 from phasebench.reference.certificates import along, check, horizon, make, others, stored
@@ -397,3 +398,22 @@ def test_growth_is_a_power_of_time_or_exponential():
     assert horizon.growth(grid, lost, size) == (about(2.0), None), "what comes behind does not count"
     still = np.where(grid <= 60, 0.0, 1e-12)
     assert np.isnan(horizon.growth(grid, still, size)[0])
+
+
+# -- the row of a reference --------------------------------------------------------------------------------------------
+
+
+def test_a_row_tells_the_least_bound_and_counts_what_compares():
+    """Bounds of 8, 2 and 4 times the error; of four comparisons one is of a solver that has not two digits."""
+    stated = certificate()
+    vague = stored.Check("vague", 1e-15, 0.5)
+    first = replace(stated.ends[0], checks=(*stated.ends[0].checks, vague))
+    known = replace(stated, ends=(first, *stated.ends[1:]))
+    span = horizon.Span(3.0, 2.0, 4.0)
+    outcome = check.Outcome(known, (5e-35, 2e-34, 1e-34), span, 3.0, 1e-19, 1.0, None, ())
+    found = row(outcome)
+    assert found["least bound"] == about(2.0)
+    assert found["largest bound"] == about(8.0)
+    assert found["pairs"] == 3
+    assert found["no comparison"] == 1
+    assert found["unchecked"] == 0

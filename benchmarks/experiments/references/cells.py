@@ -6,6 +6,7 @@ from phasebench.benchmarks.problems import labels, problem
 from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content, states
 from phasebench.reference.certificates import check
 
+from . import odd
 from .rows import row
 
 CODE = (
@@ -15,8 +16,8 @@ CODE = (
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each certified orbit; none of the quick tier."""
-    return [] if quick else [_cell(label) for label in labels()]
+    """A cell for each certified orbit, and one for its odd times; none of the quick tier."""
+    return [] if quick else [*(_cell(label) for label in labels()), *odd.cells()]
 
 
 def _cell(label: str) -> Cell:

@@ -7,14 +7,19 @@ import functools
 import numpy as np
 import pandas as pd
 
+from phasebench.benchmarks.measure.truths import GROWN
+from phasebench.benchmarks.measure.truths import SAFETY as TWICE
 from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.markdown import listed, number
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
 from phasebench.reference.certificates.check import AGAIN, LOOSE
+from phasebench.reference.certificates.followed import DRAWS as DRAWN
 from phasebench.reference.certificates.horizon import CENTRAL, DRAWS, FASTEST, LIMIT
 from phasebench.reference.certificates.make import FACTOR, PRECISION
 from phasebench.reference.certificates.others import SAFETY
 from phasebench.reference.certificates.stored import TELLING
+
+from .odd import LARGEST, MANY, ODD, beyond
 
 COLUMNS = {
     "problem": "problem",
@@ -110,6 +115,25 @@ def horizons(frame: pd.DataFrame) -> Verdict:
     )
 
 
+@of(ODD)
+def odd_times(frame: pd.DataFrame) -> Verdict:
+    """Whether uncertainties hold at times of which no state is stored."""
+    wrong = beyond(frame.to_dict("records"))
+    ratio = frame["uncertainty"] / frame["error"]
+    early = frame[frame["early"].astype(bool)]
+    before = int((frame["long double"] > TWICE * frame["two runs"]).sum())
+    text = (
+        f"At {len(frame)} times of {frame['problem'].nunique()} orbits of which no state is stored, {len(wrong)} states "
+        f"are off by more than their uncertainty: it is {number(ratio.min(), 2)} to {number(ratio.max(), 2)} times the "
+        f"error. While rounding is below {LIMIT:g} of the state, it is at most "
+        f"{number((early['uncertainty'] / early['size']).max(), 2)} of it. {TWICE:g} times the difference of two long "
+        f"double runs, alone, would bound their error at {len(frame) - before}."
+    )
+    text += f" Beyond: {listed(wrong, 2)}." if wrong else ""
+    short = f"{len(wrong) or 'None'} of {len(frame)} uncertainties at odd times are below the error."
+    return Verdict(text, not wrong, short)
+
+
 @told
 def draw(frame: pd.DataFrame, folder) -> list[Picture]:
     """The errors of the digits with their stated uncertainties, and the horizons with their intervals."""
@@ -160,12 +184,15 @@ def _whole(frame: pd.DataFrame) -> pd.DataFrame:
 PAGE = Page(
     id="references",
     question="Can the references that errors are measured against be trusted, and until when?",
-    tables=("references",),
+    tables=("references", ODD),
     setting=(
         f"The stored digits are a Taylor run in 113 bits. Their uncertainty is {FACTOR:g} times their distance from a run "
         f"in {PRECISION.bits} bits of another order, and what that run may be off. Errors are max norms over (q, p).",
         f"Measured again here: the error against a third run in {AGAIN.bits} bits at the tolerance {AGAIN.tolerance}; a "
         f"reference fails where it is above the stated uncertainty, or {LOOSE:g} times below it.",
+        f"At odd times a state is told from two runs in long double and {DRAWN} displaced ones; its uncertainty is {TWICE:g} "
+        f"times the difference of the two, {GROWN:g} times what a rounding grows to, and a double's rounding. It is judged "
+        f"in {MANY} bits, above d = {LARGEST} in quadruple precision.",
         f"Horizon: until when a state that is rounded to long double at every step stays within {LIMIT:g} of its size, in "
         f"the median of {DRAWS} seeded draws of the rounding. It is the problem's, not a machine's.",
         "`earliest` to `latest`: where 95 of 100 runs in long double leave the limit; `this machine`: where one did. "
@@ -173,7 +200,7 @@ PAGE = Page(
         "`Gauss 16` (8 stages, long double) shares no code with the Taylor runs: its distance from the orbit, the largest "
         "at any time, beside its own uncertainty.",
     ),
-    verdicts=(unmoved, second, horizons),
+    verdicts=(unmoved, odd_times, second, horizons),
     figures=draw,
     table=table,
     whole=_whole,

@@ -1,0 +1,260 @@
+"""One run that is watched at every step, in bounded memory: rows as many as are wanted, errors over all of them.
+
+A method of this project fills a buffer of rows, a piece of the run after the other.  Of each piece the energy and the
+invariants are looked at; every Nth row is kept, and, so that the run can be judged, the row of the worst energy error.
+A step of the user's own is watched as it returns.  A peer runs in one piece, and gives the rows that fit in memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from phasebench.integrators import driver
+from phasebench.integrators.driver import DIVERGED, OK, TIMEOUT, Solution
+from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.engine.kernel import prepare
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.outcome import travel, unsolved
+from phasebench.integrators.record import Method
+from phasebench.integrators.request import LARGEST, check_timeout, grid, request
+from phasebench.integrators.trajectory import PIECE, Pace, Trajectory
+from phasebench.reference.peers import Peer
+
+from .integrator import Integrator
+from .own_step import OwnStep, returned
+
+#: Numbers of q in the rows that are kept where none are asked for, and in the buffer.
+KEPT, BUFFER = 1_000_000, 400_000
+#: A run of more seconds is timed again in so many parts, each of this share of its steps; a shorter one as a whole.
+SHORT, PARTS, SHARE = 0.25, 6, 1 / 200
+
+
+class Extreme:
+    """How far a number has moved from its first value: the largest size so far, and the last.
+
+    Attributes
+    ----------
+    worst, end : None before there are two finite values
+    """
+
+    def __init__(self):
+        self.first: float | None = None
+        self.worst: float | None = None
+        self.end: float | None = None
+
+    def see(self, values: np.ndarray) -> None:
+        """Look at the next values, array (n,); those that are not finite are left out."""
+        good = values[np.isfinite(values)]
+        if self.first is None and len(good):
+            self.first, good = float(good[0]), good[1:]
+        if len(good):
+            self.worst = max(self.worst or 0.0, float(np.abs(good - self.first).max()))
+            self.end = float(good[-1] - self.first)
+
+
+class Extremes:
+    """The extremes of the energy and of a problem's invariants along a run."""
+
+    def __init__(self, problem):
+        self.problem, self.energy = problem, Extreme()
+        self.invariants = {name: Extreme() for name in problem.invariants}
+
+    def see(self, Q: np.ndarray, P: np.ndarray) -> None:
+        """Look at the next rows, arrays (n, d)."""
+        if self.problem.system.has_energy:
+            self.energy.see(self.problem.system.energies(Q, P))
+        for name, extreme in self.invariants.items():
+            extreme.see(self.problem.invariant(name, Q, P))
+
+
+class Watched(NamedTuple):
+    """A run with some of its rows, and the extremes over all of them."""
+
+    solution: Solution
+    extremes: Extremes
+
+
+def watch(
+    problem, integrator: Integrator, *, every: int | None = None, tol: float | None = None, timeout=None, **common
+) -> Watched:
+    """Run an integrator once, and look at every step.
+
+    Parameters
+    ----------
+    every : keep each so many-th row, and the last; None: as many as there is room for
+    tol, timeout : as of `Integrator.run`
+    common : h, t_end, steps, q0, p0
+    """
+    extremes = Extremes(problem)
+    record = integrator.record
+    if isinstance(record, Peer):
+        return Watched(_of_peer(problem, integrator, extremes, tol, common), extremes)
+    if tol is not None:
+        raise InvalidInput(f"'{integrator.id}' takes a step h, no tolerance")
+    keep = _spacing(problem, every, common)
+    run = _of_method if isinstance(record, Method) else _of_step
+    return Watched(run(problem, record, extremes, keep, timeout, common), extremes)
+
+
+def _spacing(problem, every: int | None, common: dict) -> int:
+    """After how many steps a row is kept; raises InvalidInput where so many rows do not fit in memory."""
+    d = problem.system.d
+    _, steps = grid(common["h"], common["t_end"], common["steps"])
+    if every is None:
+        return max(1, -(-steps * d // KEPT))
+    if (rows := 1 + -(-steps // every)) * d > LARGEST:
+        raise InvalidInput(f"{rows:.3g} rows of d = {d} do not fit in memory; keep fewer with --every")
+    return min(every, steps)
+
+
+# -- methods of this project ------------------------------------------------------------------------------------------
+
+
+class Thinned(Trajectory):
+    """The rows of a run that is integrated step by step, of which some are kept."""
+
+    def __init__(self, seen: Callable[[np.ndarray, np.ndarray], None], system, q, p, h, steps: int, every: int, *words):
+        super().__init__(system, q, p, h, steps, every, DOUBLE, *words)
+        self.seen = seen
+        n = min(steps, PIECE, max(1, BUFFER // system.d))
+        self._buffer = np.zeros((n + 1, system.d)), np.zeros((n + 1, system.d)), np.full((n, 1), np.nan)
+        self._last = np.array([q, p], dtype=float)
+        seen(self.q[:1], self.p[:1])
+
+    def __bool__(self) -> bool:
+        """Whether there is more to integrate."""
+        return self.status == OK and self.reached < self.steps
+
+    def advance(self, run, pace: Pace) -> None:
+        """Fill the buffer, look at its rows, and keep some."""
+        n = min(len(self._buffer[2]), pace.steps, self.steps - self.reached)
+        kept = self.q, self.p, self.parameter, self.filled
+        self.q, self.p, self.parameter, self.filled = *self._buffer, 0
+        try:
+            filled, code = self._call(run, n, 1, pace)
+            good, reason = self._flawed(1, filled)
+        finally:
+            self.q, self.p, self.parameter, self.filled = kept
+        if good:
+            self._keep(good)
+        if good < filled:
+            self.status, self.reason = DIVERGED, reason
+        elif code:
+            self._close()
+            self._stopped(code)
+        else:
+            self._look(run)
+            if self.reached < self.steps and pace.late and self.status == OK:
+                self.status = TIMEOUT
+        if self.reached == self.steps or self.status != OK:
+            self._close()
+
+    def _keep(self, n: int) -> None:
+        """Look at the first n rows of the buffer, and keep those that are wanted."""
+        Q, P, parameter = (x[1 : n + 1] if x is not self._buffer[2] else x[:n] for x in self._buffer)
+        self.seen(Q, P)
+        begin = self.reached
+        at = np.arange(-(begin + 1) % self.every, n, self.every)
+        rows = slice(self.filled + 1, self.filled + 1 + len(at))
+        self.q[rows], self.p[rows], self.parameter[self.filled : self.filled + len(at)] = Q[at], P[at], parameter[at]
+        self.filled += len(at)
+        if self.every > 1:
+            for i in self._telling(Q, P):
+                self.looks.append((begin + 1 + i, Q[i].copy(), P[i].copy()))
+        self.reached += n
+        self._last[:] = Q[-1], P[-1]
+
+    def _telling(self, Q, P) -> list[int]:
+        """The rows of a piece by which it is judged: of the worst energy, and the first that is near a singularity."""
+        found = []
+        if self.system.has_energy:
+            start = self.system.energies(self.q[:1], self.p[:1])[0]
+            found.append(int(np.abs(self.system.energies(Q, P) - start).argmax()))
+        if self.system.singularities:
+            distance, length = travel(self.system, Q, P, self.h)
+            found += np.flatnonzero(length > distance)[:1].tolist()
+        return found
+
+    def _close(self) -> None:
+        """Keep the last state that was reached, too."""
+        if self.reached > self.filled * self.every:
+            self.filled += 1
+            self.q[self.filled], self.p[self.filled] = self._last
+
+
+def _of_method(problem, record: Method, extremes: Extremes, every: int, timeout, common: dict) -> Solution:
+    check_timeout(timeout)
+    system, q, p, h, steps, every = request(problem, **common, save_every=every)
+    lack = record.lacks(system)
+    if lack:
+        raise InvalidInput(lack)
+    kernel = prepare(record, system, DOUBLE)
+    words = kernel.missed, unsolved(record.family, system.d)
+    trajectory = Thinned(extremes.see, system, q, p, h, steps, every, *words)
+    return driver._run(kernel, trajectory, record, timeout, None)
+
+
+# -- others -----------------------------------------------------------------------------------------------------------
+
+
+def _of_step(problem, record: OwnStep, extremes: Extremes, every: int, timeout, common: dict) -> Solution:
+    d = problem.system.d
+    rows = np.empty((2, max(1, min(PIECE, BUFFER // d)), d))
+    filled = 0
+
+    def flush() -> None:
+        nonlocal filled
+        extremes.see(rows[0, :filled].copy(), rows[1, :filled].copy())
+        filled = 0
+
+    def step(system, q, p, h):
+        nonlocal filled
+        q, p = returned(record.step(system, q, p, h), d)
+        rows[:, filled] = q, p
+        filled += 1
+        if filled == rows.shape[1]:
+            flush()
+        return q, p
+
+    first = request(problem, **common, save_every=0)
+    extremes.see(first.q[None], first.p[None])
+    whole = Integrator(replace(record, step=step)).run(problem, **common, save_every=every, timeout=timeout)
+    flush()
+    return replace(whole, method=record)
+
+
+def _of_peer(problem, integrator: Integrator, extremes: Extremes, tol, common: dict) -> Solution:
+    d, every = problem.system.d, 1
+    if common["h"] is not None or common["steps"] is not None:
+        _, steps = grid(common["h"], common["t_end"], common["steps"])
+        every = max(1, -(-steps * d // (LARGEST // 4)))
+    solution = integrator.run(problem, **common, tol=tol, save_every=every)
+    extremes.see(solution.q, solution.p)
+    return solution
+
+
+def seconds(problem, integrator: Integrator, watched: Watched, *, tol: float | None = None, **common) -> float:
+    """The seconds of a warm run without rows: of a short one as a whole; else those of the run that was watched.
+
+    The latter in the ratio of parts of it, each run both ways from a state of the run.
+    """
+    solution = watched.solution
+    steps, h = solution.counts["steps"], solution.h
+    if isinstance(integrator.record, Peer):
+        steps = len(solution.t) - 1
+        if steps == 1:
+            return solution.seconds
+    if solution.seconds <= SHORT:
+        return integrator.run(problem, **common, tol=tol, save_every=0).seconds
+    part: dict[str, Any] = {"h": h, "t_end": None, "steps": max(1, int(steps * SHARE)), "tol": tol}
+    bare = rows = 0.0
+    for k in range(PARTS):
+        row = k * (len(solution.t) - 1) // PARTS
+        start = {"q0": solution.q[row], "p0": solution.p[row]}
+        rows += watch(problem, integrator, **part, **start).solution.seconds
+        bare += integrator.run(problem, **part, **start, save_every=0).seconds
+    return solution.seconds * bare / rows

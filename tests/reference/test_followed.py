@@ -1,0 +1,154 @@
+"""Orbits followed in long double at any time: what is stated of them holds, in 240 bits, and what it takes for that."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.advice import against
+from phasebench.benchmarks.experiments.references import odd
+from phasebench.benchmarks.measure import truths
+from phasebench.benchmarks.measure.quantities import END_STATE
+from phasebench.benchmarks.problems import labels, problem
+from phasebench.benchmarks.problems.user import from_formula
+from phasebench.reference.certificates import followed, horizon, stored
+from phasebench.reference.solvers import gauss, taylor
+
+#: An orbit that is exactly unstable: the first rounding of both runs is the same, and grows.
+SPHERE = "schwarzschild:photon-sphere"
+SAMPLE = (SPHERE, "henon-heiles:chaotic", "schwarzschild:isco", "quadrupole-boson:h20")
+#: A wall: from q = 3 its terms are too small for a Taylor series to see.
+WALL = "p**2/2 + exp(-40*q) + q"
+
+
+@pytest.mark.processor
+@pytest.mark.parametrize("label", SAMPLE)
+def test_uncertainties_at_odd_times_hold_in_240_bits(label):
+    """A few of the times of the experiment; the page has them all."""
+    made = problem(label)
+    rows = odd.judged(made, odd.times(made)[:: odd.TIMES // 4])
+    assert odd.beyond(rows) == []
+    for r in rows:
+        bare = truths.SAFETY * r["two runs"] + truths.GROWN * r["rounding"]
+        assert r["long double"] <= bare, "of the long double run itself, without the rounding to doubles"
+        assert r["bits"] == 240
+        assert not r["early"] or r["uncertainty"] < 1e-11 * r["size"], "a bound that says something"
+
+
+def test_control_two_runs_alone_do_not_bound_the_error():
+    rows = odd.judged(problem(SPHERE), [30.3, 36.0])
+    assert all(r["long double"] > 20 * truths.SAFETY * r["two runs"] for r in rows)
+    small = [r | {"uncertainty": truths.SAFETY * r["two runs"] + 2.0**-52 * r["size"]} for r in rows]
+    assert len(odd.beyond(small)) == 2
+    assert odd.beyond(rows) == []
+
+
+def test_odd_times_are_drawn_over_the_span_and_none_is_certified():
+    for label in labels():
+        made = problem(label)
+        at = odd.times(made)
+        assert len(at) == len(set(at)) == 20
+        assert not set(at) & set(made.start.times)
+        assert 0 < at[0] < at[-1] < made.start.times[-1]
+    assert odd.times(problem("kepler")) != odd.times(problem(SPHERE))
+
+
+def test_a_cell_measures_every_orbit():
+    assert {cell.arguments for cell in odd.cells()} == {(label,) for label in labels()}
+
+
+@pytest.mark.parametrize(("lam", "t"), [(1.0, 12.0), (2.0, 7.0)])
+def test_a_saddle_magnifies_by_what_it_must(lam, t):
+    """On the way into a saddle, q = -p/lam: a displacement u of q or p grows to about u exp(lam t) / 2."""
+    made = from_formula(f"p**2/2 - {lam!r}**2*q**2/2", [1.0], [-lam], {})
+    grown = truths.truth(made, END_STATE, t).rounding
+    expected = horizon.UNIT * np.exp(lam * t) / 2 * max(1.0, lam)
+    assert 0.1 * expected < grown < 10 * expected
+
+
+def test_an_orbit_that_is_stable_is_known_to_the_rounding_of_a_double():
+    made = problem("harmonic-oscillator")
+    found = truths.truth(made, END_STATE, 33.3)
+    assert found.uncertainty < 2 * 2.0**-52 * np.abs(found.values).max()
+
+
+# -- the horizon -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("t_end", [150.0, 1e4])
+def test_the_horizon_is_found_however_long_the_span(t_end):
+    """Of an orbit without a certificate: as the stored one of the same orbit, within the interval of its draws."""
+    made = problem("henon-heiles:chaotic")
+    known = stored.find(made)
+    reach = followed.reach(against.started(made, made.q0, made.p0), t_end)
+    assert known.earliest <= reach <= known.latest
+
+
+def test_a_regular_orbit_is_followed_to_the_end():
+    assert followed.reach(problem("henon-heiles:box"), 33.3) == 33.3
+
+
+def test_the_horizon_is_where_the_runs_part_too(monkeypatch):
+    """Control: two runs that differ by more than the limit end it, whatever a rounding grows to."""
+    rows = np.array([[1.0, 0.0]] * 3, dtype=np.longdouble)
+    other = rows + np.array([[0.0, 0.0], [2e-13, 0.0], [0.0, 0.0]])
+    runs = followed.Followed(followed.TAYLOR, np.array([1.0, 2.0, 3.0]), rows, other, [rows])
+    assert runs.until() == 1.0
+    assert runs._replace(other=rows).until() == 3.0
+    assert runs._replace(other=rows, displaced=[rows + 1e-8]).until() == 0.0
+
+
+# -- another solver ----------------------------------------------------------------------------------------------------
+
+
+def wall(q: float):
+    return from_formula(WALL, [q], [0.0], {})
+
+
+def test_where_the_series_fails_gauss_serves_and_says_how_well():
+    made = wall(3.0)
+    with pytest.raises(taylor.ReferenceFailed):
+        followed._taylor(made, np.array([4.0]))
+    found = truths.truth(made, END_STATE, 4.0)
+    assert found.source == followed.GAUSS
+    q, p = found.values
+    assert abs(p**2 / 2 + np.exp(-40 * q) + q - 3.0) < 1e-14
+    assert q > 0, "it has bounced"
+    assert 0 < found.uncertainty < 1e-13
+    # By another way: at rest at t = T / 2 after the bounce, it falls as it came, so that q(T - t) = q(t) = 3 - t^2/2.
+    again = truths.truth(made, END_STATE, 4.0 - 0.5).values
+    rest = 4.0 + p
+    assert abs(q - (3 - p**2 / 2)) < 1e-13
+    assert abs(again[0] - (3 - (rest - 3.5) ** 2 / 2)) < 1e-13
+
+
+def test_a_series_that_steps_over_the_wall_is_not_believed():
+    """Both runs agree on a free fall through it; the energy tells."""
+    made = wall(3.0)
+    lost = np.array([[3 - 5.0**2 / 2, -5.0]], dtype=np.longdouble)
+    with pytest.raises(taylor.ReferenceFailed, match="lost the energy"):
+        followed._sound(made, lost, [5.0], "the run")
+    right = np.array([[3 - 1.0 / 2, -1.0]], dtype=np.longdouble)
+    assert followed._sound(made, right, [1.0], "the run") is right
+
+
+def test_what_neither_solver_can_is_a_reference_that_failed(monkeypatch):
+    def cannot(*of):
+        raise taylor.ReferenceFailed("no solution")
+
+    monkeypatch.setattr(gauss, "run", cannot)
+    with pytest.raises(
+        taylor.ReferenceFailed, match=r"the reference failed to t = 4: .*lost the energy.*; no solution"
+    ):
+        followed.follow(wall(3.0), [4.0])
+    found = against.end_error(wall(3.0), None, 4.0)
+    assert found["global_error"] is None
+    assert "the reference failed" in found["reference"]["reason"]
+
+
+def test_gauss_takes_displacements():
+    made = problem("harmonic-oscillator")
+    moved = gauss.run(made.system, made.q0, made.p0, [0.5, 1.0], [1.0], lambda y: y * (1 + 2.0**-40))
+    still = gauss.run(made.system, made.q0, made.p0, [0.5, 1.0], [1.0])
+    assert moved[0] == pytest.approx(still[0] * (1 + 2.0**-39), rel=1e-14, abs=1e-14)
+    assert np.abs(moved - still).max() > 1e-12
