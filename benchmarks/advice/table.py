@@ -22,7 +22,7 @@ ROLES = ("choice", "own", "peer", "runner_up", "next")
 def advise(
     problem,
     *,
-    t_end: float,
+    t_end: float | str,
     accuracy: float | None = None,
     quantity: str = "end-state",
     conserve: Sequence[str] | str = (),
@@ -37,7 +37,7 @@ def advise(
     Parameters
     ----------
     problem : a system with q0 and p0; a problem; a registered name such as ``"henon-heiles:box"``; or a file's path
-    t_end : the end of the span
+    t_end : the end of the span; where the problem has a unit of time it may have one, ``"1e4 yr"``
     accuracy : the largest error of the quantity that is allowed
     quantity : ``"end-state"``, ``"trajectory"`` (max norms over (q, p)), ``"energy"`` (relative), or a name of the
         problem's own

@@ -84,8 +84,8 @@ def planetary_system(
     -------
     PlanetarySystem
         About the barycentre at rest, with its Kepler part, the distances that may vanish, momentum, angular momentum
-        and barycentre; its times may have a unit, as in ``t_end="1e4 yr"``, and ``jupiter.longitude``, ``jupiter.x`` are
-        quantities of it.
+        and barycentre.  Its times may have a unit, ``t_end="1e4 yr"``; its quantities are those of its bodies,
+        ``jupiter.longitude``, too
 
     Raises
     ------

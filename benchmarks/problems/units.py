@@ -51,7 +51,7 @@ def units(text: str, where: str) -> Units:
     return Units(**found)
 
 
-def span(value: float | str, unit: str, what: str = "t_end") -> float:
+def span(value: float | str | None, unit: str, what: str = "t_end") -> float | None:
     """A time as a number of ``unit``: a number, or a text with or without a unit, as in "1e4 yr".
 
     Raises
