@@ -122,9 +122,10 @@ def lower(ask: Ask, true: Truth, candidate: Candidate) -> dict[str, Any] | None:
     Returns
     -------
     dict
-        ``model`` in words, or None where none does, or where that cannot be told, with ``why``; ``left_out`` and ``test_particles``, names; ``off``, what it (else
-        the ``nearest``) is off by at ``t_end``; ``saves``, the full system's time over its own with the same
-        integrator; ``alone``, body -> what leaving it out, or taking its mass, makes alone
+        ``model`` in words, or None where none does, or where that cannot be told, with ``why``; ``left_out`` and
+        ``test_particles``, names; ``off``, what it (else the ``nearest``) is off by at ``t_end``; ``saves``, the full
+        system's time over its own with the same integrator; ``alone``, body -> what leaving it out, or taking its mass,
+        makes alone
     """
     if ask.accuracy is None or getattr(ask.problem, "bodies", None) is None or ask.quantity.statistical:
         return None
@@ -164,7 +165,8 @@ def _untold(ask: Ask, why: str) -> dict[str, Any]:
 
 def _none(ask: Ask, alone: dict[str, dict[str, float]]) -> dict[str, Any]:
     kinds = {"left_out": lambda body: Model(left_out=(body,)), "test_particle": lambda body: Model(light=(body,))}
-    off, nearest = min((off, str(kinds[kind](body))) for body, found in alone.items() for kind, off in found.items())
+    tried = [(off, str(kinds[kind](body))) for body, found in alone.items() for kind, off in found.items()]
+    off, nearest = min(tried, key=lambda x: x[0])
     return {
         "model": None,
         "left_out": [],
