@@ -8,6 +8,7 @@ from pathlib import Path
 
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.base import Orbit, Problem
+from phasebench.benchmarks.problems.kepler_found import with_kepler_part
 from phasebench.integrators.request import initial
 
 from . import words
@@ -103,6 +104,7 @@ def _made(problem, q0, p0):
         problem = problem_of(problem)
     if not isinstance(problem, Problem):
         system, q, p = initial(problem, q0, p0)
+        system = with_kepler_part(system, q)
         problem = Problem("system", "a system", "", system, (Orbit("given", tuple(q), tuple(p)),))
         return problem, problem
     return problem, started(problem, q0, p0)

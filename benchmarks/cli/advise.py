@@ -30,7 +30,7 @@ SHOWN, REASONS = 10, 6
 def advise(
     problem: Annotated[
         str | None,
-        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or the path of your own, ./my_problem.py."),
+        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or a file, ./my_problem.py, planets.csv."),
     ] = None,
     t_end: Annotated[str | None, typer.Option(help=END_TIME)] = None,
     accuracy: Annotated[float | None, typer.Option(help="The largest error that is allowed.")] = None,

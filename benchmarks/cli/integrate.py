@@ -37,7 +37,7 @@ MANY, SHOWN = 12, 3
 def integrate(
     problem: Annotated[
         str,
-        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or the path of your own, ./my_problem.py."),
+        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or a file, ./my_problem.py, planets.csv."),
     ],
     method: Annotated[
         str | None, typer.Argument(metavar="METHOD", help="A method, a peer, or the path of your own step, ./mine.py.")

@@ -22,7 +22,7 @@ CURVES = 9
 def workprecision(
     problem: Annotated[
         str | None,
-        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or the path of your own, ./my_problem.py."),
+        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or a file, ./my_problem.py, planets.csv."),
     ] = None,
     t_end: Annotated[str | None, typer.Option(help=END_TIME)] = None,
     methods: Annotated[

@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.families.wisdom_holman import KeplerPart
-from phasebench.integrators.systems.hamiltonian import Hamiltonian
+from phasebench.integrators.systems import deferred
+from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
 #: A body is central that is so many times as heavy as all others together.
 HEAVY = 5
+
+
+def with_kepler_part(system: PartitionedSystem, q0: Sequence[float]) -> PartitionedSystem:
+    """The system with the Kepler part that its H shows, where it declares none; else the system itself."""
+    if not system.canonical or system.loops or system.kepler is not None:
+        return system
+    part = kepler_part(system, q0)
+    if part is None:
+        return system
+    found = copy(system)
+    vars(found).pop("traits", None)
+    found.kepler, found.key = part, deferred.key_of(system.key, repr(part)) if system.key else ""
+    return found
 
 
 def kepler_part(system: Hamiltonian, q0: Sequence[float]) -> KeplerPart | None:

@@ -30,7 +30,7 @@ from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedS
 
 from . import PROBLEMS, real_parameters, user_file
 from .base import Orbit, Problem
-from .kepler_found import kepler_part
+from .kepler_found import with_kepler_part
 
 DIGITS = 30
 #: The largest dI/dt of an invariant, relative to the sum of its terms' sizes: numbers may have been rounded to doubles.
@@ -138,9 +138,7 @@ def _of_formula(
     variables = {name: sp.Symbol(name, real=True) for name in names}
     H = formula.parse(text, variables | {k: sp.Rational(v) for k, v in constants.items()})
     symbols, d = list(variables.values()), len(names) // 2
-    system = Hamiltonian(q=symbols[:d], p=symbols[d:], H=H)
-    system.kepler = kepler_part(system, start)
-    return system
+    return with_kepler_part(Hamiltonian(q=symbols[:d], p=symbols[d:], H=H), start)
 
 
 def _degrees(names: Sequence[str]) -> int:
@@ -227,7 +225,8 @@ def checked(problem: Problem, where: str) -> Problem:
         kept["the energy"] = system.H
     for name, e in kept.items():
         _check_kept(system, e, orbits[0], f"{where}: {name}")
-    return replace(problem, orbits=orbits, invariants=invariants)
+    system = with_kepler_part(system, orbits[0].q)
+    return replace(problem, system=system, orbits=orbits, invariants=invariants)
 
 
 def _state(orbit: Orbit, name: str, d: int, where: str) -> tuple[float, ...]:
