@@ -127,8 +127,11 @@ def lower(ask: Ask, true: Truth, candidate: Candidate) -> dict[str, Any] | None:
         system's time over its own with the same integrator; ``alone``, body -> what leaving it out, or taking its mass,
         makes alone
     """
-    if ask.accuracy is None or getattr(ask.problem, "bodies", None) is None or ask.quantity.statistical:
+    bodies = getattr(ask.problem, "bodies", None)
+    if ask.accuracy is None or bodies is None or ask.quantity.statistical:
         return None
+    if not np.array_equal(np.ravel(bodies.start()[0]), ask.problem.q0):
+        return _untold(ask, "the initial state is not the table's")
     ask.progress("which bodies may be left out")
     try:
         models = Models(ask, true)

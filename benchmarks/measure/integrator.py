@@ -98,9 +98,16 @@ class Integrator:
         if isinstance(self.record, Peer):
             self.record.load(self.record.package)
 
+    def _refused(self, problem) -> str | None:
+        """Why a problem, where it is more than a system, is not for it."""
+        return problem.refuses(self.record) if hasattr(problem, "refuses") else None
+
     def lacks(self, problem) -> str | None:
         """Why it cannot integrate a problem, or None where it can."""
         system = getattr(problem, "system", problem)
+        refused = self._refused(problem)
+        if refused:
+            return refused
         return self.record.lacks(problem, system) if isinstance(self.record, Peer) else self.record.lacks(system)
 
     def prepare(self, problem, *, tol: float | None = None, q0=None, p0=None) -> PreparedRun | PreparedPeer:
@@ -132,6 +139,9 @@ class Integrator:
         `integrators.driver.integrate` does, and for a tolerance where there is none.
         """
         common = {"h": h, "t_end": t_end, "steps": steps, "q0": q0, "p0": p0, "save_every": save_every}
+        refused = self._refused(problem)
+        if refused:
+            raise InvalidInput(refused)
         if isinstance(self.record, Peer):
             return integrate_peer(problem, self.record, tol=tol, **common)
         if tol is not None:

@@ -109,6 +109,10 @@ class Problem:
         """The values of an invariant along rows of Q, P, each of shape (n, d); an array of shape (n,)."""
         return self.system.observed(f"invariant {name}", lambda: self.invariants[name], Q, P)
 
+    def refuses(self, record) -> str | None:
+        """Why an integrator that can do the system is not for this problem; None where it is."""
+        return None
+
     @property
     def label(self) -> str:
         """``id:orbit``, or the id alone where there is one orbit."""

@@ -273,18 +273,14 @@ def _of_elements(place: str, row: Mapping[str, object], mu) -> tuple[Vector, Vec
 
 
 def _anomaly(M, e):
-    """The root E of E - e sin E = M, |M| <= pi: by bisection first, since Newton's method may leave the interval."""
-    low, high = M - e, M + e
-    for _ in range(12):
-        E = (low + high) / 2
-        low, high = (E, high) if E - e * mpmath.sin(E) < M else (low, E)
-    E = (low + high) / 2
-    for _ in range(100):
-        step = (E - e * mpmath.sin(E) - M) / (1 - e * mpmath.cos(E))
+    """The root E of E - e sin E = M, abs(M) <= pi: by Newton's method from beyond it, whence it comes nearer always."""
+    E = min(abs(M) + e, mpmath.pi)
+    for _ in range(200):
+        step = (E - e * mpmath.sin(E) - abs(M)) / (1 - e * mpmath.cos(E))
         E -= step
-        if abs(step) <= mpmath.mpf(10) ** (5 - DIGITS) * (1 + abs(E)):
+        if abs(step) <= mpmath.mpf(10) ** (5 - DIGITS) * E:
             break
-    return E
+    return E if M >= 0 else -E
 
 
 def _turned(inc, node, pericentre) -> Callable[..., Vector]:

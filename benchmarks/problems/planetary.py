@@ -7,7 +7,9 @@ their semi-major axes, in whatever order the table has them.
 
 A test particle (m = 0) has no :math:`p = m v`.  It is given `MASSLESS` = 1e-20 of the central body's mass: what that
 does to the others is 1e-4 of a double's rounding, its own motion is that of a test particle, and H stays one canonical
-function, so that symplectic and Wisdom-Holman methods, REBOUND and the references take it as any other body.
+function, so that symplectic and Wisdom-Holman methods, REBOUND and the references take it as any other body.  What
+cannot are methods that move states along the gradient of H (Gonzalez's discrete gradient, projections): in it a body of
+no mass has no weight, and their steps throw it off; they are refused.
 """
 
 from __future__ import annotations
@@ -29,6 +31,8 @@ from .bodies import Bodies, bodies
 from .units import Units, units
 
 NAME = "planetary system"
+#: Families whose steps depend on the sizes of q and p, of which a test particle's are arbitrary.
+GRADIENTS = ("discrete_gradient", "projection")
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,23 @@ class PlanetarySystem(Problem):
     """
 
     bodies: Bodies | None = None
+
+    def refuses(self, record) -> str | None:
+        """Why a method that moves states along gradients of invariants is not for test particles."""
+        particles = self.bodies.particles
+        if not particles or getattr(record, "family", None) not in GRADIENTS:
+            return None
+        return (
+            f"'{record.id}' moves states along the gradient of H, in which a test particle ({particles[0]}) has no "
+            "weight: leave out the test particles, or take another method"
+        )
+
+    def massive(self) -> PlanetarySystem | None:
+        """This system without its test particles; None where nothing moves about the central body then."""
+        particles = self.bodies.particles
+        if len(particles) == len(self.bodies.members) - 1:
+            return None
+        return self.without(*particles) if particles else self
 
     def without(self, *names: str) -> PlanetarySystem:
         """This system without some of its bodies, from where the table has the others."""

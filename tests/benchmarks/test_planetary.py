@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 import phasebench as pb
+from phasebench.benchmarks.advice import kept as kept_
 from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.problems import kept, planetary, problem
 from phasebench.benchmarks.problems.bodies import CARTESIAN, ELEMENTS
@@ -19,6 +20,7 @@ from phasebench.benchmarks.problems.gravity import MASSLESS
 from phasebench.benchmarks.problems.outer_solar_system import BODIES
 from phasebench.benchmarks.problems.units import Units
 from phasebench.benchmarks.problems.user import from_formula
+from phasebench.integrators import driver
 
 SEED, YEARS = 26, 30.0
 G = 2.95912208286e-4
@@ -318,3 +320,36 @@ def test_a_circle_is_a_circle():
     period = 2 * pi * (a**3 / (G * (1 + m))) ** 0.5
     end = pb.integrate(system, "wisdom-holman", t_end=period, steps=3, save_every=0)
     assert relative(end.q[-1], np.array(system.q0)) < SAME
+
+
+@pytest.mark.parametrize("id", ["gonzalez", "rk4-projected-energy", "stormer-verlet-symmetric-projection"])
+def test_methods_that_move_along_gradients_are_refused_for_test_particles(id):
+    with pytest.raises(pb.InvalidInput, match="test particle"):
+        pb.integrate(pb.planetary_system(drawn()), id, h=20.0, steps=1)
+    assert pb.integrator(id).lacks(pb.planetary_system(drawn()))
+    assert pb.integrator(id).lacks(pb.planetary_system([row for row in drawn() if row["m"]])) is None
+
+
+def test_control_such_a_method_throws_a_test_particle_off():
+    rows = [dict(drawn()[i]) for i in (0, 2, 4)]
+    system = pb.planetary_system(rows)
+    exact = pb.integrate(system, "heyoka", tol=TOL, t_end=1000.0, save_every=0).q[-1]
+    errors = {}
+    for id in ("gonzalez", "implicit-midpoint"):  # without its correction the one is the other
+        found = driver.integrate(system, id, h=10.0, steps=100, save_every=0)
+        errors[id] = np.abs(found.q[-1] - exact)[6:].max()
+    assert errors["gonzalez"] > 10 * errors["implicit-midpoint"]
+
+
+def test_symplecticity_is_judged_of_the_bodies_with_mass():
+    rows = [dict(drawn()[i]) for i in (0, 2, 4)]
+    system = pb.planetary_system(rows)
+    assert kept_.symplecticity_defect(pb.integrator("wisdom-holman"), system, 20.0) < kept_.DEFECT
+    assert system.massive().bodies.names == ("star", "b")
+    assert system.massless("b").massive() is None
+    assert kept_.symplecticity_defect(pb.integrator("wisdom-holman"), system.massless("b"), 20.0) == 0
+
+
+def test_control_a_method_that_is_not_symplectic_shows():
+    system = pb.planetary_system([dict(drawn()[i]) for i in (0, 2, 4)])
+    assert kept_.symplecticity_defect(pb.integrator("rk4"), system, 100.0) > kept_.DEFECT
