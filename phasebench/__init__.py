@@ -26,6 +26,7 @@ _HOMES = {
     "integrate_ensemble": "benchmarks.measure.ensembles",
     "integrator": "benchmarks.measure.integrator",
     "method": "integrators",
+    "planetary_system": "benchmarks.problems.planetary",
     "prepare": "benchmarks.measure.integrator",
     "problem": "benchmarks.problems",
     "stability": "benchmarks.measure.oscillator",

@@ -21,7 +21,7 @@ from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.benchmarks.measure.timing import in_turns, median
 
-from . import models, words
+from . import fewer_bodies, models, words
 from .ask import Ask
 from .hunt import LONGEST, MIDDLE, Candidate, Search
 from .known import KNOWN, known
@@ -145,7 +145,7 @@ def _chosen(found: Search, order: list[Candidate], problem_words: Sequence[str])
         "peer": rows.get(peer),
         "runner_up": rows[order[1]] if len(order) > 1 else None,
         "next": _tenfold(found, order, problem_words) if ask.accuracy is not None else None,
-        "lower_model": models.lower(ask),
+        "lower_model": models.lower(ask) or fewer_bodies.lower(ask, found.true, first),
         "alternatives": [rows[c] for c in order[1 : ALTERNATIVES + 1]],
         "dropped": [d._asdict() for d in found.dropped],
         "shared": sharing(order),

@@ -9,6 +9,7 @@ from numbers import Real
 from typing import Any
 
 from phasebench.benchmarks.measure.quantities import Quantity, quantity
+from phasebench.benchmarks.problems.units import span
 from phasebench.integrators.errors import InvalidInput
 
 from . import kept, prior
@@ -55,7 +56,8 @@ def ask(
     progress: Callable[[str], None] = lambda line: None,
 ) -> Ask:
     """The checked question; raises InvalidInput for what cannot be asked."""
-    t_end, limit = _positive("t_end", t_end), None if limit is None else _positive("limit", limit)
+    t_end = _positive("t_end", span(t_end, getattr(problem, "time_unit", "")))
+    limit = None if limit is None else _positive("limit", limit)
     if (accuracy is None) == (budget is None):
         raise InvalidInput("give either the accuracy that is needed or a budget of seconds")
     accuracy = None if accuracy is None else _positive("accuracy", accuracy)

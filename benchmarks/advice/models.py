@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from phasebench.benchmarks.problems.models.ladders import BY_ID
 
-from . import words
+from . import fewer_bodies, words
 from .ask import Ask
 
 PATH = Path(__file__).with_name("models.csv")
@@ -118,7 +118,9 @@ def lower(ask: Ask) -> dict[str, Any] | None:
 
 
 def said(found: dict[str, Any]) -> str:
-    """What `lower` found, in words."""
+    """What `lower` found, or `fewer_bodies.lower`, in words."""
+    if "alone" in found:
+        return fewer_bodies.said(found)
     if found["model"] is None:
         return f"no lower model would do: the nearest ({found['nearest']}) is off by {_off(found)}"
     text = f"a lower model would do: {found['model']}, off by {_off(found)}"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.base import Orbit, Problem
+from phasebench.benchmarks.problems.kepler_found import with_kepler_part
 from phasebench.integrators.request import initial
 
 from . import words
@@ -22,7 +23,7 @@ ROLES = ("choice", "own", "peer", "runner_up", "next")
 def advise(
     problem,
     *,
-    t_end: float,
+    t_end: float | str,
     accuracy: float | None = None,
     quantity: str = "end-state",
     conserve: Sequence[str] | str = (),
@@ -37,7 +38,7 @@ def advise(
     Parameters
     ----------
     problem : a system with q0 and p0; a problem; a registered name such as ``"henon-heiles:box"``; or a file's path
-    t_end : the end of the span
+    t_end : the end of the span; where the problem has a unit of time it may have one, ``"1e4 yr"``
     accuracy : the largest error of the quantity that is allowed
     quantity : ``"end-state"``, ``"trajectory"`` (max norms over (q, p)), ``"energy"`` (relative), or a name of the
         problem's own
@@ -103,6 +104,7 @@ def _made(problem, q0, p0):
         problem = problem_of(problem)
     if not isinstance(problem, Problem):
         system, q, p = initial(problem, q0, p0)
+        system = with_kepler_part(system, q)
         problem = Problem("system", "a system", "", system, (Orbit("given", tuple(q), tuple(p)),))
         return problem, problem
     return problem, started(problem, q0, p0)

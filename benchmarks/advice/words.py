@@ -23,7 +23,8 @@ def named(problem, name: str | None = None) -> list[str] | None:
     if name is None and problem.id in PROBLEMS:
         name = problem.label
     if name is None:
-        return formula(problem) if problem.system.canonical else None
+        named_alone = getattr(problem, "bodies", None) is not None  # a formula has no quantities of bodies
+        return formula(problem) if problem.system.canonical and not named_alone else None
     changed = {k: v for k, v in problem.parameters.items() if usual.get(k) != v}
     return [name, *(word for key, value in changed.items() for word in ("--set", f"{key}={value!r}"))]
 

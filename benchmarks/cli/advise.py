@@ -8,7 +8,20 @@ from typing import Annotated, Any
 import typer
 
 from .integrate import made
-from .shared import WRONG, complain, invalid_input, numbers, out, print_json, show, telling, values, warn
+from .shared import (
+    END_TIME,
+    WRONG,
+    complain,
+    end_time,
+    invalid_input,
+    numbers,
+    out,
+    print_json,
+    show,
+    telling,
+    values,
+    warn,
+)
 
 #: Candidates that are shown on a terminal, and reasons for which others fell out.
 SHOWN, REASONS = 10, 6
@@ -17,9 +30,9 @@ SHOWN, REASONS = 10, 6
 def advise(
     problem: Annotated[
         str | None,
-        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or the path of your own, ./my_problem.py."),
+        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or a file, ./my_problem.py, planets.csv."),
     ] = None,
-    t_end: Annotated[float | None, typer.Option(help="End time.")] = None,
+    t_end: Annotated[str | None, typer.Option(help=END_TIME)] = None,
     accuracy: Annotated[float | None, typer.Option(help="The largest error that is allowed.")] = None,
     quantity: Annotated[
         str, typer.Option(help="Of what: end-state, trajectory, energy, or a name of the problem's own.")
@@ -64,7 +77,7 @@ def advise(
         with telling("advise") as tell:
             asked = ask(
                 chosen,
-                t_end=t_end,
+                t_end=end_time(t_end, chosen),
                 accuracy=accuracy,
                 quantity_name=quantity,
                 conserve=[x.strip() for x in conserve.split(",") if x.strip()] if conserve else (),

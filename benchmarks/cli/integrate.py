@@ -15,7 +15,19 @@ import typer
 from phasebench.integrators.errors import InvalidInput
 
 from . import trajectory
-from .shared import WRONG, compilation_shown, complain, invalid_input, numbers, out, pairs, print_json, values
+from .shared import (
+    END_TIME,
+    WRONG,
+    compilation_shown,
+    complain,
+    end_time,
+    invalid_input,
+    numbers,
+    out,
+    pairs,
+    print_json,
+    values,
+)
 
 COUNTS = ("steps", "gradient", "hessian", "iterations", "fallbacks")
 #: Of a state of more numbers than `MANY` so many are shown at either end.
@@ -25,7 +37,7 @@ MANY, SHOWN = 12, 3
 def integrate(
     problem: Annotated[
         str,
-        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or the path of your own, ./my_problem.py."),
+        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or a file, ./my_problem.py, planets.csv."),
     ],
     method: Annotated[
         str | None, typer.Argument(metavar="METHOD", help="A method, a peer, or the path of your own step, ./mine.py.")
@@ -33,7 +45,7 @@ def integrate(
     h: Annotated[
         float | None, typer.Option("--h", help="Step; adjusted so that a whole number of steps ends at --t-end.")
     ] = None,
-    t_end: Annotated[float | None, typer.Option(help="End time.")] = None,
+    t_end: Annotated[str | None, typer.Option(help=END_TIME)] = None,
     steps: Annotated[int | None, typer.Option(help="Number of steps.")] = None,
     tol: Annotated[float | None, typer.Option(help="Tolerance of an adaptive peer.")] = None,
     param: Annotated[list[str], typer.Option(help="A method's parameter: lam=1/3.")] = [],  # noqa: B006
@@ -78,7 +90,7 @@ def integrate(
 
             chosen = integrator(method, **parameters)
             wanted = Wanted(error, quantity, output, every)
-            options = {"h": h, "t_end": t_end, "steps": steps, "q0": q0, "p0": p0}
+            options = {"h": h, "t_end": end_time(t_end, chosen_problem), "steps": steps, "q0": q0, "p0": p0}
             result = _integrated(chosen_problem, chosen, wanted, tol, timeout, **options)
     if as_json:
         print_json(result)

@@ -12,7 +12,7 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
-from .shared import err, invalid_input, out, warn
+from .shared import END_TIME, end_time, err, invalid_input, out, warn
 
 
 def run(
@@ -20,7 +20,7 @@ def run(
         str | None,
         typer.Argument(metavar="[PROBLEM]", help="Instead of scenes a problem, or your own, ./my_problem.py."),
     ] = None,
-    t_end: Annotated[float | None, typer.Option(help="End time of PROBLEM.")] = None,
+    t_end: Annotated[str | None, typer.Option(help=f"Of PROBLEM. {END_TIME}")] = None,
     quantity: Annotated[str, typer.Option(help="Of PROBLEM: whose error is measured.")] = "end-state",
     scene: Annotated[list[str], typer.Option(help="A scene; all where none is named.")] = [],  # noqa: B006
     method: Annotated[list[str], typer.Option(help="A method or a peer; all where none is named.")] = [],  # noqa: B006
@@ -70,7 +70,7 @@ def run(
         raise typer.Exit(1)
 
 
-def _one(problem: str, t_end: float | None, quantity: str, methods: list[str], scenes: list[str], output: Path) -> None:
+def _one(problem: str, t_end: str | None, quantity: str, methods: list[str], scenes: list[str], output: Path) -> None:
     """Error and time of methods on one problem, from where each breaks to round-off, one JSON object a line."""
     import json
 
@@ -81,13 +81,12 @@ def _one(problem: str, t_end: float | None, quantity: str, methods: list[str], s
     from .workprecision import measured
 
     with invalid_input():
-        if t_end is None or not t_end > 0:
-            raise InvalidInput("give --t-end, a positive number: where does the integration end?")
         if scenes:
             raise InvalidInput("both a problem and a scene are given; leave out one of them")
         if not output.parent.is_dir():
             raise InvalidInput(f"--output is {output}, and there is no folder {output.parent}")
-        rows = measured(made(problem, None, {}, None, None), t_end, quantity, ",".join(methods))
+        chosen = made(problem, None, {}, None, None)
+        rows = measured(chosen, end_time(t_end, chosen), quantity, ",".join(methods))
         write_file(output, "".join(json.dumps(row) + "\n" for row in rows))
     warn(row_failures(rows)[1])
     ends = Counter(r["status"] for r in rows)

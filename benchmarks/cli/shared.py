@@ -20,6 +20,8 @@ out, err = Console(), Console(stderr=True)
 WRONG, INVALID = 1, 2
 #: Between two columns of a table; and the least that is shown of one, or all of it where it is narrower.
 GAP, LEAST = 2, 24
+#: What --t-end is.
+END_TIME = 'End time; with a unit where the problem has one: "1e4 yr".'
 #: Seconds between two lines of progress where no terminal shows it: at first, and at most.
 PAUSE, LONGEST_PAUSE = 2.0, 60.0
 
@@ -138,6 +140,13 @@ def show(title: str, rows: list[dict[str, str]]) -> None:
     hidden = heads[len(widths) :]
     if hidden:
         console.print(f"in a wider terminal also: {', '.join(hidden)}; everything with --json", highlight=False)
+
+
+def end_time(text: str | None, problem) -> float | None:
+    """The end time that --t-end is, in the problem's unit of time."""
+    from phasebench.benchmarks.problems.units import span
+
+    return None if text is None else span(text, problem.time_unit, "--t-end")
 
 
 def numbers(text: str | None, name: str) -> list[float] | None:

@@ -12,7 +12,7 @@ import typer
 from phasebench.integrators.errors import InvalidInput
 
 from .integrate import made
-from .shared import invalid_input, numbers, out, print_json, show, telling, values, warn
+from .shared import END_TIME, end_time, invalid_input, numbers, out, print_json, show, telling, values, warn
 
 #: The errors of the table, and curves of a figure at most.
 ACCURACIES = tuple(10.0**-k for k in range(1, 14, 2))
@@ -22,9 +22,9 @@ CURVES = 9
 def workprecision(
     problem: Annotated[
         str | None,
-        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or the path of your own, ./my_problem.py."),
+        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or a file, ./my_problem.py, planets.csv."),
     ] = None,
-    t_end: Annotated[float | None, typer.Option(help="End time.")] = None,
+    t_end: Annotated[str | None, typer.Option(help=END_TIME)] = None,
     methods: Annotated[
         str | None, typer.Option(help="Methods, peers, files with commas between; at first a few of each side.")
     ] = None,
@@ -40,10 +40,9 @@ def workprecision(
 ) -> None:
     """Measure error against time over steps and tolerances, from where a method breaks to round-off."""
     with invalid_input():
-        if t_end is None or not t_end > 0:
-            raise InvalidInput("give --t-end, a positive number: where does the integration end?")
         _check(output)
-        rows = measured(_asked(problem, hamiltonian, set_, q, p), t_end, quantity, methods)
+        asked = _asked(problem, hamiltonian, set_, q, p)
+        rows = measured(asked, end_time(t_end, asked), quantity, methods)
         if output is not None:
             _figure(rows, output)
     from phasebench.benchmarks.measure.compilation import row_failures
@@ -73,12 +72,14 @@ def _asked(problem, hamiltonian, set_, q, p):
     return chosen if hamiltonian is not None else started(chosen, q0, p0)
 
 
-def measured(problem, t_end: float, quantity: str, methods: str | None) -> list[dict[str, Any]]:
+def measured(problem, t_end: float | None, quantity: str, methods: str | None) -> list[dict[str, Any]]:
     """The rows of methods, names with commas between, on a problem."""
     from phasebench.benchmarks.advice import ladder
     from phasebench.benchmarks.measure.integrator import integrator
     from phasebench.benchmarks.measure.quantities import quantity as quantity_of
 
+    if t_end is None or not t_end > 0:
+        raise InvalidInput("give --t-end, a positive number: where does the integration end?")
     ask = ladder.asked(problem, t_end, quantity_of(problem, quantity))
     chosen = [integrator(m.strip()) for m in methods.split(",") if m.strip()] if methods else ladder.chosen(ask)
     with telling("workprecision") as tell:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from phasebench.benchmarks.problems import problem as problem_of
+from phasebench.benchmarks.problems.units import span
 from phasebench.benchmarks.problems.user_file import is_file
 from phasebench.integrators import driver, prepared
 from phasebench.integrators.driver import Solution
@@ -97,9 +98,16 @@ class Integrator:
         if isinstance(self.record, Peer):
             self.record.load(self.record.package)
 
+    def _refused(self, problem) -> str | None:
+        """Why a problem, where it is more than a system, is not for it."""
+        return problem.refuses(self.record) if hasattr(problem, "refuses") else None
+
     def lacks(self, problem) -> str | None:
         """Why it cannot integrate a problem, or None where it can."""
         system = getattr(problem, "system", problem)
+        refused = self._refused(problem)
+        if refused:
+            return refused
         return self.record.lacks(problem, system) if isinstance(self.record, Peer) else self.record.lacks(system)
 
     def prepare(self, problem, *, tol: float | None = None, q0=None, p0=None) -> PreparedRun | PreparedPeer:
@@ -131,6 +139,9 @@ class Integrator:
         `integrators.driver.integrate` does, and for a tolerance where there is none.
         """
         common = {"h": h, "t_end": t_end, "steps": steps, "q0": q0, "p0": p0, "save_every": save_every}
+        refused = self._refused(problem)
+        if refused:
+            raise InvalidInput(refused)
         if isinstance(self.record, Peer):
             return integrate_peer(problem, self.record, tol=tol, **common)
         if tol is not None:
@@ -178,7 +189,7 @@ def integrate(
     method: str | Path | Method | Peer | Callable,
     *,
     h: float | None = None,
-    t_end: float | None = None,
+    t_end: float | str | None = None,
     steps: int | None = None,
     tol: float | None = None,
     q0=None,
@@ -195,7 +206,8 @@ def integrate(
     method : an id of a method or a peer; a record; a function ``step(system, q, p, h) -> (q, p)``; or the path of a
         file with one
     h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end.  Of an adaptive
-        peer they make the grid of its rows, and t_end alone gives start and end
+        peer they make the grid of its rows, and t_end alone gives start and end.  Where the problem has a unit of
+        time, t_end may have one: ``"1e4 yr"``
     tol : an adaptive peer's tolerance
     q0, p0 : arrays (d,), the initial state where not the problem's
     save_every : keep every so many-th state, and the last; 0 keeps the first and the last
@@ -224,6 +236,7 @@ def integrate(
     if timeout is not None and not method.stoppable:
         raise InvalidInput(f"'{method.id}' cannot be stopped: leave out the time limit")
     problem = problem_of(problem) if isinstance(problem, (str, Path)) else problem
+    t_end = span(t_end, getattr(problem, "time_unit", ""))
     return method.run(
         problem, h=h, t_end=t_end, steps=steps, tol=tol, q0=q0, p0=p0, save_every=save_every, timeout=timeout
     )

@@ -17,6 +17,7 @@ import numpy as np
 import sympy as sp
 
 from . import lyapunov
+from .body_quantities import of_bodies, position
 from .quantities import PARTS, Quantity, scale
 
 #: Rows from which an average and an exponent are told.
@@ -63,8 +64,8 @@ ROTATION = Quantity("phase", "the angle of (q, -p / omega) at the end", "rad", _
 
 def _longitude(name: str, body: int) -> Quantity:
     return _angle(
-        lambda problem, q, p: q[:, 3 * body + 1] - q[:, 1],
-        lambda problem, q, p: q[:, 3 * body] - q[:, 0],
+        lambda problem, q, p: position(problem, body, q, p)[:, 1],
+        lambda problem, q, p: position(problem, body, q, p)[:, 0],
         f"{name}-longitude",
         f"the longitude of {name} about the Sun, in the plane of coordinates, at the end",
     )
@@ -164,8 +165,9 @@ NAMED: dict[str, tuple[Quantity, ...]] = {
 
 
 def named(problem) -> Iterator[Quantity]:
-    """The quantities of a problem's own, those of its orbit after those of all its orbits."""
+    """The quantities of a problem's own, those of its orbit after those of all its orbits, and of its bodies."""
     id, label = getattr(problem, "id", ""), getattr(problem, "label", "")
     yield from NAMED.get(id, ())
     if label != id:
         yield from NAMED.get(label, ())
+    yield from of_bodies(problem)

@@ -55,7 +55,7 @@ def problem(name: str | Path, **parameters) -> Problem:
     """The problem ``id`` or ``id:orbit``, with values for its parameters: ``problem("kepler", e=0.2)``.
 
     A name with .py or a slash is the path of a user's own problem, see `benchmarks.problems.user`:
-    ``problem("./my_problem.py:orbit", k=2)``.
+    ``problem("./my_problem.py:orbit", k=2)``.  One with .csv is a table of bodies, see `benchmarks.problems.planetary`.
 
     Raises
     ------
@@ -64,6 +64,10 @@ def problem(name: str | Path, **parameters) -> Problem:
         no problem.
     """
     path, orbit = file_and_orbit(str(name))
+    if path is not None and path.lower().endswith(".csv"):
+        from . import planetary
+
+        return planetary.from_file(path, **parameters)
     if path is not None:
         from . import user
 

@@ -67,6 +67,7 @@ class Problem:
     orbit : the name of the chosen orbit
     parameters : the values it was made with
     pace : the times in which it moves
+    time_unit : of t, one of `units.TIMES`; empty where the problem has none
     """
 
     id: str
@@ -79,6 +80,7 @@ class Problem:
     cite: tuple[str, ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
     pace: Pace = PACE
+    time_unit: str = ""
 
     def at(self, orbit: str) -> Problem:
         """This problem on another of its orbits; raises InvalidInput for an unknown one."""
@@ -106,6 +108,10 @@ class Problem:
     def invariant(self, name: str, Q, P):
         """The values of an invariant along rows of Q, P, each of shape (n, d); an array of shape (n,)."""
         return self.system.observed(f"invariant {name}", lambda: self.invariants[name], Q, P)
+
+    def refuses(self, record) -> str | None:
+        """Why an integrator that can do the system is not for this problem; None where it is."""
+        return None
 
     @property
     def label(self) -> str:

@@ -26,6 +26,11 @@ def whole(id: str, parameters: Mapping[str, float], make: Callable[[], Problem])
     return of_key(deferred.key_of(_sources(), id, sorted(parameters.items())), partial(_again, id, parameters), make)
 
 
+def of_content(content: tuple, recipe: Callable[[], Problem], make: Callable[[], Problem]) -> Problem:
+    """The problem that a module here makes of some content; as `of_key`."""
+    return of_key(deferred.key_of(_sources(), content), recipe, make)
+
+
 def of_key(key: str, recipe: Callable[[], Problem], make: Callable[[], Problem]) -> Problem:
     """The problem of that key, from the cache; or as ``make`` makes it, and kept.
 

@@ -15,7 +15,7 @@ import sympy as sp
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Pace, Problem
-from .n_body import bodies
+from .gravity import bodies
 
 PARAMETERS: dict[str, float] = {}
 #: Length (nm), energy (K), Boltzmann's constant (J/K), mass (kg) as printed.

@@ -13,7 +13,6 @@ More than six bodies run on loops instead of derived formulae.
 """
 
 from fractions import Fraction
-from itertools import combinations
 from math import cos, pi, sin, sqrt
 from random import Random
 
@@ -26,32 +25,13 @@ from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
 
 from .base import Orbit, Pace, Problem
+from .gravity import bodies
 
 PARAMETERS = {"N": 3}
 #: The most bodies; the seed of the random start; radii beyond this are drawn again, as in the recipe.
 LARGEST, SEED, RADIUS = 128, 1974, 10.0
 #: (mass, position) of the Pythagorean problem.
 PYTHAGOREAN = ((3, (1.0, 3.0, 0.0)), (4, (-2.0, -1.0, 0.0)), (5, (1.0, -1.0, 0.0)))
-
-
-def bodies(N: int, axes: str):
-    """Of N point masses: symbols q and p, lists of the pairs and their distances, and name -> invariant.
-
-    The axes are "xy" or "xyz"; the invariants are the total momentum and angular momentum.
-    """
-    D = len(axes)
-    names = [f"{axis}{i + 1}" for i in range(N) for axis in axes]
-    q, p = sp.symbols(names, real=True), sp.symbols([f"p{n}" for n in names], real=True)
-    x, v = ([sp.Matrix(z[i : i + D]) for i in range(0, len(z), D)] for z in (q, p))
-    pairs = list(combinations(range(N), 2))
-    distances = [sp.sqrt(sum(s**2 for s in x[j] - x[i])) for i, j in pairs]
-    planes = [(0, 1)] if D == 2 else [(1, 2), (2, 0), (0, 1)]
-    turning = [sp.Add(*(a[i] * b[j] - a[j] * b[i] for a, b in zip(x, v, strict=True))) for i, j in planes]
-    kept = {f"momentum-{k + 1}": sp.Add(*(b[k] for b in v)) for k in range(D)}
-    kept |= (
-        {f"angular-momentum-{k + 1}": L for k, L in enumerate(turning)} if D == 3 else {"angular-momentum": turning[0]}
-    )
-    return q, p, pairs, distances, kept
 
 
 def plummer(N: int) -> tuple[list[float], list[float]]:

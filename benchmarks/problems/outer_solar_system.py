@@ -4,14 +4,13 @@ Units: astronomical units, days, solar masses.  H = sum |p_i|^2 / (2 m_i) - G su
 rest at the origin in the beginning; the momenta are m v, rounded to double.
 """
 
-from itertools import combinations
-
 import sympy as sp
 
 from phasebench.integrators.families.wisdom_holman import jacobi
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Pace, Problem, decades
+from .gravity import bodies, newton
 
 PARAMETERS: dict[str, float] = {}
 G = 2.95912208286e-4
@@ -28,17 +27,8 @@ BODIES = {
 
 def make() -> Problem:
     """The problem; it has no parameters."""
-    names = [f"{axis}{body}" for body in range(len(BODIES)) for axis in "xyz"]
-    q, p = sp.symbols(names, real=True), sp.symbols([f"p{n}" for n in names], real=True)
-    masses = [sp.Rational(m) for m, _, _ in BODIES.values()]
-    positions, momenta = ([sp.Matrix(z[i : i + 3]) for i in range(0, len(z), 3)] for z in (q, p))
-    pairs = list(combinations(range(len(BODIES)), 2))
-    distances = [sp.sqrt(sum(x**2 for x in positions[j] - positions[i])) for i, j in pairs]
-    H = sum(P.dot(P) / (2 * m) for P, m in zip(momenta, masses, strict=True))
-    H -= sum(sp.Rational(G) * masses[i] * masses[j] / r for (i, j), r in zip(pairs, distances, strict=True))
-    total = sum(momenta, sp.zeros(3, 1))
-    L = sum((x.cross(P) for x, P in zip(positions, momenta, strict=True)), sp.zeros(3, 1))
-    kept = {f"momentum-{k + 1}": total[k] for k in range(3)} | {f"angular-momentum-{k + 1}": L[k] for k in range(3)}
+    q, p, pairs, distances, kept = bodies(len(BODIES), "xyz", first=0)
+    masses, exact = [sp.Rational(m) for m, _, _ in BODIES.values()], sp.Rational(G)
     start = Orbit(
         "september-1994",
         tuple(x for _, where, _ in BODIES.values() for x in where),
@@ -52,9 +42,15 @@ def make() -> Problem:
         source="Hairer, Lubich & Wanner 2006, I.2.4",
         cite=("hairer2006",),
         system=Hamiltonian(
-            q=q, p=p, H=H, singular=distances, invariants=kept.values(), kepler=jacobi(masses, sp.Rational(G))
+            q=q,
+            p=p,
+            H=newton(p, masses, exact, pairs, distances),
+            singular=distances,
+            invariants=kept.values(),
+            kepler=jacobi(masses, exact),
         ),
         orbits=(start,),
         invariants=kept,
+        time_unit="day",
         pace=Pace(unit=400.0, step=100.0, span=2500.0, later=700.0),
     )

@@ -13,7 +13,7 @@ import sympy as sp
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .base import Orbit, Problem
-from .n_body import bodies
+from .gravity import bodies
 
 PARAMETERS: dict[str, float] = {}
 #: Position of the first body and momentum of the third, and the period.

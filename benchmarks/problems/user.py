@@ -30,6 +30,7 @@ from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedS
 
 from . import PROBLEMS, real_parameters, user_file
 from .base import Orbit, Problem
+from .kepler_found import with_kepler_part
 
 DIGITS = 30
 #: The largest dI/dt of an invariant, relative to the sum of its terms' sizes: numbers may have been rounded to doubles.
@@ -121,20 +122,23 @@ def from_formula(
             raise InvalidInput(f"a formula has no initial data: give them, --{name} {example}")
         if len(value) != len(numbers):
             raise InvalidInput(f"--{name} has {len(value)} components; the formula has d = {len(numbers)}")
-    key = deferred.key_of("formula", text, variables, sorted(constants.items()))
-    system = deferred.system(key, partial(_of_formula, text, variables, constants))
-    orbit = Orbit("start", *(_state(Orbit("start", q, p), name, system, "the formula") for name in "qp"))
+    orbit = Orbit("start", *(_state(Orbit("start", q, p), name, len(numbers), "the formula") for name in "qp"))
+    start = orbit.q if len(numbers) > 1 else ()
+    key = deferred.key_of("formula", text, variables, sorted(constants.items()), start)
+    system = deferred.system(key, partial(_of_formula, text, variables, constants, start))
     _check_start(system, orbit, "the formula")
     name = id or text.strip()
     return Problem(name, "a formula", "the command line", system, (orbit,), parameters=constants)
 
 
-def _of_formula(text: str, names: Sequence[str], constants: Mapping[str, float]) -> Hamiltonian:
-    """The system of a formula in the variables q and p of those names."""
+def _of_formula(
+    text: str, names: Sequence[str], constants: Mapping[str, float], start: tuple[float, ...]
+) -> Hamiltonian:
+    """The system of a formula in the variables q and p of those names, from coordinates ``start``."""
     variables = {name: sp.Symbol(name, real=True) for name in names}
     H = formula.parse(text, variables | {k: sp.Rational(v) for k, v in constants.items()})
     symbols, d = list(variables.values()), len(names) // 2
-    return Hamiltonian(q=symbols[:d], p=symbols[d:], H=H)
+    return with_kepler_part(Hamiltonian(q=symbols[:d], p=symbols[d:], H=H), start)
 
 
 def _degrees(names: Sequence[str]) -> int:
@@ -205,7 +209,7 @@ def checked(problem: Problem, where: str) -> Problem:
         raise InvalidInput(f"{where}: orbits is {problem.orbits!r}; write orbits=(Orbit('start', (1.0,), (0.0,)),)")
     if len({o.name for o in orbits}) < len(orbits):
         raise InvalidInput(f"{where}: two orbits have one name")
-    orbits = tuple(replace(o, q=_state(o, "q", system, where), p=_state(o, "p", system, where)) for o in orbits)
+    orbits = tuple(replace(o, q=_state(o, "q", system.d, where), p=_state(o, "p", system.d, where)) for o in orbits)
     for o in orbits:
         _check_start(system, o, where if len(orbits) == 1 else f"{where}, orbit {o.name}")
     invariants = {}
@@ -221,20 +225,19 @@ def checked(problem: Problem, where: str) -> Problem:
         kept["the energy"] = system.H
     for name, e in kept.items():
         _check_kept(system, e, orbits[0], f"{where}: {name}")
-    return replace(problem, orbits=orbits, invariants=invariants)
+    system = with_kepler_part(system, orbits[0].q)
+    return replace(problem, system=system, orbits=orbits, invariants=invariants)
 
 
-def _state(orbit: Orbit, name: str, system: PartitionedSystem, where: str) -> tuple[float, ...]:
+def _state(orbit: Orbit, name: str, d: int, where: str) -> tuple[float, ...]:
     """The orbit's q or p as doubles."""
     given = getattr(orbit, name)
     try:
         value = tuple(float(x) for x in np.atleast_1d(given))
     except (TypeError, ValueError, OverflowError):
         value = ()
-    if len(value) != system.d or not all(map(isfinite, value)):
-        raise InvalidInput(
-            f"{where}: {name} of orbit '{orbit.name}' is {given!r}; it must be {system.d} finite numbers"
-        )
+    if len(value) != d or not all(map(isfinite, value)):
+        raise InvalidInput(f"{where}: {name} of orbit '{orbit.name}' is {given!r}; it must be {d} finite numbers")
     return value
 
 

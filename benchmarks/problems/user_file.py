@@ -14,8 +14,8 @@ from phasebench.integrators.errors import InvalidInput
 
 
 def is_file(name: str) -> bool:
-    """Whether a name is the path of a file: it ends in .py or has a slash."""
-    return name.lower().endswith(".py") or "/" in name or "\\" in name
+    """Whether a name is the path of a file: it ends in .py or .csv or has a slash."""
+    return name.lower().endswith((".py", ".csv")) or "/" in name or "\\" in name
 
 
 def load(path: str, what: str = "problem") -> types.ModuleType:

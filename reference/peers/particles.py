@@ -82,6 +82,12 @@ def _split(system):
     return None if double or 0 in inverse else (inverse, V)
 
 
+def attracting(system):
+    """(masses, G, dimension), exact, of bodies that attract each other; None of any other system."""
+    split = _split(system)
+    return None if split is None else _bodies(system.q, *split)
+
+
 @lru_cache(maxsize=64)
 def settings(system) -> dict[str, Setting]:
     """Kind -> how the system is put to REBOUND, for each kind that fits it, the most special one first."""

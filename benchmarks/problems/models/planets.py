@@ -7,29 +7,22 @@ from collections.abc import Callable
 import numpy as np
 import sympy as sp
 
-from phasebench.benchmarks.problems import outer_solar_system, problem
+from phasebench.benchmarks.problems import gravity, outer_solar_system, problem
 from phasebench.benchmarks.problems.base import Problem
 
 from .ladder import Lift, Rung, modelled
 
 BODIES = outer_solar_system.BODIES
-#: The mass, in the Sun's, of a body without mass: no double notices it.
-MASSLESS = 1e-20
+MASSLESS = gravity.MASSLESS
 
 
 def bodies(names: tuple[str, ...], massless: tuple[str, ...] = ()) -> Callable[[], Problem]:
     """The problem of some of the bodies, from where the full one has them."""
 
     def make() -> Problem:
-        axes = [f"{axis}{i}" for i in range(len(names)) for axis in "xyz"]
-        q, p = sp.symbols(axes, real=True), sp.symbols([f"p{n}" for n in axes], real=True)
+        q, p, pairs, distances, _ = gravity.bodies(len(names), "xyz", first=0)
         m = [MASSLESS if n in massless else BODIES[n][0] for n in names]
-        exact = [sp.Rational(x) for x in m]
-        H = sum(x**2 / (2 * exact[i // 3]) for i, x in enumerate(p))
-        for j in range(len(names)):
-            for i in range(j):
-                r = sp.sqrt(sum((q[3 * i + k] - q[3 * j + k]) ** 2 for k in range(3)))
-                H -= sp.Rational(outer_solar_system.G) * exact[i] * exact[j] / r
+        H = gravity.newton(p, [sp.Rational(x) for x in m], sp.Rational(outer_solar_system.G), pairs, distances)
         where = tuple(x for n in names for x in BODIES[n][1])
         momenta = tuple(mass * v for n, mass in zip(names, m, strict=True) for v in BODIES[n][2])
         return modelled("-".join(names), q, p, H, (where, momenta))

@@ -1,0 +1,326 @@
+r"""A table of bodies: checked, with positions and velocities from orbital elements, about the barycentre.
+
+About the central body an orbit of elements :math:`a, e` has
+:math:`\mu = G (m_0 + m)` and, with the eccentric anomaly :math:`E - e\sin E = M`, in the plane of the orbit
+
+.. math:: x = a(\cos E - e),\quad y = a\sqrt{1 - e^2}\sin E,\quad
+          (\dot x, \dot y) = \frac{\sqrt{\mu a}}{r}\left(-\sin E, \sqrt{1 - e^2}\cos E\right),
+
+turned by omega about z, by inc about x and by Omega about z.  All of it is computed in 40 digits and rounded once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf, isfinite
+
+import mpmath
+
+from phasebench.integrators.errors import InvalidInput, unknown
+
+from .gravity import MASSLESS
+from .units import Units
+
+CARTESIAN = ("x", "y", "z", "vx", "vy", "vz")
+ELEMENTS = ("a", "e", "inc", "Omega", "omega", "M")
+HELIOCENTRIC, BARYCENTRIC = "heliocentric", "barycentric"
+FRAMES = (HELIOCENTRIC, BARYCENTRIC)
+#: More bodies make formulae that take minutes to derive.
+MOST = 16
+DIGITS = 40
+#: A barycentric table whose barycentre is off by more than this share of its size, with a central body at the origin.
+OFF = 1e-9
+
+#: A row of a table: where it stands ("planets.csv, line 4"), and column -> text or number.
+Row = tuple[str, Mapping[str, object]]
+Vector = tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body: its mass, and its position and velocity in the frame of the table.
+
+    Of a test particle ``mass`` is 0, and of one that is taken for one ``massive`` is False.
+    """
+
+    name: str
+    mass: float
+    x: Vector
+    v: Vector
+    massive: bool = True
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """The bodies of a system, the central one first.
+
+    Attributes
+    ----------
+    members : the bodies, in the order of the table
+    units : of all numbers
+    frame : heliocentric (about the first body) or barycentric
+    """
+
+    members: tuple[Body, ...]
+    units: Units
+    frame: str
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names, the central body's first."""
+        return tuple(b.name for b in self.members)
+
+    @property
+    def particles(self) -> tuple[str, ...]:
+        """The names of the test particles."""
+        return tuple(b.name for b in self.members if not (b.massive and b.mass))
+
+    @property
+    def masses(self) -> tuple[float, ...]:
+        """The masses as they are integrated: of a test particle `MASSLESS` of the central body's."""
+        least = MASSLESS * self.members[0].mass
+        return tuple(b.mass if b.massive and b.mass else least for b in self.members)
+
+    @property
+    def content(self) -> tuple:
+        """All of it as numbers and words that can be hashed and pickled."""
+        with mpmath.workdps(DIGITS):
+            rows = tuple((b.name, b.mass, tuple(map(str, (*b.x, *b.v))), b.massive) for b in self.members)
+        return rows, tuple(self.units), self.frame
+
+    @classmethod
+    def of_content(cls, content: tuple) -> Bodies:
+        """The bodies that `content` was taken of."""
+        rows, of_units, frame = content
+        with mpmath.workdps(DIGITS):
+            members = tuple(
+                Body(name, mass, tuple(map(mpmath.mpf, numbers[:3])), tuple(map(mpmath.mpf, numbers[3:])), massive)
+                for name, mass, numbers, massive in rows
+            )
+        return cls(members, Units(*of_units), frame)
+
+    def without(self, names: Iterable[str]) -> Bodies:
+        """The system without some of its bodies."""
+        left_out = set(names)
+        return replace(self, members=tuple(b for b in self.members if b.name not in left_out))
+
+    def massless(self, names: Iterable[str]) -> Bodies:
+        """The system with some of its bodies as test particles."""
+        light = set(names)
+        return replace(self, members=tuple(replace(b, massive=False) if b.name in light else b for b in self.members))
+
+    def start(self) -> tuple[list[tuple[float, ...]], list[tuple[float, ...]]]:
+        """(positions, velocities) about the barycentre at rest, rounded to doubles."""
+        with mpmath.workdps(DIGITS):
+            masses = [mpmath.mpf(b.mass) if b.massive else mpmath.mpf(0) for b in self.members]
+            return _centred([b.x for b in self.members], masses), _centred([b.v for b in self.members], masses)
+
+    def semi_axes(self) -> tuple[float, ...]:
+        """The osculating semi-major axis about the central body of each other body; infinite of one that escapes."""
+        centre, G = self.members[0], self.units.G
+        found = []
+        with mpmath.workdps(DIGITS):
+            for b in self.members[1:]:
+                r, v = _length(_minus(b.x, centre.x)), _length(_minus(b.v, centre.v))
+                inverse = 2 / r - v**2 / (G * (mpmath.mpf(centre.mass) + b.mass))
+                found.append(float(1 / inverse) if inverse > 0 else inf)
+        return tuple(found)
+
+    def order(self) -> list[int]:
+        """The bodies from the centre outwards, in which Jacobi's coordinates are taken."""
+        size = dict(enumerate(self.semi_axes(), start=1))
+        return [0, *sorted(size, key=size.__getitem__)]
+
+
+def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, heads: Sequence[str]) -> Bodies:
+    """The checked table of rows with the columns ``heads``.
+
+    Raises
+    ------
+    InvalidInput
+        Naming the row and the column, for anything that cannot be used.
+    """
+    chosen = _columns(heads, where)
+    frame = _frame(frame, chosen, where)
+    if len(rows) < 2:
+        raise InvalidInput(f"{where}: there are {len(rows)} bodies; give the central one first, then at least one more")
+    if len(rows) > MOST:
+        raise InvalidInput(f"{where}: there are {len(rows)} bodies; formulae are derived of at most {MOST}")
+    names: dict[str, str] = {}
+    members: list[Body] = []
+    with mpmath.workdps(DIGITS):
+        for place, row in rows:
+            name = _name(place, row, names)
+            m = _number(place, row, "m")
+            if m < 0 or (m == 0 and not members):
+                why = "the central body needs a mass" if m == 0 else "a mass is positive, or 0 of a test particle"
+                raise InvalidInput(f"{place}, column m: the mass of {name} is {m:g}; {why}")
+            if not members:
+                x, v = _central(place, row, chosen, frame)
+            elif chosen == ELEMENTS:
+                x, v = _of_elements(place, row, mpmath.mpf(units.G) * (mpmath.mpf(members[0].mass) + m))
+            else:
+                numbers = [mpmath.mpf(_number(place, row, c)) for c in CARTESIAN]
+                x, v = tuple(numbers[:3]), tuple(numbers[3:])
+            for other in members:
+                if other.x == x:
+                    stands = names[other.name]
+                    raise InvalidInput(
+                        f"{place}: {name} is where {other.name} ({stands}) is; move one, or leave it out"
+                    )
+            members.append(Body(name, m, x, v))
+        found = Bodies(tuple(members), units, frame)
+        _check_frame(found, chosen, where)
+    return found
+
+
+def _columns(heads: Sequence[str], where: str) -> tuple[str, ...]:
+    """`CARTESIAN` or `ELEMENTS`, whichever the columns are."""
+    twice = [h for i, h in enumerate(heads) if h in heads[:i]]
+    if twice:
+        raise InvalidInput(f"{where}: the column {twice[0]} is there twice; leave one out")
+    strange = [h for h in heads if h not in ("name", "m", *CARTESIAN, *ELEMENTS)]
+    if strange:
+        known = unknown("column", strange[0], ["name", "m", *CARTESIAN, *ELEMENTS])
+        raise InvalidInput(
+            f"{where}: {known} (capitals matter: Omega is the node, omega the pericentre, M the anomaly)"
+        )
+    given = {kind for kind in (CARTESIAN, ELEMENTS) if set(heads) & set(kind)}
+    if len(given) == 2:
+        raise InvalidInput(f"{where}: columns are of both kinds; give {', '.join(CARTESIAN)} or {', '.join(ELEMENTS)}")
+    chosen = given.pop() if given else CARTESIAN
+    missing = [c for c in ("name", "m", *chosen) if c not in heads]
+    if missing:
+        wanted = (
+            f"name, m, {', '.join(chosen)}"
+            if set(heads) & {*CARTESIAN, *ELEMENTS}
+            else (f"name, m and {', '.join(CARTESIAN)}, or name, m and {', '.join(ELEMENTS)}")
+        )
+        raise InvalidInput(f"{where}: the column {missing[0]} is missing; write {wanted}")
+    return chosen
+
+
+def _frame(frame: str | None, chosen: tuple[str, ...], where: str) -> str:
+    if frame is None and chosen == ELEMENTS:
+        return HELIOCENTRIC
+    if frame is None:
+        raise InvalidInput(f"{where}: it does not say about what positions are; say the frame: {' or '.join(FRAMES)}")
+    if frame not in FRAMES:
+        raise InvalidInput(f"{where}: {unknown('frame', frame, FRAMES)}")
+    return frame
+
+
+def _name(place: str, row: Mapping[str, object], names: dict[str, str]) -> str:
+    """The row's name as quantities spell it; ``names`` has those before."""
+    given = str(row.get("name", "")).strip()
+    name = "-".join(given.lower().split())
+    if not name or not all(c.isalnum() or c in "-_" for c in name):
+        raise InvalidInput(f"{place}, column name: '{given}' is no name; write letters, digits and dashes")
+    if name in names:
+        raise InvalidInput(f"{place}, column name: '{given}' is the name of {names[name]}, too; change one")
+    names[name] = place
+    return name
+
+
+def _number(place: str, row: Mapping[str, object], column: str) -> float:
+    value = row.get(column)
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = inf
+    if not isfinite(number) or isinstance(value, bool):
+        said = "empty" if value is None or not str(value).strip() else f"'{value}'"
+        raise InvalidInput(f"{place}, column {column}: it is {said}; write a finite number, such as 0.5 or 1e-3")
+    return number
+
+
+def _central(place: str, row: Mapping[str, object], chosen: tuple[str, ...], frame: str) -> tuple[Vector, Vector]:
+    """Where the central body is: at the origin, unless positions are about the barycentre."""
+    if chosen == CARTESIAN and frame == BARYCENTRIC:
+        numbers = [mpmath.mpf(_number(place, row, c)) for c in CARTESIAN]
+        return tuple(numbers[:3]), tuple(numbers[3:])
+    for column in chosen:
+        given = row.get(column)
+        empty = given is None or not str(given).strip() or given != given
+        if not empty and _number(place, row, column) != 0:
+            other = " or say '# frame: barycentric'" if chosen == CARTESIAN else ""
+            raise InvalidInput(
+                f"{place}, column {column}: it is {given}, and the first row is the central body, about which all "
+                f"others are given; write 0{other}"
+            )
+    zero = (mpmath.mpf(0),) * 3
+    return zero, zero
+
+
+def _of_elements(place: str, row: Mapping[str, object], mu) -> tuple[Vector, Vector]:
+    """Position and velocity about the central body."""
+    a, e, *angles = (mpmath.mpf(_number(place, row, c)) for c in ELEMENTS)
+    if a <= 0:
+        raise InvalidInput(f"{place}, column a: the semi-major axis is {float(a):g}; it must be positive")
+    if not 0 <= e < 1:
+        hint = "; give an orbit that is not bound by x, y, z, vx, vy, vz" if e >= 1 else ""
+        raise InvalidInput(
+            f"{place}, column e: the eccentricity is {float(e):g}; it must be at least 0 and below 1{hint}"
+        )
+    inc, node, pericentre, M = (mpmath.radians(angle) for angle in angles)
+    M = M - 2 * mpmath.pi * mpmath.nint(M / (2 * mpmath.pi))
+    E = _anomaly(M, e)
+    c, s, b = mpmath.cos(E), mpmath.sin(E), mpmath.sqrt(1 - e**2)
+    speed = mpmath.sqrt(mu / a) / (1 - e * c)
+    turn = _turned(inc, node, pericentre)
+    return turn(a * (c - e), a * b * s), turn(-speed * s, speed * b * c)
+
+
+def _anomaly(M, e):
+    """The root E of E - e sin E = M, abs(M) <= pi: by Newton's method from beyond it, whence it comes nearer always."""
+    E = min(abs(M) + e, mpmath.pi)
+    for _ in range(200):
+        step = (E - e * mpmath.sin(E) - abs(M)) / (1 - e * mpmath.cos(E))
+        E -= step
+        if abs(step) <= mpmath.mpf(10) ** (5 - DIGITS) * E:
+            break
+    return E if M >= 0 else -E
+
+
+def _turned(inc, node, pericentre) -> Callable[..., Vector]:
+    """From the plane of an orbit, x towards the pericentre, to space."""
+    cO, sO, co, so = mpmath.cos(node), mpmath.sin(node), mpmath.cos(pericentre), mpmath.sin(pericentre)
+    ci, si = mpmath.cos(inc), mpmath.sin(inc)
+
+    def turn(x, y) -> Vector:
+        u, w = co * x - so * y, so * x + co * y
+        return cO * u - sO * ci * w, sO * u + cO * ci * w, si * w
+
+    return turn
+
+
+def _minus(a: Vector, b: Vector) -> Vector:
+    return tuple(x - y for x, y in zip(a, b, strict=True))
+
+
+def _length(a: Vector):
+    return mpmath.sqrt(mpmath.fsum(x * x for x in a))
+
+
+def _centred(vectors: Sequence[Vector], masses: Sequence) -> list[tuple[float, ...]]:
+    total = mpmath.fsum(masses)
+    centre = tuple(
+        mpmath.fsum(m * x for m, x in zip(masses, axis, strict=True)) / total for axis in zip(*vectors, strict=True)
+    )
+    return [tuple(map(float, _minus(v, centre))) for v in vectors]
+
+
+def _check_frame(found: Bodies, chosen: tuple[str, ...], where: str) -> None:
+    """Raise InvalidInput where a table that says barycentric can only be heliocentric."""
+    first = found.members[0]
+    if chosen == ELEMENTS or found.frame != BARYCENTRIC or any(first.x) or any(first.v):
+        return
+    masses = [mpmath.mpf(b.mass) for b in found.members]
+    size = max(_length(b.x) for b in found.members)
+    centre = [mpmath.fsum(m * b.x[k] for m, b in zip(masses, found.members, strict=True)) for k in range(3)]
+    if _length(tuple(centre)) > OFF * size * mpmath.fsum(masses):
+        raise InvalidInput(
+            f"{where}: the frame is barycentric, but the central body rests at the origin and the barycentre does not; "
+            "say '# frame: heliocentric'"
+        )

@@ -1,0 +1,91 @@
+"""The file of bodies, planets.csv: a comment with the units, one with the frame, a row of columns, a row a body."""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+
+from phasebench.integrators.errors import InvalidInput, unknown
+
+from .bodies import FRAMES, Bodies, bodies
+from .units import Units, units
+
+WANTED = "# units: AU, day, Msun"
+COMMENTS = ("units", "frame")
+
+
+def read(path: str | Path) -> Bodies:
+    """The bodies of a file.
+
+    Raises
+    ------
+    InvalidInput
+        For a file that cannot be read or used, naming the line and the column.
+    """
+    path = str(path)
+    return parse(_text(path), path)
+
+
+def _text(path: str) -> str:
+    file = Path(path)
+    if file.is_dir():
+        raise InvalidInput(f"{path} is a directory; name a file .csv in it")
+    if not file.exists():
+        raise InvalidInput(f"there is no file {path}; write one, its first line {WANTED}")
+    try:
+        return file.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise InvalidInput(f"{path} cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InvalidInput(f"{path} is no text in UTF-8; save it as one") from None
+
+
+def parse(text: str, path: str) -> Bodies:
+    """The bodies of the text of a file, which messages call ``path``."""
+    found_units, frame = None, None
+    heads: list[str] = []
+    top, stands, seen, rows = path, 0, {}, []
+    for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
+        place = f"{path}, line {number}"
+        if line.lstrip().startswith("#"):
+            word, mark, rest = line.lstrip(" \t#").partition(":")
+            word = word.strip().lower()
+            if not mark or word not in COMMENTS:
+                continue
+            if word in seen:
+                raise InvalidInput(f"{place}: the {word} are said in line {seen[word]}, too; leave one out")
+            seen[word] = number
+            found_units = units(rest, place) if word == "units" else found_units
+            frame = rest.strip().lower() if word == "frame" else frame
+            if word == "frame" and frame not in FRAMES:
+                raise InvalidInput(f"{place}: {unknown('frame', frame, FRAMES)}")
+            continue
+        cells = _cells(line, place)
+        if not any(cells):
+            continue
+        if not heads:
+            heads, top, stands = cells, place, number
+            continue
+        if len(cells) != len(heads):
+            raise InvalidInput(
+                f"{place}: it has {len(cells)} cells, and there are {len(heads)} columns (line {stands})"
+            )
+        rows.append((place, dict(zip(heads, cells, strict=True))))
+    if not heads:
+        raise InvalidInput(f"{path} is empty; write a line {WANTED}, one of columns (name, m, a, e, ...), one a body")
+    return bodies(rows, _units(found_units, path), frame, top, heads)
+
+
+def _cells(line: str, place: str) -> list[str]:
+    try:
+        cells = next(csv.reader([line], skipinitialspace=True, strict=True), [])
+    except csv.Error as error:
+        raise InvalidInput(f"{place}: it is no line of a CSV file: {error}") from None
+    return [c.strip() for c in cells]
+
+
+def _units(found: Units | None, path: str) -> Units:
+    if found is None:
+        raise InvalidInput(f"{path} does not say its units; write a first line such as {WANTED}")
+    return found

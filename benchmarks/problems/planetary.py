@@ -1,0 +1,213 @@
+r"""A planetary system of one's own: bodies about a central one, from planets.csv or from Python.
+
+.. math:: H = \sum_i \frac{|p_i|^2}{2m_i} - \sum_{i<j} \frac{G m_i m_j}{|q_i - q_j|},\qquad p_i = m_i v_i,
+
+about the barycentre at rest.  Jacobi's coordinates of the Kepler part take the bodies from the centre outwards, by
+their semi-major axes, in whatever order the table has them.
+
+A test particle (m = 0) has no :math:`p = m v`.  It is given `MASSLESS` = 1e-20 of the central body's mass: what that
+does to the others is 1e-4 of a double's rounding, its own motion is that of a test particle, and H stays one canonical
+function, so that symplectic and Wisdom-Holman methods, REBOUND and the references take it as any other body.  What
+cannot are methods that move states along the gradient of H (Gonzalez's discrete gradient, projections): in it a body of
+no mass has no weight, and their steps throw it off; they are refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from math import pi, sqrt
+from pathlib import Path
+from typing import Any
+
+from phasebench.integrators.engine.lazy import sympy as sp
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
+from . import bodies_file, kept
+from .base import Orbit, Pace, Problem
+from .bodies import Bodies, bodies
+from .units import Units, units
+
+NAME = "planetary system"
+#: Families whose steps depend on the sizes of q and p, of which a test particle's are arbitrary.
+GRADIENTS = ("discrete_gradient", "projection")
+
+
+@dataclass(frozen=True)
+class PlanetarySystem(Problem):
+    """A problem of bodies about a central one.
+
+    Attributes
+    ----------
+    bodies : the table that it is made of
+    """
+
+    bodies: Bodies | None = None
+
+    def refuses(self, record) -> str | None:
+        """Why a method that moves states along gradients of invariants is not for test particles."""
+        particles = self.bodies.particles
+        if not particles or getattr(record, "family", None) not in GRADIENTS:
+            return None
+        return (
+            f"'{record.id}' moves states along the gradient of H, in which a test particle ({particles[0]}) has no "
+            "weight: leave out the test particles, or take another method"
+        )
+
+    def massive(self) -> PlanetarySystem | None:
+        """This system without its test particles; None where nothing moves about the central body then."""
+        particles = self.bodies.particles
+        if len(particles) == len(self.bodies.members) - 1:
+            return None
+        return self.without(*particles) if particles else self
+
+    def without(self, *names: str) -> PlanetarySystem:
+        """This system without some of its bodies, from where the table has the others."""
+        self._check(names)
+        return of_bodies(self.bodies.without(names), f"{self.id} without {', '.join(names)}")
+
+    def massless(self, *names: str) -> PlanetarySystem:
+        """This system with some of its bodies as test particles."""
+        self._check(names)
+        return of_bodies(self.bodies.massless(names), f"{self.id} with massless {', '.join(names)}")
+
+    def _check(self, names: Iterable[str]) -> None:
+        from phasebench.integrators.errors import unknown
+
+        others = self.bodies.names[1:]
+        for name in names:
+            if name not in others:
+                raise unknown(f"body of '{self.id}'", name, others)
+
+
+def planetary_system(
+    table: str | Path | Mapping[str, Iterable] | Iterable[Mapping[str, Any]],
+    *,
+    units: str = "",
+    frame: str | None = None,
+    id: str = "planetary-system",
+) -> PlanetarySystem:
+    """The problem of bodies about a central one, the first of a table.
+
+    Parameters
+    ----------
+    table : the path of a file such as ``planets.csv``; a DataFrame; column -> values; or a sequence of rows.  Columns
+        are ``name, m`` and either ``x, y, z, vx, vy, vz`` or ``a, e, inc, Omega, omega, M`` (angles in degrees, about
+        the first body); m = 0 is a test particle
+    units : of a table that is no file: a length, a time and a mass, ``"AU, day, Msun"`` without one
+    frame : of positions and velocities in a table that is no file: ``"heliocentric"`` (about the first body) or
+        ``"barycentric"``
+    id : what to call it; a file is called by its path
+
+    Returns
+    -------
+    PlanetarySystem
+        About the barycentre at rest, with its Kepler part, the distances that may vanish, momentum, angular momentum
+        and barycentre.  Its times may have a unit, ``t_end="1e4 yr"``; its quantities are those of its bodies,
+        ``jupiter.longitude``, too
+
+    Raises
+    ------
+    InvalidInput
+        For a table that cannot be used, naming the row and the column.
+
+    Examples
+    --------
+    >>> rows = [{"name": "sun", "m": 1.0}, {"name": "earth", "m": 3e-6, "a": 1.0, "e": 0.0167}]
+    >>> rows[1] |= {"inc": 0.0, "Omega": 0.0, "omega": 102.9, "M": 357.5}
+    >>> planetary_system(rows).system.d
+    6
+    """
+    if isinstance(table, (str, Path)):
+        if units or frame is not None:
+            raise InvalidInput(f"{table} says its units and frame itself; leave out units= and frame=")
+        return from_file(table)
+    rows = _rows(table)
+    heads = list(dict.fromkeys(str(column) for _, row in rows for column in row))
+    return of_bodies(bodies(rows, _units(units), frame, "the table", heads), id)
+
+
+def _units(text: str) -> Units:
+    return units(text, "units=") if text else Units()
+
+
+def _rows(table) -> list[tuple[str, dict[str, Any]]]:
+    """("row 1", column -> value) of each row of a table."""
+    if hasattr(table, "to_dict"):
+        table = table.to_dict("list")
+    try:
+        if isinstance(table, Mapping):
+            columns = {str(name): list(values) for name, values in table.items()}
+            if len({len(values) for values in columns.values()}) > 1:
+                raise InvalidInput("the table's columns are of different lengths; give each body a value in each")
+            found = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+        else:
+            found = [dict(row) for row in table]
+    except (TypeError, ValueError) as error:
+        if isinstance(error, InvalidInput):
+            raise
+        hint = "give a path, a DataFrame, column -> values, or rows such as {'name': 'sun', 'm': 1.0}"
+        raise InvalidInput(f"the table is a {type(table).__name__}; {hint}") from None
+    return [(f"row {number}", row) for number, row in enumerate(found, start=1)]
+
+
+def from_file(path: str | Path, **parameters) -> PlanetarySystem:
+    """The problem of a file of bodies; it has no parameters."""
+    if parameters:
+        raise InvalidInput(f"{path} has no parameter '{next(iter(parameters))}'; change the file")
+    return of_bodies(bodies_file.read(path), str(path))
+
+
+def of_bodies(found: Bodies, id: str) -> PlanetarySystem:
+    """The problem of a checked table, from the cache where that has it."""
+    content = found.content
+    made = kept.of_content(("planetary", *content), partial(_derived, content), lambda: _made(found))
+    return replace(made, id=id, bodies=found)
+
+
+def _derived(content: tuple) -> PlanetarySystem:
+    return _made(Bodies.of_content(content))
+
+
+def _made(found: Bodies) -> PlanetarySystem:
+    """The problem with its formulae."""
+    from . import gravity
+
+    N, G = len(found.members), sp.Rational(found.units.G)
+    masses = [sp.Rational(m) for m in found.masses]
+    q, p, pairs, distances, invariants = gravity.bodies(N, "xyz", first=0)
+    light = {i for i, name in enumerate(found.names) if name in found.particles}
+    system = Hamiltonian(
+        q=q,
+        p=p,
+        H=gravity.newton(p, masses, G, pairs, distances),
+        singular=[r for pair, r in zip(pairs, distances, strict=True) if not light.issuperset(pair)],
+        invariants=invariants.values(),
+        kepler=gravity.kepler_part(masses, G, found.order()),
+    )
+    positions, velocities = found.start()
+    momenta = [m * v for m, row in zip(found.masses, velocities, strict=True) for v in row]
+    start = Orbit("start", tuple(x for row in positions for x in row), tuple(momenta), f"{found.frame} data")
+    return PlanetarySystem(
+        id=NAME,
+        name=NAME,
+        source="a table of bodies",
+        system=system,
+        orbits=(start,),
+        invariants=invariants | gravity.barycentre(q, masses),
+        pace=_pace(found),
+        time_unit=found.units.time,
+        bodies=found,
+    )
+
+
+def _pace(found: Bodies) -> Pace:
+    """The times in which the innermost body moves."""
+    a = min(found.semi_axes())
+    period = 2 * pi * sqrt(a**3 / (found.units.G * found.masses[0])) if a < float("inf") else 1.0
+    return Pace(unit=period / 10, step=period / 30, span=period / 2, later=period / 6)
+
+
+__all__ = ["PlanetarySystem", "from_file", "of_bodies", "planetary_system"]

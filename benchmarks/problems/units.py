@@ -1,0 +1,77 @@
+"""Units of length, time and mass, the constant of gravity in them, and times such as "1e4 yr"."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from typing import NamedTuple
+
+from phasebench.integrators.errors import InvalidInput, unknown
+
+#: Lengths in AU (of exactly 149,597,870.7 km), times in days, masses in solar masses.
+LENGTHS = {"AU": Fraction(1), "km": Fraction(10, 1_495_978_707), "m": Fraction(1, 149_597_870_700)}
+TIMES = {"day": Fraction(1), "yr": Fraction("365.25"), "s": Fraction(1, 86400)}
+MASSES = {"Msun": Fraction(1)}
+#: AU^3 / (Msun day^2).
+G = Fraction("2.95912208286e-4")
+#: Other words for a unit of time, and multiples.
+WORDS = {"d": ("day", 1), "days": ("day", 1), "year": ("yr", 1), "years": ("yr", 1), "yrs": ("yr", 1)}
+WORDS |= {"kyr": ("yr", 1000), "Myr": ("yr", 10**6), "Gyr": ("yr", 10**9)}
+
+
+class Units(NamedTuple):
+    """The units of a system's numbers."""
+
+    length: str = "AU"
+    time: str = "day"
+    mass: str = "Msun"
+
+    @property
+    def G(self) -> float:
+        """The constant of gravity."""
+        return float(G * MASSES[self.mass] * TIMES[self.time] ** 2 / LENGTHS[self.length] ** 3)
+
+
+def units(text: str, where: str) -> Units:
+    """The units that "AU, day, Msun" names, in any order; raises InvalidInput naming ``where``."""
+    kinds = {"length": LENGTHS, "time": TIMES, "mass": MASSES}
+    found: dict[str, str] = {}
+    for word in filter(None, (x.strip() for x in re.split(r"[,\s]+", text))):
+        kind = next((k for k, members in kinds.items() if word in members), None)
+        if kind is None:
+            raise InvalidInput(f"{where}: {unknown('unit', word, [u for members in kinds.values() for u in members])}")
+        if kind in found:
+            raise InvalidInput(f"{where}: {found[kind]} and {word} are both units of {kind}; name one")
+        found[kind] = word
+    missing = [k for k in kinds if k not in found]
+    if missing:
+        raise InvalidInput(
+            f"{where}: there is no unit of {' and '.join(missing)}; write all three, as in: units: AU, day, Msun"
+        )
+    return Units(**found)
+
+
+def span(value: float | str | None, unit: str, what: str = "t_end") -> float | None:
+    """A time as a number of ``unit``: a number, or a text with or without a unit, as in "1e4 yr".
+
+    Raises
+    ------
+    InvalidInput
+        For a text that is no finite number, a unit that is none, or a unit where the problem has none (``unit`` is "").
+    """
+    if not isinstance(value, str):
+        return value
+    parts = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([A-Za-z]*)\s*", value)
+    try:
+        number, word = Fraction(repr(float(parts[1]))), parts[2]
+    except (ValueError, TypeError):
+        hint = "it must be a finite number, such as 100, or a time such as 1e4 yr"
+        raise InvalidInput(f'{what} is "{value}"; {hint}') from None
+    if not word:
+        return float(number)
+    if not unit:
+        raise InvalidInput(f'{what} is "{value}", and this problem has no unit of time: give a number')
+    base, factor = WORDS.get(word, (word, 1))
+    if base not in TIMES:
+        raise InvalidInput(f'{what} is "{value}": {unknown("unit of time", word, [*TIMES, *WORDS])}')
+    return float(number * factor * TIMES[base] / TIMES[unit])

@@ -1,0 +1,149 @@
+"""Which bodies may be left out at an accuracy: beside REBOUND run by itself with and without them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import phasebench as pb
+from phasebench.benchmarks.advice import fewer_bodies, models
+from phasebench.benchmarks.advice.ask import ask
+from phasebench.benchmarks.advice.fewer_bodies import Model, Models
+from phasebench.benchmarks.advice.hunt import Candidate
+from phasebench.benchmarks.advice.trial import Trial
+from phasebench.benchmarks.measure import truths
+from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.problems.outer_solar_system import BODIES, G
+
+T = 36525.0
+NAMES = ("saturn", "uranus", "neptune", "pluto")
+
+
+@cache
+def system():
+    rows = [
+        {"name": name, "m": m, **dict(zip(("x", "y", "z", "vx", "vy", "vz"), (*x, *v), strict=True))}
+        for name, (m, x, v) in BODIES.items()
+    ]
+    return pb.planetary_system(rows, frame="heliocentric")
+
+
+def longitude(*names: str, light: tuple[str, ...] = ()) -> float:
+    """Jupiter's after 100 years among some of the bodies, by REBOUND."""
+    rebound = pytest.importorskip("rebound")
+    sim = rebound.Simulation()
+    sim.G = G
+    for name in ("sun", "jupiter", *names):
+        m, (x, y, z), (vx, vy, vz) = BODIES[name]
+        sim.add(m=0.0 if name in light else m, x=x, y=y, z=z, vx=vx, vy=vy, vz=vz)
+    sim.integrator = "ias15"
+    sim.integrate(T)
+    star, planet = sim.particles[0], sim.particles[1]
+    return float(np.arctan2(planet.y - star.y, planet.x - star.x))
+
+
+@cache
+def asked(accuracy=1e-4, quantity="jupiter.longitude", *light: str):
+    question = ask(system().massless(*light) if light else system(), t_end=T, accuracy=accuracy, quantity_name=quantity)
+    return question, truths.truth(question.problem, question.quantity, T)
+
+
+@pytest.mark.parametrize("body", NAMES)
+def test_what_leaving_a_body_out_makes_is_what_rebound_finds(body):
+    others = [n for n in NAMES if n != body]
+    expected = abs(longitude(*others) - longitude(*NAMES))
+    assert Models(*asked()).off(Model(left_out=(body,))) == pytest.approx(expected, rel=1e-3, abs=3e-12)
+
+
+def test_what_a_planet_s_own_mass_makes_is_what_rebound_finds():
+    expected = abs(longitude(*NAMES, light=("jupiter",)) - longitude(*NAMES))
+    found = Models(*asked())
+    assert found.off(Model(light=("jupiter",))) == pytest.approx(expected, rel=1e-3)
+    assert found.off(Model(left_out=("jupiter",))) == np.inf
+
+
+def test_more_bodies_are_left_out_at_less_accuracy():
+    found = Models(*asked())
+    at = {allowed: fewer_bodies.chosen(found, allowed)[0] for allowed in (1e-12, 1e-7, 1e-4, 1.0)}
+    assert at[1e-12] == Model()
+    assert set(at[1e-7].left_out) == {"pluto"}
+    assert set(at[1e-4].left_out) == {"pluto", "neptune"}
+    assert set(at[1.0].left_out) == set(NAMES)
+    for allowed, model in at.items():
+        assert model == Model() or found.off(model) <= allowed
+
+
+def test_control_bodies_that_are_off_together_are_not_left_out_together():
+    """Each of two alone is within what is allowed, both together are not."""
+    found = Models(*asked())
+    alone = {body: found.off(Model(left_out=(body,))) for body in ("uranus", "neptune")}
+    both = found.off(Model(left_out=("uranus", "neptune")))
+    assert both > max(alone.values())
+    allowed = (max(alone.values()) + both) / 2
+    assert {"uranus", "neptune"} - set(fewer_bodies.chosen(found, allowed)[0].left_out)
+
+
+def candidate(question, true, id="wisdom-holman", steps=100):
+    trial = Trial(integrator(id), question, true, 5.0)
+    return Candidate(trial, trial.at(float(steps)))
+
+
+def test_the_answer_names_bodies_what_they_make_and_what_it_saves():
+    question, true = asked()
+    found = fewer_bodies.lower(question, true, candidate(question, true))
+    assert set(found["left_out"]) == {"pluto", "neptune"}
+    assert found["test_particles"] == []
+    expected = abs(longitude("saturn", "uranus") - longitude(*NAMES))
+    assert found["off"] == pytest.approx(expected, rel=1e-3)
+    assert found["saves"] > 0
+    assert set(found["alone"]) == {"jupiter", *NAMES}
+    assert found["model"] in models.said(found)
+
+
+def test_of_the_energy_bodies_may_be_test_particles_alone():
+    question, true = asked(1e-7, "energy")
+    found = fewer_bodies.lower(question, true, candidate(question, true))
+    assert (found["left_out"], found["test_particles"]) == ([], ["pluto"])
+    light = system().massless("pluto")
+    run = pb.integrate(light, "heyoka", tol=1e-15, t_end=T, steps=200)
+    mass = np.repeat(np.array(system().bodies.masses) / np.array(light.bodies.masses), 3)
+    H = system().system.energies(run.q, run.p * mass)
+    from phasebench.benchmarks.measure.quantities import scale
+
+    assert found["off"] == pytest.approx(np.abs(H - H[0]).max() / scale(system()), rel=0.2)
+
+
+def test_a_test_particle_is_left_out_at_any_accuracy():
+    question, true = asked(1e-9, "jupiter.longitude", "pluto")
+    best, alone = fewer_bodies.chosen(Models(question, true), 1e-10)
+    assert best == Model(left_out=("pluto",))
+    assert list(alone["pluto"]) == ["left_out"]
+
+
+def test_where_runs_take_too_long_or_round_too_much_that_is_said(monkeypatch):
+    question, true = asked()
+    monkeypatch.setattr(fewer_bodies, "LONGEST", 0.0)
+    found = fewer_bodies.lower(question, true, None)
+    assert (found["model"], found["off"]) == (None, None)
+    assert found["why"] in models.said(found)
+    monkeypatch.undo()
+    found = fewer_bodies.lower(replace(question, accuracy=1e-14), true, None)
+    assert found["off"] is None
+
+
+def test_nothing_is_said_of_other_problems_and_for_a_budget():
+    question, true = asked()
+    assert fewer_bodies.lower(replace(question, accuracy=None), true, None) is None
+    pendulum = ask(pb.problem("pendulum"), t_end=1.0, accuracy=1e-3)
+    assert fewer_bodies.lower(pendulum, true, None) is None
+
+
+def test_where_no_body_may_be_left_out_the_nearest_is_named():
+    question, true = asked(1e-11)
+    found = fewer_bodies.lower(question, true, None)
+    assert found["model"] is None
+    assert found["nearest"] == "without pluto"
+    assert found["nearest"] in models.said(found)

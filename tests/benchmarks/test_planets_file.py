@@ -1,0 +1,179 @@
+"""A table of bodies that cannot be used: what is wrong is named with its line and its column, and what to do."""
+
+from __future__ import annotations
+
+import pytest
+
+import phasebench as pb
+from phasebench.benchmarks.problems import bodies_file, problem
+from phasebench.benchmarks.problems.units import Units, span, units
+
+HEAD = "# units: AU, day, Msun\n# frame: heliocentric\n"
+PLACES = "name,m,x,y,z,vx,vy,vz\nsun,1,0,0,0,0,0,0\nearth,3e-6,1,0,0,0,0.0172,0\n"
+ORBITS = "name,m,a,e,inc,Omega,omega,M\nsun,1,,,,,,\nearth,3e-6,1,0.0167,0,0,102.9,357.5\n"
+GOOD = HEAD + PLACES
+
+
+def parse(text):
+    return bodies_file.parse(text, "planets.csv")
+
+
+def numbers(found):
+    return [(b.name, b.mass, *map(float, (*b.x, *b.v))) for b in found.members]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        GOOD.replace("\n", "\r\n"),
+        GOOD.replace("\n", "\r"),
+        GOOD.replace(",", " , ").replace("units: AU , day , Msun", "units: Msun day AU"),
+        "\n" + GOOD.replace("\n", "\n\n") + "# the end\n\n",
+        GOOD.replace("\nsun", '\n"sun"').replace("earth", "Earth"),
+        HEAD + "name,m,vx,vy,vz,x,y,z\nsun,1,0,0,0,0,0,0\nearth,3e-6,0,0.0172,0,1,0,0\n",
+        PLACES + HEAD,
+    ],
+)
+def test_what_is_written_otherwise_is_the_same_table(text):
+    assert numbers(parse(text)) == numbers(parse(GOOD))
+
+
+def test_a_byte_order_mark_and_line_ends_of_windows_are_read(tmp_path):
+    path = tmp_path / "planets.csv"
+    path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
+    assert numbers(problem(path).bodies) == numbers(parse(GOOD))
+
+
+def test_the_central_row_of_elements_is_empty_or_zero():
+    assert numbers(parse(HEAD + ORBITS)) == numbers(parse(HEAD + ORBITS.replace("sun,1,,,,,,", "sun,1,0,0,0,0,0,0")))
+
+
+#: (what is replaced, by what) of the table of positions -> what the message names.
+PLACED = [
+    ("AU, day, Msun", "AU, day, Mearth", ["line 1", "'Mearth'", "Msun"]),
+    ("AU, day, Msun", "AU, parsec, Msun", ["line 1", "'parsec'"]),
+    ("AU, day, Msun", "AU, day", ["line 1", "no unit of mass"]),
+    ("AU, day, Msun", "AU, km, day, Msun", ["line 1", "AU and km"]),
+    ("# units: AU, day, Msun\n", "", ["planets.csv", "units"]),
+    ("# frame: heliocentric\n", "", ["frame", "heliocentric or barycentric"]),
+    ("heliocentric", "geocentric", ["line 2", "'geocentric'", "heliocentric"]),
+    ("# frame: heliocentric\n", "# frame: heliocentric\n# frame: barycentric\n", ["line 3", "line 2"]),
+    ("heliocentric", "barycentric", ["line 3", "barycentre", "# frame: heliocentric"]),
+    ("vy,vz", "vy,vy", ["line 3", "vy", "twice"]),
+    (",vz", "", ["line 4", "8 cells", "7 columns"]),
+    ("name,m,x", "name,mass,x", ["line 3", "'mass'", "m"]),
+    ("name,m,x", "name,a,x", ["line 3", "both kinds"]),
+    ("earth,3e-6", "earth,nan", ["line 5", "column m", "'nan'"]),
+    ("earth,3e-6", "earth,", ["line 5", "column m", "empty"]),
+    ("earth,3e-6", "earth,-3e-6", ["line 5", "column m", "-3e-06"]),
+    ("earth,3e-6,1", "earth,3e-6,inf", ["line 5", "column x", "'inf'"]),
+    ("earth,3e-6,1", "earth,3e-6,1e999", ["line 5", "column x"]),
+    ("earth,3e-6,1", "earth,3e-6,one", ["line 5", "column x", "'one'"]),
+    ("earth,3e-6,1", "earth,3e-6,0", ["line 5", "where sun", "line 4"]),
+    ("earth,3e-6,1", "sun,3e-6,1", ["line 5", "column name", "line 4"]),
+    ("earth,3e-6,1", "Sun ,3e-6,1", ["line 5", "column name", "line 4"]),
+    ("earth,3e-6,1", ",3e-6,1", ["line 5", "column name"]),
+    ("earth,3e-6,1", "ear.th,3e-6,1", ["line 5", "column name", "letters"]),
+    ("sun,1,", "sun,0,", ["line 4", "column m", "central"]),
+    ("sun,1,", "sun,-1,", ["line 4", "column m"]),
+    ("sun,1,0,0,0,0", "sun,1,0,0,0,1e-5", ["line 4", "column vx", "# frame: barycentric"]),
+    ("earth,3e-6,1,0,0,0,0.0172,0\n", "", ["1 bodies"]),
+    ("earth,3e-6,1,0,0,0,0.0172,0", "earth,3e-6,1,0,0,0,0.0172", ["line 5", "7 cells"]),
+    ("earth,3e-6,1", 'ea"rth,3e-6,"1', ["line 5"]),
+    (GOOD, "", ["empty", "# units: AU, day, Msun"]),
+    (GOOD, HEAD, ["empty"]),
+    (PLACES, "name,m\nsun,1\nearth,3e-6\n", ["line 3", "missing", "x, y, z", "a, e"]),
+    (",vz", ",radius", ["line 3", "'radius'"]),
+]
+#: The same of the table of elements.
+ORBITING = [
+    ("1,0.0167", "1,1", ["line 5", "column e", "below 1", "x, y, z"]),
+    ("1,0.0167", "1,1.5", ["line 5", "column e"]),
+    ("1,0.0167", "1,-0.1", ["line 5", "column e"]),
+    ("1,0.0167", "0,0.0167", ["line 5", "column a", "positive"]),
+    ("1,0.0167", "-1,0.0167", ["line 5", "column a", "positive"]),
+    (",102.9,", ",,", ["line 5", "column omega", "empty"]),
+    ("sun,1,,", "sun,1,1,", ["line 4", "column a", "write 0"]),
+    ("Omega,omega", "omega,omega", ["line 3", "omega", "twice"]),
+    ("Omega,omega", "Node,omega", ["line 3", "'Node'", "capitals"]),
+    (",M\n", "\n", ["line 4", "8 cells"]),
+    ("name,m,", "name,", ["line 4", "8 cells"]),
+]
+
+
+@pytest.mark.parametrize(("text", "case"), [(GOOD, c) for c in PLACED] + [(HEAD + ORBITS, c) for c in ORBITING])
+def test_what_is_wrong_is_named_with_its_line_and_column(text, case):
+    old, new, wanted = case
+    assert old in text
+    with pytest.raises(pb.InvalidInput) as error:
+        parse(text.replace(old, new, 1))
+    for word in wanted:
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe# units", b"\x00\x01\x02", b""])
+def test_what_is_no_table_is_refused(content, tmp_path):
+    path = tmp_path / "planets.csv"
+    path.write_bytes(content)
+    with pytest.raises(pb.InvalidInput, match=r"planets\.csv"):
+        problem(path)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(pb.InvalidInput, match="there is no file"):
+        problem(tmp_path / "planets.csv")
+    (tmp_path / "folder.csv").mkdir()
+    with pytest.raises(pb.InvalidInput, match="is a directory"):
+        problem(tmp_path / "folder.csv")
+
+
+ROWS = [{"name": "sun", "m": 1.0}, {"name": "earth", "m": 3e-6, "a": 1.0, "e": 0.0, "inc": 0, "Omega": 0, "omega": 0}]
+
+
+@pytest.mark.parametrize(
+    ("table", "options", "words"),
+    [
+        (3, {}, "the table is a int"),
+        ([1, 2], {}, "the table is a list"),
+        (ROWS, {}, "the column M is missing"),
+        ([*ROWS, ROWS[1]], {}, "the column M is missing"),
+        ([ROWS[0], ROWS[1] | {"M": True}], {}, "row 2, column M: it is 'True'"),
+        ([ROWS[0], ROWS[1] | {"M": None}], {}, "row 2, column M: it is empty"),
+        ([ROWS[0], ROWS[1] | {"M": 0}], {"units": "AU"}, "no unit of time"),
+        ([ROWS[0], ROWS[1] | {"M": 0}], {"frame": "solar"}, "no frame 'solar'"),
+        ({"name": ["sun"], "m": [1.0, 2.0]}, {}, "different lengths"),
+        ("examples/planets.csv", {"units": "AU, day, Msun"}, "leave out units="),
+    ],
+)
+def test_what_is_wrong_in_python_is_named_with_its_row_and_column(table, options, words):
+    with pytest.raises(pb.InvalidInput, match=words):
+        pb.planetary_system(table, **options)
+
+
+def test_a_body_that_is_left_out_has_to_be_there():
+    system = problem("examples/planets.csv")
+    assert system.without("saturn").bodies.names == ("sun", "jupiter")
+    assert system.massless("saturn").bodies.particles == ("saturn",)
+    for name in ("pluto", "sun"):
+        with pytest.raises(pb.InvalidInput, match=f"'{name}'"):
+            system.without(name)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "expected"),
+    [("1e4 yr", "day", 3652500.0), ("1e4yr", "day", 3652500.0), ("2 days", "s", 172800.0), ("-3", "", -3.0),
+     ("86400 s", "day", 1.0), ("1 Myr", "yr", 1e6), (7, "", 7), (None, "", None), (" 5 ", "yr", 5.0),
+     ("0.1 yr", "day", 36.525)],
+)  # fmt: skip
+def test_times_with_a_unit(value, unit, expected):
+    assert span(value, unit) == expected
+
+
+@pytest.mark.parametrize("value", ["1e4 fortnights", "yr", "", "1e999 yr", "1 yr 2", "inf", "1..2 yr"])
+def test_control_what_is_no_time(value):
+    with pytest.raises(pb.InvalidInput):
+        span(value, "day")
+
+
+def test_units_in_any_order():
+    assert units("Msun, s km", "here") == Units("km", "s", "Msun")
