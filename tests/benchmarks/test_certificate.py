@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 import phasebench as pb
 from phasebench.benchmarks.certificate import certificate, judge
 from phasebench.benchmarks.certificate.certificate import certify
-from phasebench.benchmarks.certificate.coefficients import own_step
+from phasebench.benchmarks.measure.coefficients import own_step
 from phasebench.benchmarks.certificate.judge import judged, offers, verdict
 from phasebench.benchmarks.certificate.kept import structure
 from phasebench.benchmarks.certificate.render import document, write

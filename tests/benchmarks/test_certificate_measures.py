@@ -187,7 +187,7 @@ def test_orbits_of_the_battery_are_bounded():
 
 def test_errors_are_told_in_parts_of_the_largest_number_of_a_state_and_energies_as_they_are():
     """Of a run that ends beside the truth by its tolerance in q, a third of it in p."""
-    entry, truth = PENDULUM, flow("pendulum", 0, adaptive.T_END, 48)[0].astype(float)
+    entry, truth = PENDULUM, flow(PENDULUM, 0, adaptive.T_END, 48)[0].astype(float)
     beside = np.array([1.0, -1 / 3])
 
     def run(system, q, p, t_end, tol):
