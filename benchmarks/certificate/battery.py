@@ -82,8 +82,8 @@ DIMER = "(q1**2 + p1**2)**2/4 + (q2**2 + p2**2)**2/4 + q1*q2 + p1*p2"
 def ring(d: int) -> Hamiltonian:
     """A ring of d particles in wells of different widths, each bound to its neighbours: H = T(p) + V(q)."""
     q, p = ([f"{x}{i + 1}" for i in range(d)] for x in "qp")
-    wells = " + ".join(f"{p[i]}**2/2 + {i + 4}*{q[i]}**2/8" for i in range(d))
-    springs = " + ".join(f"({q[i]} - {q[i - 1]})**3/12 + ({q[i]} - {q[i - 1]})**4/16" for i in range(d))
+    wells = " + ".join(f"{p[i]}**2/2 + {i + 4}*{q[i]}**2/16" for i in range(d))
+    springs = " + ".join(f"({q[i]} - {q[i - 1]})**3/24 + ({q[i]} - {q[i - 1]})**4/32" for i in range(d))
     return Hamiltonian(q=" ".join(q), p=" ".join(p), H=f"{wells} + {springs}")
 
 

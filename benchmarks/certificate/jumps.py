@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .battery import Entry
+from .battery import Entry, time_unit
 from .order import EPS, numerical
 from .stepping import StepFailed, Stepper
 from .structure import DISPLACEMENT, ROUNDED
@@ -26,8 +26,8 @@ ORDER, PEAK = 6, 20.0
 STANDS_OUT = 20.0
 #: The places of a path that are looked at, and the length at which a path is short.
 PLACES, SHORT = 2, 1e-13
-#: Steps in units of the entry's time: about its start, and from small states to large ones.
-NEAR, FAR = 0.5, 0.125
+#: Steps in units of time: of the entry's about its start, of the largest state's from small states to large ones.
+NEAR, FAR = 0.5, 0.5
 #: Factors of the start between which the second path lies.
 SMALLEST, LARGEST = 0.02, 8.0
 
@@ -42,11 +42,12 @@ def jumps(subject: Subject, entry: Entry, seed: int, noise: float) -> dict:
     """
     stepper, y = Stepper(subject, entry), entry.start(seed)
     way = 0.4 * np.random.default_rng([3, seed, *entry.name.encode()]).uniform(-1, 1, len(y)) * entry.sizes
-    paths: list[tuple[float, Callable]] = [(NEAR, lambda t: y + (t - 0.5) * way)]
+    paths: list[tuple[float, Callable]] = [(NEAR * entry.unit, lambda t: y + (t - 0.5) * way)]
     if not entry.share:
-        paths.append((FAR, lambda t: y * SMALLEST * (LARGEST / SMALLEST) ** t))
+        far = FAR * time_unit(entry.system, y * LARGEST, entry.sizes * LARGEST)
+        paths.append((far, lambda t: y * SMALLEST * (LARGEST / SMALLEST) ** t))
     floor = max(ROUNDED, noise * DISPLACEMENT)
-    found = [(_largest(stepper, path, h * entry.unit, floor), h * entry.unit) for h, path in paths]
+    found = [(_largest(stepper, path, h, floor), h) for h, path in paths]
     value, h = max(found)
     return {"on": entry.name, "h": h, "value": value, "floor": floor}
 

@@ -43,6 +43,8 @@ FINEST = 1e-34
 SATURATED = 0.1
 #: What a step raises for its numbers.
 NUMERICAL = ("ArithmeticError", "ZeroDivisionError", "OverflowError", "FloatingPointError", "LinAlgError")
+#: Of a ladder in many digits too the series is asked where coefficients that are doubles leave more noise than this.
+ROUGH = 1e-17
 #: Powers of h that a ladder in doubles is explained by, the highest order, and multiples of a doubt that are none.
 POWERS, MOST, SURE = 5, 12, 20.0
 #: The steps of the fit in doubles.
@@ -117,7 +119,10 @@ def ladder(stepper: Stepper, seed: int, noise: float = 0.0) -> dict:
         h, error : lists; error NaN where the run did not stay finite
         noise : below it errors are round-off
     """
-    steps, away, noise = apart(stepper, seed, noise)
+    return _ladder(*apart(stepper, seed, noise))
+
+
+def _ladder(steps, away, noise: float) -> dict:
     return {"h": list(steps), "error": [float(np.abs(x).max()) for x in away], "noise": noise}
 
 
@@ -164,23 +169,31 @@ def order(stepper: Stepper, seed: int) -> dict:
     row = {"on": stepper.entry.name, "arithmetic": stepper.arithmetic}
     if stepper.arithmetic == DOUBLE:
         steps, away, noise = apart(stepper, seed)
-        row |= {"h": list(steps), "error": [float(np.abs(x).max()) for x in away], "noise": noise}
-        found = _found(row)
-        if not abs(found.value - round(found.value if found.points else 0)) < GATE:
-            found = expanded(steps / stepper.entry.unit, away, noise) or found
+        row |= _ladder(steps, away, noise)
+        found = _integral(_found(row), steps, away, noise)
         return row | _shown(found) | constant(stepper, seed, found)
     terms = series(stepper, seed)
-    row |= ladder(stepper, seed, SOLVERS)
+    steps, away, noise = apart(stepper, seed, SOLVERS)
+    row |= _ladder(steps, away, noise)
     found = _found(row)
     if not found.points or terms.clean >= round(found.value):
         finer = 100 * terms.largest(terms.clean) * float(SPAN)  # of the state's size: a unit of time moves it so far
         row["noise"] = max(finer, min(row["noise"], FINEST)) if terms.clean else row["noise"]
         found = _found(row)
+    if row["noise"] > ROUGH:
+        found = _integral(found, steps, away, row["noise"])
     return row | _shown(found) | {"terms": list(terms.terms), "clean": terms.clean}
 
 
 def _found(row) -> metrics.Order:
     return metrics.order(row["h"], row["error"], row["noise"], SATURATED)
+
+
+def _integral(found: metrics.Order, steps, away, noise: float) -> metrics.Order:
+    """The order of a window, or where that is no whole number the one of the series of the errors, if it tells."""
+    if found.points and abs(found.value - round(found.value)) < GATE:
+        return found
+    return expanded(steps / steps[0], away, noise) or found
 
 
 def expanded(h, errors, noise: float) -> metrics.Order | None:

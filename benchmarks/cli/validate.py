@@ -12,7 +12,7 @@ from phasebench.integrators.errors import InvalidInput
 from .shared import WRONG, compilation_shown, invalid_input, out, print_json, telling, width
 
 if TYPE_CHECKING:
-    from phasebench.benchmarks.certificate.certificate import Certificate
+    from phasebench.benchmarks.certificate.result import Certificate
 
 #: Below so many columns, and where nobody reads, a claim is a line of text.
 NARROW = 70
