@@ -39,7 +39,7 @@ class InputChanged(Exception):
 def tolerances(subject: Subject, entry: Entry, seed: int) -> dict:
     """A row: error, energy error and evaluations for each tolerance, and whether a run a second time ends the same."""
     y, errors, energies, counts = entry.start(seed), [], [], []
-    truth = flow(entry.name, seed, T_END, 32)[0].astype(float)
+    truth = flow(entry, seed, T_END, 32)[0].astype(float)
     size, d = float(np.abs(truth).max()), entry.system.d
     states = []
     for tol in TOLERANCES:

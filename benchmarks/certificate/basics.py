@@ -12,8 +12,14 @@ WRONG = 0.01
 ROUNDED, SEEN = 1e-13, 1e-12
 #: An uncertainty of the constant error with which nothing is said.
 VAGUE = 1e-3
+#: What was seen of a step that did not return in time.
+OVER = "time over"
 #: Differences between equal calls that are a solver's that starts where it last ended.
 NEARLY = 1e-13
+#: A step in doubles is that in many digits but for this part of the state.
+OTHERWISE = 1e-8
+#: An order of single steps that is lower by more, in so many pairs of steps, is lower.
+SLOWER, PAIRS = 0.75, 2
 #: The largest error of an adaptive integrator at its smallest tolerance.
 CONVERGED = 1e-6
 
@@ -28,6 +34,8 @@ def runs(tables: Tables) -> Judged:
         )
     if tables.failed.get("raised"):
         return Judged("runs", "runs", CONTRADICTED, "raised", None, (), tables.failed["raised"])
+    if tables.failed.get("time"):
+        return Judged("runs", "runs", UNJUDGED, OVER, why=tables.failed["time"])
     if not rows:
         return Judged("runs", "runs", UNJUDGED, why=tables.failed.get("runs", "it was not measured"))
     return Judged("runs", "runs", HOLDS, "ok", None, tuple(r["on"] for r in rows))
@@ -68,9 +76,12 @@ def pure(tables: Tables) -> Judged:
 
 def consistent(tables: Tables) -> Judged:
     """The first term of its error in h vanishes: to the rounding of its coefficients, or as far as doubles tell."""
+    found = _elsewhere(tables)
+    if found is not None:
+        return found
     rows = tables.of("order")
     known = [r for r in rows if "terms" in r or "constant" in r]
-    if not rows or len(known) < len(rows):
+    if not rows or len(known) < len(rows) or (tables.failed.get("time") and "consistent" not in tables.done):
         return Judged(
             "consistent", "consistent", UNJUDGED, why=tables.failed.get("order", "too few steps could be taken")
         )
@@ -90,6 +101,23 @@ def consistent(tables: Tables) -> Judged:
         )
     why = "" if "terms" in worst else f"in doubles, to {max(worst['doubt'], SEEN):.0e}; smaller could not be seen"
     return Judged("consistent", "consistent", HOLDS, value, None, tuple(r["on"] for r in rows), why)
+
+
+def _elsewhere(tables: Tables) -> Judged | None:
+    """What contradicts consistency at small and large states, or in doubles alone; None where nothing does."""
+    for row in tables.of("states"):
+        if row["doubles"] > OTHERWISE:
+            why = f"in doubles it is another step than in many digits: {row['doubles']:.1e} apart on {row['on']}"
+            return Judged("consistent", "consistent", CONTRADICTED, row["doubles"], None, (row["on"],), why)
+        if below(row, 1):
+            why = f"its error in a step falls as h^{row['order'] + 1:.2f} on {row['on']}: this is no step of the system"
+            return Judged("consistent", "consistent", CONTRADICTED, row["order"], None, (row["on"],), why)
+    return None
+
+
+def below(row, order: int) -> bool:
+    """Whether the errors of single steps from a state fall more slowly than those of a step of that order."""
+    return row["pairs"] >= PAIRS and row["order"] < order - SLOWER
 
 
 def _first(row) -> float:

@@ -1,22 +1,26 @@
 """On what a step is certified: small nonlinear systems, half of them not H = T(p) + V(q), at seeded states.
 
-A step that is right on one kind of system alone, or at one state alone, is not to pass: d is 1 and 2, the kinetic
-energy is not always |p|^2 / 2, and every component of a state is moved by a seeded amount.
+A step that is right on one kind of system alone, or at one state alone, is not to pass: d is 1, 2, 4 and 6, the
+kinetic energy is not always |p|^2 / 2, and every component of a state is moved by a seeded amount.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
 
 import numpy as np
 
 from phasebench.benchmarks.measure.battery import coupled, tao
+from phasebench.integrators.engine.codegen import MULTIPRECISION
+from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Where a seed moves a state to: by at most so much in every component.
 MOVED = 0.02
+#: Of one's own problem, a component of 0 is moved by this part of the largest.
+NUDGED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,9 @@ class Entry:
     invariant : an expression that is conserved besides H, as text, or ""
     kind : of that invariant, in words
     lasting : whether long runs are made on it
+    unit : of time, a power of two: steps are parts of it
+    size : of q and of p, in which errors and defects are told
+    share : whether a seed moves each component by a share of itself
     """
 
     name: str
@@ -40,11 +47,22 @@ class Entry:
     invariant: str = ""
     kind: str = ""
     lasting: bool = False
+    unit: float = 1.0
+    size: tuple[float, float] = (1.0, 1.0)
+    share: bool = False
 
     def start(self, seed: int) -> np.ndarray:
         """The state for a seed, doubles (2 d,)."""
         draws = np.random.default_rng([seed, *self.name.encode()]).uniform(-1, 1, len(self.state))
-        return np.array(self.state) + MOVED * draws
+        state = np.array(self.state)
+        if self.share:
+            return state + draws * np.where(state == 0, NUDGED * self.sizes, MOVED * state)
+        return state + MOVED * draws
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """The size of every component of a state, (2 d,)."""
+        return np.repeat(self.size, len(self.state) // 2)
 
 
 def _two(H: str, **more) -> Hamiltonian:
@@ -61,6 +79,14 @@ CENTRAL = "(p1**2 + p2**2)/2 - 1/sqrt(q1**2 + q2**2)"
 DIMER = "(q1**2 + p1**2)**2/4 + (q2**2 + p2**2)**2/4 + q1*q2 + p1*p2"
 
 
+def ring(d: int) -> Hamiltonian:
+    """A ring of d particles in wells of different widths, each bound to its neighbours: H = T(p) + V(q)."""
+    q, p = ([f"{x}{i + 1}" for i in range(d)] for x in "qp")
+    wells = " + ".join(f"{p[i]}**2/2 + {i + 4}*{q[i]}**2/16" for i in range(d))
+    springs = " + ".join(f"({q[i]} - {q[i - 1]})**3/24 + ({q[i]} - {q[i - 1]})**4/32" for i in range(d))
+    return Hamiltonian(q=" ".join(q), p=" ".join(p), H=f"{wells} + {springs}")
+
+
 @cache
 def entries() -> tuple[Entry, ...]:
     """The systems on which structure and order are measured."""
@@ -70,6 +96,8 @@ def entries() -> tuple[Entry, ...]:
         Entry("quartic", _one("p**2/2 + p**4/8 + q**2/2 + q**3/6"), (0.6, 0.5)),
         Entry("tao", tao(), (0.3, -0.7)),
         Entry("coupled", coupled(), (0.4, -0.6, 0.5, 0.3), reversible=False),
+        Entry("lattice", ring(4), (0.3, -0.4, 0.2, 0.5, -0.3, 0.4, 0.6, -0.2)),
+        Entry("ring", ring(6), (0.2, -0.5, 0.4, 0.3, -0.2, 0.6, 0.5, 0.3, -0.4, 0.2, 0.6, -0.3)),
     )
 
 
@@ -91,6 +119,51 @@ def oscillator() -> Entry:
 def known(name: str) -> Entry:
     """The system of that name."""
     return next(e for e in (*entries(), *lasting(), oscillator()) if e.name == name)
+
+
+def of_problem(problem) -> Entry:
+    """A problem of one's own, on its chosen orbit, as a system of the battery; long runs are made on it.
+
+    Raises
+    ------
+    InvalidInput
+        Where H is no formula of which errors in many digits can be told.
+    """
+    system = problem.system
+    state = np.array([*problem.q0, *problem.p0], dtype=float)
+    d = system.d
+    size = tuple(float(np.abs(x).max()) or 1.0 for x in (state[:d], state[d:]))
+    entry = Entry(problem.label, system, tuple(map(float, state)), False, lasting=True, size=size, share=True)
+    try:
+        turned = _energy(system, state * np.repeat([1, -1], d)) - _energy(system, state)
+        reversible = abs(turned) < 1e-13 * max(abs(_energy(system, state)), 1e-300)
+        system.vector_field(MULTIPRECISION)
+    except NotImplementedError as error:
+        raise InvalidInput(f"{problem.label}: an integrator is validated on a formula of H: {error}") from None
+    return replace(entry, reversible=reversible, unit=time_unit(system, entry.start(0), entry.sizes))
+
+
+def _energy(system, state) -> float:
+    d = system.d
+    return float(system.observe(system.H, state[None, :d], state[None, d:])[0])
+
+
+def time_unit(system, state: np.ndarray, sizes: np.ndarray) -> float:
+    """A power of two: in so much time the state moves by no more than its size, its fastest part by a radian or less.
+
+    Parameters
+    ----------
+    state, sizes : arrays (2 d,), the state and what its components are in units of
+    """
+    field = system.vector_field()
+    columns = []
+    for i, size in enumerate(sizes):
+        step = np.zeros(len(state))
+        step[i] = 1e-6 * size
+        columns.append((field(0.0, state + step) - field(0.0, state - step)) / 2e-6 / sizes)
+    rates = np.abs(np.linalg.eigvals(np.array(columns).T)).max(), np.abs(field(0.0, state) / sizes).max()
+    fastest = max(rates)
+    return 2.0 ** np.floor(-np.log2(fastest)) if np.isfinite(fastest) and fastest > 0 else 1.0
 
 
 #: The time over which an order is measured, and into how many steps it is divided.

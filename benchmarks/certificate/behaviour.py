@@ -34,7 +34,7 @@ def runs(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
         stepper = Stepper(subject, entry)
         row: dict = {"on": entry.name, "status": "ok", "reason": ""}
         try:
-            states = stepper.run(entry.start(seed), H, TAKEN)
+            states = stepper.run(entry.start(seed), H * entry.unit, TAKEN)
             if len(states) <= TAKEN:
                 row |= {"status": "diverged", "reason": f"after {len(states) - 1} steps the state was not finite"}
             row |= {"dH_dq": stepper.system.evaluations[0] / TAKEN, "dH_dp": stepper.system.evaluations[1] / TAKEN}
@@ -49,18 +49,19 @@ def state_between_steps(subject: Subject, entries: list[Entry], seed: int) -> li
     rows = []
     for entry in entries:
         stepper, y = Stepper(subject, entry), entry.start(seed)
-        once = stepper(y, H)
-        stepper(once, H)
-        rows.append({"on": entry.name, "what": "the same step twice", "value": _apart(stepper(y, H), once)})
+        h = H * entry.unit
+        once = stepper(y, h)
+        stepper(once, h)
+        rows.append({"on": entry.name, "what": "the same step twice", "value": _apart(stepper(y, h), once)})
     pairs = list(combinations(entries, 2))[:3] or [(entries[0], entries[0])]
     for a, b in pairs:
         steppers = [Stepper(subject, x) for x in (a, b)]
-        alone = [s.run(x.start(seed), H, TURNS)[-1] for s, x in zip(steppers, (a, b), strict=True)]
+        alone = [s.run(x.start(seed), H * x.unit, TURNS)[-1] for s, x in zip(steppers, (a, b), strict=True)]
         y = [a.start(seed), b.start(seed + (a is b))]
         if a is b:
-            alone[1] = steppers[1].run(y[1], H, TURNS)[-1]
+            alone[1] = steppers[1].run(y[1], H * b.unit, TURNS)[-1]
         for _ in range(TURNS):
-            y = [s(x, H) for s, x in zip(steppers, y, strict=True)]
+            y = [s(x, H * s.entry.unit) for s, x in zip(steppers, y, strict=True)]
         away = max(_apart(x, z) for x, z in zip(y, alone, strict=True))
         rows.append({"on": f"{a.name} and {b.name}", "what": "steps in turns", "value": away})
     return rows
@@ -77,11 +78,11 @@ def input_changed(subject: Subject, entries: list[Entry], seed: int) -> list[dic
         stepper, y = Stepper(subject, entry), entry.start(seed)
         d = len(y) // 2
         q, p = y[:d].copy(), y[d:].copy()
-        first = stepper.raw(q, p, H)
+        first = stepper.raw(q, p, H * entry.unit)
         changed = max(_apart(q, y[:d]), _apart(p, y[d:]))
         try:
             kept = [np.array(x, dtype=float) for x in first]
-            stepper(y, H)
+            stepper(y, H * entry.unit)
             later = max(_apart(np.asarray(x, dtype=float), z) for x, z in zip(first, kept, strict=True))
         except (TypeError, ValueError):
             later = 0.0

@@ -33,12 +33,12 @@ SURE = 4.0
 def long_run(subject: Subject, entry: Entry, seed: int) -> dict:
     """A row of the energy and of the invariant along a run; its ``times`` and ``errors`` are for a figure."""
     stepper, y, why = Stepper(subject, entry), entry.start(seed), "the run did not last"
-    stepper.run(y, H / 2**HALVED, 20)
+    stepper.run(y, H * entry.unit / 2**HALVED, 20)
     # Counted, not timed: a run again has as many steps.
     affordable = EVALUATIONS * 20 // max(1, sum(stepper.system.evaluations))
     steps = max(LEAST, min(STEPS, affordable // LEAST * LEAST))
     for k in range(HALVED + 1):
-        h = H / 2**k
+        h = H * entry.unit / 2**k
         try:
             rows = stepper.run(y, h, steps)
         except StepFailed as failure:
@@ -80,9 +80,9 @@ def round_off(subject: Subject, entry: Entry, seed: int) -> dict:
     with precision(DIGITS):
         exact = Stepper(subject, entry, MULTIPRECISION)
         H, d = exact.system.H, entry.system.d
-        size, errors = abs(float(H(y[:d], y[d:]))) or 1.0, []
+        h, size, errors = H_ROUND * entry.unit, abs(float(H(y[:d], y[d:]))) or 1.0, []
         for _ in range(ROUNDED):
-            true, y = exact(exact.state(y), H_ROUND), double(y, H_ROUND)
+            true, y = exact(exact.state(y), h), double(y, h)
             errors.append(float(H(y[:d], y[d:]) - H(true[:d], true[d:])) / EPS / size)
     mean, deviation = float(np.mean(errors)), float(np.std(errors))
     sure = deviation / np.sqrt(len(errors)) * SURE

@@ -1,7 +1,8 @@
 """What one row tells of one property: kept, broken or open; bounded, drifting or open; agreed, differing or open.
 
 - Structure: broken where the defect is over 100 times the floor, kept where it is not and what there is to see (the
-  integrator's own error, and the classical Runge-Kutta method's defect where it was measured) is over 1000 times it.
+  integrator's own error, and the classical Runge-Kutta method's defect where it was measured) is over 1000 times it;
+  of a step that is validated it is open between its floor and 100 times that.
 - Energy and invariants: an error that drifts has a slope whose interval leaves out 0 and whose sum is more than half
   of the greatest error; one of round-off is within Brouwer's law with a generous constant.
 - Order: agreed within 0.1; differing where the whole interval is farther away and the order is within 0.1 of another
@@ -39,6 +40,16 @@ def kept(row) -> bool | None:
     if row["value"] > BROKEN * row["floor"]:
         return False
     return True if min(row.get("classical", row["own"]), row["own"]) > VISIBLE * row["floor"] else None
+
+
+def between(row) -> bool:
+    """Whether the defect of a row is above its floor, and not so far above that round-off is ruled out."""
+    return has(row, "floor") and row["floor"] < row["value"] <= BROKEN * row["floor"]
+
+
+def shown(row) -> bool | None:
+    """As `kept`; None also for a defect that is `between`."""
+    return None if between(row) else kept(row)
 
 
 def bounded(row) -> bool | None:

@@ -16,7 +16,7 @@ from typing import Any
 
 from phasebench.integrators.record import BOUNDED, DRIFT, NONE, ROUND_OFF
 
-from .basics import ROUNDED, WRONG, adapts, consistent, digits, pure, runs, stateless
+from .basics import OVER, ROUNDED, WRONG, adapts, below, consistent, digits, pure, runs, stateless
 from .evidence import agrees, has
 from .kept import conserved, hint, structure
 from .verdicts import CONSERVED, CONTRADICTED, FAIL, HOLDS, PASS, UNJUDGED, Judged, Tables, in_words
@@ -24,6 +24,8 @@ from .verdicts import CONSERVED, CONTRADICTED, FAIL, HOLDS, PASS, UNJUDGED, Judg
 STRUCTURES = ("symplectic", "symmetric", "reversible")
 #: How near a measured stability limit is to a claimed one.
 NEAR = 5e-3
+#: Claim -> the measures that have to be at their end before it holds, where that is not the one of its name alone.
+NEEDS = {"symplectic": {"symplectic", "jumps", "long"}, "tolerance": set()}
 
 
 def judged(claims: Mapping[str, Any], tables: Tables) -> list[Judged]:
@@ -52,7 +54,7 @@ def gross_failure(found: list[Judged]) -> str:
     for j in found:
         if j.verdict == HOLDS:
             continue
-        if j.name == "runs":
+        if j.name == "runs" and j.measured != OVER:
             return "it does not run"
         if j.name == "consistent" and (
             j.verdict == UNJUDGED or not isinstance(j.measured, float) or j.measured > WRONG
@@ -62,6 +64,15 @@ def gross_failure(found: list[Judged]) -> str:
 
 
 def _claim(name: str, value, tables: Tables) -> Judged:
+    words = in_words(name, value)
+    measure = "long" if name in CONSERVED else name
+    found = _measured_claim(name, value, tables)
+    if tables.failed.get("time") and found.verdict != CONTRADICTED and not NEEDS.get(name, {measure}) <= tables.done:
+        return Judged(name, words, UNJUDGED, why="the time was over before all was measured that it needs")
+    return found
+
+
+def _measured_claim(name: str, value, tables: Tables) -> Judged:
     words = in_words(name, value)
     measure = "long" if name in CONSERVED else name
     if not tables.of(measure):
@@ -89,6 +100,10 @@ def order(claimed: int, tables: Tables) -> Judged:
     if differ:
         why = f"it is {value:.3g} on {worst['on']}{hint(differ, told)}"
         return Judged("order", words, CONTRADICTED, value, interval, tuple(r["on"] for r in differ), why)
+    slow = [r for r in tables.of("states") if below(r, claimed)]
+    if slow:
+        why = f"single steps are of order {slow[0]['order']:.2f} on {slow[0]['on']}"
+        return Judged("order", words, CONTRADICTED, slow[0]["order"], None, tuple(r["on"] for r in slow), why)
     cut = [(max(r["terms"][1 : min(claimed, r["clean"])], default=0.0), r["on"]) for r in told if "terms" in r]
     if cut and max(cut)[0] > ROUNDED:
         size, where = max(cut)

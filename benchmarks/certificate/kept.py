@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from phasebench.integrators.record import BOUNDED, DRIFT, EXACT, ROUND_OFF
 
-from .evidence import bounded, kept, round_off
+from .evidence import BROKEN, between, bounded, round_off, shown
 from .verdicts import CONTRADICTED, HOLDS, UNJUDGED, Judged, Tables, in_words
 
 #: How a claim says that something is kept to round-off.
@@ -14,9 +14,8 @@ KEPT_AS = ("preserved", EXACT, ROUND_OFF)
 def structure(name: str, claimed: bool, tables: Tables) -> Judged:
     """A structure, claimed or denied."""
     rows, words = tables.of(name), in_words(name, claimed)
-    shown = {r["on"]: kept(r) for r in rows}
-    broken = [r for r in rows if shown[r["on"]] is False]
-    open_ = [r for r in rows if shown[r["on"]] is None]
+    broken = [r for r in rows if shown(r) is False]
+    open_ = [r for r in rows if shown(r) is None]
     if broken:
         worst = max(broken, key=lambda r: r["value"])
         why = f"a defect of {worst['value']:.1e} at h = {worst['h']:g} on {worst['on']}, floor {worst['floor']:.0e}"
@@ -26,13 +25,44 @@ def structure(name: str, claimed: bool, tables: Tables) -> Judged:
         return Judged(name, words, verdict, worst["value"], None, tuple(r["on"] for r in broken), why)
     if open_ or not rows:
         why = next((r["reason"] for r in open_ if r.get("reason")), "nothing could be seen above the floor")
+        above = [r for r in open_ if between(r)]
+        if above:
+            worst = max(above, key=lambda r: r["value"] / r["floor"])
+            why = f"a defect of {worst['value']:.1e} at h = {worst['h']:g} on {worst['on']} is between its floor "
+            why += f"{worst['floor']:.0e} and {BROKEN:g} times that"
         return Judged(name, words, UNJUDGED, why=why, on=tuple(r["on"] for r in open_))
     worst = max(rows, key=lambda r: r["value"])
     on = tuple(r["on"] for r in rows)
+    if name == "symplectic" and (found := _pieces(words, claimed, tables) or _drifting(words, claimed, tables)):
+        return found
     if not claimed:
         return Judged(name, words, CONTRADICTED, worst["value"], None, on, "it is, on every system here")
     why = f"defects of at most {worst['value']:.1e}, floor {worst['floor']:.0e}"
     return Judged(name, words, HOLDS, worst["value"], None, on, why)
+
+
+def _pieces(words: str, claimed: bool, tables: Tables) -> Judged | None:
+    """What a map that jumps has as its verdict on being symplectic; None of one that does not."""
+    rows = [r for r in tables.of("jumps") if r["value"] > r["floor"]]
+    if not rows:
+        return None
+    worst, on = max(rows, key=lambda r: r["value"] / r["floor"]), tuple(r["on"] for r in rows)
+    why = f"the map is made of pieces: it jumps by {worst['value']:.1e} at h = {worst['h']:g} on {worst['on']}"
+    if worst["value"] > BROKEN * worst["floor"]:
+        return Judged("symplectic", words, CONTRADICTED if claimed else HOLDS, worst["value"], None, on, why)
+    why += f", which is {worst['value'] / worst['floor']:.0f} times the floor"
+    return Judged("symplectic", words, UNJUDGED, worst["value"], None, on, why)
+
+
+def _drifting(words: str, claimed: bool, tables: Tables) -> Judged | None:
+    """What an energy that drifts leaves of a step whose defects are those of a symplectic map; None without one."""
+    rows = [r for r in tables.of("long") if r["status"] == "ok" and kind(r["energy"]) == DRIFT]
+    if not rows:
+        return None
+    part, on = rows[0]["energy"], tuple(r["on"] for r in rows)
+    why = f"its defects are those of a symplectic map, but its energy drifts: by {part['value']:.1e} to "
+    why += f"t = {part['time']:g} on {on[0]}; that of a symplectic step stays bounded"
+    return Judged("symplectic", words, UNJUDGED, part["value"], None, on, why)
 
 
 def kind(part: dict) -> str | None:

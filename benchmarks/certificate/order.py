@@ -15,6 +15,7 @@ In doubles :math:`\varepsilon_1` is what is left of :math:`|\Phi_h - \varphi_h|/
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
 
@@ -23,7 +24,8 @@ import numpy as np
 from phasebench.benchmarks.measure import metrics, multiprecision
 from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, exactly, precision, vector
 
-from .battery import LADDER, SPAN, known
+from .battery import LADDER, SPAN, Entry
+from .evidence import GATE
 from .stepping import DIGITS, StepFailed, Stepper
 
 EPS = float(np.finfo(float).eps)
@@ -41,6 +43,10 @@ FINEST = 1e-34
 SATURATED = 0.1
 #: What a step raises for its numbers.
 NUMERICAL = ("ArithmeticError", "ZeroDivisionError", "OverflowError", "FloatingPointError", "LinAlgError")
+#: Of a ladder in many digits too the series is asked where coefficients that are doubles leave more noise than this.
+ROUGH = 1e-17
+#: Powers of h that a ladder in doubles is explained by, the highest order, and multiples of a doubt that are none.
+POWERS, MOST, SURE = 5, 12, 20.0
 #: The steps of the fit in doubles.
 FIT = tuple(2.0 ** (-k / 2) for k in range(4, 15))
 
@@ -62,20 +68,18 @@ class Series:
 
 
 @lru_cache(maxsize=64)
-def flow(name: str, seed: int, h: float | object, pieces: int = 4):
+def flow(entry: Entry, seed: int, h: float | object, pieces: int = 4):
     """(state after h from the seed's start, its uncertainty) in `DIGITS` digits."""
     with precision(DIGITS):
-        entry = known(name)
         return multiprecision.flow(entry.system, entry.start(seed), h, pieces)
 
 
 @lru_cache(maxsize=64)
-def nearby(name: str, seed: int) -> list:
-    """The states after 0, 1, 2, ... times `CLOSE` from the seed's start, in `SERIES_DIGITS` digits."""
+def nearby(entry: Entry, seed: int) -> list:
+    """The states after 0, 1, 2, ... times `CLOSE` from the seed's start, in units and `SERIES_DIGITS` digits."""
     with precision(SERIES_DIGITS):
-        entry = known(name)
         field, y = entry.system.vector_field(MULTIPRECISION), vector(entry.start(seed))
-        close = exactly(CLOSE, MULTIPRECISION)
+        close = exactly(CLOSE * entry.unit, MULTIPRECISION)
         ends = (multiprecision.extrapolated(lambda x: field(0, x), y, j * close)[0] for j in range(1, TERMS + 3))
         return [y, *ends]
 
@@ -97,12 +101,13 @@ def differences(values) -> list:
 def series(stepper: Stepper, seed: int) -> Series:
     """The relative coefficients of the error's series; raises StepFailed where the step takes no such numbers."""
     with precision(SERIES_DIGITS):
-        close, truth = exactly(CLOSE, MULTIPRECISION), nearby(stepper.entry.name, seed)
+        close, truth = exactly(CLOSE * stepper.entry.unit, MULTIPRECISION), nearby(stepper.entry, seed)
         y = truth[0]
         taken = [y] + [stepper(y, j * close) for j in range(1, len(truth))]
         size, error = differences(truth), differences([a - b for a, b in zip(taken, truth, strict=True)])
         pairs = list(zip(error, size, strict=True))[1 : TERMS + 1]
-        return Series(tuple(float(max(abs(c)) / max(abs(f))) for c, f in pairs))
+        sizes = stepper.entry.sizes
+        return Series(tuple(float(max(abs(c) / sizes) / max(abs(f) / sizes)) for c, f in pairs))
 
 
 def ladder(stepper: Stepper, seed: int, noise: float = 0.0) -> dict:
@@ -114,23 +119,35 @@ def ladder(stepper: Stepper, seed: int, noise: float = 0.0) -> dict:
         h, error : lists; error NaN where the run did not stay finite
         noise : below it errors are round-off
     """
-    truth, doubt = flow(stepper.entry.name, seed, SPAN)
-    double = stepper.arithmetic == DOUBLE
+    return _ladder(*apart(stepper, seed, noise))
+
+
+def _ladder(steps, away, noise: float) -> dict:
+    return {"h": list(steps), "error": [float(np.abs(x).max()) for x in away], "noise": noise}
+
+
+def apart(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
+    """(steps h, errors, noise) of a ladder: of each h an array (2 d,), in units of the largest number of the state."""
+    entry, double = stepper.entry, stepper.arithmetic == DOUBLE
+    span = SPAN * Fraction(entry.unit)
+    truth, doubt = flow(entry, seed, span)
     if double:
         truth = truth.astype(float)
-    size, error = float(max(abs(truth))), []
+    sizes = entry.sizes * float(max(abs(truth / entry.sizes)))
+    away = []
     with precision(DIGITS):
-        for n in rungs(stepper):
-            h = float(SPAN / n) if double else exactly(SPAN / n, MULTIPRECISION)
+        numbers = rungs(stepper)
+        for n in numbers:
+            h = float(span / n) if double else exactly(span / n, MULTIPRECISION)
             try:
-                rows = stepper.run(stepper.entry.start(seed), h, n, every=n)
+                rows = stepper.run(entry.start(seed), h, n, every=n)
             except StepFailed as failure:
                 if not numerical(failure):
                     raise
                 rows = ()
-            error.append(float(max(abs(rows[-1] - truth))) / size if len(rows) == 2 else float("nan"))
-    noise = max(noise, DOUBLES if double else 10 * float(doubt) / size)
-    return {"h": [float(SPAN / n) for n in LADDER[: len(error)]], "error": error, "noise": noise}
+            away.append(((rows[-1] - truth) / sizes).astype(float) if len(rows) == 2 else np.full(len(truth), np.nan))
+    noise = max(noise, DOUBLES if double else 10 * float(doubt) / float(sizes.min()))
+    return np.array([float(span / n) for n in numbers]), np.array(away), noise
 
 
 def rungs(stepper: Stepper) -> tuple[int, ...]:
@@ -138,7 +155,7 @@ def rungs(stepper: Stepper) -> tuple[int, ...]:
     if stepper.arithmetic == DOUBLE:
         return LADDER
     before = sum(stepper.system.evaluations)
-    stepper(stepper.state(stepper.entry.start(0)), stepper.number(float(SPAN)))
+    stepper(stepper.state(stepper.entry.start(0)), stepper.number(float(SPAN) * stepper.entry.unit))
     return LADDER if sum(stepper.system.evaluations) - before <= DEAR else LADDER[:SHORTER]
 
 
@@ -151,21 +168,67 @@ def order(stepper: Stepper, seed: int) -> dict:
     """The row of a ladder: its order, window and errors, and the terms of the series or the constant error."""
     row = {"on": stepper.entry.name, "arithmetic": stepper.arithmetic}
     if stepper.arithmetic == DOUBLE:
-        row |= ladder(stepper, seed)
-        found = _found(row)
+        steps, away, noise = apart(stepper, seed)
+        row |= _ladder(steps, away, noise)
+        found = _integral(_found(row), steps, away, noise)
         return row | _shown(found) | constant(stepper, seed, found)
     terms = series(stepper, seed)
-    row |= ladder(stepper, seed, SOLVERS)
+    steps, away, noise = apart(stepper, seed, SOLVERS)
+    row |= _ladder(steps, away, noise)
     found = _found(row)
     if not found.points or terms.clean >= round(found.value):
-        finer = 100 * terms.largest(terms.clean) * float(SPAN)
+        finer = 100 * terms.largest(terms.clean) * float(SPAN)  # of the state's size: a unit of time moves it so far
         row["noise"] = max(finer, min(row["noise"], FINEST)) if terms.clean else row["noise"]
         found = _found(row)
+    if row["noise"] > ROUGH:
+        found = _integral(found, steps, away, row["noise"])
     return row | _shown(found) | {"terms": list(terms.terms), "clean": terms.clean}
 
 
 def _found(row) -> metrics.Order:
     return metrics.order(row["h"], row["error"], row["noise"], SATURATED)
+
+
+def _integral(found: metrics.Order, steps, away, noise: float) -> metrics.Order:
+    """The order of a window, or where that is no whole number the one of the series of the errors, if it tells."""
+    if found.points and abs(found.value - round(found.value)) < GATE:
+        return found
+    return expanded(steps / steps[0], away, noise) or found
+
+
+def expanded(h, errors, noise: float) -> metrics.Order | None:
+    """The order p of errors c_0 h^p + c_1 h^(p+1) + ... of a ladder in doubles, where one p alone explains them.
+
+    Where few errors are above round-off no window of theirs is asymptotic.  The series is fitted by least squares; it
+    explains them where what it leaves is round-off, and it is of order p where c_0 is `SURE` times its own doubt.
+
+    Parameters
+    ----------
+    h, errors : arrays (n,) and (n, 2 d), the steps and the signed errors
+    noise : round-off of the errors is at most this
+    """
+    whole = np.isfinite(errors).all(axis=1) & (np.abs(errors).max(axis=1) < SATURATED)
+    for first in range(3):  # from the widest step, or without it
+        x, e = h[whole][first:], errors[whole][first:]
+        if len(x) < POWERS + 3:
+            return None
+        fits = [(p, *_power_series(x / x[0], e, p, noise / 5)) for p in range(1, MOST + 1)]
+        found = [(p, lead) for p, left, lead in fits if left < 1 and lead > SURE]
+        if len(found) == 1:
+            p, lead = found[0]
+            half = 1 / lead
+            return metrics.Order(float(p), p - half, p + half, float(x[0]), float(x[-1]), len(x))
+    return None
+
+
+def _power_series(x, e, p: int, noise: float) -> tuple[float, float]:
+    """(what a series from x^p on leaves of e, and its first coefficient, each in units of its round-off)."""
+    columns = np.stack([x ** (p + k) for k in range(POWERS)], axis=1) / noise
+    inverse = np.linalg.pinv(columns)
+    fitted = inverse @ e / noise
+    left = (columns @ fitted - e / noise) ** 2
+    free = (len(x) - POWERS) * e.shape[1]
+    return float(np.sqrt(left.sum() / free)), float(np.abs(fitted[0]).max() / np.linalg.norm(inverse[0]))
 
 
 def _shown(found: metrics.Order) -> dict:
@@ -175,25 +238,27 @@ def _shown(found: metrics.Order) -> dict:
 
 def constant(stepper: Stepper, seed: int, found: metrics.Order) -> dict:
     """What is left of the error over h as h falls, relative to the field, with its uncertainty."""
-    y = stepper.entry.start(seed)
-    speed = float(np.abs(stepper.entry.system.vector_field()(0.0, y)).max())
+    entry = stepper.entry
+    y, sizes = entry.start(seed), entry.sizes
+    speed = float(np.abs(entry.system.vector_field()(0.0, y) / sizes).max()) * entry.unit
     least = max(1, round(found.value)) if found.points else 1
     h, left = [], []
     for step in FIT:
         try:
-            end = stepper(y, step)
+            end = stepper(y, step * entry.unit)
         except StepFailed as failure:
             if not numerical(failure):
                 raise
             continue
         if np.isfinite(end).all():
             h.append(step)
-            left.append((end - flow(stepper.entry.name, seed, step, 1)[0].astype(float)) / step / speed)
+            truth = flow(entry, seed, step * entry.unit, 1)[0].astype(float)
+            left.append((end - truth) / sizes / step / speed)
     if len(h) < 8:
         return {}
     h, left = np.array(h), np.array(left)
     columns = np.stack([h**k for k in (0, *range(least, least + 5))], axis=1)
-    scale = h / EPS / float(np.abs(y).max()) * speed
+    scale = h / EPS / float(np.abs(y / sizes).max()) * speed
     inverse = np.linalg.pinv(columns * scale[:, None])
     fitted = inverse @ (left * scale[:, None])
     rest = np.abs((columns @ fitted - left) * scale[:, None]).max()

@@ -17,8 +17,9 @@ from phasebench.integrators.errors import InvalidInput
 
 from . import figures
 from .adaptive import T_END
-from .certificate import Certificate
+from .battery import entries
 from .evidence import BROKEN, GATE, VISIBLE
+from .result import Certificate
 from .stepping import DIGITS
 from .structure import STEPS
 from .verdicts import CONTRADICTED, HOLDS, UNJUDGED
@@ -157,6 +158,17 @@ def _place(certificate: Certificate) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def _systems(certificate: Certificate) -> str:
+    """On what it was measured, and what that leaves out."""
+    names = list(dict.fromkeys(r["on"] for r in certificate.tables.of("order")))
+    battery = {e.name: e.system.d for e in entries()}
+    if not names or not set(names) <= set(battery):
+        return f"Measured on {', '.join(names) or 'no system'}: what shows on others alone is not seen."
+    dimensions = sorted({battery[name] for name in names})
+    told = ", ".join(map(str, dimensions))
+    return f"Small systems of {told} degrees of freedom: what shows on others alone is not seen."
+
+
 def _limits(certificate: Certificate) -> list[str]:
     about = certificate.as_dict()
     versions = ", ".join(f"{name} {version}" for name, version in about["versions"].items())
@@ -171,7 +183,7 @@ def _limits(certificate: Certificate) -> list[str]:
         )
     if certificate.tables.of("tolerance"):
         out.append(f"Errors are relative to the largest component of the state, at t = {T_END:g}.")
-    out.append("Small systems of one and two degrees of freedom: what shows on others alone is not seen.")
+    out.append(_systems(certificate))
     for r in certificate.tables.of("round_off"):
         grows = (
             "its mean is not 0: it adds up as t"

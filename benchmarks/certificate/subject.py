@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from phasebench.benchmarks.measure import own_step
+from phasebench.benchmarks.measure import coefficients, own_step
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.measure.own_step import OwnStep
 from phasebench.benchmarks.problems import user_file
@@ -21,7 +21,7 @@ from phasebench.integrators.registry import BY_ID as METHODS
 from phasebench.reference.peers import BY_ID as PEERS
 from phasebench.reference.peers import Peer
 
-from . import battery, coefficients
+from . import battery
 
 NAMED = re.compile(r"^[A-Za-z_][\w.]*:[A-Za-z_][\w.]*$")
 
@@ -101,7 +101,7 @@ def _made(target) -> Subject:
 def _named(name: str) -> Subject:
     if name.lower().endswith(".json"):
         return Subject(coefficients.from_file(name))
-    if NAMED.match(name):
+    if NAMED.match(name) and not user_file.is_file(name):
         return _imported(name)
     if name in METHODS or name in PEERS:
         return _registered(integrator(name))
@@ -110,11 +110,14 @@ def _named(name: str) -> Subject:
         if Path(f"{name}.py").is_file():
             raise InvalidInput(f"there is no integrator '{name}'; did you mean ./{name}.py?")
         raise InvalidInput(f"{unknown('integrator', name, [*METHODS, *PEERS])}; {hint}")
-    module = user_file.load(name, "method")
-    run = getattr(module, "run", None)
-    if callable(run) and not hasattr(module, "step"):
+    file, dotted = user_file.file_and_object(name)
+    if not dotted:
+        module = user_file.load(file, "method")
+        dotted = "run" if callable(getattr(module, "run", None)) and not hasattr(module, "step") else ""
+    if dotted.split(".")[-1] == "run":
+        owner, run = own_step.named(f"{file}:{dotted}", "run")
         _binds(run, ("system", "q", "p", "t_end", "tol"), name)
-        return Subject(own_step.described(name, module, run), run)
+        return Subject(own_step.described(name, owner, run), run)
     return Subject(own_step.from_file(name))
 
 

@@ -47,10 +47,11 @@ class Judged:
 
 @dataclass
 class Tables:
-    """What was measured, a list of rows for each measure, and why a measure was not made."""
+    """What was measured, a list of rows for each measure, why a measure was not made, and which were to their end."""
 
     rows: dict[str, list[dict]] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
+    done: set[str] = field(default_factory=set)
 
     def of(self, name: str) -> list[dict]:
         """The rows of a measure."""

@@ -12,7 +12,7 @@ from phasebench.integrators.errors import InvalidInput
 from .shared import WRONG, compilation_shown, invalid_input, out, print_json, telling, warn, width
 
 if TYPE_CHECKING:
-    from phasebench.benchmarks.certificate.certificate import Certificate
+    from phasebench.benchmarks.certificate.result import Certificate
 
 #: Below so many columns, and where nobody reads, a claim is a line of text.
 NARROW = 70
@@ -22,12 +22,22 @@ STYLES = {"pass": "green", "fail": "bold red", "holds": "green", "contradicted":
 def validate(
     integrator: Annotated[
         str,
-        typer.Argument(metavar="INTEGRATOR", help="./mine.py, ./mine.json, package.module:callable, a method, a peer."),
+        typer.Argument(
+            metavar="INTEGRATOR",
+            help="./mine.py, ./mine.py:object.step, ./mine.json, package.module:callable, a method, a peer.",
+        ),
     ],
     claim: Annotated[
         list[str], typer.Option(help="order=4, symplectic, symmetric, reversible, energy=bounded, stability=2, ...")
     ] = [],  # noqa: B006
     requires: Annotated[list[str], typer.Option(help="A trait of systems that it needs: separable.")] = [],  # noqa: B006
+    problem: Annotated[
+        list[str],
+        typer.Option(help="A problem, or your own ./mine.py, to measure it on in place of the suite's systems."),
+    ] = [],  # noqa: B006
+    time_limit: Annotated[
+        float | None, typer.Option(help="Seconds: then a step that never returns is ended, and where it was is said.")
+    ] = None,
     output: Annotated[Path | None, typer.Option(help="A folder for the certificate: Markdown, HTML, JSON.")] = None,
     seed: Annotated[int, typer.Option(help="Of the states at which it is measured.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
@@ -44,7 +54,8 @@ def validate(
 
             writable(output)
         with telling("validate") as tell:
-            found = certify(integrator, claims, tuple(requires), seed, tell)
+            more = {"problems": tuple(problem), "time_limit": time_limit}
+            found = certify(integrator, claims, tuple(requires), seed, tell, **more)
         if output is not None:
             from phasebench.benchmarks.certificate.render import write
 

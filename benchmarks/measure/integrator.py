@@ -22,7 +22,7 @@ from phasebench.reference import peers
 from phasebench.reference.peers import Claims, Peer, integrate_peer
 from phasebench.reference.peers.prepared import PreparedPeer, prepare_peer
 
-from . import own_step
+from . import coefficients, own_step
 from .own_step import OwnStep
 
 #: The kinds of integrators besides those of a package.
@@ -151,11 +151,12 @@ class Integrator:
 
 
 def integrator(name: str | Path | Method | Peer | OwnStep | Integrator | Callable, **parameters) -> Integrator:
-    """What a name stands for: the id of a method or a peer, the path of a file with a step; or a record, or a step.
+    """What a name stands for: the id of a method or a peer, the path of a file; or a record, or a step.
 
     Parameters
     ----------
-    name : an id, a path (with .py or a slash), a record, or a function ``step(system, q, p, h) -> (q, p)``
+    name : an id; the path of a file with a step (``./mine.py``, ``./mine.py:object.step``) or with coefficients
+        (``./mine.json``); a record; or a function ``step(system, q, p, h) -> (q, p)``
     parameters : values of a method's parameters
 
     Raises
@@ -165,7 +166,8 @@ def integrator(name: str | Path | Method | Peer | OwnStep | Integrator | Callabl
     """
     record = name.record if isinstance(name, Integrator) else name
     if isinstance(record, Path) or (isinstance(record, str) and is_file(record)):
-        record = own_step.from_file(record)
+        path = str(record)
+        record = coefficients.from_file(path) if path.lower().endswith(".json") else own_step.from_file(path)
     elif isinstance(record, str) and record not in METHODS_BY_ID:
         if record not in peers.BY_ID:
             raise unknown("method", record, [*METHODS_BY_ID, *peers.BY_ID])

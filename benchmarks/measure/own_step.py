@@ -19,8 +19,7 @@ from __future__ import annotations
 import inspect
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from numbers import Real
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +32,7 @@ from phasebench.integrators.errors import InvalidInput, unknown
 from phasebench.integrators.request import check_timeout, request
 from phasebench.reference.peers.run import ending
 
-#: What a step may claim of how the energy is kept.
-ENERGY = ("preserved", record.EXACT, record.ROUND_OFF, record.BOUNDED, record.DRIFT, record.NONE)
+from .claims import checked_claims
 
 
 @dataclass(frozen=True)
@@ -48,6 +46,7 @@ class OwnStep:
     claims : any of `CLAIMS`
     requires : traits of the system that it cannot do without
     where : the file of its code, as Python names it in a traceback
+    again : makes it of its id in another process, where it is of a file
     """
 
     id: str
@@ -55,6 +54,7 @@ class OwnStep:
     claims: Mapping[str, Any] = field(default_factory=dict)
     requires: tuple[str, ...] = ()
     where: str = ""
+    again: Callable[[str], OwnStep] | None = None
 
     #: As of a method: a step has no parameters.
     parameters = {}  # noqa: RUF012
@@ -78,8 +78,8 @@ class OwnStep:
 
     def __reduce__(self):
         """A file is read again in the process that this is sent to."""
-        if user_file.is_file(self.id):
-            return from_file, (self.id,)
+        if self.again is not None:
+            return self.again, (self.id,)
         return OwnStep, (self.id, self.step, self.claims, self.requires, self.where)
 
 
@@ -130,7 +130,9 @@ def from_function(step: Callable) -> OwnStep:
 
 
 def from_file(path: str | Path) -> OwnStep:
-    """The step of a Python file, with its ``CLAIMS`` and ``REQUIRES``.
+    """The step of a Python file (``./mine.py``, ``./mine.py:object.step``), with its ``CLAIMS`` and ``REQUIRES``.
+
+    Of ``object.step`` they are the object's, where it has some, else the file's.
 
     Raises
     ------
@@ -138,16 +140,38 @@ def from_file(path: str | Path) -> OwnStep:
         For a file that cannot be read or raises (naming the line), or without such a step.
     """
     path = str(path)
-    module = user_file.load(path, "method")
-    step = getattr(module, "step", None)
-    if not callable(step):
-        has = "has no function 'step'" if step is None else f"has a 'step' that is a {type(step).__name__}"
-        raise InvalidInput(f"{path} {has}; write def step(system, q, p, h): ... return q, p")
-    return described(path, module, from_function(step).step)
+    owner, step = named(path, "step")
+    return replace(described(path, owner, from_function(step).step), again=from_file)
+
+
+def named(path: str, name: str) -> tuple[Any, Callable]:
+    """(owner, function) of ``./mine.py:object.function``, or of the function ``name`` of ``./mine.py``.
+
+    The owner is what says which claims are made: the object where it has CLAIMS or REQUIRES, else the file's module.
+
+    Raises
+    ------
+    InvalidInput
+        For a file that cannot be read or raises, or without that function.
+    """
+    file, dotted = user_file.file_and_object(path)
+    module = user_file.load(file, "method")
+    owner = found = module
+    for part in (dotted or name).split("."):
+        holder, found = found, getattr(found, part, None)
+        if found is None:
+            has = f"has no function '{part}'" if holder is module else f"has no '{part}' in '{dotted}'"
+            raise InvalidInput(f"{file} {has}; write def {name}(system, q, p, h): ... return q, p")
+        if holder is not module and any(hasattr(holder, says) for says in ("CLAIMS", "REQUIRES")):
+            owner = holder
+    if not callable(found):
+        what = f"'{dotted or name}' that is a {type(found).__name__}"
+        raise InvalidInput(f"{file} has a {what}; write def {name}(system, q, p, h): ... return q, p")
+    return owner, found
 
 
 def described(path: str, module, function: Callable) -> OwnStep:
-    """A function of a user's module, with what the module says of it."""
+    """A function of a user's module, with what the module, or the object that it is of, says of it."""
     requires = getattr(module, "REQUIRES", ())
     requires = (requires,) if isinstance(requires, str) else requires
     if not isinstance(requires, (tuple, list)) or not all(isinstance(x, str) for x in requires):
@@ -155,41 +179,6 @@ def described(path: str, module, function: Callable) -> OwnStep:
     code = getattr(function, "__code__", None)
     claims = checked_claims(getattr(module, "CLAIMS", {}), f"{path}: CLAIMS")
     return OwnStep(path, function, claims, tuple(requires), code.co_filename if code else "the step")
-
-
-def _flag(x) -> bool:
-    return isinstance(x, bool)
-
-
-def _positive(x) -> bool:
-    return isinstance(x, Real) and not isinstance(x, bool) and 0 < x < float("inf")
-
-
-#: Claim -> (what its value must be, whether a value is that).
-CLAIMS: dict[str, tuple[str, Callable[[Any], bool]]] = {
-    "order": ("a positive integer", lambda x: isinstance(x, int) and not isinstance(x, bool) and x > 0),
-    "symplectic": ("True or False", _flag),
-    "symmetric": ("True or False", _flag),
-    "reversible": ("True or False", _flag),
-    "energy": (f"one of {', '.join(ENERGY)}", lambda x: isinstance(x, str) and x in ENERGY),
-    "bilinear": (f"one of {', '.join(ENERGY)}", lambda x: isinstance(x, str) and x in ENERGY),
-    "quadratic": (f"one of {', '.join(ENERGY)}", lambda x: isinstance(x, str) and x in ENERGY),
-    "stability": ("a positive number, the limit of h omega", _positive),
-    "tolerance": ("a positive number, the most that an error is of the tolerance", _positive),
-}
-
-
-def checked_claims(claims, where: str) -> dict[str, Any]:
-    """The claims, name -> value; raises InvalidInput, which begins with ``where``, for one that is none."""
-    if not isinstance(claims, Mapping):
-        raise InvalidInput(f"{where} is {claims!r}; write {{'order': 2, 'symplectic': True}}")
-    for name, value in claims.items():
-        if name not in CLAIMS:
-            raise InvalidInput(f"{where}: {unknown('claim', str(name), CLAIMS)}")
-        words, right = CLAIMS[name]
-        if not right(value):
-            raise InvalidInput(f"{where} has {name} = {value!r}; it must be {words}")
-    return dict(claims)
 
 
 def integrate_step(

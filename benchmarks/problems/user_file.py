@@ -14,8 +14,14 @@ from phasebench.integrators.errors import InvalidInput
 
 
 def is_file(name: str) -> bool:
-    """Whether a name is the path of a file: it ends in .py or .csv or has a slash."""
-    return name.lower().endswith((".py", ".csv")) or "/" in name or "\\" in name
+    """Whether a name is the path of a file: with a slash, .py, .csv or .json at its end (``./mine.py:object`` too)."""
+    return file_and_object(name)[0].lower().endswith((".py", ".csv", ".json")) or "/" in name or "\\" in name
+
+
+def file_and_object(name: str) -> tuple[str, str]:
+    """(path, "object.attribute") of ``./mine.py:object.attribute`` (a drive's colon is of the path), or (name, "")."""
+    head, _, tail = name.rpartition(":")
+    return (head, tail) if head.lower().endswith(".py") else (name, "")
 
 
 def load(path: str, what: str = "problem") -> types.ModuleType:

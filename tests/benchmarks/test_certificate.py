@@ -8,15 +8,15 @@ import pytest
 from typer.testing import CliRunner
 
 import phasebench as pb
-from phasebench.benchmarks.certificate import certificate, judge
+from phasebench.benchmarks.certificate import certificate, judge, measures
 from phasebench.benchmarks.certificate.certificate import certify
-from phasebench.benchmarks.certificate.coefficients import own_step
 from phasebench.benchmarks.certificate.judge import judged, offers, verdict
 from phasebench.benchmarks.certificate.kept import structure
 from phasebench.benchmarks.certificate.render import document, write
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.certificate.verdicts import CONTRADICTED, HOLDS, UNJUDGED, Tables
 from phasebench.benchmarks.cli import app
+from phasebench.benchmarks.measure.coefficients import own_step
 from phasebench.integrators.errors import InvalidInput
 
 
@@ -265,7 +265,7 @@ def call(*arguments):
 @pytest.fixture
 def claimed_alone(monkeypatch):
     """What is not claimed is not measured; all of it is where the README's command runs."""
-    monkeypatch.setattr(certificate, "EVERYTHING", set())
+    monkeypatch.setattr(measures, "EVERYTHING", set())
 
 
 def test_exit_codes_and_json(tmp_path, claimed_alone):

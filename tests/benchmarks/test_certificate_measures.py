@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.certificate import adaptive, battery, certificate, conservation, render, structure
+from phasebench.benchmarks.certificate import adaptive, battery, certificate, conservation, measures, render, structure
 from phasebench.benchmarks.certificate.basics import adapts
 from phasebench.benchmarks.certificate.behaviour import state_between_steps
 from phasebench.benchmarks.certificate.order import flow
@@ -22,6 +22,10 @@ PENDULUM = battery.known("pendulum")
 
 def made(step):
     return subject(step, {}, ("separable",))
+
+
+def entries(chosen):
+    return [e for e in battery.entries() if chosen.lacks(e.system) is None]
 
 
 class Failing:
@@ -187,7 +191,7 @@ def test_orbits_of_the_battery_are_bounded():
 
 def test_errors_are_told_in_parts_of_the_largest_number_of_a_state_and_energies_as_they_are():
     """Of a run that ends beside the truth by its tolerance in q, a third of it in p."""
-    entry, truth = PENDULUM, flow("pendulum", 0, adaptive.T_END, 48)[0].astype(float)
+    entry, truth = PENDULUM, flow(PENDULUM, 0, adaptive.T_END, 48)[0].astype(float)
     beside = np.array([1.0, -1 / 3])
 
     def run(system, q, p, t_end, tol):
@@ -232,9 +236,9 @@ def test_one_step_of_a_tableau_by_hand(record, end, slopes):
 def places(monkeypatch):
     """Places and times that cost nothing: a list of the subjects that were placed."""
     asked = []
-    monkeypatch.setattr(certificate, "scenes", lambda chosen: ["near", "far"])
-    monkeypatch.setattr(certificate, "place", lambda chosen, scene: asked.append(scene) or {"on": scene, "errors": []})
-    monkeypatch.setattr(certificate, "timed", lambda chosen, row, run: {"on": "near"} if row["on"] == "near" else None)
+    monkeypatch.setattr(measures, "scenes", lambda chosen: ["near", "far"])
+    monkeypatch.setattr(measures, "place", lambda chosen, scene: asked.append(scene) or {"on": scene, "errors": []})
+    monkeypatch.setattr(measures, "timed", lambda chosen, row, run: {"on": "near"} if row["on"] == "near" else None)
     return asked
 
 
@@ -254,11 +258,11 @@ def test_an_adaptive_integrator_has_a_place_unless_it_is_measured_alone(places):
 
 def test_a_place_and_a_time_are_told_of_what_is_a_step(places):
     chosen, tables = made(leapfrog), Tables()
-    certificate._step(chosen, tables, 0, print, set())
-    certificate._place(chosen, tables, print)
+    measures._step(chosen, tables, 0, print, set(), entries(chosen), [])
+    measures._place(chosen, tables, print)
     assert places == ["near", "far"]
-    assert certificate._times(chosen, tables, print) == [{"on": "near"}], "of some nothing can be told"
-    certificate._place(chosen, Tables(), print)
+    assert measures._times(chosen, tables, print) == [{"on": "near"}], "of some nothing can be told"
+    measures._place(chosen, Tables(), print)
     assert places == ["near", "far"]
 
 
@@ -274,21 +278,23 @@ def test_round_off_is_told_of_the_second_system_of_a_step_that_takes_many_digits
     monkeypatch.setattr(conservation, "round_off", lambda chosen, entry, seed: {"on": entry.name})
     for requires, on in ((("separable",), "henon-heiles"), (("separable", "quadratic kinetic energy"), "henon-heiles")):
         tables = Tables()
-        certificate._step(subject(leapfrog, {}, requires), tables, 0, print, {"round_off"})
+        chosen = subject(leapfrog, {}, requires)
+        measures._step(chosen, tables, 0, print, {"round_off"}, entries(chosen), [])
         assert tables.rows["round_off"] == [{"on": on}]
 
     def doubles(system, q, p, h):
         return tuple(x.astype(float) for x in leapfrog(system, q, p, h))
 
     tables = Tables()
-    assert certificate._step(subject(doubles, {}, ("separable",)), tables, 0, print, {"round_off"}) != ""
+    chosen = subject(doubles, {}, ("separable",))
+    assert measures._step(chosen, tables, 0, print, {"round_off"}, entries(chosen), []) != ""
     assert "round_off" not in tables.rows
 
 
 def test_in_python_seeds_are_those_of_the_command(monkeypatch):
     asked = []
 
-    def certify(target, claims, requires, seed):
+    def certify(target, claims, requires, seed, **more):
         asked.append((claims, requires, seed))
         return certificate.Certificate("mine", [], [], "pass", Tables(), "", (), seed, 0.0)
 

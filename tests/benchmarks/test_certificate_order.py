@@ -125,7 +125,7 @@ def test_what_is_left_of_an_inconsistent_step_is_told_in_doubles():
 def test_errors_are_relative_to_the_size_of_the_state():
     """Standing still is off by the way of the orbit."""
     row = order.ladder(stepper(lambda system, q, p, h: (q + 0 * h, p + 0 * h), DOUBLE), 1)
-    start, (end, _) = PENDULUM.start(1), order.flow("pendulum", 1, battery.SPAN)
+    start, (end, _) = PENDULUM.start(1), order.flow(PENDULUM, 1, battery.SPAN)
     end = end.astype(float)
     assert row["error"] == pytest.approx([np.abs(start - end).max() / np.abs(end).max()] * len(battery.LADDER))
 

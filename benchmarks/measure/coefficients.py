@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from itertools import zip_longest
 from pathlib import Path
@@ -35,7 +36,7 @@ def from_file(path: str) -> OwnStep:
         raise InvalidInput(f"{path} cannot be read: {error.strerror}") from None
     except ValueError as error:
         raise InvalidInput(f"{path} is no JSON: {error}") from None
-    return own_step(record, path)
+    return replace(own_step(record, path), again=from_file)
 
 
 def own_step(record, name: str) -> OwnStep:

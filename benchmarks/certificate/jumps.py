@@ -1,0 +1,107 @@
+"""Jumps of a step: a map that is made of pieces is not symplectic, however symplectic each of the pieces is.
+
+A step whose number of sub-steps, or whose formula, depends on the state jumps where that changes.  States along a path
+are mapped; where the map is smooth its sixth differences vary little from place to place, and beside a jump they stand
+out.  The path is made shorter round that place, time after time: what a smooth map leaves falls to round-off, a jump
+stays.  In doubles, which take thousands of steps in no time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .battery import Entry, time_unit
+from .order import EPS, numerical
+from .stepping import StepFailed, Stepper
+from .structure import DISPLACEMENT, ROUNDED
+from .subject import Subject
+
+#: Points of a path, and of one that was made shorter; so many at least have to be mapped.
+POINTS, FEWER, LEAST = 64, 14, 24
+#: The order of the differences, and the largest of its binomial coefficients: what a jump of 1 makes of them.
+ORDER, PEAK = 6, 20.0
+#: What stands out: so many times what is found beside it.
+STANDS_OUT = 20.0
+#: The places of a path that are looked at, and the length at which a path is short.
+PLACES, SHORT = 2, 1e-13
+#: Steps in units of time: of the entry's about its start, of the largest state's from small states to large ones.
+NEAR, FAR = 0.5, 0.5
+#: Factors of the start between which the second path lies.
+SMALLEST, LARGEST = 0.02, 8.0
+
+
+def jumps(subject: Subject, entry: Entry, seed: int, noise: float) -> dict:
+    """A row: the largest jump along two paths of states, in units of the state's size, and its floor.
+
+    Parameters
+    ----------
+    noise : the floor of the symplecticity defect where that was measured in doubles (a solver that stops early
+        raises it), else 0
+    """
+    stepper, y = Stepper(subject, entry), entry.start(seed)
+    way = 0.4 * np.random.default_rng([3, seed, *entry.name.encode()]).uniform(-1, 1, len(y)) * entry.sizes
+    paths: list[tuple[float, Callable]] = [(NEAR * entry.unit, lambda t: y + (t - 0.5) * way)]
+    if not entry.share:
+        far = FAR * time_unit(entry.system, y * LARGEST, entry.sizes * LARGEST)
+        paths.append((far, lambda t: y * SMALLEST * (LARGEST / SMALLEST) ** t))
+    floor = max(ROUNDED, noise * DISPLACEMENT)
+    found = [(_largest(stepper, path, h, floor), h) for h, path in paths]
+    value, h = max(found)
+    return {"on": entry.name, "h": h, "value": value, "floor": floor}
+
+
+def _largest(stepper: Stepper, path: Callable, h: float, floor: float) -> float:
+    """The largest jump of the map along a path of states, t from 0 to 1; 0 where none is above the floor."""
+    values = _mapped(stepper, path, np.linspace(0, 1, POINTS), h)
+    if len(values) < LEAST:
+        return 0.0
+    size = _differences(values)
+    beside = np.minimum(np.roll(size, ORDER + 1), np.roll(size, -ORDER - 1))
+    beside[: ORDER + 1], beside[-ORDER - 1 :] = size[ORDER + 1 : 2 * ORDER + 2], size[-2 * ORDER - 2 : -ORDER - 1]
+    rises = size / np.maximum(beside, EPS * PEAK)
+    places = [k for k in np.argsort(-rises) if rises[k] > STANDS_OUT]
+    largest, looked = 0.0, []
+    for k in places:
+        if all(abs(k - other) > ORDER for other in looked) and len(looked) < PLACES:
+            k = int(max(range(max(0, k - 3), min(len(size), k + 4)), key=lambda j: size[j]))
+            looked.append(k)
+            largest = max(largest, _jump(stepper, path, (k + ORDER / 2) / (POINTS - 1), 1 / (POINTS - 1), h, floor))
+    return largest
+
+
+def _jump(stepper: Stepper, path: Callable, middle: float, cell: float, h: float, floor: float) -> float:
+    """The jump about a place of the path that was mapped at points a cell apart; 0 where it is below the floor."""
+    while True:
+        t = middle + cell * np.linspace(-2, 2, FEWER)
+        values = _mapped(stepper, path, t, h)
+        if len(values) < FEWER:
+            return 0.0
+        size = _differences(values)
+        if size.max() < PEAK * floor / 2:
+            return 0.0
+        cell *= 4 / (FEWER - 1)
+        if cell < SHORT:
+            return float(np.abs(np.diff(values, axis=0)).max())
+        middle = t[0] + (int(np.argmax(size)) + ORDER / 2) * (t[1] - t[0])
+
+
+def _differences(values) -> np.ndarray:
+    return np.abs(np.diff(values, ORDER, axis=0)).max(axis=1)
+
+
+def _mapped(stepper: Stepper, path: Callable, t, h: float) -> np.ndarray:
+    """The states after a step from the path's, in units of their size, as far as the step can be taken."""
+    rows = []
+    for x in t:
+        try:
+            end = stepper(path(x), h)
+        except StepFailed as failure:
+            if not numerical(failure):
+                raise
+            break
+        if not np.isfinite(end).all():
+            break
+        rows.append(end / stepper.entry.sizes)
+    return np.array(rows)

@@ -1,0 +1,105 @@
+"""The error of single steps from small states and large ones: a step that is right near one size alone is not right.
+
+Of each system that is a polynomial, states are drawn whose q and whose p are of sizes from 1e-3 to 40, each with a unit
+of time of its own.  The errors of steps that are halved fall as h^(p+1); and a step in doubles is that in many digits,
+but for round-off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from math import log2
+
+import numpy as np
+
+from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, exactly, precision
+
+from .battery import Entry, time_unit
+from .order import EPS, flow, numerical
+from .stepping import DIGITS, StepFailed, Stepper
+from .subject import Subject
+
+#: Sizes of q and of p; each system takes its share of them in turn.
+SIZES = ((1e-3, 1e-3), (1.0, 5.0), (0.1, 12.0), (6.0, 1.0), (8.0, 8.0), (1e-2, 0.3), (3.0, 3.0), (0.5, 40.0))
+#: So many of them for each system.
+EACH = 2
+#: The steps, in units of the state's own time.
+STEPS = tuple(2.0**-k for k in range(3, 6))
+#: Errors in parts of the state below which is round-off, of coefficients and of a solver too.
+NOISE = 1e-13
+#: Errors above it are not of small steps.
+COARSE = 1e-2
+
+
+def states(subject: Subject, entries: list[Entry], seed: int, arithmetic: str) -> list[dict]:
+    """A row for each drawn state: the errors of steps that are halved, and how far doubles are from many digits."""
+    able = [e for e in entries if e.system.traits["polynomial degree"] and not e.share] or [
+        e for e in entries if e.share
+    ]
+    rows = []
+    for k, entry in enumerate(able):
+        for j in range(EACH):
+            sizes = SIZES[(k * EACH + j) % len(SIZES)]
+            rows.append(_row(subject, drawn(entry, sizes, seed), seed, arithmetic))
+    return rows
+
+
+def drawn(entry: Entry, sizes: tuple[float, float], seed: int) -> Entry:
+    """The system at a state whose q and p are of these sizes; one's own problem at a state near its own."""
+    rng = np.random.default_rng([4, seed, *entry.name.encode()])
+    if entry.share:
+        state, sizes = entry.start(seed + 1000) * (1 + 0.1 * rng.uniform(-1, 1, len(entry.state))), entry.size
+    else:
+        state = rng.choice([-1, 1], len(entry.state)) * rng.uniform(0.3, 1.0, len(entry.state))
+        state *= np.repeat(sizes, len(state) // 2)
+    unit = time_unit(entry.system, state, np.repeat(sizes, len(state) // 2))
+    name = f"{entry.name} with |q| = {sizes[0]:g}, |p| = {sizes[1]:g}"
+    return replace(entry, name=name, state=tuple(map(float, state)), unit=unit, size=sizes, share=True)
+
+
+def _row(subject: Subject, entry: Entry, seed: int, arithmetic: str) -> dict:
+    stepper, errors = Stepper(subject, entry, arithmetic), []
+    double = Stepper(subject, entry) if arithmetic == MULTIPRECISION else None
+    noise, apart = (NOISE if double else 50 * EPS), 0.0
+    with precision(DIGITS):
+        y = entry.start(seed)
+        for h in STEPS:
+            error, end = _error(stepper, entry, seed, y, h * entry.unit)
+            if double is not None and end is not None and h == STEPS[0]:
+                apart = _distance(double, entry, y, h * entry.unit, end)
+            errors.append(error)
+            if error < noise:
+                break
+    told = [e for e in errors if noise < e < COARSE]
+    slopes = [log2(a / b) - 1 for a, b in pairwise(told)]
+    return {"on": entry.name, "arithmetic": arithmetic, "errors": errors, "order": max(slopes[-2:], default=None)} | {
+        "pairs": len(slopes),
+        "doubles": apart,
+    }
+
+
+def _error(stepper: Stepper, entry: Entry, seed: int, y, h: float):
+    """(the error of a step in parts of the state, its end); NaN and None where it fails for its numbers."""
+    try:
+        end = stepper(stepper.state(y), exactly(h, stepper.arithmetic))
+    except StepFailed as failure:
+        if not numerical(failure):
+            raise
+        return float("nan"), None
+    truth = flow(entry, seed, h, 1)[0]
+    if stepper.arithmetic == DOUBLE:
+        truth = truth.astype(float)
+    return float(np.abs(((end - truth) / entry.sizes).astype(float)).max()), end
+
+
+def _distance(double: Stepper, entry: Entry, y, h: float, end) -> float:
+    """How far the step in doubles is from that in many digits, in parts of the state."""
+    try:
+        other = double(y, h)
+    except StepFailed as failure:
+        if not numerical(failure):
+            raise
+        return float("inf")
+    away = np.abs((other - end.astype(float)) / entry.sizes).max() / np.abs(end.astype(float) / entry.sizes).max()
+    return float(away) if np.isfinite(away) else float("inf")

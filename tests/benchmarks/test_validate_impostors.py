@@ -1,0 +1,285 @@
+"""``validate`` on steps that are right where one looks first: after many calls, elsewhere, in pieces, or for ever."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import phasebench as pb
+from phasebench.benchmarks.certificate import battery, order, repeats, states
+from phasebench.benchmarks.certificate.certificate import certify
+from phasebench.benchmarks.certificate.judge import judged
+from phasebench.benchmarks.certificate.jumps import jumps
+from phasebench.benchmarks.certificate.stepping import Stepper
+from phasebench.benchmarks.certificate.subject import subject
+from phasebench.benchmarks.certificate.verdicts import CONTRADICTED, HOLDS, UNJUDGED, Tables
+from phasebench.benchmarks.cli import app
+from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.integrators.engine.codegen import MULTIPRECISION
+from phasebench.integrators.errors import InvalidInput
+from support.steps import leapfrog
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+HENON_HEILES = battery.known("henon-heiles")
+QUADRATIC = ("separable",)
+
+
+def made(step):
+    return subject(step, {}, QUADRATIC)
+
+
+def euler(system, q, p, h):
+    return q + h * system.dH_dp(q, p), p - h * system.dH_dq(q, p)
+
+
+# -- what is kept between calls ---------------------------------------------------------------------------------------
+
+
+def asked(step, calls: int = 400):
+    """The rows of calls that are made once more, after a run of a step."""
+    heard, kept = repeats.listening(made(step), 0)
+    Stepper(heard, HENON_HEILES).run(HENON_HEILES.start(0), 0.1, calls)
+    again, beside = repeats.repeated(heard, kept)
+    return again["value"], beside["value"], len(kept.kept)
+
+
+def after(first, then, from_call: int, to_call: float = np.inf):
+    count = [0]
+
+    def step(system, q, p, h):
+        count[0] += 1
+        return (then if from_call <= count[0] < to_call else first)(system, q, p, h)
+
+    return step
+
+
+def test_calls_once_more_return_what_they_returned():
+    again, beside, kept = asked(leapfrog)
+    assert (again, beside) == (0.0, 0.0)
+    assert kept > 40
+
+
+@pytest.mark.parametrize(("begin", "end"), [(380, np.inf), (100, 250)])
+def test_a_step_that_becomes_another_or_was_one_for_a_time_is_found(begin, end):
+    again, _, _ = asked(after(leapfrog, euler, begin, end))
+    assert again > 1e-4
+
+
+def test_a_step_that_remembers_its_answers_is_found_beside_them():
+    """A memory alone is nothing wrong; one that hides another step is."""
+
+    def remembering(step):
+        answers = {}
+
+        def remember(system, q, p, h):
+            key = (*q, *p, h)
+            if key not in answers:
+                answers[key] = step(system, q, p, h)
+            return answers[key]
+
+        return remember
+
+    assert asked(remembering(leapfrog))[:2] == (0.0, 0.0)
+    again, beside, _ = asked(remembering(after(leapfrog, euler, 401)))
+    assert again == 0.0
+    assert beside > 1e-4
+
+
+def test_a_sample_of_calls_stays_small_and_is_of_all_of_them():
+    _, kept = heard = repeats.listening(made(lambda system, q, p, h: (q, p)), 0)
+    for k in range(40_000):
+        heard[0].own.step(None, np.array([float(k)]), np.array([0.0]), 0.1)
+    places = [call.q[0] for call in kept.kept]
+    assert len(places) <= repeats.MOST
+    assert max(places) > 39_000
+    assert 0.3 < np.mean(np.array(places) < 20_000) < 0.7
+
+
+# -- jumps ------------------------------------------------------------------------------------------------------------
+
+
+def pieces(by: float):
+    """A leapfrog that adds so much where the first component is above 0.1."""
+
+    def step(system, q, p, h):
+        return leapfrog(system, q + (by if q[0] > 0.1 else 0.0), p, h)
+
+    return step
+
+
+def test_a_smooth_map_has_no_jump_and_the_size_of_one_is_told():
+    assert jumps(made(leapfrog), HENON_HEILES, 0, 0.0)["value"] == 0.0
+    assert jumps(made(pieces(1e-6)), HENON_HEILES, 0, 0.0)["value"] == pytest.approx(1e-6, rel=0.5)
+    small = jumps(made(pieces(3e-12)), HENON_HEILES, 0, 0.0)
+    assert small["floor"] < small["value"] < 100 * small["floor"]
+
+
+GOOD = {
+    "runs": [{"on": "tao", "status": "ok", "reason": ""}],
+    "state": [{"on": "tao", "what": "the same step twice", "value": 0.0}],
+    "input": [{"on": "tao", "value": 0.0, "later": 0.0}],
+    "order": [{"on": "tao", "value": 2.0, "low": 2.0, "high": 2.0, "separable": True, "terms": [0.0, 0.0], "clean": 2}],
+    "symplectic": [{"on": "tao", "value": 1e-20, "floor": 1e-13, "own": 1e-2, "h": 0.5, "separable": True}],
+}
+ENERGY = {"value": 1e-4, "time": 500.0, "scale": 1.0, "steps": 2400}
+
+
+def verdict_on(claim: str, value=True, **rows) -> str:
+    return next(j for j in judged({claim: value}, Tables(GOOD | rows)) if j.name == claim).verdict
+
+
+@pytest.mark.parametrize(("size", "expected"), [(0.0, HOLDS), (2e-13, UNJUDGED), (2e-11, CONTRADICTED)])
+def test_a_jump_contradicts_or_leaves_open_that_a_step_is_symplectic(size, expected):
+    assert verdict_on("symplectic", jumps=[{"on": "tao", "value": size, "floor": 1e-13, "h": 0.5}]) == expected
+
+
+@pytest.mark.parametrize(("size", "expected"), [(0.9e-13, HOLDS), (2e-13, UNJUDGED), (9e-12, UNJUDGED), (2e-11, "no")])
+def test_a_defect_between_its_floor_and_a_hundred_is_not_judged(size, expected):
+    row = GOOD["symplectic"][0] | {"value": size}
+    assert verdict_on("symplectic", symplectic=[row]) == (CONTRADICTED if expected == "no" else expected)
+
+
+@pytest.mark.parametrize(("slope", "expected"), [(0.0, HOLDS), (1.9e-7, UNJUDGED)])
+def test_a_drift_of_the_energy_leaves_open_that_a_step_is_symplectic(slope, expected):
+    energy = ENERGY | {"slope": slope, "low": slope - 1e-9, "high": slope + 1e-9}
+    assert verdict_on("symplectic", long=[{"on": "tao", "status": "ok", "energy": energy}]) == expected
+
+
+# -- states and orders ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("wrong", "found"),
+    [
+        (lambda q, p: False, False),
+        (lambda q, p: abs(p).max() > 3, True),
+        (lambda q, p: abs(q).max() < 0.02, True),
+        (lambda q, p: len(q) > 5, True),
+    ],
+)
+def test_small_and_large_states_show_where_a_step_is_another(wrong, found):
+    def step(system, q, p, h):
+        return (euler if wrong(q, p) else leapfrog)(system, q, p, h)
+
+    entries = [e for e in battery.entries() if e.system.traits.get("separable")]
+    rows = states.states(made(step), entries, 0, MULTIPRECISION)
+    assert all(r["pairs"] == 2 for r in rows)
+    assert (min(r["order"] for r in rows) < 1.25) is found
+
+
+def test_an_order_in_doubles_is_that_of_the_series_of_its_error():
+    h = 0.25 / np.array(battery.LADDER)
+    series = np.stack([3 * h**5 - 40 * h**6 + 90 * h**7, -2 * h**5 + 11 * h**6], axis=1) * 1e-3
+    noise = 2e-17 * np.random.default_rng(3).uniform(-1, 1, series.shape)
+    assert order.expanded(h, series + noise, 1e-16).value == 5
+    assert order.expanded(h, noise, 1e-16) is None, "of round-off nothing is told"
+
+
+# -- a time limit -----------------------------------------------------------------------------------------------------
+
+LOOPS = """
+import numba
+CLAIMS = {"order": 2}
+calls = [0]
+
+@numba.njit
+def compiled():
+    k = 0
+    while k > -1:
+        k = (k + 1) % 7
+
+def python():
+    while True:
+        calls[0] += 1
+
+class Kind:
+    REQUIRES = ("separable",)
+    def step(self, system, q, p, h):
+        calls[0] += 1
+        if calls[0] > AFTER:
+            LOOP()
+        p = p - h / 2 * system.dH_dq(q, p)
+        q = q + h * system.dH_dp(q, p)
+        return q, p - h / 2 * system.dH_dq(q, p)
+
+kind = Kind()
+"""
+
+
+@pytest.mark.parametrize(("loop", "lines"), [("python", {13, 14}), ("compiled", {21})])
+def test_a_step_that_never_returns_is_ended_and_its_line_is_said(tmp_path, loop, lines):
+    path = tmp_path / "mine.py"
+    path.write_text(LOOPS.replace("AFTER", "80").replace("LOOP", loop))
+    found = certify(f"{path}:kind.step", {"order": 2}, alone=True, time_limit=2.5)
+    whole = {j.name: j for j in found.claims}
+    assert found.verdict == "not-judged"
+    assert found.seconds < 12
+    assert any(f"{path}, line {line}" in whole["runs"].why for line in lines), whole["runs"].why
+    assert whole["pure"].verdict == HOLDS, "what was measured is kept"
+    assert found.tables.of("runs")
+
+
+def test_a_limit_that_is_not_reached_changes_nothing():
+    euler_, limited = (certify(euler, {"order": 2}, alone=True, **more) for more in ({}, {"time_limit": 300.0}))
+    assert [j.row() for j in euler_.claims] == [j.row() for j in limited.claims]
+    with pytest.raises(InvalidInput, match="time limit is -1"):
+        certify(euler, {}, time_limit=-1.0)
+    with pytest.raises(InvalidInput, match="no file"):
+        certify("./nothing.py", {}, time_limit=60.0)
+
+
+# -- one's own problem ------------------------------------------------------------------------------------------------
+
+
+def test_a_step_for_bodies_is_judged_on_a_problem_of_bodies():
+    def bodies(system, q, p, h):
+        """A leapfrog that knows at least two bodies in the plane."""
+        pairs = q.reshape(-1, 2)
+        assert len(pairs) > 1
+        return leapfrog(system, q, p, h)
+
+    claims = {"order": 2, "symplectic": True}
+    assert certify(bodies, claims, alone=True).verdict == "fail", "the suite's systems have other dimensions"
+    found = certify(bodies, claims, alone=True, problems=["figure-eight"])
+    assert found.verdict == "pass", found.summary()
+    assert {r["on"] for r in found.tables.of("order")} == {"figure-eight"}
+    wrong = certify(lambda *a: euler(*a), claims, alone=True, problems=["outer-solar-system"])
+    assert {j.name: j.verdict for j in wrong.claims}["symplectic"] == CONTRADICTED
+
+
+def test_a_unit_of_time_is_that_of_the_problem():
+    days = battery.of_problem(pb.problem("outer-solar-system"))
+    assert 100 < days.unit < 4332 / 2 / np.pi
+    assert battery.of_problem(pb.problem("harmonic-oscillator")).unit in (0.5, 1.0)
+
+
+# -- names ------------------------------------------------------------------------------------------------------------
+
+
+def test_coefficients_and_steps_of_objects_serve_wherever_a_method_is_named(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(LOOPS.replace("AFTER", "10**9").replace("LOOP", "python"))
+    record = tmp_path / "leapfrog.json"
+    record.write_text(json.dumps({"a": [1], "b": ["1/2", "1/2"]}))
+    runs = [pb.integrate("pendulum", m, h=0.1, steps=20) for m in (f"{path}:kind.step", record, "stormer-verlet")]
+    assert [r.status for r in runs] == ["ok"] * 3
+    for one in runs[:2]:
+        assert one.q == pytest.approx(runs[2].q, abs=1e-13)
+    assert integrator(f"{path}:kind.step").record.requires == QUADRATIC
+    assert integrator(f"{path}:kind.step").record.claims == {}
+    done = CliRunner().invoke(app, ["integrate", "pendulum", str(record), "--h", "0.1", "--t-end", "1", "--json"])
+    assert done.exit_code == 0
+    assert json.loads(done.stdout)["status"] == "ok"
+    for name, said in ((f"{path}:kind.stride", "no 'stride'"), (f"{path}:calls", "is a list")):
+        with pytest.raises(InvalidInput, match=said):
+            integrator(name)
+
+
+def test_a_defect_that_may_be_round_off_is_not_judged():
+    found = certify(EXAMPLES / "shrinks_slightly.py", alone=True)
+    assert {j.name: j.verdict for j in found.claims}["symplectic"] == UNJUDGED
+    assert found.verdict == "not-judged"
