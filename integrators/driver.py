@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-
-import numpy as np
 
 from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
@@ -28,35 +25,8 @@ from .outcome import (  # noqa: F401
 from .record import Method
 from .registry import method as method_of
 from .request import check_timeout, initial, request, spacing
+from .solution import Solution
 from .trajectory import FIRST, PIECE, Pace, Trajectory
-
-
-@dataclass(frozen=True)
-class Solution:
-    """A trajectory and how it was made.
-
-    Attributes
-    ----------
-    t : array (n,), the times; t[i] is a step number times h
-    q, p : arrays (n, d), the states; row 0 is the initial one
-    status, reason : "ok", or what went wrong and what to do; the rows end before it, except that those of an
-        "unstable" run, which are not the orbit, go on to the end
-    counts : steps, evaluations of the gradient and of higher derivatives, stage iterations, Newton solves, fallbacks
-    h, method : the step that was taken and the method
-    parameter : array (n - 1,), the parameter lambda of Schemes IV and V in the last step of a row (NaN: no root)
-    seconds : of the kernel alone (it compiles before the clock starts)
-    """
-
-    t: np.ndarray
-    q: np.ndarray
-    p: np.ndarray
-    status: str
-    reason: str
-    counts: dict[str, int]
-    h: float
-    method: Method
-    parameter: np.ndarray = field(repr=False, default=None)
-    seconds: float = 0.0
 
 
 def integrate(
@@ -119,7 +89,7 @@ def integrate(
     kernel = prepare(record, system, arithmetic)
     words = kernel.missed, unsolved(record.family, system.d)
     trajectory = Trajectory(system, q, p, h, steps, every, arithmetic, *words)
-    return _run(kernel, trajectory, record, timeout, progress)
+    return _run(kernel, trajectory, record, timeout, progress, problem)
 
 
 def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dict | None = None) -> Callable[[], tuple]:
@@ -131,7 +101,7 @@ def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dic
     return lambda: run(h, steps)[:2]
 
 
-def _run(kernel, trajectory: Trajectory, record: Method, timeout, progress) -> Solution:
+def _run(kernel, trajectory: Trajectory, record: Method, timeout, progress, problem) -> Solution:
     """Integrate, from the first row of the trajectory."""
     t = trajectory
     run = prepared.lay_out(kernel, t.system.d, t.h, t.q[0], t.p[0], t.arithmetic)
@@ -145,4 +115,4 @@ def _run(kernel, trajectory: Trajectory, record: Method, timeout, progress) -> S
     tally = kernel.tally(t.reached, *(counted[name] for name in ("gradient", "fallbacks", "newton")))
     n = t.filled
     Q, P, parameter = t.q[: n + 1], t.p[: n + 1], t.parameter[:n, 0]
-    return Solution(t.times, Q, P, t.status, t.reason, tally, t.h, record, parameter, t.seconds)
+    return Solution(t.times, Q, P, t.status, t.reason, tally, t.h, record, parameter, t.seconds, problem)

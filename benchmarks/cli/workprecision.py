@@ -64,7 +64,7 @@ def workprecision(
 
 def _asked(problem, hamiltonian, set_, q, p):
     """The problem that is named, from the state that is given."""
-    from phasebench.benchmarks.advice.against import started
+    from phasebench.benchmarks.measure.global_error import started
 
     if problem is None and hamiltonian is None:
         raise InvalidInput("give a problem, as in: workprecision pendulum --t-end 100 --methods pefrl,heyoka")

@@ -11,7 +11,6 @@ from pathlib import Path
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.user_file import is_file
 from phasebench.integrators import driver, prepared
-from phasebench.integrators.driver import Solution
 from phasebench.integrators.errors import InvalidInput, unknown
 from phasebench.integrators.prepared import PreparedRun
 from phasebench.integrators.record import Method
@@ -23,6 +22,7 @@ from phasebench.reference.peers.prepared import PreparedPeer, prepare_peer
 
 from . import own_step
 from .own_step import OwnStep
+from .solution import Solution
 
 #: The kinds of integrators besides those of a package.
 OURS, YOURS = "phasebench", "own step"
@@ -205,7 +205,7 @@ def integrate(
     Returns
     -------
     Solution
-        t (n,), q and p (n, d), status, reason, counts, seconds
+        t (n,), q and p (n, d), status, reason, counts, seconds; energy(), invariants(), error(), to_frame()
 
     Raises
     ------
@@ -224,9 +224,8 @@ def integrate(
     if timeout is not None and not method.stoppable:
         raise InvalidInput(f"'{method.id}' cannot be stopped: leave out the time limit")
     problem = problem_of(problem) if isinstance(problem, (str, Path)) else problem
-    return method.run(
-        problem, h=h, t_end=t_end, steps=steps, tol=tol, q0=q0, p0=p0, save_every=save_every, timeout=timeout
-    )
+    grid = {"h": h, "t_end": t_end, "steps": steps, "tol": tol}
+    return Solution.of(method.run(problem, q0=q0, p0=p0, save_every=save_every, timeout=timeout, **grid))
 
 
 def prepare(

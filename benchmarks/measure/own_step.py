@@ -238,7 +238,8 @@ def integrate_step(
         reason = f"{timeout} s had passed after step {taken} of {asked.steps}; what was reached is kept"
     counts = {"steps": taken, "gradient": max(seen.evaluations), "hessian": 0, "iterations": 0, "fallbacks": 0}
     q, p = rows[:, :kept].copy()
-    return Solution(times[:kept], q, p, status, reason, counts, asked.h, own, np.full(kept - 1, np.nan), seconds)
+    unknown = np.full(kept - 1, np.nan)
+    return Solution(times[:kept], q, p, status, reason, counts, asked.h, own, unknown, seconds, problem)
 
 
 def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:

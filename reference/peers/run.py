@@ -81,7 +81,8 @@ def integrate_peer(
     q, p = (np.ascontiguousarray(x, dtype=float) for x in (run.q, run.p))
     counts = {"steps": int(run.steps), "gradient": int(run.gradient), "hessian": 0, "iterations": 0, "fallbacks": 0}
     unknown = np.full(len(q) - 1, np.nan)
-    return Solution(times[: len(q)], q, p, status, reason, counts, asked.h, integrator, unknown, run.seconds)
+    t = times[: len(q)]
+    return Solution(t, q, p, status, reason, counts, asked.h, integrator, unknown, run.seconds, problem)
 
 
 def ending(system, times, q, p, failure: str | None) -> tuple[str, str, int]:
