@@ -61,17 +61,6 @@ class Solution:
             return {name: self.problem.invariant(name, self.q, self.p) for name in self.problem.invariants}
         return {str(e): self.system.observe(e, self.q, self.p) for e in self.system.invariants}
 
-    def to_frame(self):
-        """A pandas DataFrame: t, the coordinates and momenta by name, and the energy where there is one."""
-        import pandas as pd
-
-        columns = {"t": self.t}
-        for symbols, rows in ((self.system.q, self.q), (self.system.p, self.p)):
-            columns |= {str(symbol): rows[:, k] for k, symbol in enumerate(symbols)}
-        if self.system.has_energy and "energy" not in columns:
-            columns["energy"] = self.energy()
-        return pd.DataFrame(columns)
-
     def __repr__(self) -> str:
         """A few lines: the method, how it ended, the span and the last state."""
         rows, d = self.q.shape

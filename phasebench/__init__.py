@@ -33,7 +33,7 @@ _HOMES = {
     "stability": "benchmarks.measure.oscillator",
     "section": "benchmarks.measure.ensembles",
     "validate": "benchmarks.certificate.certificate",
-    "workprecision": "benchmarks.advice.workprecision",
+    "workprecision": "benchmarks.workprecision",
 }
 __all__ = sorted(_HOMES)
 

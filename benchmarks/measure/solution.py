@@ -1,4 +1,4 @@
-"""`Solution` with its error: what `phasebench.integrate` returns."""
+"""`Solution` with its error and a frame: what `phasebench.integrate` returns."""
 
 from __future__ import annotations
 
@@ -56,6 +56,17 @@ class Solution(solution.Solution):
             reference.get("source", ""),
             reference.get("reason", ""),
         )
+
+    def to_frame(self):
+        """A pandas DataFrame: t, the coordinates and momenta by name, and the energy where there is one."""
+        import pandas as pd
+
+        columns = {"t": self.t}
+        for symbols, rows in ((self.system.q, self.q), (self.system.p, self.p)):
+            columns |= {str(symbol): rows[:, k] for k, symbol in enumerate(symbols)}
+        if self.system.has_energy and "energy" not in columns:
+            columns["energy"] = self.energy()
+        return pd.DataFrame(columns)
 
     def _started(self):
         """The problem, from the first row."""

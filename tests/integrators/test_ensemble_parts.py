@@ -105,9 +105,9 @@ def test_who_did_not_end_well_is_asked_again():
         np.full(4, 0.1),
         np.full(4, 2),
         np.ones(4, int),
-        3,
         [method("rk4")],
         0 * n,
+        3,
     )
     for system, doubtful in ((OSCILLATOR, [1, 2, 3]), (NO_ENERGY, [1, 2])):
         orbits = lots.Orbits.begun(system, *state)
