@@ -13,6 +13,7 @@ from .errors import InvalidInput
 from .outcome import (  # noqa: F401
     COLLISION,
     DIVERGED,
+    INACCURATE,
     INVALID,
     NO_ROOT,
     NOT_CONVERGED,
@@ -36,6 +37,7 @@ def integrate(
     h: float | None = None,
     t_end: float | None = None,
     steps: int | None = None,
+    t0: float = 0.0,
     q0=None,
     p0=None,
     save_every: int = 1,
@@ -51,7 +53,8 @@ def integrate(
     problem : a system, or an object with ``system`` and initial data ``q0``, ``p0``
     method : an id or a method
     h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end, by no more than
-        1 % upwards
+        1 % upwards.  A t_end before t0, or a negative h with steps, goes back in time
+    t0 : the time at the start; the system does not depend on it
     q0, p0 : arrays (d,), the initial state where not the problem's
     save_every : keep every so many-th state, and the last; 0 keeps the first and the last
     parameters : values of the method's parameters
@@ -80,15 +83,15 @@ def integrate(
         system, q, p = initial(problem, q0, p0, exact=True)
         q, p = codegen.vector(q), codegen.vector(p)
     else:
-        system, q, p, h, steps, every = request(
-            problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every
+        system, q, p, h, steps, every, t0 = request(
+            problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every, t0=t0
         )
     lack = record.lacks(system)
     if lack:
         raise InvalidInput(lack)
     kernel = prepare(record, system, arithmetic)
     words = kernel.missed, unsolved(record.family, system.d)
-    trajectory = Trajectory(system, q, p, h, steps, every, arithmetic, *words)
+    trajectory = Trajectory(system, q, p, h, steps, every, arithmetic, *words, t0=t0)
     return _run(kernel, trajectory, record, timeout, progress, problem)
 
 

@@ -98,7 +98,7 @@ class Watched(Orbits):
     def _mark_near(self, members: np.ndarray, Q: np.ndarray, P: np.ndarray) -> None:
         """Mark the orbits that are within a step of a singularity in one of the rows Q, P, arrays (n, rows, d)."""
         n, rows, d = Q.shape
-        h = np.repeat(np.abs(self.h[members]), rows)
+        h = np.repeat(self.h[members], rows)
         distance, length = travel(self.system, Q.reshape(-1, d), P.reshape(-1, d), h)
         self.near[members] |= (length > distance).reshape(n, rows).any(axis=1)
 

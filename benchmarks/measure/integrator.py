@@ -120,6 +120,7 @@ class Integrator:
         t_end: float | None = None,
         steps: int | None = None,
         tol: float | None = None,
+        t0: float = 0.0,
         q0=None,
         p0=None,
         save_every: int = 1,
@@ -130,7 +131,7 @@ class Integrator:
         A ``timeout`` has no effect on one that is not `stoppable`.  Raises InvalidInput as
         `integrators.driver.integrate` does, and for a tolerance where there is none.
         """
-        common = {"h": h, "t_end": t_end, "steps": steps, "q0": q0, "p0": p0, "save_every": save_every}
+        common = {"h": h, "t_end": t_end, "steps": steps, "t0": t0, "q0": q0, "p0": p0, "save_every": save_every}
         if isinstance(self.record, Peer):
             return integrate_peer(problem, self.record, tol=tol, **common)
         if tol is not None:
@@ -181,6 +182,7 @@ def integrate(
     t_end: float | None = None,
     steps: int | None = None,
     tol: float | None = None,
+    t0: float = 0.0,
     q0=None,
     p0=None,
     save_every: int = 1,
@@ -195,8 +197,10 @@ def integrate(
     method : an id of a method or a peer; a record; a function ``step(system, q, p, h) -> (q, p)``; or the path of a
         file with one
     h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end.  Of an adaptive
-        peer they make the grid of its rows, and t_end alone gives start and end
+        peer they make the grid of its rows, and t_end alone gives start and end.  A t_end before t0, or a negative h
+        with steps, goes back in time
     tol : an adaptive peer's tolerance
+    t0 : the time at the start; the system does not depend on it
     q0, p0 : arrays (d,), the initial state where not the problem's
     save_every : keep every so many-th state, and the last; 0 keeps the first and the last
     timeout : seconds after which the integration stops with status "timeout"; a peer cannot be stopped
@@ -224,7 +228,7 @@ def integrate(
     if timeout is not None and not method.stoppable:
         raise InvalidInput(f"'{method.id}' cannot be stopped: leave out the time limit")
     problem = problem_of(problem) if isinstance(problem, (str, Path)) else problem
-    grid = {"h": h, "t_end": t_end, "steps": steps, "tol": tol}
+    grid = {"h": h, "t_end": t_end, "steps": steps, "tol": tol, "t0": t0}
     return Solution.of(method.run(problem, q0=q0, p0=p0, save_every=save_every, timeout=timeout, **grid))
 
 

@@ -193,13 +193,13 @@ def checked_claims(claims, where: str) -> dict[str, Any]:
 
 
 def integrate_step(
-    problem, own: OwnStep, *, h=None, t_end=None, steps=None, q0=None, p0=None, save_every=1, timeout=None
+    problem, own: OwnStep, *, h=None, t_end=None, steps=None, t0=0.0, q0=None, p0=None, save_every=1, timeout=None
 ) -> Solution:
     """Integrate ``problem`` with a step of the user's own, at constant h.
 
     Parameters
     ----------
-    problem, h, t_end, steps, q0, p0, save_every : as of `integrators.driver.integrate`
+    problem, h, t_end, steps, t0, q0, p0, save_every : as of `integrators.driver.integrate`
     timeout : seconds after which no further step is taken; one step that does not return cannot be stopped
 
     Returns
@@ -215,7 +215,7 @@ def integrate_step(
         arrays (d,) of real numbers, or that changes its q or p.
     """
     check_timeout(timeout)
-    asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every)
+    asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every, t0=t0)
     lack = own.lacks(asked.system)
     if lack:
         raise InvalidInput(lack)
@@ -231,7 +231,7 @@ def integrate_step(
     seconds = time.perf_counter() - started
     if late:
         numbers = [*numbers[: row - 1], taken]
-    times = asked.h * np.array(numbers, float)
+    times = asked.t0 + asked.h * np.array(numbers, float)
     status, reason, kept = ending(asked.system, times, *rows[:, :row], None)
     if status == OK and late:
         status = TIMEOUT

@@ -49,7 +49,7 @@ class Solution(solution.Solution):
 
         if self.status not in ("ok", "inaccurate", "unstable"):
             raise InvalidInput(f"the run ended as {self.status} at t = {self.t[-1]:.6g}: it has no error at its end")
-        found = global_error.end_error(self._started(), self, float(self.t[-1]))
+        found = global_error.end_error(self._started(), self, float(self.t[-1] - self.t[0]))
         reference = found["reference"]
         return GlobalError(
             *(nan if x is None else x for x in (found["global_error"], reference["uncertainty"], reference["horizon"])),
