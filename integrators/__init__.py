@@ -18,7 +18,7 @@ _HOMES = {
     "InvalidInput": "errors",
     "METHODS": "registry",
     "Method": "record",
-    "Solution": "driver",
+    "Solution": "solution",
     "TransformedHamiltonian": "systems.transformed",
     "integrate": "driver",
     "integrate_ensemble": "ensemble",

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-
-import numpy as np
 
 from phasebench.integrators.engine import codegen
 from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
@@ -16,6 +13,7 @@ from .errors import InvalidInput
 from .outcome import (  # noqa: F401
     COLLISION,
     DIVERGED,
+    INACCURATE,
     INVALID,
     NO_ROOT,
     NOT_CONVERGED,
@@ -28,35 +26,8 @@ from .outcome import (  # noqa: F401
 from .record import Method
 from .registry import method as method_of
 from .request import check_timeout, initial, request, spacing
+from .solution import Solution
 from .trajectory import FIRST, PIECE, Pace, Trajectory
-
-
-@dataclass(frozen=True)
-class Solution:
-    """A trajectory and how it was made.
-
-    Attributes
-    ----------
-    t : array (n,), the times; t[i] is a step number times h
-    q, p : arrays (n, d), the states; row 0 is the initial one
-    status, reason : "ok", or what went wrong and what to do; the rows end before it, except that those of an
-        "unstable" run, which are not the orbit, go on to the end
-    counts : steps, evaluations of the gradient and of higher derivatives, stage iterations, Newton solves, fallbacks
-    h, method : the step that was taken and the method
-    parameter : array (n - 1,), the parameter lambda of Schemes IV and V in the last step of a row (NaN: no root)
-    seconds : of the kernel alone (it compiles before the clock starts)
-    """
-
-    t: np.ndarray
-    q: np.ndarray
-    p: np.ndarray
-    status: str
-    reason: str
-    counts: dict[str, int]
-    h: float
-    method: Method
-    parameter: np.ndarray = field(repr=False, default=None)
-    seconds: float = 0.0
 
 
 def integrate(
@@ -66,6 +37,7 @@ def integrate(
     h: float | None = None,
     t_end: float | None = None,
     steps: int | None = None,
+    t0: float = 0.0,
     q0=None,
     p0=None,
     save_every: int = 1,
@@ -81,7 +53,8 @@ def integrate(
     problem : a system, or an object with ``system`` and initial data ``q0``, ``p0``
     method : an id or a method
     h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end, by no more than
-        1 % upwards
+        1 % upwards.  A t_end before t0, or a negative h with steps, goes back in time
+    t0 : the time at the start; the system does not depend on it
     q0, p0 : arrays (d,), the initial state where not the problem's
     save_every : keep every so many-th state, and the last; 0 keeps the first and the last
     parameters : values of the method's parameters
@@ -110,16 +83,16 @@ def integrate(
         system, q, p = initial(problem, q0, p0, exact=True)
         q, p = codegen.vector(q), codegen.vector(p)
     else:
-        system, q, p, h, steps, every = request(
-            problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every
+        system, q, p, h, steps, every, t0 = request(
+            problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every, t0=t0
         )
     lack = record.lacks(system)
     if lack:
         raise InvalidInput(lack)
     kernel = prepare(record, system, arithmetic)
     words = kernel.missed, unsolved(record.family, system.d)
-    trajectory = Trajectory(system, q, p, h, steps, every, arithmetic, *words)
-    return _run(kernel, trajectory, record, timeout, progress)
+    trajectory = Trajectory(system, q, p, h, steps, every, arithmetic, *words, t0=t0)
+    return _run(kernel, trajectory, record, timeout, progress, problem)
 
 
 def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dict | None = None) -> Callable[[], tuple]:
@@ -131,7 +104,7 @@ def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dic
     return lambda: run(h, steps)[:2]
 
 
-def _run(kernel, trajectory: Trajectory, record: Method, timeout, progress) -> Solution:
+def _run(kernel, trajectory: Trajectory, record: Method, timeout, progress, problem) -> Solution:
     """Integrate, from the first row of the trajectory."""
     t = trajectory
     run = prepared.lay_out(kernel, t.system.d, t.h, t.q[0], t.p[0], t.arithmetic)
@@ -145,4 +118,4 @@ def _run(kernel, trajectory: Trajectory, record: Method, timeout, progress) -> S
     tally = kernel.tally(t.reached, *(counted[name] for name in ("gradient", "fallbacks", "newton")))
     n = t.filled
     Q, P, parameter = t.q[: n + 1], t.p[: n + 1], t.parameter[:n, 0]
-    return Solution(t.times, Q, P, t.status, t.reason, tally, t.h, record, parameter, t.seconds)
+    return Solution(t.times, Q, P, t.status, t.reason, tally, t.h, record, parameter, t.seconds, problem)

@@ -16,6 +16,7 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -112,7 +113,18 @@ def integrate_ensemble(
     >>> integrate_ensemble(oscillator, "stormer-verlet", [[1.0], [2.0]], [[0.0], [0.0]], h=0.1, steps=9).q.shape
     (2, 1)
     """
-    orbits = _request(problem, method, Q, P, h, t_end, steps, parameters, save_every)
+    orbits = begin(problem, method, Q, P, h, t_end, steps, parameters, save_every)
+    return conclude(orbits, *run(orbits, lanes, threads, progress))
+
+
+#: (orbits, i) -> the solution of orbit i.
+Alone = Callable[[Orbits, int], Solution]
+
+
+def run(
+    orbits: Orbits, lanes: bool | None, threads: int | None, progress: Callable[[int], None] | None
+) -> tuple[np.ndarray, float]:
+    """Integrate orbits as `integrate_ensemble` does; returns which went in lanes, an array (n,), and the seconds."""
     workers = _threads(threads)
     good = np.flatnonzero(orbits.status == OK)
     wide = _goes_in_lanes(orbits, good, lanes)
@@ -126,17 +138,35 @@ def integrate_ensemble(
     began = time.perf_counter()
     lots.run(made, orbits, workers, tell)
     left = singles.run(orbits, rest, workers, tell)
-    stopped = lots.doubtful(orbits, np.union1d(good[wide], np.setdiff1d(rest, left)))
-    again = np.concatenate([stopped, left]).astype(int)
+    stopped = orbits.suspects(np.union1d(good[wide], np.setdiff1d(rest, left)))
     tell(-len(stopped))
-    for found in shared(lambda part: [(i, _alone(orbits, i)) for i in again[part]], len(again), workers):
-        for i, solution in found:
-            _enter(orbits, i, solution)
-        tell(len(found))
-    seconds = time.perf_counter() - began
+    _one_by_one(orbits, np.concatenate([stopped, left]).astype(int), _alone, workers, tell)
     in_lanes = np.zeros(len(orbits.q), bool)
     in_lanes[np.setdiff1d(good[wide], stopped)] = True
-    return _concluded(orbits, in_lanes, seconds)
+    return in_lanes, time.perf_counter() - began
+
+
+def run_alone(orbits: Orbits, alone: Alone, progress: Callable[[int], None] | None = None) -> tuple[np.ndarray, float]:
+    """Integrate orbits one after the other by a function of the caller's; returns what `run` does."""
+    good = np.flatnonzero(orbits.status == OK)
+    tell = _Progress(progress)
+    tell(len(orbits.q) - len(good))
+    began = time.perf_counter()
+    _one_by_one(orbits, good, alone, 1, tell)
+    return np.zeros(len(orbits.q), bool), time.perf_counter() - began
+
+
+def _one_by_one(orbits: Orbits, members: np.ndarray, alone: Alone, threads: int, tell: Callable[[int], None]) -> None:
+    """Integrate members by themselves, and write down what came of them."""
+    orbits.forget(members)
+
+    def share(part: slice) -> int:
+        for i in members[part].tolist():
+            orbits.enter(i, alone(orbits, i))
+        return len(members[part])
+
+    for number in shared(share, len(members), threads):
+        tell(number)
 
 
 class _Progress:
@@ -163,18 +193,8 @@ def _alone(orbits: Orbits, i: int) -> Solution:
     )
 
 
-def _enter(orbits: Orbits, i: int, solution: Solution) -> None:
-    """Write down what came of an orbit that was integrated alone."""
-    filled = len(solution.q)
-    orbits.Q[i], orbits.P[i] = np.nan, np.nan
-    orbits.Q[i, :filled], orbits.P[i, :filled] = solution.q, solution.p
-    orbits.filled[i] = filled
-    orbits.status[i], orbits.reason[i] = solution.status, solution.reason
-    for name, number in solution.counts.items():
-        orbits.counts[name] += number
-
-
-def _concluded(orbits: Orbits, in_lanes: np.ndarray, seconds: float) -> Ensemble:
+def conclude(orbits: Orbits, in_lanes: np.ndarray, seconds: float) -> Ensemble:
+    """The ensemble of orbits that are at their ends."""
     n = np.arange(len(orbits.q))
     last = orbits.filled - 1
     number = np.minimum(np.arange(orbits.Q.shape[1]) * orbits.every[:, None], orbits.steps[:, None])
@@ -200,8 +220,32 @@ def _concluded(orbits: Orbits, in_lanes: np.ndarray, seconds: float) -> Ensemble
 # -- what is asked for ------------------------------------------------------------------------------------------------
 
 
-def _request(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> Orbits:
-    """The orbits that are asked for; raises InvalidInput."""
+def begin(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> Orbits:
+    """The orbits that are asked for, with room for their rows; raises InvalidInput."""
+    asked = request(problem, method, Q, P, h, t_end, steps, parameters, save_every)
+    rows = 1 + -(-asked.steps // asked.every)
+    if len(set(rows.tolist())) > 1:
+        raise InvalidInput("the orbits take different numbers of steps: keep no rows (save_every=0), or give steps")
+    if len(rows) * int(rows[0]) * asked.system.d > LARGEST:
+        raise InvalidInput(f"{rows[0]} rows of {len(rows)} orbits do not fit in memory; keep fewer with save_every")
+    return checked(Orbits.begun(*asked, int(rows[0])))
+
+
+class Asked(NamedTuple):
+    """What n orbits are asked for: the first fields of `lots.Orbits`."""
+
+    system: object
+    q: np.ndarray
+    p: np.ndarray
+    h: np.ndarray
+    steps: np.ndarray
+    every: np.ndarray
+    kinds: list[Method]
+    kind: np.ndarray
+
+
+def request(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> Asked:
+    """The run that is asked for of each orbit; raises InvalidInput."""
     system = getattr(problem, "system", problem)
     if not hasattr(system, "vector_field"):
         raise InvalidInput(f"the problem is {problem!r}; give a system, such as a Hamiltonian, or a problem")
@@ -212,15 +256,10 @@ def _request(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> 
     sizes, numbers = _grids(h, t_end, steps, n)
     different, which = np.unique(numbers, return_inverse=True)
     every = np.array([spacing(save_every, k) for k in different.tolist()])[which]
-    rows = 1 + -(-numbers // every)
-    if len(set(rows.tolist())) > 1:
-        raise InvalidInput("the orbits take different numbers of steps: keep no rows (save_every=0), or give steps")
-    if n * int(rows[0]) * system.d > LARGEST:
-        raise InvalidInput(f"{rows[0]} rows of {n} orbits do not fit in memory; keep fewer with save_every")
     kinds, kind = _methods(method, parameters or {}, n)
     for lack in {record.lacks(system) for record in kinds} - {None}:
         raise InvalidInput(lack)
-    return _checked(Orbits.begun(system, q, p, sizes, numbers, every, int(rows[0]), kinds, kind))
+    return Asked(system, q, p, sizes, numbers, every, kinds, kind)
 
 
 def _grids(h, t_end, steps, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -255,6 +294,10 @@ def _column(name: str, values, n: int) -> np.ndarray:
 
 def _methods(method, parameters: Mapping, n: int) -> tuple[list[Method], np.ndarray]:
     """The different methods, and the number of each orbit's, an array (n,)."""
+    if hasattr(method, "lacks") and not isinstance(method, Method):  # a step of the user's own
+        if parameters:
+            raise InvalidInput(f"'{method.id}' has no parameters such as {', '.join(parameters)}")
+        return [method], np.zeros(n, int)
     columns = {name: _column(f"the parameter {name}", x, n).tolist() for name, x in parameters.items() if np.ndim(x)}
     same = {name: x for name, x in parameters.items() if name not in columns}
     if not columns:
@@ -265,7 +308,7 @@ def _methods(method, parameters: Mapping, n: int) -> tuple[list[Method], np.ndar
     return kinds, np.array([number[values] for values in rows])
 
 
-def _checked(orbits: Orbits) -> Orbits:
+def checked(orbits: Orbits) -> Orbits:
     """Mark the starts that cannot be used."""
     good = np.isfinite(orbits.q).all(1) & np.isfinite(orbits.p).all(1)
     if orbits.system.has_energy:

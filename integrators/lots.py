@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from threading import Lock
 
 import numpy as np
 
@@ -49,9 +51,10 @@ class Orbits:
     status: np.ndarray
     reason: np.ndarray
     counts: dict[str, int]
+    lock: Lock = field(default_factory=Lock, repr=False)
 
     @classmethod
-    def begun(cls, system, q, p, h, steps, every, rows: int, kinds, kind) -> Orbits:
+    def begun(cls, system, q, p, h, steps, every, kinds, kind, rows: int) -> Orbits:
         """Orbits of which the first row is there."""
         n = len(q)
         Q, P = (np.full((n, rows, system.d), np.nan) for _ in "qp")
@@ -59,6 +62,59 @@ class Orbits:
         counts = dict.fromkeys(TALLY, 0)
         status, reason = (np.full(n, text, dtype=object) for text in (OK, ""))
         return cls(system, q, p, h, steps, every, kinds, kind, Q, P, np.ones(n, int), status, reason, counts)
+
+    #: Orbits of a lot that are integrated to their end before the next; all where that is 0.
+    group = 0
+
+    def most(self, every: int, orbits: int) -> int:
+        """Steps of one call of a kernel for so many orbits, with a row every so many steps."""
+        return PIECE
+
+    def room(self, i: int, first: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
+        """Where the kernel of orbit i writes its rows from ``first`` on, arrays (rows, d) of q and of p."""
+        filled = slice(1 + first, 1 + first + rows)
+        return self.Q[i, filled], self.P[i, filled]
+
+    def keeper(self, members: np.ndarray, width: int) -> Callable[[int, np.ndarray, np.ndarray, int], None]:
+        """What takes the rows of these orbits, in blocks of ``width``, as they are made.
+
+        It is called with the number of the first row, q and p (blocks, rows, d, width), and the steps taken so far.
+        """
+
+        def keep(first: int, q: np.ndarray, p: np.ndarray, taken: int) -> None:
+            if width > 1:  # else `room` has them
+                filled = slice(1 + first, 1 + first + q.shape[1])
+                self.Q[members, filled], self.P[members, filled] = (
+                    orbit_lanes.of_blocks(x, len(members)) for x in (q, p)
+                )
+
+        return keep
+
+    def end(self, members: np.ndarray) -> None:
+        """Note that the rows of these orbits are all there."""
+        self.filled[members] = self.Q.shape[1]
+
+    def enter(self, i: int, solution) -> None:
+        """Write down what came of an orbit that was integrated alone."""
+        filled = len(solution.q)
+        self.Q[i], self.P[i] = np.nan, np.nan
+        self.Q[i, :filled], self.P[i, :filled] = solution.q, solution.p
+        self.filled[i] = filled
+        self.conclude(i, solution)
+
+    def conclude(self, i: int, solution) -> None:
+        """Write down how an orbit ended that was integrated alone, and what it took."""
+        self.status[i], self.reason[i] = solution.status, solution.reason
+        with self.lock:
+            for name, number in solution.counts.items():
+                self.counts[name] = self.counts.get(name, 0) + number
+
+    def forget(self, members: np.ndarray) -> None:
+        """Forget what is known of these orbits besides their rows: they are integrated again."""
+
+    def suspects(self, members: np.ndarray) -> np.ndarray:
+        """Those of these orbits whose end is for `integrate` to judge."""
+        return doubtful(self, members)
 
 
 @dataclass(frozen=True)
@@ -133,43 +189,56 @@ def run(made: list[Lot], orbits: Orbits, threads: int, tell: Callable[[int], Non
             tell(n)
 
 
-def pieces(steps: int, every: int) -> Iterator[tuple[int, int, int]]:
-    """(first row, rows, steps for each) of the calls of a kernel, as the driver makes them.
+def pieces(steps: int, every: int, most: int | None = None) -> Iterator[tuple[int, int, int]]:
+    """(first row, rows, steps for each) of the calls of a kernel, as the driver makes them; of ``most`` steps each.
 
     A row of many steps is more than one call; what the last of them leaves is kept.
     """
-    first = 0
+    first, most = 0, PIECE if most is None else most
     while first * every < steps:
-        n = whole_rows(steps, every, first, PIECE)
+        n = whole_rows(steps, every, first, most)
         if n > 1:
             yield first, n, every
             first += n
             continue
-        for begun in range(first * every, min(steps, (first + 1) * every), PIECE):
-            yield first, 1, min(PIECE, steps - begun, (first + 1) * every - begun)
+        for begun in range(first * every, min(steps, (first + 1) * every), most):
+            yield first, 1, min(most, steps - begun, (first + 1) * every - begun)
         first += 1
 
 
 def _share(lot: Lot, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
     """Integrate a part of a lot; returns the counts and the number of orbits."""
+    total, n = Counter(), len(lot.members[part])
+    first, last = part.start, part.start + n
+    for begin in range(first, last, orbits.group or n):
+        total.update(_integrated(lot, slice(begin, min(last, begin + (orbits.group or n))), orbits))
+    return total, n
+
+
+def _integrated(lot: Lot, part: slice, orbits: Orbits) -> dict[str, int]:
+    """Integrate a part of a lot side by side; returns the counts."""
     members = lot.members[part]
     n, d, width = len(members), orbits.system.d, LANES.n
     varying = orbit_lanes.varying_of(orbits.h[members], {name: rows[part] for name, rows in lot.weights.items()})
     tables = orbit_lanes.tables_of(lot.prepared, orbits.q[members], orbits.p[members])
     blocks = len(tables.state)
     counts = np.zeros(blocks, COUNTS)
-    steps = int(orbits.steps[members[0]])
-    for first, rows, every in pieces(steps, int(orbits.every[members[0]])):
-        q, p = (np.full((blocks, rows, d, width), np.nan) for _ in "qp")
-        samples = Samples(q, p, np.zeros((blocks, rows, 1, width)), every)
-        lot.loop(lot.prepared.step, varying, tables, (0.0,) * d, samples, counts)
-        filled = slice(1 + first, 1 + first + rows)
-        orbits.Q[members, filled], orbits.P[members, filled] = (orbit_lanes.of_blocks(x, n) for x in (q, p))
-    orbits.filled[members] = orbits.Q.shape[1]
+    keep, taken = orbits.keeper(members, width), 0
+    steps, spacing = int(orbits.steps[members[0]]), int(orbits.every[members[0]])
+    q = p = parameter = np.zeros((0, 0))
+    for first, rows, every in pieces(steps, spacing, orbits.most(spacing, n)):
+        if q.shape[1] != rows:
+            q, p = (np.zeros((blocks, rows, d, width)) for _ in "qp")
+            parameter = np.zeros((blocks, rows, 1, width))
+        q[:, -1] = np.nan  # what stops before its last row is not asked for the others
+        lot.loop(lot.prepared.step, varying, tables, (0.0,) * d, Samples(q, p, parameter, every), counts)
+        taken += rows * every
+        keep(first, q, p, taken)
+    orbits.end(members)
     evaluations = counts["gradient"]
     if not (lot.prepared.implicit or lot.prepared.apart):  # counted once for all lanes
         evaluations = evaluations * np.minimum(width, n - width * np.arange(blocks))
-    return lot.prepared.tally(n * steps, int(evaluations.sum())), n
+    return lot.prepared.tally(n * steps, int(evaluations.sum()))
 
 
 def doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:

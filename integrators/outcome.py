@@ -1,7 +1,7 @@
 r"""How a run ended: the statuses, and what its rows say.
 
 Energy and orbit.  H is a sum of terms; M(y) is the sum of their sizes at y (`PartitionedSystem.scale`).  Rows
-:math:`y_0, ..., y_n` are not the orbit, the status is "unstable", where
+:math:`y_0, ..., y_n` are not the orbit, the status is "inaccurate" or "unstable", where
 
 .. math::
     |H(y_i) - H(y_0)| > \tfrac12\,\max\bigl(M(y_i), \overline M\bigr)
@@ -14,6 +14,14 @@ may pass and still is seen at the rows beyond.  The mean keeps an accurate orbit
 point at which all terms vanish (a saddle with H = 0).  M(y_0) alone has no say: an orbit that starts at a pericentre
 would never be judged.
 
+Growth (`grows`).  The rows are "unstable" where the error grows, else "inaccurate": a leapfrog on an oscillator has an
+error of many times H at :math:`h\omega = 1.99`, and is bounded for all times; at 2.01 the error grows without end.
+Growth is told by the means of the error's size over four equal parts of the run: each of the last two is larger than
+the one before by the factor `RISE`.  Of an exponential, and of a drift in proportion to time, the last mean is at least
+1.4 times the one before; of a random walk 1.18 times; of what is bounded once.  An error of `BLOWN` times the terms at
+the start has grown, whatever came after.  Of few rows there are no such means, and `BLOWN_BETWEEN` alone decides.  What
+falls, as under an implicit Euler method, does not grow; nor does what a run is too short to tell.
+
 What conserves the energy passes however far it goes: an escape is a motion, and the problem's to tell.
 """
 
@@ -25,13 +33,18 @@ import numpy as np
 
 from .engine.codegen import value_kind
 
-OK, UNSTABLE, DIVERGED, NOT_CONVERGED, NO_ROOT = "ok", "unstable", "diverged", "not-converged", "no-root"
+OK, INACCURATE, UNSTABLE, DIVERGED = "ok", "inaccurate", "unstable", "diverged"
+NOT_CONVERGED, NO_ROOT = "not-converged", "no-root"
 COLLISION, INVALID, TIMEOUT, SKIPPED = "collision", "invalid", "timeout", "skipped"
 
 #: An energy error of this share of the size of H's terms is another motion's.
 LOST = 0.5
 #: One of this share is named in the reason of a run that is ok.
 NOTED = 0.1
+#: A mean that is larger than the one before by this factor rises; so many rows make four means.
+RISE, PARTED = 1.3, 12
+#: An energy error of so many times the size of H's terms at the start has grown; and where there are few rows.
+BLOWN, BLOWN_BETWEEN = 1e6, 1e3
 #: A motion that has grown by the second factor and kept the energy to the first share until then may escape.
 KEPT, GROWN = 1e-3, 10.0
 #: A motion whose direction misses a singularity by less than this angle meets it.
@@ -67,12 +80,14 @@ def unsolved(family: str, d: int) -> Unsolved:
 class EnergyError(NamedTuple):
     """The size of the energy's error in each row, array (n,), and in units of the size of H's terms there.
 
-    ``sofar`` is in units in which the mean is over the rows so far: it says when an error became so large.
+    ``sofar`` is in units in which the mean is over the rows so far: it says when an error became so large.  ``first``
+    is the size of H's terms in the first row.
     """
 
     size: np.ndarray
     share: np.ndarray
     sofar: np.ndarray
+    first: float
 
 
 def energy_error(system, Q, P) -> EnergyError | None:
@@ -84,7 +99,7 @@ def energy_error(system, Q, P) -> EnergyError | None:
     M = np.minimum(system.scale(Q, P), np.finfo(float).max)
     with np.errstate(over="ignore"):
         sofar = np.append(M[0], np.cumsum(M[1:]) / np.arange(1, len(M)))
-    return EnergyError(size, _share(size, units(M)), _share(size, np.maximum(M, sofar)))
+    return EnergyError(size, _share(size, units(M)), _share(size, np.maximum(M, sofar)), float(M[0]))
 
 
 def sizes(H) -> np.ndarray:
@@ -125,9 +140,25 @@ def judged(system, t, Q, P, advice: str = "take a smaller h") -> Outcome:
         row = (late if late.any() else found.share > LOST).argmax()
         what = f"the energy error is of the size of H's own terms, at its largest {worst:.3g} times that"
         seen = f"from t = {t[row]:.6g} on {what}{_bounded(found.size)}{escaped(system, Q, P, found)}"
-        return Outcome(UNSTABLE, f"{seen}: what came out is not the orbit; {advice}")
+        status = UNSTABLE if grows(found.size, found.first) else INACCURATE
+        return Outcome(status, f"{seen}: what came out is not the orbit; {advice}")
     size = f"{worst:.0%} of the size of H's terms near t = {t[found.share.argmax()]:.6g}"
     return Outcome(OK, f"the energy error is {size}; {advice}")
+
+
+def grows(error: np.ndarray, first: float) -> bool:
+    """Whether the sizes of an energy error, array (n,) with the first row's, grow along the run.
+
+    ``first`` is the size of H's terms in the first row.
+    """
+    few = len(error) - 1 < PARTED
+    if first > 0 and error.max() > (BLOWN_BETWEEN if few else BLOWN) * first:
+        return True
+    if few:
+        return False
+    with np.errstate(over="ignore"):
+        _, second, third, last = (part.mean() for part in np.array_split(error[1:], 4))
+    return bool(third > RISE * second and last > RISE * third)
 
 
 def _bounded(error) -> str:
@@ -166,7 +197,7 @@ def _unit(H, M):
 
 def travel(system, Q, P, h):
     """(distance to the nearest singularity, length of a step) of each row."""
-    return system.distances(Q, P).min(axis=0), h * system.speed(Q, P)
+    return system.distances(Q, P).min(axis=0), np.abs(h) * system.speed(Q, P)
 
 
 def _aim(system, Q, P):

@@ -28,6 +28,7 @@ class Request(NamedTuple):
     system, q, p : the system and its initial state, arrays (d,)
     h, steps : the step, and how many
     every : a row is kept after every so many steps, and after the last
+    t0 : the time at the start
     """
 
     system: object
@@ -36,6 +37,7 @@ class Request(NamedTuple):
     h: float
     steps: int
     every: int
+    t0: float = 0.0
 
     @property
     def step_numbers(self) -> list[int]:
@@ -43,29 +45,32 @@ class Request(NamedTuple):
         return [*range(0, self.steps, self.every), self.steps]
 
 
-def request(problem, *, h=None, t_end=None, steps=None, q0=None, p0=None, save_every=1) -> Request:
+def request(problem, *, h=None, t_end=None, steps=None, q0=None, p0=None, save_every=1, t0=0.0) -> Request:
     """The run that is asked for; raises InvalidInput for what cannot be used."""
-    h, steps = grid(h, t_end, steps)
+    h, steps = grid(h, t_end, steps, t0)
     every = spacing(save_every, steps)
     system, q, p = initial(problem, q0, p0)
     rows = 1 + -(-steps // every)
     if rows * system.d > LARGEST:
         room = f"{rows:.3g} rows of d = {system.d} do not fit in memory"
         raise InvalidInput(f"{room}; take fewer steps, or keep fewer with save_every in Python")
-    return Request(system, q, p, h, steps, every)
+    return Request(system, q, p, h, steps, every, float(t0))
 
 
-def grid(h=None, t_end=None, steps=None) -> tuple[float, int]:
-    """(h, steps) from two of the three; h is adjusted so that a whole number of steps ends at ``t_end``.
+def grid(h=None, t_end=None, steps=None, t0=0.0) -> tuple[float, int]:
+    """(h, steps) from two of the three; h is adjusted so that a whole number of steps goes from t0 to ``t_end``.
 
-    Raises InvalidInput where they are missing, not finite, not positive, or contradict each other, and where h would
-    grow by more than 1 %; t_end and steps ask for any step.
+    Where t_end lies before t0 the step is negative, whatever sign h has; h and steps alone go the way that h says.
+    Raises InvalidInput where they are missing, not finite, zero, or contradict each other, and where h would grow by
+    more than 1 %; t_end and steps ask for any step.
     """
-    for name, value in (("h", h), ("t_end", t_end), ("steps", steps)):
+    for name, value in (("h", h), ("t_end", t_end), ("steps", steps), ("t0", t0)):
         real = isinstance(value, Real) and not isinstance(value, bool)
-        if value is not None and not (real and isfinite(value) and value > 0):
-            raise InvalidInput(f"{name} is {value!r}; it must be a positive finite number")
-    if steps is not None and int(steps) != steps:
+        if value is not None and not (real and isfinite(value)):
+            raise InvalidInput(f"{name} is {value!r}; it must be a finite number")
+    if h == 0:
+        raise InvalidInput("h is 0; it must be another number: a step, negative to go back in time")
+    if steps is not None and (int(steps) != steps or steps < 1):
         raise InvalidInput(f"steps is {steps}; it must be a positive integer")
     if steps is not None and steps > MOST:
         raise InvalidInput(f"steps is {steps:.3g}; the most is 1e13")
@@ -73,17 +78,28 @@ def grid(h=None, t_end=None, steps=None) -> tuple[float, int]:
         raise InvalidInput("give the step h, or both t_end and steps")
     if t_end is None and steps is None:
         raise InvalidInput("give t_end or steps: where does the integration end?")
-    h, t_end = (None if x is None else float(x) for x in (h, t_end))
+    if t_end is None:
+        return float(h), int(steps)
+    span = float(t_end) - float(t0)
+    if span == 0:
+        raise InvalidInput(f"t_end is {t_end!r}, where the integration begins; give another")
+    if h is not None and h < 0 < span:
+        raise InvalidInput(f"h is {h!r} and t_end = {t_end!r} lies ahead; a negative step goes back in time")
+    way = 1.0 if span > 0 else -1.0
+    size, number = _sized(None if h is None else abs(float(h)), abs(span), steps)
+    return way * size, number
+
+
+def _sized(h: float | None, span: float, steps) -> tuple[float, int]:
+    """(h, steps) of positive numbers, of which one may be missing."""
     if steps is None:
-        if t_end / h > MOST:
-            raise InvalidInput(f"t_end/h asks for {t_end / h:.3g} steps; the most is 1e13")
-        steps = _whole(h, t_end)
-        h = t_end / steps if abs(steps * h - t_end) > 1e-12 * t_end else h
-    elif t_end is not None:
-        if h is not None and abs(steps * h - t_end) > 1e-9 * t_end:
-            raise InvalidInput(f"steps times h is {steps * h}, not t_end = {t_end}; give two of the three")
-        h = t_end / int(steps)
-    return h, int(steps)
+        if span / h > MOST:
+            raise InvalidInput(f"t_end/h asks for {span / h:.3g} steps; the most is 1e13")
+        steps = _whole(h, span)
+        return span / steps if abs(steps * h - span) > 1e-12 * span else h, steps
+    if h is not None and abs(steps * h - span) > 1e-9 * span:
+        raise InvalidInput(f"steps times h is {steps * h}, not t_end = {span}; give two of the three")
+    return span / int(steps), int(steps)
 
 
 def _whole(h: float, t_end: float) -> int:

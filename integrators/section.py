@@ -1,28 +1,31 @@
-r"""Poincare sections of ensembles: where orbits cross a plane :math:`x = c` of one coordinate or momentum.
+"""Poincare sections of ensembles: where orbits cross a plane of one coordinate or momentum (`crossings` finds them).
 
-Between the two rows of an orbit that have the plane between them, the flow itself is integrated to the plane, with x as
-the independent variable in the place of time (Henon 1982):
-
-.. math::
-    \frac{\mathrm dy}{\mathrm dx} = \frac{f(y)}{f_x(y)},\qquad \frac{\mathrm dt}{\mathrm dx} = \frac1{f_x(y)},
-
-from the row that is nearer, by `SUBSTEPS` steps of the classical Runge-Kutta method.  The point is on the plane to the
-last bit, and as exact as the rows as long as these are close.
-
-Source: M. Henon, On the numerical computation of Poincare maps, Physica D 5 (1982) 412-414.
+Rows are looked at as they are made, and not kept: a section holds its points, and a few rows of every orbit to judge
+its energy by.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from .ensemble import Ensemble, integrate_ensemble
+from . import ensemble
+from .crossings import Crossings, finder, sorter
+from .engine import orbit_lanes
 from .errors import InvalidInput
+from .lots import Orbits
+from .outcome import travel
+from .trajectory import PIECE
 
-SUBSTEPS = 8
+#: Numbers of the rows that one call of a kernel makes, and the most rows of one orbit: they stay in the cache.
+ROOM, ROWS = 1 << 17, 1 << 12
+#: Orbits that are integrated side by side.
+GROUP = 16 * orbit_lanes.LANES.n
+#: Rows of an orbit by which its energy is judged, at most, and the most numbers of them all.
+LOOKS, LOOKED = 64, 1 << 21
 
 
 @dataclass(frozen=True)
@@ -34,8 +37,8 @@ class Section:
     orbit : array (m,), the number of the orbit
     t : array (m,), the times
     q, p : arrays (m, d)
-    status : array (n,) of text, how each orbit ended; its crossings before are there
-    seconds : of the integration and of the search
+    status, reason : arrays (n,) of text, how each orbit ended; its crossings before are there
+    seconds : of the integration and of the search; compiled before
     """
 
     orbit: np.ndarray
@@ -43,76 +46,211 @@ class Section:
     q: np.ndarray
     p: np.ndarray
     status: np.ndarray
+    reason: np.ndarray
     seconds: float
+
+    def __len__(self) -> int:
+        return len(self.t)
 
     def counts(self) -> np.ndarray:
         """The number of crossings of each orbit, array (n,)."""
         return np.bincount(self.orbit, minlength=len(self.status))
 
 
-def section(
-    problem, method, Q, P, *, of: str, at: float = 0.0, rising: bool = True, every: int = 1, **options
-) -> Section:
-    """Integrate an ensemble and find its crossings of a plane.
+@dataclass
+class Watched(Orbits):
+    """Orbits whose rows are searched for crossings; Q and P hold the rows by which their energy is judged."""
 
-    Parameters
-    ----------
-    problem, method, Q, P : as of `integrate_ensemble`
-    of, at : the coordinate or momentum by its name, such as "q1", and its value on the plane
-    rising : whether crossings with a rising coordinate count, else those with a falling one
-    every : look at every so many-th step; two crossings between two looks are missed
-    options : h, t_end, steps, parameters, lanes, threads of `integrate_ensemble`
+    find: Callable | None = None
+    plane: np.ndarray | None = None
+    crossings: Crossings | None = None
+    near: np.ndarray | None = None
+    group = GROUP
 
-    Returns
-    -------
-    Section
+    def most(self, every: int, orbits: int) -> int:
+        """Steps of one call of a kernel: whole rows, as many as the cache holds."""
+        return min(PIECE, every * min(ROWS, max(2, ROOM // (2 * self.system.d * orbits))))
 
-    Raises
-    ------
-    InvalidInput
-        For input that cannot be used.
-    """
+    def room(self, i: int, first: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
+        """New arrays."""
+        return np.empty((rows, self.system.d)), np.empty((rows, self.system.d))
+
+    def keeper(self, members: np.ndarray, width: int) -> Callable[[int, np.ndarray, np.ndarray, int], None]:
+        """What searches the rows of these orbits for crossings."""
+        search = Search(self, members, width)
+        steps, every, looks = int(self.steps[members[0]]), int(self.every[members[0]]), self.Q.shape[1] - 1
+        seen, near = 0, self.system.singularities > 0
+
+        def keep(first: int, q: np.ndarray, p: np.ndarray, taken: int) -> None:
+            nonlocal seen
+            if taken < min(steps, (first + q.shape[1]) * every):
+                return  # the row is not complete
+            search(first, q, p)
+            Q, P = (orbit_lanes.of_blocks(x[:, -1:], len(members)) for x in (q, p))
+            last = taken * looks // steps
+            self.Q[members, seen + 1 : last + 1], self.P[members, seen + 1 : last + 1] = Q, P
+            seen = last
+            if near:
+                self._mark_near(members, *(orbit_lanes.of_blocks(x, len(members)) for x in (q, p)))
+
+        return keep
+
+    def _mark_near(self, members: np.ndarray, Q: np.ndarray, P: np.ndarray) -> None:
+        """Mark the orbits that are within a step of a singularity in one of the rows Q, P, arrays (n, rows, d)."""
+        n, rows, d = Q.shape
+        h = np.repeat(self.h[members], rows)
+        distance, length = travel(self.system, Q.reshape(-1, d), P.reshape(-1, d), h)
+        self.near[members] |= (length > distance).reshape(n, rows).any(axis=1)
+
+    def enter(self, i: int, solution) -> None:
+        """Search the rows of an orbit that was integrated alone."""
+        search = Search(self, np.array([i]), 1, solution.counts["steps"])
+        rows = max(1, ROOM // self.system.d)
+        for first in range(0, len(solution.q) - 1, rows):
+            q, p = (x[1:][first : first + rows] for x in (solution.q, solution.p))
+            search(first, q[None, :, :, None], p[None, :, :, None])
+        self.conclude(i, solution)
+
+    def forget(self, members: np.ndarray) -> None:
+        """Forget the crossings of these orbits."""
+        self.crossings.drop(members)
+
+    def suspects(self, members: np.ndarray) -> np.ndarray:
+        """Those who came near to a singularity, too."""
+        return np.union1d(super().suspects(members), members[self.near[members]])
+
+
+class Search:
+    """Searches the rows of orbits for crossings, piece by piece, as they are made."""
+
+    def __init__(self, orbits: Watched, members: np.ndarray, width: int, steps: int | None = None):
+        self._orbits, self._members = orbits, members
+        self._every, self._steps = (
+            int(orbits.every[members[0]]),
+            int(orbits.steps[members[0]] if steps is None else steps),
+        )
+        if width > 1:
+            starts = orbit_lanes.in_blocks(orbits.q[members]), orbit_lanes.in_blocks(orbits.p[members])
+            self._h = orbit_lanes.in_blocks(orbits.h[members], 1.0)
+        else:
+            starts = orbits.q[members, :, None], orbits.p[members, :, None]
+            self._h = orbits.h[members, None].copy()
+        self._last = np.ascontiguousarray(starts)
+        self._work = np.zeros((2, orbits.system.d))
+        self._points, self._owners = np.empty((0, 0)), np.empty((0, 1), np.int64)
+
+    def __call__(self, first: int, q: np.ndarray, p: np.ndarray) -> None:
+        """Search the rows q, p (blocks, rows, d, width) from the number ``first`` on."""
+        blocks, rows, d, width = q.shape
+        most = blocks * width * (rows // 2 + 1)
+        if len(self._points) < most:
+            self._points, self._owners = np.empty((most, 2 * d + 1)), np.empty((most, 1), np.int64)
+        orbits = self._orbits
+        found = orbits.find(
+            *(q, p, self._last, orbits.plane, self._every, first * self._every, self._steps),
+            *(self._h, self._points, self._owners, self._work),
+        )
+        if found:
+            orbits.crossings.add(self._points[:found], self._members[self._owners[:found, 0]])
+
+
+def watched(asked: ensemble.Asked, component: int, at: float, rising: bool) -> Watched:
+    """Orbits to be searched for crossings of the plane on which a component of (q, p) is ``at``."""
+    n, d = asked.q.shape
+    looks = int(np.clip(LOOKED // (2 * d * n), 1, LOOKS))
+    orbits = Watched.begun(*asked, 1 + looks)
+    orbits.find, orbits.plane = finder(asked.system), np.array([[float(component), at, 1.0 if rising else -1.0]])
+    orbits.crossings, orbits.near = Crossings(d), np.zeros(n, bool)
+    sorter()  # compiles
+    return ensemble.checked(orbits)
+
+
+def concluded(orbits: Watched, seconds: float) -> Section:
+    """The section of orbits that are at their ends."""
+    began, d = time.perf_counter(), orbits.system.d
+    points, numbers = orbits.crossings.ordered(len(orbits.q))
+    orbit = np.repeat(np.arange(len(numbers)), numbers)
+    t, q, p = points[:, 0], points[:, 1 : 1 + d], points[:, 1 + d :]
+    return Section(orbit, t, q, p, orbits.status, orbits.reason, seconds + time.perf_counter() - began)
+
+
+def begin(
+    problem,
+    method,
+    Q,
+    P,
+    *,
+    of: str,
+    at: float = 0.0,
+    rising: bool = True,
+    every: int = 1,
+    h=None,
+    t_end: float | None = None,
+    steps: int | None = None,
+    parameters: Mapping | None = None,
+) -> Watched:
+    """The orbits of a section; raises InvalidInput."""
     system = getattr(problem, "system", problem)
     names = [str(x) for x in (*getattr(system, "q", ()), *getattr(system, "p", ()))]
     if of not in names:
         raise InvalidInput(f"there is no coordinate or momentum {of!r}; there are {', '.join(names)}")
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise InvalidInput(f"every is {every!r}; it must be a positive integer")
-    if "save_every" in options:
-        raise InvalidInput("a section keeps no rows: say how often it looks with every")
-    ensemble = integrate_ensemble(problem, method, Q, P, save_every=every, **options)
-    began = time.perf_counter()
-    orbit, t, q, p = _crossings(system, ensemble, names.index(of), float(at), 1.0 if rising else -1.0)
-    return Section(orbit, t, q, p, ensemble.status, ensemble.seconds + time.perf_counter() - began)
+    asked = ensemble.request(problem, method, Q, P, h, t_end, steps, parameters, every)
+    return watched(asked, names.index(of), float(at), rising)
 
 
-def _crossings(system, ensemble: Ensemble, k: int, at: float, sign: float):
-    """(orbit, t, q, p) of the crossings of component k of (q, p) with sign * y[k] rising through the plane."""
-    x = sign * ((ensemble.Q[..., k] if k < system.d else ensemble.P[..., k - system.d]) - at)
-    with np.errstate(invalid="ignore"):
-        orbit, row = np.nonzero((x[:, :-1] < 0) & (x[:, 1:] >= 0))
-    row = row + (np.abs(x[orbit, row + 1]) < np.abs(x[orbit, row]))
-    y = np.hstack([ensemble.Q[orbit, row], ensemble.P[orbit, row], ensemble.times[orbit, row, None]])
-    y = _to_plane(system, y, k, at)
-    there = np.isfinite(y).all(1)
-    y, orbit = y[there], orbit[there]
-    return orbit, y[:, -1], y[:, : system.d], y[:, system.d : -1]
+def section(
+    problem,
+    method,
+    Q,
+    P,
+    *,
+    of: str,
+    at: float = 0.0,
+    rising: bool = True,
+    every: int = 1,
+    h=None,
+    t_end: float | None = None,
+    steps: int | None = None,
+    parameters: Mapping | None = None,
+    lanes: bool | None = None,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Section:
+    """Integrate an ensemble and find its crossings of a plane.
 
+    Parameters
+    ----------
+    problem : a system, or an object with ``system``
+    method : an id or a method
+    Q, P : arrays (n, d), the initial states; one that is not finite is "invalid", and the others go on
+    of, at : the coordinate or momentum by its name, such as "q1", and its value on the plane
+    rising : whether crossings with a rising coordinate count, else those with a falling one
+    every : look at every Nth step; two crossings between two looks are missed
+    h : number, or array (n,) with a step for each orbit
+    t_end, steps : as of `integrate`
+    parameters : values of the method's parameters: numbers, or arrays (n,) with a value for each orbit
+    lanes, threads, progress : as of `integrate_ensemble`
 
-def _to_plane(system, y: np.ndarray, k: int, at: float) -> np.ndarray:
-    """States with their times, rows (m, 2 d + 1), carried by the flow to where component k is ``at``."""
-    sides = (*system.dq, *system.dp)
+    Returns
+    -------
+    Section
+        Its arrays take 8 (2 d + 2) bytes a crossing; little more is needed while they are filled.
 
-    def slope(y):
-        f = np.stack([system.observe(e, y[:, : system.d], y[:, system.d : -1]) for e in sides], axis=1)
-        with np.errstate(all="ignore"):
-            return np.hstack([f, np.ones((len(y), 1))]) / f[:, k, None]
+    Raises
+    ------
+    InvalidInput
+        For input that cannot be used; what happens to an orbit on the way is its status.
 
-    dx = ((at - y[:, k]) / SUBSTEPS)[:, None]
-    for _ in range(SUBSTEPS):
-        a = slope(y)
-        b = slope(y + dx / 2 * a)
-        c = slope(y + dx / 2 * b)
-        y = y + dx / 6 * (a + 2 * b + 2 * c + slope(y + dx * c))
-    y[:, k] = at
-    return y
+    Notes
+    -----
+    An orbit's energy is judged by `LOOKS` of its rows; where it is lost, or the orbit came within a step of a
+    singularity, the orbit is integrated again by itself, with all of its rows in memory.
+    """
+    orbits = begin(
+        *(problem, method, Q, P),
+        **{"of": of, "at": at, "rising": rising, "every": every},
+        **{"h": h, "t_end": t_end, "steps": steps, "parameters": parameters},
+    )
+    return concluded(orbits, ensemble.run(orbits, lanes, threads, progress)[1])

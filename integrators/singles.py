@@ -57,11 +57,13 @@ def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[Counter[st
 
 def _filled(orbits: Orbits, i: int, layout: Layout) -> bool:
     """Fill the rows of an orbit; whether all were reached."""
-    Q, P = orbits.Q[i], orbits.P[i]
-    parameter = np.full((len(Q), 1), np.nan)
-    for first, rows, every in pieces(int(orbits.steps[i]), int(orbits.every[i])):
-        filled = slice(1 + first, 1 + first + rows)
-        if layout(Q[filled], P[filled], parameter[filled], every) != (rows, SOLVED):
+    member = np.array([i])
+    keep, taken, spacing = orbits.keeper(member, 1), 0, int(orbits.every[i])
+    for first, rows, every in pieces(int(orbits.steps[i]), spacing, orbits.most(spacing, 1)):
+        Q, P = orbits.room(i, first, rows)
+        if layout(Q, P, np.full((rows, 1), np.nan), every) != (rows, SOLVED):
             return False
-    orbits.filled[i] = len(Q)
+        taken += rows * every
+        keep(first, Q[None, :, :, None], P[None, :, :, None], taken)
+    orbits.end(member)
     return True

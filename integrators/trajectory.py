@@ -81,8 +81,11 @@ class Trajectory:
     seconds : of the kernel alone
     """
 
-    def __init__(self, system, q, p, h, steps: int, every: int, arithmetic: str, missed="", unsolved=UNSOLVED):
+    def __init__(
+        self, system, q, p, h, steps: int, every: int, arithmetic: str, missed="", unsolved=UNSOLVED, t0: float = 0.0
+    ):
         self.system, self.h, self.steps, self.every, self.arithmetic = system, h, steps, every, arithmetic
+        self.t0 = t0
         self.missed, self.unsolved = missed, unsolved  # what a fallback is, and a stage not solved, in words
         n = -(-steps // self.every)
         self.q, self.p = zeros((n + 1, system.d), arithmetic), zeros((n + 1, system.d), arithmetic)
@@ -108,7 +111,7 @@ class Trajectory:
     @property
     def times(self) -> np.ndarray:
         """The times of the rows."""
-        return self.h * (self.index.astype(object) if self.arithmetic == MULTIPRECISION else self.index)
+        return self.t0 + self.h * (self.index.astype(object) if self.arithmetic == MULTIPRECISION else self.index)
 
     def advance(self, run, pace: Pace) -> None:
         """Fill the rows of a piece, or one row in pieces; look at what came of it."""
@@ -203,7 +206,7 @@ class Trajectory:
 
     def conclude(self, timeout: float | None, fallbacks: int) -> None:
         """Complete the reason; see what the rows say of the energy and of singularities."""
-        at = f"after step {self.reached} of {self.steps} (t = {float(self.h * self.reached):.6g})"
+        at = f"after step {self.reached} of {self.steps} (t = {float(self.t0 + self.h * self.reached):.6g})"
         if self.status in (OK, TIMEOUT):
             if self.status == TIMEOUT:
                 self.reason = f"{timeout} s had passed {at}; what was reached is kept"
@@ -227,7 +230,7 @@ class Trajectory:
             return self.times, Q, P
         seen, q, p = (np.array(x) for x in zip(*self.looks, strict=True))
         index, which = np.unique(np.concatenate([self.index, seen]), return_index=True)
-        return self.h * index, np.concatenate([Q, q])[which], np.concatenate([P, p])[which]
+        return self.t0 + self.h * index, np.concatenate([Q, q])[which], np.concatenate([P, p])[which]
 
     def _judge(self) -> None:
         """Whether the motion met a singularity, and whether the rows are the orbit."""

@@ -18,9 +18,11 @@ _HOMES = {
     "Hamiltonian": "integrators",
     "InvalidInput": "integrators",
     "METHODS": "integrators",
+    "Orbit": "benchmarks.problems.base",
     "PEERS": "reference.peers",
     "PROBLEMS": "benchmarks.problems",
-    "Solution": "integrators",
+    "Problem": "benchmarks.problems.base",
+    "Solution": "benchmarks.measure.solution",
     "advise": "benchmarks.advice.table",
     "integrate": "benchmarks.measure.integrator",
     "integrate_ensemble": "benchmarks.measure.ensembles",
@@ -32,6 +34,7 @@ _HOMES = {
     "stability": "benchmarks.measure.oscillator",
     "section": "benchmarks.measure.ensembles",
     "validate": "benchmarks.certificate.certificate",
+    "workprecision": "benchmarks.workprecision",
 }
 __all__ = sorted(_HOMES)
 

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from phasebench.benchmarks.measure.global_error import started
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.base import Orbit, Problem
 from phasebench.benchmarks.problems.kepler_found import with_kepler_part
@@ -13,7 +14,6 @@ from phasebench.integrators.request import initial
 
 from . import words
 from .advise import advise as answered
-from .against import started
 from .ask import ask
 
 #: What a row may be, in this order.

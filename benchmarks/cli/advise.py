@@ -68,7 +68,7 @@ def advise(
         chosen = made(problem, hamiltonian, values(set_, "set"), q0, p0)
         words = _words(problem, hamiltonian, chosen, set_, q, p)
         if hamiltonian is None:
-            from phasebench.benchmarks.advice.against import started
+            from phasebench.benchmarks.measure.global_error import started
 
             chosen = started(chosen, q0, p0)
         from phasebench.benchmarks.advice.advise import advise as found

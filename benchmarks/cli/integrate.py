@@ -161,7 +161,7 @@ def _integrated(problem, integrator, wanted: Wanted, tol, timeout, **common) -> 
 
 def _errors(problem, integrator, solution, wanted: Wanted, tol, common: dict) -> dict[str, Any]:
     """The error at the end, and that of a quantity where one is wanted."""
-    from phasebench.benchmarks.advice import against
+    from phasebench.benchmarks.measure import global_error as against
     from phasebench.benchmarks.measure.quantities import quantity
 
     problem = against.started(problem, common["q0"], common["p0"])

@@ -12,7 +12,6 @@ from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.units import span
 from phasebench.benchmarks.problems.user_file import is_file
 from phasebench.integrators import driver, prepared
-from phasebench.integrators.driver import Solution
 from phasebench.integrators.errors import InvalidInput, unknown
 from phasebench.integrators.prepared import PreparedRun
 from phasebench.integrators.record import Method
@@ -24,6 +23,7 @@ from phasebench.reference.peers.prepared import PreparedPeer, prepare_peer
 
 from . import coefficients, own_step
 from .own_step import OwnStep
+from .solution import Solution
 
 #: The kinds of integrators besides those of a package.
 OURS, YOURS = "phasebench", "own step"
@@ -128,6 +128,7 @@ class Integrator:
         t_end: float | None = None,
         steps: int | None = None,
         tol: float | None = None,
+        t0: float = 0.0,
         q0=None,
         p0=None,
         save_every: int = 1,
@@ -138,10 +139,10 @@ class Integrator:
         A ``timeout`` has no effect on one that is not `stoppable`.  Raises InvalidInput as
         `integrators.driver.integrate` does, and for a tolerance where there is none.
         """
-        common = {"h": h, "t_end": t_end, "steps": steps, "q0": q0, "p0": p0, "save_every": save_every}
         refused = self._refused(problem)
         if refused:
             raise InvalidInput(refused)
+        common = {"h": h, "t_end": t_end, "steps": steps, "t0": t0, "q0": q0, "p0": p0, "save_every": save_every}
         if isinstance(self.record, Peer):
             return integrate_peer(problem, self.record, tol=tol, **common)
         if tol is not None:
@@ -194,6 +195,7 @@ def integrate(
     t_end: float | str | None = None,
     steps: int | None = None,
     tol: float | None = None,
+    t0: float = 0.0,
     q0=None,
     p0=None,
     save_every: int = 1,
@@ -209,8 +211,9 @@ def integrate(
         file with one
     h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end.  Of an adaptive
         peer they make the grid of its rows, and t_end alone gives start and end.  Where the problem has a unit of
-        time, t_end may have one: ``"1e4 yr"``
+        time, t_end may have one: ``"1e4 yr"``.  A t_end before t0, or a negative h with steps, goes back in time
     tol : an adaptive peer's tolerance
+    t0 : the time at the start; the system does not depend on it
     q0, p0 : arrays (d,), the initial state where not the problem's
     save_every : keep every so many-th state, and the last; 0 keeps the first and the last
     timeout : seconds after which the integration stops with status "timeout"; a peer cannot be stopped
@@ -219,7 +222,7 @@ def integrate(
     Returns
     -------
     Solution
-        t (n,), q and p (n, d), status, reason, counts, seconds
+        t (n,), q and p (n, d), status, reason, counts, seconds; energy(), invariants(), error(), to_frame()
 
     Raises
     ------
@@ -239,9 +242,8 @@ def integrate(
         raise InvalidInput(f"'{method.id}' cannot be stopped: leave out the time limit")
     problem = problem_of(problem) if isinstance(problem, (str, Path)) else problem
     t_end = span(t_end, getattr(problem, "time_unit", ""))
-    return method.run(
-        problem, h=h, t_end=t_end, steps=steps, tol=tol, q0=q0, p0=p0, save_every=save_every, timeout=timeout
-    )
+    grid = {"h": h, "t_end": t_end, "steps": steps, "tol": tol, "t0": t0}
+    return Solution.of(method.run(problem, q0=q0, p0=p0, save_every=save_every, timeout=timeout, **grid))
 
 
 def prepare(

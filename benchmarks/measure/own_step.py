@@ -182,13 +182,13 @@ def described(path: str, module, function: Callable) -> OwnStep:
 
 
 def integrate_step(
-    problem, own: OwnStep, *, h=None, t_end=None, steps=None, q0=None, p0=None, save_every=1, timeout=None
+    problem, own: OwnStep, *, h=None, t_end=None, steps=None, t0=0.0, q0=None, p0=None, save_every=1, timeout=None
 ) -> Solution:
     """Integrate ``problem`` with a step of the user's own, at constant h.
 
     Parameters
     ----------
-    problem, h, t_end, steps, q0, p0, save_every : as of `integrators.driver.integrate`
+    problem, h, t_end, steps, t0, q0, p0, save_every : as of `integrators.driver.integrate`
     timeout : seconds after which no further step is taken; one step that does not return cannot be stopped
 
     Returns
@@ -204,7 +204,7 @@ def integrate_step(
         arrays (d,) of real numbers, or that changes its q or p.
     """
     check_timeout(timeout)
-    asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every)
+    asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every, t0=t0)
     lack = own.lacks(asked.system)
     if lack:
         raise InvalidInput(lack)
@@ -220,14 +220,15 @@ def integrate_step(
     seconds = time.perf_counter() - started
     if late:
         numbers = [*numbers[: row - 1], taken]
-    times = asked.h * np.array(numbers, float)
+    times = asked.t0 + asked.h * np.array(numbers, float)
     status, reason, kept = ending(asked.system, times, *rows[:, :row], None)
     if status == OK and late:
         status = TIMEOUT
         reason = f"{timeout} s had passed after step {taken} of {asked.steps}; what was reached is kept"
     counts = {"steps": taken, "gradient": max(seen.evaluations), "hessian": 0, "iterations": 0, "fallbacks": 0}
     q, p = rows[:, :kept].copy()
-    return Solution(times[:kept], q, p, status, reason, counts, asked.h, own, np.full(kept - 1, np.nan), seconds)
+    unknown = np.full(kept - 1, np.nan)
+    return Solution(times[:kept], q, p, status, reason, counts, asked.h, own, unknown, seconds, problem)
 
 
 def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:

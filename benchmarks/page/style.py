@@ -28,6 +28,8 @@ CURVES = (
 WIDTH = 7.0
 DPI = 130
 COLOURS = 128
+#: Formats of lines instead of pixels, by ending, with what is left out of them.
+VECTORS = {".svg": {"Date": None, "Creator": None}, ".pdf": {"CreationDate": None, "Creator": None, "Producer": None}}
 
 RC = {
     "font.size": 8.0,
@@ -131,13 +133,27 @@ def number(x: float, digits: int = 3) -> str:
 
 
 def write(figure, path: Path) -> None:
-    """Write a PNG of few colours that holds no date and no version: the same figure is the same bytes."""
+    """Write a figure as a PNG of few colours, or as SVG or PDF by the path's ending; no date, no version.
+
+    The same figure is the same bytes.
+    """
+    kind = path.suffix.lower()
+    with settings():
+        if kind in VECTORS:
+            import matplotlib
+
+            with matplotlib.rc_context({"svg.hashsalt": "phasebench", "svg.fonttype": "none", "pdf.fonttype": 42}):
+                figure.savefig(path, format=kind[1:], metadata=VECTORS[kind])
+            return
+        figure.set_dpi(DPI)
+        figure.canvas.draw()
+    _write_png(figure, path)
+
+
+def _write_png(figure, path: Path) -> None:
     import numpy as np
     from PIL import Image
 
-    with settings():
-        figure.set_dpi(DPI)
-        figure.canvas.draw()
     pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]
     image = Image.fromarray(np.ascontiguousarray(pixels)).quantize(COLOURS, dither=Image.Dither.NONE)
     image.save(path, format="PNG", optimize=True)

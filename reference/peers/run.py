@@ -24,6 +24,7 @@ def integrate_peer(
     tol: float | None = None,
     t_end: float | None = None,
     steps: int | None = None,
+    t0: float = 0.0,
     save_every: int = 1,
     q0=None,
     p0=None,
@@ -35,7 +36,8 @@ def integrate_peer(
     problem : a problem, or a system where q0 and p0 are given
     peer_id : an id of `PEERS` or a record
     h, t_end, steps : two of them, as for `integrators.integrate`; for an adaptive peer they make the grid of its
-        output, and t_end alone gives start and end
+        output, and t_end alone gives start and end.  A t_end before t0 goes back in time
+    t0 : the time at the start; the system does not depend on it
     tol : an adaptive peer's tolerance
     save_every : keep every so many-th state of the grid, and the last; 0 keeps the first and the last
     q0, p0 : arrays (d,), the initial state where not the problem's
@@ -64,7 +66,7 @@ def integrate_peer(
     tol = tolerance(integrator, tol)
     if integrator.adaptive and h is None and steps is None:
         steps = 1
-    asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every)
+    asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every, t0=t0)
     system, numbers = asked.system, asked.step_numbers
     times = np.array([asked.h * n for n in numbers])
     task = Task(problem, system, asked.q, asked.p, asked.h, numbers, times, tol)
@@ -76,12 +78,13 @@ def integrate_peer(
         run = Run.stuck(task, 0, 0, 0.0)
         status, reason = SKIPPED, f"{integrator.package} cannot be imported ({error}); pip install {integrator.package}"
     else:
-        status, reason, rows = ending(system, times, run.q, run.p, run.failure)
+        status, reason, rows = ending(system, asked.t0 + times, run.q, run.p, run.failure)
         run = run._replace(q=run.q[:rows], p=run.p[:rows])
     q, p = (np.ascontiguousarray(x, dtype=float) for x in (run.q, run.p))
     counts = {"steps": int(run.steps), "gradient": int(run.gradient), "hessian": 0, "iterations": 0, "fallbacks": 0}
     unknown = np.full(len(q) - 1, np.nan)
-    return Solution(times[: len(q)], q, p, status, reason, counts, asked.h, integrator, unknown, run.seconds)
+    t = asked.t0 + times[: len(q)]
+    return Solution(t, q, p, status, reason, counts, asked.h, integrator, unknown, run.seconds, problem)
 
 
 def ending(system, times, q, p, failure: str | None) -> tuple[str, str, int]:

@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 
 from phasebench.benchmarks.advice import models
 from phasebench.benchmarks.advice.advise import advise
-from phasebench.benchmarks.advice.against import started
 from phasebench.benchmarks.advice.ask import ask
 from phasebench.benchmarks.advice.models import Rung, Scene
 from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.experiments.models import bench_models
+from phasebench.benchmarks.measure.global_error import started
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.models.ladders import LADDERS

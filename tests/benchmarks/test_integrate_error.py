@@ -214,7 +214,7 @@ def test_work_precision_of_ones_own_problem(mine, tmp_path):
     ("arguments", "message"),
     [
         (["workprecision", "pendulum"], "--t-end"),
-        (["workprecision", "pendulum", "--t-end", "1", "--output", "a.txt"], "a figure is a file .png"),
+        (["workprecision", "pendulum", "--t-end", "1", "--output", "a.txt"], "a figure is a file .png, .svg or .pdf"),
         (["workprecision", "pendulum", "--t-end", "1", "--methods", "wisdom-holman"], "trait"),
         (["run", "pendulum"], "--t-end"),
         (["run", "pendulum", "--t-end", "1", "--scene", "kepler-t1"], "leave out one"),

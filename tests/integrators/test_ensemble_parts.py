@@ -23,7 +23,6 @@ from phasebench.integrators import (
     singles,
     trajectory,
 )
-from phasebench.integrators.ensemble import Ensemble
 from phasebench.integrators.errors import InvalidInput, unknown
 from phasebench.integrators.outcome import passed
 from phasebench.integrators.registry import BY_ID, method
@@ -46,7 +45,7 @@ def of(n, system=OSCILLATOR, id="stormer-verlet", **options):
 
 def test_orbits_go_in_lanes_where_they_fill_them_or_are_told_to(monkeypatch):
     monkeypatch.setattr(lots, "able", lambda system, record: record.id == "stormer-verlet")
-    orbits = ensemble._request(OSCILLATOR, "stormer-verlet", np.ones((9, 1)), np.ones((9, 1)), 0.1, None, 3, None, 0)
+    orbits = ensemble.begin(OSCILLATOR, "stormer-verlet", np.ones((9, 1)), np.ones((9, 1)), 0.1, None, 3, None, 0)
     for asked, enough, expected in (
         (None, 9, True),
         (None, 10, False),
@@ -57,7 +56,7 @@ def test_orbits_go_in_lanes_where_they_fill_them_or_are_told_to(monkeypatch):
         monkeypatch.setattr(lots, "ENOUGH", enough)
         wide = ensemble._goes_in_lanes(orbits, np.arange(9), asked)
         assert wide.tolist() == [expected] * 9, (asked, enough)
-    other = ensemble._request(OSCILLATOR, "rk4", np.ones((9, 1)), np.ones((9, 1)), 0.1, None, 3, None, 0)
+    other = ensemble.begin(OSCILLATOR, "rk4", np.ones((9, 1)), np.ones((9, 1)), 0.1, None, 3, None, 0)
     assert not ensemble._goes_in_lanes(other, np.arange(9), None).any()
     with pytest.raises(InvalidInput, match="'rk4' does not run in lanes"):
         ensemble._goes_in_lanes(other, np.arange(9), True)
@@ -106,9 +105,9 @@ def test_who_did_not_end_well_is_asked_again():
         np.full(4, 0.1),
         np.full(4, 2),
         np.ones(4, int),
-        3,
         [method("rk4")],
         0 * n,
+        3,
     )
     for system, doubtful in ((OSCILLATOR, [1, 2, 3]), (NO_ENERGY, [1, 2])):
         orbits = lots.Orbits.begun(system, *state)
@@ -122,7 +121,7 @@ def test_who_came_near_to_a_singularity_is_asked_again():
     well = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q", singular=["q"])
     Q = np.array([[[1.0], [0.5]], [[1.0], [0.01]]])
     P = np.sqrt(2 / Q)
-    state = (Q[:, 0], P[:, 0], np.full(2, 0.01), np.ones(2, int), np.ones(2, int), 2, [method("rk4")], np.zeros(2, int))
+    state = (Q[:, 0], P[:, 0], np.full(2, 0.01), np.ones(2, int), np.ones(2, int), [method("rk4")], np.zeros(2, int), 2)
     orbits = lots.Orbits.begun(well, *state)
     orbits.Q, orbits.P = Q, P
     assert lots.doubtful(orbits, np.arange(2)).tolist() == [1]
@@ -144,7 +143,7 @@ def test_who_passed_by_a_singularity_is_asked_again_where_the_energy_is_lost():
     P[1, 1, 1] = np.sqrt(2 / 1.0 - 0.2 + 0.04)
     P[3, 1, 1], P[3, 3, 1] = np.sqrt(2 / 1.0 - 0.5), P[0, 3, 1]
     h, whole = np.full(4, 0.3), np.ones(4, int)
-    orbits = lots.Orbits.begun(plane, Q[:, 0], P[:, 0], h, 3 * whole, whole, 4, [method("rk4")], 0 * whole)
+    orbits = lots.Orbits.begun(plane, Q[:, 0], P[:, 0], h, 3 * whole, whole, [method("rk4")], 0 * whole, 4)
     orbits.Q, orbits.P = Q, P
     assert lots.doubtful(orbits, np.arange(4)).tolist() == [0, 3]
     for i in range(4):
@@ -169,7 +168,7 @@ def test_one_by_one_orbits_are_those_of_integrate_and_who_stops_is_left(monkeypa
     q, h = np.array([[0.1], [0.2], [5.0], [0.4], [0.5], [0.6]]), np.array([0.1, 0.2, 0.3, 0.05, 0.1, 0.15])
     steps, every = np.full(6, 7), np.full(6, 3)
     cliff = Hamiltonian(q="q", p="p", H="p**2/2 - exp(q)")  # no step from q = 5 has a midpoint
-    orbits = lots.Orbits.begun(cliff, q, 0 * q, h, steps, every, 4, kinds, kind)
+    orbits = lots.Orbits.begun(cliff, q, 0 * q, h, steps, every, kinds, kind, 4)
     told = []
     assert sorted(singles.run(orbits, np.arange(5), threads, told.append).tolist()) == [2, 4]
     assert sum(told) == 3
@@ -274,24 +273,17 @@ def crossings(x, v=None, at=0.0, sign=1.0):
     """The times and momenta at which rows at the times 0, 1, ... of a free motion cross."""
     x = np.array(x, dtype=float)
     v = np.gradient(x) if v is None else np.array(v, dtype=float)
-    free, rows = Hamiltonian(q="q", p="p", H="p**2/2"), len(x)
-    made = Ensemble(
-        *(np.zeros((1, 1)),) * 2,
-        *(np.zeros(1),) * 3,
-        np.arange(rows, dtype=float)[None],
-        x[None, :, None],
-        v[None, :, None],
-        np.ones(1),
-        [],
-        np.zeros(1),
-        {},
-        np.zeros(1, bool),
-        0.0,
-    )
-    orbit, t, q, p = section._crossings(free, made, 0, at, sign)
-    assert (q == at).all()
-    assert len(orbit) == len(t) == len(p)
-    return t.tolist(), p[:, 0].tolist()
+    free, steps = Hamiltonian(q="q", p="p", H="p**2/2"), len(x) - 1
+    asked = ensemble.request(free, "rk4", [x[:1]], [v[:1]], 1.0, None, steps, None, 1)
+    orbits = section.watched(asked, 0, at, sign > 0)
+    q, p = (np.ascontiguousarray(y[None, 1:, None, None]) for y in (x, v))
+    search = section.Search(orbits, np.zeros(1, int), 1)
+    for first in range(0, steps, 2):  # in two pieces
+        search(first, *(np.ascontiguousarray(y[:, first : first + 2]) for y in (q, p)))
+    made = section.concluded(orbits, 0.0)
+    assert (made.q == at).all()
+    assert len(made.orbit) == len(made.t) == len(made.p)
+    return made.t.tolist(), made.p[:, 0].tolist()
 
 
 def test_a_row_on_the_plane_is_one_crossing():

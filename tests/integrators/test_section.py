@@ -1,11 +1,15 @@
 """Poincare sections: points of the flow on the plane, each crossing once."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
-from phasebench.integrators.driver import DIVERGED, OK, integrate
+from phasebench.integrators import section as sections
+from phasebench.integrators.crossings import GROWTH
+from phasebench.integrators.driver import COLLISION, DIVERGED, OK, integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.section import section
 
@@ -52,9 +56,64 @@ def test_an_orbit_that_stops_keeps_its_crossings():
     assert np.isfinite(found.q).all()
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"), [({"of": "z"}, "no coordinate"), ({"every": 0}, "every"), ({"save_every": 1}, "every")]
-)
+@pytest.mark.parametrize(("changed", "message"), [({"of": "z"}, "no coordinate"), ({"every": 0}, "every")])
 def test_what_cannot_be_used_is_refused(changed, message):
     with pytest.raises(InvalidInput, match=message):
         section(OSCILLATOR, "gauss-4", [[1.0]], [[0.0]], **{"of": "x", "h": 0.1, "steps": 1} | changed)
+
+
+def box(n, **options):
+    """The crossings of n orbits of Henon-Heiles."""
+    Q = np.column_stack([np.zeros(n), np.linspace(-0.3, 0.3, n)])
+    P = np.column_stack([np.full(n, 0.3), np.linspace(0.1, -0.1, n)])
+    options = {"of": "q1", "h": 0.1, "t_end": 200.0} | options
+    return section(problem("henon-heiles"), options.pop("method", "pefrl"), Q, P, **options)
+
+
+@pytest.mark.parametrize("method", ["pefrl", "gauss-4", "scheme-v"])
+def test_crossings_do_not_depend_on_lanes_threads_or_pieces(monkeypatch, method):
+    """In lanes, one by one, and (Scheme V) by `integrate`; in calls of two rows as in those of many."""
+    found = [box(20, method=method, threads=k) for k in (1, 2)]
+    monkeypatch.setattr(sections, "ROOM", 1)
+    monkeypatch.setattr(sections.Watched, "group", 8)
+    found += [box(20, method=method, lanes=False), box(20, method=method)]
+    assert len(found[0]) > 500
+    assert (np.diff(found[0].orbit) >= 0).all()
+    assert (np.diff(found[0].t)[np.diff(found[0].orbit) == 0] > 0).all()
+    for other in found[1:]:
+        np.testing.assert_array_equal(other.orbit, found[0].orbit)
+        np.testing.assert_allclose(other.t, found[0].t, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(np.hstack([other.q, other.p]), np.hstack([found[0].q, found[0].p]), atol=1e-9)
+
+
+def test_a_section_takes_little_memory(monkeypatch):
+    """8 (2 d + 2) bytes a crossing and the room of a piece and of a growth; the rows would take 50 times as much."""
+    box(20, t_end=10.0)
+    bound = 8 * (sections.ROOM + 40 * sections.LOOKS) + 8 * 6 * GROWTH
+    tracemalloc.start()
+    found = box(20, t_end=20000.0, threads=1)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    m, d = len(found), 2
+    assert m > 50_000
+    assert sum(x.nbytes for x in (found.orbit, found.t, found.q, found.p)) == 8 * (2 * d + 2) * m
+    assert peak < 8 * (2 * d + 3) * m + 4 * bound
+    rows = 20 * 200_000 * 8 * (2 * d + 1)
+    assert rows > 10 * peak
+
+
+def test_steps_of_every_orbit_may_be_its_own():
+    found = box(3, h=np.array([0.1, 0.05, 0.025]))
+    alike = [box(3, h=h) for h in (0.1, 0.05, 0.025)]
+    for i, other in enumerate(alike):
+        np.testing.assert_array_equal(found.t[found.orbit == i], other.t[other.orbit == i])
+
+
+def test_a_collision_between_the_looks_is_seen():
+    """A head-on fall passes the centre in one step; seen alone by the rows of every step."""
+    fall = problem("kepler").system
+    found = section(
+        fall, "stormer-verlet", [[1.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]], of="q2", h=0.01, t_end=10
+    )
+    assert found.status.tolist() == [COLLISION, OK]
+    assert found.counts().tolist() == [0, 1]

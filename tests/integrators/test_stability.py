@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators.driver import OK, UNSTABLE, integrate
+from phasebench.integrators.driver import INACCURATE, OK, UNSTABLE, integrate
 from phasebench.integrators.registry import method
 
 LAMBDAS = (-3.0, -1.0, -0.2, 0.0, 1 / 3, 0.45, 0.5, 0.75, 1.0, 1.5, 2.5, 4.0)
@@ -25,7 +25,7 @@ def step_matrix(lam, z):
     columns = []
     for q, p in ((1.0, 0.0), (0.0, 1.0)):
         s = integrate(OSCILLATOR, method("scheme-i", lam=lam), h=z, steps=1, q0=[q], p0=[p])
-        assert s.status in (OK, UNSTABLE)  # of so long a step the energy is not kept
+        assert s.status in (OK, INACCURATE, UNSTABLE)  # of so long a step the energy is not kept
         columns.append([s.q[-1, 0], s.p[-1, 0]])
     return np.array(columns).T
 
@@ -36,7 +36,7 @@ def trace(lam, z):
 
 def grows(lam, z, steps=4000):
     s = integrate(OSCILLATOR, method("scheme-i", lam=lam), h=z, steps=steps, q0=[1.0], p0=[0.3])
-    return s.status not in (OK, UNSTABLE) or max(np.abs(s.q).max(), np.abs(s.p).max()) > 1e4
+    return s.status not in (OK, INACCURATE, UNSTABLE) or max(np.abs(s.q).max(), np.abs(s.p).max()) > 1e4
 
 
 @pytest.mark.parametrize("z", [0.01, 0.1, 0.4, 1.0, 1.9])

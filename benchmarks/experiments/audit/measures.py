@@ -310,7 +310,7 @@ def _matrix(peer, case: Case, h: float, steps: int = 1) -> np.ndarray:
     It is what it is at steps that no orbit bears, too.
     """
     starts = (([1.0], [0.0]), ([0.0], [1.0]))
-    return np.array([end_state(run(peer, case, h, steps, s, fine=("ok", "unstable"))) for s in starts]).T
+    return np.array([end_state(run(peer, case, h, steps, s, fine=("ok", "inaccurate", "unstable"))) for s in starts]).T
 
 
 def stability(peer, case: Case, late: Callable[..., bool] = never) -> dict:

@@ -104,7 +104,7 @@ def follow(
     found = errors(exact, when, s.q[1:], s.p[1:])
     whole = np.isfinite(found.phase)
     last = len(whole) if whole.all() else int(np.argmin(whole))
-    if last < len(whole) and run["status"] in ("ok", "unstable"):
+    if last < len(whole) and run["status"] in ("ok", "inaccurate", "unstable"):
         reason = f"no bound orbit after {last / 2:g} of {orbits + 0.5:g} orbits; take a smaller h"
         run |= {"status": "diverged", "reason": reason}
     run["reached"] = last / 2

@@ -129,7 +129,7 @@ def carry(problem, id: str, points, h: float, snapshots: int, substeps: int = 1,
         s = integrate(
             problem, id, h=h, steps=snapshots * substeps, q0=y[:d], p0=y[d:], save_every=substeps, parameters=parameters
         )
-        if s.status not in ("ok", "unstable"):  # the map is what is shown, whatever it does to the energy
+        if s.status not in ("ok", "inaccurate", "unstable"):  # the map is what is shown, whatever it does to the energy
             raise InvalidInput(f"the point {y.tolist()} is lost: {s.status}, {s.reason}")
         rows.append(np.hstack([s.q, s.p]))
     return np.stack(rows, axis=1)

@@ -1,0 +1,201 @@
+r"""Find where rows of orbits cross a plane :math:`x = c` of one coordinate or momentum, and store the points.
+
+Between the two rows of an orbit that have the plane between them, the flow itself is integrated to the plane, with x as
+the independent variable in the place of time (Henon 1982):
+
+.. math::
+    \frac{\mathrm dy}{\mathrm dx} = \frac{f(y)}{f_x(y)},\qquad \frac{\mathrm dt}{\mathrm dx} = \frac1{f_x(y)},
+
+from the row that is nearer, by `SUBSTEPS` steps of the classical Runge-Kutta method.  The point is on the plane to the
+last bit, and as exact as the rows as long as these are close.
+
+Source: M. Henon, On the numerical computation of Poincare maps, Physica D 5 (1982) 412-414.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from threading import Lock
+
+import numpy as np
+from numba import types
+
+from .engine import codegen, machine, progress
+from .engine.kernel import _type, entry, value
+from .engine.vector import axpy, inlined, jit, load, scale, store
+
+SUBSTEPS = 8
+#: The room of `Crossings` grows by so many points, or by this share of what there is.
+GROWTH, SHARE = 1 << 14, 32
+
+
+@inlined
+def _slope(field, q, p, k):
+    """(dq/dx, dp/dx, dt/dx) where x is component k of (q, p)."""
+    dq, dp = field(q, p, 0.0, 0.0)
+    r = 1.0 / (dq[k] if k < len(dq) else dp[k - len(dq)])
+    return scale(r, dq), scale(r, dp), r
+
+
+@jit
+def _carry(field, q, p, t, k, dx):
+    """(q, p, t) carried by the flow over SUBSTEPS dx of component k."""
+    for _ in range(SUBSTEPS):
+        aq, ap, at = _slope(field, q, p, k)
+        bq, bp, bt = _slope(field, axpy(dx / 2, aq, q), axpy(dx / 2, ap, p), k)
+        cq, cp, ct = _slope(field, axpy(dx / 2, bq, q), axpy(dx / 2, bp, p), k)
+        eq, ep, et = _slope(field, axpy(dx, cq, q), axpy(dx, cp, p), k)
+        q = axpy(dx / 6, eq, axpy(dx / 3, cq, axpy(dx / 3, bq, axpy(dx / 6, aq, q))))
+        p = axpy(dx / 6, ep, axpy(dx / 3, cp, axpy(dx / 3, bp, axpy(dx / 6, ap, p))))
+        t = t + dx / 6 * (at + 2 * bt + 2 * ct + et)
+    return q, p, t
+
+
+def _find(field, q, p, last, plane, every, begin, steps, h, points, owners, work, zero):
+    """Write the crossings in the rows of blocks of orbits into ``points`` and ``owners``; returns how many.
+
+    q, p are rows (blocks, rows, d, lanes), each ``every`` steps after the one before; ``last`` (2, blocks, d, lanes) is
+    the row before the first, at the step ``begin``, and is overwritten by the last row.  ``plane`` (1, 3) has the
+    component, its value and the sign of a crossing; ``h`` (blocks, lanes) the steps.  A point is t, q, p; its owner
+    the number of its orbit.
+    """
+    k, at, sign = int(plane[0, 0]), plane[0, 1], plane[0, 2]
+    blocks, rows, d, lanes = q.shape
+    side, c = (1, k - d) if k >= d else (0, k)
+    x = p if k >= d else q
+    found = 0
+    for b in range(blocks):
+        for i in range(rows):
+            many = 0
+            if i > 0:
+                for j in range(lanes):
+                    many += (sign * (x[b, i - 1, c, j] - at) < 0) & (sign * (x[b, i, c, j] - at) >= 0)
+                if many == 0:
+                    continue
+            for j in range(lanes):
+                before = (x[b, i - 1, c, j] if i > 0 else last[side, b, c, j]) - at
+                after = x[b, i, c, j] - at
+                if not (sign * before < 0 and sign * after >= 0):
+                    continue
+                nearer = i if abs(after) < abs(before) else i - 1
+                for a in range(d):
+                    work[0, a] = q[b, nearer, a, j] if nearer >= 0 else last[0, b, a, j]
+                    work[1, a] = p[b, nearer, a, j] if nearer >= 0 else last[1, b, a, j]
+                dx = (at - work[side, c]) / SUBSTEPS
+                t = h[b, j] * min(begin + (nearer + 1) * every, steps)
+                y, v, t = _carry(field, load(work, 0, zero), load(work, 1, zero), t, k, dx)
+                store(work, 0, y)
+                store(work, 1, v)
+                work[side, c] = at
+                good = np.isfinite(t)
+                for a in range(d):
+                    good = good and np.isfinite(work[0, a]) and np.isfinite(work[1, a])
+                    points[found, 1 + a], points[found, 1 + d + a] = work[0, a], work[1, a]
+                points[found, 0], owners[found, 0] = t, b * lanes + j
+                if good:
+                    found += 1
+    for b in range(blocks):
+        for a in range(d):
+            for j in range(lanes):
+                last[0, b, a, j], last[1, b, a, j] = q[b, rows - 1, a, j], p[b, rows - 1, a, j]
+    return found
+
+
+def _sort(points, owners, next_place):
+    """Order points in place by their orbit, those of one orbit as they are; returns nothing.
+
+    ``next_place`` (n, 1) has for each orbit the place of its first point; owners are overwritten.
+    """
+    for i in range(len(owners)):
+        orbit = owners[i, 0]
+        owners[i, 0] = next_place[orbit, 0]
+        next_place[orbit, 0] += 1
+    for i in range(len(owners)):
+        while owners[i, 0] != i:
+            j = owners[i, 0]
+            for a in range(points.shape[1]):
+                points[i, a], points[j, a] = points[j, a], points[i, a]
+            owners[i, 0], owners[j, 0] = owners[j, 0], j
+
+
+_NUMBERS, _WHOLE, _BLOCKS = (
+    types.Array(t, n, "C") for t, n in ((types.float64, 2), (types.int64, 2), (types.float64, 4))
+)
+_compiled: dict = {}
+
+
+def finder(system) -> Callable:
+    """`_find` for a system, compiled: without its first and its last argument."""
+    field, d = system.field(), system.d
+    zero = value(np.zeros(d), d)
+    if not codegen.compiled():
+        return lambda *arguments: _find(field, *arguments, zero)
+    T, whole = codegen.value_type(d), types.int64
+    signature = whole(
+        _type(field), _BLOCKS, _BLOCKS, _BLOCKS, _NUMBERS, whole, whole, whole, _NUMBERS, _NUMBERS, _WHOLE, _NUMBERS, T
+    )
+    if signature not in _compiled:
+        options = codegen.options(d) | {"nogil": True}
+        with progress.compiling("the search of crossings", d):
+            _compiled[signature] = entry(machine.compiled(_find, signature, options, "crossings"))
+    call = _compiled[signature]
+    return lambda *arguments: call(field, *arguments, zero)
+
+
+def sorter() -> Callable:
+    """`_sort`, compiled."""
+    if not codegen.compiled():
+        return _sort
+    if "sort" not in _compiled:
+        signature = types.none(_NUMBERS, _WHOLE, _WHOLE)
+        options = codegen.options(1) | {"nogil": True}
+        _compiled["sort"] = entry(machine.compiled(_sort, signature, options, "crossings-sort"))
+    return _compiled["sort"]
+
+
+class Crossings:
+    """Points of orbits on a plane in two growing tables, filled by several threads.
+
+    Attributes
+    ----------
+    points : array (room, 2 d + 1) of t, q, p; the first ``len`` rows are filled
+    owners : array (room, 1), the number of the orbit of each
+    """
+
+    def __init__(self, d: int):
+        self.points, self.owners = np.empty((GROWTH, 2 * d + 1)), np.empty((GROWTH, 1), np.int64)
+        self._filled, self._lock = 0, Lock()
+
+    def __len__(self) -> int:
+        return self._filled
+
+    def add(self, points: np.ndarray, owners: np.ndarray) -> None:
+        """Append points (m, 2 d + 1) with the numbers of their orbits (m,)."""
+        with self._lock:
+            first, self._filled = self._filled, self._filled + len(points)
+            if self._filled > len(self.points):
+                self._resize(self._filled + max(GROWTH, self._filled // SHARE))
+            self.points[first : self._filled] = points
+            self.owners[first : self._filled, 0] = owners
+
+    def _resize(self, rows: int) -> None:
+        """Change the room, without a copy where the system can extend memory."""
+        for table in (self.points, self.owners):
+            table.resize((rows, table.shape[1]), refcheck=False)
+
+    def drop(self, orbits: np.ndarray) -> None:
+        """Forget the points of these orbits."""
+        if not len(orbits):
+            return
+        kept = ~np.isin(self.owners[: self._filled, 0], orbits)
+        n = int(kept.sum())
+        for table in (self.points, self.owners):
+            table[:n] = table[: self._filled][kept]
+        self._filled = n
+
+    def ordered(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """(points in the order of orbits and of time, how many each of n orbits has); nothing can be added then."""
+        self._resize(self._filled)
+        numbers = np.bincount(self.owners[:, 0], minlength=n)
+        sorter()(self.points, self.owners, (np.cumsum(numbers) - numbers)[:, None].copy())
+        return self.points, numbers

@@ -1,0 +1,80 @@
+"""`Solution`: a trajectory, how it ended, and what is computed from its rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .errors import InvalidInput
+
+#: Components of the end state that a `Solution` prints.
+SHOWN = 4
+
+
+@dataclass(frozen=True, repr=False)
+class Solution:
+    """A trajectory and how it was made.
+
+    Attributes
+    ----------
+    t : array (n,), the times; t[i] is a step number times h
+    q, p : arrays (n, d), the states; row 0 is the initial one
+    status, reason : "ok", or what went wrong and what to do; the rows end before it, except that those of a run that is
+        "unstable" or "inaccurate", which are not the orbit, go on to the end
+    counts : steps, evaluations of the gradient and of higher derivatives, stage iterations, Newton solves, fallbacks
+    h, method : the step that was taken and the method
+    parameter : array (n - 1,), the parameter lambda of Schemes IV and V in the last step of a row (NaN: no root)
+    seconds : of the kernel alone (it compiles before the clock starts)
+    problem : what was integrated, a problem or a system
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    p: np.ndarray
+    status: str
+    reason: str
+    counts: dict[str, int]
+    h: float
+    method: Any
+    parameter: np.ndarray = field(default=None)
+    seconds: float = 0.0
+    problem: Any = field(default=None, compare=False)
+
+    @property
+    def system(self):
+        """The system that was integrated; raises InvalidInput where the solution does not know it."""
+        if self.problem is None:
+            raise InvalidInput("this solution does not know its problem: pass problem= when you make it")
+        return getattr(self.problem, "system", self.problem)
+
+    def energy(self) -> np.ndarray:
+        """H of each row, array (n,); raises InvalidInput where the system has none."""
+        if not self.system.has_energy:
+            raise InvalidInput("the system has no energy")
+        return self.system.energies(self.q, self.p)
+
+    def invariants(self) -> dict[str, np.ndarray]:
+        """The problem's invariants besides the energy: by name, arrays (n,) of their values."""
+        if hasattr(self.problem, "invariants") and hasattr(self.problem, "invariant"):
+            return {name: self.problem.invariant(name, self.q, self.p) for name in self.problem.invariants}
+        return {str(e): self.system.observe(e, self.q, self.p) for e in self.system.invariants}
+
+    def __repr__(self) -> str:
+        """A few lines: the method, how it ended, the span and the last state."""
+        rows, d = self.q.shape
+        problem = getattr(self.problem, "label", "")
+        lines = [f"{type(self).__name__}: {self.method.label}{f' on {problem}' if problem else ''}, {self.status}"]
+        if self.reason:
+            lines.append(f"  {self.reason}")
+        span = f"t = {float(self.t[0]):.6g} to {float(self.t[-1]):.6g}"
+        lines.append(f"  {span}, {self.counts.get('steps', 0)} steps, h = {float(self.h):.6g}, {rows} rows of d = {d}")
+        lines.append(f"  q = {_shortened(self.q[-1])}, p = {_shortened(self.p[-1])} at the end")
+        return "\n".join(lines)
+
+
+def _shortened(state: np.ndarray) -> str:
+    """The first components of a state."""
+    more = ", ..." if len(state) > SHOWN else ""
+    return f"[{', '.join(f'{float(x):.6g}' for x in state[:SHOWN])}{more}]"

@@ -1,0 +1,114 @@
+"""What a solution tells of itself: energy, invariants, error, a frame, a few lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import phasebench as pb
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators.solution import Solution as Bare
+
+PENDULUM = pb.Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
+
+
+def swing(**options):
+    return pb.integrate(PENDULUM, "stormer-verlet", **{"h": 0.1, "steps": 20, "q0": [1.0], "p0": [0.5]} | options)
+
+
+def test_the_energy_is_that_of_each_row():
+    s = swing()
+    np.testing.assert_allclose(s.energy(), s.p[:, 0] ** 2 / 2 - np.cos(s.q[:, 0]), rtol=1e-14)
+    assert 1e-5 < np.ptp(s.energy()) < 1e-2
+
+
+def test_the_invariants_are_the_problems():
+    s = pb.integrate("kepler", "stormer-verlet", h=0.01, t_end=1.0)
+    found = s.invariants()
+    assert set(found) == set(problem("kepler").invariants)
+    momentum = s.q[:, 0] * s.p[:, 1] - s.q[:, 1] * s.p[:, 0]
+    np.testing.assert_allclose(found["angular-momentum"], momentum, rtol=1e-14)
+    assert np.ptp(found["laplace-runge-lenz-1"]) > 1e-7 > 1e-13 > np.ptp(found["angular-momentum"])
+
+
+def test_those_of_a_system_are_its_expressions():
+    plane = pb.Hamiltonian(q="x y", p="u v", H="(u**2 + v**2 + x**2 + y**2)/2", invariants=["x*v - y*u"])
+    found = pb.integrate(plane, "rk4", h=0.1, steps=5, q0=[1, 0], p0=[0, 1]).invariants()
+    assert [v.shape for v in found.values()] == [(6,)]
+    assert next(iter(found.values()))[0] == 1.0
+
+
+def test_a_frame_has_the_variables_by_name():
+    frame = swing().to_frame()
+    assert list(frame) == ["t", "q", "p", "energy"]
+    s = swing()
+    np.testing.assert_array_equal(frame[["t", "q", "p"]].to_numpy(), np.column_stack([s.t, s.q, s.p]))
+    np.testing.assert_array_equal(frame["energy"], s.energy())
+
+
+@pytest.mark.parametrize("method", ["stormer-verlet", "gauss-4", "heyoka"])
+def test_the_error_is_against_a_finer_run(method):
+    options = {"tol": 1e-6} if method == "heyoka" else {"h": 0.25}
+    s = pb.integrate(PENDULUM, method, t_end=5.0, q0=[1.0], p0=[0.5], **options)
+    exact = pb.integrate(PENDULUM, "gauss-8", t_end=5.0, h=0.05, q0=[1.0], p0=[0.5])
+    expected = max(abs(s.q[-1] - exact.q[-1]).max(), abs(s.p[-1] - exact.p[-1]).max())
+    found = s.error()
+    assert found.error == pytest.approx(expected, abs=1e-13)
+    assert 0 < found.uncertainty < 1e-14
+    assert (found.horizon, found.source, found.reason) == (5.0, "long double", "")
+
+
+def test_the_error_of_a_registered_orbit_is_against_its_certified_state():
+    assert pb.integrate("henon-heiles:box", "rk4", h=0.1, t_end=10).error().source == "certified"
+    moved = pb.integrate("henon-heiles:box", "rk4", h=0.1, t_end=10, q0=[0.0, 0.2]).error()
+    assert moved.source == "long double"
+    assert 0 < moved.error < 1e-3
+
+
+def test_a_run_that_stopped_has_no_error():
+    away = pb.integrate("henon-heiles:box", "stormer-verlet", h=0.1, t_end=100, q0=[3, 3], p0=[0, 0])
+    assert away.status == "diverged"
+    with pytest.raises(pb.InvalidInput, match="diverged"):
+        away.error()
+
+
+def test_a_solution_prints_in_a_few_lines():
+    for s in (swing(steps=2000), pb.integrate("fpu", "stormer-verlet", h=0.01, steps=100)):
+        text = repr(s)
+        assert text.count("\n") <= 3
+        assert len(text) < 400
+        assert s.status in text
+        assert "array" not in text
+    assert f"q = [{s.q[-1, 0]:.6g}, " in text
+
+
+def test_a_solution_without_its_problem_says_so():
+    s = swing()
+    bare = Bare(s.t, s.q, s.p, s.status, s.reason, s.counts, s.h, s.method)
+    with pytest.raises(pb.InvalidInput, match="problem"):
+        bare.energy()
+    assert repr(bare)
+
+
+def test_a_step_of_ones_own_tells_the_same():
+    def leapfrog(system, q, p, h):
+        p = p - h / 2 * system.dH_dq(q, p)
+        q = q + h * system.dH_dp(q, p)
+        return q, p - h / 2 * system.dH_dq(q, p)
+
+    mine, ours = (pb.integrate(PENDULUM, m, h=0.1, t_end=5, q0=[1.0], p0=[0.5]) for m in (leapfrog, "stormer-verlet"))
+    assert mine.error().error == pytest.approx(ours.error().error, rel=1e-9)
+
+
+def test_a_prepared_run_of_a_system_begins_at_the_state_that_is_given():
+    run = pb.prepare(PENDULUM, "stormer-verlet", q0=[1.0], p0=[0.5])
+    q, p, code = run(0.1, 20)
+    s = swing()
+    assert (code, q[0], p[0]) == (run.SOLVED, s.q[-1, 0], s.p[-1, 0])
+    with pytest.raises(pb.InvalidInput, match="q0"):
+        pb.prepare(PENDULUM, "stormer-verlet")
+
+
+def test_a_problem_of_ones_own_is_made_of_public_names():
+    mine = pb.Problem("mine", "a pendulum", "", PENDULUM, (pb.Orbit("swing", (1.0,), (0.5,)),))
+    assert np.array_equal(pb.integrate(mine, "stormer-verlet", h=0.1, steps=20).q, swing().q)
