@@ -243,17 +243,12 @@ def _state(orbit: Orbit, name: str, d: int, where: str) -> tuple[float, ...]:
 
 def _check_start(system: PartitionedSystem, orbit: Orbit, where: str) -> None:
     q, p = np.array([orbit.q]), np.array([orbit.p])
-    for i, distance in enumerate(system.distances(q, p)[:, 0] if system.singularities else (), 1):
-        if not distance != 0 or not isfinite(distance):
-            raise InvalidInput(
-                f"{where}: the distance {i} of 'singular' is {distance} at the start: it is at a singularity"
-            )
     energy = system.energies(q, p)[0]
     if system.loops and not isinstance(system.H, sp.Basic):  # loops without a formula
         rates = system.vector_field()(0.0, np.concatenate([q[0], p[0]]))
         if not (isfinite(energy) and np.isfinite(rates).all()):
             raise InvalidInput(f"{where}: the loops give no finite numbers at the start")
-        return
+        return _check_distances(system, q, p, where)
     rates = system.rates(q, p)[:, 0]
     if not isfinite(energy) or not np.isfinite(rates).all():
         names = ["the energy", *(f"d{x}/dt" for x in (*system.q, *system.p))]
@@ -261,6 +256,15 @@ def _check_start(system: PartitionedSystem, orbit: Orbit, where: str) -> None:
             if isfinite(value):
                 continue
             raise InvalidInput(f"{where}: {name} is {value} at the start: it is at a singularity or outside H's domain")
+    _check_distances(system, q, p, where)
+
+
+def _check_distances(system: PartitionedSystem, q, p, where: str) -> None:
+    for i, distance in enumerate(system.distances(q, p)[:, 0] if system.singularities else (), 1):
+        if not distance != 0 or not isfinite(distance):
+            raise InvalidInput(
+                f"{where}: the distance {i} of 'singular' is {distance} at the start: it is at a singularity"
+            )
 
 
 def _check_kept(system: PartitionedSystem, expression: sp.Expr, orbit: Orbit, what: str) -> None:

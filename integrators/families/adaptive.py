@@ -7,9 +7,9 @@ Time is a function of a fictitious time in which steps are of the constant lengt
 .. math::
     \frac{dt}{d\tau} = \sigma(q) = \Bigl(\sum_k r_k(q)^{-3}\Bigr)^{-1/2},
 
-with the distances :math:`r_k` that vanish at the singularities which the system declares; so h is the step in time
-where the one distance that matters is 1.  The density :math:`\rho` of the steps follows :math:`1/\sigma` as a variable
-of its own, by the leapfrog rule,
+with the distances :math:`r_k` to the singularities, declared or found in H, softened ones among them; so h is the step
+in time where the one distance that matters is 1.  The density :math:`\rho` of the steps follows :math:`1/\sigma` as a
+variable of its own, by the leapfrog rule,
 
 .. math::
     \rho_{1/2} = \frac{1}{\sigma(q_0)} + \frac h2 G(y_0),\qquad
@@ -62,6 +62,7 @@ from phasebench.integrators.engine.vector import (
     velocity,
 )
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems import singularities
 
 from . import gauss_lanes, splitting, stage_lanes
 from .gauss_lanes import squared
@@ -251,11 +252,10 @@ def monitor(system, arithmetic: str):
     T = codegen.value_type(system.d)
 
     def results():
-        square = sum(r**-3 for r in system.singular)
-        change = sum(sp.diff(square, x) * v for x, v in zip(system.q, system.dq, strict=True)) / (2 * square)
-        return [sp.sqrt(square), change]
+        square, rate = singularities.density(singularities.steering(system), system.q, system.dq)
+        return [sp.sqrt(square), rate / (2 * square)]
 
-    kind = f"density of {', '.join(map(sp.srepr, system.singular))}"
+    kind = f"density of {', '.join(map(sp.srepr, singularities.steering(system)))}"
     return system.made(
         kind, [("q", system.q), ("p", system.p)], results, types.UniTuple(types.float64, 2)(T, T), arithmetic
     )
@@ -266,9 +266,26 @@ def gauss(method) -> bool:
     return len(method.data) == 1
 
 
+def required(method, s: int, system) -> None:
+    """Raise InvalidInput where Gauss's s stages cannot be had in lanes."""
+    if not gauss_lanes.serves(s, system):
+        raise InvalidInput(
+            f"method '{method.id}' requires an H of at most {codegen.TUPLE_LIMIT} degrees of freedom, derivatives "
+            "made of integer powers, square roots, sin, cos and exp, and a T that is no quadratic form but "
+            "sum p_i^2 / 2 m_i"
+        )
+
+
+def inverse_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
+    """The matrix of `remember`: from values at Gauss's nodes to coefficients of powers."""
+    with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
+        inverse = mpmath.matrix([[c**k for k in range(s)] for c, _ in gauss_legendre(s, mpmath.mp.dps)]) ** -1
+        return array(squared(([inverse[k, j] for k in range(s)] for j in range(s)), len(step.like)), arithmetic)
+
+
 def prepare(method, system, arithmetic) -> Prepared:
     """Of data (s,): Gauss of s stages; of (1, substeps): the splitting that they are."""
-    if not all(isinstance(r, sp.Expr) for r in system.singular):
+    if not all(isinstance(r, sp.Expr) for r in singularities.steering(system)):
         raise InvalidInput(f"method '{method.id}' requires the distances to the singularities as formulae")
     if not gauss(method):
         _, substeps = method.data
@@ -276,17 +293,10 @@ def prepare(method, system, arithmetic) -> Prepared:
         whole = Adaptive(None, split.dT, split.dV, split.a, split.b, None, monitor(system, arithmetic))
         return Prepared(run, whole, 1, 3, implicit=False, apart=True)
     (s,) = method.data
-    if not gauss_lanes.serves(s, system):
-        raise InvalidInput(
-            f"method '{method.id}' requires an H of at most {codegen.TUPLE_LIMIT} degrees of freedom, derivatives "
-            "made of integer powers, square roots, sin, cos and exp, and a T that is no quadratic form but "
-            "sum p_i^2 / 2 m_i"
-        )
+    required(method, s, system)
     step = gauss_lanes.laned(s, system, arithmetic)
-    with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
-        inverse = mpmath.matrix([[c**k for k in range(s)] for c, _ in gauss_legendre(s, mpmath.mp.dps)]) ** -1
-        columns = squared(([inverse[k, j] for k in range(s)] for j in range(s)), len(step.like))
-    whole = Adaptive(step, None, None, None, None, array(columns, arithmetic), monitor(system, arithmetic))
+    inverse = inverse_of(s, step, arithmetic)
+    whole = Adaptive(step, None, None, None, None, inverse, monitor(system, arithmetic))
     width, stages = gauss_lanes.room(step, system.d)
     unknowns = stage_lanes.components(step.inverse_mass, system.d)
     return Prepared(run, whole, width, max(3, stages), linear=len(step.like) * unknowns)

@@ -19,7 +19,7 @@ from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
-from . import deferred, generating
+from . import deferred, generating, singularities
 from .formula import parse
 
 
@@ -76,6 +76,7 @@ class PartitionedSystem:
             raise InvalidInput(f"there are {len(self.dq)} and {len(self.dp)} right-hand sides for d = {self.d}")
         self.H = None if energy is None else self._formula(energy)
         self.singular = tuple(self._formula(e) for e in singular)
+        self.softened: tuple[sp.Expr, ...] = ()
         self.invariants = tuple(self._formula(e) for e in invariants)
         self.frequencies: tuple[sp.Expr, ...] = ()
         self.kepler = None
@@ -121,7 +122,7 @@ class PartitionedSystem:
             "Kepler part": self.kepler is not None,
             "Poisson structure": self.poisson,
             "further invariants": len(self.invariants) > 0,
-            "singular distances": self.singularities > 0,
+            "singular distances": bool(singularities.steering(self)),
         }
 
     def known(self, name: str, find: Callable[[], object]):
@@ -296,7 +297,8 @@ class Hamiltonian(PartitionedSystem):
     q, p : sequences of symbols or names, of equal length d
     H : expression, or a formula as text (parsed, never evaluated as Python)
     singular : expressions, optional
-        Distances that vanish where H is singular.
+        Distances that vanish where H is singular.  Where they are not given they are found in H (`singularities`),
+        with the softened ones, which cannot vanish; an empty tuple says that there are none.
     invariants : expressions, optional
         What the flow keeps besides H.
     frequencies : d numbers, optional
@@ -325,15 +327,16 @@ class Hamiltonian(PartitionedSystem):
 
     poisson = True
 
-    def __init__(self, *, q, p, H, singular=(), invariants=(), frequencies=(), kepler=None):
-        given = {"q": q, "p": p, "H": H, "singular": singular, "invariants": invariants}
+    def __init__(self, *, q, p, H, singular=None, invariants=(), frequencies=(), kepler=None):
+        given = {"q": q, "p": p, "H": H, "invariants": invariants}
+        given |= {} if singular is None else {"singular": singular}
         text = all(isinstance(x, str) for x in _flat(given.values())) and type(self) is Hamiltonian
         if not text or frequencies or kepler is not None:
             self._derive(**given, frequencies=frequencies, kepler=kepler)
         else:
             vars(self).update(vars(deferred.system(deferred.key_of(given), partial(_derived, given))))
 
-    def _derive(self, *, q, p, H, singular=(), invariants=(), frequencies=(), kepler=None) -> None:
+    def _derive(self, *, q, p, H, singular=None, invariants=(), frequencies=(), kepler=None) -> None:
         """Make the system of the formulae."""
         q, p = _symbols(q), _symbols(p)
         if isinstance(H, str):
@@ -348,9 +351,11 @@ class Hamiltonian(PartitionedSystem):
             dq=[sp.diff(H, x) for x in p],
             dp=[-sp.diff(H, x) for x in q],
             energy=H,
-            singular=singular,
+            singular=singular or (),
             invariants=invariants,
         )
+        if singular is None:
+            self.singular, self.softened = singularities.find(H, self.q, self.p)
         self.frequencies, self.kepler = tuple(sp.sympify(w) for w in frequencies), kepler
         if self.frequencies and (len(self.frequencies) != self.d or not self.unit_mass):
             raise InvalidInput(f"frequencies are {self.d} numbers of a system with H = |p|^2 / 2 + V(q)")

@@ -190,7 +190,8 @@ class HandHamiltonian(Hamiltonian):
         if missing:
             raise InvalidInput(f"the loop '{missing[0]}' is missing; there are {', '.join(sorted(loops)) or 'none'}")
         self.H, self.loops, self.constants = Unwritten() if H is None else H, loops, tuple(constants)
-        self.singular, self.invariants, self.kepler = tuple(singular), tuple(invariants), None
+        self.singular, self.softened = tuple(singular), ()
+        self.invariants, self.kepler = tuple(invariants), None
         self.frequencies = tuple(sp.sympify(w) for w in frequencies)
         self.polynomial_degree = degree
         self.separable = self.quadratic_kinetic = self.unit_mass = "grad_V" in loops

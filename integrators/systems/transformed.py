@@ -20,6 +20,7 @@ from phasebench.integrators.engine.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
 from .hamiltonian import Hamiltonian
+from .singularities import size, steering
 
 
 def distance_scale(system) -> sp.Expr:
@@ -27,9 +28,10 @@ def distance_scale(system) -> sp.Expr:
 
     Raises InvalidInput where it declares none as formulae.
     """
-    if not system.singular or not all(isinstance(r, sp.Expr) for r in system.singular):
-        raise InvalidInput("the system declares no distances to singularities; give the scale of time")
-    return 1 / sp.sqrt(sum(r**-3 for r in system.singular))
+    distances = steering(system)
+    if not distances or not all(isinstance(r, sp.Expr) for r in distances):
+        raise InvalidInput("the system has no distances to singularities as formulae; give the scale of time")
+    return 1 / sp.sqrt(sum(size(r) ** -3 for r in distances))
 
 
 class TransformedHamiltonian(Hamiltonian):
@@ -61,6 +63,7 @@ class TransformedHamiltonian(Hamiltonian):
             singular=system.singular,
             invariants=system.invariants,
         )
+        self.softened = system.softened
 
     def start(self, q0, p0) -> tuple[np.ndarray, np.ndarray]:
         """The initial state (q, t), (p, -H) at t = 0, arrays (d + 1,), of the original one."""

@@ -90,7 +90,9 @@ def test_what_cannot_be_transformed_is_refused():
     with pytest.raises(InvalidInput, match="no distances"):
         TransformedHamiltonian(problem("henon-heiles").system)
     with pytest.raises(InvalidInput, match="no distances"):
-        distance_scale(SimpleNamespace(singular=(ORBIT.system.q[0], np.hypot)))  # one of them is no formula
+        distance_scale(
+            SimpleNamespace(singular=(ORBIT.system.q[0], np.hypot), softened=())
+        )  # one of them is no formula
     with pytest.raises(InvalidInput, match="coordinates alone"):
         TransformedHamiltonian(ORBIT.system, scale=f"1 + {ORBIT.system.p[0]}**2")
     with pytest.raises(InvalidInput, match="canonical"):

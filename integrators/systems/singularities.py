@@ -1,0 +1,172 @@
+"""Distances to the singularities of a formula, found in it: bases of negative powers, arguments of logarithms, poles.
+
+Of 1/sqrt(x**2 + y**2), written in any way, it is r = sqrt(x**2 + y**2); of 1/(q - 1)**2 and log(q - 1) it is q - 1.  A
+base that is a sum of squares and a positive number, as in 1/sqrt(r**2 + 0.01), has a *softened* distance: it cannot
+vanish, so it is nothing to collide with, but steps have to follow it as they follow r.
+
+A quadratic base is decided exactly, by completing squares.  Of any other one it is searched for zeros by numbers, from
+seeded points; one that has none is a softened distance if it is a polynomial, and else regular (2 + cos(q), cosh(q)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from phasebench.integrators.engine.lazy import sympy as sp
+
+#: Boxes in which zeros of a base are searched, and the points in each; the share of the typical size that is zero.
+BOXES, POINTS, ZERO = (0.3, 1.0, 4.0, 16.0), 200, 1e-9
+#: A polynomial of a higher degree in more variables than these is not factorized.
+FACTORIZED = 4
+
+
+class Distances(NamedTuple):
+    """Expressions that vanish at singularities, and those that cannot vanish but steer the step all the same."""
+
+    singular: tuple[sp.Expr, ...]
+    softened: tuple[sp.Expr, ...]
+
+
+def find(H: sp.Expr, coordinates: Sequence[sp.Symbol], momenta: Sequence[sp.Symbol]) -> Distances:
+    """The distances to the singularities of H in the coordinates; a base that holds momenta has none."""
+    found: dict[bool, dict[sp.Expr, None]] = {True: {}, False: {}}
+    for factor in dict.fromkeys(f for base in _bases(H, {*coordinates}, {*momenta}) for f in _factors(base)):
+        variables = sorted(factor.free_symbols, key=str)
+        distance, vanishes = _distance(factor, variables)
+        if distance is not None:
+            found[vanishes][distance] = None
+    return Distances(*(tuple(sorted(found[kind], key=sp.default_sort_key)) for kind in (True, False)))
+
+
+def steering(system) -> tuple:
+    """The distances that steps follow: those that vanish and those that are softened."""
+    return (*system.singular, *system.softened)
+
+
+def size(distance: sp.Expr) -> sp.Expr:
+    """|distance|: one such as q - 1 has a sign."""
+    return distance if distance.is_nonnegative else sp.Abs(distance)
+
+
+def density(distances: Iterable[sp.Expr], q: Sequence[sp.Symbol], dq: Sequence[sp.Expr]) -> tuple[sp.Expr, sp.Expr]:
+    r"""(:math:`1/\sigma^2 = \sum_k |r_k|^{-3}`, its derivative along the motion q' = dq)."""
+    terms, rates = [], []
+    for r in distances:
+        term = size(r) ** -3
+        rate = sum(sp.diff(r, x) * v for x, v in zip(q, dq, strict=True))
+        terms.append(term)
+        rates.append(-3 * term * rate / r)
+    return sp.Add(*terms), sp.Add(*rates)
+
+
+# -- where a formula may be singular -----------------------------------------------------------------------------------
+
+
+def _bases(H: sp.Expr, coordinates: set, momenta: set) -> Iterator[sp.Expr]:
+    """What H must not be zero of: bases of negative powers, arguments of logarithms, cosines below a tangent."""
+    for e in sp.preorder_traversal(H):
+        if isinstance(e, sp.Pow) and e.exp.is_number and e.exp.is_negative:
+            base = e.base
+        elif isinstance(e, sp.log):
+            base = e.args[0]
+        elif isinstance(e, sp.tan):
+            base = sp.cos(e.args[0])
+        else:
+            continue
+        if base.free_symbols & coordinates and not base.free_symbols & momenta:
+            yield base
+
+
+def _factors(base: sp.Expr) -> Iterator[sp.Expr]:
+    """The factors of a base whose zeros are its own, without their powers."""
+    exact = base.replace(lambda e: e.is_Float, lambda e: sp.Rational(float(e)))
+    numerator = sp.fraction(sp.together(exact))[0]
+    for f in sp.Mul.make_args(numerator):
+        inner = f.as_base_exp()[0] if not isinstance(f, sp.exp) else sp.Integer(1)
+        if not inner.free_symbols:
+            continue
+        if inner != numerator:
+            yield from _factors(inner)
+        elif inner.is_polynomial() and (len(inner.free_symbols) <= FACTORIZED or sp.Poly(inner).total_degree() <= 2):
+            yield from (g for g, _ in sp.factor_list(inner)[1])
+        else:
+            yield inner
+
+
+# -- the distance of a factor ------------------------------------------------------------------------------------------
+
+
+def _distance(F: sp.Expr, variables) -> tuple[sp.Expr | None, bool]:
+    """(the distance of a factor, whether it vanishes somewhere); None where the factor is regular."""
+    if F.is_polynomial():
+        polynomial = sp.Poly(F, *variables)
+        degree = polynomial.total_degree()
+        if degree == 1:
+            return sp.expand(F / max(map(abs, polynomial.coeffs()[: len(variables)]))), True
+        if degree == 2:
+            return _of_quadratic(polynomial, variables)
+        sign = _sign(F, variables)
+        return (F, True) if sign == 0 else (sp.root(abs(sign) // sign * F, degree), abs(sign) == 1)
+    if F.is_positive or F.is_negative:
+        return None, False
+    sign = _sign(F, variables)
+    if sign == 0:
+        return F, True
+    return (sp.sqrt(sign * F), True) if abs(sign) == 1 else (None, False)
+
+
+def _of_quadratic(polynomial, variables) -> tuple[sp.Expr, bool]:
+    F = polynomial.as_expr()
+    for sign in (1, -1):
+        squares, least = _squares(sign * F, variables)
+        if least is None or least < 0:
+            continue
+        largest = max(abs(polynomial.coeff_monomial(x**2)) for x in variables)
+        return sp.sqrt(sp.Add(*(a / largest * x**2 for a, x in squares), least / largest)), least == 0
+    return F, True
+
+
+def _squares(F: sp.Expr, variables) -> tuple[list[tuple], sp.Rational | None]:
+    """A quadratic polynomial as sum a x^2 + its least value: ([(a, x), ...], that); None where it has none.
+
+    Where it is nearly zero its value is known to all digits in this form alone.
+    """
+    squares = []
+    for x in variables:
+        a, b = (F.coeff(x, n) for n in (2, 1))
+        if a.is_negative or (a == 0 and b != 0):
+            return [], None
+        if a != 0:
+            squares.append((a, x + sp.expand(b / (2 * a))))
+            F = sp.expand(F - a * x**2 - b * x - b**2 / (4 * a))
+    return squares, F
+
+
+def _sign(F: sp.Expr, variables) -> int:
+    """0 where F changes its sign, +-1 where it has a zero without, +-2 where none is found; the sign is F's."""
+    from scipy.optimize import minimize
+
+    f = sp.lambdify(variables, F, "numpy")
+    rng = np.random.default_rng(0)
+    points = np.concatenate([box * rng.uniform(-1, 1, (POINTS, len(variables))) for box in BOXES])
+    with np.errstate(all="ignore"):
+        values = np.broadcast_to(np.asarray(f(*points.T), float), len(points))
+        good = np.isfinite(values)
+        if not good.any() or (values[good].min() < 0 < values[good].max()):
+            return 0
+        sign = 1 if values[good].max() > 0 else -1
+        least = min(
+            minimize(
+                lambda x: np.nan_to_num(sign * f(*x), nan=1e300, posinf=1e300),
+                start,
+                method="Nelder-Mead",
+                options={"xatol": 1e-12, "fatol": 1e-14, "maxiter": 4000},
+            ).fun
+            for start in points[good][np.argsort(np.abs(values[good]))[:4]]
+        )
+    if least < -ZERO * np.median(np.abs(values[good])):
+        return 0
+    return sign * (1 if least < ZERO * np.median(np.abs(values[good])) else 2)
