@@ -16,7 +16,7 @@ MANY = 20
 
 def unknown(kind: str, name: str, known: Iterable[str]) -> InvalidInput:
     """The error for an unknown name, with the nearest known ones."""
-    known = sorted(known)
+    known = sorted(set(known))
     near = difflib.get_close_matches(name, known, n=8, cutoff=0.6)
     more = f" and {len(known) - MANY} more (`phasebench list`)" if len(known) > MANY else ""
     hint = f"did you mean {' or '.join(near)}?" if near else f"known are {', '.join(known[:MANY])}{more}"

@@ -47,6 +47,7 @@ def integrate(
     ] = None,
     t_end: Annotated[str | None, typer.Option(help=END_TIME)] = None,
     steps: Annotated[int | None, typer.Option(help="Number of steps.")] = None,
+    t0: Annotated[float, typer.Option("--t0", help="Time at the start; an end before it goes back in time.")] = 0.0,
     tol: Annotated[float | None, typer.Option(help="Tolerance of an adaptive peer.")] = None,
     param: Annotated[list[str], typer.Option(help="A method's parameter: lam=1/3.")] = [],  # noqa: B006
     set_: Annotated[list[str], typer.Option("--set", help="A problem's parameter: e=0.2.")] = [],  # noqa: B006
@@ -82,6 +83,7 @@ def integrate(
                 "give a problem and a method, as in: integrate pendulum stormer-verlet --h 0.1 --t-end 1"
             )
         q0, p0 = numbers(q, "q"), numbers(p, "p")
+        _check_order(problem, method)
         _check_output(output, every)
         chosen_problem = made(problem, hamiltonian, values(set_, "set"), q0, p0)
         parameters |= pairs(param, "--param")
@@ -90,7 +92,8 @@ def integrate(
 
             chosen = integrator(method, **parameters)
             wanted = Wanted(error, quantity, output, every)
-            options = {"h": h, "t_end": end_time(t_end, chosen_problem), "steps": steps, "q0": q0, "p0": p0}
+            span = end_time(t_end, chosen_problem)
+            options = {"h": h, "t_end": span, "steps": steps, "t0": t0, "q0": q0, "p0": p0}
             result = _integrated(chosen_problem, chosen, wanted, tol, timeout, **options)
     if as_json:
         print_json(result)
@@ -110,6 +113,16 @@ def made(name: str | None, hamiltonian: str | None, parameters: dict[str, float]
     from phasebench.benchmarks.problems.user import from_formula
 
     return from_formula(hamiltonian, q0, p0, parameters, id=name)
+
+
+def _check_order(problem: str | None, method: str | None) -> None:
+    """Raise InvalidInput where the method stands in the place of the problem."""
+    from phasebench.benchmarks.problems import PROBLEMS
+    from phasebench.integrators.registry import BY_ID
+    from phasebench.reference.peers import BY_ID as PEERS_BY_ID
+
+    if problem in {*BY_ID, *PEERS_BY_ID} and method is not None and method.partition(":")[0] in PROBLEMS:
+        raise InvalidInput(f"the problem comes first, then the method: integrate {method} {problem}")
 
 
 def _label(word: str) -> tuple[str | None, str | None]:
@@ -165,7 +178,7 @@ def _errors(problem, integrator, solution, wanted: Wanted, tol, common: dict) ->
     from phasebench.benchmarks.measure.quantities import quantity
 
     problem = against.started(problem, common["q0"], common["p0"])
-    t_end = float(solution.t[-1] if common["t_end"] is None else common["t_end"])
+    t_end = float((solution.t[-1] if common["t_end"] is None else common["t_end"]) - common["t0"])
     found = against.end_error(problem, solution, t_end)
     if wanted.quantity:
         size = {"tol": tol} if integrator.adaptive else {"steps": solution.counts["steps"]}
@@ -186,6 +199,7 @@ def _result(problem, solution, extremes, parameters: dict[str, Any]) -> dict[str
         "params": parameters,
         "h": solution.h,
         "steps": solution.counts["steps"],
+        "t0": float(solution.t[0]),
         "t": float(solution.t[-1]),
         "q": [float(x) for x in solution.q[-1]],
         "p": [float(x) for x in solution.p[-1]],
@@ -217,7 +231,8 @@ def _print(result: dict[str, Any]) -> None:
         table.add_row("reason", Text(result["reason"]))
     names = ", ".join(f"{k}={v}" for k, v in result["params"].items())
     table.add_row("run", Text(f"{result['method']}{f'({names})' if names else ''} on {result['problem']}"))
-    fixed = abs(result["steps"] * result["h"] - result["t"]) <= 1e-9 * abs(result["t"])
+    span = result["t"] - result["t0"]
+    fixed = abs(result["steps"] * result["h"] - span) <= 1e-9 * abs(span)
     steps = "steps of h =" if fixed else "steps, rows every"
     table.add_row("time", f"t = {result['t']!r}, {result['steps']} {steps} {result['h']!r}")
     table.add_row("q", shortened(result["q"]))

@@ -12,7 +12,7 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
-from .shared import END_TIME, end_time, err, invalid_input, out, warn
+from .shared import END_TIME, end_time, err, invalid_input, out, telling, warn
 
 
 def run(
@@ -22,8 +22,9 @@ def run(
     ] = None,
     t_end: Annotated[str | None, typer.Option(help=f"Of PROBLEM. {END_TIME}")] = None,
     quantity: Annotated[str, typer.Option(help="Of PROBLEM: whose error is measured.")] = "end-state",
-    scene: Annotated[list[str], typer.Option(help="A scene; all where none is named.")] = [],  # noqa: B006
-    method: Annotated[list[str], typer.Option(help="A method or a peer; all where none is named.")] = [],  # noqa: B006
+    scene: Annotated[list[str], typer.Option(help="A scene of `list scenes`; repeat it.")] = [],  # noqa: B006
+    method: Annotated[list[str], typer.Option(help="A method or a peer; repeat it.")] = [],  # noqa: B006
+    everything: Annotated[bool, typer.Option("--all", help="Measure all that is not named.")] = False,
     quick: Annotated[bool, typer.Option(help="Fewer steps.")] = False,
     jobs: Annotated[int, typer.Option(help="Measure scenes in so many processes beside each other.", min=0)] = 0,
     scheduler: Annotated[
@@ -33,29 +34,26 @@ def run(
         Path, typer.Option(help="Rows, one JSON object a line; those that are there and have not changed stay.")
     ] = Path("rows.jsonl"),
 ) -> None:
-    """Sweep methods over scenes, or over one problem's steps, into tidy rows on disk."""
+    """Sweep methods over scenes, or over one problem's steps, into tidy rows on disk.
+
+    Without a scene and a method it says what --all would measure, and for how long.
+    """
     if problem is not None:
         with invalid_input():
             if jobs or scheduler:
                 raise InvalidInput("--jobs and --scheduler are for scenes: the steps of one problem are timed, alone")
         _one(problem, t_end, quantity, method, scene, output)
         return
-    from phasebench.benchmarks.experiments.trade import peer_rows, sweep
-    from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
     from phasebench.benchmarks.rows import lines, screen
     from phasebench.benchmarks.rows.cluster import Cluster
-    from phasebench.integrators.errors import unknown
-    from phasebench.integrators.registry import METHODS
 
-    methods = [m.id for m in (*METHODS, *peer_rows.swept())]
     with invalid_input():
-        for name, known, kind in [(s, BY_ID, "scene") for s in scene] + [(m, methods, "method") for m in method]:
-            if name not in known:
-                raise unknown(kind, name, known)
-        only = (lambda m: m.id in method) if method else None
-        cells = sweep.cells(quick, [s for s in SCENES if not scene or s.id in scene], only)
+        cells = _cells(scene, method, quick)
         if jobs and scheduler:
             raise InvalidInput("both --jobs and --scheduler are given; leave out one of them")
+        if not (scene or method or quick or everything):
+            _announce(cells)
+            return
         cluster = Cluster(scheduler) if scheduler else None
         with closing(cluster) if cluster else nullcontext(), screen.progress(sys.stderr) as progress:
             entries, failed, there = lines.measure(output, cells, progress, jobs, cluster)
@@ -70,24 +68,68 @@ def run(
         raise typer.Exit(1)
 
 
+def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
+    """The cells of the scenes and methods that are named, or of all; raises InvalidInput for unknown names.
+
+    The scenes of the trade are measured where they are named, or with all; not by --quick or --method alone.
+    """
+    from phasebench.benchmarks.experiments.trade import question_rows, sweep
+    from phasebench.benchmarks.problems.questions import BY_ID as ASKED
+    from phasebench.benchmarks.problems.questions import QUESTIONS
+    from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
+    from phasebench.integrators.errors import unknown
+
+    known = [m.id for m in question_rows.swept()]
+    for name, names, kind in [(s, {**BY_ID, **ASKED}, "scene") for s in scenes] + [
+        (m, known, "method") for m in methods
+    ]:
+        if name not in names:
+            raise unknown(kind, name, names)
+    only = (lambda m: m.id in methods) if methods else None
+    whole = not (scenes or methods or quick)
+    held = sweep.cells(quick, [s for s in SCENES if not scenes or s.id in scenes], only)
+    return held + question_rows.cells([q for q in QUESTIONS if whole or q.id in scenes], only)
+
+
+def _announce(cells: list) -> None:
+    """Say what a run of all cells would measure, and how long that takes."""
+    from phasebench.benchmarks.rows.run import standing
+    from phasebench.benchmarks.rows.tables import Table
+
+    stored = {"rows": Table(Path("reports") / "data", "rows")}
+    hours = sum(standing(cell, stored).spent for cell in cells) / 3600
+    scenes, methods = ({cell.key[k] for cell in cells} for k in ("scene", "method"))
+    out.print(
+        f"{len(methods)} methods and peers on {len(scenes)} scenes are {len(cells)} cells, about {hours:.2g} hours "
+        "(a cell without a stored time counts as 5 s): `run --all` measures them; "
+        "`run --scene pendulum-t2 --method pefrl` only those, `run --quick` a few steps of each method",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
 def _one(problem: str, t_end: str | None, quantity: str, methods: list[str], scenes: list[str], output: Path) -> None:
     """Error and time of methods on one problem, from where each breaks to round-off, one JSON object a line."""
     import json
 
     from phasebench.benchmarks.measure.compilation import row_failures
+    from phasebench.benchmarks.workprecision import workprecision
     from phasebench.reference.tables import write_file
 
     from .integrate import made
-    from .workprecision import measured
 
     with invalid_input():
         if scenes:
             raise InvalidInput("both a problem and a scene are given; leave out one of them")
         if not output.parent.is_dir():
             raise InvalidInput(f"--output is {output}, and there is no folder {output.parent}")
-        chosen = made(problem, None, {}, None, None)
-        rows = measured(chosen, end_time(t_end, chosen), quantity, ",".join(methods))
-        write_file(output, "".join(json.dumps(row) + "\n" for row in rows))
+        with telling("run") as tell:
+            chosen = made(problem, None, {}, None, None)
+            rows = workprecision(chosen, methods, t_end=end_time(t_end, chosen), quantity=quantity, progress=tell).rows
+        try:
+            write_file(output, "".join(json.dumps(row) + "\n" for row in rows))
+        except OSError as error:
+            raise InvalidInput(f"--output {output} cannot be written: {error.strerror or error}") from None
     warn(row_failures(rows)[1])
     ends = Counter(r["status"] for r in rows)
     out.print(f"{len(rows)} rows in {output}: " + ", ".join(f"{n} {s}" for s, n in ends.items()))

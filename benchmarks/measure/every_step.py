@@ -117,8 +117,10 @@ def _spacing(problem, every: int | None, common: dict) -> int:
 class Thinned(Trajectory):
     """The rows of a run that is integrated step by step, of which some are kept."""
 
-    def __init__(self, seen: Callable[[np.ndarray, np.ndarray], None], system, q, p, h, steps: int, every: int, *words):
-        super().__init__(system, q, p, h, steps, every, DOUBLE, *words)
+    def __init__(
+        self, seen: Callable[[np.ndarray, np.ndarray], None], system, q, p, h, steps: int, every: int, *words, t0=0.0
+    ):
+        super().__init__(system, q, p, h, steps, every, DOUBLE, *words, t0=t0)
         self.seen = seen
         n = min(steps, PIECE, max(1, BUFFER // system.d))
         self._buffer = np.zeros((n + 1, system.d)), np.zeros((n + 1, system.d)), np.full((n, 1), np.nan)
@@ -188,14 +190,16 @@ class Thinned(Trajectory):
 
 def _of_method(problem, record: Method, extremes: Extremes, every: int, timeout, common: dict) -> Solution:
     check_timeout(timeout)
-    system, q, p, h, steps, every = request(problem, **common, save_every=every)
+    asked = request(problem, **common, save_every=every)
+    system = asked.system
     lack = record.lacks(system)
     if lack:
         raise InvalidInput(lack)
     kernel = prepare(record, system, DOUBLE)
     words = kernel.missed, unsolved(record.family, system.d)
-    trajectory = Thinned(extremes.see, system, q, p, h, steps, every, *words)
-    return driver._run(kernel, trajectory, record, timeout, None)
+    size = asked.h, asked.steps, asked.every
+    trajectory = Thinned(extremes.see, system, asked.q, asked.p, *size, *words, t0=asked.t0)
+    return driver._run(kernel, trajectory, record, timeout, None, problem)
 
 
 # -- others -----------------------------------------------------------------------------------------------------------
@@ -230,7 +234,7 @@ def _of_step(problem, record: OwnStep, extremes: Extremes, every: int, timeout, 
 def _of_peer(problem, integrator: Integrator, extremes: Extremes, tol, common: dict) -> Solution:
     d, every = problem.system.d, 1
     if common["h"] is not None or common["steps"] is not None:
-        _, steps = grid(common["h"], common["t_end"], common["steps"])
+        _, steps = grid(common["h"], common["t_end"], common["steps"], common.get("t0", 0.0))
         every = max(1, -(-steps * d // (LARGEST // 4)))
     solution = integrator.run(problem, **common, tol=tol, save_every=every)
     extremes.see(solution.q, solution.p)

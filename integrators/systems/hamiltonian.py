@@ -29,6 +29,18 @@ def _symbols(names: Sequence[sp.Symbol | str] | str) -> tuple[sp.Symbol, ...]:
     return tuple(n if isinstance(n, sp.Symbol) else sp.Symbol(n, real=True) for n in names)
 
 
+def _expression(e) -> sp.Expr:
+    """A SymPy expression; raises InvalidInput for what is none, such as a function of Python."""
+    try:
+        found = sp.sympify(e)
+    except (sp.SympifyError, TypeError, AttributeError):
+        found = None
+    if not isinstance(found, sp.Expr):
+        kind = "a function of Python" if callable(e) else f"{e!r}"
+        raise InvalidInput(f"a formula is {kind}; give a SymPy expression, or text such as 'p**2/2 - cos(q)'")
+    return found
+
+
 class PartitionedSystem:
     """The system q' = a(q, p), p' = b(q, p).
 
@@ -91,7 +103,7 @@ class PartitionedSystem:
     def _formula(self, e) -> sp.Expr:
         if isinstance(e, str):
             e = parse(e, {str(s): s for s in (*self.q, *self.p)})
-        e = sp.sympify(e)
+        e = _expression(e)
         foreign = e.free_symbols - {*self.q, *self.p}
         if foreign:
             known = ", ".join(map(str, (*self.q, *self.p)))
@@ -341,7 +353,7 @@ class Hamiltonian(PartitionedSystem):
         q, p = _symbols(q), _symbols(p)
         if isinstance(H, str):
             H = parse(H, {str(s): s for s in (*q, *p)})
-        H = sp.sympify(H)
+        H = _expression(H)
         if not H.free_symbols & {*q, *p}:
             raise InvalidInput("H depends on none of the coordinates and momenta")
         PartitionedSystem.__init__(

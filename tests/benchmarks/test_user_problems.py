@@ -226,3 +226,9 @@ def test_two_degrees_of_freedom():
     code, found = run("stormer-verlet", "--hamiltonian", H, "--q", q, "--p", p, *STEPS)
     assert code == 0
     assert found["q"] == pytest.approx(expected.tolist(), rel=1e-13)
+
+
+@pytest.mark.parametrize("H", [lambda q, p: p**2 / 2, object(), None, [1, 2]])
+def test_what_is_no_formula_is_refused(H):
+    with pytest.raises(InvalidInput, match="give a SymPy expression"):
+        Hamiltonian(q="q", p="p", H=H)
