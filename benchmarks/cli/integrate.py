@@ -98,7 +98,7 @@ def integrate(
     if as_json:
         print_json(result)
     else:
-        _print(result)
+        _print(result, t0)
     raise typer.Exit(0 if result["status"] == "ok" else WRONG)
 
 
@@ -199,7 +199,6 @@ def _result(problem, solution, extremes, parameters: dict[str, Any]) -> dict[str
         "params": parameters,
         "h": solution.h,
         "steps": solution.counts["steps"],
-        "t0": float(solution.t[0]),
         "t": float(solution.t[-1]),
         "q": [float(x) for x in solution.q[-1]],
         "p": [float(x) for x in solution.p[-1]],
@@ -220,7 +219,7 @@ def shortened(state: list[float]) -> str:
     return f"{first}, ..., {last} ({len(state)} numbers; all with --json)"
 
 
-def _print(result: dict[str, Any]) -> None:
+def _print(result: dict[str, Any], t0: float) -> None:
     from rich.table import Table
     from rich.text import Text
 
@@ -231,7 +230,7 @@ def _print(result: dict[str, Any]) -> None:
         table.add_row("reason", Text(result["reason"]))
     names = ", ".join(f"{k}={v}" for k, v in result["params"].items())
     table.add_row("run", Text(f"{result['method']}{f'({names})' if names else ''} on {result['problem']}"))
-    span = result["t"] - result["t0"]
+    span = result["t"] - t0
     fixed = abs(result["steps"] * result["h"] - span) <= 1e-9 * abs(span)
     steps = "steps of h =" if fixed else "steps, rows every"
     table.add_row("time", f"t = {result['t']!r}, {result['steps']} {steps} {result['h']!r}")

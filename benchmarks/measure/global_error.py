@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import sympy as sp
 
 from phasebench.benchmarks.measure import quantities, truths
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.quantities import END_STATE, TRAJECTORY, Quantity, Truth
 from phasebench.benchmarks.problems.base import Orbit
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.reference.certificates import followed, horizon, stored
 from phasebench.reference.solvers.taylor import ReferenceFailed
 
@@ -28,11 +31,28 @@ def started(problem, q0=None, p0=None):
     return replace(problem, id=f"{problem.id} from a given state", orbits=(orbit,), orbit="")
 
 
-def end_error(problem, solution, t_end: float) -> dict[str, Any]:
+def onwards(problem, solution, span: float):
+    """(problem, solution, span) with times from 0 on: a span back in time is one of -H onwards.
+
+    Raises InvalidInput for a span back in time of a system that is not canonical or has no formula.
+    """
+    sign = 1.0 if span > 0 else -1.0
+    rows = SimpleNamespace(t=sign * (solution.t - solution.t[0]), q=solution.q, p=solution.p)
+    if span > 0:
+        return problem, rows, span
+    system = problem.system
+    if not (system.canonical and isinstance(system.H, sp.Basic)):
+        raise InvalidInput("the error of a span back in time is told of canonical systems with a formula of H alone")
+    back = Hamiltonian(q=system.q, p=system.p, H=-system.H)
+    return replace(problem, id=f"{problem.id} back in time", system=back), rows, -span
+
+
+def end_error(problem, solution, span: float) -> dict[str, Any]:
     """``global_error``, the max norm over (q, p) at the end, and the ``reference`` it was told by.
 
     None past the horizon, and where the reference fails or is not known well enough: ``reference`` has the reason.
     """
+    problem, solution, t_end = onwards(problem, solution, span)
     try:
         true = truths.truth(problem, END_STATE, t_end)
         reach = reached(problem, t_end)

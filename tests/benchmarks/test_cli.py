@@ -352,7 +352,7 @@ INVALID = [
     (("pendulum", "rk4", "--h", "0", "--t-end", "1"), "h is 0"),
     (("pendulum", "rk4", "--h", "-0.1", "--t-end", "1"), "h is -0.1"),
     (("pendulum", "rk4", "--h", "nan", "--t-end", "1"), "h is nan"),
-    (("pendulum", "rk4", "--h", "0.1", "--t-end", "inf"), "t_end is inf"),
+    (("pendulum", "rk4", "--h", "0.1", "--t-end", "inf"), "it must be a finite number"),
     (("pendulum", "rk4", "--h", "0.1", "--steps", "0"), "steps is 0"),
     (("pendulum", "rk4"), "give"),
     (("pendulum", "rk4", "--h", "0.1"), "t_end or steps"),

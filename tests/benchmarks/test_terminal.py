@@ -97,7 +97,7 @@ def test_a_span_may_begin_anywhere_and_go_back(span, times):
     code, text, said = call("integrate", "pendulum", "gauss-4", *span, "--error", "--json")
     assert code == 0, said
     found = json.loads(text)
-    assert (found["t0"], found["t"]) == pytest.approx(times)
+    assert found["t"] == pytest.approx(times[1])
     assert found["q"] == pytest.approx(ahead["q"], rel=1e-12)  # the pendulum begins at rest
     sign = 1 if times[1] > times[0] else -1
     assert found["p"] == pytest.approx([sign * x for x in ahead["p"]], rel=1e-12)

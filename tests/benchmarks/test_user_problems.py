@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.problems import file_and_orbit, problem, user
-from phasebench.integrators import integrate
+from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.errors import InvalidInput
 
 ROOT = Path(__file__).resolve().parents[2]
