@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.advice import against
 from phasebench.benchmarks.experiments.references import odd
+from phasebench.benchmarks.measure import global_error as against
 from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.quantities import END_STATE
 from phasebench.benchmarks.problems import labels, problem
