@@ -24,7 +24,7 @@ STARTS = 16
 SHARED, AGAIN = 0.05, 5
 #: Fewer readings than this share that stay disturbed are not worth telling.
 RARELY = 0.02
-#: A run of more seconds needs no warming up.
+#: A run of more seconds needs no warming up: its first counts.
 COLD = 0.05
 #: A span of so many units in the last place of the whole: what is left is the cost of a call.
 SHORTEST = 1e-9
@@ -69,8 +69,9 @@ class Clock:
 
     def __call__(self) -> float:
         """The mean seconds of a run in one reading."""
-        if not self._starts:
-            self._warm()
+        if not self._starts and (seconds := self._warm()) > COLD:
+            self.sharing.readings += 1
+            return seconds
         for _ in range(1 + AGAIN):
             seconds, shared = self._reading()
             self.sharing.readings += 1
@@ -81,8 +82,8 @@ class Clock:
             self.sharing.disturbed += 1
         return seconds
 
-    def _warm(self) -> None:
-        """Take one run that is not counted, and see from another how many make a reading."""
+    def _warm(self) -> float:
+        """The seconds of a first run, which count where it is long; sees from it how many make a reading."""
         q, p = (np.asarray(x, dtype=float) for x in self.start)
         self.run.restart(q, p)
         began = time.perf_counter()
@@ -95,6 +96,7 @@ class Clock:
         count = min(MOST, ceil(LEAST / max(once, 1e-9)))
         distinct = [(q * (1 + k * EPS), p * (1 + k * EPS)) for k in range(min(count, STARTS))]
         self._starts = [distinct[k % len(distinct)] for k in range(count)]
+        return once
 
     def _reading(self) -> tuple[float, bool]:
         """(mean seconds, whether the core was shared)."""

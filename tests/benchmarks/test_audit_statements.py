@@ -249,7 +249,8 @@ def test_the_worst_statement_is_named_and_comes_first():
     stated = frame(**bad)
     verdict = page.statements(data({"audit_statements": stated}))
     assert not verdict.holds
-    assert "2 are contradicted, 1 understated, 0 not judged; the worst: galpy, wrong states (galpy_dt)" in verdict.text
+    assert "2 are contradicted (1 of gala and 1 of galpy), 1 understated, 0 not judged" in verdict.text
+    assert "the worst: galpy, wrong states (galpy_dt)" in verdict.text
     shown = page.table(data({"audit_statements": stated})).frame
     assert list(shown["script"]) == ["galpy_dt", "gala_leapfrog_energy", "diffrax_sil3"]
     assert shown["said"][0].startswith("[“If set, force the integrator")

@@ -331,9 +331,9 @@ def test_peers_are_compared_at_their_tolerances_and_an_orbit_costs_its_median(mo
         "heyoka": [None, 1e-12, 1e-9, 1e-6],
         "heyoka-high-accuracy": [None, 1e-12],
     }
-    seconds = iter([9.0, 3.0, 1.0, 2.0] * 9)
+    seconds = iter([9.0, 3.0, 1.0, 2.0] * 9)  # of ten orbits each
     monkeypatch.setattr(comparison, "GROUPS", {"": (integrator("heyoka-high-accuracy"),)})
-    monkeypatch.setattr(times, "seconds_per_orbit", lambda *of: next(seconds))
+    monkeypatch.setattr(times, "orbit_clock", lambda *of: lambda: next(seconds) * times.ORBITS)
     monkeypatch.setattr(times, "ROUNDS", 3)
     rows = times.measured("kepler", 0.2)[times.TABLE]
     assert [r["setting"] for r in rows] == ["adaptive", "tolerance 1e-12"]
