@@ -185,6 +185,7 @@ def _peer(solver: str, order: int, about: str, source: str, *, position_first=Fa
         f"pyhamsys's {solver}{name}",
         package="pyhamsys",
         adaptive=False,
+        ahead=True,
         order=order,
         license="BSD-2-Clause",
         about=f"{about}; {how}",

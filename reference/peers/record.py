@@ -146,6 +146,7 @@ class Peer:
     load : imports the package by its name, where that needs care
     tol : the default tolerance; None: the package's own
     least : the smallest tolerance it takes
+    ahead : it goes ahead in time alone
     settings : the options of the package that are set, by their names there
     """
 
@@ -165,6 +166,7 @@ class Peer:
     load: Callable[[str], Any] = importlib.import_module
     tol: float | None = None
     least: float = 0.0
+    ahead: bool = False
     parameters: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
 
