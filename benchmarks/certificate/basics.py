@@ -16,8 +16,6 @@ VAGUE = 1e-3
 OVER = "time over"
 #: Differences between equal calls that are a solver's that starts where it last ended.
 NEARLY = 1e-13
-#: A step in doubles is that in many digits but for this part of the state.
-OTHERWISE = 1e-8
 #: An order of single steps that is lower by more, in so many pairs of steps, is lower.
 SLOWER, PAIRS = 0.75, 2
 #: The largest error of an adaptive integrator at its smallest tolerance.
@@ -104,11 +102,8 @@ def consistent(tables: Tables) -> Judged:
 
 
 def _elsewhere(tables: Tables) -> Judged | None:
-    """What contradicts consistency at small and large states, or in doubles alone; None where nothing does."""
+    """What contradicts consistency at small and large states; None where nothing does."""
     for row in tables.of("states"):
-        if row["doubles"] > OTHERWISE:
-            why = f"in doubles it is another step than in many digits: {row['doubles']:.1e} apart on {row['on']}"
-            return Judged("consistent", "consistent", CONTRADICTED, row["doubles"], None, (row["on"],), why)
         if below(row, 1):
             why = f"its error in a step falls as h^{row['order'] + 1:.2f} on {row['on']}: this is no step of the system"
             return Judged("consistent", "consistent", CONTRADICTED, row["order"], None, (row["on"],), why)

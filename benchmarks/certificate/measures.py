@@ -30,6 +30,8 @@ MEASURE = dict.fromkeys(CONSERVED, "long")
 EVERYTHING = {*DEFECTS, "stability", "long", "round_off", "place"}
 #: What is measured on systems and scenes of the suite alone, not on one's own problem.
 ELSEWHERE = {"stability", "place"}
+#: A step in doubles is that in many digits but for this part of the state, or it is measured in doubles.
+OTHERWISE = 1e-8
 
 
 class Run(Protocol):
@@ -89,12 +91,18 @@ def _step(chosen: Subject, tables: Tables, seed: int, tell, wanted, entries, las
     tell("whether it takes many digits")
     doubles = behaviour.arithmetic(chosen, entries, seed)
     arithmetics = (DOUBLE,) if doubles else (MULTIPRECISION, DOUBLE)
+    tell("errors from small and large states")
+    tables.rows["states"] = _first_that_runs(lambda a: states(chosen, entries, seed, a), arithmetics)
+    other = next((r for r in tables.rows["states"] if r["doubles"] > OTHERWISE), None)
+    if other is not None:
+        # A number of sub-steps that is rounded otherwise, or a step that asks with what it is called.
+        doubles = f"on {other['on']} it is another step in many digits: {other['doubles']:.1e} apart"
+        arithmetics = (DOUBLE,)
+        tables.rows["states"] = states(chosen, entries, seed, DOUBLE)
     for entry in entries:
         tell(f"order on {entry.name}")
         row = _first_that_runs(lambda a, e=entry: order(Stepper(chosen, e, a), seed), arithmetics)
         tables.rows.setdefault("order", []).append(row | {"separable": entry.system.separable})
-    tell("errors from small and large states")
-    tables.rows["states"] = _first_that_runs(lambda a: states(chosen, entries, seed, a), arithmetics)
     tables.done |= {"order", "consistent"}
     for name in (name for name in DEFECTS if name in wanted):
         tell(name)

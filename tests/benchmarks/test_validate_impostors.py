@@ -179,6 +179,25 @@ def test_an_order_in_doubles_is_that_of_the_series_of_its_error():
     assert order.expanded(h, noise, 1e-16) is None, "of round-off nothing is told"
 
 
+def test_a_step_that_is_another_in_many_digits_is_measured_in_doubles():
+    """One that asks with what it is called is found out; sub-steps whose number is rounded otherwise are no fault."""
+
+    def asking(system, q, p, h):
+        return (euler if isinstance(h, float) else leapfrog)(system, q, p, h)
+
+    def pieced(system, q, p, h):
+        n = 1 + int(3 * max(abs(system.dH_dq(q, p))))
+        for _ in range(n):
+            q, p = leapfrog(system, q, p, h / n)
+        return q, p
+
+    for step, expected in ((asking, CONTRADICTED), (pieced, HOLDS)):
+        found = certify(step, {"order": 2}, QUADRATIC, alone=True)
+        assert "another step in many digits" in found.doubles
+        assert {j.name: j.verdict for j in found.claims}["order"] == expected, found.summary()
+        assert {j.name: j.verdict for j in found.claims}["consistent"] == HOLDS
+
+
 # -- a time limit -----------------------------------------------------------------------------------------------------
 
 LOOPS = """
