@@ -216,7 +216,7 @@ def test_work_precision_of_ones_own_problem(mine, tmp_path):
         (["workprecision", "pendulum"], "--t-end"),
         (["workprecision", "pendulum", "--t-end", "1", "--output", "a.txt"], "a figure is a file .png, .svg or .pdf"),
         (["workprecision", "pendulum", "--t-end", "1", "--methods", "wisdom-holman"], "trait"),
-        (["run", "pendulum"], "--t-end"),
+        (["run", "pendulum"], "t_end is None; it must be a positive number"),
         (["run", "pendulum", "--t-end", "1", "--scene", "kepler-t1"], "leave out one"),
     ],
 )

@@ -457,7 +457,7 @@ def test_a_scene_with_a_real_peer_and_a_real_method():
         if c.label in ("heyoka", "stormer-verlet", "blanes-moan-srkn6b")
     ]
     rows, choice = front.final(asked, front.finalists(asked, found, 1e-6), 1e-6)
-    assert choice["peer integrator"] == "heyoka"
+    assert choice["peer integrator"] in ("heyoka", "heyoka(compact_mode)")  # which of its modes is a matter of time
     assert choice["ours integrator"] == "blanes-moan-srkn6b"
     assert all(1e-9 < r["error"] <= 1e-6 for r in rows)
     verlet = next(k for k in found if k.integrator.label == "stormer-verlet")

@@ -79,12 +79,12 @@ def test_numbers_are_read_exactly(value, meaning):
 # -- the grid and the state -------------------------------------------------------------------------------------------
 
 GRIDS = [
-    ({"h": 0.0, "steps": 3}, "h is 0.0"),
-    ({"h": -0.1, "steps": 3}, "h is -0.1"),
+    ({"h": 0.0, "steps": 3}, "h is 0; it must be another number"),
+    ({"h": -0.1, "steps": -3}, "steps is -3"),
     ({"h": float("nan"), "steps": 3}, "h is nan"),
     ({"h": float("inf"), "steps": 3}, "h is inf"),
     ({"h": 0.1, "t_end": 0.0}, "t_end is 0.0"),
-    ({"h": 0.1, "t_end": -1.0}, "t_end is -1.0"),
+    ({"h": 0.1, "t_end": -1.0, "t0": -1.0}, "t_end is -1.0, where the integration begins"),
     ({"h": 0.1, "t_end": float("nan")}, "t_end is nan"),
     ({"h": 0.1, "steps": 0}, "steps is 0"),
     ({"h": 0.1, "steps": -5}, "steps is -5"),

@@ -196,7 +196,7 @@ PAGE = Page(
         f"Horizon: until when a state that is rounded to long double at every step stays within {LIMIT:g} of its size, in "
         f"the median of {DRAWS} seeded draws of the rounding. It is the problem's, not a machine's.",
         "`earliest` to `latest`: where 95 of 100 runs in long double leave the limit; `this machine`: where one did. "
-        "No error of a trajectory is told later than the horizon.",
+        "No error of a trajectory is told later than the horizon. "
         "`Gauss 16` (8 stages, long double) shares no code with the Taylor runs: its distance from the orbit, the largest "
         "at any time, beside its own uncertainty.",
     ),
