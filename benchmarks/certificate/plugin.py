@@ -22,7 +22,8 @@ def claims_hold(step, *, requires=(), seed: int = 0, **claims):
     Returns
     -------
     Certificate
-        What was measured of what is claimed.
+        What was measured of what is claimed: some ten thousand calls, where the command makes up to a hundred thousand
+        (what a step becomes after more is not seen).
     """
     from phasebench.benchmarks.certificate.certificate import certify
 

@@ -28,8 +28,6 @@ EACH = 2
 STEPS = tuple(2.0**-k for k in range(3, 6))
 #: Errors in parts of the state below which is round-off, of coefficients and of a solver too.
 NOISE = 1e-13
-#: Errors above it are not of small steps.
-COARSE = 1e-2
 
 
 def states(subject: Subject, entries: list[Entry], seed: int, arithmetic: str) -> list[dict]:
@@ -51,7 +49,7 @@ def drawn(entry: Entry, sizes: tuple[float, float], seed: int) -> Entry:
     if entry.share:
         state, sizes = entry.start(seed + 1000) * (1 + 0.1 * rng.uniform(-1, 1, len(entry.state))), entry.size
     else:
-        state = rng.choice([-1, 1], len(entry.state)) * rng.uniform(0.3, 1.0, len(entry.state))
+        state = rng.choice([-1, 1], len(entry.state)) * rng.uniform(0.6, 1.0, len(entry.state))
         state *= np.repeat(sizes, len(state) // 2)
     unit = time_unit(entry.system, state, np.repeat(sizes, len(state) // 2))
     name = f"{entry.name} with |q| = {sizes[0]:g}, |p| = {sizes[1]:g}"
@@ -71,7 +69,7 @@ def _row(subject: Subject, entry: Entry, seed: int, arithmetic: str) -> dict:
             errors.append(error)
             if error < noise:
                 break
-    told = [e for e in errors if noise < e < COARSE]
+    told = [e for e in errors if noise < e < np.inf]
     slopes = [log2(a / b) - 1 for a, b in pairwise(told)]
     return {"on": entry.name, "arithmetic": arithmetic, "errors": errors, "order": max(slopes[-2:], default=None)} | {
         "pairs": len(slopes),

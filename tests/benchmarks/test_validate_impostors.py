@@ -19,7 +19,7 @@ from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.certificate.verdicts import CONTRADICTED, HOLDS, UNJUDGED, Tables
 from phasebench.benchmarks.cli import app
 from phasebench.benchmarks.measure.integrator import integrator
-from phasebench.integrators.engine.codegen import MULTIPRECISION
+from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
 from phasebench.integrators.errors import InvalidInput
 from support.steps import leapfrog
 
@@ -171,6 +171,19 @@ def test_small_and_large_states_show_where_a_step_is_another(wrong, found):
     assert (min(r["order"] for r in rows) < 1.25) is found
 
 
+def test_an_error_that_does_not_fall_at_all_is_of_order_minus_one():
+    """Momenta that are cut at 7: the error of a step is as large as the state, whatever h."""
+
+    def clipped(system, q, p, h):
+        q, p = leapfrog(system, q, p, h)
+        return q, np.array([max(min(x, 7), -7) for x in p], dtype=p.dtype)
+
+    large = states.drawn(battery.known("quartic"), (0.1, 12.0), 0)
+    orders = [states._row(made(step), large, 0, DOUBLE)["order"] for step in (clipped, leapfrog)]
+    assert orders[0] < -0.9
+    assert orders[1] == pytest.approx(2, abs=0.1)
+
+
 def test_an_order_in_doubles_is_that_of_the_series_of_its_error():
     h = 0.25 / np.array(battery.LADDER)
     series = np.stack([3 * h**5 - 40 * h**6 + 90 * h**7, -2 * h**5 + 11 * h**6], axis=1) * 1e-3
@@ -180,13 +193,13 @@ def test_an_order_in_doubles_is_that_of_the_series_of_its_error():
 
 
 def test_a_step_that_is_another_in_many_digits_is_measured_in_doubles():
-    """One that asks with what it is called is found out; sub-steps whose number is rounded otherwise are no fault."""
+    """One that asks with what it is called is found out; sub-steps of another number are no fault."""
 
     def asking(system, q, p, h):
         return (euler if isinstance(h, float) else leapfrog)(system, q, p, h)
 
     def pieced(system, q, p, h):
-        n = 1 + int(3 * max(abs(system.dH_dq(q, p))))
+        n = 3 if isinstance(h, float) else 2
         for _ in range(n):
             q, p = leapfrog(system, q, p, h / n)
         return q, p
