@@ -19,6 +19,8 @@ from phasebench.integrators.engine.lazy import sympy as sp
 
 #: Boxes in which zeros of a base are searched, and the points in each; the share of the typical size that is zero.
 BOXES, POINTS, ZERO = (0.3, 1.0, 4.0, 16.0), 200, 1e-9
+#: Nothing is searched where a base has more operations than this: fractions within fractions take minutes.
+LONGEST = 60
 #: A polynomial of a higher degree in more variables than these is not factorized.
 FACTORIZED = 4
 
@@ -33,7 +35,10 @@ class Distances(NamedTuple):
 def find(H: sp.Expr, coordinates: Sequence[sp.Symbol], momenta: Sequence[sp.Symbol]) -> Distances:
     """The distances to the singularities of H in the coordinates; a base that holds momenta has none."""
     found: dict[bool, dict[sp.Expr, None]] = {True: {}, False: {}}
-    for factor in dict.fromkeys(f for base in _bases(H, {*coordinates}, {*momenta}) for f in _factors(base)):
+    bases = list(dict.fromkeys(_bases(H, {*coordinates}, {*momenta})))
+    if any(sp.count_ops(base) > LONGEST for base in bases):
+        return Distances((), ())
+    for factor in dict.fromkeys(f for base in bases for f in _factors(base)):
         variables = sorted(factor.free_symbols, key=str)
         distance, vanishes = _distance(factor, variables)
         if distance is not None:
