@@ -20,7 +20,7 @@ from phasebench.integrators.engine.lazy import sympy as sp
 #: Boxes in which zeros of a base are searched, and the points in each; the share of the typical size that is zero.
 BOXES, POINTS, ZERO = (0.3, 1.0, 4.0, 16.0), 200, 1e-9
 #: Nothing is searched where a base has more operations than this: fractions within fractions take minutes.
-LONGEST = 60
+LONGEST = 30
 #: A polynomial of a higher degree in more variables than these is not factorized.
 FACTORIZED = 4
 
