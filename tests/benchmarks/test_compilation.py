@@ -6,6 +6,7 @@ import itertools
 import json
 
 import numba
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -15,7 +16,8 @@ from phasebench.benchmarks.advice.ask import ask
 from phasebench.benchmarks.certificate import times
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.cli import app
-from phasebench.benchmarks.experiments.trade import sweep
+from phasebench.benchmarks.experiments.trade import climb, front, sweep
+from phasebench.benchmarks.experiments.trade.climb import Task
 from phasebench.benchmarks.measure.compilation import (
     Failed,
     NotCompiled,
@@ -23,10 +25,13 @@ from phasebench.benchmarks.measure.compilation import (
     failure_summary,
     naming,
 )
-from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.measure.integrator import Integrator, integrator
+from phasebench.benchmarks.measure.quantities import Truth, quantity
+from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.base import Orbit, Problem
+from phasebench.benchmarks.problems.questions import Question, down_to
 from phasebench.benchmarks.rows import workers
-from phasebench.integrators import Hamiltonian
+from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.engine import kernel
 
 WHY = "'_Linked' object has no attribute '_reload_init'"
@@ -201,3 +206,52 @@ def test_a_certificate_whose_comparison_does_not_compile_says_so(monkeypatch):
     assert [f["integrator"] for f in found["failed"]] == [times.REFERENCE]
     assert "TypingError" in times.failures([found])
     assert times.said([found]) == []
+
+
+# -- the trade's climb ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def climbing(monkeypatch):
+    """The tables of a scene of two methods that stop at 1e-2."""
+    made = problem("pendulum:swinging")
+    asked = Question("s", "pendulum:swinging", 10.0, "end-state", down_to(2), "")
+    end = integrate(made, "dop853", h=0.01, t_end=10.0)
+    truth = Truth(np.concatenate([end.q[-1], end.p[-1]]), 1e-9, "")
+    monkeypatch.setattr(front, "task_of", lambda scene: Task(asked, made, quantity(made, "end-state"), truth))
+    entered = [integrator("stormer-verlet"), integrator("rk4")], {"nobody": "it cannot"}
+    monkeypatch.setattr(front, "entered", lambda task: entered)
+    return lambda: front.measured("s")
+
+
+def dropped(tables) -> dict[str, str]:
+    return {row["integrator"]: row["why"] for row in tables[front.DROPPED]}
+
+
+@pytest.mark.parametrize("place", ["run", "clock"])
+def test_who_does_not_compile_is_dropped_from_a_scene_by_name_and_no_rung_of_it_is_left(climbing, monkeypatch, place):
+    owner, name = (Integrator, "run") if place == "run" else (Task, "bare")
+    work = getattr(owner, name)
+
+    def broken(*given, **more):
+        one = given[0] if place == "run" else given[1]
+        return numba.njit(lambda x: x.nothing)(1) if one.id == "rk4" else work(*given, **more)
+
+    monkeypatch.setattr(owner, name, broken)
+    tables = climbing()
+    assert dropped(tables)["rk4"].startswith(f"{climb.UNCOMPILED}TypingError: ")
+    assert dropped(tables)["nobody"] == "it cannot"
+    assert {row["integrator"] for row in tables[front.RUNGS]} == {"stormer-verlet"}
+    assert {row["ours integrator"] for row in tables[front.CHOICES]} == {"stormer-verlet"}
+
+
+def test_control_a_scene_whose_methods_compile_drops_none_for_it(climbing):
+    tables = climbing()
+    assert "rk4" in {row["integrator"] for row in tables[front.RUNGS]}
+    assert not any(why.startswith(climb.UNCOMPILED) for why in dropped(tables).values())
+
+
+def test_control_another_error_of_a_climb_is_raised(climbing, monkeypatch):
+    monkeypatch.setattr(Integrator, "run", lambda *given, **more: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        climbing()

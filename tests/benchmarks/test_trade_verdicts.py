@@ -12,6 +12,7 @@ from phasebench.benchmarks.experiments.trade import (
     again,
     bench_front,
     choice,
+    climb,
     figures,
     front,
     page,
@@ -160,10 +161,13 @@ def test_the_page_of_a_scene_counts_who_was_dropped():
     eliminated, whys = scene_page._eliminated(BY_ID[SCENE]), ["2.1 times as long as a", "3 times", "exact", None]
 
     def said(*reasons):
-        return eliminated({front.DROPPED: pd.DataFrame({"scene": SCENE, "why": list(reasons)})}.get)
+        rows = pd.DataFrame({"scene": SCENE, "integrator": "one", "why": list(reasons)})
+        return eliminated({front.DROPPED: rows}.get)
 
     assert said(*whys).text == "2 were dropped on the way as too slow, 2 cannot do the problem or fail on it."
     assert said(*whys).holds
+    assert not said(*whys, f"{climb.UNCOMPILED}TypingError: called 2 times").holds
+    assert said(*whys, f"{climb.UNCOMPILED}TypingError: called 2 times").text.startswith(said(*whys).text[:-1])
     assert said(None, None) is None
     assert eliminated({front.DROPPED: pd.DataFrame({"scene": [SCENE]})}.get) is None
 

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from phasebench.benchmarks.certificate.fronts import ROUND_OFF
 from phasebench.benchmarks.measure import clock
+from phasebench.benchmarks.measure.compilation import NotCompiled, naming
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.quantities import Quantity, Truth, error
 from phasebench.benchmarks.problems.questions import Question
@@ -48,6 +49,8 @@ OVERHEAD, WORTH = 3e-4, 2 * KEEP
 #: A peer that takes more seconds than this to get ready for a further rung climbs no more; in the finals heyoka runs
 #: in each of its modes all the same.
 PREPARING = 3.0
+#: How the reason begins why an integrator is dropped that does not compile.
+UNCOMPILED = "it does not compile: "
 
 
 class Rung(NamedTuple):
@@ -213,7 +216,16 @@ def eases(rungs: list[Rung]) -> bool:
 
 
 def climb(task: Task, c: Integrator, known: Known) -> Climb:
-    """The rungs of an integrator, as far as it may still win."""
+    """The rungs of an integrator, as far as it may still win; dropped without rungs where it does not compile."""
+    try:
+        with naming(c.label):
+            return _climb(task, c, known)
+    except NotCompiled as error:
+        known.runs = [run for run in known.runs if run[2] != c.label]
+        return Climb(c, [], UNCOMPILED + error.failed.why, True)
+
+
+def _climb(task: Task, c: Integrator, known: Known) -> Climb:
     rungs, lost, still, before, failed, wasted = [], 0, 0, inf, 0, 0.0
     finest = task.asked[-1]
     for size in sizes(task, c):

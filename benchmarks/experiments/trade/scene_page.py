@@ -14,6 +14,7 @@ from phasebench.benchmarks.problems.questions import QUESTIONS, Question
 
 from . import figures
 from .choice import changes, choices, counts
+from .climb import UNCOMPILED
 from .front import CHOICES, DROPPED, FINALS, RUNGS
 from .settled import TIMES, of_choices
 
@@ -69,14 +70,16 @@ def _reference(question: Question) -> Callable:
 def _eliminated(question: Question) -> Callable:
     @_scene(question, DROPPED)
     def eliminated(rows: pd.DataFrame) -> Verdict | None:
-        """How many were dropped on the way."""
+        """How many were dropped on the way; that one does not compile is a finding."""
         if "why" not in rows or rows["why"].isna().all():
             return None
-        beaten = rows["why"].str.contains("times", na=False).sum()
-        text = (
-            f"{beaten} were dropped on the way as too slow, {len(rows) - beaten} cannot do the problem or fail on it."
-        )
-        return Verdict(text, True, text)
+        uncompiled = rows["why"].str.startswith(UNCOMPILED, na=False)
+        beaten = (rows["why"].str.contains("times", na=False) & ~uncompiled).sum()
+        others = len(rows) - beaten - uncompiled.sum()
+        text = f"{beaten} were dropped on the way as too slow, {others} cannot do the problem or fail on it"
+        if uncompiled.any():
+            text += f", {uncompiled.sum()} do not compile ({rows.loc[uncompiled, 'integrator'].iloc[0]} first)"
+        return Verdict(f"{text}.", not uncompiled.any(), f"{text}.")
 
     return eliminated
 
