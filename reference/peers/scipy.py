@@ -16,6 +16,7 @@ import time
 import warnings
 
 import numpy as np
+from packaging.version import Version
 
 from .field import compiled_field
 from .record import NOT_FINITE, Claims, Peer, Run, Start, Task
@@ -184,12 +185,20 @@ def _odeint(field, task: Task):
     return rows if good else rows[:1], int(said["nst"][-1]), int(said["nfe"][-1]), None if good else said["message"]
 
 
-def _ode(field, task: Task):
-    """Rows by DOP853, its loop compiled; its steps end at the rows; it counts nothing."""
+def _dop853(field, tolerances: dict[str, float]):
+    """SciPy's `ode` with DOP853; before 1.17 it takes functions of Python only, so a compiled one is wrapped."""
+    import scipy
     from scipy.integrate import ode
 
+    wrapped = Version(scipy.__version__) < Version("1.17")
+    f = (lambda t, y: field(t, y)) if wrapped else field
+    return ode(f).set_integrator("dop853", nsteps=STEP_LIMIT, **tolerances)
+
+
+def _ode(field, task: Task):
+    """Rows by DOP853, its loop compiled; its steps end at the rows; it counts nothing."""
     tolerances = {"rtol": task.tol, "atol": task.tol} if task.tol is not None else {}
-    solver = ode(field).set_integrator("dop853", nsteps=STEP_LIMIT, **tolerances).set_initial_value(task.state, 0.0)
+    solver = _dop853(field, tolerances).set_initial_value(task.state, 0.0)
     rows = [task.state]
     for t in task.times[1:]:
         rows.append(solver.integrate(t))
@@ -202,7 +211,7 @@ def _prepare_fast(solver: str):
     """``odeint`` and ``ode`` as they are called for the end state alone."""
 
     def prepare(start: Start):
-        from scipy.integrate import ode, odeint
+        from scipy.integrate import odeint
 
         field = compiled_field(start.system)
         tolerances = {"rtol": start.tol, "atol": start.tol} if start.tol else {}
@@ -215,7 +224,7 @@ def _prepare_fast(solver: str):
                 return rows[1] if said["message"] == "Integration successful." else None
 
             return _calls(start, integrate)
-        made = ode(field).set_integrator("dop853", nsteps=STEP_LIMIT, **tolerances)
+        made = _dop853(field, tolerances)
 
         def whole(y, t_end):
             end = made.set_initial_value(y, 0.0).integrate(t_end)

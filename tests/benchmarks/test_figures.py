@@ -127,7 +127,6 @@ def test_no_curve_is_cut_off(drawings):
                 assert y.max() <= high, id
 
 
-@pytest.mark.lowest
 def test_type_is_at_least_8_points(drawings):
     from matplotlib.text import Text
 
@@ -224,7 +223,6 @@ def test_section_lies_where_finer_steps_say():
     assert np.abs(coarse - fine).max() < 1e-7
 
 
-@pytest.mark.lowest
 @pytest.mark.parametrize(
     ("id", "order", "steps"),
     [("scheme-i", 1, 64), ("scheme-iii", 2, 32), ("scheme-iii-yoshida-4", 4, 16), ("scheme-iii-suzuki-6", 6, 2)],
