@@ -220,7 +220,7 @@ def test_the_root_is_the_one_nearest_one_half(label, case):
     y = np.hstack([s.q, s.p])
     H0 = scan.H(y[0])
     checked = 0
-    for n in sampled(s, fallback=False):
+    for n in sampled(s, fallback=False, most=6):
         root = scan.nearest(y[n], H0, RADIUS)
         taken = s.parameter[n] - 0.5
         E0 = abs(scan(y[n], H0, 0.0, [np.zeros(2 * made.system.d)] * len(SIGNS[label]))[0])
