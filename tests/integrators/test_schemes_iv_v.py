@@ -250,8 +250,8 @@ def test_some_hard_case_has_fallbacks_and_every_scheme_is_checked():
 
 
 def unmarked_kepler():
-    """The Kepler problem, not declared singular, so that nothing else stops a run."""
-    return Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - 1/sqrt(x**2 + y**2)")
+    """The Kepler problem, declared regular, so that nothing else stops a run."""
+    return Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - 1/sqrt(x**2 + y**2)", singular=())
 
 
 @pytest.mark.parametrize("label", SIGNS)
