@@ -221,7 +221,7 @@ BAD = [
     ({"Q": "many"}, "numbers"),
     ({"Q": np.zeros((0, 2)), "P": np.zeros((0, 2))}, "shape"),
     ({"h": [0.1, 0.1]}, "h has the shape"),
-    ({"h": np.linspace(0, 0.1, N)}, "h is 0.0"),
+    ({"h": np.linspace(0, 0.1, N)}, "h is 0; it must be another number"),
     ({"h": None}, "give the step"),
     ({"steps": None}, "where does"),
     ({"h": 1 / np.arange(10, 10 + N), "steps": None, "t_end": 1.0, "save_every": 1}, "different numbers of steps"),

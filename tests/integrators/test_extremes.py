@@ -16,7 +16,8 @@ OSCILLATOR, PENDULUM, LOTKA = problem("harmonic-oscillator"), problem("pendulum"
 KEPLER, CIRCLE = problem("kepler"), problem("kepler", e=0.0)
 CLOSE, CLOSER = problem("kepler", e=0.9999), problem("kepler", e=0.999999)
 BOX, CHAOTIC = problem("henon-heiles:box"), problem("henon-heiles:chaotic")
-FALL = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q")
+FALL = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q", singular=())  # declared regular
+FOUND = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q")  # the same, its singularity found in the formula
 RUNAWAY = Hamiltonian(q="q", p="p", H="p**2/2 - q**4")
 SADDLE = Hamiltonian(q="q", p="p", H="p**2/2 - q**2/2 + q**4/4")
 ROOT = Hamiltonian(q="q", p="p", H="p**2/2 + sqrt(q)")
@@ -89,6 +90,7 @@ TABLE = [
     # encounters and escapes
     (FALL, "stormer-verlet", at(1.0, 0.0, h=0.01, t_end=10), "inaccurate", "from t = 1.12 on"),
     (FALL, "stormer-verlet", at(1.0, 0.0, h=0.01, t_end=10, save_every=0), "inaccurate", "from t = 10 on"),
+    (FOUND, "stormer-verlet", at(1.0, 0.0, h=0.01, t_end=10), "collision", "head-on after t = 1.11"),
     (CLOSE, "stormer-verlet", {"h": 0.01, "t_end": 20}, "collision", "singularity"),
     (CLOSER, "scheme-i", {"h": 0.01, "t_end": 20}, "collision", "crosses the singularity"),
     (KEPLER, "stormer-verlet", {"h": 0.01, "t_end": 5} | REST, "collision", "head-on"),

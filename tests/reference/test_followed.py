@@ -11,6 +11,7 @@ from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.quantities import END_STATE
 from phasebench.benchmarks.problems import labels, problem
 from phasebench.benchmarks.problems.user import from_formula
+from phasebench.integrators import integrate
 from phasebench.reference.certificates import followed, horizon, stored
 from phasebench.reference.solvers import gauss, taylor
 
@@ -141,7 +142,8 @@ def test_what_neither_solver_can_is_a_reference_that_failed(monkeypatch):
         taylor.ReferenceFailed, match=r"the reference failed to t = 4: .*lost the energy.*; no solution"
     ):
         followed.follow(wall(3.0), [4.0])
-    found = against.end_error(wall(3.0), None, 4.0)
+    fall = integrate(wall(3.0), "gauss-4", h=0.01, t_end=4.0)
+    found = against.end_error(wall(3.0), fall, 4.0)
     assert found["global_error"] is None
     assert "the reference failed" in found["reference"]["reason"]
 
