@@ -1,1 +1,1 @@
-"""The harness: problems, scenes, sweeps, benchmarks and the reports written from them."""
+"""The benchmark harness: problems, scenes, measurements, and the reports written from them."""

@@ -1,4 +1,4 @@
-"""The works that methods and problems cite: BibTeX, from the ``bibliography.bib`` of each of the two."""
+"""BibTeX entries of the works that methods and problems cite, from the two files ``bibliography.bib``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from phasebench import integrators
-from phasebench.integrators.errors import unknown
+from phasebench.integrators.names import unknown_method
 from phasebench.integrators.registry import BY_ID
 
 from . import problems
@@ -21,17 +21,17 @@ FILES = (
 
 @cache
 def entries() -> dict[str, str]:
-    """Key -> the text of its entry."""
+    """BibTeX key -> the text of its entry."""
     text = "\n".join(path.read_text() for path in FILES)
     by_key = {m[1]: m[0].strip() for m in re.finditer(r"^@\w+\{([^,\s]+),.*?^\}$", text, re.MULTILINE | re.DOTALL)}
     assert len(by_key) == len(re.findall(r"^@", text, re.MULTILINE)), "an entry does not end with a brace of its own"
     return by_key
 
 
-def cited(names: Iterable[str]) -> str:
-    """BibTeX of the works that these methods and problems cite, each once, in the order of their keys.
+def bibtex(names: Iterable[str]) -> str:
+    """The BibTeX entries that these methods and problems cite, each once, sorted by key.
 
-    Raises InvalidInput for a name that is neither, naming the nearest.
+    Raises InvalidInput for a name that is neither, with the nearest known name.
     """
     keys: set[str] = set()
     for name in names:
@@ -40,12 +40,12 @@ def cited(names: Iterable[str]) -> str:
         elif name.partition(":")[0] in problems.PROBLEMS:
             keys |= set(problems.problem(name).cite)
         else:
-            raise unknown("method or problem", name, [*BY_ID, *problems.PROBLEMS])
+            raise unknown_method(name, [*BY_ID, *problems.PROBLEMS], "method or problem")
     return "\n\n".join(entries()[key] for key in sorted(keys))
 
 
-def used(folder: Path) -> list[str]:
-    """The ids of the methods and problems in a report's tables; raises FileNotFoundError where there are none."""
+def ids_in_report(folder: Path) -> list[str]:
+    """Ids of the methods and problems in a report's tables; raises FileNotFoundError if it has no tables."""
     import pandas as pd
 
     tables = sorted((folder / "data").glob("*.csv"))

@@ -1,4 +1,4 @@
-"""`pytest benchmarks`: measure what changed, compare with the stored tables, write the reports."""
+"""`pytest benchmarks`: measures what changed, compares with the stored tables, and writes the reports."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from phasebench.benchmarks.rows import run, screen
-from phasebench.benchmarks.rows.cluster import Cluster
+from phasebench.benchmarks.store import run, screen
+from phasebench.benchmarks.store.cluster import Cluster
 from phasebench.integrators.errors import InvalidInput
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -19,19 +19,30 @@ NOTES = pytest.StashKey[list]()
 
 
 def pytest_addoption(parser):
-    """The options of the main job."""
+    """Add the options of ``pytest benchmarks``."""
     group = parser.getgroup("phasebench")
-    group.addoption("--quick", action="store_true", help="a handful of cells, reports to reports/quick")
-    group.addoption("--budget", type=float, default=run.BUDGET, help="seconds of the run (%(default)g)")
+    group.addoption("--quick", action="store_true", help="measure a small selection, reports to reports/quick")
+    group.addoption(
+        "--budget", type=float, metavar="SECONDS", default=run.BUDGET, help="what the run may cost (%(default)g)"
+    )
     group.addoption("--all", action="store_true", help="measure every cell, however long it takes")
-    group.addoption("--seed", type=int, default=None, help="of the sample (the number of the day)")
+    group.addoption(
+        "--seed", type=int, default=None, metavar="NUMBER", help="seed of the sample (default: the number of the day)"
+    )
     group.addoption("--update-tables", action="store_true", help="re-record reference/tables and show what changed")
-    group.addoption("--scheduler", default=None, help="address of a Dask cluster that measures what is not timed")
-    group.addoption("--reports", default=None, help="where the reports go (default: reports, or reports/quick)")
+    group.addoption(
+        "--scheduler",
+        metavar="ADDRESS",
+        default=None,
+        help="a Dask cluster that measures what is not timed: its address",
+    )
+    group.addoption(
+        "--reports", metavar="FOLDER", default=None, help="a folder of reports (default: reports, or reports/quick)"
+    )
 
 
 def pytest_configure(config):
-    """A keyword that names a method, peer, problem, scene or experiment chooses cells, not functions."""
+    """Let ``-k`` select cells instead of functions if its words name methods, peers, problems, scenes, experiments."""
     config.stash[NOTES] = []
     config.stash[WANTED] = frozenset()
     words = [w for w in config.option.keyword.split() if w != "or"] if config.option.keyword else []
@@ -41,7 +52,7 @@ def pytest_configure(config):
 
 
 def _names() -> set[str]:
-    """What a keyword may name, besides functions."""
+    """Names for ``-k`` that select cells."""
     from phasebench.benchmarks.problems import PROBLEMS
     from phasebench.benchmarks.problems.questions import QUESTIONS
     from phasebench.benchmarks.problems.scenes import SCENES
@@ -55,7 +66,7 @@ def _names() -> set[str]:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config, items):
-    """The statistics of pytest-benchmark are for those who ask for them by an option --benchmark-*."""
+    """Deselect the pytest-benchmark functions unless an option --benchmark-* is given."""
     if not any(a.startswith("--benchmark") for a in config.invocation_params.args):
         asked = [i for i in items if "benchmark" not in i.fixturenames]
         config.hook.pytest_deselected(items=[i for i in items if "benchmark" in i.fixturenames])
@@ -69,25 +80,25 @@ def _folder(config) -> Path:
 
 @pytest.fixture(scope="session")
 def quick(pytestconfig) -> bool:
-    """Whether this is the quick tier."""
+    """True for the quick run."""
     return pytestconfig.getoption("--quick")
 
 
 @pytest.fixture(scope="session")
 def update(pytestconfig) -> bool:
-    """Whether the stored tables are re-recorded."""
+    """True if the stored tables are to be re-recorded."""
     return pytestconfig.getoption("--update-tables")
 
 
 @pytest.fixture(scope="session")
 def notes(pytestconfig) -> list[str]:
-    """What is said at the end."""
+    """Lines printed at the end of the run; tests may append to the list."""
     return pytestconfig.stash[NOTES]
 
 
 @pytest.fixture(scope="session")
 def outcome(request, pytestconfig, quick) -> run.Outcome:
-    """The run: the cells of the collected benchmarks, measured within the budget."""
+    """The result of the run: the cells of the collected benchmarks, measured within the budget."""
     modules = {item.module.__name__: item.module for item in request.session.items}
     cells = [c for m in modules.values() if hasattr(m, "cells") for c in m.cells(quick)]
     wanted = pytestconfig.stash[WANTED]
@@ -116,8 +127,8 @@ def outcome(request, pytestconfig, quick) -> run.Outcome:
 
 
 @pytest.fixture
-def measured(outcome, request):
-    """The rows of a table that were measured by this run; fails where a cell of the experiment could not be."""
+def measured_rows(outcome, request):
+    """A function: table -> the rows measured by this run; fails if a cell of the test's experiment failed."""
     experiment = Path(request.path).parent.name
     failed = [f"{c.label}: {outcome.failed[c.id]}" for c in outcome.cells if _fails(outcome, c, experiment)]
     assert not failed, "cells that could not be measured:\n" + "\n".join(failed)
@@ -130,17 +141,17 @@ def _fails(outcome, cell, experiment: str) -> bool:
 
 @pytest.fixture
 def complete(outcome):
-    """Whether a table has cells, and every one was measured by this run."""
+    """A function: table -> True if it has cells and this run measured all of them."""
 
-    def whole(table: str) -> bool:
+    def is_complete(table: str) -> bool:
         members = [c for c in outcome.cells if table in c.tables]
         return bool(members) and all(c.id in outcome.entries for c in members)
 
-    return whole
+    return is_complete
 
 
 def pytest_sessionfinish(session):
-    """Write the reports; a page that cannot be written fails the run."""
+    """Write the reports; an error while writing a page fails the run."""
     config = session.config
     if OUTCOME not in config.stash:
         return
@@ -155,7 +166,7 @@ def pytest_sessionfinish(session):
 
 
 def pytest_terminal_summary(terminalreporter, exitstatus, config):
-    """Say in one table what was measured; of a run that was stopped, how it goes on."""
+    """Print a table of what was measured; after an interrupt, how to continue."""
     if exitstatus == pytest.ExitCode.INTERRUPTED:
         terminalreporter.write_line("stopped: what was measured is kept, and the same command goes on from there")
     if OUTCOME not in config.stash:

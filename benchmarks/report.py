@@ -1,15 +1,18 @@
-"""The reports, written from the tables that a run left: an entry page, and for each question a page in two formats.
+"""Writes the report from the tables of a run: an entry page and a page for each question, in Markdown.
 
-Nothing is integrated here: a page is a function of rows on disk.  Every sentence of verdict is computed from them.  A
-report is made whole beside the old one and then takes its place, file by file, the entry last.
+Nothing is integrated here: a page is a pure function of rows on disk, verdicts included.  A complete report is written
+into a temporary folder and then replaces the old one file by file, the entry page last.  The same pages are written as
+HTML on request.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import tempfile
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,11 +31,12 @@ from phasebench.benchmarks.experiments.extremes.round_off_page import PAGE as EX
 from phasebench.benchmarks.experiments.extremes.springs_page import PAGE as EXTREMES_SPRINGS
 from phasebench.benchmarks.experiments.invariants.page import PAGE as INVARIANTS
 from phasebench.benchmarks.experiments.kepler.page import PAGE as KEPLER
-from phasebench.benchmarks.experiments.knobs.page import PAGE as KNOBS
 from phasebench.benchmarks.experiments.large.page import PAGE as LARGE
 from phasebench.benchmarks.experiments.large.solvers_page import PAGE as LARGE_SOLVERS
 from phasebench.benchmarks.experiments.matrix.page import PAGE as MATRIX
 from phasebench.benchmarks.experiments.models.page import PAGE as MODELS
+from phasebench.benchmarks.experiments.options.numerics_page import PAGE as OPTIONS_NUMERICS
+from phasebench.benchmarks.experiments.options.page import PAGE as OPTIONS
 from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
 from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATORY
 from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
@@ -50,19 +54,21 @@ from phasebench.benchmarks.experiments.waves.spacetime_page import PAGE as MULTI
 from phasebench.benchmarks.experiments.wisdom_holman.page import PAGE as WISDOM_HOLMAN
 from phasebench.benchmarks.page import html, markdown
 from phasebench.benchmarks.page.drawn import Figures
-from phasebench.benchmarks.page.origin import origin, outdated
-from phasebench.benchmarks.page.page import Page, Picture, Table, outcome
+from phasebench.benchmarks.page.origin import count_outdated, origin
+from phasebench.benchmarks.page.page import Page, Picture, Table, conclusion
+from phasebench.benchmarks.page.verdict import MEANING
 from phasebench.integrators.errors import InvalidInput
 
-from .rows import tables as results
+from .store import tables as results
 
-#: In the order in which a reader wants them.
+#: All pages, in reading order.
 PAGES: tuple[Page, ...] = (
     TRADE,
     TRADE_RATIOS,
     ADVICE,
     MODELS,
-    KNOBS,
+    OPTIONS,
+    OPTIONS_NUMERICS,
     PRINTED,
     ORDERS,
     STRUCTURE,
@@ -95,12 +101,8 @@ PAGES: tuple[Page, ...] = (
 QUICK = "This is the quick tier: few steps, few rounds; it shows that the suite runs, and no more."
 
 
-#: Columns that say where a row is from: in the tables on disk, not on a page.
-SAME = "The same pages [in HTML](index.html), in which tables sort and filter."
-
-
 class Data:
-    """The tables of a folder, read once; with ``stale`` also the rows that an earlier version of the code measured."""
+    """The tables of a folder, each read once; with ``stale`` also rows measured by an earlier version of the code."""
 
     def __init__(self, folder: Path, stale: bool = True):
         self.folder, self.stale = folder, stale
@@ -108,20 +110,20 @@ class Data:
         self._digests: dict[str, str] = {}
 
     def __call__(self, name: str) -> pd.DataFrame | None:
-        """The table as a DataFrame, or None where it was not measured."""
+        """The table as a DataFrame, or None if it was not measured."""
         return self._read(name)[0]
 
     def provenance(self, name: str) -> pd.DataFrame:
-        """When and on what machine each row of a table on disk was measured, where that was recorded."""
+        """Provenance columns of a table on disk (date, machine, ...), one row per measured row."""
         path = self.folder / "data" / f"{name}.csv"
         return pd.read_csv(path, usecols=lambda column: column in results.PROVENANCE, low_memory=False)
 
     def about(self, name: str) -> dict | None:
-        """On what it was measured."""
+        """The metadata of a table's run: machine, versions, number of stale rows; None if it was not measured."""
         return self._read(name)[1]
 
     def digest(self, name: str) -> str:
-        """Of the rows that are read of a table."""
+        """Digest of a table's file and of the choice of rows."""
         if name not in self._digests:
             path = self.folder / "data" / f"{name}.csv"
             content = path.read_bytes() if path.exists() else b""
@@ -136,94 +138,129 @@ class Data:
 
 @dataclass(frozen=True)
 class _Written:
-    """What the entry says of a page that was written."""
+    """A page that was written, as the entry page needs it."""
 
     page: Page
     outcome: str
-    short: str
+    answer: str
     pictures: list[Picture]
     table: Table | None
+    all_rows: pd.DataFrame | None
 
 
-def build(folder: str | Path, quick: bool = False, progress: Callable[[str], None] = print) -> Path:
-    """Write every page into ``folder`` from its data, whole or not at all; returns the entry page.
+def build(
+    folder: str | Path,
+    quick: bool = False,
+    progress: Callable[[str], None] = print,
+    html_folder: str | Path | None = None,
+) -> Path:
+    """Write every page into ``folder`` from its data, all or none; return the path of the entry page.
 
-    Raises InvalidInput where the data cannot be read, or the pages not written.
+    With ``html_folder`` the pages are also written there as HTML, with the tables that they link to.  Raises
+    InvalidInput if the data cannot be read or the pages cannot be written.
     """
     folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".report-") as scratch:
+    pages = None if html_folder is None else Path(html_folder)
+    with _scratch(folder) as scratch, _scratch(pages) if pages else nullcontext() as html_scratch:
+        try:
             target = Path(scratch)
             (target / "figures").mkdir()
             both, figures = (Data(folder), Data(folder, stale=False)), Figures(folder)
             written = [_page(page, both, figures, target) for page in PAGES]
             figures.write(target / "figures")
             _entry(written, target, quick)
+            if pages:
+                _write_html(written, target, folder, Path(html_scratch))
+                _remove_pages(pages)
+                _replace(Path(html_scratch), pages)
             _replace(target, folder)
-    except OSError as error:
-        raise InvalidInput(f"the report in {folder} cannot be written: {error.strerror}; it is as it was") from None
+        except OSError as error:
+            raise InvalidInput(f"the report in {folder} cannot be written: {error.strerror}; it is as it was") from None
     progress(f"wrote {len(written)} pages")
     return folder / "README.md"
 
 
-def _page(page: Page, both: tuple[Data, Data], figures: Figures, target: Path) -> _Written:
-    """Write a page into ``target`` from all rows; from the present version's alone where the others' form is another.
+def _scratch(folder: Path) -> tempfile.TemporaryDirectory:
+    """A temporary folder in ``folder``, which is created; raises InvalidInput if it cannot be written to."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return tempfile.TemporaryDirectory(dir=folder, prefix=".report-")
+    except OSError as error:
+        raise InvalidInput(f"no report can be written to {folder}: {error.strerror}") from None
 
-    ``both`` has all rows, and those of the present version.
+
+def _page(page: Page, both: tuple[Data, Data], figures: Figures, target: Path) -> _Written:
+    """Write a page into ``target`` from all rows, or from the current rows only if stale ones have another form.
+
+    ``both`` is the data with stale rows and the data without.
     """
     data, current = both
-    old = outdated(page, data)
+    old = count_outdated(page, data)
     try:
-        return _written(page, data, figures, target, old)
-    except Exception:  # whatever rows of another form lead to
+        return _write_page(page, data, figures, target, old)
+    except Exception:  # stale rows of another form can raise anything
         if not old:
             raise
-        return _written(page, current, figures, target, f"{old}, of another form and left out")
+        return _write_page(page, current, figures, target, f"{old}, of another form and left out")
 
 
-def _written(page: Page, data: Data, figures: Figures, target: Path, old: str) -> _Written:
-    verdicts = page.judged(data)
+def _write_page(page: Page, data: Data, figures: Figures, target: Path, old: str) -> _Written:
+    verdicts = page.judge(data)
     pictures, table = figures.of(page, data, target / "figures"), page.table(data)
-    whole = page.whole(data)
-    if whole is not None:
-        whole = whole.drop(columns=list(results.PROVENANCE), errors="ignore")
-    _put(target, page.id, markdown.document(page, verdicts, pictures, table, origin(page, data), old), whole)
-    verdict, short = outcome(verdicts)
-    return _Written(page, verdict, f"{short} ({old})" if old else short, pictures, table)
-
-
-def _put(target: Path, name: str, text: str, whole: pd.DataFrame | None) -> None:
-    """Write a page in both formats."""
-    (target / f"{name}.md").write_text(text, encoding="utf-8")
-    (target / f"{name}.html").write_text(html.document(text, target, whole), encoding="utf-8")
+    all_rows = page.whole(data)
+    if all_rows is not None:
+        all_rows = all_rows.drop(columns=list(results.PROVENANCE), errors="ignore")
+    outcome, answer = conclusion(page, data, verdicts)
+    text = markdown.document(page, outcome, answer, verdicts, pictures, table, origin(page, data), old)
+    (target / f"{page.id}.md").write_text(text, encoding="utf-8")
+    return _Written(page, outcome, f"{answer} ({old})" if old else answer, pictures, table, all_rows)
 
 
 def _entry(written: list[_Written], target: Path, quick: bool) -> None:
-    """The entry: a line a page, and which integrator for which accuracy."""
+    """Write the entry page: a line per page, and a table of the best integrator for each accuracy."""
     lines = pd.DataFrame(
         [
-            {"question": f"[{w.page.question}]({w.page.id}.md)", "outcome": f"**{w.outcome}**", "in short": w.short}
+            {"question": f"[{w.page.question}]({w.page.id}.md)", "outcome": f"**{w.outcome}**", "answer": w.answer}
             for w in written
             if w.page.listed
         ]
     )
     parts = ["# phasebench: what was measured\n", *([f"{QUICK}\n"] if quick else []), markdown.table(lines)]
+    parts.append(markdown.bullets([f"**{outcome}**: {meaning}." for outcome, meaning in MEANING.items()]))
     choice = next(w for w in written if w.page is TRADE)
     if choice.table is not None:
-        parts += ["## Which integrator for which accuracy\n", markdown.wrapped(choice.table.caption) + "\n"]
+        parts += ["## Which integrator for which accuracy\n", markdown.wrap(choice.table.caption) + "\n"]
         parts += [markdown.table(choice.table.frame, digits=choice.table.digits)]
     for picture in choice.pictures[:1]:
-        parts += [f"![{picture.title}](figures/{picture.file})\n", markdown.wrapped(picture.caption) + "\n"]
-    text = "\n".join(parts)
-    (target / "README.md").write_text(f"{text}\n{SAME}\n", encoding="utf-8")
-    (target / "index.html").write_text(html.document(text, target, home=None, fold=False), encoding="utf-8")
+        parts += [f"![{picture.title}](figures/{picture.file})\n", markdown.wrap(picture.caption) + "\n"]
+    (target / "README.md").write_text("\n".join(parts), encoding="utf-8")
+
+
+def _write_html(written: list[_Written], source: Path, folder: Path, target: Path) -> None:
+    """Write the Markdown pages of ``source`` as HTML into ``target``, with the tables of ``folder`` they link to."""
+    for w in written:
+        text = (source / f"{w.page.id}.md").read_text(encoding="utf-8")
+        (target / f"{w.page.id}.html").write_text(html.document(text, source, w.all_rows), encoding="utf-8")
+    entry = (source / "README.md").read_text(encoding="utf-8")
+    (target / "index.html").write_text(html.document(entry, source, home=None, fold=False), encoding="utf-8")
+    (target / "data").mkdir()
+    for name in {f"{name}.csv" for w in written for name in w.page.tables}:
+        if (folder / "data" / name).exists():
+            shutil.copyfile(folder / "data" / name, target / "data" / name)
+
+
+def _remove_pages(folder: Path) -> None:
+    """Remove the HTML pages of an earlier report; other files stay."""
+    for path in folder.glob("*.html"):
+        if html.GENERATOR in path.read_text(encoding="utf-8", errors="replace"):
+            path.unlink()
 
 
 def _replace(target: Path, folder: Path) -> None:
-    """Move every file of ``target`` to its place in ``folder``; the entry comes last, when all it links to is there."""
-    (folder / "figures").mkdir(exist_ok=True)
+    """Move every file of ``target`` to its place in ``folder``; the entry page comes last, so that its links work."""
     entry = ("README.md", "index.html")
     files = sorted((p for p in target.rglob("*") if p.is_file()), key=lambda p: p.name in entry)
     for path in files:
-        os.replace(path, folder / path.relative_to(target))
+        place = folder / path.relative_to(target)
+        place.parent.mkdir(exist_ok=True)
+        os.replace(path, place)

@@ -1,4 +1,4 @@
-"""Error against time of methods and peers on any problem: rows, a table and a figure."""
+"""Work-precision diagrams of methods and peers on any problem: rows, a table and a figure."""
 
 from __future__ import annotations
 
@@ -7,48 +7,60 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
-from phasebench.benchmarks.advice import ladder
-from phasebench.benchmarks.measure.global_error import started
-from phasebench.benchmarks.measure.integrator import OURS, YOURS, integrator
-from phasebench.benchmarks.measure.quantities import quantity as quantity_of
+from phasebench.benchmarks import style
+from phasebench.benchmarks.advice.ask import ask
+from phasebench.benchmarks.advice.portfolio import portfolio
+from phasebench.benchmarks.ladder.curves import curves
+from phasebench.benchmarks.measure.global_error import known_truth, with_start
+from phasebench.benchmarks.measure.integrator import OURS, YOURS, AnyProblem, Integrator, integrator
+from phasebench.benchmarks.measure.named_quantities import quantity as quantity_of
+from phasebench.benchmarks.measure.own_step import Step
+from phasebench.benchmarks.measure.tabular import TabularResult
 from phasebench.benchmarks.problems import problem as problem_of
-from phasebench.benchmarks.problems.base import Orbit, Problem
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.request import initial
+from phasebench.integrators.keywords import State, checked_names
+from phasebench.integrators.record import Method
+from phasebench.reference.peers import Peer
 
-#: The accuracies of the table, and the most curves of a figure.
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+#: The accuracies of the table, and the largest number of curves in a figure.
 ACCURACIES = tuple(10.0**-k for k in range(1, 14, 2))
 CURVES = 9
-#: The largest error of a figure: beyond it nothing is told.
+#: If no integrator is named: the number taken of each side, and the accuracy for which they are chosen.
+CHOSEN, MIDDLE = 4, 1e-6
+#: Larger errors are left out of a figure.
 LARGEST = 1e3
-#: Endings of a figure's file.
+#: Permitted file endings of a figure.
 SUFFIXES = (".png", ".svg", ".pdf")
-#: Characters of a line of the title, and lines.
+#: Characters per line of the title, and the largest number of lines.
 LINE, LINES = 90, 3
 
 
 @dataclass(frozen=True, repr=False)
-class WorkPrecision:
+class WorkPrecision(TabularResult):
     """Error against time of several integrators on one problem; it prints as a table.
 
     Attributes
     ----------
-    rows : a dictionary for each run, the coarsest of an integrator first: problem, t_end, quantity, method, id, kind,
-        h or tol, steps, error, uncertainty (of the reference), seconds, status, reason
+    rows : a dictionary for each run, from coarse to fine for each integrator: problem, t_end, quantity, method, id,
+        kind, h or tol, steps, error, uncertainty (of the reference), seconds, status, reason
     """
 
     rows: tuple[dict[str, Any], ...]
 
     @property
     def methods(self) -> list[str]:
-        """The integrators, in the order of the rows."""
+        """The labels of the integrators, in the order of the rows."""
         return list(dict.fromkeys(r["method"] for r in self.rows))
 
     @property
     def title(self) -> str:
-        """The quantity, the problem and the span."""
+        """Title of the figure: the quantity, the problem and the span."""
         first = self.rows[0]
         return f"error of the {first['quantity']} of {first['problem']}, t = 0 to {first['t_end']:g}"
 
@@ -63,48 +75,61 @@ class WorkPrecision:
             line["least error"] = f"{min(r['error'] for r in ended):.1e}" if ended else "-"
             yield line
 
-    def to_frame(self):
+    def to_frame(self) -> pd.DataFrame:
         """The rows as a pandas DataFrame."""
         import pandas as pd
 
         return pd.DataFrame(list(self.rows))
 
-    def __repr__(self) -> str:
+    def _heading(self) -> list[str]:
+        return [f"seconds for an {self.title}"]
+
+    def _printed(self) -> pd.DataFrame:
         import pandas as pd
 
-        return f"seconds for an {self.title}\n{pd.DataFrame(list(self.table())).to_string(index=False)}"
+        return pd.DataFrame(list(self.table()))
 
-    def plot(self, path: str | Path) -> Path:
-        """Write the figure to a file .png, .svg or .pdf; returns its path.
+    @overload
+    def plot(self) -> Figure: ...
+    @overload
+    def plot(self, path: str | Path) -> Path: ...
+    def plot(self, path: str | Path | None = None) -> Figure | Path:
+        """The figure; with a path it is written to a .png, .svg or .pdf file, and the path returned.
 
-        Raises InvalidInput for another ending, or where nothing can be written.
+        Raises InvalidInput for another ending, or if the file cannot be written.
         """
+        if path is None:
+            return draw(self)
         path = Path(path)
         if path.suffix.lower() not in SUFFIXES:
             raise InvalidInput(f"the figure is {path}; its ending must be {', '.join(SUFFIXES)}")
-        draw(self, path)
+        try:
+            style.write(draw(self), path)
+        except OSError as error:
+            raise InvalidInput(f"{path} cannot be written: {error.strerror or error}") from None
         return path
 
 
+@checked_names
 def workprecision(
-    problem,
-    methods: Sequence | None = None,
+    problem: AnyProblem,
+    methods: str | Path | Sequence[str | Path | Method | Peer | Integrator | Step] | None = None,
     *,
     t_end: float,
     quantity: str = "end-state",
-    q0=None,
-    p0=None,
+    q0: State | None = None,
+    p0: State | None = None,
     progress: Callable[[str], None] = lambda line: None,
 ) -> WorkPrecision:
-    """Measure error against time over steps and tolerances, from where a method breaks to round-off.
+    """Measure error against time over steps and tolerances, from the coarsest that work to round-off.
 
     Parameters
     ----------
     problem : a system with q0 and p0; a problem; a registered name such as ``"henon-heiles:box"``; or a file's path
-    methods : ids of methods and peers, steps of one's own, or paths of files with one; at first a few of each side
+    methods : ids of methods and peers, users' own steps, or paths of files with one; by default a few of each side
     t_end : the end of the span
-    quantity : ``"end-state"``, ``"trajectory"``, ``"energy"``, or a name of the problem's own
-    q0, p0 : arrays (d,), the initial state where not the problem's
+    quantity : ``"end-state"``, ``"trajectory"``, ``"energy"``, or the name of one of the problem's own quantities
+    q0, p0 : arrays (d,), the initial state if not the problem's
     progress : called with the name of each integrator
 
     Returns
@@ -114,7 +139,8 @@ def workprecision(
     Raises
     ------
     InvalidInput
-        For input that cannot be used, where there is no reference, or where an integrator cannot do the problem.
+        For unusable input, if there is no reference of the quantity at ``t_end`` (past the horizon of a chaotic orbit
+        there is none), or if an integrator is not applicable to the problem.
 
     Examples
     --------
@@ -123,31 +149,28 @@ def workprecision(
     """
     if isinstance(t_end, bool) or not isinstance(t_end, (int, float)) or not isfinite(t_end) or not t_end > 0:
         raise InvalidInput(f"t_end is {t_end!r}; it must be a positive number")
-    made = _problem(problem, q0, p0)
-    ask = ladder.asked(made, float(t_end), quantity_of(made, quantity))
+    made = with_start(problem_of(problem) if isinstance(problem, (str, Path)) else problem, q0, p0)
+    wanted = quantity_of(made, quantity)
     methods = [methods] if isinstance(methods, (str, Path)) else methods
-    chosen = ladder.chosen(ask) if not methods else [integrator(m) for m in methods]
-    return WorkPrecision(tuple(ladder.ladders(ask, chosen, progress)))
+    chosen = [integrator(m) for m in methods] if methods else promising(made, t_end, quantity)
+    true = known_truth(made, wanted, float(t_end))
+    return WorkPrecision(tuple(curves(made, float(t_end), wanted, chosen, progress, true)))
 
 
-def _problem(problem, q0, p0) -> Problem:
-    """The problem from the state that is given."""
-    made = problem_of(problem) if isinstance(problem, (str, Path)) else problem
-    if isinstance(made, Problem):
-        return started(made, q0, p0)
-    system, q, p = initial(made, q0, p0)
-    return Problem(
-        "given", "a system of one's own", "", system, (Orbit("given", tuple(q.tolist()), tuple(p.tolist())),)
-    )
+def promising(problem, t_end: float, quantity: str) -> list[Integrator]:
+    """The first `CHOSEN` methods of this project, then peers, in the order in which advice tries them at `MIDDLE`."""
+    members = [i for i, _ in portfolio(ask(problem, t_end=t_end, accuracy=MIDDLE, quantity_name=quantity), MIDDLE)[0]]
+    own, others = ([i for i in members if (i.kind == OURS) is side][:CHOSEN] for side in (True, False))
+    return [*own, *others]
 
 
 # -- the figure -------------------------------------------------------------------------------------------------------
 
 
 def improving(rows: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """The rows of one integrator whose error is smaller than of all coarser ones, and the others.
+    """(rows of one integrator whose error is below that of all coarser ones, the other rows).
 
-    A line joins the first; where round-off ends the fall the others scatter, and to join them would draw loops.
+    Only the first are joined by a line; the others scatter at the level of round-off, and a line would draw loops.
     """
     best, falling, rest = float("inf"), [], []
     for row in rows:
@@ -157,14 +180,12 @@ def improving(rows: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], lis
 
 
 def side(kind: str) -> tuple[str, str]:
-    """(line style, what the legend says) of this project's methods, the user's own, and peers."""
+    """(line style, text in the legend) for this project's methods, the user's own step, and peers."""
     return {OURS: ("-", "phasebench"), YOURS: ("-.", "own step")}.get(kind, ("--", "peer"))
 
 
-def draw(found: WorkPrecision, path: Path) -> None:
-    """Error against seconds, a curve an integrator: a colour and a marker each, peers dashed with open markers."""
-    from phasebench.benchmarks.page import style
-
+def draw(found: WorkPrecision) -> Figure:
+    """Draw error against seconds, a curve per integrator with its colour and marker; peers dashed with open markers."""
     with style.settings():
         figure, ((axes,),) = style.panels(1, 1, 4.6)
         for name, look in zip(found.methods[:CURVES], style.looks(), strict=False):
@@ -186,10 +207,7 @@ def draw(found: WorkPrecision, path: Path) -> None:
             "\n".join(textwrap.wrap(f"Time for an {found.title}", LINE, max_lines=LINES, placeholder=" ..."))
         )
         style.legend_above(figure, axes, 3)
-        try:
-            style.write(figure, path)
-        except OSError as error:
-            raise InvalidInput(f"{path} cannot be written: {error.strerror or error}") from None
+    return figure
 
 
 def _points(rows: Sequence[dict[str, Any]]) -> tuple[list[float], list[float]]:

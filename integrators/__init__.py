@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from phasebench.integrators.engine import lazy as _lazy
+from phasebench.integrators.compile import lazy as _lazy
 
 _HOMES = {
     "Ensemble": "ensemble",

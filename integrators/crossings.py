@@ -6,58 +6,55 @@ the independent variable in the place of time (Henon 1982):
 .. math::
     \frac{\mathrm dy}{\mathrm dx} = \frac{f(y)}{f_x(y)},\qquad \frac{\mathrm dt}{\mathrm dx} = \frac1{f_x(y)},
 
-from the row that is nearer, by `SUBSTEPS` steps of the classical Runge-Kutta method.  The point is on the plane to the
-last bit, and as exact as the rows as long as these are close.
+from the row that is nearer, by one step of the method of order 8 of DOP853.  The point is on the plane to the last bit,
+and as exact as the rows as long as these are close.
 
-Source: M. Henon, On the numerical computation of Poincare maps, Physica D 5 (1982) 412-414.
+Source: M. Henon, On the numerical computation of Poincare maps, Physica D 5 (1982) 412-414; the method as in
+`coefficients.dop853`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from threading import Lock
 
 import numpy as np
 from numba import types
 
-from .engine import codegen, machine, progress
-from .engine.kernel import _type, entry, value
-from .engine.vector import axpy, inlined, jit, load, scale, store
+from .coefficients import dop853
+from .coefficients.dop853 import STAGES
+from .compile import codegen, machine, progress
+from .families.runge_kutta import total
+from .stepping.kernel import _type, entry, value
+from .values.vector import jit, join, load, plus, scale, store
 
-SUBSTEPS = 8
 #: The room of `Crossings` grows by so many points, or by this share of what there is.
 GROWTH, SHARE = 1 << 14, 32
 
 
-@inlined
-def _slope(field, q, p, k):
-    """(dq/dx, dp/dx, dt/dx) where x is component k of (q, p)."""
-    dq, dp = field(q, p, 0.0, 0.0)
-    r = 1.0 / (dq[k] if k < len(dq) else dp[k - len(dq)])
-    return scale(r, dq), scale(r, dp), r
-
-
 @jit
-def _carry(field, q, p, t, k, dx):
-    """(q, p, t) carried by the flow over SUBSTEPS dx of component k."""
-    for _ in range(SUBSTEPS):
-        aq, ap, at = _slope(field, q, p, k)
-        bq, bp, bt = _slope(field, axpy(dx / 2, aq, q), axpy(dx / 2, ap, p), k)
-        cq, cp, ct = _slope(field, axpy(dx / 2, bq, q), axpy(dx / 2, bp, p), k)
-        eq, ep, et = _slope(field, axpy(dx, cq, q), axpy(dx, cp, p), k)
-        q = axpy(dx / 6, eq, axpy(dx / 3, cq, axpy(dx / 3, bq, axpy(dx / 6, aq, q))))
-        p = axpy(dx / 6, ep, axpy(dx / 3, cp, axpy(dx / 3, bp, axpy(dx / 6, ap, p))))
-        t = t + dx / 6 * (at + 2 * bt + 2 * ct + et)
-    return q, p, t
+def _carry(field, q, p, t, k, dx, tableau, slopes, zero):
+    """(q, p, t) carried by the flow over dx of component k."""
+    d = len(zero)
+    for i in range(STAGES):
+        dq, dp = total(tableau, i, dx, slopes, zero)
+        dq, dp = field(plus(q, dq), plus(p, dp), 0.0, 0.0)
+        rate = 1.0 / (dq[k] if k < d else dp[k - d])  # dt/dx
+        store(slopes, i, scale(rate, join(dq, dp)))
+        t = t + dx * tableau[STAGES, i] * rate
+    dq, dp = total(tableau, STAGES, dx, slopes, zero)
+    return plus(q, dq), plus(p, dp), t
 
 
-def _find(field, q, p, last, plane, every, begin, steps, h, points, owners, work, zero):
+def _find(field, q, p, last, plane, every, begin, steps, h, points, owners, work, slopes, tableau, zero):
     """Write the crossings in the rows of blocks of orbits into ``points`` and ``owners``; returns how many.
 
     q, p are rows (blocks, rows, d, lanes), each ``every`` steps after the one before; ``last`` (2, blocks, d, lanes) is
     the row before the first, at the step ``begin``, and is overwritten by the last row.  ``plane`` (1, 3) has the
     component, its value and the sign of a crossing; ``h`` (blocks, lanes) the steps.  A point is t, q, p; its owner
-    the number of its orbit.
+    the number of its orbit.  ``work`` (2, d) and ``slopes`` (STAGES + 1, 2 d) are room; ``tableau`` has the rows of A,
+    then b.
     """
     k, at, sign = int(plane[0, 0]), plane[0, 1], plane[0, 2]
     blocks, rows, d, lanes = q.shape
@@ -81,9 +78,9 @@ def _find(field, q, p, last, plane, every, begin, steps, h, points, owners, work
                 for a in range(d):
                     work[0, a] = q[b, nearer, a, j] if nearer >= 0 else last[0, b, a, j]
                     work[1, a] = p[b, nearer, a, j] if nearer >= 0 else last[1, b, a, j]
-                dx = (at - work[side, c]) / SUBSTEPS
                 t = h[b, j] * min(begin + (nearer + 1) * every, steps)
-                y, v, t = _carry(field, load(work, 0, zero), load(work, 1, zero), t, k, dx)
+                y, v = load(work, 0, zero), load(work, 1, zero)
+                y, v, t = _carry(field, y, v, t, k, at - work[side, c], tableau, slopes, zero)
                 store(work, 0, y)
                 store(work, 1, v)
                 work[side, c] = at
@@ -124,22 +121,28 @@ _NUMBERS, _WHOLE, _BLOCKS = (
 _compiled: dict = {}
 
 
+@cache
+def _tableau() -> np.ndarray:
+    return np.array(dop853.tableau(), float)
+
+
 def finder(system) -> Callable:
-    """`_find` for a system, compiled: without its first and its last argument."""
+    """`_find` for a system, compiled: without its first and its last two arguments."""
     field, d = system.field(), system.d
-    zero = value(np.zeros(d), d)
+    zero, tableau = value(np.zeros(d), d), _tableau()
     if not codegen.compiled():
-        return lambda *arguments: _find(field, *arguments, zero)
+        return lambda *arguments: _find(field, *arguments, tableau, zero)
     T, whole = codegen.value_type(d), types.int64
     signature = whole(
-        _type(field), _BLOCKS, _BLOCKS, _BLOCKS, _NUMBERS, whole, whole, whole, _NUMBERS, _NUMBERS, _WHOLE, _NUMBERS, T
+        *(_type(field), _BLOCKS, _BLOCKS, _BLOCKS, _NUMBERS, whole, whole, whole),
+        *(_NUMBERS, _NUMBERS, _WHOLE, _NUMBERS, _NUMBERS, _NUMBERS, T),
     )
     if signature not in _compiled:
         options = codegen.options(d) | {"nogil": True}
         with progress.compiling("the search of crossings", d):
             _compiled[signature] = entry(machine.compiled(_find, signature, options, "crossings"))
     call = _compiled[signature]
-    return lambda *arguments: call(field, *arguments, zero)
+    return lambda *arguments: call(field, *arguments, tableau, zero)
 
 
 def sorter() -> Callable:

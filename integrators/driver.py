@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from phasebench.integrators.engine import codegen
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
-from phasebench.integrators.engine.kernel import prepare
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
+from phasebench.integrators.stepping.kernel import prepare
 
 from . import prepared
 from .errors import InvalidInput
@@ -100,7 +100,7 @@ def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dic
 
     Raises what `prepared.prepare` raises.
     """
-    run = prepared.prepare(problem, method, **(parameters or {}))
+    run = prepared.prepare(problem, method, parameters=parameters)
     return lambda: run(h, steps)[:2]
 
 

@@ -1,13 +1,13 @@
 """Ensembles: many orbits of one system, side by side in SIMD lanes and on all cores.
 
-Where a family's kernel runs in lanes (`engine.orbit_lanes`), blocks of orbits are handed to it; else the kernel of a
-single orbit takes them one by one (`singles`).  Those that did not end well are handed to `driver.integrate`, which
-says why.  Either way kernels run without the interpreter's lock, on threads.
+Where a family's kernel runs in lanes (`stepping.orbit_lanes`), blocks of orbits are handed to it; else the kernel of a
+single orbit takes them one by one (`scalar_fallback`).  Those that did not end well are handed to `driver.integrate`,
+which says why.  Either way kernels run without the interpreter's lock, on threads.
 
 The result is that of `integrate` for every orbit: to the last bit where the formulae have no other functions than the
 square root and the compiler contracts products and sums alike in both kernels, which the page on ensembles measures; up
 to round-off where it does not (pefrl on the harmonic oscillator: 3e-14 after 200,000 steps), and up to the rounding of
-sin, cos and exp where they are called (`engine.elementary` states their errors).
+sin, cos and exp where they are called (`values.elementary` states their errors).
 """
 
 from __future__ import annotations
@@ -16,21 +16,24 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from . import lots, singles
+from . import batches, scalar_fallback
+from .batches import Orbits
 from .driver import INVALID, OK, Solution, integrate
 from .errors import InvalidInput
-from .lots import Orbits
 from .record import Method
 from .registry import method as method_of
 from .request import LARGEST, grid, initial, spacing
 from .threads import shared
 
+Floats = NDArray[np.float64]
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Ensemble:
     """Orbits and how they were made; n orbits of d degrees of freedom.
 
@@ -46,25 +49,63 @@ class Ensemble:
     counts : of all orbits together, as those of a `Solution`; of one that had to be integrated again, both times
     in_lanes : array (n,), whether an orbit was integrated in lanes
     seconds : of the integration on all threads together, by the clock on the wall; compiled before
+    system : the system that was integrated
     """
 
-    q: np.ndarray
-    p: np.ndarray
-    t: np.ndarray
-    status: np.ndarray
-    reason: np.ndarray
-    times: np.ndarray
-    Q: np.ndarray
-    P: np.ndarray
-    h: np.ndarray
+    q: Floats
+    p: Floats
+    t: Floats
+    status: NDArray[np.object_]
+    reason: NDArray[np.object_]
+    times: Floats
+    Q: Floats
+    P: Floats
+    h: Floats
     methods: list[Method]
-    method: np.ndarray
+    method: NDArray[np.intp]
     counts: dict[str, int]
-    in_lanes: np.ndarray
+    in_lanes: NDArray[np.bool_]
     seconds: float
+    system: Any = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the d coordinates, then of the d momenta; asking for them loads SymPy."""
+        return () if self.system is None else names(self.system)
 
     def __len__(self) -> int:
         return len(self.q)
+
+    def __repr__(self) -> str:
+        """A few lines: the methods, the statuses with their numbers of orbits, the spans."""
+        labels = [m.label for m in self.methods]
+        methods = ", ".join(labels[:SHOWN]) + (f" and {len(labels) - SHOWN} more" if len(labels) > SHOWN else "")
+        n, d = self.q.shape
+        lanes = f", {int(self.in_lanes.sum())} in SIMD lanes" if self.in_lanes.any() else ""
+        return "\n".join(
+            [
+                f"Ensemble: {n} orbits of d = {d}, {methods}",
+                f"  {tally(self.status)}",
+                f"  to t = {spread(self.t)}, h = {spread(self.h)}, {self.Q.shape[1]} rows each",
+                f"  {self.counts.get('steps', 0)} steps in {self.seconds:.3g} s{lanes}",
+            ]
+        )
+
+
+#: Names of methods that an `Ensemble` prints.
+SHOWN = 3
+
+
+def tally(status: NDArray[np.object_]) -> str:
+    """The statuses of orbits, each with its number: "998 ok, 2 diverged"."""
+    names, numbers = np.unique(status.astype(str), return_counts=True)
+    return ", ".join(f"{n} {name}" for n, name in sorted(zip(numbers, names, strict=True), reverse=True))
+
+
+def spread(values: Floats) -> str:
+    """The range of numbers as text; one number where all are equal."""
+    low, high = float(values.min()), float(values.max())
+    return f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"
 
 
 def integrate_ensemble(
@@ -130,14 +171,14 @@ def run(
     wide = _goes_in_lanes(orbits, good, lanes)
     tell = _Progress(progress)
     tell(len(orbits.q) - len(good))
-    made = lots.of(orbits, good[wide]) if wide.any() else []
+    made = batches.of(orbits, good[wide]) if wide.any() else []
     rest = good[~wide]
     if len(rest):  # compiles
         i = rest[0]
         integrate(orbits.system, orbits.kinds[orbits.kind[i]], h=orbits.h[i], steps=1, q0=orbits.q[i], p0=orbits.p[i])
     began = time.perf_counter()
-    lots.run(made, orbits, workers, tell)
-    left = singles.run(orbits, rest, workers, tell)
+    batches.run(made, orbits, workers, tell)
+    left = scalar_fallback.run(orbits, rest, workers, tell)
     stopped = orbits.suspects(np.union1d(good[wide], np.setdiff1d(rest, left)))
     tell(-len(stopped))
     _one_by_one(orbits, np.concatenate([stopped, left]).astype(int), _alone, workers, tell)
@@ -214,7 +255,13 @@ def conclude(orbits: Orbits, in_lanes: np.ndarray, seconds: float) -> Ensemble:
         orbits.counts,
         in_lanes,
         seconds,
+        orbits.system,
     )
+
+
+def names(system: Any) -> tuple[str, ...]:
+    """The names of a system's coordinates, then of its momenta."""
+    return tuple(map(str, (*system.q, *system.p)))
 
 
 # -- what is asked for ------------------------------------------------------------------------------------------------
@@ -232,7 +279,7 @@ def begin(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> Orb
 
 
 class Asked(NamedTuple):
-    """What n orbits are asked for: the first fields of `lots.Orbits`."""
+    """What n orbits are asked for: the first fields of `batches.Orbits`."""
 
     system: object
     q: np.ndarray
@@ -336,8 +383,8 @@ def _threads(threads) -> int:
 
 def _goes_in_lanes(orbits: Orbits, good: np.ndarray, lanes: bool | None) -> np.ndarray:
     """Which of the ``good`` orbits are integrated in lanes."""
-    able = np.array([lots.able(orbits.system, record) for record in orbits.kinds], bool)[orbits.kind[good]]
+    able = np.array([batches.able(orbits.system, record) for record in orbits.kinds], bool)[orbits.kind[good]]
     if lanes and not able.all():
         raise InvalidInput(f"'{orbits.kinds[orbits.kind[good[~able][0]]].label}' does not run in lanes on this system")
-    enough = lanes or (lanes is None and able.sum() >= lots.ENOUGH)
+    enough = lanes or (lanes is None and able.sum() >= batches.ENOUGH)
     return able if enough else np.zeros(len(good), bool)

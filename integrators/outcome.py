@@ -31,11 +31,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .engine.codegen import value_kind
-
-OK, INACCURATE, UNSTABLE, DIVERGED = "ok", "inaccurate", "unstable", "diverged"
-NOT_CONVERGED, NO_ROOT = "not-converged", "no-root"
-COLLISION, INVALID, TIMEOUT, SKIPPED = "collision", "invalid", "timeout", "skipped"
+from .compile.codegen import value_kind
+from .statuses import COLLISION as COLLISION
+from .statuses import DIVERGED as DIVERGED
+from .statuses import INACCURATE, OK, UNSTABLE
+from .statuses import INVALID as INVALID
+from .statuses import NO_ROOT as NO_ROOT
+from .statuses import NOT_CONVERGED as NOT_CONVERGED
+from .statuses import SKIPPED as SKIPPED
+from .statuses import TIMEOUT as TIMEOUT
 
 #: An energy error of this share of the size of H's terms is another motion's.
 LOST = 0.5

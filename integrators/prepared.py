@@ -5,40 +5,60 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from phasebench.integrators.engine import codegen, energy_model, solve
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.flat import flat
-from phasebench.integrators.engine.kernel import COUNTS, Orbit, Prepared, Samples, entry, kernel, value, zeros
-from phasebench.integrators.engine.kernel import prepare as prepare_kernel
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.stepping import energy_model, solve
+from phasebench.integrators.stepping.kernel import (
+    COUNTED,
+    COUNTS,
+    Carry,
+    Prepared,
+    Samples,
+    entry,
+    kernel,
+    value,
+    zeros,
+)
+from phasebench.integrators.stepping.kernel import prepare as prepare_kernel
+from phasebench.integrators.stepping.packed_call import packed_call
 
 from .errors import InvalidInput
+from .keywords import Parameters, State, method_parameters
+from .outcome import DIVERGED, NOT_CONVERGED, OK
 from .record import Method
 from .registry import method as method_of
+from .registry import parameter_names
 from .request import initial
+
+Floats = NDArray[np.float64]
+#: The statuses of the codes that a kernel returns.
+STATUSES = (OK, NOT_CONVERGED, DIVERGED, NOT_CONVERGED)
 
 
 @dataclass
 class Layout:
-    """A compiled kernel with the step, the orbit and the counts of one run."""
+    """A compiled kernel with the step, the carry and the counts of one run."""
 
     kernel: Callable
     step: tuple
-    orbit: Orbit
+    carry: Carry
     counts: np.record
 
     def __call__(self, Q, P, parameter, every: int) -> tuple[int, int]:
         """Fill rows, each after ``every`` steps; (rows filled, status)."""
-        return self.kernel(self.step, self.orbit, Samples(Q, P, parameter, every), self.counts)
+        return self.kernel(self.step, self.carry, Samples(Q, P, parameter, every), self.counts)
 
     def restart(self, q, p) -> None:
         """Forget what was, and start from q, p."""
-        self.orbit.state.fill(0)
-        self.orbit.memory.fill(0)
-        self.orbit.state[0, : len(q)], self.orbit.state[1, : len(p)] = q, p
+        self.carry.state.fill(0)
+        self.carry.memory.fill(0)
+        self.carry.state[0, : len(q)], self.carry.state[1, : len(p)] = q, p
         for name in self.counts.dtype.names:
             self.counts[name] = 0
 
@@ -54,14 +74,14 @@ def step_of(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE):
 def lay_out(prepared: Prepared, d: int, h, q, p, arithmetic: str = DOUBLE) -> Layout:
     """The run of a kernel from q, p."""
     order = 1 + (prepared.linear or prepared.width) if prepared.implicit or prepared.linear else 2
-    orbit = Orbit(
+    carry = Carry(
         state=zeros((4 + prepared.stages, max(energy_model.NUMBERS, d)), arithmetic),
         memory=zeros(((3 * solve.LEVELS + 1) * prepared.stages, prepared.width), arithmetic),
         work=zeros(prepared.work or (order, order), arithmetic),
         zero=value(zeros(d, arithmetic), d, arithmetic, prepared.arrays),
     )
     step = step_of(prepared, d, h, q, p, arithmetic)
-    layout = Layout(entry(kernel(prepared, d, arithmetic)), step, orbit, np.zeros(1, COUNTS).view(np.recarray)[0])
+    layout = Layout(entry(kernel(prepared, d, arithmetic)), step, carry, np.zeros(1, COUNTS).view(np.recarray)[0])
     layout.restart(q, p)
     return layout
 
@@ -77,13 +97,13 @@ class PreparedRun:
     Attributes
     ----------
     method : the method
-    SOLVED, STALLED, NOT_FINITE : status codes 0, 1 and 2: as the statuses ok, not-converged and diverged; whether the
-        end is on the orbit is not judged
+    SOLVED, STALLED, NOT_FINITE : the statuses "ok", "not-converged" and "diverged"; whether the end is on the orbit is
+        not judged
     """
 
-    SOLVED, STALLED, NOT_FINITE = solve.SOLVED, solve.STALLED, solve.NOT_FINITE
+    SOLVED, STALLED, NOT_FINITE = OK, NOT_CONVERGED, DIVERGED
 
-    def __init__(self, problem, method: Method, q0=None, p0=None):
+    def __init__(self, problem: Any, method: Method, q0: State | None = None, p0: State | None = None):
         system, q, p = initial(problem, q0, p0)
         lack = method.lacks(system)
         if lack:
@@ -97,14 +117,16 @@ class PreparedRun:
         self._parameter = np.full((1, 1), np.nan)
         self._call = self._uncompiled
         if codegen.compiled():
-            functions = flat(self._prepared, system.d)
+            functions = packed_call(self._prepared, system.d)
             self._memory = np.zeros(functions.size, np.uint8)
             self._address = self._memory.ctypes.data
             self._functions, self._call = functions, functions.call
             self._pack()
 
-    def __call__(self, h: float, steps: int, q0=None, p0=None) -> tuple[np.ndarray, np.ndarray, int]:
-        """(q, p, status code) after ``steps`` steps; NaN where a stage equation was not solved.
+    def __call__(
+        self, h: float, steps: int, q0: State | None = None, p0: State | None = None
+    ) -> tuple[Floats, Floats, str]:
+        """(q, p, status) after ``steps`` steps; NaN where a stage equation was not solved.
 
         Parameters
         ----------
@@ -120,14 +142,14 @@ class PreparedRun:
             self._moved = False
         code = self.advance(h, steps)
         end = self._end.copy()
-        return end[0, 0], end[1, 0], code
+        return end[0, 0], end[1, 0], STATUSES[code]
 
-    def restart(self, q0, p0) -> None:
+    def restart(self, q0: State, p0: State) -> None:
         """Set the state, arrays (d,), from which `advance` starts."""
         self._start[0], self._start[1] = q0, p0
 
     def advance(self, h: float, steps: int) -> int:
-        """Integrate from the start and return the status code; the end state stays in the kernel's memory."""
+        """Integrate from the start and return the kernel's code, 0 for "ok"; the end state stays in its memory."""
         if self._prepared.begin is not None:
             self._begin(h)
         return self._call(self._address, h, steps)
@@ -135,7 +157,7 @@ class PreparedRun:
     @property
     def counts(self) -> dict[str, int]:
         """What the last call took: steps, evaluations of the gradient, Newton solves, fallbacks."""
-        return {name: int(self._layout.counts[name]) for name in COUNTS.names if name != "rule"}
+        return {name: int(self._layout.counts[name]) for name in COUNTED}
 
     @property
     def values(self) -> str:
@@ -164,7 +186,7 @@ class PreparedRun:
     def _write(self) -> None:
         it = self._layout
         samples = Samples(*self._end, self._parameter, 1)
-        self._functions.pack(self._address, self._functions.run, it.step, it.orbit, samples, it.counts, self._start)
+        self._functions.pack(self._address, self._functions.run, it.step, it.carry, samples, it.counts, self._start)
 
     def _release(self) -> None:
         if self._packed:
@@ -182,7 +204,15 @@ class PreparedRun:
         return code if code or np.isfinite(self._end).all() else solve.NOT_FINITE
 
 
-def prepare(problem, method: str | Method, *, q0=None, p0=None, **parameters) -> PreparedRun:
+@method_parameters(parameter_names)
+def prepare(
+    problem: Any,
+    method: str | Method,
+    *,
+    q0: State | None = None,
+    p0: State | None = None,
+    parameters: Parameters | None = None,
+) -> PreparedRun:
     """A compiled run of ``method`` on ``problem``, for many short integrations and for timing.
 
     Parameters
@@ -195,7 +225,7 @@ def prepare(problem, method: str | Method, *, q0=None, p0=None, **parameters) ->
     Returns
     -------
     PreparedRun
-        Called with h and the number of steps it returns (q, p, status code).
+        Called with h and the number of steps it returns (q, p, status).
 
     Raises
     ------
@@ -206,8 +236,7 @@ def prepare(problem, method: str | Method, *, q0=None, p0=None, **parameters) ->
     --------
     >>> from phasebench.benchmarks.problems import problem
     >>> run = prepare(problem("pendulum"), "stormer-verlet")
-    >>> q, p, code = run(0.01, 100)
-    >>> code == run.SOLVED
-    True
+    >>> run(0.01, 100)[2]
+    'ok'
     """
-    return PreparedRun(problem, method_of(method, **parameters), q0, p0)
+    return PreparedRun(problem, method_of(method, **(parameters or {})), q0, p0)

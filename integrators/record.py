@@ -9,12 +9,13 @@ from numbers import Rational, Real
 from typing import Any
 
 from .errors import InvalidInput
+from .keywords import Value
 
 #: How well an invariant is kept.
 EXACT, ROUND_OFF, BOUNDED, DRIFT, NONE = "exact", "round-off", "bounded", "drift", "none"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Method:
     """A one-step method.
 
@@ -45,10 +46,10 @@ class Method:
     cite: tuple[str, ...] = ()
     requires: tuple[str, ...] = ()
     parameters: Mapping[str, Any] = field(default_factory=dict)
-    data: tuple = ()
-    with_parameters: Callable[..., dict] | None = None
+    data: tuple[Any, ...] = ()
+    with_parameters: Callable[..., dict[str, Any]] | None = None
 
-    def __call__(self, **parameters) -> Method:
+    def __call__(self, **parameters: Value) -> Method:
         """This method with other values of its parameters; raises InvalidInput for one that it lacks."""
         for name in parameters:
             if name not in self.parameters:
@@ -66,7 +67,7 @@ class Method:
             return self.id
         return f"{self.id}({', '.join(f'{k}={v}' for k, v in self.parameters.items())})"
 
-    def lacks(self, system) -> str | None:
+    def lacks(self, system: Any) -> str | None:
         """Why the method cannot run on ``system``, or None where it can."""
         return lacks(self.id, self.requires, system)
 

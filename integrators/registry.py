@@ -5,7 +5,8 @@ A new method of a family that exists is one more record in a module of `records`
 
 from __future__ import annotations
 
-from .errors import unknown
+from .keywords import Value
+from .names import Records, unknown_method
 from .record import Method
 from .records import (
     adaptive,
@@ -25,7 +26,7 @@ from .records import (
     wisdom_holman as kepler,
 )
 
-METHODS: tuple[Method, ...] = (
+_RECORDS: tuple[Method, ...] = (
     *classical.METHODS,
     *parametric.METHODS,
     *splittings.METHODS,
@@ -40,10 +41,16 @@ METHODS: tuple[Method, ...] = (
     *poisson.METHODS,
 )
 
-BY_ID = {m.id: m for m in METHODS}
+BY_ID = {m.id: m for m in _RECORDS}
 
 
-def method(id: str | Method, **parameters) -> Method:
+def parameter_names(method: str | Method) -> list[str]:
+    """The names of a method's parameters, ``solver`` included; none for what is no method."""
+    record = method if isinstance(method, Method) else BY_ID.get(method) if isinstance(method, str) else None
+    return [] if record is None else [*record.parameters, "solver"]
+
+
+def method(id: str | Method, **parameters: Value) -> Method:
     """The method of that id, with values for its parameters: ``method("scheme-i", lam=-1)``.
 
     ``solver="banded"`` solves the equations of a method of one stage in a narrow band (`records.solvers`).
@@ -55,7 +62,11 @@ def method(id: str | Method, **parameters) -> Method:
     """
     solver = parameters.pop("solver", None)
     if not isinstance(id, Method) and id not in BY_ID:
-        raise unknown("method", id, BY_ID)
+        raise unknown_method(id, BY_ID)
     record = id if isinstance(id, Method) else BY_ID[id]
     record = record(**parameters) if parameters else record
     return record if solver is None else solvers.solved(record, solver)
+
+
+#: All methods; ``METHODS["rk4"]`` is ``method("rk4")``.
+METHODS: Records[Method] = Records.of(_RECORDS, method)

@@ -11,13 +11,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import ensemble
+from .batches import Orbits
+from .coefficients.dop853 import STAGES
 from .crossings import Crossings, finder, sorter
-from .engine import orbit_lanes
+from .ensemble import Floats
 from .errors import InvalidInput
-from .lots import Orbits
 from .outcome import travel
+from .stepping import orbit_lanes
 from .trajectory import PIECE
 
 #: Numbers of the rows that one call of a kernel makes, and the most rows of one orbit: they stay in the cache.
@@ -28,7 +31,7 @@ GROUP = 16 * orbit_lanes.LANES.n
 LOOKS, LOOKED = 64, 1 << 21
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Section:
     """The crossings of an ensemble, in the order of the orbits and of time; m of them in all.
 
@@ -39,22 +42,35 @@ class Section:
     q, p : arrays (m, d)
     status, reason : arrays (n,) of text, how each orbit ended; its crossings before are there
     seconds : of the integration and of the search; compiled before
+    names : of the d coordinates, then of the d momenta
+    component, at : the number among ``names`` of the one that is fixed on the plane, and its value there
     """
 
-    orbit: np.ndarray
-    t: np.ndarray
-    q: np.ndarray
-    p: np.ndarray
-    status: np.ndarray
-    reason: np.ndarray
+    orbit: NDArray[np.intp]
+    t: Floats
+    q: Floats
+    p: Floats
+    status: NDArray[np.object_]
+    reason: NDArray[np.object_]
     seconds: float
+    names: tuple[str, ...] = ()
+    component: int = 0
+    at: float = 0.0
 
     def __len__(self) -> int:
         return len(self.t)
 
-    def counts(self) -> np.ndarray:
+    def counts(self) -> NDArray[np.intp]:
         """The number of crossings of each orbit, array (n,)."""
         return np.bincount(self.orbit, minlength=len(self.status))
+
+    def __repr__(self) -> str:
+        """A few lines: the plane, the number of crossings, the statuses of the orbits."""
+        counts = self.counts()
+        lines = [f"{type(self).__name__}: {len(self)} crossings of {self.names[self.component]} = {self.at:g}"]
+        lines.append(f"  {len(self.status)} orbits, {int(counts.min())} to {int(counts.max())} crossings each")
+        lines.append(f"  {ensemble.tally(self.status)}; {self.seconds:.3g} s")
+        return "\n".join(lines)
 
 
 @dataclass
@@ -136,7 +152,7 @@ class Search:
             starts = orbits.q[members, :, None], orbits.p[members, :, None]
             self._h = orbits.h[members, None].copy()
         self._last = np.ascontiguousarray(starts)
-        self._work = np.zeros((2, orbits.system.d))
+        self._work, self._slopes = np.zeros((2, orbits.system.d)), np.zeros((STAGES + 1, 2 * orbits.system.d))
         self._points, self._owners = np.empty((0, 0)), np.empty((0, 1), np.int64)
 
     def __call__(self, first: int, q: np.ndarray, p: np.ndarray) -> None:
@@ -148,7 +164,7 @@ class Search:
         orbits = self._orbits
         found = orbits.find(
             *(q, p, self._last, orbits.plane, self._every, first * self._every, self._steps),
-            *(self._h, self._points, self._owners, self._work),
+            *(self._h, self._points, self._owners, self._work, self._slopes),
         )
         if found:
             orbits.crossings.add(self._points[:found], self._members[self._owners[:found, 0]])
@@ -171,7 +187,12 @@ def concluded(orbits: Watched, seconds: float) -> Section:
     points, numbers = orbits.crossings.ordered(len(orbits.q))
     orbit = np.repeat(np.arange(len(numbers)), numbers)
     t, q, p = points[:, 0], points[:, 1 : 1 + d], points[:, 1 + d :]
-    return Section(orbit, t, q, p, orbits.status, orbits.reason, seconds + time.perf_counter() - began)
+    component, at = int(orbits.plane[0, 0]), float(orbits.plane[0, 1])
+    spent = seconds + time.perf_counter() - began
+    return Section(
+        *(orbit, t, q, p, orbits.status, orbits.reason, spent),
+        *(ensemble.names(orbits.system), component, at),
+    )
 
 
 def begin(

@@ -6,11 +6,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import InvalidInput
 
 #: Components of the end state that a `Solution` prints.
 SHOWN = 4
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
@@ -30,32 +32,32 @@ class Solution:
     problem : what was integrated, a problem or a system
     """
 
-    t: np.ndarray
-    q: np.ndarray
-    p: np.ndarray
+    t: Floats
+    q: Floats
+    p: Floats
     status: str
     reason: str
     counts: dict[str, int]
     h: float
     method: Any
-    parameter: np.ndarray = field(default=None)
+    parameter: Floats | None = None
     seconds: float = 0.0
     problem: Any = field(default=None, compare=False)
 
     @property
-    def system(self):
+    def system(self) -> Any:
         """The system that was integrated; raises InvalidInput where the solution does not know it."""
         if self.problem is None:
             raise InvalidInput("this solution does not know its problem: pass problem= when you make it")
         return getattr(self.problem, "system", self.problem)
 
-    def energy(self) -> np.ndarray:
+    def energy(self) -> Floats:
         """H of each row, array (n,); raises InvalidInput where the system has none."""
         if not self.system.has_energy:
             raise InvalidInput("the system has no energy")
         return self.system.energies(self.q, self.p)
 
-    def invariants(self) -> dict[str, np.ndarray]:
+    def invariants(self) -> dict[str, Floats]:
         """The problem's invariants besides the energy: by name, arrays (n,) of their values."""
         if hasattr(self.problem, "invariants") and hasattr(self.problem, "invariant"):
             return {name: self.problem.invariant(name, self.q, self.p) for name in self.problem.invariants}
@@ -74,7 +76,7 @@ class Solution:
         return "\n".join(lines)
 
 
-def _shortened(state: np.ndarray) -> str:
+def _shortened(state: Floats) -> str:
     """The first components of a state."""
     more = ", ..." if len(state) > SHOWN else ""
     return f"[{', '.join(f'{float(x):.6g}' for x in state[:SHOWN])}{more}]"

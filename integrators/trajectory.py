@@ -6,9 +6,7 @@ import time
 
 import numpy as np
 
-from .engine import solve
-from .engine.codegen import MULTIPRECISION
-from .engine.kernel import zeros
+from .compile.codegen import MULTIPRECISION
 from .outcome import (
     COLLISION,
     DIVERGED,
@@ -22,6 +20,8 @@ from .outcome import (
     judged,
     passed,
 )
+from .stepping import solve
+from .stepping.kernel import zeros
 
 #: A state that has grown by this factor has escaped, whatever stopped it in the end.
 ESCAPED = 1e6

@@ -1,5 +1,5 @@
-"""The truth: exact solutions, certified extended-precision references, peers from elsewhere, stored error tables.
+"""References: exact solutions, certified extended-precision states, other packages (peers), stored error tables.
 
-Every module takes a problem as an argument and knows none by import.  Importing this package costs nothing; heyoka,
-REBOUND, SciPy, mpmath and pandas load in the functions that need them.
+Modules take a problem as an argument and import none.  Importing this package is cheap: heyoka, REBOUND, SciPy, mpmath
+and pandas are imported by the functions that need them.
 """

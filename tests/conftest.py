@@ -1,29 +1,42 @@
-"""Fixtures of the suite: measurements of a process in which nothing is compiled; where that is this one, made here."""
+"""Fixtures of the suite. Some results are measured without compilation, in a subprocess unless it is off here too."""
 
 from __future__ import annotations
 
+import os
+
+# Before NumPy is imported, and inherited by workers and subprocesses: as many workers as cores leave no core for a
+# second thread of BLAS, which waits actively for its turn. Least squares took six times the processor time.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import atexit
 import contextlib
 import ctypes
 import functools
 import io
 import json
-import os
 import runpy
+import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
-from phasebench.benchmarks.measure import multiprecision
-from phasebench.integrators.engine import codegen, preparation
+from phasebench.integrators.compile import codegen, preparation
 from support import lazily
 
 HERE = Path(__file__).resolve().parent
 
+if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):
+    # None beside the sources; but hundreds of subprocesses need not compile every module again.
+    os.environ["PYTHONPYCACHEPREFIX"] = tempfile.mkdtemp(prefix="bytecode-")
+    atexit.register(shutil.rmtree, os.environ["PYTHONPYCACHEPREFIX"], ignore_errors=True)
 
-#: The files that take longest, first: else one process would be at them when the other has ended.  The first compiles
-#: the kernels of every family; those beside it, to "test_perturbed", compile none or few, and what follows loads them.
+
+#: The slowest files, run first so that the workers finish together. The first one compiles the kernels of every family;
+#: those up to "test_perturbed" compile few or none, and later files load what is in the cache.
 LONGEST = (
     "test_allocation",
     "test_orders",
@@ -49,7 +62,7 @@ def pytest_collection_modifyitems(items):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """A file's tests go to one worker, so that none measures again what another has measured, in the order of items."""
+    """Send all tests of a file to one worker, in the order of `items`, so that no measurement is repeated."""
     from xdist.scheduler import LoadFileScheduling
 
     config.option.loadscopereorder = False
@@ -57,24 +70,24 @@ def pytest_xdist_make_scheduler(config, log):
 
 
 def pytest_runtest_teardown():
-    """Take back what WHFast512 leaves where a test calls it without `integrate_peer`: small numbers become zero."""
+    """Switch denormal numbers back on: WHFast512 switches them off if called without `integrate_peer`."""
     if float("2.2250738585072014e-308") * float("0.5") == 0:
         ctypes.CDLL(None).fesetenv(ctypes.c_void_p(-1))  # FE_DFL_ENV of the C libraries that run there
 
 
 @functools.cache
-def _uncompiled(script: str, *arguments: str):
+def _run_uncompiled(script: str, *arguments: str):
     path = os.pathsep.join([str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])])  # as for the tests themselves
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
     command = [sys.executable, str(HERE / script), *arguments]
     done = subprocess.run(command, env=environment, cwd=HERE.parent, capture_output=True, text=True, check=False)
-    # The failure is kept as well: hundreds of tests would wait for it again.
+    # A failure is cached too, or hundreds of tests would each repeat the run.
     return json.loads(done.stdout.splitlines()[-1])["result"] if done.returncode == 0 else done.stderr
 
 
 @functools.cache
 def _here(script: str, *arguments: str):
-    """The same in this process, which compiles nothing."""
+    """Like `_run_uncompiled`, but in this process, which compiles nothing."""
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()) as printed:
         patch.setattr(sys, "argv", [script, *arguments])
         runpy.run_path(str(HERE / script), run_name="__main__")
@@ -82,30 +95,38 @@ def _here(script: str, *arguments: str):
 
 
 def _result(script: str, *arguments: str):
-    result = _uncompiled(script, *arguments) if codegen.compiled() else _here(script, *arguments)
+    """Result that a script prints, measured without compilation; fail with its stderr if it failed."""
+    result = _run_uncompiled(script, *arguments) if codegen.compiled() else _here(script, *arguments)
     assert not isinstance(result, str), f"{script} {' '.join(arguments)} failed:\n{result}"
     return result
 
 
 @pytest.fixture(scope="session", autouse=True)
 def nothing_that_families_prepare_is_kept():
-    """Tests change families: what they prepare is prepared, never read from the cache."""
+    """Families prepare their data anew instead of reading it from the cache, because tests modify families."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(preparation, "KEPT", False)
+        patch.setattr(preparation, "ENABLED", False)
         yield
+
+
+@pytest.fixture
+def importable(monkeypatch):
+    """Put tests/ on PYTHONPATH so that subprocesses can import `support`."""
+    monkeypatch.setenv("PYTHONPATH", str(HERE))
 
 
 @pytest.fixture(scope="session")
 def uncompiled():
-    """(script, arguments) -> the result that it prints, measured once a session with NUMBA_DISABLE_JIT=1."""
+    """Function (script, arguments) -> the result that the script prints with NUMBA_DISABLE_JIT=1, once per session."""
     return _result
 
 
 @pytest.fixture(scope="session")
 def of_each(uncompiled):
-    """A module of `support` that prints {label: what its ``of`` finds} -> the function of the label.
+    """Function that maps a module of `support` to a function label -> result of the module's ``of(label)``.
 
-    Where this process compiles nothing a label is measured when it is asked for, so that a test reaches its own alone.
+    The module is run as a script without compilation and prints all labels at once; in a process without compilation
+    only the requested label is computed.
     """
 
     def function(module):
@@ -115,28 +136,16 @@ def of_each(uncompiled):
     return function
 
 
-@functools.cache
-def _elsewhere(name: str):
-    try:
-        return multiprecision.elsewhere(name)
-    except RuntimeError as error:  # kept as well: hundreds of tests would wait for it again
-        return str(error)
+#: Measurements that one test file uses together, taken in one subprocess.
+TOGETHER = (("orders", "control_errors"), ("symplecticity", "frozen"), ("symmetry", "adjoint"))
 
 
-#: What the tests of one file want is measured in one process.
-TOGETHER = (("orders", "spoiled"), ("symplecticity", "frozen"), ("symmetry", "adjoint"))
-
-
-def _measured(name: str):
-    for names in TOGETHER:
-        if name in names:
-            return _result("support/exact.py", *names)[name]
-    result = _elsewhere(name)
-    assert not isinstance(result, str), result
-    return result
+def _measure(name: str):
+    names = next((names for names in TOGETHER if name in names), (name,))
+    return _result("support/exact.py", *names)[name]
 
 
 @pytest.fixture(scope="session")
 def measured():
-    """Name -> the measurement of that name in `measure.multiprecision`, on the systems of `support.exact`."""
-    return _measured if codegen.compiled() else functools.cache(lazily.measured)
+    """Function name -> that measurement of `measure.multiprecision` on the systems of `support.exact`."""
+    return _measure if codegen.compiled() else functools.cache(lazily.lazy_measurements)

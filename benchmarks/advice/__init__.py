@@ -1,1 +1,1 @@
-"""Advice: which integrator for a problem, a span and an accuracy; what is recommended was run against a reference."""
+"""Advice: which integrator to use for a problem, a span and an accuracy, confirmed by a run against a reference."""

@@ -1,9 +1,10 @@
-"""`advise`: the cheapest integration that meets an accuracy, or the most accurate one within a time; run, then said.
+"""`advise`: the cheapest integration that meets an accuracy, or the most accurate one within a time, found by running.
 
-What is true of the quantity comes first; what it cannot tell is not advised on.  Then integrators are tried,
-the most promising first (`portfolio`), each at the size at which it just meets the accuracy (`search`), until the time
-for it is over or the rest was many times dearer wherever it was measured.  The cheapest few run in turns (`finals`); of
-those the medians decide.  What is named is run once more against the reference.
+First the true value of the quantity is computed; if it is not known well enough for the accuracy, nothing is advised.
+Then integrators are tried, the most promising first (`portfolio`), each at the step or tolerance at which it just meets
+the accuracy (`search`), until the time for the search is up or the rest was many times dearer in stored measurements.
+The cheapest few are timed again in turns and ranked by median (`finals`).  The recommended ones are run once more
+against the reference.
 """
 
 from __future__ import annotations
@@ -15,32 +16,39 @@ from typing import Any
 
 import numpy as np
 
+from phasebench.benchmarks.ladder.final import rounds
+from phasebench.benchmarks.ladder.search import search
+from phasebench.benchmarks.ladder.trial import Trial
 from phasebench.benchmarks.measure.clock import Sharing
 from phasebench.benchmarks.measure.compilation import failure_summary
-from phasebench.benchmarks.measure.integrator import OURS
+from phasebench.benchmarks.measure.integrator import OURS, integrator
 from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.benchmarks.measure.timing import in_turns, median
+from phasebench.integrators.driver import OK
+from phasebench.integrators.systems import singularities
 
 from . import fewer_bodies, models, words
 from .ask import Ask
 from .hunt import LONGEST, MIDDLE, Candidate, Search
-from .known import KNOWN, known
-from .portfolio import Dropped, portfolio
-from .search import search
-from .trial import Trial
+from .known import KNOWN, true_value
+from .portfolio import FIRST, Dropped, portfolio
 
-#: Finalists are those within this factor of the cheapest, at most so many, run in turns in so many rounds.
-WITHIN, FINALISTS, ROUNDS = 1.6, 6, 9
-#: How many more are told of.
+#: Finalists are within the factor WITHIN of the cheapest, at most FINALISTS; ROUNDS are the fewest and most rounds.
+WITHIN, FINALISTS, ROUNDS = 1.6, 6, (2, 9)
+#: The most alternatives listed besides the choice.
 ALTERNATIVES = 10
-#: Seconds that the final may take.
+#: Seconds that timing the finalists may take.
 FINAL = 1.0
-#: The reference counts as confirmed where an integrator of another kind comes this near to it, or within the accuracy.
+#: An end-state error above this share of the initial state's size is worth a note.
+LOST = 0.01
+#: The reference is confirmed if an integrator of another kind comes within this share of its size, or the accuracy.
 CONFIRMED = 1e-3
+#: The integrator that is run to confirm the reference if none of another kind did; it needs no compilation.
+SECOND = "scipy-dop853"
 
 
 def advise(ask: Ask, problem_words: Sequence[str] = (), portfolio_of=portfolio) -> dict[str, Any]:
-    """The answer to an ask, as the command prints it; ``problem_words`` name the problem on a command line."""
+    """Answer a question with the dict that --json prints; ``problem_words`` name the problem on a command line."""
     began = time.process_time()
     answer: dict[str, Any] = {
         "problem": ask.problem.label,
@@ -51,21 +59,21 @@ def advise(ask: Ask, problem_words: Sequence[str] = (), portfolio_of=portfolio) 
         "conserve": list(ask.conserve),
     }
     ask.progress("the reference")
-    true, why = known(ask)
+    true, why = true_value(ask)
     if why:
         return answer | _nothing(why, true)
     search_ = Search(ask, true, began)
     members, search_.dropped = portfolio_of(ask, ask.accuracy or MIDDLE)
     search_.try_all(members)
     if not search_.found:
-        return answer | _nothing(_unreached(search_), true, search_.dropped) | _failures(search_)
+        return answer | _nothing(_explain_unreached(search_), true, search_.dropped) | _failures(search_)
     order = finals(search_)
-    problem_words = list(problem_words) or words.named(ask.problem)
-    return answer | _chosen(search_, order, problem_words) | _failures(search_)
+    problem_words = list(problem_words) or words.problem_arguments(ask.problem)
+    return answer | _recommendation(search_, order, problem_words) | _failures(search_)
 
 
 def _failures(found: Search) -> dict[str, Any]:
-    """Which integrators do not compile, and a warning that says so; null where all of them do."""
+    """The integrators that do not compile, and a warning that names them (None if all compile)."""
     return {
         "failed": [f._asdict() for f in found.failed],
         "warning": failure_summary(found.failed, found.all_own_failed) or None,
@@ -86,20 +94,19 @@ def _nothing(why: str, true: Truth | None, dropped: Sequence[Dropped] = ()) -> d
         "failed": [],
         "warning": None,
         "shared": "",
+        "notes": [],
         "reference": None if true is None else {"uncertainty": true.uncertainty, "source": true.source},
         "verified": False,
     }
 
 
-def _unreached(found: Search) -> str:
+def _explain_unreached(found: Search) -> str:
     ask = found.ask
-    best = min(
-        ((p.error, t) for t in found.trials for p in t.points.values() if p.ok), key=lambda x: x[0], default=None
-    )
+    best = min(((r.error, t) for t in found.trials for r in t.rungs.values() if r.ok), key=lambda x: x[0], default=None)
     if best is None and found.failed and not found.trials:
         return "no integrator that was tried compiles"
-    if best is None and not any(t.points for t in found.trials):
-        return "no integrator was tried in the time that the search may take: give it more (--limit)"
+    if best is None and not any(t.rungs for t in found.trials):
+        return "no integrator was tried in the time that the search may take: give it more (--time-limit)"
     if best is None:
         return "no integrator came to the end of the span"
     if ask.budget is not None:
@@ -112,31 +119,35 @@ def _unreached(found: Search) -> str:
 
 
 def finals(found: Search) -> list[Candidate]:
-    """The candidates by time, or by error where a time was given; the first few run in turns, medians decide."""
+    """Rank candidates by time, the fastest after timing them again in turns; by error if a time budget was given."""
     if found.ask.budget is not None:
-        return sorted(found.found, key=lambda c: c.point.error)
+        return sorted(found.found, key=lambda c: c.rung.error)
     order = sorted(found.found, key=lambda c: c.seconds)
     near = [c for c in order if c.seconds <= WITHIN * order[0].seconds][:FINALISTS]
     for kind in (True, False):
         near += [c for c in order if (c.integrator.kind == OURS) is kind and c not in near][:1]
-    rounds = int(min(max(FINAL / sum(max(c.seconds, 1e-4) for c in near), 2), ROUNDS))
     found.ask.progress(f"{len(near)} in turns")
-    for candidate, seconds in in_turns({c: c for c in near}, rounds).items():
-        candidate.seconds = median(seconds).value
+    turns = in_turns({c: c for c in near}, rounds((c.seconds for c in near), FINAL, *ROUNDS))
+    for candidate, seconds in turns.items():
+        told = median(seconds)
+        candidate.seconds, candidate.interval = told.value, (told.low, told.high)
     return sorted(near, key=lambda c: c.seconds) + [c for c in order if c not in near]
 
 
-def _chosen(found: Search, order: list[Candidate], problem_words: Sequence[str]) -> dict[str, Any]:
+def _recommendation(found: Search, order: list[Candidate], problem_words: Sequence[str]) -> dict[str, Any]:
     ask = found.ask
     own = next((c for c in order if c.integrator.kind == OURS), None)
     peer = next((c for c in order if c.integrator.kind != OURS), None)
     named = list(dict.fromkeys(c for c in (order[0], own, peer, *order[1:2]) if c is not None))
     ask.progress("running what is recommended once more")
-    again = {c: _again(c) for c in named}
+    again = {c: c.trial.repeat(c.rung) for c in named}
     rows = {c: c.row(ask, problem_words) | ({"error": again[c]} if c in again else {}) for c in order}
     second = _second(found)
     first = order[0]
-    good = ask.accuracy is None or first.trial.meets(first.point._replace(error=again[first]), ask.accuracy)
+    rows[first]["end_state_error"] = off = end_state_error(first)
+    for c in order[1:]:
+        rows[c]["tie"] = tied(first, c)
+    good = ask.accuracy is None or first.trial.meets(first.rung._replace(error=again[first]), ask.accuracy)
     confirmed = found.ask.quantity.kept or second["confirmed"]
     return {
         "choice": rows[order[0]],
@@ -149,37 +160,78 @@ def _chosen(found: Search, order: list[Candidate], problem_words: Sequence[str])
         "alternatives": [rows[c] for c in order[1 : ALTERNATIVES + 1]],
         "dropped": [d._asdict() for d in found.dropped],
         "shared": sharing(order),
+        "notes": [note for note in (lost_orbit(first, off), singularity_note(ask.problem)) if note],
         "reference": {"uncertainty": found.true.uncertainty, "source": found.true.source} | second,
         "verified": bool(good and confirmed),
     }
 
 
+def tied(first: Candidate, other: Candidate) -> bool:
+    """True if the times of two that ran in turns cannot be told apart: their intervals overlap."""
+    if first.interval is None or other.interval is None:
+        return False
+    return other.interval[0] <= first.interval[1] and first.interval[0] <= other.interval[1]
+
+
+def end_state_error(candidate: Candidate) -> float | None:
+    """Distance (max norm) of the end state from heyoka's; None unless the quantity is a conserved one."""
+    task, heyoka = candidate.trial.task, integrator(FIRST)
+    if not task.quantity.kept or heyoka.lacks(task.problem):
+        return None
+    one = task.run(candidate.integrator, candidate.rung.size, bare=True)
+    other = heyoka.run(task.problem, t_end=task.t_end, save_every=0)
+    if one.status != OK or other.status != OK:
+        return None
+    return float(max(np.abs(one.q[-1] - other.q[-1]).max(), np.abs(one.p[-1] - other.p[-1]).max()))
+
+
+def lost_orbit(candidate: Candidate, off: float | None) -> str:
+    """A note that the conserved quantity says nothing of the orbit, if the end state is off by much; else ""."""
+    made = candidate.trial.task.problem
+    size = max(map(abs, (*made.q0, *made.p0)))
+    if off is None or off <= LOST * size:
+        return ""
+    return (
+        f"{candidate.trial.task.quantity.name} alone was asked for: the end state is off by {off:.2g}, and the initial "
+        f"state is of size {size:.2g}; ask for --quantity end-state if the orbit matters"
+    )
+
+
+def singularity_note(problem) -> str:
+    """A note that H was too long to find its singular distances, so variable steps by them were not tried; else ""."""
+    if not singularities.unsearched(problem.system):
+        return ""
+    return "H has too long a denominator for singular distances to be found in it; declare them with singular="
+
+
 def sharing(order: Sequence[Candidate]) -> str:
-    """What to know of the times where other processes shared the core; empty where none did."""
-    every = [c.trial.sharing for c in order]
+    """A note that other processes shared the core while times were measured; "" if none did."""
+    every = [c.trial.task.clocks.sharing for c in order]
     together = Sharing(*(sum(getattr(s, name) for s in every) for name in ("readings", "repeated", "disturbed")))
-    return together.told()
-
-
-def _again(candidate: Candidate) -> float:
-    """The error of one more run."""
-    trial = candidate.trial
-    size = next(iter(candidate.point.size.values()))
-    fresh = Trial(trial.integrator, trial.ask, trial.true, inf)
-    return fresh.error(size)
+    return together.summary()
 
 
 def _second(found: Search) -> dict[str, Any]:
-    """The integrator of another kind than the reference's that came nearest to it."""
+    """The integrator other than heyoka that came nearest to the reference, and how near; runs `SECOND` if needed."""
+    near = max(found.ask.accuracy or 0.0, CONFIRMED * float(np.abs(found.true.values).max()))
     others = [t for t in found.trials if t.integrator.kind != "heyoka"]
-    nearest = min(((p.error, t.integrator.id) for t in others for p in t.points.values() if p.ok), default=(inf, None))
-    size = float(np.abs(found.true.values).max())
-    near = max(found.ask.accuracy or 0.0, CONFIRMED * size)
+    nearest = _nearest(others)
+    if nearest[0] > near and not (second := integrator(SECOND)).lacks(found.ask.problem):
+        trial, tol = Trial(second, found.task(), FINAL), near / 100
+        if not found.ask.quantity.kept and trial.pilot(tol) <= FINAL:
+            trial.at(tol)
+        nearest = min(nearest, _nearest([trial]), key=lambda x: x[0])
     return {"second": nearest[1], "distance": nearest[0], "confirmed": bool(nearest[0] <= near)}
 
 
+def _nearest(trials: Sequence[Trial]) -> tuple[float, str | None]:
+    """(least error of all complete runs, id of its integrator)."""
+    ended = ((r.error, t.integrator.id) for t in trials for r in t.rungs.values() if r.ok)
+    return min(ended, key=lambda x: x[0], default=(inf, None))
+
+
 def _tenfold(found: Search, order: list[Candidate], problem_words: Sequence[str]) -> dict[str, Any] | None:
-    """What the next ten times in accuracy costs, of the first few of the candidates."""
+    """The cheapest run at a tenth of the accuracy, among the first few candidates; None if that cannot be told."""
     accuracy, best = found.ask.accuracy / 10, None
     if found.true.uncertainty > KNOWN * accuracy:
         return None
@@ -188,8 +240,7 @@ def _tenfold(found: Search, order: list[Candidate], problem_words: Sequence[str]
             break
         trial, cheapest = candidate.trial, best.seconds if best else inf
         trial.longest = max(trial.longest, LONGEST * LONGEST * candidate.seconds)
-        start = next(iter(candidate.point.size.values()))
-        result = search(trial, accuracy, start, cheapest)
-        if result.point is not None and result.point.seconds < cheapest:
-            best = Candidate(trial, result.point)
+        result = search(trial, accuracy, candidate.rung.number, cheapest)
+        if result.rung is not None and result.rung.seconds < cheapest:
+            best = Candidate(trial, result.rung)
     return None if best is None else best.row(found.ask, problem_words) | {"accuracy": accuracy}

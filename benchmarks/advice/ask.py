@@ -1,4 +1,4 @@
-"""What is asked for: a problem, how far, which quantity, how accurately or in what time, and what has to be kept."""
+"""The question put to `advise`: problem, span, quantity, accuracy or time budget, and what must be conserved."""
 
 from __future__ import annotations
 
@@ -8,26 +8,29 @@ from math import isfinite
 from numbers import Real
 from typing import Any
 
-from phasebench.benchmarks.measure.quantities import Quantity, quantity
+from phasebench.benchmarks.measure import conservation_claims
+from phasebench.benchmarks.measure.named_quantities import quantity
+from phasebench.benchmarks.measure.quantities import Quantity
 from phasebench.benchmarks.problems.units import span
 from phasebench.integrators.errors import InvalidInput
 
-from . import kept, prior
+from . import prior
 
 
 @dataclass(frozen=True)
 class Ask:
-    """A question that can be answered.
+    """A checked question.
 
     Attributes
     ----------
     problem, t_end : the problem on one of its orbits, and the end of the span
-    quantity : what is wanted
-    accuracy : the largest error of it, or None where a time is given
+    quantity : the quantity whose error counts
+    accuracy : its largest error allowed, or None if a budget is given
     budget : seconds that a run may take, or None
-    conserve : what has to be kept, names of `kept.known`
+    conserve : what must be conserved, names of `conservation_claims.claim_names`
     limit : seconds that the search may take
-    progress : called with a line for each thing that is tried
+    first_use : seconds that it may take where kernels of promising integrators have to be compiled
+    progress : called with a line of text for each integrator that is tried
     """
 
     problem: Any
@@ -37,11 +40,14 @@ class Ask:
     budget: float | None
     conserve: tuple[str, ...]
     limit: float
+    first_use: float
     progress: Callable[[str], None]
 
 
-#: Seconds of a search for a problem of which rows are stored, and for any other; to start the program takes two more.
+#: Default seconds of a search for a problem with stored measurements, and for any other; startup takes two more.
 STORED, NEW = 3.0, 50.0
+#: Default seconds where promising kernels have to be compiled, which happens once on a machine.
+COMPILING = 50.0
 
 
 def ask(
@@ -55,16 +61,17 @@ def ask(
     limit=None,
     progress: Callable[[str], None] = lambda line: None,
 ) -> Ask:
-    """The checked question; raises InvalidInput for what cannot be asked."""
+    """Check the arguments and make the question; raises InvalidInput for one that cannot be used."""
     t_end = _positive("t_end", span(t_end, getattr(problem, "time_unit", "")))
-    limit = None if limit is None else _positive("limit", limit)
+    given = None if limit is None else _positive("time_limit", limit)
+    limit = given or (STORED if prior.is_stored(problem.id) else NEW)
     if (accuracy is None) == (budget is None):
         raise InvalidInput("give either the accuracy that is needed or a budget of seconds")
     accuracy = None if accuracy is None else _positive("accuracy", accuracy)
     budget = None if budget is None else _positive("budget", budget)
     wanted = tuple(dict.fromkeys([conserve] if isinstance(conserve, str) else conserve))
     for name in wanted:
-        kept.check(problem, name)
+        conservation_claims.check(problem, name)
     return Ask(
         problem,
         t_end,
@@ -72,13 +79,14 @@ def ask(
         accuracy,
         budget,
         wanted,
-        limit or (STORED if prior.is_stored(problem.id) else NEW),
+        limit,
+        given or max(limit, COMPILING),
         progress,
     )
 
 
 def _positive(name: str, value) -> float:
-    """A positive finite number."""
+    """The value as a float; raises InvalidInput unless it is a positive finite number."""
     if not isinstance(value, Real) or isinstance(value, bool) or not isfinite(value) or value <= 0:
         raise InvalidInput(f"{name} is {value!r}; it must be a positive finite number")
     return float(value)

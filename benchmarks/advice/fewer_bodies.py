@@ -1,22 +1,23 @@
-"""Which bodies of a planetary system may be left out, or made test particles, at an accuracy: tried by running.
+"""Which bodies of a planetary system may be left out, or made test particles, at an accuracy: found by running.
 
-For the others, a body that is left out is one without mass, so that all models are runs of one compiled system with
-other masses (`reference.solvers.attracting`); each starts about its own barycentre, as the table without that body
-does.  What a model is off by is the error of the quantity against what is true of the full system.  First each body is
-tried alone, then together, the least important first, as long as the model's error is at most half of the accuracy; the
-chosen integrator runs the model with the step that holds the rest, beside the full system in turns.
+A model is the system with some bodies left out or massless.  To the other bodies both are the same, so that all models
+run on one compiled system with different masses (`reference.solvers.attracting`), each about its own barycentre.  A
+model's error is that of the quantity against its true value in the full system.  First each body is tried alone, then
+together, the least important first, as long as the model's error is at most half of the accuracy.  The chosen
+integrator then runs the model at the step that meets the rest of the accuracy, timed in turns with the full system.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from math import inf
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from phasebench.benchmarks.measure import quantities
+from phasebench.benchmarks.ladder.rung import Task
+from phasebench.benchmarks.ladder.search import search
+from phasebench.benchmarks.ladder.trial import Trial
+from phasebench.benchmarks.measure import named_quantities, quantities
 from phasebench.benchmarks.measure.body_quantities import SPACE
 from phasebench.benchmarks.measure.quantities import Quantity, Truth
 from phasebench.benchmarks.measure.timing import in_turns, median
@@ -26,29 +27,27 @@ from phasebench.reference.solvers.taylor import ReferenceFailed
 
 from .ask import Ask
 from .hunt import Candidate
-from .search import search
-from .trial import Trial
 
-#: A model may be off by this share of the accuracy; its runs may round to this share of that.
+#: A model's error may be this share of the accuracy; the round-off of its runs this share of that.
 SHARE, ROUNDING = 0.5, 0.2
-#: Seconds that all runs of models may take, judged by one over such a part of the span; of a timing, and its rounds.
+#: Most seconds for all runs of models, estimated from one run over the part PART of the span; rounds of a timing.
 LONGEST, PART, ROUNDS = 20.0, 1 / 20, 5
-#: A model that takes this share of the full one's time or more saves nothing.
+#: A model that takes at least this share of the full system's time saves nothing.
 NOTHING = 0.95
 
 
 class Model(NamedTuple):
-    """Bodies that are left out, bodies that are test particles."""
+    """A planetary model: the names of the bodies left out, and of those made test particles."""
 
     left_out: tuple[str, ...] = ()
     light: tuple[str, ...] = ()
 
     def of(self, bodies: Bodies) -> Bodies:
-        """The full table of bodies as this model has it: those left out are test particles in it."""
+        """The full table of bodies with this model's masses: bodies left out are test particles in it."""
         return bodies.massless((*self.left_out, *self.light))
 
     def with_(self, other: Model) -> Model:
-        """Both together."""
+        """The model that leaves out, and makes massless, the bodies of both models."""
         return Model((*self.left_out, *other.left_out), (*self.light, *other.light))
 
     def __str__(self) -> str:
@@ -58,7 +57,7 @@ class Model(NamedTuple):
 
 
 class Models:
-    """The models of an ask, run on one compiled system."""
+    """Runs the models of a question on one compiled system."""
 
     def __init__(self, ask: Ask, true: Truth):
         self.ask, self.true, self.bodies = ask, true, ask.problem.bodies
@@ -67,7 +66,7 @@ class Models:
         self.times = ask.t_end / rows * np.arange(rows + 1)
 
     def seconds(self) -> float:
-        """What a run takes, from one over a part of the span."""
+        """Estimated seconds of a run, from one over a part of the span."""
         x, v = map(np.ravel, self.bodies.start())
         return self.flow.rows(self._masses(Model()), x, v, np.array([0.0, PART * self.ask.t_end]))[2] / PART
 
@@ -75,12 +74,12 @@ class Models:
         return [b.mass if b.massive else 0.0 for b in model.of(self.bodies).members]
 
     def rows(self, model: Model) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities of all bodies along a model's run."""
+        """Positions and velocities of all bodies along a model's run, arrays (rows, 3 N)."""
         x, v = map(np.ravel, model.of(self.bodies).start())
         return self.flow.rows(self._masses(model), x, v, self.times)[:2]
 
     def off(self, model: Model) -> float:
-        """The error of the quantity in a model; infinite where it needs a body that the model leaves out."""
+        """The error of the quantity in a model; infinite if it needs a body that the model leaves out."""
         x, v = (row.copy() for row in self.rows(model))
         for k, name in enumerate(self.bodies.names):
             if name in model.left_out:
@@ -91,14 +90,14 @@ class Models:
 
 
 def _solution(t, x, v, bodies: Bodies) -> SimpleNamespace:
-    """Rows with momenta of the bodies' masses."""
+    """A solution with rows t, q = x and p = m v."""
     return SimpleNamespace(t=t, q=x, p=v * np.repeat(bodies.masses, SPACE))
 
 
-def chosen(models: Models, allowed: float) -> tuple[Model, dict[str, dict[str, float]]]:
-    """The model of the fewest bodies whose error is at most ``allowed``; and what each body's absence makes alone.
+def smallest_model(models: Models, allowed: float) -> tuple[Model, dict[str, dict[str, float]]]:
+    """(model of the fewest bodies with an error of at most ``allowed``, body -> errors if only it is changed).
 
-    Of each body it is tried without it, and as a test particle where the quantity needs it.
+    Each body but the central one is tried left out and as a test particle; leaving it out is preferred.
     """
     bodies, alone, hopeful = models.bodies, {}, []
     for body in bodies.names[1:]:
@@ -117,15 +116,15 @@ def chosen(models: Models, allowed: float) -> tuple[Model, dict[str, dict[str, f
 
 
 def lower(ask: Ask, true: Truth, candidate: Candidate) -> dict[str, Any] | None:
-    """The model of the fewest bodies that would do at the accuracy; None of a problem without bodies, or for a budget.
+    """The model of the fewest bodies that meets the accuracy; None for a problem without bodies, or a time budget.
 
     Returns
     -------
     dict
-        ``model`` in words, or None where none does, or where that cannot be told, with ``why``; ``left_out`` and
-        ``test_particles``, names; ``off``, what it (else the ``nearest``) is off by at ``t_end``; ``saves``, the full
-        system's time over its own with the same integrator; ``alone``, body -> what leaving it out, or taking its mass,
-        makes alone
+        ``model`` in words, or None if none does or that cannot be told (then with ``why``); ``left_out`` and
+        ``test_particles``, names; ``off``, the error at ``t_end`` of the model, or else of the ``nearest`` one;
+        ``saves``, the full system's time over the model's with the same integrator; ``alone``, body -> the errors of
+        leaving out this body alone, and of making it massless
     """
     bodies = getattr(ask.problem, "bodies", None)
     if ask.accuracy is None or bodies is None or ask.quantity.statistical:
@@ -143,7 +142,7 @@ def lower(ask: Ask, true: Truth, candidate: Candidate) -> dict[str, Any] | None:
         rounding = models.off(Model())
         if not rounding <= ROUNDING * allowed:
             return _untold(ask, f"runs in doubles that tell are off by {rounding:.2g} themselves")
-        best, alone = chosen(models, allowed)
+        best, alone = smallest_model(models, allowed)
         if best == Model():
             return _none(ask, alone)
         off = models.off(best)
@@ -182,25 +181,25 @@ def _none(ask: Ask, alone: dict[str, dict[str, float]]) -> dict[str, Any]:
 
 
 def _saves(ask: Ask, models: Models, model: Model, full: Candidate, accuracy: float) -> float | None:
-    """The full system's time over the model's, of the same integrator, each at a step that holds its accuracy."""
+    """The full system's time over the model's with the same integrator, each at a step that meets its accuracy."""
     problem = ask.problem
     if model.light:
         problem = problem.massless(*model.light)
     if model.left_out:
         problem = problem.without(*model.left_out)
-    wanted = quantities.quantity(problem, ask.quantity.name)
-    asked = replace(ask, problem=problem, quantity=wanted, accuracy=accuracy)
-    trial = Trial(full.integrator, asked, _truth(models, model, problem, wanted), max(10 * full.seconds, 0.05))
-    found = search(trial, accuracy, next(iter(full.point.size.values())), inf)
-    if found.point is None:
+    wanted = named_quantities.quantity(problem, ask.quantity.name)
+    task = Task(problem, ask.t_end, wanted, _truth(models, model, problem, wanted))
+    trial = Trial(full.integrator, task, max(10 * full.seconds, 0.05))
+    found = search(trial, accuracy, full.rung.number)
+    if found.rung is None:
         return None
-    fewer = Candidate(trial, found.point)
+    fewer = Candidate(trial, found.rung)
     times = {c: median(s).value for c, s in in_turns({full: full, fewer: fewer}, ROUNDS).items()}
     return times[full] / times[fewer]
 
 
 def _truth(models: Models, model: Model, problem, wanted: Quantity) -> Truth:
-    """What is true of the quantity in a model, by the run that judged it."""
+    """The true value of the quantity in a model, from the run that judged the model."""
     if wanted.kept:
         return models.true
     x, v = models.rows(model)
@@ -209,8 +208,8 @@ def _truth(models: Models, model: Model, problem, wanted: Quantity) -> Truth:
     return Truth(quantities.values(problem, wanted, solution), models.true.uncertainty, "double")
 
 
-def said(found: dict[str, Any]) -> str:
-    """What `lower` found, in words."""
+def summarize(found: dict[str, Any]) -> str:
+    """The outcome of `lower` as a sentence."""
     if found["off"] is None:
         return f"which bodies may be left out is not known: {found['why']}"
     off = f"{found['off']:.2g} at t = {found['t_end']:g}"

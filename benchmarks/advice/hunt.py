@@ -1,4 +1,4 @@
-"""The candidates of an ask, tried one after another: the most promising first, while there is time and hope."""
+"""The search behind advice: try integrators one after another, the most promising first, within a time limit."""
 
 from __future__ import annotations
 
@@ -7,68 +7,83 @@ from collections.abc import Sequence
 from math import inf, isfinite
 from typing import Any
 
+from phasebench.benchmarks.ladder.exact import REMARK, exact
+from phasebench.benchmarks.ladder.rung import Rung, Task
+from phasebench.benchmarks.ladder.search import LOOSEST, Found, best_within, search
+from phasebench.benchmarks.ladder.trial import Trial
+from phasebench.benchmarks.measure import conservation_claims
 from phasebench.benchmarks.measure.compilation import Failed, compilation_error
 from phasebench.benchmarks.measure.integrator import OURS, Integrator
+from phasebench.benchmarks.measure.integrator import integrator as integrator_of
 from phasebench.benchmarks.measure.quantities import Truth
+from phasebench.integrators.driver import OK
+from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.registry import BY_ID as METHODS
 
-from . import kept, prior, words
+from . import prior, words
 from .ask import Ask
-from .exact import REMARK, exact
 from .portfolio import FIRST, Dropped
-from .search import LOOSEST, Found, best_within, search
-from .trial import Point, Trial
 
-#: The share of the limit after which nobody new is tried.
+#: The share of the time limit after which no further integrator is tried.
 SEARCHED = 0.7
-#: Integrators that are to be expected to be so many times dearer than the cheapest are not tried.
+#: Integrators expected to be this many times dearer than the cheapest are not tried.
 HOPELESS = 6.0
-#: Seconds that a family's kernel takes to be compiled, until one was.
+#: The integrators of each side that stored measurements expect within `PROMISING` times its cheapest, the first `MOST`,
+#: are tried even if compiling them takes longer than the search may: without them the answer is not the cheapest.
+PROMISING, MOST = 2.5, 6
+#: This project's integrators, and the peers.
+SIDES = (True, False)
+#: Seconds assumed for compiling a family's kernel until one has been measured.
 COLD = 0.5
-#: A run of a candidate may take so many times the cheapest so far, and so many seconds at first.
+#: A run may take LONGEST times the cheapest so far; PATIENCE seconds while there is none.
 LONGEST, PATIENCE = 5.0, 3.0
-#: The accuracy in whose neighbourhood the search for the best within a time begins.
+#: The number of steps assumed if heyoka cannot count them; the part of the span on which heyoka counts them.
+UNPACED, PART = 100, 1 / 50
+#: The accuracy at which the search begins if a time budget is given.
 MIDDLE = 1e-6
 
 
 class Candidate:
-    """An integrator at a size that meets what is asked, with its times."""
+    """An integrator with a run that meets the accuracy or the time budget, and its measured times."""
 
-    def __init__(self, trial: Trial, point: Point):
-        self.trial, self.point, self.seconds = trial, point, point.seconds
+    def __init__(self, trial: Trial, rung: Rung):
+        self.trial, self.rung, self.seconds = trial, rung, rung.seconds
+        #: The interval of the seconds if it was timed in turns with others.
+        self.interval: tuple[float, float] | None = None
 
     @property
     def integrator(self) -> Integrator:
-        """Who."""
+        """The integrator."""
         return self.trial.integrator
 
     def __call__(self) -> float:
-        """The seconds of a run."""
-        return self.trial.seconds(self.point.size)
+        """Time a run, in seconds."""
+        return self.trial.seconds(self.rung)
 
     def row(self, ask: Ask, problem_words: Sequence[str] | None) -> dict[str, Any]:
-        """What is said of it."""
-        size = self.point.size
-        how = {"tol": size["tol"]} if "tol" in size else {"h": ask.t_end / size["steps"], "steps": size["steps"]}
+        """The candidate as a dict of the answer: integrator, parameters, step or tolerance, command, error, times."""
+        rung = self.rung
+        how = {"tol": rung.tol} if rung.steps is None else {"h": ask.t_end / rung.steps, "steps": rung.steps}
         return {
             "integrator": self.integrator.id,
             "params": {k: str(v) for k, v in self.integrator.record.parameters.items()},
             **how,
             "model": "full",
-            "command": words.command(ask, self.integrator, size, problem_words),
-            "error": self.point.error,
-            "uncertainty": self.trial.true.uncertainty,
+            "command": words.command(ask, self.integrator, rung.size, problem_words),
+            "error": rung.error,
+            "uncertainty": self.trial.task.truth.uncertainty,
             "seconds": self.seconds,
+            "interval": self.interval,
             "remark": REMARK if self.exact(ask) else "",
         }
 
     def exact(self, ask: Ask) -> bool:
-        """Whether it is exact on the problem, and one step was enough."""
-        return exact(self.integrator, ask.problem) and self.point.size.get("steps") == ask.quantity.steps(1)
+        """True if the integrator is exact on the problem and took the fewest steps possible."""
+        return exact(self.integrator, ask.problem) and self.rung.steps == ask.quantity.steps(1)
 
 
 class Search:
-    """The candidates of an ask, as they are found."""
+    """A search in progress: its question, the runs made, the candidates found, the integrators dropped."""
 
     def __init__(self, ask: Ask, true: Truth, began: float):
         self.ask, self.true, self.began = ask, true, began
@@ -76,20 +91,24 @@ class Search:
         self.trials: list[Trial] = []
         self.dropped: list[Dropped] = []
         self.failed: list[Failed] = []
-        #: How many steps heyoka takes, once known: a tenth of a revolution each, or so.
+        #: How many steps heyoka takes, once known; each is about a tenth of a revolution.
         self.pace: int | None = None
         #: The families whose kernels are compiled, and the longest time that a new one took.
         self.families: set[str] = set()
         self.cold = COLD
 
+    def task(self) -> Task:
+        """The question as a task for one integrator, with its own clocks."""
+        return Task(self.ask.problem, self.ask.t_end, self.ask.quantity, self.true)
+
     def cheapest(self, integrator: Integrator) -> float:
-        """The seconds of the cheapest so far on the same side: this project's, or the others'."""
+        """Seconds of the cheapest candidate so far on the integrator's side: this project's methods, or the peers."""
         side = integrator.kind == OURS
         return min((c.seconds for c in self.found if (c.integrator.kind == OURS) is side), default=inf)
 
     @property
     def spent(self) -> float:
-        """Seconds of the processor since the beginning: a machine that is shared is given the time that it takes."""
+        """Processor seconds since the beginning, so that other processes do not shorten the search."""
         return time.process_time() - self.began
 
     @property
@@ -98,67 +117,100 @@ class Search:
         compiled = any(t.integrator.kind == OURS for t in self.trials)
         return not compiled and any(f.integrator in METHODS for f in self.failed)
 
-    def over(self, share: float = SEARCHED) -> bool:
-        """Whether the time for trying is."""
-        return self.spent > share * self.ask.limit
+    def over(self, share: float = SEARCHED, limit: float | None = None) -> bool:
+        """True if more than this share of the limit is spent: of ``limit`` in seconds, or of the question's."""
+        return self.spent > share * (self.ask.limit if limit is None else limit)
 
     def try_all(self, members: Sequence[tuple[Integrator, float]]) -> None:
-        """Try the members in turn, while there is time and hope."""
+        """Try the integrators in turn; drop those that time does not allow or that are expected to be far too dear.
+
+        That is told on each side by itself, beside the cheapest of this project's or of the peers.
+        """
+        dear = {side: HOPELESS * min([x for i, x in members if _own(i) is side], default=1.0) for side in SIDES}
+        promising = _promising(members)
         for integrator, expected in members:
-            sides = {c.integrator.kind == OURS for c in self.found}
-            if self.over() or self.too_cold(integrator):
+            limit = self.ask.first_use if integrator.id in promising else self.ask.limit
+            sides = {_own(c.integrator) for c in self.found}
+            least = min(max(dear[_own(integrator)], HOPELESS), prior.LARGEST - 1)
+            if self.over(limit=limit) or self.too_cold(integrator, limit):
                 self.drop(integrator, "not tried: the time for the search was over")
-            elif expected > HOPELESS and len(sides) == 2 and integrator.id != FIRST:
+            elif expected > least and len(sides) == 2 and integrator.id != FIRST:
                 times = f"{expected:.0f} times" if expected < prior.LARGEST else "many times"
                 self.drop(integrator, f"not tried: {times} dearer than the cheapest where it was measured")
             else:
                 self.ask.progress(f"trying {integrator.label}")
                 before = self.spent
                 self.attempt(integrator)
-                if integrator.kind == OURS and integrator.record.family not in self.families:
+                if _own(integrator) and integrator.record.family not in self.families:
                     self.families.add(integrator.record.family)
                     self.cold = max(self.cold, self.spent - before)
 
-    def too_cold(self, integrator: Integrator) -> bool:
-        """Whether a kernel would have to be compiled for which there is no time."""
-        known = integrator.kind != OURS or integrator.record.family in self.families
-        return not known and self.spent + self.cold > self.ask.limit and bool(self.families)
+    def too_cold(self, integrator: Integrator, limit: float) -> bool:
+        """True if the integrator's kernel is not compiled yet and the limit in seconds leaves no time to compile it."""
+        known = not _own(integrator) or integrator.record.family in self.families
+        return not known and self.spent + self.cold > limit and bool(self.families)
 
     def drop(self, integrator: Integrator, why: str) -> None:
-        """Say why one is not advised."""
+        """Record why an integrator is not advised."""
         self.dropped.append(Dropped(integrator.id, why))
 
     def attempt(self, integrator: Integrator) -> None:
-        """Look for the size at which one meets what is asked."""
+        """Search for the step or tolerance at which an integrator meets the accuracy or budget; record the outcome."""
         ask, cheapest = self.ask, self.cheapest(integrator)
         most = max(LONGEST * cheapest, 0.05) if isfinite(cheapest) else PATIENCE
-        trial = Trial(integrator, ask, self.true, most)
+        trial = Trial(integrator, self.task(), most)
         self.trials.append(trial)
         try:
             if ask.budget is None:
                 found = search(trial, ask.accuracy, self.start(trial, ask.accuracy), cheapest)
             else:
                 found = best_within(trial, ask.budget, self.start(trial, MIDDLE))
-        except Exception as error:  # whatever it is, it is this candidate's
+        except Exception as error:  # an error of one integrator does not end the search
             if why := compilation_error(error):
                 self.trials.remove(trial)
                 self.failed.append(Failed(integrator.id, why))
                 return
             found = Found(None, f"fails: {type(error).__name__}: {error}")
-        if integrator.id == FIRST and trial.points:
-            self.pace = max(p.steps for p in trial.points.values())
-        broken = found.point and ask.conserve and kept.broken(integrator, ask, found.point.size)
-        if found.point is None or broken:
+        if integrator.id == FIRST and trial.rungs:
+            self.pace = max(r.taken for r in trial.rungs.values())
+        broken = found.rung and ask.conserve and conservation_claims.broken(integrator, ask, found.rung.size)
+        if found.rung is None or broken:
             self.drop(integrator, broken or found.why)
         else:
-            self.found.append(Candidate(trial, found.point))
+            self.found.append(Candidate(trial, found.rung))
 
     def start(self, trial: Trial, accuracy: float) -> float:
-        """The first size to try: a tolerance near the accuracy, or steps from the orbit's pace; 1 where it is exact."""
+        """The first size to try: a tolerance near the accuracy, or a quarter of heyoka's steps; 1 step if it is exact.
+
+        Too coarse a start costs little: all runs up to the one that meets the accuracy cost less than that one.
+        """
         if trial.integrator.adaptive:
             return min(max(accuracy / 10, trial.integrator.record.least), LOOSEST)
         if exact(trial.integrator, self.ask.problem):
             return 1.0
-        n = (self.pace or 100) / 4
-        order = trial.integrator.order or 2
-        return n * min((n / accuracy) ** (1 / order), 100.0)
+        if self.pace is None:
+            self.pace = self._pace()
+        return self.pace / 4
+
+    def _pace(self) -> int:
+        """Number of steps that heyoka takes, extrapolated from a part of the span; used if heyoka is no candidate."""
+        part = self.ask.t_end * PART
+        try:
+            run = integrator_of(FIRST).run(self.ask.problem, t_end=part, tol=MIDDLE, save_every=0)
+        except (InvalidInput, ImportError):
+            return UNPACED
+        return max(UNPACED, round(run.counts["steps"] / PART)) if run.status == OK else UNPACED
+
+
+def _own(integrator: Integrator) -> bool:
+    return integrator.kind == OURS
+
+
+def _promising(members: Sequence[tuple[Integrator, float]]) -> set[str]:
+    """Ids of the first `MOST` integrators of each side that are expected within `PROMISING` times its cheapest."""
+    found: set[str] = set()
+    for side in SIDES:
+        ours = [(i.id, expected) for i, expected in members if _own(i) is side]
+        least = min((expected for _, expected in ours), default=0.0)
+        found |= set([id for id, expected in ours if expected <= PROMISING * least][:MOST])
+    return found

@@ -1,4 +1,4 @@
-"""What is true of what is asked for, and whether it can tell the accuracy."""
+"""The true value of the quantity of a question, and whether it is known well enough to judge the accuracy."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from phasebench.reference.solvers.taylor import ReferenceFailed
 
 from .ask import Ask
 
-#: How many times the rounding of long double that of double is.
+#: Unit round-off of double over that of long double.
 DOUBLE = 2.0**11
-#: What is true has to be known to this share of the accuracy, and to this one of the state's size.
+#: The largest uncertainty of the true value, as a share of the accuracy and of the quantity's size.
 KNOWN, SIZE = 0.25, 0.01
-#: How long it is known is looked for from the span halved so often on, and bisected to this factor.
+#: The time until which it is known is searched from span / 2^HALVINGS upwards, and bisected to the factor NEAR.
 HALVINGS, NEAR = 12, 1.01
-#: An accuracy above this share of the state's size asks for nothing.
+#: An accuracy above this share of the quantity's size requires nothing.
 NOTHING = 0.5
 
 
-def known(ask: Ask) -> tuple[Truth | None, str]:
-    """(what is true, why it cannot tell the accuracy that is asked for)."""
+def true_value(ask: Ask) -> tuple[Truth | None, str]:
+    """(the true value or None, why it cannot judge the accuracy or "" if it can)."""
     try:
         true = truths.truth(ask.problem, ask.quantity, ask.t_end)
     except ReferenceFailed as error:
@@ -44,7 +44,7 @@ def known(ask: Ask) -> tuple[Truth | None, str]:
 
 
 def doubt(ask: Ask, true: Truth) -> str:
-    """Why what is true at the end is not known well enough; empty where it is."""
+    """Why the true value is not known well enough for the accuracy; "" if it is."""
     if ask.quantity.kept:
         return ""
     size, rounding = float(np.abs(true.values).max()), _rounding(ask, true)
@@ -58,7 +58,7 @@ def doubt(ask: Ask, true: Truth) -> str:
 
 
 def _rounding(ask: Ask, true: Truth) -> float:
-    """What rounding to long double makes of the quantity; 0 where nearby orbits have the same, or another, anyway."""
+    """Error that rounding to long double causes in the quantity by the end; 0 for a statistical quantity."""
     if ask.quantity.statistical:
         return 0.0
     if true.source == truths.CERTIFIED:
@@ -67,7 +67,7 @@ def _rounding(ask: Ask, true: Truth) -> float:
 
 
 def _until(ask: Ask) -> str:
-    """Until when the quantity is known well enough: bisected, and rounded downwards."""
+    """A clause that says until which time the quantity is known well enough, found by bisection and rounded down."""
     good, bad = 0.0, ask.t_end
     t = ask.t_end / 2**HALVINGS
     for _ in range(2 * HALVINGS):

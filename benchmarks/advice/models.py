@@ -1,33 +1,31 @@
-"""The lower rung of a problem's model that would do at an accuracy, from stored measurements.
+"""The cheapest simplified model of a problem that meets an accuracy, from stored measurements.
 
-`models.csv` has, for each scene with a ladder of models, what each rung is off by in the scene's quantity, and what an
-integration of it to an error costs: the runs that nothing cheaper beats.  It is made from the rows of the models' page
-(`made`).  A scene is found by its Hamiltonian and its initial state (`fingerprint`), however the problem was named.
+`models.csv` has, for each scene with a ladder of models, each model's error in the scene's quantity, and the errors and
+times of its integrations (only runs that no cheaper run beats).  `build` computes it from the tables of the models'
+page.  A scene is found by its Hamiltonian and initial state (`fingerprint`), whatever the problem is called.
 """
 
 from __future__ import annotations
 
-import csv
 import hashlib
 from collections.abc import Iterator
-from functools import cache
 from itertools import groupby
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from phasebench.benchmarks.problems.models.ladders import BY_ID
+from phasebench.benchmarks.store.shipped import ShippedTable
 
 from . import fewer_bodies, words
 from .ask import Ask
 
-PATH = Path(__file__).with_name("models.csv")
-#: Spans are the same within this share.
+#: Spans are equal up to this relative difference.
 SAME = 1e-9
 
 
 class Rung(NamedTuple):
-    """A model of a scene: what it is off by, for certain, and (error, seconds) of its integrations."""
+    """A model of a scene: a bound ``off`` of its modelling error, and (error, seconds) of its integrations."""
 
     model: str
     full: bool
@@ -35,12 +33,12 @@ class Rung(NamedTuple):
     runs: tuple[tuple[float, float], ...]
 
     def cost(self, accuracy: float) -> float:
-        """The least seconds in which it meets an accuracy, modelling and integration together; infinite for never."""
+        """Least seconds for which modelling plus integration error is within an accuracy; infinite if it never is."""
         return min((s for error, s in self.runs if error + self.off <= accuracy), default=inf)
 
 
 class Scene(NamedTuple):
-    """A ladder: of which problem, to which time, in which quantity; its rungs, the full model last."""
+    """The models of one problem (``key`` is its fingerprint) for one span and quantity, the full model last."""
 
     key: str
     d: int
@@ -50,18 +48,8 @@ class Scene(NamedTuple):
 
 
 def fingerprint(problem) -> str:
-    """The hash of a canonical problem's H, in q1, p1, ..., and of its initial state."""
+    """Hash of a canonical problem's H and initial state, independent of the names of its variables."""
     return hashlib.sha256(" ".join(words.formula(problem)).encode()).hexdigest()[:16]
-
-
-@cache
-def stored() -> tuple[Scene, ...]:
-    """The scenes of `models.csv`; none where nothing is stored."""
-    if not PATH.exists():
-        return ()
-    with PATH.open(newline="", encoding="utf-8") as stream:
-        lines = list(csv.DictReader(stream))
-    return tuple(_scene(list(members)) for _, members in groupby(lines, key=lambda line: line["scene"]))
 
 
 def _scene(lines: list[dict[str, str]]) -> Scene:
@@ -74,12 +62,14 @@ def _scene(lines: list[dict[str, str]]) -> Scene:
 
 
 def scene_of(ask: Ask) -> Scene | None:
-    """The stored scene of an ask, of several spans the shortest that is as long; None where there is none.
+    """The stored scene of a question: the shortest that covers its span; None if there is none.
 
-    Of several ladders of one span the rungs are taken together.
+    The rungs of several ladders of that span are merged.
     """
     problem, name = ask.problem, ask.quantity.name
-    near = [s for s in stored() if s.quantity == name and s.d == problem.system.d and s.t_end * (1 + SAME) >= ask.t_end]
+    near = [
+        s for s in TABLE.load() if s.quantity == name and s.d == problem.system.d and s.t_end * (1 + SAME) >= ask.t_end
+    ]
     if not near or not problem.system.canonical:
         return None
     key = fingerprint(problem)
@@ -91,13 +81,13 @@ def scene_of(ask: Ask) -> Scene | None:
 
 
 def lower(ask: Ask) -> dict[str, Any] | None:
-    """The cheapest lower model that would do at the accuracy; None for a problem without a ladder, or for a budget.
+    """The cheapest simplified model that meets the accuracy; None for a problem without a ladder, or a time budget.
 
     Returns
     -------
     dict
-        ``model``, or None where none does; ``off``, what it (else the ``nearest``) is off by at ``t_end``, which is
-        not before the end that is asked for; ``saves``, the full model's time there over its own
+        ``model``, or None if none does; ``off``, the error at ``t_end`` of the model, or else of the ``nearest`` one
+        (``t_end`` is not before the question's end); ``saves``, the full model's time over its own
     """
     scene = None if ask.accuracy is None else scene_of(ask)
     if scene is None:
@@ -117,10 +107,10 @@ def lower(ask: Ask) -> dict[str, Any] | None:
     }
 
 
-def said(found: dict[str, Any]) -> str:
-    """What `lower` found, or `fewer_bodies.lower`, in words."""
+def summarize(found: dict[str, Any]) -> str:
+    """The outcome of `lower`, or of `fewer_bodies.lower`, as a sentence."""
     if "alone" in found:
-        return fewer_bodies.said(found)
+        return fewer_bodies.summarize(found)
     if found["model"] is None:
         return f"no lower model would do: the nearest ({found['nearest']}) is off by {_off(found)}"
     text = f"a lower model would do: {found['model']}, off by {_off(found)}"
@@ -137,7 +127,7 @@ def _off(found: dict[str, Any]) -> str:
 # -- the stored lines --------------------------------------------------------------------------------------------------
 
 
-def made(models, runs) -> Iterator[dict[str, object]]:
+def build(models, runs) -> Iterator[dict[str, object]]:
     """The lines of `models.csv` from the tables of the models' page."""
     for id, rungs in models.groupby("scene", sort=False):
         ladder = BY_ID[id]
@@ -155,9 +145,9 @@ def made(models, runs) -> Iterator[dict[str, object]]:
                     yield head | line | {"error": f"{error:.4g}", "seconds": f"{seconds:.4g}"}
 
 
-def keep(lines: list[dict[str, object]]) -> None:
-    """Store the lines, whole or not at all."""
-    from phasebench.benchmarks.rows.tables import write_lines
+def parse(lines: list[dict[str, str]]) -> tuple[Scene, ...]:
+    """The scenes from the lines of `models.csv`."""
+    return tuple(_scene(list(members)) for _, members in groupby(lines, key=lambda line: line["scene"]))
 
-    write_lines(PATH, lines)
-    stored.cache_clear()
+
+TABLE = ShippedTable(Path(__file__).with_name("models.csv"), build, parse)

@@ -1,65 +1,66 @@
-"""Whom to try first: how much dearer than the cheapest each integrator was, on scenes that were measured before.
+"""Which integrators to try first: how many times dearer than the cheapest each was in stored measurements.
 
-`prior.csv` has, for each problem and power of ten of the error, the integrators with the factor by which the cheapest
-run of each that met it was dearer than the cheapest of all.  It is made from the rows of the trade (`made`) and orders
-the search; what is advised is run, whatever the prior says.
+`prior.csv` has, for each problem and power of ten of the error, a factor for each integrator: the time of its cheapest
+run that met the error, over that of the cheapest integrator.  `build` computes it from the runs of the trade
+(`experiments.trade`).  It only orders the search: an integrator is advised after it was run.
 """
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable
-from functools import cache
 from math import exp, floor, log, log10
 from pathlib import Path
+from typing import NamedTuple
 
-PATH = Path(__file__).with_name("prior.csv")
-#: Powers of ten of errors that are told apart.
+from phasebench.benchmarks.store.shipped import ShippedTable
+
+#: Decades of the error: the exponents of ten.
 DECADES = tuple(range(-13, 0))
-#: Factors above it are not kept; it is taken for one who did not get there, and for whom there is no row.
+#: The largest factor stored, also of an integrator that missed the error; the factor if no problem has rows.
 LARGEST, UNKNOWN = 30.0, 6.0
+#: The factor of an integrator that took no part in the measurements: low, so that it is tried early.
+NEW = 1.5
+#: In place of a problem's id: the line only says that the integrator took part in the measurements.
+ANY = "any"
 
 
-@cache
-def stored() -> dict[str, dict[int, dict[str, float]]]:
-    """Problem -> power of ten -> integrator -> factor; empty where nothing is stored."""
-    found: dict[str, dict[int, dict[str, float]]] = {}
-    if PATH.exists():
-        with PATH.open(newline="", encoding="utf-8") as stream:
-            for row in csv.DictReader(stream):
-                there = found.setdefault(row["problem"], {}).setdefault(int(row["decade"]), {})
-                there[row["integrator"]] = float(row["factor"])
-    return found
+class Prior(NamedTuple):
+    """Stored factors, problem -> power of ten -> integrator -> factor, and the integrators that were measured."""
+
+    factors: dict[str, dict[int, dict[str, float]]]
+    competitors: frozenset[str]
 
 
 def decade(accuracy: float) -> int:
-    """The power of ten of errors that meet an accuracy."""
+    """Exponent of the largest power of ten up to the accuracy, clipped to `DECADES`."""
     return min(max(floor(log10(accuracy) + 1e-9), DECADES[0]), DECADES[-1])
 
 
 def factors(problem_id: str, accuracy: float, ids: Iterable[str]) -> dict[str, float]:
-    """Integrator -> how many times dearer than the cheapest it is to be expected, on this problem or on any."""
-    at, all_, ids = decade(accuracy), stored(), list(ids)
+    """Integrator -> expected time over that of the cheapest: on this problem, else the mean over all problems."""
+    at, ids, (all_, competitors) = decade(accuracy), list(ids), TABLE.load()
     if problem_id in all_ and at in all_[problem_id]:
         here = all_[problem_id][at]
-        return {id: here.get(id, LARGEST) for id in ids}
+        return {id: here.get(id, LARGEST if id in competitors else NEW) for id in ids}
     tables = [t[at] for t in all_.values() if at in t]
-    return {id: _mean([t[id] for t in tables if id in t], len(tables)) for id in ids}
+    known = {id: _mean([t[id] for t in tables if id in t], len(tables)) for id in ids}
+    return {id: known[id] if id in competitors or not tables else NEW for id in ids}
 
 
 def _mean(values: list[float], tables: int) -> float:
-    """The geometric mean over the problems on which it ran; of one that nobody ran that of the unknown."""
+    """The geometric mean; of no values `LARGEST`, or `UNKNOWN` where there are no tables either."""
     if not values:
         return UNKNOWN if not tables else LARGEST
     return exp(sum(map(log, values)) / len(values))
 
 
-def made(rows) -> list[dict[str, object]]:
+def build(rows, competitors: Iterable[str] = ()) -> list[dict[str, object]]:
     """The lines of `prior.csv` from rows (scene, problem, id, error, seconds) of runs that ended well.
 
-    Of a problem with several scenes the geometric mean; who did not get there in one counts as `LARGEST` in it.
+    A problem with several scenes gets their geometric mean; an integrator that misses the error in a scene counts as
+    `LARGEST` there.  ``competitors`` are all integrators that took part: each gets a line with the problem `ANY`.
     """
-    lines = []
+    lines = [{"problem": ANY, "decade": 0, "integrator": id, "factor": LARGEST} for id in sorted(competitors)]
     for problem, members in rows.groupby("problem", sort=True):
         for at in DECADES:
             shares = [s for _, scene in members.groupby("scene") if (s := _shares(scene, 10.0**at))]
@@ -71,22 +72,24 @@ def made(rows) -> list[dict[str, object]]:
 
 
 def _shares(rows, error: float) -> dict[str, float]:
-    """Integrator -> the seconds of its cheapest run that meets an error over those of the cheapest of all."""
+    """Integrator -> time of its cheapest run that meets the error, over that of the cheapest integrator."""
     cheapest = rows[rows["error"] <= error].groupby("id")["seconds"].min()
     return {} if cheapest.empty else (cheapest / cheapest.min()).to_dict()
 
 
-def keep(lines: list[dict[str, object]]) -> None:
-    """Store the lines, whole or not at all."""
-    from phasebench.benchmarks.rows.tables import write_lines
+def parse(lines: list[dict[str, str]]) -> Prior:
+    """The prior from the lines of `prior.csv`."""
+    found: dict[str, dict[int, dict[str, float]]] = {}
+    for row in lines:
+        if row["problem"] != ANY:
+            there = found.setdefault(row["problem"], {}).setdefault(int(row["decade"]), {})
+            there[row["integrator"]] = float(row["factor"])
+    return Prior(found, frozenset(row["integrator"] for row in lines))
 
-    write_lines(PATH, lines)
-    stored.cache_clear()
+
+TABLE = ShippedTable(Path(__file__).with_name("prior.csv"), build, parse)
 
 
 def is_stored(problem_id: str) -> bool:
-    """Whether rows of a problem are stored."""
-    return problem_id in stored()
-
-
-__all__ = ["DECADES", "LARGEST", "UNKNOWN", "decade", "factors", "is_stored", "keep", "made"]
+    """True if measurements of the problem are stored."""
+    return problem_id in TABLE.load().factors

@@ -1,39 +1,163 @@
-"""`phasebench.advise`: the answer as a table."""
+"""`phasebench.advise`: the cheapest integration that meets an accuracy, as an `Advice`."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from phasebench.benchmarks.measure.global_error import started
+from phasebench.benchmarks.measure.global_error import with_start
+from phasebench.benchmarks.measure.integrator import AnyProblem
+from phasebench.benchmarks.measure.tabular import TabularResult
 from phasebench.benchmarks.problems import problem as problem_of
-from phasebench.benchmarks.problems.base import Orbit, Problem
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.benchmarks.problems.kepler_found import with_kepler_part
-from phasebench.integrators.request import initial
+from phasebench.integrators.keywords import State, checked_names, renamed_arguments
 
 from . import words
 from .advise import advise as answered
 from .ask import ask
 
-#: What a row may be, in this order.
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+#: The roles that rows have, in this order.
 ROLES = ("choice", "own", "peer", "runner_up", "next")
 
 
+#: Columns that are printed.
+PRINTED = ("role", "integrator", "params", "h", "steps", "tol", "error", "seconds")
+
+
+@dataclass(frozen=True)
+class Advised:
+    """An integration that was run: what takes which step or tolerance, its error and its time.
+
+    Attributes
+    ----------
+    integrator, params : the id of a method or a peer, and the values of its parameters
+    h, steps, tol : the step and the number of steps, or the tolerance; else None
+    model : "full"
+    command : the command line of the integration
+    error, uncertainty : of the quantity, and of what it is measured against
+    seconds, interval : the median of warm runs, and its interval where it was timed in turns with others
+    remark : such as "exact on this problem"
+    end_state_error : distance from heyoka's end state, where a conserved quantity was asked for
+    tie : whether its time cannot be told apart from the choice's
+    """
+
+    integrator: str
+    params: Mapping[str, str]
+    command: str
+    error: float
+    uncertainty: float
+    seconds: float
+    h: float | None = None
+    steps: int | None = None
+    tol: float | None = None
+    model: str = "full"
+    interval: tuple[float, float] | None = None
+    remark: str = ""
+    end_state_error: float | None = None
+    tie: bool | None = None
+
+
+@dataclass(frozen=True, repr=False)
+class Advice(TabularResult):
+    """The answer to a question of advice.
+
+    Attributes
+    ----------
+    problem, t_end, quantity, accuracy, budget : the question
+    choice, own, peer, runner_up : the cheapest of all, of this project's methods, of the peers; the second; or None
+    next : the cheapest at a tenth of the accuracy, or None
+    verified : whether the choice met the accuracy when it was run again, and the reference was confirmed
+    why : why nothing is advised, else ""
+    alternatives, dropped : rows of others that meet the accuracy, and of those that fell out, with the reason
+    lower_model : a simpler model that meets the accuracy, or None
+    notes : sentences on what could invalidate the advice
+    answer : all of it, as the command prints it with --json
+    """
+
+    problem: str
+    t_end: float
+    quantity: str
+    accuracy: float | None
+    budget: float | None
+    choice: Advised | None
+    own: Advised | None
+    peer: Advised | None
+    runner_up: Advised | None
+    next: Advised | None
+    verified: bool
+    why: str
+    alternatives: tuple[Advised, ...]
+    dropped: tuple[dict[str, Any], ...]
+    lower_model: dict[str, Any] | None
+    notes: tuple[str, ...]
+    answer: dict[str, Any] = field(compare=False)
+
+    def to_frame(self) -> pd.DataFrame:
+        """A row for each role: the choice, own, peer, runner_up, next; ``attrs`` holds the rest of the answer."""
+        import pandas as pd
+
+        rows = [{"role": role} | self.answer[role] for role in ROLES if self.answer[role] is not None]
+        frame = pd.DataFrame(rows)
+        frame.attrs = {key: value for key, value in self.answer.items() if key not in ROLES}
+        return frame
+
+    def plot(self) -> Figure:
+        """A work-precision diagram: error against seconds of all that met the accuracy, the roles by name."""
+        from .figures import advice
+
+        return advice(self)
+
+    def _heading(self) -> list[str]:
+        asked = f"error of at most {self.accuracy:g}" if self.accuracy is not None else f"within {self.budget:g} s"
+        lines = [f"{self.problem}, {self.quantity} to t = {self.t_end:g}, {asked}"]
+        lines += [f"nothing is advised: {self.why}"] if self.choice is None else []
+        lines += [] if self.verified or self.choice is None else ["not verified: the reference was not confirmed"]
+        return [*lines, *self.notes]
+
+    def _printed(self) -> pd.DataFrame:
+        frame = self.to_frame()
+        if frame.empty:
+            return frame
+        shown = frame[[column for column in PRINTED if column in frame]].astype(object)
+        shown["params"] = [", ".join(f"{k}={v}" for k, v in x.items()) for x in frame["params"]]
+        for column, digits in (("h", 6), ("steps", 12), ("tol", 2), ("error", 2), ("seconds", 3)):
+            if column in shown:
+                shown[column] = [f"{x:.{digits}g}" if x == x and x is not None else "" for x in shown[column]]
+        return shown.fillna("")
+
+
+def _advised(row: dict[str, Any] | None) -> Advised | None:
+    """A row of an answer with named fields."""
+    if row is None:
+        return None
+    names = {f.name for f in fields(Advised)}
+    return Advised(**{name: value for name, value in row.items() if name in names})
+
+
+@renamed_arguments(limit="time_limit")
+@checked_names
 def advise(
-    problem,
+    problem: AnyProblem,
     *,
     t_end: float | str,
     accuracy: float | None = None,
     quantity: str = "end-state",
     conserve: Sequence[str] | str = (),
     budget: float | None = None,
-    q0=None,
-    p0=None,
-    limit: float | None = None,
+    q0: State | None = None,
+    p0: State | None = None,
+    time_limit: float | None = None,
     progress: Callable[[str], None] = lambda line: None,
-):
-    """Which integrator, at which step, holds an accuracy at the least cost; each that is named was run.
+) -> Advice:
+    """Recommend the integrator and step that meet an accuracy at the least cost, confirmed by running them.
 
     Parameters
     ----------
@@ -42,38 +166,34 @@ def advise(
     accuracy : the largest error of the quantity that is allowed
     quantity : ``"end-state"``, ``"trajectory"`` (max norms over (q, p)), ``"energy"`` (relative), or a name of the
         problem's own
-    conserve : what has to be kept: any of ``"energy"``, ``"symplectic"``, ``"reversible"``, ``"momentum"``, or an
+    conserve : what must be conserved: any of ``"energy"``, ``"symplectic"``, ``"reversible"``, ``"momentum"``, or an
         invariant of the problem
-    budget : instead of an accuracy, the seconds that a run may take: the most accurate is advised
-    q0, p0 : arrays (d,), the initial state where not the problem's
-    limit : seconds that the search may take; at first a few for a problem of which rows are stored, 50 for another
-    progress : called with a line for each thing that is tried
+    budget : instead of an accuracy, the seconds that a run may take: the most accurate integration is advised
+    q0, p0 : arrays (d,), the initial state if not the problem's own
+    time_limit : seconds that the search may take; by default 3 for a problem with stored measurements, 50 for another
+    progress : called with a line of text for each integrator that is tried
 
     Returns
     -------
-    pandas.DataFrame
-        A row for each of the choice, the cheapest of this project, of the others, the runner-up, and what the next ten
-        times in accuracy costs (column ``role``): integrator, params, h and steps or tol, model, command, error,
-        uncertainty, seconds.  Empty where nothing is advised.  ``attrs`` hold the rest of the answer: ``verified``,
-        ``why``, ``lower_model`` (of a scene with a ladder of models), ``alternatives``, ``dropped``, ``reference``,
-        ``failed`` (integrators that do not compile, and why: a warning names them).
+    Advice
+        Prints as a table with a row for each role; ``choice``, ``own``, ``peer``, ``runner_up`` and ``next`` have named
+        fields, `to_frame` a row for each, `plot` draws a work-precision diagram.  A warning names integrators that do
+        not compile
 
     Raises
     ------
     InvalidInput
-        For what cannot be asked.
+        For an argument that cannot be used.
 
     Examples
     --------
-    >>> table = advise("pendulum", t_end=10.0, accuracy=1e-3)  # doctest: +SKIP
-    >>> table.attrs["verified"]  # doctest: +SKIP
+    >>> advice = advise("pendulum", t_end=10.0, accuracy=1e-3)  # doctest: +SKIP
+    >>> advice.verified  # doctest: +SKIP
     True
     """
-    import pandas as pd
-
     name = _name(problem)
     made = _made(problem, q0, p0)
-    line = None if name is None else _with_state(words.named(made[0], name), q0, p0)
+    line = None if name is None else _with_state(words.problem_arguments(made[0], name), q0, p0)
     asked = ask(
         made[1],
         t_end=t_end,
@@ -81,39 +201,43 @@ def advise(
         quantity_name=quantity,
         conserve=conserve,
         budget=budget,
-        limit=limit,
+        limit=time_limit,
         progress=progress,
     )
     answer = answered(asked, line or ())
     if answer["warning"]:
         warnings.warn(answer["warning"], stacklevel=2)
-    rows = [{"role": role} | answer[role] for role in ROLES if answer[role] is not None]
-    table = pd.DataFrame(rows)
-    table.attrs = {key: value for key, value in answer.items() if key not in ROLES}
-    return table
+    return Advice(
+        **{name: answer[name] for name in ("problem", "t_end", "quantity", "accuracy", "budget", "verified", "why")},
+        **{role: _advised(answer[role]) for role in ROLES},
+        alternatives=tuple(a for a in map(_advised, answer["alternatives"]) if a is not None),
+        dropped=tuple(answer["dropped"]),
+        lower_model=answer["lower_model"],
+        notes=tuple(answer["notes"]),
+        answer=answer,
+    )
 
 
-def _name(problem) -> str | None:
-    """How a problem is named on a command line; None where it is no name that was given."""
+def _name(problem: Any) -> str | None:
+    """The problem's name on a command line; None if it was not given by name."""
     return str(problem) if isinstance(problem, (str, Path)) else None
 
 
-def _made(problem, q0, p0):
-    """(the problem as it was named, the problem from its initial state)."""
+def _made(problem: Any, q0: State | None, p0: State | None) -> tuple[Problem, Problem]:
+    """(the problem as given, the same problem started at q0, p0)."""
     if isinstance(problem, (str, Path)):
         problem = problem_of(problem)
     if not isinstance(problem, Problem):
-        system, q, p = initial(problem, q0, p0)
-        system = with_kepler_part(system, q)
-        problem = Problem("system", "a system", "", system, (Orbit("given", tuple(q), tuple(p)),))
-        return problem, problem
-    return problem, started(problem, q0, p0)
+        made = with_start(problem, q0, p0)
+        made = replace(made, system=with_kepler_part(made.system, made.q0))
+        return made, made
+    return problem, with_start(problem, q0, p0)
 
 
-def _with_state(line: list[str], q0, p0) -> list[str]:
-    """The words with the initial state that was given."""
+def _with_state(line: list[str], q0: State | None, p0: State | None) -> list[str]:
+    """The command-line words, with --q and --p where an initial state is given."""
     for option, value in (("--q", q0), ("--p", p0)):
-        line = line if value is None else [*line, option, words.joined(value)]
+        line = line if value is None else [*line, option, words.format_numbers(value)]
     return line
 
 

@@ -1,4 +1,4 @@
-"""The command that runs a candidate as it stands: on the terminal, the error against the reference in its output."""
+"""Command lines: the `phasebench integrate` command that runs a candidate and prints its error."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from phasebench.benchmarks.measure.integrator import Integrator
 from .ask import Ask
 
 
-def named(problem, name: str | None = None) -> list[str] | None:
-    """The arguments that say which problem: an id or a file, as ``name``, with its parameters; or a formula.
+def problem_arguments(problem, name: str | None = None) -> list[str] | None:
+    """The command-line arguments that name a problem: an id or a file (``name``) with its parameters, or a formula.
 
-    None where there are none: a system without a name that is not canonical.
+    None if a command line cannot name it, as an unnamed system that is not canonical.
     """
     from phasebench.benchmarks.problems import PROBLEMS
     from phasebench.benchmarks.problems import problem as registered
@@ -30,7 +30,7 @@ def named(problem, name: str | None = None) -> list[str] | None:
 
 
 def formula(problem) -> list[str]:
-    """The arguments of a canonical problem as a formula in q, p or q1, p1, ... with its initial state."""
+    """The arguments --hamiltonian, --q and --p of a canonical problem, H written in q, p or q1, p1, ..."""
     import sympy as sp
 
     system = problem.system
@@ -39,16 +39,16 @@ def formula(problem) -> list[str]:
     names = [sp.Symbol(f"{x}{i}") for x in "qp" for i in numbers]
     renamed = dict(zip((*system.q, *system.p), names, strict=True))
     H = str(system.H.xreplace(renamed))
-    return ["--hamiltonian", H, "--q", joined(problem.q0), "--p", joined(problem.p0)]
+    return ["--hamiltonian", H, "--q", format_numbers(problem.q0), "--p", format_numbers(problem.p0)]
 
 
-def joined(x: Sequence[float]) -> str:
-    """Numbers with commas between, in full precision."""
+def format_numbers(x: Sequence[float]) -> str:
+    """The numbers in full precision, joined by commas."""
     return ",".join(repr(float(v)) for v in x)
 
 
 def command(ask: Ask, integrator: Integrator, size: dict[str, Any], problem_words: Sequence[str] | None) -> str | None:
-    """The line to paste into a terminal; None for a problem that has no name there."""
+    """The command that runs an integrator at a step or tolerance; None if ``problem_words`` is None."""
     if problem_words is None:
         return None
     positional = [] if problem_words[0].startswith("--") else [problem_words[0]]
@@ -60,11 +60,11 @@ def command(ask: Ask, integrator: Integrator, size: dict[str, Any], problem_word
     words += ["--t-end", repr(ask.t_end), "--error"]
     if ask.quantity.name != "end-state":
         words += ["--quantity", ask.quantity.name]
-    return shlex.join(_whole(words))
+    return shlex.join(_join_negative_values(words))
 
 
-def _whole(words: list[str]) -> list[str]:
-    """``--q -1`` as ``--q=-1``: a value that begins with a dash is no option."""
+def _join_negative_values(words: list[str]) -> list[str]:
+    """Join ``--q -1`` to ``--q=-1``, so that a negative value is not read as an option."""
     joined_words: list[str] = []
     for word in words:
         negative = word[:1] == "-" and word[1:2] not in ("-", "")

@@ -1,1 +1,1 @@
-"""Certificates: what anyone's integrator claims, judged on a fixed battery of systems, and how that is shown."""
+"""Certificates: judge what an integrator claims by measuring it on a fixed battery of systems, and show the result."""

@@ -1,4 +1,4 @@
-"""An adaptive integrator: its error against its tolerance, its energy error, how it behaves as a function."""
+"""Measures of an adaptive integrator: error and energy error against the tolerance, and whether runs repeat."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from phasebench.integrators.errors import InvalidInput
 
 from .battery import Entry
 from .order import flow
-from .stepping import StepFailed, told
+from .stepping import StepFailed, report_failures
 from .subject import Subject
 
 #: The time of a run, and the tolerances.
@@ -18,13 +18,13 @@ TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 
 
 def end(subject: Subject, entry: Entry, y, tol: float) -> tuple[np.ndarray, int]:
-    """(state at `T_END`, evaluations of the gradients); raises StepFailed."""
+    """(state at `T_END`, evaluations of the gradients) of a run; raises StepFailed, or InputChanged."""
     system, d = own_step.System(entry.system), entry.system.d
     q, p = y[:d].copy(), y[d:].copy()
-    with told(subject, f"the run on {entry.name} with tol = {tol:g}"):
+    with report_failures(subject, f"the run on {entry.name} with tol = {tol:g}"):
         pair = subject.run(system, q, p, T_END, tol)
     try:
-        state = np.concatenate(own_step.returned(pair, d))
+        state = np.concatenate(own_step.check_pair(pair, d))
     except InvalidInput as error:
         raise StepFailed(str(error)) from None
     if not (np.array_equal(q, y[:d]) and np.array_equal(p, y[d:])):
@@ -33,11 +33,11 @@ def end(subject: Subject, entry: Entry, y, tol: float) -> tuple[np.ndarray, int]
 
 
 class InputChanged(Exception):
-    """A run that changed the q or p that it was handed."""
+    """Raised for a run that changed the q or p it was given."""
 
 
 def tolerances(subject: Subject, entry: Entry, seed: int) -> dict:
-    """A row: error, energy error and evaluations for each tolerance, and whether a run a second time ends the same."""
+    """A row: error, energy error and evaluations for each tolerance, and whether a repeated run ends the same."""
     y, errors, energies, counts = entry.start(seed), [], [], []
     truth = flow(entry, seed, T_END, 32)[0].astype(float)
     size, d = float(np.abs(truth).max()), entry.system.d

@@ -1,7 +1,7 @@
-"""On what a step is certified: small nonlinear systems, half of them not H = T(p) + V(q), at seeded states.
+"""The systems on which a step is certified: small and nonlinear, half of them not H = T(p) + V(q), at random states.
 
-A step that is right on one kind of system alone, or at one state alone, is not to pass: d is 1, 2, 4 and 6, the
-kinetic energy is not always |p|^2 / 2, and every component of a state is moved by a seeded amount.
+A step that is right on one kind of system only, or at one state only, must not pass: d is 1, 2, 4 and 6, the kinetic
+energy is not always |p|^2 / 2, and a seed moves every component of a state.
 """
 
 from __future__ import annotations
@@ -12,32 +12,32 @@ from functools import cache
 
 import numpy as np
 
-from phasebench.benchmarks.measure.battery import coupled, tao
-from phasebench.integrators.engine.codegen import MULTIPRECISION
+from phasebench.benchmarks.measure.battery import coupled_double_well, tao
+from phasebench.integrators.compile.codegen import MULTIPRECISION
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-#: Where a seed moves a state to: by at most so much in every component.
+#: The most by which a seed moves a component of a state.
 MOVED = 0.02
-#: Of one's own problem, a component of 0 is moved by this part of the largest.
+#: In a user's own problem, a component of 0 is moved by up to this share of the largest.
 NUDGED = 1e-3
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A system of the battery.
+    """A system on which steps are measured, with a state to start from and its units.
 
     Attributes
     ----------
-    name : as certificates name it
-    system, state : the system, and about where its orbit starts, 2 d numbers
+    name : its name in certificates
+    system, state : the system, and its initial state before a seed moves it, 2 d numbers
     reversible : whether H(q, -p) = H(q, p)
     invariant : an expression that is conserved besides H, as text, or ""
-    kind : of that invariant, in words
+    kind : the kind of that invariant, "bilinear" or "quadratic"
     lasting : whether long runs are made on it
-    unit : of time, a power of two: steps are parts of it
-    size : of q and of p, in which errors and defects are told
-    share : whether a seed moves each component by a share of itself
+    unit : the unit of time, a power of two; steps are fractions of it
+    size : the sizes of q and of p, the units of errors and defects
+    share : whether a seed moves each component by a share of itself, as in a user's own problem
     """
 
     name: str
@@ -52,7 +52,7 @@ class Entry:
     share: bool = False
 
     def start(self, seed: int) -> np.ndarray:
-        """The state for a seed, doubles (2 d,)."""
+        """The state, moved at random by a seed; doubles (2 d,)."""
         draws = np.random.default_rng([seed, *self.name.encode()]).uniform(-1, 1, len(self.state))
         state = np.array(self.state)
         if self.share:
@@ -95,7 +95,7 @@ def entries() -> tuple[Entry, ...]:
         Entry("henon-heiles", _two(HENON_HEILES), (0.1, -0.2, 0.3, 0.15), lasting=True),
         Entry("quartic", _one("p**2/2 + p**4/8 + q**2/2 + q**3/6"), (0.6, 0.5)),
         Entry("tao", tao(), (0.3, -0.7)),
-        Entry("coupled", coupled(), (0.4, -0.6, 0.5, 0.3), reversible=False),
+        Entry("coupled", coupled_double_well(), (0.4, -0.6, 0.5, 0.3), reversible=False),
         Entry("lattice", ring(4), (0.3, -0.4, 0.2, 0.5, -0.3, 0.4, 0.6, -0.2)),
         Entry("ring", ring(6), (0.2, -0.5, 0.4, 0.3, -0.2, 0.6, 0.5, 0.3, -0.4, 0.2, 0.6, -0.3)),
     )
@@ -116,18 +116,18 @@ def oscillator() -> Entry:
     return Entry("harmonic-oscillator", _one("p**2/2 + q**2/2"), (0.8, 0.3))
 
 
-def known(name: str) -> Entry:
-    """The system of that name."""
+def find_entry(name: str) -> Entry:
+    """The entry with this name."""
     return next(e for e in (*entries(), *lasting(), oscillator()) if e.name == name)
 
 
 def of_problem(problem) -> Entry:
-    """A problem of one's own, on its chosen orbit, as a system of the battery; long runs are made on it.
+    """A user's own problem, on its chosen orbit, as an entry of the battery; long runs are made on it.
 
     Raises
     ------
     InvalidInput
-        Where H is no formula of which errors in many digits can be told.
+        If H is no formula, so that it cannot be evaluated in many digits.
     """
     system = problem.system
     state = np.array([*problem.q0, *problem.p0], dtype=float)
@@ -149,11 +149,11 @@ def _energy(system, state) -> float:
 
 
 def time_unit(system, state: np.ndarray, sizes: np.ndarray) -> float:
-    """A power of two: in so much time the state moves by no more than its size, its fastest part by a radian or less.
+    """A power of two: a time in which the state moves by at most its size, and its fastest mode by at most a radian.
 
     Parameters
     ----------
-    state, sizes : arrays (2 d,), the state and what its components are in units of
+    state, sizes : arrays (2 d,), the state and the units of its components
     """
     field = system.vector_field()
     columns = []
@@ -166,6 +166,6 @@ def time_unit(system, state: np.ndarray, sizes: np.ndarray) -> float:
     return 2.0 ** np.floor(-np.log2(fastest)) if np.isfinite(fastest) and fastest > 0 else 1.0
 
 
-#: The time over which an order is measured, and into how many steps it is divided.
+#: The time over which an order is measured, in the entry's unit, and the numbers of steps into which it is divided.
 SPAN = Fraction(1, 4)
 LADDER = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)

@@ -1,4 +1,4 @@
-"""How a step behaves as a function: it runs, keeps nothing between calls, leaves its input alone; and what it costs."""
+"""How a step behaves as a function: whether it runs, has memory, changes its input; and its stability."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from phasebench.benchmarks.measure import linear_stability
-from phasebench.integrators.engine.codegen import MULTIPRECISION, precision
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision
 
 from .battery import Entry, oscillator
 from .order import numerical
@@ -15,20 +15,18 @@ from .stepping import DIGITS, StepFailed, Stepper
 from .structure import SMOOTH, smooth
 from .subject import Subject
 
-#: Steps of the first runs.
+#: Number and length of the steps of a first run.
 TAKEN, H = 12, 0.125
-#: Steps on each system when they are taken in turns.
+#: Steps on each of two systems that are stepped alternately.
 TURNS = 5
-#: A matrix of two steps is the square of that of one up to this.
-SQUARE = 1e-9
-#: A step of more evaluations is not scanned for its stability unless this is claimed.
+#: The stability of a step with more evaluations than this is measured only if it is claimed.
 DEAR = 200
-#: The determinant of a map that keeps areas is 1 up to this.
+#: The determinant of an area-preserving map is 1 up to this.
 AREA = 1e-12
 
 
 def runs(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
-    """A row for each system: whether some steps run, with their evaluations of the gradients."""
+    """A row for each system: whether a few steps run, and their evaluations of dH/dq and dH/dp."""
     rows = []
     for entry in entries:
         stepper = Stepper(subject, entry)
@@ -45,14 +43,14 @@ def runs(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
 
 
 def state_between_steps(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
-    """Rows of what changes: the same step twice, and steps on two systems in turns against each alone."""
+    """Rows with the change in results when a step is repeated, and when steps on two systems alternate."""
     rows = []
     for entry in entries:
         stepper, y = Stepper(subject, entry), entry.start(seed)
         h = H * entry.unit
         once = stepper(y, h)
         stepper(once, h)
-        rows.append({"on": entry.name, "what": "the same step twice", "value": _apart(stepper(y, h), once)})
+        rows.append({"on": entry.name, "what": "the same step twice", "value": _distance(stepper(y, h), once)})
     pairs = list(combinations(entries, 2))[:3] or [(entries[0], entries[0])]
     for a, b in pairs:
         steppers = [Stepper(subject, x) for x in (a, b)]
@@ -62,28 +60,28 @@ def state_between_steps(subject: Subject, entries: list[Entry], seed: int) -> li
             alone[1] = steppers[1].run(y[1], H * b.unit, TURNS)[-1]
         for _ in range(TURNS):
             y = [s(x, H * s.entry.unit) for s, x in zip(steppers, y, strict=True)]
-        away = max(_apart(x, z) for x, z in zip(y, alone, strict=True))
+        away = max(_distance(x, z) for x, z in zip(y, alone, strict=True))
         rows.append({"on": f"{a.name} and {b.name}", "what": "steps in turns", "value": away})
     return rows
 
 
-def _apart(x, y) -> float:
+def _distance(x, y) -> float:
     return 0.0 if np.array_equal(x, y, equal_nan=True) else float(np.nan_to_num(np.abs(x - y).max(), nan=np.inf))
 
 
 def input_changed(subject: Subject, entries: list[Entry], seed: int) -> list[dict]:
-    """A row for each system: by how much a step changes the q and p that it is handed, now or when it is used later."""
+    """A row for each system: how much a step changes its input, and how much the next step changes its result."""
     rows = []
     for entry in entries:
         stepper, y = Stepper(subject, entry), entry.start(seed)
         d = len(y) // 2
         q, p = y[:d].copy(), y[d:].copy()
         first = stepper.raw(q, p, H * entry.unit)
-        changed = max(_apart(q, y[:d]), _apart(p, y[d:]))
+        changed = max(_distance(q, y[:d]), _distance(p, y[d:]))
         try:
             kept = [np.array(x, dtype=float) for x in first]
             stepper(y, H * entry.unit)
-            later = max(_apart(np.asarray(x, dtype=float), z) for x, z in zip(first, kept, strict=True))
+            later = max(_distance(np.asarray(x, dtype=float), z) for x, z in zip(first, kept, strict=True))
         except (TypeError, ValueError):
             later = 0.0
         rows.append({"on": entry.name, "value": changed, "later": later})
@@ -91,20 +89,22 @@ def input_changed(subject: Subject, entries: list[Entry], seed: int) -> list[dic
 
 
 def arithmetic(subject: Subject, entries: list[Entry], seed: int) -> str:
-    """Why the step cannot be measured in many digits; "" where it can."""
+    """Why the step cannot be measured in many digits; "" if it can."""
     for entry in entries:
         try:
             with precision(DIGITS):
                 rough = smooth(Stepper(subject, entry, MULTIPRECISION), seed)
         except StepFailed as failure:
-            return str(failure)
+            if not failure.place:
+                return str(failure)
+            return f"{failure.place} does not accept numbers of {DIGITS} digits, only doubles"
         if not rough < SMOOTH:
             return f"its steps are rough by {rough:.0e} inside"
     return ""
 
 
 def stability(subject: Subject) -> dict:
-    """The row of the linear stability limit; or a reason why there is none, such as what it would take."""
+    """The row of the linear stability limit on the harmonic oscillator, or of the reason why there is none."""
     entry = oscillator()
     stepper = Stepper(subject, entry)
     stepper(stepper.state((1.0, 0.0)), 1.0)
@@ -121,11 +121,11 @@ def stability(subject: Subject) -> dict:
         return np.array([c[-1] for c in columns]).T if all(len(c) == 2 for c in columns) else None
 
     one, two = matrix(0.5), matrix(0.5, 2)
-    if one is None or two is None or np.abs(two - one @ one).max() > SQUARE:
+    if one is None or two is None or not linear_stability.is_square(one, two):
         return {"on": entry.name, "reason": "a step is no matrix here: two are not one taken twice"}
     found = linear_stability.stability(matrix)
     if found.limit == 0 and abs(np.linalg.det(one) - 1) < AREA:
-        # Areas are kept, so nothing grows from the start: its solver fails farther on.
+        # The map preserves area, so small steps are stable: its solver fails at larger ones.
         z = next((z for z in np.arange(0.05, 10, 0.05) if not _keeps(matrix(z))), 10.0)
         return {"on": entry.name, "reason": f"from h omega = {z:.2f} its own solver does not converge"}
     row = {"on": entry.name, "limit": found.limit, "scanned": found.scanned, "reason": ""}

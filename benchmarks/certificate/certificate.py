@@ -1,4 +1,4 @@
-"""``certify``: everything measured of an integrator and judged, as one object.
+"""``certify``: measure an integrator and judge its claims; the result is a `Certificate`.
 
 from phasebench.benchmarks.certificate.certificate import certify
 print(certify("./mine.py", {"order": 4}).verdict)
@@ -7,26 +7,28 @@ print(certify("./mine.py", {"order": 4}).verdict)
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Literal
 
+from phasebench.benchmarks.judge import judge
+from phasebench.benchmarks.judge.evidence import Tables
+from phasebench.benchmarks.measure.integrator import AnyProblem
 from phasebench.benchmarks.problems import problem as problem_of
+from phasebench.integrators.keywords import checked_names
+from phasebench.integrators.record import Method
+from phasebench.reference.peers import Peer
 
-from . import battery, judge, limited
-from .measures import measured
+from . import battery, limited
+from .measures import fill_tables
 from .result import Certificate
 from .subject import subject
-from .verdicts import Tables
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass
 class _Run:
-    """How a certificate is made: what it is of, what was measured so far, and who is told."""
+    """A certification in progress: the integrator's id, claims and requirements, and what was measured so far."""
 
     id: str
     claims: Mapping[str, Any]
@@ -39,8 +41,8 @@ class _Run:
     seconds: float = 0.0
 
     def certificate(self, times: list[dict]) -> Certificate:
-        """The verdicts on what was measured."""
-        found = judge.judged(self.claims, self.tables)
+        """The certificate, with verdicts on what was measured so far."""
+        found = judge.judgements(self.claims, self.tables)
         offers = [] if self.alone or judge.gross_failure(found) else judge.offers(self.claims, self.tables)
         verdict = judge.verdict(found, self.claims)
         rest = (self.tables, self.doubles, self.requires, self.seed, self.seconds, times)
@@ -62,17 +64,17 @@ def certify(
     Parameters
     ----------
     target, claims, requires : as of `subject.subject`
-    seed : of the states at which it is measured
-    progress : told what is measured
-    alone : measure what is claimed alone; nothing is offered then
-    problems : on which it is measured in place of the battery: names, paths or problems
+    seed : of the random states at which it is measured
+    progress : called with the name of each measure
+    alone : measure only what is claimed; then no further claims are offered
+    problems : names, paths or problems, on which to measure in place of the battery
     time_limit : seconds, after which the rest is not judged
 
     Raises
     ------
     InvalidInput
-        For a target, a claim, a problem or a limit that cannot be used.  What the integrator does wrong is in the
-        certificate.
+        For a target, a claim, a problem or a limit that cannot be used.  Failures of the integrator itself are stated
+        in the certificate.
     """
     began = time.perf_counter()
     run = _Run(str(getattr(target, "__name__", target)), dict(claims or {}), tuple(requires), seed, alone, Tables())
@@ -92,39 +94,48 @@ def certify(
             run.id, run.claims, run.requires = chosen.id, chosen.own.claims, chosen.own.requires
             run.where = chosen.own.where
             entries = [battery.of_problem(_problem(p)) for p in problems]
-            times = measured(chosen, run, entries, telling)
+            times = fill_tables(chosen, run, entries, telling)
         except limited.OutOfTime as over:
             limited.quiet()
-            run.tables.failed["time"] = limited.said(time_limit or 0.0, over.places, run.where, doing)
+            run.tables.failed["time"] = limited.time_over_message(time_limit or 0.0, over.places, run.where, doing)
         run.seconds = time.perf_counter() - began
         return run.certificate(times)
 
-    def unfinished(last: _Run | None, doing: str, why, over: bool) -> Certificate:
+    def incomplete(last: _Run | None, doing: str, why, over: bool) -> Certificate:
         last = last or run
-        text = limited.said(time_limit or 0.0, why, last.where, doing) if over else why
+        text = limited.time_over_message(time_limit or 0.0, why, last.where, doing) if over else why
         last.tables.failed["time" if over else "raised"] = text
         last.seconds = time.perf_counter() - began
         return last.certificate([])
 
     tell = progress or (lambda what: None)
     problems = tuple(problems)
-    return measure(tell) if time_limit is None else limited.within(time_limit, measure, unfinished, tell)
+    return measure(tell) if time_limit is None else limited.within(time_limit, measure, incomplete, tell)
 
 
-def _problem(named):
+def _problem(named: Any) -> Any:
     return problem_of(named) if isinstance(named, (str, Path)) else named
 
 
+@checked_names
 def validate(
-    target,
+    target: str | Path | Callable[..., Any] | Mapping[str, Any] | Method | Peer,
     *,
+    order: int | None = None,
+    symplectic: bool | None = None,
+    symmetric: bool | None = None,
+    reversible: bool | None = None,
+    energy: Literal["preserved", "bounded", "drift"] | None = None,
+    bilinear: Literal["preserved"] | None = None,
+    quadratic: Literal["preserved"] | None = None,
+    stability: float | None = None,
+    tolerance: float | None = None,
     requires: str | tuple[str, ...] = (),
     output: str | Path | None = None,
     seed: int = 0,
-    problem=(),
+    problem: AnyProblem | Sequence[AnyProblem] = (),
     time_limit: float | None = None,
-    **claims,
-) -> pd.DataFrame:
+) -> Certificate:
     """Judge what an integrator claims: ``validate(step, order=4, symplectic=True)``.
 
     Parameters
@@ -132,25 +143,33 @@ def validate(
     target : a function ``step(system, q, p, h) -> (q, p)`` or ``run(system, q, p, t_end, tol) -> (q, p)``, the path of
         a file with one, ``"package.module:callable"``, coefficients (a mapping, or the path of a JSON file), or the id
         of a method or a peer
-    requires : traits of the systems that it can do, such as "separable"
-    output : a folder, in which the certificate is written as Markdown, HTML and JSON
-    seed : of the states at which it is measured
-    problem : one's own, on which it is measured in place of the systems of the suite: a name, the path of a file, a
-        problem, or several of them
+    order, symplectic, symmetric, reversible, energy, bilinear, quadratic, stability, tolerance : what is claimed:
+        the order, structure of the step, how invariants are kept, the limit of h omega on the oscillator, the largest
+        error in units of the tolerance
+    requires : traits that a system must have, such as "separable"
+    output : a folder, into which the certificate is written as Markdown, HTML and JSON
+    seed : of the random states at which it is measured
+    problem : a problem on which to measure in place of the suite's systems: a name, the path of a file, a problem
+        object, or several of them
     time_limit : seconds, after which what is not yet measured is not judged; for a step that may never return
-    claims : order, symplectic, symmetric, reversible, energy, bilinear, quadratic, stability, tolerance
 
     Returns
     -------
-    pandas.DataFrame
-        A row a claim: claim, verdict ("holds", "contradicted", "not-judged"), measured, interval, on, why.
-        ``frame.attrs["verdict"]`` is "pass", "fail" or "not-judged", ``frame.attrs["offers"]`` what could be claimed.
+    Certificate
+        Prints as a table; ``verdict`` is "pass", "fail" or "not-judged", ``claims`` are the judgements, ``offers`` what
+        could be claimed; `to_frame` has a row for each claim, `plot` draws
 
     Raises
     ------
     InvalidInput
         For a target or a claim that cannot be used.
     """
+    given: dict[str, Any] = {
+        **{"order": order, "symplectic": symplectic, "symmetric": symmetric, "reversible": reversible},
+        **{"energy": energy, "bilinear": bilinear, "quadratic": quadratic},
+        **{"stability": stability, "tolerance": tolerance},
+    }
+    claims = {name: value for name, value in given.items() if value is not None}
     requires = (requires,) if isinstance(requires, str) else tuple(requires)
     if output is not None:
         from .render import writable
@@ -162,4 +181,4 @@ def validate(
         from .render import write
 
         write(found, output)
-    return found.frame()
+    return found

@@ -1,17 +1,16 @@
-"""What a step keeps over a long run: the energy and another invariant, their drift; and what its round-off adds up to.
+"""Conservation over a long run: error and drift of the energy and another invariant, and how round-off adds up.
 
-Round-off, where the step takes many digits: of each of some steps in doubles the energy error that is not there in 40
-digits, in units of eps times the energies' size.  A mean that is not zero adds up as t, a mean of zero as the root of
-t (Brouwer's law).
+Round-off is measured if the step accepts many digits: for each of some steps, the energy error in doubles that the step
+in 40 digits does not have, in units of eps times the energy.  With a mean other than zero it grows as t, with a mean of
+zero as the square root of t (Brouwer's law).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from phasebench.benchmarks.measure import metrics
-from phasebench.benchmarks.measure.drift import drift
-from phasebench.integrators.engine.codegen import MULTIPRECISION, precision
+from phasebench.benchmarks.measure.conservation import conservation, energy
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision
 from phasebench.integrators.systems.formula import parse
 
 from .battery import Entry
@@ -19,22 +18,22 @@ from .order import EPS, numerical
 from .stepping import DIGITS, StepFailed, Stepper
 from .subject import Subject
 
-#: Steps of a long run, the longest step, and how often it is halved where the run does not last.
+#: Steps of a long run, the longest step, and how often it is halved if the run breaks off.
 STEPS, H, HALVED = 2400, 0.2, 3
-#: So many evaluations of a gradient may a run take, and at least so many steps.
+#: The most evaluations of a gradient in a run, and the fewest steps.
 EVALUATIONS, LEAST = 40_000, 400
-#: Steps whose round-off is looked at, and how long they are (dyadic).
+#: Number and length (dyadic) of the steps whose round-off is measured.
 ROUNDED = 256
 H_ROUND = 0.125
-#: Multiples of the standard error of a mean that is no accident.
+#: A mean of more than this many standard errors is not zero.
 SURE = 4.0
 
 
 def long_run(subject: Subject, entry: Entry, seed: int) -> dict:
-    """A row of the energy and of the invariant along a run; its ``times`` and ``errors`` are for a figure."""
+    """A row of the energy's and the invariant's errors and drifts along a run; its ``curve`` is for a figure."""
     stepper, y, why = Stepper(subject, entry), entry.start(seed), "the run did not last"
     stepper.run(y, H * entry.unit / 2**HALVED, 20)
-    # Counted, not timed: a run again has as many steps.
+    # Counted, not timed, so that a repeated run has as many steps.
     affordable = EVALUATIONS * 20 // max(1, sum(stepper.system.evaluations))
     steps = max(LEAST, min(STEPS, affordable // LEAST * LEAST))
     for k in range(HALVED + 1):
@@ -56,26 +55,19 @@ def _row(entry: Entry, rows, h: float, steps: int) -> dict:
     system, d = entry.system, entry.system.d
     Q, P = rows[:, :d], rows[:, d:]
     t = h * np.arange(len(rows))
-    H = system.observe(system.H, Q, P)
-    kinetic = sum(system.observe(e, Q, P) * P[:, i] for i, e in enumerate(system.dq))
     row = {"on": entry.name, "status": "ok", "reason": "", "h": h, "steps": steps, "time": float(t[-1])}
-    row["energy"] = _kept(t, H, float(np.abs(H).max() + np.abs(kinetic).max()))
+    H, kept = energy(system, t, Q, P)
+    row["energy"] = kept | {"steps": steps}
     if entry.invariant:
         names = {str(s): s for s in (*system.q, *system.p)}
         I = system.observe(parse(entry.invariant, names), Q, P)  # noqa: E741
-        row[entry.kind] = _kept(t, I, float(np.abs(I).max()))
+        row[entry.kind] = conservation(t, I, float(np.abs(I).max())) | {"steps": steps}
     row["curve"] = [[float(x), float(e)] for x, e in zip(t[:: steps // 400], H[:: steps // 400] - H[0], strict=True)]
     return row
 
 
-def _kept(t, values, scale: float) -> dict:
-    found, slope = metrics.invariant_error(values), drift(t, values - values[0])
-    moved = {"slope": slope.value, "low": slope.low, "high": slope.high}
-    return {"value": float(found.max), "scale": scale, "steps": len(t) - 1, "time": float(t[-1])} | moved
-
-
 def round_off(subject: Subject, entry: Entry, seed: int) -> dict:
-    """A row of the mean and the deviation of a step's round-off in the energy, in units of eps times its size."""
+    """A row: mean and standard deviation of a step's round-off in the energy, in units of eps times the energy."""
     double, y = Stepper(subject, entry), entry.start(seed)
     with precision(DIGITS):
         exact = Stepper(subject, entry, MULTIPRECISION)

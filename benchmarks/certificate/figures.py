@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.page import Picture
+from phasebench.benchmarks import style
+from phasebench.benchmarks.judge.evidence import Tables
 
-from .verdicts import Tables
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-#: Errors are drawn no smaller.
+
+class Drawing(NamedTuple):
+    """A figure with the name of its file, its title and its caption."""
+
+    figure: Figure
+    file: str
+    title: str
+    caption: str
+
+
+#: Smaller errors are drawn at this value.
 LEAST = 1e-16
 
 
-@style.drawn
-def order(tables: Tables, folder: Path) -> Picture | None:
-    """The error over the step on every system; the window of the fit is drawn thick."""
+@style.styled
+def order(tables: Tables) -> Drawing | None:
+    """Draw the error against the step on every system, the window of the fitted order thick."""
     rows = tables.of("order")
     if not rows:
         return None
@@ -36,12 +47,12 @@ def order(tables: Tables, folder: Path) -> Picture | None:
     axes.legend()
     caption = "Relative error after the same time against the step, on each system; thick: the window of the order"
     caption += ", dotted: below it errors are taken for round-off." if noise > 1e-30 else "."
-    return Picture(style.save(figure, folder, "order.png"), "error against step", caption)
+    return Drawing(figure, "order.png", "error against step", caption)
 
 
-@style.drawn
-def energy(tables: Tables, folder: Path) -> Picture | None:
-    """The energy error along the long runs."""
+@style.styled
+def energy(tables: Tables) -> Drawing | None:
+    """Draw the energy error along the long runs."""
     rows = [r for r in tables.of("long") if r["status"] == "ok"]
     if not rows:
         return None
@@ -51,13 +62,14 @@ def energy(tables: Tables, folder: Path) -> Picture | None:
         axis.plot(t, error, color=style.CURVES[k][0], linewidth=0.8)
         axis.set_ylabel(row["on"])
     axes[-1, 0].set_xlabel("time")
+    figure.supylabel("H - H(0)", fontsize=style.RC["axes.labelsize"])
     text = ", ".join(f"{r['on']} h = {r['h']:g}" for r in rows)
-    return Picture(style.save(figure, folder, "energy.png"), "energy error", f"H - H(0) along each run: {text}.")
+    return Drawing(figure, "energy.png", "energy error", f"H - H(0) along each run: {text}.")
 
 
-@style.drawn
-def stability(tables: Tables, folder: Path) -> Picture | None:
-    """By how much a step of the harmonic oscillator multiplies."""
+@style.styled
+def stability(tables: Tables) -> Drawing | None:
+    """Draw the spectral radius of a step of the harmonic oscillator over h omega."""
     rows = [r for r in tables.of("stability") if r.get("radius")]
     if not rows:
         return None
@@ -67,12 +79,12 @@ def stability(tables: Tables, folder: Path) -> Picture | None:
     axes.axhline(1, color=style.GREY, linewidth=0.8)
     axes.set(xlabel="h omega", ylabel="spectral radius")
     caption = "The spectral radius of a step of the harmonic oscillator (cut at 4); above 1 it is unstable."
-    return Picture(style.save(figure, folder, "stability.png"), "linear stability", caption)
+    return Drawing(figure, "stability.png", "linear stability", caption)
 
 
-@style.drawn
-def place(tables: Tables, folder: Path) -> Picture | None:
-    """The error over the evaluations on each scene, beside the fewest of the trade's integrators."""
+@style.styled
+def place(tables: Tables) -> Drawing | None:
+    """Draw the error against the evaluations on each scene, beside the fewest evaluations stored."""
     rows = [r for r in tables.of("place") if r["curve"]]
     if not rows:
         return None
@@ -88,4 +100,8 @@ def place(tables: Tables, folder: Path) -> Picture | None:
             axes.legend()
     about = ", ".join(f"{r['about']} ({r['on']})" for r in rows)
     caption = f"The error against the evaluations: {about}; grey: the fewest evaluations of the trade's integrators."
-    return Picture(style.save(figure, folder, "place.png"), "its place on fronts of the trade", caption)
+    return Drawing(figure, "place.png", "its place on fronts of the trade", caption)
+
+
+#: Name -> the function that draws it, or returns None where nothing was measured for it.
+DRAWINGS = {"order": order, "energy": energy, "stability": stability, "place": place}

@@ -1,9 +1,9 @@
-"""Jumps of a step: a map that is made of pieces is not symplectic, however symplectic each of the pieces is.
+"""Jumps of a step map: a discontinuous map is not symplectic, even if each of its pieces is.
 
-A step whose number of sub-steps, or whose formula, depends on the state jumps where that changes.  States along a path
-are mapped; where the map is smooth its sixth differences vary little from place to place, and beside a jump they stand
-out.  The path is made shorter round that place, time after time: what a smooth map leaves falls to round-off, a jump
-stays.  In doubles, which take thousands of steps in no time.
+A step whose number of sub-steps, or whose formula, depends on the state jumps where that choice changes.  The step is
+taken from states along a path.  Where the map is smooth, the sixth differences of its values vary little from place to
+place; at a jump they stand out.  The path is shortened round such a place again and again: the differences of a smooth
+map fall to round-off, a jump stays.  All of it is in doubles, in which thousands of steps take little time.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from .stepping import StepFailed, Stepper
 from .structure import DISPLACEMENT, ROUNDED
 from .subject import Subject
 
-#: Points of a path, and of one that was made shorter; so many at least have to be mapped.
+#: Points of a path, and of a shortened one; the fewest from which the step must succeed.
 POINTS, FEWER, LEAST = 64, 14, 24
-#: The order of the differences, and the largest of its binomial coefficients: what a jump of 1 makes of them.
+#: The order of the differences, and its largest binomial coefficient: the difference that a jump of 1 makes.
 ORDER, PEAK = 6, 20.0
-#: What stands out: so many times what is found beside it.
+#: A difference stands out if it is this many times those beside it.
 STANDS_OUT = 20.0
-#: The places of a path that are looked at, and the length at which a path is short.
+#: The most places of a path that are examined, and the spacing at which shortening ends.
 PLACES, SHORT = 2, 1e-13
-#: Steps in units of time: of the entry's about its start, of the largest state's from small states to large ones.
+#: Steps of the two paths: near the start, in the entry's unit of time; from small to large states, in the largest's.
 NEAR, FAR = 0.5, 0.5
-#: Factors of the start between which the second path lies.
+#: The second path lies between these multiples of the start.
 SMALLEST, LARGEST = 0.02, 8.0
 
 
 def jumps(subject: Subject, entry: Entry, seed: int, noise: float) -> dict:
-    """A row: the largest jump along two paths of states, in units of the state's size, and its floor.
+    """A row: the largest jump along two paths of states, in units of the state's size, and its round-off floor.
 
     Parameters
     ----------
-    noise : the floor of the symplecticity defect where that was measured in doubles (a solver that stops early
+    noise : the floor of the symplecticity defect if that was measured in doubles (an implicit solver that stops early
         raises it), else 0
     """
     stepper, y = Stepper(subject, entry), entry.start(seed)
@@ -53,8 +53,8 @@ def jumps(subject: Subject, entry: Entry, seed: int, noise: float) -> dict:
 
 
 def _largest(stepper: Stepper, path: Callable, h: float, floor: float) -> float:
-    """The largest jump of the map along a path of states, t from 0 to 1; 0 where none is above the floor."""
-    values = _mapped(stepper, path, np.linspace(0, 1, POINTS), h)
+    """The largest jump of the map along a path of states, t from 0 to 1; 0 if none is above the floor."""
+    values = _images(stepper, path, np.linspace(0, 1, POINTS), h)
     if len(values) < LEAST:
         return 0.0
     size = _differences(values)
@@ -72,10 +72,13 @@ def _largest(stepper: Stepper, path: Callable, h: float, floor: float) -> float:
 
 
 def _jump(stepper: Stepper, path: Callable, middle: float, cell: float, h: float, floor: float) -> float:
-    """The jump about a place of the path that was mapped at points a cell apart; 0 where it is below the floor."""
+    """Size of the discontinuity of the step map along ``path`` near t = ``middle``; 0 if it is below the floor.
+
+    It is located by narrowing an interval of width ``cell``.
+    """
     while True:
         t = middle + cell * np.linspace(-2, 2, FEWER)
-        values = _mapped(stepper, path, t, h)
+        values = _images(stepper, path, t, h)
         if len(values) < FEWER:
             return 0.0
         size = _differences(values)
@@ -91,8 +94,8 @@ def _differences(values) -> np.ndarray:
     return np.abs(np.diff(values, ORDER, axis=0)).max(axis=1)
 
 
-def _mapped(stepper: Stepper, path: Callable, t, h: float) -> np.ndarray:
-    """The states after a step from the path's, in units of their size, as far as the step can be taken."""
+def _images(stepper: Stepper, path: Callable, t, h: float) -> np.ndarray:
+    """The states after a step from path(t), each t, in units of their size; up to the first step that fails."""
     rows = []
     for x in t:
         try:

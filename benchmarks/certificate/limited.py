@@ -1,7 +1,7 @@
-"""A certificate within a time limit: measured in a process of its own, which is ended where a step never returns.
+"""Certification under a time limit, in a process of its own that can be killed if a step never returns.
 
-The process interrupts itself when the time is over, which ends a loop of Python and names its line; where that is not
-heard, because the loop is compiled, the process is killed.  What was measured by then is in the certificate.
+When the time is over the process interrupts itself, which ends a loop in Python and tells its line; a compiled loop
+ignores the interruption, and the process is killed.  The certificate has what was measured by then.
 """
 
 from __future__ import annotations
@@ -19,43 +19,43 @@ from contextlib import nullcontext
 from math import isfinite
 from pathlib import Path
 
-from phasebench.integrators.engine import progress as compilation
+from phasebench.integrators.compile import progress as compilation
 from phasebench.integrators.errors import InvalidInput
 
-#: Seconds between two interruptions, which a step may swallow; from the first one to a note of where it is; to its end.
+#: Seconds between interruptions, since a step may catch one; from the first to a dump of the stack; to the kill.
 AGAIN, NOTE, GRACE = 0.25, 1.0, 2.0
 PLACE = re.compile(r'File "(?P<file>[^"]+)", line (?P<line>\d+)')
 
 
 class OutOfTime(BaseException):
-    """The time is over; ``places`` are (file, line) of what is running, the innermost first."""
+    """Raised when the time is over; ``places`` are (file, line) of the stack, the innermost first."""
 
     def __init__(self, places):
         super().__init__("the time limit passed")
         self.places = places
 
 
-def said(limit: float, places, where: str = "", what: str = "") -> str:
-    """That the time is over, and in which line of the file ``where``, or of the innermost that is known."""
+def time_over_message(limit: float, places, where: str = "", what: str = "") -> str:
+    """A message that the time is over, with the line that was running: in the file ``where``, else the innermost."""
     own = [p for p in places if p[0] == where] or [p for p in places if "phasebench" not in p[0]] or places[:1]
     at = f" at {own[0][0]}, line {own[0][1]}" if own else ""
     return f"the time limit of {limit:g} s passed{f' during {what}' if what else ''}{at}: it had not returned"
 
 
 def within(limit: float, measure: Callable, unfinished: Callable, tell: Callable[[str], None]):
-    """What ``measure`` returns, which runs in a process of its own for at most so many seconds.
+    """Call ``measure`` in a forked process for at most ``limit`` seconds and return its certificate.
 
     Parameters
     ----------
-    measure : (tell, checkpoint) -> a certificate; ``checkpoint`` is handed what there is so far
-    unfinished : (what there was at the last checkpoint or None, what it was doing, why, whether the time is over) -> a
-        certificate
-    tell : told what is measured
+    measure : (tell, checkpoint) -> certificate; it calls ``checkpoint`` with what was measured so far
+    unfinished : (last checkpoint or None, what was being measured, why it ended, whether the time is over) ->
+        certificate, called where ``measure`` does not return
+    tell : called with what is being measured
 
     Raises
     ------
     InvalidInput
-        Where ``measure`` raises it, for a limit that is none, and where processes cannot be forked.
+        If ``measure`` raises it, the limit is not a positive number, or processes cannot be forked.
     """
     if not (isfinite(limit) and limit > 0):
         raise InvalidInput(f"the time limit is {limit!r}; it must be a positive number of seconds")
@@ -68,7 +68,7 @@ def within(limit: float, measure: Callable, unfinished: Callable, tell: Callable
         note = Path(folder) / "where"
         process = context.Process(target=_measure, args=(theirs, note, limit, measure), daemon=True)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # of threads beside a fork: none of them is used
+            warnings.simplefilter("ignore", DeprecationWarning)  # about forking beside threads: the child uses none
             process.start()
         theirs.close()
         end = time.monotonic() + limit + GRACE
@@ -97,7 +97,7 @@ def within(limit: float, measure: Callable, unfinished: Callable, tell: Callable
 
 
 def _measure(pipe, note: Path, limit: float, measure: Callable) -> None:
-    """Measure, in the forked process, and send what comes of it."""
+    """In the forked process: measure, and send progress, checkpoints and the result through the pipe."""
     compilation.announce = nullcontext
 
     def interrupt(number, frame):
@@ -122,5 +122,5 @@ def _measure(pipe, note: Path, limit: float, measure: Callable) -> None:
 
 
 def quiet() -> None:
-    """No further interruption."""
+    """Cancel further interruptions."""
     signal.setitimer(signal.ITIMER_REAL, 0)

@@ -1,23 +1,25 @@
-"""What is measured of an integrator, in the order in which it is: what it keeps between calls comes last."""
+"""Makes all measures of an integrator, in order; what it keeps between calls is measured last."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Protocol
 
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
+from phasebench.benchmarks.judge import judge
+from phasebench.benchmarks.judge.checks import CHECKS
+from phasebench.benchmarks.judge.evidence import Tables
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
 
-from . import adaptive, battery, behaviour, conservation, judge, repeats, structure
+from . import adaptive, battery, behaviour, conservation, repeats, structure
 from .battery import Entry
 from .jumps import jumps
 from .order import order
-from .place import measured as placed
 from .place import place, scenes
+from .place import run_subject as placed
 from .states import states
 from .stepping import StepFailed, Stepper
 from .subject import Subject
 from .times import timed_or_failed
-from .verdicts import CONSERVED, Tables
 
 DEFECTS = {
     "symplectic": structure.symplecticity,
@@ -25,17 +27,16 @@ DEFECTS = {
     "reversible": structure.reversibility,
 }
 
-#: Claim -> the measure that judges it, where that is of another name; and all measures but those that are always made.
-MEASURE = dict.fromkeys(CONSERVED, "long")
+#: The optional measures.
 EVERYTHING = {*DEFECTS, "stability", "long", "round_off", "place"}
-#: What is measured on systems and scenes of the suite alone, not on one's own problem.
+#: Measures made on systems and scenes of the suite only, not on a user's own problem.
 ELSEWHERE = {"stability", "place"}
-#: A step in doubles is that in many digits but for this part of the state, or it is measured in doubles.
+#: The largest relative distance of a step in doubles from the one in many digits; beyond it, doubles are measured.
 OTHERWISE = 1e-8
 
 
 class Run(Protocol):
-    """What a measurement is told and fills: which seed, whether what is claimed alone, its tables, its arithmetic."""
+    """What measures read and fill: seed, whether only claims are measured (``alone``), tables, why only doubles."""
 
     seed: int
     alone: bool
@@ -43,12 +44,12 @@ class Run(Protocol):
     doubles: str
 
 
-def measured(chosen: Subject, run: Run, own: list[Entry], tell) -> list[dict]:
-    """Fill the tables of a run; the times beside the fastest stored."""
+def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell) -> list[dict]:
+    """Fill the tables of a run; return rows of its times relative to the fastest stored integrator."""
     tables, times = run.tables, []
     heard, calls = repeats.listening(chosen, run.seed)
-    wanted = {MEASURE.get(name, name) for name in chosen.own.claims} if run.alone else set(EVERYTHING)
-    wanted |= {"long"} if "symplectic" in wanted else set()  # a drift speaks against it
+    claimed = [CHECKS[name] for name in chosen.own.claims]
+    wanted = {x for check in claimed for x in (check.measure, *check.needs)} if run.alone else set(EVERYTHING)
     wanted -= ELSEWHERE if own else set()
     entries = _able(chosen, own or battery.entries(), tables)
     run.doubles = "an adaptive integrator has no step" if chosen.adaptive else ""
@@ -78,7 +79,7 @@ def _able(chosen: Subject, entries, tables: Tables) -> list[Entry]:
 
 
 def _step(chosen: Subject, tables: Tables, seed: int, tell, wanted, entries, lasting) -> str:
-    """Fill the tables of a step; why it was measured in doubles alone, or ""."""
+    """Fill the tables of a step; return why it was measured in doubles only, or ""."""
     if not entries:
         return ""
     tell("first steps")
@@ -95,7 +96,7 @@ def _step(chosen: Subject, tables: Tables, seed: int, tell, wanted, entries, las
     tables.rows["states"] = _first_that_runs(lambda a: states(chosen, entries, seed, a), arithmetics)
     other = next((r for r in tables.rows["states"] if r["doubles"] > OTHERWISE), None)
     if other is not None:
-        # A number of sub-steps that is rounded otherwise, or a step that asks with what it is called.
+        # Its number of sub-steps depends on rounding, or it inspects the type of its arguments.
         doubles = f"on {other['on']} it is another step in many digits: {other['doubles']:.1e} apart"
         arithmetics = (DOUBLE,)
         tables.rows["states"] = states(chosen, entries, seed, DOUBLE)
@@ -133,20 +134,20 @@ def _step(chosen: Subject, tables: Tables, seed: int, tell, wanted, entries, las
 
 
 def _state(chosen: Subject, calls: repeats.Calls, entries, tables: Tables, seed: int, tell) -> None:
-    """What it keeps between calls: after all other measures, by the same object."""
+    """Measure what the step keeps between calls: on the same object, after all other measures."""
     if any(r["status"] != "ok" for r in tables.of("runs")) or not tables.of("runs"):
         return
     tell("what it keeps between calls")
     try:
         rows = behaviour.state_between_steps(chosen, entries, seed)
-        tables.rows["state"] = [*rows, *repeats.repeated(chosen, calls)]
+        tables.rows["state"] = [*rows, *repeats.repeat_calls(chosen, calls)]
     except StepFailed as failure:
         tables.failed.setdefault("raised", str(failure))
 
 
 def _place(chosen: Subject, tables: Tables, tell) -> None:
-    """Where it stands beside the trade's integrators, unless it is no step of the system."""
-    if judge.gross_failure(judge.judged({}, tables)):
+    """Compare an integrator's evaluations with the fewest stored, unless it fails grossly."""
+    if judge.gross_failure(judge.judgements({}, tables)):
         return
     for scene in scenes(chosen):
         tell(f"its place on {scene}")
@@ -154,7 +155,7 @@ def _place(chosen: Subject, tables: Tables, tell) -> None:
 
 
 def _times(chosen: Subject, tables: Tables, tell) -> list[dict]:
-    """What it takes in time on the scenes on which it has a place."""
+    """An integrator's times relative to the fastest stored one, on the scenes of `_place`."""
     out = []
     for row in tables.of("place"):
         tell(f"its time on {row['on']}")
@@ -163,7 +164,7 @@ def _times(chosen: Subject, tables: Tables, tell) -> list[dict]:
 
 
 def _first_that_runs(measure: Callable[[str], dict], arithmetics) -> dict:
-    """``measure`` in the first arithmetic that the step takes; what it raises in doubles is raised."""
+    """``measure`` in the first arithmetic that the step accepts; StepFailed is raised from the last one only."""
     for arithmetic in arithmetics[:-1]:
         try:
             return measure(arithmetic)
@@ -174,11 +175,11 @@ def _first_that_runs(measure: Callable[[str], dict], arithmetics) -> dict:
 
 def _structure(chosen, entry, seed, defect, arithmetics) -> dict:
     try:
-        return _first_that_runs(lambda a: structure.measured(Stepper(chosen, entry, a), seed, defect), arithmetics)
+        return _first_that_runs(lambda a: structure.structure_row(Stepper(chosen, entry, a), seed, defect), arithmetics)
     except StepFailed as failure:
         if defect is not structure.symmetry:
             raise
-        # A step backwards is not promised.
+        # A step need not accept a negative h.
         return {"on": entry.name, "status": "failed", "reason": f"with -h: {failure}"}
 
 

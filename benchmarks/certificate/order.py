@@ -1,15 +1,15 @@
-r"""The order of a step: its error over a ladder of steps, and the power series of its error in h.
+r"""The order of a step: from its error over a ladder of step sizes, and from the power series of its error in h.
 
-Ladder: `metrics.order` of :math:`|\Phi_h^n(y) - \varphi_{nh}(y)|` with its interval and window, in many digits where
-the step takes them, in doubles otherwise.  The reference is Gragg's extrapolated midpoint rule in 40 digits.
+Ladder: `metrics.order` of :math:`|\Phi_h^n(y) - \varphi_{nh}(y)|` with its interval and window, in many digits if the
+step accepts them, else in doubles.  The reference solution is Gragg's extrapolated midpoint rule in 40 digits.
 
-Series, in many digits alone: with :math:`\Phi_h - \varphi_h = \sum_k c_k h^k` and
+Series, in many digits only: with :math:`\Phi_h - \varphi_h = \sum_k c_k h^k` and
 :math:`\varphi_h = \sum_k f_k h^k`, the relative :math:`\varepsilon_k = |c_k|/|f_k|` for k = 1 ... 8, from divided
-differences at h = 2^-40 j.  A step of order p whose coefficients are doubles has
-:math:`\varepsilon_1 ... \varepsilon_p` of round-off; of coefficients that were cut at ten digits they are about
-:math:`10^{-10}`, and :math:`\varepsilon_1` is by how much the clock of its solution is wrong.
+differences at h = 2^-40 j.  For a step of order p with coefficients in doubles,
+:math:`\varepsilon_1 ... \varepsilon_p` are of the size of round-off; with coefficients cut at ten digits they are about
+:math:`10^{-10}`.  :math:`\varepsilon_1` is the relative error in the speed of the solution.
 
-In doubles :math:`\varepsilon_1` is what is left of :math:`|\Phi_h - \varphi_h|/(h|f|)` as h falls, by least squares.
+In doubles :math:`\varepsilon_1` is the limit of :math:`|\Phi_h - \varphi_h|/(h|f|)` as h falls, by least squares.
 """
 
 from __future__ import annotations
@@ -21,66 +21,66 @@ from itertools import pairwise
 
 import numpy as np
 
+from phasebench.benchmarks.judge.evidence import GATE
 from phasebench.benchmarks.measure import metrics, multiprecision
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, exactly, precision, vector
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, exactly, precision, vector
 
 from .battery import LADDER, SPAN, Entry
-from .evidence import GATE
 from .stepping import DIGITS, StepFailed, Stepper
 
 EPS = float(np.finfo(float).eps)
-#: Terms of the series of the error, the distance of its steps, and the digits that their differences need.
+#: Terms of the error's series, the spacing of its steps h, and the digits that their differences need.
 TERMS, CLOSE, SERIES_DIGITS = 8, 2.0**-40, 240
-#: Below it a coefficient of the series vanishes but for rounded or cut coefficients of the method.
+#: A coefficient of the series below this is zero up to rounded or cut coefficients of the method.
 VANISHES = 1e-6
-#: A step of more evaluations has a ladder of fewer rungs in many digits.
+#: A step of more evaluations than DEAR has only SHORTER rungs in its ladder in many digits.
 DEAR, SHORTER = 40, 8
-#: Errors of the ladder that are round-off: in doubles, and of a step in many digits whose own solver stops at doubles'.
+#: Relative errors below these are round-off: in doubles; in many digits, if a step's solver stops at double accuracy.
 DOUBLES, SOLVERS = 20 * EPS, 1e-13
-#: Relative errors below this are the reference's.
+#: Relative errors below this may be those of the reference.
 FINEST = 1e-34
-#: Relative errors above this are of another orbit.
+#: Relative errors above this are too large to tell an order.
 SATURATED = 0.1
-#: What a step raises for its numbers.
+#: Names of the exceptions with which a step fails numerically, not by a bug.
 NUMERICAL = ("ArithmeticError", "ZeroDivisionError", "OverflowError", "FloatingPointError", "LinAlgError")
-#: Of a ladder in many digits too the series is asked where coefficients that are doubles leave more noise than this.
+#: A ladder in many digits with more noise than this (from coefficients in doubles) is fitted by `fit_series`, too.
 ROUGH = 1e-17
-#: Powers of h that a ladder in doubles is explained by, the highest order, and multiples of a doubt that are none.
+#: Powers of h that are fitted to a ladder, the highest order tried, and the multiple of its uncertainty that is sure.
 POWERS, MOST, SURE = 5, 12, 20.0
-#: The steps of the fit in doubles.
+#: The steps of the fit in `constant`.
 FIT = tuple(2.0 ** (-k / 2) for k in range(4, 15))
 
 
 @dataclass(frozen=True)
 class Series:
-    """The relative coefficients of the error in h, from h^1; ``clean`` of them vanish but for rounding or cutting."""
+    """The relative coefficients eps_1, eps_2, ... of the error's power series in h (see the module)."""
 
     terms: tuple[float, ...]
 
     @property
     def clean(self) -> int:
-        """How many of the first terms vanish."""
+        """The number of leading terms that vanish, up to rounded or cut coefficients of the method."""
         return next((k for k, x in enumerate(self.terms) if not x < VANISHES), len(self.terms))
 
     def largest(self, order: int) -> float:
-        """The largest of the terms that vanish, up to that of h^order."""
+        """The largest of the leading terms that vanish, up to that of h^order: how far they are from zero."""
         return max(self.terms[: min(order, self.clean)], default=0.0)
 
 
 @lru_cache(maxsize=64)
 def flow(entry: Entry, seed: int, h: float | object, pieces: int = 4):
-    """(state after h from the seed's start, its uncertainty) in `DIGITS` digits."""
+    """(exact state after a time h from the seed's start, its uncertainty), in `DIGITS` digits."""
     with precision(DIGITS):
         return multiprecision.flow(entry.system, entry.start(seed), h, pieces)
 
 
 @lru_cache(maxsize=64)
 def nearby(entry: Entry, seed: int) -> list:
-    """The states after 0, 1, 2, ... times `CLOSE` from the seed's start, in units and `SERIES_DIGITS` digits."""
+    """Exact states after 0, 1, 2, ... times `CLOSE` units of time from the seed's start, in `SERIES_DIGITS` digits."""
     with precision(SERIES_DIGITS):
         field, y = entry.system.vector_field(MULTIPRECISION), vector(entry.start(seed))
         close = exactly(CLOSE * entry.unit, MULTIPRECISION)
-        ends = (multiprecision.extrapolated(lambda x: field(0, x), y, j * close)[0] for j in range(1, TERMS + 3))
+        ends = (multiprecision.extrapolate(lambda x: field(0, x), y, j * close)[0] for j in range(1, TERMS + 3))
         return [y, *ends]
 
 
@@ -99,7 +99,7 @@ def differences(values) -> list:
 
 
 def series(stepper: Stepper, seed: int) -> Series:
-    """The relative coefficients of the error's series; raises StepFailed where the step takes no such numbers."""
+    """The power series of a step's error; raises StepFailed if the step does not accept numbers of many digits."""
     with precision(SERIES_DIGITS):
         close, truth = exactly(CLOSE * stepper.entry.unit, MULTIPRECISION), nearby(stepper.entry, seed)
         y = truth[0]
@@ -111,23 +111,23 @@ def series(stepper: Stepper, seed: int) -> Series:
 
 
 def ladder(stepper: Stepper, seed: int, noise: float = 0.0) -> dict:
-    """The error for each number of steps, and what is below noise.
+    """The errors at the end of the same span, divided into ever more steps.
 
     Returns
     -------
     dict
-        h, error : lists; error NaN where the run did not stay finite
-        noise : below it errors are round-off
+        h, error : lists; error is NaN if the run did not stay finite
+        noise : errors below it are round-off
     """
-    return _ladder(*apart(stepper, seed, noise))
+    return _ladder(*ladder_errors(stepper, seed, noise))
 
 
 def _ladder(steps, away, noise: float) -> dict:
     return {"h": list(steps), "error": [float(np.abs(x).max()) for x in away], "noise": noise}
 
 
-def apart(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
-    """(steps h, errors, noise) of a ladder: of each h an array (2 d,), in units of the largest number of the state."""
+def ladder_errors(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
+    """(h (n,), signed errors (n, 2 d), noise) of a ladder, errors in units of the state's largest component."""
     entry, double = stepper.entry, stepper.arithmetic == DOUBLE
     span = SPAN * Fraction(entry.unit)
     truth, doubt = flow(entry, seed, span)
@@ -151,7 +151,7 @@ def apart(stepper: Stepper, seed: int, noise: float = 0.0) -> tuple[np.ndarray, 
 
 
 def rungs(stepper: Stepper) -> tuple[int, ...]:
-    """The ladder, shorter for a step of many evaluations in many digits."""
+    """The numbers of steps of the ladder; fewer for a step of many evaluations in many digits."""
     if stepper.arithmetic == DOUBLE:
         return LADDER
     before = sum(stepper.system.evaluations)
@@ -160,47 +160,47 @@ def rungs(stepper: Stepper) -> tuple[int, ...]:
 
 
 def numerical(failure: StepFailed) -> bool:
-    """Whether a step failed for its numbers (a division by zero, stages that do not converge), not for its code."""
+    """True if a step failed numerically (a division by zero, stages that do not converge), not by a bug."""
     return any(f"{kind}:" in str(failure) for kind in NUMERICAL)
 
 
 def order(stepper: Stepper, seed: int) -> dict:
-    """The row of a ladder: its order, window and errors, and the terms of the series or the constant error."""
+    """The row of a ladder: order, window and errors; the series' terms in many digits, the `constant` in doubles."""
     row = {"on": stepper.entry.name, "arithmetic": stepper.arithmetic}
     if stepper.arithmetic == DOUBLE:
-        steps, away, noise = apart(stepper, seed)
+        steps, away, noise = ladder_errors(stepper, seed)
         row |= _ladder(steps, away, noise)
-        found = _integral(_found(row), steps, away, noise)
-        return row | _shown(found) | constant(stepper, seed, found)
+        found = _integral(_fit_order(row), steps, away, noise)
+        return row | _order_fields(found) | constant(stepper, seed, found)
     terms = series(stepper, seed)
-    steps, away, noise = apart(stepper, seed, SOLVERS)
+    steps, away, noise = ladder_errors(stepper, seed, SOLVERS)
     row |= _ladder(steps, away, noise)
-    found = _found(row)
+    found = _fit_order(row)
     if not found.points or terms.clean >= round(found.value):
         finer = 100 * terms.largest(terms.clean) * float(SPAN)  # of the state's size: a unit of time moves it so far
         row["noise"] = max(finer, min(row["noise"], FINEST)) if terms.clean else row["noise"]
-        found = _found(row)
+        found = _fit_order(row)
     if row["noise"] > ROUGH:
         found = _integral(found, steps, away, row["noise"])
-    return row | _shown(found) | {"terms": list(terms.terms), "clean": terms.clean}
+    return row | _order_fields(found) | {"terms": list(terms.terms), "clean": terms.clean}
 
 
-def _found(row) -> metrics.Order:
+def _fit_order(row) -> metrics.Order:
     return metrics.order(row["h"], row["error"], row["noise"], SATURATED)
 
 
 def _integral(found: metrics.Order, steps, away, noise: float) -> metrics.Order:
-    """The order of a window, or where that is no whole number the one of the series of the errors, if it tells."""
+    """The order of the window; if that is not near a whole number, the one that `fit_series` finds, if any."""
     if found.points and abs(found.value - round(found.value)) < GATE:
         return found
-    return expanded(steps / steps[0], away, noise) or found
+    return fit_series(steps / steps[0], away, noise) or found
 
 
-def expanded(h, errors, noise: float) -> metrics.Order | None:
-    """The order p of errors c_0 h^p + c_1 h^(p+1) + ... of a ladder in doubles, where one p alone explains them.
+def fit_series(h, errors, noise: float) -> metrics.Order | None:
+    """The order p of errors c_0 h^p + c_1 h^(p+1) + ... of a ladder, if only one p explains them.
 
-    Where few errors are above round-off no window of theirs is asymptotic.  The series is fitted by least squares; it
-    explains them where what it leaves is round-off, and it is of order p where c_0 is `SURE` times its own doubt.
+    If few errors are above round-off, no window of them is asymptotic.  The series is fitted by least squares; it
+    explains the errors if the residual is round-off, and has order p if c_0 is `SURE` times its own uncertainty.
 
     Parameters
     ----------
@@ -222,7 +222,7 @@ def expanded(h, errors, noise: float) -> metrics.Order | None:
 
 
 def _power_series(x, e, p: int, noise: float) -> tuple[float, float]:
-    """(what a series from x^p on leaves of e, and its first coefficient, each in units of its round-off)."""
+    """(residual of the fit of e by powers of x from x^p on, its first coefficient), in units of their round-off."""
     columns = np.stack([x ** (p + k) for k in range(POWERS)], axis=1) / noise
     inverse = np.linalg.pinv(columns)
     fitted = inverse @ e / noise
@@ -231,13 +231,13 @@ def _power_series(x, e, p: int, noise: float) -> tuple[float, float]:
     return float(np.sqrt(left.sum() / free)), float(np.abs(fitted[0]).max() / np.linalg.norm(inverse[0]))
 
 
-def _shown(found: metrics.Order) -> dict:
+def _order_fields(found: metrics.Order) -> dict:
     names = ("value", "low", "high", "first", "last", "points")
     return {name: getattr(found, name) for name in names}
 
 
 def constant(stepper: Stepper, seed: int, found: metrics.Order) -> dict:
-    """What is left of the error over h as h falls, relative to the field, with its uncertainty."""
+    """The limit of the error over h as h falls, relative to the vector field, with its uncertainty (``doubt``)."""
     entry = stepper.entry
     y, sizes = entry.start(seed), entry.sizes
     speed = float(np.abs(entry.system.vector_field()(0.0, y) / sizes).max()) * entry.unit

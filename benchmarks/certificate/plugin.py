@@ -3,8 +3,8 @@
     def test_my_step(phasebench_claims):
         phasebench_claims(step, order=2, symplectic=True, requires="separable")
 
-Every pytest where phasebench is installed loads this module, so that it imports nothing of phasebench before a test
-asks for the fixture.
+Every pytest where phasebench is installed loads this module; it therefore imports nothing of phasebench before a test
+uses the fixture.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ def claims_hold(step, *, requires=(), seed: int = 0, **claims):
     Returns
     -------
     Certificate
-        What was measured of what is claimed: some ten thousand calls, where the command makes up to a hundred thousand
-        (what a step becomes after more is not seen).
+        Only what is claimed is measured, in some ten thousand calls; `phasebench validate` makes up to a hundred
+        thousand.  How a step changes after more calls is not seen.
     """
     from phasebench.benchmarks.certificate.certificate import certify
 

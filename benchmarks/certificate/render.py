@@ -11,36 +11,37 @@ from typing import Any
 
 import pandas as pd
 
+from phasebench.benchmarks import style
+from phasebench.benchmarks.judge.evidence import BROKEN, GATE, VISIBLE
+from phasebench.benchmarks.judge.requirements import REQUIRED
+from phasebench.benchmarks.judge.verdict import CONTRADICTED, FAIL, HOLDS, OPEN, PASS, UNJUDGED
 from phasebench.benchmarks.page import html, markdown
-from phasebench.benchmarks.page.markdown import bullets, number, wrapped
+from phasebench.benchmarks.page.markdown import bullets, number, wrap
+from phasebench.benchmarks.page.page import Picture
 from phasebench.integrators.errors import InvalidInput
 
 from . import figures
 from .adaptive import T_END
 from .battery import entries
-from .evidence import BROKEN, GATE, VISIBLE
 from .result import Certificate
 from .stepping import DIGITS
 from .structure import STEPS
-from .verdicts import CONTRADICTED, HOLDS, UNJUDGED
 
 PLACE = (
     "Evaluations of the gradient, by q or by p, whichever are more, that it needs for an error of the state at the "
     "end (of its worst component), and the fewest of the trade's integrators that come within twice the cheapest in "
     "time. Times are of the machine and of the moment: the command prints them, and certificate.json has them."
 )
-#: What every integrator is held to.
-HELD_TO = ("runs", "stateless", "pure", "consistent")
 WORDS = {HOLDS: "hold", CONTRADICTED: "contradicted", UNJUDGED: "not judged"}
-TITLES = {"pass": "PASS", "fail": "FAIL", "not-judged": "NOT JUDGED"}
+TITLES = {PASS: "PASS", FAIL: "FAIL", OPEN: "NOT JUDGED"}
 
 
 def write(certificate: Certificate, folder: str | Path) -> list[Path]:
-    """Write the files into a folder, which is made where it is missing; raises InvalidInput where it cannot be."""
+    """Write the files into a folder, made if missing, and return their paths; raises InvalidInput if it cannot."""
     folder = writable(folder)
     try:
-        draws = (figures.order, figures.energy, figures.stability, figures.place)
-        pictures = [p for p in (draw(certificate.tables, folder / "figures") for draw in draws) if p is not None]
+        drawings = [d for d in (draw(certificate.tables) for draw in figures.DRAWINGS.values()) if d is not None]
+        pictures = [Picture(style.save(d.figure, folder / "figures", d.file), d.title, d.caption) for d in drawings]
         text = document(certificate, pictures)
         files = {
             "certificate.json": json.dumps(finite(certificate.as_dict()), indent=1, allow_nan=False) + "\n",
@@ -55,7 +56,7 @@ def write(certificate: Certificate, folder: str | Path) -> list[Path]:
 
 
 def writable(folder: str | Path) -> Path:
-    """The folder, made where it is missing, before anything is measured for it; raises InvalidInput where it cannot."""
+    """Make the folder if missing and check that it can be written to; raises InvalidInput if not."""
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -71,7 +72,7 @@ def _unwritable(folder: Path, error: OSError) -> InvalidInput:
 
 
 def finite(value: Any) -> Any:
-    """The value with None in place of what JSON has no number for."""
+    """The value with None in place of NaN and infinities, which JSON lacks."""
     if isinstance(value, dict):
         return {key: finite(x) for key, x in value.items()}
     if isinstance(value, (list, tuple)):
@@ -88,14 +89,14 @@ def document(certificate: Certificate, pictures) -> str:
     ]
     parts += ["\n## Claims\n", markdown.table(_claims(certificate))]
     if certificate.offers:
-        parts.append(wrapped(f"Measured and not claimed: {', '.join(certificate.offers)}.") + "\n")
+        parts.append(wrap(f"Measured and not claimed: {', '.join(certificate.offers)}.") + "\n")
     for picture in pictures:
-        parts += [f"![{picture.title}](figures/{picture.file})\n", wrapped(picture.caption) + "\n"]
-    measured = _measured(certificate)
+        parts += [f"![{picture.title}](figures/{picture.file})\n", wrap(picture.caption) + "\n"]
+    measured = _systems_table(certificate)
     if len(measured):
         parts += ["## Measured\n", markdown.table(measured)]
     if certificate.tables.of("place"):
-        parts += ["## Place on fronts of the trade\n", wrapped(PLACE) + "\n", markdown.table(_place(certificate))]
+        parts += ["## Place on fronts of the trade\n", wrap(PLACE) + "\n", markdown.table(_place(certificate))]
     parts += ["## How it was judged\n", bullets(_limits(certificate))]
     return "\n".join(parts).rstrip() + "\n"
 
@@ -105,10 +106,10 @@ def _sentence(certificate: Certificate) -> str:
     told = f"Of {whole} claims and requirements {', '.join(f'{n} {WORDS[v]}' for v, n in counts.items() if n)}."
     if counts[HOLDS] == whole:
         told = f"All {whole} claims and requirements hold."
-    if whole <= len(HELD_TO):
+    if whole <= len(REQUIRED):
         told += " Nothing was claimed beyond what every integrator is held to."
     why = [f"{j.claim}: {j.why or j.verdict}" for j in certificate.claims if j.verdict == CONTRADICTED]
-    return wrapped(told + (f" Contradicted: {'; '.join(why)}." if why else "")) + "\n"
+    return wrap(told + (f" Contradicted: {'; '.join(why)}." if why else "")) + "\n"
 
 
 def _claims(certificate: Certificate) -> pd.DataFrame:
@@ -121,8 +122,8 @@ def _claims(certificate: Certificate) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _measured(certificate: Certificate) -> pd.DataFrame:
-    """A row a system: order, defects, evaluations."""
+def _systems_table(certificate: Certificate) -> pd.DataFrame:
+    """A row for each system: order, defects, evaluations."""
     tables = certificate.tables
     rows: dict[str, dict] = {}
     for r in tables.of("runs"):
@@ -145,7 +146,7 @@ def _measured(certificate: Certificate) -> pd.DataFrame:
 
 
 def _place(certificate: Certificate) -> pd.DataFrame:
-    """A row a scene and error."""
+    """A row for each scene and error: evaluations needed, beside the fewest stored."""
     rows = []
     for r in certificate.tables.of("place"):
         for e in r["errors"]:
@@ -159,7 +160,7 @@ def _place(certificate: Certificate) -> pd.DataFrame:
 
 
 def _systems(certificate: Certificate) -> str:
-    """On what it was measured, and what that leaves out."""
+    """A sentence on the systems it was measured on, and what they leave out."""
     names = list(dict.fromkeys(r["on"] for r in certificate.tables.of("order")))
     battery = {e.name: e.system.d for e in entries()}
     if not names or not set(names) <= set(battery):

@@ -1,8 +1,8 @@
-"""What a step keeps between calls, asked last, of the same object: calls of all measures are made once more.
+"""Whether a step keeps something between calls: earlier calls are repeated at the end, on the same object.
 
-A sample of the calls, drawn at random over the whole of the measures, is repeated in another order: where nothing is
-kept each returns what it returned.  Beside their states, where it was never called, the map goes on as it is there: of
-what remembers its answers it is another.
+A random sample of the calls of all measures is repeated in another order: a step without memory returns the same each
+time.  It is also called at states close to the sampled ones, where it was never called: a true step map is continuous
+there, while a step that replays remembered answers gives something else.
 """
 
 from __future__ import annotations
@@ -14,26 +14,27 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from phasebench.integrators.engine.codegen import precision
+from phasebench.integrators.compile.codegen import precision
 
-from .stepping import StepFailed, told
+from .stepping import StepFailed, report_failures
 from .subject import Subject
 
-#: So many calls are kept at most, and the first of them all.
+#: The most calls recorded, and how many of the first calls are always recorded.
 MOST, FIRST = 800, 24
-#: Of about so many calls one is kept, at first.
+#: At first, about one in this many calls is recorded.
 EVERY = 12
-#: Repeated calls are moved by this part of themselves, so many times; so many of them.
+#: Calls close to a state: their relative displacement, how many for each state, and for how many states.
 MOVED, TIMES, BESIDE = 1e-9, 3, 120
-#: A map that is another beside a state: it moves by more than this part of the state, by less of what it moved there.
+#: The map jumps beside a state if its values there differ from that at the state by more than the share ELSEWHERE of
+#: it, and from each other by less than the share ALIKE of this difference.
 ELSEWHERE, ALIKE = 1e-5, 0.1
-#: A step that moves a state by more than this part of it, close to a singularity, may do so.
+#: Steps that move the state by more than this share of it (close to a singularity) may jump.
 WILD = 0.5
 
 
 @dataclass(frozen=True)
 class Call:
-    """A call of a step: what it was handed, what it returned, in how many digits mpmath worked."""
+    """A recorded call of a step: its arguments, the state it returned, mpmath's digits at the time."""
 
     system: Any
     q: np.ndarray
@@ -45,7 +46,7 @@ class Call:
 
 @dataclass
 class Calls:
-    """A step that keeps a sample of its calls: drawn by a seed, the rarer the more there were."""
+    """A step that records a random sample of its calls, fewer of them as calls get more."""
 
     step: Any
     seed: int
@@ -57,7 +58,7 @@ class Calls:
         self._rng, self._every, self._next = np.random.default_rng([5, self.seed]), EVERY, 0
 
     def __call__(self, system, q, p, h):
-        """What the step returns."""
+        """Call the step and return what it returns; record some of the calls."""
         self.count += 1
         if self.count < self._next or not self.listening:
             return self.step(system, q, p, h)
@@ -75,24 +76,24 @@ class Calls:
 
 
 def listening(subject: Subject, seed: int) -> tuple[Subject, Calls]:
-    """The subject with a step that keeps a sample of its calls, and that step."""
+    """(the subject with its step wrapped in a recorder of calls, the recorder)."""
     calls = Calls(subject.own.step, seed)
     return replace(subject, own=replace(subject.own, step=calls)), calls
 
 
 def unheard(subject: Subject) -> Subject:
-    """The subject whose calls are not kept: states next to a jump, where the map is no other for what was kept."""
+    """The subject without the recorder, for calls next to a jump, which `repeat_calls` would take for memory."""
     step = subject.own.step
     return replace(subject, own=replace(subject.own, step=step.step)) if isinstance(step, Calls) else subject
 
 
-def repeated(subject: Subject, calls: Calls) -> list[dict]:
-    """Rows of what changes when calls are made once more, and beside the states of some of them; see above."""
+def repeat_calls(subject: Subject, calls: Calls) -> list[dict]:
+    """Rows: how much results change when recorded calls are repeated, and when they are made close to these states."""
     calls.listening = False
     rng, kept = np.random.default_rng([6, calls.seed]), calls.kept
     worst = {"on": "all systems", "what": f"{len(kept)} of {calls.count} calls once more, last", "value": 0.0}
     for i in rng.permutation(len(kept)):
-        away = _apart(_again(subject, kept[i], 0.0, rng), kept[i].end)
+        away = _distance(_repeat_call(subject, kept[i], 0.0, rng), kept[i].end)
         if away > worst["value"]:
             worst |= {"value": away}
     doubles = [c for c in kept if c.end.dtype == float and _tame(c)]
@@ -102,12 +103,12 @@ def repeated(subject: Subject, calls: Calls) -> list[dict]:
     return [worst, beside]
 
 
-def _again(subject: Subject, call: Call, moved: float, rng) -> np.ndarray:
-    """What the step returns for a call, its state moved by a part of itself."""
+def _repeat_call(subject: Subject, call: Call, moved: float, rng) -> np.ndarray:
+    """The end state of a repeated call, its initial state displaced by the share ``moved``."""
     q, p = call.q.copy(), call.p.copy()
     if moved:
         q, p = (x * (1 + moved * rng.uniform(0.5, 1.0, len(x)) * rng.choice([-1, 1], len(x))) for x in (q, p))
-    with precision(call.digits), told(subject, "a call that was made once more"):
+    with precision(call.digits), report_failures(subject, "a call that was made once more"):
         pair = subject.own.step(call.system, q, p, call.h)
     try:
         return np.concatenate([np.array(pair[0]), np.array(pair[1])])
@@ -116,18 +117,18 @@ def _again(subject: Subject, call: Call, moved: float, rng) -> np.ndarray:
 
 
 def _tame(call: Call) -> bool:
-    """Whether the step moved the state by little, and by more than round-off."""
+    """True if the step moved the state by a finite amount of less than `WILD` of its size."""
     state = np.concatenate([call.q, call.p])
     away = np.abs(call.end - state).max()
     return bool(np.isfinite(away) and away < WILD * np.abs(state).max())
 
 
 def _beside(subject: Subject, call: Call, rng) -> float:
-    """By how much the map beside a call's state is another than at it; 0 where it goes on."""
+    """How far the map close to a call's state is from its value there; 0 if it is continuous."""
     size = np.abs(np.concatenate([call.q, call.p])).max()
     ends = []
     for _ in range(TIMES):
-        end = _again(subject, call, MOVED, rng)
+        end = _repeat_call(subject, call, MOVED, rng)
         ends.append(end)
         if not np.abs(end - call.end).max() > ELSEWHERE * size:
             return 0.0
@@ -135,8 +136,8 @@ def _beside(subject: Subject, call: Call, rng) -> float:
     return float(far / size) if near < ALIKE * far else 0.0
 
 
-def _apart(x, y) -> float:
-    """The largest difference; infinite where one of them alone is no number."""
+def _distance(x, y) -> float:
+    """The largest difference of two states; infinite if only one of two components is NaN."""
     if len(x) != len(y):
         return float("inf")
     if np.array_equal(x, y):

@@ -1,44 +1,48 @@
-"""What was measured of an integrator and what that says of its claims, as one object."""
+"""`Certificate`: what was measured of an integrator, and the verdicts on its claims."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from phasebench.benchmarks.rows.provenance import versions
+from phasebench.benchmarks.judge.evidence import Tables
+from phasebench.benchmarks.judge.verdict import Judgement
+from phasebench.benchmarks.measure.tabular import TabularResult
+from phasebench.benchmarks.store.provenance import versions
+from phasebench.integrators.errors import InvalidInput, unknown
 
 from .stepping import DIGITS
-from .verdicts import Judged, Tables
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
-#: What is told of the versions.
+#: Packages whose versions a certificate states.
 PACKAGES = ("phasebench", "python", "numpy", "numba", "sympy", "mpmath")
-#: Rows have these for figures alone.
+#: Columns that only figures use.
 CURVES = ("curve", "sizes", "radius")
 
 
-@dataclass(frozen=True)
-class Certificate:
-    """What was measured of an integrator, and what that says of its claims.
+@dataclass(frozen=True, repr=False)
+class Certificate(TabularResult):
+    """What was measured of an integrator, and the verdicts on its claims.
 
     Attributes
     ----------
     integrator : its name, or the path of its file
-    claims : the verdicts, first on what every integrator is held to
-    offers : claims that would hold and are not made
+    claims : the judgements, first on what is required of every integrator
+    offers : claims that would hold but are not made
     verdict : "pass", "fail" or "not-judged"
     tables : the rows of every measure
-    doubles : why it was measured in doubles alone; "" where it was in many digits
-    requires : traits that it requires of a system
-    seed : of the states
-    seconds : that it took
-    times : of each scene on which it has a place, what it takes beside the fastest stored
+    doubles : why it was measured in doubles only; "" if it was measured in many digits
+    requires : traits that a system must have
+    seed : of the random states
+    seconds : the duration of the certification
+    times : rows of its times relative to the fastest stored integrator, one for each scene compared
     """
 
     integrator: str
-    claims: list[Judged]
+    claims: list[Judgement]
     offers: list[str]
     verdict: str
     tables: Tables
@@ -49,7 +53,7 @@ class Certificate:
     times: list[dict] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON has it; ``seconds`` and ``times`` alone differ when it is made again."""
+        """The certificate as a dict for JSON; only ``seconds`` and ``times`` differ when it is made again."""
         rows = {name: [_without_curves(r) for r in part] for name, part in self.tables.rows.items()}
         return {
             "integrator": self.integrator,
@@ -66,26 +70,47 @@ class Certificate:
             "times": self.times,
         }
 
-    def frame(self) -> pd.DataFrame:
-        """A row a claim: claim, verdict, measured, interval, on, why; ``attrs`` has the verdict and the offers."""
+    def to_frame(self) -> pd.DataFrame:
+        """A row for each claim: claim, verdict, measured, interval, on, why; ``attrs`` has verdict and offers."""
         import pandas as pd
 
         frame = pd.DataFrame([j.row() for j in self.claims])
         frame.attrs |= {"integrator": self.integrator, "verdict": self.verdict, "offers": self.offers}
         return frame
 
+    def plot(self, what: Literal["order", "energy", "stability", "place"] = "order") -> Figure:
+        """A figure of the order, of the energy in long runs, of linear stability, or of the trade's fronts.
+
+        Raises InvalidInput for another name, or where nothing was measured for the figure.
+        """
+        from .figures import DRAWINGS
+
+        if what not in DRAWINGS:
+            raise unknown("figure of a certificate", str(what), DRAWINGS)
+        drawing = DRAWINGS[what](self.tables)
+        if drawing is None:
+            raise InvalidInput(f"nothing was measured of '{self.integrator}' for the figure '{what}'")
+        return drawing.figure
+
+    def _heading(self) -> list[str]:
+        offers = [f"measured and not claimed: {', '.join(self.offers)}"] if self.offers else []
+        return [f"{self.integrator}: {self.verdict}", *offers]
+
+    def _printed(self) -> pd.DataFrame:
+        return self.to_frame()[["claim", "verdict", "measured", "why"]].fillna("")
+
     def summary(self) -> str:
         """Lines of text: the verdict, each claim, what could be claimed."""
         lines = [f"{self.integrator}: {self.verdict}"]
         for j in self.claims:
-            measured = f" ({j.measured:.3g})" if isinstance(j.measured, float) else ""
+            measured = f" (measured {j.measured:.3g})" if isinstance(j.measured, float) else ""
             lines.append(f"  {j.claim}: {j.verdict}{measured}{f'; {j.why}' if j.why else ''}")
         if self.offers:
-            lines.append(f"  measured and not claimed: {self.offered()}")
+            lines.append(f"  measured and not claimed: {self.claim_options()}")
         return "\n".join(lines)
 
-    def offered(self) -> str:
-        """What could be claimed, as options of the command."""
+    def claim_options(self) -> str:
+        """The claims that would hold but are not made, as options of the command."""
         return " ".join(f"--claim {offer}" for offer in self.offers)
 
 

@@ -1,8 +1,8 @@
-"""The error of single steps from small states and large ones: a step that is right near one size alone is not right.
+"""Errors of single steps from states of very different sizes, since a step may be right near one size only.
 
-Of each system that is a polynomial, states are drawn whose q and whose p are of sizes from 1e-3 to 40, each with a unit
-of time of its own.  The errors of steps that are halved fall as h^(p+1); and a step in doubles is that in many digits,
-but for round-off.
+For each polynomial system, states are drawn whose q and p have sizes from 1e-3 to 40, each with its own unit of time.
+Of a correct step the errors fall as h^(p+1) when h is halved, and the step in doubles is the one in many digits up to
+round-off.
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ from math import log2
 
 import numpy as np
 
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, exactly, precision
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, exactly, precision
 
 from .battery import Entry, time_unit
 from .order import EPS, flow, numerical
 from .stepping import DIGITS, StepFailed, Stepper
 from .subject import Subject
 
-#: Sizes of q and of p; each system takes its share of them in turn.
+#: Pairs of sizes of (q, p), dealt out to the systems in turn.
 SIZES = ((1e-3, 1e-3), (1.0, 5.0), (0.1, 12.0), (6.0, 1.0), (8.0, 8.0), (1e-2, 0.3), (3.0, 3.0), (0.5, 40.0))
-#: So many of them for each system.
+#: How many of them each system gets.
 EACH = 2
-#: The steps, in units of the state's own time.
+#: The steps, in the state's own unit of time.
 STEPS = tuple(2.0**-k for k in range(3, 6))
-#: Errors in parts of the state below which is round-off, of coefficients and of a solver too.
+#: Relative errors below this are round-off, also of coefficients and of a solver.
 NOISE = 1e-13
 
 
 def states(subject: Subject, entries: list[Entry], seed: int, arithmetic: str) -> list[dict]:
-    """A row for each drawn state: the errors of steps that are halved, and how far doubles are from many digits."""
+    """A row for each drawn state: errors of steps that are halved, and how far doubles are from 40 digits."""
     able = [e for e in entries if e.system.traits["polynomial degree"] and not e.share] or [
         e for e in entries if e.share
     ]
@@ -39,12 +39,12 @@ def states(subject: Subject, entries: list[Entry], seed: int, arithmetic: str) -
     for k, entry in enumerate(able):
         for j in range(EACH):
             sizes = SIZES[(k * EACH + j) % len(SIZES)]
-            rows.append(_row(subject, drawn(entry, sizes, seed), seed, arithmetic))
+            rows.append(_row(subject, draw_entry(entry, sizes, seed), seed, arithmetic))
     return rows
 
 
-def drawn(entry: Entry, sizes: tuple[float, float], seed: int) -> Entry:
-    """The system at a state whose q and p are of these sizes; one's own problem at a state near its own."""
+def draw_entry(entry: Entry, sizes: tuple[float, float], seed: int) -> Entry:
+    """The system at a random state with q and p of these sizes; a user's own problem at a state near its start."""
     rng = np.random.default_rng([4, seed, *entry.name.encode()])
     if entry.share:
         state, sizes = entry.start(seed + 1000) * (1 + 0.1 * rng.uniform(-1, 1, len(entry.state))), entry.size
@@ -78,7 +78,7 @@ def _row(subject: Subject, entry: Entry, seed: int, arithmetic: str) -> dict:
 
 
 def _error(stepper: Stepper, entry: Entry, seed: int, y, h: float):
-    """(the error of a step in parts of the state, its end); NaN and None where it fails for its numbers."""
+    """(relative error of a step, the state after it); (NaN, None) if the step fails numerically."""
     try:
         end = stepper(stepper.state(y), exactly(h, stepper.arithmetic))
     except StepFailed as failure:
@@ -92,7 +92,7 @@ def _error(stepper: Stepper, entry: Entry, seed: int, y, h: float):
 
 
 def _distance(double: Stepper, entry: Entry, y, h: float, end) -> float:
-    """How far the step in doubles is from that in many digits, in parts of the state."""
+    """Relative distance of the step in doubles from the one in many digits; infinite if it fails numerically."""
     try:
         other = double(y, h)
     except StepFailed as failure:

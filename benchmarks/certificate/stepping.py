@@ -1,7 +1,7 @@
-"""A step as a map of states y = (q, p), in doubles or in many digits, and what goes wrong while it is taken.
+"""A step as a map of states y = (q, p), in doubles or in many digits; its failures are raised as `StepFailed`.
 
-In many digits q, p and h are MPFR's numbers (gmpy2) in object arrays: a step of plain arithmetic takes them as it
-stands.  The step is handed copies, which it may not but can write to: whether it does is a measurement of its own.
+In many digits q, p and h are MPFR numbers (gmpy2) in object arrays, which a step of plain arithmetic accepts unchanged.
+The step gets copies of q and p, so that writing to them does no harm; `behaviour` measures whether it does.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import gmpy2
 import numpy as np
 
 from phasebench.benchmarks.measure import own_step
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, exactly, vector
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, exactly, vector
 from phasebench.integrators.errors import InvalidInput
 
 from .battery import Entry
@@ -26,16 +26,18 @@ DIGITS = 40
 
 
 class StepFailed(Exception):
-    """A step that raised, or returned no state."""
+    """A step that raised, or returned no state; ``place`` is the file and line of the user's code that raised."""
+
+    place = ""
 
 
 class Exact:
-    """What a step sees of a system in many digits: `own_step.System` for numbers of MPFR.
+    """The system that a step sees in many digits: `own_step.System` for MPFR numbers.
 
     Attributes
     ----------
     d : degrees of freedom
-    evaluations : of `dH_dq` and of `dH_dp` so far
+    evaluations : how often `dH_dq` and `dH_dp` were called
     """
 
     def __init__(self, system):
@@ -44,7 +46,7 @@ class Exact:
         self._last: tuple = ((), None)
 
     def _slopes(self, q, p):
-        """(q', p'), those of the last state where it is asked for again."""
+        """(q', p') at a state; remembered for the next call at the same state."""
         state = (*q, *p)
         if self._last[0] != state:
             self._last = state, self._field(vector(q), vector(p), 0, 0)
@@ -61,19 +63,19 @@ class Exact:
         return self._slopes(q, p)[0].copy()
 
     def H(self, q, p):
-        """The energy."""
+        """The energy H(q, p)."""
         return self._energy(vector(q), vector(p))[0]
 
 
 @dataclass
 class Stepper:
-    """A subject's step on a system.
+    """A subject's step on a system, as a function (y, h) -> y.
 
     Attributes
     ----------
-    subject, entry : whose step, and on what
+    subject, entry : the integrator, and the system of the battery
     arithmetic : "double" or "multiprecision"
-    taken : steps so far
+    taken : the number of steps so far
     """
 
     subject: Subject
@@ -92,28 +94,28 @@ class Stepper:
         return self._state(self.raw(y[:d].copy(), y[d:].copy(), self.number(h)))
 
     def state(self, y) -> np.ndarray:
-        """A state in its arithmetic."""
+        """Convert a state to the arithmetic of the stepper, array (2 d,)."""
         return np.array([self.number(x) for x in y], dtype=self.dtype)
 
     @property
     def dtype(self):
-        """Of its states."""
+        """The dtype of state arrays: float, or object for many digits."""
         return float if self.arithmetic == DOUBLE else object
 
     def number(self, x):
-        """A number in its arithmetic."""
+        """Convert a number to the arithmetic of the stepper."""
         return float(x) if self.arithmetic == DOUBLE else exactly(x, MULTIPRECISION)
 
     def raw(self, q, p, h):
-        """What the subject's step returns for these very arrays."""
+        """Whatever the subject's step returns for these arrays themselves, not copies."""
         self.taken += 1
-        with told(self.subject, f"step {self.taken} on {self.entry.name}"):
+        with report_failures(self.subject, f"step {self.taken} on {self.entry.name}"):
             return self.subject.own.step(self.system, q, p, h)
 
     def _state(self, pair) -> np.ndarray:
         try:
             if self.arithmetic == DOUBLE:
-                return np.concatenate(own_step.returned(pair, self.system.d))
+                return np.concatenate(own_step.check_pair(pair, self.system.d))
             y = np.concatenate([np.asarray(x, dtype=object).reshape(self.system.d) for x in pair])
         except (InvalidInput, ValueError, TypeError) as error:
             raise StepFailed(str(error)) from None
@@ -123,7 +125,7 @@ class Stepper:
         return y
 
     def run(self, y, h, steps: int, every: int = 1) -> np.ndarray:
-        """The states after every so many steps, the start first, array (rows, 2 d); it ends where one is not finite."""
+        """The states at the start and after every Nth step, array (rows, 2 d); ends before one that is not finite."""
         y = self.state(y)
         rows = [y]
         for n in range(1, steps + 1):
@@ -136,13 +138,15 @@ class Stepper:
 
 
 @contextlib.contextmanager
-def told(subject: Subject, what: str):
-    """What the user's code raises as StepFailed with file and line; what it prints is no result of ours."""
+def report_failures(subject: Subject, what: str):
+    """Turn exceptions of the user's code into StepFailed with file and line, and send its prints to stderr."""
     try:
         with contextlib.redirect_stdout(sys.stderr), np.errstate(all="ignore"):
             yield
     except (Exception, SystemExit) as error:
         frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == subject.own.where]
-        where = f"{subject.own.where}, line {frames[-1].lineno}: " if frames else ""
+        where = f"{subject.own.where}, line {frames[-1].lineno}" if frames else ""
         first = (str(error).splitlines() or [""])[0]
-        raise StepFailed(f"{what}: {where}{type(error).__name__}: {first}") from None
+        failure = StepFailed(f"{what}: {where}{': ' if where else ''}{type(error).__name__}: {first}")
+        failure.place = where
+        raise failure from None

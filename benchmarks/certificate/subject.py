@@ -1,4 +1,4 @@
-"""What is to be certified: a step, an adaptive run, or a record of coefficients, from wherever it is named."""
+"""`Subject`: the integrator to be certified (step, adaptive run or coefficients), found by path, name or object."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.measure.own_step import OwnStep
 from phasebench.benchmarks.problems import user_file
 from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.names import unknown_method
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import BY_ID as METHODS
 from phasebench.reference.peers import BY_ID as PEERS
@@ -28,13 +29,13 @@ NAMED = re.compile(r"^[A-Za-z_][\w.]*:[A-Za-z_][\w.]*$")
 
 @dataclass(frozen=True)
 class Subject:
-    """What is certified.
+    """An integrator to be certified.
 
     Attributes
     ----------
-    own : the step with its claims and what it requires of a system
-    run : (system, q, p, t_end, tol) -> (q, p) of an adaptive integrator, in place of a step
-    integrator : the registered method or peer, where it is one
+    own : the step with its claims and the traits that a system must have
+    run : (system, q, p, t_end, tol) -> (q, p), the run of an adaptive integrator, which has no step
+    integrator : the registered method or peer, if it is one
     """
 
     own: OwnStep
@@ -48,7 +49,7 @@ class Subject:
 
     @property
     def adaptive(self) -> bool:
-        """Whether it takes a tolerance in place of a step."""
+        """True if it takes a tolerance in place of a step."""
         return self.run is not None
 
     def lacks(self, system) -> str | None:
@@ -57,21 +58,21 @@ class Subject:
 
 
 def subject(target, claims: Mapping[str, Any] | None = None, requires: tuple[str, ...] = ()) -> Subject:
-    """What a target stands for, with claims and requirements added to its own.
+    """The integrator that a target names, with claims and requirements added to its own.
 
     Parameters
     ----------
     target : the path of a file (Python with ``step`` or ``run``, JSON with coefficients), ``package.module:callable``,
         a callable, the id or the record of a method or a peer
-    claims : name -> value; they take the place of those that the target makes
-    requires : traits of the systems that it can do
+    claims : name -> value; they replace claims of the target
+    requires : further traits that a system must have
 
     Raises
     ------
     InvalidInput
-        For a target that cannot be found, read or called so, and for a claim that is none.
+        For a target that cannot be found, read or called, and for an unknown claim or trait.
     """
-    made = _made(target)
+    made = _build(target)
     own = made.own
     stated = {**own.claims, **own_step.checked_claims(claims or {}, "what is claimed")}
     wanted = tuple(dict.fromkeys((*own.requires, *requires)))
@@ -82,9 +83,9 @@ def subject(target, claims: Mapping[str, Any] | None = None, requires: tuple[str
     return replace(made, own=replace(own, claims=stated, requires=wanted))
 
 
-def _made(target) -> Subject:
+def _build(target) -> Subject:
     if isinstance(target, (str, Path)):
-        return _named(str(target))
+        return _find(str(target))
     if isinstance(target, Subject):
         return target
     if isinstance(target, OwnStep):
@@ -92,37 +93,37 @@ def _made(target) -> Subject:
     if isinstance(target, Mapping):
         return Subject(coefficients.own_step(target, "coefficients"))
     if isinstance(target, (Method, Peer, Integrator)):
-        return _registered(integrator(target))
+        return _of_registered(integrator(target))
     if callable(target):
-        return _called(target)
+        return _of_function(target)
     raise InvalidInput(f"the integrator is {target!r}; give a path, package.module:callable, a step, or coefficients")
 
 
-def _named(name: str) -> Subject:
+def _find(name: str) -> Subject:
     if name.lower().endswith(".json"):
         return Subject(coefficients.from_file(name))
     if NAMED.match(name) and not user_file.is_file(name):
-        return _imported(name)
+        return _import_object(name)
     if name in METHODS or name in PEERS:
-        return _registered(integrator(name))
+        return _of_registered(integrator(name))
     if not user_file.is_file(name):
         hint = "write ./mine.py, ./mine.json or package.module:callable"
         if Path(f"{name}.py").is_file():
             raise InvalidInput(f"there is no integrator '{name}'; did you mean ./{name}.py?")
-        raise InvalidInput(f"{unknown('integrator', name, [*METHODS, *PEERS])}; {hint}")
+        raise InvalidInput(f"{unknown_method(name, [*METHODS, *PEERS], 'integrator')}; {hint}")
     file, dotted = user_file.file_and_object(name)
     if not dotted:
         module = user_file.load(file, "method")
         dotted = "run" if callable(getattr(module, "run", None)) and not hasattr(module, "step") else ""
     if dotted.split(".")[-1] == "run":
-        owner, run = own_step.named(f"{file}:{dotted}", "run")
+        owner, run = own_step.find_step(f"{file}:{dotted}", "run")
         _binds(run, ("system", "q", "p", "t_end", "tol"), name)
-        return Subject(own_step.described(name, owner, run), run)
+        return Subject(own_step.build_own_step(name, owner, run), run)
     return Subject(own_step.from_file(name))
 
 
-def _imported(name: str) -> Subject:
-    """The callable ``package.module:name``, looked for in the working folder too, as `python -m` does."""
+def _import_object(name: str) -> Subject:
+    """Import ``package.module:name``, from the working folder too, as `python -m` does."""
     home, _, path = name.partition(":")
     here = str(Path.cwd())
     added = here not in sys.path and "" not in sys.path
@@ -138,12 +139,12 @@ def _imported(name: str) -> Subject:
             sys.path.remove(here)
     if not callable(found):
         raise InvalidInput(f"{name} is a {type(found).__name__}, which cannot be called")
-    made = _called(found)
+    made = _of_function(found)
     return replace(made, own=replace(made.own, id=name))
 
 
-def _called(function: Callable) -> Subject:
-    """A function (system, q, p, h), or, where an argument is called tol, (system, q, p, t_end, tol)."""
+def _of_function(function: Callable) -> Subject:
+    """The integrator to certify from a function: a step (system, q, p, h), or a run (system, q, p, t_end, tol)."""
     try:
         names = list(inspect.signature(function).parameters)
     except (TypeError, ValueError):
@@ -162,8 +163,8 @@ def _binds(function: Callable, names: tuple[str, ...], where: str) -> None:
         raise InvalidInput(f"{where}: it is called as {function.__name__}({', '.join(names)}): {error}") from None
 
 
-def _registered(chosen: Integrator) -> Subject:
-    """A method or a peer, a step at a time, in doubles."""
+def _of_registered(chosen: Integrator) -> Subject:
+    """The subject of a registered method or peer, called one step at a time, in doubles."""
 
     def step(system, q, p, h):
         end = chosen.run(system.whole, h=h, steps=1, q0=q, p0=p, save_every=0)

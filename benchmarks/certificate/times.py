@@ -1,33 +1,33 @@
-r"""The time of an integrator on fronts of the trade, told through a method that ran there and is run again here.
+r"""An integrator's time over that of the fastest known one, by way of a reference measured both here and there.
 
 .. math::
     \frac{T}{T_\text{fastest}} = \frac{T}{T_\text{ref}}\Big|_\text{here} \cdot
     \frac{T_\text{ref}}{T_\text{fastest}}\Big|_\text{in the trade}
 
-The first factor is of runs in turns, in seconds of the processor for this process: who shares the machine is not in
-them, and what a step lets others compute is not either (a peer tells its own seconds).  T is taken to grow with the
-evaluations, of which `place` tells how many an error needs.  The second factor is stored in `times.csv`, made from the
-rows of the trade: a ratio on one machine, where runs of microseconds have a call's cost in them.
-Told in this way, the reference's own times were 0.58 to 1.01 times what its runs in the trade say (on kepler-orbit and
-double-pendulum-chaotic), the least for errors of 1e-2: so a factor of 2 is left open.
+The trade (`experiments.trade`) is the stored comparison of all integrators by error and time.  The first factor is
+measured here, in runs in turns and in this process's processor seconds: work of other processes is not counted, even
+if a step starts them (a peer reports its own seconds).  T is scaled with the number of evaluations, and `place` tells
+how many an error needs.  The second factor is stored in `times.csv`, computed from the trade: a ratio on one machine,
+where runs of microseconds include the overhead of a call.
+Estimated in this way, the reference's own times were 0.58 to 1.01 times those of its runs in the trade (on kepler-orbit
+and double-pendulum-chaotic), the least for errors of 1e-2: so the estimate is good to a factor of 2.
 
-A step that Python calls carries what Python costs: how much that is of an evaluation tells a Runge-Kutta step that is
-called in the same way, beside the compiled reference.
+A step called from Python carries Python's overhead.  A Runge-Kutta step called in the same way, timed beside the
+compiled reference, tells how much that is for an evaluation.
 """
 
 from __future__ import annotations
 
-import csv
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from phasebench.benchmarks.measure import timing
 from phasebench.benchmarks.measure.compilation import Failed, NotCompiled, failure_summary, naming
+from phasebench.benchmarks.store.shipped import ShippedTable
 from phasebench.integrators.driver import OK
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.record import Method
@@ -37,39 +37,38 @@ from .battery import Entry
 from .place import own
 from .subject import Subject, subject
 
-PATH = Path(__file__).with_name("times.csv")
-#: It ran in every scene, takes any H, and has as many evaluations in every step.
+#: The reference: it ran in every scene, takes any H, and every step of it has the same number of evaluations.
 REFERENCE = "dop853"
-#: Rounds, and how often the reference, which takes microseconds, is run in each.
+#: Rounds of a timing, and how often the reference, which takes microseconds, is run in each.
 ROUNDS, INNER = 9, 50
-#: The run that is timed has at most so many evaluations where Python calls it, if there is one.
+#: Of a step called from Python, a run of at most this many evaluations is timed, if there is one.
 SHORT = 1000
 #: Steps of Runge-Kutta's method in Python: four evaluations each, by q and by p.
 STEPS = 50
-#: A ratio whose interval is wider than this factor is not told.
+#: A ratio whose interval is wider than this factor is not reported.
 WIDE = 2.0
 
 
 class Fastest(NamedTuple):
-    """Who meets an error in the least time, and which share that is of the time of the reference's run."""
+    """The fastest integrator at an error, and its time over that of the reference's stored run."""
 
     integrator: str
     share: float
 
 
 @dataclass(frozen=True)
-class Stored:
-    """What is known of a scene: the steps and evaluations of the reference's run, and who was the fastest by error."""
+class StoredTimes:
+    """Stored times of a scene: steps and evaluations of the reference's run, and error -> fastest integrator."""
 
     steps: int
     evaluations: float
     fastest: Mapping[float, Fastest]
 
 
-def made(choices: Iterable[Mapping[str, Any]], rungs: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The lines of `times.csv` from tables of the trade: who was the fastest of either side, and the reference's runs.
+def build(choices: Iterable[Mapping[str, Any]], rungs: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The lines of `times.csv` from tables of the trade: the fastest of either side at each error, and all runs.
 
-    Its longest run stands for it, in which what a call costs is the least.
+    The reference is represented by its longest run, in which the overhead of the call weighs least.
     """
     runs = [r for r in rungs if r["integrator"] == REFERENCE and r.get("status") == OK]
     lines = []
@@ -86,41 +85,33 @@ def made(choices: Iterable[Mapping[str, Any]], rungs: Iterable[Mapping[str, Any]
 
 
 def _cheapest(choice: Mapping[str, Any], side: str) -> tuple[float, str]:
-    """(the seconds of a side's cheapest, who); infinite where the side does not get there."""
+    """(seconds, id) of a side's cheapest integrator; infinite if the side does not reach the error."""
     seconds = choice.get(f"{side} seconds")
     if seconds in ("", None) or seconds != seconds:
         return inf, ""
     return float(seconds), choice[f"{side} integrator"]
 
 
-@cache
-def stored() -> dict[str, Stored]:
-    """Scene -> what is known of its times; empty where nothing is stored."""
-    lines: dict[str, list[dict[str, str]]] = {}
-    if PATH.exists():
-        with PATH.open(newline="", encoding="utf-8") as stream:
-            for row in csv.DictReader(stream):
-                lines.setdefault(row["scene"], []).append(row)
+def parse(lines: list[dict[str, str]]) -> dict[str, StoredTimes]:
+    """Scene -> its stored times, from the lines of `times.csv`."""
+    scenes: dict[str, list[dict[str, str]]] = {}
+    for row in lines:
+        scenes.setdefault(row["scene"], []).append(row)
     return {
-        scene: Stored(
+        scene: StoredTimes(
             int(part[0]["steps"]),
             float(part[0]["evaluations"]),
             {float(r["error"]): Fastest(r["integrator"], float(r["share"])) for r in part},
         )
-        for scene, part in lines.items()
+        for scene, part in scenes.items()
     }
 
 
-def keep(lines: list[dict[str, Any]]) -> None:
-    """Store the lines, whole or not at all."""
-    from phasebench.benchmarks.rows.tables import write_lines
-
-    write_lines(PATH, lines)
-    stored.cache_clear()
+TABLE = ShippedTable(Path(__file__).with_name("times.csv"), build, parse)
 
 
 def runge_kutta(system, q, p, h):
-    """Kutta's classical step, as a stranger would write it."""
+    """Kutta's classical fourth-order step, as a user would write it."""
 
     def slopes(q, p):
         return system.dH_dp(q, p), -system.dH_dq(q, p)
@@ -132,18 +123,18 @@ def runge_kutta(system, q, p, h):
     return q + h / 6 * (a + 2 * c + 2 * e + g), p + h / 6 * (b + 2 * d + 2 * f + k)
 
 
-def timed(chosen: Subject, row: Mapping[str, Any], run: Callable) -> dict[str, Any] | None:
-    """The times of an integrator on the scene of its `place.place`; None where nothing is stored or it met nothing.
+def time_subject(chosen: Subject, row: Mapping[str, Any], run: Callable) -> dict[str, Any] | None:
+    """Time an integrator on the scene of a row of `place.place`; None if no time is stored or no error met.
 
     Parameters
     ----------
-    run : (subject, entry, problem, t_end, size) -> anything, a run of the integrator as `place` makes it
+    run : (subject, entry, problem, t_end, size), runs the integrator as `place.run_subject` does
     """
-    known, met = stored().get(row["on"]), [e for e in row["errors"] if e["evaluations"] is not None]
+    known, met = TABLE.load().get(row["on"]), [e for e in row["errors"] if e["evaluations"] is not None]
     if known is None or not met or not min(x for x, _ in row["curve"]) > 0:
         return None
     question = fronts.question(row["on"])
-    problem = question.made()
+    problem = question.build_problem()
     entry = Entry(row["on"], problem.system, (*problem.q0, *problem.p0))
     called = chosen.integrator is None
     short = [k for k, (x, _) in enumerate(row["curve"]) if x <= SHORT or not called]
@@ -153,20 +144,20 @@ def timed(chosen: Subject, row: Mapping[str, Any], run: Callable) -> dict[str, A
     if called:
         python = subject(runge_kutta)
         work = {
-            "mine": _clocked(lambda: run(chosen, entry, problem, question.t_end, size)),
-            "python": _clocked(lambda: own(python, entry, problem, STEPS * problem.pace.step, STEPS)),
+            "mine": _clock(lambda: run(chosen, entry, problem, question.t_end, size)),
+            "python": _clock(lambda: own(python, entry, problem, STEPS * problem.pace.step, STEPS)),
         }
     elif isinstance(chosen.integrator.record, Method):
         work = {"mine": _often(problem, chosen.integrator.record, question.t_end, size)}
     else:
         work = {"mine": lambda: _seconds(chosen, problem, question.t_end, size)}
-    return told(row, known, evaluations, timing.in_turns(work | {"reference": reference}, ROUNDS))
+    return times_row(row, known, evaluations, timing.in_turns(work | {"reference": reference}, ROUNDS))
 
 
 def timed_or_failed(chosen: Subject, row: Mapping[str, Any], run: Callable) -> dict[str, Any] | None:
-    """The times, or where a compiled run of the comparison does not compile a row without times that says so."""
+    """As `time_subject`; if a run of the comparison does not compile, a row without times that says so."""
     try:
-        return timed(chosen, row, run)
+        return time_subject(chosen, row, run)
     except NotCompiled as error:
         return {
             "on": row["on"],
@@ -177,8 +168,8 @@ def timed_or_failed(chosen: Subject, row: Mapping[str, Any], run: Callable) -> d
         }
 
 
-def _clocked(run: Callable[[], object]) -> Callable[[], float]:
-    """The run as one that tells its seconds, those of the processor."""
+def _clock(run: Callable[[], object]) -> Callable[[], float]:
+    """A function that calls ``run`` and returns the processor seconds it took."""
 
     def seconds() -> float:
         began = time.process_time()
@@ -189,7 +180,7 @@ def _clocked(run: Callable[[], object]) -> Callable[[], float]:
 
 
 def _often(problem, method, t_end: float, steps: int) -> Callable[[], float]:
-    """The seconds of one of `INNER` compiled runs of a method of ours."""
+    """A function that returns the seconds of a compiled run, the mean of `INNER`, of a method of this project."""
     name = getattr(method, "id", method)
     with naming(name):
         compiled = prepare(problem, method)
@@ -199,18 +190,23 @@ def _often(problem, method, t_end: float, steps: int) -> Callable[[], float]:
             for _ in range(INNER):
                 compiled(t_end / steps, steps)
 
-    clocked = _clocked(runs)
+    clocked = _clock(runs)
     return lambda: clocked() / INNER
 
 
 def _seconds(chosen: Subject, problem, t_end: float, size: float) -> float:
-    """The seconds that a peer tells of a run."""
+    """The seconds that a peer reports for a run."""
     wanted = {"tol": max(size, chosen.integrator.record.least)} if chosen.adaptive else {"steps": size}
     return chosen.integrator.run(problem, t_end=t_end, save_every=0, **wanted).seconds
 
 
-def told(row: Mapping[str, Any], known: Stored, evaluations: float, seconds: Mapping[str, Any]) -> dict[str, Any]:
-    """How many times the fastest stored it takes at each error that it meets, from the seconds of runs in turns."""
+def times_row(
+    row: Mapping[str, Any], known: StoredTimes, evaluations: float, seconds: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The row of a certified step: at each error that it reaches, its time over that of the fastest stored integrator.
+
+    ``seconds`` are of runs of the step and of a reference method, timed alternately; ``known`` has the stored times.
+    """
     here = timing.ratio(seconds["mine"], seconds["reference"])
     errors = []
     for e in row["errors"]:
@@ -227,36 +223,7 @@ def told(row: Mapping[str, Any], known: Stored, evaluations: float, seconds: Map
 
 
 def failures(times: Iterable[Mapping[str, Any]]) -> str:
-    """A sentence on what the comparison could not compile; empty where it compiled everything."""
+    """A sentence on what the comparison of times could not compile; "" if everything compiled."""
     found = [Failed(**f) for t in times for f in t.get("failed", ())]
     summary = failure_summary(found, all_own=True)
     return f"The comparison of times is missing. {summary}" if summary else ""
-
-
-def said(times: Iterable[Mapping[str, Any]]) -> list[str]:
-    """A line a scene: how many times the fastest stored it takes, and what Python's calls have in it."""
-    return [f"time on {t['on']}: {_line(t)}" for t in times if t["errors"]]
-
-
-def _line(t: Mapping[str, Any]) -> str:
-    first, *others = t["errors"]
-    if first["high"] > WIDE * first["low"]:
-        spread = f"{count(first['low'])} to {count(first['high'])} times the fastest stored"
-        return f"not told, the runs differ too much ({spread} for an error of {first['error']:.0e})"
-    parts = [f"about {count(first['factor'])} times the fastest stored for an error of {first['error']:.0e}"]
-    parts += [f"{count(e['factor'])} times for an error of {e['error']:.0e}" for e in others]
-    text = f"{', '.join(parts)} (to a factor of 2; told through {t['reference']}, run in turns here and stored there)"
-    price = t["python"]
-    if price is None:
-        return text
-    if price["high"] > WIDE * price["low"]:
-        return f"{text}, with what Python's calls cost"
-    return (
-        f"{text}, with what Python's calls cost: an evaluation takes about {count(price['value'])} times the compiled "
-        "one in a Runge-Kutta step that is called in the same way"
-    )
-
-
-def count(x: float) -> str:
-    """Two digits, without a power of ten."""
-    return f"{float(f'{x:.2g}'):.0f}" if x >= 100 else f"{x:.2g}"

@@ -1,23 +1,29 @@
 """The command line, a module per command: ``python -m benchmarks``, installed as ``phasebench``.
 
-A new command is a function in a module of its own, entered in `COMMANDS`.  Heavy packages load only in the command
-that needs them, so its module imports them inside the function.
+A new command is a function in a module of its own, entered in `COMMANDS` with an example that a test runs.  Options
+that several commands have are in `options`, their old spellings in `spellings`.  Heavy packages load only in the
+command that needs them, so its module imports them inside the function.
 """
 
 from __future__ import annotations
 
 import gc
 import sys
-from typing import Annotated
+from collections.abc import Callable, Mapping
+from typing import Annotated, NamedTuple
 
 import typer
 
+from phasebench.integrators.statuses import STATUSES
+
+from . import spellings
 from .advise import advise
 from .audit import audit
 from .cache import cache
 from .certify import certify
 from .cite import cite
 from .compare import compare
+from .drift import drift
 from .integrate import integrate
 from .listing import list_
 from .report import report
@@ -26,24 +32,39 @@ from .stability import stability
 from .validate import validate
 from .workprecision import workprecision
 
-#: Name -> the function, whose signature typer reads and whose docstring is the help.
+#: What the help of a command says of how a run ends.
+ENDINGS = ("Every run ends with a status:", *(f"{name}: {s.meaning}" for name, s in STATUSES.items()))
+
+
+class Entry(NamedTuple):
+    """A command: a function, whose signature typer reads and whose docstring is the help; an example's arguments.
+
+    ``notes`` are lines of the help above the example.
+    """
+
+    run: Callable[..., None]
+    example: str
+    notes: tuple[str, ...] = ()
+
+
 COMMANDS = {
-    "list": list_,
-    "integrate": integrate,
-    "run": run,
-    "report": report,
-    "advise": advise,
-    "workprecision": workprecision,
-    "certify": certify,
-    "audit": audit,
-    "compare": compare,
-    "cite": cite,
-    "validate": validate,
-    "stability": stability,
-    "cache": cache,
+    "list": Entry(list_, "methods --order 4 --symplectic"),
+    "integrate": Entry(integrate, "pendulum pefrl --h 0.1 --t-end 10 --error", ENDINGS),
+    "run": Entry(run, "--scene lotka-volterra-t1 --method rk4 --quick"),
+    "report": Entry(report, "--reports my-report --rows rows.jsonl"),
+    "advise": Entry(advise, "pendulum --t-end 5 --accuracy 1e-3"),
+    "workprecision": Entry(workprecision, "pendulum --t-end 2 --method pefrl --method heyoka"),
+    "certify": Entry(certify, "harmonic-oscillator --t-end 1"),
+    "audit": Entry(audit, "--peer rebound-leapfrog --quick"),
+    "compare": Entry(compare, "old-report my-report --lines 5"),
+    "cite": Entry(cite, "pefrl kepler"),
+    "validate": Entry(validate, "./my_step.py --output my-certificate"),
+    "stability": Entry(stability, "scheme-i --param lam=1/2"),
+    "drift": Entry(drift, "energies.csv"),
+    "cache": Entry(cache, "--json"),
 }
 
-#: Objects made before Python looks for cycles among them: to import makes very many, and hardly a cycle.
+#: Threshold of Python's garbage collector: imports make very many objects, and hardly a cycle among them.
 YOUNG = 200_000
 
 
@@ -55,30 +76,34 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def options(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Say which.")] = False,
+def root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version of phasebench.")
+    ] = False,
 ) -> None:
     """A validation benchmark suite for geometric integrators of Hamiltonian systems."""
 
 
-def _made(commands: dict) -> typer.Typer:
-    """The application of these commands."""
-    made = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-    made.callback()(options)
-    for name, command in commands.items():
-        made.command(name)(command)
-    return made
+def application(commands: Mapping[str, Entry], completion: bool = True) -> typer.Typer:
+    """Return the typer application with these commands; ``completion`` adds the options that install it in a shell."""
+    result = typer.Typer(no_args_is_help=True, add_completion=completion, pretty_exceptions_enable=False)
+    result.callback()(root)
+    for name, entry in commands.items():
+        lines = (*entry.notes, "Example:", f"phasebench {name} {entry.example}")
+        epilog = "\n\n".join(lines)  # an empty line is a line break
+        result.command(name, cls=spellings.Command, epilog=epilog)(entry.run)
+    return result
 
 
-app = _made(COMMANDS)
+app = application(COMMANDS)
 
 
 def main() -> None:
-    """The installed command; where it is one of `COMMANDS`, the others need not be made ready."""
+    """Run the command line; only the command that is called is set up, which starts faster."""
     gc.freeze()
     gc.set_threshold(YOUNG)
     only = {name: COMMANDS[name] for name in sys.argv[1:2] if name in COMMANDS}
-    (_made(only) if only else app)()
+    (application(only, completion=False) if only else app)()
 
 
-__all__ = ["COMMANDS", "app", "main"]
+__all__ = ["COMMANDS", "app", "application", "main"]

@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+from . import options
 from .integrate import made
 from .shared import (
-    END_TIME,
     WRONG,
     complain,
     end_time,
@@ -23,34 +23,47 @@ from .shared import (
     warn,
 )
 
-#: Candidates that are shown on a terminal, and reasons for which others fell out.
+#: The most candidates shown on a terminal, and the most reasons why others were dropped.
 SHOWN, REASONS = 10, 6
+NOT_INSTALLED, TIE = "not installed", "tie with the choice"
 
 
 def advise(
-    problem: Annotated[
-        str | None,
-        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or a file, ./my_problem.py, planets.csv."),
+    problem: options.Problem = None,
+    t_end: options.EndTime = None,
+    accuracy: Annotated[
+        float | None, typer.Option(metavar="NUMBER", help="The largest error that is allowed, in the quantity's unit.")
     ] = None,
-    t_end: Annotated[str | None, typer.Option(help=END_TIME)] = None,
-    accuracy: Annotated[float | None, typer.Option(help="The largest error that is allowed.")] = None,
-    quantity: Annotated[
-        str, typer.Option(help="Of what: end-state, trajectory, energy, or a name of the problem's own.")
-    ] = "end-state",
+    quantity: Annotated[str, options.quantity()] = "end-state",
     conserve: Annotated[
-        str | None, typer.Option(help="What has to be kept: energy, symplectic, reversible, momentum, an invariant.")
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="What has to be kept: energy, symplectic, reversible, momentum, an invariant; commas between.",
+        ),
     ] = None,
     budget: Annotated[
-        float | None, typer.Option(help="Seconds that a run may take: advise the most accurate one.")
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Instead of an accuracy, what the integration may cost: the most accurate one is named.",
+        ),
     ] = None,
-    limit: Annotated[float | None, typer.Option(help="Seconds that the search itself may take.")] = None,
-    set_: Annotated[list[str], typer.Option("--set", help="A problem's parameter: e=0.2.")] = [],  # noqa: B006
-    hamiltonian: Annotated[str | None, typer.Option(help="Instead of PROBLEM, a formula of H.")] = None,
-    q: Annotated[str | None, typer.Option(help="Initial coordinates: 0,0.82.")] = None,
-    p: Annotated[str | None, typer.Option(help="Initial momenta: 0.1,0.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    time_limit: Annotated[
+        float | None,
+        options.time_limit(
+            "The search ends with what it has found. Default: 3, or 50 if no measurements of the problem are stored; "
+            "longer if promising methods have to be compiled first."
+        ),
+    ] = None,
+    set_: options.Settings = [],  # noqa: B006
+    hamiltonian: options.Formula = None,
+    q: options.Coordinates = None,
+    p: options.Momenta = None,
+    why: Annotated[bool, typer.Option("--why", help="List every integrator that fell out, and why.")] = False,
+    as_json: options.Json = False,
 ) -> None:
-    """Say which integrator, at which step, holds an accuracy at the least cost; exit code 0 only where one was run."""
+    """Recommend the integrator and step that meet an accuracy at the least cost; exit code 0 only if it is verified."""
     from phasebench.integrators.errors import InvalidInput
 
     def report(reason: str) -> None:
@@ -68,9 +81,9 @@ def advise(
         chosen = made(problem, hamiltonian, values(set_, "set"), q0, p0)
         words = _words(problem, hamiltonian, chosen, set_, q, p)
         if hamiltonian is None:
-            from phasebench.benchmarks.measure.global_error import started
+            from phasebench.benchmarks.measure.global_error import with_start
 
-            chosen = started(chosen, q0, p0)
+            chosen = with_start(chosen, q0, p0)
         from phasebench.benchmarks.advice.advise import advise as found
         from phasebench.benchmarks.advice.ask import ask
 
@@ -82,19 +95,19 @@ def advise(
                 quantity_name=quantity,
                 conserve=[x.strip() for x in conserve.split(",") if x.strip()] if conserve else (),
                 budget=budget,
-                limit=limit,
+                limit=time_limit,
                 progress=tell,
             )
             answer = found(asked, words)
     if as_json:
         print_json(answer)
     else:
-        _print(answer)
+        _print(answer, why)
     raise typer.Exit(0 if answer["choice"] and answer["verified"] else WRONG)
 
 
 def _words(problem, hamiltonian, chosen, set_, q, p) -> list[str]:
-    """What names the problem on a command line: as it was named here."""
+    """The words that name the problem on a command line, as the user gave them."""
     from phasebench.benchmarks.problems import file_and_orbit
 
     own = problem is not None and (hamiltonian is not None or file_and_orbit(problem)[0] is not None)
@@ -105,32 +118,38 @@ def _words(problem, hamiltonian, chosen, set_, q, p) -> list[str]:
     return words
 
 
-def _print(answer: dict[str, Any]) -> None:
-    """The answer for a person: a table, one command to paste, and why others fell out."""
+def _print(answer: dict[str, Any], why: bool = False) -> None:
+    """Print the answer: a table, a command to paste, and why others were dropped (with ``why``, each of them)."""
     warn(answer["warning"])
     warn(answer["shared"])
     wanted = f"{answer['quantity']} of {answer['problem']} to t = {answer['t_end']:g}"
     if answer["choice"] is None:
         out.print(f"No advice for the {wanted}: {answer['why']}.", highlight=False, markup=False, soft_wrap=True)
-        _dropped(answer["dropped"])
+        _dropped(answer["dropped"], why)
         return
+    for note in answer["notes"]:
+        warn(note)
     asked = f"{answer['accuracy']:g}" if answer["budget"] is None else f"the best in {answer['budget']:g} s"
-    show(f"{wanted}, error: {asked}", [_line(role, c) for role, c in _roles(answer)])
+    orbit = answer["choice"]["end_state_error"] is not None
+    show(f"{wanted}, error: {asked}", [_line(role, c, orbit) for role, c in _roles(answer)])
     source = answer["reference"]
     known = f"the reference ({source['source']}) is known to {source['uncertainty']:.1e}"
     second = f"; {source['second']} came within {source['distance']:.1e} of it" if source["second"] else ""
     state = "verified: run against the reference" if answer["verified"] else "NOT verified"
     out.print(f"{state}; {known}{second}", highlight=False, markup=False, soft_wrap=True)
     if answer["lower_model"]:
-        from phasebench.benchmarks.advice.models import said
+        from phasebench.benchmarks.advice.models import summarize
 
-        out.print(said(answer["lower_model"]), highlight=False, markup=False, soft_wrap=True)
-    _dropped(answer["dropped"])
+        out.print(summarize(answer["lower_model"]), highlight=False, markup=False, soft_wrap=True)
+    _dropped(answer["dropped"], why)
     out.print(f"\n{answer['choice']['command']}", highlight=False, markup=False, soft_wrap=True)
 
 
 def _roles(answer: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
-    """(what a candidate is, the candidate), each once but for the next accuracy."""
+    """(roles, candidate) of each row of the table: the choice, the others by time, the choice for the next accuracy.
+
+    If a time budget was given instead of an accuracy, the others are sorted by error.
+    """
     seen: dict[str, list[str]] = {}
     rows = {}
     named = [(role, answer[role]) for role in ("choice", "own", "peer", "runner_up")]
@@ -138,35 +157,51 @@ def _roles(answer: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
         if c is not None:
             rows[c["integrator"]] = c
             seen.setdefault(c["integrator"], []).extend([role.replace("_", " ")] if role else [])
-    lines = [(", ".join(roles), rows[id]) for id, roles in seen.items()]
+    first = answer["choice"]["integrator"]
+    lines = [(", ".join([*roles, *([TIE] if rows[id].get("tie") else [])]), rows[id]) for id, roles in seen.items()]
+    by = "seconds" if answer["budget"] is None else "error"
+    lines.sort(key=lambda line: (line[1]["integrator"] != first, line[1][by]))
     further = answer["next"]
     return lines + ([(f"for {further['accuracy']:g}", further)] if further else [])
 
 
-def _line(role: str, c: dict[str, Any]) -> dict[str, str]:
+def _line(role: str, c: dict[str, Any], orbit: bool) -> dict[str, str]:
+    """A row of the table; with ``orbit`` it has a column for the error of the end state."""
+    off = c.get("end_state_error")
     size = f"tol {c['tol']:.3g}" if "tol" in c else f"h {c['h']:.4g}"
     return {
         "integrator": c["integrator"],
         "size": size,
         "error": f"{c['error']:.2g}",
+        **({"end state off by": "" if off is None else f"{off:.2g}"} if orbit else {}),
         "seconds": f"{c['seconds']:.3g}",
         "": ", ".join(filter(None, [role, c.get("remark")])),
     }
 
 
-def _dropped(dropped: list[dict[str, str]]) -> None:
-    """How many fell out for which reason, and who was tried and did not make it."""
+def _dropped(dropped: list[dict[str, str]], each: bool) -> None:
+    """Print how many integrators were dropped for which reason; list ``each``, or only those that were run."""
     kinds = Counter(_kind(d["why"]) for d in dropped)
     text = ", ".join(f"{n} {kind}" for kind, n in kinds.most_common())
     if text:
         out.print(f"not advised: {text}", highlight=False, markup=False, soft_wrap=True)
+    missing = {d["why"].split()[0] for d in dropped if _kind(d["why"]) == NOT_INSTALLED}
+    if missing:
+        names = " ".join(sorted(missing))
+        out.print(f"to try those, too: pip install {names}", highlight=False, markup=False, soft_wrap=True)
+    if each:
+        for d in sorted(dropped, key=lambda d: (_kind(d["why"]), d["integrator"])):
+            out.print(f"  {d['integrator']}: {d['why']}", highlight=False, markup=False, soft_wrap=True)
+        return
+    if text:
+        out.print("--why lists them all", highlight=False, markup=False)
     tried = [d for d in dropped if _kind(d["why"]) in ("too slow", "failed")]
     for d in tried[:REASONS]:
         out.print(f"  {d['integrator']}: {d['why']}", highlight=False, markup=False, soft_wrap=True)
 
 
 def _kind(why: str) -> str:
-    """The kind of a reason."""
+    """Classify a reason why an integrator was dropped."""
     if why.startswith("not tried"):
         return "not tried (dearer where measured, or no time)"
     if why.startswith("too slow"):
@@ -174,7 +209,7 @@ def _kind(why: str) -> str:
     if "conserv" in why or "does not keep" in why or "not symplectic" in why:
         return "not conserving what was asked"
     if "not installed" in why or "cannot be imported" in why:
-        return "not installed"
+        return NOT_INSTALLED
     if why.startswith(("breaks", "does not get there", "its error", "fails", "diverged", "not-converged")):
         return "failed"
     return "not applicable"

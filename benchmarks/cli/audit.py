@@ -1,4 +1,4 @@
-"""``audit``: what packages claim of their integrators beside what is measured."""
+"""``audit``: compare what packages claim of their integrators with measurements."""
 
 from __future__ import annotations
 
@@ -8,17 +8,27 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
+from . import completion, options
 from .shared import invalid_input, out, print_json, telling
 
 
 def audit(
-    package: Annotated[list[str], typer.Option(help="A package, such as rebound.")] = [],  # noqa: B006
-    peer: Annotated[list[str], typer.Option(help="A peer, such as rebound-leapfrog.")] = [],  # noqa: B006
-    quick: Annotated[bool, typer.Option(help="Two measures on one problem.")] = False,
-    scripts: Annotated[bool, typer.Option(help="Run the scripts that test what documentation says, too.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    package: Annotated[list[str], options.package("Its integrators are measured; repeat it. Default: all.")] = [],  # noqa: B006
+    peer: Annotated[
+        list[str],
+        typer.Option(
+            metavar="NAME",
+            help="A peer, such as rebound-leapfrog; repeat it. Default: all.",
+            autocompletion=completion.peers,
+        ),
+    ] = [],  # noqa: B006
+    quick: Annotated[bool, options.quick("Two measures on one problem.")] = False,
+    scripts: Annotated[
+        bool, typer.Option("--scripts", help="Run the scripts that test what documentation says, too.")
+    ] = False,
+    as_json: options.Json = False,
 ) -> None:
-    """Measure established integrators, all where none is named, and show which of their claims hold."""
+    """Measure the integrators of established packages, by default all, and show which of their claims hold."""
     from phasebench.benchmarks.experiments.audit.audit import audit as measure
     from phasebench.benchmarks.experiments.audit.table import show
 
@@ -45,13 +55,12 @@ def _own_steps_are_validated(names: list[str]) -> None:
 
 
 def _stated(packages: set[str], progress) -> list[dict]:
-    """The statements of the packages' documentation, judged by their scripts."""
-    from phasebench.benchmarks.experiments.audit import statements
-    from phasebench.benchmarks.experiments.audit.said import BY_SCRIPT
+    """Verdicts on statements in the packages' documentation, from the scripts that test them."""
+    from phasebench.benchmarks.experiments.audit import statement_cells
 
     rows = []
-    for script, members in BY_SCRIPT.items():
+    for script, members in statement_cells.BY_SCRIPT.items():
         if members[0].package in packages:
             progress(script)
-            rows += statements.measured(script)["audit_statements"]
+            rows += statement_cells.measure_rows(script)["audit_statements"]
     return rows

@@ -1,4 +1,4 @@
-"""``cache``: where generated sources and compiled kernels are kept, and how much; clear it, build it ahead."""
+"""``cache``: show, clear or fill the cache of generated sources and compiled kernels."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 
+from . import options
 from .shared import WRONG, err, out, print_json
 
-#: Systems up to this size are built ahead.
+#: Systems of up to this many degrees of freedom are compiled ahead.
 LARGEST = 4
 
 
@@ -19,11 +20,11 @@ def cache(
     build: Annotated[
         bool, typer.Option("--build", help=f"Compile all methods for all problems of d up to {LARGEST}, on all cores.")
     ] = False,
-    jobs: Annotated[int | None, typer.Option(help="Processes of --build; as many as there are cores.", min=1)] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    jobs: Annotated[int, options.jobs("For --build; 0: as many as there are cores.")] = 0,
+    as_json: options.Json = False,
 ) -> None:
-    """Say where compiled code is kept and how much there is; --clear removes it, --build compiles it ahead."""
-    from phasebench.integrators.engine import cache as kept
+    """Show where compiled code is cached and how much there is; --clear removes it, --build compiles it ahead."""
+    from phasebench.integrators.compile import cache as kept
 
     if clear:
         kept.clear()
@@ -38,7 +39,7 @@ def cache(
 
 
 def _state() -> dict[str, object]:
-    from phasebench.integrators.engine import cache as kept
+    from phasebench.integrators.compile import cache as kept
 
     own = kept.folder()
     sizes = {place: kept.size(place) for place in kept.versions()}
@@ -50,7 +51,7 @@ def _state() -> dict[str, object]:
         "bytes": used,
         "other_versions": len(sizes),
         "other_bytes": sum(size for _, size in sizes.values()),
-        "bound": kept.BOUND,
+        "bound": kept.MAX_BYTES,
     }
 
 
@@ -70,7 +71,7 @@ def _print(state: dict) -> None:
 
 
 def tasks() -> list[tuple[str, int, tuple[str, ...]]]:
-    """(family, d, problems of that d): no two have a kernel in common; the longest first."""
+    """(family, d, problems with that d) to compile, the longest first; no two share a kernel."""
     from phasebench.benchmarks.problems import PROBLEMS, problem
     from phasebench.integrators import METHODS
 
@@ -82,7 +83,7 @@ def tasks() -> list[tuple[str, int, tuple[str, ...]]]:
 
 
 def made(task: tuple[str, int, tuple[str, ...]]) -> tuple[int, list[str]]:
-    """Compile the kernels of a family for some problems, with the functions they call; (how many runs, failures)."""
+    """Compile a family's kernels, and the functions they call, for some problems; return (number of runs, failures)."""
     from phasebench.benchmarks.problems import problem
     from phasebench.integrators import METHODS
     from phasebench.integrators.driver import warm
@@ -97,13 +98,13 @@ def made(task: tuple[str, int, tuple[str, ...]]) -> tuple[int, list[str]]:
             try:
                 warm(whole, method, h=1e-3, steps=1)
                 done += 1
-            except Exception as error:  # the others are built all the same
+            except Exception as error:  # the others are compiled all the same
                 failures.append(f"{method.id} on {name}: {type(error).__name__}: {error}")
     return done, failures
 
 
-def _build(jobs: int | None, shown: bool) -> list[str]:
-    """Carry out all tasks in processes; returns what failed."""
+def _build(jobs: int, shown: bool) -> list[str]:
+    """Carry out all tasks in parallel processes; returns the failures."""
     from rich.progress import track
 
     failures: list[str] = []
@@ -116,7 +117,7 @@ def _build(jobs: int | None, shown: bool) -> list[str]:
     return failures
 
 
-def _in_processes(todo: list, jobs: int | None) -> Iterator[tuple[int, list[str]]]:
+def _in_processes(todo: list, jobs: int) -> Iterator[tuple[int, list[str]]]:
     import os
     from concurrent.futures import ProcessPoolExecutor, as_completed
     from multiprocessing import get_context

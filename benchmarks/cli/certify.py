@@ -1,4 +1,4 @@
-"""``certify``: what the certified references state, measured again by other means; or one state of one's own."""
+"""``certify``: recompute and check the certified reference states, or certify one state at a chosen time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
-from .shared import WRONG, err, invalid_input, out, telling
+from . import options
+from .shared import WRONG, end_time, err, invalid_input, out, telling
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.problems.base import Problem
@@ -30,15 +31,18 @@ COLUMNS = {
 
 
 def certify(
-    problem: Annotated[list[str] | None, typer.Argument(help="Problems, or problem:orbit; all at first.")] = None,
-    update: Annotated[bool, typer.Option(help="Compute the states anew and store them.")] = False,
-    t_end: Annotated[
-        float | None, typer.Option(help="Certify this one time of one problem, and store nothing.")
+    problem: Annotated[
+        list[str] | None, options.problem_argument("PROBLEM", "Problems, or problem:orbit. Default: all.")
     ] = None,
-    timeout: Annotated[float, typer.Option(help="Seconds that certifying one time may take.")] = 300.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    update: Annotated[bool, typer.Option("--update", help="Compute the states anew and store them.")] = False,
+    t_end: options.EndTime = None,
+    time_limit: Annotated[float, options.time_limit("For --t-end; an error says how far it came.")] = 300.0,
+    as_json: options.Json = False,
 ) -> None:
-    """Measure the stored reference states, their uncertainties and horizons again; exit code 1 where one is wrong."""
+    """Recompute the stored reference states, their uncertainties and horizons; exit code 1 if one of them is wrong.
+
+    With --t-end, certify the state of one problem at this time, and store nothing.
+    """
     from phasebench.benchmarks.problems import labels
 
     names = problem or []
@@ -48,12 +52,12 @@ def certify(
         elif len(names) != 1 or update:
             raise InvalidInput("--t-end certifies one problem and stores nothing: name one, as id or id:orbit")
         else:
-            right = _one(names[0], t_end, timeout, as_json)
+            right = _one(names[0], t_end, time_limit, as_json)
     raise typer.Exit(0 if right else WRONG)
 
 
 def _stored(wanted: list[str], update: bool, as_json: bool) -> bool:
-    """Measure what the certificates of these labels state; whether all of it holds and solvers agree."""
+    """Recheck the certificates of these labels and print the outcome; True if all hold and the solvers agree."""
     outcomes = _renewed(wanted, update)
     if as_json:
         rows = [{k: None if v != v else v for k, v in _row(o).items()} for o in outcomes]  # JSON has no NaN
@@ -64,23 +68,17 @@ def _stored(wanted: list[str], update: bool, as_json: bool) -> bool:
 
 
 def _renewed(wanted: list[str], update: bool) -> list[Outcome]:
-    """The outcomes; while updating each that holds is stored at once, so that a run that is killed loses nothing."""
+    """Recheck (with ``update``, recompute and store) certificates, with a progress bar."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from phasebench.benchmarks.problems import labels, problem
-    from phasebench.reference.certificates import check, make, stored
+    from phasebench.benchmarks.experiments.references.certify import recheck
 
-    outcomes = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=err) as bars:
         bar = bars.add_task("certify", total=len(wanted))
-        for label in wanted:
-            bars.update(bar, description=label)
-            made = problem(label)
-            outcomes.append(check.renew(made) if update else check.recheck(made))
-            if update and outcomes[-1].holds:
-                stored.keep(outcomes[-1].certificate, labels([made.id]), make.versions())
-            bars.update(bar, advance=1)
+        begun = iter(range(len(wanted)))
+        outcomes = recheck(wanted, lambda label: bars.update(bar, description=label, completed=next(begun)), update)
+        bars.update(bar, completed=len(wanted))
     return outcomes
 
 
@@ -117,26 +115,19 @@ def _print_table(outcomes: list[Outcome], update: bool) -> None:
         out.print(kept, highlight=False)
 
 
-def _one(name: str, t_end: float, timeout: float, as_json: bool) -> bool:
-    """Certify one time and print the state; whether the other solvers agree."""
+def _one(name: str, end: str, time_limit: float, as_json: bool) -> bool:
+    """Certify one time of a problem and print the state; True if the other solvers agree."""
+    from phasebench.benchmarks.experiments.references.certify import certify_end
     from phasebench.benchmarks.problems import problem
-    from phasebench.reference.certificates import make
-    from phasebench.reference.solvers import watch
-    from phasebench.reference.solvers.taylor import ReferenceFailed
 
-    if not timeout > 0:
-        raise InvalidInput(f"--timeout is {timeout}; it must be a positive number of seconds")
-    if not 0 < t_end < float("inf"):
-        raise InvalidInput(f"--t-end is {t_end}; it must be a positive number")
     made = problem(name)
-    try:
-        with telling("certify") as tell, watch.watching(timeout, lambda told: tell(f"certify, {told}")):
-            new = make.certify(made, [t_end])
-    except watch.TooLong as late:
-        told = f"{made.label} cannot be certified to {t_end:g} in {timeout:g} s (--timeout): {late}"
-        raise InvalidInput(told) from None
-    except ReferenceFailed as error:
-        raise InvalidInput(f"{made.label} cannot be certified to {t_end!r}: {error}") from None
+    t_end = end_time(end, made)
+    if not t_end > 0:
+        raise InvalidInput(f"--t-end is {end}; it must be a positive number")
+    if not time_limit > 0:
+        raise InvalidInput(f"--time-limit is {time_limit:g}; it must be a positive number of seconds")
+    with telling("certify") as tell:
+        new = certify_end(made, t_end, time_limit, lambda told: tell(f"certify, {told}"))
     if as_json:
         print(json.dumps(_state(made, new)))
     else:
@@ -145,7 +136,7 @@ def _one(name: str, t_end: float, timeout: float, as_json: bool) -> bool:
 
 
 def _state(made: Problem, new: Certificate) -> dict[str, object]:
-    """A certified state for a program: its digits are text, since no double holds them."""
+    """A certified state as a JSON object; its digits are text, since no double holds them."""
     (end,) = new.ends
     checks = [
         {
@@ -175,7 +166,7 @@ def _state(made: Problem, new: Certificate) -> dict[str, object]:
 
 
 def _lines(made: Problem, new: Certificate) -> list[str]:
-    """A certified state for a person."""
+    """A certified state as lines of text."""
     from phasebench.benchmarks.page.markdown import number
 
     (end,) = new.ends

@@ -9,24 +9,30 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
+from . import completion, options
 from .shared import invalid_input
 
 
 def cite(
     names: Annotated[
-        list[str] | None, typer.Argument(help="Methods and problems; at first those that the report used.")
+        list[str] | None,
+        typer.Argument(
+            metavar="NAME",
+            help="Methods and problems. Default: those that the reports used.",
+            autocompletion=completion.methods_and_problems,
+        ),
     ] = None,
-    folder: Annotated[Path, typer.Option(help="The report's folder.")] = Path("reports"),
+    reports: options.Reports = Path("reports"),
 ) -> None:
     """Print BibTeX for the works behind methods and problems, or behind all that a report used."""
     from phasebench.benchmarks import bibliography
 
     with invalid_input():
         try:
-            used = names or bibliography.used(folder)
+            used = names or bibliography.ids_in_report(reports)
         except FileNotFoundError:
             raise InvalidInput(
-                f"there are no data in {folder}; name methods or problems, or run `pytest benchmarks` first"
+                f"there are no data in {reports}; name methods or problems, or run `pytest benchmarks` first"
             ) from None
-        text = bibliography.cited(used)
+        text = bibliography.bibtex(used)
     print(text)

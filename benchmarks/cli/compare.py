@@ -1,4 +1,4 @@
-"""``compare``: two stored runs beside each other."""
+"""``compare``: the differences between two stored runs."""
 
 from __future__ import annotations
 
@@ -6,37 +6,42 @@ from typing import Annotated
 
 import typer
 
+from . import options
 from .shared import WRONG, invalid_input, out, print_json, show
 
 
 def compare(
-    before: Annotated[str, typer.Argument(help="A folder of reports, a CSV file of one, or a commit.")],
-    after: Annotated[str, typer.Argument(help="Another.")] = "reports",
-    rows: Annotated[int, typer.Option(help="Lines that are printed of each kind.")] = 10,
-    json: Annotated[bool, typer.Option("--json", help="Print all of it as JSON.")] = False,
+    before: Annotated[
+        str, typer.Argument(metavar="BEFORE", help="A folder of reports, a CSV file of one, or a commit.")
+    ],
+    after: Annotated[str, typer.Argument(metavar="AFTER", help="Another.")] = "reports",
+    lines: Annotated[
+        int, typer.Option(metavar="NUMBER", min=0, help="Number of lines printed of each kind of change.")
+    ] = 10,
+    as_json: options.Json = False,
 ) -> None:
-    """Say what of two stored runs differs: statuses, errors, and times beyond the noise.
+    """Show the differences between two stored runs: statuses, errors, and times beyond the noise.
 
-    The exit code is 1 where something has changed its status, is less accurate, slower, or no longer there.
+    The exit code is 1 if a row has another status, is less accurate, is slower, or is no longer there.
     """
-    from phasebench.benchmarks import history
+    from phasebench.benchmarks.store import history
 
     with invalid_input():
-        old, new = history.stored(before), history.stored(after)
+        old, new = history.load(before), history.load(after)
     found = history.changes(old, new)
     bad = any(c.kind in history.BAD for c in found)
-    if json:
-        lines = [c._asdict() | {"ratio": c.ratio._asdict() if c.ratio else None} for c in found]
-        print_json({"before": before, "after": after, "worse": bad, "changes": lines})
+    if as_json:
+        changes = [c._asdict() | {"ratio": c.ratio._asdict() if c.ratio else None} for c in found]
+        print_json({"before": before, "after": after, "worse": bad, "changes": changes})
     else:
         for kind in history.KINDS:
             members = [c for c in found if c.kind == kind]
             if members:
-                show(f"{kind}: {len(members)}", [_line(c) for c in members[:rows]])
-                if len(members) > rows:
-                    out.print(f"and {len(members) - rows} more; all of them with --json", highlight=False)
+                show(f"{kind}: {len(members)}", [_line(c) for c in members[:lines]])
+                if len(members) > lines:
+                    out.print(f"and {len(members) - lines} more; all of them with --json", highlight=False)
         both = [t for t in old if t in new]
-        speed = history.usual(old, new)
+        speed = history.overall(old, new)
         said = f"{len(found)} changes in {len(both)} tables that both have"
         out.print(said + (f"; all times together {speed.value:.2f} times those before." if speed.value > 0 else "."))
     if bad:

@@ -1,7 +1,7 @@
-"""``integrate``: one problem, one method, peer or step of one's own, and how it went.
+"""``integrate``: integrate one problem with one method, peer or user's step, and report how it went.
 
-The problem is a registered one, a file of the user's, or a formula of H.  One run says everything: the energy and the
-invariants are looked at after every step, the rows that are written are kept, and the end is what the error is of.
+The problem is a registered one, a user's file, or a formula of H.  A single run gives everything: the errors of energy
+and invariants after every step, the rows to be written, and the end state, whose error is reported.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
-from . import trajectory
+from . import options, trajectory
 from .shared import (
-    END_TIME,
     WRONG,
+    check_file,
     compilation_shown,
     complain,
     end_time,
@@ -30,43 +30,49 @@ from .shared import (
 )
 
 COUNTS = ("steps", "gradient", "hessian", "iterations", "fallbacks")
-#: Of a state of more numbers than `MANY` so many are shown at either end.
+#: Of a state with more than MANY components, SHOWN are printed at either end.
 MANY, SHOWN = 12, 3
 
 
 def integrate(
-    problem: Annotated[
-        str,
-        typer.Argument(metavar="PROBLEM", help="A problem, problem:orbit, or a file, ./my_problem.py, planets.csv."),
-    ],
+    problem: Annotated[str, options.problem_argument()],
     method: Annotated[
-        str | None, typer.Argument(metavar="METHOD", help="A method, a peer, or the path of your own step, ./mine.py.")
+        str | None, options.method_argument("A method, a peer, or the path of your own step, ./mine.py.")
     ] = None,
     h: Annotated[
-        float | None, typer.Option("--h", help="Step; adjusted so that a whole number of steps ends at --t-end.")
+        float | None,
+        typer.Option(
+            "--h",
+            metavar="NUMBER",
+            help="Step, in the unit of t; adjusted so that a whole number of steps ends at --t-end.",
+        ),
     ] = None,
-    t_end: Annotated[str | None, typer.Option(help=END_TIME)] = None,
-    steps: Annotated[int | None, typer.Option(help="Number of steps.")] = None,
-    t0: Annotated[float, typer.Option("--t0", help="Time at the start; an end before it goes back in time.")] = 0.0,
-    tol: Annotated[float | None, typer.Option(help="Tolerance of an adaptive peer.")] = None,
-    param: Annotated[list[str], typer.Option(help="A method's parameter: lam=1/3.")] = [],  # noqa: B006
-    set_: Annotated[list[str], typer.Option("--set", help="A problem's parameter: e=0.2.")] = [],  # noqa: B006
-    hamiltonian: Annotated[
-        str | None,
-        typer.Option(help="Instead of PROBLEM, a formula of H in q, p or q1, p1, q2, ...: 'p**2/2 - cos(q)'."),
+    t_end: options.EndTime = None,
+    steps: Annotated[
+        int | None, typer.Option(metavar="NUMBER", help="Number of steps; in place of --h or of --t-end.")
     ] = None,
-    q: Annotated[str | None, typer.Option(help="Initial coordinates: 0,0.82.")] = None,
-    p: Annotated[str | None, typer.Option(help="Initial momenta: 0.1,0.")] = None,
-    timeout: Annotated[float | None, typer.Option(help="Stop after so many seconds.")] = None,
+    t0: Annotated[
+        float, typer.Option("--t0", metavar="NUMBER", help="Time at the start; an end before it goes back in time.")
+    ] = 0.0,
+    tol: Annotated[
+        float | None,
+        typer.Option(
+            metavar="NUMBER", help="Tolerance of an adaptive peer, as its package means it. Default: the package's own."
+        ),
+    ] = None,
+    param: options.Parameters = [],  # noqa: B006
+    set_: options.Settings = [],  # noqa: B006
+    hamiltonian: options.Formula = None,
+    q: options.Coordinates = None,
+    p: options.Momenta = None,
+    time_limit: Annotated[float | None, options.time_limit("The status is then timeout. Default: no limit.")] = None,
     error: Annotated[bool, typer.Option("--error", help="Print the error against the certified reference.")] = False,
-    quantity: Annotated[
-        str | None, typer.Option(help="Print the error of this quantity, too: trajectory, energy, ...")
-    ] = None,
-    output: Annotated[Path | None, typer.Option(help="Write the trajectory: a file .csv or .npz.")] = None,
-    every: Annotated[int, typer.Option(help="Write every Nth row, and the last.")] = 1,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    quantity: Annotated[str | None, options.quantity("It is printed, too.")] = None,
+    output: Annotated[Path | None, options.output("FILE", "A trajectory: .csv or .npz.")] = None,
+    every: Annotated[int, typer.Option(metavar="NUMBER", help="Write every Nth row to --output, and the last.")] = 1,
+    as_json: options.Json = False,
 ) -> None:
-    """Integrate a problem with a method and say how it went; exit code 0 only for status ok."""
+    """Integrate a problem with a method and report how it went; exit code 0 only for status ok."""
     if hamiltonian is not None and method is None:
         problem, method = _label(problem)
     parameters: dict[str, str] = {}
@@ -90,11 +96,11 @@ def integrate(
         with compilation_shown(not as_json):
             from phasebench.benchmarks.measure.integrator import integrator
 
-            chosen = integrator(method, **parameters)
+            chosen = integrator(method, parameters=parameters)
             wanted = Wanted(error, quantity, output, every)
             span = end_time(t_end, chosen_problem)
-            options = {"h": h, "t_end": span, "steps": steps, "t0": t0, "q0": q0, "p0": p0}
-            result = _integrated(chosen_problem, chosen, wanted, tol, timeout, **options)
+            common = {"h": h, "t_end": span, "steps": steps, "t0": t0, "q0": q0, "p0": p0}
+            result = _integrated(chosen_problem, chosen, wanted, tol, time_limit, **common)
     if as_json:
         print_json(result)
     else:
@@ -103,7 +109,7 @@ def integrate(
 
 
 def made(name: str | None, hamiltonian: str | None, parameters: dict[str, float], q0, p0):
-    """The problem of that name, or of the formula, which ``name`` then labels."""
+    """The problem ``name``, or that of a formula, of which ``name`` is then a label; raises InvalidInput."""
     from phasebench.benchmarks.problems import PROBLEMS, file_and_orbit, problem
 
     if hamiltonian is None:
@@ -116,7 +122,7 @@ def made(name: str | None, hamiltonian: str | None, parameters: dict[str, float]
 
 
 def _check_order(problem: str | None, method: str | None) -> None:
-    """Raise InvalidInput where the method stands in the place of the problem."""
+    """Raise InvalidInput if method and problem are given in the wrong order."""
     from phasebench.benchmarks.problems import PROBLEMS
     from phasebench.integrators.registry import BY_ID
     from phasebench.reference.peers import BY_ID as PEERS_BY_ID
@@ -126,14 +132,14 @@ def _check_order(problem: str | None, method: str | None) -> None:
 
 
 def _label(word: str) -> tuple[str | None, str | None]:
-    """(label, method) of the one word beside a formula: the method, unless it is a problem's name."""
+    """(label, method) from the one word given beside a formula: it is the label if a problem has this name."""
     from phasebench.benchmarks.problems import PROBLEMS
 
     return (word, None) if word.partition(":")[0] in PROBLEMS else (None, word)
 
 
 class Wanted(NamedTuple):
-    """What is wanted besides: the error, that of a quantity, a file with every so many-th row."""
+    """What is wanted besides the end state: its error, a quantity's error, a file with every Nth row."""
 
     error: bool
     quantity: str | None
@@ -142,23 +148,23 @@ class Wanted(NamedTuple):
 
 
 def _check_output(output: Path | None, every: int) -> None:
-    """Raise InvalidInput where the trajectory could not be written."""
+    """Raise InvalidInput if the trajectory could not be written, before anything is integrated."""
     if every < 1:
         raise InvalidInput(f"--every is {every}; it must be a positive integer")
     if output is None and every > 1:
         raise InvalidInput("--every says which rows are written: give --output trajectory.csv, too")
     if output is not None:
-        trajectory.check(output)
+        check_file(output, trajectory.SUFFIXES)
 
 
-def _integrated(problem, integrator, wanted: Wanted, tol, timeout, **common) -> dict[str, Any]:
-    """The JSON object of one integration."""
-    if timeout is not None and not integrator.stoppable:
-        raise InvalidInput(f"'{integrator.id}' cannot be stopped: leave out --timeout")
+def _integrated(problem, integrator, wanted: Wanted, tol, time_limit, **common) -> dict[str, Any]:
+    """Integrate, and return the JSON object with all that is wanted."""
+    if time_limit is not None and not integrator.stoppable:
+        raise InvalidInput(f"'{integrator.id}' cannot be stopped: leave out --time-limit")
     from phasebench.benchmarks.measure import every_step
 
     every = None if wanted.output is None else wanted.every
-    watched = every_step.watch(problem, integrator, every=every, tol=tol, timeout=timeout, **common)
+    watched = every_step.watch(problem, integrator, every=every, tol=tol, timeout=time_limit, **common)
     solution = watched.solution
     if solution.status == "ok":
         solution = replace(solution, seconds=every_step.seconds(problem, integrator, watched, tol=tol, **common))
@@ -173,11 +179,11 @@ def _integrated(problem, integrator, wanted: Wanted, tol, timeout, **common) -> 
 
 
 def _errors(problem, integrator, solution, wanted: Wanted, tol, common: dict) -> dict[str, Any]:
-    """The error at the end, and that of a quantity where one is wanted."""
+    """The error of the end state, and that of a quantity if one is wanted."""
     from phasebench.benchmarks.measure import global_error as against
-    from phasebench.benchmarks.measure.quantities import quantity
+    from phasebench.benchmarks.measure.named_quantities import quantity
 
-    problem = against.started(problem, common["q0"], common["p0"])
+    problem = against.with_start(problem, common["q0"], common["p0"])
     t_end = float((solution.t[-1] if common["t_end"] is None else common["t_end"]) - common["t0"])
     found = against.end_error(problem, solution, t_end)
     if wanted.quantity:
@@ -188,7 +194,8 @@ def _errors(problem, integrator, solution, wanted: Wanted, tol, common: dict) ->
 
 
 def _result(problem, solution, extremes, parameters: dict[str, Any]) -> dict[str, Any]:
-    """The JSON object of ``integrate``."""
+    """The JSON object of ``integrate``, without errors against a reference."""
+    from phasebench.benchmarks.measure.solution import stability_hint
 
     def error(extreme) -> dict[str, float | None]:
         return {"max": extreme.worst, "end": extreme.end}
@@ -205,14 +212,14 @@ def _result(problem, solution, extremes, parameters: dict[str, Any]) -> dict[str
         "energy_error": error(extremes.energy),
         "invariants": {name: error(extreme) for name, extreme in extremes.invariants.items()},
         "status": solution.status,
-        "reason": solution.reason,
+        "reason": "; ".join(filter(None, (solution.reason, stability_hint(solution.status, solution.method.id)))),
         "counts": {k: int(solution.counts.get(k, 0)) for k in COUNTS},
         "seconds": solution.seconds,
     }
 
 
 def shortened(state: list[float]) -> str:
-    """Numbers in all their digits; of more than `MANY` the first and the last."""
+    """The components in full precision as text; of more than `MANY` only the first and last."""
     if len(state) <= MANY:
         return ", ".join(map(repr, state))
     first, last = (", ".join(map(repr, part)) for part in (state[:SHOWN], state[-SHOWN:]))
@@ -253,7 +260,7 @@ def _print(result: dict[str, Any], t0: float) -> None:
 
 
 def _told(error: float | None, reference: dict[str, Any]) -> str:
-    """An error with how well its reference is known, or why there is none."""
+    """An error as text with the uncertainty of its reference, or why there is none."""
     if error is None:
         return f"none: {reference['reason']}"
     reach = f"; horizon t = {reference['horizon']:.6g}" if "horizon" in reference else ""

@@ -1,4 +1,4 @@
-"""``list``: what there is."""
+"""``list``: list methods, problems, scenes or peers."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput, unknown
 
+from . import options
 from .shared import invalid_input, print_json, show
 
 
@@ -87,7 +88,7 @@ def _peers() -> list[Row]:
 
 
 def _version(package: str) -> str | None:
-    """The version that is installed, without importing it."""
+    """The installed version of a package, without importing it; None if there is none."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:
@@ -102,28 +103,33 @@ TABLES: dict[Kind, Callable[[], list[Row]]] = {
     Kind.scenes: _scenes,
     Kind.peers: _peers,
 }
-#: Filters whose value must be among those of the column, of which there is one in a row or a list.
+#: Filters whose value must occur in their column, in which a cell is one value or a list.
 NAMED = ("family", "requires", "energy", "package", "problem")
 
 
 def list_(
-    kind: Annotated[Kind, typer.Argument(help="What to list.")] = Kind.methods,
-    order: Annotated[int | None, typer.Option(help="Methods and peers of this order.")] = None,
-    family: Annotated[str | None, typer.Option(help="Methods of this family: splitting.")] = None,
-    requires: Annotated[
-        str | None, typer.Option(help="Methods that require this of a system: separable; or nothing.")
+    kind: Annotated[Kind, typer.Argument(metavar="KIND", help="methods, problems, scenes or peers.")] = Kind.methods,
+    order: Annotated[int | None, typer.Option(metavar="NUMBER", help="Methods and peers of this order.")] = None,
+    family: Annotated[str | None, typer.Option(metavar="NAME", help="Methods of this family: splitting.")] = None,
+    requires: Annotated[str | None, options.requires("Methods that require it; or nothing.")] = None,
+    energy: Annotated[
+        str | None, typer.Option(metavar="HOW", help="Methods that keep the energy so: round-off, bounded.")
     ] = None,
-    energy: Annotated[str | None, typer.Option(help="Methods that keep the energy so: round-off, bounded.")] = None,
-    symplectic: Annotated[bool | None, typer.Option("--symplectic/--no-symplectic", help="Methods.")] = None,
-    symmetric: Annotated[bool | None, typer.Option("--symmetric/--no-symmetric", help="Methods.")] = None,
-    package: Annotated[str | None, typer.Option(help="Peers of this package.")] = None,
+    symplectic: Annotated[
+        bool | None, typer.Option("--symplectic/--no-symplectic", help="Methods that are symplectic, or are not.")
+    ] = None,
+    symmetric: Annotated[
+        bool | None, typer.Option("--symmetric/--no-symmetric", help="Methods that are symmetric, or are not.")
+    ] = None,
+    package: Annotated[str | None, options.package("Its peers.")] = None,
     installed: Annotated[
-        bool | None, typer.Option("--installed/--not-installed", help="Peers whose package is installed.")
+        bool | None,
+        typer.Option("--installed/--not-installed", help="Peers whose package is installed, or is not."),
     ] = None,
-    problem: Annotated[str | None, typer.Option(help="Scenes of this problem.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON array.")] = False,
+    problem: Annotated[str | None, options.problem_option("Its scenes.")] = None,
+    as_json: options.Json = False,
 ) -> None:
-    """List methods, problems, scenes or peers, all of them or those that the options leave."""
+    """List methods, problems, scenes or peers; an option selects those that it names. Default: all."""
     wanted = {
         "order": order,
         "family": family,
@@ -146,7 +152,7 @@ def list_(
 
 
 def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]:
-    """The rows that the options leave."""
+    """The rows that match all options; raises InvalidInput for an option or value that does not exist."""
     for name, value in wanted.items():
         if name not in rows[0] or (kind is Kind.problems and name == "problem"):
             raise InvalidInput(f"--{name} is no option of {kind.value}")
@@ -161,14 +167,14 @@ def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]
 
 
 def _values(cell) -> list:
-    """What a cell can be asked for: itself, an entry or that it has none; of problem:orbit the problem too."""
+    """The filter values that match a cell: itself or its entries, or "nothing"; for problem:orbit the problem, too."""
     if isinstance(cell, list):
         return cell or ["nothing"]
     return [cell, cell.partition(":")[0]] if isinstance(cell, str) else [cell]
 
 
 def _is(cell, value) -> bool:
-    """Whether a cell is what was asked for; a version is there or it is not."""
+    """True if a cell matches a filter; a yes/no filter on a version asks whether there is one."""
     return (
         (cell is not None) == value
         if isinstance(value, bool) and not isinstance(cell, bool)
@@ -177,7 +183,7 @@ def _is(cell, value) -> bool:
 
 
 def _text(value) -> str:
-    """A value in a table."""
+    """A cell as text."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, list):

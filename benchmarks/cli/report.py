@@ -1,4 +1,4 @@
-"""``report``: the pages from measured tables."""
+"""``report``: write the pages from measured tables."""
 
 from __future__ import annotations
 
@@ -11,17 +11,23 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
+from . import options
 from .shared import err, invalid_input, out
 
 
 def report(
-    folder: Annotated[Path, typer.Option(help="The folder whose data the report is written from.")] = Path("reports"),
-    rows: Annotated[Path | None, typer.Option(help="Rows of `run` to take in first.")] = None,
+    reports: options.Reports = Path("reports"),
+    rows: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Rows that `run` wrote, .jsonl, to take into the data first.")
+    ] = None,
+    html: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Write the same pages as HTML, which need no other file, too.")
+    ] = None,
 ) -> None:
-    """Write the report of a folder from the tables in its ``data``."""
-    from phasebench.benchmarks import report as reports
+    """Write the pages of a folder of reports from the tables in its subfolder data; with --html as HTML, too."""
+    from phasebench.benchmarks import report as pages
     from phasebench.benchmarks.problems.scenes import BY_ID as SCENES
-    from phasebench.benchmarks.rows import lines, tables
+    from phasebench.benchmarks.store import lines, tables
 
     with invalid_input():
         if rows is not None:
@@ -33,20 +39,20 @@ def report(
             held = {id: e for id, e in entries.items() if e.rows["rows"][0].get("scene") in SCENES}
             if not held:
                 raise InvalidInput(f"{rows} has rows of scenes of the trade alone, which have no page of one's own")
-            with _written(folder):
-                tables.take(folder / "data", "rows", held)
-        if not (folder / "data").is_dir():
-            raise InvalidInput(f"there are no data in {folder}; `pytest benchmarks` or `phasebench run` measures them")
-        with _written(folder):
-            entry = reports.build(folder, progress=lambda line: err.print(line, highlight=False))
-    out.print(f"read {entry}")
+            with _written(reports):
+                tables.take(reports / "data", "rows", held)
+        if not (reports / "data").is_dir():
+            raise InvalidInput(f"there are no data in {reports}; `pytest benchmarks` or `phasebench run` measures them")
+        with _written(reports):
+            entry = pages.build(reports, progress=lambda line: err.print(line, highlight=False), html_folder=html)
+    out.print(f"read {html / 'index.html' if html else entry}")
 
 
 @contextmanager
 def _written(folder: Path) -> Iterator[None]:
-    """Raise InvalidInput where the folder cannot be written to."""
+    """Raise InvalidInput if the folder cannot be written to."""
     try:
         yield
     except OSError as error:
         where = error.filename or folder
-        raise InvalidInput(f"--folder {folder} cannot be written: {where}: {error.strerror or error}") from None
+        raise InvalidInput(f"--reports {folder} cannot be written: {where}: {error.strerror or error}") from None

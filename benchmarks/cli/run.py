@@ -1,4 +1,4 @@
-"""``run``: methods over scenes into rows on disk."""
+"""``run``: measure methods on scenes, and write the rows to a file."""
 
 from __future__ import annotations
 
@@ -12,40 +12,47 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
-from .shared import END_TIME, end_time, err, invalid_input, out, telling, warn
+from . import options
+from .shared import check_file, end_time, err, invalid_input, out, telling, warn
 
 
 def run(
     problem: Annotated[
-        str | None,
-        typer.Argument(metavar="[PROBLEM]", help="Instead of scenes a problem, or your own, ./my_problem.py."),
+        str | None, options.problem_argument("PROBLEM", "Instead of scenes, a problem, or your own, ./my_problem.py.")
     ] = None,
-    t_end: Annotated[str | None, typer.Option(help=f"Of PROBLEM. {END_TIME}")] = None,
-    quantity: Annotated[str, typer.Option(help="Of PROBLEM: whose error is measured.")] = "end-state",
-    scene: Annotated[list[str], typer.Option(help="A scene of `list scenes`; repeat it.")] = [],  # noqa: B006
-    method: Annotated[list[str], typer.Option(help="A method or a peer; repeat it.")] = [],  # noqa: B006
+    t_end: options.EndTime = None,
+    quantity: Annotated[str, options.quantity("Of PROBLEM; a scene has its own.")] = "end-state",
+    scene: Annotated[
+        list[str],
+        typer.Option(metavar="NAME", help="A scene of `list scenes`; repeat it."),
+    ] = [],  # noqa: B006
+    method: options.Methods = [],  # noqa: B006
     everything: Annotated[bool, typer.Option("--all", help="Measure all that is not named.")] = False,
-    quick: Annotated[bool, typer.Option(help="Fewer steps.")] = False,
-    jobs: Annotated[int, typer.Option(help="Measure scenes in so many processes beside each other.", min=0)] = 0,
+    quick: Annotated[bool, options.quick("Fewer steps.")] = False,
+    jobs: Annotated[int, options.jobs("Each measures a scene; 0: all are measured in this one.")] = 0,
     scheduler: Annotated[
-        str | None, typer.Option(help="Measure scenes on a Dask cluster: its address, tcp://10.0.0.1:8786.")
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Measure scenes on a Dask cluster: its address, tcp://10.0.0.1:8786."),
     ] = None,
     output: Annotated[
-        Path, typer.Option(help="Rows, one JSON object a line; those that are there and have not changed stay.")
+        Path,
+        options.output("FILE", "Rows: .jsonl, one JSON object a line; those of scenes that have not changed stay."),
     ] = Path("rows.jsonl"),
 ) -> None:
-    """Sweep methods over scenes, or over one problem's steps, into tidy rows on disk.
+    """Measure methods on scenes, or on one problem over many steps, and write tidy rows to a file.
 
-    Without a scene and a method it says what --all would measure, and for how long.
+    Without a scene or a method, say what --all would measure and how long that takes.
     """
+    with invalid_input():
+        check_file(output, (".jsonl",))
     if problem is not None:
         with invalid_input():
             if jobs or scheduler:
                 raise InvalidInput("--jobs and --scheduler are for scenes: the steps of one problem are timed, alone")
         _one(problem, t_end, quantity, method, scene, output)
         return
-    from phasebench.benchmarks.rows import lines, screen
-    from phasebench.benchmarks.rows.cluster import Cluster
+    from phasebench.benchmarks.store import lines, screen
+    from phasebench.benchmarks.store.cluster import Cluster
 
     with invalid_input():
         cells = _cells(scene, method, quick)
@@ -71,20 +78,22 @@ def run(
 def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
     """The cells of the scenes and methods that are named, or of all; raises InvalidInput for unknown names.
 
-    The scenes of the trade are measured where they are named, or with all; not by --quick or --method alone.
+    The scenes of the trade (`questions`) are included if named, or with --all; not with --quick or --method alone.
     """
     from phasebench.benchmarks.experiments.trade import question_rows, sweep
     from phasebench.benchmarks.problems.questions import BY_ID as ASKED
     from phasebench.benchmarks.problems.questions import QUESTIONS
     from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
     from phasebench.integrators.errors import unknown
+    from phasebench.integrators.names import unknown_method
 
     known = [m.id for m in question_rows.swept()]
-    for name, names, kind in [(s, {**BY_ID, **ASKED}, "scene") for s in scenes] + [
-        (m, known, "method") for m in methods
-    ]:
-        if name not in names:
-            raise unknown(kind, name, names)
+    for name in scenes:
+        if name not in BY_ID and name not in ASKED:
+            raise unknown("scene", name, [*BY_ID, *ASKED])
+    for name in methods:
+        if name not in known:
+            raise unknown_method(name, known)
     only = (lambda m: m.id in methods) if methods else None
     whole = not (scenes or methods or quick)
     held = sweep.cells(quick, [s for s in SCENES if not scenes or s.id in scenes], only)
@@ -92,9 +101,9 @@ def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
 
 
 def _announce(cells: list) -> None:
-    """Say what a run of all cells would measure, and how long that takes."""
-    from phasebench.benchmarks.rows.run import standing
-    from phasebench.benchmarks.rows.tables import Table
+    """Print what a run of all cells would measure, and how long that takes."""
+    from phasebench.benchmarks.store.run import standing
+    from phasebench.benchmarks.store.tables import Table
 
     stored = {"rows": Table(Path("reports") / "data", "rows")}
     hours = sum(standing(cell, stored).spent for cell in cells) / 3600
@@ -109,25 +118,24 @@ def _announce(cells: list) -> None:
 
 
 def _one(problem: str, t_end: str | None, quantity: str, methods: list[str], scenes: list[str], output: Path) -> None:
-    """Error and time of methods on one problem, from where each breaks to round-off, one JSON object a line."""
+    """Measure error and time of methods on one problem, from the widest step to round-off; write them as JSON lines."""
     import json
 
     from phasebench.benchmarks.measure.compilation import row_failures
+    from phasebench.benchmarks.store import schema
     from phasebench.benchmarks.workprecision import workprecision
-    from phasebench.reference.tables import write_file
+    from phasebench.reference.files import write_file
 
     from .integrate import made
 
     with invalid_input():
         if scenes:
             raise InvalidInput("both a problem and a scene are given; leave out one of them")
-        if not output.parent.is_dir():
-            raise InvalidInput(f"--output is {output}, and there is no folder {output.parent}")
         with telling("run") as tell:
             chosen = made(problem, None, {}, None, None)
             rows = workprecision(chosen, methods, t_end=end_time(t_end, chosen), quantity=quantity, progress=tell).rows
         try:
-            write_file(output, "".join(json.dumps(row) + "\n" for row in rows))
+            write_file(output, "".join(json.dumps({schema.FIELD: schema.VERSION} | row) + "\n" for row in rows))
         except OSError as error:
             raise InvalidInput(f"--output {output} cannot be written: {error.strerror or error}") from None
     warn(row_failures(rows)[1])

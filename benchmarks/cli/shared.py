@@ -1,4 +1,4 @@
-"""What commands share: where they print, how they read numbers, how they end on invalid input."""
+"""Helpers of all commands: output, tables, progress, reading of options, exit codes for invalid input."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from fractions import Fraction
 from math import isfinite
+from pathlib import Path
 
 import typer
 from rich.console import Console
@@ -18,17 +19,15 @@ from phasebench.integrators.errors import InvalidInput
 out, err = Console(), Console(stderr=True)
 #: Exit codes of a run that went wrong, and of input that cannot be used.
 WRONG, INVALID = 1, 2
-#: Between two columns of a table; and the least that is shown of one, or all of it where it is narrower.
+#: Spaces between the columns of a table; the least width to which a column is cut.
 GAP, LEAST = 2, 24
-#: What --t-end is.
-END_TIME = 'End time; with a unit where the problem has one: "1e4 yr".'
-#: Seconds between two lines of progress where no terminal shows it: at first, and at most.
+#: Seconds between two lines of progress if stderr is no terminal: at first, and at most.
 PAUSE, LONGEST_PAUSE = 2.0, 60.0
 
 
 @contextmanager
 def invalid_input(report: Callable[[str], None] | None = None) -> Iterator[None]:
-    """End the command with code 2 where its input is invalid; ``said`` prints the message elsewhere than on stderr."""
+    """End the command with exit code 2 on InvalidInput; ``report`` prints the message, by default on stderr."""
     try:
         yield
     except InvalidInput as error:
@@ -37,14 +36,14 @@ def invalid_input(report: Callable[[str], None] | None = None) -> Iterator[None]
 
 
 def complain(message: str) -> None:
-    """Print what was wrong with the input; brackets in it are text."""
+    """Print on stderr what is wrong with the input; brackets in it are no markup."""
     from rich.markup import escape
 
     err.print(f"[bold red]invalid:[/] {escape(message)}", highlight=False, soft_wrap=True)
 
 
 def warn(message: str | None) -> None:
-    """Print what has to be known first, such as methods that do not compile; nothing where there is nothing."""
+    """Print a warning, such as which methods do not compile; nothing if the message is empty."""
     from rich.markup import escape
 
     if message:
@@ -53,8 +52,8 @@ def warn(message: str | None) -> None:
 
 @contextmanager
 def compilation_shown(wanted: bool) -> Iterator[None]:
-    """While something is compiled, say so on a terminal."""
-    from phasebench.integrators.engine import progress
+    """Show on a terminal's status line what is being compiled."""
+    from phasebench.integrators.compile import progress
 
     shown: list[str] = []
 
@@ -75,7 +74,7 @@ def compilation_shown(wanted: bool) -> Iterator[None]:
 
 @contextmanager
 def telling(what: str) -> Iterator[Callable[[str], None]]:
-    """Show how far a command is: on a terminal's status line, elsewhere by a line now and then, ever more rarely."""
+    """Show progress: on a terminal's status line, else as lines on stderr, ever more rarely; yields the printer."""
     if err.is_terminal:
         with err.status(what) as status:
             yield status.update
@@ -92,12 +91,12 @@ def telling(what: str) -> Iterator[Callable[[str], None]]:
 
 
 def print_json(value: object) -> None:
-    """Print a value as one line of JSON: numbers in full precision, null where there is none."""
+    """Print a value as one line of JSON: numbers in full precision, null for NaN and infinities."""
     print(json.dumps(_finite(value), allow_nan=False))
 
 
 def _finite(value: object) -> object:
-    """The value with None in place of what JSON has no number for."""
+    """The value with None in place of NaN and infinities, which JSON lacks."""
     if isinstance(value, dict):
         return {key: _finite(x) for key, x in value.items()}
     if isinstance(value, (list, tuple)):
@@ -106,7 +105,7 @@ def _finite(value: object) -> object:
 
 
 def width() -> int | None:
-    """How many columns there are to print in; None where nothing says so (a pipe, a file)."""
+    """Width of the output in characters, from COLUMNS or the terminal; None for a pipe or a file."""
     stated = os.environ.get("COLUMNS", "")
     if stated.isdigit():
         return int(stated)
@@ -114,7 +113,7 @@ def width() -> int | None:
 
 
 def show(title: str, rows: list[dict[str, str]]) -> None:
-    """Print a table: of its columns, in their order, as many as fit, the last of them cut where it has to be."""
+    """Print a table with as many columns as fit, in their order; the last one is cut if need be."""
     from rich.table import Table
     from rich.text import Text
 
@@ -142,15 +141,27 @@ def show(title: str, rows: list[dict[str, str]]) -> None:
         console.print(f"in a wider terminal also: {', '.join(hidden)}; everything with --json", highlight=False)
 
 
+def check_file(path: Path, endings: tuple[str, ...]) -> None:
+    """Raise InvalidInput if no file of one of these kinds can be written there; called before anything is measured."""
+    if path.suffix.lower() not in endings:
+        *others, last = endings
+        kinds = f"{', '.join(others)} or {last}" if others else last
+        raise InvalidInput(f"--output is {path}; the ending of its name says its kind: {kinds}")
+    if not path.parent.is_dir():
+        raise InvalidInput(f"--output is {path}, and there is no folder {path.parent}")
+    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise InvalidInput(f"--output {path} cannot be written")
+
+
 def end_time(text: str | None, problem) -> float | None:
-    """The end time that --t-end is, in the problem's unit of time."""
+    """The value of --t-end in the problem's unit of time; None if it is not given."""
     from phasebench.benchmarks.problems.units import span
 
     return None if text is None else span(text, problem.time_unit, "--t-end")
 
 
 def numbers(text: str | None, name: str) -> list[float] | None:
-    """Comma-separated numbers; fractions such as 1/3 are read as well."""
+    """Read comma-separated numbers or fractions such as 1/3; raises InvalidInput, naming the option."""
     if text is None:
         return None
     try:
@@ -160,7 +171,7 @@ def numbers(text: str | None, name: str) -> list[float] | None:
 
 
 def pairs(items: list[str], option: str) -> dict[str, str]:
-    """name=value, each name once."""
+    """Read options name=value, each name once, as a dict; raises InvalidInput."""
     items_by_name: dict[str, str] = {}
     for item in items:
         key, mark, value = (x.strip() for x in item.partition("="))
@@ -173,7 +184,7 @@ def pairs(items: list[str], option: str) -> dict[str, str]:
 
 
 def values(items: list[str], option: str) -> dict[str, float]:
-    """name=value with one number each."""
+    """Read options name=number as a dict; raises InvalidInput."""
     numbers_by_name = {}
     for key, text in pairs(items, f"--{option}").items():
         value = numbers(text, f"{option} {key}")

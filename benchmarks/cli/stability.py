@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
+from . import options
 from .shared import compilation_shown, invalid_input, out, pairs, print_json
 
 
 def stability(
-    method: Annotated[str, typer.Argument(metavar="METHOD", help="A method, a peer with a step, or ./mine.py.")],
-    param: Annotated[list[str], typer.Option(help="A method's parameter: lam=1/3.")] = [],  # noqa: B006
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    method: Annotated[str, options.method_argument("A method, a peer with a step, or ./mine.py.")],
+    param: options.Parameters = [],  # noqa: B006
+    as_json: options.Json = False,
 ) -> None:
     """Print the intervals of h omega in which a method is stable on the harmonic oscillator."""
     with invalid_input():
@@ -21,7 +20,7 @@ def stability(
             from phasebench.benchmarks.measure import oscillator
             from phasebench.benchmarks.measure.integrator import integrator
 
-            found = oscillator.row(integrator(method, **parameters))
+            found = oscillator.row(integrator(method, parameters=parameters))
     if as_json:
         print_json(found)
     else:

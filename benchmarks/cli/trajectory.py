@@ -1,4 +1,4 @@
-"""A trajectory as a file: CSV with a column for each component, or NumPy's npz; whole or not at all."""
+"""Write a trajectory as CSV, a column for each component, or as NumPy's npz; the whole file or none."""
 
 from __future__ import annotations
 
@@ -10,21 +10,11 @@ from phasebench.integrators.errors import InvalidInput
 SUFFIXES = (".csv", ".npz")
 
 
-def check(path: Path) -> None:
-    """Raise InvalidInput where nothing can be written there, before anything is integrated."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise InvalidInput(f"--output is {path}; its suffix says the format: {' or '.join(SUFFIXES)}")
-    if not path.parent.is_dir():
-        raise InvalidInput(f"--output is {path}, and there is no folder {path.parent}")
-    if path.is_dir():
-        raise InvalidInput(f"--output is {path}, a folder")
-
-
 def write(path: Path, solution, every: int = 1) -> int:
-    """Write every Nth row of a solution, and the last; returns how many rows."""
+    """Write every Nth row of a solution, and the last; returns the number of rows, or raises InvalidInput."""
     import numpy as np
 
-    from phasebench.reference.tables import write_file
+    from phasebench.reference.files import write_file
 
     last = len(solution.t) - 1
     kept = sorted({*range(0, last + 1, every), last})
@@ -42,7 +32,7 @@ def write(path: Path, solution, every: int = 1) -> int:
 
 
 def _csv(t, q, p) -> str:
-    """Numbers by their shortest digits that give the double back."""
+    """The trajectory as CSV text; each number has the fewest digits that give the double back."""
     d = q.shape[1]
     names = ["t", *(f"{x}{i}" for x in "qp" for i in range(1, d + 1))]
     rows = (",".join(repr(float(x)) for x in (time, *a, *b)) for time, a, b in zip(t, q, p, strict=True))

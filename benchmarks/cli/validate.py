@@ -1,7 +1,8 @@
-"""``validate``: what an integrator of one's own claims, judged; exit code 0 only where every claim was seen to hold."""
+"""``validate``: judge what a user's integrator claims; exit code 0 only if every claim was seen to hold."""
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,13 +10,16 @@ import typer
 
 from phasebench.integrators.errors import InvalidInput
 
+from . import completion, options
 from .shared import WRONG, compilation_shown, invalid_input, out, print_json, telling, warn, width
 
 if TYPE_CHECKING:
     from phasebench.benchmarks.certificate.result import Certificate
 
-#: Below so many columns, and where nobody reads, a claim is a line of text.
+#: On a narrower terminal, or if the output is no terminal, claims are printed as lines, not as a table.
 NARROW = 70
+#: Lines are folded at this many characters.
+WIDEST = 100
 STYLES = {"pass": "green", "fail": "bold red", "holds": "green", "contradicted": "bold red"}
 
 
@@ -25,22 +29,30 @@ def validate(
         typer.Argument(
             metavar="INTEGRATOR",
             help="./mine.py, ./mine.py:object.step, ./mine.json, package.module:callable, a method, a peer.",
+            autocompletion=completion.methods_and_peers,
         ),
     ],
     claim: Annotated[
-        list[str], typer.Option(help="order=4, symplectic, symmetric, reversible, energy=bounded, stability=2, ...")
+        list[str],
+        typer.Option(
+            metavar="CLAIM",
+            help="What it claims: order=4, symplectic, symmetric, reversible, energy=bounded, ...; repeat it.",
+        ),
     ] = [],  # noqa: B006
-    requires: Annotated[list[str], typer.Option(help="A trait of systems that it needs: separable.")] = [],  # noqa: B006
+    requires: Annotated[list[str], options.requires("The integrator needs it; repeat it.")] = [],  # noqa: B006
     problem: Annotated[
         list[str],
-        typer.Option(help="A problem, or your own ./mine.py, to measure it on in place of the suite's systems."),
+        options.problem_option("Or your own ./mine.py. It is measured on it in place of the suite's; repeat it."),
     ] = [],  # noqa: B006
     time_limit: Annotated[
-        float | None, typer.Option(help="Seconds: then a step that never returns is ended, and where it was is said.")
+        float | None,
+        options.time_limit(
+            "What is not measured then is not judged; the line of a step that hangs is named. Default: no limit."
+        ),
     ] = None,
-    output: Annotated[Path | None, typer.Option(help="A folder for the certificate: Markdown, HTML, JSON.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the states at which it is measured.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    output: Annotated[Path | None, options.output("FOLDER", "A certificate: Markdown, HTML, JSON.")] = None,
+    seed: Annotated[int, typer.Option(metavar="NUMBER", help="Seed of the random states at which it is measured.")] = 0,
+    as_json: options.Json = False,
 ) -> None:
     """Measure an integrator of your own and judge what it claims; exit code 0 only for pass."""
     with invalid_input(), compilation_shown(not as_json):
@@ -68,7 +80,7 @@ def validate(
 
 
 def stated(items: list[str]) -> dict[str, Any]:
-    """Claims as they are written: ``order=4`` a number, ``symplectic`` or ``symplectic=true`` true, others text."""
+    """Read --claim options: ``order=4`` as a number, ``symplectic`` or ``symplectic=true`` as True, others as text."""
     claims: dict[str, Any] = {}
     for item in items:
         name, mark, text = (x.strip() for x in item.partition("="))
@@ -93,7 +105,7 @@ def _value(text: str) -> Any:
 
 def _print(found: Certificate, output: Path | None) -> None:
     from phasebench.benchmarks.certificate import times
-    from phasebench.benchmarks.certificate.place import placed
+    from phasebench.benchmarks.certificate.costs import format_costs
 
     warn(times.failures(found.times))
     room = width()
@@ -103,21 +115,31 @@ def _print(found: Certificate, output: Path | None) -> None:
         _print_table(found)
     if found.doubles:
         _say(f"measured in doubles: {found.doubles}")
-    for line in (*placed(found.tables), *times.said(found.times)):
+    for line in format_costs(found.tables, found.times):
         _say(line)
     if output is not None:
         _say(f"certificate: {output / 'certificate.html'}")
 
 
 def _say(text: str) -> None:
-    out.print(text, highlight=False, markup=False, soft_wrap=True)
+    for line in text.splitlines():
+        out.print(folded(line), highlight=False, markup=False, soft_wrap=True)
+
+
+def folded(line: str) -> str:
+    """The line in pieces of at most `WIDEST` characters, indented after the first; options to be copied stay whole."""
+    if len(line) <= WIDEST or " --claim " in line:
+        return line
+    within = " " * (len(line) - len(line.lstrip()) + 4)
+    pieces = textwrap.wrap(line, WIDEST, subsequent_indent=within, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(pieces)
 
 
 def _print_table(found: Certificate) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    table = Table("claim", "verdict", "measured", "", box=None, padding=(0, 2, 0, 0), header_style="")
     for j in found.claims:
         measured = f"{j.measured:.3g}" if isinstance(j.measured, float) else ""
         table.add_row(j.claim, Text(j.verdict, style=STYLES.get(j.verdict, "yellow")), measured, Text(j.why))
@@ -125,4 +147,4 @@ def _print_table(found: Certificate) -> None:
     out.print(verdict, highlight=False)
     out.print(table, highlight=False)
     if found.offers:
-        _say(f"measured and not claimed: {found.offered()}")
+        _say(f"measured and not claimed: {found.claim_options()}")

@@ -1,1 +1,1 @@
-"""Measures: pure functions of trajectories and of integrators."""
+"""Measurements: mostly pure functions of trajectories and integrators."""

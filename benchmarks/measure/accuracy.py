@@ -1,9 +1,9 @@
-"""What a row of a sweep says: its error against the certified reference, and how the invariants are kept.
+"""Errors of a sweep's runs against the certified reference, and how they conserve the invariants.
 
-What is true is a stored state of the orbit's certificate, so that it is the same on every machine.  The error is taken
-at the scene's end, or, of an orbit that parts from its neighbours, at the last stored time before the certificate's
-horizon, up to which rounding to long double stays within 1e-13 of the state (`reference.certificates.horizon`, the same
-on every machine): a double's error there is far above a stored state's uncertainty, and not yet as large as the orbit.
+The reference is a stored state of the orbit's certificate, hence the same on every machine.  The error is taken at the
+scene's end or, for an orbit with sensitive dependence, at the last stored time before the certificate's horizon.  Up
+to the horizon, rounding to long double stays within 1e-13 of the state (`reference.certificates.horizon`): an error in
+doubles is then far above the uncertainty of a stored state, and not yet as large as the orbit.
 """
 
 from __future__ import annotations
@@ -15,34 +15,35 @@ from typing import Any
 
 import numpy as np
 
+from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.scenes import BY_ID, Scene
-from phasebench.benchmarks.rows.provenance import versions
 from phasebench.integrators.driver import OK, Solution
 from phasebench.reference.certificates import stored
+from phasebench.reference.installed import version_of
 
 from . import metrics
 from .drift import POINTS, drift
 
-#: The first part of a long run, in which also a chaotic trajectory can be measured again to all digits but a few.
+#: Share of a long run in which the error of a chaotic trajectory can still be reproduced to a few digits.
 EARLY = 0.05
-#: Fewer steps than this say nothing of an early error.
+#: Smallest number of rows for an early error.
 LEAST = 10
-#: Of a time that is a product n h.
+#: Relative round-off of a time computed as a product n h.
 ROUND_OFF = 4 * float(np.finfo(float).eps)
 STORED, COMPUTED = "stored", "computed"
 
 
 @dataclass(frozen=True)
 class Truth:
-    """Where an orbit is at a time.
+    """The true state of an orbit at a time.
 
     Attributes
     ----------
     t : the time
     texts : (q, p) as 2 d decimal strings
-    uncertainty : of these, in the max norm
-    horizon : up to which errors of trajectories may be told
-    source : "stored", or "computed" where no certificate has this time
+    uncertainty : of the state, in the max norm
+    horizon : the last time up to which errors of trajectories are meaningful
+    source : "stored", or "computed" if no certificate has this time
     """
 
     t: float
@@ -52,16 +53,16 @@ class Truth:
     source: str
 
     def error(self, state) -> float:
-        """The max norm of a state (q, p), array (2 d,) of doubles, minus this one, without a round-off of its own."""
+        """Error in the max norm of a state (q, p), array (2 d,) of doubles; computed without round-off."""
         with localcontext(prec=50):
             return float(max(abs(Decimal(float(x)) - Decimal(y)) for x, y in zip(state, self.texts, strict=True)))
 
 
 @cache
 def truth(scene: str) -> Truth:
-    """What is true of a scene: at its end where that can be told, else at the last stored time that can."""
+    """The true state of a scene: at its end if that is within the horizon, else at the last stored time that is."""
     wanted = BY_ID[scene]
-    problem = wanted.made()
+    problem = problem_of(wanted.problem)
     certificate = stored.find(problem)
     if certificate is not None:
         horizon = min(certificate.horizon, wanted.t_end)
@@ -69,10 +70,10 @@ def truth(scene: str) -> Truth:
         if ends:
             last = ends[-1]
             return Truth(last.t, (*last.q_text, *last.p_text), last.uncertainty, horizon, STORED)
-    return _computed(problem, wanted.t_end)
+    return _compute_truth(problem, wanted.t_end)
 
 
-def _computed(problem, t: float) -> Truth:
+def _compute_truth(problem, t: float) -> Truth:
     from phasebench.reference.certificates import horizon
     from phasebench.reference.solvers import taylor
 
@@ -82,7 +83,7 @@ def _computed(problem, t: float) -> Truth:
 
 
 def head(scene: Scene, problem, chosen, kind: str, *packages: str) -> dict[str, Any]:
-    """What a row begins with: on what and of whom (a method or a peer) it is, with the versions of ``packages`` too."""
+    """The first columns of a row: scene, problem, integrator (``chosen``, a method or peer) and package versions."""
     used = ("phasebench", "numpy", "numba", *packages)
     return {
         "scene": scene.id,
@@ -93,17 +94,17 @@ def head(scene: Scene, problem, chosen, kind: str, *packages: str) -> dict[str, 
         "kind": kind,
         "t_end": scene.t_end,
         "declared_order": chosen.order,
-        "versions": ", ".join(f"{k} {versions().get(k, 'absent')}" for k in used),
+        "versions": ", ".join(f"{k} {version_of(k) or 'absent'}" for k in used),
     }
 
 
 def end_state(solution, row: int = -1) -> np.ndarray:
-    """(q, p) at the end of a solution or a reference, or in another row of it, array (2 d,)."""
+    """(q, p) in the last row of a solution or a reference, or in another row, array (2 d,)."""
     return np.concatenate([solution.q[row], solution.p[row]])
 
 
 def trajectory_error(scene: Scene, solution: Solution) -> dict[str, float | str]:
-    """The error of the trajectory where it can be told (`truth`); none where the solution has no row at that time."""
+    """Columns with the trajectory's error at the time of `truth`; without an error if no row has that time."""
     true = truth(scene.id)
     out: dict[str, float | str] = {"reference_horizon": true.horizon}
     rows = np.flatnonzero(np.abs(solution.t - true.t) <= ROUND_OFF * true.t)
@@ -115,7 +116,7 @@ def trajectory_error(scene: Scene, solution: Solution) -> dict[str, float | str]
 
 
 def invariants(problem, solution: Solution, t_end: float) -> dict[str, float]:
-    """The largest error of the energy and of each invariant, and the energy's drift with its 95 % interval."""
+    """Columns with the largest error of the energy and of each invariant, and the energy's drift with 95 % interval."""
     out: dict[str, float] = {}
     H = problem.system.observe(problem.system.H, solution.q, solution.p)
     good = np.isfinite(H)

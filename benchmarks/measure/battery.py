@@ -1,4 +1,4 @@
-"""The methods and systems that the registry-wide tests run on, taken from the registry itself."""
+"""The systems and the variants of methods for tests over the whole registry."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from phasebench.integrators.record import Method
 from phasebench.integrators.registry import METHODS
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-#: Values at which a parameter of that name is tested; parameters of other names keep their default.
+#: Parameter name -> the values to test; other parameters keep their default.
 VALUES = {
     "lam": (Fraction(-1), Fraction(1, 3), Fraction(1, 2), Fraction(3, 2)),
     "order": (1, 2, 3, 4),
 }
-#: Orders of a method with the parameter ``order`` for which the formulae stay short only on few polynomials.
+#: Values of the parameter ``order`` at which formulae stay short only for a few polynomial H.
 HIGH = (5, 6)
 
 
-def _accepted(record: Method, values: dict) -> list[Method]:
+def _build_if_valid(record: Method, values: dict) -> list[Method]:
     try:
         return [record(**values)]
     except InvalidInput:
@@ -31,7 +31,7 @@ def _accepted(record: Method, values: dict) -> list[Method]:
 
 
 def variants(methods=METHODS, **values) -> list[Method]:
-    """Every method at every tested value of its parameters."""
+    """Every method at every tested value of its parameters; ``values`` adds or replaces entries of `VALUES`."""
     values = VALUES | values
     members = []
     for record in methods:
@@ -40,19 +40,21 @@ def variants(methods=METHODS, **values) -> list[Method]:
             continue
         names = list(record.parameters)
         grids = [values.get(n, (record.parameters[n],)) for n in names]
-        accepted = [m for point in product(*grids) for m in _accepted(record, dict(zip(names, point, strict=True)))]
+        accepted = [
+            m for point in product(*grids) for m in _build_if_valid(record, dict(zip(names, point, strict=True)))
+        ]
         assert accepted or not set(values) <= set(VALUES), f"{record.id} accepts none of the tested parameters"
         members += accepted
     return members
 
 
 def high_order_variants() -> list[Method]:
-    """Methods with the parameter ``order`` at the orders of `HIGH`."""
+    """Methods with the parameter ``order``, at the orders in `HIGH`."""
     return variants([m for m in METHODS if "order" in m.parameters], order=HIGH)
 
 
 def by_label(methods) -> dict[str, Method]:
-    """Label -> method; the labels are unique."""
+    """A dict label -> method; asserts that the labels are unique."""
     table = {m.label: m for m in methods}
     assert len(table) == len(methods)
     return table
@@ -63,20 +65,20 @@ def tao() -> Hamiltonian:
     return Hamiltonian(q="q", p="p", H="(q**2 + 1)*(p**2 + 1)/2")
 
 
-def coupled() -> Hamiltonian:
-    """A double well with velocity-dependent coupling, d = 2, without any symmetry between q and p or 1 and 2."""
+def coupled_double_well() -> Hamiltonian:
+    """A double well with velocity-dependent coupling, d = 2, symmetric neither in q and p nor in 1 and 2."""
     return Hamiltonian(
         q="q1 q2", p="p1 p2", H="(p1**2 + p2**2)/2 + q1*p1*p2/4 + (q1**2 - 1)**2/4 + q2**2/2 + q1**2*q2*p2/3"
     )
 
 
 def two_frequencies() -> Hamiltonian:
-    """Henon-Heiles with frequencies 1 and 3/2: of equal ones a filter is a number, and every filter symplectic."""
+    """Henon-Heiles with frequencies 1 and 3/2; with equal ones a filter is a scalar, and every filter symplectic."""
     H = "(p1**2 + p2**2)/2 + (q1**2 + 9*q2**2/4)/2 + q1**2*q2 - q2**3/3"
     return Hamiltonian(q="q1 q2", p="p1 p2", H=H, frequencies=[1, sp.Rational(3, 2)])
 
 
-#: Name -> a function that makes (system, q, p), once.
+#: Name -> a cached function that returns (system, q, p).
 SYSTEMS = {
     "pendulum": cache(lambda: _of("pendulum:swinging")),
     "henon-heiles": cache(lambda: _of("henon-heiles:chaotic")),
@@ -84,16 +86,16 @@ SYSTEMS = {
     "lotka-volterra": cache(lambda: _of("lotka-volterra")),
     "tao": cache(lambda: (tao(), (0.3,), (-0.7,))),
     "two-frequencies": cache(lambda: (two_frequencies(), (0.1, -0.2), (0.3, 0.15))),
-    "coupled": cache(lambda: (coupled(), (0.4, -0.6), (0.5, 0.3))),
+    "coupled": cache(lambda: (coupled_double_well(), (0.4, -0.6), (0.5, 0.3))),
 }
-#: Where the formulae of high order stay short, and enough for long compositions that look for a root in each substep.
+#: Systems on which formulae of high order stay short; enough for long compositions that solve an equation per substep.
 SHORT = ("henon-heiles", "tao")
-#: Enough for a property of a single step, and for the order of a method of high order.
+#: Systems that suffice for a property of a single step, and for the order of a method of high order.
 FEW = ("pendulum", "henon-heiles", "tao")
-#: Methods of a higher order are tested at one value of lambda, on a few systems.
+#: Methods of higher order are tested at one value of lambda, on a few systems.
 LOW_ORDER = 4
 NON_SEPARABLE = ("tao", "coupled")
-#: Turning points superconverge by their symmetry: measure orders at this time of the orbit instead.
+#: Methods superconverge at turning points by symmetry, so orders are measured from this time of the orbit on.
 LATER = 0.4
 
 
@@ -103,12 +105,12 @@ def _of(name: str):
 
 
 def runs_on(method: Method, name: str) -> bool:
-    """Whether the method has what it requires on that system."""
+    """True if the system meets the method's requirements."""
     return method.lacks(SYSTEMS[name]()[0]) is None
 
 
 def systems(method: Method, few: bool | None = None) -> list[str]:
-    """The systems on which a method is tested: all where it runs, or ``few`` (at first: for a high order)."""
+    """Names of the systems on which a method is tested; ``few`` limits them (default: for high orders)."""
     if method.parameters.get("order", 0) in HIGH or (method.family == "schemes_iv_v" and method.order > LOW_ORDER):
         return [n for n in SHORT if runs_on(method, n)]
     few = method.order > LOW_ORDER if few is None else few
@@ -118,9 +120,9 @@ def systems(method: Method, few: bool | None = None) -> list[str]:
 
 
 def expected_order(method: Method, name: str) -> int:
-    """The order that is expected on a system: the declared one, higher where the method is symmetric by accident.
+    """The order expected on a system: the declared one, or higher if the method happens to be symmetric there.
 
-    For H = T(p) + V(q) the averages along a path of two blocks do not know in which order the blocks come.
+    If H = T(p) + V(q), averages along a path of two blocks do not depend on the order of the blocks.
     """
     system = SYSTEMS[name]()[0]
     blocks = {"pavf": 2, "pavf-adjoint": 2, "itoh-abe": 2 * system.d}.get(method.id)
@@ -128,5 +130,5 @@ def expected_order(method: Method, name: str) -> int:
 
 
 def canonical(name: str) -> bool:
-    """Whether a system is canonical, so that a step map may be symplectic."""
+    """True if a system is canonical, so that its step maps can be symplectic."""
     return SYSTEMS[name]()[0].canonical

@@ -1,7 +1,7 @@
-"""Quantities of a body: jupiter.longitude, jupiter.x, of any system that knows its bodies.
+"""Quantities of one body, such as jupiter.longitude or jupiter.x, in systems with named bodies.
 
-A longitude, a latitude and a distance are about the central body; x, y, z, vx, vy, vz about what the frame of the table
-says: the central body (heliocentric) or the barycentre.
+Longitude, latitude and distance are relative to the central body; x, y, z, vx, vy, vz are in the frame of the table of
+bodies: heliocentric or barycentric.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from phasebench.benchmarks.problems.bodies import CARTESIAN, HELIOCENTRIC
 from .quantities import Quantity
 
 SPACE = 3
-#: (problem, the body's number, q and p rows (n, d)) -> an array (n, 3).
+#: Type of (problem, index of the body, q and p rows (n, d)) -> array (n, 3).
 Vectors = Callable[..., np.ndarray]
 
 
 def position(problem, body: int, q, p) -> np.ndarray:
-    """Where a body is about the central one, rows (n, 3)."""
+    """The position of a body relative to the central one: from q (n, d), array (n, 3)."""
     return q[:, SPACE * body : SPACE * (body + 1)] - q[:, :SPACE]
 
 
 def _cartesian(name: str, component: int) -> Callable:
-    """Component of (position, velocity) in the frame of the table."""
+    """Make the observable of a body's coordinate: components 0-2 position, 3-5 velocity, in the frame of the table."""
     axis = component % SPACE
 
     def value(problem, body: int, q, p) -> np.ndarray:
@@ -51,7 +51,7 @@ def _distance(problem, body: int, q, p) -> np.ndarray:
     return np.linalg.norm(position(problem, body, q, p), axis=1)
 
 
-#: Name -> (what it is, unit, function, whether it is an angle).
+#: Name -> (description, unit, function, True for an angle).
 KINDS: dict[str, tuple[str, str, Callable, bool]] = {
     "longitude": ("the longitude about the central body, in the plane of coordinates", "rad", _longitude, True),
     "latitude": ("the latitude over the plane of coordinates, seen from the central body", "rad", _latitude, True),
@@ -64,7 +64,7 @@ KINDS: dict[str, tuple[str, str, Callable, bool]] = {
 
 
 def of_body(name: str, body: int, kind: str) -> Quantity:
-    """A quantity of the body of that name and number, at the end."""
+    """A quantity of the body with this name and index, at the end of a run."""
     about, unit, value, angle = KINDS[kind]
 
     def values(problem, t, q, p) -> np.ndarray:
@@ -74,14 +74,14 @@ def of_body(name: str, body: int, kind: str) -> Quantity:
 
 
 def of_bodies(problem) -> Iterator[Quantity]:
-    """All of a problem that has ``bodies``; none of any other."""
+    """All quantities of the bodies of a problem; none if it has no ``bodies``."""
     found = getattr(problem, "bodies", None)
     for body, name in enumerate(found.names if found is not None else ()):
         yield from (of_body(name, body, kind) for kind in KINDS if body or found.frame != HELIOCENTRIC)
 
 
 def body_of(problem, quantity: Quantity) -> str | None:
-    """The name of the body that a quantity is of; None where it is not of a body."""
+    """The name of the body that a quantity belongs to; None if it does not belong to one."""
     found = getattr(problem, "bodies", None)
     name, mark, kind = quantity.name.rpartition(".")
     return name if found is not None and mark and kind in KINDS and name in found.names else None

@@ -1,11 +1,11 @@
-r"""The bare C loop that a compiled step is measured against: Stormer-Verlet of the same formula, nothing else.
+r"""A bare C loop of Stormer-Verlet for the same formula, with which the speed of compiled steps is compared.
 
 .. math::
     p \leftarrow p - \tfrac h2 g,\quad q \leftarrow q + h\,\nabla T(p),\quad g \leftarrow \nabla V(q),\quad
     p \leftarrow p - \tfrac h2 g
 
-One gradient a step, no compensation, no function pointer, no rows; `gcc -O3 -march=native`.  The statements of the
-gradients are those that the compiled kernels run on.  With merged kicks the last of a step and the first of the next
+One gradient a step, no compensated summation, no function pointer, no output; `gcc -O3 -march=native`.  The gradients
+are the same statements as in the compiled kernels.  With merged kicks the last kick of a step and the first of the next
 are one, as in the compiled kernels.
 """
 
@@ -23,20 +23,20 @@ from pathlib import Path
 import numpy as np
 import sympy as sp
 
-from phasebench.integrators.engine import printing
-from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.compile import printing
+from phasebench.integrators.compile.codegen import DOUBLE
 
 
 def compiler() -> str | None:
-    """The C compiler's path, or None: $CC, gcc or cc."""
+    """The path of the C compiler: $CC, gcc or cc; None if there is none."""
     for name in (os.environ.get("CC"), "gcc", "cc"):
         if name and shutil.which(name):
             return shutil.which(name)
     return None
 
 
-def loaded(text: str) -> ctypes.CDLL:
-    """The functions of a C text, compiled; raises RuntimeError without a C compiler or where it rejects the text."""
+def load_source(text: str) -> ctypes.CDLL:
+    """Compile C source and load its functions; raises RuntimeError without a C compiler or if compilation fails."""
     cc = compiler()
     if cc is None:
         raise RuntimeError("no C compiler: install gcc or set CC")
@@ -51,7 +51,7 @@ def loaded(text: str) -> ctypes.CDLL:
 
 
 def _statements(energy: sp.Expr, name: str, variables) -> tuple[str, list[str]]:
-    """C statements before the components of an energy's gradient by q or p, and the components' expressions."""
+    """(C statements, expressions of the components) for an energy's gradient by the ``variables`` q or p."""
     text = printing.source("f", [(name, variables)], [[sp.diff(energy, x) for x in variables]], DOUBLE)
     lines = [line.strip() for line in text.splitlines()[1:]]
     body = [f"double {line};" for line in lines[len(variables) : -1]]
@@ -66,7 +66,7 @@ def _statements(energy: sp.Expr, name: str, variables) -> tuple[str, list[str]]:
 
 
 def source(system, merged: bool = False) -> str:
-    """The C text of ``leapfrog(steps, h, state)``, state = q then p; for a separable H with a quadratic T."""
+    """The C source of ``leapfrog(steps, h, state)``, state = (q, p); for separable H with quadratic T."""
     of_V, forces = _statements(system.potential, "q", system.q)
     of_T, velocities = _statements(system.kinetic, "p", system.p)
     d = range(system.d)
@@ -97,18 +97,18 @@ void leapfrog(long steps, double h, double *y) {{
 
 
 class Loop:
-    """The compiled loop of a problem; raises RuntimeError without a C compiler or where it rejects the source."""
+    """The compiled C loop of a problem; raises RuntimeError if it cannot be compiled or T is not quadratic."""
 
     def __init__(self, problem, merged: bool = False):
         if not getattr(problem.system, "quadratic_kinetic", False):
             raise RuntimeError("the C loop is written for a separable H with a quadratic T")
         self.problem = problem
-        self._leapfrog = loaded(source(problem.system, merged)).leapfrog
+        self._leapfrog = load_source(source(problem.system, merged)).leapfrog
         self._leapfrog.argtypes = [ctypes.c_long, ctypes.c_double, ctypes.c_void_p]
         self._leapfrog.restype = None
 
     def run(self, h: float, steps: int) -> tuple[float, np.ndarray]:
-        """(seconds of ``steps`` steps, the end state: q then p)."""
+        """(seconds of ``steps`` steps, the final state (q, p), array (2 d,))."""
         y = np.array([*self.problem.q0, *self.problem.p0])
         started = time.perf_counter()
         self._leapfrog(steps, h, y.ctypes.data)

@@ -1,9 +1,9 @@
-"""The clock of one integration, the same for methods and peers: a prepared run, warm, with nothing read back.
+"""Times one integration in the same way for methods and peers: a prepared, warm run without output.
 
-Clocked is `advance`: the reset to the initial state and the integrator's own call.  A run is warmed up by one that is
-not counted.  Runs shorter than `LEAST` are repeated until they last so long together, each from a start that differs
-in the last digits, so that no processor learns one orbit by heart.  The time of the thread is taken beside the wall's:
-a reading in which they differ by more than `SHARED` was disturbed by other processes, and is taken again.
+The measured time is that of `advance`: the reset to the initial state and the integrator's own call.  A first run is
+not counted.  Runs shorter than `LEAST` are repeated until they last that long together, each from a start that
+differs in the last digits, so that no processor adapts to one orbit.  CPU time of the thread is measured beside wall
+time: a reading in which they differ by more than `SHARED` was disturbed by other processes and is repeated.
 """
 
 from __future__ import annotations
@@ -16,31 +16,31 @@ from typing import Any
 
 import numpy as np
 
-#: Seconds that the runs of one reading last together, at least, and the most runs of one.
+#: Least seconds that the runs of one reading last together, and largest number of them.
 LEAST, MOST = 1e-4, 400
-#: Starts that a repeated run takes in turn; start k is the initial state times 1 + k eps.
+#: Number of different starts of repeated runs; start k is the initial state times 1 + k eps.
 STARTS = 16
-#: The wall's time over the thread's, less 1, from which on the core was shared; readings taken again at most so often.
+#: Largest excess of wall time over CPU time, as a share of it; and how often a disturbed reading is repeated.
 SHARED, AGAIN = 0.05, 5
-#: Fewer readings than this share that stay disturbed are not worth telling.
+#: Disturbed readings up to this share of all are not reported.
 RARELY = 0.02
-#: A run of more seconds needs no warming up: its first counts.
+#: A run of more seconds is not warmed up: its first reading counts.
 COLD = 0.05
-#: A span of so many units in the last place of the whole: what is left is the cost of a call.
+#: Share of the span in `call`; integrating it costs nothing but the call.
 SHORTEST = 1e-9
 EPS = float(np.finfo(float).eps)
 
 
 @dataclass
 class Sharing:
-    """How often the core was shared: readings, those that were taken again, and those that stayed disturbed."""
+    """Counts readings of the clock: all, those repeated since the core was shared, and those that stayed disturbed."""
 
     readings: int = 0
     repeated: int = 0
     disturbed: int = 0
 
-    def told(self) -> str:
-        """What to know of the times; empty where fewer than `RARELY` of the readings stayed disturbed."""
+    def summary(self) -> str:
+        """A sentence on disturbed timings; "" if at most the share `RARELY` of the readings stayed disturbed."""
         if self.disturbed <= RARELY * self.readings:
             return ""
         return (
@@ -51,14 +51,14 @@ class Sharing:
 
 @dataclass
 class Clock:
-    """Seconds of one integration, each time it is called.
+    """A callable that times one integration.
 
     Attributes
     ----------
     run : a prepared run
-    size : what its `advance` is called with: (h, steps) or (t_end,)
+    size : the arguments of its `advance`: (h, steps) or (t_end,)
     start : (q0, p0), arrays (d,)
-    sharing : counts the readings that were disturbed
+    sharing : counts disturbed readings
     """
 
     run: Any
@@ -69,47 +69,49 @@ class Clock:
 
     def __call__(self) -> float:
         """The mean seconds of a run in one reading."""
-        if not self._starts and (seconds := self._warm()) > COLD:
-            self.sharing.readings += 1
-            return seconds
-        for _ in range(1 + AGAIN):
-            seconds, shared = self._reading()
-            self.sharing.readings += 1
-            if not shared:
-                break
-            self.sharing.repeated += 1
-        else:
-            self.sharing.disturbed += 1
+        taken = 0
+        if not self._starts:
+            seconds, shared = self._warm()
+            if seconds > COLD:
+                taken = 1
+                if self._is_undisturbed(shared):
+                    return seconds
+        for _ in range(1 + AGAIN - taken):
+            seconds, shared = self._reading(self._starts)
+            if self._is_undisturbed(shared):
+                return seconds
+        self.sharing.disturbed += 1
         return seconds
 
-    def _warm(self) -> float:
-        """The seconds of a first run, which count where it is long; sees from it how many make a reading."""
+    def _is_undisturbed(self, shared: bool) -> bool:
+        """Count a reading; False if the core was shared."""
+        self.sharing.readings += 1
+        self.sharing.repeated += shared
+        return not shared
+
+    def _warm(self) -> tuple[float, bool]:
+        """The reading of a first run, or of a second if that is short; it sets the number of runs per reading."""
         q, p = (np.asarray(x, dtype=float) for x in self.start)
-        self.run.restart(q, p)
-        began = time.perf_counter()
-        self.run.advance(*self.size)
-        once = time.perf_counter() - began
+        once, shared = self._reading([(q, p)])
         if once < COLD:
-            began = time.perf_counter()
-            self.run.advance(*self.size)
-            once = time.perf_counter() - began
+            once, shared = self._reading([(q, p)])
         count = min(MOST, ceil(LEAST / max(once, 1e-9)))
         distinct = [(q * (1 + k * EPS), p * (1 + k * EPS)) for k in range(min(count, STARTS))]
         self._starts = [distinct[k % len(distinct)] for k in range(count)]
-        return once
+        return once, shared
 
-    def _reading(self) -> tuple[float, bool]:
-        """(mean seconds, whether the core was shared)."""
+    def _reading(self, starts: list) -> tuple[float, bool]:
+        """(mean seconds of a run from each start, True if the core was shared)."""
         restart, advance, size, spent = self.run.restart, self.run.advance, self.size, 0.0
         clock = time.perf_counter
         thread, wall = time.thread_time(), clock()
-        for q, p in self._starts:
+        for q, p in starts:
             restart(q, p)
             began = clock()
             advance(*size)
             spent += clock() - began
         wall, thread = clock() - wall, time.thread_time() - thread
-        return spent / len(self._starts), wall > (1 + SHARED) * thread
+        return spent / len(starts), wall > (1 + SHARED) * thread
 
 
 def clock(
@@ -122,9 +124,9 @@ def clock(
     run=None,
     sharing: Sharing | None = None,
 ) -> Clock:
-    """The clock of an integrator on a problem to ``t_end``, in so many steps or at a tolerance.
+    """The clock of an integrator on a problem to ``t_end``, with a number of steps or a tolerance.
 
-    ``run`` is its prepared run where there is one already.
+    ``run`` is its prepared run, if there is one already.
     """
     run = integrator.prepare(problem, tol=tol) if run is None else run
     size = (t_end,) if integrator.adaptive else (t_end / steps, steps)
@@ -132,7 +134,40 @@ def clock(
 
 
 def call(integrator, problem, *, t_end: float, steps: int | None = None, tol: float | None = None, run=None) -> float:
-    """Seconds of a call that integrates next to nothing: one step, or a span of `SHORTEST` of the whole."""
+    """Seconds of a call that integrates almost nothing: one step, or the share `SHORTEST` of the span."""
     if integrator.adaptive:
         return clock(integrator, problem, t_end=SHORTEST * t_end, tol=tol, run=run)()
     return clock(integrator, problem, t_end=t_end / steps, steps=1, run=run)()
+
+
+@dataclass
+class Clocks:
+    """The clocks of several integrators on one problem, each prepared once per tolerance.
+
+    Attributes
+    ----------
+    problem, t_end : the problem, and the time to which it is integrated
+    sharing : counts disturbed readings
+    """
+
+    problem: Any
+    t_end: float
+    sharing: Sharing = field(default_factory=Sharing)
+    _runs: dict[tuple, Any] = field(default_factory=dict, repr=False)
+
+    def ready(self, integrator, tol: float | None = None) -> bool:
+        """True if the integrator's run at this tolerance is already prepared."""
+        return (integrator.label, tol) in self._runs
+
+    def of(self, integrator, *, steps: int | None = None, tol: float | None = None) -> Clock:
+        """The clock of an integrator with a number of steps or a tolerance."""
+        key = (integrator.label, tol)
+        if key not in self._runs:
+            self._runs[key] = integrator.prepare(self.problem, tol=tol)
+        size = {"t_end": self.t_end, "steps": steps, "tol": tol}
+        return clock(integrator, self.problem, **size, run=self._runs[key], sharing=self.sharing)
+
+    def call(self, integrator, *, steps: int | None = None, tol: float | None = None) -> float:
+        """Seconds of a `call` of an integrator with a number of steps or a tolerance."""
+        size = {"t_end": self.t_end, "steps": steps, "tol": tol}
+        return call(integrator, self.problem, **size, run=self._runs.get((integrator.label, tol)))

@@ -1,10 +1,10 @@
-r"""A record of coefficients as a step: a splitting, or a Butcher tableau.
+r"""Turns coefficients from a JSON record into a step: a splitting or a Runge-Kutta method.
 
-``{"a": [...], "b": [...], "first": "A"}`` is the splitting :math:`\dots e^{b_1 h B} e^{a_1 h A}`, drifts by ``a`` and
-kicks by ``b`` in turn, the longer list (or ``first``, "A" for drifts) begins; ``{"A": [[...]], "b": [...]}`` the
-Runge-Kutta method of that tableau, implicit where the diagonal of A or what is above it is not 0.  Numbers are those of
-JSON, or texts such as "1/6"; they are exact, and rounded to the arithmetic at hand.  ``claims`` and ``requires`` may be
-added.
+``{"a": [...], "b": [...], "first": "A"}`` is the splitting :math:`\dots e^{b_1 h B} e^{a_1 h A}`: drifts by ``a`` and
+kicks by ``b`` alternate, beginning with the longer list or with ``first`` ("A" for drifts).  ``{"A": [[...]], "b":
+[...]}`` is the Runge-Kutta method of that tableau, implicit if A is not strictly lower triangular.  Numbers are JSON
+numbers or texts such as "1/6"; they are read exactly and rounded to the precision of h.  The keys ``claims`` and
+``requires`` are optional.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from phasebench.benchmarks.measure.own_step import OwnStep
 from phasebench.integrators.errors import InvalidInput
 
 KEYS = ("a", "b", "A", "c", "first", "name", "claims", "requires")
-#: Iterations of the stages of an implicit tableau: at most so many, until the change no longer falls.
+#: Largest number of fixed-point iterations for the stages of an implicit tableau.
 ITERATIONS = 200
 FORM = 'write {"a": [...], "b": [...]} for a splitting or {"A": [[...]], "b": [...]} for a tableau'
 
 
 def from_file(path: str) -> OwnStep:
-    """The step of a JSON file; raises InvalidInput for one that cannot be read or is no record of coefficients."""
+    """The step of a JSON file; raises InvalidInput if the file cannot be read or does not hold coefficients."""
     try:
         record = json.loads(Path(path).read_text(encoding="utf-8"), parse_float=str)
     except OSError as error:
@@ -40,7 +40,7 @@ def from_file(path: str) -> OwnStep:
 
 
 def own_step(record, name: str) -> OwnStep:
-    """The step of a record."""
+    """The step of a record of coefficients; raises InvalidInput for a record that is malformed."""
     if not isinstance(record, Mapping):
         raise InvalidInput(f"{name} is a {type(record).__name__}; {FORM}")
     strange = [str(key) for key in record if key not in KEYS]
@@ -68,7 +68,7 @@ def _numbers(values, key: str, name: str) -> list[Fraction]:
 
 
 def _in(coefficient: Fraction, h):
-    """A coefficient times h, rounded once, in the arithmetic of h."""
+    """A coefficient times h, rounded once, in the precision of h."""
     if isinstance(h, float):
         return float(coefficient) * h
     return h * coefficient.numerator / coefficient.denominator
@@ -119,7 +119,7 @@ def _tableau(record, name: str):
 
 
 def _explicit(slope, y, A, h) -> list:
-    """The slopes at the stages, one after the other."""
+    """The stage derivatives of an explicit tableau, one after the other."""
     slopes: list = []
     for row in A:
         slopes.append(slope(y + sum(_in(x, h) * k for x, k in zip(row, slopes, strict=False) if x)))
@@ -127,7 +127,7 @@ def _explicit(slope, y, A, h) -> list:
 
 
 def _implicit(slope, y, A, h) -> list:
-    """The slopes at the stages, iterated until their change no longer falls."""
+    """The stage derivatives of an implicit tableau, iterated until their change no longer falls."""
     rows = [[_in(x, h) for x in row] for row in A]
     slopes, last = [slope(y)] * len(A), None
     for _ in range(ITERATIONS):

@@ -1,4 +1,4 @@
-"""Errors of compilation, told from all others: a method that the compiler cannot make is named, not left out."""
+"""Distinguishes compilation errors from all others, so that a method that does not compile is reported by name."""
 
 from __future__ import annotations
 
@@ -8,23 +8,26 @@ from typing import Any, NamedTuple
 
 from .integrator import OURS
 
-#: Code that compiles: an error raised in it, or below it, is one of compilation.
-COMPILERS = ("numba", "llvmlite", "phasebench.integrators.engine")
-#: A reason is cut at so many characters.
+#: Packages that compile; an error raised in or below one of them is a compilation error.
+COMPILERS = (
+    *("numba", "llvmlite", "phasebench.integrators.compile", "phasebench.integrators.values"),
+    *(f"phasebench.integrators.stepping.{module}" for module in ("kernel", "packed_call", "orbit_lanes")),
+)
+#: Largest number of characters of a reason.
 LONGEST = 200
-#: The status of a row of an integrator that does not compile.
+#: Status of the row of an integrator that does not compile.
 FAILED = "failed"
 
 
 class Failed(NamedTuple):
-    """An integrator that does not compile, and the first line of why."""
+    """An integrator that does not compile, and the first line of the error."""
 
     integrator: str
     why: str
 
 
 def compilation_error(error: BaseException) -> str | None:
-    """Type and first line of an error that compilation raised; None for any other error."""
+    """Type and first line of a compilation error; None for any other error."""
     if not any(_compiles(name) for name in _modules(error)):
         return None
     first = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
@@ -32,7 +35,7 @@ def compilation_error(error: BaseException) -> str | None:
 
 
 class NotCompiled(Exception):
-    """A named integrator does not compile."""
+    """The error of an integrator whose kernel Numba does not compile; names it and the compiler's reason."""
 
     def __init__(self, failed: Failed):
         super().__init__(f"{failed.integrator} does not compile: {failed.why}")
@@ -41,7 +44,7 @@ class NotCompiled(Exception):
 
 @contextmanager
 def naming(integrator: str) -> Iterator[None]:
-    """Raise `NotCompiled` with the integrator's name for an error of compilation inside."""
+    """A context that raises `NotCompiled` with the integrator's name for a compilation error inside."""
     try:
         yield
     except Exception as error:
@@ -52,7 +55,7 @@ def naming(integrator: str) -> Iterator[None]:
 
 
 def _modules(error: BaseException) -> Iterator[str]:
-    """The names of the modules that an error came through."""
+    """The names of the modules in an error's traceback."""
     frame = error.__traceback__
     while frame is not None:
         yield frame.tb_frame.f_globals.get("__name__", "")
@@ -64,16 +67,16 @@ def _compiles(name: str) -> bool:
 
 
 def row_failures(rows: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, str]], str]:
-    """(what does not compile, the sentence that says so) of rows with ``id``, ``kind``, ``status`` and ``reason``."""
+    """(failed integrators, a sentence about them) from rows with ``id``, ``kind``, ``status`` and ``reason``."""
     failed = [Failed(r["id"], r["reason"]) for r in rows if r["status"] == FAILED]
     own = [r["status"] for r in rows if r["kind"] == OURS]
     return [f._asdict() for f in failed], failure_summary(failed, bool(own) and set(own) == {FAILED})
 
 
 def failure_summary(failed: Sequence[Failed], all_own: bool) -> str:
-    """One sentence that names what does not compile, with the first reason; empty where everything does.
+    """A sentence that names the integrators that do not compile, with the first reason; "" if there are none.
 
-    ``all_own`` says that none of this project's methods that were tried compiled.
+    ``all_own`` is True if none of this project's methods that were tried compiled.
     """
     if not failed:
         return ""

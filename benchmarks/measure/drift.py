@@ -1,21 +1,21 @@
-r"""The secular drift of an error that oscillates, with an interval that covers.
+r"""The secular drift of an oscillating error, with a confidence interval of correct coverage.
 
-An oscillation is not noise: a straight line through it has an interval that is far too narrow.  Here in three steps
+An oscillation is not noise: the interval of a straight line fitted through it is far too narrow.  Three steps avoid it:
 
-1. **fast oscillation is averaged**: a long series is taken to about `SAMPLES` means under the window
-   :math:`w(x) = e^{-1/(x(1-x))}`, under which the mean of a quasi-periodic function falls faster than any power of the
-   number of its periods;
-2. **slow oscillation is fitted**: line by line, the strongest first, frequencies of all refined together with their
-   amplitudes and a straight line; a line counts that stands `ABOVE` times as high as the spectrum about it, whether
-   that is flat (white noise) or falls as 1/f^2 (a random walk of round-off); the lines are taken away, the straight
-   line is not;
-3. **the slope is that of blocks**: `BLOCKS` parts of unequal length give a slope each, again under w.  Increments of
-   different blocks are independent for white noise as for a random walk, and with the blocks' lengths an oscillation
-   that is left enters each with another phase.  Of symmetric independent numbers the signed ranks have a known
-   distribution, whatever the scale of each: it gives the interval, between two means of pairs of slopes, and the value
-   is the median of these means.  The number of blocks is the effective size of the sample.
+1. **Fast oscillation is averaged**: a long series is reduced to about `SAMPLES` weighted means under the window
+   :math:`w(x) = e^{-1/(x(1-x))}`, for which the mean of a quasi-periodic function converges faster than any power of
+   the number of its periods.
+2. **Slow oscillation is fitted** and subtracted: one spectral line after another, the strongest first; all frequencies
+   are refined together with their amplitudes and a straight line, which is not subtracted.  A line counts if it is
+   `ABOVE` times as high as the spectrum around it, be that flat (white noise) or falling as 1/f^2 (a random walk of
+   round-off).
+3. **The slope is estimated from blocks**: `BLOCKS` parts of unequal length give one slope each, again under w.
+   Increments in different blocks are independent for white noise and for a random walk, and since lengths differ, a
+   remaining oscillation enters each with another phase.  The signed ranks of symmetric independent numbers have a known
+   distribution, whatever the scale of each.  It gives the interval, between two means of pairs of slopes; the value is
+   the median of these means.  The effective sample size is the number of blocks.
 
-An oscillation of fewer than `SLOWEST` periods in the whole time cannot be told from a drift, and is not.
+An oscillation of fewer than `SLOWEST` periods in the whole series cannot be distinguished from a drift.
 
 Sources: S. Das, Y. Saiki, E. Sander, J. A. Yorke, Nonlinearity 30 (2017) 4111-4140 (the window); J. Laskar, Icarus 88
 (1990) 266-291 (frequencies one after the other); R. Ibragimov, U. K. Mueller, J. Bus. Econ. Stat. 28 (2010) 453-468
@@ -32,39 +32,39 @@ import numpy as np
 
 from .metrics import CONFIDENCE, Slope
 
-#: Blocks that give a slope each, and how much their lengths differ from the mean one, as a share of it.
+#: Number of blocks, and largest deviation of their lengths from the mean, as a share of it.
 BLOCKS, UNEQUAL = 12, 0.4
-#: Points of the shortest series.
+#: Least number of points of a series.
 POINTS = 4 * BLOCKS
-#: A series of more than twice as many points is averaged to about so many, each over `OVERLAP` times their distance.
+#: A longer series is reduced to about `SAMPLES` means, each over `OVERLAP` times their spacing.
 SAMPLES, OVERLAP = 512, 16
-#: Lines that are fitted at most, and the periods in the whole time of the slowest.
+#: Largest number of fitted lines, and the least number of periods of a line in the whole series.
 LINES, SLOWEST = 12, 1.5
-#: A line is so many times as high as the spectrum about it.
+#: Least ratio of a line's height to the spectrum around it.
 ABOVE = 100.0
-#: Points of the spectrum for each period in the whole time; the distances, in periods, of what is about a line.
+#: Points of the spectrum per unit of frequency, and the range of distances that counts as "around" a line.
 FINE, ABOUT = 4, (3, 20)
-#: Steps of Newton's method on all frequencies with each line that is new.
+#: Newton steps on all frequencies after each new line.
 REFINED = 3
 GOLDEN = (5**0.5 - 1) / 2
 
 
 def drift(t, error) -> Slope:
-    """The secular slope of ``error`` in equidistant t, arrays (n,), with its interval.
+    """The secular slope of ``error`` over equidistant times ``t``, arrays (n,), with its interval.
 
-    Raises ValueError for fewer points than `POINTS`.
+    Raises ValueError for fewer than `POINTS` points.
     """
     t, error = np.asarray(t, float), np.asarray(error, float)
     if len(t) < POINTS:
         raise ValueError(f"{len(t)} points are too few for {BLOCKS} blocks; give at least {POINTS}")
-    t, error = _averaged(t, error)
+    t, error = _average(t, error)
     return signed_ranks(_slopes(t, without_lines(t, error)))
 
 
 def signed_ranks(x) -> Slope:
-    """The centre of symmetric independent numbers, array (n,) of n >= 6, by the median of the means of all pairs.
+    """The Hodges-Lehmann centre of symmetric independent numbers, array (n,), n >= 6: the median of all pairs' means.
 
-    The interval is the shortest of signed ranks whose probability is at least `CONFIDENCE`.
+    The interval is the shortest one from signed ranks with a probability of at least `CONFIDENCE`.
     """
     i, j = np.triu_indices(len(x))
     means = np.sort((x[i] + x[j]) / 2)
@@ -74,7 +74,7 @@ def signed_ranks(x) -> Slope:
 
 @cache
 def _outside(n: int) -> int:
-    """How many of the sorted means of pairs of n numbers lie beyond either end of the interval."""
+    """The number of sorted pairs' means of n numbers that lie outside of each end of the interval."""
     ways = np.ones(1)
     for rank in range(1, n + 1):
         ways = np.convolve(ways, np.eye(1, rank + 1, 0)[0] + np.eye(1, rank + 1, rank)[0])
@@ -83,12 +83,12 @@ def _outside(n: int) -> int:
 
 
 def window(n: int) -> np.ndarray:
-    """The window w at the middles of n equal cells."""
+    """The window w at the midpoints of n equal cells, array (n,)."""
     x = (np.arange(n) + 0.5) / n
     return np.exp(4 - 1 / (x * (1 - x)))
 
 
-def _averaged(t, error) -> tuple[np.ndarray, np.ndarray]:
+def _average(t, error) -> tuple[np.ndarray, np.ndarray]:
     apart = len(t) // SAMPLES
     if apart < 2:
         return t, error
@@ -100,7 +100,7 @@ def _averaged(t, error) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _slopes(t, error) -> np.ndarray:
-    """The slope in each block, array (BLOCKS,); their lengths follow the golden ratio."""
+    """The slope in each block, array (BLOCKS,); block lengths follow the golden ratio."""
     lengths = 1 + UNEQUAL * (2 * (np.arange(1, BLOCKS + 1) * GOLDEN % 1) - 1)
     edges = np.round(np.append(0, np.cumsum(lengths)) / lengths.sum() * len(t)).astype(int)
     out = []
@@ -112,38 +112,38 @@ def _slopes(t, error) -> np.ndarray:
 
 
 def without_lines(t, error) -> np.ndarray:
-    """``error`` at equidistant t, arrays (n,), less its significant slow oscillation."""
+    """``error`` at equidistant ``t``, arrays (n,), minus its significant slow oscillation."""
     scale = np.ptp(error)
     if not scale > 0:
         return error
     x, y = np.arange(len(t)) / len(t) - 0.5, (error - error.mean()) / scale
     hann = np.hanning(len(t) + 2)[1:-1]
-    frequencies, fit = np.empty(0), _fitted(x, y, hann, np.empty(0))
+    frequencies, fit = np.empty(0), _fit(x, y, hann, np.empty(0))
     while len(frequencies) < LINES:
         rest = y - _columns(x, frequencies) @ fit
         found = _line(rest * hann)
         if found is None:
             break
-        more = _refined(x, y, hann, np.append(frequencies, found))
-        again = _fitted(x, y, hann, more)
+        more = _refine(x, y, hann, np.append(frequencies, found))
+        again = _fit(x, y, hann, more)
         if not _sound(more, again) or not _size(y - _columns(x, more) @ again, hann) < _size(rest, hann):
             break
         frequencies, fit = more, again
-    return scale * _straightened(x, y, hann, frequencies, fit)
+    return scale * _remove_lines(x, y, hann, frequencies, fit)
 
 
-def _straightened(x, y, weight, frequencies, fit) -> np.ndarray:
-    """The straight line and what no line explains: fitted once more to the rest, whose digits y has not."""
-    columns = np.hstack([_columns(x, frequencies), _turned(x, frequencies, fit)])
+def _remove_lines(x, y, weight, frequencies, fit) -> np.ndarray:
+    """The error minus all lines: the straight line and the residual, fitted a second time to reduce round-off."""
+    columns = np.hstack([_columns(x, frequencies), _fit_derivatives(x, frequencies, fit)])
     rest = y - columns[:, : len(fit)] @ fit
     more = _least_squares(columns, rest, weight)
     return rest - columns @ more + columns[:, :2] @ (fit + more[: len(fit)])[:2]
 
 
 def _sound(frequencies, fit) -> bool:
-    """Whether lines are a period apart from each other and from 0, and none is larger than the error's whole range.
+    """True if the lines differ by a period from each other and from 0, and none exceeds the range of the error.
 
-    Lines that cancel each other are what a fit makes of an error that is no oscillation, such as one that decays.
+    Lines that nearly cancel arise when the error is not an oscillation, for instance if it decays.
     """
     k = len(frequencies)
     amplitudes = np.hypot(fit[2 : 2 + k], fit[2 + k :])
@@ -155,7 +155,7 @@ def _size(rest, weight) -> float:
 
 
 def _line(signal) -> float | None:
-    """The frequency, in periods in the whole time, of the highest line of a windowed signal; None if it is no line."""
+    """The frequency (periods in the whole series) of the highest peak of a windowed signal; None if it is no line."""
     n = len(signal)
     power = np.abs(np.fft.rfft(signal, FINE * n)) ** 2
     at = np.arange(len(power)) / FINE
@@ -171,12 +171,12 @@ def _line(signal) -> float | None:
 
 
 def _columns(x, frequencies) -> np.ndarray:
-    """1, x, and the cosines and sines of all frequencies, array (n, 2 + 2 k)."""
+    """The functions 1 and x, and the cosines and sines of k frequencies, array (n, 2 + 2 k)."""
     angle = 2 * np.pi * np.outer(x, frequencies)
     return np.hstack([np.ones((len(x), 1)), x[:, None], np.cos(angle), np.sin(angle)])
 
 
-def _fitted(x, y, weight, frequencies) -> np.ndarray:
+def _fit(x, y, weight, frequencies) -> np.ndarray:
     return _least_squares(_columns(x, frequencies), y, weight)
 
 
@@ -184,17 +184,17 @@ def _least_squares(columns, y, weight) -> np.ndarray:
     return np.linalg.lstsq(columns * weight[:, None], y * weight, rcond=1e-13)[0]
 
 
-def _refined(x, y, weight, frequencies) -> np.ndarray:
-    """The frequencies after a few steps of Newton's method on the squares, each step at most a third of a period."""
-    fit = _fitted(x, y, weight, frequencies)
+def _refine(x, y, weight, frequencies) -> np.ndarray:
+    """The frequencies after `REFINED` Gauss-Newton steps, each limited to a third of a period."""
+    fit = _fit(x, y, weight, frequencies)
     for _ in range(REFINED):
-        columns = np.hstack([_columns(x, frequencies), _turned(x, frequencies, fit)])
+        columns = np.hstack([_columns(x, frequencies), _fit_derivatives(x, frequencies, fit)])
         fit = _least_squares(columns, y, weight)
         frequencies = frequencies + np.clip(fit[-len(frequencies) :], -1 / 3, 1 / 3)
     return frequencies
 
 
-def _turned(x, frequencies, fit) -> np.ndarray:
+def _fit_derivatives(x, frequencies, fit) -> np.ndarray:
     """The derivatives of the fit by the frequencies, array (n, k)."""
     k = len(frequencies)
     angle = 2 * np.pi * np.outer(x, frequencies)

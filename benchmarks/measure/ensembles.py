@@ -1,53 +1,108 @@
-"""Ensembles and sections of problems by their name, with methods of this project or a step of one's own."""
+"""Ensembles and Poincare sections of named problems, with methods of this project or a user's own step."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import fields
+from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.integrators import ensemble
 from phasebench.integrators import section as sections
-from phasebench.integrators.ensemble import Ensemble
+from phasebench.integrators.batches import Orbits
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.lots import Orbits
+from phasebench.integrators.keywords import State, States, Value, checked_names
 from phasebench.integrators.record import Method
-from phasebench.integrators.section import Section
 
-from .integrator import Integrator, integrator
-from .own_step import OwnStep, integrate_step
+from .integrator import AnyProblem, Integrator, integrator
+from .own_step import OwnStep, Step, integrate_step
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+#: Values of a method's parameters: one for all orbits, or an array (n,).
+OrbitParameters = Mapping[str, Value | State]
+#: Rows of an ensemble or a section that a notebook shows.
+HEAD = 10
 
 
+class Ensemble(ensemble.Ensemble):
+    """Orbits with their statuses; attributes are those of `integrators.ensemble.Ensemble`."""
+
+    def to_frame(self) -> pd.DataFrame:
+        """A pandas DataFrame with a row for each orbit: its end state, h, status and reason."""
+        import pandas as pd
+
+        ends = np.hstack([self.q, self.p])
+        columns = {"t": self.t} | {name: ends[:, k] for k, name in enumerate(self.names)}
+        return pd.DataFrame(columns | {"h": self.h, "status": self.status, "reason": self.reason})
+
+    def plot(self) -> Figure:
+        """A figure of the end states in the plane of the first q and p, a mark for each status."""
+        from . import figures
+
+        return figures.ensemble(self)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(repr(self))}</pre>{self.to_frame().to_html(index=False, max_rows=HEAD)}"
+
+
+class Section(sections.Section):
+    """Crossings of a plane; attributes are those of `integrators.section.Section`."""
+
+    def to_frame(self) -> pd.DataFrame:
+        """A pandas DataFrame with a row for each crossing: orbit, t, the coordinates and the momenta by name."""
+        import pandas as pd
+
+        states = np.hstack([self.q, self.p])
+        return pd.DataFrame({"orbit": self.orbit, "t": self.t} | {x: states[:, k] for k, x in enumerate(self.names)})
+
+    def plot(self) -> Figure:
+        """A figure of the crossings in the plane of another q and its p; raises InvalidInput for d = 1."""
+        from . import figures
+
+        return figures.section(self)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(repr(self))}</pre>{self.to_frame().to_html(index=False, max_rows=HEAD)}"
+
+
+@checked_names
 def integrate_ensemble(
-    problem,
-    method: str | Path | Method | Callable,
-    Q,
-    P,
+    problem: AnyProblem,
+    method: str | Path | Method | Integrator | Step,
+    Q: States,
+    P: States,
     *,
-    h=None,
+    h: float | State | None = None,
     t_end: float | None = None,
     steps: int | None = None,
-    parameters: Mapping | None = None,
+    parameters: OrbitParameters | None = None,
     save_every: int = 0,
     lanes: bool | None = None,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Ensemble:
-    """Integrate many orbits of a problem, each with a status of its own.
+    """Integrate many orbits of a problem, each with its own status.
 
     Parameters
     ----------
     problem : a system, a problem, a registered name such as ``"henon-heiles"``, or the path of a file with one
     method : an id or a method; or a function ``step(system, q, p, h) -> (q, p)`` or the path of a file with one, which
-        is called from Python for every step of every orbit, one after the other, and is slow
-    Q, P : arrays (n, d), the initial states; one that is not finite is "invalid", and the others go on
+        is slow, since Python calls it for every step of one orbit after the other
+    Q, P : arrays (n, d), the initial states; an orbit whose state is not finite gets the status "invalid"
     h : number, or array (n,) with a step for each orbit
-    t_end, steps : as of `integrate`; with steps of several lengths, ``t_end`` keeps no rows but the first and the last
+    t_end, steps : as in `integrate`; if the steps differ, ``t_end`` saves only the first and the last state
     parameters : values of the method's parameters: numbers, or arrays (n,) with a value for each orbit
-    save_every : keep every Nth state, and the last; 0 keeps the first and the last
-    lanes : whether orbits go into SIMD lanes; where that is left open, if they can and there are enough of them
-    threads : how many at once; all cores that this process may use
-    progress : called with the number of orbits that are at their end
+    save_every : save every Nth state, and the last; 0 saves the first and the last
+    lanes : True to integrate orbits in SIMD lanes; by default if possible and if there are enough orbits
+    threads : number of threads; by default all cores that this process may use
+    progress : called with the number of finished orbits
 
     Returns
     -------
@@ -56,33 +111,34 @@ def integrate_ensemble(
     Raises
     ------
     InvalidInput
-        For input that cannot be used, and for a step that raises or returns no state; what happens to an orbit on the
-        way is its status.
+        For unusable input, and for a step that raises or returns no state; a failure of one orbit on the way is its
+        status instead.
 
     Examples
     --------
     >>> integrate_ensemble("pendulum", "scheme-i", [[1.0], [2.0]], [[0.0], [0.0]], h=0.1, steps=10).status.tolist()
     ['ok', 'ok']
     """
-    problem, method = _problem(problem), _method(method)
-    orbits = ensemble.begin(problem, method, Q, P, h, t_end, steps, parameters, save_every)
-    return ensemble.conclude(orbits, *_run(orbits, method, lanes, threads, progress))
+    chosen = _method(method)
+    orbits = ensemble.begin(_problem(problem), chosen, Q, P, h, t_end, steps, parameters, save_every)
+    return Ensemble(**_fields(ensemble.conclude(orbits, *_run(orbits, chosen, lanes, threads, progress))))
 
 
+@checked_names
 def section(
-    problem,
-    method: str | Path | Method | Callable,
-    Q,
-    P,
+    problem: AnyProblem,
+    method: str | Path | Method | Integrator | Step,
+    Q: States,
+    P: States,
     *,
     of: str,
     at: float = 0.0,
     rising: bool = True,
     every: int = 1,
-    h=None,
+    h: float | State | None = None,
     t_end: float | None = None,
     steps: int | None = None,
-    parameters: Mapping | None = None,
+    parameters: OrbitParameters | None = None,
     lanes: bool | None = None,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
@@ -91,36 +147,41 @@ def section(
 
     Parameters
     ----------
-    problem, method, Q, P : as of `integrate_ensemble`
-    of, at : the coordinate or momentum by its name, such as ``"q1"``, and its value on the plane
-    rising : whether crossings with a rising coordinate count, else those with a falling one
-    every : look at every Nth step; two crossings between two looks are missed
+    problem, method, Q, P : as in `integrate_ensemble`
+    of, at : the name of a coordinate or momentum, such as ``"q1"``, and its value on the plane
+    rising : True for crossings at which the coordinate rises, False for those at which it falls
+    every : test every Nth step for a crossing; two crossings between two tests are missed
     h : number, or array (n,) with a step for each orbit
-    t_end, steps : as of `integrate`
-    parameters, lanes, threads, progress : as of `integrate_ensemble`
+    t_end, steps : as in `integrate`
+    parameters, lanes, threads, progress : as in `integrate_ensemble`
 
     Returns
     -------
     Section
-        Of each crossing its orbit, t, q and p: 8 (2 d + 2) bytes.
+        Orbit, t, q and p of each crossing: 8 (2 d + 2) bytes.
 
     Raises
     ------
     InvalidInput
-        For input that cannot be used; what happens to an orbit on the way is its status.
+        For unusable input; a failure of one orbit on the way is its status instead.
 
     Examples
     --------
     >>> section("pendulum", "gauss-4", [[1.0]], [[0.0]], of="q", h=0.1, t_end=20.0).counts().tolist()
     [3]
     """
-    problem, method = _problem(problem), _method(method)
+    chosen = _method(method)
     orbits = sections.begin(
-        *(problem, method, Q, P),
+        *(_problem(problem), chosen, Q, P),
         **{"of": of, "at": at, "rising": rising, "every": every},
         **{"h": h, "t_end": t_end, "steps": steps, "parameters": parameters},
     )
-    return sections.concluded(orbits, _run(orbits, method, lanes, threads, progress)[1])
+    return Section(**_fields(sections.concluded(orbits, _run(orbits, chosen, lanes, threads, progress)[1])))
+
+
+def _fields(found: Any) -> dict[str, Any]:
+    """The fields of a dataclass by name."""
+    return {f.name: getattr(found, f.name) for f in fields(found)}
 
 
 def _problem(problem):
@@ -128,7 +189,7 @@ def _problem(problem):
 
 
 def _method(method) -> str | Method | OwnStep:
-    """What integrates the orbits: the id of a method, a method, or a step of the user's own."""
+    """The id of a method, a method, or a user's own step; raises InvalidInput for a peer."""
     if isinstance(method, Method):
         return method
     if isinstance(method, Integrator):
@@ -141,7 +202,7 @@ def _method(method) -> str | Method | OwnStep:
 
 
 def _run(orbits: Orbits, method, lanes, threads, progress):
-    """Which orbits went in lanes, and the seconds."""
+    """Integrate the orbits; return (which of them ran in lanes, seconds)."""
     if not isinstance(method, OwnStep):
         return ensemble.run(orbits, lanes, threads, progress)
     if lanes:

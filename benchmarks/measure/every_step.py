@@ -1,8 +1,8 @@
-"""One run that is watched at every step, in bounded memory: rows as many as are wanted, errors over all of them.
+"""Runs an integrator once and observes every step in bounded memory: few saved rows, errors over all steps.
 
-A method of this project fills a buffer of rows, a piece of the run after the other.  Of each piece the energy and the
-invariants are looked at; every Nth row is kept, and, so that the run can be judged, the row of the worst energy error.
-A step of the user's own is watched as it returns.  A peer runs in one piece, and gives the rows that fit in memory.
+A method of this project fills a buffer of rows, one piece of the run after another.  The energy and the invariants are
+evaluated on each piece; every Nth row is kept, and the row of the worst energy error, so that the run can be judged.  A
+user's own step is observed as it returns.  A peer runs in one piece and returns as many rows as fit in memory.
 """
 
 from __future__ import annotations
@@ -14,31 +14,31 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phasebench.integrators import driver
+from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.driver import DIVERGED, OK, TIMEOUT, Solution
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.outcome import travel, unsolved
 from phasebench.integrators.record import Method
 from phasebench.integrators.request import LARGEST, check_timeout, grid, request
+from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.trajectory import PIECE, Pace, Trajectory
 from phasebench.reference.peers import Peer
 
 from .integrator import Integrator
-from .own_step import OwnStep, returned
+from .own_step import OwnStep, check_pair
 
-#: Numbers of q in the rows that are kept where none are asked for, and in the buffer.
+#: Largest number of components of q in the kept rows by default, and in the buffer.
 KEPT, BUFFER = 1_000_000, 400_000
-#: A run of more seconds is timed again in so many parts, each of this share of its steps; a shorter one as a whole.
+#: A run of more than `SHORT` seconds is timed again in `PARTS` parts of `SHARE` of its steps, a shorter one in full.
 SHORT, PARTS, SHARE = 0.25, 6, 1 / 200
 
 
 class Extreme:
-    """How far a number has moved from its first value: the largest size so far, and the last.
+    """The deviation of a number from its first value: the largest absolute one so far, and the last.
 
     Attributes
     ----------
-    worst, end : None before there are two finite values
+    worst, end : None until there are two finite values
     """
 
     def __init__(self):
@@ -47,7 +47,7 @@ class Extreme:
         self.end: float | None = None
 
     def see(self, values: np.ndarray) -> None:
-        """Look at the next values, array (n,); those that are not finite are left out."""
+        """Take in the next values, array (n,); non-finite ones are left out."""
         good = values[np.isfinite(values)]
         if self.first is None and len(good):
             self.first, good = float(good[0]), good[1:]
@@ -57,22 +57,22 @@ class Extreme:
 
 
 class Extremes:
-    """The extremes of the energy and of a problem's invariants along a run."""
+    """The deviations (`Extreme`) of the energy and of a problem's invariants along a run."""
 
     def __init__(self, problem):
         self.problem, self.energy = problem, Extreme()
         self.invariants = {name: Extreme() for name in problem.invariants}
 
     def see(self, Q: np.ndarray, P: np.ndarray) -> None:
-        """Look at the next rows, arrays (n, d)."""
+        """Take in the next rows, arrays (n, d)."""
         if self.problem.system.has_energy:
             self.energy.see(self.problem.system.energies(Q, P))
         for name, extreme in self.invariants.items():
             extreme.see(self.problem.invariant(name, Q, P))
 
 
-class Watched(NamedTuple):
-    """A run with some of its rows, and the extremes over all of them."""
+class WatchedRun(NamedTuple):
+    """A run with the rows that were kept, and the extreme deviations over all steps."""
 
     solution: Solution
     extremes: Extremes
@@ -80,30 +80,30 @@ class Watched(NamedTuple):
 
 def watch(
     problem, integrator: Integrator, *, every: int | None = None, tol: float | None = None, timeout=None, **common
-) -> Watched:
-    """Run an integrator once, and look at every step.
+) -> WatchedRun:
+    """Run an integrator once, and observe every step.
 
     Parameters
     ----------
-    every : keep each so many-th row, and the last; None: as many as there is room for
-    tol, timeout : as of `Integrator.run`
+    every : keep every Nth row, and the last; None: as many as there is room for
+    tol, timeout : as in `Integrator.run`
     common : h, t_end, steps, q0, p0
     """
     extremes = Extremes(problem)
     record = integrator.record
     if isinstance(record, Peer):
-        return Watched(_of_peer(problem, integrator, extremes, tol, common), extremes)
+        return WatchedRun(_of_peer(problem, integrator, extremes, tol, common), extremes)
     if tol is not None:
         raise InvalidInput(f"'{integrator.id}' takes a step h, no tolerance")
     keep = _spacing(problem, every, common)
     run = _of_method if isinstance(record, Method) else _of_step
-    return Watched(run(problem, record, extremes, keep, timeout, common), extremes)
+    return WatchedRun(run(problem, record, extremes, keep, timeout, common), extremes)
 
 
 def _spacing(problem, every: int | None, common: dict) -> int:
-    """After how many steps a row is kept; raises InvalidInput where so many rows do not fit in memory."""
+    """Number of steps between kept rows; raises InvalidInput if the rows do not fit in memory."""
     d = problem.system.d
-    _, steps = grid(common["h"], common["t_end"], common["steps"])
+    _, steps = grid(common["h"], common["t_end"], common["steps"], common.get("t0", 0.0))
     if every is None:
         return max(1, -(-steps * d // KEPT))
     if (rows := 1 + -(-steps // every)) * d > LARGEST:
@@ -114,8 +114,8 @@ def _spacing(problem, every: int | None, common: dict) -> int:
 # -- methods of this project ------------------------------------------------------------------------------------------
 
 
-class Thinned(Trajectory):
-    """The rows of a run that is integrated step by step, of which some are kept."""
+class ThinnedTrajectory(Trajectory):
+    """A trajectory that passes every row to the observer ``seen``, and keeps every Nth."""
 
     def __init__(
         self, seen: Callable[[np.ndarray, np.ndarray], None], system, q, p, h, steps: int, every: int, *words, t0=0.0
@@ -128,11 +128,11 @@ class Thinned(Trajectory):
         seen(self.q[:1], self.p[:1])
 
     def __bool__(self) -> bool:
-        """Whether there is more to integrate."""
+        """True if there is more to integrate."""
         return self.status == OK and self.reached < self.steps
 
     def advance(self, run, pace: Pace) -> None:
-        """Fill the buffer, look at its rows, and keep some."""
+        """Integrate one piece into the buffer, observe its rows, and keep every Nth."""
         n = min(len(self._buffer[2]), pace.steps, self.steps - self.reached)
         kept = self.q, self.p, self.parameter, self.filled
         self.q, self.p, self.parameter, self.filled = *self._buffer, 0
@@ -156,7 +156,7 @@ class Thinned(Trajectory):
             self._close()
 
     def _keep(self, n: int) -> None:
-        """Look at the first n rows of the buffer, and keep those that are wanted."""
+        """Observe the first n rows of the buffer, and keep every Nth."""
         Q, P, parameter = (x[1 : n + 1] if x is not self._buffer[2] else x[:n] for x in self._buffer)
         self.seen(Q, P)
         begin = self.reached
@@ -171,7 +171,7 @@ class Thinned(Trajectory):
         self._last[:] = Q[-1], P[-1]
 
     def _telling(self, Q, P) -> list[int]:
-        """The rows of a piece by which it is judged: of the worst energy, and the first that is near a singularity."""
+        """Indices of rows by which a piece is judged: the worst energy error, and the first row near a singularity."""
         found = []
         if self.system.has_energy:
             start = self.system.energies(self.q[:1], self.p[:1])[0]
@@ -198,7 +198,7 @@ def _of_method(problem, record: Method, extremes: Extremes, every: int, timeout,
     kernel = prepare(record, system, DOUBLE)
     words = kernel.missed, unsolved(record.family, system.d)
     size = asked.h, asked.steps, asked.every
-    trajectory = Thinned(extremes.see, system, asked.q, asked.p, *size, *words, t0=asked.t0)
+    trajectory = ThinnedTrajectory(extremes.see, system, asked.q, asked.p, *size, *words, t0=asked.t0)
     return driver._run(kernel, trajectory, record, timeout, None, problem)
 
 
@@ -217,7 +217,7 @@ def _of_step(problem, record: OwnStep, extremes: Extremes, every: int, timeout, 
 
     def step(system, q, p, h):
         nonlocal filled
-        q, p = returned(record.step(system, q, p, h), d)
+        q, p = check_pair(record.step(system, q, p, h), d)
         rows[:, filled] = q, p
         filled += 1
         if filled == rows.shape[1]:
@@ -241,10 +241,10 @@ def _of_peer(problem, integrator: Integrator, extremes: Extremes, tol, common: d
     return solution
 
 
-def seconds(problem, integrator: Integrator, watched: Watched, *, tol: float | None = None, **common) -> float:
-    """The seconds of a warm run without rows: of a short one as a whole; else those of the run that was watched.
+def seconds(problem, integrator: Integrator, watched: WatchedRun, *, tol: float | None = None, **common) -> float:
+    """Seconds of a warm run without output; a long run is estimated from the observed one instead of repeated.
 
-    The latter in the ratio of parts of it, each run both ways from a state of the run.
+    Its seconds are then scaled by the ratio of times, without and with observation, of short parts of the run.
     """
     solution = watched.solution
     steps, h = solution.counts["steps"], solution.h

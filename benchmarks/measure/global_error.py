@@ -1,29 +1,39 @@
-"""The error of one integration against what is true, with how well that is known: what ``integrate --error`` says."""
+"""The error of one integration against a reference of stated uncertainty, for ``integrate --error``."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
 
 from phasebench.benchmarks.measure import quantities, truths
-from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.quantities import END_STATE, TRAJECTORY, Quantity, Truth
-from phasebench.benchmarks.problems.base import Orbit
+from phasebench.benchmarks.problems.base import Orbit, Problem
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.request import initial
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.reference.certificates import followed, horizon, stored
 from phasebench.reference.solvers.taylor import ReferenceFailed
 
-#: A reference that is not known to this share of the state's size tells no error.
+if TYPE_CHECKING:
+    from phasebench.benchmarks.measure.integrator import Integrator
+
+#: A reference whose uncertainty exceeds this share of the state's size gives no error.
 KNOWN = 0.01
 
 
-def started(problem, q0=None, p0=None):
-    """The problem from another initial state, under an id of its own: nothing is certified of it."""
+def with_start(problem, q0=None, p0=None):
+    """The problem from another initial state q0, p0, arrays (d,), under a new id without a certificate.
+
+    A bare system, which needs q0 and p0, is wrapped in a problem.
+    """
+    if not isinstance(problem, Problem):
+        system, q, p = initial(problem, q0, p0)
+        orbit = Orbit("given", tuple(q.tolist()), tuple(p.tolist()))
+        return Problem("given", "a system of one's own", "", system, (orbit,))
     if q0 is None and p0 is None:
         return problem
     q, p = (problem.q0 if q0 is None else q0), (problem.p0 if p0 is None else p0)
@@ -32,9 +42,9 @@ def started(problem, q0=None, p0=None):
 
 
 def onwards(problem, solution, span: float):
-    """(problem, solution, span) with times from 0 on: a span back in time is one of -H onwards.
+    """(problem, solution, span) with times that increase from 0: a negative span becomes a positive one of -H.
 
-    Raises InvalidInput for a span back in time of a system that is not canonical or has no formula.
+    Raises InvalidInput for a negative span of a system that is not canonical or has no formula of H.
     """
     sign = 1.0 if span > 0 else -1.0
     rows = SimpleNamespace(t=sign * (solution.t - solution.t[0]), q=solution.q, p=solution.p)
@@ -48,14 +58,14 @@ def onwards(problem, solution, span: float):
 
 
 def end_error(problem, solution, span: float) -> dict[str, Any]:
-    """``global_error``, the max norm over (q, p) at the end, and the ``reference`` it was told by.
+    """``global_error``, the max norm over (q, p) at the end, and the ``reference`` used for it.
 
-    None past the horizon, and where the reference fails or is not known well enough: ``reference`` has the reason.
+    The error is None past the horizon, and if the reference fails or is too uncertain; ``reference`` has the reason.
     """
     problem, solution, t_end = onwards(problem, solution, span)
     try:
         true = truths.truth(problem, END_STATE, t_end)
-        reach = reached(problem, t_end)
+        reach = orbit_horizon(problem, t_end)
     except ReferenceFailed as error:
         return {"global_error": None, "reference": {"uncertainty": None, "horizon": None, "reason": str(error)}}
     reference = {"uncertainty": true.uncertainty, "horizon": reach, "source": true.source}
@@ -65,8 +75,8 @@ def end_error(problem, solution, span: float) -> dict[str, Any]:
     return {"global_error": quantities.error(problem, END_STATE, solution, true), "reference": reference}
 
 
-def reached(problem, t_end: float) -> float:
-    """The horizon, of the certificate or looked for, or ``t_end`` where that is before it."""
+def orbit_horizon(problem, t_end: float) -> float:
+    """The horizon of the orbit, from its certificate or computed; at most ``t_end``."""
     certificate = stored.find(problem) if hasattr(problem, "orbits") else None
     if certificate is not None and t_end <= certificate.t_end:
         return min(certificate.horizon, t_end)
@@ -74,7 +84,7 @@ def reached(problem, t_end: float) -> float:
 
 
 def past(reach: float, t_end: float) -> str:
-    """Why no error of a state is told at ``t_end``; empty where one is."""
+    """The reason why no error of a state can be given at ``t_end``; "" if it is within the horizon."""
     if t_end <= reach:
         return ""
     return (
@@ -84,21 +94,42 @@ def past(reach: float, t_end: float) -> str:
 
 
 def vague(true: Truth) -> str:
-    """Why nothing is compared with what is true; empty where it is known to `KNOWN` of its size."""
+    """The reason why a reference is too uncertain; "" if its uncertainty is at most `KNOWN` of its size."""
     size = float(np.abs(true.values).max())
     if true.uncertainty <= KNOWN * size:
         return ""
     return f"the reference is known to {true.uncertainty:.2g} alone, of {size:.2g}"
 
 
-def quantity_error(problem, integrator: Integrator, wanted: Quantity, t_end: float, size: dict) -> dict[str, Any]:
-    """A quantity's error in a run of its own, with the rows that it is told from; ``size`` is steps or tol.
+def unknown_truth(problem, wanted: Quantity, t_end: float, true: Truth) -> str:
+    """The reason why no error of a quantity can be given at ``t_end`` against its true value; "" if one can.
 
-    None of a state past the horizon, and where what is true is not known well enough, with the reason.
+    Raises reference.solvers.taylor.ReferenceFailed if the horizon of a state cannot be computed.
+    """
+    why = past(orbit_horizon(problem, t_end), t_end) if wanted in (END_STATE, TRAJECTORY) else ""
+    return why or ("" if wanted.kept or wanted.angle else vague(true))
+
+
+def known_truth(problem, wanted: Quantity, t_end: float) -> Truth:
+    """The true value of a quantity at ``t_end``; raises InvalidInput, with the reason, if no error can be given."""
+    try:
+        true = truths.truth(problem, wanted, t_end)
+        why = unknown_truth(problem, wanted, t_end, true)
+    except ReferenceFailed as error:
+        why = str(error)
+    if why:
+        raise InvalidInput(f"there is no reference of {problem.label} to t = {t_end:g}: {why}")
+    return true
+
+
+def quantity_error(problem, integrator: Integrator, wanted: Quantity, t_end: float, size: dict) -> dict[str, Any]:
+    """The error of a quantity, from a run of its own with the rows that it needs; ``size`` is steps or tol.
+
+    The error is None, with the reason, for a state past the horizon and if the reference is too uncertain.
     """
     try:
         true = truths.truth(problem, wanted, t_end)
-        why = past(reached(problem, t_end), t_end) if wanted in (END_STATE, TRAJECTORY) else ""
+        why = unknown_truth(problem, wanted, t_end, true)
     except ReferenceFailed as error:
         return {"quantity": wanted.name, "error": None, "uncertainty": None, "reason": str(error)}
     if "steps" in size and wanted.steps(size["steps"]) != size["steps"]:
@@ -106,7 +137,6 @@ def quantity_error(problem, integrator: Integrator, wanted: Quantity, t_end: flo
             f"{wanted.name} is told from {wanted.rows} equidistant times: the number of steps, {size['steps']}, must "
             f"be a multiple; {wanted.steps(size['steps'])} is the nearest"
         )
-    why = why or ("" if wanted.kept or wanted.angle else vague(true))
     if why:
         return {"quantity": wanted.name, "error": None, "uncertainty": true.uncertainty, "reason": why}
     solution = integrator.run(problem, t_end=t_end, **wanted.grid(**size))

@@ -1,41 +1,52 @@
-"""`Integrator`: a method of this project, a peer or a step of the user's own, with one ``run`` whatever it is."""
+"""`Integrator`: one interface, with ``run``, to a method of this project, a peer or a user's own step."""
 
 from __future__ import annotations
 
-import difflib
-import inspect
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from phasebench.benchmarks.problems import problem as problem_of
+from phasebench.benchmarks.problems.base import Problem
+from phasebench.benchmarks.problems.kepler_found import with_kepler_part
 from phasebench.benchmarks.problems.units import span
 from phasebench.benchmarks.problems.user_file import is_file
 from phasebench.integrators import driver, prepared
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.keywords import Parameters, State, Value, method_parameters, renamed_arguments
+from phasebench.integrators.names import unknown_method
 from phasebench.integrators.prepared import PreparedRun
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import BY_ID as METHODS_BY_ID
-from phasebench.integrators.registry import method
+from phasebench.integrators.registry import method as method_of
+from phasebench.integrators.registry import parameter_names
+from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 from phasebench.reference import peers
 from phasebench.reference.peers import Claims, Peer, integrate_peer
 from phasebench.reference.peers.prepared import PreparedPeer, prepare_peer
 
 from . import coefficients, own_step
-from .own_step import OwnStep
+from .own_step import OwnStep, Step
 from .solution import Solution
 
-#: The kinds of integrators besides those of a package.
+#: The kinds of integrators besides packages.
 OURS, YOURS = "phasebench", "own step"
+
+#: What a problem may be given as: a name, the path of a file, a problem, or a system.
+AnyProblem = str | Path | Problem | PartitionedSystem
 
 
 @dataclass(frozen=True)
 class Integrator:
-    """Something that integrates.
+    """A method, a peer or a user's own step, behind one interface.
 
     Attributes
     ----------
-    record : the method with its parameters, the peer, or the step of the user's own
+    record : the method with its parameters, the peer, or the user's own step
     """
 
     record: Method | Peer | OwnStep
@@ -52,7 +63,7 @@ class Integrator:
 
     @property
     def name(self) -> str:
-        """Its full name, where it has another than its id."""
+        """Its full name if it has one, else its id."""
         return getattr(self.record, "name", self.id)
 
     @property
@@ -64,28 +75,28 @@ class Integrator:
 
     @property
     def adaptive(self) -> bool:
-        """Whether it takes a tolerance in place of a step."""
+        """True if it takes a tolerance instead of a step."""
         return isinstance(self.record, Peer) and self.record.adaptive
 
     @property
     def stoppable(self) -> bool:
-        """Whether a time limit ends its run: not that of a peer, whose package runs to its end."""
+        """True if a time limit can stop its run; a peer's package runs to its end."""
         return not isinstance(self.record, Peer)
 
     @property
     def preparable(self) -> bool:
-        """Whether it has a prepared run: not a step of one's own, and not every peer."""
+        """True if its set-up can be done once and reused for repeated timed runs; a user's own step has none."""
         record = self.record
         return isinstance(record, Method) or (isinstance(record, Peer) and record.prepare is not None)
 
     @property
     def order(self) -> int | None:
-        """The order in the step that is declared; None where it is not one number."""
+        """The declared order in h; None if it is not a single number."""
         return self.record.order
 
     @property
     def claims(self) -> Claims:
-        """What is claimed of it: by a method's record, by a peer's package, by the file of a step."""
+        """The claims made by a method's record, a peer's package or the file of a step."""
         record = self.record
         if isinstance(record, Peer):
             return record.claims
@@ -93,25 +104,40 @@ class Integrator:
             return Claims(*map(record.claims.get, ("order", "symplectic", "reversible", "energy")), record.id)
         return Claims(record.order, record.symplectic, record.symmetric, record.energy, "the registry of methods")
 
+    @property
+    def installed(self) -> bool:
+        """True unless it is a peer whose package is not installed."""
+        try:
+            return not isinstance(self.record, Peer) or find_spec(self.record.package) is not None
+        except ValueError:  # the package was removed from the imported modules
+            return False
+
     def load(self) -> None:
-        """Import the package of a peer; raises ImportError where it is not there."""
+        """Import the package of a peer; raises ImportError if it is not installed."""
         if isinstance(self.record, Peer):
             self.record.load(self.record.package)
 
-    def _refused(self, problem) -> str | None:
-        """Why a problem, where it is more than a system, is not for it."""
+    def _refused(self, problem: Any) -> str | None:
+        """The reason why a problem (not a bare system) rejects the integrator, or None."""
         return problem.refuses(self.record) if hasattr(problem, "refuses") else None
 
-    def lacks(self, problem) -> str | None:
-        """Why it cannot integrate a problem, or None where it can."""
+    def lacks(self, problem: Any) -> str | None:
+        """The reason why it cannot integrate a problem, or None if it can."""
         system = getattr(problem, "system", problem)
         refused = self._refused(problem)
         if refused:
             return refused
         return self.record.lacks(problem, system) if isinstance(self.record, Peer) else self.record.lacks(system)
 
-    def prepare(self, problem, *, tol: float | None = None, q0=None, p0=None) -> PreparedRun | PreparedPeer:
-        """Its compiled run on a problem; raises InvalidInput where it has none, and as `run` does."""
+    def prepare(
+        self,
+        problem: Any,
+        *,
+        tol: float | None = None,
+        q0: State | None = None,
+        p0: State | None = None,
+    ) -> PreparedRun | PreparedPeer:
+        """Its prepared run on a problem; raises InvalidInput if it has none, and as `run` does."""
         if isinstance(self.record, Peer):
             return prepare_peer(problem, self.record, tol=tol, q0=q0, p0=p0)
         if tol is not None:
@@ -122,22 +148,22 @@ class Integrator:
 
     def run(
         self,
-        problem,
+        problem: Any,
         *,
         h: float | None = None,
         t_end: float | None = None,
         steps: int | None = None,
         tol: float | None = None,
         t0: float = 0.0,
-        q0=None,
-        p0=None,
+        q0: State | None = None,
+        p0: State | None = None,
         save_every: int = 1,
         timeout: float | None = None,
     ) -> Solution:
-        """Integrate ``problem``; an adaptive one takes ``tol``, and ``h`` as the spacing of its rows.
+        """Integrate ``problem``; an adaptive integrator takes ``tol``, and ``h`` as the spacing of its rows.
 
-        A ``timeout`` has no effect on one that is not `stoppable`.  Raises InvalidInput as
-        `integrators.driver.integrate` does, and for a tolerance where there is none.
+        A ``timeout`` has no effect on an integrator that is not `stoppable`.  Raises InvalidInput as
+        `integrators.driver.integrate` does, and for a tolerance given to an integrator with fixed steps.
         """
         refused = self._refused(problem)
         if refused:
@@ -151,73 +177,94 @@ class Integrator:
         return run(problem, self.record, timeout=timeout, **common)
 
 
-def integrator(name: str | Path | Method | Peer | OwnStep | Integrator | Callable, **parameters) -> Integrator:
-    """What a name stands for: the id of a method or a peer, the path of a file; or a record, or a step.
+def parameters_of(method: object) -> list[str]:
+    """The names of the parameters of a method, however it is given."""
+    record = method.record if isinstance(method, Integrator) else method
+    return parameter_names(record) if isinstance(record, (str, Method)) else []
+
+
+@method_parameters(parameters_of)
+def integrator(
+    method: str | Path | Method | Peer | OwnStep | Integrator | Step, *, parameters: Parameters | None = None
+) -> Integrator:
+    """The integrator for an id, a path, a record or a function.
 
     Parameters
     ----------
-    name : an id; the path of a file with a step (``./mine.py``, ``./mine.py:object.step``) or with coefficients
-        (``./mine.json``); a record; or a function ``step(system, q, p, h) -> (q, p)``
-    parameters : values of a method's parameters
+    method : id of a method or a peer; path of a file with a step (``./mine.py``, ``./mine.py:object.step``) or with
+        coefficients (``./mine.json``); a record; or a function ``step(system, q, p, h) -> (q, p)``
+    parameters : values of a method's parameters, ``{"lam": "1/3"}``
 
     Raises
     ------
     InvalidInput
-        For an unknown id, naming the nearest, parameters that it does not have, or a file without a step.
+        For an unknown id, with the nearest known one, for unknown parameters, or for a file without a step.
     """
-    record = name.record if isinstance(name, Integrator) else name
+    given = _mapping(parameters)
+    record: object = method.record if isinstance(method, Integrator) else method
     if isinstance(record, Path) or (isinstance(record, str) and is_file(record)):
         path = str(record)
         record = coefficients.from_file(path) if path.lower().endswith(".json") else own_step.from_file(path)
     elif isinstance(record, str) and record not in METHODS_BY_ID:
         if record not in peers.BY_ID:
-            raise unknown("method", record, [*METHODS_BY_ID, *peers.BY_ID])
+            raise unknown_method(record, [*METHODS_BY_ID, *peers.BY_ID])
         record = peers.BY_ID[record]
     elif callable(record) and not isinstance(record, Method):
         record = own_step.from_function(record)
     if isinstance(record, (str, Method)):
-        return Integrator(method(record, **parameters))
+        return Integrator(method_of(record, **given))
     if not isinstance(record, (Peer, OwnStep)):
         raise InvalidInput(
-            f"the method is {name!r}; give an id, a method, a step (system, q, p, h) -> (q, p), or a path"
+            f"the method is {method!r}; give an id, a method, a step (system, q, p, h) -> (q, p), or a path"
         )
-    if parameters:
+    if given:
         takes = "h or tol" if isinstance(record, Peer) else "h"
-        raise InvalidInput(f"'{record.id}' has no parameters such as {', '.join(parameters)}; it takes {takes}")
+        raise InvalidInput(f"'{record.id}' has no parameters such as {', '.join(given)}; it takes {takes}")
     return Integrator(record)
 
 
+def _mapping(parameters: object) -> dict[str, Value]:
+    """The parameters as a dict; raises InvalidInput for what maps no names to values."""
+    if parameters is None:
+        return {}
+    if not isinstance(parameters, Mapping) or not all(isinstance(name, str) for name in parameters):
+        raise InvalidInput(f"parameters is {parameters!r}; it must map names to values, as {{'lam': '1/3'}}")
+    return dict(parameters)
+
+
+@renamed_arguments(timeout="time_limit")
+@method_parameters(parameters_of)
 def integrate(
-    problem,
-    method: str | Path | Method | Peer | Callable,
+    problem: AnyProblem,
+    method: str | Path | Method | Peer | Integrator | Step,
     *,
     h: float | None = None,
     t_end: float | str | None = None,
     steps: int | None = None,
     tol: float | None = None,
     t0: float = 0.0,
-    q0=None,
-    p0=None,
+    q0: State | None = None,
+    p0: State | None = None,
     save_every: int = 1,
-    timeout: float | None = None,
-    **parameters,
+    time_limit: float | None = None,
+    parameters: Parameters | None = None,
 ) -> Solution:
-    """Integrate a problem with a method of this project, a peer, or a step of one's own.
+    """Integrate a problem with a method of this project, a peer, or a user's own step.
 
     Parameters
     ----------
     problem : a system; a problem; a registered name such as ``"henon-heiles:box"``; or the path of a file with one
     method : an id of a method or a peer; a record; a function ``step(system, q, p, h) -> (q, p)``; or the path of a
         file with one
-    h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end.  Of an adaptive
-        peer they make the grid of its rows, and t_end alone gives start and end.  Where the problem has a unit of
-        time, t_end may have one: ``"1e4 yr"``.  A t_end before t0, or a negative h with steps, goes back in time
+    h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end.  For an adaptive
+        peer they set the grid of its rows, and t_end alone gives start and end.  If the problem has a unit of time,
+        t_end may have one too: ``"1e4 yr"``.  A t_end before t0, or a negative h with steps, goes back in time
     tol : an adaptive peer's tolerance
     t0 : the time at the start; the system does not depend on it
-    q0, p0 : arrays (d,), the initial state where not the problem's
-    save_every : keep every so many-th state, and the last; 0 keeps the first and the last
-    timeout : seconds after which the integration stops with status "timeout"; a peer cannot be stopped
-    parameters : values of the method's parameters, ``lam=0.5``: numbers, scalars of NumPy, fractions or "1/3"
+    q0, p0 : arrays (d,), the initial state if not the problem's
+    save_every : save every Nth state, and the last; 0 saves the first and the last
+    time_limit : seconds after which the integration stops with status "timeout"; a peer cannot be stopped
+    parameters : values of the method's parameters, ``{"lam": "1/3"}``: numbers, NumPy scalars, fractions or text
 
     Returns
     -------
@@ -227,67 +274,65 @@ def integrate(
     Raises
     ------
     InvalidInput
-        For input that cannot be used; what happens on the way (a blow-up, a stage not solved) is a status.
+        For unusable input; a failure on the way (a blow-up, a stage not solved) is a status instead.
 
     Examples
     --------
-    >>> integrate("pendulum", "scheme-i", h=0.1, steps=10, lam="1/3").status
+    >>> integrate("pendulum", "scheme-i", h=0.1, steps=10, parameters={"lam": "1/3"}).status
     'ok'
     """
-    try:
-        method = integrator(method, **parameters)
-    except InvalidInput as error:
-        raise InvalidInput(f"{error}{_misspelt(parameters)}") from None
-    if timeout is not None and not method.stoppable:
-        raise InvalidInput(f"'{method.id}' cannot be stopped: leave out the time limit")
-    problem = problem_of(problem) if isinstance(problem, (str, Path)) else problem
-    t_end = span(t_end, getattr(problem, "time_unit", ""))
-    grid = {"h": h, "t_end": t_end, "steps": steps, "tol": tol, "t0": t0}
-    return Solution.of(method.run(problem, q0=q0, p0=p0, save_every=save_every, timeout=timeout, **grid))
+    chosen = integrator(method, parameters=parameters)
+    if time_limit is not None and not chosen.stoppable:
+        raise InvalidInput(f"'{chosen.id}' cannot be stopped: leave out the time limit")
+    found = _problem(problem, chosen, q0)
+    grid = {"h": h, "t_end": span(t_end, getattr(found, "time_unit", "")), "steps": steps, "tol": tol, "t0": t0}
+    return Solution.of(chosen.run(found, q0=q0, p0=p0, save_every=save_every, timeout=time_limit, **grid))
 
 
+@method_parameters(parameters_of)
 def prepare(
-    problem,
-    method: str | Method | Peer,
+    problem: AnyProblem,
+    method: str | Path | Method | Peer | Integrator,
     *,
     tol: float | None = None,
-    q0=None,
-    p0=None,
-    **parameters,
+    q0: State | None = None,
+    p0: State | None = None,
+    parameters: Parameters | None = None,
 ) -> PreparedRun | PreparedPeer:
-    """A compiled run for many short integrations: ``run(h, steps)``, or ``run(t_end)`` of an adaptive peer.
+    """A compiled run for many short integrations: ``run(h, steps)``, or ``run(t_end)`` for an adaptive peer.
 
-    A call makes the package's own call and a reset to the initial state, and nothing else; it returns (q, p, code).
+    A call consists of a reset to the initial state and the package's own call only; it returns (q, p, status).
 
     Parameters
     ----------
-    problem : a system, where q0 and p0 are given; a problem; a registered name such as ``"henon-heiles:box"``; or the
+    problem : a system, if q0 and p0 are given; a problem; a registered name such as ``"henon-heiles:box"``; or the
         path of a file with one
     method, parameters : an id of a method or a peer, or a record; and values of a method's parameters
     tol : an adaptive peer's tolerance
-    q0, p0 : arrays (d,), the initial state where not the problem's
+    q0, p0 : arrays (d,), the initial state if not the problem's
 
     Raises
     ------
     InvalidInput
-        For input that cannot be used, or an integrator that has no prepared run (a step of one's own).
+        For unusable input, or an integrator that cannot be prepared (a user's own step).
 
     Examples
     --------
     >>> run = prepare("pendulum", "stormer-verlet")
-    >>> q, p, code = run(0.01, 100)
-    >>> code == run.SOLVED
-    True
-    >>> q, p, code = prepare("pendulum", "heyoka", tol=1e-9)(1.0)
-    >>> code == 0
-    True
+    >>> run(0.01, 100)[2]
+    'ok'
+    >>> prepare("pendulum", "heyoka", tol=1e-9)(1.0)[2]
+    'ok'
     """
-    problem = problem_of(problem) if isinstance(problem, (str, Path)) else problem
-    return integrator(method, **parameters).prepare(problem, tol=tol, q0=q0, p0=p0)
+    chosen = integrator(method, parameters=parameters)
+    return chosen.prepare(_problem(problem, chosen, q0), tol=tol, q0=q0, p0=p0)
 
 
-def _misspelt(names) -> str:
-    """What follows an error where a name is near to one of `integrate`'s own arguments."""
-    known = [name for name in inspect.signature(integrate).parameters if name != "parameters"]
-    near = [match for name in names for match in difflib.get_close_matches(name, known)]
-    return f"; did you mean {' or '.join(near)}?" if near else ""
+def _problem(problem: Any, method: Integrator, q0: State | None) -> Any:
+    """Look up a problem by name; add the Kepler part found in a system's H if the method requires one."""
+    if isinstance(problem, (str, Path)):
+        return problem_of(problem)
+    needs = "Kepler part" in getattr(method.record, "requires", ())
+    if not needs or q0 is None or not isinstance(problem, PartitionedSystem):
+        return problem
+    return with_kepler_part(problem, np.asarray(q0, float))

@@ -1,17 +1,17 @@
-r"""Where a one-step map of the harmonic oscillator is stable: the steps z = h omega for which its powers stay bounded.
+r"""Linear stability of one-step maps: the steps z = h omega at which the powers of the oscillator's map are bounded.
 
-On a linear system a step is a matrix: its columns are the images of the unit vectors, exact up to round-off.  A 2 x 2
-matrix M has both eigenvalues in the closed unit disc if and only if three margins are not negative (Jury's conditions),
+On a linear system a step is a matrix, whose columns are the images of the unit vectors up to round-off.  A 2 x 2 matrix
+M has both eigenvalues in the closed unit disc if and only if three margins are not negative (Jury's conditions),
 
 .. math::
-    1 - \operatorname{tr} M + \det M \ge 0,\qquad 1 + \operatorname{tr} M + \det M \ge 0,\qquad 1 - \det M \ge 0,
+    1 - \operatorname{tr} M + \det M \ge 0,\qquad 1 + \operatorname{tr} M + \det M \ge 0,\qquad 1 - \det M \ge 0;
 
-of a symplectic map the first two: :math:`|\operatorname{tr} M| \le 2`.  The margins are smooth in z where the map is:
-they are scanned, their changes of sign are refined by Brent's method, and where one of them has a minimum between
-points of the scan without changing its sign at them, the minimum is refined too, so that a window of instability far
-narrower than the scan is found.  Of an implicit map the trace may have a pole just past the end of an interval, where
-both of the first margins change their signs through infinity; their product over the sum of their squares is bounded,
-and passes a pole without changing its sign: it is a fourth margin, whose roots are ends where the others' may be poles.
+for a symplectic map the first two suffice: :math:`|\operatorname{tr} M| \le 2`.  The margins are as smooth in z as the
+map.  They are scanned, and their changes of sign are refined by Brent's method.  A minimum between scan points without
+a change of sign at these is refined too, so that a window of instability much narrower than the scan is found.  The
+trace of an implicit map may have a pole just past the end of an interval, where both of the first margins change sign
+through infinity.  A fourth margin, their product divided by the sum of their squares, is bounded and keeps its sign at
+a pole: its roots are true ends where the roots of the others may be poles.
 
 Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), I.5 and IX.3; E. I. Jury, Theory and
 Application of the z-Transform Method (1964), 3.1.
@@ -25,15 +25,22 @@ from itertools import pairwise
 
 import numpy as np
 
-#: The scan: the distance of its points, and where it ends.
+#: Spacing of the scan, and its end.
 SPACING, LAST = 0.05, 10.0
-#: Allowances in the margins: what the solver of an implicit step leaves (by the matrix's size), and the rounding of the
-#: determinant (by the square of it).
+#: Allowances in the margins: for the solver of an implicit step (times the matrix's size), and for rounding of the
+#: determinant (times the size squared).
 SLACK, ROUNDING = 1e-10, 1e-14
-#: Boundaries are known to this.
+#: Largest difference between the matrix of two steps and the square of one, for a step that keeps only the state.
+SQUARE = 1e-9
+#: Accuracy of the boundaries.
 SHARP = 1e-10
-#: The scan ends where a step has multiplied by more than this over a whole unit of z: a polynomial does not come back.
+#: The scan ends if matrix entries exceed this over a unit of z: a polynomial does not become stable again.
 HOPELESS = 1e4
+
+
+def is_square(one, two) -> bool:
+    """True if the matrix of two steps is that of one step squared, (2, 2) each: a step depends on the state alone."""
+    return not np.abs(two - one @ one).max() > SQUARE
 
 
 @dataclass(frozen=True)
@@ -42,8 +49,8 @@ class Stability:
 
     Attributes
     ----------
-    intervals : pairs (from, to) of z, in order; they end at the end of the scan, ``scanned``, at the latest
-    scanned : how far it was looked: a step that cannot be taken ends it
+    intervals : pairs (from, to) of z, in order, none beyond ``scanned``
+    scanned : end of the scan; it is earlier than asked if a step fails
     """
 
     intervals: tuple[tuple[float, float], ...]
@@ -51,7 +58,7 @@ class Stability:
 
     @property
     def limit(self) -> float | None:
-        """The end of the interval that begins at 0: 0 where there is none, None where it is all that was scanned."""
+        """The end of the interval that begins at 0: 0 if there is none, None if it reaches the end of the scan."""
         if not self.intervals or self.intervals[0][0] > 0:
             return 0.0
         end = self.intervals[0][1]
@@ -59,12 +66,12 @@ class Stability:
 
     @property
     def windows(self) -> tuple[tuple[float, float], ...]:
-        """The unstable steps between stable ones."""
+        """The intervals of unstable steps between stable ones."""
         return tuple((a[1], b[0]) for a, b in pairwise(self.intervals))
 
 
 def margins(M) -> np.ndarray:
-    """Jury's three margins of a matrix of shape (2, 2), with what round-off may take from them added."""
+    """Jury's three margins of a matrix (2, 2), plus an allowance for round-off."""
     M = np.asarray(M, dtype=float)
     trace, det = M[0, 0] + M[1, 1], M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
     size = np.abs(M).max()
@@ -72,31 +79,31 @@ def margins(M) -> np.ndarray:
 
 
 def _with_bounded(three: np.ndarray) -> np.ndarray:
-    """The margins with the bounded one of the first two: positive where both are, negative where one is."""
+    """The margins and the fourth, bounded one: positive if both of the first two are, negative if one of them is."""
     first, second, _ = three
     product = -1.0 if max(first, second) < 0 else first * second / (first**2 + second**2)
     return np.append(three, product)
 
 
 def radius(M) -> float:
-    """The spectral radius of a matrix: by how much a step multiplies in the long run."""
+    """The spectral radius of a matrix: the growth per step in the long run."""
     return float(np.abs(np.linalg.eigvals(M)).max())
 
 
 def stability(
     step_matrix: Callable[[float], np.ndarray | None], last: float = LAST, spacing: float = SPACING
 ) -> Stability:
-    """Where a map is stable.
+    """Find the stable steps of a linear map.
 
     Parameters
     ----------
-    step_matrix : z -> the matrix of a step, shape (2, 2); None where the step cannot be taken
-    last, spacing : of the scan
+    step_matrix : z -> the matrix of a step, shape (2, 2); None if the step fails
+    last, spacing : end and spacing of the scan
     """
     seen: dict[float, tuple[np.ndarray, float]] = {}
 
     def look(z: float) -> tuple[np.ndarray, float]:
-        """The margins, and by how much a step multiplies: inf where it cannot be taken."""
+        """(the four margins, largest entry of the matrix) at z; (-1, ..., inf) if the step fails."""
         if z not in seen:
             M = step_matrix(z)
             taken = M is not None and np.isfinite(M).all()
@@ -112,11 +119,11 @@ def stability(
     ends = sorted({0.0, scan[-1], *_roots(at, scan)})
     pieces = [(a, b) for a, b in pairwise(ends) if (at((a + b) / 2) >= 0).all()]
     pieces = [p for p in pieces if not _grows_from_the_start(at, scan, p)]
-    return Stability(tuple(_joined(pieces)), scan[-1])
+    return Stability(tuple(_merge(pieces)), scan[-1])
 
 
 def _scan(look, last: float, spacing: float) -> list[float]:
-    """The points of the scan up to where a step cannot be taken, or has been hopeless for long."""
+    """The points of the scan, up to the first failed step or a unit of z with hopeless growth."""
     scan: list[float] = []
     since = None
     for k in range(1, round(last / spacing) + 1):
@@ -132,7 +139,7 @@ def _scan(look, last: float, spacing: float) -> list[float]:
 
 
 def _roots(at, scan: list[float]) -> Iterator[float]:
-    """Where a margin changes its sign."""
+    """The roots of the four margins."""
     from scipy.optimize import brentq
 
     for i in range(4):
@@ -146,14 +153,14 @@ def _roots(at, scan: list[float]) -> Iterator[float]:
 
 
 def _with_extrema(f, scan: list[float]) -> list[float]:
-    """The scan, with the extrema between its points at which f has the other sign than at its neighbours."""
+    """The scan, plus extrema between its points at which f has another sign than at the neighbours."""
     from scipy.optimize import minimize_scalar
 
     points = list(scan)
     for a, b, c in zip(scan, scan[1:], scan[2:], strict=False):
         sign = -1.0 if f(b) < 0 else 1.0
         values = [sign * f(z) for z in (a, b, c)]
-        bend = values[0] - 2 * values[1] + values[2]  # a parabola's extremum is within an eighth of it
+        bend = values[0] - 2 * values[1] + values[2]  # a parabola's extremum differs from f(b) by at most bend / 8
         if min(values) < 0 or values[1] > min(values[0], values[2], bend):
             continue
         found = minimize_scalar(lambda z, s=sign: s * f(z), bounds=(a, c), method="bounded", options={"xatol": 1e-9})
@@ -163,9 +170,9 @@ def _with_extrema(f, scan: list[float]) -> list[float]:
 
 
 def _grows_from_the_start(at, scan: list[float], piece: tuple[float, float]) -> bool:
-    """Whether the interval from 0 is there only because growth as a power of z is below the slack at first.
+    """True if the interval from 0 exists only because growth as a power of z is at first below the slack.
 
-    Then it ends where the determinant passes 1, having never been below: of Euler's explicit method it is 1 + z^2.
+    Such an interval ends where the determinant exceeds 1 and is nowhere below 1; for explicit Euler it is 1 + z^2.
     """
     start, end = piece
     if start > 0 or end >= scan[-1]:
@@ -174,8 +181,8 @@ def _grows_from_the_start(at, scan: list[float], piece: tuple[float, float]) -> 
     return bool(beyond[2] < 0 and all(m[2] <= 4 * SLACK for m in within))
 
 
-def _joined(pieces):
-    """Pieces that touch as one."""
+def _merge(pieces):
+    """Merge pieces that touch."""
     out: list[tuple[float, float]] = []
     for start, end in pieces:
         if out and start - out[-1][1] <= 0:

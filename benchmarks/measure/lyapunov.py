@@ -1,13 +1,13 @@
-r"""The largest Lyapunov exponent of an orbit from its rows alone: the tangent map along them, whatever made them.
+r"""The largest Lyapunov exponent of an orbit, from its rows alone: the tangent map is integrated along them.
 
-Between two rows the tangent map solves :math:`\dot M = A(t) M`, :math:`A` the Jacobian of the vector field, here by one
-step of the Magnus series of order 4 (W. Magnus, Comm. Pure Appl. Math. 7 (1954) 649-673; S. Blanes, F. Casas, J. A.
-Oteo, J. Ros, Phys. Rep. 470 (2009) 151-238, eq. (254)), with A at the row, at the middle (a cubic through the two rows
-and their velocities) and at the next row:
+Between two rows the tangent map solves :math:`\dot M = A(t) M`, :math:`A` the Jacobian of the vector field.  It is
+approximated by one step of the Magnus series of order 4 (W. Magnus, Comm. Pure Appl. Math. 7 (1954) 649-673; S. Blanes,
+F. Casas, J. A. Oteo, J. Ros, Phys. Rep. 470 (2009) 151-238, eq. (254)), with A at the row, at the middle (a cubic
+through the two rows and their velocities) and at the next row:
 
 .. math:: M = \exp\bigl(\tfrac h6 (A_0 + 4 A_1 + A_2) + \tfrac{h^2}{12}[A_2, A_0]\bigr).
 
-The exponent is :math:`\ln\|M_n\cdots M_1\| / t`, products taken pairwise and rescaled.
+The exponent is :math:`\ln\|M_n\cdots M_1\| / t`; products are taken pairwise and rescaled.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from functools import lru_cache
 import numpy as np
 import sympy as sp
 
-#: Terms of the exponential series after scaling, and the power of two of the scaling.
+#: Terms of the exponential series after scaling, and the number of squarings.
 TERMS, SQUARINGS = 8, 4
 
 
 @lru_cache(maxsize=16)
 def _derivatives(system):
-    """(field, Jacobian) of a system as functions of the rows of (q, p), arrays (2 d, n)."""
+    """(vector field, Jacobian) as functions of (q, p), array (2 d, n): arrays (2 d, n) and (n, 2 d, 2 d)."""
     variables = [*system.q, *system.p]
     field = sp.Matrix([*system.dq, *system.dp])
     jacobian = field.jacobian(variables)
@@ -31,14 +31,14 @@ def _derivatives(system):
     J = sp.lambdify(variables, list(jacobian), modules="numpy", cse=True)
     m = len(variables)
 
-    def stacked(function, y):
+    def stack(function, y):
         return np.stack([np.broadcast_to(x, y.shape[1]).astype(float) for x in function(*y)], axis=-1)
 
-    return lambda y: stacked(f, y).T, lambda y: stacked(J, y).reshape(-1, m, m)
+    return lambda y: stack(f, y).T, lambda y: stack(J, y).reshape(-1, m, m)
 
 
 def exponent(system, t, q, p) -> float:
-    """The exponent over rows at times t (n,), q and p (n, d); NaN for rows that are not finite."""
+    """The largest Lyapunov exponent over rows at times t (n,), q and p (n, d); NaN if a row is not finite."""
     y = np.concatenate([q, p], axis=1).T
     if not np.isfinite(y).all():
         return float("nan")
@@ -54,7 +54,7 @@ def exponent(system, t, q, p) -> float:
 
 
 def _exp(X: np.ndarray) -> np.ndarray:
-    """The exponentials of matrices (n, m, m), by scaling and squaring of the series."""
+    """The exponentials of matrices (n, m, m), by scaling and squaring of the power series."""
     X = X / 2.0**SQUARINGS
     out = term = np.broadcast_to(np.eye(X.shape[1]), X.shape)
     for k in range(1, TERMS + 1):

@@ -1,18 +1,13 @@
-"""Measurements without round-off, in a process of their own, which `elsewhere` starts: run with a name it prints JSON.
+"""Measurements without round-off.
 
-Each measurement runs every method of the registry on every system of `battery` where it can run, uncompiled, on numbers
-of 40 digits and more.  The reference is Gragg's extrapolated explicit midpoint rule, which shares only the vector field
-with the methods.
+Each measurement runs every method of the registry on every system of `battery` that the method can integrate,
+uncompiled, with 40 digits or more.  The reference is Gragg's extrapolated explicit midpoint rule, which shares only the
+vector field with the methods.
 """
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache, partial
@@ -20,8 +15,8 @@ from functools import cache, partial
 import mpmath
 import numpy as np
 
+from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, exactly, precision, vector
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import MULTIPRECISION, epsilon, exactly, precision, vector
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import METHODS, method
 
@@ -37,32 +32,35 @@ from .battery import (
     systems,
     variants,
 )
-from .metrics import jacobian, order, pair_defect, symplecticity_defect
+from .metrics import order
+from .step_map import jacobian, pair_defect, return_distance, symplecticity_defect
 
 DIGITS = 40
 SPAN = Fraction(1, 256)
 LADDER = (1, 2, 3, 4)
+#: Ladder for methods whose step depends on the vector field: the last step before a row is cut, so steps must be many.
+FIELD_LADDER = (24, 32, 48)
 STEP = Fraction(1, 40)
-#: That of steps of variable length, whose defect is as small as their error.
+#: Step for the defects of methods with variable steps, whose defect is as small as their error.
 VARIABLE_STEP = Fraction(3, 10)
-#: A coefficient wrong by this share of itself has to show.
+#: Relative perturbation of a coefficient that must be detected, and the step for it.
 SLIP, SHORT_STEP = Fraction(1, 10**6), SPAN / 16
-#: Methods of more coefficients come from tables, every number of which the order conditions check.
+#: Methods with more coefficients are left out: their tables are checked by the order conditions.
 MOST = 12
 COLUMNS = 14
 
 
-#: The results of the midpoint rule are weighted by numbers that sum to 1, and their sizes to this: so round-off grows.
+#: Amplification of round-off: the sum of the absolute weights (which add up to 1) of the extrapolated results.
 AMPLIFIED = sum(
     abs(math.prod(Fraction(n**2, n**2 - m**2) for m in range(2, 2 * COLUMNS + 1, 2) if m != n))
     for n in range(2, 2 * COLUMNS + 1, 2)
 )
 
 
-def extrapolated(f, y, T):
+def extrapolate(f, y, T):
     """(y(T), its uncertainty) of y' = f(y) by extrapolation of the explicit midpoint rule (W. B. Gragg 1965).
 
-    The uncertainty is the last column's change, which tells where the extrapolation converges, and round-off.
+    The uncertainty is the change in the last column, which shows the convergence, plus a bound of round-off.
     """
     rows: list = []
     for j in range(COLUMNS):
@@ -82,22 +80,22 @@ def extrapolated(f, y, T):
 
 
 def flow(system, y, T, pieces=8):
-    """(y(T), uncertainty) by `extrapolated` over pieces."""
+    """(y(T), uncertainty) of a system's flow, by `extrapolate` over ``pieces`` equal parts of T."""
     f = system.vector_field(MULTIPRECISION)
     y, T, doubt = vector(y), exactly(T, MULTIPRECISION), 0
     for _ in range(pieces):
-        y, more = extrapolated(lambda x: f(0, x), y, T / pieces)
+        y, more = extrapolate(lambda x: f(0, x), y, T / pieces)
         doubt += more
     return y, doubt
 
 
 def digits(record: Method) -> int:
-    """The digits at which a method is measured: its error along the ladder lies far above them."""
+    """The working digits for a method, so that its error along the ladder is far above round-off."""
     return max(DIGITS, 8 * record.order)
 
 
 def start(name):
-    """The system and a state on its orbit that is no turning point, in the working precision."""
+    """(system, a state of its orbit that is no turning point), in the working precision."""
     return _start(name, mpmath.mp.dps)
 
 
@@ -111,7 +109,7 @@ def _start(name, digits):
 
 
 def reference(name):
-    """(system, initial state, state at SPAN, its uncertainty), in the working precision."""
+    """(system, initial state, state at time `SPAN`, its uncertainty), in the working precision."""
     return _reference(name, mpmath.mp.dps)
 
 
@@ -122,12 +120,12 @@ def _reference(name, digits):
 
 
 def displacement():
-    """The displacement of a difference Jacobian in the working precision."""
+    """The displacement for a Jacobian by finite differences, in the working precision."""
     return epsilon(MULTIPRECISION) ** 0.2
 
 
 def advance(system, record, y, h, steps=1):
-    """The state after some steps."""
+    """The state after some steps; raises ArithmeticError if the integration fails."""
     d = system.d
     s = integrate(system, record, h=h, steps=steps, q0=y[:d], p0=y[d:], arithmetic=MULTIPRECISION, save_every=0)
     if s.status != "ok":
@@ -136,19 +134,20 @@ def advance(system, record, y, h, steps=1):
 
 
 def errors(record: Method, name: str) -> dict:
-    """Errors at SPAN along LADDER, and the reference's uncertainty."""
+    """The errors at time `SPAN` along the ladder of steps, and the reference's uncertainty."""
     system, y, end, doubt = reference(name)
-    error = [max(abs(advance(system, record, y, SPAN / n, n) - end)) for n in LADDER]
-    return {"h": [float(SPAN / n) for n in LADDER], "error": [float(e) for e in error], "doubt": float(doubt)}
+    ladder = FIELD_LADDER if record.family == "field" else LADDER
+    error = [max(abs(advance(system, record, y, SPAN / n, n) - end)) for n in ladder]
+    return {"h": [float(SPAN / n) for n in ladder], "error": [float(e) for e in error], "doubt": float(doubt)}
 
 
 def step_of(record: Method) -> Fraction:
-    """The step of which the defects are measured."""
-    return VARIABLE_STEP if record.family == "adaptive" else STEP
+    """The step at which the method's defects are measured."""
+    return VARIABLE_STEP if record.family in ("adaptive", "field") else STEP
 
 
 def defect(record: Method, name: str) -> float:
-    """The symplecticity defect of one step; of a high order, for one pair of vectors."""
+    """The symplecticity defect of one step; for methods of high order, that of one pair of vectors only."""
     system, y = start(name)
     h = step_of(record)
     if record.order > LOW_ORDER:
@@ -157,13 +156,14 @@ def defect(record: Method, name: str) -> float:
 
 
 def distance(record: Method, name: str, back: Method | None = None) -> float:
-    """The distance from the start after a step with H and one with -H, which ``back`` takes, at first the method."""
+    """The distance from the start after a step h with ``record`` and a step -h with ``back`` (default: ``record``)."""
     system, y = start(name)
     h = step_of(record)
-    return float(max(abs(advance(system, back or record, advance(system, record, y, h), -h) - y)))
+    there, again = (lambda x: advance(system, record, x, h)), (lambda x: advance(system, back or record, x, -h))
+    return float(return_distance(there, again, y))
 
 
-#: Of every method on every system: the measure of a cell, and the systems where it is made.
+#: Measurement -> (function of a method and a system, systems for a method).
 CELLS = {
     "orders": (errors, systems),
     "symplecticity": (defect, lambda m: [n for n in systems(m, few=True) if canonical(n)]),
@@ -172,28 +172,28 @@ CELLS = {
 
 
 def cells(what: str) -> list[tuple[str, str]]:
-    """(label, system) of every cell of a measurement of `CELLS`."""
+    """(method's label, system) of every cell of a measurement in `CELLS`."""
     return [(m.label, n) for m in methods().values() for n in CELLS[what][1](m)]
 
 
 def measure(what: str, label: str, name: str):
-    """One cell of a measurement of `CELLS`, or why it failed, at the digits that the method's order needs."""
+    """One cell of a measurement in `CELLS`, with enough digits for the method's order; if it fails, the error."""
     record = methods()[label]
     with precision(digits(record)):
         try:
             return CELLS[what][0](record, name)
-        except Exception as error:  # one method that fails is to fail its own tests alone
+        except Exception as error:  # a method that fails must not break the measurement of the others
             return f"{type(error).__name__}: {error}"
 
 
 @cache
 def methods() -> dict[str, Method]:
-    """Label -> method, of all that are measured."""
+    """Label -> method, for all methods that are measured."""
     return by_label(variants() + high_order_variants())
 
 
 def everywhere(what: str) -> dict:
-    """{label: {system: `measure` of it}}."""
+    """A measurement in `CELLS` for all methods and systems: {label: {system: result}}."""
     out: dict = {label: {} for label in methods()}
     for label, name in cells(what):
         out[label][name] = measure(what, label, name)
@@ -201,7 +201,11 @@ def everywhere(what: str) -> dict:
 
 
 def frozen():
-    """Schemes IV and V with the parameter of one step frozen: {id: {system: {defect, distance, lam}}}."""
+    """Measure a step of Schemes IV and V repeated by Schemes I and III with the same lambda.
+
+    Returns {id: {system: {defect, distance, lam}}}: the symplecticity defect of the step with this lambda, and the
+    distance of its end from that of the energy-preserving step.
+    """
     out = {}
     for free, fixed in (("scheme-iv", "scheme-i"), ("scheme-v", "scheme-iii")):
         out[free] = {}
@@ -219,9 +223,10 @@ def frozen():
 
 
 def adjoint():
-    """Distances after Phi^lam_h and, with -H, the method at 1 - lam and at lam: {label: {system: {...}}}.
+    """Test that the adjoint of a method with parameter lam has 1 - lam: {label: {system: {adjoint, itself}}}.
 
-    Of methods that are not symmetric: the others are their own adjoints.
+    The two distances are from the start, after a step h and a step -h with the method at 1 - lam or at lam.  Symmetric
+    methods are left out, as they are their own adjoints.
     """
     out = {}
     for record in variants():
@@ -235,7 +240,7 @@ def adjoint():
 
 
 def leaves(data, path=()):
-    """(path, number) of every coefficient in a record's data that is no integer."""
+    """(path, number) of every coefficient in a record's data that is not an integer."""
     for i, x in enumerate(data):
         if isinstance(x, tuple):
             yield from leaves(x, (*path, i))
@@ -243,29 +248,29 @@ def leaves(data, path=()):
             yield (*path, i), x
 
 
-def changed(data, path, value):
-    """The data with another value at a path."""
+def replace_at(data, path, value):
+    """A copy of nested tuples with another value at a path."""
     i, *rest = path
-    return (*data[:i], changed(data[i], rest, value) if rest else value, *data[i + 1 :])
+    return (*data[:i], replace_at(data[i], rest, value) if rest else value, *data[i + 1 :])
 
 
-def perturbed():
-    """What one coefficient more by `SLIP` of itself does to a step: {id: {system, error, rows}}.
+def perturbation_effects():
+    """The effect of each coefficient's relative perturbation by `SLIP` on a step: {id: {system, error, rows}}.
 
-    ``rows`` has for every coefficient its path, the step's error, and where that is not ten times the unperturbed one
-    the defects of symplecticity and symmetry.
+    ``rows`` has the path of each coefficient and the step's error; if that is less than ten times the unperturbed one,
+    also the defects of symplecticity and symmetry.
     """
     out = {}
     for record in METHODS:
         name = next((n for n in systems(record, few=True)[::-1] if canonical(n)), None)
         if name and 0 < len(list(leaves(record.data))) <= MOST:
             with precision(digits(record)):
-                out[record.id] = slipped(record, name)
+                out[record.id] = perturbation_row(record, name)
     return out
 
 
-def slipped(record: Method, name: str) -> dict:
-    """`perturbed` of one method."""
+def perturbation_row(record: Method, name: str) -> dict:
+    """The effect of changing each coefficient by `SLIP` on a step of system ``name``; see `perturbation_effects`."""
     system, y = start(name)
     end = flow(system, y, SHORT_STEP, pieces=1)[0]
 
@@ -274,7 +279,7 @@ def slipped(record: Method, name: str) -> dict:
 
     right, rows = error(record), []
     for path, x in leaves(record.data):
-        m = replace(record, data=changed(record.data, path, exactly(x, MULTIPRECISION) * (1 + SLIP)))
+        m = replace(record, data=replace_at(record.data, path, exactly(x, MULTIPRECISION) * (1 + SLIP)))
         row = {"path": list(path), "error": error(m)}
         if row["error"] < 10 * right:
             row |= {"symplecticity": defect(m, name), "symmetry": distance(m, name)}
@@ -282,41 +287,25 @@ def slipped(record: Method, name: str) -> dict:
     return {"system": name, "error": right, "rows": rows}
 
 
-def spoiled():
-    """Errors, as of `errors`, where the first coefficient is an eighth of itself more: {id: {system: row}}.
+def control_errors():
+    """`errors` with the first coefficient 1/8 too large, as a control that must show: {id: {system: row}}.
 
-    Of the first method of every family that has coefficients in its record.
+    For one method of each family with coefficients in its record.
     """
     out: dict = {}
     families = {m.family: m for m in reversed(METHODS) if m.order <= LOW_ORDER and list(leaves(m.data))}
     for record in families.values():
         path, x = next(leaves(record.data))
-        wrong = replace(record, data=changed(record.data, path, exactly(x, MULTIPRECISION) * 9 / 8))
+        wrong = replace(record, data=replace_at(record.data, path, exactly(x, MULTIPRECISION) * 9 / 8))
         out[record.id] = {n: errors(wrong, n) for n in systems(record, few=True)}
     return out
 
 
-def elsewhere(name: str):
-    """The measurement of that name, made in a process with NUMBA_DISABLE_JIT=1; raises RuntimeError where it fails."""
-    command = [sys.executable, "-m", "phasebench.benchmarks.measure.multiprecision", name]
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise RuntimeError(f"{' '.join(command)} failed:\n{done.stderr}")
-    return json.loads(done.stdout.splitlines()[-1])["result"]
-
-
 def observed_order(row):
-    """The observed order of a measurement of `orders`; errors below ten times the reference's uncertainty are noise."""
+    """The observed order from the result of `errors`; errors up to ten times the reference's uncertainty are noise."""
     return order(row["h"], row["error"], noise=10 * row["doubt"])
 
 
 MEASUREMENTS = {what: partial(everywhere, what) for what in CELLS} | {
-    f.__name__: f for f in (frozen, adjoint, perturbed, spoiled)
+    f.__name__: f for f in (frozen, adjoint, perturbation_effects, control_errors)
 }
-
-if __name__ == "__main__":
-    begin = time.perf_counter()
-    with precision(DIGITS):
-        result = MEASUREMENTS[sys.argv[1]]()
-    print(json.dumps({"seconds": time.perf_counter() - begin, "result": result}))

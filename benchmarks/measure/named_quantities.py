@@ -1,33 +1,35 @@
-r"""Quantities of single problems, in the words of those who ask for them.
+r"""Quantities of particular problems, in the terms of their fields.
 
 ``perihelion`` is the direction of the Laplace-Runge-Lenz vector :math:`A = p\times L - q/|q|`; ``phase`` an orbit's
-polar angle; a planet's longitude is that about the Sun.  ``section`` is where the orbit, followed from the end without
-further error, next meets q1 = 0 with p1 > 0: it sees the error across the orbit and not the one along it.
-``adiabatic-invariant`` is the oscillatory energy of the stiff springs.  Of chaotic orbits, whose states mean nothing
-after a while, ``average`` is the average of the kinetic energy over time in units of the sum of the sizes of H's terms,
+polar angle; a planet's longitude is relative to the Sun.  ``section`` is the point where the orbit, continued from the
+end without further error, next meets q1 = 0 with p1 > 0; it contains the error across the orbit, not that along it.
+``adiabatic-invariant`` is the oscillatory energy of the stiff springs.  For chaotic orbits, whose late states are not
+reproducible: ``average`` is the time average of the kinetic energy divided by the sum of the absolute terms of H, and
 ``lyapunov`` the largest Lyapunov exponent over the span.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 
 import numpy as np
 import sympy as sp
 
+from phasebench.integrators.errors import unknown
+
 from . import lyapunov
 from .body_quantities import of_bodies, position
-from .quantities import PARTS, Quantity, scale
+from .quantities import ENERGY, GENERAL, PARTS, Quantity, scale
 
-#: Rows from which an average and an exponent are told.
+#: Number of rows for an average and an exponent.
 AVERAGED = 4000
-#: How far the flow to the section is followed at most, in units of the problem's time.
+#: Longest continuation of the flow to the section, in the problem's unit of time.
 FAR = 100.0
 
 
 def _angle(y: Callable, x: Callable, name: str, about: str) -> Quantity:
-    """The angle of a direction (x, y), functions of (problem, q, p), at the end."""
+    """The angle at the end of a direction (x, y), given as functions of (problem, q, p)."""
 
     def values(problem, t, q, p) -> np.ndarray:
         return np.arctan2(y(problem, q[-1:], p[-1:]), x(problem, q[-1:], p[-1:]))
@@ -124,7 +126,7 @@ def _average(problem, t, q, p) -> np.ndarray:
 
 
 def kinetic(problem) -> sp.Expr:
-    """The part of H with momenta in it."""
+    """The sum of the terms of H that contain momenta."""
     momenta = set(problem.system.p)
     return sp.Add(*(e for e in sp.Add.make_args(sp.expand(problem.system.H)) if e.free_symbols & momenta))
 
@@ -148,7 +150,7 @@ EXPONENT = Quantity(
     statistical=True,
 )
 PLANETS = ("jupiter", "saturn", "uranus", "neptune", "pluto")
-#: Problem, or one of its orbits -> its own quantities.
+#: Problem, or problem:orbit -> its own quantities.
 NAMED: dict[str, tuple[Quantity, ...]] = {
     "harmonic-oscillator": (ROTATION,),
     "kepler": (PHASE, PERIHELION),
@@ -164,10 +166,24 @@ NAMED: dict[str, tuple[Quantity, ...]] = {
 }
 
 
-def named(problem) -> Iterator[Quantity]:
-    """The quantities of a problem's own, those of its orbit after those of all its orbits, and of its bodies."""
+def problem_quantities(problem) -> Iterator[Quantity]:
+    """A problem's own quantities: those of all its orbits, those of this orbit, and those of its bodies."""
     id, label = getattr(problem, "id", ""), getattr(problem, "label", "")
     yield from NAMED.get(id, ())
     if label != id:
         yield from NAMED.get(label, ())
     yield from of_bodies(problem)
+
+
+def quantities(problem) -> Mapping[str, Quantity]:
+    """Name -> quantity for a problem: the general ones, then its own."""
+    general = [x for x in GENERAL if x is not ENERGY or getattr(problem.system, "H", None) is not None]
+    return {x.name: x for x in (*general, *problem_quantities(problem))}
+
+
+def quantity(problem, name: str) -> Quantity:
+    """The quantity of a problem with this name; raises InvalidInput with the nearest known name."""
+    known = quantities(problem)
+    if name not in known:
+        raise unknown(f"quantity of '{getattr(problem, 'label', problem)}'", name, known)
+    return known[name]

@@ -1,54 +1,63 @@
-r"""Where an integrator is stable on the harmonic oscillator: all intervals of z = h omega, their ends to ten digits.
+r"""Stability of an integrator on the harmonic oscillator: all intervals of z = h omega, with ends to ten digits.
 
-Most step maps of the oscillator are linear, y -> M(z) y.  The columns of M are the images of the unit vectors,
-`linear_stability` scans its margins, and every end is then refined on the margins without their allowances: there
-|tr M| passes 2, or det M passes 1.  Where the trace comes to 2 or -2 and turns back (a double root of tr^2 - 4), no
-interval ends: these places are listed as touches, a window of instability whose trace exceeds 2 by less than
-`linear_stability.SLACK` among them.
+Most step maps of the oscillator are linear, y -> M(z) y.  The columns of M are the images of the unit vectors;
+`linear_stability` scans the margins, and each end is then refined with the margins without their allowances: there
+|tr M| passes 2, or det M passes 1.  If the trace reaches 2 or -2 and turns back (a double root of tr^2 - 4), no
+interval ends; such places are listed as touches.  A window of instability whose trace exceeds 2 by less than
+`linear_stability.SLACK` counts as a touch too.
 
-A map that is not linear, or not at every step (a projection, a parameter that is chosen in every step, a step that
-keeps more than the state) is judged by long runs: stable where the run ends well and its size stays below `GROWN` times
-the first; the end is then known to a part in `SHARPNESS`.
+A map that is not linear (a projection, a parameter chosen in every step), or whose steps depend on more than the state,
+is judged by long runs: stable if the run ends well and the state stays below `GROWN` times the initial size.  Ends are
+then known to the relative accuracy `SHARPNESS`.
 
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), I.5 and IX.3.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.integrators.driver import OK
-from phasebench.integrators.engine import kernel
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.keywords import Parameters, method_parameters
 from phasebench.integrators.prepared import PreparedRun, prepare
 from phasebench.integrators.record import Method
+from phasebench.integrators.stepping import kernel
+from phasebench.reference.peers import Peer
 
 from . import linear_stability
-from .integrator import Integrator, integrator
+from .integrator import Integrator, integrator, parameters_of
+from .own_step import Step
+from .tabular import TabularResult
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PROBLEM = "harmonic-oscillator"
-#: Where the second scan of what is stable all through the first one ends, and the distance of its points.
+#: End and spacing of a second scan, made if the map is stable up to the end of the first one.
 FAR, WIDE = 100.0, 0.25
-#: Maps that differ by less than this are the same: of two steps and one taken twice, of a sum and its parts.
+#: Largest difference between equal maps: two steps against the matrix squared, a sum against its parts.
 SAME = 1e-9
-#: A margin is told from round-off at so many units of it, times the square of the matrix's size.
+#: Round-off of a margin, relative to the square of the matrix's size.
 NOISE = 64 * np.finfo(float).eps
-#: How far from its first estimate an end is looked for.
+#: Largest distance of an end from its first estimate.
 NEAR = 1e-3
-#: A trace within this of 2 at its turning point touches it.
+#: The trace touches 2 if its turning point is this close.
 TOUCH = 1e-9
-#: Long runs: their steps, those of the run that is tried first, the growth that they may show, the scan's spacing, how
-#: sharp its ends are, after how many points without a stable one it ends.
+#: Long runs: their steps, the steps of a first shorter run, the permitted growth, the spacing of the scan, the accuracy
+#: of ends, and the number of unstable points in a row after which the scan stops.
 LONG, FIRST, GROWN, COARSE, SHARPNESS, HOPELESS = 10_000, 100, 10.0, 0.25, 1e-3, 8
-#: Steps below this are not looked at.
+#: Least step that is tested.
 LEAST = 1e-3
-#: Steps z at which a map is asked whether it is linear.
+#: Steps z at which the map is tested for linearity.
 ASKED = (0.3, 0.9)
 TRACE, RUNS = "trace of the step map", "long runs"
 
@@ -57,13 +66,13 @@ StepMatrix = Callable[[float], "np.ndarray | None"]
 
 @dataclass(frozen=True)
 class Found:
-    """Where an integrator is stable.
+    """The stable steps of an integrator.
 
     Attributes
     ----------
-    intervals : pairs (from, to) of z in order; ``to`` is None where the interval goes on to the end of the scan
-    touches : where the trace of a linear map comes to 2 or -2 within an interval and turns back
-    scanned : how far it was looked
+    intervals : pairs (from, to) of z in order; ``to`` is None if the interval reaches the end of the scan
+    touches : values of z inside an interval at which the trace of a linear map reaches 2 or -2 and turns back
+    scanned : end of the scan
     how : `TRACE` or `RUNS`
     reason : why the scan ended early, or how the first unstable run failed
     """
@@ -76,7 +85,7 @@ class Found:
 
     @property
     def limit(self) -> float | None:
-        """The end of the interval that begins at 0: 0 where there is none, None where it has no end."""
+        """The end of the interval that begins at 0: 0 if there is none, None if it has no end."""
         return self.intervals[0][1] if self.intervals and self.intervals[0][0] == 0 else 0.0
 
 
@@ -88,21 +97,21 @@ def _oscillator():
 _last: list = [None, None]
 
 
-def _prepared(record: Method) -> PreparedRun:
-    """The method on the oscillator, ready to run; the last one is kept."""
+def _prepare(record: Method) -> PreparedRun:
+    """The prepared run of a method on the oscillator; the last one is cached."""
     if _last[0] is not record:
         _last[:] = record, prepare(_oscillator(), record)
     return _last[1]
 
 
 def end(chosen: Integrator, z: float, steps: int, state=(1.0, 0.0)) -> np.ndarray | None:
-    """The state (q, p) after ``steps`` steps of z, whatever it is worth; None where one of them cannot be taken."""
+    """The state (q, p) after ``steps`` steps of z, even if not finite; None if a step fails."""
     if isinstance(chosen.record, Method):
-        run = _prepared(chosen.record)
+        run = _prepare(chosen.record)
         try:
             with np.errstate(all="ignore"):
                 q, p, code = run(z, steps, state[:1], state[1:])
-        except InvalidInput:  # the method is not defined at this step: a resonance of its filter
+        except InvalidInput:  # the method is not defined at this step (a resonance of its filter)
             return None
         return None if code == run.STALLED else np.concatenate([q, p])
     s = chosen.run(_oscillator(), h=z, steps=steps, q0=state[:1], p0=state[1:], save_every=0)
@@ -110,15 +119,15 @@ def end(chosen: Integrator, z: float, steps: int, state=(1.0, 0.0)) -> np.ndarra
 
 
 def matrix(chosen: Integrator, z: float) -> np.ndarray | None:
-    """The matrix of a step, where its map is linear; None where the step cannot be taken."""
+    """The matrix (2, 2) of a step whose map is linear; None if the step fails."""
     columns = [end(chosen, z, 1, state) for state in ((1.0, 0.0), (0.0, 1.0))]
     return None if any(c is None for c in columns) else np.array(columns).T
 
 
 def linear(chosen: Integrator) -> bool:
-    """Whether the step map is linear and all that goes on from a step to the next is the state.
+    """True if the step map is linear and nothing but the state passes from one step to the next.
 
-    A method of this project that may miss what it promises in a step (`Prepared.missed`) has no one step map.
+    False for a method of this project that may miss its promise in a step (`Prepared.missed`).
     """
     if isinstance(chosen.record, Method) and kernel.prepare(chosen.record, _oscillator().system).missed:
         return False
@@ -136,7 +145,7 @@ def linear(chosen: Integrator) -> bool:
 
 
 def find(chosen: Integrator) -> Found:
-    """Where an integrator is stable on the oscillator; raises InvalidInput for one that cannot integrate it."""
+    """The stable steps of an integrator on the oscillator; raises InvalidInput if it cannot integrate that."""
     if chosen.adaptive:
         raise InvalidInput(f"'{chosen.id}' takes a tolerance, no step: it has no stability limit in h")
     lack = chosen.lacks(_oscillator())
@@ -148,8 +157,8 @@ def find(chosen: Integrator) -> Found:
 
 
 def of_matrix(step_matrix: StepMatrix) -> Found:
-    """Where a linear map is stable."""
-    known = _remembered(step_matrix)
+    """The stable steps of a linear map."""
+    known = _cache_matrices(step_matrix)
     pieces, scanned = _pieces(known)
     reason = "" if scanned else "no step can be taken"
     intervals = [
@@ -160,7 +169,7 @@ def of_matrix(step_matrix: StepMatrix) -> Found:
 
 
 def _pieces(step_matrix: StepMatrix) -> tuple[list[tuple[float, float]], float]:
-    """(the stable intervals, how far it was looked): the scan goes on where the first one ends in a stable interval."""
+    """(stable intervals, end of the scan); a second, longer scan follows if the first one ends in a stable interval."""
     first = linear_stability.stability(step_matrix)
     pieces, last = list(first.intervals), linear_stability.LAST
     if not pieces or pieces[-1][1] < last:
@@ -172,7 +181,7 @@ def _pieces(step_matrix: StepMatrix) -> tuple[list[tuple[float, float]], float]:
     return pieces + rest, second.scanned
 
 
-def _remembered(step_matrix: StepMatrix) -> StepMatrix:
+def _cache_matrices(step_matrix: StepMatrix) -> StepMatrix:
     seen: dict[float, np.ndarray | None] = {}
 
     def of(z: float) -> np.ndarray | None:
@@ -184,7 +193,7 @@ def _remembered(step_matrix: StepMatrix) -> StepMatrix:
 
 
 def _margins(step_matrix: StepMatrix, z: float) -> tuple[np.ndarray, float]:
-    """(Jury's margins without allowances, what round-off makes of them)."""
+    """(Jury's margins without allowances, a bound of their round-off)."""
     M = step_matrix(z)
     if M is None or not np.isfinite(M).all():
         return np.full(3, -1.0), 0.0
@@ -197,7 +206,7 @@ def _margin(z: float, step_matrix: StepMatrix, i: int) -> float:
 
 
 def _sharp(step_matrix: StepMatrix, z: float, inside: int) -> float:
-    """The end of an interval near z, which lies on the side ``inside`` of it: the root of the margin that changes."""
+    """The end of an interval near z, the root of the margin that changes sign; ``inside`` is the stable side (+-1)."""
     from scipy.optimize import brentq
 
     away = 1e-9 * z
@@ -213,7 +222,7 @@ def _sharp(step_matrix: StepMatrix, z: float, inside: int) -> float:
 
 
 def _touches(step_matrix: StepMatrix, a: float, b: float) -> list[float]:
-    """Where within (a, b) the trace has an extremum at 2 or -2."""
+    """The values of z in (a, b) at which the trace has an extremum at 2 or -2."""
     from scipy.optimize import minimize_scalar
 
     def room(z: float) -> float:
@@ -231,11 +240,11 @@ def _touches(step_matrix: StepMatrix, a: float, b: float) -> list[float]:
 
 
 def of_runs(chosen: Integrator) -> Found:
-    """Where a map that is not linear stays bounded."""
+    """The steps at which a nonlinear map stays bounded, by long runs."""
     why: list[str] = []
 
     def stays(z: float) -> bool:
-        failure = lost(chosen, z, FIRST) or lost(chosen, z, LONG)
+        failure = failure_of_run(chosen, z, FIRST) or failure_of_run(chosen, z, LONG)
         why.extend([failure] if failure else [])
         return not failure
 
@@ -247,23 +256,23 @@ def of_runs(chosen: Integrator) -> Found:
     intervals: list[tuple[float, float | None]] = [(0.0, None)]
     for a, b, stable_a, stable_b in ends:
         if stable_a and not stable_b:
-            intervals[-1] = (intervals[-1][0], _bisected(stays, a, b))
+            intervals[-1] = (intervals[-1][0], _bisect(stays, a, b))
         elif stable_b and not stable_a:
-            intervals.append((_bisected(stays, b, a), None))
+            intervals.append((_bisect(stays, b, a), None))
     intervals = [x for x in intervals if x[1] is None or x[1] > 0]
     return Found(tuple(intervals), (), scan[-1], RUNS, why[0] if why else "")
 
 
-def _bisected(stays: Callable[[float], bool], good: float, bad: float) -> float:
-    """The last step on the good side; 0 where no step above `LEAST` is good."""
+def _bisect(stays: Callable[[float], bool], good: float, bad: float) -> float:
+    """The last stable step between a stable and an unstable one; 0 if no step above `LEAST` is stable."""
     while abs(bad - good) > max(SHARPNESS * max(bad, good), LEAST):
         middle = (good + bad) / 2
         good, bad = (middle, bad) if stays(middle) else (good, middle)
     return good
 
 
-def lost(chosen: Integrator, z: float, steps: int) -> str:
-    """How a run of ``steps`` steps of z failed: its status, or that it has grown; empty where it did not."""
+def failure_of_run(chosen: Integrator, z: float, steps: int) -> str:
+    """How a run of ``steps`` steps of z failed: its status, or "grown"; "" if it did not."""
     s = chosen.run(_oscillator(), h=z, steps=steps, save_every=max(1, steps // 200))
     if s.status != OK:
         return s.status
@@ -271,7 +280,7 @@ def lost(chosen: Integrator, z: float, steps: int) -> str:
 
 
 def row(chosen: Integrator) -> dict:
-    """``stability`` as the command and Python give it: None stands for no end."""
+    """The result of ``stability`` as a dict, for the command and for Python; None stands for no end."""
     found = find(chosen)
     return {
         "method": chosen.id,
@@ -285,25 +294,81 @@ def row(chosen: Integrator) -> dict:
     }
 
 
-def stability(method, **parameters):
+@dataclass(frozen=True, repr=False)
+class Stability(TabularResult):
+    """The stable steps of a method on the harmonic oscillator, z = h omega.
+
+    Attributes
+    ----------
+    method, parameters : its id, and the values of its parameters
+    limit : the end of the interval that begins at 0; 0 if every step grows, None if it has no end
+    intervals : pairs (from, to) in order; ``to`` is None if it lies beyond ``scanned``
+    touches : values inside an interval at which the trace of a linear map reaches 2 or -2 and turns back
+    scanned, how, reason : the end of the scan; `TRACE` or `RUNS`; why the scan ended early
+    """
+
+    method: str
+    parameters: Mapping[str, str]
+    limit: float | None
+    intervals: tuple[tuple[float, float | None], ...]
+    touches: tuple[float, ...]
+    scanned: float
+    how: str
+    reason: str
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row: method, params, limit, intervals, how, touches, scanned, reason."""
+        import pandas as pd
+
+        line = {
+            "method": self.method,
+            "params": dict(self.parameters),
+            "limit": self.limit,
+            "intervals": [list(x) for x in self.intervals],
+            "how": self.how,
+            "touches": list(self.touches),
+            "scanned": self.scanned,
+            "reason": self.reason,
+        }
+        return pd.DataFrame([line]).astype(object)
+
+    def _heading(self) -> list[str]:
+        values = ", ".join(f"{k}={v}" for k, v in self.parameters.items())
+        limit = f"none up to {self.scanned:g}" if self.limit is None else f"{self.limit:.10g}"
+        line = f"{self.method}{f'({values})' if values else ''}: limit of h omega {limit} ({self.how})"
+        return [line, *([self.reason] if self.reason else [])]
+
+    def _printed(self) -> pd.DataFrame:
+        import pandas as pd
+
+        ends = [(f"{a:.10g}", "beyond" if b is None else f"{b:.10g}") for a, b in self.intervals]
+        return pd.DataFrame(ends, columns=["stable from", "to"])
+
+
+@method_parameters(parameters_of)
+def stability(
+    method: str | Path | Method | Peer | Integrator | Step, *, parameters: Parameters | None = None
+) -> Stability:
     """All stable intervals of h omega on the harmonic oscillator.
 
     Parameters
     ----------
     method : the id of a method or of a peer with a fixed step, the path of a file with a step, a method, or a step
-    parameters : values of the method's parameters, ``lam=0.5``
+    parameters : values of the method's parameters, ``{"lam": "1/3"}``
 
     Returns
     -------
-    DataFrame
-        One row: method, params, limit (None where unlimited, 0 where every step grows), intervals (their last end is
-        None where it lies beyond ``scanned``), how, touches, scanned, reason
+    Stability
 
     Raises
     ------
     InvalidInput
         For an unknown method or parameter, an adaptive peer, or a method that cannot integrate the oscillator.
     """
-    import pandas as pd
-
-    return pd.DataFrame([row(integrator(method, **parameters))]).astype(object)
+    chosen = integrator(method, parameters=parameters)
+    found = find(chosen)
+    values = {k: str(v) for k, v in chosen.record.parameters.items()}
+    return Stability(
+        *(chosen.id, values, found.limit, found.intervals),
+        *(found.touches, found.scanned, found.how, found.reason),
+    )

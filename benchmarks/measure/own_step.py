@@ -1,4 +1,4 @@
-"""A step of the user's own: a Python function, or a file with one, integrated as a method is.
+"""A user's own step: a Python function, or a file with one, integrated like a method.
 
 A file is plain Python::
 
@@ -10,8 +10,8 @@ A file is plain Python::
     CLAIMS = {"order": 1, "symplectic": True}
     REQUIRES = ("separable",)
 
-q and p are arrays (d,) that cannot be written to; the step returns new ones.  What it claims and what it requires of a
-system may be left out.
+q and p are read-only arrays (d,); the step returns new ones.  CLAIMS and REQUIRES (traits that the system must have)
+are optional.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from phasebench.benchmarks.judge.checks import checked_claims
 from phasebench.benchmarks.problems import user_file
 from phasebench.integrators import record
 from phasebench.integrators.driver import OK, TIMEOUT, Solution
@@ -32,21 +34,21 @@ from phasebench.integrators.errors import InvalidInput, unknown
 from phasebench.integrators.request import check_timeout, request
 from phasebench.reference.peers.run import ending
 
-from .claims import checked_claims
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class OwnStep:
-    """A step of the user's own.
+    """A user's own step.
 
     Attributes
     ----------
     id : the function's name, or the path of its file
     step : (system, q, p, h) -> (q, p), see `System`
-    claims : any of `CLAIMS`
-    requires : traits of the system that it cannot do without
-    where : the file of its code, as Python names it in a traceback
-    again : makes it of its id in another process, where it is of a file
+    claims : any of `judge.checks.CHECKS`
+    requires : traits that the system must have
+    where : the file of its code, as in a traceback
+    again : id -> the step, read again in another process; None if the step is not from a file
     """
 
     id: str
@@ -56,7 +58,7 @@ class OwnStep:
     where: str = ""
     again: Callable[[str], OwnStep] | None = None
 
-    #: As of a method: a step has no parameters.
+    #: For the same interface as a method; a step has no parameters.
     parameters = {}  # noqa: RUF012
 
     @property
@@ -66,65 +68,70 @@ class OwnStep:
 
     @property
     def order(self) -> int | None:
-        """The order that is claimed."""
+        """The claimed order, or None."""
         return self.claims.get("order")
 
     def lacks(self, system) -> str | None:
-        """Why it cannot run on ``system``, or None where it can."""
+        """The reason why it cannot run on ``system``, or None if it can."""
         for trait in self.requires:
             if trait not in system.traits:
                 raise unknown("trait of systems", trait, system.traits)
         return record.lacks(self.id, ("canonical", *self.requires), system)
 
     def __reduce__(self):
-        """A file is read again in the process that this is sent to."""
+        """Pickle a step from a file by its path; it is read again by the receiving process."""
         if self.again is not None:
             return self.again, (self.id,)
         return OwnStep, (self.id, self.step, self.claims, self.requires, self.where)
 
 
 class System:
-    """What a step sees of a system: H and its derivatives at q and p, arrays (d,).
+    """The system as a step sees it: H and its derivatives at q and p, arrays (d,).
 
     Attributes
     ----------
     d : degrees of freedom
-    evaluations : of `dH_dq` and of `dH_dp` so far
-    whole : the system itself
+    evaluations : numbers of evaluations of `dH_dq` and of `dH_dp`
+    whole : the underlying system
     """
 
-    def __init__(self, system):
+    def __init__(self, system: Any):
+        self.d: int
         self.d, self.evaluations, self.whole = system.d, [0, 0], system
         self._system, self._field = system, system.vector_field()
 
-    def _state(self, q, p) -> np.ndarray:
+    def _state(self, q: ArrayLike, p: ArrayLike) -> Floats:
         return np.concatenate([_vector(x, f"the system is called with {n}", self.d) for n, x in (("q", q), ("p", p))])
 
-    def dH_dq(self, q, p) -> np.ndarray:
-        """The gradient by q, (d,)."""
+    def dH_dq(self, q: ArrayLike, p: ArrayLike) -> Floats:
+        """The gradient of H by q, array (d,)."""
         self.evaluations[0] += 1
         return -self._field(0.0, self._state(q, p))[self.d :]
 
-    def dH_dp(self, q, p) -> np.ndarray:
-        """The gradient by p, (d,)."""
+    def dH_dp(self, q: ArrayLike, p: ArrayLike) -> Floats:
+        """The gradient of H by p, array (d,)."""
         self.evaluations[1] += 1
         return self._field(0.0, self._state(q, p))[: self.d]
 
-    def H(self, q, p) -> float:
-        """The energy."""
+    def H(self, q: ArrayLike, p: ArrayLike) -> float:
+        """The energy at q, p."""
         state = self._state(q, p)
         return float(self._system.observe(self._system.H, state[None, : self.d], state[None, self.d :])[0])
 
 
+#: What a user's own step is: (system, q, p, h) -> (q, p).
+Step = Callable[[System, Floats, Floats, float], tuple[ArrayLike, ArrayLike]]
+
+
 def from_function(step: Callable) -> OwnStep:
-    """The step that a function (system, q, p, h) -> (q, p) makes; raises InvalidInput where it takes something else."""
+    """The step given by a function (system, q, p, h) -> (q, p); raises InvalidInput if it takes other arguments."""
     code = getattr(step, "__code__", None) or getattr(type(step).__call__, "__code__", None)
     where = code.co_filename if code else "the step"
     try:
         inspect.signature(step).bind("system", "q", "p", "h")
     except TypeError as error:
         raise InvalidInput(f"{where}: a step is called as step(system, q, p, h): {error}") from None
-    except ValueError:  # a function whose arguments cannot be known
+    except ValueError:  # the function's signature is not available
         pass
     return OwnStep(getattr(step, "__name__", type(step).__name__), step, where=where)
 
@@ -132,27 +139,27 @@ def from_function(step: Callable) -> OwnStep:
 def from_file(path: str | Path) -> OwnStep:
     """The step of a Python file (``./mine.py``, ``./mine.py:object.step``), with its ``CLAIMS`` and ``REQUIRES``.
 
-    Of ``object.step`` they are the object's, where it has some, else the file's.
+    For ``object.step`` they are taken from the object if it has any, else from the file.
 
     Raises
     ------
     InvalidInput
-        For a file that cannot be read or raises (naming the line), or without such a step.
+        For a file that cannot be read or raises (with the line), or that has no such step.
     """
     path = str(path)
-    owner, step = named(path, "step")
-    return replace(described(path, owner, from_function(step).step), again=from_file)
+    owner, step = find_step(path, "step")
+    return replace(build_own_step(path, owner, from_function(step).step), again=from_file)
 
 
-def named(path: str, name: str) -> tuple[Any, Callable]:
-    """(owner, function) of ``./mine.py:object.function``, or of the function ``name`` of ``./mine.py``.
+def find_step(path: str, name: str) -> tuple[Any, Callable]:
+    """(owner, function) for ``./mine.py:object.function``, or for the function ``name`` of ``./mine.py``.
 
-    The owner is what says which claims are made: the object where it has CLAIMS or REQUIRES, else the file's module.
+    The owner declares the claims: the object if it has CLAIMS or REQUIRES, else the file's module.
 
     Raises
     ------
     InvalidInput
-        For a file that cannot be read or raises, or without that function.
+        For a file that cannot be read or raises, or that has no such function.
     """
     file, dotted = user_file.file_and_object(path)
     module = user_file.load(file, "method")
@@ -170,8 +177,8 @@ def named(path: str, name: str) -> tuple[Any, Callable]:
     return owner, found
 
 
-def described(path: str, module, function: Callable) -> OwnStep:
-    """A function of a user's module, with what the module, or the object that it is of, says of it."""
+def build_own_step(path: str, module, function: Callable) -> OwnStep:
+    """The step of a user's function with the CLAIMS and REQUIRES of its owner (a module or an object)."""
     requires = getattr(module, "REQUIRES", ())
     requires = (requires,) if isinstance(requires, str) else requires
     if not isinstance(requires, (tuple, list)) or not all(isinstance(x, str) for x in requires):
@@ -184,24 +191,24 @@ def described(path: str, module, function: Callable) -> OwnStep:
 def integrate_step(
     problem, own: OwnStep, *, h=None, t_end=None, steps=None, t0=0.0, q0=None, p0=None, save_every=1, timeout=None
 ) -> Solution:
-    """Integrate ``problem`` with a step of the user's own, at constant h.
+    """Integrate ``problem`` with a user's own step, at constant h.
 
     Parameters
     ----------
-    problem, h, t_end, steps, t0, q0, p0, save_every : as of `integrators.driver.integrate`
-    timeout : seconds after which no further step is taken; one step that does not return cannot be stopped
+    problem, h, t_end, steps, t0, q0, p0, save_every : as in `integrators.driver.integrate`
+    timeout : seconds after which no further step is taken; a step that does not return cannot be stopped
 
     Returns
     -------
     integrators.driver.Solution
-        Its ``seconds`` are those of the loop in Python; of ``counts`` the gradient is of H by q or by p, whichever was
-        evaluated more often.
+        ``seconds`` is the time of the Python loop; the gradient in ``counts`` is the larger of the numbers of
+        evaluations of dH_dq and dH_dp.
 
     Raises
     ------
     InvalidInput
-        For input that cannot be used, and for a step that raises (naming file and line), that returns anything but two
-        arrays (d,) of real numbers, or that changes its q or p.
+        For unusable input, and for a step that raises (with file and line), that returns anything but two arrays (d,)
+        of real numbers, or that changes its q or p.
     """
     check_timeout(timeout)
     asked = request(problem, h=h, t_end=t_end, steps=steps, q0=q0, p0=p0, save_every=save_every, t0=t0)
@@ -209,7 +216,7 @@ def integrate_step(
     if lack:
         raise InvalidInput(lack)
     seen = System(asked.system)
-    seen.dH_dq(asked.q, asked.p)  # what has to be compiled is compiled before the clock starts
+    seen.dH_dq(asked.q, asked.p)  # compile the vector field before the clock starts
     seen.evaluations[:] = 0, 0
     numbers = asked.step_numbers
     rows = np.empty((2, len(numbers), seen.d))
@@ -232,11 +239,11 @@ def integrate_step(
 
 
 def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:
-    """Fill the rows; (rows that are filled, steps that were taken, whether the time was over before the end)."""
+    """Fill the rows; return (rows filled, steps taken, True if time ran out before the end)."""
     q, p, row = asked.q, asked.p, 1
     for n in range(1, asked.steps + 1):
         try:
-            q, p = returned(step(seen, _frozen(q), _frozen(p), asked.h), seen.d)
+            q, p = check_pair(step(seen, _frozen(q), _frozen(p), asked.h), seen.d)
         except ValueError as error:
             if "read-only" not in str(error):
                 raise
@@ -248,7 +255,7 @@ def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:
         if not (np.isfinite(q).all() and np.isfinite(p).all()):
             return row, n - 1, False
         if deadline is not None and n < asked.steps and time.perf_counter() > deadline:
-            if n % asked.every:  # a row of its own
+            if n % asked.every:  # the last state is not yet in a row
                 rows[:, row] = q, p
                 row += 1
             return row, n, True
@@ -256,33 +263,33 @@ def _steps(step, seen: System, asked, rows, deadline) -> tuple[int, int, bool]:
 
 
 def _frozen(x: np.ndarray) -> np.ndarray:
-    """A view that cannot be written to, nor made so."""
+    """A read-only view whose base is read-only too."""
     x.flags.writeable = False
     return x.view()
 
 
-def returned(pair, d: int) -> tuple[np.ndarray, np.ndarray]:
-    """What a step returned, as arrays of its own."""
+def check_pair(pair, d: int) -> tuple[np.ndarray, np.ndarray]:
+    """The (q, p) that a step returned, copied to new arrays; raises InvalidInput for anything else."""
     two = len(pair) == 2 if isinstance(pair, (tuple, list)) else np.ndim(pair) == 2 and len(pair) == 2
     if not two:
-        raise InvalidInput(f"step returned {_described(pair)}; it must return q, p")
+        raise InvalidInput(f"step returned {_short_text(pair)}; it must return q, p")
     return _vector(pair[0], "step returned q", d), _vector(pair[1], "step returned p", d)
 
 
 def _vector(x, what: str, d: int) -> np.ndarray:
-    """x as a new array (d,) of doubles; ``what`` it is begins the error's message."""
+    """x as a new array (d,) of doubles; raises InvalidInput with a message that begins with ``what``."""
     try:
         if np.iscomplexobj(x):
             raise TypeError
         vector = np.array(x, dtype=float)
     except (TypeError, ValueError):
-        raise InvalidInput(f"{what} = {_described(x)}; it must be an array of real numbers") from None
+        raise InvalidInput(f"{what} = {_short_text(x)}; it must be an array of real numbers") from None
     if vector.shape != (d,):
         raise InvalidInput(f"{what} of shape {vector.shape}; it must be ({d},)")
     return vector
 
 
-def _described(x) -> str:
-    """A value in an error's message."""
+def _short_text(x) -> str:
+    """A value as short text for an error message."""
     text = repr(x)
     return text if len(text) <= 60 else f"{type(x).__name__} {text[:60]} ..."

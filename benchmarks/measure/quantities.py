@@ -1,17 +1,17 @@
-r"""What is wanted of an integration: a quantity, told from the rows of a solution, and its error against what is true.
+r"""`Quantity`: a number or array computed from a solution, with its error against a reference.
 
-- ``end-state``: the max norm over (q, p) at the end;
-- ``trajectory``: the same, the largest at `PARTS` equidistant times;
-- ``energy``: :math:`\max_t |H - H_0|` over the rows, in units of the sum of the sizes of H's terms at the start;
-- and what a problem's own users ask for, by name (`named_quantities`): an angle, an adiabatic invariant, an average.
+- ``end-state``: (q, p) at the end, in the max norm;
+- ``trajectory``: the same, the largest error at `PARTS` equidistant times;
+- ``energy``: :math:`\max_t |H - H_0|` over the rows, divided by the sum of the absolute terms of H at the start;
+- further quantities of particular problems (`named_quantities`): an angle, an adiabatic invariant, an average.
 
-A quantity that is kept (the energy) is compared with its own first value and needs no reference; any other with what is
-true (`truths.truth`), which has an uncertainty of its own: an error below it tells nothing.
+A conserved quantity (the energy) is compared with its own first value and needs no reference.  Others are compared with
+a reference value (`truths.truth`); an error below the uncertainty of that value is not meaningful.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, pi
 from typing import Any, NamedTuple
@@ -20,29 +20,28 @@ import numpy as np
 import sympy as sp
 
 from phasebench.integrators.driver import OK
-from phasebench.integrators.errors import unknown
 
-#: Times at which the error of a trajectory is looked at, and rows from which a greatest error or an average is told.
+#: Number of times for the error of a trajectory, and number of rows for a maximum or an average.
 PARTS, ROWS = 20, 997  # a prime, so that no period is looked at in few phases
-#: Of a time that is a product n h.
+#: Relative round-off of a time computed as a product n h.
 ROUND_OFF = 16 * float(np.finfo(float).eps)
-#: (problem, t (n,), q (n, d), p (n, d)) -> what is compared, array (m,).
+#: Type of (problem, t (n,), q (n, d), p (n, d)) -> the values to compare, array (m,).
 Values = Callable[[Any, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Something that is wanted of a solution.
+    """A quantity computed from a solution, and how its error is measured.
 
     Attributes
     ----------
-    name, about, unit : kebab-case name; what it is, in a line; the unit of its error
-    values : (problem, t, q, p) of rows -> what is compared, array (m,); of one that is `kept`, its error
-    rows : how many rows it is told from, besides the first; 1: the end alone
-    aligned : whether these must be the ends of as many equal parts of the span, as those of the reference are
-    angle : whether values are compared modulo 2 pi
-    kept : whether it is compared with its own first value
-    statistical : whether nearby orbits have other values: a chaotic orbit's average, a Lyapunov exponent
+    name, about, unit : kebab-case name; description in a line; unit of its error
+    values : (problem, t, q, p) of rows -> the values to compare, array (m,); for a conserved quantity its error
+    rows : number of rows that it needs besides the first; 1: the end only
+    aligned : True if the rows must divide the span into equal parts, like those of the reference
+    angle : True if values are compared modulo 2 pi
+    kept : True for a conserved quantity, compared with its own first value
+    statistical : True if it differs between nearby orbits, such as an average or an exponent of a chaotic orbit
     """
 
     name: str
@@ -56,30 +55,30 @@ class Quantity:
     statistical: bool = False
 
     def steps(self, wanted: float) -> int:
-        """The nearest number of steps that gives its rows."""
+        """The number of steps nearest to ``wanted`` that gives the rows it needs."""
         unit = self.rows if self.aligned else 1
         return max(1, round(wanted / unit)) * unit
 
     def save_every(self, steps: int) -> int:
-        """How many steps its rows are apart in a run of so many: 0 where the end is enough."""
+        """The spacing of its rows, in steps, in a run of ``steps`` steps; 0 if the end suffices."""
         return 0 if self.rows == 1 else max(1, steps // self.rows)
 
     def grid(self, steps: int | None = None, tol: float | None = None) -> dict[str, Any]:
-        """Arguments of `Integrator.run` that give its rows: with a number of `steps`, or with a tolerance."""
+        """Arguments of `Integrator.run` that give the rows it needs, with a number of steps or a tolerance."""
         if steps is not None:
             return {"steps": steps, "save_every": self.save_every(steps)}
         return {"tol": tol, "save_every": 0} if self.rows == 1 else {"tol": tol, "steps": self.rows, "save_every": 1}
 
 
 class Truth(NamedTuple):
-    """What is true of a quantity.
+    """The true value of a quantity.
 
     Attributes
     ----------
     values : array (m,)
-    uncertainty : of these, in the unit of errors
-    source : whence they are
-    rounding : what rounding to long double grows to by then, in the same unit; 0 where that is not asked
+    uncertainty : of the values, in the unit of errors
+    source : origin of the values
+    rounding : effect on the values of rounding the orbit to long double, in the same unit; 0 if not computed
     """
 
     values: np.ndarray
@@ -97,7 +96,7 @@ def _trajectory(problem, t, q, p) -> np.ndarray:
 
 
 def scale(problem) -> float:
-    """The sum of the sizes of H's terms at the start: energy errors are in units of it."""
+    """The sum of the absolute terms of H at the start, the unit of energy errors."""
     system = problem.system
     start = np.array([problem.q0]), np.array([problem.p0])
     return float(sum(abs(system.observe(term, *start)[0]) for term in sp.Add.make_args(system.H)))
@@ -121,28 +120,12 @@ ENERGY = Quantity(
     aligned=False,
     kept=True,
 )
-#: Those of every problem.
+#: Quantities of every problem.
 GENERAL = (END_STATE, TRAJECTORY, ENERGY)
 
 
-def quantities(problem) -> Mapping[str, Quantity]:
-    """Those of a problem by name: the general ones, then its own."""
-    from .named_quantities import named
-
-    general = [x for x in GENERAL if x is not ENERGY or getattr(problem.system, "H", None) is not None]
-    return {x.name: x for x in (*general, *named(problem))}
-
-
-def quantity(problem, name: str) -> Quantity:
-    """The quantity of that name; raises InvalidInput naming those there are."""
-    known = quantities(problem)
-    if name not in known:
-        raise unknown(f"quantity of '{getattr(problem, 'label', problem)}'", name, known)
-    return known[name]
-
-
 def rows_of(quantity: Quantity, solution) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(t, q, p) of the first row and those that a quantity is told from; raises ValueError where they are missing."""
+    """(t, q, p) of the first row and of the rows that a quantity needs; raises ValueError if some are missing."""
     t, q, p = solution.t, solution.q, solution.p
     if not quantity.aligned:
         return t, q, p
@@ -154,13 +137,13 @@ def rows_of(quantity: Quantity, solution) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def values(problem, quantity: Quantity, solution) -> np.ndarray:
-    """What is compared, of anything with rows ``t``, ``q``, ``p``."""
+    """The values of a quantity from rows ``t``, ``q``, ``p`` of a solution, array (m,)."""
     with np.errstate(all="ignore"):
         return np.asarray(quantity.values(problem, *rows_of(quantity, solution)), float)
 
 
 def distance(quantity: Quantity, one: np.ndarray, other: np.ndarray) -> float:
-    """The largest difference of two arrays of values, modulo a turn where they are angles."""
+    """The max norm of the difference of two arrays of values, modulo 2 pi for angles; infinite if not finite."""
     apart = one - other
     if quantity.angle:
         apart = (apart + pi) % (2 * pi) - pi
@@ -169,12 +152,12 @@ def distance(quantity: Quantity, one: np.ndarray, other: np.ndarray) -> float:
 
 
 def error(problem, quantity: Quantity, solution, reference: Truth | None = None) -> float:
-    """The error of a quantity in a solution; infinite where it did not come to the end.
+    """The error of a quantity in a solution; infinite if the run did not reach its end.
 
     Parameters
     ----------
-    solution : with status, t (n,), q and p (n, d): run with `Quantity.grid`
-    reference : what is true; none of a quantity that is kept
+    solution : with status, t (n,), q and p (n, d), from a run with `Quantity.grid`
+    reference : the true value; not needed for a conserved quantity
     """
     if getattr(solution, "status", OK) != OK:
         return inf

@@ -1,28 +1,37 @@
-"""`Solution` with its error and a frame: what `phasebench.integrate` returns."""
+"""`Solution`, the result of `phasebench.integrate`: a trajectory with its error and as a data frame."""
 
 from __future__ import annotations
 
 from dataclasses import fields
 from math import nan
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from phasebench.benchmarks.problems.base import Orbit, Problem
+from phasebench.benchmarks.problems.base import Problem
 from phasebench.integrators import solution
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.statuses import UNSTABLE
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+#: Rows that a notebook shows.
+HEAD = 6
 
 
 class GlobalError(NamedTuple):
-    """The error of a solution at its end, and how well it is known.
+    """The error of a solution at its end, and the accuracy of the reference.
 
     Attributes
     ----------
-    error : max norm over (q, p) against the reference; NaN where there is none
-    uncertainty : of the reference, in the same unit: an error below it tells nothing
-    horizon : the time up to which the reference follows the orbit; of a chaotic orbit it may lie before the end
+    error : max norm over (q, p) against the reference; NaN if there is none
+    uncertainty : of the reference, in the same unit: a smaller error is not meaningful
+    horizon : the time up to which the reference follows the orbit; for a chaotic orbit it may lie before the end
     source : "certified" (a stored state) or "long double" (computed now)
-    reason : why there is no error, or nothing
+    reason : why there is no error, or ""
     """
 
     error: float
@@ -32,18 +41,26 @@ class GlobalError(NamedTuple):
     reason: str = ""
 
 
+def stability_hint(status: str, method: str) -> str:
+    """What to add to the reason of a run that is unstable: the command that prints which steps are stable."""
+    where = f"`phasebench stability {method}` prints the steps that are stable on an oscillator"
+    return where if status == UNSTABLE else ""
+
+
 class Solution(solution.Solution):
-    """A trajectory and how it was made; its attributes are those of `integrators.solution.Solution`."""
+    """A trajectory with its method, status and counts; attributes are those of `integrators.solution.Solution`."""
 
     @classmethod
     def of(cls, found: solution.Solution) -> Solution:
-        """The same solution, which can tell its error."""
-        return cls(**{f.name: getattr(found, f.name) for f in fields(found)})
+        """Convert a solution of the base class, to add the methods of this class."""
+        given = {f.name: getattr(found, f.name) for f in fields(found)}
+        hint = stability_hint(found.status, found.method.id)
+        return cls(**given | {"reason": "; ".join(filter(None, (found.reason, hint)))})
 
     def error(self) -> GlobalError:
         """The error at the end, against a certified state or a run of heyoka in long double from the same start.
 
-        Raises InvalidInput where the solution did not come to its end, or does not know its problem.
+        Raises InvalidInput if the solution did not reach its end, or for lack of a problem.
         """
         from . import global_error
 
@@ -57,8 +74,8 @@ class Solution(solution.Solution):
             reference.get("reason", ""),
         )
 
-    def to_frame(self):
-        """A pandas DataFrame: t, the coordinates and momenta by name, and the energy where there is one."""
+    def to_frame(self) -> pd.DataFrame:
+        """A pandas DataFrame: t, the coordinates and momenta by name, and the energy if the system has one."""
         import pandas as pd
 
         columns = {"t": self.t}
@@ -68,13 +85,28 @@ class Solution(solution.Solution):
             columns["energy"] = self.energy()
         return pd.DataFrame(columns)
 
-    def _started(self):
-        """The problem, from the first row."""
-        from .global_error import started
+    def plot(self) -> Figure:
+        """A figure: the change of the energy over time, and the orbit in the plane of the first q and p.
+
+        Of several degrees of freedom the second panel has the first two coordinates.  The figure shows itself in a
+        notebook; ``.savefig("orbit.png")`` writes it.
+        """
+        from .figures import solution
+
+        return solution(self)
+
+    def _repr_html_(self) -> str:
+        """The text and the first rows, for a notebook."""
+        from html import escape
+
+        return f"<pre>{escape(repr(self))}</pre>{self.to_frame().to_html(index=False, max_rows=HEAD)}"
+
+    def _started(self) -> Any:
+        """The problem, started from the solution's first row."""
+        from .global_error import with_start
 
         q, p = self.q[0], self.p[0]
         if not isinstance(self.problem, Problem):
-            orbit = Orbit("given", tuple(map(float, q)), tuple(map(float, p)))
-            return Problem("given", "a system of one's own", "", self.system, (orbit,))
+            return with_start(self.system, q, p)
         own = np.array_equal(q, self.problem.q0) and np.array_equal(p, self.problem.p0)
-        return self.problem if own else started(self.problem, q, p)
+        return self.problem if own else with_start(self.problem, q, p)

@@ -1,8 +1,8 @@
-"""Times that can be compared: warm, interleaved, medians with intervals, ratios round by round; and who is the cheaper.
+"""Comparable times: warm, interleaved, as medians with intervals and ratios per round; and which side is cheaper.
 
-The interval of a median is that of order statistics: of n independent rounds the k-th smallest and the k-th largest
-enclose the median with the probability 1 - 2 P(B < k), B binomial of n throws of a coin, whatever the distribution
-(H. A. David, H. N. Nagaraja, Order Statistics (2003), 7.1).
+The interval of a median is that of order statistics: the k-th smallest and the k-th largest of n independent rounds
+enclose the median with probability 1 - 2 P(B < k), B binomial for n fair coin tosses, whatever the distribution (H. A.
+David, H. N. Nagaraja, Order Statistics (2003), 7.1).
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-#: How often a median is in its interval, at least, where the rounds are enough (six).
+#: Least probability with which the interval contains the median; it needs at least six rounds.
 CONFIDENCE = 0.95
-#: What a comparison of two costs can say.
+#: Outcomes of a comparison of two costs.
 OURS, PEERS, TIED, OPEN, NONE = "ours", "peer", "tie", "not decided", "none"
 
 
 class Median(NamedTuple):
-    """The median of rounds and its interval, in which it is `CONFIDENCE` of the time; of a few rounds their range."""
+    """A median with its interval of probability `CONFIDENCE`; for few rounds the interval is their range."""
 
     value: float
     low: float
     high: float
 
 
-#: What nothing reaches.
+#: The cost of an error that is never met.
 NOWHERE = Median(inf, inf, inf)
 
 
 @cache
 def rank(n: int, confidence: float = CONFIDENCE) -> int:
-    """The largest k for which the k-th smallest and largest of n enclose the median that often; 1 where none does."""
+    """The largest k such that the k-th smallest and largest of n enclose the median that often; at least 1."""
     below, ways, k = 0, 1, 0
     most = int(Fraction(1 - confidence) / 2 * 2**n)
     while k < n and below + ways <= most:
@@ -47,7 +47,7 @@ def rank(n: int, confidence: float = CONFIDENCE) -> int:
 
 
 def median(samples: Iterable[float]) -> Median:
-    """The median of samples with its interval; NaN for none."""
+    """The median of samples with its interval; NaN if there are none."""
     ordered = sorted(map(float, samples))
     if not ordered:
         return Median(nan, nan, nan)
@@ -56,7 +56,7 @@ def median(samples: Iterable[float]) -> Median:
 
 
 def in_turns(work: Mapping[Hashable, Callable[[], float]], rounds: int = 15) -> dict[Any, np.ndarray]:
-    """The seconds that each callable tells in every round; the first round is not counted, the order alternates."""
+    """The seconds that each callable returns in each round; a first round is dropped, and the order alternates."""
     seconds: dict[Hashable, list[float]] = {n: [] for n in work}
     for k in range(rounds + 1):
         for name in work if k % 2 else reversed(work):
@@ -66,10 +66,10 @@ def in_turns(work: Mapping[Hashable, Callable[[], float]], rounds: int = 15) -> 
     return {n: np.array(s) for n, s in seconds.items()}
 
 
-def interleaved(work: Mapping[Hashable, Callable[[], object]], rounds: int = 15) -> dict[Any, np.ndarray]:
-    """Seconds of each callable in every round, as `in_turns`."""
+def time_in_turns(work: Mapping[Hashable, Callable[[], object]], rounds: int = 15) -> dict[Any, np.ndarray]:
+    """The measured seconds of each callable in each round, in the order of `in_turns`."""
 
-    def clocked(run):
+    def clock(run):
         def seconds() -> float:
             started = time.perf_counter()
             run()
@@ -77,18 +77,18 @@ def interleaved(work: Mapping[Hashable, Callable[[], object]], rounds: int = 15)
 
         return seconds
 
-    return in_turns({n: clocked(run) for n, run in work.items()}, rounds)
+    return in_turns({n: clock(run) for n, run in work.items()}, rounds)
 
 
 def ratio(a: np.ndarray, b: np.ndarray) -> Median:
-    """How many times as long a took as b, round by round."""
+    """The median ratio of times a / b, taken round by round."""
     return median(np.asarray(a) / np.asarray(b))
 
 
 def cheaper(ours: Median, peers: Median, tie: float = 1.0) -> str:
-    """Whose cost is less: of the side whose whole interval, widened by a factor ``tie``, is below the other's.
+    """The cheaper side: the one whose whole interval, widened by the factor ``tie``, is below the other's; else a tie.
 
-    An infinite ``low`` is a side that does not get there, an infinite ``high`` one of which that is not certain.
+    ``low`` is infinite for a side that never meets the error, ``high`` for one that may not meet it.
     """
     if isinf(ours.low) and isinf(peers.low):
         return NONE

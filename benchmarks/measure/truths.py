@@ -1,11 +1,12 @@
-"""What is true of a quantity, with its own uncertainty, found once for a problem, a quantity and a span.
+"""The true value of a quantity, with its uncertainty.
 
-Of a state at the end: the certified one, where one is stored at that time; the uncertainty is what moving each of its
-components by a unit in the last place of a double, and rounding the values, makes of the quantity.  Of anything else:
-two runs in long double and a few displaced ones (`reference.certificates.followed`); the uncertainty is `SAFETY` times
-what the quantity differs by in the two, `GROWN` times the most that a rounding grows to, and what rounding the values
-to double makes.  Of a statistical quantity: the mean over `NEIGHBOURS` orbits displaced by `SHIFT`, seeded; the
-uncertainty is twice their standard deviation, since an exact integration is but one more of them.
+- For a state at the end, the certified one if it is stored for that time.  Its uncertainty is the effect on the
+  quantity of moving each component by one unit in the last place of a double, plus rounding of the values.
+- For other quantities, two runs in long double and a few displaced ones (`reference.certificates.followed`).  The
+  uncertainty is `SAFETY` times the difference between the two, plus `GROWN` times the largest growth of a rounding,
+  plus rounding of the values to double.
+- For a statistical quantity, the mean over `NEIGHBOURS` orbits with seeded displacements of relative size `SHIFT`.  The
+  uncertainty is twice their standard deviation, since an exact integration would be just one more of them.
 """
 
 from __future__ import annotations
@@ -16,40 +17,40 @@ from types import SimpleNamespace
 import numpy as np
 
 from phasebench.reference.certificates import followed, stored
-from phasebench.reference.certificates.followed import Followed
+from phasebench.reference.certificates.followed import FollowedOrbit
 
 from .quantities import Quantity, Truth, distance, values
 
-#: Two runs of independent errors: one of them is off by more than three times their distance in a few of 100 cases.
+#: Safety factor: one of two runs with independent errors is off by more than three times their distance in few cases.
 SAFETY = 3.0
-#: A step rounds in many operations, a displaced run in one, and the worst of a few draws may still be a lucky one.
+#: Factor for rounding: a step rounds in many operations, a displaced run once, and all of a few draws may be small.
 GROWN = 16.0
-#: Orbits of a statistical quantity, what they are displaced by, the seed, and their tolerance: statistics need no more.
+#: For statistical quantities: number of orbits, relative displacement, seed, and tolerance (statistics need no more).
 NEIGHBOURS, SHIFT, SEED, ENOUGH = 24, 1e-6, 1, 1e-12
 CERTIFIED, LONG_DOUBLE, ENSEMBLE, NONE = "certified", followed.TAYLOR, "ensemble", "not needed"
 EPS = float(np.finfo(float).eps)
 
 
 def truth(problem, quantity: Quantity, t_end: float) -> Truth:
-    """What is true at, or up to, ``t_end``.
+    """The true value of a quantity at, or up to, ``t_end``.
 
     Raises
     ------
     reference.solvers.taylor.ReferenceFailed
-        Where no reference comes to the end, naming the times they reached.
+        If no reference reaches the end; the message has the times reached.
     """
     if quantity.kept:
         return Truth(np.zeros(1), 0.0, NONE)
     if quantity.statistical:
         return _ensemble(problem, quantity, t_end)
-    if quantity.rows == 1 and (end := _certified(problem, t_end)) is not None:
+    if quantity.rows == 1 and (end := _certified_end(problem, t_end)) is not None:
         return _at_certified(problem, quantity, t_end, end)
     times = t_end / quantity.rows * np.arange(1, quantity.rows + 1)
     return of_runs(problem, quantity, followed.follow(problem, times))
 
 
-def of_runs(problem, quantity: Quantity, runs: Followed) -> Truth:
-    """What runs in long double, at the quantity's times, say of it."""
+def of_runs(problem, quantity: Quantity, runs: FollowedOrbit) -> Truth:
+    """The true value from runs in long double at the quantity's times."""
     d = problem.system.d
 
     def at(rows: np.ndarray) -> np.ndarray:
@@ -80,12 +81,12 @@ def _at_certified(problem, quantity: Quantity, t_end: float, end) -> Truth:
     return Truth(found, float(np.max(apart)) + _rounding(quantity, found), CERTIFIED)
 
 
-def _certified(problem, t_end: float):
+def _certified_end(problem, t_end: float):
     return stored.end(problem, t_end) if hasattr(problem, "orbits") else None
 
 
 def _rows(t, problem, q, p) -> SimpleNamespace:
-    """Rows with the initial one before them."""
+    """A solution-like object of the rows, with the initial state prepended."""
     t = np.concatenate([[0.0], np.atleast_1d(t)])
     return SimpleNamespace(t=t, q=np.vstack([[problem.q0], q]), p=np.vstack([[problem.p0], p]))
 

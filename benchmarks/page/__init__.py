@@ -1,1 +1,1 @@
-"""What a page is made of: sections, tables, the style of figures."""
+"""The parts of a report page: verdicts, tables, figures and their style, Markdown and HTML."""

@@ -1,7 +1,7 @@
-"""Figures that are there already: one is drawn again where its rows, what draws it, or the libraries have changed.
+"""Caches the figures of a report: one is drawn again only if its rows, the code that draws it or a library changed.
 
-`KEPT` beside the figures says of each page which tables its figures were drawn from and by which source, and what each
-file holds: a file that was changed since is drawn again.
+The file `KEPT` beside the figures stores for each page the digests of the tables and the code that its figures were
+drawn from, and of the figure files: a file changed since then is drawn again.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from phasebench.benchmarks.rows import sources
+from phasebench.benchmarks.store import sources
 
 from .page import Page, Picture
 
@@ -27,15 +27,15 @@ def _hash(content: bytes) -> str:
 
 
 def module_of(draw: Callable) -> str:
-    """The module whose source draws."""
+    """The name of the module that defines a drawing function."""
     while isinstance(draw, functools.partial):
         draw = draw.func
     return inspect.unwrap(draw).__module__
 
 
 @functools.cache
-def _named() -> tuple[str, ...]:
-    """The digests of the data that a source may name, and the libraries' versions."""
+def _data_digests() -> tuple[str, ...]:
+    """Digests of the data files that a module may read by name, and the versions of the libraries."""
     from importlib.metadata import version
 
     rooms = [sources.path_of(room) for room in sources.DATA]
@@ -45,12 +45,12 @@ def _named() -> tuple[str, ...]:
 
 @functools.cache
 def _source(module: str) -> str:
-    """What draws: a module with all that it imports, the data that these name, and the libraries' versions."""
-    return _hash(" ".join([sources.digest([module]), *_named()]).encode())
+    """Digest of all that a drawing depends on: the module and its imports, their data, and the libraries' versions."""
+    return _hash(" ".join([sources.digest([module]), *_data_digests()]).encode())
 
 
 class _Reading:
-    """The tables of a page, and the names of those that were read."""
+    """Hands out the tables of a page and records the names of those that were read."""
 
     def __init__(self, data):
         self._data, self.names = data, set()
@@ -64,18 +64,18 @@ class _Reading:
 
 
 class Figures:
-    """The figures of a folder: those that are there, and those that are drawn now."""
+    """The figures of a report folder: those stored before, and those of this report."""
 
     def __init__(self, folder: Path):
         self.folder = folder / "figures"
         self.now: dict[str, dict] = {}
         try:
             self.before = json.loads((self.folder / KEPT).read_text(encoding="utf-8"))
-        except (OSError, ValueError):  # it is not there, or was cut: everything is drawn
+        except (OSError, ValueError):  # missing or truncated: draw everything
             self.before = {}
 
     def of(self, page: Page, data, target: Path) -> list[Picture]:
-        """The pictures of a page, whose files are then in ``target``; ``data`` is a `report.Data`."""
+        """Draw or copy a page's figures into ``target`` and return them; ``data`` is a `report.Data`."""
         entry = self.before.get(page.id)
         if entry is None or not self._same(entry, page, data):
             read = _Reading(data)
@@ -104,5 +104,5 @@ class Figures:
         return path.is_file() and _hash(path.read_bytes()) == known
 
     def write(self, target: Path) -> None:
-        """Write what is known of the figures beside them."""
+        """Write the digests of the figures to the file `KEPT` in ``target``."""
         (target / KEPT).write_text(json.dumps(self.now, indent=1, sort_keys=True) + "\n", encoding="utf-8")

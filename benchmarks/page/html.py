@@ -1,7 +1,7 @@
-"""A page as one self-contained HTML file: figures, style and script stand in it; it needs no network.
+"""Writes a page as one self-contained HTML file: figures, style and script are embedded; it needs no network.
 
-The HTML is made of the page's Markdown, so that both say the same.  The script sorts a table by the column whose head
-is clicked and filters its rows by text; without it the page is whole, but still.
+The HTML is rendered from the page's Markdown, so that both say the same.  The script sorts a table by a click on a
+column's head and filters its rows by text; without it the page is complete but static.
 """
 
 from __future__ import annotations
@@ -14,8 +14,11 @@ from pathlib import Path
 import pandas as pd
 
 from .markdown import number
+from .verdict import MEANING
 
-#: Tables of more rows are folded.
+#: Marks every page of a report, so that the pages of an earlier report are recognized.
+GENERATOR = '<meta name="generator" content="phasebench report">'
+#: Tables with more rows are folded.
 LONG = 25
 
 
@@ -23,8 +26,8 @@ def _style(name: str) -> str:
     return Path(__file__).with_name(name).read_text(encoding="utf-8")
 
 
-def _inlined(folder: Path):
-    """A replacement of an image's file name by its bytes."""
+def _inline_images(folder: Path):
+    """A function for `re.sub` that replaces an image's file name by its bytes."""
 
     def replace(match: re.Match) -> str:
         image = base64.b64encode((folder / html.unescape(match[1])).read_bytes()).decode()
@@ -34,22 +37,27 @@ def _inlined(folder: Path):
 
 
 def _box(match: re.Match) -> str:
-    """A table in a box that scrolls by itself."""
+    """Put a table into a box that scrolls on its own."""
     return f'<div class="table">{match[0]}</div>'
 
 
-def _folded(match: re.Match) -> str:
-    """A table in a box that scrolls by itself, folded where it is long."""
+def _fold(match: re.Match) -> str:
+    """Put a table into a box that scrolls on its own, folded if it is long."""
     rows = match[0].count("<tr>") - 1
     return f"<details><summary>{rows} rows</summary>{_box(match)}</details>" if rows > LONG else _box(match)
+
+
+def _outcome(match: re.Match) -> str:
+    """Mark up an outcome so that it gets its colour."""
+    return f'<strong class="{match[1].lower()}">{match[1]}</strong>'
 
 
 def _cells(values, tag: str) -> str:
     return "".join(f"<{tag}>{html.escape(number(x))}</{tag}>" for x in values)
 
 
-def _whole(frame: pd.DataFrame) -> str:
-    """Every row of a frame, folded."""
+def _full_table(frame: pd.DataFrame) -> str:
+    """A folded HTML table with every row of a frame."""
     body = "".join(f"<tr>{_cells(row, 'td')}</tr>" for row in frame.itertuples(index=False))
     table = f"<table><thead><tr>{_cells(frame.columns, 'th')}</tr></thead><tbody>{body}</tbody></table>"
     return f'<details><summary>All {len(frame)} rows</summary><div class="table">{table}</div></details>'
@@ -62,26 +70,27 @@ def document(
 
     Parameters
     ----------
-    text : the Markdown, which links to its figures and to other pages relative to ``folder``
-    folder : where the figures lie
+    text : the Markdown, with links to figures and other pages relative to ``folder``
+    folder : the folder of the figures
     whole : a table shown folded at the end
-    home : the page that is linked above, None on the entry itself
-    fold : whether tables of more than `LONG` rows are folded
+    home : the page linked at the top, None on the entry page itself
+    fold : True to fold tables of more than `LONG` rows
     """
     from markdown_it import MarkdownIt
 
     body = MarkdownIt("commonmark").enable("table").render(text)
-    body = re.sub(r"<table>.*?</table>", _folded if fold else _box, body, flags=re.S)
-    body = re.sub(r'<img src="([^":]+)"', _inlined(folder), body)
+    body = re.sub(r"<table>.*?</table>", _fold if fold else _box, body, flags=re.S)
+    body = re.sub(r'<img src="([^":]+)"', _inline_images(folder), body)
     body = re.sub(r'href="([\w-]+)\.md"', lambda m: f'href="{"index" if m[1] == "README" else m[1]}.html"', body)
-    body = re.sub(r"<strong>(PASS|FINDING|not measured)</strong>", r'<strong class="\1">\1</strong>', body)
+    body = re.sub(rf"<strong>({'|'.join(MEANING)})</strong>", _outcome, body, flags=re.I)
     if whole is not None and len(whole):
-        body += _whole(whole)
+        body += _full_table(whole)
     title = html.escape(text.splitlines()[0].lstrip("# "))
     above = f'<nav><a href="{home}">All pages</a></nav>' if home else ""
+    origin = f"{GENERATOR}\n" if home else ""
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1">\n<title>{title}</title>\n'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1">\n{origin}<title>{title}</title>\n'
         f"<style>\n{_style('page.css')}</style>\n</head>\n<body>\n<main>\n{above}\n{body}</main>\n"
         f"<script>\n{_style('page.js')}</script>\n</body>\n</html>\n"
     )

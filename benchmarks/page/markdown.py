@@ -1,4 +1,4 @@
-"""The Markdown of a page: aligned tables, wrapped sentences."""
+"""Writes a page as Markdown: aligned tables and wrapped sentences."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from .page import Page, Picture, Table, Verdict, outcome
+from .page import Page, Picture, Table
+from .verdict import Verdict
 
-#: Characters of a line of text.
+#: Line width of the text, in characters.
 WIDTH = 110
 
 
 def number(x, digits: int = 3) -> str:
-    """A number with so many significant digits: 0.0123, 1.23e-05; nothing for a missing one."""
+    """A number with ``digits`` significant digits (0.0123, 1.23e-05); "" if it is None or NaN."""
     if x is None or (isinstance(x, float) and math.isnan(x)):
         return ""
     if isinstance(x, (bool, str)):
@@ -28,14 +29,14 @@ def number(x, digits: int = 3) -> str:
 
 
 def _numeric(column: pd.Series) -> bool:
-    """Whether a column holds numbers, be they written out already."""
+    """True if a column holds numbers, or texts that are all numbers."""
     if pd.api.types.is_numeric_dtype(column):
         return True
     return pd.to_numeric(column[column.astype(str) != ""], errors="coerce").notna().all()
 
 
 def table(frame: pd.DataFrame, columns: Mapping[str, str] | Sequence[str] | None = None, digits: int = 3) -> str:
-    """An aligned table of the columns (name -> heading) of a frame."""
+    """An aligned Markdown table of a frame's columns (name -> heading; by default all)."""
     if columns is not None:
         names = list(columns)
         frame = frame.reindex(columns=names)
@@ -60,8 +61,8 @@ def table(frame: pd.DataFrame, columns: Mapping[str, str] | Sequence[str] | None
     return "\n".join([line(heads), rule, *(line(c) for c in cells)]) + "\n"
 
 
-def listed(items: Sequence[str], limit: int = 8) -> str:
-    """a, b and c; the first of many."""
+def join_list(items: Sequence[str], limit: int = 8) -> str:
+    """The items as "a, b and c"; of more than ``limit`` the first ones and how many more there are."""
     items = list(items)
     if not items:
         return "none"
@@ -71,54 +72,58 @@ def listed(items: Sequence[str], limit: int = 8) -> str:
 
 
 def code(text: str) -> str:
-    """The text as code, in which * and _ stand for themselves."""
+    """The text as Markdown code, in which * and _ need no escape."""
     return f"`{text}`"
 
 
 def plain(text: str) -> str:
-    """The text with * and _ escaped, so that they stand for themselves."""
+    """The text with * and _ escaped for Markdown."""
     return text.replace("*", "\\*").replace("_", "\\_")
 
 
-def wrapped(text: str, first: str = "", then: str = "") -> str:
+def wrap(text: str, first: str = "", then: str = "") -> str:
     """The text in lines of at most `WIDTH` characters; no word is broken."""
     return textwrap.fill(text, WIDTH, initial_indent=first, subsequent_indent=then, break_long_words=False,
                          break_on_hyphens=False)  # fmt: skip
 
 
 def bullets(sentences: Sequence[str]) -> str:
-    """A list of sentences."""
-    return "\n".join(wrapped(sentence, "- ", "  ") for sentence in sentences) + "\n"
+    """The sentences as a Markdown list."""
+    return "\n".join(wrap(sentence, "- ", "  ") for sentence in sentences) + "\n"
+
+
+def verdicts_table(found: Sequence[Verdict]) -> str:
+    """The Markdown table of a page's verdicts, one row each."""
+    rows = pd.DataFrame([v.row() for v in found]).map(plain)
+    return table(rows if rows["where it is worst"].any() else rows.drop(columns="where it is worst"))
 
 
 def document(
     page: Page,
+    outcome: str,
+    answer: str,
     verdicts: Sequence[Verdict],
     pictures: Sequence[Picture],
     shown: Table | None,
     origin: str,
     outdated: str = "",
 ) -> str:
-    """The Markdown of a page.
+    """The Markdown of a page; the outcome and the answer come first.
 
-    ``origin`` says where and when its tables were measured, or that they were not; ``outdated`` how much of them an
-    earlier version of the code has measured.
+    ``origin`` says where and when its tables were measured; ``outdated`` says how many rows were measured by an
+    earlier version of the code ("" if none).
     """
-    parts = [f"# {page.question}\n"]
+    parts = [f"# {page.question}\n", wrap(f"**{outcome}** {answer}") + "\n"]
     if verdicts:
-        parts += [f"**{outcome(verdicts)[0]}**\n", bullets([v.text for v in verdicts])]
-    else:
-        parts += ["**Not measured** in this folder.\n"]
+        parts.append(verdicts_table(verdicts))
     if outdated:
-        parts += [
-            wrapped(f"**In part not by this version**: {outdated}; `pytest benchmarks` measures them again.") + "\n"
-        ]
+        parts += [wrap(f"**In part not by this version**: {outdated}; `pytest benchmarks` measures them again.") + "\n"]
     parts += ["## What is measured\n", bullets(page.setting)]
     for picture in pictures:
-        parts += [f"![{picture.title}](figures/{picture.file})\n", wrapped(picture.caption) + "\n"]
+        parts += [f"![{picture.title}](figures/{picture.file})\n", wrap(picture.caption) + "\n"]
     if shown is not None:
-        parts += ["## Table\n", wrapped(shown.caption) + "\n", table(shown.frame, digits=shown.digits)]
+        parts += ["## Table\n", wrap(shown.caption) + "\n", table(shown.frame, digits=shown.digits)]
     if page.limits:
-        parts += ["## What could invalidate this\n", bullets(page.limits)]
-    parts += ["## Where it is from\n", origin]
+        parts += ["## What could be wrong\n", bullets(page.limits)]
+    parts += ["## Make it again\n", origin]
     return "\n".join(parts).rstrip() + "\n"

@@ -1,4 +1,4 @@
-"""Where the rows of a page are from: the command, the machine, the date, and what an earlier run measured."""
+"""The part of a page that states its origin: the command, the machine, the date, and rows from earlier runs."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from .markdown import listed, wrapped
+from .markdown import join_list, wrap
 from .page import Page
 
 
 def earlier(rows: pd.DataFrame, machines: Mapping) -> str:
-    """What is said of when the rows were measured, and of those that the latest run did not measure.
+    """A phrase that says when the rows were measured, and how many come from earlier runs or from outdated code.
 
-    ``rows`` has the columns date, machine and state, or lacks them; ``machines`` describes the machines by name.
+    ``rows`` may have the columns date, machine and state; ``machines`` maps a machine's name to its description.
     """
     if "date" not in rows or rows["date"].isna().all():
         return "the date was not recorded"
@@ -24,7 +24,9 @@ def earlier(rows: pd.DataFrame, machines: Mapping) -> str:
         span = old.min() if old.min() == old.max() else f"{old.min()} to {old.max()}"
         names = rows.loc[old.index, "machine"].dropna().unique() if "machine" in rows else ()
         where = (
-            listed(list(dict.fromkeys(machines.get(n, {}).get("processor", n) for n in names)), 2) if len(names) else ""
+            join_list(list(dict.fromkeys(machines.get(n, {}).get("processor", n) for n in names)), 2)
+            if len(names)
+            else ""
         )
         text = (
             f"{len(days) - len(old)} {text}, {len(old)} not by that run but on {span}{f' ({where})' if where else ''}"
@@ -35,8 +37,8 @@ def earlier(rows: pd.DataFrame, machines: Mapping) -> str:
     return text + (f"; {stale} of them by an earlier version of the code" if stale else "")
 
 
-def outdated(page: Page, data) -> str:
-    """What is said of the rows of a page that an earlier version of the code measured; nothing where there is none."""
+def count_outdated(page: Page, data) -> str:
+    """A phrase that counts the rows of a page measured by an earlier version of the code; "" if there are none."""
     stale, whole = (
         sum(count(name) for name in page.tables if data(name) is not None)
         for count in (lambda name: (data.about(name) or {}).get("stale", 0), lambda name: len(data(name)))
@@ -51,7 +53,7 @@ def _table(name: str, data) -> str:
 
 
 def machine(about: Mapping | None) -> str:
-    """On what a table was measured."""
+    """A sentence on the machine, the package versions and the kind of run that a table was measured with."""
     if not about:
         return ""
     tier = "quick tier" if about.get("quick") else "full run"
@@ -59,13 +61,13 @@ def machine(about: Mapping | None) -> str:
 
 
 def origin(page: Page, data) -> str:
-    """The Markdown that says where a page is from; ``data`` is a `report.Data`."""
+    """The Markdown list of a page's command, tables and machines; ``data`` is a `report.Data`."""
     measured = [name for name in page.tables if data(name) is not None]
     missing = [name for name in page.tables if data(name) is None]
     lines = [f"- `{page.command}`"] if page.command else []
     if missing:
-        lines.append(wrapped(f"**Not measured** in this folder: {', '.join(missing)}.", "- ", "  "))
-    lines += [wrapped(_table(name, data), "- ", "  ") for name in measured]
+        lines.append(wrap(f"**Not measured** in this folder: {', '.join(missing)}.", "- ", "  "))
+    lines += [wrap(_table(name, data), "- ", "  ") for name in measured]
     said = dict.fromkeys(machine(data.about(name)) for name in measured)
-    lines += [wrapped(text, "- ", "  ") for text in said if text]
+    lines += [wrap(text, "- ", "  ") for text in said if text]
     return "\n".join(lines or ["Computed from the records of the methods and problems."]) + "\n"

@@ -27,7 +27,7 @@ function filterBy(table, text) {
 }
 
 for (const table of document.querySelectorAll("table")) {
-  if (!table.tBodies.length) continue;
+  if (!table.tHead || !table.tBodies.length) continue;
   [...table.tHead.rows[0].cells].forEach((head, column) => {
     head.tabIndex = 0;
     head.addEventListener("click", () => sortBy(table, column));

@@ -1,7 +1,7 @@
-"""What a page is: one question, answered from tables.
+"""`Page`: one question, answered from tables of measurements.
 
-Everything that a page says is a function of ``data``, name -> DataFrame (or None where that table was not measured).
-A sentence of verdict is a function of its own, so that it can be tested with tables for which it must change.
+A page is a pure function of ``data``, name -> DataFrame (None if the table was not measured).  Each verdict is a
+function of its own, so that tests can call it with tables for which it must change.
 """
 
 from __future__ import annotations
@@ -14,28 +14,17 @@ from typing import Any
 
 import pandas as pd
 
-#: name -> table, None where it was not measured.
+from .verdict import MISSING, Verdict, overall
+
+#: The answer of a page without measurements.
+NOTHING = "Not measured in this folder."
+#: Table name -> table, None if it was not measured.
 Data = Callable[[str], pd.DataFrame | None]
 
-PASS, FINDING, MISSING = "PASS", "FINDING", "not measured"
-#: A page has at most so many lines of setting, sentences of verdict and rows in a table.
+#: Largest numbers of lines of setting, of verdicts, and of rows in a table.
 SETTING, VERDICTS, ROWS = 5, 5, 25
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """A sentence computed from rows.
-
-    Attributes
-    ----------
-    text : the sentence
-    holds : whether what was expected is so; else it is a finding
-    short : what the entry page says of it, one short sentence
-    """
-
-    text: str
-    holds: bool
-    short: str
+#: Largest numbers of words in an answer and in a claim.
+ANSWER, CLAIM = 30, 15
 
 
 @dataclass(frozen=True)
@@ -64,9 +53,9 @@ class Table:
 
 
 def of(*names: str):
-    """Make a function of these tables one of ``data``, which gives None where one of them is missing or empty.
+    """Decorator: turn a function of tables into one of ``data``, which returns None if a table is missing or empty.
 
-    What else it is called with (a folder of figures) follows the tables.
+    Further arguments (a folder of figures) are passed after the tables.
     """
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -80,15 +69,22 @@ def of(*names: str):
     return decorate
 
 
-def once(function: Callable[[pd.DataFrame], Any]) -> Callable[[pd.DataFrame], Any]:
-    """Make a function of a table remember its last one: what several sentences of a page need is computed once."""
-    last: list = [None, None]
+def once(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorator: cache a function's results for the last table only, as several verdicts of a page share them.
+
+    Further arguments are hashable.
+    """
+    last: list = [None]
+    results: dict[tuple, Any] = {}
 
     @functools.wraps(function)
-    def remembering(frame: pd.DataFrame):
+    def remembering(frame: pd.DataFrame, *more):
         if last[0] is not frame:
-            last[:] = frame, function(frame)
-        return last[1]
+            last[0] = frame
+            results.clear()
+        if more not in results:
+            results[more] = function(frame, *more)
+        return results[more]
 
     return remembering
 
@@ -104,21 +100,23 @@ class Page:
     Attributes
     ----------
     id, question : its file name and its title
-    tables : the tables that it is written from; the page says so where one is missing
+    tables : names of the tables that it reads; the page names those that are missing
     setting : H, initial data and method, in at most `SETTING` lines
-    verdicts : data -> `Verdict`, or None where the rows say nothing; at most `VERDICTS`
-    limits : what could invalidate it, with the thresholds that it uses
-    command : what makes its tables
+    verdicts : functions data -> `Verdict`, or None if the rows do not decide; at most `VERDICTS`; none for a catalogue
+    answer : data -> the page's answer in at most `ANSWER` words, complete without the page; shown on the entry page
+    limits : what could invalidate the page, with the thresholds that it uses
+    command : the command that measures its tables
     figures : (data, folder of figures) -> pictures
     table : data -> `Table`
-    whole : data -> a table of more rows, folded on the HTML page
-    listed : whether the entry has a line for it; else another page links to it
+    whole : data -> a longer table, folded on the HTML page
+    listed : True if the entry page lists it; otherwise another page links to it
     """
 
     id: str
     question: str
     tables: tuple[str, ...]
     setting: tuple[str, ...]
+    answer: Callable[[Data], str | None]
     verdicts: tuple[Callable[[Data], Verdict | None], ...]
     limits: tuple[str, ...]
     command: str
@@ -127,14 +125,14 @@ class Page:
     whole: Callable[[Data], pd.DataFrame | None] = _nothing
     listed: bool = True
 
-    def judged(self, data: Data) -> list[Verdict]:
-        """The verdicts on the tables that were measured."""
+    def judge(self, data: Data) -> list[Verdict]:
+        """The verdicts that the measured tables allow."""
         return [v for v in (verdict(data) for verdict in self.verdicts) if v is not None]
 
 
-def outcome(verdicts: list[Verdict]) -> tuple[str, str]:
-    """(PASS, FINDING or not measured; the short sentence) of a page's verdicts: the first finding comes first."""
-    if not verdicts:
-        return MISSING, "Not measured in this folder, or no row tells."
-    first = next((v for v in verdicts if not v.holds), verdicts[0])
-    return (PASS if all(v.holds for v in verdicts) else FINDING), first.short
+def conclusion(page: Page, data: Data, verdicts: list[Verdict] | None = None) -> tuple[str, str]:
+    """(outcome, answer) of a page, of its ``verdicts`` if they are known; `MISSING` if its tables were not measured."""
+    answer = page.answer(data)
+    if answer is None:
+        return MISSING, NOTHING
+    return overall(page.judge(data) if verdicts is None else verdicts), answer

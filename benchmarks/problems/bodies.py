@@ -1,7 +1,7 @@
-r"""A table of bodies: checked, with positions and velocities from orbital elements, about the barycentre.
+r"""Tables of bodies: their checks, and positions and velocities from orbital elements, about the barycentre.
 
-About the central body an orbit of elements :math:`a, e` has
-:math:`\mu = G (m_0 + m)` and, with the eccentric anomaly :math:`E - e\sin E = M`, in the plane of the orbit
+An orbit about the central body with the elements :math:`a, e` and :math:`\mu = G (m_0 + m)` has in its plane, with the
+eccentric anomaly E from :math:`E - e\sin E = M`,
 
 .. math:: x = a(\cos E - e),\quad y = a\sqrt{1 - e^2}\sin E,\quad
           (\dot x, \dot y) = \frac{\sqrt{\mu a}}{r}\left(-\sin E, \sqrt{1 - e^2}\cos E\right),
@@ -29,7 +29,7 @@ FRAMES = (HELIOCENTRIC, BARYCENTRIC)
 #: More bodies make formulae that take minutes to derive.
 MOST = 16
 DIGITS = 40
-#: A barycentric table whose barycentre is off by more than this share of its size, with a central body at the origin.
+#: The largest relative offset of the barycentre in a table declared barycentric with its first body at the origin.
 OFF = 1e-9
 
 #: A row of a table: where it stands ("planets.csv, line 4"), and column -> text or number.
@@ -41,7 +41,7 @@ Vector = tuple[mpmath.mpf, mpmath.mpf, mpmath.mpf]
 class Body:
     """A body: its mass, and its position and velocity in the frame of the table.
 
-    Of a test particle ``mass`` is 0, and of one that is taken for one ``massive`` is False.
+    A test particle has ``mass`` 0; a body that is treated as a test particle has ``massive`` False.
     """
 
     name: str
@@ -78,20 +78,20 @@ class Bodies:
 
     @property
     def masses(self) -> tuple[float, ...]:
-        """The masses as they are integrated: of a test particle `MASSLESS` of the central body's."""
+        """The masses used in the integration: a test particle has `MASSLESS` times the central body's."""
         least = MASSLESS * self.members[0].mass
         return tuple(b.mass if b.massive and b.mass else least for b in self.members)
 
     @property
     def content(self) -> tuple:
-        """All of it as numbers and words that can be hashed and pickled."""
+        """Everything as nested tuples of numbers and strings, which can be hashed and pickled."""
         with mpmath.workdps(DIGITS):
             rows = tuple((b.name, b.mass, tuple(map(str, (*b.x, *b.v))), b.massive) for b in self.members)
         return rows, tuple(self.units), self.frame
 
     @classmethod
     def of_content(cls, content: tuple) -> Bodies:
-        """The bodies that `content` was taken of."""
+        """The bodies with this `content`."""
         rows, of_units, frame = content
         with mpmath.workdps(DIGITS):
             members = tuple(
@@ -111,13 +111,13 @@ class Bodies:
         return replace(self, members=tuple(replace(b, massive=False) if b.name in light else b for b in self.members))
 
     def start(self) -> tuple[list[tuple[float, ...]], list[tuple[float, ...]]]:
-        """(positions, velocities) about the barycentre at rest, rounded to doubles."""
+        """(positions, velocities) about the barycentre at rest, rounded to doubles; a triple for each body."""
         with mpmath.workdps(DIGITS):
             masses = [mpmath.mpf(b.mass) if b.massive else mpmath.mpf(0) for b in self.members]
-            return _centred([b.x for b in self.members], masses), _centred([b.v for b in self.members], masses)
+            return _center([b.x for b in self.members], masses), _center([b.v for b in self.members], masses)
 
     def semi_axes(self) -> tuple[float, ...]:
-        """The osculating semi-major axis about the central body of each other body; infinite of one that escapes."""
+        """Osculating semi-major axes of the other bodies about the central one; infinite for one that escapes."""
         centre, G = self.members[0], self.units.G
         found = []
         with mpmath.workdps(DIGITS):
@@ -128,13 +128,13 @@ class Bodies:
         return tuple(found)
 
     def order(self) -> list[int]:
-        """The bodies from the centre outwards, in which Jacobi's coordinates are taken."""
+        """Indices of the bodies from the centre outwards, the order of Jacobi's coordinates."""
         size = dict(enumerate(self.semi_axes(), start=1))
         return [0, *sorted(size, key=size.__getitem__)]
 
 
 def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, heads: Sequence[str]) -> Bodies:
-    """The checked table of rows with the columns ``heads``.
+    """Check the rows of a table with the columns ``heads``, and make the bodies of it.
 
     Raises
     ------
@@ -176,7 +176,7 @@ def bodies(rows: Sequence[Row], units: Units, frame: str | None, where: str, hea
 
 
 def _columns(heads: Sequence[str], where: str) -> tuple[str, ...]:
-    """`CARTESIAN` or `ELEMENTS`, whichever the columns are."""
+    """`CARTESIAN` or `ELEMENTS`, whichever the columns are; raises InvalidInput for neither or both."""
     twice = [h for i, h in enumerate(heads) if h in heads[:i]]
     if twice:
         raise InvalidInput(f"{where}: the column {twice[0]} is there twice; leave one out")
@@ -212,7 +212,7 @@ def _frame(frame: str | None, chosen: tuple[str, ...], where: str) -> str:
 
 
 def _name(place: str, row: Mapping[str, object], names: dict[str, str]) -> str:
-    """The row's name as quantities spell it; ``names`` has those before."""
+    """The row's name, in lower case with dashes for spaces; added to ``names``, in which it must not be yet."""
     given = str(row.get("name", "")).strip()
     name = "-".join(given.lower().split())
     if not name or not all(c.isalnum() or c in "-_" for c in name):
@@ -236,7 +236,7 @@ def _number(place: str, row: Mapping[str, object], column: str) -> float:
 
 
 def _central(place: str, row: Mapping[str, object], chosen: tuple[str, ...], frame: str) -> tuple[Vector, Vector]:
-    """Where the central body is: at the origin, unless positions are about the barycentre."""
+    """(position, velocity) of the central body: at rest at the origin, unless the frame is barycentric."""
     if chosen == CARTESIAN and frame == BARYCENTRIC:
         numbers = [mpmath.mpf(_number(place, row, c)) for c in CARTESIAN]
         return tuple(numbers[:3]), tuple(numbers[3:])
@@ -254,7 +254,7 @@ def _central(place: str, row: Mapping[str, object], chosen: tuple[str, ...], fra
 
 
 def _of_elements(place: str, row: Mapping[str, object], mu) -> tuple[Vector, Vector]:
-    """Position and velocity about the central body."""
+    """(position, velocity) about the central body from a row of orbital elements, angles in degrees."""
     a, e, *angles = (mpmath.mpf(_number(place, row, c)) for c in ELEMENTS)
     if a <= 0:
         raise InvalidInput(f"{place}, column a: the semi-major axis is {float(a):g}; it must be positive")
@@ -268,12 +268,12 @@ def _of_elements(place: str, row: Mapping[str, object], mu) -> tuple[Vector, Vec
     E = _anomaly(M, e)
     c, s, b = mpmath.cos(E), mpmath.sin(E), mpmath.sqrt(1 - e**2)
     speed = mpmath.sqrt(mu / a) / (1 - e * c)
-    turn = _turned(inc, node, pericentre)
+    turn = _rotation(inc, node, pericentre)
     return turn(a * (c - e), a * b * s), turn(-speed * s, speed * b * c)
 
 
 def _anomaly(M, e):
-    """The root E of E - e sin E = M, abs(M) <= pi: by Newton's method from beyond it, whence it comes nearer always."""
+    """The root E of E - e sin E = M, abs(M) <= pi: by Newton's method from above, where it is monotonic."""
     E = min(abs(M) + e, mpmath.pi)
     for _ in range(200):
         step = (E - e * mpmath.sin(E) - abs(M)) / (1 - e * mpmath.cos(E))
@@ -283,8 +283,8 @@ def _anomaly(M, e):
     return E if M >= 0 else -E
 
 
-def _turned(inc, node, pericentre) -> Callable[..., Vector]:
-    """From the plane of an orbit, x towards the pericentre, to space."""
+def _rotation(inc, node, pericentre) -> Callable[..., Vector]:
+    """The rotation from an orbit's plane, x towards the pericentre, to space; angles in radians."""
     cO, sO, co, so = mpmath.cos(node), mpmath.sin(node), mpmath.cos(pericentre), mpmath.sin(pericentre)
     ci, si = mpmath.cos(inc), mpmath.sin(inc)
 
@@ -303,7 +303,7 @@ def _length(a: Vector):
     return mpmath.sqrt(mpmath.fsum(x * x for x in a))
 
 
-def _centred(vectors: Sequence[Vector], masses: Sequence) -> list[tuple[float, ...]]:
+def _center(vectors: Sequence[Vector], masses: Sequence) -> list[tuple[float, ...]]:
     total = mpmath.fsum(masses)
     centre = tuple(
         mpmath.fsum(m * x for m, x in zip(masses, axis, strict=True)) / total for axis in zip(*vectors, strict=True)
@@ -312,7 +312,7 @@ def _centred(vectors: Sequence[Vector], masses: Sequence) -> list[tuple[float, .
 
 
 def _check_frame(found: Bodies, chosen: tuple[str, ...], where: str) -> None:
-    """Raise InvalidInput where a table that says barycentric can only be heliocentric."""
+    """Raise InvalidInput if a table declared barycentric can only be heliocentric."""
     first = found.members[0]
     if chosen == ELEMENTS or found.frame != BARYCENTRIC or any(first.x) or any(first.v):
         return

@@ -1,4 +1,4 @@
-"""The file of bodies, planets.csv: a comment with the units, one with the frame, a row of columns, a row a body."""
+"""Read a file of bodies, planets.csv: comments with units and frame, a row of column names, a row for each body."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _text(path: str) -> str:
 
 
 def parse(text: str, path: str) -> Bodies:
-    """The bodies of the text of a file, which messages call ``path``."""
+    """The bodies of a file's text; messages name the file ``path``."""
     found_units, frame = None, None
     heads: list[str] = []
     top, stands, seen, rows = path, 0, {}, []

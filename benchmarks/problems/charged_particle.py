@@ -5,8 +5,9 @@ With the vector potential :math:`A = \tfrac R3(-q_2, q_1)`, whose curl is R, and
 .. math::
     H = \tfrac12 |p - A(q)|^2 + \frac{\phi_0}R ,
 
-not separable; the canonical angular momentum :math:`q_1p_2 - q_2p_1 = R^2\dot\theta + R^3/3` is kept.  The particle
-gyrates with a frequency near R and drifts around the origin.  Start: q = (0, -1), velocity (0.1, 0.01), p = v + A.
+not separable; the canonical angular momentum :math:`q_1p_2 - q_2p_1 = R^2\dot\theta + R^3/3` is conserved.  The
+particle gyrates with a frequency near R and drifts around the origin.  Start: q = (0, -1), velocity (0.1, 0.01),
+p = v + A.
 """
 
 import sympy as sp

@@ -6,11 +6,11 @@ With :math:`\Delta = q_1 - q_2` and the angles q from the downward vertical,
     H = \frac{m_2 l_2^2 p_1^2 + (m_1 + m_2) l_1^2 p_2^2 - 2 m_2 l_1 l_2 p_1 p_2\cos\Delta}
     {2 m_2 l_1^2 l_2^2 (m_1 + m_2\sin^2\Delta)} - (m_1 + m_2) g l_1\cos q_1 - m_2 g l_2\cos q_2 .
 
-Of equal masses and lengths the normal frequencies at rest are :math:`\sqrt{(g/l)(2 \mp \sqrt2)}`, with
+For equal masses and lengths the normal frequencies at rest are :math:`\sqrt{(g/l)(2 \mp \sqrt2)}`, with
 :math:`q_2 = \pm\sqrt2\,q_1` (Landau & Lifshitz, section 23, problem 2).
 
-The chaotic orbit is released at rest from (120, -10) degrees, a start in wide use; at rest, g is a unit of time only.
-The regular orbit, a choice of this suite, is released near the slow normal mode.
+The chaotic orbit is released at rest from (120, -10) degrees, a start in wide use; from rest, g only sets the unit of
+time.  The regular orbit, a choice of this suite, is released near the slow normal mode.
 """
 
 from math import radians, sqrt

@@ -18,7 +18,7 @@ from fractions import Fraction
 
 import sympy as sp
 
-from phasebench.integrators.engine.codegen import value_kind
+from phasebench.integrators.compile.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
@@ -31,7 +31,7 @@ LARGEST = 5000
 
 
 def grad_V(w2, sign=1):
-    """The loop of grad V, or of its negative, for w2 = omega^2."""
+    """Make the loop f(q, g) that writes ``sign`` grad V to g, for w2 = omega^2 (see `systems.hand`)."""
 
     def f(q, g):
         m = len(q) // 2
@@ -53,17 +53,17 @@ def grad_V(w2, sign=1):
 
 
 def grad_U(w2):
-    """The loop of the gradient of V without the stiff springs."""
+    """Make the loop f(q, g) that writes the gradient of V without the stiff springs to g."""
     return grad_V(0 * w2)
 
 
 def field(w2):
-    """The loop of (p, -grad V)."""
+    """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V) (see `systems.hand`)."""
     return of_unit_masses(grad_V(w2, -1))
 
 
 def energy(w2):
-    """The loop of H and of what its round-off is in units of."""
+    """Make the loop f(q, p) -> (H, M); M is the unit in which H's round-off is measured (see `systems.hand`)."""
 
     def f(q, p):
         m = len(q) // 2
@@ -86,7 +86,7 @@ def energy(w2):
 
 
 def soft_springs(q0, q1) -> list:
-    """The expansions of the soft springs, from the left wall to the right one: of symbols, numbers or arrays."""
+    """The expansions of the soft springs, from the left wall to the right; q0, q1 are symbols, numbers or arrays."""
     between = (q0[i + 1] - q1[i + 1] - q0[i] - q1[i] for i in range(len(q0) - 1))
     return [q0[0] - q1[0], *between, q0[-1] + q1[-1]]
 
@@ -138,7 +138,7 @@ def make(omega: float, m: int) -> Problem:
 
 
 def oscillatory_energies(made: Problem) -> tuple[sp.Expr, ...]:
-    """The energies I_1, ..., I_m of the stiff springs of a problem; their sum is the adiabatic invariant."""
+    """The energies I_1, ..., I_m of a problem's stiff springs, as expressions; their sum is the adiabatic invariant."""
     s = made.system
     fast = [(w, q, p) for w, q, p in zip(s.frequencies, s.q, s.p, strict=True) if w != 0]
     return tuple((p**2 + w**2 * q**2) / 2 for w, q, p in fast)

@@ -9,12 +9,12 @@ import sympy as sp
 
 from phasebench.integrators.families.wisdom_holman import KeplerPart, jacobi
 
-#: The mass, in the central body's, of a body without mass: no double notices what it does to the others.
+#: The mass of a test particle over the central body's: its pull on the others is below the rounding of doubles.
 MASSLESS = 1e-20
 
 
 def bodies(N: int, axes: str, first: int = 1):
-    """Of N point masses: symbols q and p, lists of the pairs and their distances, and name -> invariant.
+    """Formulae of N point masses: (symbols q, symbols p, pairs (i, j), their distances, name -> invariant).
 
     The axes are "xy" or "xyz"; bodies are numbered from ``first`` on; the invariants are the total momentum and
     angular momentum.
@@ -35,7 +35,7 @@ def bodies(N: int, axes: str, first: int = 1):
 
 
 def newton(p: Sequence[sp.Symbol], masses: Sequence, G, pairs, distances) -> sp.Expr:
-    """H = sum |p_i|^2 / (2 m_i) - sum G m_i m_j / r_ij; masses and G are exact, bodies have as many axes each."""
+    """H = sum |p_i|^2 / (2 m_i) - sum G m_i m_j / r_ij; masses and G are exact numbers."""
     D = len(p) // len(masses)
     T = (x**2 / (2 * masses[i // D]) for i, x in enumerate(p))
     V = (-G * masses[i] * masses[j] / r for (i, j), r in zip(pairs, distances, strict=True))
@@ -43,7 +43,7 @@ def newton(p: Sequence[sp.Symbol], masses: Sequence, G, pairs, distances) -> sp.
 
 
 def kepler_part(masses: Sequence, G, order: Sequence[int], dimension: int = 3) -> KeplerPart:
-    """Jacobi's Kepler part with the bodies taken in another order than the coordinates': the central one first."""
+    """Jacobi's Kepler part with the bodies taken in ``order``, the central one first, instead of as they stand."""
     part = jacobi([masses[i] for i in order], G, dimension)
     place = {body: column for column, body in enumerate(order)}
     change = tuple(tuple(row[place[i]] for i in range(len(masses))) for row in part.change)

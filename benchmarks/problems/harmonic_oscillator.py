@@ -5,10 +5,10 @@ import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import ORDER, Orbit, Pace, Problem, Scene, halved
+from .base import ORDER, Orbit, Pace, Problem, Scene, halvings
 
 PARAMETERS = {"omega": 1.0}
-SCENES = (Scene("oscillator-t2", "harmonic-oscillator", ORDER, 2.0, halved(0.2, 6)),)
+SCENES = (Scene("oscillator-t2", "harmonic-oscillator", ORDER, 2.0, halvings(0.2, 6)),)
 
 
 def make(omega: float) -> Problem:

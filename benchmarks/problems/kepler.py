@@ -8,27 +8,27 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families.wisdom_holman import KeplerPart
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import DRIFT, ORDER, Orbit, Pace, Problem, Scene, halved
+from .base import DRIFT, ORDER, Orbit, Pace, Problem, Scene, halvings
 
 PARAMETERS = {"e": 0.6}
-#: The period, and the times of certified states: those of 1, 10, 100 of them.
+#: The period, and the times of certified states: 1, and 1, 10 and 100 periods.
 PERIOD = 2 * pi
 TIMES = (1.0, PERIOD, 10 * PERIOD, 100 * PERIOD)
 PACE = Pace(step=0.15, later=0.7)
 SCENES = (
-    Scene("kepler-t1", "kepler", ORDER, 1.0, halved(0.04, 6)),
+    Scene("kepler-t1", "kepler", ORDER, 1.0, halvings(0.04, 6)),
     Scene("kepler-100-orbits", "kepler", DRIFT, 200 * pi, (pi / 60, pi / 150, pi / 300), trajectory=1e-9),
 )
 
 
 def plane():
-    """Symbols (q1, q2, p1, p2), the distance and the angular momentum."""
+    """Symbols q1, q2, p1, p2, the distance r and the angular momentum L, as expressions."""
     q1, q2, p1, p2 = sp.symbols("q1 q2 p1 p2", real=True)
     return q1, q2, p1, p2, sp.sqrt(q1**2 + q2**2), q1 * p2 - q2 * p1
 
 
 def pericentre(e: float, times: tuple[float, ...]) -> Orbit:
-    """q = (1 - e, 0), p = (0, sqrt((1 + e)/(1 - e))), rounded to double; ``times`` of its certified states."""
+    """The start q = (1 - e, 0), p = (0, sqrt((1 + e)/(1 - e))), in doubles; ``times`` of its certified states."""
     if not 0 <= e < 1:
         raise InvalidInput(f"the eccentricity e is {e}; it must be at least 0 and less than 1")
     return Orbit("e", (1.0 - e, 0.0), (0.0, ((1.0 + e) / (1.0 - e)) ** 0.5), f"pericentre of eccentricity {e:g}", times)

@@ -1,21 +1,21 @@
-"""The Kepler part of a formula: bodies about a heavy one, or one body about a centre at the origin, found in H."""
+"""Find the Kepler part in a formula H: of bodies about a heavy one, or of one body about a centre at the origin."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
 
-from phasebench.integrators.engine.lazy import sympy as sp
+from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.families.wisdom_holman import KeplerPart
 from phasebench.integrators.systems import deferred
 from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
-#: A body is central that is so many times as heavy as all others together.
+#: A body is central if it is this many times as heavy as all others together.
 HEAVY = 5
 
 
 def with_kepler_part(system: PartitionedSystem, q0: Sequence[float]) -> PartitionedSystem:
-    """The system with the Kepler part that its H shows, where it declares none; else the system itself."""
+    """The system with the Kepler part found in its H; unchanged if it declares one, or none is found."""
     if not system.canonical or system.loops or system.kepler is not None:
         return system
     part = kepler_part(system, q0)
@@ -28,10 +28,10 @@ def with_kepler_part(system: PartitionedSystem, q0: Sequence[float]) -> Partitio
 
 
 def kepler_part(system: Hamiltonian, q0: Sequence[float]) -> KeplerPart | None:
-    """The Kepler part of a system that starts at q0; None where H shows none.
+    """The Kepler part of a system that starts at q0; None if none is found in H.
 
-    Of bodies that attract each other, coordinates body after body, Jacobi's coordinates take them from the centre
-    outwards as they stand at the start.
+    Bodies that attract each other (coordinates body by body) get Jacobi's coordinates, in the order of their distance
+    from the central one at q0.
     """
     from phasebench.reference.peers.particles import attracting
 
@@ -53,7 +53,7 @@ def _square(q0: Sequence[float], i: int, j: int, dimension: int) -> float:
 
 
 def _about_the_origin(system: Hamiltonian) -> KeplerPart | None:
-    """The part of p^2 / (2 m) - k / |q| + U(q) in the plane or in space."""
+    """The Kepler part of H = p^2 / (2 m) - k / |q| + U(q) in the plane or in space; None for another H."""
     if system.d not in (2, 3) or not system.quadratic_kinetic:
         return None
     inverse = {sp.diff(v, p) for v, p in zip(system.dq, system.p, strict=True)}

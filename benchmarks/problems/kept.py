@@ -1,4 +1,4 @@
-"""Problems from the cache: with shells for their systems (`integrators.systems.deferred`), SymPy is not needed."""
+"""A cache of problems on disk; a cached one needs SymPy only when its formulae are used (`systems.deferred`)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 
-from phasebench.integrators.engine import cache as store
+from phasebench.integrators.compile import cache as store
 from phasebench.integrators.systems import deferred
 
 from .base import Problem
@@ -16,25 +16,25 @@ from .base import Problem
 
 @cache
 def _sources() -> str:
-    """The hash of all modules of problems."""
+    """The hash of the source of all problem modules."""
     folder = Path(__file__).parent
     return deferred.key_of(*(path.read_bytes() for path in sorted(folder.glob("**/*.py"))))
 
 
-def whole(id: str, parameters: Mapping[str, float], make: Callable[[], Problem]) -> Problem:
-    """The registered problem ``id`` with values for its parameters, which ``make`` would make."""
-    return of_key(deferred.key_of(_sources(), id, sorted(parameters.items())), partial(_again, id, parameters), make)
+def load_or_make(id: str, parameters: Mapping[str, float], make: Callable[[], Problem]) -> Problem:
+    """The registered problem ``id`` from the cache, else from ``make``, which can be pickled."""
+    return of_key(deferred.key_of(_sources(), id, sorted(parameters.items())), make, make)
 
 
 def of_content(content: tuple, recipe: Callable[[], Problem], make: Callable[[], Problem]) -> Problem:
-    """The problem that a module here makes of some content; as `of_key`."""
+    """The problem that ``content`` (such as a table of bodies) determines, from the cache or ``make``; see `of_key`."""
     return of_key(deferred.key_of(_sources(), content), recipe, make)
 
 
 def of_key(key: str, recipe: Callable[[], Problem], make: Callable[[], Problem]) -> Problem:
-    """The problem of that key, from the cache; or as ``make`` makes it, and kept.
+    """The problem of a key from the cache; if it is not there, from ``make``, and stored.
 
-    ``recipe`` makes it again in any process.
+    ``recipe`` can be pickled and makes the problem again, should a cached one need its formulae.
     """
     entry = f"p-{key}.pickle"
     found = deferred.kept(entry)
@@ -46,12 +46,6 @@ def of_key(key: str, recipe: Callable[[], Problem], make: Callable[[], Problem])
         invariants = deferred.Named(made.invariants, partial(_invariants, recipe))
         store.write(entry, pickle.dumps(replace(made, system=shell, invariants=invariants)))
     return made
-
-
-def _again(id: str, parameters: Mapping[str, float]) -> Problem:
-    from . import _derived
-
-    return _derived(id, **parameters)
 
 
 def _system(recipe: Callable[[], Problem]):

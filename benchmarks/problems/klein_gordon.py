@@ -17,8 +17,8 @@ slope,
 .. math:: -p_t + w_x = q + |q|^2 q,\quad q_t = p,\quad -q_x = -w .
 
 The orbit "collision" starts with two wave packets of opposite charge at x = -L/4 and L/4 that move towards each other,
-:math:`\phi = A\operatorname{sech}(x)\,e^{ikx}`, :math:`\dot\phi = -i\omega\phi` with A = 1 and 1/2 and the signs of k
-and :math:`\omega^2 = 1 + k^2` that this takes, k = 1.  (The data are this suite's own.)
+:math:`\phi = A\operatorname{sech}(x)\,e^{ikx}`, :math:`\dot\phi = -i\omega\phi` with A = 1 and 1/2,
+:math:`\omega^2 = 1 + k^2`, \|k\| = 1 and the signs of k and omega that this requires.  (The data are this suite's own.)
 """
 
 from cmath import exp
@@ -28,7 +28,7 @@ from math import cosh, sqrt
 import numpy as np
 import sympy as sp
 
-from phasebench.integrators.engine.codegen import value_kind
+from phasebench.integrators.compile.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses, part
@@ -37,14 +37,14 @@ from phasebench.integrators.systems.multisymplectic import Equation
 from .base import Orbit, Pace, Problem
 
 PARAMETERS = {"N": 64, "L": 40.0}
-#: The most points, and the lengths at which the initial data are numbers.
+#: The most points; the least and greatest length at which the initial data are finite.
 LARGEST, SHORTEST, LONGEST = 2048, 1e-3, 500.0
-#: The packets' wave number.
+#: The wave number of the packets.
 K = 1.0
 
 
 def grad_V(a, b, sign=1):
-    """The loop of grad V, or of its negative, for a = 1 / dx^2 and b = 1 / dx."""
+    """Make the loop f(q, g) that writes ``sign`` grad V to g, for a = 1 / dx^2 and b = 1 / dx (see `systems.hand`)."""
 
     @part
     def at(j, left, right, x, y, g_x, g_y):
@@ -64,12 +64,12 @@ def grad_V(a, b, sign=1):
 
 
 def field(a, b):
-    """The loop of (p, -grad V)."""
+    """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V) (see `systems.hand`)."""
     return of_unit_masses(grad_V(a, b, -1))
 
 
 def energy(a, b):
-    """The loop of H and of what its round-off is in units of."""
+    """Make the loop f(q, p) -> (H, M); M is the unit in which H's round-off is measured (see `systems.hand`)."""
 
     def f(q, p):
         n = len(q) // 2
@@ -106,7 +106,7 @@ def formula(N: int, L: float):
 
 
 def multisymplectic(strength: float = 1.0) -> Equation:
-    """The equation in space-time, z = (q, p, w) of two components each, with so many times the nonlinear term."""
+    """The equation in space-time, z = (q, p, w) of two components each, its nonlinear term times ``strength``."""
     K, L = np.zeros((6, 6)), np.zeros((6, 6))
     K[[0, 1], [2, 3]], K[[2, 3], [0, 1]] = -1.0, 1.0
     L[[0, 1], [4, 5]], L[[4, 5], [0, 1]] = 1.0, -1.0
@@ -131,13 +131,13 @@ def multisymplectic(strength: float = 1.0) -> Equation:
 
 
 def packet(x: float, A: float, direction: int, charge: int) -> tuple[complex, complex]:
-    """(phi, phi_t) of a packet about x = 0 that moves in a direction (1 or -1) and has that sign of the charge."""
+    """(phi, phi_t) at x of a packet centred at 0 that moves in ``direction`` (1 or -1) with a charge of this sign."""
     phi = A * exp(1j * direction * charge * K * x) / cosh(x)
     return phi, -1j * charge * sqrt(1 + K**2) * phi
 
 
 def make(N: int, L: float) -> Problem:
-    """The equation on ``N`` >= 3 points of a period ``L``: loops by hand where states are arrays."""
+    """The equation on ``N`` >= 3 points of a period ``L``; many points run on hand-written loops."""
     if int(N) != N or not 3 <= N <= LARGEST:
         raise InvalidInput(f"the number N of points is {N}; it must be an integer from 3 to {LARGEST}")
     if min(max(L, SHORTEST), LONGEST) != L:

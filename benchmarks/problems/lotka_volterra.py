@@ -8,17 +8,17 @@ import sympy as sp
 
 from phasebench.integrators.systems.poisson import PoissonSystem
 
-from .base import DRIFT, ORDER, Orbit, Problem, Scene, decades, halved
+from .base import DRIFT, ORDER, Orbit, Problem, Scene, decades, halvings
 
 PARAMETERS: dict[str, float] = {}
 SCENES = (
-    Scene("lotka-volterra-t1", "lotka-volterra:4-2", ORDER, 1.2, halved(0.12, 6)),
+    Scene("lotka-volterra-t1", "lotka-volterra:4-2", ORDER, 1.2, halvings(0.12, 6)),
     Scene("lotka-volterra-t120", "lotka-volterra:4-2", DRIFT, 120.0, (0.12, 0.06, 0.03)),
 )
 
 
 def make() -> Problem:
-    """The problem with the talk's starting points."""
+    """The problem with the starting points of the talk (see ``source``)."""
     u, v = sp.symbols("u v", real=True)
     return Problem(
         id="lotka-volterra",

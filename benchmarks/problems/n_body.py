@@ -6,7 +6,7 @@ r"""The gravitational N-body problem in space, G = 1.
 N = 3 is the Pythagorean problem: masses 3, 4, 5 at rest in the corners of the triangle of these sides.  After close
 encounters (to 4e-4 near t = 15.83), which usual fixed steps do not resolve, the lightest body escapes.
 
-Of other N the masses are equal, 1/N, on a random Plummer sphere of Aarseth, Henon & Wielen's recipe, always the same,
+For other N the masses are equal, 1/N, on a random Plummer sphere by Aarseth, Henon & Wielen's recipe, always the same,
 in their units (total mass 1, energy near -1/4) with the centre of mass at rest.  There p is the velocity and H the
 energy divided by the mass of a body, which gives the same motion: :math:`H = \sum|p_i|^2/2 - \sum 1/(N|q_i - q_j|)`.
 More than six bodies run on loops instead of derived formulae.
@@ -19,7 +19,7 @@ from random import Random
 import numpy as np
 import sympy as sp
 
-from phasebench.integrators.engine.codegen import value_kind
+from phasebench.integrators.compile.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
@@ -35,7 +35,7 @@ PYTHAGOREAN = ((3, (1.0, 3.0, 0.0)), (4, (-2.0, -1.0, 0.0)), (5, (1.0, -1.0, 0.0
 
 
 def plummer(N: int) -> tuple[list[float], list[float]]:
-    """Positions and velocities of a Plummer sphere of N bodies, 3 N numbers each, centred."""
+    """(positions, velocities) of a Plummer sphere of N bodies, 3 N numbers each, with the barycentre at rest at 0."""
     draw = Random(SEED).random
 
     def direction(size):
@@ -61,7 +61,7 @@ def plummer(N: int) -> tuple[list[float], list[float]]:
 
 
 def grad_V(strength, sign=1):
-    """The loop of the potential's gradient, or of its negative, of unit masses of attraction ``strength``."""
+    """Make the loop f(q, g) that writes ``sign`` grad V to g, V = -sum of ``strength`` / r_ij (see `systems.hand`)."""
 
     def f(q, g):
         for i in range(len(q)):
@@ -78,12 +78,12 @@ def grad_V(strength, sign=1):
 
 
 def field(strength):
-    """The loop of (H_p, -H_q)."""
+    """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V) (see `systems.hand`)."""
     return of_unit_masses(grad_V(strength, -1))
 
 
 def energy(strength):
-    """The loop of H and of what its round-off is in units of."""
+    """Make the loop f(q, p) -> (H, M); M is the unit in which H's round-off is measured (see `systems.hand`)."""
 
     def f(q, p):
         T = U = S = 0 * q[0]
@@ -102,7 +102,7 @@ def energy(strength):
 
 
 def nearest(Q, P):
-    """The least distance between two bodies in each row."""
+    """The least distance between two bodies in each row of Q (n, 3 N): array (n,)."""
     from scipy.spatial.distance import pdist
 
     return np.array([pdist(q.reshape(-1, 3)).min() for q in Q])

@@ -24,7 +24,7 @@ from math import cos, cosh, pi, sin, sqrt
 import numpy as np
 import sympy as sp
 
-from phasebench.integrators.engine.codegen import value_kind
+from phasebench.integrators.compile.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, part
@@ -33,12 +33,12 @@ from phasebench.integrators.systems.multisymplectic import Equation
 from .base import Orbit, Pace, Problem
 
 PARAMETERS = {"N": 64, "L": 4 * sqrt(2) * pi}
-#: The most points, and the lengths at which the initial data are numbers.
+#: The most points; the least and greatest length at which the initial data are finite.
 LARGEST, SHORTEST, LONGEST = 4096, 1e-3, 500.0
 
 
 def field(a, b):
-    """The loop of (H_p, -H_q) for a = 1 / dx^2 and b = 2 / dx."""
+    """Make the loop that writes (H_p, -H_q), for a = 1 / dx^2 and b = 2 / dx (see `systems.hand`)."""
 
     @part
     def at(j, left, right, q, p, dq, dp):
@@ -57,7 +57,7 @@ def field(a, b):
 
 
 def energy(a, b):
-    """The loop of H and of what its round-off is in units of."""
+    """Make the loop f(q, p) -> (H, M); M is the unit in which H's round-off is measured (see `systems.hand`)."""
 
     def f(q, p):
         n = len(q)
@@ -91,7 +91,7 @@ def formula(N: int, L: float):
 
 
 def multisymplectic(strength: float = 1.0) -> Equation:
-    """The equation in space-time, z = (q, p, v, w), with so many times the nonlinear term."""
+    """The equation in space-time, z = (q, p, v, w), its nonlinear term times ``strength``."""
     K, L = np.zeros((4, 4)), np.zeros((4, 4))
     K[0, 1], K[1, 0] = 1.0, -1.0
     L[[0, 1], [2, 3]], L[[2, 3], [0, 1]] = -1.0, 1.0
@@ -115,7 +115,7 @@ def multisymplectic(strength: float = 1.0) -> Equation:
 
 
 def make(N: int, L: float) -> Problem:
-    """The equation on ``N`` >= 3 points of a period ``L``: loops by hand where states are arrays."""
+    """The equation on ``N`` >= 3 points of a period ``L``; many points run on hand-written loops."""
     if int(N) != N or not 3 <= N <= LARGEST:
         raise InvalidInput(f"the number N of points is {N}; it must be an integer from 3 to {LARGEST}")
     if min(max(L, SHORTEST), LONGEST) != L:

@@ -4,17 +4,17 @@ import sympy as sp
 
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import DRIFT, ORDER, Orbit, Problem, Scene, decades, halved
+from .base import DRIFT, ORDER, Orbit, Problem, Scene, decades, halvings
 
 PARAMETERS: dict[str, float] = {}
 SCENES = (
-    Scene("pendulum-t2", "pendulum:swinging", ORDER, 2.0, halved(0.2, 6)),
+    Scene("pendulum-t2", "pendulum:swinging", ORDER, 2.0, halvings(0.2, 6)),
     Scene("pendulum-t1000", "pendulum:swinging", DRIFT, 1000.0, (0.1, 0.05, 0.02)),
 )
 
 
 def make() -> Problem:
-    """The problem; its orbits swing to 2 radians and turn over."""
+    """The problem; one orbit swings between -2 and 2 radians, one rotates."""
     q, p = sp.symbols("q p", real=True)
     return Problem(
         id="pendulum",

@@ -5,12 +5,12 @@ import sympy as sp
 from phasebench.integrators.families.wisdom_holman import KeplerPart
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-from .base import DRIFT, ORDER, Problem, Scene, decades, halved
+from .base import DRIFT, ORDER, Problem, Scene, decades, halvings
 from .kepler import PACE, pericentre, plane
 
 PARAMETERS = {"e": 0.6, "mu": 0.0075}
 SCENES = (
-    Scene("perturbed-kepler-t1", "perturbed-kepler", ORDER, 1.0, halved(0.04, 6)),
+    Scene("perturbed-kepler-t1", "perturbed-kepler", ORDER, 1.0, halvings(0.04, 6)),
     Scene("perturbed-kepler-t1000", "perturbed-kepler", DRIFT, 1000.0, (0.05, 0.02, 0.01, 0.005), trajectory=1e-9),
 )
 

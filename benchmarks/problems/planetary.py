@@ -1,15 +1,15 @@
-r"""A planetary system of one's own: bodies about a central one, from planets.csv or from Python.
+r"""A user's planetary system: bodies about a central one, from a file planets.csv or from Python.
 
 .. math:: H = \sum_i \frac{|p_i|^2}{2m_i} - \sum_{i<j} \frac{G m_i m_j}{|q_i - q_j|},\qquad p_i = m_i v_i,
 
-about the barycentre at rest.  Jacobi's coordinates of the Kepler part take the bodies from the centre outwards, by
-their semi-major axes, in whatever order the table has them.
+about the barycentre at rest.  Jacobi's coordinates of the Kepler part take the bodies in the order of their semi-major
+axes, in whatever order the table has them.
 
 A test particle (m = 0) has no :math:`p = m v`.  It is given `MASSLESS` = 1e-20 of the central body's mass: what that
 does to the others is 1e-4 of a double's rounding, its own motion is that of a test particle, and H stays one canonical
-function, so that symplectic and Wisdom-Holman methods, REBOUND and the references take it as any other body.  What
-cannot are methods that move states along the gradient of H (Gonzalez's discrete gradient, projections): in it a body of
-no mass has no weight, and their steps throw it off; they are refused.
+function, so that symplectic and Wisdom-Holman methods, REBOUND and the references treat it as any other body.  Methods
+that move states along the gradient of H (Gonzalez's discrete gradient, projections) are refused: a massless body has no
+weight in it, and their steps throw it off.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from math import pi, sqrt
 from pathlib import Path
 from typing import Any
 
-from phasebench.integrators.engine.lazy import sympy as sp
+from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
@@ -46,8 +46,8 @@ class PlanetarySystem(Problem):
 
     bodies: Bodies | None = None
 
-    def refuses(self, record) -> str | None:
-        """Why a method that moves states along gradients of invariants is not for test particles."""
+    def refuses(self, record: Any) -> str | None:
+        """Why a method that moves states along gradients of invariants is unsuitable, if there are test particles."""
         particles = self.bodies.particles
         if not particles or getattr(record, "family", None) not in GRADIENTS:
             return None
@@ -57,14 +57,14 @@ class PlanetarySystem(Problem):
         )
 
     def massive(self) -> PlanetarySystem | None:
-        """This system without its test particles; None where nothing moves about the central body then."""
+        """This system without its test particles; None if only the central body is left then."""
         particles = self.bodies.particles
         if len(particles) == len(self.bodies.members) - 1:
             return None
         return self.without(*particles) if particles else self
 
     def without(self, *names: str) -> PlanetarySystem:
-        """This system without some of its bodies, from where the table has the others."""
+        """This system without some of its bodies; the others start as in the table, about their own barycentre."""
         self._check(names)
         return of_bodies(self.bodies.without(names), f"{self.id} without {', '.join(names)}")
 
@@ -83,7 +83,7 @@ class PlanetarySystem(Problem):
 
 
 def planetary_system(
-    table: str | Path | Mapping[str, Iterable] | Iterable[Mapping[str, Any]],
+    table: str | Path | Mapping[str, Iterable[Any]] | Iterable[Mapping[str, Any]],
     *,
     units: str = "",
     frame: str | None = None,
@@ -96,17 +96,17 @@ def planetary_system(
     table : the path of a file such as ``planets.csv``; a DataFrame; column -> values; or a sequence of rows.  Columns
         are ``name, m`` and either ``x, y, z, vx, vy, vz`` or ``a, e, inc, Omega, omega, M`` (angles in degrees, about
         the first body); m = 0 is a test particle
-    units : of a table that is no file: a length, a time and a mass, ``"AU, day, Msun"`` without one
+    units : a length, a time and a mass, for a table that is no file; by default ``"AU, day, Msun"``
     frame : of positions and velocities in a table that is no file: ``"heliocentric"`` (about the first body) or
         ``"barycentric"``
-    id : what to call it; a file is called by its path
+    id : its name; a file is named by its path
 
     Returns
     -------
     PlanetarySystem
         About the barycentre at rest, with its Kepler part, the distances that may vanish, momentum, angular momentum
-        and barycentre.  Its times may have a unit, ``t_end="1e4 yr"``; its quantities are those of its bodies,
-        ``jupiter.longitude``, too
+        and barycentre.  Its times may have a unit, ``t_end="1e4 yr"``; it has quantities of each body, such
+        as ``jupiter.longitude``, besides the usual ones
 
     Raises
     ------
@@ -134,7 +134,7 @@ def _units(text: str) -> Units:
 
 
 def _rows(table) -> list[tuple[str, dict[str, Any]]]:
-    """("row 1", column -> value) of each row of a table."""
+    """("row 1", column -> value) for each row of a table; raises InvalidInput."""
     if hasattr(table, "to_dict"):
         table = table.to_dict("list")
     try:
@@ -154,25 +154,25 @@ def _rows(table) -> list[tuple[str, dict[str, Any]]]:
 
 
 def from_file(path: str | Path, **parameters) -> PlanetarySystem:
-    """The problem of a file of bodies; it has no parameters."""
+    """The problem of a file of bodies; raises InvalidInput for any parameter, since it has none."""
     if parameters:
         raise InvalidInput(f"{path} has no parameter '{next(iter(parameters))}'; change the file")
     return of_bodies(bodies_file.read(path), str(path))
 
 
 def of_bodies(found: Bodies, id: str) -> PlanetarySystem:
-    """The problem of a checked table, from the cache where that has it."""
+    """The problem of a checked table, from the cache on disk if it is there."""
     content = found.content
-    made = kept.of_content(("planetary", *content), partial(_derived, content), lambda: _made(found))
+    made = kept.of_content(("planetary", *content), partial(_build_from_content, content), lambda: _build(found))
     return replace(made, id=id, bodies=found)
 
 
-def _derived(content: tuple) -> PlanetarySystem:
-    return _made(Bodies.of_content(content))
+def _build_from_content(content: tuple) -> PlanetarySystem:
+    return _build(Bodies.of_content(content))
 
 
-def _made(found: Bodies) -> PlanetarySystem:
-    """The problem with its formulae."""
+def _build(found: Bodies) -> PlanetarySystem:
+    """Derive the problem of a table of bodies."""
     from . import gravity
 
     N, G = len(found.members), sp.Rational(found.units.G)
@@ -204,7 +204,7 @@ def _made(found: Bodies) -> PlanetarySystem:
 
 
 def _pace(found: Bodies) -> Pace:
-    """The times in which the innermost body moves."""
+    """The time scales of the innermost body's motion."""
     a = min(found.semi_axes())
     period = 2 * pi * sqrt(a**3 / (found.units.G * found.masses[0])) if a < float("inf") else 1.0
     return Pace(unit=period / 10, step=period / 30, span=period / 2, later=period / 6)

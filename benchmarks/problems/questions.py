@@ -1,8 +1,8 @@
-"""QUESTIONS: what somebody wants of a problem, how far, and to which accuracies; the scenes of the trade.
+"""QUESTIONS, the scenes of the trade: a quantity of a problem at a time, and the accuracies to which it is computed.
 
-A `Question` asks for a quantity to an accuracy at the least cost.  (A `Scene` of `scenes` is another thing: steps at
-which methods are held to stored numbers.)  The accuracies go from a picture, 1e-2, to an ephemeris, 1e-12, as far as
-doubles and the reference's own uncertainty let one ask.
+The trade (`experiments.trade`) compares the costs at which integrators reach an accuracy.  (A `Scene` of `scenes` is
+another thing: it has steps at which errors are compared with stored ones.)  The accuracies range from that of a
+picture, 1e-2, to that of an ephemeris, 1e-12, as far as doubles and the reference's uncertainty allow.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ def down_to(last: int) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Question:
-    """A problem on an orbit, how far, what is wanted of it, and how well.
+    """A problem on an orbit, the end of its span, and a quantity to be computed to given accuracies.
 
     Attributes
     ----------
     id : kebab-case name
     problem : ``id:orbit``
-    t_end : where it ends, in the problem's own unit of time
-    quantity : the name of what is wanted (`benchmarks.measure.quantities`)
-    accuracies : errors for which the cheapest integration is asked, falling
+    t_end : the end of the span, in the problem's own unit of time
+    quantity : the name of a quantity (`benchmarks.measure.quantities`)
+    accuracies : falling errors, for each of which the cheapest integration is searched
     about : one line for a person
     """
 
@@ -37,7 +37,7 @@ class Question:
     accuracies: tuple[float, ...]
     about: str
 
-    def made(self):
+    def build_problem(self):
         """The question's problem."""
         from . import problem
 

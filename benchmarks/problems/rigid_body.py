@@ -10,7 +10,7 @@ not separable.  (Euler's equations themselves are a Poisson system in R^3: of od
 variables degenerate at L = G and L = -G, where H is smooth but l has no meaning.
 
 The moments and the start m = (cos 1.1, 0, sin 1.1) are those of Hairer, Lubich & Wanner (they violate
-:math:`I_1\le I_2 + I_3`: no body has these moments, the equations are as good).  "around-e1" exchanges two components,
+:math:`I_1\le I_2 + I_3`: no body has these moments, but the equations hold).  "around-e1" exchanges two components,
 "near-separatrix" is close to the rotation about the unstable middle axis.  m is an elliptic function of time.
 """
 

@@ -4,17 +4,17 @@ r"""Geodesics in the equatorial plane of a Schwarzschild black hole, q = (t, r, 
     H = \tfrac12 g^{\mu\nu}p_\mu p_\nu
     = -\frac{p_t^2}{2(1 - 2M/r)} + \Bigl(1 - \frac{2M}r\Bigr)\frac{p_r^2}2 + \frac{p_\phi^2}{2r^2} ,
 
--1/2 on the orbit of a body (the time of the system is its proper time), 0 on a ray of light.  The energy E = -p_t and
-the angular momentum p_phi are kept.  In Schwarzschild coordinates the horizon r = 2M is a singularity.
+which is -1/2 on the orbit of a body (the time of the system is its proper time) and 0 on a ray of light.  The energy
+E = -p_t and the angular momentum p_phi are conserved.  In these coordinates the horizon r = 2M is a singularity.
 
 A bound orbit :math:`r = \ell M/(1 + e\cos\chi)` has
 :math:`E^2 = ((\ell - 2)^2 - 4e^2)/(\ell(\ell - 3 - e^2))`, :math:`p_\phi^2 = \ell^2M^2/(\ell - 3 - e^2)` and advances
 from pericentre to pericentre by :math:`4\sqrt{\ell/(\ell - 6 + 2e)}\,K(m)`, :math:`m = 4e/(\ell - 6 + 2e)`, which is
 :math:`2\pi + 6\pi/\ell` for weak fields; there are none for :math:`\ell\le 6 + 2e`.
 
-"precessing": the pericentre of the parameters.  "zoom-whirl": e = 1/2 just outside :math:`\ell = 6 + 2e`.  "isco": the
-innermost stable circular orbit r = 6M, E^2 = 8/9, p_phi^2 = 12 M^2.  "photon-sphere": light on the unstable circle
-r = 3M with p_phi = sqrt(27) M E.
+"precessing": from the pericentre given by the parameters.  "zoom-whirl": e = 1/2 just outside
+:math:`\ell = 6 + 2e`.  "isco": the innermost stable circular orbit r = 6M, E^2 = 8/9, p_phi^2 = 12 M^2.
+"photon-sphere": light on the unstable circle r = 3M with p_phi = sqrt(27) M E.
 """
 
 from math import sqrt
@@ -37,7 +37,7 @@ def _pericentre(name: str, M: float, semilatus: float, e: float, times: tuple[fl
 
 
 def make(M: float, semilatus: float, e: float) -> Problem:
-    """Mass ``M`` > 0; the precessing orbit has 0 <= ``e`` < 1 and the semilatus rectum ``semilatus`` > 6 + 2 e."""
+    """Mass ``M`` > 0; "precessing" has 0 <= ``e`` < 1 and semilatus rectum ``semilatus`` > 6 + 2 e in units of M."""
     if not M > 0:
         raise InvalidInput(f"the mass M is {M}; it must be positive")
     if not 0 <= e < 1:

@@ -4,8 +4,8 @@ r"""The figure eight: three equal masses follow one another along one closed cur
     H = \tfrac12\sum_i |p_i|^2 - \sum_{i<j} \frac1{|q_i - q_j|}
 
 Start: q1 = -q2, q3 = 0, p1 = p2 = -p3/2, with Simo's data.  They are printed to eight digits with the period
-T = 6.32591398; the further digits are of the data to 18 digits of Li & Liao for the same motion, from (-1, 0), (1, 0),
-(0, 0), turned until the curve's axes are the axes of coordinates.  The motion is linearly stable.
+T = 6.32591398.  The further digits come from Li & Liao's data to 18 digits for the same motion, which start from
+(-1, 0), (1, 0), (0, 0), rotated so that the curve's axes are the coordinate axes.  The motion is linearly stable.
 """
 
 import sympy as sp
@@ -19,12 +19,12 @@ PARAMETERS: dict[str, float] = {}
 #: Position of the first body and momentum of the third, and the period.
 FIRST, THIRD = (0.97000435669733344, -0.24308753153584886), (-0.9324073714410523, -0.864731460921006)
 PERIOD = 6.32591398292621
-#: Ten periods in decades.
+#: Four times, each ten times the one before; the last is ten periods.
 TIMES = (0.0632591398, 0.632591398, 6.32591398, 63.2591398)
 
 
 def make() -> Problem:
-    """The problem; it has no parameters."""
+    """Make the problem, which has no parameters."""
     q, p, _, distances, kept = bodies(3, "xy")
     (x, y), (u, v) = FIRST, THIRD
     return Problem(

@@ -47,7 +47,7 @@ def cnoidal(N: int, m: float, t):
 
 
 def grad_V(sign=1):
-    """The loop of grad V, or of its negative, for lattices of any length."""
+    """Make the loop f(q, g) that writes ``sign`` grad V to g, for any number of particles (see `systems.hand`)."""
 
     def f(q, g):
         last = len(q) - 1
@@ -62,12 +62,12 @@ def grad_V(sign=1):
 
 
 def field():
-    """The loop of (p, -grad V)."""
+    """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V) (see `systems.hand`)."""
     return of_unit_masses(grad_V(-1))
 
 
 def energy():
-    """The loop of H and of what its round-off is in units of."""
+    """Make the loop f(q, p) -> (H, M); M is the unit in which H's round-off is measured (see `systems.hand`)."""
 
     def f(q, p):
         n = len(q)
@@ -108,7 +108,7 @@ def _traces(N: int, X, p):
 
 
 def make(N: int) -> Problem:
-    """The lattice of 3 <= ``N`` <= `LARGEST` particles; "three" is for three of them."""
+    """The lattice of 3 <= ``N`` <= `LARGEST` particles; it has the orbit "three" only for N = 3."""
     if int(N) != N or not 3 <= N <= LARGEST:
         raise InvalidInput(f"the number N of particles is {N}; it must be an integer from 3 to {LARGEST}")
     N = int(N)

@@ -33,7 +33,7 @@ class Units(NamedTuple):
 
 
 def units(text: str, where: str) -> Units:
-    """The units that "AU, day, Msun" names, in any order; raises InvalidInput naming ``where``."""
+    """Parse a text such as "AU, day, Msun", in any order, to units; raises InvalidInput, naming ``where``."""
     kinds = {"length": LENGTHS, "time": TIMES, "mass": MASSES}
     found: dict[str, str] = {}
     for word in filter(None, (x.strip() for x in re.split(r"[,\s]+", text))):
@@ -52,12 +52,12 @@ def units(text: str, where: str) -> Units:
 
 
 def span(value: float | str | None, unit: str, what: str = "t_end") -> float | None:
-    """A time as a number of ``unit``: a number, or a text with or without a unit, as in "1e4 yr".
+    """Convert a time to a number of ``unit``; it is a number, or a text with or without a unit, as in "1e4 yr".
 
     Raises
     ------
     InvalidInput
-        For a text that is no finite number, a unit that is none, or a unit where the problem has none (``unit`` is "").
+        For a text that is no finite number, an unknown unit, or a unit if the problem has none (``unit`` is "").
     """
     if not isinstance(value, str):
         return value

@@ -1,11 +1,12 @@
 """A user's own problem: from a Python file, or from a formula.
 
 A file is written like a module of this package: ``make(**parameters) -> Problem``, the parameters' values in
-``PARAMETERS`` or as defaults of ``make``; where there are none, a ``problem = Problem(...)`` is enough.  Its code is
-run.  A formula is parsed (`integrators.formula`), never evaluated as Python.
+``PARAMETERS`` or as defaults of ``make``; without parameters, a ``problem = Problem(...)`` is enough.  Its code is
+executed.  A formula is parsed (`systems.formula`), never evaluated as Python.
 
-Either is held to the contract of every problem before it is integrated: finite initial data, off the singularities,
-and invariants I with dI/dt = 0 along the flow, {I, H} = 0 of a canonical system, to 30 digits near its first orbit.
+Either is checked against the contract of all problems before it is integrated: finite initial data, off the
+singularities, and invariants I with dI/dt = 0 along the flow ({I, H} = 0 for a canonical system), to 30 digits near its
+first orbit.
 """
 
 from __future__ import annotations
@@ -23,24 +24,25 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from phasebench.integrators.engine.lazy import sympy as sp
+from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems import deferred, formula
 from phasebench.integrators.systems.hamiltonian import Hamiltonian, PartitionedSystem
 
-from . import PROBLEMS, real_parameters, user_file
+from . import user_file
 from .base import Orbit, Problem
+from .index import PROBLEMS, real_parameters
 from .kepler_found import with_kepler_part
 
 DIGITS = 30
-#: The largest dI/dt of an invariant, relative to the sum of its terms' sizes: numbers may have been rounded to doubles.
+#: The largest dI/dt of an invariant, relative to the sum of its terms' sizes: its constants may be rounded to doubles.
 KEPT = 1e-12
-#: Around the first orbit's start, where a momentum of zero may hide that an expression is not kept.
+#: Number and displacement of points near the first orbit's start: at it, a zero momentum may hide that I varies.
 POINTS, AWAY = 3, 0.01
 
 
 def from_file(path: str | Path, **parameters) -> Problem:
-    """The problem that a Python file makes.
+    """The problem that a Python file defines.
 
     Parameters
     ----------
@@ -50,7 +52,7 @@ def from_file(path: str | Path, **parameters) -> Problem:
     Returns
     -------
     Problem
-        With its parameters' values; its id is the path where the file gives it that of a registered problem.
+        With its parameters' values; if its id is that of a registered problem, the path replaces it.
 
     Raises
     ------
@@ -74,7 +76,7 @@ def from_file(path: str | Path, **parameters) -> Problem:
         raise InvalidInput(f"{path}: {what} of type {type(problem).__name__}, no Problem{hint}")
     if problem.id in PROBLEMS:
         problem = replace(problem, id=str(path))
-    return checked(replace(problem, parameters=problem.parameters or values), str(path))
+    return normalize(replace(problem, parameters=problem.parameters or values), str(path))
 
 
 def from_formula(
@@ -88,10 +90,10 @@ def from_formula(
 
     Parameters
     ----------
-    text : the formula of H, as `integrators.formula.parse` reads it
+    text : the formula of H, as `systems.formula.parse` reads it
     q, p : d numbers each, the initial state
-    constants : values of the other names in the formula, exactly the doubles
-    id : what to call it; the formula itself without one
+    constants : values of the other names in the formula, taken as exact doubles
+    id : its name; by default the formula
 
     Raises
     ------
@@ -111,6 +113,8 @@ def from_formula(
             raise InvalidInput(f"the formula has no constant '{name}'")
     known = {*variables, *constants, *formula.CONSTANTS, *formula.FUNCTIONS}
     missing = [x for x in names if x not in known]
+    if "t" in missing:
+        raise InvalidInput(formula.about_time(max(d, 1) + 1))
     if missing:
         raise InvalidInput(
             f"the formula has {', '.join(missing)} besides the variables {', '.join(variables)}: "
@@ -134,7 +138,7 @@ def from_formula(
 def _of_formula(
     text: str, names: Sequence[str], constants: Mapping[str, float], start: tuple[float, ...]
 ) -> Hamiltonian:
-    """The system of a formula in the variables q and p of those names, from coordinates ``start``."""
+    """The system of a formula in the variables ``names``, first q, then p; ``start``, q0, is for its Kepler part."""
     variables = {name: sp.Symbol(name, real=True) for name in names}
     H = formula.parse(text, variables | {k: sp.Rational(v) for k, v in constants.items()})
     symbols, d = list(variables.values()), len(names) // 2
@@ -142,7 +146,7 @@ def _of_formula(
 
 
 def _degrees(names: Sequence[str]) -> int:
-    """The d of q1 .. qd, p1 .. pd among the names; 0 for q and p themselves."""
+    """The number d of q1 .. qd, p1 .. pd among the names; 0 for q and p themselves.  Raises InvalidInput for gaps."""
     numbered = {int(m[1]) for m in (re.fullmatch(r"[qp]([1-9]\d{0,3})", n) for n in names) if m}
     plain = [n for n in names if n in ("q", "p")]
     if plain and numbered:
@@ -161,7 +165,7 @@ def _degrees(names: Sequence[str]) -> int:
 
 
 def _like(default: object, value: float) -> float:
-    """A value as a whole number where it is one and its default is: --set n=4 is a number of bodies, not 4.0."""
+    """The value as an int if it is whole and the default is an int: --set n=4 is a number of bodies, not 4.0."""
     whole = isinstance(default, int) and isinstance(value, float) and value.is_integer()
     return int(value) if whole else value
 
@@ -188,7 +192,7 @@ def _values(module: types.ModuleType, make: Any, path: str, parameters: Mapping[
 # -- the contract of a problem -----------------------------------------------------------------------------------------
 
 
-def checked(problem: Problem, where: str) -> Problem:
+def normalize(problem: Problem, where: str) -> Problem:
     """The problem with its initial data as doubles and its invariants as expressions.
 
     Raises InvalidInput, naming ``where``, for one that breaks the contract of problems.
@@ -230,7 +234,7 @@ def checked(problem: Problem, where: str) -> Problem:
 
 
 def _state(orbit: Orbit, name: str, d: int, where: str) -> tuple[float, ...]:
-    """The orbit's q or p as doubles."""
+    """The orbit's q or p as a tuple of d floats; raises InvalidInput unless they are finite."""
     given = getattr(orbit, name)
     try:
         value = tuple(float(x) for x in np.atleast_1d(given))
@@ -268,7 +272,7 @@ def _check_distances(system: PartitionedSystem, q, p, where: str) -> None:
 
 
 def _check_kept(system: PartitionedSystem, expression: sp.Expr, orbit: Orbit, what: str) -> None:
-    """Raise InvalidInput where dI/dt along the flow, a sum over the variables, is not zero at the start or near it."""
+    """Raise InvalidInput if dI/dt along the flow, a sum over the variables, is not zero at the start or near it."""
     variables, sides = (*system.q, *system.p), (*system.dq, *system.dp)
     if not expression.free_symbols:
         raise InvalidInput(f"{what} is the constant {expression}")

@@ -1,4 +1,4 @@
-"""A Python file of the user's: read and run, and what is wrong with it named with its line."""
+"""Load a user's Python file; what is wrong with it is reported with its line."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from phasebench.integrators.errors import InvalidInput
 
 
 def is_file(name: str) -> bool:
-    """Whether a name is the path of a file: with a slash, .py, .csv or .json at its end (``./mine.py:object`` too)."""
+    """True if a name is the path of a file: it has a slash or ends in .py, .csv or .json (or is ``mine.py:object``)."""
     return file_and_object(name)[0].lower().endswith((".py", ".csv", ".json")) or "/" in name or "\\" in name
 
 
@@ -25,9 +25,9 @@ def file_and_object(name: str) -> tuple[str, str]:
 
 
 def load(path: str, what: str = "problem") -> types.ModuleType:
-    """The module of a file with a ``what`` in it.
+    """Load a user's file as a module; ``what`` it defines ("problem", "method") is for messages.
 
-    Imports relative to the package of problems work in it: a copy of one of its modules runs as it is.
+    Imports relative to the package of problems work in it, so that a copy of one of its modules runs as it is.
 
     Raises
     ------
@@ -50,14 +50,14 @@ def load(path: str, what: str = "problem") -> types.ModuleType:
     module.__file__, module.__package__ = str(file.resolve()), __package__
     with users_code(path, "the file"):
         code = compile(text, path, "exec")
-        sys.modules[name] = module  # dataclasses look their module up
+        sys.modules[name] = module  # dataclasses look up their module here
         exec(code, module.__dict__)
     return module
 
 
 @contextlib.contextmanager
 def users_code(path: str, what: str) -> Iterator[None]:
-    """Code of the user's: what it raises is invalid input at a line, what it prints is no result of ours."""
+    """Run a user's code: its exceptions become InvalidInput with the line, its prints go to stderr."""
     try:
         with contextlib.redirect_stdout(sys.stderr):
             yield

@@ -53,7 +53,8 @@ def _times_exponential(letter: str, a, series: list[np.ndarray]) -> list[np.ndar
             factor = factor * a / k
             count = 2 ** (n - k)
             part = slice(0, count) if letter == "A" else slice(2**n - count, None)
-            out[n][part] = out[n][part] + factor * series[n - k]
+            # The array first: mpmath tries to convert it, and to print it in its refusal, before NumPy multiplies.
+            out[n][part] = out[n][part] + series[n - k] * factor
     return out
 
 

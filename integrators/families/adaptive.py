@@ -41,39 +41,39 @@ import numpy as np
 from numba import types
 
 from phasebench.integrators.coefficients.quadrature import gauss_legendre
-from phasebench.integrators.engine import codegen
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import Prepared, array
-from phasebench.integrators.engine.lanes import combine, polynomial, put, take
-from phasebench.integrators.engine.lazy import sympy as sp
-from phasebench.integrators.engine.masks import either, number, outlived
-from phasebench.integrators.engine.solve import OUT_OF_STEP, SOLVED
-from phasebench.integrators.engine.vector import (
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.compile.lazy import sympy as sp
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.stepping.kernel import Prepared, array
+from phasebench.integrators.stepping.loop import by_time
+from phasebench.integrators.stepping.solve import OUT_OF_STEP, SOLVED
+from phasebench.integrators.systems import singularities
+from phasebench.integrators.values.lanes import combine, polynomial, put, take
+from phasebench.integrators.values.masks import either, number, outlived
+from phasebench.integrators.values.vector import (
     State,
     add_product,
     apart,
     chosen,
-    close,
     inlined,
     jit,
-    keep,
-    opened,
     size,
     velocity,
 )
-from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.systems import singularities
 
 from . import gauss_lanes, splitting, stage_lanes
 from .gauss_lanes import squared
 from .stage_lanes import begin, end, equations, solve
 
-#: The density is lost where it is away from 1 / sigma by this factor.
+#: Orbits may be integrated side by side.
+IN_LANES = True
+#: A density farther from 1 / sigma than this factor is lost.
 FAR = 1e3
 
 
 class Adaptive(NamedTuple):
-    """Gauss's ``method`` in lanes with the matrix of `remember`, transposed; or None, and what a `Splitting` has.
+    """Gauss's ``method`` in lanes and the transposed matrix of `remember`, or a `Splitting`'s fields; others are None.
 
     ``monitor`` is (q, p) -> (1 / sigma, G).
     """
@@ -90,7 +90,7 @@ class Adaptive(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """Time with what rounding lost of it, the density of the next step, the length of the last."""
+    """Time and its lost part, the density of the next step, the length of the last."""
 
     t: float
     lost: float
@@ -98,9 +98,13 @@ class Clock(NamedTuple):
     last: float
 
 
+#: Where the state's spare rows keep the clock between calls.
+TIME, LOST, DENSITY, LAST = (4, 0), (4, 1), (5, 0), (5, 1)
+
+
 @inlined
 def predict(e, first, at, ratio):
-    """Continue the polynomials with coefficients in rows from ``first`` on into a step ``ratio`` times as long."""
+    """Continue the polynomials with coefficients in the rows from ``first`` on into a step ``ratio`` times as long."""
     nodes = e.step.nodes
     z = 1.0 + ratio * take(nodes, 0, e.like)
     weights = e.h * take(nodes, 1, e.like)
@@ -119,7 +123,7 @@ def remember(e, first, inverse):
 
 @jit
 def kicks_and_drifts(step, y, dt):
-    """A step of a splitting: (the end of a step of length dt from y, evaluations)."""
+    """Take a step of a splitting of length dt from y; (its end, evaluations)."""
     apart()
     q, p, lost_q, lost_p = y
     evaluations = 0
@@ -132,38 +136,38 @@ def kicks_and_drifts(step, y, dt):
     return State(q, p, lost_q, lost_p), evaluations
 
 
-def _split(method, step, orbit, y, clock, dt, counts):
+def _split(method, step, carry, y, clock, dt, counts):
     y, evaluations = kicks_and_drifts(step, y, dt)
     return y, evaluations, SOLVED
 
 
-def _gauss(method, step, orbit, y, clock, dt, counts):
-    e = equations(method, orbit, dt)
+def _gauss(method, step, carry, y, clock, dt, counts):
+    e = equations(method, carry, dt)
     first = e.base + 4
     at = first + e.stages
     begin(method.inverse_mass, e, y)
     predict(e, first, at, dt / clock.last)
-    sweeps, newton, status = solve(e, at, size(y.q) + size(y.p), step.eps, orbit.work)
+    sweeps, newton, status = solve(e, at, size(y.q) + size(y.p), step.eps, carry.work)
     counts.newton += min(newton, 1)
-    return end(e, at, y, orbit.zero), (sweeps + newton) * method.stages, status
+    return end(e, at, y, carry.zero), (sweeps + newton) * method.stages, status
 
 
-def _remember_field(method, step, orbit, dt):
-    e = equations(method, orbit, dt)
+def _remember_field(method, step, carry, dt):
+    e = equations(method, carry, dt)
     remember(e, e.base + 4, step.inverse)
 
 
-#: A step of length dt from y: (its end, evaluations, status).
+#: Take a step of length dt from y: (its end, evaluations, status).
 attempt = chosen(_split, _gauss)
-#: Keep what the next step starts from.
-settle = chosen(lambda method, step, orbit, dt: None, _remember_field)
+#: Store what the next step starts from.
+settle = chosen(lambda method, step, carry, dt: None, _remember_field)
 
 
 @inlined
-def started(step, orbit, y):
-    """The clock, as the last run left it."""
-    rows = orbit.state
-    clock = Clock(rows[4, 0], rows[4, 1], rows[5, 0], rows[5, 1])
+def started(step, carry, y):
+    """Return the clock as the last call left it; make the first one."""
+    rows = carry.state
+    clock = Clock(rows[TIME], rows[LOST], rows[DENSITY], rows[LAST])
     if clock.density == 0:
         rate, change = step.monitor(y.q, y.p)
         density = rate + 0.5 * step.h * change
@@ -173,7 +177,7 @@ def started(step, orbit, y):
 
 @inlined
 def ticked(step, clock, dt, y):
-    """The clock after a step of length dt that led to y."""
+    """(the clock after a step of length dt that led to y, True if its density and its time are sound)."""
     rate, change = step.monitor(y.q, y.p)
     t = (clock.t + clock.lost) + dt
     lost = (dt + clock.lost) - (t - clock.t)
@@ -183,7 +187,7 @@ def ticked(step, clock, dt, y):
 
 @inlined
 def ahead(step, clock, until):
-    """(length of the next step, what is left until that time, whether the step stays before it)."""
+    """(length of the next step, time left until ``until``, True if the step ends before that)."""
     dt = step.h / clock.density
     left = (until - clock.t) - clock.lost
     return dt, left, (abs(dt) < abs(left)) & (left * step.h > 0)
@@ -191,7 +195,7 @@ def ahead(step, clock, until):
 
 @inlined
 def passed_on(going, y, clock, following, later):
-    """The state and the clock after a step of those that are ``going``."""
+    """The state and the clock after a step, in the lanes that are ``going``."""
     y = State(
         either(going, following.q, y.q),
         either(going, following.p, y.p),
@@ -203,15 +207,15 @@ def passed_on(going, y, clock, following, later):
 
 
 @inlined
-def wind(step, orbit, y, clock, until, counts):
-    """Step until the next step would pass that time; returns (state, clock, status)."""
+def wind(step, carry, y, clock, until, counts):
+    """Step until the next step would pass the time ``until``; (state, clock, status)."""
     dt, _, going = ahead(step, clock, until)
     while going:
-        following, evaluations, status = attempt(step.method, step, orbit, y, clock, dt, counts)
+        following, evaluations, status = attempt(step.method, step, carry, y, clock, dt, counts)
         counts.gradient += evaluations * number(going)
         if status != SOLVED:
             return y, clock, status
-        settle(step.method, step, orbit, dt)
+        settle(step.method, step, carry, dt)
         counts.steps += number(going)
         later, kept = ticked(step, clock, dt, following)
         y, clock = passed_on(going, y, clock, following, later)
@@ -223,32 +227,33 @@ def wind(step, orbit, y, clock, until, counts):
     return y, clock, SOLVED
 
 
-def run(step, orbit, samples, counts):
-    """The kernel; the state's row 6 counts the multiples of h that were asked for."""
-    y = opened(orbit)
-    clock, rows = started(step, orbit, y), orbit.state
-    row, status = 0, SOLVED
-    while row < len(samples.q) and status == SOLVED:
-        until = (rows[6, 0] + samples.every) * step.h
-        y, clock, status = wind(step, orbit, y, clock, until, counts)
-        if status == SOLVED:
-            _, left, _ = ahead(step, clock, until)
-            there, evaluations, status = attempt(step.method, step, orbit, y, clock, left, counts)
-            counts.gradient += evaluations * number(size(y.q) < np.inf)
-            if status == SOLVED:
-                keep(samples, row, there)
-                rows[6, 0] += samples.every
-                row += 1
-    rows[4, 0], rows[4, 1], rows[5, 0], rows[5, 1] = clock.t, clock.lost, clock.density, clock.last
-    close(orbit, y)
-    return row, status
+@inlined
+def reach(method, carry, y, clock, until, every, counts):
+    """Step to the last state before the time of a row, and from there to the row (see `loop.by_time`)."""
+    there = y
+    y, clock, status = wind(method, carry, y, clock, until, counts)
+    if status == SOLVED:
+        _, left, _ = ahead(method, clock, until)
+        there, evaluations, status = attempt(method.method, method, carry, y, clock, left, counts)
+        counts.gradient += evaluations * number(size(y.q) < np.inf)
+    return y, clock, there, status
+
+
+@inlined
+def leave(carry, clock):
+    """Store the clock for the next call."""
+    rows = carry.state
+    rows[TIME], rows[LOST], rows[DENSITY], rows[LAST] = clock.t, clock.lost, clock.density, clock.last
+
+
+run = by_time(started, reach, leave)
 
 
 # -- the functions and numbers that it is handed ----------------------------------------------------------------------
 
 
 def monitor(system, arithmetic: str):
-    """(q, p) -> (1 / sigma, G)."""
+    """Make the function (q, p) -> (1 / sigma, G)."""
     T = codegen.value_type(system.d)
 
     def results():
@@ -262,29 +267,38 @@ def monitor(system, arithmetic: str):
 
 
 def gauss(method) -> bool:
-    """Whether a method of the family is Gauss's, of data (s,)."""
+    """True if the method is Gauss's, of data (s,)."""
     return len(method.data) == 1
 
 
 def required(method, s: int, system) -> None:
-    """Raise InvalidInput where Gauss's s stages cannot be had in lanes."""
+    """Raise InvalidInput unless Gauss's s stages can be had in lanes."""
     if not gauss_lanes.serves(s, system):
         raise InvalidInput(
             f"method '{method.id}' requires an H of at most {codegen.TUPLE_LIMIT} degrees of freedom, derivatives "
-            "made of integer powers, square roots, sin, cos and exp, and a T that is no quadratic form but "
-            "sum p_i^2 / 2 m_i"
+            "made of integer powers, square roots, sin, cos, exp, sinh, cosh and tanh"
         )
+
+
+def digits(arithmetic: str) -> int:
+    """Decimal digits with which the coefficients are computed."""
+    return 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
+
+
+def coefficients(s: int) -> mpmath.matrix:
+    """The matrix from values at Gauss's s nodes to the coefficients of their polynomial, lowest power first."""
+    return mpmath.matrix([[c**k for k in range(s)] for c, _ in gauss_legendre(s, mpmath.mp.dps)]) ** -1
 
 
 def inverse_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
     """The matrix of `remember`: from values at Gauss's nodes to coefficients of powers."""
-    with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
-        inverse = mpmath.matrix([[c**k for k in range(s)] for c, _ in gauss_legendre(s, mpmath.mp.dps)]) ** -1
+    with mpmath.workdps(digits(arithmetic)):
+        inverse = coefficients(s)
         return array(squared(([inverse[k, j] for k in range(s)] for j in range(s)), len(step.like)), arithmetic)
 
 
 def prepare(method, system, arithmetic) -> Prepared:
-    """Of data (s,): Gauss of s stages; of (1, substeps): the splitting that they are."""
+    """Make the kernel of data (s,), Gauss with s stages, or (1, substeps), a splitting."""
     if not all(isinstance(r, sp.Expr) for r in singularities.steering(system)):
         raise InvalidInput(f"method '{method.id}' requires the distances to the singularities as formulae")
     if not gauss(method):

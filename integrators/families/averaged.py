@@ -41,25 +41,23 @@ import mpmath
 import numpy as np
 
 from phasebench.integrators.coefficients.quadrature import LARGE, RULES, gauss_legendre, sizes
-from phasebench.integrators.engine import codegen
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import Prepared, array, fixed, numbers
-from phasebench.integrators.engine.lanes import Lanes, take, total
-from phasebench.integrators.engine.lazy import sympy as sp
-from phasebench.integrators.engine.orbit_lanes import in_lanes, twin
-from phasebench.integrators.engine.solve import SOLVED, Change, lengths_of_both, predict, remember, solver, unchanged
-from phasebench.integrators.engine.vector import (
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.compile.lazy import sympy as sp
+from phasebench.integrators.stepping.kernel import Prepared, array, fixed, numbers
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.orbit_lanes import in_lanes, twin
+from phasebench.integrators.stepping.solve import SOLVED, Change, lengths_of_both, predict, remember, solver, unchanged
+from phasebench.integrators.values.lanes import Lanes, take, total
+from phasebench.integrators.values.vector import (
     advanced,
     axpy,
     chosen,
-    close,
     elementwise,
     head,
     inlined,
     join,
-    keep,
     load,
-    opened,
     plus,
     scale,
     size,
@@ -70,18 +68,18 @@ from phasebench.integrators.engine.vector import (
 from .collocation import moved as change
 from .parametric import lengths_of_kick, unknown
 
-#: Nodes side by side, and the size of the largest rule below which that gains nothing.
+#: Nodes side by side, and the least size of the largest rule for which that is faster.
 WIDTH, FEWEST = 4, 3
 
 
 class Averaged(NamedTuple):
-    """Substeps along paths, and quadrature rules; the unknown is the kick where ``field`` is None.
+    """Substeps along paths, and quadrature rules; the unknown is the kick if ``field`` is None.
 
-    Substep s takes ``fraction[s]`` of h, its components belong to the blocks ``place[s]``, it goes along the path
-    (``direction`` 1), its reverse (-1) or both (0).  ``path`` is None where every substep has one block only.
+    Substep s takes ``fraction[s]`` of h; its components belong to the blocks ``place[s]``; its ``direction`` is the
+    path (1), the reverse path (-1) or both (0). ``path`` is None if every substep has one block only.
 
-    A rule is a range of rows of nodes ``c`` with weights ``b``, each with the number of its rule's ``nodes`` and of its
-    ``rows``.  Where ``like`` is None a row is one node, else as many as it has zeros: then ``field`` and ``dV`` are
+    A rule is a range of rows of nodes ``c`` with weights ``b``; each row has the number of its rule's ``nodes`` and
+    ``rows``. If ``like`` is None a row is one node, else as many as ``like`` has zeros, and ``field`` and ``dV`` are
     functions of lanes.
     """
 
@@ -103,9 +101,9 @@ class Averaged(NamedTuple):
 
 
 class Average(NamedTuple):
-    """The equation of substep s of length h from (q, p), by the rule that begins with the row ``rule``.
+    """Arguments of the equation of substep s of length h from (q, p), by the rule whose first row is ``rule``.
 
-    v is M^-1 p where the unknown is the kick.
+    v is M^-1 p if the unknown is the kick.
     """
 
     step: Averaged
@@ -122,19 +120,19 @@ class Average(NamedTuple):
 
 @elementwise()
 def over_lanes(x):
-    """The sum over the lanes of each component."""
+    """Sum each component over its lanes."""
     return total(x)
 
 
-#: The nodes, or the weights, of a row.
+#: Nodes or weights of a row.
 of_row = chosen(lambda like, table, row: table[row, 0], lambda like, table, row: take(table, row, like))
-#: What was summed over the rows, summed over the nodes.
+#: The sum over the lanes of what was summed over the rows.
 over_nodes = chosen(lambda like, x: x, lambda like, x: over_lanes(x))
 
 
 @inlined
 def nothing(x, e):
-    """Zeros, to sum over the rows."""
+    """Zeros, the start of the sum over the rows."""
     return scale(0.0 * of_row(e.step.like, e.step.b, e.rule), x)
 
 
@@ -143,19 +141,19 @@ def nothing(x, e):
 
 @elementwise()
 def moved(direction, b, place, s, x, y):
-    """The point of the path where block b has gone the part s of its way; ``direction`` -1: on the reverse path."""
+    """The point of the path where block b has gone the part s of its way; ``direction`` -1 is the reverse path."""
     return y + (1.0 * (b == place) * s + 1.0 * (direction * (b - place) > 0)) * x
 
 
 @elementwise()
 def of_block(b, place, a, f, sums):
-    """sums + a f in the components of block b."""
+    """sums + a f in the components of block b, sums in the others."""
     return sums + 1.0 * (place == b) * a * f
 
 
 @inlined
 def one_way(direction, x, e):
-    """h times the mean of f along a path: each block's part of the gradient where that block moves."""
+    """h times the mean of f along a path: each block's components of the gradient while that block moves."""
     step = e.step
     place = load(step.place, e.s, x)
     at_q, at_p = head(place), tail(place)
@@ -192,7 +190,7 @@ def _straight(path, x, e):
 
 @inlined
 def drift(x, e):
-    """h M^-1 (p + x / 2) of the kick x."""
+    """h M^-1 (p + x / 2) for the kick x."""
     return scale(e.h, axpy(0.5, velocity(e.step.dT, x), e.v))
 
 
@@ -216,13 +214,13 @@ _ended = chosen(
 
 @inlined
 def mean(x, e):
-    """The unknown, from x: h times the mean of f, or of -grad V, between (q, p) and where x leads."""
+    """One iterate of the unknown: h times the mean of f, or of -grad V, from (q, p) to the point that x leads to."""
     return _mean(e.step.field, x, e)
 
 
 @inlined
 def lengths(x, g, e):
-    """How large the variables are that the two halves of x, on the way to g, move."""
+    """Sizes of the variables that the two halves of x belong to."""
     return _lengths(e.step.field, x, g, e)
 
 
@@ -233,17 +231,17 @@ solve_mean = solver(mean, lengths)
 
 
 @inlined
-def substep(step, y, s, orbit, counts):
-    """(The state after substep s from y, its unknown, status), with rules of rising size until one is confirmed."""
+def substep(step, y, s, carry, counts):
+    """Take substep s from y with rules of rising size until one is confirmed; (y, its unknown, status)."""
     eps, several = step.eps, len(step.rows) > step.rows[0]
     sweeps = step.blocks[s] * (2 if step.direction[s] == 0 else 1)
-    x = predict(orbit.memory, s, len(step.fraction), counts.steps, unknown(step.field, orbit.zero))
+    x = predict(carry.memory, s, len(step.fraction), counts.steps, unknown(step.field, carry.zero))
     v, h = _velocity(step.field, step.dT, y.p), step.fraction[s] * step.h
     span = size(y.q) + size(y.p)
     move = Change(np.inf, np.inf, np.inf, np.inf)
     rule = before = counts.rule
     while True:
-        x, n, used, status = solve_mean(Average(step, y.q, y.p, v, h, s, rule), x, span, eps, orbit.work)
+        x, n, used, status = solve_mean(Average(step, y.q, y.p, v, h, s, rule), x, span, eps, carry.work)
         counts.gradient += n * sweeps * step.nodes[rule]
         counts.newton += used
         following = rule + step.rows[rule]
@@ -267,24 +265,22 @@ def substep(step, y, s, orbit, counts):
     return _ended(step.field, y, x, Average(step, y.q, y.p, v, h, s, rule)), x, status
 
 
-def run(step, orbit, samples, counts):
-    """The kernel."""
-    y = opened(orbit)
-    stages = len(step.fraction)
-    for row in range(len(samples.q)):
-        for _ in range(samples.every):
-            for s in range(stages):
-                if counts.steps % 16 == 0:
-                    counts.rule = 0
-                following, x, status = substep(step, y, s, orbit, counts)
-                if status != SOLVED:
-                    return row, status
-                remember(orbit.memory, s, stages, counts.steps, x)
-                y = following
-            counts.steps += 1
-        keep(samples, row, y)
-    close(orbit, y)
-    return len(samples.q), 0
+def step(method, y, carry, counts):
+    """One step, substep by substep."""
+    stages = len(method.fraction)
+    status = SOLVED
+    for s in range(stages):
+        if counts.steps % 16 == 0:
+            counts.rule = 0
+        following, x, status = substep(method, y, s, carry, counts)
+        if status != SOLVED:
+            break
+        remember(carry.memory, s, stages, counts.steps, x)
+        y = following
+    return y, status
+
+
+run = loop(step)
 
 
 #: Path -> d -> the blocks of q1, ..., qd, p1, ..., pd, in the order in which they move.
@@ -296,7 +292,7 @@ PATHS = {
 
 
 def coupled(path: str, system) -> bool:
-    """Whether H has a term in variables of two blocks of the path; where not, the path makes no difference to AVF."""
+    """True if H has a term in variables of two blocks of the path; if not, the path gives the AVF method."""
     place = PATHS[path](system.d)
     if len(set(place)) == 1 or (path == "momenta, coordinates" and system.separable):
         return False
@@ -305,7 +301,7 @@ def coupled(path: str, system) -> bool:
 
 
 def rules(system, width: int, arithmetic) -> tuple[list, list, list, list]:
-    """(Nodes, rows, c, b), a row each, of one exact rule for a polynomial H, else of those of rising size."""
+    """(nodes, rows, c, b), a row each: one exact rule for a polynomial H, else rules of rising size."""
     digits, known = (40, RULES) if arithmetic == DOUBLE else (mpmath.mp.dps, LARGE)
     found = []
     for n in sizes(1, system.polynomial_degree, known):
@@ -318,13 +314,13 @@ def rules(system, width: int, arithmetic) -> tuple[list, list, list, list]:
 
 
 def serves(system, arithmetic) -> bool:
-    """Whether the nodes are worth lanes, and the functions can be had in lanes."""
+    """True if lanes of nodes are worth while, and the system's functions can be compiled for lanes."""
     worth = sizes(1, system.polynomial_degree)[-1] >= FEWEST
     return worth and arithmetic == DOUBLE and codegen.value_kind(system.d) == "tuple" and in_lanes(system)
 
 
 def prepare(method, system, arithmetic):
-    """Of substeps (fraction, path, direction)."""
+    """Make the kernel of substeps (fraction, path, direction)."""
     substeps = []
     for fraction, path, direction in method.data:
         if not coupled(path, system):

@@ -1,8 +1,8 @@
 """The one-stage methods of `parametric`, their equations solved by Newton's method in a narrow band: for lattices.
 
-The same equations in the same forms, to the same round-off; only how they are solved differs (`engine.banded`).  Which
-unknown acts on which is found when a system is prepared (`engine.structure`).  Every substep keeps a matrix of its own.
-Where nothing is implicit the method is that of `parametric`.
+The same equations in the same forms, to the same round-off; only how they are solved differs (`stepping.banded`).
+Which unknown acts on which is found when a system is prepared (`stepping.structure`).  Every substep keeps a matrix of
+its own.  Where nothing is implicit the method is that of `parametric`.
 """
 
 from __future__ import annotations
@@ -12,18 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.engine import structure
-from phasebench.integrators.engine.banded import Band, Room, band_of, band_solver, columns, forget
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import Prepared, value
-from phasebench.integrators.engine.solve import SOLVED, lengths_of_both
-from phasebench.integrators.engine.vector import (
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.stepping import structure
+from phasebench.integrators.stepping.banded import Band, Room, band_of, band_solver, columns, forget
+from phasebench.integrators.stepping.kernel import Prepared, value
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import SOLVED, lengths_of_both
+from phasebench.integrators.values.vector import (
     advanced,
     chosen,
-    close,
     head,
-    inlined,
-    keep,
     opened,
     size,
     tail,
@@ -38,7 +36,7 @@ AT, SEED = (0.1, 1 / 3), 3
 
 
 class Banded(NamedTuple):
-    """The fields of `parametric.Parametric`, and the band of the equations."""
+    """The fields of `parametric.Parametric`, and the band of the stage equations."""
 
     field: Callable | None
     dT: Callable | None
@@ -70,41 +68,33 @@ def _general(field, step, y, c, mu, lam, x, room):
 substep = chosen(_nystrom, _general)
 
 
-@inlined
-def advance(step, y, orbit):
-    """One step; returns (y, evaluations, status)."""
-    start = unknown(step.field, orbit.zero)
-    evaluations, status = 0, SOLVED
-    for s in range(len(step.c)):
-        room = Room(orbit.memory, 0, orbit.work, s * len(start))
-        y, n, status = substep(step.field, step, y, step.c[s], step.mu[s], step.lam[s], start, room)
-        evaluations += n
+def begin(method, carry, counts):
+    """Read the state; before the first step matrices in the memory are stale, since they may belong to another h."""
+    if counts.steps == 0:
+        for s in range(len(method.c)):
+            forget(carry.work, s * len(unknown(method.field, carry.zero)), columns(method.band))
+    return opened(carry)
+
+
+def step(method, y, carry, counts):
+    """One step, substep by substep."""
+    start = unknown(method.field, carry.zero)
+    status = SOLVED
+    counts.newton += len(method.c)
+    for s in range(len(method.c)):
+        room = Room(carry.memory, 0, carry.work, s * len(start))
+        y, n, status = substep(method.field, method, y, method.c[s], method.mu[s], method.lam[s], start, room)
+        counts.gradient += n
         if status != SOLVED:
             break
-    return y, evaluations, status
+    return y, status
 
 
-def run(step, orbit, samples, counts):
-    """The kernel."""
-    y = opened(orbit)
-    if counts.steps == 0:  # what is in the memory may be of another h
-        for s in range(len(step.c)):
-            forget(orbit.work, s * len(unknown(step.field, orbit.zero)), columns(step.band))
-    for row in range(len(samples.q)):
-        for _ in range(samples.every):
-            y, n, status = advance(step, y, orbit)
-            counts.gradient += n
-            counts.newton += len(step.c)
-            if status != SOLVED:
-                return row, status
-            counts.steps += 1
-        keep(samples, row, y)
-    close(orbit, y)
-    return len(samples.q), SOLVED
+run = loop(step, begin)
 
 
 def structure_of(system, order: int) -> list[np.ndarray]:
-    """Of each unknown the stage equations that it acts on; raises InvalidInput where that cannot be found."""
+    """For each unknown, the stage equations that depend on it; raises InvalidInput if that cannot be found."""
     (field, dT, dV), n = parametric.quadratic(system, DOUBLE, order)
     d = system.d
 
@@ -119,7 +109,7 @@ def structure_of(system, order: int) -> list[np.ndarray]:
 
 
 def prepare(method, system, arithmetic):
-    """The step of `parametric` with the band of the system's equations."""
+    """Make the kernel of `parametric` with the band of the system's stage equations."""
     plain = parametric.prepare(method, system, arithmetic)
     if plain.run is not parametric.run:  # explicit: there is nothing to solve
         return plain

@@ -43,9 +43,10 @@ import numpy as np
 
 from phasebench.integrators.coefficients.quadrature import LARGE, RULES, sizes
 from phasebench.integrators.coefficients.tableaus import tableau
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import Prepared, array, fixed
-from phasebench.integrators.engine.solve import (
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.stepping.kernel import Prepared, array, fixed
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import (
     LEVELS,
     SOLVED,
     Change,
@@ -57,20 +58,17 @@ from phasebench.integrators.engine.solve import (
     lengths_of_both,
     row_solver,
 )
-from phasebench.integrators.engine.vector import (
+from phasebench.integrators.values.vector import (
     advanced,
     axpy,
     bump,
     chosen,
-    close,
     distance,
     head,
     inlined,
     join,
-    keep,
     load,
     minus,
-    opened,
     plus,
     scale,
     size,
@@ -84,11 +82,11 @@ from .parametric import lengths_of_kick, quadratic, unknown
 
 
 class Collocation(NamedTuple):
-    """The tableau, in the Nystrom form where ``field`` is None.
+    """The tableau, in the Nystrom form if ``field`` is None.
 
-    A rule is a range of nodes, each with the number of its rule's ``nodes``, which are its ``rows``, its time
-    ``c[i, 0]`` and rows of A and B^T; B is ``diagonal`` or not.  ``weights`` has the rows w^q, w^p; ``extrapolation`` s
-    rows for each number of steps.
+    A rule is a range of nodes. Each node has the number of its rule's ``nodes`` and ``rows`` (the same), its time
+    ``c[i, 0]``, and rows of A and B^T; ``diagonal`` tells whether B is. ``weights`` has the rows w^q, w^p;
+    ``extrapolation`` has s rows for each number of earlier steps.
     """
 
     field: Callable | None
@@ -108,7 +106,7 @@ class Collocation(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Of the increments in rows of the memory, from (q, p); v is h M^-1 p in the Nystrom form."""
+    """Arguments of the equations for increments in rows of the memory, from (q, p); v is h M^-1 p (Nystrom form)."""
 
     step: Collocation
     q: Any
@@ -178,13 +176,13 @@ def _moves_both(field, e, at):
 inner = chosen(_sum_kicks, _sum_both)
 #: f(Z_i) with that sum as ``x``.
 force = chosen(_kick, _both)
-#: How large the variables are that the two halves of that sum move.
+#: Sizes of the variables that the two halves of that sum belong to.
 lengths = chosen(_lengths_kick, _lengths_both)
 #: The increments of q and p over the step.
 moves = chosen(_moves_kicks, _moves_both)
-#: h M^-1 p, which the Nystrom form needs.
+#: h M^-1 p in the Nystrom form.
 drift = chosen(lambda field, dT, p, h: scale(h, velocity(dT, p)), lambda field, dT, p, h: p)
-#: How far a row moved: kicks are momenta.
+#: The `Change` from a row x to a row y; kicks are momenta.
 moved = chosen(
     lambda field, x, y: Change(0.0, distance(x, y), 0.0, size(y)),
     lambda field, x, y: change(x, y),
@@ -196,10 +194,10 @@ moved = chosen(
 
 @inlined
 def sweep(e, old, new):
-    """Write h B f at the increments in rows ``old`` to rows ``new``; returns (their distance, their size).
+    """Write h B f at the increments in rows ``old`` to rows ``new``; returns (their distance, the size of the new).
 
-    All nodes use the old increments: nodes that use the new ones at once (Gauss-Seidel) need a tenth fewer evaluations,
-    but each then waits for the one before, and more time.
+    All nodes use the old increments. With the new ones at once (Gauss-Seidel) a tenth fewer evaluations are needed, but
+    each waits for the one before, which takes longer.
     """
     step, memory, like = e.step, e.memory, e.like
     first = e.counts.rule
@@ -230,7 +228,7 @@ def sweep(e, old, new):
 
 @inlined
 def linearize(e, at, span, work):
-    """The matrix of 1 - G' by differences of f at the nodes."""
+    """Write the matrix of 1 - G' by differences of f at the nodes (see `solve.row_solver`)."""
     tableau, memory = e.step, e.memory
     n, first = len(e.like), e.counts.rule
     spare = at + 2 * e.stages
@@ -261,7 +259,7 @@ solve_confirmed = confirmer(solve, sweep, by_rows(inlined(lambda e, x, y: moved(
 
 @inlined
 def extrapolate(e, at):
-    """Continue the increments of the last steps into the rows ``at``, ..."""
+    """Extrapolate the increments of the last steps to the rows ``at``, ..."""
     weights, known = e.step.extrapolation, e.counts.steps
     steps = min(known, len(weights) // e.stages)
     row = e.stages * (steps - 1)
@@ -274,33 +272,29 @@ def extrapolate(e, at):
         store(e.memory, at + j, x)
 
 
-def run(step, orbit, samples, counts):
-    """The kernel."""
-    y = opened(orbit)
-    memory, zero, like = orbit.memory, orbit.zero, unknown(step.field, orbit.zero)
-    stages = step.weights.shape[1]
+def step(method, y, carry, counts):
+    """One step."""
+    memory, zero, like = carry.memory, carry.zero, unknown(method.field, carry.zero)
+    stages = method.weights.shape[1]
     at = LEVELS * stages
-    for row in range(len(samples.q)):
-        for _ in range(samples.every):
-            if counts.steps % 16 == 0:
-                counts.rule = 0
-            v = drift(step.field, step.dT, y.p, step.h)
-            e = Equations(step, y.q, y.p, v, memory, zero, like, stages, counts)
-            extrapolate(e, at)
-            status = solve_confirmed(e, at, orbit.work, counts)
-            if status != SOLVED:
-                return row, status
-            copy(memory, at, counts.steps % LEVELS * stages, stages, like)
-            dq, dp = moves(step.field, e, at)
-            y = advanced(y, dq, dp)
-            counts.steps += 1
-        keep(samples, row, y)
-    close(orbit, y)
-    return len(samples.q), 0
+    if counts.steps % 16 == 0:
+        counts.rule = 0
+    v = drift(method.field, method.dT, y.p, method.h)
+    e = Equations(method, y.q, y.p, v, memory, zero, like, stages, counts)
+    extrapolate(e, at)
+    status = solve_confirmed(e, at, carry.work, counts)
+    if status != SOLVED:
+        return y, status
+    copy(memory, at, counts.steps % LEVELS * stages, stages, like)
+    dq, dp = moves(method.field, e, at)
+    return advanced(y, dq, dp), status
+
+
+run = loop(step)
 
 
 def prepare(method, system, arithmetic):
-    """Of data (kind, s) or ("hbvm", s, k), with Gauss's stages, or integrals' nodes, in lanes where these serve."""
+    """Make the kernel of data (kind, s) or ("hbvm", s, k): with stages or nodes in lanes if the system allows it."""
     kind, s, *_ = method.data
     if kind == "gauss" and gauss_lanes.serves(s, system):
         return gauss_lanes.prepare(s, system, arithmetic)
@@ -312,7 +306,7 @@ def prepare(method, system, arithmetic):
 
 
 def rules_of(method, system, arithmetic) -> Sequence[int]:
-    """The numbers of nodes of the quadrature rules."""
+    """Numbers of nodes of the quadrature rules."""
     kind, s, *k = method.data
     if kind == "cpg":
         return sizes(s, system.polynomial_degree, RULES if arithmetic == DOUBLE else LARGE)
@@ -320,7 +314,7 @@ def rules_of(method, system, arithmetic) -> Sequence[int]:
 
 
 def stage_by_stage(method, system, arithmetic):
-    """In the Nystrom form where T is quadratic, else by the field."""
+    """Make the kernel that takes one stage after the other; the Nystrom form if T is quadratic."""
     kind, s, *_ = method.data
     rules = rules_of(method, system, arithmetic)
     kind = "hbvm" if kind == "cpg" else kind

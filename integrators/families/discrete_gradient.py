@@ -22,30 +22,28 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.engine.kernel import Prepared, keep_energy, numbers
-from phasebench.integrators.engine.solve import LEVELS, SOLVED, predict, predict_number, remember, solver
-from phasebench.integrators.engine.vector import (
+from phasebench.integrators.stepping.kernel import Prepared, keep_energy, numbers
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, predict_number, remember, solver
+from phasebench.integrators.values.vector import (
     advanced,
     axpy,
-    close,
     head,
     inlined,
     join,
-    keep,
-    opened,
     scale,
     size,
     tail,
     written,
 )
 
-#: Secant steps for a.
+#: Largest number of secant steps for a.
 LIMIT = 12
 MISSED = "do not reach the energy of the start"
 
 
 class DiscreteGradient(NamedTuple):
-    """Substeps over the ``fraction`` of h, H and its value to keep."""
+    """Substeps over the ``fraction`` of h; H, and the value H0 to keep."""
 
     field: Callable
     energy: Callable
@@ -56,7 +54,7 @@ class DiscreteGradient(NamedTuple):
 
 
 class Increment(NamedTuple):
-    """The equation of a substep of length h from (q, p), for a given a."""
+    """Arguments of the equation of a substep of length h from (q, p), for a given a."""
 
     field: Callable
     q: Any
@@ -82,13 +80,13 @@ solve_increment = solver(increment)
 
 
 @inlined
-def search(step, y, h, x, a, orbit, counts):
-    """(x, a, status) of the substep of length h that ends at H0, from the starts x and a."""
+def search(step, y, h, x, a, carry, counts):
+    """Take a substep of length h that ends at H0; x and a are starts, and (x, a, status) is returned."""
     last_a, last = a, step.H0
     span = size(y.q) + size(y.p)
     reached, status = False, SOLVED
     for k in range(LIMIT):
-        x, n, used, status = solve_increment(Increment(step.field, y.q, y.p, h, a), x, span, step.eps, orbit.work)
+        x, n, used, status = solve_increment(Increment(step.field, y.q, y.p, h, a), x, span, step.eps, carry.work)
         counts.gradient += n
         counts.newton += used
         if status != SOLVED:
@@ -109,31 +107,29 @@ def search(step, y, h, x, a, orbit, counts):
     return x, a, status
 
 
-def run(step, orbit, samples, counts):
-    """The kernel."""
-    y = opened(orbit)
-    both, memory = join(orbit.zero, orbit.zero), orbit.memory
-    stages = len(step.fraction)
+def step(method, y, carry, counts):
+    """One step, substep by substep."""
+    both, memory = join(carry.zero, carry.zero), carry.memory
+    stages = len(method.fraction)
     ring = LEVELS * stages  # where the memory keeps the ring of each substep's a
-    for row in range(len(samples.q)):
-        for _ in range(samples.every):
-            for s in range(stages):
-                x = predict(memory, s, stages, counts.steps, both)
-                a = predict_number(memory, ring + s, stages, counts.steps)
-                x, a, status = search(step, y, step.fraction[s] * step.h, x, a, orbit, counts)
-                if status != SOLVED:
-                    return row, status
-                remember(memory, s, stages, counts.steps, x)
-                memory[ring + s + counts.steps % LEVELS * stages, 0] = a
-                y = advanced(y, head(x), tail(x))
-            counts.steps += 1
-        keep(samples, row, y)
-    close(orbit, y)
-    return len(samples.q), 0
+    status = SOLVED
+    for s in range(stages):
+        x = predict(memory, s, stages, counts.steps, both)
+        a = predict_number(memory, ring + s, stages, counts.steps)
+        x, a, status = search(method, y, method.fraction[s] * method.h, x, a, carry, counts)
+        if status != SOLVED:
+            break
+        remember(memory, s, stages, counts.steps, x)
+        memory[ring + s + counts.steps % LEVELS * stages, 0] = a
+        y = advanced(y, head(x), tail(x))
+    return y, status
+
+
+run = loop(step)
 
 
 def prepare(method, system, arithmetic):
-    """The kernel with the initial state's energy as its target."""
+    """Make the kernel; the energy to keep is that of the initial state."""
     energy = system.energy(arithmetic)
     step = DiscreteGradient(system.field(arithmetic), energy, numbers(method.data, arithmetic))
     return Prepared(run, step, 2 * system.d, len(step.fraction), begin=keep_energy(energy), missed=MISSED)

@@ -31,12 +31,13 @@ import numpy as np
 
 from phasebench.integrators.coefficients import tableaus
 from phasebench.integrators.coefficients.quadrature import legendre
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.energy_model import FIRST, Attempt, Search
-from phasebench.integrators.engine.kernel import Orbit, array, numbers
-from phasebench.integrators.engine.root import finder
-from phasebench.integrators.engine.solve import LEVELS, SOLVED
-from phasebench.integrators.engine.vector import State, advanced, apart, chosen, close, inlined, jit, keep, opened, size
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.stepping.energy_model import FIRST, Attempt, Search
+from phasebench.integrators.stepping.kernel import Carry, array, numbers
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.root import finder
+from phasebench.integrators.stepping.solve import LEVELS, SOLVED
+from phasebench.integrators.values.vector import State, advanced, apart, chosen, inlined, jit, size
 
 from . import collocation, gauss_lanes, stage_lanes
 from .gauss_lanes import serves
@@ -47,9 +48,9 @@ MISSED = "have no parameter near 0 that keeps the energy and were taken as Gauss
 
 
 class Equip(NamedTuple):
-    """The tableau in use, which is written for each alpha; A_ij / b_j, S_ij and b of the Gauss method.
+    """The tableau in use, rewritten for each alpha; A_ij / b_j, S_ij and b of the Gauss method.
 
-    The stages are in lanes where ``f`` is not None, and the unknowns both increments where ``field`` is not None.
+    Stages are in lanes unless ``f`` is None; the unknowns are kicks if ``field`` is None, else both increments.
     """
 
     f: Callable | None
@@ -66,11 +67,11 @@ class Equip(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A step from the state y."""
+    """Arguments of the search for alpha: the method, the state y before the step, the carry and the counts."""
 
     step: Equip
     y: State
-    orbit: Orbit
+    carry: Carry
     counts: np.record
 
 
@@ -94,36 +95,36 @@ def _time_in_lanes(f, t, i, late):
 
 
 def _moved_rows(f, start, eps, e):
-    t, y, zero, memory = e.step.tableau, e.y, e.orbit.zero, e.orbit.memory
+    t, y, zero, memory = e.step.tableau, e.y, e.carry.zero, e.carry.memory
     stages, at = len(e.step.b), LEVELS * len(e.step.b)
     v, like = collocation.drift(t.field, t.dT, y.p, t.h), unknown(t.field, zero)
     equations = collocation.Equations(t, y.q, y.p, v, memory, zero, like, stages, e.counts)
     if start == FIRST:
         collocation.extrapolate(equations, at)
-    sweeps, newton, status = collocation.solve(equations, at, size(y.q) + size(y.p), eps, e.orbit.work)
+    sweeps, newton, status = collocation.solve(equations, at, size(y.q) + size(y.p), eps, e.carry.work)
     dq, dp = collocation.moves(t.field, equations, at)
     return advanced(y, dq, dp), sweeps, newton, status
 
 
 def _moved_lanes(f, start, eps, e):
     t, y = e.step.tableau, e.y
-    equations = stage_lanes.equations(t, e.orbit, t.h)
+    equations = stage_lanes.equations(t, e.carry, t.h)
     ring = equations.base + 4
     at = ring + t.steps * equations.stages
     stage_lanes.begin(t.inverse_mass, equations, y)
     if start == FIRST:
         stage_lanes.extrapolate(equations, ring, e.counts.steps, at)
-    sweeps, newton, status = stage_lanes.solve(equations, at, size(y.q) + size(y.p), eps, e.orbit.work)
-    return stage_lanes.end(equations, at, y, e.orbit.zero), sweeps, newton, status
+    sweeps, newton, status = stage_lanes.solve(equations, at, size(y.q) + size(y.p), eps, e.carry.work)
+    return stage_lanes.end(equations, at, y, e.carry.zero), sweeps, newton, status
 
 
 def _enter_rows(f, e):
-    stages, like = len(e.step.b), unknown(e.step.field, e.orbit.zero)
-    collocation.copy(e.orbit.memory, LEVELS * stages, e.counts.steps % LEVELS * stages, stages, like)
+    stages, like = len(e.step.b), unknown(e.step.field, e.carry.zero)
+    collocation.copy(e.carry.memory, LEVELS * stages, e.counts.steps % LEVELS * stages, stages, like)
 
 
 def _enter_lanes(f, e):
-    equations = stage_lanes.equations(e.step.tableau, e.orbit, e.step.h)
+    equations = stage_lanes.equations(e.step.tableau, e.carry, e.step.h)
     ring = equations.base + 4
     stage_lanes.enter(equations, ring, e.counts.steps, ring + e.step.tableau.steps * equations.stages)
 
@@ -132,9 +133,9 @@ def _enter_lanes(f, e):
 write_A, write_time = chosen(_A_in_rows, _A_in_lanes), chosen(_time_in_rows, _time_in_lanes)
 #: c_i.
 time = chosen(lambda f, t, i: t.c[i, 0], lambda f, t, i: t.nodes[0, i])
-#: Take the step with the tableau that is written: (the state after it, sweeps, sweeps of Newton's method, status).
+#: Take the step with the tableau in use: (the state after it, sweeps, sweeps of Newton's method, status).
 moved = chosen(_moved_rows, _moved_lanes)
-#: Keep its stages for the start of the next.
+#: Store its stages for the start of the next step.
 enter = chosen(_enter_rows, _enter_lanes)
 
 
@@ -184,7 +185,7 @@ write = chosen(_write_kicks, _write_both)
 def attempt(alpha, start, ease, e):
     """Take the step with alpha.
 
-    The stages start from earlier steps' or from the last attempt's, which was taken with an alpha nearby.
+    The start of the stages is extrapolated from earlier steps, or is the last attempt's, whose alpha was near.
     """
     apart()
     step, y, counts = e.step, e.y, e.counts
@@ -201,25 +202,20 @@ def attempt(alpha, start, ease, e):
 find = finder(attempt, followed=False)
 
 
-def run(step, orbit, samples, counts):
-    """The kernel; the parameter is alpha, NaN for a fallback."""
-    y = opened(orbit)
-    for row in range(len(samples.q)):
-        alpha, found = 0.0, True
-        for _ in range(samples.every):
-            e = Step(step, y, orbit, counts)
-            alpha, found, result = find(step.search, orbit.state, 4, np.nan, e)
-            if result.status != SOLVED:
-                return row, result.status
-            y = result.y
-            enter(step.f, e)
-            counts.steps += 1
-            if not found:
-                counts.fallbacks += 1
-        keep(samples, row, y)
-        samples.parameter[row, 0] = alpha if found else np.nan
-    close(orbit, y)
-    return len(samples.q), 0
+def step(method, y, carry, counts):
+    """One step; the parameter is alpha."""
+    e = Step(method, y, carry, counts)
+    alpha, found, result = find(method.search, carry.state, 4, np.nan, e)
+    if result.status != SOLVED:
+        return y, result.status
+    enter(method.f, e)
+    if not found:
+        counts.fallbacks += 1
+    counts.parameter = alpha if found else np.nan
+    return result.y, SOLVED
+
+
+run = loop(step, parameter=True)
 
 
 def skew(s: int, nodes):
@@ -229,7 +225,7 @@ def skew(s: int, nodes):
 
 
 def prepare(method, system, arithmetic):
-    """Of data (s,), the stages in lanes where these serve the system; the Nystrom form where T is quadratic."""
+    """Make the kernel of data (s,): stages in lanes if the system allows it, the Nystrom form if T is quadratic."""
     (s,) = method.data
     if serves(s, system):
         inner = gauss_lanes.prepare(s, system, arithmetic)

@@ -5,40 +5,30 @@ from __future__ import annotations
 import mpmath
 
 from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
-from phasebench.integrators.engine import codegen, lane_formulae
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import Prepared, array
-from phasebench.integrators.engine.lazy import sympy as sp
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.compile.lazy import sympy as sp
+from phasebench.integrators.stepping.kernel import Prepared, array
+from phasebench.integrators.values import lane_formulae
 
 from .lane_rows import components
 from .stage_lanes import Lanes, run
 
-#: Fewer stages than these gain nothing.
+#: Least number of stages for which lanes are faster.
 FEWEST = 2
 
 
-def diagonal(system) -> bool:
-    """Whether H = sum p_i^2 / 2 m_i + V(q)."""
-    return system.quadratic_kinetic and all(e.free_symbols <= {p} for e, p in zip(system.dq, system.p, strict=True))
-
-
 def serves(s: int, system) -> bool:
-    """Whether the stages are worth lanes, and the functions are made of what lanes have.
-
-    Of a quadratic T that is no diagonal form the Nystrom form, stage by stage, is the cheaper.
-    """
-    if s < FEWEST or codegen.value_kind(system.d) != "tuple" or diagonal(system) != system.quadratic_kinetic:
-        return False
-    return lane_formulae.known([*system.dq, *system.dp])
+    """True if lanes are worth while for s stages, and the system's functions can be compiled for lanes."""
+    return s >= FEWEST and system.elementary
 
 
 def padded(row, lanes: int, filler) -> list:
-    """The row with the filler in the lanes that are left over."""
+    """Fill the row up to the number of lanes."""
     return [*row, *[filler] * (lanes - len(row))]
 
 
 def squared(rows, lanes: int) -> list[list]:
-    """The rows with zeros in the lanes and in the rows that are left over."""
+    """Fill rows and columns with zeros up to a square matrix of the number of lanes."""
     rows = [padded(row, lanes, 0) for row in rows]
     return rows + [[0] * lanes] * (lanes - len(rows))
 
@@ -65,13 +55,13 @@ def _of_both(system, lanes, arithmetic):
 
 def functions(system, lanes, arithmetic, digits):
     """(f in lanes of `stage_lanes.Lanes`, the inverse masses or None)."""
-    if diagonal(system):
+    if system.diagonal:
         return _of_kicks(system, lanes, arithmetic, digits)
     return _of_both(system, lanes, arithmetic)
 
 
 def starts(extrapolation, s, lanes):
-    """Rows of the weights of each earlier step, for a start from one step, then for one from two."""
+    """Rows of weights for each earlier step: first for a start from one step, then for one from two."""
     for first in range(0, len(extrapolation), s):
         weights = list(zip(*extrapolation[first : first + s], strict=True))
         for step in range(0, len(weights), s):
@@ -79,11 +69,11 @@ def starts(extrapolation, s, lanes):
 
 
 def laned(s: int, system, arithmetic) -> Lanes:
-    """The tableau of Gauss of s stages, with the functions of the system."""
+    """The tableau of Gauss with s stages, and the system's functions in lanes."""
     lanes = 1 << (s - 1).bit_length()
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
-    kicks = diagonal(system)
+    kicks = system.diagonal
     t = tableau("gauss", s, s, kicks, digits, unit)
     b = [t.B[i][i] for i in range(s)]
     f, inverse_mass = functions(system, lanes, arithmetic, digits)
@@ -103,12 +93,12 @@ def laned(s: int, system, arithmetic) -> Lanes:
 
 
 def prepare(s: int, system, arithmetic) -> Prepared:
-    """Gauss of s stages."""
+    """Make the kernel of Gauss with s stages."""
     step = laned(s, system, arithmetic)
     return Prepared(run, step, *room(step, system.d), linear=len(step.like) * components(step.inverse_mass, system.d))
 
 
 def room(step: Lanes, d: int) -> tuple[int, int]:
-    """Columns of the memory, and the number of stages that gives it rows enough."""
+    """(columns of the memory, number of stages that gives it enough rows)."""
     rows = 4 + (6 + step.steps) * components(step.inverse_mass, d)
     return max(len(step.like), components(step.inverse_mass, d)), -(-rows // (3 * LEVELS + 1))

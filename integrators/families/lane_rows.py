@@ -8,9 +8,9 @@ state that the places begin at, h M^-1 p, and the increments of q and of p over 
 
 from __future__ import annotations
 
-from phasebench.integrators.engine.lanes import combine, put, take, total
-from phasebench.integrators.engine.solve import difference
-from phasebench.integrators.engine.vector import advanced, chosen, inlined, load, store
+from phasebench.integrators.stepping.solve import difference
+from phasebench.integrators.values.lanes import combine, put, take, total
+from phasebench.integrators.values.vector import advanced, chosen, inlined, load, store
 
 # -- the two forms ----------------------------------------------------------------------------------------------------
 
@@ -39,19 +39,19 @@ def _lengths_of_kicks(inverse_mass, e, at):
     return momenta, momenta
 
 
-#: Components of an increment, of d degrees of freedom.
+#: Number of components of an increment, for d degrees of freedom.
 components = chosen(lambda inverse_mass, d: 2 * d, lambda inverse_mass, d: d)
-#: Write the state of which a step's equations speak.
+#: Write the state at the begin of the step, for its equations.
 begin = chosen(_begin_both, _begin_kicks)
-#: How large the variables are that the first and the second half of the rows ``at``, ... move.
+#: Sizes of the variables that the first and the second half of the rows ``at``, ... belong to.
 lengths = chosen(_lengths_of_both, _lengths_of_kicks)
-#: How far the place k moves for a unit of its increment, but for the coefficients.
+#: Derivative of place k by its increment, without the tableau's coefficient.
 reach = chosen(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e, k: e.h * inverse_mass[0, k])
 
 
 @inlined
 def length(e, at, row, first, last):
-    """The size of the numbers ``first``, ... before ``last`` in a row, of their unknowns and of what these map to."""
+    """Size of the numbers ``first``, ..., ``last`` - 1 in a row, plus the size of their unknowns and of G at these."""
     numbers, unknowns = 0.0, 0.0
     for k in range(first, last):
         numbers = numbers + abs(e.memory[row, k])
@@ -64,11 +64,13 @@ def length(e, at, row, first, last):
 
 
 def linearizer(sweep, places, weights, rows, spread):
-    """The ``linearize`` of `solve.row_solver`: by differences of f, in all lanes of a row of nodes at once.
+    """Make the ``linearize`` of `solve.row_solver`: by differences of f, in all lanes of a row of nodes at once.
 
-    places(e, at, row) writes the places of a row of nodes to the first rows, of those that rows(e) = (first, last + 1)
-    says; weights(e) are what f is multiplied by; spread(e, row, r, k, i, x, work) enters x, of the lane i, into the
-    matrix's rows of the component r and columns of k.
+    - ``rows(e)`` = (first, last + 1) are the rows of nodes; ``places(e, at, row)`` writes the places of one to the
+      first rows.
+    - ``weights(e)`` is what f is multiplied by.
+    - ``spread(e, row, r, k, i, x, work)`` enters x, of lane i, into the matrix: rows of component r, columns of
+      component k.
     """
 
     @inlined
@@ -106,7 +108,7 @@ def linearizer(sweep, places, weights, rows, spread):
 
 @inlined
 def extrapolate(e, ring, known, at):
-    """Continue the increments of the last steps, in rows from ``ring`` on, into the rows ``at``, ..."""
+    """Extrapolate the increments of the last steps, a ring of rows from ``ring`` on, to the rows ``at``, ..."""
     step, memory, rows = e.step, e.memory, e.stages
     steps = min(known, step.steps)
     row = steps * (steps - 1) // 2 * len(e.like)
@@ -120,14 +122,14 @@ def extrapolate(e, ring, known, at):
 
 @inlined
 def enter(e, ring, known, at):
-    """Enter the increments in the rows ``at``, ... of the step after ``known`` others into `extrapolate`'s ring."""
+    """Store the increments in the rows ``at``, ... of step number ``known`` in the ring that `extrapolate` reads."""
     newest = ring + known % e.step.steps * e.stages
     for k in range(e.stages):
         put(e.memory, newest + k, take(e.memory, at + k, e.like), e.like)
 
 
 def ender(sums):
-    """The state after the step whose increments are in the rows ``at``, ...; sums(inverse_mass, e, at) adds them up."""
+    """Make the function (e, at, y, zero) -> state after the step; ``sums(inverse_mass, e, at)`` adds increments."""
 
     @inlined
     def end(e, at, y, zero):

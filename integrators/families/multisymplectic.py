@@ -36,9 +36,9 @@ from phasebench.integrators.systems.multisymplectic import Box, Division, Equati
 from .equip import skew
 
 NEWTON_LIMIT, SECANT_LIMIT = 30, 20
-#: An increment of the stages below this share of them may be the last.
+#: Newton's method may stop when its correction is below this share of the stages.
 CLOSE = 1e-10
-#: The energy is met within so many units of round-off, and by a parameter not farther from zero than this.
+#: The energy is met within UNITS of its round-off, by a parameter of at most RADIUS.
 UNITS, RADIUS = 8.0, 0.5
 EPS = float(np.finfo(float).eps)
 
@@ -50,13 +50,13 @@ class Scheme:
     Attributes
     ----------
     id, name, source : as of a method
-    division : of space
+    division : how space is divided
     A_q, A_p, b : the tableau in time
-    S : skew, where a parameter keeps the energy
+    S : a skew matrix if a parameter keeps the energy, else None
     order : in time
-    multisymplectic : whether it is declared to be
+    multisymplectic : True if it is declared to be
     keeps : the energy that it is declared to keep: "total", or "cell" in every cell
-    means : whether fluxes are those of the stages' mean, not the mean of the stages' fluxes
+    means : True if fluxes are those of the stages' mean, not the mean of the stages' fluxes
     """
 
     id: str
@@ -85,7 +85,7 @@ def _collocation(kind: str, s: int) -> tuple[np.ndarray, np.ndarray, list]:
 
 @cache
 def schemes() -> dict[str, Scheme]:
-    """Id -> scheme."""
+    """All box schemes, by id."""
     half, one = np.array([[0.5]]), np.array([1.0])
     gauss, b, c = _collocation("gauss", 2)
     radau, radau_b, _ = _collocation("radau-iia", 2)
@@ -109,7 +109,7 @@ def schemes() -> dict[str, Scheme]:
 
 
 def scheme(id: str) -> Scheme:
-    """The scheme of an id; raises InvalidInput for an unknown one, naming the nearest."""
+    """Return the scheme of an id; raises InvalidInput for an unknown one, naming the nearest."""
     if id not in schemes():
         raise unknown("box scheme", id, schemes())
     return schemes()[id]
@@ -127,10 +127,10 @@ class Tangent:
 
 @dataclass(frozen=True)
 class Step:
-    """A step: y at its ends, arrays (N, m), stages Y and their rates T, arrays (s, N, m), and the parameter.
+    """A step: y at its ends, arrays (N, m); stages Y and their rates T, arrays (s, N, m); the parameter.
 
-    ``tangents`` are those of the fixed parameter, ``moving`` those whose parameter follows the state (the same where
-    there is none).  ``found`` tells whether a parameter keeps the energy.
+    ``tangents`` are those at a fixed parameter, ``moving`` those whose parameter follows the state (the same without
+    one). ``found`` is True if a parameter keeps the energy.
     """
 
     start: np.ndarray
@@ -187,7 +187,7 @@ class Stages:
         return self.h * np.tensordot(self.scheme.b, self.T, 1)
 
     def linearized(self, u, more=0.0) -> Tangent:
-        """The tangent that starts at u; ``more`` is what else changes the stages."""
+        """The tangent that starts at u; ``more`` is a further change of the stages."""
         right = u + more + np.zeros_like(self.Y)
         matrix = self._matrix(self.Y)
         forced = np.stack([J @ x.ravel() for J, x in zip(self.J, right, strict=True)])
@@ -195,7 +195,7 @@ class Stages:
         return Tangent(u, u + self.h * np.tensordot(self.scheme.b, T, 1), right + self.along(T), T)
 
     def by_parameter(self) -> np.ndarray:
-        """How the stages change with alpha, the rates being kept."""
+        """Derivative of the stages by alpha at fixed rates."""
         d = -np.repeat(np.stack([self.scheme.S * self.scheme.b] * 2), self.y.shape[-1] // 2, axis=0)
         return self.along(self.T, d)
 
@@ -206,9 +206,9 @@ def _magnitude(space: Division, y) -> float:
 
 
 def keeping(space: Division, scheme: Scheme, y, h: float, energy: float) -> tuple[Stages, bool]:
-    """The stages with the parameter nearest zero at which the total energy is ``energy``, by the secant method.
+    """(stages, True) with the parameter nearest zero at which the total energy is ``energy``, by the secant method.
 
-    Where none is found they are those of zero, and False.
+    (the stages with the parameter 0, False) if none is found.
     """
     first = Stages(space, scheme, y, h, 0.0)
     bound = UNITS * EPS * _magnitude(space, y)

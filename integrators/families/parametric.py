@@ -33,19 +33,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.engine.kernel import Prepared, array, fixed
-from phasebench.integrators.engine.solve import LEVELS, SOLVED, predict, remember, solver
-from phasebench.integrators.engine.vector import (
+from phasebench.integrators.stepping.kernel import Prepared, array, fixed
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, remember, solver
+from phasebench.integrators.values.vector import (
     advanced,
     axpy,
     chosen,
-    close,
     head,
     inlined,
     join,
-    keep,
     load,
-    opened,
     scale,
     size,
     tail,
@@ -54,9 +52,12 @@ from phasebench.integrators.engine.vector import (
 
 from . import splitting
 
+#: Orbits may be integrated side by side.
+IN_LANES = True
+
 
 class Parametric(NamedTuple):
-    """Substeps of length c h with the weights mu and lam; in the Nystrom form ``field`` is None, else dT and dV are."""
+    """Substeps of length c h with the weights mu and lam. In the Nystrom form ``field`` is None, else dT and dV are."""
 
     field: Callable | None
     dT: Callable | None
@@ -69,7 +70,7 @@ class Parametric(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """The stage equation of a substep of length h from (q, p); v = grad T(p)."""
+    """Arguments of a substep's stage equation: length h, from (q, p); v = grad T(p)."""
 
     step: Any
     q: Any
@@ -82,7 +83,7 @@ class Stage(NamedTuple):
 
 @inlined
 def increments(x, stage):
-    """(Delta q, Delta p) = h f at the stage that the increments x make."""
+    """(Delta q, Delta p) = h f at the stage that the increments x lead to."""
     h, lam = stage.h, stage.lam
     dq, dp = stage.step.field(axpy(stage.mu, head(x), stage.q), axpy(lam, tail(x), stage.p), h, lam)
     return join(scale(h, dq), scale(h, dp))
@@ -90,19 +91,19 @@ def increments(x, stage):
 
 @inlined
 def shift(x, stage):
-    """Delta q = h M^-1 (p + lam x) of the kick x."""
+    """Delta q = h M^-1 (p + lam x) for the kick x."""
     return scale(stage.h, axpy(stage.lam, velocity(stage.step.dT, x), stage.v))
 
 
 @inlined
 def kick(x, stage):
-    """Delta p = -h grad V at the stage that the kick x makes."""
+    """Delta p = -h grad V at the stage that the kick x leads to."""
     return scale(-stage.h, stage.step.dV(axpy(stage.mu, shift(x, stage), stage.q)))
 
 
 @inlined
 def lengths_of_kick(x, g, stage):
-    """The size of the momenta, for both halves."""
+    """Size of the momenta, twice: both halves of a kick are momenta."""
     length = size(stage.p) + size(x) + size(g)
     return length, length
 
@@ -122,72 +123,60 @@ def _general(field, step, y, c, mu, lam, x, eps, work):
     return advanced(y, head(x), tail(x)), x, n, used, status
 
 
-#: One substep from the start x of its equation, in the Nystrom form where ``field`` is None;
-#: (field, step, y, c, mu, lam, x, eps, work) -> (y, x, evaluations, Newton used, status).
+#: One substep; x is the start of its equation. The Nystrom form if ``field`` is None.
+#: (field, step, y, c, mu, lam, x, eps, work) -> (y, x, evaluations, 1 if Newton's method was used, status).
 substep = chosen(_nystrom, _general)
 
-#: A zero of the kind of the substep's unknown: the kick, or both increments; (field, zero) -> x.
+#: (field, zero) -> a zero of the kind of the substep's unknown: the kick, or both increments.
 unknown = chosen(lambda field, zero: zero, lambda field, zero: join(zero, zero))
 
 
 @inlined
-def advance(step, y, orbit, known, first):
-    """One step, the one after ``known`` others.
+def advance(step, y, carry, known, first):
+    """Take step number ``known``; returns (y, evaluations, Newton solves, status).
 
-    Its equations start from an extrapolation of earlier steps (``first``) or, where the step is taken again from a
-    state nearby, from the last attempt's solutions.  Returns (y, evaluations, Newton solves, status).
+    The start of its equations is extrapolated from earlier steps (``first``), or is the last attempt's solution if the
+    step is taken again from a state nearby.
     """
     stages = len(step.c)
-    start = unknown(step.field, orbit.zero)
+    start = unknown(step.field, carry.zero)
     evaluations, newtons, status = 0, 0, SOLVED
     for s in range(stages):
         if first:
-            x = predict(orbit.memory, s, stages, known, start)
+            x = predict(carry.memory, s, stages, known, start)
         else:
-            x = load(orbit.memory, s + known % LEVELS * stages, start)
+            x = load(carry.memory, s + known % LEVELS * stages, start)
         y, x, n, used, status = substep(
-            step.field, step, y, step.c[s], step.mu[s], step.lam[s], x, step.eps, orbit.work
+            step.field, step, y, step.c[s], step.mu[s], step.lam[s], x, step.eps, carry.work
         )
         evaluations += n
         newtons += used
         if status != SOLVED:
             break
-        remember(orbit.memory, s, stages, known, x)
+        remember(carry.memory, s, stages, known, x)
     return y, evaluations, newtons, status
 
 
-def run(step, orbit, samples, counts):
-    """The kernel."""
-    y = opened(orbit)
-    known, evaluations, newtons, status = counts.steps, 0, 0, SOLVED
-    row = 0
-    while row < len(samples.q) and status == SOLVED:
-        for _ in range(samples.every):
-            y, n, used, status = advance(step, y, orbit, known, True)
-            evaluations += n
-            newtons += used
-            if status != SOLVED:
-                break
-            known += 1
-        if status == SOLVED:
-            keep(samples, row, y)
-            row += 1
-    close(orbit, y)
-    counts.steps = known
+def step(method, y, carry, counts):
+    """One step."""
+    y, evaluations, newtons, status = advance(method, y, carry, counts.steps, True)
     counts.gradient += evaluations
     counts.newton += newtons
-    return row, status
+    return y, status
+
+
+run = loop(step)
 
 
 def quadratic(system, arithmetic, order=1):
-    """((field, dT, dV), components of a stage's unknown): in the Nystrom form where H is separable with quadratic T."""
+    """((field, dT, dV), components of a stage's unknown): the Nystrom form if H is separable with quadratic T."""
     if order == 1 and system.separable and system.quadratic_kinetic:
         return (None, system.grad_T(arithmetic), system.grad_V(arithmetic)), system.d
     return (system.field(arithmetic, order), None, None), 2 * system.d
 
 
 def prepare(method, system, arithmetic, fills=True):
-    """Explicit where H is separable and every substep a symplectic Euler one; else Nystrom where T is quadratic."""
+    """Make the kernel: a splitting if H is separable and all substeps symplectic Euler; Nystrom if T is quadratic."""
     order, substeps = method.data
     if order == 1 and system.separable and all({mu, lam} == {0, 1} for _, mu, lam in substeps):
         return splitting.from_substeps(substeps, system, arithmetic, fills)

@@ -33,26 +33,27 @@ import mpmath
 import numpy as np
 
 from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import Prepared, array, fixed
-from phasebench.integrators.engine.lanes import combine, put, take, total
-from phasebench.integrators.engine.solve import SOLVED, Change, confirmer, row_solver
-from phasebench.integrators.engine.vector import chosen, close, inlined, keep, opened
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.stepping.kernel import Prepared, array, fixed
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import SOLVED, Change, confirmer, row_solver
+from phasebench.integrators.values.lanes import combine, put, take, total
+from phasebench.integrators.values.vector import chosen, inlined
 
 from . import gauss_lanes
 from .gauss_lanes import functions, padded, squared, starts
 from .lane_rows import begin, components, ender, enter, extrapolate, linearizer
 
-#: Nodes side by side, at least as many as increments; and of nodes times increments below which that gains nothing.
+#: Nodes side by side (at least as many as increments); least product of nodes and increments for which that is faster.
 WIDTH, FEWEST = 4, 3
 
 
 class Path(NamedTuple):
-    """The coefficients with nodes, or increments, in lanes; only kicks are unknown where ``inverse_mass`` is not None.
+    """The coefficients, with nodes or increments in lanes; the unknowns are kicks unless ``inverse_mass`` is None.
 
-    ``f(memory)`` is that of `lane_rows`.  ``like`` has a zero for each lane, ``terms`` one for each increment.
-    ``drift`` has a row 1, 0, ... and the rows of X transposed.  A rule is a range of rows of nodes, each with the
-    number of its rule's ``nodes`` and ``rows``; of each ``A`` has a row for every increment, ``B`` for every node.
+    ``f(memory)`` is that of `lane_rows`. ``like`` has a zero for each lane, ``terms`` one for each increment. ``drift``
+    has a row 1, 0, ... and the rows of X transposed. A rule is a range of rows of nodes; each row has the number of its
+    rule's ``nodes`` and ``rows``, and for it ``A`` has a row for every increment, ``B`` one for every node.
     ``extrapolation`` is as in `stage_lanes.Lanes`.
     """
 
@@ -72,9 +73,9 @@ class Path(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Of the increments from (q, p), in ``stages`` rows of the memory, as in `lane_rows`.
+    """Arguments of the equations for the increments from (q, p), in ``stages`` rows of the memory, as in `lane_rows`.
 
-    After the rows of a step stand as many as ``stages``: the path of q where only kicks are unknown.
+    If the unknowns are kicks, the ``stages`` rows after those of a step hold the path of q.
     """
 
     step: Path
@@ -139,7 +140,7 @@ def _moved_kicks(inverse_mass, e, old, new):
 path_of = chosen(lambda inverse_mass, e, at: at, _path_of_kicks)
 #: Write the increments of q and p over the step.
 sums = chosen(_end_both, _end_kicks)
-#: How far a place of the lane i of a row of nodes moves for a unit of its increment m, but for `lane_rows.reach`.
+#: Derivative of a place in lane i of a row of nodes by its increment m, without `lane_rows.reach`.
 slope = chosen(_slope_of_both, _slope_of_kicks)
 #: The `Change` from the rows ``old``, ... to the rows ``new``, ...
 change = chosen(_moved_both, _moved_kicks)
@@ -150,7 +151,7 @@ change = chosen(_moved_both, _moved_kicks)
 
 @inlined
 def moves(e, old, new, first, last):
-    """(How far the unknowns ``first``, ... before ``last`` moved, their size)."""
+    """(distance of the unknowns ``first``, ..., ``last`` - 1 in the rows ``old`` and ``new``, their size)."""
     moved, sized = 0.0, 0.0
     for k in range(first, last):
         x = take(e.memory, new + k, e.like)
@@ -169,7 +170,7 @@ def places(e, path, row):
 
 @inlined
 def sweep(e, old, new):
-    """Write h B f at the places that the increments in rows ``old`` make to rows ``new``: (their distance, size)."""
+    """Write h B f at the increments in the rows ``old`` to the rows ``new``; (their distance, their size)."""
     step, memory, n = e.step, e.memory, len(e.like)
     path = path_of(step.inverse_mass, e, old)
     for k in range(e.stages):
@@ -192,7 +193,7 @@ def sweep(e, old, new):
 
 @inlined
 def spread(e, row, r, k, i, x, work):
-    """Enter x, the slope of r in its place k at the lane i of a row of nodes, for all increments of both."""
+    """Enter x, the derivative of component r by its place k in lane i of a row of nodes, for all increments of both."""
     n, s = len(e.like), len(e.step.terms)
     for m in range(s):
         by = x * slope(e.step.inverse_mass, e, row, i, m)
@@ -202,7 +203,7 @@ def spread(e, row, r, k, i, x, work):
 
 @inlined
 def rule(e):
-    """The rows of the nodes of the rule in use: the first, and the one after the last."""
+    """(first row of the nodes of the rule in use, the row after its last)."""
     return e.counts.rule, e.counts.rule + e.step.rows[e.counts.rule]
 
 
@@ -221,36 +222,31 @@ solve = confirmer(
 end = ender(sums)
 
 
-def run(step, orbit, samples, counts):
-    """The kernel."""
-    y = opened(orbit)
-    memory, rows = orbit.memory, components(step.inverse_mass, len(orbit.zero))
+def step(method, y, carry, counts):
+    """One step."""
+    memory, rows = carry.memory, components(method.inverse_mass, len(carry.zero))
     ring = 2 * rows + 4 + rows
-    at = ring + step.steps * rows
-    for row in range(len(samples.q)):
-        for _ in range(samples.every):
-            if counts.steps % 16 == 0:
-                counts.rule = 0
-            e = Equations(step, y.q, y.p, memory, 2 * rows, rows, step.like, step.h, counts)
-            begin(step.inverse_mass, e, y)
-            extrapolate(e, ring, counts.steps, at)
-            status = solve(e, at, orbit.work, counts)
-            if status != SOLVED:
-                close(orbit, y)
-                return row, status
-            enter(e, ring, counts.steps, at)
-            y = end(e, at, y, orbit.zero)
-            counts.steps += 1
-        keep(samples, row, y)
-    close(orbit, y)
-    return len(samples.q), 0
+    at = ring + method.steps * rows
+    if counts.steps % 16 == 0:
+        counts.rule = 0
+    e = Equations(method, y.q, y.p, memory, 2 * rows, rows, method.like, method.h, counts)
+    begin(method.inverse_mass, e, y)
+    extrapolate(e, ring, counts.steps, at)
+    status = solve(e, at, carry.work, counts)
+    if status != SOLVED:
+        return y, status
+    enter(e, ring, counts.steps, at)
+    return end(e, at, y, carry.zero), status
+
+
+run = loop(step)
 
 
 # -- what it is handed ------------------------------------------------------------------------------------------------
 
 
 def laned(s: int, rules: Sequence[int], system, arithmetic) -> Path:
-    """The coefficients of degree s with rules of so many nodes, and the functions of the system."""
+    """The coefficients of degree s for rules of so many nodes, and the system's functions in lanes."""
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
     tableaus = [tableau("hbvm", s, k, False, digits, unit) for k in rules]
@@ -290,12 +286,12 @@ def skew(s: int, digits: int) -> list[list]:
 
 
 def serves(s: int, rules: Sequence[int], system) -> bool:
-    """Whether the nodes are worth lanes, and the functions are made of what lanes have."""
+    """True if lanes of nodes are worth while, and the system's functions can be compiled for lanes."""
     return s <= WIDTH and s * rules[-1] >= FEWEST and gauss_lanes.serves(WIDTH, system)
 
 
 def prepare(s: int, rules: Sequence[int], system, arithmetic) -> Prepared:
-    """Of degree s, with rules of so many nodes."""
+    """Make the kernel of degree s, with rules of so many nodes."""
     step = laned(s, rules, system, arithmetic)
     unknowns = components(step.inverse_mass, system.d)
     rows = 4 + (7 + step.steps) * unknowns

@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.engine import kepler_lanes
-from phasebench.integrators.engine.lanes import combine, put, take
-from phasebench.integrators.engine.masks import select
-from phasebench.integrators.engine.vector import State, add, axpy, inlined, jit
+from phasebench.integrators.stepping import kepler_lanes
+from phasebench.integrators.values.lanes import combine, put, take
+from phasebench.integrators.values.masks import select
+from phasebench.integrators.values.vector import State, add, axpy, inlined, jit
 
-#: Coordinates of a body.
+#: Number of coordinates of a body.
 SPACE = 3
 #: The rows of the memory: the state with its distances, and what steps and rows need.
 STATE, DISTANCES, WORK = 0, 4 * SPACE, 4 * SPACE + 2
@@ -32,10 +32,10 @@ MU, MASS, OVER_MASS, OVER_MASS_LOW, STRENGTH, FREE = range(6)
 
 
 class Planets(NamedTuple):
-    """The kernel's step; ``substeps``, ``corrector`` and ``series`` are those of `wisdom_holman`.
+    """What a step needs; ``substeps``, ``corrector`` and ``series`` are those of `wisdom_holman`.
 
-    ``like`` and ``bodies`` are zeros, as many as lanes and as bodies.  Of as many pairs as lanes ``pairs`` has the
-    rows: the columns of M, what is added to D_x (1 where there is no pair), the weights, and the rows of M.
+    ``like`` and ``bodies`` are zeros, as many as lanes and as bodies. ``pairs`` has, for as many pairs as lanes, the
+    rows: the columns of M, a number that is added to D_x (1 if there is no pair), the weights, and the rows of M.
     """
 
     substeps: np.ndarray
@@ -51,7 +51,7 @@ class Planets(NamedTuple):
 
 
 class Places(NamedTuple):
-    """A state in lanes, with the distances |Q| and their inverses; 1 where the motion is free."""
+    """A state in lanes, with the distances |Q| and their inverses; both are 1 where the motion is free."""
 
     y: State
     r: object
@@ -82,7 +82,7 @@ def _times(a, x):
 
 @inlined
 def _mapped(step, which, x):
-    """The vectors x of bodies in other coordinates."""
+    """Transform the bodies' vectors x to other coordinates."""
     row, n = which * len(step.bodies), step.bodies
     zero = 0 * x[0]
     return (
@@ -100,14 +100,14 @@ def _squares(step, y):
 
 @inlined
 def _placed(step, y):
-    """The state with its distances."""
+    """Add the distances to a state."""
     r = sqrt(_squares(step, y))
     return Places(y, r, 1 / r)
 
 
 @inlined
 def _drift(step, at, h, memory):
-    """The flow of A over h."""
+    """exp(h A): Kepler's flow of all bodies."""
     like, y = step.like, at.y
     mu, mass = take(step.parts, MU, like), take(step.parts, MASS, like)
     free = take(step.parts, FREE, like) > 0
@@ -126,7 +126,7 @@ def _drift(step, at, h, memory):
 
 @inlined
 def _kick(step, at, h, counts):
-    """The flow of B over h."""
+    """exp(h B): the interaction."""
     like, bodies, y, Q = step.like, step.bodies, at.y, at.y.q
     strength = take(step.parts, STRENGTH, like) * (at.inverse * at.inverse * at.inverse)
     x, y_, z = strength * Q[0], strength * Q[1], strength * Q[2]
@@ -149,7 +149,7 @@ def _kick(step, at, h, counts):
 
 @jit
 def _corrected(step, at, sign, memory, counts):
-    """The corrector (sign 1) or its inverse (-1): it is the same backwards in time."""
+    """Apply the corrector (sign 1) or its inverse (-1), which is the corrector run backwards."""
     rows = len(step.corrector)
     for k in range(rows):
         at = _drift(step, at, step.corrector[k, 0] * step.h, memory)
@@ -160,7 +160,7 @@ def _corrected(step, at, sign, memory, counts):
 
 @inlined
 def _spread(table, row, n, memory, like):
-    """The bodies' vectors in a row of a table, in lanes."""
+    """Read the bodies' vectors in a row of a table as lanes."""
     for i in range(SPACE):
         for j in range(len(like)):
             memory[WORK + i, j] = table[row, j * SPACE + i] if j < n else 0.0
@@ -169,7 +169,7 @@ def _spread(table, row, n, memory, like):
 
 @inlined
 def _gathered(x, table, row, n, memory, like):
-    """Write the bodies' vectors, in lanes, into a row of a table."""
+    """Write the bodies' vectors, in lanes, to a row of a table."""
     _keep(memory, WORK, x, like)
     for i in range(SPACE):
         for j in range(n):
@@ -177,18 +177,18 @@ def _gathered(x, table, row, n, memory, like):
 
 
 @jit
-def _begun(step, orbit, counts):
-    """Bring the initial state into the memory, corrected."""
-    memory, like, n = orbit.memory, step.like, len(step.bodies)
-    q = _mapped(step, TO_JACOBI_Q, _spread(orbit.state, 0, n, memory, like))
-    p = _mapped(step, TO_JACOBI_P, _spread(orbit.state, 1, n, memory, like))
+def _begun(step, carry, counts):
+    """Write the initial state, corrected, to the memory."""
+    memory, like, n = carry.memory, step.like, len(step.bodies)
+    q = _mapped(step, TO_JACOBI_Q, _spread(carry.state, 0, n, memory, like))
+    p = _mapped(step, TO_JACOBI_P, _spread(carry.state, 1, n, memory, like))
     none = _times(0.0, q)
     _save(memory, _corrected(step, _placed(step, State(q, p, none, none)), 1, memory, counts), like)
 
 
 @jit
 def _filled(step, at, samples, row, memory, counts):
-    """Fill a row of the samples with the state that a drift and the corrector's inverse complete."""
+    """Fill a row of the samples: the last drift, then the corrector's inverse, applied to a copy of the state."""
     like, n, last = step.like, len(step.bodies), len(step.substeps) - 1
     at = _drift(step, at, step.substeps[last, 0] * step.h, memory)
     y = _corrected(step, at, -1, memory, counts).y
@@ -214,13 +214,13 @@ def _opened(memory, like):
     return Places(State(q, p, lost_q, lost_p), take(memory, DISTANCES, like), take(memory, DISTANCES + 1, like))
 
 
-def run(step, orbit, samples, counts):
-    """The kernel."""
-    memory, like, a, h = orbit.memory, step.like, step.substeps, step.h
+def run(step, carry, samples, counts):
+    """The kernel. (Its own loop: rows need the corrector's inverse, and drifts of two steps are one.)"""
+    memory, like, a, h = carry.memory, step.like, step.substeps, step.h
     stages = len(a) - 1
     lead = between = (a[stages, 0] + a[0, 0]) * h
     if counts.steps == 0:
-        _begun(step, orbit, counts)
+        _begun(step, carry, counts)
         lead = a[0, 0] * h
     at = _opened(memory, like)
     for row in range(len(samples.q)):

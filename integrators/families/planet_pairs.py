@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from phasebench.integrators.coefficients.tableaus import LEVELS
-from phasebench.integrators.engine import codegen
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import Prepared, array
-from phasebench.integrators.engine.lazy import sympy as sp
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.compile.lazy import sympy as sp
+from phasebench.integrators.stepping.kernel import Prepared, array
 
 from .planet_lanes import ROWS, SPACE, Planets, run
 
-#: Fewer bodies than these gain nothing, and of more no table is made.
+#: Least number of bodies for which lanes are faster, and the largest one for which tables are made.
 FEWEST, MOST = 3, 16
 
 
 def distances(potential: sp.Expr, q: Sequence[sp.Symbol]) -> list[tuple[sp.Expr, list]] | None:
-    """(w_a, c_a) of a potential that is the sum of -w_a / |sum_j c_aj q_j|; None where it is none."""
+    """[(w_a, c_a)] of a potential that is the sum of -w_a / |sum_j c_aj q_j|; None if it is not of that form."""
     found = [_distance(term, q) for term in sp.Add.make_args(potential)]
     return None if None in found else found
 
@@ -38,7 +38,7 @@ def _distance(term: sp.Expr, q: Sequence[sp.Symbol]) -> tuple[sp.Expr, list] | N
 
 
 def lanes_of(bodies: int) -> int:
-    """How many lanes so many bodies take."""
+    """Number of lanes for so many bodies."""
     return max(4, 1 << (bodies - 1).bit_length())
 
 
@@ -74,9 +74,9 @@ def _of_bodies(part, lanes: int) -> list[list]:
 
 
 def prepare(part, system, tables: dict) -> Prepared | None:
-    """The kernel in lanes for a Kepler part of a system; None where it serves not.
+    """Make the kernel in lanes for a system's Kepler part; None if lanes cannot serve it.
 
-    ``tables`` are the fields that it shares with the kernel for one body after the other.
+    ``tables`` are the fields that it shares with the kernel that takes one body after the other.
     """
     n = len(part.masses)
     if not codegen.compiled() or part.dimension != SPACE or not FEWEST <= n <= MOST:

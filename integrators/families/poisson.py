@@ -42,9 +42,10 @@ from phasebench.integrators.coefficients.quadrature import (
     legendre_integrals,
     sizes,
 )
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import Prepared, array, fixed
-from phasebench.integrators.engine.solve import (
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.stepping.kernel import Prepared, array, fixed
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import (
     LEVELS,
     SOLVED,
     by_rows,
@@ -56,17 +57,14 @@ from phasebench.integrators.engine.solve import (
     predict,
     row_solver,
 )
-from phasebench.integrators.engine.vector import (
+from phasebench.integrators.values.vector import (
     advanced,
     axpy,
-    close,
     distance,
     head,
     inlined,
     join,
-    keep,
     load,
-    opened,
     plus,
     scale,
     size,
@@ -80,8 +78,8 @@ from . import collocation
 class Poisson(NamedTuple):
     """Coefficients of the polynomials and quadrature rules.
 
-    ``stage`` has the rows int_0^c_i l_j / b_j.  A rule is a range of nodes, each with the number of its rule's
-    ``nodes``, which are its ``rows``, and rows of ``inner``, int_0^tau l_j / b_j, and ``outer``, the weight times
+    ``stage`` has the rows int_0^c_i l_j / b_j. A rule is a range of nodes; each node has the number of its rule's
+    ``nodes`` and ``rows`` (the same), and rows of ``inner``, int_0^tau l_j / b_j, and ``outer``, its weight times
     l_j(tau).
     """
 
@@ -97,7 +95,7 @@ class Poisson(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Of the increments in rows of the memory, from (q, p)."""
+    """Arguments of the equations for the increments, in rows of the memory, from (q, p)."""
 
     step: Poisson
     q: Any
@@ -110,7 +108,7 @@ class Equations(NamedTuple):
 
 @inlined
 def combined(weights, i, e, rows):
-    """The sum of ``weights[i, j]`` times the increment in row ``rows + j`` of the memory."""
+    """The sum over j of ``weights[i, j]`` times the increment in row ``rows + j`` of the memory."""
     x = e.like
     for j in range(e.stages):
         x = axpy(weights[i, j], load(e.memory, rows + j, e.like), x)
@@ -119,7 +117,7 @@ def combined(weights, i, e, rows):
 
 @inlined
 def sweep(e, old, new):
-    """The right-hand sides at the increments in rows ``old``, into rows ``new``; (their distance, their size)."""
+    """Write G of the increments in the rows ``old`` to the rows ``new``; (their distance, their size)."""
     step, memory, like = e.step, e.memory, e.like
     for j in range(e.stages):
         store(memory, new + j, like)
@@ -143,7 +141,7 @@ def sweep(e, old, new):
 
 @inlined
 def linearize(e, at, span, work):
-    """The matrix of 1 - G' by differences of sweeps."""
+    """Write the matrix of 1 - G' by differences of sweeps (see `solve.row_solver`)."""
     memory, n = e.memory, len(e.like)
     base, moved = at + e.stages, at + 2 * e.stages
     sweep(e, at, base)
@@ -165,35 +163,31 @@ def linearize(e, at, span, work):
 solve = confirmer(row_solver(sweep, linearize), sweep, by_rows(inlined(lambda e, x, y: change(x, y))))
 
 
-def run(step, orbit, samples, counts):
-    """The kernel."""
-    y = opened(orbit)
-    memory, both = orbit.memory, join(orbit.zero, orbit.zero)
-    stages = len(step.stage)
+def step(method, y, carry, counts):
+    """One step."""
+    memory, both = carry.memory, join(carry.zero, carry.zero)
+    stages = len(method.stage)
     at = LEVELS * stages
-    for row in range(len(samples.q)):
-        for _ in range(samples.every):
-            for j in range(stages):
-                store(memory, at + j, predict(memory, j, stages, counts.steps, both))
-            if counts.steps % 16 == 0:
-                counts.rule = 0
-            status = solve(Equations(step, y.q, y.p, memory, both, stages, counts), at, orbit.work, counts)
-            if status != SOLVED:
-                return row, status
-            copy(memory, at, counts.steps % LEVELS * stages, stages, both)
-            x = both
-            for j in range(stages):
-                x = plus(x, load(memory, at + j, both))
-            y = advanced(y, head(x), tail(x))
-            counts.steps += 1
-        keep(samples, row, y)
-    close(orbit, y)
-    return len(samples.q), 0
+    for j in range(stages):
+        store(memory, at + j, predict(memory, j, stages, counts.steps, both))
+    if counts.steps % 16 == 0:
+        counts.rule = 0
+    status = solve(Equations(method, y.q, y.p, memory, both, stages, counts), at, carry.work, counts)
+    if status != SOLVED:
+        return y, status
+    copy(memory, at, counts.steps % LEVELS * stages, stages, both)
+    x = both
+    for j in range(stages):
+        x = plus(x, load(memory, at + j, both))
+    return advanced(y, head(x), tail(x)), status
+
+
+run = loop(step)
 
 
 @cache
 def coefficients(s: int, rules: tuple[int, ...], digits: int):
-    """(rows of ``stage``; for each node: the size of its rule, rows of ``inner`` and ``outer``), as mpmath numbers."""
+    """(rows of ``stage``; for each node: size of its rule, rows of ``inner`` and of ``outer``), as mpmath numbers."""
     with mpmath.workdps(digits + 10):
         gauss_rule = gauss_legendre(s, digits)
         # ell_l / b_l = sum_j P_j(c_l) P_j: the nodes' own rule is exact for the products of degree 2s - 2
@@ -212,7 +206,7 @@ def coefficients(s: int, rules: tuple[int, ...], digits: int):
 
 
 def prepare(method, system, arithmetic):
-    """Of data (s,): one exact rule for a polynomial H, else the list of rules."""
+    """Make the kernel of data (s,): one exact rule for a polynomial H, else rules of rising size."""
     (s,) = method.data
     if system.canonical:
         return collocation.prepare(replace(method, data=("cpg", s)), system, arithmetic)

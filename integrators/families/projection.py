@@ -30,23 +30,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from phasebench.integrators.engine import codegen
-from phasebench.integrators.engine.kernel import Prepared, value
-from phasebench.integrators.engine.lazy import sympy as sp
-from phasebench.integrators.engine.solve import LEVELS, SOLVED, gauss, predict, remember, solver
-from phasebench.integrators.engine.vector import (
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.lazy import sympy as sp
+from phasebench.integrators.records.projection import projected as projected
+from phasebench.integrators.stepping.kernel import Prepared, value
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import LEVELS, SOLVED, gauss, predict, remember, solver
+from phasebench.integrators.values.vector import (
     State,
     add,
     advanced,
     chosen,
-    close,
     head,
     inlined,
     join,
-    keep,
     load,
     minus,
-    opened,
     plus,
     scale,
     size,
@@ -54,25 +53,24 @@ from phasebench.integrators.engine.vector import (
     velocity,
     written,
 )
-from phasebench.integrators.records.projection import projected as projected
 
 from . import parametric, runge_kutta, splitting
 
-#: Where the base methods' functions and coefficients come from.
+#: The families of base methods.
 FAMILIES = {"runge_kutta": runge_kutta, "parametric": parametric, "splitting": splitting}
 LIMIT = 20
-#: An invariant is known to its round-off times this where the iteration can do no better.
+#: An invariant this many times its round-off off is accepted if the iteration no longer converges.
 SLACK = 64.0
 MISSED = "could not be projected and were taken as the base method's"
-#: Where the multipliers of a symmetric projection start: from earlier steps', from zero; then without projection.
+#: Starts of a symmetric projection's multipliers, in the order tried: earlier steps', zero; then no projection.
 PREDICTED, UNPROJECTED = 0, 2
 
 
 class Projection(NamedTuple):
-    """The step of the base method, one of three; what is kept, g = 0 where its values are those of ``target``.
+    """The base method's step (one of three), and the invariants to keep: g = 0 where they have the values ``target``.
 
-    ``constraint``, ``gram`` and ``pull`` are of `functions`; ``mirror`` is ``gram`` where the projection is symmetric,
-    else None.
+    ``constraint``, ``gram`` and ``pull`` are those of `functions`; ``mirror`` is ``gram`` if the projection is
+    symmetric, else None.
     """
 
     mirror: Callable | None
@@ -90,14 +88,14 @@ class Projection(NamedTuple):
 
 @written(lambda d: "  return " + " and ".join(f"abs(r[{i}]) <= a * M[{i}]" for i in range(d)))
 def within(r, a, M):
-    """Whether the size of every component of r is at most a times that of M; not so where one is NaN."""
+    """True if every |r_i| is at most a times |M_i|; False if one is NaN."""
     return np.all(np.abs(r) <= a * M)
 
 
 # -- the base methods' steps ------------------------------------------------------------------------------------------
 
 
-def _kicks_and_drifts(split, step, y, orbit, known, first):
+def _kicks_and_drifts(split, step, y, carry, known, first):
     q, p, lost_q, lost_p = y
     evaluations = 0
     for k in range(len(split.a)):
@@ -109,24 +107,24 @@ def _kicks_and_drifts(split, step, y, orbit, known, first):
     return State(q, p, lost_q, lost_p), evaluations, 0, SOLVED
 
 
-def _substeps(split, step, y, orbit, known, first):
-    return parametric.advance(step.implicit, y, orbit, known, first)
+def _substeps(split, step, y, carry, known, first):
+    return parametric.advance(step.implicit, y, carry, known, first)
 
 
 _partitioned = chosen(_substeps, _kicks_and_drifts)
 
 
-def _one_stage(explicit, step, y, orbit, known, first):
-    return _partitioned(step.split, step, y, orbit, known, first)
+def _one_stage(explicit, step, y, carry, known, first):
+    return _partitioned(step.split, step, y, carry, known, first)
 
 
-def _explicit(explicit, step, y, orbit, known, first):
-    dq, dp = runge_kutta.increment(explicit.field, explicit.tableau, explicit.h, y, orbit)
+def _explicit(explicit, step, y, carry, known, first):
+    dq, dp = runge_kutta.increment(explicit.field, explicit.tableau, explicit.h, y, carry)
     return advanced(y, dq, dp), len(explicit.tableau) - 1, 0, SOLVED
 
 
 #: The base method's step: explicit Runge-Kutta, explicit kicks and drifts, or substeps with stage equations;
-#: (explicit, step, y, orbit, known, first) -> (y, evaluations, Newton solves, status).
+#: (explicit, step, y, carry, known, first) -> (y, evaluations, Newton solves, status).
 advance = chosen(_one_stage, _explicit)
 
 
@@ -135,7 +133,7 @@ advance = chosen(_one_stage, _explicit)
 
 @inlined
 def corrected(mu, r, A, work):
-    """(mu - A^-1 r, whether A is regular); the rows of the matrix stand in A one after the other."""
+    """(mu - A^-1 r, True if A is regular); the rows of the matrix stand in A one after the other."""
     m = len(r)
     for i in range(m):
         for j in range(m):
@@ -149,7 +147,7 @@ def corrected(mu, r, A, work):
 
 
 class Closing(NamedTuple):
-    """The last part of a symmetric projection: x = G(y + x)^T mu."""
+    """Arguments of the last part of a symmetric projection: x = G(y + x)^T mu."""
 
     pull: Callable
     q: Any
@@ -169,15 +167,15 @@ solve_closing = solver(closing)
 
 @inlined
 def onto(step, y, last):
-    """(g(y), whether it is at round-off, or as near as it gets, by its ``last`` size)."""
+    """(g(y), True if that is at round-off, or no longer falls below its ``last`` size)."""
     value, M = step.constraint(y.q, y.p)
     r = minus(value, step.target)
     eps = step.eps
     return r, within(r, eps, M) or (size(r) >= 0.5 * last and within(r, SLACK * eps, M))
 
 
-def _standard(mirror, step, y, orbit, counts):
-    y1, n, used, status = advance(step.explicit, step, y, orbit, counts.steps, True)
+def _standard(mirror, step, y, carry, counts):
+    y1, n, used, status = advance(step.explicit, step, y, carry, counts.steps, True)
     counts.gradient += n
     counts.newton += used
     r, kept = onto(step, y1, np.inf)
@@ -189,7 +187,7 @@ def _standard(mirror, step, y, orbit, counts):
     reach = size(y1.q) + size(y1.p)
     last = np.inf
     for _ in range(LIMIT):
-        mu, regular = corrected(mu, r, A, orbit.work)
+        mu, regular = corrected(mu, r, A, carry.work)
         dq, dp = step.pull(y1.q, y1.p, mu)
         counts.gradient += 1
         if not (regular and size(dq) + size(dp) <= reach):
@@ -202,77 +200,69 @@ def _standard(mirror, step, y, orbit, counts):
     return y1, scale(0.0, step.target), False, status
 
 
-def _symmetric(mirror, step, y, orbit, counts):
+def _symmetric(mirror, step, y, carry, counts):
     ring = LEVELS * step.stages  # where the memory keeps the multipliers of earlier steps
     zero = scale(0.0, step.target)
     A0 = mirror(y.q, y.p)
     A = A0
     counts.gradient += 1
     attempt, k, last = PREDICTED, 0, np.inf
-    x = join(orbit.zero, orbit.zero)
-    mu = predict(orbit.memory, ring, step.stages, counts.steps, zero)
+    x = join(carry.zero, carry.zero)
+    mu = predict(carry.memory, ring, step.stages, counts.steps, zero)
     while True:
         dq, dp = step.pull(y.q, y.p, mu)
         counts.gradient += 1
-        y1, n, used, status = advance(step.explicit, step, advanced(y, dq, dp), orbit, counts.steps, k == 0)
+        y1, n, used, status = advance(step.explicit, step, advanced(y, dq, dp), carry, counts.steps, k == 0)
         counts.gradient += n
         counts.newton += used
         if attempt == UNPROJECTED:
             return y1, mu, False, status
         reach = size(y1.q) + size(y1.p)
-        x, n, _, closed = solve_closing(Closing(step.pull, y1.q, y1.p, mu), x, reach, step.eps, orbit.work)
+        x, n, _, closed = solve_closing(Closing(step.pull, y1.q, y1.p, mu), x, reach, step.eps, carry.work)
         counts.gradient += n
         good = status == SOLVED and closed == SOLVED and size(x) <= reach
         if good:
             end = advanced(y1, head(x), tail(x))
             r, kept = onto(step, end, last)
             if kept:
-                remember(orbit.memory, ring, step.stages, counts.steps, mu)
+                remember(carry.memory, ring, step.stages, counts.steps, mu)
                 return end, mu, True, status
             last = size(r)
             if k == 0:
                 A = plus(A0, step.gram(end.q, end.p))
                 counts.gradient += 1
-            mu, good = corrected(mu, r, A, orbit.work)
+            mu, good = corrected(mu, r, A, carry.work)
             k += 1
         if not good or k == LIMIT:
             attempt, k, last = attempt + 1, 0, np.inf
             mu = zero
             x = scale(0.0, x)
             if attempt == UNPROJECTED:
-                remember(orbit.memory, ring, step.stages, counts.steps, mu)
+                remember(carry.memory, ring, step.stages, counts.steps, mu)
 
 
-#: One projected step, symmetric where ``mirror`` is given; (mirror, step, y, orbit, counts) -> (y, mu, whether the step
-#: is projected, status of the base's step).
+#: One projected step, a symmetric one unless ``mirror`` is None; (mirror, step, y, carry, counts) -> (y, mu, True if
+#: the step is projected, status of the base's step).
 project = chosen(_standard, _symmetric)
 
 
-def run(step, orbit, samples, counts):
-    """The kernel; the parameter is the multiplier of H, NaN for a fallback."""
-    y = opened(orbit)
-    for row in range(len(samples.q)):
-        multiplier = np.nan
-        for _ in range(samples.every):
-            y, mu, found, status = project(step.mirror, step, y, orbit, counts)
-            if status != SOLVED:
-                return row, status
-            counts.steps += 1
-            multiplier = mu[0]
-            if not found:
-                counts.fallbacks += 1
-                multiplier = np.nan
-        keep(samples, row, y)
-        samples.parameter[row, 0] = multiplier
-    close(orbit, y)
-    return len(samples.q), 0
+def step(method, y, carry, counts):
+    """One step; the parameter is the multiplier of H."""
+    y, mu, found, status = project(method.mirror, method, y, carry, counts)
+    if not found:
+        counts.fallbacks += 1
+    counts.parameter = mu[0] if found else np.nan
+    return y, status
+
+
+run = loop(step, parameter=True)
 
 
 def functions(system, invariants, arithmetic):
-    """What the kernel asks of the invariants: ``constraint``, ``gram``, ``pull``.
+    """The invariants' functions ``constraint``, ``gram`` and ``pull``.
 
-    constraint(q, p) -> (values, M) of shape (m,), values known to eps M; gram(q, p) -> G G^T row by row, of shape
-    (m m,); pull(q, p, mu) -> G^T mu as its parts (q, p).
+    constraint(q, p) -> (values, M) of shape (m,), the values known to eps M; gram(q, p) -> G G^T row by row, of shape
+    (m m,); pull(q, p, mu) -> the q and the p part of G^T mu.
     """
     m, y = len(invariants), (*system.q, *system.p)
     mu = [sp.Dummy() for _ in invariants]
@@ -304,13 +294,13 @@ def functions(system, invariants, arithmetic):
 
 
 def _vector_type(d, n):
-    """The Numba type of n numbers beside states of d components."""
+    """The Numba type of n numbers in a system of d degrees of freedom."""
     tuples = codegen.value_kind(d) == "tuple"
     return types.UniTuple(types.float64, n) if tuples else types.Array(types.float64, 1, "C")
 
 
 def prepare(method, system, arithmetic):
-    """The base method's own functions and coefficients, with those of the invariants."""
+    """Make the kernel: the base method's functions and coefficients, and those of the invariants."""
     base, onto, symmetric = method.data
     inner = FAMILIES[base.family].prepare(base, system, arithmetic, fills=False)
     kinds = {"explicit": runge_kutta.RungeKutta, "split": splitting.Splitting, "implicit": parametric.Parametric}

@@ -28,22 +28,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.engine.kernel import Prepared, keep_energy
-from phasebench.integrators.engine.vector import advanced, close, inlined, keep, opened, scale, written
 from phasebench.integrators.records.projection import relaxed as relaxed
+from phasebench.integrators.stepping.kernel import Prepared, keep_energy
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import SOLVED
+from phasebench.integrators.values.vector import advanced, inlined, scale, written
 
 from . import runge_kutta
 
 LIMIT = 20
-#: How far from 1 the root may be.
+#: Largest distance of the root from 1.
 RADIUS = 0.5
-#: H is known to its round-off times this where the iteration can do no better.
+#: H this many times its round-off off is accepted if the iteration no longer converges.
 SLACK = 64.0
 MISSED = "have no relaxation near 1 and were taken as the base method's"
 
 
 class Relaxation(NamedTuple):
-    """The field and tableau of a Runge-Kutta method, H and its value to keep; whether time is relaxed too."""
+    """Field and tableau of a Runge-Kutta method, H and the value to keep; ``adjust_time``: time is relaxed too."""
 
     field: Callable
     energy: Callable
@@ -62,7 +64,7 @@ def dot(x, y):
 
 @inlined
 def root(step, y, dq, dp):
-    """(gamma next to 1 with H(y + gamma (dq, dp)) = H0, found, evaluations of the field)."""
+    """(gamma next to 1 with H(y + gamma (dq, dp)) = H0, True if found, evaluations of the field)."""
     gamma = 1.0
     last = np.inf
     for k in range(LIMIT):
@@ -82,31 +84,24 @@ def root(step, y, dq, dp):
     return 1.0, False, LIMIT
 
 
-def run(step, orbit, samples, counts):
-    """The kernel; the parameter is gamma, NaN for a fallback."""
-    y = opened(orbit)
-    offset = orbit.state[4, 0]
-    for row in range(len(samples.q)):
-        gamma, found = 1.0, True
-        for _ in range(samples.every):
-            length = step.h - offset
-            dq, dp = runge_kutta.increment(step.field, step.tableau, length, y, orbit)
-            gamma, found, n = root(step, y, dq, dp)
-            counts.steps += 1
-            counts.gradient += n + len(step.tableau) - 1
-            if not found:
-                counts.fallbacks += 1
-            y = advanced(y, scale(gamma, dq), scale(gamma, dp))
-            offset = (gamma - 1) * length if step.adjust_time else 0.0 * length
-        keep(samples, row, y)
-        samples.parameter[row, 0] = gamma if found else np.nan
-    close(orbit, y)
-    orbit.state[4, 0] = offset
-    return len(samples.q), 0
+def step(method, y, carry, counts):
+    """One step; the parameter is gamma."""
+    length = method.h - carry.state[4, 0]
+    dq, dp = runge_kutta.increment(method.field, method.tableau, length, y, carry)
+    gamma, found, n = root(method, y, dq, dp)
+    counts.gradient += n + len(method.tableau) - 1
+    if not found:
+        counts.fallbacks += 1
+    counts.parameter = gamma if found else np.nan
+    carry.state[4, 0] = (gamma - 1) * length if method.adjust_time else 0.0 * length
+    return advanced(y, scale(gamma, dq), scale(gamma, dp)), SOLVED
+
+
+run = loop(step, parameter=True)
 
 
 def prepare(method, system, arithmetic):
-    """The tableau's kernel with the energy."""
+    """Make the tableau's kernel with the energy."""
     base, adjust_time = method.data
     inner = runge_kutta.prepare(base, system, arithmetic, fills=False)
     energy = system.energy(arithmetic)

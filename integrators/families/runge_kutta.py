@@ -13,20 +13,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.engine import filling
-from phasebench.integrators.engine.kernel import Prepared, array
-from phasebench.integrators.engine.vector import (
+from phasebench.integrators.stepping.kernel import Prepared, array
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import SOLVED
+from phasebench.integrators.values import inplace
+from phasebench.integrators.values.vector import (
     State,
     axpy,
     by_kind,
-    close,
     halves,
     head,
     held,
     in_place,
     inlined,
     join,
-    keep,
     load,
     moved,
     plus,
@@ -35,7 +35,9 @@ from phasebench.integrators.engine.vector import (
     writes,
 )
 
-#: Above this many degrees of freedom arrays are faster than tuples: at d = 16 and 18 by 5 to 13 %, at 12 by none.
+#: Orbits may be integrated side by side.
+IN_LANES = True
+#: Up to this many degrees of freedom values are tuples; at d = 16 and 18 arrays are faster by 5 to 13 %.
 MOST = 14
 
 
@@ -50,7 +52,7 @@ class RungeKutta(NamedTuple):
 
 @inlined
 def _after(tableau, i, j):
-    """The next j with a_ij other than zero, or i."""
+    """Smallest k > j with a[i, k] != 0, else i."""
     j += 1
     while j < i and tableau[i, j] == 0:
         j += 1
@@ -58,7 +60,7 @@ def _after(tableau, i, j):
 
 
 def _total(tableau, i, h, memory, zero):
-    """Two terms at a time, in their order, so that the sum is written half as often."""
+    """`total` for arrays; two terms at a time, so that the sum is written half as often."""
     last, n = len(tableau) - 1, 2 * len(zero)
     j = _after(tableau, i, -1)
     a = tableau[i, j] * h if j < i else 0.0
@@ -80,7 +82,7 @@ def _total(tableau, i, h, memory, zero):
 
 @in_place(_total)
 def total(tableau, i, h, memory, zero):
-    """(dq, dp) = h sum_j a_ij k_j, j < i, where k_j is row j of the memory; arrays are the row after the last k."""
+    """(dq, dp) = h sum_j a_ij k_j over j < i; k_j is row j of the memory. Arrays are its row after the last k."""
     both = join(zero, zero)
     x = both
     for j in range(i):
@@ -90,14 +92,14 @@ def total(tableau, i, h, memory, zero):
 
 
 def evaluate(field, q, p, dq, dp, h, memory, i):
-    """Write the field at (q + dq, p + dp) into row i of the memory; arrays dq and dp are written over."""
+    """Write f(q + dq, p + dp) to row i of the memory; arrays dq and dp are overwritten."""
     dq, dp = field(plus(q, dq), plus(p, dp), h, 0.0)
     store(memory, i, join(dq, dp))
 
 
 @inlined
 def _moved_there(q, p, dq, dp):
-    """Write the state (q + dq, p + dp) over its increments."""
+    """Overwrite the increments by the state (q + dq, p + dp)."""
     for k in range(len(q)):
         dq[k], dp[k] = q[k] + dq[k], p[k] + dp[k]
 
@@ -122,32 +124,34 @@ by_kind(evaluate, lambda *types: evaluate, _evaluate_arrays)
 
 
 @in_place(None)
-def increment(field, tableau, h, y, orbit):
+def increment(field, tableau, h, y, carry):
     """(dq, dp) = h sum b_i k_i of one step from y."""
-    memory, stages = orbit.memory, len(tableau) - 1
+    memory, stages = carry.memory, len(tableau) - 1
     for i in range(stages):
-        dq, dp = total(tableau, i, h, memory, orbit.zero)
+        dq, dp = total(tableau, i, h, memory, carry.zero)
         evaluate(field, y.q, y.p, dq, dp, h, memory, i)
-    return total(tableau, stages, h, memory, orbit.zero)
+    return total(tableau, stages, h, memory, carry.zero)
 
 
-def run(step, orbit, samples, counts):
-    """The kernel."""
-    q, p, lost_q, lost_p = held(orbit)
-    for row in range(len(samples.q)):
-        for _ in range(samples.every):
-            dq, dp = increment(step.field, step.tableau, step.h, State(q, p, lost_q, lost_p), orbit)
-            q, lost_q = moved(q, lost_q, 1.0, dq)
-            p, lost_p = moved(p, lost_p, 1.0, dp)
-        keep(samples, row, State(q, p, lost_q, lost_p))
-    close(orbit, State(q, p, lost_q, lost_p))
-    counts.steps += len(samples.q) * samples.every
-    counts.gradient += len(samples.q) * samples.every * (len(step.tableau) - 1)
-    return len(samples.q), 0
+def begin(method, carry, counts):
+    """Read the state; arrays are the carry's own rows, which steps overwrite."""
+    return held(carry)
+
+
+def step(method, y, carry, counts):
+    """One step."""
+    dq, dp = increment(method.field, method.tableau, method.h, y, carry)
+    q, lost_q = moved(y.q, y.lost_q, 1.0, dq)
+    p, lost_p = moved(y.p, y.lost_p, 1.0, dp)
+    counts.gradient += len(method.tableau) - 1
+    return State(q, p, lost_q, lost_p), SOLVED
+
+
+run = loop(step, begin)
 
 
 def prepare(method, system, arithmetic, fills=True):
-    """The tableau's kernel."""
-    system = filling.twin(system, arithmetic, MOST) if fills else system
+    """Make the kernel of a tableau."""
+    system = inplace.in_place_version(system, arithmetic, MOST) if fills else system
     step = RungeKutta(system.field(arithmetic), array(method.data, arithmetic))
     return Prepared(run, step, 2 * system.d, len(step.tableau), implicit=False, arrays=system.fills)

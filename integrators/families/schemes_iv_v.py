@@ -25,24 +25,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.engine.energy_model import ALONG, FIRST, LAST, LATEST, STREAK, Attempt, Search
-from phasebench.integrators.engine.kernel import Orbit, Prepared, array, fixed, keep_energy
-from phasebench.integrators.engine.root import finder
-from phasebench.integrators.engine.solve import LEVELS, SOLVED, predict, predict_number, remember
-from phasebench.integrators.engine.vector import State, axpy, close, inlined, keep, load, minus, opened, scale, store
+from phasebench.integrators.stepping.energy_model import ALONG, FIRST, LAST, LATEST, STREAK, Attempt, Search
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, fixed, keep_energy
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.root import finder
+from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, predict_number, remember
+from phasebench.integrators.values.vector import State, axpy, inlined, load, minus, scale, store
 
 from .parametric import quadratic, substep, unknown
 
-#: How far from 1/2 the parameter is looked for.
+#: Largest distance of lambda from 1/2.
 RADIUS = 2.0
-#: Attempts so far apart tell how the solutions change with x.
+#: Least distance of two attempts for a difference quotient of their solutions.
 APART = 1e-6
 SEARCH = Search(radius=RADIUS, first=0.05, near=1.0, ratio=1.12, points=70, slack=0.0)
 MISSED = "have no parameter near 1/2 that keeps the energy and were taken with 1/2"
 
 
 class Adjusted(NamedTuple):
-    """Substeps of length c h with lambda = 1/2 + sign x, one x for each group; H and its value to keep.
+    """Substeps of length c h with lambda = 1/2 + sign x, one x for each group; H, and the value H0 to keep.
 
     In the Nystrom form ``field`` is None, else dT and dV are.
     """
@@ -62,11 +63,11 @@ class Adjusted(NamedTuple):
 
 
 class Group(NamedTuple):
-    """The substeps begin, ..., end - 1 from the state y."""
+    """Arguments of a group's root search: the substeps begin, ..., end - 1 from the state y."""
 
     step: Adjusted
     y: State
-    orbit: Orbit
+    carry: Carry
     counts: np.record
     begin: int
     end: int
@@ -77,12 +78,12 @@ class Group(NamedTuple):
 def attempt(x, start, ease, e):
     """Take the group's substeps with the parameter x.
 
-    The memory keeps the solutions of earlier steps at their roots, those of the last attempt, and how these change
-    with x.
+    The memory holds the solutions of earlier steps at their roots, those of the last attempt, and their derivative by
+    x.
     """
-    step, memory, counts, y = e.step, e.orbit.memory, e.counts, e.y
-    numbers, row = e.orbit.state, 4 + e.begin
-    guess = unknown(step.field, e.orbit.zero)
+    step, memory, counts, y = e.step, e.carry.memory, e.counts, e.y
+    numbers, row = e.carry.state, 4 + e.begin
+    guess = unknown(step.field, e.carry.zero)
     stages = len(step.c)
     move = x - (e.predicted if start == FIRST else numbers[row, LAST])
     numbers[row, LAST] = x
@@ -97,7 +98,7 @@ def attempt(x, start, ease, e):
         if start != LATEST:
             z = axpy(move, load(memory, latest + stages, guess), last)
         lam = 0.5 + step.sign[s] * x
-        y, z, n, used, status = substep(step.field, step, y, step.c[s], 1 - lam, lam, z, ease * step.eps, e.orbit.work)
+        y, z, n, used, status = substep(step.field, step, y, step.c[s], 1 - lam, lam, z, ease * step.eps, e.carry.work)
         counts.gradient += n
         counts.newton += used
         if status != SOLVED:
@@ -113,10 +114,10 @@ find = finder(attempt)
 
 
 @inlined
-def advance(step, y, orbit, counts, first):
+def advance(step, y, carry, counts, first):
     """Take the group that begins with the substep ``first``; (y, lambda or NaN, the substep after it, status)."""
-    stages, memory = len(step.c), orbit.memory
-    guess = unknown(step.field, orbit.zero)
+    stages, memory = len(step.c), carry.memory
+    guess = unknown(step.field, carry.zero)
     roots = (LEVELS + 2) * stages  # where the memory keeps the ring of each group's roots
     begin, found, lam, new = first, False, np.nan, y
     while not found and begin < stages and step.group[begin] == step.group[first]:
@@ -126,8 +127,8 @@ def advance(step, y, orbit, counts, first):
         ):
             end += 1
         predicted = predict_number(memory, roots + begin, stages, counts.steps)
-        e = Group(step, y, orbit, counts, begin, end, predicted)
-        x, found, result = find(step.search, orbit.state, 4 + begin, predicted, e)
+        e = Group(step, y, carry, counts, begin, end, predicted)
+        x, found, result = find(step.search, carry.state, 4 + begin, predicted, e)
         memory[roots + begin + counts.steps % LEVELS * stages, 0] = x
         if result.status != SOLVED:
             return y, lam, end, result.status
@@ -139,33 +140,26 @@ def advance(step, y, orbit, counts, first):
     if not found:
         counts.fallbacks += 1
     while begin < stages and step.group[begin] == step.group[first]:
-        orbit.state[4 + begin, STREAK] = -LEVELS
+        carry.state[4 + begin, STREAK] = -LEVELS
         begin += 1
     for s in range(first, begin):
         remember(memory, s, stages, counts.steps, load(memory, LEVELS * stages + s, guess))
     return new, lam, begin, SOLVED
 
 
-def run(step, orbit, samples, counts):
-    """The kernel; the parameter is lambda of the last group, NaN for a fallback."""
-    y = opened(orbit)
-    for row in range(len(samples.q)):
-        lam = np.nan
-        for _ in range(samples.every):
-            s = 0
-            while s < len(step.c):
-                y, lam, s, status = advance(step, y, orbit, counts, s)
-                if status != SOLVED:
-                    return row, status
-            counts.steps += 1
-        keep(samples, row, y)
-        samples.parameter[row, 0] = lam
-    close(orbit, y)
-    return len(samples.q), 0
+def step(method, y, carry, counts):
+    """One step, group by group; the parameter is lambda of the last group."""
+    s, status = 0, SOLVED
+    while s < len(method.c) and status == SOLVED:
+        y, counts.parameter, s, status = advance(method, y, carry, counts, s)
+    return y, status
+
+
+run = loop(step, parameter=True)
 
 
 def prepare(method, system, arithmetic):
-    """Substeps in the Nystrom form where T is quadratic."""
+    """Make the kernel; its substeps are in the Nystrom form if T is quadratic."""
     energy = system.energy(arithmetic)
     functions, width = quadratic(system, arithmetic)
     c, sign, group, alternative = zip(*method.data, strict=True)

@@ -14,22 +14,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import zip_longest
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.engine import filling
-from phasebench.integrators.engine.kernel import Prepared, numbers
-from phasebench.integrators.engine.vector import State, close, held, keep, moved, of, rows
+from phasebench.integrators.stepping.kernel import Prepared, numbers
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import SOLVED
+from phasebench.integrators.values import inplace
+from phasebench.integrators.values.vector import held, inlined, moved, of, rows
 
-#: Above this many degrees of freedom arrays are faster than tuples: from d = 10 to 18 by 5 to 40 %, below by none.
+#: Orbits may be integrated side by side.
+IN_LANES = True
+#: Up to this many degrees of freedom values are tuples; from d = 10 to 18 arrays are faster by 5 to 40 %.
 MOST = 10
 
 
 class Splitting(NamedTuple):
-    """Drifts of a and kicks of b, fractions of h: the first kick, then drift k and kick k, k = 1, 2, ...
+    """Fractions of h of a splitting's drifts a and kicks b: the first kick, then drift k and kick k, k = 1, 2, ...
 
-    ``dT`` is the function grad T; None where that is p itself, and 1 / m_i where it is p_i / m_i.
+    ``dT`` is the function grad T; None if that is p itself, and the array 1 / m_i if it is p_i / m_i.
     """
 
     dT: Callable | np.ndarray | None
@@ -40,40 +44,66 @@ class Splitting(NamedTuple):
     eps: float = 0.0
 
 
-def run(step, orbit, samples, counts):
-    """The kernel."""
-    q, p, lost_q, lost_p = held(orbit)
-    h = step.h
-    first = step.b[0] * h
-    last = len(step.a) - 1
-    gradient, velocity = rows(orbit.state, 4, 5, orbit.zero)
-    gradient = of(step.dV, q, gradient)
-    evaluations = 1
-    for row in range(len(samples.q)):
-        if first != 0:
-            p, lost_p = moved(p, lost_p, -first, gradient)
-        for _ in range(samples.every):
-            for k in range(1, last + 1):
-                velocity = of(step.dT, p, velocity)
-                q, lost_q = moved(q, lost_q, step.a[k] * h, velocity)  # exp(a_k h A), a drift
-                kick = step.b[k] * h
-                if k == last:
-                    kick += first
-                if kick != 0:
-                    gradient = of(step.dV, q, gradient)
-                    evaluations += 1
-                    p, lost_p = moved(p, lost_p, -kick, gradient)  # exp(b_k h B), a kick
-        if first != 0:
-            p, lost_p = moved(p, lost_p, first, gradient)
-        keep(samples, row, State(q, p, lost_q, lost_p))
-    close(orbit, State(q, p, lost_q, lost_p))
-    counts.steps += len(samples.q) * samples.every
-    counts.gradient += evaluations
-    return len(samples.q), 0
+class Moving(NamedTuple):
+    """The state, the gradient of V at its q, and room for a velocity."""
+
+    q: Any
+    p: Any
+    lost_q: Any
+    lost_p: Any
+    gradient: Any
+    velocity: Any
+
+
+@inlined
+def kicked(y, h):
+    """exp(h B): p - h grad V(q)."""
+    p, lost_p = moved(y.p, y.lost_p, -h, y.gradient)
+    return Moving(y.q, p, y.lost_q, lost_p, y.gradient, y.velocity)
+
+
+def begin(method, carry, counts):
+    """Read the state and evaluate its gradient; arrays are the carry's own rows, which steps overwrite."""
+    y = held(carry)
+    gradient, velocity = rows(carry.state, 4, 5, carry.zero)
+    counts.gradient += 1
+    return Moving(y.q, y.p, y.lost_q, y.lost_p, of(method.dV, y.q, gradient), velocity)
+
+
+def start(method, y):
+    """Apply the first kick; that of the following steps is part of the last kick before them."""
+    first = method.b[0] * method.h
+    return kicked(y, first) if first != 0 else y
+
+
+def step(method, y, carry, counts):
+    """Drift and kick in turn; the last kick includes the next step's first."""
+    h, last = method.h, len(method.a) - 1
+    q, p, lost_q, lost_p, gradient, velocity = y
+    for k in range(1, last + 1):
+        velocity = of(method.dT, p, velocity)
+        q, lost_q = moved(q, lost_q, method.a[k] * h, velocity)  # exp(a_k h A), a drift
+        kick = method.b[k] * h
+        if k == last:
+            kick += method.b[0] * h
+        if kick != 0:
+            gradient = of(method.dV, q, gradient)
+            counts.gradient += 1
+            p, lost_p = moved(p, lost_p, -kick, gradient)  # exp(b_k h B), a kick
+    return Moving(q, p, lost_q, lost_p, gradient, velocity), SOLVED
+
+
+def finish(method, y):
+    """Take back the next step's first kick."""
+    first = method.b[0] * method.h
+    return kicked(y, -first) if first != 0 else y
+
+
+run = loop(step, begin, start, finish)
 
 
 def _prepared(parts, system, arithmetic, fills):
-    """From (is a kick, fraction) in their order: neighbours of a kind are one."""
+    """Make the kernel of substeps (True for a kick, fraction of h); neighbours of one kind are merged."""
     rows = [[0, 0]]
     for kick, fraction in parts:
         if kick:
@@ -84,14 +114,14 @@ def _prepared(parts, system, arithmetic, fills):
             rows.append([fraction, 0])
     a, b = (numbers(column, arithmetic) for column in zip(*rows, strict=True))
     masses = getattr(system, "inverse_masses", None) if fills else None
-    system = filling.twin(system, arithmetic, MOST) if fills else system
+    system = inplace.in_place_version(system, arithmetic, MOST) if fills else system
     dT = numbers(masses, arithmetic) if masses else system.grad_T(arithmetic)
     step = Splitting(dT, system.grad_V(arithmetic), a, b)
     return Prepared(run, step, 1, 2, implicit=False, arrays=system.fills)
 
 
 def from_substeps(substeps, system, arithmetic, fills=True):
-    """The splitting that substeps (c, mu, lambda) of symplectic Euler methods are: lambda = 1 kicks first."""
+    """Make the splitting equal to substeps (c, mu, lambda) of symplectic Euler methods; lambda = 1 kicks first."""
     parts = []
     for c, _, lam in substeps:
         parts += [(True, c), (False, c)] if lam == 1 else [(False, c), (True, c)]
@@ -99,7 +129,7 @@ def from_substeps(substeps, system, arithmetic, fills=True):
 
 
 def prepare(method, system, arithmetic, fills=True):
-    """Of data (a, b): a kick of b_k, then a drift of a_k, for each k; either tuple may begin or end with a zero."""
+    """Make the kernel of data (a, b): for each k a kick of b_k, then a drift of a_k; ends may be zero."""
     a, b = method.data
     parts = [part for drift, kick in zip_longest(a, b, fillvalue=0) for part in ((True, kick), (False, drift))]
     return _prepared([(kick, fraction) for kick, fraction in parts if fraction != 0], system, arithmetic, fills)

@@ -33,20 +33,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.engine.lanes import combine, put, take, total
-from phasebench.integrators.engine.solve import SOLVED, row_solver
-from phasebench.integrators.engine.vector import chosen, close, inlined, keep, opened, size
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import SOLVED, row_solver
+from phasebench.integrators.values.lanes import combine, put, take, total
+from phasebench.integrators.values.vector import chosen, inlined, size
 
 from .lane_rows import begin, components, ender, enter, extrapolate, linearizer
 
 
 class Lanes(NamedTuple):
-    """The tableau with its stages in lanes, in the Nystrom form where ``inverse_mass`` is not None.
+    """The tableau with its stages in lanes, in the Nystrom form unless ``inverse_mass`` is None.
 
-    ``f(memory)`` is that of `lane_rows`: the field, of q and p; in the Nystrom form -grad V.  ``like`` has a zero for
-    each lane.  ``inverse_mass`` has one row, d numbers.  ``nodes`` has the rows c, b and 1 - c, and two for
-    `exact_weights`; ``A`` the rows of A transposed; ``extrapolation`` those for one step, then for two; rows for the
-    lanes that pad the ``stages`` are zero, so that a kernel serves all s of as many lanes.
+    ``f(memory)`` is that of `lane_rows`: the field of q and p, or -grad V in the Nystrom form. ``like`` has a zero for
+    each lane, ``inverse_mass`` one row of d numbers. ``nodes`` has the rows c, b and 1 - c, and two for
+    `exact_weights`; ``A`` the rows of A transposed; ``extrapolation`` those for a start from one step, then from two.
+    Rows for lanes beyond the ``stages`` are zero, so that a kernel serves all s that take as many lanes.
     """
 
     f: Callable
@@ -62,7 +63,7 @@ class Lanes(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Of the increments in ``stages`` rows of the memory, as in `lane_rows`; ``weights`` are h b, in lanes."""
+    """Arguments of the equations for increments in ``stages`` rows of the memory (`lane_rows`); ``weights`` are h b."""
 
     step: Lanes
     memory: np.ndarray
@@ -108,7 +109,7 @@ def _end_kicks(inverse_mass, e, at):
         memory[e.base + 2, k], memory[e.base + 3, k] = memory[e.base + 1, k] + drift, total(x)
 
 
-#: Write the places that the increments in the rows ``at``, ... make to the first rows.
+#: Write the places that the increments in the rows ``at``, ... lead to, to the first rows.
 places = chosen(_places_of_both, _places_of_kicks)
 #: Write the increments of q and p over the step.
 sums = chosen(_end_both, _end_kicks)
@@ -119,10 +120,10 @@ sums = chosen(_end_both, _end_kicks)
 
 @inlined
 def exact_weights(step, h):
-    """h b, rounded such that they add up to h; else time would go wrong by the same share of round-off in every step.
+    """h b, rounded such that they add up to h; else time would be off by the same share of round-off in every step.
 
-    They are multiples of half the last place of h but in the middle (the row 4 of ``nodes`` is 1 there), which takes
-    what the others leave; the row 3 is 2 before it and 0 behind, so that no partial sum is rounded.
+    They are multiples of half the last place of h, except in the middle (row 4 of ``nodes`` is 1 there), which takes
+    the rest. Row 3 is 2 before the middle and 0 after it, so that no partial sum is rounded.
     """
     b = take(step.nodes, 1, step.like)
     x = (h * b + 0.5 * h) - 0.5 * h
@@ -132,7 +133,7 @@ def exact_weights(step, h):
 
 @inlined
 def sweep(e, old, new):
-    """Write the increments at the places that those in rows ``old`` make to rows ``new``: (their distance, size)."""
+    """Write G of the increments in the rows ``old`` to the rows ``new``; (their distance, their size)."""
     step, memory = e.step, e.memory
     places(step.inverse_mass, e, old)
     step.f(memory)
@@ -147,7 +148,7 @@ def sweep(e, old, new):
 
 @inlined
 def spread(e, row, r, k, i, x, work):
-    """Enter x, how far the increment i of r moves for its place k, for all increments of k that move this."""
+    """Enter x, the derivative of increment i of component r by its place k, for all increments that move this place."""
     n = len(e.like)
     for j in range(n):
         work[r * n + i, k * n + j] -= x * e.step.A[j, i]
@@ -165,31 +166,26 @@ end = ender(sums)
 
 
 @inlined
-def equations(step, orbit, h):
-    """The equations of a step of length h."""
-    rows = components(step.inverse_mass, len(orbit.zero))
-    return Equations(step, orbit.memory, 2 * rows, rows, step.like, h, exact_weights(step, h))
+def equations(step, carry, h):
+    """Make the arguments of the equations of a step of length h."""
+    rows = components(step.inverse_mass, len(carry.zero))
+    return Equations(step, carry.memory, 2 * rows, rows, step.like, h, exact_weights(step, h))
 
 
-def run(step, orbit, samples, counts):
-    """The kernel."""
-    y = opened(orbit)
-    e = equations(step, orbit, step.h)
+def step(method, y, carry, counts):
+    """One step."""
+    e = equations(method, carry, method.h)
     ring = e.base + 4
-    at = ring + step.steps * e.stages
-    for row in range(len(samples.q)):
-        for _ in range(samples.every):
-            begin(step.inverse_mass, e, y)
-            extrapolate(e, ring, counts.steps, at)
-            sweeps, newton, status = solve(e, at, size(y.q) + size(y.p), step.eps, orbit.work)
-            counts.gradient += (sweeps + newton) * step.stages
-            counts.newton += min(newton, 1)
-            if status != SOLVED:
-                close(orbit, y)
-                return row, status
-            enter(e, ring, counts.steps, at)
-            y = end(e, at, y, orbit.zero)
-            counts.steps += 1
-        keep(samples, row, y)
-    close(orbit, y)
-    return len(samples.q), 0
+    at = ring + method.steps * e.stages
+    begin(method.inverse_mass, e, y)
+    extrapolate(e, ring, counts.steps, at)
+    sweeps, newton, status = solve(e, at, size(y.q) + size(y.p), method.eps, carry.work)
+    counts.gradient += (sweeps + newton) * method.stages
+    counts.newton += min(newton, 1)
+    if status != SOLVED:
+        return y, status
+    enter(e, ring, counts.steps, at)
+    return end(e, at, y, carry.zero), status
+
+
+run = loop(step)

@@ -40,18 +40,20 @@ G. J. Martyna, J. Chem. Phys. 97 (1992) 1990-2001; A. Stern, E. Grinspun, Multis
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
 
-from phasebench.integrators.engine.kernel import Prepared, array, zeros
-from phasebench.integrators.engine.vector import State, add, close, elementwise, keep, load, opened, scale
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.stepping.kernel import Prepared, array, zeros
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import SOLVED
+from phasebench.integrators.values.vector import add, elementwise, inlined, load, opened, scale
 
-#: The least digits of the functions of xi, whatever the arithmetic of the run.
+#: Least number of digits of the functions of xi, whatever the arithmetic of the run.
 DIGITS = 40
-#: A kick that is magnified by more than this is at a pole.
+#: A kick magnified by more than this is taken for a pole.
 POLE = 1e8
 
 
@@ -76,33 +78,60 @@ def impulse(beta, gradient, a, q):
     return -(beta * gradient + a * q)
 
 
-def run(step, orbit, samples, counts):
-    """The kernel."""
-    q, p, lost_q, lost_p = opened(orbit)
-    rows, zero = step.filters, orbit.zero
-    phi, beta, a, b, sign = (
-        load(rows, 0, zero), load(rows, 1, zero), load(rows, 2, zero), load(rows, 3, zero), load(rows, 4, zero),
-    )  # fmt: skip
-    kick = impulse(beta, step.dU(product(phi, q)), a, q)
-    for row in range(len(samples.q)):
-        p, lost_p = add(p, lost_p, kick)
-        for _ in range(samples.every):
-            q, lost_q = add(q, lost_q, product(b, p))
-            q, lost_q, p, lost_p = product(sign, q), product(sign, lost_q), product(sign, p), product(sign, lost_p)
-            kick = impulse(beta, step.dU(product(phi, q)), a, q)
-            p, lost_p = add(p, lost_p, scale(2.0, kick))
-        p, lost_p = add(p, lost_p, scale(-1.0, kick))
-        keep(samples, row, State(q, p, lost_q, lost_p))
-    close(orbit, State(q, p, lost_q, lost_p))
-    counts.steps += len(samples.q) * samples.every
-    counts.gradient += len(samples.q) * samples.every + 1
-    return len(samples.q), 0
+class Kicked(NamedTuple):
+    """The state, and the kick at its q."""
+
+    q: Any
+    p: Any
+    lost_q: Any
+    lost_p: Any
+    kick: Any
+
+
+@inlined
+def kick_at(method, q):
+    """The kick at q, half of which ends a step and half of which begins the next."""
+    phi, beta, a = load(method.filters, 0, q), load(method.filters, 1, q), load(method.filters, 2, q)
+    return impulse(beta, method.dU(product(phi, q)), a, q)
+
+
+def begin(method, carry, counts):
+    """Read the state and evaluate its kick."""
+    y = opened(carry)
+    counts.gradient += 1
+    return Kicked(y.q, y.p, y.lost_q, y.lost_p, kick_at(method, y.q))
+
+
+def start(method, y):
+    """Apply half a kick, which completes the step before."""
+    p, lost_p = add(y.p, y.lost_p, y.kick)
+    return Kicked(y.q, p, y.lost_q, lost_p, y.kick)
+
+
+def step(method, y, carry, counts):
+    """Apply the linear flow and a whole kick."""
+    b, sign = load(method.filters, 3, y.q), load(method.filters, 4, y.q)
+    q, lost_q = add(y.q, y.lost_q, product(b, y.p))
+    q, lost_q, p, lost_p = product(sign, q), product(sign, lost_q), product(sign, y.p), product(sign, y.lost_p)
+    kick = kick_at(method, q)
+    p, lost_p = add(p, lost_p, scale(2.0, kick))
+    counts.gradient += 1
+    return Kicked(q, p, lost_q, lost_p, kick), SOLVED
+
+
+def finish(method, y):
+    """Take back half of the last kick."""
+    p, lost_p = add(y.p, y.lost_p, scale(-1.0, y.kick))
+    return Kicked(y.q, p, y.lost_q, lost_p, y.kick)
+
+
+run = loop(step, begin, start, finish)
 
 
 def coefficients(h, omega, propagator, psi1, phi, *arguments):
     """(phi, (h/2) psi_1, a, b, s) of a component of frequency omega, from mpmath numbers.
 
-    Raises InvalidInput where psi_1 has a pole.
+    Raises InvalidInput if psi_1 has a pole there.
     """
     x = h * omega
     strength = psi1(x)
@@ -115,7 +144,7 @@ def coefficients(h, omega, propagator, psi1, phi, *arguments):
 
 
 def prepare(method, system, arithmetic):
-    """The coefficients are formed with at least 40 digits once h is known."""
+    """Make the kernel; its coefficients are computed with at least 40 digits once h is known."""
 
     def begin(step, q, p):
         with mpmath.workdps(max(DIGITS, mpmath.mp.dps + 5)):

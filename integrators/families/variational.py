@@ -39,19 +39,17 @@ import numpy as np
 
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.coefficients.quadrature import gauss_legendre, gauss_lobatto
-from phasebench.integrators.engine.kernel import Prepared, array, numbers
-from phasebench.integrators.engine.solve import LEVELS, SOLVED, copy, difference, predict, remember, row_solver
-from phasebench.integrators.engine.vector import (
+from phasebench.integrators.stepping.kernel import Prepared, array, numbers
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import LEVELS, SOLVED, copy, difference, predict, remember, row_solver
+from phasebench.integrators.values.vector import (
     advanced,
     axpy,
     bump,
-    close,
     distance,
     inlined,
-    keep,
     load,
     minus,
-    opened,
     plus,
     scale,
     size,
@@ -61,9 +59,9 @@ from phasebench.integrators.engine.vector import (
 
 
 class Variational(NamedTuple):
-    """The rows a_ij, d_i of the nodes and of q1, the weights b.
+    """The rows a_ij, d_i of the nodes and of q1, and the weights b.
 
-    The kicks before ``first`` need no iteration, no other one needs those from ``end`` on.
+    Kicks before ``first`` are explicit; no other kick depends on those from ``end`` on.
     """
 
     dT: Callable | None
@@ -77,7 +75,7 @@ class Variational(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Of the kicks in rows of the memory, from q with the velocity v."""
+    """Arguments of the equations for the kicks, in rows of the memory, from q with the velocity v."""
 
     step: Variational
     q: Any
@@ -89,7 +87,7 @@ class Equations(NamedTuple):
 
 @inlined
 def displacement(e, i, at):
-    """The point of row i, less q: h d_i v + h^2 M^-1 sum_j a_ij k_j."""
+    """The point of row i minus q: h d_i v + h^2 M^-1 sum_j a_ij k_j."""
     rows, h = e.step.rows, e.step.h
     x = e.like
     for j in range(e.stages):
@@ -100,7 +98,7 @@ def displacement(e, i, at):
 
 @inlined
 def renew(e, at, first, end):
-    """Renew the kicks first, ..., end - 1, each from the newest of the others; (their change, their size)."""
+    """Update the kicks first, ..., end - 1, each from the newest of the others; (their change, their size)."""
     change = total = 0.0 * e.step.h
     for i in range(first, end):
         k = scale(-e.step.b[i], e.step.dV(axpy(1.0, displacement(e, i, at), e.q)))  # k_i = b_i F_i
@@ -112,14 +110,14 @@ def renew(e, at, first, end):
 
 @inlined
 def sweep(e, old, new):
-    """Renew the kicks of the rows ``old`` in the rows ``new``."""
+    """Write the updated kicks of the rows ``old`` to the rows ``new``."""
     copy(e.memory, old, new, e.stages, e.like)
     return renew(e, new, e.step.first, e.step.end)
 
 
 @inlined
 def linearize(e, at, span, work):
-    """The matrix of 1 - G' by differences of the gradient."""
+    """Write the matrix of 1 - G' by differences of the gradient (see `solve.row_solver`)."""
     r, d, h = e.stages, len(e.like), e.step.h
     n = r * d
     for i in range(r):
@@ -141,8 +139,8 @@ solve = row_solver(sweep, linearize)
 
 
 @inlined
-def solve_kicks(e, span, orbit, counts):
-    """Find the kicks of a step, in the rows at, ...; returns the status."""
+def solve_kicks(e, span, carry, counts):
+    """Solve for the kicks of a step, in the rows at, ...; returns the status."""
     step, r = e.step, e.stages
     at = LEVELS * r
     for i in range(r):
@@ -152,41 +150,37 @@ def solve_kicks(e, span, orbit, counts):
     if step.first == step.end:
         return SOLVED
     # The unknowns are forces: span / h is what an increment of p is to be compared with.
-    sweeps, newton, status = solve(e, at, span / abs(step.h), step.eps, orbit.work)
+    sweeps, newton, status = solve(e, at, span / abs(step.h), step.eps, carry.work)
     renew(e, at, step.end, r)
     counts.gradient += (sweeps - 1) * (step.end - step.first) + newton * r
     counts.newton += min(newton, 1)
     return status
 
 
-def run(step, orbit, samples, counts):
-    """The kernel."""
-    y = opened(orbit)
-    memory, zero = orbit.memory, orbit.zero
-    r = len(step.b)
-    for row in range(len(samples.q)):
-        for _ in range(samples.every):
-            e = Equations(step, y.q, velocity(step.dT, y.p), memory, zero, r)
-            status = solve_kicks(e, size(y.q) + size(y.p), orbit, counts)
-            if status != SOLVED:
-                return row, status
-            total = zero
-            for j in range(r):
-                k = load(memory, LEVELS * r + j, zero)
-                total = plus(total, k)
-                remember(memory, j, r, counts.steps, k)
-            y = advanced(y, displacement(e, r, LEVELS * r), scale(step.h, total))
-            counts.steps += 1
-        keep(samples, row, y)
-    close(orbit, y)
-    return len(samples.q), 0
+def step(method, y, carry, counts):
+    """One step."""
+    memory, zero = carry.memory, carry.zero
+    r = len(method.b)
+    e = Equations(method, y.q, velocity(method.dT, y.p), memory, zero, r)
+    status = solve_kicks(e, size(y.q) + size(y.p), carry, counts)
+    if status != SOLVED:
+        return y, status
+    total = zero
+    for j in range(r):
+        k = load(memory, LEVELS * r + j, zero)
+        total = plus(total, k)
+        remember(memory, j, r, counts.steps, k)
+    return advanced(y, displacement(e, r, LEVELS * r), scale(method.h, total)), status
+
+
+run = loop(step)
 
 
 QUADRATURES = {"gauss": gauss_legendre, "lobatto": gauss_lobatto}
 
 
 def _basis(k, s):
-    """The coefficients, highest first, of the polynomial of degree s that is 1 at k/s and 0 at the others."""
+    """Coefficients, highest first, of the polynomial of degree s that is 1 at k/s and 0 at the other nodes."""
     out = [mpmath.mpf(1)]
     for j in range(s + 1):
         if j != k:
@@ -196,7 +190,7 @@ def _basis(k, s):
 
 
 def coefficients(degree, rule):
-    """The plan of polynomials of that degree with a quadrature [(node, weight), ...]."""
+    """The coefficients for polynomials of a degree and a quadrature rule [(node, weight), ...]."""
     with mpmath.workdps(DIGITS):
         s, r = degree, len(rule)
         value = [[mpmath.polyval(_basis(k, s), c) for c, _ in rule] for k in range(s + 1)]
@@ -214,7 +208,7 @@ def coefficients(degree, rule):
 
 
 def prepare(method, system, arithmetic):
-    """The coefficients from the action; which kicks are iterated."""
+    """Make the kernel: coefficients from the action, and which kicks are iterated."""
     degree, quadrature, nodes = method.data
     rows = coefficients(degree, QUADRATURES[quadrature](nodes, DIGITS))
     tiny = mpmath.mpf(10) ** (10 - DIGITS)

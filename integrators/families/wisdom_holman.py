@@ -35,19 +35,20 @@ import mpmath
 import numpy as np
 
 from phasebench.integrators.coefficients.fractions import DIGITS
-from phasebench.integrators.engine import codegen, kepler_flow
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kepler_flow import add
-from phasebench.integrators.engine.kernel import Prepared, array, numbers
-from phasebench.integrators.engine.lazy import sympy as sp
-from phasebench.integrators.engine.vector import jit, load, store
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.stepping import kepler_flow
+from phasebench.integrators.stepping.kepler_flow import add
+from phasebench.integrators.stepping.kernel import Prepared, array, numbers
+from phasebench.integrators.values.vector import jit, load, store
 
 from . import planet_pairs
 
 
 class WisdomHolman(NamedTuple):
-    """The kernel's step; rows of ``substeps`` and ``corrector`` are (drift along A, kick by B), fractions of h.
+    """What a step needs; rows of ``substeps`` and ``corrector`` are (drift along A, kick by B), fractions of h.
 
     Q = change q and q = back Q, by bodies; ``series`` are the constants of `kepler_flow`.
     """
@@ -67,14 +68,14 @@ class WisdomHolman(NamedTuple):
 
 @dataclass(frozen=True)
 class KeplerPart:
-    """What a Hamiltonian's Kepler part is; numbers are exact (SymPy rationals).
+    """The part of a Hamiltonian that is a sum of Kepler problems; numbers are exact (SymPy rationals).
 
     Attributes
     ----------
     dimension : of space, 2 or 3; coordinates stand body after body
     masses : N numbers, the masses m_k of the new variables
-    mu : N numbers, their gravitational parameters; 0 where the motion is free
-    change : N x N numbers, Q_k = sum_j change[k][j] q_j by bodies; () for the variables as they are
+    mu : N numbers, their gravitational parameters; 0 if the motion is free
+    change : N x N numbers, Q_k = sum_j change[k][j] q_j by bodies; () for the original variables
     """
 
     dimension: int
@@ -96,7 +97,7 @@ class KeplerPart:
         return total
 
     def interaction(self, system, arithmetic: str = DOUBLE):
-        """q -> the gradient of the potential without the Kepler potentials, in the original coordinates."""
+        """Make the function q -> gradient of the potential without its Kepler part, in the original coordinates."""
         U = system.potential - self.potential(system.q)
         T = codegen.value_type(system.d)
         return system.made(
@@ -105,7 +106,7 @@ class KeplerPart:
 
 
 def jacobi(masses: Sequence, G, dimension: int = 3) -> KeplerPart:
-    """The Kepler part of bodies of those masses, the central one first: the centre of mass and Jacobi coordinates.
+    """The Kepler part of bodies in Jacobi coordinates, the central body first.
 
     Row 0 is the centre of mass, row k body k relative to the centre of mass of those before it.
     """
@@ -122,7 +123,7 @@ def jacobi(masses: Sequence, G, dimension: int = 3) -> KeplerPart:
 
 
 def corrector(order: int) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
-    """The corrector of order 3, 5, 7, ...: kicks (time, strength) in units of h, in their order; () for order 1.
+    """The symplectic corrector of order 3, 5, 7, ...: kicks (time, strength) in units of h; () for order 1.
 
     Each pair comes in two halves, one in either order of time (Wisdom 2006); the orders 5 to 17 are WHFast's.
     """
@@ -150,7 +151,7 @@ def corrector(order: int) -> tuple[tuple[mpmath.mpf, mpmath.mpf], ...]:
 
 
 def _substeps(kicks):
-    """Kicks (time, strength) as rows (drift, kick) with the drift back at the end; two at one time are one."""
+    """Kicks (time, strength) as rows (drift, kick), with the drift back at the end; kicks at one time are merged."""
     rows, at = [], mpmath.mpf(0)
     with mpmath.workdps(DIGITS):
         for time, strength in kicks:
@@ -164,7 +165,7 @@ def _substeps(kicks):
 
 @jit
 def _drift(step, X, h):
-    """The flow of A over h on the rows (Q, P, what rounding lost) of X."""
+    """exp(h A) on the rows (Q, P, their lost parts) of X."""
     n = step.dimension
     for k in range(len(step.mu)):
         kepler_flow.advance(X, k * n, n, step.masses[k], step.mu[k], h, step.eps, step.series)
@@ -172,7 +173,7 @@ def _drift(step, X, h):
 
 @jit
 def _convert(matrix, X, row, n, Y, out):
-    """Row ``out`` of Y = the matrix times a row of X, whose bodies have n components."""
+    """Multiply a row of X, bodies of n components each, by the matrix; write row ``out`` of Y."""
     for k in range(len(matrix)):
         for i in range(n):
             total = X[row, i] * 0
@@ -182,30 +183,30 @@ def _convert(matrix, X, row, n, Y, out):
 
 
 @jit
-def _kick(step, X, h, orbit, counts):
-    """The flow of B over h on the rows of X; rows 4 to 6 of the memory are overwritten."""
-    memory, n = orbit.memory, step.dimension
+def _kick(step, X, h, carry, counts):
+    """exp(h B) on the rows of X; rows 4 to 6 of the memory are overwritten."""
+    memory, n = carry.memory, step.dimension
     _convert(step.back, X, 0, n, memory, 4)
-    store(memory, 5, step.dB(load(memory, 4, orbit.zero)))
+    store(memory, 5, step.dB(load(memory, 4, carry.zero)))
     _convert(step.back.T, memory, 5, n, memory, 6)
-    for i in range(len(orbit.zero)):
+    for i in range(len(carry.zero)):
         X[1, i], X[3, i] = add(X[1, i], X[3, i], -h * memory[6, i])
     counts.gradient += 1
 
 
 @jit
-def _correct(step, X, sign, orbit, counts):
-    """The corrector (sign 1) or its inverse (-1) on the rows of X: it is the same backwards in time."""
+def _correct(step, X, sign, carry, counts):
+    """Apply the corrector (sign 1) or its inverse (-1), which is the corrector run backwards, to the rows of X."""
     rows = len(step.corrector)
     for k in range(rows):
         _drift(step, X, step.corrector[k, 0] * step.h)
         if k + 1 < rows:
-            _kick(step, X, sign * step.corrector[k, 1] * step.h, orbit, counts)
+            _kick(step, X, sign * step.corrector[k, 1] * step.h, carry, counts)
 
 
-def run(step, orbit, samples, counts):
-    """The kernel."""
-    state, memory, zero = orbit.state, orbit.memory, orbit.zero
+def run(step, carry, samples, counts):
+    """The kernel. (Its own loop: rows need the corrector's inverse, and drifts of two steps are one.)"""
+    state, memory, zero = carry.state, carry.memory, carry.zero
     a, n, h = step.substeps, step.dimension, step.h
     stages = len(a) - 1
     between = (a[stages, 0] + a[0, 0]) * h
@@ -215,7 +216,7 @@ def run(step, orbit, samples, counts):
         _convert(step.back.T, state, 1, n, memory, 1)
         store(state, 0, load(memory, 0, zero))
         store(state, 1, load(memory, 1, zero))
-        _correct(step, state, 1, orbit, counts)
+        _correct(step, state, 1, carry, counts)
         lead = a[0, 0] * h
     for row in range(len(samples.q)):
         for _ in range(samples.every):
@@ -223,12 +224,12 @@ def run(step, orbit, samples, counts):
             for k in range(stages):
                 if k > 0:
                     _drift(step, state, a[k, 0] * h)  # exp(a_k h A)
-                _kick(step, state, a[k, 1] * h, orbit, counts)  # exp(b_k h B)
+                _kick(step, state, a[k, 1] * h, carry, counts)  # exp(b_k h B)
             lead = between
         for i in range(4):
             store(memory, i, load(state, i, zero))
         _drift(step, memory, a[stages, 0] * h)
-        _correct(step, memory, -1, orbit, counts)
+        _correct(step, memory, -1, carry, counts)
         _convert(step.back, memory, 0, n, samples.q, row)
         _convert(step.change.T, memory, 1, n, samples.p, row)
     counts.steps += len(samples.q) * samples.every
@@ -236,7 +237,7 @@ def run(step, orbit, samples, counts):
 
 
 def _check(system) -> None:
-    """Whether T is |P_k|^2 / (2 m_k) summed in the variables declared; raises InvalidInput where it is not."""
+    """Raise InvalidInput unless T is the sum of |P_k|^2 / (2 m_k) in the declared variables."""
     part, d = system.kepler, system.d
     if not system.quadratic_kinetic or len(part.masses) * part.dimension != d:
         raise InvalidInput(
@@ -252,7 +253,7 @@ def _check(system) -> None:
 
 
 def prepare(method, system, arithmetic):
-    """Drifts, kicks and the corrector of the record; the interaction's gradient."""
+    """Make the kernel: drifts, kicks and corrector of the record, and the interaction's gradient."""
     part = system.kepler
     _check(system)
     drifts, kicks, order = method.data

@@ -1,15 +1,15 @@
-"""Methods of variable steps: reversible in a fictitious time, over the kernel of `adaptive`."""
+"""Methods of variable steps: reversible in a fictitious time (kernel `adaptive`), or by the field alone (`field`)."""
 
 from __future__ import annotations
 
-from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
+from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF, Method
 
 from . import classical, compositions
 
 SOURCE = "Hairer & Soderlind 2005; Hairer, Lubich & Wanner 2006, VIII.3.2; dt = h (sum r^-3)^(-1/2)"
 
 
-def adaptive(id, name, order, source, cite, data=(), requires=("canonical", "singular distances")):
+def adaptive(*, id, name, order, source, cite, data=(), requires=("canonical", "singular distances")):
     """A method whose step follows the distances to the singularities; h is the step where the distance is 1."""
     return Method(
         id=id,
@@ -31,7 +31,15 @@ def split(base: Method, id: str, name: str) -> Method:
     """The method of variable steps over a symmetric splitting, a record of the family "parametric"."""
     requires = ("canonical", "separable", "quadratic kinetic energy", "singular distances")
     cite = tuple(dict.fromkeys((*base.cite, "hairer2005", "hairer2006")))
-    return adaptive(id, name, base.order, f"{base.source}; {SOURCE}", cite, base.data, requires)
+    return adaptive(
+        id=id,
+        name=name,
+        order=base.order,
+        source=f"{base.source}; {SOURCE}",
+        cite=cite,
+        data=base.data,
+        requires=requires,
+    )
 
 
 VERLET, DRIFTING = (next(m for m in classical.METHODS if m.id == id) for id in ("stormer-verlet", "stormer-verlet-dkd"))
@@ -45,12 +53,29 @@ METHODS: tuple[Method, ...] = (
     ),
     *(
         adaptive(
-            f"gauss-{s}-adaptive",
-            f"Gauss, {s} stages,",
-            2 * s,
-            f"Butcher 1964; {SOURCE}",
-            ("butcher1964", "hairer2005", "hairer2006"),
-            (s,),
+            id=f"gauss-{s}-adaptive",
+            name=f"Gauss, {s} stages,",
+            order=2 * s,
+            source=f"Butcher 1964; {SOURCE}",
+            cite=("butcher1964", "hairer2005", "hairer2006"),
+            data=(s,),
+        )
+        for s in (4, 6, 8)
+    ),
+    *(
+        Method(
+            id=f"gauss-{s}-field",
+            name=f"Gauss, {s} stages, with steps by the field; h is the step where it changes as at the start",
+            family="field",
+            order=2 * s,
+            symmetric=False,
+            symplectic=False,
+            energy=DRIFT,
+            quadratic=ROUND_OFF,
+            source="Butcher 1964; Aarseth 1985 (the quotient of derivatives); Rein & Spiegel 2015 (rejection)",
+            cite=("butcher1964", "aarseth1985", "rein-spiegel2015"),
+            requires=("canonical", "elementary derivatives"),
+            data=(s,),
         )
         for s in (4, 6, 8)
     ),

@@ -9,7 +9,7 @@ HLW = "Hairer, Lubich & Wanner 2006"
 BIT = "Brugnano, Iavernaro & Trigiante"
 
 
-def collocation(id, name, order, source, cite, data, **facts):
+def collocation(*, id, name, order, source, cite, data, **facts):
     """A method of the family `stages`, symmetric and symplectic where not said otherwise."""
     facts = {"symmetric": True, "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF} | facts
     return Method(id=id, name=name, family="collocation", order=order, source=source, cite=cite, data=data, **facts)
@@ -19,24 +19,24 @@ def gauss(s):
     """The Gauss method of s stages."""
     source = f"Butcher 1964; Sanz-Serna 1988; {HLW}, II.1.3; rounding: Hairer, McLachlan & Razakarivony 2008"
     return collocation(
-        f"gauss-{s}",
-        f"Gauss, {s} stages",
-        2 * s,
-        source,
-        ("butcher1964", "sanzserna1988", "hairer2006", "hairer2008"),
-        ("gauss", s),
+        id=f"gauss-{s}",
+        name=f"Gauss, {s} stages",
+        order=2 * s,
+        source=source,
+        cite=("butcher1964", "sanzserna1988", "hairer2006", "hairer2008"),
+        data=("gauss", s),
     )
 
 
 def hbvm(k, s):
     """The Hamiltonian boundary value method with k nodes and polynomials of degree s."""
     return collocation(
-        f"hbvm-{k}-{s}",
-        f"HBVM({k}, {s}), which keeps polynomials H of degree up to {2 * k // s}",
-        2 * s,
-        f"{BIT} 2010",
-        ("brugnano2010",),
-        ("hbvm", s, k),
+        id=f"hbvm-{k}-{s}",
+        name=f"HBVM({k}, {s}), which keeps polynomials H of degree up to {2 * k // s}",
+        order=2 * s,
+        source=f"{BIT} 2010",
+        cite=("brugnano2010",),
+        data=("hbvm", s, k),
         symplectic=False,
         energy=ROUND_OFF,
         quadratic=BOUNDED,
@@ -47,12 +47,12 @@ def hbvm(k, s):
 def petrov_galerkin(s):
     """The continuous Petrov-Galerkin method of degree s."""
     return collocation(
-        f"cpg-{s}",
-        f"continuous Petrov-Galerkin of degree {s}",
-        2 * s,
-        f"Betsch & Steinmann 2000; Hairer 2010; the limit of HBVM(k, {s})",
-        ("betsch2000", "hairer2010", "brugnano2010"),
-        ("cpg", s),
+        id=f"cpg-{s}",
+        name=f"continuous Petrov-Galerkin of degree {s}",
+        order=2 * s,
+        source=f"Betsch & Steinmann 2000; Hairer 2010; the limit of HBVM(k, {s})",
+        cite=("betsch2000", "hairer2010", "brugnano2010"),
+        data=("cpg", s),
         symplectic=False,
         energy=ROUND_OFF,
         quadratic=BOUNDED,
@@ -63,24 +63,24 @@ def petrov_galerkin(s):
 def lobatto(s):
     """The Lobatto IIIA-IIIB pair of s stages."""
     return collocation(
-        f"lobatto-iiia-iiib-{s}",
-        f"Lobatto IIIA - IIIB, {s} stages",
-        2 * s - 2,
-        f"Sun 1993; {HLW}, II.2.2 and VI.4.5",
-        ("sun1993", "hairer2006"),
-        ("lobatto-iiia-iiib", s),
+        id=f"lobatto-iiia-iiib-{s}",
+        name=f"Lobatto IIIA - IIIB, {s} stages",
+        order=2 * s - 2,
+        source=f"Sun 1993; {HLW}, II.2.2 and VI.4.5",
+        cite=("sun1993", "hairer2006"),
+        data=("lobatto-iiia-iiib", s),
     )
 
 
 def radau(s):
     """The Radau IIA method of s stages, a control: it dissipates."""
     return collocation(
-        f"radau-iia-{s}",
-        f"Radau IIA, {s} stages",
-        2 * s - 1,
-        "Ehle 1969; Hairer & Wanner 1996, IV.5",
-        ("ehle1969", "hairer1996"),
-        ("radau-iia", s),
+        id=f"radau-iia-{s}",
+        name=f"Radau IIA, {s} stages",
+        order=2 * s - 1,
+        source="Ehle 1969; Hairer & Wanner 1996, IV.5",
+        cite=("ehle1969", "hairer1996"),
+        data=("radau-iia", s),
         symmetric=False,
         symplectic=False,
         energy=DRIFT,

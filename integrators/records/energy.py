@@ -15,21 +15,21 @@ WHOLE, PARTITIONED, COMPONENTS = "whole", "momenta, coordinates", "components"
 FORTH, BACK, MEAN = 1, -1, 0
 
 
-def conserving(id, name, source, cite, data, **facts):
+def conserving(*, id, name, source, cite, data, **facts):
     """A method that keeps H for every canonical system."""
     facts = {"order": 2, "symmetric": True, "quadratic": BOUNDED} | facts
     common = {"symplectic": False, "energy": ROUND_OFF, "requires": ("canonical",)}
     return Method(id=id, name=name, source=source, cite=cite, data=tuple(data), **common, **facts)
 
 
-def averaged(*description, **facts):
+def averaged(**facts):
     """A method of substeps (fraction, path, direction) of the family `averaged`."""
-    return conserving(*description, family="averaged", **facts)
+    return conserving(family="averaged", **facts)
 
 
-def gonzalez(*description, **facts):
+def gonzalez(**facts):
     """A composition of Gonzalez' discrete gradient method over fractions of the step."""
-    return conserving(*description, family="discrete_gradient", **facts)
+    return conserving(family="discrete_gradient", **facts)
 
 
 def there_and_back(path, fractions=(Fraction(1),)):
@@ -38,94 +38,96 @@ def there_and_back(path, fractions=(Fraction(1),)):
 
 
 METHODS: tuple[Method, ...] = (
-    averaged("avf", "averaged vector field", AVF, ("quispel2008",), [(1, WHOLE, FORTH)]),
+    averaged(id="avf", name="averaged vector field", source=AVF, cite=("quispel2008",), data=[(1, WHOLE, FORTH)]),
     averaged(
-        "avf-yoshida-4",
-        "averaged vector field, Yoshida composition of order 4",
-        f"{AVF}; Yoshida 1990",
-        ("quispel2008", "yoshida1990"),
-        [(f, WHOLE, FORTH) for f in triple_jump(4)],
+        id="avf-yoshida-4",
+        name="averaged vector field, Yoshida composition of order 4",
+        source=f"{AVF}; Yoshida 1990",
+        cite=("quispel2008", "yoshida1990"),
+        data=[(f, WHOLE, FORTH) for f in triple_jump(4)],
         order=4,
     ),
     averaged(
-        "avf-suzuki-4",
-        "averaged vector field, Suzuki composition of order 4",
-        f"{AVF}; Suzuki 1990",
-        ("quispel2008", "suzuki1990"),
-        [(f, WHOLE, FORTH) for f in suzuki(4)],
+        id="avf-suzuki-4",
+        name="averaged vector field, Suzuki composition of order 4",
+        source=f"{AVF}; Suzuki 1990",
+        cite=("quispel2008", "suzuki1990"),
+        data=[(f, WHOLE, FORTH) for f in suzuki(4)],
         order=4,
     ),
     averaged(
-        "pavf",
-        "partitioned averaged vector field, momenta first",
-        PAVF,
-        ("cai2018",),
-        [(1, PARTITIONED, FORTH)],
+        id="pavf",
+        name="partitioned averaged vector field, momenta first",
+        source=PAVF,
+        cite=("cai2018",),
+        data=[(1, PARTITIONED, FORTH)],
         order=1,
         symmetric=False,
     ),
     averaged(
-        "pavf-adjoint",
-        "partitioned averaged vector field, coordinates first",
-        PAVF,
-        ("cai2018",),
-        [(1, PARTITIONED, BACK)],
+        id="pavf-adjoint",
+        name="partitioned averaged vector field, coordinates first",
+        source=PAVF,
+        cite=("cai2018",),
+        data=[(1, PARTITIONED, BACK)],
         order=1,
         symmetric=False,
     ),
     averaged(
-        "pavf-c",
-        "partitioned averaged vector field, composition with its adjoint",
-        PAVF,
-        ("cai2018",),
-        there_and_back(PARTITIONED),
+        id="pavf-c",
+        name="partitioned averaged vector field, composition with its adjoint",
+        source=PAVF,
+        cite=("cai2018",),
+        data=there_and_back(PARTITIONED),
     ),
     averaged(
-        "pavf-p",
-        "partitioned averaged vector field, mean with its adjoint",
-        PAVF,
-        ("cai2018",),
-        [(1, PARTITIONED, MEAN)],
+        id="pavf-p",
+        name="partitioned averaged vector field, mean with its adjoint",
+        source=PAVF,
+        cite=("cai2018",),
+        data=[(1, PARTITIONED, MEAN)],
     ),
     averaged(
-        "pavf-c-yoshida-4",
-        "partitioned averaged vector field, Yoshida composition of order 4",
-        f"{PAVF}; Yoshida 1990",
-        ("cai2018", "yoshida1990"),
-        there_and_back(PARTITIONED, triple_jump(4)),
+        id="pavf-c-yoshida-4",
+        name="partitioned averaged vector field, Yoshida composition of order 4",
+        source=f"{PAVF}; Yoshida 1990",
+        cite=("cai2018", "yoshida1990"),
+        data=there_and_back(PARTITIONED, triple_jump(4)),
         order=4,
     ),
     averaged(
-        "itoh-abe",
-        "Itoh-Abe discrete gradient",
-        ITOH_ABE,
-        ("itoh1988",),
-        [(1, COMPONENTS, FORTH)],
+        id="itoh-abe",
+        name="Itoh-Abe discrete gradient",
+        source=ITOH_ABE,
+        cite=("itoh1988",),
+        data=[(1, COMPONENTS, FORTH)],
         order=1,
         symmetric=False,
         quadratic=NONE,  # it promises none; on perturbed Kepler L oscillates without a drift
     ),
     averaged(
-        "itoh-abe-symmetrized",
-        "Itoh-Abe discrete gradient, mean with the reverse path",
-        ITOH_ABE,
-        ("itoh1988",),
-        [(1, COMPONENTS, MEAN)],
+        id="itoh-abe-symmetrized",
+        name="Itoh-Abe discrete gradient, mean with the reverse path",
+        source=ITOH_ABE,
+        cite=("itoh1988",),
+        data=[(1, COMPONENTS, MEAN)],
     ),
     averaged(
-        "itoh-abe-c",
-        "Itoh-Abe discrete gradient, composition with its adjoint",
-        ITOH_ABE,
-        ("itoh1988",),
-        there_and_back(COMPONENTS),
+        id="itoh-abe-c",
+        name="Itoh-Abe discrete gradient, composition with its adjoint",
+        source=ITOH_ABE,
+        cite=("itoh1988",),
+        data=there_and_back(COMPONENTS),
     ),
-    gonzalez("gonzalez", "Gonzalez' midpoint discrete gradient", GONZALEZ, ("gonzalez1996",), (1,)),
     gonzalez(
-        "gonzalez-yoshida-4",
-        "Gonzalez' discrete gradient, Yoshida composition of order 4",
-        f"{GONZALEZ}; Yoshida 1990",
-        ("gonzalez1996", "yoshida1990"),
-        triple_jump(4),
+        id="gonzalez", name="Gonzalez' midpoint discrete gradient", source=GONZALEZ, cite=("gonzalez1996",), data=(1,)
+    ),
+    gonzalez(
+        id="gonzalez-yoshida-4",
+        name="Gonzalez' discrete gradient, Yoshida composition of order 4",
+        source=f"{GONZALEZ}; Yoshida 1990",
+        cite=("gonzalez1996", "yoshida1990"),
+        data=triple_jump(4),
         order=4,
     ),
 )

@@ -32,7 +32,7 @@ def equip_rows(signs, fractions=(Fraction(1),), alternative=()):
     return tuple(rows)
 
 
-def parameterised(id, name, source, make, **facts):
+def parameterised(*, id, name, source, make, **facts):
     """A method with a parameter lam = 1/3 at first, and what ``make(**parameters)`` derives from its parameters."""
     defaults = {"lam": Fraction(1, 3)} | facts.pop("parameters", {})
     common = {"family": "parametric", "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF}
@@ -52,17 +52,17 @@ def _generating(order, lam):
 
 def _scheme_iii_composed(scheme, order):
     return parameterised(
-        f"scheme-iii-{scheme}-{order}",
-        f"Scheme III, {scheme.capitalize()} composition of order {order}",
-        f"{TALK}, (21); " + ("Yoshida 1990" if scheme == "yoshida" else "Suzuki 1990"),
-        lambda lam: {"data": (1, scheme_iii(lam, SCHEMES[scheme](order)))},
+        id=f"scheme-iii-{scheme}-{order}",
+        name=f"Scheme III, {scheme.capitalize()} composition of order {order}",
+        source=f"{TALK}, (21); " + ("Yoshida 1990" if scheme == "yoshida" else "Suzuki 1990"),
+        make=lambda lam: {"data": (1, scheme_iii(lam, SCHEMES[scheme](order)))},
         order=order,
         symmetric=True,
         cite=("wang-talk", f"{scheme}1990"),
     )
 
 
-def equip_method(id, name, signs, source, fractions=(Fraction(1),), order=2, alternative=(), cite=("wang-talk",)):
+def equip_method(*, id, name, signs, source, fractions=(Fraction(1),), order=2, alternative=(), cite=("wang-talk",)):
     """Scheme IV or V (by its ``signs``), or their composition over ``fractions`` of the step."""
     return Method(
         id=id,
@@ -81,41 +81,54 @@ def equip_method(id, name, signs, source, fractions=(Fraction(1),), order=2, alt
 
 
 METHODS: tuple[Method, ...] = (
-    parameterised("scheme-i", "Scheme I", f"{TALK}, (19)", lambda lam: _generating(1, lam)),
-    parameterised("scheme-i-adjoint", "the adjoint of Scheme I", f"{TALK}, (10)", lambda lam: _generating(1, 1 - lam)),
-    parameterised("scheme-ii", "Scheme II", f"{TALK}, (20)", lambda lam: _generating(2, lam)),
+    parameterised(id="scheme-i", name="Scheme I", source=f"{TALK}, (19)", make=lambda lam: _generating(1, lam)),
     parameterised(
-        "generating-function",
-        "generating function of order r",
-        f"{TALK}, (18); Feng et al. 1989",
-        lambda order, lam: _generating(order, lam),
+        id="scheme-i-adjoint",
+        name="the adjoint of Scheme I",
+        source=f"{TALK}, (10)",
+        make=lambda lam: _generating(1, 1 - lam),
+    ),
+    parameterised(id="scheme-ii", name="Scheme II", source=f"{TALK}, (20)", make=lambda lam: _generating(2, lam)),
+    parameterised(
+        id="generating-function",
+        name="generating function of order r",
+        source=f"{TALK}, (18); Feng et al. 1989",
+        make=lambda order, lam: _generating(order, lam),
         parameters={"order": 3},
         cite=("wang-talk", "feng1989"),
     ),
     parameterised(
-        "scheme-iii",
-        "Scheme III",
-        f"{TALK}, (21)",
-        lambda lam: {"data": (1, scheme_iii(lam))},
+        id="scheme-iii",
+        name="Scheme III",
+        source=f"{TALK}, (21)",
+        make=lambda lam: {"data": (1, scheme_iii(lam))},
         order=2,
         symmetric=True,
     ),
     *(_scheme_iii_composed(scheme, order) for scheme in ("yoshida", "suzuki") for order in (4, 6)),
-    equip_method("scheme-iv", "Scheme IV", (1,), f"{TALK}, (24)"),
-    equip_method("scheme-v", "Scheme V", (-1, 1), TALK),
+    equip_method(id="scheme-iv", name="Scheme IV", signs=(1,), source=f"{TALK}, (24)"),
+    equip_method(id="scheme-v", name="Scheme V", signs=(-1, 1), source=TALK),
     equip_method(
-        "scheme-iv-v", "Scheme IV, with Scheme V where it has no root", (1,), "phasebench", alternative=(-1, 1)
+        id="scheme-iv-v",
+        name="Scheme IV, with Scheme V where it has no root",
+        signs=(1,),
+        source="phasebench",
+        alternative=(-1, 1),
     ),
     equip_method(
-        "scheme-v-iv", "Scheme V, with Scheme IV where it has no root", (-1, 1), "phasebench", alternative=(1,)
+        id="scheme-v-iv",
+        name="Scheme V, with Scheme IV where it has no root",
+        signs=(-1, 1),
+        source="phasebench",
+        alternative=(1,),
     ),
     *(
         equip_method(
-            f"scheme-{id}-{scheme}-4",
-            f"Scheme {id.upper()}, {name}",
-            signs,
-            f"{TALK}; {scheme.capitalize()} 1990",
-            SCHEMES[scheme](4),
+            id=f"scheme-{id}-{scheme}-4",
+            name=f"Scheme {id.upper()}, {name}",
+            signs=signs,
+            source=f"{TALK}; {scheme.capitalize()} 1990",
+            fractions=SCHEMES[scheme](4),
             order=4,
             cite=("wang-talk", f"{scheme}1990"),
         )

@@ -130,10 +130,10 @@ def relaxed(base: Method | str, adjust_time: bool = True, **parameters) -> Metho
 BY_ID = {m.id: m for m in (*classical.METHODS, *parametric.METHODS, *collocation.METHODS)}
 RK4, VERLET, MIDPOINT = BY_ID["rk4"], BY_ID["stormer-verlet"], BY_ID["implicit-midpoint"]
 SUZUKI = classical.one_stage(
-    "suzuki-4",
-    "Stormer-Verlet with Suzuki's fractions of order 4",
-    tuple((times(f, c), mu, lam) for f in SCHEMES["suzuki"](4) for c, mu, lam in VERLET.data[1]),
-    "Suzuki 1990",
+    id="suzuki-4",
+    name="Stormer-Verlet with Suzuki's fractions of order 4",
+    substeps=tuple((times(f, c), mu, lam) for f in SCHEMES["suzuki"](4) for c, mu, lam in VERLET.data[1]),
+    source="Suzuki 1990",
     order=4,
     symmetric=True,
     cite=("suzuki1990",),

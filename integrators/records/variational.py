@@ -7,7 +7,7 @@ from phasebench.integrators.record import BOUNDED, ROUND_OFF, Method
 MW, OS = "Marsden & West 2001, 2.6.6", "Ober-Bloebaum & Saake 2015"
 
 
-def galerkin(id, name, degree, quadrature, nodes, order, source=MW, cite=("marsden2001",)):
+def galerkin(*, id, name, degree, quadrature, nodes, order, source=MW, cite=("marsden2001",)):
     """Polynomials of that degree with a quadrature of so many nodes."""
     return Method(
         id=id,
@@ -28,11 +28,60 @@ def galerkin(id, name, degree, quadrature, nodes, order, source=MW, cite=("marsd
 BOTH = {"source": f"{MW}; {OS}", "cite": ("marsden2001", "ober-bloebaum2015")}
 
 METHODS: tuple[Method, ...] = (
-    galerkin("variational-midpoint", "variational midpoint rule", 1, "gauss", 1, 2),
-    galerkin("variational-trapezoidal", "variational trapezoidal rule", 1, "lobatto", 2, 2),
-    galerkin("variational-gauss-2", "Galerkin variational, degree 2, 2 Gauss nodes", 2, "gauss", 2, 4, **BOTH),
-    galerkin("variational-gauss-3", "Galerkin variational, degree 3, 3 Gauss nodes", 3, "gauss", 3, 6, **BOTH),
-    galerkin("variational-lobatto-3", "Galerkin variational, degree 2, 3 Lobatto nodes", 2, "lobatto", 3, 4, **BOTH),
-    galerkin("variational-lobatto-4", "Galerkin variational, degree 3, 4 Lobatto nodes", 3, "lobatto", 4, 6, **BOTH),
-    galerkin("variational-2-3", "Galerkin variational, degree 2, 3 Gauss nodes", 2, "gauss", 3, 4, **BOTH),
+    galerkin(
+        id="variational-midpoint", name="variational midpoint rule", degree=1, quadrature="gauss", nodes=1, order=2
+    ),
+    galerkin(
+        id="variational-trapezoidal",
+        name="variational trapezoidal rule",
+        degree=1,
+        quadrature="lobatto",
+        nodes=2,
+        order=2,
+    ),
+    galerkin(
+        id="variational-gauss-2",
+        name="Galerkin variational, degree 2, 2 Gauss nodes",
+        degree=2,
+        quadrature="gauss",
+        nodes=2,
+        order=4,
+        **BOTH,
+    ),
+    galerkin(
+        id="variational-gauss-3",
+        name="Galerkin variational, degree 3, 3 Gauss nodes",
+        degree=3,
+        quadrature="gauss",
+        nodes=3,
+        order=6,
+        **BOTH,
+    ),
+    galerkin(
+        id="variational-lobatto-3",
+        name="Galerkin variational, degree 2, 3 Lobatto nodes",
+        degree=2,
+        quadrature="lobatto",
+        nodes=3,
+        order=4,
+        **BOTH,
+    ),
+    galerkin(
+        id="variational-lobatto-4",
+        name="Galerkin variational, degree 3, 4 Lobatto nodes",
+        degree=3,
+        quadrature="lobatto",
+        nodes=4,
+        order=6,
+        **BOTH,
+    ),
+    galerkin(
+        id="variational-2-3",
+        name="Galerkin variational, degree 2, 3 Gauss nodes",
+        degree=2,
+        quadrature="gauss",
+        nodes=3,
+        order=4,
+        **BOTH,
+    ),
 )

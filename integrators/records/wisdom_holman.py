@@ -23,7 +23,7 @@ def splitting(name: str) -> tuple[tuple, tuple]:
     return tuple(x for _, x in drifts), tuple(x for _, x in kicks)
 
 
-def _record(id, name, source, cite, data, **facts):
+def _record(*, id, name, source, cite, data, **facts):
     facts = {"order": 2, "symmetric": True} | facts
     return Method(
         id=id,
@@ -48,39 +48,51 @@ def _corrected(corrector):
 
 def _near_integrable(table, order, name, source, cite):
     return _record(
-        f"wisdom-holman-{name}",
-        f"{table.upper()} with Kepler drifts",
-        source,
-        cite,
-        (*splitting(table), 1),
+        id=f"wisdom-holman-{name}",
+        name=f"{table.upper()} with Kepler drifts",
+        source=source,
+        cite=cite,
+        data=(*splitting(table), 1),
         order=order,
     )
 
 
 METHODS: tuple[Method, ...] = (
     _record(
-        "wisdom-holman",
-        "Wisdom-Holman, drift-kick-drift",
-        "Wisdom & Holman 1991; Rein & Tamayo 2015",
-        ("wisdom-holman1991", "rein-tamayo2015"),
-        (*WISDOM_HOLMAN, 1),
+        id="wisdom-holman",
+        name="Wisdom-Holman, drift-kick-drift",
+        source="Wisdom & Holman 1991; Rein & Tamayo 2015",
+        cite=("wisdom-holman1991", "rein-tamayo2015"),
+        data=(*WISDOM_HOLMAN, 1),
     ),
     _record(
-        "wisdom-holman-corrector",
-        "Wisdom-Holman with a symplectic corrector",
-        "Wisdom, Holman & Touma 1996; Wisdom 2006",
-        ("wisdom-holman-touma1996", "wisdom2006"),
+        id="wisdom-holman-corrector",
+        name="Wisdom-Holman with a symplectic corrector",
+        source="Wisdom, Holman & Touma 1996; Wisdom 2006",
+        cite=("wisdom-holman-touma1996", "wisdom2006"),
         symmetric=False,
         parameters={"corrector": 17},
         with_parameters=_corrected,
         **_corrected(17),
     ),
-    _near_integrable("saba-2", 2, "saba-2", "Laskar & Robutel 2001, SABA_2", ("laskar-robutel2001",)),
-    _near_integrable("saba-4", 2, "saba-4", "Laskar & Robutel 2001, SABA_4", ("laskar-robutel2001",)),
     _near_integrable(
-        "aba-864", 4, "aba-8-6-4", "Blanes et al. 2013, ABA(8,6,4); Farres et al. 2013", ("blanes2013", "farres2013")
+        table="saba-2", order=2, name="saba-2", source="Laskar & Robutel 2001, SABA_2", cite=("laskar-robutel2001",)
     ),
     _near_integrable(
-        "aba-1064", 4, "aba-10-6-4", "Blanes et al. 2013, ABA(10,6,4); Farres et al. 2013", ("blanes2013", "farres2013")
+        table="saba-4", order=2, name="saba-4", source="Laskar & Robutel 2001, SABA_4", cite=("laskar-robutel2001",)
+    ),
+    _near_integrable(
+        table="aba-864",
+        order=4,
+        name="aba-8-6-4",
+        source="Blanes et al. 2013, ABA(8,6,4); Farres et al. 2013",
+        cite=("blanes2013", "farres2013"),
+    ),
+    _near_integrable(
+        table="aba-1064",
+        order=4,
+        name="aba-10-6-4",
+        source="Blanes et al. 2013, ABA(10,6,4); Farres et al. 2013",
+        cite=("blanes2013", "farres2013"),
     ),
 )

@@ -13,7 +13,7 @@ import pickle
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from phasebench.integrators.engine import cache
+from phasebench.integrators.compile import cache
 
 #: What a shell knows of its system.
 FACTS = ("d", "content", "has_energy", "singularities")

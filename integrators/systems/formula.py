@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
 from math import ceil, comb, isfinite, lcm
 
-from phasebench.integrators.engine.lazy import sympy as sp
+from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
 NAMES = ("sin", "cos", "tan", "exp", "log", "sqrt", "sinh", "cosh", "tanh", "asin", "acos", "atan")
@@ -168,6 +168,8 @@ def _name(name: str, variables: Mapping[str, sp.Expr]) -> sp.Expr:
         return getattr(sp, CONSTANTS[name])
     if name in FUNCTIONS:
         raise InvalidInput(f"'{name}' is a function: write {name}(...)")
+    if name == "t":
+        raise InvalidInput(about_time(len(variables) // 2 + 1))
     raise InvalidInput(f"'{name}' is none of the variables {', '.join(variables)}")
 
 
@@ -294,3 +296,11 @@ def _few(n: int) -> int:
     if n > TERMS:
         raise InvalidInput(f"multiplied out it has more than {TERMS} terms; the most is {TERMS}")
     return n
+
+
+def about_time(n: int) -> str:
+    """How an H that depends on the time t is given: time is the coordinate number n of a system without t."""
+    return (
+        f"H depends on the time t: make time a coordinate, write q{n} for t and add p{n} to H, as in "
+        f"p1**2/2 - q1*cos(q{n}) + p{n}; it starts from q{n} = 0 and any p{n}, such as 0"
+    )

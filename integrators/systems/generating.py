@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from itertools import combinations_with_replacement
 from math import factorial
 
-from phasebench.integrators.engine.lazy import sympy as sp
+from phasebench.integrators.compile.lazy import sympy as sp
 
 
 def __getattr__(name: str):

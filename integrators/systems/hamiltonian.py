@@ -10,17 +10,20 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numba import types
+from numpy.typing import ArrayLike, NDArray
 
-from phasebench.integrators.engine import codegen, filling
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.lazy import sympy as sp
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.values import inplace
 
 from . import deferred, generating, singularities
-from .formula import parse
+from .formula import about_time, parse
 
 
 def _symbols(names: Sequence[sp.Symbol | str] | str) -> tuple[sp.Symbol, ...]:
@@ -39,6 +42,12 @@ def _expression(e) -> sp.Expr:
         kind = "a function of Python" if callable(e) else f"{e!r}"
         raise InvalidInput(f"a formula is {kind}; give a SymPy expression, or text such as 'p**2/2 - cos(q)'")
     return found
+
+
+#: A formula: text, or an expression of SymPy; the names of variables: text with spaces between, names, or symbols.
+Formula: TypeAlias = "str | sp.Expr"
+Names: TypeAlias = "str | Sequence[str | sp.Symbol]"
+Floats = NDArray[np.float64]
 
 
 class PartitionedSystem:
@@ -72,10 +81,22 @@ class PartitionedSystem:
     loops: Mapping[str, Callable] = {}
     #: What a twin's functions are compiled for, where that is not numbers.
     variant = ""
-    #: Whether functions write into arrays that they are handed (`filling.twin`).
+    #: Whether functions write into arrays that they are handed (`inplace.in_place_version`).
     fills = False
 
-    def __init__(self, *, q, p, dq, dp, energy=None, singular=(), invariants=()):
+    def __init__(
+        self,
+        *,
+        q: Names,
+        p: Names,
+        dq: Sequence[Formula],
+        dp: Sequence[Formula],
+        energy: Formula | None = None,
+        singular: Sequence[Formula] = (),
+        invariants: Sequence[Formula] = (),
+    ):
+        self.d: int
+        self.H: Any
         self.q, self.p = _symbols(q), _symbols(p)
         if len(self.q) != len(self.p) or not self.q:
             raise InvalidInput(f"there are {len(self.q)} coordinates and {len(self.p)} momenta; give as many of each")
@@ -94,17 +115,21 @@ class PartitionedSystem:
         self.kepler = None
         self._functions: dict = {}
 
-    def __getattr__(self, name: str):
-        # What a shell has not got; of any other system nothing is left to be found.
-        if deferred.complete(self, name):
-            return getattr(self, name)
-        raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str):
+            # What a shell has not got; of any other system nothing is left to be found.
+            if deferred.complete(self, name):
+                return getattr(self, name)
+            raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
 
     def _formula(self, e) -> sp.Expr:
         if isinstance(e, str):
             e = parse(e, {str(s): s for s in (*self.q, *self.p)})
         e = _expression(e)
         foreign = e.free_symbols - {*self.q, *self.p}
+        if "t" in map(str, foreign):
+            raise InvalidInput(about_time(self.d + 1))
         if foreign:
             known = ", ".join(map(str, (*self.q, *self.p)))
             raise InvalidInput(
@@ -135,14 +160,32 @@ class PartitionedSystem:
             "Poisson structure": self.poisson,
             "further invariants": len(self.invariants) > 0,
             "singular distances": bool(singularities.steering(self)),
+            "elementary derivatives": self.canonical and not self.loops and self.elementary,
         }
+
+    @property
+    def elementary(self) -> bool:
+        """True if stages can be in lanes: few degrees of freedom, and functions that lanes have.
+
+        The derivatives are made of integer and half-integer powers, sin, cos, exp, sinh, cosh and tanh.
+        """
+        from phasebench.integrators.values import lane_formulae
+
+        if codegen.value_kind(self.d) != "tuple":
+            return False
+        return lane_formulae.supported([*self.dq, *self.dp])
+
+    @property
+    def diagonal(self) -> bool:
+        """True if H = sum p_i^2 / 2 m_i + V(q)."""
+        return self.quadratic_kinetic and all(e.free_symbols <= {p} for e, p in zip(self.dq, self.p, strict=True))
 
     def known(self, name: str, find: Callable[[], object]):
         """What ``find()`` finds out about the formulae, or what the cache kept of it: something that JSON can write."""
         if not self.key:
             return find()
         entry = f"k-{deferred.key_of(name, self.key)}.json"
-        return json.loads(codegen.kept_text(entry, lambda: json.dumps(find())))
+        return json.loads(codegen.cached_text(entry, lambda: json.dumps(find())))
 
     # -- the functions that kernels ask for -----------------------------------------------------------------------
 
@@ -160,14 +203,14 @@ class PartitionedSystem:
         """A generated function; ``results`` is a function without arguments, called only if the text is not cached."""
 
         def text(arithmetic: str) -> str:
-            from phasebench.integrators.engine import printing
+            from phasebench.integrators.compile import printing
 
             return printing.source("f", arguments, results(), arithmetic)
 
         if (kind, arithmetic) not in self._functions:
             key = f"{kind}|{self.content}"
             if self.fills:
-                key, signature, text = f"{key}|fills", filling.signature(signature), filling.written(text)
+                key, signature, text = f"{key}|fills", inplace.signature(signature), inplace.written(text)
             self._functions[kind, arithmetic] = codegen.function(key, text, signature, arithmetic)
         return self._functions[kind, arithmetic]
 
@@ -217,26 +260,26 @@ class PartitionedSystem:
 
     # -- values along rows of Q, P, each of shape (n, d); arrays of shape (n,) ---------------------------------------
 
-    def observe(self, expression, Q, P):
+    def observe(self, expression: Formula, Q: ArrayLike, P: ArrayLike) -> Floats:
         """The values of an expression in (q, p)."""
-        return self._along(codegen.on_columns(self._text(expression)), Q, P)
+        return self._along(codegen.columnwise(self._text(expression)), Q, P)
 
-    def observed(self, name: str, expression: Callable[[], sp.Expr], Q, P):
+    def observed(self, name: str, expression: Callable[[], Any], Q: ArrayLike, P: ArrayLike) -> Floats:
         """The values of one of the system's own expressions, which is made only if its text is not cached."""
         if not self.key:
             return self.observe(expression(), Q, P)
         if ("observed", name) not in self._functions:
             entry = f"o-{deferred.key_of(name, self.key)}.py"
-            text = codegen.kept_text(entry, lambda: self._text(expression()))
-            self._functions["observed", name] = codegen.on_columns(text)
+            text = codegen.cached_text(entry, lambda: self._text(expression()))
+            self._functions["observed", name] = codegen.columnwise(text)
         return self._along(self._functions["observed", name], Q, P)
 
     def _text(self, expression) -> str:
-        from phasebench.integrators.engine import printing
+        from phasebench.integrators.compile import printing
 
-        return printing.vectorised(self.q, self.p, sp.sympify(expression))
+        return printing.columnwise_text(self.q, self.p, sp.sympify(expression))
 
-    def _along(self, f: Callable, Q, P):
+    def _along(self, f: Callable[..., Any], Q: Any, P: Any) -> Floats:
         with np.errstate(all="ignore"):
             found = f(np.asarray(Q, float).T, np.asarray(P, float).T)
         if isinstance(found, np.ndarray) and found.shape == (len(Q),) and found.base is None and found.dtype == float:
@@ -253,26 +296,26 @@ class PartitionedSystem:
         """How many distances vanish where the system is singular."""
         return len(self.singular)
 
-    def energies(self, Q, P):
+    def energies(self, Q: ArrayLike, P: ArrayLike) -> Floats:
         """H."""
         return self.observed("energy", lambda: self.H, Q, P)
 
-    def distances(self, Q, P):
+    def distances(self, Q: Any, P: Any) -> Floats:
         """The sizes of the distances to the singularities, an array (singularities, n)."""
         found = [self.observed(f"distance {k}", lambda k=k: self.singular[k], Q, P) for k in range(self.singularities)]
         return np.abs(found).reshape(self.singularities, len(Q))
 
-    def rates(self, Q, P):
+    def rates(self, Q: Any, P: Any) -> Floats:
         """y' = (q', p'), an array (2 d, n)."""
         names = [(f"d{x}{k}", x, k) for x in "qp" for k in range(self.d)]
         sides = {"q": lambda k: self.dq[k], "p": lambda k: self.dp[k]}
         return np.array([self.observed(name, partial(sides[x], k), Q, P) for name, x, k in names])
 
-    def scale(self, Q, P):
+    def scale(self, Q: ArrayLike, P: ArrayLike) -> Floats:
         """The size of H's terms."""
         return self.observed("size", lambda: self._size, Q, P)
 
-    def speed(self, Q, P):
+    def speed(self, Q: ArrayLike, P: ArrayLike) -> Floats:
         """The Euclidean norm of dq/dt."""
         with np.errstate(all="ignore"):
             return np.sqrt(sum(self.observed(f"dq{k}", lambda k=k: self.dq[k], Q, P) ** 2 for k in range(self.d)))
@@ -339,7 +382,17 @@ class Hamiltonian(PartitionedSystem):
 
     poisson = True
 
-    def __init__(self, *, q, p, H, singular=None, invariants=(), frequencies=(), kepler=None):
+    def __init__(
+        self,
+        *,
+        q: Names,
+        p: Names,
+        H: Formula,
+        singular: Sequence[Formula] | None = None,
+        invariants: Sequence[Formula] = (),
+        frequencies: Sequence[Formula | float] = (),
+        kepler: Any = None,
+    ):
         given = {"q": q, "p": p, "H": H, "invariants": invariants}
         given |= {} if singular is None else {"singular": singular}
         text = all(isinstance(x, str) for x in _flat(given.values())) and type(self) is Hamiltonian

@@ -38,10 +38,11 @@ import numpy as np
 from numba import types
 from numba.extending import register_jitable
 
-from phasebench.integrators.engine import codegen, filling, machine, vector
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.lazy import sympy as sp
+from phasebench.integrators.compile import codegen, machine
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.values import inplace, vector
 
 from .hamiltonian import Hamiltonian, _symbols
 
@@ -72,7 +73,7 @@ def _compiled(name: str, loop: Callable, constants: tuple[float, ...], fills: bo
     made, writes = _as_asked(loop(*constants), len(signature.args), fills)
     options = vector.TUPLES if fills and writes else vector.ARRAYS  # a loop that writes need not allocate
     return machine.compiled(
-        made, filling.signature(signature) if fills else signature, options, f"loop {fills}|{content}"
+        made, inplace.signature(signature) if fills else signature, options, f"loop {fills}|{content}"
     )
 
 

@@ -17,9 +17,9 @@ from itertools import combinations
 
 from numba import types
 
-from phasebench.integrators.engine import codegen
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.lazy import sympy as sp
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
 from .formula import parse

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.engine.lazy import sympy as sp
+from phasebench.integrators.compile.lazy import sympy as sp
 
 #: Boxes in which zeros of a base are searched, and the points in each; the share of the typical size that is zero.
 BOXES, POINTS, ZERO = (0.3, 1.0, 4.0, 16.0), 200, 1e-9
@@ -36,7 +36,7 @@ def find(H: sp.Expr, coordinates: Sequence[sp.Symbol], momenta: Sequence[sp.Symb
     """The distances to the singularities of H in the coordinates; a base that holds momenta has none."""
     found: dict[bool, dict[sp.Expr, None]] = {True: {}, False: {}}
     bases = list(dict.fromkeys(_bases(H, {*coordinates}, {*momenta})))
-    if any(sp.count_ops(base) > LONGEST for base in bases):
+    if any(map(_too_long, bases)):
         return Distances((), ())
     for factor in dict.fromkeys(f for base in bases for f in _factors(base)):
         variables = sorted(factor.free_symbols, key=str)
@@ -44,6 +44,17 @@ def find(H: sp.Expr, coordinates: Sequence[sp.Symbol], momenta: Sequence[sp.Symb
         if distance is not None:
             found[vanishes][distance] = None
     return Distances(*(tuple(sorted(found[kind], key=sp.default_sort_key)) for kind in (True, False)))
+
+
+def unsearched(system) -> bool:
+    """True if H may have singular distances that nobody looked for: a base has more operations than `LONGEST`."""
+    if not system.canonical or system.loops or steering(system):
+        return False
+    return any(map(_too_long, _bases(system.H, {*system.q}, {*system.p})))
+
+
+def _too_long(base: sp.Expr) -> bool:
+    return sp.count_ops(base) > LONGEST
 
 
 def steering(system) -> tuple:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasebench.integrators.engine.lazy import sympy as sp
+from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
 from .hamiltonian import Hamiltonian

@@ -1,1 +1,1 @@
-"""Certified end states: `make` computes them, `stored` keeps and finds them, `check` measures whether they hold."""
+"""Certified end states: `make` computes them, `stored` stores and finds them, `check` verifies them independently."""

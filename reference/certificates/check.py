@@ -1,9 +1,10 @@
-"""Whether a certificate holds: everything that it states is measured again by other means, so that it can fail.
+"""Verifies a certificate: everything that it states is measured again independently.
 
-- The digits: the orbit is followed in `AGAIN`, of other bits, another order and other steps than those that the digits
-  and their uncertainty were made with.  A stated uncertainty is wrong below the error, and above `LOOSE` times it.
-- The horizon: rounding is drawn again at another displacement and tolerance; it has to fall in `horizon.Rounding.band`.
-- The equations: Gauss's method, which shares no code with the Taylor runs, and IAS15 follow the orbit again.
+- The digits: the orbit is integrated with `AGAIN`, which has other bits, order and steps than the digits and their
+  uncertainty.  A stated uncertainty is wrong if it is below the error, or above `LOOSE` times it.
+- The horizon: rounding is simulated with another displacement and tolerance; the result must lie in
+  `horizon.Rounding.band`.
+- The equations: Gauss's method, which shares no code with the Taylor runs, and IAS15 integrate the orbit too.
 """
 
 from __future__ import annotations
@@ -17,26 +18,26 @@ from .along import GRID, Precision, along
 from .horizon import Rounding, Span
 from .stored import Certificate, End
 
-#: Bits and tolerance of the second run of many bits; the tolerance is far below an error of quadruple precision.
+#: Bits and tolerance of the second high-precision run; the tolerance is far below errors in quadruple precision.
 AGAIN = Precision(256, "1e-50")
-#: A bound above so many times the error says nothing.
+#: An uncertainty above this multiple of the error is useless.
 LOOSE = 1e4
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A certificate with what was measured of it again.
+    """The result of verifying a certificate.
 
     Attributes
     ----------
-    certificate : as it is stored, with what other solvers said now
+    certificate : as stored, with the new comparisons with other solvers
     errors : of its states, each the largest up to its time
-    span : the horizon measured again
-    leaves : when a run in long double on this machine left the limit
-    long_double : how far that run ended from the orbit
-    growth, rate : as the certificate's, now
-    wrong : in words what does not hold, a statement each; empty where everything does
-    moved : in words what differs from the certificate that was stored before; empty where nothing does
+    span : the horizon, measured again
+    leaves : the time at which a run in long double on this machine left the limit
+    long_double : the distance of that run from the orbit at the end
+    growth, rate : like the certificate's, measured again
+    wrong : sentences on statements that do not hold; empty if all do
+    moved : what differs from the previously stored certificate, in words; "" if nothing does
     """
 
     certificate: Certificate
@@ -51,23 +52,23 @@ class Outcome:
 
     @property
     def ratios(self) -> tuple[float, ...]:
-        """The stated uncertainties in units of the errors."""
+        """The stated uncertainties divided by the measured errors."""
         pairs = zip(self.certificate.ends, self.errors, strict=True)
         return tuple(end.uncertainty / error for end, error in pairs)
 
     @property
     def disagree(self) -> int:
-        """How many comparisons with other solvers are beyond the uncertainties."""
+        """The number of comparisons with other solvers that differ by more than the uncertainties."""
         return sum(e.compares(c) and not e.agrees(c) for e in self.certificate.ends for c in e.checks)
 
     @property
     def holds(self) -> bool:
-        """Whether everything does, and another solver agrees on every state."""
+        """True if no statement is wrong and another solver agrees with every state."""
         return not self.wrong and all(e.agree for e in self.certificate.ends)
 
 
 def examine(problem, certificate: Certificate, grid_points: int = GRID) -> Outcome:
-    """Measure again what a certificate of a problem's orbit states; raises as `along.along`."""
+    """Verify what a certificate of a problem's orbit states; raises the errors of `along.along`."""
     times = [e.t for e in certificate.ends]
     path = along(problem, times, AGAIN, grid_points)
     errors = make.errors([e.texts for e in certificate.ends], times, path)
@@ -95,7 +96,7 @@ def _times(problem, times) -> list[str]:
 
 
 def _bounds(ends: tuple[End, ...], errors) -> list[str]:
-    """Which stated uncertainties are no bounds, or say nothing."""
+    """Sentences on stated uncertainties that are no bounds, or too large to be useful."""
     wrong = []
     for end, error in zip(ends, errors, strict=True):
         if not error <= end.uncertainty <= LOOSE * error:
@@ -104,7 +105,7 @@ def _bounds(ends: tuple[End, ...], errors) -> list[str]:
 
 
 def _spans(certificate: Certificate, rounding: Rounding) -> list[str]:
-    """Which of the horizon and the ends of its interval are not those of the problem."""
+    """Sentences on a stated horizon, or ends of its interval, outside of the measured band."""
     low, high = rounding.band
     stated = Span(certificate.horizon, certificate.earliest, certificate.latest)
     same = certificate.limit == horizon.LIMIT
@@ -116,12 +117,12 @@ def _spans(certificate: Certificate, rounding: Rounding) -> list[str]:
 
 
 def recheck(problem) -> Outcome:
-    """Measure again what the stored certificate of a problem's orbit states.
+    """Verify the stored certificate of a problem's orbit.
 
     Raises
     ------
     InvalidInput
-        For an orbit that none is stored of, or whose file or problem has changed.
+        If none is stored, or if its file or the problem has changed.
     """
     certificate = stored.find(problem)
     if certificate is None:
@@ -130,12 +131,12 @@ def recheck(problem) -> Outcome:
 
 
 def renew(problem) -> Outcome:
-    """Compute the certificate of a problem's orbit at the orbit's times anew, and measure it by other means.
+    """Compute the certificate of a problem's orbit anew, at the orbit's times, and verify it.
 
     Raises
     ------
     InvalidInput
-        For an orbit without times.
+        For an orbit that declares no times.
     """
     if not problem.start.times:
         raise InvalidInput(f"the orbit {problem.label} states no times of certified states; add them to its Orbit")
@@ -144,15 +145,15 @@ def renew(problem) -> Outcome:
     except InvalidInput:
         old = None
     new = make.certify(problem, problem.start.times)
-    return replace(examine(problem, new), moved=moved(old, new))
+    return replace(examine(problem, new), moved=describe_change(old, new))
 
 
-def moved(old: Certificate | None, new: Certificate) -> str:
-    """In words which digits are not as they were stored, and by how much; empty where all are."""
+def describe_change(old: Certificate | None, new: Certificate) -> str:
+    """A phrase on the times at which digits differ from the stored ones, and by how much; "" if none do."""
     if old is None:
         return "new"
     before = {e.t: e for e in old.ends}
     if list(before) != [e.t for e in new.ends]:
         return "at other times"
-    far = {e.t: stored.apart(before[e.t].texts, e.texts) for e in new.ends}
+    far = {e.t: stored.distance(before[e.t].texts, e.texts) for e in new.ends}
     return ", ".join(f"t = {t:g} by {d:.2g}" for t, d in far.items() if d)

@@ -1,15 +1,15 @@
-r"""An orbit in long double at times of which no state is stored, with what tells its error.
+r"""Reference orbits in long double at times without a stored state, with runs that estimate the error.
 
-It is followed twice, at two tolerances, and then `DRAWS` times displaced: at the start, and at `KICKS` ends of steps,
-each component y is moved by
+The orbit is integrated at two tolerances, and then `DRAWS` times with random displacements: at the start, and at
+`KICKS` ends of steps, each component y is moved by
 
 .. math:: s\,\sqrt{n/K}\;u\,\max(|y|, |y'|), \qquad u \sim U(-1, 1),
 
-with n the steps of the run, K the kicks, y' the component at the kick before, and s = `DISPLACEMENT`.  The distance of
-a displaced run, times `horizon.UNIT` / s, is what rounding to long double at each step grows to: also of an orbit on
-which the two runs round alike at first, and that magnifies that rounding.
+with n the number of steps, K the number of kicks, y' the component at the previous kick, and s = `DISPLACEMENT`.  The
+distance of a displaced run, times `horizon.UNIT` / s, is the effect of rounding to long double in each step.  This also
+covers an orbit on which the two runs at first round alike and that magnifies that rounding.
 
-Taylor series come first; where they fail, or miss the energy, Gauss's method serves, on the steps of SciPy's DOP853.
+Taylor series are tried first; if they fail or lose the energy, Gauss's method runs on the steps of SciPy's DOP853.
 """
 
 from __future__ import annotations
@@ -26,30 +26,30 @@ from phasebench.reference.solvers.taylor import ReferenceFailed
 from . import horizon
 from .along import upto
 
-#: Displaced runs, the kicks of each, the seed; s is large against the run's own round-off.
+#: Number of displaced runs, kicks in each, and seed.  s, in `DISPLACEMENT`, is large against the runs' own round-off.
 DRAWS, KICKS, SEED = 5, 128, 1
 DISPLACEMENT = 2.0**-52
-#: Tolerances of the two Taylor runs; Gauss's steps are those of DOP853 at `ROUGH`, each in so many parts.
+#: Tolerances of the two Taylor runs.  Gauss's two runs divide each step of DOP853, at tolerance `ROUGH`, into `PARTS`.
 TOLERANCES = (1e-19, 1e-18)
 PARTS, ROUGH = (3, 2), 1e-10
-#: The horizon is looked for on as many times, on ever shorter spans, down to this share of the whole.
+#: Number of times for the horizon; spans are shortened to locate it, down to this share of the whole.
 POINTS, SHORTEST = 100, 1e-9
-#: Distances that relative displacements by s grow to are in proportion to s up to this share of the state's size.
+#: Up to this share of the state's size, distances are proportional to the relative displacement s.
 LINEAR = 1e-3
-#: A run whose energy has moved by more than this, in units of the sizes of H's terms, is not the orbit.
+#: A run whose energy changes by more than this, relative to the terms of H, has left the orbit.
 MISSED = 1e-6
 TAYLOR, GAUSS = "long double", "long double, Gauss"
 
 
-class Followed(NamedTuple):
+class FollowedOrbit(NamedTuple):
     """An orbit in long double, with its displaced runs.
 
     Attributes
     ----------
-    source : whose runs they are, `TAYLOR` or `GAUSS`
-    times : increasing, positive
+    source : the solver, `TAYLOR` or `GAUSS`
+    times : increasing, positive, array (n,)
     one, other : the runs at two tolerances, arrays (n, 2 d) of long doubles
-    displaced : a few more
+    displaced : the displaced runs, arrays of the same shape
     """
 
     source: str
@@ -60,36 +60,36 @@ class Followed(NamedTuple):
 
     @property
     def share(self) -> float:
-        """What rounding does, in units of what the displacement did; 1 where that is no longer in proportion."""
-        far = self._apart().max(axis=0) > LINEAR * self._size()
+        """Factor from the displaced runs' distances to the effect of rounding; 1 if they are no longer proportional."""
+        far = self._distances().max(axis=0) > LINEAR * self._size()
         return 1.0 if far.any() else horizon.UNIT / DISPLACEMENT
 
     @property
     def rounding(self) -> horizon.Rounding:
-        """The same as `horizon.rounding` tells, from fewer draws."""
-        grown = np.maximum.accumulate(self._apart(), axis=1) * (horizon.UNIT / DISPLACEMENT)
+        """The effect of rounding, like `horizon.rounding` but from fewer draws."""
+        grown = np.maximum.accumulate(self._distances(), axis=1) * (horizon.UNIT / DISPLACEMENT)
         return horizon.Rounding([float(t) for t in self.times], self._size(), grown)
 
     def until(self) -> float:
-        """The last of the times up to which the orbit can be followed: the horizon, if that is before the end."""
+        """The last time at which both rounding and the difference of the two runs are within the horizon's limit."""
         apart = upto(np.abs(self.one - self.other).max(axis=1).astype(float))
         parted = horizon.within(self.times, apart, self._size())
         return min(self.rounding.span().horizon, parted)
 
-    def _apart(self) -> np.ndarray:
+    def _distances(self) -> np.ndarray:
         return np.array([np.abs(run - self.one).max(axis=1).astype(float) for run in self.displaced])
 
     def _size(self) -> np.ndarray:
         return np.abs(self.one).max(axis=1).astype(float)
 
 
-def follow(problem, times) -> Followed:
-    """Follow a problem's orbit to each of the times, increasing and positive.
+def follow(problem, times) -> FollowedOrbit:
+    """Integrate a problem's orbit to each of the times, which are positive and increasing.
 
     Raises
     ------
     ReferenceFailed
-        Where neither solver comes to the end, saying what became of each.
+        If neither solver reaches the end; the message has both reasons.
     """
     times = np.asarray(times, dtype=float)
     why = []
@@ -103,7 +103,7 @@ def follow(problem, times) -> Followed:
 
 
 def reach(problem, t_end: float) -> float:
-    """The horizon of a problem's orbit up to ``t_end``, to a part in `POINTS` of itself or two."""
+    """The horizon of a problem's orbit up to ``t_end``, to a relative accuracy of about 2 / `POINTS`."""
     end = float(t_end)
     while True:
         times = [*(end * k / POINTS for k in range(1, POINTS)), end]
@@ -114,7 +114,7 @@ def reach(problem, t_end: float) -> float:
 
 
 def _kicks(seed: int, steps: int) -> Callable[[np.ndarray], np.ndarray]:
-    """A function that displaces a state, seeded; ``steps`` of the run that the kicks stand for."""
+    """A function that displaces a state at random, with a seed; ``steps`` is n in the module's formula."""
     random = np.random.default_rng([SEED, seed])
     by = np.longdouble(DISPLACEMENT * max(1.0, steps / KICKS) ** 0.5)
     before: list[np.ndarray] = []
@@ -128,7 +128,7 @@ def _kicks(seed: int, steps: int) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def _sound(problem, rows: np.ndarray, times, what: str) -> np.ndarray:
-    """The rows, if they are finite and keep the energy."""
+    """The rows, if they are finite and conserve the energy; else raises ReferenceFailed."""
     doubles = rows.astype(float)
     if not np.isfinite(doubles).all():
         bad = int(np.flatnonzero(~np.isfinite(doubles).all(axis=1))[0])
@@ -150,20 +150,20 @@ def _sound(problem, rows: np.ndarray, times, what: str) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def _flows(system):
-    long, _ = taylor.extended()
+    long, _ = taylor.extended_types()
     return [taylor.integrator(system, long, tol) for tol in TOLERANCES]
 
 
-def _taylor(problem, times) -> Followed:
+def _taylor(problem, times) -> FollowedOrbit:
     flows = _flows(problem.system)
     ends: list[float] = []
-    one = _propagated(flows[0], problem, times, ends)
-    other = _propagated(flows[1], problem, times)
-    draws = [_displaced(flows[0], problem, times, ends, k) for k in range(DRAWS)]
-    return Followed(TAYLOR, times, one, other, draws)
+    one = _propagate(flows[0], problem, times, ends)
+    other = _propagate(flows[1], problem, times)
+    draws = [_propagate_displaced(flows[0], problem, times, ends, k) for k in range(DRAWS)]
+    return FollowedOrbit(TAYLOR, times, one, other, draws)
 
 
-def _propagated(flow, problem, times, ends: list[float] | None = None) -> np.ndarray:
+def _propagate(flow, problem, times, ends: list[float] | None = None) -> np.ndarray:
     long = np.longdouble
     taylor.start(flow, long, problem.q0, problem.p0)
     rows, _, failure = taylor.propagate(flow, np.array([0.0, *times], dtype=long), "reference", ends)
@@ -172,7 +172,7 @@ def _propagated(flow, problem, times, ends: list[float] | None = None) -> np.nda
     return _sound(problem, rows[1:], times, "the Taylor series in long double")
 
 
-def _displaced(flow, problem, times, ends: Sequence[float], seed: int) -> np.ndarray:
+def _propagate_displaced(flow, problem, times, ends: Sequence[float], seed: int) -> np.ndarray:
     kick, at, long = _kicks(seed, len(ends)), set(_some(ends)), np.longdouble
     wanted = set(times)
     taylor.start(flow, long, problem.q0, problem.p0)
@@ -190,14 +190,14 @@ def _displaced(flow, problem, times, ends: Sequence[float], seed: int) -> np.nda
 
 
 def _some(ends: Sequence[float]) -> Sequence[float]:
-    """About `KICKS` of the ends of steps."""
+    """About `KICKS` of the ends of steps, equally spaced in number."""
     return ends[:: max(1, len(ends) // KICKS)]
 
 
 # -- Gauss's method ---------------------------------------------------------------------------------------------------
 
 
-def _gauss(problem, times) -> Followed:
+def _gauss(problem, times) -> FollowedOrbit:
     from scipy.integrate import solve_ivp
 
     system, q0, p0 = problem.system, problem.q0, problem.p0
@@ -214,4 +214,4 @@ def _gauss(problem, times) -> Followed:
         return _sound(problem, gauss.run(system, q0, p0, marks, times, disturb), times, "Gauss's method")
 
     displaced = [run(PARTS[1], _kicks(k, KICKS)) for k in range(DRAWS)]
-    return Followed(GAUSS, times, run(PARTS[0]), run(PARTS[1]), displaced)
+    return FollowedOrbit(GAUSS, times, run(PARTS[0]), run(PARTS[1]), displaced)

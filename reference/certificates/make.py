@@ -1,15 +1,16 @@
-r"""How a certified end state is computed.
+r"""Computes certified end states.
 
 The digits are those of a Taylor run in quadruple precision (113 bits).  Their error is measured: the same orbit is
-followed in `PRECISION`, of other bits, another order and other steps, and the uncertainty is
+integrated with `PRECISION`, which has other bits, order and steps, and the uncertainty is
 
 .. math:: U = F\,\max_{s \le t} |z(s) - Z(s)| + G(t)\,\tau ,
 
-where z are the stored digits at the stored times s up to t, Z the run of many bits, F is `FACTOR`, and the last term is
-what Z itself may be off: its tolerance tau in each step, grown as rounding grows along the orbit, the largest over the
-draws of `horizon`.  It has to be below a `SHARE` of the first, so that U bounds the error.
+where z are the stored digits at the stored times s up to t, Z is the run with more bits, and F is `FACTOR`.  The last
+term is the possible error of Z itself: its tolerance tau per step, times the largest growth of rounding along the orbit
+over the draws of `horizon`.  It must be below a `SHARE` of the first error, so that U bounds the error.
 
-Beside it run long double, Gauss's method and IAS15 (`others`); how far the orbit can be followed says `horizon`.
+For comparison the orbit is also integrated in long double, by Gauss's method and by IAS15 (`others`); `horizon`
+computes how far it can be followed.
 """
 
 from __future__ import annotations
@@ -23,23 +24,23 @@ from . import horizon, others, stored
 from .along import GRID, Along, Precision, along, upto
 from .stored import Certificate, End
 
-#: What the digits are measured against; their own precision has 113 bits and order 41.
+#: Precision of the run that measures the digits' error; the digits come from 113 bits and order 41.
 PRECISION = Precision(200, "1e-58")
-#: A bound holds another reader's digits as well: F.
+#: Safety factor F, so that the bound also holds for another machine's digits.
 FACTOR = 4.0
-#: What the run of many bits may be off, in units of the error that it measures.
+#: Largest possible error of the run with more bits, in units of the error that it measures.
 SHARE = 1e-3
 
 
 def certify(problem, times: Sequence[float], grid_points: int = GRID) -> Certificate:
-    """Compute the certified states of a problem's orbit at ``times``, increasing and positive; the last is the end.
+    """Compute the certified states of a problem's orbit at ``times``, positive and increasing; the last is the end.
 
     Raises
     ------
     InvalidInput
-        For times that do not increase from above 0.
+        If the times are not positive, finite and increasing.
     ReferenceFailed
-        Where a run does not reach the end, or has too few bits.
+        If a run does not reach the end, or has too few bits.
     """
     path = along(problem, times, PRECISION, grid_points)
     times = [float(t) for t in times]
@@ -48,7 +49,7 @@ def certify(problem, times: Sequence[float], grid_points: int = GRID) -> Certifi
     apart = horizon.neighbour(problem, path.grid, path.near)
     growth, rate = horizon.growth(path.grid, apart, path.size)
     at = [path.grid.index(t) for t in times]
-    bounds = bound(texts, times, path, rounding.distances.max(axis=0)[at])
+    bounds = uncertainties(texts, times, path, rounding.distances.max(axis=0)[at])
     off = path.distances(path.near)[at]
     said = others.words(problem, times, path, apart)
     ends, d = [], problem.system.d
@@ -74,24 +75,24 @@ def certify(problem, times: Sequence[float], grid_points: int = GRID) -> Certifi
 
 
 def _digits(problem, times) -> list[tuple[str, ...]]:
-    """The quadruple run at the times in decimal."""
-    _, quad = taylor.extended()
+    """The states of the quadruple-precision run at the times, as decimal strings."""
+    _, quad = taylor.extended_types()
     rows = taylor.states(problem.system, quad, problem.q0, problem.p0, times)
     return [tuple(f"{Decimal(str(x)):.{stored.DIGITS - 1}e}" for x in row) for row in rows]
 
 
 def errors(texts, times, path: Along) -> list[float]:
-    """The errors of decimal states at the times against a run of many bits, each the largest so far."""
-    return upto([stored.apart(text, map(str, path.row(t))) for text, t in zip(texts, times, strict=True)]).tolist()
+    """The errors of decimal states at the times against a high-precision run, each the largest so far."""
+    return upto([stored.distance(text, map(str, path.row(t))) for text, t in zip(texts, times, strict=True)]).tolist()
 
 
-def bound(texts, times, path: Along, grown) -> list[float]:
-    """The uncertainties of decimal states; ``grown`` is what rounding by `horizon.UNIT` has become at the times.
+def uncertainties(texts, times, path: Along, grown) -> list[float]:
+    """The uncertainties of decimal states; ``grown`` is the effect at each time of rounding by `horizon.UNIT`.
 
     Raises
     ------
     ReferenceFailed
-        Where the run of many bits may be off by more than its share.
+        If the high-precision run may be off by more than its share.
     """
     bounds = []
     for t, error, unit in zip(times, errors(texts, times, path), grown, strict=True):
@@ -106,7 +107,7 @@ def bound(texts, times, path: Along, grown) -> list[float]:
 
 
 def versions() -> dict[str, str | None]:
-    """The packages that the digits come from."""
-    from phasebench.reference.tables import version_of
+    """Versions of the packages that the digits depend on."""
+    from phasebench.reference.installed import version_of
 
     return {name: version_of(name) for name in ("heyoka", "numpy", "sympy", "mpmath", "rebound")}

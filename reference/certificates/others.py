@@ -1,8 +1,8 @@
-"""What other solvers say of an orbit: Gauss's method, which shares no code with the Taylor runs, and IAS15.
+"""Comparison of an orbit with other solvers: Gauss's method, which shares no code with the Taylor runs, and IAS15.
 
-A solver's own uncertainty is `SAFETY` times the difference of its two runs (two step sizes, two tolerances), since both
-carry round-off of the same size, and the round-off eps n^(1/2) of a random walk of n steps, grown as neighbouring
-trajectories part.  It checks the equations and the solvers to its precision, not all digits.
+A solver's uncertainty has two terms: `SAFETY` times the difference of its two runs (with two step sizes or tolerances),
+as both have errors of similar size; and the round-off eps n^(1/2) of a random walk of n steps, grown like the distance
+of neighbouring trajectories.  The comparison verifies the equations and the solvers to this precision, not all digits.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from .along import Along, norm, upto
 from .stored import Check
 
 SAFETY = 4.0
-#: Gauss's steps: the Taylor run's, each in so many parts, but none above the span's share.
+#: Gauss's steps: each step of the Taylor run in 2 or 3 parts, and none longer than this share of the span.
 PARTS, SHARE = (2, 3), 1 / 400
 GAUSS, IAS15 = "Gauss of order 16, long double", "IAS15, double"
 TOLERANCES = (1e-9, 1e-11)
 
 
 def words(problem, times: Sequence[float], path: Along, apart: np.ndarray) -> list[tuple[Check, ...]]:
-    """What each solver says at each of the times; ``apart`` is `horizon.neighbour`'s distance on the path's grid."""
+    """Each solver's comparison at each of the times; ``apart`` is the distance of `horizon.neighbour` on the grid."""
     unit = np.maximum(upto(path.size), apart / horizon.SHIFT)
     beyond, own = _gauss(problem, path, unit)
     at = [path.grid.index(t) for t in times]
@@ -41,7 +41,7 @@ def words(problem, times: Sequence[float], path: Along, apart: np.ndarray) -> li
 
 
 def _gauss(problem, path: Along, unit) -> tuple[np.ndarray, np.ndarray]:
-    """(distances on the grid, uncertainties) of Gauss's method; ``unit`` is what a relative error of 1 grows to."""
+    """(distances on the grid, uncertainties) for Gauss's method; ``unit`` is the growth of a relative error of 1."""
     system, q0, p0, t_end = problem.system, problem.q0, problem.p0, path.grid[-1]
     ends = taylor.step_ends(system, np.longdouble, q0, p0, t_end)
     runs = []
@@ -57,11 +57,11 @@ def _gauss(problem, path: Along, unit) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _ias15(problem, times, unit):
-    """(states at the times at the finer tolerance, uncertainties) of REBOUND's IAS15, or None where it cannot."""
+    """(states at the times at the finer tolerance, uncertainties) for REBOUND's IAS15; None if it is not applicable."""
     from phasebench.reference.peers import BY_ID, integrate_peer
 
     peer = BY_ID.get("rebound-ias15")
-    # Of one degree of freedom the acceleration vanishes on the way, and IAS15's steps with it.
+    # With one degree of freedom the acceleration vanishes along the way, and with it IAS15's step.
     if peer is None or problem.system.d == 1 or peer.lacks(problem, problem.system):
         return None
     runs = []
@@ -76,5 +76,5 @@ def _ias15(problem, times, unit):
 
 
 def uncertainty(difference, round_off) -> np.ndarray:
-    """A solver's own: of the differences of its two runs, the largest so far, and of its round-off."""
+    """A solver's uncertainty from the differences of its two runs (running maximum) and its round-off."""
     return SAFETY * upto(difference) + round_off

@@ -1,9 +1,9 @@
-"""Stored end states with their uncertainty: a JSON file per problem, bound to it and checked whenever it is read.
+"""Stores certified end states with their uncertainty: one JSON file per problem, verified at every reading.
 
-An end state is the quadruple run of `taylor` in decimal.  Its uncertainty, the horizon and what other solvers say of
-it come from `make`; this module integrates nothing.  A file is bound to its problem by the initial doubles, the
-parameters and a fingerprint: the energy (of a system that is not canonical, the vector field too) in 20 digits at a
-state beside the initial one, which no rewriting of a formula changes.
+An end state is the quadruple-precision run of `taylor` as decimal strings.  Its uncertainty, the horizon and the
+comparisons with other solvers come from `make`; nothing is integrated here.  A file is tied to its problem by the
+initial doubles, the parameters and a fingerprint: 20 digits of the energy (and of the vector field, if the system is
+not canonical) at a state near the initial one, which do not depend on how a formula is written.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ from pathlib import Path
 import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
-from phasebench.reference.tables import write_file
+from phasebench.reference.files import write_file
 
 DIRECTORY = Path(__file__).with_name("states")
 FORMAT = 2
-#: Significant digits of a stored component: all that quadruple precision has.
+#: Significant digits of a stored component: the full quadruple precision.
 DIGITS = 34
-#: Digits of a fingerprint, and those that it is evaluated with.
+#: Digits of a fingerprint, and working digits for its evaluation.
 PRINT, WORK = 20, 50
-#: A solver that states an uncertainty above this share of a state's size has not two digits of it: any orbit of that
-#: size would agree with it, so what it says is no comparison.
+#: Largest uncertainty of a comparing solver, relative to the state's size; with a larger one it would agree with any
+#: orbit of that size.
 TELLING = 0.01
 
 
 @dataclass(frozen=True)
 class Check:
-    """What another solver says of an end state.
+    """Comparison of an end state with another solver.
 
     Attributes
     ----------
     solver : its name
-    distance : the max norm over (q, p) of its state minus the stored one, the largest up to the time
-    uncertainty : its own, from two step sizes or tolerances and its round-off
+    distance : max norm over (q, p) of its state minus the stored one, the largest up to this time
+    uncertainty : the solver's own, from two step sizes or tolerances and its round-off
     """
 
     solver: str
@@ -56,11 +56,11 @@ class End:
     Attributes
     ----------
     t : the time
-    q_text, p_text : d decimal strings each, the quadruple run
-    uncertainty : a bound of the strings' error at this time and at the stored ones before it (`make`)
-    long_double : the largest distance so far of the long double run, which `taylor.reference` calls its uncertainty
-    energy : the change of the energy since the start, relative to the sum of its terms' sizes, in 50 digits
-    checks : what other solvers say
+    q_text, p_text : d decimal strings each, from the quadruple-precision run
+    uncertainty : a bound of the strings' error at this and at earlier stored times (`make`)
+    long_double : the largest error so far of a run in long double; `taylor.reference` calls it its uncertainty
+    energy : the change of the energy since the start, relative to the sum of its absolute terms, from 50 digits
+    checks : the comparisons with other solvers
     """
 
     t: float
@@ -92,16 +92,16 @@ class End:
         return max(abs(float(x)) for x in self.texts)
 
     def compares(self, check: Check) -> bool:
-        """Whether a solver's word is a comparison: its own uncertainty is at most `TELLING` of the state's size."""
+        """True if a solver's uncertainty is small enough for a comparison: at most `TELLING` of the state's size."""
         return check.uncertainty <= TELLING * self.size
 
     def agrees(self, check: Check) -> bool:
-        """Whether it is a comparison, and the distance is no more than the solver's uncertainty and the state's own."""
+        """True if the comparison is valid and the distance is within the solver's plus the state's uncertainty."""
         return self.compares(check) and check.distance <= check.uncertainty + self.uncertainty
 
     @property
     def agree(self) -> bool:
-        """Whether there is a comparison with another solver, and all agree."""
+        """True if there is a valid comparison with another solver, and all of them agree."""
         compared = [c for c in self.checks if self.compares(c)]
         return bool(compared) and all(self.agrees(c) for c in compared)
 
@@ -116,13 +116,13 @@ class Certificate:
     q0, p0 : the initial doubles
     fingerprint : of the problem's formulae
     t_end : the last time
-    limit : of an error relative to the state's max norm; it defines the horizons
-    bits : of the run that the digits' error was measured against
-    horizon : the time up to which rounding to long double stays within the limit in the median of seeded draws, on a
-        grid of spacing ``spacing`` (`horizon`): a property of the problem
-    earliest, latest : between these times 95 of 100 runs in long double leave the limit
-    growth : d ln / d ln t of the distance between neighbouring trajectories over the later part of the span
-    rate : where they part exponentially, the rate 1/t, else None
+    limit : the error relative to the state's max norm that defines the horizons
+    bits : precision of the run that measured the digits' error
+    horizon : the time up to which rounding to long double stays within the limit, in the median of seeded draws, on a
+        grid of spacing ``spacing`` (see the module `horizon`)
+    earliest, latest : 95 of 100 runs in long double leave the limit between these times
+    growth : d ln / d ln t of the distance of neighbouring trajectories over the later part of the span
+    rate : if they separate exponentially, the rate in 1 / time, else None
     ends : the states, by time
     """
 
@@ -144,21 +144,21 @@ class Certificate:
     ends: tuple[End, ...]
 
     def at(self, t: float) -> End | None:
-        """The state at exactly that time, or None."""
+        """The state at exactly this time, or None."""
         return next((e for e in self.ends if e.t == t), None)
 
     @property
     def digits_horizon(self) -> float:
-        """The last stored time up to which the uncertainties of the digits are within the limit, else 0."""
+        """The last stored time up to which the digits' uncertainties are within the limit; 0 if there is none."""
         good = [e.t for e in itertools.takewhile(lambda e: e.uncertainty <= self.limit * e.size, self.ends)]
         return good[-1] if good else 0.0
 
 
-# -- what binds a file to its problem -----------------------------------------------------------------------------
+# -- the fingerprint of a problem ---------------------------------------------------------------------------------
 
 
 def evaluate(problem, expressions: Sequence, q: Sequence, p: Sequence) -> list:
-    """The expressions at a state (doubles or decimal strings), in mpmath's working precision."""
+    """The values of expressions at a state (doubles or decimal strings), in mpmath's working precision."""
     import mpmath
     import sympy as sp
 
@@ -168,7 +168,7 @@ def evaluate(problem, expressions: Sequence, q: Sequence, p: Sequence) -> list:
 
 
 def fingerprint(problem) -> str:
-    """20 digits of what defines the motion, at a state beside the initial one: H, or H and the vector field."""
+    """20 digits of H (and of the vector field if the system is not canonical) at a state near the initial one."""
     import mpmath
 
     system = problem.system
@@ -180,7 +180,7 @@ def fingerprint(problem) -> str:
 
 
 def energy_change(problem, q: Sequence, p: Sequence) -> float:
-    """H at (q, p) minus H at the initial doubles, relative to the sum of the sizes of H's terms, in 50 digits."""
+    """H at (q, p) minus H at the initial state, relative to the sum of the absolute terms of H; in 50 digits."""
     import mpmath
     import sympy as sp
 
@@ -207,7 +207,7 @@ def _digest(content: dict) -> str:
 
 
 def write(id: str, certificates: Sequence[Certificate], versions: dict, directory: Path | str | None = None) -> Path:
-    """Store all certificates of the problem ``id``, whole or not at all; returns the file's path."""
+    """Write all certificates of the problem ``id`` to its file, atomically; return the path."""
     content = {
         "format": FORMAT,
         "problem": id,
@@ -215,7 +215,7 @@ def write(id: str, certificates: Sequence[Certificate], versions: dict, director
         "versions": dict(versions),
         "references": [asdict(c) for c in certificates],
     }
-    content = json.loads(json.dumps(content))  # tuples as lists, so that the digest is that of what is read
+    content = json.loads(json.dumps(content))  # turn tuples into lists, so that the digest matches after reading
     path = _path(id, directory)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_file(path, json.dumps(content | {"sha256": _digest(content)}, indent=1) + "\n")
@@ -223,10 +223,10 @@ def write(id: str, certificates: Sequence[Certificate], versions: dict, director
 
 
 def keep(new: Certificate, labels: Sequence[str], versions: dict, directory: Path | str | None = None) -> Path:
-    """Store a certificate in its problem's file, in place of the one of the same orbit and parameters.
+    """Store a certificate in its problem's file, replacing the one with the same orbit and parameters.
 
-    ``labels`` are those of the problem's orbits, in the order of the file; what is of none of them is left out, and a
-    file that cannot be trusted counts as empty.
+    ``labels`` are those of the problem's orbits, in the order of the file; certificates of other orbits are removed,
+    and an unreadable or edited file counts as empty.
     """
     id = new.problem.partition(":")[0]
     try:
@@ -238,15 +238,15 @@ def keep(new: Certificate, labels: Sequence[str], versions: dict, directory: Pat
 
 
 def read(id: str, directory: Path | str | None = None) -> tuple[tuple[Certificate, ...], dict]:
-    """All certificates of the problem ``id`` and the versions they were computed with; ((), {}) where none is stored.
+    """(all certificates of the problem ``id``, package versions at their computation); ((), {}) if none is stored.
 
     Raises
     ------
     InvalidInput
-        Where the file is truncated or changed, naming it and the remedy.
+        If the file is truncated or was edited; the message names it and the remedy.
     """
     path = _path(id, directory)
-    if not os.path.exists(path):  # of a formula the id is its text, which may be too long for a file's name
+    if not os.path.exists(path):  # the id of a formula is its text, which may be too long for a file name
         return (), {}
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -275,16 +275,16 @@ def _certificate(c: dict) -> Certificate:
     return Certificate(**c | {"q0": tuple(c["q0"]), "p0": tuple(c["p0"]), "ends": tuple(ends)})
 
 
-# -- looked up ----------------------------------------------------------------------------------------------------
+# -- look-up ------------------------------------------------------------------------------------------------------
 
 
 def find(problem, directory: Path | str | None = None) -> Certificate | None:
-    """The certificate of a problem's orbit at its parameters, or None where none is stored.
+    """The certificate of a problem's orbit at its parameters, or None if none is stored.
 
     Raises
     ------
     InvalidInput
-        Where the file cannot be trusted, or the problem is no longer what it was computed from.
+        If the file is damaged, or the problem has changed since the certificate was computed.
     """
     stored, _ = read(problem.id, directory)
     same = [c for c in stored if c.problem == problem.label and c.parameters == dict(problem.parameters)]
@@ -299,7 +299,7 @@ def find(problem, directory: Path | str | None = None) -> Certificate | None:
 
 
 def load(problem, directory: Path | str | None = None) -> tuple[End, ...]:
-    """The certified states of a problem's orbit, by time; raises InvalidInput as `find`, and where there are none."""
+    """The certified states of a problem's orbit, by time; raises InvalidInput as `find` does, and if there are none."""
     certificate = find(problem, directory)
     if certificate is None:
         values = ", ".join(f"{k} = {v!r}" for k, v in problem.parameters.items())
@@ -309,12 +309,12 @@ def load(problem, directory: Path | str | None = None) -> tuple[End, ...]:
 
 
 def end(problem, t: float, directory: Path | str | None = None) -> End | None:
-    """The certified state of a problem's orbit at exactly ``t``, or None where none is stored; raises as `find`."""
+    """The certified state of a problem's orbit at exactly ``t``, or None; raises InvalidInput as `find` does."""
     certificate = find(problem, directory)
     return None if certificate is None else certificate.at(float(t))
 
 
-def apart(one: Iterable[str], other: Iterable[str]) -> float:
-    """The max norm of the difference of two states in decimal, without a round-off of its own."""
+def distance(one: Iterable[str], other: Iterable[str]) -> float:
+    """The max norm of the difference of two states of decimal strings, computed without round-off."""
     with localcontext(prec=200):
         return float(max(abs(Decimal(a) - Decimal(b)) for a, b in zip(one, other, strict=True)))

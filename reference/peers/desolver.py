@@ -1,15 +1,14 @@
-r"""desolver's integrators as peers, at constant steps and, where a method has an embedded one, at its own.
+r"""desolver's integrators as peers, at constant steps and, for embedded methods, at adaptive ones too.
 
-A step is a call of the integrator, ``integrator(rhs, t, y, constants, h) -> (next step, (h taken, change of y))``, as
-`desolver.OdeSystem` makes it.  `OdeSystem` itself takes no constant steps with an implicit method: of version 5.1 the
-step after one of 0.1 is near 0.3, for methods listed as of fixed step too, since an error estimate of 0 lengthens it.
-So the peers of constant step switch the choice of the step off by the integrator's ``adaptation_fn``.  What is left of
-it: where Newton's iteration fails, the step is shortened; such a step is thrown away and taken anew, at h and from a
-new Jacobian, and where that fails too the run ends.
+A step is a call ``integrator(rhs, t, y, constants, h) -> (next step, (h taken, change of y))``, as `desolver.OdeSystem`
+makes it.  In version 5.1 `OdeSystem` cannot keep an implicit method's step constant: after a step of 0.1 the next one
+is near 0.3, even for methods listed with fixed steps, since an error estimate of 0 lengthens the step.  The peers with
+constant steps therefore disable the step-size control by the integrator's ``adaptation_fn``.  If Newton's iteration
+fails, desolver still shortens the step; such a step is discarded and repeated with h and a new Jacobian, and if that
+fails too the run ends.
 
-The explicit symplectic integrators are of :math:`H = T(p) + V(q)`: stages update q and p in turn, and only half of what
-the right-hand side gives is used.  `desolver.integrators.generate_richardson_integrator` makes a class from any other;
-one such is here.
+The explicit symplectic integrators require :math:`H = T(p) + V(q)`: stages update q and p in turn and use half of the
+right-hand side.  `desolver.integrators.generate_richardson_integrator` derives a class from any other; one is here.
 
 Sources: the methods' own, below; E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996), IV.5.
 """
@@ -28,24 +27,24 @@ import numpy as np
 from .field import right_hand_side
 from .record import NOT_FINITE, Claims, Peer, Run, Task, anything, split_alone
 
-#: Steps after which an adaptive run is given up: near a singularity they may shrink without end.
+#: Largest number of steps of an adaptive run: near a singularity steps may shrink without end.
 STEP_LIMIT = 100_000
-#: rtol and atol of Newton's iteration; at desolver's default, 32 eps, a residual of round-off often fails the test.
+#: rtol and atol of Newton's iteration; with desolver's default, 32 eps, round-off in the residual often fails the test.
 TOLERANCE = 1e-13
-#: Richardson's table has this many rows: with desolver's default of 2 it returns the method that it starts from.
+#: Rows of Richardson's table; with desolver's default of 2 the result is that of the underlying method.
 RICHARDSON_ROWS = 4
 RICHARDSON = "richardson "
 
 
 def load(name: str = "desolver"):
-    """Import desolver without the line that it prints."""
+    """Import desolver without the line that it prints on stderr."""
     with contextlib.redirect_stderr(io.StringIO()):
         return importlib.import_module(name)
 
 
 @lru_cache(maxsize=64)
 def integrator_class(which: str):
-    """The integrator's class; ``which`` is its name, or "richardson " and the name of another."""
+    """The integrator class named ``which``, or the Richardson extrapolation of it for "richardson " and a name."""
     integrators = load().integrators
     if which.startswith(RICHARDSON):
         base = getattr(integrators, which.removeprefix(RICHARDSON))
@@ -54,27 +53,27 @@ def integrator_class(which: str):
 
 
 def _integrator(which: str, size: int, h: float):
-    """A new integrator that keeps the step h."""
+    """A new integrator object with constant step h."""
     integrator = integrator_class(which)((size,), dtype=np.dtype(float), rtol=TOLERANCE, atol=TOLERANCE)
     integrator.adaptation_fn = lambda _: (h, False)
     return integrator
 
 
 def _right_hand_side(system, sign: float = 1.0):
-    """A counting (t, y) -> y', of time that runs backwards where the ``sign`` is -1."""
+    """A right-hand side (t, y) -> y' that counts its calls; ``sign`` -1 reverses time."""
     field = right_hand_side(system)
-    return load().DiffRHS(lambda t, y: sign * field(float(t), y))  # t may be an array without dimensions
+    return load().DiffRHS(lambda t, y: sign * field(float(t), y))  # t may be a 0-dimensional array
 
 
 @lru_cache(maxsize=256)
 def _warm(which: str, size: int) -> None:
-    """A first step, which loads what has to be loaded."""
+    """Take one step before any timing, so that lazy imports and set-up are done."""
     _integrator(which, size, 0.1)(load().DiffRHS(lambda t, y: -y), np.float64(0.0), np.ones(size), {}, np.float64(0.1))
 
 
 @contextlib.contextmanager
 def _quiet():
-    """NumPy's warnings of what a blow-up does are no news: the rows end there."""
+    """Silence NumPy's warnings at a blow-up, which is detected from the rows instead."""
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
@@ -86,7 +85,7 @@ def _stops() -> tuple[type[Exception], ...]:
 
 def _run_constant(which: str):
     def run(task: Task) -> Run:
-        # With a negative step the Richardson integrators look for an error estimate without end.
+        # With a negative step the Richardson integrators never end their search for an error estimate.
         state, h, numbers = task.state, np.float64(abs(task.h)), task.numbers
         size = len(state)
         rhs = _right_hand_side(task.system, np.sign(task.h))
@@ -122,7 +121,7 @@ def _run_constant(which: str):
 
 
 class _Stuck(RuntimeError):
-    """What ends a run whose steps get nowhere."""
+    """Ends a run whose steps no longer advance."""
 
 
 def _run_adaptive(which: str):
@@ -164,7 +163,7 @@ def _run_adaptive(which: str):
 
 
 def _peer(id, which, name, order, about, source, claim=None, *, symplectic=False, adaptive=False) -> Peer:
-    """A peer; ``order`` is the one measured, ``claim`` the order of the class attribute where that is another."""
+    """A peer; ``order`` is the measured order, ``claim`` the one of the class attribute if that differs."""
     splitting = which in SPLITTING
     richardson = which.startswith(RICHARDSON)
     class_name = which.removeprefix(RICHARDSON)
@@ -214,7 +213,7 @@ FOURTH = "the paper calls the method one of fourth order, the class attribute sa
 
 SPLITTING = ("SymplecticEulerSolver", "BABs9o7HSolver", "ABAs5o6HSolver", f"{RICHARDSON}SymplecticEulerSolver")
 
-#: Arguments of `_peer` of the pairs that come with constant and with adaptive steps.
+#: Arguments of `_peer` for methods that are run both with constant and with adaptive steps.
 EMBEDDED = (
     ("rk1412", "RK1412Solver", "desolver's Runge-Kutta method of order 14(12)", 14, "", FEAGIN),
     ("rk108", "RK108Solver", "desolver's Runge-Kutta method of order 10(8)", 10, "", FEAGIN),
@@ -231,7 +230,7 @@ EMBEDDED = (
     ("dopri45", "DOPRI45", "desolver's Dormand-Prince pair of order 5(4)", 5, "", DORMAND),
     ("radau-iia-19", "RadauIIA19", "desolver's Radau IIA of order 19", 19, "", HW),
 )
-#: Pairs whose error estimate is of order 1 or 2: at adaptive steps they take thousands where others take ten.
+#: Arguments of `_peer` for pairs with an error estimate of order 1 or 2; adaptively they would need thousands of steps.
 POORLY_ESTIMATED = (
     ("heun-euler", "HeunEulerSolver", "desolver's Heun-Euler pair of order 2(1)", 2, "", HNW),
     ("lobatto-iiic-4", "LobattoIIIC4", "desolver's Lobatto IIIC of order 4", 4, "", HW),

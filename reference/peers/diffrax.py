@@ -1,21 +1,21 @@
 r"""diffrax's solvers of ordinary differential equations as peers, compiled by JAX, at constant steps.
 
 The loop is diffrax's manual stepping, ``solver.step(terms, t0, t1, y, args, state, made_jump)``, inside one compiled
-JAX loop.  `diffrax.diffeqsolve` with ConstantStepSize takes the same steps up to a rounding: it adds h to the time, a
-step is the difference of two such sums, and rows between are interpolated.  Here every step is from 0 to h, except of
-LeapfrogMidpoint, which keeps the time before last and gets n h.
+JAX loop.  `diffrax.diffeqsolve` with ConstantStepSize takes the same steps up to round-off: there the time is a sum of
+steps, a step is the difference of two times, and rows in between are interpolated.  Here every step goes from 0 to h,
+except for LeapfrogMidpoint, which stores the time before last and gets n h.
 
-Two solvers keep more than the state between steps and start it from the state alone: LeapfrogMidpoint the state
-before last (its first step is Euler's), ReversibleHeun a second copy with its slope (of which pair "algebraically
-reversible" is said).  What is measured of them is measured from such a start.
+Two solvers carry more than the state between steps: LeapfrogMidpoint the previous state (its first step is Euler's),
+ReversibleHeun a second copy with its slope (for the pair diffrax says "algebraically reversible").  Both are measured
+from a start that is given by the state alone.
 
 - SemiImplicitEuler takes :math:`q' = T_p(p), p' = -V_q(q)` as two terms;
 - Sil3 and KenCarp3-5 take an explicit and an implicit term, here the equations of q and those of p;
-- implicit solvers have their equations solved by Newton's method of Optimistix to `ROOT`; diffrax's default, a chord
-  method, takes its tolerances from an adaptive step control, which there is not.
+- the equations of implicit solvers are solved by Optimistix's Newton method to the tolerance `ROOT`; diffrax's default,
+  a chord method, takes its tolerances from an adaptive step-size control, which is not used here.
 
-Left out: the solvers of stochastic equations, and HalfSolver, which adds an error estimate to another.  Double
-precision is switched on for the calls made here alone.
+Left out are the solvers of stochastic equations, and HalfSolver, which adds an error estimate to another solver.
+Double precision is switched on only during the calls made here.
 
 Source: P. Kidger, On Neural Differential Equations, PhD thesis, University of Oxford (2021).
 """
@@ -30,11 +30,11 @@ import numpy as np
 
 from .record import Claims, Peer, Run, Task, anything, split_alone
 
-#: rtol and atol of the solution of implicit equations, and how many iterations it may take.
+#: rtol and atol for implicit equations, and the largest number of iterations.
 ROOT, ITERATIONS = 1e-12, 30
-#: Rows that one call of the compiled loop keeps; its compiled form depends on their number, hence always the same.
+#: Rows per call of the compiled loop; fixed, since the compiled code depends on it.
 ROWS = 256
-#: Compiled loops that are kept.
+#: Size of the cache of compiled loops.
 KEPT = 256
 SOLVERS = "https://docs.kidger.site/diffrax/api/solvers/ode_solvers"
 
@@ -44,18 +44,18 @@ IMPLICIT = ("ImplicitEuler", "Kvaerno3", "Kvaerno4", "Kvaerno5", "Sil3", "KenCar
 
 @contextlib.contextmanager
 def double_precision():
-    """JAX in double precision on the processor, in this thread and this block alone."""
+    """A context that uses JAX in double precision on the CPU, in this thread only."""
     import jax
 
     switch = getattr(jax, "enable_x64", None)
-    if not callable(switch):  # of older versions of JAX
+    if not callable(switch):  # older versions of JAX
         from jax.experimental import enable_x64 as switch
     with switch(True), jax.default_device(jax.local_devices(backend="cpu")[0]):
         yield
 
 
 def solver(name: str):
-    """The diffrax solver of that name."""
+    """The diffrax solver of this name, with Newton's method if it is implicit."""
     import diffrax
     import optimistix
 
@@ -66,7 +66,7 @@ def solver(name: str):
 
 
 def _function(variables, expressions):
-    """An array of JAX from one (or two) of the variables' values."""
+    """A function from values of the variables (one or two arrays) to a JAX array of the expressions."""
     import jax.numpy as jnp
     import sympy as sp
 
@@ -75,7 +75,7 @@ def _function(variables, expressions):
 
 
 def _terms(system, split: str):
-    """diffrax's terms of the system; the state is an array (2 d,), or a pair of arrays (d,) for `HALVES`."""
+    """diffrax's terms of the system for a state (2 d,), or for `HALVES` a pair of arrays (d,)."""
     import diffrax
     import jax.numpy as jnp
 
@@ -99,8 +99,8 @@ def _terms(system, split: str):
 
 
 @lru_cache(maxsize=KEPT)
-def _compiled(name: str, split: str, system):
-    """(the state before the first step from y and h, the loop over steps), after a first step that compiles them."""
+def _compile(name: str, split: str, system):
+    """(initial solver state from y and h, compiled loop over steps) of a solver, both already compiled."""
     import diffrax
     import jax
     import jax.numpy as jnp
@@ -112,7 +112,7 @@ def _compiled(name: str, split: str, system):
         return y, method.init(terms, jnp.zeros_like(h), h, y, None)
 
     def loop(state, h, begin, end, index):
-        """Rows (ROWS, 2 d) at the step numbers of index, the new state, and the first step that failed or -1."""
+        """(rows (ROWS, 2 d) at the step numbers ``index``, new state, first step that failed or -1)."""
         rows = jnp.zeros((ROWS, 2 * d))
 
         def step(k, carried):
@@ -129,13 +129,13 @@ def _compiled(name: str, split: str, system):
         return rows, state, failed
 
     both = jax.jit(first), jax.jit(loop)
-    for _ in range(2):  # the state that the loop gives may compile it anew
+    for _ in range(2):  # the state returned by the loop may cause a second compilation
         _steps(*both, np.full(2 * d, 0.5), 1e-3, np.arange(1, ROWS + 2))
     return both
 
 
 def _steps(first, loop, y, h: float, index):
-    """Rows at the step numbers of index up to where a step failed, and that step or -1."""
+    """(rows at the step numbers ``index`` up to a failure, the step that failed or -1)."""
     h, rows, begin = np.float64(h), [], 0
     state = first(y, h)
     for i in range(0, len(index), ROWS):
@@ -150,11 +150,11 @@ def _steps(first, loop, y, h: float, index):
     return np.vstack(rows), -1
 
 
-def _run(name: str, split: str):
+def _build_run(name: str, split: str):
     def run(task: Task) -> Run:
         y = task.state
         with double_precision():
-            first, loop = _compiled(name, split, task.system)
+            first, loop = _compile(name, split, task.system)
             began = time.perf_counter()
             rows, failed = _steps(first, loop, y, task.h, np.asarray(task.numbers[1:]))
             seconds = time.perf_counter() - began
@@ -179,7 +179,7 @@ def _peer(id, name, title, order, source, about="", *, split=WHOLE, symplectic=N
         license="Apache-2.0",
         about=f"{about}; {cost}" if about else cost,
         source=source,
-        run=_run(name, split),
+        run=_build_run(name, split),
         scope="H = T(p) + V(q)" if split == HALVES else "any",
         lacks=_lacks_halves if split == HALVES else anything,
         claims=Claims(

@@ -1,4 +1,4 @@
-"""The right-hand side of a system for solvers that take a function of Python, (t, y) -> y' with y = (q, p)."""
+"""Right-hand sides for solvers that call a Python function (t, y) -> y' with y = (q, p)."""
 
 from __future__ import annotations
 
@@ -6,17 +6,18 @@ from functools import lru_cache
 
 import numpy as np
 
-#: Compiled right-hand sides that are kept.
+#: Size of the cache of compiled right-hand sides.
 KEPT = 128
 
 
 @lru_cache(maxsize=KEPT)
 def compiled_field(system):
-    """(t, y) -> y' on arrays y = (q, p) of shape (2 d,), compiled; y need not be contiguous."""
+    """A compiled function (t, y) -> y' on arrays y = (q, p) of shape (2 d,); y need not be contiguous."""
     import numba
     from numba import float64
 
-    from phasebench.integrators.engine import codegen, vector
+    from phasebench.integrators.compile import codegen
+    from phasebench.integrators.values import vector
 
     field, d, load = system.field(), system.d, vector.load
     zero = (0.0,) * d
@@ -38,7 +39,7 @@ def compiled_field(system):
 
 
 def right_hand_side(system):
-    """(t, y) -> y' on arrays (2 d,): compiled, unless compilation is off."""
-    from phasebench.integrators.engine import codegen
+    """A function (t, y) -> y' on arrays (2 d,): compiled, unless compilation is disabled."""
+    from phasebench.integrators.compile import codegen
 
     return compiled_field(system) if codegen.compiled() else system.vector_field()

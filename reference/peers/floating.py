@@ -1,7 +1,7 @@
-"""The floating-point environment of the process: what a package changes in it, and taking that back.
+"""The floating-point environment of the process: detects and undoes a change that a package makes.
 
-A library compiled for speed may switch the processor to flushing numbers below 2^-1022 to zero, and leave it so: all
-that the process computes afterwards is in that mode, whoever computes it.  REBOUND's WHFast512 does (5.2.2).
+A library compiled for speed may switch the processor to flush numbers below 2^-1022 to zero and leave it so, which then
+affects all later computations of the process.  REBOUND's WHFast512 does (5.2.2).
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ import struct
 from collections.abc import Callable, Iterator
 from functools import cache, wraps
 
-#: 2^-1074 by its bits, since a process that flushes cannot compute it; and a 0 that no compiler sees.
+#: 2^-1074 from its bits, since a process that flushes cannot compute it; and a 0 that no compiler can fold.
 (LEAST,) = struct.unpack("<d", (1).to_bytes(8, "little"))
 ZERO = float("0")
-#: Bytes that hold the environment of any C library (32 of the GNU one on x86-64).
+#: Enough bytes for the environment of any C library (32 in GNU's on x86-64).
 ROOM = 512
 
 
 @cache
 def _library():
-    """The C library with fegetenv and fesetenv; None where there is none with both."""
+    """The C library, if it has fegetenv and fesetenv; else None."""
     try:
         library = ctypes.CDLL(None)
         library.fegetenv, library.fesetenv  # noqa: B018
@@ -31,13 +31,13 @@ def _library():
 
 
 def gradual() -> bool:
-    """Whether the least number, 2^-1074, survives an addition: underflow is gradual, as IEEE 754 has it."""
+    """True if the smallest number, 2^-1074, survives an addition: underflow is gradual, as in IEEE 754."""
     return struct.pack("<d", LEAST + ZERO) == struct.pack("<d", LEAST) and LEAST != ZERO
 
 
 @contextlib.contextmanager
-def kept() -> Iterator[None]:
-    """Leave the environment (modes, rounding, flags) of this thread as it was before, whatever that was."""
+def restore_environment() -> Iterator[None]:
+    """A context that restores this thread's environment (modes, rounding, flags) at its end."""
     library = _library()
     if library is None:
         yield
@@ -51,11 +51,11 @@ def kept() -> Iterator[None]:
 
 
 def keeping(call: Callable) -> Callable:
-    """The call, which leaves the environment of its thread as it was before."""
+    """Decorator: restore the environment of the thread after each call."""
 
     @wraps(call)
     def kept_call(*arguments):
-        with kept():
+        with restore_environment():
             return call(*arguments)
 
     return kept_call

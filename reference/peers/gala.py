@@ -1,13 +1,13 @@
-r"""gala's integrators as peers: its Python classes on any system, its Cython loops on the potentials it has in C.
+r"""gala's integrators as peers: its Python classes for any system, its Cython loops for potentials that it has in C.
 
-The Python integrators take a function (t, w) -> w' of the state w = (q, v).  Leapfrog and Ruth's method take its second
-half alone and set q' = v: they integrate :math:`\ddot q = a(q)`, here :math:`H = p^T M^{-1} p/2 + V(q)` in the
-velocities :math:`v = M^{-1}p`.  The Cython loops are reached through `gala.potential.Hamiltonian.integrate_orbit`; the
-problems that gala has in C are Kepler's (in space; the plane is z = 0) and Henon and Heiles's.  Without units, G = 1.
+The Python integrators take a function (t, w) -> w' of the state w = (q, v).  Leapfrog and Ruth's method use only its
+second half and set q' = v: they integrate :math:`\ddot q = a(q)`, here :math:`H = p^T M^{-1} p/2 + V(q)` in the
+velocities :math:`v = M^{-1}p`.  The Cython loops are called through `gala.potential.Hamiltonian.integrate_orbit`; among
+the problems here gala has Kepler's (in space; the plane is z = 0) and Henon and Heiles's in C.  Without units, G = 1.
 
-Of version 1.11: RK5 and Ruth4 evaluate a force that depends on time at the end of the step, which makes them of order 1
-there (no system here does); the Python DOPRI853 starts anew at every row, the Cython one interpolates rows.  What its
-documentation says besides `Claims` the audit's scripts test.
+In version 1.11, RK5 and Ruth4 evaluate a force that depends on time at the end of the step, which reduces their order
+to 1 for such forces (no system here has them); the Python DOPRI853 restarts at every row, the Cython one interpolates
+rows.  Statements of its documentation beyond `Claims` are tested by the audit's scripts.
 
 Source: A. M. Price-Whelan, J. Open Source Softw. 2 (2017) 388.
 """
@@ -25,9 +25,9 @@ from .galactic import is_henon_heiles, powers
 from .record import Claims, Peer, Run, Task
 
 LEAPFROG, RUTH4, RK5, DOPRI853 = "LeapfrogIntegrator", "Ruth4Integrator", "RK5Integrator", "DOPRI853Integrator"
-#: The integrators of second-order systems, which set q' = v.
+#: The integrators of second-order systems, q' = v.
 SECOND_ORDER = (LEAPFROG, RUTH4)
-#: More steps than any run takes: gala's limits are 500 a row in Python and 100000 in all in Cython.
+#: A number of steps that no run reaches; gala's defaults are 500 per row in Python and 100000 in all in Cython.
 MOST_STEPS = 10**9
 
 
@@ -36,7 +36,7 @@ MOST_STEPS = 10**9
 
 @lru_cache(maxsize=64)
 def _masses(system):
-    """(M, M^-1) of a quadratic kinetic energy, None of the identity."""
+    """(M, M^-1) of a quadratic kinetic energy; None for the identity."""
     if system.unit_mass:
         return None
     import sympy as sp
@@ -46,7 +46,7 @@ def _masses(system):
 
 
 def _function(system, integrator: str, calls: list):
-    """gala's F(t, w) with w of shape (2 d, 1); it counts its calls in calls[0]."""
+    """gala's function F(t, w) with w of shape (2 d, 1); calls[0] counts its calls."""
     field, d = system.vector_field(), system.d
     masses = _masses(system) if integrator in SECOND_ORDER else None
     if masses is None:
@@ -66,7 +66,7 @@ def _function(system, integrator: str, calls: list):
 
 
 def _call(integrator: str, function, state, times, options):
-    """(gala's Orbit, seconds)."""
+    """(gala's Orbit, seconds) of one integration."""
     solver = _class(integrator)(function, **options)
     began = time.perf_counter()
     orbit = solver(state, **times)
@@ -75,12 +75,12 @@ def _call(integrator: str, function, state, times, options):
 
 @lru_cache(maxsize=8)
 def _warm(integrator: str) -> None:
-    """A first step, which loads what has to be loaded."""
+    """Take one step before any timing, so that lazy imports and set-up are done."""
     _call(integrator, lambda t, w: np.array([w[1], -w[0]]), np.array([1.0, 0.0]), {"dt": 0.1, "n_steps": 1}, {})
 
 
 def _ways(integrator: str, task: Task, limit: str):
-    """(gala's times, its options, which of its rows are ours, the steps taken or 0); ``limit`` is of the steps."""
+    """(gala's times, its options, the rows to keep, steps or 0 if unknown); ``limit`` names its limit of steps."""
     if integrator != DOPRI853:
         return {"dt": task.h, "n_steps": task.steps}, {}, task.numbers, task.steps
     tolerances = {} if task.tol is None else {"rtol": task.tol, "atol": task.tol}
@@ -123,7 +123,7 @@ def _lacks_python(integrator: str):
 
 @lru_cache(maxsize=64)
 def _potential(system):
-    """gala's Hamiltonian of the system, after a first step; None where gala has no such potential in C."""
+    """gala's Hamiltonian for a system that it has in C, after a first step with each integrator."""
     import gala.potential
 
     if is_henon_heiles(system):
@@ -198,7 +198,7 @@ def _peer(id, integrator, name, order, about, source, claims, *, cython=False) -
     )
 
 
-#: Arguments of `_peer` that the Python and the Cython version share.
+#: Arguments of `_peer` shared by the Python and the Cython version.
 VERLET = (
     "leapfrog",
     LEAPFROG,
@@ -217,7 +217,7 @@ RUTH = (
     "Forest & Ruth 1990, Physica D 43, 105-117",
     {"order": 4, "symplectic": True, "reversible": True},
 )
-# Both orders are what the class says: "a 5th-order accurate formula" of a method of order 8.
+# The claimed order is the docstring's: "a 5th-order accurate formula" for a method of order 8.
 DORMAND_PRINCE = (
     "dopri853",
     DOPRI853,

@@ -1,7 +1,7 @@
-r"""What packages of galactic dynamics need to know of a system: :math:`H = |p|^2/2 + V(q)`, and which V it is.
+r"""Recognizes systems :math:`H = |p|^2/2 + V(q)` with a potential that packages of galactic dynamics have compiled.
 
-Their compiled integrators know a list of potentials.  Of it, the problems of the field need two: sums of powers of the
-distance, :math:`V = \sum_k c_k |q|^{a_k}` (harmonic, Kepler, its Schwarzschild term), and Henon and Heiles's.
+Two kinds of potential occur among the problems here: sums of powers of the distance,
+:math:`V = \sum_k c_k |q|^{a_k}` (harmonic, Kepler, its Schwarzschild term), and Henon and Heiles's.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from functools import lru_cache
 
 
 def unit_mass(system) -> bool:
-    """Whether H = |p|^2 / 2 + V(q)."""
+    """True if H = |p|^2 / 2 + V(q)."""
     return getattr(system, "unit_mass", False)
 
 
 @lru_cache(maxsize=64)
 def powers(system) -> tuple[tuple[float, float], ...] | None:
-    """Pairs (c, a) of V = sum c |q|^a up to a constant; None where V is not of that form."""
+    """Pairs (c, a) with V = sum c |q|^a up to a constant; None if V does not have this form."""
     if not unit_mass(system) or system.d > 3:
         return None
     import sympy as sp
@@ -34,7 +34,7 @@ def powers(system) -> tuple[tuple[float, float], ...] | None:
 
 @lru_cache(maxsize=64)
 def is_henon_heiles(system) -> bool:
-    """Whether V = (q1^2 + q2^2) / 2 + q1^2 q2 - q2^3 / 3."""
+    """True if V = (q1^2 + q2^2) / 2 + q1^2 q2 - q2^3 / 3."""
     if not unit_mass(system) or system.d != 2:
         return False
     import sympy as sp

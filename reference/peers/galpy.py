@@ -1,26 +1,25 @@
 r"""galpy's integrators as peers, through `galpy.orbit.Orbit.integrate`.
 
-A system :math:`H = |p|^2/2 + V(q)` of d = 1, 2 or 3 is an orbit in a line, in the plane or in space:
+A system :math:`H = |p|^2/2 + V(q)` with d = 1, 2 or 3 is an orbit on a line, in the plane or in space:
 
-- the methods in C (``..._c``) know galpy's own potentials: sums of powers of the distance, which are its
-  PowerSphericalPotential (on a line its KGPotential where V is quadratic, else the plane), and Henon-Heiles.  On
-  another potential galpy warns and runs LSODA or its Python leapfrog instead: such a problem is refused;
+- the methods in C (``..._c``) work for galpy's own potentials: sums of powers of the distance, which are its
+  PowerSphericalPotential (on a line its KGPotential if V is quadratic, else the plane), and Henon-Heiles.  For other
+  potentials galpy warns and runs LSODA or its Python leapfrog instead; such problems are refused;
 - the methods in Python take a potential defined in Python, hence any V.
 
-An orbit is given and read in polar or cylindrical coordinates, which costs a rounding of about 1e-16 each way.  In the
-plane and in space galpy finds the angle of the force as acos(x/R), which is wrong by up to 1e-8 within 1e-8 of the axis
-of x and loses digits around it; forces that depend on the angle, as Henon and Heiles's, feel it.  The Python leapfrog
-finds the angle of its rows that way too.
+Orbits are passed in polar or cylindrical coordinates, which costs a rounding of about 1e-16 each way.  In the plane and
+in space galpy computes the angle of the force as acos(x/R), which has an error of up to 1e-8 within 1e-8 of the x axis
+and loses digits near it; this affects forces that depend on the angle, such as Henon and Heiles's.  The Python leapfrog
+computes the angle of its rows in this way too.
 
-Fixed steps: ``dt`` is the step h of a method in C; the number of steps between two rows is their distance divided by
-dt, which galpy truncates (0.3 / 0.1 is 2: a caller gets other times' states, a script of the audit shows it), so rows
-are declared apart by a rounding more where they must.  The Python
-leapfrog chooses its step by a tolerance, so large here that it is the distance of its rows, h.
+Fixed steps: ``dt`` is the step h of a method in C.  The number of steps between two rows is their distance divided by
+dt, which galpy truncates (0.3 / 0.1 gives 2, so that states belong to other times; a script of the audit shows it);
+therefore the distance of rows is enlarged by a rounding if necessary.  The Python leapfrog chooses its step by a
+tolerance, which is set so large here that the step is the distance of its rows, h.
 
-What galpy does not do for its caller is done here: its adaptive integrators do not return from a blow-up, a collision
-or a start in the origin (ias15_c returns rows it has not written), so heyoka goes first; its C code leaves SIGINT with
-the handler of the system, so Python's is put back; its import looks for a newer version on the network, which `load`
-stops.
+Three defects are handled here.  Adaptive integrators do not return from a blow-up, a collision or a start at the origin
+(ias15_c returns uninitialized rows), so heyoka tests the orbit first.  The C code leaves SIGINT with the system's
+handler, so Python's is restored.  The import looks for a newer version on the network, which `load` prevents.
 
 Source: J. Bovy, Astrophys. J. Suppl. Ser. 216 (2015) 29.
 """
@@ -42,16 +41,16 @@ from .record import Claims, Peer, Run, Task
 METHODS_IN_WORDS = "Orbit.integrate.__doc__ of galpy 1.12.1"
 TUTORIAL = "https://docs.galpy.org/en/latest/, tutorial Integration and Plotting, available integrators"
 HEADER = "header of galpy.util.symplecticode 1.12.1: symplectic ODE integrators"
-#: A tolerance that the Python leapfrog's own choice of the step always meets.
+#: A tolerance so large that the Python leapfrog never shortens its step.
 ANY_STEP = 1e10
-#: What heyoka may lose of the energy where there is no collision.
+#: Largest loss of energy in heyoka's test run that does not indicate a collision.
 LOST = 1e-6
-#: Least number of rows of two methods: odeint stops at 500 steps a row, ias15_c runs past the end by a row's distance.
+#: Least number of rows for two methods: odeint stops at 500 steps per row, ias15_c overshoots the end by up to a row.
 ROWS = 256
 
 
 def load(name: str = "galpy"):
-    """Import galpy without its daily search for a newer version, which calls a server and runs pip."""
+    """Import galpy without its daily search for a newer version, which contacts a server and runs pip."""
     from unittest.mock import patch  # slow to import
 
     with patch("http.client.HTTPSConnection.request", side_effect=OSError):
@@ -64,15 +63,15 @@ def load(name: str = "galpy"):
 
 
 @lru_cache(maxsize=64)
-def _known(system):
-    """The system's potential of galpy's own, known to its C code."""
+def _builtin_potential(system):
+    """The system's potential as one of galpy's own, which its C code supports."""
     galpy = load().potential
     if is_henon_heiles(system):
         return galpy.HenonHeilesPotential()
     terms = powers(system)
     if _linear(system):
         return galpy.KGPotential(K=0.0, F=terms[0][0], D=1.0)
-    # V = c r^a has the force -c a r^(a - 1), hence the density amp r^-alpha (of a point mass c where a = -1)
+    # V = c r^a has the force -c a r^(a - 1), hence the density amp r^-alpha (a point mass c if a = -1)
     parts = [
         galpy.PowerSphericalPotential(amp=c * a if a == -1 else c * a * (1.0 + a) / (4.0 * np.pi), alpha=2.0 - a)
         for c, a in terms
@@ -84,14 +83,14 @@ def _known(system):
 
 
 def _linear(system) -> bool:
-    """Whether V = c q^2 on a line."""
+    """True if V = c q^2 with d = 1."""
     terms = powers(system)
     return system.d == 1 and terms is not None and len(terms) == 1 and terms[0][1] == 2
 
 
 @lru_cache(maxsize=64)
-def _defined(system):
-    """The system's potential as one defined in Python."""
+def _python_potential(system):
+    """The system's potential as a galpy class defined in Python."""
     galpy, d, field = load().potential, system.d, system.vector_field()
     last: dict = {}
 
@@ -147,7 +146,7 @@ def _defined(system):
 
 
 def _to_galpy(q, p, line: bool) -> list[float]:
-    """The orbit's start: (x, v) on a line, else (R, vR, vT, phi) or (R, vR, vT, z, vz, phi)."""
+    """The initial state in galpy's coordinates: (x, v) on a line, else (R, vR, vT, phi) or (R, vR, vT, z, vz, phi)."""
     if line:
         return [q[0], p[0]]
     x, y, vx, vy = q[0], q[1] if len(q) > 1 else 0.0, p[0], p[1] if len(p) > 1 else 0.0
@@ -158,7 +157,7 @@ def _to_galpy(q, p, line: bool) -> list[float]:
 
 
 def _from_galpy(rows, d: int, line: bool):
-    """Rows of q and p, each (n, d), from rows of galpy's."""
+    """q and p, arrays (n, d), from rows in galpy's coordinates."""
     if line:
         return rows[:, :1], rows[:, 1:2]
     R, vR, vT, phi = rows[:, 0], rows[:, 1], rows[:, 2], rows[:, -1]
@@ -173,7 +172,7 @@ def _from_galpy(rows, d: int, line: bool):
 
 
 def _times(method: str, adaptive: bool, task: Task):
-    """(the times for galpy, how many of its rows make one of ours, options)."""
+    """(times for galpy, steps between its rows, options) for a task."""
     h, stride = task.h, gcd(*np.diff(task.numbers).tolist())
     count = task.steps // stride
     if method == "leapfrog":
@@ -189,13 +188,13 @@ def _times(method: str, adaptive: bool, task: Task):
 
 
 def _integrate(method, potential, start, times, options):
-    """(rows (n, .) at ``times``, seconds, what failed or None)."""
+    """(rows (n, .) at ``times`` or None, seconds, reason of a failure or None)."""
     from scipy.integrate import ODEintWarning
 
     orbit = load().orbit.Orbit(start)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
-        # galpy would go on with another method, SciPy's odeint with rows that are not reached
+        # Instead of failing, galpy would continue with another method, and SciPy's odeint would return invalid rows.
         warnings.filterwarnings("error", message="Cannot use")
         warnings.filterwarnings("error", category=ODEintWarning)
         began = time.perf_counter()
@@ -211,7 +210,7 @@ def _integrate(method, potential, start, times, options):
 
 @lru_cache(maxsize=256)
 def _hopeless(system, q: tuple, p: tuple, end: float) -> str | None:
-    """Why an adaptive integrator of galpy would not return from this orbit, as heyoka finds it; None where it would."""
+    """The reason why galpy's adaptive integrators would not return from this orbit, found by heyoka; else None."""
     from phasebench.reference.solvers import taylor
 
     ta = taylor.integrator(system, float)
@@ -226,15 +225,15 @@ def _hopeless(system, q: tuple, p: tuple, end: float) -> str | None:
 
 @lru_cache(maxsize=256)
 def _warm(method: str, system, own: bool):
-    """The potential, after a first step that loads what has to be loaded."""
-    potential = _known(system) if own else _defined(system)
+    """The potential, after one step before any timing that does lazy imports and set-up."""
+    potential = _builtin_potential(system) if own else _python_potential(system)
     line = system.d == 1 and (not own or _linear(system))
     start = _to_galpy([0.5, 0.25, 0.125][: system.d], [0.0] * system.d, line)
     _integrate(method, potential, start, np.array([0.0, 1e-3]), {})
     return potential
 
 
-def _run(method: str, adaptive: bool):
+def _build_run(method: str, adaptive: bool):
     own = method.endswith("_c")
 
     def run(task: Task) -> Run:
@@ -294,7 +293,7 @@ def _peer(method, name, order, about, source, *, adaptive=False, claims=None, le
         license="BSD-3-Clause",
         about=f"{about}; {cost}; the time includes the set-up of a call and rows in polar coordinates",
         source=source,
-        run=_run(method, adaptive),
+        run=_build_run(method, adaptive),
         scope=IN_C if own else IN_PYTHON,
         lacks=_lacks(method),
         claims=Claims(**({"source": METHODS_IN_WORDS} | (claims or {}))),

@@ -1,11 +1,11 @@
-"""heyoka's Taylor series as peers: one orbit, and the same orbit in every lane of the processor's SIMD registers.
+"""heyoka's Taylor series as peers: one orbit, or the same orbit in every SIMD lane of the processor.
 
-``high_accuracy`` sums the series with compensation.  ``compact_mode`` compiles faster and runs slower on small systems.
-The peers use it above `taylor.COMPACT` variables.  `variants` gives each peer in the other mode, and with heyoka's own
-model of the equations of motion (`heyoka_forms`), to be measured beside the others.
+``high_accuracy`` sums the series with compensation.  ``compact_mode`` compiles faster and runs slower on small systems;
+the peers use it for more than `taylor.COMPACT` variables.  `variants` lists each peer in the other mode, and with
+heyoka's own models of the equations of motion (`heyoka_forms`), for comparison.
 
-Integrators are kept by system and tolerance, so that a further run costs no compilation.  They are reset in place:
-one thread at a time may run a peer of a system.
+Integrators are cached by system and tolerance, so that a second run needs no compilation.  They are reset in place,
+hence only one thread at a time may run a peer on a system.
 
 Source: F. Biscani, D. Izzo, Mon. Not. R. Astron. Soc. 504 (2021) 2614-2628.
 """
@@ -24,14 +24,14 @@ from .heyoka_forms import TRANSLATED
 from .record import Claims, Peer, Run, Start, Task
 
 EPS = float(np.finfo(float).eps)
-#: Integrators that are kept.
+#: Size of the cache of integrators.
 KEPT = 128
 DOCUMENTATION = "https://bluescarni.github.io/heyoka.py/"
 
 
 @lru_cache(maxsize=KEPT)
 def _scalar(system, tol: float, model: str = TRANSLATED, compact: bool | None = None, high_accuracy: bool = False):
-    """(heyoka's integrator, the form of its state)."""
+    """(heyoka's integrator, the `Form` of its state)."""
     import heyoka as hy
 
     from phasebench.reference.solvers import taylor
@@ -51,7 +51,7 @@ def _batch(system, tol: float):
     return hy.taylor_adaptive_batch(list(form.equations), zeros, tol=one.tol, compact_mode=one.compact_mode)
 
 
-def _run(*how):
+def _build_run(*how):
     def run(task: Task) -> Run:
         from phasebench.reference.solvers import taylor
 
@@ -66,14 +66,11 @@ def _run(*how):
         started = time.perf_counter()
         outcome, _, _, steps, *_ = ta.propagate_until(t_end, max_steps=taylor.STEP_LIMIT)
         seconds = time.perf_counter() - started
-        reached = str(outcome) == REACHED
-        rows = np.stack([start, form.get(ta.state)] if reached else [start])
-        return Run.of_states(rows, steps, 0, seconds, None if reached else taylor.failure(outcome))
+        failure = taylor.failure(outcome)
+        rows = np.stack([start, form.get(ta.state)] if failure is None else [start])
+        return Run.of_states(rows, steps, 0, seconds, failure)
 
     return run
-
-
-REACHED = "taylor_outcome.time_limit"
 
 
 def _prepare(*how):
@@ -81,7 +78,7 @@ def _prepare(*how):
         from .prepared import SOLVED, STALLED, Calls
 
         kept, form = _scalar(start.system, start.tol, *how)
-        ta = kept.__copy__()  # its state is this run's alone
+        ta = kept.__copy__()  # a copy, whose state belongs to this run alone
         state, begin, propagate = ta.state, ta.state.copy(), ta.propagate_until
 
         def restart(y) -> None:
@@ -99,8 +96,6 @@ def _prepare(*how):
 
 
 def _run_batch(task: Task) -> Run:
-    import heyoka as hy
-
     from phasebench.reference.solvers import taylor
 
     ta = _batch(task.system, task.tol)
@@ -109,10 +104,10 @@ def _run_batch(task: Task) -> Run:
     grid = np.repeat(task.times[:, None], ta.batch_size, axis=1)
     started = time.perf_counter()
     _, states = ta.propagate_grid(grid, max_steps=taylor.STEP_LIMIT)
-    seconds = time.perf_counter() - started  # of all lanes: that is how long one orbit takes
+    seconds = time.perf_counter() - started  # of all lanes, which is also the time of one orbit
     rows = states[:, :, 0]
     outcome, _, _, steps = ta.propagate_res[0]
-    failure = None if outcome == hy.taylor_outcome.time_limit else taylor.failure(outcome)
+    failure = taylor.failure(outcome)
     if failure is None and not (states == rows[:, :, None]).all():
         rows, failure = rows[:1], f"the {ta.batch_size} lanes, which started alike, differ"
     return Run.of_states(rows, steps, 0, seconds, failure)
@@ -142,12 +137,12 @@ def _peer(id: str, name: str, run, more: str, **facts) -> Peer:
 
 
 def _one(id: str, name: str, more: str, how: tuple, **facts) -> Peer:
-    """A peer that carries one orbit; ``how``: form, compact mode (None: by size), compensated sums."""
-    return _peer(id, name, _run(*how), more, prepare=_prepare(*how), **facts)
+    """A peer that integrates one orbit; ``how`` is (form, compact mode (None: by size), compensated sums)."""
+    return _peer(id, name, _build_run(*how), more, prepare=_prepare(*how), **facts)
 
 
 def compact(high_accuracy: bool, on: bool = True, model: str = TRANSLATED) -> Peer:
-    """heyoka with ``compact_mode`` on or off and with one of its forms of the equations: no peer of the registry."""
+    """A peer outside the registry: heyoka with ``compact_mode`` on or off and one of its forms of the equations."""
 
     def lacks(problem, system) -> str | None:
         from phasebench.reference.solvers import taylor
@@ -167,13 +162,13 @@ def compact(high_accuracy: bool, on: bool = True, model: str = TRANSLATED) -> Pe
 
 
 def variants() -> tuple[Peer, ...]:
-    """Every other setting of the peers: both modes, and both modes of each of heyoka's own models."""
+    """All further settings of the peers: both modes, also with each of heyoka's own models."""
     settings = [(high, on, model) for model in heyoka_forms.NAMES for on in (True, False) for high in (False, True)]
     return tuple(compact(*setting) for setting in settings)
 
 
 def twins(peer: Peer) -> tuple[Peer, ...]:
-    """The settings of heyoka that take the same steps as one of its peers does: compact or not, each form."""
+    """The settings of heyoka that take the same steps as the given peer: compact or not, in each form."""
     if peer.package != "heyoka":
         return ()
     high = peer.id.startswith("heyoka-high-accuracy")

@@ -1,9 +1,8 @@
-"""Forms in which heyoka is given the equations of motion: translated from H, or a model of its own.
+"""The equations of motion as passed to heyoka: translated from H, or one of its own models.
 
-heyoka's models are of Newton's equations in x and v.  `NBODY` (``hy.model.nbody``) is gravity between bodies, `CENTRE`
-(``hy.model.fixed_centres``) a body about one at rest; both are three-dimensional, and a plane orbit stays in z = 0.
-``hy.model.pendulum`` is the two equations into which the pendulum's H is translated; ``hy.model.cr3bp`` is of no
-problem here.
+heyoka's models are Newton's equations in x and v.  `NBODY` (``hy.model.nbody``) is gravity between bodies, `CENTRE`
+(``hy.model.fixed_centres``) a body about a fixed one; both are three-dimensional, and a plane orbit has z = 0.
+``hy.model.pendulum`` equals the two equations translated from the pendulum's H; ``hy.model.cr3bp`` is not needed here.
 """
 
 from __future__ import annotations
@@ -17,18 +16,17 @@ from . import particles
 
 TRANSLATED, NBODY, CENTRE = "translated", "nbody", "fixed_centres"
 NAMES = (TRANSLATED, NBODY, CENTRE)
-#: Systems of which the forms are kept.
+#: Size of the cache of forms.
 KEPT = 64
 
 
 class Form(NamedTuple):
-    """Equations of motion, and where (q, p) is in their state.
+    """Equations of motion, and the positions of (q, p) in their state.
 
     Attributes
     ----------
-    equations : [(variable, right-hand side), ...] of heyoka
-    at, scale : arrays (2 d,): component at[i] of the state is scale[i] times (q, p)[i], the others are 0; None where
-        the state is (q, p)
+    equations : heyoka's [(variable, right-hand side), ...]
+    at, scale : arrays (2 d,): state[at[i]] = scale[i] (q, p)[i], other components are 0; None if the state is (q, p)
     """
 
     equations: tuple
@@ -36,7 +34,7 @@ class Form(NamedTuple):
     scale: np.ndarray | None = None
 
     def put(self, y) -> np.ndarray:
-        """The state of (q, p), an array (2 d,)."""
+        """The state for (q, p), an array (2 d,)."""
         if self.at is None:
             return y
         out = np.zeros(len(self.equations))
@@ -44,12 +42,12 @@ class Form(NamedTuple):
         return out
 
     def get(self, states) -> np.ndarray:
-        """(q, p) of a state or of rows of them, new arrays (..., 2 d)."""
+        """(q, p) from a state or from rows of states, as new arrays (..., 2 d)."""
         return np.array(states) if self.at is None else states[..., self.at] / self.scale
 
 
 def names(system) -> tuple[str, ...]:
-    """The forms that a system has."""
+    """The ways in which heyoka can be given a system's equations: translated from H, or a model of heyoka's own."""
     settings = particles.settings(system)
     centre = settings.get(particles.CENTRAL)
     alone = centre is not None and centre.gradient is None
@@ -58,7 +56,7 @@ def names(system) -> tuple[str, ...]:
 
 @lru_cache(maxsize=KEPT)
 def form(system, name: str) -> Form:
-    """A form of a system, one of its `names`."""
+    """The form of a system with this name, one of its `names`."""
     import heyoka as hy
 
     from phasebench.reference.solvers import taylor
@@ -74,7 +72,7 @@ def form(system, name: str) -> Form:
 
 
 def _places(setting: particles.Setting) -> tuple[np.ndarray, np.ndarray]:
-    """Where q and p are among x, y, z, v_x, v_y, v_z of every body that moves, and what they are multiplied by."""
+    """(positions of (q, p) among x, y, z, vx, vy, vz of each moving body, factors of its components), arrays (2 d,)."""
     inverse = np.array(setting.inverse)
     x = np.array([6 * (body - setting.first) + axis for body, axis in map(setting.place, range(len(inverse)))])
     return np.concatenate([x, x + 3]), np.concatenate([np.ones(len(inverse)), inverse])

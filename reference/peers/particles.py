@@ -1,15 +1,15 @@
-r"""Hamiltonian systems as REBOUND's particles, through its public Python interface: imported only when asked for.
+r"""Hamiltonian systems as REBOUND's particles, through its public Python interface, which is imported on demand.
 
-REBOUND integrates :math:`\ddot x_i = a_i(x)` of particles in space.  A system is put to it in one of three ways:
+REBOUND integrates :math:`\ddot x_i = a_i(x)` for particles in space.  A system is represented in one of three ways:
 
 - `CENTRAL`: :math:`H = |p|^2/(2m) - m\mu/|q| + U(q)` with a declared Kepler part is a massless particle around a body
-  of mass :math:`\mu` that rests in the origin, with the extra force :math:`-\nabla U`;
+  of mass :math:`\mu` at rest in the origin, with the extra force :math:`-\nabla U`;
 - `GRAVITY`: :math:`H = \sum_i |p_i|^2/(2m_i) - \sum_{i<j} G m_i m_j/|q_i - q_j|` is N bodies under REBOUND's own
   gravity, in the frame of the data;
 - `POTENTIAL`: any :math:`H = \sum_i p_i^2/(2m_i) + V(q)` is :math:`\lceil d/3 \rceil` massless particles whose
-  coordinates, three by three, are q (those left over stay 0), with the extra force :math:`-V_{q_i}/m_i`.
+  coordinates, three by three, are q (unused ones stay 0), with the extra force :math:`-V_{q_i}/m_i`.
 
-Extra forces are compiled by Numba to C callbacks: a Python callback would cost far more than the step.
+Extra forces are compiled by Numba to C callbacks, since a Python callback would cost far more than the step.
 
 Source: H. Rein, S.-F. Liu, Astron. Astrophys. 537 (2012) A128.
 """
@@ -29,7 +29,7 @@ import numpy as np
 from . import floating
 from .record import Run, Start, Task
 
-#: A body that is farther away from the origin has escaped.
+#: Distance from the origin beyond which a body has escaped.
 FAR = 1e12
 
 CENTRAL, GRAVITY, POTENTIAL = "a central body", "gravity between bodies", "a potential"
@@ -37,17 +37,17 @@ CENTRAL, GRAVITY, POTENTIAL = "a central body", "gravity between bodies", "a pot
 
 @dataclass(frozen=True)
 class Setting:
-    """A system as particles.
+    """The representation of a system by particles.
 
     Attributes
     ----------
     kind : `CENTRAL`, `GRAVITY` or `POTENTIAL`
-    masses : of the particles, the body at rest included
-    dimension : of space: how many coordinates of the system each particle takes
-    first : the particle that takes the first of them
-    inverse : d numbers, the velocity of q_i is inverse[i] p_i
-    G : the constant of gravity
-    gradient : what derives the compiled gradient of the extra potential, q -> (d,); None without one
+    masses : of the particles, including the body at rest
+    dimension : number of coordinates of the system per particle
+    first : index of the particle with the first coordinates
+    inverse : d numbers; the velocity of q_i is inverse[i] p_i
+    G : the gravitational constant
+    gradient : () -> the compiled gradient of the extra potential, a function q -> (d,); None without extra force
     """
 
     kind: str
@@ -59,17 +59,17 @@ class Setting:
     gradient: Callable | None = None
 
     def place(self, i: int) -> tuple[int, int]:
-        """The particle and the axis that are coordinate i."""
+        """(particle, axis) of coordinate i."""
         return self.first + i // self.dimension, i % self.dimension
 
 
-def _split(system):
-    """(the numbers 1/m_i, the terms of V) of H = sum p_i^2 / (2 m_i) + V(q), exact; None where H is of another form."""
+def _mass_and_terms(system):
+    """(the exact numbers 1/m_i, the terms of V) of H = sum p_i^2 / (2 m_i) + V(q); None for other forms of H."""
     import sympy as sp
 
     if not system.quadratic_kinetic:
         return None
-    if not isinstance(system.H, sp.Basic):  # loops without a formula
+    if not isinstance(system.H, sp.Basic):  # a system given by hand-written loops, without a formula
         return ((1,) * system.d, []) if system.unit_mass else None
     momenta, coordinates, T, V = set(system.p), set(system.q), [], []
     for term in sp.Add.make_args(system.H):
@@ -83,17 +83,17 @@ def _split(system):
 
 
 def attracting(system):
-    """(masses, G, dimension), exact, of bodies that attract each other; None of any other system."""
-    split = _split(system)
+    """(masses, G, dimension), exact, of a system of gravitating bodies; None for other systems."""
+    split = _mass_and_terms(system)
     return None if split is None else _bodies(system.q, *split)
 
 
 @lru_cache(maxsize=64)
 def settings(system) -> dict[str, Setting]:
-    """Kind -> how the system is put to REBOUND, for each kind that fits it, the most special one first."""
+    """Kind -> representation of a system, for each kind that is possible; the most special one comes first."""
     import sympy as sp
 
-    split = _split(system)
+    split = _mass_and_terms(system)
     if split is None:
         return {}
     inverse, terms = split
@@ -112,7 +112,7 @@ def settings(system) -> dict[str, Setting]:
 
 
 def _bodies(q, inverse, terms):
-    """(masses, G, dimension) of bodies that attract each other; None where the potential is not of that form."""
+    """(masses, G, dimension) of gravitating bodies; None if the potential does not have this form."""
     for dimension in (3, 2):
         n, left = divmod(len(q), dimension)
         rows = [set(inverse[i * dimension : (i + 1) * dimension]) for i in range(n)]
@@ -134,12 +134,12 @@ def _bodies(q, inverse, terms):
 
 
 def _squares(pairs) -> frozenset:
-    """What identifies a sum of squares of differences, whichever sign they have."""
+    """A key for a sum of squares of differences that does not depend on their signs."""
     return frozenset(frozenset((a - b, b - a)) for a, b in pairs)
 
 
 def _differences(e) -> frozenset | None:
-    """`_squares` of an inverse distance; None of anything else."""
+    """The key of `_squares` for an inverse distance; None for other expressions."""
     if not (e.is_Pow and 2 * e.exp == -1 and all(s.is_Pow and s.exp == 2 for s in e.base.args)):
         return None
     return frozenset(frozenset((s.base, -s.base)) for s in e.base.args)
@@ -147,13 +147,13 @@ def _differences(e) -> frozenset | None:
 
 @lru_cache(maxsize=64)
 def extra_force(setting: Setting):
-    """The compiled callback that subtracts grad U / m from the accelerations; keep it while REBOUND runs."""
+    """The compiled callback that subtracts grad U / m from the accelerations; it must live as long as REBOUND runs."""
     from numba import cfunc, types
     from rebound import Particle, Simulation
 
-    from phasebench.integrators.engine.codegen import value_kind
+    from phasebench.integrators.compile.codegen import value_kind
 
-    # The simulation and its particles are read as arrays of 8-byte slots, so that no structure has to be declared.
+    # The simulation and its particles are read as arrays of 8-byte slots, so no structure has to be declared.
     particles, size = Simulation._particles.offset // 8, ctypes.sizeof(Particle) // 8
     d, inverse = len(setting.inverse), np.array(setting.inverse)
     at = np.array([k * size + Particle.x.offset // 8 + axis for k, axis in map(setting.place, range(d))])
@@ -172,16 +172,16 @@ def extra_force(setting: Setting):
 
 
 def build(setting: Setting, q0, p0, integrator: str, options=(), extra: bool = True):
-    """A REBOUND simulation of a setting and the callback that it needs kept alive (or None).
+    """(REBOUND simulation of a setting, the callback that must be kept alive, or None).
 
-    ``options`` are fields of the integrator; without ``extra`` the extra force is left out.
+    ``options`` are fields of the integrator; the extra force is left out unless ``extra``.
     """
     import rebound
 
     sim = rebound.Simulation()
     choose(sim, integrator, options)
     sim.G, masses = setting.G, setting.masses
-    if integrator == "whfast512":  # it knows G = 1 alone, and no exact end
+    if integrator == "whfast512":  # it supports only G = 1, and no exact end time
         sim.G, masses, sim.exact_finish_time = 1.0, [setting.G * m for m in masses], 0
     if setting.kind == POTENTIAL and integrator != "eos":  # EOS has its own gravity, which massless bodies do not feel
         sim.gravity = "none"
@@ -198,22 +198,22 @@ def build(setting: Setting, q0, p0, integrator: str, options=(), extra: bool = T
 
 
 def choose(sim, integrator: str, options) -> None:
-    """Set a simulation's integrator and the fields of it; what it had of its own is dropped."""
+    """Set a simulation's integrator and its fields; the state of the previous integrator is dropped."""
     sim.integrator = integrator
     for name, value in dict(options).items():
         setattr(sim.integrator, name, value)
 
 
 def simulation(problem, q0, p0, integrator: str, mu: float = 0.0, **options):
-    """A REBOUND simulation of a (perturbed) Kepler problem and the callback that it needs kept alive (or None).
+    """(REBOUND simulation of a (perturbed) Kepler problem, the callback that must be kept alive, or None).
 
-    The extra force acts where ``mu`` is not 0.
+    The extra force acts if ``mu`` is not 0.
     """
     return build(settings(problem.system)[CENTRAL], q0, p0, integrator, options, bool(mu))
 
 
 def jacobi_vanishes(setting: Setting, q) -> int | None:
-    """The first body whose Jacobi coordinate is 0: it lies in the centre of mass of those before it."""
+    """The first body in the centre of mass of those before it, so that its Jacobi coordinate is 0; else None."""
     where = np.zeros((len(setting.masses), 3))
     for i, x in enumerate(q):
         where[setting.place(i)] = x
@@ -225,7 +225,7 @@ def jacobi_vanishes(setting: Setting, q) -> int | None:
 
 
 def state(sim, setting: Setting) -> np.ndarray:
-    """(q, p) of a simulation, an array (2 d,)."""
+    """(q, p) of a simulation, array (2 d,)."""
     d = len(setting.inverse)
     x, v = np.empty((2, sim.N, 3))
     sim.serialize_particle_data(xyz=x, vxvyvz=v)
@@ -234,11 +234,11 @@ def state(sim, setting: Setting) -> np.ndarray:
 
 
 def prepare(start: Start, setting: Setting, integrator: str, options, *, adaptive: bool, shortest: float):
-    """The calls of a prepared simulation: ``advance(t_end)`` of an adaptive one, else ``advance(h, steps)``.
+    """The `Calls` of a prepared simulation: ``advance(t_end)`` if ``adaptive``, else ``advance(h, steps)``.
 
-    A reset sets the particles, the time and the step back.  IAS15 and BS keep what they know of their last step, an
-    equally good start; JANUS computes with integers of its own, which setting the integrator anew drops.  ``shortest``
-    is the least step of IAS15 in units of the span.
+    A reset restores the particles, the time and the step.  IAS15 and BS keep what they predicted from their last step,
+    which is as good a start; JANUS computes with integers of its own, which are dropped by setting the integrator anew.
+    ``shortest`` is the least step of IAS15 as a share of the span.
     """
     import rebound
 
@@ -249,11 +249,11 @@ def prepare(start: Start, setting: Setting, integrator: str, options, *, adaptiv
         sim.exit_max_distance = FAR
     d, inverse, first = len(setting.inverse), np.array(setting.inverse), sim.dt
     at = tuple(zip(*map(setting.place, range(d)), strict=True))
-    begin, end = np.zeros((2, sim.N, 6))
+    begin = np.zeros((sim.N, 6))
     sim.serialize_particle_data(xyzvxvyvz=begin)
     put, address = rebound.clibrebound.reb_simulation_set_serialized_particle_data, ctypes.byref(sim)
     array = begin.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
-    known: list[float | None] = [None]  # the span that the shortest step, or the steps that a call makes, are of
+    known: list[float | None] = [None]  # the span or number of steps for which the simulation is configured
 
     def restart(y) -> None:
         begin[:, :3][at], begin[:, 3:][at] = y[:d], y[d:] * inverse
@@ -279,7 +279,7 @@ def prepare(start: Start, setting: Setting, integrator: str, options, *, adaptiv
 
     def evenly(h: float, steps: int) -> int:
         reset(h)
-        if integrator == "whfast512" and known[0] != steps:  # a step is as many steps as this says
+        if integrator == "whfast512" and known[0] != steps:  # one call of step makes this number of steps
             known[0] = sim.integrator.concatenate_steps = steps
         try:
             sim.steps(1 if integrator == "whfast512" else steps)
@@ -288,27 +288,23 @@ def prepare(start: Start, setting: Setting, integrator: str, options, *, adaptiv
             return STALLED
         return SOLVED
 
-    def state() -> np.ndarray:
-        sim.serialize_particle_data(xyzvxvyvz=end)
-        return np.concatenate([end[:, :3][at], end[:, 3:][at] / inverse])
-
     advance = adaptively if adaptive else evenly
     if integrator == "whfast512":
         advance = floating.keeping(advance)
-    return Calls(restart, advance, state, (sim, force))
+    return Calls(restart, advance, lambda: state(sim, setting), (sim, force))
 
 
 def run(task: Task, setting: Setting, integrator: str, options, *, adaptive: bool, limit: float = np.inf) -> Run:
-    """Integrate a task that is put to REBOUND by ``setting``; seconds are those in REBOUND alone.
+    """Integrate a task in the representation ``setting``; ``seconds`` are those spent in REBOUND.
 
-    Adaptive integrators stop at the times of the rows; the others take as many steps of h, so that no sum of times
-    enters.  Coordinates and velocities beyond ``limit`` end the run.
+    Adaptive integrators stop at the times of the rows; the others take the exact number of steps of h, without summing
+    times.  Coordinates and velocities beyond ``limit`` end the run.
     """
     import rebound
 
     sim, force = build(setting, task.q, task.p, integrator, options)
     if adaptive:
-        sim.exit_max_distance = FAR  # nothing else ends steps that shrink as a body escapes in a finite time
+        sim.exit_max_distance = FAR  # if a body escapes in a finite time, steps would shrink without end
     else:
         sim.dt = task.h
     d = len(setting.inverse)
@@ -336,17 +332,17 @@ def run(task: Task, setting: Setting, integrator: str, options, *, adaptive: boo
                 failure = f"a coordinate or velocity is beyond {limit:.4g}"
                 break
             reached = row + 1
-    del force  # not before: the simulation holds only its address
+    del force  # not earlier: the simulation holds only its address
     steps = int(sim.steps_done) if adaptive else int(task.numbers[reached - 1])
     return Run.of_states(rows[:reached], steps, 0, spent, failure)
 
 
 def _advance(sim, integrator: str, h: float, before: int, n: int, adaptive: bool) -> None:
-    """From step number ``before`` to ``n``."""
+    """Advance from step number ``before`` to ``n``."""
     if adaptive:
         sim.integrate(h * n)
         return
-    if integrator == "whfast512":  # a step is as many steps as this says
+    if integrator == "whfast512":  # one call of step makes this number of steps
         sim.integrator.concatenate_steps = n - before
         sim.steps(1)
     else:

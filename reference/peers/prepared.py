@@ -1,4 +1,4 @@
-"""A prepared peer: built and compiled once, then called with nothing about the package's own call but a reset."""
+"""Prepared peers: built and compiled once; a call consists of a reset and the package's own call only."""
 
 from __future__ import annotations
 
@@ -6,26 +6,31 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.keywords import State
+from phasebench.integrators.outcome import NOT_CONVERGED, OK
 from phasebench.integrators.request import initial
 
 from .record import Peer, Start
 from .run import tolerance
 
-#: Status codes, those of a prepared method.
+Floats = NDArray[np.float64]
+#: The codes that a package's call returns, and their statuses.
 SOLVED, STALLED = 0, 1
+STATUSES = (OK, NOT_CONVERGED)
 
 
 class Calls(NamedTuple):
-    """What a package brings to a prepared run.
+    """The functions of a package for a prepared run.
 
     Attributes
     ----------
     restart : (y) -> None: set the state (q, p), array (2 d,), from which `advance` starts
-    advance : (t_end), or (h, steps) at fixed steps -> status code: reset, then the package's own call
+    advance : (t_end), or (h, steps) with fixed steps -> status code: reset, then the package's own call
     state : () -> the state (q, p) reached, array (2 d,), a copy
-    keep : what has to live as long as the calls, such as a callback of which the package has the address alone
+    keep : objects that must live as long as these functions, such as a callback whose address the package holds
     """
 
     restart: Callable[[np.ndarray], None]
@@ -35,20 +40,20 @@ class Calls(NamedTuple):
 
 
 class PreparedPeer:
-    """A peer on a problem, built and compiled: ``run(t_end)``, or ``run(h, steps)`` where its steps are fixed.
+    """A peer on a problem, built and compiled: ``run(t_end)``, or ``run(h, steps)`` with fixed steps.
 
-    Nothing is checked and no rows are kept; every call starts anew.  `advance` is such a call without reading the end
-    state back: what a clock should enclose.  It consists of a reset (time, state, step) and the package's own call.
+    Input is not checked and no rows are saved; every call starts from the initial state.  `advance` is such a call
+    without reading the final state, hence what should be timed: a reset (time, state, step) and the package's own call.
 
     Attributes
     ----------
     peer : the record
     restart : set the state from which `advance` starts, arrays (d,) q0 and p0
-    advance : integrate, and return the status code
-    SOLVED, STALLED : status codes 0 and 1: the end was reached, or the package gave up before
+    advance : integrate, and return the package's code, 0 for "ok"
+    SOLVED, STALLED : the statuses "ok" and "not-converged": the end was reached, or the package stopped before it
     """
 
-    SOLVED, STALLED = SOLVED, STALLED
+    SOLVED, STALLED = STATUSES
 
     def __init__(self, peer: Peer, start: Start):
         if peer.prepare is None:
@@ -61,17 +66,17 @@ class PreparedPeer:
         self._moved = False
         self._calls.restart(self._default)
 
-    def restart(self, q0, p0) -> None:
+    def restart(self, q0: State, p0: State) -> None:
         """Set the state, arrays (d,), from which `advance` starts."""
         self._calls.restart(np.concatenate([q0, p0]))
 
-    def __call__(self, *size, q0=None, p0=None) -> tuple[np.ndarray, np.ndarray, int]:
-        """(q, p, status code) at t_end, or after the steps.
+    def __call__(self, *size: float, q0: State | None = None, p0: State | None = None) -> tuple[Floats, Floats, str]:
+        """(q, p, status) at t_end, or after the steps.
 
         Parameters
         ----------
         size : t_end, in the problem's unit of time; or h and the number of steps
-        q0, p0 : arrays (d,), the initial state where not the problem's
+        q0, p0 : arrays (d,), the initial state if not the problem's
         """
         d = self._d
         if q0 is not None or p0 is not None:
@@ -82,23 +87,23 @@ class PreparedPeer:
             self._moved = False
         code = self.advance(*size)
         y = self._calls.state()
-        return y[:d], y[d:], code
+        return y[:d], y[d:], STATUSES[code]
 
 
 def prepare_peer(problem, peer: Peer, *, tol: float | None = None, q0=None, p0=None) -> PreparedPeer:
-    """A peer on a problem, ready to be called many times, and to be timed.
+    """Prepare a peer on a problem for many calls, or for timing.
 
     Parameters
     ----------
-    problem : a problem, or a system where q0 and p0 are given
+    problem : a problem, or a system if q0 and p0 are given
     peer : its record
     tol : an adaptive peer's tolerance
-    q0, p0 : arrays (d,), the initial state where not the problem's
+    q0, p0 : arrays (d,), the initial state if not the problem's
 
     Raises
     ------
     InvalidInput
-        For input that cannot be used, a problem that the peer cannot do, or a peer without a prepared run.
+        For unusable input, a problem that the peer is not applicable to, or a peer that cannot be prepared.
     """
     lack = peer.lacks(problem, getattr(problem, "system", problem))
     if lack:

@@ -1,20 +1,20 @@
-r"""pyhamsys's symplectic splitting integrators as peers: of H = T(p) + V(q), and of any H in two copies of phase space.
+r"""pyhamsys's symplectic splitting integrators as peers: for H = T(p) + V(q), and for any H on a doubled phase space.
 
-A separable H is given by ``chi`` and ``chi_star``, the flows of T and V one after the other and in the other order.
-Methods for H = A(p) + B(q) of a declared order get it: "exp(h X_B) exp(h X_A)" is the flow of B first.  Methods for all
-purposes get the order of `pyhamsys.chi_potential`, V first.  Without a splitting (``extension=True``) the integrator
-works on two copies of the state, :math:`H(q, P) + H(Q, p)`, and after each step
+A separable H is given by ``chi`` and ``chi_star``, the compositions of the flows of T and V in the two orders.  Methods
+for H = A(p) + B(q) with a declared order of flows get that order: "exp(h X_B) exp(h X_A)" means the flow of B first.
+General methods get the order of `pyhamsys.chi_potential`, V first.  Without a splitting (``extension=True``) the
+integrator works on two copies of the state with :math:`H(q, P) + H(Q, p)`, and after each step
 
-- sets both to their mean (``omega`` not given, its default), a map of phase space that need not be symplectic, or
-- lets them go on, bound by :math:`\omega |y - \bar y|^2 / 2` (``omega`` given), and returns their mean at rows.
+- sets both to their mean (no ``omega``, its default), a map of phase space that need not be symplectic, or
+- lets them evolve, coupled by :math:`\omega |y - \bar y|^2 / 2` (with ``omega``), and returns their mean in rows.
 
-The field ``projection`` of pyhamsys.Parameters is not read in version 0.90: "symmetric" cannot be had and is no peer.
+Version 0.90 does not read the field ``projection`` of pyhamsys.Parameters: "symmetric" has no effect and is no peer.
 
-Steps: pyhamsys takes its own number of them, at least two.  It takes n of h where n rows are asked for and its ``step``
-is longer than theirs; its step is then t_end / n.  So that this is h exactly, runs are made in pieces whose numbers of
-steps are powers of two, each at most `PIECE`: pyhamsys looks for a row at every step among all, hence the square of
-their number.  One step alone is the first of two.  With omega the copies cannot be handed over: one piece, and a step
-that is h up to a rounding.
+Steps: pyhamsys chooses the number of steps itself, at least two.  If n rows are requested and its ``step`` exceeds
+their distance, it takes n steps of t_end / n.  To make this exactly h, runs are split into pieces of at most `PIECE`
+steps whose numbers are powers of two; pieces are short because pyhamsys searches all rows at every step, at a cost of
+the square of their number.  A single step is the first of two.  With omega the two copies cannot be passed on: there is
+one piece, and the step is h up to a rounding.
 
 Source: C. Chandre, pyhamsys, https://github.com/cchandre/pyhamsys; P. Pihajoki, Celest. Mech. Dyn. Astron. 121 (2015)
 211-231; M. Tao, Phys. Rev. E 94 (2016) 043303.
@@ -32,9 +32,9 @@ from phasebench.integrators.errors import InvalidInput
 from .field import right_hand_side
 from .record import NOT_FINITE, Claims, Peer, Run, Task, split_alone
 
-#: The most steps of one call of pyhamsys, and of one with two copies that are not set to their mean.
+#: Largest number of steps in one call of pyhamsys, and in one with two copies coupled by omega.
 PIECE, MOST = 256, 100_000
-#: The restraint of the two copies.
+#: The coupling constant omega of the two copies.
 OMEGA = 10.0
 README = "README of pyhamsys 0.90, Symplectic Integrators"
 EXTENDED = "README of pyhamsys 0.90, Symplectic Integrators and Parameters (extension, omega)"
@@ -42,10 +42,11 @@ EXTENDED = "README of pyhamsys 0.90, Symplectic Integrators and Parameters (exte
 
 @lru_cache(maxsize=128)
 def _flows(system):
-    """(h, t, y) -> y by the flows of V and then T, and by those of T and then V, compiled."""
+    """Compiled maps (h, t, y) -> y: (the flow of V and then T, the flow of T and then V)."""
     import numba
 
-    from phasebench.integrators.engine import codegen, vector
+    from phasebench.integrators.compile import codegen
+    from phasebench.integrators.values import vector
 
     d, grad_V, load, zero = system.d, system.grad_V(), vector.load, (0.0,) * system.d
     grad_T = system.grad_T() or numba.njit(lambda p: p)
@@ -83,8 +84,8 @@ def _flows(system):
     return kick_drift, drift_kick
 
 
-def _split(system, position_first: bool):
-    """pyhamsys's system of T(p) + V(q)."""
+def _separable_system(system, position_first: bool):
+    """pyhamsys's system for T(p) + V(q)."""
     from pyhamsys import HamSys
 
     kick_drift, drift_kick = _flows(system)
@@ -92,26 +93,26 @@ def _split(system, position_first: bool):
     return HamSys(ndof=system.d, chi=chi, chi_star=chi_star)
 
 
-def _whole(system):
-    """pyhamsys's system of any H."""
+def _general_system(system):
+    """pyhamsys's system for any H."""
     from pyhamsys import HamSys
 
     return HamSys(ndof=system.d, y_dot=right_hand_side(system))
 
 
 def _piece(system, options: dict, state, h: float, n: int):
-    """The states after 1, ..., n steps, of shape (n, 2 d), and the step taken."""
+    """(the states after 1, ..., n steps, array (n, 2 d), the step taken)."""
     from pyhamsys import Parameters
 
     times = np.arange(max(n, 2) + 1) * h
-    # times[-1] / step must be less than the number of rows for the rows to be the steps
+    # rows coincide with steps only if times[-1] / step is less than the number of rows
     parameters = Parameters(step=2.0 * times[-1], display=False, **options)
     solution = system.integrate(state, times, parameters)
     return solution.y.T[1 : n + 1], solution.step
 
 
 def _pieces(steps: int, one: bool) -> list[int]:
-    """Numbers of steps that add up to ``steps``: powers of two of at most `PIECE`, or all at one."""
+    """Numbers of steps that sum to ``steps``: powers of two up to `PIECE`, or a single piece if ``one``."""
     if one:
         return [steps]
     parts = [PIECE] * (steps // PIECE)
@@ -121,18 +122,18 @@ def _pieces(steps: int, one: bool) -> list[int]:
 
 @lru_cache(maxsize=1)
 def _warm() -> None:
-    """A first step, which loads what has to be loaded."""
+    """Take one step before any timing, so that lazy imports and set-up are done."""
     from pyhamsys import HamSys
 
     _piece(HamSys(y_dot=lambda t, y: -y), {"solver": "Verlet", "extension": True}, np.ones(2), 0.1, 2)
 
 
-def _run(solver: str, position_first: bool, extension: bool, omega: float | None):
+def _build_run(solver: str, position_first: bool, extension: bool, omega: float | None):
     def run(task: Task) -> Run:
         one = omega is not None
         if one and task.steps > MOST:
             raise InvalidInput(f"pyhamsys's time grows as the square of the steps: at most {MOST} with omega")
-        system = _whole(task.system) if extension else _split(task.system, position_first)
+        system = _general_system(task.system) if extension else _separable_system(task.system, position_first)
         options = {"solver": solver, "extension": extension, "omega": omega}
         state = task.state
         _warm()
@@ -175,7 +176,7 @@ BOUND_ABOUT = f"two copies bound by omega = {OMEGA:g}; rows are their mean; symp
 
 
 def _peer(solver: str, order: int, about: str, source: str, *, position_first=False, kind="") -> Peer:
-    """A peer; ``kind`` is "" for T + V, "extended" for two copies set to their mean, "omega" for two bound ones."""
+    """A peer; ``kind`` is "" for T + V, "extended" for two copies set to their mean, "omega" for two coupled ones."""
     extension = bool(kind)
     claim = Claims(order=order, symplectic=None if extension else True, source=EXTENDED if extension else README)
     how = {"": SPLIT_ABOUT, "extended": MEAN_ABOUT, "omega": BOUND_ABOUT}[kind]
@@ -190,7 +191,7 @@ def _peer(solver: str, order: int, about: str, source: str, *, position_first=Fa
         license="BSD-2-Clause",
         about=f"{about}; {how}",
         source=source,
-        run=_run(solver, position_first, extension, OMEGA if kind == "omega" else None),
+        run=_build_run(solver, position_first, extension, OMEGA if kind == "omega" else None),
         scope="any Hamiltonian" if extension else "H = T(p) + V(q)",
         lacks=_lacks_canonical if extension else _lacks_splitting,
         claims=claim,
@@ -205,7 +206,7 @@ NEAR = "Blanes et al. 2013, Appl. Numer. Math. 68, 58-72"
 ALL = "for all purposes"
 T_FIRST, V_FIRST = "T first, as its order is declared", "V first, as its order is declared"
 
-#: Methods of any splitting.
+#: Methods for any splitting.
 GENERAL = (
     ("Verlet", 2, ALL, "Verlet 1967, Phys. Rev. 159, 98-103"),
     ("FR", 4, ALL, "Forest & Ruth 1990, Physica D 43, 105-117"),
@@ -219,7 +220,7 @@ GENERAL = (
     ("BM4", 4, f"{ALL}; S6, the default", MOAN),
     ("BM6", 6, f"{ALL}; S10", MOAN),
 )
-#: Whether the flow of T goes first.
+#: Methods for a given order of flows; the last entry is True if the flow of T comes first.
 SPECIAL = (
     ("EFRL", 4, "for H = A + B", OMELYAN, False),
     ("PEFRL", 4, T_FIRST, OMELYAN, True),
@@ -231,9 +232,9 @@ SPECIAL = (
     ("ABA864", 4, f"{T_FIRST}; order (8, 6, 4) of H = A + eps B, here of T + V", NEAR, True),
     ("ABA1064", 4, f"{T_FIRST}; order (10, 6, 4) of H = A + eps B, here of T + V", NEAR, True),
 )
-#: Not run in two copies: Yo4 is FR, Yo10 has 324 evaluations a step there.
+#: Methods not run with two copies: Yo4 equals FR, Yo10 has 324 evaluations a step there.
 UNDOUBLED = ("Yo4", "Yo10")
-#: Of the restrained copies these show what there is to see.
+#: Methods run with coupled copies; these few show all effects.
 RESTRAINED = ("Verlet", "BM4", "BM6")
 
 PEERS: tuple[Peer, ...] = (

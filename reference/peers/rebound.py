@@ -1,10 +1,10 @@
 """REBOUND's integrators as peers, through its public Python interface.
 
-How a system is put to REBOUND: `particles`.  SEI is left out: it is for the shearing sheet alone, whose
-forces depend on velocities.  Fixed-step integrators run with safe_mode = 0 where they have it: neighbouring drifts are
-one and a corrector acts at rows alone.  Wisdom-Holman splittings use Jacobi coordinates (REBOUND's default); with
-planets of relative mass eps their error is a sum of terms eps h^a + eps^2 h^b + ...: a peer's ``order`` is the least
-exponent, measured, and ``about`` gives all of them.
+`particles` describes how a system is represented in REBOUND.  SEI is left out: it is for the shearing sheet only, whose
+forces depend on velocities.  Fixed-step integrators run with safe_mode = 0 if they have it: neighbouring drifts are
+merged, and a corrector is applied at rows only.  Wisdom-Holman splittings use Jacobi coordinates (REBOUND's default);
+for planets of relative mass eps their error is a sum of terms eps h^a + eps^2 h^b + ...; a peer's ``order`` is the
+smallest exponent, measured, and ``about`` lists all of them.
 
 Source: H. Rein, S.-F. Liu, Astron. Astrophys. 537 (2012) A128.
 """
@@ -21,15 +21,15 @@ DOCUMENTATION = "https://rebound.readthedocs.io/en/latest/integrators/ and sim.i
 HIGH_ORDER = "Rein, Tamayo & Brown 2019, Mon. Not. R. Astron. Soc. 489, 4632-4640"
 WISDOM_HOLMAN = "Rein & Tamayo 2015, Mon. Not. R. Astron. Soc. 452, 376-388"
 EMBEDDED = "Rein 2020, Mon. Not. R. Astron. Soc. 492, 5413"
-#: JANUS rounds coordinates and velocities to integers of 64 bits in units of this, its default.
+#: Unit (the default) in which JANUS rounds coordinates and velocities to 64-bit integers.
 UNIT = 1e-16
-#: The shortest step of IAS15 in units of the time span: where the acceleration of a body passes through 0 its steps
-#: would shrink in proportion to the time left, and the run would never end (figure eight).
+#: Least step of IAS15 as a share of the time span: if the acceleration of a body passes through 0, steps would shrink
+#: in proportion to the time left, and the run would never end (figure eight).
 SHORTEST = 1e-13
-#: The most bodies of WHFast512.
+#: Largest number of bodies for WHFast512.
 MOST = 9
 
-#: Which settings an integrator takes, most special first, and in words.
+#: Kinds of settings that an integrator accepts, most special first, and their description.
 ANY = (CENTRAL, GRAVITY, POTENTIAL)
 KEPLERIAN = (CENTRAL, GRAVITY)
 SCOPES = {
@@ -40,7 +40,7 @@ NEWTON = "a Kepler problem; gravity between bodies, the first in the middle"
 
 
 def _setting(kinds, forces: bool, system):
-    """How a system is put to an integrator that takes these settings; None where it cannot be."""
+    """The first representation of a system among ``kinds``, with or without extra ``forces``; None if there is none."""
     settings = particles.settings(system)
     for kind in kinds:
         if kind in settings and (forces or settings[kind].gradient is None):
@@ -50,7 +50,7 @@ def _setting(kinds, forces: bool, system):
 
 def _lacks(integrator: str, kinds, forces: bool):
     def lacks(problem, system) -> str | None:
-        from phasebench.integrators.engine.codegen import compiled
+        from phasebench.integrators.compile.codegen import compiled
 
         settings = particles.settings(system)
         if not settings:
@@ -80,7 +80,7 @@ def _lacks(integrator: str, kinds, forces: bool):
 
 
 def _avx512() -> bool:
-    """Whether REBOUND can run WHFast512 on this machine; True where it cannot be asked, being absent."""
+    """True if REBOUND can run WHFast512 on this machine, and also if REBOUND is not installed."""
     try:
         import rebound
     except ImportError:
@@ -89,14 +89,14 @@ def _avx512() -> bool:
 
 
 def _fields(integrator: str, setting, options: dict, tolerances, tol: float | None) -> dict:
-    """The fields of an integrator on a setting."""
+    """The fields of an integrator for a setting and a tolerance."""
     fields = options | ({} if tol is None else dict.fromkeys(tolerances, tol))
     if fields.get("kernel") == "lazy" and setting.kind == CENTRAL and setting.gradient is None:
-        fields = {"safe_mode": 0}  # there is nothing to correct in a pure Kepler problem
+        fields = {"safe_mode": 0}  # a pure Kepler problem needs no corrector
     return fields
 
 
-def _run(integrator: str, kinds, forces: bool, options: dict, tolerances):
+def _build_run(integrator: str, kinds, forces: bool, options: dict, tolerances):
     def run(task: Task) -> Run:
         setting = _setting(kinds, forces, task.system)
         fields = _fields(integrator, setting, options, tolerances, task.tol)
@@ -132,9 +132,9 @@ def _peer(
     claims: dict | None = None,
     options: dict | None = None,
 ) -> Peer:
-    """A peer that takes those kinds of settings, with or without extra forces.
+    """A peer that accepts these ``kinds`` of settings, with or without extra ``forces``.
 
-    ``tolerances`` are the fields that tol sets, of an adaptive one; ``options`` the fields that are set always.
+    ``tolerances`` are the fields set to tol, if the peer is adaptive; ``options`` are fields with fixed values.
     """
     return Peer(
         f"rebound-{id}",
@@ -145,7 +145,7 @@ def _peer(
         license="GPL-3.0",
         about=about,
         source=source,
-        run=_run(integrator, kinds, forces, options or {}, tolerances),
+        run=_build_run(integrator, kinds, forces, options or {}, tolerances),
         prepare=_prepare(integrator, kinds, forces, options or {}, tolerances),
         scope=SCOPES[kinds] if forces else NEWTON,
         lacks=_lacks(integrator, kinds, forces),
@@ -155,12 +155,12 @@ def _peer(
     )
 
 
-#: How IAS15 chooses its steps: the default first.
+#: IAS15's rules for the step size; the first is the default.
 ADAPTIVE_MODES = ("prs23", "individual", "global", "aarseth85")
 
 
 def ias15(mode: str = ADAPTIVE_MODES[0]) -> Peer:
-    """IAS15 with one of its `ADAPTIVE_MODES`; that with the default one is in the registry."""
+    """IAS15 with one of its `ADAPTIVE_MODES`; only the default one is in the registry."""
     options = {} if mode == ADAPTIVE_MODES[0] else {"adaptive_mode": mode}
     return _peer(
         "ias15" if not options else f"ias15(adaptive_mode={mode})",
@@ -266,7 +266,7 @@ WHFAST = (
 )
 
 
-#: Settings of WHFast that are measured beside those of the registry.
+#: Further settings of WHFast, measured for comparison but not in the registry.
 TRIED = (
     *(
         _whfast(f"whfast(coordinates={c})", f"WHFast in {c} coordinates", 2, "eps h^2", WISDOM_HOLMAN, coordinates=c)

@@ -1,4 +1,4 @@
-"""What a peer is: a frozen record of an integrator from elsewhere, with what its package says of it."""
+"""`Peer`: a frozen record of an integrator from another package, with the claims that its package makes."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Claims:
-    """What a package's own documentation or attributes say of an integrator; None where they say nothing.
+    """Properties of an integrator that its package claims; None if it claims nothing.
 
     Attributes
     ----------
     order : in the step h
     symplectic, reversible : of the step map at constant h
-    energy : how the energy is kept, one of the classes of `integrators.record`
-    source : where the package says so (address of the page, name of the attribute)
+    energy : conservation of the energy, one of the classes in `integrators.record`
+    source : where the package claims it (address of the page, name of the attribute)
     """
 
     order: int | None = None
@@ -29,18 +29,18 @@ class Claims:
     source: str = ""
 
 
-#: Why a run ends that has left the numbers.
+#: Reason for the end of a run with a state that is infinite or NaN.
 NOT_FINITE = "the state is no longer finite"
 
 
 class Start(NamedTuple):
-    """What a peer is prepared for.
+    """The input for which a peer is prepared.
 
     Attributes
     ----------
-    problem, system : the problem (or again the system, where there is no other), and its system
+    problem, system : the problem (or the system again, if there is none), and its system
     q, p : arrays (d,), the initial state
-    tol : the tolerance of an adaptive peer; None: the package's own
+    tol : the tolerance of an adaptive peer; None for the package's default
     """
 
     problem: Any
@@ -51,21 +51,21 @@ class Start(NamedTuple):
 
     @property
     def state(self) -> np.ndarray:
-        """(q, p), a new array (2 d,)."""
+        """(q, p) as a new array (2 d,)."""
         return np.concatenate([self.q, self.p]).astype(float)
 
 
 class Task(NamedTuple):
-    """What a peer is to integrate.
+    """The input of a peer's run.
 
     Attributes
     ----------
-    problem, system : the problem (or again the system, where there is no other), and its system
+    problem, system : the problem (or the system again, if there is none), and its system
     q, p : arrays (d,), the initial state
-    h : the step, of an adaptive peer the spacing of its rows
-    numbers : the numbers of the steps after which a row is wanted, increasing from 0
-    times : array, h times each of them
-    tol : the tolerance of an adaptive peer; None: the package's own
+    h : the step; for an adaptive peer the spacing of its rows
+    numbers : step numbers of the rows, increasing from 0
+    times : array, h times the numbers
+    tol : the tolerance of an adaptive peer; None for the package's default
     """
 
     problem: Any
@@ -79,7 +79,7 @@ class Task(NamedTuple):
 
     @property
     def state(self) -> np.ndarray:
-        """(q, p), a new array (2 d,)."""
+        """(q, p) as a new array (2 d,)."""
         return np.concatenate([self.q, self.p]).astype(float)
 
     @property
@@ -89,7 +89,7 @@ class Task(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What a peer did: rows (n, d) of q and p reached, steps, evaluations (0: not told), seconds, what failed."""
+    """A peer's result: rows (n, d) of q and p, steps, gradient evaluations (0: unknown), seconds, failure or None."""
 
     q: np.ndarray
     p: np.ndarray
@@ -100,23 +100,23 @@ class Run(NamedTuple):
 
     @classmethod
     def of_states(cls, rows, *more) -> Run:
-        """The run whose rows are of states (q, p), of shape (n, 2 d)."""
+        """A run with the states (q, p) as rows, array (n, 2 d)."""
         d = rows.shape[1] // 2
         return cls(rows[:, :d], rows[:, d:], *more)
 
     @classmethod
     def stuck(cls, task: Task, *more) -> Run:
-        """The run that came no further than its start."""
+        """A run with the initial state as its only row."""
         return cls.of_states(task.state[None], *more)
 
 
 def anything(problem, system) -> str | None:
-    """The peer can do every problem."""
+    """`Peer.lacks` for a peer that is applicable to every problem: no reason against it."""
     return None
 
 
 def split_alone(why: str) -> Callable[[Any, Any], str | None]:
-    """The ``lacks`` of a peer that can do canonical H = T(p) + V(q) alone, for the reason ``why``."""
+    """`Peer.lacks` for a peer that is applicable only to canonical H = T(p) + V(q); ``why`` is the reason it gives."""
 
     def lacks(problem, system) -> str | None:
         return None if system.canonical and system.separable else why
@@ -126,28 +126,27 @@ def split_alone(why: str) -> Callable[[Any, Any], str | None]:
 
 @dataclass(frozen=True)
 class Peer:
-    """An integrator from elsewhere.
+    """An integrator from another package.
 
     Attributes
     ----------
     id, name : its kebab-case name and its full one
-    package : what to install, and to import
-    adaptive : takes a tolerance ``tol``; ``h`` is then the spacing of its output
-    order : in the step h, of a fixed-step peer on a nonlinear problem; None where it is not one number
+    package : the package to install and import
+    adaptive : True if it takes a tolerance ``tol``; ``h`` is then the spacing of its output
+    order : in the step h, for a fixed-step peer on a nonlinear problem; None if it is not a single number
     license : of the package
-    about : what its tolerance or its options mean, and what its time includes
+    about : the meaning of its tolerance or its options, and what its time includes
     source : author, year
-    run : `Task` -> `Run` with a row for each step number of the task up to where it failed; it may import the package,
-        its module may not
-    prepare : `Start` -> `prepared.Calls`, its run built and compiled once; None where it has none
-    scope : in words, what it can integrate
-    lacks : (problem, system) -> why it cannot do a problem, or None
-    claims : what its package says of it
-    load : imports the package by its name, where that needs care
-    tol : the default tolerance; None: the package's own
-    least : the smallest tolerance it takes
-    ahead : it goes ahead in time alone
-    settings : the options of the package that are set, by their names there
+    run : `Task` -> `Run` with the rows of the task up to a failure; it may import the package, its module may not
+    prepare : `Start` -> `prepared.Calls`, a run built and compiled once; None if it cannot be prepared
+    scope : a description of the problems that it is applicable to
+    lacks : (problem, system) -> the reason why it is not applicable to a problem, or None
+    claims : the claims of its package
+    load : imports the package by its name, for packages that need precautions
+    tol : the default tolerance; None for the package's own
+    least : the smallest tolerance that it accepts
+    ahead : True if it cannot integrate backwards in time
+    settings : options of the package that are set, by their names there
     """
 
     id: str
@@ -172,5 +171,5 @@ class Peer:
 
     @property
     def label(self) -> str:
-        """The id, as a method's label without parameters."""
+        """The id, for the same interface as a method."""
         return self.id

@@ -1,24 +1,26 @@
-"""PEERS: every peer, one record each, from a module a package."""
+"""PEERS: the records of all peers, collected from one module per package."""
 
 from __future__ import annotations
 
-from phasebench.integrators.errors import unknown
+from phasebench.integrators.names import Records, unknown_method
 
 from . import desolver, diffrax, gala, galpy, heyoka, pyhamsys, rebound, scipy
 from .record import Peer
 
-#: Those that the suite depends on, then those of the extra ``peers``.
+#: First the packages that the suite depends on, then those of the extra ``peers``.
 PACKAGES = (heyoka, rebound, scipy, gala, galpy, desolver, pyhamsys, diffrax)
 
-PEERS: tuple[Peer, ...] = tuple(p for package in PACKAGES for p in package.PEERS)
-
-BY_ID = {p.id: p for p in PEERS}
+BY_ID = {p.id: p for package in PACKAGES for p in package.PEERS}
 
 
 def peer(id: str | Peer) -> Peer:
-    """The peer of that id; raises InvalidInput for an unknown one, naming the nearest."""
+    """The peer with this id; raises InvalidInput for an unknown one, with the nearest known id."""
     if isinstance(id, Peer):
         return id
     if id not in BY_ID:
-        raise unknown("peer", id, BY_ID)
+        raise unknown_method(id, BY_ID, "peer")
     return BY_ID[id]
+
+
+#: All peers; ``PEERS["heyoka"]`` is ``peer("heyoka")``.
+PEERS: Records[Peer] = Records.of(BY_ID.values(), peer)

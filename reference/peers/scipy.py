@@ -1,9 +1,9 @@
-"""SciPy's DOP853, Radau and LSODA as peers, with a Python right-hand side and with one that Numba compiled.
+"""SciPy's DOP853, Radau and LSODA as peers, with a Python right-hand side and with one compiled by Numba.
 
-Either calls the system's compiled field; the Python one makes tuples and arrays around it, which is most of its time.
-SciPy's own loops over steps are Python in both (LSODA's steps are compiled).  The same two algorithms in SciPy's older
-interfaces, `odeint` and `ode`, have compiled loops and take a fifth of the time or less: `fast` makes peers of them, to
-be measured beside the others.
+Both call the system's compiled vector field; the Python one builds tuples and arrays around it, which takes most of its
+time.  SciPy's loops over steps are Python in both (LSODA's steps are compiled).  DOP853 and LSODA in SciPy's older
+interfaces, `ode` and `odeint`, have compiled loops and take a fifth of the time or less: `fast` makes peers of these,
+for comparison.
 
 Sources: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), II.5 (DOP853);
 E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996), IV.8 (Radau); L. Petzold, SIAM J. Sci. Stat.
@@ -21,9 +21,9 @@ from packaging.version import Version
 from .field import compiled_field
 from .record import NOT_FINITE, Claims, Peer, Run, Start, Task
 
-#: SciPy's own defaults.
+#: SciPy's default tolerances.
 RTOL, ATOL = 1e-3, 1e-6
-#: Steps after which a run is given up: near a singularity LSODA's steps may shrink without end.
+#: Largest number of steps: near a singularity LSODA's steps may shrink without end.
 STEP_LIMIT = 1_000_000
 DOCUMENTATION = "https://docs.scipy.org/doc/scipy/reference/generated/scipy.integrate.{}.html"
 
@@ -40,7 +40,7 @@ def _solve(solver_name: str, compiled: bool):
         row, steps, failure = 1, 0, None
         tolerances = {"rtol": RTOL if tol is None else tol, "atol": ATOL if tol is None else tol}
         with np.errstate(all="ignore"), warnings.catch_warnings(record=True) as warned:
-            warnings.simplefilter("always")  # LSODA says in warnings why it failed
+            warnings.simplefilter("always")  # LSODA reports the reason of a failure as a warning
             started = time.perf_counter()
             solver = getattr(scipy.integrate, solver_name)(field, 0.0, y, t[-1], **tolerances)
             while solver.status == "running":
@@ -60,7 +60,7 @@ def _solve(solver_name: str, compiled: bool):
             rows[row], row = solver.y, row + 1
         else:
             failure = "; ".join(dict.fromkeys([failure.rstrip("."), *(str(w.message).rstrip(".") for w in warned)]))
-        # SciPy's own count leaves out the evaluations for a Jacobian by differences, one for each component.
+        # SciPy's count leaves out the evaluations for a Jacobian by finite differences, one per component.
         evaluations = solver.nfev + (len(y) * solver.njev if solver_name == "Radau" else 0)
         return Run.of_states(rows[:row], steps, int(evaluations), seconds, failure)
 
@@ -68,7 +68,7 @@ def _solve(solver_name: str, compiled: bool):
 
 
 def _prepare(solver_name: str, compiled: bool):
-    """The loop over steps that ``solve_ivp`` makes, without its rows."""
+    """The `Peer.prepare` of a solver: the loop over steps that ``solve_ivp`` makes, without rows."""
 
     def prepare(start: Start):
         import scipy.integrate
@@ -82,7 +82,7 @@ def _prepare(solver_name: str, compiled: bool):
 
 
 def _steps(solver) -> np.ndarray | None:
-    """The state at the end of a solver's span; None where it fails before."""
+    """Run a solver to the end of its span and return the state there; None if it fails."""
     step, most = solver.step, STEP_LIMIT
     while solver.status == "running" and most:
         step()
@@ -91,7 +91,7 @@ def _steps(solver) -> np.ndarray | None:
 
 
 def _calls(start: Start, integrate):
-    """The calls of a prepared run from ``integrate``, (y, t_end) -> the end state, None where it failed."""
+    """The `Calls` of a prepared run, given ``integrate``: (y, t_end) -> the final state, or None if it failed."""
     from .prepared import SOLVED, STALLED, Calls
 
     begin, end = start.state, [start.state]
@@ -110,7 +110,7 @@ def _calls(start: Start, integrate):
 
 
 def _failure(solver, message, before: float, steps: int) -> str | None:
-    """Why a step was the last, or None."""
+    """The reason why a run ends after this step, or None."""
     if solver.status == "failed":
         return message or "SciPy gave no reason"
     if not np.isfinite(solver.y).all():
@@ -123,14 +123,14 @@ def _failure(solver, message, before: float, steps: int) -> str | None:
 
 
 def _off(problem, system) -> str | None:
-    """Whether Numba compiles nothing here."""
-    from phasebench.integrators.engine import codegen
+    """The `Peer.lacks` of a peer that needs Numba: a reason if compilation is disabled."""
+    from phasebench.integrators.compile import codegen
 
     return None if codegen.compiled() else "compilation is off (NUMBA_DISABLE_JIT)"
 
 
 def _peers(solver: str, name: str, more: str, source: str, order: int | None) -> tuple[Peer, Peer]:
-    """The peer with a Python right-hand side, and the one with a compiled one."""
+    """Two peers: with a Python right-hand side, and with a compiled one."""
     about = f"rtol = atol = tol, by default SciPy's rtol = {RTOL:g} and atol = {ATOL:g}; {more}"
     kinds = (
         ("", "Python right-hand side", "the right-hand side is a Python call", {}),
@@ -176,7 +176,7 @@ PEERS = (
 
 
 def _odeint(field, task: Task):
-    """Rows by LSODA, its loop compiled; and how it failed, or None."""
+    """(rows, steps, evaluations, failure or None) of LSODA with its compiled loop."""
     from scipy.integrate import odeint
 
     tolerances = {"rtol": task.tol, "atol": task.tol} if task.tol is not None else {}
@@ -186,7 +186,7 @@ def _odeint(field, task: Task):
 
 
 def _dop853(field, tolerances: dict[str, float]):
-    """SciPy's `ode` with DOP853; before 1.17 it takes functions of Python only, so a compiled one is wrapped."""
+    """SciPy's `ode` with DOP853; before SciPy 1.17 it accepts Python functions only, so a compiled one is wrapped."""
     import scipy
     from scipy.integrate import ode
 
@@ -196,7 +196,7 @@ def _dop853(field, tolerances: dict[str, float]):
 
 
 def _ode(field, task: Task):
-    """Rows by DOP853, its loop compiled; its steps end at the rows; it counts nothing."""
+    """(rows, 0, 0, failure or None) of DOP853 with its compiled loop; steps end at the rows and are not counted."""
     tolerances = {"rtol": task.tol, "atol": task.tol} if task.tol is not None else {}
     solver = _dop853(field, tolerances).set_initial_value(task.state, 0.0)
     rows = [task.state]
@@ -208,7 +208,7 @@ def _ode(field, task: Task):
 
 
 def _prepare_fast(solver: str):
-    """``odeint`` and ``ode`` as they are called for the end state alone."""
+    """The `Peer.prepare` of ``odeint`` or ``ode``, which are called for the final state only."""
 
     def prepare(start: Start):
         from scipy.integrate import odeint
@@ -236,7 +236,7 @@ def _prepare_fast(solver: str):
 
 
 def fast(solver: str) -> Peer:
-    """``odeint`` (LSODA) or ``ode`` (DOP853), which are no peers of the registry: SciPy's loops and ours compiled."""
+    """A peer outside the registry: ``odeint`` (LSODA) or ``ode`` (DOP853), with compiled loop and right-hand side."""
     work = {"odeint": _odeint, "ode": _ode}[solver]
     name = {"odeint": "LSODA", "ode": "DOP853"}[solver]
 
@@ -244,7 +244,7 @@ def fast(solver: str) -> Peer:
         field = compiled_field(task.system)
         field(0.0, task.state)
         with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the messages say the same
+            warnings.simplefilter("ignore")  # the returned messages say the same
             started = time.perf_counter()
             rows, steps, evaluations, failure = work(field, task)
             seconds = time.perf_counter() - started

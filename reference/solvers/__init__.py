@@ -1,1 +1,1 @@
-"""Solvers of the truth: Taylor series in extended precision, Gauss's method in long double, exact solutions."""
+"""Solvers for references: Taylor series in extended precision, Gauss's method in long double, exact solutions."""

@@ -1,6 +1,6 @@
-"""heyoka's Taylor series of bodies that attract each other, with masses that a run chooses: one compilation for all.
+"""heyoka's Taylor series for gravitating bodies, with masses that are parameters, so that one compilation suffices.
 
-A body of mass 0 moves as a test particle, so that leaving one out is, for the others, a run with its mass at 0.
+A body of mass 0 moves as a test particle: for the others, setting a mass to 0 means removing that body.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import numpy as np
 from . import taylor
 
 SPACE = 3
-#: The tolerance of a run: as good as doubles are.
+#: The tolerance, at the limit of double precision.
 TOLERANCE = 1e-15
 
 
 class Attracting:
-    """An integrator of N bodies in space; G is their constant of gravity."""
+    """An integrator of N gravitating bodies in space, with the gravitational constant G."""
 
     def __init__(self, N: int, G: float):
         import heyoka as hy
@@ -32,12 +32,12 @@ class Attracting:
     def rows(
         self, masses: Sequence[float], x: np.ndarray, v: np.ndarray, times: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """Positions and velocities, (n, 3 N) each, at rising times from 0 on, and the seconds that they took.
+        """(positions, velocities, seconds) at increasing times from 0; positions and velocities are arrays (n, 3 N).
 
         Raises
         ------
         reference.solvers.taylor.ReferenceFailed
-            Where a run does not come to the end.
+            If a run does not reach the end.
         """
         flow, N = self.flow, self.N
         flow.pars[:] = masses

@@ -1,4 +1,4 @@
-r"""Exact solutions, in mpmath from the double-rounded data.
+r"""Exact solutions, evaluated by mpmath from initial data rounded to double.
 
 Harmonic oscillator: :math:`q = q_0\cos\omega t + (p_0/\omega)\sin\omega t`, :math:`p = \dot q`.
 
@@ -16,19 +16,19 @@ from __future__ import annotations
 
 import numpy as np
 
-#: Digits carried beyond those asked for.
+#: Extra working digits.
 GUARD = 15
 
 
 def exact(problem, times, digits: int = 40, q0=None, p0=None):
-    """The exact solution at ``times``, or None where the problem has none.
+    """The exact solution at ``times``, or None if it is not known.
 
     Parameters
     ----------
     problem : a problem with ``id``, ``system``, ``q0`` and ``p0``; the solution is chosen by ``id``
     times : array (n,), in any order
-    digits : significant digits of the working precision's result
-    q0, p0 : arrays (d,), the initial state where not the problem's
+    digits : significant digits of the result
+    q0, p0 : arrays (d,), the initial state if not the problem's
 
     Returns
     -------
@@ -54,7 +54,7 @@ def exact(problem, times, digits: int = 40, q0=None, p0=None):
 
 
 def _oscillator(problem, q, p):
-    """t -> (q, p); the frequency is that of the system's own force, whose omega**2 is rounded to double."""
+    """A function t -> (q, p); the frequency is that of the system's force, in which omega**2 is rounded to double."""
     import mpmath
     import sympy as sp
 
@@ -72,7 +72,7 @@ def _oscillator(problem, q, p):
 
 
 def _kepler(problem, q, p):
-    """t -> (q, p), or None where the energy is not negative."""
+    """A function t -> (q, p), or None if the energy is not negative."""
     import mpmath
 
     r0 = mpmath.sqrt(sum(x * x for x in q))
@@ -98,7 +98,7 @@ def _kepler(problem, q, p):
 
 
 def anomaly(M, ecosine, esine):
-    """The root x of M = x - ecosine sin x + esine (1 - cos x), by Newton's method inside a shrinking bracket."""
+    """The root x of M = x - ecosine sin x + esine (1 - cos x), by Newton's method safeguarded by bisection."""
     import mpmath
 
     width = 2 * mpmath.hypot(ecosine, esine) + mpmath.eps
@@ -120,5 +120,5 @@ def anomaly(M, ecosine, esine):
     raise ArithmeticError(f"Kepler's equation is not solved at mean anomaly {mpmath.nstr(M, 17)}")
 
 
-#: Id of a problem -> its solution (problem, q, p) -> flow.
+#: Id of a problem -> a function (problem, q, p) -> (t -> state).
 SOLUTIONS = {"harmonic-oscillator": _oscillator, "kepler": _kepler}

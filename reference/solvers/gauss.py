@@ -1,13 +1,13 @@
-r"""A second solver for references: Gauss's method of 8 stages, order 16, in NumPy's long double.
+r"""Gauss's method of 8 stages, order 16, in NumPy's long double: a second, independent solver for references.
 
-It shares only the formulae with the Taylor runs: the derivatives are SymPy's, evaluated by NumPy, with every number
-that double cannot hold handed over as a long double.  Of a step from y,
+It shares only the formulae with the Taylor runs: the derivatives are SymPy's, evaluated by NumPy, and every number that
+a double cannot represent is passed as a long double.  In a step from y,
 
 .. math:: k_i = f\Bigl(y + h\sum_j a_{ij} k_j\Bigr), \qquad y_1 = y + h\sum_i b_i k_i ,
 
-the stages are iterated until they no longer change, starting from the last step's polynomial; the increments are added
-with compensation, and each coefficient is the sum of two numbers.  The ends of the steps are given, so that a caller
-may follow an adaptive run.
+the stages are iterated until they no longer change, starting from the last step's polynomial; increments are summed
+with compensation, and each coefficient is a sum of two numbers.  The ends of the steps are given by the caller, for
+instance those of an adaptive run.
 
 Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), II.1.3, VIII.5 and VIII.6.
 """
@@ -25,18 +25,18 @@ from .taylor import ReferenceFailed
 from .translate import number
 
 STAGES = 8
-#: Iterations after which a step is given up.
+#: Largest number of iterations in a step.
 MOST = 100
-#: Components smaller than this share of the largest are iterated to an absolute accuracy.
+#: Components below this share of the largest one are iterated to an absolute accuracy.
 FLOOR = 1e-16
-#: Iterations without progress after which it has reached round-off, if its change is below so many units of it.
+#: Iterations without progress that mean round-off, provided the change is below this number of units of it.
 IDLE, SETTLED = 3, 1e3
 LONG = np.longdouble
 EPS = np.finfo(LONG).eps
 
 
 class Tableau(NamedTuple):
-    """A (s, s), b (s,) as sums of two long doubles, the nodes c (s,) and their barycentric weights in double."""
+    """A (s, s) and b (s,) as sums of two long doubles, the nodes c (s,) and their barycentric weights as doubles."""
 
     A: np.ndarray
     A_rest: np.ndarray
@@ -48,7 +48,7 @@ class Tableau(NamedTuple):
 
 @cache
 def tableau() -> Tableau:
-    """The method's numbers; rounded ones would drive the energy and the phase away at a constant rate."""
+    """The coefficients of the method; rounded ones would make energy and phase drift at a constant rate."""
     import mpmath
 
     from phasebench.integrators.coefficients.tableaus import runge_kutta
@@ -62,7 +62,7 @@ def tableau() -> Tableau:
 
 
 def _parts(numbers) -> tuple[np.ndarray, np.ndarray]:
-    """An object array of mpmath numbers as long doubles, and what their rounding left."""
+    """(an object array of mpmath numbers rounded to long double, the remainders of the rounding)."""
     import mpmath
 
     def long(x):
@@ -76,13 +76,13 @@ def _parts(numbers) -> tuple[np.ndarray, np.ndarray]:
 
 
 def right_hand_side(system):
-    """Y -> f(Y) on long double arrays, a column for each stage: rows are the components of (q, p)."""
+    """A function Y -> f(Y) on long double arrays (2 d, s): rows are the components of (q, p), columns are stages."""
     import sympy as sp
 
     constants: dict = {}
 
     def exact(x):
-        """Whether Python's own arithmetic makes this number without an error."""
+        """True if Python's double arithmetic represents this number exactly."""
         return x.is_Integer or (x.is_Rational and x.q & (x.q - 1) == 0 and abs(x.p) < 2**53 and x.q < 2**500)
 
     def walk(e):
@@ -106,7 +106,7 @@ def right_hand_side(system):
 
 
 def run(system, q0, p0, marks, times, disturb: Callable[[np.ndarray], np.ndarray] = lambda y: y) -> np.ndarray:
-    """The states at ``times``, an array (n, 2 d) of long doubles.
+    """Integrate with given steps; return the states at ``times``, an array (n, 2 d) of long doubles.
 
     Parameters
     ----------
@@ -114,12 +114,12 @@ def run(system, q0, p0, marks, times, disturb: Callable[[np.ndarray], np.ndarray
     q0, p0 : arrays (d,), the initial state
     marks : increasing times > 0, the ends of the steps
     times : increasing times > 0, which become ends of steps too
-    disturb : what becomes of the state at the start and after each step, array (2 d,) -> (2 d,)
+    disturb : a map (2 d,) -> (2 d,) that is applied to the state at the start and after each step
 
     Raises
     ------
     ReferenceFailed
-        Where a step's stages have no solution, naming its time.
+        If a step's stages have no solution; the message has its time.
     """
     rule = tableau()
     F = right_hand_side(system)
@@ -140,7 +140,7 @@ def run(system, q0, p0, marks, times, disturb: Callable[[np.ndarray], np.ndarray
         new = y + increment
         lost = increment - (new - y)
         y, t, before = new, LONG(end), h
-        watch.seen("run of Gauss's method", end, ends[-1])
+        watch.report_time("run of Gauss's method", end, ends[-1])
         if end in wanted:
             rows.append(y.copy())
         y = disturb(y)
@@ -148,9 +148,9 @@ def run(system, q0, p0, marks, times, disturb: Callable[[np.ndarray], np.ndarray
 
 
 def _extrapolation(rule: Tableau, ratio: float) -> np.ndarray:
-    """The matrix (s, s) from a step's stages to those of the next one, ``ratio`` times as long.
+    """The matrix (s, s) that extrapolates a step's stages to the next one, ``ratio`` times as long.
 
-    The ratio is held to 2: further away the polynomial is no start worth having.
+    The ratio is limited to 2: farther away the polynomial is a useless starting value.
     """
     at = 1 + min(ratio, 2.0) * rule.c
     L = rule.weights[:, None] / (at[None, :] - rule.c[:, None])
@@ -158,7 +158,7 @@ def _extrapolation(rule: Tableau, ratio: float) -> np.ndarray:
 
 
 def _stages(F, y, h, K, rule, t) -> np.ndarray:
-    """The stages K, iterated until their change is round-off or falls no longer."""
+    """The stages K, iterated until their change is round-off or no longer falls."""
     size = EPS * (np.abs(y) + np.abs(h) * np.abs(K).max(axis=1)) / 4
     best, kept, idle = np.inf, K, 0
     with np.errstate(all="ignore"):

@@ -16,17 +16,17 @@ import numpy as np
 from . import watch
 from .translate import translate
 
-#: Decimals of a long double's text: 21 give it back, the others keep the text's own error out of comparisons.
+#: Decimals of a long double as text: 21 determine it, the rest keep the text's own error out of comparisons.
 DIGITS = 25
-#: Right-hand sides of more components than this compile in heyoka's compact mode.
+#: Right-hand sides with more components are compiled in heyoka's compact mode.
 COMPACT = 12
-#: Steps after which a run is given up: near a collision the steps shrink without end.
+#: Largest number of steps: near a collision steps shrink without end.
 STEP_LIMIT = 10_000_000
 
 
 @dataclass(frozen=True)
 class Bits:
-    """Numbers of so many bits (heyoka's `real`, MPFR), called as the types of the other precisions are."""
+    """The type of numbers with ``bits`` mantissa bits (heyoka's `real`, MPFR), callable like other number types."""
 
     bits: int
 
@@ -36,18 +36,18 @@ class Bits:
 
     @property
     def digits(self) -> int:
-        """Decimals that hold a number of this precision, and a few more."""
+        """Enough decimals for a number of this precision."""
         return int(self.bits * 0.302) + 10
 
     def __call__(self, x):
-        """The number x (a double, an integer, a number of another precision or a text) in this precision."""
+        """Convert x (a double, an integer, a number of another precision or a text) to this precision."""
         import heyoka as hy
 
         return hy.real(x, prec=self.bits)
 
 
 class ReferenceFailed(RuntimeError):
-    """A reference integration that did not reach its end; the message names the time it reached."""
+    """Raised if a reference integration does not reach its end; the message has the time it reached."""
 
 
 @dataclass(frozen=True)
@@ -58,10 +58,10 @@ class Reference:
     ----------
     t : array (n,), the times, as given
     q, p : arrays (n, d), the long double run rounded to double
-    q_text, p_text : arrays (n, d) of decimal strings that give the long double run back
-    uncertainty : array (n,), the max norm over (q, p) of long double minus quadruple run; NaN where not certified.
-        Rounding to double is not in it.
-    rounding : array (n,), the max norm over (q, p) of what rounding the long double run to double changed
+    q_text, p_text : arrays (n, d) of decimal strings that determine the long double run
+    uncertainty : array (n,), the max norm over (q, p) of long double minus quadruple run, without rounding to double;
+        NaN if not certified
+    rounding : array (n,), the max norm over (q, p) of the rounding of the long double run to double
     """
 
     t: np.ndarray
@@ -73,7 +73,7 @@ class Reference:
     rounding: np.ndarray
 
     def horizon(self, limit: float = 1e-13) -> float:
-        """The largest time up to which every uncertainty is at most ``limit`` times the state's max norm, else 0."""
+        """The last time up to which all uncertainties are at most ``limit`` times the state's max norm; else 0."""
         if np.isnan(self.uncertainty).all():
             return float("nan")
         size = np.abs(np.hstack([self.q, self.p])).max(axis=1)
@@ -110,51 +110,47 @@ def integrator(system, fp, tol=None):
 
 
 def start(ta, fp, q0, p0) -> None:
-    """Set an integrator back to time 0 and the doubles q0, p0."""
+    """Reset an integrator to time 0 and the state q0, p0 (doubles)."""
     ta.time = fp(0.0)
     ta.state[:] = [fp(float(x)) for x in (*q0, *p0)]
 
 
 def propagate(ta, grid, run: str = "run", ends: list[float] | None = None):
-    """The states on ``grid`` (increasing, from 0, of the integrator's type): (rows reached, steps, what stopped it).
+    """Integrate to the times of ``grid`` (increasing, from 0, of the integrator's type): (rows, steps, failure).
 
-    The last is None where the end was reached; the times at which steps end are appended to ``ends``.  Raises
-    `watch.TooLong` where somebody watches the ``run``.
+    ``failure`` is None if the end was reached; the times at which steps end are appended to ``ends``.  Raises
+    `watch.TooLong` if the ``run`` is watched and cannot end in time.
     """
-    import heyoka as hy
-
-    said = _said(run, float(grid[-1]), ends)
-
-    if len(grid) == 2:  # the same steps without the polynomials that rows are taken from: up to a fifth faster
+    said = _callback_options(run, float(grid[-1]), ends)
+    if len(grid) == 2:  # the same steps, up to a fifth faster since no polynomials for rows are computed
         first = ta.state.copy()
         outcome, _, _, steps, _, _ = ta.propagate_until(grid[1], max_steps=STEP_LIMIT, **said)
-        rows = np.stack([first, ta.state] if outcome == hy.taylor_outcome.time_limit else [first])
+        rows = np.stack([first, ta.state] if failure(outcome) is None else [first])
     else:
         outcome, _, _, steps, _, rows = ta.propagate_grid(grid, max_steps=STEP_LIMIT, **said)
-    if outcome == hy.taylor_outcome.time_limit:
-        return rows, steps, None
     return rows, steps, failure(outcome)
 
 
-def failure(outcome) -> str:
-    """Why a propagation ended before its end, in words."""
+def failure(outcome) -> str | None:
+    """The reason why a propagation ended early; None if it reached its end."""
     import heyoka as hy
 
     why = {
+        hy.taylor_outcome.time_limit: None,
         hy.taylor_outcome.err_nf_state: "the state is no longer finite",
         hy.taylor_outcome.step_limit: f"{STEP_LIMIT} steps did not reach the end",
     }
     return why.get(outcome, f"heyoka stopped with {outcome}")
 
 
-def _said(run: str, t_end: float, ends: list[float] | None = None) -> dict:
-    """Keywords of a propagation that says at each step how far it is, where somebody listens or ``ends`` are wanted."""
-    if ends is None and not watch.watched():
+def _callback_options(run: str, t_end: float, ends: list[float] | None = None) -> dict:
+    """Keyword arguments for a callback at each step, which reports to `watch` and collects ``ends``; or {}."""
+    if ends is None and not watch.is_watched():
         return {}
 
     def callback(ta) -> bool:
         t = float(ta.time)
-        watch.seen(run, t, t_end)
+        watch.report_time(run, t, t_end)
         if ends is not None:
             ends.append(t)
         return True
@@ -162,8 +158,8 @@ def _said(run: str, t_end: float, ends: list[float] | None = None) -> dict:
     return {"callback": callback}
 
 
-def extended():
-    """The types of long double and quadruple precision; raises ReferenceFailed where the platform lacks one."""
+def extended_types():
+    """The types of long double and quadruple precision; raises ReferenceFailed if the platform lacks one."""
     import heyoka as hy
 
     if np.finfo(np.longdouble).nmant < 63 or not hasattr(hy, "real128"):
@@ -172,12 +168,12 @@ def extended():
 
 
 def states(system, fp, q0, p0, times, tol=None):
-    """The states from the doubles q0, p0 at ``times`` (n,), increasing and positive: rows (n, 2 d) of type ``fp``.
+    """The states at ``times`` (n,), increasing and positive, from the doubles q0, p0: rows (n, 2 d) of type ``fp``.
 
     Raises
     ------
     ReferenceFailed
-        Where the run does not reach the end, naming the time it reached.
+        If the run does not reach the end; the message has the time it reached.
     """
     import heyoka as hy
 
@@ -193,34 +189,28 @@ def states(system, fp, q0, p0, times, tol=None):
 
 
 def step_ends(system, fp, q0, p0, t_end) -> list[float]:
-    """The times, rounded to double, at which an integration to ``t_end`` from the doubles q0, p0 ends its steps."""
+    """The ends of the steps, rounded to double, of an integration to ``t_end`` from the doubles q0, p0."""
     ta = integrator(system, fp)
     start(ta, fp, q0, p0)
     ends: list[float] = []
-
-    def seen(ta) -> bool:
-        ends.append(float(ta.time))
-        watch.seen(f"{fp.__name__} run", ends[-1], t_end)
-        return True
-
-    ta.propagate_until(fp(float(t_end)), callback=seen, max_steps=STEP_LIMIT)
+    propagate(ta, [fp(0.0), fp(float(t_end))], f"{fp.__name__} run", ends)
     return ends
 
 
 def reference(problem, times, certify: bool = True, q0=None, p0=None) -> Reference:
-    """The trajectory of ``problem`` at ``times`` in long double, certified by quadruple precision.
+    """The trajectory of ``problem`` at ``times`` in long double, with its uncertainty from quadruple precision.
 
     Parameters
     ----------
     problem : a problem with ``system`` (any partitioned system), ``q0`` and ``p0``
-    times : array (n,), increasing, from 0 or later; a grid is n h products, taken as given
+    times : array (n,), increasing, from 0 or later
     certify : run quadruple precision too; without it the uncertainty is NaN
-    q0, p0 : arrays (d,), the initial state where not the problem's
+    q0, p0 : arrays (d,), the initial state if not the problem's
 
     Raises
     ------
     ReferenceFailed
-        Where a run does not reach the end, naming the time it reached.
+        If a run does not reach the end; the message has the time it reached.
     ValueError
         For times that do not increase or are negative.
     """
@@ -228,7 +218,7 @@ def reference(problem, times, certify: bool = True, q0=None, p0=None) -> Referen
     if not len(times) or not np.isfinite(times).all() or times[0] < 0 or (np.diff(times) <= 0).any():
         raise ValueError("times must be finite, increasing and start at 0 or later")
     q0, p0 = (problem.q0 if q0 is None else q0), (problem.p0 if p0 is None else p0)
-    long, quad = extended()
+    long, quad = extended_types()
     later = times[times > 0]
     first = np.array([[long(float(x)) for x in (*q0, *p0)]] * (len(times) - len(later)), dtype=long)
     rows = np.vstack([first.reshape(-1, 2 * len(q0)), states(problem.system, long, q0, p0, later)])

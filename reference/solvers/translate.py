@@ -1,12 +1,12 @@
-"""SymPy expressions as heyoka's: every number exact in the integrator's precision, in the form that runs fastest.
+"""Translates SymPy expressions to heyoka's: numbers are exact in the integrator's precision, and the form runs fast.
 
-heyoka's own ``from_sympy`` refuses rationals whose denominator is no power of two and cuts long decimals to double;
-its power with an exponent of 3 or more is NaN at base zero.  Here rationals are divided in the precision at hand,
-decimals keep all their bits, and positive integer and half-integer powers are products and square roots.
+heyoka's own ``from_sympy`` rejects rationals whose denominator is not a power of two and truncates long decimals to
+double, and its powers with exponents of 3 or more are NaN at base zero.  Here rationals are divided in the working
+precision, decimals keep all their bits, and positive integer and half-integer powers are products and square roots.
 
-heyoka differentiates equal subexpressions once.  So that they are equal, a difference x - y stands for y - x too, with
-the sign in the factor; negative half-integer powers are one power (``r2**-1.5``); what multiplies them comes before
-constants, which differ from body to body.
+heyoka differentiates equal subexpressions only once.  To make them equal, y - x is written as x - y with the sign in
+the factor; a negative half-integer power is one power (``r2**-1.5``); and factors that depend on the state come before
+constants, which differ between bodies.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FUNCTIONS = ("sin", "cos", "tan", "exp", "log", "sinh", "cosh", "tanh", "asin", 
 
 
 def number(e: sp.Expr, fp):
-    """The number ``e`` (without variables) in the type ``fp``, right up to one unit in the last place."""
+    """The number ``e`` (without variables) in the type ``fp``, accurate to one unit in the last place."""
     import sympy as sp
 
     if isinstance(e, (sp.Float, sp.Rational)):
@@ -38,7 +38,7 @@ def translate(e: sp.Expr, variables: dict, fp):
     Raises
     ------
     InvalidInput
-        For a function or symbol that has no translation, naming it.
+        For a function or symbol without translation; the message names it.
     """
     import heyoka as hy
     import sympy as sp
@@ -47,7 +47,7 @@ def translate(e: sp.Expr, variables: dict, fp):
         return hy.expression(number(x, fp))
 
     def product(base, n):
-        """base**n, n >= 1, by squaring."""
+        """base**n, n >= 1, by repeated squaring."""
         result = None
         while n:
             if n & 1:
@@ -67,14 +67,14 @@ def translate(e: sp.Expr, variables: dict, fp):
         return constant(sp.Integer(1)) / value if exponent < 0 else value
 
     def unsigned(factor):
-        """(sign, factor without it): of x - y and y - x one has the sign."""
+        """(sign, factor) such that x - y and y - x give the same factor."""
         base, exponent = factor.as_base_exp()
         if not (exponent.is_Integer and isinstance(base, sp.Add) and base.could_extract_minus_sign()):
             return 1, factor
         return (-1 if exponent % 2 else 1), (-base) ** exponent
 
     def multiple(x):
-        """A product: the factors that depend on the state, positive powers first, and then the number."""
+        """Translate a product: factors that depend on the state, positive powers first, and then the number."""
         constants = [a for a in x.args if not a.free_symbols]
         signs, factors = zip(*(unsigned(a) for a in x.args if a.free_symbols), strict=True)
         ordered = sorted(factors, key=lambda a: (bool(a.as_base_exp()[1].is_negative), sp.default_sort_key(a)))

@@ -1,7 +1,7 @@
-"""A limit of time for references, and whom to tell how far they are.
+"""A time limit and progress reports for reference integrations.
 
-The solvers say where they are (`seen`); outside `watching` nobody listens.  A run that cannot end in time is ended as
-soon as that is plain, not when the time is over: after `SURE` seconds, where it would need `HOPELESS` times the limit.
+The solvers report their time by `report_time`, which has no effect outside `watching`.  A run that cannot end within
+the limit is stopped early: after `SURE` seconds, if by its rate so far it would take `HOPELESS` times the limit.
 """
 
 from __future__ import annotations
@@ -11,24 +11,24 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-#: Seconds after which a run's rate is taken for the rate of the whole, and the excess over the limit that has no hope.
+#: Seconds after which a run's rate is taken as constant, and the multiple of the limit at which it is stopped.
 SURE, HOPELESS = 5.0, 3.0
-#: Seconds between two things that are told.
+#: Least seconds between two progress reports.
 APART = 0.2
 
 
 class TooLong(RuntimeError):
-    """References that do not end in time; the message says how far they came."""
+    """Raised if references do not end in time; the message says how far they came."""
 
 
 @dataclass
 class Watch:
-    """How long references may take.
+    """A time limit with progress reports for reference integrations.
 
     Attributes
     ----------
     limit : seconds for all runs together
-    tell : told what runs and how far it is
+    tell : called with a line that says which run is at which time
     """
 
     limit: float
@@ -40,7 +40,7 @@ class Watch:
     _told: float = 0.0
 
     def seen(self, run: str, t: float, t_end: float) -> None:
-        """A run came to t; raises TooLong where it cannot end in time."""
+        """Report that a run has reached t; raises TooLong if it cannot end in time."""
         now = time.perf_counter()
         if run != self._run or t < self._at:
             self._run, self._since = run, now
@@ -66,20 +66,20 @@ def _long(seconds: float) -> str:
 _watch: list[Watch] = []
 
 
-def seen(run: str, t: float, t_end: float) -> None:
-    """Say that a run came to t; raises TooLong where somebody watches and it cannot end in time."""
+def report_time(run: str, t: float, t_end: float) -> None:
+    """Report that a run has reached t; raises TooLong if it is watched and cannot end in time."""
     if _watch:
         _watch[-1].seen(run, t, t_end)
 
 
-def watched() -> bool:
-    """Whether anybody listens."""
+def is_watched() -> bool:
+    """True inside `watching`."""
     return bool(_watch)
 
 
 @contextmanager
 def watching(limit: float, tell: Callable[[str], None]) -> Iterator[None]:
-    """Within it references take at most so many seconds, and say how far they are."""
+    """A context in which references take at most ``limit`` seconds and report their progress to ``tell``."""
     _watch.append(Watch(limit, tell))
     try:
         yield

@@ -1,4 +1,4 @@
-"""What a row says of a run, with certificates and solutions made up: where it is measured, how invariants are kept."""
+"""The accuracy columns of a result row, on fabricated certificates and solutions."""
 
 from __future__ import annotations
 
@@ -18,13 +18,15 @@ REGULAR, CHAOTIC = (next(s for s in SCENES if s.regular is regular) for regular 
 
 @pytest.fixture
 def true(monkeypatch):
-    """(a scene, the horizon, the stored times) -> the time of what is true of it, and its source."""
+    """A function (scene, horizon, stored times) -> (time at which the scene has a true state, source of that state)."""
 
     def told(scene, horizon: float, *times: float) -> tuple[float, str]:
         ends = [SimpleNamespace(t=t, q_text=(f"{t}",), p_text=("0",), uncertainty=1e-20 * t) for t in times]
         certificate = SimpleNamespace(horizon=horizon, ends=ends) if times else None
         monkeypatch.setattr(accuracy.stored, "find", lambda problem: certificate)
-        monkeypatch.setattr(accuracy, "_computed", lambda problem, t: accuracy.Truth(t, (), 0.0, t, accuracy.COMPUTED))
+        monkeypatch.setattr(
+            accuracy, "_compute_truth", lambda problem, t: accuracy.Truth(t, (), 0.0, t, accuracy.COMPUTED)
+        )
         found = accuracy.truth.__wrapped__(scene.id)
         if found.source == accuracy.STORED:
             assert (found.texts, found.uncertainty) == ((f"{found.t}", "0"), 1e-20 * found.t)
@@ -34,7 +36,7 @@ def true(monkeypatch):
     return told
 
 
-def test_a_regular_scene_is_told_at_its_end_alone(true):
+def test_regular_scene_has_its_truth_at_its_end(true):
     end = REGULAR.t_end
     assert true(REGULAR, 2 * end, end / 2, end, 2 * end) == (end, accuracy.STORED)
     assert true(REGULAR, 2 * end, end / 2, 2 * end) == (end, accuracy.COMPUTED)
@@ -42,20 +44,20 @@ def test_a_regular_scene_is_told_at_its_end_alone(true):
     assert true(REGULAR, 2 * end) == (end, accuracy.COMPUTED)
 
 
-def test_a_chaotic_scene_is_told_at_the_last_stored_time_before_its_horizon(true):
+def test_chaotic_scene_has_its_truth_before_its_horizon(true):
     end = CHAOTIC.t_end
     assert true(CHAOTIC, end / 2, end / 8, end / 4, end) == (end / 4, accuracy.STORED)
     assert true(CHAOTIC, end / 2, end / 2, end) == (end / 2, accuracy.STORED)
     assert true(CHAOTIC, 9 * end, end / 4, 2 * end) == (end / 4, accuracy.STORED), "nor past the scene's end"
 
 
-def test_an_error_has_no_round_off_of_its_own():
+def test_error_is_computed_without_round_off():
     true, tenth = accuracy.Truth(1.0, ("0.1", "-2"), 0.0, 1.0, accuracy.STORED), 0.1
     assert true.error([tenth, -2.0]) == float(abs(Decimal(tenth) - Decimal("0.1"))) > 0
     assert true.error([tenth, -2.5]) == 0.5
 
 
-def test_a_trajectory_is_measured_where_it_has_a_row_and_the_horizon_allows(monkeypatch):
+def test_trajectory_error_needs_a_row_within_the_horizon(monkeypatch):
     def measured(*times: float, horizon: float = 3.0) -> dict:
         told = accuracy.Truth(3.0, ("1", "0"), 1e-20, horizon, accuracy.STORED)
         monkeypatch.setattr(accuracy, "truth", lambda scene: told)
@@ -72,14 +74,16 @@ def test_a_trajectory_is_measured_where_it_has_a_row_and_the_horizon_allows(monk
 
 
 def standing(n: int, late: float = 1.0, last: float = 1.0) -> SimpleNamespace:
-    """n times the first state, its momentum ``late`` times as large from a tenth on and ``last`` times at the end."""
+    """A solution of n equal states; its momentum is times ``late`` after a tenth of them, times ``last`` in the
+    last.
+    """
     scale = np.where(np.arange(n) < n // 10, 1.0, late)
     scale[-1] *= last
     q, p = np.tile(KEPLER.q0, (n, 1)), np.outer(scale, KEPLER.p0)
     return SimpleNamespace(t=np.linspace(0, 100.0, n), q=q, p=p, status="ok")
 
 
-def test_invariants_are_told_by_their_names():
+def test_invariant_errors_have_columns_by_name():
     found = accuracy.invariants(KEPLER, standing(400, late=1.01), 100.0)
     kinetic = np.dot(KEPLER.p0, KEPLER.p0) / 2
     assert found["energy_max"] == found["energy_end"] == pytest.approx(kinetic * (1.01**2 - 1))
@@ -89,7 +93,7 @@ def test_invariants_are_told_by_their_names():
     assert named["angular-momentum"] == pytest.approx(0.01 * abs(L))
 
 
-def test_a_drift_and_an_early_error_need_enough_rows_of_a_run_that_ended_well():
+def test_drift_and_early_error_need_enough_rows():
     slope = {"energy_drift", "energy_drift_low", "energy_drift_high"}
     assert [slope <= accuracy.invariants(KEPLER, standing(n), 100.0).keys() for n in (47, 48)] == [False, True]
     early = [accuracy.invariants(KEPLER, standing(n), 100.0).get("energy_max_early") for n in (200, 201)]
@@ -99,12 +103,12 @@ def test_a_drift_and_an_early_error_need_enough_rows_of_a_run_that_ended_well():
     assert not slope & accuracy.invariants(KEPLER, diverged, 100.0).keys()
 
 
-def test_what_is_not_finite_is_left_out():
+def test_nonfinite_values_are_left_out():
     found = accuracy.invariants(KEPLER, standing(400, last=np.nan), 100.0)
     assert (found["energy_max"], found["energy_end"]) == (0.0, 0.0)
 
 
-def test_a_row_begins_with_what_it_is_of():
+def test_row_begins_with_scene_problem_and_method():
     chosen = SimpleNamespace(label="rk4(x=1)", id="rk4", order=4)
     row = accuracy.head(REGULAR, KEPLER, chosen, "phasebench", "no-such-package")
     assert (row["scene"], row["problem"], row["t_end"]) == (REGULAR.id, KEPLER.label, REGULAR.t_end)

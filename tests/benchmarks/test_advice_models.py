@@ -1,4 +1,4 @@
-"""The lower rung of a model in advice: the scene is found by its H and its start, and what is said follows its rows."""
+"""Simplified models in advice: the ladder of a problem is found by its H and initial state, and judged by its rows."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from phasebench.benchmarks.advice import models
+from phasebench.benchmarks.advice import bench_stored, models
 from phasebench.benchmarks.advice.advise import advise
 from phasebench.benchmarks.advice.ask import ask
 from phasebench.benchmarks.advice.models import Rung, Scene
 from phasebench.benchmarks.cli import app
-from phasebench.benchmarks.experiments.models import bench_models
-from phasebench.benchmarks.measure.global_error import started
+from phasebench.benchmarks.measure.global_error import with_start
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.models.ladders import LADDERS
@@ -26,7 +25,7 @@ KEY = models.fingerprint(problem("pendulum:swinging"))
 
 
 def rungs(small=1e-2, large=1e-5, price=1e-6):
-    """Two lower models off by so much; a run to an error takes 1e-6 / error^(1/4), of the lower ones half."""
+    """Rungs of two simplified models with errors small and large, and of the full one; a simplified run costs half."""
     runs = [(10.0**-k, 10 ** (k / 4)) for k in range(1, 13)]
     lower = tuple((e, price * s / 2) for e, s in runs)
     return (
@@ -36,11 +35,13 @@ def rungs(small=1e-2, large=1e-5, price=1e-6):
     )
 
 
-def known(monkeypatch, *scenes):
-    monkeypatch.setattr(models, "stored", lambda: scenes)
+def replace_ladders(monkeypatch, *scenes):
+    """Replace the stored ladders of models by these scenes."""
+    monkeypatch.setattr(models.TABLE, "load", lambda: scenes)
 
 
-def asked(accuracy=1e-3, t_end=10.0, name="pendulum:swinging", **more):
+def question(accuracy=1e-3, t_end=10.0, name="pendulum:swinging", **more):
+    """A question to `advise` about a registered problem."""
     return ask(problem(name), t_end=t_end, accuracy=accuracy, **more)
 
 
@@ -54,78 +55,78 @@ def scene(t_end=10.0, quantity="end-state", **more):
 @pytest.mark.parametrize(
     ("accuracy", "model"), [(5e-2, "least"), (1.05e-2, "middle"), (9e-3, "middle"), (1.2e-5, "middle"), (9e-6, None)]
 )
-def test_the_cheapest_model_whose_two_errors_together_meet_the_accuracy(monkeypatch, accuracy, model):
-    """At 1.05e-2 the least leaves 5e-4 to the integration, which the middle one need not do; at 9e-6 none does."""
-    known(monkeypatch, scene())
-    found = models.lower(asked(accuracy))
+def test_cheapest_model_that_meets_the_accuracy(monkeypatch, accuracy, model):
+    """Modelling and integration error add up: at 1.05e-2 the least model leaves 5e-4 to the integration."""
+    replace_ladders(monkeypatch, scene())
+    found = models.lower(question(accuracy))
     assert found["model"] == model
     assert found["t_end"] == 10.0
     if model is None:
         assert (found["nearest"], found["off"]) == ("middle", 1e-5)
 
 
-def test_what_it_saves_is_of_the_accuracy_that_is_asked_for(monkeypatch):
-    known(monkeypatch, scene())
-    assert models.lower(asked(2e-2))["saves"] == pytest.approx(2.0)
-    assert models.lower(asked(2e-3))["saves"] == pytest.approx(2 / 1.1)
-    text = models.said(models.lower(asked(2e-2)))
+def test_saving_is_computed_at_the_requested_accuracy(monkeypatch):
+    replace_ladders(monkeypatch, scene())
+    assert models.lower(question(2e-2))["saves"] == pytest.approx(2.0)
+    assert models.lower(question(2e-3))["saves"] == pytest.approx(2 / 1.1)
+    text = models.summarize(models.lower(question(2e-2)))
     assert text == "a lower model would do: least, off by 0.01 at t = 10, where the full one takes 2 times as long"
 
 
-def test_a_model_that_is_no_cheaper_saves_nothing(monkeypatch):
-    known(monkeypatch, scene(price=1e-5))
-    text = models.said(models.lower(asked(2e-2)))
+def test_model_that_is_no_cheaper_saves_nothing(monkeypatch):
+    replace_ladders(monkeypatch, scene(price=1e-5))
+    text = models.summarize(models.lower(question(2e-2)))
     assert "but it saves no time: the full one takes 0.2 times as long" in text
 
 
-def test_where_none_does_the_nearest_is_named(monkeypatch):
-    known(monkeypatch, scene())
-    text = models.said(models.lower(asked(1e-9)))
+def test_nearest_model_is_named_where_none_suffices(monkeypatch):
+    replace_ladders(monkeypatch, scene())
+    text = models.summarize(models.lower(question(1e-9)))
     assert text == "no lower model would do: the nearest (middle) is off by 1e-05 at t = 10"
 
 
-def test_what_the_full_model_was_not_integrated_to_has_no_ratio(monkeypatch):
+def test_no_saving_beyond_the_full_models_accuracy(monkeypatch):
     least, middle, full = rungs(1e-13, 1e-5)
     finer = least._replace(runs=(*least.runs, (1e-14, 1.0)))
-    known(monkeypatch, Scene(KEY, 1, 10.0, "end-state", (finer, middle, full)))
-    found = models.lower(asked(2e-13))
+    replace_ladders(monkeypatch, Scene(KEY, 1, 10.0, "end-state", (finer, middle, full)))
+    found = models.lower(question(2e-13))
     assert found["model"] == "least"
     assert found["saves"] is None
-    assert "was not integrated to that accuracy" in models.said(found)
+    assert "was not integrated to that accuracy" in models.summarize(found)
 
 
-# -- of which scene ----------------------------------------------------------------------------------------------------
+# -- the matching scene ------------------------------------------------------------------------------------------------
 
 
-def test_a_shorter_span_is_told_by_the_next_longer_one_and_a_longer_by_none(monkeypatch):
-    known(monkeypatch, scene(100.0, large=1e-4), scene(10.0), scene(10.0, quantity="trajectory", small=1e-7))
-    assert models.lower(asked(t_end=3.0))["t_end"] == 10.0
-    assert models.lower(asked(t_end=10.1))["t_end"] == 100.0
-    assert models.lower(asked(t_end=101.0)) is None
+def test_span_is_answered_by_the_next_longer_ladder(monkeypatch):
+    replace_ladders(monkeypatch, scene(100.0, large=1e-4), scene(10.0), scene(10.0, quantity="trajectory", small=1e-7))
+    assert models.lower(question(t_end=3.0))["t_end"] == 10.0
+    assert models.lower(question(t_end=10.1))["t_end"] == 100.0
+    assert models.lower(question(t_end=101.0)) is None
 
 
-def test_another_quantity_orbit_problem_or_a_budget_has_no_ladder(monkeypatch):
-    known(monkeypatch, scene())
-    assert models.lower(asked()) is not None
-    assert models.lower(asked(quantity_name="energy")) is None
-    assert models.lower(asked(name="pendulum:rotating")) is None
-    assert models.lower(asked(name="harmonic-oscillator")) is None
-    assert models.lower(asked(name="henon-heiles:box")) is None
+def test_questions_without_a_ladder(monkeypatch):
+    replace_ladders(monkeypatch, scene())
+    assert models.lower(question()) is not None
+    assert models.lower(question(quantity_name="energy")) is None
+    assert models.lower(question(name="pendulum:rotating")) is None
+    assert models.lower(question(name="harmonic-oscillator")) is None
+    assert models.lower(question(name="henon-heiles:box")) is None
     assert models.lower(ask(problem("pendulum:swinging"), t_end=10.0, budget=1e-3)) is None
-    assert models.lower(asked(name="lotka-volterra:4-2")) is None  # not canonical
+    assert models.lower(question(name="lotka-volterra:4-2")) is None  # not canonical
 
 
-def test_two_ladders_of_one_span_are_one(monkeypatch):
-    known(monkeypatch, scene(small=5e-3), scene(small=1e-1, large=1e-9))
-    assert models.lower(asked(1e-8))["off"] == 1e-9
-    assert models.lower(asked(2e-2))["off"] == 5e-3
+def test_two_ladders_of_one_span_are_merged(monkeypatch):
+    replace_ladders(monkeypatch, scene(small=5e-3), scene(small=1e-1, large=1e-9))
+    assert models.lower(question(1e-8))["off"] == 1e-9
+    assert models.lower(question(2e-2))["off"] == 5e-3
 
 
-def test_a_scene_is_found_however_it_is_named():
+def test_scene_is_identified_by_h_and_initial_state():
     made = problem("pendulum:swinging")
     q, p = made.q0, made.p0
     assert models.fingerprint(from_formula("p**2/2 - cos(q)", q, p, {})) == KEY
-    assert models.fingerprint(started(problem("pendulum:rotating"), q, p)) == KEY
+    assert models.fingerprint(with_start(problem("pendulum:rotating"), q, p)) == KEY
     assert models.fingerprint(from_formula("p**2/2 - cos(q)", [q[0] + 1e-15], p, {})) != KEY
     assert models.fingerprint(from_formula("p**2/2 - 2*cos(q)", q, p, {})) != KEY
 
@@ -134,7 +135,7 @@ def test_a_scene_is_found_however_it_is_named():
 
 
 def tables():
-    """The tables of the models' page for one scene: three runs of each model, of which one is beaten."""
+    """The two tables of the models' page for one scene: three runs of each model, one of them dominated."""
     names = [r.name for r in LADDERS[0].rungs]
     head = [
         {"scene": LADDERS[0].id, "rung": k, "model": n, "full": n == names[-1], "modelling error": 10.0**-k}
@@ -149,16 +150,11 @@ def tables():
     return pd.DataFrame(head), pd.DataFrame(run)
 
 
-def test_what_is_stored_is_read_back(monkeypatch, tmp_path):
-    monkeypatch.setattr(models, "PATH", tmp_path / "models.csv")
-    models.stored.cache_clear()
-    try:
-        assert models.stored() == ()
-        models.keep(list(models.made(*tables())))
-        (found,) = models.stored()
-    finally:
-        monkeypatch.undo()
-        models.stored.cache_clear()
+def test_stored_table_is_read_back(monkeypatch, tmp_path):
+    monkeypatch.setattr(models.TABLE, "path", tmp_path / "models.csv")
+    assert models.TABLE.load() == ()
+    models.TABLE.save(*tables())
+    (found,) = models.TABLE.load()
     assert (found.d, found.t_end, found.quantity) == (1, LADDERS[0].t_end, LADDERS[0].quantity)
     assert [r.full for r in found.rungs] == [False] * 4 + [True]
     assert [r.off for r in found.rungs] == [1.0, 0.1, 0.01, 0.001, 0.0]
@@ -166,8 +162,8 @@ def test_what_is_stored_is_read_back(monkeypatch, tmp_path):
     assert found.key == models.fingerprint(LADDERS[0].rungs[-1].make())
 
 
-def test_the_table_of_this_version_has_every_ladder():
-    found = models.stored()
+def test_shipped_table_has_every_ladder():
+    found = models.TABLE.load()
     assert len(found) == len(LADDERS)
     for one, ladder in zip(found, LADDERS, strict=True):
         assert (one.t_end, one.quantity) == (ladder.t_end, ladder.quantity)
@@ -178,9 +174,9 @@ def test_the_table_of_this_version_has_every_ladder():
             assert r.cost(1e300) < inf
 
 
-def test_it_is_recorded_only_with_the_tables_and_where_all_was_measured(monkeypatch):
-    kept = []
-    monkeypatch.setattr(models, "keep", kept.extend)
+def test_table_is_saved_only_with_complete_updates(monkeypatch):
+    saved = []
+    monkeypatch.setattr(models.TABLE, "save", lambda *rows: saved.extend(models.build(*rows)))
 
     class Outcome:
         def rows(self, table):
@@ -188,22 +184,22 @@ def test_it_is_recorded_only_with_the_tables_and_where_all_was_measured(monkeypa
 
     for complete, update in ((False, True), (True, False)):
         with pytest.raises(pytest.skip.Exception):
-            bench_models.bench_advice(Outcome(), lambda table, c=complete: c, update)
-    assert not kept
-    bench_models.bench_advice(Outcome(), lambda table: True, True)
-    assert len(kept) == 10
+            bench_stored.bench_models(Outcome(), lambda table, c=complete: c, update)
+    assert not saved
+    bench_stored.bench_models(Outcome(), lambda table: True, True)
+    assert len(saved) == 10
 
 
-# -- what is printed ---------------------------------------------------------------------------------------------------
+# -- output ------------------------------------------------------------------------------------------------------------
 
 
-def test_the_answer_has_it_and_the_terminal_says_it():
+def test_lower_model_is_in_the_answer_and_on_the_terminal():
     few = lambda asked, accuracy: ([(integrator("heyoka"), 1.0)], [])  # noqa: E731
-    made = started(problem("pendulum"), (0.5,), (0.0,))
-    answer = advise(ask(made, t_end=10.0, accuracy=1e-2), portfolio_of=few)
+    made = with_start(problem("pendulum"), (0.5,), (0.0,))
+    answer = advise(ask(made, t_end=10.0, accuracy=1e-2, limit=60.0), portfolio_of=few)
     lower = answer["lower_model"]["model"]
     assert lower in ("harmonic, Lindstedt's frequency", "sin q to q^3"), "two of nearly one price"
-    few_seconds = ["--accuracy", "1e-2", "--limit", "0.2"]
+    few_seconds = ["--accuracy", "1e-2", "--time-limit", "0.2"]
     done = CliRunner().invoke(app, ["advise", "pendulum", "--q", "0.5", "--p", "0", "--t-end", "10", *few_seconds])
     off = {"sin q to q^3": "0.0008"}.get(lower, "0.0015")
     assert f"a lower model would do: {lower}, off by {off}" in done.stdout

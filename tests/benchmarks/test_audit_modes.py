@@ -1,4 +1,4 @@
-"""The audit's floating-point modes: who changes the mode is found, a process that was spoilt judges nobody."""
+"""The audit of floating-point modes: peers that change the mode are found; a changed process judges no peer."""
 
 from __future__ import annotations
 
@@ -11,18 +11,23 @@ import pytest
 from phasebench.benchmarks.experiments.audit import bench_audit, modes, page
 from phasebench.benchmarks.experiments.audit.audit import CONTROLS
 from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
+from phasebench.benchmarks.store import workers
 from phasebench.reference.peers import BY_ID, PEERS, Run, floating
+from support import toy_cells
 from support.flushing import flush, only_there
 from support.planted import control
 
 
 def peer(run=None, **more) -> Integrator:
-    """A peer that stands still, unless told otherwise."""
+    """A peer that returns its initial state unless ``run`` is given."""
     still = run or (lambda task: Run.stuck(task, 0, 0, 0.0))
     return Integrator(replace(control("stormer-verlet"), run=still, lacks=lambda problem, system: None, **more))
 
 
 def raising(error, after=lambda: None):
+    """A run that calls ``after`` and raises the error."""
+
     def run(*_):
         after()
         raise error
@@ -31,6 +36,7 @@ def raising(error, after=lambda: None):
 
 
 def flushing(task):
+    """A run that sets the processor to flush subnormal numbers to zero."""
     flush()
     return Run.stuck(task, 0, 0, 0.0)
 
@@ -48,7 +54,7 @@ def flushing(task):
     ],
     ids=["kept", "run", "raises-later", "raises", "loading", "gone"],
 )
-def test_what_a_run_leaves_is_seen(chosen, mode, status):
+def test_mode_change_by_a_run_is_found(chosen, mode, status):
     try:
         found = modes.row(chosen)
     finally:
@@ -58,7 +64,7 @@ def test_what_a_run_leaves_is_seen(chosen, mode, status):
 
 
 @only_there
-def test_a_process_that_was_spoilt_judges_nobody():
+def test_process_with_a_changed_mode_judges_nobody():
     flush()
     try:
         found = modes.row(peer())
@@ -68,7 +74,7 @@ def test_a_process_that_was_spoilt_judges_nobody():
     assert modes.row(peer())["mode"] == modes.KEPT
 
 
-def test_a_row_is_of_the_package_and_of_all_the_steps():
+def test_row_names_the_package_and_runs_every_step():
     tasks = []
 
     def run(task):
@@ -82,7 +88,7 @@ def test_a_row_is_of_the_package_and_of_all_the_steps():
     assert task.times[-1] == pytest.approx(modes.STEPS * task.h)
 
 
-def test_every_peer_and_every_control_is_in_one_cell():
+def test_every_peer_and_control_is_in_one_cell():
     cells = modes.cells(CONTROLS)
     assert [c.key["package"] for c in cells] == [*dict.fromkeys(p.package for p in PEERS), "phasebench"]
     ids = [id for c in cells for id in c.arguments[0]]
@@ -90,47 +96,50 @@ def test_every_peer_and_every_control_is_in_one_cell():
     assert all({*c.arguments[0], c.key["package"]} <= c.names for c in cells)
 
 
-def test_one_that_can_do_nothing_is_not_judged():
+def test_peer_without_a_problem_is_skipped():
     nothing = Integrator(replace(control("rk4"), lacks=lambda problem, system: "it cannot"))
     assert modes.row(nothing)["status"] == "skipped"
 
 
-def test_after_one_that_changes_the_mode_comes_a_new_process(monkeypatch):
-    monkeypatch.setattr(
-        modes, "CODE", "import json, os, sys; print(json.dumps({'peer': sys.argv[1], 'in': os.getpid()}))"
-    )
-    rows = modes.measured(("rk4", "gauss-2", "rebound-leapfrog"))[modes.TABLE]
-    assert [r["peer"] for r in rows] == ["rk4", "gauss-2", "rebound-leapfrog"]
-    assert len({r["in"] for r in rows}) == 3
+IDS = ("rk4", "gauss-2", "rebound-leapfrog")
 
 
-def test_a_process_that_dies_is_a_row_and_the_next_goes_on(monkeypatch):
-    code = (
-        "import json, sys\nif sys.argv[1] == 'rk4': sys.exit(3)\nfor x in sys.argv[1:]: print(json.dumps({'peer': x}))"
-    )
-    monkeypatch.setattr(modes, "CODE", code)
-    died, *others = modes.measured(("rk4", "gauss-2", "rebound-leapfrog"))[modes.TABLE]
+@pytest.mark.parametrize(("good", "processes"), [(True, 1), (False, 3)])
+def test_process_is_replaced_after_a_mode_change(monkeypatch, importable, good, processes):
+    monkeypatch.setattr(modes, "judge", toy_cells.judge_well if good else toy_cells.judge_badly)
+    rows = modes.measure(IDS)[modes.TABLE]
+    assert [r["peer"] for r in rows] == list(IDS)
+    assert len({r["in"] for r in rows}) == processes
+
+
+def test_dead_process_gives_a_row_and_the_next_continues(monkeypatch, importable):
+    monkeypatch.setattr(modes, "judge", toy_cells.judge_dying_of_rk4)
+    died, *others = modes.measure(IDS)[modes.TABLE]
     assert (died["peer"], died["status"], died["mode"]) == ("rk4", "invalid", None)
-    assert "code 3" in died["reason"]
+    assert died["reason"] == workers.DIED
     assert [r["peer"] for r in others] == ["gauss-2", "rebound-leapfrog"]
 
 
-def test_a_process_that_does_not_return_is_a_row(monkeypatch):
-    code = "import json, sys, time\nprint(json.dumps({'peer': sys.argv[1]}), flush=True)\ntime.sleep(60)"
-    monkeypatch.setattr(modes, "CODE", code)
-    monkeypatch.setattr(modes, "LOADING", 0.4)
-    monkeypatch.setattr(modes, "EACH", 0.1)
-    assert [r["peer"] for r in modes.measured(("rk4", "gauss-2"))[modes.TABLE]] == ["rk4", "gauss-2"]
-    monkeypatch.setattr(modes, "CODE", "import time; time.sleep(60)")
-    (row,) = modes.measured(("rk4",))[modes.TABLE]
-    assert row["reason"] == "it did not return within 0.5 s"
+def test_peer_that_died_after_others_is_judged_alone(monkeypatch, importable):
+    monkeypatch.setattr(modes, "judge", toy_cells.judge_dying_second)
+    rows = modes.measure(IDS)[modes.TABLE]
+    assert [r["peer"] for r in rows] == list(IDS)
+    assert len({r["in"] for r in rows}) == 3, "each was the first of its process"
 
 
-def test_whfast512_is_found_out_in_a_fresh_process():
+def test_hanging_process_gives_a_row(monkeypatch, importable):
+    monkeypatch.setattr(modes, "judge", toy_cells.judge_never)
+    monkeypatch.setattr(modes, "SECONDS", 0.5)
+    (row,) = modes.measure(("rk4",))[modes.TABLE]
+    assert (row["peer"], row["status"], row["mode"]) == ("rk4", "invalid", None)
+    assert row["reason"] == workers.LATE
+
+
+def test_whfast512_changes_the_mode_in_a_fresh_process():
     whfast = BY_ID["rebound-whfast512"]
     if whfast.lacks(None, modes.cases.problem(modes.cases.BY_NAME["kepler"]).system):
         pytest.skip("no AVX512")
-    found = {r["peer"]: r for r in modes.measured((whfast.id, "rebound-whfast-plain"))[modes.TABLE]}
+    found = {r["peer"]: r for r in modes.measure((whfast.id, "rebound-whfast-plain"))[modes.TABLE]}
     assert {r["status"] for r in found.values()} == {"ok"}
     assert found["rebound-whfast-plain"]["mode"] == modes.KEPT
     if found[whfast.id]["version"] == "5.2.2":
@@ -138,35 +147,30 @@ def test_whfast512_is_found_out_in_a_fresh_process():
     assert floating.gradual()
 
 
-# -- what the page says of it ------------------------------------------------------------------------------------------
+# -- the page ----------------------------------------------------------------------------------------------------------
 
 
-def left(*of: tuple[str, str | None, str]) -> pd.DataFrame:
-    """(peer, mode, status) each."""
+def modes_table(*of: tuple[str, str | None, str]) -> pd.DataFrame:
+    """A table of peers, each (peer, mode, status)."""
     rows = [{"peer": p, "mode": m, "status": s, "package": p.partition("-")[0]} for p, m, s in of]
     return pd.DataFrame(rows).assign(version="1.2", reason="")
 
 
-GOOD = left(("p-1", modes.KEPT, "ok"), ("p-2", modes.KEPT, "ok"), ("p-3", None, "skipped"))
-BAD = left(("p-1", modes.KEPT, "ok"), ("p-2", modes.BY_RUN, "ok"), ("q-1", modes.BY_LOADING, "ok"))
-OURS = left(("phasebench-x", modes.BY_RUN, "ok"))
+GOOD = modes_table(("p-1", modes.KEPT, "ok"), ("p-2", modes.KEPT, "ok"), ("p-3", None, "skipped"))
+BAD = modes_table(("p-1", modes.KEPT, "ok"), ("p-2", modes.BY_RUN, "ok"), ("q-1", modes.BY_LOADING, "ok"))
+OURS = modes_table(("phasebench-x", modes.BY_RUN, "ok"))
 
 
-def test_the_sentence_names_who_changes_the_mode():
+def test_peers_that_change_the_mode_are_named():
     good, bad = page.left_as_found({modes.TABLE: GOOD}.get), page.left_as_found({modes.TABLE: BAD}.get)
-    assert good.holds
-    assert good.text == "2 of 2 integrators leave the process's floating-point mode as they found it."
-    assert not bad.holds
-    assert bad.text.startswith(
-        "1 of 3 integrators leave the process's floating-point mode as they found it; after p-2 and q-1"
-    )
-    assert bad.short == "2 of 3 integrators change the process's floating-point mode."
+    assert (good.outcome, good.measured, good.where) == (PASS, Count(2, 2), "")
+    assert (bad.outcome, bad.measured, bad.where) == (FINDING, Count(1, 3), "p-2 and q-1")
     assert page.left_as_found({modes.TABLE: GOOD.tail(1)}.get) is None
     assert page.left_as_found({}.get) is None
     assert page.left_as_found({modes.TABLE: OURS}.get) is None, "a control is no peer"
 
 
-def test_each_change_is_a_line_of_the_table():
+def test_each_mode_change_is_a_line_of_the_table():
     shown = page.table({modes.TABLE: BAD}.get).frame
     assert shown[["package", "said", "verdict"]].to_numpy().tolist() == [
         ["p 1.2", "(nothing) p-2", "floating-point mode changed by a run"],
@@ -175,26 +179,7 @@ def test_each_change_is_a_line_of_the_table():
     assert page.table({modes.TABLE: GOOD}.get) is None
 
 
-def test_a_control_that_changes_the_mode_fails_the_run():
+def test_control_that_changes_the_mode_fails_the_run():
     bench_audit.bench_audit_modes({modes.TABLE: [*GOOD.to_dict("records"), *BAD.to_dict("records")]}.get)
     with pytest.raises(AssertionError, match="phasebench-x"):
         bench_audit.bench_audit_modes({modes.TABLE: OURS.to_dict("records")}.get)
-
-
-def stated(verdict: str) -> pd.DataFrame:
-    return pd.DataFrame([{"package": "p", "verdict": verdict, "severity": "wrong label", "script": "of_p"}])
-
-
-def test_a_finding_of_either_is_one_of_both():
-    def said(verdict, found):
-        return page.beside_claims({"audit_statements": stated(verdict), modes.TABLE: found}.get)
-
-    assert said("holds", GOOD).holds
-    assert not said("contradicted", GOOD).holds
-    assert "documentation" in said("contradicted", GOOD).short
-    assert not said("holds", BAD).holds
-    assert "floating-point mode" in said("holds", BAD).short
-    for part in ("statements of documentation", "floating-point mode"):
-        assert part in said("holds", GOOD).text
-    assert page.beside_claims({modes.TABLE: BAD}.get).text == page.left_as_found({modes.TABLE: BAD}.get).text
-    assert page.beside_claims({}.get) is None

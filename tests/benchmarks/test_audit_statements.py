@@ -1,4 +1,6 @@
-"""Statements of documentation: quoted as the packages have them, judged both ways, tested by scripts that run alone."""
+"""Statements in the documentation of packages: quoted exactly, true and false ones judged, tested by standalone
+scripts.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +12,14 @@ import re
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.audit import page, said, statements, unregistered
-from phasebench.benchmarks.experiments.audit.judge import CONTRADICTED, HOLDS, UNDERSTATED, UNJUDGED
+from phasebench.benchmarks.experiments.audit import page, statement_cells, statements, unregistered
 from phasebench.benchmarks.experiments.audit.said import BY_SCRIPT, STATEMENTS
+from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, UNDERSTATED, UNJUDGED
+from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
 from phasebench.reference.peers import BY_ID
 
 OK = "1.0e-16"
-#: script -> values for which its statements hold, values for which they do not, and what they then are.
+#: script -> (values for which its statements hold, values for which they do not, the verdict on the latter).
 VALUES = {
     "galpy_dt": (("1e-15", "1.8", OK), ("1.8", "1e-15", OK), CONTRADICTED),
     "desolver_fixed_steps": (("0.10, 0.10",) * 5, ("0.10, 0.10", "0.10, 0.30", *("0.10, 0.10",) * 3), CONTRADICTED),
@@ -47,11 +50,11 @@ VALUES = {
 }
 
 
-# -- the words ----------------------------------------------------------------------------------------------------
+# -- quotations ---------------------------------------------------------------------------------------------------
 
 
 def documentation(where: str) -> str:
-    """The text, or the value as an assignment, that ``where`` names, in one line."""
+    """The docstring or the assigned value that ``where`` names, with the assignment as one line of text."""
     module, _, path = where.partition(":")
     if module == "readme":
         told = importlib.metadata.metadata(path)
@@ -71,14 +74,14 @@ def documentation(where: str) -> str:
 
 
 @pytest.mark.parametrize("statement", [s for s in STATEMENTS if s.where], ids=lambda s: f"{s.script}-{s.where}")
-def test_a_statement_is_quoted_as_the_installed_package_has_it(statement):
+def test_quotation_is_in_the_installed_package(statement):
     pytest.importorskip(statement.package, exc_type=ImportError)
     text = " ".join(documentation(statement.where).split())
     assert statement.said in text
     assert statement.said[::-1] not in text
 
 
-def test_statements_are_whole():
+def test_statements_are_complete():
     for s in STATEMENTS:
         assert s.link.startswith("https://")
         assert s.severity in (*statements.SEVERITIES, "")
@@ -89,7 +92,7 @@ def test_statements_are_whole():
 
 
 @pytest.mark.parametrize("script", BY_SCRIPT)
-def test_a_script_needs_the_package_alone_and_is_short(script):
+def test_script_is_short_and_imports_only_the_package(script):
     text = (statements.SCRIPTS / f"{script}.py").read_text()
     assert "phasebench" not in text
     assert text.startswith('"""')
@@ -100,7 +103,7 @@ def test_a_script_needs_the_package_alone_and_is_short(script):
 
 
 @pytest.mark.parametrize("script", [s for s in BY_SCRIPT if s != "rebound_whfast_orders"])
-def test_a_verdict_changes_with_what_is_printed(script):
+def test_verdict_follows_the_printed_values(script):
     good, bad, verdict = VALUES[script]
     assert {s.verdict(list(good)) for s in BY_SCRIPT[script]} == {HOLDS}
     assert {s.verdict(list(bad)) for s in BY_SCRIPT[script]} == {verdict}
@@ -116,12 +119,12 @@ def test_a_verdict_changes_with_what_is_printed(script):
     ("order", "verdict"),
     [("4.29", HOLDS), ("3.71", HOLDS), ("4.4", UNJUDGED), ("4.51", UNDERSTATED), ("3.49", CONTRADICTED)],
 )
-def test_an_order_is_near_or_another(order, verdict):
+def test_verdict_on_a_measured_order(order, verdict):
     assert statements.near(0, 4)([order]) == verdict
 
 
 @pytest.mark.parametrize(("value", "verdict"), [("-9e-7", HOLDS), ("5e-6", UNJUDGED), ("-1.1e-5", CONTRADICTED)])
-def test_a_bound_is_met_or_ten_times_passed(value, verdict):
+def test_verdict_on_a_bound(value, verdict):
     assert statements.below(1e-6)(["0", value]) == verdict
     assert statements.below(1e-6, 0)(["0", value]) == HOLDS
 
@@ -138,33 +141,38 @@ def test_a_bound_is_met_or_ten_times_passed(value, verdict):
         (statements.a_l_stable, ["0", "0", "2e-12", "0"], CONTRADICTED),
         (statements.a_l_stable, ["0", "1e-4", "0", "0"], CONTRADICTED),
         (statements.a_l_stable, ["0", "0", "0", "9e-4"], CONTRADICTED),
-        (statements.denied(0, 1), ["False", "0.9e-12"], UNDERSTATED),
-        (statements.denied(0, 1), ["False", "1e-12"], HOLDS),
-        (statements.denied(0, 1), ["True", "0"], HOLDS),
+        (statements.judge_denial(0, 1), ["False", "0.9e-12"], UNDERSTATED),
+        (statements.judge_denial(0, 1), ["False", "1e-12"], HOLDS),
+        (statements.judge_denial(0, 1), ["True", "0"], HOLDS),
         (statements.steps_near((1.0, 4.0), 0.25), ["1.25", "3.0"], HOLDS),
         (statements.steps_near((1.0, 4.0), 0.25), ["1.25", "2.9"], CONTRADICTED),
         (statements.differs(1), ["1", "0.0"], CONTRADICTED),
         (statements.differs(0), ["1e-300"], HOLDS),
     ],
 )
-def test_verdicts_change_where_they_are_said_to(judge, values, verdict):
+def test_verdict_thresholds(judge, values, verdict):
     assert judge(values) == verdict
 
 
-def test_a_row_and_a_cell_know_the_version_of_the_package(monkeypatch):
+def version_is(monkeypatch, version_of):
+    for module in (statements, statement_cells):
+        monkeypatch.setattr(module, "version_of", version_of)
+
+
+def test_package_version_is_in_rows_and_cell_contents(monkeypatch):
     statement = STATEMENTS[0]
-    monkeypatch.setattr(statements, "version_of", lambda package: "1.2")
+    version_is(monkeypatch, lambda package: "1.2")
     assert statements.row(statement, [])["version"] == "1.2"
-    before = {c.key["script"]: c.content for c in statements.cells()}
-    monkeypatch.setattr(statements, "version_of", lambda package: None)
+    before = {c.key["script"]: c.content for c in statement_cells.cells()}
+    version_is(monkeypatch, lambda package: None)
     assert statements.row(statement, [], reason="not there")["version"] == "absent"
-    absent = {c.key["script"]: c.content for c in statements.cells()}
-    monkeypatch.setattr(statements, "version_of", lambda package: "absent")
+    absent = {c.key["script"]: c.content for c in statement_cells.cells()}
+    version_is(monkeypatch, lambda package: "absent")
     assert all(before[script] != absent[script] for script in before)
-    assert {c.key["script"]: c.content for c in statements.cells()} == absent
+    assert {c.key["script"]: c.content for c in statement_cells.cells()} == absent
 
 
-def test_the_worst_of_several_verdicts_counts():
+def test_worst_of_several_verdicts_counts():
     def of(verdict):
         return lambda values: verdict
 
@@ -178,11 +186,11 @@ def test_the_worst_of_several_verdicts_counts():
 # -- scripts ------------------------------------------------------------------------------------------------------
 
 
-def test_lines_with_values_are_read_and_others_are_not():
-    assert statements.printed("Using a backend\na = b = 1\nx, y = 2.0, 3\n") == {"a = b": "1", "x, y": "2.0, 3"}
+def test_printed_assignments_are_parsed():
+    assert statements.parse_output("Using a backend\na = b = 1\nx, y = 2.0, 3\n") == {"a = b": "1", "x, y": "2.0, 3"}
 
 
-def test_a_script_that_fails_or_prints_nothing_judges_nothing(tmp_path, monkeypatch):
+def test_failing_or_silent_script_judges_nothing(tmp_path, monkeypatch):
     path = tmp_path / "a.py"
     texts = ("raise ImportError('no such package')", "no such package"), ("", "it printed nothing")
     for text, why in (*texts, ("print('a = 1'); raise ValueError('half way')", "half way")):
@@ -204,27 +212,27 @@ def test_a_script_that_fails_or_prints_nothing_judges_nothing(tmp_path, monkeypa
         ("desolver_radau_iia_3", CONTRADICTED),
     ],
 )
-def test_scripts_print_what_the_page_says(script, verdict):
+def test_scripts_give_the_verdicts_of_the_page(script, verdict):
     pytest.importorskip(BY_SCRIPT[script][0].package)
-    (row,) = statements.measured(script)["audit_statements"]
+    (row,) = statement_cells.measure_rows(script)["audit_statements"]
     assert (row["verdict"], row["reason"]) == (verdict, "")
 
 
-def test_each_script_is_a_cell_and_its_text_is_in_its_content(monkeypatch):
-    cells = {c.key["script"]: c for c in statements.cells()}
+def test_each_script_is_a_cell_that_depends_on_its_text(monkeypatch):
+    cells = {c.key["script"]: c for c in statement_cells.cells()}
     assert set(cells) == set(BY_SCRIPT)
-    monkeypatch.setattr(said, "BY_SCRIPT", {"galpy_dt": BY_SCRIPT["gala_rk5_coefficients"]})
-    assert statements.cells()[0].content != cells["galpy_dt"].content
+    monkeypatch.setattr(statement_cells, "BY_SCRIPT", {"galpy_dt": BY_SCRIPT["gala_rk5_coefficients"]})
+    assert statement_cells.cells()[0].content != cells["galpy_dt"].content
 
 
-def test_the_command_runs_the_scripts_of_the_packages_that_it_audits(monkeypatch):
+def test_command_runs_scripts_of_the_audited_packages(monkeypatch):
     from typer.testing import CliRunner
 
     from phasebench.benchmarks.cli import app
     from phasebench.benchmarks.experiments.audit import audit
 
     asked = {"rebound_leapfrog_order_4": BY_SCRIPT["rebound_leapfrog_order_4"], "galpy_dt": BY_SCRIPT["galpy_dt"]}
-    monkeypatch.setattr(said, "BY_SCRIPT", asked)
+    monkeypatch.setattr(statement_cells, "BY_SCRIPT", asked)
     monkeypatch.setattr(audit, "audit", lambda *a, **k: audit.Audit(rows=[{"package": "rebound"}]))
     told = json.loads(CliRunner().invoke(app, ["audit", "--peer", "rebound-leapfrog", "--scripts", "--json"]).stdout)
     assert [(r["script"], r["verdict"]) for r in told["statements"]] == [("rebound_leapfrog_order_4", UNDERSTATED)]
@@ -244,23 +252,20 @@ def data(tables):
     return lambda name: tables.get(name)
 
 
-def test_the_worst_statement_is_named_and_comes_first():
+def test_worst_statement_is_named_and_comes_first():
     bad = {"gala_leapfrog_energy": CONTRADICTED, "galpy_dt": CONTRADICTED, "diffrax_sil3": UNDERSTATED}
     stated = frame(**bad)
     verdict = page.statements(data({"audit_statements": stated}))
-    assert not verdict.holds
-    assert "2 are contradicted (1 of gala and 1 of galpy), 1 understated, 0 not judged" in verdict.text
-    assert "the worst: galpy, wrong states (galpy_dt)" in verdict.text
+    assert (verdict.outcome, verdict.measured) == (FINDING, Count(len(stated) - 2, len(stated)))
+    assert verdict.where == "1 of gala and 1 of galpy; worst: galpy, wrong states (galpy_dt)"
     shown = page.table(data({"audit_statements": stated})).frame
     assert list(shown["script"]) == ["galpy_dt", "gala_leapfrog_energy", "diffrax_sil3"]
     assert shown["said"][0].startswith("[“If set, force the integrator")
-    fine = page.statements(data({"audit_statements": frame(diffrax_sil3=UNDERSTATED)}))
-    assert fine.holds
-    assert "0 are contradicted, 1 understated" in fine.text
+    assert page.statements(data({"audit_statements": frame(diffrax_sil3=UNDERSTATED)})).outcome == PASS
     assert page.table(data({"audit_statements": frame()})) is None
 
 
-def test_a_claim_that_a_statement_speaks_of_is_not_said_twice():
+def test_claim_covered_by_a_statement_is_shown_once():
     about = {"package": "desolver", "version": "5", "property": "order", "claim": "order 3", "verdict": CONTRADICTED}
     about |= {"measured": "1.0", "command": "phasebench audit"}
     claimed = pd.DataFrame([about | {"peer": p} for p in ("desolver-radau-iia-3", "desolver-rk4")])
@@ -272,14 +277,14 @@ def test_a_claim_that_a_statement_speaks_of_is_not_said_twice():
     assert list(shown["said"]) == [shown["said"][0], "desolver-rk4: order 3"]
 
 
-# -- what is not registered ---------------------------------------------------------------------------------------
+# -- unregistered integrators -------------------------------------------------------------------------------------
 
 
 def names(package):
-    return [r["name"] for r in unregistered.measured(package)["audit_unregistered"]]
+    return [r["name"] for r in unregistered.measure_rows(package)["audit_unregistered"]]
 
 
-def test_what_a_package_has_and_the_audit_has_not_grows_with_it(monkeypatch):
+def test_new_integrator_of_a_package_is_listed(monkeypatch):
     import scipy.integrate
 
     before = names("scipy")
@@ -291,7 +296,7 @@ def test_what_a_package_has_and_the_audit_has_not_grows_with_it(monkeypatch):
     assert "Radau" in names("scipy")
 
 
-def test_rebounds_options_that_no_peer_sets_are_named(monkeypatch):
+def test_unused_rebound_options_are_listed(monkeypatch):
     found = names("rebound")
     assert "whfast corrector2 1" in found
     assert "whfast512 corrector 17" not in found
@@ -307,19 +312,19 @@ def test_rebounds_options_that_no_peer_sets_are_named(monkeypatch):
 @pytest.mark.parametrize(
     ("package", "left"), [("desolver", ["DIRK3LStable"]), ("gala", [""]), ("pyhamsys", [""]), ("galpy", [""])]
 )
-def test_other_packages_are_looked_into(package, left):
+def test_unregistered_names_of_other_packages(package, left):
     pytest.importorskip(package)
     assert names(package) == left
 
 
-def test_every_package_is_looked_into():
+def test_every_package_is_searched():
     assert {c.key["package"] for c in unregistered.cells()} == set(unregistered.LOOKS)
 
 
-def test_an_absent_package_says_so(monkeypatch):
+def test_absent_package_is_reported(monkeypatch):
     def absent():
         raise ImportError("No module named 'gala'")
 
     monkeypatch.setitem(unregistered.LOOKS, "gala", absent)
-    (row,) = unregistered.measured("gala")["audit_unregistered"]
+    (row,) = unregistered.measure_rows("gala")["audit_unregistered"]
     assert (row["name"], "cannot be imported" in row["reason"]) == ("", True)

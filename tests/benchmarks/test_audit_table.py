@@ -1,17 +1,18 @@
-"""The audit's cells in words: an energy error is called round-off where it is, and only there."""
+"""Cells of the audit's table: an energy error is called round-off up to Brouwer's law and only there."""
 
 from __future__ import annotations
 
 import pytest
 
-from phasebench.benchmarks.certificate.evidence import round_off
 from phasebench.benchmarks.experiments.audit import table
+from phasebench.benchmarks.judge.evidence import round_off
 
-#: Rows that came to their end; the drift's interval tells which of the words it is.
+#: A completed run; the interval of the drift selects the word.
 ROW = {"measure": "energy", "status": "ok", "problem": "pendulum", "scale": 1.0, "steps": 1000, "time": 10.0}
 
 
-def said(value: float, slope: float = 0.0, half: float = 1e-30) -> str:
+def energy_cell(value: float, slope: float = 0.0, half: float = 1e-30) -> str:
+    """The table's cell of an energy error with this value and slope +- half."""
     row = ROW | {"value": value, "slope": slope, "low": slope - half, "high": slope + half}
     return table.cell([row], "energy")
 
@@ -32,8 +33,8 @@ LIMIT = round_off(ROW)
         (0.3, 1e-9, 2e-9, "large"),
     ],
 )
-def test_an_energy_error_is_round_off_up_to_its_law_and_only_there(value, slope, half, word):
-    text = said(value, slope, half)
+def test_energy_error_is_round_off_up_to_its_law(value, slope, half, word):
+    text = energy_cell(value, slope, half)
     assert text.split()[2] == word
     assert ("round-off" in text) is (value <= LIMIT)
     assert text.startswith(f"pendulum {value:.0e} ")

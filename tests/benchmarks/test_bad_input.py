@@ -1,6 +1,6 @@
-"""What cannot be used, and what is said of it: commands in `bad_input.txt`, each with its answer and exit code.
+"""Invalid input: every command in `bad_input.txt` prints the message and exits with the code listed there.
 
-No exception of another package reaches a user, and nothing is integrated or written.
+No exception of another package reaches the user, and nothing is integrated or written.
 """
 
 import re
@@ -37,7 +37,7 @@ TABLE = [re.fullmatch(r"(\d )?(.*) => (.*)", line).groups() for line in LINES if
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with files that cannot be used."""
+    """A folder with invalid files."""
     made = tmp_path_factory.mktemp("bad")
     for name, text in FILES.items():
         (made / name).write_text(text, encoding="utf-8")
@@ -47,7 +47,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("code", "command", "said"), TABLE, ids=[command for _, command, _ in TABLE])
-def test_what_cannot_be_used_is_named(code, command, said, folder, monkeypatch):
+def test_message_and_exit_code_of_invalid_input(code, command, said, folder, monkeypatch):
     monkeypatch.chdir(folder)
     before = sorted(p for p in folder.rglob("*") if "__pycache__" not in p.parts)
     result = CliRunner().invoke(app, shlex.split(command))
@@ -58,12 +58,12 @@ def test_what_cannot_be_used_is_named(code, command, said, folder, monkeypatch):
     assert after == before, "something was written"
 
 
-def test_the_table_is_long_and_says_nothing_twice():
+def test_table_is_long_and_without_repetition():
     commands = [command for _, command, _ in TABLE]
     assert len(commands) == len(set(commands)) >= 110
 
 
-def test_control_what_can_be_used_is_not_refused(folder, monkeypatch):
+def test_control_valid_input_is_accepted(folder, monkeypatch):
     monkeypatch.chdir(folder)
     for command in ("integrate pendulum rk4 --h 0.1 --steps 1", "list problems"):
         assert CliRunner().invoke(app, shlex.split(command)).exit_code == 0

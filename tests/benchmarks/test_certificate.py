@@ -1,21 +1,23 @@
-"""The certificate's judge on fabricated tables, both ways; what may be certified; how it is printed and written."""
+"""Certificates: passing and failing verdicts on fabricated measurements; accepted targets; output."""
 
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
 
 import phasebench as pb
-from phasebench.benchmarks.certificate import certificate, judge, measures
+from phasebench.benchmarks.certificate import certificate, measures
 from phasebench.benchmarks.certificate.certificate import certify
-from phasebench.benchmarks.certificate.judge import judged, offers, verdict
-from phasebench.benchmarks.certificate.kept import structure
 from phasebench.benchmarks.certificate.render import document, write
 from phasebench.benchmarks.certificate.subject import subject
-from phasebench.benchmarks.certificate.verdicts import CONTRADICTED, HOLDS, UNJUDGED, Tables
 from phasebench.benchmarks.cli import app
+from phasebench.benchmarks.judge.checks import CHECKS, structure
+from phasebench.benchmarks.judge.evidence import Tables
+from phasebench.benchmarks.judge.judge import judgements, offers, verdict
+from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, UNJUDGED
 from phasebench.benchmarks.measure.coefficients import own_step
 from phasebench.integrators.errors import InvalidInput
 
@@ -27,7 +29,7 @@ def order_row(on="pendulum", value=2.0, half=0.01, first=1e-17, clean=2, second=
 
 
 def tables(**rows) -> Tables:
-    """Tables of a step that is right, with some of them replaced."""
+    """Measurements of a correct step, with some tables replaced."""
     good = {
         "runs": [{"on": "pendulum", "status": "ok", "reason": ""}],
         "state": [{"on": "pendulum", "what": "the same step twice", "value": 0.0}],
@@ -38,11 +40,13 @@ def tables(**rows) -> Tables:
 
 
 def of(name, claims, found: Tables):
-    return next(j for j in judged(claims, found) if j.name == name)
+    """The judgement of one claim or requirement."""
+    return next(j for j in judgements(claims, found) if j.name == name)
 
 
 def outcome(claims, found: Tables) -> str:
-    return verdict(judged(claims, found), claims)
+    """The overall verdict."""
+    return verdict(judgements(claims, found), claims)
 
 
 def test_pass_needs_a_claim_and_every_verdict():
@@ -54,7 +58,7 @@ def test_pass_needs_a_claim_and_every_verdict():
 
 
 @pytest.mark.parametrize("missing", ["runs", "state", "input", "order"])
-def test_what_was_not_measured_does_not_pass(missing):
+def test_missing_measurement_does_not_pass(missing):
     assert outcome({"order": 2}, tables(**{missing: []})) == "not-judged"
 
 
@@ -71,21 +75,21 @@ def test_what_was_not_measured_does_not_pass(missing):
         ("consistent", {"order": [order_row(first=2e-13)]}),
     ],
 )
-def test_what_every_step_is_held_to(name, rows):
+def test_unclaimed_requirements_are_judged(name, rows):
     found = of(name, {"order": 2}, tables(**rows))
     assert found.verdict == CONTRADICTED
     assert outcome({}, tables(**rows)) == "fail", "also where nothing is claimed"
     assert of(name, {}, tables()).verdict == HOLDS
 
 
-def test_a_raise_in_a_later_measure_is_told():
+def test_exception_in_a_later_measurement_is_reported():
     found = tables()
     found.failed["raised"] = "step 700 on dimer"
     assert of("runs", {}, found).verdict == CONTRADICTED
     assert outcome({"order": 2}, found) == "fail"
 
 
-def test_a_step_that_is_none_has_no_structure():
+def test_inconsistent_step_has_no_structure():
     found = tables(order=[order_row(first=1.0)], symplectic=[{"on": "tao", "value": 0.0, "floor": 1e-13, "own": 0.1}])
     assert of("symplectic", {"symplectic": True}, found).verdict == UNJUDGED
     assert of("symplectic", {"symplectic": False}, found).verdict == UNJUDGED
@@ -95,20 +99,20 @@ def test_a_step_that_is_none_has_no_structure():
     ("orders", "claimed", "expected"),
     [
         ((2.0, 2.05), 2, HOLDS),
-        ((2.0, 4.0), 2, HOLDS),  # one system's symmetry may give more
+        ((2.0, 4.0), 2, HOLDS),  # the symmetry of one system may raise the order
         ((4.0, 4.0), 2, CONTRADICTED),
         ((1.0, 2.0), 2, CONTRADICTED),
         ((1.5, 1.5), 2, UNJUDGED),
-        ((2.0, 1.5), 2, UNJUDGED),  # nothing tells on what is not T + V
+        ((2.0, 1.5), 2, UNJUDGED),  # no evidence on a system that is not T + V
         ((float("nan"), 2.0), 2, UNJUDGED),
     ],
 )
-def test_an_order_is_that_of_the_worst_system_two_sided(orders, claimed, expected):
+def test_order_on_the_worst_system_decides(orders, claimed, expected):
     rows = [order_row("pendulum", orders[0]), order_row("tao", orders[1], separable=False)]
     assert of("order", {"order": claimed}, tables(order=rows)).verdict == expected
 
 
-def test_cut_coefficients_contradict_an_order():
+def test_truncated_coefficients_contradict_an_order():
     assert of("order", {"order": 2}, tables(order=[order_row(second=1e-11)])).verdict == CONTRADICTED
     assert of("order", {"order": 2}, tables(order=[order_row(second=1e-15)])).verdict == HOLDS
 
@@ -123,19 +127,19 @@ def test_cut_coefficients_contradict_an_order():
         (0.002, 0.01, UNJUDGED),
     ],
 )
-def test_consistency_in_doubles_is_told_as_far_as_they_tell(constant, doubt, expected):
+def test_consistency_in_double_precision(constant, doubt, expected):
     row = {k: v for k, v in order_row().items() if k not in ("terms", "clean")}
     found = of("consistent", {}, tables(order=[row | {"constant": constant, "doubt": doubt}]))
     assert found.verdict == expected
     assert (expected != HOLDS) or "smaller could not be seen" in found.why
 
 
-def test_consistency_is_told_on_every_system_or_not_at_all():
+def test_consistency_needs_every_system():
     silent = {k: v for k, v in order_row("tao").items() if k not in ("terms", "clean")}
     assert of("consistent", {}, tables(order=[order_row(), silent])).verdict == UNJUDGED
 
 
-def test_a_structure_holds_on_every_system_or_is_not_judged():
+def test_structure_holds_only_if_seen_on_every_system():
     kept = {"on": "pendulum", "value": 1e-16, "floor": 1e-13, "own": 1e-2, "h": 0.5, "separable": True}
     broken = kept | {"on": "tao", "value": 1e-3, "separable": False}
     unseen = kept | {"on": "tao", "own": 1e-12}
@@ -183,7 +187,7 @@ def test_energy_is_preserved_bounded_or_drifts():
     assert "energy=preserved" in offers({}, tables(long=[preserved]))
 
 
-def test_a_stability_limit_is_near_the_claimed_one():
+def test_stability_limit_is_compared_with_the_claim():
     row = {"on": "harmonic-oscillator", "limit": 2.0, "scanned": 10.0, "reason": ""}
     for claimed, limit, expected in ((2.0, 2.0, HOLDS), (2.05, 2.0, CONTRADICTED), (3.0, None, CONTRADICTED)):
         found = tables(stability=[row | {"limit": limit}])
@@ -191,7 +195,7 @@ def test_a_stability_limit_is_near_the_claimed_one():
     assert of("stability", {"stability": 2.0}, tables(stability=[row | {"reason": "no matrix"}])).verdict == UNJUDGED
 
 
-def test_an_adaptive_integrator_converges_and_keeps_to_its_tolerance():
+def test_error_to_tolerance_ratio_of_an_adaptive_method():
     row = {"on": "tao", "tolerances": [1e-4, 1e-10], "errors": [1e-4, 2e-9]}
     for claimed, expected in ((50.0, HOLDS), (10.0, CONTRADICTED)):
         assert of("tolerance", {"tolerance": claimed}, tables(tolerance=[row], order=[])).verdict == expected
@@ -199,12 +203,12 @@ def test_an_adaptive_integrator_converges_and_keeps_to_its_tolerance():
     assert of("consistent", {}, tables(tolerance=[stuck], order=[])).verdict == CONTRADICTED
 
 
-def test_what_is_measured_and_not_claimed_is_offered():
+def test_unclaimed_measured_properties_are_offered():
     assert offers({}, tables()) == ["order=2"]
     assert offers({"order": 2}, tables()) == []
 
 
-# -- what may be certified --------------------------------------------------------------------------------------------
+# -- targets ----------------------------------------------------------------------------------------------------------
 
 LEAPFROG = {"a": [1], "b": ["1/2", 0.5]}
 HEUN = {"A": [[0, 0], [1, 0]], "b": ["1/2", "1/2"]}
@@ -242,18 +246,18 @@ def test_targets(tmp_path, monkeypatch):
         (LEAPFROG, {"simplectic": True}, "did you mean symplectic"),
     ],
 )
-def test_what_cannot_be_used_is_said(target, claims, said):
+def test_invalid_target_is_refused(target, claims, said):
     with pytest.raises(InvalidInput, match=said):
         subject(target, claims)
 
 
-def test_coefficients_are_steps():
+def test_coefficients_define_a_step():
     for record, order in ((LEAPFROG, 2), (HEUN, 2), ({"A": [["1/2"]], "b": [1]}, 2), ({"a": [1], "b": [1]}, 1)):
         assert certify(own_step(record, "record"), {"order": order}, alone=True).verdict == "pass"
         assert certify(own_step(record, "record"), {"order": order + 1}, alone=True).verdict == "fail"
 
 
-# -- how it is printed and written ------------------------------------------------------------------------------------
+# -- output -----------------------------------------------------------------------------------------------------------
 
 
 def call(*arguments):
@@ -264,8 +268,15 @@ def call(*arguments):
 
 @pytest.fixture
 def claimed_alone(monkeypatch):
-    """What is not claimed is not measured; all of it is where the README's command runs."""
+    """Measure claimed properties only; the command in the README measures all of them."""
     monkeypatch.setattr(measures, "EVERYTHING", set())
+
+
+@pytest.mark.parametrize(("outcome", "code"), [("pass", 0), ("not-judged", 1), ("fail", 1)])
+def test_exit_code_is_0_only_for_pass(monkeypatch, outcome, code):
+    found = SimpleNamespace(verdict=outcome, as_dict=dict)
+    monkeypatch.setattr(certificate, "certify", lambda *of, **more: found)
+    assert call("./mine.py", "--json").exit_code == code
 
 
 def test_exit_codes_and_json(tmp_path, claimed_alone):
@@ -287,7 +298,7 @@ def test_exit_codes_and_json(tmp_path, claimed_alone):
     assert "phasebench validate ./mine.py" in " ".join(audit.stderr.split())
 
 
-def test_made_again_it_is_the_same_and_another_seed_is_another(tmp_path):
+def test_certificate_is_reproducible_for_a_seed(tmp_path):
     texts = []
     for k, seed in enumerate((0, 0, 1)):
         found = certify(HEUN, {"order": 2}, seed=seed, alone=True)
@@ -301,24 +312,30 @@ def test_made_again_it_is_the_same_and_another_seed_is_another(tmp_path):
     assert "order 2" in (tmp_path / "0" / "certificate.md").read_text()
 
 
-def test_a_folder_that_cannot_be_made_is_said(tmp_path):
+def test_unwritable_folder_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InvalidInput, match="cannot be written"):
         write(certify(HEUN, {"order": 2}, alone=True), tmp_path / "file" / "folder")
 
 
-def test_in_python_it_is_a_table(claimed_alone):
-    frame = pb.validate(HEUN, order=2, requires="separable")
+def test_python_interface_returns_a_table(claimed_alone):
+    found = pb.validate(HEUN, order=2, requires="separable")
+    frame = found.to_frame()
     assert list(frame.columns) == ["claim", "verdict", "measured", "interval", "on", "why"]
-    assert frame.attrs["verdict"] == "pass"
-    assert frame["claim"].tolist()[-1] == "order 2"
-    assert judge.in_words("symplectic", False) == "not symplectic"
+    assert found.verdict == frame.attrs["verdict"] == "pass"
+    assert found.claims[-1].claim == frame["claim"].tolist()[-1] == found["claim"].tolist()[-1] == "order 2"
+    assert len(found.plot("order").axes[0].lines) > 1
+    with pytest.raises(InvalidInput, match="did you mean order"):
+        found.plot("oder")
+    with pytest.raises(InvalidInput, match="unknown argument ordr; did you mean order"):
+        pb.validate(HEUN, ordr=2)
+    assert CHECKS["symplectic"].claim(False) == "not symplectic"
 
 
-def test_the_first_sentence_of_a_document_counts_and_says_what_is_wrong():
+def test_document_begins_with_counts_of_verdicts():
     def sentence(claims, **rows):
         found = tables(**rows)
-        verdicts = judged(claims, found)
+        verdicts = judgements(claims, found)
         args = ([], verdict(verdicts, claims), found, "", (), 0, 1.0)
         return " ".join(document(certificate.Certificate("mine", verdicts, *args), []).split("##")[0].split())
 
@@ -329,7 +346,7 @@ def test_the_first_sentence_of_a_document_counts_and_says_what_is_wrong():
     assert "Contradicted: order 3: it is 2 on " in wrong
 
 
-def test_a_narrow_screen_and_a_pipe_have_a_line_a_claim(tmp_path, monkeypatch, claimed_alone):
+def test_narrow_output_has_one_line_per_claim(tmp_path, monkeypatch, claimed_alone):
     path = tmp_path / "heun.json"
     path.write_text(json.dumps(HEUN))
     for columns, whole in (("40", True), ("", True), ("120", False)):
@@ -339,7 +356,7 @@ def test_a_narrow_screen_and_a_pipe_have_a_line_a_claim(tmp_path, monkeypatch, c
         assert any("contradicted" in line for line in lines)
 
 
-def test_a_folder_is_refused_before_anything_is_measured(tmp_path, monkeypatch):
+def test_unwritable_folder_is_refused_before_measuring(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setattr(certificate, "certify", lambda *_: pytest.fail("it was measured"))
     done = call("rk4", "--output", str(tmp_path / "file"))
@@ -347,7 +364,7 @@ def test_a_folder_is_refused_before_anything_is_measured(tmp_path, monkeypatch):
     assert "cannot be written" in done.stderr
 
 
-def test_a_file_of_that_name_is_pointed_at(tmp_path, monkeypatch):
+def test_file_of_that_name_is_suggested(tmp_path, monkeypatch):
     (tmp_path / "mine.py").write_text(STEP)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InvalidInput, match=r"did you mean \./mine\.py"):

@@ -1,4 +1,4 @@
-"""What a certificate measures, on steps that are made for it: long runs, structure, what is kept between calls."""
+"""The measurements of a certificate, on steps written for them: long runs, structure, state kept between calls."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.certificate import adaptive, battery, certificate, conservation, measures, render, structure
-from phasebench.benchmarks.certificate.basics import adapts
 from phasebench.benchmarks.certificate.behaviour import state_between_steps
 from phasebench.benchmarks.certificate.order import flow
 from phasebench.benchmarks.certificate.stepping import StepFailed, Stepper
 from phasebench.benchmarks.certificate.subject import subject
-from phasebench.benchmarks.certificate.verdicts import Tables
-from phasebench.integrators.engine.codegen import MULTIPRECISION
+from phasebench.benchmarks.judge.evidence import Tables
+from phasebench.benchmarks.judge.requirements import adapts
+from phasebench.integrators.compile.codegen import MULTIPRECISION
 from support.steps import leapfrog
 
-PENDULUM = battery.known("pendulum")
+PENDULUM = battery.find_entry("pendulum")
 
 
-def made(step):
+def build_integrator(step):
+    """The integrator of a step that requires a separable system."""
     return subject(step, {}, ("separable",))
 
 
@@ -29,7 +30,7 @@ def entries(chosen):
 
 
 class Failing:
-    """The identity, which fails at a call of each step size; `asked` are the calls by step size."""
+    """The identity, which fails at call number `lasts(h)` of a step size; `asked` counts the calls by step size."""
 
     def __init__(self, lasts, raised=None):
         self.lasts, self.raised, self.asked = lasts, raised, {}
@@ -47,48 +48,48 @@ class Failing:
 
 
 @pytest.mark.parametrize(("gradients", "steps"), [(1, 2400), (50, 800), (90, 400), (150, 400)])
-def test_a_dear_step_takes_fewer_steps(gradients, steps):
+def test_expensive_step_takes_fewer_steps(gradients, steps):
     def dear(system, q, p, h):
         for _ in range(gradients):
             system.dH_dq(q, p)
         return q, p
 
-    assert conservation.long_run(made(dear), PENDULUM, 0)["steps"] == steps
+    assert conservation.long_run(build_integrator(dear), PENDULUM, 0)["steps"] == steps
 
 
-def test_a_step_that_asks_for_nothing_takes_all_steps():
-    assert conservation.long_run(made(lambda system, q, p, h: (q, p)), PENDULUM, 0)["steps"] == 2400
+def test_step_without_gradients_takes_all_steps():
+    assert conservation.long_run(build_integrator(lambda system, q, p, h: (q, p)), PENDULUM, 0)["steps"] == 2400
 
 
-def test_a_run_that_does_not_last_is_made_again_with_half_the_step():
+def test_failed_long_run_is_repeated_with_half_the_step():
     shorter = Failing(lambda h: 300 if h > 0.06 else np.inf, FloatingPointError("overflow"))
-    row = conservation.long_run(made(shorter), PENDULUM, 0)
+    row = conservation.long_run(build_integrator(shorter), PENDULUM, 0)
     assert (row["status"], row["h"], row["time"]) == ("ok", 0.05, 0.05 * 2400)
     assert set(shorter.asked) == {0.2, 0.1, 0.05, 0.025}, "the shortest, in which gradients are counted, too"
 
 
-def test_a_run_lasts_at_no_step_where_it_ends_on_the_last_one():
-    """2400 steps and no number at the last of them; the 20 in which gradients are counted come before."""
+def test_run_that_fails_at_its_last_step_has_diverged():
+    """Each run of 2400 steps ends in a NaN; at the shortest h, 20 calls that count gradients come first."""
     last = Failing(lambda h: 2420 if h < 0.03 else 2400)
-    row = conservation.long_run(made(last), PENDULUM, 0)
+    row = conservation.long_run(build_integrator(last), PENDULUM, 0)
     assert (row["status"], row["on"]) == ("diverged", "pendulum")
     assert row["reason"] == "after 2400 steps of h = 0.025 the state was not finite"
     assert last.asked == {0.2: 2400, 0.1: 2400, 0.05: 2400, 0.025: 2420}
 
 
-def test_a_step_that_is_broken_is_no_run_that_does_not_last():
+def test_exception_in_a_step_is_not_a_divergence():
     with pytest.raises(StepFailed, match="KeyError"):
-        conservation.long_run(made(Failing(lambda h: 30, KeyError("x"))), PENDULUM, 0)
+        conservation.long_run(build_integrator(Failing(lambda h: 30, KeyError("x"))), PENDULUM, 0)
 
 
-def test_the_energy_of_a_run_and_its_slope_are_those_of_the_rows():
-    """Of a step that adds to p: on H = p^2/2 at a flat place of the potential, by hand."""
+def test_energy_error_and_slope_of_a_run():
+    """Exact values for H = p^2/2 with a step that adds to p."""
     entry = battery.Entry("flat", battery._one("p**2/2 + 0*q"), (0.0, 1.0))
 
     def pushed(system, q, p, h):
         return q + h * p, np.sqrt(p * p + 2e-3 * h)
 
-    row = conservation.long_run(made(pushed), entry, 0)
+    row = conservation.long_run(build_integrator(pushed), entry, 0)
     assert row["energy"]["low"] < row["energy"]["slope"] < row["energy"]["high"]
     assert row["energy"]["slope"] == pytest.approx(1e-3, rel=1e-6)
     assert row["energy"]["time"] == pytest.approx(480.0)
@@ -99,31 +100,31 @@ def test_the_energy_of_a_run_and_its_slope_are_those_of_the_rows():
 # -- structure --------------------------------------------------------------------------------------------------------
 
 
-def test_a_structure_is_told_at_a_shorter_step_where_the_first_cannot_be_taken():
+def test_structure_is_measured_at_a_shorter_step_if_needed():
     def short(system, q, p, h):
         if abs(h) > 0.3:
             raise FloatingPointError("no root")
         return leapfrog(system, q, p, h)
 
-    assert structure.measured(Stepper(made(leapfrog), PENDULUM), 0, structure.symmetry)["h"] == 0.5
-    assert structure.measured(Stepper(made(short), PENDULUM), 0, structure.symmetry)["h"] == 0.125
+    assert structure.structure_row(Stepper(build_integrator(leapfrog), PENDULUM), 0, structure.symmetry)["h"] == 0.5
+    assert structure.structure_row(Stepper(build_integrator(short), PENDULUM), 0, structure.symmetry)["h"] == 0.125
 
 
 @pytest.mark.parametrize("rough", [(1, 0), (0, 1)])
-def test_round_off_inside_is_seen_in_every_component(rough):
+def test_round_off_is_detected_in_every_component(rough):
     def rounded(system, q, p, h):
         q, p = leapfrog(system, q, p, h)
         return tuple(x * (1 + (float(x[0]) / x[0] - 1) * of) for x, of in zip((q, p), rough, strict=True))
 
-    assert structure.smooth(Stepper(made(leapfrog), PENDULUM, MULTIPRECISION), 0) < structure.SMOOTH
-    assert structure.smooth(Stepper(made(rounded), PENDULUM, MULTIPRECISION), 0) > 1e-18
+    assert structure.smooth(Stepper(build_integrator(leapfrog), PENDULUM, MULTIPRECISION), 0) < structure.SMOOTH
+    assert structure.smooth(Stepper(build_integrator(rounded), PENDULUM, MULTIPRECISION), 0) > 1e-18
 
 
-# -- what is kept between calls, how an adaptive one converges --------------------------------------------------------
+# -- state between calls, convergence of an adaptive method -----------------------------------------------------------
 
 
-def test_with_one_system_steps_in_turns_are_of_two_of_its_orbits():
-    rows = state_between_steps(made(leapfrog), [PENDULUM], 0)
+def test_alternating_steps_on_two_orbits_of_one_system():
+    rows = state_between_steps(build_integrator(leapfrog), [PENDULUM], 0)
     assert [(r["what"], r["value"]) for r in rows] == [("the same step twice", 0.0), ("steps in turns", 0.0)]
     last = {}
 
@@ -132,15 +133,15 @@ def test_with_one_system_steps_in_turns_are_of_two_of_its_orbits():
         last["q"] = q.copy()
         return leapfrog(system, q, p, h)
 
-    assert max(r["value"] for r in state_between_steps(made(keeps), [PENDULUM], 0)) > 1e-5
+    assert max(r["value"] for r in state_between_steps(build_integrator(keeps), [PENDULUM], 0)) > 1e-5
 
 
-def test_steps_are_taken_in_turns_on_three_pairs_of_systems():
-    rows = state_between_steps(made(leapfrog), list(battery.entries()), 0)
+def test_alternating_steps_on_three_pairs_of_systems():
+    rows = state_between_steps(build_integrator(leapfrog), list(battery.entries()), 0)
     assert [r["what"] for r in rows].count("steps in turns") == 3
 
 
-def test_what_is_told_of_an_adaptive_integrator_is_its_error_at_the_smallest_tolerance():
+def test_verdict_uses_the_error_at_the_smallest_tolerance():
     row = {"on": "tao", "tolerances": [1e-4, 1e-7, 1e-10], "errors": [1e-4, 1e-3, 2e-9]}
     better = {"on": "quartic", "tolerances": [1e-4, 1e-7, 1e-11], "errors": [1e-4, 1e-6, 1e-9]}
     found = adapts(Tables({"tolerance": [better, row]}))
@@ -152,8 +153,8 @@ def test_what_is_told_of_an_adaptive_integrator_is_its_error_at_the_smallest_tol
 ALL = {e.name: e for e in (*battery.entries(), *battery.lasting(), battery.oscillator())}
 
 
-def test_long_runs_are_made_on_three_systems_and_orders_told_from_steps_that_are_halved():
-    """So that errors of a step and of its half can be compared, over a time that a double is."""
+def test_systems_of_long_runs_and_steps_of_the_ladder():
+    """The ladder contains halved steps, so that errors can be compared; its time span is an exact double."""
     assert [e.name for e in battery.lasting.__wrapped__()] == ["henon-heiles", "kepler", "dimer"]
     assert all(2 * n in battery.LADDER for n in battery.LADDER if n <= 32)
     assert sorted({*battery.LADDER}) == list(battery.LADDER)
@@ -161,7 +162,7 @@ def test_long_runs_are_made_on_three_systems_and_orders_told_from_steps_that_are
 
 
 @pytest.mark.parametrize("entry", ALL.values(), ids=ALL)
-def test_a_seed_moves_every_component_to_either_side(entry):
+def test_seed_perturbs_every_component_both_ways(entry):
     moved = np.array([entry.start(seed) - entry.state for seed in range(40)]) / battery.MOVED
     assert (abs(moved) < 1).all()
     assert (moved.min(axis=0) < -0.7).all()
@@ -170,7 +171,7 @@ def test_a_seed_moves_every_component_to_either_side(entry):
 
 
 @pytest.mark.parametrize("entry", ALL.values(), ids=ALL)
-def test_states_are_of_the_size_of_one_and_reversible_systems_are(entry):
+def test_states_have_size_one_and_reversible_is_declared(entry):
     assert np.linalg.norm(entry.state) < 1.5
     q, p = np.split(entry.start(0), 2)
     H = entry.system.observe(entry.system.H, *np.array([[q, q], [p, -p]]))
@@ -178,7 +179,7 @@ def test_states_are_of_the_size_of_one_and_reversible_systems_are(entry):
 
 
 def test_orbits_of_the_battery_are_bounded():
-    """A pendulum that swings, an ellipse that is not far from a circle."""
+    """The pendulum oscillates; the Kepler ellipse is nearly circular."""
     pendulum, kepler = (ALL[name] for name in ("pendulum", "kepler"))
     assert pendulum.state[1] ** 2 / 2 - np.cos(pendulum.state[0]) < 0.5
     q, p = np.split(np.array(kepler.state), 2)
@@ -189,8 +190,8 @@ def test_orbits_of_the_battery_are_bounded():
 # -- an adaptive integrator -------------------------------------------------------------------------------------------
 
 
-def test_errors_are_told_in_parts_of_the_largest_number_of_a_state_and_energies_as_they_are():
-    """Of a run that ends beside the truth by its tolerance in q, a third of it in p."""
+def test_tolerance_errors_of_state_and_energy():
+    """On a run that is off by its tolerance in q and by a third of it in p."""
     entry, truth = PENDULUM, flow(PENDULUM, 0, adaptive.T_END, 48)[0].astype(float)
     beside = np.array([1.0, -1 / 3])
 
@@ -222,19 +223,19 @@ TRAPEZOIDAL = {"A": [[0, 0], ["1/2", "1/2"]], "b": ["1/2", "1/2"]}
         (TRAPEZOIDAL, (15 / 17, -8 / 17), None),
     ],
 )
-def test_one_step_of_a_tableau_by_hand(record, end, slopes):
-    """On the harmonic oscillator from (1, 0) at h = 1/2; an explicit one evaluates each stage once."""
+def test_one_step_of_a_tableau(record, end, slopes):
+    """On the harmonic oscillator from (1, 0) at h = 1/2; an explicit method evaluates each stage once."""
     stepper = Stepper(subject(record), battery.oscillator())
     assert stepper(np.array([1.0, 0.0]), 0.5) == pytest.approx(end, abs=1e-15)
     assert slopes is None or list(stepper.system.evaluations) == [slopes, slopes]
 
 
-# -- what is measured of whom -----------------------------------------------------------------------------------------
+# -- which measurements are made --------------------------------------------------------------------------------------
 
 
 @pytest.fixture
 def places(monkeypatch):
-    """Places and times that cost nothing: a list of the subjects that were placed."""
+    """Placements and times that cost nothing; the fixture is the list of the scenes that were run."""
     asked = []
     monkeypatch.setattr(measures, "scenes", lambda chosen: ["near", "far"])
     monkeypatch.setattr(measures, "place", lambda chosen, scene: asked.append(scene) or {"on": scene, "errors": []})
@@ -244,21 +245,21 @@ def places(monkeypatch):
 
 
 def adapting(system, q, p, t_end, tol):
-    """Not far from the truth, at any tolerance."""
+    """Close to the true solution, at any tolerance."""
     for _ in range(40):
         q, p = leapfrog(system, q, p, t_end / 40)
     return q, p
 
 
-def test_an_adaptive_integrator_has_a_place_unless_it_is_measured_alone(places):
+def test_adaptive_method_is_placed_unless_alone(places):
     certificate.certify(adapting, requires=("separable",), alone=True)
     assert places == []
     certificate.certify(adapting, requires=("separable",))
     assert places == ["near", "far"]
 
 
-def test_a_place_and_a_time_are_told_of_what_is_a_step(places):
-    chosen, tables = made(leapfrog), Tables()
+def test_step_is_placed_and_timed_if_consistent(places):
+    chosen, tables = build_integrator(leapfrog), Tables()
     measures._step(chosen, tables, 0, print, set(), entries(chosen), [])
     measures._place(chosen, tables, print)
     assert places == ["near", "far"]
@@ -267,7 +268,7 @@ def test_a_place_and_a_time_are_told_of_what_is_a_step(places):
     assert places == ["near", "far"]
 
 
-def test_a_system_that_nobody_has_is_said():
+def test_requirement_that_no_system_meets_is_reported():
     found = certificate.certify(subject(leapfrog, {}, ("Kepler part",)), alone=True)
     assert found.verdict == "not-judged"
     assert (
@@ -275,7 +276,7 @@ def test_a_system_that_nobody_has_is_said():
     )
 
 
-def test_round_off_is_told_of_the_second_system_of_a_step_that_takes_many_digits(monkeypatch):
+def test_round_off_is_measured_on_the_second_system(monkeypatch):
     monkeypatch.setattr(conservation, "round_off", lambda chosen, entry, seed: {"on": entry.name})
     for requires, on in ((("separable",), "henon-heiles"), (("separable", "quadratic kinetic energy"), "henon-heiles")):
         tables = Tables()
@@ -292,7 +293,7 @@ def test_round_off_is_told_of_the_second_system_of_a_step_that_takes_many_digits
     assert "round_off" not in tables.rows
 
 
-def test_in_python_seeds_are_those_of_the_command(monkeypatch):
+def test_python_and_command_use_the_same_seed(monkeypatch):
     asked = []
 
     def certify(target, claims, requires, seed, **more):
@@ -305,10 +306,10 @@ def test_in_python_seeds_are_those_of_the_command(monkeypatch):
     assert asked == [({"order": 2}, ("separable",), 0), ({}, (), 5)]
 
 
-# -- where it is looked for, how it is printed ------------------------------------------------------------------------
+# -- import of targets, the document ----------------------------------------------------------------------------------
 
 
-def test_a_callable_of_the_working_folder_comes_before_another_and_the_path_stays(tmp_path, monkeypatch):
+def test_target_is_imported_from_the_working_folder(tmp_path, monkeypatch):
     for folder, first in (("elsewhere", "q"), ("here", "p")):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "twice_here.py").write_text(f"def step(system, q, p, h):\n    return {first}, {first}\n")
@@ -327,8 +328,8 @@ PLACES = [
 ]
 
 
-def printed(**more) -> str:
-    """The document of a certificate with these tables."""
+def render_with(**more) -> str:
+    """The document of a certificate with these measurements."""
     order = [
         {"on": "pendulum", "value": 2.0, "arithmetic": "multiprecision", **LIKE},
         {"on": "tao", "value": 2.0, "arithmetic": "double", **LIKE},
@@ -340,18 +341,18 @@ def printed(**more) -> str:
     return render.document(found, [])
 
 
-def test_a_document_says_of_each_system_in_what_digits_it_was_measured_and_what_was_not():
-    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in printed().splitlines() if "|" in line]
+def test_document_states_the_digits_of_each_measurement():
+    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in render_with().splitlines() if "|" in line]
     head = next(line for line in lines if line[0] == "system")
     rows = {line[0]: dict(zip(head, line, strict=True)) for line in lines if line[0] in ("pendulum", "tao")}
     assert (rows["pendulum"]["digits"], rows["tao"]["digits"]) == ("40", "16")
     assert rows["pendulum"]["symmetric defect"].startswith("2")
     assert rows["tao"]["symmetric defect"] == "not measured"
-    assert "Measured and not claimed: order=2, symplectic." in printed()
+    assert "Measured and not claimed: order=2, symplectic." in render_with()
 
 
-def test_a_document_tells_the_errors_of_an_adaptive_integrator_by_tolerance():
-    text = printed(tolerance=[{"on": "quartic", "tolerances": [1e-4, 1e-10], "errors": [0.002, 3e-9]}])
+def test_document_lists_errors_by_tolerance():
+    text = render_with(tolerance=[{"on": "quartic", "tolerances": [1e-4, 1e-10], "errors": [0.002, 3e-9]}])
     assert "relative errors at tolerances 1e-04, 1e-10" in text
     assert next(line for line in text.splitlines() if "quartic" in line).rstrip("| ").endswith("0.002, 3.00e-09")
     assert "Errors are relative to the largest component of the state" in " ".join(text.split())
@@ -360,15 +361,15 @@ def test_a_document_tells_the_errors_of_an_adaptive_integrator_by_tolerance():
 @pytest.mark.parametrize(
     ("biased", "grows"), [(True, "not 0: it adds up as t"), (False, "0 as far as can be seen: as the root of t")]
 )
-def test_a_document_says_how_round_off_adds_up(biased, grows):
+def test_document_describes_round_off_growth(biased, grows):
     row = {"on": "henon-heiles", "mean": 0.1, "deviation": 0.5, "steps": 256, "biased": biased}
-    text = " ".join(printed(round_off=[row]).split())
+    text = " ".join(render_with(round_off=[row]).split())
     assert f"over 256 steps on henon-heiles: its mean is {grows}" in text
 
 
-def test_a_document_says_how_many_times_the_fewest_evaluations_it_takes():
-    assert "fronts of the trade" not in printed()
-    text = printed(place=[{"on": "pendulum-short", "errors": PLACES}])
+def test_document_compares_gradient_evaluations():
+    assert "fronts of the trade" not in render_with()
+    text = render_with(place=[{"on": "pendulum-short", "errors": PLACES}])
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if "pendulum-short" in line]
     assert ["pendulum-short", "1e-02", "300", "pefrl", "200", "1.5"] in rows
     assert ["pendulum-short", "1e-04", "not reached", "gauss-8", "700", ""] in rows

@@ -1,4 +1,4 @@
-"""The order of a step by its ladder and its series: steps of known order, cut and truncated ones, made-up series."""
+"""The order of a step from errors at several h and from its series: steps of known order, truncated coefficients."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from phasebench.benchmarks.certificate import battery, order
 from phasebench.benchmarks.certificate.order import Series, differences
 from phasebench.benchmarks.certificate.stepping import StepFailed, Stepper
 from phasebench.benchmarks.certificate.subject import subject
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
 
-PENDULUM = battery.known("pendulum")
+PENDULUM = battery.find_entry("pendulum")
 
 
 def verlet(system, q, p, h, kick=Fraction(1, 2)):
@@ -24,8 +24,8 @@ def verlet(system, q, p, h, kick=Fraction(1, 2)):
     return q, p - h * system.dH_dq(q, p) / 2
 
 
-def cut(system, q, p, h):
-    """A first half of ten digits."""
+def truncated_verlet(system, q, p, h):
+    """Verlet whose first half kick has a coefficient cut to ten digits."""
     return verlet(system, q, p, h, Fraction(5_000_000_001, 10_000_000_000))
 
 
@@ -55,7 +55,7 @@ def stepper(step, arithmetic=MULTIPRECISION) -> Stepper:
 # -- series ------------------------------------------------------------------------------------------------------------
 
 
-def test_differences_are_the_coefficients_of_a_polynomial():
+def test_differences_give_the_coefficients_of_a_polynomial():
     coefficients = np.array([3.0, -1.0, 0.5, 2.0])
     values = [np.array([sum(c * j**k for k, c in enumerate(coefficients)), 7.0]) for j in range(4)]
     found = np.array(differences(values))
@@ -63,7 +63,7 @@ def test_differences_are_the_coefficients_of_a_polynomial():
     assert np.allclose(found[:, 1], [7, 0, 0, 0])
 
 
-def test_the_terms_that_vanish_are_the_first_ones():
+def test_count_of_leading_terms_that_vanish():
     terms = Series((1e-16, 1e-10, 0.9 * order.VANISHES, 0.2, 1e-30))
     assert (terms.clean, Series((0.1,)).clean, Series((1e-9, nan, 1e-9)).clean, Series((0.0, 0.0)).clean) == (
         3,
@@ -76,7 +76,7 @@ def test_the_terms_that_vanish_are_the_first_ones():
 
 
 @pytest.mark.parametrize(("step", "p"), [(euler, 1), (verlet, 2), (rk4, 4)])
-def test_a_step_of_order_p_has_so_many_terms_that_vanish(step, p):
+def test_step_of_order_p_has_p_vanishing_terms(step, p):
     found = order.series(stepper(step), 1)
     assert found.clean == p
     assert len(found.terms) == order.TERMS
@@ -84,9 +84,9 @@ def test_a_step_of_order_p_has_so_many_terms_that_vanish(step, p):
     assert 0.01 < found.terms[p] < 10
 
 
-def test_cut_coefficients_are_seen_in_the_first_term():
-    """The kick is 1e-10 h too long: so is the change of p, relative to the field."""
-    found = order.series(stepper(cut), 1)
+def test_truncated_coefficient_shows_in_the_first_term():
+    """The kick is 1e-10 h too long, and so is the change of p relative to the field."""
+    found = order.series(stepper(truncated_verlet), 1)
     assert found.clean == 2
     slopes = np.abs(PENDULUM.system.vector_field()(0.0, PENDULUM.start(1)))
     assert found.terms[0] == pytest.approx(1e-10 * slopes[1] / slopes.max(), rel=1e-6, abs=0)
@@ -97,7 +97,7 @@ def test_cut_coefficients_are_seen_in_the_first_term():
 
 @pytest.mark.parametrize(("step", "p"), [(euler, 1), (verlet, 2), (rk4, 4)])
 @pytest.mark.parametrize("arithmetic", [DOUBLE, MULTIPRECISION])
-def test_the_order_is_that_of_the_step(step, p, arithmetic):
+def test_order_of_known_steps(step, p, arithmetic):
     row = order.order(stepper(step, arithmetic), 1)
     assert row["value"] == pytest.approx(p, abs=0.1)
     assert row["low"] <= row["value"] <= row["high"]
@@ -110,8 +110,8 @@ def test_the_order_is_that_of_the_step(step, p, arithmetic):
         assert row["clean"] == p
 
 
-def test_what_is_left_of_an_inconsistent_step_is_told_in_doubles():
-    """The kicks are 1e-3 too long; the control is right."""
+def test_limit_error_of_an_inconsistent_step():
+    """The kicks are 1e-3 too long; the control is Verlet."""
 
     def longer(system, q, p, h):
         return verlet(system, q, p, h, Fraction(501, 1000))
@@ -123,14 +123,14 @@ def test_what_is_left_of_an_inconsistent_step_is_told_in_doubles():
 
 
 def test_errors_are_relative_to_the_size_of_the_state():
-    """Standing still is off by the way of the orbit."""
+    """The error of the identity is the displacement of the orbit."""
     row = order.ladder(stepper(lambda system, q, p, h: (q + 0 * h, p + 0 * h), DOUBLE), 1)
     start, (end, _) = PENDULUM.start(1), order.flow(PENDULUM, 1, battery.SPAN)
     end = end.astype(float)
     assert row["error"] == pytest.approx([np.abs(start - end).max() / np.abs(end).max()] * len(battery.LADDER))
 
 
-def test_a_step_that_fails_for_its_numbers_has_no_error_and_any_other_is_a_failure():
+def test_arithmetic_failure_has_no_error_others_raise():
     row = order.ladder(stepper(broken, DOUBLE), 1)
     assert np.isnan(row["error"]).all()
     with pytest.raises(StepFailed, match="KeyError"):
@@ -139,8 +139,8 @@ def test_a_step_that_fails_for_its_numbers_has_no_error_and_any_other_is_a_failu
     assert not order.numerical(StepFailed("step 1: KeyError: 'ZeroDivisionError'"))
 
 
-def test_a_step_without_an_error_has_no_order():
-    """The oscillator's rotation, in as many digits as it is given."""
+def test_exact_step_has_no_order():
+    """The oscillator's rotation, in the precision of its arguments."""
 
     def rotation(system, q, p, h):
         c, s = gmpy2.cos(h), gmpy2.sin(h)
@@ -152,8 +152,8 @@ def test_a_step_without_an_error_has_no_order():
 
 
 @pytest.mark.parametrize(("least", "told"), [(0.1, True), (0.08, False)])
-def test_what_is_left_is_told_of_eight_steps_or_more(least, told):
-    """A step that fails at large h, at three of the eleven or at four."""
+def test_limit_error_needs_eight_step_sizes(least, told):
+    """A step that fails at the three or four largest of eleven h."""
 
     def small(system, q, p, h):
         return verlet(system, q, p, h) if h < least else (q / (h - h), p)
@@ -162,7 +162,7 @@ def test_what_is_left_is_told_of_eight_steps_or_more(least, told):
     assert ("constant" in row, "doubt" in row) == (told, told)
 
 
-def test_a_dear_step_has_a_shorter_ladder_in_many_digits():
+def test_expensive_step_has_fewer_multiprecision_rungs():
     def dear(evaluations):
         def step(system, q, p, h):
             for _ in range(evaluations - 3):

@@ -1,4 +1,4 @@
-"""The command line: what it lists, the JSON object of ``integrate``, its exit codes, and ``run`` and ``report``."""
+"""The command line: lists, the JSON object of ``integrate``, exit codes, ``run`` and ``report``."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SHORT = ("--h", "0.1", "--t-end", "1")
 
 
 def call(*arguments: str):
-    """(exit code, standard output, standard error without line breaks); an error that escapes is raised."""
+    """(exit code, standard output, standard error without line breaks); an unexpected exception is raised."""
     result = CliRunner().invoke(app, list(arguments))
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
@@ -48,7 +48,7 @@ def call(*arguments: str):
 
 
 def strict(text: str):
-    """JSON as its standard has it: NaN and Infinity are errors."""
+    """Parse standard JSON, in which NaN and Infinity are errors."""
 
     def refuse(token):
         raise ValueError(f"{token} is not JSON")
@@ -57,7 +57,7 @@ def strict(text: str):
 
 
 def run_json(*arguments: str):
-    """(exit code, the JSON object) of ``integrate``; nothing but one line may be printed."""
+    """(exit code, JSON object) of ``integrate --json``, which must print exactly one line."""
     code, text, _ = call("integrate", *arguments, "--json")
     assert text.count("\n") == 1
     return code, strict(text)
@@ -73,17 +73,26 @@ def test_list_shows_every_registered_id(kind):
     assert not set(REGISTERED[kind]) - set(re.findall(r"[\w.-]+", text))
 
 
-def test_control_an_absent_id_is_not_listed():
+def test_control_unknown_id_is_not_listed():
     assert "rk5" not in re.findall(r"[\w.-]+", call("list", "methods")[1])
 
 
-def test_an_unstable_run_is_no_success():
+def test_unstable_run_exits_with_an_error():
     for h, status in (("2.1", "unstable"), ("0.1", "ok")):
         code, found = run_json("harmonic-oscillator", "stormer-verlet", "--h", h, "--t-end", "1000")
         assert (found["status"], code == 0) == (status, status == "ok")
 
 
-def test_list_of_what_is_unknown_is_an_error():
+def test_run_from_a_later_time_back_to_0_returns():
+    run = ("pendulum", "stormer-verlet", "--h", "0.1")
+    there = run_json(*run, "--t-end", "2")[1]
+    state = (f"--q={there['q'][0]!r}", f"--p={there['p'][0]!r}")
+    code, back = run_json(*run, "--t0", "2", "--t-end", "0", *state)
+    assert (code, back["t"], back["steps"], back["h"]) == (0, 0.0, 20, -0.1)
+    assert [*back["q"], *back["p"]] == pytest.approx([*problem("pendulum").q0, *problem("pendulum").p0], abs=1e-12)
+
+
+def test_unknown_list_is_an_error():
     assert call("list", "planets")[0] == 2
 
 
@@ -101,8 +110,8 @@ print("\\n" + json.dumps([m for m in {heavy!r} if m in sys.modules]))
 """
 
 
-def loaded(*commands: tuple[str, ...], heavy=HEAVY):
-    """Those of the packages that one process has loaded after the commands."""
+def imported_packages(*commands: tuple[str, ...], heavy=HEAVY):
+    """The packages in ``heavy`` that one process has imported after running the commands."""
     code = LOADED.format(commands=commands, heavy=heavy)
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     return json.loads(done.stdout.splitlines()[-1])
@@ -110,8 +119,8 @@ def loaded(*commands: tuple[str, ...], heavy=HEAVY):
 
 @pytest.mark.parametrize("columns", [60, 80, 100, 200])
 @pytest.mark.parametrize("kind", REGISTERED)
-def test_a_list_fits_the_terminal(kind, columns, monkeypatch):
-    """No line is longer, ids are whole, and no column is narrower than a word."""
+def test_list_fits_the_terminal(kind, columns, monkeypatch):
+    """No line is too long, ids are not cut, and at least two columns are shown."""
     monkeypatch.setenv("COLUMNS", str(columns))
     lines = call("list", kind)[1].splitlines()
     assert max(map(len, lines)) <= columns
@@ -120,7 +129,7 @@ def test_a_list_fits_the_terminal(kind, columns, monkeypatch):
     assert len(lines[1].split()) >= 2
 
 
-def test_a_wider_terminal_shows_more_and_says_what_is_missing(monkeypatch):
+def test_wider_terminal_shows_more_columns(monkeypatch):
     heads = {}
     for columns in (60, 80, 120, 1000):
         monkeypatch.setenv("COLUMNS", str(columns))
@@ -152,7 +161,7 @@ FILTERS = [
 @pytest.mark.parametrize(
     ("kind", "options", "keep"), FILTERS, ids=lambda x: " ".join(x) if isinstance(x, tuple) else ""
 )
-def test_filters_leave_what_they_say(kind, options, keep):
+def test_filters_of_lists(kind, options, keep):
     known = {"methods": METHODS, "peers": PEERS, "scenes": (*SCENES, *QUESTIONS)}[kind]
     expected = [x.id for x in known if keep(x)]
     rows = strict(call("list", kind, *options, "--json")[1])
@@ -160,7 +169,7 @@ def test_filters_leave_what_they_say(kind, options, keep):
     assert 0 < len(expected) < len(known)
 
 
-def test_filters_that_leave_nothing_or_are_of_something_else():
+def test_empty_and_invalid_filters():
     code, text, _ = call("list", "methods", "--order", "99")
     assert (code, text) == (0, "none of the methods\n")
     assert call("list", "methods", "--order", "99", "--json")[1] == "[]\n"
@@ -176,7 +185,7 @@ def test_filters_that_leave_nothing_or_are_of_something_else():
         assert message in said
 
 
-def test_the_list_of_peers_says_what_is_installed(monkeypatch):
+def test_list_of_peers_shows_installed_versions(monkeypatch):
     import importlib.metadata as metadata
 
     rows = {r["peer"]: r for r in strict(call("list", "peers", "--json")[1])}
@@ -191,22 +200,22 @@ def test_the_list_of_peers_says_what_is_installed(monkeypatch):
 
 
 @pytest.mark.lowest
-def test_the_version():
+def test_version_option():
     import importlib.metadata as metadata
 
     assert call("--version")[:2] == (0, f"phasebench {metadata.version('phasebench')}\n")
 
 
-def test_lists_and_help_load_no_heavy_package():
-    assert loaded(("list", "methods"), ("list", "problems"), ("list", "peers"), ("--help",)) == []
+def test_lists_and_help_import_no_heavy_package():
+    assert imported_packages(("list", "methods"), ("list", "problems"), ("list", "peers"), ("--help",)) == []
 
 
-def test_control_a_loaded_package_is_seen():
-    assert loaded(("list", "methods"), heavy=("typer", REGISTRY)) == ["typer", REGISTRY]
+def test_control_imported_package_is_seen():
+    assert imported_packages(("list", "methods"), heavy=("typer", REGISTRY)) == ["typer", REGISTRY]
 
 
-def test_the_module_is_the_command_and_lists_in_less_than_two_seconds():
-    """Of the processor's time: other programs may be running.  All lists import the same."""
+def test_module_lists_in_less_than_two_seconds():
+    """Processor time, as other programs may be running; all lists import the same modules."""
     resource = pytest.importorskip("resource")
 
     def spent() -> float:
@@ -240,12 +249,12 @@ def test_json_has_the_keys_of_the_contract():
     )
 
 
-def test_a_failed_run_has_the_keys_of_the_contract_too():
+def test_json_of_a_failed_run_has_the_same_keys():
     assert list(run_json("henon-heiles", "explicit-euler", "--h", "1", "--t-end", "100")[1]) == CONTRACT
 
 
 @pytest.mark.parametrize(("name", "id"), [("henon-heiles:box", "rk4"), ("kepler", "implicit-midpoint")])
-def test_numbers_are_those_of_the_library_to_the_last_bit(name, id):
+def test_json_numbers_equal_the_library_bit_for_bit(name, id):
     _, found = run_json(name, id, "--h", "0.03", "--t-end", "2")
     made = problem(name)
     s = integrate(made, id, h=0.03, t_end=2)
@@ -261,8 +270,8 @@ def test_numbers_are_those_of_the_library_to_the_last_bit(name, id):
         assert error == {"max": np.abs(value - value[0]).max(), "end": value[-1] - value[0]}
 
 
-def test_the_energy_error_is_the_largest_of_every_step_and_signed_at_the_end():
-    """H = p^2/2 - cos q of Stormer-Verlet, stepped here: its error is greatest inside and ends smaller."""
+def test_energy_error_max_over_steps_and_signed_end():
+    """Against Stormer-Verlet on H = p^2/2 - cos q coded here: the largest error occurs before the end."""
     q, p, h = 2.0, 0.0, 0.1
     H = [p * p / 2 - np.cos(q)]
     for _ in range(29):
@@ -278,7 +287,7 @@ def test_the_energy_error_is_the_largest_of_every_step_and_signed_at_the_end():
     assert found["energy_error"]["end"] == pytest.approx(error[-1], rel=1e-9)
 
 
-def test_initial_data_are_taken():
+def test_initial_state_is_used():
     _, found = run_json("henon-heiles", "rk4", *SHORT, "--q", "0.1,-1/3", "--p", "0,0.25")
     s = integrate(problem("henon-heiles"), "rk4", h=0.1, t_end=1, q0=[0.1, -1 / 3], p0=[0, 0.25])
     assert found["q"] == s.q[-1].tolist()
@@ -286,7 +295,7 @@ def test_initial_data_are_taken():
     assert found["q"] != other.q[-1].tolist()
 
 
-def test_a_fraction_is_a_fraction():
+def test_fractions_stay_exact():
     from fractions import Fraction
 
     _, found = run_json("pendulum", "scheme-i", *SHORT, "--param", "lam=1/3")
@@ -296,23 +305,23 @@ def test_a_fraction_is_a_fraction():
     assert found["q"] != run_json("pendulum", "scheme-i", *SHORT, "--param", "lam=2/3")[1]["q"]
 
 
-def test_steps_fix_the_step():
+def test_number_of_steps_sets_the_step():
     _, found = run_json("pendulum", "rk4", "--steps", "7", "--t-end", "1")
     assert (found["steps"], found["h"], found["t"]) == (7, 1 / 7, 1.0)
 
 
-def test_a_step_that_does_not_fit_is_adjusted():
+def test_step_is_shortened_to_fit_the_span():
     _, found = run_json("pendulum", "rk4", "--h", "0.332", "--t-end", "1")
     assert (found["steps"], found["h"], found["t"]) == (3, 1 / 3, 1.0)
 
 
-def test_a_step_that_would_become_wider_is_refused_with_the_nearest_that_fit():
+def test_step_that_would_be_widened_is_refused():
     result = CliRunner().invoke(app, ["integrate", "pendulum", "rk4", "--h", "0.3", "--t-end", "1"])
     assert result.exit_code == 2
     assert all(x in result.stderr for x in (repr(1 / 3), "0.25"))
 
 
-def test_a_parameter_of_the_problem_is_set():
+def test_problem_parameter_is_set():
     _, found = run_json("kepler", "rk4", *SHORT, "--set", "e=0.2")
     s = integrate(problem("kepler", e=0.2), "rk4", h=0.1, t_end=1)
     assert found["q"] == s.q[-1].tolist()
@@ -320,12 +329,12 @@ def test_a_parameter_of_the_problem_is_set():
 
 
 @pytest.mark.lowest
-def test_an_adaptive_peer_takes_a_tolerance():
+def test_adaptive_peer_takes_a_tolerance():
     code, found = run_json("kepler", "heyoka", "--t-end", "1", "--tol", "1e-15")
     assert code == 0
     assert list(found) == CONTRACT
     assert found["params"] == {"tol": 1e-15}
-    # A Taylor method answers a tolerance with its order: the error tells, not the number of steps.
+    # A Taylor method follows the tolerance by its order, so the error changes rather than the number of steps.
     _, rough = run_json("kepler", "heyoka", "--t-end", "1", "--tol", "1e-5")
     assert rough["energy_error"]["max"] > 1e3 * max(found["energy_error"]["max"], 1e-16)
     s = integrate(problem("kepler"), "rk4", h=1e-3, t_end=1)
@@ -333,7 +342,7 @@ def test_an_adaptive_peer_takes_a_tolerance():
 
 
 @pytest.mark.lowest
-def test_the_text_says_the_same_as_the_json():
+def test_text_and_json_agree():
     code, text, _ = call("integrate", "kepler", "rk4", *SHORT)
     assert code == 0
     found = run_json("kepler", "rk4", *SHORT)[1]
@@ -342,7 +351,7 @@ def test_the_text_says_the_same_as_the_json():
     assert "angular-momentum" in text
 
 
-# -- integrate: what cannot be used, and what goes wrong ---------------------------------------------------------------
+# -- integrate: invalid input and failed runs --------------------------------------------------------------------------
 
 INVALID = [
     (("pendulm", "rk4", *SHORT), "pendulum"),
@@ -389,13 +398,13 @@ def test_invalid_input_is_named(arguments, message):
 
 
 @pytest.mark.parametrize("name", ["pend[/]", "rk4[/b]", "[red]"])
-def test_a_name_in_brackets_is_shown_as_it_is(name):
+def test_name_in_brackets_is_printed_verbatim(name):
     code, _, said = call("integrate", name, "rk4", *SHORT)
     assert code == 2
     assert name in said
 
 
-def test_a_blow_up_is_diverged():
+def test_blow_up_is_reported_as_diverged():
     code, found = run_json("henon-heiles", "explicit-euler", "--h", "1", "--t-end", "100")
     assert code == 1
     assert found["status"] == "diverged"
@@ -409,8 +418,8 @@ def test_a_blow_up_is_diverged():
 
 
 @pytest.mark.parametrize("steps", ["2", "100"])
-def test_an_energy_that_overflows_is_not_reported_as_conserved(steps):
-    """At q = 1e156 the energy is beyond the doubles: an error of 0 would be a claim that is false."""
+def test_overflowing_energy_is_not_reported_as_conserved(steps):
+    """At q = 1e156 the energy overflows a double: an error of 0 would be false."""
     code, text, _ = call(
         "integrate", "harmonic-oscillator", "explicit-euler", "--h", "1e3", "--steps", steps, "--q", "1e150", "--json"
     )
@@ -419,7 +428,7 @@ def test_an_energy_that_overflows_is_not_reported_as_conserved(steps):
     assert code in (0, 1)
 
 
-def test_a_fall_into_the_centre_is_a_collision():
+def test_fall_into_the_centre_is_a_collision():
     code, found = run_json(
         "kepler", "stormer-verlet", "--q", "1,0", "--p", "0,0", "--h", "0.01", "--t-end", "3"
     )  # the collision is at t = pi / (2 sqrt 2) = 1.11
@@ -428,24 +437,24 @@ def test_a_fall_into_the_centre_is_a_collision():
     assert "t = 1.1" in found["reason"]
 
 
-def test_control_a_circular_orbit_is_ok():
+def test_control_circular_orbit_is_ok():
     code, found = run_json("kepler", "stormer-verlet", "--q", "1,0", "--p", "0,1", "--h", "0.01", "--t-end", "3")
     assert (code, found["status"]) == (0, "ok")
 
 
-def test_a_timeout_is_told():
-    code, found = run_json("pendulum", "rk4", "--h", "1e-6", "--t-end", "20", "--timeout", "0.01")
+def test_timeout_is_reported():
+    code, found = run_json("pendulum", "rk4", "--h", "1e-6", "--t-end", "20", "--time-limit", "0.01")
     assert code == 1
     assert found["status"] == "timeout"
     assert 0 < found["steps"] < 20_000_000
 
 
-# -- integrate: a step of one's own, and what is said on a terminal ----------------------------------------------------
+# -- integrate: the user's own step, messages on a terminal ------------------------------------------------------------
 
 STEP = "def step(system, q, p, h):\n    p = p - h * system.dH_dq(q, p)\n    return q + h * system.dH_dp(q, p), p\n"
 
 
-def test_a_file_with_a_step_is_a_method(tmp_path, monkeypatch):
+def test_file_with_a_step_is_a_method(tmp_path, monkeypatch):
     (tmp_path / "mine.py").write_text(STEP)
     monkeypatch.chdir(tmp_path)
     code, found = run_json("henon-heiles:box", "./mine.py", *SHORT)
@@ -461,7 +470,7 @@ def test_a_file_with_a_step_is_a_method(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("options", "terminal"), [((), True), (("--json",), True), ((), False)])
-def test_a_terminal_says_what_is_compiled(options, terminal, monkeypatch):
+def test_terminal_announces_compilation(options, terminal, monkeypatch):
     screen = io.StringIO()
     monkeypatch.setattr(shared, "err", Console(file=screen, force_terminal=terminal))
     assert call("integrate", "pendulum", "rk4", *SHORT, *options)[0] == 0
@@ -478,7 +487,7 @@ SWEEP = ("--scene", "lotka-volterra-t1", "--method", "rk4", "--quick")
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory) -> str:
-    """The rows of a small sweep."""
+    """The rows of a small sweep, as JSON lines."""
     path = tmp_path_factory.mktemp("rows") / "rows.jsonl"
     assert call("run", *SWEEP, "--output", str(path))[0] == 0
     return path.read_text()
@@ -491,7 +500,7 @@ def test_run_writes_a_row_for_each_step_size(swept):
     assert {(r["scene"], r["id"], r["status"]) for r in rows} == {("lotka-volterra-t1", "rk4", "ok")}
 
 
-def test_a_second_run_measures_nothing(swept, tmp_path):
+def test_second_run_measures_nothing(swept, tmp_path):
     path = tmp_path / "rows.jsonl"
     path.write_text(swept)
     code, text, said = call("run", *SWEEP, "--output", str(path))
@@ -501,7 +510,7 @@ def test_a_second_run_measures_nothing(swept, tmp_path):
     assert path.read_text() == swept
 
 
-def test_a_method_that_changed_is_measured_again(swept, tmp_path, monkeypatch):
+def test_changed_method_is_measured_again(swept, tmp_path, monkeypatch):
     path = tmp_path / "rows.jsonl"
     path.write_text(swept)
     monkeypatch.setitem(registry.BY_ID, "rk4", replace(registry.BY_ID["explicit-euler"], id="rk4"))
@@ -513,7 +522,7 @@ def test_a_method_that_changed_is_measured_again(swept, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("at", [1, 3])
 @pytest.mark.parametrize("line", ["", '{"cell": ', "no row"])
-def test_a_cell_with_a_row_that_cannot_be_read_is_measured_again(swept, tmp_path, at, line):
+def test_cell_with_an_unreadable_row_is_measured_again(swept, tmp_path, at, line):
     lines = swept.splitlines()
     lines[at] = line
     path = tmp_path / "rows.jsonl"
@@ -526,7 +535,7 @@ def test_a_cell_with_a_row_that_cannot_be_read_is_measured_again(swept, tmp_path
     assert old == new
 
 
-def test_a_run_of_another_method_keeps_the_rows_that_are_there(swept, tmp_path):
+def test_run_of_another_method_keeps_the_old_rows(swept, tmp_path):
     path = tmp_path / "rows.jsonl"
     path.write_text(swept)
     assert call("run", "--scene", "lotka-volterra-t1", "--method", "avf", "--quick", "--output", str(path))[0] == 0
@@ -538,22 +547,22 @@ def test_a_run_of_another_method_keeps_the_rows_that_are_there(swept, tmp_path):
 @pytest.mark.parametrize(
     ("option", "name", "nearest"), [("--scene", "kepler-t2", "kepler-t1"), ("--method", "rk5", "rk4")]
 )
-def test_run_names_the_nearest(option, name, nearest, tmp_path):
+def test_run_suggests_the_nearest_name(option, name, nearest, tmp_path):
     code, _, said = call("run", option, name, "--output", str(tmp_path / "rows.jsonl"))
     assert code == 2
     assert nearest in said
 
 
-def test_a_report_without_data_says_what_to_do(tmp_path):
-    code, _, said = call("report", "--folder", str(tmp_path / "none"))
+def test_report_without_data_suggests_commands(tmp_path):
+    code, _, said = call("report", "--reports", str(tmp_path / "none"))
     assert code == 2
     assert "pytest benchmarks" in said
     assert "phasebench run" in said
     assert not (tmp_path / "none").exists()
 
 
-def test_a_report_of_rows_that_are_not_there(tmp_path):
-    code, _, said = call("report", "--folder", str(tmp_path), "--rows", str(tmp_path / "absent.jsonl"))
+def test_report_of_a_missing_file_of_rows(tmp_path):
+    code, _, said = call("report", "--reports", str(tmp_path), "--rows", str(tmp_path / "absent.jsonl"))
     assert code == 2
     assert "absent.jsonl" in said
 
@@ -561,12 +570,12 @@ def test_a_report_of_rows_that_are_not_there(tmp_path):
 def test_report_of_rows(swept, tmp_path):
     (tmp_path / "rows.jsonl").write_text(swept)
     folder = tmp_path / "report"
-    arguments = ("--folder", str(folder), "--rows", str(tmp_path / "rows.jsonl"))
+    arguments = ("--reports", str(folder), "--rows", str(tmp_path / "rows.jsonl"), "--html", str(tmp_path / "site"))
     code, text, _ = call("report", *arguments)
     assert code == 0
-    assert "README.md" in text
-    assert "lotka-volterra" in (folder / "orders.html").read_text()
-    # A sweep of --quick is no full run.
+    assert "index.html" in text
+    assert "lotka-volterra" in (tmp_path / "site" / "orders.html").read_text()
+    # A sweep with --quick is no full run.
     assert "full run" not in (folder / "README.md").read_text()
 
 
@@ -576,18 +585,18 @@ def test_report_of_rows(swept, tmp_path):
 def test_report_of_rows_without_an_order(scene, method, tmp_path):
     rows = str(tmp_path / "rows.jsonl")
     assert call("run", "--scene", scene, "--method", method, "--quick", "--output", rows)[0] == 0
-    code, _, _ = call("report", "--folder", str(tmp_path / "report"), "--rows", rows)
+    code, _, _ = call("report", "--reports", str(tmp_path / "report"), "--rows", rows)
     assert code == 0
 
 
 def test_report_of_no_rows(tmp_path):
     (tmp_path / "rows.jsonl").write_text("")
-    arguments = ("--folder", str(tmp_path / "report"), "--rows", str(tmp_path / "rows.jsonl"))
+    arguments = ("--reports", str(tmp_path / "report"), "--rows", str(tmp_path / "rows.jsonl"))
     assert call("report", *arguments)[0] in (0, 2)
 
 
-def test_cache_says_where_it_is_and_is_cleared(tmp_path, monkeypatch):
-    from phasebench.integrators.engine import cache
+def test_cache_shows_its_folder_and_is_cleared(tmp_path, monkeypatch):
+    from phasebench.integrators.compile import cache
 
     monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path))
     cache.write("a.py", bytes(1000))
@@ -601,9 +610,10 @@ def test_cache_says_where_it_is_and_is_cleared(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_cache_builds_kernels_ahead_and_says_what_failed(tmp_path, monkeypatch):
+def test_cache_builds_kernels_and_reports_failures(tmp_path, monkeypatch):
     from phasebench.integrators import driver
-    from phasebench.integrators.engine import cache, codegen, kernel
+    from phasebench.integrators.compile import cache, codegen
+    from phasebench.integrators.stepping import kernel
 
     command = importlib.import_module("phasebench.benchmarks.cli.cache")
     monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path))
@@ -629,14 +639,19 @@ def test_cache_builds_kernels_ahead_and_says_what_failed(tmp_path, monkeypatch):
     assert "a on b: no" in complaint
 
 
-def test_of_a_long_state_the_first_and_the_last_numbers_are_shown():
+def test_json_has_null_for_what_is_not_finite(capsys):
+    shared.print_json({"a": [float("nan"), np.float64("inf"), 1 / 3], "b": {"c": -float("inf")}})
+    assert strict(capsys.readouterr().out) == {"a": [None, None, 1 / 3], "b": {"c": None}}
+
+
+def test_long_state_is_shortened():
     short, long = [0.1] * 12, [float(k) for k in range(13)]
     assert shortened(short) == ", ".join(["0.1"] * 12)
     assert shortened(long) == "0.0, 1.0, 2.0, ..., 10.0, 11.0, 12.0 (13 numbers; all with --json)"
 
 
-def test_progress_is_told_where_no_terminal_shows_it_and_ever_more_rarely(monkeypatch, capsys):
-    """A step of 10 ms is measured for minutes; whoever reads a log wants to know that it goes on."""
+def test_progress_lines_without_a_terminal_become_rarer(monkeypatch, capsys):
+    """A measurement may take minutes; the log shows that it continues."""
     now = [0.0]
     monkeypatch.setattr(shared.time, "monotonic", lambda: now[0])
     monkeypatch.setattr(shared, "err", Console(file=sys.stderr, force_terminal=False))

@@ -1,4 +1,4 @@
-"""The clock of a prepared run: the mean of many runs, from starts that differ; disturbed readings are taken again."""
+"""The clock of a prepared run: the mean of many runs from perturbed starts; disturbed readings are repeated."""
 
 from __future__ import annotations
 
@@ -11,91 +11,105 @@ from phasebench.benchmarks.problems import problem
 
 
 class Run:
-    """A run that takes a number of seconds of a clock that is moved by hand."""
+    """A run that advances a fake clock by a given number of seconds."""
 
-    def __init__(self, seconds: float, away: float = 0.0, disturbed: int = 0):
+    def __init__(self, seconds: float, away: float = 0.0, disturbed: int = 0, spared: int = 2):
         self.now = self.thread = 0.0
-        self.seconds, self.away, self.disturbed = seconds, away, disturbed
+        self.seconds, self.away, self.disturbed, self.spared = seconds, away, disturbed, spared
         self.starts: list[tuple] = []
         self.sizes: list[tuple] = []
 
     def restart(self, q, p):
-        """Keep the start."""
+        """Record the start."""
         self.starts.append((*q, *p))
 
     def advance(self, *size):
-        """Take the seconds; while it is disturbed the process is away for more."""
+        """Take ``seconds``, plus ``away`` in a disturbed call; the first ``spared`` calls are not disturbed."""
         self.sizes.append(size)
         self.thread += self.seconds
         self.now += self.seconds
-        if self.disturbed and len(self.sizes) > 2:
+        if self.disturbed and len(self.sizes) > self.spared:
             self.disturbed -= 1
             self.now += self.away
 
 
 @pytest.fixture
-def timed(monkeypatch):
-    """A clock on a run by hand."""
+def make_clock(monkeypatch):
+    """A function that makes a `Clock` for a `Run` on the fake clock."""
 
-    def made(run: Run, **more) -> clock.Clock:
+    def make(run: Run, **more) -> clock.Clock:
         monkeypatch.setattr(clock.time, "perf_counter", lambda: run.now)
         monkeypatch.setattr(clock.time, "thread_time", lambda: run.thread)
         return clock.Clock(run, (0.1, 10), ((1.0,), (0.5,)), **more)
 
-    return made
+    return make
 
 
-def test_a_long_run_is_clocked_once_after_one_that_is_not_counted(timed):
+def test_long_run_is_timed_once_after_warm_up(make_clock):
     run = Run(0.01)
-    assert timed(run)() == pytest.approx(0.01)
+    assert make_clock(run)() == pytest.approx(0.01)
     assert run.sizes == [(0.1, 10)] * 3  # two to warm up, one counted
 
 
-def test_the_first_of_a_run_that_takes_longer_counts(timed):
+def test_first_very_long_run_counts(make_clock):
     run = Run(1.0)
-    one = timed(run)
+    one = make_clock(run)
     assert one() == pytest.approx(1.0)
     assert len(run.sizes) == 1
     assert one() == pytest.approx(1.0)
     assert len(run.sizes) == 2
 
 
-def test_a_short_run_is_repeated_until_a_reading_is_long_enough_from_starts_that_differ(timed):
+def test_short_run_is_repeated_from_different_starts(make_clock):
     run = Run(7e-6)
-    one = timed(run)
+    one = make_clock(run)
     assert one() == pytest.approx(7e-6)
-    counted = run.starts[1:]
+    counted = run.starts[2:]
     assert len(counted) == 15
     assert len(set(counted)) == min(15, clock.STARTS)
     assert np.abs(np.array(counted) / counted[0] - 1).max() < 20 * clock.EPS
     assert 15 * 7e-6 >= clock.LEAST > 14 * 7e-6
 
 
-def test_a_disturbed_reading_is_taken_again_and_counted(timed):
+def test_disturbed_reading_is_repeated_and_counted(make_clock):
     quiet, run = Run(1e-3), Run(1e-3, away=1e-3, disturbed=2)
     sharing = clock.Sharing()
-    assert timed(run, sharing=sharing)() == pytest.approx(1e-3)
+    assert make_clock(run, sharing=sharing)() == pytest.approx(1e-3)
     assert (sharing.readings, sharing.repeated, sharing.disturbed) == (3, 2, 0)
     sharing = clock.Sharing()
-    assert timed(quiet, sharing=sharing)() == pytest.approx(1e-3)
+    assert make_clock(quiet, sharing=sharing)() == pytest.approx(1e-3)
     assert (sharing.readings, sharing.repeated, sharing.disturbed) == (1, 0, 0)
 
 
-def test_what_stays_disturbed_is_told(timed):
+def test_persistent_disturbance_is_reported(make_clock):
     run, sharing = Run(1e-3, away=1e-3, disturbed=1000), clock.Sharing()
-    assert timed(run, sharing=sharing)() == pytest.approx(2e-3)
+    assert make_clock(run, sharing=sharing)() == pytest.approx(2e-3)
     assert sharing.disturbed == 1
     assert sharing.readings == 1 + clock.AGAIN
 
 
-def test_a_share_below_the_bound_is_no_disturbance(timed):
+def test_disturbed_first_long_run_is_repeated(make_clock):
+    run, sharing = Run(1.0, away=1.0, disturbed=1, spared=0), clock.Sharing()
+    assert make_clock(run, sharing=sharing)() == pytest.approx(1.0)
+    assert len(run.sizes) == 2
+    assert (sharing.readings, sharing.repeated, sharing.disturbed) == (2, 1, 0)
+
+
+def test_number_of_repetitions_is_limited(make_clock):
+    run, sharing = Run(1.0, away=1.0, disturbed=1000, spared=0), clock.Sharing()
+    make_clock(run, sharing=sharing)()
+    assert len(run.sizes) == 1 + clock.AGAIN
+    assert (sharing.readings, sharing.disturbed) == (1 + clock.AGAIN, 1)
+
+
+def test_small_share_of_lost_time_is_no_disturbance(make_clock):
     sharing = clock.Sharing()
-    timed(Run(1e-3, away=0.9 * clock.SHARED * 1e-3, disturbed=1000), sharing=sharing)()
+    make_clock(Run(1e-3, away=0.9 * clock.SHARED * 1e-3, disturbed=1000), sharing=sharing)()
     assert sharing.repeated == 0
 
 
 @pytest.mark.parametrize(("id", "size"), [("stormer-verlet", {"steps": 1000}), ("heyoka", {"tol": 1e-12})])
-def test_a_longer_span_takes_longer_and_a_call_is_less_than_a_run(id, size):
+def test_time_grows_with_the_span(id, size):
     made, one = problem("henon-heiles:box"), integrator(id)
     steps = size.get("steps")
     readings = [
@@ -108,8 +122,8 @@ def test_a_longer_span_takes_longer_and_a_call_is_less_than_a_run(id, size):
     assert clock.call(one, made, t_end=10.0, **size) < readings[0]
 
 
-def test_the_clock_of_a_method_and_of_a_peer_encloses_the_same_call():
-    """Either integrates from the start that it was given last, and hands nothing back."""
+def test_methods_and_peers_are_timed_alike():
+    """Both integrate from the last start given and return no state."""
     made = problem("kepler")
     for id, size in (("stormer-verlet", {"steps": 10}), ("heyoka", {"tol": 1e-9})):
         one = integrator(id)
@@ -117,4 +131,18 @@ def test_the_clock_of_a_method_and_of_a_peer_encloses_the_same_call():
         told = clock.clock(one, made, t_end=1.0, **size, run=run)
         told()
         run.restart(np.array(made.q0), np.array(made.p0))
-        assert run.advance(*told.size) == run.SOLVED
+        assert run.advance(*told.size) == 0
+
+
+def test_integrator_is_prepared_once_per_tolerance():
+    made, one, peer = problem("kepler"), integrator("stormer-verlet"), integrator("heyoka")
+    clocks = clock.Clocks(made, 1.0)
+    assert not clocks.ready(one)
+    assert clocks.of(one, steps=10).run is clocks.of(one, steps=20).run
+    assert clocks.ready(one)
+    assert clocks.of(peer, tol=1e-9).run is clocks.of(peer, tol=1e-9).run is not clocks.of(peer, tol=1e-6).run
+    assert clocks.of(one, steps=10).size == (0.1, 10)
+    assert clocks.of(peer, tol=1e-9).size == (1.0,)
+    clocks.of(one, steps=10)()
+    assert clocks.sharing.readings >= 1
+    assert 0 < clocks.call(one, steps=10) < 1e-3

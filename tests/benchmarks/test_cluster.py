@@ -1,4 +1,4 @@
-"""A run on a cluster: the rows of one machine, and a worker that dies loses nothing."""
+"""Runs on a cluster: the rows equal those of one machine, and the death of a worker loses nothing."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from phasebench.benchmarks.rows import cells as kinds
-from phasebench.benchmarks.rows import lines, run
-from phasebench.benchmarks.rows.cluster import Cluster
+from phasebench.benchmarks.store import cells as kinds
+from phasebench.benchmarks.store import lines, run
+from phasebench.benchmarks.store.cluster import Cluster
 from phasebench.integrators.errors import InvalidInput
 from support import toy_cells
 
@@ -29,13 +29,14 @@ def local():
             yield cluster
 
 
-def told(outcome) -> list:
+def sorted_rows(outcome) -> list:
+    """The sorted rows of an outcome, as tuples."""
     return sorted((r["n"], r["x"], r["name"]) for r in outcome.rows("toys"))
 
 
 @contextmanager
 def killing(local):
-    """What is told of progress: after the third cell a worker of the cluster is killed."""
+    """A progress callback that has a worker of the cluster killed after the third cell."""
     pid = next(iter(local.workers.values())).pid
     done = threading.Event()
 
@@ -49,7 +50,7 @@ def killing(local):
     killer.join()
 
 
-def test_a_worker_that_dies_loses_nothing(local, tmp_path):
+def test_death_of_a_worker_loses_nothing(local, tmp_path):
     toys = [toy_cells.cell(n, 0.3, where=kinds.POOL) for n in range(12)]
     cluster = Cluster(local.scheduler_address)
     with killing(local) as progress:
@@ -59,11 +60,11 @@ def test_a_worker_that_dies_loses_nothing(local, tmp_path):
     cluster.close()
     here = run.execute(toys, tmp_path / "here", count=0, seed=0, everything=True)
     assert not outcome.failed
-    assert told(outcome) == told(here)
-    assert len(cluster.machines) == len(toys)
+    assert sorted_rows(outcome) == sorted_rows(here)
+    assert len(outcome.entries) == len(toys)
 
 
-def test_a_file_of_rows_is_the_same_from_here_from_processes_and_from_a_cluster_that_loses_a_worker(local, tmp_path):
+def test_same_file_of_rows_locally_in_pool_and_on_cluster(local, tmp_path):
     toys = [toy_cells.cell(n, 0.1, where=kinds.ALONE if n == 7 else kinds.POOL) for n in range(10)]
     cluster = Cluster(local.scheduler_address)
     with killing(local) as progress:
@@ -78,12 +79,11 @@ def test_a_file_of_rows_is_the_same_from_here_from_processes_and_from_a_cluster_
         if not failed
     }
     assert kept["there"] == kept["beside"] == kept["here"]
-    assert set(cluster.machines) == {cell.id for cell in toys}
     assert set(lines.read(tmp_path / "there", "toys")) == {cell.id for cell in toys}
 
 
 @pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: ())(0)) < 2, reason="there are no two cores")
-def test_what_is_timed_is_each_on_a_core_of_its_own(tmp_path):
+def test_timed_cells_run_on_separate_cores(tmp_path):
     toys = [toy_cells.cell(n, function=toy_cells.core, where=kinds.ALONE) for n in range(6)]
     entries, failed, _ = lines.measure(tmp_path / "rows", toys, lambda *_: None, jobs=3)
     rows = [entries[cell.id].rows["toys"][0] for cell in toys]
@@ -97,7 +97,7 @@ def test_what_is_timed_is_each_on_a_core_of_its_own(tmp_path):
     assert all(len(e.rows["toys"][0]["x"]) > 1 for e in entries.values()), "the control: others go where they want"
 
 
-def test_processes_work_beside_each_other_and_a_cell_that_fails_says_why(tmp_path):
+def test_pool_is_parallel_and_reports_a_failed_cell(tmp_path):
     toys = [toy_cells.cell(n, 1.0, where=kinds.POOL) for n in range(4)]
     toys += [toy_cells.cell(5, function=toy_cells.die, where=kinds.POOL)]
     began = time.monotonic()
@@ -107,29 +107,30 @@ def test_processes_work_beside_each_other_and_a_cell_that_fails_says_why(tmp_pat
     assert [line.partition(": ")[2] for line in failed] == ["its process died"]
 
 
-def test_what_is_timed_is_measured_here_and_what_fails_says_why(local, tmp_path):
+def test_timed_cells_stay_local_and_failures_are_reported(local, tmp_path):
     toys = [toy_cells.cell(0, where=kinds.POOL), toy_cells.cell(1, where=kinds.ALONE)]
     toys += [toy_cells.cell(2, function=toy_cells.fail), toy_cells.cell(4, function=toy_cells.die)]
     cluster = Cluster(local.scheduler_address)
+    there, measure = [], cluster.measure
+    cluster.measure = lambda cells, *more: (there.extend(c.id for c in cells), measure(cells, *more))[1]
     outcome = run.execute(toys, tmp_path, count=1, seed=0, cluster=cluster, everything=True)
     cluster.close()
-    assert toys[1].id in outcome.entries
-    assert toys[1].id not in cluster.machines
-    assert toys[0].id in cluster.machines
+    assert there == [toys[k].id for k in (0, 2, 3)], "what is timed is measured here"
+    assert {cell.id for cell in toys[:2]} == set(outcome.entries)
     assert "there is no 2" in outcome.failed[toys[2].id]
     assert "died" in outcome.failed[toys[3].id]
 
 
-def test_a_deadline_ends_the_wait(local):
+def test_deadline_ends_the_wait(local):
     cluster = Cluster(local.scheduler_address)
     began = time.monotonic()
-    found = list(cluster.measured([toy_cells.cell(0, 20.0, where=kinds.POOL)], kinds.POOL, began + 1.0))
+    found = list(cluster.measure([toy_cells.cell(0, 20.0, where=kinds.POOL)], kinds.POOL, began + 1.0))
     cluster.close()
     assert found == []
     assert time.monotonic() - began < 10
 
 
-def test_an_address_where_nobody_answers_is_refused(monkeypatch):
-    monkeypatch.setattr("phasebench.benchmarks.rows.cluster.PATIENCE", 0.5)
+def test_address_without_a_scheduler_is_refused(monkeypatch):
+    monkeypatch.setattr("phasebench.benchmarks.store.cluster.PATIENCE", 0.5)
     with pytest.raises(InvalidInput, match="no scheduler answers"):
         Cluster("tcp://127.0.0.1:1")

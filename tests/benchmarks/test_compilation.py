@@ -1,4 +1,4 @@
-"""Methods that the compiler cannot make are named by `advise`, `workprecision` and `validate`, not left out."""
+"""`advise`, `workprecision` and `validate` name methods that fail to compile instead of omitting them."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ from typer.testing import CliRunner
 import phasebench as pb
 from phasebench.benchmarks.advice.advise import advise
 from phasebench.benchmarks.advice.ask import ask
-from phasebench.benchmarks.certificate import times
+from phasebench.benchmarks.certificate import costs, times
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.cli import app
-from phasebench.benchmarks.experiments.trade import climb, front, sweep
-from phasebench.benchmarks.experiments.trade.climb import Task
+from phasebench.benchmarks.experiments.trade import front, sweep
+from phasebench.benchmarks.judge.evidence import Tables
+from phasebench.benchmarks.ladder.race import UNCOMPILED
+from phasebench.benchmarks.ladder.rung import Task
+from phasebench.benchmarks.measure.clock import Clocks
 from phasebench.benchmarks.measure.compilation import (
     Failed,
     NotCompiled,
@@ -26,37 +29,39 @@ from phasebench.benchmarks.measure.compilation import (
     naming,
 )
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
-from phasebench.benchmarks.measure.quantities import Truth, quantity
+from phasebench.benchmarks.measure.named_quantities import quantity
+from phasebench.benchmarks.measure.quantities import Truth
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.base import Orbit, Problem
-from phasebench.benchmarks.problems.questions import Question, down_to
-from phasebench.benchmarks.rows import workers
+from phasebench.benchmarks.problems.questions import down_to
+from phasebench.benchmarks.store import workers
 from phasebench.integrators import Hamiltonian, integrate
-from phasebench.integrators.engine import kernel
+from phasebench.integrators.stepping import kernel
 
 WHY = "'_Linked' object has no attribute '_reload_init'"
-#: Each problem has a constant of its own: what is compiled for one is not kept for another.
+#: Each problem gets its own constant, so that no compiled function is reused.
 CONSTANTS = itertools.count(1)
 
 
 def fresh() -> Problem:
-    """A problem that nothing is compiled for."""
+    """A problem for which nothing has been compiled."""
     system = Hamiltonian(q="q", p="p", H=f"p**2/2 + q**2/2 + {1 + next(CONSTANTS) / 1024!r}*q**4/4")
     return Problem("quartic", "a quartic oscillator", "", system, (Orbit("one", (1.0,), (0.0,)),))
 
 
 def of(*ids):
-    """A portfolio of a few."""
+    """A portfolio of these integrators."""
     return lambda asked, accuracy: ([(integrator(id), 1.0) for id in ids], [])
 
 
 def answer(*ids):
+    """The advice on a fresh problem, from these integrators."""
     return advise(ask(fresh(), t_end=2.0, accuracy=1e-4), (), of(*ids))
 
 
 @pytest.fixture
 def break_compilation(monkeypatch):
-    """A function that lets the compilation of some families fail; of all where none is named."""
+    """A function that makes the compilation of the named families fail, or of all families without a name."""
 
     def break_(*families: str) -> None:
         compile_ = kernel._compiled
@@ -72,16 +77,17 @@ def break_compilation(monkeypatch):
     return break_
 
 
-# -- which errors are of compilation ----------------------------------------------------------------------------------
+# -- compilation errors -----------------------------------------------------------------------------------------------
 
 
 def caught(work) -> Exception:
+    """The exception that a call raises."""
     with pytest.raises(Exception) as found:
         work()
     return found.value
 
 
-def test_an_error_of_numba_is_one_of_compilation_and_has_one_line():
+def test_numba_error_is_a_one_line_compilation_error():
     error = caught(lambda: numba.njit(lambda x: x.nothing)(1))
     why = compilation_error(error)
     assert why.startswith("TypingError: ")
@@ -90,11 +96,11 @@ def test_an_error_of_numba_is_one_of_compilation_and_has_one_line():
 
 
 @pytest.mark.parametrize("work", [lambda: 1 / 0, lambda: numba.njit(lambda x: 1 // x)(0)])
-def test_control_an_error_of_a_run_is_none(work):
+def test_control_run_time_error_is_no_compilation_error(work):
     assert compilation_error(caught(work)) is None
 
 
-def test_an_error_of_compilation_carries_the_name():
+def test_compilation_error_carries_the_method():
     with pytest.raises(NotCompiled) as found, naming("rk4"):
         numba.njit(lambda x: x.nothing)(1)
     assert found.value.failed.integrator == "rk4"
@@ -102,7 +108,7 @@ def test_an_error_of_compilation_carries_the_name():
         1 / 0  # noqa: B018
 
 
-def test_the_summary_names_each_once_and_says_where_it_is_all():
+def test_summary_names_each_failed_method_once():
     failed = [Failed("a", "why"), Failed("b", "other"), Failed("a", "why")]
     assert failure_summary([], all_own=True) == ""
     assert failure_summary(failed, all_own=False) == "a, b failed to compile: why"
@@ -112,7 +118,7 @@ def test_the_summary_names_each_once_and_says_where_it_is_all():
 # -- advise -----------------------------------------------------------------------------------------------------------
 
 
-def test_advice_says_which_methods_do_not_compile(break_compilation):
+def test_advice_names_methods_that_fail_to_compile(break_compilation):
     break_compilation("runge_kutta")
     found = answer("heyoka", "stormer-verlet", "rk4")
     assert found["failed"] == [{"integrator": "rk4", "why": f"AttributeError: {WHY}"}]
@@ -121,7 +127,7 @@ def test_advice_says_which_methods_do_not_compile(break_compilation):
     assert found["own"]["integrator"] == "stormer-verlet"
 
 
-def test_advice_says_that_all_of_this_project_failed(break_compilation):
+def test_advice_where_all_own_methods_fail_to_compile(break_compilation):
     break_compilation()
     found = answer("heyoka", "stormer-verlet", "rk4")
     assert [f["integrator"] for f in found["failed"]] == ["stormer-verlet", "rk4"]
@@ -130,7 +136,7 @@ def test_advice_says_that_all_of_this_project_failed(break_compilation):
     assert found["choice"]["integrator"] == "heyoka"
 
 
-def test_advice_without_a_choice_says_so_as_well(break_compilation):
+def test_advice_without_a_choice_names_failed_methods(break_compilation):
     break_compilation()
     found = answer("stormer-verlet")
     assert found["choice"] is None
@@ -148,9 +154,9 @@ def formula() -> list[str]:
     return ["--hamiltonian", f"p**2/2 + {1 + next(CONSTANTS) / 1024!r}*q**4/4", "--q", "1", "--p", "0"]
 
 
-def test_the_command_begins_with_the_warning(break_compilation):
+def test_command_begins_with_the_warning(break_compilation):
     break_compilation()
-    line = ["advise", *formula(), "--t-end", "2", "--accuracy", "1e-4", "--limit", "3"]
+    line = ["advise", *formula(), "--t-end", "2", "--accuracy", "1e-4", "--time-limit", "3"]
     assert CliRunner().invoke(app, line).stdout.startswith("warning: None of this project's methods")
     told = json.loads(CliRunner().invoke(app, [*line, "--json"]).stdout)
     assert told["failed"]
@@ -158,18 +164,29 @@ def test_the_command_begins_with_the_warning(break_compilation):
     assert not {f["integrator"] for f in told["failed"]} & {d["integrator"] for d in told["dropped"]}
 
 
-def test_python_warns(break_compilation):
+def test_python_interface_warns(break_compilation):
     break_compilation()
     with pytest.warns(UserWarning, match="None of this project's methods"):
-        table = pb.advise(fresh(), t_end=2.0, accuracy=1e-4, limit=3.0)
-    assert table.attrs["failed"]
+        table = pb.advise(fresh(), t_end=2.0, accuracy=1e-4, time_limit=3.0)
+    assert table.to_frame().attrs["failed"]
 
 
-# -- work and precision, the trade, the certificate --------------------------------------------------------------------
+# -- work-precision, trade-off front, certificate ----------------------------------------------------------------------
 
 
-def test_work_and_precision_say_who_does_not_compile(break_compilation):
-    line = ["workprecision", *formula(), "--t-end", "2", "--methods", "stormer-verlet,rk4,heyoka"]
+def test_workprecision_names_failed_methods(break_compilation):
+    line = [
+        "workprecision",
+        *formula(),
+        "--t-end",
+        "2",
+        "--method",
+        "stormer-verlet",
+        "--method",
+        "rk4",
+        "--method",
+        "heyoka",
+    ]
     break_compilation("runge_kutta")
     done = CliRunner().invoke(app, line)
     assert done.exit_code == 0
@@ -179,22 +196,22 @@ def test_work_and_precision_say_who_does_not_compile(break_compilation):
     assert {r["method"] for r in told["rows"] if r["status"] == "ok"} == {"stormer-verlet", "heyoka"}
 
 
-def test_control_work_and_precision_where_everything_compiles():
-    line = ["workprecision", *formula(), "--t-end", "2", "--methods", "stormer-verlet,rk4", "--json"]
+def test_control_workprecision_where_everything_compiles():
+    line = ["workprecision", *formula(), "--t-end", "2", "--method", "stormer-verlet", "--method", "rk4", "--json"]
     told = json.loads(CliRunner().invoke(app, line).stdout)
     assert (told["failed"], told["warning"]) == ([], None)
 
 
-def test_rows_of_the_trade_that_do_not_compile_fail_by_name(monkeypatch):
+def test_sweep_cell_that_fails_to_compile_is_named(monkeypatch):
     monkeypatch.setattr(sweep, "integrate", lambda *a, **k: numba.njit(lambda x: x.nothing)(1))
     cells = [c for c in sweep.cells(quick=True) if c.key == {"scene": "kepler-t1", "method": "rk4"}]
-    ((cell, rows, error, _),) = workers._here(cells, float("inf"))
-    assert rows is None
+    ((cell, answer),) = workers.measure(cells, workers.POOL, float("inf"))
+    assert answer.value is None
     assert cell.key["method"] == "rk4"
-    assert "TypingError" in error
+    assert "TypingError" in answer.error
 
 
-def test_a_certificate_whose_comparison_does_not_compile_says_so(monkeypatch):
+def test_certificate_whose_timing_reference_fails(monkeypatch):
     def broken(problem, method):
         return numba.njit(lambda x: x.nothing)(1)
 
@@ -205,32 +222,33 @@ def test_a_certificate_whose_comparison_does_not_compile_says_so(monkeypatch):
     found = times.timed_or_failed(chosen, row, lambda *a: None)
     assert [f["integrator"] for f in found["failed"]] == [times.REFERENCE]
     assert "TypingError" in times.failures([found])
-    assert times.said([found]) == []
+    assert costs.format_costs(Tables({}), [found]) == []
 
 
-# -- the trade's climb ------------------------------------------------------------------------------------------------
+# -- the trade-off front ----------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
 def climbing(monkeypatch):
-    """The tables of a scene of two methods that stop at 1e-2."""
+    """The tables of a scene with two methods, refined down to an error of 1e-2."""
     made = problem("pendulum:swinging")
-    asked = Question("s", "pendulum:swinging", 10.0, "end-state", down_to(2), "")
     end = integrate(made, "dop853", h=0.01, t_end=10.0)
     truth = Truth(np.concatenate([end.q[-1], end.p[-1]]), 1e-9, "")
-    monkeypatch.setattr(front, "task_of", lambda scene: Task(asked, made, quantity(made, "end-state"), truth))
+    monkeypatch.setattr(
+        front, "task_of", lambda scene: Task(made, 10.0, quantity(made, "end-state"), truth, down_to(2))
+    )
     entered = [integrator("stormer-verlet"), integrator("rk4")], {"nobody": "it cannot"}
-    monkeypatch.setattr(front, "entered", lambda task: entered)
-    return lambda: front.measured("s")
+    monkeypatch.setattr(front, "entrants", lambda task: entered)
+    return lambda: front.measure_rows("s")
 
 
-def dropped(tables) -> dict[str, str]:
+def dropped_reasons(tables) -> dict[str, str]:
     return {row["integrator"]: row["why"] for row in tables[front.DROPPED]}
 
 
 @pytest.mark.parametrize("place", ["run", "clock"])
-def test_who_does_not_compile_is_dropped_from_a_scene_by_name_and_no_rung_of_it_is_left(climbing, monkeypatch, place):
-    owner, name = (Integrator, "run") if place == "run" else (Task, "bare")
+def test_uncompiled_method_is_dropped_from_a_scene(climbing, monkeypatch, place):
+    owner, name = (Integrator, "run") if place == "run" else (Clocks, "of")
     work = getattr(owner, name)
 
     def broken(*given, **more):
@@ -239,19 +257,19 @@ def test_who_does_not_compile_is_dropped_from_a_scene_by_name_and_no_rung_of_it_
 
     monkeypatch.setattr(owner, name, broken)
     tables = climbing()
-    assert dropped(tables)["rk4"].startswith(f"{climb.UNCOMPILED}TypingError: ")
-    assert dropped(tables)["nobody"] == "it cannot"
+    assert dropped_reasons(tables)["rk4"].startswith(f"{UNCOMPILED}TypingError: ")
+    assert dropped_reasons(tables)["nobody"] == "it cannot"
     assert {row["integrator"] for row in tables[front.RUNGS]} == {"stormer-verlet"}
     assert {row["ours integrator"] for row in tables[front.CHOICES]} == {"stormer-verlet"}
 
 
-def test_control_a_scene_whose_methods_compile_drops_none_for_it(climbing):
+def test_control_scene_whose_methods_compile(climbing):
     tables = climbing()
     assert "rk4" in {row["integrator"] for row in tables[front.RUNGS]}
-    assert not any(why.startswith(climb.UNCOMPILED) for why in dropped(tables).values())
+    assert not any(why.startswith(UNCOMPILED) for why in dropped_reasons(tables).values())
 
 
-def test_control_another_error_of_a_climb_is_raised(climbing, monkeypatch):
+def test_control_other_errors_are_raised(climbing, monkeypatch):
     monkeypatch.setattr(Integrator, "run", lambda *given, **more: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         climbing()

@@ -1,20 +1,21 @@
-"""What a row depends on: the hash follows a coefficient, a formula and the code that counts, and nothing else."""
+"""The content hash of a row follows coefficients, formulae and executed code, and nothing else."""
 
 from __future__ import annotations
 
 import shutil
 from dataclasses import replace
 from fractions import Fraction
+from functools import cache
 
 import mpmath
 import pytest
 
 from phasebench.benchmarks.experiments.kepler import comparison, cost
 from phasebench.benchmarks.experiments.trade import sweep
-from phasebench.benchmarks.measure.multiprecision import changed, leaves
+from phasebench.benchmarks.measure.multiprecision import leaves, replace_at
 from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
-from phasebench.benchmarks.rows import sources
-from phasebench.benchmarks.rows.cells import Problem, content, exact
+from phasebench.benchmarks.store import sources
+from phasebench.benchmarks.store.cells import ProblemKey, content, exact
 from phasebench.integrators import registry
 from phasebench.integrators.registry import method
 
@@ -23,16 +24,25 @@ SWEEP = "phasebench.benchmarks.experiments.trade.sweep"
 REBOUND, KEPLER = "phasebench.reference.peers.rebound", "phasebench.benchmarks.problems.kepler"
 
 
+@pytest.fixture(scope="module", autouse=True)
+def unchanged_sources_are_parsed_once():
+    """What a source says depends on its text alone; digests are computed anew after each edit."""
+    with pytest.MonkeyPatch.context() as patch:
+        for function in (sources.essence, sources.imports):
+            patch.setattr(sources, function.__name__, cache(function))
+        yield
+
+
 def hashes(cells):
     return {c.id: c.content for c in cells}
 
 
-def test_a_coefficient_changes_the_rows_of_its_method_alone(monkeypatch):
+def test_coefficient_changes_only_rows_of_its_method(monkeypatch):
     before = hashes(sweep.cells())
     pefrl = method("pefrl")
     path, x = next(leaves(pefrl.data))
     with mpmath.workdps(40):
-        bad = replace(pefrl, data=changed(pefrl.data, path, mpmath.mpf(x) * (1 + mpmath.mpf(10) ** -20)))
+        bad = replace(pefrl, data=replace_at(pefrl.data, path, mpmath.mpf(x) * (1 + mpmath.mpf(10) ** -20)))
     monkeypatch.setitem(registry.BY_ID, "pefrl", bad)
     after = hashes(sweep.cells())
     assert {id for id in before if after[id] != before[id]} == {f"rows|scene={s.id}|method=pefrl" for s in SCENES}
@@ -45,18 +55,22 @@ def test_prose_changes_no_row():
     assert content(pefrl) != content(replace(pefrl, family="runge_kutta"))
 
 
-def test_numbers_are_told_apart_whatever_the_working_precision():
+def test_exact_numbers_at_any_working_precision():
     x = mpmath.mpf(1) / 3
     with mpmath.workdps(60):
         assert exact(x) == exact(+x) or exact(x).startswith("mpf")
         same, other = exact(x), exact(mpmath.mpf(1) / 3)
     assert exact(x) == same != other
+    with pytest.raises(TypeError, match="depend on"):
+        exact(object())
+    with pytest.raises(TypeError, match="depend on"):
+        content(["a list", {"of": object()}])
     assert len({exact(v) for v in (1, 1.0, Fraction(1, 3), "1", None, (1,), 0.1 + 0.2, 0.3)}) == 8
 
 
-def test_a_problems_parameters_and_a_scenes_steps_count():
-    assert content(Problem("kepler", (("e", 0.2),))) != content(Problem("kepler", (("e", 0.6),)))
-    assert content(Problem("kepler")) != content(Problem("perturbed-kepler"))
+def test_problem_parameters_and_scene_steps_count():
+    assert content(ProblemKey("kepler", (("e", 0.2),))) != content(ProblemKey("kepler", (("e", 0.6),)))
+    assert content(ProblemKey("kepler")) != content(ProblemKey("perturbed-kepler"))
     scene = BY_ID["kepler-t1"]
     cells = [sweep.cells(scenes=[s], only=lambda m: m.id == "rk4")[0] for s in (scene, replace(scene, steps=(0.1,)))]
     assert cells[0].id == cells[1].id
@@ -68,7 +82,7 @@ MODULES = (SPLITTING, SWEEP, REBOUND, KEPLER)
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory):
-    """(The three folders, to be edited, the digests of `MODULES` before that)."""
+    """(root of a copy of the three source folders, to be edited; the digests of `MODULES` before editing)."""
     root = tmp_path_factory.mktemp("copy")
     for folder in ("integrators", "reference", "benchmarks"):
         shutil.copytree(sources.ROOT / folder, root / folder, ignore=shutil.ignore_patterns("__pycache__", "*.csv"))
@@ -82,30 +96,30 @@ def copy(tmp_path_factory):
     [
         (
             "integrators/families/splitting.py",
-            "    return len(samples.q), 0",
-            "    return len(samples.p), 0",
+            "counts.gradient += 1",
+            "counts.gradient += 2",
             {SPLITTING},
         ),
         (
-            "integrators/engine/vector.py",
+            "integrators/values/vector.py",
             "import numpy",
             "import math\nimport numpy",
-            {SPLITTING, SWEEP, REBOUND, KEPLER},
+            {SPLITTING, SWEEP, KEPLER},
         ),
         ("benchmarks/measure/metrics.py", "import numpy", "import math\nimport numpy", {SWEEP}),
         ("benchmarks/experiments/trade/peer_rows.py", "MOST, ADAPTIVE = 5000", "MOST, ADAPTIVE = 4000", {SWEEP}),
         ("integrators/records/splittings.py", "import", "import  math, ", set()),
         ("reference/peers/particles.py", "import numpy", "import math\nimport numpy", {REBOUND}),
         ("reference/peers/heyoka.py", "import numpy", "import math\nimport numpy", set()),
-        ("benchmarks/problems/base.py", "import sympy", "import math\nimport sympy", {KEPLER}),
+        ("benchmarks/problems/base.py", "from typing import", "import cmath\nfrom typing import", {KEPLER}),
         ("benchmarks/problems/pendulum.py", "import", "import  math, ", set()),
-        ("integrators/families/runge_kutta.py", "def run(", "def  run(", set()),
+        ("integrators/families/runge_kutta.py", "def step(", "def  step(", set()),
         ("benchmarks/page/markdown.py", "import math", "import cmath", set()),
-        ("integrators/engine/vector.py", '"""', '"""Another word. ', set()),
+        ("integrators/values/vector.py", '"""', '"""Another word. ', set()),
         ("integrators/families/splitting.py", "\n\n\ndef", "\n\n# a remark\n\ndef", set()),
     ],
 )
-def test_an_edit_changes_what_imports_it(copy, file, old, new, moved):
+def test_edit_changes_the_modules_that_import_it(copy, file, old, new, moved):
     root, before = copy
     path = root / file
     text = path.read_text()
@@ -119,12 +133,12 @@ def test_an_edit_changes_what_imports_it(copy, file, old, new, moved):
         path.write_text(text)
 
 
-def test_the_essence_keeps_what_runs():
+def test_essence_drops_docstrings_and_comments():
     text = '"""Doc."""\n\nx = "# no comment"  # one\n\n\ndef f():\n    """Doc\n    more."""\n    return """kept"""\n'
     assert sources.essence(text) == 'x = "# no comment"\ndef f():\n    return """kept"""'
 
 
-def test_every_cell_is_told_from_every_other():
+def test_cells_have_distinct_ids_and_contents():
     for made in (sweep.cells(), sweep.cells(quick=True), [*comparison.cells(), *cost.cells()]):
         assert len({c.id for c in made}) == len(made)
         assert len({c.content for c in made}) == len(made)

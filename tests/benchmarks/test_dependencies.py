@@ -1,4 +1,4 @@
-"""What an installation brings: read from the metadata, judged by what they say."""
+"""Dependencies of an installation: licences, sizes and requirements, read from package metadata."""
 
 from types import SimpleNamespace
 
@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.catalogue import dependencies, page
+from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
 
 
 class Data(dict):
@@ -15,36 +16,41 @@ class Data(dict):
         return self.get(name)
 
 
-def said(licences, direct=True):
+def install(licences):
     names = ["rebound", *(f"p{k}" for k in range(len(licences) - 1))]
-    table = pd.DataFrame({"package": names, "licence": licences, "direct": direct, "MB": range(len(names))})
-    return page.licences(Data(dependencies=table))
+    table = pd.DataFrame({"package": names, "licence": licences, "direct": True, "MB": range(len(names))})
+    return Data(dependencies=table)
 
 
 @pytest.mark.parametrize(
-    ("licences", "holds", "text"),
+    ("licences", "outcome", "where"),
     [
-        (["GPL-3.0-only", "MIT"], True, "under the GPL: rebound; each states"),
-        (["MIT", "MIT"], True, "none is under the GPL"),
-        (["GPL-3.0-only", "GPL-2.0-only"], False, "not a comparison alone: p0"),
-        (["MIT", "LGPL-3.0-or-later"], True, "none is under the GPL"),
-        (["MIT", None], False, "without a stated licence: p0"),
-        (["AGPL-3.0-only", "AGPL-3.0-only"], False, "not a comparison alone: p0"),
+        (["GPL-3.0-only", "MIT"], PASS, ""),
+        (["MIT", "MIT"], PASS, ""),
+        (["GPL-3.0-only", "GPL-2.0-only"], FAIL, "p0"),
+        (["MIT", "LGPL-3.0-or-later"], PASS, ""),
+        (["AGPL-3.0-only", "AGPL-3.0-only"], FAIL, "p0"),
     ],
 )
-def test_the_verdict_on_licences_follows_the_table(licences, holds, text):
-    found = said(licences)
-    assert found.holds is holds
-    assert text in found.text
+def test_only_peer_packages_may_be_under_the_gpl(licences, outcome, where):
+    found = page.copyleft(install(licences))
+    assert (found.outcome, found.where) == (outcome, where)
+    assert found.measured == Count(len(where) // 2, 2)
 
 
-def test_the_largest_are_named():
-    table = pd.DataFrame({"package": list("abcd"), "MB": [1.0, 40.0, 3.0, 2.0]})
-    assert "46 MB; the largest are b (40 MB), c (3 MB)" in page.weight(Data(dependencies=table)).text
+def test_package_without_a_licence_is_a_finding():
+    silent = page.licences(install(["MIT", None]))
+    assert (silent.outcome, silent.measured, silent.where) == (FINDING, Count(1, 2), "p0")
+    assert page.licences(install(["MIT", "BSD"])).outcome == PASS
+
+
+def test_answer_has_the_largest_packages_and_the_sum():
+    answer = page.weigh(Data(dependencies=install(["MIT"] * 4)["dependencies"].assign(MB=[1.0, 40.0, 3.0, 2.0])))
+    assert [x for x in answer.split() if x.isdigit()] == ["4", "46", "40", "3", "2"]
 
 
 class About(dict):
-    """Metadata."""
+    """Package metadata."""
 
     def get_all(self, name):
         return self.get(name + "s")
@@ -68,17 +74,17 @@ class About(dict):
         ),
     ],
 )
-def test_a_licence_is_read_where_it_stands(about, name):
+def test_licence_is_read_from_any_metadata_field(about, name):
     assert dependencies.licence(About(about)) == name
 
 
-def test_requirements_of_other_platforms_and_extras_are_none():
+def test_requirements_of_other_platforms_are_dropped():
     texts = ["NumPy>=1", 'colorama; sys_platform == "win32"', 'x_y; extra == "test"', 'tomli; python_version < "3.11"']
-    assert dependencies.needed(texts) == ["numpy"]
-    assert dependencies.needed(texts, "test") == ["numpy", "x-y"]
+    assert dependencies.requirement_names(texts) == ["numpy"]
+    assert dependencies.requirement_names(texts, "test") == ["numpy", "x-y"]
 
 
-def test_what_is_installed_is_found_with_all_that_it_needs():
+def test_installed_packages_and_their_dependencies():
     rows = {r["package"]: r for r in dependencies.frame()}
     assert {"numpy", "heyoka", "rebound", "llvmlite"} <= rows.keys()
     assert rows["numba"]["direct"]
@@ -89,7 +95,7 @@ def test_what_is_installed_is_found_with_all_that_it_needs():
     assert order == sorted(order), "the direct ones first, then by size"
 
 
-def test_a_distribution_takes_the_bytes_of_its_files_without_bytecode(monkeypatch, tmp_path):
+def test_size_of_a_distribution_excludes_bytecode(monkeypatch, tmp_path):
     sizes = {"a.py": 1_000_000, "b.so": 2_500_000, "c.pyc": 7_000_000}
     for name, size in sizes.items():
         (tmp_path / name).write_bytes(bytes(size))

@@ -1,4 +1,4 @@
-"""How a slow oscillation is found, refined and taken away before a drift is told; the blocks that tell it."""
+"""The parts of a drift estimate: finding, refining and removing slow oscillations; slopes in blocks."""
 
 from __future__ import annotations
 
@@ -13,41 +13,41 @@ HANN = np.hanning(N + 2)[1:-1]
 
 
 def wave(periods: float, phase: float = 0.3) -> np.ndarray:
-    """A cosine of so many periods in the whole time."""
+    """A cosine with this number of periods in the full time."""
     return np.cos(2 * np.pi * periods * X + phase)
 
 
 @pytest.mark.parametrize("periods", [5.1, 17.37, 60.8])
-def test_a_line_is_found_to_a_hundredth_of_a_period_and_refined_to_round_off(periods):
+def test_frequency_is_found_and_refined_to_round_off(periods):
     found = module._line(wave(periods) * HANN)
     assert abs(found - periods) < 0.01
     started = np.array([periods + 0.05])
-    assert abs(module._refined(X, wave(periods), HANN, started)[0] - periods) < 1e-7 < 0.05, (
+    assert abs(module._refine(X, wave(periods), HANN, started)[0] - periods) < 1e-7 < 0.05, (
         "Newton's method, three steps"
     )
 
 
 @pytest.mark.parametrize("start", [-0.9, 0.9])
-def test_refining_moves_a_frequency_by_at_most_a_period(start):
-    """Of noise, whose Newton steps are of any size."""
+def test_refinement_moves_a_frequency_by_at_most_one(start):
+    """On noise, whose Newton steps have any size."""
     moved = []
     for seed in range(20):
         noise = np.random.default_rng(seed).standard_normal(N)
-        moved.append(module._refined(X, noise, HANN, np.array([20 + start]))[0] - 20 - start)
+        moved.append(module._refine(X, noise, HANN, np.array([20 + start]))[0] - 20 - start)
     assert max(map(abs, moved)) <= 1 + 1e-12
     assert min(moved) < -0.3
     assert max(moved) > 0.3
 
 
-def test_an_error_that_alternates_from_row_to_row_has_no_drift():
+def test_alternating_error_has_no_drift():
     t = np.arange(400.0)
     found = module.drift(t, np.where(t % 2, 1e-3, -1e-3))
     assert found.low <= 0 <= found.high
     assert module._line(wave(N / 2 - 1) * HANN) is None, "too fast to be told from its mirror image"
 
 
-def test_blocks_are_of_unequal_length_and_no_two_neighbours_alike():
-    """A jump gives a slope in its own block alone."""
+def test_neighbouring_blocks_have_unequal_lengths():
+    """A jump changes the slope of its own block only."""
     t = np.arange(1200.0)
     owner = [int(np.argmax(np.abs(module._slopes(t, (t > at).astype(float))))) for at in range(0, 1199, 4)]
     lengths = np.bincount(owner, minlength=module.BLOCKS) * 4

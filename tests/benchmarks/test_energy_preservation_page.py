@@ -1,4 +1,4 @@
-"""Whether the energy is kept on every step: every step counts, each largest error stands beside its own run."""
+"""The page on energy preservation: every step counts, and each largest error is shown with its own run."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.energy_preservation import page
+from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
 
 
 def run(scheme="scheme-iv", h=0.01, without=0, error=np.nan, good=1e-15, problem="pendulum") -> dict:
@@ -14,42 +15,46 @@ def run(scheme="scheme-iv", h=0.01, without=0, error=np.nan, good=1e-15, problem
     return row | {"without a root": without, page.WITHOUT: error, page.WITH: good}
 
 
-def kept(*rows):
-    return page.kept({"energy_preservation": pd.DataFrame(rows)}.get)
+def verdicts(*rows):
+    """The verdicts on the energy and on the existence of a root."""
+    data = {"energy_preservation": pd.DataFrame(rows)}.get
+    return page.energy_conservation(data), page.root_existence(data)
 
 
-def test_no_step_size_is_left_out():
-    """One step without a root at the longest step fails, and is counted of all steps."""
-    found = kept(run(), run(h=0.2, without=1, error=1e-5))
-    assert not found.holds
-    assert "with h from 0.01 to 0.2" in found.text
-    assert "1 of 105000 steps have none, with an error up to 1.00e-05 (scheme-iv on pendulum, h = 0.2)" in found.text
-    assert found.text.endswith("; with h ≤ 0.05 none of 100000 steps is without a root.")
-    assert "1 of 105000 steps have none" in found.short
+def test_every_step_size_counts():
+    """One step without a root at the longest h is a finding, out of the steps at all h."""
+    kept, rooted = verdicts(run(), run(h=0.2, without=1, error=1e-5))
+    assert kept.outcome == PASS
+    assert (rooted.outcome, rooted.measured) == (FINDING, Count(104999, 105000))
+    assert rooted.where.startswith("scheme-iv on pendulum, h = 0.2")
 
 
 @pytest.mark.parametrize("h", [0.01, 0.2])
 @pytest.mark.parametrize(
-    ("change", "holds"), [({}, True), ({"good": 1e-9}, False), ({"without": 1, "error": 0.1}, False)]
+    ("change", "outcomes"),
+    [({}, (PASS, PASS)), ({"good": 1e-9}, (FAIL, PASS)), ({"without": 1, "error": 0.1}, (PASS, FINDING))],
 )
-def test_a_step_that_does_not_keep_the_energy_fails_at_any_size(h, change, holds):
-    assert kept(run("scheme-v", 0.02), run(h=h, **change)).holds is holds
+def test_step_that_changes_the_energy_counts(h, change, outcomes):
+    assert tuple(v.outcome for v in verdicts(run("scheme-v", 0.02), run(h=h, **change))) == outcomes
 
 
-def test_the_largest_errors_are_told_with_their_own_runs():
-    found = kept(
+def test_largest_error_is_shown_with_its_own_run():
+    rows = (
         run(h=0.2, without=5, error=1e-5, good=1e-16),
         run("scheme-v", 0.05, without=2, error=1e-8, good=3e-15, problem="kepler"),
         run(h=0.02, without=1, error=1e-7, good=2e-16),
     )
-    assert "at most 3.00e-15 (scheme-v on kepler, h = 0.05)" in found.text
-    assert "8 of 75000 steps have none, with an error up to 1.00e-05 (scheme-iv on pendulum, h = 0.2)" in found.text
-    assert "3 of 70000 steps have none, with an error up to 1.00e-07 (scheme-iv on pendulum, h = 0.02)" in found.text
+    kept, rooted = verdicts(*rows)
+    assert (kept.measured, kept.where) == (3e-15, "scheme-v on kepler, h = 0.05")
+    assert rooted.measured == Count(74992, 75000)
+    said = page.answer({"energy_preservation": pd.DataFrame(rows)}.get)
+    assert all(number in said for number in ("3.0e-15", "8 of 75000", "1.0e-05"))
 
 
-def test_a_run_that_failed_and_another_scheme_do_not_count():
+def test_failed_runs_and_other_schemes_do_not_count():
     other = [run(h=0.2, without=9, error=1.0) | {"status": "diverged"}, run("scheme-iv-v", 0.2, without=9, error=1.0)]
-    found = kept(run(), *other)
-    assert found.holds
-    assert found.text.endswith("none of 100000 steps is without a root.")
-    assert kept(*other) is None
+    kept, rooted = verdicts(run(), *other)
+    assert (kept.outcome, rooted.outcome) == (PASS, PASS)
+    assert rooted.measured == Count(100000, 100000)
+    assert verdicts(*other) == (None, None)
+    assert page.answer({"energy_preservation": pd.DataFrame(other)}.get) is None

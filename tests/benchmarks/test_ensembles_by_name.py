@@ -1,4 +1,4 @@
-"""Ensembles and sections of a problem by its name, its record or its system are those of the same orbits."""
+"""Ensembles and sections accept a problem's name, record or system and agree with single orbits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PENDULUM = problem("pendulum")
 
 
 @pytest.mark.parametrize("named", ["pendulum", PENDULUM, PENDULUM.system])
-def test_an_ensemble_is_its_orbits(named):
+def test_ensemble_equals_its_single_orbits(named):
     found = pb.integrate_ensemble(named, "stormer-verlet", Q, P, h=0.1, steps=10)
     assert found.status.tolist() == ["ok", "ok"]
     for k in range(2):
@@ -24,20 +24,20 @@ def test_an_ensemble_is_its_orbits(named):
 
 
 @pytest.mark.parametrize("named", ["pendulum", PENDULUM])
-def test_a_section_counts_how_often_it_is_met(named):
-    """From 1 at rest the pendulum's period is 6.7: it passes 0 upwards at three quarters of it, and of the next two."""
+def test_section_counts_the_crossings(named):
+    """From rest at 1 the period is 6.7: q crosses 0 upwards at 3/4 of each period, three times until t = 20."""
     found = pb.section(named, "stormer-verlet", Q[:1], P[:1], of="q", h=0.1, t_end=20.0)
     assert found.counts().tolist() == [3]
 
 
 def leapfrog(system, q, p, h):
-    """Kick, drift, kick."""
+    """One step of Stormer-Verlet: half a kick, a drift, half a kick."""
     p = p - h / 2 * system.dH_dq(q, p)
     q = q + h * system.dH_dp(q, p)
     return q, p - h / 2 * system.dH_dq(q, p)
 
 
-def test_a_step_of_ones_own_takes_every_orbit_and_each_has_a_status():
+def test_ensemble_of_a_user_step_has_a_status_per_orbit():
     starts, still = np.array([[0.1], [np.nan], [2.0], [1e3]]), np.zeros((4, 1))
     wide = np.hstack([starts, still]), np.hstack([still, still])
     found = [pb.integrate_ensemble("henon-heiles", m, *wide, h=0.1, steps=90) for m in (leapfrog, "stormer-verlet")]
@@ -54,14 +54,14 @@ def test_a_step_of_ones_own_takes_every_orbit_and_each_has_a_status():
     assert not mine.in_lanes.any()
 
 
-def test_a_section_of_a_step_of_ones_own_is_that_of_the_method_it_is():
+def test_section_of_a_user_step_equals_the_method():
     mine, ours = (pb.section("pendulum", m, Q, P, of="q", h=0.1, t_end=30.0) for m in (leapfrog, "stormer-verlet"))
     assert len(ours) > 5
     np.testing.assert_array_equal(mine.orbit, ours.orbit)
     np.testing.assert_allclose(mine.t, ours.t, atol=1e-11)
 
 
-def test_what_no_ensemble_is_made_of_is_refused():
+def test_unusable_methods_and_options_are_refused():
     for method, options, words in (
         ("heyoka", {}, "one orbit at a time"),
         (leapfrog, {"lanes": True}, "lanes"),
@@ -72,7 +72,25 @@ def test_what_no_ensemble_is_made_of_is_refused():
             pb.integrate_ensemble("pendulum", method, Q, P, h=0.1, steps=1, **options)
 
 
-def test_options_stand_in_the_signature():
+def test_ensembles_and_sections_as_frames_and_figures():
+    starts = np.array([[0.0, 0.1], [0.0, 0.2], [9.0, 9.0]]), np.tile([0.3, 0.0], (3, 1))
+    found = pb.integrate_ensemble("henon-heiles", "stormer-verlet", *starts, h=0.1, steps=90)
+    frame = found.to_frame()
+    assert list(frame) == ["t", "q1", "q2", "p1", "p2", "h", "status", "reason"]
+    np.testing.assert_array_equal(frame[["q1", "q2"]], found.q)
+    assert "2 ok, 1 diverged" in repr(found)
+    assert sum(len(line.get_xdata()) for line in found.plot().axes[0].lines) == 3
+    crossings = pb.section("henon-heiles", "stormer-verlet", *starts, of="q1", h=0.1, t_end=40.0)
+    assert crossings.to_frame()["orbit"].tolist() == crossings.orbit.tolist()
+    np.testing.assert_array_equal(crossings.to_frame()["p2"], crossings.p[:, 1])
+    drawn = np.vstack([line.get_xydata() for line in crossings.plot().axes[0].lines])
+    np.testing.assert_array_equal(drawn, np.column_stack([crossings.q[:, 1], crossings.p[:, 1]]))
+    assert f"{len(crossings)} crossings of q1 = 0" in repr(crossings)
+    with pytest.raises(pb.InvalidInput, match="one degree of freedom"):
+        pb.section("pendulum", "rk4", Q, P, of="q", h=0.1, steps=10).plot()
+
+
+def test_options_are_in_signature_and_docstring():
     for f in (pb.integrate_ensemble, pb.section):
         parameters = inspect.signature(f).parameters
         assert {"h", "t_end", "steps", "parameters", "lanes", "threads", "progress"} <= set(parameters)

@@ -1,4 +1,4 @@
-"""One run that is watched at every step: the same states as a run whose rows are all kept, in less memory."""
+"""A run observed at every step has the states of a run that saves every row, in less memory."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from phasebench.integrators import InvalidInput, driver
 from phasebench.reference.peers import Peer
 
 NOTHING = {"h": None, "t_end": None, "steps": None, "q0": None, "p0": None}
-#: problem, method, h, steps: one that is solved, one that keeps the energy, one that blows up, one that is not solved.
+#: (problem, method, h, steps): explicit, energy-preserving, blowing up, and with a failing solver.
 RUNS = [
     ("henon-heiles:box", "stormer-verlet", 0.1, 1003),
     ("kepler", "scheme-v", 0.05, 1003),
@@ -26,23 +26,24 @@ RUNS = [
 ]
 
 
-def watched(name: str, method, h: float, steps: int, **more):
+def watch_run(name: str, method, h: float, steps: int, **more):
+    """The run of an integrator on a problem, observed at every step."""
     return every_step.watch(problem(name), integrator(method), **(NOTHING | {"h": h, "steps": steps} | more))
 
 
 @pytest.fixture
 def small(monkeypatch):
-    """Pieces of 77 steps at the most of two degrees of freedom, so that there are many."""
+    """Limit a buffer to 77 steps of two degrees of freedom, so that a run needs many."""
     monkeypatch.setattr(every_step, "BUFFER", 154)
 
 
 @pytest.mark.parametrize("every", [None, 1, 7])
 @pytest.mark.parametrize("run", RUNS, ids=lambda run: f"{run[0]}, {run[1]}")
-def test_rows_and_extremes_are_those_of_a_run_that_keeps_all(small, run, every):
+def test_rows_and_extremes_equal_those_of_a_full_run(small, run, every):
     name, method, h, steps = run
     made = problem(name)
     whole = driver.integrate(made, method, h=h, steps=steps)
-    found = watched(*run, every=every)
+    found = watch_run(*run, every=every)
     rows = sorted({*range(0, len(whole.t), every or 1), len(whole.t) - 1})
     s = found.solution
     assert (s.status, s.counts["steps"]) == (whole.status, whole.counts["steps"])
@@ -57,24 +58,24 @@ def test_rows_and_extremes_are_those_of_a_run_that_keeps_all(small, run, every):
         assert extreme.worst == np.abs(values - values[0]).max()
 
 
-def test_what_happens_between_rows_is_seen(small):
-    """Control: of the rows that are kept alone the error would be smaller."""
+def test_extremes_between_saved_rows_are_seen(small):
+    """Control: the error at the saved rows alone is smaller."""
     name, method, h, steps = RUNS[0]
-    found = watched(name, method, h, steps, every=500)
+    found = watch_run(name, method, h, steps, every=500)
     made, s = problem(name), found.solution
     H = made.system.energies(s.q, s.p)
     assert found.extremes.energy.worst > 1.2 * np.abs(H - H[0]).max()
 
 
-def test_a_run_is_judged_by_the_rows_between_too(small, monkeypatch):
-    """The pendulum at a wide step: its energy error comes and goes, and is small at the rows that are kept."""
+def test_status_uses_the_steps_between_saved_rows(small, monkeypatch):
+    """The pendulum at a large h: its energy error oscillates and is small at the saved rows."""
     monkeypatch.setattr(every_step, "KEPT", 2)
     name, method, h, steps = RUNS[2]
     assert (
-        watched(name, method, h, steps).solution.status
+        watch_run(name, method, h, steps).solution.status
         == driver.integrate(problem(name), method, h=h, steps=steps).status
     )
-    lost = watched("harmonic-oscillator", "stormer-verlet", 1.999, 1001)
+    lost = watch_run("harmonic-oscillator", "stormer-verlet", 1.999, 1001)
     assert (
         lost.solution.status
         == driver.integrate(problem("harmonic-oscillator"), "stormer-verlet", h=1.999, steps=1001).status
@@ -82,7 +83,7 @@ def test_a_run_is_judged_by_the_rows_between_too(small, monkeypatch):
     )
 
 
-def test_a_step_of_ones_own_is_watched_as_a_method_is(small):
+def test_user_step_is_observed_like_a_method(small):
     from phasebench.benchmarks.measure.own_step import from_function
 
     def step(system, q, p, h):
@@ -91,20 +92,20 @@ def test_a_step_of_ones_own_is_watched_as_a_method_is(small):
         return q, p - h / 2 * system.dH_dq(q, p)
 
     name, method, h, steps = RUNS[0]
-    own, ours = watched(name, from_function(step), h, steps, every=10), watched(name, method, h, steps, every=10)
+    own, ours = watch_run(name, from_function(step), h, steps, every=10), watch_run(name, method, h, steps, every=10)
     assert own.solution.q == pytest.approx(ours.solution.q, abs=1e-11)
     assert own.extremes.energy.worst == pytest.approx(ours.extremes.energy.worst, rel=1e-6)
     assert own.solution.method.step is step
 
 
-def test_rows_that_do_not_fit_are_refused_with_the_option_that_helps():
+def test_too_many_rows_are_refused_with_a_hint():
     with pytest.raises(InvalidInput, match="--every"):
-        watched("henon-heiles:box", "stormer-verlet", 0.1, 10**10, every=1)
+        watch_run("henon-heiles:box", "stormer-verlet", 0.1, 10**10, every=1)
 
 
-def test_more_steps_than_fit_in_memory_run_until_the_time_is_over():
+def test_long_run_ends_at_the_time_limit():
     arguments = ["integrate", "henon-heiles:box", "stormer-verlet", "--h", "0.001", "--steps", "10000000000"]
-    done = CliRunner().invoke(app, [*arguments, "--timeout", "0.3", "--json"])
+    done = CliRunner().invoke(app, [*arguments, "--time-limit", "0.3", "--json"])
     found = json.loads(done.stdout)
     assert found["status"] == "timeout"
     assert found["steps"] > 1000
@@ -112,12 +113,12 @@ def test_more_steps_than_fit_in_memory_run_until_the_time_is_over():
     assert 0 < found["energy_error"]["max"] < 1e-8
 
 
-# -- one run, and its time ---------------------------------------------------------------------------------------------
+# -- the time of a run -------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
 def runs(monkeypatch):
-    """The runs that are made: ("watched" or "bare", steps); a bare one says that it took 1 s for each 1000 steps."""
+    """A list of the runs made, ("watched" or "bare", steps); 1000 steps take 1 s bare and 3 s watched."""
     made = []
     watch, run = every_step.watch, Integrator.run
 
@@ -139,22 +140,23 @@ def runs(monkeypatch):
     return made
 
 
-def printed(*arguments: str):
+def integrate_json(*arguments: str):
+    """The JSON object of ``integrate henon-heiles:box pefrl --json``."""
     done = CliRunner().invoke(app, ["integrate", "henon-heiles:box", "pefrl", *arguments, "--json"])
     assert done.exit_code == 0, done.output
     return json.loads(done.stdout)
 
 
-def test_seconds_are_those_without_rows(runs):
-    """Of a short run they are a second run's; that of the run with its rows is three times as long here."""
-    found = printed("--h", "0.1", "--steps", "50")
+def test_seconds_exclude_the_observation(runs):
+    """A short run is repeated bare; observed, it takes three times as long here."""
+    found = integrate_json("--h", "0.1", "--steps", "50")
     assert found["seconds"] == pytest.approx(0.05)
     assert runs == [("watched", 50), ("bare", 50)]
 
 
-def test_a_long_run_is_made_once(runs):
-    """Parts of it are made again, each both ways, and their ratio tells the time without rows."""
-    found = printed("--h", "0.1", "--steps", "20000")
+def test_long_run_is_not_repeated(runs):
+    """Short parts are repeated with and without observation; their ratio gives the time without."""
+    found = integrate_json("--h", "0.1", "--steps", "20000")
     assert found["seconds"] == pytest.approx(20.0)
     assert runs[0] == ("watched", 20000)
     again = sum(steps for _, steps in runs[1:])
@@ -163,7 +165,7 @@ def test_a_long_run_is_made_once(runs):
 
 
 @pytest.mark.parametrize("method", ["pefrl", "gauss-4", "rebound-leapfrog"])
-def test_the_error_is_that_of_the_state_which_is_printed(method):
+def test_printed_error_belongs_to_the_printed_state(method):
     from phasebench.reference.certificates import stored
 
     made = problem("henon-heiles:box")

@@ -1,4 +1,4 @@
-"""Brouwer's law for every method: the sentence both ways, the maps, the runs in lanes, the errors in integers."""
+"""Brouwer's law for every method: passing and failing verdicts, exact maps, runs in lanes, errors in integers."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import pytest
 from phasebench.benchmarks.experiments.extremes import brouwer, exact_maps, round_off_page
 from phasebench.benchmarks.experiments.extremes import brouwer_every as every
 from phasebench.benchmarks.experiments.extremes import round_off_verdicts as verdicts
-from phasebench.benchmarks.measure import oscillator
-from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import METHODS
+from support import known_maps
 
 FITTED = {"energy exponent": 0.5, "energy low": 0.45, "energy high": 0.55}
 FITTED |= {"phase exponent": 0.6, "phase low": 0.5, "phase high": 0.7, "in units": 1.0}
@@ -25,53 +25,64 @@ def table(*rows) -> pd.DataFrame:
     return pd.DataFrame([base | {"label": f"m{k}"} | row for k, row in enumerate(rows)])
 
 
-def said(*rows):
-    return verdicts.every_method(lambda name: table(*rows))
+def judge(verdict, *rows):
+    """The verdict on these rows."""
+    return verdict({"extremes_growth_every": table(*rows)}.get)
 
 
-def test_every_method_has_three_ways_to_fail():
-    good = said(FITTED, FITTED | {"phase exponent": np.nan, "phase low": np.nan}, {"reason": "lacks a trait"})
-    assert good.holds
-    assert "2 of 2 methods at h = 0.0988" in good.text
-    assert "the phase's than n^1.5 in 1 of 1;" in good.text
-    assert good.text.endswith("; 1 have none here: m2.")
-    assert "at most 1 (m0 at h = 0.0987654321, 4096 steps);" in good.text
-    assert (
-        verdicts.every_method(lambda name: table({"reason": "lacks a trait"}).assign(**{"energy exponent": 0.0}))
-        is None
-    )
-    fast = said(FITTED, FITTED | {"energy low": verdicts.ENERGY + verdicts.ABOVE + 0.01})
-    assert not fast.holds
-    assert "1 of 2 methods" in fast.text
-    assert "(above it: m1 at h = 0.0987654321, n^0.50 [0.56, 0.55])" in fast.text
-    assert not said(FITTED, FITTED | {"phase low": verdicts.PHASE + verdicts.ABOVE + 0.01}).holds
-    assert said(FITTED | {"phase low": verdicts.PHASE + verdicts.ABOVE}).holds, "on the line is not above it"
-    assert said(FITTED).text.endswith("4096 steps)."), "none is without an ensemble"
-    large = said(FITTED, FITTED | {"in units": 2 * verdicts.UNITS})
-    assert not large.holds
-    assert "at most 20 (m1 at" in large.text
+@pytest.mark.parametrize(
+    ("verdict", "change", "outcome"),
+    [
+        (verdicts.energy, {"energy low": verdicts.ENERGY + verdicts.ABOVE}, PASS),
+        (verdicts.energy, {"energy low": verdicts.ENERGY + verdicts.ABOVE + 0.01}, FINDING),
+        (verdicts.phase, {"phase low": verdicts.PHASE + verdicts.ABOVE}, PASS),
+        (verdicts.phase, {"phase low": verdicts.PHASE + verdicts.ABOVE + 0.01}, FINDING),
+    ],
+)
+def test_method_fails_beyond_a_tolerance(verdict, change, outcome):
+    """A value equal to the tolerance passes."""
+    found = judge(verdict, FITTED, FITTED | change, {"reason": "lacks a trait"})
+    assert (found.measured, found.outcome) == (Count(1 + (outcome == PASS), 2), outcome)
+    assert found.where.partition(":")[0] == ("" if outcome == PASS else "m1 at h = 0.0987654321")
 
 
-def test_every_method_of_ours_that_could_has_a_cell():
+def test_method_without_a_phase_error_is_not_judged_by_it():
+    found = judge(verdicts.phase, FITTED, FITTED | {"phase exponent": np.nan, "phase low": np.nan})
+    assert found.measured == Count(1, 1)
+
+
+@pytest.mark.parametrize(("units", "outcome"), [(verdicts.UNITS, PASS), (2 * verdicts.UNITS, FINDING)])
+def test_largest_round_off_of_all_methods_is_judged(units, outcome):
+    found = judge(verdicts.size, FITTED, FITTED | {"in units": units})
+    assert (found.measured, found.outcome, found.where) == (units, outcome, "m1 at h = 0.0987654321, 4096 steps")
+
+
+def test_methods_without_an_ensemble_are_not_judged():
+    for verdict in (verdicts.energy, verdicts.phase, verdicts.size, verdicts.bias):
+        assert judge(verdict, FITTED | {"reason": "lacks a trait"}) is None
+
+
+def test_every_suitable_own_method_has_a_cell():
     wanted = {m.id for m in METHODS if m.symplectic or m.energy == "round-off"}
     assert {id for cell in every.cells() for id in cell.names} == wanted
     assert len({cell.id for cell in every.cells()}) == len(wanted) > 140
 
 
-KNOWN = ["scheme-ii", "generating-function", *sorted({*exact_maps.SAME} - {"avf"})]
+@pytest.fixture(scope="module")
+def distances(of_each):
+    """Method -> distance of its step matrix from the exact one; without compilation, as one step of it suffices."""
+    return of_each(known_maps)
 
 
-@pytest.mark.parametrize("id", [*KNOWN[:2], *KNOWN[2::4]])
-def test_methods_that_are_another_on_the_oscillator_are_that(id):
-    with mpmath.workdps(brouwer.DIGITS):
-        M = np.array(exact_maps.exact_matrix(id, {}, 0.3).tolist(), float)
-    assert np.allclose(M, oscillator.matrix(integrator(id), 0.3), rtol=0, atol=4e-16)
+@pytest.mark.parametrize("id", known_maps.KNOWN)
+def test_methods_equal_to_a_known_one_on_the_oscillator(distances, id):
+    assert distances(id) <= 4e-16
 
 
-def test_what_is_another_method_is_not_taken_for_a_known_one():
-    assert exact_maps.known("stormer-verlet")
+def test_other_methods_are_not_taken_for_a_known_one():
+    assert exact_maps.has_exact_map("stormer-verlet")
     for id in exact_maps.OTHERS:
-        assert not exact_maps.known(id)
+        assert not exact_maps.has_exact_map(id)
     assert [every.how(id, {})[0] for id in ("gauss-2", "scheme-v", "gauss-equip-2")] == [
         every.EXACT,
         *(every.ENERGY,) * 2,
@@ -79,7 +90,7 @@ def test_what_is_another_method_is_not_taken_for_a_known_one():
     assert every.how("r-respa", {}) is None
 
 
-def test_runs_in_lanes_are_those_of_a_run_alone():
+def test_run_in_lanes_equals_a_single_run():
     starts = brouwer.starts_of(9)
     Q, P = brouwer.runs("implicit-midpoint", {}, 0.1, 640, starts, 64)
     alone = integrate(
@@ -95,7 +106,7 @@ def test_runs_in_lanes_are_those_of_a_run_alone():
     assert np.array_equal(P[3], alone.p[:, 0])
 
 
-def test_errors_in_integers_are_those_in_many_digits():
+def test_integer_errors_equal_multiprecision_errors():
     rng, n = np.random.default_rng(1), np.array([0, 3, 7])
     Q, P = rng.uniform(-1, 1, (2, 4, 3))
     with mpmath.workdps(brouwer.DIGITS):
@@ -110,13 +121,13 @@ def test_errors_in_integers_are_those_in_many_digits():
                 assert phase[i, k] == pytest.approx(float(late), rel=1e-14, abs=1e-30)
 
 
-def test_a_row_says_why_a_method_has_no_ensemble():
-    row = every.measured("gauss-4-adaptive", {}, "gauss-4-adaptive")[every.TABLE][0]
+def test_row_states_why_a_method_has_no_ensemble():
+    row = every.measure_rows("gauss-4-adaptive", {}, "gauss-4-adaptive")[every.TABLE][0]
     assert "singular distances" in row["reason"]
     assert "energy exponent" not in row
 
 
-def test_the_table_shows_explained_runs_first_and_then_the_worst():
+def test_table_order_explained_runs_then_the_worst():
     long = pd.DataFrame([FITTED | {"label": "f", "kind": brouwer.FRACTION, "h": 0.1, "steps": 9, "bias per step": 0.0}])
     long["bias in its errors"] = 0.0
     rows = [FITTED | {"in units": float(k), "bias per step": 0.0, "bias in its errors": 0.0} for k in range(40)]
@@ -125,5 +136,5 @@ def test_the_table_shows_explained_runs_first_and_then_the_worst():
     shown = list(round_off_page.table(tables.get).frame["run"])
     assert shown[:3] == ["f", "m7", "m39"]
     assert len(shown) == 25
-    assert len(round_off_page.whole(tables.get)) == 42
+    assert len(round_off_page.full_table(tables.get)) == 42
     assert round_off_page.table({}.get) is None

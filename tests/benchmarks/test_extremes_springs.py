@@ -1,4 +1,4 @@
-"""Step-size resonances of two stiff springs: the lines, the crests, the energy that a step keeps, the runs."""
+"""Step-size resonances of two stiff springs: resonance lines, ridges, the energy that a step preserves, the runs."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.extremes import springs, springs_page
+from phasebench.benchmarks.page.verdict import FINDING, PASS, Range
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
 
 NODES = 36
 
 
-def test_lines_pass_where_a_combination_comes_round():
+def test_distance_from_the_resonance_lines():
     found = springs_page.lines(2, 2.0)
     assert {(1, 0, 1), (0, 1, 1), (1, 1, 1), (2, 0, 1), (0, 2, 1)} <= {*found}
     assert not [line for line in springs_page.lines(2, 0.9) if line[0] + abs(line[1]) < 2 or line[2] == 0]
@@ -23,7 +24,7 @@ def test_lines_pass_where_a_combination_comes_round():
     assert springs_page.distance(np.array([0.1, 0.1]), np.array([0.3, 1.95]), 2)[1] == pytest.approx(0.05 / 2**0.5)
 
 
-def test_a_crest_stands_out_to_both_sides():
+def test_ridge_stands_out_on_both_sides():
     flat = np.ones((9, 9))
     assert not springs_page.crests(flat).any()
     ridge = flat.copy()
@@ -40,8 +41,8 @@ def test_a_crest_stands_out_to_both_sides():
 
 
 @pytest.mark.parametrize(("a", "b"), [(1, 0), (0, 1), (1, 1), (1, -1)])
-def test_a_crest_of_any_of_four_directions_is_seen(a, b):
-    """High everywhere but beside the middle along one line: a row, a column, or a diagonal."""
+def test_ridge_in_any_of_four_directions_is_found(a, b):
+    """High everywhere except on both sides of the centre along one line: a row, a column or a diagonal."""
     drift = np.full((13, 13), 100.0)
     for k, low in ((1, 50.0), (2, 1.0)):
         drift[6 + k * a, 6 + k * b] = drift[6 - k * a, 6 - k * b] = low
@@ -53,7 +54,7 @@ def test_a_crest_of_any_of_four_directions_is_seen(a, b):
 
 
 def table(method: str, high) -> pd.DataFrame:
-    """Drifts of 1e-6, and of 1e-3 where ``high(x, y)`` in nodes."""
+    """Drifts of 1e-3 at nodes where ``high(x, y)``, of 1e-6 elsewhere."""
     rows = [
         {"method": method, "node 1": i, "node 2": j, "h omega 2": j / 10, "nodes": NODES}
         | {"drift": 1e-3 if high(i, j) else 1e-6}
@@ -63,32 +64,35 @@ def table(method: str, high) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def judged(*tables):
-    return springs_page.resonances(lambda name: pd.concat(tables))
+def judge(verdict, *tables):
+    """The verdict on these tables together."""
+    return verdict(lambda name: pd.concat(tables))
 
 
-def test_resonances_are_judged_by_lines_and_by_chance():
-    on = table("a", lambda i, j: i + j == 2 * NODES)
-    none = table("c", lambda i, j: False)
-    good = judged(on, none)
-    assert good.holds
-    assert "c has none" in good.text
-    aside = judged(on, table("b", lambda i, j: i + j == 2 * NODES - 5))
-    assert not aside.holds
-    assert "not so b" in aside.text
+def test_ridges_must_lie_on_lines_beyond_chance():
+    on, none = table("a", lambda i, j: i + j == 2 * NODES), table("c", lambda i, j: False)
+    aside = table("b", lambda i, j: i + j == 2 * NODES - 5)
+    for verdict in (springs_page.on_lines, springs_page.above_chance):
+        assert judge(verdict, on, none).outcome == PASS
+        bad = judge(verdict, on, aside)
+        assert (bad.outcome, bad.where) == (FINDING, "b")
+        assert judge(verdict, none) is None
+    assert judge(springs_page.on_lines, on, none).measured == Range(1.0, 1.0)
+
+
+def test_ridges_partly_on_lines():
     mixed = table("d", lambda i, j: i + j == 2 * NODES or (i + j == 2 * NODES - 5 and i < 12))
-    found = springs_page.found(mixed).iloc[0]
-    assert springs_page.TIMES * found["on lines"] < found["crests on lines"] / found["crests"] < springs_page.MOST
-    assert not judged(mixed).holds
-    assert judged(none) is None
-    found = springs_page.found(on).iloc[0]
+    assert judge(springs_page.on_lines, mixed).outcome == FINDING
+    assert judge(springs_page.above_chance, mixed).outcome == PASS
+
+
+def test_ridges_of_a_method_are_counted_with_the_highest():
+    found = springs_page.summary_table(table("a", lambda i, j: i + j == 2 * NODES)).iloc[0]
     assert found["crests"] == found["crests on lines"] > 15
     assert found["at"] == "(0.5, 6.7)"
-    both = judged(on, table("e", lambda i, j: i + j == 2 * NODES))
-    assert f": {2 * found['crests']} of {2 * found['crests']} crests of the drift lie on lines" in both.text
 
 
-def test_a_spring_alone_keeps_the_energy_of_its_step_and_not_its_own():
+def test_single_spring_preserves_the_energy_of_its_step():
     turns = springs.Turns("stormer-verlet", [0.5, 1.5, 2.5])
     assert len(turns.z) == 2
     assert turns.angles == pytest.approx(2 * np.arcsin([0.25, 0.75]))
@@ -102,14 +106,14 @@ def test_a_spring_alone_keeps_the_energy_of_its_step_and_not_its_own():
     assert exact.energy(0, 1.0, 2.0) == pytest.approx(2.5)
 
 
-def test_the_grid_is_at_multiples_of_the_angle():
+def test_grid_is_at_multiples_of_the_angle():
     z = springs.grid("stormer-verlet", NODES)[:-2]
     assert np.allclose(z, 2 * np.sin(np.pi * np.arange(springs.LEAST, NODES) / NODES / 2)[: len(z)], atol=1e-4)
     assert len(z) > NODES - springs.LEAST - 5
 
 
 @pytest.mark.parametrize("id", ["stormer-verlet", "deuflhard"])
-def test_springs_of_any_frequency_are_those_of_the_problem(id):
+def test_springs_equal_the_registered_problem(id):
     made = problem("fpu", omega=40.0, m=2)
     q0, p0 = [*springs.SOFT_Q, 1 / 40, 1 / 40], [*springs.SOFT_P, 1.0, 1.0]
     known = integrate(made, id, h=springs.H, steps=30, q0=q0, p0=p0)
@@ -118,7 +122,7 @@ def test_springs_of_any_frequency_are_those_of_the_problem(id):
     assert np.allclose(P, known.p.T, rtol=0, atol=1e-12)
 
 
-def test_the_impulse_method_drifts_where_two_springs_come_round():
+def test_impulse_method_drifts_at_a_resonance():
     run, z = springs.Springs("deuflhard"), np.array([2.0, 2 * np.pi - 2.0])
     drifts = []
     for at in (z, z + 0.3):

@@ -1,7 +1,6 @@
-"""Faults that a store has to survive: killed at any moment, a disk that is full, files cut, tampered with or older.
+"""Faults that a store must survive: kill signals, a full disk, truncated, edited or outdated files.
 
-After each of them nothing that was finished is lost, nothing half-written is read, and a run without the fault gives
-the tables that a run without any fault gives.
+No finished cell is lost and no partial one is read; a later run without faults gives the tables of an undisturbed run.
 """
 
 import json
@@ -15,8 +14,8 @@ import time
 import pytest
 
 from phasebench.benchmarks import report
-from phasebench.benchmarks.rows import run, tables
-from phasebench.benchmarks.rows.journal import Journal
+from phasebench.benchmarks.store import run, tables
+from phasebench.benchmarks.store.journal import Journal
 from phasebench.integrators.errors import InvalidInput
 from support import toy_cells
 
@@ -25,7 +24,7 @@ FORK = multiprocessing.get_context("fork")
 
 
 def timeless(folder) -> dict:
-    """The tables without what every run has of its own."""
+    """The tables without times, dates and digests."""
     own = {"seconds", "spent", "date", "digest"}
     return {
         name: [{k: v for k, v in row.items() if k not in own} for row in tables.Table(folder, name).rows]
@@ -33,7 +32,7 @@ def timeless(folder) -> dict:
     }
 
 
-def measured(folder, cells=None) -> run.Outcome:
+def run_cells(folder, cells=None) -> run.Outcome:
     return run.execute(cells or toy_cells.cells(COUNT, seconds=0.005), folder, count=0, seed=1, quick=True)
 
 
@@ -43,19 +42,19 @@ def in_a_process(function, *arguments):
     return process
 
 
-def test_fifty_kills_at_random_moments_lose_nothing_that_was_finished(tmp_path):
+def test_killed_runs_lose_no_finished_cell(tmp_path):
     whole, folder, rng = tmp_path / "whole", tmp_path / "killed", random.Random(7)
     began = time.perf_counter()
-    measured(whole)
+    run_cells(whole)
     length = time.perf_counter() - began
     hit = 0
     for _ in range(MOMENTS):
         file = folder / "toys.csv"
-        if file.exists() and not (folder / "journal.jsonl").exists():  # it had ended: half of the rows are cut off
+        if file.exists() and not (folder / "journal.jsonl").exists():  # after a complete run: cut off half of the rows
             lines = file.read_text().splitlines(keepends=True)
             file.write_text("".join(lines[: 1 + COUNT // 2]))
         before = Journal(folder / "journal.jsonl").entries if folder.exists() else {}
-        process = in_a_process(measured, folder)
+        process = in_a_process(run_cells, folder)
         time.sleep(rng.uniform(0, 1.2 * length))
         os.kill(process.pid, signal.SIGKILL)
         process.join()
@@ -69,17 +68,17 @@ def test_fifty_kills_at_random_moments_lose_nothing_that_was_finished(tmp_path):
                 json.loads((folder / f"{name}.json").read_text())
                 assert all(None not in row.values() for row in tables.Table(folder, name).rows)
     assert hit > MOMENTS / 3, "most of the runs had ended before they were killed"
-    measured(folder)
+    run_cells(folder)
     assert timeless(folder) == timeless(whole)
     assert not (folder / "journal.jsonl").exists()
 
 
 def _on_a_full_disk(folder, largest, said):
-    """A run that cannot make a file larger than so many bytes."""
+    """Measure with a limit on the size of a file (bytes); put the error message or "done" into the queue ``said``."""
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
     try:
-        measured(folder, toy_cells.cells(COUNT, version=2))
+        run_cells(folder, toy_cells.cells(COUNT, version=2))
     except InvalidInput as error:
         said.put(str(error))
     except BaseException as error:
@@ -89,10 +88,10 @@ def _on_a_full_disk(folder, largest, said):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.05, 0.3, 0.6, 0.9])
-def test_a_full_disk_is_named_and_leaves_the_tables_as_they_were(tmp_path, share):
+def test_full_disk_is_named_and_tables_stay(tmp_path, share):
     folder, whole = tmp_path / "data", tmp_path / "whole"
-    measured(folder)
-    measured(whole, toy_cells.cells(COUNT, version=2))
+    run_cells(folder)
+    run_cells(whole, toy_cells.cells(COUNT, version=2))
     stored = {p.name: p.read_bytes() for p in folder.glob("*.*") if p.name.startswith("toy")}
     said = FORK.SimpleQueue()
     process = in_a_process(_on_a_full_disk, folder, int(share * len(stored["toys.csv"])), said)
@@ -101,7 +100,7 @@ def test_a_full_disk_is_named_and_leaves_the_tables_as_they_were(tmp_path, share
     assert "cannot be written" in text, text
     assert "Error(" not in text
     assert {p.name: p.read_bytes() for p in folder.glob("*.*") if p.name.startswith("toy")} == stored
-    measured(folder, toy_cells.cells(COUNT, version=2))
+    run_cells(folder, toy_cells.cells(COUNT, version=2))
     assert timeless(folder) == timeless(whole)
 
 
@@ -116,18 +115,18 @@ TAMPERED = {
 
 @pytest.mark.parametrize("how", TAMPERED)
 @pytest.mark.parametrize("name", toy_cells.TABLES)
-def test_a_table_that_was_tampered_with_is_measured_again(tmp_path, name, how):
+def test_edited_table_is_measured_again(tmp_path, name, how):
     folder, whole = tmp_path / "data", tmp_path / "whole"
-    measured(folder)
-    measured(whole)
+    run_cells(folder)
+    run_cells(whole)
     file = folder / f"{name}.csv"
     file.write_text(TAMPERED[how](file.read_text()))
-    measured(folder)
+    run_cells(folder)
     assert timeless(folder) == timeless(whole)
 
 
-def test_a_report_of_a_table_that_cannot_be_read_says_so(tmp_path):
-    measured(tmp_path / "data")
+def test_report_of_an_unreadable_table_says_so(tmp_path):
+    run_cells(tmp_path / "data")
     report.build(tmp_path)
     before = {p: p.read_bytes() for p in tmp_path.glob("*.md")}
     (tmp_path / "data" / "rows.csv").write_text("\x00")
@@ -138,7 +137,7 @@ def test_a_report_of_a_table_that_cannot_be_read_says_so(tmp_path):
 
 
 @pytest.mark.parametrize(("status", "said"), [(pytest.ExitCode.INTERRUPTED, True), (pytest.ExitCode.OK, False)])
-def test_a_run_that_was_stopped_says_how_it_goes_on(status, said):
+def test_interrupted_run_says_how_to_continue(status, said):
     from phasebench.benchmarks import conftest
 
     lines = []

@@ -1,4 +1,4 @@
-"""Which bodies may be left out at an accuracy: beside REBOUND run by itself with and without them."""
+"""Which bodies can be left out at a given accuracy, against REBOUND with and without them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import phasebench as pb
 from phasebench.benchmarks.advice import fewer_bodies, models
 from phasebench.benchmarks.advice.ask import ask
 from phasebench.benchmarks.advice.fewer_bodies import Model, Models
-from phasebench.benchmarks.advice.hunt import Candidate
-from phasebench.benchmarks.advice.trial import Trial
+from phasebench.benchmarks.advice.hunt import Candidate, Search
+from phasebench.benchmarks.ladder.trial import Trial
 from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems.outer_solar_system import BODIES, G
@@ -32,7 +32,7 @@ def system():
 
 
 def longitude(*names: str, light: tuple[str, ...] = ()) -> float:
-    """Jupiter's after 100 years among some of the bodies, by REBOUND."""
+    """Longitude of Jupiter in radians after 100 years among the named bodies, by REBOUND; ``light`` have no mass."""
     rebound = pytest.importorskip("rebound")
     sim = rebound.Simulation()
     sim.G = G
@@ -46,28 +46,29 @@ def longitude(*names: str, light: tuple[str, ...] = ()) -> float:
 
 
 @cache
-def asked(accuracy=1e-4, quantity="jupiter.longitude", *light: str):
+def question_and_truth(accuracy=1e-4, quantity="jupiter.longitude", *light: str):
+    """(a question about the planets, the true value of its observable); ``light`` bodies have no mass."""
     question = ask(system().massless(*light) if light else system(), t_end=T, accuracy=accuracy, quantity_name=quantity)
     return question, truths.truth(question.problem, question.quantity, T)
 
 
 @pytest.mark.parametrize("body", NAMES)
-def test_what_leaving_a_body_out_makes_is_what_rebound_finds(body):
+def test_error_of_leaving_a_body_out_agrees_with_rebound(body):
     others = [n for n in NAMES if n != body]
     expected = abs(longitude(*others) - longitude(*NAMES))
-    assert Models(*asked()).off(Model(left_out=(body,))) == pytest.approx(expected, rel=1e-3, abs=3e-12)
+    assert Models(*question_and_truth()).off(Model(left_out=(body,))) == pytest.approx(expected, rel=1e-3, abs=3e-12)
 
 
-def test_what_a_planet_s_own_mass_makes_is_what_rebound_finds():
+def test_error_of_a_massless_planet_agrees_with_rebound():
     expected = abs(longitude(*NAMES, light=("jupiter",)) - longitude(*NAMES))
-    found = Models(*asked())
+    found = Models(*question_and_truth())
     assert found.off(Model(light=("jupiter",))) == pytest.approx(expected, rel=1e-3)
     assert found.off(Model(left_out=("jupiter",))) == np.inf
 
 
 def test_more_bodies_are_left_out_at_less_accuracy():
-    found = Models(*asked())
-    at = {allowed: fewer_bodies.chosen(found, allowed)[0] for allowed in (1e-12, 1e-7, 1e-4, 1.0)}
+    found = Models(*question_and_truth())
+    at = {allowed: fewer_bodies.smallest_model(found, allowed)[0] for allowed in (1e-12, 1e-7, 1e-4, 1.0)}
     assert at[1e-12] == Model()
     assert set(at[1e-7].left_out) == {"pluto"}
     assert set(at[1e-4].left_out) == {"pluto", "neptune"}
@@ -76,23 +77,23 @@ def test_more_bodies_are_left_out_at_less_accuracy():
         assert model == Model() or found.off(model) <= allowed
 
 
-def test_control_bodies_that_are_off_together_are_not_left_out_together():
-    """Each of two alone is within what is allowed, both together are not."""
-    found = Models(*asked())
+def test_control_errors_of_two_bodies_add_up():
+    """Leaving out either of two bodies is accurate enough, leaving out both is not."""
+    found = Models(*question_and_truth())
     alone = {body: found.off(Model(left_out=(body,))) for body in ("uranus", "neptune")}
     both = found.off(Model(left_out=("uranus", "neptune")))
     assert both > max(alone.values())
     allowed = (max(alone.values()) + both) / 2
-    assert {"uranus", "neptune"} - set(fewer_bodies.chosen(found, allowed)[0].left_out)
+    assert {"uranus", "neptune"} - set(fewer_bodies.smallest_model(found, allowed)[0].left_out)
 
 
 def candidate(question, true, id="wisdom-holman", steps=100):
-    trial = Trial(integrator(id), question, true, 5.0)
+    trial = Trial(integrator(id), Search(question, true, 0.0).task(), 5.0)
     return Candidate(trial, trial.at(float(steps)))
 
 
-def test_the_answer_names_bodies_what_they_make_and_what_it_saves():
-    question, true = asked()
+def test_answer_names_bodies_error_and_saving():
+    question, true = question_and_truth()
     found = fewer_bodies.lower(question, true, candidate(question, true))
     assert set(found["left_out"]) == {"pluto", "neptune"}
     assert found["test_particles"] == []
@@ -100,11 +101,11 @@ def test_the_answer_names_bodies_what_they_make_and_what_it_saves():
     assert found["off"] == pytest.approx(expected, rel=1e-3)
     assert found["saves"] > 0
     assert set(found["alone"]) == {"jupiter", *NAMES}
-    assert found["model"] in models.said(found)
+    assert found["model"] in models.summarize(found)
 
 
-def test_of_the_energy_bodies_may_be_test_particles_alone():
-    question, true = asked(1e-7, "energy")
+def test_energy_keeps_bodies_as_test_particles():
+    question, true = question_and_truth(1e-7, "energy")
     found = fewer_bodies.lower(question, true, candidate(question, true))
     assert (found["left_out"], found["test_particles"]) == ([], ["pluto"])
     light = system().massless("pluto")
@@ -116,34 +117,34 @@ def test_of_the_energy_bodies_may_be_test_particles_alone():
     assert found["off"] == pytest.approx(np.abs(H - H[0]).max() / scale(system()), rel=0.2)
 
 
-def test_a_test_particle_is_left_out_at_any_accuracy():
-    question, true = asked(1e-9, "jupiter.longitude", "pluto")
-    best, alone = fewer_bodies.chosen(Models(question, true), 1e-10)
+def test_test_particle_is_left_out_at_any_accuracy():
+    question, true = question_and_truth(1e-9, "jupiter.longitude", "pluto")
+    best, alone = fewer_bodies.smallest_model(Models(question, true), 1e-10)
     assert best == Model(left_out=("pluto",))
     assert list(alone["pluto"]) == ["left_out"]
 
 
-def test_where_runs_take_too_long_or_round_too_much_that_is_said(monkeypatch):
-    question, true = asked()
+def test_reason_where_no_model_can_be_measured(monkeypatch):
+    question, true = question_and_truth()
     monkeypatch.setattr(fewer_bodies, "LONGEST", 0.0)
     found = fewer_bodies.lower(question, true, None)
     assert (found["model"], found["off"]) == (None, None)
-    assert found["why"] in models.said(found)
+    assert found["why"] in models.summarize(found)
     monkeypatch.undo()
     found = fewer_bodies.lower(replace(question, accuracy=1e-14), true, None)
     assert found["off"] is None
 
 
-def test_nothing_is_said_of_other_problems_and_for_a_budget():
-    question, true = asked()
+def test_other_problems_and_budgets_have_no_model():
+    question, true = question_and_truth()
     assert fewer_bodies.lower(replace(question, accuracy=None), true, None) is None
     pendulum = ask(pb.problem("pendulum"), t_end=1.0, accuracy=1e-3)
     assert fewer_bodies.lower(pendulum, true, None) is None
 
 
-def test_where_no_body_may_be_left_out_the_nearest_is_named():
-    question, true = asked(1e-11)
+def test_nearest_model_is_named_where_none_suffices():
+    question, true = question_and_truth(1e-11)
     found = fewer_bodies.lower(question, true, None)
     assert found["model"] is None
     assert found["nearest"] == "without pluto"
-    assert found["nearest"] in models.said(found)
+    assert found["nearest"] in models.summarize(found)

@@ -1,4 +1,4 @@
-"""The harness: sweeps, bands, tables, reports (peers, horizons: test_peer_rows; rows on disk: test_store)."""
+"""The benchmark harness: sweeps, orders, bands, stored tables, reports."""
 
 from __future__ import annotations
 
@@ -12,26 +12,25 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.trade import bench_errors, peer_rows, sweep
+from phasebench.benchmarks.measure.orders import orders
 from phasebench.benchmarks.page import markdown
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.scenes import BY_ID, DRIFT, ORDER, SCENES
-from phasebench.benchmarks.rows import tables as results
-from phasebench.benchmarks.rows.journal import Entry
+from phasebench.benchmarks.store import error_tables
 from phasebench.integrators import integrate
 from phasebench.integrators.registry import METHODS
-from phasebench.reference import tables
 
 SCENE = BY_ID["lotka-volterra-t1"]
 OSCILLATOR = BY_ID["oscillator-t2"]
 
 
 def timeless(rows):
-    """Rows without what differs between two runs."""
+    """Rows without their times, which differ between two runs."""
     return [{k: v for k, v in r.items() if k != "seconds"} for r in rows]
 
 
 def same(a, b) -> bool:
-    """Equal, where NaN equals NaN."""
+    """True if the rows are equal up to their times, with NaN equal to NaN."""
     return json.dumps(timeless(a), sort_keys=True) == json.dumps(timeless(b), sort_keys=True)
 
 
@@ -46,20 +45,20 @@ def test_every_method_and_peer_has_a_cell_on_every_scene(quick):
     assert all(c.key["scene"] in c.names for c in cells)
 
 
-def test_the_handful_of_the_quick_tier():
+def test_quick_tier_has_a_few_methods():
     handful = {c.key["method"] for c in sweep.cells(quick=True) if c.quick}
     assert {"stormer-verlet", "implicit-midpoint", "heyoka", "rebound-leapfrog"} <= handful
     assert len(handful) < 10
 
 
-def test_tasks_of_one_method_and_the_quick_tier():
+def test_tasks_of_one_method_in_both_tiers():
     full, quick = (sweep.tasks([SCENE], q, lambda m: m.id == "rk4") for q in (False, True))
     assert [t.h for t in full] == list(SCENE.steps)
     assert [t.h for t in quick] == list(SCENE.steps[:4])
     assert {t.method for t in full} == {"rk4"}
 
 
-def test_order_scenes_halve_their_steps_which_divide_their_span():
+def test_order_scenes_halve_steps_that_divide_the_span():
     for s in SCENES:
         assert sorted(s.steps, reverse=True) == list(s.steps)
         assert s.purpose in (ORDER, DRIFT)
@@ -74,7 +73,7 @@ ALWAYS = {"scene", "problem", "method", "h", "status", "versions"}
 MEASURED = {"global_error", "reference_uncertainty", "energy_max", "energy_end", "gradient", "iterations", "fallbacks"}
 
 
-def test_a_row_has_the_columns_of_the_design():
+def test_row_has_the_columns_of_the_design():
     row = sweep.measure(sweep.Task(SCENE.id, "rk4", (), 0.03), repeats=1)
     assert set(row) >= ALWAYS | MEASURED | {"reason", "seconds", "refinement_difference", "steps"}
     assert (row["status"], row["reason"], row["steps"], row["gradient"]) == ("ok", "", 40, 160)
@@ -82,22 +81,22 @@ def test_a_row_has_the_columns_of_the_design():
     assert "numpy" in row["versions"]
 
 
-def test_a_drift_row_has_a_slope_inside_its_interval():
+def test_drift_row_has_a_slope_inside_its_interval():
     row = sweep.measure(sweep.Task("lotka-volterra-t120", "rk4", (), 0.12), repeats=1)
     assert row["energy_drift_low"] < row["energy_drift"] < row["energy_drift_high"]
     assert row["energy_drift"] != 0
 
 
-def test_a_state_that_leaves_the_domain_of_the_energy_is_not_ok():
-    """Explicit Euler takes a population of Lotka-Volterra below zero, where log is not defined."""
+def test_state_outside_the_domain_of_h_has_diverged():
+    """Explicit Euler takes a Lotka-Volterra population below zero, where log is undefined."""
     row = sweep.measure(sweep.Task("lotka-volterra-t120", "explicit-euler", (), 0.03), repeats=1)
     assert row["status"] == "diverged"
     assert "outside H's domain" in row["reason"]
     assert "energy_drift" not in row
 
 
-def test_the_invariants_of_the_problem_are_columns():
-    """The greatest error of q1 p2 - q2 p1, which Stormer-Verlet keeps, and of p x L - q/|q|, which it does not."""
+def test_invariants_of_the_problem_are_columns():
+    """The largest errors of q1 p2 - q2 p1, preserved by Stormer-Verlet, and of p x L - q/|q|, not preserved."""
     for id in ("rk4", "stormer-verlet"):
         row = sweep.measure(sweep.Task("kepler-t1", id, (), 0.01), repeats=1)
         s = integrate(problem("kepler"), id, h=0.01, t_end=1)
@@ -110,13 +109,13 @@ def test_the_invariants_of_the_problem_are_columns():
 
 
 @pytest.mark.parametrize("id", ["rk4", "stormer-verlet"])
-def test_the_two_errors_are_what_their_names_say(id):
-    """||y_h - y_2h|| by two runs; the error of the oscillator against (cos t, -sin t)."""
+def test_global_error_and_refinement_difference(id):
+    """||y_h - y_2h|| from two runs; the error of the oscillator against (cos t, -sin t)."""
     h = OSCILLATOR.steps[2]
     row = sweep.measure(sweep.Task(OSCILLATOR.id, id, (), h), repeats=1)
     y, y2 = (
         np.concatenate([s.q[-1], s.p[-1]])
-        for s in (integrate(OSCILLATOR.made(), id, h=k * h, t_end=OSCILLATOR.t_end) for k in (1, 2))
+        for s in (integrate(problem(OSCILLATOR.problem), id, h=k * h, t_end=OSCILLATOR.t_end) for k in (1, 2))
     )
     exact = np.array([np.cos(OSCILLATOR.t_end), -np.sin(OSCILLATOR.t_end)])
     assert row["refinement_difference"] == np.abs(y - y2).max()
@@ -124,13 +123,13 @@ def test_the_two_errors_are_what_their_names_say(id):
     assert row["global_error"] < 0.5 * row["refinement_difference"]
 
 
-def test_the_coarsest_row_has_no_refinement_difference():
+def test_coarsest_row_has_no_refinement_difference():
     row = sweep.measure(sweep.Task(OSCILLATOR.id, "rk4", (), OSCILLATOR.steps[0]), repeats=1)
     assert "refinement_difference" not in row
     assert row["global_error"] > 0
 
 
-def test_a_skipped_row_has_its_reason():
+def test_skipped_row_has_its_reason():
     row = sweep.measure(sweep.Task(SCENE.id, "avf", (), 0.12))
     assert row["status"] == "skipped"
     assert "canonical" in row["reason"]
@@ -138,8 +137,8 @@ def test_a_skipped_row_has_its_reason():
     assert set(row) >= ALWAYS
 
 
-def test_a_failed_row_has_its_reason_and_no_error(monkeypatch):
-    """Explicit Euler at h = 1 escapes from Henon-Heiles."""
+def test_failed_row_has_its_reason_and_no_error(monkeypatch):
+    """Explicit Euler at h = 1 escapes from the Henon-Heiles potential."""
     scene = replace(
         BY_ID["henon-heiles-box-t1"], id="escape", problem="henon-heiles:chaotic", t_end=100.0, steps=(1.0,)
     )
@@ -168,7 +167,7 @@ def test_rows_are_in_the_order_of_their_tasks(todo, rows):
     assert [(r["scene"], r["h"]) for r in rows] == [(t.scene, t.h) for t in todo]
 
 
-def test_a_cell_travels_to_another_process_and_measures_its_rows():
+def test_cell_can_be_pickled_and_measured():
     (cell,) = sweep.cells(True, [SCENE], lambda m: m.id == "rk4")
     measure, arguments = pickle.loads(pickle.dumps((cell.measure, cell.arguments)))
     assert same(measure(*arguments)["rows"], cell()["rows"])
@@ -183,6 +182,7 @@ def test_control_other_tasks_measure_other_rows(todo, rows):
 
 
 def ladder(order=2, uncertainty=1e-20, floor=0.0, **more):
+    """Rows at seven step sizes with the error h^order + floor."""
     base = {"purpose": ORDER, "scene": "s", "method": "m", "problem": "x", "status": "ok", "declared_order": order}
     steps = [0.1 / 2**k for k in range(7)]
     return [
@@ -190,45 +190,45 @@ def ladder(order=2, uncertainty=1e-20, floor=0.0, **more):
     ]
 
 
-def test_the_order_of_a_power_and_its_window():
-    (found,) = sweep.orders(ladder(order=3))
+def test_order_of_a_power_law_and_its_window():
+    (found,) = orders(ladder(order=3))
     assert found["order"] == pytest.approx(3)
     assert (found["h_first"], found["h_last"], found["points"]) == (0.1, 0.1 / 64, 7)
     assert found["declared"] == 3
 
 
 @pytest.mark.parametrize("status", ["diverged", "not-converged", "collision", "timeout", "skipped"])
-def test_rows_that_are_not_ok_do_not_enter_an_order(status):
+def test_failed_rows_do_not_enter_an_order(status):
     rows = ladder()
-    rows[0] |= {"status": status}  # its error would fit
+    rows[0] |= {"status": status}  # its error would fit the power law
     rows[1] |= {"status": status, "global_error": None}
-    (found,) = sweep.orders(rows)
+    (found,) = orders(rows)
     assert found["order"] == pytest.approx(2)
     assert (found["h_first"], found["points"]) == (0.025, 5)
 
 
-def test_control_a_bad_row_that_is_called_ok_would_enter():
+def test_control_outlier_widens_the_interval():
     rows = ladder()
     for k, r in enumerate(rows):
         r["global_error"] *= 2 ** ((-1) ** k)
-    assert sweep.orders(rows)[0]["high"] - sweep.orders(rows)[0]["low"] > 0.1
+    assert orders(rows)[0]["high"] - orders(rows)[0]["low"] > 0.1
 
 
-def test_errors_under_the_noise_do_not_enter():
+def test_errors_below_the_reference_uncertainty_are_left_out():
     uncertainty = 1e-7
     kept = [r["h"] for r in ladder() if r["global_error"] > 100 * uncertainty]
     assert len(kept) == 5
-    (found,) = sweep.orders(ladder(uncertainty=uncertainty))
+    (found,) = orders(ladder(uncertainty=uncertainty))
     assert (found["points"], found["h_last"]) == (5, kept[-1])
 
 
-def test_drift_rows_have_no_order_and_methods_have_their_own():
+def test_orders_per_method_without_drift_rows():
     rows = ladder(order=2) + ladder(order=4, method="n", uncertainty=1e-30) + ladder(purpose=DRIFT, scene="long")
-    assert {r["method"]: round(r["order"]) for r in sweep.orders(rows)} == {"m": 2, "n": 4}
+    assert {r["method"]: round(r["order"]) for r in orders(rows)} == {"m": 2, "n": 4}
 
 
 def test_orders_of_measured_rows(rows):
-    found = {(r["scene"], r["method"]): r for r in sweep.orders(rows)}
+    found = {(r["scene"], r["method"]): r for r in orders(rows)}
     assert found[OSCILLATOR.id, "rk4"]["order"] == pytest.approx(4, abs=0.1)
     assert (SCENE.id, "avf") not in found
 
@@ -237,95 +237,106 @@ def test_orders_of_measured_rows(rows):
 
 
 def table_of(name):
-    return tables.read(name)[0]
+    return error_tables.load(name)[0]
+
+
+def rows_of(table):
+    return table.astype(object).where(table.notna(), None).to_dict("records")
 
 
 @pytest.mark.parametrize("column", ["global_error", "refinement_difference", "energy_max"])
-def test_a_number_out_of_its_band_is_named_with_both_numbers(column):
+def test_number_outside_its_band_is_reported(column):
     stored = table_of(SCENE.id)
     measured = stored.copy()
     row = measured.index[(measured["method"] == "rk4") & measured[column].notna()][-1]
     old = measured.loc[row, column]
     measured.loc[row, column] = new = old * 1.01
-    (found,) = bench_errors._violations(measured, stored, SCENE).to_dict("records")
-    assert (found["method"], found["h"], found["column"]) == ("rk4", measured.loc[row, "h"], column)
-    assert (found["measured"], found["stored"]) == (new, old)
+    (found,) = bench_errors.regressions(rows_of(measured), stored, SCENE)
+    assert (*found.key, found.column) == ("rk4", str(measured.loc[row, "h"]), column)
+    assert (found.measured, found.stored, found.ratio) == (new, old, pytest.approx(1.01))
 
 
-def test_a_number_within_its_band_passes():
+def test_number_within_its_band_passes():
     stored = table_of(SCENE.id)
     measured = stored.copy()
     measured["global_error"] *= 1 + 0.5 * SCENE.relative
-    assert bench_errors._violations(measured, stored, SCENE).empty
+    assert bench_errors.regressions(rows_of(measured), stored, SCENE) == []
 
 
-def test_methods_that_choose_a_root_have_a_wider_band_for_the_trajectory_alone():
+def test_band_of_methods_that_choose_a_root():
+    """The band is wider for the trajectory, not for the energy."""
     scene = BY_ID["kepler-t1"]
     stored = table_of(scene.id)
     row = stored.index[(stored["method"] == "scheme-iv") & (stored["global_error"] > 1e-6)][0]
     for column, factor, violations in [("global_error", 1.3, 0), ("global_error", 1.7, 1)]:
         measured = stored.copy()
         measured.loc[row, column] *= factor
-        assert len(bench_errors._violations(measured, stored, scene)) == violations
+        assert len(bench_errors.regressions(rows_of(measured), stored, scene)) == violations
     stored.loc[row, "energy_max"] = 1e-6
     measured = stored.copy()
     measured.loc[row, "energy_max"] *= 1.3
-    assert bench_errors._violations(measured, stored, scene)["column"].tolist() == ["energy_max"]
+    assert [d.column for d in bench_errors.regressions(rows_of(measured), stored, scene)] == ["energy_max"]
 
 
-def test_a_row_missing_and_a_changed_status_are_violations():
+def test_missing_row_and_changed_status_are_violations():
     stored = table_of(SCENE.id)
-    assert bench_errors._violations(stored.iloc[1:], stored, SCENE)["column"].tolist() == ["row"]
+    row = stored.index[stored["status"] == "ok"][0]
+    twin = stored.iloc[row].to_dict() | {"method": stored.loc[row, "method"], "global_error": 1.0}
+    extra = pd.concat([stored, pd.DataFrame([twin])], ignore_index=True)
+    assert [d.column for d in bench_errors.regressions(rows_of(extra), stored, SCENE)] == ["row"]
+    assert [d.column for d in bench_errors.regressions(rows_of(stored), extra, SCENE)] == ["row"]
     measured = stored.copy()
-    measured.loc[0, "status"] = "diverged"
-    assert bench_errors._violations(measured, stored, SCENE)["column"].tolist() == ["status"]
+    measured.loc[row, "status"] = "diverged"
+    assert [d.column for d in bench_errors.regressions(rows_of(measured), stored, SCENE)] == ["status"]
 
 
-def test_measured_rows_are_within_the_bands_of_the_stored_tables(rows):
+def test_measured_rows_are_within_the_stored_bands(rows):
     for scene in (SCENE, OSCILLATOR):
-        measured = bench_errors._table([r for r in rows if r["scene"] == scene.id], scene)
-        stored = table_of(scene.id)
-        stored = stored[stored["method"].isin(measured["method"]) & stored["h"].isin(measured["h"])]
-        assert len(stored) == len(measured) > 8
-        assert bench_errors._violations(measured, stored, scene).empty
+        own = [r for r in rows if r["scene"] == scene.id]
+        assert len(own) > 8
+        assert bench_errors.regressions(own, table_of(scene.id), scene) == []
 
 
-def test_a_regression_is_reported_with_the_row_both_numbers_and_their_ratio():
-    stored = table_of(SCENE.id).astype(object)
-    rows = stored.where(stored.notna(), None).to_dict("records")
+def test_regression_fails_the_run_with_both_numbers():
+    rows = rows_of(table_of(SCENE.id))
     bad = max((r for r in rows if r["method"] == "rk4"), key=lambda r: r["h"])
+    some = [r for r in rows if r["method"] in ("rk4", "stormer-verlet")]
     old = bad["global_error"]
     bad["global_error"] = new = 1.01 * old
-    some = [r for r in rows if r["method"] in ("rk4", "stormer-verlet")]
-    (found,) = bench_errors.regressions(some, table_of(SCENE.id), SCENE).to_dict("records")
-    assert (found["method"], found["column"], found["measured"], found["stored"]) == ("rk4", "global_error", new, old)
-    assert found["ratio"] == pytest.approx(1.01)
-    with pytest.raises(AssertionError, match=rf"{SCENE.id} left their bands(.|\n)*rk4(.|\n)*{new:.6e}"):
+    with pytest.raises(AssertionError) as error:
         bench_errors.bench_scene(SCENE, lambda table: [r | {"scene": SCENE.id} for r in some], False, False, [])
+    assert all(x in str(error.value) for x in (SCENE.id, "rk4", repr(new), repr(old)))
     bad["global_error"] = old
-    assert bench_errors.regressions(some, table_of(SCENE.id), SCENE).empty
+    bench_errors.bench_scene(SCENE, lambda table: [r | {"scene": SCENE.id} for r in some], False, False, [])
 
 
-def test_a_table_recorded_anew_keeps_the_methods_that_were_not_measured():
+def test_changes_of_a_table_are_summarized():
+    old = table_of(SCENE.id)
+    assert bench_errors.changes(old, old) == ""
+    assert f"{len(old)} rows" in bench_errors.changes(None, old)
+    new = old.drop(columns="energy_max").iloc[1:].reset_index(drop=True)
+    new.loc[3, "global_error"] *= 2
+    new.loc[4, "global_error"] *= 1 + 1e-6
+    lines = bench_errors.changes(old, new).splitlines()
+    assert len(lines) == 4
+    for word, line in zip(("energy_max", ": row", "ratio 2", " 1 "), lines, strict=True):
+        assert word in line
+
+
+def test_new_table_keeps_unmeasured_methods():
     stored = table_of(SCENE.id)
     rows = stored.astype(object).where(stored.notna(), None).to_dict("records")
     some = [r | {"global_error": 7.0} for r in rows if r["method"] == "rk4"]
-    new = bench_errors.recorded(some, stored, SCENE)
+    new = bench_errors.record(some, stored, SCENE)
     assert new["method"].tolist() == stored["method"].tolist()
     assert (new[new["method"] == "rk4"]["global_error"] == 7.0).all()
     others = new["method"] != "rk4"
     assert (new[others]["global_error"].dropna() == stored[others]["global_error"].dropna()).all()
     gone = pd.concat([stored, stored[stored["method"] == "rk4"].assign(method="nobody")])
-    assert "nobody" not in set(bench_errors.recorded(some, gone, SCENE)["method"])
+    assert "nobody" not in set(bench_errors.record(some, gone, SCENE)["method"])
 
 
 # -- reports -----------------------------------------------------------------------------------------------------------
-
-
-def written(folder, rows):
-    """A folder with the rows as its table."""
-    entry = Entry("rows", "", "2026-11-21", "", 0.0, {"rows": rows})
-    results.take(folder / "data", "rows", {"rows": entry})
 
 
 def test_markdown_table():
@@ -347,8 +358,8 @@ def test_number(x, text):
     assert markdown.number(x) == text
 
 
-def test_listed():
-    assert markdown.listed([]) == "none"
-    assert markdown.listed(["a"]) == "a"
-    assert markdown.listed(["a", "b", "c"]) == "a, b and c"
-    assert markdown.listed(list("abcd"), 2) == "a, b and 2 more"
+def test_listed_names():
+    assert markdown.join_list([]) == "none"
+    assert markdown.join_list(["a"]) == "a"
+    assert markdown.join_list(["a", "b", "c"]) == "a, b and c"
+    assert markdown.join_list(list("abcd"), 2) == "a, b and 2 more"

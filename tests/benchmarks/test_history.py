@@ -1,4 +1,4 @@
-"""Two stored runs beside each other: each kind of change is found where it is, and none where nothing has changed."""
+"""Two stored runs are compared: each kind of change is attributed to its method, equal runs have none."""
 
 import json
 import subprocess
@@ -8,14 +8,15 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from phasebench.benchmarks import history
 from phasebench.benchmarks.cli import app
+from phasebench.benchmarks.store import history
 from phasebench.integrators.errors import InvalidInput
 
 METHODS = ("a", "b", "c")
 
 
 def table(noise=0.0, seed=0) -> pd.DataFrame:
+    """A table of three methods on four problems, with relative noise in the times."""
     rng = np.random.default_rng(seed)
     rows = [
         {"method": m, "problem": f"p{k}", "h": h, "status": "ok", "reason": "", "global_error": h**2, "seconds": 1 / h}
@@ -28,10 +29,11 @@ def table(noise=0.0, seed=0) -> pd.DataFrame:
 
 
 def kinds(before, after) -> set[tuple[str, str]]:
+    """The (kind, method) of every change between two tables."""
     return {(c.kind, c.row.partition(",")[0]) for c in history.changes({"t": before}, {"t": after})}
 
 
-def test_two_draws_of_the_same_run_do_not_differ():
+def test_two_runs_with_timing_noise_do_not_differ():
     assert not history.changes({"t": table()}, {"t": table()})
     for seed in range(20):
         assert not history.changes({"t": table(0.05, seed)}, {"t": table(0.05, seed + 100)})
@@ -47,14 +49,14 @@ def test_two_draws_of_the_same_run_do_not_differ():
         ("seconds", lambda x: x / 1.3, history.FAST),
     ],
 )
-def test_a_change_is_named_with_the_method_that_it_is_of(column, value, kind):
+def test_change_is_named_with_its_method(column, value, kind):
     after = table()
     of = after["method"] == "b"
     after[column] = after[column].where(~of, after[column].map(value))
     assert kinds(table(), after) == {(kind, "b")}
 
 
-def test_what_is_within_the_noise_or_below_round_off_is_no_change():
+def test_change_within_noise_or_below_round_off_is_none():
     after = table()
     of = after["method"] == "b"
     after.loc[of, "seconds"] *= 1.1
@@ -65,43 +67,43 @@ def test_what_is_within_the_noise_or_below_round_off_is_no_change():
     assert kinds(tiny, tiny.assign(global_error=2e-13)) == {(history.WORSE, m) for m in METHODS}
 
 
-def test_a_slower_machine_is_not_a_slower_method():
+def test_slower_machine_is_not_a_slower_method():
     after = table()
     after["seconds"] *= 2
     assert not kinds(table(), after)
-    assert history.usual({"t": table()}, {"t": after}).value == pytest.approx(2)
+    assert history.overall({"t": table()}, {"t": after}).value == pytest.approx(2)
 
 
-def test_one_slow_row_of_many_does_not_make_a_method_slow():
+def test_one_slow_row_does_not_make_a_method_slow():
     after = table()
     after.loc[0, "seconds"] *= 10
     assert not kinds(table(), after)
 
 
-def test_rows_that_are_gone_or_new_are_named():
+def test_missing_and_new_rows_are_named():
     assert kinds(table(), table().iloc[1:]) == {(history.GONE, "a")}
     assert kinds(table().iloc[1:], table()) == {(history.NEW, "a")}
 
 
-def test_rows_are_found_by_what_was_run_whatever_their_order():
+def test_rows_match_in_any_order():
     assert not kinds(table(), table().iloc[::-1])
 
 
-def written(folder, frame):
+def write_tables(folder, frame):
     (folder / "data").mkdir(parents=True)
     frame.to_csv(folder / "data" / "t.csv", index=False)
     return str(folder)
 
 
-def test_the_command_compares_folders_files_and_commits(tmp_path, monkeypatch):
+def test_command_compares_folders_files_and_commits(tmp_path, monkeypatch):
     repository = tmp_path / "repository"
-    written(repository / "reports", table())
+    write_tables(repository / "reports", table())
     for words in (["init", "-q"], ["add", "-A"], ["-c", "user.name=x", "-c", "user.email=x", "commit", "-qm", "x"]):
         subprocess.run(["git", *words], cwd=repository, check=True)
     monkeypatch.chdir(repository)
     worse = table()
     worse["global_error"] *= 2
-    other = written(tmp_path / "other", worse)
+    other = write_tables(tmp_path / "other", worse)
     run = CliRunner()
     for before in ("HEAD", "reports", "reports/data/t.csv"):
         found = run.invoke(app, ["compare", before, other, "--json"])
@@ -115,25 +117,25 @@ def test_the_command_compares_folders_files_and_commits(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["none", "--output=x", "empty"])
-def test_what_is_no_run_is_invalid(name, tmp_path, monkeypatch):
+def test_name_without_a_run_is_invalid(name, tmp_path, monkeypatch):
     (tmp_path / "empty").mkdir()
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InvalidInput, match=name):
-        history.stored(name)
+        history.load(name)
 
 
-def test_a_file_that_is_no_table_is_invalid(tmp_path):
+def test_unreadable_table_is_invalid(tmp_path):
     (tmp_path / "t.csv").write_text("")
     with pytest.raises(InvalidInput, match="cannot be read"):
-        history.stored(str(tmp_path / "t.csv"))
+        history.load(str(tmp_path / "t.csv"))
 
 
-def test_what_was_timed_on_one_side_alone_is_no_ratio():
+def test_ratio_needs_times_on_both_sides():
     after = table()
     of = after["method"] == "b"
     after.loc[of, "seconds"] = [np.nan, 0.0, np.inf, *(2 * after.loc[of, "seconds"].iloc[3:])]
     assert kinds(table(), after) == {(history.SLOW, "b")}, "five that tell are enough"
     untimed = table().drop(columns="seconds")
     for pair in ((untimed, table()), (table(), untimed)):
-        found = history.usual({"t": pair[0], "u": table()}, {"t": pair[1], "u": table().assign(seconds=2.0)})
+        found = history.overall({"t": pair[0], "u": table()}, {"t": pair[1], "u": table().assign(seconds=2.0)})
         assert np.isfinite(found.value)

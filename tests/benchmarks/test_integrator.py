@@ -1,4 +1,4 @@
-"""One `Integrator`, whatever integrates: a method, a peer, a step of the user's own; and the public face over it."""
+"""`Integrator`, one interface to methods, peers and the user's steps; the public functions that use it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def step(system, q, p, h):
 
 @pytest.fixture
 def file(tmp_path):
-    """text -> the path of a file with it."""
+    """A function that writes a text to a file and returns its path."""
 
     def write(text: str) -> str:
         (tmp_path / "mine.py").write_text(text)
@@ -49,18 +49,18 @@ def verlet(system, q, p, h):
 
 
 @pytest.mark.parametrize("named", ["henon-heiles:box", HENON])
-def test_a_prepared_run_of_a_problem_by_its_name_is_the_integration(named):
+def test_prepared_run_equals_the_integration(named):
     run = pb.prepare(named, "stormer-verlet")
-    q, p, code = run(0.1, 20)
+    q, p, status = run(0.1, 20)
     ours = integrate(HENON, "stormer-verlet", h=0.1, steps=20)
-    assert code == run.SOLVED
+    assert status == "ok"
     assert np.abs(np.concatenate([q - ours.q[-1], p - ours.p[-1]])).max() < 1e-14
 
 
-# -- one run, whatever it is ------------------------------------------------------------------------------------------
+# -- kinds of integrator ----------------------------------------------------------------------------------------------
 
 
-def test_what_an_integrator_is(file):
+def test_properties_by_kind_of_integrator(file):
     path = file(VERLET)
     kinds = [integrator(x) for x in ("rk4", "heyoka", "rebound-leapfrog", path, verlet)]
     assert [k.kind for k in kinds] == [OURS, "heyoka", "rebound", YOURS, YOURS]
@@ -72,7 +72,7 @@ def test_what_an_integrator_is(file):
     assert all(integrator(k) == k and integrator(k.record) == k for k in kinds)
 
 
-def test_what_is_claimed_is_what_each_says_of_itself(file):
+def test_claims_come_from_each_record(file):
     path = file(VERLET)
     ours, theirs, own = (integrator(x).claims for x in ("stormer-verlet", "rebound-leapfrog", path))
     assert (ours.order, ours.symplectic, ours.reversible, ours.energy) == (2, True, True, record.BOUNDED)
@@ -80,7 +80,7 @@ def test_what_is_claimed_is_what_each_says_of_itself(file):
     assert (own.order, own.symplectic, own.reversible, own.energy, own.source) == (2, True, None, record.BOUNDED, path)
 
 
-def test_loading_imports_the_package_of_a_peer_alone(file):
+def test_loading_imports_only_packages_of_peers(file):
     seen = []
     spied = replace(peer("rebound-leapfrog"), load=seen.append)
     for each in ("rk4", verlet, spied):
@@ -89,7 +89,7 @@ def test_loading_imports_the_package_of_a_peer_alone(file):
 
 
 @pytest.mark.parametrize("every", [1, 7, 0])
-def test_a_step_of_ones_own_is_what_the_method_is(file, every):
+def test_user_step_agrees_with_the_method(file, every):
     ours = integrate(HENON, "stormer-verlet", h=0.1, t_end=10, save_every=every)
     for own in (verlet, file(VERLET)):
         s = pb.integrate(HENON, own, h=0.1, t_end=10, save_every=every)
@@ -101,14 +101,14 @@ def test_a_step_of_ones_own_is_what_the_method_is(file, every):
     assert np.abs(other.q[-1] - ours.q[-1]).max() > 1e-4
 
 
-def test_a_step_of_ones_own_can_be_sent_to_another_process(file):
+def test_user_step_can_be_pickled(file):
     for own in (verlet, file(VERLET)):
         sent = pickle.loads(pickle.dumps(integrator(own)))
         assert (sent.id, sent.order) == (integrator(own).id, integrator(own).order)
         assert sent.run(HENON, h=0.1, steps=3).q[-1].tolist() == pb.integrate(HENON, own, h=0.1, steps=3).q[-1].tolist()
 
 
-def test_a_step_sees_the_energy_of_the_system():
+def test_step_can_evaluate_the_energy():
     seen = []
 
     def step(system, q, p, h):
@@ -120,8 +120,8 @@ def test_a_step_sees_the_energy_of_the_system():
     assert [H for _, H in seen] == HENON.system.observe(HENON.system.H, s.q, s.p)[:3].tolist()
 
 
-def test_large_systems_and_plain_files_are_stepped_too():
-    made = problem("nls")  # its states are arrays in compiled code
+def test_user_step_on_a_large_system():
+    made = problem("nls")  # states of this size are arrays in compiled code
     ours, control = (integrate(made, id, h=1e-3, steps=5) for id in ("rk4", "explicit-euler"))
 
     def rk4(system, q, p, h):
@@ -139,19 +139,19 @@ def test_large_systems_and_plain_files_are_stepped_too():
     assert np.abs([s.q - control.q, s.p - control.p]).max() > 1e-9
 
 
-def test_peers_and_methods_through_the_face():
+def test_peers_and_methods_by_the_public_functions():
     assert np.array_equal(
         pb.integrate("henon-heiles:box", "heyoka", t_end=3.0, tol=1e-12).q,
         integrate_peer(HENON, "heyoka", t_end=3.0, tol=1e-12).q,
     )
     pendulum = pb.Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
     assert pb.integrate(pendulum, "heyoka", t_end=3.0, q0=[1.0], p0=[0.0]).status == "ok"
-    s = pb.integrate("pendulum", "scheme-i", lam=0.25, h=0.1, steps=5)
+    s = pb.integrate("pendulum", "scheme-i", parameters={"lam": 0.25}, h=0.1, steps=5)
     assert np.array_equal(s.q, integrate(problem("pendulum"), pb.method("scheme-i", lam="1/4"), h=0.1, steps=5).q)
     assert not np.array_equal(s.q, pb.integrate("pendulum", "scheme-i", h=0.1, steps=5).q)
 
 
-def test_a_problem_may_be_a_file_beside_a_step(file, tmp_path):
+def test_problem_and_step_from_files(file, tmp_path):
     (tmp_path / "pendulum.py").write_text(
         "from phasebench import Hamiltonian\nfrom phasebench.benchmarks.problems.base import Orbit, Problem\n"
         "problem = Problem(id='mine', name='pendulum', source='own', orbits=(Orbit('start', 2, 0),),\n"
@@ -160,6 +160,23 @@ def test_a_problem_may_be_a_file_beside_a_step(file, tmp_path):
     s = pb.integrate(tmp_path / "pendulum.py", file(VERLET), h=0.1, steps=5)
     assert s.status == "ok"
     assert s.q[0] == [2.0]
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda **more: pb.integrate("pendulum", "scheme-i", h=0.1, steps=5, **more).q[-1],
+        lambda **more: pb.prepare("pendulum", "scheme-i", **more)(0.1, 5)[0],
+        lambda **more: pb.integrator("scheme-i", **more).record.parameters["lam"],
+        lambda **more: pb.stability("scheme-i", **more).parameters["lam"],
+    ],
+)
+def test_old_spelling_of_parameters_warns(call):
+    new, other = call(parameters={"lam": "1/3"}), call(parameters={"lam": 0.25})
+    with pytest.warns(DeprecationWarning, match=r"lam='1/3' is now parameters=\{'lam': '1/3'\}") as seen:
+        old = call(lam="1/3")
+    assert seen[0].filename == __file__
+    assert old == new != other
 
 
 @pytest.mark.parametrize(
@@ -175,19 +192,19 @@ def test_a_problem_may_be_a_file_beside_a_step(file, tmp_path):
         (0.1, 0.1),
     ],
 )
-def test_a_parameter_is_the_number_that_it_is_given_as(value, meaning):
+def test_parameter_keeps_its_exact_value(value, meaning):
     found = pb.method("scheme-i", lam=value).parameters["lam"]
     assert found == meaning
     assert type(found) is (Fraction if isinstance(meaning, Fraction) or meaning == -1 else float)
 
 
 @pytest.mark.parametrize("value", [np.bool_(True), np.array([0.5, 1.0]), np.float64("nan"), np.complex128(1)])
-def test_a_parameter_that_is_no_number_is_refused(value):
+def test_parameter_that_is_no_number_is_refused(value):
     with pytest.raises(InvalidInput, match="lam is"):
         pb.method("scheme-i", lam=value)
 
 
-# -- what cannot be used ----------------------------------------------------------------------------------------------
+# -- invalid input ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -199,9 +216,13 @@ def test_a_parameter_that_is_no_number_is_refused(value):
         ("pendulum", "heyok", {}, "did you mean heyoka"),
         ("pendulum", 3, {}, "the method is 3"),
         ("pendulum", "rk4", {"tend": 1}, "did you mean t_end"),
-        ("pendulum", "scheme-i", {"lamda": 1}, "has no parameter 'lamda'; it has lam"),
-        ("pendulum", "heyoka", {"lam": 1}, "no parameters such as lam; it takes h or tol"),
-        ("pendulum", verlet, {"lam": 1}, "no parameters such as lam; it takes h"),
+        ("pendulum", "scheme-i", {"parameters": {"lamda": 1}}, "has no parameter 'lamda'; it has lam"),
+        ("pendulum", "scheme-i", {"lamda": 1}, r"unknown argument lamda; did you mean parameters=\{'lam': 1\}"),
+        ("pendulum", "scheme-i", {"stepz": 3}, r"unknown argument stepz; did you mean steps\?"),
+        ("pendulum", "scheme-i", {"bound": 3}, "unknown argument bound; integrate takes problem, method, h"),
+        ("pendulum", "scheme-i", {"parameters": "lam=1"}, "it must map names to values"),
+        ("pendulum", "heyoka", {"parameters": {"lam": 1}}, "no parameters such as lam; it takes h or tol"),
+        ("pendulum", verlet, {"parameters": {"lam": 1}}, "no parameters such as lam; it takes h"),
         ("pendulum", "heyoka", {"timeout": 3}, "cannot be stopped"),
         ("pendulum", "rk4", {"tol": 1e-3}, "takes a step h, no tolerance"),
         ("pendulum", verlet, {"tol": 1e-3}, "takes a step h, no tolerance"),
@@ -212,7 +233,7 @@ def test_a_parameter_that_is_no_number_is_refused(value):
         ("lotka-volterra", verlet, {}, "canonical"),
     ],
 )
-def test_what_cannot_be_used_is_named(name, method, more, message):
+def test_invalid_input_is_named(name, method, more, message):
     with pytest.raises(InvalidInput, match=message):
         pb.integrate(name, method, h=0.1, steps=3, **more)
 
@@ -235,7 +256,7 @@ def test_what_cannot_be_used_is_named(name, method, more, message):
         ("return q, system.dV(q)", ["line 2", "AttributeError", "dV"]),
     ],
 )
-def test_what_is_wrong_in_a_step_is_named_with_its_line(file, line, words):
+def test_error_in_a_step_is_named_with_its_line(file, line, words):
     path = file(f"def step(system, q, p, h):\n    {line}\n")
     with pytest.raises(InvalidInput) as caught:
         pb.integrate(HENON, path, h=0.1, steps=3)
@@ -262,7 +283,7 @@ def test_what_is_wrong_in_a_step_is_named_with_its_line(file, line, words):
         (VERLET + "REQUIRES = 'Kepler part'\n", ["requires", "'Kepler part'"]),
     ],
 )
-def test_what_is_wrong_with_a_file_is_named(file, text, words):
+def test_error_in_a_file_is_named(file, text, words):
     path = file(text)
     with pytest.raises(InvalidInput) as caught:
         pb.integrate(HENON, path, h=0.1, steps=3)
@@ -270,16 +291,16 @@ def test_what_is_wrong_with_a_file_is_named(file, text, words):
         assert word in str(caught.value)
 
 
-def test_a_file_that_is_not_there_is_named():
+def test_missing_file_is_named():
     with pytest.raises(InvalidInput, match=r"there is no file \./none\.py; names of registered methods"):
         pb.integrate(HENON, "./none.py", h=0.1, steps=3)
 
 
-# -- what happens on the way ------------------------------------------------------------------------------------------
+# -- failures during a run --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("every", [1, 4, 0])
-def test_a_state_that_is_no_longer_finite_has_diverged(every):
+def test_nonfinite_state_has_diverged(every):
     def step(system, q, p, h):
         return q * 1e200, p
 
@@ -290,26 +311,26 @@ def test_a_state_that_is_no_longer_finite_has_diverged(every):
     assert (len(s.t), s.counts["steps"]) == (2 if every == 1 else 1, 1)
 
 
-def test_a_fall_into_the_centre_is_a_collision():
+def test_fall_into_the_centre_is_a_collision():
     s = pb.integrate("kepler", verlet, h=0.01, t_end=5, q0=[1, 0], p0=[0, 0])
     assert s.status == "collision"
     assert pb.integrate("kepler", verlet, h=0.01, t_end=5, q0=[1, 0], p0=[0, 1]).status == "ok"
 
 
-def test_a_time_limit_keeps_the_rows_so_far():
+def test_time_limit_keeps_the_rows_so_far():
     def slow(system, q, p, h):
         time.sleep(0.01)
         return verlet(system, q, p, h)
 
-    s = pb.integrate("pendulum", slow, h=0.1, steps=10_000, save_every=4, timeout=0.15)
+    s = pb.integrate("pendulum", slow, h=0.1, steps=10_000, save_every=4, time_limit=0.15)
     assert s.status == "timeout"
     assert 4 <= s.counts["steps"] < 20
     n = s.counts["steps"]
     assert np.allclose(s.t, 0.1 * np.array([*range(0, n, 4), n]), rtol=1e-15)
-    assert pb.integrate("pendulum", slow, h=0.1, steps=3, timeout=60).status == "ok"
+    assert pb.integrate("pendulum", slow, h=0.1, steps=3, time_limit=60).status == "ok"
 
 
-def test_what_a_step_prints_is_no_output(capsys):
+def test_output_of_a_step_goes_to_stderr(capsys):
     def step(system, q, p, h):
         print("hello")
         return q, p
@@ -317,3 +338,17 @@ def test_what_a_step_prints_is_no_output(capsys):
     pb.integrate("pendulum", step, h=0.1, steps=1)
     captured = capsys.readouterr()
     assert (captured.out, captured.err) == ("", "hello\n")
+
+
+def test_kepler_part_of_a_bare_system_is_found():
+    """Methods that `advise` names for a system run on that system."""
+    system = pb.Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - 1/sqrt(x**2 + y**2)")
+    start = {"q0": [1.0, 0.0], "p0": [0.0, 1.1]}
+    end = pb.integrate(system, "wisdom-holman", h=5.0, t_end=10.0, **start)
+    exact = pb.integrate(system, "gauss-8", h=0.05, t_end=10.0, **start)
+    np.testing.assert_allclose(end.q[-1], exact.q[-1], atol=1e-12)
+    q, _, status = pb.prepare(system, "wisdom-holman", **start)(5.0, 2)
+    assert status == "ok"
+    np.testing.assert_array_equal(q, end.q[-1])
+    with pytest.raises(InvalidInput, match="Kepler part"):
+        pb.integrate(pb.Hamiltonian(q="x", p="u", H="u**2/2 + x**4"), "wisdom-holman", h=1, steps=1, q0=[1.0], p0=[0.0])

@@ -1,4 +1,4 @@
-"""The Kepler comparison: elements and phases, the perihelion's advance, growth, runs that fail, the page."""
+"""The Kepler comparison: orbital elements, phases, advance of the perihelion, growth, failed runs, the page."""
 
 from __future__ import annotations
 
@@ -11,26 +11,29 @@ import pytest
 from phasebench.benchmarks.experiments.kepler import bench_kepler, comparison, kepler, runs, times
 from phasebench.benchmarks.experiments.kepler.page import PAGE
 from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.benchmarks.page.verdict import FINDING
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.solvers import taylor
 from phasebench.reference.solvers.exact import exact as exact_solution
 
-#: Odd numbers of eighths of an orbit, over 40 orbits: no special phase.
+#: Odd multiples of an eighth of an orbit, within 40 orbits: no special phase.
 EIGHTHS = [1, 3, 5, 7, 9, 101, 207, 313]
 
 
-def made(name, e):
+def build_problem(name, e):
+    """The Kepler problem or the perturbed one with mu = 0.002, at eccentricity e."""
     return problem(name, e=e, **({"mu": 0.002} if name == "perturbed-kepler" else {}))
 
 
 def worst(found, names=("phase", "perihelion", "anomaly")):
+    """The largest of these errors, in absolute value."""
     return max(float(np.abs(getattr(found, n)).max()) for n in names)
 
 
 @pytest.mark.parametrize("e", [0.0, 0.2, 0.9])
 def test_elements_of_exact_kepler_motion(e):
-    p = made("kepler", e)
+    p = build_problem("kepler", e)
     truth = kepler.truth(p)
     h = truth.period / 8
     q, v = (np.array(x, dtype=float) for x in exact_solution(p, [h * n for n in EIGHTHS]))
@@ -44,8 +47,8 @@ def test_elements_of_exact_kepler_motion(e):
         assert np.abs(kepler.elements(q, v).eccentricity - e).max() < 1e-14
     else:
         assert np.isnan(found.perihelion).all()
-    # Another eccentricity shows in the angular momentum alone, another speed in the energy and the phase.
-    assert np.abs(kepler.errors(kepler.truth(made("kepler", e + 0.05)), when, q, v).momentum).max() > 1e-3
+    # Another eccentricity changes only the angular momentum, another speed the energy and the phase.
+    assert np.abs(kepler.errors(kepler.truth(build_problem("kepler", e + 0.05)), when, q, v).momentum).max() > 1e-3
     faster = SimpleNamespace(q0=p.q0, p0=(0.0, p.p0[1] * 1.0001), parameters={})
     other = kepler.errors(kepler.truth(faster), when, q, v)
     assert np.abs(other.energy).max() > 1e-4
@@ -55,7 +58,7 @@ def test_elements_of_exact_kepler_motion(e):
 @pytest.mark.parametrize("turn", [1, -1], ids=["prograde", "retrograde"])
 @pytest.mark.parametrize("e", [0.0, 0.6, 0.9])
 def test_angle_variables_of_the_perturbed_problem(e, turn):
-    p = made("perturbed-kepler", e)
+    p = build_problem("perturbed-kepler", e)
     truth = kepler.truth(p)
     h = truth.period / 8
     grid = [h * n for n in EIGHTHS]
@@ -64,7 +67,7 @@ def test_angle_variables_of_the_perturbed_problem(e, turn):
     truth = kepler.truth(start)
     when = kepler.times(h, EIGHTHS, exactly=False)
     found = kepler.errors(truth, when, rows[:, :2], rows[:, 2:])
-    # On a nearly circular orbit the pericentre is round-off divided by the eccentricity of 0.002.
+    # On a nearly circular orbit the error of the pericentre is round-off divided by the eccentricity, 0.002.
     assert worst(found) < (3e-12 if e == 0 else 5e-13)
     assert np.abs(found.phase).max() < 5e-13
     advance = kepler.measured_advance(truth, when[-1], found.perihelion[-1], found.anomaly[-1])
@@ -73,17 +76,17 @@ def test_angle_variables_of_the_perturbed_problem(e, turn):
     assert worst(kepler.errors(kepler.truth(start), when, rows[:, :2], rows[:, 2:])) > 1e-2
 
 
-def test_the_quadratures_have_converged():
-    p = made("perturbed-kepler", 0.9)
-    s = integrator("scheme-iii-suzuki-4", lam="0").run(p, h=0.01, steps=500)
+def test_quadratures_have_converged():
+    p = build_problem("perturbed-kepler", 0.9)
+    s = integrator("scheme-iii-suzuki-4", parameters={"lam": "0"}).run(p, h=0.01, steps=500)
     few, many = (kepler.elements(s.q, s.p, 0.002, nodes) for nodes in (kepler.NODES, 3 * kepler.NODES))
     assert all(np.abs(a - b).max() < 1e-14 for a, b in zip(few, many, strict=True))
     rough = kepler.elements(s.q, s.p, 0.002, 6)
     assert np.abs(rough.anomaly - many.anomaly).max() > 1e-10
 
 
-def test_the_advance_is_that_of_first_order_for_a_weak_term():
-    p = made("kepler", 0.6)
+def test_advance_of_a_weak_perturbation_is_first_order():
+    p = build_problem("kepler", 0.6)
     L = p.q0[0] * p.p0[1]
     mus = np.array([1e-2, 1e-3, 1e-4, 1e-5])
     off = [float(kepler.exact_orbit(p.q0, p.p0, mu)[0] / kepler.first_order_advance(L, mu)) - 1 for mu in mus]
@@ -92,12 +95,12 @@ def test_the_advance_is_that_of_first_order_for_a_weak_term():
 
 
 @pytest.mark.parametrize("e", [0.0, 0.6, 0.9])
-def test_advance_and_period_against_an_integration_in_quadruple_precision(e):
+def test_advance_and_period_in_quadruple_precision(e):
     import mpmath
 
-    p = made("perturbed-kepler", e)
+    p = build_problem("perturbed-kepler", e)
     advance, period = kepler.exact_orbit(p.q0, p.p0, p.parameters["mu"])
-    quad = taylor.extended()[1]
+    quad = taylor.extended_types()[1]
     T = float(period)
     with mpmath.workdps(30):
         x, y, v, w = (mpmath.mpf(str(s)) for s in taylor.states(p.system, quad, p.q0, p.p0, [T])[0])
@@ -112,8 +115,8 @@ def test_advance_and_period_against_an_integration_in_quadruple_precision(e):
     assert abs(float(advance) - first) > 1e-5
 
 
-def test_the_advance_of_another_orbit_is_its_own():
-    p = made("perturbed-kepler", 0.6)
+def test_advance_is_measured_per_orbit():
+    p = build_problem("perturbed-kepler", 0.6)
     truth = kepler.truth(p)
     other = SimpleNamespace(q0=p.q0, p0=(0.0, p.p0[1] * 0.99), parameters=p.parameters)
     n, h = np.arange(1, 101), truth.period / 2
@@ -126,11 +129,11 @@ def test_the_advance_of_another_orbit_is_its_own():
     away = kepler.truth(other).advance - truth.advance
     told = kepler.advances(truth, when, found, -1)
     assert told == {"advance": advance, "advance error": pytest.approx(away, abs=1e-13)}
-    assert kepler.advances(kepler.truth(made("kepler", 0.6)), when, found, -1) == {}
+    assert kepler.advances(kepler.truth(build_problem("kepler", 0.6)), when, found, -1) == {}
 
 
 def test_phases_are_unwrapped_over_many_turns():
-    p = made("kepler", 0.6)
+    p = build_problem("kepler", 0.6)
     truth = kepler.truth(p)
     faster = SimpleNamespace(id="kepler", q0=p.q0, p0=(0.0, p.p0[1] * 0.98), parameters={})
     n = np.arange(1, 401)
@@ -152,25 +155,27 @@ def test_growth_of_an_oscillating_error(power):
     assert runs.growth(t, np.zeros(len(t))) is None
 
 
-def test_a_run_that_fails_says_so():
-    p = made("kepler", 0.9)
+def test_failed_run_has_a_status_and_reason():
+    p = build_problem("kepler", 0.9)
     truth = kepler.truth(p)
     run, rows = runs.follow(integrator("stormer-verlet"), p, truth, comparison.steps(20), 30)
     assert run["status"] == "collision"
     assert run["reason"]
     assert all(r["orbits"] <= run["reached"] for r in rows)
-    p = made("kepler", 0.6)
+    p = build_problem("kepler", 0.6)
     run, rows = runs.follow(integrator("explicit-euler"), p, kepler.truth(p), comparison.steps(60), 30)
     assert run["status"] == "diverged"
     assert "no bound orbit" in run["reason"]
     assert run["reached"] < 30
-    run, rows = runs.follow(integrator("scheme-iii", lam="0"), p, kepler.truth(p), comparison.steps(200), 30)
+    run, rows = runs.follow(
+        integrator("scheme-iii", parameters={"lam": "0"}), p, kepler.truth(p), comparison.steps(200), 30
+    )
     assert run["status"] == "ok"
     assert [r["orbits"] for r in rows] == [1.5, 3.5, 10.5, 30.5]
 
 
-def test_bad_input_is_named():
-    p = made("kepler", 0.6)
+def test_invalid_input_is_named():
+    p = build_problem("kepler", 0.6)
     with pytest.raises(InvalidInput, match="per_orbit is 15; it must be even"):
         runs.follow(integrator("stormer-verlet"), p, kepler.truth(p), comparison.steps(15), 3)
     with pytest.raises(InvalidInput, match="states in the plane"):
@@ -182,8 +187,8 @@ def test_bad_input_is_named():
     assert np.isnan(kepler.elements([[1.0, 0.0]], [[0.0, 1.5]]).anomaly).all()
 
 
-def test_the_page_is_written_from_few_rows(tmp_path, monkeypatch):
-    ours = integrator("scheme-iii", lam="0")
+def test_page_is_written_from_a_few_rows(tmp_path, monkeypatch):
+    ours = integrator("scheme-iii", parameters={"lam": "0"})
     monkeypatch.setattr(comparison, "GROUPS", {"low order": (ours, integrator("heyoka"))})
     monkeypatch.setattr(comparison, "ORBITS", 100)
     monkeypatch.setattr(times, "ROUNDS", 2)
@@ -195,9 +200,8 @@ def test_the_page_is_written_from_few_rows(tmp_path, monkeypatch):
     assert bench_kepler.bench_kepler_times(lambda table: tables[table].to_dict("records")) is None
     failed = tables["kepler"].iloc[-1:].assign(method="nobody", status="diverged", reason="it fell", reached=0.0)
     tables["kepler"] = pd.concat([tables["kepler"], failed])
-    said = " ".join(v.text for v in PAGE.judged(tables.get))
-    assert "1 of" in said
-    assert "runs do not get through" in said
+    assert "1 of" in PAGE.table(tables.get).caption
+    assert PAGE.judge(tables.get)[0].outcome == FINDING
     shown = PAGE.table(tables.get).frame
     assert "heyoka" in " ".join(shown["peer"])
     assert set(shown["ours"]) == {"none"}
@@ -209,34 +213,34 @@ def test_the_page_is_written_from_few_rows(tmp_path, monkeypatch):
     assert row.loc[("heyoka", "adaptive"), "phase median"] < 1e-9
     ladder = [s for m, s in row.index if m == ours.label]
     assert ladder == ["150 steps", "300 steps", "600 steps", "1200 steps", "2400 steps"]
-    assert PAGE.judged(lambda name: None) == []
+    assert PAGE.judge(lambda name: None) == []
 
 
-def test_the_advance_of_the_perihelion_is_in_the_rows(monkeypatch):
+def test_rows_have_the_advance_of_the_perihelion(monkeypatch):
     monkeypatch.setattr(comparison, "GROUPS", {"": (integrator("heyoka"),)})
     monkeypatch.setattr(comparison, "ORBITS", 100)
-    row = comparison.followed("perturbed-kepler", 0.6, "", 0)["kepler"][0]
+    row = comparison.measure_rows("perturbed-kepler", 0.6, "", 0)["kepler"][0]
     assert abs(row["advance error"]) < 1e-12
 
 
-# -- draws ------------------------------------------------------------------------------------------------------------
+# -- perturbed initial states -----------------------------------------------------------------------------------------
 
 
-def test_the_neighbours_are_an_ulp_away():
-    p = made("kepler", 0.6)
+def test_perturbed_starts_are_one_ulp_away():
+    p = build_problem("kepler", 0.6)
     found = runs.neighbours(p)
     assert len({(s.q0, s.p0) for s in found}) == 8
     for s in found:
         away = [abs(x - y) / np.spacing(y) for x, y in zip((*s.q0, *s.p0), (*p.q0, *p.p0), strict=True) if y]
-        # Below a power of two the spacing is half as wide.
+        # Below a power of two the spacing halves.
         assert max(away) in (0.5, 1.0)
         assert (s.q0[1], s.p0[0]) == (0.0, 0.0)
         assert kepler.truth(s).H != kepler.truth(p).H or kepler.truth(s).L != kepler.truth(p).L
 
 
-def test_each_draw_is_held_to_its_own_orbit(monkeypatch):
-    """Against the orbit of the first start the phases of the others part; truncation is the same for all."""
-    p, c = made("kepler", 0.2), integrator("heyoka")
+def test_each_draw_is_compared_with_its_own_orbit(monkeypatch):
+    """The exact phases of the perturbed starts differ; the truncation error is common to all."""
+    p, c = build_problem("kepler", 0.2), integrator("heyoka")
     truth = kepler.truth(p)
     setting = comparison.tolerances(c)[0]
     found = list(runs.draws(c, p, truth, setting, 1000))
@@ -248,14 +252,14 @@ def test_each_draw_is_held_to_its_own_orbit(monkeypatch):
     monkeypatch.setattr(runs, "truth", lambda start: kepler.truth(faster))
     (wrong,) = runs.draws(c, p, truth, setting, 1000)
     assert wrong > 5e-9
-    coarse = integrator("scheme-iii", lam="0")
+    coarse = integrator("scheme-iii", parameters={"lam": "0"})
     monkeypatch.undo()
     same = list(runs.draws(coarse, p, truth, comparison.steps(150), 200))
     assert max(same) < (1 + 1e-6) * min(same)
 
 
-def test_a_draw_that_fails_is_infinite(monkeypatch):
-    p = made("kepler", 0.9)
+def test_failed_draw_is_infinite(monkeypatch):
+    p = build_problem("kepler", 0.9)
     monkeypatch.setattr(runs, "neighbours", lambda problem: [problem])
     assert list(runs.draws(integrator("stormer-verlet"), p, kepler.truth(p), comparison.steps(20), 100)) == [np.inf]
 
@@ -271,8 +275,8 @@ def test_a_draw_that_fails_is_infinite(monkeypatch):
     ],
     ids=["spread", "an outlier", "truncation", "hardly truncation", "too dear"],
 )
-def test_a_phase_error_is_settled_by_draws(others, found):
-    ((value, low, high), count), taken = comparison.settled(1e-9, iter(others)), found
+def test_median_phase_error_from_draws(others, found):
+    ((value, low, high), count), taken = comparison.median_phase_error(1e-9, iter(others)), found
     assert (value, low, high) == pytest.approx(taken[0])
     assert count == taken[1]
 
@@ -281,7 +285,7 @@ def test_a_phase_error_is_settled_by_draws(others, found):
     ("phase", "seconds", "starts"),
     [(1e-9, 0.1, 9), (1e-7, 0.1, 1), (1e-11, 0.1, 1), (1e-9, 3.0, 1), (2.9e-8, 2.4, 9), (3.1e-11, 0.1, 9)],
 )
-def test_draws_are_taken_where_round_off_may_decide(phase, seconds, starts, monkeypatch):
+def test_draws_are_made_where_round_off_matters(phase, seconds, starts, monkeypatch):
     run = {"status": "ok", "seconds": seconds}
     monkeypatch.setattr(runs, "follow", lambda *of: (dict(run), [{"phase": 5.0}, {"phase": phase}]))
     monkeypatch.setattr(runs, "draws", lambda *of: iter([phase * k for k in range(2, 10)]))
@@ -296,7 +300,7 @@ def test_draws_are_taken_where_round_off_may_decide(phase, seconds, starts, monk
         assert found["phase, low"] == found["phase, high"] == phase
 
 
-def test_a_run_that_fails_follows_nothing(monkeypatch):
+def test_failed_run_has_an_infinite_phase_error(monkeypatch):
     monkeypatch.setattr(runs, "follow", lambda *of: ({"status": "diverged", "seconds": 1.0}, [{"phase": 1e-9}]))
     found, _ = comparison._run(integrator("heyoka"), "kepler", 0.2, comparison.tolerances(integrator("heyoka"))[0])
     assert found["phase median"] == found["phase, low"] == np.inf
@@ -312,7 +316,7 @@ def test_a_run_that_fails_follows_nothing(monkeypatch):
     ],
     ids=["both ways", "too wide", "too dear", "fine enough"],
 )
-def test_the_ladder_goes_as_far_as_it_is_of_use(phases, cost, taken, monkeypatch):
+def test_ladder_ends_where_it_is_of_no_use(phases, cost, taken, monkeypatch):
     monkeypatch.setattr(runs, "seconds_per_orbit", lambda c, made, period, setting, orbits: cost * setting.per_orbit)
 
     def run(c, name, e, setting):
@@ -324,29 +328,29 @@ def test_the_ladder_goes_as_far_as_it_is_of_use(phases, cost, taken, monkeypatch
     assert tuple(found) == taken
 
 
-def test_peers_are_compared_at_their_tolerances_and_an_orbit_costs_its_median(monkeypatch):
+def test_tolerances_of_peers_and_cost_per_orbit(monkeypatch):
     names = {c.id: [s.tol for s in comparison.tolerances(c)] for c in comparison.contenders() if c.adaptive}
     assert names == {
         "rebound-ias15": [None, 1e-6],
         "heyoka": [None, 1e-12, 1e-9, 1e-6],
         "heyoka-high-accuracy": [None, 1e-12],
     }
-    seconds = iter([9.0, 3.0, 1.0, 2.0] * 9)  # of ten orbits each
+    seconds = iter([9.0, 3.0, 1.0, 2.0] * 9)  # each for ten orbits
     monkeypatch.setattr(comparison, "GROUPS", {"": (integrator("heyoka-high-accuracy"),)})
     monkeypatch.setattr(times, "orbit_clock", lambda *of: lambda: next(seconds) * times.ORBITS)
     monkeypatch.setattr(times, "ROUNDS", 3)
-    rows = times.measured("kepler", 0.2)[times.TABLE]
+    rows = times.measure_rows("kepler", 0.2)[times.TABLE]
     assert [r["setting"] for r in rows] == ["adaptive", "tolerance 1e-12"]
     assert rows[0]["us, low"] <= rows[0]["us per orbit"] <= rows[0]["us, high"]
     monkeypatch.setattr(times, "in_turns", lambda work, rounds: {k: np.array([1.0, 5.0, 2.0]) for k in work})
-    assert [times.measured("kepler", 0.2)[times.TABLE][0][c] for c in ("us per orbit", "us, low", "us, high")] == [
+    assert [times.measure_rows("kepler", 0.2)[times.TABLE][0][c] for c in ("us per orbit", "us, low", "us, high")] == [
         2e6,
         1e6,
         5e6,
     ]
 
 
-def test_verdicts_of_fabricated_rows():
+def test_messages_on_fabricated_rows():
     rows = [
         {"problem": "kepler", "e": 0.2, "kind": "reference", "phase": 1e-8},
         {"problem": "kepler", "e": 0.2, "kind": "phasebench", "phase": 1e-3},
@@ -355,19 +359,19 @@ def test_verdicts_of_fabricated_rows():
     (said,) = bench_kepler.away(rows)
     assert "e = 0.2" in said
     assert "1.00e-08" in said
-    (said,) = bench_kepler.nobody(rows[1:], "phase", "{problem}, e = {e}")
+    (said,) = bench_kepler.unsolved_problems(rows[1:], "phase", "{problem}, e = {e}")
     assert said == "kepler, e = 0.2: the best phase is 1.00e-03"
 
 
-def test_the_term_turns_every_orbit_by_the_talks_angle():
-    """mu falls with L^4, so that the advance of first order is one for all, and the talk's at its eccentricity."""
+def test_perturbation_gives_every_orbit_the_same_advance():
+    """mu is proportional to L^4, so the first-order advance is the same; at e = 0.6 it is the talk's."""
     about = {e: comparison.orbit("perturbed-kepler", e)[2] for e in comparison.ECCENTRICITIES}
     assert about[0.6]["mu"] == 0.0075
     assert [a["first order"] for a in about.values()] == pytest.approx([about[0.6]["first order"]] * len(about))
     assert comparison.orbit("kepler", 0.6)[2]["mu"] == 0.0
 
 
-def test_the_reference_is_followed_at_apocentres_to_half_an_orbit_beyond_the_last():
+def test_reference_samples_at_apocentres():
     made_, exact, _ = comparison.orbit("kepler", 0.2)
     run, samples = comparison._reference(made_, exact, 10)
     assert [s["orbits"] % 1 for s in samples] == [0.5] * len(samples)

@@ -1,20 +1,23 @@
-"""The Kepler page's sentences follow their rows, both ways."""
+"""The Kepler page: its verdicts follow from fabricated rows, passing and failing."""
 
 from __future__ import annotations
 
+import re
 from math import inf, pi
 
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.kepler import page
+from phasebench.benchmarks.experiments.kepler import figures, page
 from phasebench.benchmarks.experiments.kepler.times import TABLE
 from phasebench.benchmarks.measure.timing import NONE, OURS, PEERS, TIED
+from phasebench.benchmarks.page.verdict import FINDING, MISSING, PASS, Count
 
 OWN, THEIRS = "gauss-8", "heyoka"
 
 
 def run(method: str, phase: float, low: float | None = None, high: float | None = None, **more) -> dict:
+    """The row of a run over 100 orbits with its phase error (rad) and the error's interval."""
     return {
         "problem": "kepler", "e": 0.2, "mu": 0.0, "status": "ok", "orbits": 100.0, "phase growth": 1.0,
         "method": method, "kind": "phasebench" if method == OWN else "heyoka", "setting": "adaptive",
@@ -23,11 +26,13 @@ def run(method: str, phase: float, low: float | None = None, high: float | None 
 
 
 def time(method: str, us: float, spread: float = 0.0, setting: str = "adaptive") -> dict:
+    """The row of a time per orbit in us, +- spread."""
     own = {"problem": "kepler", "e": 0.2, "method": method, "setting": setting}
     return own | {"us per orbit": us, "us, low": us - spread, "us, high": us + spread}
 
 
 def tables(runs: list[dict], times: list[dict], **growth) -> dict:
+    """The tables of the page; ``growth`` replaces values in the last rows of the runs."""
     key = ("problem", "e", "method", "setting")
     ends = {"orbits": 100.0, "energy": 1e-13, "momentum": 1e-15, "phase": 1e-10, "perihelion": 1e-12}
     rows = [{k: r[k] for k in key} | ends | growth for r in runs]
@@ -42,13 +47,13 @@ def tables(runs: list[dict], times: list[dict], **growth) -> dict:
         ([run(OWN, 1e-10), run(THEIRS, 1e-10)], [time(OWN, 9, 1), time(THEIRS, 10, 1)], [TIED] * 3),
         ([run(OWN, 1e-10)], [time(OWN, 9)], [OURS] * 3),
         ([run(THEIRS, 1e-10)], [time(THEIRS, 9)], [PEERS] * 3),
-        # One draw of 1e-10 whose neighbours reach 3e-9 is no follower to 1e-9, and none that certainly is not.
+        # With phase errors from 1e-10 to 3e-9 it is uncertain whether a run reaches 1e-9.
         ([run(OWN, 9e-10, 1e-10, 3e-9), run(THEIRS, 5e-9)], [time(OWN, 5), time(THEIRS, 10)], [OURS, OURS, TIED]),
         ([run(OWN, 2e-9, 5e-10, 3e-9), run(THEIRS, 5e-10)], [time(OWN, 5), time(THEIRS, 10)], [OURS, OURS, TIED]),
-        # The dearer one wins all the same where the cheaper certainly does not get there.
+        # The more expensive one wins if the cheaper one certainly misses the phase error.
         ([run(OWN, 2e-9), run(THEIRS, 5e-10)], [time(OWN, 5), time(THEIRS, 10)], [OURS, OURS, PEERS]),
         ([run(OWN, 5e-10), run(THEIRS, 2e-9, 1.1e-9, 4e-9)], [time(OWN, 50), time(THEIRS, 10)], [PEERS, PEERS, OURS]),
-        # Where it may get there, it would be the dearer one still.
+        # A side that may reach it but costs more loses either way.
         ([run(OWN, 5e-10), run(THEIRS, 2e-9, 5e-10, 4e-9)], [time(OWN, 5), time(THEIRS, 10)], [OURS] * 3),
         ([run(OWN, 1.1e-6), run(THEIRS, inf)], [time(OWN, 5), time(THEIRS, 1)], [OURS, NONE, NONE]),
         ([run(OWN, 1.1e-2)], [time(OWN, 5)], [NONE] * 3),
@@ -59,18 +64,19 @@ def tables(runs: list[dict], times: list[dict], **growth) -> dict:
         *("dearer still", "none", "nobody", "failed"),
     ],
 )
-def test_the_cheaper_on_kepler_is_named(runs, times, who):
+def test_cheaper_side_is_named(runs, times, who):
     data = tables(runs, times)
     assert page.cheapest(data["kepler"], data[TABLE])["cheaper"].tolist() == who
-    ours, peers, tied, none = (who.count(x) for x in (OURS, PEERS, TIED, NONE))
+    ours, peers, tied = (who.count(x) for x in (OURS, PEERS, TIED))
     said = page.costs(data.get)
-    assert said.holds == (ours >= peers)
-    assert f"methods in {ours}, a peer in {peers}; {tied} {'is a tie' if tied == 1 else 'are ties'}" in said.text
-    assert (f"{none} reached by none" in said.text) == bool(none)
-    assert said.short == f"Cheapest over 100 orbits: ours {ours}, peers {peers}, ties {tied} of 3."
+    assert said.measured == Count(ours, ours + peers)
+    assert said.outcome == (MISSING if not ours + peers else PASS if ours >= peers else FINDING)
+    assert bool(said.where) == bool(peers)
+    tail = page.answer(data.get).partition("cheapest in ")[2]
+    assert [int(n) for n in re.findall(r"\d+", tail)] == [ours, 3, peers, tied]
 
 
-def test_the_cheapest_of_a_side_is_the_cheapest_that_gets_there():
+def test_cheapest_of_a_side_must_reach_the_phase_error():
     runs = [run(OWN, p, setting=s) for p, s in ((1e-3, "50 steps"), (1e-7, "150 steps"), (1e-10, "600 steps"))]
     times = [time(OWN, us, setting=s) for us, s in ((1.0, "50 steps"), (2.0, "150 steps"), (4.0, "600 steps"))]
     data = tables([*runs, run(THEIRS, 1e-10)], [*times, time(THEIRS, 3)])
@@ -81,71 +87,67 @@ def test_the_cheapest_of_a_side_is_the_cheapest_that_gets_there():
     assert lines["phase up to (rad)"].tolist() == ["1e-02", "1e-06", "1e-09"]
 
 
-def test_shorter_runs_and_the_reference_follow_nothing():
+def test_shorter_runs_and_the_reference_do_not_compete():
     runs = [run(OWN, 1e-10), run(THEIRS, 1e-10, orbits=10.0), run("Taylor", 1e-12, kind="reference")]
     data = tables(runs, [time(OWN, 9), time(THEIRS, 1), time("Taylor", 1)])
     assert page.cheapest(data["kepler"], data[TABLE])["cheaper"].tolist() == [OURS] * 3
-    said = page.costs(data.get)
-    assert said.text.startswith("Following the phase over 100 orbits")
-    assert said.short.startswith("Cheapest over 100 orbits")
     untimed = tables([run(OWN, 1e-10)], [time(OWN, float("nan"))])
     assert page.costs(untimed.get) is None
+    assert page.answer(untimed.get) is None
 
 
-def test_the_table_names_the_longest_runs_and_the_page_its_steps():
+def test_table_shows_the_longest_runs():
     data = tables([run(OWN, 1e-10, orbits=10.0), run(THEIRS, 1e-10)], [time(OWN, 1), time(THEIRS, 2)])
-    shown = page.table(data.get)
-    assert shown.caption.startswith("The cheapest that follow the phase over 100 orbits")
-    assert list(shown.frame["cheaper"]) == [PEERS] * 3
+    assert list(page.table(data.get).frame["cheaper"]) == [PEERS] * 3
     assert page.table(tables([run(OWN, 1e-10)], [time(OWN, float("nan"))]).get) is None
-    assert any("Fixed steps: 50 to 2400 an orbit" in said for said in page.PAGE.setting)
 
 
-# -- the other sentences -----------------------------------------------------------------------------------------------
+def test_failed_runs_are_counted():
+    runs = [run(OWN, 1e-10), run(THEIRS, inf, status="diverged"), run("late", inf, status="skipped")]
+    assert "1 of 3 runs" in page.table(tables(runs, [time(OWN, 1)]).get).caption
+
+
+# -- the other verdicts ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("phase", "lost"), [(4.9 * 1.5e-13 * 2 * pi * 100, False), (5.1 * 1.5e-13 * 2 * pi * 100, True), (1e-6, True)]
 )
-def test_a_lost_clock_is_told_from_an_energy_error(phase, lost):
+def test_phase_error_beyond_the_energy_error(phase, lost):
     said = page.clocks(tables([run(THEIRS, 1e-10)], [], phase=phase).get)
-    assert said.holds == (not lost)
-    assert ("heyoka at e = 0.2" in said.text) == lost
-    assert page.clocks(tables([run(THEIRS, 1e-10, mu=0.1)], [], phase=1.0).get).holds
-    assert page.clocks(tables([run(THEIRS, 1e-10, setting="tolerance 1e-06")], [], phase=1.0).get).holds
-
-
-def test_runs_that_do_not_get_through_are_counted():
-    runs = [run(OWN, 1e-10), run(THEIRS, inf, status="diverged"), run("late", inf, status="skipped")]
-    assert page.clocks(tables(runs, []).get).text.startswith("1 of 3 runs do not get through")
+    assert (said.outcome, said.measured) == (FINDING if lost else PASS, Count(int(lost), 1))
+    assert said.where.startswith("heyoka, e = 0.2" if lost else "")
+    perturbed, loose = (run(THEIRS, 1e-10, **more) for more in ({"mu": 0.1}, {"setting": "tolerance 1e-06"}))
+    assert page.clocks(tables([perturbed, loose], [], phase=1.0).get).outcome == MISSING
 
 
 @pytest.mark.parametrize(
     ("power", "phase", "holds"),
     [(1.14, 1e-3, True), (1.16, 1e-3, False), (0.86, 1e-3, True), (0.84, 1e-3, False), (1.5, 1.1e-7, False)],
 )
-def test_phase_errors_that_are_not_linear_are_found(power, phase, holds):
+def test_nonlinear_phase_errors_are_found(power, phase, holds):
     runs = [run(OWN, 1e-10), run(THEIRS, 1e-10, **{"phase growth": power})]
     said = page.laws(tables(runs, [], phase=phase).get)
-    assert said.holds == holds
-    assert (f"heyoka at e = 0.2 (t^{power:.2f})" in said.text) != holds
+    assert (said.outcome, said.measured) == (PASS if holds else FINDING, Count(1 + holds, 2))
+    assert said.where == f"heyoka, e = 0.2: t^{power:.2f}"
     assert page.laws(tables(runs, [], phase=0.9e-7).get) is None
     loose = [runs[0], runs[1] | {"setting": "tolerance 1e-09"}]
-    assert page.laws(tables(loose, [], phase=phase).get).holds
+    assert page.laws(tables(loose, [], phase=phase).get).measured == Count(1, 1)
 
 
-def test_nine_in_ten_are_linear():
+def test_nine_in_ten_phase_errors_must_be_linear():
     runs = [run(f"m{k}", 1e-10, kind="phasebench") for k in range(9)]
     odd = [run(f"n{k}", 1e-10, **{"phase growth": 2.0}) for k in range(2)]
-    assert page.laws(tables([*runs, odd[0]], [], phase=1e-3).get).holds
-    assert not page.laws(tables([*runs, *odd], [], phase=1e-3).get).holds
+    assert page.laws(tables([*runs, odd[0]], [], phase=1e-3).get).outcome == PASS
+    assert page.laws(tables([*runs, *odd], [], phase=1e-3).get).outcome == FINDING
 
 
 def cost(method: str, seconds: float, error: float = 1e-9, problem: str = "kepler") -> dict:
+    """The row of a timed run."""
     return {"problem": problem, "method": method, "status": "ok", "seconds": seconds, "error": error}
 
 
-def test_the_settings_of_peers_are_compared_at_an_equal_error():
+def test_peer_settings_are_compared_at_equal_error():
     rows = [
         *(cost("heyoka", s, e) for s, e in ((1.0, 1e-7), (2.0, 1e-9), (3.0, 1e-12))),
         *(cost("heyoka-high-accuracy", s, problem=p) for s, p in ((1.0, "kepler"), (6.0, "perturbed-kepler"))),
@@ -155,9 +157,15 @@ def test_the_settings_of_peers_are_compared_at_an_equal_error():
         cost("rebound-ias15(adaptive_mode=global)", 5.0),
         cost("rebound-ias15(adaptive_mode=individual)", 1.0) | {"status": "diverged"},
     ]
-    said = page.tried(pd.DataFrame(rows))
-    assert said.startswith("Settings tried, their time to 1e-08 over the best one's (the worse problem)")
-    assert "heyoka: heyoka 2, heyoka-high-accuracy 2;" in said
-    assert said.endswith("IAS15: ias15 1, ias15(adaptive_mode=global) 1.2.")
-    assert page.tried(pd.DataFrame([cost("gauss-8", 1.0)])) == ""
-    assert page.tried(pd.DataFrame([cost("heyoka", 1.0, 2e-8)])) == ""
+    found = page.settings_tried(pd.DataFrame(rows))
+    assert found["heyoka"].to_dict() == {"heyoka": 2, "heyoka-high-accuracy": 2}
+    assert found["IAS15"].to_dict() == {"rebound-ias15": 1, "rebound-ias15(adaptive_mode=global)": 1.25}
+    assert page.settings_tried(pd.DataFrame([cost("gauss-8", 1.0)])) == {}
+    assert page.settings_tried(pd.DataFrame([cost("heyoka", 1.0, 2e-8)])) == {}
+
+
+def test_diagram_shows_curves_fastest_at_some_error():
+    told = [("a", 1.0, 1e-3), ("b", 2.0, 1e-8), ("c", 3.0, 1e-5), ("d", 4.0, 1e-12)]
+    rows = pd.DataFrame(told, columns=["method", "seconds", "error"])
+    assert figures.frontier(rows, 9) == ["b", "d", "a"]
+    assert figures.frontier(rows, 1) == ["b"]

@@ -1,4 +1,4 @@
-"""Cost by d: C is the same integration at every size, exponents and their intervals, and each sentence both ways."""
+"""Cost against d: C and Python integrate alike at every size; exponents with intervals; verdicts that pass and fail."""
 
 from __future__ import annotations
 
@@ -8,27 +8,28 @@ import pytest
 
 from phasebench.benchmarks.experiments.large import c, large, page
 from phasebench.benchmarks.experiments.large.systems import SYSTEMS
-from phasebench.integrators.engine import cache, codegen
-from phasebench.integrators.engine.codegen import TUPLE_LIMIT
+from phasebench.benchmarks.page.verdict import FINDING, PASS, Count, Range
+from phasebench.integrators.compile import cache, codegen
+from phasebench.integrators.compile.codegen import TUPLE_LIMIT
 from phasebench.integrators.prepared import prepare
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
-def test_c_and_ours_are_one_integration_on_registers_and_on_arrays(name):
+def test_c_and_python_integrate_alike_at_every_size(name):
     system = SYSTEMS[name]
     loop = c.Loop(system.C, system.method)
     for d in (system.size(6), system.size(TUPLE_LIMIT + 4)):
-        problem = system.made(d)
+        problem = system.fastest_form(d)
         run, start = prepare(problem, system.method), np.array([problem.q0, problem.p0])
         assert large.difference(system, run, loop, start) < 1e-14
         moved = loop.run(*start, system.h, large.FEW, system.constants(d))[1] - start[0]
         assert np.abs(moved).max() > 1e4 * 1e-14
 
 
-def test_control_c_with_another_constant_is_another_integration():
+def test_control_other_constant_gives_other_states():
     system = SYSTEMS["klein-gordon"]
     d = TUPLE_LIMIT + 4
-    problem, loop = system.made(d), c.Loop(system.C, system.method)
+    problem, loop = system.fastest_form(d), c.Loop(system.C, system.method)
     start = np.array([problem.q0, problem.p0])
     assert large.difference(system, prepare(problem, system.method), c.Loop(system.C, "stormer-verlet"), start) < 1e-14
     ends = [loop.run(*start, system.h, large.FEW, (a, 2.0))[1] for a in (4.0, 4.001)]
@@ -36,7 +37,7 @@ def test_control_c_with_another_constant_is_another_integration():
 
 
 def test_rebound_takes_the_same_steps():
-    """Its leapfrog is drift-kick-drift, of the second order too: the ends differ by the order's error alone."""
+    """REBOUND's leapfrog is drift-kick-drift, also of order 2: the states differ by the truncation error only."""
     from phasebench.reference.peers import particles
 
     system, d, N = SYSTEMS["n-body"], 24, 8
@@ -53,7 +54,7 @@ def test_rebound_takes_the_same_steps():
     assert apart[0] / apart[1] == pytest.approx(4, rel=0.1)
 
 
-def test_sizes_are_those_that_a_system_can_have():
+def test_sizes_are_valid_for_each_system():
     for system in SYSTEMS.values():
         sizes = sorted({system.size(d) for d in large.SIZES})
         assert all(d % system.unit == 0 for d in sizes)
@@ -61,7 +62,7 @@ def test_sizes_are_those_that_a_system_can_have():
         assert 9990 <= sizes[-1] <= 10_000
 
 
-def test_an_exponent_is_in_its_interval_as_often_as_said():
+def test_interval_of_an_exponent_covers():
     d, rng = np.array([64, 128, 256, 512, 1024, 2048, 4096, 10_000]), np.random.default_rng(3)
     inside = 0
     for _ in range(1000):
@@ -72,7 +73,7 @@ def test_an_exponent_is_in_its_interval_as_often_as_said():
     assert np.isnan(large.exponent(d[:2], d[:2])).all()
 
 
-def test_a_systems_functions_are_made_from_nothing_and_what_was_kept_is_kept(tmp_path, monkeypatch):
+def test_functions_are_compiled_without_the_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path))
     before = dict(codegen._ready)
     with large.nothing_kept():
@@ -84,10 +85,11 @@ def test_a_systems_functions_are_made_from_nothing_and_what_was_kept_is_kept(tmp
     assert min(seconds) > 0.02, "the second time it is compiled again"
 
 
-# -- the sentences ---------------------------------------------------------------------------------------------------
+# -- the verdicts ---------------------------------------------------------------------------------------------------
 
 
 def costs(power=1.0, times=1.5, system="toda", rebound=None, memory=1.0):
+    """A table of one system: time grows as d^power, ours is ``times`` that of C, memory as d^memory."""
     rows = []
     for d in (16, 64, 256, 1024, 4096):
         row = {"system": system, "method": "m", "d": d, "values": "tuple" if d <= TUPLE_LIMIT else "array"}
@@ -97,68 +99,71 @@ def costs(power=1.0, times=1.5, system="toda", rebound=None, memory=1.0):
     return pd.DataFrame(rows)
 
 
-def said(verdict, **tables):
+def judge(verdict, **tables):
+    """The verdict on these tables."""
     return verdict({large.COSTS: None, large.MADE: None, **tables}.get)
 
 
-def test_a_cost_that_grows_as_the_work_is_as_expected_and_a_steeper_one_is_not():
-    linear = said(page.scaling, large=costs())
-    assert linear.holds
-    assert "toda 1.00" in linear.text
-    assert "memory grows as d." in linear.text
-    steep = said(page.scaling, large=costs(power=1.5))
-    assert not steep.holds
-    assert "steeper than the work: toda" in steep.text
-    assert said(page.scaling, large=costs(power=2.0, system="n-body")).holds, "every pair of bodies acts"
-    assert not said(page.scaling, large=costs(power=2.5, system="n-body")).holds
-    assert "memory grows as d, but for toda 2.00" in said(page.scaling, large=costs(memory=2.0)).text
-    assert said(page.scaling, large=costs().head(2)) is None
+@pytest.mark.parametrize(
+    ("system", "power", "outcome"),
+    [("toda", 1.0, PASS), ("toda", 1.5, FINDING), ("n-body", 2.0, PASS), ("n-body", 2.5, FINDING)],
+)
+def test_time_may_grow_like_the_work(system, power, outcome):
+    """In the n-body problem every pair of bodies interacts, so the work grows as d^2."""
+    found = judge(page.scaling, large=costs(power=power, system=system))
+    assert (found.measured, found.outcome) == (Count(int(outcome == PASS), 1), outcome)
 
 
-@pytest.mark.parametrize(("low", "holds"), [(1.0, True), (1.09, True), (1.11, False)])
-def test_a_cost_is_steeper_than_the_work_where_its_whole_interval_is(monkeypatch, low, holds):
-    """The upper end is far above the work each time."""
-    row = {"system": "toda", "wanted": 1, "time": 1.5, "time, low": low, "time, high": 2.0, "memory": 1.0}
+def test_two_sizes_give_no_exponent():
+    assert judge(page.scaling, large=costs().head(2)) is None
+
+
+@pytest.mark.parametrize(("low", "outcome"), [(1.0, PASS), (1.09, PASS), (1.11, FINDING)])
+def test_cost_is_too_steep_only_with_its_whole_interval(monkeypatch, low, outcome):
+    """The upper end is far above the work exponent each time."""
+    row = {"system": "toda", "expected": 1, "time": 1.5, "time, low": low, "time, high": 2.0}
     monkeypatch.setattr(page, "exponents", lambda costs: pd.DataFrame([row]))
-    found = said(page.scaling, large=costs())
-    assert found.holds is holds
-    assert f"toda 1.50 [{low:.2f}, 2.00]" in found.text
-    assert ("steeper than the work: toda" in found.text) is not holds
+    assert judge(page.scaling, large=costs()).outcome == outcome
 
 
-def test_a_noisy_cost_whose_interval_holds_the_work_is_not_steeper():
+def test_noisy_cost_consistent_with_the_work_passes():
     rows = costs(power=1.2)
     rows["ns, ours"] *= [1, 3, 1 / 3, 3, 1 / 3]
     interval = page.exponents(rows).iloc[0]
     assert interval["time, low"] < 1 + page.ABOVE < interval["time, high"]
-    assert said(page.scaling, large=rows).holds
+    assert judge(page.scaling, large=rows).outcome == PASS
 
 
-def test_the_cost_beside_c_and_rebound_is_told():
-    near = said(page.beside, large=costs())
-    assert near.holds
-    assert "REBOUND" not in near.text
-    far = said(page.beside, large=costs(times=7.0, rebound=0.5))
-    assert not far.holds
-    assert "7 (toda, d = 64)" in far.text
-    assert "of REBOUND's leapfrog 0.5 to 0.5" in far.text
+def test_worst_ratio_to_c_of_large_systems_is_judged():
+    near, far = judge(page.beside, large=costs()), judge(page.beside, large=costs(times=7.0))
+    assert (near.measured, near.outcome) == (Range(1.5, 1.5), PASS)
+    assert (far.measured, far.outcome, far.where) == (Range(7.0, 7.0), FINDING, "toda, d = 64")
+    small = costs()
+    small.loc[small["d"] < large.MANY, "ours / C"] = 9.0
+    assert judge(page.beside, large=small).outcome == PASS
 
 
-def test_how_far_formulae_go_is_told():
-    def made(seconds, loops=1.0):
-        rows = [("toda", "formula", d, s) for d, s in zip((8, 16, 32), seconds, strict=True)]
-        rows.append(("toda", "loops", 10_000, loops))
-        return pd.DataFrame(rows, columns=["system", "route", "d", "seconds"])
-
-    found = said(page.limit, large_made=made((1.0, 4.0, 11.0)))
-    assert found.holds
-    assert "toda to d = 16" in found.text
-    assert "toda to d = 32" in said(page.limit, large_made=made((1.0, 2.0, 3.0))).text
-    assert not said(page.limit, large_made=made((1.0, 4.0, 11.0), loops=20.0)).holds
-    assert said(page.limit, large_made=made((1.0, 2.0, 3.0)).head(3)) is None
+def seconds_table(seconds=(1.0, 4.0, 11.0), loops=1.0):
+    """A table of compilation times: formulae at d = 8, 16, 32 and loops at d = 10000."""
+    rows = [("toda", "formula", d, s) for d, s in zip((8, 16, 32), seconds, strict=True)]
+    rows.append(("toda", "loops", 10_000, loops))
+    return pd.DataFrame(rows, columns=["system", "route", "d", "seconds"])
 
 
-def test_the_table_has_a_few_sizes_of_each_system():
+@pytest.mark.parametrize(("seconds", "outcome"), [(large.PATIENCE, PASS), (20.0, FINDING)])
+def test_loops_must_compile_in_time(seconds, outcome):
+    found = judge(page.loops, large_made=seconds_table(loops=seconds))
+    assert (found.measured, found.outcome, found.where) == (seconds, outcome, "toda, d = 10000")
+    assert judge(page.loops, large_made=seconds_table().head(3)) is None
+
+
+def test_largest_size_of_a_formula():
+    assert page.largest_derived(seconds_table()) == {"toda": 16}
+    assert page.largest_derived(seconds_table((1.0, 2.0, 3.0))) == {"toda": 32}
+    assert page.largest_derived(seconds_table((11.0, 12.0, 13.0))) == {}
+
+
+def test_table_has_a_few_sizes_of_each_system():
     shown = page.table({large.COSTS: pd.concat([costs(), costs(system="fpu")], ignore_index=True)}.get)
     assert list(shown.frame["system"].unique()) == ["toda", "fpu"]
     assert list(shown.frame["d"].iloc[:4]) == [16, 64, 1024, 4096]

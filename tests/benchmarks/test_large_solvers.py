@@ -1,4 +1,4 @@
-"""How implicit steps of lattices are solved: what is measured, and each sentence both ways."""
+"""Solvers of implicit steps of lattices: the measured row, and each verdict passing and failing."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.large import solvers, solvers_page
+from phasebench.benchmarks.page.verdict import FAIL, FINDING, MISSING, PASS, Count, Range
 
 
 @pytest.mark.parametrize("step", ["short", "long"])
-def test_a_row_says_what_was_solved_by_what(step, monkeypatch):
+def test_row_of_both_solvers(step, monkeypatch):
     monkeypatch.setattr(solvers, "ROUNDS", 1)
     row = solvers.row("toda", 24, step)
     assert row["by"] == (solvers.MATRIX if step == "long" else solvers.FIXED)
@@ -22,26 +23,26 @@ def test_a_row_says_what_was_solved_by_what(step, monkeypatch):
     assert all(row[f"ns, {who}"] > 0 for who in ("usual", "banded"))
 
 
-def test_steps_on_either_side_of_the_fixed_point_are_on_either_side_of_it(monkeypatch):
+def test_steps_lie_on_both_sides_of_contraction(monkeypatch):
     for name, steps in solvers.LATTICES.items():
-        monkeypatch.setattr(solvers, "_timed", lambda runs, h: {})
+        monkeypatch.setattr(solvers, "_time_columns", lambda runs, h: {})
         by = [solvers.row(name, 24, step)["by"] for step in steps._fields]
         assert by == [solvers.FIXED, solvers.MATRIX], name
 
 
-def test_a_long_step_of_many_is_not_taken_by_full_matrices(monkeypatch):
+def test_large_long_step_skips_full_matrices(monkeypatch):
     monkeypatch.setattr(solvers, "FULL", 23)
-    monkeypatch.setattr(solvers, "_timed", lambda runs, h: {"timed": tuple(runs)})
+    monkeypatch.setattr(solvers, "_time_columns", lambda runs, h: {"timed": tuple(runs)})
     assert solvers.row("toda", 24, "long")["timed"] == ("banded",)
     assert "by" not in solvers.row("toda", 24, "long")
     assert solvers.row("toda", 24, "short")["timed"] == ("usual", "banded")
 
 
-# -- the sentences -----------------------------------------------------------------------------------------------------
+# -- the verdicts -----------------------------------------------------------------------------------------------------
 
 
 def rows(power=1.0, long=0.1, short=3.0, apart=1e-15, memory=1.0, solved=True, wide=1.2):
-    """A table of one lattice; ``wide`` is how far intervals of ratios reach."""
+    """A table of one lattice; the intervals of ratios extend by the factor ``wide``."""
     out = []
     for d in (32, 128, 2048, 10_000):
         for step, times in (("short", short), ("long", long)):
@@ -54,50 +55,56 @@ def rows(power=1.0, long=0.1, short=3.0, apart=1e-15, memory=1.0, solved=True, w
     return pd.DataFrame(out)
 
 
-def said(verdict, table):
+def judge(verdict, table):
+    """The verdict on a table."""
     return verdict({solvers.TABLE: table}.get)
 
 
-def test_what_the_band_solves_and_for_how_much_less_is_told():
-    found = said(solvers_page.solves, rows())
-    assert found.holds
-    assert "to d = 10000; it takes 0.1 (toda, d = 32) to 0.1" in found.text
-    assert "to 1.0e-15 of the state" in found.text
-    lost = said(solvers_page.solves, rows(solved=False))
-    assert not lost.holds
-    assert "does not solve the long steps of toda, d = 10000." in lost.text
-    assert not said(solvers_page.solves, rows(apart=1e-9)).holds, "another solution"
-    assert not said(solvers_page.solves, rows(long=1.5)).holds, "slower than full matrices"
-    assert not said(solvers_page.solves, rows(long=0.9)).holds, "an interval that reaches beyond 1"
+def test_banded_solver_must_solve_long_steps():
+    found = judge(solvers_page.solves, rows())
+    assert (found.measured, found.outcome) == (Count(4, 4), PASS)
+    lost = judge(solvers_page.solves, rows(solved=False))
+    assert (lost.measured, lost.outcome, lost.where) == (Count(3, 4), FAIL, "toda, d = 10000")
+    assert judge(solvers_page.solves, rows().query("step == 'short'")).outcome == MISSING
+
+
+def test_both_solvers_must_agree():
+    assert judge(solvers_page.same, rows()).outcome == PASS
+    other = judge(solvers_page.same, rows(apart=1e-9))
+    assert (other.measured, other.outcome) == (1e-9, FAIL)
+    assert judge(solvers_page.same, rows(apart=np.nan)) is None
+
+
+@pytest.mark.parametrize(("ratio", "outcome"), [(0.1, PASS), (0.9, FINDING), (1.5, FINDING)])
+def test_long_step_is_faster_by_its_whole_interval(ratio, outcome):
+    """The interval reaches from ratio / 1.2 to 1.2 ratio."""
+    found = judge(solvers_page.faster, rows(long=ratio))
+    assert found.measured == Range(ratio / 1.2, ratio * 1.2)
+    assert found.outcome == outcome
+
+
+def test_band_without_a_comparison_is_not_judged():
     alone = rows().assign(**{"banded / usual": np.nan})
-    assert "nothing is beside it" in said(solvers_page.solves, alone).text
-    assert said(solvers_page.solves, rows().query("step == 'short'")) is None
+    assert judge(solvers_page.faster, alone) is None
+    assert judge(solvers_page.answer, alone) is None
 
 
-def test_a_cost_that_grows_as_the_lattice_and_a_steeper_one():
-    found = said(solvers_page.scaling, rows())
-    assert found.holds
-    assert "toda 1.00 [1.00, 1.00], its memory d to 1.00 at most (full matrices: 2.00)" in found.text
-    steep = said(solvers_page.scaling, rows(power=1.5))
-    assert not steep.holds
-    assert "steeper than the lattice is long: toda" in steep.text
-    assert not said(solvers_page.scaling, rows(memory=2.0)).holds
-    assert said(solvers_page.scaling, rows().head(4)) is None
+@pytest.mark.parametrize(("change", "n"), [({}, 2), ({"power": 1.5}, 1), ({"memory": 2.0}, 1)])
+def test_time_and_memory_may_grow_like_the_lattice(change, n):
+    found = judge(solvers_page.scaling, rows(**change))
+    assert (found.measured, found.outcome) == (Count(n, 2), PASS if n == 2 else FINDING)
+    assert judge(solvers_page.scaling, rows().head(4)) is None
 
 
-def test_where_the_fixed_point_contracts_it_is_advised_unless_the_band_is_faster():
-    usual = said(solvers_page.where_it_contracts, rows())
-    assert usual.holds
-    assert "3 (toda, d = 32) to 3" in usual.text
-    assert "leave the solver out" in usual.text
-    faster = said(solvers_page.where_it_contracts, rows(short=0.5))
-    assert not faster.holds
-    assert "the faster one at toda, d = 32; toda, d = 128" in faster.text
-    assert said(solvers_page.where_it_contracts, rows(short=0.9)).holds, "a tie is no finding"
-    assert said(solvers_page.where_it_contracts, rows().query("step == 'long'")) is None
+def test_fixed_point_is_kept_unless_the_band_is_faster():
+    assert judge(solvers_page.where_it_contracts, rows()).measured == Count(0, 8 // 2)
+    faster = judge(solvers_page.where_it_contracts, rows(short=0.5))
+    assert (faster.measured, faster.outcome) == (Count(4, 4), FINDING)
+    assert judge(solvers_page.where_it_contracts, rows(short=0.9)).outcome == PASS, "a tie is no finding"
+    assert judge(solvers_page.where_it_contracts, rows().query("step == 'long'")).outcome == MISSING
 
 
-def test_the_table_has_every_row_that_is_shown():
+def test_table_has_every_selected_row():
     shown = solvers_page.table({solvers.TABLE: rows()}.get).frame
     assert len(shown) == 8
     assert len(solvers.LATTICES) * 2 * len(solvers_page.SHOWN) <= 25

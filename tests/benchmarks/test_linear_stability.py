@@ -1,4 +1,4 @@
-"""Where step maps of the oscillator are stable: closed forms, planted narrow windows, maps that grow from the start."""
+"""Stability intervals of step maps on the oscillator: closed forms, narrow instability windows, growth from h = 0."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def scheme_i(lam, z):
 
 
 def of_trace(trace):
-    """A symplectic map of that trace."""
+    """A symplectic map with this trace."""
     return lambda z: np.array([[trace(z), -1.0], [1.0, 0.0]])
 
 
@@ -61,25 +61,25 @@ def test_stormer_verlet_is_stable_below_2():
 
 
 @pytest.mark.parametrize("lam", [-1.0, 0.0, 0.3, 0.45, 1.0, 2.5])
-def test_scheme_i_is_stable_where_it_is_proved(lam):
+def test_scheme_i_has_its_proven_limit(lam):
     limit = 2 / abs(1 - 2 * lam)
     found = stability(lambda z: scheme_i(lam, z))
     assert (found.limit is None) is (limit > LAST)
     assert limit > LAST or found.limit == pytest.approx(limit, abs=1e-7)
 
 
-def test_the_midpoint_rule_has_no_limit():
+def test_midpoint_rule_has_no_limit():
     found = stability(lambda z: scheme_i(0.5, z))
     assert (found.limit, found.intervals, found.scanned) == (None, ((0.0, LAST),), LAST)
 
 
-def test_runge_kutta_methods_end_where_they_are_known_to():
+def test_limits_of_runge_kutta_methods():
     assert stability(runge_kutta(1, 1, 1 / 2, 1 / 6, 1 / 24)).limit == pytest.approx(8**0.5, abs=1e-7)
     assert stability(runge_kutta(1, 1, 1 / 2, 1 / 6)).limit == pytest.approx(3**0.5, abs=1e-7)
 
 
 @pytest.mark.parametrize("c", [(1, 1), (1, 1, 1 / 2), (1, 1, 1 / 2, 1 / 6, 1 / 24, 1 / 120)])
-def test_what_grows_as_a_power_of_the_step_has_no_stable_steps(c):
+def test_methods_that_grow_at_every_step_have_limit_0(c):
     """Orders 1, 2 and 5: |R(i z)| > 1 for every small z, if only by z^6 / 144."""
     found = stability(runge_kutta(*c))
     assert found.limit == 0
@@ -87,8 +87,8 @@ def test_what_grows_as_a_power_of_the_step_has_no_stable_steps(c):
     assert radius(runge_kutta(*c)(0.5)) > 1
 
 
-def test_growth_that_begins_below_round_off_is_growth():
-    """|R|^2 - 1 of 2e-4 z^8 can be told from z = 0.2 on: that is no stable interval, a damped one of that length is."""
+def test_growth_that_starts_below_round_off_is_growth():
+    """|R|^2 - 1 = 2e-4 z^8 exceeds round-off from z = 0.2 on: no stable interval; a damped map has one."""
 
     def rotation(z):
         return np.array([[np.cos(z), np.sin(z)], [-np.sin(z), np.cos(z)]])
@@ -98,8 +98,8 @@ def test_growth_that_begins_below_round_off_is_growth():
     assert damped.limit == pytest.approx(1, abs=1e-5)
 
 
-def test_a_composition_has_its_windows():
-    """The triple jump of leapfrogs is unstable from the root of its trace; every boundary has |trace| = 2."""
+def test_windows_of_a_composition():
+    """The triple jump of leapfrogs is unstable where |trace| > 2; each bound of an interval has |trace| = 2."""
     found = stability(triple_jump)
     trace = [abs(np.trace(triple_jump(z))) for z in np.arange(0.0005, 6, 0.001)]
     changes = [0.0005 + 0.001 * k for k, (a, b) in enumerate(pairwise(trace)) if (a > 2) != (b > 2)]
@@ -109,8 +109,8 @@ def test_a_composition_has_its_windows():
 
 
 @pytest.mark.parametrize(("width", "part"), [(0.3, 1 / 3), (1e-2, 1 / 3), (1e-3, 1 / 3), (1e-3, 0.1), (1e-3, 0.9)])
-def test_a_narrow_window_is_found_that_a_scan_misses(width, part):
-    """The trace passes -2 by its own curvature between points of the scan."""
+def test_narrow_window_between_scan_points_is_found(width, part):
+    """Between two points of the scan the trace falls below -2 and returns."""
     at, bend = 3.0 + SPACING * part, 1.0
     low = -2 - bend * width**2 / 4
     found = stability(of_trace(lambda z: min(low + bend * (z - at) ** 2, 2 - 1e-3)))
@@ -121,19 +121,19 @@ def test_a_narrow_window_is_found_that_a_scan_misses(width, part):
     assert (start, end) == (pytest.approx(at - width / 2, abs=1e-6), pytest.approx(at + width / 2, abs=1e-6))
 
 
-def test_a_trace_that_only_touches_minus_2_leaves_no_window():
+def test_trace_that_touches_minus_2_leaves_no_window():
     found = stability(of_trace(lambda z: 2 * np.cos(z)))
     assert found.intervals == ((0.0, LAST),)
 
 
-def test_a_sliver_of_stability_is_found():
-    """From far below -2 to far above 2 within a scan's spacing: a narrow stable interval, bounded on both sides."""
+def test_narrow_stable_interval_is_found():
+    """The trace rises from far below -2 to far above 2 within the spacing of the scan."""
     found = stability(of_trace(lambda z: 1000 * (z - 5.01)))
     assert same(found.intervals, [(5.008, 5.012)])
     assert found.limit == 0
 
 
-def test_a_step_that_cannot_be_taken_ends_the_scan():
+def test_failed_step_ends_the_scan():
     found = stability(lambda z: verlet(z) if z < 1 else None)
     assert found.limit is None
     assert found.scanned == pytest.approx(1 - SPACING)
@@ -141,14 +141,14 @@ def test_a_step_that_cannot_be_taken_ends_the_scan():
     assert (nowhere.intervals, nowhere.scanned) == ((), 0.0)
 
 
-def test_a_step_that_cannot_be_taken_between_the_points_of_the_scan_is_not_stable():
+def test_failed_step_between_scan_points_is_not_stable():
     whole = stability(verlet, last=1.05)
     found = stability(lambda z: None if abs(z - 0.525) < 0.01 else verlet(z), last=1.05)
     assert (whole.intervals, found.intervals) == (((0.0, whole.scanned),), ())
 
 
-def test_a_pole_does_not_end_the_scan():
-    """Entries of 1e5 for a while, of trace 0 and determinant 1."""
+def test_pole_does_not_end_the_scan():
+    """Entries of 1e5 on an interval, with trace 0 and determinant 1."""
 
     def step(z):
         size = 1e5 if abs(z - 3) < 0.4 else 1.0
@@ -157,8 +157,8 @@ def test_a_pole_does_not_end_the_scan():
     assert stability(step).intervals == ((0.0, LAST),)
 
 
-def test_the_rounding_of_a_large_matrix_does_not_make_it_unstable():
-    """Of trace 1/2 and determinant 1, to what doubles hold; the control has the determinant 3."""
+def test_rounding_of_a_large_matrix_is_not_instability():
+    """Trace 1/2 and determinant 1 up to rounding; the control has determinant 3."""
     a = 1e7 * np.random.default_rng(3).uniform(-2, 2, 50)
     rotations = [np.array([[x, 1e7], [(x * (0.5 - x) - 1) / 1e7, 0.5 - x]]) for x in a]
     assert min(np.linalg.det(M) for M in rotations) < 0.999 or max(np.linalg.det(M) for M in rotations) > 1.001
@@ -167,13 +167,13 @@ def test_the_rounding_of_a_large_matrix_does_not_make_it_unstable():
     assert not any((margins(M) >= 0).all() for M in growing)
 
 
-def test_a_symplectic_interval_that_growth_ends_is_stable():
-    """The trace is 2.5 below z = 1 and 0 above; the determinant is 1 up to z = 2, and greater beyond."""
+def test_symplectic_interval_ended_by_growth_is_stable():
+    """Trace 2.5 below z = 1 and 0 above; determinant 1 up to z = 2, then larger."""
     found = stability(lambda z: np.array([[2.5 * (z < 1), -max(1.0, z - 1)], [1.0, 0.0]]))
     assert same(found.intervals, [(1, 2)])
 
 
-def test_a_hopeless_polynomial_is_not_scanned_to_the_end():
+def test_scan_of_a_steep_polynomial_stops_early():
     called = []
 
     def step(z):
@@ -187,7 +187,7 @@ def test_a_hopeless_polynomial_is_not_scanned_to_the_end():
 
 
 def test_large_entries_do_not_make_a_map_stable():
-    """A map of entries 1e6 and trace 100 grows, whatever its determinant is rounded to."""
+    """A map with entries 1e6 and trace 100 grows, whatever its rounded determinant is."""
     huge = stability(lambda z: 1e16 * np.array([[-1.0, 1.0], [-1.0, 1.0]]) + 1e9 * np.eye(2))
     assert huge.intervals == ()
     assert margins([[1e6, 1e6], [-1e6 - 100 / 1e6, 100 - 1e6]]).min() < 0

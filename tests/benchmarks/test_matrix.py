@@ -1,4 +1,4 @@
-"""The matrix of every method on every problem: its cells, what contradicts a declaration, its page."""
+"""The table of every method on every problem: its cells, contradictions of declarations, and its page."""
 
 from __future__ import annotations
 
@@ -7,49 +7,50 @@ import pytest
 
 from phasebench.benchmarks.experiments.matrix import matrix
 from phasebench.benchmarks.experiments.matrix.page import PAGE
+from phasebench.benchmarks.page.verdict import FAIL, Count
 from phasebench.integrators.registry import BY_ID
 from support import cells
 
 
 @pytest.fixture(scope="module")
-def measured(uncompiled):
+def matrix_rows(uncompiled):
     rows = uncompiled("support/cells.py")
     return {(r["method"], r["problem"]): r for r in rows}
 
 
-def test_no_cell_is_missing_without_a_reason(measured):
-    assert len(measured) == len(cells.METHODS) * len(cells.PROBLEMS)
-    for row in measured.values():
+def test_every_missing_number_has_a_reason(matrix_rows):
+    assert len(matrix_rows) == len(cells.METHODS) * len(cells.PROBLEMS)
+    for row in matrix_rows.values():
         assert row.get("reason") or all(k in row or f"{k}_reason" in row for k in matrix.MEASURED), row
 
 
 @pytest.mark.parametrize("id", cells.METHODS)
-def test_the_measured_order_is_the_declared_one(measured, id):
+def test_measured_order_is_the_declared_one(matrix_rows, id):
     for name in cells.PROBLEMS:
-        row = measured[id, name]
+        row = matrix_rows[id, name]
         if not row.get("reason") and "order" in row:
             assert abs(row["order"] - BY_ID[id].order) < 0.1, row
 
 
-def test_the_defects_tell_methods_apart(measured):
-    assert measured["stormer-verlet", "pendulum"]["symplecticity"] < matrix.NOTHING
-    assert measured["rk4", "pendulum"]["symplecticity"] > 1e6 * matrix.NOTHING
-    assert measured["stormer-verlet", "pendulum"]["reversibility"] < matrix.NOTHING
-    assert measured["rk4", "pendulum"]["reversibility"] > 1e6 * matrix.NOTHING
-    assert measured["avf", "kepler"]["energy"] < 1e-14 < measured["gauss-2", "kepler"]["energy"]
-    assert measured["gauss-2", "kepler"]["quadratic"] < 1e-14 < measured["avf", "kepler"]["quadratic"]
+def test_defects_separate_the_methods(matrix_rows):
+    assert matrix_rows["stormer-verlet", "pendulum"]["symplecticity"] < matrix.NOTHING
+    assert matrix_rows["rk4", "pendulum"]["symplecticity"] > 1e6 * matrix.NOTHING
+    assert matrix_rows["stormer-verlet", "pendulum"]["reversibility"] < matrix.NOTHING
+    assert matrix_rows["rk4", "pendulum"]["reversibility"] > 1e6 * matrix.NOTHING
+    assert matrix_rows["avf", "kepler"]["energy"] < 1e-14 < matrix_rows["gauss-2", "kepler"]["energy"]
+    assert matrix_rows["gauss-2", "kepler"]["quadratic"] < 1e-14 < matrix_rows["avf", "kepler"]["quadratic"]
 
 
-def test_a_cell_without_a_number_says_why(measured):
-    assert measured["wisdom-holman", "kepler"]["order_reason"] == "exact"
-    assert measured["wisdom-holman", "pendulum"]["reason"] == "requires: Kepler part"
-    assert measured["avf", "lotka-volterra"]["reason"] == "requires: canonical"
-    assert measured["rk4", "lotka-volterra"]["symplecticity_reason"] == "not canonical"
-    assert "even in p" in measured["rk4", "lotka-volterra-log"]["reversibility_reason"]
+def test_cell_without_a_number_has_its_reason(matrix_rows):
+    assert matrix_rows["wisdom-holman", "kepler"]["order_reason"] == "exact"
+    assert matrix_rows["wisdom-holman", "pendulum"]["reason"] == "requires: Kepler part"
+    assert matrix_rows["avf", "lotka-volterra"]["reason"] == "requires: canonical"
+    assert matrix_rows["rk4", "lotka-volterra"]["symplecticity_reason"] == "not canonical"
+    assert "even in p" in matrix_rows["rk4", "lotka-volterra-log"]["reversibility_reason"]
 
 
-def test_what_is_measured_contradicts_no_declaration(measured):
-    assert not [c for row in measured.values() for c in matrix.contradictions(row)]
+def test_no_declaration_is_contradicted(matrix_rows):
+    assert not [c for row in matrix_rows.values() for c in matrix.contradictions(row)]
 
 
 LIES = [
@@ -62,13 +63,13 @@ LIES = [
 
 
 @pytest.mark.parametrize(("id", "lie", "said"), LIES)
-def test_control_a_false_declaration_is_contradicted(measured, id, lie, said):
-    found = matrix.contradictions(measured[id, "kepler"] | lie)
+def test_control_false_declaration_is_contradicted(matrix_rows, id, lie, said):
+    found = matrix.contradictions(matrix_rows[id, "kepler"] | lie)
     assert len(found) == 1
     assert found[0].startswith(said)
 
 
-def test_only_what_is_known_is_explained():
+def test_only_known_contradictions_are_explained():
     said = "energy error 1.0e-10 of its terms, declared round-off"
     hbvm = {"method": "hbvm-2-1", "problem": "pendulum"}
     assert "polynomial" in matrix.explanation(hbvm, said)
@@ -79,7 +80,7 @@ def test_only_what_is_known_is_explained():
     assert not matrix.explanation(hbvm | {"method": "gauss-equip-2", "fallbacks": 0}, said)
 
 
-def test_an_order_of_variable_steps_is_explained_where_its_interval_has_the_declared_one():
+def test_order_with_variable_steps_is_in_its_interval():
     row = {"method": "gauss-4-adaptive", "problem": "figure-eight", "declared_order": 8, "low": 7.1, "high": 8.2}
     assert "interval" in matrix.explanation(row, "order 7.65, declared 8")
     assert not matrix.explanation(row | {"high": 7.9}, "order 7.65, declared 8")
@@ -87,14 +88,14 @@ def test_an_order_of_variable_steps_is_explained_where_its_interval_has_the_decl
     assert not matrix.explanation(row | {"method": "gauss-4"}, "order 7.65, declared 8")
 
 
-def test_the_page_hides_no_contradiction(measured):
-    frame = pd.DataFrame(list(measured.values()))
-    said = [v.text for v in PAGE.judged({"matrix": frame}.get)]
-    assert any(f"{len(cells.METHODS)} methods on {len(cells.PROBLEMS)} problems" in text for text in said)
+def test_page_hides_no_contradiction(matrix_rows):
+    frame = pd.DataFrame(list(matrix_rows.values()))
+    pairs = len(cells.METHODS) * len(cells.PROBLEMS)
+    assert PAGE.judge({"matrix": frame}.get)[1].measured == Count(pairs, pairs)
     lying = frame.assign(declared_order=frame["declared_order"].where(frame["method"] != "rk4", 6))
-    first, *_ = PAGE.judged({"matrix": lying}.get)
-    assert not first.holds
-    assert "rk4 on pendulum" in first.text
+    first, *_ = PAGE.judge({"matrix": lying}.get)
+    assert first.outcome == FAIL
+    assert "rk4 on pendulum" in first.where
     shown = PAGE.table({"matrix": lying}.get).frame
     assert shown.loc[shown["why"] == "NOT EXPLAINED", "method"].eq("rk4").any()
 
@@ -107,7 +108,7 @@ EPS = 2.0**-30
     [(9, 1, 0, True), (11, 1, 0, False), (0.9e6 * EPS, 0, 1, True), (1.1e6 * EPS, 0, 1, False)],
     ids=["within the doubt", "beyond it", "round-off", "more than round-off"],
 )
-def test_a_method_is_exact_within_the_reference_s_doubt_and_round_off(monkeypatch, error, doubt, end, exact):
+def test_method_is_exact_within_doubt_and_round_off(monkeypatch, error, doubt, end, exact):
     import mpmath
     import numpy as np
 
@@ -118,7 +119,7 @@ def test_a_method_is_exact_within_the_reference_s_doubt_and_round_off(monkeypatc
     assert (matrix._order(BY_ID["rk4"], "pendulum") == {"order_reason": "exact"}) is exact
 
 
-def test_errors_near_the_reference_s_doubt_are_left_out_of_an_order():
+def test_errors_near_the_doubt_do_not_enter_an_order():
     from phasebench.benchmarks.measure.multiprecision import observed_order
 
     row = {"h": [1.0, 0.5, 0.25, 0.125], "error": [1.0, 0.25, 0.0625, 0.015625]}
@@ -126,8 +127,8 @@ def test_errors_near_the_reference_s_doubt_are_left_out_of_an_order():
     assert observed_order(row | {"doubt": 0.0016}).points == 3
 
 
-def test_a_variable_step_is_measured_at_steps_as_long_as_a_fixed_one_s():
-    """At the start of the geodesic sigma is r^(3/2) with a distance near 5; of Kepler's orbit it is below 1."""
+def test_variable_steps_have_the_length_of_fixed_ones():
+    """sigma = r^(3/2) at the start: r is near 5 on the geodesic, sigma < 1 on the Kepler orbit."""
     import numpy as np
 
     from phasebench.benchmarks.problems import problem

@@ -1,4 +1,4 @@
-"""The printed columns, the exhaustive scan, timing and the C loop."""
+"""The talks' printed columns, the exhaustive root scan, timing, and the C loop."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from phasebench.benchmarks.experiments.printed import bench_printed, page, printed, riddle
-from phasebench.benchmarks.measure import c_loop, timing
+from phasebench.benchmarks.experiments.printed import bench_printed, page, printed, recipes
+from phasebench.benchmarks.measure import c_loop, root_scan, timing
+from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import integrate
 from phasebench.integrators.registry import method
@@ -35,7 +36,7 @@ def test_every_printed_column_has_four_falling_entries():
 
 
 def test_units_and_orders_of_a_column():
-    rows = list(printed.measured("scheme-ii", "1/3"))
+    rows = list(printed.column_rows("scheme-ii", "1/3"))
     ends = []
     for h in printed.STEPS:
         s = integrate(problem("henon-heiles:chaotic"), method("scheme-ii", lam="1/3"), h=h, t_end=1.0)
@@ -47,13 +48,13 @@ def test_units_and_orders_of_a_column():
         last_digit = 10.0 ** (int(text[-3:]) - 2)
         assert row["units"] == pytest.approx(abs(difference - float(text)) / last_digit, rel=1e-6)
         assert row["units"] <= printed.AGREEMENT
-        # The error is a third of the difference of a second-order method with steps 2 h and h.
+        # The error of a second-order method is a third of the difference between the results with 2 h and h.
         assert row["global_error"] == pytest.approx(row["refinement_difference"] / 3, rel=0.05)
     assert np.isnan(rows[0]["order"])
     assert all(abs(r["order"] - 2) < 0.02 for r in rows[1:])
 
 
-#: The talk's columns, copied from it a second time.
+#: The talk's columns, copied from it independently.
 TALK = """
 4.31E-03 2.09E-03 1.03E-03 5.13E-04   4.38E-04 2.23E-04 1.12E-04 5.63E-05   2.63E-03 1.34E-03 6.73E-04 3.38E-04
 3.85E-03 1.98E-03 1.00E-03 5.06E-04   5.09E-04 1.25E-04 3.11E-05 7.74E-06   2.35E-05 5.87E-06 1.47E-06 3.67E-07
@@ -63,11 +64,12 @@ TALK = """
 """
 
 
-def test_the_printed_columns_are_the_talk_s():
+def test_printed_columns_equal_the_talks():
     assert [entry for column in printed.PRINTED.values() for entry in column] == TALK.split()
 
 
 def entries(scheme: str, lam: str, *measured: float) -> list[dict]:
+    """Rows of a printed column with these measured values."""
     column = printed.PRINTED[scheme, lam or None]
     rows = zip(printed.STEPS[1:], column, measured, strict=True)
     return [
@@ -86,31 +88,26 @@ def table(*columns: list[dict]) -> dict:
     return {"printed": pd.DataFrame([r for column in columns for r in column])}
 
 
-def test_entries_that_round_to_the_printed_digits_are_counted_and_the_others_listed():
+def test_reproduced_entries_are_counted():
     iv, v = entries("scheme-iv", "", *SCHEME_IV), entries("scheme-v", "", *SCHEME_V)
-    rounded = page.agreement(table(iv, v).get)
-    assert rounded.holds
-    assert rounded.text.startswith("Of 4 printed entries")
-    assert "4 are what is measured, rounded, and 4 are within 0.6 of its last digit." in rounded.text
-    slack = page.agreement(table(iv, v, entries("scheme-i", "3/2", *SCHEME_I)).get)
-    assert slack.holds
-    assert "7 are what is measured, rounded, and 8 are within" in slack.text
-    assert "scheme-i(3/2) at h = 0.005, printed 1.34E-03, measured 1.33499E-03, 0.501 units off." in slack.text
+    good = page.agreement(table(iv, v, entries("scheme-i", "3/2", *SCHEME_I)).get)
+    assert (good.outcome, good.measured) == (PASS, Count(8, 8))
+    assert good.where.startswith("scheme-i at h = 0.005: 0.501 of")
     off = page.agreement(table(iv, entries("scheme-v", "", *(x + 0.007e-6 for x in SCHEME_V))).get)
-    assert not off.holds
+    assert off.outcome == FAIL
     assert page.agreement(table(iv).get) is None
 
 
 @pytest.mark.parametrize(("units", "agree"), [(0.59, 4), (0.61, 3), (6.0, 3)])
-def test_an_entry_agrees_within_six_tenths_of_the_last_digit(units, agree):
+def test_entry_agrees_within_0_6_of_the_last_digit(units, agree):
     column = entries("scheme-v", "", SCHEME_V[0], SCHEME_V[1], 2.64e-7 + units * 1e-9, SCHEME_V[3])
     found = page.agreement(table(column).get)
-    assert f"and {agree} are within 0.6" in found.text
-    assert found.holds == (agree == 4)
+    assert found.measured == Count(agree, 4)
+    assert found.outcome == (PASS if agree == 4 else FAIL)
     assert len(bench_printed.off(column)) == 4 - agree
 
 
-def test_scheme_iv_s_column_is_judged_by_its_order_alone_in_the_main_job():
+def test_bench_judges_scheme_iv_by_its_order_alone():
     good, first = entries("scheme-iv", "", *SCHEME_IV), entries("scheme-iv", "", *(0.25 / 2**k for k in range(4)))
     assert not bench_printed.off(good)
     assert bench_printed.off(first) == ["Scheme IV on the root nearest 1/2 has order 1.000"]
@@ -120,12 +117,13 @@ def test_scheme_iv_s_column_is_judged_by_its_order_alone_in_the_main_job():
         assert len(bench_printed.off(column)) == off
 
 
-def test_scheme_iv_s_column_is_told_from_a_reproduced_one():
+def test_column_of_scheme_iv_is_a_finding():
     found = page.scheme_iv(table(entries("scheme-iv", "", *SCHEME_IV)).get)
-    assert not found.holds
-    assert found.text.startswith("Scheme IV: 0 of 4 printed entries are reproduced")
-    assert "its order is 1.98, the printed column has order 1.00" in found.text
-    assert page.scheme_iv(table(entries("scheme-iv", "", 2.5e-3, 1.24e-3, 6.22e-4, 3.1e-4)).get).holds
+    assert (found.outcome, found.measured) == (FINDING, Count(0, 4))
+    said = page.answer(table(entries("scheme-iv", "", *SCHEME_IV), entries("scheme-v", "", *SCHEME_V)).get)
+    assert all(number in said for number in ("4 of 4", "1.00", "1.98"))
+    good = page.scheme_iv(table(entries("scheme-iv", "", 2.5e-3, 1.24e-3, 6.22e-4, 3.1e-4)).get)
+    assert good.outcome == PASS
     assert page.scheme_iv(table(entries("scheme-v", "", *SCHEME_V)).get) is None
 
 
@@ -134,45 +132,47 @@ def test_scheme_iv_s_column_is_told_from_a_reproduced_one():
     [({}, 0), ({"without a root": 1}, 1), ({"nearest root, greatest": 0.61}, 1), ({"nearest root, least": 0.39}, 1),
      ({"nearest root, least": 0.41, "nearest root, greatest": 0.59}, 0), ({"nearest root, least": np.nan}, 1)],
 )  # fmt: skip
-def test_steps_that_lost_their_root_fail_the_main_job(row, lost):
+def test_lost_roots_fail_the_bench(row, lost):
     good = {"h": 0.01, "without a root": 0, "nearest root, least": 0.5, "nearest root, greatest": 0.5}
-    assert len(bench_printed.lost([good | row])) == lost
+    assert len(bench_printed.scans_without_root([good | row])) == lost
 
 
-# -- the ways to make Scheme IV's column -------------------------------------------------------------------------------
+# -- recipes for Scheme IV's column ------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def ways():
+    """{recipe: its column} for three recipes."""
     wanted = ("Scheme IV, one step more", "Scheme I, lambda = -51/50, in q alone", "Scheme I, lambda = -2/5")
     found = problem("henon-heiles:chaotic")
-    return {r.name: r.column(found) for r in riddle.RECIPES if r.name in wanted}
+    return {r.name: r.column(found) for r in recipes.RECIPES if r.name in wanted}
 
 
-def test_the_nearest_misses_are_what_is_known_of_them(ways):
+def test_nearest_recipes_have_known_columns(ways):
     more = ways["Scheme IV, one step more"]
     assert more == pytest.approx([2.573e-3, 1.294e-3, 0.648e-3, 0.325e-3], abs=0.0006e-3)
     assert [f"{x:.2E}" for x in ways["Scheme I, lambda = -51/50, in q alone"]] == [
         "2.50E-03", "1.24E-03", "6.20E-04", "3.10E-04",
     ]  # fmt: skip
-    assert [riddle.agreeing(column) for column in ways.values()] == [1, 0, 3]
+    assert [recipes.agreeing(column) for column in ways.values()] == [1, 0, 3]
 
 
-def test_one_step_more_is_a_step_of_each_run():
-    """At t = 1 + h the states of h and 2 h are apart by h times the velocity: the column halves."""
-    recipe = riddle.Recipe("", method("implicit-midpoint"), beyond=1)
+def test_recipe_with_one_step_more():
+    """At t = 1 + h the states for h and 2 h differ by h times the velocity: the column halves."""
+    recipe = recipes.Recipe("", method("implicit-midpoint"), beyond=1)
     column = recipe.column(problem("henon-heiles:chaotic"))
     assert all(1.95 < a / b < 2.05 for a, b in pairwise(column))
 
 
 @pytest.mark.parametrize(("units", "agree"), [(0.59, 4), (0.61, 0)])
-def test_agreeing_entries_are_counted_by_their_last_digits(units, agree):
+def test_agreeing_entries_are_counted_in_units_of_a_digit(units, agree):
     column = [float(t) + units * printed.unit(t) for t in ("2.50E-03", "1.24E-03", "6.22E-04", "3.10E-04")]
-    assert riddle.agreeing(column) == agree
+    assert recipes.agreeing(column) == agree
 
 
-def recipes(**agree: int) -> pd.DataFrame:
-    rows = {riddle.CLAIM: 4} | agree
+def recipe_table(**agree: int) -> pd.DataFrame:
+    """A table of recipes with their numbers of agreeing entries, and Scheme IV's column."""
+    rows = {recipes.CLAIM: 4} | agree
     return pd.DataFrame([{"recipe": k, "0.01": 1.0, "0.005": 0.5, "entries that agree": n} for k, n in rows.items()])
 
 
@@ -181,46 +181,48 @@ SCANS = pd.DataFrame(
 )
 
 
-def test_the_nearest_way_to_make_the_column_is_named():
-    good = page.explanations({"riddle": SCANS, "riddle_columns": recipes(a=0, b=1, c=1)}.get)
-    assert good.holds
-    assert good.text == (
-        "Of 100 steps of Scheme IV 0 have no root near 1/2, and the 6 other roots are at least 2 away from it; of 3 "
-        "ways to make the column b and c come nearest, with 1 of the 2 entries."
+def test_recipe_that_reproduces_the_column_is_a_finding():
+    good, made, none = (
+        page.explanations({"riddle_columns": recipe_table(**agree)}.get)
+        for agree in ({"a": 0, "b": 1, "c": 1}, {"a": 0, "b": 2}, {"a": 0})
     )
-    made = page.explanations({"riddle": SCANS, "riddle_columns": recipes(a=0, b=2)}.get)
-    assert not made.holds
-    assert "b explains it, with 2 of the 2 entries" in made.text
-    none = page.explanations({"riddle": SCANS, "riddle_columns": recipes(a=0)}.get)
-    assert none.holds
-    assert none.text.endswith("none gives an entry.")
-    rootless = SCANS.assign(**{"without a root": [0, 1]})
-    assert not page.explanations({"riddle": rootless, "riddle_columns": recipes(a=0)}.get).holds
+    assert (good.outcome, good.measured, good.where) == (PASS, Count(0, 3), "b and c: 1 of 2 entries")
+    assert (made.outcome, made.measured) == (FINDING, Count(1, 2))
+    assert (none.outcome, none.where) == (PASS, "")
+    assert page.explanations({"riddle_columns": recipe_table()}.get) is None
 
 
-def test_the_ways_are_shown_the_nearest_first():
-    shown = page.table({"riddle_columns": recipes(a=0, b=1)}.get).frame
-    assert list(shown["recipe"]) == [riddle.CLAIM, "b", "a"]
+def test_step_without_a_root_is_a_finding():
+    good = page.roots({"riddle": SCANS}.get)
+    assert (good.outcome, good.measured) == (PASS, Count(100, 100))
+    assert "2 away" in good.where
+    bad = page.roots({"riddle": SCANS.assign(**{"without a root": [0, 1]})}.get)
+    assert (bad.outcome, bad.measured) == (FINDING, Count(99, 100))
+
+
+def test_table_shows_the_nearest_recipes_first():
+    shown = page.table({"riddle_columns": recipe_table(a=0, b=1)}.get).frame
+    assert list(shown["recipe"]) == [recipes.CLAIM, "b", "a"]
     assert list(shown) == ["recipe", "h = 0.01", "h = 0.005", "entries that agree"]
     assert shown["h = 0.005"].iloc[0] == "5.000e-01"
     assert page.table(lambda name: None) is None
 
 
 # -- the exhaustive scan -----------------------------------------------------------------------------------------------
-# For the oscillator a step of Scheme I changes H by (lambda - 1/2) h^2 (u^2 - v^2) at its stage (v, u), and from
-# (q, p) = (1, 0) the stage is u = -lambda h v: the roots are 1/2 and +-1/h.  The stage equations have the determinant
-# 1 + lambda (1 - lambda) h^2; at h = 1/2 it vanishes at lambda = (1 +- sqrt 17) / 2, this side of -1/h = -2.
+# On the oscillator a step of Scheme I changes H by (lambda - 1/2) h^2 (u^2 - v^2) at its stage (v, u); from
+# (q, p) = (1, 0) the stage has u = -lambda h v: the roots are 1/2 and +-1/h.  The stage equations have determinant
+# 1 + lambda (1 - lambda) h^2; at h = 1/2 it vanishes at lambda = (1 +- sqrt 17) / 2, on this side of -1/h = -2.
 
 
 @pytest.fixture(scope="module")
 def oscillator_scan():
     one, zero = np.array([[1.0]]), np.array([[0.0]])
-    return lambda H0, **options: riddle.scan(
+    return lambda H0, **options: root_scan.scan(
         problem("harmonic-oscillator"), "scheme-iv", 0.5, one, zero, H0, reach=6.0, **options
     )
 
 
-def test_the_scan_finds_the_roots_that_can_be_computed(oscillator_scan):
+def test_scan_finds_the_known_roots(oscillator_scan):
     found = oscillator_scan(0.5)
     (roots,) = found.roots
     assert roots == pytest.approx([0.5, 2.0], abs=2e-3)
@@ -228,13 +230,13 @@ def test_the_scan_finds_the_roots_that_can_be_computed(oscillator_scan):
     assert found.low == pytest.approx([(1 - 17**0.5) / 2], abs=0.04)
 
 
-def test_the_scan_converges_to_them(oscillator_scan):
+def test_scan_converges_to_the_roots(oscillator_scan):
     far = [abs(oscillator_scan(0.5, spacing=s).roots[0][1] - 2) for s in (0.1, 0.01)]
     assert far[1] < 0.05 * far[0]
 
 
-def test_the_roots_are_those_of_scheme_i():
-    """The energy is kept at lambda = 2 as at 1/2, and nowhere between."""
+def test_roots_preserve_the_energy_of_scheme_i():
+    """The energy is preserved at lambda = 2 and 1/2, and not between."""
     change = {}
     for lam in ("1/2", "2", "1"):
         s = integrate(problem("harmonic-oscillator"), method("scheme-i", lam=lam), h=0.5, steps=1)
@@ -244,28 +246,28 @@ def test_the_roots_are_those_of_scheme_i():
     assert change["1"] > 0.01
 
 
-def test_the_scan_finds_no_root_where_the_energy_is_out_of_reach(oscillator_scan):
+def test_scan_finds_no_root_for_an_unreachable_energy(oscillator_scan):
     assert [len(r) for r in oscillator_scan(1e12).roots] == [0]
     assert [len(r) for r in oscillator_scan(-1.0).roots] == [0]
 
 
-def test_the_scan_refuses_a_kinetic_energy_that_is_not_quadratic():
+def test_scan_refuses_a_nonquadratic_kinetic_energy():
     with pytest.raises(ValueError, match="quadratic"):
-        riddle.scan(problem("lotka-volterra"), "scheme-iv", 0.1, np.ones((1, 1)), np.ones((1, 1)), 0.0)
+        root_scan.scan(problem("lotka-volterra"), "scheme-iv", 0.1, np.ones((1, 1)), np.ones((1, 1)), 0.0)
 
 
-def test_the_scan_agrees_with_the_root_finder_of_the_kernels():
+def test_scan_agrees_with_the_root_finder_of_the_kernels():
     made = problem("henon-heiles:chaotic")
     for scheme in ("scheme-iv", "scheme-v"):
         s = integrate(made, scheme, h=0.02, t_end=0.2)
-        found = riddle.along(made, scheme, 0.02, 0.2, reach=1.0)
+        found = root_scan.along(made, scheme, 0.02, 0.2, reach=1.0)
         for lam, roots in list(zip(s.parameter, found.roots, strict=True))[1:]:
             assert np.abs(roots - lam).min() < 1e-3
 
 
 def test_summary_counts_the_roots(oscillator_scan):
     two, none = oscillator_scan(0.5), oscillator_scan(1e12)
-    (a, b) = riddle.summary([two, none])
+    (a, b) = root_scan.summary([two, none])
     assert (a["steps"], a["without a root"], a["with one"], a["with more"], a["far roots"]) == (1, 0, 0, 1, 1)
     assert (b["steps"], b["without a root"], b["far roots"]) == (1, 1, 0)
     assert a["far root closest to 1/2"] == pytest.approx(2, abs=2e-3)
@@ -275,7 +277,7 @@ def test_summary_counts_the_roots(oscillator_scan):
 
 
 class Clock:
-    """A clock that stands still but for what the callables of a test take."""
+    """A fake clock, which only the callables of a test advance."""
 
     def __init__(self):
         self.now, self.calls = 0.0, []
@@ -291,11 +293,11 @@ class Clock:
         return work
 
 
-def test_interleaved_alternates_and_leaves_the_first_round_out(monkeypatch):
+def test_interleaved_alternates_and_drops_the_first_round(monkeypatch):
     clock = Clock()
     monkeypatch.setattr(timing, "time", clock)
     work = {"a": clock.takes("a", lambda n: 100.0 if n == 1 else n), "b": clock.takes("b", lambda n: 2.0 * n)}
-    found = timing.interleaved(work, rounds=4)
+    found = timing.time_in_turns(work, rounds=4)
     assert found["a"].tolist() == [2, 3, 4, 5]
     assert found["b"].tolist() == [4, 6, 8, 10]
     turns = ["".join(clock.calls[i : i + 2]) for i in range(0, 10, 2)]
@@ -303,7 +305,7 @@ def test_interleaved_alternates_and_leaves_the_first_round_out(monkeypatch):
     assert all(x != y for x, y in pairwise(turns))
 
 
-def test_ratio_is_taken_round_by_round():
+def test_ratio_is_the_median_over_rounds():
     b = np.array([1.0, 10.0, 100.0, 1.0, 5.0])
     found = timing.ratio(b * [2, 2, 3, 4, 5], b)
     assert (found.value, found.low, found.high) == (3, 2, 5)
@@ -315,7 +317,7 @@ def test_ratio_of_real_work():
     def work(n):
         return lambda: sum(range(n))
 
-    seconds = timing.interleaved({"long": work(40_000), "short": work(10_000)}, rounds=9)
+    seconds = timing.time_in_turns({"long": work(40_000), "short": work(10_000)}, rounds=9)
     assert 2.5 < timing.ratio(seconds["long"], seconds["short"]).value < 6
 
 
@@ -325,7 +327,7 @@ needs_compiler = pytest.mark.skipif(c_loop.compiler() is None, reason="there is 
 
 
 def distance(name, h=0.01, steps=1000, merged=False):
-    """How far the C loop ends from stormer-verlet."""
+    """Largest difference between the final states of the C loop and of stormer-verlet."""
     made = problem(name)
     seconds, y = c_loop.Loop(made, merged).run(h, steps)
     assert 0 < seconds < 60, "of the loop, not of the clock"
@@ -336,7 +338,7 @@ def distance(name, h=0.01, steps=1000, merged=False):
 @needs_compiler
 @pytest.mark.parametrize("name", ["pendulum", "henon-heiles:box", "kepler", "outer-solar-system"])
 @pytest.mark.parametrize("merged", [False, True])
-def test_the_c_loop_is_stormer_verlet(name, merged):
+def test_c_loop_is_stormer_verlet(name, merged):
     assert distance(name, merged=merged) < 1e-10
 
 
@@ -350,7 +352,7 @@ def test_the_c_loop_is_stormer_verlet(name, merged):
         ("p_0 += 0.5 * ", "p_0 += 0.51 * "),
     ],
 )
-def test_control_a_wrong_loop_would_be_seen(right, wrong, monkeypatch):
+def test_control_wrong_loop_is_detected(right, wrong, monkeypatch):
     source, merged = c_loop.source, right.startswith("p_0 += ")
     assert right in source(problem("pendulum").system, merged)
     monkeypatch.setattr(c_loop, "source", lambda *of: source(*of).replace(right, wrong))
@@ -358,31 +360,31 @@ def test_control_a_wrong_loop_would_be_seen(right, wrong, monkeypatch):
 
 
 @needs_compiler
-def test_a_step_has_both_its_kicks_unless_they_are_to_be_merged():
-    """Merged ones differ in the last digits of a double, the others not at all."""
+def test_kicks_are_merged_only_on_request():
+    """Merging changes the last digits of the state."""
     made = problem("pendulum")
     assert c_loop.source(made.system) == c_loop.source(made.system, False) != c_loop.source(made.system, True)
     ends = {merged: c_loop.Loop(made, merged).run(0.1, 1000)[1].tolist() for merged in (False, True)}
     assert c_loop.Loop(made).run(0.1, 1000)[1].tolist() == ends[False] != ends[True]
 
 
-def test_a_system_that_says_nothing_of_its_kinetic_energy_has_no_loop():
+def test_system_without_a_kinetic_energy_has_no_loop():
     with pytest.raises(RuntimeError, match="quadratic T"):
         c_loop.Loop(SimpleNamespace(system=SimpleNamespace()))
 
 
 @needs_compiler
-def test_c_that_is_none_is_refused_with_the_compilers_words():
+def test_invalid_c_raises_the_compilers_message():
     with pytest.raises(RuntimeError, match=r"failed: [^']*error"):
-        c_loop.loaded("this is no C")
+        c_loop.load_source("this is no C")
 
 
-def test_the_c_loop_is_for_quadratic_kinetic_energies():
+def test_c_loop_needs_a_quadratic_kinetic_energy():
     with pytest.raises(RuntimeError):
         c_loop.Loop(problem("lotka-volterra"))
 
 
-def test_the_c_loop_says_that_there_is_no_compiler(monkeypatch):
+def test_missing_c_compiler_is_reported(monkeypatch):
     monkeypatch.setattr(c_loop, "compiler", lambda: None)
     with pytest.raises(RuntimeError, match="no C compiler"):
         c_loop.Loop(problem("pendulum"))

@@ -1,4 +1,4 @@
-"""Models of a scene: each reduced system is what it says, and the page's sentences follow their rows, both ways."""
+"""Simplified models: reduced systems have their stated accuracy; the page has verdicts that pass and fail."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from phasebench.benchmarks.experiments.models import bench_models, choice, measure, page
 from phasebench.benchmarks.measure.quantities import END_STATE
+from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count, Range
 from phasebench.benchmarks.problems import klein_gordon, problem
 from phasebench.benchmarks.problems.models import one_body, planets, springs, waves
 from phasebench.benchmarks.problems.models.ladders import LADDERS
@@ -24,8 +25,8 @@ A, B, C = "least", "middle", "full"
 # -- the systems -------------------------------------------------------------------------------------------------------
 
 
-def followed(made, t_end, **more):
-    """SciPy's solution of a problem."""
+def solve_with_scipy(made, t_end, **more):
+    """SciPy's solution (DOP853, rtol 1e-12) of a problem to ``t_end``."""
     s = made.system
     f = sp.lambdify((*s.q, *s.p), [*s.dq, *s.dp], cse=True)
     y0 = [*made.q0, *made.p0]
@@ -33,10 +34,10 @@ def followed(made, t_end, **more):
 
 
 def end(made, t_end):
-    return followed(made, t_end).y[: made.system.d, -1]
+    return solve_with_scipy(made, t_end).y[: made.system.d, -1]
 
 
-def test_every_ladder_ends_with_its_scenes_problem():
+def test_every_ladder_ends_with_the_full_problem():
     for ladder in LADDERS:
         full = ladder.rungs[-1].make()
         assert full.system.H == problem(ladder.problem, **dict(ladder.parameters)).system.H
@@ -46,19 +47,19 @@ def test_every_ladder_ends_with_its_scenes_problem():
 
 
 def pericentre(e, mu):
-    """(time, angle beyond a turn) of the next pericentre of the full problem."""
+    """(time, angle beyond 2 pi in radians) of the next pericentre of the full problem."""
 
     def turning(t, y):
-        return y[0] * y[2] + y[1] * y[3] if t > 4 else -1.0  # from beyond the apocentre on
+        return y[0] * y[2] + y[1] * y[3] if t > 4 else -1.0  # after the apocentre
 
     turning.direction, turning.terminal = 1, True
-    found = followed(problem("perturbed-kepler", e=e, mu=mu), 20.0, events=turning)
+    found = solve_with_scipy(problem("perturbed-kepler", e=e, mu=mu), 20.0, events=turning)
     x, y = found.y_events[0][0][:2]
     return found.t_events[0][0], atan2(y, x)
 
 
-def test_averaging_is_right_to_first_order_in_the_term():
-    """The radial period and the advance of the averaged model are wrong by O(mu^2); Kepler's period by O(mu)."""
+def test_averaged_model_is_first_order_in_mu():
+    """Its radial period and advance are wrong by O(mu^2), the Kepler period by O(mu)."""
     wrong = {}
     for mu in (1e-3, 1e-4):
         averaged = one_body.kepler_models(0.3, mu)[2]
@@ -75,8 +76,8 @@ def test_averaging_is_right_to_first_order_in_the_term():
     assert 8 < ratios[2] < 12
 
 
-def test_the_soft_chain_is_right_to_the_order_it_says():
-    """The distance in units of omega^-2 falls with omega where all of that order is there, and stays otherwise."""
+def test_soft_chain_is_accurate_to_its_order_in_omega():
+    """The difference times omega^2 falls with omega if all terms of that order are there, else it stays."""
     far = {}
     for omega in (50.0, 150.0):
         true = end(problem("fpu", omega=omega), 2.0)[:3]
@@ -86,7 +87,7 @@ def test_the_soft_chain_is_right_to_the_order_it_says():
     assert (abs(ratios[:2] - 1) < 0.3).all()
 
 
-def test_springs_start_as_they_are():
+def test_spring_models_start_at_the_full_state():
     full = problem("fpu")
     slow = springs.soft_chain(0)
     q, p = springs.fpu_models()[0].lift(full, np.zeros(1), np.array([slow.q0]), np.array([slow.p0]))
@@ -94,14 +95,14 @@ def test_springs_start_as_they_are():
     assert np.abs(p[0] - full.p0).max() < 1e-15
 
 
-def test_a_body_without_mass_moves_as_about_the_fixed_sun():
+def test_massless_planet_moves_about_a_fixed_sun():
     alone = end(planets.about_the_sun("jupiter")(), 1000.0)
     pair, massless = planets.bodies(("sun", "jupiter")), planets.bodies(("sun", "jupiter"), massless=("jupiter",))
     assert np.abs(end(massless(), 1000.0)[3:] - alone).max() < 1e-9
     assert np.abs(end(pair(), 1000.0)[3:] - alone).max() > 1e-4
 
 
-def test_bodies_stand_where_the_full_problem_has_them():
+def test_bodies_of_a_model_have_their_full_state():
     full = problem("outer-solar-system")
     made = planets.bodies(("sun", "saturn"))()
     q, p = planets.of_bodies("sun", "saturn")(full, np.zeros(1), np.array([made.q0]), np.array([made.p0]))
@@ -111,7 +112,7 @@ def test_bodies_stand_where_the_full_problem_has_them():
         assert np.isnan(found[0, 9:]).all()
 
 
-def test_fewer_points_give_a_trigonometric_polynomial_back():
+def test_interpolation_reproduces_trigonometric_polynomials():
     full = problem("klein-gordon")
 
     def sampled(n, k):
@@ -120,11 +121,11 @@ def test_fewer_points_give_a_trigonometric_polynomial_back():
         return np.hstack([field.real, field.imag])[None]
 
     for k, exact in ((3, True), (-7, True), (9, False)):
-        q, _ = waves.interpolated(full, None, sampled(16, k), sampled(16, k))
+        q, _ = waves.interpolate(full, None, sampled(16, k), sampled(16, k))
         assert (np.abs(q - sampled(64, k)).max() < 1e-14) == exact
 
 
-def test_linear_waves_are_without_the_nonlinear_term_alone():
+def test_linear_waves_lack_only_the_nonlinear_term():
     system = waves.linear_waves().system
     H = sp.lambdify((*system.q, *system.p), system.H)
     y = np.random.default_rng(1).standard_normal(4 * 64)
@@ -135,8 +136,8 @@ def test_linear_waves_are_without_the_nonlinear_term_alone():
     assert whole(y[:128], y[128:])[0] > 1.01 * H(*y)
 
 
-def test_a_models_reference_is_as_uncertain_as_its_two_finest_runs_are_apart():
-    """Of runs whose error is 1 / steps: three times their distance, and the rounding of a few operations."""
+def test_uncertainty_of_a_model_reference():
+    """Three times the difference of its two finest runs (here of error 1 / steps), and at least a few round-offs."""
     model = SimpleNamespace(steps=[1, 2, 4], quantity=END_STATE, values=lambda id, steps: np.array([1 + 1 / steps]))
     values, uncertainty = measure.reference(model)
     assert list(values) == [1.125]
@@ -145,9 +146,9 @@ def test_a_models_reference_is_as_uncertain_as_its_two_finest_runs_are_apart():
     assert measure.reference(model)[1] == 4 * 2.0**-52 * 2
 
 
-def test_a_scene_is_measured():
-    """The pendulum from 1/2: Lindstedt's frequency leaves the amplitude's fifth order, the linear one its third."""
-    tables = measure.measured("pendulum-0.5")
+def test_measured_errors_of_the_pendulum_models():
+    """From 1/2: Lindstedt's frequency leaves an error of fifth order in the amplitude, the linear one of third."""
+    tables = measure.measure_rows("pendulum-0.5")
     rows = tables[measure.MODELS]
     errors = [r["modelling error"] for r in rows]
     assert errors[0] == pytest.approx(0.5**3 / 16 * 10 * abs(np.sin(10)) * 1.7, rel=0.3)
@@ -160,12 +161,12 @@ def test_a_scene_is_measured():
     assert (runs["seconds"] > 0).all()
 
 
-def test_models_of_several_sizes_run_in_one_process():
-    """Prepared runs of states that are arrays, one size after the other."""
+def test_models_of_several_sizes_in_one_process():
+    """Prepared runs with array states, one size after the other."""
     (ladder,) = (x for x in LADDERS if x.id == "klein-gordon-points")
     full = ladder.rungs[-1].make()
     for rung in (*ladder.rungs[1::-1], ladder.rungs[-1]):
-        model = measure.prepared(ladder, rung, full)
+        model = measure.prepare_model(ladder, rung, full)
         run, n = model.runs[measure.METHODS[1]], 160
         q, p, code = run(model.h(n), n)
         assert code == run.SOLVED
@@ -177,7 +178,7 @@ def test_models_of_several_sizes_run_in_one_process():
 
 
 def scene(name="s", errors=(1e-2, 1e-5), integration=1e-14, scale=(1.0, 2.0, 10.0), full_off=1e-13):
-    """The tables of a scene: a run at each decade costs ``scale`` times the number of the decade."""
+    """The tables of a scene; an error of 10^-n costs ``scale`` times n seconds."""
     names = (A, B, C)[: len(errors)] + (C,)
     rows = [
         {"scene": name, "rung": k, "model": m, "full": m == C, "d": 1, "modelling error": e, "uncertainty": 1e-15}
@@ -192,86 +193,78 @@ def scene(name="s", errors=(1e-2, 1e-5), integration=1e-14, scale=(1.0, 2.0, 10.
     return pd.DataFrame(rows), pd.DataFrame(runs)
 
 
-def told(verdict, *scenes):
+def judge(verdict, *scenes):
+    """The verdict on these scenes."""
     models_, runs = (pd.concat(frames, ignore_index=True) for frames in zip(*scenes, strict=True))
     return verdict({measure.MODELS: models_, measure.RUNS: runs}.get)
 
 
-def test_the_cheapest_sufficient_model_is_chosen():
+def test_cheapest_sufficient_model_is_chosen():
     frames = scene()
     chosen = {a: choice.at(*frames, a) for a in (1e-1, 1e-3, 1e-6, 1e-14)}
-    assert chosen[1e-1] == (A, 10 / 2, False)  # what modelling leaves of 1e-1 is below it: a step finer
+    assert chosen[1e-1] == (A, 10 / 2, False)  # one finer step: less than 1e-1 is left to the integration
     assert chosen[1e-3] == (B, 30 / 8, False)
     assert chosen[1e-6] == (C, 1.0, True)
     assert chosen[1e-14][0] == "none"
-    assert choice.at(*scene(scale=(1.0, 100.0, 10.0)), 1e-3)[0] == C  # a model that is dearer than the full one
+    assert choice.at(*scene(scale=(1.0, 100.0, 10.0)), 1e-3)[0] == C  # a model more expensive than the full one
 
 
-def test_gain_and_waste_are_told_at_the_models_own_accuracy():
+def test_gain_and_waste_at_the_models_own_accuracy():
     rungs = choice.rungs(*scene()).set_index("model")
     assert list(rungs.index) == [A, B]
     assert rungs.loc[A, "gain"] == 10 * 2 / 2
     assert rungs.loc[A, "wasted"] == 10 / 2
     assert rungs.loc[B, "wasted"] == 20 / 10
-    # the full model's share is twice the modelling error, as what this one leaves in all
+    # the full model may err by twice the modelling error, the reduced model's total
     assert choice.rungs(*scene(errors=(6e-3, 1e-5)))["gain"][0] == 10 * 2 / 3
     assert np.isnan(choice.rungs(*scene(errors=(1e-2, 1e-11))).set_index("model").loc[B, "wasted"])
 
 
-def test_a_rung_is_compared_at_twice_its_error_and_known_to_both_of_its_doubts():
+def test_model_is_compared_at_twice_its_error():
     rungs = choice.rungs(*scene(errors=(4e-2, 1e-10))).set_index("model")
     assert rungs.loc[A, "gain"] == 20 / 2
     assert rungs.loc[A, "known to"] == pytest.approx(1.1e-14 / 4e-2, rel=1e-9, abs=0)
     assert np.isnan(rungs.loc[B, "wasted"])
-    assert not told(page.enough, scene(errors=(choice.LOST, choice.LOST))).holds
+    assert judge(page.nearer, scene(errors=(choice.LOST, choice.LOST))).outcome == FINDING
     assert [round(float(np.log10(a)), 9) for a in choice.ACCURACIES] == [-1, -2, -3, -4, -6, -8, -10]
 
 
-def test_rungs_must_come_nearer():
-    good = told(page.enough, scene("s"), scene("t", errors=(0.5, 0.2)))
-    assert good.holds
-    assert "Of 2 scenes a lower model is the cheapest to 1e-02 in 1, to 1e-04 in 1 and to 1e-06 in 0" in good.text
-    assert "none has 1e-01 in t" in good.text
-    both = told(page.enough, *(scene(name, errors=(0.5, 0.2)) for name in ("z", "a")))
-    assert "none has 1e-01 in z and a; each is nearer than the one under it." in both.text
-    bad = told(page.enough, scene("s", errors=(1e-5, 1e-2)))
-    assert not bad.holds
-    assert "no nearer than the model under it: middle (s)" in bad.text
-    assert told(page.enough, scene("s", errors=(2.0, 3.0))).holds
+def test_models_must_become_more_accurate():
+    scenes = scene("s"), scene("t", errors=(0.5, 0.2))
+    good = judge(page.nearer, *scenes)
+    assert (good.outcome, good.measured) == (PASS, Count(4, 4))
+    assert all(part in judge(page.answer, *scenes) for part in ("1e-02", "1 of 2", "1e-06 in 0", "5 times"))
+    bad = judge(page.nearer, scene("s", errors=(1e-5, 1e-2)))
+    assert (bad.outcome, bad.measured, bad.where) == (FINDING, Count(1, 2), "middle (s)")
+    assert judge(page.nearer, scene("s", errors=(2.0, 3.0))).outcome == PASS
 
 
-def test_a_model_must_save_something():
-    good = told(page.saved, scene())
-    assert good.holds
-    assert "no dearer than the full one in 2 of 2 cases, at most 10 times (least, s)" in good.text
-    assert (
-        "it takes 3.5 times as long in the median for digits that the model has not, at most 5 (least, s)." in good.text
-    )
-    assert page.saved({measure.MODELS: scene()[0].tail(1), measure.RUNS: scene()[1]}.get) is None
-    bad = told(page.saved, scene(scale=(1.0, 20.0, 10.0)))
-    assert not bad.holds
-    assert "in 1 of 2 cases" in bad.text
-    assert "; dearer: middle, s" in bad.text
+def test_models_must_save_time():
+    good = judge(page.savings, scene())
+    assert (good.outcome, good.measured, good.where) == (PASS, Range(5, 10), "middle (s)")
+    assert choice.rungs(*scene())["wasted"].tolist() == [5, 2]
+    assert page.savings({measure.MODELS: scene()[0].tail(1), measure.RUNS: scene()[1]}.get) is None
+    bad = judge(page.savings, scene(scale=(1.0, 20.0, 10.0)))
+    assert (bad.outcome, bad.where) == (FINDING, "middle (s)")
+    assert bad.measured.low < page.SAVES
 
 
-@pytest.mark.parametrize(("integration", "holds"), [(9e-8, True), (1.1e-7, False)])
-def test_modelling_errors_must_be_known(integration, holds):
-    said = told(page.known, scene(integration=integration))
-    assert said.holds == holds
-    assert ("not: middle, s" in said.text) != holds
-    assert f"(the least known, middle, s, to {'0.009' if holds else '0.011'})" in said.text
-    assert "within 1.0e-13 of what is true" in said.text
+@pytest.mark.parametrize(("integration", "outcome"), [(9e-8, PASS), (1.1e-7, FAIL)])
+def test_modelling_errors_must_be_certain(integration, outcome):
+    found = judge(page.integration_share, scene(integration=integration))
+    assert (found.outcome, found.where) == (outcome, "middle (s)")
+    assert found.measured == pytest.approx(integration / 1e-5)
 
 
-def test_an_error_known_to_just_the_part_is_known():
+def test_uncertainty_equal_to_the_limit_passes():
     models_, runs = scene(errors=(0.25, 0.125))
     data = {measure.MODELS: models_.assign(uncertainty=0.0, integration=page.KNOWN / 8), measure.RUNS: runs}.get
-    assert page.known(data).holds
-    assert list(page.whole(data)["model"]) == [A, B]
+    assert page.integration_share(data).outcome == PASS
+    assert list(page.full_table(data)["model"]) == [A, B]
     assert not any("None" in said for said in page.PAGE.setting)
 
 
-def test_the_bench_fails_for_vague_models_and_lost_full_ones():
+def test_bench_fails_for_uncertain_or_inaccurate_models():
     assert bench_models.vague(scene()[0].to_dict("records")) == []
     (vague,) = bench_models.vague(scene(integration=1.1e-7)[0].to_dict("records"))
     assert vague.startswith("s, middle")
@@ -279,7 +272,7 @@ def test_the_bench_fails_for_vague_models_and_lost_full_ones():
     assert lost.startswith("s, full: 1.0e-08 from what is true")
 
 
-def test_the_table_and_the_figure_say_where_a_curve_is_level(tmp_path):
+def test_table_and_figure_show_the_modelling_error(tmp_path):
     models_, runs = scene()
     frame = page.table({measure.MODELS: models_, measure.RUNS: runs}.get).frame
     assert frame["models"][0] == "1 least; 2 middle; 3 full"
@@ -294,10 +287,11 @@ def test_the_table_and_the_figure_say_where_a_curve_is_level(tmp_path):
     assert (tmp_path / picture.file).exists()
 
 
-def test_a_page_of_few_rows_is_written(tmp_path):
+def test_page_of_few_rows_is_written(tmp_path):
     models_, runs = scene()
     for few, some in ((models_.head(1), runs.head(1)), (models_.tail(1), runs.head(1)), (models_, runs.tail(1))):
         data = {measure.MODELS: few, measure.RUNS: some}.get
         assert page.table(data).frame.notna().all(axis=None)
-        assert all("nan" not in v.text and "inf" not in v.text for v in page.PAGE.judged(data))
+        assert all("nan" not in f"{v.row()}" and "inf" not in f"{v.row()}" for v in page.PAGE.judge(data))
+        assert "nan" not in page.answer(data)
         page.draw(data, tmp_path)

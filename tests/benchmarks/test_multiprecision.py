@@ -1,13 +1,9 @@
-"""Measurements without round-off, of steps that are made up: a leapfrog, the symplectic Euler methods, Euler's."""
+"""Measurements without round-off, on simple steps: a leapfrog, the symplectic Euler methods, Euler's method."""
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
 from types import SimpleNamespace
 
 import mpmath
@@ -16,8 +12,8 @@ import pytest
 import sympy as sp
 
 from phasebench.benchmarks.measure import battery, multiprecision
-from phasebench.integrators import Hamiltonian, registry
-from phasebench.integrators.engine.codegen import MULTIPRECISION, precision, vector
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, vector
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.registry import BY_ID, METHODS, method
 
@@ -51,7 +47,7 @@ STEPS = {
 
 @pytest.fixture
 def made_up(monkeypatch):
-    """Methods take the step that their id names."""
+    """Replace `advance`, so that a method takes the step named by its id; return these methods by name."""
 
     def advance(system, record, y, h, steps=1):
         f, h = system.vector_field(MULTIPRECISION), multiprecision.exactly(h, MULTIPRECISION)
@@ -67,27 +63,26 @@ def made_up(monkeypatch):
 
 
 def off(found, exact):
+    """The largest difference of two states."""
     return max(abs(mpmath.mpf(str(x)) - y) for x, y in zip(found, exact, strict=True))
 
 
 @pytest.mark.parametrize(("T", "most"), [(Fraction(1, 64), 1e-34), (Fraction(1, 4), 1e-34), (1, 1e-20)])
-def test_extrapolation_is_the_exponential_to_the_uncertainty_that_it_states(T, most):
-    end, doubt = multiprecision.extrapolated(
-        lambda y: -2 * y, vector([3, 1]), multiprecision.exactly(T, MULTIPRECISION)
-    )
+def test_extrapolation_within_its_stated_uncertainty(T, most):
+    end, doubt = multiprecision.extrapolate(lambda y: -2 * y, vector([3, 1]), multiprecision.exactly(T, MULTIPRECISION))
     exact = mpmath.exp(-2 * mpmath.mpf(T.numerator) / T.denominator)
     assert off(end, (3 * exact, exact)) <= mpmath.mpf(str(doubt))
     assert 0 < doubt < most
 
 
 @pytest.mark.parametrize(("pieces", "most"), [(8, 1e-34), (2, 1e-32)])
-def test_the_flow_of_the_oscillator_turns_it(pieces, most):
+def test_flow_of_the_oscillator_is_a_rotation(pieces, most):
     end, doubt = multiprecision.flow(OSCILLATOR, [1, 0], Fraction(3, 2), pieces=pieces)
     assert off(end, (mpmath.cos(1.5), -mpmath.sin(1.5))) <= mpmath.mpf(str(doubt))
     assert 0 < doubt < most
 
 
-def test_a_reference_begins_on_the_orbit_and_is_no_turning_point():
+def test_reference_starts_on_the_orbit():
     system, q, p = battery.SYSTEMS["henon-heiles"]()
     _, y = multiprecision.start("henon-heiles")
     energy = system.energy(MULTIPRECISION)
@@ -103,7 +98,7 @@ def test_a_reference_begins_on_the_orbit_and_is_no_turning_point():
 
 
 @pytest.mark.parametrize(("name", "order"), [("leapfrog", 2), ("kick first", 1), ("euler", 1)])
-def test_the_order_is_observed(made_up, name, order):
+def test_order_is_observed(made_up, name, order):
     found = multiprecision.errors(made_up[name], "pendulum")
     assert multiprecision.observed_order(found).value == pytest.approx(order, abs=0.02)
     assert found["h"] == [1 / 256, 1 / 512, 1 / 768, 1 / 1024]
@@ -113,28 +108,28 @@ def test_the_order_is_observed(made_up, name, order):
 
 
 @pytest.mark.parametrize("order", [2, 6])
-def test_a_defect_tells_who_is_symplectic(made_up, order):
-    """By the whole Jacobian, of a high order by a pair of vectors."""
+def test_symplecticity_defect(made_up, order):
+    """From the full Jacobian; for a high order, from a pair of vectors."""
     found = {name: multiprecision.defect(replace(m, order=order), "pendulum") for name, m in made_up.items()}
     assert max(found[name] for name in ("leapfrog", "kick first", "drift first")) < 1e-20
     assert found["euler"] > 1e-5
 
 
-def test_a_distance_tells_who_is_symmetric_and_whose_adjoint_another_is(made_up):
+def test_symmetry_and_adjoints_by_distance(made_up):
     found = {name: multiprecision.distance(m, "pendulum") for name, m in made_up.items()}
     assert found["leapfrog"] < 1e-38
     assert min(found[name] for name in ("kick first", "drift first", "euler")) > 1e-6
     assert multiprecision.distance(made_up["kick first"], "pendulum", made_up["drift first"]) < 1e-38
 
 
-def test_steps_of_variable_length_are_measured_at_a_longer_one():
+def test_variable_steps_are_measured_at_a_larger_h():
     assert multiprecision.step_of(VERLET) == Fraction(1, 40)
     assert multiprecision.step_of(replace(VERLET, family="adaptive")) == Fraction(3, 10)
     assert multiprecision.digits(VERLET) == 40
     assert multiprecision.digits(replace(VERLET, order=10)) == 80
 
 
-def test_a_cell_that_fails_says_why(monkeypatch):
+def test_failed_cell_has_its_reason(monkeypatch):
     def fails(record, name):
         raise ArithmeticError(f"{record.id} on {name} with {mpmath.mp.dps} digits")
 
@@ -142,16 +137,16 @@ def test_a_cell_that_fails_says_why(monkeypatch):
     assert multiprecision.measure("orders", "rk4", "tao").startswith("ArithmeticError: rk4 on tao with 40 digits")
 
 
-def test_a_coefficient_is_changed_where_it_stands():
+def test_coefficient_is_replaced_in_place():
     data = (1, (Fraction(1, 2), 3.0, "text"), ((mpmath.mpf(2), 0.25),))
     found = dict(multiprecision.leaves(data))
     assert found == {(1, 0): Fraction(1, 2), (2, 0, 1): 0.25}, "those that are no integers"
-    assert multiprecision.changed(data, (2, 0, 1), 7) == (*data[:2], ((mpmath.mpf(2), 7),))
-    assert multiprecision.changed(data, (0,), 7) == (7, *data[1:])
+    assert multiprecision.replace_at(data, (2, 0, 1), 7) == (*data[:2], ((mpmath.mpf(2), 7),))
+    assert multiprecision.replace_at(data, (0,), 7) == (7, *data[1:])
 
 
-def test_a_wrong_coefficient_is_seen(monkeypatch):
-    """Of methods that have some, and not too many: kick by a share of a step, drift, and kick by another."""
+def test_wrong_coefficient_is_detected(monkeypatch):
+    """Kick by a fraction a of h, drift, kick by b: only methods with a few coefficients are tested."""
 
     def advance(system, record, y, h, steps=1):
         field, h = system.vector_field(MULTIPRECISION), multiprecision.exactly(h, MULTIPRECISION)
@@ -170,12 +165,12 @@ def test_a_wrong_coefficient_is_seen(monkeypatch):
     monkeypatch.setattr(multiprecision, "advance", advance)
     monkeypatch.setattr(multiprecision, "METHODS", (halves, *others))
     monkeypatch.setattr(multiprecision, "systems", lambda record, few: ["pendulum"] if few else ["tao", "pendulum"])
-    found = multiprecision.perturbed()
+    found = multiprecision.perturbation_effects()
     assert {*found} == {"halves", "another"}
     assert [row["path"] for row in found["halves"]["rows"]] == [[0], [1]]
     for row in found["halves"]["rows"]:
         assert row["error"] > 10 * found["halves"]["error"] or row["symmetry"] > 1e-12
-    spoiled = multiprecision.spoiled()
+    spoiled = multiprecision.control_errors()
     assert {*spoiled} == {"halves"}, "the first of its family"
     assert [*spoiled["halves"]] == ["pendulum"]
     assert abs(multiprecision.observed_order(spoiled["halves"]["pendulum"]).value) < 0.1
@@ -186,7 +181,7 @@ def test_a_wrong_coefficient_is_seen(monkeypatch):
 THIRD = Fraction(1, 3)
 
 
-def test_adjoints_are_of_methods_with_a_lambda_that_are_not_symmetric(monkeypatch):
+def test_adjoints_of_nonsymmetric_methods_with_lambda(monkeypatch):
     others = []
 
     def distance(record, name, back=None):
@@ -202,8 +197,8 @@ def test_adjoints_are_of_methods_with_a_lambda_that_are_not_symmetric(monkeypatc
     assert {*others} == {1 - THIRD, None}
 
 
-def test_a_scheme_with_its_parameter_frozen_is_measured_beside_the_step_that_found_it(monkeypatch):
-    """The parameter is 1/4; on a system where none is found nothing is measured."""
+def test_schemes_iv_v_with_a_frozen_parameter(monkeypatch):
+    """The parameter is 1/4; a system without one is not measured."""
 
     def integrate(system, id, *, h, steps, q0, p0, arithmetic):
         parameter = 0.25 if system.d == 2 else np.nan
@@ -220,41 +215,10 @@ def test_a_scheme_with_its_parameter_frozen_is_measured_beside_the_step_that_fou
         assert 0 < len(flat) < len(multiprecision.FEW)
 
 
-# -- in a process of its own ------------------------------------------------------------------------------------------
+# -- variants and systems ---------------------------------------------------------------------------------------------
 
 
-def test_the_last_line_of_another_process_is_its_result(monkeypatch):
-    asked = {}
-
-    def run(command, **options):
-        asked.update(options, command=command)
-        return subprocess.CompletedProcess(command, asked["code"], 'a word\n{"result": {"a": 1}}\n', "no such name")
-
-    monkeypatch.setattr(subprocess, "run", run)
-    asked["code"] = 0
-    assert multiprecision.elsewhere("orders") == {"a": 1}
-    assert asked["command"] == [sys.executable, "-m", multiprecision.__name__, "orders"]
-    assert asked["env"]["NUMBA_DISABLE_JIT"] == "1"
-    asked["code"] = 1
-    with pytest.raises(RuntimeError, match="no such name"):
-        multiprecision.elsewhere("orders")
-
-
-def test_it_prints_the_measurement_of_which_it_is_given_the_name(monkeypatch, capsys):
-    """Of no method at all: nothing is perturbed."""
-    monkeypatch.setattr(registry, "METHODS", ())
-    monkeypatch.setattr(sys, "argv", ["multiprecision", "perturbed"])
-    code = compile(Path(multiprecision.__file__).read_text(), multiprecision.__file__, "exec")
-    exec(code, {"__name__": "__main__", "__package__": multiprecision.__package__})
-    printed = json.loads(capsys.readouterr().out)
-    assert printed["result"] == {}
-    assert 0 <= printed["seconds"] < 60
-
-
-# -- what is measured -------------------------------------------------------------------------------------------------
-
-
-def test_variants_are_of_every_value_that_a_method_takes():
+def test_variants_have_every_parameter_value():
     lams = [m.parameters["lam"] for m in battery.variants([BY_ID["scheme-i"]])]
     assert lams == [Fraction(-1), Fraction(1, 3), Fraction(1, 2), Fraction(3, 2)]
     assert battery.variants([BY_ID["scheme-i"]], lam=(Fraction(1, 7),))[0].parameters["lam"] == Fraction(1, 7)
@@ -274,19 +238,19 @@ EVERY = ["pendulum", "henon-heiles", "perturbed-kepler", "lotka-volterra", "tao"
     [
         ("stormer-verlet", False, EVERY),
         ("rk4", True, ["pendulum", "henon-heiles", "tao"]),
-        ("gauss-8", None, ["pendulum", "henon-heiles", "tao"]),  # of a high order
+        ("gauss-8", None, ["pendulum", "henon-heiles", "tao"]),  # of high order
         ("mclachlan-atela-5", None, ["pendulum", "henon-heiles"]),
-        ("gautschi", True, ["henon-heiles", "two-frequencies"]),  # those with a fast part
+        ("gautschi", True, ["henon-heiles", "two-frequencies"]),  # systems with a fast part
         ("mclachlan-atela-4", None, ["pendulum", "henon-heiles", "perturbed-kepler"]),
         ("scheme-iv", None, [name for name in EVERY if name != "lotka-volterra"]),
     ],
 )
-def test_systems_are_those_that_a_method_can_do(id, few, names):
+def test_systems_suit_the_method(id, few, names):
     assert battery.systems(BY_ID[id], few) == names
 
 
-def test_the_systems_made_for_it_are_what_they_say():
-    fast, coupled = battery.two_frequencies(), battery.coupled()
+def test_properties_of_the_test_systems():
+    fast, coupled = battery.two_frequencies(), battery.coupled_double_well()
     assert sp.Poly(fast.slow_potential, *fast.q).homogeneous_order() == 3, "nothing quadratic is left to the slow part"
     assert len({*fast.frequencies}) == 2
     assert not (coupled.separable)
@@ -297,14 +261,14 @@ def test_the_systems_made_for_it_are_what_they_say():
         assert abs((exchanged - coupled.H).subs(state)) > 0.01
 
 
-def test_long_formulae_are_tested_where_they_stay_short():
+def test_long_formulae_are_tested_on_small_systems():
     (high,) = battery.variants([BY_ID["generating-function"]], order=(5,), lam=(Fraction(1, 3),))
     long = next(m for m in METHODS if m.family == "schemes_iv_v" and m.order > 4)
     for record in (high, long):
         assert battery.systems(record) == battery.systems(record, few=False) == ["henon-heiles", "tao"]
 
 
-def test_what_is_expected_of_a_system():
+def test_expected_properties_on_a_system():
     assert (battery.canonical("tao"), battery.canonical("lotka-volterra")) == (True, False)
     assert battery.expected_order(BY_ID["pavf"], "pendulum") == 2
     assert battery.expected_order(BY_ID["pavf"], "tao") == BY_ID["pavf"].order == 1

@@ -1,4 +1,4 @@
-"""Stable steps on the oscillator: closed forms to ten digits, gaps, touches and crossings, long runs, the command."""
+"""Stability intervals on the oscillator: closed forms to ten digits, gaps, points of |trace| = 2, long runs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DIGITS = 1e-10
 
 
 def of_trace(trace):
-    """A symplectic map of that trace."""
+    """A symplectic map with this trace."""
     return lambda z: np.array([[trace(z), -1.0], [1.0, 0.0]])
 
 
@@ -35,29 +35,29 @@ def of_trace(trace):
         ("explicit-euler", 0.0),
     ],
 )
-def test_limits_are_known_to_ten_digits(method, limit):
+def test_limits_to_ten_digits(method, limit):
     found = oscillator.find(integrator(method))
     assert found.how == oscillator.TRACE
     assert found.limit == pytest.approx(limit, rel=DIGITS)
 
 
 @pytest.mark.parametrize("lam", ["-10", "-4", "3", "6", "1/3"])
-def test_scheme_i_ends_where_it_is_proved_though_a_pole_is_near(lam):
+def test_scheme_i_limit_next_to_a_pole(lam):
     """At lambda = 3 the trace has a pole at 0.408, between the same points of the scan as the limit, 0.4."""
-    found = oscillator.find(integrator("scheme-i", lam=lam))
+    found = oscillator.find(integrator("scheme-i", parameters={"lam": lam}))
     assert found.limit == pytest.approx(float(2 / abs(1 - 2 * Fraction(lam))), rel=DIGITS)
     assert len(found.intervals) == 1
 
 
-def test_a_pole_between_points_of_the_scan_is_no_end():
-    """tr = 2 - z^2 / (1 - 6 z^2): -2 at 0.4, infinite at 0.40825, then above 2 for good."""
+def test_pole_between_scan_points_is_not_the_limit():
+    """tr = 2 - z^2 / (1 - 6 z^2): -2 at 0.4, infinite at 0.40825, then above 2 for all z."""
     found = linear_stability.stability(of_trace(lambda z: 2 - z**2 / (1 - 6 * z**2)))
     assert found.limit == pytest.approx(0.4, abs=1e-6)
 
 
 @pytest.mark.parametrize("width", [1e-2, 1e-3])
-def test_a_narrow_gap_past_the_first_end_is_sharp(width):
-    """The trace passes -2 between points of the scan, by its own curvature."""
+def test_narrow_gap_after_the_first_interval(width):
+    """Between two points of the scan the trace falls below -2 and returns."""
     at, low = 3.0 + linear_stability.SPACING / 3, -2 - width**2 / 4
     found = oscillator.of_matrix(of_trace(lambda z: min(low + (z - at) ** 2, 1.99)))
     (_, first), (second, last) = found.intervals
@@ -69,18 +69,18 @@ def test_a_narrow_gap_past_the_first_end_is_sharp(width):
     assert found.touches == ()
 
 
-def test_a_double_root_is_a_touch_and_no_end():
+def test_double_root_is_a_touch_not_an_end():
     found = oscillator.of_matrix(of_trace(lambda z: 2 * np.cos(z)))
     assert found.intervals == ((0.0, None),)
     assert np.allclose(found.touches[:3], np.pi * np.arange(1, 4), atol=1e-6)
 
 
-def test_touches_close_to_each_other_are_all_found():
+def test_close_touches_are_all_found():
     found = oscillator.of_matrix(of_trace(lambda z: 2 * np.cos(8 * z) if z < 5 else 3.0))
     assert np.allclose(found.touches, np.pi / 8 * np.arange(1, 13), atol=1e-6)
 
 
-def test_a_trace_that_stays_below_2_by_a_little_touches_nothing():
+def test_trace_just_below_2_has_no_touch():
     found = oscillator.of_matrix(of_trace(lambda z: 1.99999 * np.cos(z)))
     assert found.touches == ()
 
@@ -97,27 +97,27 @@ def test_lobatto_has_a_gap():
     assert np.allclose(found.intervals, [(0, math.sqrt(8)), (math.sqrt(12), math.sqrt(24))], rtol=DIGITS, atol=0)
 
 
-def test_long_runs_agree_on_both_sides_and_see_a_wrong_limit():
+def test_long_runs_confirm_limits_and_refute_a_wrong_one():
     chosen = integrator("blanes-moan-s6")
     found = oscillator.find(chosen)
     assert len(found.intervals) > 1
-    right, runs = linear.confirmed(chosen, found)
+    right, runs = linear.confirm(chosen, found)
     assert right == runs >= 4
     wrong = oscillator.Found(((0.0, found.limit * 1.004), *found.intervals[1:]), (), found.scanned, found.how)
-    assert linear.confirmed(chosen, wrong)[0] < linear.confirmed(chosen, wrong)[1]
+    assert linear.confirm(chosen, wrong)[0] < linear.confirm(chosen, wrong)[1]
 
 
-def test_a_map_that_is_not_linear_is_judged_by_long_runs():
+def test_nonlinear_map_is_judged_by_long_runs():
     found = oscillator.find(integrator("rk4-relaxation"))
     assert found.how == oscillator.RUNS
     assert found.limit == pytest.approx(math.sqrt(8), rel=2e-3)
     assert found.reason
 
 
-def test_a_step_of_ones_own_and_what_it_keeps():
-    """Leapfrog as two steps in one is linear; one that remembers is not a map of the state."""
-    found = pb.stability(published.STEPS["kutta-3"]).iloc[0]
-    assert found["limit"] == pytest.approx(math.sqrt(3), rel=DIGITS)
+def test_user_step_and_step_with_memory():
+    """A Runge-Kutta step is a linear map; a step with memory is no map of the state."""
+    found = pb.stability(published.STEPS["kutta-3"])
+    assert found.limit == pytest.approx(math.sqrt(3), rel=DIGITS)
 
     def remembering(system, q, p, h, last=[0.0]):  # noqa: B006
         last[0] += h
@@ -126,20 +126,29 @@ def test_a_step_of_ones_own_and_what_it_keeps():
     assert not oscillator.linear(integrator(remembering))
 
 
-def test_a_map_that_is_not_linear_and_always_grows_has_no_limit():
+def test_stability_as_a_frame_and_as_before():
+    found = pb.stability("scheme-i", parameters={"lam": "1/3"})
+    assert found.parameters == {"lam": "1/3"}
+    assert found.to_frame()["limit"].tolist() == [found.limit]
+    with pytest.warns(DeprecationWarning, match=r"write \.to_frame\(\)\.iloc"):
+        assert found.iloc[0]["limit"] == found.limit
+    assert not hasattr(found, "limits")
+
+
+def test_nonlinear_map_that_always_grows_has_limit_0():
     found = oscillator.find(integrator(lambda system, q, p, h: (1.02 * q + h * p, 1.02 * p - h * q * abs(q))))
     assert (found.how, found.limit, found.intervals) == (oscillator.RUNS, 0.0, ())
     assert found.reason
 
 
-def test_what_has_no_step_is_refused():
+def test_integrators_without_a_step_are_refused():
     with pytest.raises(InvalidInput, match="tolerance"):
         pb.stability("heyoka")
     with pytest.raises(InvalidInput, match="requires"):
         pb.stability("wisdom-holman")
 
 
-def test_the_command_prints_the_contract():
+def test_command_prints_the_contract():
     done = CliRunner().invoke(app, ["stability", "scheme-i", "--param", "lam=1/2", "--json"])
     found = json.loads(done.stdout)
     assert {"method", "params", "limit", "intervals", "how"} <= found.keys()
@@ -155,43 +164,43 @@ def test_the_command_prints_the_contract():
     [("explicit-euler", "0", "no step"), ("stormer-verlet", "2", "0 to 2")]
     + [("implicit-midpoint", "none up to 100", "0 to beyond")],
 )
-def test_a_limit_of_0_is_no_lack_of_a_limit(method, limit, stable):
+def test_zero_limit_and_missing_limit_are_printed(method, limit, stable):
     lines = [" ".join(line.split()) for line in CliRunner().invoke(app, ["stability", method]).stdout.splitlines()]
     assert f"limit of h omega {limit}" in lines
     assert f"stable for {stable}" in lines
 
 
-def test_known_limits_are_compared_to_the_digits_that_are_printed():
+def test_known_limits_agree_to_their_printed_digits():
     assert linear.agrees(2.553145, 2.55, 3)
     assert not linear.agrees(2.5563, 2.55, 3)
     assert not linear.agrees(math.inf, 2.0, 3)
     assert not linear.agrees(2.0, math.inf, 3)
 
 
-def test_a_step_at_which_a_method_is_not_defined_ends_no_scan():
+def test_undefined_step_does_not_end_the_scan():
     method = integrator("gautschi")
     assert oscillator.matrix(method, float(np.pi)) is None
     assert oscillator.matrix(method, 3.0) is not None
     assert oscillator.find(method).scanned > 4
 
 
-# -- with runs and scans made up --------------------------------------------------------------------------------------
+# -- with fake runs and scans -----------------------------------------------------------------------------------------
 
 
-def told(monkeypatch, stays) -> list[tuple[float, int]]:
-    """Runs that end well where ``stays(z)``; (z, steps) of those that were made."""
+def replace_runs(monkeypatch, stays) -> list[tuple[float, int]]:
+    """Replace runs: stable where ``stays(z)``; return the list of (z, steps) of the runs made."""
     made: list[tuple[float, int]] = []
 
     def lost(chosen, z: float, steps: int) -> str:
         made.append((z, steps))
         return "" if stays(z) or steps < oscillator.LONG else "grown"
 
-    monkeypatch.setattr(oscillator, "lost", lost)
+    monkeypatch.setattr(oscillator, "failure_of_run", lost)
     return made
 
 
-def test_runs_find_every_interval_and_the_last_has_no_end(monkeypatch):
-    made = told(monkeypatch, lambda z: z < 1.234 or 2.4 < z < 4.1 or z > 5.6)
+def test_runs_find_every_interval(monkeypatch):
+    made = replace_runs(monkeypatch, lambda z: z < 1.234 or 2.4 < z < 4.1 or z > 5.6)
     found = oscillator.of_runs(None)
     ends = [x for pair in found.intervals for x in pair[:2] if x]
     assert np.allclose(ends, [1.234, 2.4, 4.1, 5.6], rtol=oscillator.SHARPNESS)
@@ -204,16 +213,16 @@ def test_runs_find_every_interval_and_the_last_has_no_end(monkeypatch):
 
 
 def test_runs_that_all_fail_end_the_scan(monkeypatch):
-    told(monkeypatch, lambda z: z > 5)
+    replace_runs(monkeypatch, lambda z: z > 5)
     found = oscillator.of_runs(None)
     assert (found.intervals, found.limit) == ((), 0.0)
     assert found.scanned == oscillator.COARSE * oscillator.HOPELESS
 
 
-def test_a_run_is_lost_by_its_status_or_by_growth():
+def test_run_is_lost_by_its_status_or_by_growth():
     def ends(status: str, q: float, p: float):
         rows = SimpleNamespace(status=status, q=np.array([[1.0], [q]]), p=np.array([[0.0], [p]]))
-        return oscillator.lost(SimpleNamespace(run=lambda problem, **asked: rows), 0.1, 100)
+        return oscillator.failure_of_run(SimpleNamespace(run=lambda problem, **asked: rows), 0.1, 100)
 
     grown = 1.01 * oscillator.GROWN
     assert [ends("ok", *end) for end in ((1.0, 0.5), (0.99 * oscillator.GROWN, 0.0))] == ["", ""]
@@ -221,7 +230,7 @@ def test_a_run_is_lost_by_its_status_or_by_growth():
     assert [ends("unstable", *end) for end in ((1.0, 0.5), (grown, 0.0))] == ["unstable", "unstable"]
 
 
-def test_a_scan_that_ends_stable_goes_on_wider_and_is_joined_to_it(monkeypatch):
+def test_scan_that_ends_stable_is_extended(monkeypatch):
     def scans(*second):
         found = iter(
             [linear_stability.Stability(((0.0, 2.0), (3.0, 10.0)), 10.0), linear_stability.Stability(second, 90.0)]

@@ -1,4 +1,4 @@
-"""A step of the user's own: what it may return, what is said of what it may not, what it may claim."""
+"""A step of the user's own: what it may return, error messages for the rest, and its claims."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ HENON = problem("henon-heiles:box")
 
 
 def ran(step, **more):
+    """The solution of five steps on the Henon-Heiles problem."""
     return own_step.integrate_step(HENON, own_step.from_function(step), h=0.1, steps=5, **more)
 
 
@@ -20,13 +21,13 @@ def still(system, q, p, h):
     return q + 0.0, p + 0.0
 
 
-def test_every_row_is_kept_where_nothing_is_said():
+def test_every_row_is_saved_by_default():
     assert len(ran(still).t) == 6
     assert len(ran(still, save_every=2).t) == 4
 
 
 @pytest.mark.parametrize("made", [tuple, list, np.array])
-def test_two_arrays_are_returned_in_any_pair(made):
+def test_step_may_return_any_pair_of_arrays(made):
     assert np.array_equal(ran(lambda system, q, p, h: made([q + 1, p])).q[-1], np.add(HENON.q0, 5))
 
 
@@ -42,14 +43,14 @@ def test_two_arrays_are_returned_in_any_pair(made):
         (lambda q, p: (q, 1j * p), r"step returned p = .*; it must be an array of real numbers"),
     ],
 )
-def test_what_a_step_may_not_return_is_shown(returns, said):
+def test_invalid_return_value_is_shown(returns, said):
     with pytest.raises(InvalidInput, match=said):
         ran(lambda system, q, p, h: returns(q, p))
 
 
 @pytest.mark.parametrize("name", ["stability", "tolerance"])
 @pytest.mark.parametrize("value", [0, -1.0, float("inf"), float("nan"), True, "2"])
-def test_a_limit_is_a_positive_number(name, value):
+def test_claimed_limit_must_be_a_positive_number(name, value):
     assert own_step.checked_claims({name: 0.5}, "here") == {name: 0.5}
     with pytest.raises(InvalidInput, match=f"here has {name} = .*a positive number"):
         own_step.checked_claims({name: value}, "here")

@@ -1,7 +1,8 @@
-"""Tables of pages on fabricated rows: the exceptions of the matrix, the catalogue's lists, the talks' statements."""
+"""Tables of pages on fabricated rows: exceptions of the matrix, the catalogue, the talks' statements."""
 
 from __future__ import annotations
 
+import re
 from itertools import product
 from types import SimpleNamespace
 
@@ -20,7 +21,8 @@ from phasebench.benchmarks.experiments.talks.judging import (
     WHERE,
     Judgement,
 )
-from phasebench.benchmarks.page.page import ROWS
+from phasebench.benchmarks.page.page import ROWS, conclusion
+from phasebench.benchmarks.page.verdict import FAIL, FINDING, LIST, PASS, Count
 from phasebench.integrators.registry import METHODS
 
 # -- the matrix --------------------------------------------------------------------------------------------------------
@@ -36,7 +38,7 @@ def cells(*changes: dict):
     return {"matrix": pd.DataFrame([CELL | c for c in changes])}.get
 
 
-def test_exceptions_of_a_method_stand_on_one_line_with_the_first_that_was_measured():
+def test_exceptions_of_a_method_share_a_line():
     short = [
         {"method": "avf", "declared_order": 2, "order": x, "problem": p} for x, p in ((1.25, "fpu"), (1.5, "kepler"))
     ]
@@ -50,14 +52,14 @@ def test_exceptions_of_a_method_stand_on_one_line_with_the_first_that_was_measur
     assert matrix.table(cells({})) is None
 
 
-def test_unexplained_cells_stand_before_those_with_a_reason():
+def test_unexplained_cells_come_first():
     known = {"method": "gauss-equip-2", "energy_class": "round-off", "energy": 1e-9, "fallbacks": 2}
     open_ = {"method": "avf", "declared_order": 2, "order": 1.0}
     shown = matrix.table(cells(known, open_)).frame
     assert shown["method"].tolist() == ["avf", "gauss-equip-2"]
 
 
-def test_every_pair_that_was_run_on_the_small_problems_is_in_the_whole_table():
+def test_full_table_has_every_pair_on_small_problems():
     pairs = [{"problem": "kepler"}, {"problem": "fpu"}, {"reason": "requires: separable"}, {"method": "avf"}]
     whole = matrix.PAGE.whole(cells(*pairs))
     assert whole[["method", "problem", "declared"]].to_numpy().tolist() == [
@@ -69,7 +71,7 @@ def test_every_pair_that_was_run_on_the_small_problems_is_in_the_whole_table():
 # -- the catalogue -----------------------------------------------------------------------------------------------------
 
 
-def test_families_are_counted_by_what_their_methods_declare():
+def test_families_are_counted_by_declared_properties():
     shown = catalogue.METHODS_PAGE.table({}.get).frame.set_index("family")
     families = list(dict.fromkeys(m.family for m in METHODS))
     assert list(shown.index) == [f.replace("_", " ") for f in families][:ROWS]
@@ -83,8 +85,8 @@ def test_families_are_counted_by_what_their_methods_declare():
     assert len(catalogue.METHODS_PAGE.whole({}.get)) == len(METHODS)
 
 
-def test_methods_are_described_by_what_they_declare():
-    """A method of each kind, as the books have them."""
+def test_methods_have_their_known_properties():
+    """One method of each kind, with its properties from the textbooks."""
     lines = {line["method"]: line for line in describe.methods()}
     assert len(lines) == len(METHODS)
     for id, symmetric, symplectic in (
@@ -99,23 +101,17 @@ def test_methods_are_described_by_what_they_declare():
     assert lines["scheme-i"]["parameters"] == "lam=1/3"
 
 
-@pytest.mark.parametrize("missing", [{"source": ""}, {"cite": ""}])
-def test_a_method_without_a_source_or_a_citation_is_a_finding(missing, monkeypatch):
-    whole = {"id": "a", "family": "f", "source": "someone", "cite": "x"}
-    monkeypatch.setattr(
-        catalogue, "METHODS", [SimpleNamespace(**whole), SimpleNamespace(**whole | {"id": "b"} | missing)]
-    )
-    said = catalogue.sourced({}.get)
-    assert not said.holds
-    assert said.text == "2 methods of 1 families are registered; without a source: b."
-    monkeypatch.setattr(catalogue, "METHODS", [SimpleNamespace(**whole)])
-    assert catalogue.sourced({}.get).holds
-    assert catalogue.sourced({}.get).text.endswith("every one with its source and citation.")
+def test_answer_counts_methods_by_property(monkeypatch):
+    same = {"family": "f", "symplectic": True, "symmetric": True, "energy": "bounded"}
+    other = {"family": "g", "symplectic": False, "symmetric": True, "energy": "round-off"}
+    monkeypatch.setattr(catalogue, "METHODS", [SimpleNamespace(**x) for x in (same, same, other, other, other)])
+    assert re.findall(r"\d+", catalogue.METHODS_PAGE.answer({}.get)) == ["5", "2", "2", "5", "3"]
+    assert conclusion(catalogue.METHODS_PAGE, {}.get)[0] == LIST
 
 
 @pytest.fixture
 def problems(monkeypatch):
-    """Problems of so many orbits, in as many degrees of freedom, with a formula of that many letters."""
+    """A function that fixes the problems: each (d, number of letters of H), with d orbits."""
 
     def make(*of: tuple[int, int], source: str = "someone"):
         made = []
@@ -124,13 +120,13 @@ def problems(monkeypatch):
             orbits = [SimpleNamespace(name=f"o{k}", q=q, p=q) for k in range(d)]
             system = SimpleNamespace(H="x" * letters, d=d, traits={"separable": d > 4})
             made.append(SimpleNamespace(id=f"of-{d}", orbits=orbits, source=source, system=system, invariants=["L"]))
-        monkeypatch.setattr(catalogue, "_made", lambda: tuple(made))
+        monkeypatch.setattr(catalogue, "_problems", lambda: tuple(made))
         return catalogue.PROBLEMS_PAGE
 
     return make
 
 
-def test_problems_are_shown_with_their_formulae_and_long_ones_cut(problems):
+def test_formulae_of_problems_are_shown_and_cut(problems):
     longest = catalogue.LONGEST
     shown = problems((4, longest), (5, longest + 1)).table({}.get).frame
     assert shown["H (or invariant)"].tolist() == [
@@ -143,7 +139,7 @@ def test_problems_are_shown_with_their_formulae_and_long_ones_cut(problems):
     assert len(many) == ROWS
 
 
-def test_orbits_are_shown_with_four_numbers_of_their_state(problems):
+def test_orbits_show_four_numbers_of_their_state(problems):
     whole = problems((4, 1), (5, 1)).whole({}.get)
     assert len(whole) == 9
     for column in ("q0", "p0"):
@@ -151,13 +147,10 @@ def test_orbits_are_shown_with_four_numbers_of_their_state(problems):
         assert whole[column].iloc[-1] == "0.0, 1.0, 2.0, 3.0, …"
 
 
-def test_a_problem_without_a_source_is_a_finding(problems):
-    (good,) = problems((4, 1), (5, 1)).judged({}.get)
-    assert good.holds
-    assert good.text == "2 problems with 9 orbits are registered, every one with its source."
-    (bad,) = problems((4, 1), (5, 1), source="").judged({}.get)
-    assert not bad.holds
-    assert bad.text.endswith("; without a source: of-4 and of-5.")
+def test_problems_and_orbits_are_counted(problems):
+    page = problems((4, 1), (5, 1))
+    assert re.findall(r"\d+", page.answer({}.get)) == ["2", "9", "4", "5", "1"]
+    assert conclusion(page, {}.get)[0] == LIST
 
 
 def tables(*changes: dict) -> dict:
@@ -165,17 +158,20 @@ def tables(*changes: dict) -> dict:
     return {"coefficients": pd.DataFrame([row | c for c in changes])}
 
 
-def test_tables_of_coefficients_have_the_order_that_they_declare():
+def test_tables_of_coefficients_must_have_their_order():
     good = catalogue.orders(tables({}, {"polished residual": 1e-45}).get)
-    assert good.holds
-    assert "the residuals are at most 1.0e-45" in good.text
-    assert "not so" not in good.text
+    assert (good.outcome, good.measured, good.where) == (PASS, Count(2, 2), "")
     bad = catalogue.orders(tables({}, {"table": "u", "order": 3}).get)
-    assert not bad.holds
-    assert "not so u" in bad.text
+    assert (bad.outcome, bad.measured, bad.where) == (FAIL, Count(1, 2), "u")
 
 
-def test_of_each_kind_and_order_the_least_constant_is_shown():
+def test_residuals_of_polished_coefficients_must_vanish():
+    good = catalogue.polished_residuals(tables({}, {"table": "u", "polished residual": catalogue.ZERO}).get)
+    assert (good.outcome, good.measured, good.where) == (PASS, catalogue.ZERO, "u")
+    assert catalogue.polished_residuals(tables({}, {"polished residual": 1.1 * catalogue.ZERO}).get).outcome == FAIL
+
+
+def test_smallest_error_constant_of_each_kind_is_shown():
     more = {"stages": 3, "sum of sizes": 2.0}
     every = product(("splitting", "nystrom", "composition"), (6, 4), ("0.5, 7", "0.25", "1.0"))
     rows = [
@@ -188,21 +184,16 @@ def test_of_each_kind_and_order_the_least_constant_is_shown():
     assert many["order"].tolist() == list(range(ROWS))
 
 
-def installed(*changes: dict) -> dict:
+def dependency_data(*changes: dict) -> dict:
     row = {"package": "p", "version": "1", "licence": "MIT", "direct": True, "MB": 1.0}
     return {"dependencies": pd.DataFrame([row | c for c in changes])}
 
 
-def test_what_is_needed_directly_is_added_up_and_a_weight_is_no_finding():
-    rows = installed({}, {"package": "q"}, {"package": "r", "direct": False})
-    said = catalogue.licences(rows.get)
-    assert (
-        said.text == "3 distributions are needed, 2 of them directly; none is under the GPL; each states its licence."
-    )
-    assert catalogue.weight(rows.get).holds
+def test_direct_dependencies_are_shown():
+    rows = dependency_data({}, {"package": "q"}, {"package": "r", "direct": False})
     shown = catalogue.DEPENDENCIES_PAGE.table(rows.get).frame
-    assert shown["direct"].tolist() == ["yes", "yes", "no"]
-    many = catalogue.DEPENDENCIES_PAGE.table(installed(*({"package": f"p{k}"} for k in range(30))).get).frame
+    assert shown["package"].tolist() == ["p", "q"]
+    many = catalogue.DEPENDENCIES_PAGE.table(dependency_data(*({"package": f"p{k}"} for k in range(30))).get).frame
     assert many["package"].tolist() == [f"p{k}" for k in range(ROWS)]
 
 
@@ -214,29 +205,30 @@ def section(monkeypatch):
     """A talk of one section with a statement of each verdict, and one more that holds."""
     statements = [
         SimpleNamespace(
-            where=f"({k})", kind="remark", words=f"w{k}", page="p", judged=lambda data, v=v: Judgement(v, "seen")
+            where=f"({k})", kind="remark", words=f"w{k}", page="p", judgement=lambda data, v=v: Judgement(v, "seen")
         )
         for k, v in enumerate((HOLDS, UNTESTABLE, WHERE, MISSING, CONTRADICTED, HOLDS))
     ]
-    one = SimpleNamespace(id="s", talk="first", title="t", statements=statements, tables=())
+    one = SimpleNamespace(
+        id="s", talk="first", question="q?", statements_of="statements", statements=statements, tables=()
+    )
     monkeypatch.setattr(talks, "SECTIONS", [one])
     return one
 
 
-def test_statements_are_counted_by_their_verdicts(section):
-    contradicted, counted, conditional = talks.PAGE.judged({}.get)
-    assert contradicted.text == "Contradicted: (4) (w4)."
-    assert contradicted.short == "Contradicted: (4)."
-    assert counted.text.startswith(f"2 of 6 statements hold; {WHERE} a condition is met: 1, {CONTRADICTED}: 1")
-    assert counted.text.endswith(f", {UNTESTABLE}: 1, {MISSING}: 1.")
-    assert conditional.text == "Only under a condition: (2) (w2)."
-    assert not any(v.holds for v in (contradicted, counted, conditional))
+def test_statements_are_counted_by_verdict(section):
+    found = talks.PAGE.judge({}.get)
+    assert [(v.outcome, v.measured, v.where) for v in found] == [
+        (FINDING, Count(1, 6), "(4)"),
+        (FINDING, Count(1, 6), "(2)"),
+        (FINDING, Count(1, 6), "(3)"),
+    ]
+    assert re.findall(r"\d+", talks.PAGE.answer({}.get)) == ["6", "2", "1", "1", "4"]
     section.statements = section.statements[:1]
-    assert all(v.holds for v in talks.PAGE.judged({}.get))
-    assert talks.PAGE.judged({}.get)[0].short == "No statement is contradicted."
+    assert conclusion(talks.PAGE, {}.get)[0] == PASS
 
 
-def test_what_does_not_plainly_hold_stands_in_order_of_weight(section):
+def test_exceptions_are_sorted_by_severity(section):
     shown = talks.exceptions({}.get).frame
     assert list(shown) == ["talk", "where", "kind", "says", "verdict", "measured", "shown on"]
     assert shown["verdict"].tolist() == [CONTRADICTED, MISSING, WHERE, UNTESTABLE]
@@ -247,21 +239,20 @@ def test_what_does_not_plainly_hold_stands_in_order_of_weight(section):
     assert talks.exceptions({}.get).frame["verdict"].tolist() == [CONTRADICTED] * 3 + [WHERE] * (ROWS - 3)
 
 
-def test_the_page_of_a_section_has_all_its_statements(section):
+def test_page_of_a_section_has_all_its_statements(section):
     made_ = talks._page(section)
     shown = made_.table({}.get).frame
     assert list(shown) == ["where", "kind", "says", "verdict", "measured", "shown on"]
     assert shown["where"].tolist() == [f"({k})" for k in range(6)]
     assert set(shown["shown on"]) == {"[p](p.md)"}
-    assert made_.judged({}.get)[0].text.startswith("Contradicted: ")
+    assert made_.judge({}.get)[0].outcome == FINDING
     section.statements = section.statements[1:2]
     assert made_.table({}.get) is None
-    assert made_.judged({}.get) == []
+    assert made_.judge({}.get) == []
 
 
-def test_at_most_four_contradicted_statements_are_named_and_ten_with_a_condition(section):
-    wrong, some = section.statements[4], section.statements[2]
-    section.statements = [wrong] * 6 + [some] * 12
-    contradicted, _, conditional = talks.PAGE.judged({}.get)
-    assert contradicted.text.count("w4") == 4
-    assert conditional.text.count("w2") == 10
+def test_at_most_three_places_are_named(section):
+    wrong = section.statements[4]
+    section.statements = [SimpleNamespace(**vars(wrong) | {"where": f"({k})"}) for k in range(5)]
+    contradicted, _, _ = talks.PAGE.judge({}.get)
+    assert contradicted.where == "(0); (1); (2) and 2 more"

@@ -14,9 +14,10 @@ import pytest
 from phasebench.benchmarks.experiments.trade import bench_errors, peer_rows, sweep
 from phasebench.benchmarks.measure import accuracy
 from phasebench.benchmarks.measure.integrator import OURS
+from phasebench.benchmarks.measure.orders import orders
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
-from phasebench.benchmarks.rows import sources
+from phasebench.benchmarks.store import sources
 from phasebench.integrators import integrate
 from phasebench.reference.certificates import stored as certified
 from phasebench.reference.peers import BY_ID as PEERS
@@ -28,36 +29,36 @@ CHAOTIC = next(s for s in SCENES if not s.regular)
 
 
 def exactly(made, t, q, p):
-    """The error of the doubles q, p at t by a run in quadruple precision of one's own."""
-    _, quad = taylor.extended()
+    """Error of the doubles q, p at time t against an independent run in quadruple precision."""
+    _, quad = taylor.extended_types()
     (row,) = taylor.states(made.system, quad, made.q0, made.p0, [t])
     return max(abs(float(quad(float(x)) - y)) for x, y in zip((*q, *p), row, strict=True))
 
 
-def test_what_is_true_of_every_scene_is_stored():
+def test_every_scene_has_a_stored_truth():
     for scene in SCENES:
-        true, certificate = accuracy.truth(scene.id), certified.find(scene.made())
+        true, certificate = accuracy.truth(scene.id), certified.find(problem(scene.problem))
         assert (true.source, true.horizon) == (accuracy.STORED, min(certificate.horizon, scene.t_end))
         assert (true.t == scene.t_end) == scene.regular
         end = certificate.at(true.t)
         assert (true.texts, true.uncertainty) == ((*end.q_text, *end.p_text), end.uncertainty)
 
 
-def test_a_regular_scene_is_measured_at_its_end():
+def test_regular_scene_is_measured_at_its_end():
     row = sweep.measure(sweep.Task(SCENE.id, "rk4", (), 0.03), repeats=1)
     assert (row["reference_horizon"], row["global_error_time"]) == (SCENE.t_end, SCENE.t_end)
-    made = SCENE.made()
+    made = problem(SCENE.problem)
     end = integrate(made, "rk4", h=0.03, t_end=SCENE.t_end)
     assert row["global_error"] == exactly(made, SCENE.t_end, end.q[-1], end.p[-1]) > 1e-9
 
 
 @pytest.mark.parametrize(("id", "size"), [("stormer-verlet", {"h": 0.05}), ("heyoka", {"h": None, "tol": 1e-15})])
-def test_a_chaotic_trajectory_is_measured_at_the_last_stored_time_before_the_horizon(id, size):
-    """Not later: a long double run is 1e-13 of the state away there, and the best of doubles are far further."""
+def test_chaotic_scene_is_measured_before_its_horizon(id, size):
+    """At the last stored time: a long double run is accurate to 1e-13 there, runs in doubles are far worse."""
     row = sweep.measure(sweep.Task(CHAOTIC.id, id, (), **size), repeats=1)
     assert row["status"] == "ok"
     assert row["energy_max_early"] <= row["energy_max"]
-    made = CHAOTIC.made()
+    made = problem(CHAOTIC.problem)
     certificate = certified.find(made)
     t = max(end.t for end in certificate.ends if end.t <= certificate.horizon)
     assert (row["global_error_time"], row["reference_horizon"]) == (t, certificate.horizon)
@@ -70,38 +71,38 @@ def test_a_chaotic_trajectory_is_measured_at_the_last_stored_time_before_the_hor
     assert 100 * row["reference_uncertainty"] < row["global_error"] < 1
 
 
-def test_without_a_certificate_the_truth_is_computed_and_the_row_says_so(monkeypatch):
+def test_truth_is_computed_without_a_certificate(monkeypatch):
     monkeypatch.setattr(accuracy.stored, "find", lambda problem: None)
     computed = accuracy.truth.__wrapped__(SCENE.id)
     stored = accuracy.truth(SCENE.id)
     assert computed.source == accuracy.COMPUTED
     assert stored.error([float(x) for x in computed.texts]) < 1e-14
     monkeypatch.setattr(accuracy, "truth", lambda scene: computed)
-    solution = integrate(SCENE.made(), "rk4", h=0.03, t_end=SCENE.t_end)
+    solution = integrate(problem(SCENE.problem), "rk4", h=0.03, t_end=SCENE.t_end)
     row = accuracy.trajectory_error(SCENE, solution)
     assert row["reference"] == "computed"
     assert row["global_error"] == pytest.approx(stored.error(accuracy.end_state(solution)), rel=1e-6)
 
 
-def test_control_past_the_horizon_no_error_is_told(monkeypatch):
-    """Without a certificate the end of the chaotic scene is past what long double can tell."""
+def test_control_no_error_after_the_horizon(monkeypatch):
+    """Without a certificate, the end of the chaotic scene is beyond the reach of long double."""
     monkeypatch.setattr(accuracy.stored, "find", lambda problem: None)
     late = accuracy.truth.__wrapped__(CHAOTIC.id)
     assert late.uncertainty > 1e-3
     monkeypatch.setattr(accuracy, "truth", lambda scene: late)
-    solution = integrate(CHAOTIC.made(), "stormer-verlet", h=0.05, t_end=CHAOTIC.t_end, save_every=0)
+    solution = integrate(problem(CHAOTIC.problem), "stormer-verlet", h=0.05, t_end=CHAOTIC.t_end, save_every=0)
     assert set(accuracy.trajectory_error(CHAOTIC, solution)) == {"reference_horizon"}
 
 
-def test_no_error_where_no_row_is_at_the_time():
-    solution = integrate(CHAOTIC.made(), "stormer-verlet", h=0.05, t_end=CHAOTIC.t_end, save_every=0)
+def test_no_error_without_a_row_at_the_time():
+    solution = integrate(problem(CHAOTIC.problem), "stormer-verlet", h=0.05, t_end=CHAOTIC.t_end, save_every=0)
     assert set(accuracy.trajectory_error(CHAOTIC, solution)) == {"reference_horizon"}
 
 
 # -- peers in a sweep --------------------------------------------------------------------------------------------------
 
 
-def test_the_peers_of_a_sweep_are_of_the_packages_that_are_required():
+def test_swept_peers_belong_to_required_packages():
     project = tomllib.loads((sources.ROOT / "pyproject.toml").read_text())["project"]
     required = {re.split("[>=<;]", x)[0] for x in project["dependencies"]}
     swept = peer_rows.swept()
@@ -109,11 +110,11 @@ def test_the_peers_of_a_sweep_are_of_the_packages_that_are_required():
     assert {p.id for p in PEERS.values() if p.package in required} == {p.id for p in swept}
     assert {p.id for p in peer_rows.swept(quick=True)} == set(peer_rows.QUICK)
     assert {*peer_rows.SLOW, *peer_rows.QUICK} <= {p.id for p in swept}
-    assert "scipy-lsoda" not in peer_rows.QUICK  # by name it runs in the quick tier as well
+    assert "scipy-lsoda" not in peer_rows.QUICK  # selected by name, it also runs in the quick tier
     assert [t.tol for t in sweep.tasks([SCENE], True, lambda m: m.id == "scipy-lsoda")] == [1e-6]
 
 
-def test_a_peer_runs_at_the_steps_or_over_tolerances():
+def test_step_sizes_or_tolerances_of_a_peer():
     scene = BY_ID["kepler-t1"]
 
     def sizes(scene, id, quick=False):
@@ -127,7 +128,7 @@ def test_a_peer_runs_at_the_steps_or_over_tolerances():
     assert len(sizes(long, "scipy-radau")) == len(sizes(long, "rebound-leapfrog-8")) == 1
     assert sizes(long, "rebound-leapfrog") == [(h, None) for h in long.steps[: peer_rows.SIZES]]
     assert sizes(long, "heyoka") == [(None, tol) for tol in peer_rows.TOLERANCES[: peer_rows.SIZES]]
-    assert all(isinstance(t.made(), Peer) for t in sweep.tasks([scene], only=lambda m: m.id == "heyoka"))
+    assert all(isinstance(t.build(), Peer) for t in sweep.tasks([scene], only=lambda m: m.id == "heyoka"))
 
 
 ALIKE = {
@@ -139,13 +140,13 @@ ALIKE = {
 
 SIZES = [
     ("heyoka", {"h": None, "tol": 1e-9}),
-    ("rebound-ias15", {"h": None, "tol": 1e-6}),  # output ends its steps: the error is of a run without
+    ("rebound-ias15", {"h": None, "tol": 1e-6}),  # output shortens its steps; the error is that of a run without output
     ("rebound-leapfrog", {"h": np.pi / 60}),
 ]
 
 
 @pytest.mark.parametrize(("id", "size"), SIZES)
-def test_a_row_of_a_peer_has_the_columns_of_a_method(id, size):
+def test_row_of_a_peer_has_the_columns_of_a_method(id, size):
     scene = BY_ID["kepler-100-orbits"]
     row = sweep.measure(sweep.Task(scene.id, id, (), **size), repeats=1)
     assert set(row) >= ALIKE
@@ -154,8 +155,8 @@ def test_a_row_of_a_peer_has_the_columns_of_a_method(id, size):
     assert f"{PEERS[id].package} {metadata.version(PEERS[id].package)}" in row["versions"]
     assert row["h"] == size["h"]
     assert row["tol"] == size.get("tol")
-    bare = integrate_peer(scene.made(), id, **size, t_end=scene.t_end, save_every=0)
-    error = exactly(scene.made(), scene.t_end, bare.q[-1], bare.p[-1])
+    bare = integrate_peer(problem(scene.problem), id, **size, t_end=scene.t_end, save_every=0)
+    error = exactly(problem(scene.problem), scene.t_end, bare.q[-1], bare.p[-1])
     assert row["global_error"] == pytest.approx(error, rel=1e-9)
     assert error > 1e-13
     assert row["steps"] == bare.counts["steps"]
@@ -163,10 +164,10 @@ def test_a_row_of_a_peer_has_the_columns_of_a_method(id, size):
     assert json.loads(json.dumps(row)) == row
 
 
-def test_a_peer_that_cannot_do_a_scene_has_one_row_that_says_why(monkeypatch):
+def test_unsuitable_peer_has_one_row_with_the_reason(monkeypatch):
     for id, why in (("rebound-whfast", "Kepler"), ("heyoka", "pip install heyoka")):
         if id == "heyoka":
-            monkeypatch.setattr(peer_rows, "find_spec", lambda name: None)
+            monkeypatch.setattr("phasebench.benchmarks.measure.integrator.find_spec", lambda name: None)
         todo = sweep.tasks([BY_ID["pendulum-t2"]], only=lambda m, id=id: m.id == id)
         (row,) = sweep.run(todo, repeats=1)
         assert (row["status"], row["method"]) == ("skipped", id)
@@ -174,22 +175,23 @@ def test_a_peer_that_cannot_do_a_scene_has_one_row_that_says_why(monkeypatch):
         assert "global_error" not in row
 
 
-def test_a_peer_that_fails_has_its_reason_and_no_error(monkeypatch):
+def test_failed_peer_has_its_reason_and_no_error(monkeypatch):
     scene = replace(SCENE, id="fall", problem="henon-heiles:chaotic", t_end=100.0, steps=(1.0,))
     monkeypatch.setitem(sweep.BY_ID, "fall", scene)
     made = replace(problem("henon-heiles:chaotic").start, q=(0.0, 3.0))
-    monkeypatch.setattr(type(scene), "made", lambda s: replace(problem("henon-heiles"), orbits=(made,), orbit=""))
+    far = replace(problem("henon-heiles"), orbits=(made,), orbit="")
+    monkeypatch.setattr(peer_rows, "problem_of", lambda name: far)
     row = sweep.measure(sweep.Task("fall", "heyoka", (), None, tol=1e-6))
     assert row["status"] == "diverged"
     assert "finite" in row["reason"]
     assert not {"global_error", "seconds"} & set(row)
 
 
-def test_orders_are_of_fixed_steps_and_peers_have_them(monkeypatch):
+def test_orders_exist_for_peers_with_fixed_steps(monkeypatch):
     chosen = ("heyoka", "rebound-leapfrog")
     rows = sweep.run(sweep.tasks([BY_ID["pendulum-t2"]], only=lambda m: m.id in chosen), repeats=1)
     assert {r["method"] for r in rows} == set(chosen)
-    (found,) = sweep.orders(rows)
+    (found,) = orders(rows)
     assert (found["method"], found["kind"]) == ("rebound-leapfrog", "rebound")
     assert found["order"] == pytest.approx(2, abs=0.1)
 

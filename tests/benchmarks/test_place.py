@@ -1,4 +1,4 @@
-"""The place on fronts of the trade: what is stored, what a step needs, and what is said of it."""
+"""Rank of a step among the Pareto fronts of the trade-off: stored fronts, gradient evaluations, the printed line."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from phasebench.benchmarks.certificate import fronts, place
 from phasebench.benchmarks.certificate.battery import Entry
 from phasebench.benchmarks.certificate.subject import subject
-from phasebench.benchmarks.certificate.verdicts import Tables
+from phasebench.benchmarks.ladder.bracket import evaluations_for
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.registry import BY_ID as METHODS
 from phasebench.reference.peers import BY_ID as PEERS
@@ -23,24 +23,26 @@ from phasebench.reference.peers import BY_ID as PEERS
         ([(100, 1e-3), (10, 1e-1)], 1e-3, 100),
         ([(10, 1e-1), (100, 1e-3)], 1e-4, None),
         ([(10, 1e-3)], 1e-2, 10),
-        ([(10, 1e-5), (20, 1e-1), (200, 1e-3)], 1e-2, 20 * 10**0.5),  # the first was lucky
+        ([(10, 1e-5), (20, 1e-1), (200, 1e-3)], 1e-2, 20 * 10**0.5),  # the first run is accurate by chance
         ([(10, 1e-5), (20, 1e-1)], 1e-2, None),
-        ([(10, 1e-8), (20, 1e-11), (40, 2e-10), (80, 4e-10)], 1e-10, 10 * 2 ** (2 / 3)),  # then round-off
+        ([(10, 1e-8), (20, 1e-11), (40, 2e-10), (80, 4e-10)], 1e-10, 10 * 2 ** (2 / 3)),  # later runs are at round-off
         ([(10, 1e-1), (20, float("inf")), (40, 1e-3)], 1e-2, 20),
         ([(10, 1e-1), (20, 0.0)], 1e-2, 10 * 2 ** (1 / 299)),
+        ([(10, 1e-1), (20, 1e-11), (40, 1e-3), (80, 5e-9)], 1e-9, None),  # the second is right by chance
         ([], 1e-2, None),
     ],
 )
-def test_the_evaluations_that_an_error_needs(runs, wanted, expected):
-    assert fronts.needed(runs, wanted) == (expected if expected is None else pytest.approx(expected))
+def test_evaluations_needed_for_an_error(runs, wanted, expected):
+    assert evaluations_for(runs, wanted) == (expected if expected is None else pytest.approx(expected))
 
 
 def run_of(integrator, evaluations, error, scene="kepler-orbit", status="ok"):
+    """The row of a run of the trade-off."""
     row = {"scene": scene, "integrator": integrator, "id": integrator.partition("(")[0]}
     return row | {"evaluations": evaluations, "error": error, "status": status}
 
 
-def test_a_front_is_of_those_whose_work_is_evaluations_of_the_gradient():
+def test_front_has_only_methods_that_evaluate_gradients():
     rows = [run_of("rk4", 100, 1e-2), run_of("rk4", 1000, 1e-6), run_of("stormer-verlet", 300, 1e-3)]
     others = [
         run_of("heyoka", 0, 1e-9),
@@ -48,31 +50,22 @@ def test_a_front_is_of_those_whose_work_is_evaluations_of_the_gradient():
         run_of("pefrl", 3, 1e-9, status="diverged"),
         run_of("pefrl", 3, 1e-9, scene="nls"),
     ]
-    lines = fronts.made([*rows, *others])
+    lines = fronts.build([*rows, *others])
     assert [(x["error"], x["integrator"], x["evaluations"]) for x in lines] == [
         (1e-2, "rk4", 100),
         (1e-4, "rk4", 316),
         (1e-6, "rk4", 1000),
     ]
-    assert fronts.made([*rows, run_of("pefrl", 50, 1e-4)])[1]["integrator"] == "pefrl"
+    assert fronts.build([*rows, run_of("pefrl", 50, 1e-4)])[1]["integrator"] == "pefrl"
 
 
-def test_what_is_stored_is_of_every_scene_and_rises_as_the_error_falls():
-    assert list(fronts.stored()) == list(fronts.SCENES)
-    for by in fronts.stored().values():
+def test_stored_fronts_cover_every_scene():
+    assert list(fronts.TABLE.load()) == list(fronts.SCENES)
+    for by in fronts.TABLE.load().values():
         assert tuple(by) == fronts.ERRORS
         counts = [best.evaluations for best in by.values()]
         assert counts == sorted(counts)
         assert {best.integrator.partition("(")[0] for best in by.values()} <= METHODS.keys() | PEERS.keys()
-
-
-def test_kept_is_what_was_made(tmp_path, monkeypatch):
-    before = fronts.stored()
-    lines = [{"scene": s, "error": e, **b._asdict()} for s, by in before.items() for e, b in by.items()]
-    monkeypatch.setattr(fronts, "PATH", tmp_path / "fronts.csv")
-    fronts.keep(lines)
-    assert fronts.stored() == before
-    fronts.stored.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -85,18 +78,19 @@ def test_kept_is_what_was_made(tmp_path, monkeypatch):
         ([1e-3, 1.0], False),
         ([1e-3, 1.0, 1.0], True),
         ([1.0, 1e-3, 1.0, 1.0], True),
-        ([1e-2, 1.0, 1.0], False),  # none was small enough to be compared
+        ([1e-2, 1.0, 1.0], False),  # no error is small enough for a comparison
         ([0.5, 1.0, 1.0, 1.0], False),
         ([1.0, 1.0, 1e-3], False),
     ],
 )
-def test_a_ladder_ends_at_the_smallest_error_or_where_rungs_bring_nothing(errors, ended):
+def test_ladder_ends_at_a_small_error_or_without_gain(errors, ended):
     assert (fronts.ERRORS[0], fronts.ERRORS[-1]) == (1e-2, 1e-10)
-    assert place._ended([(1, e) for e in errors]) == ended
+    runs = [place.Run(1, 1, e) for e in errors]
+    assert bool(place.end_reason(runs, False)) == ended
 
 
-def climbed(monkeypatch, errors, adaptive=False, each=2):
-    """The place of an integrator that takes so many evaluations a step, and has these errors; None where it stops."""
+def rank(monkeypatch, errors, adaptive=False, each=2):
+    """The rank of an integrator with these errors at ``each`` evaluations a step; None is a failed run."""
     rungs = iter(errors)
 
     def measured(subject, entry, problem, t_end, size):
@@ -104,44 +98,44 @@ def climbed(monkeypatch, errors, adaptive=False, each=2):
         return each * size, None if error is None else np.array([0.0, -error])
 
     monkeypatch.setattr(place.truths, "truth", lambda *a: SimpleNamespace(values=np.zeros(2)))
-    monkeypatch.setattr(place, "measured", measured)
+    monkeypatch.setattr(place, "run_subject", measured)
     return place.place(SimpleNamespace(adaptive=adaptive), "pendulum-short")
 
 
-def test_a_ladder_is_of_doubled_steps_and_its_factor_is_over_the_cheapest(monkeypatch):
+def test_steps_double_and_the_factor_is_over_the_front(monkeypatch):
     question = fronts.question("pendulum-short")
-    first = round(question.t_end / (4 * question.made().pace.step))
-    row = climbed(monkeypatch, [None, float("nan"), 1e-2, 1e-12])
+    first = round(question.t_end / (4 * question.build_problem().pace.step))
+    row = rank(monkeypatch, [None, float("nan"), 1e-2, 1e-12])
     assert row["sizes"] == [4 * first, 8 * first]
     assert row["curve"] == [[8 * first, 1e-2], [16 * first, 1e-12]]
-    best = fronts.stored()["pendulum-short"][1e-2]
+    best = fronts.TABLE.load()["pendulum-short"][1e-2]
     line = row["errors"][0]
     assert line["factor"] == pytest.approx(8 * first / best.evaluations)
     assert (line["cheapest"], line["its evaluations"]) == (best.integrator, best.evaluations)
     assert (row["on"], row["t_end"]) == ("pendulum-short", question.t_end)
-    assert climbed(monkeypatch, [0.5, 1e-3, 1.0, 1.0])["errors"][-1]["factor"] is None
+    assert rank(monkeypatch, [0.5, 1e-3, 1.0, 1.0])["errors"][-1]["factor"] is None
 
 
 @pytest.mark.parametrize("each", [1, 100])
-def test_no_run_takes_more_evaluations_than_the_most(monkeypatch, each):
-    """None is begun of which the steps or the evaluations would be more."""
-    sizes = climbed(monkeypatch, [1.0] * 40, each=each)["sizes"]
+def test_number_of_evaluations_is_limited(monkeypatch, each):
+    """A run that would exceed the limit of steps or evaluations is not started."""
+    sizes = rank(monkeypatch, [1.0] * 40, each=each)["sizes"]
     assert each * sizes[-1] <= place.MOST < 2 * each * sizes[-1]
-    tried = climbed(monkeypatch, [1.0] * 12, adaptive=True, each=1)["sizes"]
+    tried = rank(monkeypatch, [1.0] * 12, adaptive=True, each=1)["sizes"]
     assert tried == pytest.approx([10.0**-k for k in range(2, 14)])
 
 
 @pytest.mark.parametrize(
     ("integrator", "adaptive", "run"),
-    [(None, False, "own"), (None, True, "_tolerance"), ("a", False, "_registered"), ("a", True, "_registered")],
+    [(None, False, "own"), (None, True, "_tolerance"), ("a", False, "_run_registered"), ("a", True, "_run_registered")],
 )
-def test_who_runs_it(monkeypatch, integrator, adaptive, run):
-    for name in ("own", "_tolerance", "_registered"):
+def test_runner_by_kind_of_integrator(monkeypatch, integrator, adaptive, run):
+    for name in ("own", "_tolerance", "_run_registered"):
         monkeypatch.setattr(place, name, lambda *a, name=name: name)
-    assert place.measured(SimpleNamespace(integrator=integrator, adaptive=adaptive), None, None, 1.0, 1) == run
+    assert place.run_subject(SimpleNamespace(integrator=integrator, adaptive=adaptive), None, None, 1.0, 1) == run
 
 
-def test_evaluations_are_of_the_gradient_that_is_asked_for_more_often():
+def test_larger_count_of_the_two_gradients_is_used():
     made = problem("harmonic-oscillator")
     entry = Entry("here", made.system, (1.0, 0.0))
     evaluations, end = place.own(subject(leapfrog, {}, ("separable",)), entry, None, 1.0, 100)
@@ -168,7 +162,7 @@ def wasteful(system, q, p, h):
     return leapfrog(system, q, p, h, wasted=2)
 
 
-def test_a_step_takes_the_evaluations_that_it_asks_for(monkeypatch):
+def test_wasted_evaluations_double_the_factor(monkeypatch):
     monkeypatch.setattr(place, "MOST", 4000)
     found = [place.place(subject(f, {}, ("separable",)), "pendulum-short") for f in (leapfrog, wasteful)]
     once, twice = ([e["factor"] for e in row["errors"]] for row in found)
@@ -181,7 +175,7 @@ def test_a_step_takes_the_evaluations_that_it_asks_for(monkeypatch):
     assert first[1] > 1e3 * last[1]
 
 
-def test_an_adaptive_integrator_has_a_place_too():
+def test_adaptive_integrator_is_ranked_too():
     def run(system, q, p, t_end, tol):
         steps = round(t_end * tol**-0.5)
         for _ in range(steps):
@@ -193,20 +187,8 @@ def test_an_adaptive_integrator_has_a_place_too():
     assert [e["factor"] is None for e in row["errors"]] == [False, False, False, True, True]
 
 
-def test_two_scenes_that_it_can_do():
+def test_scenes_suit_the_integrator():
     assert place.scenes(subject(leapfrog)) == ["kepler-orbit", "double-pendulum-chaotic"]
     assert place.scenes(subject(leapfrog, {}, ("separable",))) == ["kepler-orbit", "pendulum-short"]
     assert place.scenes(subject(leapfrog, {}, ("polynomial degree",))) == ["henon-heiles-chaotic"]
     assert place.scenes(subject("wisdom-holman")) == []
-
-
-def test_what_is_said_of_a_place():
-    def said(*factors):
-        errors = [{"error": 10.0 ** (-2 * k), "factor": f} for k, f in enumerate(factors, 1)]
-        (line,) = place.placed(Tables({"place": [{"on": "kepler-orbit", "errors": errors}]}))
-        return line.removeprefix("evaluations on kepler-orbit: ")
-
-    assert said(None, None) == "none of the errors that are compared is met, from 1e-02 on"
-    assert said(2.0, 31.4) == "2 times the fewest stored for an error of 1e-02, 31 times for an error of 1e-04"
-    assert said(2.0, None).endswith("2 times the fewest stored for an error of 1e-02; smaller errors are not met")
-    assert place.placed(Tables({})) == []

@@ -1,4 +1,4 @@
-"""A table of bodies that cannot be used: what is wrong is named with its line and its column, and what to do."""
+"""Invalid tables of bodies: the message names line and column, and what is expected there."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ def parse(text):
 
 
 def numbers(found):
+    """(name, mass, position, velocity) of every body as a flat tuple."""
     return [(b.name, b.mass, *map(float, (*b.x, *b.v))) for b in found.members]
 
 
@@ -34,21 +35,21 @@ def numbers(found):
         PLACES + HEAD,
     ],
 )
-def test_what_is_written_otherwise_is_the_same_table(text):
+def test_equivalent_spellings_give_the_same_table(text):
     assert numbers(parse(text)) == numbers(parse(GOOD))
 
 
-def test_a_byte_order_mark_and_line_ends_of_windows_are_read(tmp_path):
+def test_byte_order_mark_and_crlf_are_accepted(tmp_path):
     path = tmp_path / "planets.csv"
     path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
     assert numbers(problem(path).bodies) == numbers(parse(GOOD))
 
 
-def test_the_central_row_of_elements_is_empty_or_zero():
+def test_central_row_of_elements_is_empty_or_zero():
     assert numbers(parse(HEAD + ORBITS)) == numbers(parse(HEAD + ORBITS.replace("sun,1,,,,,,", "sun,1,0,0,0,0,0,0")))
 
 
-#: (what is replaced, by what) of the table of positions -> what the message names.
+#: (text of the table of positions, its replacement, words of the message).
 PLACED = [
     ("AU, day, Msun", "AU, day, Mearth", ["line 1", "'Mearth'", "Msun"]),
     ("AU, day, Msun", "AU, parsec, Msun", ["line 1", "'parsec'"]),
@@ -85,7 +86,7 @@ PLACED = [
     (PLACES, "name,m\nsun,1\nearth,3e-6\n", ["line 3", "missing", "x, y, z", "a, e"]),
     (",vz", ",radius", ["line 3", "'radius'"]),
 ]
-#: The same of the table of elements.
+#: The same for the table of elements.
 ORBITING = [
     ("1,0.0167", "1,1", ["line 5", "column e", "below 1", "x, y, z"]),
     ("1,0.0167", "1,1.5", ["line 5", "column e"]),
@@ -102,7 +103,7 @@ ORBITING = [
 
 
 @pytest.mark.parametrize(("text", "case"), [(GOOD, c) for c in PLACED] + [(HEAD + ORBITS, c) for c in ORBITING])
-def test_what_is_wrong_is_named_with_its_line_and_column(text, case):
+def test_error_is_named_with_its_line_and_column(text, case):
     old, new, wanted = case
     assert old in text
     with pytest.raises(pb.InvalidInput) as error:
@@ -112,14 +113,14 @@ def test_what_is_wrong_is_named_with_its_line_and_column(text, case):
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe# units", b"\x00\x01\x02", b""])
-def test_what_is_no_table_is_refused(content, tmp_path):
+def test_unreadable_file_is_refused(content, tmp_path):
     path = tmp_path / "planets.csv"
     path.write_bytes(content)
     with pytest.raises(pb.InvalidInput, match=r"planets\.csv"):
         problem(path)
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path):
+def test_missing_file_is_named(tmp_path):
     with pytest.raises(pb.InvalidInput, match="there is no file"):
         problem(tmp_path / "planets.csv")
     (tmp_path / "folder.csv").mkdir()
@@ -145,12 +146,12 @@ ROWS = [{"name": "sun", "m": 1.0}, {"name": "earth", "m": 3e-6, "a": 1.0, "e": 0
         ("examples/planets.csv", {"units": "AU, day, Msun"}, "leave out units="),
     ],
 )
-def test_what_is_wrong_in_python_is_named_with_its_row_and_column(table, options, words):
+def test_error_of_a_table_in_python_is_named(table, options, words):
     with pytest.raises(pb.InvalidInput, match=words):
         pb.planetary_system(table, **options)
 
 
-def test_a_body_that_is_left_out_has_to_be_there():
+def test_unknown_body_cannot_be_left_out():
     system = problem("examples/planets.csv")
     assert system.without("saturn").bodies.names == ("sun", "jupiter")
     assert system.massless("saturn").bodies.particles == ("saturn",)
@@ -170,7 +171,7 @@ def test_times_with_a_unit(value, unit, expected):
 
 
 @pytest.mark.parametrize("value", ["1e4 fortnights", "yr", "", "1e999 yr", "1 yr 2", "inf", "1..2 yr"])
-def test_control_what_is_no_time(value):
+def test_control_invalid_times(value):
     with pytest.raises(pb.InvalidInput):
         span(value, "day")
 

@@ -1,4 +1,4 @@
-"""The pytest plugin in a stranger's project: it passes, fails readably, and loads nothing where it is not used."""
+"""The pytest plugin in another project: tests pass, fail readably, and unused it imports nothing heavy."""
 
 from __future__ import annotations
 
@@ -16,19 +16,17 @@ from support.steps import leapfrog
 
 ROOT = Path(__file__).resolve().parents[2]
 PLUGIN = "phasebench.benchmarks.certificate.plugin"
-README = (ROOT / "README.md").read_text()
-#: What an installation that is older than the plugin needs.
+TUTORIAL = (ROOT / "docs" / "tutorials" / "certificate-in-ci.md").read_text()
+#: Needed where the plugin is not registered as an entry point.
 REGISTERED = bool(importlib.metadata.entry_points(group="pytest11", name="phasebench"))
 LOAD = () if REGISTERED else ("-p", PLUGIN)
 
 
 @pytest.fixture
 def project(tmp_path):
-    """A scratch project with the README's step and its test."""
-    for code in re.findall(r"```python\n(.*?)```", README, re.DOTALL):
-        name = re.match(r'"""((?:test_)?my_step\.py):', code)
-        if name:
-            (tmp_path / name[1]).write_text(code)
+    """A project with the tutorial's integrator, in its first version, and its test."""
+    for name, code in reversed(re.findall(r"%%writefile (\S+)\n(.*?)```", TUTORIAL, re.DOTALL)):
+        (tmp_path / name).write_text(code)
     return tmp_path
 
 
@@ -37,19 +35,19 @@ def run(project, *arguments):
     return subprocess.run(command, cwd=project, env=dict(os.environ), capture_output=True, text=True, check=False)
 
 
-def test_a_stranger_s_test_passes_and_fails_readably(project):
-    done = run(project, "pytest", *LOAD, "-q", "test_my_step.py")
+def test_tutorials_test_passes_and_fails_readably(project):
+    done = run(project, "pytest", *LOAD, "-q", "test_my_integrator.py")
     assert done.returncode == 0, done.stdout + done.stderr
-    step = project / "my_step.py"
+    step = project / "my_integrator.py"
     step.write_text(step.read_text().replace("h / 2", "h / 3"))
-    done = run(project, "pytest", *LOAD, "-q", "test_my_step.py")
+    done = run(project, "pytest", *LOAD, "-q", "test_my_integrator.py")
     assert done.returncode == 1
     assert "consistent: contradicted" in done.stdout
     assert "Traceback" not in done.stdout
     assert "certificate.py" not in done.stdout
 
 
-#: Prints what a run of pytest has loaded that does not use the fixture.
+#: A test that prints the heavy modules imported by a pytest run without the fixture.
 UNUSED = """
 def test_nothing_else():
     import json, sys
@@ -59,7 +57,7 @@ def test_nothing_else():
 """
 
 
-def test_a_run_that_does_not_use_it_loads_nothing(tmp_path):
+def test_unused_plugin_imports_nothing_heavy(tmp_path):
     (tmp_path / "test_other.py").write_text(UNUSED)
     others = ("-p", "no:hypothesispytest", "-p", "no:jaxtyping", "-p", "no:benchmark")
     done = run(tmp_path, "pytest", *LOAD, *others, "-q", "-s", "test_other.py")
@@ -67,19 +65,19 @@ def test_a_run_that_does_not_use_it_loads_nothing(tmp_path):
     assert json.loads(re.search(r"LOADED (.*)", done.stdout)[1]) == []
 
 
-def test_what_the_readme_s_workflow_runs():
-    """Its lines are run by the gate (.ci/plugin), and but for the folder's name in `test_documents` and above."""
-    (workflow,) = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
+def test_commands_of_the_tutorials_workflow():
+    """`.ci/plugin` runs the same commands."""
+    workflow = "".join(re.findall(r"```yaml\n(.*?)```", TUTORIAL, re.DOTALL))
+    claims = "--requires separable --claim order=2"
     assert re.findall(r"- run: (.*)", workflow) == [
-        'python -m pip install "$PHASEBENCH"',
-        "phasebench validate ./my_step.py --output certificate",
-        "python -m pytest test_my_step.py",
+        'python -m pip install "$PHASEBENCH" .',
+        "python -m pytest test_my_integrator.py",
+        f"phasebench validate ./my_integrator.py:leapfrog {claims} --output certificate",
     ]
-    assert "\nphasebench validate ./my_step.py --output my-certificate\n" in README
     assert ".ci/plugin" in (ROOT / ".ci" / "run").read_text()
 
 
-def test_claims_that_hold_return_what_was_measured_and_others_fail_with_it(request):
+def test_true_claims_return_and_false_claims_fail(request):
     claims_hold = importlib.import_module(PLUGIN).claims_hold
     for requires in ("separable", ("separable",)):
         found = claims_hold(leapfrog, requires=requires, order=2)

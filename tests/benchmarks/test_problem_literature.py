@@ -1,4 +1,4 @@
-"""Problems against what the literature says of them: closed forms, periods, printed values, the original equations."""
+"""Problems against the literature: closed forms, periods, printed values, the original equations."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from phasebench.reference.solvers.taylor import reference
 MODULES = {"figure-eight": "three_body"}
 
 
-def made(name, **parameters):
-    """A problem ``id`` or ``id:orbit`` from its module."""
+def make_problem(name, **parameters):
+    """A problem ``id`` or ``id:orbit`` directly from its module."""
     id, _, orbit = name.partition(":")
     module = importlib.import_module(f"phasebench.benchmarks.problems.{MODULES.get(id, id.replace('-', '_'))}")
     found = module.make(**(module.PARAMETERS | parameters))
@@ -32,7 +32,7 @@ def energy(problem, q=None, p=None):
 
 
 def at(problem, *times, **start):
-    """(q, p) of the reference at increasing times, whose own uncertainty is held below the tolerances here."""
+    """(q, p) of the reference at increasing times, with uncertainties below 1e-14 (1 + size of the state)."""
     found = reference(problem, [float(t) for t in times], **start)
     for uncertainty, q, p in zip(found.uncertainty, found.q, found.p, strict=True):
         assert uncertainty < 1e-14 * (1 + np.abs([q, p]).max())
@@ -45,7 +45,7 @@ def rate(system, expression):
 
 
 def vanish(system, expressions):
-    """Whether expressions are zero, to 30 digits, at four rational points."""
+    """True if the expressions are zero to 30 digits at four random rational points."""
     f = sp.lambdify([[*system.q, *system.p]], expressions, "mpmath")
     rng = np.random.default_rng(1)
     with mpmath.workdps(40):
@@ -56,10 +56,10 @@ def vanish(system, expressions):
     return True
 
 
-def test_double_pendulum_is_the_mechanical_system_and_has_its_normal_frequencies():
+def test_double_pendulum_mechanics_and_frequencies():
     """H is the energy of two masses on rods, in Cartesian coordinates; Landau & Lifshitz, section 23, problem 2."""
     values = {"m1": 1.5, "m2": 0.75, "l1": 1.25, "l2": 0.5, "g": 9.75}
-    s = made("double-pendulum", **values).system
+    s = make_problem("double-pendulum", **values).system
     m1, m2, l1, l2, g = map(sp.Rational, values.values())
     (a, b), (da, db) = s.q, s.dq
     x, y = sp.Matrix([l1 * sp.sin(a), l1 * sp.sin(a) + l2 * sp.sin(b)]), -sp.Matrix([l1 * sp.cos(a), l1 * sp.cos(a)])
@@ -76,14 +76,14 @@ def test_double_pendulum_is_the_mechanical_system_and_has_its_normal_frequencies
         return sorted(float(w) for w in (hessian[2:, 2:] * hessian[:2, :2]).eigenvals())
 
     expected = [2 - 2**0.5, 2 + 2**0.5]
-    assert squares(made("double-pendulum", l1=0.5, l2=0.5, g=2.0)) == pytest.approx([4 * w for w in expected])
-    assert squares(made("double-pendulum", m2=2.0)) != pytest.approx(expected, rel=0.01)
+    assert squares(make_problem("double-pendulum", l1=0.5, l2=0.5, g=2.0)) == pytest.approx([4 * w for w in expected])
+    assert squares(make_problem("double-pendulum", m2=2.0)) != pytest.approx(expected, rel=0.01)
 
 
-def test_double_pendulum_is_chaotic_on_one_orbit_and_not_on_the_other():
+def test_double_pendulum_chaotic_and_regular_orbits():
     growth = {}
     for orbit in ("chaotic", "regular"):
-        problem = made(f"double-pendulum:{orbit}")
+        problem = make_problem(f"double-pendulum:{orbit}")
         q0 = (problem.q0[0] + 1e-9, problem.q0[1])
         near, far = (reference(problem, [100.0], certify=False, q0=q) for q in (problem.q0, q0))
         growth[orbit] = np.abs([near.q - far.q, near.p - far.p]).max() / 1e-9
@@ -96,7 +96,7 @@ def test_double_pendulum_is_chaotic_on_one_orbit_and_not_on_the_other():
 )
 def test_duffing_is_an_elliptic_function(orbit, alpha):
     """NIST DLMF 22.19(ii)."""
-    problem = made(f"duffing:{orbit}", alpha=alpha)
+    problem = make_problem(f"duffing:{orbit}", alpha=alpha)
     (a,) = problem.q0
     with mpmath.workdps(30):
         period = duffing.exact(alpha, 1, a, 0)[1]
@@ -111,14 +111,14 @@ def test_duffing_is_an_elliptic_function(orbit, alpha):
 
 def test_quadrupole_boson_against_its_benchmark():
     """The force as SciMLBenchmarks writes it; H = 120 and 20 at the starts; an equilateral triangle's symmetry."""
-    problem = made("quadrupole-boson")
+    problem = make_problem("quadrupole-boson")
     s = problem.system
     A, B, D = map(sp.Rational, problem.parameters.values())
     (x, y), r2 = s.q, sum(z**2 for z in s.q)
     force = (-A * x - 3 * B / sp.sqrt(2) * (y**2 - x**2) - D * x * r2, -y * (A + 3 * sp.sqrt(2) * B * x + D * r2))
     assert all(sp.expand(a - b) == 0 for a, b in zip(force, s.dp, strict=True))
     assert energy(problem) == pytest.approx(120, rel=1e-15)
-    assert energy(made("quadrupole-boson:h20")) == pytest.approx(20, rel=1e-15)
+    assert energy(make_problem("quadrupole-boson:h20")) == pytest.approx(20, rel=1e-15)
     c, t = sp.Rational(-1, 2), sp.sqrt(3) / 2
     turned = {x: c * x - t * y, y: t * x + c * y}
     potential = s.potential
@@ -128,7 +128,7 @@ def test_quadrupole_boson_against_its_benchmark():
 
 def test_quadrupole_boson_period_on_its_axis():
     """Along q2 = 0 the period is a quadrature."""
-    problem = made("quadrupole-boson")
+    problem = make_problem("quadrupole-boson")
     s = problem.system
     V = sp.lambdify(s.q[0], s.potential.subs(s.q[1], 0), "mpmath")
     with mpmath.workdps(30):
@@ -146,9 +146,9 @@ def test_quadrupole_boson_period_on_its_axis():
     assert far[0] == pytest.approx(float(high), abs=1e-13)
 
 
-def test_figure_eight_has_simos_digits_and_returns():
+def test_figure_eight_data_and_period():
     """Chenciner & Montgomery 2000: data and period to eight digits; each body takes the next one's place in T/3."""
-    problem, T = made("figure-eight"), three_body.PERIOD
+    problem, T = make_problem("figure-eight"), three_body.PERIOD
     printed = (0.97000436, -0.24308753), (-0.93240737, -0.86473146)
     assert np.abs(np.array([three_body.FIRST, three_body.THIRD]) - printed).max() < 5.1e-9
     assert abs(T - 6.32591398) < 5.1e-9
@@ -163,9 +163,9 @@ def test_figure_eight_has_simos_digits_and_returns():
 
 
 @pytest.mark.parametrize("N", [3, 5])
-def test_toda_lattice_keeps_its_spectrum_and_has_its_wave(N):
+def test_toda_lattice_spectrum_and_wave(N):
     """Flaschka 1974 (the spectrum), Toda 1967 (the wave): the state at t = 3 against both."""
-    problem = made("toda:cnoidal", N=N)
+    problem = make_problem("toda:cnoidal", N=N)
     ((q, p),) = at(problem, 3.0)
 
     def spectrum(q, p):
@@ -190,7 +190,7 @@ def test_toda_lattice_keeps_its_spectrum_and_has_its_wave(N):
 
 
 def test_rigid_body_has_eulers_equations():
-    problem = made("rigid-body", I1=1.5, I2=0.75, I3=2.5, G=1.25)
+    problem = make_problem("rigid-body", I1=1.5, I2=0.75, I3=2.5, G=1.25)
     s = problem.system
     moments = [sp.Rational(x) for x in (1.5, 0.75, 2.5)]
     across = sp.sqrt(sp.Rational(1.25) ** 2 - s.p[0] ** 2)
@@ -202,8 +202,8 @@ def test_rigid_body_has_eulers_equations():
 
 @pytest.mark.parametrize("orbit", ["around-e3", "around-e1", "near-separatrix"])
 def test_rigid_body_period(orbit):
-    """Landau & Lifshitz, section 37: 4 K over the pace of the elliptic functions."""
-    problem = made(f"rigid-body:{orbit}")
+    """Landau & Lifshitz, section 37: 4 K over the rate of the elliptic functions."""
+    problem = make_problem(f"rigid-body:{orbit}")
     with mpmath.workdps(30):
         A, B, C = (mpf(problem.parameters[k]) for k in ("I1", "I2", "I3"))
         f = sp.lambdify((*problem.system.q, *problem.system.p), problem.system.H, "mpmath")
@@ -224,7 +224,7 @@ def test_rigid_body_period(orbit):
 
 def test_charged_particle_obeys_the_lorentz_force():
     """He, Sun, Liu & Qin 2015, section 4.1: B = R, E = phi0 q / R^3, q = (0, -1), v = (0.1, 0.01)."""
-    problem = made("charged-particle")
+    problem = make_problem("charged-particle")
     s = problem.system
     (x, y), (u, v) = s.q, s.dq
     R = sp.sqrt(x**2 + y**2)
@@ -235,9 +235,9 @@ def test_charged_particle_obeys_the_lorentz_force():
     assert velocity == pytest.approx([0.1, 0.01], abs=1e-16)
 
 
-def test_charged_particle_gyrates_and_drifts_by_the_quadrature():
-    """After a period of the radius the state is the first one, turned by the integral of theta'."""
-    problem = made("charged-particle")
+def test_charged_particle_gyration_and_drift():
+    """After a period of the radius the state is the initial one, rotated by the integral of theta'."""
+    problem = make_problem("charged-particle")
     s = problem.system
     with mpmath.workdps(30):
         y0 = [mpf(x) for x in (*problem.q0, *problem.p0)]
@@ -269,10 +269,10 @@ def test_charged_particle_gyrates_and_drifts_by_the_quadrature():
     ("name", "semilatus", "e", "tolerance"),
     [("precessing", 10.0, 0.5, 1e-12), ("precessing", 1000.0, 0.2, 1e-9), ("zoom-whirl", 7.001, 0.5, 1e-10)],
 )
-def test_schwarzschild_orbit_precesses_by_the_elliptic_integral(name, semilatus, e, tolerance):
+def test_schwarzschild_precession_by_elliptic_integral(name, semilatus, e, tolerance):
     """Cutler, Kennefick & Poisson 1994, section II; in weak fields by 6 pi M / (a (1 - e^2))."""
     values = {} if name == "zoom-whirl" else {"semilatus": semilatus, "e": e}
-    problem = made(f"schwarzschild:{name}", **values)
+    problem = make_problem(f"schwarzschild:{name}", **values)
     with mpmath.workdps(30):
         x, e = mpf(semilatus), mpf(e)
 
@@ -295,9 +295,9 @@ def test_schwarzschild_orbit_precesses_by_the_elliptic_integral(name, semilatus,
     assert energy(problem) == pytest.approx(-0.5, rel=1e-14)
 
 
-def test_schwarzschild_circles():
-    """The innermost stable circle is neutral; light at r = 3M leaves at the rate 1 / sqrt(27) of coordinate time."""
-    problem = made("schwarzschild")
+def test_schwarzschild_circular_orbits():
+    """The innermost stable circle is neutral; at r = 3M light departs at the rate 1 / sqrt(27) in coordinate time."""
+    problem = make_problem("schwarzschild")
     (_, r, _), (pt, pr, pphi), H = problem.system.q, problem.system.p, problem.system.H
     cases = {"isco": (6, sp.sqrt(sp.Rational(8, 9)), sp.sqrt(12)), "photon-sphere": (3, 1, sp.sqrt(27))}
     for name, (radius, E, L) in cases.items():
@@ -312,9 +312,9 @@ def test_schwarzschild_circles():
         assert start.p0 == pytest.approx([float(-E), 0.0, float(L)], rel=1e-15)
 
 
-def test_argon_crystal_has_the_printed_energy_and_temperature():
+def test_argon_crystal_energy_and_temperature():
     """Hairer, Lubich & Wanner 2006, I.4: H / k_B near -1260.2 K and 22.72 K; total momentum zero."""
-    problem = made("lennard-jones")
+    problem = make_problem("lennard-jones")
     temperature = sum(x**2 for x in problem.p0) / (2 * 7) * lennard_jones.EPSILON
     assert energy(problem) * lennard_jones.EPSILON == pytest.approx(-1260.2, abs=0.05)
     assert temperature == pytest.approx(22.72, abs=0.005)
@@ -323,9 +323,9 @@ def test_argon_crystal_has_the_printed_energy_and_temperature():
     assert [round(x / 2 ** (1 / 6)) for x in distances[:13]] == [1] * 12 + [2], "one in the middle of six"
 
 
-def test_pythagorean_problem_meets_and_parts_as_szebehely_and_peters_found():
-    """Energy -769/60; masses 4 and 5 meet to 4e-4 near t = 15.83; the lightest escapes from a binary of the others."""
-    problem = made("n-body")
+def test_pythagorean_problem_by_szebehely_and_peters():
+    """Energy -769/60; masses 4 and 5 approach to 4e-4 near t = 15.83; the lightest escapes from a binary."""
+    problem = make_problem("n-body")
     assert energy(problem) == pytest.approx(-769 / 60, rel=1e-14)
     grid = np.array([15.829 + i * 2e-5 for i in range(100)])
     found = reference(problem, np.array([*grid, 70.0]), certify=False)
@@ -344,8 +344,8 @@ def test_pythagorean_problem_meets_and_parts_as_szebehely_and_peters_found():
     assert two_body(second, third, 9) < -1
 
 
-def test_more_bodies_run_on_loops_that_agree_with_the_formula():
-    problem = made("n-body", N=7)
+def test_n_body_loops_agree_with_the_formula():
+    problem = make_problem("n-body", N=7)
     s = problem.system
     q, p = np.array(problem.q0), np.array(problem.p0)
     derived = [[float(s.observe(e, [q], [p])[0]) for e in side] for side in (s.dq, s.dp)]
@@ -389,6 +389,6 @@ def test_plummer_sphere():
         ("n-body", {"N": 1}, "from 2 to"),
     ],
 )
-def test_bad_parameters_are_refused(name, parameters, message):
+def test_invalid_parameters_are_refused(name, parameters, message):
     with pytest.raises(InvalidInput, match=message):
-        made(name, **parameters)
+        make_problem(name, **parameters)

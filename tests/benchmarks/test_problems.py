@@ -1,4 +1,4 @@
-"""Every problem of the registry: its entry, its derivatives, its invariants, literature values, bad parameters."""
+"""Every registered problem: its entry, derivatives, invariants, values from the literature, invalid parameters."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import sympy as sp
 from phasebench.benchmarks.experiments.matrix.matrix import SMALL
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.problems.scenes import SCENES
-from phasebench.integrators.engine.codegen import compiled, value_kind
+from phasebench.integrators.compile.codegen import compiled, value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.solvers import taylor
 
@@ -21,14 +21,14 @@ DIGITS = 40
 
 
 def state(made, seed=0):
-    """A point near the initial state, as rationals, so that expressions are evaluated to any digits."""
+    """A random point near the initial state, in rationals, so that expressions can be evaluated to any precision."""
     rng = np.random.default_rng(seed)
     values = [*made.q0, *made.p0]
     return [sp.Rational(round(v * 10**6 + int(rng.integers(-5000, 5000)) + 0.5), 10**6) for v in values]
 
 
 def numbers(made, expressions, values):
-    """The values of expressions there, in multiprecision."""
+    """The values of the expressions at a point, in multiprecision."""
     f = sp.lambdify([[*made.system.q, *made.system.p]], list(expressions), "mpmath", cse=True)
     return f([mpmath.mpf(v.p) / v.q for v in values])
 
@@ -38,7 +38,7 @@ def orbits():
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_the_entry_agrees_with_the_module(name):
+def test_registry_entry_agrees_with_the_module(name):
     module_name, line, names = PROBLEMS[name]
     module = importlib.import_module(f"phasebench.benchmarks.problems.{module_name}")
     made = module.make(**module.PARAMETERS)
@@ -52,16 +52,18 @@ def test_the_entry_agrees_with_the_module(name):
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_a_module_states_the_scenes_of_its_own_problem(name):
+def test_module_declares_the_scenes_of_its_problem(name):
     module = importlib.import_module(f"phasebench.benchmarks.problems.{PROBLEMS[name][0]}")
     stated = getattr(module, "SCENES", ())
     assert [s for s in SCENES if s.problem.partition(":")[0] == name] == sorted(stated, key=SCENES.index)
-    assert [s.problem for s in stated] == [s.made().label for s in stated], "an orbit that is the only one is not named"
+    assert [s.problem for s in stated] == [problem(s.problem).label for s in stated], (
+        "an orbit that is the only one is not named"
+    )
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_a_problem_moves_in_the_times_it_states(name):
-    """Over its span an orbit goes a good part of its own size, over a step much less."""
+def test_time_scales_of_a_problem(name):
+    """Over its span an orbit moves by a good part of its size, over a step by much less."""
     made = problem(name, **SMALL.get(name, {}))
     step, span = made.pace.step, made.pace.span
     start = np.array([*made.q0, *made.p0])
@@ -72,7 +74,7 @@ def test_a_problem_moves_in_the_times_it_states(name):
 
 
 @pytest.mark.parametrize(("name", "orbit"), orbits())
-def test_an_orbit_is_finite_and_of_the_right_length(name, orbit):
+def test_orbit_is_finite_and_of_length_d(name, orbit):
     made = problem(f"{name}:{orbit}")
     assert made.start.name == orbit
     assert len(made.q0) == len(made.p0) == made.system.d
@@ -84,7 +86,7 @@ def test_an_orbit_is_finite_and_of_the_right_length(name, orbit):
 
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_derivatives_against_differences_of_H(name):
-    """The compiled field against differences of H itself in multiprecision: symbolic differentiation plays no part."""
+    """The compiled field against differences of H in multiprecision, without symbolic differentiation."""
     made = problem(name)
     system, d = made.system, made.system.d
     values = state(made)
@@ -124,10 +126,11 @@ def invariant(made, name):
 
 
 @pytest.mark.parametrize(("name", "which"), INVARIANTS)
-def test_the_rate_of_an_invariant_vanishes(name, which):
-    """{I, H} is formed symbolically and is zero, to 40 digits, at random rational points.
+def test_rate_of_an_invariant_vanishes(name, which):
+    """{I, H} is formed symbolically and vanishes to 40 digits at random rational points.
 
-    The perturbed Kepler problem keeps its angular momentum, not its Laplace-Runge-Lenz vector: the control below.
+    The perturbed Kepler problem preserves its angular momentum, not its Laplace-Runge-Lenz vector: the control
+    below.
     """
     made = problem(name, **SMALL.get(name, {}))
     expression = invariant(made, which)
@@ -140,7 +143,7 @@ def test_the_rate_of_an_invariant_vanishes(name, which):
             assert abs(value) < mpmath.mpf(10) ** (6 - DIGITS) * (1 + max(abs(s) for s in slopes))
 
 
-def test_control_the_bracket_sees_what_is_not_kept():
+def test_control_bracket_of_a_noninvariant():
     made, kepler = problem("perturbed-kepler"), problem("kepler")
     with mpmath.workdps(DIGITS):
         for which in ("laplace-runge-lenz-1", "laplace-runge-lenz-2"):
@@ -149,7 +152,7 @@ def test_control_the_bracket_sees_what_is_not_kept():
 
 
 @pytest.mark.parametrize("name", [n for n in PROBLEMS if problem(n).system.d <= 2])
-def test_the_bracket_with_H_is_zero_symbolically(name):
+def test_bracket_with_H_is_zero_symbolically(name):
     made = problem(name)
     for expression in (made.system.H, *made.invariants.values()):
         assert sp.simplify(rate(made.system, expression)) == 0
@@ -211,18 +214,18 @@ def test_lotka_volterra_rests_at_its_equilibrium():
         ("pendulum:box", {}, "there is no orbit of 'pendulum' 'box'"),
     ],
 )
-def test_bad_parameters_are_refused(name, parameters, message):
+def test_invalid_parameters_are_refused(name, parameters, message):
     with pytest.raises(InvalidInput, match=message):
         problem(name, **parameters)
 
 
-def test_good_parameters_change_the_problem():
+def test_valid_parameters_change_the_problem():
     assert problem("kepler", e=0).q0 == (1.0, 0.0)
     assert problem("perturbed-kepler", mu=0.0).system.H.equals(problem("kepler").system.H)
     assert energy("harmonic-oscillator", omega=3) == 4.5
 
 
 @pytest.mark.parametrize("value", [np.float32(1.5), np.float64(1.5), Fraction(3, 2)])
-def test_a_parameter_may_be_any_real_number(value):
-    """From the cache too, which a first process has filled."""
+def test_parameter_may_be_any_real_number(value):
+    """Also for a problem from the cache, filled by another process."""
     assert problem("harmonic-oscillator", omega=value) is problem("harmonic-oscillator", omega=1.5)

@@ -1,4 +1,4 @@
-"""What a solution tells of itself: energy, invariants, error, a frame, a few lines."""
+"""Methods of a solution: energy, invariants, error, data frame, text."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ def swing(**options):
     return pb.integrate(PENDULUM, "stormer-verlet", **{"h": 0.1, "steps": 20, "q0": [1.0], "p0": [0.5]} | options)
 
 
-def test_the_energy_is_that_of_each_row():
+def test_energy_of_each_row():
     s = swing()
     np.testing.assert_allclose(s.energy(), s.p[:, 0] ** 2 / 2 - np.cos(s.q[:, 0]), rtol=1e-14)
     assert 1e-5 < np.ptp(s.energy()) < 1e-2
 
 
-def test_the_invariants_are_the_problems():
+def test_invariants_of_a_problem():
     s = pb.integrate("kepler", "stormer-verlet", h=0.01, t_end=1.0)
     found = s.invariants()
     assert set(found) == set(problem("kepler").invariants)
@@ -31,14 +31,14 @@ def test_the_invariants_are_the_problems():
     assert np.ptp(found["laplace-runge-lenz-1"]) > 1e-7 > 1e-13 > np.ptp(found["angular-momentum"])
 
 
-def test_those_of_a_system_are_its_expressions():
+def test_invariants_of_a_system_are_its_expressions():
     plane = pb.Hamiltonian(q="x y", p="u v", H="(u**2 + v**2 + x**2 + y**2)/2", invariants=["x*v - y*u"])
     found = pb.integrate(plane, "rk4", h=0.1, steps=5, q0=[1, 0], p0=[0, 1]).invariants()
     assert [v.shape for v in found.values()] == [(6,)]
     assert next(iter(found.values()))[0] == 1.0
 
 
-def test_a_frame_has_the_variables_by_name():
+def test_frame_has_the_variables_by_name():
     frame = swing().to_frame()
     assert list(frame) == ["t", "q", "p", "energy"]
     s = swing()
@@ -47,7 +47,7 @@ def test_a_frame_has_the_variables_by_name():
 
 
 @pytest.mark.parametrize("method", ["stormer-verlet", "gauss-4", "heyoka"])
-def test_the_error_is_against_a_finer_run(method):
+def test_error_is_against_a_finer_run(method):
     options = {"tol": 1e-6} if method == "heyoka" else {"h": 0.25}
     s = pb.integrate(PENDULUM, method, t_end=5.0, q0=[1.0], p0=[0.5], **options)
     exact = pb.integrate(PENDULUM, "gauss-8", t_end=5.0, h=0.05, q0=[1.0], p0=[0.5])
@@ -58,21 +58,21 @@ def test_the_error_is_against_a_finer_run(method):
     assert (found.horizon, found.source, found.reason) == (5.0, "long double", "")
 
 
-def test_the_error_of_a_registered_orbit_is_against_its_certified_state():
+def test_error_of_a_registered_orbit_uses_its_certificate():
     assert pb.integrate("henon-heiles:box", "rk4", h=0.1, t_end=10).error().source == "certified"
     moved = pb.integrate("henon-heiles:box", "rk4", h=0.1, t_end=10, q0=[0.0, 0.2]).error()
     assert moved.source == "long double"
     assert 0 < moved.error < 1e-3
 
 
-def test_a_run_that_stopped_has_no_error():
+def test_failed_run_has_no_error():
     away = pb.integrate("henon-heiles:box", "stormer-verlet", h=0.1, t_end=100, q0=[3, 3], p0=[0, 0])
     assert away.status == "diverged"
     with pytest.raises(pb.InvalidInput, match="diverged"):
         away.error()
 
 
-def test_a_solution_prints_in_a_few_lines():
+def test_repr_has_a_few_lines():
     for s in (swing(steps=2000), pb.integrate("fpu", "stormer-verlet", h=0.01, steps=100)):
         text = repr(s)
         assert text.count("\n") <= 3
@@ -82,7 +82,22 @@ def test_a_solution_prints_in_a_few_lines():
     assert f"q = [{s.q[-1, 0]:.6g}, " in text
 
 
-def test_a_solution_without_its_problem_says_so():
+def test_plot_draws_the_energy_error_and_the_orbit():
+    s = swing()
+    energy, orbit = s.plot().axes
+    np.testing.assert_array_equal(energy.lines[0].get_ydata(), s.energy() - s.energy()[0])
+    np.testing.assert_array_equal(orbit.lines[0].get_xydata(), np.hstack([s.q, s.p]))
+    wide = pb.integrate("henon-heiles:box", "rk4", h=0.1, steps=9)
+    np.testing.assert_array_equal(wide.plot().axes[1].lines[0].get_xydata(), wide.q)
+
+
+def test_a_notebook_shows_tables_and_pictures():
+    s = swing()
+    assert "<table" in s._repr_html_()
+    assert s.plot()._repr_png_().startswith(b"\x89PNG")
+
+
+def test_solution_without_its_problem_says_so():
     s = swing()
     bare = Bare(s.t, s.q, s.p, s.status, s.reason, s.counts, s.h, s.method)
     with pytest.raises(pb.InvalidInput, match="problem"):
@@ -90,7 +105,7 @@ def test_a_solution_without_its_problem_says_so():
     assert repr(bare)
 
 
-def test_a_step_of_ones_own_tells_the_same():
+def test_solution_of_a_user_step_has_the_same_error():
     def leapfrog(system, q, p, h):
         p = p - h / 2 * system.dH_dq(q, p)
         q = q + h * system.dH_dp(q, p)
@@ -100,7 +115,7 @@ def test_a_step_of_ones_own_tells_the_same():
     assert mine.error().error == pytest.approx(ours.error().error, rel=1e-9)
 
 
-def test_a_prepared_run_of_a_system_begins_at_the_state_that_is_given():
+def test_prepared_run_of_a_system_uses_the_given_state():
     run = pb.prepare(PENDULUM, "stormer-verlet", q0=[1.0], p0=[0.5])
     q, p, code = run(0.1, 20)
     s = swing()
@@ -109,6 +124,6 @@ def test_a_prepared_run_of_a_system_begins_at_the_state_that_is_given():
         pb.prepare(PENDULUM, "stormer-verlet")
 
 
-def test_a_problem_of_ones_own_is_made_of_public_names():
+def test_user_problem_from_public_names():
     mine = pb.Problem("mine", "a pendulum", "", PENDULUM, (pb.Orbit("swing", (1.0,), (0.5,)),))
     assert np.array_equal(pb.integrate(mine, "stormer-verlet", h=0.1, steps=20).q, swing().q)

@@ -1,89 +1,70 @@
-"""The speed page's sentences follow their rows, both ways."""
+"""The speed page: its verdicts follow from fabricated rows, passing and failing."""
 
 from __future__ import annotations
+
+import re
 
 import pandas as pd
 import pytest
 
 from phasebench.benchmarks.experiments.speed import bench_speed, page, speed
+from phasebench.benchmarks.page.verdict import FAIL, FINDING, PASS, Count
 
 
 def ratio(median: float, wanted: float | None = 1.4, spread: float = 0.05, name: str = "Verlet / C loop") -> dict:
+    """The row of a ratio of times, with its target ``wanted``."""
     return {"ratio": name, "median": median, page.LOW: median - spread, page.HIGH: median + spread, page.WANTED: wanted}
 
 
-def told(verdict, table: str, *rows: dict):
+def judge(verdict, table: str, *rows: dict):
+    """The verdict on a table with these rows."""
     return verdict({table: pd.DataFrame(rows)}.get)
 
 
 @pytest.mark.parametrize(
-    ("last", "holds", "words"),
+    ("last", "outcome", "n", "of"),
     [
-        (ratio(1.2), True, "2 of 2 ratios are within what is wanted, 2 with their whole interval."),
-        (ratio(1.38), True, "2 of 2 ratios are within what is wanted, 1 with their whole interval."),
-        (ratio(1.4), True, "2 of 2 ratios are within what is wanted, 1 with their whole interval."),
-        (
-            ratio(1.42),
-            False,
-            "1 of 2 ratios are within what is wanted, 1 with their whole interval; over it: Verlet / C",
-        ),
-        (ratio(1.42), False, "loop 1.42 (wanted 1.4)"),
-        (ratio(9.0, None), True, "1 of 1 ratios"),
+        (ratio(1.2), PASS, 2, 2),
+        (ratio(1.4), PASS, 2, 2),
+        (ratio(1.42), FINDING, 1, 2),
+        (ratio(9.0, None), PASS, 1, 1),
     ],
 )
-def test_ratios_are_held_to_what_is_wanted(last, holds, words):
-    said = told(page.limits, "ratios", ratio(1.0), last)
-    assert said.holds == holds
-    assert words in said.text
-    assert told(page.limits, "ratios", ratio(1.0, None)) is None
+def test_ratios_are_compared_with_their_targets(last, outcome, n, of):
+    said = judge(page.limits, "ratios", ratio(1.0, name="first"), last)
+    assert (said.outcome, said.measured) == (outcome, Count(n, of))
+    assert said.where.startswith("Verlet" if of == 2 else "first")
+    assert judge(page.limits, "ratios", ratio(1.0, None)) is None
 
 
-def test_an_interval_that_ends_at_what_is_wanted_is_within_it():
-    said = told(page.limits, "ratios", ratio(1.0, 1.25, 0.25))
-    assert "1 of 1 ratios are within what is wanted, 1 with their whole interval." in said.text
+@pytest.mark.parametrize(("within", "outcome"), [([True, True], PASS), ([True, False], FAIL)])
+def test_prepared_run_that_adds_time_fails(within, outcome):
+    calls = [{"peer": f"p{k}", "ratio": 1.0 + k / 5, "within": good} for k, good in enumerate(within)]
+    said = judge(page.call_overhead, page.CALLS, *calls)
+    assert (said.outcome, said.measured, said.where) == (outcome, Count(sum(within), 2), "p1: 1.2 times")
 
 
-def test_the_first_ratios_are_shown_and_every_time_is_kept():
-    shown = told(page.table, "ratios", *[ratio(1.0, name=f"{k:02d}") for k in range(30)]).frame
+def test_first_ratios_are_shown_and_all_times_kept():
+    shown = judge(page.table, "ratios", *[ratio(1.0, name=f"{k:02d}") for k in range(30)]).frame
     assert list(shown["ratio"]) == [f"{k:02d}" for k in range(25)]
     assert list(shown.columns) == page.COLUMNS
     assert len(page.PAGE.whole({"speed": pd.DataFrame({"method": range(30)})}.get)) == 30
 
 
-def test_the_ratios_to_c_are_named():
-    rows = [ratio(1.25), ratio(3.0, name="AVF / implicit midpoint"), ratio(5.0, name="Scheme I / C Verlet")]
-    said = told(page.beside_c, "ratios", *rows)
-    assert said.text == "Times of a step beside a bare C loop: Verlet / C loop 1.25; Scheme I / C Verlet 5.00."
-    assert said.holds
-    assert told(page.beside_c, "ratios", rows[1]) is None
+def test_answer_has_the_ranges_of_steps_and_c_loops():
+    steps = [("a", 10.0, "ok"), ("b", 1e4, "ok"), ("c", 30.0, "ok"), ("d", 1.0, "diverged")]
+    times = pd.DataFrame([{"method": m, "problem": "p", "ns per step": ns, "status": s} for m, ns, s in steps])
+    names = (f"{page.LOOP} p", f"{page.LOOP} q", "Stormer-Verlet / C loop with merged kicks, p", "AVF / midpoint, p")
+    ratios = pd.DataFrame([ratio(x, name=name) for name, x in zip(names, (1.25, 0.95, 3.0, 5.0), strict=True)])
+    said = page.answer({"speed": times, "ratios": ratios}.get)
+    assert re.findall(r"[\d.]*\d", said) == ["10", "10", "30", "3", "0.95", "1.25"]
+    assert len(re.findall(r"[\d.]*\d", page.answer({"speed": times, "ratios": ratios.tail(2)}.get))) == 4
+    assert page.answer({"speed": times.tail(1), "ratios": ratios}.get) is None
+    assert page.answer({"speed": times}.get) is None
 
 
-def test_the_fastest_the_slowest_and_the_median_are_told_apart():
-    rows = [
-        {"method": m, "problem": "p", "ns per step": ns, "status": status}
-        for m, ns, status in (("a", 10.0, "ok"), ("b", 100.0, "ok"), ("c", 30.0, "ok"), ("d", 1.0, "diverged"))
-    ]
-    said = told(page.fastest, "speed", *rows)
-    assert (
-        "from 10 ns (a, p) to 100 ns (b, p), 30 ns in the median of 3 pairs of a method and a problem (3 methods, 3"
-        in said.text
-    )
-    assert said.holds
-    assert told(page.fastest, "speed", rows[3]) is None
-
-
-def test_a_method_with_other_parameters_is_no_other_method():
-    """As many methods as the page on methods counts, and how many more with each of their parameters."""
-    rows = [
-        {"method": m, "problem": p, "ns per step": 1.0, "status": "ok"}
-        for m in ("a", "a(lam=1/3)", "a(lam=2)", "b")
-        for p in ("p", "q")
-    ]
-    assert "of 8 pairs of a method and a problem (2 methods, 4 with" in told(page.fastest, "speed", *rows).text
-
-
-def test_what_is_wanted_of_whom():
-    """A promise of this project: a step takes at most so many times as long."""
+def test_speed_targets():
+    """The project's promise: a step takes at most this many times as long as the compared one."""
     assert {k: v[2] for k, v in speed.RATIOS.items() if v[2]} == {
         "Stormer-Verlet / C loop": 1.05,
         "Scheme I(1/3) / C Stormer-Verlet": 10,
@@ -91,15 +72,17 @@ def test_what_is_wanted_of_whom():
     }
 
 
-def test_a_row_of_times_is_of_the_medians(monkeypatch):
+def test_row_of_times_has_medians(monkeypatch):
     seconds = iter([9.0, 1.0, 2.0, 3.0])
-    monkeypatch.setattr(speed, "interleaved", lambda work, rounds: {n: [next(seconds) for _ in range(4)] for n in work})
-    (row,) = speed.timed("pendulum", "stormer-verlet", ())["speed"]
+    monkeypatch.setattr(
+        speed, "time_in_turns", lambda work, rounds: {n: [next(seconds) for _ in range(4)] for n in work}
+    )
+    (row,) = speed.measure_method_rows("pendulum", "stormer-verlet", ())["speed"]
     assert (row["ns per step"], row["ns, low"], row["ns, high"]) == (2.5e5, 1e5, 9e5)
     assert (row["status"], row["gradients per step"]) == ("ok", pytest.approx(1, abs=1e-3))
     times = {"stormer-verlet": [2.0, 9.0, 6.0], "C": [1.0, 3.0, 2.0]}
-    monkeypatch.setattr(speed, "interleaved", lambda work, rounds: times)
+    monkeypatch.setattr(speed, "time_in_turns", lambda work, rounds: times)
     monkeypatch.setattr(speed, "_work", lambda *of: lambda: None)
-    (row,) = speed.compared("Stormer-Verlet / C loop", "kepler")["ratios"]
+    (row,) = speed.measure_ratio_rows("Stormer-Verlet / C loop", "kepler")["ratios"]
     assert (row["median"], row[page.LOW], row[page.HIGH], row[page.WANTED]) == (3.0, 2.0, 3.0, 1.05)
     assert bench_speed.bench_ratios(lambda table: [row]) is None

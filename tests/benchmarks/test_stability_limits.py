@@ -1,4 +1,4 @@
-"""The known stability limits are derived again, exactly, from the coefficients that the methods' authors give."""
+"""Known stability limits, derived again exactly from the coefficients that the methods' authors give."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def scheme_iii(lam):
     return exact.parametric((HALF, 1 - sp.Rational(lam)), (HALF, sp.Rational(lam)))
 
 
-#: Method -> the matrix of its step; of Schemes I and III a function of lambda.
+#: Method -> function that returns the matrix of its step; for Schemes I and III a function of lambda.
 MATRICES = {
     "symplectic-euler-p": lambda: exact.product(exact.kick(1), exact.drift(1)),
     "symplectic-euler-q": lambda: exact.product(exact.drift(1), exact.kick(1)),
@@ -74,12 +74,12 @@ MATRICES = {
     "scheme-i": scheme_i,
     "scheme-iii": scheme_iii,
 }
-#: What is no matrix of polynomials: an exact rotation.
+#: Methods whose matrix is an exact rotation, not one of polynomials.
 ROTATIONS = {"deuflhard"}
 
 
 @pytest.mark.parametrize("limit", published.LIMITS, ids=lambda k: f"{k.method}{''.join(k.parameters.values())}")
-def test_the_limit_follows_from_the_matrix(limit):
+def test_limit_follows_from_the_matrix(limit):
     assert limit.derived or limit.printed
     if not limit.derived or limit.method in ROTATIONS:
         return
@@ -87,7 +87,7 @@ def test_the_limit_follows_from_the_matrix(limit):
     assert float(end) == pytest.approx(limit.value, rel=1e-14, abs=0)
 
 
-def test_fifteen_methods_are_derived_and_what_was_looked_up_says_where():
+def test_fifteen_limits_are_derived_others_have_a_source():
     assert len({k.method for k in published.LIMITS if k.derived}) >= 15
     printed = [k for k in published.LIMITS if k.printed]
     assert len(printed) >= 5
@@ -104,14 +104,14 @@ def test_fifteen_methods_are_derived_and_what_was_looked_up_says_where():
         (partial(scheme_i, "-1"), 2 - Z**2 / (1 - 2 * Z**2)),
     ],
 )
-def test_traces_are_those_that_the_table_says(matrix, trace):
+def test_traces_are_those_of_the_table(matrix, trace):
     matrix = matrix()
     assert sp.cancel(matrix.trace() - trace) == 0
     assert sp.cancel(matrix.det() - 1) == 0
 
 
-def test_a_wrong_coefficient_gives_another_limit():
-    """Ruth's last kick of the other sign; thirds in place of Forest and Ruth's fractions."""
+def test_wrong_coefficient_gives_another_limit():
+    """The sign of Ruth's last kick changed; thirds in place of Forest and Ruth's fractions."""
     wrong = exact.splitting((R(2, 3), -R(2, 3), 1), (R(7, 24), R(3, 4), R(1, 24)))
     assert abs(float(exact.first_end(wrong)) - 2.5074811709523557) > 1e-3
     thirds = exact.verlets(R(1, 3), R(1, 3), R(1, 3))

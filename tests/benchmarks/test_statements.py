@@ -1,4 +1,4 @@
-"""The talks, statement by statement: none is left out, every verdict is a function of rows, every check can fail."""
+"""The talks' statements: all are listed, every verdict is a function of rows, every check can fail."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from phasebench.benchmarks.experiments.talks.judging import CONTRADICTED, HOLDS,
 from phasebench.benchmarks.experiments.talks.statement import KINDS
 from phasebench.benchmarks.experiments.talks.statements import FIRST, SECOND, SECTIONS
 from phasebench.benchmarks.page.page import ROWS
+from phasebench.benchmarks.page.verdict import FINDING, PASS, Count
 from phasebench.benchmarks.problems import PROBLEMS
 from phasebench.integrators.registry import BY_ID
 
 DATA = Path(report.__file__).resolve().parents[1] / "reports"
 ALL = [(section, s) for section in SECTIONS for s in section.statements]
 IDS = [f"{section.id}-{i}-{s.where}" for i, (section, s) in enumerate(ALL)]
-#: What the committed rows say of those that do not plainly hold.
+#: Verdicts on the committed rows, where they differ from "holds".
 KNOWN = {
     "Fig. 4.1, names": CONTRADICTED,
     "Scheme IV, heading": CONTRADICTED,
@@ -35,7 +36,7 @@ KNOWN = {
     "Background": UNTESTABLE,
     "Remarks II, 2": UNTESTABLE,
 }
-#: Columns of numbers that a statement may be judged by, and what makes it fail.
+#: Columns that a statement may be judged by, with a value that makes it fail.
 BAD = {
     "value": 1e3,
     "defect": 1.0,
@@ -57,7 +58,7 @@ BAD = {
 
 
 class Tables:
-    """The committed tables, each through a function of the table."""
+    """The committed tables by name, each changed by a function."""
 
     def __init__(self, change=lambda frame: frame):
         self.data, self.change, self.known = report.Data(DATA), change, {}
@@ -69,8 +70,8 @@ class Tables:
         return self.known[name]
 
 
-def corrupted(frame, error=1e-9):
-    """Every number that a statement may be judged by is wrong; an energy error too small or too large."""
+def corrupt(frame, error=1e-9):
+    """The table with every value in `BAD` columns wrong and the energy error replaced."""
     frame = frame.assign(energy_error=error) if "energy_error" in frame else frame
     for column in ("area", "measure"):
         if column in frame:
@@ -88,14 +89,14 @@ def tables():
 
 @pytest.fixture(scope="module")
 def wrong():
-    return Tables(corrupted), Tables(lambda frame: corrupted(frame, 1e9))
+    return Tables(corrupt), Tables(lambda frame: corrupt(frame, 1e9))
 
 
-# -- none is left out --------------------------------------------------------------------------------------------------
+# -- completeness ------------------------------------------------------------------------------------------------------
 
 
 def numbers(talk) -> set[int]:
-    """The equation numbers of the rows, ranges filled."""
+    """The equation numbers of a talk's statements, ranges expanded."""
     found = set()
     for section, s in ALL:
         if section.talk == talk:
@@ -123,7 +124,7 @@ def test_every_equation_of_the_second_talk_has_its_row():
 THREE = ("AVF", "Scheme IV", "Scheme V")
 
 
-def test_rows_are_whole():
+def test_rows_are_complete():
     assert {s.kind for _, s in ALL} <= set(KINDS)
     assert all(s.where and s.words and s.words != s.where for _, s in ALL)
     assert {s.page for _, s in ALL} <= {p.id for p in report.PAGES}
@@ -131,7 +132,7 @@ def test_rows_are_whole():
     assert len({(section.talk, s.where, s.words) for section, s in ALL}) == len(ALL)
 
 
-def test_every_system_and_method_that_the_talks_name_is_registered():
+def test_systems_and_methods_of_the_talks_are_registered():
     assert {"pendulum", "kepler", "outer-solar-system", "fpu", "lotka-volterra", "henon-heiles"} <= set(PROBLEMS)
     assert {"perturbed-kepler", "nls", "klein-gordon"} <= set(PROBLEMS)
     named = "explicit-euler implicit-euler symplectic-euler-p symplectic-euler-q implicit-midpoint scheme-i scheme-ii "
@@ -141,7 +142,7 @@ def test_every_system_and_method_that_the_talks_name_is_registered():
 
 
 def test_every_check_is_used(tables):
-    """A statement is not measured without its check; no check is measured for nothing."""
+    """Every check that statements look up exists, and every check is looked up."""
     asked = set()
 
     class Watched:
@@ -149,12 +150,12 @@ def test_every_check_is_used(tables):
             return Column(asked) if name == checks.TABLE else tables(name)
 
     for _, s in ALL:
-        s.judged(Watched())
+        s.judgement(Watched())
     assert asked == {c.id for c in checks.CHECKS}
 
 
 class Column:
-    """A table that notes which checks are looked for, and has none."""
+    """A table without rows that records which checks are looked up."""
 
     def __init__(self, asked):
         self.asked = asked
@@ -170,14 +171,14 @@ class Column:
         return "none"
 
 
-# -- both ways ---------------------------------------------------------------------------------------------------------
+# -- verdicts, both ways -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("statement", [s for _, s in ALL], ids=IDS)
-def test_the_committed_rows_say_what_is_known(statement, tables):
-    found = statement.judged(tables)
+def test_verdicts_on_the_committed_rows(statement, tables):
+    found = statement.judgement(tables)
     expected = KNOWN.get(statement.where, HOLDS)
-    if statement.where in ("Background", "(22)", "Energy", "Remarks I, 1"):  # several of that place
+    if statement.where in ("Background", "(22)", "Energy", "Remarks I, 1"):  # several statements have this place
         assert found.verdict in (HOLDS, WHERE, UNTESTABLE)
     else:
         assert found.verdict == expected
@@ -187,7 +188,7 @@ def test_the_committed_rows_say_what_is_known(statement, tables):
 
 @pytest.mark.parametrize("statement", [s for _, s in ALL], ids=IDS)
 def test_wrong_rows_change_the_verdict(statement, tables, wrong):
-    before, *after = (statement.judged(t).verdict for t in (tables, *wrong))
+    before, *after = (statement.judgement(t).verdict for t in (tables, *wrong))
     if before in (UNTESTABLE, CONTRADICTED):
         assert set(after) == {before}
     else:
@@ -204,7 +205,7 @@ def test_wrong_rows_change_the_verdict(statement, tables, wrong):
         ("Remark", "pde", "invariant error", 1e-15),
     ],
 )
-def test_better_rows_would_let_it_hold(where, table, column, value, tables):
+def test_better_rows_would_make_a_statement_hold(where, table, column, value, tables):
     statement = next(s for _, s in ALL if s.where == where)
     better = tables(table).assign(**{column: value})
     if where == "Fig. 4.1, names":
@@ -213,12 +214,12 @@ def test_better_rows_would_let_it_hold(where, table, column, value, tables):
     def data(name):
         return better if name == table else tables(name)
 
-    assert statement.judged(tables).verdict != HOLDS
-    assert statement.judged(data).verdict == HOLDS
+    assert statement.judgement(tables).verdict != HOLDS
+    assert statement.judgement(data).verdict == HOLDS
 
 
-#: Up to which number each check lets its statements hold, by what it is: sums and products of a few numbers; of many;
-#: Jacobians by differences, of a flow besides; differences of these; printed digits; fits.
+#: Largest value at which the statements of a check hold, by kind: sums and products of a few numbers; of many;
+#: Jacobians by differences, also of a flow; differences of these; printed digits; fits.
 LIMITS = {
     **dict.fromkeys(("pendulum", "oriented-areas", "lotka-volterra", "special-values", "adjoint", "nystrom"), 1e-14),
     **dict.fromkeys(("form-minus-one", "form-third", "form-three-halves", "form-two", "singular"), 1e-14),
@@ -231,8 +232,8 @@ LIMITS = {
 }
 
 
-def changed(tables, table, **columns):
-    """The committed tables with other values in the rows of a check, or in all rows."""
+def replace_columns(tables, table, **columns):
+    """The committed tables with other values in the rows of a check, or in all rows of a table."""
     id = columns.pop("check", None)
     frame = tables(table).copy()
     rows = frame["check"] == id if id else slice(None)
@@ -243,42 +244,42 @@ def changed(tables, table, **columns):
 
 @pytest.fixture(scope="module")
 def asking():
-    """Check -> the statements that ask for it."""
+    """Check -> the statements that look it up."""
     found = {}
     for _, s in ALL:
         asked = set()
-        s.judged(lambda name, asked=asked: Column(asked) if name == checks.TABLE else None)
+        s.judgement(lambda name, asked=asked: Column(asked) if name == checks.TABLE else None)
         for id in asked:
             found.setdefault(id, []).append(s)
     return found
 
 
 @pytest.mark.parametrize("id", LIMITS)
-def test_a_check_holds_up_to_its_limit_and_no_further(id, tables, asking):
+def test_check_holds_exactly_up_to_its_limit(id, tables, asking):
     limit, row = LIMITS[id], tables(checks.TABLE).set_index("check").loc[id]
     assert abs(row["value"]) <= limit
     for s in asking[id]:
-        inside, outside = (changed(tables, checks.TABLE, check=id, value=limit * x) for x in (0.999, 1.001))
-        assert s.judged(inside).verdict == s.judged(tables).verdict
-        assert s.judged(outside).verdict == CONTRADICTED
+        inside, outside = (replace_columns(tables, checks.TABLE, check=id, value=limit * x) for x in (0.999, 1.001))
+        assert s.judgement(inside).verdict == s.judgement(tables).verdict
+        assert s.judgement(outside).verdict == CONTRADICTED
         seen = 1e-9 if id == "solvable" else limit
-        weak, strong = (changed(tables, checks.TABLE, check=id, control=seen * x) for x in (1, 1.001))
-        assert s.judged(weak).verdict == CONTRADICTED, "a control that does not fail"
-        assert s.judged(strong).verdict == s.judged(tables).verdict
+        weak, strong = (replace_columns(tables, checks.TABLE, check=id, control=seen * x) for x in (1, 1.001))
+        assert s.judgement(weak).verdict == CONTRADICTED, "a control that does not fail"
+        assert s.judgement(strong).verdict == s.judgement(tables).verdict
 
 
-def test_a_mass_that_is_kept_needs_no_condition(tables):
+def test_condition_vanishes_with_better_measurements(tables):
     s = next(s for _, s in ALL if s.words == "so every quadratic invariant is kept for fixed λ")
-    assert s.judged(tables).verdict == WHERE
-    assert s.judged(changed(tables, checks.TABLE, check="mass", value=0.0)).verdict == HOLDS
+    assert s.judgement(tables).verdict == WHERE
+    assert s.judgement(replace_columns(tables, checks.TABLE, check="mass", value=0.0)).verdict == HOLDS
     other = next(s for _, s in ALL if s.where == "Theorem (2)")
-    assert other.judged(changed(tables, checks.TABLE, check="degenerate", value=0.05)).verdict == HOLDS
+    assert other.judgement(replace_columns(tables, checks.TABLE, check="degenerate", value=0.05)).verdict == HOLDS
     for control, verdict in ((1e-9, WHERE), (1.001e-9, HOLDS)):
-        seen = changed(tables, checks.TABLE, check="degenerate", value=0.05, control=control)
-        assert other.judged(seen).verdict == verdict
+        seen = replace_columns(tables, checks.TABLE, check="degenerate", value=0.05, control=control)
+        assert other.judgement(seen).verdict == verdict
 
 
-def test_the_parameters_that_are_farthest_from_one_half_count(tables):
+def test_parameters_farthest_from_one_half_decide(tables):
     s = next(s for _, s in ALL if s.where == "Remarks II, 1")
     curves = tables("talk_curves")
     here = curves[(curves["figure"] == "perturbed-kepler-parameter") & (curves["panel"] == "lambda")]
@@ -290,7 +291,7 @@ def test_the_parameters_that_are_farthest_from_one_half_count(tables):
         frame.loc[here.index, ["median", "low", "high"]] = 0.5, 0.4, 0.6
         for column, value in values.items():
             frame.loc[first, column] = value
-        return s.judged(lambda name: frame if name == "talk_curves" else tables(name))
+        return s.judgement(lambda name: frame if name == "talk_curves" else tables(name))
 
     assert judged().verdict == HOLDS
     assert judged(median=0.61).verdict == judged(median=0.39).verdict == CONTRADICTED
@@ -304,16 +305,16 @@ def test_the_parameters_that_are_farthest_from_one_half_count(tables):
         ("EQUIP multi-symplectic methods", "multisymplectic", "total energy error"),
     ],
 )
-def test_one_row_of_a_box_scheme_is_enough(words, table, column, tables):
+def test_one_bad_row_of_a_box_scheme_contradicts(words, table, column, tables):
     s, frame = next(s for _, s in ALL if s.words == words), tables(table)
     equip = frame[frame["id"] == "equip-box"]
-    assert s.judged(tables).verdict == HOLDS
+    assert s.judgement(tables).verdict == HOLDS
     limit = 10 * equip["two-form, round-off"] if column == "two-form" else pd.Series(1e-11, equip.index)
     for row in equip.index[[0, -1]]:
         for factor, verdict in ((0.999, HOLDS), (1.001, CONTRADICTED)):
             other = frame.copy()
             other.loc[row, column] = factor * limit[row]
-            assert s.judged(lambda name, other=other: other if name == table else tables(name)).verdict == verdict
+            assert s.judgement(lambda name, other=other: other if name == table else tables(name)).verdict == verdict
 
 
 @pytest.mark.parametrize(
@@ -330,13 +331,13 @@ def test_one_row_of_a_box_scheme_is_enough(words, table, column, tables):
         ("Remarks II, 3", "scheme-v-kahan-li-8"),
     ],
 )
-def test_one_method_of_another_order_is_enough(where, methods, tables):
+def test_one_method_of_another_order_contradicts(where, methods, tables):
     s, frame = next(s for _, s in ALL if s.where == where), tables("multiprecision").copy()
     rows = frame["method"] == methods
     assert rows.any()
-    assert s.judged(tables).verdict == HOLDS
+    assert s.judgement(tables).verdict == HOLDS
     frame.loc[rows, "order"] -= 0.5
-    assert s.judged(lambda name: frame if name == "multiprecision" else tables(name)).verdict == CONTRADICTED
+    assert s.judgement(lambda name: frame if name == "multiprecision" else tables(name)).verdict == CONTRADICTED
 
 
 @pytest.mark.parametrize(
@@ -347,9 +348,9 @@ def test_one_method_of_another_order_is_enough(where, methods, tables):
         ("Remark", "energy_preservation", "angular momentum error"),
     ],
 )
-def test_the_worst_of_two_tables_counts(where, table, column, tables):
+def test_worst_of_two_tables_counts(where, table, column, tables):
     s, frame = next(s for _, s in ALL if s.where == where), tables(table).copy()
-    assert s.judged(tables).verdict == WHERE
+    assert s.judgement(tables).verdict == WHERE
     here = frame[(frame.get("scheme", frame.get("method")) == "scheme-iv") & frame[column].notna()]
     here = here[
         (here["status"] == "ok") & (here["problem"] == "perturbed-kepler" if column.startswith("ang") else True)
@@ -357,19 +358,19 @@ def test_the_worst_of_two_tables_counts(where, table, column, tables):
     for row in here.index[[0, -1]]:
         worse = frame.copy()
         worse.loc[row, column] = 1e-8
-        assert s.judged(lambda name, worse=worse: worse if name == table else tables(name)).verdict == CONTRADICTED
+        assert s.judgement(lambda name, worse=worse: worse if name == table else tables(name)).verdict == CONTRADICTED
 
 
 @pytest.fixture
 def curve(tables):
-    """(words, figure, panel, column, of the row, value) -> the verdict where that row of the figure has that value."""
+    """A function (words, figure, panel, column, row, value) -> verdict on the statement with that value in the row."""
 
     def judged(words, figure, panel, column, row, value):
         s, frame = next(s for _, s in ALL if s.words == words), tables("talk_curves").copy()
         here = frame[(frame["figure"] == figure) & (frame["panel"].astype(str) == panel) & frame[column].notna()]
         before = frame.loc[here.index[row], column]
         frame.loc[here.index[row], column] = value(before) if callable(value) else value
-        return s.judged(lambda name: frame if name == "talk_curves" else tables(name))
+        return s.judgement(lambda name: frame if name == "talk_curves" else tables(name))
 
     return judged
 
@@ -385,7 +386,7 @@ def curve(tables):
         ("symplectic Euler from (4, 2) and (6, 2), h = 0.12, stays in a band", "symplectic Euler", 2, False),
     ],
 )
-def test_an_orbit_is_near_its_level_curve_up_to_a_change_of_the_invariant(words, panel, limit, above, curve):
+def test_orbit_near_its_level_curve_by_its_invariant(words, panel, limit, above, curve):
     for row in (0, -1):
         for factor in (0.999, 1.001):
             found = curve(words, "lotka-volterra-methods", panel, "energy_error", row, factor * limit)
@@ -400,7 +401,7 @@ def test_an_orbit_is_near_its_level_curve_up_to_a_change_of_the_invariant(words,
         ("nonlinear symplectic maps keep areas", "implicit midpoint"),
     ],
 )
-def test_an_area_is_kept_to_round_off_at_every_time(words, panel, curve, tables):
+def test_area_is_preserved_to_round_off_at_all_times(words, panel, curve, tables):
     for row in (1, -1):
         for change, verdict in ((0.9e-11, HOLDS), (1.2e-11, CONTRADICTED)):
             found = curve(words, "pendulum-area", panel, "area", row, lambda area, change=change: area + change)
@@ -411,11 +412,11 @@ def test_an_area_is_kept_to_round_off_at_every_time(words, panel, curve, tables)
     assert found.measured == "change of area up to 5.0e-12; explicit Euler 7.0e-01"
     frame.loc[lost, "area"] = 1.0
     s = next(s for _, s in ALL if s.words == words)
-    same = s.judged(lambda name: frame if name == "talk_curves" else tables(name))
+    same = s.judgement(lambda name: frame if name == "talk_curves" else tables(name))
     assert same.verdict == CONTRADICTED, "a control that keeps it too"
 
 
-def test_a_disc_keeps_its_measure_and_not_its_area(curve):
+def test_flow_preserves_the_measure_of_a_disc(curve):
     words = "the exact flow goes round on level curves of I"
     for change, verdict in ((0.9e-11, HOLDS), (1.2e-11, CONTRADICTED)):
         found = curve(words, "lotka-volterra-flow", "disc", "measure", -1, lambda x, change=change: x + change)
@@ -426,33 +427,36 @@ def test_a_disc_keeps_its_measure_and_not_its_area(curve):
     ("value", "control", "verdict"),
     [(-1.0, 1.0, HOLDS), (0.0, 1.0, CONTRADICTED), (-1.0, 0.0, CONTRADICTED), (0.5, 1.0, CONTRADICTED)],
 )
-def test_the_prey_are_who_grow_less_the_more_there_are_of_the_others(value, control, verdict, tables):
+def test_predators_reduce_the_growth_of_the_prey(value, control, verdict, tables):
     s = next(s for _, s in ALL if s.where == "Fig. 4.1, names")
-    assert s.judged(changed(tables, checks.TABLE, check="species", value=value, control=control)).verdict == verdict
+    assert (
+        s.judgement(replace_columns(tables, checks.TABLE, check="species", value=value, control=control)).verdict
+        == verdict
+    )
 
 
-def test_a_carried_parallelogram_is_judged_by_three_rows(tables):
+def test_parallelogram_is_judged_by_three_rows(tables):
     s, frame = next(s for _, s in ALL if s.where == "Fig. 2.1"), tables("talk_curves")
     here = frame[frame["figure"] == "linear-symplectic-map"]
-    assert (len(here), s.judged(tables).verdict) == (3, HOLDS)
+    assert (len(here), s.judgement(tables).verdict) == (3, HOLDS)
     two = frame.drop(index=here.index[-1])
-    assert s.judged(lambda name: two).verdict == MISSING
+    assert s.judgement(lambda name: two).verdict == MISSING
     same = frame.copy()
     same.loc[here.index[2], ["x", "y"]] = same.loc[here.index[0], ["x", "y"]].to_numpy()
-    assert s.judged(lambda name: same).verdict == CONTRADICTED, "a control that keeps it too"
+    assert s.judgement(lambda name: same).verdict == CONTRADICTED, "a control that keeps it too"
 
 
 def test_steps_without_a_root_are_a_condition(tables):
     statement = next(s for _, s in ALL if s.where == "Scheme IV")
-    assert statement.judged(tables).verdict == WHERE
+    assert statement.judgement(tables).verdict == WHERE
     none = {"energy_preservation": "without a root", "pde": "fallbacks"}
-    assert statement.judged(lambda name: tables(name).assign(**{none[name]: 0})).verdict == HOLDS
+    assert statement.judgement(lambda name: tables(name).assign(**{none[name]: 0})).verdict == HOLDS
 
 
-def test_nothing_is_said_without_rows():
+def test_no_verdict_without_rows():
     for _, s in ALL:
-        assert s.judged(lambda name: None).verdict in (MISSING, UNTESTABLE)
-    assert [v for page in statements_page.PAGES for v in page.judged(lambda name: None)] == []
+        assert s.judgement(lambda name: None).verdict in (MISSING, UNTESTABLE)
+    assert [v for page in statements_page.PAGES for v in page.judge(lambda name: None)] == []
     assert statements_page.exceptions(lambda name: None) is None
 
 
@@ -463,22 +467,22 @@ def rows(*verdicts) -> pd.DataFrame:
     return pd.DataFrame([{"where": f"({i})", "says": "x", "verdict": v} for i, v in enumerate(verdicts)])
 
 
-def test_the_sentences_follow_the_rows():
-    good, bad = rows(HOLDS, UNTESTABLE, HOLDS), rows(HOLDS, CONTRADICTED, WHERE, MISSING)
-    for verdict, said in (
-        (statements_page.contradicted, "Contradicted: (1) (x)."),
-        (statements_page.counted, "not measured: 1"),
-        (statements_page.conditional, "Only under a condition: (2) (x)."),
-    ):
-        assert verdict(good).holds
-        assert not verdict(bad).holds
-        assert said in verdict(bad).text
-        assert said not in verdict(good).text
-        assert verdict(rows(MISSING, UNTESTABLE)) is None
-    assert statements_page.counted(good).text.startswith("2 of 3 statements hold; holds where a condition is met: 0")
+@pytest.mark.parametrize(
+    ("judge", "bad"),
+    [
+        (statements_page.contradictions, CONTRADICTED),
+        (statements_page.conditional, WHERE),
+        (statements_page.complete, MISSING),
+    ],
+)
+def test_each_verdict_counts_its_statements(judge, bad):
+    assert judge(rows(HOLDS, UNTESTABLE, HOLDS)).outcome == PASS
+    found = judge(rows(HOLDS, bad, HOLDS, UNTESTABLE))
+    assert (found.outcome, found.measured, found.where) == (FINDING, Count(1, 4), "(1)")
+    assert judge(rows(MISSING, UNTESTABLE)) is None
 
 
-def test_what_does_not_hold_stands_first(tables):
+def test_statements_that_do_not_hold_come_first(tables):
     table = statements_page.exceptions(tables).frame
     verdicts = list(table["verdict"])
     assert len(verdicts) <= ROWS
@@ -491,19 +495,19 @@ def test_what_does_not_hold_stands_first(tables):
 
 # -- the checks --------------------------------------------------------------------------------------------------------
 
-#: Those that compile no kernel, and two that do.
+#: The checks that compile no kernel, and two that do.
 QUICK = (*(c.id for c in checks.CHECKS if not c.methods), "form-third", "adjoint")
 
 
 @pytest.fixture(scope="module")
-def measured():
-    found = [row for id in QUICK for row in checks.measured(id)[checks.TABLE]]
+def measured_rows():
+    found = [row for id in QUICK for row in checks.measure_rows(id)[checks.TABLE]]
     return pd.DataFrame(found)
 
 
 @pytest.mark.parametrize("id", QUICK)
-def test_a_check_measures_what_the_committed_row_says(id, measured, tables):
-    now = measured[measured["check"] == id].iloc[0]
+def test_check_reproduces_its_committed_row(id, measured_rows, tables):
+    now = measured_rows[measured_rows["check"] == id].iloc[0]
     then = tables(checks.TABLE)
     then = then[then["check"] == id].iloc[0]
     assert now["control"] == pytest.approx(then["control"], rel=1e-6, abs=1e-12)
@@ -512,7 +516,7 @@ def test_a_check_measures_what_the_committed_row_says(id, measured, tables):
     assert now["against"] == then["against"]
 
 
-def test_the_classical_generating_functions_are_of_0_1_and_one_half():
+def test_classical_generating_functions_are_0_half_1():
     assert sorted(checks_schemes.CLASSICAL) == [0, 0.5, 1]
 
 

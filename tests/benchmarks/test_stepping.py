@@ -1,4 +1,4 @@
-"""A step as a map of states: what it sees and returns in doubles and in many digits, and what goes wrong."""
+"""`Stepper`, a step as a map of states, in doubles and in multiprecision, and its errors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from phasebench.benchmarks.certificate.battery import Entry
 from phasebench.benchmarks.certificate.stepping import StepFailed, Stepper
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, precision
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision
 from support.steps import leapfrog
 
 HERE = Entry("here", problem("harmonic-oscillator").system, (1.0, 0.0))
@@ -26,7 +26,7 @@ def arithmetic(request):
         yield request.param
 
 
-def test_what_a_step_asks_for_is_counted_and_what_it_returns_is_in_its_arithmetic(arithmetic):
+def test_evaluations_and_type_of_the_states(arithmetic):
     made = stepper(leapfrog, arithmetic)
     assert list(made.system.evaluations) == [0, 0]
     rows = made.run(HERE.state, 0.5, 2)
@@ -39,7 +39,7 @@ def test_what_a_step_asks_for_is_counted_and_what_it_returns_is_in_its_arithmeti
     assert rows.dtype == made.state([1.0]).dtype == made.dtype
 
 
-def test_in_many_digits_the_energy_and_the_gradients_have_them():
+def test_energy_and_gradients_in_multiprecision():
     with precision(40):
         made = stepper(leapfrog, MULTIPRECISION)
         q, p = made.state(["0.1"]), made.state(["0.3"])
@@ -49,20 +49,20 @@ def test_in_many_digits_the_energy_and_the_gradients_have_them():
         assert made.system.dH_dq(p, q) == p, "of another state"
 
 
-def test_numbers_of_few_digits_among_many_are_refused():
+def test_doubles_from_a_multiprecision_step_are_refused():
     with precision(40):
         made = stepper(lambda system, q, p, h: (q, [0.5]), MULTIPRECISION)
         with pytest.raises(StepFailed, match="it returned float, mpfr where it was given numbers of many digits"):
             made(made.state(HERE.state), 0.1)
 
 
-def test_a_run_ends_where_one_number_is_not_finite():
+def test_run_ends_at_a_nonfinite_number():
     made = stepper(lambda system, q, p, h: (q * 0 + (np.inf if made.taken == 3 else 1.0), p))
     assert len(made.run(HERE.state, 0.1, 9)) == 3
 
 
 @pytest.mark.parametrize(("text", "told"), [("one\ntwo", "ValueError: one"), ("", "ValueError: ")])
-def test_what_a_step_raises_is_told_with_its_number_and_its_first_line(text, told):
+def test_exception_names_the_step_and_its_first_line(text, told):
     def raising(system, q, p, h):
         if made.taken == 3:
             raise ValueError(text)

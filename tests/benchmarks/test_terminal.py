@@ -1,4 +1,4 @@
-"""The terminal: every listed scene can be run, spans go back in time, and what is wrong is said."""
+"""The command line: every listed scene can be run, time spans may be negative, errors are reported."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def test_every_listed_scene_has_cells(name):
     assert {cell.key["scene"] for cell in found} == {name}
 
 
-def test_all_scenes_are_measured_where_none_is_named():
+def test_all_scenes_are_measured_by_default():
     assert {c.key["scene"] for c in _cells([], [], False)} == {x.id for x in (*SCENES, *QUESTIONS)}
     assert {c.key["scene"] for c in _cells([], [], True)} <= {x.id for x in SCENES}
 
 
-def test_a_scene_of_the_trade_gives_rows_to_round_off(tmp_path):
+def test_scene_of_the_trade_off_has_rows_to_round_off(tmp_path):
     path = tmp_path / "rows.jsonl"
     options = ("--scene", "pendulum-short", "--method", "pefrl", "--method", "wisdom-holman", "--output", path)
     assert call("run", *options)[0] == 0
@@ -43,12 +43,12 @@ def test_a_scene_of_the_trade_gives_rows_to_round_off(tmp_path):
     code, _, said = call("run", *options)
     assert code == 0
     assert "2 of 2 cells" in said
-    code, _, said = call("report", "--folder", tmp_path / "report", "--rows", path)
+    code, _, said = call("report", "--reports", tmp_path / "report", "--rows", path)
     assert code == 2
     assert "no page" in said
 
 
-def test_run_without_arguments_says_what_it_would_do(tmp_path, monkeypatch):
+def test_run_without_arguments_describes_the_work(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, text, _ = call("run")
     assert code == 0
@@ -57,26 +57,26 @@ def test_run_without_arguments_says_what_it_would_do(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_that_cannot_be_written_is_named(tmp_path):
+def test_unwritable_folder_is_named(tmp_path):
     path, wrong = tmp_path / "rows.jsonl", tmp_path / "file"
     wrong.write_text("x")
     assert call("run", "--scene", "pendulum-t2", "--method", "pefrl", "--quick", "--output", path)[0] == 0
     for folder in (wrong, wrong / "below"):
-        code, _, said = call("report", "--folder", folder, "--rows", path)
+        code, _, said = call("report", "--reports", folder, "--rows", path)
         assert code == 2
         assert "cannot be written" in said
-    if os.getuid():  # nothing is closed to root
+    if os.getuid():  # root may write everywhere
         closed = tmp_path / "closed"
         closed.mkdir(mode=0o500)
-        assert call("report", "--folder", closed, "--rows", path)[0] == 2
+        assert call("report", "--reports", closed, "--rows", path)[0] == 2
 
 
-def test_a_name_is_proposed_once():
+def test_name_is_suggested_once():
     assert str(unknown("method", "heyok", ["heyoka", "heyoka", "rk4"])).count("heyoka") == 1
     assert call("integrate", "pendulum", "heyok", "--h", "0.1", "--t-end", "1")[2].count("heyoka?") == 1
 
 
-def test_swapped_arguments_are_told_apart():
+def test_swapped_arguments_are_recognized():
     code, _, said = call("integrate", "stormer-verlet", "pendulum", "--h", "0.1", "--t-end", "1")
     assert code == 2
     assert "integrate pendulum stormer-verlet" in said
@@ -92,13 +92,13 @@ def test_swapped_arguments_are_told_apart():
         (("--h", "0.1", "--t-end", "-3", "--t0", "-5"), (-5.0, -3.0)),
     ],
 )
-def test_a_span_may_begin_anywhere_and_go_back(span, times):
+def test_span_may_start_anywhere_and_be_negative(span, times):
     ahead = json.loads(call("integrate", "pendulum", "gauss-4", "--h", "0.1", "--t-end", "2", "--json")[1])
     code, text, said = call("integrate", "pendulum", "gauss-4", *span, "--error", "--json")
     assert code == 0, said
     found = json.loads(text)
     assert found["t"] == pytest.approx(times[1])
-    assert found["q"] == pytest.approx(ahead["q"], rel=1e-12)  # the pendulum begins at rest
+    assert found["q"] == pytest.approx(ahead["q"], rel=1e-12)  # the pendulum starts at rest
     sign = 1 if times[1] > times[0] else -1
     assert found["p"] == pytest.approx([sign * x for x in ahead["p"]], rel=1e-12)
     assert found["global_error"] < 1e-9

@@ -1,11 +1,11 @@
-"""The time on fronts of the trade: what is stored, what the runs here make of it, and when nothing is said."""
+"""Times relative to the fastest stored method: the stored table, the ratio through a reference, when none is given."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.certificate import fronts, place, times
+from phasebench.benchmarks.certificate import costs, fronts, place, times
 from phasebench.benchmarks.certificate.subject import subject
 from phasebench.benchmarks.measure import timing
 from phasebench.benchmarks.problems import problem
@@ -21,6 +21,7 @@ def rung(seconds, steps, scene="kepler-orbit", integrator=times.REFERENCE, statu
 
 
 def choice(accuracy, ours, peer, scene="kepler-orbit"):
+    """A row with the fastest integrators of both sides at an accuracy."""
     sides = {f"{side} {x}": v for side, of in (("ours", ours), ("peer", peer)) for x, v in of.items()}
     return {"scene": scene, "accuracy": accuracy} | sides
 
@@ -29,7 +30,7 @@ def side(seconds, integrator):
     return {"seconds": seconds, "integrator": integrator}
 
 
-def test_who_is_the_fastest_is_stored_as_a_share_of_the_longest_run_of_the_reference():
+def test_fastest_is_stored_relative_to_the_reference():
     rungs = [
         rung("1e-4", "10"),
         rung("1e-3", "100"),
@@ -46,7 +47,7 @@ def test_who_is_the_fastest_is_stored_as_a_share_of_the_longest_run_of_the_refer
         choice(1e-2, side("1e-4", "a"), side("2e-4", "b"), scene="nls"),
         choice(1e-2, side("1e-4", "a"), side("2e-4", "b"), scene="henon-heiles-chaotic"),  # no run of the reference
     ]
-    lines = times.made(choices, rungs)
+    lines = times.build(choices, rungs)
     assert [(x["error"], x["integrator"], x["share"]) for x in lines] == [
         (1e-2, "a", 0.1),
         (1e-4, "b", 0.2),
@@ -55,9 +56,9 @@ def test_who_is_the_fastest_is_stored_as_a_share_of_the_longest_run_of_the_refer
     assert {(x["scene"], x["steps"], x["evaluations"]) for x in lines} == {("kepler-orbit", 100, 1200)}
 
 
-def test_what_is_stored_is_of_every_scene():
-    assert list(times.stored()) == list(fronts.SCENES)
-    for known in times.stored().values():
+def test_stored_times_cover_every_scene():
+    assert list(times.TABLE.load()) == list(fronts.SCENES)
+    for known in times.TABLE.load().values():
         assert set(known.fastest) <= set(fronts.ERRORS)
         assert known.evaluations == 12 * known.steps, "the reference has twelve evaluations a step"
         for best in known.fastest.values():
@@ -65,50 +66,36 @@ def test_what_is_stored_is_of_every_scene():
             assert 0 < best.share < 10
 
 
-def test_kept_is_what_was_made(tmp_path, monkeypatch):
-    before = times.stored()
-    lines = [
-        {"scene": s, "error": e, "integrator": b.integrator, "share": b.share, "steps": k.steps}
-        | {"evaluations": k.evaluations}
-        for s, k in before.items()
-        for e, b in k.fastest.items()
-    ]
-    monkeypatch.setattr(times, "PATH", tmp_path / "times.csv")
-    times.keep(lines)
-    assert times.stored() == before
-    times.stored.cache_clear()
-
-
-KNOWN = times.Stored(10, 120.0, {1e-2: times.Fastest("a", 0.5), 1e-4: times.Fastest("b", 2.0)})
+KNOWN = times.StoredTimes(10, 120.0, {1e-2: times.Fastest("a", 0.5), 1e-4: times.Fastest("b", 2.0)})
 ROW = {
     "on": "kepler-orbit",
     "errors": [
         {"error": 1e-2, "evaluations": 50.0},
         {"error": 1e-4, "evaluations": 400.0},
-        {"error": 1e-6, "evaluations": 800.0},  # of which no time is stored
+        {"error": 1e-6, "evaluations": 800.0},  # no time is stored for this error
         {"error": 1e-8, "evaluations": None},
     ],
 }
 MINE, REFERENCE = np.full(9, 3e-3), np.full(9, 1e-4)
 
 
-def test_a_time_here_over_the_reference_here_times_the_reference_there_over_the_fastest_there():
-    """100 evaluations take 30 runs of the reference; so 50 of them 15, which is 30 times the half of one."""
-    found = times.told(ROW, KNOWN, 100.0, {"mine": MINE, "reference": REFERENCE})
+def test_factor_is_measured_through_the_reference():
+    """100 evaluations take 30 runs of the reference; 50 take 15, which is 30 times the stored share 0.5."""
+    found = times.times_row(ROW, KNOWN, 100.0, {"mine": MINE, "reference": REFERENCE})
     assert [(e["error"], e["fastest"]) for e in found["errors"]] == [(1e-2, "a"), (1e-4, "b")]
     assert [e["factor"] for e in found["errors"]] == pytest.approx([30.0, 60.0])
     assert found["python"] is None
 
 
-def test_what_python_costs_is_of_an_evaluation():
+def test_cost_of_python_is_per_evaluation():
     python = np.full(9, 4 * times.STEPS * 1e-5)
-    found = times.told(ROW, KNOWN, 100.0, {"mine": MINE, "reference": REFERENCE, "python": python})
+    found = times.times_row(ROW, KNOWN, 100.0, {"mine": MINE, "reference": REFERENCE, "python": python})
     assert found["python"]["value"] == pytest.approx(1e-5 / (1e-4 / 120))
 
 
-def test_the_interval_is_that_of_the_rounds():
+def test_interval_is_that_of_the_rounds():
     uneven = MINE * np.linspace(0.5, 2, 9)
-    found = times.told(ROW, KNOWN, 100.0, {"mine": uneven, "reference": REFERENCE})["errors"][0]
+    found = times.times_row(ROW, KNOWN, 100.0, {"mine": uneven, "reference": REFERENCE})["errors"][0]
     here = timing.ratio(uneven, REFERENCE)
     assert [found[k] for k in ("low", "factor", "high")] == pytest.approx([here.low, here.value, here.high])
 
@@ -118,8 +105,8 @@ def test_the_interval_is_that_of_the_rounds():
     [(leapfrog, ("separable",), {"mine", "python", "reference"}), ("stormer-verlet", (), {"mine", "reference"})],
     ids=["own", "ours"],
 )
-def test_what_is_timed_in_turns(target, requires, runs, monkeypatch):
-    """The run that is timed is that of the rung whose evaluations are told; Python's is of a step that Python calls."""
+def test_runs_that_are_timed_alternately(target, requires, runs, monkeypatch):
+    """The timed run is that of the rung with the stated evaluations; "python" is timed for a step in Python only."""
     monkeypatch.setattr(place, "MOST", 2000)
     chosen, seen = subject(target, {}, requires), {}
 
@@ -134,76 +121,48 @@ def test_what_is_timed_in_turns(target, requires, runs, monkeypatch):
 
     def run(*arguments):
         sizes.append(arguments[-1])
-        return place.measured(*arguments)
+        return place.run_subject(*arguments)
 
-    found = times.timed(chosen, row, run)
+    found = times.time_subject(chosen, row, run)
     assert set(seen) == runs
     assert all(s > 0 for told in seen.values() for s in told)
-    if sizes:  # Python calls it: two evaluations by q a step
+    if sizes:  # a step in Python makes two evaluations by q per step
         assert {2 * n for n in sizes} == {max(x for x, _ in row["curve"] if x <= times.SHORT)}
     evaluations = 2 * sizes[0] if sizes else row["curve"][-1][0]
-    first, known = row["errors"][0], times.stored()["pendulum-short"]
+    first, known = row["errors"][0], times.TABLE.load()["pendulum-short"]
     share = known.fastest[first["error"]].share
     assert found["errors"][0]["factor"] == pytest.approx(2.0 * first["evaluations"] / evaluations / share)
 
 
-def test_the_compiled_reference_takes_its_own_time():
-    """Control: the method through which times are told takes once its own time, as far as a clock tells."""
+def test_control_compiled_reference_against_itself():
+    """Timed against itself, the reference method has the factor 1, within the accuracy of the clock."""
     runs = [times._often(problem("pendulum:swinging"), times.REFERENCE, 5.0, n) for n in (100, 100, 1000)]
     one, same, ten = (min(run() for _ in range(5)) for run in runs)
     assert 0.5 < same / one < 2
     compiled = prepare(problem("pendulum:swinging"), times.REFERENCE)
-    alone = min(times._clocked(lambda: compiled(5.0 / 1000, 1000))() for _ in range(9))
+    alone = min(times._clock(lambda: compiled(5.0 / 1000, 1000))() for _ in range(9))
     assert 0.3 < ten / alone < 3, "of one run, not of all that are timed together"
     assert ten > 3 * one
 
 
-def test_a_peer_that_tells_its_evaluations_tells_its_seconds():
+def test_peer_that_counts_evaluations_is_timed():
     scipy = subject("scipy-dop853")
     row = place.place(scipy, "pendulum-short")
-    found = times.timed(scipy, row, place.measured)
+    found = times.time_subject(scipy, row, place.run_subject)
     assert found["python"] is None
     assert all(e["factor"] > 10 for e in found["errors"]), "its right-hand side is Python's"
 
 
-def test_who_tells_no_evaluations_or_meets_nothing_has_no_time():
+def test_no_time_without_evaluations_or_a_met_error():
     heyoka = subject("heyoka")
     row = {"on": "pendulum-short", "curve": [[0.0, 1e-9]], "sizes": [1e-9], "errors": [{"evaluations": 0.0}]}
-    assert times.timed(heyoka, row, place.measured) is None
+    assert times.time_subject(heyoka, row, place.run_subject) is None
     row = {"on": "pendulum-short", "curve": [[10.0, 1.0]], "sizes": [10], "errors": [{"evaluations": None}]}
-    assert times.timed(subject("rk4"), row, place.measured) is None
+    assert times.time_subject(subject("rk4"), row, place.run_subject) is None
     row = {"on": "nls", "curve": [[10.0, 1.0]], "sizes": [10], "errors": [{"evaluations": 10.0}]}
-    assert times.timed(subject("rk4"), row, place.measured) is None, "of this scene no time is stored"
-
-
-def said(low=90.0, factor=100.0, high=110.0, python=None):
-    errors = [{"error": 1e-2, "fastest": "a", "low": low, "factor": factor, "high": high}]
-    errors.append({"error": 1e-4, "fastest": "a", "low": 1.0, "factor": 2.34, "high": 1e9})
-    (line,) = times.said([{"on": "kepler-orbit", "reference": "dop853", "errors": errors, "python": python}])
-    return line.removeprefix("time on kepler-orbit: ")
-
-
-def test_what_is_said_of_a_time():
-    plain = said()
-    assert plain == (
-        "about 100 times the fastest stored for an error of 1e-02, 2.3 times for an error of 1e-04 "
-        "(to a factor of 2; told through dop853, run in turns here and stored there)"
-    )
-    price = {"low": 900.0, "value": 1234.0, "high": 1500.0}
-    assert said(python=price).startswith(plain)
-    assert "about 1200 times the compiled one" in said(python=price)
-    assert "compiled one" in said(python=price | {"high": 1800.0})
-    assert said(python=price | {"high": 2000.0}) == f"{plain}, with what Python's calls cost"
-    assert times.said([{"on": "kepler-orbit", "errors": []}]) == []
-
-
-@pytest.mark.parametrize(("high", "told"), [(180.0, True), (180.1, False)])
-def test_a_time_that_differs_from_run_to_run_is_not_told(high, told):
-    line = said(90.0, 100.0, high)
-    assert ("about 100 times" in line) is told
-    assert line.startswith("not told, the runs differ too much (90 to 180 times") is not told
+    assert times.time_subject(subject("rk4"), row, place.run_subject) is None, "of this scene no time is stored"
 
 
 @pytest.mark.parametrize(("x", "text"), [(2.345, "2.3"), (99.0, "99"), (123.0, "120"), (15012.0, "15000")])
-def test_a_factor_is_written_without_a_power_of_ten(x, text):
-    assert times.count(x) == text
+def test_factor_is_written_without_a_power_of_ten(x, text):
+    assert costs.count(x) == text

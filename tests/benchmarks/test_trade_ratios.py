@@ -1,7 +1,8 @@
-"""Ours over the best peer: shares, reasons and sentences on tables for which they must change, both ways."""
+"""Time of our best method over the best peer's: shares, reasons, verdicts that pass and fail."""
 
 from __future__ import annotations
 
+import re
 from math import inf
 
 import numpy as np
@@ -10,13 +11,17 @@ import pytest
 
 from phasebench.benchmarks.experiments.trade import front, ratios_page, reasons
 from phasebench.benchmarks.measure.timing import OURS, PEERS
+from phasebench.benchmarks.page.verdict import FINDING, PASS, Count, Range
 from phasebench.benchmarks.problems.questions import QUESTIONS
 
 SCENE = "toda"
 
 
 def row(accuracy=1e-6, steps=(100, 50), seconds=(1e-5, 2e-5), spread=0.01, evaluations=800, scene=SCENE, **more):
-    """A choice of ours (first) and the best peer's; a side whose steps are None does not get there."""
+    """A row at one accuracy; ``steps`` and ``seconds`` are of our best method and of the best peer.
+
+    A side whose steps are None misses the accuracy.
+    """
     out = {"scene": scene, "quantity": "end-state", "accuracy": accuracy}
     for side, n, s in zip((OURS, PEERS), steps, seconds, strict=True):
         known = {"integrator": f"one of {side}", "h": 0.1, "tol": np.nan, "steps": n, "seconds": s}
@@ -29,7 +34,7 @@ def row(accuracy=1e-6, steps=(100, 50), seconds=(1e-5, 2e-5), spread=0.01, evalu
 
 
 def runs(price=1e-9, error=1e-9, scene=SCENE, kind="phasebench"):
-    """A run of 1000 evaluations, each at that price."""
+    """A run of 1000 evaluations at ``price`` seconds each."""
     told = {"integrator": "gauss-4", "kind": kind, "evaluations": 1000, "seconds": 1000 * price, "error": error}
     return pd.DataFrame([{"scene": scene} | told])
 
@@ -39,7 +44,7 @@ def data(*rows, rungs=None):
 
 
 def one(**given):
-    """The only cell that is above 1."""
+    """The only cell with a ratio above 1."""
     found = reasons.above(pd.DataFrame([row(**given)]), runs(1e-8))
     assert len(found) == 1
     return found.iloc[0]
@@ -57,21 +62,19 @@ CASES = {
 
 
 @pytest.mark.parametrize("reason", CASES)
-def test_each_reason_where_it_is_so(reason):
+def test_each_reason_has_its_case(reason):
     found = one(**CASES[reason])
     assert found["reason"] == reason
-    said = reasons.told(found.to_dict(), runs())
-    assert said.startswith(reason)
-    told = ratios_page.why(data(row(**CASES[reason]), rungs=runs(1e-8)))
-    assert told.holds
-    assert f"Of 1 cells above 1.0: 1 {reason} ({reasons.MEANING[reason]})" in told.text
+    assert reasons.sentence(found.to_dict(), runs()).startswith(reason)
+    said = ratios_page.explanations(data(row(**CASES[reason]), rungs=runs(1e-8)))
+    assert (said.outcome, said.measured) == (PASS, Count(1, 1))
 
 
-def test_two_factors_a_little_above_one_are_named_together():
+def test_two_factors_slightly_above_one_are_combined():
     assert one(seconds=(1.1e-5, 1e-5), steps=(105, 100), evaluations=1100)["reason"] == reasons.BOTH
 
 
-def test_the_factors_multiply_to_the_ratio_and_the_share_is_of_the_cheapest_price():
+def test_factors_multiply_to_the_ratio():
     found = one(seconds=(1e-5, 4e-6))
     assert found["steps"] == 2
     assert found["steps"] * found["step"] == pytest.approx(found["ratio"]) == pytest.approx(2.5)
@@ -82,24 +85,24 @@ def test_the_factors_multiply_to_the_ratio_and_the_share_is_of_the_cheapest_pric
     assert reasons.price(rungs[rungs["scene"] == SCENE]) == pytest.approx(5e-9)
 
 
-def test_a_cell_that_the_rows_do_not_explain_is_a_finding():
-    """A peer that tells no steps: the ratio has no factors."""
-    given = row(seconds=(1e-5, 5e-6), steps=(100, 0))
-    said = ratios_page.why(data(given, rungs=runs(1e-8)))
-    assert not said.holds
-    assert "1 is not explained by the rows" in said.text
-    assert said.short == "0 of 1 cells above are explained."
+def test_unexplained_cell_is_a_finding():
+    """A peer without a number of steps: the ratio has no factors."""
+    rows = [row(10.0**-k, seconds=(1e-5, 5e-6), steps=(100, 0)) for k in (5, 6)]
+    said = ratios_page.explanations(data(*rows, row(1e-7, seconds=(1e-5, 5e-6)), rungs=runs(1e-8)))
+    assert (said.outcome, said.measured) == (FINDING, Count(1, 3))
+    assert said.where == f"{SCENE} to 1e-05, {SCENE} to 1e-06"
 
 
-def test_what_is_no_slower_needs_no_reason():
+def test_cells_that_are_no_slower_need_no_reason():
     assert reasons.above(pd.DataFrame([row(), row(1e-8, steps=(100, None))]), runs()).empty
-    assert ratios_page.why(data(row())) is None
+    assert ratios_page.explanations(data(row())) is None
     assert ratios_page.table(data(row())) is None
     for verdict in ratios_page.PAGE.verdicts:
         assert verdict({}.get) is None
+    assert ratios_page.answer({}.get) is None
 
 
-def test_growth_is_since_the_last_accuracy_that_was_fast_enough():
+def test_growth_is_counted_from_the_last_fast_accuracy():
     rows = [
         row(1e-3, (10, 20)),
         row(1e-4, (20, 25)),
@@ -111,65 +114,65 @@ def test_growth_is_since_the_last_accuracy_that_was_fast_enough():
     assert (found["until"] == 1e-4).all()
     assert found.loc[1e-6, "ours grew"] == 4
     assert found.loc[1e-6, "peer grew"] == pytest.approx(1.2)
-    said = ratios_page.why(data(*rows)).text
-    assert "its steps grow 3 times in the median, the peer's 1.1 times" in said
-    assert "steps grow" not in ratios_page.why(data(*rows[2:])).text
+    assert reasons.above(pd.DataFrame(rows[2:]), runs())["ours grew"].isna().all()
 
 
-def test_where_ours_end_is_said_of_a_cell_that_is_not_reached():
-    told = reasons.told(one(steps=(None, 50)).to_dict(), runs(error=3e-12))
+def test_unreached_cell_names_our_smallest_error():
+    told = reasons.sentence(one(steps=(None, 50)).to_dict(), runs(error=3e-12))
     assert told == "not reached: ours end at 3.0e-12 (gauss-4)"
-    assert "no run of ours" in reasons.told(one(steps=(None, 50)).to_dict(), runs(kind="heyoka"))
+    assert "no run of ours" in reasons.sentence(one(steps=(None, 50)).to_dict(), runs(kind="heyoka"))
 
 
-# -- the sentences -----------------------------------------------------------------------------------------------------
+# -- the verdicts ------------------------------------------------------------------------------------------------------
 
 
 def scenes(slow: int, every=QUESTIONS):
-    """Every scene at ten accuracies; so many cells are slow."""
+    """Every scene at ten accuracies; the first ``slow`` cells have ratio 2."""
     rows = [row(10.0**-k, scene=q.id) for q in every for k in range(1, 11)]
     return rows[slow:] + [r | {"ratio": 2.0, "ratio low": 1.9, "ratio high": 2.1} for r in rows[:slow]]
 
 
-@pytest.mark.parametrize(("slow", "holds"), [(0, True), (18, True), (19, False)])
-def test_nineteen_of_twenty_cells_are_wanted(slow, holds):
-    """370 cells: 18 are 4.9 %, 19 are 5.1 %."""
+@pytest.mark.parametrize(("slow", "outcome"), [(0, PASS), (18, PASS), (19, FINDING)])
+def test_95_percent_of_cells_must_be_no_slower(slow, outcome):
+    """Of 370 cells, 18 are 4.9 % and 19 are 5.1 %."""
     said = ratios_page.share(data(*scenes(slow)))
-    assert said.holds == holds
-    assert f"in {370 - slow} of 370 cells" in said.text
+    assert (said.outcome, said.measured) == (outcome, Count(370 - slow, 370))
+    assert said.where.startswith(QUESTIONS[0].id if slow else "")
 
 
-def test_a_scene_that_was_not_measured_is_a_finding():
-    said = ratios_page.share(data(*scenes(0, QUESTIONS[1:])))
-    assert not said.holds
-    assert f"{len(QUESTIONS) - 1} of {len(QUESTIONS)} scenes are measured; not {QUESTIONS[0].id}." in said.text
+def test_unmeasured_scene_is_a_finding():
+    given = data(*scenes(0, QUESTIONS[1:]))
+    found = [verdict(given) for verdict in ratios_page.PAGE.verdicts]
+    assert [v.measured for v in found if v is not None and v.outcome == FINDING] == [
+        Count(len(QUESTIONS) - 1, len(QUESTIONS))
+    ]
 
 
-def test_cells_of_one_side_count_and_those_of_none_do_not():
+def test_cells_of_one_side_count():
     found = reasons.cells(pd.DataFrame([row(), row(steps=(None, 5)), row(steps=(5, None)), row(steps=(None, None))]))
     assert found["ratio"].tolist() == [0.5, inf, 0.0]
-    assert "in 2 of 3 cells" in ratios_page.share(data(row(), row(steps=(None, 5)), row(steps=(5, None)))).text
+    said = ratios_page.share(data(row(), row(steps=(None, 5)), row(steps=(5, None))))
+    assert said.measured == Count(2, 3)
 
 
-def test_a_median_below_one_with_an_interval_above_it_is_not_certain():
-    said = ratios_page.share(data(row(), row(seconds=(1.0, 1.005)))).text
-    assert "in 2 of 2 cells (100.0 %)" in said
-    assert "in 1 with the whole interval" in said
-
-
-def test_until_which_accuracy_the_share_is_as_wanted():
+def test_share_is_judged_at_every_accuracy():
     good = [row(10.0**-k, scene=s) for k in (1, 2, 3) for s in ("toda", "duffing")]
-    assert ratios_page.until(data(*good)).holds
-    assert "at every accuracy." in ratios_page.until(data(*good)).text
-    bad = ratios_page.until(data(*good[:-1], row(1e-3, seconds=(2.0, 1.0), scene="duffing")))
-    assert not bad.holds
-    assert "at least 95 % down to 0.01, and least at 0.001 with 50 %" in bad.text
-    assert "Slower anywhere: duffing (1)." in bad.text
-    late = ratios_page.until(data(row(1e-1, seconds=(2.0, 1.0)), row(1e-2)))
-    assert "not even at the coarsest accuracy, and least at 0.1 with 0 %" in late.text
+    assert ratios_page.everywhere(data(*good)).outcome == PASS
+    bad = ratios_page.everywhere(data(*good[:-1], row(1e-3, seconds=(2.0, 1.0), scene="duffing")))
+    assert (bad.outcome, bad.measured) == (FINDING, Range(0.5, 1.0))
+    assert "0.001" in bad.where
+    late = ratios_page.everywhere(data(row(1e-1, seconds=(2.0, 1.0)), row(1e-2)))
+    assert (late.outcome, late.measured) == (FINDING, Range(0.0, 1.0))
 
 
-def test_the_table_has_the_worst_of_every_scene_first(tmp_path):
+def test_answer_counts_slower_and_certainly_slower_cells():
+    within = row(1e-6, seconds=(1e-5, 9.95e-6), scene="duffing")
+    alone, slow = row(1e-7, steps=(None, 50)), row(1e-5, seconds=(2.0, 1.0))
+    numbers = [int(n) for n in re.findall(r"\d+", ratios_page.answer(data(row(), within, alone, slow)))]
+    assert numbers == [3, 4, 2]
+
+
+def test_table_has_the_worst_cell_of_every_scene_first(tmp_path):
     rows = [row(10.0**-k, seconds=(1e-5 * k, 1e-6), scene=q.id) for q in QUESTIONS[:10] for k in range(1, 5)]
     given = data(*rows, rungs=pd.concat([runs(1e-8, scene=q.id) for q in QUESTIONS[:10]]))
     shown = ratios_page.table(given).frame
@@ -181,57 +184,47 @@ def test_the_table_has_the_worst_of_every_scene_first(tmp_path):
     assert (tmp_path / picture.file).stat().st_size > 5000
 
 
-# -- on the line, of several ------------------------------------------------------------------------------------------
+# -- thresholds, several cells ----------------------------------------------------------------------------------------
 
 
-def test_exactly_as_long_is_no_longer():
+def test_equal_time_is_no_slower():
     assert reasons.above(pd.DataFrame([row(seconds=(1e-5, 1e-5))]), runs()).empty
-    share = ratios_page.share(data(row(seconds=(1e-5, 1e-5), spread=0.0))).text
-    assert "in 1 of 1 cells (100.0 %)" in share
-    assert "in 1 with the whole interval" in share
+    assert ratios_page.share(data(row(seconds=(1e-5, 1e-5), spread=0.0))).measured == Count(1, 1)
 
 
-def test_a_share_of_just_nineteen_in_twenty_is_enough():
+def test_share_of_exactly_95_percent_passes():
     scenes_ = [f"s{k}" for k in range(20)]
     rows = [row(10.0**-a, scene=s) for a in range(1, 6) for s in scenes_]
     slow = [row(1e-4, seconds=(2.0, 1.0), scene=scenes_[0]), row(1e-5, seconds=(2.0, 1.0), scene=scenes_[0])]
     kept = [r for r in rows if (r["accuracy"], r["scene"]) not in {(1e-4, "s0"), (1e-5, "s0")}]
-    assert ratios_page.until(data(*kept, *slow)).holds
+    said = ratios_page.everywhere(data(*kept, *slow))
+    assert (said.outcome, said.measured) == (PASS, Range(0.95, 1.0))
     more = row(1e-5, seconds=(2.0, 1.0), scene="s1")
     kept = [r for r in kept if (r["accuracy"], r["scene"]) != (1e-5, "s1")]
-    said = ratios_page.until(data(*kept, *slow, more))
-    assert not said.holds
-    assert said.text.startswith("The share is at least 95 % down to 0.0001, and least at 1e-05 with 90 %")
-    assert said.text.endswith("Slower anywhere: s0 (2) and s1 (1).")
+    said = ratios_page.everywhere(data(*kept, *slow, more))
+    assert (said.outcome, said.measured) == (FINDING, Range(0.9, 1.0))
+    assert "1e-05" in said.where
+    assert ratios_page.share(data(*kept, *slow, more)).where.startswith("s0: 2")
 
 
-def test_cells_that_are_not_explained_are_counted_and_those_within_do_not_grow():
-    unknown = [row(10.0**-k, seconds=(1e-5, 5e-6), steps=(100, 0)) for k in (5, 6)]
-    said = ratios_page.why(data(*unknown, rungs=runs(1e-8)))
-    assert "2 are not explained by the rows" in said.text
-    within = row(1e-6, (90, 20), (1e-5, 9.99e-6))
-    grown = ratios_page.why(data(row(1e-5, (10, 20)), within, row(1e-7, (40, 60), (1e-5, 2e-6)), rungs=runs(1e-8)))
-    assert "its steps grow 4 times in the median, the peer's 3 times" in grown.text
-
-
-def test_the_parts_of_a_cell_are_told_with_its_growth():
+def test_text_of_a_cell_has_its_factors_and_growth():
     rows = pd.DataFrame([row(1e-5, (10, 20)), row(1e-6, (40, 30), (1e-5, 2.5e-6))])
     (found,) = reasons.above(rows, runs(1e-8)).to_dict("records")
-    assert reasons.told(found, runs()) == (
+    assert reasons.sentence(found, runs()) == (
         "more and dearer steps: steps x 1.3, a step's time x 3; evaluations 80 %; steps since 1e-05 x 4 and 1.5"
     )
-    nowhere = reasons.told(found | {"ours grew": np.nan, "share": np.nan}, runs())
+    nowhere = reasons.sentence(found | {"ours grew": np.nan, "share": np.nan}, runs())
     assert nowhere == "more and dearer steps: steps x 1.3, a step's time x 3"
     exact = pd.concat([runs(error=0.0), runs(error=2e-11)])
-    assert reasons.told(one(steps=(None, 50)).to_dict(), exact) == "not reached: ours end at 2.0e-11 (gauss-4)"
+    assert reasons.sentence(one(steps=(None, 50)).to_dict(), exact) == "not reached: ours end at 2.0e-11 (gauss-4)"
 
 
-def test_evaluations_that_would_take_just_as_long_leave_the_rest_to_blame():
-    """800 of them at 1.25e-8 s are all of our 10 us; at half that price they are what the peer takes."""
+def test_evaluations_equal_to_the_peers_time():
+    """800 at 1.25e-8 s take all of our 10 us; at half that price they take the peer's time."""
     assert reasons.above(pd.DataFrame([row(seconds=(1e-5, 5e-6))]), runs(6.25e-9)).iloc[0]["reason"] == reasons.REST
 
 
-def test_cells_that_are_as_bad_stand_as_they_come():
+def test_equal_cells_keep_their_order():
     rows = pd.DataFrame([row(seconds=(2.0, 1.0), scene=s) for s in ("z", "a", "m")])
     found = reasons.above(rows, runs())
     assert found["scene"].tolist() == ["z", "a", "m"]
@@ -240,7 +233,7 @@ def test_cells_that_are_as_bad_stand_as_they_come():
     assert "index" not in reasons.cells(rows)
 
 
-def test_the_table_says_who_at_which_size_and_who_is_alone():
+def test_table_names_integrators_and_their_step_sizes():
     rows = [row(1e-6, seconds=(3e-5, 1e-5)), row(1e-7, steps=(None, 50)), row(1e-3, steps=(50, None))]
     rows[0] |= {f"{PEERS} h": np.nan, f"{PEERS} tol": 1e-9}
     given = data(*rows, rungs=runs(1e-8))

@@ -1,4 +1,4 @@
-"""Sweeps joined: intervals hold a further sweep as often as they say, whatever the scatter, and no more tightly."""
+"""Joined timing sweeps: their intervals cover a further sweep at the stated rate, whatever the scatter."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import pytest
 
 from phasebench.benchmarks.experiments.trade import retime, settled
 from phasebench.benchmarks.experiments.trade.front import FINALS
-from phasebench.benchmarks.experiments.trade.settled import JOINED, coverage, joined, pairs, sweeps
+from phasebench.benchmarks.experiments.trade.settled import JOINED, coverage, join_sweeps, pairs, sweeps
 from phasebench.benchmarks.measure.timing import OURS, PEERS
 
 
-def drawn(scatter: float, seed: int, cells: int = 200, base: float = 1e-3):
-    """(the finals of the first sweep, the rows of two more) of integrators whose medians scatter between sweeps."""
+def random_sweeps(scatter: float, seed: int, cells: int = 200, base: float = 1e-3):
+    """(finals of the first sweep, rows of two more) for integrators whose median times scatter between sweeps."""
     rng = np.random.default_rng(seed)
     finals, times = [], []
     for k in range(cells):
@@ -26,43 +26,43 @@ def drawn(scatter: float, seed: int, cells: int = 200, base: float = 1e-3):
 
 
 @pytest.mark.parametrize("scatter", [0.005, 0.1])
-def test_a_third_sweep_lies_in_the_intervals_as_often_as_they_say(scatter):
-    found = [coverage(*drawn(scatter, seed)) for seed in range(8)]
+def test_intervals_cover_a_third_sweep(scatter):
+    found = [coverage(*random_sweeps(scatter, seed)) for seed in range(8)]
     for what in ("times", "ratios"):
         inside, total = np.sum([f[what] for f in found], axis=0)
         assert total >= 8 * 200
         assert 0.93 < inside / total < 0.975
 
 
-def test_intervals_of_the_rounds_alone_do_not_hold_it(monkeypatch):
-    """The control: without what two sweeps tell of each other, half of the third ones lie outside."""
+def test_control_intervals_of_one_sweep_do_not_cover(monkeypatch):
+    """Without the scatter between sweeps, half of the third sweep lies outside."""
     monkeypatch.setattr(settled, "LEVEL", 0.0)
-    for inside, total in coverage(*drawn(0.1, 0)).values():
+    for inside, total in coverage(*random_sweeps(0.1, 0)).values():
         assert inside / total < 0.6
 
 
-def test_an_interval_holds_the_two_sweeps_that_it_is_of():
-    table = sweeps(*drawn(0.3, 1))
-    interval = joined(table, table[1])
+def test_interval_contains_both_joined_sweeps():
+    table = sweeps(*random_sweeps(0.3, 1))
+    interval = join_sweeps(table, table[1])
     for sweep in JOINED:
         assert (table[sweep] >= interval["low"] * (1 - 1e-12)).all()
         assert (table[sweep] <= interval["high"] * (1 + 1e-12)).all()
 
 
-def test_classes_of_times_have_intervals_of_their_own():
+def test_intervals_depend_on_the_length_of_a_run():
     """Short runs that scatter more do not widen the intervals of long ones."""
-    short, long = drawn(0.2, 2, base=1e-5), drawn(0.01, 3, base=1e-2)
+    short, long = random_sweeps(0.2, 2, base=1e-5), random_sweeps(0.01, 3, base=1e-2)
     parts = [pd.concat([a, b.assign(scene="l" + b["scene"])]) for a, b in zip(short, long, strict=True)]
     table = sweeps(*parts)
-    interval = joined(table, table[1])
+    interval = join_sweeps(table, table[1])
     width = np.log(interval["high"] / interval["low"])
     lasting = table[1].to_numpy() > 1e-3
     assert width[lasting].median() < 0.1 < 0.3 < width[~lasting].median()
 
 
-def test_ratios_are_of_the_best_of_each_side_by_both_sweeps():
-    finals, times = drawn(0.0, 0, cells=2)
-    finals.loc[(finals["integrator"] == "b") & (finals["scene"] == "s0"), "seconds"] = 1e-5  # b was lucky once
+def test_ratios_are_of_the_best_by_both_sweeps():
+    finals, times = random_sweeps(0.0, 0, cells=2)
+    finals.loc[(finals["integrator"] == "b") & (finals["scene"] == "s0"), "seconds"] = 1e-5  # b was fast once by chance
     times.loc[(times["integrator"] == "b") & (times["scene"] == "s0"), "seconds"] = 1.0
     found = pairs(sweeps(finals, times)).set_index("scene")
     assert found.loc["s0", f"{OURS} integrator"] == "a"
@@ -82,10 +82,10 @@ def choices(finals: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def test_the_choices_take_the_joined_times_and_their_intervals():
-    finals, times = drawn(0.1, 5, cells=40)
+def test_choices_have_the_joined_times_and_intervals():
+    finals, times = random_sweeps(0.1, 5, cells=40)
     front = choices(finals)
-    found = settled.settled(front, finals, times)
+    found = settled.join_choices(front, finals, times)
     table = sweeps(finals, times)
     for row in found.to_dict("records"):
         key = (row["scene"], row["accuracy"], OURS, row[f"{OURS} integrator"])
@@ -95,25 +95,25 @@ def test_the_choices_take_the_joined_times_and_their_intervals():
     assert (found[f"{OURS} steps"] == front[f"{OURS} steps"]).all()
 
 
-def test_without_a_second_sweep_the_first_stands():
-    finals, times = drawn(0.1, 5, cells=3)
+def test_first_sweep_stands_without_a_second():
+    finals, times = random_sweeps(0.1, 5, cells=3)
     front = choices(finals)
-    assert settled.settled(front, finals, None) is front
-    assert settled.settled(front, finals, times[times["sweep"] == 3]) is front
+    assert settled.join_choices(front, finals, None) is front
+    assert settled.join_choices(front, finals, times[times["sweep"] == 3]) is front
 
 
-def test_pages_are_given_the_settled_choices():
-    finals, times = drawn(0.1, 5, cells=40)
+def test_pages_receive_the_joined_choices():
+    finals, times = random_sweeps(0.1, 5, cells=40)
     front = choices(finals)
     told = settled.of_choices()(lambda rows: rows["ratio"].tolist())
     tables = {"front": front, FINALS: finals, settled.TIMES: times}
-    assert told(tables.get) == settled.settled(front, finals, times)["ratio"].tolist() != front["ratio"].tolist()
+    assert told(tables.get) == settled.join_choices(front, finals, times)["ratio"].tolist() != front["ratio"].tolist()
     assert told({"front": front}.get) == front["ratio"].tolist()
     assert told({}.get) is None
 
 
-def test_a_further_sweep_times_the_stored_finals(tmp_path):
-    """At their steps and tolerances, under their labels; a scene that was not measured has none."""
+def test_further_sweep_times_the_stored_finals(tmp_path):
+    """At their steps or tolerances; an unmeasured scene has none."""
     lines = [
         "scene,accuracy,side,integrator,h,tol,seconds",
         "pendulum-short,0.001,ours,stormer-verlet,0.05,,1e-5",
@@ -123,6 +123,6 @@ def test_a_further_sweep_times_the_stored_finals(tmp_path):
     stored = retime.finals("pendulum-short", tmp_path)
     assert stored == ((1e-3, OURS, "stormer-verlet", 200, None, 1e-5), (1e-3, PEERS, "heyoka", None, 1e-6, 1e-5))
     assert retime.finals("toda", tmp_path) == ()
-    rows = retime.measured("pendulum-short", 2, stored)[retime.TABLE]
+    rows = retime.measure_rows("pendulum-short", 2, stored)[retime.TABLE]
     assert [(r["sweep"], r["side"], r["integrator"]) for r in rows] == [(2, *line[1:3]) for line in stored]
     assert all(0 < r["low"] <= r["seconds"] <= r["high"] < 1e-2 for r in rows)

@@ -1,4 +1,4 @@
-"""A user's own problem: by the path of a file, and by a formula; what is wrong with one is named, with its line."""
+"""The user's own problem, by the path of a file or by a formula; errors are named with their line."""
 
 from __future__ import annotations
 
@@ -35,14 +35,15 @@ SHORT = 'problem = Problem(id="mine", name="pendulum", source="own",\n'
 SHORT += '    system=Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)"), orbits=Orbit("start", 2, 0))\n'
 
 
-def written(folder, text, name="mine.py", head=HEAD) -> str:
+def write_file(folder, text, name="mine.py", head=HEAD) -> str:
+    """The path of a file with this text."""
     path = folder / name
     path.write_text(head + text)
     return str(path)
 
 
 def run(*arguments):
-    """(exit code, the one JSON object on standard output) of ``integrate``."""
+    """(exit code, JSON object) of ``integrate --json``."""
     result = CliRunner().invoke(app, ["integrate", *arguments, "--json"])
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
@@ -50,9 +51,9 @@ def run(*arguments):
 
 
 @pytest.mark.parametrize("method", ["stormer-verlet", "heyoka", "scipy-dop853"])
-def test_a_file_and_a_formula_are_what_the_registered_problem_is(method, tmp_path):
+def test_file_and_formula_equal_the_registered_problem(method, tmp_path):
     expected = run("pendulum", method, *STEPS)[1]
-    for arguments in ((written(tmp_path, SHORT), method), ("mine", method, *FORMULA), (method, *FORMULA)):
+    for arguments in ((write_file(tmp_path, SHORT), method), ("mine", method, *FORMULA), (method, *FORMULA)):
         code, found = run(*arguments, *STEPS)
         assert code == 0
         assert found["problem"] == ("mine" if arguments[0] != method else FORMULA[1])
@@ -60,8 +61,8 @@ def test_a_file_and_a_formula_are_what_the_registered_problem_is(method, tmp_pat
             assert found[key] == expected[key]
 
 
-def test_a_file_has_parameters_and_orbits(tmp_path):
-    path = written(tmp_path, GOOD)
+def test_file_has_parameters_and_orbits(tmp_path):
+    path = write_file(tmp_path, GOOD)
     made = problem(path + ":ellipse", k=2.0)
     assert (made.label, made.q0, made.p0, made.parameters) == ("mine:ellipse", (2.0, 0.0), (0.0, 0.9), {"k": 2.0})
     code, found = run(path + ":ellipse", "rk4", *STEPS, "--set", "k=2")
@@ -71,17 +72,17 @@ def test_a_file_has_parameters_and_orbits(tmp_path):
     assert set(found["invariants"]) == {"L"}
 
 
-def test_a_number_of_bodies_stays_whole_and_a_stiffness_does_not(tmp_path):
-    """What the command line says is a double; a whole one is whole where the file's own value is."""
-    path = written(tmp_path, GOOD.replace("def make(", "def make(n=2, ", 1))
+def test_integer_parameter_stays_an_integer(tmp_path):
+    """A number from the command line is a double; it becomes an int where the file's default is one."""
+    path = write_file(tmp_path, GOOD.replace("def make(", "def make(n=2, ", 1))
     assert problem(path, n=3.0).parameters["n"] == 3
     kinds = [{k: type(v) for k, v in problem(path, n=n, k=2.0).parameters.items()} for n in (3.0, 3.5)]
     assert kinds == [{"n": int, "k": float}, {"n": float, "k": float}]
 
 
-def test_a_copy_of_a_registered_problem_runs_under_its_path(tmp_path, monkeypatch):
+def test_copy_of_a_registered_problem_keeps_its_path(tmp_path, monkeypatch):
     text = (ROOT / "benchmarks" / "problems" / "kepler.py").read_text()
-    written(tmp_path, text, "kepler.py", head="")
+    write_file(tmp_path, text, "kepler.py", head="")
     monkeypatch.chdir(tmp_path)
     code, found = run("kepler.py", "rk4", *STEPS, "--set", "e=0.2")
     assert (code, found["problem"]) == (0, "kepler.py")
@@ -101,11 +102,12 @@ def test_a_copy_of_a_registered_problem_runs_under_its_path(tmp_path, monkeypatc
         ("./folder", ("./folder", "")),
     ],
 )
-def test_a_path_is_told_from_an_id(name, expected):
+def test_paths_and_ids_are_distinguished(name, expected):
     assert file_and_orbit(name) == expected
 
 
 def system(H="p**2/2 - cos(q)", orbit='"start", (1.0,), (0.0,)', more="", extra=""):
+    """The text of a file with a problem, from parts of its definition."""
     made = f'Hamiltonian(q="q", p="p", H="{H}"{extra})'
     return f'problem = Problem(id="x", name="x", source="x", system={made}, orbits=(Orbit({orbit}),){more})\n'
 
@@ -143,24 +145,24 @@ BAD = {
 
 
 @pytest.mark.parametrize("which", BAD)
-def test_what_is_wrong_with_a_file_is_named(which, tmp_path):
+def test_error_in_a_file_is_named(which, tmp_path):
     text, words = BAD[which]
-    path = written(tmp_path, text)
+    path = write_file(tmp_path, text)
     code, found = run(path, "rk4", *STEPS)
     assert (code, found["status"]) == (2, "invalid")
     for word in (path, *words):
         assert word in found["reason"]
 
 
-def test_control_what_is_conserved_is_accepted(tmp_path):
-    code, found = run(written(tmp_path, system(more=', invariants={"J": "p**2 - 2*cos(q)"}')), "rk4", *STEPS)
+def test_control_conserved_invariant_is_accepted(tmp_path):
+    code, found = run(write_file(tmp_path, system(more=', invariants={"J": "p**2 - 2*cos(q)"}')), "rk4", *STEPS)
     assert code == 0
     assert found["invariants"]["J"]["max"] == pytest.approx(2 * found["energy_error"]["max"], rel=1e-6)
 
 
-def test_what_a_users_code_raised_is_the_cause(tmp_path):
+def test_exception_in_user_code_is_the_cause(tmp_path):
     with pytest.raises(InvalidInput) as caught:
-        problem(written(tmp_path, BAD["raises"][0]))
+        problem(write_file(tmp_path, BAD["raises"][0]))
     assert isinstance(caught.value.__cause__, ZeroDivisionError)
 
 
@@ -168,9 +170,9 @@ def test_what_a_users_code_raised_is_the_cause(tmp_path):
     ("name", "word"),
     [("none.py", "there is no file"), ("./", "directory"), ("./a.txt", "ends in .py"), ("mine.py:x", "did you mean")],
 )
-def test_what_is_no_file_is_named(name, word, tmp_path, monkeypatch):
-    written(tmp_path, GOOD.replace("ellipse", "xx"))
-    written(tmp_path, "", "a.txt")
+def test_path_that_is_no_problem_file_is_named(name, word, tmp_path, monkeypatch):
+    write_file(tmp_path, GOOD.replace("ellipse", "xx"))
+    write_file(tmp_path, "", "a.txt")
     monkeypatch.chdir(tmp_path)
     code, found = run(name, "rk4", *STEPS)
     assert code == 2
@@ -199,16 +201,16 @@ def test_what_is_no_file_is_named(name, word, tmp_path, monkeypatch):
         (("rk4", "--hamiltonian", "p1**2 + q3", "--q", "1,1,1", "--p", "1,1,1"), "neither q2 nor p2"),
         (("rk4", "--hamiltonian", "p1**2 + q", "--q", "1", "--p", "1"), "numbered"),
         (("rk4", "--hamiltonian", "__import__('os').system('x')", "--q", "1", "--p", "1"), "stands in no formula"),
-        (("heyoka", *FORMULA, "--timeout", "1"), "--timeout"),
+        (("heyoka", *FORMULA, "--time-limit", "1"), "--time-limit"),
     ],
 )
-def test_what_is_wrong_with_a_formula_is_named(arguments, word):
+def test_error_in_a_formula_is_named(arguments, word):
     code, found = run(*arguments, *STEPS)
     assert (code, found["status"]) == (2, "invalid")
     assert word in found["reason"]
 
 
-def test_constants_are_the_doubles():
+def test_constants_are_exact_doubles():
     code, found = run(
         "rk4", "--hamiltonian", "p**2/2 - k*cos(w*q)", *FORMULA[2:], *STEPS, "--set", "k=0.1", "--set", "w=3"
     )
@@ -229,6 +231,6 @@ def test_two_degrees_of_freedom():
 
 
 @pytest.mark.parametrize("H", [lambda q, p: p**2 / 2, object(), None, [1, 2]])
-def test_what_is_no_formula_is_refused(H):
+def test_invalid_formula_is_refused(H):
     with pytest.raises(InvalidInput, match="give a SymPy expression"):
         Hamiltonian(q="q", p="p", H=H)

@@ -1,4 +1,4 @@
-"""``validate``: the examples are caught or pass, right ones pass, each claim has a control that must fail."""
+"""``validate`` on the examples and on correct steps; each claim has a control that must be contradicted."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numba
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.certificate import judge
 from phasebench.benchmarks.certificate.certificate import certify
+from phasebench.benchmarks.judge import judge
 from support.steps import leapfrog
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -62,11 +62,11 @@ def test_every_example_is_tested():
     assert {p.name for p in EXAMPLES.iterdir() if p.suffix in (".py", ".json")} == named
 
 
-# -- ten that are right --------------------------------------------------------------------------------------------
+# -- nine correct steps --------------------------------------------------------------------------------------------
 
 
 def symplectic_euler(system, q, p, h):
-    """Kick, drift; of H that is not T + V the kick is implicit."""
+    """A kick, then a drift; for H other than T + V the kick is implicit."""
     new = p
     for _ in range(60):
         new = p - h * system.dH_dq(q, new)
@@ -105,8 +105,8 @@ def rk4(system, q, p, h):
     return np.split(y + h / 6 * (a + 2 * b + 2 * c + d), 2)
 
 
-def iterated(equation, y):
-    """The fixed point of a contraction."""
+def fixed_point(equation, y):
+    """The fixed point of a contraction, iterated from y."""
     last = np.inf
     for _ in range(100):
         new = equation(y)
@@ -120,33 +120,25 @@ def iterated(equation, y):
 
 def implicit_midpoint(system, q, p, h):
     y = np.concatenate([q, p])
-    return np.split(iterated(lambda z: y + h * slopes(system, (y + z) / 2), y), 2)
-
-
-GAUSS = np.array([[1 / 4, 1 / 4 - 3**0.5 / 6], [1 / 4 + 3**0.5 / 6, 1 / 4]])
-
-
-def gauss_2(system, q, p, h):
-    y = np.concatenate([q, p])
-    stages = iterated(lambda k: np.array([slopes(system, y + h * (row @ k)) for row in GAUSS]), np.array([y, y]) * 0)
-    return np.split(y + h / 2 * (stages[0] + stages[1]), 2)
+    return np.split(fixed_point(lambda z: y + h * slopes(system, (y + z) / 2), y), 2)
 
 
 NODES, WEIGHTS = (x / 2 for x in np.polynomial.legendre.leggauss(2))
 
 
-def averaged(system, q, p, h):
-    """The averaged vector field of a polynomial H of degree 4, by two nodes."""
+def averaged_field(system, q, p, h):
+    """The averaged vector field method for a polynomial H of degree 4, by two Gauss nodes."""
     y = np.concatenate([q, p])
 
     def equation(z):
         return y + h * sum(w * slopes(system, y + (c + 0.5) * (z - y)) for c, w in zip(NODES, WEIGHTS, strict=True))
 
-    return np.split(iterated(equation, y), 2)
+    return np.split(fixed_point(equation, y), 2)
 
 
 @numba.njit
-def moved(x, h, v):
+def drift(x, h, v):
+    """x + h v, compiled for arrays of doubles."""
     out = np.empty_like(x)
     for i in range(len(x)):
         out[i] = x[i] + h * v[i]
@@ -154,9 +146,9 @@ def moved(x, h, v):
 
 
 def compiled_leapfrog(system, q, p, h):
-    p = moved(p, -h / 2, system.dH_dq(q, p))
-    q = moved(q, h, system.dH_dp(q, p))
-    return q, moved(p, -h / 2, system.dH_dq(q, p))
+    p = drift(p, -h / 2, system.dH_dq(q, p))
+    q = drift(q, h, system.dH_dp(q, p))
+    return q, drift(p, -h / 2, system.dH_dq(q, p))
 
 
 WHOLE = {"symplectic": True, "symmetric": True, "reversible": True}
@@ -168,9 +160,8 @@ RIGHT = {
     "pefrl": (pefrl, SEPARABLE, {"order": 4, **WHOLE}),
     "rk4": (rk4, (), {"order": 4, "symplectic": False, "stability": 2.828}),
     "implicit-midpoint": (implicit_midpoint, (), {"order": 2, **WHOLE}),
-    "gauss-2": (gauss_2, (), {"order": 4, **WHOLE}),
     "averaged": (
-        averaged,
+        averaged_field,
         ("polynomial degree",),
         {"order": 2, "energy": "preserved", "symplectic": False, "symmetric": True},
     ),
@@ -178,7 +169,7 @@ RIGHT = {
 }
 
 
-#: Claims that are false of some of them.
+#: Claims that are false of a correct step.
 FALSE = [
     ("leapfrog", {"order": 3}),
     ("leapfrog", {"order": 1}),
@@ -196,31 +187,31 @@ FALSE = [
 
 
 @cache
-def measured(name):
-    """The certificate of what is claimed of a right one, with its true claims made last, measured once."""
+def certificate_of(name):
+    """The certificate of a correct step, measured once for its true and false claims."""
     step, requires, claims = RIGHT[name]
     false = {key: value for of, one in FALSE if of == name for key, value in one.items()}
     return certify(step, false | claims, requires, alone=True)
 
 
 def judgement(name, claims):
-    """(verdict on every claim, verdict on the whole) of what was measured of a right one."""
-    found = judge.judged(claims, measured(name).tables)
+    """({claim: verdict}, overall verdict) for these claims on the measurements of a correct step."""
+    found = judge.judgements(claims, certificate_of(name).tables)
     return {j.name: j.verdict for j in found}, judge.verdict(found, claims)
 
 
 @pytest.mark.parametrize("name", RIGHT)
-def test_what_is_right_passes(name):
+def test_correct_step_passes(name):
     verdicts, whole = judgement(name, RIGHT[name][2])
     assert whole == "pass", verdicts
-    assert bool(measured(name).doubles) is (name == "compiled-leapfrog")
+    assert bool(certificate_of(name).doubles) is (name == "compiled-leapfrog")
 
 
-# -- each claim has a control -----------------------------------------------------------------------------------------
+# -- controls of the claims -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("name", "false"), FALSE)
-def test_a_false_claim_is_contradicted_and_it_alone(name, false):
+def test_false_claim_alone_is_contradicted(name, false):
     verdicts, whole = judgement(name, false)
     assert {n for n, verdict in verdicts.items() if verdict == "contradicted"} == set(false), verdicts
     assert whole == "fail"

@@ -1,4 +1,4 @@
-"""``validate`` on steps that are right where one looks first: after many calls, elsewhere, in pieces, or for ever."""
+"""``validate`` on steps that are wrong late, on other states, discontinuously, or that never return."""
 
 from __future__ import annotations
 
@@ -12,23 +12,25 @@ from typer.testing import CliRunner
 import phasebench as pb
 from phasebench.benchmarks.certificate import battery, order, repeats, states
 from phasebench.benchmarks.certificate.certificate import certify
-from phasebench.benchmarks.certificate.judge import judged
 from phasebench.benchmarks.certificate.jumps import jumps
 from phasebench.benchmarks.certificate.stepping import Stepper
 from phasebench.benchmarks.certificate.subject import subject
-from phasebench.benchmarks.certificate.verdicts import CONTRADICTED, HOLDS, UNJUDGED, Tables
 from phasebench.benchmarks.cli import app
+from phasebench.benchmarks.judge.evidence import Tables
+from phasebench.benchmarks.judge.judge import judgements
+from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, UNJUDGED
 from phasebench.benchmarks.measure.integrator import integrator
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
 from phasebench.integrators.errors import InvalidInput
 from support.steps import leapfrog
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-HENON_HEILES = battery.known("henon-heiles")
+HENON_HEILES = battery.find_entry("henon-heiles")
 QUADRATIC = ("separable",)
 
 
-def made(step):
+def build_integrator(step):
+    """The integrator of a step that requires a separable system."""
     return subject(step, {}, QUADRATIC)
 
 
@@ -36,18 +38,19 @@ def euler(system, q, p, h):
     return q + h * system.dH_dp(q, p), p - h * system.dH_dq(q, p)
 
 
-# -- what is kept between calls ---------------------------------------------------------------------------------------
+# -- state between calls ----------------------------------------------------------------------------------------------
 
 
-def asked(step, calls: int = 400):
-    """The rows of calls that are made once more, after a run of a step."""
-    heard, kept = repeats.listening(made(step), 0)
+def repeat_changes(step, calls: int = 400):
+    """(change of repeated calls, change of calls beside them, number of sampled calls) after a run of a step."""
+    heard, kept = repeats.listening(build_integrator(step), 0)
     Stepper(heard, HENON_HEILES).run(HENON_HEILES.start(0), 0.1, calls)
-    again, beside = repeats.repeated(heard, kept)
+    again, beside = repeats.repeat_calls(heard, kept)
     return again["value"], beside["value"], len(kept.kept)
 
 
 def after(first, then, from_call: int, to_call: float = np.inf):
+    """A step that is ``first``, but ``then`` from call ``from_call`` to call ``to_call``."""
     count = [0]
 
     def step(system, q, p, h):
@@ -57,20 +60,20 @@ def after(first, then, from_call: int, to_call: float = np.inf):
     return step
 
 
-def test_calls_once_more_return_what_they_returned():
-    again, beside, kept = asked(leapfrog)
+def test_repeated_calls_return_the_same():
+    again, beside, kept = repeat_changes(leapfrog)
     assert (again, beside) == (0.0, 0.0)
     assert kept > 40
 
 
 @pytest.mark.parametrize(("begin", "end"), [(380, np.inf), (100, 250)])
-def test_a_step_that_becomes_another_or_was_one_for_a_time_is_found(begin, end):
-    again, _, _ = asked(after(leapfrog, euler, begin, end))
+def test_step_that_changes_after_many_calls_is_found(begin, end):
+    again, _, _ = repeat_changes(after(leapfrog, euler, begin, end))
     assert again > 1e-4
 
 
-def test_a_step_that_remembers_its_answers_is_found_beside_them():
-    """A memory alone is nothing wrong; one that hides another step is."""
+def test_step_that_caches_its_results_is_found():
+    """A cache alone is no fault; one that hides another step is."""
 
     def remembering(step):
         answers = {}
@@ -83,14 +86,14 @@ def test_a_step_that_remembers_its_answers_is_found_beside_them():
 
         return remember
 
-    assert asked(remembering(leapfrog))[:2] == (0.0, 0.0)
-    again, beside, _ = asked(remembering(after(leapfrog, euler, 401)))
+    assert repeat_changes(remembering(leapfrog))[:2] == (0.0, 0.0)
+    again, beside, _ = repeat_changes(remembering(after(leapfrog, euler, 401)))
     assert again == 0.0
     assert beside > 1e-4
 
 
-def test_a_sample_of_calls_stays_small_and_is_of_all_of_them():
-    _, kept = heard = repeats.listening(made(lambda system, q, p, h: (q, p)), 0)
+def test_sample_of_calls_is_small_and_uniform():
+    _, kept = heard = repeats.listening(build_integrator(lambda system, q, p, h: (q, p)), 0)
     for k in range(40_000):
         heard[0].own.step(None, np.array([float(k)]), np.array([0.0]), 0.1)
     places = [call.q[0] for call in kept.kept]
@@ -103,7 +106,7 @@ def test_a_sample_of_calls_stays_small_and_is_of_all_of_them():
 
 
 def pieces(by: float):
-    """A leapfrog that adds so much where the first component is above 0.1."""
+    """A leapfrog that adds ``by`` to q where the first component is above 0.1."""
 
     def step(system, q, p, h):
         return leapfrog(system, q + (by if q[0] > 0.1 else 0.0), p, h)
@@ -111,10 +114,10 @@ def pieces(by: float):
     return step
 
 
-def test_a_smooth_map_has_no_jump_and_the_size_of_one_is_told():
-    assert jumps(made(leapfrog), HENON_HEILES, 0, 0.0)["value"] == 0.0
-    assert jumps(made(pieces(1e-6)), HENON_HEILES, 0, 0.0)["value"] == pytest.approx(1e-6, rel=0.5)
-    small = jumps(made(pieces(3e-12)), HENON_HEILES, 0, 0.0)
+def test_jump_of_a_map_is_measured():
+    assert jumps(build_integrator(leapfrog), HENON_HEILES, 0, 0.0)["value"] == 0.0
+    assert jumps(build_integrator(pieces(1e-6)), HENON_HEILES, 0, 0.0)["value"] == pytest.approx(1e-6, rel=0.5)
+    small = jumps(build_integrator(pieces(3e-12)), HENON_HEILES, 0, 0.0)
     assert small["floor"] < small["value"] < 100 * small["floor"]
 
 
@@ -129,22 +132,23 @@ ENERGY = {"value": 1e-4, "time": 500.0, "scale": 1.0, "steps": 2400}
 
 
 def verdict_on(claim: str, value=True, **rows) -> str:
-    return next(j for j in judged({claim: value}, Tables(GOOD | rows)) if j.name == claim).verdict
+    """The verdict on one claim for a correct step with some tables replaced."""
+    return next(j for j in judgements({claim: value}, Tables(GOOD | rows)) if j.name == claim).verdict
 
 
 @pytest.mark.parametrize(("size", "expected"), [(0.0, HOLDS), (2e-13, UNJUDGED), (2e-11, CONTRADICTED)])
-def test_a_jump_contradicts_or_leaves_open_that_a_step_is_symplectic(size, expected):
+def test_jump_contradicts_symplecticity(size, expected):
     assert verdict_on("symplectic", jumps=[{"on": "tao", "value": size, "floor": 1e-13, "h": 0.5}]) == expected
 
 
 @pytest.mark.parametrize(("size", "expected"), [(0.9e-13, HOLDS), (2e-13, UNJUDGED), (9e-12, UNJUDGED), (2e-11, "no")])
-def test_a_defect_between_its_floor_and_a_hundred_is_not_judged(size, expected):
+def test_defect_up_to_a_hundred_floors_is_not_judged(size, expected):
     row = GOOD["symplectic"][0] | {"value": size}
     assert verdict_on("symplectic", symplectic=[row]) == (CONTRADICTED if expected == "no" else expected)
 
 
 @pytest.mark.parametrize(("slope", "expected"), [(0.0, HOLDS), (1.9e-7, UNJUDGED)])
-def test_a_drift_of_the_energy_leaves_open_that_a_step_is_symplectic(slope, expected):
+def test_energy_drift_leaves_symplecticity_open(slope, expected):
     energy = ENERGY | {"slope": slope, "low": slope - 1e-9, "high": slope + 1e-9}
     assert verdict_on("symplectic", long=[{"on": "tao", "status": "ok", "energy": energy}]) == expected
 
@@ -161,39 +165,39 @@ def test_a_drift_of_the_energy_leaves_open_that_a_step_is_symplectic(slope, expe
         (lambda q, p: len(q) > 5, True),
     ],
 )
-def test_small_and_large_states_show_where_a_step_is_another(wrong, found):
+def test_small_and_large_states_find_another_step(wrong, found):
     def step(system, q, p, h):
         return (euler if wrong(q, p) else leapfrog)(system, q, p, h)
 
     entries = [e for e in battery.entries() if e.system.traits.get("separable")]
-    rows = states.states(made(step), entries, 0, MULTIPRECISION)
+    rows = states.states(build_integrator(step), entries, 0, MULTIPRECISION)
     assert all(r["pairs"] == 2 for r in rows)
     assert (min(r["order"] for r in rows) < 1.25) is found
 
 
-def test_an_error_that_does_not_fall_at_all_is_of_order_minus_one():
-    """Momenta that are cut at 7: the error of a step is as large as the state, whatever h."""
+def test_error_that_does_not_fall_has_order_minus_one():
+    """Momenta are clipped at 7: the error is as large as the state for any h."""
 
     def clipped(system, q, p, h):
         q, p = leapfrog(system, q, p, h)
         return q, np.array([max(min(x, 7), -7) for x in p], dtype=p.dtype)
 
-    large = states.drawn(battery.known("quartic"), (0.1, 12.0), 0)
-    orders = [states._row(made(step), large, 0, DOUBLE)["order"] for step in (clipped, leapfrog)]
+    large = states.draw_entry(battery.find_entry("quartic"), (0.1, 12.0), 0)
+    orders = [states._row(build_integrator(step), large, 0, DOUBLE)["order"] for step in (clipped, leapfrog)]
     assert orders[0] < -0.9
     assert orders[1] == pytest.approx(2, abs=0.1)
 
 
-def test_an_order_in_doubles_is_that_of_the_series_of_its_error():
+def test_order_in_doubles_from_a_series_of_the_error():
     h = 0.25 / np.array(battery.LADDER)
     series = np.stack([3 * h**5 - 40 * h**6 + 90 * h**7, -2 * h**5 + 11 * h**6], axis=1) * 1e-3
     noise = 2e-17 * np.random.default_rng(3).uniform(-1, 1, series.shape)
-    assert order.expanded(h, series + noise, 1e-16).value == 5
-    assert order.expanded(h, noise, 1e-16) is None, "of round-off nothing is told"
+    assert order.fit_series(h, series + noise, 1e-16).value == 5
+    assert order.fit_series(h, noise, 1e-16) is None, "of round-off nothing is told"
 
 
-def test_a_step_that_is_another_in_many_digits_is_measured_in_doubles():
-    """One that asks with what it is called is found out; sub-steps of another number are no fault."""
+def test_step_that_differs_in_multiprecision_uses_doubles():
+    """A step that inspects the type of its argument is found; another number of substeps is no fault."""
 
     def asking(system, q, p, h):
         return (euler if isinstance(h, float) else leapfrog)(system, q, p, h)
@@ -243,7 +247,7 @@ kind = Kind()
 
 
 @pytest.mark.parametrize(("loop", "lines"), [("python", {13, 14}), ("compiled", {21})])
-def test_a_step_that_never_returns_is_ended_and_its_line_is_said(tmp_path, loop, lines):
+def test_hanging_step_is_ended_and_its_line_named(tmp_path, loop, lines):
     path = tmp_path / "mine.py"
     path.write_text(LOOPS.replace("AFTER", "80").replace("LOOP", loop))
     found = certify(f"{path}:kind.step", {"order": 2}, alone=True, time_limit=2.5)
@@ -255,7 +259,7 @@ def test_a_step_that_never_returns_is_ended_and_its_line_is_said(tmp_path, loop,
     assert found.tables.of("runs")
 
 
-def test_a_limit_that_is_not_reached_changes_nothing():
+def test_unreached_time_limit_changes_nothing():
     euler_, limited = (certify(euler, {"order": 2}, alone=True, **more) for more in ({}, {"time_limit": 300.0}))
     assert [j.row() for j in euler_.claims] == [j.row() for j in limited.claims]
     with pytest.raises(InvalidInput, match="time limit is -1"):
@@ -264,12 +268,12 @@ def test_a_limit_that_is_not_reached_changes_nothing():
         certify("./nothing.py", {}, time_limit=60.0)
 
 
-# -- one's own problem ------------------------------------------------------------------------------------------------
+# -- the user's problem -----------------------------------------------------------------------------------------------
 
 
-def test_a_step_for_bodies_is_judged_on_a_problem_of_bodies():
+def test_step_for_bodies_is_judged_on_such_a_problem():
     def bodies(system, q, p, h):
-        """A leapfrog that knows at least two bodies in the plane."""
+        """A leapfrog for at least two bodies in the plane."""
         pairs = q.reshape(-1, 2)
         assert len(pairs) > 1
         return leapfrog(system, q, p, h)
@@ -283,7 +287,7 @@ def test_a_step_for_bodies_is_judged_on_a_problem_of_bodies():
     assert {j.name: j.verdict for j in wrong.claims}["symplectic"] == CONTRADICTED
 
 
-def test_a_unit_of_time_is_that_of_the_problem():
+def test_unit_of_time_is_that_of_the_problem():
     days = battery.of_problem(pb.problem("outer-solar-system"))
     assert 100 < days.unit < 4332 / 2 / np.pi
     assert battery.of_problem(pb.problem("harmonic-oscillator")).unit in (0.5, 1.0)
@@ -292,7 +296,7 @@ def test_a_unit_of_time_is_that_of_the_problem():
 # -- names ------------------------------------------------------------------------------------------------------------
 
 
-def test_coefficients_and_steps_of_objects_serve_wherever_a_method_is_named(tmp_path):
+def test_coefficients_and_object_methods_name_a_method(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text(LOOPS.replace("AFTER", "10**9").replace("LOOP", "python"))
     record = tmp_path / "leapfrog.json"
@@ -311,7 +315,7 @@ def test_coefficients_and_steps_of_objects_serve_wherever_a_method_is_named(tmp_
             integrator(name)
 
 
-def test_a_defect_that_may_be_round_off_is_not_judged():
+def test_defect_that_may_be_round_off_is_not_judged():
     found = certify(EXAMPLES / "shrinks_slightly.py", alone=True)
     assert {j.name: j.verdict for j in found.claims}["symplectic"] == UNJUDGED
     assert found.verdict == "not-judged"

@@ -1,4 +1,4 @@
-"""A warm start: where everything is in the cache, an integration loads Numba, and none of the other heavy packages."""
+"""Warm starts: with a filled cache an integration imports Numba and no other heavy package."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-#: On a system of two degrees of freedom, for which other tests have compiled their kernels.
+#: On a system with d = 2, for which other tests have compiled the kernels.
 METHODS = (
     "stormer-verlet",
     "scheme-v",
@@ -18,7 +18,7 @@ METHODS = (
     "rk4-projected-energy",
     "stormer-verlet-symmetric-projection",
 )
-#: Ends a script: prints what is loaded of the heavy packages, beside what Numba itself loads.
+#: End of a script: print the heavy packages imported in addition to those of Numba.
 SCRIPT = """
 import contextlib, io, json, sys
 import numba
@@ -72,7 +72,7 @@ print(json.dumps(found))
 
 
 def fresh(script: str, **environment: str) -> dict[str, list[str]]:
-    """What a fresh process prints."""
+    """The JSON that a script prints in a fresh process."""
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT + script], capture_output=True, text=True, env=os.environ | environment
     )
@@ -80,7 +80,7 @@ def fresh(script: str, **environment: str) -> dict[str, list[str]]:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def test_a_warm_integration_loads_no_heavy_package():
+def test_warm_integration_imports_no_heavy_package():
     script = f"METHODS, COMMANDS = {METHODS!r}, {COMMANDS!r}\n{INTEGRATED}"
     fresh(script)  # fills the cache
     found = fresh(script)
@@ -88,7 +88,7 @@ def test_a_warm_integration_loads_no_heavy_package():
 
 
 @pytest.mark.parametrize("registered", [True, False])
-def test_control_a_cold_system_loads_sympy_and_a_warm_one_does_where_its_formula_is_asked_for(registered, tmp_path):
+def test_control_sympy_is_imported_when_cold_or_for_h(registered, tmp_path):
     script = f"REGISTERED = {registered}\n{MADE}"
     cold, warm = (fresh(script, PHASEBENCH_CACHE=str(tmp_path)) for _ in range(2))
     assert cold == {"before": [], "traits": ["sympy"], "energy": ["sympy"], "formula": ["sympy"]}

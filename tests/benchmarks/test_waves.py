@@ -1,4 +1,4 @@
-"""Semi-discretized wave equations with loops written by hand: the formula, the equation, their invariants."""
+"""Semi-discretized wave equations with handwritten loops, against the formula, the equation and their invariants."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.problems import klein_gordon, nls, problem
+from phasebench.integrators.compile.codegen import MULTIPRECISION, exactly, precision, vector
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine import vector as arrays
-from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision, vector
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian, plain
+from phasebench.integrators.values import vector as arrays
 from support.values import value
 
 MODULES = {"nls": nls, "klein-gordon": klein_gordon}
@@ -25,7 +25,7 @@ ROUND_OFF = 1e-13
 
 
 def loop(name, function, N, arithmetic="double"):
-    """A problem's loop, not compiled."""
+    """A loop of a problem, not compiled."""
     module = MODULES[name]
     return plain(function, getattr(module, function), [exactly(c, arithmetic) for c in module.constants(N, LENGTH)])
 
@@ -41,14 +41,14 @@ def name(request):
 
 @pytest.fixture(scope="module")
 def small(name) -> Hamiltonian:
-    """The symbolic Hamiltonian at four points."""
+    """The symbolic Hamiltonian on four grid points."""
     made = problem(name, N=SMALL, L=LENGTH)
     assert type(made.system) is Hamiltonian
     return made.system
 
 
-def derived(system, q, p):
-    """(H_p, -H_q, H, M) from the formula."""
+def from_formula(system, q, p):
+    """(H_p, -H_q, H, M) from the formula; H is known to eps M."""
     y = value(*q), value(*p)
     dq, dp = system.field()(*y, 0.0, 0.0)
     return np.array(dq), np.array(dp), *system.energy()(*y)
@@ -57,10 +57,10 @@ def derived(system, q, p):
 # -- the loops ---------------------------------------------------------------------------------------------------------
 
 
-def test_the_loops_are_the_formula_at_four_points(name, small):
+def test_loops_equal_the_formula_on_four_points(name, small):
     for seed in range(3):
         q, p = state(small.d, seed)
-        dq, dp, H, M = derived(small, q, p)
+        dq, dp, H, M = from_formula(small, q, p)
         ours = loop(name, "field", SMALL)(q, p, 0.0, 0.0)
         assert np.abs(ours[0] - dq).max() < 1e-13 * np.abs(dq).max()
         assert np.abs(ours[1] - dp).max() < 1e-13 * np.abs(dp).max()
@@ -69,17 +69,17 @@ def test_the_loops_are_the_formula_at_four_points(name, small):
             assert np.abs(loop(name, "grad_V", SMALL)(q) + dp).max() < 1e-13 * np.abs(dp).max()
 
 
-def test_control_the_loops_of_another_spacing_are_not(name, small):
+def test_control_loops_with_another_spacing_differ(name, small):
     q, p = state(small.d)
-    _, dp, H, M = derived(small, q, p)
+    _, dp, H, M = from_formula(small, q, p)
     assert np.abs(loop(name, "field", SMALL + 1)(q, p, 0.0, 0.0)[1] - dp).max() > 1e-2
     found = loop(name, "energy", SMALL + 1)(q, p)
     assert abs(found[0] - H) > 1e-2
     assert abs(found[1] - M) > 1e-2
 
 
-def test_the_loops_run_on_multiprecision_numbers(name, small):
-    """The formula at 40 digits: nothing in a loop or in its constants is a double."""
+def test_loops_run_in_multiprecision(name, small):
+    """Against the formula at 40 digits: neither a loop nor its constants contain doubles."""
     with precision(40):
         q, p = (vector(row) / 3 for row in state(small.d))
         theirs = small.field(MULTIPRECISION)(q, p, 0, 0)
@@ -89,11 +89,10 @@ def test_the_loops_run_on_multiprecision_numbers(name, small):
         assert all(abs(a - b) < 1e-37 * abs(b) for a, b in zip(*pairs, strict=True))
 
 
-def test_the_traits_are_those_of_the_formula(name, small):
+def test_traits_are_those_of_the_formula(name, small):
     large = problem(name, N=32).system
     assert isinstance(large, HandHamiltonian)
-    wanted = small.traits
-    assert large.traits == wanted
+    assert large.traits == small.traits | {"elementary derivatives": False}, "stages are in lanes for formulae alone"
     assert large.unit_mass == small.unit_mass
 
 
@@ -107,7 +106,7 @@ def test_compiled_and_plain_loops_agree(name):
         assert np.abs(ours - plain).max() < 1e-13 * np.abs(plain).max()
 
 
-def test_no_formula_is_derived_for_a_run(name):
+def test_run_derives_no_formula(name):
     made = problem(name)
     assert made.system.d >= 64
     s = integrate(made, "implicit-midpoint", h=0.01, steps=3)
@@ -125,7 +124,7 @@ def test_values_along_rows(name):
     assert np.array_equal(system.observe(lambda Q, P: Q[:, 0] - P[:, 1], Q, P), Q[:, 0] - P[:, 1])
 
 
-def test_bad_sizes_are_refused(name):
+def test_invalid_sizes_are_refused(name):
     for N in (2, 4.5, 10**9):
         with pytest.raises(InvalidInput, match="points"):
             problem(name, N=N)
@@ -142,7 +141,7 @@ def test_bad_sizes_are_refused(name):
 
 
 def soliton_error(N):
-    """The greatest error of psi at t = 1/2: of the differences in space, RK4's being far smaller."""
+    """Largest error of psi at t = 1/2, from the differences in space; that of RK4 is far smaller."""
     made = problem("nls:soliton", N=N, L=32.0)
     s = integrate(made, "rk4", h=1 / 1024, t_end=0.5, save_every=0)
     k, t, dx = 2 * pi / 32, 0.5, 32 / N
@@ -151,7 +150,7 @@ def soliton_error(N):
     return np.abs((s.q[-1] + 1j * s.p[-1]) / sqrt(dx) - exact).max()
 
 
-def test_the_soliton_is_that_of_the_equation_to_second_order_in_space():
+def test_soliton_converges_to_second_order_in_space():
     """Zakharov & Shabat 1972: sech(x - 2 k t) exp(i (k x + (1 - k^2) t)) solves the equation."""
     errors = [soliton_error(N) for N in (128, 256, 512)]
     assert errors[-1] < 1e-3
@@ -159,8 +158,8 @@ def test_the_soliton_is_that_of_the_equation_to_second_order_in_space():
     assert ratios == pytest.approx([4, 4], rel=0.1)
 
 
-def test_a_plane_wave_has_the_frequency_of_the_equation():
-    """phi = A exp(i (k x - w t)) with w^2 = 1 + A^2 + k^2, k^2 as the differences see it."""
+def test_plane_wave_has_its_discrete_frequency():
+    """phi = A exp(i (k x - w t)) with w^2 = 1 + A^2 + k^2, with k of the difference quotient."""
     N, L, A = 64, 10.0, 0.7
     system = problem("klein-gordon", N=N, L=L).system
     dx, k = L / N, 2 * pi / L
@@ -173,11 +172,11 @@ def test_a_plane_wave_has_the_frequency_of_the_equation():
     assert np.abs(end - phi * np.exp(1j * w)).max() > 0.1, "the control: the sign"
 
 
-# -- what is kept ------------------------------------------------------------------------------------------------------
+# -- invariants --------------------------------------------------------------------------------------------------------
 
 
 def errors(name, method, **parameters):
-    """The greatest error of the energy and of the quadratic invariant."""
+    """Largest relative errors of the energy and of the quadratic invariant."""
     made = problem(name, N=32)
     s = integrate(made, method, h=0.05, steps=200, parameters=parameters)
     assert s.status == "ok"
@@ -200,8 +199,8 @@ def errors(name, method, **parameters):
     ],
     ids=lambda x: str(x),
 )
-def test_what_each_method_keeps(method, parameters, energy, mass, charge):
-    """Scheme I keeps q.D p at every lambda, the mass q.q + p.p at 1/2 alone; AVF the energy and neither of them."""
+def test_invariants_preserved_by_each_method(method, parameters, energy, mass, charge):
+    """Scheme I preserves q.D p for every lambda and q.q + p.p at 1/2 only; AVF preserves the energy alone."""
     for name, kept in (("nls", mass), ("klein-gordon", charge)):
         errors_here = errors(name, method, **parameters)
         for error, holds in zip(errors_here, (energy, kept), strict=True):
@@ -211,8 +210,8 @@ def test_what_each_method_keeps(method, parameters, energy, mass, charge):
 # -- operations on arrays ----------------------------------------------------------------------------------------------
 
 
-def test_operations_on_arrays_are_their_formulae():
-    """Compiled as loops; the compensated sum to the last bit, norms to their rounding, NaN as NaN."""
+def test_compiled_array_operations():
+    """The compensated sum agrees bit for bit, norms up to rounding, NaN stays NaN."""
     x, c, dx = np.random.default_rng(5).normal(size=(3, 77)) * np.array([[1.0], [1e-17], [1e-3]])
 
     @numba.njit(**arrays.ARRAYS)

@@ -1,4 +1,4 @@
-"""Work-precision of one's own: rows, a table, and a figure that says what it shows."""
+"""`workprecision` on the user's system and step: rows, printed table, figure."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ import pytest
 from typer.testing import CliRunner
 
 import phasebench as pb
+from phasebench.benchmarks import style
 from phasebench.benchmarks.cli import app
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.workprecision import CURVES, improving
+from phasebench.benchmarks.workprecision import CURVES, WorkPrecision, improving
 
 PENDULUM = pb.Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
 
 
 def leapfrog(system, q, p, h):
-    """Kick, drift, kick."""
+    """One step of Stormer-Verlet: half a kick, a drift, half a kick."""
     p = p - h / 2 * system.dH_dq(q, p)
     q = q + h * system.dH_dp(q, p)
     return q, p - h / 2 * system.dH_dq(q, p)
 
 
 @pytest.fixture(scope="module")
-def found():
+def result():
     return pb.workprecision(PENDULUM, ["pefrl", "heyoka", leapfrog], t_end=3.0, q0=[1.0], p0=[0.0])
 
 
-def test_every_integrator_goes_from_where_it_breaks_to_round_off(found):
-    frame = found.to_frame()
-    assert list(dict.fromkeys(frame["method"])) == found.methods == ["pefrl", "heyoka", "leapfrog"]
+def test_every_integrator_is_refined_to_round_off(result):
+    frame = result.to_frame()
+    assert list(dict.fromkeys(frame["method"])) == result.methods == ["pefrl", "heyoka", "leapfrog"]
     least = frame[frame["status"] == "ok"].groupby("method")["error"].min()
     assert least["pefrl"] < 1e-12
     assert least["heyoka"] < 1e-13
@@ -37,14 +37,23 @@ def test_every_integrator_goes_from_where_it_breaks_to_round_off(found):
     assert set(frame["kind"]) == {"phasebench", "heyoka", "own step"}
 
 
-def test_it_prints_as_a_table(found):
-    lines = repr(found).splitlines()
-    assert len(lines) == 2 + len(found.methods)
+def test_result_prints_as_a_table(result):
+    lines = repr(result).splitlines()
+    assert len(lines) == 2 + len(result.methods)
     assert "t = 0 to 3" in lines[0]
-    assert "array" not in repr(found)
+    assert "array" not in repr(result)
 
 
-def test_a_line_joins_what_improves():
+def test_accuracy_is_met_beyond_the_uncertainty_of_the_reference():
+    """The faster run's error is below 1e-3 by less than the uncertainty; a failed run counts for nothing."""
+    row = {"method": "a", "problem": "p", "t_end": 1.0, "quantity": "energy", "uncertainty": 2e-4}
+    runs = [(9e-4, 1.0, "ok"), (7e-4, 2.0, "ok"), (1e-5, 0.5, "diverged")]
+    rows = tuple(row | {"error": e, "seconds": s, "status": status} for e, s, status in runs)
+    (line,) = WorkPrecision(rows).table()
+    assert [line[x] for x in ("1e-01", "1e-03", "1e-05", "least error")] == ["1", "2", "-", "7.0e-04"]
+
+
+def test_line_joins_falling_errors_only():
     errors = [3.0, 5.0, 1e-2, 1e-12, 3e-13, 9e-13, 2e-13, 4e-13]
     falling, rest = improving([{"error": e} for e in errors])
     assert [r["error"] for r in falling] == [3.0, 1e-2, 1e-12, 3e-13, 2e-13]
@@ -52,30 +61,30 @@ def test_a_line_joins_what_improves():
 
 
 @pytest.mark.parametrize("suffix", [".svg", ".pdf", ".png"])
-def test_a_figure_is_what_its_ending_says(found, tmp_path, suffix):
-    one, other = (found.plot(tmp_path / f"{k}{suffix}").read_bytes() for k in "ab")
+def test_figure_has_the_format_of_its_suffix(result, tmp_path, suffix):
+    one, other = (result.plot(tmp_path / f"{k}{suffix}").read_bytes() for k in "ab")
     assert one.startswith({".svg": b"<?xml", ".pdf": b"%PDF", ".png": b"\x89PNG"}[suffix])
     assert one == other
 
 
-def test_a_figure_says_what_it_shows(found, tmp_path):
-    text = found.plot(tmp_path / "a.svg").read_text()
+def test_figure_labels_its_content(result, tmp_path):
+    text = result.plot(tmp_path / "a.svg").read_text()
     for words in ("pefrl", "heyoka (peer)", "leapfrog (own step)", "t = 0 to 3", "end-state", "seconds"):
         assert words in text
     with pytest.raises(pb.InvalidInput, match=r"\.pdf"):
-        found.plot(tmp_path / "a.jpg")
+        result.plot(tmp_path / "a.jpg")
     with pytest.raises(pb.InvalidInput, match="cannot be written"):
-        found.plot(tmp_path / "none" / "a.svg")
+        result.plot(tmp_path / "none" / "a.svg")
 
 
-def test_curves_differ_in_colour_and_in_marker():
+def test_curves_differ_in_colour_and_marker():
     looks = style.looks()
     assert len(looks) == CURVES
     for name in ("color", "marker"):
         assert len({str(look[name]) for look in looks}) == CURVES
 
 
-def test_methods_are_repeated_or_given_the_old_way(tmp_path):
+def test_methods_by_repeated_or_old_option(tmp_path):
     figure = tmp_path / "a.svg"
     new = ["workprecision", "pendulum", "--t-end", "2", "--method", "pefrl", "--method", "scipy-dop853", "--json"]
     old = ["workprecision", "pendulum", "--t-end", "2", "--methods", "pefrl,scipy-dop853", "--json"]
@@ -89,6 +98,12 @@ def test_methods_are_repeated_or_given_the_old_way(tmp_path):
 
 
 @pytest.mark.parametrize("t_end", [0, -1.0, float("nan"), True, "10"])
-def test_a_span_is_a_positive_number(t_end):
+def test_span_must_be_a_positive_number(t_end):
     with pytest.raises(pb.InvalidInput, match="t_end"):
         pb.workprecision("pendulum", t_end=t_end)
+
+
+def test_a_span_beyond_the_horizon_is_refused_with_the_horizon():
+    with pytest.raises(pb.InvalidInput, match=r"past its horizon, t = \d"):
+        pb.workprecision("double-pendulum:chaotic", ["rk4"], t_end=60.0)
+    assert pb.workprecision("double-pendulum:chaotic", ["rk4"], t_end=60.0, quantity="energy").methods == ["rk4"]

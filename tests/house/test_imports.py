@@ -1,4 +1,4 @@
-"""The house: imports point one way, heavy packages wait until they are needed, no file is loaded under two names."""
+"""Import rules: one direction between folders, no heavy package at import, no file loaded under two names."""
 
 from __future__ import annotations
 
@@ -7,25 +7,28 @@ import json
 import os
 import subprocess
 import sys
-import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-#: Each folder with those of the project that it may import.
+#: Folder -> the folders of the project that it may import.
 MAY = {
     "integrators": {"integrators"},
     "reference": {"reference", "integrators"},
     "benchmarks": {"benchmarks", "reference", "integrators"},
 }
-#: The rooms of a folder from the bottom up: a room imports those before it, and itself.
+#: The subpackages of each folder from the bottom up: each imports only itself and those before it.
 ROOMS = {
     "integrators": (
-        ("errors", "threads"),
+        ("errors", "statuses", "threads"),
+        ("keywords", "names"),
         ("coefficients",),
         ("record",),
-        ("engine",),
+        ("compile",),
+        ("values",),
+        ("stepping",),
         ("systems",),
         ("records",),
         ("registry",),
@@ -36,19 +39,22 @@ ROOMS = {
         ("prepared",),
         ("trajectory",),
         ("driver",),
-        ("lots",),
-        ("singles",),
+        ("batches",),
+        ("scalar_fallback",),
         ("crossings",),
         ("ensemble",),
         ("section",),
     ),
-    "reference": (("tables",), ("solvers",), ("peers",), ("certificates",)),
+    "reference": (("files", "installed"), ("solvers",), ("peers",), ("certificates",)),
     "benchmarks": (
+        ("style",),
         ("problems",),
-        ("rows",),
+        ("judge",),
         ("measure",),
+        ("store",),
+        ("ladder",),
         ("advice",),
-        ("page", "bibliography", "history"),
+        ("page", "bibliography"),
         ("workprecision",),
         ("certificate",),
         ("experiments",),
@@ -58,14 +64,18 @@ ROOMS = {
     ),
 }
 HEAVY = ("heyoka", "rebound", "matplotlib", "pandas", "scipy")
-#: SciPy's sparse matrices and minimizers, which solve no equation of motion.
+#: Parts of SciPy that the integrators may use: they solve no differential equation.
 ALGEBRA = ("scipy.sparse.", "scipy.optimize.")
 
 
-def imported(text: str, package: str) -> set[str]:
-    """The dotted names of everything that a source imports, at whatever depth; ``package`` is the dotted home."""
-    names = set()
-    for node in ast.walk(ast.parse(text)):
+@cache
+def imports_of(text: str, package: str) -> frozenset[str]:
+    """Dotted names of all imports in a source text, nested ones too; ``package`` resolves the relative ones."""
+    names, tree = set(), ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
+            node.body = []  # imports for annotations only
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names |= {a.name for a in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -79,7 +89,7 @@ def imported(text: str, package: str) -> set[str]:
             first = node.args[0] if node.args else None
             if isinstance(first, ast.Constant) and isinstance(first.value, str) and not first.value.startswith("."):
                 names.add(first.value)
-    return names
+    return frozenset(names)
 
 
 def package_of(path: Path) -> str:
@@ -88,7 +98,7 @@ def package_of(path: Path) -> str:
 
 
 def folders(names: set[str]) -> set[str]:
-    """Those of the project's folders that are imported."""
+    """The project's folders among imported dotted names."""
     return {n.split(".")[1] for n in names if n.startswith("phasebench.") and n.split(".")[1] in MAY}
 
 
@@ -97,59 +107,126 @@ SOURCES = [p for folder in MAY for p in sorted((ROOT / folder).rglob("*.py"))]
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_imports_point_one_way(path):
-    names = imported(path.read_text(), package_of(path))
+    names = imports_of(path.read_text(), package_of(path))
     assert folders(names) <= MAY[path.relative_to(ROOT).parts[0]]
     first = {n.split(".")[0] for n in names}
     assert not first & {*MAY, "tests", "reports", "support"}, "the import name is phasebench"
 
 
 def upwards(folder: str, room: str, names: set[str]) -> set[str]:
-    """The rooms of the same folder that a source in ``room`` imports against the direction."""
+    """Subpackages of `folder` above ``room`` that a source in ``room`` imports."""
     level = {r: i for i, rooms in enumerate(ROOMS[folder]) for r in rooms}
     here = {n.split(".")[2] for n in names if n.startswith(f"phasebench.{folder}.") and n.count(".") >= 2}
     return {r for r in here if r in level and level[r] > level[room]}
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_rooms_import_downwards(path):
+def test_subpackages_import_downwards(path):
     folder, *rest = path.relative_to(ROOT).parts
     room = rest[0].removesuffix(".py")
     if room == "__init__":
         return
     assert room in {r for rooms in ROOMS[folder] for r in rooms}, f"{room} has no place in the house"
-    assert not upwards(folder, room, imported(path.read_text(), package_of(path)))
+    assert not upwards(folder, room, imports_of(path.read_text(), package_of(path)))
+
+
+def elsewhere(experiment: str, names: set[str]) -> set[str]:
+    """Other experiments, and products other than its own, among the modules that an experiment imports."""
+    own = {f"experiments.{experiment}", experiment}
+    rooms = {
+        ".".join(n.split(".")[2:4]) if ".experiments." in n else n.split(".")[2] for n in names if n.count(".") > 2
+    }
+    return {r for r in rooms if r.startswith(("experiments.", "advice", "certificate")) and r not in own}
+
+
+EXPERIMENTS = [p for p in SOURCES if "experiments" in p.parts and p.parent.name != "experiments"]
+
+
+@pytest.mark.parametrize("path", EXPERIMENTS, ids=lambda p: f"{p.parent.name}/{p.stem}")
+def test_an_experiment_imports_no_other(path):
+    names = {n for n in imports_of(path.read_text(), package_of(path)) if n.startswith("phasebench.benchmarks.")}
+    assert not elsewhere(path.relative_to(ROOT).parts[2], names)
+
+
+def test_control_an_experiment_that_imports_another_is_seen():
+    found = {"phasebench.benchmarks.experiments.trade.front", "phasebench.benchmarks.advice.advise.advise"}
+    assert elsewhere("kepler", found) == {"experiments.trade", "advice"}
+    assert elsewhere("advice", found) == {"experiments.trade"}
+
+
+def circles(graph: dict[str, set[str]]) -> list[set[str]]:
+    """The sets of modules that import each other directly or through others (cycles of the import graph)."""
+    reached = {}
+    for start in graph:
+        seen, todo = set(), [start]
+        while todo:
+            for following in graph.get(todo.pop(), ()):
+                if following not in seen:
+                    seen.add(following)
+                    todo.append(following)
+        reached[start] = seen
+    together = {frozenset({m, *(x for x in reached[m] if m in reached[x])}) for m in graph if m in reached[m]}
+    return [set(c) for c in together]
+
+
+def test_no_modules_import_each_other():
+    """Imports inside functions count."""
+    sources = {package_of(p) if p.stem == "__init__" else f"{package_of(p)}.{p.stem}": p for p in SOURCES}
+    graph = {}
+    for name, path in sources.items():
+        targets = set()
+        for target in imports_of(path.read_text(), package_of(path)):
+            while target and target not in sources:
+                target = target.rpartition(".")[0]
+            targets.add(target)
+        graph[name] = targets - {"", name}
+    assert len(graph) > 400
+    assert circles(graph) == []
+
+
+def test_control_a_circle_is_seen():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [{"a", "b", "c"}]
 
 
 def test_control_a_wrong_import_is_seen():
-    assert folders(imported("def f():\n    import phasebench.benchmarks.problems", "phasebench.integrators")) == {
+    assert folders(imports_of("def f():\n    import phasebench.benchmarks.problems", "phasebench.integrators")) == {
         "benchmarks"
     }
-    assert folders(imported("from phasebench.reference.solvers import exact", "phasebench.integrators")) == {
+    assert folders(imports_of("from phasebench.reference.solvers import exact", "phasebench.integrators")) == {
         "reference"
     }
-    assert folders(imported("from . import solve\nfrom .vector import add", "phasebench.integrators.engine")) == {
+    assert folders(imports_of("from . import solve\nfrom .vector import add", "phasebench.integrators.stepping")) == {
         "integrators"
     }
-    assert upwards("integrators", "engine", {"phasebench.integrators.families.splitting"}) == {"families"}
-    assert upwards("integrators", "families", {"phasebench.integrators.engine.vector.add"}) == set()
+    assert upwards("integrators", "stepping", {"phasebench.integrators.families.splitting"}) == {"families"}
+    assert upwards("integrators", "families", {"phasebench.integrators.values.vector.add"}) == set()
     assert {p.relative_to(ROOT).parts[0] for p in SOURCES} == set(MAY)
 
 
-def test_the_integrators_import_neither_references_nor_other_solvers():
+@pytest.mark.parametrize(("module", "apart"), [("brute", True), ("cells", False)])
+def test_the_control_of_advice_shares_no_code_with_it(module, apart):
+    """The brute-force check of advice imports nothing from the search; its neighbour `cells` does (control)."""
+    path = ROOT / "benchmarks" / "experiments" / "advice" / f"{module}.py"
+    names = imports_of(path.read_text(), package_of(path))
+    searching = ("phasebench.benchmarks.advice.", "phasebench.benchmarks.ladder.")
+    assert (not any(n.startswith(searching) for n in names)) == apart
+
+
+def test_integrators_import_no_other_solver():
     for path in (ROOT / "integrators").rglob("*.py"):
-        names = {n for n in imported(path.read_text(), package_of(path)) if not n.startswith(ALGEBRA)}
+        names = {n for n in imports_of(path.read_text(), package_of(path)) if not n.startswith(ALGEBRA)}
         assert not {n.split(".")[0] for n in names} & set(HEAVY), path.name
 
 
-def test_every_package_is_installed():
-    """setuptools maps the folders by a list: a folder that is missing there is missing in an installation."""
-    listed = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
-    found = [package_of(p) for folder in MAY for p in (ROOT / folder).rglob("__init__.py")]
-    assert sorted(listed) == sorted(["phasebench", *found])
+def test_every_folder_of_sources_is_a_package():
+    """setuptools finds packages by their __init__, through the links."""
+    assert all((ROOT / "phasebench" / folder).samefile(ROOT / folder) for folder in MAY)
+    bare = {p.parent for p in SOURCES if not p.with_name("__init__.py").exists()}
+    assert bare == {ROOT / "benchmarks/experiments/audit/scripts"}
 
 
 def fresh(code: str):
-    """What ``code`` prints in a fresh process, as JSON."""
+    """Run code in a fresh Python process and return the last line it prints, read as JSON."""
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, env=dict(os.environ), capture_output=True, text=True, check=False
     )
@@ -169,7 +246,7 @@ def fresh(code: str):
 def test_heavy_packages_are_not_loaded(statement):
     heavy = (*HEAVY, "scipy.integrate")
     loaded = fresh(f"{statement}\nimport sys, json\nprint(json.dumps([m for m in {heavy!r} if m in sys.modules]))")
-    # Numba imports SciPy's top level by itself, its solvers it does not.
+    # Numba itself imports the top level of SciPy, but not scipy.integrate.
     assert set(loaded) <= ({"scipy"} if "problems" in statement else set())
 
 
@@ -187,7 +264,7 @@ def test_control_heavy_packages_would_be_seen():
 
 
 PUBLIC = ("integrate", "method", "Hamiltonian", "METHODS", "Solution", "InvalidInput")
-#: Imports the public names in every order of two, each from a package that is fresh, and prints which came as modules.
+#: Prints each pair of public names for which, imported in that order into a fresh package, the second is a module.
 PAIRS = """
 import importlib, json, sys, types
 wrong = []
@@ -203,19 +280,20 @@ print(json.dumps(wrong))
 """
 
 
-def test_public_names_are_the_objects_whatever_was_imported_first():
-    """``integrate`` and ``method`` are also names of modules, which the import of another name may bring in."""
+def test_public_names_are_never_their_modules():
+    """Modules have the names ``integrate`` and ``method`` as well; importing another name must not bring them in."""
     assert fresh(PAIRS.format(public=PUBLIC)) == []
 
 
-#: Collects the main job as `pytest benchmarks` does and prints the files of the project that have two modules.
+#: Collects the benches as `pytest benchmarks` does; prints the project's files that were loaded as two modules.
 TWICE = """
-import json, sys, pytest
+import json, os, sys, pytest
 pytest.main(["benchmarks", "--collect-only", "-q", "-p", "no:cacheprovider"])
 import phasebench.benchmarks.cli, phasebench.benchmarks.report
 seen = {}
 for name, module in list(sys.modules.items()):
-    file = getattr(module, "__file__", None) or ""
+    file = getattr(module, "__file__", None)
+    file = os.path.realpath(file) if file else ""
     if file.startswith(ROOT) and "/tests/" not in file[len(ROOT) :]:
         seen.setdefault(file, []).append(name)
 bare = lambda f: f.endswith("__init__.py") and len(__import__("ast").parse(open(f).read()).body) <= 1
@@ -225,8 +303,8 @@ print(json.dumps([len(seen), {f: n for f, n in seen.items() if len(n) > 1 and no
 
 
 def test_no_source_is_loaded_under_two_names():
-    """A file of which there are two modules has two InvalidInputs; pytest names the packages of benches itself, which
-    therefore hold nothing but a docstring."""
+    """A file loaded twice would define two classes InvalidInput. Packages of benches, which pytest loads under a name
+    of its own, must hold nothing but a docstring."""
     count, twice = fresh(f"ROOT = {str(ROOT)!r}" + TWICE)
     assert count > 40
     assert twice == {}

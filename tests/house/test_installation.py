@@ -1,4 +1,4 @@
-"""A wheel, installed and used beside a folder named ``benchmarks``: nothing is missing, nothing is mixed up."""
+"""A wheel works when installed, even beside a folder named ``benchmarks``, and contains every file."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-#: What the licence's form in pyproject.toml needs.
+#: Oldest setuptools that reads the licence field of pyproject.toml.
 SETUPTOOLS = 77
-#: Reads every kind of data that is no Python, by the code that reads it in use.
+#: Script that reads every kind of data file of the package through the code that uses it.
 USE = """
 import phasebench as pb
 from phasebench.benchmarks import bibliography
 from phasebench.benchmarks.advice import prior
 from phasebench.benchmarks.certificate import fronts
 from phasebench.integrators import coefficients
-from phasebench.reference import tables
+from phasebench.benchmarks.store import error_tables
+from phasebench.benchmarks.problems.scenes import SCENES
 from phasebench.reference.certificates import stored
 from pathlib import Path
 
@@ -31,9 +32,9 @@ assert s.status == "ok"
 assert coefficients.polished("pefrl")
 assert bibliography.cited(["pefrl", "pendulum"])
 assert stored.find(pb.problem("pendulum")).ends
-assert list(Path(tables.__file__).parent.glob("*.csv"))
-assert prior.stored()
-assert fronts.stored()
+assert all(len(error_tables.load(s.id)[0]) for s in SCENES)
+assert prior.TABLE.load().factors
+assert fronts.TABLE.load()
 print(s.q[-1][0])
 """
 
@@ -45,8 +46,8 @@ def run(*command, cwd) -> str:
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory) -> tuple[Path, Path]:
-    """(programs, site-packages) of an environment with a wheel of this tree and what is installed here."""
+def installation(tmp_path_factory) -> tuple[Path, Path]:
+    """Paths (programs, site-packages) of an environment with a wheel of this tree and this environment's packages."""
     try:
         if int(importlib.metadata.version("setuptools").split(".")[0]) < SETUPTOOLS:
             pytest.skip(f"setuptools is older than {SETUPTOOLS}")
@@ -56,7 +57,7 @@ def installed(tmp_path_factory) -> tuple[Path, Path]:
     folder = tmp_path_factory.mktemp("installation")
     source = folder / "source"
     leave = shutil.ignore_patterns(".*", "__pycache__", "reports", "tests", "build", "*.egg-info")
-    shutil.copytree(ROOT, source, ignore=leave)
+    shutil.copytree(ROOT, source, ignore=leave, symlinks=True)
     pip = (sys.executable, "-m", "pip", "--disable-pip-version-check")
     run(*pip, "wheel", "--no-deps", "--no-index", "--no-build-isolation", "-w", folder, source, cwd=folder)
     (wheel,) = folder.glob("*.whl")
@@ -70,7 +71,7 @@ def installed(tmp_path_factory) -> tuple[Path, Path]:
 
 @pytest.fixture
 def elsewhere(tmp_path):
-    """A folder that has folders of our names, which nobody must import."""
+    """Folder with packages named like ours that raise ImportError when imported."""
     for name in ("benchmarks", "integrators", "reference"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text("raise ImportError('this is somebody else')\n")
@@ -78,8 +79,8 @@ def elsewhere(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="programs are elsewhere on Windows")
-def test_an_installation_has_all_it_needs(installed, elsewhere):
-    programs, site = installed
+def test_an_installation_is_complete(installation, elsewhere):
+    programs, site = installation
     assert {p.name for p in site.iterdir() if p.is_dir() and not p.name.endswith((".dist-info", "__pycache__"))} == {
         "phasebench"
     }
@@ -88,3 +89,15 @@ def test_an_installation_has_all_it_needs(installed, elsewhere):
 
     expected = pb.integrate("pendulum", "stormer-verlet", h=0.1, t_end=1).q[-1][0]
     assert float(run(programs / "python", "-c", USE.format(site=str(site)), cwd=elsewhere)) == expected
+
+
+def files(folder: Path) -> set[str]:
+    """Relative paths of the files below a folder that Python or the suite reads."""
+    found = (p for p in folder.rglob("*") if p.is_file() and p.suffix != ".md" and "__pycache__" not in p.parts)
+    return {p.relative_to(folder.parent).as_posix() for p in found}
+
+
+def test_an_installation_has_every_file(installation):
+    house = files(ROOT / "integrators") | files(ROOT / "reference") | files(ROOT / "benchmarks")
+    expected = {f"phasebench/{name}" for name in house} | {"phasebench/__init__.py", "phasebench/py.typed"}
+    assert files(installation[1] / "phasebench") == expected

@@ -1,4 +1,4 @@
-"""Adjoints and symmetry: a step with H, then one with -H (the flow over -h), in multiprecision."""
+"""Adjoints and symmetry in multiprecision: a step h, then a step -h of the adjoint, returns to the start."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from phasebench.benchmarks.measure.multiprecision import digits
 ROUND_OFF, VISIBLE = 1e-30, 1e-22
 HIGH = 8
 ALL = by_label(variants() + high_order_variants())
-#: Of a symmetric method the adjoint is the method itself, which is tested as its symmetry.
+#: Methods with lambda that are not symmetric; the adjoint of a symmetric method is itself.
 WITH_LAMBDA = [label for label, m in by_label(variants()).items() if "lam" in m.parameters and not m.symmetric]
 
 
-def shown(label):
-    """What a defect shows above: less for methods of high order, of which more digits are measured."""
+def threshold(label):
+    """Threshold above which a defect is visible: lower for high orders, which are measured with more digits."""
     return VISIBLE if ALL[label].order <= HIGH else 10.0 ** (-digits(ALL[label]) / 2)
 
 
 def numbers(row):
-    """A measurement of which no part failed."""
+    """The row of a measurement; fail if an entry is an error message."""
     assert row
     assert not [x for x in row.values() if isinstance(x, str)], row
     return row
@@ -31,16 +31,16 @@ def numbers(row):
 @pytest.mark.parametrize("label", [label for label, m in ALL.items() if m.symmetric])
 def test_symmetric_methods_return(measured, label):
     distances = numbers(measured("symmetry")[label])
-    assert max(distances.values()) < min(ROUND_OFF, shown(label)), distances
+    assert max(distances.values()) < min(ROUND_OFF, threshold(label)), distances
 
 
 @pytest.mark.parametrize("label", [label for label, m in ALL.items() if not m.symmetric])
-def test_control_the_others_do_not_return_everywhere(measured, label):
+def test_control_other_methods_do_not_return(measured, label):
     distances = numbers(measured("symmetry")[label])
-    assert max(distances.values()) > shown(label), distances
+    assert max(distances.values()) > threshold(label), distances
 
 
-def test_the_known_controls_are_among_the_others():
+def test_known_asymmetric_methods_are_among_the_controls():
     asymmetric = {label for label, m in ALL.items() if not m.symmetric}
     assert {"explicit-euler", "rk4", "scheme-i(lam=1/3)", "symplectic-euler-p"} <= asymmetric
 
@@ -54,7 +54,7 @@ def test_the_adjoint_of_lambda_is_one_minus_lambda(measured, label):
         assert row["itself"] > VISIBLE, f"{name}, the control: {row}"
 
 
-def test_scheme_i_adjoint_is_scheme_i_at_one_minus_lambda():
+def test_the_adjoint_of_scheme_i_has_one_minus_lambda():
     methods = by_label(variants())
     for lam in (Fraction(-1), Fraction(1, 3), Fraction(3, 2)):
         adjoint = methods[f"scheme-i-adjoint(lam={lam})"]

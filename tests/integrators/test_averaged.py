@@ -1,4 +1,4 @@
-"""The averaged vector field's kernels against each other: nodes in lanes or one by one, kicks or both increments."""
+"""Averaged vector field kernels against each other: nodes in SIMD lanes or not, kick or both increments as unknowns."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ import pytest
 from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, precision
-from phasebench.integrators.engine.kernel import prepare
-from phasebench.integrators.engine.lanes import Lanes
-from phasebench.integrators.engine.orbit_lanes import LANES, twin
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision
 from phasebench.integrators.families import averaged
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.registry import method
+from phasebench.integrators.stepping.kernel import prepare
+from phasebench.integrators.stepping.orbit_lanes import LANES, twin
+from phasebench.integrators.values.lanes import Lanes
 from support import two_degrees
 from support.two_degrees import of, run
 from support.values import value
 
-#: Separable with quadratic T: the kick is the unknown.  The masses tell M^-1 from 1.
+#: Separable H with quadratic T, for which the kick is the unknown; the masses distinguish M^-1 from 1.
 KICKS = {
     "masses": "p1**2/2 + p2**2/6 + p1*p2/5 - cos(q1) - cos(q2) + sin(q1*q2)/10",
     "powers": "p1**2/2 + p2**2/2 + (1 + q1**2 + q2**2)**(3/2) + 1/sqrt(2 + q1**2) + q2**2/5",
     "logarithm": "p1**2/2 + p2**2/2 + log(1 + q1**2) + (1 + q2**2)**(1/3) + tan(q1*q2/9)",
     "degree 6": "p1**2/2 + p2**2/2 + q1**6 + q1**2*q2**2/3 + q2**4",
 }
-#: Both increments are.
+#: H for which both increments are the unknowns.
 FIELDS = {
     "angles": "(p1**2 + 2*p2**2 - 2*p1*p2*cos(q1 - q2))/(2 + 2*sin(q1 - q2)**2) - 2*cos(q1) - cos(q2)",
     "exponentials": "exp(p1) - 2*p1 + exp(q1) - q1 + exp(p2/2) + q2**2",
 }
-#: Of one block, of two, of four, and of two substeps.
+#: Methods with one block, with four, and with two substeps of four.
 PATHS = ("avf", "pavf-p", "itoh-abe-c")
 
 
 @pytest.fixture
 def one_by_one():
-    """The run with the nodes evaluated one after the other."""
+    """Function that runs with the nodes evaluated one after the other."""
     return partial(two_degrees.one_by_one, averaged)
 
 
@@ -51,8 +51,8 @@ def one_by_one():
 @pytest.mark.parametrize(
     ("name", "id"), [*((name, "avf") for name in KICKS), *((name, id) for name in FIELDS for id in PATHS)]
 )
-def test_nodes_in_lanes_reach_what_nodes_one_by_one_reach(one_by_one, name, id):
-    """To the round-off of fifty steps: lanes add the nodes up in another order, and have their own sin, cos and exp."""
+def test_lanes_reach_the_state_of_single_nodes(one_by_one, name, id):
+    """Up to the round-off of fifty steps: lanes sum in another order and use their own sin, cos and exp."""
     made = of((KICKS | FIELDS)[name])
     assert averaged.serves(made, DOUBLE)
     (lanes, n), (nodes, m) = run(made, id), one_by_one(made, id)
@@ -63,8 +63,8 @@ def test_nodes_in_lanes_reach_what_nodes_one_by_one_reach(one_by_one, name, id):
 
 @pytest.mark.parametrize("width", [1, 4])
 @pytest.mark.parametrize("H", ["p1**2/2 + cos(q1)", "p1**2/2 + q1**10"])
-def test_a_rule_s_rows_are_the_rule(width, H):
-    """It integrates the powers up to 2n - 1; lanes left over have no weight."""
+def test_the_rows_of_a_rule_are_the_quadrature_rule(width, H):
+    """Each rule integrates powers up to degree 2n - 1; unused lanes have weight zero."""
     nodes, rows, c, b = averaged.rules(Hamiltonian(q="q1", p="p1", H=H), width, DOUBLE)
     assert {len(v) for v in (*c, *b)} == {width}
     first = 0
@@ -78,8 +78,8 @@ def test_a_rule_s_rows_are_the_rule(width, H):
     assert first == len(c) == len(b) == len(nodes)
 
 
-def test_control_a_lane_left_over_that_weighs_is_seen(one_by_one, monkeypatch):
-    """Of the ten nodes of a rule the last two stand beside two lanes that are left over."""
+def test_control_a_weight_in_an_unused_lane_is_seen(one_by_one, monkeypatch):
+    """A rule of ten nodes leaves two of its lanes unused; a weight there changes the result."""
     made, rules = of(KICKS["masses"]), averaged.rules
 
     def spoiled(*arguments):
@@ -93,14 +93,14 @@ def test_control_a_lane_left_over_that_weighs_is_seen(one_by_one, monkeypatch):
 
 
 @pytest.mark.processor
-def test_where_lanes_do_not_serve_nodes_stand_one_by_one():
+def test_systems_without_lanes_take_nodes_one_by_one():
     quartic, wave = of("p1**2/2 + p2**2/2 + q1**4 + q1*q2"), problem("klein-gordon").system
     names = [[f"{x}{i}" for i in range(21)] for x in "qp"]
     many = Hamiltonian(q=names[0], p=names[1], H="cos(q0) + " + " + ".join(f"p{i}**2/2 + q{i}**2" for i in range(21)))
     for system in (quartic, wave, many):
         assert prepare(method("avf"), system).step.like is None
     made = of(KICKS["masses"])
-    twin(made)  # that of an ensemble's lanes is another one, unless its registers hold as many
+    twin(made)  # the version for ensembles differs unless registers have the same width
     assert prepare(method("avf"), made).step.like == (0.0,) * averaged.WIDTH
     assert (twin(made, Lanes(averaged.WIDTH)) is twin(made)) is (LANES.n == averaged.WIDTH)
     assert twin(made, Lanes(2 * LANES.n)) is not twin(made)
@@ -108,21 +108,21 @@ def test_where_lanes_do_not_serve_nodes_stand_one_by_one():
         assert prepare(method("avf"), made, MULTIPRECISION).step.like is None
 
 
-def test_three_nodes_are_worth_lanes_and_two_are_not(monkeypatch):
-    """They are exact of a polynomial of degree 6, and of degree 4."""
+def test_lanes_serve_from_three_nodes_on(monkeypatch):
+    """Two nodes are exact for a polynomial of degree 4, three for degree 6."""
     monkeypatch.setattr(averaged, "in_lanes", lambda system: True)
     served = [averaged.serves(of(f"p1**2/2 + p2**2/2 + q1**{n} + q1*q2"), DOUBLE) for n in (2, 4, 5, 6)]
     assert served == [False, False, True, True]
 
 
 @pytest.mark.parametrize("name", ["masses", "logarithm"])
-def test_a_short_step_is_served_by_the_smallest_rules(name):
-    """Two nodes that three confirm; eight to begin with would be four times as many evaluations."""
+def test_short_steps_use_the_smallest_rules(name):
+    """Two nodes, confirmed by three; starting with eight would take four times as many evaluations."""
     assert run(of(KICKS[name]), "avf", 1e-3, 16)[1]["gradient"] < 10 * 16
 
 
-def test_of_a_quadratic_energy_one_node_is_enough_and_a_step_is_cayley_s_transform():
-    """As one of the midpoint rule is."""
+def test_a_step_on_a_quadratic_energy_is_a_cayley_transform():
+    """As for the implicit midpoint rule."""
     K, h, steps, zero, one = np.array([[2.0, 1.0], [1.0, 3.0]]), 0.1, 50, np.zeros((2, 2)), np.eye(2)
     half = h / 2 * np.block([[zero, one], [-K, zero]])
     exact = np.linalg.matrix_power(np.linalg.solve(np.eye(4) - half, np.eye(4) + half), steps) @ [0.7, 0.5, 0.2, -0.3]
@@ -135,12 +135,12 @@ def test_of_a_quadratic_energy_one_node_is_enough_and_a_step_is_cayley_s_transfo
 
 
 def standing(H, id):
-    """A run of steps of the length 0, each of which is solved by the first sweep and confirmed by the next rule."""
+    """A run with steps of length 0: each is solved by the first sweep and confirmed by the next rule."""
     return lay_out(prepare(method(id), of(H)), 2, 0.0, [0.7, 0.5], [0.2, -0.3], DOUBLE)
 
 
 def one_step(run):
-    """Take it; which rule the next one begins with."""
+    """Take one step and return the index of the rule that the next step begins with."""
     assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 1) == (1, 0)
     return run.counts.rule
 
@@ -148,8 +148,8 @@ def one_step(run):
 @pytest.mark.parametrize(
     ("id", "sweeps"), [("avf", 1), ("pavf", 2), ("pavf-p", 4), ("pavf-c", 4), ("itoh-abe", 4), ("itoh-abe-c", 8)]
 )
-def test_a_sweep_evaluates_the_nodes_for_each_block_in_each_direction(id, sweeps):
-    """Two of them: one by the smallest rule, one by the next."""
+def test_evaluations_of_a_sweep(id, sweeps):
+    """Two sweeps are made: one with the smallest rule, one with the next."""
     run = standing(FIELDS["angles"], id)
     step = run.step
     assert one_step(run) == 0
@@ -158,7 +158,7 @@ def test_a_sweep_evaluates_the_nodes_for_each_block_in_each_direction(id, sweeps
 
 
 def test_every_sixteenth_step_begins_with_the_smallest_rule():
-    """Any other with the one that was confirmed last."""
+    """All other steps begin with the rule that was confirmed last."""
     run = standing(KICKS["masses"], "avf")
     second = run.step.rows[0]
     for k in range(50):
@@ -167,13 +167,13 @@ def test_every_sixteenth_step_begins_with_the_smallest_rule():
 
 
 @pytest.mark.parametrize("turns", [10, -10])
-def test_no_rule_is_asked_to_take_away_the_round_off_of_large_coordinates(turns):
-    """Neither of two rules confirms the other where they differ by it: the step ends, and does so every time."""
+def test_round_off_of_large_coordinates_ends_a_step(turns):
+    """If two rules differ by the round-off of large coordinates the step ends instead of trying ever larger rules."""
     step = prepare(method("avf"), of("p1**2/2 + p2**2/2 - cos(q1) - cos(q2)"))
     near, far = (lay_out(step, 2, 0.1, [0.7 + x, 0.5], [0.2, -0.3], DOUBLE) for x in (0.0, 2 * np.pi * turns))
     for _ in range(40):
         one_step(near), one_step(far)
-    apart = (far.orbit.state - near.orbit.state)[:2, :2] - [[2 * np.pi * turns, 0], [0, 0]]
+    apart = (far.carry.state - near.carry.state)[:2, :2] - [[2 * np.pi * turns, 0], [0, 0]]
     assert np.abs(apart).max() < 1e-13
     assert far.counts.fallbacks == near.counts.fallbacks == 0
     assert far.counts.gradient < 1.25 * near.counts.gradient
@@ -183,14 +183,14 @@ def test_no_rule_is_asked_to_take_away_the_round_off_of_large_coordinates(turns)
 
 
 def general(system) -> Hamiltonian:
-    """The system as one of which both increments are the unknown."""
+    """The same system treated as having a general T, so that both increments are the unknowns."""
     other = Hamiltonian(q=system.q, p=system.p, H=system.H)
     other.quadratic_kinetic = False
     return other
 
 
 @pytest.mark.parametrize("name", KICKS)
-def test_kicks_reach_what_both_increments_reach_in_fewer_evaluations(name):
+def test_the_kick_as_unknown_saves_evaluations(name):
     made = of(KICKS[name])
     assert made.quadratic_kinetic
     (kicks, n), (both, m) = run(made, "avf"), run(general(made), "avf")
@@ -199,8 +199,8 @@ def test_kicks_reach_what_both_increments_reach_in_fewer_evaluations(name):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_kick_and_its_drift_are_a_discrete_gradient(seed):
-    """For a kick k that solves no equation: H_q-mean . dq + dq . k / h is the difference of H over (dq, k)."""
+def test_a_kick_and_its_drift_form_a_discrete_gradient(seed):
+    """For a kick k that solves no equation: mean(H_q) . dq + dq . k / h equals the difference of H over (dq, k)."""
     system, q, p = SYSTEMS["henon-heiles"]()
     step, h = prepare(method("avf"), system).step, 0.5
     k = 0.4 * np.random.default_rng(seed).standard_normal(2)
@@ -213,8 +213,8 @@ def test_a_kick_and_its_drift_are_a_discrete_gradient(seed):
     assert abs(after - before) > 1e-3
 
 
-def test_newton_s_method_takes_over_where_the_fixed_point_of_the_kick_does_not_contract():
+def test_newton_takes_over_when_the_kick_does_not_contract():
     stiff = of("p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2 + cos(q1)")
     (kicks, n), (both, m) = run(stiff, "avf", 0.2, 20), run(general(stiff), "avf", 0.2, 20)
-    assert n["newton"] >= 20 <= m["newton"]  # once for every rule
+    assert n["newton"] >= 20 <= m["newton"]  # at least once per step
     assert np.abs(kicks - both).max() < 1e-11

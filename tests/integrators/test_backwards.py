@@ -1,4 +1,4 @@
-"""Spans that go back in time: a step of -h from (q, -p) is a step of h from (q, p), with the momenta's sign changed."""
+"""Integration backwards in time: a step -h from (q, -p) mirrors a step h from (q, p)."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import pytest
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import integrate, integrate_ensemble, prepare
-from phasebench.integrators.engine.orbit_lanes import LANES
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.registry import METHODS
 from phasebench.integrators.request import grid
 from phasebench.integrators.section import section
+from phasebench.integrators.stepping.orbit_lanes import LANES
 
 #: The first method of each family, and the adaptive ones.
 FAMILIES = {m.family: m for m in reversed(METHODS)}.values()
-CHOSEN = [*FAMILIES, *(m for m in METHODS if m.family in ("adaptive", "wisdom_holman"))]
+CHOSEN = [*FAMILIES, *(m for m in METHODS if m.family in ("adaptive", "field", "wisdom_holman"))]
 N = LANES.n + 1
 PROBLEMS = ("henon-heiles:box", "perturbed-kepler", "fpu")
 
@@ -35,7 +35,7 @@ def test_a_run_back_in_time_mirrors_the_run_ahead(method):
     assert np.abs(ahead.q[-1] - ahead.q[0]).max() > 1e-3
 
 
-def test_there_and_back_again():
+def test_a_run_forth_and_back_returns():
     made = problem("henon-heiles:box")
     there = integrate(made, "gauss-4", h=0.1, t_end=20.0)
     back = integrate(made, "gauss-4", h=0.1, t_end=0.0, t0=20.0, q0=there.q[-1], p0=there.p[-1])
@@ -59,7 +59,8 @@ def test_there_and_back_again():
         ((-0.25, -1.0, 8, 1.0), (-0.25, 8)),
     ],
 )
-def test_a_grid_goes_the_way_of_its_span(asked, found):
+def test_the_sign_of_h_follows_from_the_span(asked, found):
+    """Sign and number of steps found from (h, t_end, steps, t0)."""
     assert grid(*asked) == pytest.approx(found)
 
 
@@ -74,12 +75,12 @@ def test_a_grid_goes_the_way_of_its_span(asked, found):
         ((0.3, -1.0, None, 0.0), "divide"),
     ],
 )
-def test_a_grid_that_cannot_be(asked, words):
+def test_inconsistent_grids_are_refused(asked, words):
     with pytest.raises(InvalidInput, match=words):
         grid(*asked)
 
 
-def test_ensembles_sections_and_prepared_runs_go_back_too():
+def test_ensembles_sections_and_prepared_runs_go_back():
     made = problem("henon-heiles")
     Q, P = np.array([[0.0, 0.1 + 0.01 * k] for k in range(N)]), np.tile([0.3, 0.1], (N, 1))
     ahead, back = (integrate_ensemble(made, "stormer-verlet", Q, s * P, h=0.1, t_end=s * 20.0) for s in (1.0, -1.0))

@@ -1,4 +1,4 @@
-"""Input that cannot be used is refused with a message that helps; what happens on the way is a status."""
+"""Unusable input raises InvalidInput with a helpful message; trouble during a run ends it with a status."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ PENDULUM, KEPLER = problem("pendulum"), problem("kepler")
 
 
 @pytest.mark.parametrize("record", METHODS, ids=lambda m: m.id)
-def test_a_misspelt_method_is_answered_with_the_nearest(record):
+def test_a_misspelt_method_suggests_the_nearest(record):
     letters = list(record.id)
     letters[-1] = "x" if letters[-1] != "x" else "y"
     with pytest.raises(InvalidInput, match="did you mean") as caught:
@@ -45,7 +45,7 @@ def test_a_misspelt_method_is_answered_with_the_nearest(record):
     assert record.id in str(caught.value)
 
 
-def test_a_name_like_no_other_lists_the_known_ones():
+def test_an_unknown_name_lists_the_known_ones():
     with pytest.raises(InvalidInput, match=r"known are .*, avf, .* more \(`phasebench list`\)"):
         method("qqqqqqqqqq")
     with pytest.raises(InvalidInput, match=r"known are one, two$"):
@@ -60,13 +60,13 @@ def test_an_unknown_parameter_is_refused(record):
 
 @pytest.mark.parametrize("value", ["a third", float("nan"), float("inf"), None, [1], "1/0", "", True, "nan", 1j])
 @pytest.mark.parametrize("record", [m for m in METHODS if "lam" in m.parameters], ids=lambda m: m.id)
-def test_a_parameter_that_is_no_number_is_refused(record, value):
+def test_a_parameter_that_is_not_a_number_is_refused(record, value):
     with pytest.raises(InvalidInput, match=r"lam is .*finite number"):
         record(lam=value)
 
 
 @pytest.mark.parametrize("value", [0, -1, 7, 2.5, "two", None, float("nan"), float("inf"), True])
-def test_an_order_that_cannot_be_is_refused(value):
+def test_an_invalid_order_is_refused(value):
     with pytest.raises(InvalidInput, match="order"):
         method("generating-function", order=value)
 
@@ -106,12 +106,13 @@ GRIDS = [
 
 
 @pytest.mark.parametrize(("arguments", "message"), GRIDS)
-def test_a_grid_that_cannot_be_is_refused(arguments, message):
+def test_an_invalid_grid_is_refused(arguments, message):
     with pytest.raises(InvalidInput, match=message):
         integrate(PENDULUM, "implicit-midpoint", **arguments)
 
 
-def test_a_step_may_be_widened_by_one_percent_or_where_it_is_asked_for():
+def test_a_step_is_lengthened_by_one_percent_at_most():
+    """It may be shortened by any amount so that it divides the span."""
     assert grid(h=0.995, t_end=2.0) == (1.0, 2)
     assert grid(h=1.2, t_end=2.0) == (1.0, 2)
     assert grid(t_end=2.8, steps=1) == (2.8, 1)
@@ -133,12 +134,12 @@ STATES = [
 
 
 @pytest.mark.parametrize(("arguments", "message"), STATES)
-def test_a_state_that_cannot_be_is_refused(arguments, message):
+def test_an_invalid_state_is_refused(arguments, message):
     with pytest.raises(InvalidInput, match=message):
         integrate(PENDULUM, "implicit-midpoint", h=0.1, steps=3, **arguments)
 
 
-def test_a_system_without_initial_data_asks_for_them():
+def test_a_system_without_initial_data_requires_them():
     with pytest.raises(InvalidInput, match="give q0"):
         integrate(PENDULUM.system, "implicit-midpoint", h=0.1, steps=3)
 
@@ -155,7 +156,7 @@ ALL = by_label(variants())
 
 
 @pytest.mark.parametrize("label", [x for x, m in ALL.items() if m.lacks(LOTKA.system)])
-def test_a_method_says_what_the_system_lacks(label):
+def test_a_missing_trait_of_the_system_is_reported(label):
     with pytest.raises(InvalidInput, match=f"method '{ALL[label].id}' requires a system with the trait"):
         integrate(LOTKA, ALL[label], h=0.1, steps=3)
 
@@ -164,12 +165,12 @@ OTHERS = [x for x, m in ALL.items() if not m.lacks(LOTKA.system)]
 
 
 @pytest.mark.parametrize("label", OTHERS)
-def test_the_others_run_on_it(uncompiled, label):
-    """In a process that compiles nothing: what a system lacks is asked before anything is compiled."""
+def test_methods_that_fit_the_system_run(uncompiled, label):
+    """Measured without compilation; traits are checked before anything is compiled."""
     assert uncompiled("integrators/test_bad_input.py")[label] == OK
 
 
-def test_schemes_iv_and_v_are_refused_and_symplectic_euler_is_not():
+def test_which_methods_do_not_fit_lotka_volterra():
     lacking = {m.id for m in METHODS if m.lacks(LOTKA.system)}
     assert {"scheme-iv", "scheme-v", "avf"} <= lacking
     assert not {"symplectic-euler-q", "explicit-euler"} & lacking
@@ -186,17 +187,17 @@ def test_schemes_iv_and_v_are_refused_and_symplectic_euler_is_not():
         ({"q": "", "p": "", "H": "1"}, "depends|coordinates"),
     ],
 )
-def test_a_hamiltonian_that_cannot_be_is_refused(arguments, message):
+def test_an_invalid_hamiltonian_is_refused(arguments, message):
     with pytest.raises(InvalidInput, match=message):
         Hamiltonian(**arguments)
 
 
-def test_a_partitioned_system_needs_as_many_right_hand_sides():
+def test_a_partitioned_system_needs_all_right_hand_sides():
     with pytest.raises(InvalidInput, match="right-hand sides"):
         PartitionedSystem(q="u", p="v", dq=["u", "v"], dp=["v"])
 
 
-# -- what happens on the way ------------------------------------------------------------------------------------------
+# -- trouble during a run ---------------------------------------------------------------------------------------------
 
 
 def test_a_blow_up_is_a_divergence():
@@ -217,7 +218,7 @@ def test_a_radial_infall_is_a_collision(name):
 
 
 @pytest.mark.parametrize("label", [x for x, m in ALL.items() if not m.lacks(KEPLER.system)])
-def test_no_method_calls_a_radial_infall_a_success(label):
+def test_no_method_reports_a_radial_infall_as_ok(label):
     s = integrate(KEPLER, ALL[label], h=0.01, t_end=5.0, q0=[1.0, 0.0], p0=[0.0, 0.0])
     assert s.status in (COLLISION, NOT_CONVERGED, DIVERGED, INACCURATE, UNSTABLE), s.reason
 
@@ -227,7 +228,7 @@ def test_control_a_circular_orbit_is_no_collision():
 
 
 def test_an_unsolvable_stage_is_not_converged():
-    # q' = p^2 at lambda = 1 asks for x = h (p + x)^2, which has no real solution for 4 h p > 1.
+    # For lambda = 1 the stage equation x = h (p + x)^2 has no real solution if 4 h p > 1.
     system = PartitionedSystem(q="q", p="p", dq=["1"], dp=["p**2"])
     s = integrate(system, "implicit-euler", h=1.0, steps=3, q0=[0.0], p0=[1.0])
     assert s.status in (NOT_CONVERGED, DIVERGED)
@@ -236,7 +237,7 @@ def test_an_unsolvable_stage_is_not_converged():
     assert integrate(system, "implicit-euler", h=0.1, steps=1, q0=[0.0], p0=[1.0]).status == OK
 
 
-def test_a_timeout_keeps_the_rows_so_far():
+def test_a_timeout_keeps_the_rows_reached():
     s = integrate(PENDULUM, "implicit-midpoint", h=1e-3, steps=10**9, save_every=200_000, timeout=0.3)
     assert s.status == TIMEOUT
     assert 1 < len(s.q) < 5001
@@ -244,14 +245,14 @@ def test_a_timeout_keeps_the_rows_so_far():
     assert s.t[-1] == pytest.approx(s.counts["steps"] * 1e-3)
 
 
-def test_progress_is_told():
+def test_progress_is_reported():
     told = []
     integrate(PENDULUM, "stormer-verlet", h=1e-3, steps=500_000, save_every=100_000, progress=told.append)
     assert told == sorted(told)
     assert told[-1] == 500_000
 
 
-# -- formulae ---------------------------------------------------------------------------------------------------------
+# -- formulas ---------------------------------------------------------------------------------------------------------
 
 VARIABLES = {"q": sp.Symbol("q", real=True), "p": sp.Symbol("p", real=True)}
 HOSTILE = [
@@ -330,7 +331,7 @@ def test_a_hostile_formula_is_refused(text):
         parse(text, VARIABLES)
 
 
-def test_a_refusal_names_what_was_wrong():
+def test_a_refusal_names_the_error():
     for text, message in [
         ("q^2", r"\*\*"),
         ("x + q", "'x'"),
@@ -363,7 +364,7 @@ def test_a_valid_formula_is_read(text, expression):
     assert parse(text, VARIABLES) == expression
 
 
-def test_a_variable_stands_before_a_constant_of_its_name():
+def test_a_variable_hides_a_constant_of_the_same_name():
     e = sp.Symbol("e")
     assert parse("e", {"e": e}) == e
 
@@ -375,7 +376,8 @@ leaves = st.one_of(
 )
 
 
-def _combined(children):
+def _combine(children):
+    """Strategy of (text, expression) pairs built from such pairs."""
     pair = st.tuples(children, children)
     return st.one_of(
         pair.map(lambda ab: (f"({ab[0][0]} + {ab[1][0]})", ab[0][1] + ab[1][1])),
@@ -393,14 +395,14 @@ def _combined(children):
 
 
 @settings(max_examples=200, deadline=None)
-@given(st.recursive(leaves, _combined, max_leaves=12))
-def test_a_random_formula_is_read_as_it_was_written(pair):
+@given(st.recursive(leaves, _combine, max_leaves=12))
+def test_a_random_formula_is_read_correctly(pair):
     text, expression = pair
     if expression.has(sp.zoo, sp.nan, sp.oo):
         return
     try:
         found = parse(text, VARIABLES)
-    except InvalidInput as error:  # numbers that combine past a double's range
+    except InvalidInput as error:  # numbers that combine to more than a double holds
         assert "bits" in str(error) or "too large" in str(error)  # noqa: PT017
         return
     assert found == expression
@@ -408,13 +410,13 @@ def test_a_random_formula_is_read_as_it_was_written(pair):
 
 @settings(max_examples=300, deadline=None)
 @given(st.text(alphabet="qp012.+-*/()^ sincoexp_[]{}'\"=:,@", max_size=25))
-def test_random_text_is_read_or_refused_and_nothing_else(text):
+def test_random_text_is_read_or_refused(text):
     with suppress(InvalidInput):
         assert isinstance(parse(text, VARIABLES), sp.Basic)
 
 
-def test_a_timeout_between_two_kept_rows_keeps_what_was_reached():
-    """Only the ends are kept and time runs out long before the end: the last row is of the time that was reached."""
+def test_a_timeout_keeps_the_last_state():
+    """With save_every=0 and a timeout the last row is the state at the time reached."""
     s = integrate(problem("pendulum"), "stormer-verlet", h=1e-6, steps=10**9, save_every=0, timeout=0.05)
     assert s.status == "timeout"
     n = s.counts["steps"]

@@ -1,4 +1,4 @@
-"""The solver of equations of a narrow band, of six unknowns whose equations and their derivatives are known."""
+"""Newton's method for banded equations, tested on six unknowns with known equations and derivatives."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ import numpy as np
 import pytest
 from numba import njit
 
-from phasebench.integrators.engine import banded, codegen
-from phasebench.integrators.engine.banded import Room, band_of, band_solver, columns, forget, forgotten, substitute
-from phasebench.integrators.engine.solve import NOT_FINITE, SOLVED, STALLED
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.stepping import banded
+from phasebench.integrators.stepping.banded import Room, band_of, band_solver, columns, forget, forgotten, substitute
+from phasebench.integrators.stepping.solve import NOT_FINITE, SOLVED, STALLED
 from support.values import value
 
 EPS = float(np.finfo(float).eps)
 N = 6
-#: The unknowns in the order in which they are neighbours: each acts on the next two on either side.
+#: The unknowns in chain order: each couples to the next two on either side.
 CHAIN = [0, 3, 1, 4, 2, 5]
 NEAR = [[abs(CHAIN.index(i) - CHAIN.index(j)) <= 2 for j in range(N)] for i in range(N)]
 REACH = [np.flatnonzero(column) for column in np.array(NEAR).T]
 
 
 class Equations(NamedTuple):
-    """G_i(x) = c_i + sum_j M_ij (x_j + bend x_j^2), rounded as beside ``large`` numbers; q sets the dimension."""
+    """G_i(x) = c_i + sum_j M_ij (x_j + bend x_j^2), with the round-off of numbers of size ``large``; q sets d."""
 
     M: np.ndarray
     c: np.ndarray
@@ -34,27 +35,28 @@ class Equations(NamedTuple):
     q: Any
 
 
-def compiled(f):
+def compile_unless_off(f):
+    """Compile a function unless compilation is off."""
     return njit(f) if codegen.compiled() else f
 
 
-@compiled
+@compile_unless_off
 def row(i, x, e):
-    """The i-th component."""
+    """The i-th component of G."""
     s = e.c[0, i]
     for j in range(N):
         s = s + e.M[i, j] * (x[j] + e.bend * x[j] * x[j])
     return (s + e.large) - e.large
 
 
-@compiled
+@compile_unless_off
 def _G(x, e):
     return (row(0, x, e), row(1, x, e), row(2, x, e), row(3, x, e), row(4, x, e), row(5, x, e))
 
 
-@compiled
+@compile_unless_off
 def lengths(x, g, e):
-    """Of either half 3 of its units."""
+    """The scales passed to the solver: three times the unit of each half of the unknowns."""
     return 3.0 * e.first, 3.0 * e.unit
 
 
@@ -62,7 +64,7 @@ solve = band_solver(_G if codegen.compiled() else lambda x, e: np.array(_G(x, e)
 
 
 class Made:
-    """Equations with a room for their matrix, between rows that are not theirs."""
+    """Equations x = G(x) and the work array for their matrix, with guard rows on both sides."""
 
     SPARE, AT = 2, 1
 
@@ -82,16 +84,16 @@ class Made:
         return Equations(self.M, self.c[None], self.bend, self.large, self.first, self.unit, value(*[1.0] * (N // 2)))
 
     def solved(self, start=0.0, span=1.0):
-        """(x, evaluations, status)."""
+        """(x, evaluations, status) of the solver."""
         x, *rest = solve(self.equations(), value(*[start] * N), span, EPS, self.band, self.room)
         return np.array(x), *rest
 
     def residual(self, x):
-        """Of x = G(x)."""
+        """Largest component of x - G(x)."""
         return np.abs(x - self.c - self.M @ (x + self.bend * x**2)).max()
 
     def inverse(self):
-        """What the factors that are kept stand for."""
+        """The inverse matrix that the stored factors represent."""
         out, place = np.zeros((N, N)), self.band.place
         for j in range(N):
             table = np.zeros((1, N))
@@ -110,8 +112,8 @@ def test_the_band_is_that_of_the_chain():
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("unit", [1.0, 2.0**-30, 2.0**30])
-def test_linear_equations_are_solved_by_one_matrix_which_is_kept(seed, unit):
-    """It is 1 - M, whatever the units of the second half; its differences cost an evaluation for each colour."""
+def test_linear_equations_need_one_matrix(seed, unit):
+    """The matrix is 1 - M whatever the units of the last three unknowns; differences take one evaluation per colour."""
     made = Made(seed, unit=unit)
     x, evaluations, status = made.solved()
     exact = np.linalg.solve(np.eye(N) - made.M, made.c)
@@ -132,7 +134,7 @@ def test_linear_equations_are_solved_by_one_matrix_which_is_kept(seed, unit):
     assert made.solved()[1] == evaluations
 
 
-def test_nothing_is_written_outside_of_the_room():
+def test_the_solver_writes_only_into_its_work_rows():
     made = Made(bend=0.1, factor=1.0)
     assert made.solved()[2] == SOLVED
     mine = np.zeros(made.memory.shape, bool)
@@ -144,7 +146,7 @@ def test_nothing_is_written_outside_of_the_room():
 
 
 @pytest.mark.parametrize("seed", range(1, 6))
-def test_bent_equations_are_solved_to_round_off(seed):
+def test_nonlinear_equations_are_solved_to_round_off(seed):
     made = Made(seed, factor=0.7, bend=0.1)
     x, evaluations, status = made.solved()
     assert status == SOLVED
@@ -159,8 +161,8 @@ def test_bent_equations_are_solved_to_round_off(seed):
     assert fewer < evaluations, "the matrix of the equations before serves"
 
 
-def test_a_matrix_that_is_of_no_use_is_made_anew_from_the_start():
-    """That of other equations, of any: then it takes what it takes without."""
+def test_a_useless_matrix_is_replaced_at_the_start():
+    """With the matrix of other equations the solver takes as many evaluations as with none."""
     made, other = Made(1), Made(2, factor=5.0)
     usual = made.solved()
     assert other.solved()[2] == SOLVED
@@ -171,7 +173,7 @@ def test_a_matrix_that_is_of_no_use_is_made_anew_from_the_start():
     assert 1 <= evaluations - usual[1] <= 3
 
 
-def test_the_start_that_is_the_solution_is_seen_at_once():
+def test_a_start_at_the_solution_is_recognized():
     made = Made(c=np.zeros(N))
     x, evaluations, status = made.solved()
     assert (x == 0).all()
@@ -179,8 +181,8 @@ def test_the_start_that_is_the_solution_is_seen_at_once():
 
 
 @pytest.mark.parametrize("large", [1e3, 1e6])
-def test_equations_of_large_variables_are_solved_to_their_round_off(large):
-    """Small unknowns whose G is the difference of large numbers."""
+def test_equations_with_large_terms_are_solved_to_round_off(large):
+    """The unknowns are small, but G is a difference of large numbers."""
     made = Made(3, factor=1.0, large=large, c=1e-6 * np.arange(1.0, N + 1))
     x, evaluations, status = made.solved(span=large)
     assert status == SOLVED
@@ -188,8 +190,8 @@ def test_equations_of_large_variables_are_solved_to_their_round_off(large):
     assert evaluations <= len(made.band.owner) + 16
 
 
-def test_equations_without_a_solution_are_not_solved_and_their_matrix_is_forgotten():
-    """x = x + x^2 + 1."""
+def test_unsolvable_equations_drop_their_matrix():
+    """The equation x = x + x^2 + 1."""
     made = Made(M=np.eye(N), bend=1.0, c=np.ones(N))
     _, evaluations, status = made.solved(start=0.3)
     assert status in (STALLED, NOT_FINITE)
@@ -205,16 +207,16 @@ def test_a_singular_matrix_is_not_solved():
     assert evaluations == 2 * (1 + len(made.band.owner)), "each of the two ways has seen it"
 
 
-def test_moves_that_are_no_numbers_are_not_finite():
-    """Their sum is beyond the largest number, and so is a difference of two of those."""
+def test_an_overflow_is_reported_as_not_finite():
+    """The sum of the moves overflows, and so does a difference of G."""
     made = Made(first=2.0**1000, unit=2.0**1000, c=1.7e308 * np.array([1, -1, 1, -1, 1, -1]))
     with np.errstate(all="ignore"):
         assert made.solved()[2] == NOT_FINITE
     assert forgotten(made.work, made.AT, columns(made.band))
 
 
-def test_newton_s_method_with_a_matrix_for_every_iterate_takes_over():
-    """Where the simplified one is at a loss: steep equations far from the start."""
+def test_full_newton_takes_over_from_simplified_newton():
+    """Simplified Newton fails for steep equations far from the start."""
     made = Made(M=np.diag([40.0, 30.0, 20.0, 10.0, 5.0, 3.0]), bend=1.0, c=-np.arange(1.0, N + 1))
     x, _, status = made.solved(start=-1.0)
     assert status == SOLVED
@@ -222,8 +224,8 @@ def test_newton_s_method_with_a_matrix_for_every_iterate_takes_over():
 
 
 @pytest.mark.parametrize(("n", "width"), [(2, 1), (7, 0), (9, 2), (12, 5)])
-def test_factors_take_rows_in_the_order_of_their_pivots(n, width):
-    """Beside a control: without interchanges a tiny pivot spoils the solution."""
+def test_factorization_interchanges_rows(n, width):
+    """Without interchanges (control) a tiny pivot spoils the solution."""
     rng = np.random.default_rng(n)
     M = rng.normal(size=(n, n)) * (abs(np.subtract.outer(range(n), range(n))) <= width)
     if width:

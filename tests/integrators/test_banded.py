@@ -1,4 +1,4 @@
-"""Newton's method in a narrow band: the same steps as by full matrices, at a cost by d that is the lattice's length."""
+"""The banded Newton solver takes the same steps as full matrices, at a cost that grows linearly with d."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from scipy.linalg import solve_banded
 
 from phasebench.benchmarks.problems import fpu, klein_gordon, n_body, nls, problem, toda
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
-from phasebench.integrators.engine import banded, structure
 from phasebench.integrators.families.banded import structure_of
 from phasebench.integrators.outcome import unsolved
 from phasebench.integrators.prepared import lay_out, prepare
 from phasebench.integrators.registry import method
+from phasebench.integrators.stepping import banded, structure
 from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
 
 EPS = np.finfo(float).eps
-#: Name -> (module, constants, d, a step at which the fixed point converges, one at which it does not).
+#: Name -> (module, constants, d, step where fixed-point iteration converges, step where it does not).
 LATTICES = {
     "toda": (toda, (), 25, 0.1, 3.0),
     "fpu": (fpu, (2500,), 24, 0.01, 0.2),
@@ -29,7 +29,7 @@ LATTICES = {
 
 
 def lattice(name, d=None, constants=None):
-    """(system, initial data) of loops."""
+    """(hand-written system, initial data) of a lattice."""
     module, usual, least, *_ = LATTICES[name]
     d = d or least
     loops = {n: getattr(module, n) for n in ("field", "grad_V", "energy") if hasattr(module, n)}
@@ -40,16 +40,19 @@ def lattice(name, d=None, constants=None):
 
 
 def ends(system, id, start, h, steps=15, **parameters):
+    """(solution, end state) of a run."""
     s = integrate(system, id, h=h, steps=steps, parameters=parameters, **start)
     return s, np.concatenate([s.q[-1], s.p[-1]])
 
 
-# -- the steps are those of the full matrix ----------------------------------------------------------------------------
+# -- same steps as with full matrices
+# ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", LATTICES)
 @pytest.mark.parametrize("long", [False, True])
-def test_a_step_is_that_of_the_full_solver_where_the_fixed_point_converges_and_where_not(name, long):
+def test_banded_steps_equal_full_steps(name, long):
+    """Both where the fixed-point iteration converges and where it does not."""
     system, start = lattice(name)
     h = LATTICES[name][4 if long else 3]
     full, end = ends(system, "implicit-midpoint", start, h)
@@ -76,7 +79,7 @@ def test_a_step_is_that_of_the_full_solver_where_the_fixed_point_converges_and_w
     ],
 )
 @pytest.mark.parametrize("name", ["toda", "nls"])
-def test_every_method_of_one_stage_takes_the_same_steps(name, id, parameters):
+def test_every_one_stage_method_takes_the_same_steps(name, id, parameters):
     system, start = lattice(name)
     full, end = ends(system, id, start, 0.03, **parameters)
     found, other = ends(system, id, start, 0.03, **parameters, solver="banded")
@@ -85,7 +88,7 @@ def test_every_method_of_one_stage_takes_the_same_steps(name, id, parameters):
     assert np.abs(other - end).max() < 1e-13 * np.abs(end).max()
 
 
-def test_states_in_registers_and_fields_of_higher_order_too():
+def test_tuple_states_and_higher_order_fields():
     made = problem("toda")
     full, found = (
         integrate(made, "scheme-ii", h=0.3, steps=10, parameters=more) for more in ({}, {"solver": "banded"})
@@ -94,8 +97,8 @@ def test_states_in_registers_and_fields_of_higher_order_too():
     assert np.abs(full.q - found.q).max() < 1e-14 * np.abs(full.q).max()
 
 
-def test_masses_that_couple_momenta_are_seen():
-    """T = p.M^-1 p / 2 with neighbours in M^-1: the kick's equation has the Hessian times that matrix."""
+def test_coupled_masses_widen_the_structure():
+    """T = p.M^-1 p / 2 with coupling in M^-1: the derivative of the kick equation contains Hessian times M^-1."""
     d = 6
     q, p = sp.symbols(f"q:{d}", real=True), sp.symbols(f"p:{d}", real=True)
     V = sum((q[i + 1] - q[i]) ** 2 / 2 + q[i] ** 4 / 4 for i in range(d - 1))
@@ -105,12 +108,12 @@ def test_masses_that_couple_momenta_are_seen():
         assert [set(r) for r in reach] == [set(range(max(0, j - far), min(d, j + far + 1))) for j in range(d)]
 
 
-#: What is finite where coordinates are small alone, neither small nor large, or large.
+#: Powers that are finite only for small coordinates, for those near 1, or for large ones.
 DOMAINS = {"small": lambda x: x**6000, "of one": lambda x: x**400 + x**-400, "large": lambda x: x**-6000}
 
 
 @pytest.mark.parametrize("name", DOMAINS)
-def test_a_system_is_probed_where_it_is_finite(name):
+def test_structure_is_probed_where_the_system_is_finite(name):
     q, p = sp.symbols("q:5", real=True), sp.symbols("p:5", real=True)
     V = sum(map(DOMAINS[name], q)) + q[0] * q[1]
     reach = structure_of(Hamiltonian(q=q, p=p, H=sum(x**2 for x in p) / 2 + V), 1)
@@ -118,10 +121,10 @@ def test_a_system_is_probed_where_it_is_finite(name):
 
 
 @pytest.mark.parametrize("id", ["implicit-midpoint", "scheme-iii"])
-def test_a_run_in_pieces_keeps_its_matrix_and_forgets_it_where_another_run_begins(id):
-    """A short run of another step in between changes nothing, of the end, the evaluations and the steps."""
+def test_a_run_in_pieces_keeps_its_matrix(id):
+    """A short run with another step size in between changes neither the end nor the counts."""
     system, start = lattice("toda", 21)
-    run = prepare(type("Made", (), {"system": system, **start}), id, solver="banded")
+    run = prepare(type("Made", (), {"system": system, **start}), id, parameters={"solver": "banded"})
     first, *_, code = run(1.0, 3)
     counts = dict(run.counts)
     assert (code, counts["steps"], counts["newton"]) == (run.SOLVED, 3, 3 * (1 if id == "implicit-midpoint" else 2))
@@ -139,12 +142,12 @@ def test_a_run_in_pieces_keeps_its_matrix_and_forgets_it_where_another_run_begin
     assert np.isnan(q).all()
 
 
-def test_a_step_ends_at_the_substep_that_is_not_solved():
-    """By its evaluations, beside those of half the step."""
+def test_a_step_ends_at_its_first_unsolved_substep():
+    """The count of evaluations is compared with that of a single failing substep."""
     system, start = lattice("toda", 21)
     made, counts = type("Made", (), {"system": system, **start}), []
     for id, h, more in (("scheme-iii", 2e3, {"lam": 0.5}), ("implicit-midpoint", 1e3, {})):
-        run = prepare(made, id, solver="banded", **more)
+        run = prepare(made, id, parameters={"solver": "banded", **more})
         assert run(h, 1)[2] != run.SOLVED
         counts.append(run.counts["gradient"])
     assert counts[0] == counts[1] > 0
@@ -158,7 +161,7 @@ def test_explicit_steps_stay_explicit():
     assert same.counts == explicit.counts
 
 
-def test_equations_without_a_solution_are_not_called_solved():
+def test_unsolvable_equations_are_reported():
     system, start = lattice("nls")
     start = {name: 10 * x for name, x in start.items()}
     for more in ({}, {"solver": "banded"}):
@@ -172,12 +175,12 @@ def test_equations_without_a_solution_are_not_called_solved():
 @pytest.mark.parametrize(
     ("id", "d", "advised"), [("scheme-iii", 21, True), ("scheme-iii", 20, False), ("gauss-2", 21, False)]
 )
-def test_the_band_is_advised_to_large_systems_of_methods_that_have_it(id, d, advised):
+def test_banded_is_suggested_for_large_systems(id, d, advised):
     assert ("or try solver='banded'" in unsolved(method(id).family, d).advice) == advised
 
 
-def test_where_the_kept_matrix_is_of_no_use_a_new_one_is_made():
-    """Long steps of large amplitudes, which no matrix serves twice; the full solver is as far."""
+def test_a_useless_matrix_is_replaced():
+    """Long steps of large amplitude, where the matrix must be renewed; the full solver reaches the same state."""
     system, start = lattice("fpu")
     start = {name: 30 * x for name, x in start.items()}
     full, end = ends(system, "implicit-midpoint", start, 1.0)
@@ -188,10 +191,10 @@ def test_where_the_kept_matrix_is_of_no_use_a_new_one_is_made():
     assert found.counts["gradient"] > 2 * gentle.counts["gradient"]
 
 
-def test_a_prepared_run_forgets_the_matrix_of_another_step():
+def test_a_prepared_run_drops_the_matrix_of_another_step():
     system, start = lattice("toda")
     made = type("Made", (), {"system": system, **start})
-    run = prepare(made, "implicit-midpoint", solver="banded")
+    run = prepare(made, "implicit-midpoint", parameters={"solver": "banded"})
     first = run(3.0, 5)[0]
     counted = run.counts["gradient"]
     run(0.01, 5)
@@ -206,7 +209,8 @@ def test_a_prepared_run_forgets_the_matrix_of_another_step():
 # -- the cost ----------------------------------------------------------------------------------------------------------
 
 
-def test_evaluations_of_a_step_do_not_grow_with_the_lattice_and_the_full_solvers_do():
+def test_evaluations_do_not_grow_with_the_lattice():
+    """Evaluations per step of the banded solver, and (control) of the full one."""
     counts = {}
     for d in (24, 96):
         system, start = lattice("fpu", d)
@@ -217,37 +221,37 @@ def test_evaluations_of_a_step_do_not_grow_with_the_lattice_and_the_full_solvers
     assert counts[96, None] > 3 * counts[24, None], "the control"
 
 
-class Counted(float):
-    """A number that counts the products, quotients and sums it takes part in."""
+class CountedFloat(float):
+    """A float that counts its arithmetic operations."""
 
     operations = 0
 
 
 def _counting(name):
     def operate(self, other):
-        Counted.operations += 1
-        return Counted(getattr(float, name)(self, float(other)))
+        CountedFloat.operations += 1
+        return CountedFloat(getattr(float, name)(self, float(other)))
 
     return operate
 
 
 for _name in ("__mul__", "__rmul__", "__truediv__", "__rtruediv__", "__sub__", "__add__"):
-    setattr(Counted, _name, _counting(_name))
+    setattr(CountedFloat, _name, _counting(_name))
 
 
 def operations(n, width):
-    """What it takes to factorize and to solve once."""
+    """Number of operations to factorize and to solve once."""
     A = np.zeros((n, 3 * width + 2), object)
     A[:, : 2 * width + 1] = np.random.default_rng(1).normal(size=(n, 2 * width + 1))
-    A[...] = np.vectorize(Counted, otypes=[object])(A)
-    Counted.operations = 0
+    A[...] = np.vectorize(CountedFloat, otypes=[object])(A)
+    CountedFloat.operations = 0
     assert banded.factorize.py_func(A, 0, n, width)
-    table = np.array([[Counted(1.0)] * n], object)
+    table = np.array([[CountedFloat(1.0)] * n], object)
     banded.substitute.py_func(A, 0, n, width, table, 0)
-    return Counted.operations
+    return CountedFloat.operations
 
 
-def test_operations_grow_as_the_lattice_is_long():
+def test_operations_grow_linearly_with_the_lattice():
     few, many = operations(50, 3), operations(200, 3)
     assert 3.9 < many / few < 4.4
     assert many < 200 * 3 * (4 * 3 + 10)
@@ -255,13 +259,15 @@ def test_operations_grow_as_the_lattice_is_long():
 
 
 @pytest.mark.parametrize("name", LATTICES)
-def test_matrix_and_structure_grow_as_the_lattice_is_long(name):
+def test_matrix_size_grows_linearly_with_the_lattice(name):
     sizes = {}
     for d in (40, 160):
         system, start = lattice(name, d)
-        run = prepare(type("Made", (), {"system": system, **start}), "implicit-midpoint", solver="banded")
+        run = prepare(
+            type("Made", (), {"system": system, **start}), "implicit-midpoint", parameters={"solver": "banded"}
+        )
         band = run._prepared.step.band
-        sizes[d] = band.width, len(band.owner), run._layout.orbit.work.size / d
+        sizes[d] = band.width, len(band.owner), run._layout.carry.work.size / d
     assert sizes[40] == sizes[160]
     assert sizes[40][0] <= 7
     assert sizes[40][1] <= 9
@@ -271,7 +277,7 @@ def test_matrix_and_structure_grow_as_the_lattice_is_long(name):
 
 
 def ring(n, f=lambda x: x * x):
-    """f of the neighbours' difference, on a ring, and how many evaluations it took."""
+    """(function of neighbour differences on a ring, list with an entry per evaluation)."""
     calls = []
 
     def slope(x):
@@ -282,7 +288,8 @@ def ring(n, f=lambda x: x * x):
 
 
 @pytest.mark.parametrize("n", [3, 8, 37, 500])
-def test_a_ring_is_found_and_folded(n):
+def test_a_ring_has_a_band_of_width_two(n):
+    """The sparsity of a ring is detected and numbered so that its band is narrow."""
     f, calls = ring(n)
     reach = structure.found(f, [np.linspace(1, 2, n)])
     assert all(set(r) == {(j - 1) % n, j, (j + 1) % n} for j, r in enumerate(reach))
@@ -302,7 +309,7 @@ def test_colours_share_no_row():
     assert (owner >= 0).sum() == sum(map(len, reach))
 
 
-def test_a_diagonal_has_one_colour_and_no_width_and_a_chain_three_and_one():
+def test_colours_and_widths_of_a_diagonal_and_a_chain():
     alone, chain = [[j] for j in range(7)], [[i for i in (j - 1, j, j + 1) if 0 <= i < 7] for j in range(7)]
     for reach, colours, width in ((alone, 1, 0), (chain, 3, 1)):
         reach = [np.array(rows) for rows in reach]
@@ -310,7 +317,7 @@ def test_a_diagonal_has_one_colour_and_no_width_and_a_chain_three_and_one():
         assert structure.ordered(reach)[1] == width
 
 
-def test_points_at_which_nothing_is_finite_are_passed_over():
+def test_probes_that_are_not_finite_are_skipped():
     f, _ = ring(9, np.sqrt)
     with pytest.raises(InvalidInput, match="finite at none"):
         structure.found(f, [np.arange(9.0)])
@@ -318,7 +325,7 @@ def test_points_at_which_nothing_is_finite_are_passed_over():
     assert all(set(r) == {j, (j + 1) % 9} for j, r in enumerate(reach))
 
 
-def test_so_are_points_at_which_a_function_that_is_not_compiled_raises():
+def test_probes_at_which_a_function_raises_are_skipped():
     for f in (math.sqrt, lambda x: math.exp(1000 * abs(min(x, 0))), lambda x: 1 / max(x, 0)):
         reach = structure.found(lambda x, f=f: np.array([f(z) for z in x]), [-np.ones(9), np.ones(9)])
         assert [list(rows) for rows in reach] == [[i] for i in range(9)]
@@ -326,7 +333,9 @@ def test_so_are_points_at_which_a_function_that_is_not_compiled_raises():
         structure.found(lambda x: np.array([math.sqrt(z) for z in x]), [-np.ones(9)])
 
 
-def test_what_is_hidden_from_probes_is_said():
+def test_a_hidden_dependence_is_reported():
+    """A function whose branch hides a dependence at the probes."""
+
     def honest(x):
         return x + np.roll(x, 1)
 
@@ -341,7 +350,7 @@ def test_what_is_hidden_from_probes_is_said():
 
 
 def hiding_chain():
-    """A ring of springs whose loop compares, so that what the last particle does is hidden at the fifth."""
+    """Loops of a ring of springs with a comparison that hides the effect of the last particle on the fifth."""
 
     def grad_V(k):
         def f(q, g):
@@ -359,7 +368,7 @@ def hiding_chain():
     return {"grad_V": grad_V, "field": lambda k: of_unit_masses(grad_V(-k)), "energy": energy}
 
 
-def test_a_system_that_hides_its_structure_is_refused():
+def test_a_system_with_hidden_dependences_is_refused():
     q, p = ([f"{x}{i}" for i in range(30)] for x in "qp")
     system = HandHamiltonian(q=q, p=p, loops=hiding_chain(), constants=(1,))
     start = {"q0": np.ones(30), "p0": np.zeros(30)}
@@ -368,7 +377,7 @@ def test_a_system_that_hides_its_structure_is_refused():
     assert integrate(system, "implicit-midpoint", h=0.1, steps=1, **start).status == "ok"
 
 
-def test_bodies_of_which_every_pair_acts_are_refused():
+def test_dense_systems_are_refused():
     loops = {n: getattr(n_body, n) for n in ("field", "grad_V", "energy")}
     q, p = ([f"{x}{i}" for i in range(90)] for x in "qp")
     system = HandHamiltonian(q=q, p=p, loops=loops, constants=(1,))
@@ -377,7 +386,7 @@ def test_bodies_of_which_every_pair_acts_are_refused():
         integrate(system, "implicit-midpoint", h=0.1, steps=1, parameters={"solver": "banded"}, **start)
 
 
-def test_a_few_that_act_on_all_make_no_band():
+def test_a_star_has_no_band():
     n = 200
     star = [np.arange(n) if j == 0 else np.array([0, j]) for j in range(n)]
     with pytest.raises(InvalidInput, match="not banded"):
@@ -385,13 +394,13 @@ def test_a_few_that_act_on_all_make_no_band():
 
 
 def torus(n):
-    """The columns of a lattice of n times n sites."""
+    """Sparsity (rows of each column) of a periodic lattice of n times n sites."""
     sites = np.arange(n * n).reshape(n, n)
     near = [sites, *(np.roll(sites, by, axis) for by in (1, -1) for axis in (0, 1))]
     return list(np.stack(near, axis=-1).reshape(n * n, 5))
 
 
-def test_a_lattice_of_two_dimensions_is_as_wide_as_its_side():
+def test_the_band_of_a_square_lattice_is_as_wide_as_its_side():
     assert banded.band_of(torus(12)).width <= 2 * 12
     with pytest.raises(InvalidInput, match="unknowns far"):
         banded.band_of(torus(70))
@@ -401,7 +410,7 @@ def test_a_lattice_of_two_dimensions_is_as_wide_as_its_side():
 
 
 def banded_matrix(n, width, seed, diagonal=0.0):
-    """(A as `factorize` has it, SciPy's form) of a random matrix; a small diagonal makes rows change places."""
+    """(A as `factorize` takes it, SciPy's banded form) of a random matrix; a small diagonal forces interchanges."""
     rng = np.random.default_rng(seed)
     A, ab = np.zeros((n + 1, 3 * width + 2)), np.zeros((2 * width + 1, n))
     for i in range(n):
@@ -413,7 +422,7 @@ def banded_matrix(n, width, seed, diagonal=0.0):
 
 @pytest.mark.parametrize(("n", "width"), [(1, 0), (2, 1), (7, 0), (9, 2), (30, 5), (5, 4), (200, 3)])
 @pytest.mark.parametrize("diagonal", [0.0, 1e-9, 100.0])
-def test_solutions_are_those_of_scipy(n, width, diagonal):
+def test_solutions_equal_scipys(n, width, diagonal):
     if width == 0 and diagonal == 1e-9:
         diagonal = 1.0
     A, ab = banded_matrix(n, width, n + width, diagonal)
@@ -430,17 +439,17 @@ def test_solutions_are_those_of_scipy(n, width, diagonal):
     assert (pivots != np.arange(n)).any() == (diagonal < 1 and width > 0 and n > 2) or n == 2
 
 
-def test_a_singular_matrix_is_said_to_be_one():
+def test_a_singular_matrix_is_reported():
     A, _ = banded_matrix(8, 2, 0)
     A[1:, 2:3] = 0.0
     A[1:, [0, 1, 3, 4]] = 0.0
     assert not banded.factorize(A, 1, 8, 2)
 
 
-# -- its name ----------------------------------------------------------------------------------------------------------
+# -- the parameter `solver` -------------------------------------------------------------------------------------------
 
 
-def test_the_solver_is_a_parameter_like_others():
+def test_solver_is_a_parameter_of_the_method():
     chosen = method("scheme-iii", lam=0.25, solver="banded")
     assert chosen.label == "scheme-iii(lam=0.25, solver=banded)"
     assert chosen(lam=1).data == method("scheme-iii", lam=1).data

@@ -1,4 +1,4 @@
-"""The cache: what is damaged is made again, what cannot be written is done without, nothing stale is found."""
+"""The cache: damaged entries are remade, an unwritable folder is tolerated, stale entries are never found."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ import numpy as np
 import pytest
 from numba.core.registry import cpu_target
 
-from phasebench.integrators.engine import cache, machine, vector
+from phasebench.integrators.compile import cache, machine
+from phasebench.integrators.values import vector
 
 SEVERAL = b"text of a function\n" * 50
 SIGNATURE = numba.types.float64(numba.types.float64)
@@ -28,9 +29,9 @@ SIGNATURE = numba.types.float64(numba.types.float64)
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """An empty cache for this process."""
+    """An empty cache folder for this process."""
     monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(cache, "_said", [])
+    monkeypatch.setattr(cache, "_logged", [])
     cache._evict_once.cache_clear()
     return cache.folder()
 
@@ -47,7 +48,7 @@ DAMAGES = {
 }
 
 
-def test_what_was_written_is_read(place):
+def test_written_entries_are_read(place):
     assert cache.read("a.py") is None
     cache.write("a.py", SEVERAL)
     assert cache.read("a.py") == SEVERAL
@@ -57,14 +58,14 @@ def test_what_was_written_is_read(place):
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_entry_is_no_entry(place, damage):
+def test_a_damaged_entry_is_ignored_and_removed(place, damage):
     cache.write("a.py", SEVERAL)
     (place / "a.py").write_bytes(DAMAGES[damage]((place / "a.py").read_bytes()))
     assert cache.read("a.py") is None
     assert not (place / "a.py").exists()
 
 
-def test_an_entry_under_another_name_is_no_entry(place):
+def test_an_entry_copied_to_another_name_is_ignored(place):
     cache.write("a.py", SEVERAL)
     shutil.copy(place / "a.py", place / "b.py")
     assert cache.read("b.py") is None
@@ -74,42 +75,42 @@ def test_an_entry_under_another_name_is_no_entry(place):
 # -- machine code ------------------------------------------------------------------------------------------------------
 
 
-def made(name="plus|1", options=vector.TUPLES):
-    """(a compiled function, whether it was loaded)."""
+def compile_or_load(name="plus|1", options=vector.TUPLES):
+    """(compiled function, whether it was loaded from the cache)."""
     function = machine.compiled(lambda x: x + 1.0, SIGNATURE, dict(options), name)
     return function, sum(function.stats.cache_hits.values()) == 1
 
 
 @pytest.mark.lowest
-def test_machine_code_is_loaded_and_is_of_its_name_and_options(place):
-    assert not made()[1]
-    function, loaded = made()
+def test_machine_code_is_keyed_by_name_and_options(place):
+    assert not compile_or_load()[1]
+    function, loaded = compile_or_load()
     assert loaded
     assert function(1.5) == 2.5
-    assert not made("plus|2")[1]
-    assert not made(options=vector.ARRAYS)[1]
+    assert not compile_or_load("plus|2")[1]
+    assert not compile_or_load(options=vector.ARRAYS)[1]
 
 
 @pytest.mark.parametrize(
     "damage", [pytest.param(name, marks=[pytest.mark.lowest] * (name == "one bit flipped")) for name in DAMAGES]
 )
-def test_damaged_machine_code_is_made_again(place, damage):
-    made()
+def test_damaged_machine_code_is_compiled_again(place, damage):
+    compile_or_load()
     (path,) = place.iterdir()
     path.write_bytes(DAMAGES[damage](path.read_bytes()))
-    function, loaded = made()
+    function, loaded = compile_or_load()
     assert not loaded
     assert function(1.5) == 2.5
-    assert made()[1]
+    assert compile_or_load()[1]
 
 
 @pytest.mark.parametrize("content", [b"", b"no pickle", b"\x80\x04K\x01.", b"cphasebench.nothing\nsuch\n."])
-def test_whole_entries_that_cannot_be_used_are_made_again(place, content):
-    made()
+def test_unusable_content_is_compiled_again(place, content):
+    compile_or_load()
     (path,) = place.iterdir()
     cache.write(path.name, content)
-    assert not made()[1]
-    assert made()[1]
+    assert not compile_or_load()[1]
+    assert compile_or_load()[1]
 
 
 @pytest.mark.parametrize(
@@ -117,8 +118,8 @@ def test_whole_entries_that_cannot_be_used_are_made_again(place, content):
     [(lambda x: np.zeros(2)[1] + x, True), (lambda x: x + 0.0, False)],
     ids=["array", "number"],
 )
-def test_a_process_that_loads_what_allocates_is_made_ready_for_it(place, monkeypatch, function, allocates):
-    """One that has compiled is ready; another would end at the first allocation."""
+def test_loading_code_that_allocates_initializes_the_runtime(place, monkeypatch, function, allocates):
+    """Numba's runtime must be initialized before loaded code allocates, or the process would crash."""
     about = SIGNATURE, dict(vector.ARRAYS), f"x|{allocates}"
     machine.compiled(function, *about)
     told = []
@@ -129,8 +130,8 @@ def test_a_process_that_loads_what_allocates_is_made_ready_for_it(place, monkeyp
     assert bool(told) == allocates
 
 
-def test_a_part_of_another_function_can_be_called_all_the_same(place):
-    """As a part it has no machine code of its own."""
+def test_a_part_can_be_called_on_its_own(place):
+    """A function compiled as a part has no machine code of its own, but can still be called from Python."""
 
     @vector.jit
     def part(x):
@@ -140,11 +141,11 @@ def test_a_part_of_another_function_can_be_called_all_the_same(place):
     assert whole(1.5) == 4.0
     assert part(1.5) == 3.0
     assert numba.njit(lambda x: part(x))(1.5) == 3.0
-    assert not [name for name in vars(cpu_target.target_context) if name.startswith("create_")]  # as Numba left it
+    assert not [name for name in vars(cpu_target.target_context) if name.startswith("create_")]  # unchanged
 
 
-def test_a_part_is_optimized_once_and_has_no_entries(place):
-    """Variables are values, not places in memory; and there is the function alone, which Python and C do not call."""
+def test_a_part_is_optimized_without_wrappers(place):
+    """Its intermediate code is optimized and has no wrappers for calls from Python or C."""
 
     @vector.jit
     def part(x):
@@ -153,12 +154,12 @@ def test_a_part_is_optimized_once_and_has_no_entries(place):
         return x
 
     machine.compiled(lambda x: part(x) + 1.0, SIGNATURE, dict(vector.TUPLES), "whole|part")
-    text = str(next(iter(part.overloads.values())).library.alone())
+    text = str(next(iter(part.overloads.values())).library.droppable_module())
     assert text.count("\ndefine ") == 1
     assert "alloca" not in text
 
 
-def test_parts_that_share_parts_can_be_called_and_linked_again(place):
+def test_shared_parts_can_be_linked_again(place):
     @vector.jit
     def shared(x):
         vector.apart()
@@ -182,6 +183,8 @@ def test_parts_that_share_parts_can_be_called_and_linked_again(place):
 
 
 def full(monkeypatch):
+    """Make writing fail as on a full disk."""
+
     def refuse(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -189,29 +192,31 @@ def full(monkeypatch):
 
 
 def no_folder(monkeypatch):
+    """Put a file in the place of the cache folder."""
     place = Path(os.environ["PHASEBENCH_CACHE"])
     place.parent.mkdir(exist_ok=True, parents=True)
     place.write_text("a file")
 
 
 def no_home(monkeypatch):
+    """Leave no place for a cache."""
     monkeypatch.setattr(cache, "root", lambda: None)
 
 
 @pytest.mark.parametrize("fault", [full, no_folder, no_home])
-def test_where_nothing_can_be_written_one_line_says_so(place, monkeypatch, caplog, fault):
+def test_an_unwritable_cache_warns_once(place, monkeypatch, caplog, fault):
     fault(monkeypatch)
     with caplog.at_level(logging.WARNING, "phasebench"):
         for k in range(3):
             cache.write(f"{k}.py", SEVERAL)
             assert cache.read(f"{k}.py") is None
-        assert made()[0](1.5) == 2.5
+        assert compile_or_load()[0](1.5) == 2.5
     assert len(caplog.records) == 1
     assert "\n" not in caplog.text.strip()
     monkeypatch.undo()
 
 
-def test_a_disk_that_fills_in_the_middle_leaves_nothing(place):
+def test_a_disk_that_fills_up_leaves_no_partial_entry(place):
     cache.write("a.py", b"before")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
@@ -220,7 +225,7 @@ def test_a_disk_that_fills_in_the_middle_leaves_nothing(place):
         cache.write("b.py", bytes(100_000))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert len(cache._said) == 1
+    assert len(cache._logged) == 1
     assert cache.read("a.py") == b"before"
     assert [p.name for p in place.iterdir()] == ["a.py"]
 
@@ -231,11 +236,12 @@ CONTENTS = [bytes([65 + k]) * (1000 + 20_000 * k) for k in range(5)]
 
 
 def _write_often(times: int) -> None:
+    """Write entry a.py repeatedly, with varying content."""
     for k in range(times):
         cache.write("a.py", CONTENTS[k % len(CONTENTS)])
 
 
-def test_processes_that_write_at_once_leave_whole_entries(place):
+def test_concurrent_writers_leave_complete_entries(place):
     cache.write("a.py", CONTENTS[0])
     workers = [multiprocessing.get_context("fork").Process(target=_write_often, args=(100,)) for _ in range(3)]
     for worker in workers:
@@ -252,6 +258,7 @@ def test_processes_that_write_at_once_leave_whole_entries(place):
 
 
 def _hold(seconds: float, holds, content: bytes | None) -> None:
+    """Hold the lock of entry a.py for some seconds, then write it if there is content."""
     with cache.alone("a.py"):
         holds.set()
         time.sleep(seconds)
@@ -261,7 +268,7 @@ def _hold(seconds: float, holds, content: bytes | None) -> None:
 
 @contextmanager
 def holder(seconds: float, content: bytes | None = None):
-    """A process that makes an entry for so long."""
+    """Run `_hold` in another process; yields the process once it has the lock."""
     fork = multiprocessing.get_context("fork")
     holds = fork.Event()
     process = fork.Process(target=_hold, args=(seconds, holds, content))
@@ -272,61 +279,62 @@ def holder(seconds: float, content: bytes | None = None):
     process.join()
 
 
-def waited() -> float:
-    """Seconds until this process may make the entry."""
+def seconds_to_lock() -> float:
+    """Seconds until this process gets the lock of entry a.py."""
     started = time.monotonic()
     with cache.alone("a.py"):
         return time.monotonic() - started
 
 
-def test_who_comes_later_waits_and_finds_the_entry(place):
+def test_a_second_process_waits_and_finds_the_entry(place):
     with holder(0.5, SEVERAL), cache.alone("a.py"):
         assert cache.read("a.py") == SEVERAL
     assert [p.name for p in place.iterdir()] == ["a.py"]
 
 
-def test_nobody_waits_for_an_entry_that_is_there_or_for_another(place):
+def test_existing_or_other_entries_are_not_waited_for(place):
     with holder(30.0):
         with cache.alone("b.py"):
             pass
         cache.write("a.py", SEVERAL)
-        assert waited() < 5
+        assert seconds_to_lock() < 5
 
 
-def test_nobody_waits_once_the_entry_has_come(place):
+def test_waiting_ends_when_the_entry_appears(place):
     with holder(30.0):
         threading.Timer(0.2, cache.write, ("a.py", SEVERAL)).start()
-        assert 0.1 < waited() < 5
+        assert 0.1 < seconds_to_lock() < 5
 
 
-def test_a_process_that_is_killed_keeps_nobody_waiting(place):
+def test_a_killed_process_releases_its_lock(place):
     with holder(30.0) as process:
         process.kill()
         process.join()
-        assert waited() < 5
+        assert seconds_to_lock() < 5
     assert not list(place.iterdir())
 
 
-def test_patience_ends(place, monkeypatch):
-    monkeypatch.setattr(cache, "PATIENCE", 0.2)
+def test_waiting_ends_after_patience(place, monkeypatch):
+    monkeypatch.setattr(cache, "LOCK_TIMEOUT", 0.2)
     with holder(30.0):
-        assert 0.2 <= waited() < 5
-        assert (place / "a.py.lock").exists()  # the holder's still
+        assert 0.2 <= seconds_to_lock() < 5
+        assert (place / "a.py.lock").exists()  # still held by the other process
 
 
-def test_a_lock_is_given_back_after_an_error_too(place):
+def test_a_lock_is_released_after_an_error(place):
     with pytest.raises(ValueError), cache.alone("a.py"):
         raise ValueError
-    assert waited() < 5
+    assert seconds_to_lock() < 5
     assert not list(place.iterdir())
 
 
 def _make_at_once(barrier, results) -> None:
+    """Compile the same function at the same time as the other processes; report whether it was loaded."""
     barrier.wait()
-    results.put(made("met|1")[1])
+    results.put(compile_or_load("met|1")[1])
 
 
-def test_of_processes_that_meet_on_a_kernel_one_compiles(place):
+def test_of_concurrent_processes_one_compiles(place):
     fork = multiprocessing.get_context("fork")
     barrier, results = fork.Barrier(3), fork.Queue()
     workers = [fork.Process(target=_make_at_once, args=(barrier, results)) for _ in range(3)]
@@ -338,16 +346,17 @@ def test_of_processes_that_meet_on_a_kernel_one_compiles(place):
     assert loaded == [False, True, True]
 
 
-# -- what is stale, what is too much -----------------------------------------------------------------------------------
+# -- stale entries and size
+# --------------------------------------------------------------------------------------------
 
 
-def test_the_version_is_of_the_source_and_of_the_processor(tmp_path, monkeypatch):
+def test_the_version_depends_on_source_and_processor(tmp_path, monkeypatch):
     package = Path(cache.__file__).parents[1]
     copy = tmp_path / "copy"
     shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))
     now = cache.version.__wrapped__
     usual = now()
-    monkeypatch.setattr(cache, "__file__", str(copy / "engine" / "cache.py"))
+    monkeypatch.setattr(cache, "__file__", str(copy / "compile" / "cache.py"))
     assert now() == usual
     source = copy / "families" / "splitting.py"
     source.write_text(source.read_text() + "\n")
@@ -360,7 +369,8 @@ def test_the_version_is_of_the_source_and_of_the_processor(tmp_path, monkeypatch
     assert now() != usual
 
 
-def filled(name: str, size: int, age: float) -> Path:
+def fill_folder(name: str, size: int, age: float) -> Path:
+    """Create a folder of the cache with an entry of that size, last used `age` seconds ago."""
     folder = cache.root() / name
     folder.mkdir(parents=True)
     (folder / "entry").write_bytes(bytes(size))
@@ -368,85 +378,85 @@ def filled(name: str, size: int, age: float) -> Path:
     return folder
 
 
-def test_the_longest_unused_version_goes_first(place, monkeypatch):
-    monkeypatch.setattr(cache, "BOUND", 2500)
-    old, newer = filled("py311-" + "0" * 16, 1000, 900), filled("py312-" + "f" * 16, 1000, 500)
-    foreign = filled("photographs", 10_000, 9000)
+def test_the_longest_unused_version_is_evicted_first(place, monkeypatch):
+    monkeypatch.setattr(cache, "MAX_BYTES", 2500)
+    old, newer = fill_folder("py311-" + "0" * 16, 1000, 900), fill_folder("py312-" + "f" * 16, 1000, 500)
+    foreign = fill_folder("photographs", 10_000, 9000)
     cache.write("a.py", bytes(1000))
     cache.evict()
     assert not old.exists()
     assert newer.exists()
     assert foreign.exists()
     assert cache.read("a.py") is not None
-    monkeypatch.setattr(cache, "BOUND", 1100)
+    monkeypatch.setattr(cache, "MAX_BYTES", 1100)
     cache.evict()
     assert not newer.exists()
     assert cache.read("a.py") is not None
 
 
-def test_reading_is_use(place):
+def test_reading_counts_as_use(place):
     cache.write("a.py", SEVERAL)
     for name, ago in (("a.py", 0), ("b.py", 1000)):
         cache._note_use.cache_clear()
         os.utime(place, (time.time() - 1000,) * 2)
         cache.read(name)
-        assert time.time() - cache._used(place) == pytest.approx(ago, abs=100)
+        assert time.time() - cache._last_used(place) == pytest.approx(ago, abs=100)
 
 
-def test_then_the_oldest_entries_go(place, monkeypatch):
+def test_the_oldest_entries_are_evicted_next(place, monkeypatch):
     for k in range(4):
         cache.write(f"{k}.py", bytes(1000))
         os.utime(place / f"{k}.py", (time.time() - 100 + k,) * 2)
-    monkeypatch.setattr(cache, "BOUND", 2500)
+    monkeypatch.setattr(cache, "MAX_BYTES", 2500)
     cache.evict()
     assert [cache.read(f"{k}.py") is not None for k in range(4)] == [False, False, True, True]
 
 
-def test_a_folder_of_just_the_bound_stays_as_it_is(place, monkeypatch):
-    other = filled("py311-" + "0" * 16, 1000, 900)
+def test_a_cache_at_its_bound_is_left_alone(place, monkeypatch):
+    other = fill_folder("py311-" + "0" * 16, 1000, 900)
     cache.write("a.py", bytes(1000))
     whole = cache.size(place)[1] + cache.size(other)[1]
-    monkeypatch.setattr(cache, "BOUND", whole)
+    monkeypatch.setattr(cache, "MAX_BYTES", whole)
     cache.evict()
     assert other.exists()
-    monkeypatch.setattr(cache, "BOUND", whole - 1)
+    monkeypatch.setattr(cache, "MAX_BYTES", whole - 1)
     cache.evict()
     assert not other.exists()
-    monkeypatch.setattr(cache, "BOUND", cache.size(place)[1])
+    monkeypatch.setattr(cache, "MAX_BYTES", cache.size(place)[1])
     cache.evict()
     assert cache.read("a.py") is not None
 
 
-def test_what_another_process_has_removed_meanwhile_is_passed_over(place, monkeypatch):
+def test_files_removed_by_another_process_are_skipped(place, monkeypatch):
     cache.write("a.py", bytes(1000))
-    gone, old = cache.root() / ("py311-" + "0" * 16), 2 * cache.ABANDONED
+    gone, old = cache.root() / ("py311-" + "0" * 16), 2 * cache.STALE_AFTER
     listed = [(time.time() - old, 4, place / "left.tmp"), (0.0, 1000, place / "b.py")]
     monkeypatch.setattr(cache, "versions", lambda: iter([gone]))
     monkeypatch.setattr(cache, "_entries", lambda of: listed if of == place else [(0.0, 10, gone / "c.py")])
-    monkeypatch.setattr(cache, "BOUND", 0)
+    monkeypatch.setattr(cache, "MAX_BYTES", 0)
     cache.evict()
     assert cache.read("a.py") is not None
 
 
-def test_where_there_is_no_folder_nobody_waits(place, monkeypatch):
+def test_without_a_folder_nothing_waits(place, monkeypatch):
     monkeypatch.setattr(cache, "folder", lambda: None)
     with cache.alone("a.py"):
         pass
     assert not place.exists()
 
 
-def test_what_a_killed_process_left_is_removed(place):
+def test_leftovers_of_a_killed_process_are_removed(place):
     cache.write("a.py", SEVERAL)
-    for name, age in (("old.tmp", 2 * cache.ABANDONED), ("old.lock", 2 * cache.ABANDONED), ("new.tmp", 0)):
+    for name, age in (("old.tmp", 2 * cache.STALE_AFTER), ("old.lock", 2 * cache.STALE_AFTER), ("new.tmp", 0)):
         (place / name).write_bytes(b"part")
         os.utime(place / name, (time.time() - age,) * 2)
     cache.evict()
     assert sorted(p.name for p in place.iterdir()) == ["a.py", "new.tmp"]
 
 
-def test_clearing_leaves_what_is_not_its_own(place):
+def test_clearing_leaves_foreign_files(place):
     cache.write("a.py", SEVERAL)
-    foreign = filled("photographs", 10, 0)
+    foreign = fill_folder("photographs", 10, 0)
     cache.clear()
     assert not place.exists()
     assert foreign.exists()
@@ -462,12 +472,12 @@ print(integrate(pendulum, "stormer-verlet", h=0.1, steps=10, q0=[1.0], p0=[0.2])
 
 
 def run_in_process() -> tuple[str, str]:
-    """(what it prints, what it complains of)."""
+    """(stdout, stderr) of the script `RUN`."""
     done = subprocess.run([sys.executable, "-c", RUN], capture_output=True, text=True, check=True)
     return done.stdout, done.stderr
 
 
-def test_a_run_survives_a_cache_of_garbage_and_none(place):
+def test_runs_agree_with_a_damaged_cache_and_without_one(place):
     first = run_in_process()
     assert not first[1]
     for k, path in enumerate(sorted(place.iterdir())):

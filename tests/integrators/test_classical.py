@@ -1,4 +1,4 @@
-"""The classical methods as they are published: the conditions of a tableau's order, and the equations of a step."""
+"""Classical methods as published: order conditions of the tableaus, and the equations that a step satisfies."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from phasebench.integrators.records import projection
 from phasebench.integrators.registry import method
 from support.trees import DIGITS, order_residual, vector
 
-#: H = (|p|^2 + |q|^2)/2 + q1^2 q2 - q2^3/3: other tests have its kernels compiled.
+#: The Henon-Heiles problem, whose kernels other tests compile too.
 P = problem("henon-heiles:chaotic")
 
 
 @pytest.mark.parametrize("id", ["explicit-euler", "rk4", "kutta-3"])
 def test_a_tableau_is_explicit_and_of_its_order(id):
-    """Of every tree; of those with one vertex more one at least is missed."""
+    """All order conditions up to the order hold; at least one of the next order fails."""
     m = projection.KUTTA_3 if id == "kutta-3" else method(id)
     with mpmath.workdps(DIGITS):
         *rows, b = (vector(value(str(x)) for x in row) for row in m.data)
@@ -39,17 +39,20 @@ def force(q):
 
 
 def kick(q, p, by):
+    """Kick over the fraction ``by`` of a step."""
     return q, p + by * H * force(q)
 
 
 def drift(q, p, by):
+    """Drift over the fraction ``by`` of a step."""
     return q + by * H * p, p
 
 
 def euler(where):
-    """The residual of z1 = z0 + h f, f at a place between (q0, p0) and (q1, p1)."""
+    """Residual function of z1 = z0 + h f(z), with z chosen by ``where`` from (q0, p0) and (q1, p1)."""
 
     def residual(q0, p0, q1, p1):
+        """z1 - z0 - h f(z)."""
         q, p = where(q0, p0, q1, p1)
         return q1 - q0 - H * p, p1 - p0 - H * force(q)
 
@@ -57,9 +60,10 @@ def euler(where):
 
 
 def splitting(*parts):
-    """What is missed after kicks and drifts, each over a part of the step."""
+    """Residual function of a sequence of kicks and drifts over fractions of a step."""
 
     def residual(q0, p0, q1, p1):
+        """(q1, p1) minus the state after the kicks and drifts."""
         q, p = q0, p0
         for move, by in parts:
             q, p = move(q, p, by)
@@ -68,7 +72,7 @@ def splitting(*parts):
     return residual
 
 
-#: Hairer, Lubich & Wanner 2006, I.1: the equations of a step.
+#: Equations of a step: Hairer, Lubich & Wanner 2006, I.1.
 EQUATIONS = {
     "explicit-euler": euler(lambda q0, p0, q1, p1: (q0, p0)),
     "implicit-euler": euler(lambda q0, p0, q1, p1: (q1, p1)),
@@ -81,7 +85,7 @@ EQUATIONS = {
 
 
 @pytest.mark.parametrize("id", EQUATIONS)
-def test_a_step_solves_its_equations_and_no_others(id):
+def test_a_step_solves_its_own_equations_only(id):
     s = integrate(P, id, h=H, steps=1)
     missed = {name: np.abs(f(*s.q[:1], *s.p[:1], *s.q[1:], *s.p[1:])).max() for name, f in EQUATIONS.items()}
     assert missed.pop(id) < 1e-15

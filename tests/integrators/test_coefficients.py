@@ -1,4 +1,4 @@
-"""The tables of coefficients: polished against published, damaged digits found, and the records made of them."""
+"""Coefficient tables: digits refined from the published ones, misprints located, method records made from them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from phasebench.integrators.registry import method
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 ROUND_OFF = mpmath.mpf("1e-50")
-#: Few, of every kind; with one whose published digits are right to 12 decimals only.
+#: A few tables of every kind; one has published numbers that are right to 12 decimals only.
 AGAIN = (
     "yoshida-8d",
     "mclachlan-ss9",
@@ -37,7 +37,7 @@ AGAIN = (
     "aba-864",
     "saba-3",
 )
-#: The same tables as published elsewhere: drifts of the splitting, first half (Yoshida 1990; Suzuki & Umeno 1993).
+#: Other publications of tables: drifts of the first half of the splitting (Yoshida 1990; Suzuki & Umeno 1993).
 ELSEWHERE = {
     "yoshida-6a": "0.78451361047755726382 0.23557321335935813369 -1.17767998417887100695 1.31518632068391121889",
     "suzuki-umeno-8": "0.7416703643506129534 -0.4091008258000315940 0.1907547102962383800 -0.5738624711160822667"
@@ -53,6 +53,7 @@ def full_precision():
 
 
 def distance(x, y):
+    """Largest difference of two sequences."""
     return max(abs(a - b) for a, b in zip(x, y, strict=True))
 
 
@@ -60,7 +61,7 @@ def distance(x, y):
 
 
 @named
-def test_polished_numbers_are_the_published_ones_to_their_digits(table):
+def test_polished_numbers_agree_with_the_published_digits(table):
     moved = distance(polished(table.name), starting(table))
     assert moved <= table.accuracy
     if table.good is not None:
@@ -70,13 +71,14 @@ def test_polished_numbers_are_the_published_ones_to_their_digits(table):
 
 
 @named
-def test_design_choices_stay_and_the_residual_is_round_off(table):
+def test_polishing_keeps_exact_numbers_and_meets_conditions(table):
+    """Numbers published as exact stay; the order conditions hold to round-off."""
     for text, number in zip(table.published, polished(table.name), strict=True):
         assert not is_exact(text) or number == value(text)
     assert max(map(abs, residual(table, polished(table.name)))) < ROUND_OFF
 
 
-#: By hand: the words of each degree of which the coefficient has to vanish; of a symmetric method, of odd degrees.
+#: Number of order conditions counted by hand: words per degree, only odd degrees for a symmetric method.
 COUNTED = {
     "pefrl": 2 + 8,
     "ruth-3": 2 + 4 + 8,
@@ -88,7 +90,7 @@ COUNTED = {
 
 
 @pytest.mark.parametrize("name", COUNTED)
-def test_the_conditions_that_are_solved_are_as_many_as_by_hand(name):
+def test_the_number_of_order_conditions(name):
     assert len(residual(BY_NAME[name], polished(name))) == COUNTED[name]
 
 
@@ -97,8 +99,8 @@ def test_polishing_again_finds_the_same_numbers(name):
     assert distance(polish(BY_NAME[name]), polished(name)) < ROUND_OFF
 
 
-def test_control_polishing_from_elsewhere_finds_other_numbers():
-    """Of a family with free directions the nearest member is found, of an isolated solution the solution itself."""
+def test_control_polishing_from_another_start():
+    """In a family the nearest member to the start is found; an isolated solution is found from any near start."""
     free, isolated = BY_NAME["sofroniou-spaletta-6"], BY_NAME["yoshida-6b"]
     first, *others = starting(free)
     assert distance(polish(free, [first + mpmath.mpf("1e-15"), *others]), polished(free.name)) > 1e-17
@@ -107,8 +109,8 @@ def test_control_polishing_from_elsewhere_finds_other_numbers():
 
 
 @pytest.mark.parametrize("name", ["blanes-moan-s6", "pefrl"])
-def test_no_member_of_a_family_is_nearer(name):
-    """x - x0 has no part along the directions in which the conditions stay fulfilled, to the digits of the Jacobian."""
+def test_polished_numbers_are_the_nearest_of_their_family(name):
+    """x - x0 is orthogonal to the tangent space of the family, to the digits of the Jacobian."""
     table = BY_NAME[name]
     moved = np.array([a - b for a, b in zip(polished(name), starting(table), strict=True)])
     J = jacobian(table, polished(name), range(len(moved)))
@@ -119,8 +121,8 @@ def test_no_member_of_a_family_is_nearer(name):
 
 
 @pytest.fixture
-def edited(monkeypatch):
-    """Puts a table in the place of the one of its name, or beside the others."""
+def edit_table(monkeypatch):
+    """Function that adds a table, or replaces the one of the same name."""
 
     def enter(table):
         monkeypatch.setitem(BY_NAME, table.name, table)
@@ -132,17 +134,17 @@ def edited(monkeypatch):
     coefficients.about.cache_clear()
 
 
-def test_polished_numbers_are_of_the_tables_as_they_stand():
+def test_polished_numbers_belong_to_the_current_tables():
     assert {name: entry["published"] for name, entry in coefficients.stored().items()} == {
         t.name: t.digest for t in TABLES
     }
 
 
-def test_an_edited_table_is_polished_when_it_is_asked_for(edited, tmp_path, monkeypatch):
-    """Its method is of the edited numbers at once, with a warning until the command has kept them."""
+def test_an_edited_table_is_polished_on_demand(edit_table, tmp_path, monkeypatch):
+    """Its method uses the edited numbers at once and warns until the command has stored them."""
     table = BY_NAME["blanes-moan-s6"]
     before = polished(table.name)
-    edited(replace(table, a=("0.209515106713362", *table.a[1:])))
+    edit_table(replace(table, a=("0.209515106713362", *table.a[1:])))
     with pytest.warns(UserWarning, match=r"blanes-moan-s6 is new or was edited.*python -m phasebench\.integrators"):
         after = polished(table.name)
     assert 1e-12 < distance(before, after) < 1e-9
@@ -156,30 +158,30 @@ def test_an_edited_table_is_polished_when_it_is_asked_for(edited, tmp_path, monk
     assert distance([value(x) for part in "ab" for x in written[table.name][part]], after) == 0
 
 
-def test_a_new_table_needs_no_entry_and_one_of_a_wrong_order_is_refused(edited):
-    edited(replace(BY_NAME["pefrl"], name="pefrl-again"))
+def test_new_tables_are_polished_and_wrong_orders_refused(edit_table):
+    edit_table(replace(BY_NAME["pefrl"], name="pefrl-again"))
     with pytest.warns(UserWarning, match="pefrl-again is new"):
         assert distance(polished("pefrl-again"), polished("pefrl")) == 0
-    edited(replace(BY_NAME["ruth-3"], b=("7/24", "3/4", "1/24")))
+    edit_table(replace(BY_NAME["ruth-3"], b=("7/24", "3/4", "1/24")))
     with pytest.warns(UserWarning, match="edited"), pytest.raises(ArithmeticError, match="ruth-3"):
         splittings.weights(BY_NAME["ruth-3"])
 
 
-def test_no_test_runs_on_a_table_of_which_the_numbers_are_not_kept(edited):
-    """The warning is an error here, and says what to do."""
-    edited(replace(BY_NAME["pefrl"], name="pefrl-again"))
+def test_tables_without_stored_numbers_warn(edit_table):
+    """The warning, which is an error in tests, names the command to run."""
+    edit_table(replace(BY_NAME["pefrl"], name="pefrl-again"))
     with pytest.raises(UserWarning, match=r"pefrl-again is new.* is polished now; .*python -m phasebench\.integrators"):
         polished("pefrl-again")
 
 
-#: Leapfrog, with a digit of its kicks wrong.
+#: Leapfrog with a wrong digit in its kick.
 MADE_UP = Table("made-up", "splitting", (2,), "made up", (), a=("1",), b=("0.50000001",))
 OLD = {"b": ["as it was"]}
 
 
 @pytest.fixture
 def command(monkeypatch, tmp_path, capsys):
-    """Runs the command with other tables and other kept numbers: what it writes and what it prints."""
+    """Function (tables, stored numbers, names) -> (file that the command writes, what it prints)."""
 
     def run(tables, kept, *names):
         monkeypatch.setattr(coefficients, "TABLES", tuple(tables))
@@ -193,7 +195,7 @@ def command(monkeypatch, tmp_path, capsys):
     return run
 
 
-def test_the_command_polishes_what_is_new_edited_or_named_and_leaves_the_rest(command):
+def test_the_command_polishes_new_edited_and_named_tables(command):
     new, edited, named, left = (replace(MADE_UP, name=name) for name in ("new", "edited", "named", "left"))
     kept = {"gone": OLD, "left": OLD | {"published": left.digest}, "named": OLD | {"published": named.digest}}
     text, said = command((left, new, edited, named), kept | {"edited": OLD | {"published": "of before"}}, "named")
@@ -209,8 +211,8 @@ def test_the_command_polishes_what_is_new_edited_or_named_and_leaves_the_rest(co
     assert made["residual_before"] == "2.0e-8"
 
 
-def test_the_command_says_what_came_of_a_table_before_it_polishes_the_next(command, monkeypatch):
-    """Some take minutes; what stands in a buffer is not seen."""
+def test_the_command_reports_each_table_at_once(command, monkeypatch):
+    """Each takes up to minutes; buffered output would not be seen."""
     raw, seen = io.BytesIO(), []
 
     def looked(table):
@@ -224,24 +226,24 @@ def test_the_command_says_what_came_of_a_table_before_it_polishes_the_next(comma
     assert seen[1].startswith(b"first: 2.0e-8 -> ")
 
 
-def test_the_command_leaves_what_is_kept_of_tables_as_they_stand_to_the_byte(command):
+def test_the_command_leaves_current_entries_byte_identical(command):
     before = coefficients.POLISHED.read_text()
     assert command(TABLES, coefficients.stored()) == (before, "")
 
 
-def test_the_command_refuses_an_unknown_name_and_writes_nothing(command, tmp_path):
+def test_the_command_refuses_an_unknown_name(command, tmp_path):
     with pytest.raises(InvalidInput, match="did you mean made-up"):
         command((MADE_UP,), {}, "made-op")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["forest-ruth", "pefrl"])
-def test_what_is_kept_is_what_the_command_finds(name):
+def test_stored_numbers_equal_those_of_the_command(name):
     assert entry(BY_NAME[name]) == coefficients.stored()[name]
 
 
-def test_how_far_printed_numbers_may_be_wrong():
-    """Ten units of the shortest's last digit; what is a choice, of six digits or as a fraction, is exact."""
+def test_accuracy_of_printed_numbers():
+    """Ten units in the last place of the shortest number; numbers of up to six digits and fractions count as exact."""
     printed = replace(BY_NAME["ruth-3"], a=("0.1234567", "0.12345678"), b=("2/3", "0.123456", "0.12345600"))
     assert [is_exact(x) for x in printed.published] == [False, False, True, True, True]
     assert abs(printed.accuracy * mpmath.mpf(10) ** 6 - 1) < ROUND_OFF
@@ -249,7 +251,7 @@ def test_how_far_printed_numbers_may_be_wrong():
     assert replace(printed, a=("1/3",)).accuracy < ROUND_OFF
 
 
-def test_what_cannot_be_polished_is_refused():
+def test_a_start_without_a_near_solution_is_refused():
     table = BY_NAME["ruth-3"]
     wrong = [x + mpmath.mpf("1e-9") for x in starting(table)]
     with pytest.raises(ArithmeticError, match="ruth-3"):
@@ -257,8 +259,8 @@ def test_what_cannot_be_polished_is_refused():
 
 
 @pytest.mark.parametrize("name", DAMAGED)
-def test_a_damaged_number_is_located_and_mended(name):
-    """The worst one first: its correction agrees with the table's digits better than the damage by far."""
+def test_a_damaged_number_is_located_and_corrected(name):
+    """The worst one first; the correction agrees with the true number far better than the damaged one."""
     table = BY_NAME[name]
     numbers, left = starting(table, DAMAGED[name]), dict(DAMAGED[name])
     while left:
@@ -270,11 +272,12 @@ def test_a_damaged_number_is_located_and_mended(name):
 
 
 def without(text, digits):
-    """A number without so many of its digits that stand beside each other, in every way."""
+    """The text with `digits` consecutive characters removed, at every position."""
     return {text[:k] + text[k + digits :] for k in range(len(text))}
 
 
-def test_a_damaged_number_is_the_published_one_of_its_place_but_for_its_damage():
+def test_damages_are_typical_misprints():
+    """The damages are exchanged, dropped or added digits of the published numbers."""
     texts = [(BY_NAME[name].published[k], text) for name in DAMAGED for k, text in DAMAGED[name].items()]
     (right, exchanged), (shorter, longer), (whole, lost) = texts
     assert sorted(exchanged) == sorted(right)
@@ -295,7 +298,7 @@ def test_closed_forms():
 
 
 @pytest.mark.parametrize("name", ELSEWHERE)
-def test_the_same_table_published_twice(name):
+def test_a_table_published_twice_is_the_same(name):
     texts = ELSEWHERE[name].split()
     assert distance(polished(name), [value(x) for x in texts]) <= 10 * max(map(unit, texts))
 
@@ -304,7 +307,7 @@ def test_the_same_table_published_twice(name):
 
 
 def letters(found):
-    """The drifts and kicks that substeps (c, mu, lambda) of symplectic Euler methods make, neighbours merged."""
+    """[letter, weight] of the drifts A and kicks B that substeps (c, mu, lambda) consist of, neighbours merged."""
     out = []
     for c, _, lam in found:
         for letter in "BA" if lam == 1 else "AB":
@@ -318,7 +321,7 @@ def letters(found):
 @pytest.mark.parametrize(
     "table", [t for t in TABLES if t.kind in ("splitting", "near-integrable")], ids=lambda t: t.name
 )
-def test_substeps_of_symplectic_euler_are_the_kicks_and_drifts(table):
+def test_substeps_of_a_splitting_are_its_kicks_and_drifts(table):
     made, published = letters(method(table.name).data[1]), steps(table.name)
     assert [x for x, _ in made] == [x for x, _ in published]
     assert distance([w for _, w in made], [w for _, w in published]) < ROUND_OFF
@@ -330,13 +333,13 @@ def test_leapfrog_is_symplectic_euler_and_its_adjoint():
     assert substeps([("A", half), ("B", one), ("A", half)]) == ((half, 1, 0), (half, 0, 1))
 
 
-def test_control_drifts_and_kicks_of_different_sums_are_refused():
+def test_control_unequal_sums_of_drifts_and_kicks_are_refused():
     with pytest.raises(ValueError, match="differ in their sums"):
         substeps([("A", mpmath.mpf(1) / 2), ("B", mpmath.mpf(1)), ("A", mpmath.mpf(1) / 3)])
 
 
 @pytest.mark.parametrize("m", splittings.METHODS, ids=lambda m: m.id)
-def test_the_order_of_a_splitting_record_from_its_data(m):
+def test_the_order_of_a_splitting_follows_from_its_data(m):
     if m.family == "parametric":
         assert classical_order("splitting", letters(m.data[1])) == m.order
         return
@@ -346,9 +349,9 @@ def test_the_order_of_a_splitting_record_from_its_data(m):
 
 
 @pytest.mark.parametrize("m", compositions.METHODS, ids=lambda m: m.id)
-def test_the_order_of_a_composition_record_from_its_data(m):
+def test_the_order_of_a_composition_follows_from_its_data(m):
     rows = m.data[1] if m.family == "parametric" else m.data
-    size = 1 if m.id.startswith("implicit-midpoint") else 2  # the substeps of its base
+    size = 1 if m.id.startswith("implicit-midpoint") else 2  # substeps per step of the base method
     fractions = [mpmath.fsum(r[0] for r in rows[i : i + size]) for i in range(0, len(rows), size)]
     assert classical_order("composition", fractions) == m.order
     if m.family == "schemes_iv_v":
@@ -359,7 +362,7 @@ STEP, STEPS = 0.05, 20
 
 
 def by_hand(table, q, p):
-    """The pendulum by kicks and drifts as the table says, in their order."""
+    """End state of the pendulum after applying the table's kicks and drifts in order."""
     for _ in range(STEPS):
         for letter, w in steps(table.name):
             if letter == "B":
@@ -370,7 +373,7 @@ def by_hand(table, q, p):
 
 
 @pytest.mark.parametrize("name", ["mclachlan-atela-4", "blanes-moan-srkn14a", "ruth-3", "pefrl"])
-def test_a_run_is_the_table_written_out(name):
+def test_a_run_applies_the_kicks_and_drifts_of_its_table(name):
     pendulum = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
     s = integrate(pendulum, name, h=STEP, steps=STEPS, q0=[1.3], p0=[0.4])
     assert np.abs(np.hstack([s.q[-1], s.p[-1]]) - by_hand(BY_NAME[name], 1.3, 0.4)).max() < 1e-13
@@ -382,10 +385,10 @@ def test_a_nystrom_splitting_refuses_another_kinetic_energy():
         integrate(quartic, "okunbor-skeel-6", h=0.1, steps=1, q0=[1.0], p0=[0.0])
 
 
-# -- composed --------------------------------------------------------------------------------------------------------
+# -- compositions ----------------------------------------------------------------------------------------------------
 
 
-def test_composed_by_a_name_and_by_its_fractions_is_the_same():
+def test_composition_by_name_equals_composition_by_fractions():
     base = method("implicit-midpoint")
     a, b = compositions.composed(base, "kahan-li-6"), compositions.composed(base, steps("kahan-li-6"))
     assert a.data == b.data == method("implicit-midpoint-kahan-li-6").data
@@ -394,7 +397,7 @@ def test_composed_by_a_name_and_by_its_fractions_is_the_same():
     assert compositions.composed(base, list(map(float, steps("kahan-li-6")))).order == 6
 
 
-def test_composed_keeps_the_parameters_of_its_base():
+def test_a_composition_keeps_the_parameters_of_its_base():
     m = compositions.composed(method("scheme-iii"), "forest-ruth")
     for lam in (Fraction(1, 3), Fraction(-2)):
         made, known = m(lam=lam).data[1], method("scheme-iii-yoshida-4", lam=lam).data[1]
@@ -402,18 +405,18 @@ def test_composed_keeps_the_parameters_of_its_base():
         assert distance([row[0] for row in made], [row[0] for row in known]) < ROUND_OFF
 
 
-def test_composed_of_unequal_fractions_is_not_symmetric():
+def test_a_composition_of_unequal_fractions_is_not_symmetric():
     made = compositions.composed(method("stormer-verlet"), [Fraction(1, 3), Fraction(2, 3)])
     assert (made.order, made.symmetric) == (2, False)
 
 
-def test_each_fraction_of_a_composed_composition_has_a_root_of_its_own():
+def test_nested_compositions_number_their_roots():
     twice = compositions.composed(method("scheme-iv"), [Fraction(1, 2), Fraction(1, 2)])
     assert [row[2] for row in twice.data] == [0, 1]
     assert [row[2] for row in compositions.composed(twice, "forest-ruth").data] == [0, 1, 2, 3, 4, 5]
 
 
-def test_fractions_add_up_to_the_step_to_twelve_digits():
+def test_fractions_must_add_up_to_one():
     base = method("stormer-verlet")
     assert compositions.composed(base, ["0.5", "0.5000000000005"]).order == 2
     with pytest.raises(InvalidInput, match="not to 1"):
@@ -432,18 +435,18 @@ def test_fractions_add_up_to_the_step_to_twelve_digits():
         (method("stormer-verlet"), [Fraction(1, 2), Fraction(1, 3)], "not to 1"),
     ],
 )
-def test_what_cannot_be_composed_is_refused(base, fractions, message):
+def test_invalid_compositions_are_refused(base, fractions, message):
     with pytest.raises(InvalidInput, match=message):
         compositions.composed(base, fractions)
 
 
-def test_a_parameter_that_breaks_the_symmetry_of_the_base_is_refused():
+def test_a_parameter_that_breaks_symmetry_is_refused():
     m = compositions.composed(method("scheme-i", lam=Fraction(1, 2)), "kahan-li-6")
     assert m.symmetric
     with pytest.raises(InvalidInput, match="not symmetric"):
         m(lam=Fraction(1, 3))
 
 
-def test_no_method_stands_twice():
+def test_no_two_methods_are_the_same():
     data = [(m.family, m.data) for m in (*splittings.METHODS, *compositions.METHODS, method("stormer-verlet"))]
     assert len(set(data)) == len(data)

@@ -1,4 +1,4 @@
-"""Implicit Runge-Kutta methods, HBVM, cPG: tableaus, the kernel against textbook formulae, conservation, rounding."""
+"""Implicit Runge-Kutta methods, HBVM and cPG: tableaus, kernels against textbook formulas, conservation, round-off."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from phasebench.benchmarks.measure.metrics import slope
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients import dop853, quadrature, tableaus
+from phasebench.integrators.compile import codegen
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine import codegen
-from phasebench.integrators.engine.kernel import COUNTS, prepare
-from phasebench.integrators.engine.lanes import put
-from phasebench.integrators.engine.vector import jit
 from phasebench.integrators.families import collocation, gauss_lanes, path_lanes, stage_lanes
 from phasebench.integrators.families.stage_lanes import Lanes
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.collocation import METHODS, hbvm
+from phasebench.integrators.stepping.kernel import COUNTS, prepare
+from phasebench.integrators.values.lanes import put
+from phasebench.integrators.values.vector import jit
 from support.trees import DIGITS, EPS, order_residual, trees, vector
 from support.values import value
 
@@ -35,13 +35,13 @@ BOX, KEPLER = problem("henon-heiles:box"), problem("perturbed-kepler")
 
 
 def end(solution):
-    assert solution.status in ("ok", "inaccurate", "unstable"), (
-        solution.reason
-    )  # the same equations are solved, whatever their worth
+    """End state (q, p) of a run that reached its end, whatever its accuracy."""
+    assert solution.status in ("ok", "inaccurate", "unstable"), solution.reason  # accuracy does not matter here
     return np.concatenate([solution.q[-1], solution.p[-1]])
 
 
 def energy_error(made, solution):
+    """Largest energy error along a run."""
     H = made.system.observe(made.system.H, solution.q, solution.p)
     return np.abs(H - H[0]).max()
 
@@ -53,7 +53,7 @@ RULES = {quadrature.gauss_legendre: 1, quadrature.radau_right: 2, quadrature.gau
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
 @pytest.mark.parametrize("n", [2, 3, 5, 8])
-def test_a_rule_is_exact_to_its_degree_and_no_further(rule, n):
+def test_quadrature_rules_have_their_exact_degree(rule, n):
     with mpmath.workdps(DIGITS):
         nodes = rule(n, DIGITS)
         defect = [abs(mpmath.fsum(b * c**k for c, b in nodes) - mpmath.mpf(1) / (k + 1)) for k in range(2 * n + 1)]
@@ -63,7 +63,7 @@ def test_a_rule_is_exact_to_its_degree_and_no_further(rule, n):
     assert defect[degree + 1] > 1e-12
 
 
-def test_the_polynomials_are_orthonormal_and_their_integrals_theirs():
+def test_legendre_polynomials_are_orthonormal():
     def P(i):
         return lambda c: quadrature.legendre(4, c)[i]
 
@@ -75,7 +75,7 @@ def test_the_polynomials_are_orthonormal_and_their_integrals_theirs():
 
 
 def simplifying(A, b, c, orders):
-    """The largest residual of Butcher's conditions B(p), C(q), D(r) for ``orders`` = (p, q, r)."""
+    """Largest residual of the simplifying assumptions B(p), C(q), D(r), with ``orders`` = (p, q, r)."""
     s, (p, q, r) = len(b), orders
     found = [mpmath.fsum(b[i] * c[i] ** (k - 1) for i in range(s)) - mpmath.mpf(1) / k for k in range(1, p + 1)]
     for i in range(s):
@@ -86,7 +86,7 @@ def simplifying(A, b, c, orders):
     return max(map(abs, found))
 
 
-#: (kind, s, whether A is that of p) with the (p, q, r) of B(p), C(q), D(r): Hairer & Wanner (1996), tables IV.5.13.
+#: (kind, s, whether A is that of p), (p, q, r) of B(p), C(q), D(r): Hairer & Wanner (1996), table IV.5.13.
 CONDITIONS = [
     *((("gauss", s, False), (2 * s, s, s)) for s in range(1, 9)),
     *((("radau-iia", s, False), (2 * s - 1, s, s - 1)) for s in (2, 3)),
@@ -96,7 +96,8 @@ CONDITIONS = [
 
 
 @pytest.mark.parametrize(("which", "orders"), CONDITIONS)
-def test_simplifying_assumptions_and_what_one_wrong_coefficient_does(which, orders):
+def test_simplifying_assumptions(which, orders):
+    """With control: one wrong coefficient violates them."""
     kind, s, second = which
     with mpmath.workdps(DIGITS):
         A, conjugate, b, c = tableaus.runge_kutta(kind, s)
@@ -117,8 +118,8 @@ UNIT = mpmath.mpf(2) ** -52
 
 
 @pytest.mark.parametrize(("kind", "s"), [("gauss", 2), ("gauss", 3), ("gauss", 5), ("lobatto-iiia-iiib", 3)])
-def test_rounded_coefficients_are_symplectic_exactly(kind, s):
-    """a^q_ij / b_j + a^p_ji / b_i = 1, of multiples of the unit that are within half of one of the exact numbers."""
+def test_rounded_coefficients_are_exactly_symplectic(kind, s):
+    """a^q_ij / b_j + a^p_ji / b_i = 1 exactly, for multiples of the unit within half a unit of the exact numbers."""
     made = tableaus.tableau(kind, s, s, False, DIGITS, UNIT)
     with mpmath.workdps(DIGITS):
         A, conjugate, b, _ = tableaus.runge_kutta(kind, s)
@@ -134,8 +135,8 @@ def test_rounded_coefficients_are_symplectic_exactly(kind, s):
 
 
 @pytest.mark.parametrize("digits", [30, 60])
-def test_coefficients_have_the_digits_of_the_run(digits):
-    """Radau's rule of three nodes integrates the powers up to the fourth."""
+def test_coefficients_have_full_precision(digits):
+    """Radau quadrature with three nodes integrates powers up to 4 to the digits in use."""
     with codegen.precision(digits):
         step = prepare(BY_ID["radau-iia-3"], SYSTEMS["coupled"]()[0], codegen.MULTIPRECISION).step
         for k in range(5):
@@ -144,8 +145,8 @@ def test_coefficients_have_the_digits_of_the_run(digits):
 
 
 @pytest.mark.parametrize("s", [1, 2, 3, 4])
-def test_rounded_nystrom_coefficients_of_gauss_are_symplectic_exactly(s):
-    """a_ij - a_ji = c_i - c_j with the weights 1 - c_j of the increments of q, of doubles near the exact numbers."""
+def test_rounded_nystrom_coefficients_are_exactly_symplectic(s):
+    """a_ij - a_ji = c_i - c_j exactly, with weights 1 - c_j, in numbers near the exact coefficients."""
     made = tableaus.tableau("gauss", s, s, True, DIGITS, UNIT)
     for i in range(s):
         assert made.weights[0][i] == 1 - made.c[i]
@@ -166,8 +167,8 @@ HALF = mpmath.mpf(1) / 2
 
 @pytest.mark.parametrize("nystrom", [False, True])
 @pytest.mark.parametrize(("s", "k"), [(1, 1), (1, 4), (2, 3), (3, 6)])
-def test_the_rounded_rule_of_hbvm_integrates_linear_functions_exactly(s, k, nystrom):
-    """The increment is the first coefficient, and the rule of it is symmetric; the second integral of P_0 is c^2/2."""
+def test_rounded_hbvm_rules_integrate_linear_functions(s, k, nystrom):
+    """With rounded coefficients the weights still sum to 1, the rule is symmetric, and linear functions are exact."""
     made = tableaus.tableau("hbvm", s, k, nystrom, DIGITS, UNIT)
     b, c = [row[0] for row in made.B], made.c
     assert mpmath.fsum(b) == 1
@@ -187,17 +188,18 @@ def test_the_rounded_rule_of_hbvm_integrates_linear_functions_exactly(s, k, nyst
 
 
 def distance(found, wanted):
-    """The largest difference of two matrices given by rows."""
+    """Largest difference of two matrices given by rows."""
     pairs = [(x, y) for row, other in zip(found, wanted, strict=True) for x, y in zip(row, other, strict=True)]
     return max(abs(x - y) for x, y in pairs)
 
 
 def dop853_arrays():
+    """(A, b) of DOP853 as arrays of mpmath numbers."""
     rows = np.array([[mpmath.mpf(0) + x for x in row] for row in dop853.tableau()], dtype=object)
     return rows[:-1], rows[-1]
 
 
-def test_dop853_satisfies_the_200_conditions_of_order_8_and_not_those_of_order_9():
+def test_dop853_satisfies_the_order_conditions_up_to_8_only():
     assert sum(len(trees(n)) for n in range(1, 9)) == 200
     with mpmath.workdps(DIGITS):
         A, b = dop853_arrays()
@@ -216,7 +218,7 @@ def test_dop853_has_the_published_numbers():
     assert np.abs(b - DOP853.B[:12]).max() <= 8 * EPS
 
 
-def test_control_one_wrong_coefficient_of_dop853_is_seen():
+def test_control_any_wrong_coefficient_of_dop853_is_seen():
     with mpmath.workdps(25):
         A, b = dop853_arrays()
         for M, place in [(x, place) for x in (A, b) for place in zip(*np.nonzero(x), strict=True)]:
@@ -225,20 +227,21 @@ def test_control_one_wrong_coefficient_of_dop853_is_seen():
             M[place] = kept
 
 
-# -- rounding ---------------------------------------------------------------------------------------------------------
+# -- round-off --------------------------------------------------------------------------------------------------------
 
 
-def rounded(id, system):
-    """(A^q, A^p, c, w^q) of a method as the kernel has them, in doubles."""
+def doubles(id, system):
+    """(A^q, A^p, c, w^q) in doubles as the kernel uses them."""
     step = prepare(BY_ID[id], system).step
-    if isinstance(step, Lanes):  # lane i of row j is A_ij
+    if isinstance(step, Lanes):  # lane i of row j holds A_ij
         s = step.stages
         return step.A[:s, :s].T, step.A[:s, :s].T, step.nodes[0, :s], step.nodes[2, :s]
     return step.A_q, step.A_p, step.c[:, 0], step.weights[0]
 
 
 def exactly_symplectic(id, system):
-    A, B, c, w = rounded(id, system)
+    """Whether the symplecticity conditions hold exactly for the rounded coefficients."""
+    A, B, c, w = doubles(id, system)
     if system.separable:
         exact = [[Fraction(a) - Fraction(b) for a, b in zip(*rows, strict=True)] for rows in zip(A, A.T, strict=True)]
         nodes = [Fraction(x) for x in c]
@@ -250,12 +253,12 @@ def exactly_symplectic(id, system):
 
 @pytest.mark.parametrize("name", ["henon-heiles", "coupled"])
 @pytest.mark.parametrize("id", [m.id for m in METHODS if m.data[0] in ("gauss", "lobatto-iiia-iiib", "radau-iia")])
-def test_the_doubles_are_symplectic_exactly_or_not_at_all(id, name):
+def test_double_coefficients_are_symplectic_if_declared(id, name):
     assert exactly_symplectic(id, SYSTEMS[name]()[0]) == BY_ID[id].symplectic
 
 
 def mean_momentum_error(id):
-    """(mean, its standard error) of the angular momentum's error at the end of long runs from several states."""
+    """(mean, standard error) of the error of angular momentum at the end of long runs from ten states."""
     random, errors = np.random.default_rng(0), []
     for _ in range(10):
         q, p = (np.array(x) * (1 + 0.02 * random.standard_normal(2)) for x in (KEPLER.q0, KEPLER.p0))
@@ -265,7 +268,8 @@ def mean_momentum_error(id):
     return np.mean(errors), np.std(errors) / 10**0.5
 
 
-def test_angular_momentum_does_not_drift_but_would_with_plainly_rounded_coefficients(monkeypatch):
+def test_angular_momentum_does_not_drift(monkeypatch):
+    """Control: with plainly rounded coefficients it drifts."""
     mean, doubt = mean_momentum_error(BY_ID["gauss-2"])
     assert abs(mean) < 4 * doubt
     with monkeypatch.context() as patch:
@@ -277,12 +281,12 @@ def test_angular_momentum_does_not_drift_but_would_with_plainly_rounded_coeffici
     assert abs(plain) > 5 * abs(mean)
 
 
-#: h of a pattern and of none, near the ends of their binades.
+#: Round and arbitrary step sizes, some near powers of two.
 LENGTHS = (0.1, 0.0987654321, 0.1234567891, 0.5000000001, 0.9999999999, 7.0 / 3, -0.3)
 
 
 @pytest.mark.parametrize("s", range(2, 9))
-def test_the_weights_of_stages_in_lanes_add_up_to_the_step(s):
+def test_weights_of_lanes_add_up_to_the_step(s):
     step = gauss_lanes.laned(s, SYSTEMS["henon-heiles"]()[0], codegen.DOUBLE)
     for h in LENGTHS:
         table = np.ones((1, len(step.like)))
@@ -301,7 +305,7 @@ def write_weights(step, h, table):
 
 
 @pytest.mark.parametrize("id", [m.id for m in METHODS if m.data[0] in tableaus.SYMMETRIC])
-def test_the_doubles_of_a_symmetric_rule_add_up_to_1(id):
+def test_double_weights_of_symmetric_rules_add_up_to_1(id):
     kind, s, *_ = BY_ID[id].data
     B = tableaus.tableau(kind, s, s, False, 40, UNIT).B
     b, exact = [Fraction(float(B[i][i])) for i in range(s)], tableaus.runge_kutta(kind, s)[2]
@@ -311,7 +315,7 @@ def test_the_doubles_of_a_symmetric_rule_add_up_to_1(id):
 
 
 def phase_error(id):
-    """The mean of the phase's error on the oscillator after runs from many starts, in its standard errors."""
+    """Mean phase error on the oscillator over many starts, in units of its standard error."""
     h, n = 0.0887654321, 16384
     Q, P = brouwer.runs(id, {}, h, n, brouwer.starts_of(40), 1)
     with mpmath.workdps(brouwer.DIGITS):
@@ -320,15 +324,16 @@ def phase_error(id):
 
 
 @pytest.mark.parametrize("lanes", [True, False])
-def test_the_phase_has_no_bias_but_would_with_plainly_rounded_weights(monkeypatch, lanes):
-    monkeypatch.setattr("phasebench.integrators.engine.preparation.KEPT", False)
+def test_the_phase_error_has_no_bias(monkeypatch, lanes):
+    """Control: with plainly rounded weights it has."""
+    monkeypatch.setattr("phasebench.integrators.compile.preparation.ENABLED", False)
     if not lanes:
         monkeypatch.setattr(gauss_lanes, "serves", lambda s, system: False)
     laned = gauss_lanes.laned
 
     def spoiled(*arguments):
         step = laned(*arguments)
-        step.nodes[4] = 0.0  # no lane takes the rest
+        step.nodes[4] = 0.0  # no lane compensates the rounding of the weights
         return step
 
     tableaus.tableau.cache_clear()
@@ -344,7 +349,7 @@ def test_the_phase_has_no_bias_but_would_with_plainly_rounded_weights(monkeypatc
 
 
 def test_the_energy_error_of_gauss_6_is_a_random_walk():
-    """Brouwer's law; h is no simple fraction: the products of h = 1/10 and a double are rounded with a bias."""
+    """Brouwer's law. h is not a simple fraction: products of a double and h = 1/10 have a biased round-off."""
     random, errors = np.random.default_rng(0), []
     for _ in range(40):
         q, p = (np.array(x) * (1 + 0.02 * random.standard_normal(2)) for x in (BOX.q0, BOX.p0))
@@ -361,7 +366,7 @@ def test_the_energy_error_of_gauss_6_is_a_random_walk():
 # -- the kernel -------------------------------------------------------------------------------------------------------
 
 
-#: Quadratic energies (p, q) K (p, q)/2 by their Hessians in q1, q2, p1, p2: kicks are the unknown, or all increments.
+#: Hessians K of H = (p, q) K (p, q)/2 in q1, q2, p1, p2; the unknowns are the kicks, or both increments.
 HESSIANS = {
     "kicks": np.array([[2.0, 0.5, 0, 0], [0.5, 3.0, 0, 0], [0, 0, 1.0, 0.2], [0, 0, 0.2, 0.5]]),
     "increments": np.array([[2.0, 0.5, 0.3, 0], [0.5, 3.0, 0, -0.4], [0.3, 0, 1.0, 0.2], [0, -0.4, 0.2, 0.5]]),
@@ -370,14 +375,14 @@ HESSIANS = {
 
 @cache
 def quadratic(name):
-    """The system of a quadratic energy."""
+    """The system with the Hessian of that name."""
     q, p = ["q1", "q2"], ["p1", "p2"]
     terms = zip(HESSIANS[name].ravel() / 2, product(q + p, repeat=2), strict=True)
     return Hamiltonian(q=q, p=p, H=" + ".join(f"({k})*{a}*{b}" for k, (a, b) in terms if k))
 
 
 def stages(id, name, h=0.5):
-    """(The equations of a step with increments that do not solve them, the first of their rows); rows before are 9."""
+    """(equations of a step with random increments, index of their first row); the rows before are filled with 9."""
     prepared = collocation.stage_by_stage(BY_ID[id], quadratic(name), codegen.DOUBLE)
     step, s, at = prepared.step._replace(h=h, eps=EPS), prepared.stages, 3 * prepared.stages
     memory, q, p = np.full((at + 3 * s, prepared.width), 9.0), value(0.7, -0.2), value(0.4, 1.1)
@@ -388,7 +393,7 @@ def stages(id, name, h=0.5):
 
 
 def by_matrices(e, K, x):
-    """h B f at the nodes of the increments x, by the matrices of the tableau and the energy."""
+    """h B f at the nodes for increments x, computed from the tableau and the Hessian."""
     step, h = e.step, e.step.h
     q, p = np.array(e.q), np.array(e.p)
     if step.field is None:
@@ -399,7 +404,8 @@ def by_matrices(e, K, x):
 
 @pytest.mark.parametrize("name", HESSIANS)
 @pytest.mark.parametrize("id", ["gauss-3", "lobatto-iiia-iiib-3", "radau-iia-3", "hbvm-4-2", "hbvm-6-3"])
-def test_a_sweep_is_the_slopes_at_the_nodes_and_tells_how_far_it_went(id, name):
+def test_a_sweep_evaluates_the_slopes_at_the_nodes(id, name):
+    """It returns the norms of the change and of the new increments."""
     (e, at), K = stages(id, name), HESSIANS[name]
     x = e.memory[at : at + e.stages].copy()
     told = collocation.sweep(e, at, at + e.stages)
@@ -412,8 +418,8 @@ def test_a_sweep_is_the_slopes_at_the_nodes_and_tells_how_far_it_went(id, name):
 
 @pytest.mark.parametrize("name", HESSIANS)
 @pytest.mark.parametrize("id", ["gauss-3", "lobatto-iiia-iiib-3", "radau-iia-3", "hbvm-4-2", "hbvm-6-3"])
-def test_newton_s_matrix_is_the_derivative_of_the_equations(id, name):
-    """They are linear: the derivative is a difference over a whole increment."""
+def test_newtons_matrix_is_the_derivative(id, name):
+    """The equations are linear, so differences over whole increments are exact."""
     (e, at), K = stages(id, name), HESSIANS[name]
     x = e.memory[at : at + e.stages].copy()
     matrix = np.zeros((x.size, x.size + 1))
@@ -427,7 +433,7 @@ def test_newton_s_matrix_is_the_derivative_of_the_equations(id, name):
 
 
 def textbook(system, kind, s, y, h):
-    """One step of k_i = f(y + h sum a_ij k_j) at 30 digits, by fixed point over all stages."""
+    """One step k_i = f(y + h sum a_ij k_j) at 30 digits by fixed-point iteration."""
     d = system.d
     with codegen.precision(30):
         *tableau, b, _ = tableaus.runge_kutta(kind, s)
@@ -446,8 +452,8 @@ def textbook(system, kind, s, y, h):
 
 @pytest.mark.parametrize("name", ["henon-heiles", "coupled"])
 @pytest.mark.parametrize("id", ["gauss-2", "gauss-5", "lobatto-iiia-iiib-3", "radau-iia-3"])
-def test_a_step_is_the_textbook_s_to_round_off(id, name):
-    """So the stage equations are solved to round-off, in the Nystrom form as in the general one."""
+def test_a_step_equals_the_textbook_formula(id, name):
+    """The stage equations are solved to round-off, in the Nystrom form and in the general one."""
     made, q, p = SYSTEMS[name]()
     y, h = vector([*q, *p]), 0.2
     expected = textbook(made, *BY_ID[id].data, y, h).astype(float)
@@ -456,14 +462,14 @@ def test_a_step_is_the_textbook_s_to_round_off(id, name):
 
 
 @pytest.mark.parametrize("s", [1, 2, 3])
-def test_hbvm_with_as_many_nodes_as_degrees_is_gauss(s):
+def test_hbvm_with_s_nodes_is_gauss(s):
     for name in ("henon-heiles", "coupled"):
         made, q, p = SYSTEMS[name]()
         ends = [end(integrate(made, m, h=0.1, steps=50, q0=q, p0=p)) for m in (hbvm(s, s), BY_ID[f"gauss-{s}"])]
         assert np.abs(ends[0] - ends[1]).max() < 1e-13
 
 
-def test_hbvm_approaches_cpg_as_its_nodes_grow():
+def test_hbvm_converges_to_cpg():
     limit = end(integrate(KEPLER, BY_ID["cpg-2"], h=0.1, steps=20))
     found = [integrate(KEPLER, hbvm(k, 2), h=0.1, steps=20) for k in (2, 3, 4, 6, 12)]
     distance = [np.abs(end(s) - limit).max() for s in found]
@@ -482,12 +488,12 @@ def test_cpg_1_is_the_averaged_vector_field_method(name):
 
 
 def planar(rest):
-    """H = |p|^2/2 + rest: systems of one dimension, so that they share their kernels."""
+    """H = |p|^2/2 + rest with d = 2, so that all of them share kernels."""
     return Hamiltonian(q="q1 q2", p="p1 p2", H=f"p1**2/2 + p2**2/2 + {rest}")
 
 
 @pytest.mark.parametrize("id", [m.id for m in METHODS if m.id.startswith("hbvm")])
-def test_hbvm_keeps_polynomials_up_to_its_degree_only(id):
+def test_hbvm_conserves_polynomials_up_to_degree_4_only(id):
     """2k/s = 4 for all of them."""
     lost = {}
     for name, V in (("quartic", "q1**2/2 + q1**4 + q1**2*q2**2/3"), ("sextic", "q1**2/2 + q1**6 + q1**2*q2**2/3")):
@@ -501,7 +507,7 @@ def test_hbvm_keeps_polynomials_up_to_its_degree_only(id):
 
 @pytest.mark.parametrize("id", [m.id for m in METHODS if m.id.startswith("cpg")])
 @pytest.mark.parametrize("name", ["perturbed-kepler", "coupled"])
-def test_cpg_keeps_every_energy(id, name):
+def test_cpg_conserves_every_energy(id, name):
     made, q, p = SYSTEMS[name]()
     s = integrate(made, BY_ID[id], h=0.1, steps=1000, q0=q, p0=p)
     H = made.observe(made.H, s.q, s.p)
@@ -523,8 +529,8 @@ OMEGA = 50
 
 @pytest.mark.parametrize("s", [1, 2, 4])
 @pytest.mark.parametrize("h", [0.2, 0.8])
-def test_newton_solves_what_the_fixed_point_cannot(s, h):
-    """h omega = 10 and 40: a step is the diagonal Pade approximation of exp(i h omega), which has modulus 1."""
+def test_newton_converges_where_fixed_point_iteration_fails(s, h):
+    """h omega = 10 and 40; a step is the diagonal Pade approximation of exp(i h omega), of modulus 1."""
     oscillator, state = planar(f"{OMEGA**2}*(q1**2 + q2**2)/2"), {"q0": [1.0, 0.5], "p0": [0.0, 0.0]}
     found = integrate(oscillator, BY_ID[f"gauss-{s}"], h=h, steps=20, **state)
     assert found.counts["newton"] == 20
@@ -536,7 +542,7 @@ def test_newton_solves_what_the_fixed_point_cannot(s, h):
 
 
 def exp_pade(s):
-    """The numerator of the diagonal Pade approximation of exp, highest power first."""
+    """Coefficients of the numerator of the diagonal Pade approximation of exp, highest power first."""
     return [comb(s, k) * factorial(2 * s - k) / factorial(2 * s) for k in range(s, -1, -1)]
 
 
@@ -544,7 +550,7 @@ NYSTROM, GENERAL = "q1**4", "q1**2*p1**2/10"
 
 
 def stiff(rest: str) -> str:
-    """An energy of one fast coordinate."""
+    """H with one fast coordinate and an additional term."""
     return f"p1**2/2 + p2**2/2 + {OMEGA**2}*q1**2/2 + q2**2/2 + q1*q2 + {rest}"
 
 
@@ -555,8 +561,8 @@ def stiff(rest: str) -> str:
         ("lobatto-iiia-iiib-3", 0.03, GENERAL),
     ],
 )
-def test_newton_s_steps_can_be_taken_back(id, h, rest):
-    """The exact solution of the stage equations is time-symmetric; in the Nystrom form and in the general one."""
+def test_newton_steps_are_reversible(id, h, rest):
+    """The exact solution of the stage equations is time-symmetric, in the Nystrom form and in the general one."""
     H = stiff(rest)
     forth, back = (Hamiltonian(q="q1 q2", p="p1 p2", H=f"{sign}({H})") for sign in ("", "-"))
     q, p = [0.9, 0.2], [3.0, -0.4]
@@ -569,30 +575,30 @@ def test_newton_s_steps_can_be_taken_back(id, h, rest):
     assert np.abs(end(there) - [*q, *p]).max() > 0.1
 
 
-def test_newton_s_method_leaves_the_increments_of_the_last_steps_as_they_were():
-    """The next start continues them: what their rows add up to is what the steps added to the momenta."""
+def test_newton_keeps_the_increments_of_earlier_steps():
+    """The next start extrapolates them: their rows add up to the change of the momenta in a step."""
     prepared = prepare(BY_ID["lobatto-iiia-iiib-3"], Hamiltonian(q="q1 q2", p="p1 p2", H=stiff(GENERAL)))
     run = lay_out(prepared, 2, 0.03, [0.9, 0.2], [3.0, -0.4], codegen.DOUBLE)
     weights, added, newton = prepared.step.weights, [], []
     for _ in range(tableaus.LEVELS + 1):
-        before = run.orbit.state[1, :2].copy()
+        before = run.carry.state[1, :2].copy()
         assert run(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 1) == (1, 0)
-        added.append(run.orbit.state[1, :2] - before)
+        added.append(run.carry.state[1, :2] - before)
         newton.append(run.counts.newton)
     assert np.all(np.diff(newton) > 0)
     for step in range(1, tableaus.LEVELS + 1):
         first = step % tableaus.LEVELS * weights.shape[1]
-        kept = weights[1] @ run.orbit.memory[first : first + weights.shape[1], 2:4]
+        kept = weights[1] @ run.carry.memory[first : first + weights.shape[1], 2:4]
         np.testing.assert_allclose(kept, added[step], rtol=0, atol=1e-13)
         assert np.abs(kept).max() > 0.1
 
 
-# -- the start -------------------------------------------------------------------------------------------------------
+# -- starting values -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("id", "most"), [("radau-iia-3", 20), ("hbvm-4-2", 28)])
-def test_starts_that_continue_the_last_steps_save_evaluations_and_longer_steps_contract_too(id, most):
-    """Starts that continue other numbers take 30, and 32, evaluations a step."""
+def test_extrapolated_starts_save_evaluations(id, most):
+    """Wrongly extrapolated starts take 30 and 32 evaluations per step."""
     system, q, p = SYSTEMS["coupled"]()
     with patch.object(path_lanes, "serves", lambda *_: False):
         short, long = (integrate(system, id, h=h, steps=20, q0=q, p0=p).counts for h in (0.02, 0.1))
@@ -601,7 +607,7 @@ def test_starts_that_continue_the_last_steps_save_evaluations_and_longer_steps_c
 
 
 @pytest.mark.parametrize("kind", [("gauss", 1, 1), ("gauss", 4, 4), ("lobatto-iiia-iiib", 3, 3), ("hbvm", 2, 4)])
-def test_the_start_continues_a_polynomial(kind):
+def test_the_start_extrapolates_a_polynomial(kind):
     _, _, B, _, c = tableaus.exact(*kind)
     s = kind[1]
     weights = tableaus.extrapolation(B, c)
@@ -615,7 +621,7 @@ def test_the_start_continues_a_polynomial(kind):
             assert (np.abs(E @ earlier - B @ c**power).max() < 1e-8) == continued
 
 
-def test_what_is_no_difference_of_nodes_is_not_rounded_to_one():
+def test_only_differences_of_nodes_are_rounded():
     A, c = mpmath.matrix([[0, 0], ["0.3", 0]]), [mpmath.mpf(0), mpmath.mpf(1)]
     assert tableaus.nystrom_rounded(A, c, mpmath.mpf(2) ** -50) == (A, c)
     assert tableaus.nystrom_rounded(A, [mpmath.mpf(0), A[1, 0]], mpmath.mpf(2) ** -50)[0] != A, "the control"

@@ -1,7 +1,7 @@
-r"""Discrete gradients: the identity DG . x = H(y + x) - H(y), direct implementations, the energy.
+"""Discrete gradients: the identity DG . x = H(y + x) - H(y), independent implementations, conservation of energy.
 
-The direct ones are written here in mpmath, without the path of the kernel: an average over one coordinate is a
-difference quotient of H, an average over several is Simpson's rule, exact for the gradient of a quartic H.
+The independent ones use mpmath and none of the kernel's code: an average over one coordinate is a difference quotient
+of H, an average over several is Simpson's rule, which is exact for the gradient of a quartic H.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ import sympy as sp
 
 from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.benchmarks.problems import problem
+from phasebench.integrators.compile import codegen
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine import codegen
-from phasebench.integrators.engine.kernel import fixed, prepare
 from phasebench.integrators.families import averaged, discrete_gradient
 from phasebench.integrators.families.averaged import coupled
 from phasebench.integrators.record import ROUND_OFF
 from phasebench.integrators.registry import METHODS, method
+from phasebench.integrators.stepping.kernel import fixed, prepare
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from support.values import value
 
 IDS = [m.id for m in METHODS if m.family in ("averaged", "discrete_gradient")]
 KERNELS = ("avf", "pavf", "pavf-p", "itoh-abe", "itoh-abe-symmetrized", "gonzalez")
 H = 0.125
-#: What two steps to round-off may differ by, and what shows.
+#: Largest difference of two steps solved to round-off, and a clearly visible one.
 UNIT, VISIBLE = 4e-15, 1e-6
 
 
@@ -36,6 +36,7 @@ UNIT, VISIBLE = 4e-15, 1e-6
 
 
 def energy_error(name, id, h, steps):
+    """Largest energy error of a run that must be ok."""
     system, q, p = SYSTEMS[name]()
     s = integrate(system, id, h=h, steps=steps, q0=q, p0=p)
     assert s.status == "ok", s.reason
@@ -46,26 +47,26 @@ def energy_error(name, id, h, steps):
 
 @pytest.mark.parametrize("name", ["henon-heiles", "pendulum", "coupled"])
 @pytest.mark.parametrize("id", IDS)
-def test_the_energy_is_kept_to_round_off(id, name):
+def test_energy_is_conserved_to_round_off(id, name):
     assert method(id).energy == ROUND_OFF
     assert energy_error(name, id, 0.1, 3000) < 3e-14 * (6 if "yoshida" in id else 1)
 
 
 @pytest.mark.parametrize("name", ["henon-heiles", "pendulum", "coupled"])
-def test_control_the_midpoint_rule_does_not_keep_it(name):
+def test_control_the_midpoint_rule_does_not_conserve_energy(name):
     assert energy_error(name, "implicit-midpoint", 0.1, 3000) > 1e-5
 
 
 @pytest.mark.parametrize("h", [1e-2, 1e-4, 1e-6])
-def test_the_round_off_of_small_increments_stays_out_of_gonzalez_gradient(h):
-    """H(y + x) - H(y) over x . x has an error of eps / h^2: nothing of it may reach the state or add up."""
+def test_gonzalez_gradient_suppresses_round_off(h):
+    """(H(y + x) - H(y)) / (x . x) has an error of eps / h^2, which must not reach the state or accumulate."""
     system, q, p = SYSTEMS["pendulum"]()
     a, b = (
         integrate(system, id, h=h, steps=4000, q0=q, p0=p, save_every=0) for id in ("gonzalez", "implicit-midpoint")
     )
     E = system.observe(system.H, a.q, a.p)
     assert abs(E[-1] - E[0]) < 2e-15
-    # Both are of order 2; what is left of their difference at small h is round-off.
+    # Both have order 2; at small h only round-off is left of their difference.
     assert max(abs(a.q[-1] - b.q[-1]), abs(a.p[-1] - b.p[-1])) < 0.1 * (4000 * h) * h**2 + 4e-15
     assert a.counts["newton"] == 0
 
@@ -77,7 +78,7 @@ def product(id, name, seed, spoil=lambda step: step):
     """(DG . x, H(y + x) - H(y)) for a random increment x that solves no equation, by the kernel's own functions."""
     system, q, p = SYSTEMS[name]()
     system = Hamiltonian(q=system.q, p=system.p, H=system.H)
-    system.quadratic_kinetic = False  # both increments are unknown
+    system.quadratic_kinetic = False  # makes both increments unknowns
     x = 0.4 * np.random.default_rng(seed).standard_normal(2 * system.d)
     step = spoil(prepare(method(id), system).step)
     E = lambda q, p: system.observe(system.H, np.array([q]), np.array([p]))[0]  # noqa: E731
@@ -102,7 +103,7 @@ def pairing(i, x):
 
 @pytest.mark.parametrize("name", ["henon-heiles", "coupled", "tao"])
 @pytest.mark.parametrize("id", KERNELS)
-def test_a_discrete_gradient_times_the_increment_is_the_difference_of_h(id, name):
+def test_a_discrete_gradient_satisfies_the_identity(id, name):
     for seed in range(5):
         found, difference = product(id, name, seed)
         assert abs(found - difference) < UNIT
@@ -128,12 +129,12 @@ def test_control_a_block_left_out_breaks_the_identity():
     assert abs(found - difference) > 1e-3
 
 
-# -- direct implementations -------------------------------------------------------------------------------------------
+# -- independent implementations --------------------------------------------------------------------------------------
 
 
 @cache
 def formula(name):
-    """(H, its gradient) of y as functions of a list of mpmath numbers; d."""
+    """(H, list of its derivatives, d) of a system; functions of a list y of mpmath numbers."""
     system = SYSTEMS[name]()[0]
     y = (*system.q, *system.p)
     functions = [sp.lambdify([y], e, "mpmath") for e in (system.H, *(sp.diff(system.H, x) for x in y))]
@@ -141,7 +142,7 @@ def formula(name):
 
 
 def partial_means(name, y, x, blocks):
-    """The discrete gradient that moves the components of one block after the other."""
+    """The discrete gradient along the path that moves one block of components after the other."""
     energy, gradient, _ = formula(name)
     at, out = list(y), [None] * len(y)
     for block in blocks:
@@ -157,6 +158,7 @@ def partial_means(name, y, x, blocks):
 
 
 def gonzalez(name, y, x):
+    """Gonzalez' discrete gradient at y with increment x."""
     energy, gradient, _ = formula(name)
     g = [f([a + b / 2 for a, b in zip(y, x, strict=True)]) for f in gradient]
     rest = energy([a + b for a, b in zip(y, x, strict=True)]) - energy(y) - mpmath.fdot(g, x)
@@ -165,6 +167,7 @@ def gonzalez(name, y, x):
 
 
 def substep(name, y, h, discrete_gradient_of):
+    """One step of length h with a discrete gradient, solved by fixed-point iteration."""
     d = formula(name)[2]
     x = [mpmath.mpf(0)] * len(y)
     for _ in range(200):
@@ -178,7 +181,7 @@ def substep(name, y, h, discrete_gradient_of):
 
 
 def direct(id, name):
-    """One step of the method, by the formulae of this file."""
+    """End state of one step by the formulas of this file."""
     _, q, p = SYSTEMS[name]()
     d = len(q)
     single, halves = [[i] for i in range(2 * d)], [list(range(d, 2 * d)), list(range(d))]
@@ -224,6 +227,7 @@ DIRECT = (
 
 
 def step(id, name):
+    """End state of one step by `integrate`."""
     system, q, p = SYSTEMS[name]()
     s = integrate(system, id, h=H, steps=1, q0=q, p0=p)
     return np.concatenate([s.q[-1], s.p[-1]])
@@ -231,21 +235,21 @@ def step(id, name):
 
 @pytest.mark.parametrize("name", ["henon-heiles", "coupled"])
 @pytest.mark.parametrize("id", DIRECT)
-def test_a_step_is_that_of_the_direct_formula(id, name):
+def test_a_step_equals_the_direct_formula(id, name):
     assert np.abs(step(id, name) - direct(id, name)).max() < UNIT
 
 
-def test_control_the_direct_formulae_differ_from_each_other():
-    """So a path in the wrong order, or a mean for a composition, would be seen."""
+def test_control_the_direct_formulas_differ():
+    """A path in the wrong order, or a mean in place of a composition, would be noticed."""
     ends = {id: direct(id, "coupled") for id in DIRECT}
     for i, a in enumerate(DIRECT):
         assert all(np.abs(ends[a] - ends[b]).max() > VISIBLE for b in DIRECT[:i])
 
 
-# -- where paths make no difference -----------------------------------------------------------------------------------
+# -- systems for which paths are equivalent ---------------------------------------------------------------------------
 
 
-def test_paths_that_make_no_difference_are_the_averaged_vector_field():
+def test_equivalent_paths_give_the_averaged_vector_field():
     separable, single, mixed = (SYSTEMS[n]()[0] for n in ("henon-heiles", "pendulum", "coupled"))
     assert not coupled("momenta, coordinates", separable)
     assert not coupled("components", single)
@@ -254,7 +258,7 @@ def test_paths_that_make_no_difference_are_the_averaged_vector_field():
     assert coupled("momenta, coordinates", SYSTEMS["tao"]()[0])
     assert np.array_equal(step("pavf", "henon-heiles"), step("avf", "henon-heiles"))
     assert np.array_equal(step("itoh-abe", "pendulum"), step("avf", "pendulum"))
-    # By the formulae too.
+    # Also by the direct formulas.
     for a in ("pavf", "pavf-adjoint"):
         assert np.abs(direct(a, "henon-heiles") - direct("avf", "henon-heiles")).max() < UNIT
     assert np.abs(direct("itoh-abe", "henon-heiles") - direct("avf", "henon-heiles")).max() > VISIBLE
@@ -281,8 +285,8 @@ def test_arrays_and_tuples_agree(id, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["henon-heiles", "pendulum", "coupled"])
-def test_long_steps_reach_the_energy_to_its_last_unit(name):
-    """Near it is not taken for reached while the error still falls."""
+def test_long_steps_conserve_energy_to_the_last_unit(name):
+    """The search for a goes on while the energy error still falls."""
     system, q, p = SYSTEMS[name]()
     s = integrate(system, "gonzalez", h=0.8 if name == "pendulum" else 0.4, steps=40, q0=q, p0=p)
     E = system.observe(system.H, s.q, s.p)
@@ -291,7 +295,7 @@ def test_long_steps_reach_the_energy_to_its_last_unit(name):
 
 
 def test_a_step_that_misses_the_energy_is_counted_once():
-    """Past its separatrix the pendulum is integrated with steps that are too long."""
+    """Outside its separatrix the pendulum is integrated with too long steps."""
     system = problem("pendulum").system
     s = integrate(system, "gonzalez", h=2.0, steps=6, q0=[0.0], p0=[2.5])
     E = system.observe(system.H, s.q, s.p)
@@ -301,8 +305,8 @@ def test_a_step_that_misses_the_energy_is_counted_once():
 
 
 @pytest.mark.parametrize(("id", "most"), [("gonzalez", 27), ("gonzalez-yoshida-4", 94)])
-def test_each_step_starts_from_those_before_it(id, most):
-    """From increments and multipliers extrapolated: of either alone it takes a fourth more evaluations."""
+def test_each_step_starts_by_extrapolation(id, most):
+    """Increments and multipliers are both extrapolated; with only one of them it takes a quarter more evaluations."""
     s = integrate(problem("pendulum"), id, h=0.1, steps=40)
     assert s.counts["steps"] == 40
     assert s.counts["gradient"] <= most * 40

@@ -1,4 +1,4 @@
-"""What the rows of a run say of its end: on rows that are made up, each sentence both ways."""
+"""What is reported at the end of a run, tested on made-up rows that lie just within and beyond each limit."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
 PLANE = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - y")
 NO_ENERGY = PartitionedSystem(q="q", p="p", dq=["p"], dp=["-q"])
-#: The line with a wall of depth 1/q at its origin.
+#: Motion on a line with the potential -1/q.
 WELL = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q", singular=["q"])
 T = np.arange(100.0)
 
 
 def rows(*states):
-    """(Q, P) of states (q, p) of one degree of freedom."""
+    """(Q, P), arrays (n, 1), of n states (q, p)."""
     return tuple(np.array(x, dtype=float)[:, None] for x in zip(*states, strict=True))
 
 
@@ -31,26 +31,26 @@ def rows(*states):
 
 
 @pytest.mark.parametrize(("p", "status"), [(1.0, "ok"), (1.001, "inaccurate")])
-def test_half_the_size_of_the_terms_is_the_last_that_passes(p, status):
-    """H = 1/2 at the start, then 1, of terms that add up to 1."""
+def test_energy_error_up_to_half_the_terms_is_ok(p, status):
+    """H = 1/2 at the start, then 1; the sizes of its terms add up to 1."""
     assert judged(OSCILLATOR, T, *rows((1, 0), (1, p))).status == status
 
 
-def test_the_time_is_that_of_the_first_row_that_is_lost():
+def test_the_reported_time_is_that_of_the_first_bad_row():
     energy = np.where(T < 40, 1.0, np.where(T < 70, 3.0, 9.0))
     said = judged(OSCILLATOR, T, np.sqrt(energy)[:, None], np.zeros((100, 1))).reason
     assert "from t = 40 on" in said
 
 
-def test_an_error_that_only_the_mean_over_all_rows_shows_is_dated_too():
-    """Rows that grow before they come back: by the mean so far nothing is lost, by the mean of all it is."""
+def test_an_error_relative_to_the_mean_of_all_rows_is_dated():
+    """The error exceeds its limit relative to the mean over all rows, not to the mean up to that row."""
     energy = np.r_[1.0, np.full(9, 100.0), np.full(990, 1.0)]
     t = np.arange(1000.0)
     assert "from t = 1 on" in judged(OSCILLATOR, t, np.sqrt(energy)[:, None], np.zeros((1000, 1))).reason
 
 
-def bounded(error):
-    """What is said of the oscillator from an amplitude of 1, with these errors of the energy."""
+def is_bounded(error):
+    """Whether the oscillator with these energy errors, at amplitude 1, is reported as an error that comes and goes."""
     amplitude = np.sqrt(2 * (0.5 + np.array(error)))
     amplitude[0] = 1.0
     return (
@@ -58,22 +58,22 @@ def bounded(error):
     )
 
 
-def test_an_error_that_comes_and_goes_is_told_from_one_that_grows():
+def test_bounded_and_growing_energy_errors_are_told_apart():
     waves = 3 * (1 - np.cos(np.arange(100.0)))
-    assert bounded(waves)
-    assert bounded(waves / 10), "whatever its size"
-    assert not bounded(waves * np.linspace(1, 1.5, 100)), "it grows"
-    assert not bounded(waves * np.linspace(1, 15, 100))
-    assert not bounded(3 + waves), "it comes and does not go"
-    assert not bounded(np.full(100, 3.0))
-    assert not bounded(waves[:18]), "too few rows"
+    assert is_bounded(waves)
+    assert is_bounded(waves / 10), "whatever its size"
+    assert not is_bounded(waves * np.linspace(1, 1.5, 100)), "it grows"
+    assert not is_bounded(waves * np.linspace(1, 15, 100))
+    assert not is_bounded(3 + waves), "it comes and does not go"
+    assert not is_bounded(np.full(100, 3.0))
+    assert not is_bounded(waves[:18]), "too few rows"
 
 
 # -- growth -----------------------------------------------------------------------------------------------------------
 
 
-def test_growth_at_a_kept_energy_is_said_to_be_the_motions_own():
-    """A fall along y: x stays."""
+def test_growth_with_conserved_energy_is_reported():
+    """A free fall along y."""
     t = np.linspace(0, 20, 41)
     Q, P = np.stack([1 + 0 * t, t**2 / 2], 1), np.stack([0 * t, t], 1)
     said = escaped(PLANE, Q, P)
@@ -89,7 +89,7 @@ def test_growth_at_a_kept_energy_is_said_to_be_the_motions_own():
     assert "grown to 200:" in escaped(PLANE, 0 * Q + [0.001, 1] * Q, P), "what is small beside it has no say"
 
 
-def test_without_an_energy_nothing_is_said_of_growth():
+def test_growth_needs_an_energy_to_be_reported():
     assert escaped(NO_ENERGY, *rows((1, 0), (1000, 0))) == ""
     assert approach(NO_ENERGY, *rows((1, 0), (1000, 0)), 0.1) is None
 
@@ -98,11 +98,11 @@ def test_without_an_energy_nothing_is_said_of_growth():
 
 
 def fall(q, H=-1.0):
-    """The momentum with which the well is fallen into, of that energy."""
+    """Momentum of a fall towards the singularity at q with energy H."""
     return -np.sqrt(2 * (H + 1 / q))
 
 
-def test_a_state_about_to_step_across_is_the_last_one():
+def test_a_last_step_longer_than_the_distance_is_reported():
     near, far = (0.01, fall(0.01)), (0.5, fall(0.5))
     assert "the step 1.41" in approach(WELL, *rows(far, far, near), 0.1)
     assert "the distance 0.01 " in approach(WELL, *rows(far, far, near), 0.1)
@@ -110,12 +110,12 @@ def test_a_state_about_to_step_across_is_the_last_one():
     assert "the step 1.41" in approach(WELL, *rows(near), 0.1), "it is the first one too"
 
 
-#: A plane with a singularity at the origin, that motions along x pass at a distance.
+#: A plane with a singularity at the origin; the tests pass it along x at the distance 0.1.
 KEPLER = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - 1/sqrt(x**2 + y**2)", singular=["sqrt(x**2 + y**2)"])
 
 
 def flyby(x, H):
-    """(Q, P) at the distances 0.1 of a line along x, with energies."""
+    """(Q, P) of a motion along the line y = 0.1 with energies H."""
     x, H = np.broadcast_arrays(np.array(x, dtype=float), H)
     Q = np.stack([x, np.full(len(x), 0.1)], 1)
     return Q, np.stack([np.sqrt(2 * (H + 1 / np.hypot(*Q.T))), np.zeros(len(x))], 1)
@@ -124,7 +124,7 @@ def flyby(x, H):
 X = [-5, -0.3, -0.1, 0.1, 5]
 
 
-def test_a_step_longer_than_the_distance_is_told_where_the_energy_is_lost():
+def test_an_encounter_is_reported_where_energy_is_lost():
     assert passed(KEPLER, T, *flyby(X, 1.0), 0.2) is None, "kept"
     assert passed(KEPLER, T, *flyby(X, np.array([1, 1, 1, 1, 0.95])), 0.2) is None, "less than a tenth"
     said = passed(KEPLER, T, *flyby(X, np.array([1, 1, 1, 1, 0.8])), 0.2)
@@ -138,17 +138,17 @@ def test_a_step_longer_than_the_distance_is_told_where_the_energy_is_lost():
     assert passed(KEPLER, T, *flyby(X, np.array([1, 1, 1, 1, 0.8])), 0.01) is None, "short steps"
 
 
-def test_a_head_on_motion_is_told_at_its_first_row():
+def test_a_head_on_motion_is_reported_at_its_first_row():
     Q, P = flyby(X, 1.0)
     Q[2:4, 1] = 0.0
     assert "head-on after t = 2;" in passed(KEPLER, T, Q, P, 0.2)
 
 
-# -- what a name may be given by --------------------------------------------------------------------------------------
+# -- arguments of public functions ------------------------------------------------------------------------------------
 
 
 def test_every_argument_may_be_named():
-    """And what stands behind a star must be: an h in the place of a t_end would be a run of another length."""
+    """Those after a star are keyword-only, so that h cannot be passed in the place of t_end."""
     modules = [import_module(f"{integrators.__name__}.{m.name}") for m in pkgutil.iter_modules(integrators.__path__)]
     functions = [f for m in modules for f in vars(m).values() if inspect.isfunction(f) and f.__module__ == m.__name__]
     assert len(functions) > 40

@@ -1,13 +1,13 @@
-"""The model of the energy's error, kept from step to step, and the root that is followed by it."""
+"""The model of the energy error that is carried from step to step, and how it follows a root."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from phasebench.integrators.engine import energy_model as model
-from phasebench.integrators.engine.energy_model import ALONG, FIRST
-from support.curves import EXACT, NEAR, UNIT, from_roots, known, look
+from phasebench.integrators.stepping import energy_model as model
+from phasebench.integrators.stepping.energy_model import ALONG, FIRST
+from support.curves import EXACT, NEAR, UNIT, from_roots, look, model_of
 
 # -- the model --------------------------------------------------------------------------------------------------------
 
@@ -20,14 +20,15 @@ def test_the_smaller_root_of_a_parabola_is_its_smaller_root(c):
     assert model.smaller_root(*map(float, c)) == pytest.approx(roots[np.argmin(abs(roots))], rel=1e-14)
 
 
-def test_a_parabola_without_a_root_has_it_at_infinity_and_a_tiny_one_is_exact():
+def test_smaller_root_without_a_root_and_for_a_tiny_constant():
     for c in ((1.0, 1.0, 1.0), (-1.0, 1.0, -1.0), (1.0, 0.0, 0.0), (np.nan, 1.0, 1.0)):
         assert model.smaller_root(*c) == np.inf
     for slope in (3.0, -3.0):
         assert model.smaller_root(1e-20, slope, 1.0) == pytest.approx(-1e-20 / slope, rel=1e-15)
 
 
-def test_an_attempt_is_a_hundred_times_less_exact_than_the_error_that_is_expected_or_exact():
+def test_attempts_are_solved_to_the_accuracy_needed():
+    """The tolerance of an attempt is a hundredth of the error expected, but not below round-off."""
     assert model.eased(1.0, UNIT) == model.eased(-1.0, UNIT) == pytest.approx(1e10, rel=1e-14)
     assert model.eased(2.0**14, 1.0) == pytest.approx(163.84, rel=1e-14)
     for E, unit in ((1e4, 1.0), (9e3, 1.0), (0.0, 1.0), (1.0, 0.0), (np.inf, 1.0), (np.nan, 1.0), (1.0, np.nan)):
@@ -42,9 +43,9 @@ def test_a_parabola_goes_through_its_three_points():
     assert slope == pytest.approx(c[1] + 2 * c[2] * x[2], rel=1e-14)
 
 
-def test_a_slope_is_extrapolated_as_the_parabola_in_time_that_it_has_been():
-    """Measured at the steps 0, ..., 3, asked for at those that follow."""
-    models = known(slope=5.0)
+def test_a_slope_is_extrapolated_quadratically_in_time():
+    """Slopes measured at the steps 0, ..., 3 and predicted for the following ones."""
+    models = model_of(slope=5.0)
     for n in range(4):
         model.grow_old(models, 0)
         model.renew(models, 0, 2.0 + 0.3 * n - 0.07 * n * n)
@@ -54,8 +55,8 @@ def test_a_slope_is_extrapolated_as_the_parabola_in_time_that_it_has_been():
         assert models[0, model.AGE] == n - 3
 
 
-def test_a_slope_that_is_seldom_measured_changes_by_its_mean_rate():
-    models = known(slope=1.0)
+def test_a_rarely_measured_slope_is_extrapolated_linearly():
+    models = model_of(slope=1.0)
     for n in (3, 6, 9):
         for _ in range(3):
             guess = model.grow_old(models, 0)
@@ -64,8 +65,8 @@ def test_a_slope_that_is_seldom_measured_changes_by_its_mean_rate():
     assert models[0, [model.SLOPE, model.RATE, model.BEND]] == pytest.approx([5.5, 0.5, 0.0])
 
 
-def test_the_bend_of_a_slope_is_its_second_change_per_step():
-    models = known(slope=1.0)
+def test_the_bend_is_the_second_difference_of_the_slope():
+    models = model_of(slope=1.0)
     for n in (3, 6, 9):
         for _ in range(3):
             model.grow_old(models, 0)
@@ -73,7 +74,7 @@ def test_the_bend_of_a_slope_is_its_second_change_per_step():
     assert models[0, model.BEND] == pytest.approx(-0.5)
 
 
-ROOM = model.LONE * 0.25  # of a slope of 1/4
+ROOM = model.LONE * 0.25  # for a slope of 1/4
 
 
 @pytest.mark.parametrize(
@@ -91,11 +92,12 @@ ROOM = model.LONE * 0.25  # of a slope of 1/4
         ({"before": 9.0, "age": 1}, {"before": 9.0, "age": 2}),
     ],
 )
-def test_a_model_is_trusted_up_to_where_it_is_said(limit, beyond):
-    """Near 0, the other root at least twice as far, the last root missed by a tenth of that, the slope as it was."""
+def test_the_limits_within_which_a_model_is_trusted(limit, beyond):
+    """The prediction is near 0, the other root twice as far, the last miss small, the slope steady and recent."""
 
     def trusted(streak=2, age=3, missed=0.0, predicted=0.0625, curvature=0.0, before=0.25):
-        models = known(before, curvature)
+        """Whether a model with these numbers is trusted."""
+        models = model_of(before, curvature)
         models[0, [model.STREAK, model.AGE, model.MISSED]] = streak, age, missed
         return model.trusted(NEAR, models, 0, predicted, 0.25, 0.25)
 
@@ -103,18 +105,18 @@ def test_a_model_is_trusted_up_to_where_it_is_said(limit, beyond):
     assert not trusted(**beyond)
 
 
-# -- the root that is followed ----------------------------------------------------------------------------------------
+# -- following a root -------------------------------------------------------------------------------------------------
 
 
 def trusted_model(slope=1.0, curvature=0.0, missed=1e-4, age=0.0, unit=UNIT, streak=1.0):
-    """A model that the next step follows."""
-    models = known(slope, curvature)
+    """A model that the next step trusts."""
+    models = model_of(slope, curvature)
     models[0, [model.MISSED, model.AGE, model.UNIT, model.STREAK]] = missed, age, unit, streak
     return models
 
 
 def test_a_root_is_followed_by_its_slope():
-    """From where it is predicted, twice at the root: the first time not as exactly as need be."""
+    """Three attempts: at the prediction, then twice at the root, first with a larger tolerance."""
     models = trusted_model(slope=2.0)
     s = look([-0.1, 2.0], models, predicted=0.0501)
     assert s.found
@@ -128,7 +130,7 @@ def test_a_root_is_followed_by_its_slope():
     assert models[0, model.AGE] == 0, "the slope was measured"
 
 
-def test_a_predicted_root_is_the_root_where_it_is_one():
+def test_a_prediction_that_is_a_root_is_accepted():
     models = trusted_model(missed=0.0)
     s = look([-0.05, 1.0], models, predicted=0.05)
     assert (s.x, s.found) == (0.05, True)
@@ -136,7 +138,7 @@ def test_a_predicted_root_is_the_root_where_it_is_one():
     assert models[0, [model.AGE, model.STREAK, model.MISSED]].tolist() == [1, 2, 0]
 
 
-def test_the_slope_at_zero_is_learned_on_the_way():
+def test_following_a_root_measures_the_slope():
     models = trusted_model(slope=1.05, curvature=0.5)
     s = look([-0.05, 1.0, 0.5], models, predicted=0.0488)
     assert s.found
@@ -146,7 +148,7 @@ def test_the_slope_at_zero_is_learned_on_the_way():
     assert models[0, model.STREAK] == 2
 
 
-def test_the_curvature_too_where_three_attempts_are_far_enough_apart():
+def test_three_distant_attempts_measure_the_curvature():
     models = trusted_model(slope=1.4, curvature=0.1, missed=1e-2)
     s = look([-0.05, 1.0, 0.8], models, predicted=0.03)
     assert s.found
@@ -155,9 +157,9 @@ def test_the_curvature_too_where_three_attempts_are_far_enough_apart():
     assert models[0, model.STREAK] == 1, "it begins anew"
 
 
-def test_steps_are_followed_with_two_or_three_attempts_each_and_looked_at_from_zero_now_and_then():
-    """E changes smoothly from step to step; each root is predicted from the two before."""
-    models, roots, cost, searched = known(), [], [], []
+def test_following_takes_two_or_three_attempts_per_step():
+    """E changes smoothly from step to step; each root is extrapolated from the two before."""
+    models, roots, cost, searched = model_of(), [], [], []
     for n in range(80):
         c = (-0.02 - 0.01 * np.sin(0.05 * n), 1.0 + 0.2 * np.cos(0.03 * n), 0.3)
         s = look(c, models, 2 * roots[-1] - roots[-2] if n > 1 else np.nan)
@@ -176,8 +178,8 @@ def test_steps_are_followed_with_two_or_three_attempts_each_and_looked_at_from_z
 @pytest.mark.parametrize(
     ("age", "missed", "aside"), [(5, 1e-10, True), (4, 1e-10, False), (7, 1e-10, True), (5, 1e-8, False)]
 )
-def test_a_slope_that_is_old_is_measured_by_an_attempt_beside_the_root(age, missed, aside):
-    """Where roots are predicted too well for it; 3000 units of round-off away."""
+def test_an_old_slope_is_measured_beside_the_root(age, missed, aside):
+    """Only if predictions are so good that attempts coincide; it is made 3000 round-off units away."""
     models = trusted_model(slope=2.0, missed=missed, age=age)
     s = look([-0.1, 2.0], models, predicted=0.05)
     assert s.found
@@ -186,8 +188,8 @@ def test_a_slope_that_is_old_is_measured_by_an_attempt_beside_the_root(age, miss
     assert models[0, model.AGE] == (0 if aside else age + 1)
 
 
-def test_a_root_beyond_which_another_may_be_nearer_is_not_followed():
-    """The curvature that is learned on the way makes it unsure; the search finds the nearer root."""
+def test_a_root_that_may_not_be_the_nearest_is_not_followed():
+    """The curvature found on the way makes the model unsure; the search then finds the nearer root."""
     models = trusted_model(slope=1.5, curvature=0.0, missed=1e-2)
     c = from_roots(0.08, -0.07, factor=10.0)
     s = look(c, models, predicted=0.085)
@@ -196,34 +198,34 @@ def test_a_root_beyond_which_another_may_be_nearer_is_not_followed():
     assert 0 in s.tried[:, 0]
 
 
-def told(errors):
-    """A run whose errors are these, in units, whatever x, and the model that it leaves."""
+def search(errors):
+    """(result, model) of a search whose attempts have these errors, in units of round-off, at any x."""
     models = trusted_model(missed=0.0, unit=EXACT)
     return look([0.0], models, 0.0625, errors=errors, unit=EXACT), models
 
 
 @pytest.mark.parametrize(("E", "found"), [(1.0, True), (-1.0, True), (1.0001, False)])
-def test_a_followed_root_is_one_at_the_unit_of_round_off(E, found):
-    s, _ = told([E, 0.0])
+def test_a_followed_root_must_be_exact_to_one_unit(E, found):
+    s, _ = search([E, 0.0])
     assert s.found
     assert len(s.tried) == 1 + (not found)
 
 
-def test_an_error_that_does_not_halve_ends_the_following():
+def test_following_ends_when_the_error_does_not_halve():
     for second, ends in ((-51.0, True), (51.0, True), (-50.0, False), (50.0, False)):
-        s, _ = told([100.0, second])
+        s, _ = search([100.0, second])
         assert (0 in s.tried[:, 0]) == ends, second
     for second, ends in ((8.0, False), (8.001, True)):
-        s, _ = told([10.0, second])
+        s, _ = search([10.0, second])
         assert (0 in s.tried[:, 0]) == ends, second
 
 
 def test_following_takes_seven_attempts_at_most():
-    s, _ = told([400.0 * 0.45**k for k in range(7)])
+    s, _ = search([400.0 * 0.45**k for k in range(7)])
     assert np.flatnonzero(s.tried[:, 0] == 0)[0] == 7
 
 
-def test_the_fourth_attempt_may_miss_by_eight_units_where_it_is_no_better_than_the_third():
+def test_the_fourth_attempt_may_miss_by_eight_units():
     for third, fourth, ends in (
         (8.0, 8.0, True),
         (16.0, 8.0, True),
@@ -231,23 +233,23 @@ def test_the_fourth_attempt_may_miss_by_eight_units_where_it_is_no_better_than_t
         (8.0, 3.9, False),
         (18.0, 9.0, False),
     ):
-        s, _ = told([100.0, 40.0, third, fourth, 0.0])
+        s, _ = search([100.0, 40.0, third, fourth, 0.0])
         assert len(s.tried) == 4 + (not ends), (third, fourth)
-    s, _ = told([10.0, 4.0, 3.0, 0.0])
+    s, _ = search([10.0, 4.0, 3.0, 0.0])
     assert len(s.tried) == 4, "the third may not"
 
 
-def test_a_slope_between_small_errors_is_taken_where_they_are_two_units_apart():
-    """E = 600, then -2 or -2.5: of the second the secant goes on, of the first the model."""
+def test_secants_need_errors_two_units_apart():
+    """E = 600, then -2 or -2.5: the slope of the model is used in the first case, the secant's in the second."""
     for second, slope in ((-2.0, 1.0), (-2.5, 602.5 / 600)):
-        s, models = told([600.0, second, 0.0])
+        s, models = search([600.0, second, 0.0])
         assert s.tried[2, 0] - s.tried[1, 0] == pytest.approx(-second * EXACT / slope, rel=1e-4, abs=0)
         assert models[0, model.AGE] == 1, "it is not kept"
 
 
-def test_a_slope_between_errors_of_a_thousand_units_is_kept():
+def test_only_slopes_from_large_errors_are_stored():
     for first, kept in ((1000.0, False), (1001.0, True)):
-        s, models = told([first, -4.0, 0.0])
+        s, models = search([first, -4.0, 0.0])
         assert s.found
         assert (models[0, model.AGE] == 0) == kept
         assert models[0, model.SLOPE] == pytest.approx(1 + 4 / first if kept else 1.0, rel=1e-6)

@@ -1,4 +1,4 @@
-"""Ensembles: each orbit as `integrate` makes it, in lanes or alone; what goes wrong is that orbit's own."""
+"""Ensembles: each orbit equals that of `integrate`, in SIMD lanes or not; a failure affects its own orbit only."""
 
 import threading
 import time
@@ -7,29 +7,31 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.problems import problem
-from phasebench.integrators import Hamiltonian, driver, lots, trajectory
+from phasebench.integrators import Hamiltonian, batches, driver, trajectory
 from phasebench.integrators.driver import COLLISION, DIVERGED, INVALID, NOT_CONVERGED, OK, integrate
-from phasebench.integrators.engine.orbit_lanes import LANES
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.stepping.orbit_lanes import LANES
 
-#: One more than a block: the last one is filled up.
+#: One more than a block of lanes, so that the last block is incomplete.
 N = LANES.n + 1
 BOX = "henon-heiles:box"
 
 
 def starts(name, n=N, spread=0.02):
-    """A problem with initial states around its own."""
+    """(problem, Q, P) with n initial states around the problem's own."""
     made, random = problem(name), np.random.default_rng(0)
     Q, P = (np.array(x) + spread * random.uniform(-1, 1, (n, made.system.d)) for x in (made.q0, made.p0))
     return made, Q, P
 
 
 def alone(made, id, Q, P, i, parameters=None, **options):
+    """`integrate` the i-th orbit."""
     return integrate(made, id, q0=Q[i], p0=P[i], parameters=parameters, **options)
 
 
 def assert_same(ensemble, i, solution):
+    """The i-th orbit of an ensemble has the rows, end and status of a solution."""
     rows = len(solution.q)
     np.testing.assert_array_equal(ensemble.Q[i, :rows], solution.q)
     np.testing.assert_array_equal(ensemble.P[i, :rows], solution.p)
@@ -52,7 +54,7 @@ CASES = [
 
 @pytest.mark.processor
 @pytest.mark.parametrize(("name", "id", "parameters"), CASES)
-def test_a_lane_is_the_scalar_kernel_to_the_last_bit(name, id, parameters):
+def test_a_lane_equals_the_scalar_kernel_bit_by_bit(name, id, parameters):
     made, Q, P = starts(name)
     options = {"h": 0.05, "steps": 205, "save_every": 50, "parameters": parameters}
     ensemble = integrate_ensemble(made, id, Q, P, **options)
@@ -66,8 +68,8 @@ def test_a_lane_is_the_scalar_kernel_to_the_last_bit(name, id, parameters):
 
 @pytest.mark.processor
 @pytest.mark.parametrize("name", ["pendulum", "lotka-volterra-log"])
-def test_a_lane_has_functions_of_its_own(name):
-    """Sine, cosine and exponential, whose errors of a few units in the last place a regular motion carries on."""
+def test_lanes_have_their_own_elementary_functions(name):
+    """Sine, cosine and exponential differ in the last places, which a regular motion does not amplify."""
     made, Q, P = starts(name)
     options = {"h": 0.05, "steps": 200, "save_every": 50}
     ensemble = integrate_ensemble(made, "stormer-verlet", Q, P, **options)
@@ -78,8 +80,8 @@ def test_a_lane_has_functions_of_its_own(name):
         np.testing.assert_allclose(ensemble.P[i], solution.p, rtol=0, atol=2e-13)
 
 
-def test_other_functions_are_called_lane_by_lane():
-    system = Hamiltonian(q="q", p="p", H="p**2/2 + (q**2 + 1)**1.3 - log(q**2 + 2) + cosh(q)")
+def test_functions_without_lanes_are_called_one_by_one():
+    system = Hamiltonian(q="q", p="p", H="p**2/2 + (q**2 + 1)**1.3 - log(q**2 + 2) + tan(q/4)")
     Q, P = np.linspace(-1, 1, N)[:, None], np.zeros((N, 1))
     ensemble = integrate_ensemble(system, "stormer-verlet", Q, P, h=0.05, steps=100)
     assert ensemble.in_lanes.all()
@@ -87,7 +89,7 @@ def test_other_functions_are_called_lane_by_lane():
         assert_same(ensemble, i, alone(system, "stormer-verlet", Q, P, i, h=0.05, steps=100, save_every=0))
 
 
-def test_every_orbit_has_its_own_step_and_parameter():
+def test_every_orbit_has_its_own_step_and_lambda():
     made, Q, P = starts(BOX)
     h, lam = 1 / np.linspace(5, 100, N).round(), np.linspace(0.1, 0.9, N)
     ensemble = integrate_ensemble(made, "scheme-i", Q, P, h=h, t_end=1.0, parameters={"lam": lam})
@@ -98,9 +100,9 @@ def test_every_orbit_has_its_own_step_and_parameter():
 
 
 @pytest.mark.parametrize(("steps", "every"), [(57, 7), (57, 25), (57, 57), (60, 1), (45, 10)])
-def test_rows_are_made_in_the_pieces_of_the_driver(monkeypatch, steps, every):
-    """The kicks at the ends of a piece are taken apart, which rounds otherwise."""
-    for module in (driver, trajectory, lots):
+def test_rows_are_computed_in_the_pieces_of_the_driver(monkeypatch, steps, every):
+    """Kicks at the ends of a piece are split, which rounds differently; ensemble and driver must split alike."""
+    for module in (driver, trajectory, batches):
         monkeypatch.setattr(module, "PIECE", 10)
     made, Q, P = starts(BOX)
     options = {"h": 0.1, "steps": steps, "save_every": every}
@@ -121,8 +123,8 @@ def test_a_method_of_any_family_runs_on_threads():
 
 
 @pytest.mark.parametrize("id", ["avf", "scheme-v", "dop853-relaxation"])
-def test_what_stops_one_by_one_is_what_integrate_says(id):
-    """One falls away, one starts where nothing can be solved; the others end as they would alone."""
+def test_stopped_orbits_have_the_status_of_integrate(id):
+    """One orbit escapes, one starts where no step can be solved; the others end as they would alone."""
     made, Q, P = starts(BOX, 4)
     Q[1], P[2] = (3.0, -3.0), (1e80, 1e80)
     options = {"h": 0.1, "steps": 300, "save_every": 70}
@@ -134,8 +136,8 @@ def test_what_stops_one_by_one_is_what_integrate_says(id):
 
 
 @pytest.mark.processor
-def test_what_goes_wrong_is_that_orbits_own():
-    n = max(N, 8)  # where a register holds few lanes, more than one block
+def test_a_failure_affects_its_own_orbit_only():
+    n = max(N, 8)  # more than one block, however few lanes a register holds
     made, Q, P = starts(BOX, n)
     Q[1], P[3, 0], Q[5], Q[6] = np.nan, np.inf, (30.0, 30.0), (3.0, 3.0)
     ensemble = integrate_ensemble(made, "stormer-verlet", Q, P, h=0.1, steps=100, save_every=1)
@@ -143,12 +145,12 @@ def test_what_goes_wrong_is_that_orbits_own():
     expected[[1, 3]], expected[[5, 6]] = INVALID, DIVERGED
     assert ensemble.status.tolist() == expected.tolist()
     assert "finite" in ensemble.reason[1]
-    assert np.isfinite(ensemble.q[[5, 6]]).all()  # the last good row
+    assert np.isfinite(ensemble.q[[5, 6]]).all()  # the last finite row
     for i in (0, 5, 6, n - 1):
         assert_same(ensemble, i, alone(made, "stormer-verlet", Q, P, i, h=0.1, steps=100))
 
 
-def test_a_collision_is_seen_in_a_lane():
+def test_a_collision_is_detected_in_lanes():
     made, Q, P = starts("kepler", N, 1e-3)
     Q[2], P[2] = (1.0, 0.0), (-0.5, 0.0)
     ensemble = integrate_ensemble(made, "stormer-verlet", Q, P, h=0.05, steps=100, save_every=1)
@@ -157,9 +159,9 @@ def test_a_collision_is_seen_in_a_lane():
     assert_same(ensemble, 2, alone(made, "stormer-verlet", Q, P, 2, h=0.05, steps=100))
 
 
-def test_a_lane_whose_control_is_lost_is_integrated_alone_and_the_others_go_on():
+def test_an_orbit_that_loses_its_step_density_is_redone_alone():
     made, Q, P = starts("kepler", N, 1e-3)
-    Q[2], P[2] = (1.0, 0.0), (0.0, 0.0)  # it falls
+    Q[2], P[2] = (1.0, 0.0), (0.0, 0.0)  # falls into the centre
     options = {"h": 0.1, "steps": 100, "save_every": 10}
     ensemble = integrate_ensemble(made, "stormer-verlet-adaptive", Q, P, **options)
     assert ensemble.status[2] == NOT_CONVERGED
@@ -168,8 +170,8 @@ def test_a_lane_whose_control_is_lost_is_integrated_alone_and_the_others_go_on()
         assert_same(ensemble, i, alone(made, "stormer-verlet-adaptive", Q, P, i, **options))
 
 
-def test_lanes_wait_for_the_orbit_of_the_most_steps():
-    """A state does not depend on its neighbours, nor what is counted of it: the others are far out, and take few."""
+def test_lanes_wait_for_the_orbit_with_most_steps():
+    """Neither states nor counts depend on the neighbours; every second orbit is far out and takes few steps."""
     made, Q, P = starts("kepler", N, 1e-3)
     Q[1::2], P[1::2] = 9 * Q[1::2], P[1::2] / 3
     options = {"h": 0.3, "steps": 40, "save_every": 20}
@@ -185,7 +187,7 @@ def test_lanes_wait_for_the_orbit_of_the_most_steps():
 def test_a_lane_that_does_not_contract_is_solved_alone():
     made, Q, P = starts("pendulum")
     h = np.full(N, 0.1)
-    h[[2, N - 1]] = 4.0  # Newton's
+    h[[2, N - 1]] = 4.0  # needs Newton's method
     ensemble = integrate_ensemble(made, "implicit-midpoint", Q, P, h=h, steps=10)
     solutions = [alone(made, "implicit-midpoint", Q, P, i, h=h[i], steps=10, save_every=0) for i in range(N)]
     assert solutions[2].counts["newton"] > 0
@@ -195,7 +197,7 @@ def test_a_lane_that_does_not_contract_is_solved_alone():
         assert_same(ensemble, i, solutions[i])
 
 
-def test_kernels_release_the_lock_of_the_interpreter():
+def test_kernels_release_the_interpreter_lock():
     one_call = driver.warm(problem(BOX), "stormer-verlet", h=0.01, steps=20_000_000)
     thread = threading.Thread(target=one_call)
     thread.start()
@@ -203,7 +205,7 @@ def test_kernels_release_the_lock_of_the_interpreter():
     while thread.is_alive():
         time.sleep(1e-3)
         turns += 1
-    assert turns > 20  # of two or three with the lock
+    assert turns > 20  # with the lock held it would be two or three
 
 
 def test_progress_ends_at_the_number_of_orbits():
@@ -236,7 +238,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(("changed", "message"), BAD)
-def test_what_cannot_be_used_is_refused(changed, message):
+def test_invalid_arguments_are_refused(changed, message):
     made, Q, P = starts(BOX)
     good = {"problem": made, "method": "scheme-i", "Q": Q, "P": P, "h": 0.1, "steps": 2, "parameters": {"lam": 0.3}}
     with pytest.raises(InvalidInput, match=message):

@@ -1,4 +1,4 @@
-"""What an ensemble is made of, piece by piece: who goes in lanes, on how many threads, in which calls, what is told."""
+"""Parts of an ensemble: which orbits go in SIMD lanes, threads, the calls of kernels, progress."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ import pytest
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import (
     Hamiltonian,
+    batches,
     ensemble,
     integrate,
     integrate_ensemble,
-    lots,
     prepare,
+    scalar_fallback,
     section,
-    singles,
     trajectory,
 )
 from phasebench.integrators.errors import InvalidInput, unknown
@@ -35,7 +35,7 @@ NO_ENERGY = PartitionedSystem(q="q", p="p", dq=["p"], dp=["-q"])
 
 
 def of(n, system=OSCILLATOR, id="stormer-verlet", **options):
-    """n orbits of the system from q = 1, 2, ..., p = 0."""
+    """Ensemble of n orbits of the system from q = 1, 2, ..., n, p = 0."""
     Q = np.arange(1.0, n + 1)[:, None]
     return integrate_ensemble(system, id, Q, 0 * Q, **{"h": 0.1, "steps": 3} | options)
 
@@ -43,8 +43,8 @@ def of(n, system=OSCILLATOR, id="stormer-verlet", **options):
 # -- lanes ------------------------------------------------------------------------------------------------------------
 
 
-def test_orbits_go_in_lanes_where_they_fill_them_or_are_told_to(monkeypatch):
-    monkeypatch.setattr(lots, "able", lambda system, record: record.id == "stormer-verlet")
+def test_orbits_go_in_lanes_if_enough_or_if_requested(monkeypatch):
+    monkeypatch.setattr(batches, "able", lambda system, record: record.id == "stormer-verlet")
     orbits = ensemble.begin(OSCILLATOR, "stormer-verlet", np.ones((9, 1)), np.ones((9, 1)), 0.1, None, 3, None, 0)
     for asked, enough, expected in (
         (None, 9, True),
@@ -53,7 +53,7 @@ def test_orbits_go_in_lanes_where_they_fill_them_or_are_told_to(monkeypatch):
         (False, 9, False),
         (False, 1, False),
     ):
-        monkeypatch.setattr(lots, "ENOUGH", enough)
+        monkeypatch.setattr(batches, "ENOUGH", enough)
         wide = ensemble._goes_in_lanes(orbits, np.arange(9), asked)
         assert wide.tolist() == [expected] * 9, (asked, enough)
     other = ensemble.begin(OSCILLATOR, "rk4", np.ones((9, 1)), np.ones((9, 1)), 0.1, None, 3, None, 0)
@@ -64,8 +64,8 @@ def test_orbits_go_in_lanes_where_they_fill_them_or_are_told_to(monkeypatch):
 
 @pytest.mark.parametrize(("steps", "every"), [(10, 1), (23, 2), (23, 7), (10, 10), (4, 4), (1, 1), (15, 5), (12, 6)])
 @pytest.mark.parametrize("most", [1, 4, 5, 1000])
-def test_the_calls_of_a_lot_are_those_of_a_trajectory(monkeypatch, steps, every, most):
-    for module in (lots, trajectory):
+def test_a_batch_is_computed_in_the_pieces_of_a_trajectory(monkeypatch, steps, every, most):
+    for module in (batches, trajectory):
         monkeypatch.setattr(module, "PIECE", most)
     calls = []
 
@@ -80,7 +80,7 @@ def test_the_calls_of_a_lot_are_those_of_a_trajectory(monkeypatch, steps, every,
     t = trajectory.Trajectory(OSCILLATOR, [1.0], [0.0], 0.1, steps, every, "double")
     while t:
         t.advance(Kernel(), trajectory.Pace(None, most))
-    made = list(lots.pieces(steps, every))
+    made = list(batches.pieces(steps, every))
     assert [(rows, size) for _, rows, size in made] == calls
     assert sum(rows * size for _, rows, size in made) == steps
     firsts = [first for first, _, _ in made]
@@ -89,13 +89,13 @@ def test_the_calls_of_a_lot_are_those_of_a_trajectory(monkeypatch, steps, every,
     assert firsts[-1] + made[-1][1] == -(-steps // every)
 
 
-def test_the_calls_end_with_the_steps():
-    """A row of a million steps is five calls, and behind the last there is none to look for."""
-    assert len(list(lots.pieces(10**7, 10**6))) == 50
-    assert list(lots.pieces(2, 3)) == [(0, 1, 2)]
+def test_no_call_follows_the_last_step():
+    """A row of a million steps takes five calls, and none follows the last step."""
+    assert len(list(batches.pieces(10**7, 10**6))) == 50
+    assert list(batches.pieces(2, 3)) == [(0, 1, 2)]
 
 
-def test_who_did_not_end_well_is_asked_again():
+def test_orbits_that_ended_badly_are_redone():
     n = np.arange(4)
     Q, P = np.ones((4, 3, 1)), np.zeros((4, 3, 1))
     Q[1, 1], P[2, 2], Q[3, 2] = np.nan, np.inf, 2.0
@@ -110,67 +110,67 @@ def test_who_did_not_end_well_is_asked_again():
         3,
     )
     for system, doubtful in ((OSCILLATOR, [1, 2, 3]), (NO_ENERGY, [1, 2])):
-        orbits = lots.Orbits.begun(system, *state)
+        orbits = batches.Orbits.begun(system, *state)
         orbits.Q, orbits.P = Q, P
-        assert lots.doubtful(orbits, n).tolist() == doubtful
-        assert lots.doubtful(orbits, n[2:]).tolist() == doubtful[-len(set(doubtful) & {2, 3}) :]
-    assert lots.doubtful(orbits, n[:0]).tolist() == []
+        assert batches.doubtful(orbits, n).tolist() == doubtful
+        assert batches.doubtful(orbits, n[2:]).tolist() == doubtful[-len(set(doubtful) & {2, 3}) :]
+    assert batches.doubtful(orbits, n[:0]).tolist() == []
 
 
-def test_who_came_near_to_a_singularity_is_asked_again():
+def test_orbits_near_a_singularity_are_redone():
     well = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q", singular=["q"])
     Q = np.array([[[1.0], [0.5]], [[1.0], [0.01]]])
     P = np.sqrt(2 / Q)
     state = (Q[:, 0], P[:, 0], np.full(2, 0.01), np.ones(2, int), np.ones(2, int), [method("rk4")], np.zeros(2, int), 2)
-    orbits = lots.Orbits.begun(well, *state)
+    orbits = batches.Orbits.begun(well, *state)
     orbits.Q, orbits.P = Q, P
-    assert lots.doubtful(orbits, np.arange(2)).tolist() == [1]
+    assert batches.doubtful(orbits, np.arange(2)).tolist() == [1]
     orbits.h[:] = 1e-5
-    assert lots.doubtful(orbits, np.arange(2)).tolist() == []
+    assert batches.doubtful(orbits, np.arange(2)).tolist() == []
 
 
-def test_who_passed_by_a_singularity_is_asked_again_where_the_energy_is_lost():
-    """Four orbits pass at right angles, nearer than a step: of two the energy is lost then, of one it was before.
+def test_encounters_that_lose_energy_are_redone():
+    """Four orbits pass a singularity nearer than one step. Two lose energy there, one lost it before.
 
-    What is lost is measured by the first row: of the last orbit the second has more energy to lose.
+    The loss is relative to the first row; the last orbit has more energy in its second row.
     """
     plane = Hamiltonian(q="x y", p="u v", H="u**2/2 + v**2/2 - 1/sqrt(x**2 + y**2)", singular=["sqrt(x**2 + y**2)"])
     Q = np.zeros((4, 4, 2))
     Q[:, :, 0] = (2.0, 1.0, 0.5, 2.0)
     P = np.zeros((4, 4, 2))
-    P[:, :, 1] = np.sqrt(2 / Q[:, :, 0] - 0.2)  # H = -0.1
+    P[:, :, 1] = np.sqrt(2 / Q[:, :, 0] - 0.2)  # so that H = -0.1
     P[0, 3, 1] = np.sqrt(2 / 2.0 - 0.2 + 0.04)
     P[1, 1, 1] = np.sqrt(2 / 1.0 - 0.2 + 0.04)
     P[3, 1, 1], P[3, 3, 1] = np.sqrt(2 / 1.0 - 0.5), P[0, 3, 1]
     h, whole = np.full(4, 0.3), np.ones(4, int)
-    orbits = lots.Orbits.begun(plane, Q[:, 0], P[:, 0], h, 3 * whole, whole, [method("rk4")], 0 * whole, 4)
+    orbits = batches.Orbits.begun(plane, Q[:, 0], P[:, 0], h, 3 * whole, whole, [method("rk4")], 0 * whole, 4)
     orbits.Q, orbits.P = Q, P
-    assert lots.doubtful(orbits, np.arange(4)).tolist() == [0, 3]
+    assert batches.doubtful(orbits, np.arange(4)).tolist() == [0, 3]
     for i in range(4):
         said = passed(plane, 0.3 * np.arange(4), Q[i], P[i], 0.3)
         assert (said is not None) == (i in (0, 3)), "what `integrate` would say"
-    assert lots.doubtful(orbits, np.array([1, 2])).tolist() == []
+    assert batches.doubtful(orbits, np.array([1, 2])).tolist() == []
     orbits.h[:] = 0.1
-    assert lots.doubtful(orbits, np.arange(4)).tolist() == []
+    assert batches.doubtful(orbits, np.arange(4)).tolist() == []
 
 
-# -- one by one -------------------------------------------------------------------------------------------------------
+# -- orbits one by one ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("piece", [2, 1000])
 @pytest.mark.parametrize("threads", [1, 2])
-def test_one_by_one_orbits_are_those_of_integrate_and_who_stops_is_left(monkeypatch, piece, threads):
-    """Those that a kernel does not bring to the end, and all of a method that may miss what it promises."""
-    for module in (lots, trajectory):
+def test_orbits_one_by_one_equal_those_of_integrate(monkeypatch, piece, threads):
+    """Orbits that stop early, and all of methods that may miss what they promise, are left to `integrate`."""
+    for module in (batches, trajectory):
         monkeypatch.setattr(module, "PIECE", piece)
     kinds = [method("implicit-midpoint"), method("rk4"), method("rk4-relaxation")]
     kind = np.array([0, 1, 0, 0, 2, 1])
     q, h = np.array([[0.1], [0.2], [5.0], [0.4], [0.5], [0.6]]), np.array([0.1, 0.2, 0.3, 0.05, 0.1, 0.15])
     steps, every = np.full(6, 7), np.full(6, 3)
-    cliff = Hamiltonian(q="q", p="p", H="p**2/2 - exp(q)")  # no step from q = 5 has a midpoint
-    orbits = lots.Orbits.begun(cliff, q, 0 * q, h, steps, every, kinds, kind, 4)
+    cliff = Hamiltonian(q="q", p="p", H="p**2/2 - exp(q)")  # a step from q = 5 has no solution
+    orbits = batches.Orbits.begun(cliff, q, 0 * q, h, steps, every, kinds, kind, 4)
     told = []
-    assert sorted(singles.run(orbits, np.arange(5), threads, told.append).tolist()) == [2, 4]
+    assert sorted(scalar_fallback.run(orbits, np.arange(5), threads, told.append).tolist()) == [2, 4]
     assert sum(told) == 3
     assert orbits.filled[[0, 1, 3]].tolist() == [4] * 3
     assert orbits.filled[[2, 4, 5]].tolist() == [1] * 3
@@ -183,10 +183,11 @@ def test_one_by_one_orbits_are_those_of_integrate_and_who_stops_is_left(monkeypa
     assert orbits.counts["gradient"] > orbits.counts["steps"] == 21
 
 
-# -- what is told -----------------------------------------------------------------------------------------------------
+# -- progress and status ----------------------------------------------------------------------------------------------
 
 
-def test_progress_tells_the_sum_of_what_is_more():
+def test_progress_reports_the_running_total():
+    """Only increments are added and reported."""
     told = []
     tell = ensemble._Progress(told.append)
     for more in (0, 2, 3, -1, 0, 1):
@@ -195,7 +196,7 @@ def test_progress_tells_the_sum_of_what_is_more():
     assert ensemble._Progress(None)(1) is None
 
 
-def test_threads_are_counted(monkeypatch):
+def test_the_number_of_threads(monkeypatch):
     assert ensemble._threads(1) == 1
     assert ensemble._threads(None) == ensemble.cores() >= 1
     for wrong in (0, -1, 1.0, True, "2"):
@@ -207,7 +208,7 @@ def test_threads_are_counted(monkeypatch):
         assert ensemble.cores() == cores
 
 
-def test_an_end_is_that_of_integrate_for_a_start_alone_and_for_many():
+def test_ends_and_times_equal_those_of_integrate():
     for lanes in (False, None):
         found = of(2, lanes=lanes, save_every=2)
         for i in range(2):
@@ -219,7 +220,7 @@ def test_an_end_is_that_of_integrate_for_a_start_alone_and_for_many():
         assert len(found) == 2
 
 
-def test_a_start_outside_of_H_is_invalid_and_the_others_go_on():
+def test_an_initial_state_outside_the_domain_is_invalid():
     Q = np.array([[1.0], [-1.0], [np.nan], [2.0]])
     found = integrate_ensemble(ROOT, "stormer-verlet", Q, 0 * Q + 1, h=0.1, steps=2)
     assert found.status.tolist() == ["ok", "invalid", "invalid", "ok"]
@@ -229,35 +230,35 @@ def test_a_start_outside_of_H_is_invalid_and_the_others_go_on():
     assert integrate_ensemble(NO_ENERGY, "rk4", [[1.0]], [[0.0]], h=0.1, steps=2).status.tolist() == ["ok"]
 
 
-def test_a_method_that_cannot_do_the_system_is_refused():
+def test_a_method_that_does_not_fit_the_system_is_refused():
     with pytest.raises(InvalidInput, match="'gautschi' requires a system with the trait"):
         of(2, id="gautschi")
     with pytest.raises(InvalidInput, match="'scheme-i' requires a system with the trait 'canonical'"):
-        of(lots.ENOUGH, id="scheme-i", system=problem("lotka-volterra").system)
+        of(batches.ENOUGH, id="scheme-i", system=problem("lotka-volterra").system)
 
 
 # -- names and records ------------------------------------------------------------------------------------------------
 
 
-def test_a_record_may_stand_in_the_place_of_its_id():
+def test_a_record_may_be_passed_for_its_id():
     record = BY_ID["scheme-i"]
     assert method(record) is record
     assert method(record, lam=3) == method("scheme-i", lam=3) != record
 
 
-def test_a_whole_number_is_one_whatever_holds_it():
+def test_whole_numbers_of_any_type_are_shown_as_integers():
     for value in (2, 2.0, np.float64(2), "2", Fraction(4, 2)):
         assert method("scheme-i", lam=value).label == "scheme-i(lam=2)"
     assert method("scheme-i", lam=0.1).label == "scheme-i(lam=0.1)"
 
 
-def test_the_parameters_that_there_are_are_told():
+def test_an_unknown_parameter_lists_the_known_ones():
     for id, words in (("scheme-i", "it has lam$"), ("rk4", "it has none$"), ("generating-function", "it has .*, ")):
         with pytest.raises(InvalidInput, match=words):
             method(id, mu=1)
 
 
-def test_twenty_names_are_told_at_most_and_of_the_others_how_many():
+def test_at_most_twenty_names_are_listed():
     names = [f"n{k:02}" for k in range(23)]
     for known, more in ((20, ""), (21, " and 1 more "), (23, " and 3 more ")):
         said = str(unknown("number", "qqqqqq", names[:known]))
@@ -270,7 +271,7 @@ def test_twenty_names_are_told_at_most_and_of_the_others_how_many():
 
 
 def crossings(x, v=None, at=0.0, sign=1.0):
-    """The times and momenta at which rows at the times 0, 1, ... of a free motion cross."""
+    """(times, momenta) at which a free motion with rows x at the times 0, 1, ... crosses the plane q = at."""
     x = np.array(x, dtype=float)
     v = np.gradient(x) if v is None else np.array(v, dtype=float)
     free, steps = Hamiltonian(q="q", p="p", H="p**2/2"), len(x) - 1
@@ -278,7 +279,7 @@ def crossings(x, v=None, at=0.0, sign=1.0):
     orbits = section.watched(asked, 0, at, sign > 0)
     q, p = (np.ascontiguousarray(y[None, 1:, None, None]) for y in (x, v))
     search = section.Search(orbits, np.zeros(1, int), 1)
-    for first in range(0, steps, 2):  # in two pieces
+    for first in range(0, steps, 2):  # in pieces of two rows
         search(first, *(np.ascontiguousarray(y[:, first : first + 2]) for y in (q, p)))
     made = section.concluded(orbits, 0.0)
     assert (made.q == at).all()
@@ -294,14 +295,14 @@ def test_a_row_on_the_plane_is_one_crossing():
     assert crossings([-1, np.nan, 1]) == ([], []), "it has stopped"
 
 
-def test_a_point_is_found_from_the_row_that_is_nearer():
-    """Of a motion that is free but for a jump of its momentum between the rows."""
+def test_a_crossing_is_computed_from_the_nearer_row():
+    """The free motion has a jump of its momentum between two rows."""
     assert crossings([-3, -0.5, 2, 4.5], v=[5, 2, 3, 3]) == (pytest.approx([1.25]), pytest.approx([2]))
     assert crossings([-4.5, -2, 0.5, 3], v=[3, 2, 4, 3]) == (pytest.approx([1.875]), pytest.approx([4]))
     assert crossings([-3, -0.5, 2, 4.5], v=[5, 2, 3, 3], at=-1.0)[0] == pytest.approx([0.75])
 
 
-def test_a_section_looks_at_every_step():
+def test_a_section_checks_every_step():
     asked = {"of": "q", "h": 0.5, "t_end": 60.0}
     found, again, seldom = (
         section.section(OSCILLATOR, "rk4", [[1.0]], [[0.0]], **asked | more)
@@ -317,7 +318,7 @@ def test_a_section_looks_at_every_step():
 # -- prepared runs ----------------------------------------------------------------------------------------------------
 
 
-def test_a_prepared_run_takes_either_half_of_a_start():
+def test_a_prepared_run_takes_q0_or_p0_or_both():
     made = problem("pendulum")
     run = prepare(made, "stormer-verlet")
     for start in ({"q0": [0.3]}, {"p0": [0.7]}, {"q0": [0.3], "p0": [0.7]}, {}):
@@ -326,12 +327,12 @@ def test_a_prepared_run_takes_either_half_of_a_start():
         assert (code, *np.array(end)[:, 0]) == (run.SOLVED, s.q[-1, 0], s.p[-1, 0]), start
 
 
-#: Of two degrees of freedom that know nothing of each other: one runs away in a finite time.
+#: Two uncoupled degrees of freedom, one of which escapes in finite time.
 APART = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 + x**2/2 - y**4")
 
 
 @pytest.mark.parametrize("away", [0, 1])
-def test_an_end_of_which_a_part_is_not_finite_is_none(away):
+def test_an_end_with_an_infinite_part_is_reported(away):
     class Started:
         system, q0, p0 = APART, [0.5, 0.0], [0.0, 0.0]
 
@@ -343,7 +344,7 @@ def test_an_end_of_which_a_part_is_not_finite_is_none(away):
 
 
 @compiled
-def test_what_is_packed_is_released_once():
+def test_packed_memory_is_released_once():
     run = prepare(problem("pendulum"), "stormer-verlet")
     packed, released, functions = [1], [], run._functions
 
@@ -363,7 +364,7 @@ def test_what_is_packed_is_released_once():
     assert len(released) == 2
 
 
-def test_a_run_that_cannot_be_made_leaves_nothing_behind(monkeypatch):
+def test_a_run_that_cannot_be_prepared_leaves_no_error_behind(monkeypatch):
     raised = []
     monkeypatch.setattr(sys, "unraisablehook", raised.append)
     with pytest.raises(InvalidInput):

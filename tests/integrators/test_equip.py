@@ -1,4 +1,4 @@
-"""EQUIP: its family of methods at a fixed alpha, the step that is taken, invariants, and steps without a root."""
+"""EQUIP methods: the Runge-Kutta method for fixed alpha, a step, invariants, and steps without a root."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients import tableaus
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, vector
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import MULTIPRECISION, precision, vector
-from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.families import equip as gauss_equip
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.records.collocation import METHODS
+from phasebench.integrators.stepping.kernel import prepare
 from support.trees import DIGITS, EPS, order_residual
 
 BY_ID = {m.id: m for m in METHODS}
@@ -26,7 +26,7 @@ BOX, KEPLER = problem("henon-heiles:box"), problem("perturbed-kepler")
 
 
 def butcher(s, alpha):
-    """(A(alpha), b) as arrays in the working precision, from P (X_s - alpha V) P^-1."""
+    """(A(alpha), b), arrays in the working precision, with A(alpha) = P (X_s - alpha V) P^-1."""
     A, _, b, c = tableaus.runge_kutta("gauss", s)
     P = mpmath.matrix([tableaus.legendre(s, x) for x in c])
     V = mpmath.zeros(s, s)
@@ -36,7 +36,7 @@ def butcher(s, alpha):
 
 
 @pytest.mark.parametrize("s", [2, 3, 4])
-def test_a_fixed_alpha_gives_a_symplectic_symmetric_method_of_order_2s_less_2(s):
+def test_a_fixed_alpha_is_symplectic_symmetric_of_order_2s_2(s):
     with mpmath.workdps(DIGITS):
         A, b = butcher(s, mpmath.mpf("0.03"))
         assert np.abs(b[:, None] * A + (b[:, None] * A).T - np.outer(b, b)).max() < 1e-45
@@ -44,7 +44,7 @@ def test_a_fixed_alpha_gives_a_symplectic_symmetric_method_of_order_2s_less_2(s)
         assert order_residual(A, b, range(1, 2 * s - 1)) < 1e-45
         assert order_residual(A, b, [2 * s - 1]) > 1e-6
         assert order_residual(*butcher(s, 0), range(1, 2 * s + 1)) < 1e-45
-        # That the kernel's skew matrix is this one.
+        # The kernel has the same skew matrix.
         gauss, c = butcher(s, 0)[0], tableaus.runge_kutta("gauss", s)[3]
         S = np.array(gauss_equip.skew(s, c), dtype=object)
         assert np.abs(gauss - mpmath.mpf("0.03") * S * b - A).max() < 1e-45
@@ -52,7 +52,7 @@ def test_a_fixed_alpha_gives_a_symplectic_symmetric_method_of_order_2s_less_2(s)
 
 @pytest.mark.parametrize("name", ["henon-heiles", "coupled"])
 @pytest.mark.parametrize("id", IDS[:2])
-def test_a_step_is_the_textbook_s_with_its_alpha_and_ends_at_the_energy_of_the_start(id, name):
+def test_a_step_is_the_formula_with_its_alpha(id, name):
     system, q, p = SYSTEMS[name]()
     h = 0.3
     solution = integrate(system, BY_ID[id], h=h, steps=1, q0=q, p0=p)
@@ -74,7 +74,7 @@ def test_a_step_is_the_textbook_s_with_its_alpha_and_ends_at_the_energy_of_the_s
     assert np.abs(found - ends[1]).max() > 1e3 * EPS, "the parameter made no difference: Gauss's step was tested"
 
 
-#: Kept: N = (|q|^2 + |p|^2) / 2 and, besides, H; no invariant is of the form q . D p.
+#: Conserves N = (|q|^2 + |p|^2) / 2 besides H; no invariant is of the form q . D p.
 ROTATION = Hamiltonian(
     q="q1 q2",
     p="p1 p2",
@@ -84,7 +84,7 @@ ROTATION = Hamiltonian(
 
 
 def errors(id):
-    """(solution, errors of H after steps with a root, errors of N after every step)."""
+    """(solution, largest error of H after steps with a root, largest error of N)."""
     s = integrate(ROTATION, BY_ID.get(id, id), h=0.25, steps=400, q0=[0.8, 0.1], p0=[-0.2, 0.6])
     H, N = (ROTATION.observe(e, s.q, s.p) for e in (ROTATION.H, *ROTATION.invariants))
     rooted = slice(1, None) if not id.startswith("gauss-equip") else np.flatnonzero(~np.isnan(s.parameter)) + 1
@@ -92,14 +92,14 @@ def errors(id):
 
 
 @pytest.mark.parametrize("id", IDS)
-def test_the_energy_and_a_quadratic_invariant_that_is_no_angular_momentum_are_kept(id):
+def test_energy_and_a_quadratic_invariant_are_conserved(id):
     s, energy, number = errors(id)
     assert s.counts["fallbacks"] == np.isnan(s.parameter).sum() < 0.05 * len(s.t)
     assert np.nanmax(np.abs(s.parameter)) > 1e-6
     assert max(energy, number) < 1e-14
 
 
-def test_controls_gauss_keeps_one_of_them_cpg_the_other_and_rk4_neither():
+def test_controls_gauss_cpg_and_rk4_do_not_conserve_both():
     (gauss, cpg, rk4) = (errors(id)[1:] for id in ("gauss-2", "cpg-2", "rk4"))
     assert gauss[0] > 1e-7 > 1e-14 > gauss[1]
     assert cpg[1] > 1e-7 > 1e-14 > cpg[0]
@@ -107,7 +107,7 @@ def test_controls_gauss_keeps_one_of_them_cpg_the_other_and_rk4_neither():
 
 
 @pytest.mark.parametrize("id", IDS)
-def test_angular_momentum_and_energy_of_the_perturbed_kepler_problem(id):
+def test_perturbed_kepler_conserves_energy_and_momentum(id):
     s = integrate(KEPLER, BY_ID[id], h=0.1, t_end=200)
     H = KEPLER.system.observe(KEPLER.system.H, s.q, s.p)
     L = KEPLER.system.observe(KEPLER.invariants["angular-momentum"], s.q, s.p)
@@ -116,16 +116,17 @@ def test_angular_momentum_and_energy_of_the_perturbed_kepler_problem(id):
     assert np.abs(L - L[0]).max() < 1e-14
 
 
-#: A step of the pendulum, with a free particle beside it, that has two roots.
+#: A pendulum with a free particle; the step from this state has two roots.
 TWO_ROOTS = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2/2 + p2**2/2 - cos(q1)")
 FROM = np.array([0.0663, 0.0, 1.6816, 0.0])
 
 
-def test_control_energy_changes_its_sign_on_both_sides_of_zero():
-    """By the textbook's step of length 1/4."""
+def test_control_the_energy_error_has_a_root_on_each_side():
+    """Computed with the textbook formula for a step of length 1/4."""
     field, h = TWO_ROOTS.vector_field(), 0.25
 
     def energy(alpha):
+        """Energy after the step with parameter alpha."""
         A, b = (x.astype(float) for x in butcher(3, mpmath.mpf(alpha)))
         K = np.zeros((3, 4))
         for _ in range(40):
@@ -137,8 +138,8 @@ def test_control_energy_changes_its_sign_on_both_sides_of_zero():
     assert energy(0.015) < 0 < energy(0.019)
 
 
-def test_of_two_roots_the_nearer_is_taken():
-    """Either keeps the energy: the other lies at 0.017."""
+def test_the_nearer_of_two_roots_is_taken():
+    """Both conserve the energy; the other root is at alpha = 0.017."""
     s = integrate(TWO_ROOTS, BY_ID["gauss-equip-3"], h=0.25, steps=1, q0=FROM[:2], p0=FROM[2:])
     assert -0.01 < s.parameter[0] < -0.008
     assert s.counts["fallbacks"] == 0
@@ -146,8 +147,8 @@ def test_of_two_roots_the_nearer_is_taken():
     assert abs(H[1] - H[0]) < 1e-15
 
 
-def test_a_run_ends_at_the_step_whose_equations_are_not_solved():
-    """Here the second component is free, and the first falls into a singularity."""
+def test_a_run_ends_at_an_unsolved_step():
+    """The first component falls into a singularity, the second is free."""
     fall = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2/2 + p2**2/2 - 1/q1")
     s = integrate(fall, BY_ID["gauss-equip-2"], h=0.5, steps=10, q0=[1.0, 0.1], p0=[0.5, 0.2])
     assert (s.status, s.counts["steps"], len(s.t)) == ("not-converged", 3, 4)
@@ -163,13 +164,14 @@ LANED = {
 
 
 def of(name) -> Hamiltonian:
+    """The system of that name."""
     return Hamiltonian(q="q1 q2", p="p1 p2", H=LANED[name])
 
 
 @pytest.mark.processor
 @pytest.mark.parametrize("name", LANED)
-def test_stages_in_lanes_reach_what_stages_one_by_one_reach(monkeypatch, name):
-    """As nearly as the energy's round-off, from which alpha is found, lets two runs of fifty steps."""
+def test_stages_in_lanes_reach_the_state_of_single_stages(monkeypatch, name):
+    """Up to the round-off of the energy, which determines alpha, over fifty steps."""
     runs, state = [], {"q0": [0.7, 0.5], "p0": [0.2, -0.3]}
     for served in (True, False):
         monkeypatch.setattr(gauss_equip, "serves", lambda s, system, served=served: served)
@@ -183,13 +185,14 @@ def test_stages_in_lanes_reach_what_stages_one_by_one_reach(monkeypatch, name):
 
 
 def end(system, id, state):
+    """End state after fifty steps."""
     s = integrate(system, id, h=0.1, steps=50, **state)
     return np.concatenate([s.q[-1], s.p[-1]])
 
 
 @pytest.mark.parametrize("name", LANED)
-def test_the_tableau_of_every_alpha_is_symplectic_exactly_and_a_run_s_own(name):
-    """Of the doubles; other threads go on with the tableau that was prepared."""
+def test_the_tableau_of_every_alpha_is_exactly_symplectic(name):
+    """Exactly, in double precision; the prepared tableau is unchanged, as other threads use it."""
     prepared = prepare(BY_ID["gauss-equip-3"], of(name))
     kept = prepared.step.tableau.A.copy()
     layout = lay_out(prepared, 2, 0.3, np.array([0.7, 0.5]), np.array([0.2, -0.3]))
@@ -209,7 +212,8 @@ def test_the_tableau_of_every_alpha_is_symplectic_exactly_and_a_run_s_own(name):
 # -- steps without a root ---------------------------------------------------------------------------------------------
 
 
-def test_steps_without_a_root_are_gauss_steps_are_told_and_the_energy_is_won_back():
+def test_steps_without_a_root():
+    """Such steps are Gauss steps and are counted; later steps restore the energy."""
     s = integrate(BOX, BY_ID["gauss-equip-2"], h=0.25, t_end=1000)
     lost = np.isnan(s.parameter)
     assert 0 < lost.sum() == s.counts["fallbacks"] < 0.05 * len(lost)
@@ -223,12 +227,13 @@ def test_steps_without_a_root_are_gauss_steps_are_told_and_the_energy_is_won_bac
 
 
 def test_control_such_a_step_has_no_root_nearby():
-    """Nor has its energy a change of sign between alpha = -1/4 and 1/4, by the textbook's step."""
+    """By the textbook formula the energy error has no sign change for alpha between -1/4 and 1/4 either."""
     s = integrate(BOX, BY_ID["gauss-equip-2"], h=0.25, t_end=1000)
     n = np.flatnonzero(np.isnan(s.parameter))[0]
     field, h = BOX.system.vector_field(), 0.25
 
     def energy(y, alpha):
+        """Energy after the step from y with parameter alpha."""
         A, b = (x.astype(float) for x in butcher(2, mpmath.mpf(float(alpha))))
         K = np.zeros((2, 4))
         for _ in range(60):

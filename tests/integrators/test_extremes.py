@@ -1,4 +1,4 @@
-"""Inputs at the extremes, each with the status that it must have and words of the reason: none is ok where it broke."""
+"""Extreme inputs with the status and the words of the reason expected of each; no broken run is ok."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ OSCILLATOR, PENDULUM, LOTKA = problem("harmonic-oscillator"), problem("pendulum"
 KEPLER, CIRCLE = problem("kepler"), problem("kepler", e=0.0)
 CLOSE, CLOSER = problem("kepler", e=0.9999), problem("kepler", e=0.999999)
 BOX, CHAOTIC = problem("henon-heiles:box"), problem("henon-heiles:chaotic")
-FALL = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q", singular=())  # declared regular
-FOUND = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q")  # the same, its singularity found in the formula
+FALL = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q", singular=())  # declared without singularity
+FOUND = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q")  # the same, with its singularity found in the formula
 RUNAWAY = Hamiltonian(q="q", p="p", H="p**2/2 - q**4")
 SADDLE = Hamiltonian(q="q", p="p", H="p**2/2 - q**2/2 + q**4/4")
 ROOT = Hamiltonian(q="q", p="p", H="p**2/2 + sqrt(q)")
@@ -25,6 +25,7 @@ INVALID = "invalid"
 
 
 def at(q, p, **options):
+    """Options with the initial state (q, p)."""
     return options | {"q0": [q], "p0": [p]}
 
 
@@ -132,7 +133,8 @@ def test_an_extreme_input_has_its_status(made, method, options, status, words):
 
 @pytest.mark.parametrize("method", ["stormer-verlet", "implicit-midpoint"])
 @pytest.mark.parametrize("unit", [2.0**400, 2.0**-400, 1e150, 1e-150])
-def test_a_linear_motion_is_the_same_in_other_units(method, unit):
+def test_linear_motion_does_not_depend_on_units(method, unit):
+    """For powers of two exactly."""
     plain, scaled = (integrate(OSCILLATOR, method, **at(x, 0.25 * x, h=0.1, steps=1000)) for x in (1.0, unit))
     assert scaled.status == "ok"
     error = np.abs(scaled.q / unit - plain.q).max()

@@ -1,4 +1,4 @@
-"""Functions that write into arrays handed to them, and what families prepare and keep: in any process."""
+"""In-place versions of functions, which write into given arrays, and the cache of what families prepare."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ import numpy as np
 import pytest
 from numba import types
 
-from phasebench.integrators.engine import cache, codegen, filling, preparation
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION
+from phasebench.integrators.compile import cache, codegen, preparation
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
+from phasebench.integrators.values import inplace
 
 ARRAY = types.Array(types.float64, 1, "C")
 
 
 class System:
-    """Of so many components."""
+    """Stand-in for a system with d degrees of freedom."""
 
     def __init__(self, d, key="a toy"):
         self.d, self.key, self.variant, self._functions, self.fills = d, key, "", {"g": print}, False
 
 
-# -- functions that write ---------------------------------------------------------------------------------------------
+# -- in-place versions ------------------------------------------------------------------------------------------------
 
 ONE = "def f(q, p):\n    a = 0.5 * q[0]\n    c = 2 * a * p[0]\n    return value((c, q[1] - c,))\n"
 TWO = (
@@ -31,9 +32,9 @@ TWO = (
 
 
 @pytest.mark.parametrize(("text", "sizes"), [(ONE, (2,)), (TWO, (2, 3))], ids=["one", "two"])
-def test_what_a_function_returns_is_written_instead(text, sizes):
+def test_the_in_place_version_writes_what_the_function_returns(text, sizes):
     found = []
-    for build in (lambda arithmetic: text, filling.written(lambda arithmetic: text)):
+    for build in (lambda arithmetic: text, inplace.written(lambda arithmetic: text)):
         namespace = {"value": np.array}
         exec(build(DOUBLE), namespace)
         found.append(namespace["f"])
@@ -45,23 +46,24 @@ def test_what_a_function_returns_is_written_instead(text, sizes):
         assert np.array_equal(out, expected)
 
 
-def test_the_signature_ends_with_the_arrays_that_are_written():
-    assert filling.signature(ARRAY(ARRAY, ARRAY)) == types.none(ARRAY, ARRAY, ARRAY)
+def test_its_signature_ends_with_the_arrays_written():
+    assert inplace.signature(ARRAY(ARRAY, ARRAY)) == types.none(ARRAY, ARRAY, ARRAY)
     two = types.Tuple((ARRAY, ARRAY))
-    assert filling.signature(two(ARRAY)) == types.none(ARRAY, ARRAY, ARRAY)
+    assert inplace.signature(two(ARRAY)) == types.none(ARRAY, ARRAY, ARRAY)
 
 
-def test_the_twin_is_one_whose_functions_write_where_they_are_compiled_for_arrays(monkeypatch):
+def test_large_compiled_systems_get_in_place_functions(monkeypatch):
+    """`in_place_version` returns a system with in-place functions where arrays are compiled, else the system itself."""
     large, small = System(codegen.TUPLE_LIMIT + 1), System(codegen.TUPLE_LIMIT)
     for runs in (True, False):
-        monkeypatch.setattr(filling, "compiled", lambda runs=runs: runs)
+        monkeypatch.setattr(inplace, "compiled", lambda runs=runs: runs)
         most = codegen.TUPLE_LIMIT
-        twin = filling.twin(large, DOUBLE, most)
+        twin = inplace.in_place_version(large, DOUBLE, most)
         assert (twin is large) != runs
-        assert filling.twin(large, DOUBLE, most + 5) is twin
-        assert filling.twin(small, DOUBLE, most) is small
-        assert (filling.twin(small, DOUBLE, most - 1) is small) != runs
-        assert filling.twin(large, MULTIPRECISION, most) is large
+        assert inplace.in_place_version(large, DOUBLE, most + 5) is twin
+        assert inplace.in_place_version(small, DOUBLE, most) is small
+        assert (inplace.in_place_version(small, DOUBLE, most - 1) is small) != runs
+        assert inplace.in_place_version(large, MULTIPRECISION, most) is large
         if runs:
             assert (twin.d, twin.fills, twin._functions) == (large.d, True, {})
     assert not large.fills
@@ -72,7 +74,7 @@ def test_the_twin_is_one_whose_functions_write_where_they_are_compiled_for_array
 
 
 class Method(SimpleNamespace):
-    """With parameters, and with how they are read, which cannot be written."""
+    """Stand-in for a method, with a function that cannot be pickled."""
 
 
 def method(order=2):
@@ -81,16 +83,16 @@ def method(order=2):
 
 @pytest.fixture
 def keeping(tmp_path, monkeypatch):
-    """Everything is kept, in an empty cache, as where kernels are compiled."""
+    """Switch the cache on, in an empty folder, as if kernels were compiled."""
     monkeypatch.setenv("PHASEBENCH_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(preparation, "KEPT", True)
+    monkeypatch.setattr(preparation, "ENABLED", True)
     monkeypatch.setattr(codegen, "compiled", lambda: True)
     preparation._read.cache_clear()
     yield monkeypatch
     preparation._read.cache_clear()
 
 
-def test_an_entry_is_of_the_method_by_value_and_of_the_system_by_its_key(keeping):
+def test_an_entry_depends_on_method_values_and_system_key(keeping):
     name = preparation.entry(method(), System(2))
     assert name.startswith("prepared-")
     assert preparation.entry(method(), System(2)) == name
@@ -103,14 +105,14 @@ def test_an_entry_is_of_the_method_by_value_and_of_the_system_by_its_key(keeping
     assert preparation.entry(method(), System(2, key="")) is None
     assert preparation.entry(method(), SimpleNamespace(d=2)) is None
     assert preparation.entry(Method(order=lambda: 2), System(2)) is None, "it cannot be written"
-    keeping.setattr(preparation, "KEPT", False)
+    keeping.setattr(preparation, "ENABLED", False)
     assert preparation.entry(method(), System(2)) is None
-    keeping.setattr(preparation, "KEPT", True)
+    keeping.setattr(preparation, "ENABLED", True)
     keeping.setattr(codegen, "compiled", lambda: False)
     assert preparation.entry(method(), System(2)) is None
 
 
-def test_what_was_kept_is_read_once_and_what_cannot_be_read_is_removed(keeping):
+def test_an_entry_is_read_once_and_removed_if_unreadable(keeping):
     assert preparation.read(None) is None
     assert preparation.read("prepared-0.pickle") is None
     preparation.write(None, [1.0])
@@ -126,15 +128,15 @@ def test_what_was_kept_is_read_once_and_what_cannot_be_read_is_removed(keeping):
     assert cache.read("prepared-3.pickle") is None
 
 
-def test_where_no_test_says_otherwise_it_is_kept():
+def test_caching_is_on_by_default():
     spec = importlib.util.spec_from_file_location(f"{preparation.__name__}_anew", preparation.__file__)
     anew = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(anew)
-    assert anew.KEPT
-    assert not preparation.KEPT, "the suite's own choice"
+    assert anew.ENABLED
+    assert not preparation.ENABLED, "the suite's own choice"
 
 
-def test_functions_are_kept_by_their_origins(keeping):
+def test_functions_are_stored_by_their_origins(keeping):
     class Generated:
         def __init__(self, origin=None):
             self.origin = origin

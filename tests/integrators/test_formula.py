@@ -1,4 +1,4 @@
-"""Formulae: no Python of a text is evaluated, what cannot be used is refused at once."""
+"""Reading formulas: a text is never evaluated as Python, and unusable texts are refused at once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 Q, P = sp.symbols("q p", real=True)
 VARIABLES = {"q": Q, "p": P}
 
-#: Python that would do something, or show something, if it were evaluated.
+#: Python expressions that would act or reveal something if evaluated.
 PYTHON = [
     "__import__('os').system('touch X')",
     "__import__(chr(111)+chr(115)).system(chr(97))",
@@ -86,7 +86,7 @@ PYTHON = [
     "True",
     "None",
 ]
-#: Numbers and letters that look like others: (text, what the message names).
+#: Texts with misleading numbers and letters, and what the error message names.
 NUMBERS = [
     ("1_000", "1_000"),
     ("0x10", "0x10"),
@@ -100,7 +100,7 @@ NUMBERS = [
     ("1e-320*0.1*q", "bits"),
     ("0.1**30*q", "bits"),
     ("1e308*10*q", "bits"),
-    ("\uff51", r"\uff51"),  # a full-width q, which Python takes for q
+    ("\uff51", r"\uff51"),  # a full-width q, which Python reads as q
     ("\u0440**2", r"\u0440"),  # a Cyrillic r
     ("\u0663*q", r"\u0663"),  # an Arabic digit
     ("q\u00b2", r"\xb2"),
@@ -112,7 +112,7 @@ NUMBERS = [
     ("sin", "function"),
     ("", "empty"),
 ]
-#: What SymPy would work on for hours, or to the end of the memory.
+#: Formulas on which SymPy would work for hours or exhaust the memory.
 LARGE = [
     "9**9**9**9",
     "(((q**99)**99)**99)",
@@ -149,6 +149,7 @@ LARGE = [
 
 
 def shorter(text):
+    """Test id of a text."""
     return ascii(text)[:40] if isinstance(text, str) else ""
 
 
@@ -159,7 +160,7 @@ def test_python_is_refused(text):
 
 
 @pytest.mark.parametrize(("text", "named"), NUMBERS, ids=shorter)
-def test_what_looks_like_a_number_or_a_letter_is_named(text, named):
+def test_misleading_numbers_and_letters_are_named(text, named):
     with pytest.raises(InvalidInput) as caught:
         parse(text, VARIABLES)
     assert named in str(caught.value)
@@ -167,7 +168,7 @@ def test_what_looks_like_a_number_or_a_letter_is_named(text, named):
 
 @pytest.mark.timeout(20)
 @pytest.mark.parametrize("text", LARGE, ids=shorter)
-def test_what_would_never_end_is_refused_at_once(text):
+def test_expensive_formulas_are_refused_at_once(text):
     started = time.process_time()
     with pytest.raises(InvalidInput) as caught:
         parse(text, VARIABLES)
@@ -187,8 +188,8 @@ def test_what_would_never_end_is_refused_at_once(text):
     ids=shorter,
 )
 @pytest.mark.timeout(60)
-def test_what_is_read_can_be_used(text):
-    """The largest that the limits let through: traits and derivatives are found in seconds."""
+def test_accepted_formulas_can_be_used(text):
+    """For the largest formulas within the limits, traits and derivatives take seconds."""
     started = time.process_time()
     system = Hamiltonian(q="q", p="p", H=text)
     assert system.traits["canonical"]
@@ -196,9 +197,10 @@ def test_what_is_read_can_be_used(text):
     assert time.process_time() - started < 10
 
 
-# -- a proof that nothing is evaluated ---------------------------------------------------------------------------------
+# -- nothing is evaluated
+# -----------------------------------------------------------------------------------------------
 
-#: Everything that the interpreter is asked to do while texts are read, apart from what SymPy loads on first use.
+#: Script that records the interpreter's audit events while texts are read, except those of SymPy's first use.
 AUDITED = """
 import json, sys
 import sympy as sp
@@ -236,8 +238,8 @@ print("\\n" + json.dumps(events))
 """
 
 
-def audited(texts, read, folder):
-    """The events of reading texts with ``read`` in a process of its own, each text's followed by how it ended."""
+def audit_events(texts, read, folder):
+    """Audit events while ``read`` reads texts in a fresh process; for each text the last is "end" with its outcome."""
     code = AUDITED.format(read=read)
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -254,9 +256,9 @@ def audited(texts, read, folder):
 
 @pytest.mark.lowest
 def test_nothing_is_evaluated(tmp_path):
-    """The parser is the only thing that is asked for: no import, no file, no exec, no code but the text's own tree."""
+    """The only event is the compilation of the text to a syntax tree: no import, no file, no exec."""
     texts = [*PYTHON, *(t for t, _ in NUMBERS), *LARGE]
-    events = audited(texts, "lambda text: formula.parse(text, variables)", tmp_path)
+    events = audit_events(texts, "lambda text: formula.parse(text, variables)", tmp_path)
     assert [e for _, e in (x for x in events if x[0] == "end")] == ["refused"] * len(texts)
     assert {event for event, _ in events} <= {"end", "compile"}
     known = {" ".join(t.split()) for t in texts}
@@ -274,18 +276,19 @@ def test_nothing_is_evaluated(tmp_path):
     ],
 )
 def test_control_an_evaluation_is_seen(text, event, tmp_path):
-    assert event in {e for e, _ in audited([text], "eval", tmp_path)}
+    assert event in {e for e, _ in audit_events([text], "eval", tmp_path)}
 
 
-# -- whatever the text -------------------------------------------------------------------------------------------------
+# -- random texts
+# -------------------------------------------------------------------------------------------------------
 
 PIECES = ["q", "p", "1", "2", "0.5", "1e9", "pi", "e", "x", "(", ")", "+", "-", "*", "/", "**", " ", ",", ".", "_", "^"]
 PIECES += [f"{name}(" for name in FUNCTIONS]
 APPLIED = tuple(f for f in (getattr(sp, name) for name in FUNCTIONS.values()) if isinstance(f, type))
 
 
-def allowed(e):
-    """Whether an expression has only the variables, and real numbers and functions of the list."""
+def is_allowed(e):
+    """Whether an expression contains only the variables, real numbers and the allowed functions."""
     real = not e.has(sp.I, sp.nan, sp.zoo, sp.oo, -sp.oo)
     return e.free_symbols <= {Q, P} and real and all(isinstance(f, APPLIED) for f in e.atoms(sp.Function))
 
@@ -297,17 +300,18 @@ def test_any_text_is_read_or_refused(text):
         found = parse(text, VARIABLES)
     except InvalidInput:
         return
-    assert allowed(found)
+    assert is_allowed(found)
     assert set(names(text)) <= {"q", "p", "pi", "e"}
 
 
 def test_control_a_foreign_expression_is_seen():
-    assert not allowed(sp.Symbol("z") + Q)
-    assert not allowed(sp.gamma(Q))
-    assert not allowed(sp.I * Q)
+    assert not is_allowed(sp.Symbol("z") + Q)
+    assert not is_allowed(sp.gamma(Q))
+    assert not is_allowed(sp.I * Q)
 
 
 def _grown(children):
+    """Strategy of expressions built from smaller ones."""
     two = st.tuples(children, children)
     return st.one_of(
         two.map(lambda ab: ab[0] + ab[1]),
@@ -328,8 +332,8 @@ leaves = st.one_of(st.sampled_from([Q, P, sp.pi]), st.integers(-9, 9).map(sp.Int
 @pytest.mark.timeout(60)
 @settings(max_examples=100, deadline=None)
 @given(st.recursive(leaves, _grown, max_leaves=5))
-def test_what_sympy_prints_is_read_as_it_was(expression):
-    """Refused are only numbers that grew past the limits."""
+def test_printed_expressions_are_read_back(expression):
+    """Only numbers beyond the limits are refused."""
     try:
         found = parse(str(expression), VARIABLES)
     except InvalidInput as error:
@@ -359,24 +363,24 @@ def test_what_sympy_prints_is_read_as_it_was(expression):
         ("q +\n p", Q + P),
     ],
 )
-def test_what_is_written_is_what_is_read(text, expression):
+def test_a_text_is_read_as_its_expression(text, expression):
     assert parse(text, VARIABLES | {"k": sp.Integer(3)}) == expression
 
 
-def test_names_are_those_that_stand_alone():
+def test_names_found_in_a_text():
     assert names("p1**2/2 - k*cos(q1) + e") == ["e", "k", "p1", "q1"]
 
 
-def test_the_limit_of_terms_is_where_it_says():
-    """(q + 1)**n multiplied out has n + 1 terms; so has the product of n + 1 terms with one."""
+def test_the_limit_on_terms():
+    """(q + p + 1)**98 has 4950 terms."""
     assert parse("(q + p + 1)**98", VARIABLES)  # 99 * 100 / 2 = 4950 terms
     assert TERMS == 5000
     with pytest.raises(InvalidInput, match="5000 terms"):
         parse("(q + p + 1)**99", VARIABLES)
 
 
-def test_a_fraction_of_huge_numbers_reaches_the_kernel():
-    """0.1 as the double that it is, to the 30th power, has a numerator and a denominator beyond a double's range."""
+def test_a_fraction_of_huge_numbers_can_be_used():
+    """(the double 0.1)**30 is a fraction whose numerator and denominator exceed a double's range."""
     q, p = sp.symbols("q p", real=True)
     tiny = Hamiltonian(q=[q], p=[p], H=p**2 / 2 + sp.Rational(0.1) ** 30 * 10**30 * q**2 / 2)
     unit = Hamiltonian(q=[q], p=[p], H=p**2 / 2 + q**2 / 2)

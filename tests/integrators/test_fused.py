@@ -1,4 +1,4 @@
-"""Compensated sums of products that are not rounded: numbers, arrays and lanes against exact fractions."""
+"""Compensated sums with fused multiply-add, for numbers, arrays and lanes, against exact fractions."""
 
 import platform
 from fractions import Fraction
@@ -8,37 +8,37 @@ import numpy as np
 import pytest
 from llvmlite import binding
 
-from phasebench.integrators.engine import vector
-from phasebench.integrators.engine.fused import fused
-from phasebench.integrators.engine.lanes import put, take
+from phasebench.integrators.values import vector
+from phasebench.integrators.values.fma import fma as fused
+from phasebench.integrators.values.lanes import put, take
 
 WIDTH, A = 8, 0.3
 LIKE = (0.0,) * WIDTH
-#: Whether the code that is compiled here fuses a product and a sum.
+#: Whether code compiled here uses fused multiply-add.
 NAMED = numba.config.CPU_FEATURES
 FEATURES = binding.get_host_cpu_features() if NAMED is None else {f[1:]: f[0] == "+" for f in NAMED.split(",") if f}
 FUSES = platform.machine() in ("arm64", "aarch64") or bool(FEATURES.get("fma"))
 
 
 def numbers():
-    """x, what was lost of it, and v, of the sizes that they have in a step; (3, 80)."""
+    """(x, its compensation, v), array (3, 80), with sizes as in a step."""
     return np.random.default_rng(3).normal(size=(3, 80)) * np.array([[1.0], [1e-17], [1e-3]])
 
 
-def rounded(a, v, y):
-    """a v + y, rounded as this processor does."""
+def fma(a, v, y):
+    """a v + y, rounded as on this processor: once if it has fused multiply-add."""
     return float(Fraction(a) * Fraction(v) + Fraction(y)) if FUSES else a * v + y
 
 
 @numba.njit(**vector.ARRAYS)
 def in_arrays(x, c, v):
-    """The sums, in place."""
+    """Apply the sums in place, on arrays."""
     vector.moved(x, c, A, v)
 
 
 @numba.njit
 def in_tuples(x, c, v):
-    """The sums, two by two."""
+    """Apply the sums in place, in tuples of two."""
     for i in range(0, len(x), 2):
         s, r = vector.moved((x[i], x[i + 1]), (c[i], c[i + 1]), A, (v[i], v[i + 1]))
         x[i], x[i + 1] = s
@@ -54,16 +54,17 @@ def _rows(x, c, v):
 
 
 def in_lanes(x, c, v):
-    """The sums, side by side."""
+    """Apply the sums in place, in lanes."""
     _rows(*(z.reshape(-1, WIDTH) for z in (x, c, v)))
 
 
 def product_rounded(x, c, v):
-    """The control: the product is rounded before it is added."""
+    """Control: sums whose product is rounded before it is added."""
     x[:], c[:] = vector.add(x.copy(), c.copy(), A * v)
 
 
 def sums(how):
+    """(sums, compensations) computed by a function."""
     x, c, v = (z.copy() for z in numbers())
     how(x, c, v)
     return x, c
@@ -71,10 +72,10 @@ def sums(how):
 
 @pytest.mark.processor
 @pytest.mark.parametrize("how", [in_arrays, in_tuples, in_lanes])
-def test_every_kind_of_value_rounds_the_sum_of_the_exact_product(how):
+def test_every_type_rounds_the_exact_product_once(how):
     x, c, v = numbers()
-    total = [rounded(A, w, y) for w, y in zip(v, x + c, strict=True)]
-    lost = np.array([rounded(A, w, y) for w, y in zip(v, c, strict=True)]) - (np.array(total) - x)
+    total = [fma(A, w, y) for w, y in zip(v, x + c, strict=True)]
+    lost = np.array([fma(A, w, y) for w, y in zip(v, c, strict=True)]) - (np.array(total) - x)
     found, rest = sums(how)
     np.testing.assert_array_equal(found, total)
     np.testing.assert_array_equal(rest, lost)
@@ -82,7 +83,7 @@ def test_every_kind_of_value_rounds_the_sum_of_the_exact_product(how):
 
 
 def over_the_bound(how):
-    """Of how many sums the error is larger than the roundings that `add_product` names."""
+    """Number of sums whose error exceeds the bound in the docstring of `add_product`."""
     u, over = Fraction(1, 2**53), 0
     for x, c, v, t, r in zip(*numbers(), *sums(how), strict=True):
         x, c, v, t, r = map(Fraction, (x, c, v, t, r))
@@ -92,12 +93,12 @@ def over_the_bound(how):
 
 
 @pytest.mark.skipif(not FUSES, reason="this processor does not fuse a product and a sum")
-def test_what_is_lost_twice_is_as_little_as_is_said():
+def test_the_error_stays_within_its_bound():
     assert [over_the_bound(how) for how in (in_arrays, in_tuples, in_lanes)] == [0, 0, 0]
     assert over_the_bound(product_rounded) > 5
 
 
-def test_uncompiled_it_is_a_product_and_a_sum():
+def test_without_compilation_it_is_a_product_and_a_sum():
     a, x, y = np.random.default_rng(1).normal(size=(3, 50))
     np.testing.assert_array_equal(fused(a, x, y), a * x + y)
     for plain, added in zip(vector.add_product(x, y, 0.3, a), vector.add(x, y, 0.3 * a), strict=True):

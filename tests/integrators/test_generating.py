@@ -1,6 +1,6 @@
-r"""The generating function: the printed K_1, K_2, K_3, the Hamilton-Jacobi equation, Scheme II.
+"""Generating functions: the published K_1, K_2, K_3, the Hamilton-Jacobi equation, Scheme II.
 
-The printed formulae are (15)-(17) of Wang, Bo & Cai (talk).
+The formulas are (15)-(17) of Wang, Bo & Cai (talk).
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ LAMBDAS = (sp.Rational(-1), sp.Rational(1, 3), sp.Rational(1, 2), sp.Rational(3,
 
 
 def system_of(name):
+    """A system by its name among `SYSTEMS` or the problems."""
     return SYSTEMS[name]()[0] if name in SYSTEMS else problem(name).system
 
 
-def printed(H, v, u):
-    """K_1, K_2, K_3 as printed."""
+def talk_terms(H, v, u):
+    """K_1, K_2, K_3 as in the talk."""
     Hu, Hv = sp.Matrix([H.diff(x) for x in u]), sp.Matrix([H.diff(x) for x in v])
     Huu, Hvv = sp.hessian(H, u), sp.hessian(H, v)
-    Huv = sp.Matrix(len(u), len(v), lambda i, j: H.diff(u[i], v[j]))  # rows u, columns v, as (13) contracts them
+    Huv = sp.Matrix(len(u), len(v), lambda i, j: H.diff(u[i], v[j]))  # rows u, columns v, as in (13)
     lam = LAMBDA
     K2 = (lam - sp.Rational(1, 2)) * (Hu.T * Hv)[0]
     K3 = (lam**2 - lam + sp.Rational(1, 3)) / 2 * ((Hu.T * Hvv * Hu)[0] + (Hv.T * Huu * Hv)[0])
@@ -38,11 +39,12 @@ def printed(H, v, u):
 
 
 def at(expression, point):
-    """The value of an expression at a point {symbol: Rational}, in 50 digits."""
+    """The value of an expression at a point {symbol: Rational}, to 50 digits."""
     return sp.N(expression.xreplace(point), 50)
 
 
 def point_of(system, seed):
+    """A random point {variable: Rational}."""
     rng = np.random.default_rng(seed)
     return {
         s: sp.Rational(int(n), 100)
@@ -51,31 +53,31 @@ def point_of(system, seed):
 
 
 @pytest.mark.parametrize("name", dict.fromkeys([*CANONICAL, "tao", "coupled"]))
-def test_coefficients_are_the_printed_ones(name):
+def test_coefficients_equal_the_published_ones(name):
     system = system_of(name)
-    ours, theirs = coefficients(system.H, system.q, system.p, 3), printed(system.H, system.q, system.p)
+    ours, theirs = coefficients(system.H, system.q, system.p, 3), talk_terms(system.H, system.q, system.p)
     for seed in range(3):
         point = point_of(system, seed) | {LAMBDA: sp.Rational(seed * 7 - 5, 9)}
         for a, b in zip(ours, theirs, strict=True):
             assert abs(at(a, point) - at(b, point)) < 1e-40 * (1 + abs(at(b, point)))
 
 
-def test_coefficients_of_a_generic_hamiltonian_are_the_printed_ones():
+def test_coefficients_for_a_generic_hamiltonian():
     v, u = sp.symbols("v1 v2"), sp.symbols("u1 u2")
     H = sp.Function("H")(*v, *u)
-    for a, b in zip(coefficients(H, v, u, 3), printed(H, v, u), strict=True):
+    for a, b in zip(coefficients(H, v, u, 3), talk_terms(H, v, u), strict=True):
         assert sp.expand(a - b) == 0
 
 
-def test_control_the_printed_formula_with_its_weights_exchanged_differs():
+def test_control_a_shifted_lambda_changes_k3():
     v, u = sp.symbols("v1 v2"), sp.symbols("u1 u2")
     H = sp.Function("H")(*v, *u)
     K3 = coefficients(H, v, u, 3)[2]
-    assert sp.expand(K3.xreplace({LAMBDA: LAMBDA + 1}) - printed(H, v, u)[2]) != 0
+    assert sp.expand(K3.xreplace({LAMBDA: LAMBDA + 1}) - talk_terms(H, v, u)[2]) != 0
 
 
 def residual(K, system, lam, point, t):
-    """dS/dt - H(u - (1 - lam) S_v, v + lam S_u) at a point and a time, in 50 digits."""
+    """|dS/dt - H(u - (1 - lam) S_v, v + lam S_u)| at a point and a time, to 50 digits."""
     S = sum(k.xreplace({LAMBDA: lam}) * t ** (i + 1) for i, k in enumerate(K))
     rate = sum((i + 1) * k.xreplace({LAMBDA: lam}) * t**i for i, k in enumerate(K))
     moved = {x: at(x + lam * S.diff(y), point) for x, y in zip(system.q, system.p, strict=True)}
@@ -85,7 +87,7 @@ def residual(K, system, lam, point, t):
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize("name", ["pendulum", "henon-heiles", "tao", "coupled"])
-def test_hamilton_jacobi_residual_is_of_the_order(name, order):
+def test_the_hamilton_jacobi_residual_has_its_order(name, order):
     system, lam = system_of(name), sp.Rational(1, 3)
     K = coefficients(system.H, system.q, system.p, order)
     point = point_of(system, 5)
@@ -93,7 +95,7 @@ def test_hamilton_jacobi_residual_is_of_the_order(name, order):
     assert abs(float(sp.log(a / b, 2)) - order) < 0.05
 
 
-def test_control_a_wrong_coefficient_leaves_a_residual_of_lower_order():
+def test_control_a_wrong_coefficient_lowers_the_order():
     system, lam = system_of("pendulum"), sp.Rational(1, 3)
     K = coefficients(system.H, system.q, system.p, 3)
     K[2] = K[2] * sp.Rational(11, 10)
@@ -128,7 +130,7 @@ def test_order_below_one_is_refused():
 
 @pytest.mark.parametrize("lam", [-1, Fraction(1, 3), Fraction(1, 2), Fraction(3, 2), 0.3])
 @pytest.mark.parametrize("name", ["pendulum", "henon-heiles"])
-def test_scheme_ii_is_the_generating_function_of_order_two(name, lam):
+def test_scheme_ii_is_the_generating_function_of_order_2(name, lam):
     second, general = method("scheme-ii", lam=lam), method("generating-function", order=2, lam=lam)
     assert second.data == general.data
     ends = [integrate(problem(name), m, h=0.05, steps=20) for m in (second, general)]
@@ -138,7 +140,7 @@ def test_scheme_ii_is_the_generating_function_of_order_two(name, lam):
 
 
 def scheme_ii_as_printed(H, v, u, h, lam):
-    """(q', p') of (20): the field of h K_1 + h^2 K_2, written with the second derivatives of H."""
+    """(q', p') of (20) in the talk: the vector field of h K_1 + h^2 K_2, with second derivatives of H."""
     Hu, Hv = sp.Matrix([H.diff(x) for x in u]), sp.Matrix([H.diff(x) for x in v])
     Huu, Hvv = sp.hessian(H, u), sp.hessian(H, v)
     Huv = sp.Matrix(len(u), len(v), lambda i, j: H.diff(u[i], v[j]))
@@ -147,7 +149,7 @@ def scheme_ii_as_printed(H, v, u, h, lam):
 
 
 @pytest.mark.parametrize("name", ["pendulum", "henon-heiles"])
-def test_the_compiled_field_of_scheme_ii_is_the_printed_one(name):
+def test_the_compiled_field_of_scheme_ii(name):
     system = system_of(name)
     point = {s: v.evalf(30) for s, v in point_of(system, 2).items()}
     q, p = (tuple(float(point[s]) for s in group) for group in (system.q, system.p))
@@ -168,8 +170,8 @@ def test_orders_five_and_six_run(name, order):
     assert error < 0.1 * np.ptp(made.system.observe(made.system.H, lower.q, lower.p))
 
 
-def test_oscillator_against_the_closed_form():
-    """For H = (p^2 + q^2)/2 at lam = 1/2, S = (u^2 + v^2) tan(t/2): its truncation at order 5 is known."""
+def test_the_oscillator_has_a_closed_form():
+    """For H = (p^2 + q^2)/2 and lam = 1/2, S = (u^2 + v^2) tan(t/2); compared up to order 5."""
     q, p = sp.symbols("q p")
     t = sp.Symbol("t")
     series = sp.series(sp.tan(t / 2), t, 0, 6).removeO()

@@ -1,4 +1,4 @@
-"""Systems from formulae: what they are, and every value that they give, against the same written out in NumPy."""
+"""Systems from formulas: their traits, and all their functions compared with NumPy."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FORMULAE = {
     "invariants": ("u*v",),
 }
 TEXT = Hamiltonian(**FORMULAE)
-#: The same of text, which the cache knows by its key, and of expressions, which nobody knows.
+#: Made from text, which gives a key for the cache, and from SymPy expressions, which give none.
 MADE = {
     "text": TEXT,
     "expression": Hamiltonian(q=TEXT.q, p=TEXT.p, H=TEXT.H, singular=TEXT.singular, invariants=TEXT.invariants),
@@ -30,11 +30,12 @@ ANYHOW = pytest.mark.parametrize("system", MADE.values(), ids=MADE)
 
 
 def of(H, q="q", p="p", **further):
+    """A Hamiltonian of one degree of freedom by default."""
     return Hamiltonian(q=q, p=p, H=H, **further)
 
 
 @ANYHOW
-def test_values_along_rows(system):
+def test_functions_of_rows(system):
     assert np.allclose(system.energies(Q, P), U**2 / 2 + V**2 / 6 + X**4 / 4 - 2 * np.cos(Y) + 7, rtol=1e-14)
     assert np.allclose(system.rates(Q, P), [U, V / 3, -(X**3), -2 * np.sin(Y)], rtol=1e-14)
     assert np.allclose(system.speed(Q, P), np.hypot(U, V / 3), rtol=1e-14)
@@ -45,39 +46,39 @@ def test_values_along_rows(system):
 
 
 @ANYHOW
-def test_the_size_of_terms_leaves_the_constant_out_and_has_waves_by_their_amplitude(system):
+def test_the_scale_of_energy_omits_constants(system):
     assert system.constant == 7.0
     assert np.allclose(system.scale(Q, P), U**2 / 2 + V**2 / 6 + X**4 / 4 + 2, rtol=1e-14)
     assert np.isclose(of("p**2/2 + q/cos(q)").scale([[2.0]], [[0.0]]), 2 / abs(np.cos(2.0))), "a pole is no wave"
     assert np.isclose(of("p**2/2 - 3*sin(q)**2*(q - 1)").scale([[0.5]], [[0.0]]), 3 * 0.5 + 3), "multiplied out"
 
 
-def test_where_a_value_is_infinite_nothing_warns():
+def test_infinite_values_do_not_warn():
     with np.errstate(all="raise"):
         assert of("p**2/2 - 1/q").energies([[0.0]], [[1.0]]) == -np.inf
 
 
-def test_the_rounding_of_the_energy_is_in_units_of_its_terms_and_of_the_state():
+def test_the_round_off_scale_of_the_energy():
     H, M = TEXT.energy()((0.5, 0.3), (-2.0, 3.0))
     terms = 4 / 2 + 9 / 6 + 0.5**4 / 4 + 2 * np.cos(0.3) + 7
     assert np.isclose(H, 4 / 2 + 9 / 6 + 0.5**4 / 4 - 2 * np.cos(0.3) + 7, rtol=1e-14)
     assert np.isclose(M, terms + 0.5 * 0.5**3 + 0.3 * 2 * np.sin(0.3) + 4 + 3 * 3 / 3, rtol=1e-14)
 
 
-def test_the_field_on_one_array():
+def test_the_vector_field():
     assert np.allclose(TEXT.vector_field()(0.0, np.array([0.5, 0.3, -2.0, 3.0])), RATES, rtol=1e-14)
 
 
 RATES = [-2.0, 1.0, -(0.5**3), -2 * np.sin(0.3)]
 
 
-def test_the_second_derivatives():
+def test_the_hessian():
     at = dict(zip((*TEXT.q, *TEXT.p), (0.5, 0.3, -2.0, 3.0), strict=True))
     found = np.array(TEXT.hessian().subs(at), float)
     assert np.allclose(found, np.diag([3 * 0.5**2, 2 * np.cos(0.3), 1, 1 / 3]), rtol=1e-14)
 
 
-# -- what a system is -------------------------------------------------------------------------------------------------
+# -- traits -----------------------------------------------------------------------------------------------------------
 
 #: H -> (separable, quadratic kinetic energy, unit mass, degree of a polynomial).
 KINDS = {
@@ -93,7 +94,7 @@ KINDS = {
 
 
 @pytest.mark.parametrize("H", KINDS)
-def test_what_a_formula_is(H):
+def test_traits_of_a_formula(H):
     system = of(H)
     found = (system.separable, system.quadratic_kinetic, system.unit_mass, system.polynomial_degree)
     assert found == KINDS[H]
@@ -116,13 +117,13 @@ def test_what_a_formula_is(H):
         ("(u**2 + v**2)/2", True, None),
     ],
 )
-def test_masses_are_numbers_each_of_its_own_momentum(T, unit, inverse):
-    """Of masses that are all one there is nothing to multiply by."""
+def test_inverse_masses_are_rational_and_diagonal(T, unit, inverse):
+    """None if all masses are one, or if T is not a sum over single momenta."""
     system = of(f"{T} + x*y", "x y", "u v")
     assert (system.quadratic_kinetic, system.unit_mass, system.inverse_masses) == (True, unit, inverse)
 
 
-def test_values_along_rows_are_nobody_else_s():
+def test_observed_values_do_not_share_memory():
     system, Q = of("p**2/2 + q"), np.array([[1.0], [2.0]])
     found = system.observe(system.q[0], Q, 0 * Q)
     assert found.tolist() == [1.0, 2.0]
@@ -138,11 +139,11 @@ def test_traits_of_every_kind():
     assert every.traits == dict.fromkeys(every.traits, True) | {"polynomial degree": 3}
     assert {*bare.traits} == {*every.traits}
     assert of("p**2/2 + q").traits | {"polynomial degree": None} == bare.traits | dict.fromkeys(
-        ("canonical", "separable", "quadratic kinetic energy", "Poisson structure"), True
+        ("canonical", "separable", "quadratic kinetic energy", "Poisson structure", "elementary derivatives"), True
     )
 
 
-def test_the_slow_potential_is_without_the_springs():
+def test_the_slow_potential_omits_the_springs():
     fast = of("(u**2 + v**2)/2 + 9*x**2/2 + x**4*y", "x y", "u v", frequencies=(3, 0))
     x, y = fast.q
     assert sp.expand(fast.slow_potential - x**4 * y) == 0
@@ -150,8 +151,8 @@ def test_the_slow_potential_is_without_the_springs():
     assert np.allclose(fast.grad_V()((0.5, 2.0)), [9 * 0.5 + 4 * 0.5**3 * 2, 0.5**4], rtol=1e-14)
 
 
-def test_functions_are_known_by_all_that_they_depend_on():
-    """Two systems have the same functions if and only if their formulae and names are the same."""
+def test_content_identifies_functions():
+    """Two systems have the same content if and only if their formulas and names are the same."""
     pairs = [{"dq": ["p"], "dp": ["-q"]}, {"dq": ["p"], "dp": ["q"]}, {"dq": ["2*p"], "dp": ["-q"]}]
     given = [{"q": "q", "p": "p"} | pair for pair in pairs]
     given += [given[0] | {"energy": "p**2/2 + q**2/2"}, {"q": "x", "p": "p", "dq": ["p"], "dp": ["-x"]}]
@@ -161,7 +162,7 @@ def test_functions_are_known_by_all_that_they_depend_on():
     assert TEXT.content == MADE["expression"].content
 
 
-def test_a_system_is_sent_without_its_functions():
+def test_pickling_leaves_out_functions():
     system = Hamiltonian(**FORMULAE)
     system.energies(Q, P)
     sent = pickle.loads(pickle.dumps(system))
@@ -179,7 +180,7 @@ def test_a_system_is_sent_without_its_functions():
         ({"H": "p**2 + q**2", "frequencies": (1,)}, r"H = \|p\|\^2 / 2"),
     ],
 )
-def test_what_is_no_system_is_refused(given, message):
+def test_an_invalid_hamiltonian_is_refused(given, message):
     with pytest.raises(InvalidInput, match=message):
         Hamiltonian(**{"q": "q", "p": "p", "H": "p**2/2 + q"} | given)
 
@@ -193,6 +194,6 @@ def test_what_is_no_system_is_refused(given, message):
         ({"q": "p"}, "stands twice"),
     ],
 )
-def test_what_is_no_partitioned_system_is_refused(given, message):
+def test_an_invalid_partitioned_system_is_refused(given, message):
     with pytest.raises(InvalidInput, match=message):
         PartitionedSystem(**{"q": "q", "p": "p", "dq": ["p"], "dp": ["-p"]} | given)

@@ -1,4 +1,4 @@
-"""Systems of loops: the loops are their formulae, and without a formula 10,000 degrees of freedom run."""
+"""Hand-written systems, defined by loops instead of a formula: they agree with formulas, and run at d = 10,000."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ import sympy as sp
 from phasebench.benchmarks.problems import fpu, problem, toda
 from phasebench.benchmarks.problems.user_file import load
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
-from phasebench.integrators.engine.codegen import MULTIPRECISION, TUPLE_LIMIT, exactly, precision, vector
+from phasebench.integrators.compile.codegen import MULTIPRECISION, TUPLE_LIMIT, exactly, precision, vector
 from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses, plain
 
 PATH = str(Path(__file__).parents[2] / "examples" / "problems" / "chain.py")
 CHAIN = load(PATH)
-#: Name -> (module, formula, constants of its loops, other constants).
+#: Name -> (module, function that makes the formula, constants of the loops, other constants).
 LOOPS = {
     "fpu": (fpu, lambda: fpu.formula(7.0, 2), (49,), (50,)),
     "toda": (toda, lambda: toda.formula(4), (), None),
@@ -27,14 +27,14 @@ LOOPS = {
 
 
 def chain(N, k):
-    """(q, p, H) of the example."""
+    """(q, p, H) of the example problem."""
     q, p = sp.symbols(f"q:{N}", real=True), sp.symbols(f"p:{N}", real=True)
     wells = sum((x**2 - 1) ** 2 / 4 for x in q)
     return q, p, sum(x**2 for x in p) / 2 + k * sum((b - a) ** 2 for a, b in pairwise(q)) / 2 + wells
 
 
 def values(module, constants, q, p, arithmetic="double"):
-    """Every loop's values at a state, uncompiled."""
+    """Values (q', p', grad V, H, size of H) of the loops at a state, run as Python."""
     of = [exactly(c, arithmetic) for c in constants]
     H, M = module.energy(*of)(q, p)
     field, grad_V = (plain(name, getattr(module, name), of) for name in ("field", "grad_V"))
@@ -42,7 +42,7 @@ def values(module, constants, q, p, arithmetic="double"):
 
 
 def by_formula(q_names, p_names, H, q, p):
-    """The same from the formula, at 40 digits (of which sizes are doubles)."""
+    """The same values from the formula, at 40 digits."""
     at = dict(zip((*q_names, *p_names), map(sp.Float, (*map(str, q), *map(str, p)), [60] * 2 * len(q)), strict=True))
     dq, dp = ([sp.diff(H, x) for x in names] for names in (p_names, q_names))
     terms = sum(sp.Abs(t) for t in sp.Add.make_args(H))
@@ -52,7 +52,7 @@ def by_formula(q_names, p_names, H, q, p):
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_loops_are_their_formula(name):
+def test_loops_agree_with_their_formula(name):
     module, formula, constants, others = LOOPS[name]
     q_names, p_names, H = formula()
     q, p = np.random.default_rng(2).normal(size=(2, len(q_names)))
@@ -63,7 +63,8 @@ def test_loops_are_their_formula(name):
 
 
 @pytest.mark.parametrize("name", ["fpu", "chain"])
-def test_loops_hold_no_double_of_their_own(name):
+def test_loops_contain_no_doubles(name):
+    """In multiprecision the loops are exact to 40 digits and leave their arguments alone."""
     module, _, constants, _ = LOOPS[name]
     with precision(40):
         q, p = (vector(row) / 3 for row in np.random.default_rng(2).normal(size=(2, 4)))
@@ -75,8 +76,8 @@ def test_loops_hold_no_double_of_their_own(name):
         assert any(a != b for a, b in zip(found, near, strict=True))
 
 
-def test_many_stiff_springs_are_the_few(monkeypatch):
-    """Eleven springs on loops against derived functions, the trigonometric methods' among them."""
+def test_stiff_springs_by_loops_and_by_formula_agree(monkeypatch):
+    """Eleven springs by loops against functions derived from a formula, including those of trigonometric methods."""
     made = problem("fpu", m=11, omega=10.0)
     assert isinstance(made.system, HandHamiltonian)
     q, p = np.random.default_rng(4).normal(size=(2, 22)) / 10
@@ -90,12 +91,12 @@ def test_many_stiff_springs_are_the_few(monkeypatch):
 
 
 def springs_that_return():
-    """Springs of stiffness k, by loops that return arrays."""
+    """Loops for springs of stiffness k that return arrays."""
     return {"field": lambda k: lambda q, p, h, lam: (p.copy(), -k * q), "grad_V": lambda k: lambda q: k * q}
 
 
 def springs_that_write():
-    """The same by loops that write into arrays."""
+    """The same loops writing into given arrays."""
 
     def grad_V(k):
         def f(q, g):
@@ -108,6 +109,8 @@ def springs_that_write():
 
 
 def springs_energy(k):
+    """Loop for (H, its size) of springs of stiffness k."""
+
     def f(q, p):
         H = 0 * q[0]
         for i in range(len(q)):
@@ -118,8 +121,8 @@ def springs_energy(k):
 
 
 @pytest.mark.parametrize("id", ["stormer-verlet", "rk4", "rk4-relaxation", "implicit-midpoint"])
-def test_loops_that_write_and_loops_that_return_are_one_to_the_last_bit(id):
-    """In kernels that hand arrays to be written into, and in those that do not."""
+def test_loops_that_write_and_that_return_agree_bit_by_bit(id):
+    """In kernels that pass arrays to write into, and in others."""
     d, ends = TUPLE_LIMIT + 2, []
     names = [[f"{x}{i}" for i in range(d)] for x in "qp"]
     start = dict(zip(("q0", "p0"), np.random.default_rng(6).normal(size=(2, d)), strict=True))
@@ -133,9 +136,10 @@ def test_loops_that_write_and_loops_that_return_are_one_to_the_last_bit(id):
 
 
 def leapfrog(q, p, k, h, steps):
-    """Stormer-Verlet of the chain in NumPy."""
+    """End state of the chain by Stormer-Verlet in NumPy."""
 
     def force(q):
+        """-dV/dq."""
         bend = np.diff(q)
         return k * (np.append(bend, 0.0) - np.append(0.0, bend)) - (q * q - 1) * q
 
@@ -162,13 +166,13 @@ def test_a_chain_of_10000_runs_without_a_formula():
     assert again.status == "ok"
 
 
-def test_a_file_with_loops_is_a_problem():
+def test_a_file_with_loops_defines_a_problem():
     made = problem(PATH, N=40)
     assert made.system.d == 40
     assert integrate(made, "stormer-verlet", h=0.05, steps=2).status == "ok"
 
 
-def test_what_needs_a_formula_says_so():
+def test_methods_that_need_a_formula_refuse_loops():
     made = CHAIN.make(N=30)
     for id in ("rk4-projected-energy", "generating-function"):
         with pytest.raises(InvalidInput, match="loops and no formula"):
@@ -179,7 +183,7 @@ def test_what_needs_a_formula_says_so():
         assert integrate(made, id, h=0.05, steps=2).status == "ok"
 
 
-def test_beside_loops_a_formula_and_functions_of_rows_are_observed():
+def test_formulas_and_functions_of_rows_can_be_observed():
     names = [[f"{x}{i}" for i in range(TUPLE_LIMIT + 1)] for x in "qp"]
     q, p = ([sp.Symbol(name, real=True) for name in row] for row in names)
     loops = springs_that_return() | {"energy": springs_energy}
@@ -195,7 +199,7 @@ def test_beside_loops_a_formula_and_functions_of_rows_are_observed():
     assert np.allclose(bare.observe(bare.H, Q, P), bare.energies(Q, P))
 
 
-def test_a_missing_loop_and_a_small_system_are_refused():
+def test_missing_loops_and_small_systems_are_refused():
     loops = {"grad_V": CHAIN.grad_V, "field": CHAIN.field, "energy": CHAIN.energy}
     names = [[f"{x}{i}" for i in range(TUPLE_LIMIT + 1)] for x in "qp"]
     for left in ("field", "energy"):

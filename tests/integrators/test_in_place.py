@@ -1,4 +1,4 @@
-"""Explicit methods run on arrays from their families' own limits on: with the bits of tuples, and they alone."""
+"""Explicit methods switch to in-place arrays beyond a size given by their family, with unchanged results."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ import sympy as sp
 from numba import types
 
 from phasebench.integrators import Hamiltonian
-from phasebench.integrators.engine import codegen, filling, kernel, preparation
+from phasebench.integrators.compile import codegen, preparation
 from phasebench.integrators.families import runge_kutta, splitting
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
+from phasebench.integrators.stepping import kernel
+from phasebench.integrators.values import inplace
 
 FAMILY = {
     "stormer-verlet": splitting,
@@ -25,7 +27,7 @@ FAMILY = {
 
 
 def system(d):
-    """Neighbours that repel each other, of masses that no double is."""
+    """A chain of d particles with neighbour repulsion; its masses are not exact doubles."""
     q, p = sp.symbols(f"q0:{d}", real=True), sp.symbols(f"p0:{d}", real=True)
     T = sum(sp.Rational(i + 1, 3) * x**2 / 2 for i, x in enumerate(p))
     V = sum(x**2 / 2 for x in q) + sum(1 / sp.sqrt((x - y) ** 2 + 1) for x, y in pairwise(q))
@@ -33,7 +35,7 @@ def system(d):
 
 
 class Start:
-    """A system with initial data."""
+    """A system of d degrees of freedom with initial data."""
 
     def __init__(self, d):
         self.system = system(d)
@@ -41,6 +43,7 @@ class Start:
 
 
 def end(problem, id, kind):
+    """(end state, counts) of a prepared run, whose values must be of that kind ("array" or "tuple")."""
     run = prepare(problem, id)
     assert run.values == kind
     q, p, code = run(0.01, 200)
@@ -50,8 +53,8 @@ def end(problem, id, kind):
 
 @pytest.mark.processor
 @pytest.mark.parametrize("id", ["mclachlan-atela-4", "rk4"])
-def test_arrays_end_where_tuples_do_to_the_last_bit(id, monkeypatch):
-    monkeypatch.setattr(preparation, "KEPT", False)
+def test_arrays_and_tuples_agree_bit_by_bit(id, monkeypatch):
+    monkeypatch.setattr(preparation, "ENABLED", False)
     problem = Start(FAMILY[id].MOST + 1)
     arrays, counts = end(problem, id, "array")
     monkeypatch.setattr(FAMILY[id], "MOST", codegen.TUPLE_LIMIT)
@@ -62,30 +65,31 @@ def test_arrays_end_where_tuples_do_to_the_last_bit(id, monkeypatch):
 
 
 @pytest.mark.parametrize("id", FAMILY)
-def test_a_family_says_from_how_many_degrees_of_freedom_on(id):
+def test_the_size_beyond_which_a_family_uses_arrays(id):
     most = FAMILY[id].MOST
     assert most < codegen.TUPLE_LIMIT
     assert [kernel.prepare(method(id), system(d)).arrays for d in (most, most + 1)] == [False, True]
 
 
-# -- the parts of a Runge-Kutta step of arrays, as Python functions --------------------------------------------------
+# -- parts of a Runge-Kutta step on arrays, run as Python
+# --------------------------------------------------------------
 
 
 @pytest.mark.parametrize("id", ["explicit-euler", "rk4", "dop853"])
-def test_two_terms_at_a_time_are_the_sum_over_a_row_of_the_tableau(id):
-    """Some rows have an odd number of terms, some an even one, the first has none."""
+def test_sums_over_a_row_in_pairs_of_terms(id):
+    """Rows of the tableau with odd, even and zero numbers of terms."""
     table, h, d = kernel.array(method(id).data, codegen.DOUBLE), 0.3, 3
     slopes = np.random.default_rng(1).standard_normal((len(table) - 1, 2 * d))
     for i, row in enumerate(table):
-        memory = np.full((len(table), 2 * d), np.nan)  # but for the slopes that have been taken
+        memory = np.full((len(table), 2 * d), np.nan)  # NaN except for the slopes computed so far
         memory[:i] = slopes[:i]
         found = np.concatenate(runge_kutta._total(table, i, h, memory, np.zeros(d)))
         np.testing.assert_allclose(found, h * row[:i] @ slopes[:i], rtol=0, atol=1e-15 * len(table))
         np.testing.assert_array_equal(memory[:i], slopes[:i])
 
 
-def test_a_slope_is_that_where_the_increments_lead():
-    """It is written into its row; the increments become the place where it is taken."""
+def test_a_slope_is_evaluated_at_the_increments():
+    """`_evaluate_arrays` writes the slope into its row and turns the increments into the point of evaluation."""
     q, p, dq, dp = np.array([1.0, 2.0]), np.array([3.0, 5.0]), np.array([0.25, 0.5]), np.array([-0.5, 0.125])
     evaluate, memory = runge_kutta._evaluate_arrays(*[None] * 8), np.zeros((3, 4))
     evaluate(lambda q, p, h, _: (10 * p + h, -q), q, p, dq, dp, 0.5, memory, 1)
@@ -93,13 +97,13 @@ def test_a_slope_is_that_where_the_increments_lead():
     assert (*q, *p) == (1, 2, 3, 5)
 
 
-# -- where arrays are taken -------------------------------------------------------------------------------------------
+# -- methods that use arrays ------------------------------------------------------------------------------------------
 
 NOT_IN_PLACE = ["implicit-midpoint", "scheme-i", "gauss-4", "rk4-projected-energy", "rk4-relaxation"]
 
 
 @pytest.mark.parametrize("id", NOT_IN_PLACE)
-def test_what_is_not_in_place_stays_on_tuples(id):
+def test_other_families_stay_on_tuples(id):
     made = system(splitting.MOST + 1)
     prepared = kernel.prepare(method(id), made)
     assert not prepared.arrays
@@ -108,15 +112,15 @@ def test_what_is_not_in_place_stays_on_tuples(id):
 
 
 @pytest.mark.parametrize("id", [*FAMILY, *NOT_IN_PLACE])
-def test_only_kernels_in_place_ask_for_functions_that_write(id, monkeypatch):
-    """Each from its family's number of degrees of freedom on."""
+def test_only_in_place_kernels_use_in_place_functions(id, monkeypatch):
+    """Only from the family's size on."""
     asked = []
-    monkeypatch.setattr(filling, "twin", lambda system, arithmetic, most: asked.append(most) or system)
+    monkeypatch.setattr(inplace, "in_place_version", lambda system, arithmetic, most: asked.append(most) or system)
     kernel.prepare(method(id), system(2))
     assert asked == ([FAMILY[id].MOST] if id in FAMILY else [])
 
 
-def test_numbers_of_many_digits_have_no_kind():
+def test_multiprecision_does_not_use_in_place_arrays():
     with codegen.precision(40):
         made = kernel.prepare(method("stormer-verlet"), system(splitting.MOST + 1), codegen.MULTIPRECISION)
     assert not made.arrays

@@ -1,7 +1,8 @@
-r"""The Kepler solver against solutions known from an anomaly, and against itself in 40 digits.
+"""The Kepler solver against closed-form solutions, and in double precision against 40 digits.
 
-At an anomaly of an ellipse, parabola or hyperbola (a = 1, or pericentre distance 1/2; mu = 1) state and time are known
-without an equation to solve.  ``python test_kepler_flow.py`` prints what a process with NUMBA_DISABLE_JIT=1 measures.
+At a given anomaly of an ellipse, parabola or hyperbola (a = 1, or pericentre distance 1/2; mu = 1) state and time are
+known without solving an equation. ``python test_kepler_flow.py`` prints what a process with NUMBA_DISABLE_JIT=1
+measures.
 """
 
 from __future__ import annotations
@@ -13,21 +14,21 @@ import mpmath
 import numpy as np
 import pytest
 
-from phasebench.integrators.engine import kepler_flow
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, exactly, precision, vector
-from phasebench.integrators.engine.kernel import array
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, exactly, precision, vector
+from phasebench.integrators.stepping import kepler_flow
+from phasebench.integrators.stepping.kernel import array
 
 EPS = np.finfo(float).eps
 DIGITS = 40
 ECCENTRICITIES = (0.0, 0.2, 0.6, 0.9, 0.99, 0.999, 1.0, 1.5, 3.0)
-#: From where, and over which change of the anomaly: tiny, of a step, long, backwards.
+#: Initial anomalies, and changes of the anomaly: tiny, of a step, long, backwards.
 ANOMALIES = (0.0, 1.0, -2.5, 3.0)
 CHANGES = (1e-9, 1e-3, 0.3, 2.5, 6.0, -1e-4, -4.0)
 CASES = [(e, a, d) for e in ECCENTRICITIES for a in ANOMALIES for d in CHANGES]
 
 
 def on_orbit(e, A, mp=mpmath):
-    """(q, v, t) at an anomaly."""
+    """(q, v, t) at anomaly A of an orbit with eccentricity e."""
     if e < 1:
         s, c, b, r = mp.sin(A), mp.cos(A), mp.sqrt(1 - e * e), 1 - e * mp.cos(A)
         return [c - e, b * s], [-s / r, b * c / r], A - e * s
@@ -40,7 +41,7 @@ def on_orbit(e, A, mp=mpmath):
 
 
 def flow(q, v, h, arithmetic=DOUBLE, mu=1, mass=1, spoil=None):
-    """The state after h by the solver: the rows (q, p, what rounding lost of q, of p)."""
+    """Rows (q, p, compensation of q, compensation of p) after the time h by the solver."""
     table = array(kepler_flow.constants(arithmetic), arithmetic)
     if spoil is not None:
         spoil(table)
@@ -52,7 +53,7 @@ def flow(q, v, h, arithmetic=DOUBLE, mu=1, mass=1, spoil=None):
 
 
 def doubles(e, A, change):
-    """A case's initial state and time, rounded to double."""
+    """(q, v, h) of a case, rounded to double."""
     with mpmath.workdps(DIGITS):
         q, v, t = on_orbit(mpmath.mpf(e), mpmath.mpf(A))
         h = on_orbit(mpmath.mpf(e), mpmath.mpf(A) + mpmath.mpf(change))[2] - t
@@ -60,7 +61,7 @@ def doubles(e, A, change):
 
 
 def measured_in_40_digits():
-    """For each case: the error in 40 digits; from the doubles the increments, and how much the state magnifies."""
+    """For each case: relative error at 40 digits, exact increments from double data, their condition numbers."""
     out = []
     for e, A, change in CASES:
         q, v, t = on_orbit(mpmath.mpf(e), mpmath.mpf(A))
@@ -82,17 +83,18 @@ def measured_in_40_digits():
 
 @pytest.fixture(scope="module")
 def exact(uncompiled):
+    """Case -> its row of `measured_in_40_digits`."""
     return dict(zip(CASES, uncompiled("integrators/test_kepler_flow.py"), strict=True))
 
 
-def test_in_40_digits_the_solver_is_exact_to_40_digits(exact):
-    """Near a pericentre of e = 0.999 speeds change by a thousand: some digits are the problem's own."""
+def test_the_solver_is_exact_to_40_digits(exact):
+    """Near the pericentre for e = 0.999 speeds change by a factor of 1000, which costs digits of any method."""
     for case, (error, _, _) in exact.items():
         assert error < 1e-33, case
 
 
 def worst(exact, e, spoil=None):
-    """The largest error of increments in units of what rounded data would cause, over the cases of e."""
+    """Largest error of increments, in units of the effect of rounded data, over the cases with eccentricity e."""
     ratios = []
     for case in [c for c in CASES if c[0] == e]:
         _, increments, magnified = exact[case]
@@ -107,8 +109,8 @@ def worst(exact, e, spoil=None):
 
 
 @pytest.mark.parametrize("e", ECCENTRICITIES)
-def test_doubles_err_as_much_as_rounded_data_would(exact, e):
-    """On a hyperbola that is followed inwards and out again the terms of Kepler's equation cancel, up to a factor."""
+def test_errors_in_doubles_are_those_of_rounded_data(exact, e):
+    """Except that on a hyperbola followed inwards and outwards the terms of Kepler's equation partly cancel."""
     assert worst(exact, e) < (8 if e <= 1 else 128)
 
 
@@ -120,7 +122,7 @@ def test_control_a_coefficient_with_a_wrong_digit_is_seen(exact):
 
 
 def test_increments_of_tiny_steps_are_relatively_exact(exact):
-    """The control: the difference of the rounded states has no digit left."""
+    """Control: the difference of the rounded states has no correct digit."""
     q, v, h = doubles(0.6, 1.0, 1e-9)
     wanted = [float(mpmath.mpf(x)) for x in exact[0.6, 1.0, 1e-9][1]]
     X = flow(q, v, h)
@@ -138,20 +140,21 @@ def test_whole_periods_return(e, periods):
     beta = 2 / np.hypot(*q) - np.dot(v, v)
     h = 2 * np.pi * periods / beta**1.5
     X = flow(q, v, h)
-    # h and beta are known to eps: the phase is, times the number of periods.
+    # h and beta have a relative error eps, so the phase has eps times the number of periods.
     assert np.abs(X[:2] - [q, v]).max() < 8 * EPS * 2 * np.pi * abs(periods) * 5
     assert np.abs(flow(q, v, h * (1 + 1e-3 / periods))[:2] - [q, v]).max() > 1e-4, "the control: another time"
 
 
 @pytest.mark.parametrize("e", ECCENTRICITIES)
 def test_energy_and_angular_momentum_of_many_steps(e):
-    """An ellipse has 20 000 steps of a twentieth of its period; of an open orbit the steps grow."""
+    """20,000 steps, each a twentieth of the period of an ellipse; on open orbits steps grow."""
     q, v, _ = doubles(e, -1.0, 1.0)
     table = array(kepler_flow.constants(DOUBLE), DOUBLE)
     X = np.array([q, v, [0, 0], [0, 0]])
     scale = 1 / (1 - e) if e < 1 else 1.0
 
     def kept():
+        """Energy and angular momentum."""
         return np.array([np.dot(X[1], X[1]) / 2 - 1 / np.hypot(*X[0]), X[0, 0] * X[1, 1] - X[0, 1] * X[1, 0]])
 
     before, steps = kept(), 20_000 if e < 1 else 40
@@ -164,7 +167,7 @@ def test_energy_and_angular_momentum_of_many_steps(e):
 
 @pytest.mark.parametrize("e", [0.0, 0.6, 0.999, 1.0, 1.5])
 def test_backwards_is_the_mirror_image(e):
-    """(q, v, h) and (q, -v, -h) take the same arithmetic; there and back returns."""
+    """(q, v, h) and (q, -v, -h) use the same arithmetic; going forth and back returns."""
     q, v, h = doubles(e, 1.0, 0.8)
     forth, mirrored = flow(q, v, h), flow(q, [-x for x in v], -h)
     assert (forth[0] == mirrored[0]).all()
@@ -173,8 +176,8 @@ def test_backwards_is_the_mirror_image(e):
     assert np.abs(back[:2] - [q, v]).max() < 1e-11
 
 
-def test_mass_parameter_and_space_are_scales_and_frames():
-    """mu and mass by powers of two are exact; a third dimension is a rotation."""
+def test_scaling_by_mass_mu_and_rotation():
+    """Powers of two as mu and mass scale exactly; a third dimension is a rotation."""
     q, v, h = doubles(0.6, 1.0, 2.0)
     X = flow(q, v, h)
     heavy = flow(q, [2 * x for x in v], h / 2, mu=4, mass=8)
@@ -188,13 +191,13 @@ def test_mass_parameter_and_space_are_scales_and_frames():
     assert np.array_equal(free[1], v)
 
 
-#: Steps of which a correction leaves the period, where the root is bracketed.
+#: Steps with an iterate beyond one period, for which the root is bracketed.
 BEYOND = ((0.98, 1.25, -3.1), (0.9999, 2.0, -3.9))
 
 
 @pytest.mark.parametrize("length", [4.0**-10, 4.0**10])
-def test_units_change_neither_the_motion_nor_what_it_costs(length):
-    """Lengths, and times by their power 3/2, in units that are powers of two: 1/beta, else 1, is the length."""
+def test_the_solver_does_not_depend_on_units(length):
+    """Lengths in units that are powers of two, times in their power 3/2."""
     table = array(kepler_flow.constants(DOUBLE), DOUBLE)
     for case in (*CASES[:140:9], *BEYOND):
         q, v, h = doubles(*case)
@@ -206,7 +209,7 @@ def test_units_change_neither_the_motion_nor_what_it_costs(length):
 
 
 def test_few_evaluations():
-    """A step of an ordinary orbit takes two or three evaluations, the worst of the cases a few more."""
+    """Two or three per step of an ordinary orbit, a few more in the worst case."""
     table = array(kepler_flow.constants(DOUBLE), DOUBLE)
 
     def evaluations(q, v, h):

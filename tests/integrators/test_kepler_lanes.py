@@ -1,4 +1,4 @@
-"""Kepler's flow of bodies in lanes beside that of one body, which is tested against 40 digits."""
+"""The Kepler flow of bodies in SIMD lanes against the scalar one, which is tested against 40 digits."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pytest
 import sympy as sp
 from numba import njit
 
-from phasebench.integrators.engine import kepler_flow, kepler_lanes
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import array
-from phasebench.integrators.engine.lanes import put, take
-from phasebench.integrators.engine.vector import TUPLES
+from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.families import planet_lanes, planet_pairs
+from phasebench.integrators.stepping import kepler_flow, kepler_lanes
+from phasebench.integrators.stepping.kernel import array
+from phasebench.integrators.values.lanes import put, take
+from phasebench.integrators.values.vector import TUPLES
 from support.marks import compiled
 
 EPS = np.finfo(float).eps
@@ -24,7 +24,7 @@ LANES = 8
 
 
 @njit(**TUPLES)
-def _moved(step, h, steps, memory):
+def _advance(step, h, steps, memory):
     at = planet_lanes._placed(step, planet_lanes._opened(memory, step.like).y)
     for _ in range(steps):
         at = planet_lanes._drift(step, at, h, memory)
@@ -32,6 +32,7 @@ def _moved(step, h, steps, memory):
 
 
 def step_of(mu, mass):
+    """The kernel's step with only its Kepler part."""
     part = SimpleNamespace(mu=[sp.Rational(x) for x in mu], masses=[sp.Rational(x) for x in mass])
     empty = np.zeros((0, LANES))
     like = (0.0,) * LANES
@@ -41,19 +42,19 @@ def step_of(mu, mass):
 
 
 def flow(q, v, h, steps=1, mu=None, mass=None):
-    """(q, v, what rounding lost of either) of bodies, arrays (n, 3), after so many steps of h."""
+    """(q, v, compensation of each), arrays (n, 3), of bodies after steps of length h."""
     n = len(q)
     mu, mass = np.ones(n) if mu is None else mu, np.ones(n) if mass is None else mass
     memory = np.zeros((planet_lanes.ROWS, LANES))
     memory[:3, :n], memory[3:6, :n] = q.T, (mass[:, None] * v).T
-    _moved(step_of(mu, mass), float(h), steps, memory)
+    _advance(step_of(mu, mass), float(h), steps, memory)
     found = [memory[3 * i : 3 * i + 3, :n].T for i in range(4)]
     assert not memory[:6, n:].any(), "a lane without a body moves"
     return found[0], found[1] / mass[:, None], found[2], found[3] / mass[:, None]
 
 
 def alone(q, v, h, steps=1):
-    """The same of each body by `kepler_flow`."""
+    """The same for each body by `kepler_flow`."""
     table = array(kepler_flow.constants(DOUBLE), DOUBLE)
     X = [np.array([a, b, 0 * a, 0 * a]) for a, b in zip(q, v, strict=True)]
     for _ in range(steps):
@@ -63,7 +64,7 @@ def alone(q, v, h, steps=1):
 
 
 def orbits(e, anomalies):
-    """(q, v) of orbits with mu = a = 1, turned in space."""
+    """(q, v) at some anomalies of orbits with mu = a = 1, rotated in space."""
     turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0][:, :2]
     A = np.asarray(anomalies, float)
     if e < 1:
@@ -75,21 +76,21 @@ def orbits(e, anomalies):
     return q.T @ turn.T, v.T @ turn.T
 
 
-def kept(q, v):
-    """The energy and the angular momentum of each body."""
+def energy_and_momentum(q, v):
+    """(energy, angular momentum) of each body."""
     r = np.sqrt((q**2).sum(1))
     return (v**2).sum(1) / 2 - 1 / r, np.linalg.norm(np.cross(q, v), axis=1)
 
 
 ANOMALIES = np.linspace(-3, 3, LANES)
-#: Eccentricities with steps: short, ordinary, beyond what lanes solve at the pericentre, about a period.
+#: Eccentricities and steps: short, ordinary, too long for lanes near the pericentre, about a period.
 CASES = [(e, h) for e in (0.0, 0.05, 0.6, 0.99, 1.5) for h in (1e-9, 0.01, 0.3, 1.2, 6.0)]
 
 
 @pytest.mark.parametrize(("e", "h"), CASES)
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_lane_is_the_body_alone_to_round_off(e, h, sign):
-    """Increments and what rounding lost: to a few units of what a rounded state, or time, moves."""
+def test_a_lane_equals_the_scalar_solver_to_round_off(e, h, sign):
+    """Increments and compensations, up to the effect of a few units of round-off in the state or time."""
     q, v = orbits(e, ANOMALIES)
     found, wanted = flow(q, v, sign * h), alone(q, v, sign * h)
     near = [alone(q * (1 + 4 * EPS), v, sign * h), alone(q, v * (1 + 4 * EPS), sign * h)]
@@ -111,8 +112,8 @@ def test_increments_of_tiny_steps_are_relatively_exact():
         assert moved == pytest.approx(expected, rel=1e-14, abs=0)
 
 
-def test_a_lane_does_not_depend_on_which_body_its_neighbour_is():
-    """As long as all take as many evaluations; one that is left to the scalar solver changes nothing either."""
+def test_a_lane_does_not_depend_on_its_neighbours():
+    """As long as all take equally many evaluations; leaving one body to the scalar solver changes the others little."""
     q, v = orbits(0.05, ANOMALIES)
     one = flow(q, v, 0.3)
     q[3], v[3] = (x[0] for x in orbits(0.99, [0.0]))
@@ -125,7 +126,7 @@ def test_a_lane_does_not_depend_on_which_body_its_neighbour_is():
 
 @pytest.mark.parametrize("e", [0.0, 0.6, 0.99, 1.5])
 def test_backwards_is_the_mirror_image(e):
-    """(q, v, h) and (q, -v, -h) take the same arithmetic; there and back returns."""
+    """(q, v, h) and (q, -v, -h) use the same arithmetic; going forth and back returns."""
     q, v = orbits(e, ANOMALIES)
     forth, mirrored = flow(q, v, 0.3), flow(q, -v, -0.3)
     assert np.array_equal(forth[0], mirrored[0])
@@ -136,8 +137,8 @@ def test_backwards_is_the_mirror_image(e):
 
 def test_free_bodies_and_masses():
     q, v = orbits(0.2, ANOMALIES[:4])
-    mu, mass = np.array([0.0, 1.0, 4.0, 1.0]), np.array([2.0, 1.0, 1.0, 8.0])  # powers of two: exact momenta
-    q[0] = 0  # a centre of mass in the origin
+    mu, mass = np.array([0.0, 1.0, 4.0, 1.0]), np.array([2.0, 1.0, 1.0, 8.0])  # powers of two keep momenta exact
+    q[0] = 0  # a body at the origin
     found = flow(q, v, 0.3, mu=mu, mass=mass)
     assert found[0][0] == pytest.approx(0.3 * v[0], rel=1e-15, abs=0)
     assert np.array_equal(found[1][0], v[0])
@@ -148,18 +149,18 @@ def test_free_bodies_and_masses():
 
 @pytest.mark.parametrize(("e", "h"), [(0.05, 0.05), (0.05, 0.31), (0.2, 0.31)])
 def test_energy_and_angular_momentum_walk_at_random(e, h):
-    """Of 200 000 steps: what all bodies have in common, a trend, does not stand out of what they have not."""
+    """200,000 steps: the mean error over the bodies, a trend, is not significant against its spread."""
     steps = 200_000
     q, v = orbits(e, ANOMALIES)
     end = flow(q, v, h, steps)
-    for before, after in zip(kept(q, v), kept(end[0], end[1]), strict=True):
+    for before, after in zip(energy_and_momentum(q, v), energy_and_momentum(end[0], end[1]), strict=True):
         error = after / before - 1
         assert abs(error.mean()) < 6 * error.std() / LANES**0.5
         assert np.abs(error).max() < 2 * EPS * steps**0.5
 
 
 def taylor(k, x):
-    """c_k of an array of long doubles by its Taylor series."""
+    """Stumpff function c_k of an array of long doubles by its Taylor series."""
     total = term = np.ones_like(x) / np.longdouble(factorial(k))
     for n in range(1, 25):
         term = -term * x / ((2 * n + k) * (2 * n + k - 1))
@@ -169,8 +170,8 @@ def taylor(k, x):
 
 @pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="long double is double here")
 @pytest.mark.parametrize(("low", "high"), [(-1.5, -0.1), (0.05, 0.1), (0.7, 0.9), (1.2, 1.69), (1.71, 2.4), (2.5, 6.0)])
-def test_stumpffs_functions_have_no_bias(low, high):
-    """Errors have means below a 300th of round-off: more would be a trend of the energy that outgrows its walk."""
+def test_stumpff_functions_have_no_bias(low, high):
+    """The mean error is below 1/300 of round-off; a larger one would cause an energy drift beyond the random walk."""
     n = 20_000
     x = np.random.default_rng(1).uniform(low, high, (n, LANES))
     found = np.zeros((4 * n, LANES))
@@ -184,7 +185,7 @@ def test_stumpffs_functions_have_no_bias(low, high):
 
 @compiled
 @pytest.mark.processor
-def test_stumpff_s_functions_are_right_to_round_off():
+def test_stumpff_functions_are_exact_to_round_off():
     x = np.concatenate([np.linspace(-1.69, 1.69, 24), np.linspace(-6, 9.8, 32)]).reshape(-1, LANES)
     found = np.empty((4 * len(x), LANES))
     _stumpff(x, found, (0.0,) * LANES)

@@ -1,4 +1,4 @@
-"""The parts of Kepler's flow in lanes: the reversion of a series, roots, a motion in one step."""
+"""Parts of the Kepler flow in SIMD lanes: the reverted series, square roots, the motion over one step."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from numba import njit
 
-from phasebench.integrators.engine import kepler_flow, kepler_lanes
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import array
-from phasebench.integrators.engine.lanes import put, take
-from phasebench.integrators.engine.masks import select
-from phasebench.integrators.engine.vector import TUPLES, inlined
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.stepping import kepler_flow, kepler_lanes
+from phasebench.integrators.stepping.kernel import array
+from phasebench.integrators.values.lanes import put, take
+from phasebench.integrators.values.masks import select
+from phasebench.integrators.values.vector import TUPLES, inlined
 from support.marks import compiled
 
 EPS = float(np.finfo(float).eps)
@@ -28,8 +28,8 @@ TABLE = array(kepler_flow.constants(DOUBLE), DOUBLE)
 
 
 @pytest.mark.parametrize(("second", "third", "beta"), [(0.7, -0.4, 0.9), (-1.1, 0.8, -0.5), (0.3, 1.5, 2.0)])
-def test_the_series_is_reverted_to_the_fifth_order(second, third, beta):
-    """The error of x/delta - 1 falls by two to the fifth where delta is halved."""
+def test_the_reverted_series_has_order_five(second, third, beta):
+    """The error of x/delta - 1 is of order delta^5."""
     errors = []
     for delta in (0.04, 0.02, 0.01):
         with mpmath.workdps(30):
@@ -41,7 +41,7 @@ def test_the_series_is_reverted_to_the_fifth_order(second, third, beta):
         assert a / b == pytest.approx(32, rel=0.25)
 
 
-def test_inverses_are_sums_of_two_doubles():
+def test_reciprocals_as_sums_of_two_doubles():
     for n in (3, 10, 7**20):
         high, low = kepler_lanes._reciprocal(n)
         assert high == 1 / n
@@ -54,7 +54,7 @@ def test_inverses_are_sums_of_two_doubles():
 
 @pytest.fixture(scope="module")
 def lanes():
-    """The functions on rows of lanes; ``in_one`` evaluates Stumpff's functions once."""
+    """The functions compiled for rows of lanes; ``in_one`` evaluates the Stumpff functions only once."""
 
     @njit(**TUPLES)
     def root(rows, out):
@@ -85,7 +85,7 @@ def lanes():
 
 @njit(**TUPLES)
 def keep(m, out):
-    """Write a motion into rows; the fifth has where it is not solved."""
+    """Write a motion into rows; row 4 is 1 where it is not solved."""
     put(out, 0, m.f, LIKE)
     put(out, 1, m.g, LIKE)
     put(out, 2, m.df, LIKE)
@@ -95,8 +95,8 @@ def keep(m, out):
 
 
 @compiled
-def test_a_square_root_and_its_inverse_follow_from_a_guess(lanes):
-    """From a guess within a thousandth to a millionth, and then to round-off."""
+def test_a_square_root_and_its_inverse_from_a_guess(lanes):
+    """One iteration from a guess that is off by 1e-3 or 1e-9."""
     square = np.random.default_rng(0).uniform(0.01, 100, W)
     exact = np.sqrt(square)
     for off, error in ((1e-3, 2e-6), (1e-9, EPS)):
@@ -108,7 +108,7 @@ def test_a_square_root_and_its_inverse_follow_from_a_guess(lanes):
 
 
 def starts(e, mu=2.5, a=1.7):
-    """(r0, 1/r0, eta, beta, mu) of bodies on orbits of an eccentricity, at eight places; and h in units of theirs."""
+    """(rows (r0, 1/r0, eta, beta, mu) of bodies at eight places of an orbit, unit of time)."""
     E = np.linspace(-2.8, 3.1, W)
     r, n = a * (1 - e * np.cos(E)), (mu / a**3) ** 0.5
     eta = n * a * a * e * np.sin(E)
@@ -116,7 +116,7 @@ def starts(e, mu=2.5, a=1.7):
 
 
 def alone(rows, h):
-    """f - 1, g, f', g' - 1 of each by `kepler_flow`."""
+    """(f - 1, g, f', g' - 1) of each body by `kepler_flow`."""
     return np.array([kepler_flow.coefficients(r, eta, beta, mu, h, EPS, TABLE)[:4] for r, _, eta, beta, mu in rows.T]).T
 
 
@@ -124,8 +124,8 @@ def alone(rows, h):
 @pytest.mark.processor
 @pytest.mark.parametrize("e", [0.0, 0.2, 0.6])
 @pytest.mark.parametrize("h", [1e-9, 0.02, 0.3, -0.3, 1.0])
-def test_a_motion_is_that_of_the_body_alone(lanes, e, h):
-    """To round-off where it is solved in lanes, to the last bit where it is left to the scalar solver."""
+def test_a_motion_equals_the_scalar_solver(lanes, e, h):
+    """To round-off if solved in lanes, bit by bit if left to the scalar solver."""
     rows, unit = starts(e)
     memory, out = np.full((7, W), 5.0), np.empty((6, W))
     lanes.motion(rows, out, h * unit, memory)
@@ -135,7 +135,7 @@ def test_a_motion_is_that_of_the_body_alone(lanes, e, h):
     assert not left.any() or (e, abs(h)) in ((0.2, 1.0), (0.6, 0.3), (0.6, 1.0))
     assert (memory[[0, 6]] == 5).all()
     assert (memory == 5).all() or left.any()
-    # The distance after it: (1 + f) q + g v has the length 1/inverse.
+    # The new distance, the length of (1 + f) q + g v, is 1/inverse.
     r, _, eta, beta, mu = rows
     v2 = 2 * mu / r - beta
     f, g = 1 + wanted[0], wanted[1]
@@ -144,7 +144,7 @@ def test_a_motion_is_that_of_the_body_alone(lanes, e, h):
 
 
 @compiled
-def test_steps_beyond_half_a_period_are_left_to_the_scalar_solver(lanes):
+def test_long_steps_are_left_to_the_scalar_solver(lanes):
     rows, unit = starts(0.0)
     for h, expected in ((3.1, False), (3.14, True), (4.0, True), (9.0, True), (-3.14, True)):
         out = np.empty((6, W))
@@ -168,10 +168,10 @@ def test_a_free_body_keeps_its_velocity(lanes):
     ("e", "h", "error", "left"),
     [(0.2, 0.5, 3e-15, 0), (0.2, 0.7, 3e-15, 2), (0.2, 1.2, 1e-13, 6), (0.5, 0.4, 1e-12, 3), (0.5, 0.6, 3e-7, 3)],
 )
-def test_one_evaluation_goes_far(lanes, e, h, error, left):
-    """The start is exact to the sixth power of the step, its correction to the sixth power of that.
+def test_the_accuracy_of_one_evaluation(lanes, e, h, error, left):
+    """The start has an error of order h^6, its correction one of the sixth power of that.
 
-    In how many of the eight lanes it is not sure that this will do is said too.
+    The number of lanes in which one evaluation may not suffice is checked too.
     """
     rows, unit = starts(e)
     out = np.empty((6, W))

@@ -1,4 +1,4 @@
-"""What a family is handed and how its kernel is compiled: numbers, values, types, and one kernel for each kind."""
+"""What a family passes to its kernel and how the kernel is compiled: numbers, vectors, types."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 from numba import types
 
-from phasebench.integrators.engine import codegen, kernel, preparation, vector
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, TUPLE_LIMIT
-from phasebench.integrators.engine.kernel import Orbit, Prepared, Samples
+from phasebench.integrators.compile import codegen, preparation
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, TUPLE_LIMIT
+from phasebench.integrators.stepping import kernel
+from phasebench.integrators.stepping.kernel import Carry, Prepared, Samples
+from phasebench.integrators.values import vector
 from support.marks import compiled
 
 # -- numbers ----------------------------------------------------------------------------------------------------------
 
 
-def test_rows_of_exact_numbers_are_filled_up_with_zeros():
+def test_ragged_rows_are_padded_with_zeros():
     made = kernel.array([[Fraction(1, 3)], [2, mpmath.mpf(3)], []], DOUBLE)
     assert made.tolist() == [[1 / 3, 0], [2, 3], [0, 0]]
     assert made.flags.writeable
@@ -40,10 +42,10 @@ def test_coefficients_are_read_only_and_integers_stay_integers():
     assert kernel.fixed(given).dtype.kind == "i"
     other = np.array(given)
     kernel.fixed(other)
-    other[0] = 7  # what was given stays as it was
+    other[0] = 7  # the array passed in is unchanged
 
 
-def test_zeros_are_of_the_arithmetic_at_hand():
+def test_zeros_have_the_type_of_the_arithmetic():
     assert kernel.zeros((2, 3), DOUBLE).dtype == float
     assert kernel.zeros((2, 3), DOUBLE).tolist() == [[0.0] * 3] * 2
     with codegen.precision(30):
@@ -53,7 +55,7 @@ def test_zeros_are_of_the_arithmetic_at_hand():
     assert made.tolist() == [[0, 0]]
 
 
-def test_a_value_is_a_tuple_of_doubles_where_it_is_compiled_and_small():
+def test_small_compiled_vectors_are_tuples():
     small, large = [1, 2], list(range(TUPLE_LIMIT + 1))
     for made, is_tuple in (
         (kernel.value(small, 2), codegen.compiled()),
@@ -72,7 +74,7 @@ def test_a_value_is_a_tuple_of_doubles_where_it_is_compiled_and_small():
 
 
 class Step(NamedTuple):
-    """A step of h, with what a step may hold besides."""
+    """A toy step with a function, coefficients, a tuple and the step size."""
 
     f: Any
     c: np.ndarray
@@ -80,37 +82,37 @@ class Step(NamedTuple):
     h: float = 0.0
 
 
-def run(step, orbit, samples, counts):
-    """Each row is the state that there was, and h more."""
-    y = vector.opened(orbit)
+def run(step, carry, samples, counts):
+    """Toy kernel: each step adds h f(q) to q."""
+    y = vector.opened(carry)
     for row in range(len(samples.q)):
         for _ in range(samples.every):
             y = vector.State(vector.axpy(step.h, vector.of(step.f, y.q, y.q), y.q), y.p, y.lost_q, y.lost_p)
             counts.steps += 1
         vector.keep(samples, row, y)
-    vector.close(orbit, y)
+    vector.close(carry, y)
     return len(samples.q), 0
 
 
-def prepared(f=None, rest=(1.0, 3), **more):
-    """The kernel above."""
+def prepare(f=None, rest=(1.0, 3), **more):
+    """`Prepared` of the toy kernel."""
     return Prepared(run, Step(f, kernel.numbers([1, 2], DOUBLE), rest), width=2, stages=1, **more)
 
 
-def test_what_is_counted_is_told_by_name():
+def test_counts_have_names():
     names = {"steps": 5, "gradient": 7, "hessian": 0, "iterations": 7, "fallbacks": 0, "newton": 0}
-    assert prepared().tally(5, 7) == names
-    assert prepared(implicit=False).tally(5, 7) == names | {"iterations": 0}
-    assert prepared(hessian=True).tally(5, 7, 2, 3) == names | {"hessian": 7, "fallbacks": 2, "newton": 3}
+    assert prepare().tally(5, 7) == names
+    assert prepare(implicit=False).tally(5, 7) == names | {"iterations": 0}
+    assert prepare(hessian=True).tally(5, 7, 2, 3) == names | {"hessian": 7, "fallbacks": 2, "newton": 3}
 
 
-def test_what_a_family_does_not_say():
-    made = prepared()
+def test_defaults_of_prepared():
+    made = prepare()
     assert (made.implicit, made.hessian, made.linear, made.begin, made.missed) == (True, False, 0, None, "")
     assert (made.work, made.arrays, made.apart) == (None, False, False)
 
 
-def test_the_energy_that_is_kept_is_that_of_the_start():
+def test_keep_energy_stores_the_initial_energy():
     class Kept(NamedTuple):
         H0: float = 0.0
 
@@ -118,7 +120,7 @@ def test_the_energy_that_is_kept_is_that_of_the_start():
     assert begin(Kept(), 1.0, 2.0) == Kept(21.0)
 
 
-def test_what_the_cache_has_is_not_prepared_again(monkeypatch):
+def test_cached_entries_are_not_prepared_again(monkeypatch):
     kept, made = {}, []
     monkeypatch.setattr(preparation, "entry", lambda method, system: f"{method} of {system}")
     monkeypatch.setattr(preparation, "read", kept.get)
@@ -135,17 +137,17 @@ def test_what_the_cache_has_is_not_prepared_again(monkeypatch):
 # -- compilation ------------------------------------------------------------------------------------------------------
 
 
-def test_kernels_of_many_digits_are_python():
-    assert kernel.kernel(prepared(), 2, MULTIPRECISION) is run
-    assert (kernel.kernel(prepared(), 2) is run) == (not codegen.compiled())
+def test_multiprecision_kernels_are_python():
+    assert kernel.kernel(prepare(), 2, MULTIPRECISION) is run
+    assert (kernel.kernel(prepare(), 2) is run) == (not codegen.compiled())
 
 
 def integrate(made, d, q, h=0.5, rows=2, every=3):
-    """The samples of a run, the state after it, and the steps counted."""
+    """(samples of q, state at the end, steps counted) of a run of the kernel."""
     width = max(2, d)
     state, table = np.zeros((5, width)), np.zeros((1, 1))
     state[0, :d] = q
-    orbit = Orbit(state, table, table, kernel.value(np.zeros(d), d, DOUBLE, made.arrays))
+    orbit = Carry(state, table, table, kernel.value(np.zeros(d), d, DOUBLE, made.arrays))
     samples = Samples(np.zeros((rows, d)), np.zeros((rows, d)), np.zeros((rows, 1)), every)
     counts = np.rec.array(np.zeros(1, kernel.COUNTS))[0]
     step = made.step._replace(h=h)
@@ -155,8 +157,8 @@ def integrate(made, d, q, h=0.5, rows=2, every=3):
 
 @compiled
 @pytest.mark.parametrize(("d", "arrays"), [(2, False), (2, True), (TUPLE_LIMIT + 1, False)])
-def test_one_source_is_compiled_for_tuples_and_for_arrays(d, arrays):
-    made = prepared(rest=(0.0,) * d, arrays=arrays)
+def test_a_kernel_is_compiled_for_tuples_or_for_arrays(d, arrays):
+    made = prepare(rest=(0.0,) * d, arrays=arrays)
     q, state, steps = integrate(made, d, np.arange(1.0, d + 1))
     np.testing.assert_allclose(q, np.outer([1.5**3, 1.5**6], np.arange(1.0, d + 1)), rtol=1e-14)
     np.testing.assert_array_equal(state[0, :d], q[-1])
@@ -167,20 +169,20 @@ def test_one_source_is_compiled_for_tuples_and_for_arrays(d, arrays):
 
 
 @compiled
-def test_a_kernel_is_compiled_once_for_each_kind_of_step_and_state():
-    made, again = prepared(), prepared()
+def test_a_kernel_is_compiled_once_per_type():
+    made, again = prepare(), prepare()
     first = kernel.kernel(made, 2)
     assert kernel.kernel(made, 2) is first
     assert kernel.kernel(again, 2) is first, "for the same types"
     assert kernel.kernel(made, 3) is not first
     assert kernel.kernel(made, 2) is first
-    assert kernel.kernel(prepared(arrays=True), 2) is not first
+    assert kernel.kernel(prepare(arrays=True), 2) is not first
     assert next(iter(first.overloads)) == first.nopython_signatures[0].args
 
 
 @compiled
 def test_the_types_of_a_step():
-    """A function is a pointer, so that a kernel serves all functions of one signature; what is read-only is known."""
+    """Functions are passed as pointers, so that one kernel serves all of a signature; read-only arrays are marked."""
     pair = types.UniTuple(types.float64, 2)
     f, g = numba.njit(pair(pair))(lambda x: (x[1], x[0])), numba.njit(pair(pair))(lambda x: (x[0], x[0]))
     for x, expected in (
@@ -194,15 +196,15 @@ def test_the_types_of_a_step():
         assert kernel._type(x) == expected
         assert kernel._type(x) == expected, "asked again"
     assert kernel._type(g) == kernel._type(f)
-    step = kernel._type(prepared(f).step)
+    step = kernel._type(prepare(f).step)
     assert step.instance_class is Step
-    assert step.types == tuple(kernel._type(x) for x in prepared(f).step)
+    assert step.types == tuple(kernel._type(x) for x in prepare(f).step)
     assert not hasattr(kernel._type((1.0, f)), "fields")
 
 
 @compiled
-def test_steps_that_write_into_arrays_may_not_allocate():
-    """They are told by a function of theirs that returns nothing."""
+def test_steps_that_write_into_arrays_do_not_allocate():
+    """Such steps are recognized by a function without a return value."""
     made = types.Array(types.float64, 1, "C")
 
     @numba.njit(types.none(made, made), **vector.ARRAYS)
@@ -214,8 +216,8 @@ def test_steps_that_write_into_arrays_may_not_allocate():
         f: Any
         h: float
 
-    def run(step, orbit, samples, counts):
-        q, _ = vector.rows(orbit.state, 0, 1, orbit.zero)
+    def run(step, carry, samples, counts):
+        q, _ = vector.rows(carry.state, 0, 1, carry.zero)
         step.f(q, q)
         return len(samples.q), 0
 
@@ -223,5 +225,5 @@ def test_steps_that_write_into_arrays_may_not_allocate():
     assert kernel.kernel(writing, TUPLE_LIMIT + 1).targetoptions["_nrt"] is False
 
 
-def test_what_has_no_machine_code_is_called_as_it_is():
+def test_uncompiled_functions_are_called_directly():
     assert kernel.entry(run) is run

@@ -1,4 +1,4 @@
-"""Functions of formulae in lanes: which formulae, and what they write where."""
+"""Functions generated from formulas for SIMD lanes: which formulas are supported, and where results are written."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from phasebench.integrators.engine import codegen, lane_formulae, lanes
-from phasebench.integrators.engine.codegen import DOUBLE
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.values import lane_formulae, lanes
 
 x, y, z, w = sp.symbols("x y z w", positive=True)
 SYSTEM = SimpleNamespace(content="a toy", d=2)
@@ -30,9 +31,9 @@ RESULTS = [x * y + z, sp.sin(w) / sp.sqrt(x) - y**3, sp.exp(-z) * sp.cos(x) ** 2
     ],
     ids=str,
 )
-def test_sums_products_powers_and_four_functions_can_be_had(kept):
-    assert lane_formulae.known([kept])
-    assert lane_formulae.known([kept, x * y])
+def test_supported_functions_and_powers(kept):
+    assert lane_formulae.supported([kept])
+    assert lane_formulae.supported([kept, x * y])
 
 
 @pytest.mark.parametrize(
@@ -42,21 +43,21 @@ def test_sums_products_powers_and_four_functions_can_be_had(kept):
         sp.sin(x) + sp.log(y),
         abs(sp.sin(x) - y),
         x ** sp.Rational(1, 3),
-        (x + y) ** sp.Rational(25, 2),
-        x**13,
-        x**-13,
+        (x + y) ** sp.Rational(49, 2),
+        x**49,
+        x**-49,
         x**y,
         x**sp.pi,
     ],
     ids=str,
 )
-def test_no_other_function_nor_power(other):
-    assert not lane_formulae.known([other])
-    assert not lane_formulae.known([x * y, sp.sin(other * z)])
+def test_unsupported_functions_and_powers(other):
+    assert not lane_formulae.supported([other])
+    assert not lane_formulae.supported([x * y, sp.sin(other * z)])
 
 
 @pytest.mark.parametrize("n", [2, 4])
-def test_results_follow_the_arguments_row_by_row(n):
+def test_results_follow_the_arguments_in_the_table(n):
     f = lane_formulae.function(f"toy {n}", ARGUMENTS, lambda: RESULTS, n, SYSTEM, DOUBLE)
     given = np.random.default_rng(n).uniform(0.5, 2.0, size=(4, n))
     table = np.vstack([given, np.full((4, n), 9.0)])
@@ -68,7 +69,7 @@ def test_results_follow_the_arguments_row_by_row(n):
     assert (table[7] == 9).all()
 
 
-def test_a_function_is_of_its_formula_lanes_and_operations_and_takes_a_table(monkeypatch):
+def test_functions_are_keyed_by_formula_and_lanes(monkeypatch):
     monkeypatch.setattr(codegen, "function", lambda key, text, signature, arithmetic: (key, signature))
     keys = set()
     for kind, n, system in (("a", 2, SYSTEM), ("b", 2, SYSTEM), ("a", 4, SYSTEM)):
@@ -79,7 +80,7 @@ def test_a_function_is_of_its_formula_lanes_and_operations_and_takes_a_table(mon
     assert len(keys) == 4
 
 
-def test_operations_that_are_changed_make_other_functions(monkeypatch):
+def test_edited_operations_give_other_functions(monkeypatch):
     before = lane_formulae._operations.__wrapped__()
     monkeypatch.setattr(lanes, "__file__", __file__)
     assert lane_formulae._operations.__wrapped__() != before

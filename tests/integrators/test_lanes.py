@@ -1,4 +1,4 @@
-"""Lanes: their operations and functions against 40 digits, and the Gauss methods whose stages they hold."""
+"""SIMD lanes: operations and elementary functions against 40 digits, and Gauss methods with their stages in lanes."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients.quadrature import gauss_legendre
 from phasebench.integrators.coefficients.tableaus import LEVELS
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine import elementary
-from phasebench.integrators.engine.codegen import MULTIPRECISION, precision
-from phasebench.integrators.engine.kernel import prepare
-from phasebench.integrators.engine.lanes import combine, polynomial, put, take, total
-from phasebench.integrators.families import collocation, gauss_lanes
+from phasebench.integrators.families import collocation, gauss_lanes, stage_lanes
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.registry import method
+from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 from phasebench.integrators.systems.poisson import PoissonSystem
+from phasebench.integrators.values import elementary
+from phasebench.integrators.values.lanes import combine, polynomial, put, take, total
 
 WIDTH = 8
 LIKE = (0.0,) * WIDTH
@@ -34,7 +34,7 @@ RANDOM = np.random.default_rng(0)
 
 
 def over(function):
-    """The function of lanes, compiled, on the rows of a table."""
+    """Compile a function of lanes so that it maps an array."""
 
     @numba.njit
     def each(x, y):
@@ -50,11 +50,11 @@ def over(function):
     return on
 
 
-LANED = {name: over(getattr(elementary, name)) for name in ("sin", "cos", "exp", "sqrt")}
+LANED = {name: over(getattr(elementary, name)) for name in ("sin", "cos", "exp", "sqrt", "sinh", "cosh", "tanh")}
 
 
 def units(name, x):
-    """The errors of the function in lanes, in units of the exact values' last places."""
+    """Errors of a function in lanes, in units in the last place."""
     y = LANED[name](x)
     with mpmath.workdps(40):
         exact = [getattr(mpmath, name)(mpmath.mpf(float(a))) for a in x]
@@ -71,19 +71,20 @@ RANGES = {"small": (-2, 2), "ordinary": (-100, 100), "large": (-1e6, 1e6)}
 @pytest.mark.processor
 @pytest.mark.parametrize("name", ["sin", "cos"])
 @pytest.mark.parametrize("size", RANGES)
-def test_sine_and_cosine_are_right_to_their_last_places(name, size):
+def test_sine_and_cosine_are_exact_to_the_last_places(name, size):
     assert units(name, RANDOM.uniform(*RANGES[size], 2048)).max() < 2.5
 
 
 @pytest.mark.processor
 @pytest.mark.parametrize("name", ["sin", "cos"])
-def test_near_their_zeros_sine_and_cosine_keep_their_relative_accuracy(name):
+def test_sine_and_cosine_near_their_zeros(name):
     assert units(name, MULTIPLES).max() < 2.5
 
 
 @pytest.mark.processor
 @pytest.mark.parametrize("name", ["sin", "cos"])
-def test_beyond_a_million_the_error_is_the_argument_s_own(name):
+def test_sine_and_cosine_beyond_a_million(name):
+    """An error below the spacing of x; NaN beyond 1e12."""
     x = RANDOM.uniform(-1e12, 1e12, 2048)
     with mpmath.workdps(40):
         exact = np.array([float(getattr(mpmath, name)(mpmath.mpf(a))) for a in x])
@@ -93,19 +94,34 @@ def test_beyond_a_million_the_error_is_the_argument_s_own(name):
 
 
 @pytest.mark.processor
-def test_the_exponential_is_right_to_its_last_place():
+def test_the_exponential_is_exact_to_the_last_place():
     assert units("exp", RANDOM.uniform(-1, 1, 2048)).max() < 1.5
     assert units("exp", RANDOM.uniform(-745, 709.7, 2048)).max() < 1.5
 
 
 @pytest.mark.processor
-def test_the_exponential_ends_as_it_should():
+def test_overflow_and_underflow_of_the_exponential():
     x = np.array([0.0, -0.0, np.inf, -np.inf, np.nan, 710.0, -746.0, 1e300])
     assert np.array_equal(LANED["exp"](x), [1, 1, np.inf, 0, np.nan, np.inf, 0, np.inf], equal_nan=True)
 
 
+@pytest.mark.processor
+@pytest.mark.parametrize("name", ["sinh", "cosh", "tanh"])
+@pytest.mark.parametrize("span", [1e-6, 0.7, 2.0, 30.0, 700.0])
+def test_hyperbolic_functions_in_lanes(name, span):
+    assert units(name, RANDOM.uniform(-span, span, 2048)).max() < 3
+
+
+@pytest.mark.processor
+def test_hyperbolic_functions_at_special_values():
+    x = np.array([0.0, np.inf, -np.inf, np.nan, 800.0, -800.0, 20.0, -20.0])
+    with np.errstate(over="ignore"):
+        for name in ("sinh", "cosh", "tanh"):
+            np.testing.assert_allclose(LANED[name](x), getattr(np, name)(x), rtol=1e-15)
+
+
 @pytest.mark.parametrize("name", LANED)
-def test_uncompiled_the_functions_are_the_library_s_of_numbers_and_of_arrays(name):
+def test_uncompiled_functions_are_those_of_the_library(name):
     function, x = getattr(elementary, name), [0.25, 2.0]
     wanted = [getattr(math, name)(a) for a in x]
     assert [function(a) for a in x] == wanted
@@ -113,7 +129,7 @@ def test_uncompiled_the_functions_are_the_library_s_of_numbers_and_of_arrays(nam
 
 
 @pytest.mark.processor
-def test_the_square_root_is_the_processor_s():
+def test_the_square_root_is_correctly_rounded():
     x = RANDOM.uniform(0, 100, 512)
     assert np.array_equal(LANED["sqrt"](x), np.sqrt(x))
 
@@ -126,6 +142,8 @@ def test_the_square_root_is_the_processor_s():
         (elementary.EXPONENTIAL[9], "exp", 700),
         (elementary.PI[2], "cos", 1e6),
         (elementary.LOG_2[1], "exp", 700),
+        (elementary.HYPERBOLIC_SINE[5], "sinh", 1),
+        (elementary.HYPERBOLIC_TANGENT[9], "tanh", 0.6),
     ],
 )
 def test_control_a_wrong_coefficient_is_seen(monkeypatch, number, name, size):
@@ -142,7 +160,7 @@ def test_control_a_wrong_coefficient_is_seen(monkeypatch, number, name, size):
 
 
 @pytest.mark.processor
-def test_operators_are_those_of_arrays():
+def test_operators_agree_with_arrays():
     @numba.njit
     def mixed(x, y, z):
         a, b = take(x, 0, LIKE), take(y, 0, LIKE)
@@ -158,7 +176,7 @@ def test_operators_are_those_of_arrays():
 
 
 @pytest.mark.processor
-def test_combine_adds_the_rows_of_a_matrix():
+def test_combine_adds_rows_of_a_matrix():
     A, x, y = RANDOM.standard_normal((5, WIDTH)), RANDOM.standard_normal(WIDTH), RANDOM.standard_normal(WIDTH)
     few = (0.0,) * 3
 
@@ -177,7 +195,7 @@ NUMBERS = (3.0, -0.5, 2.0, 0.25)
 
 
 @pytest.mark.processor
-def test_a_polynomial_takes_its_coefficients_from_lanes_or_from_a_tuple():
+def test_polynomial_coefficients_from_lanes_or_a_tuple():
     few = (0.0,) * 4
     rows, z = np.array([[*NUMBERS, *[np.nan] * 4], RANDOM.uniform(-2, 2, WIDTH)]), np.empty((2, WIDTH))
 
@@ -192,20 +210,19 @@ def test_a_polynomial_takes_its_coefficients_from_lanes_or_from_a_tuple():
         assert np.allclose(found, exact, rtol=0, atol=1e-14)
 
 
-# -- Gauss's methods --------------------------------------------------------------------------------------------------
+# -- Gauss methods ----------------------------------------------------------------------------------------------------
 
 BOX, ORBIT = problem("henon-heiles:box"), problem("perturbed-kepler")
 
 
 def end(solution):
-    assert solution.status in ("ok", "inaccurate", "unstable"), (
-        solution.reason
-    )  # the same equations are solved, whatever their worth
+    """End state (q, p) of a run that reached its end, whatever its accuracy."""
+    assert solution.status in ("ok", "inaccurate", "unstable"), solution.reason  # accuracy does not matter here
     return np.concatenate([solution.q[-1], solution.p[-1]])
 
 
 def both(monkeypatch, made, s, **run):
-    """The runs with the stages in lanes, and one after the other."""
+    """(run with the stages in lanes, run with the stages one by one)."""
     lanes = integrate(made, f"gauss-{s}", **run)
     with monkeypatch.context() as patch:
         patch.setattr(gauss_lanes, "serves", lambda s, system: False)
@@ -214,7 +231,7 @@ def both(monkeypatch, made, s, **run):
 
 @pytest.mark.processor
 @pytest.mark.parametrize("s", [2, 3, 5, 8])
-def test_stages_in_lanes_reach_what_stages_one_by_one_reach(monkeypatch, s):
+def test_lanes_reach_the_state_of_single_stages(monkeypatch, s):
     for made, h in ((BOX, 0.3), (ORBIT, 0.05)):
         lanes, rows = both(monkeypatch, made, s, h=h, steps=100, save_every=0)
         assert np.abs(end(lanes) - end(rows)).max() < 1e-13
@@ -232,16 +249,16 @@ FORCES = {
 
 
 @pytest.mark.parametrize("name", FORCES)
-def test_every_kind_of_force_is_the_one_of_the_formula(monkeypatch, name):
+def test_every_kind_of_force_agrees_with_its_formula(monkeypatch, name):
     T = "p1**2/2 + p2**2/6" if name == "masses" else "p1**2/2 + p2**2/2"
-    # Declared regular: the same equations are solved, also where a step crosses the singularity of a power.
+    # Declared regular, so that a step across the singularity is not rejected.
     made = Hamiltonian(q="q1 q2", p="p1 p2", H=f"{T} + {FORCES[name]}", singular=())
     assert gauss_lanes.serves(3, made)
     lanes, rows = both(monkeypatch, made, 3, h=0.1, steps=50, q0=[0.7, 1.1], p0=[0.2, -0.3])
     assert np.abs(end(lanes) - end(rows)).max() < 1e-13
 
 
-#: What is no sum p_i^2 / 2 m_i + V(q): both increments are unknown.
+#: H other than sum p_i^2 / 2 m_i + V(q), for which both increments are unknowns.
 FIELDS = {
     "angles": "(p1**2 + 2*p2**2 - 2*p1*p2*cos(q1 - q2))/(2 + 2*sin(q1 - q2)**2) - 2*cos(q1) - cos(q2)",
     "exponentials": "exp(p1) - 2*p1 + exp(q1) - q1 + exp(p2/2) + q2**2",
@@ -252,7 +269,7 @@ FIELDS = {
 
 
 def of_fields(name):
-    """A Hamiltonian, two independent pairs of Lotka and Volterra's species, or a field that no energy has."""
+    """A system of `FIELDS`, two uncoupled Lotka-Volterra pairs ("species"), or a field without an energy."""
     if name == "species":
         u, v, x, y = sp.symbols("u v x y", positive=True)
         B = sp.Matrix([[0, 0, -u * v, 0], [0, 0, 0, -x * y], [u * v, 0, 0, 0], [0, x * y, 0, 0]])
@@ -265,7 +282,7 @@ def of_fields(name):
 
 @pytest.mark.processor
 @pytest.mark.parametrize("name", [*FIELDS, "species", "no energy"])
-def test_every_kind_of_field_is_the_one_of_the_formula(monkeypatch, name):
+def test_every_kind_of_field_agrees_with_its_formula(monkeypatch, name):
     made = of_fields(name)
     assert gauss_lanes.serves(3, made)
     lanes, rows = both(monkeypatch, made, 3, h=0.1, steps=50, q0=[1.7, 1.1], p0=[0.2, 0.3])
@@ -274,13 +291,14 @@ def test_every_kind_of_field_is_the_one_of_the_formula(monkeypatch, name):
 
 
 @pytest.mark.parametrize("place", [(0, 1), (2, 0)])
-def test_control_one_wrong_coefficient_of_the_general_form_is_seen(place):
-    """By the symplectic form: a step's Jacobian M is no longer symplectic."""
+def test_control_a_wrong_coefficient_breaks_symplecticity(place):
+    """Seen because the Jacobian of a step is no longer symplectic."""
 
     def defect(spoil):
+        """Defect of the symplectic form with one coefficient changed."""
         prepared = prepare(method("gauss-3"), of_fields("angles"))
         prepared.step.A[place] += spoil
-        M = np.array([(moved(prepared, k, 1e-5) - moved(prepared, k, -1e-5)) / 2e-5 for k in range(4)]).T
+        M = np.array([(advance(prepared, k, 1e-5) - advance(prepared, k, -1e-5)) / 2e-5 for k in range(4)]).T
         J = np.kron([[0, 1], [-1, 0]], np.eye(2))
         return np.abs(M.T @ J @ M - J).max()
 
@@ -288,8 +306,8 @@ def test_control_one_wrong_coefficient_of_the_general_form_is_seen(place):
     assert defect(1e-4) > 1e-7
 
 
-def moved(prepared, k, by):
-    """The state after one step from a start of which component k is changed."""
+def advance(prepared, k, by):
+    """State after one step with component k of the start changed."""
     y = np.array([1.7, 1.1, 0.2, 0.3])
     y[k] += by
     Q, P = np.zeros((1, 2)), np.zeros((1, 2))
@@ -302,26 +320,30 @@ def moved(prepared, k, by):
     [
         "p1**2/2 + p2**2/2 + q1*log(1 + q1**2) + q2**2",
         "p1**2/2 + p2**2/2 + (1 + q1**2)**(1/3) + q2**2",
-        "p1**2/2 + p2**2/2 + p1*p2/3 + q1**2/2 + q2**2/2",
         "p1**2/2 + p2**2*(1 + q1**2)/2 + q1*log(1 + q1**2) + q2**2",
         "p1**4/4 + p2**2/2 + tan(q1**2)/2 + q2**2",
     ],
 )
-def test_what_lanes_cannot_do_is_left_to_the_stages_one_by_one(H):
+def test_unsupported_formulas_use_stages_one_by_one(H):
     made = Hamiltonian(q="q1 q2", p="p1 p2", H=H)
     assert not gauss_lanes.serves(3, made)
     assert prepare(method("gauss-3"), made).run is collocation.run
 
 
-def test_masses_that_couple_some_momenta_only_are_left_to_the_stages_one_by_one():
-    """Of p1 alone T has an inverse mass."""
-    T = "p1**2/2 + p2**2/2 + p3**2/2 + p2*p3/3"
-    assert not gauss_lanes.serves(3, Hamiltonian(q="q1 q2 q3", p="p1 p2 p3", H=f"{T} + q1**4 + q2**2 + q3**2"))
+def test_coupled_masses_are_supported_in_lanes(monkeypatch):
+    H = "p1**2/2 + p2**2/2 + p1*p2/3 + q1**4 + q2**2 + cos(q1*q2)"
+    made, start = Hamiltonian(q="q1 q2", p="p1 p2", H=H), {"q0": [0.5, 0.3], "p0": [0.1, 0.2]}
+    laned = integrate(made, "gauss-5", h=0.2, steps=50, **start)
+    assert prepare(method("gauss-5"), made).run is stage_lanes.run
+    monkeypatch.setattr(gauss_lanes, "serves", lambda s, system: False)
+    one_by_one = integrate(made, "gauss-5", h=0.2, steps=50, **start)
+    np.testing.assert_allclose(laned.q, one_by_one.q, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(laned.p, one_by_one.p, rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("s", [2, 3, 4, 5, 8])
-def test_lanes_are_the_next_power_of_two_and_those_left_over_repeat_the_first_stage(s):
-    """With the weight zero: a function is asked for nothing at a place where no stage is."""
+def test_the_number_of_lanes_and_unused_lanes(s):
+    """Unused lanes repeat the first stage with weight zero, so that functions are evaluated at regular points only."""
     step = gauss_lanes.laned(s, BOX.system, "double")
     lanes = len(step.like)
     assert lanes / 2 < s <= lanes
@@ -333,8 +355,8 @@ def test_lanes_are_the_next_power_of_two_and_those_left_over_repeat_the_first_st
 
 
 @pytest.mark.parametrize("s", [2, 3, 5, 8])
-def test_the_doubles_of_a_tableau_are_symplectic_exactly(s):
-    """Of the kicks and of both increments."""
+def test_double_coefficients_are_exactly_symplectic(s):
+    """For kicks and for both increments as unknowns."""
     for made, kicks in ((BOX.system, True), (of_fields("quartic"), False)):
         step = gauss_lanes.laned(s, made, "double")
         assert (step.inverse_mass is not None) == kicks
@@ -346,8 +368,8 @@ def test_the_doubles_of_a_tableau_are_symplectic_exactly(s):
         assert [Fraction(x) for x in step.nodes[2, :s]] == ([1 - x for x in c] if kicks else [0] * s)
 
 
-def test_of_more_digits_the_coefficients_have_as_many(monkeypatch):
-    """Whether functions could be made of them here or not."""
+def test_coefficients_have_the_digits_in_use(monkeypatch):
+    """Whether or not functions for lanes exist in this process."""
     monkeypatch.setattr(gauss_lanes, "functions", lambda *_: (None, None))
     with precision(30):
         step = gauss_lanes.laned(3, BOX.system, MULTIPRECISION)
@@ -355,7 +377,7 @@ def test_of_more_digits_the_coefficients_have_as_many(monkeypatch):
             assert max(abs(mpmath.mpf(str(x)) - y) for x, y in zip(found, (c, b), strict=True)) < 1e-28
 
 
-def test_many_degrees_of_freedom_are_left_to_the_stages_one_by_one():
+def test_large_systems_use_stages_one_by_one():
     names = [[f"{x}{i}" for i in range(21)] for x in "qp"]
     for T in ("p0**4", "p0**2/2"):
         H = f"{T} + " + " + ".join(f"p{i}**2/2 + q{i}**2/2" for i in range(1, 21)) + " + q0**2/2"
@@ -366,8 +388,8 @@ STIFF = "p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2"
 
 
 @pytest.mark.parametrize("rest", ["q1**4", "q1**2*p1**2/10"])
-def test_newton_s_method_in_lanes_takes_over_where_the_fixed_point_does_not_contract(monkeypatch, rest):
-    """Of the kicks, and of both increments."""
+def test_newton_in_lanes_takes_over(monkeypatch, rest):
+    """For kicks and for both increments as unknowns."""
     stiff = Hamiltonian(q="q1 q2", p="p1 p2", H=f"{STIFF} + {rest}")
     lanes, rows = both(monkeypatch, stiff, 3, h=0.2, steps=20, q0=[0.9, 0.2], p0=[3.0, -0.4])
     assert lanes.counts["newton"] == rows.counts["newton"] == 20
@@ -376,8 +398,8 @@ def test_newton_s_method_in_lanes_takes_over_where_the_fixed_point_does_not_cont
 
 @pytest.mark.parametrize("moving", [0, 1])
 @pytest.mark.parametrize("h", [0.25, 0.3])
-def test_newton_s_method_takes_differences_of_what_moves_however_far_away_the_rest_is(h, moving):
-    """By the number of its evaluations: differences of the size of the state would lead it astray."""
+def test_newton_scales_differences_by_what_moves(h, moving):
+    """The number of evaluations shows it: differences scaled by the whole state would mislead Newton's method."""
     made = Hamiltonian(q="q1 q2", p="p1 p2", H=f"p1**2/2 + p2**2/2 - 400*cos(q{1 + moving})")
     near, far = np.zeros(2), np.full(2, 1e9)
     near[moving] = far[moving] = 0.5
@@ -387,17 +409,17 @@ def test_newton_s_method_takes_differences_of_what_moves_however_far_away_the_re
 
 
 @pytest.mark.parametrize("rest", ["q1**4", "q1**2*p1**2/10"])
-def test_the_memory_is_what_a_run_writes(rest):
-    """But for less than a unit in which it is made."""
+def test_a_run_writes_all_of_its_memory(rest):
+    """Except for fewer rows than the unit in which it is allocated."""
     stiff = Hamiltonian(q="q1 q2", p="p1 p2", H=f"{STIFF} + {rest}")
     layout = lay_out(prepare(method("gauss-3"), stiff), 2, 0.2, np.array([0.9, 0.2]), np.array([3.0, -0.4]))
-    layout.orbit.memory.fill(0.123)
+    layout.carry.memory.fill(0.123)
     assert layout(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 1)), 3) == (1, 0)
     assert layout.counts["newton"] == 3
-    assert (layout.orbit.memory == 0.123).all(1).sum() < 3 * LEVELS + 1
+    assert (layout.carry.memory == 0.123).all(1).sum() < 3 * LEVELS + 1
 
 
-def test_a_run_in_pieces_is_the_run():
+def test_a_run_in_pieces_equals_the_whole_run():
     whole, kept = (integrate(BOX, "gauss-5", h=0.5, steps=40, save_every=n) for n in (0, 1))
     assert np.array_equal(end(whole), end(kept))
     assert len(kept.q) == 41

@@ -1,8 +1,8 @@
-r"""States that are arrays (d above `codegen.TUPLE_LIMIT`): the same sources reach the same end states.
+r"""States stored as arrays (d above `codegen.TUPLE_LIMIT`) reach the same end states as tuples and NumPy loops.
 
-The system is the chain of Fermi, Pasta, Ulam (Los Alamos LA-1940, 1955) with fixed ends,
-:math:`H = \tfrac12|p|^2 + \sum_{i=0}^{d} \bigl(\tfrac12 r_i^2 + \tfrac\alpha3 r_i^3 + \tfrac\beta4 r_i^4\bigr)`,
-:math:`r_i = q_{i+1} - q_i`, stepped again here by NumPy loops written for it alone.
+The system is the chain of Fermi, Pasta, Ulam (Los Alamos LA-1940, 1955) with fixed ends, :math:`H = \tfrac12|p|^2 +
+\sum_{i=0}^{d} \bigl(\tfrac12 r_i^2 + \tfrac\alpha3 r_i^3 + \tfrac\beta4 r_i^4\bigr)`, :math:`r_i = q_{i+1} - q_i`,
+integrated here once more by NumPy loops.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ import sympy as sp
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
-from phasebench.integrators.engine import codegen, filling
-from phasebench.integrators.engine.vector import (
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.values import inplace
+from phasebench.integrators.values.vector import (
     add,
     add_product,
     axpy,
@@ -42,6 +43,7 @@ ROUND_OFF = 1e-12
 
 @pytest.fixture(scope="module")
 def chain() -> Hamiltonian:
+    """The chain of D particles."""
     q, p = sp.symbols(f"q:{D}", real=True), sp.symbols(f"p:{D}", real=True)
     r = [b - a for a, b in zip((0, *q), (*q, 0), strict=True)]
     V = sum(x**2 / 2 + ALPHA * x**3 / 3 + BETA * x**4 / 4 for x in r)
@@ -53,21 +55,25 @@ P0 = 0.5 * np.sin(2.3 * np.arange(D) + 0.4)
 
 
 def force(q):
+    """-dV/dq of the chain, array (d,)."""
     r = np.diff(np.concatenate([[0.0], q, [0.0]]))
     tension = r + float(ALPHA) * r**2 + float(BETA) * r**3
     return tension[1:] - tension[:-1]
 
 
 def energy(q, p):
+    """H of the chain."""
     r = np.diff(np.concatenate([[0.0], q, [0.0]]))
     return p @ p / 2 + (r**2 / 2 + float(ALPHA) * r**3 / 3 + float(BETA) * r**4 / 4).sum()
 
 
 def field(y):
+    """(q', p') at y = (q, p), array (2 d,)."""
     return np.concatenate([y[D:], force(y[:D])])
 
 
 def verlet(y):
+    """One Stormer-Verlet step of y = (q, p)."""
     q, p = y[:D], y[D:]
     p = p + H / 2 * force(q)
     q = q + H * p
@@ -75,6 +81,7 @@ def verlet(y):
 
 
 def rk4(y):
+    """One step of the classical Runge-Kutta method."""
     a = field(y)
     b = field(y + H / 2 * a)
     c = field(y + H / 2 * b)
@@ -82,6 +89,8 @@ def rk4(y):
 
 
 def fixed_point(mean):
+    """Step function of y1 = y + h mean(y, y1), solved by fixed-point iteration."""
+
     def step(y):
         new = y
         for _ in range(200):
@@ -93,8 +102,8 @@ def fixed_point(mean):
     return step
 
 
-def averaged(y, new):
-    """The mean of the field between y and new: Simpson's rule, exact for its cubic components."""
+def average_field(y, new):
+    """Average of the field between y and new by Simpson's rule, which is exact for its cubic components."""
     return (field(y) + 4 * field((y + new) / 2) + field(new)) / 6
 
 
@@ -102,17 +111,18 @@ LOOPS = {
     "stormer-verlet": verlet,
     "rk4": rk4,
     "implicit-midpoint": fixed_point(lambda y, new: field((y + new) / 2)),
-    "avf": fixed_point(averaged),
+    "avf": fixed_point(average_field),
 }
 
 
 def end(solution):
+    """End state (q, p) of a run that must be ok."""
     assert solution.status == "ok", solution.reason
     return np.concatenate([solution.q[-1], solution.p[-1]])
 
 
 @pytest.mark.parametrize("id", LOOPS)
-def test_a_chain_of_arrays_is_the_chain_of_a_plain_loop(chain, id):
+def test_the_chain_agrees_with_numpy_loops(chain, id):
     y = np.concatenate([Q0, P0])
     for _ in range(STEPS):
         y = LOOPS[id](y)
@@ -120,7 +130,7 @@ def test_a_chain_of_arrays_is_the_chain_of_a_plain_loop(chain, id):
     assert np.abs(found - y).max() < ROUND_OFF
 
 
-def test_control_the_loops_differ_from_each_other():
+def test_control_the_loops_differ():
     ends = []
     for step in LOOPS.values():
         y = np.concatenate([Q0, P0])
@@ -131,7 +141,7 @@ def test_control_the_loops_differ_from_each_other():
         assert all(np.abs(a - b).max() > 1e6 * ROUND_OFF for b in ends[:i])
 
 
-def test_avf_keeps_the_energy_of_the_chain(chain):
+def test_avf_conserves_the_energy_of_the_chain(chain):
     done = {id: integrate(chain, id, h=H, steps=400, q0=Q0, p0=P0) for id in ("avf", "implicit-midpoint")}
     error = {
         id: max(abs(energy(q, p) - energy(Q0, P0)) for q, p in zip(s.q, s.p, strict=True)) for id, s in done.items()
@@ -140,20 +150,20 @@ def test_avf_keeps_the_energy_of_the_chain(chain):
     assert error["implicit-midpoint"] > 1e-6
 
 
-def test_the_energy_is_that_of_the_formula(chain):
+def test_the_energy_equals_its_formula(chain):
     assert chain.observe(chain.H, Q0[None], P0[None])[0] == pytest.approx(energy(Q0, P0), rel=1e-14)
 
 
-def test_the_chain_runs_on_arrays_and_the_largest_tuple_below_it(chain):
+def test_tuples_end_at_the_limit(chain):
     assert codegen.value_kind(D) == "array"
     assert codegen.value_kind(D - 1) == "tuple"
     assert codegen.options(D)["_nrt"]
     assert codegen.options(D - 1)["_nrt"] is False
 
 
-def test_functions_that_write_are_made_once_for_a_system(chain):
+def test_in_place_functions_are_made_once_per_system(chain):
     made = problem("pendulum").system
-    twin = partial(filling.twin, arithmetic=codegen.DOUBLE, most=D)
+    twin = partial(inplace.in_place_version, arithmetic=codegen.DOUBLE, most=D)
     assert twin(made) is made, "functions of tuples write nothing"
     written = twin(chain)
     assert written.fills
@@ -163,8 +173,8 @@ def test_functions_that_write_are_made_once_for_a_system(chain):
     assert twin(other) is not written
 
 
-def test_one_exception_whatever_the_dimension():
-    """A kernel of arrays raises the public InvalidInput: a component of h omega = pi is a pole of Gautschi's method."""
+def test_array_kernels_raise_invalid_input():
+    """For h omega = pi a coefficient of Gautschi's method is infinite; a kernel for arrays raises InvalidInput too."""
     d = codegen.TUPLE_LIMIT + 1
     q, p = ([f"{x}{i}" for i in range(d)] for x in "qp")
     H = " + ".join(f"{x}**2/2" for x in (*p, *q)) + " + q0**4/4"
@@ -176,7 +186,7 @@ def test_one_exception_whatever_the_dimension():
 SMALL = [
     "explicit-euler",
     "rk4",
-    "dop853",  # its sums over stages have neighbouring terms of different weights
+    "dop853",  # sums over stages whose weights differ
     "stormer-verlet",
     "symplectic-euler-q",
     "implicit-midpoint",
@@ -188,7 +198,7 @@ SMALL = [
 
 @pytest.mark.parametrize("id", SMALL)
 def test_arrays_and_tuples_agree(id, monkeypatch):
-    """Henon-Heiles as arrays: a system made anew, for functions are kept on the system."""
+    """Henon-Heiles; the system is made anew because functions are cached on it."""
     made = problem("henon-heiles")
     tuples = end(integrate(made, id, h=0.05, steps=200))
     with monkeypatch.context() as patch:
@@ -198,7 +208,7 @@ def test_arrays_and_tuples_agree(id, monkeypatch):
     assert np.abs(arrays - tuples).max() < ROUND_OFF
 
 
-def test_a_blow_up_of_arrays_is_a_divergence(chain):
+def test_overflow_on_arrays_is_a_divergence(chain):
     found = integrate(chain, "explicit-euler", h=2.0, steps=200, q0=Q0, p0=P0)
     assert found.status == "diverged"
     assert np.isfinite(found.q).all()
@@ -206,7 +216,7 @@ def test_a_blow_up_of_arrays_is_a_divergence(chain):
 
 @pytest.mark.parametrize("n", [31, 2 * codegen.TUPLE_LIMIT])
 def test_operations_compile_on_the_longest_tuples(n):
-    """(q, p) is one tuple of up to twice the limit; Python builds tuples of more than 30 items in another way."""
+    """(q, p) is one tuple of up to twice the limit; Python builds tuples of more than 30 items differently."""
 
     @numba.njit
     def operate(x, y, A):
@@ -220,8 +230,8 @@ def test_operations_compile_on_the_longest_tuples(n):
     assert np.abs(np.array(operate(tuple(x), tuple(y), np.zeros((1, n)))) - expected).max() < 1e-13
 
 
-def test_a_sum_in_place_is_the_compensated_sum_to_the_last_bit():
-    """And it takes the place of both of its first arguments."""
+def test_the_in_place_sum_is_the_compensated_sum():
+    """Its result overwrites both of its first arguments."""
 
     @numba.njit
     def new(x, c, v):
@@ -240,8 +250,8 @@ def test_a_sum_in_place_is_the_compensated_sum_to_the_last_bit():
     assert (found[1] != 0).any(), "the control: rounding lost something"
 
 
-def test_a_lost_close_encounter_of_many_bodies_is_a_collision():
-    """Eight bodies run on loops, with the least distance as a function of the rows."""
+def test_a_lost_close_encounter_is_a_collision():
+    """Eight bodies defined by loops, whose least distance is a function of the rows."""
     made = problem("n-body", N=8)
     q = 3 * np.array(made.q0).reshape(8, 3)
     q[0], q[1] = (10.0, 0.0, 0.0), (10.5, 0.0, 0.0)

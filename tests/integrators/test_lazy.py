@@ -1,4 +1,4 @@
-"""Public names are imported when they are first asked for, and then are what their modules have."""
+"""Lazy imports: public names are imported on first access and are the objects of their modules."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from types import ModuleType
 import pytest
 import sympy
 
-from phasebench.integrators.engine import lazy
+from phasebench.integrators.compile import lazy
 
 
-def test_a_stand_in_has_what_its_package_has():
+def test_a_lazy_module_has_the_attributes_of_its_package():
     assert lazy.sympy.Symbol is sympy.Symbol
     assert "Symbol" in vars(lazy.sympy), "the second time nothing is looked up"
     with pytest.raises(AttributeError):
         _ = lazy.sympy.no_such_name
 
 
-def test_a_name_is_that_of_its_home_the_first_time_and_later(monkeypatch):
-    package = ModuleType("phasebench.integrators.engine")
+def test_a_lazy_name_is_looked_up_once(monkeypatch):
+    package = ModuleType("phasebench.integrators.compile")
     package.__path__ = sys.modules[package.__name__].__path__
     monkeypatch.setitem(sys.modules, package.__name__, package)
-    attribute = lazy.attributes(package.__name__, {"Lazily": "lazy"})
-    assert attribute("Lazily") is lazy.Lazily
-    assert vars(package)["Lazily"] is lazy.Lazily
+    attribute = lazy.attributes(package.__name__, {"LazyModule": "lazy"})
+    assert attribute("LazyModule") is lazy.LazyModule
+    assert vars(package)["LazyModule"] is lazy.LazyModule
     with pytest.raises(AttributeError, match="no attribute 'other'"):
         attribute("other")

@@ -1,4 +1,4 @@
-"""Conditions on lanes, what is chosen by them, functions lane by lane, and the fixed point of each lane."""
+"""Masks, i.e. conditions on SIMD lanes: selection, functions lane by lane, and fixed-point iteration in lanes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import pytest
 from llvmlite import binding
 from numba import njit
 
-from phasebench.integrators.engine import masks
-from phasebench.integrators.engine.lanes import Lanes, put, take
-from phasebench.integrators.engine.masks import alike, count, either, number, outlived, select
-from phasebench.integrators.engine.solve import FIXED_POINT_LIMIT, NOT_FINITE, SOLVED, solver
-from phasebench.integrators.engine.vector import TUPLES, jit
+from phasebench.integrators.stepping.solve import FIXED_POINT_LIMIT, NOT_FINITE, SOLVED, solver
+from phasebench.integrators.values import masks
+from phasebench.integrators.values.lanes import Lanes, put, take
+from phasebench.integrators.values.masks import alike, count, either, number, outlived, select
+from phasebench.integrators.values.vector import TUPLES, jit
 from support.marks import compiled
 
 pytestmark = [pytest.mark.processor, compiled]
@@ -44,7 +44,7 @@ def _compare(table, out, two):
         k += 1
 
 
-def test_a_comparison_of_lanes_is_one_of_each_with_each_or_with_a_number():
+def test_comparisons_of_lanes_with_lanes_and_numbers():
     out = np.empty((12, WIDTH))
     _compare(np.array([LEFT, RIGHT]), out, 2)
     with np.errstate(invalid="ignore"):
@@ -63,7 +63,8 @@ def _combine(table, out):
     return count(low), count(low & ~low), count(low | ~low), bool(x > 6), bool(x > 7), 1 if low & odd else 0
 
 
-def test_conditions_are_joined_and_counted_and_hold_where_one_lane_s_does():
+def test_masks_are_combined_and_counted():
+    """A mask is true if it holds in any lane."""
     n, out = np.arange(8.0), np.empty((4, WIDTH))
     assert _combine(np.array([n, n % 2]), out) == (4, 0, 8, True, False, 1)
     low, odd = n < 4, n % 2 == 1
@@ -86,7 +87,7 @@ def _choose(table, out):
     return number(held), more
 
 
-def test_what_is_chosen_is_chosen_lane_by_lane():
+def test_select_works_lane_by_lane():
     x, y, out = np.arange(8.0), 7 - np.arange(8.0), np.empty((7, WIDTH))
     assert _choose(np.array([x, y]), out) == (4, True)
     held = x < y
@@ -108,13 +109,14 @@ def _of_one(x, y):
     return either(x < y, x, y), number(x < y), outlived(True, False, x), outlived(True, True, x)
 
 
-def test_of_one_orbit_a_condition_is_a_truth_value():
+def test_the_condition_of_a_single_orbit_is_a_bool():
     for f in (_of_one, _of_one.py_func):
         assert f(1.0, 2.0) == (1.0, 1, (1.0, False), (1.0, True))
         assert f(3.0, 2.0) == (2.0, 0, (3.0, False), (3.0, True))
 
 
-def test_there_are_as_many_lanes_as_two_registers_hold(monkeypatch):
+def test_the_number_of_lanes_follows_from_the_processor(monkeypatch):
+    """Two registers of doubles."""
     for features, doubles in (("+avx512f,+avx", 8), ("-avx512f,+avx", 4), ("+sse2,-avx", 2), ("", 2)):
         monkeypatch.setattr(masks.config, "CPU_FEATURES", features)
         assert masks._native() == doubles
@@ -150,7 +152,7 @@ def _functions(table, out, n, a):
     put(out, 13, x**a, LIKE)
 
 
-def test_functions_are_those_of_each_lane():
+def test_functions_apply_to_each_lane():
     x, out = np.linspace(0.1, 0.9, WIDTH), np.empty((14, WIDTH))
     _functions(x[None], out, 3, -0.7)
     named = (*BY_LANE, math.sin, math.cos, math.exp, math.sqrt)
@@ -159,7 +161,7 @@ def test_functions_are_those_of_each_lane():
     assert out[12:] == pytest.approx(np.array([x**3, x**-0.7]), rel=4 * EPS)
 
 
-def test_lanes_are_known_alone_in_tuples_and_in_arrays():
+def test_types_that_hold_lanes_are_recognized():
     lanes, double = Lanes(WIDTH), numba.float64
     for kind in (lanes, numba.types.UniTuple(lanes, 2), numba.types.Array(lanes, 2, "C")):
         assert masks.holds_lanes([double, kind])
@@ -167,11 +169,11 @@ def test_lanes_are_known_alone_in_tuples_and_in_arrays():
     assert not masks.holds_lanes([])
 
 
-# -- the fixed point --------------------------------------------------------------------------------------------------
+# -- fixed-point iteration --------------------------------------------------------------------------------------------
 
 
 class Line(NamedTuple):
-    """x -> factor x + constant."""
+    """The equation x = factor x + constant."""
 
     factor: Any
     constant: Any
@@ -179,19 +181,19 @@ class Line(NamedTuple):
 
 @jit
 def line(x, e):
-    """Its value."""
+    """factor x + constant."""
     return (e.factor * x[0] + e.constant,)
 
 
 @jit
 def of_one(x, g, e):
-    """The unknown is an increment of a variable of the size 1."""
+    """The scales of the unknown, the increment of a variable of size 1."""
     return 1.0, 1.0
 
 
 @pytest.fixture(scope="module")
 def solvers():
-    """The solver of one equation, (factor, constant, start, span) -> its results, and that of equations in lanes."""
+    """Functions (factor, constant, start, span) -> results: of the scalar solver, and of the solver in lanes."""
     solve, work = solver(line, of_one), np.zeros((4, 4))
 
     @njit(**TUPLES)
@@ -216,8 +218,8 @@ def solvers():
 FACTORS = [0.0, 1e-8, -1e-3, 0.1, 0.3, -0.2, 0.25, 1e-17]
 
 
-def test_every_lane_stops_at_the_step_at_which_it_would_stop_alone(solvers):
-    """The solution is that of the scalar solver to the last bit, in as many evaluations."""
+def test_every_lane_stops_as_it_would_alone(solvers):
+    """Solution and number of evaluations equal those of the scalar solver."""
     alone, in_lanes = solvers
     rng = np.random.default_rng(2)
     for factors in (FACTORS, rng.uniform(-0.3, 0.3, WIDTH), 10.0 ** rng.uniform(-12, -0.6, WIDTH)):
@@ -241,7 +243,7 @@ def test_every_lane_stops_at_the_step_at_which_it_would_stop_alone(solvers):
         ({"start": np.nan}, 0),
     ],
 )
-def test_a_lane_that_has_no_fixed_point_is_no_number_and_the_others_are_solved(solvers, lane, evaluations):
+def test_an_unsolvable_lane_is_nan_and_the_others_are_solved(solvers, lane, evaluations):
     _, in_lanes = solvers
     equation = {name: np.full(WIDTH, x) for name, x in {"factor": 0.1, "constant": 0.7, "start": 0.0}.items()}
     wanted, (each, _, _) = in_lanes(**equation)
@@ -255,8 +257,8 @@ def test_a_lane_that_has_no_fixed_point_is_no_number_and_the_others_are_solved(s
     assert in_lanes(**{"factor": 0.1} | lane)[1] == (WIDTH * evaluations, 0, NOT_FINITE)
 
 
-def test_changes_that_halve_are_followed_to_the_end(solvers):
-    """1 + 1/2 + 1/4 + ..."""
+def test_slowly_falling_changes_are_iterated_to_the_end(solvers):
+    """The iterates are 1, 1 + 1/2, 1 + 1/2 + 1/4, ..."""
     alone, in_lanes = solvers
     x, (evaluations, _, _) = in_lanes(0.5, 1.0)
     assert x.tolist() == [2.0] * WIDTH
@@ -264,8 +266,8 @@ def test_changes_that_halve_are_followed_to_the_end(solvers):
     assert evaluations // WIDTH > FIXED_POINT_LIMIT
 
 
-def test_changes_that_fall_no_more_end_at_64_units_of_round_off(solvers):
-    """x -> 2 + 128 EPS - x from 1 goes to and fro by just so much."""
+def test_changes_that_stagnate_are_accepted_up_to_64_units(solvers):
+    """The iteration x -> 2 + 128 eps - x from 1 alternates by 128 eps."""
     alone, in_lanes = solvers
     x, (evaluations, _, _) = in_lanes(-1.0, 2 + 128 * EPS, 1.0, 1.0)
     assert x.tolist() == [1.0] * WIDTH
@@ -273,7 +275,7 @@ def test_changes_that_fall_no_more_end_at_64_units_of_round_off(solvers):
     assert evaluations == 2 * WIDTH
 
 
-def test_a_lane_that_has_stopped_is_left_as_it_is(solvers):
+def test_a_stopped_lane_is_left_unchanged(solvers):
     _, in_lanes = solvers
     spans = np.full(WIDTH, 1.0)
     spans[[1, 4]] = np.inf, np.nan

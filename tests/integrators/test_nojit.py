@@ -1,4 +1,4 @@
-"""The same sources on plain NumPy reach the same end states as compiled ones."""
+"""Compiled kernels and the same sources on plain NumPy reach the same end states."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from phasebench.benchmarks.measure.battery import by_label
-from phasebench.integrators.engine.codegen import compiled
+from phasebench.integrators.compile.codegen import compiled
 from support import plain
 
 ALL = by_label(plain.METHODS)
@@ -15,22 +15,25 @@ ROUND_OFF = 1e-12
 
 @pytest.fixture(scope="module")
 def here():
+    """End states in this process, compiled."""
     assert compiled()
     return plain.end_states()
 
 
 @pytest.fixture(scope="module")
 def there(uncompiled):
+    """End states without compilation."""
     return uncompiled("support/plain.py")
 
 
 def read(row):
+    """The end state in a row of `plain.end_states`."""
     return np.array([float.fromhex(x) for x in row[1]])
 
 
 @pytest.mark.parametrize("label", ALL)
-def test_compiled_and_plain_agree(here, there, label):
-    assert set(here[label]) == set(there[label]) == set(plain.chosen(ALL[label]))
+def test_compiled_and_uncompiled_runs_agree(here, there, label):
+    assert set(here[label]) == set(there[label]) == set(plain.systems_for(ALL[label]))
     for name, row in here[label].items():
         assert row[0] == there[label][name][0] == "ok", name
         assert np.abs(read(row) - read(there[label][name])).max() < ROUND_OFF, name
@@ -41,12 +44,14 @@ def test_control_different_methods_reach_different_states(here):
     assert np.abs(a - b).max() > 1e6 * ROUND_OFF
 
 
-def test_only_more_nodes_of_a_kind_are_left_out_and_on_the_second_system_alone():
-    left = [label for label, m in ALL.items() if plain.chosen(m) != [n for n in plain.NAMES if plain.runs_on(m, n)]]
+def test_only_other_numbers_of_nodes_are_left_out():
+    left = [
+        label for label, m in ALL.items() if plain.systems_for(m) != [n for n in plain.NAMES if plain.runs_on(m, n)]
+    ]
     assert left == [
         *(f"gauss-{s}" for s in (1, *range(3, 9))),
         *(f"hbvm-{k}" for k in ("2-1", "6-3", "8-4")),
         *(f"gauss-equip-{s}" for s in (3, 4)),
     ]
-    assert all(plain.NAMES[0] in plain.chosen(ALL[label]) for label in left)
-    assert all(plain.chosen(ALL[id]) == [*plain.NAMES] for id in plain.FEWEST.values())
+    assert all(plain.NAMES[0] in plain.systems_for(ALL[label]) for label in left)
+    assert all(plain.systems_for(ALL[id]) == [*plain.NAMES] for id in plain.FEWEST.values())

@@ -1,4 +1,4 @@
-"""The Nystrom and splitting forms, which methods choose by themselves, against the general parametric form."""
+"""Special kernels, chosen for separable H or quadratic T, reach the same states as the general one."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pytest
 from phasebench.benchmarks.measure.battery import by_label, variants
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine import kernel as kernels
 from phasebench.integrators.families import parametric, splitting
 from phasebench.integrators.registry import method
+from phasebench.integrators.stepping import kernel as kernels
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 ROUND_OFF = 2e-13
@@ -20,14 +20,14 @@ ONE_STAGE = by_label([m for m in variants() if m.family == "parametric" and m.da
 
 
 class General(Hamiltonian):
-    """A system that hides its structure, so that every method takes its general form."""
+    """A Hamiltonian that reports no structure, which forces the general kernel."""
 
     separable = False
     quadratic_kinetic = False
 
 
 def full_mass():
-    """A kinetic energy with a mass matrix that is not diagonal."""
+    """A system with a mass matrix that is not diagonal."""
     return Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2 + p1*p2 + p2**2 + cos(q1)/3 + q1**2*q2**2/2 + q2**2/2")
 
 
@@ -46,6 +46,7 @@ STARTS = {
 
 
 def run(system, method, name, steps=40):
+    """All states (q, p) of a run that must be ok, array (rows, 2 d)."""
     q, p = STARTS[name]
     s = integrate(system, method, h=0.02, steps=steps, q0=q, p0=p)
     assert s.status == "ok"
@@ -54,7 +55,7 @@ def run(system, method, name, steps=40):
 
 @pytest.mark.parametrize("name", SYSTEMS)
 @pytest.mark.parametrize("label", ONE_STAGE)
-def test_the_special_form_equals_the_general_one(label, name):
+def test_the_special_kernel_equals_the_general_one(label, name):
     m, system = ONE_STAGE[label], SYSTEMS[name]()
     general = General(q=system.q, p=system.p, H=system.H, singular=system.singular)
     special, forced = kernels.prepare(m, system), kernels.prepare(m, general)
@@ -64,7 +65,7 @@ def test_the_special_form_equals_the_general_one(label, name):
     assert np.abs(run(system, m, name) - run(general, m, name)).max() < ROUND_OFF
 
 
-def test_the_control_another_parameter_differs():
+def test_control_another_lambda_differs():
     system = SYSTEMS["henon-heiles"]()
     general = General(q=system.q, p=system.p, H=system.H)
     m = ONE_STAGE["scheme-i(lam=1/3)"]
@@ -77,7 +78,7 @@ def test_the_control_another_parameter_differs():
 
 
 @pytest.mark.parametrize(("lam", "kicks_first"), [(1, True), (0, False)])
-def test_scheme_i_at_zero_and_one_is_the_splitting_written_out(lam, kicks_first):
+def test_scheme_i_at_0_and_1_is_symplectic_euler(lam, kicks_first):
     m, system = ONE_STAGE["scheme-i(lam=1/3)"](lam=lam), SYSTEMS["pendulum"]()
     assert kernels.prepare(m, system).run is splitting.run
     (q,), (p,) = STARTS["pendulum"]
@@ -93,7 +94,7 @@ def test_scheme_i_at_zero_and_one_is_the_splitting_written_out(lam, kicks_first)
 
 
 def test_the_mass_matrix_is_used():
-    """Twice the off-diagonal mass term is another system: a form that dropped it would not notice."""
+    """Doubling the off-diagonal term of T changes the result; a kernel that dropped the term would not show it."""
     system = full_mass()
     other = Hamiltonian(q=system.q, p=system.p, H=system.H + system.p[0] * system.p[1])
     m = ONE_STAGE["scheme-i(lam=1/3)"]
@@ -101,7 +102,7 @@ def test_the_mass_matrix_is_used():
     assert np.abs(run(system, m, "full mass matrix") - run(other, m, "full mass matrix")).max() > 1e-3
 
 
-def test_a_linear_kinetic_term_is_no_quadratic_one():
+def test_a_linear_term_in_t_is_not_quadratic():
     system = Hamiltonian(q="q", p="p", H="p**2/2 + p - cos(q)")
     assert system.separable
     assert not system.quadratic_kinetic
@@ -109,8 +110,8 @@ def test_a_linear_kinetic_term_is_no_quadratic_one():
 
 
 @pytest.mark.parametrize("kind", [Hamiltonian, General])
-def test_starts_that_continue_earlier_steps_save_iterations(kind):
-    """Forty steps in one run, and each in a run of its own, which starts from zero."""
+def test_extrapolated_starts_save_iterations(kind):
+    """Forty steps in one run take fewer iterations than forty runs of one step, which start from zero."""
     made, m, h = SYSTEMS["henon-heiles"](), ONE_STAGE["scheme-i(lam=1/3)"], 0.005
     system = kind(q=made.q, p=made.p, H=made.H)
     y = STARTS["henon-heiles"]
@@ -124,21 +125,21 @@ def test_starts_that_continue_earlier_steps_save_iterations(kind):
 
 
 def weights(lam, rounded=False):
-    """The exact sums of the two weights of a substep of Scheme III, as the kernel is handed them or rounded alone."""
+    """Exact sums of the two weights in a substep of Scheme III, as prepared or (``rounded``) rounded independently."""
     step = kernels.prepare(method("scheme-iii", lam=lam), SYSTEMS["henon-heiles"]()).step
     pairs = zip(step.mu, step.lam, strict=True) if not rounded else [(float(1 - lam), float(lam))]
     return {Fraction(float(mu)) + Fraction(float(weight)) for mu, weight in pairs}
 
 
-def test_the_weights_of_a_symplectic_substep_add_up_to_one_in_doubles():
-    """Else the map would be symplectic to round-off only."""
+def test_weights_of_symplectic_substeps_add_up_to_one():
+    """Otherwise the map would be symplectic to round-off only."""
     several = [Fraction(k, n) for n in (3, 7, 11, 1000) for k in (-5, -1, 1, 2, 9)]
     assert {total for lam in several for total in weights(lam)} == {1}
     assert {total for lam in several for total in weights(lam, rounded=True)} > {1}, "the control"
 
 
-def test_a_kick_is_as_long_as_the_momenta_that_it_may_lead_to():
-    """Of p, of the kick and of where it goes: none of them is lost where the others are zero."""
+def test_the_scale_of_a_kick():
+    """The maximum of p, of the kick and of the new p, so that the scale is not zero if one of them is."""
     for k in range(3):
         p, x, g = ((0.3 * (i == k), -2.0 * (i == k)) for i in range(3))
         of_q, of_p = parametric.lengths_of_kick(x, g, parametric.Stage(None, None, p, p, 0.1, 0.5, 0.5))

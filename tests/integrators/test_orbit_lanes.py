@@ -1,4 +1,4 @@
-"""Orbits side by side: their blocks, the kernel that is called for each, which systems and methods can have them."""
+"""Orbits in SIMD lanes: blocks of orbits, the kernel called for each block, supported systems and methods."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from numba import types
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
-from phasebench.integrators.engine import codegen, orbit_lanes, vector
-from phasebench.integrators.engine.kernel import COUNTS, Prepared, Samples, numbers
-from phasebench.integrators.engine.lane_memory import block_type, changed_type, table_type
-from phasebench.integrators.engine.lanes import Lanes
-from phasebench.integrators.engine.masks import LANES
-from phasebench.integrators.engine.solve import LEVELS
+from phasebench.integrators.compile import codegen
 from phasebench.integrators.registry import BY_ID, method
+from phasebench.integrators.stepping import orbit_lanes
+from phasebench.integrators.stepping.kernel import COUNTS, Prepared, Samples, numbers
+from phasebench.integrators.stepping.solve import LEVELS
+from phasebench.integrators.values import vector
+from phasebench.integrators.values.lane_memory import block_type, changed_type, table_type
+from phasebench.integrators.values.lanes import Lanes
+from phasebench.integrators.values.masks import LANES
 from support.marks import compiled
 
 W = LANES.n
@@ -29,8 +31,8 @@ DOUBLE = types.float64
 
 @pytest.mark.parametrize("n", [1, W - 1, W, W + 1, 3 * W])
 @pytest.mark.parametrize("shape", [(), (2,), (2, 3)])
-def test_orbits_go_into_blocks_and_out_again(n, shape):
-    """Orbit i is lane i % W of block i // W; what is left of the last block is filled up."""
+def test_orbits_are_packed_into_blocks(n, shape):
+    """Orbit i is lane i % W of block i // W; unused lanes are padded."""
     rows = np.random.default_rng(n).normal(size=(n, *shape))
     blocks = orbit_lanes.in_blocks(rows, 7.0)
     assert blocks.shape == (-(-n // W), *shape, W)
@@ -43,7 +45,7 @@ def test_orbits_go_into_blocks_and_out_again(n, shape):
     assert np.isnan(orbit_lanes.in_blocks(rows)).sum() == (blocks == 7).sum()
 
 
-def test_steps_and_weights_of_no_orbit_are_harmless():
+def test_padding_of_steps_and_weights():
     h, mu = np.array([0.1, 0.2]), np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
     steps = orbit_lanes.varying_of(h, {})
     assert isinstance(steps, orbit_lanes.OfSteps)
@@ -57,7 +59,7 @@ def test_steps_and_weights_of_no_orbit_are_harmless():
 
 
 @pytest.mark.parametrize(("d", "stages", "width"), [(1, 0, 1), (3, 2, 6)])
-def test_tables_hold_the_starts_and_room_for_every_stage(d, stages, width):
+def test_tables_hold_starts_and_stage_memory(d, stages, width):
     Q, P = np.random.default_rng(d).normal(size=(2, W + 1, d))
     prepared = SimpleNamespace(stages=stages, width=width)
     state, memory, work = orbit_lanes.tables_of(prepared, Q, P)
@@ -73,7 +75,7 @@ def test_tables_hold_the_starts_and_room_for_every_stage(d, stages, width):
     assert not work.any()
 
 
-# -- which ------------------------------------------------------------------------------------------------------------
+# -- support ----------------------------------------------------------------------------------------------------------
 
 SMALL = Hamiltonian(q="x y", p="u v", H="u**2/2 + v**2/2 + x**2*y**2 + x**2 + y**2")
 
@@ -91,12 +93,12 @@ SMALL = Hamiltonian(q="x y", p="u v", H="u**2/2 + v**2/2 + x**2*y**2 + x**2 + y*
         ("gauss-4-adaptive", False),
     ],
 )
-def test_methods_whose_kernels_run_in_lanes_as_they_stand(id, expected):
+def test_methods_with_kernels_for_lanes(id, expected):
     assert orbit_lanes.able(SMALL, method(id)) == expected
 
 
 @compiled
-def test_systems_of_many_variables_or_written_by_hand_are_integrated_alone():
+def test_large_and_hand_written_systems_are_not_supported():
     for d, expected in ((orbit_lanes.MOST, True), (orbit_lanes.MOST + 1, False)):
         q, p = ([f"{x}{i}" for i in range(d)] for x in "qp")
         H = " + ".join(f"{x}**2/2" for x in (*q, *p))
@@ -109,13 +111,13 @@ def test_systems_of_many_variables_or_written_by_hand_are_integrated_alone():
         assert orbit_lanes.in_lanes(system) == expected
 
 
-def test_uncompiled_there_are_no_lanes(monkeypatch):
+def test_without_compilation_there_are_no_lanes(monkeypatch):
     monkeypatch.setattr(codegen, "compiled", lambda: False)
     assert not orbit_lanes.in_lanes(SMALL)
     assert not orbit_lanes.able(SMALL, BY_ID["stormer-verlet"])
 
 
-def test_a_twin_is_made_once_and_knows_its_lanes():
+def test_the_lane_version_of_a_system_is_made_once():
     system = problem("pendulum").system
     twin = orbit_lanes.twin(system)
     assert orbit_lanes.twin(system) is twin is orbit_lanes.twin(system, LANES)
@@ -129,7 +131,7 @@ def test_a_twin_is_made_once_and_knows_its_lanes():
 # -- types ------------------------------------------------------------------------------------------------------------
 
 
-def test_lanes_take_the_place_of_numbers_in_types():
+def test_lane_types_replace_numbers():
     lanes = Lanes(4)
     put = orbit_lanes._lanes_for_numbers
     assert put(DOUBLE, lanes) == lanes
@@ -140,7 +142,7 @@ def test_lanes_take_the_place_of_numbers_in_types():
     assert put(types.int64, lanes) == types.int64
 
 
-def test_a_block_has_neither_the_axis_of_blocks_nor_that_of_lanes():
+def test_the_type_of_a_block():
     for ndim in (3, 4):
         kind = block_type(types.Array(DOUBLE, ndim, "C"))
         assert (kind.dtype, kind.ndim, kind.layout, kind.aligned) == (LANES, ndim - 2, "C", False)
@@ -149,13 +151,13 @@ def test_a_block_has_neither_the_axis_of_blocks_nor_that_of_lanes():
 
 
 class Step(NamedTuple):
-    """Of a toy."""
+    """Step of a toy method with coefficients c."""
 
     c: np.ndarray
     h: float = 0.0
 
 
-def test_the_fields_that_differ_are_lanes():
+def test_fields_that_differ_between_orbits_are_lanes():
     kinds = [types.Array(DOUBLE, 1, "C", readonly=True), DOUBLE]
     record = types.BaseTuple.from_types(tuple(kinds), Step)
     given = types.BaseTuple.from_types((types.Array(DOUBLE, 2, "C"),), orbit_lanes.OfSteps)
@@ -168,7 +170,7 @@ def test_the_fields_that_differ_are_lanes():
 
 
 def run(step, orbit, samples, counts):
-    """q grows by h c_0 p, a step; the parameter of each row is h; the memory counts the rows."""
+    """Toy kernel: q grows by h c_0 p per step; the parameter of a row is h; the memory counts rows."""
     y = vector.opened(orbit)
     for row in range(len(samples.q)):
         for _ in range(samples.every):
@@ -183,7 +185,7 @@ def run(step, orbit, samples, counts):
 
 @compiled
 @pytest.mark.processor
-def test_a_kernel_is_called_for_every_block_with_what_is_its_orbits_own():
+def test_a_kernel_is_called_for_every_block():
     d, n, rows, every = 3, 2 * W + 1, 2, 5
     prepared = Prepared(run, Step(numbers([0.5], "double")), width=1, stages=1)
     Q, P = np.random.default_rng(0).normal(size=(2, n, d))

@@ -1,4 +1,4 @@
-"""Orders computed from coefficients alone: of every table, two-sided, with controls; and of series known by hand."""
+"""Order computed from coefficients: for every table, with controls, and for series known in closed form."""
 
 from __future__ import annotations
 
@@ -37,40 +37,42 @@ def full_precision():
         yield
 
 
-def named(tables):
+def parametrize_tables(tables):
+    """Parametrize over tables, with their names as ids."""
     return pytest.mark.parametrize("table", tables, ids=lambda t: t.name)
 
 
-@named(TABLES)
+@parametrize_tables(TABLES)
 def test_the_order_is_the_declared_one(table):
-    """Every residual of the order vanishes, and for each power of eps that of the next degree does not."""
+    """All residuals up to the order vanish; for each power of epsilon one of the next degree does not."""
     steps = coefficients.steps(table.name)
     found = residuals(table.kind, steps, max(table.order) + 1)
     assert excess(found, table.order) < TOLERANCE
     assert min(leading(found, table.order)) > VISIBLE
 
 
-@named(TABLES)
-def test_control_an_error_of_1e_12_in_any_coefficient_is_seen(table):
-    """Also one that leaves the sums as they are: what one coefficient gains its neighbour of the same kind loses."""
+@parametrize_tables(TABLES)
+def test_control_a_coefficient_off_by_1e_12_is_seen(table):
+    """Also a change that preserves the sums, where a coefficient of the same kind loses what another gains."""
     steps = coefficients.steps(table.name)
     degree = min(3, min(table.order))
     for k in range(len(steps)):
-        moved = shifted(steps, k, ERROR)
+        moved = shift(steps, k, ERROR)
         assert excess(residuals(table.kind, moved, degree), (degree,)) > TOLERANCE
         if degree >= 3 and (other := neighbour(steps, k)) is not None:
-            moved = shifted(moved, other, -ERROR)
+            moved = shift(moved, other, -ERROR)
             assert excess(residuals(table.kind, moved, degree), (degree,)) > TOLERANCE
 
 
-def shifted(steps, k, by):
+def shift(steps, k, by):
+    """The coefficients with number k changed by ``by``."""
     out = list(steps)
     out[k] = out[k] + by if not isinstance(out[k], tuple) else (out[k][0], out[k][1] + by)
     return out
 
 
 def neighbour(steps, k):
-    """The next coefficient of the same kind and another value (a mirrored one would only reverse the words)."""
+    """Index of a coefficient of the same kind with another value (an equal one would only mirror words), or None."""
     if isinstance(steps[k], tuple):
         same = [j for j, (letter, w) in enumerate(steps) if letter == steps[k][0] and w != steps[k][1]]
     else:
@@ -78,38 +80,38 @@ def neighbour(steps, k):
     return same[0] if same else None
 
 
-@named(NYSTROM)
-def test_a_nystrom_splitting_has_its_order_for_quadratic_kinetic_energy_only(table):
-    """For any two vector fields it is lower, but for symmetric ones of order 4: the relation is of degree 4, even."""
+@parametrize_tables(NYSTROM)
+def test_nystrom_splittings_need_quadratic_kinetic_energy(table):
+    """For general vector fields it is lower, except for symmetric methods of order 4, as the relation has degree 4."""
     lower = classical_order("splitting", coefficients.steps(table.name)) < table.classical_order
     assert lower == (table.classical_order > 4 or not table.symmetric)
 
 
-@named([t for t in TABLES if t.kind == "near-integrable"])
+@parametrize_tables([t for t in TABLES if t.kind == "near-integrable"])
 def test_the_classical_order_of_a_near_integrable_splitting(table):
     assert classical_order("splitting", coefficients.steps(table.name)) == table.classical_order
 
 
 @pytest.mark.parametrize("name", ["forest-ruth", "kahan-li-6", "yoshida-8d"])
-def test_a_composition_has_the_same_order_written_out_as_a_splitting(name):
+def test_a_composition_and_its_splitting_have_the_same_order(name):
     steps = [(letter, g * w) for g in coefficients.steps(name) for letter, w in LEAPFROG]
     merged = [(letter, sum(w for _, w in group)) for letter, group in itertools.groupby(steps, key=lambda s: s[0])]
     assert classical_order("splitting", merged) == coefficients.table(name).classical_order
 
 
 @pytest.mark.parametrize(("fractal", "order"), [(triple_jump, 2), (triple_jump, 4), (triple_jump, 6), (suzuki, 4)])
-def test_the_fractals(fractal, order):
+def test_fractal_compositions_have_their_order(fractal, order):
     assert classical_order("composition", fractal(order)) == order
 
 
 @pytest.mark.parametrize("order", [-2, 0, 1, 3])
-def test_a_fractal_of_no_even_order_is_refused(order):
+def test_a_fractal_needs_an_even_order(order):
     with pytest.raises(ValueError, match="even order"):
         suzuki(order)
 
 
-def test_leapfrog_by_hand():
-    """Of degree 3 the residual is [A, [A, B]] / 12 - [B, [B, A]] / 24 (Hairer, Lubich & Wanner 2006, III.4.2)."""
+def test_residual_of_leapfrog():
+    """The residual of degree 3 is [A, [A, B]] / 12 - [B, [B, A]] / 24 (Hairer, Lubich & Wanner 2006, III.4.2)."""
     residual = words(LEAPFROG, 3)
     assert all(abs(x) < TOLERANCE for r in residual[:3] for x in r)
     by_hand = as_array({("A", ("A", "B")): mpmath.mpf(1) / 12, ("B", ("B", "A")): -mpmath.mpf(1) / 24}, 3)
@@ -117,19 +119,19 @@ def test_leapfrog_by_hand():
 
 
 def as_array(brackets, degree, left="", right=""):
-    """A sum of nested commutators, between two words, as an array over the words of a degree."""
+    """A sum of nested commutators between two words, as an array over all words of that degree."""
     out = [mpmath.mpf(0)] * 2**degree
     for bracket, factor in brackets.items():
-        for word, c in expanded(bracket).items():
+        for word, c in expand(bracket).items():
             out[int((left + word + right).replace("A", "0").replace("B", "1"), 2)] += factor * c
     return np.array(out, dtype=object)
 
 
-def expanded(bracket):
+def expand(bracket):
     """A nested commutator as {word: coefficient}."""
     if isinstance(bracket, str):
         return {bracket: 1}
-    left, right = map(expanded, bracket)
+    left, right = map(expand, bracket)
     out: dict = {}
     for (u, a), (v, b) in itertools.product(left.items(), right.items()):
         out[u + v] = out.get(u + v, 0) + a * b
@@ -141,26 +143,26 @@ RELATION, OTHER = ("B", ("B", ("B", "A"))), ("A", ("A", ("A", "B")))
 
 
 @pytest.mark.parametrize(("left", "right"), [("", ""), ("B", ""), ("", "A"), ("BB", "BA"), ("A", "BB"), ("BBB", "A")])
-def test_normal_forms_annihilate_the_relation_and_not_another(left, right):
+def test_normal_forms_annihilate_the_relation_only(left, right):
     degree = len(left) + len(right) + 4
     assert not any(normal_form(as_array({RELATION: 1}, degree, left, right)))
     assert any(normal_form(as_array({OTHER: 1}, degree, left, right)))
 
 
-def test_normal_forms_are_as_many_as_the_quotient_has_dimensions():
-    """One relation of degree 4 without overlaps: the generating function of the dimensions is 1 / (1 - 2t + t^4)."""
+def test_the_number_of_normal_forms():
+    """One relation of degree 4 without overlaps: the dimensions have the generating function 1 / (1 - 2t + t^4)."""
     dimensions = [1]
     for n in range(1, 9):
         dimensions.append(2 * dimensions[n - 1] - (dimensions[n - 4] if n >= 4 else 0))
     assert [len(normal_form(np.zeros(2**n))) for n in range(1, 9)] == dimensions[1:]
 
 
-def test_words_of_odd_letters():
+def test_words_with_odd_letters():
     assert odd_words(4) == ((1, 1, 1, 1), (1, 3), (3, 1))
     assert [len(odd_words(n)) for n in range(1, 12)] == [1, 1, 2, 3, 5, 8, 13, 21, 34, 55, 89]
 
 
-def test_a_generalised_order_asks_for_fewer_conditions():
+def test_a_generalized_order_has_fewer_conditions():
     found = residuals("near-integrable", LEAPFROG, 4)
     few, all_of_them = conditions(found, (4, 2)), conditions(found, (4,))
     assert set(few) < set(all_of_them)
@@ -169,8 +171,8 @@ def test_a_generalised_order_asks_for_fewer_conditions():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_not_consistent_has_order_0(kind):
-    """Kicks or fractions that add up to a half: already of degree 1 a residual is a half, of every kind."""
+def test_inconsistent_methods_have_order_0(kind):
+    """Kicks or fractions that add up to 1/2 leave a residual of 1/2 at degree 1."""
     steps = [HALF] if kind == "composition" else [("A", mpmath.mpf(1)), ("B", HALF)]
     assert excess(residuals(kind, steps, 1), (1,)) == HALF
     assert classical_order(kind, steps) == 0

@@ -1,4 +1,4 @@
-"""The observed order of every method, without round-off, two-sided, on nonlinear and non-separable systems."""
+"""Observed order of every method in multiprecision, on nonlinear and non-separable systems."""
 
 from __future__ import annotations
 
@@ -6,28 +6,28 @@ import pytest
 
 from phasebench.benchmarks.measure.battery import NON_SEPARABLE, expected_order, systems
 from phasebench.benchmarks.measure.multiprecision import observed_order
-from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision
+from phasebench.integrators.compile.codegen import MULTIPRECISION, exactly, precision
 from phasebench.integrators.registry import BY_ID, METHODS
-from support.exact import ALL, SAME_KIND, cells, repeated, shortest
+from support.exact import ALL, SAME_KIND, bare_substeps, cells, shortest
 
 TOLERANCE = 0.1
 CASES = cells("orders")
 
 
-def observed(row):
-    """The observed order of a measurement that did not fail."""
+def order_or_fail(row):
+    """Observed order of a measurement; fail if the measurement is an error message."""
     assert not isinstance(row, str), row
     return observed_order(row)
 
 
 def agrees(o, order):
-    """The gate, two-sided."""
+    """Whether an observed order is within `TOLERANCE` of the order, above and below."""
     return abs(o.value - order) < TOLERANCE
 
 
 @pytest.mark.parametrize(("label", "name"), CASES)
-def test_observed_order_is_the_declared_one(measured, label, name):
-    o = observed(measured("orders")[label][name])
+def test_the_observed_order_is_the_declared_one(measured, label, name):
+    o = order_or_fail(measured("orders")[label][name])
     assert o.points >= 3
     assert agrees(o, expected_order(ALL[label], name)), f"observed {o}"
 
@@ -43,40 +43,42 @@ def test_every_method_is_measured(measured):
             assert of_its_substeps & set(NON_SEPARABLE), f"{label} is measured on separable systems only"
 
 
-def test_compositions_of_the_same_substeps_alone_stand_for_each_other():
+def test_compositions_with_equal_substeps_share_a_measurement():
     standing = {label: shortest(label) for label in ALL if shortest(label) != label}
     assert standing["hlw-10"] == standing["kahan-li-6"] == "yoshida-6a"
     assert standing["scheme-v-kahan-li-8"] == "scheme-v-kahan-li-6"
-    assert set(standing.values()) < {label for label, m in ALL.items() if repeated(m)}
+    assert set(standing.values()) < {label for label, m in ALL.items() if bare_substeps(m)}
     for label in ("gauss-8", "dop853", "generating-function(lam=-1, order=6)", "scheme-v-yoshida-4"):
         assert label not in standing
 
 
-def test_control_a_wrong_coefficient_in_any_family_is_refused(measured):
-    spoiled = measured("spoiled")
+def test_control_a_wrong_coefficient_changes_the_order(measured):
+    spoiled = measured("control_errors")
     assert {BY_ID[id].family for id in spoiled} >= {"runge_kutta", "splitting", "parametric", "schemes_iv_v"}
     for id, rows in spoiled.items():
         assert rows
         for name, row in rows.items():
-            assert not agrees(observed(row), expected_order(BY_ID[id], name)), f"{id} on {name}: {observed(row)}"
+            assert not agrees(order_or_fail(row), expected_order(BY_ID[id], name)), (
+                f"{id} on {name}: {order_or_fail(row)}"
+            )
 
 
 def test_control_midpoint_with_a_wrong_weight_loses_an_order(measured):
     rows = measured("orders")
     right, wrong = "scheme-i(lam=1/2)", "scheme-i(lam=1/3)"
     for name in rows[right]:
-        assert observed(rows[right][name]).value - observed(rows[wrong][name]).value > 0.8
+        assert order_or_fail(rows[right][name]).value - order_or_fail(rows[wrong][name]).value > 0.8
 
 
 def fractions(m):
-    """The fractions of the step that the substeps of a record take, those of an alternative left out."""
+    """Fractions of the step taken by the substeps of a record, without alternative substeps."""
     if m.family == "schemes_iv_v":
         return [c for c, _, _, alternative in m.data if alternative == 0]
     return [row[0] for row in m.data[1]]
 
 
 @pytest.mark.parametrize("m", [m for m in METHODS if m.family in ("parametric", "schemes_iv_v")], ids=lambda m: m.id)
-def test_the_substeps_fill_the_step_in_full_precision(m):
-    """In the records as they are imported: fractions rounded to doubles leave a clock error of 1e-16."""
+def test_fractions_of_substeps_add_up_to_one(m):
+    """In the imported records; fractions rounded to doubles would cause a clock error of 1e-16."""
     with precision(50):
         assert abs(sum(exactly(c, MULTIPRECISION) for c in fractions(m)) - 1) < 1e-40

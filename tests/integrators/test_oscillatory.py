@@ -1,4 +1,4 @@
-"""Integrators for a fast linear part: the published formulae, exactness, symplecticity, resonances, round-off."""
+"""Integrators for a fast linear part: published formulas, exactness, symplecticity, resonances, round-off."""
 
 from __future__ import annotations
 
@@ -7,22 +7,21 @@ from functools import cache
 
 import mpmath
 import numpy as np
-import pandas as pd
 import pytest
 import sympy as sp
 
 from phasebench.benchmarks.experiments.oscillatory import oscillatory
 from phasebench.benchmarks.experiments.oscillatory.page import PAGE
-from phasebench.benchmarks.measure.metrics import jacobian, symplecticity_defect
+from phasebench.benchmarks.measure.step_map import jacobian, symplecticity_defect
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.fpu import oscillatory_energies
 from phasebench.integrators import Hamiltonian
+from phasebench.integrators.compile.codegen import MULTIPRECISION, exactly, precision
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine import kernel
-from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.records.oscillatory import METHODS
 from phasebench.integrators.registry import method
+from phasebench.integrators.stepping import kernel
 
 IDS = [m.id for m in METHODS]
 TRIGONOMETRIC = [m.id for m in METHODS if m.id not in ("r-respa", "imex")]
@@ -34,7 +33,7 @@ def sinc(x):
     return np.sinc(np.asarray(x) / np.pi)
 
 
-#: (psi, phi) as published: Hairer, Lubich & Wanner 2006, XIII; Grimm & Hochbruck 2006.
+#: Published filters (psi, phi): Hairer, Lubich & Wanner 2006, XIII; Grimm & Hochbruck 2006.
 PUBLISHED = {
     "gautschi": (lambda x: sinc(x / 2) ** 2, np.ones_like),
     "deuflhard": (sinc, np.ones_like),
@@ -51,7 +50,7 @@ def fpu(**parameters):
 
 
 def slow(q):
-    """-grad U of the problem with m = 3, from its formula by hand."""
+    """-grad U of the slow potential for m = 3, written by hand."""
     x, y = q[:3], q[3:]
     soft = np.array([x[0] - y[0], x[1] - y[1] - x[0] - y[0], x[2] - y[2] - x[1] - y[1], x[2] + y[2]]) ** 3
     signs = np.array([[1, -1, 0, 0], [0, 1, -1, 0], [0, 0, 1, 1], [-1, -1, 0, 0], [0, -1, -1, 0], [0, 0, -1, 1]])
@@ -63,15 +62,15 @@ STATE = np.array([0.9, -0.4, 0.3, 0.02, -0.015, 0.01]), np.array([0.8, 0.1, -0.5
 
 
 def step(id, h, system=None, state=STATE, **parameters):
-    """One step as an array (q, p)."""
+    """State (q, p) after one step, array (2, d)."""
     s = integrate(system or fpu(), id, h=h, steps=1, q0=state[0], p0=state[1], parameters=parameters)
     return np.array([s.q[-1], s.p[-1]])
 
 
 @pytest.mark.parametrize("id", TRIGONOMETRIC)
 @pytest.mark.parametrize("x", [0.3, 2.0, 4.0, 7.5])
-def test_a_step_is_the_published_one(id, x):
-    """Hairer, Lubich & Wanner 2006, XIII (2.7)-(2.9), with cosines of either sign."""
+def test_a_step_equals_the_published_formula(id, x):
+    """Hairer, Lubich & Wanner 2006, XIII (2.7)-(2.9), for cosines of both signs."""
     h, (q, p) = x / OMEGA, STATE
     xi = h * FREQUENCIES
     psi, phi = (f(xi) for f in PUBLISHED[id])
@@ -84,14 +83,16 @@ def test_a_step_is_the_published_one(id, x):
     assert min(np.abs(step(i, h) - [q1, p1]).max() for i in others) > 1e-9, "the control: another method's step"
 
 
-def kicked(flow, h):
-    """Kick, linear flow, kick."""
+def strang_step(flow, h):
+    """Half a kick, the linear flow, half a kick."""
     q, p = STATE
     q, p = flow(q, p + h / 2 * slow(q))
     return np.array([q, p + h / 2 * slow(q)])
 
 
 def exact_flow(h):
+    """Exact flow of the linear part over h."""
+
     def flow(q, p):
         c, s = np.cos(h * FREQUENCIES), np.sin(h * FREQUENCIES)
         return c * q + h * sinc(h * FREQUENCIES) * p, c * p - FREQUENCIES * s * q
@@ -100,7 +101,7 @@ def exact_flow(h):
 
 
 def midpoint_flow(h):
-    """(I - h A / 2)^-1 (I + h A / 2) of the linear part."""
+    """Midpoint rule (I - h A / 2)^-1 (I + h A / 2) for the linear part."""
     A = np.block([[np.zeros((6, 6)), np.eye(6)], [-np.diag(FREQUENCIES**2), np.zeros((6, 6))]]) * h / 2
 
     def flow(q, p):
@@ -110,6 +111,8 @@ def midpoint_flow(h):
 
 
 def verlet_flow(h, n):
+    """n Stormer-Verlet steps of length h / n for the linear part."""
+
     def flow(q, p):
         for _ in range(n):
             p = p - h / n / 2 * FREQUENCIES**2 * q
@@ -121,7 +124,7 @@ def verlet_flow(h, n):
 
 
 @pytest.mark.parametrize("x", [0.3, 2.5, 8.0])
-def test_impulse_methods_are_kick_flow_kick(x):
+def test_impulse_methods_kick_flow_and_kick(x):
     h = x / OMEGA
     flows = {
         "deuflhard": (exact_flow(h), {}),
@@ -130,14 +133,14 @@ def test_impulse_methods_are_kick_flow_kick(x):
     }
     for id, (_, parameters) in flows.items():
         for other, (another, _) in flows.items():
-            gap = np.abs(step(id, h, **parameters) - kicked(another, h)).max()
+            gap = np.abs(step(id, h, **parameters) - strang_step(another, h)).max()
             assert gap < 1e-12 if id == other else gap > 1e-8, (id, other)
     few = step("r-respa", h, substeps=3)
-    assert np.abs(few - kicked(verlet_flow(h, 3), h)).max() < 1e-9
+    assert np.abs(few - strang_step(verlet_flow(h, 3), h)).max() < 1e-9
 
 
 @pytest.mark.parametrize("id", IDS)
-def test_without_a_fast_part_every_method_is_stormer_verlet(id):
+def test_without_a_fast_part_methods_are_stormer_verlet(id):
     made = problem("henon-heiles")
     slow_only = Hamiltonian(q=made.system.q, p=made.system.p, H=made.system.H, frequencies=[0, 0])
     state = np.array(made.q0), np.array(made.p0)
@@ -149,7 +152,7 @@ def test_without_a_fast_part_every_method_is_stormer_verlet(id):
 
 @pytest.mark.parametrize("id", IDS)
 @pytest.mark.parametrize("h", [0.1, 0.9, 3.1, 40.0])
-def test_the_harmonic_oscillator_is_exact_at_any_step(id, h):
+def test_the_harmonic_oscillator_is_exact_for_any_step(id, h):
     found = problem("harmonic-oscillator")
     s = integrate(found, id, h=h, steps=200)
     error = max(np.abs(s.q[:, 0] - np.cos(s.t)).max(), np.abs(s.p[:, 0] + np.sin(s.t)).max())
@@ -160,6 +163,8 @@ def test_the_harmonic_oscillator_is_exact_at_any_step(id, h):
 
 
 def defect(id, system, state, h=0.6):
+    """Defect of the symplectic form of one step."""
+
     def advance(y):
         return step(id, h, system, y.reshape(2, -1)).ravel()
 
@@ -167,8 +172,8 @@ def defect(id, system, state, h=0.6):
 
 
 @pytest.mark.parametrize("id", IDS)
-def test_symplectic_iff_the_filters_agree(id):
-    """Of two frequencies iff psi = sinc phi; of one frequency always."""
+def test_symplectic_if_and_only_if_the_filters_match(id):
+    """With two frequencies if and only if psi = sinc phi; with one frequency always."""
     springs = defect(id, fpu(m=1, omega=5.0).system, ([0.7, 0.2], [0.5, 0.9]))
     equal = defect(id, problem("henon-heiles").system, ([0.1, 0.3], [0.2, -0.2]))
     assert equal < 1e-10
@@ -180,14 +185,14 @@ def test_symplectic_iff_the_filters_agree(id):
 
 
 def deviations(id, x, t_end):
-    """(status, greatest errors of H and of I) at h omega = x."""
+    """(status, greatest errors of H and of the oscillatory energy I) for h omega = x."""
     (row,) = oscillatory.errors([method(id)], [x / math.pi], t_end).to_dict("records")
     return row["status"], row["energy error"], row["oscillatory energy error"]
 
 
 @pytest.mark.parametrize("id", [*IDS, "stormer-verlet"])
-def test_beyond_the_limit_of_stormer_verlet_these_go_on(id):
-    """h omega = 2.5 > 2, to t = 1000: 20 000 steps; I = 1 at first, H = 2.0012."""
+def test_stability_beyond_the_limit_of_stormer_verlet(id):
+    """h omega = 2.5 > 2 up to t = 1000: 20,000 steps; initially I = 1, H = 2.0012."""
     status, H, energy = deviations(id, 2.5, 1000.0)
     if id == "stormer-verlet":
         assert status == "diverged"
@@ -198,8 +203,8 @@ def test_beyond_the_limit_of_stormer_verlet_these_go_on(id):
     assert energy < 0.2
 
 
-def test_the_impulse_method_resonates_and_the_mollified_one_does_not():
-    """At h omega = pi and 2 pi; halfway to the next multiple both are good."""
+def test_the_impulse_method_resonates():
+    """At h omega = pi and 2 pi; halfway to the next multiple both methods are good."""
     for k in (1, 2):
         wild, tame = (deviations(id, k * math.pi, 200.0)[1] for id in ("deuflhard", "mollified-impulse"))
         assert not wild < 10, wild
@@ -209,7 +214,7 @@ def test_the_impulse_method_resonates_and_the_mollified_one_does_not():
 
 
 @pytest.mark.parametrize("id", ["gautschi", "hochbruck-lubich"])
-def test_a_pole_is_refused(id):
+def test_an_infinite_coefficient_is_refused(id):
     with pytest.raises(InvalidInput, match="infinite"):
         integrate(fpu(), id, h=math.pi / OMEGA, steps=1)
     assert integrate(fpu(), id, h=2 * math.pi / OMEGA, steps=1).status == "ok", "the control: an even multiple"
@@ -217,8 +222,8 @@ def test_a_pole_is_refused(id):
 
 @pytest.mark.parametrize("id", IDS)
 @pytest.mark.parametrize("h", [0.1, 1.3])
-def test_rounding_does_not_make_the_propagator_grow(id, h):
-    """A million steps of the oscillator omega = 3; the energy of r-respa returns only where a period does."""
+def test_round_off_does_not_make_the_propagator_grow(id, h):
+    """A million steps of the oscillator with omega = 3; r-respa conserves a modified energy."""
     found = problem("harmonic-oscillator", omega=3.0)
     s = integrate(found, id, h=h, steps=1_000_000, save_every=100)
     if id == "r-respa":
@@ -231,15 +236,15 @@ def test_rounding_does_not_make_the_propagator_grow(id, h):
 
 @pytest.mark.parametrize("turn", [0.0, math.pi])
 def test_increments_are_compensated_on_both_branches(turn):
-    """Turns of 0.001 and pi + 0.001: what rounding loses of q and p turns with them (lost or kept back: 1e-13)."""
+    """Rotations by 0.001 and pi + 0.001: the compensations must rotate too (otherwise the error is 1e-13)."""
     found = problem("harmonic-oscillator", omega=3.0)
     s = integrate(found, "deuflhard", h=(turn + 0.001) / 3, steps=1_000_000, save_every=100)
     kept = s.p[:, 0] ** 2 + 9 * s.q[:, 0] ** 2
     assert np.abs(kept / kept[0] - 1).max() < 1e-14
 
 
-def test_coefficients_have_all_digits_where_the_sine_nearly_vanishes():
-    """At the double next to h omega = 2 pi, 16 digits of the sine cancel; omega is 50."""
+def test_coefficients_are_exact_where_the_sine_vanishes():
+    """At the double nearest to h omega = 2 pi the sine loses 16 digits; omega = 50."""
     h = 2 * math.pi / OMEGA
     prepared = kernel.prepare(method("deuflhard"), fpu().system)
     found = prepared.begin(prepared.step._replace(h=h), *STATE).filters[3, -1]
@@ -251,8 +256,8 @@ def test_coefficients_have_all_digits_where_the_sine_nearly_vanishes():
 
 @pytest.mark.parametrize("digits", [30, 60])
 @pytest.mark.parametrize("x", [0.1, 1.5, 1.7, 3.0, 4.5])
-def test_the_shears_make_the_rotation_in_all_digits_and_never_a_large_one(digits, x):
-    """Its cosine is s (1 - a b), where a b, the cosine's distance from 1 or from -1, is at most 1."""
+def test_shears_give_the_rotation_to_all_digits(digits, x):
+    """The cosine is s (1 - a b), where a b, its distance from 1 or -1, is at most 1."""
     with precision(digits):
         prepared = kernel.prepare(method("deuflhard"), fpu().system, MULTIPRECISION)
         h = exactly(x / OMEGA, MULTIPRECISION)
@@ -262,7 +267,7 @@ def test_the_shears_make_the_rotation_in_all_digits_and_never_a_large_one(digits
         assert 0 <= a * b <= 1
 
 
-def test_a_refusal_says_where_the_pole_is():
+def test_a_refusal_names_the_pole():
     with pytest.raises(InvalidInput, match=r"h omega is 3\.0 pi"):
         step("gautschi", 3 * math.pi / OMEGA)
 
@@ -276,7 +281,7 @@ def test_control_a_product_of_rounded_rotations_grows():
 
 
 @pytest.mark.parametrize("m", [1, 3, 4])
-def test_the_problem_is_the_published_one(m):
+def test_the_problem_equals_the_published_one(m):
     made = fpu(m=m)
     x, y = 1.0, 1 / OMEGA
     soft = [x - y, *([-x - y] if m > 1 else []), *([x + y] if m == 1 else [])]
@@ -301,17 +306,14 @@ def test_bad_parameters_are_refused():
         integrate(problem("pendulum"), "imex", h=0.1, steps=1)
 
 
-def test_the_verdict_of_the_page_follows_the_rows(tmp_path):
+def test_the_verdict_of_the_page_follows_from_its_rows(tmp_path):
     rows = oscillatory.errors([method("hairer-lubich"), method("stormer-verlet")], [0.1, 0.5, 1.5], t_end=20.0)
     assert list(rows["status"]) == ["ok", "ok", "ok", "ok", "ok", "diverged"]
     assert rows["energy error"].isna().tolist() == [False] * 5 + [True]
-    said = [v.text for v in PAGE.judged(lambda name: rows)]
-    assert "hairer-lubich (energy" in said[0]
-    assert "stormer-verlet above 0.5 π" in said[1]
+    assert [(v.measured, v.outcome) for v in PAGE.judge(lambda name: rows)] == [(1, "pass")]
+    assert PAGE.table(lambda name: rows).frame["where it is lost"].tolist() == ["", "above 0.5 π"]
     (picture,) = PAGE.figures(lambda name: rows, tmp_path)
     assert (tmp_path / picture.file).exists()
     worse = rows.assign(**{"energy error": rows["energy error"].where(rows["h omega / pi"] != 0.5, 30.0)})
-    first, second, *_ = PAGE.judged(lambda name: pd.DataFrame(worse))
-    assert not first.holds
-    assert "by no method." in first.text
-    assert "hairer-lubich at 1 step size elsewhere" in second.text
+    assert [(v.measured, v.outcome) for v in PAGE.judge(lambda name: worse)] == [(0, "finding")]
+    assert PAGE.table(lambda name: worse).frame["where it is lost"].tolist() == ["at 1 other step", "above 0.1 π"]

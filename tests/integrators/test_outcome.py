@@ -1,4 +1,4 @@
-"""What is not the orbit: on rows that are made up, on accurate orbits, and for whoever made them."""
+"""The outcome "inaccurate" or "unstable" of a run, on made-up rows, on accurate orbits, and for all who integrate."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import sympy as sp
 import phasebench as pb
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.integrators import Hamiltonian, integrate, outcome
-from phasebench.integrators.engine import codegen
+from phasebench.integrators.compile import codegen
 from phasebench.integrators.outcome import judged, unsolved
 from phasebench.reference.peers.run import ending
 
@@ -20,12 +20,12 @@ T = np.linspace(0.0, 100.0, 1001)
 
 
 def circle(amplitude):
-    """Rows of the oscillator with an amplitude for each of the times `T`."""
+    """Rows (Q, P) of the oscillator with the given amplitude at each time of `T`."""
     return (amplitude * np.cos(T))[:, None], (-amplitude * np.sin(T))[:, None]
 
 
 def verdict(energy, system=OSCILLATOR):
-    """Of rows whose energy is ``energy`` times the first's, from t = 50 on."""
+    """Outcome for rows whose energy is ``energy`` times the initial one from t = 50 on."""
     return judged(system, T, *circle(np.where(T < 50.0, 1.0, energy**0.5)))
 
 
@@ -34,14 +34,14 @@ def verdict(energy, system=OSCILLATOR):
     [(1.0, "ok", False), (1.05, "ok", False), (1.9, "ok", True), (2.1, "inaccurate", True), (1e9, "unstable", True)]
     + [(0.95, "ok", False), (0.75, "ok", True), (0.2, "inaccurate", True), (0.0, "inaccurate", True)],
 )
-def test_an_oscillator_may_neither_double_nor_lose_half_its_energy(energy, status, noted):
+def test_energy_may_neither_double_nor_halve(energy, status, noted):
     found = verdict(energy)
     assert found.status == status
     assert bool(found.reason) == noted
     assert ("from t = 50 on" in found.reason) == (status != "ok")
 
 
-def test_a_constant_in_H_has_no_say_and_a_cosine_has_its_amplitude():
+def test_the_scale_omits_constants_and_bounds_cosines():
     assert verdict(2.1, Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2 + 1000000")).status == "inaccurate"
     pendulum = problem("pendulum").system
     Q, P = np.array([[np.pi / 2], [1.0], [0.1]]), np.array([[0.0], [2.0], [3.0]])
@@ -49,15 +49,15 @@ def test_a_constant_in_H_has_no_say_and_a_cosine_has_its_amplitude():
     assert Hamiltonian(q="q", p="p", H="p**2/2 - 3*q + 5").scale(Q, P) == pytest.approx([1.5 * np.pi, 5.0, 4.8])
 
 
-def test_one_bad_row_among_good_ones_is_seen():
+def test_a_single_bad_row_is_seen():
     Q, P = circle(np.where(T[500] == T, 2.0, 1.0))
     assert judged(OSCILLATOR, T, Q, P).status == "inaccurate"
     keep = T[500] != T
     assert judged(OSCILLATOR, T[keep], Q[keep], P[keep]).status == "ok"
 
 
-def test_a_start_at_a_pericentre_excuses_nothing():
-    """M is 2e4 there; then the body leaves with an energy of 1 in place of -1/2."""
+def test_a_large_scale_at_the_start_excuses_no_error():
+    """The scale of H is 2e4 at the first row; the body then leaves with energy 1 in place of -1/2."""
     kepler = problem("kepler", e=0.9999).system
     r = 1.0 + np.arange(50.0)
     v = np.sqrt(2 * (1.0 + 1 / r))
@@ -66,8 +66,8 @@ def test_a_start_at_a_pericentre_excuses_nothing():
     assert judged(kepler, r, Q, P).status == "inaccurate"
 
 
-def test_a_saddle_at_which_all_terms_vanish_is_passed():
-    """By the terms of the place alone the orbit that comes near to it would be judged: the control."""
+def test_an_orbit_past_a_saddle_is_ok():
+    """Control: relative to the scale at the current row alone the orbit would be judged inaccurate there."""
     well = Hamiltonian(q="q", p="p", H="p**2/2 - q**2/2 + q**4/4")
     s = integrate(well, "stormer-verlet", h=0.1, t_end=60, q0=[2**0.5], p0=[0.0])
     error, M = np.abs(well.observe(well.H, s.q, s.p)), well.scale(s.q, s.p)
@@ -92,11 +92,11 @@ GROWTH = np.linspace(0.0, 1.0, 401)
         (1 + 30 * np.sin(40 * GROWTH) ** 2 * 20**GROWTH, True),
     ],
 )
-def test_growth_is_told_from_what_is_bounded(energy, grown):
+def test_growing_and_bounded_errors_are_told_apart(energy, grown):
     assert outcome.grows(np.abs(energy - energy[0]), 1.0) == grown
 
 
-def test_a_random_walk_hardly_ever_grows_and_a_drift_nearly_always_does():
+def test_random_walks_rarely_and_drifts_nearly_always_grow():
     walks = np.random.default_rng(7).standard_normal((400, 2000)).cumsum(axis=1)
     bounded = np.abs(np.random.default_rng(8).standard_normal((400, 2000)))
     drift = bounded + np.linspace(0, 20, 2000)
@@ -107,12 +107,12 @@ def test_a_random_walk_hardly_ever_grows_and_a_drift_nearly_always_does():
 
 @pytest.mark.parametrize("every", [1, 0])
 @pytest.mark.parametrize(("h", "status"), [(1.9, 0), (1.99, 0), (1.9999, 0), (2.0001, 1), (2.001, 1), (2.01, 1)])
-def test_the_limit_of_stability_parts_the_inaccurate_from_the_unstable(h, status, every):
+def test_the_stability_limit_separates_the_outcomes(h, status, every):
     s = integrate(OSCILLATOR, "stormer-verlet", h=h, steps=1500, save_every=every, q0=[1.0], p0=[0.0])
     assert s.status == ("inaccurate", "unstable")[status], s.reason
 
 
-def test_what_falls_is_inaccurate_and_what_climbs_unstable():
+def test_decay_is_inaccurate_and_growth_unstable():
     ends = [
         integrate(OSCILLATOR, m, h=0.1, t_end=T, q0=[1.0], p0=[0.0]).status
         for m in ("explicit-euler", "implicit-euler")
@@ -121,8 +121,8 @@ def test_what_falls_is_inaccurate_and_what_climbs_unstable():
     assert ends == ["unstable"] * 3 + ["inaccurate"] * 3
 
 
-def test_a_bounded_chaos_does_not_grow():
-    """An amplitude that jumps as the logistic map at 4 does, from seeded starts: H changes by up to 30 times itself."""
+def test_bounded_chaos_does_not_count_as_growth():
+    """Amplitudes follow the logistic map at 4 from seeded starts; H changes by up to 30 times itself."""
     statuses = set()
     for x in np.random.default_rng(5).uniform(0.1, 0.9, 200):
         jumps = [x]
@@ -132,13 +132,13 @@ def test_a_bounded_chaos_does_not_grow():
     assert statuses == {"inaccurate"}
 
 
-def test_what_has_overflowed_is_judged():
+def test_overflow_and_underflow():
     assert verdict(1e300).status == "unstable"
-    assert judged(OSCILLATOR, T, *circle(1e-170 * np.exp(T / 10))).status == "ok"  # below the numbers that have digits
+    assert judged(OSCILLATOR, T, *circle(1e-170 * np.exp(T / 10))).status == "ok"  # below the normal numbers
 
 
 def accurate() -> dict[str, list]:
-    """Every orbit's status and reason after accurate steps, with every row and with the ends alone."""
+    """{orbit and spacing of rows: [status, reason]} after accurate steps of every problem's orbits."""
     ends = {}
     for made in (problem(name).at(orbit.name) for name in PROBLEMS for orbit in problem(name).orbits):
         for every in (1, 0):
@@ -147,8 +147,8 @@ def accurate() -> dict[str, list]:
     return ends
 
 
-def test_no_orbit_that_is_integrated_accurately_is_judged(uncompiled):
-    """In a process that compiles nothing: the states are the same."""
+def test_accurate_orbits_are_ok(uncompiled):
+    """Run without compilation, which reaches the same states."""
     found = uncompiled("integrators/test_outcome.py")
     assert {label: end for label, end in found.items() if end != ["ok", ""]} == {}
     assert len(found) > 60
@@ -156,15 +156,15 @@ def test_no_orbit_that_is_integrated_accurately_is_judged(uncompiled):
 
 
 @pytest.mark.parametrize("every", [1, 3, 0])
-def test_a_run_of_loops_is_judged_too(every):
+def test_hand_written_systems_are_judged_too(every):
     waves = problem("klein-gordon")
     wide, narrow = (integrate(waves, "stormer-verlet", h=h, steps=6, save_every=every) for h in (0.7, 0.01))
     assert (wide.status, narrow.status) == ("unstable", "ok")
     assert len(wide.t) > 1
 
 
-def test_the_state_between_two_kept_rows_is_looked_at():
-    """Kept are the ends; a piece's end shows what the last row does not."""
+def test_states_between_stored_rows_are_judged():
+    """Only the ends are stored; the state at the end of a piece shows an error that the last row does not."""
     states = [(1, 10.0), (2, 1.0)]
 
     class Run:
@@ -184,28 +184,29 @@ def test_the_state_between_two_kept_rows_is_looked_at():
     assert f"t = {0.1 * PIECE:.6g}" in t.reason
 
 
-# -- alike for whoever integrates -------------------------------------------------------------------------------------
+# -- the same for all integrators -------------------------------------------------------------------------------------
 
 
 def euler(system, q, p, h):
+    """Explicit Euler as a user's step function."""
     return q + h * system.dH_dp(q, p), p - h * system.dH_dq(q, p)
 
 
 @pytest.mark.parametrize("every", [1, 0])
-def test_a_step_of_ones_own_is_judged(every):
+def test_a_users_step_function_is_judged(every):
     s = pb.integrate("harmonic-oscillator", euler, h=0.1, t_end=100, save_every=every)
     assert s.status == "unstable"
     assert pb.integrate("harmonic-oscillator", euler, h=1e-4, t_end=1, save_every=every).status == "ok"
 
 
-def test_a_step_of_ones_own_that_runs_out_of_time_keeps_what_it_reached():
-    s = pb.integrate("harmonic-oscillator", euler, h=1e-7, steps=10**9, save_every=0, timeout=0.1)
+def test_a_users_step_function_that_times_out_keeps_its_state():
+    s = pb.integrate("harmonic-oscillator", euler, h=1e-7, steps=10**9, save_every=0, time_limit=0.1)
     assert s.status == "timeout"
     assert s.t[-1] == s.counts["steps"] * 1e-7 > 0
     assert len(s.q) == 2
 
 
-def test_the_rows_of_a_peer_are_judged():
+def test_rows_of_a_peer_are_judged():
     good, bad = circle(np.ones(len(T))), circle(np.exp(T / 50))
     assert ending(OSCILLATOR, T, *good, None)[0] == "ok"
     status, reason, rows = ending(OSCILLATOR, T, *bad, None)
@@ -216,7 +217,7 @@ def test_the_rows_of_a_peer_are_judged():
     assert ending(lotka, T[:3], *outside, None)[::2] == ("diverged", 1)
 
 
-def test_a_system_without_an_energy_is_not_judged():
+def test_a_system_without_energy_is_not_judged():
     free = pb.integrators.systems.hamiltonian.PartitionedSystem(q="q", p="p", dq=["q"], dp=[sp.Integer(0)])
     assert integrate(free, "rk4", h=0.1, t_end=50, q0=[1.0], p0=[0.0]).status == "ok"
 
@@ -225,7 +226,7 @@ if __name__ == "__main__":
     print(json.dumps({"result": accurate()}))
 
 
-def test_what_is_said_of_a_stage_that_is_not_solved_is_of_its_solver():
+def test_the_report_of_an_unsolved_stage_names_its_solver():
     few, many = 2, codegen.TUPLE_LIMIT + 1
     assert unsolved("banded", many).what.startswith("Newton's method in a band")
     assert "fixed point nor Newton's method" in unsolved("collocation", many).what

@@ -1,4 +1,4 @@
-"""HBVM and cPG with their nodes in lanes: beside the nodes one by one, coefficients, Newton's method, the limits."""
+"""HBVM and cPG with quadrature nodes in SIMD lanes against nodes one by one: coefficients, Newton's method, limits."""
 
 from __future__ import annotations
 
@@ -13,37 +13,37 @@ from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators.coefficients import quadrature, tableaus
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.families import collocation, path_lanes
 from phasebench.integrators.registry import method
+from phasebench.integrators.stepping.kernel import prepare
 from support import two_degrees
 from support.two_degrees import of, run
 
-#: Separable with diagonal T: the kicks are the unknowns.
+#: Separable H with diagonal T, for which the kicks are the unknowns.
 KICKS = {
     "masses": "p1**2/2 + p2**2/6 - cos(q1) - cos(q2) + sin(q1*q2)/10",
     "powers": "p1**2/2 + p2**2/2 + (1 + q1**2 + q2**2)**(3/2) + 1/sqrt(2 + q1**2) + q2**2/5",
     "degree 6": "p1**2/2 + p2**2/2 + q1**6 + q1**2*q2**2/3 + q2**4",
 }
-#: Both increments are.
+#: H for which both increments are the unknowns.
 FIELDS = {
     "angles": "(p1**2 + 2*p2**2 - 2*p1*p2*cos(q1 - q2))/(2 + 2*sin(q1 - q2)**2) - 2*cos(q1) - cos(q2)",
     "quartic": "p1**4/4 + p2**2/2 + q1**2/2 + q2**4 + q1*p2**2/5",
 }
-#: Of two increments and four; one row of nodes, two, and a list of rules.
+#: Methods with four and two unknown vectors; rules of one row, of two rows, and a list of rules.
 CASES = [("hbvm-8-4", "masses"), ("hbvm-8-4", "degree 6"), *(("cpg-2", name) for name in (*KICKS, *FIELDS))]
 
 
 @pytest.fixture
 def one_by_one():
-    """The run with the nodes evaluated one after the other."""
+    """Function that runs with the nodes evaluated one after the other."""
     return partial(two_degrees.one_by_one, path_lanes)
 
 
 @pytest.mark.processor
 @pytest.mark.parametrize(("id", "name"), CASES)
-def test_nodes_in_lanes_reach_what_nodes_one_by_one_reach(one_by_one, id, name):
-    """To the round-off of fifty steps: lanes add up in another order, and have their own sin, cos and exp."""
+def test_lanes_reach_the_state_of_single_nodes(one_by_one, id, name):
+    """Up to the round-off of fifty steps: lanes sum in another order and use their own sin, cos and exp."""
     made = of((KICKS | FIELDS)[name])
     assert isinstance(prepare(method(id), made).step, path_lanes.Path)
     (lanes, n), (nodes, m) = run(made, id), one_by_one(made, id)
@@ -69,8 +69,8 @@ def test_control_a_wrong_coefficient_is_seen(one_by_one, monkeypatch, table, pla
 
 
 @pytest.mark.parametrize("rest", ["q1**4", "q1**2*p1**2/10", "cos(q1)"])
-def test_newton_s_method_takes_over_where_the_fixed_point_does_not_contract(one_by_one, rest):
-    """Of the kicks, of both increments, and by each rule of a list; its Jacobian is right: it needs few sweeps."""
+def test_newton_takes_over_when_the_iteration_diverges(one_by_one, rest):
+    """For kicks, both increments, and each rule of a list; few sweeps show that the Jacobian is correct."""
     stiff = of(f"p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2 + {rest}")
     (lanes, n), (nodes, m) = run(stiff, "cpg-2", 0.1, 20), one_by_one(stiff, "cpg-2", 0.1, 20)
     assert n["newton"] >= 20 <= m["newton"]
@@ -79,8 +79,8 @@ def test_newton_s_method_takes_over_where_the_fixed_point_does_not_contract(one_
 
 
 @pytest.mark.parametrize("id", ["cpg-2", "hbvm-8-4", "gauss-3", "gauss-equip-3"])
-def test_a_step_that_cannot_be_solved_ends_a_run(id):
-    """Its first increments are beyond what numbers hold."""
+def test_an_unsolvable_step_ends_a_run(id):
+    """Its first increments overflow."""
     made = of("p1**2/2 + p2**2/2 + q1**6 + q2**4")
     assert not isinstance(prepare(method(id), made).step, collocation.Collocation)
     s = integrate(made, id, h=10.0, steps=3, q0=[1e50, 0.5], p0=[0.2, -0.3])
@@ -89,8 +89,8 @@ def test_a_step_that_cannot_be_solved_ends_a_run(id):
 
 
 @pytest.mark.parametrize("rest", ["q1**4", "cos(q1)"])
-def test_by_a_rule_of_two_rows_newton_s_method_takes_as_many_evaluations(one_by_one, rest):
-    """But for the row of nodes of which one evaluation serves twice."""
+def test_newton_with_two_rows_takes_equally_many_evaluations(one_by_one, rest):
+    """Except for a row of nodes for which one evaluation serves twice."""
     stiff = of(f"p1**2/2 + p2**2/6 + 1250*q1**2 + q2**2/2 + q1*q2 + {rest}")
     (lanes, n), (nodes, m) = run(stiff, "hbvm-8-4", 0.1, 3), one_by_one(stiff, "hbvm-8-4", 0.1, 3)
     assert n["newton"] == m["newton"] == 3
@@ -98,20 +98,21 @@ def test_by_a_rule_of_two_rows_newton_s_method_takes_as_many_evaluations(one_by_
     assert np.abs(lanes - nodes).max() < 1e-11
 
 
-def test_where_lanes_do_not_serve_nodes_stand_one_by_one():
+def test_systems_without_lanes_take_nodes_one_by_one():
     quadratic, log = of("p1**2/2 + p2**2/2 + q1**2 + q1*q2"), of("p1**2/2 + p2**2/2 + q1*log(2 + q1**2)")
     tilted = of("p1**2/2 + p2**2/2 + p1*p2/3 + cos(q1) + q2**4")
-    for id, system in (("hbvm-2-1", quadratic), ("cpg-2", log), ("hbvm-4-2", tilted)):
+    for id, system in (("hbvm-2-1", quadratic), ("cpg-2", log)):
         assert not isinstance(prepare(method(id), system).step, path_lanes.Path)
-    assert isinstance(prepare(method("cpg-2"), quadratic).step, path_lanes.Path)
+    for id, system in (("cpg-2", quadratic), ("hbvm-4-2", tilted)):
+        assert isinstance(prepare(method(id), system).step, path_lanes.Path)
 
 
 # -- coefficients -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("s", [1, 2, 3, 4])
-def test_the_path_of_q_takes_the_products_of_the_polynomials_with_their_integrals(s):
-    """And its matrix is skew but for its first place, of the doubles; Newton's method may begin at ``like``, zero."""
+def test_the_matrix_of_the_path_of_q(s):
+    """In double precision it is skew except for the first entry; Newton's method may start at ``like``, zero."""
     step = path_lanes.laned(s, [s], SYSTEMS["henon-heiles"]()[0], "double")
     X = step.drift[1 : 1 + s, :s].T
     rule = quadrature.gauss_legendre(s + 1)
@@ -127,7 +128,7 @@ def test_the_path_of_q_takes_the_products_of_the_polynomials_with_their_integral
 
 
 def exact_rules(id, system):
-    """(c, b) of each rule of a method as the kernel has them, as fractions."""
+    """(c, b) of each rule as the kernel has them, as fractions."""
     step = prepare(method(id), system).step
     first = 0
     while first < len(step.rows):
@@ -142,7 +143,7 @@ def exact_rules(id, system):
         first = last
 
 
-#: One by one and in lanes, in the Nystrom form and the general one, of one rule and of nine.
+#: One by one and in lanes, in Nystrom and general form, with one rule and with nine.
 RULES = [
     *((id, "henon-heiles") for id in ("hbvm-2-1", "hbvm-4-2", "hbvm-6-3", "hbvm-8-4", "cpg-1", "cpg-2")),
     ("hbvm-8-4", "coupled"),
@@ -151,8 +152,8 @@ RULES = [
 
 
 @pytest.mark.parametrize(("id", "name"), RULES)
-def test_the_doubles_of_a_rule_integrate_constants_and_lines_exactly(id, name):
-    """Else energy and phase change by the same share of round-off in every step."""
+def test_double_rules_integrate_linear_functions_exactly(id, name):
+    """Otherwise energy and phase would change by the same fraction of round-off in every step."""
     for c, b in exact_rules(id, SYSTEMS[name]()[0]):
         assert sum(b) == 1
         assert all(x + y == 1 for x, y in zip(c, reversed(c), strict=True))
@@ -162,13 +163,13 @@ def test_the_doubles_of_a_rule_integrate_constants_and_lines_exactly(id, name):
         assert max(abs(float(x - y)) for x, (_, y) in zip(map(mpmath.mpf, map(float, b)), exact, strict=True)) < 2e-16
 
 
-def test_control_plainly_rounded_rules_do_not():
+def test_control_plainly_rounded_rules_are_not_exact():
     sums = [sum(Fraction(float(b)) for _, b in quadrature.gauss_legendre(k)) for k in quadrature.RULES]
     assert sum(x != 1 for x in sums) > 2
 
 
 def growth(monkeypatch, plain):
-    """The mean of the energy's error after runs from many starts, in its standard errors."""
+    """Mean energy error over runs from many starts, in units of its standard error."""
     made, errors = problem("harmonic-oscillator"), []
     with monkeypatch.context() as patch:
         if plain:
@@ -183,6 +184,7 @@ def growth(monkeypatch, plain):
     return abs(np.mean(errors)) / (np.std(errors) / 40**0.5)
 
 
-def test_the_energy_has_no_bias_but_would_with_plainly_rounded_nodes(monkeypatch):
-    monkeypatch.setattr("phasebench.integrators.engine.preparation.KEPT", False)
+def test_the_energy_error_has_no_bias(monkeypatch):
+    """Control: with plainly rounded nodes it has."""
+    monkeypatch.setattr("phasebench.integrators.compile.preparation.ENABLED", False)
     assert growth(monkeypatch, plain=False) < 4 < 6 < growth(monkeypatch, plain=True)

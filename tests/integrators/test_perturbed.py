@@ -1,7 +1,7 @@
-"""No coefficient can be wrong unnoticed: each one changed by a millionth of itself breaks what its method declares.
+"""Changing any one coefficient by a millionth of itself breaks what its method declares.
 
-The coefficients are those in the records' data; those that kernels compute (Gauss nodes, say) have tests of their own,
-and long compositions and splittings are checked by the order conditions (tests/test_coefficients.py).
+Tested are the coefficients in the data of records. Those that kernels compute, such as Gauss nodes, have tests of their
+own; long compositions and splittings are covered by the order conditions (test_coefficients.py).
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ WITH_COEFFICIENTS = [m.id for m in METHODS if 0 < len(list(leaves(m.data))) <= M
 
 @pytest.mark.parametrize("id", WITH_COEFFICIENTS)
 def test_a_changed_coefficient_shows(measured, id):
-    """The step's error grows tenfold at least, or its symplecticity or symmetry is lost."""
-    found, m = measured("perturbed")[id], BY_ID[id]
+    """The error of a step grows at least tenfold, or symplecticity or symmetry is lost."""
+    found, m = measured("perturbation_effects")[id], BY_ID[id]
     assert len(found["rows"]) == len(list(leaves(m.data)))
     for row in found["rows"]:
         if m.family == "schemes_iv_v" and m.data[row["path"][0]][3]:
-            continue  # the second choice of scheme-iv-v and scheme-v-iv: not taken here, the first of the other
+            continue  # an alternative substep, which is not used here
         lost = row["error"] >= 10 * found["error"]
         lost |= m.symplectic and row.get("symplecticity", 0) > VISIBLE
         lost |= m.symmetric and row.get("symmetry", 0) > VISIBLE
         assert lost, f"{id}: coefficient {row['path']} may be wrong: {row}, unperturbed {found['error']:.1e}"
 
 
-def test_most_methods_have_coefficients_that_are_tried():
+def test_most_methods_have_tested_coefficients():
     assert len(WITH_COEFFICIENTS) > 20

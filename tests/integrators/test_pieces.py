@@ -1,4 +1,4 @@
-"""The rows of a run in pieces: with a kernel that is made up, each piece, each row and each end as it should be."""
+"""`Trajectory` calls a kernel in pieces: with a made-up kernel, the pieces, rows and ends of a run."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from phasebench.integrators import Hamiltonian, trajectory
-from phasebench.integrators.engine import solve
+from phasebench.integrators.stepping import solve
 from phasebench.integrators.systems.hamiltonian import PartitionedSystem
 from phasebench.integrators.trajectory import PIECE, Pace, Trajectory, whole_rows
 
 FREE = Hamiltonian(q="q", p="p", H="p**2/2")
-#: The same without an energy.
+#: The same motion without an energy.
 MOVED = PartitionedSystem(q="q", p="p", dq=["p"], dp=["0"])
 ROOT = Hamiltonian(q="q", p="p", H="p**2/2 + sqrt(q)")
 
 
 class Kernel:
-    """Counts its steps: q is their number.  At the step ``end`` it stops with ``code``, or writes ``worth``."""
+    """Made-up kernel that counts steps in q. At the step ``end`` it stops with ``code`` or sets q = ``worth``."""
 
     def __init__(self, end=None, code=solve.SOLVED, worth=None, missing=0.0):
         self.end, self.code, self.worth, self.missing = end, code, worth, missing
@@ -44,7 +44,7 @@ class Kernel:
 
 
 def ran(kernel, steps=10, every=1, system=MOVED, timeout=None, missed="", piece=None):
-    """A trajectory of a kernel, from q = 0, p = 1 with h = 1/2, to its end."""
+    """The trajectory of a kernel from q = 0, p = 1 with h = 1/2, run to its end."""
     t = Trajectory(system, [0.0], [1.0], 0.5, steps, every, "double", missed)
     pace = Pace(timeout)
     pace.steps = piece or pace.steps
@@ -56,7 +56,7 @@ def ran(kernel, steps=10, every=1, system=MOVED, timeout=None, missed="", piece=
 
 @pytest.fixture
 def small(monkeypatch):
-    """No call of a kernel takes more than five steps."""
+    """At most five steps per call of the kernel."""
     monkeypatch.setattr(trajectory, "PIECE", 5)
 
 
@@ -65,7 +65,7 @@ def small(monkeypatch):
 
 @pytest.mark.parametrize(("steps", "every"), [(10, 1), (10, 3), (10, 10), (23, 2), (23, 7), (4, 4), (1, 1), (15, 5)])
 @pytest.mark.parametrize("piece", [1, 5, 1000])
-def test_every_row_is_where_its_number_says_whatever_the_pieces(monkeypatch, steps, every, piece):
+def test_rows_do_not_depend_on_the_pieces(monkeypatch, steps, every, piece):
     monkeypatch.setattr(trajectory, "PIECE", piece)
     kernel = Kernel()
     t = ran(kernel, steps, every, piece=piece)
@@ -79,7 +79,7 @@ def test_every_row_is_where_its_number_says_whatever_the_pieces(monkeypatch, ste
     assert max(n * size for n, size in kernel.calls) <= piece
 
 
-def test_as_many_rows_as_fit_into_a_piece_are_one_call(small):
+def test_rows_that_fit_into_a_piece_take_one_call(small):
     kernel = Kernel()
     ran(kernel, 23, 2, piece=5)
     assert kernel.calls == [(2, 2)] * 5 + [(1, 2), (1, 1)]
@@ -88,7 +88,7 @@ def test_as_many_rows_as_fit_into_a_piece_are_one_call(small):
     assert whole_rows(23, 2, 11, 5) == 0
 
 
-def test_a_pace_begins_with_few_steps_where_somebody_waits_and_grows_where_they_are_short():
+def test_the_length_of_pieces_adapts_to_their_duration():
     assert Pace(None).steps == PIECE
     assert Pace(None, 7).steps == 7
     pace = Pace(100.0, 7)
@@ -107,7 +107,7 @@ def test_a_pace_begins_with_few_steps_where_somebody_waits_and_grows_where_they_
     assert hurried.steps == PIECE
 
 
-def test_a_pace_is_late_when_its_time_is_over():
+def test_a_pace_is_late_after_its_timeout():
     assert not Pace(None).late
     assert not Pace(60.0).late
     pace = Pace(1e-3)
@@ -129,7 +129,7 @@ def test_rows_end_before_the_first_that_is_not_finite(every, rows, worth):
 
 
 @pytest.mark.parametrize("half", ["q", "p"])
-def test_a_row_of_which_one_number_is_not_finite_is_none(half):
+def test_a_row_with_one_infinite_number_is_dropped(half):
     plane = PartitionedSystem(q="x y", p="u v", dq=["u", "v"], dp=["0", "0"])
     t = Trajectory(plane, [0.0, 0.0], [1.0, 1.0], 0.5, 3, 1, "double")
 
@@ -142,7 +142,7 @@ def test_a_row_of_which_one_number_is_not_finite_is_none(half):
     assert (t.status, t.filled) == ("diverged", 1)
 
 
-def test_rows_end_before_the_first_without_an_energy():
+def test_rows_end_before_leaving_the_domain_of_h():
     t = ran(Kernel(end=7, worth=-1.0), system=ROOT)
     assert (t.status, t.filled) == ("diverged", 6)
     assert "outside H's domain after step 6 of 10 (t = 3)" in t.reason
@@ -158,7 +158,7 @@ def test_rows_end_before_the_first_without_an_energy():
     ],
 )
 @pytest.mark.parametrize(("every", "filled"), [(1, 6), (3, 2), (10, 0)])
-def test_a_kernel_that_stops_says_why(code, status, words, every, filled):
+def test_the_reason_follows_from_the_code_of_the_kernel(code, status, words, every, filled):
     t = ran(Kernel(end=7, code=code), every=every)
     assert (t.status, t.filled) == (status, filled)
     assert words.partition(" after")[0] in t.reason
@@ -166,8 +166,8 @@ def test_a_kernel_that_stops_says_why(code, status, words, every, filled):
     assert "take a smaller h" in t.reason
 
 
-def test_what_was_reached_in_a_row_that_is_not_completed_is_kept(small):
-    """Of a row of ten steps the first five are there."""
+def test_the_state_reached_within_a_row_is_kept(small):
+    """The first five steps of a row of ten are kept."""
     for kernel in (Kernel(end=7, code=solve.STALLED), Kernel(end=7, worth=np.nan)):
         t = ran(kernel, steps=20, every=10, piece=5)
         assert (t.filled, t.reached) == (1, 5)
@@ -177,8 +177,8 @@ def test_what_was_reached_in_a_row_that_is_not_completed_is_kept(small):
 
 
 @pytest.mark.parametrize(("size", "status"), [(3e6, "diverged"), (1e6, "not-converged")])
-def test_what_stops_where_the_state_has_grown_by_a_million_has_diverged(size, status):
-    """From a state of size 1: more than a million times two."""
+def test_a_stop_after_great_growth_is_a_divergence(size, status):
+    """From a state of size 1: the limit is a million times one plus that size."""
     t = ran(Kernel(end=7, code=solve.STALLED), every=1)
     assert t.status == "not-converged"
     kernel = Kernel(end=1, worth=size)
@@ -190,7 +190,7 @@ def test_what_stops_where_the_state_has_grown_by_a_million_has_diverged(size, st
     assert (f"the state has grown to {size:.3g}" in t.reason) == (status == "diverged")
 
 
-def test_time_that_is_over_keeps_what_was_reached():
+def test_a_timeout_keeps_the_state_reached():
     kernel = Kernel()
     kernel.slept = 0.02
     t = ran(kernel, steps=10**6, timeout=0.01)
@@ -202,7 +202,14 @@ def test_time_that_is_over_keeps_what_was_reached():
     assert ran(last, steps=64, timeout=0.01).status == "ok", "it is at its end"
 
 
-# -- what a method promises -------------------------------------------------------------------------------------------
+def test_seconds_are_those_of_all_pieces():
+    kernel = Kernel()
+    kernel.slept = 0.01
+    assert ran(kernel, steps=8, piece=2).seconds >= 0.01 * len(kernel.calls) > 0.01
+
+
+# -- steps without a root
+# ----------------------------------------------------------------------------------------------
 
 MISSED = "lack a root"
 
@@ -215,7 +222,7 @@ MISSED = "lack a root"
         (0.2, "no-root", "200 of 1000 steps lack a root: the"),
     ],
 )
-def test_steps_that_lack_what_is_promised_are_told(missing, status, reason):
+def test_steps_without_a_root_are_reported(missing, status, reason):
     t = ran(Kernel(missing=missing), steps=1000, missed=MISSED)
     assert t.status == status
     assert t.reason.startswith(reason)
@@ -223,7 +230,7 @@ def test_steps_that_lack_what_is_promised_are_told(missing, status, reason):
     assert ran(Kernel(missing=missing), steps=1000).reason == "", "nothing is promised"
 
 
-def test_a_run_of_which_hardly_a_step_keeps_it_is_stopped():
+def test_a_run_that_hardly_ever_has_a_root_is_stopped():
     def stopped(missing, steps=5000):
         return ran(Kernel(missing=missing), steps=steps, missed=MISSED, piece=trajectory.FIRST)
 

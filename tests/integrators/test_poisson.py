@@ -1,4 +1,4 @@
-"""Poisson systems: their structure, the step maps that respect it, the collocation methods of Cohen & Hairer."""
+"""Poisson systems: their structure matrix, Poisson maps, and the collocation methods of Cohen & Hairer."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import sympy as sp
 from scipy.integrate import quad_vec
 from scipy.optimize import fsolve
 
-from phasebench.benchmarks.measure.metrics import jacobian
+from phasebench.benchmarks.measure.step_map import jacobian
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.coefficients.quadrature import gauss_legendre
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import poisson
 from phasebench.integrators.registry import method
+from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.systems.poisson import PoissonSystem, jacobi_defects
 
 LV = problem("lotka-volterra:4-2")
@@ -25,7 +25,7 @@ ROUND_OFF = 1e-13
 
 
 def three(v, H, **more):
-    """y' = v(y) x grad H in three variables, with a fourth that stays: Poisson where v . curl v = 0 (v a gradient)."""
+    """y' = v(y) x grad H in three variables and a constant fourth; Poisson if v . curl v = 0, as for a gradient v."""
     y = sp.symbols("y1:5", real=True)
     v = [sp.sympify(e, locals={str(s): s for s in y}) for e in v]
     B = sp.zeros(4, 4)
@@ -34,7 +34,7 @@ def three(v, H, **more):
     return PoissonSystem(q=y[:2], p=y[2:], B=B, H=H, **more)
 
 
-#: A body with a quartic term, on the Casimir |y|^2 / 2 of the rotation group and on one that is not quadratic.
+#: H of a rigid body with a quartic term; its Casimir is |y|^2 / 2 (rotation group) or one that is not quadratic.
 BODY = "y1**2/2 + y2**2/3 + y3**2/5 + y1**4/20 + y2*y3/4"
 SPHERE = three(["y1", "y2", "y3"], BODY)
 OTHER = three(["y1**3", "y2", "y3"], BODY)
@@ -43,7 +43,7 @@ START = {"q0": (0.8, -0.5), "p0": (0.6, 1.0)}
 
 
 def structure(system, y):
-    """B(y), shape (2 d, 2 d), of the compiled function."""
+    """B(y), array (2 d, 2 d), by the compiled function."""
     d = system.d
     f = system.structure()
     columns = [np.concatenate(f(*(tuple(x) for x in (y[:d], y[d:], e[:d], e[d:])))) for e in np.eye(2 * d)]
@@ -54,7 +54,7 @@ def structure(system, y):
 
 
 @pytest.mark.parametrize("system", [LV.system, SPHERE, OTHER], ids=["lotka-volterra", "sphere", "other"])
-def test_the_structure_is_skew_and_has_the_jacobi_identity(system):
+def test_the_structure_is_skew_and_satisfies_jacobi(system):
     y = (*system.q, *system.p)
     assert sp.simplify(system.B + system.B.T) == sp.zeros(len(y), len(y))
     assert all(e == 0 for e in jacobi_defects(system.B, y))
@@ -62,13 +62,13 @@ def test_the_structure_is_skew_and_has_the_jacobi_identity(system):
     assert not system.traits["canonical"]
 
 
-def test_control_a_skew_matrix_without_the_jacobi_identity():
+def test_control_a_structure_without_the_jacobi_identity():
     """v = (y2, 0, 1) has v . curl v = -1."""
     system = three(["y2", "0", "1"], BODY)
     assert any(e != 0 for e in jacobi_defects(system.B, (*system.q, *system.p)))
 
 
-def test_what_is_no_poisson_system_is_refused():
+def test_invalid_poisson_systems_are_refused():
     u, v = sp.symbols("u v", real=True)
     with pytest.raises(InvalidInput, match="not skew"):
         PoissonSystem(q=[u], p=[v], B=[[0, u], [u, 0]], H=u + v)
@@ -78,7 +78,7 @@ def test_what_is_no_poisson_system_is_refused():
         PoissonSystem(q=[u], p=[v], B=[[0, -u * v], [u * v, 0]], H="u + v", dq=[u * v], dp=[u * v])
 
 
-def test_lotka_volterra_is_what_the_talk_writes():
+def test_lotka_volterra_equals_the_talk():
     u, v = *LV.system.q, *LV.system.p
     assert LV.system.dq == (u * (v - 2),)
     assert LV.system.dp == (v * (1 - u),)
@@ -87,8 +87,8 @@ def test_lotka_volterra_is_what_the_talk_writes():
 
 
 @pytest.mark.parametrize("orbit", ["2-2", "4-8", "4-2", "6-2"])
-def test_the_logarithms_follow_the_same_orbit(orbit):
-    """To the error of RK4 at this step; H is -I, to the rounding of the logarithms."""
+def test_logarithmic_variables_follow_the_same_orbit(orbit):
+    """Up to the error of RK4; H equals -I up to the rounding of the logarithms."""
     own, log = (problem(f"{id}:{orbit}") for id in ("lotka-volterra", "lotka-volterra-log"))
     a, b = (integrate(m, "rk4", h=1 / 512, t_end=4.0, save_every=256) for m in (own, log))
     assert np.abs(np.exp(np.hstack([b.q, b.p])) - np.hstack([a.q, a.p])).max() < 1e-8
@@ -99,11 +99,12 @@ def test_the_logarithms_follow_the_same_orbit(orbit):
     assert not log.system.quadratic_kinetic
 
 
-# -- which maps are Poisson maps ---------------------------------------------------------------------------------------
+# -- Poisson maps
+# ------------------------------------------------------------------------------------------------------
 
 
 def defect(method, system=LV.system, y=(4.0, 2.0), h=0.1, steps=1):
-    """The largest entry of M B(y0) M^T - B(y1) for the map of some steps of one h."""
+    """Largest entry of M B(y0) M^T - B(y1), where M is the Jacobian of the map over the time h."""
     d, y = system.d, np.array(y)
 
     def step(x):
@@ -115,13 +116,13 @@ def defect(method, system=LV.system, y=(4.0, 2.0), h=0.1, steps=1):
     return np.abs(M @ structure(system, y) @ M.T - structure(system, step(y))).max()
 
 
-#: The error of the difference Jacobian is below the first; what is no Poisson map lies above the second.
+#: Errors of difference Jacobians are below the first number; defects of other maps exceed the second.
 NOTHING, VISIBLE = 1e-9, 1e-5
 
 
 @pytest.mark.parametrize("method", ["symplectic-euler-p", "symplectic-euler-q", "stormer-verlet"])
-def test_symplectic_euler_is_a_poisson_integrator_of_lotka_volterra(method):
-    """Hairer, Lubich & Wanner 2006, VII.4, for this B; and with it its compositions."""
+def test_symplectic_euler_is_poisson_for_lotka_volterra(method):
+    """Hairer, Lubich & Wanner 2006, VII.4, for this B; so are its compositions."""
     assert defect(method) < NOTHING
 
 
@@ -130,7 +131,7 @@ def test_the_flow_is_a_poisson_map():
 
 
 @pytest.mark.parametrize("method", ["implicit-midpoint", "rk4", "explicit-euler", "cohen-hairer-1"])
-def test_control_others_are_not(method):
+def test_control_other_methods_are_not_poisson_maps(method):
     assert defect(method, h=0.2) > VISIBLE
 
 
@@ -138,7 +139,7 @@ def test_control_others_are_not(method):
 
 
 def by_the_formula(system, s, y, h):
-    """One step from the definition: Lagrange polynomials, adaptive integrals, an equation solver from elsewhere."""
+    """One step from the definition, with Lagrange polynomials, adaptive quadrature and SciPy's equation solver."""
     d = system.d
     c, b = (x / 2 for x in np.polynomial.legendre.leggauss(s))
     c = c + 0.5
@@ -165,7 +166,7 @@ def by_the_formula(system, s, y, h):
 
 
 @pytest.mark.parametrize("s", [1, 2, 3])
-def test_a_step_is_that_of_the_formula(s):
+def test_a_step_equals_its_definition(s):
     for system, q, p, h in ((LV.system, (4.0,), (2.0,), 0.2), (OTHER, START["q0"], START["p0"], 0.3)):
         expected = by_the_formula(system, s, np.array([*q, *p]), h)
         got = integrate(system, f"cohen-hairer-{s}", h=h, steps=1, q0=q, p0=p)
@@ -173,7 +174,7 @@ def test_a_step_is_that_of_the_formula(s):
 
 
 def as_poisson(system):
-    """A canonical system as one of a structure that happens to be J^-1."""
+    """A canonical system as a Poisson system with structure J^-1."""
     d = system.d
     B = sp.Matrix(sp.BlockMatrix([[sp.zeros(d), sp.eye(d)], [-sp.eye(d), sp.zeros(d)]]))
     return PoissonSystem(q=system.q, p=system.p, B=B, H=system.H)
@@ -181,7 +182,7 @@ def as_poisson(system):
 
 @pytest.mark.parametrize("name", ["pendulum", "henon-heiles"])
 @pytest.mark.parametrize(("ours", "theirs"), [("cohen-hairer-1", "avf"), ("cohen-hairer-2", "cpg-2")])
-def test_on_canonical_systems_it_is_the_known_method(name, ours, theirs):
+def test_on_canonical_systems_it_is_a_known_method(name, ours, theirs):
     made = problem(name)
     system, start = as_poisson(made.system), {"q0": made.q0, "p0": made.p0}
     assert prepare(method(ours), system).run is poisson.run is not prepare(method(ours), made.system).run
@@ -190,66 +191,66 @@ def test_on_canonical_systems_it_is_the_known_method(name, ours, theirs):
     assert np.abs([a.q - c.q, a.p - c.p]).max() < ROUND_OFF
 
 
-def spread(system, expression, solution):
-    """The greatest change of an invariant along a trajectory."""
+def greatest_change(system, expression, solution):
+    """Greatest change of an invariant along a trajectory."""
     value = system.observe(expression, solution.q, solution.p)
     return np.abs(value - value[0]).max()
 
 
 @pytest.mark.parametrize("s", [1, 2, 3])
 @pytest.mark.parametrize(("orbit", "h"), [("2-2", 0.12), ("4-8", 0.06), ("4-2", 0.12)])
-def test_it_keeps_the_invariant_of_lotka_volterra(s, orbit, h):
+def test_the_invariant_of_lotka_volterra_is_conserved(s, orbit, h):
     made = problem(f"lotka-volterra:{orbit}")
     found = integrate(made, f"cohen-hairer-{s}", h=h, steps=5000)
     assert found.status == "ok"
     assert found.counts["fallbacks"] == 0
-    assert spread(made.system, made.system.H, found) < ROUND_OFF
+    assert greatest_change(made.system, made.system.H, found) < ROUND_OFF
 
 
-def test_control_the_midpoint_rule_does_not():
-    assert spread(LV.system, LV.system.H, integrate(LV, "implicit-midpoint", h=0.12, steps=5000)) > 1e-3
+def test_control_the_midpoint_rule_does_not_conserve_it():
+    assert greatest_change(LV.system, LV.system.H, integrate(LV, "implicit-midpoint", h=0.12, steps=5000)) > 1e-3
 
 
 @pytest.mark.parametrize("s", [1, 2, 3])
-def test_energy_and_quadratic_casimirs_are_kept_others_not(s):
+def test_energy_and_quadratic_casimirs_only_are_conserved(s):
     changed = {}
     for kind, (system, C) in CASIMIRS.items():
         C = sp.sympify(C, locals={str(x): x for x in (*system.q, *system.p)})
         assert sp.simplify(sp.Matrix([[sp.diff(C, x) for x in (*system.q, *system.p)]]) * system.B) == sp.zeros(1, 4)
         found = integrate(system, f"cohen-hairer-{s}", h=0.5, steps=1000, **START)
-        assert spread(system, system.H, found) < ROUND_OFF
+        assert greatest_change(system, system.H, found) < ROUND_OFF
         assert np.all(found.p[:, 1] == START["p0"][1])
-        changed[kind] = spread(system, C, found)
+        changed[kind] = greatest_change(system, C, found)
     assert changed["quadratic"] < ROUND_OFF
     assert changed["quartic"] > 1e4 * ROUND_OFF
 
 
-def test_control_rk4_keeps_neither():
+def test_control_rk4_conserves_neither():
     system, C = CASIMIRS["quadratic"]
     found = integrate(system, "rk4", h=0.5, steps=1000, **START)
-    assert spread(system, system.H, found) > 1e-6
-    assert spread(system, sp.sympify(C, locals={str(x): x for x in (*system.q, *system.p)}), found) > 1e-6
+    assert greatest_change(system, system.H, found) > 1e-6
+    assert greatest_change(system, sp.sympify(C, locals={str(x): x for x in (*system.q, *system.p)}), found) > 1e-6
 
 
 @pytest.mark.parametrize("s", [1, 2, 3])
-def test_where_the_fixed_point_fails_newton_solves(s):
+def test_newton_takes_over_when_the_iteration_diverges(s):
     found = integrate(SPHERE, f"cohen-hairer-{s}", h=3.0, steps=50, **START)
     assert found.status == "ok"
     assert found.counts["newton"] > 10
-    assert spread(SPHERE, SPHERE.H, found) < ROUND_OFF
+    assert greatest_change(SPHERE, SPHERE.H, found) < ROUND_OFF
 
 
 @pytest.mark.parametrize(("s", "most"), [(1, 54), (2, 57), (3, 59)])
-def test_every_increment_starts_where_the_last_steps_lead(s, most):
-    """From zero, or where the first alone continues them, a step takes 8 to 11 evaluations more."""
+def test_all_increments_start_by_extrapolation(s, most):
+    """Starting from zero, or extrapolating only the first increment, takes 8 to 11 more evaluations per step."""
     counts = integrate(LV, f"cohen-hairer-{s}", h=0.02, steps=40).counts
     assert counts["gradient"] < most * 40
     assert counts["newton"] == 0
 
 
 @pytest.mark.parametrize("digits", [20, 40])
-def test_coefficients_have_the_digits_that_are_asked_for(digits):
-    """The integrals of the Lagrange polynomials add up to the node, the weights of a force to the rule's."""
+def test_coefficients_have_the_digits_requested(digits):
+    """The integrals of Lagrange polynomials sum to the node, the weights of a force to the weight of the rule."""
     with mpmath.workdps(digits + 10):
         weights = [b for _, b in gauss_legendre(3, digits + 10)]
         _, table = poisson.coefficients(3, (4,), digits)
@@ -258,8 +259,8 @@ def test_coefficients_have_the_digits_that_are_asked_for(digits):
             assert abs(mpmath.fsum(outer) - weight) < mpmath.mpf(10) ** (2 - digits)
 
 
-def test_a_step_that_cannot_be_solved_is_a_status():
-    """Both populations leave the quadrant where H is defined."""
+def test_an_unsolvable_step_ends_with_a_status():
+    """Both populations leave the quadrant in which H is defined."""
     ends = [integrate(LV, "cohen-hairer-2", h=h, steps=4) for h in (20.0, 0.1)]
     assert [s.counts["steps"] for s in ends] == [0, 4]
     assert ends[0].status in ("not-converged", "diverged")
@@ -267,8 +268,8 @@ def test_a_step_that_cannot_be_solved_is_a_status():
 
 
 @pytest.mark.parametrize("id", ["avf", "cohen-hairer-1"])
-def test_a_rule_that_was_needed_on_the_way_is_not_kept(id):
-    """Past a narrow hill a run costs what one costs that begins there: the smallest rule is tried again."""
+def test_the_quadrature_rule_is_reduced_again(id):
+    """Beyond a narrow hill a run costs as much as one that starts there, because the smallest rule is tried again."""
     hill = Hamiltonian(q="q1", p="p1", H="p1**2/2 + 1/(8 + 3200*q1**2)")
     system = as_poisson(hill) if id != "avf" else hill
     whole, over = (integrate(system, id, h=0.1, steps=n, q0=[-0.3], p0=[1.0]) for n in (64, 16))
@@ -279,8 +280,8 @@ def test_a_rule_that_was_needed_on_the_way_is_not_kept(id):
 
 
 @pytest.mark.parametrize("small", [1e-9, 1e9])
-def test_newton_s_method_varies_momenta_and_coordinates_by_their_own_lengths(small):
-    """A stiff oscillator in other units of p: a difference as long as the others' is lost, or leaves their range."""
+def test_newton_scales_momenta_and_coordinates_separately(small):
+    """A stiff oscillator with p in other units: difference steps of the size of q would not suit p."""
     system = Hamiltonian(q="q1", p="p1", H=f"{small}*(p1**2/{small}**2 + 400*q1**2 + q1**4)/2")
     s = integrate(as_poisson(system), "cohen-hairer-1", h=0.3, steps=10, q0=[0.5], p0=[1.0 * small])
     assert s.status == "ok", s.reason

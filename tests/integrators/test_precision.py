@@ -1,4 +1,4 @@
-"""Numbers of many digits: conversions are exact, generated functions keep every digit, digits are set in one place."""
+"""Multiprecision numbers: conversions are exact, generated functions keep all digits, precision is set in one place."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import types
 
-from phasebench.integrators.engine import codegen, printing
-from phasebench.integrators.engine.codegen import DOUBLE, MULTIPRECISION, exactly, precision
+from phasebench.integrators.compile import codegen, printing
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, exactly, precision
 from phasebench.integrators.errors import InvalidInput
 
 DIGITS = 40
 
 
 def many(x) -> Fraction:
-    """The number itself."""
+    """A multiprecision number as a fraction."""
     return Fraction(*map(int, x.as_integer_ratio()))
 
 
 @given(st.fractions(), st.integers(-200, 200))
-def test_a_fraction_is_rounded_as_mpmath_rounds_it(x, shift):
+def test_fractions_are_rounded_as_by_mpmath(x, shift):
     x *= Fraction(2) ** shift
     with precision(DIGITS):
         other = mpmath.mpf(x.numerator) / x.denominator
@@ -36,7 +36,7 @@ def test_a_fraction_is_rounded_as_mpmath_rounds_it(x, shift):
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
-def test_a_double_stays_what_it_is(x):
+def test_a_double_is_converted_exactly(x):
     with precision(DIGITS):
         assert many(exactly(x, MULTIPRECISION)) == Fraction(x)
 
@@ -57,7 +57,7 @@ def test_epsilon_is_the_round_off_of_one(arithmetic):
         assert one + eps / 4 == one
 
 
-def test_few_components_are_values_that_allocate_nothing_and_many_an_array():
+def test_small_vectors_are_tuples_and_large_ones_arrays():
     few, many_more = codegen.TUPLE_LIMIT, codegen.TUPLE_LIMIT + 1
     assert codegen.value_type(few).count == few
     assert codegen.value_type(many_more).ndim == 1
@@ -65,8 +65,8 @@ def test_few_components_are_values_that_allocate_nothing_and_many_an_array():
     assert codegen.options(many_more)["_nrt"]
 
 
-def test_a_function_of_arrays_is_one_that_takes_a_vector_as_an_array():
-    """A matrix beside tuples, such as a place to work in, makes none."""
+def test_the_kind_of_a_function_follows_from_its_vectors():
+    """A matrix argument, such as working memory, does not count."""
     number, pair = types.float64, types.UniTuple(types.float64, 2)
     vector, matrix = (types.Array(number, n, "C") for n in (1, 2))
     kinds = [
@@ -76,26 +76,26 @@ def test_a_function_of_arrays_is_one_that_takes_a_vector_as_an_array():
 
 
 @pytest.mark.parametrize(("n", "shown"), [(200, "200"), (2**63 - 1, str(2**63 - 1)), (2**63, repr(2.0**63))])
-def test_whole_numbers_that_the_compiler_has_stay_whole(n, shown):
-    """As exponents they are: a power is then a product, of a negative number too."""
+def test_integers_within_64_bits_stay_integers(n, shown):
+    """An integer exponent is compiled to products, which also works for negative numbers."""
     q = sp.Symbol("q", real=True)
     assert f"{shown}*x_0" in printing.source("f", [("x", [q])], [n * q], DOUBLE)
 
 
-def test_a_function_is_made_again_from_its_origin_as_long_as_its_text_is_kept(monkeypatch):
+def test_a_function_is_made_again_from_its_origin(monkeypatch):
     made = SimpleNamespace(origin=("f" * 24, None))
     monkeypatch.setitem(codegen._ready, "f" * 24, made)
-    assert codegen.again(*codegen.origin(made)) is made
+    assert codegen.rebuild(*codegen.origin(made)) is made
     assert codegen.origin(print) is None
     with pytest.raises(KeyError):
-        codegen.again("0" * 24, None)
+        codegen.rebuild("0" * 24, None)
 
 
-def test_nothing_is_compiled_where_numba_is_told_so():
+def test_nothing_is_compiled_if_numba_is_disabled():
     assert codegen.compiled() == (os.environ.get("NUMBA_DISABLE_JIT", "0") == "0")
 
 
-def test_digits_that_only_mpmath_knows_are_refused():
+def test_precision_set_in_mpmath_only_is_refused():
     with mpmath.workdps(DIGITS), pytest.raises(InvalidInput, match="precision"):
         codegen.vector([1])
     with precision(DIGITS):
@@ -116,13 +116,13 @@ EXPRESSIONS = [
 ]
 
 
-#: What lanes have of functions, in the place of the library's: their arguments tell them in which arithmetic to work.
-OF_LANES = "from phasebench.integrators.engine.elementary import cos, exp, sin, sqrt\n"
+#: Import of functions for lanes in place of the library's; their arguments select the arithmetic.
+OF_LANES = "from phasebench.integrators.values.elementary import cos, cosh, exp, sin, sinh, sqrt, tanh\n"
 
 
 @pytest.mark.parametrize("header", ["", OF_LANES], ids=["alone", "in-lanes"])
 @pytest.mark.parametrize("expression", [*EXPRESSIONS, sp.sqrt(2) * x + sp.exp(3) * sp.sin(2) / y], ids=str)
-def test_a_generated_function_keeps_every_digit(expression, header):
+def test_generated_functions_keep_all_digits(expression, header):
     def build(arithmetic):
         return header + printing.source("f", [("q", [x]), ("p", [y])], [expression], arithmetic)
 
@@ -135,14 +135,14 @@ def test_a_generated_function_keeps_every_digit(expression, header):
     assert abs(float(value) - value) > 1e-20, "the control: a double has not these digits"
 
 
-def test_a_symbol_that_no_argument_has_is_said():
+def test_an_unknown_symbol_is_reported():
     z = sp.Symbol("z")
     with pytest.raises(ValueError, match=r"neither coordinates nor momenta.*z"):
         printing.source("f", [("q", [x]), ("p", [y])], [[x * z], y], DOUBLE)
     assert printing.source("f", [("q", [x])], [], DOUBLE).startswith("def f(q):")
 
 
-def test_results_are_vectors_or_numbers_of_vectors_and_numbers():
+def test_results_may_be_vectors_or_numbers():
     z = sp.Symbol("z")
     text = printing.source("f", [("z", z), ("q", [x, y])], [[x + z, y], x * y], DOUBLE)
     namespace = {"value": tuple, "number": float}
@@ -150,17 +150,17 @@ def test_results_are_vectors_or_numbers_of_vectors_and_numbers():
     assert namespace["f"](0.5, (2.0, 3.0)) == ((2.5, 3.0), 6.0)
 
 
-@pytest.mark.parametrize("n", [*range(2, 14), -1, -2, -12, -13])
-def test_small_powers_are_products(n):
-    """Of the same roundings everywhere; those of high powers are the library's."""
+@pytest.mark.parametrize("n", [*range(2, 15), 37, 48, 49, -1, -2, -12, -13, -49])
+def test_integer_powers_up_to_a_bound_are_products(n):
+    """Products round in the same way everywhere; higher powers use the library."""
     text = printing.source("f", [("q", [x])], [x**n], DOUBLE)
-    assert ("**" in text) == (abs(n) > 12)
+    assert ("**" in text) == (abs(n) > codegen.MAX_POWER)
     namespace = {"number": float}
     exec(text, namespace)
     assert namespace["f"]((2.0,)) == 2.0**n
 
 
-def test_numbers_of_a_formula_are_rounded_once():
+def test_numbers_in_formulas_are_rounded_once():
     numbers = [
         sp.Rational(0.1),
         sp.Rational(1, 3),

@@ -1,4 +1,4 @@
-"""A prepared run is the run of `integrate`, to the last bit, however often and from wherever it is called."""
+"""A prepared run equals `integrate` bit by bit, for repeated calls and any start."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ import pytest
 import phasebench as pb
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import InvalidInput, integrate
-from phasebench.integrators.engine.codegen import compiled
+from phasebench.integrators.compile.codegen import compiled
 from phasebench.integrators.prepared import prepare
 
 H = 0.01
-#: Of small d and large, explicit and implicit, with a step that depends on H0 and one that depends on h.
+#: Small and large d, explicit and implicit methods, steps that depend on H0 or on h.
 RUNS = [
     ("pendulum", "stormer-verlet"),
     ("henon-heiles:box", "scheme-i"),
@@ -29,16 +29,18 @@ RUNS = [
 
 
 def same(one, other) -> bool:
+    """Whether two sequences of arrays are equal."""
     return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
 
 
 def ends(made, id, steps, h=H, **start):
+    """End (q, p) of a run by `integrate`, arrays (d,)."""
     s = integrate(made, id, h=h, steps=steps, save_every=0, **start)
     return s.q[-1], s.p[-1]
 
 
 @pytest.mark.parametrize(("name", "id"), RUNS)
-def test_it_is_the_same_run(name, id):
+def test_a_prepared_run_equals_integrate(name, id):
     made = problem(name)
     run = prepare(made, id)
     start = {"q0": 1.01 * np.array(made.q0), "p0": 0.01 + np.array(made.p0)}
@@ -56,8 +58,8 @@ def test_it_is_the_same_run(name, id):
 
 
 @pytest.mark.parametrize("sizes", [(24, 64), (64, 24)])
-def test_runs_of_several_sizes_of_arrays_are_each_their_own(sizes):
-    """Kernels of arrays serve every d, and so does what hands them their arguments."""
+def test_prepared_runs_of_different_sizes_are_independent(sizes):
+    """Array kernels, and the functions that pass arguments to them, serve every d."""
     made = [problem("klein-gordon", N=n) for n in sizes]
     runs = [prepare(m, "stormer-verlet") for m in made]
     if compiled():
@@ -69,14 +71,14 @@ def test_runs_of_several_sizes_of_arrays_are_each_their_own(sizes):
         assert same((q, p), (alone.q[-1], alone.p[-1]))
 
 
-def test_an_explicit_method_holds_no_matrix():
+def test_explicit_methods_allocate_no_matrix():
     made = problem("klein-gordon", N=64)
-    held = {id: prepare(made, id)._layout.orbit.work.size for id in ("rk4", "stormer-verlet", "implicit-midpoint")}
+    held = {id: prepare(made, id)._layout.carry.work.size for id in ("rk4", "stormer-verlet", "implicit-midpoint")}
     assert held["rk4"] == held["stormer-verlet"] == 4
     assert held["implicit-midpoint"] == (made.system.d + 1) ** 2
 
 
-def test_an_end_is_not_written_over():
+def test_an_end_is_not_overwritten_by_the_next_run():
     run = prepare(problem("pendulum"), "stormer-verlet")
     q = run(H, 10)[0]
     kept = q.copy()
@@ -84,16 +86,16 @@ def test_an_end_is_not_written_over():
     assert q == kept
 
 
-def test_what_goes_wrong_is_a_code():
+def test_failures_are_statuses():
     runaway = pb.Hamiltonian(q="q", p="p", H="p**2/2 - q**4")
     start = {"q0": [1.0], "p0": [1.0]}
     made = problem("pendulum")
     explicit, implicit = (prepare(_Started(runaway), id) for id in ("stormer-verlet", "implicit-midpoint"))
-    assert explicit(0.01, 1000, **start)[2] == explicit.NOT_FINITE
+    assert explicit(0.01, 1000, **start)[2] == explicit.NOT_FINITE == "diverged"
     q, p, code = implicit(0.01, 1000, **start)
-    assert code == implicit.STALLED
+    assert code == implicit.STALLED == "not-converged"
     assert np.isnan([q, p]).all()
-    assert implicit(0.01, 10, **start)[2] == implicit.SOLVED
+    assert implicit(0.01, 10, **start)[2] == implicit.SOLVED == "ok"
     with pytest.raises(InvalidInput, match="canonical"):
         prepare(problem("lotka-volterra"), "scheme-iv")
     with pytest.raises(InvalidInput, match="give q0"):
@@ -104,7 +106,7 @@ def test_what_goes_wrong_is_a_code():
     ("H", "h", "p0", "finite"),
     [("p**2/2 - q", 1e120, 1e200, [False, True]), ("p**2/2 - q**4", 1.0, 1e110, [True, False])],
 )
-def test_an_end_of_which_either_half_is_not_finite_is_none(H, h, p0, finite):
+def test_an_end_with_an_infinite_half_is_reported(H, h, p0, finite):
     run = prepare(_Started(pb.Hamiltonian(q="q", p="p", H=H)), "stormer-verlet")
     q, p, code = run(h, 1, q0=[0.0], p0=[p0])
     assert [np.isfinite(q[0]), np.isfinite(p[0])] == finite
@@ -118,9 +120,9 @@ class _Started:
         self.system, self.q0, self.p0 = system, [1.0], [1.0]
 
 
-def test_two_runs_do_not_disturb_each_other_and_a_lost_one_frees_its_memory():
+def test_prepared_runs_are_independent():
     made = problem("pendulum")
-    one, other = prepare(made, "scheme-i", lam=0), prepare(made, "scheme-i", lam="1/3")
+    one, other = (prepare(made, "scheme-i", parameters={"lam": x}) for x in (0, "1/3"))
     first = one(H, 30)
     for _ in range(100):
         prepare(made, "scheme-v")(H, 1)
@@ -129,17 +131,17 @@ def test_two_runs_do_not_disturb_each_other_and_a_lost_one_frees_its_memory():
 
 
 @pytest.mark.skipif(not compiled(), reason="what is not compiled holds nothing")
-def test_what_a_lost_run_held_is_let_go():
+def test_memory_is_freed_with_the_run():
     run = prepare(problem("pendulum"), "stormer-verlet")
     run(H, 1)
-    held = weakref.ref(run._layout.orbit.state)
+    held = weakref.ref(run._layout.carry.state)
     assert held() is not None
     del run
     gc.collect()
     assert held() is None
 
 
-def test_a_run_that_was_never_made_has_nothing_to_let_go(monkeypatch):
+def test_a_run_that_cannot_be_prepared_leaves_no_error_behind(monkeypatch):
     told = []
     monkeypatch.setattr(sys, "unraisablehook", told.append)
     with pytest.raises(InvalidInput, match="canonical"):
@@ -148,18 +150,18 @@ def test_a_run_that_was_never_made_has_nothing_to_let_go(monkeypatch):
     assert told == []
 
 
-def test_a_step_may_be_a_whole_number():
+def test_an_integer_step_size_is_accepted():
     run = prepare(problem("pendulum"), "scheme-v")
     assert same(run(1, 2)[:2], run(1.0, 2)[:2])
 
 
 @pytest.mark.parametrize(("name", "kind"), [("pendulum", "tuple"), ("klein-gordon", "array")])
-def test_it_says_what_the_states_are_in_the_kernel(name, kind):
+def test_values_names_the_type_of_states(name, kind):
     assert prepare(problem(name), "stormer-verlet").values == kind
 
 
 def test_a_call_costs_microseconds():
-    """The integrate of one step costs a hundred of them; the limit is wide, as machines are shared."""
+    """`integrate` takes a hundred microseconds for one step; the bound is wide because machines are shared."""
     run = pb.prepare("henon-heiles:box", "stormer-verlet")
     best = np.inf
     for _ in range(50):

@@ -1,4 +1,4 @@
-"""Projection: invariants to round-off against bases that drift, symmetry, fallbacks, and the equations themselves."""
+"""Projection methods: conservation to round-off, symmetry, fallbacks, and the equations of a step."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from scipy.optimize import root
 from phasebench.benchmarks.measure.metrics import slope
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
+from phasebench.integrators.compile import codegen
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine import codegen
-from phasebench.integrators.engine.kernel import value
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import projection
 from phasebench.integrators.families.projection import projected
 from phasebench.integrators.records.projection import METHODS
 from phasebench.integrators.registry import METHODS as REGISTRY
 from phasebench.integrators.registry import method
+from phasebench.integrators.stepping.kernel import value
 
 BOX, KEPLER = problem("henon-heiles:box"), problem("perturbed-kepler")
 PROJECTED = {m.id: m for m in METHODS if m.family == "projection"}
 CASES = [(P, h, id) for P, h in ((BOX, 0.05), (KEPLER, 0.01)) for id, m in PROJECTED.items() if not m.lacks(P.system)]
-#: An invariant that was 1 is kept to this; what is not kept is wrong by more than FAR times as much.
+#: Relative error to which an invariant is conserved; invariants that are not err by FAR times more.
 KEPT, FAR = 2e-14, 1e3
 
 
 def errors(P, s):
-    """The greatest relative errors of H and of the problem's further invariants."""
+    """Greatest relative errors of H and of the problem's other invariants."""
     values = [P.system.observe(e, s.q, s.p) for e in (P.system.H, *P.system.invariants)]
     return [np.abs(v / v[0] - 1).max() for v in values]
 
 
 @pytest.mark.parametrize(("P", "h", "id"), CASES, ids=lambda x: getattr(x, "id", x))
-def test_invariants_to_round_off_and_those_of_the_base_are_not(P, h, id):
+def test_projected_invariants_are_conserved_to_round_off(P, h, id):
     m = PROJECTED[id]
     base, onto, _ = m.data
     s, plain = (integrate(P, x, h=h, t_end=1000) for x in (m, base))
@@ -50,19 +50,19 @@ def test_invariants_to_round_off_and_those_of_the_base_are_not(P, h, id):
 
 
 def there_and_back(id, steps=300):
-    """The distance from the start after some steps, p -> -p, and as many again."""
+    """Distance from the start after some steps, p -> -p, and as many steps again."""
     s = integrate(KEPLER, id, h=0.02, steps=steps)
     back = integrate(KEPLER, id, h=0.02, steps=steps, q0=s.q[-1], p0=-s.p[-1])
     return np.abs([back.q[-1] - s.q[0], -back.p[-1] - s.p[0]]).max()
 
 
 @pytest.mark.parametrize("id", PROJECTED)
-def test_symmetric_projection_is_reversible_and_standard_projection_is_not(id):
+def test_only_symmetric_projection_is_reversible(id):
     assert there_and_back(id) < 1e-10 if PROJECTED[id].symmetric else there_and_back(id) > 1e-8
 
 
 def equations(symmetric, P, h):
-    """One projected Stormer-Verlet step by a solver of all equations at once: y -> y1."""
+    """Function y0 -> y1: a projected Stormer-Verlet step, with all equations solved at once by SciPy."""
     system = P.system
     f, d = system.vector_field(), system.d
 
@@ -95,7 +95,7 @@ def equations(symmetric, P, h):
     return step
 
 
-def test_the_steps_solve_the_equations_of_the_docstring():
+def test_steps_solve_the_published_equations():
     ends = {}
     for symmetric in (False, True):
         step, y = equations(symmetric, BOX, 0.2), np.concatenate([BOX.q0, BOX.p0])
@@ -108,14 +108,14 @@ def test_the_steps_solve_the_equations_of_the_docstring():
 
 
 @pytest.mark.parametrize("id", ["stormer-verlet-symmetric-projection", "rk4-projected-energy"])
-def test_multipliers_are_as_small_as_the_local_error(id):
+def test_multipliers_are_of_the_size_of_the_local_error(id):
     h = np.array([0.2, 0.1, 0.05])
     mu = [np.abs(integrate(BOX, id, h=x, t_end=50).parameter).max() for x in h]
     assert slope(np.log(h), np.log(mu)).value == pytest.approx(PROJECTED[id].order + 1, abs=0.3)
 
 
 @pytest.mark.parametrize("id", ["rk4-projected-energy", "stormer-verlet-symmetric-projection"])
-def test_control_a_gradient_with_the_wrong_sign_projects_nothing(id, monkeypatch):
+def test_control_a_gradient_with_the_wrong_sign_fails(id, monkeypatch):
     right = projection.functions
 
     def wrong(system, invariants, arithmetic):
@@ -130,7 +130,7 @@ def test_control_a_gradient_with_the_wrong_sign_projects_nothing(id, monkeypatch
 
 
 def test_a_fallback_is_a_step_of_the_base_and_is_counted():
-    """On a circular orbit the gradients of H and L are dependent."""
+    """On a circular orbit the gradients of H and L are linearly dependent."""
     P = problem("kepler")
     s = integrate(P, "rk4-projected-invariants", h=0.02, steps=500, q0=[1.0, 0.0], p0=[0.0, 1.0])
     missed = np.flatnonzero(np.isnan(s.parameter))
@@ -140,15 +140,15 @@ def test_a_fallback_is_a_step_of_the_base_and_is_counted():
         assert np.abs([base.q[-1] - s.q[i + 1], base.p[-1] - s.p[i + 1]]).max() < 1e-15
 
 
-def test_dependent_gradients_are_not_iterated_with():
-    """A step of RK4, the gradients' products and one correction, at most."""
+def test_dependent_gradients_are_not_iterated():
+    """At most a step of RK4, the products of the gradients and one correction are evaluated."""
     s = integrate(problem("kepler"), "rk4-projected-invariants", h=0.02, steps=50, q0=[1.0, 0.0], p0=[0.0, 1.0])
     assert s.counts["fallbacks"] > 3
     assert s.counts["gradient"] <= 6.2 * 50
 
 
-def test_the_base_s_drift_is_of_the_masses():
-    """Equal to a base whose drift is written out, of masses that no double is."""
+def test_the_drift_of_the_base_uses_the_masses():
+    """Compared with an H whose tiny coupling of momenta forces the general drift; masses are not exact doubles."""
     heavy = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2/6 + p2**2/3 + q1**4/4 + q1*q2 + q2**2")
     other = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2/6 + p2**2/3 + p1*p2/1000 + q1**4/4 + q1*q2 + q2**2")
     start = {"q0": [0.3, 0.7], "p0": [-0.2, 0.4]}
@@ -162,7 +162,7 @@ def test_the_base_s_drift_is_of_the_masses():
     assert np.abs(ends[0] - ends[1]).max() > 1e-5, "the control"
 
 
-def test_a_later_step_wins_back_what_a_fallback_lost():
+def test_a_later_step_restores_what_a_fallback_lost():
     P = problem("kepler")
     s = integrate(P, projected("explicit-euler"), h=0.1, steps=200)
     error = np.abs(P.system.observe(P.system.H, s.q, s.p)[1:] + 0.5)
@@ -173,22 +173,22 @@ def test_a_later_step_wins_back_what_a_fallback_lost():
     assert error[~missed].max() < KEPT
 
 
-def test_a_correction_longer_than_the_state_is_none():
-    """Past a collision the iteration would find states as far away as one likes."""
+def test_a_correction_longer_than_the_state_is_rejected():
+    """After a collision the iteration would find states at any distance."""
     s = integrate(problem("kepler"), "rk4-projected-energy", h=0.6, steps=200)
     assert s.status == "collision"
     assert np.abs(s.q).max() < 1000
 
 
 @pytest.mark.parametrize("steps", [40, 1000])
-def test_multipliers_that_no_longer_continue_the_last_ones_start_from_zero(steps):
-    """At this h the pericentre is hardly resolved: without the second start a tenth of the steps are fallbacks."""
+def test_multipliers_are_retried_from_zero(steps):
+    """At this h the pericentre is hardly resolved: without a second attempt from zero 10% of steps fall back."""
     s = integrate(problem("kepler"), "stormer-verlet-symmetric-projection", h=0.2, steps=steps)
     assert s.status == "ok"
     assert s.counts["fallbacks"] == 0
 
 
-def test_an_equilibrium_stays_where_it_is():
+def test_an_equilibrium_stays_at_rest():
     for id, m in PROJECTED.items():
         if not m.lacks(BOX.system):
             s = integrate(BOX, id, h=0.1, steps=10, q0=[0.0, 0.0], p0=[0.0, 0.0])
@@ -197,7 +197,7 @@ def test_an_equilibrium_stays_where_it_is():
             assert not s.q.any()
 
 
-def test_any_base_of_the_families_and_its_parameters():
+def test_any_base_and_its_parameters_can_be_projected():
     splitting = next(m.id for m in REGISTRY if m.family == "splitting")
     for base in ("explicit-euler", "symplectic-euler-q", "scheme-ii", splitting):
         m = projected(base)
@@ -211,7 +211,7 @@ def test_any_base_of_the_families_and_its_parameters():
         m(lam=Fraction(1, 3))
 
 
-def test_what_cannot_be_projected_is_refused():
+def test_invalid_projections_are_refused():
     with pytest.raises(InvalidInput, match="is not symmetric"):
         projected("rk4", symmetric=True)
     with pytest.raises(InvalidInput, match="family averaged"):
@@ -222,8 +222,8 @@ def test_what_cannot_be_projected_is_refused():
         integrate(BOX, "rk4-projected-invariants", h=0.1, steps=1)
 
 
-def test_a_correction_longer_than_the_state_is_a_fallback_whichever_half_is_long():
-    """Implicit Euler shrinks (1, 0) and (0, 1) of the harmonic oscillator to a hundredth of their energy."""
+def test_a_long_correction_of_either_half_is_a_fallback():
+    """Implicit Euler shrinks the energy of (1, 0) and (0, 1) of the oscillator to a hundredth."""
     P = problem("harmonic-oscillator")
     for start in (([1.0], [0.0]), ([0.0], [1.0])):
         long, short = (
@@ -234,8 +234,8 @@ def test_a_correction_longer_than_the_state_is_a_fallback_whichever_half_is_long
         assert short.counts["fallbacks"] == 0
 
 
-def declared(system, invariants):
-    """{function: (the type that it is declared to return, what it returns)} of the projection's functions."""
+def declarations(system, invariants):
+    """{function: (declared return type, value returned)} of the projection's functions."""
     found, made = {}, type(system).made
 
     def watched(kind, arguments, results, signature, arithmetic):
@@ -252,10 +252,10 @@ def declared(system, invariants):
 
 
 @pytest.mark.parametrize("onto", [1, 2])
-def test_functions_return_what_they_are_declared_to(onto):
+def test_functions_return_their_declared_types(onto):
     system = problem("kepler").system
     sizes = {"constraint": (onto, onto), "gram": onto**2, "pull": (system.d, system.d)}
-    found = declared(system, (system.H, *system.invariants)[:onto])
+    found = declarations(system, (system.H, *system.invariants)[:onto])
     assert set(found) == set(sizes)
     for name, (kind, returned) in found.items():
         parts = list(zip(kind, returned, strict=True)) if name != "gram" else [(kind, returned)]
@@ -265,8 +265,8 @@ def test_functions_return_what_they_are_declared_to(onto):
     assert min(M) > 0
 
 
-def test_what_is_asked_of_the_invariants_is_derived_from_them(monkeypatch):
-    """Two by hand; the second number of an invariant is the size of its terms and of what rounding the state makes."""
+def test_functions_of_the_invariants(monkeypatch):
+    """Two invariants by hand; the second number returned with an invariant is its round-off scale."""
     system = Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2/2 + p2**2/2 - q1*q2 + q2**3")
     (q1, _), (_, p2) = system.q, system.p
     at = {"q": (0.3, -0.7), "p": (0.2, 0.5), "mu": (2.0, -1.0)}
@@ -276,7 +276,7 @@ def test_what_is_asked_of_the_invariants_is_derived_from_them(monkeypatch):
         numbers = {x: value for name, symbols in arguments for x, value in zip(symbols, at[name], strict=True)}
         found[kind.partition(" ")[0]] = [[float(e.subs(numbers)) for e in map(sp.sympify, row)] for row in results()]
 
-    monkeypatch.setattr(system, "made", derived)  # a function that is kept is derived no more
+    monkeypatch.setattr(system, "made", derived)  # functions would otherwise be cached
     projection.functions(system, (system.H, q1 * p2), codegen.DOUBLE)
     G = np.array([[0.7, 1.17, 0.2, 0.5], [0.5, 0, 0, 0.3]])
     assert found["constraint"] == [pytest.approx([0.012, 0.15]), pytest.approx([0.698 + 1.319, 0.15 + 0.3])]
@@ -285,8 +285,8 @@ def test_what_is_asked_of_the_invariants_is_derived_from_them(monkeypatch):
 
 
 @pytest.mark.parametrize(("base", "most"), [("implicit-midpoint", 15.2), ("scheme-iii", 20.3)])
-def test_stages_start_from_earlier_steps_and_in_further_attempts_from_the_last_one(base, most):
-    """In 14.2 and 19.3 evaluations; from attempts alone in 16.1 and 21.3, from earlier steps in 17.1 and 23.1."""
+def test_stages_start_from_earlier_steps_and_attempts(base, most):
+    """14.2 and 19.3 evaluations; 16.1 and 21.3 without earlier steps, 17.1 and 23.1 without the last attempt."""
     s = integrate(BOX, projected(base, symmetric=True), h=0.02, steps=40)
     assert s.status == "ok"
     assert s.counts["fallbacks"] == 0

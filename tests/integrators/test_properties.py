@@ -1,7 +1,8 @@
-"""What a record declares, on random Hamiltonians, without round-off; and the same runs compiled and on plain NumPy.
+"""Declared properties on random Hamiltonians in multiprecision; and random runs compiled and on plain NumPy.
 
-A declared property holds of every system, whatever its lambda; one that is not declared fails on some, and so does one
-that a coefficient loses which is off in its ninth digit.  `test_formula` and `test_bad_input` read random formulae.
+A declared property holds for every system and lambda. One that is not declared fails for some system, and so does one
+that is destroyed by an error in the ninth digit of a coefficient. `test_formula` and `test_bad_input` read random
+formulas.
 """
 
 from __future__ import annotations
@@ -13,17 +14,17 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from phasebench.integrators.engine.codegen import compiled
+from phasebench.integrators.compile.codegen import compiled
 from phasebench.integrators.record import ROUND_OFF
 from phasebench.integrators.registry import BY_ID, METHODS, method
 from support import properties
 from support.properties import SLIPS, VISIBLE
 from support.random_systems import Case, cases, draws
 
-#: Of measurements in 30 digits; a Jacobian is a difference quotient, with half as many at the least.
+#: Bounds on defects measured with 30 digits; Jacobians are difference quotients with half as many digits.
 BOUNDS = {"symplecticity": 1e-17}
 BOUND = 1e-24
-#: Averages and projections along the gradient of H at one place lose linear invariants, discrete gradients for parts.
+#: Methods with averages or projections along the gradient at one point, which do not conserve linear invariants.
 LOSE_LINEAR = {
     "gonzalez",
     "itoh-abe",
@@ -31,12 +32,12 @@ LOSE_LINEAR = {
     "rk4-projected-energy",
     "stormer-verlet-symmetric-projection",
 }
-#: These need more of a system than a formula.
-ELSEWHERE = {"adaptive", "wisdom_holman"}
+#: Families that require more than a formula or choose their own step sizes.
+ELSEWHERE = {"adaptive", "field", "wisdom_holman"}
 
 
-def declared(what: str, id: str) -> bool:
-    """Whether a method has a property: by its record, or by what its family is."""
+def is_declared(what: str, id: str) -> bool:
+    """Whether a method has a property according to its record or its family."""
     m = method(id)
     return {
         "symplecticity": m.symplectic,
@@ -49,63 +50,67 @@ def declared(what: str, id: str) -> bool:
 
 
 CELLS = properties.cells()
-HOLDS = [cell for cell in CELLS if declared(*cell)]
-FAILS = [cell for cell in CELLS if not declared(*cell)]
+HOLDS = [cell for cell in CELLS if is_declared(*cell)]
+FAILS = [cell for cell in CELLS if not is_declared(*cell)]
 
 
 def name(x):
+    """Test id."""
     return getattr(x, "label", x)
 
 
 @pytest.fixture(scope="module")
 def measured(uncompiled):
+    """Results of `support.properties`, measured without compilation."""
     return uncompiled("support/properties.py")
 
 
 @pytest.fixture(scope="module")
 def found(measured):
+    """{property: {method or slip: result}}."""
     return measured["properties"]
 
 
 def check_holds(what: str, row: dict):
+    """Enough cases were solved, and the largest defect is within its bound."""
     assert row["judged"] >= row["drawn"] / 2, "too few steps were solved"
     assert row["worst"] < BOUNDS.get(what, BOUND), row["case"]
 
 
 @pytest.mark.parametrize(("what", "id"), HOLDS)
-def test_what_is_declared_holds_of_random_systems(found, what, id):
+def test_declared_properties_hold_on_random_systems(found, what, id):
     check_holds(what, found[what][id])
 
 
 @pytest.mark.parametrize(("what", "id"), FAILS)
-def test_control_what_is_not_declared_fails_on_one(found, what, id):
+def test_control_undeclared_properties_fail_on_some_system(found, what, id):
     assert found[what][id]["worst"] > VISIBLE
 
 
 @pytest.mark.parametrize(("what", "slip"), [(what, s) for s in SLIPS for what in s.breaks], ids=name)
-def test_control_a_slip_is_seen(found, what, slip):
-    assert declared(what, slip.id)
+def test_control_a_planted_fault_is_seen(found, what, slip):
+    assert is_declared(what, slip.id)
     assert found[what][slip.label]["worst"] > VISIBLE
 
 
 @pytest.mark.parametrize(("what", "slip"), [(what, s) for s in SLIPS for what in s.keeps], ids=name)
-def test_a_slip_leaves_what_does_not_depend_on_it(found, what, slip):
+def test_a_planted_fault_leaves_other_properties(found, what, slip):
     check_holds(what, found[what][slip.label])
 
 
-def test_every_property_holds_of_some_method_and_fails_of_another():
+def test_every_property_holds_for_some_and_fails_for_others():
     assert {what for what, _ in HOLDS} == set(properties.MEASURES)
     assert {what for what, _ in FAILS} | {what for s in SLIPS for what in s.breaks} == set(properties.MEASURES)
 
 
-def test_every_family_is_among_them():
+def test_every_family_is_tested():
     assert {BY_ID[id].family for id in properties.METHODS} == {m.family for m in METHODS} - ELSEWHERE
 
 
 # -- what the strategies draw ------------------------------------------------------------------------------------------
 
 
-def test_what_is_drawn_is_of_every_kind():
+def test_random_systems_are_of_every_kind():
     some = draws(cases(), 40)
     assert {c.d for c in some} == {1, 2, 3}
     assert {c.system.separable for c in some} == {True, False}
@@ -118,7 +123,7 @@ def test_what_is_drawn_is_of_every_kind():
     assert any(0 < x < 1 for x in lams)
 
 
-def test_a_required_kind_is_what_is_drawn():
+def test_random_systems_are_of_the_kind_required():
     assert all(c.system.separable for c in draws(cases("separable"), 10))
     assert all(c.system.quadratic_kinetic for c in draws(cases("quadratic"), 10))
     assert all(c.system.unit_mass for c in draws(cases("unit"), 10))
@@ -130,14 +135,16 @@ def test_a_required_kind_is_what_is_drawn():
 
 @pytest.fixture(scope="module")
 def ends(measured):
+    """Runs in double precision without compilation."""
     return measured["ends"]
 
 
 def numbers(row: dict):
+    """End state of a run."""
     return np.array([float.fromhex(x) for x in row["end"]])
 
 
-def test_compiled_and_plain_agree_on_random_systems(ends):
+def test_compiled_and_uncompiled_random_runs_agree(ends):
     assert compiled()
     assert sum(row["status"] == "ok" for row in ends) > 0.9 * len(ends)
     for row in ends:

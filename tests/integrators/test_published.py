@@ -1,4 +1,4 @@
-"""What is declared of each method, as it is published: a record that says anything else is wrong, or a new one."""
+"""Declared properties of every method against a list of the published ones; a new method needs a line there."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from phasebench.integrators.records import (
 )
 from phasebench.integrators.registry import BY_ID, METHODS, method
 
-#: (symmetric, symplectic, energy, invariants q.D p) -> the methods, each with its order and, behind a stroke, of how
-#: many stages, substeps or values of a gradient's path a step is made, or the nodes of its quadrature.
+#: (symmetric, symplectic, energy, invariants q.D p) -> methods with order/n, where n is the number of stages, substeps
+#: or values of a gradient's path of a step, or the nodes of its quadrature.
 PUBLISHED = {
     (False, False, DRIFT, DRIFT): """
         explicit-euler 1/1, implicit-euler 1/1, rk4 4/4, radau-iia-2 3/2, radau-iia-3 5/3, dop853 8/12
@@ -77,6 +77,9 @@ PUBLISHED = {
         stormer-verlet-adaptive 2, sofroniou-spaletta-10-adaptive 10, gauss-4-adaptive 8, gauss-6-adaptive 12,
         gauss-8-adaptive 16
     """,
+    (False, False, DRIFT, ROUND_OFF): """
+        gauss-4-field 8, gauss-6-field 12, gauss-8-field 16
+    """,
     (False, False, ROUND_OFF, BOUNDED): """
         pavf 1/1, pavf-adjoint 1/1
     """,
@@ -100,7 +103,7 @@ PUBLISHED = {
 
 
 def parts(m) -> int | None:
-    """How many stages, substeps or nodes a step has."""
+    """Number of stages, substeps or nodes of a step."""
     by_family = {
         "parametric": lambda: len(m.data[1]),
         "runge_kutta": lambda: len(m.data[-1]),
@@ -115,13 +118,13 @@ def parts(m) -> int | None:
     return by_family[m.family]() if m.family in by_family else None
 
 
-def declared(m) -> tuple:
-    """What the record says, in the order of `PUBLISHED`."""
+def declarations(m) -> tuple:
+    """The properties of a record in the order of `PUBLISHED`."""
     return m.symmetric, m.symplectic, m.energy, m.quadratic, m.order, parts(m)
 
 
 def read(text: str) -> dict[str, tuple[int, int | None]]:
-    """{id: (order, parts)} of a text such as "rk4 4/4, gautschi 2"."""
+    """{id: (order, n)} from text such as "rk4 4/4, gautschi 2"."""
     found = {}
     for entry in " ".join(text.split()).split(", "):
         id, numbers = entry.split()
@@ -130,21 +133,21 @@ def read(text: str) -> dict[str, tuple[int, int | None]]:
     return found
 
 
-def test_every_record_says_what_is_published():
+def test_every_record_declares_what_is_published():
     published = {id: (*kind, *of) for kind, text in PUBLISHED.items() for id, of in read(text).items()}
-    assert {m.id: declared(m) for m in METHODS} == published
-    suzuki, kutta = projection.SUZUKI, projection.KUTTA_3  # which stand in no list
-    assert declared(suzuki) == declared(method(suzuki.id))
-    assert declared(kutta) == (False, False, DRIFT, DRIFT, 3, 3)
+    assert {m.id: declarations(m) for m in METHODS} == published
+    suzuki, kutta = projection.SUZUKI, projection.KUTTA_3  # which are not registered
+    assert declarations(suzuki) == declarations(method(suzuki.id))
+    assert declarations(kutta) == (False, False, DRIFT, DRIFT, 3, 3)
 
 
-def test_substeps_need_no_derivative_of_H_but_its_gradient():
-    """The generating function of a substep has the terms of the first order, but where a method is of a higher one."""
+def test_only_two_methods_need_higher_derivatives_of_h():
+    """Substeps use generating functions of order 1, except in two methods."""
     higher = {m.id: m.data[0] for m in METHODS if m.family == "parametric" and m.data[0] != 1}
     assert higher == {"scheme-ii": 2, "generating-function": 3}
 
 
-#: Of methods that other tests do not ask it of: what a step is made of, each as its parts of the step.
+#: Family -> the fractions of the step that a method consists of, where no other test checks them.
 PARTS = {
     "splitting": lambda data: data,
     "wisdom_holman": lambda data: data[:2],
@@ -154,13 +157,13 @@ PARTS = {
 
 
 @pytest.mark.parametrize("m", [m for m in METHODS if m.family in PARTS], ids=lambda m: m.id)
-def test_the_parts_of_a_step_fill_it(m):
+def test_fractions_of_a_step_add_up_to_one(m):
     with mpmath.workdps(50):
         for parts in PARTS[m.family](m.data):
             assert abs(mpmath.fsum(value(str(x)) if isinstance(x, Fraction) else x for x in parts) - 1) < 1e-40
 
 
-def test_the_values_that_parameters_have_where_none_is_given():
+def test_default_parameters():
     third = Fraction(1, 3)
     others = {m.id: dict(m.parameters) for m in METHODS if m.parameters and m.parameters != {"lam": third}}
     assert others == {
@@ -171,12 +174,12 @@ def test_the_values_that_parameters_have_where_none_is_given():
 
 
 @pytest.mark.parametrize("m", [m for m in METHODS if m.parameters], ids=lambda m: m.id)
-def test_given_the_values_that_it_has_a_record_is_the_same(m):
+def test_default_parameters_leave_a_record_unchanged(m):
     assert m(**m.parameters) == m
 
 
 def test_paths_and_signs_are_the_published_ones():
-    """Of paths the one there, the one back and the mean of both; of schemes IV and V the sign of each half."""
+    """Paths forth, back and their mean; for Schemes IV and V the sign in each half step."""
     paths = {id: [row[1:] for row in BY_ID[id].data] for id in ("avf", "pavf", "pavf-adjoint", "pavf-p", "pavf-c")}
     there, back = ("momenta, coordinates", 1), ("momenta, coordinates", -1)
     assert paths == {
@@ -195,55 +198,55 @@ def test_paths_and_signs_are_the_published_ones():
         assert found == pattern * (len(found) // len(pattern)), id
 
 
-def test_rows_that_are_not_told_otherwise_fill_the_step():
+def test_default_rows_fill_the_step():
     half = Fraction(1, 2)
     assert parametric.equip_rows((-1, 1)) == ((half, -1, 0, 0), (half, 1, 0, 0))
     assert parametric.scheme_iii(0) == ((half, 0, 1), (half, 1, 0))
 
 
-def test_of_kepler_splittings_one_has_a_corrector():
+def test_one_kepler_splitting_has_a_corrector():
     assert {m.id: m.data[2] for m in METHODS if m.family == "wisdom_holman" and m.data[2] != 1} == {
         "wisdom-holman-corrector": 17
     }
 
 
-#: The highest degree of polynomials of which so many nodes integrate every one, with one added.
+#: Order of the quadrature rule: one more than the degree up to which it is exact.
 QUADRATURE = {"gauss": lambda nodes: 2 * nodes, "lobatto": lambda nodes: 2 * nodes - 2}
 
 
 @pytest.mark.parametrize("m", variational.METHODS, ids=lambda m: m.id)
-def test_a_galerkin_method_has_the_order_of_its_polynomials_or_of_its_quadrature(m):
-    """min(2 s, u): Ober-Bloebaum & Saake 2015, of degree s and a quadrature of order u that sees every polynomial."""
+def test_the_order_of_galerkin_variational_methods(m):
+    """min(2 s, u) with polynomials of degree s and a quadrature of order u: Ober-Bloebaum & Saake 2015."""
     degree, rule, nodes = m.data
     assert 2 * degree <= QUADRATURE[rule](nodes)
     assert m.order == min(2 * degree, QUADRATURE[rule](nodes))
 
 
 @pytest.mark.parametrize("m", [*parametric.METHODS, *energy.METHODS], ids=lambda m: m.id)
-def test_a_composition_names_whose_fractions_it_has(m):
+def test_a_composition_cites_the_source_of_its_fractions(m):
     for name in ("yoshida", "suzuki"):
         assert (f"{name}1990" in m.cite) == (f"{name.capitalize()} 1990" in m.source) == (f"-{name}-" in m.id)
 
 
-def test_collocation_for_poisson_systems_is_hairer_s_where_it_is_more_than_the_averaged_field():
+def test_poisson_collocation_cites_hairer_from_order_4_on():
     cited = {m.id: "hairer2010" in m.cite for m in poisson.METHODS}
     assert cited == {"cohen-hairer-1": False, "cohen-hairer-2": True, "cohen-hairer-3": True}
 
 
-def test_the_name_of_an_hbvm_says_which_polynomials_it_keeps():
-    """Brugnano, Iavernaro & Trigiante 2010: H of degree 2 k / s at the most."""
+def test_the_name_of_an_hbvm_has_its_degree_of_conservation():
+    """Brugnano, Iavernaro & Trigiante 2010: polynomials H of degree up to 2 k / s."""
     degrees = {(2, 1): 4, (6, 3): 4, (6, 4): 3, (7, 2): 7}
     assert {of: int(collocation.hbvm(*of).name.rpartition(" ")[2]) for of in degrees} == degrees
 
 
-def test_multiple_time_stepping_takes_from_one_substep_to_ten_thousand():
+def test_the_number_of_substeps_is_bounded():
     assert [method("r-respa", substeps=n).data[-1] for n in (1, 10_000)] == [1, 10_000]
     for n in (0, 10_001):
         with pytest.raises(InvalidInput, match="at least 1 and at most 10000"):
             method("r-respa", substeps=n)
 
 
-def test_a_record_of_a_projection_says_onto_what_and_how():
+def test_the_record_of_a_projection():
     rk4, midpoint = method("rk4"), method("implicit-midpoint")
     further = ("canonical", "further invariants")
     made = {
@@ -270,8 +273,8 @@ def test_a_record_of_a_projection_says_onto_what_and_how():
         assert ("Hairer 2000" in m.source) == ("hairer2000" in m.cite) == m.symmetric
 
 
-def test_a_record_of_a_relaxation_says_how_long_its_steps_count():
-    """Ketcheson 2019: as long as they are; by the incremental direction technique as h, which loses an order."""
+def test_the_record_of_a_relaxation():
+    """Ketcheson 2019: a step counts as its relaxed length, or as h (incremental direction), which loses one order."""
     m, other = projection.relaxed("rk4"), projection.relaxed("rk4", adjust_time=False)
     assert (m.id, m.order, other.id, other.order) == ("rk4-relaxation", 4, "rk4-incremental-direction", 3)
     assert (m.name.rpartition(", ")[2], other.name.rpartition(", ")[2]) == (
@@ -284,14 +287,14 @@ def test_a_record_of_a_relaxation_says_how_long_its_steps_count():
     )
 
 
-def test_generating_functions_are_of_the_orders_that_are_derived():
+def test_orders_of_the_generating_function_are_bounded():
     assert [method("generating-function", order=n).data[0] for n in (1, 6)] == [1, 6]
     for n in (0, 7):
         with pytest.raises(InvalidInput, match="for orders 1 to 6"):
             method("generating-function", order=n)
 
 
-def test_a_splitting_of_a_generalised_order_is_named_by_it():
+def test_splittings_of_generalized_order_name_it():
     """Laskar & Robutel 2001; Blanes et al. 2013."""
     named = {m.id: m.name.partition(" of generalised order ")[2] for m in splittings.METHODS}
     assert {id: order for id, order in named.items() if order} == {
@@ -303,13 +306,13 @@ def test_a_splitting_of_a_generalised_order_is_named_by_it():
     }
 
 
-def test_a_solver_that_a_method_has_is_not_given_to_it_again():
+def test_choosing_the_same_solver_again_changes_nothing():
     once = method("implicit-midpoint", solver="banded")
     assert solvers.solved(once, "banded") is once
     assert once.family == "banded"
 
 
-def test_a_method_with_a_solver_follows_its_parameters_as_without():
+def test_a_method_with_a_solver_keeps_its_parameters():
     half = Fraction(1, 2)
     plain, banded = method("scheme-i", lam=half), method("scheme-i", solver="banded")(lam=half)
     assert (banded.data, banded.order, banded.symmetric) == (plain.data, 2, True)

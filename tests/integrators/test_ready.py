@@ -1,4 +1,4 @@
-"""What a system's formulae become is made ready once in a process, whoever made the system object; systems travel."""
+"""Generated functions are shared between equal systems within a process; systems can be pickled and deferred."""
 
 from __future__ import annotations
 
@@ -10,25 +10,27 @@ import sympy as sp
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, integrate, method
-from phasebench.integrators.engine import cache, codegen, kernel, preparation, printing
-from phasebench.integrators.engine.orbit_lanes import twin
+from phasebench.integrators.compile import cache, codegen, preparation, printing
+from phasebench.integrators.stepping import kernel
+from phasebench.integrators.stepping.orbit_lanes import twin
 from phasebench.integrators.systems import deferred
 
 PENDULUM = {"q": "q", "p": "p", "H": "p**2/2 - cos(q)"}
 
 
 def end(system):
+    """End of a short run."""
     return integrate(system, "scheme-i", h=0.1, steps=5, q0=[1.0], p0=[0.2]).q[-1]
 
 
-def test_equal_formulae_share_their_functions_and_others_do_not():
+def test_equal_formulas_share_their_functions():
     one, same, other = Hamiltonian(**PENDULUM), Hamiltonian(**PENDULUM), Hamiltonian(q="q", p="p", H="p**2/2 - sin(q)")
     assert one.field() is same.field()
     assert one.grad_V() is same.grad_V()
     assert one.field() is not other.field()
 
 
-def test_nothing_is_generated_again(monkeypatch):
+def test_functions_are_not_generated_again(monkeypatch):
     end(Hamiltonian(**PENDULUM))
 
     def refuse(*_):
@@ -40,7 +42,7 @@ def test_nothing_is_generated_again(monkeypatch):
         end(Hamiltonian(q="q", p="p", H="p**2/2 - cos(q) + q**6/7919"))
 
 
-def test_a_problem_is_made_once_for_equal_parameters():
+def test_a_problem_is_cached_by_its_parameters():
     assert problem("kepler", e=0.2).system is problem("kepler", e=0.2).system
     assert problem("kepler", e=0.2).q0 != problem("kepler", e=0.3).q0
 
@@ -49,7 +51,7 @@ def test_a_problem_is_made_once_for_equal_parameters():
     ("name", "parameters"),
     [(n, {}) for n in ("pendulum", "kepler", "lotka-volterra", "rigid-body")] + [("nls", {}), ("fpu", {"m": 1})],
 )
-def test_systems_are_pickled(name, parameters):
+def test_systems_can_be_pickled(name, parameters):
     made = problem(name, **parameters)
     integrate(made, "implicit-midpoint", h=0.01, steps=1)
     again = pickle.loads(pickle.dumps(made.system))
@@ -60,21 +62,23 @@ def test_systems_are_pickled(name, parameters):
     assert np.array_equal(before.p, after.p)
 
 
-# -- what is kept of a system that has a key, and of what families prepare for it -------------------------------------
+# -- deferred systems and the cache of prepared steps -----------------------------------------------------------------
 
 
-def derived():
+def pendulum():
+    """The pendulum with its formula evaluated."""
     system = Hamiltonian(**PENDULUM)
-    assert system.H is not None  # where it was a shell, it is none any more
+    assert system.H is not None  # evaluates a deferred formula
     return system
 
 
 def shell_of(system, key="a key"):
-    return deferred.shell(system, key, derived)
+    """A deferred copy of a system, which knows only facts until its formula is needed."""
+    return deferred.shell(system, key, pendulum)
 
 
-def test_a_shell_knows_facts_and_becomes_the_system_where_its_formula_is_asked_for():
-    whole = derived()
+def test_a_deferred_system_is_made_when_its_formula_is_needed():
+    whole = pendulum()
     shell = shell_of(whole)
     assert (shell.d, shell.has_energy, shell.singularities) == (1, True, 0)
     assert "H" not in vars(shell)
@@ -87,16 +91,16 @@ def test_a_shell_knows_facts_and_becomes_the_system_where_its_formula_is_asked_f
         _ = shell.nothing
 
 
-def test_a_shell_has_the_values_of_its_system():
+def test_a_deferred_system_has_the_values_of_its_system():
     q, p = np.array([[0.3], [1.2]]), np.array([[0.1], [-0.7]])
-    made, shell = derived(), shell_of(derived())
+    made, shell = pendulum(), shell_of(pendulum())
     for name in ("energies", "scale", "speed", "rates", "distances"):
         assert np.array_equal(getattr(made, name)(q, p), getattr(shell, name)(q, p))
     assert made.traits == shell.traits
     assert made.content == shell.content
 
 
-def test_a_mapping_whose_names_are_known_makes_its_values_when_one_is_asked_for():
+def test_a_mapping_with_known_names_computes_values_on_access():
     made = []
     named = deferred.Named(["a", "b"], lambda: made.append(1) or {"a": 3, "b": 4, "c": 5})
     assert (list(named), len(named), "c" in named, made) == (["a", "b"], 2, False, [])
@@ -109,14 +113,15 @@ def test_a_mapping_whose_names_are_known_makes_its_values_when_one_is_asked_for(
 
 @pytest.fixture
 def keeping(monkeypatch):
-    monkeypatch.setattr(preparation, "KEPT", True)
+    """Switch the cache of prepared steps on."""
+    monkeypatch.setattr(preparation, "ENABLED", True)
     yield
     preparation._read.cache_clear()
 
 
 @pytest.mark.usefixtures("keeping")
 @pytest.mark.parametrize("id", ["scheme-v", "gauss-8", "stormer-verlet-symmetric-projection", "gauss-equip-3"])
-def test_what_a_family_prepares_is_read_as_it_was_written(id):
+def test_a_prepared_step_is_read_as_it_was_written(id):
     system, record = problem("pendulum").system, method(id)
     made = kernel._made(record, system, "double")
     name = preparation.entry(record, system)
@@ -130,7 +135,7 @@ def test_what_a_family_prepares_is_read_as_it_was_written(id):
 
 
 @pytest.mark.usefixtures("keeping")
-def test_entries_are_of_the_method_with_its_parameters_and_of_the_system(monkeypatch):
+def test_cache_entries_depend_on_method_and_system(monkeypatch):
     one, other = problem("pendulum").system, problem("kepler").system
     names = {preparation.entry(method("scheme-i", lam=lam), s) for lam in (0.5, 0.25) for s in (one, other, twin(one))}
     assert len(names) == 6
@@ -142,7 +147,7 @@ def test_entries_are_of_the_method_with_its_parameters_and_of_the_system(monkeyp
 
 
 @pytest.mark.usefixtures("keeping")
-def test_a_damaged_preparation_is_made_anew():
+def test_a_damaged_entry_is_prepared_again():
     system, record = problem("pendulum").system, method("scheme-iii")
     name = preparation.entry(record, system)
     cache.write(name, b"nothing that was pickled")

@@ -1,4 +1,4 @@
-"""What a record says of a method: ids, classes, requirements, and the works it cites."""
+"""Records of methods: ids, declared classes, requirements, citations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TRAITS = set(problem("pendulum").system.traits)
 IDS = [m.id for m in METHODS]
 
 
-def test_there_are_ninety_methods_and_no_id_stands_twice():
+def test_there_are_ninety_methods_with_unique_ids():
     assert len(IDS) >= 90
     assert len(set(IDS)) == len(IDS)
 
@@ -42,6 +42,7 @@ def test_every_work_of_the_bibliography_is_cited():
 
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_a_problem_cites_its_works(name):
+    assert problem(name).source
     assert problem(name).cite
     assert set(problem(name).cite) <= set(bibliography.entries()), "the bibliography lacks a key"
 
@@ -56,8 +57,8 @@ def test_an_entry_is_bibtex(key):
     assert not re.search(r"\}\n  \w+ =", text), "a comma is missing"
 
 
-def test_no_two_methods_are_the_same_data():
-    """One method under two ids would count twice; Stormer-Verlet and others have relatives, none a twin."""
+def test_no_two_methods_have_the_same_data():
+    """One method under two ids would count twice."""
     seen = {}
     for m in METHODS:
         key = (m.family, repr(m.data), m.requires)
@@ -65,7 +66,7 @@ def test_no_two_methods_are_the_same_data():
         seen[key] = m.id
 
 
-#: Equal at the default parameter only.
+#: Pairs that are equal at the default parameters only.
 TWINS = [{"scheme-i", "generating-function"}]
 
 
@@ -76,6 +77,7 @@ def test_a_parameter_changes_a_record_and_its_label():
 
 
 def cite(*arguments):
+    """Run `phasebench cite`."""
     return CliRunner().invoke(app, ["cite", *arguments])
 
 
@@ -86,18 +88,18 @@ def test_cite_prints_each_work_once():
     assert "verlet" not in text
 
 
-def test_cite_of_a_report_has_the_works_of_its_methods(tmp_path):
+def test_cite_of_a_report_lists_the_works_of_its_methods(tmp_path):
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "rows.csv").write_text("id,h\navf,0.1\nstormer-verlet,0.1\nheyoka,0.1\n")
-    text = cite("--folder", str(tmp_path)).stdout
+    text = cite("--reports", str(tmp_path)).stdout
     assert {"quispel2008", "verlet1967"} <= set(re.findall(r"^@\w+\{([^,]+),", text, re.MULTILINE))
     assert "kutta1901" not in text
 
 
-def test_cite_says_what_is_wrong(tmp_path):
+def test_cite_reports_errors(tmp_path):
     unknown = cite("scheme-vi")
     assert unknown.exit_code == 2
     assert "scheme-v" in unknown.stderr
-    empty = cite("--folder", str(tmp_path))
+    empty = cite("--reports", str(tmp_path))
     assert empty.exit_code == 2
     assert "pytest benchmarks" in " ".join(empty.stderr.split())

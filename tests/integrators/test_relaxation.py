@@ -1,4 +1,4 @@
-"""Relaxation Runge-Kutta: the energy to round-off, the relaxed time near n h, and the controls without either."""
+"""Relaxation Runge-Kutta methods: energy to round-off, relaxed times near n h, with controls."""
 
 from __future__ import annotations
 
@@ -9,36 +9,38 @@ from scipy.optimize import brentq
 from phasebench.benchmarks.measure.metrics import order, slope
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import driver
+from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import DOUBLE
-from phasebench.integrators.engine.kernel import prepare, value
-from phasebench.integrators.engine.vector import State, jit, scale
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import relaxation
 from phasebench.integrators.families.relaxation import relaxed
 from phasebench.integrators.records.projection import METHODS
 from phasebench.integrators.registry import method
+from phasebench.integrators.stepping.kernel import prepare, value
+from phasebench.integrators.values.vector import State, jit, scale
 
 BOX, CHAOTIC, KEPLER = (problem(n) for n in ("henon-heiles:box", "henon-heiles:chaotic", "perturbed-kepler"))
 RELAXED = {m.id: m for m in METHODS if m.family == "relaxation"}
 KEPT, FAR = 2e-14, 1e3
-#: By this much a method of high order takes longer steps, for its errors to show.
+#: Factor by which steps of a high-order method are longer, so that its error exceeds round-off.
 LONGER = {"dop853-relaxation": 8}
 
 
 def error(P, s):
-    """The greatest relative error of H."""
+    """Greatest relative error of H."""
     H = P.system.observe(P.system.H, s.q, s.p)
     return np.abs(H / H[0] - 1).max()
 
 
 def end(s):
+    """End state (q, p) of a run."""
     return np.concatenate([s.q[-1], s.p[-1]])
 
 
 @pytest.mark.parametrize(("P", "h"), [(BOX, 0.05), (KEPLER, 0.01)], ids=["box", "kepler"])
 @pytest.mark.parametrize("id", RELAXED)
-def test_the_energy_to_round_off_and_without_relaxation_a_drift(P, h, id):
+def test_energy_is_conserved_to_round_off(P, h, id):
+    """Control: without relaxation it drifts."""
     h *= LONGER.get(id, 1)
     s, plain = (integrate(P, m, h=h, t_end=1000) for m in (RELAXED[id], RELAXED[id].data[0]))
     assert s.status == "ok"
@@ -48,7 +50,7 @@ def test_the_energy_to_round_off_and_without_relaxation_a_drift(P, h, id):
 
 
 def offsets(gamma, h):
-    """t_n - n h of steps with these gamma, each aimed at the next grid time."""
+    """t_n - n h for steps with these gamma, each aimed at the next grid time."""
     found = [0.0]
     for g in gamma:
         found.append((g - 1) * (h - found[-1]))
@@ -56,7 +58,7 @@ def offsets(gamma, h):
 
 
 @pytest.mark.parametrize("id", RELAXED)
-def test_the_relaxed_time_stays_within_the_methods_error_of_the_grid(id):
+def test_the_relaxed_time_stays_near_the_grid(id):
     h = np.array([0.2, 0.1, 0.05]) * LONGER.get(id, 2) / 2
     greatest = []
     for x in h:
@@ -64,14 +66,14 @@ def test_the_relaxed_time_stays_within_the_methods_error_of_the_grid(id):
         offset = np.abs(offsets(gamma, x))
         greatest.append(offset.max())
         assert offset[-len(offset) // 4 :].max() < 1.2 * offset[: len(offset) // 4].max()
-        # Control: steps that do not aim at the grid leave it for good.
+        # Control: steps that do not aim at the grid drift away from it.
         assert abs((gamma - 1).sum() * x) > 20 * offset.max()
     assert slope(np.log(h), np.log(greatest)).value == pytest.approx(RELAXED[id].order, abs=0.5)
 
 
 @pytest.mark.parametrize("id", ["rk4-relaxation", "kutta-3-relaxation"])
-def test_a_step_reaches_the_relaxed_time_not_the_grid_time(id):
-    """Its error is of order p + 1 at gamma h, of order p at h."""
+def test_a_step_approximates_the_relaxed_time(id):
+    """The error is of order p + 1 at time gamma h, of order p at time h."""
     h = np.array([0.1, 0.05, 0.025])
     relaxed_time, grid_time = [], []
     for x in h:
@@ -84,7 +86,7 @@ def test_a_step_reaches_the_relaxed_time_not_the_grid_time(id):
     assert slope(np.log(h), np.log(grid_time)).value == pytest.approx(p, abs=0.3)
 
 
-def test_control_without_the_time_adjusted_an_order_is_lost():
+def test_control_without_adjusted_time_an_order_is_lost():
     P, base, h = problem("pendulum"), method("rk4"), 0.1 / 2.0 ** np.arange(4)
     exact = end(integrate(P, "rk4", h=0.001, t_end=10))
     observed = []
@@ -97,8 +99,8 @@ def test_control_without_the_time_adjusted_an_order_is_lost():
 
 
 @pytest.mark.parametrize("adjust", [True, False])
-def test_the_steps_are_those_of_a_plain_loop(adjust):
-    """Another root finder, and the steps' lengths from the sum of the relaxed times, or h where they count as h."""
+def test_steps_equal_a_plain_implementation(adjust):
+    """With another root finder; step lengths follow from the sum of relaxed times, or are h."""
     f, H = BOX.system.vector_field(), lambda y: BOX.system.observe(BOX.system.H, y[None, :2], y[None, 2:])[0]
     y, t, h = np.concatenate([BOX.q0, BOX.p0]), 0.0, 0.2
     H0 = H(y)
@@ -119,7 +121,7 @@ def test_the_steps_are_those_of_a_plain_loop(adjust):
     assert np.abs(end(other) - y).max() > 1e-6
 
 
-def test_the_offset_goes_on_between_calls_of_the_kernel(monkeypatch):
+def test_the_time_offset_survives_between_calls(monkeypatch):
     """The relaxed time is part of the state."""
     ends = []
     for first in (1000, 7):
@@ -128,7 +130,7 @@ def test_the_offset_goes_on_between_calls_of_the_kernel(monkeypatch):
     assert np.array_equal(*ends)
 
 
-def test_a_step_without_a_root_is_the_base_step_and_is_counted():
+def test_a_step_without_a_root_is_a_counted_base_step():
     P = problem("pendulum")
     s = integrate(P, "rk4-relaxation", h=0.8, steps=125, q0=[0.0], p0=[2.5])
     missed = np.flatnonzero(np.isnan(s.parameter))
@@ -140,50 +142,50 @@ def test_a_step_without_a_root_is_the_base_step_and_is_counted():
 
 
 @pytest.mark.parametrize("id", ["explicit-euler", "stormer-verlet"])
-def test_what_cannot_be_relaxed_is_refused(id):
+def test_methods_of_order_one_are_refused(id):
     with pytest.raises(InvalidInput, match="order 2 or more"):
         relaxed(id)
 
 
-def searched(c, start=-1.0):
-    """What the search for gamma finds where H(y + gamma d) is (start + gamma)^2 / 2, and its target -c."""
+def search(c, start=-1.0):
+    """(gamma, found, evaluations) of the search with H(y + gamma d) = (start + gamma)^2 / 2 and target -c."""
     system = problem("harmonic-oscillator").system
     step = prepare(method("rk4-relaxation"), system).step._replace(H0=-c, eps=2.0**-52)
     there, one, nothing = (value([x], 1, DOUBLE) for x in (start, 1.0, 0.0))
     return relaxation.root(step, State(there, nothing, nothing, nothing), one, nothing)
 
 
-def test_a_search_without_a_root_ends_at_the_base_step():
-    """Of x^2 / 2 + c there is none: Newton's method stands still at 0, and wanders about it until it is given up."""
-    assert searched(1e-3) == (1.0, False, 1)
-    ends = {searched(c, start=-1.1) for c in np.geomspace(1e-5, 1e-2, 200)}
+def test_a_search_without_a_root_returns_the_base_step():
+    """For x^2 / 2 + c, without a root, Newton's method stalls at 0 or wanders around it until its limit."""
+    assert search(1e-3) == (1.0, False, 1)
+    ends = {search(c, start=-1.1) for c in np.geomspace(1e-5, 1e-2, 200)}
     assert {(gamma, found) for gamma, found, _ in ends} == {(1.0, False)}
     evaluations = {n for _, _, n in ends}
     assert max(evaluations) == relaxation.LIMIT
     assert len(evaluations) > 5, "others leave the neighbourhood of 1 before"
-    gamma, found, evaluations = searched(-0.02, start=-1.1)
+    gamma, found, evaluations = search(-0.02, start=-1.1)
     assert found
     assert abs(gamma - 0.9) < 1e-14
     assert evaluations < 8
 
 
 @pytest.mark.parametrize(("root", "near"), [(1.4, True), (0.65, True), (2.0, False), (4.0, False)])
-def test_a_root_is_taken_within_a_half_of_1_alone(root, near):
-    """Of gamma^2 / 2 - root^2 / 2, which Newton's method finds from 1 wherever it is."""
-    gamma, found, evaluations = searched(-(root**2) / 2, start=0.0)
+def test_only_roots_within_a_half_of_1_are_accepted(root, near):
+    """Newton's method from 1 finds the root of gamma^2 / 2 - root^2 / 2 wherever it is."""
+    gamma, found, evaluations = search(-(root**2) / 2, start=0.0)
     assert found == near
     assert near or evaluations == 1, "the first of Newton's steps leads out"
     assert gamma == pytest.approx(root if near else 1.0, abs=1e-14)
 
 
-#: A unit of round-off of which multiples are exact.
+#: Unit of round-off, a power of two so that its multiples are exact.
 UNIT = 2.0**-40
 
 
 def along_a_line(error, told=1.0, rounding=0.0):
-    """(units of E at the end, found, evaluations) of H = x, its first error given in units of round-off.
+    """(final error in units, found, evaluations) of the search with H = x and an initial error in units of round-off.
 
-    Newton's method is told ``told`` times the slope; H is further from 0 than x by ``rounding`` units.
+    Newton's method is given ``told`` times the slope; H is farther from 0 than x by ``rounding`` units.
     """
 
     @jit
@@ -200,8 +202,8 @@ def along_a_line(error, told=1.0, rounding=0.0):
     return (gamma - 1) / UNIT + error + np.copysign(rounding, gamma - 1 + error * UNIT), found, evaluations
 
 
-def test_an_error_that_shrinks_is_left_where_it_is_round_off():
-    """To a fifth by each of Newton's steps: 1000 units, 200, 40, 8, 1.6, 0.32."""
+def test_the_search_ends_at_round_off():
+    """Each Newton step leaves a fifth of the error: 1000 units, 200, 40, 8, 1.6, 0.32."""
     left, found, evaluations = along_a_line(1000, told=1.25)
     assert found
     assert evaluations == 5
@@ -209,15 +211,15 @@ def test_an_error_that_shrinks_is_left_where_it_is_round_off():
 
 
 @pytest.mark.parametrize(("told", "steps"), [(2.5, 6), (2.0, 4)])
-def test_one_that_hardly_shrinks_is_left_within_a_multiple_of_it(told, steps):
-    """To three fifths by each step, 1000 units, 600, 360, 216, 130, 78, 47, or to a half."""
+def test_a_slowly_converging_search_ends_above_round_off(told, steps):
+    """Each Newton step leaves three fifths, 1000, 600, 360, 216, 130, 78, 47 units, or a half."""
     left, found, evaluations = along_a_line(1000, told=told)
     assert found
     assert evaluations == steps
     assert left == pytest.approx(1000 * (1 - 1 / told) ** steps, abs=1e-2)
 
 
-def test_one_unit_is_round_off_and_the_radius_is_near():
+def test_limits_of_round_off_and_of_the_radius():
     assert along_a_line(1, told=2.0) == (1, True, 0)
     assert along_a_line(1.5, told=2.0) == (0.75, True, 1)
     for last, found in ((0, True), (1, False)):
@@ -226,8 +228,8 @@ def test_one_unit_is_round_off_and_the_radius_is_near():
 
 
 @pytest.mark.parametrize("rounding", [20, 32, 40])
-def test_one_that_stays_is_round_off_up_to_a_bound(rounding):
-    """It comes back with the other sign and is no smaller: within 64 units that is as near as H can be."""
+def test_a_stagnating_error_is_accepted_up_to_a_bound(rounding):
+    """The error alternates in sign without shrinking; up to 64 units this counts as the round-off of H."""
     near = 2 * rounding <= relaxation.SLACK
     left, found, evaluations = along_a_line(1000, rounding=rounding)
     assert found == near
@@ -236,8 +238,8 @@ def test_one_that_stays_is_round_off_up_to_a_bound(rounding):
 
 
 @pytest.mark.parametrize("id", RELAXED)
-def test_evaluations_are_those_of_the_tableau_and_one_for_each_of_newton_s_steps(id):
-    """Near 1 one of these, or two, bring H to its round-off."""
+def test_evaluations_are_stages_plus_newton_steps(id):
+    """One or two Newton steps suffice near gamma = 1."""
     base = RELAXED[id].data[0]
     steps = 20
     told, plain = (integrate(BOX, m, h=0.2, steps=steps).counts for m in (RELAXED[id], base))

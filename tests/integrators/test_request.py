@@ -1,4 +1,4 @@
-"""What a run is asked for, without running it: which step, how many, which rows, and the words for what cannot be."""
+"""Arguments of a run, without running it: the grid of times, the rows, the start, and messages for invalid ones."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from phasebench.integrators import Hamiltonian, driver, request
+from phasebench.integrators.compile.codegen import MULTIPRECISION, exactly, precision
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import MULTIPRECISION, exactly, precision
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.request import MOST, check_timeout, grid, initial, spacing
 
@@ -19,13 +19,14 @@ PLANE = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2 + x**2 + y**2)/2 + x*y**2"
 OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
 
 
-class Started:
-    """A problem of one initial state."""
+class StartedProblem:
+    """A problem with one initial state."""
 
     system, q0, p0 = PLANE, (1.0, 2.0), (3.0, 4.0)
 
 
-def refused(message: str):
+def expect_refusal(message: str):
+    """Expect InvalidInput with this message."""
     return pytest.raises(InvalidInput, match=message)
 
 
@@ -40,23 +41,23 @@ def refused(message: str):
         ((None, 10.0, 4), (2.5, 4)),
         ((2.5, 10.0, 4), (2.5, 4)),
         ((2.5 * (1 + 1e-10), 10.0, 4), (2.5, 4)),
-        ((0.331, 10.0, None), (10 / 30, 30)),  # 0.7 % wider
+        ((0.331, 10.0, None), (10 / 30, 30)),  # 0.7 % longer
         ((5.0, 2.0, None), (2.0, 1)),
         ((1, 3, None), (1.0, 3)),
         ((None, 3, 1.0), (3.0, 1)),
         ((0.1, 1.0, None), (0.1, 10)),
-        ((0.1, 0.3, None), (0.1, 3)),  # the step that was given, although three of it are not 0.3 to the last bit
+        ((0.1, 0.3, None), (0.1, 3)),  # h as given, although 3 h differs from 0.3 in the last bit
         ((1.0, None, MOST), (1.0, 10**13)),
         ((1.0, MOST, None), (1.0, 10**13)),
     ],
 )
-def test_two_of_the_three_make_a_grid(asked, made):
+def test_two_of_h_t_end_and_steps_make_a_grid(asked, made):
     h, steps = grid(*asked)
     assert (h, steps) == made
     assert (type(h), type(steps)) == (float, int)
 
 
-def test_a_step_ends_at_t_end_and_is_wider_by_one_percent_at_most():
+def test_a_step_is_lengthened_by_one_percent_at_most():
     for h in np.geomspace(0.011, 3.0, 200).tolist():
         try:
             made, steps = grid(h, 10.0)
@@ -95,8 +96,8 @@ def test_a_step_ends_at_t_end_and_is_wider_by_one_percent_at_most():
         (("0.1", 1.0, None), "h is '0.1'"),
     ],
 )
-def test_what_makes_no_grid_is_refused(asked, message):
-    with refused(message):
+def test_an_invalid_grid_is_refused(asked, message):
+    with expect_refusal(message):
         grid(*asked)
 
 
@@ -104,34 +105,34 @@ def test_what_makes_no_grid_is_refused(asked, message):
 
 
 @pytest.mark.parametrize(("asked", "every"), [(1, 1), (4, 4), (9, 9), (30, 9), (0, 9), (2.0, 2)])
-def test_rows_are_spaced_as_asked_and_by_the_run_at_most(asked, every):
+def test_row_spacing_is_at_most_the_run(asked, every):
     made = spacing(asked, 9)
     assert (made, type(made)) == (every, int)
 
 
 @pytest.mark.parametrize("asked", [-1, 0.5, 1.5, True, False, None, "2", float("nan"), float("inf")])
-def test_what_spaces_no_rows_is_refused(asked):
-    with refused("save_every is .*positive integer, or 0"):
+def test_an_invalid_row_spacing_is_refused(asked):
+    with expect_refusal("save_every is .*positive integer, or 0"):
         spacing(asked, 9)
 
 
-def test_rows_are_numbered_by_their_steps_and_the_last_is_there():
+def test_rows_are_multiples_of_the_spacing_and_the_last():
     asked = {"h": 0.1, "steps": 10}
-    assert request.request(Started(), **asked, save_every=3).step_numbers == [0, 3, 6, 9, 10]
-    assert request.request(Started(), **asked, save_every=5).step_numbers == [0, 5, 10]
-    assert request.request(Started(), **asked, save_every=0).step_numbers == [0, 10]
-    assert request.request(Started(), **asked).every == 1
+    assert request.request(StartedProblem(), **asked, save_every=3).step_numbers == [0, 3, 6, 9, 10]
+    assert request.request(StartedProblem(), **asked, save_every=5).step_numbers == [0, 5, 10]
+    assert request.request(StartedProblem(), **asked, save_every=0).step_numbers == [0, 10]
+    assert request.request(StartedProblem(), **asked).every == 1
 
 
-def test_the_rows_that_fit_are_as_many_as_the_largest(monkeypatch):
-    """Of two degrees of freedom: eleven rows are 22 numbers."""
+def test_the_number_of_rows_is_limited(monkeypatch):
+    """With d = 2, eleven rows are 22 numbers."""
     monkeypatch.setattr(request, "LARGEST", 22)
-    assert request.request(Started(), h=0.1, steps=10).steps == 10
-    assert request.request(Started(), h=0.1, steps=30, save_every=3).every == 3
-    with refused("12 rows of d = 2"):
-        request.request(Started(), h=0.1, steps=11)
-    with refused("12 rows of d = 2"):
-        request.request(Started(), h=0.1, steps=31, save_every=3)
+    assert request.request(StartedProblem(), h=0.1, steps=10).steps == 10
+    assert request.request(StartedProblem(), h=0.1, steps=30, save_every=3).every == 3
+    with expect_refusal("12 rows of d = 2"):
+        request.request(StartedProblem(), h=0.1, steps=11)
+    with expect_refusal("12 rows of d = 2"):
+        request.request(StartedProblem(), h=0.1, steps=31, save_every=3)
 
 
 # -- time -------------------------------------------------------------------------------------------------------------
@@ -143,24 +144,24 @@ def test_a_positive_time_limit_passes(timeout):
 
 
 @pytest.mark.parametrize("timeout", [0, 0.0, -1, True, False, "1", float("nan"), [1]])
-def test_another_time_limit_is_refused(timeout):
-    with refused("timeout is .*positive number of seconds"):
+def test_an_invalid_time_limit_is_refused(timeout):
+    with expect_refusal("timeout is .*positive number of seconds"):
         check_timeout(timeout)
 
 
 # -- the initial state ------------------------------------------------------------------------------------------------
 
 
-def test_the_state_is_the_problems_where_none_is_given():
-    system, q, p = initial(Started())
+def test_the_initial_state_defaults_to_the_problems():
+    system, q, p = initial(StartedProblem())
     assert system is PLANE
     assert (q.tolist(), p.tolist()) == ([1, 2], [3, 4])
-    _, q, p = initial(Started(), p0=[5, 6])
+    _, q, p = initial(StartedProblem(), p0=[5, 6])
     assert (q.tolist(), p.tolist(), p.dtype) == ([1, 2], [5, 6], float)
     assert initial(PLANE, (0, 0), [[1], [1]])[2].tolist() == [1, 1]
 
 
-def test_an_exact_state_is_left_as_it_is():
+def test_an_exact_state_is_left_unchanged():
     third = [Fraction(1, 3), Fraction(2, 3)]
     _, q, p = initial(PLANE, third, third, exact=True)
     assert q is third
@@ -182,8 +183,8 @@ def test_an_exact_state_is_left_as_it_is():
         (("plane", [0, 0], [0, 0]), "the problem is 'plane'"),
     ],
 )
-def test_a_state_that_cannot_be_is_refused(asked, message):
-    with refused(message):
+def test_an_invalid_state_is_refused(asked, message):
+    with expect_refusal(message):
         initial(*asked)
 
 
@@ -191,31 +192,31 @@ def test_a_state_that_cannot_be_is_refused(asked, message):
 
 
 @pytest.mark.parametrize(("size", "beyond"), [(1e150, 1.001e150), (1e-150, 0.999e-150)])
-def test_a_state_may_be_as_large_and_as_small_as_is_said_and_no_more_so(size, beyond):
+def test_the_size_of_a_state_is_limited(size, beyond):
     assert initial(OSCILLATOR, [size], [0.0])[1] == size
-    with refused("choose units"):
+    with expect_refusal("choose units"):
         initial(OSCILLATOR, [beyond], [0.0])
 
 
-def test_a_run_that_is_stopped_has_as_many_rows_of_each():
+def test_a_stopped_run_has_equally_many_rows_of_each():
     s = integrate(OSCILLATOR, "explicit-euler", h=1e3, steps=400, q0=[1.0], p0=[0.0])
     assert s.status == driver.DIVERGED
     assert 1 < len(s.t) == len(s.q) == len(s.p) == 1 + len(s.parameter) < 400
 
 
-def test_a_warm_run_returns_the_end():
-    end = driver.warm(Started(), "stormer-verlet", h=0.01, steps=5)()
+def test_a_warm_run_returns_the_end_state():
+    end = driver.warm(StartedProblem(), "stormer-verlet", h=0.01, steps=5)()
     q, p = end
-    s = integrate(Started(), "stormer-verlet", h=0.01, steps=5)
+    s = integrate(StartedProblem(), "stormer-verlet", h=0.01, steps=5)
     assert np.array_equal([q, p], [s.q[-1], s.p[-1]])
     assert "parameter=array" not in repr(s)
-    asked = {"problem": Started(), "method": "stormer-verlet", "h": 0.01, "steps": 5}
+    asked = {"problem": StartedProblem(), "method": "stormer-verlet", "h": 0.01, "steps": 5}
     assert np.array_equal(integrate(**asked).q, s.q), "every argument may be named"
     assert np.array_equal(driver.warm(**asked)()[0], q)
 
 
-def oscillated(q: Fraction, p: Fraction, h: Fraction, steps: int) -> Fraction:
-    """Where Stormer-Verlet takes the oscillator, exactly."""
+def exact_position(q: Fraction, p: Fraction, h: Fraction, steps: int) -> Fraction:
+    """Exact q of the oscillator after Stormer-Verlet steps."""
     for _ in range(steps):
         p -= h * q / 2
         q += h * p
@@ -224,8 +225,8 @@ def oscillated(q: Fraction, p: Fraction, h: Fraction, steps: int) -> Fraction:
 
 
 def many() -> dict:
-    """Of runs on numbers of many digits: the times, the steps, and how far start and end are from those wanted."""
-    end = oscillated(Fraction(1, 3), Fraction(1, 3), Fraction(1, 10), 7)
+    """Multiprecision runs: {name: (rows, steps, end time, error, status, reason)}."""
+    end = exact_position(Fraction(1, 3), Fraction(1, 3), Fraction(1, 10), 7)
     third = [Fraction(1, 3)]
     runs = {
         "steps": {"h": Fraction(1, 10), "steps": 7},
@@ -243,7 +244,7 @@ def many() -> dict:
     return found
 
 
-def test_many_digits_take_the_same_grids_without_rounding(uncompiled):
+def test_multiprecision_uses_the_same_grids_exactly(uncompiled):
     found = uncompiled("integrators/test_request.py")
     for name, (rows, steps, end, lost, *status) in found.items():
         assert (rows, steps, end) == (4 if name == "rows" else 8, 7, pytest.approx(0.7, rel=1e-15)), name

@@ -1,14 +1,14 @@
-"""The root that a step is taken with, of functions E(x) whose roots are known."""
+"""The search for the root of the energy error E(x) nearest 0, on functions with known roots."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from phasebench.integrators.engine import energy_model as model
-from phasebench.integrators.engine.energy_model import ALONG, FIRST, LATEST, Search
-from phasebench.integrators.engine.solve import LEVELS, NOT_FINITE, SOLVED
-from support.curves import EXACT, NEAR, UNIT, from_roots, known, look
+from phasebench.integrators.stepping import energy_model as model
+from phasebench.integrators.stepping.energy_model import ALONG, FIRST, LATEST, Search
+from phasebench.integrators.stepping.solve import LEVELS, NOT_FINITE, SOLVED
+from support.curves import EXACT, NEAR, UNIT, from_roots, look, model_of
 
 # -- the search -------------------------------------------------------------------------------------------------------
 
@@ -17,8 +17,8 @@ from support.curves import EXACT, NEAR, UNIT, from_roots, known, look
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("root", [1e-6, 0.03, 0.3, 0.9])
 @pytest.mark.parametrize("bend", [0.0, 0.4, -0.4])
-def test_a_lone_root_is_found_to_round_off(followed, sign, root, bend):
-    """Of (x - root)(1 + bend x): the other root is beyond 2."""
+def test_a_single_root_is_found_to_round_off(followed, sign, root, bend):
+    """E = (x - root)(1 + bend x), whose other root is beyond 2."""
     s = look(np.convolve([-sign * root, 1.0], [1.0, bend]), followed=followed)
     assert s.found
     assert s.status == SOLVED
@@ -29,8 +29,8 @@ def test_a_lone_root_is_found_to_round_off(followed, sign, root, bend):
 
 
 @pytest.mark.parametrize("E0", [0.0, 0.5, 1.0, -1.0])
-def test_an_energy_that_is_kept_at_zero_takes_no_root(E0):
-    models = known()
+def test_an_energy_conserved_at_zero_needs_no_root(E0):
+    models = model_of()
     s = look([E0 * UNIT, 1.0], models)
     assert (s.x, s.found, s.at) == (0.0, True, 0.0)
     assert s.tried.tolist() == [[0.0, FIRST, 1.0, 0.0]]
@@ -39,16 +39,16 @@ def test_an_energy_that_is_kept_at_zero_takes_no_root(E0):
     assert models[0, model.STREAK] == -LEVELS
 
 
-def test_a_step_that_has_no_solution_at_zero_is_told():
+def test_a_step_without_a_solution_at_zero_is_reported():
     s = look([1.0, 1.0], within=(0.5, 1.0))
     assert (s.x, s.at, s.status) == (0.0, 0.0, NOT_FINITE)
     assert len(s.tried) == 1
 
 
-def test_zero_is_looked_at_again_where_its_error_is_below_what_it_was_solved_to():
-    """Solved to a hundredth of the error before."""
+def test_zero_is_solved_again_if_its_error_is_small():
+    """The step at 0 was solved only to a hundredth of the previous error."""
     for E0, exact in ((1e-7, True), (-1e-7, True), (1e-4, False), (-1e-4, False)):
-        models = known()
+        models = model_of()
         models[0, [model.START, model.UNIT]] = 1e-3, UNIT
         s = look([E0, 1.0], models, blur=0.3 if exact else 0.0)
         assert s.found
@@ -62,8 +62,8 @@ def test_zero_is_looked_at_again_where_its_error_is_below_what_it_was_solved_to(
 
 @pytest.mark.parametrize("followed", [True, False])
 def test_the_root_of_the_model_is_tried_first(followed):
-    """It is one: the model stays as it is."""
-    models = known(-1.4, 1.0)
+    """The model is exact and stays unchanged."""
+    models = model_of(-1.4, 1.0)
     s = look([0.125, -1.4, 1.0], models, followed=followed)
     root = model.smaller_root(0.125, -1.4, 1.0)
     assert s.found
@@ -75,12 +75,12 @@ def test_the_root_of_the_model_is_tried_first(followed):
     assert models[0, [model.RATE, model.BEND, model.STREAK]].tolist() == [0, 0, 1]
 
 
-def test_where_the_model_has_no_root_within_the_radius_the_first_guess_is_a_setting():
+def test_without_a_root_of_the_model_the_default_is_tried():
     for slope, curvature in ((0.0, 0.0), (1e-3, 0.0), (-1e-3, 0.0), (0.1, -1.0)):
-        s = look([-0.03, 0.3], known(slope, curvature))
+        s = look([-0.03, 0.3], model_of(slope, curvature))
         assert s.tried[1, 0] == NEAR.first
         assert s.x == pytest.approx(0.1, abs=10 * UNIT)
-    assert look([-2.0, 1.0], known(1.0)).tried[1:3, 0].tolist() == [-2.0, 2.0], "it is within"
+    assert look([-2.0, 1.0], model_of(1.0)).tried[1:3, 0].tolist() == [-2.0, 2.0], "it is within"
 
 
 @pytest.mark.parametrize(
@@ -94,8 +94,8 @@ def test_where_the_model_has_no_root_within_the_radius_the_first_guess_is_a_sett
         (np.nan, 0, True, False),
     ],
 )
-def test_a_predicted_root_beside_that_of_the_model_is_tried_first(predicted, streak, followed, taken):
-    models = known(1.0)
+def test_a_prediction_near_the_root_of_the_model_is_tried(predicted, streak, followed, taken):
+    models = model_of(1.0)
     models[0, model.STREAK] = streak
     s = look([-0.05, 0.9], models, predicted, followed)
     assert s.tried[1, 0] == (predicted if taken else 0.05)
@@ -103,8 +103,8 @@ def test_a_predicted_root_beside_that_of_the_model_is_tried_first(predicted, str
     assert models[0, model.MISSED] == pytest.approx(abs(s.x - predicted), nan_ok=True)
 
 
-def test_after_a_search_the_slope_alone_is_known():
-    models = known(1.0)
+def test_after_a_search_only_the_slope_is_known():
+    models = model_of(1.0)
     models[0, [model.STREAK, model.RATE, model.BEND, model.AGE]] = -2.0, 5.0, 5.0, 0.0
     s = look([-0.05, 1.25], models)
     assert s.tried[1, 0] == 0.05, "the rate is not used"
@@ -113,8 +113,8 @@ def test_after_a_search_the_slope_alone_is_known():
 
 
 @pytest.mark.parametrize("streak", [1, model.FOLLOWED])
-def test_a_search_on_the_way_goes_on_from_the_slope_and_its_rate(streak):
-    models = known(1.0)
+def test_a_search_after_following_extrapolates_the_slope(streak):
+    models = model_of(1.0)
     models[0, [model.STREAK, model.RATE]] = streak, 0.25
     s = look([-0.05, 1.25], models)
     assert s.tried[:, 0] == pytest.approx([0.0, 0.04, 0.04])
@@ -123,9 +123,9 @@ def test_a_search_on_the_way_goes_on_from_the_slope_and_its_rate(streak):
 
 
 @pytest.mark.parametrize(("curvature", "followed"), [(7.0, True), (8.0, False)])
-def test_a_root_is_followed_where_the_model_at_it_has_no_other_near(curvature, followed):
-    """At x = 0.1 the slope is 1 + 0.2 c, of which 0.3 has to be above 0.1 c."""
-    models = known(1.0, curvature)
+def test_a_root_is_followed_if_the_model_has_no_other_near(curvature, followed):
+    """At x = 0.1 the slope is 1 + 0.2 c; 0.3 times that must exceed 0.1 c."""
+    models = model_of(1.0, curvature)
     models[0, [model.STREAK, model.UNIT]] = 1.0, UNIT
     s = look([-0.1 - 0.01 * curvature, 1.0, curvature], models, predicted=0.1)
     assert s.found
@@ -133,66 +133,66 @@ def test_a_root_is_followed_where_the_model_at_it_has_no_other_near(curvature, f
     assert (s.tried[0, 0] == 0) != followed
 
 
-# Where there are several roots.
+# With several roots.
 
 
-def test_beyond_a_tenth_the_other_side_is_looked_at_first():
-    """The model points at 0.5; at -0.5 the sign says that there is a root between, and the parabola says where."""
+def test_for_distant_roots_the_other_side_is_tried_first():
+    """The model predicts 0.5; the sign at -0.5 shows that a root lies between, and the parabola locates it."""
     c = from_roots(0.5, -0.2)
-    models = known(0.2)
+    models = model_of(0.2)
     s = look(c, models)
     assert s.x == pytest.approx(-0.2, abs=UNIT)
     assert s.tried[:3, 0] == pytest.approx([0.0, -0.5, -0.2], abs=UNIT)
     assert s.tried[1, 1:3] == pytest.approx([ALONG, 0.01 * 0.1 / UNIT])
     assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx([-0.3, 1.0])
-    assert look(-c, known(-0.2)).x == pytest.approx(-0.2, abs=UNIT)
-    assert look([-0.1, 1.0], known(1.0)).tried[1, 0] == 0.1, "a tenth is not beyond it"
+    assert look(-c, model_of(-0.2)).x == pytest.approx(-0.2, abs=UNIT)
+    assert look([-0.1, 1.0], model_of(1.0)).tried[1, 0] == 0.1, "a tenth is not beyond it"
 
 
-def test_where_the_other_side_has_no_root_it_says_what_the_model_is():
+def test_the_other_side_without_a_root_corrects_the_model():
     for sign in (1, -1):
-        models = known(-0.9 * sign)
+        models = model_of(-0.9 * sign)
         s = look(sign * from_roots(0.5, 0.9), models)
         assert s.x == pytest.approx(0.5, abs=UNIT)
         assert s.tried[:3, 0] == pytest.approx([0.0, -0.5, 0.5], abs=UNIT)
         assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx([-1.4 * sign, sign])
 
 
-def test_the_other_side_is_left_where_no_step_reaches_it():
-    s = look([-0.5, 1.0], known(1.0), within=(-0.3, np.inf))
+def test_the_other_side_is_left_if_steps_fail_there():
+    s = look([-0.5, 1.0], model_of(1.0), within=(-0.3, np.inf))
     assert s.tried[:3, 0] == pytest.approx([0.0, -0.5, 0.5])
     assert s.x == pytest.approx(0.5)
 
 
-def test_an_infinite_error_on_the_other_side_says_that_there_is_a_root():
-    """Not where: it is looked for halfway."""
+def test_an_infinite_error_on_the_other_side_means_a_root():
+    """The root is then searched halfway."""
     with np.errstate(all="ignore"):
-        s = look([0.0], known(1.0), errors=[-0.5 / UNIT, np.inf])
+        s = look([0.0], model_of(1.0), errors=[-0.5 / UNIT, np.inf])
     assert s.tried[:3, 0] == pytest.approx([0.0, -0.5, -0.25])
     assert s.tried[1, 2] > 1
 
 
-def test_of_the_parabola_s_two_roots_the_other_one_is_tried_where_it_may_be_nearer():
+def test_the_other_root_of_the_parabola_is_tried_if_nearer():
     for far, nearest in ((-0.05, -0.05), (-0.2, 0.09)):
         c = from_roots(0.09, far)
         bend = 0.5 if far == -0.05 else 2.0
         slope = -c[0] / 0.09 - bend * 0.09
-        s = look(c, known(slope, bend))
+        s = look(c, model_of(slope, bend))
         assert s.tried[1, 0] == pytest.approx(0.09)
         assert np.abs(s.tried[:, 0] - c[0] / (bend * 0.09)).min() < 1e-12
         assert s.found
         assert s.x == s.at == pytest.approx(nearest, abs=10 * UNIT)
-    s = look(c, known(-c[0] / 0.09 - 0.1 * 0.09, 0.1))
+    s = look(c, model_of(-c[0] / 0.09 - 0.1 * 0.09, 0.1))
     assert len(s.tried) == 3, "the other root of the model is far"
 
 
 # Muller's method.
 
 
-def test_the_parabola_through_three_attempts_is_the_model_that_is_left():
-    """Of a parabola the fourth attempt is its root; of any function the model is the one through the first three."""
+def test_the_model_left_is_the_parabola_of_three_attempts():
+    """For a parabola the fourth attempt is its root; in general the model is the parabola through the first three."""
     for c in ([-0.04, 1.0, 0.7], [0.04, -1.0, 0.7], [-0.04, 1.0, -0.7, 1.0], [-0.04, 1.0, -0.7, 0.0, -3.0]):
-        models = known()
+        models = model_of()
         s = look(c, models)
         xs = list(dict.fromkeys(s.tried[:, 0].tolist()))
         parabola = np.polynomial.polynomial.polyfit(xs[:3], np.polynomial.polynomial.polyval(xs[:3], c), 2)
@@ -205,7 +205,7 @@ def test_the_parabola_through_three_attempts_is_the_model_that_is_left():
         assert len(xs) <= 7
 
 
-def test_a_search_ends_at_the_unit_or_where_it_gets_no_nearer_below_eight():
+def test_a_search_ends_at_one_unit_or_stagnates_below_eight():
     for errors, ends in (
         ([20.0, 10.0, 1.0], 3),
         ([20.0, 10.0, 4.0, 1.0], 4),
@@ -216,24 +216,24 @@ def test_a_search_ends_at_the_unit_or_where_it_gets_no_nearer_below_eight():
         ([20.0, 10.0, 8.0, 3.9, 0.0], 5),
         ([20.0, 10.0, 9.0, 8.1, 0.0], 5),
     ):
-        s = look([0.0], known(1.0), errors=errors, unit=EXACT)
+        s = look([0.0], model_of(1.0), errors=errors, unit=EXACT)
         assert s.found
         assert len(s.tried) == ends, errors
 
 
-def test_a_search_that_finds_none_in_fourteen_attempts_goes_outwards():
-    s = look([0.0], known(1.0), errors=[1e6, *(1e5 * (-0.9) ** k for k in range(20))], unit=EXACT)
+def test_after_fourteen_attempts_the_search_goes_outwards():
+    s = look([0.0], model_of(1.0), errors=[1e6, *(1e5 * (-0.9) ** k for k in range(20))], unit=EXACT)
     again = np.flatnonzero(s.tried[:, 1] == FIRST)
     assert again[1] == 15
 
 
-# Outwards from zero.
+# Search outwards from zero.
 
 OUT = Search(radius=2.0, first=0.05, near=0.0, ratio=2.0, points=5, slack=0.0)
 
 
 def outwards(c, search=OUT, **options):
-    """The run, and the places at which it looked on either side of zero, before and after what it was between."""
+    """(result, places tried above zero, places tried below zero) of an outward search."""
     s = look(c, search=search, **options)
     begins = np.flatnonzero(s.tried[:, 1] == FIRST)[1:3]
     above, below = np.split(s.tried, begins)[1:]
@@ -243,7 +243,7 @@ def outwards(c, search=OUT, **options):
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_nearest_change_of_sign_is_looked_for_on_either_side(sign):
+def test_the_nearest_change_of_sign_on_either_side_is_found(sign):
     for roots, nearest in (
         ((0.3,), 0.3),
         ((0.3, -0.28), -0.28),
@@ -251,7 +251,7 @@ def test_the_nearest_change_of_sign_is_looked_for_on_either_side(sign):
         ((-0.6,), -0.6),
         ((1.3, 0.4), 0.4),
     ):
-        models = known()
+        models = model_of()
         c = sign * from_roots(*roots)
         s, above, below = outwards(c, models=models)
         assert s.found
@@ -265,15 +265,15 @@ def test_the_nearest_change_of_sign_is_looked_for_on_either_side(sign):
         assert models[0, [model.SLOPE, model.CURVATURE]] == pytest.approx([-c[0] / s.x, 0.0])
 
 
-def test_on_the_other_side_it_is_looked_no_farther_than_the_root_that_is_known():
+def test_the_second_side_is_searched_up_to_the_known_root():
     s, _, below = outwards(from_roots(0.3, -0.31))
     assert s.x == pytest.approx(0.3)
     assert below[:4] == pytest.approx([0.0, -0.125, -0.25, -0.3])
     assert below[4:] == pytest.approx([0.3])
 
 
-def test_a_change_of_sign_is_narrowed_down_in_a_few_attempts():
-    """Of functions that are bent more and more, to either side: the secant alone would take hundreds."""
+def test_a_bracket_is_narrowed_in_a_few_attempts():
+    """For functions of increasing curvature, for which the secant method alone would take hundreds of attempts."""
     for power, most in ((1, 5), (2, 18), (4, 21)):
         for end in (0.0, 0.9):
             c = np.poly1d([1.0, -end]) ** power - (0.3 - end) ** power
@@ -283,7 +283,7 @@ def test_a_change_of_sign_is_narrowed_down_in_a_few_attempts():
             assert ((above[4:] > 0.25) & (above[4:] < 0.5)).all()
 
 
-def test_a_jump_to_the_other_sign_is_no_root():
+def test_a_jump_across_zero_is_not_a_root():
     for sign in (1, -1):
         s, above, _ = outwards([-sign * 1e-3], jump=2e-3 * sign)
         assert (s.x, s.found, s.at) == (0.0, False, 0.0)
@@ -291,13 +291,13 @@ def test_a_jump_to_the_other_sign_is_no_root():
         assert len(above) < 100
 
 
-def test_a_root_may_be_as_far_as_the_radius():
+def test_a_root_at_the_radius_is_found():
     s = look([-2.0, 1.0], search=NEAR._replace(first=0.0625, near=2.0))
     assert (s.x, s.found) == (2.0, True)
     assert s.tried[:, 0].tolist() == [0.0, 0.0625, 2.0, 2.0]
 
 
-def test_a_pair_of_roots_between_two_places_is_seen_by_the_least_error():
+def test_a_pair_of_roots_is_found_at_the_least_error():
     for pair, nearest, ends in (((0.7, 0.72), 0.7, 5), ((0.44, 0.46), 0.44, 5)):
         for sign in (1, -1):
             s, above, _ = outwards(sign * from_roots(*pair))
@@ -306,8 +306,8 @@ def test_a_pair_of_roots_between_two_places_is_seen_by_the_least_error():
             assert above[5] == pytest.approx(sum(pair) / 2), "where the parabola has its extremum"
 
 
-def test_a_least_error_that_is_none_is_passed_by():
-    """(x - 0.7)^2 + 0.001 has no root, and 1.5 - x has one behind it."""
+def test_a_minimum_without_a_root_is_passed():
+    """E is (x - 0.7)^2 + 0.001, without a root, times 1.5 - x, with a root beyond."""
     c = np.convolve([0.491, -1.4, 1.0], [1.5, -1.0])
     s, above, _ = outwards(c)
     assert s.x == pytest.approx(1.5, abs=1e-9)
@@ -316,15 +316,15 @@ def test_a_least_error_that_is_none_is_passed_by():
     assert above[7] == 2.0
 
 
-def test_a_branch_is_followed_to_its_end():
+def test_a_branch_of_solutions_is_searched_to_its_end():
     s, above, below = outwards([1.0, -1.0 / 0.8], within=(-0.3, 0.6))
     assert not s.found
     assert above.tolist() == [0.0, 0.125, 0.25, 0.5, 1.0]
     assert below.tolist()[:4] == [0.0, -0.125, -0.25, -0.5]
 
 
-def test_where_there_is_no_root_the_step_is_that_at_zero():
-    models = known(1.0)
+def test_without_a_root_the_step_is_that_at_zero():
+    models = model_of(1.0)
     models[0, model.STREAK] = 3.0
     s = look([1.0, 0.0, 1.0], models)
     assert (s.x, s.found, s.at, s.E, s.status) == (0.0, False, 0.0, 1.0, SOLVED)
@@ -333,8 +333,8 @@ def test_where_there_is_no_root_the_step_is_that_at_zero():
 
 
 @pytest.mark.parametrize(("near", "far"), [(0.5, False), (0.25, True), (0.49999, True)])
-def test_a_root_that_is_far_is_confirmed_from_zero_on(near, far):
-    s = look([-0.5, 1.0], known(1.0), search=OUT._replace(near=near))
+def test_a_distant_root_is_confirmed_by_an_outward_search(near, far):
+    s = look([-0.5, 1.0], model_of(1.0), search=OUT._replace(near=near))
     assert s.x == pytest.approx(0.5)
     assert s.found
     assert (len(s.tried) > 4) == far
@@ -342,8 +342,8 @@ def test_a_root_that_is_far_is_confirmed_from_zero_on(near, far):
 
 
 @pytest.mark.parametrize(("units", "slack", "kept"), [(5, 8, True), (8, 8, True), (8.1, 8, False), (5, 0, False)])
-def test_where_the_search_fails_an_error_at_zero_of_a_few_units_will_do(units, slack, kept):
-    models = known()
+def test_without_a_root_a_small_error_at_zero_is_accepted(units, slack, kept):
+    models = model_of()
     s = look([units * UNIT, 0.0, 1.0], models, search=OUT._replace(slack=float(slack), near=1.0), within=(-0.01, 0.01))
     assert np.isfinite(models[0, model.SLOPE]) or not kept
     assert (s.x, s.found, s.at) == (0.0, kept, 0.0)

@@ -1,10 +1,8 @@
-"""The units of p do not matter: with p and H in units of a power of two, q is the same to round-off and p is scaled.
+"""Results do not depend on the units of p: with p and H scaled by a power of two, q agrees to round-off.
 
-Measured in a process that compiles nothing: that the same sources, compiled, reach the same states is `test_nojit`'s.
-
-A stopping rule in one norm of q and p together would hide the error of momenta far smaller than the coordinates.
-Gonzalez' discrete gradient and projections use the Euclidean norm of (q, p), so that they change with the units by
-their definition: the controls.
+Run without compilation; `test_nojit` compares compiled with uncompiled states. A stopping rule in a joint norm of q and
+p would miss errors of momenta far smaller than the coordinates. Gonzalez' discrete gradient and projections use the
+Euclidean norm of (q, p) by definition and depend on units: the controls.
 """
 
 from __future__ import annotations
@@ -24,21 +22,21 @@ EUCLIDEAN = {"discrete_gradient", "projection"}
 
 
 def pendulum(power: int) -> Hamiltonian:
-    """H = 2^k ((p / 2^k)^2 + 1 - cos q): a mass that is not 1 in any units, as kernels tell that apart."""
+    """H = 2^k ((p / 2^k)^2 + 1 - cos q), whose mass is not 1 in any units, as unit mass has kernels of its own."""
     return Hamiltonian(q="q", p="p", H=f"p**2*{2.0**-power!r} + {2.0**power!r}*(1 - cos(q))")
 
 
 SYSTEMS = {power: pendulum(power) for power in (0, *POWERS)}
 
 
-def moved(method) -> dict[int, float]:
-    """How far a run in other units is from the one in units of 1; NaN, which no test accepts, if that fails."""
+def scaled_distances(method) -> dict[int, float]:
+    """Distance of the runs in other units from the one in units of 1; NaN if a run fails, which no test accepts."""
     own = integrate(SYSTEMS[0], method, h=0.1, steps=STEPS, q0=[Q0], p0=[P0])
     return {power: distance(own, method, power) if own.status == "ok" else np.nan for power in POWERS}
 
 
 def distance(own, method, power: int) -> float:
-    """Of a run in units of 2^power from the one in units of 1."""
+    """Distance of a run in units of 2^power from the run `own` in units of 1."""
     other = integrate(SYSTEMS[power], method, h=0.1, steps=STEPS, q0=[Q0], p0=[P0 * 2.0**power])
     if other.status != "ok":
         return np.inf
@@ -46,7 +44,7 @@ def distance(own, method, power: int) -> float:
 
 
 def one_of_each() -> list[Method]:
-    """Of each family, and of each kind of its tableaus, the first method and the one of the highest order."""
+    """For each family and kind of tableau the first method and the one of highest order."""
     kinds: dict[tuple, list[Method]] = {}
     for m in METHODS:
         if not m.lacks(SYSTEMS[0]):
@@ -61,12 +59,13 @@ CHOSEN = one_of_each()
 
 @pytest.fixture(scope="module")
 def there(uncompiled):
+    """Results of this module without compilation."""
     return uncompiled("integrators/test_scaling.py")
 
 
 @pytest.mark.parametrize("power", POWERS)
 @pytest.mark.parametrize("m", CHOSEN, ids=lambda m: m.id)
-def test_units_of_the_momenta_change_round_off_alone(there, m, power):
+def test_units_of_momenta_change_only_round_off(there, m, power):
     distance = there["moved"][m.id][str(power)]
     if m.family in EUCLIDEAN:
         assert distance > 1e-9
@@ -74,14 +73,17 @@ def test_units_of_the_momenta_change_round_off_alone(there, m, power):
         assert distance < 1e-12
 
 
-def tilted(power: int) -> Hamiltonian:
-    """A pendulum whose mass depends on q, with p and H in units of 2^power: H is neither separable nor a polynomial."""
+def tilted_pendulum(power: int) -> Hamiltonian:
+    """A pendulum whose mass depends on q, with p and H in units of 2^power; not separable, not polynomial."""
     return Hamiltonian(q="q", p="p", H=f"p**2*(1 + sin(q)**2)*{2.0**-power!r}/2 - {2.0**power!r}*cos(q)")
 
 
-def apart(power: int) -> dict:
-    """How cpg-1 and avf end, and how far apart they are, momenta in units of 2^power."""
-    runs = [integrate(tilted(power), m, h=0.1, steps=200, q0=[1.0], p0=[0.5 * 2.0**power]) for m in ("cpg-1", "avf")]
+def scaled_outcome(power: int) -> dict:
+    """Status and fallbacks of cpg-1 and avf, and the distance of their ends, with momenta in units of 2^power."""
+    runs = [
+        integrate(tilted_pendulum(power), m, h=0.1, steps=200, q0=[1.0], p0=[0.5 * 2.0**power])
+        for m in ("cpg-1", "avf")
+    ]
     q, p = (float(np.abs(getattr(runs[0], x) - getattr(runs[1], x)).max()) for x in "qp")
     ends = {"status": [s.status for s in runs], "fallbacks": [s.counts["fallbacks"] for s in runs]}
     return ends | {"q": q, "p": p * 2.0**-power}
@@ -92,7 +94,7 @@ TILTED = (-32, -20, 0, 32)
 
 @pytest.mark.parametrize("power", TILTED)
 def test_cpg_1_is_avf_in_any_units(there, power):
-    """Their quadratures are confirmed of q and p apart: a joint norm would not see the momenta."""
+    """Their quadratures are confirmed for q and p separately; a joint norm would ignore the momenta."""
     found = there["apart"][str(power)]
     assert found["status"] == ["ok", "ok"]
     assert found["fallbacks"] == [0, 0]
@@ -102,7 +104,7 @@ def test_cpg_1_is_avf_in_any_units(there, power):
 
 if __name__ == "__main__":
     result = {
-        "moved": {m.id: moved(m) for m in CHOSEN},
-        "apart": {power: apart(power) for power in TILTED},
+        "moved": {m.id: scaled_distances(m) for m in CHOSEN},
+        "apart": {power: scaled_outcome(power) for power in TILTED},
     }
     print(json.dumps({"result": result}, default=int))

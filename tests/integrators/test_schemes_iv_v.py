@@ -1,7 +1,7 @@
 """Schemes IV and V, their compositions and variants: energy, quadratic invariants, and the root that is taken.
 
-The root is checked against a scan in the parameter written here in NumPy, which follows the step from lambda = 1/2
-outwards on both sides and shares nothing with the finder of the package.
+The root is checked against a scan over the parameter, written here in NumPy without code of the package: it follows the
+step from lambda = 1/2 outwards on both sides.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 EQUIP = by_label([m for m in variants() if m.family == "schemes_iv_v"])
 
-#: Where every step has a root near 1/2, and where some have none: (problem, its parameters, h, steps).
+#: Cases in which every step has a root near 1/2, and in which some have none: (problem, parameters, h, steps).
 EASY = (
     ("henon-heiles:chaotic", {}, 0.05, 400),
     ("henon-heiles:box", {}, 0.05, 400),
@@ -37,24 +37,26 @@ HARD = (
 
 @cache
 def solution(label, name, parameters, h, steps):
+    """(problem, solution) of a case, cached."""
     made = problem(name, **dict(parameters))
     return made, integrate(made, EQUIP[label], h=h, steps=steps)
 
 
 def run(label, case):
+    """(problem, solution) of a case."""
     name, parameters, h, steps = case
     return solution(label, name, tuple(parameters.items()), h, steps)
 
 
 def energy_error(made, s):
-    """H - H0 along a solution, each H in extended precision so that only the state's rounding is seen."""
+    """H - H0 along a solution, evaluated in extended precision so that only the rounding of states shows."""
     q, p = s.q.astype(np.longdouble), s.p.astype(np.longdouble)
     H = sp.lambdify([*made.system.q, *made.system.p], made.system.H, "numpy")(*q.T, *p.T)
     return (H - H[0]).astype(float)
 
 
 def size_of_terms(made, s):
-    """The unit of H's round-off: the sizes of its terms, and what a rounding of the state makes of it."""
+    """The round-off scale of H: the sizes of its terms and the effect of rounding the state."""
     system = made.system
     parts = [*sp.Add.make_args(sp.expand(system.H)), *(x * system.H.diff(x) for x in (*system.q, *system.p))]
     return np.sum([np.abs(system.observe(t, s.q, s.p)) for t in parts], 0).max()
@@ -62,7 +64,7 @@ def size_of_terms(made, s):
 
 @pytest.mark.parametrize("case", EASY, ids=lambda c: c[0])
 @pytest.mark.parametrize("label", EQUIP)
-def test_energy_stays_at_round_off(label, case):
+def test_energy_is_conserved_to_round_off(label, case):
     made, s = run(label, case)
     assert s.status == "ok"
     if s.counts["fallbacks"]:
@@ -71,7 +73,7 @@ def test_energy_stays_at_round_off(label, case):
 
 
 @pytest.mark.parametrize("case", EASY, ids=lambda c: c[0])
-def test_control_the_midpoint_rule_does_not_keep_the_energy(case):
+def test_control_the_midpoint_rule_does_not_conserve_energy(case):
     name, parameters, h, steps = case
     made = problem(name, **parameters)
     s = integrate(made, "implicit-midpoint", h=h, steps=steps)
@@ -80,7 +82,7 @@ def test_control_the_midpoint_rule_does_not_keep_the_energy(case):
 
 @pytest.mark.parametrize("case", HARD, ids=lambda c: c[0])
 @pytest.mark.parametrize("label", [x for x, m in EQUIP.items() if len({row[2] for row in m.data}) == 1])
-def test_energy_is_that_of_the_start_after_every_step_with_a_root(label, case):
+def test_every_step_with_a_root_restores_the_initial_energy(label, case):
     made, s = run(label, case)
     assert len(s.parameter), s.reason
     good = ~np.isnan(s.parameter)
@@ -96,7 +98,7 @@ def test_energy_is_that_of_the_start_after_every_step_with_a_root(label, case):
 
 @pytest.mark.parametrize("case", [c for c in HARD if c[0] != "perturbed-kepler"], ids=lambda c: c[0])
 @pytest.mark.parametrize("label", EQUIP)
-def test_hard_cases_do_not_stop(label, case):
+def test_hard_cases_run_to_the_end(label, case):
     if len({row[2] for row in EQUIP[label].data}) > 1:
         pytest.skip("the long negative substep of a composition is unstable at such a step")
     _, s = run(label, case)
@@ -104,20 +106,20 @@ def test_hard_cases_do_not_stop(label, case):
 
 
 @pytest.mark.parametrize("label", EQUIP)
-def test_angular_momentum_stays_at_round_off(label):
+def test_angular_momentum_is_conserved_to_round_off(label):
     made, s = run(label, EASY[3])
     L = made.system.observe(made.invariants["angular-momentum"], s.q, s.p)
     assert np.abs(L - L[0]).max() < 2e-14
 
 
 @pytest.mark.parametrize("label", EQUIP)
-def test_quadratic_invariants_of_the_form_q_D_p_are_kept(label):
+def test_quadratic_invariants_are_conserved(label):
     """H is invariant under q -> exp(sD) q, p -> exp(-sD^T) p with D = diag(1, -1), so q . D p is conserved."""
     system = Hamiltonian(
         q="q1 q2", p="p1 p2", H="(p1**2*q1**2 + p2**2*q2**2)/2 + cos(q1*q2) + p1*p2 + p1*q1/3 + (q1*p1)**4/20"
     )
     s = integrate(system, EQUIP[label], h=0.02, steps=300, q0=[0.7, 0.4], p0=[0.3, -0.5])
-    assert s.status in ("ok", "no-root")  # also a step without a root is a symplectic map's
+    assert s.status in ("ok", "no-root")  # a step without a root is symplectic too
     q, p = s.q, s.p
     kept = q[:, 0] * p[:, 0] - q[:, 1] * p[:, 1]
     assert np.abs(kept - kept[0]).max() < 1e-14
@@ -140,7 +142,7 @@ class Scan:
         self.J = np.block([[np.zeros((d, d)), np.eye(d)], [-np.eye(d), np.zeros((d, d))]])
 
     def substep(self, y, h, lam, z):
-        """The increment z of Scheme I from y over h, by Newton's method from z; None where it does not converge."""
+        """Increment of Scheme I from y over h by Newton's method started at z; None if it does not converge."""
         weights = np.repeat([1 - lam, lam], self.d)
         for _ in range(40):
             stage = y + weights * z
@@ -158,7 +160,7 @@ class Scan:
         return None
 
     def __call__(self, y, H0, x, guesses):
-        """(E, increments of the substeps), or None."""
+        """(E, increments of the substeps), or None if a substep has no solution."""
         n, found = len(self.signs), []
         for sign, guess in zip(self.signs, guesses, strict=True):
             z = self.substep(y, self.h / n, 0.5 + sign * x, guess)
@@ -169,7 +171,7 @@ class Scan:
         return self.H(y) - H0, found
 
     def nearest(self, y, H0, radius, points=400):
-        """The root nearest 0 within the radius, followed on both sides; inf where there is none."""
+        """The root nearest 0 within the radius on either side; inf if there is none."""
         zero = [np.zeros(2 * self.d)] * len(self.signs)
         begin = self(y, H0, 0.0, zero)
         if begin is None:
@@ -181,7 +183,7 @@ class Scan:
             for b in side * ladder:
                 there = self(y, H0, b, za)
                 if there is None or max(np.abs(u - v).max() for u, v in zip(there[1], za, strict=True)) > 0.5:
-                    break  # the branch that starts at lambda = 1/2 ends here
+                    break  # the branch of solutions from lambda = 1/2 ends here
                 if (there[0] > 0) != (Ea > 0):
                     roots.append(self._bisect(y, H0, a, b, Ea, za))
                     break
@@ -189,6 +191,7 @@ class Scan:
         return min(roots, key=abs, default=np.inf)
 
     def _bisect(self, y, H0, a, b, Ea, za):
+        """Root between a and b by bisection."""
         for _ in range(60):
             m = 0.5 * (a + b)
             Em, zm = self(y, H0, m, za)
@@ -202,8 +205,8 @@ class Scan:
 SIGNS = {"scheme-iv": (1,), "scheme-v": (-1, 1)}
 
 
-def sampled(s, fallback, most=12):
-    """Numbers of steps with a root (those far from 1/2 and some others), or without one."""
+def sample_steps(s, fallback, most=12):
+    """Numbers of some steps with a root (those farthest from 1/2 and others), or without one."""
     lam = s.parameter
     if fallback:
         return np.flatnonzero(np.isnan(lam))[:most]
@@ -220,12 +223,12 @@ def test_the_root_is_the_one_nearest_one_half(label, case):
     y = np.hstack([s.q, s.p])
     H0 = scan.H(y[0])
     checked = 0
-    for n in sampled(s, fallback=False, most=6):
+    for n in sample_steps(s, fallback=False, most=6):
         root = scan.nearest(y[n], H0, RADIUS)
         taken = s.parameter[n] - 0.5
         E0 = abs(scan(y[n], H0, 0.0, [np.zeros(2 * made.system.d)] * len(SIGNS[label]))[0])
         if E0 < 1e-13:
-            continue  # at the round-off of H nothing tells one root from another
+            continue  # at the round-off of H roots cannot be told apart
         checked += 1
         assert abs(abs(root) - abs(taken)) < 1e-4 * (1e-2 + abs(taken)) + 1e-15 / E0, (n, root, taken)
     assert checked >= 5
@@ -233,9 +236,9 @@ def test_the_root_is_the_one_nearest_one_half(label, case):
 
 @pytest.mark.parametrize("case", HARD, ids=lambda c: f"{c[0]}-{c[2]}")
 @pytest.mark.parametrize("label", SIGNS)
-def test_where_a_step_falls_back_there_is_no_root(label, case):
+def test_steps_that_fall_back_have_no_root(label, case):
     made, s = run(label, case)
-    steps = sampled(s, fallback=True)
+    steps = sample_steps(s, fallback=True)
     if not len(steps):
         pytest.skip("every step has a root")
     scan = Scan(made.system, SIGNS[label], s.h)
@@ -244,18 +247,18 @@ def test_where_a_step_falls_back_there_is_no_root(label, case):
     assert {int(n): scan.nearest(y[n], H0, RADIUS) for n in steps} == {int(n): np.inf for n in steps}
 
 
-def test_some_hard_case_has_fallbacks_and_every_scheme_is_checked():
+def test_hard_cases_have_fallbacks_and_schemes_are_checked():
     assert any(run("scheme-iv", case)[1].counts["fallbacks"] for case in HARD)
     assert set(SIGNS) <= set(EQUIP)
 
 
 def unmarked_kepler():
-    """The Kepler problem, declared regular, so that nothing else stops a run."""
+    """The Kepler problem without a declared singularity, so that nothing else ends a run."""
     return Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - 1/sqrt(x**2 + y**2)", singular=())
 
 
 @pytest.mark.parametrize("label", SIGNS)
-def test_a_run_that_mostly_finds_no_root_says_so(label):
+def test_a_run_mostly_without_roots_is_reported(label):
     e = 0.9
     start = {"q0": [1 - e, 0], "p0": [0, ((1 + e) / (1 - e)) ** 0.5]}
     lost = integrate(unmarked_kepler(), label, h=0.3, steps=200, **start)
@@ -266,7 +269,7 @@ def test_a_run_that_mostly_finds_no_root_says_so(label):
     assert (kept.status, kept.reason) == ("ok", "")
 
 
-def test_a_few_steps_without_a_root_are_told_and_forgiven():
+def test_a_few_steps_without_a_root_are_tolerated():
     found = integrate(problem("henon-heiles:box"), "scheme-iv", h=0.1, t_end=60)
     assert found.status == "ok"
     assert found.reason.startswith(f"{found.counts['fallbacks']} of 600 steps")
@@ -275,7 +278,7 @@ def test_a_few_steps_without_a_root_are_told_and_forgiven():
 @pytest.mark.parametrize(("h", "most"), [(0.01, 2.9), (0.1, 3.3)])
 @pytest.mark.parametrize("name", ["pendulum:swinging", "henon-heiles:chaotic", "perturbed-kepler"])
 def test_a_followed_root_costs_few_evaluations(name, h, most):
-    """Beside Scheme III: each attempt at a step of Scheme V is a step of that."""
+    """Compared with Scheme III, one step of which is one attempt of Scheme V."""
     made = problem(name)
     taken = [integrate(made, id, h=h, steps=1000).counts["gradient"] for id in ("scheme-v", "scheme-iii")]
     assert taken[0] < most * taken[1]
@@ -284,39 +287,41 @@ def test_a_followed_root_costs_few_evaluations(name, h, most):
 # -- a few steps -------------------------------------------------------------------------------------------------------
 
 BOX = problem("henon-heiles:box")
-#: From here Scheme IV has no root in a step of 0.1, and Scheme V has one.
+#: From this state a step of 0.1 has no root for Scheme IV but one for Scheme V.
 ROOTLESS = {"q0": [0.1365, 0.0292], "p0": [-0.1373, 0.0245]}
 
 
-def stepped(id, parameters=None, h=0.1, **start):
+def take_step(id, parameters=None, h=0.1, **start):
+    """(end, lambda, fallbacks) of one step."""
     s = integrate(BOX, id, h=h, steps=1, parameters=parameters, **(start or ROOTLESS))
     return np.concatenate([s.q[-1], s.p[-1]]), s.parameter[0], s.counts["fallbacks"]
 
 
-def test_a_step_without_a_root_is_the_midpoint_rule_s_and_its_alternative_s_where_it_has_one():
-    end, lam, fallbacks = stepped("scheme-iv")
+def test_a_step_without_a_root_is_the_midpoint_rule():
+    """Schemes with an alternative take its step instead if that has a root."""
+    end, lam, fallbacks = take_step("scheme-iv")
     assert np.isnan(lam)
     assert fallbacks == 1
-    assert np.abs(end - stepped("implicit-midpoint")[0]).max() < 1e-15
-    other, lam, _ = stepped("scheme-v")
+    assert np.abs(end - take_step("implicit-midpoint")[0]).max() < 1e-15
+    other, lam, _ = take_step("scheme-v")
     assert np.abs(other - end).max() > 1e-6, "the control"
     for id in ("scheme-iv-v", "scheme-v-iv"):
-        found, same, fallbacks = stepped(id)
+        found, same, fallbacks = take_step(id)
         assert fallbacks == 0
         assert abs(same - lam) < 1e-9
         assert np.abs(found - other).max() < 1e-15
 
 
 @pytest.mark.parametrize(("label", "fixed"), [("scheme-iv", "scheme-i"), ("scheme-v", "scheme-iii")])
-def test_a_step_is_that_of_the_scheme_with_its_parameter(label, fixed):
+def test_a_step_equals_the_scheme_with_its_lambda(label, fixed):
     s = integrate(BOX, label, h=0.2, steps=4)
     for n, lam in enumerate(s.parameter):
-        end = stepped(fixed, {"lam": lam}, h=0.2, q0=s.q[n], p0=s.p[n])[0]
+        end = take_step(fixed, {"lam": lam}, h=0.2, q0=s.q[n], p0=s.p[n])[0]
         assert abs(lam - 0.5) > 1e-4
         assert np.abs(end - [*s.q[n + 1], *s.p[n + 1]]).max() < 1e-15
 
 
-def test_a_run_goes_on_from_a_step_without_a_root():
+def test_a_run_continues_after_a_step_without_a_root():
     s = integrate(BOX, "scheme-iv", h=0.1, steps=40)
     assert np.flatnonzero(np.isnan(s.parameter)).tolist() == [24]
     assert s.counts["fallbacks"] == 1
@@ -332,8 +337,8 @@ def test_a_run_goes_on_from_a_step_without_a_root():
 @pytest.mark.parametrize(
     ("name", "h"), [("henon-heiles:box", 0.1), ("henon-heiles:box", 0.01), ("pendulum:swinging", 0.1)]
 )
-def test_a_root_is_followed_from_the_first_steps_on(name, h):
-    """By its evaluations, beside those of Scheme III."""
+def test_a_root_is_followed_from_the_first_steps(name, h):
+    """Evaluations compared with those of Scheme III."""
     made = problem(name)
     taken = [integrate(made, id, h=h, steps=40).counts["gradient"] for id in ("scheme-v", "scheme-iii")]
     assert taken[0] < 2.65 * taken[1]

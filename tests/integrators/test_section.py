@@ -1,4 +1,4 @@
-"""Poincare sections: points of the flow on the plane, each crossing once."""
+"""Poincare sections: every crossing of the plane is found once, at its place."""
 
 import tracemalloc
 
@@ -16,7 +16,7 @@ from phasebench.integrators.section import section
 OSCILLATOR = Hamiltonian(q="x", p="v", H="v**2/2 + x**2/2")
 
 
-def test_the_crossings_of_the_oscillator_are_known():
+def test_crossings_of_the_oscillator():
     r = np.array([1.0, 2.0])
     found = section(OSCILLATOR, "gauss-4", [[1.0], [0.0]], [[0.0], [2.0]], of="x", at=0.5, h=0.1, t_end=20.0)
     assert found.counts().tolist() == [3, 4]
@@ -26,7 +26,7 @@ def test_the_crossings_of_the_oscillator_are_known():
     np.testing.assert_allclose(found.t, turn + np.array([-np.pi / 3] * 3 + [np.arcsin(0.25)] * 4), rtol=1e-9)
 
 
-def test_falling_crossings_are_the_others():
+def test_rising_and_falling_crossings():
     options = {"of": "x", "h": 0.1, "t_end": 20.0}
     rising, falling = (
         section(OSCILLATOR, "gauss-4", [[1.0]], [[0.0]], rising=rising, **options) for rising in (True, False)
@@ -37,7 +37,7 @@ def test_falling_crossings_are_the_others():
     np.testing.assert_allclose(momentum.t, np.pi * (2 * np.arange(3) + 1), rtol=1e-9)
 
 
-def test_a_point_is_where_the_orbit_is_at_its_time():
+def test_a_crossing_lies_on_the_orbit():
     made = problem("henon-heiles:box")
     found = section(made, "kahan-li-8", [made.q0], [made.p0], of="q1", h=0.1, t_end=50.0, every=2)
     assert len(found.t) > 5
@@ -48,7 +48,7 @@ def test_a_point_is_where_the_orbit_is_at_its_time():
         assert p[0] > 0
 
 
-def test_an_orbit_that_stops_keeps_its_crossings():
+def test_a_stopped_orbit_keeps_its_crossings():
     made = problem("henon-heiles:box")
     Q, P = np.array([made.q0, (0.0, 1.5)]), np.array([made.p0, (0.5, 0.1)])
     found = section(made, "stormer-verlet", Q, P, of="q1", h=0.01, t_end=50.0)
@@ -57,13 +57,13 @@ def test_an_orbit_that_stops_keeps_its_crossings():
 
 
 @pytest.mark.parametrize(("changed", "message"), [({"of": "z"}, "no coordinate"), ({"every": 0}, "every")])
-def test_what_cannot_be_used_is_refused(changed, message):
+def test_invalid_arguments_are_refused(changed, message):
     with pytest.raises(InvalidInput, match=message):
         section(OSCILLATOR, "gauss-4", [[1.0]], [[0.0]], **{"of": "x", "h": 0.1, "steps": 1} | changed)
 
 
 def box(n, **options):
-    """The crossings of n orbits of Henon-Heiles."""
+    """The section of n Henon-Heiles orbits."""
     Q = np.column_stack([np.zeros(n), np.linspace(-0.3, 0.3, n)])
     P = np.column_stack([np.full(n, 0.3), np.linspace(0.1, -0.1, n)])
     options = {"of": "q1", "h": 0.1, "t_end": 200.0} | options
@@ -72,7 +72,7 @@ def box(n, **options):
 
 @pytest.mark.parametrize("method", ["pefrl", "gauss-4", "scheme-v"])
 def test_crossings_do_not_depend_on_lanes_threads_or_pieces(monkeypatch, method):
-    """In lanes, one by one, and (Scheme V) by `integrate`; in calls of two rows as in those of many."""
+    """In lanes, one by one, by `integrate` (Scheme V), and in calls of two rows or of many."""
     found = [box(20, method=method, threads=k) for k in (1, 2)]
     monkeypatch.setattr(sections, "ROOM", 1)
     monkeypatch.setattr(sections.Watched, "group", 8)
@@ -87,7 +87,7 @@ def test_crossings_do_not_depend_on_lanes_threads_or_pieces(monkeypatch, method)
 
 
 def test_a_section_takes_little_memory(monkeypatch):
-    """8 (2 d + 2) bytes a crossing and the room of a piece and of a growth; the rows would take 50 times as much."""
+    """8 (2 d + 2) bytes per crossing plus fixed buffers; storing the rows would take 50 times as much."""
     box(20, t_end=10.0)
     bound = 8 * (sections.ROOM + 40 * sections.LOOKS) + 8 * 6 * GROWTH
     tracemalloc.start()
@@ -102,15 +102,15 @@ def test_a_section_takes_little_memory(monkeypatch):
     assert rows > 10 * peak
 
 
-def test_steps_of_every_orbit_may_be_its_own():
+def test_every_orbit_may_have_its_own_step():
     found = box(3, h=np.array([0.1, 0.05, 0.025]))
     alike = [box(3, h=h) for h in (0.1, 0.05, 0.025)]
     for i, other in enumerate(alike):
         np.testing.assert_array_equal(found.t[found.orbit == i], other.t[other.orbit == i])
 
 
-def test_a_collision_between_the_looks_is_seen():
-    """A head-on fall passes the centre in one step; seen alone by the rows of every step."""
+def test_a_collision_between_stored_rows_is_seen():
+    """A fall passes the centre within one step; only checking every step shows it."""
     fall = problem("kepler").system
     found = section(
         fall, "stormer-verlet", [[1.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]], of="q2", h=0.01, t_end=10

@@ -1,4 +1,4 @@
-"""Distances found in formulae: those that vanish at singularities, softened ones, and none of regular formulae."""
+"""Singular and softened distances found in formulas."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import sympy as sp
 
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.integrators import Hamiltonian
+from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import DOUBLE
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import adaptive
 from phasebench.integrators.systems import singularities
@@ -18,17 +18,18 @@ from support.values import value
 
 
 def of(V, **options):
+    """H = |p|^2 / 2 + V."""
     return Hamiltonian(q="x y", p="u v", H=f"(u**2 + v**2)/2 + {V}", **options)
 
 
 def same(found, expected, system):
-    """Whether these are the same distances, as expressions."""
+    """Whether two lists of distances are equal as expressions."""
     wanted = [system._formula(e) for e in expected]
     return len(found) == len(wanted) and all(any(sp.simplify(a - b) == 0 for b in wanted) for a in found)
 
 
 R = "sqrt(x**2 + y**2)"
-#: V -> the distances that vanish.
+#: V -> its distances that can vanish.
 SINGULAR = {
     f"1/{R}": [R],
     "(x**2 + y**2)**(-1/2)": [R],
@@ -53,7 +54,7 @@ SINGULAR = {
     f"1/(1 - 2/{R})": [R, f"{R} - 2"],
     "1/(x**4 + y**4)": ["(x**4 + y**4)**(1/4)"],
 }
-#: V -> the distances that cannot vanish.
+#: V -> its softened distances, which cannot vanish.
 SOFTENED = {
     "-1/sqrt(x**2 + y**2 + 1/100)": ["sqrt(x**2 + y**2 + 1/100)"],
     "log(x**2 + 4*y**2 + 4/10000)/2": ["sqrt(x**2/4 + y**2 + 1/10000)"],
@@ -73,7 +74,7 @@ REGULAR += ["x**4 + x**2*y**2", R, "log(1 + exp(x)) + y", "y + tanh(x)", "1/(16 
 
 
 @pytest.mark.parametrize("V", SINGULAR)
-def test_distances_that_vanish_are_found_as_written(V):
+def test_singular_distances_are_found(V):
     system = of(V)
     assert same(system.singular, SINGULAR[V], system), system.singular
     assert not system.softened
@@ -81,7 +82,7 @@ def test_distances_that_vanish_are_found_as_written(V):
 
 
 @pytest.mark.parametrize("V", SOFTENED)
-def test_softened_distances_are_found_and_are_nothing_to_collide_with(V):
+def test_softened_distances_are_not_singular(V):
     system = of(V)
     assert not system.singular
     assert same(system.softened, SOFTENED[V], system), system.softened
@@ -90,13 +91,13 @@ def test_softened_distances_are_found_and_are_nothing_to_collide_with(V):
 
 
 @pytest.mark.parametrize("V", REGULAR)
-def test_regular_formulae_have_none(V):
+def test_regular_formulas_have_no_distances(V):
     system = of(V)
     assert system.singular == system.softened == ()
     assert not system.traits["singular distances"]
 
 
-def test_what_is_given_overrides():
+def test_declared_distances_override_those_found():
     far = of(f"1/{R}", singular=["sqrt((x - 5)**2 + y**2)"])
     assert same(far.singular, ["sqrt((x - 5)**2 + y**2)"], far)
     none = of("1/sqrt(x**2 + y**2 + 1/100)", singular=())
@@ -105,17 +106,17 @@ def test_what_is_given_overrides():
     assert not none.traits["singular distances"]
 
 
-def test_a_base_with_momenta_has_no_distance():
+def test_a_base_with_momenta_is_not_a_distance():
     system = Hamiltonian(q="x", p="u", H="x**2 + u**2 + 1/sqrt(1 + u**2 + x**2)")
     assert system.singular == system.softened == ()
 
 
-#: Singularities of registered formulae that are not declared: r = 0, behind the horizon of Schwarzschild.
+#: Singularities of registered formulas that are not declared: r = 0, inside the horizon of Schwarzschild.
 BEYOND = {"schwarzschild": {"r"}}
 
 
 @pytest.mark.parametrize("id", [id for id in PROBLEMS if isinstance(problem(id).system, Hamiltonian)])
-def test_registered_problems_have_the_distances_that_they_declare(id):
+def test_registered_problems_declare_their_distances(id):
     system = problem(id).system
     found = singularities.find(system.H, system.q, system.p)
     declared = {sp.simplify(e) for e in system.singular}
@@ -125,13 +126,13 @@ def test_registered_problems_have_the_distances_that_they_declare(id):
     assert not found.softened
 
 
-def test_a_distance_is_known_to_all_digits_where_the_formula_is_multiplied_out():
+def test_the_distance_of_an_expanded_formula_is_exact():
     system = of("1/sqrt(x**2 - 2*x + 1 + y**2)")
     assert system.distances([[1 + 1e-9, 0.0]], [[0.0, 0.0]])[0, 0] == pytest.approx(1e-9, rel=1e-6)
 
 
-def test_the_density_follows_a_distance_that_has_a_sign():
-    """Of 1/(x - 2)**2 on the side where x - 2 is negative."""
+def test_the_step_density_handles_signed_distances():
+    """V = 1/(x - 2)**2, at x < 2."""
     system = of("1/(x - 2)**2")
     monitor = adaptive.monitor(system, DOUBLE)
     q, p, dt = np.array([1.5, 0.6]), np.array([0.7, -0.3]), 1e-5
@@ -142,12 +143,12 @@ def test_the_density_follows_a_distance_that_has_a_sign():
 
 
 @pytest.mark.parametrize("id", ["stormer-verlet-adaptive", "gauss-8-adaptive"])
-def test_a_fall_into_a_singularity_that_was_found_is_a_collision(id):
+def test_a_fall_into_a_detected_singularity_is_a_collision(id):
     options = {"h": 0.1, "t_end": 5, "q0": [1.0, 0.0], "p0": [0.0, 0.0]}
     assert integrate(of(f"-1/{R}"), id, **options).status == "collision"
 
 
-def test_a_fall_through_a_softened_centre_is_none():
+def test_a_fall_through_a_softened_centre_is_no_collision():
     options = {"h": 0.02, "t_end": 12, "q0": [1.0, 0.0], "p0": [0.0, 0.0]}
     soft = integrate(of("-1/sqrt(x**2 + y**2 + 1e-4)"), "gauss-8-adaptive", **options)
     assert soft.status == "ok", soft.reason
@@ -157,7 +158,7 @@ def test_a_fall_through_a_softened_centre_is_none():
     assert hard.status == "collision", "the control"
 
 
-def test_variable_steps_serve_a_formula_of_ones_own():
+def test_variable_steps_work_for_a_users_formula():
     H = "(u**2 + v**2)/2 - 1/sqrt((x - 1)**2 + y**2) - 1/sqrt((x + 1)**2 + y**2)"
     centres = Hamiltonian(q="x y", p="u v", H=H)
     errors = []

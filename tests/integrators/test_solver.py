@@ -1,4 +1,4 @@
-"""The solver of the stage equations, its start, and the compensated sum."""
+"""The solver of the stage equations, its starting values, and compensated summation."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from numba import njit
 
 from phasebench.benchmarks.measure.metrics import slope
 from phasebench.benchmarks.problems import problem
+from phasebench.integrators.compile import codegen
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine import codegen, vector
-from phasebench.integrators.engine.solve import (
+from phasebench.integrators.registry import method
+from phasebench.integrators.stepping.solve import (
     FIXED_POINT_LIMIT,
     LEVELS,
     NOT_FINITE,
@@ -22,7 +23,7 @@ from phasebench.integrators.engine.solve import (
     remember,
     solver,
 )
-from phasebench.integrators.registry import method
+from phasebench.integrators.values import vector
 from support.values import value
 
 EPS = np.finfo(float).eps
@@ -30,17 +31,18 @@ WORK = np.zeros((8, 8))
 
 
 def equation(f):
-    """A function of values that returns the components of one."""
+    """Compile a function whose result is a vector."""
     return njit(f) if codegen.compiled() else lambda *arguments: np.array(f(*arguments))
 
 
-# -- the start --------------------------------------------------------------------------------------------------------
+# -- starting values --------------------------------------------------------------------------------------------------
 
 
 ZERO = value(0.0, 0.0)
 
 
 def table(values, slots=1, slot=0):
+    """Memory of the increments of earlier steps."""
     memory = np.zeros(((LEVELS + 1) * slots, 2))
     for known, v in enumerate(values):
         remember(memory, slot, slots, known, value(float(v), -2.0 * float(v)))
@@ -48,25 +50,25 @@ def table(values, slots=1, slot=0):
 
 
 @pytest.mark.parametrize("degree", range(LEVELS))
-def test_the_start_continues_a_polynomial(degree):
+def test_the_start_extrapolates_a_polynomial(degree):
     values = [(0.3 * n - 1) ** degree for n in range(LEVELS + 1)]
     x = predict(table(values[:LEVELS]), 0, 1, LEVELS, ZERO)
     assert x == pytest.approx((values[LEVELS], -2 * values[LEVELS]), abs=1e-13)
 
 
-def test_control_a_polynomial_of_higher_degree_is_not_continued():
+def test_control_higher_degrees_are_not_extrapolated():
     values = [(0.3 * n - 1) ** LEVELS for n in range(LEVELS + 1)]
     x = predict(table(values[:LEVELS]), 0, 1, LEVELS, ZERO)
     assert abs(x[0] - values[LEVELS]) > 1e-3
 
 
-def test_the_start_uses_no_more_than_the_known_steps():
+def test_the_start_uses_only_known_steps():
     memory = table([5.0])
     assert tuple(predict(memory, 0, 1, 1, ZERO)) == (5.0, -10.0)
     assert tuple(predict(np.zeros((LEVELS + 1, 2)), 0, 1, 0, ZERO)) == (0.0, 0.0)
 
 
-def test_the_equations_of_a_step_do_not_mix():
+def test_several_equations_of_a_step_are_stored_separately():
     memory = table([1.0, 2.0], slots=2, slot=0)
     assert tuple(predict(memory, 1, 2, 2, ZERO)) == (0.0, 0.0)
     assert predict(memory, 0, 2, 2, ZERO) == pytest.approx((3.0, -6.0))
@@ -77,12 +79,14 @@ def test_the_equations_of_a_step_do_not_mix():
 
 @equation
 def affine(x, arguments):
+    """Two independent affine equations with contraction factors ``factor`` and -``factor`` / 2."""
     factor, constant = arguments
     return (factor * x[0] + constant, -0.5 * factor * x[1] + constant)
 
 
 @equation
 def no_solution(x, arguments):
+    """The equation x = x^2 + 1, which has no real solution."""
     return (x[0] * x[0] + 1.0, x[1])
 
 
@@ -93,7 +97,7 @@ def infinite(x, arguments):
 
 @njit
 def of_one(x, g, arguments):
-    """Both unknowns are increments of variables of the size 1."""
+    """The scales of both unknowns, increments of variables of size 1."""
     return 1.0, 1.0
 
 
@@ -101,6 +105,7 @@ solve_affine, solve_none, solve_infinite = (solver(G, of_one) for G in (affine, 
 
 
 def fixed_point(factor, constant):
+    """Solution of the affine equation."""
     return constant / (1 - factor), constant / (1 + 0.5 * factor)
 
 
@@ -113,26 +118,26 @@ def test_a_contraction_needs_no_newton(factor):
 
 
 @pytest.mark.parametrize("factor", [0.999, -1.0, 1.5, -30.0, 1e6])
-def test_newton_takes_over_where_it_stalls_or_diverges(factor):
+def test_newton_takes_over_from_a_stalled_iteration(factor):
     x, _, newton, status = solve_affine((factor, 0.7), ZERO, 1.0, EPS, WORK)
     assert (status, newton) == (SOLVED, 1)
     assert x == pytest.approx(fixed_point(factor, 0.7), rel=1e-12)
 
 
-def test_a_singular_equation_is_not_called_solved():
+def test_a_singular_equation_is_not_solved():
     assert solve_affine((1.0, 0.7), ZERO, 1.0, EPS, WORK)[3] != SOLVED
 
 
-def test_an_equation_without_a_solution_is_not_called_solved():
+def test_an_equation_without_a_solution_is_not_solved():
     assert solve_none((0.0, 0.0), value(0.3, 0.0), 1.0, EPS, WORK)[3] in (STALLED, NOT_FINITE)
 
 
-def test_what_is_not_finite_is_not_called_solved():
+def test_an_infinite_value_is_not_a_solution():
     assert solve_infinite((0.0, 0.0), value(0.3, 0.0), 1.0, EPS, WORK)[3] in (STALLED, NOT_FINITE)
 
 
-def test_a_slow_contraction_has_its_iterations_and_newton_whole_differences():
-    """At half its last size a change still falls fast enough."""
+def test_the_limit_on_iterations_and_newtons_differences():
+    """Changes that halve converge fast enough; slower ones reach the limit on iterations."""
     slow, half = (solve_affine((f, 1.25), value(0.0, 1.0), 1.0, EPS, WORK)[1:] for f in (0.999, 0.5))
     assert slow[0] > FIXED_POINT_LIMIT
     assert (slow[0] - FIXED_POINT_LIMIT) % 3 == 0, "two unknowns take two differences and the residual"
@@ -142,10 +147,11 @@ def test_a_slow_contraction_has_its_iterations_and_newton_whole_differences():
 
 @equation
 def of_their_size(x, g, arguments):
+    """Scales of the size of the unknowns themselves."""
     return abs(x[0]) + abs(g[0]), abs(x[1]) + abs(g[1])
 
 
-def test_a_solution_beyond_the_largest_number_is_not_finite():
+def test_an_overflowing_solution_is_not_finite():
     factor, constant = 1 + 1e-6, 1e303
     start = value(0.0, fixed_point(factor, constant)[1])
     with np.errstate(all="ignore"):
@@ -158,17 +164,18 @@ UNIT = 2.0**-40
 
 @equation
 def in_two_units(x, arguments):
-    """u = 3 cos(v / UNIT), v = 3 UNIT sin(u): the second unknown is one of far smaller units."""
+    """u = 3 cos(v / UNIT), v = 3 UNIT sin(u): the second unknown has a far smaller scale."""
     return (3 * np.cos(x[1] / UNIT), 3 * UNIT * np.sin(x[0]))
 
 
 @njit
 def of_their_units(x, g, arguments):
+    """The true scales of the unknowns."""
     return 1.0, UNIT
 
 
 @pytest.mark.parametrize(("lengths", "solved"), [(of_their_units, True), (of_one, False)])
-def test_differences_are_as_long_as_what_is_varied(lengths, solved):
+def test_difference_steps_follow_the_scales(lengths, solved):
     x, _, newton, status = solver(in_two_units, lengths)((0.0,), value(1.1, UNIT), 1.0, EPS, WORK)
     assert (newton, status == SOLVED) == (1, solved)
     if solved:
@@ -179,14 +186,14 @@ def test_differences_are_as_long_as_what_is_varied(lengths, solved):
 
 
 def midpoint_map(omega, h):
-    """The implicit midpoint rule on the harmonic oscillator in closed form, a Cayley map."""
+    """Matrix of the implicit midpoint rule on the harmonic oscillator, a Cayley transform."""
     a = Fraction(h) * Fraction(omega) / 2
     c, s = float((1 - a * a) / (1 + a * a)), float(2 * a / (1 + a * a))
     return np.array([[c, s / omega], [-s * omega, c]])
 
 
 @pytest.mark.parametrize(("omega", "h"), [(1.0, 0.1), (50.0, 0.1), (1e3, 0.1), (1e3, 10.0)])
-def test_the_midpoint_step_is_right_where_only_newton_converges(omega, h):
+def test_the_midpoint_rule_where_only_newton_converges(omega, h):
     made = problem("harmonic-oscillator", omega=omega)
     s = integrate(made, "implicit-midpoint", h=h, steps=20, q0=[1.0], p0=[omega / 3])
     assert s.status == "ok"
@@ -198,11 +205,11 @@ def test_the_midpoint_step_is_right_where_only_newton_converges(omega, h):
         assert np.abs((np.array([s.q[n + 1, 0], s.p[n + 1, 0]]) - y) / [1, omega]).max() < 1e-12
 
 
-def test_control_the_closed_form_is_that_of_this_step():
+def test_control_the_closed_form_depends_on_the_step():
     assert np.abs(midpoint_map(1.0, 0.1) - midpoint_map(1.0, 0.2)).max() > 1e-2
 
 
-# -- the compensated sum ----------------------------------------------------------------------------------------------
+# -- compensated summation --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("increment", [0.1, 1e-3, -1 / 3])
@@ -220,13 +227,14 @@ def test_the_compensated_sum_beats_the_naive_one(increment):
 
 @vector.jit
 def accumulate(n, increment):
+    """Sum n increments by compensated summation."""
     x, c = (1.0, -1.0), (0.0, 0.0)
     for _ in range(n):
         x, c = vector.add(x, c, (increment, -increment))
     return x
 
 
-def test_compilation_does_not_undo_the_compensation():
+def test_compilation_preserves_compensation():
     n = 1_000_000
     x = accumulate(n, 0.1)
     exact = float(1 + n * Fraction(0.1))
@@ -238,17 +246,17 @@ def test_compilation_does_not_undo_the_compensation():
 
 
 def growth(errors_at, t):
-    """The exponent with which the root mean square over an ensemble grows in time."""
+    """Exponent of the growth in time of the root mean square over an ensemble."""
     return slope(np.log(t), np.log(np.sqrt((errors_at**2).mean(0))))
 
 
 @pytest.mark.parametrize("lam", [Fraction(1, 2), Fraction(1, 4), Fraction(1)])
-def test_the_round_off_of_the_energy_grows_no_faster_than_a_random_walk(lam):
-    """Scheme I (1/2: the midpoint rule) on its quadratic invariant of the harmonic oscillator, a million steps.
+def test_energy_round_off_grows_as_a_random_walk(lam):
+    """Scheme I (midpoint rule for 1/2), its quadratic invariant of the harmonic oscillator, a million steps.
 
-    The exponent is 1/2 for a random walk and 1 for a bias, such as stage weights whose doubles do not add up to 1.
-    The step and the weights are sums of few powers of two: the products with any others have a bias of their own, near
-        1e-19 a step (measured: 1.7e-13 after a million steps at lambda = 1/3).
+    The exponent is 1/2 for a random walk and 1 for a bias, such as stage weights whose doubles do not sum to 1. Step
+    and weights are sums of few powers of two, since products with other numbers have a bias near 1e-19 per step
+    (measured: 1.7e-13 after a million steps at lambda = 1/3).
     """
     m, h, every = method("scheme-i", lam=lam), 0.125, 20_000
     errors = []

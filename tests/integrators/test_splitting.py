@@ -1,4 +1,4 @@
-"""Splittings: masses are numbers that the drift multiplies by, with the bits that the function grad T would give."""
+"""Splittings with diagonal masses: the drift multiplies by numbers, with the same bits as with the function grad T."""
 
 from itertools import pairwise
 
@@ -8,24 +8,26 @@ import sympy as sp
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian
+from phasebench.integrators.compile import codegen, preparation
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine import codegen, kernel, preparation
 from phasebench.integrators.registry import METHODS, method
+from phasebench.integrators.stepping import kernel
 
 
 def oscillators(T, d=2):
-    """H = T + a potential that couples neighbours; ``T`` makes the kinetic energy of the momenta."""
+    """H = T + a potential that couples neighbours; ``T`` maps the momenta to the kinetic energy."""
     q, p = sp.symbols(f"q0:{d}"), sp.symbols(f"p0:{d}")
     V = sum(x**2 / 2 for x in q) + sum((x - y) ** 4 for x, y in pairwise(q)) / 4
     return Hamiltonian(q=q, p=p, H=T(p) + V)
 
 
 def of_masses(p):
-    """Of masses that no double is: 1 / m = 1/3, 2/3, 1, ..."""
+    """Kinetic energy with 1 / m = 1/3, 2/3, 1, ..., masses that are not exact doubles."""
     return sum(sp.Rational(i + 1, 3) * x**2 / 2 for i, x in enumerate(p))
 
 
 def end(system):
+    """End state after 200 steps."""
     q, p = np.linspace(0.3, 0.7, system.d), np.linspace(-0.2, 0.4, system.d)
     s = integrate(system, "stormer-verlet", q0=q, p0=p, h=0.01, steps=200)
     return np.concatenate([s.q[-1], s.p[-1]])
@@ -33,8 +35,8 @@ def end(system):
 
 @pytest.mark.processor
 @pytest.mark.parametrize("d", [2, codegen.TUPLE_LIMIT + 1])
-def test_masses_are_the_function_to_the_last_bit(d, monkeypatch):
-    monkeypatch.setattr(preparation, "KEPT", False)
+def test_masses_and_grad_t_agree_bit_by_bit(d, monkeypatch):
+    monkeypatch.setattr(preparation, "ENABLED", False)
     with_masses = end(oscillators(of_masses, d))
     monkeypatch.setattr(Hamiltonian, "inverse_masses", None)
     system = oscillators(of_masses, d)
@@ -48,7 +50,7 @@ def test_control_another_mass_would_be_seen():
 
 
 @pytest.mark.parametrize("arithmetic", [codegen.DOUBLE, codegen.MULTIPRECISION])
-def test_a_drift_multiplies_by_what_masses_are(arithmetic):
+def test_a_drift_multiplies_by_inverse_masses(arithmetic):
     with codegen.precision(40):
         dT = kernel.prepare(method("stormer-verlet"), oscillators(of_masses), arithmetic).step.dT
         assert list(dT) == [codegen.exactly(sp.Rational(k, 3), arithmetic) for k in (1, 2)]
@@ -66,13 +68,13 @@ def test_a_drift_multiplies_by_what_masses_are(arithmetic):
     ],
     ids=["masses", "ones", "coupled", "irrational", "quartic"],
 )
-def test_which_kinetic_energies_are_masses(T, wanted):
+def test_kinetic_energies_with_inverse_masses(T, wanted):
     assert oscillators(T).inverse_masses == wanted
 
 
 @pytest.mark.parametrize("h", [1.0, 2.0])
-def test_a_kick_over_a_time_of_1_is_one_like_others(h):
-    """The last kick of a step and the first of the next together, or the first alone."""
+def test_a_kick_of_length_1_is_not_special(h):
+    """The last kick of a step is merged with the first of the next; a merged kick may have length 1."""
     s = integrate(Hamiltonian(q="q", p="p", H="p**2/2 + q**2/50"), "stormer-verlet", h=h, steps=2, q0=[0.3], p0=[0.2])
     q, p = 0.3, 0.2
     for _ in range(2):
@@ -86,13 +88,13 @@ SUBSTEPS = ["stormer-verlet", "stormer-verlet-dkd", "symplectic-euler-q", "suzuk
 
 
 @pytest.mark.parametrize("id", [*SUBSTEPS, *(m.id for m in METHODS if m.family == "splitting")])
-def test_the_drifts_of_a_step_add_up_to_it_and_so_do_the_kicks(id):
-    """Whatever their numbers are, 1 and fractions that cancel each other among them; neighbours of a kind are one."""
+def test_drifts_and_kicks_add_up_to_the_step(id):
+    """For any coefficients, including 1 and cancelling fractions; adjacent drifts or kicks are merged."""
     step = kernel.prepare(method(id), oscillators(of_masses)).step
     assert np.all(step.a[1:] != 0)
     assert np.all(step.b[1:-1] != 0)
     assert [np.sum(step.a), np.sum(step.b)] == pytest.approx([1, 1], abs=4e-15)
 
 
-def test_the_outer_planets_have_masses():
+def test_the_outer_planets_have_inverse_masses():
     assert len(problem("outer-solar-system").system.inverse_masses) == 18

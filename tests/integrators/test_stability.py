@@ -21,20 +21,22 @@ OSCILLATOR = problem("harmonic-oscillator")
 
 
 def step_matrix(lam, z):
-    """The matrix of one step, columns the images of (1, 0) and (0, 1)."""
+    """Matrix of one step; its columns are the images of (1, 0) and (0, 1)."""
     columns = []
     for q, p in ((1.0, 0.0), (0.0, 1.0)):
         s = integrate(OSCILLATOR, method("scheme-i", lam=lam), h=z, steps=1, q0=[q], p0=[p])
-        assert s.status in (OK, INACCURATE, UNSTABLE)  # of so long a step the energy is not kept
+        assert s.status in (OK, INACCURATE, UNSTABLE)  # so long a step need not conserve energy
         columns.append([s.q[-1, 0], s.p[-1, 0]])
     return np.array(columns).T
 
 
 def trace(lam, z):
+    """Trace of the step matrix in closed form."""
     return 2 - z**2 / (1 + lam * (1 - lam) * z**2)
 
 
 def grows(lam, z, steps=4000):
+    """Whether the state grows beyond 1e4 or the run stops."""
     s = integrate(OSCILLATOR, method("scheme-i", lam=lam), h=z, steps=steps, q0=[1.0], p0=[0.3])
     return s.status not in (OK, INACCURATE, UNSTABLE) or max(np.abs(s.q).max(), np.abs(s.p).max()) > 1e4
 
@@ -76,7 +78,7 @@ def test_exact_invariant(lam):
         assert np.ptp(wrong) > 1e-2 * kept[0], "the control: the sign of the mixed term"
 
 
-def test_the_frequency_enters_as_h_omega():
+def test_steps_depend_on_h_omega_only():
     stiff = problem("harmonic-oscillator", omega=5.0)
     s = integrate(stiff, method("scheme-i", lam=1 / 3), h=0.08, steps=1, q0=[1.0], p0=[0.0])
     plain = step_matrix(1 / 3, 0.4)

@@ -1,4 +1,4 @@
-"""The symplecticity defect of every step map, from Jacobians in multiprecision."""
+"""Symplecticity defect of every step map, from Jacobians in multiprecision."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from phasebench.benchmarks.measure.battery import by_label, high_order_variants, variants
 from phasebench.benchmarks.measure.multiprecision import digits
 
-#: The error of the difference Jacobian in 40 digits is below the first, what a defect shows above the second.
+#: Bound on the error of difference Jacobians with 40 digits, and the least visible defect.
 ROUND_OFF, VISIBLE = 1e-26, 1e-22
 HIGH = 8
 ALL = by_label(variants() + high_order_variants())
@@ -15,13 +15,13 @@ SYMPLECTIC = [label for label, m in ALL.items() if m.symplectic]
 OTHERS = [label for label, m in ALL.items() if not m.symplectic]
 
 
-def shown(label):
-    """What a defect shows above: less for methods of high order, of which more digits are measured."""
+def threshold(label):
+    """Threshold above which a defect is visible: lower for high orders, which are measured with more digits."""
     return VISIBLE if ALL[label].order <= HIGH else 10.0 ** (-digits(ALL[label]) / 2)
 
 
 def numbers(row):
-    """A measurement of which no part failed."""
+    """The row of a measurement; fail if an entry is an error message."""
     assert row
     assert not [x for x in row.values() if isinstance(x, str)], row
     return row
@@ -30,21 +30,21 @@ def numbers(row):
 @pytest.mark.parametrize("label", SYMPLECTIC)
 def test_symplectic(measured, label):
     defects = numbers(measured("symplecticity")[label])
-    assert max(defects.values()) < min(ROUND_OFF, shown(label)), defects
+    assert max(defects.values()) < min(ROUND_OFF, threshold(label)), defects
 
 
 @pytest.mark.parametrize("label", OTHERS)
-def test_control_what_is_not_declared_symplectic_visibly_is_not(measured, label):
+def test_control_other_methods_are_visibly_not_symplectic(measured, label):
     defects = numbers(measured("symplecticity")[label])
-    assert max(defects.values()) > shown(label), defects
+    assert max(defects.values()) > threshold(label), defects
 
 
-def test_the_known_controls_are_among_them():
+def test_known_controls_are_not_declared_symplectic():
     assert {"rk4", "explicit-euler", "implicit-euler", "avf", "scheme-iv", "scheme-v"} <= set(OTHERS)
 
 
 @pytest.mark.parametrize("label", ["scheme-iv", "scheme-v"])
-def test_with_its_parameter_frozen_the_step_is_symplectic(measured, label):
+def test_a_step_with_fixed_lambda_is_symplectic(measured, label):
     rows, free = measured("frozen")[label], measured("symplecticity")[label]
     assert len(free) > 1
     assert [row for row in rows.values() if row["lam"] != 0.5], "no step has a root of its own"

@@ -1,4 +1,4 @@
-"""Work on threads: everything is done once, whoever does it, and nobody waits for a thread that does not come."""
+"""Work shared between threads: every piece is done once, and nothing waits for a busy thread."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from phasebench.integrators.threads import MANY, Slices, shared
 
 
 def numbers(parts) -> list[int]:
+    """All indices in some slices, sorted."""
     return sorted(i for part in parts for i in range(part.start, part.stop))
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 7, MANY - 1, MANY, 1000])
 @pytest.mark.parametrize("count", [1, 2, 5])
-def test_everything_is_done_once(n, count):
+def test_every_piece_is_done_once(n, count):
     assert numbers(shared(lambda part: part, n, count)) == list(range(n))
 
 
-def test_one_thread_gets_all_at_once_and_several_get_less_and_less():
+def test_slices_for_several_threads_become_smaller():
     assert list(Slices(100, 1)) == [slice(0, 100)]
     sizes = [part.stop - part.start for part in Slices(100, 2)]
     assert sizes[0] == 25
@@ -30,38 +31,38 @@ def test_one_thread_gets_all_at_once_and_several_get_less_and_less():
     assert sizes[-1] == 1
 
 
-def test_what_is_short_is_not_handed_out_in_crumbs():
+def test_short_work_is_not_split_into_tiny_slices():
     slices = Slices(1000, 2)
     slices.took(slice(40, 50), threads.LEAST / 10)
     assert [part.stop - part.start for part in slices] == [250, 188, 141, 106, 100, 100, 100, 15]
 
 
-def test_of_what_takes_long_single_pieces_are_handed_out():
+def test_long_work_is_split_into_single_pieces():
     slices = Slices(100, 2)
     slices.took(slice(0, 10), 100 * threads.LEAST)
     assert slices.fewest == 1
 
 
-def test_one_thread_is_not_timed_first():
+def test_a_single_thread_is_not_timed_first():
     assert list(shared(lambda part: part, MANY, 1)) == [slice(0, MANY)]
     first, *_ = shared(lambda part: part, MANY, 2)
     assert first == slice(0, 1)
 
 
-def test_what_takes_one_slice_is_no_work_for_a_second_thread(monkeypatch):
+def test_work_of_one_slice_uses_no_second_thread(monkeypatch):
     class Known(Slices):
         def took(self, part, seconds):
             self.fewest = MANY - 1
 
     monkeypatch.setattr(threads, "Slices", Known)
-    monkeypatch.setattr(threads, "_helpers", None)  # nobody is asked
+    monkeypatch.setattr(threads, "_helpers", None)  # would fail if called
     assert list(shared(lambda part: part, MANY, 2)) == [slice(0, 1), slice(1, MANY)]
     with pytest.raises(TypeError):
         list(shared(lambda part: part, MANY + 1, 2))
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
-def test_a_child_has_none_of_its_parents_threads():
+def test_a_forked_child_does_not_inherit_threads():
     assert numbers(part for part, _ in shared(slow, 4, 2)) == [0, 1, 2, 3]
     assert threads._helpers.cache_info().currsize > 0
     child = os.fork()
@@ -71,19 +72,20 @@ def test_a_child_has_none_of_its_parents_threads():
 
 
 def slow(part: slice):
+    """Work of 3 ms per piece; returns its thread."""
     time.sleep(0.003 * (part.stop - part.start))
     return part, threading.get_ident()
 
 
-def test_long_work_is_done_by_all_and_short_work_by_the_one_that_asks(monkeypatch):
+def test_long_work_is_shared_and_short_work_is_not(monkeypatch):
     assert len({who for _, who in shared(slow, MANY, 2)}) == 2
-    monkeypatch.setattr(threads, "_helpers", None)  # nobody is asked
+    monkeypatch.setattr(threads, "_helpers", None)  # would fail if called
     assert numbers(shared(lambda part: part, MANY, 2)) == list(range(MANY))
     with pytest.raises(TypeError):
         list(shared(slow, MANY, 2))
 
 
-def test_nobody_waits_for_a_thread_that_does_not_come():
+def test_a_busy_thread_is_not_waited_for():
     blocked, pool = threading.Event(), threads._helpers(1)
     running = pool.submit(blocked.wait, 8)
     began = time.monotonic()
@@ -98,7 +100,7 @@ def test_nobody_waits_for_a_thread_that_does_not_come():
 
 
 @pytest.mark.parametrize("here", [True, False])
-def test_what_is_raised_on_any_thread_is_raised_here_and_ends_the_work(here):
+def test_an_exception_on_any_thread_ends_the_work(here):
     done, begun, raised = [], threading.Event(), threading.Event()
 
     def work(part):

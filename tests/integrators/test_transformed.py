@@ -1,4 +1,4 @@
-"""Poincare's transformed Hamiltonian: the same states, at variable steps in time, by methods that stay symplectic."""
+"""Poincare's time transformation of a Hamiltonian: same orbits, variable steps in time, symplectic methods."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from phasebench.benchmarks.measure.metrics import jacobian, symplecticity_defect
+from phasebench.benchmarks.measure.step_map import jacobian, symplecticity_defect
 from phasebench.benchmarks.problems import problem
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, vector
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import MULTIPRECISION, precision, vector
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.transformed import TransformedHamiltonian, distance_scale
@@ -22,7 +22,7 @@ Q0, P0 = SYSTEM.start(ORBIT.q0, ORBIT.p0)
 METHODS = ("implicit-midpoint", "rk4")
 
 
-def test_on_its_level_the_field_is_the_original_s_times_the_scale():
+def test_the_field_is_the_scaled_original_field():
     r = np.linalg.norm(ORBIT.q0)
     new, old = SYSTEM.vector_field()(0, np.append(Q0, P0)), ORBIT.system.vector_field()(0, [*ORBIT.q0, *ORBIT.p0])
     assert np.allclose(new, r**1.5 * np.array([old[0], old[1], 1, old[2], old[3], 0]), rtol=1e-12, atol=1e-12)
@@ -30,7 +30,7 @@ def test_on_its_level_the_field_is_the_original_s_times_the_scale():
     assert np.isclose(doubled.vector_field()(0, np.append(Q0, P0))[2], 2 * ORBIT.q0[0])
 
 
-def test_the_scale_of_time_and_the_start_by_hand():
+def test_the_time_scale_and_the_initial_state():
     wells = Hamiltonian(q="x y", p="u v", H="u**2/2 + v**2/2 - 1/x - 1/y", singular=("x", "y"))
     transformed = TransformedHamiltonian(wells)
     x, y = wells.q
@@ -42,7 +42,7 @@ def test_the_scale_of_time_and_the_start_by_hand():
 
 
 def kepler_error(s):
-    """The distance of the last row from Kepler's orbit at the row's own time, by Kepler's equation."""
+    """Distance of the last row from Kepler's orbit at the time of that row."""
     e, t = 0.9, s.q[-1, 2]
     E = t
     for _ in range(100):
@@ -50,7 +50,7 @@ def kepler_error(s):
     return np.abs(s.q[-1, :2] - [np.cos(E) - e, np.sqrt(1 - e**2) * np.sin(E)]).max()
 
 
-def test_a_symplectic_method_follows_the_orbit_where_its_fixed_steps_do_not():
+def test_a_symplectic_method_follows_the_orbit():
     errors = [kepler_error(integrate(SYSTEM, "implicit-midpoint", h=h, t_end=6.0, q0=Q0, p0=P0)) for h in (0.02, 0.01)]
     assert errors[1] < 2e-3
     assert 3.5 < errors[0] / errors[1] < 4.5
@@ -65,7 +65,7 @@ def test_a_symplectic_method_follows_the_orbit_where_its_fixed_steps_do_not():
 
 
 def measured_defects():
-    """The symplecticity defect of one step in the extended phase space, of each of METHODS."""
+    """{method: symplecticity defect of one step in extended phase space}."""
     with precision(40):
         y = vector([*Q0, *P0])
         d = SYSTEM.d
@@ -80,19 +80,19 @@ def measured_defects():
         return {m: float(symplecticity_defect(jacobian(step(m), y, vector(["1e-8"])[0]))) for m in METHODS}
 
 
-def test_its_step_is_symplectic_in_the_extended_phase_space(uncompiled):
+def test_a_step_is_symplectic_in_extended_phase_space(uncompiled):
     defects = uncompiled("integrators/test_transformed.py")
     assert defects["implicit-midpoint"] < 1e-25
     assert defects["rk4"] > 1e-12, "the control"
 
 
-def test_what_cannot_be_transformed_is_refused():
+def test_systems_without_distances_are_refused():
     with pytest.raises(InvalidInput, match="no distances"):
         TransformedHamiltonian(problem("henon-heiles").system)
     with pytest.raises(InvalidInput, match="no distances"):
         distance_scale(
             SimpleNamespace(singular=(ORBIT.system.q[0], np.hypot), softened=())
-        )  # one of them is no formula
+        )  # one of them is not a formula
     with pytest.raises(InvalidInput, match="coordinates alone"):
         TransformedHamiltonian(ORBIT.system, scale=f"1 + {ORBIT.system.p[0]}**2")
     with pytest.raises(InvalidInput, match="canonical"):

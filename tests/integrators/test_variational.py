@@ -1,4 +1,4 @@
-"""Galerkin variational integrators: the discrete action itself, and the collocation methods that some of them are."""
+"""Galerkin variational integrators: stationarity of the discrete action, and those that are collocation methods."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import pytest
 
 from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.benchmarks.problems import problem
+from phasebench.integrators.compile import codegen
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine import codegen
 from phasebench.integrators.families import variational
 from phasebench.integrators.registry import METHODS, method
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
@@ -24,6 +24,7 @@ ROUND_OFF, VISIBLE = 1e-13, 1e-10
 
 @cache
 def end(id, name="henon-heiles"):
+    """End state (q, p) of a run that must be ok."""
     system, q, p = SYSTEMS[name]()
     s = integrate(system, id, h=H, steps=STEPS, q0=q, p0=p)
     assert s.status == "ok", s.reason
@@ -33,17 +34,18 @@ def end(id, name="henon-heiles"):
 # -- the discrete action ----------------------------------------------------------------------------------------------
 
 
-#: Kinetic energy with coupled momenta: M^-1 = [[2, 1/2], [1/2, 1]].
+#: M^-1 of a kinetic energy with coupled momenta.
 INVERSE_MASS = ((2, 0.5), (0.5, 1))
 
 
 @cache
 def heavy():
+    """A system with this kinetic energy."""
     return Hamiltonian(q="q1 q2", p="p1 p2", H="p1**2 + p1*p2/2 + p2**2/2 + q1**4/4 + q1*q2**2 + cos(q2)")
 
 
 def rule(quadrature, nodes):
-    """[(node, weight)] from NumPy's Legendre polynomials, polished and integrated in the working precision."""
+    """[(node, weight)] from NumPy's Legendre polynomials, refined in the working precision."""
     base = np.polynomial.legendre.Legendre.basis(nodes if quadrature == "gauss" else nodes - 1)
     roots = list(base.roots()) if quadrature == "gauss" else [-1.0, *base.deriv().roots(), 1.0]
     t = [mpmath.mpf(x) for x in roots]
@@ -57,7 +59,7 @@ def rule(quadrature, nodes):
 
 
 def action(points, h, quadrature):
-    """The discrete action of the polynomial through ``points`` [(q1, q2), ...] at equidistant times of the step."""
+    """Discrete action of the polynomial through ``points`` [(q1, q2), ...] at equidistant times."""
     s = len(points) - 1
     mass = mpmath.matrix(INVERSE_MASS) ** -1
     V = lambda q1, q2: q1**4 / 4 + q1 * q2**2 + mpmath.cos(q2)  # noqa: E731
@@ -79,7 +81,7 @@ def action(points, h, quadrature):
 
 
 def residual(id, spoil=0):
-    """How far a step is from p0 = -dL_d/dq0, p1 = dL_d/dq1 with the inner control points stationary."""
+    """Residual of p0 = -dL_d/dq0, p1 = dL_d/dq1 with the inner control points stationary, for one step."""
     degree, quadrature, nodes = method(id).data
     system, q0, p0 = heavy(), (0.3, -0.5), (0.4, 0.7)
     s = integrate(system, id, h=H, steps=1, q0=q0, p0=p0)
@@ -90,7 +92,7 @@ def residual(id, spoil=0):
         size = 2 * (degree - 1)
 
         def slope(flat, i):
-            """dL_d by the i-th of the numbers of all control points."""
+            """Derivative of L_d by the i-th coordinate of all control points."""
 
             def along(x):
                 moved = [*flat[:i], x, *flat[i + 1 :]]
@@ -104,7 +106,7 @@ def residual(id, spoil=0):
         inner = [a + (b - a) * k / degree for k in range(1, degree) for a, b in zip(first, last, strict=True)]
         if size:
             J = mpmath.matrix(size, size)
-            for sweep in range(3):  # Newton's method, the matrix of the first sweep
+            for sweep in range(3):  # Newton's method with the matrix of the first sweep
                 flat = [*first, *inner, *last]
                 g = mpmath.matrix([slope(flat, 2 + i) for i in range(size)])
                 if sweep == 0:
@@ -124,19 +126,19 @@ def residual(id, spoil=0):
 
 @pytest.mark.parametrize("id", IDS)
 def test_a_step_makes_the_discrete_action_stationary(id):
-    # The derivatives of L_d divide the round-off of q1 by h.
+    # Derivatives of L_d divide the round-off of q1 by h.
     assert residual(id) < 2e-14
 
 
-def test_control_another_action_is_not_stationary():
+def test_control_a_changed_action_is_not_stationary():
     assert residual("variational-2-3", spoil=1e-8) > 1e-10
 
 
-# -- the collocation methods that some of them are --------------------------------------------------------------------
+# -- variational methods that are collocation methods -----------------------------------------------------------------
 
 
 def collocation(nodes):
-    """(A, b) with the integrals of the Lagrange polynomials of the nodes, in doubles."""
+    """(A, b) of collocation at the nodes, in doubles."""
     c = np.array(nodes)
     powers = np.vander(c, increasing=True)
     k = np.arange(1, len(c) + 1)
@@ -145,19 +147,20 @@ def collocation(nodes):
 
 
 def gauss(stages):
+    """(A for q, A for p, b) of a Gauss method."""
     A, b = collocation((np.polynomial.legendre.leggauss(stages)[0] + 1) / 2)
     return A, A, b
 
 
 def lobatto(stages):
-    """Lobatto IIIA for q; IIIB for p, from b_i B_ij + b_j A_ji = b_i b_j."""
+    """(A, B, b) of Lobatto IIIA for q and IIIB for p, from b_i B_ij + b_j A_ji = b_i b_j."""
     inner = np.polynomial.legendre.Legendre.basis(stages - 1).deriv().roots()
     A, b = collocation((np.array([-1.0, *inner, 1.0]) + 1) / 2)
     return A, b - (b * A.T / b[:, None]), b
 
 
-def partitioned(A, B, b):
-    """The end of the Henon-Heiles orbit by stages (q', p') that a fixed point finds, A for q and B for p."""
+def partitioned_end(A, B, b):
+    """End of the Henon-Heiles orbit by a partitioned Runge-Kutta method, A for q and B for p."""
     _, q, p = SYSTEMS["henon-heiles"]()
     q, p = np.array(q), np.array(p)
     for _ in range(STEPS):
@@ -172,27 +175,27 @@ def partitioned(A, B, b):
 OTHERS = {
     "variational-midpoint": lambda: end("implicit-midpoint"),
     "variational-trapezoidal": lambda: end("stormer-verlet"),
-    "variational-gauss-2": lambda: partitioned(*gauss(2)),
-    "variational-gauss-3": lambda: partitioned(*gauss(3)),
-    "variational-lobatto-3": lambda: partitioned(*lobatto(3)),
-    "variational-lobatto-4": lambda: partitioned(*lobatto(4)),
+    "variational-gauss-2": lambda: partitioned_end(*gauss(2)),
+    "variational-gauss-3": lambda: partitioned_end(*gauss(3)),
+    "variational-lobatto-3": lambda: partitioned_end(*lobatto(3)),
+    "variational-lobatto-4": lambda: partitioned_end(*lobatto(4)),
 }
 
 
 @pytest.mark.parametrize("id", OTHERS)
-def test_with_as_many_nodes_as_unknowns_it_is_a_known_method(id):
+def test_with_minimal_quadrature_it_is_a_known_method(id):
     assert np.abs(end(id) - OTHERS[id]()).max() < ROUND_OFF
 
 
-def test_with_more_nodes_it_is_none_of_them():
-    """The control of the equalities too: what is another method shows."""
+def test_with_more_nodes_it_is_a_new_method():
+    """The differences are also the control of the equalities."""
     assert set(IDS) == {*OTHERS, "variational-2-3"}
     ends = [*(f() for f in OTHERS.values()), end("variational-2-3")]
     for i, a in enumerate(ends):
         assert all(np.abs(a - b).max() > VISIBLE for b in ends[:i])
 
 
-def test_the_coefficients_satisfy_the_conditions_of_symplecticity():
+def test_coefficients_satisfy_symplecticity_conditions():
     for id in IDS:
         degree, quadrature, nodes = method(id).data
         points = variational.QUADRATURES[quadrature](nodes, 60)
@@ -211,8 +214,8 @@ def test_the_coefficients_satisfy_the_conditions_of_symplecticity():
 @pytest.mark.parametrize(
     ("id", "numerator"), [("variational-midpoint", (1, 1 / 2)), ("variational-gauss-2", (1, 1 / 2, 1 / 12))]
 )
-def test_newtons_method_takes_over_where_the_force_is_stiff(id, numerator):
-    """Of y' = Ky the Gauss methods are the diagonal Pade approximations of exp: here h omega = 20."""
+def test_newton_takes_over_for_stiff_forces(id, numerator):
+    """For y' = Ky Gauss methods are diagonal Pade approximations of exp; here h omega = 20."""
     w = 200.0
     system = Hamiltonian(q="q1 q2", p="p1 p2", H="(p1**2 + p2**2 + 40000*q1**2 + q2**2)/2")
     s = integrate(system, id, h=H, steps=3, q0=[0.01, 0.5], p0=[1.0, 0.3])
@@ -228,8 +231,8 @@ def test_newtons_method_takes_over_where_the_force_is_stiff(id, numerator):
 
 @pytest.mark.parametrize(("omega", "h"), [(50, 0.02), (100, 0.01)])
 @pytest.mark.parametrize("id", ["variational-midpoint", "variational-gauss-2"])
-def test_a_force_that_is_the_round_off_of_what_cancels_is_solved_for(id, omega, h):
-    """Of an equilibrium at 1: kicks are known to what an increment of p is, divided by h."""
+def test_a_force_at_its_round_off_level_can_be_solved(id, omega, h):
+    """Near an equilibrium at q = 1 kicks are known only to the round-off of an increment divided by h."""
     system = Hamiltonian(q="q1", p="p1", H=f"(p1**2 + {omega**2}*(q1 - 1)**2)/2")
     for away in (1e-13, 1e-12):
         s = integrate(system, id, h=h, steps=60, q0=[1 + away], p0=[0.0])
@@ -237,8 +240,8 @@ def test_a_force_that_is_the_round_off_of_what_cancels_is_solved_for(id, omega, 
         assert np.abs(s.q - 1).max() < 2 * away
 
 
-def test_an_unsolvable_step_is_a_status():
-    """Q = q + h d p + h^2 a exp(Q) has no solution where h is large."""
+def test_an_unsolvable_step_ends_with_a_status():
+    """Q = q + h d p + h^2 a exp(Q) has no solution for large h."""
     repelled = Hamiltonian(q="q1 q2", p="p1 p2", H="(p1**2 + p2**2)/2 - exp(q1) - exp(q2)")
     ends = [integrate(repelled, "variational-gauss-2", h=h, steps=5, q0=[1.0] * 2, p0=[1.0] * 2) for h in (5.0, 0.01)]
     assert ends[0].status in ("not-converged", "diverged")
@@ -246,8 +249,8 @@ def test_an_unsolvable_step_is_a_status():
 
 
 @pytest.mark.parametrize("id", ["variational-gauss-2", "variational-2-3"])
-def test_rounded_coefficients_do_not_add_up_to_a_trend_of_the_angular_momentum(id):
-    """With rounded b_j (1 - c_j) in place of 1 - c_j times b_j F_j, Gauss 2 is at 5e-15 here."""
+def test_angular_momentum_has_no_trend(id):
+    """Rounded products b_j (1 - c_j), in place of 1 - c_j times b_j F_j, give 5e-15 for Gauss 2."""
     made = problem("perturbed-kepler")
     s = integrate(made, id, h=0.02, steps=200_000, save_every=100)
     L = made.system.observe(made.invariants["angular-momentum"], s.q, s.p)

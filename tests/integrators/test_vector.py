@@ -1,4 +1,4 @@
-"""The operations on values: on arrays as they stand, on tuples and on arrays compiled, by one source."""
+"""Vector operations: the same source works on arrays, and compiled on tuples and on arrays."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ import numpy as np
 import pytest
 from numba import types
 
-from phasebench.integrators.engine import codegen, vector
-from phasebench.integrators.engine.vector import ARRAYS, TUPLES, State
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.values import vector
+from phasebench.integrators.values.vector import ARRAYS, TUPLES, State
 from support.marks import compiled
 from support.values import value
 
 DOUBLE = types.float64
 VECTOR = types.Array(DOUBLE, 1, "C")
-#: More components than a tuple's text may have in one piece, and an even number of them.
+#: Even, and more components than fit into one piece of a generated tuple.
 MANY = 62
 X, Y, C = np.random.default_rng(4).normal(size=(3, MANY)) * np.array([[1.0], [1.0], [1e-17]])
 
 
 def each(x, y, c, A):
-    """Every operation."""
+    """Results of every operation."""
     t, lost = vector.add(x, c, y)
     s, rest = vector.add_product(x, c, 0.5, y)
     moved = vector.axpy(0.5, x, y), vector.scale(0.5, x), vector.plus(x, y), vector.minus(x, y)
@@ -30,8 +31,8 @@ def each(x, y, c, A):
     return (*moved, *parts, t, lost, s, rest), (vector.size(x), vector.distance(x, y))
 
 
-def expected(x, y, c, A):
-    """The same by NumPy."""
+def numpy_results(x, y, c, A):
+    """The same results by NumPy."""
     bumped, t = x.copy(), (x + c) + y
     bumped[1] += 0.25
     half = len(x) // 2
@@ -44,35 +45,36 @@ def expected(x, y, c, A):
 
 
 def check(found, d):
-    wanted = expected(X[:d], Y[:d], C[:d], np.array([X, Y]))
+    """The results equal those of NumPy."""
+    wanted = numpy_results(X[:d], Y[:d], C[:d], np.array([X, Y]))
     for a, b in zip(found[0], wanted[0], strict=True):
-        # A product may be fused with a sum; halves are exact.
+        # Exact even if product and sum are fused, as the factors are 1/2.
         np.testing.assert_array_equal(np.array(a), b)
     assert found[1] == pytest.approx(wanted[1], rel=1e-14)
 
 
 @pytest.mark.parametrize("d", [2, 5, MANY])
-def test_operations_on_arrays_are_as_they_stand(d):
+def test_operations_on_arrays_without_compilation(d):
     check(each(X[:d], Y[:d], C[:d], np.array([X, Y])), d)
 
 
 @compiled
 @pytest.mark.parametrize("d", [2, 5])
-def test_compiled_they_are_the_same_on_tuples_and_on_arrays(d):
+def test_compiled_operations_on_tuples_and_arrays(d):
     A = np.array([X, Y])
     check(numba.njit(**ARRAYS)(each)(X[:d].copy(), Y[:d].copy(), C[:d].copy(), A), d)
     check(numba.njit(**TUPLES)(each)(*(tuple(z[:d]) for z in (X, Y, C)), A), d)
 
 
-def test_a_size_is_no_number_where_a_component_is_none():
+def test_the_norm_of_a_vector_with_nan_is_nan():
     for x in ([np.nan, 1.0], [1.0, np.nan]):
         assert np.isnan(vector.size(np.array(x)))
         assert np.isnan(vector.distance(np.array(x), np.zeros(2)))
 
 
 @pytest.mark.parametrize("n", [1, 2, 29, 30, 31, 60, 61])
-def test_the_text_of_a_tuple_is_that_tuple_in_pieces_that_can_be_compiled(n):
-    text = vector._packed(str(i) for i in range(n))
+def test_generated_tuples_are_split_into_pieces(n):
+    text = vector._tuple_text(str(i) for i in range(n))
     assert eval(text) == tuple(range(n))
     assert max(piece.count(",") for piece in text.split("+")) <= 30
 
@@ -80,20 +82,20 @@ def test_the_text_of_a_tuple_is_that_tuple_in_pieces_that_can_be_compiled(n):
 # -- states -----------------------------------------------------------------------------------------------------------
 
 
-def test_a_state_is_written_as_it_is_read():
+def test_a_state_is_written_and_read_unchanged():
     y = State(value(1.0, 2.0), value(3.0, 4.0), value(5.0, 6.0), value(7.0, 8.0))
-    orbit = SimpleNamespace(state=np.zeros((5, 3)), zero=value(0.0, 0.0))
+    carry = SimpleNamespace(state=np.zeros((5, 3)), zero=value(0.0, 0.0))
     if codegen.compiled():
-        from phasebench.integrators.engine.kernel import Orbit
+        from phasebench.integrators.stepping.kernel import Carry
 
-        orbit = Orbit(orbit.state, np.zeros((1, 1)), np.zeros((1, 1)), orbit.zero)
-    vector.close(orbit, y)
-    assert orbit.state.tolist() == [[1, 2, 0], [3, 4, 0], [5, 6, 0], [7, 8, 0], [0, 0, 0]]
+        carry = Carry(carry.state, np.zeros((1, 1)), np.zeros((1, 1)), carry.zero)
+    vector.close(carry, y)
+    assert carry.state.tolist() == [[1, 2, 0], [3, 4, 0], [5, 6, 0], [7, 8, 0], [0, 0, 0]]
     for read in (vector.opened, vector.held):
-        assert [tuple(x) for x in read(orbit)] == [(1, 2), (3, 4), (5, 6), (7, 8)]
+        assert [tuple(x) for x in read(carry)] == [(1, 2), (3, 4), (5, 6), (7, 8)]
 
 
-def test_a_state_moves_with_compensation():
+def test_a_state_is_advanced_with_compensation():
     one = value(1.0)
     y = State(one, value(2.0), value(0.0), value(0.0))
     tiny = value(2.0**-60)
@@ -101,8 +103,8 @@ def test_a_state_moves_with_compensation():
     assert (q[0], p[0], lost_q[0], lost_p[0]) == (1.0, 2.0, 2.0**-60, -(2.0**-55))
 
 
-def test_a_row_of_samples_has_the_coordinates_and_the_momenta():
-    from phasebench.integrators.engine.kernel import Samples
+def test_a_row_stores_coordinates_and_momenta():
+    from phasebench.integrators.stepping.kernel import Samples
 
     zero = value(0.0, 0.0)
     samples = Samples(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 1)), 1)
@@ -114,8 +116,8 @@ def test_a_row_of_samples_has_the_coordinates_and_the_momenta():
 # -- compilation ------------------------------------------------------------------------------------------------------
 
 
-def test_which_types_hold_vectors():
-    """Writable arrays of one axis of doubles, and what contains one."""
+def test_types_that_hold_vectors():
+    """Writable one-dimensional arrays of doubles, and types that contain one."""
     tuple_ = types.Tuple((DOUBLE, types.UniTuple(VECTOR, 2)))
     assert all(map(vector._holds_vectors, (VECTOR, types.UniTuple(VECTOR, 1), tuple_)))
     fixed = types.Array(DOUBLE, 1, "C", readonly=True)
@@ -124,19 +126,23 @@ def test_which_types_hold_vectors():
 
 
 @compiled
-def test_how_functions_are_compiled():
-    """Into their callers where they are told so; with a memory of their own for arrays alone."""
+def test_compilation_options():
+    """`inlined` functions are inlined into callers; the runtime is used for arrays only."""
 
     def f(x):
         return x
 
-    for made, inline in ((vector.jit(f), False), (vector.inlined(f), True)):
-        assert made.targetoptions["forceinline"] is inline
-        assert made.targetoptions["_nrt"] is False
-        assert made.on_arrays.targetoptions["_nrt"] is True
-        assert made.targetoptions["fastmath"] == made.on_arrays.targetoptions["fastmath"] == {"contract"}
-        assert made.targetoptions["error_model"] == "numpy"
-        assert made(3.0) == 3.0
+    for build_function, inline in ((vector.jit(f), False), (vector.inlined(f), True)):
+        assert build_function.targetoptions["forceinline"] is inline
+        assert build_function.targetoptions["_nrt"] is False
+        assert build_function.on_arrays.targetoptions["_nrt"] is True
+        assert (
+            build_function.targetoptions["fastmath"]
+            == build_function.on_arrays.targetoptions["fastmath"]
+            == {"contract"}
+        )
+        assert build_function.targetoptions["error_model"] == "numpy"
+        assert build_function(3.0) == 3.0
 
 
 @vector.jit
@@ -145,8 +151,8 @@ def twice(x):
 
 
 @compiled
-def test_a_function_of_values_allocates_where_they_are_arrays():
-    """By what is compiled for each: its argument may be given by name."""
+def test_functions_of_vectors_allocate_for_arrays_only():
+    """A result is allocated for an array and not for a tuple, also if the argument is passed by keyword."""
 
     def both(x):
         return twice(x), twice(x=x)
@@ -157,12 +163,12 @@ def test_a_function_of_values_allocates_where_they_are_arrays():
 
 
 def call(f, x, old):
-    """A velocity, and a function in the place of old values."""
+    """`velocity`, and `of` with a vector to overwrite."""
     return vector.velocity(f, x), vector.of(f, x, old)
 
 
 @compiled
-def test_the_function_that_is_not_there_is_the_identity():
+def test_a_function_of_none_is_the_identity():
     for options, x in ((TUPLES, (1.0, 2.0)), (ARRAYS, np.array([1.0, 2.0]))):
         for f, factor in ((None, 1), (twice, 2)):
             old = tuple(x) if isinstance(x, tuple) else x.copy()
@@ -175,12 +181,12 @@ call_compiled = numba.njit(call)
 
 
 def numbers_times(f, x, old):
-    """Component by component."""
+    """`of` with an array of factors for f."""
     return vector.of(f, x, old)
 
 
 @compiled
-def test_numbers_in_the_place_of_a_function_are_factors():
+def test_an_array_in_place_of_a_function_means_factors():
     f = np.array([2.0, 3.0])
     f.flags.writeable = False
     assert numba.njit(**TUPLES)(numbers_times)(f, (1.0, 2.0), (0.0, 0.0)) == (2.0, 6.0)
@@ -191,14 +197,14 @@ def test_numbers_in_the_place_of_a_function_are_factors():
 
 
 def in_the_place(A, x, c, v):
-    """Rows, halves and a compensated sum, written over where they are arrays."""
+    """Rows, halves and a compensated sum, which overwrite arrays."""
     first, second = vector.rows(A, 0, 1, v)
     left, right = vector.halves(A, 2, v)
     x, c = vector.moved(x, c, 0.5, v)
     return (first, second, left, right), (x, c)
 
 
-def test_rows_and_halves_are_those_of_the_table():
+def test_rows_and_halves_of_a_table():
     A, d = np.arange(12.0).reshape(3, 4), 2
     x, c, v = X[:d].copy(), C[:d].copy(), Y[:d].copy()
     parts, moved = in_the_place(A, x, c, v)
@@ -222,7 +228,7 @@ def _write(A, x, c, v):
 in_the_place_compiled = numba.njit(**ARRAYS)(in_the_place)
 
 
-def test_what_writes_its_results_is_told_by_its_type():
+def test_in_place_functions_are_recognized_by_type():
     assert vector.writes(types.FunctionType(types.none(VECTOR, VECTOR)))
     assert not vector.writes(types.FunctionType(VECTOR(VECTOR)))
     assert not vector.writes(VECTOR)

@@ -1,4 +1,4 @@
-"""Wisdom-Holman splittings: generalised orders, correctors, Jacobi coordinates, the planets.
+"""Wisdom-Holman splittings: generalized orders, correctors, Jacobi coordinates, the planets.
 
 ``python test_wisdom_holman.py`` prints what a process with NUMBA_DISABLE_JIT=1 measures.
 """
@@ -18,19 +18,21 @@ import sympy as sp
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import driver
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.codegen import precision
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine import codegen, kepler_flow, kepler_lanes, vector
-from phasebench.integrators.engine.codegen import precision
-from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import planet_lanes, planet_pairs, wisdom_holman
 from phasebench.integrators.families.wisdom_holman import KeplerPart, corrector, jacobi
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.registry import METHODS, method
+from phasebench.integrators.stepping import kepler_flow, kepler_lanes
+from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
+from phasebench.integrators.values import vector
 
 FAMILY = [m.id for m in METHODS if m.family == "wisdom_holman"]
-#: The power of h that the error has to first order in the perturbation.
+#: Power of h in the error term of first order in the perturbation.
 FIRST_ORDER = {
     "wisdom-holman": 2,
     "wisdom-holman-corrector(corrector=3)": 4,
@@ -43,19 +45,20 @@ FIRST_ORDER = {
     "wisdom-holman-aba-8-6-4": 8,
     "wisdom-holman-aba-10-6-4": 10,
 }
-#: A perturbation whose square is far below every error, and the digits that it takes.
+#: A perturbation whose square is negligible, and the digits needed for it.
 TINY, DIGITS = 1e-30, 80
-#: Whose step maps are compared with plain NumPy's.
+#: Problem and step whose states are compared with plain NumPy.
 PLANETS, H = "outer-solar-system", 100.0
 
 
 def by_label(label):
+    """The method of a label."""
     id, _, value = label.partition("(corrector=")
     return method(id, corrector=int(value[:-1])) if value else method(id)
 
 
 def first_orders():
-    """{label: observed orders of the error to first order in the perturbation}, and with the corrector's sign wrong."""
+    """{label: observed orders of the error to first order in the perturbation}; "wrong sign" is the control."""
     from phasebench.benchmarks.measure.multiprecision import advance, flow
 
     out = {}
@@ -78,11 +81,12 @@ def first_orders():
 
 
 def planets(ids=FAMILY):
-    """{id: [positions and momenta in the outer solar system, as hexadecimal text, and counts]} of a run in pieces."""
+    """{id: [states of the outer solar system in hexadecimal, counts]} of a run in two pieces."""
     return {id: _planets(id) for id in ids}
 
 
 def _planets(id):
+    """[states in hexadecimal, counts] of one method."""
     made = problem(PLANETS)
     layout = lay_out(prepare(method(id), made.system), made.system.d, H, made.q0, made.p0)
     states = np.zeros((2, 2, made.system.d))
@@ -92,12 +96,13 @@ def _planets(id):
 
 
 def end(s):
+    """End state (q, p) of a run that must be ok."""
     assert s.status == "ok", s.reason
     return np.concatenate([s.q[-1], s.p[-1]])
 
 
 def elsewhere(system, q, p, t):
-    """The state at t by DOP853, which knows no Kepler problem."""
+    """State at time t by SciPy's DOP853."""
     from scipy.integrate import solve_ivp
 
     return solve_ivp(system.vector_field(), (0, t), [*q, *p], method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
@@ -105,17 +110,17 @@ def elsewhere(system, q, p, t):
 
 @pytest.mark.parametrize("label", FIRST_ORDER)
 def test_the_error_to_first_order_in_the_perturbation(uncompiled, label):
-    """eps h^2 becomes eps h^(n + 1) by the corrector of order n: eps h^18 for the 17th."""
+    """The corrector of order n reduces eps h^2 to eps h^(n + 1): eps h^18 for n = 17."""
     assert (
         max(abs(o - FIRST_ORDER[label]) for o in uncompiled("integrators/test_wisdom_holman.py", "orders")[label]) < 0.1
     )
 
 
-def test_control_a_corrector_of_the_wrong_sign_removes_nothing(uncompiled):
+def test_control_a_corrector_with_wrong_sign_is_useless(uncompiled):
     assert max(abs(o - 2) for o in uncompiled("integrators/test_wisdom_holman.py", "orders")["wrong sign"]) < 0.1
 
 
-def test_correctors_are_the_published_ones():
+def test_correctors_equal_the_published_ones():
     """Wisdom (2006), table 1: alpha = sqrt(7/40), beta = 1/(48 alpha); beta/2 for order 3, 5/6 and 1/6 beta for 5."""
     alpha = mpmath.sqrt(mpmath.mpf(7) / 40)
     beta = 1 / (48 * alpha)
@@ -138,8 +143,8 @@ def test_other_correctors_are_refused(value):
 
 @pytest.mark.parametrize("id", ["wisdom-holman", "wisdom-holman-corrector", "wisdom-holman-aba-8-6-4"])
 @pytest.mark.parametrize(("name", "h"), [("perturbed-kepler", 0.1), (PLANETS, H)])
-def test_rows_and_pieces_change_nothing(id, name, h, monkeypatch):
-    """The state of a step does not depend on which rows are kept, nor on where the driver looks at the clock."""
+def test_states_do_not_depend_on_rows_or_pieces(id, name, h, monkeypatch):
+    """States depend neither on which rows are stored nor on the pieces in which the driver calls the kernel."""
     made = problem(name)
     every = integrate(made, id, h=h, steps=100)
     some = integrate(made, id, h=h, steps=100, save_every=7)
@@ -153,7 +158,7 @@ def test_rows_and_pieces_change_nothing(id, name, h, monkeypatch):
 
 @pytest.mark.parametrize("id", FAMILY)
 def test_kepler_is_solved_exactly(id):
-    """Without an interaction every step is exact; with one it is not."""
+    """Without an interaction every step is exact."""
     from phasebench.reference.solvers.exact import exact
 
     made = problem("kepler", e=0.6)
@@ -166,7 +171,7 @@ def test_kepler_is_solved_exactly(id):
     assert np.abs(other - wanted).max() > 1e-3
 
 
-def test_jacobi_coordinates_are_canonical_and_split_the_masses():
+def test_jacobi_coordinates_are_canonical():
     masses, G = [sp.Rational(m) for m in ("1", "1/1000", "3/1000")], sp.Rational(1, 3)
     part = jacobi(masses, G)
     C = part.matrix
@@ -176,13 +181,14 @@ def test_jacobi_coordinates_are_canonical_and_split_the_masses():
     assert part.masses[1] * part.mu[1] == G * masses[0] * masses[1]
 
 
-def test_the_potential_of_two_bodies_is_that_of_their_relative_motion():
+def test_the_potential_of_two_bodies():
     part, q = jacobi([2, 3], 5, dimension=2), sp.symbols("x1 x2 y1 y2", real=True)
     r = sp.sqrt((q[2] - q[0]) ** 2 + (q[3] - q[1]) ** 2)
     assert sp.simplify(part.potential(q) + 2 * 3 * 5 / r) == 0
 
 
 def planar(part):
+    """Two bodies in the plane with this Kepler part."""
     q, p = sp.symbols("x1 x2 y1 y2", real=True), sp.symbols("u1 u2 v1 v2", real=True)
     r = sp.sqrt((q[2] - q[0]) ** 2 + (q[3] - q[1]) ** 2)
     H = (p[0] ** 2 + p[1] ** 2) / 2 + (p[2] ** 2 + p[3] ** 2) / sp.Rational(1, 2) - 1 / (4 * r)
@@ -190,7 +196,7 @@ def planar(part):
 
 
 def test_two_bodies_in_the_plane_are_solved_exactly():
-    """The centre of mass moves freely, the relative motion is Kepler's: a long step is many short ones."""
+    """The centre of mass moves freely and the relative motion is Kepler's, so one long step equals many short ones."""
     system = planar(jacobi([1, sp.Rational(1, 4)], 1, dimension=2))
     state = {"q0": [0.1, 0.2, 1.0, 0.1], "p0": [0.3, -0.1, 0.05, 0.25]}
     one, many = (end(integrate(system, "wisdom-holman", h=7.0 / n, steps=n, **state)) for n in (1, 64))
@@ -208,12 +214,12 @@ def test_two_bodies_in_the_plane_are_solved_exactly():
         jacobi([1, 2], 1, dimension=2),
     ],
 )
-def test_a_kepler_part_of_another_kinetic_energy_is_refused(part):
+def test_a_kepler_part_must_match_the_kinetic_energy(part):
     with pytest.raises(InvalidInput, match="Kepler part"):
         integrate(planar(part), "wisdom-holman", h=0.1, steps=1, q0=[0, 0, 1, 0], p0=[0, 0, 0, 1])
 
 
-def test_systems_without_one_are_refused():
+def test_systems_without_a_kepler_part_are_refused():
     with pytest.raises(InvalidInput, match="Kepler part"):
         integrate(problem("henon-heiles"), "wisdom-holman", h=0.1, steps=1)
 
@@ -230,7 +236,7 @@ def test_arrays_and_tuples_agree(monkeypatch):
 
 
 def small(masses, extra=0):
-    """Bodies of those masses in space, G = 1, with another term of the potential."""
+    """Bodies with these masses in space, G = 1, and an additional potential extra * q_1."""
     n = len(masses)
     q, p = sp.symbols(f"q:{3 * n}", real=True), sp.symbols(f"p:{3 * n}", real=True)
     pairs = [(i, j) for j in range(n) for i in range(j)]
@@ -240,8 +246,8 @@ def small(masses, extra=0):
     return Hamiltonian(q=q, p=p, H=H, singular=r, kepler=jacobi(masses, 1))
 
 
-def test_potentials_that_are_sums_of_inverse_distances_are_told():
-    """Of any vectors, in any order of their difference; nothing else is one."""
+def test_sums_of_inverse_distances_are_recognized():
+    """The distances may be between any two bodies, in either order; other potentials are not accepted."""
     system = small([sp.Integer(1), sp.Rational(1, 100), sp.Rational(1, 50)])
     found = planet_pairs.distances(system.potential, system.q)
     assert sorted(w for w, _ in found) == [sp.Rational(1, 5000), sp.Rational(1, 100), sp.Rational(1, 50)]
@@ -261,8 +267,8 @@ def test_potentials_that_are_sums_of_inverse_distances_are_told():
 
 
 @pytest.mark.parametrize(("extra", "limit"), [(0, 20), (sp.Rational(1, 1000), 20), (0, 1)])
-def test_bodies_in_lanes_go_where_the_others_do(extra, limit, monkeypatch):
-    """Another term of the potential has no lanes; beyond a limit states are arrays.  All are right."""
+def test_bodies_in_lanes_move_as_others(extra, limit, monkeypatch):
+    """With an additional potential there are no lanes; with limit 1 states are arrays."""
     monkeypatch.setattr(codegen, "TUPLE_LIMIT", limit)
     bodies = 3
     masses = [sp.Integer(1), *(sp.Rational(1, 1000 * k) for k in range(1, bodies))]
@@ -280,7 +286,7 @@ def test_bodies_in_lanes_go_where_the_others_do(extra, limit, monkeypatch):
 
 
 def motion(r0, inverse, eta, beta, mu, h, eps, table, memory, row, like):
-    """`kepler_lanes.motion` by Kepler's flow of one body after the other, at times as if lanes did not solve it."""
+    """Stand-in for `kepler_lanes.motion` that uses the scalar Kepler flow, and at times reports lanes as unsolved."""
     every, free = zip(r0, eta, beta, mu, strict=True), (-1.0, h, 0.0, -1.0, 0)
     f, g, df, dg, _ = np.transpose([kepler_flow.coefficients(*x, h, eps, table) if x[-1] else free for x in every])
     unsolved, inverse = eta.sum() > 0, dg / (r0 * f)
@@ -289,14 +295,14 @@ def motion(r0, inverse, eta, beta, mu, h, eps, table, memory, row, like):
 
 
 def root(square, guess):
-    """`kepler_lanes.root`, of a guess that is near."""
+    """Stand-in for `kepler_lanes.root`, whose guess must be near."""
     assert np.abs(square * guess**2 - 1).max() < 1e-12
     return np.sqrt(square), 1 / np.sqrt(square)
 
 
 @pytest.fixture
 def in_lanes(monkeypatch):
-    """Where nothing is compiled: lanes are arrays of NumPy, and bodies stand in them as where all is."""
+    """Without compilation, replace lanes by NumPy arrays so that the code for lanes runs."""
 
     def begin():
         if codegen.compiled():
@@ -312,8 +318,8 @@ def in_lanes(monkeypatch):
 
 
 @pytest.mark.parametrize("id", FAMILY)
-def test_the_planets_compiled_and_not(uncompiled, in_lanes, id):
-    """Where nothing is compiled: in lanes that are arrays, and one after the other."""
+def test_planets_compiled_and_uncompiled_agree(uncompiled, in_lanes, id):
+    """Without compilation both with NumPy arrays as lanes and body by body."""
     script = "integrators/test_wisdom_holman.py"
     plain, counts = (uncompiled(script, "planets") if codegen.compiled() else planets([id]))[id]
     in_lanes()
@@ -330,8 +336,8 @@ def test_the_planets_compiled_and_not(uncompiled, in_lanes, id):
 
 
 @pytest.mark.parametrize("part", [jacobi([1, 2], 1), jacobi([1] * 17, 1), KeplerPart(3, (1, sp.sqrt(2), 1), (0, 1, 1))])
-def test_few_bodies_and_many_and_masses_that_are_no_fractions_have_no_lanes(in_lanes, part):
-    """Nothing is asked of the system."""
+def test_kepler_parts_without_lanes(in_lanes, part):
+    """The system is not inspected for these Kepler parts."""
     in_lanes()
     assert planet_pairs.prepare(part, None, {}) is None
 
@@ -344,24 +350,24 @@ def test_three_bodies_have_lanes(in_lanes):
 
 @pytest.fixture(scope="module")
 def fine():
-    """The planets after 5000 days."""
+    """The planets after 5000 days, computed by DOP853."""
     made = problem(PLANETS)
     return elsewhere(made.system, made.q0, made.p0, 5000.0)
 
 
-#: Errors of the positions after 5000 days in steps of 50, and of the energy on the way, to a factor of 4.
+#: Errors of positions after 5000 days with h = 50, and of the energy on the way, within a factor of 4.
 ERRORS = {
     "wisdom-holman": (3e-7, 1e-7),
     "wisdom-holman-corrector": (5e-8, 1e-10),
     "wisdom-holman-saba-2": (1.4e-8, 8e-11),
     "wisdom-holman-saba-4": (4e-9, 1e-11),
 }
-#: The others show the reference's error and round-off.
+#: Errors of the other methods, which are those of the reference and of round-off.
 LEAST = (1e-11, 1e-14)
 
 
 @pytest.mark.parametrize("id", FAMILY)
-def test_the_planets(fine, id):
+def test_errors_of_the_planets(fine, id):
     made = problem(PLANETS)
     s = integrate(made, id, h=50.0, steps=100)
     E = made.system.observe(made.system.H, s.q, s.p)

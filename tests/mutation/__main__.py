@@ -1,18 +1,18 @@
 """Mutation of the suite by itself: ``python tests/mutation PATH ...`` changes the files one place at a time.
 
-Each mutant is tried in a copy of the project, where the tests that reach its line are run, and those that no test
-notices are printed.  A survivor that changes nothing anybody could notice stands in ``equivalent.toml`` with the
-argument; any other is a test that is missing.  The score is kept in ``score.csv``.  Needs the extra ``mutation``.
+Each mutant is tried in a copy of the project: the tests that reach the changed line are run, and mutants that no test
+notices are printed. Each of them shows a missing test or behaves like the original. The score is stored in
+``score.csv``. Needs the extra ``mutation``.
 
     python tests/mutation --reach tests/benchmarks benchmarks/experiments/drift/page.py
     python tests/mutation --plain --within 1 --sample 40 integrators/families
 
-A file that runs at import only, as a table does, is reached by no test: ``--by TESTS`` names those that are to know,
-and no others are asked.
+No test is recorded as reaching a file that runs only at import, such as a table: ``--by TESTS`` names the tests that
+judge its mutants; no others are run.
 
-With ``--plain`` nothing is compiled, neither where the reach is recorded nor where mutants are judged: a kernel is the
-Python function that it is written as, and changes as one.  What only compilation meets survives there, and is judged
-without: then every kernel is compiled anew for each mutant of one.
+With ``--plain`` nothing is compiled, neither while the reach is recorded nor while mutants are judged: a kernel runs,
+and is mutated, as the Python function that it is written as. A mutant that only compilation would reject survives then
+and is judged without ``--plain``, which recompiles every kernel for each mutant of one.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import tomllib
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -44,13 +43,12 @@ from tabulate import tabulate
 ROOT = Path(__file__).parents[2]
 CHILDREN = multiprocessing.get_context("forkserver")
 KEPT = ROOT / ".mutation"
-ARGUED = Path(__file__).with_name("equivalent.toml")
-KILLED, SURVIVED, UNREACHED, EQUIVALENT = "killed", "survived", "not reached", "argued equivalent"
+KILLED, SURVIVED, UNREACHED = "killed", "survived", "not reached"
 FAILING = "files of failing tests"
 
 
 def arguments() -> argparse.Namespace:
-    """Of the command."""
+    """Parsed arguments of the command line."""
     parser = argparse.ArgumentParser(prog="python tests/mutation", description=__doc__.splitlines()[0])
     parser.add_argument("paths", nargs="*", help="files or folders, from the root of the project")
     parser.add_argument("--reach", nargs="+", default=[], metavar="TESTS", help="first record what these tests reach")
@@ -66,13 +64,13 @@ def arguments() -> argparse.Namespace:
 
 
 def has_code(path: Path) -> bool:
-    """Whether a module is more than the name of a package: most packages import, and hold no function."""
+    """Whether a module can have mutants: an __init__.py without any function has none."""
     tree = ast.parse(path.read_text()) if path.name == "__init__.py" else None
     return tree is None or any(isinstance(node, ast.FunctionDef) for node in ast.walk(tree))
 
 
 def files(paths: list[str]) -> list[str]:
-    """The modules that paths stand for."""
+    """Modules at the given files and below the given folders, without benches."""
     found = []
     for path in paths:
         whole = ROOT / path
@@ -81,29 +79,23 @@ def files(paths: list[str]) -> list[str]:
     return found
 
 
-def argued() -> dict[str, str]:
-    """The argument for each mutant that changes nothing."""
-    return {of["mutant"]: of["why"] for of in tomllib.loads(ARGUED.read_text()).get("equivalent", [])}
-
-
 def copied(folder: Path) -> Path:
-    """A copy of the project to change."""
+    """Copy the project into a folder and return it."""
     for name in subprocess.run(
         ["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.splitlines():
         target = folder / name
         target.parent.mkdir(parents=True, exist_ok=True)
-        if (ROOT / name).is_file():
-            shutil.copy2(ROOT / name, target)
-    worker.write_redirect(ROOT, folder)
+        if (ROOT / name).exists():
+            shutil.copy2(ROOT / name, target, follow_symlinks=False)
     return folder
 
 
 @contextmanager
 def judge(folder: Path):
-    """What judges a job, in a copy of the project."""
+    """Start a process with a copy of the project and yield a function that sends it a job and returns its verdict."""
     ours, theirs = CHILDREN.Pipe()
-    process = CHILDREN.Process(target=worker.serve, args=(str(ROOT), str(copied(folder)), theirs))
+    process = CHILDREN.Process(target=worker.serve, args=(str(copied(folder)), theirs))
     process.start()
     theirs.close()
 
@@ -119,19 +111,19 @@ def judge(folder: Path):
 
 
 class Trial:
-    """The mutants of a file, tried one after the other.
+    """The mutants of one file and the tests that judge them.
 
     Parameters
     ----------
-    path : of the file
+    path : the file, from the root of the project
     reach : which tests reach which line
-    asked : the arguments of the command
+    asked : the parsed arguments of the command
     """
 
     def __init__(self, path: str, reach: Reach, asked: argparse.Namespace):
         self.path, self.reach, self.within, self.most = path, reach, asked.within, asked.most
         self.all = sorted(mutants(ROOT, path), key=lambda m: m.place)
-        self.hash = score.digest(ROOT / path)  # of what is changed, whatever becomes of the file meanwhile
+        self.hash = score.digest(ROOT / path)  # at the start: the file may be edited during the run
         known = score.read().get(path)
         same = known is not None and (known.hash, known.mutants) == (self.hash, len(self.all))
         self.known = known if asked.again and same else None
@@ -142,11 +134,11 @@ class Trial:
         self.kills: Counter = Counter()
 
     def todo(self) -> list[Mutant]:
-        """Those to try: all of the sample, or those of it that survived."""
+        """Mutants to judge: the sample, or with --again its survivors of last time."""
         return [m for m in self.tried if self.known is None or m.id in self.known.survived]
 
     def tests(self, mutant: Mutant) -> list[str]:
-        """Those that may notice a mutant: first what noticed others beside it, and what is quick."""
+        """Tests to run on a mutant, the likeliest to fail first: those that killed other mutants, and quick ones."""
 
         def promise(test: str) -> float:
             return (1 + 20 * self.kills[mutant.where, test] + 5 * self.kills[test]) / (0.02 + self.reach.seconds(test))
@@ -154,7 +146,7 @@ class Trial:
         return self._affordable(mutant.line, promise)
 
     def _affordable(self, line: int, promise: Callable[[str], float]) -> list[str]:
-        """Those that may notice a change of a line, the most promising first, as long as it is not too long."""
+        """Tests that may notice a change of a line, the most promising first, with a total time below --most."""
         found = sorted(self._quick(self._may_notice(line)), key=promise, reverse=True)
         spent = accumulate(map(self.reach.seconds, found))
         return [test for test, seconds in zip(found, spent, strict=True) if seconds <= self.most]
@@ -166,13 +158,13 @@ class Trial:
         return [test for test in tests if self.reach.seconds(test) <= self.within]
 
     def failing(self, ask) -> str | None:
-        """A test that fails though nothing is changed, as it is now or in a copy: it would notice every mutant."""
+        """A test that fails with the unmodified file, or None; such a test would fail for every mutant."""
         tests = self._affordable(0, lambda test: -self.reach.seconds(test))
         code, seconds = (ROOT / self.path).read_text(), sum(map(self.reach.seconds, tests))
         return ask(worker.Job(self.path, code, tuple(tests), self.files, self.known_tests, seconds))
 
     def judged(self, mutant: Mutant, ask) -> str:
-        """Whether one of the tests notices it."""
+        """Verdict on a mutant: killed, survived or not reached."""
         tests = self.tests(mutant)
         if not self.files:
             return UNREACHED
@@ -183,19 +175,18 @@ class Trial:
         return KILLED if by else SURVIVED
 
     def score(self, said: dict[str, str]) -> score.Score:
-        """What is kept of it."""
+        """The entry of ``score.csv`` from the verdicts of this run."""
         counts = Counter(said.values())
         survived = tuple(i for i, of in said.items() if of in (SURVIVED, UNREACHED))
-        equivalent = sum(m.id in argued() for m in self.tried)
-        killed = len(self.tried) - equivalent - len(survived) if self.known else counts[KILLED]
-        return score.Score(self.path, self.hash, len(self.all), len(self.tried), killed, equivalent, survived)
+        killed = len(self.tried) - len(survived) if self.known else counts[KILLED]
+        return score.Score(self.path, self.hash, len(self.all), len(self.tried), killed, survived)
 
 
 def tried(trial: Trial, ask) -> dict[str, str]:
-    """What came of each mutant of a file, printed where it was not noticed."""
-    said, equivalent, began = {}, argued(), time.monotonic()
+    """Judge the mutants of a file, print the survivors, and return {mutant id: verdict}."""
+    said, began = {}, time.monotonic()
     for mutant in trial.todo():
-        said[mutant.id] = EQUIVALENT if mutant.id in equivalent else trial.judged(mutant, ask)
+        said[mutant.id] = trial.judged(mutant, ask)
         if said[mutant.id] in (SURVIVED, UNREACHED):
             print(f"{said[mutant.id]}: line {mutant.line} of {mutant.id}", flush=True)
     each = (time.monotonic() - began) / max(len(said), 1)
@@ -205,14 +196,14 @@ def tried(trial: Trial, ask) -> dict[str, str]:
 
 
 def main() -> int:
-    """Judge the mutants; 1 where one survives."""
+    """Judge the mutants; exit code 1 if one survives."""
     CHILDREN.set_forkserver_preload(["worker", *worker.PRELOADED])
     asked = arguments()
     reach = Reach(KEPT / ("plain.sqlite" if asked.plain else "reach.sqlite"), ROOT)
     if asked.plain:
         os.environ |= worker.PLAIN
     if asked.score:
-        columns = ("file", "mutants", "tried", "killed", "equivalent", "survived", "")
+        columns = ("file", "mutants", "tried", "killed", "survived", "")
         print(tabulate(score.table(score.read(), ROOT), columns))
         return 0
     if asked.reach:
@@ -222,7 +213,7 @@ def main() -> int:
         return 2
     counts: Counter = Counter()
     todo: SimpleQueue = SimpleQueue()
-    for path in sorted(files(asked.paths), key=worker.is_compiled, reverse=True):  # these begin without the project
+    for path in sorted(files(asked.paths), key=worker.is_compiled, reverse=True):  # compiled files first
         todo.put(path)
 
     def work(folder: Path) -> None:

@@ -1,7 +1,7 @@
-"""The mutants of a file: each is the file with one number, sign, comparison, condition, return or choice changed.
+"""Mutants of a file: copies with one number, sign, comparison, condition, return or call changed.
 
-The changes are Cosmic Ray's, one or two of each kind, and three of our own: another number, a value that is not
-returned, and the greater taken for the less.  A change of an annotation, a docstring, a decorator or a figure is none.
+The operators are a selection of Cosmic Ray's and three of our own: `Number`, `Swap` and `ReturnNothing`. Annotations,
+docstrings, decorators and drawing code are not mutated.
 """
 
 from __future__ import annotations
@@ -35,66 +35,66 @@ NAMES = (
 )
 SWAPPED = {"min": "max", "any": "all", "idxmin": "idxmax", "argmin": "argmax", "head": "tail", "notna": "isna"}
 SWAPPED |= {other: name for name, other in SWAPPED.items()} | {"median": "max", "sum": "max"}
-#: What is judged by eye: functions that return this, begin so or use these, and arguments.
+#: Drawing code, which is judged by eye: functions with this return type, these prefixes or these variables.
 DRAWN, DRAWING, BRUSHES = "Picture", ("draw", "_draw"), {"axes", "style"}
 LOOKS = {"alpha", "dpi", "figsize", "fontsize", "linewidth", "markersize", "zorder"}
-#: Arguments that check or hurry and change no result.
+#: Keyword arguments that do not change a result: checks, speed and looks.
 SILENT = {"strict", "stacklevel", "low_memory"} | LOOKS
-#: Functions of which the arguments after the first say how much is shown, or to how many digits.
+#: Functions whose arguments after the first choose how much is shown, or how many digits.
 SHOWING = {"listed", "number"}
 
 
 class _Own(Operator):
-    """A change that Cosmic Ray does not make, at most one of a node."""
+    """A mutation operator of our own, applied at most once per node."""
 
     def mutation_positions(self, node) -> Iterator:
-        """Where it is made."""
+        """Yield the position of the node if the operator applies to it."""
         if self.found(node):
             yield node.start_pos, node.end_pos
 
     @classmethod
     def examples(cls):
-        """None."""
+        """No examples (required by Cosmic Ray)."""
         return ()
 
 
 class Number(_Own):
-    """One more than an integer, ten times another number."""
+    """Replace an integer n by n + 1, another number x by 10 x (zero by one)."""
 
     def found(self, node) -> bool:
-        """Whether it is a number that can be read."""
+        """Whether the node is a decimal number."""
         return node.type == "number" and not node.value.lower().startswith(("0x", "0b", "0o"))
 
     def mutate(self, node, index):
-        """The node with the other number."""
+        """The node with its number replaced."""
         value = ast.literal_eval(node.value)
         node.value = repr(value + 1 if isinstance(value, int) else 10 * value or 1.0)
         return node
 
 
 class Swap(_Own):
-    """The greater for the less, any for all."""
+    """Swap min and max, any and all and the other pairs of `SWAPPED`."""
 
     def found(self, node) -> bool:
-        """Whether a name is called that has an opposite."""
+        """Whether the node is a name in `SWAPPED` that is called."""
         called = node.get_next_leaf() if node.type == "name" and node.value in SWAPPED else None
         return called is not None and called.value == "("
 
     def mutate(self, node, index):
-        """The node with its opposite."""
+        """The node with its name swapped."""
         node.value = SWAPPED[node.value]
         return node
 
 
 class ReturnNothing(_Own):
-    """A value that is not returned."""
+    """Return None instead of a value."""
 
     def found(self, node) -> bool:
-        """Whether a value is."""
+        """Whether the node returns a value other than a keyword."""
         return node.type == "return_stmt" and node.children[1].type != "keyword"
 
     def mutate(self, node, index):
-        """The node without it."""
+        """The node with None in place of the value."""
         node.children[1] = parse(" None").children[0]
         return node
 
@@ -108,12 +108,12 @@ class Mutant:
 
     Attributes
     ----------
-    path : of the file, from the root of the project
-    line : the first that differs
-    before, after : the lines that differ
-    where : the functions that they are in
-    code : the changed file
-    copy : how many others of the file read the same
+    path : the file, from the root of the project
+    line : the first changed line
+    before, after : the changed lines, old and new
+    where : dotted name of the enclosing functions and classes
+    code : text of the changed file
+    copy : number of earlier mutants of the file with the same text
     """
 
     path: str
@@ -126,12 +126,12 @@ class Mutant:
 
     @property
     def id(self) -> str:
-        """What tells it from others, wherever its lines have moved."""
+        """Identifier of the mutant that does not depend on line numbers."""
         return f"{self.path}::{self.where}: {self.before} -> {self.after}" + f" ({self.copy + 1})" * (self.copy > 0)
 
     @property
     def place(self) -> str:
-        """Its place in the order in which the mutants of a file are tried, which is by no rule."""
+        """Sort key that puts the mutants of a file in a pseudo-random, reproducible order."""
         return hashlib.sha256(self.id.encode()).hexdigest()
 
 
@@ -141,7 +141,7 @@ def _operator(name: str) -> Operator:
 
 
 def mutants(root: Path, path: str) -> list[Mutant]:
-    """Those of a file that change what it does, by lines."""
+    """All mutants of a file that change its meaning, in the order of its lines."""
     code = (root / path).read_text()
     lines, scopes = code.splitlines(keepends=True), _scopes(code)
     found: list[Mutant] = []
@@ -161,7 +161,7 @@ def mutants(root: Path, path: str) -> list[Mutant]:
 
 
 def _chunks(code: str) -> Iterator[tuple[int, int, set[int]]]:
-    """The lines of each statement of a module, and which of them decorate or draw."""
+    """(first line, last line, lines to skip) of each statement of a module; decorators and drawing code are skipped."""
     for node in ast.parse(code).body:
         heads = [d for n in ast.walk(node) for d in getattr(n, "decorator_list", ())]
         first = min([node.lineno, *(d.lineno for d in heads)]) - 1
@@ -170,13 +170,14 @@ def _chunks(code: str) -> Iterator[tuple[int, int, set[int]]]:
 
 
 def _drawing(function: ast.FunctionDef) -> bool:
+    """Whether a function draws."""
     made = ast.unparse(function.returns) if function.returns else ""
     named = {n.id for n in ast.walk(function) if isinstance(n, ast.Name)}
     return function.name.startswith(DRAWING) or DRAWN in made or bool(named & BRUSHES)
 
 
 def _changed(chunk: str) -> Iterator[str]:
-    """A statement with each of the changes that changes its meaning."""
+    """Yield a statement with each single mutation that changes its meaning."""
     seen, nodes = {_meaning(chunk), ""}, list(ast_nodes(get_ast(chunk)))
     for name in (*NAMES, *_OWN):
         operator = _operator(name)
@@ -189,7 +190,7 @@ def _changed(chunk: str) -> Iterator[str]:
 
 
 def _meaning(code: str) -> str:
-    """The code's tree without annotations, docstrings and looks; empty for what is not Python."""
+    """The syntax tree without annotations, docstrings and silent arguments; empty if the code does not parse."""
     try:
         tree = ast.parse(code)
     except SyntaxError:
@@ -210,6 +211,7 @@ def _meaning(code: str) -> str:
 
 
 def _difference(code: str, changed: str) -> tuple[int, str, str]:
+    """(first changed line, old text, new text) of a mutation."""
     old, new = code.splitlines(), changed.splitlines()
     blocks = difflib.SequenceMatcher(None, old, new, autojunk=False).get_opcodes()
     (_, a, b, c, d), *_ = [block for block in blocks if block[0] != "equal"]
@@ -222,4 +224,5 @@ def _scopes(code: str) -> list[tuple[int, int, str]]:
 
 
 def _within(scopes: list[tuple[int, int, str]], line: int) -> str:
+    """Dotted name of the functions and classes around a line."""
     return ".".join(name for first, last, name in sorted(scopes) if first <= line <= last)

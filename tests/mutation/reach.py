@@ -1,8 +1,8 @@
-"""Which tests reach a line, what each costs and whether it passes: from one run of the suite, or of a part of it.
+"""Which tests reach a line, how long each takes and whether it passes, recorded in a run of the suite or a part of it.
 
-Compiled code is not seen.  A line of a kernel is reached by the tests that reach its module's Python functions, such as
-``prepare``; a line that only runs at import, or once because it is cached, is reached by all tests that reach the
-module, as is every line of a file that has changed since.
+Coverage does not see compiled code. A line of a kernel counts as reached by the tests that reach the Python functions
+of its module, such as ``prepare``. A line that runs only at import, or once because of a cache, counts as reached by
+all tests that reach the module; so does every line of a file that has changed since.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ import pytest
 from coverage import Coverage, CoverageData
 from score import digest
 
-#: What is looked at.
+#: Folders whose coverage is recorded.
 FOLDERS = ("integrators", "reference", "benchmarks", "phasebench")
 RUN, SETUP = "run", "setup"
 
 
 def _computed() -> float:
-    """Seconds of this process and of those that it started: other work on the machine does not count."""
+    """CPU seconds of this process and its children, which other load on the machine does not change."""
     return sum(os.times()[:4])
 
 
 @cache
 def often(code: str) -> frozenset[int]:
-    """The lines that run whenever they are called: those of functions whose results are not kept."""
+    """Lines that run on every call: those inside functions without a cache."""
 
     def lines(node: ast.AST, called: bool) -> Iterator[int]:
         for child in ast.iter_child_nodes(node):
@@ -48,18 +48,18 @@ def often(code: str) -> frozenset[int]:
 
 
 class Recorder:
-    """A plugin of pytest that tells Coverage.py which test runs, and keeps what each takes."""
+    """Pytest plugin that tells Coverage.py which test runs and records the seconds of each."""
 
     def __init__(self, coverage: Coverage):
         self.coverage, self.tests, self.fixtures = coverage, {}, {}
 
     def pytest_runtest_setup(self, item) -> None:
-        """Its fixtures are made."""
+        """Switch the context to the setup of the test."""
         self.coverage.switch_context(f"{item.nodeid}|{SETUP}")
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef, request):
-        """The time of a fixture counts for every test that asks for it."""
+        """Record the time of a fixture, which counts for every test that uses it."""
         began = _computed()
         made = yield
         key = request.node.nodeid.partition("::")[0], fixturedef.argname
@@ -68,7 +68,7 @@ class Recorder:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_call(self, item):
-        """It runs."""
+        """Record the time of the test itself."""
         self.coverage.switch_context(f"{item.nodeid}|{RUN}")
         began = _computed()
         try:
@@ -77,12 +77,12 @@ class Recorder:
             self.tests[item.nodeid] = {"fixtures": list(item.fixturenames), "seconds": _computed() - began}
 
     def pytest_runtest_logreport(self, report) -> None:
-        """It has run."""
+        """Record whether the test failed."""
         of = self.tests.setdefault(report.nodeid, {})
         of["failed"] = of.get("failed", False) or report.failed
 
     def costs(self) -> dict[str, dict]:
-        """Of each test the seconds with its fixtures, and whether it failed."""
+        """Test -> seconds with its fixtures, and whether it failed."""
         return {test: {"seconds": self._seconds(test, of), "failed": of["failed"]} for test, of in self.tests.items()}
 
     def _seconds(self, test: str, of: dict) -> float:
@@ -92,6 +92,7 @@ class Recorder:
 
 
 def _record(database: str, root: str, tests: list[str]) -> None:
+    """Run tests under Coverage.py and add what they reach and cost to the database."""
     folders = [f"{root}/{folder}/*" for folder in FOLDERS]
     coverage = Coverage(data_file=database, include=folders, config_file=False)
     coverage.load()
@@ -109,19 +110,19 @@ def _record(database: str, root: str, tests: list[str]) -> None:
 
 
 class Reach:
-    """What a database says.
+    """The recorded reach of the tests.
 
     Parameters
     ----------
-    database : its path
-    root : of the project
+    database : path of the coverage database
+    root : root of the project
     """
 
     def __init__(self, database: Path, root: Path):
         self.database, self.root, self._lines = database, root, {}
 
     def measure(self, tests: list[str]) -> None:
-        """Run tests and keep what they reach, besides what is known of others."""
+        """Run tests in a subprocess and add what they reach to the database."""
         self.database.parent.mkdir(parents=True, exist_ok=True)
         process = multiprocessing.get_context("spawn").Process(
             target=_record, args=(str(self.database), str(self.root), tests)
@@ -146,15 +147,15 @@ class Reach:
 
     @property
     def known(self) -> list[str]:
-        """The tests that were recorded."""
+        """Ids of the recorded tests."""
         return list(self._known["tests"])
 
     def seconds(self, test: str) -> float:
-        """What a test costs with its fixtures."""
+        """Seconds of a test with its fixtures; 1 if unknown."""
         return self._known["tests"].get(test, {}).get("seconds", 1.0)
 
     def tests(self, path: str, line: int) -> list[str]:
-        """The tests that reach a line of a file, or else those that reach the file, and pass."""
+        """Passing tests that reach a line of a file; those that reach any line of it if none is known for the line."""
         file = (self.root / path).resolve()
         name = self._names.get(str(file))
         if name is None:
@@ -167,7 +168,7 @@ class Reach:
         return self._passing(found)
 
     def named(self, names: list[str]) -> list[str]:
-        """The recorded tests of files, or of tests with or without their parameters, that pass."""
+        """Recorded passing tests among the names, each a file or a test with or without its parameters."""
         return self._passing(t for t in self.known if {t, t.partition("[")[0], t.partition("::")[0]} & set(names))
 
     def _passing(self, tests: Iterable[str]) -> list[str]:
@@ -181,7 +182,7 @@ class Reach:
         return by_file
 
     def _asked(self, contexts) -> list[str]:
-        """The tests of contexts such as ``tests/a.py::test|run``; a fixture serves all the tests of its file."""
+        """Tests of coverage contexts such as ``tests/a.py::test|run``; a fixture counts for all tests of its file."""
         found = set()
         for context in contexts:
             test, _, phase = context.rpartition("|")

@@ -1,7 +1,7 @@
-"""The score: of each file how many mutants were tried and what came of them, kept in ``score.csv``.
+"""The mutation score, stored in ``score.csv``: for each file the number of mutants tried, killed and surviving.
 
-The mutants of a file are tried in an order by no rule; of `tried` the first so many were.  A line whose hash is not the
-file's is of the file as it was before.
+The mutants of a file are tried in a pseudo-random order, the first `tried` of them. A line whose hash differs from the
+file's belongs to an earlier version of the file.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ KEPT = Path(__file__).with_name("score.csv")
 
 @dataclass(frozen=True)
 class Score:
-    """Of a file.
+    """The score of one file.
 
     Attributes
     ----------
-    path : from the root of the project
+    path : the file, from the root of the project
     hash : of its content
-    mutants, tried : how many there are, how many were tried
-    killed, equivalent : how many tests noticed, how many are argued to change nothing
-    survived : what no test noticed
+    mutants, tried : number of mutants, and of those tried
+    killed : number noticed by a test
+    survived : ids of those that no test noticed
     """
 
     path: str
@@ -33,12 +33,11 @@ class Score:
     mutants: int
     tried: int
     killed: int
-    equivalent: int
     survived: tuple[str, ...] = ()
 
 
 def read(kept: Path = KEPT) -> dict[str, Score]:
-    """The scores by path."""
+    """Read the scores: {path: Score}."""
     if not kept.exists():
         return {}
     with kept.open(newline="") as lines:
@@ -52,35 +51,29 @@ def read(kept: Path = KEPT) -> dict[str, Score]:
     }
 
 
-def unargued(scores: dict[str, Score], root: Path) -> list[str]:
-    """The survivors of files that are as they were when they were judged."""
-    return [mutant for s in scores.values() if same(s, root) for mutant in s.survived]
-
-
 def table(scores: dict[str, Score], root: Path) -> list[tuple]:
-    """(file, mutants, tried, killed, equivalent, survived, as judged or changed since) of each file, and of all."""
+    """Rows (file, mutants, tried, killed, survived, "as judged" or "changed"), the last one of all files."""
     lines = [
         (
             s.path,
             s.mutants,
             s.tried,
             s.killed,
-            s.equivalent,
-            len(s.survived),
+            s.tried - s.killed,
             "as judged" if same(s, root) else "changed",
         )
         for _, s in sorted(scores.items())
     ]
-    return [*lines, ("all", *(sum(line[k] for line in lines) for k in range(1, 6)), "")]
+    return [*lines, ("all", *(sum(line[k] for line in lines) for k in range(1, 5)), "")]
 
 
 def same(of: Score, root: Path) -> bool:
-    """Whether a file is as it was when it was judged."""
+    """Whether a file has not changed since it was judged."""
     return digest(root / of.path) == of.hash
 
 
 def write(scores: dict[str, Score], kept: Path = KEPT) -> None:
-    """Keep scores, by path."""
+    """Write the scores, sorted by path."""
     with kept.open("w", newline="") as lines:
         writer = csv.DictWriter(lines, [f.name for f in fields(Score)], lineterminator="\n")
         writer.writeheader()

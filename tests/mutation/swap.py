@@ -1,4 +1,4 @@
-"""A change of a function where it is: every name that the function has, in whatever module, has the changed one."""
+"""Replace the code of functions in place, so that every module that has imported them runs the changed code."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Place = tuple[str, int]
 
 
 def swaps(old: CodeType, new: CodeType) -> list[tuple[Place, CodeType]] | None:
-    """The changed functions of a module, as (name and line, code); None where what runs at import is changed too."""
+    """[(place, new code)] of the changed functions of a module; None if code that runs at import has changed too."""
     before, after = _inner(old), _inner(new)
     if _itself(old) != _itself(new) or len(before) != len(after):
         return None
@@ -31,7 +31,7 @@ def swaps(old: CodeType, new: CodeType) -> list[tuple[Place, CodeType]] | None:
 
 
 def place(code: CodeType) -> Place:
-    """What tells a function of a file from others."""
+    """(qualified name, first line): identifies a function within its file."""
     return code.co_qualname, code.co_firstlineno
 
 
@@ -40,12 +40,12 @@ def _inner(code: CodeType) -> list[CodeType]:
 
 
 def _itself(code: CodeType) -> tuple:
-    """What a module or a class does, without what its functions do."""
+    """The code of a module or class itself, without that of its functions."""
     return code.co_code, code.co_names, [repr(c) for c in code.co_consts if not isinstance(c, CodeType)]
 
 
 def functions(file: str) -> dict[Place, list[FunctionType]]:
-    """Every function that a file has made in this process."""
+    """Place -> the function objects in this process that come from a file."""
     found: dict[Place, list[FunctionType]] = {}
     for thing in gc.get_objects():
         if type(thing) is FunctionType and thing.__code__.co_filename == file:

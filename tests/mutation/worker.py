@@ -1,12 +1,13 @@
-"""A process that has imported the project from a copy, and judges mutants of its files in children.
+"""A process that has imported the project from a copy and judges mutants of its files in child processes.
 
-A mutant that changes a function is put in the function's place, in a child of a session that has collected the tests.
-One that changes what runs at import is imported, with what imports it; so is one of a function that was called before
-the tests run, where none noticed.  One of a file that is compiled begins without the project.
+A mutant that changes only functions is judged in a child of a session that has already collected the tests: the code of
+the functions is replaced in place. A mutant of code that runs at import is judged after the module, and all that import
+it, are imported again; so is a mutant of a function that was called before the tests began, if no test noticed it in
+place. A mutant of a compiled file is judged in a process that has not yet imported the project.
 
-What the cache keeps is that of the project as it is, for what neither compiles nor is compiled.  Where kernels are
-changed as Python functions (`PLAIN`), each mutant has a cache of its own: with what the project keeps, or empty where
-the mutant is of what generates it.
+The cache is that of the unmodified project where functions are neither compiled nor mutated. With kernels as Python
+functions (`PLAIN`), each mutant has a cache of its own: a copy of the project's, or an empty one if the mutated file
+generates the functions that are cached.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from importlib.util import cache_from_source
 from itertools import pairwise
 from pathlib import Path
 
@@ -48,25 +50,25 @@ PRELOADED = (
     "hypothesis",
 )
 PROJECT = ("phasebench.benchmarks.report", "phasebench.benchmarks.cli", "phasebench.benchmarks.certificate.plugin")
-#: A mutant has hung, and is noticed, after it has computed for so many seconds and so many times what its tests take.
+#: A mutant counts as hung, and so as noticed, after PATIENCE + TIMES * (seconds of its tests) seconds of CPU time.
 PATIENCE, TIMES = 40, 8
-#: One that waits has hung after so many times as long by the clock, which counts what else the machine does.
+#: A child that waits counts as hung after this many times its CPU limit in wall-clock time; the machine may be busy.
 WAITING = 10
-#: Folders of which functions are compiled: a function that is changed would not be.
-COMPILED = ("integrators/engine/", "integrators/families/", "integrators/systems/")
-#: Folders of what generates the functions that the cache keeps.
-GENERATING = ("integrators/engine/", "integrators/systems/")
-#: What makes a process compile nothing.
+#: Folders with functions that are compiled: replacing their code in place has no effect.
+COMPILED = (
+    "integrators/compile/",
+    "integrators/values/",
+    "integrators/stepping/",
+    "integrators/families/",
+    "integrators/systems/",
+)
+#: Folders of the code that generates the functions in the cache.
+GENERATING = ("integrators/compile/", "integrators/systems/")
+#: Environment in which nothing is compiled.
 PLAIN = {"NUMBA_DISABLE_JIT": "1"}
-#: What makes Python import the project from a copy of it, which the editable install does not know.
-REDIRECT = """import sys
-for name, module in list(sys.modules.items()):
-    if name.startswith("__editable___phasebench"):
-        module.MAPPING.update({k: v.replace(ROOT, COPY) for k, v in module.MAPPING.items()})
-"""
-#: Said of a mutant that may have to be there at import.
+#: Verdict on a mutant that may act only if it is present at import.
 UNSURE = "unsure"
-#: What is called before the tests run.
+#: Records the functions that are called before the tests run.
 CALLED = cProfile.Profile()
 FORK = multiprocessing.get_context("fork")
 
@@ -77,12 +79,12 @@ class Job:
 
     Attributes
     ----------
-    path : of the file
-    code : the changed file
-    tests : in the order in which they are asked
-    files : of all the tests that may notice another mutant of the file
-    known : the tests of which it is known what they reach; any other of these files is asked as well
-    seconds : what the tests take together
+    path : the mutated file
+    code : text of the mutated file
+    tests : ids of the tests, in the order in which they run
+    files : test files with a test that may notice any mutant of the file
+    known : tests with a recorded reach; other tests of these files run as well
+    seconds : total time of the tests
     """
 
     path: str
@@ -94,12 +96,12 @@ class Job:
 
     @property
     def patience(self) -> float:
-        """Seconds that the tests may compute."""
+        """CPU seconds after which the tests count as hung."""
         return PATIENCE + TIMES * self.seconds
 
     @property
     def own(self) -> tuple[str, ...]:
-        """The files of the tests; of none, all."""
+        """Files of the tests, or `files` if there are no tests."""
         return tuple(sorted({test.partition("::")[0] for test in self.tests})) or self.files
 
 
@@ -109,25 +111,19 @@ def is_plain() -> bool:
 
 
 def is_compiled(path: str) -> bool:
-    """Whether a function of the file may be part of compiled code here."""
+    """Whether functions of the file may become part of compiled code in this process."""
     return path.startswith(COMPILED) and not is_plain()
 
 
-def write_redirect(root: Path, copy: Path) -> None:
-    """Write what redirects processes that tests start."""
-    site = copy / ".mutation" / "sitecustomize.py"
-    site.parent.mkdir(exist_ok=True)
-    site.write_text(REDIRECT.replace("ROOT", repr(str(root))).replace("COPY", repr(str(copy))))
-
-
-def serve(root: str, copy: str, connection) -> None:
-    """Judge the mutants that arrive: the test that notices each, or None."""
+def serve(copy: str, connection) -> None:
+    """Receive jobs until None arrives; send back for each the test that notices the mutant, or None."""
     nowhere = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
         os.dup2(nowhere, stream)
     os.chdir(copy)
-    os.environ |= {"PYTHONPATH": f"{copy}/.mutation"}
-    exec(REDIRECT, {"ROOT": root, "COPY": copy})
+    # The copy precedes the editable install on the path, here and in the subprocesses of tests.
+    os.environ |= {"PYTHONPATH": copy}
+    sys.path.insert(0, copy)
     worker = Worker(Path(copy))
     while (job := connection.recv()) is not None:
         connection.send(worker.judge(job))
@@ -135,11 +131,11 @@ def serve(root: str, copy: str, connection) -> None:
 
 
 class Worker:
-    """What judges mutants on a copy of the project.
+    """Judges mutants in a copy of the project.
 
     Parameters
     ----------
-    copy : its folder
+    copy : folder of the copy
     """
 
     def __init__(self, copy: Path):
@@ -147,7 +143,7 @@ class Worker:
         self.cache, self.kept = copy / ".mutation" / "cache", None
 
     def judge(self, job: Job) -> str | None:
-        """The test that notices a mutant, ``hung``, or None."""
+        """The test that notices a mutant, ``hung`` or ``died``, or None."""
         original = (self.copy / job.path).read_text()
         if is_compiled(job.path):
             return self._changed(job, original, lambda: forked(alone, job, patience=job.patience))
@@ -163,17 +159,17 @@ class Worker:
         CALLED.enable()
         for name in PROJECT:
             importlib.import_module(name)
-        # From here on the version is that of the project as it is.
-        kept = importlib.import_module("phasebench.integrators.engine.cache").folder()
+        # Read before PHASEBENCH_CACHE is set: this is the cache of the unmodified project.
+        kept = importlib.import_module("phasebench.integrators.compile.cache").folder()
         if is_plain():
             self.kept = kept
             os.environ["PHASEBENCH_CACHE"] = str(self.cache)
         for module in project().values():
-            imported(module)  # which children need not read again
+            imported(module)  # cached here, so that children need not parse the files again
         gc.freeze()
 
     def _changed(self, job: Job, original: str, run: Callable[[], str | None]) -> str | None:
-        """What comes of it while the file is changed, which a process that a test starts would read."""
+        """Result of `run` while the file in the copy holds the mutant, for subprocesses of tests that read it."""
         if self.kept and not job.path.startswith(GENERATING):
             lend(self.kept, self.cache / self.kept.name)
         try:
@@ -181,10 +177,11 @@ class Worker:
             return run()
         finally:
             change(self.copy / job.path, original)
-            shutil.rmtree(self.cache, ignore_errors=True)  # it holds what the mutant has made
+            shutil.rmtree(self.cache, ignore_errors=True)  # what the mutant has cached
 
     def _swapped(self, job: Job, original: str) -> str | None:
-        file = str(self.copy / job.path)
+        """Verdict on a mutant whose functions are replaced in place; `UNSURE` if it must be present at import."""
+        file = str(self.copy / "phasebench" / job.path.removeprefix("phasebench/"))  # its import path
         changes = swaps(*(compile(code, file, "exec", dont_inherit=True) for code in (original, job.code)))
         if changes is None:
             return UNSURE
@@ -206,14 +203,14 @@ class Worker:
 
 
 def change(file: Path, text: str) -> None:
-    """Write a module; its bytecode is told from another's by the time in seconds, which is not enough here."""
+    """Write a module and delete its bytecode, whose time stamp in whole seconds may not show that it is stale."""
     file.write_text(text)
-    for stale in (file.parent / "__pycache__").glob(f"{file.stem}.*.pyc"):
+    for stale in Path(cache_from_source(file)).parent.glob(f"{file.stem}.*.pyc"):
         stale.unlink(missing_ok=True)
 
 
 def lend(kept: Path, place: Path) -> None:
-    """Copy what a cache keeps, but for machine code, into another."""
+    """Copy the entries of a cache except machine code into another."""
     place.mkdir(parents=True, exist_ok=True)
     for entry in kept.iterdir() if kept.is_dir() else ():
         if entry.suffix in (".py", ".json"):
@@ -221,13 +218,13 @@ def lend(kept: Path, place: Path) -> None:
 
 
 def forked(run: Callable[..., str | None], *arguments, patience: float = PATIENCE) -> str | None:
-    """What a function returns in a child, and what it started with it; ``hung`` or ``died`` else."""
+    """Result of a function in a child process; ``hung`` or ``died`` if there is none. Its subprocesses end with it."""
     ours, theirs = FORK.Pipe(duplex=False)
     process = FORK.Process(target=_tell, args=(theirs, patience, run, *arguments))
     process.start()
     theirs.close()
     try:
-        # Seconds that this process lives, not those of the clock: all may have been stopped meanwhile.
+        # Polls count seconds in which this process runs; a wall clock would go on while all processes are stopped.
         return ours.recv() if any(ours.poll(1) for _ in range(round(WAITING * patience))) else "hung"
     except EOFError:
         process.join()
@@ -248,29 +245,30 @@ def _tell(connection, patience: float, run, *arguments) -> None:
 
 
 class Collected:
-    """A session that has collected tests: what it runs instead of them."""
+    """Pytest plugin that passes the collected tests to a function instead of running them."""
 
     def __init__(self, loop: Callable):
         self.loop = loop
 
     def pytest_runtestloop(self, session) -> bool:
-        """Run what was asked; a file that cannot be imported has no tests."""
+        """Call the function with {id: test} and whether a file failed to import."""
         self.loop({item.nodeid: item for item in session.items}, bool(session.testsfailed))
         return True
 
 
 def collect(files: tuple[str, ...], loop: Callable) -> None:
-    """Collect the tests of files, then do something with them."""
+    """Collect the tests of files and call `loop` with them, see `Collected`."""
     import pytest
 
     scratch = Path(".mutation") / "scratch"
-    # A test need not say why it failed.
+    scratch.parent.mkdir(exist_ok=True)
+    # Failures need no explanation.
     options = ["-q", "-p", "no:cacheprovider", "--capture=sys", "--assert=plain", "--tb=native"]
     pytest.main([*options, f"--basetemp={scratch}", *files], plugins=[Collected(loop)])
 
 
 def noticed(items: dict, tests: tuple[str, ...], known: frozenset[str]) -> str | None:
-    """The first of the tests that fails, new ones last."""
+    """Run the tests in order, then those with no recorded reach; the id of the first that fails, or None."""
     from _pytest.runner import runtestprotocol
 
     asked = [items[test] for test in (*tests, *(id for id in items if id not in known)) if test in items]
@@ -281,14 +279,14 @@ def noticed(items: dict, tests: tuple[str, ...], known: frozenset[str]) -> str |
 
 
 def _session(connection, file: str, files: tuple[str, ...]) -> None:
-    """Collect tests, and judge the changed functions that arrive."""
+    """Collect tests once, then judge each set of changed functions that arrives in a child."""
 
     def loop(items: dict, failed: bool) -> None:
         CALLED.disable()
         called = {place(of.code) for of in CALLED.getstats() if getattr(of.code, "co_filename", None) == file}
         gc.unfreeze()
         made = functions(file)
-        gc.freeze()  # else a child's collector would write to every page, and so copy it
+        gc.freeze()  # else the child's garbage collector would write to every memory page and so copy it
         while (asked := connection.recv()) is not None:
             patience, *asked = asked
             found = forked(_with, made, items, *asked, patience=patience)
@@ -299,6 +297,7 @@ def _session(connection, file: str, files: tuple[str, ...]) -> None:
 
 
 def _with(made: dict, items: dict, tests: tuple[str, ...], known: frozenset[str], changes: list) -> str | None:
+    """Replace the code of functions in place and return the first test that fails."""
     for where, code in changes:
         for function in made.get(where, ()):
             function.__code__ = marshal.loads(code)
@@ -306,7 +305,7 @@ def _with(made: dict, items: dict, tests: tuple[str, ...], known: frozenset[str]
 
 
 def alone(job: Job) -> str | None:
-    """The first of the tests that fails in a session of its own."""
+    """The first test that fails in a session of its own; "collection" if a file cannot be imported."""
     found: list[str | None] = ["collection"]
 
     def loop(items: dict, failed: bool) -> None:
@@ -318,14 +317,14 @@ def alone(job: Job) -> str | None:
 
 
 def anew(job: Job) -> str | None:
-    """The first of the tests that fails where a file is imported again, and all that imports it."""
+    """The first test that fails after a file, and all that imports it, has been imported again."""
     CALLED.disable()
     forget(Path(job.path).resolve())
     return alone(job)
 
 
 def forget(file: Path) -> None:
-    """Unload a module and what imports it."""
+    """Unload a module and all that import it, directly or not."""
     modules = project()
     names = {name: (imported(m) | lent(m)) & set(modules) for name, m in modules.items()}
     gone = {name for name, m in modules.items() if Path(m.__file__).resolve() == file}
@@ -339,20 +338,20 @@ def forget(file: Path) -> None:
 
 
 def project() -> dict:
-    """The modules of the project, by name."""
+    """The loaded modules of the project by name."""
     found = {name: m for name, m in sys.modules.items() if name.partition(".")[0] == "phasebench"}
     return {name: m for name, m in found.items() if getattr(m, "__file__", None)}
 
 
 def lent(module) -> set[str]:
-    """The modules of a package from which it keeps what it was asked for; no import of it names them."""
+    """Modules from which a package imports lazily; no import statement in its text names them."""
     asked = vars(module).get("__getattr__")
     homes = inspect.getclosurevars(asked).nonlocals.get("homes", {}) if asked else {}
     return {f"{module.__name__}.{home}" for home in homes.values()}
 
 
 def imported(module) -> set[str]:
-    """The modules that one may import, by its text."""
+    """Modules that the text of a module may import."""
     return _imported(module.__file__, module.__name__ if hasattr(module, "__path__") else module.__package__)
 
 

@@ -1,4 +1,4 @@
-"""Stated uncertainties bound the errors, horizons are the problem's, and `check` sees whatever of these was changed."""
+"""Stated uncertainties bound the errors of references, horizons are correct, and `check` detects changed ones."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from phasebench.reference.certificates import check, horizon, make, others, stor
 from phasebench.reference.certificates.along import Precision, along
 from phasebench.reference.solvers import taylor
 
-#: Whose error was far above what the distance of two quadruple runs had stated.
+#: Orbits whose error was once far above the uncertainty, which was then the distance of two quadruple-precision runs.
 WORST = ("schwarzschild:photon-sphere", "schwarzschild:isco", "toda:three")
-#: The orbit that the checks are tried on: unstable, and cheap.
+#: The orbit for the tests of checks: unstable, and cheap.
 ORBIT = "schwarzschild:photon-sphere"
 STILL_MORE = Precision(300, "1e-66")
 
 
 def errors(made, ends, precision=STILL_MORE) -> list[float]:
-    """Of each state by a run of one's own, not the largest so far."""
+    """Error of each state against a run of our own with more bits."""
     times = [e.t for e in ends]
     rows = taylor.states(made.system, taylor.Bits(precision.bits), made.q0, made.p0, times, precision.tolerance)
-    return [stored.apart(e.texts, map(str, row)) for e, row in zip(ends, rows, strict=True)]
+    return [stored.distance(e.texts, map(str, row)) for e, row in zip(ends, rows, strict=True)]
 
 
 # -- uncertainties ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("label", WORST)
-def test_the_worst_states_are_within_half_their_uncertainty_against_still_more_bits(label):
+def test_the_worst_states_are_within_half_their_uncertainty(label):
     made = problem(label)
     ends = stored.load(made)
     for end, error in zip(ends, errors(made, ends), strict=True):
@@ -43,11 +43,11 @@ def test_the_worst_states_are_within_half_their_uncertainty_against_still_more_b
 
 
 @pytest.mark.parametrize("label", WORST[:2])
-def test_a_bound_made_now_has_its_margin_too(label):
+def test_a_newly_computed_bound_has_its_margin(label):
     made = problem(label)
     ends = stored.load(made)
     times = [e.t for e in ends]
-    bounds = make.bound(
+    bounds = make.uncertainties(
         [e.texts for e in ends], times, along(made, times, make.PRECISION, 4), [horizon.UNIT] * len(ends)
     )
     assert all(
@@ -56,20 +56,21 @@ def test_a_bound_made_now_has_its_margin_too(label):
     assert bounds == sorted(bounds)
 
 
-def test_a_run_of_too_few_bits_is_refused_and_so_is_growth_that_eats_them():
+def test_a_run_with_too_few_bits_is_refused():
+    """Also refused: growth of round-off beyond the bits of the run."""
     made = problem(ORBIT)
     ends = stored.load(made)[-1:]
     texts, times = [e.texts for e in ends], [e.t for e in ends]
     few = along(made, times, Precision(120, "1e-34"), 4)
     with pytest.raises(taylor.ReferenceFailed, match="120 bits may be off"):
-        make.bound(texts, times, few, [1e-8])
+        make.uncertainties(texts, times, few, [1e-8])
     many = along(made, times, make.PRECISION, 4)
-    assert make.bound(texts, times, many, [1e-8])
+    assert make.uncertainties(texts, times, many, [1e-8])
     with pytest.raises(taylor.ReferenceFailed, match="needs more bits"):
-        make.bound(texts, times, many, [1e14])
+        make.uncertainties(texts, times, many, [1e14])
 
 
-def test_every_stored_uncertainty_was_measured_in_more_bits_and_holds_to_the_end():
+def test_every_stored_uncertainty_was_measured_in_more_bits():
     for label in labels():
         known = stored.find(problem(label))
         assert known.bits >= 200
@@ -79,7 +80,7 @@ def test_every_stored_uncertainty_was_measured_in_more_bits_and_holds_to_the_end
 
 @pytest.mark.parametrize("bits", [150, 300])
 def test_numbers_of_many_bits_are_exact(bits):
-    """The double third, the rational third and pi, against mpmath."""
+    """The double nearest 1/3, the rational 1/3 and pi, against mpmath."""
     import mpmath
     import sympy as sp
 
@@ -95,12 +96,13 @@ def test_numbers_of_many_bits_are_exact(bits):
             assert off <= 8 * true * mpmath.mpf(2) ** -bits
 
 
-# -- what is measured again, can fail ---------------------------------------------------------------------------------
+# -- checks of changed certificates
+# ------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
-def measured():
-    """What `examine` measures of the orbit, kept, so that it is measured once for all changes."""
+def measurements():
+    """What `examine` measures of the orbit, computed once for all tests."""
     made, known = problem(ORBIT), stored.find(problem(ORBIT))
     path = along(made, [e.t for e in known.ends], check.AGAIN)
     said = others.words(made, made.start.times, path, horizon.neighbour(made, path.grid, path.near))
@@ -108,8 +110,9 @@ def measured():
 
 
 @pytest.fixture
-def kept(measured, monkeypatch):
-    path, rounding, said = measured
+def use_measurements(measurements, monkeypatch):
+    """Let `check` use the stored measurements."""
+    path, rounding, said = measurements
     monkeypatch.setattr(check, "along", lambda *a: path)
     monkeypatch.setattr(horizon, "rounding", lambda *a: rounding)
     monkeypatch.setattr(others, "words", lambda *a: said)
@@ -117,14 +120,14 @@ def kept(measured, monkeypatch):
 
 
 def at_end(**changed):
-    """A change of the last state of a certificate."""
+    """Function that changes fields of the last state of a certificate."""
     return lambda c: replace(
         c, ends=(*c.ends[:-1], replace(c.ends[-1], **{k: f(c.ends[-1]) for k, f in changed.items()}))
     )
 
 
 def digit(place: int):
-    """A change of one digit of q1 at that place after the point by 5."""
+    """Function that changes one decimal of q1 by 5."""
 
     def other(end):
         text = end.q_text[0]
@@ -135,6 +138,7 @@ def digit(place: int):
 
 
 def later(name: str, points: float):
+    """Function that moves a time of a certificate by grid points."""
     return lambda c: replace(c, **{name: getattr(c, name) + points * c.spacing})
 
 
@@ -152,7 +156,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("what", CHANGES)
-def test_what_was_changed_does_not_hold(kept, what):
+def test_a_changed_certificate_does_not_hold(use_measurements, what):
     made, known = problem(ORBIT), stored.find(problem(ORBIT))
     assert check.examine(made, known).wrong == ()
     change, says = CHANGES[what]
@@ -162,7 +166,7 @@ def test_what_was_changed_does_not_hold(kept, what):
     assert says in outcome.wrong[0]
 
 
-def test_a_state_that_is_missing_does_not_hold():
+def test_a_certificate_with_a_missing_state_does_not_hold():
     made = problem("harmonic-oscillator")
     known = stored.find(made)
     outcome = check.examine(made, replace(known, t_end=1.0, ends=known.ends[:1]), grid_points=10)
@@ -170,8 +174,8 @@ def test_a_state_that_is_missing_does_not_hold():
 
 
 @pytest.mark.parametrize("what", ["a digit", "a tenth of the uncertainty", "a later horizon"])
-def test_the_command_and_the_cell_fail_on_a_changed_file(kept, what, tmp_path, monkeypatch):
-    """The checksum is right: the file was not damaged, what it states is wrong."""
+def test_command_and_cell_fail_on_a_changed_file(use_measurements, what, tmp_path, monkeypatch):
+    """The checksum is valid: the file is not damaged but states something false."""
     all_of, versions = stored.read("schwarzschild")
     change = CHANGES[what][0]
     changed = [change(c) if c.problem == ORBIT else c for c in all_of]
@@ -182,13 +186,14 @@ def test_the_command_and_the_cell_fail_on_a_changed_file(kept, what, tmp_path, m
         (row,) = json.loads(done.stdout)["references"]
         assert (done.exit_code, bool(row["changed"])) == (code, bool(code))
     with pytest.raises(AssertionError, match="stated"):
-        cells.measured(ORBIT)
+        cells.measure_rows(ORBIT)
 
 
 # -- comparisons ------------------------------------------------------------------------------------------------------
 
 
 def end(**check_of) -> stored.End:
+    """A state with one check by another solver."""
     said = stored.Check("another", **check_of)
     return stored.End(1.0, ("0.78",), ("0.1",), 1e-20, 1e-15, 0.0, (said,))
 
@@ -207,13 +212,13 @@ def end(**check_of) -> stored.End:
         (0.0, float("nan"), False, False),
     ],
 )
-def test_a_solver_without_two_digits_is_no_comparison(distance, uncertainty, compares, agrees):
+def test_a_solver_without_two_digits_is_not_compared(distance, uncertainty, compares, agrees):
     state = end(distance=distance, uncertainty=uncertainty)
     (said,) = state.checks
     assert (state.compares(said), state.agrees(said), state.agree) == (compares, agrees, agrees)
 
 
-def test_what_is_no_comparison_is_told_and_neither_agrees_nor_disagrees():
+def test_a_vague_check_neither_agrees_nor_disagrees():
     state = stored.load(problem("henon-heiles:chaotic"))[-1]
     gauss, ias15 = state.checks
     assert ias15.uncertainty > state.size
@@ -223,8 +228,8 @@ def test_what_is_no_comparison_is_told_and_neither_agrees_nor_disagrees():
     assert not replace(state, checks=(ias15,)).agree
 
 
-def test_a_solvers_own_uncertainty_covers_round_off_that_walks():
-    """Two runs whose errors walk at random: the difference, times `SAFETY`, covers the error of one."""
+def test_a_solvers_uncertainty_covers_random_round_off():
+    """For two runs whose errors are random walks, the difference times `SAFETY` covers the error of one."""
     random = np.random.default_rng(0)
     walks = random.normal(size=(2, 400, 300)).cumsum(axis=2)
     own = np.array([others.uncertainty(np.abs(a - b), 0.0) for a, b in zip(*walks, strict=True)])
@@ -241,11 +246,12 @@ GRID = [150.0 * (i + 1) / 200 for i in range(200)]
 
 @pytest.fixture(scope="module")
 def chaotic():
+    """The growth of rounding errors along the chaotic orbit."""
     return horizon.rounding(problem(CHAOTIC), GRID)
 
 
-def test_the_horizon_is_that_of_growth_from_a_unit_of_long_double():
-    """Distances that grow as exp(rate t) from draws of a normal variable: the times are known in closed form."""
+def test_the_horizon_for_exponential_growth():
+    """Distances grow as exp(rate t) from normally distributed draws, so the times are known in closed form."""
     rate, grid = 0.1, [0.1 * i for i in range(1, 2400)]
     sizes = np.abs(np.random.default_rng(1).normal(size=1001))
     made = horizon.Rounding(grid, np.ones(len(grid)), horizon.UNIT * sizes[:, None] * np.exp(rate * np.array(grid)))
@@ -258,8 +264,8 @@ def test_the_horizon_is_that_of_growth_from_a_unit_of_long_double():
     assert high.horizon - low.horizon == pytest.approx(0.04 / rate + 0.2, abs=0.21)
 
 
-def test_the_horizon_is_the_same_at_another_displacement_and_order(chaotic):
-    """What another machine's round-off does to the draws is less than what these change."""
+def test_the_horizon_is_robust_to_displacement_and_order(chaotic):
+    """Their effect exceeds that of another machine's round-off."""
     other = horizon.rounding(problem(CHAOTIC), GRID, horizon.OTHER)
     low, high = chaotic.band
     assert all(a <= t <= b for a, t, b in zip(low, other.span(), high, strict=True))
@@ -267,14 +273,14 @@ def test_the_horizon_is_the_same_at_another_displacement_and_order(chaotic):
     assert np.abs(other.distances[:, 60] / chaotic.distances[:, 60] - 1).max() < 1e-3
 
 
-def test_the_interval_covers_what_single_runs_do(chaotic):
-    """Both horizons that this orbit had when they were one run's, and the runs of other seeds."""
+def test_the_interval_of_the_horizon_covers_single_runs(chaotic):
+    """Two horizons found earlier from single runs, and runs with other seeds, lie in it."""
     span = chaotic.span()
     assert span.earliest < 110 < 133.5 <= span.latest + 0.75
     again = horizon.rounding(problem(CHAOTIC), GRID, seed=7)
     leaves = [horizon.within(GRID, distance, again.size) for distance in again.distances]
     assert np.mean([span.earliest <= t <= span.latest for t in leaves]) >= 0.85
-    assert np.mean([abs(t - span.horizon) < 1.0 for t in leaves]) < 0.5  # a control: one run's is not the horizon
+    assert np.mean([abs(t - span.horizon) < 1.0 for t in leaves]) < 0.5  # control: one run is not the horizon
     assert again.span().horizon == pytest.approx(span.horizon, abs=3.0)
 
 
@@ -286,8 +292,8 @@ def test_the_stored_horizon_is_that_of_the_problem(chaotic):
     assert horizon.span(problem("harmonic-oscillator"), 100.0, 10) == (100.0, 100.0, 100.0)
 
 
-def test_rounding_on_the_way_counts():
-    """Through the close encounter of three bodies what is rounded there grows most; of the start little is left."""
+def test_rounding_along_the_way_counts():
+    """In a close encounter of three bodies the rounding errors made there dominate those of the start."""
     made = problem("n-body")
     grid = [0.1 * (i + 1) for i in range(60)]
     found = horizon.rounding(made, grid, draws=6)

@@ -1,4 +1,4 @@
-"""The certified references: stored for every problem, true in 25 digits of the energy, and bound to their problem."""
+"""Certified references: one stored for every orbit, exact to 25 digits in the energy, and tied to its problem."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from phasebench.reference.solvers.exact import exact
 
 UNSTABLE = ("henon-heiles:chaotic", "quadrupole-boson:h20", "double-pendulum:chaotic", "fpu", "n-body")
 REGULAR = ("harmonic-oscillator", "kepler", "henon-heiles:box", "double-pendulum:regular")
-#: States of more numbers are checked at their last time alone.
+#: From this number of degrees of freedom on only the last state is checked.
 MANY = 20
 
 
 def spoilt(text: str, digit: int = 20) -> str:
-    """A decimal string with another digit at that place after the point."""
+    """A decimal string with one digit changed."""
     at = text.index(".") + digit
     return f"{text[:at]}{(int(text[at]) + 5) % 10}{text[at + 1 :]}"
 
 
 def largest(made, state) -> int:
-    """The component, of (q, p), whose change moves the energy most."""
+    """Index of the component of (q, p) with the largest effect on the energy."""
     z = (*state.q_text, *state.p_text)
     with mpmath.workdps(50):
         slopes = stored.evaluate(made, [made.system.H.diff(x) for x in (*made.system.q, *made.system.p)], *halves(z))
@@ -38,6 +38,7 @@ def largest(made, state) -> int:
 
 
 def halves(z):
+    """The halves (q, p) of a state."""
     return z[: len(z) // 2], z[len(z) // 2 :]
 
 
@@ -45,8 +46,8 @@ def halves(z):
 
 
 @pytest.mark.parametrize("label", labels())
-def test_every_orbit_has_a_reference_that_holds(label):
-    """Where this fails for a new problem: give its orbits their times, then the command that the message names."""
+def test_every_orbit_has_a_valid_reference(label):
+    """If it fails for a new problem: give its orbits their times and run the command in the message."""
     made = problem(label)
     ends = stored.load(made)
     assert tuple(e.t for e in ends) == made.start.times, f"phasebench certify {label} --update"
@@ -59,7 +60,7 @@ def test_every_orbit_has_a_reference_that_holds(label):
 
 
 @pytest.mark.parametrize("label", ["kepler", "henon-heiles:chaotic", "lotka-volterra:4-2", "outer-solar-system"])
-def test_control_the_energy_sees_one_digit(label):
+def test_control_the_energy_shows_one_wrong_digit(label):
     made = problem(label)
     state = stored.load(made)[-1]
     z = [*state.q_text, *state.p_text]
@@ -69,7 +70,7 @@ def test_control_the_energy_sees_one_digit(label):
 
 
 @pytest.mark.parametrize("label", ["harmonic-oscillator", "kepler"])
-def test_the_digits_are_those_of_the_exact_solution(label):
+def test_digits_equal_the_exact_solution(label):
     made = problem(label)
     ends = stored.load(made)
     with mpmath.workdps(50):
@@ -81,7 +82,7 @@ def test_the_digits_are_those_of_the_exact_solution(label):
 
 
 @pytest.mark.parametrize("label", ["pendulum:rotating", "kepler", "lotka-volterra:4-2", "duffing:both-wells"])
-def test_a_double_run_meets_the_stored_states(label):
+def test_a_run_in_doubles_agrees_with_the_stored_states(label):
     made = problem(label)
     early = [e for e in stored.load(made) if e.t <= 10]
     rows = taylor.states(made.system, float, made.q0, made.p0, [e.t for e in early])
@@ -92,22 +93,22 @@ def test_a_double_run_meets_the_stored_states(label):
 
 
 @pytest.mark.parametrize("label", UNSTABLE)
-def test_an_unstable_orbit_is_not_trusted_to_its_end(label):
+def test_the_horizon_of_an_unstable_orbit_is_before_its_end(label):
     found = stored.find(problem(label))
     assert 0 < found.horizon < found.t_end
     assert found.rate > 0
 
 
 @pytest.mark.parametrize("label", REGULAR)
-def test_a_regular_orbit_is_trusted_to_its_end(label):
+def test_the_horizon_of_a_regular_orbit_is_its_end(label):
     found = stored.find(problem(label))
     assert (found.horizon, found.rate) == (found.t_end, None)
 
 
-# -- looked up --------------------------------------------------------------------------------------------------------
+# -- look-up ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_state_is_found_at_its_time_and_parameters_alone():
+def test_a_state_is_found_by_exact_time_and_parameters():
     made = problem("kepler")
     state = stored.end(made, 1.0)
     assert state.t == 1.0
@@ -123,15 +124,15 @@ def test_a_state_is_found_at_its_time_and_parameters_alone():
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """The kepler file in a folder of its own, which the commands use."""
+    """A temporary folder with kepler.json, used by the commands."""
     original = stored.DIRECTORY / "kepler.json"
     (tmp_path / "kepler.json").write_text(original.read_text())
     monkeypatch.setattr(stored, "DIRECTORY", tmp_path)
     return tmp_path
 
 
-def resealed(path, change) -> None:
-    """Change the content of a file and give it the right checksum."""
+def rewrite(path, change) -> None:
+    """Change the content of a file and update its checksum."""
     content = json.loads(path.read_text())
     content.pop("sha256")
     change(content)
@@ -139,14 +140,17 @@ def resealed(path, change) -> None:
 
 
 def without_time(content):
+    """Remove a time."""
     del content["references"][0]["ends"][0]["t"]
 
 
 def with_word(content):
+    """Replace a number by a word."""
     content["references"][0]["ends"][0]["q_text"][0] = "half"
 
 
 def with_too_few(content):
+    """Remove a component."""
     content["references"][0]["ends"][0]["q_text"].pop()
 
 
@@ -157,10 +161,10 @@ def with_too_few(content):
         (lambda path: path.write_bytes(b"\xff\xfe"), "no JSON"),
         (lambda path: path.write_text("[]"), "no file of format"),
         (lambda path: path.write_text(path.read_text().replace('"uncertainty": ', '"uncertainty": 1', 1)), "checksum"),
-        (lambda path: resealed(path, lambda c: c.update(problem="pendulum")), "of the problem 'pendulum'"),
-        (lambda path: resealed(path, without_time), "cannot be read"),
-        (lambda path: resealed(path, with_word), "cannot be read"),
-        (lambda path: resealed(path, with_too_few), "cannot be read"),
+        (lambda path: rewrite(path, lambda c: c.update(problem="pendulum")), "of the problem 'pendulum'"),
+        (lambda path: rewrite(path, without_time), "cannot be read"),
+        (lambda path: rewrite(path, with_word), "cannot be read"),
+        (lambda path: rewrite(path, with_too_few), "cannot be read"),
     ],
 )
 def test_a_damaged_file_is_refused(folder, damage, message):
@@ -172,7 +176,7 @@ def test_a_damaged_file_is_refused(folder, damage, message):
     assert "phasebench certify kepler --update" in str(caught.value)
 
 
-def test_a_problem_that_changed_is_refused():
+def test_a_changed_problem_is_refused():
     made = problem("kepler")
     orbit = made.start
     with pytest.raises(InvalidInput, match="initial data of kepler are no longer"):
@@ -185,33 +189,33 @@ def test_a_problem_that_changed_is_refused():
     assert stored.load(replace(made, system=same)) == stored.load(made)
 
 
-# -- computed anew ----------------------------------------------------------------------------------------------------
+# -- new certificates -------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def short():
-    """A fresh certificate of the pendulum to t = 10."""
+    """A new certificate of the pendulum to t = 10."""
     return make.certify(problem("pendulum:swinging"), [1.0, 10.0], grid_points=20)
 
 
 @pytest.mark.processor
-def test_a_fresh_run_meets_what_is_stored(short):
+def test_a_new_certificate_agrees_with_the_stored_one(short):
     for new in short.ends:
         old = stored.end(problem("pendulum:swinging"), new.t)
-        assert stored.apart(old.texts, new.texts) <= old.uncertainty + new.uncertainty < 1e-30
+        assert stored.distance(old.texts, new.texts) <= old.uncertainty + new.uncertainty < 1e-30
         assert new.agree
 
 
-def test_what_moved_is_told(short):
-    assert check.moved(short, short) == ""
+def test_differences_of_certificates_are_reported(short):
+    assert check.describe_change(short, short) == ""
     last = replace(short.ends[-1], q_text=(spoilt(short.ends[-1].q_text[0], 30),))
-    assert check.moved(replace(short, ends=(short.ends[0], last)), short) == "t = 10 by 5e-31"
-    assert check.moved(None, short) == "new"
-    assert check.moved(replace(short, ends=short.ends[1:]), short) == "at other times"
+    assert check.describe_change(replace(short, ends=(short.ends[0], last)), short) == "t = 10 by 5e-31"
+    assert check.describe_change(None, short) == "new"
+    assert check.describe_change(replace(short, ends=short.ends[1:]), short) == "at other times"
 
 
 def test_control_a_second_solver_of_another_equation_disagrees(monkeypatch):
-    """g/l = 1 + 1e-15: an error that only the second solver's long double can see."""
+    """g/l = 1 + 1e-15, an error that only the long double of the second solver resolves."""
     right = gauss.right_hand_side
 
     def slightly_wrong(system):
@@ -226,23 +230,23 @@ def test_control_a_second_solver_of_another_equation_disagrees(monkeypatch):
 @pytest.mark.processor
 @pytest.mark.parametrize("label", ["kepler", "quadrupole-boson:benchmark", "lotka-volterra-log:4-8"])
 def test_gauss_is_exact_to_long_double(label):
-    """Constants such as 2**(1/2) and 1/3 are not to be doubles: the error would be 1e-16."""
+    """Constants such as 2**(1/2) and 1/3 must not be rounded to doubles, an error of 1e-16."""
     made = problem(label)
-    long, quad = taylor.extended()
+    long, quad = taylor.extended_types()
     ends = taylor.step_ends(made.system, long, made.q0, made.p0, 2.0)
     found = gauss.run(made.system, made.q0, made.p0, [x / 2 for x in ends] + ends, [2.0])[0]
     truth = taylor.states(made.system, quad, made.q0, made.p0, [2.0])[0]
     assert max(abs(float(quad(a) - b)) for a, b in zip(found, truth, strict=True)) < 3e-18 * max(map(abs, found))
 
 
-def test_gauss_says_where_its_stages_have_no_solution():
+def test_gauss_reports_unsolvable_stages():
     made = problem("harmonic-oscillator")
     with pytest.raises(taylor.ReferenceFailed, match="no solution after t = 0"):
         gauss.run(made.system, made.q0, made.p0, [], [50.0])
 
 
 @pytest.mark.parametrize("times", [[], [0.0, 1.0], [2.0, 1.0], [float("nan")]])
-def test_bad_times_are_refused(times):
+def test_invalid_times_are_refused(times):
     with pytest.raises(InvalidInput, match="positive, finite and increase"):
         make.certify(problem("kepler"), times)
 
@@ -251,14 +255,14 @@ def test_bad_times_are_refused(times):
 
 
 def run(*arguments):
-    """(exit code, what was printed on stdout)."""
+    """(exit code, stdout) of `phasebench certify`."""
     done = CliRunner().invoke(app, ["certify", *arguments])
     assert done.exception is None or isinstance(done.exception, (SystemExit, KeyboardInterrupt)), done.exception
     return done.exit_code, done.stdout
 
 
 def outcome(known, **changed):
-    """What measuring a certificate again says, were all as it states."""
+    """Result of a recheck in which everything holds."""
     span = horizon.Span(known.horizon, known.earliest, known.latest)
     errors = tuple(e.uncertainty / 4 for e in known.ends)
     told = check.Outcome(known, errors, span, known.t_end, known.ends[-1].long_double, known.growth, known.rate, ())
@@ -266,8 +270,8 @@ def outcome(known, **changed):
 
 
 @pytest.fixture
-def measured(monkeypatch):
-    """Sets what measuring kepler's certificate again says."""
+def set_recheck(monkeypatch):
+    """Function that sets the result of rechecking kepler's certificate."""
 
     def give(**changed):
         told = outcome(stored.find(problem("kepler")), **changed)
@@ -277,12 +281,12 @@ def measured(monkeypatch):
     return give
 
 
-def test_the_command_says_that_all_holds_and_what_does_not(measured):
-    known = measured().certificate
+def test_the_command_reports_what_holds_and_what_does_not(set_recheck):
+    known = set_recheck().certificate
     code, text = run("kepler")
     assert code == 0
     assert "all that they state holds" in text
-    measured(wrong=("at t = 1 the digits are off by 2, and 1 is stated",))
+    set_recheck(wrong=("at t = 1 the digits are off by 2, and 1 is stated",))
     code, text = run("kepler")
     assert code == 1
     assert "wrong: kepler" in text
@@ -292,23 +296,23 @@ def test_the_command_says_that_all_holds_and_what_does_not(measured):
         ({"uncertainty": 9.0}, "1 of 4 states without a comparison"),
     ):
         spoilt_end = replace(known.ends[0], checks=(replace(known.ends[0].checks[0], **check_of),))
-        measured(certificate=replace(known, ends=(spoilt_end, *known.ends[1:])))
+        set_recheck(certificate=replace(known, ends=(spoilt_end, *known.ends[1:])))
         code, text = run("kepler")
         assert code == 1
         assert says in text
 
 
-def test_the_command_as_json(measured):
+def test_the_command_as_json(set_recheck):
     for wrong, code in (((), 0), (("the limit",), 1)):
-        measured(wrong=wrong)
+        set_recheck(wrong=wrong)
         said, text = run("kepler", "--json")
         (row,) = json.loads(text)["references"]
         assert (said, row["problem"], row["changed"]) == (code, "kepler", "".join(wrong))
         assert row["least bound"] == row["largest bound"] == 4.0
 
 
-def test_an_update_keeps_each_problem_at_once(folder, monkeypatch):
-    """The second problem is interrupted; the first is stored, over a file that could not be read."""
+def test_an_update_stores_each_problem_at_once(folder, monkeypatch):
+    """The second problem is interrupted; the first has been stored already, over an unreadable file."""
     known = stored.find(problem("kepler"))
     (folder / "kepler.json").write_text("{")
 
@@ -325,7 +329,7 @@ def test_an_update_keeps_each_problem_at_once(folder, monkeypatch):
     assert [p.name for p in folder.iterdir()] == ["kepler.json"]
 
 
-def test_an_update_does_not_store_what_does_not_hold(folder, monkeypatch):
+def test_an_update_does_not_store_an_invalid_certificate(folder, monkeypatch):
     known = stored.find(problem("kepler"))
     monkeypatch.setattr(make, "certify", lambda made, times: replace(known, horizon=1.0))
     monkeypatch.setattr(check, "examine", lambda made, new: outcome(new, wrong=("horizon",)))
@@ -354,10 +358,10 @@ def test_one_time_is_certified_and_printed():
         (["henon-heiles:boxes"], "did you mean box"),
         (["pendulum", "kepler", "--t-end", "1"], "one problem"),
         (["kepler", "--t-end", "-1"], "must be a positive number"),
-        (["kepler", "--t-end", "nan"], "must be a positive number"),
+        (["kepler", "--t-end", "nan"], "must be a finite number"),
     ],
 )
-def test_bad_input_of_the_command(arguments, message):
+def test_invalid_arguments_of_the_command(arguments, message):
     done = CliRunner().invoke(app, ["certify", *arguments])
     assert done.exit_code == 2
     assert message in done.stderr
@@ -374,7 +378,7 @@ def test_an_orbit_without_a_certificate_is_refused():
         check.recheck(problem("kepler", e=0.5))
 
 
-def test_names_stand_for_orbits():
+def test_names_select_orbits():
     assert labels(["kepler:e"]) == ["kepler"]
     assert labels(["pendulum", "pendulum:rotating"]) == ["pendulum:swinging", "pendulum:rotating"]
     assert labels() == [made.at(o.name).label for made in map(problem, PROBLEMS) for o in made.orbits]

@@ -1,4 +1,4 @@
-"""How certificates are made and judged, with runs made up: grids, bounds, what others say, what is wrong."""
+"""How certificates are made and judged, tested with made-up runs: grids, bounds, other solvers, errors."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
 
 
 def about(value, rel: float = 1e-6):
-    """As pytest's, of numbers of any size."""
+    """`pytest.approx` with a relative tolerance only."""
     return pytest.approx(value, rel=rel, abs=0)
 
 
-def made(times=(1.0, 2.0, 4.0), d: int = 1) -> SimpleNamespace:
-    """What certificates need of a problem."""
+def fake_problem(times=(1.0, 2.0, 4.0), d: int = 1) -> SimpleNamespace:
+    """Stand-in for a problem, with the fields that certificates need."""
     system = OSCILLATOR if d == 1 else Hamiltonian(q="a b", p="c d", H="(c**2 + d**2)/2 + a**2 + b**2")
     start = SimpleNamespace(name="start", times=times)
     q, p = (1.0,) * d, (0.0,) * d
@@ -32,7 +32,7 @@ def made(times=(1.0, 2.0, 4.0), d: int = 1) -> SimpleNamespace:
 
 
 def path(grid, rows=None, near=None) -> along.Along:
-    """An orbit that stands at (1, 0), or has these rows of many bits."""
+    """An orbit at rest at (1, 0), or with these rows as decimal strings."""
     number = taylor.Bits(PRECISION.bits)
     rows = [[number(x) for x in row] for row in (rows or [["1", "0"]] * len(grid))]
     near = np.array([[1.0, 0.0]] * len(grid)) if near is None else near
@@ -40,6 +40,7 @@ def path(grid, rows=None, near=None) -> along.Along:
 
 
 def certificate(**changed) -> stored.Certificate:
+    """A valid made-up certificate with some fields changed."""
     said = stored.Check("another", 1e-15, 1e-15)
     ends = tuple(stored.End(t, ("1",), ("0",), 4e-34, 1e-19, 0.0, (said,)) for t in (1.0, 2.0, 4.0))
     base = {"problem": "made:start", "orbit": "start", "parameters": {"k": 2.0}, "q0": (1.0,), "p0": (0.0,)}
@@ -53,54 +54,55 @@ def certificate(**changed) -> stored.Certificate:
 
 @pytest.fixture
 def still(monkeypatch):
-    """Runs that return (t, -2 t) at the times that they are asked for."""
+    """Replace Taylor runs by (t, -2 t) at the requested times."""
     monkeypatch.setattr(
         taylor, "states", lambda system, fp, q, p, times, tol=None: np.array([[t, -2 * t] for t in times])
     )
 
 
-def test_the_grid_divides_the_span_and_has_the_times(still):
-    found = along.along(made(), [0.3, 2.0], PRECISION, 4)
+def test_the_grid_divides_the_span_and_contains_the_times(still):
+    found = along.along(fake_problem(), [0.3, 2.0], PRECISION, 4)
     assert found.grid == [0.3, 0.5, 1.0, 1.5, 2.0]
     assert found.size.tolist() == [0.6, 1.0, 2.0, 3.0, 4.0]
     assert found.row(1.5).tolist() == [1.5, -3.0]
-    assert along.along(made(), [1.0], PRECISION, 2).grid == [0.5, 1.0]
-    assert along.along(made(), [0.7], PRECISION, 1).grid == [0.7]
+    assert along.along(fake_problem(), [1.0], PRECISION, 2).grid == [0.5, 1.0]
+    assert along.along(fake_problem(), [0.7], PRECISION, 1).grid == [0.7]
 
 
 @pytest.mark.parametrize(
     "times", [[], [0.0, 1.0], [-1.0], [2.0, 1.0], [1.0, 1.0], [1.0, float("inf")], [float("nan"), 1.0], [1.0, 3.0, 2.0]]
 )
-def test_times_that_are_none_are_refused(still, times):
+def test_invalid_times_are_refused(still, times):
     with pytest.raises(InvalidInput, match="positive, finite and increase"):
-        along.along(made(), times, PRECISION, 4)
+        along.along(fake_problem(), times, PRECISION, 4)
 
 
-def test_distances_are_the_largest_so_far_in_the_maximum_norm():
+def test_distances_are_running_maxima():
     rows = np.array([[1.0, 0.1], [0.5, 0.2], [1.2, -0.3]])
     assert path([1.0, 2.0, 3.0]).distances(rows) == about([0.1, 0.5, 0.5])
 
 
-# -- made --------------------------------------------------------------------------------------------------------------
+# -- making certificates
+# -----------------------------------------------------------------------------------------------
 
 DIGITS = [("1.0000000000000000000000000000000001", "0"), ("1", "0"), ("1", "0.0000000000000000000000000000000003")]
 
 
-def test_errors_are_of_the_digits_and_the_largest_so_far():
+def test_errors_are_running_maxima_of_the_digits_errors():
     rows = path([1.0, 2.0, 4.0])
     assert make.errors(DIGITS, [1.0, 2.0, 4.0], rows) == about([1e-34, 1e-34, 3e-34], rel=1e-9)
 
 
-def test_a_bound_is_a_multiple_of_the_error_and_what_the_many_bits_may_be_off():
+def test_a_bound_adds_margin_and_round_off_of_the_run():
     rows, times = path([1.0, 2.0, 4.0]), [1.0, 2.0, 4.0]
-    own = 1e-58 * np.array([1.0, 2e20, 9e20])  # by how much a rounding has grown
-    bounds = make.bound(DIGITS, times, rows, horizon.UNIT * own / 1e-58)
+    own = 1e-58 * np.array([1.0, 2e20, 9e20])  # growth of a rounding error
+    bounds = make.uncertainties(DIGITS, times, rows, horizon.UNIT * own / 1e-58)
     assert bounds == about(make.FACTOR * np.array([1e-34, 1e-34, 3e-34]) + own, rel=1e-9)
     with pytest.raises(taylor.ReferenceFailed, match=r"at t = 2 the run of 200 bits may be off by 1\.1e-37"):
-        make.bound(DIGITS, times, rows, horizon.UNIT * np.array([1.0, 1.1e21, 1.0]))
+        make.uncertainties(DIGITS, times, rows, horizon.UNIT * np.array([1.0, 1.1e21, 1.0]))
 
 
-def test_a_certificate_says_what_was_measured_at_its_times(monkeypatch):
+def test_a_certificate_has_the_measurements_at_its_times(monkeypatch):
     grid = [0.5, 1.0, 2.0, 3.0, 4.0]
     near = np.array([[1.0, x] for x in (0.0, 1e-19, 3e-19, 2e-19, 5e-19)])
     distances = horizon.UNIT * np.array([[1.0] * 5, [1.0, 1.0, 5e20, 5e20, 5e20]])
@@ -110,7 +112,7 @@ def test_a_certificate_says_what_was_measured_at_its_times(monkeypatch):
     monkeypatch.setattr(horizon, "rounding", lambda problem, grid: rounding)
     monkeypatch.setattr(horizon, "neighbour", lambda problem, grid, near: 1e-14 * np.array(grid) ** 2)
     monkeypatch.setattr(others, "words", lambda problem, times, path, apart: [(), (), ()])
-    found = make.certify(made(), [1, 2, 4], 8)
+    found = make.certify(fake_problem(), [1, 2, 4], 8)
     assert (found.t_end, found.spacing, found.bits, found.limit) == (4.0, 0.5, 200, horizon.LIMIT)
     assert (found.growth, found.rate) == (about(2.0), None)
     assert [e.t for e in found.ends] == [1.0, 2.0, 4.0]
@@ -121,22 +123,23 @@ def test_a_certificate_says_what_was_measured_at_its_times(monkeypatch):
     assert horizon.Span(found.horizon, found.earliest, found.latest) == rounding.span()
 
 
-def test_digits_are_all_that_quadruple_precision_has(monkeypatch):
+def test_digits_are_those_of_quadruple_precision(monkeypatch):
     monkeypatch.setattr(taylor, "states", lambda *a: [["0.1234567890123456789012345678901234567", "-2"]])
-    ((q, p),) = make._digits(made(), [1.0])
+    ((q, p),) = make._digits(fake_problem(), [1.0])
     assert q == "1.234567890123456789012345678901235e-1"
     assert len(q.partition("e")[0].replace(".", "")) == stored.DIGITS == 34
     assert float(p) == -2.0
 
 
-# -- what others say ---------------------------------------------------------------------------------------------------
+# -- other solvers
+# -----------------------------------------------------------------------------------------------------
 
 
-def test_a_solver_is_as_uncertain_as_its_two_runs_and_its_round_off():
+def test_a_solvers_uncertainty_adds_two_runs_and_round_off():
     assert others.uncertainty([1.0, 3.0, 2.0], np.array([0.1, 0.2, 0.3])).tolist() == [4.1, 12.2, 12.3]
 
 
-def test_gauss_takes_the_taylor_steps_in_parts_and_its_round_off_walks(monkeypatch):
+def test_gauss_refines_taylor_steps_and_its_round_off_walks(monkeypatch):
     seen, grid = [], [1.0, 2.0, 4.0]
 
     def run(system, q, p, marks, times):
@@ -146,7 +149,7 @@ def test_gauss_takes_the_taylor_steps_in_parts_and_its_round_off_walks(monkeypat
     monkeypatch.setattr(taylor, "step_ends", lambda *a: [0.004, 1.0, 4.0])
     monkeypatch.setattr(gauss, "run", run)
     unit = np.array([1.0, 1.0, 10.0])
-    far, own = others._gauss(made(), path(grid), unit)
+    far, own = others._gauss(fake_problem(), path(grid), unit)
     for marks, parts in zip(seen, others.PARTS, strict=True):
         steps = np.diff([0.0, *marks])
         assert steps.min() > 0
@@ -160,7 +163,7 @@ def test_gauss_takes_the_taylor_steps_in_parts_and_its_round_off_walks(monkeypat
     assert own[2] == about(4e-18 + 10 * eps * np.sqrt(n))
 
 
-def test_gauss_and_ias15_say_what_they_found_at_the_times(monkeypatch):
+def test_gauss_and_ias15_report_at_the_times(monkeypatch):
     grid, given = [0.5, 1.0, 2.0], []
 
     def far(problem, path, unit):
@@ -171,19 +174,19 @@ def test_gauss_and_ias15_say_what_they_found_at_the_times(monkeypatch):
     monkeypatch.setattr(
         others, "_ias15", lambda problem, times, unit: ([np.array([1.0, 0.25]), np.array([1.0, 0.125])], [7, 8])
     )
-    said = others.words(made(), [1.0, 2.0], path(grid), np.array([0.0, 3.0, 20.0]) * horizon.SHIFT)
+    said = others.words(fake_problem(), [1.0, 2.0], path(grid), np.array([0.0, 3.0, 20.0]) * horizon.SHIFT)
     assert given[0] == about([1.0, 3.0, 20.0]), "the state's size, or what a neighbour grew by"
     assert [[(c.distance, c.uncertainty) for c in checks] for checks in said] == [
         [(2, 5), (0.25, 7)],
         [(3, 6), (0.25, 8)],
     ]
     monkeypatch.setattr(others, "_ias15", lambda problem, times, unit: None)
-    assert [len(checks) for checks in others.words(made(), [1.0, 2.0], path(grid), np.zeros(3))] == [1, 1]
+    assert [len(checks) for checks in others.words(fake_problem(), [1.0, 2.0], path(grid), np.zeros(3))] == [1, 1]
 
 
 @pytest.fixture
 def ias15(monkeypatch):
-    """IAS15 that ends at (t + tol, 0; 0, 0) after 400 steps; with a status of its own, and what it was asked."""
+    """IAS15 replaced by runs that end at (t + tol, 0; 0, 0) after 400 steps: (calls, status to return)."""
     asked, status = [], ["ok"]
 
     def run(problem, peer, tol, t_end):
@@ -195,32 +198,34 @@ def ias15(monkeypatch):
     return asked, status
 
 
-def test_ias15_runs_at_two_tolerances_where_it_can(ias15):
+def test_ias15_runs_at_two_tolerances(ias15):
     asked, status = ias15
-    rows, own = others._ias15(made(d=2), [1.0, 2.0], np.array([1.0, 3.0]))
+    rows, own = others._ias15(fake_problem(d=2), [1.0, 2.0], np.array([1.0, 3.0]))
     loose, fine = others.TOLERANCES
     assert asked == [(loose, 1.0), (loose, 2.0), (fine, 1.0), (fine, 2.0)]
     assert [row.tolist() for row in rows] == [[t + fine, 0, 0, 0] for t in (1.0, 2.0)]
     assert own == about(4 * (loose - fine) + 2.0**-52 * 20 * np.array([1, 3]), rel=1e-6)
     status[0] = "diverged"
-    assert others._ias15(made(d=2), [1.0], np.ones(1)) is None
-    assert others._ias15(made(d=1), [1.0], np.ones(1)) is None
+    assert others._ias15(fake_problem(d=2), [1.0], np.ones(1)) is None
+    assert others._ias15(fake_problem(d=1), [1.0], np.ones(1)) is None
 
 
-def test_the_round_off_of_ias15_walks(ias15, monkeypatch):
+def test_the_round_off_of_ias15_is_a_random_walk(ias15, monkeypatch):
     monkeypatch.setattr(others, "TOLERANCES", (1e-11, 1e-11))
-    _, own = others._ias15(made(d=2), [1.0, 2.0], np.array([1.0, 3.0]))
+    _, own = others._ias15(fake_problem(d=2), [1.0, 2.0], np.array([1.0, 3.0]))
     assert own == about(2.0**-52 * np.sqrt(400) * np.array([1, 3]))
 
 
-# -- judged ------------------------------------------------------------------------------------------------------------
+# -- judging
+# -----------------------------------------------------------------------------------------------------------
 
 
 def outcome(known, *errors: float, wrong=()) -> check.Outcome:
+    """The outcome of a check with these errors."""
     return check.Outcome(known, errors, horizon.Span(3.0, 2.0, 4.0), 3.0, 1e-19, 1.0, None, wrong)
 
 
-def test_a_certificate_holds_where_nothing_is_wrong_and_all_agree():
+def test_a_certificate_holds_if_all_checks_agree():
     known = certificate()
     good = outcome(known, 1e-34, 2e-34, 4e-34)
     assert good.ratios == about((4.0, 2.0, 1.0))
@@ -231,21 +236,21 @@ def test_a_certificate_holds_where_nothing_is_wrong_and_all_agree():
     assert (bad.holds, bad.disagree) == (False, 1)
 
 
-def test_an_uncertainty_is_wrong_below_the_error_and_far_above_it():
+def test_an_uncertainty_must_be_near_the_error():
     (end, *_) = certificate().ends
     said = [check._bounds((end,), [error]) for error in (4e-34, 4.01e-34, 4.01e-38, 3.99e-38)]
     assert [len(wrong) for wrong in said] == [0, 1, 0, 1]
     assert said[1] == ["at t = 1 the digits are off by 4e-34, and 4e-34 is stated"]
 
 
-def test_times_are_those_of_the_orbit():
-    assert check._times(made(times=(1.0, 2.0)), [1.0, 2.0]) == []
-    assert check._times(made(times=(1.0, 2.0)), [1.0]) == [
+def test_times_must_be_those_of_the_orbit():
+    assert check._times(fake_problem(times=(1.0, 2.0)), [1.0, 2.0]) == []
+    assert check._times(fake_problem(times=(1.0, 2.0)), [1.0]) == [
         "it is stored at t = [1.0], the orbit's times are [1.0, 2.0]"
     ]
 
 
-def test_the_horizon_and_its_interval_are_those_of_the_problem():
+def test_the_horizon_must_be_that_of_the_problem():
     grid = [0.5 * k for k in range(1, 13)]
     distances = np.array([horizon.LIMIT * 10.0 ** (np.array(grid) - 3.2)] * 3)
     rounding = horizon.Rounding(grid, np.ones(12), distances)
@@ -260,7 +265,7 @@ def test_the_horizon_and_its_interval_are_those_of_the_problem():
     assert check._spans(replace(right, limit=1e-12), rounding) == ["the limit is stated as 1e-12 and is 1e-13"]
 
 
-def test_what_is_measured_again_is_told(monkeypatch):
+def test_differences_of_a_recheck_are_reported(monkeypatch):
     grid, known = [1.0, 2.0, 4.0], certificate(horizon=1.0, earliest=1.0)
     near = np.array([[1.0, 0.0], [1.0, 1e-14], [1.0, 1e-12]])
     rounding = horizon.Rounding(grid, np.ones(3), np.full((2, 3), 1e-15))
@@ -270,7 +275,7 @@ def test_what_is_measured_again_is_told(monkeypatch):
     monkeypatch.setattr(horizon, "neighbour", lambda problem, grid, near: np.array(grid) * 1e-14)
     monkeypatch.setattr(others, "words", lambda problem, times, path, apart: again)
     ends = tuple(replace(e, q_text=digits[:1], p_text=digits[1:]) for e, digits in zip(known.ends, DIGITS, strict=True))
-    found = check.examine(made(), replace(known, ends=ends), 4)
+    found = check.examine(fake_problem(), replace(known, ends=ends), 4)
     assert found.errors == about((1e-34, 1e-34, 3e-34), rel=1e-9)
     assert (found.long_double, found.leaves) == (about(1e-12), 2.0)
     assert (found.growth, found.span) == (about(1.0), rounding.span())
@@ -278,25 +283,25 @@ def test_what_is_measured_again_is_told(monkeypatch):
     assert [w.partition(" is stated")[0] for w in found.wrong] == ["horizon", "earliest"], "not so the others"
 
 
-def test_a_certificate_is_made_anew_at_the_orbits_times_alone(monkeypatch):
+def test_a_certificate_is_renewed_at_the_orbits_times(monkeypatch):
     known = certificate()
     monkeypatch.setattr(check, "examine", lambda problem, found: outcome(found, 1e-34, 1e-34, 1e-34))
     monkeypatch.setattr(make, "certify", lambda problem, times: known)
     with pytest.raises(InvalidInput, match="states no times"):
-        check.renew(made(times=()))
+        check.renew(fake_problem(times=()))
     monkeypatch.setattr(stored, "find", lambda problem: None)
-    assert check.renew(made()).moved == "new"
+    assert check.renew(fake_problem()).moved == "new"
     with pytest.raises(InvalidInput, match="no reference of made:start is stored"):
-        check.recheck(made())
+        check.recheck(fake_problem())
     monkeypatch.setattr(stored, "find", lambda problem: known)
-    assert check.renew(made()).moved == ""
-    assert check.recheck(made()).certificate == known
+    assert check.renew(fake_problem()).moved == ""
+    assert check.recheck(fake_problem()).certificate == known
     other = replace(known, ends=(known.ends[0], replace(known.ends[1], p_text=("0.5",)), known.ends[2]))
-    assert check.moved(other, known) == "t = 2 by 0.5"
-    assert check.moved(replace(known, ends=known.ends[:2]), known) == "at other times"
+    assert check.describe_change(other, known) == "t = 2 by 0.5"
+    assert check.describe_change(replace(known, ends=known.ends[:2]), known) == "at other times"
 
 
-def test_digits_hold_up_to_the_last_time_before_they_do_not():
+def test_the_digits_horizon():
     known = certificate()
     assert known.digits_horizon == 4.0
     for k, holds in ((0, 0.0), (1, 1.0), (2, 2.0)):
@@ -305,24 +310,25 @@ def test_digits_hold_up_to_the_last_time_before_they_do_not():
         assert replace(known, ends=tuple(ends)).digits_horizon == holds
 
 
-def test_the_change_of_the_energy_is_relative_to_its_terms():
-    assert stored.energy_change(made(), ["2"], ["0"]) == about((2 - 0.5) / 2)
-    assert stored.energy_change(made(), ["0.5"], ["0.5"]) == about((0.25 - 0.5) / 0.5)
+def test_the_change_of_energy_is_relative_to_its_terms():
+    assert stored.energy_change(fake_problem(), ["2"], ["0"]) == about((2 - 0.5) / 2)
+    assert stored.energy_change(fake_problem(), ["0.5"], ["0.5"]) == about((0.25 - 0.5) / 0.5)
     opposed = SimpleNamespace(system=Hamiltonian(q="q", p="p", H="p**2/2 - q**2/2"), q0=(1.0,), p0=(1.0,))
     assert stored.energy_change(opposed, ["1"], ["3"]) == about(4 / 5)
 
 
-def test_certificates_are_stored_in_folders_that_are_not_there_yet(tmp_path):
+def test_missing_folders_are_created(tmp_path):
     path = stored.write("made", [certificate()], {"of": "1"}, tmp_path / "some" / "where")
     assert path.parent == tmp_path / "some" / "where"
     assert "made:start" in path.read_text()
 
 
-# -- drawn -------------------------------------------------------------------------------------------------------------
+# -- random displacements
+# ----------------------------------------------------------------------------------------------
 
 
 class Flow:
-    """A flow under which nothing moves."""
+    """Stand-in for an integrator whose state does not change."""
 
     def __init__(self):
         self.state, self.time = np.ones(2, np.longdouble), np.longdouble(0)
@@ -333,6 +339,7 @@ class Flow:
 
 @pytest.fixture
 def flow(monkeypatch):
+    """Replace Taylor integrators by `Flow`."""
     made = Flow()
 
     def start(ta, fp, q, p):
@@ -344,10 +351,10 @@ def flow(monkeypatch):
     return made
 
 
-def test_what_is_rounded_at_the_start_and_at_each_step_adds_up(flow):
-    """n + 1 uniform numbers at t between two steps: a walk of the standard deviation ((n + 1) / 3)^1/2."""
+def test_rounding_errors_of_start_and_steps_add_up(flow):
+    """After n steps, n + 1 uniform numbers have been added: a random walk of standard deviation ((n + 1) / 3)^1/2."""
     grid = [0.5, 8.5, 99.5]
-    found = horizon.rounding(made(), grid, draws=300)
+    found = horizon.rounding(fake_problem(), grid, draws=300)
     assert found.distances.shape == (300, 3)
     assert (found.size == 1.0).all(), "the run beside them is not displaced"
     assert (np.diff(found.distances, axis=1) >= 0).all()
@@ -357,27 +364,27 @@ def test_what_is_rounded_at_the_start_and_at_each_step_adds_up(flow):
     assert 1.0 < median[0] < 1.6
     assert 0.9 < median[1] < 2.0
     assert 0.9 < median[2] < 2.0
-    again = horizon.rounding(made(), grid, (2.0**-40, None), draws=300)
+    again = horizon.rounding(fake_problem(), grid, (2.0**-40, None), draws=300)
     assert np.allclose(again.distances, found.distances, rtol=1e-3, atol=0), "whatever they are displaced by"
-    other = horizon.rounding(made(), grid, seed=2, draws=300)
+    other = horizon.rounding(fake_problem(), grid, seed=2, draws=300)
     assert not np.allclose(other.distances, found.distances, rtol=0.1, atol=0)
 
 
-def test_a_displaced_run_that_stops_has_failed(flow, monkeypatch):
+def test_a_displaced_run_that_stops_is_a_failure(flow, monkeypatch):
     monkeypatch.setattr(flow, "propagate_until", lambda t, max_steps: setattr(flow, "time", min(t, 1.25)))
     with pytest.raises(taylor.ReferenceFailed, match=r"stopped at t = 1\.25"):
-        horizon.rounding(made(), [1.0, 3.0], draws=2)
+        horizon.rounding(fake_problem(), [1.0, 3.0], draws=2)
 
     def lost(t, max_steps):
         flow.time, flow.state[0] = t, np.nan
 
     monkeypatch.setattr(flow, "propagate_until", lost)
     with pytest.raises(taylor.ReferenceFailed, match="stopped at t = 1"):
-        horizon.rounding(made(), [1.0, 3.0], draws=2)
+        horizon.rounding(fake_problem(), [1.0, 3.0], draws=2)
 
 
-def test_a_horizon_of_a_span_is_on_a_grid_of_so_many_points(flow):
-    assert horizon.span(made(), 10.0, 5) == (10.0, 10.0, 10.0)
+def test_the_horizon_is_a_point_of_the_grid(flow):
+    assert horizon.span(fake_problem(), 10.0, 5) == (10.0, 10.0, 10.0)
     within = horizon.Rounding([1.0, 2.0, 3.0], np.ones(3), np.array([[0.0, 0.0, 1.0]]))
     assert within.span().horizon == 2.0
     low, high = within.band
@@ -388,8 +395,8 @@ def test_a_horizon_of_a_span_is_on_a_grid_of_so_many_points(flow):
     assert (close.band[0].horizon, close.band[1].horizon) == (0.0, 3.0), "two in a hundred of the limit either way"
 
 
-def test_growth_is_a_power_of_time_or_exponential():
-    """Over the later three quarters of the time until a neighbour is lost; of one that has not moved there is none."""
+def test_growth_is_algebraic_or_exponential():
+    """Fitted over the later three quarters of the time until the neighbour is lost; NaN for one that has not moved."""
     grid, size = np.arange(1.0, 101.0), np.ones(100)
     assert horizon.growth(grid, 1e-12 * grid**2, size) == (about(2.0), None)
     exponent, rate = horizon.growth(grid, 1e-12 * np.exp(0.1 * grid), size)
@@ -403,8 +410,8 @@ def test_growth_is_a_power_of_time_or_exponential():
 # -- the row of a reference --------------------------------------------------------------------------------------------
 
 
-def test_a_row_tells_the_least_bound_and_counts_what_compares():
-    """Bounds of 8, 2 and 4 times the error; of four comparisons one is of a solver that has not two digits."""
+def test_row_of_a_reference_counts_its_bounds():
+    """Three checks bound the error at 8, 2 and 4 times its size; a fourth has too few digits to be compared."""
     stated = certificate()
     vague = stored.Check("vague", 1e-15, 0.5)
     first = replace(stated.ends[0], checks=(*stated.ends[0].checks, vague))

@@ -1,4 +1,4 @@
-"""Orbits followed in long double at any time: what is stated of them holds, in 240 bits, and what it takes for that."""
+"""References at any time, followed in long double: uncertainties checked with 240 bits, horizons, second solver."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from phasebench.integrators import integrate
 from phasebench.reference.certificates import followed, horizon, stored
 from phasebench.reference.solvers import gauss, taylor
 
-#: An orbit that is exactly unstable: the first rounding of both runs is the same, and grows.
+#: An orbit with an exactly unstable start: both runs make the same first rounding error, which grows.
 SPHERE = "schwarzschild:photon-sphere"
 SAMPLE = (SPHERE, "henon-heiles:chaotic", "schwarzschild:isco", "quadrupole-boson:h20")
-#: A wall: from q = 3 its terms are too small for a Taylor series to see.
+#: H of a particle and a wall; at q = 3 the wall's terms are too small for a Taylor series to notice.
 WALL = "p**2/2 + exp(-40*q) + q"
 
 
 @pytest.mark.processor
 @pytest.mark.parametrize("label", SAMPLE)
-def test_uncertainties_at_odd_times_hold_in_240_bits(label):
-    """A few of the times of the experiment; the page has them all."""
+def test_uncertainties_at_arbitrary_times_hold(label):
+    """At a few of the experiment's times; its page has all."""
     made = problem(label)
-    rows = odd.judged(made, odd.times(made)[:: odd.TIMES // 4])
+    rows = odd.error_rows(made, odd.times(made)[:: odd.TIMES // 4])
     assert odd.beyond(rows) == []
     for r in rows:
         bare = truths.SAFETY * r["two runs"] + truths.GROWN * r["rounding"]
@@ -37,14 +37,14 @@ def test_uncertainties_at_odd_times_hold_in_240_bits(label):
 
 
 def test_control_two_runs_alone_do_not_bound_the_error():
-    rows = odd.judged(problem(SPHERE), [30.3, 36.0])
+    rows = odd.error_rows(problem(SPHERE), [30.3, 36.0])
     assert all(r["long double"] > 20 * truths.SAFETY * r["two runs"] for r in rows)
     small = [r | {"uncertainty": truths.SAFETY * r["two runs"] + 2.0**-52 * r["size"]} for r in rows]
     assert len(odd.beyond(small)) == 2
     assert odd.beyond(rows) == []
 
 
-def test_odd_times_are_drawn_over_the_span_and_none_is_certified():
+def test_arbitrary_times_are_not_certified_ones():
     for label in labels():
         made = problem(label)
         at = odd.times(made)
@@ -54,20 +54,20 @@ def test_odd_times_are_drawn_over_the_span_and_none_is_certified():
     assert odd.times(problem("kepler")) != odd.times(problem(SPHERE))
 
 
-def test_a_cell_measures_every_orbit():
+def test_there_is_a_cell_for_every_orbit():
     assert {cell.arguments for cell in odd.cells()} == {(label,) for label in labels()}
 
 
 @pytest.mark.parametrize(("lam", "t"), [(1.0, 12.0), (2.0, 7.0)])
-def test_a_saddle_magnifies_by_what_it_must(lam, t):
-    """On the way into a saddle, q = -p/lam: a displacement u of q or p grows to about u exp(lam t) / 2."""
+def test_a_saddle_magnifies_rounding_errors(lam, t):
+    """Towards a saddle, q = -p/lam, a displacement u of q or p grows to about u exp(lam t) / 2."""
     made = from_formula(f"p**2/2 - {lam!r}**2*q**2/2", [1.0], [-lam], {})
     grown = truths.truth(made, END_STATE, t).rounding
     expected = horizon.UNIT * np.exp(lam * t) / 2 * max(1.0, lam)
     assert 0.1 * expected < grown < 10 * expected
 
 
-def test_an_orbit_that_is_stable_is_known_to_the_rounding_of_a_double():
+def test_a_stable_orbit_is_exact_to_double_rounding():
     made = problem("harmonic-oscillator")
     found = truths.truth(made, END_STATE, 33.3)
     assert found.uncertainty < 2 * 2.0**-52 * np.abs(found.values).max()
@@ -77,11 +77,11 @@ def test_an_orbit_that_is_stable_is_known_to_the_rounding_of_a_double():
 
 
 @pytest.mark.parametrize("t_end", [150.0, 1e4])
-def test_the_horizon_is_found_however_long_the_span(t_end):
-    """Of an orbit without a certificate: as the stored one of the same orbit, within the interval of its draws."""
+def test_the_horizon_is_found_for_any_span(t_end):
+    """For an orbit without certificate: within the interval of the stored horizon of the same orbit."""
     made = problem("henon-heiles:chaotic")
     known = stored.find(made)
-    reach = followed.reach(against.started(made, made.q0, made.p0), t_end)
+    reach = followed.reach(against.with_start(made, made.q0, made.p0), t_end)
     assert known.earliest <= reach <= known.latest
 
 
@@ -89,24 +89,26 @@ def test_a_regular_orbit_is_followed_to_the_end():
     assert followed.reach(problem("henon-heiles:box"), 33.3) == 33.3
 
 
-def test_the_horizon_is_where_the_runs_part_too(monkeypatch):
-    """Control: two runs that differ by more than the limit end it, whatever a rounding grows to."""
+def test_the_horizon_ends_where_the_runs_part(monkeypatch):
+    """Control: runs that differ by more than the limit end the horizon, however small the growth of rounding errors."""
     rows = np.array([[1.0, 0.0]] * 3, dtype=np.longdouble)
     other = rows + np.array([[0.0, 0.0], [2e-13, 0.0], [0.0, 0.0]])
-    runs = followed.Followed(followed.TAYLOR, np.array([1.0, 2.0, 3.0]), rows, other, [rows])
+    runs = followed.FollowedOrbit(followed.TAYLOR, np.array([1.0, 2.0, 3.0]), rows, other, [rows])
     assert runs.until() == 1.0
     assert runs._replace(other=rows).until() == 3.0
     assert runs._replace(other=rows, displaced=[rows + 1e-8]).until() == 0.0
 
 
-# -- another solver ----------------------------------------------------------------------------------------------------
+# -- second solver
+# -----------------------------------------------------------------------------------------------------
 
 
 def wall(q: float):
+    """The problem of the wall, started at rest at q."""
     return from_formula(WALL, [q], [0.0], {})
 
 
-def test_where_the_series_fails_gauss_serves_and_says_how_well():
+def test_gauss_replaces_a_failing_taylor_series():
     made = wall(3.0)
     with pytest.raises(taylor.ReferenceFailed):
         followed._taylor(made, np.array([4.0]))
@@ -116,15 +118,15 @@ def test_where_the_series_fails_gauss_serves_and_says_how_well():
     assert abs(p**2 / 2 + np.exp(-40 * q) + q - 3.0) < 1e-14
     assert q > 0, "it has bounced"
     assert 0 < found.uncertainty < 1e-13
-    # By another way: at rest at t = T / 2 after the bounce, it falls as it came, so that q(T - t) = q(t) = 3 - t^2/2.
+    # Independent check: at rest at t = T / 2 after the bounce, it falls as it came: q(T - t) = q(t) = 3 - t^2/2.
     again = truths.truth(made, END_STATE, 4.0 - 0.5).values
     rest = 4.0 + p
     assert abs(q - (3 - p**2 / 2)) < 1e-13
     assert abs(again[0] - (3 - (rest - 3.5) ** 2 / 2)) < 1e-13
 
 
-def test_a_series_that_steps_over_the_wall_is_not_believed():
-    """Both runs agree on a free fall through it; the energy tells."""
+def test_a_series_that_misses_the_wall_is_rejected():
+    """Both runs agree on a free fall through the wall; the energy shows the error."""
     made = wall(3.0)
     lost = np.array([[3 - 5.0**2 / 2, -5.0]], dtype=np.longdouble)
     with pytest.raises(taylor.ReferenceFailed, match="lost the energy"):
@@ -133,7 +135,7 @@ def test_a_series_that_steps_over_the_wall_is_not_believed():
     assert followed._sound(made, right, [1.0], "the run") is right
 
 
-def test_what_neither_solver_can_is_a_reference_that_failed(monkeypatch):
+def test_a_failure_of_both_solvers_is_reported(monkeypatch):
     def cannot(*of):
         raise taylor.ReferenceFailed("no solution")
 
@@ -148,7 +150,7 @@ def test_what_neither_solver_can_is_a_reference_that_failed(monkeypatch):
     assert "the reference failed" in found["reference"]["reason"]
 
 
-def test_gauss_takes_displacements():
+def test_gauss_accepts_displaced_starts():
     made = problem("harmonic-oscillator")
     moved = gauss.run(made.system, made.q0, made.p0, [0.5, 1.0], [1.0], lambda y: y * (1 + 2.0**-40))
     still = gauss.run(made.system, made.q0, made.p0, [0.5, 1.0], [1.0])

@@ -1,4 +1,4 @@
-"""Gauss's method in long double: its numbers, its order, its starts; Kepler's equation; horizons of distances given."""
+"""The Gauss method in long double: coefficients, order, starting values; Kepler's equation; horizons."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ OSCILLATOR = Hamiltonian(q="q", p="p", H="p**2/2 + q**2/2")
 PENDULUM = Hamiltonian(q="q", p="p", H="p**2/2 - cos(q)")
 
 
-# -- Gauss's method ---------------------------------------------------------------------------------------------------
+# -- the Gauss method -------------------------------------------------------------------------------------------------
 
 
 def text(x) -> mpmath.mpf:
-    """A long double without a round-off of its own."""
+    """A long double as an exact mpmath number."""
     return mpmath.mpf(float(x)) + mpmath.mpf(float(x - LONG(float(x))))
 
 
-def test_the_numbers_are_those_of_the_method_to_thirty_digits():
-    """B(16) and C(8), of sums of two long doubles."""
+def test_coefficients_are_exact_to_thirty_digits():
+    """The simplifying assumptions B(16) and C(8), for coefficients stored as sums of two long doubles."""
     rule = gauss.tableau()
     with mpmath.workdps(40):
         b = [text(x) + text(y) for x, y in zip(rule.b, rule.b_rest, strict=True)]
@@ -46,8 +46,8 @@ def test_the_numbers_are_those_of_the_method_to_thirty_digits():
 
 
 @pytest.mark.parametrize("ratio", [0.3, 1.0, 1.7, 2.0, 5.0])
-def test_the_next_stages_are_those_of_the_polynomial_through_the_last(ratio):
-    """Of degree 7, at most twice as far."""
+def test_stages_start_from_the_last_stage_polynomial(ratio):
+    """Extrapolated with degree 7, to at most twice the last step."""
     rule, coefficients = gauss.tableau(), np.array([3.0, -1.0, 0.5, 0.0, 2.0, 1.0, -0.25, 0.125])
     found = np.polyval(coefficients, rule.c) @ gauss._extrapolation(rule, ratio)
     wanted = np.polyval(coefficients, 1 + min(ratio, 2.0) * rule.c)
@@ -55,7 +55,7 @@ def test_the_next_stages_are_those_of_the_polynomial_through_the_last(ratio):
 
 
 @pytest.mark.parametrize("marks", [[], [1.0, 2.5], [0.5, 0.6, 1.7, 2.9, 7.0]])
-def test_the_circle_is_followed_to_long_double_whatever_the_steps(marks):
+def test_the_circle_is_exact_to_long_double(marks):
     steps = sorted({*marks, *np.arange(0.25, 3.0, 0.25)})
     rows = gauss.run(OSCILLATOR, (1.0,), (0.0,), steps, [2.0, 3.0])
     with mpmath.workdps(30):
@@ -64,7 +64,7 @@ def test_the_circle_is_followed_to_long_double_whatever_the_steps(marks):
             assert abs(text(row[1]) + mpmath.sin(t)) < 5e-19
 
 
-def test_the_error_falls_as_the_sixteenth_power_of_the_step():
+def test_the_error_has_order_sixteen():
     true = gauss.run(PENDULUM, (1.5,), (0.3,), np.arange(0.25, 8, 0.25), [8.0])[0]
     errors = [
         float(np.abs(gauss.run(PENDULUM, (1.5,), (0.3,), np.arange(h, 8, h), [8.0])[0] - true).max())
@@ -73,20 +73,20 @@ def test_the_error_falls_as_the_sixteenth_power_of_the_step():
     assert np.log2(errors[0] / errors[1]) == pytest.approx(16, abs=1.5)
 
 
-def test_a_step_ends_where_its_stages_are_at_round_off(monkeypatch):
-    """Henon-Heiles at h = 1: some twenty iterations a step, also of those steps that never settle to the last unit."""
+def test_stage_iterations_end_at_round_off(monkeypatch):
+    """Henon-Heiles with h = 1: about twenty iterations per step, also where the last unit never settles."""
     calls, right, made = [], gauss.right_hand_side, problem("henon-heiles:box")
 
-    def counted(system):
+    def count_iterations(system):
         F = right(system)
         return lambda Y: calls.append(len(Y)) or F(Y)
 
-    monkeypatch.setattr(gauss, "right_hand_side", counted)
+    monkeypatch.setattr(gauss, "right_hand_side", count_iterations)
     gauss.run(made.system, made.q0, made.p0, np.arange(1.0, 20.0), [20.0])
     assert 20 * 12 < len(calls) < 20 * 26
 
 
-def test_stages_that_cannot_be_solved_are_a_failure_at_their_time():
+def test_unsolvable_stages_are_a_failure():
     with pytest.raises(taylor.ReferenceFailed, match=r"after t = 0\.5; its steps are too large"):
         gauss.run(PENDULUM, (1.5,), (0.3,), [0.25, 0.5], [90.0])
 
@@ -100,14 +100,14 @@ def test_keplers_equation_is_solved_to_all_digits(M, ecosine, esine):
         assert abs(x - ecosine * mpmath.sin(x) + esine * (1 - mpmath.cos(x)) - M) < mpmath.mpf("1e-54") * (1 + abs(M))
 
 
-def test_bits_hold_the_decimals_that_they_state():
+def test_numbers_of_bits_and_digits():
     for bits in (64, 113, 256):
         digits = taylor.Bits(bits).digits
         assert bits * np.log10(2) + 5 < digits < bits * np.log10(2) + 15
         assert taylor.Bits(bits).__name__ == f"{bits}-bit"
 
 
-def test_a_reference_is_certified_unless_it_need_not_be():
+def test_a_reference_is_certified_by_default():
     made = SimpleNamespace(system=OSCILLATOR, q0=(1.0,), p0=(0.0,))
     found = taylor.reference(made, [0.0, 1.0])
     assert found.uncertainty[0] == 0.0
@@ -118,10 +118,11 @@ def test_a_reference_is_certified_unless_it_need_not_be():
 # -- horizons ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_horizon_is_the_last_time_before_the_limit_is_first_left():
+def test_the_horizon_ends_before_the_limit_is_first_exceeded():
     grid, size = [1.0, 2.0, 3.0, 4.0], np.array([1.0, 1.0, 10.0, 1.0])
 
     def within(*distances: float) -> float:
+        """The horizon of these distances."""
         return horizon.within(grid, np.array(distances), size, 0.1)
 
     assert within(0.0, 0.1, 1.0, 0.1) == 4.0, "relative to the size, and the limit itself is within"
@@ -130,14 +131,14 @@ def test_a_horizon_is_the_last_time_before_the_limit_is_first_left():
     assert within(0.2, 0.0, 0.0, 0.0) == within(np.nan, 0.0, 0.0, 0.0) == 0.0
 
 
-def test_growth_is_a_power_or_an_exponential_rate():
+def test_growth_is_algebraic_or_exponential():
     grid = np.linspace(0.1, 40.0, 400)
     one = np.ones(len(grid))
     exponent, rate = horizon.growth(grid, 1e-12 * grid**1.5, one)
     assert (exponent, rate) == (pytest.approx(1.5), None)
     exponent, rate = horizon.growth(grid, 1e-12 * np.exp(0.7 * grid), one)
     assert rate == pytest.approx(0.7, rel=1e-9)
-    lost = np.log(horizon.LOST / 1e-12) / 0.7  # the growth is told up to there
+    lost = np.log(horizon.LOST / 1e-12) / 0.7  # growth is fitted up to there
     assert lost < 40
     assert exponent == pytest.approx(0.7 * lost * 0.75 / np.log(4), rel=0.02)
     exponent, rate = horizon.growth(grid, np.minimum(1e-12 * np.exp(0.7 * grid), horizon.LOST * 1.01), one)
@@ -147,11 +148,11 @@ def test_growth_is_a_power_or_an_exponential_rate():
     assert horizon.growth(grid, 1e-12 * grid**1.5, 1e-10 * one)[0] == pytest.approx(1.5), "relative to the size"
 
 
-def test_marks_are_of_the_grid_or_of_steps_or_of_both():
+def test_marks_combine_grid_and_steps():
     assert horizon._marks([1.0, 2.0], [0.5, 2.0]) == [(0.5, False, True), (1.0, True, False), (2.0, True, True)]
 
 
-def test_a_neighbour_of_an_oscillator_stays_as_far_as_it_was():
+def test_a_neighbour_of_an_oscillator_keeps_its_distance():
     made = SimpleNamespace(system=OSCILLATOR, q0=(1.0,), p0=(0.0,))
     grid = [0.5, np.pi, 6.0]
     near = taylor.states(OSCILLATOR, np.longdouble, (1.0,), (0.0,), grid)

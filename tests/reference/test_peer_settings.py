@@ -1,7 +1,7 @@
-"""What REBOUND itself says of the settings that each of its peers runs with.
+"""The settings with which REBOUND's integrators really run, as REBOUND reports them.
 
-The table is written from REBOUND's documentation and the peers' names; fields that it does not name have to be at
-REBOUND's defaults, but for the tolerance.
+The table follows REBOUND's documentation and the names of the peers; fields it does not name must have REBOUND's
+defaults, except for the tolerance.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from phasebench.reference.peers import rebound as peers
 rebound = pytest.importorskip("rebound")
 
 FAST = {"safe_mode": 0}
-#: Peer -> its integrator and the fields that differ from REBOUND's defaults.
+#: Peer -> (integrator, fields that differ from REBOUND's defaults).
 SETTINGS = {
     "ias15": ("ias15", {"min_dt": 1e-13}),
     "bs": ("bs", {}),
@@ -43,25 +43,25 @@ SETTINGS = {
     "mercurius": ("mercurius", FAST),
     "trace": ("trace", {}),
 }
-#: What a run sets itself, and what tol is.
+#: Fields that a run sets itself, and fields that hold the tolerance.
 ITS_OWN = {"whfast512": ("concatenate_steps",), "ias15": ("epsilon",), "bs": ("eps_abs", "eps_rel")}
-#: What no user sets.
+#: Internal state, which is not a setting.
 STATE = ("first_or_last_step",)
-#: Names of the number 0 (SABA's first type has two).
+#: Names that REBOUND gives to the number 0 (the first type of SABA has two).
 ALIAS = {"DEFAULT": "0", "1": "0"}
-#: The types of the settings that can be read.
+#: Types of the settings that can be read.
 READ = (int, float, str)
 
 
 def fields(integrator) -> dict:
-    """The settings of an integrator, as REBOUND gives them back: names in place of numbers."""
+    """{name: value} of an integrator's settings as REBOUND returns them, names in place of numbers."""
     found = {}
     for attribute in integrator.__doc__.split("----------\n", 1)[1].splitlines() if integrator.__doc__ else ():
         name, colon, _ = attribute.partition(" : ")
         if colon and name.isidentifier():
             try:
                 value = getattr(integrator, name)
-            except TypeError:  # a function of C that is not set
+            except TypeError:  # a C function that is not set
                 continue
             if isinstance(value, READ) and name not in STATE:
                 found[name] = ALIAS.get(value, value.upper()) if isinstance(value, str) else value
@@ -69,6 +69,7 @@ def fields(integrator) -> dict:
 
 
 def default(name: str) -> dict:
+    """REBOUND's default settings of an integrator."""
     sim = rebound.Simulation()
     sim.integrator = name
     return fields(sim.integrator)
@@ -80,14 +81,14 @@ def test_the_table_names_every_peer():
 
 @pytest.fixture
 def ran(monkeypatch):
-    """The simulations that were run."""
+    """List of (simulation, force) of the runs made."""
     kept, build = [], particles.build
     monkeypatch.setattr(particles, "build", lambda *a, **k: (kept.append(build(*a, **k)), kept[-1])[1])
     return kept
 
 
 @pytest.mark.parametrize("name", SETTINGS)
-def test_what_a_peer_runs_with(name, ran):
+def test_the_settings_of_a_peer(name, ran):
     integrator, wanted = SETTINGS[name]
     made = problem("outer-solar-system")
     (peer,) = (p for p in PEERS if p.id == f"rebound-{name}")
@@ -113,7 +114,7 @@ def test_what_a_peer_runs_with(name, ran):
 
 
 @pytest.mark.parametrize("mode", peers.ADAPTIVE_MODES)
-def test_the_modes_of_ias15(mode, ran):
+def test_the_adaptive_modes_of_ias15(mode, ran):
     made = problem("perturbed-kepler", e=0.2)
     peer = peers.ias15(mode)
     assert (peer.id == "rebound-ias15") == (mode == "prs23")

@@ -1,4 +1,4 @@
-"""Peers go back in time as they go ahead, from any time."""
+"""Peers integrate backwards in time, from any initial time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from phasebench.reference.peers import PEERS, integrate_peer
 
 
 @pytest.mark.parametrize("peer", PEERS, ids=lambda p: p.id)
-def test_a_peer_goes_back_in_time(peer):
+def test_a_peer_integrates_backwards(peer):
     if importlib.util.find_spec(peer.package) is None:
         pytest.skip(f"{peer.package} is not installed")
     made = next(

@@ -1,7 +1,7 @@
-"""What is claimed by each peer of the packages that no attribute can be asked, and the options that are set.
+"""Claims and options of the peers whose packages cannot be queried for them.
 
-The claims of desolver's, pyhamsys's and diffrax's peers are compared with the packages' own words in
-`test_peers_packages`; these are written down here once more, as read in the documentation of the versions of 2026.
+They are written down a second time here, as read in the documentation of the versions of 2026. Claims of desolver,
+pyhamsys and diffrax are compared with the packages in `test_peers_packages`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import pytest
 
 from phasebench.reference.peers import PEERS, rebound
 
-#: id, order, symplectic, reversible, energy, options of the integrator; - : nothing is said.
+#: id, order, symplectic, reversible, energy, options of the integrator; "-" means that nothing is claimed.
 SAID = """
 heyoka                        - -   -   round-off
 heyoka-high-accuracy          - -   -   round-off
@@ -99,7 +99,7 @@ def test_every_peer_of_these_packages_has_its_line():
 
 
 @pytest.mark.parametrize("peer", MINE, ids=lambda p: p.id)
-def test_claims_and_settings_are_those_written_down(peer):
+def test_claims_and_options_equal_the_table(peer):
     order, symplectic, reversible, energy, *options = LINES[peer.id]
     said = peer.claims
     assert said.order == (None if order == "-" else int(order))
@@ -111,7 +111,7 @@ def test_claims_and_settings_are_those_written_down(peer):
     assert set(peer.settings) <= {"integrator", *ours, "scale_pos", "scale_vel"}
 
 
-def test_rebounds_options_are_set_on_the_simulation(monkeypatch):
+def test_options_in_records_are_passed_to_rebound(monkeypatch):
     """What a record says is set is what REBOUND is given."""
     given = {}
 
@@ -134,7 +134,7 @@ def test_rebounds_options_are_set_on_the_simulation(monkeypatch):
         assert {k: v for k, v in given["options"].items() if k != "min_dt"} == set_here
 
 
-def test_rebounds_documentation_has_what_is_claimed():
+def test_rebounds_documentation_states_the_claims():
     package = pytest.importorskip("rebound")
     sim = package.Simulation()
 
@@ -155,7 +155,7 @@ def test_rebounds_documentation_has_what_is_claimed():
     assert "symplectic" not in words("eos").lower()
 
 
-def test_galas_documentation_has_what_is_claimed():
+def test_galas_documentation_states_the_claims():
     package = pytest.importorskip("gala.integrate")
     leapfrog = " ".join(package.LeapfrogIntegrator.__doc__.split())
     for words in ("second-order symplectic", "* Time-reversible", "bounded energy errors"):
@@ -168,7 +168,7 @@ def test_galas_documentation_has_what_is_claimed():
     assert "5th-order" in package.DOPRI853Integrator.__doc__
 
 
-def test_galpys_documentation_has_what_is_claimed():
+def test_galpys_documentation_states_the_claims():
     from phasebench.reference.peers import galpy
 
     pytest.importorskip("galpy")
@@ -189,7 +189,7 @@ def test_galpys_documentation_has_what_is_claimed():
         assert bool(claimed.symplectic) is ("symplectic" in words)
 
 
-def test_scipys_documentation_has_what_is_claimed():
+def test_scipys_documentation_states_the_claims():
     import scipy.integrate
 
     assert "order 8" in scipy.integrate.DOP853.__doc__.splitlines()[0]

@@ -1,4 +1,4 @@
-"""A peer's run leaves the process's floating-point mode as it was, whatever its package does to it."""
+"""A peer's run leaves the floating-point mode of the process unchanged, whatever its package does."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RUN = {"h": 0.1, "steps": 2}
 
 
 def switching(on: bool, then=None):
-    """A peer whose run switches flushing on or off, and may raise."""
+    """A peer whose run switches flushing to zero on or off, and may raise."""
     honest = control("stormer-verlet")
 
     def run(task):
@@ -31,58 +31,58 @@ def switching(on: bool, then=None):
 
 @pytest.fixture(autouse=True)
 def as_before():
-    """The mode of the tests is their own, before and after."""
+    """Denormal numbers are on before and after each test."""
     assert floating.gradual()
     yield
     flush(False)
 
 
-def test_the_switch_is_seen():
+def test_flushing_is_detected():
     flush()
     assert not floating.gradual()
     flush(False)
     assert floating.gradual()
 
 
-def test_the_least_number_is_what_is_lost(monkeypatch):
+def test_the_least_denormal_number_is_lost_by_flushing(monkeypatch):
     assert floating.LEAST.hex() == "0x0.0000000000001p-1022"
-    monkeypatch.setattr(flushing, "BITS", 0x8000)  # results alone, not what enters
+    monkeypatch.setattr(flushing, "BITS", 0x8000)  # FTZ only: results are flushed, inputs are not
     flush()
     assert not floating.gradual()
 
 
-def test_a_run_that_switches_is_taken_back():
+def test_the_mode_is_restored_after_a_run():
     assert integrate_peer(problem("pendulum"), switching(True), **RUN).status == "ok"
     assert floating.gradual()
 
 
-def test_so_is_one_that_raises():
+def test_the_mode_is_restored_after_an_exception():
     with pytest.raises(ZeroDivisionError):
         integrate_peer(problem("pendulum"), switching(True, ZeroDivisionError()), **RUN)
     assert floating.gradual()
 
 
-def test_so_is_loading():
+def test_the_mode_is_restored_after_loading():
     peer = replace(control("stormer-verlet"), load=lambda name: flush())
     integrate_peer(problem("pendulum"), peer, **RUN)
     assert floating.gradual()
 
 
 @pytest.mark.parametrize("on", [True, False])
-def test_a_mode_of_the_users_own_is_kept(on):
+def test_the_users_own_mode_is_kept(on):
     flush()
     integrate_peer(problem("pendulum"), switching(on), **RUN)
     assert not floating.gradual()
 
 
-def test_without_the_c_library_a_run_goes_on(monkeypatch):
+def test_without_the_c_library_a_run_still_works(monkeypatch):
     monkeypatch.setattr(floating, "_library", lambda: None)
     assert integrate_peer(problem("pendulum"), switching(True), **RUN).status == "ok"
     assert not floating.gradual(), "nothing took it back"
 
 
 @pytest.mark.parametrize("id", ["rebound-whfast512", "rebound-whfast512-corrector-17"])
-def test_whfast512(id):
+def test_whfast512_restores_the_mode(id):
     kepler = problem("kepler")
     if lack := BY_ID[id].lacks(kepler, kepler.system):
         pytest.skip(lack)

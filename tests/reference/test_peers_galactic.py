@@ -1,4 +1,4 @@
-"""galpy's and gala's integrators as peers: their list, their orders, whose steps they take, what they cannot do."""
+"""The integrators of galpy and gala as peers: list, orders, steps, restrictions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from phasebench.reference.solvers.taylor import reference
 PEERS = {p.id: p for p in (*galpy.PEERS, *gala.PEERS)}
 FIXED = [p for p in PEERS.values() if not p.adaptive]
 ADAPTIVE = [p for p in PEERS.values() if p.adaptive]
-#: Problem -> end, steps of the coarser run.
+#: Problem -> (end, steps of the coarser run).
 SPANS = {
     "kepler": (3.0, 160),
     "perturbed-kepler": (3.0, 160),
@@ -42,53 +42,57 @@ SPANS = {
 
 @pytest.fixture(autouse=True)
 def quiet():
-    """galpy is imported without its search for a newer version, where it is installed."""
+    """Import galpy, if installed, without its search for a newer version."""
     with contextlib.suppress(ImportError):
         galpy.load()
 
 
 def need(package: str):
+    """Skip the test if the package is not installed."""
     return pytest.importorskip(package, reason=f"{package} is not installed: it comes with the extra [peers]")
 
 
 @lru_cache(maxsize=32)
-def made(name):
+def cached_problem(name):
+    """The problem of that name, cached."""
     return problem(name)
 
 
 @lru_cache(maxsize=32)
 def truth(name):
-    """Rows at the quarters of the span."""
+    """Reference rows at the quarters of the span."""
     end, steps = SPANS[name]
-    return reference(made(name), [end / steps * (steps // 4) * k for k in range(5)], certify=False)
+    return reference(cached_problem(name), [end / steps * (steps // 4) * k for k in range(5)], certify=False)
 
 
 def solve(name, peer, refinement=1, tol=None):
+    """Solution with rows at the quarters of the span; it must be ok."""
     end, steps = SPANS[name]
     steps *= refinement
-    s = integrate_peer(made(name), peer, h=end / steps, steps=steps, save_every=steps // 4, tol=tol)
+    s = integrate_peer(cached_problem(name), peer, h=end / steps, steps=steps, save_every=steps // 4, tol=tol)
     assert s.status == "ok", (peer.id, s.reason)
     assert s.seconds > 0
     return s
 
 
 def error(name, solution) -> float:
+    """Largest error of a solution against the reference."""
     rows = truth(name)
     np.testing.assert_allclose(solution.t, rows.t, rtol=1e-14)
     return float(np.abs(np.hstack([solution.q - rows.q, solution.p - rows.p])).max())
 
 
 def able(peers):
-    """The pairs of a peer and a problem that it can do."""
+    """Parameters (peer, problem) of all pairs that work."""
     return [
         pytest.param(p, name, id=f"{p.id}:{name}")
         for p in peers
         for name in SPANS
-        if p.lacks(made(name), made(name).system) is None
+        if p.lacks(cached_problem(name), cached_problem(name).system) is None
     ]
 
 
-def test_each_integrator_of_the_packages_has_a_record():
+def test_each_integrator_has_a_record():
     need("galpy")
     from galpy.orbit import Orbit
 
@@ -103,7 +107,7 @@ def test_each_integrator_of_the_packages_has_a_record():
     }
 
 
-def test_an_order_is_the_one_in_the_name():
+def test_the_order_equals_the_one_in_the_name():
     named = [(p.order, re.search(r"order (\d+)", p.name)) for p in PEERS.values()]
     said = [(order, int(found.group(1))) for order, found in named if found]
     assert len(said) > 10
@@ -111,7 +115,7 @@ def test_an_order_is_the_one_in_the_name():
 
 
 @pytest.mark.parametrize(("peer", "name"), able(FIXED))
-def test_a_fixed_step_has_its_order(peer, name):
+def test_a_fixed_step_peer_has_its_order(peer, name):
     need(peer.package)
     runs = [solve(name, peer, k) for k in (1, 2)]
     assert [s.counts["steps"] for s in runs] == [SPANS[name][1], 2 * SPANS[name][1]]
@@ -125,19 +129,19 @@ def test_a_tolerance_is_met(peer, name):
     need(peer.package)
     tight = error(name, solve(name, peer, tol=1e-12))
     assert tight < 2e-9
-    if peer.id != "galpy-ias15-c":  # its tolerance does nothing
+    if peer.id != "galpy-ias15-c":  # galpy's IAS15 ignores its tolerance
         assert error(name, solve(name, peer, tol=1e-6)) > tight or peer.id == "gala-dopri853"
 
 
 @pytest.mark.parametrize("peer", PEERS.values(), ids=PEERS)
-def test_a_wrong_sign_and_a_wrong_strength_show(peer):
+def test_a_wrong_sign_or_strength_of_the_force_is_seen(peer):
     need(peer.package)
     name = "kepler"
     s = solve(name, peer)
     right = error(name, s)
     for factor in ("-1", "1.01"):
         wrong = Hamiltonian(q="x y", p="u v", H=f"(u**2 + v**2)/2 - ({factor})/sqrt(x**2 + y**2)")
-        start = {"q0": made(name).q0, "p0": made(name).p0}
+        start = {"q0": cached_problem(name).q0, "p0": cached_problem(name).p0}
         other = integrate_peer(wrong, peer, h=s.h, steps=SPANS[name][1], save_every=SPANS[name][1] // 4, **start)
         assert error(name, other) > 0.02 > 2 * right
 
@@ -152,40 +156,41 @@ def test_a_wrong_sign_and_a_wrong_strength_show(peer):
         ("gala-leapfrog-cython", "stormer-verlet", "stormer-verlet-dkd"),
     ],
 )
-def test_a_leapfrog_takes_the_steps_of_ours(id, ours, other, name):
+def test_leapfrog_takes_the_same_steps_as_ours(id, ours, other, name):
     peer = PEERS[id]
     need(peer.package)
-    if peer.lacks(made(name), made(name).system):
+    if peer.lacks(cached_problem(name), cached_problem(name).system):
         pytest.skip("not its potential")
-    s = integrate_peer(made(name), peer, h=0.01, steps=300)
-    same, different = (integrate(made(name), m, h=0.01, steps=300) for m in (ours, other))
-    bound = 1e-11 if id == "galpy-leapfrog" else 2e-13  # it reads the angle of rows by arccos
+    s = integrate_peer(cached_problem(name), peer, h=0.01, steps=300)
+    same, different = (integrate(cached_problem(name), m, h=0.01, steps=300) for m in (ours, other))
+    bound = 1e-11 if id == "galpy-leapfrog" else 2e-13  # galpy computes the angle by arccos
     assert np.abs(np.hstack([s.q - same.q, s.p - same.p])).max() < bound
     assert np.abs(np.hstack([s.q - different.q, s.p - different.p])).max() > 1e-7
 
 
 @pytest.mark.parametrize("peer", PEERS.values(), ids=PEERS)
-def test_rows_do_not_change_the_steps(peer):
+def test_stored_rows_do_not_change_the_steps(peer):
     need(peer.package)
     h, n = 0.0875, 18
-    assert int(3 * h / h) == 2  # rounded below 3: what galpy's C code would truncate
+    assert int(3 * h / h) == 2  # 3 h / h is rounded below 3, which galpy's C code would truncate to 2
     options = {"h": h, "steps": n, "tol": 1e-12 if peer.adaptive else None}
-    whole = integrate_peer(made("henon-heiles"), peer, **options)
+    whole = integrate_peer(cached_problem("henon-heiles"), peer, **options)
     for every in (3, 5, 0):
-        some = integrate_peer(made("henon-heiles"), peer, **options, save_every=every)
+        some = integrate_peer(cached_problem("henon-heiles"), peer, **options, save_every=every)
         where = [round(x / h) for x in some.t]
         assert where == [*range(0, n, every or n), n]
         assert np.abs(some.q - whole.q[where]).max() < (1e-10 if peer.adaptive else 1e-14)
-    assert (whole.q[0] == made("henon-heiles").q0).all()
+    assert (whole.q[0] == cached_problem("henon-heiles").q0).all()
 
 
-def test_the_number_of_steps_between_rows_is_not_truncated():
-    """galpy's C code takes two steps of 0.1 for a row at 0.3: rows are declared a little later."""
+def test_the_number_of_steps_to_a_row_is_not_truncated():
+    """galpy's C code would take two steps of 0.1 to a row at 0.3, so rows are requested slightly later."""
     need("galpy")
     assert int(0.3 / 0.1) == 2
 
     def asked(h, stride):
-        start, system = np.zeros(2), made("henon-heiles").system
+        """The times passed to galpy."""
+        start, system = np.zeros(2), cached_problem("henon-heiles").system
         return galpy._times("leapfrog_c", False, Task(system, system, start, start, h, [0, stride], [0.0], None))
 
     _, every, options = asked(0.1, 3)
@@ -211,16 +216,18 @@ def test_the_number_of_steps_between_rows_is_not_truncated():
         ("gala-dopri853-cython", "pendulum", "in C"),
     ],
 )
-def test_what_it_lacks_is_refused_with_a_reason(id, name, what):
+def test_unsupported_problems_are_refused_with_a_reason(id, name, what):
     with pytest.raises(InvalidInput, match=re.escape(what)):
         integrate_peer(problem(name), PEERS[id], h=0.1, steps=3)
 
 
-def test_another_method_in_its_place_is_a_failure():
+def test_a_substituted_method_is_a_failure():
     need("galpy")
     times = np.array([0.0, 0.1])
     for method, what in (("rk4_c", "using odeint instead"), ("symplec4_c", "using leapfrog instead")):
-        rows, _, failure = galpy._integrate(method, galpy._defined(made("pendulum").system), [1.0, 0.0], times, {})
+        rows, _, failure = galpy._integrate(
+            method, galpy._python_potential(cached_problem("pendulum").system), [1.0, 0.0], times, {}
+        )
         assert rows is None
         assert what in failure
 
@@ -229,8 +236,8 @@ KEPLER_IN_SPACE = Hamiltonian(q="x y z", p="u v w", H="(u**2 + v**2 + w**2)/2 - 
 
 
 @pytest.mark.parametrize("id", ["galpy-leapfrog", "galpy-symplec4-c", "gala-leapfrog", "gala-ruth4-cython"])
-def test_kepler_s_problem_in_space_is_one_too(id):
-    """A circle of radius 2 in a tilted plane, around a mass of 3/2."""
+def test_keplers_problem_in_space(id):
+    """A circle of radius 2 in a tilted plane around a mass of 3/2."""
     peer = PEERS[id]
     need(peer.package)
     speed, h = np.sqrt(0.75), 2e-3
@@ -242,15 +249,15 @@ def test_kepler_s_problem_in_space_is_one_too(id):
     assert np.abs(np.hypot(s.p[:, 1], s.p @ along) - speed).max() < 1e-6
 
 
-def test_potentials_are_recognised():
-    assert powers(made("perturbed-kepler").system) == ((-1.0, -1.0), (-0.0025, -3.0))
-    assert powers(made("duffing").system) == ((-0.5, 2.0), (0.25, 4.0))
-    assert is_henon_heiles(made("henon-heiles").system)
+def test_potentials_are_recognized():
+    assert powers(cached_problem("perturbed-kepler").system) == ((-1.0, -1.0), (-0.0025, -3.0))
+    assert powers(cached_problem("duffing").system) == ((-0.5, 2.0), (0.25, 4.0))
+    assert is_henon_heiles(cached_problem("henon-heiles").system)
     for H in ("(u**2 + v**2)/2 + x**2/2 + y**2", "(u**2 + v**2)/2 + x*y", "(u**2 + 2*v**2)/2 - 1/sqrt(x**2 + y**2)"):
         assert not powers(Hamiltonian(q="x y", p="u v", H=H))
     for V, wanted in (
         ("x**2 + y**2", ((1.0, 2.0),)),
-        ("sqrt(x**2 + y**2) + 7", ((1.0, 1.0),)),  # a constant is no force
+        ("sqrt(x**2 + y**2) + 7", ((1.0, 1.0),)),  # a constant adds no force
         ("(x**2 + y**2)**2", ((1.0, 4.0),)),
     ):
         assert powers(Hamiltonian(q="x y", p="u v", H=f"(u**2 + v**2)/2 + {V}")) == wanted
@@ -265,17 +272,17 @@ def test_potentials_are_recognised():
 
 
 @pytest.mark.parametrize("id", [p.id for p in galpy.PEERS if p.adaptive])
-def test_where_galpy_would_not_return_it_is_not_called(id):
+def test_galpy_is_not_called_where_it_would_hang(id):
     need("galpy")
     runaway = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
     for system, q, p in (
-        (made("kepler"), [1.0, 0.0], [0.0, 0.0]),
+        (cached_problem("kepler"), [1.0, 0.0], [0.0, 0.0]),
         (runaway, [1.0], [1.0]),
-        (made("henon-heiles"), [0.0, 0.0], [0.1, 0.2]),
-        (made("duffing"), [0.0], [0.4]),
+        (cached_problem("henon-heiles"), [0.0, 0.0], [0.1, 0.2]),
+        (cached_problem("duffing"), [0.0], [0.4]),
     ):
         s = integrate_peer(system, PEERS[id], t_end=3.0, steps=10, q0=q, p0=p)
-        on_a_line = system is made("duffing") and not id.endswith("-c")  # in Python, a line is a line
+        on_a_line = system is cached_problem("duffing") and not id.endswith("-c")  # Python handles lines
         assert s.status == ("ok" if on_a_line else "diverged")
         assert on_a_line or "galpy" in s.reason
 
@@ -295,7 +302,7 @@ except KeyboardInterrupt:
 
 
 @pytest.mark.parametrize(("text", "calls"), [(QUIET, False), ("import galpy", True)], ids=["ours", "its own"])
-def test_galpy_asks_no_server_and_leaves_interrupts_to_python(tmp_path, text, calls):
+def test_galpy_makes_no_request_and_leaves_interrupts_alone(tmp_path, text, calls):
     need("galpy")
     trap = """
 import socket
@@ -309,20 +316,22 @@ socket.create_connection = connect
     assert ("interrupted" in done.stdout) != calls, done.stderr
 
 
-def test_what_galas_loop_in_c_gives_up_is_a_failure():
+def test_a_failure_of_galas_c_loop_is_reported():
     need("gala")
-    s = integrate_peer(made("kepler"), "gala-dopri853-cython", t_end=2.0, steps=4, q0=[1.0, 0.0], p0=[0.0, 0.0])
+    s = integrate_peer(
+        cached_problem("kepler"), "gala-dopri853-cython", t_end=2.0, steps=4, q0=[1.0, 0.0], p0=[0.0, 0.0]
+    )
     assert (s.status, len(s.t)) == ("diverged", 1)
     assert (s.counts["steps"], s.counts["gradient"]) == (0, 0)
     assert s.seconds >= 0
 
 
-def test_pythons_handler_of_interrupts_is_put_back_by_the_main_thread_alone(monkeypatch):
-    """No other thread may."""
+def test_only_the_main_thread_restores_the_interrupt_handler(monkeypatch):
+    """In other threads Python does not allow it."""
     need("galpy")
     put = []
     monkeypatch.setattr(galpy.signal, "signal", lambda *arguments: put.append(arguments))
-    times, potential = np.array([0.0, 0.1]), galpy._known(made("kepler").system)
+    times, potential = np.array([0.0, 0.1]), galpy._builtin_potential(cached_problem("kepler").system)
     run = partial(galpy._integrate, "leapfrog_c", potential, [1.0, 0.0, 1.2, 0.0], times, {})
     run()
     monkeypatch.undo()
@@ -340,21 +349,21 @@ def test_pythons_handler_of_interrupts_is_put_back_by_the_main_thread_alone(monk
 
 
 @pytest.mark.parametrize(("lost", "hopeless"), [(0.9e-6, False), (1.1e-6, True)])
-def test_what_heyoka_may_lose_where_there_is_no_collision(lost, hopeless, monkeypatch):
-    """A millionth of 1 + |H|, here of 3/2."""
+def test_the_energy_error_at_which_heyoka_gives_up(lost, hopeless, monkeypatch):
+    """The limit is 1e-6 (1 + |H|), with |H| = 1/2 here."""
     q, p = (1.0, 0.0), (0.0, 1.0)
     rows = np.array([[*q, *p], [*q, 0.0, np.sqrt(1.0 + 3.0 * lost)]])
     monkeypatch.setattr(taylor, "propagate", lambda ta, times: (rows, 1, None))
-    assert (galpy._hopeless.__wrapped__(made("kepler").system, q, p, 1.0) is not None) == hopeless
+    assert (galpy._hopeless.__wrapped__(cached_problem("kepler").system, q, p, 1.0) is not None) == hopeless
 
 
-def test_dopri853_is_of_order_8_whatever_its_class_says():
+def test_dopri853_has_order_8_despite_its_docstring():
     integrators = need("gala.integrate")
     assert "5th-order accurate" in re.sub(r"\s+", " ", integrators.DOPRI853Integrator.__doc__)
-    system, errors = made("henon-heiles"), []
+    system, errors = cached_problem("henon-heiles"), []
     q = reference(system, [3.0], certify=False).q[0]
     function = gala._function(system.system, gala.DOPRI853, [0])
-    for n in (5, 10):  # SciPy's dop853 starts anew at every row: one step of h each
+    for n in (5, 10):  # SciPy's dop853 restarts at every row, so one step of h each
         options = {"first_step": 3.0 / n, "max_step": 3.0 / n, "rtol": 1e9, "atol": 1e9}
         method = integrators.DOPRI853Integrator(function, **options)
         errors.append(np.abs(method([*system.q0, *system.p0], dt=3.0 / n, n_steps=n).w()[:2, -1] - q).max())

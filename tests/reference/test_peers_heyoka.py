@@ -1,4 +1,4 @@
-"""heyoka's peers: both against the reference, the lanes alike, and integrators kept by system and tolerance."""
+"""The peers of heyoka: accuracy, equal lanes, cached integrators, compact mode, models."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ T_END = 10.0
 
 
 def error(solution, made) -> float:
+    """Largest error of a solution against the reference."""
     truth = taylor.reference(made, solution.t, certify=False)
     return float(np.abs(np.hstack([solution.q - truth.q, solution.p - truth.p])).max())
 
@@ -38,8 +39,8 @@ def test_the_tolerance_bounds_the_error(id, name):
     assert error(integrate_peer(made, id, t_end=T_END, steps=7, p0=[other, *made.p0[1:]]), made) > 1e-10
 
 
-def test_a_looser_tolerance_costs_less():
-    """The order of the series falls with the tolerance, so the work is steps times the order squared."""
+def test_a_looser_tolerance_is_cheaper():
+    """The order of the series falls with the tolerance; work is the number of steps times the order squared."""
     made = problem("henon-heiles:box")
     work = []
     for tol in (1e-15, 1e-9, 1e-4):
@@ -49,7 +50,7 @@ def test_a_looser_tolerance_costs_less():
 
 
 @pytest.mark.parametrize("name", ["henon-heiles:chaotic", "fpu"])
-def test_the_lanes_do_what_one_orbit_does(name):
+def test_lanes_equal_a_single_orbit(name):
     made = problem(name)
     one, lanes = (integrate_peer(made, id, h=0.5, t_end=T_END) for id in ("heyoka", "heyoka-batch"))
     assert lanes.counts == one.counts
@@ -61,7 +62,7 @@ def test_the_lanes_do_what_one_orbit_does(name):
 
 
 class Differing:
-    """An integrator one lane of which goes astray at a row."""
+    """An integrator with one lane that deviates at a row."""
 
     def __init__(self, kept, row):
         self.kept, self.row = kept, row
@@ -76,7 +77,7 @@ class Differing:
 
 
 @pytest.mark.parametrize("row", [1, 3])
-def test_a_lane_that_does_something_else_is_a_failure(row, monkeypatch):
+def test_a_deviating_lane_is_a_failure(row, monkeypatch):
     made = problem("henon-heiles:box")
     kept = Differing(peers._batch(made.system, peers.EPS), row)
     monkeypatch.setattr(peers, "_batch", lambda *_: kept)
@@ -85,8 +86,8 @@ def test_a_lane_that_does_something_else_is_a_failure(row, monkeypatch):
     assert "lanes, which started alike, differ" in solution.reason
 
 
-def test_seconds_of_the_lanes_are_those_of_one_orbit(monkeypatch):
-    """A clock that ticks once a call: an orbit in lanes is there after all of them, not after a share of the time."""
+def test_the_seconds_of_lanes_are_those_of_the_batch(monkeypatch):
+    """The mocked clock ticks once per call: lanes take the time of the batch, not a share of it."""
     ticks = iter(range(100))
     monkeypatch.setattr(peers.time, "perf_counter", lambda: float(next(ticks)))
     made = problem("kepler")
@@ -103,8 +104,8 @@ SCALAR = {
 
 
 @pytest.fixture
-def built(monkeypatch):
-    """The integrators of heyoka that are asked for, in turn."""
+def built_integrators(monkeypatch):
+    """List of the heyoka integrators that runs use."""
     found, scalar = [], peers._scalar
 
     def seen(*arguments):
@@ -117,27 +118,27 @@ def built(monkeypatch):
 
 
 @pytest.mark.parametrize("tol", [None, 1e-9])
-def test_the_settings_of_each_peer(tol, built):
-    """What heyoka itself says that it was built with: (high_accuracy, compact_mode), and the tolerance."""
+def test_the_settings_of_each_peer(tol, built_integrators):
+    """(high_accuracy, compact_mode) and the tolerance, as heyoka reports them."""
     made = problem("kepler")
     of_one_orbit = [p for p in peers.PEERS if p.id != "heyoka-batch"]
     for p in (*of_one_orbit, peers.compact(False), peers.compact(True)):
         assert integrate_peer(made, p, t_end=1.0, tol=tol).status == "ok"
-        assert (built[-1].high_accuracy, built[-1].compact_mode) == SCALAR[p.id]
-        assert built[-1].tol == (tol or np.finfo(float).eps)
-    assert len(built) == len(SCALAR)
+        assert (built_integrators[-1].high_accuracy, built_integrators[-1].compact_mode) == SCALAR[p.id]
+        assert built_integrators[-1].tol == (tol or np.finfo(float).eps)
+    assert len(built_integrators) == len(SCALAR)
     lanes = peers._batch(made.system, tol or peers.EPS)
     assert (lanes.high_accuracy, lanes.compact_mode, lanes.tol) == (False, False, tol or np.finfo(float).eps)
 
 
-def test_the_other_mode_of_many_variables_is_without_compact_mode(monkeypatch, built):
+def test_large_systems_can_run_without_compact_mode(monkeypatch, built_integrators):
     made = problem("toda:cnoidal", N=6)
     monkeypatch.setattr(taylor, "COMPACT", 11)
     other = peers.compact(True, on=False)
     assert "of 12 variables 'heyoka-high-accuracy' is the same" in peers.compact(True).lacks(made, made.system)
     assert peers.compact(True, on=False).lacks(made, made.system) is None
     ends = [integrate_peer(made, p, t_end=0.1, tol=1e-12).q[-1] for p in ("heyoka", other)]
-    assert [(ta.high_accuracy, ta.compact_mode) for ta in built] == [(False, True), (True, False)]
+    assert [(ta.high_accuracy, ta.compact_mode) for ta in built_integrators] == [(False, True), (True, False)]
     assert np.abs(ends[0] - ends[1]).max() < 1e-11
     monkeypatch.setattr(taylor, "COMPACT", 12)
     assert "the same" in other.lacks(made, made.system)
@@ -147,8 +148,8 @@ MODELLED = {"kepler": "fixed_centres", "figure-eight": "nbody", "outer-solar-sys
 
 
 @pytest.mark.parametrize("name", [*MODELLED, "perturbed-kepler", "henon-heiles:box"])
-def test_heyokas_own_model_is_the_same_motion(name):
-    """Its own model where a problem is one, and none elsewhere; the same end state as the translated H."""
+def test_heyokas_models_are_the_same_motion(name):
+    """The package's model is used only for problems it describes, and reaches the state of the translated H."""
     made = problem(name)
     model = MODELLED.get(name)
     named = [n for n in heyoka_forms.NAMES if peers.compact(False, True, n).lacks(made, made.system) is None]
@@ -163,7 +164,7 @@ def test_heyokas_own_model_is_the_same_motion(name):
         assert np.abs(moved.q[-1] - ends[0].q[-1]).max() > 1e-11 * np.abs(ends[0].q[-1]).max()
 
 
-def test_a_peers_twins_are_its_other_modes_and_forms():
+def test_the_variants_of_a_peer():
     one, other = ({p.id for p in peers.twins(BY_ID[id])} for id in ("heyoka", "heyoka-high-accuracy"))
     assert {"heyoka(compact_mode)", "heyoka(compact_mode=False)", "heyoka(model=nbody, compact_mode=False)"} <= one
     assert not one & other
@@ -172,8 +173,8 @@ def test_a_peers_twins_are_its_other_modes_and_forms():
 
 
 @pytest.mark.parametrize("id", IDS)
-def test_integrators_are_kept_and_start_anew(id):
-    """Another orbit, a blow-up or another tolerance between two runs leaves no trace."""
+def test_integrators_are_cached_and_restarted(id):
+    """Another orbit, a divergence or another tolerance between two runs has no effect."""
     made = problem("henon-heiles:box")
     first = integrate_peer(made, id, h=0.5, t_end=T_END)
     integrate_peer(made, id, h=0.5, t_end=3.0, q0=[0.0, 50.0], p0=[0.0, 50.0])
@@ -189,7 +190,7 @@ def test_integrators_are_kept_and_start_anew(id):
     began = time.perf_counter()
     for _ in range(100):
         integrate_peer(made, id, t_end=0.1)
-    assert time.perf_counter() - began < 1.0  # 100 compilations take far longer
+    assert time.perf_counter() - began < 1.0  # 100 compilations would take far longer
 
 
 @pytest.mark.parametrize("id", IDS)
@@ -202,7 +203,7 @@ def test_a_blow_up_keeps_the_rows_before_it(id):
 
 
 @pytest.mark.parametrize("id", IDS)
-def test_a_run_of_too_many_steps_is_given_up(id, monkeypatch):
+def test_a_run_of_too_many_steps_is_stopped(id, monkeypatch):
     monkeypatch.setattr(taylor, "STEP_LIMIT", 3)
     solution = integrate_peer(problem("kepler"), id, t_end=100.0)
     assert solution.status == "diverged"
@@ -211,7 +212,7 @@ def test_a_run_of_too_many_steps_is_given_up(id, monkeypatch):
 
 @pytest.mark.lowest
 @pytest.mark.parametrize("id", IDS)
-def test_limits_and_claims(id):
+def test_the_least_tolerance_and_the_claims(id):
     with pytest.raises(InvalidInput, match="none below"):
         integrate_peer(problem("kepler"), id, t_end=1.0, tol=1e-17)
     claims = BY_ID[id].claims
@@ -226,7 +227,7 @@ def test_limits_and_claims(id):
     assert claimed < 1e-14 < 1e-9 < control
 
 
-def test_half_the_machine_epsilon_is_the_least_tolerance_in_every_mode():
+def test_the_least_tolerance_is_half_the_machine_epsilon():
     made, least = problem("kepler"), 2.0**-53
     for p in (BY_ID["heyoka"], peers.compact(False)):
         with pytest.raises(InvalidInput, match="none below"):

@@ -1,4 +1,4 @@
-"""desolver's, pyhamsys's and diffrax's integrators as peers: list, claims, orders, steps, and what they refuse."""
+"""The integrators of desolver, pyhamsys and diffrax as peers: list, claims, orders, steps, restrictions."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ PEERS = {p.id: p for module in PACKAGES.values() for p in module.PEERS}
 FIXED = [id for id, p in PEERS.items() if not p.adaptive]
 ADAPTIVE = [id for id, p in PEERS.items() if p.adaptive]
 END = 3.0
-#: Steps of the coarser run by order: errors are asymptotic and far from round-off.
+#: Order -> steps of the coarser run, for which errors are asymptotic and far above round-off.
 STEPS = {1: 128, 2: 64, 3: 32, 4: 32, 5: 24, 6: 16, 7: 12, 8: 12, 10: 10}
-#: Orders that need a step of their own on the pendulum; their errors have a small leading coefficient.
+#: Peers that need more steps on the pendulum because their leading error coefficient is small.
 FINER = {"diffrax-tsit5": 256, "diffrax-dopri5": 128, "pyhamsys-yo8": 32, "pyhamsys-yo8-extended": 32}
 FINER |= {"desolver-dopri45": 128, "pyhamsys-yo10": 24, "pyhamsys-bm6-omega": 48}
-#: Ends of longer runs, for the same reason.
+#: Peers that need a longer run for the same reason.
 LONGER = {"diffrax-tsit5": 12.0}
 NO_ORDER = ("desolver-rk1412", "desolver-radau-iia-19")
 NOT_SEPARABLE = "double-pendulum"
@@ -37,6 +37,7 @@ BLOWN_UP = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
 
 
 def need(id: str):
+    """The peer; skip the test if its package is not installed."""
     package = id.split("-")[0]
     try:
         PACKAGES[package].PEERS[0].load(package)
@@ -47,12 +48,14 @@ def need(id: str):
 
 @lru_cache(maxsize=8)
 def truth(name="pendulum", end=END):
+    """(problem, reference state at the end)."""
     made = problem(name)
     rows = reference(made, [end], certify=False)
     return made, np.concatenate([rows.q[-1], rows.p[-1]])
 
 
 def error(chosen, system_or_problem, steps, **start):
+    """Error of a run at its end."""
     end = LONGER.get(chosen.id, END)
     solution = integrate_peer(system_or_problem, chosen, steps=steps, t_end=end, save_every=0, **start)
     assert solution.status == "ok", solution.reason
@@ -60,11 +63,12 @@ def error(chosen, system_or_problem, steps, **start):
 
 
 def has_order(chosen, system_or_problem, order, steps, **start) -> bool:
+    """Whether the observed order equals the given one."""
     errors = [error(chosen, system_or_problem, n, **start) for n in (steps, 2 * steps)]
     return bool(abs(np.log2(errors[0] / errors[1]) - order) < 0.35)
 
 
-# -- what there is, and what the packages say of it ---------------------------------------------------------------
+# -- list and claims ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -73,21 +77,22 @@ def test_a_record_does_not_import_its_package(package):
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_every_integrator_of_desolver_is_a_peer_and_claims_are_its_attributes():
+def test_desolvers_integrators_and_claims():
     need("desolver")
     package = desolver.load().integrators
     classes = {c.__name__: c for c in package.explicit_methods() + package.implicit_methods()}
     claimed = {}
     for p in desolver.PEERS:
         name = re.match(r"desolver\.integrators\.(\w+)\.", p.claims.source).group(1)
-        if p.claims.order is None:  # Richardson's has no order that can be read
+        if p.claims.order is None:  # Richardson extrapolation declares no order
             assert desolver.integrator_class(desolver.RICHARDSON + name).symplectic is p.claims.symplectic
         else:
             claimed[name] = (p.claims.order, p.claims.symplectic)
     assert claimed == {name: (c.__order__, c.symplectic) for name, c in classes.items()}
 
 
-def test_desolvers_orders_are_those_that_names_tell_and_five_are_measured_to_be_others():
+def test_desolvers_orders():
+    """Names tell the claimed orders; five measured orders differ from them."""
     measured = {"rk8713m": 7, "symplectic-euler": 2, "babs9o7h": 4, "abas5o6h": 4, "radau-iia-3": 1}
     for p in desolver.PEERS:
         told = re.search(r"order (\d+)", p.name)
@@ -96,7 +101,7 @@ def test_desolvers_orders_are_those_that_names_tell_and_five_are_measured_to_be_
     assert not measured
 
 
-def test_every_method_of_pyhamsys_is_a_peer_and_orders_are_its_readmes():
+def test_pyhamsys_methods_and_orders_are_those_of_its_readme():
     need("pyhamsys")
     from pyhamsys import METHODS
 
@@ -116,7 +121,7 @@ def test_every_method_of_pyhamsys_is_a_peer_and_orders_are_its_readmes():
     assert all(p.claims.symplectic for p in plain.values())
 
 
-def test_every_ode_solver_of_diffrax_is_a_peer_and_claims_are_its_own():
+def test_diffrax_solvers_and_claims():
     need("diffrax")
     import diffrax as package
 
@@ -137,7 +142,7 @@ def test_every_ode_solver_of_diffrax_is_a_peer_and_claims_are_its_own():
 
 
 @pytest.mark.parametrize(("package", "license"), [("desolver", "MIT"), ("pyhamsys", "BSD"), ("diffrax", "Apache")])
-def test_the_license_is_the_packages(package, license):
+def test_the_license_is_that_of_the_package(package, license):
     need(package)
     told = importlib.metadata.metadata(package)
     assert license in f"{told.get('License-Expression')} {told.get('License')}"
@@ -150,7 +155,7 @@ def test_the_license_is_the_packages(package, license):
 @pytest.mark.parametrize("id", FIXED)
 def test_a_peer_has_its_order_on_the_pendulum(id):
     chosen = need(id)
-    if id in NO_ORDER:  # the first step that resolves anything is at round-off with the second
+    if id in NO_ORDER:  # already the coarsest useful step is at round-off
         assert error(chosen, truth()[0], 12) < 1e-12
         return
     order = chosen.order or 4
@@ -158,7 +163,7 @@ def test_a_peer_has_its_order_on_the_pendulum(id):
 
 
 @pytest.mark.parametrize("id", ["desolver-rk4", "pyhamsys-verlet", "pyhamsys-verlet-extended", "diffrax-midpoint"])
-def test_a_wrong_sign_shows(id):
+def test_a_wrong_sign_of_the_force_is_seen(id):
     chosen, made = need(id), truth()[0]
     start = {"q0": made.q0, "p0": made.p0}
     assert not has_order(chosen, WRONG_SIGN, chosen.order, STEPS[chosen.order], **start)
@@ -166,7 +171,7 @@ def test_a_wrong_sign_shows(id):
 
 
 @pytest.mark.parametrize("id", FIXED)
-def test_rows_are_those_of_runs_of_so_many_steps(id):
+def test_rows_equal_the_ends_of_shorter_runs(id):
     chosen, made = need(id), truth()[0]
     rows = integrate_peer(made, chosen, h=0.11, steps=11, save_every=5)
     assert (rows.t / 0.11).round(9).tolist() == [0, 5, 10, 11]
@@ -180,12 +185,12 @@ def test_rows_are_those_of_runs_of_so_many_steps(id):
     ("id", "method", "tolerance"),
     [
         ("desolver-symplectic-euler", "stormer-verlet", 1e-12),
-        ("desolver-implicit-midpoint", "implicit-midpoint", 1e-11),  # it shortens its step on the way, which is undone
+        ("desolver-implicit-midpoint", "implicit-midpoint", 1e-11),  # it shortens steps in between
         ("pyhamsys-verlet", "stormer-verlet", 1e-12),
         ("diffrax-semi-implicit-euler", "symplectic-euler-q", 1e-12),
     ],
 )
-def test_exactly_n_steps_of_h_are_taken(id, method, tolerance):
+def test_exactly_n_steps_of_length_h_are_taken(id, method, tolerance):
     chosen, made = need(id), truth()[0]
     theirs = integrate_peer(made, chosen, h=0.05, steps=600, save_every=1)
     ours = integrate(made, method, h=0.05, steps=600)
@@ -194,7 +199,7 @@ def test_exactly_n_steps_of_h_are_taken(id, method, tolerance):
     assert np.abs(theirs.p - ours.p).max() < tolerance
 
 
-def test_a_two_step_method_goes_on_between_pieces():
+def test_a_two_step_method_continues_across_pieces():
     chosen, made, h = need("diffrax-leapfrog-midpoint"), truth()[0], 0.01
     theirs = integrate_peer(made, chosen, h=h, steps=600)
     field = made.system.vector_field()
@@ -206,7 +211,7 @@ def test_a_two_step_method_goes_on_between_pieces():
 
 
 @pytest.mark.parametrize("id", ADAPTIVE)
-def test_an_adaptive_peer_meets_its_tolerance_roughly(id):
+def test_an_adaptive_peer_roughly_meets_its_tolerance(id):
     chosen, (made, end) = need(id), truth()
     errors = []
     for tol in (1e-5, 1e-8):
@@ -227,22 +232,22 @@ def test_an_adaptive_peer_meets_its_tolerance_roughly(id):
         ("diffrax-kencarp5", "lotka-volterra"),
     ],
 )
-def test_any_system_is_any_system(id, name):
+def test_peers_for_any_system_run_on_non_separable_ones(id, name):
     made, end = truth(name, 1.0)
     solution = integrate_peer(made, need(id), t_end=1.0, steps=100, save_every=0)
     assert np.abs(np.concatenate([solution.q[-1], solution.p[-1]]) - end).max() < 1e-7
 
 
-def test_the_half_that_is_said_to_go_first_does(monkeypatch):
-    """In two of pyhamsys's lists that is declared with a method's order."""
+def test_the_declared_half_goes_first(monkeypatch):
+    """In two of pyhamsys's lists this is declared together with the order."""
     need("pyhamsys")
-    first, split = [], pyhamsys._split
+    first, split = [], pyhamsys._separable_system
 
     def noted(system, position_first):
         first.append(position_first)
         return split(system, position_first)
 
-    monkeypatch.setattr(pyhamsys, "_split", noted)
+    monkeypatch.setattr(pyhamsys, "_separable_system", noted)
     told = 0
     for chosen in pyhamsys.PEERS:
         words = re.search(r"\b([TV]) first", chosen.about)
@@ -259,8 +264,8 @@ def test_the_half_that_is_said_to_go_first_does(monkeypatch):
         assert found == pytest.approx([moved if position else y[0] + 0.1 * kick, kick], abs=1e-15)
 
 
-def test_two_copies_are_of_every_method_but_two():
-    """Of one by its other name, and of one with hundreds of evaluations a step."""
+def test_extended_phase_space_versions_of_methods():
+    """The exceptions are a duplicate name and a method with hundreds of evaluations per step."""
     plain, extended, bound = (
         {p.id.removesuffix(kind) for p in pyhamsys.PEERS if p.id.endswith(kind)} for kind in ("", "-extended", "-omega")
     )
@@ -276,7 +281,7 @@ def test_two_copies_are_of_every_method_but_two():
 
 
 @pytest.mark.parametrize("id", ["pyhamsys-verlet", "pyhamsys-verlet-extended", "desolver-rk4", "diffrax-euler"])
-def test_a_run_prints_nothing_and_logs_nothing(id, capfd, caplog):
+def test_a_run_prints_and_logs_nothing(id, capfd, caplog):
     integrate_peer(truth()[0], need(id), h=0.1, steps=3)
     assert capfd.readouterr() == ("", "")
     assert caplog.records == []
@@ -288,10 +293,10 @@ def test_a_run_prints_nothing_and_logs_nothing(id, capfd, caplog):
         ("desolver-rk4", [7.0, 9.5]),
         ("desolver-dopri45-adaptive", [7.0, 9.5]),
         ("diffrax-euler", [7.0, 9.5]),
-        ("pyhamsys-verlet", [7.0, 8.0, 11.0, 12.5]),  # of three steps two are one piece, and what is between is not its
+        ("pyhamsys-verlet", [7.0, 8.0, 11.0, 12.5]),  # pieces of two and one steps; the time between is not counted
     ],
 )
-def test_seconds_are_those_between_the_readings_of_the_clock(id, readings, monkeypatch):
+def test_seconds_are_those_between_clock_readings(id, readings, monkeypatch):
     chosen, left = need(id), list(readings)
     integrate_peer(truth()[0], chosen, h=0.1, steps=3)
     monkeypatch.setattr(PACKAGES[chosen.package], "time", SimpleNamespace(perf_counter=lambda: left.pop(0)))
@@ -299,7 +304,7 @@ def test_seconds_are_those_between_the_readings_of_the_clock(id, readings, monke
     assert left == []
 
 
-def test_terms_are_named_where_they_are_not_the_field():
+def test_implicit_explicit_terms_are_described():
     named = {p.id.removeprefix("diffrax-"): p.about for p in diffrax.PEERS if "terms:" in p.about}
     assert {*named} == {"semi-implicit-euler", "sil3", "kencarp3", "kencarp4", "kencarp5"}
     for name, about in named.items():
@@ -309,24 +314,24 @@ def test_terms_are_named_where_they_are_not_the_field():
 
 
 @pytest.mark.parametrize("id", ADAPTIVE[:2])
-def test_rows_of_adaptive_steps_are_the_orbit_s(id):
+def test_rows_of_adaptive_steps_lie_on_the_orbit(id):
     solution = integrate_peer(truth()[0], need(id), t_end=1.0, steps=4, tol=1e-9)
     exact = reference(truth()[0], solution.t, certify=False)
     assert np.abs(np.hstack([solution.q - exact.q, solution.p - exact.p])).max() < 1e-6
     assert solution.counts["gradient"] > 4 * solution.counts["steps"] >= 16
 
 
-# -- what they cannot do ------------------------------------------------------------------------------------------
+# -- restrictions -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("id", ["desolver-babs9o7h", "pyhamsys-bm4", "diffrax-semi-implicit-euler"])
-def test_a_problem_that_is_lacking_is_refused(id):
+def test_unsupported_problems_are_refused(id):
     for name in (NOT_SEPARABLE, "lotka-volterra"):
         with pytest.raises(InvalidInput, match="H must be"):
             integrate_peer(problem(name), PEERS[id], h=0.1, steps=3)
 
 
-def test_two_copies_of_a_system_without_canonical_coordinates_are_refused():
+def test_extended_versions_need_canonical_coordinates():
     with pytest.raises(InvalidInput, match="canonical"):
         integrate_peer(problem("lotka-volterra"), PEERS["pyhamsys-bm4-extended"], h=0.1, steps=3)
 
@@ -339,14 +344,14 @@ def test_a_blow_up_keeps_the_rows_before_it(id):
     assert np.isfinite(solution.q).all()
 
 
-def test_a_run_ends_with_the_piece_in_which_it_leaves_the_numbers():
+def test_a_run_ends_with_the_piece_in_which_it_overflows():
     chosen = need("pyhamsys-verlet")
     solution = integrate_peer(BLOWN_UP, chosen, t_end=400.0, steps=400, q0=[1.0], p0=[1.0])
     assert (solution.status, solution.counts["steps"]) == ("diverged", pyhamsys.PIECE)
     assert "no longer finite" in solution.reason
 
 
-def test_rows_end_before_the_step_that_newtons_method_cannot_do():
+def test_rows_end_before_a_failing_newton_step():
     stiff = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
     solution = integrate_peer(stiff, need("diffrax-kvaerno3"), h=0.5, steps=10, q0=[1.0], p0=[1.0])
     failed = int(re.match(r"Newton's method fails in step (\d+);", solution.reason).group(1))
@@ -357,18 +362,18 @@ def test_rows_end_before_the_step_that_newtons_method_cannot_do():
 
 
 def test_a_second_run_compiles_nothing():
-    """However many calls of the loop it takes."""
+    """For any number of calls of the loop."""
     need("diffrax-euler")
     with diffrax.double_precision():
-        first, loop = diffrax._compiled.__wrapped__("Euler", diffrax.WHOLE, truth()[0].system)
+        first, loop = diffrax._compile.__wrapped__("Euler", diffrax.WHOLE, truth()[0].system)
         before = loop._cache_size()
         rows, failed = diffrax._steps(first, loop, np.array([1.0, 0.0]), 1e-3, np.arange(1, 2 * diffrax.ROWS + 3))
     assert (len(rows), failed) == (2 * diffrax.ROWS + 2, -1)
     assert loop._cache_size() == before
 
 
-def test_the_loop_is_first_compiled_for_a_state_that_it_gave(monkeypatch):
-    """As in any run of more rows than one call keeps: with some versions of JAX that is compiled by itself."""
+def test_the_loop_is_first_compiled_for_its_own_output(monkeypatch):
+    """As in longer runs; some versions of JAX compile the loop separately for such a state."""
     need("diffrax-euler")
     taken, steps = [], diffrax._steps
 
@@ -378,14 +383,14 @@ def test_the_loop_is_first_compiled_for_a_state_that_it_gave(monkeypatch):
 
     monkeypatch.setattr(diffrax, "_steps", noted)
     with diffrax.double_precision():
-        diffrax._compiled.__wrapped__("Euler", diffrax.WHOLE, truth()[0].system)
+        diffrax._compile.__wrapped__("Euler", diffrax.WHOLE, truth()[0].system)
     assert min(taken) > diffrax.ROWS
 
 
-# -- traps of the packages that the modules speak of --------------------------------------------------------------
+# -- pitfalls of the packages -------------------------------------------------------------------------------------
 
 
-def test_desolvers_own_loop_keeps_the_step_of_explicit_methods_alone():
+def test_only_desolvers_explicit_methods_keep_the_step():
     need("desolver")
     package, made = desolver.load(), truth()[0]
     field = made.system.vector_field()
@@ -402,7 +407,7 @@ def test_desolvers_own_loop_keeps_the_step_of_explicit_methods_alone():
             assert taken.max() > 0.25
 
 
-def test_the_projection_of_pyhamsys_is_not_read():
+def test_pyhamsys_ignores_its_projection_option():
     need("pyhamsys")
     from pyhamsys import HamSys, Parameters
 
@@ -419,7 +424,7 @@ def test_the_projection_of_pyhamsys_is_not_read():
     assert np.array_equal(ends[0].y, ends[1].y)
 
 
-def test_double_precision_of_jax_is_not_left_on():
+def test_jaxs_double_precision_is_switched_back():
     chosen = need("diffrax-midpoint")
     import jax.numpy as jnp
 

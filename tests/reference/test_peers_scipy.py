@@ -1,4 +1,4 @@
-"""SciPy's peers: against the reference, Numba and Python right-hand sides alike, SciPy's own results, failures."""
+"""SciPy's solvers as peers: accuracy, compiled and Python right-hand sides, SciPy's own results, failures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import scipy.integrate
 
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, InvalidInput
-from phasebench.integrators.engine import codegen
+from phasebench.integrators.compile import codegen
 from phasebench.reference.peers import BY_ID, integrate_peer
 from phasebench.reference.peers import scipy as peers
 from phasebench.reference.peers.field import right_hand_side
@@ -21,16 +21,17 @@ from phasebench.reference.solvers.taylor import reference
 SOLVERS = ("DOP853", "Radau", "LSODA")
 IDS = [p.id for p in peers.PEERS]
 T_END = 10.0
-#: The smallest tolerances that are run here; Radau's steps are many at smaller ones.
+#: Smallest tolerances tested; smaller ones take Radau too many steps.
 TIGHT = {"DOP853": 1e-12, "Radau": 1e-9, "LSODA": 1e-11}
 
 
 def error(solution, made) -> float:
+    """Largest error of a solution against the reference."""
     truth = reference(made, solution.t, certify=False)
     return float(np.abs(np.hstack([solution.q - truth.q, solution.p - truth.p])).max())
 
 
-def test_every_solver_has_both_right_hand_sides_and_says_so():
+def test_every_solver_has_both_right_hand_sides():
     wanted = [f"scipy-{s.lower()}{suffix}" for s in SOLVERS for suffix in ("", "-numba")]
     assert wanted == IDS
     for p in peers.PEERS:
@@ -46,7 +47,7 @@ def test_every_solver_has_both_right_hand_sides_and_says_so():
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("name", ["henon-heiles:box", "lotka-volterra", "perturbed-kepler"])
-def test_a_looser_tolerance_errs_more_and_costs_less(solver, name):
+def test_a_looser_tolerance_is_cheaper_and_less_accurate(solver, name):
     made, id = problem(name), f"scipy-{solver.lower()}-numba"
     tight, loose = (integrate_peer(made, id, t_end=T_END, steps=7, tol=tol) for tol in (TIGHT[solver], 1e-4))
     assert (tight.status, loose.status) == ("ok", "ok")
@@ -69,8 +70,8 @@ def test_both_right_hand_sides_take_the_same_steps(solver, name):
 
 
 @pytest.mark.parametrize("sites", [3, codegen.TUPLE_LIMIT + 2])
-def test_the_compiled_field_is_the_systems(sites):
-    """Of tuples and of arrays, of contiguous states and of every other component."""
+def test_the_compiled_field_is_that_of_the_system(sites):
+    """On tuples and on arrays, for contiguous and for strided states."""
     x = [f"q{i}" for i in range(sites)]
     springs = " + ".join(f"{a}**2*{b}**2/3" for a, b in pairwise(x))
     p = [f"p{i}" for i in range(sites)]
@@ -83,7 +84,7 @@ def test_the_compiled_field_is_the_systems(sites):
     assert len(f.signatures) == 2
 
 
-def test_a_right_hand_side_is_compiled_unless_nothing_is(monkeypatch):
+def test_a_right_hand_side_is_compiled_if_possible(monkeypatch):
     system, y = problem("pendulum").system, np.array([0.4, 0.9])
     assert right_hand_side(system) is peers.compiled_field(system)
     assert right_hand_side(system)(0.0, y) == pytest.approx([0.9, -np.sin(0.4)], abs=1e-15)
@@ -92,7 +93,17 @@ def test_a_right_hand_side_is_compiled_unless_nothing_is(monkeypatch):
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_defaults_and_rows_are_scipys(solver):
+def test_a_tolerance_is_relative_and_absolute(solver):
+    made, tol = problem("kepler"), 1e-7
+    mine = integrate_peer(made, f"scipy-{solver.lower()}", t_end=3.0, tol=tol, save_every=0)
+    field, start = made.system.vector_field(), [*made.q0, *made.p0]
+    for atol, same in ((tol, True), (tol / 100, False)):
+        theirs = scipy.integrate.solve_ivp(field, (0, 3.0), start, method=solver, rtol=tol, atol=atol)
+        assert (np.abs([*mine.q[-1], *mine.p[-1]] - theirs.y[:, -1]).max() < 1e-14) == same
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_defaults_and_rows_equal_scipys(solver):
     made = problem("kepler")
     t = [0.0, 3.0, 6.0, 9.0]
     mine = integrate_peer(made, f"scipy-{solver.lower()}", t_end=9.0, steps=3)
@@ -105,8 +116,8 @@ def test_defaults_and_rows_are_scipys(solver):
 
 
 @pytest.mark.parametrize(("t_end", "rows", "steps"), [(1e-3, 4, 1), (10.0, 200, 90)])
-def test_several_rows_in_a_step_are_the_orbit_s(t_end, rows, steps):
-    """All in the only step, or a few in each."""
+def test_several_rows_within_a_step_lie_on_the_orbit(t_end, rows, steps):
+    """All in a single step, or a few in each."""
     made = problem("kepler")
     solution = integrate_peer(made, "scipy-dop853", t_end=t_end, steps=rows, tol=1e-9)
     assert (solution.status, len(solution.t)) == ("ok", rows + 1)
@@ -114,7 +125,7 @@ def test_several_rows_in_a_step_are_the_orbit_s(t_end, rows, steps):
     assert error(solution, made) < 1e-6
 
 
-def test_evaluations_are_all_of_them(monkeypatch):
+def test_all_evaluations_are_counted(monkeypatch):
     made, calls = problem("kepler"), [0]
     inner = made.system.vector_field()
 
@@ -126,11 +137,11 @@ def test_evaluations_are_all_of_them(monkeypatch):
     for solver in SOLVERS:
         calls[0] = 0
         count = integrate_peer(made, f"scipy-{solver.lower()}", t_end=T_END, tol=1e-6).counts["gradient"]
-        assert count == calls[0] - 1, solver  # one before the clock starts
+        assert count == calls[0] - 1, solver  # one call before the clock starts
 
 
 @pytest.mark.parametrize("id", IDS)
-def test_a_blow_up_says_why_and_keeps_the_rows_before_it(id):
+def test_a_divergence_has_a_reason_and_keeps_earlier_rows(id):
     runaway = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
     solution = integrate_peer(runaway, id, t_end=5.0, steps=10, q0=[1.0], p0=[1.0], tol=1e-5)
     assert (solution.status, solution.t.tolist()) == ("diverged", [0.0, 0.5, 1.0])
@@ -138,18 +149,18 @@ def test_a_blow_up_says_why_and_keeps_the_rows_before_it(id):
     assert "t = 1 of 5" in solution.reason
 
 
-def test_lsoda_says_in_words_why_it_failed():
+def test_lsoda_explains_its_failure():
     runaway = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
     least = BY_ID["scipy-lsoda"].least
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # what it warns of is a reason, not a warning
+        warnings.simplefilter("error")  # the warning must be caught
         solution = integrate_peer(runaway, "scipy-lsoda", t_end=5.0, steps=10, q0=[1.0], p0=[1.0], tol=least)
     assert solution.status == "diverged"
     assert "LSODA" in solution.reason
     assert "tolerances too small" in solution.reason
 
 
-def test_a_run_of_too_many_steps_is_given_up(monkeypatch):
+def test_a_run_of_too_many_steps_is_stopped(monkeypatch):
     monkeypatch.setattr(peers, "STEP_LIMIT", 5)
     solution = integrate_peer(problem("kepler"), "scipy-lsoda", t_end=T_END)
     assert solution.status == "diverged"
@@ -157,7 +168,7 @@ def test_a_run_of_too_many_steps_is_given_up(monkeypatch):
 
 
 @pytest.mark.parametrize("id", IDS)
-def test_the_limit_of_the_tolerance_is_scipys(id):
+def test_the_least_tolerance_is_scipys(id):
     least = BY_ID[id].least
     with pytest.raises(InvalidInput, match="none below"):
         integrate_peer(problem("kepler"), id, t_end=1.0, tol=least / 1.01)
@@ -168,14 +179,14 @@ def test_the_limit_of_the_tolerance_is_scipys(id):
         assert bool(told) == warned
 
 
-def test_without_compilation_there_is_no_compiled_right_hand_side(monkeypatch):
+def test_without_compilation_compiled_peers_are_refused(monkeypatch):
     monkeypatch.setattr(codegen, "compiled", lambda: False)
     with pytest.raises(InvalidInput, match="compilation is off"):
         integrate_peer(problem("kepler"), "scipy-lsoda-numba", t_end=1.0)
 
 
 @pytest.mark.parametrize(("solver", "same"), [("ode", "scipy-dop853-numba"), ("odeint", "scipy-lsoda-numba")])
-def test_the_older_interfaces_are_the_same_algorithms_and_faster(solver, same):
+def test_older_interfaces_use_the_same_algorithms_faster(solver, same):
     made = problem("henon-heiles:box")
     old = integrate_peer(made, peers.fast(solver), t_end=100.0, steps=4, tol=1e-9)
     new = integrate_peer(made, BY_ID[same], t_end=100.0, steps=4, tol=1e-9)
@@ -187,7 +198,7 @@ def test_the_older_interfaces_are_the_same_algorithms_and_faster(solver, same):
 
 @pytest.mark.lowest
 @pytest.mark.parametrize("solver", ["ode", "odeint"])
-def test_the_older_interfaces_say_that_they_failed(solver):
+def test_older_interfaces_report_failure(solver):
     escape = Hamiltonian(q="q", p="p", H="p**2/2 - q**4/4")
     found = integrate_peer(escape, peers.fast(solver), t_end=50.0, tol=1e-6, q0=[1.0], p0=[1.0], save_every=0)
     assert found.status == "diverged"

@@ -1,11 +1,11 @@
-"""Some cells of the matrix, for a process with NUMBA_DISABLE_JIT=1: ``python cells.py`` prints JSON."""
+"""Some cells (problem, method) of the structure matrix without compilation: ``python cells.py`` prints JSON."""
 
 from __future__ import annotations
 
 import json
 
 from phasebench.benchmarks.experiments.matrix import matrix
-from phasebench.integrators.engine.codegen import precision
+from phasebench.integrators.compile.codegen import precision
 from phasebench.integrators.registry import method
 
 METHODS = ("stormer-verlet", "rk4", "avf", "gauss-2", "pefrl", "cohen-hairer-1", "wisdom-holman")

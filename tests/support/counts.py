@@ -1,6 +1,6 @@
-"""What a run says it did, and how often it called the system's functions: ``python counts.py`` prints JSON.
+"""Counts that a run reports, and how often it really called the system's functions: ``python counts.py`` prints JSON.
 
-In a process with NUMBA_DISABLE_JIT=1: a compiled function cannot be watched.
+Run with NUMBA_DISABLE_JIT=1: calls of a compiled function cannot be counted.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ import sympy as sp
 
 from phasebench.benchmarks.measure.battery import LOW_ORDER, SYSTEMS, by_label, runs_on, variants
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.kernel import prepare
 from phasebench.integrators.families import gauss_lanes
 from phasebench.integrators.prepared import lay_out
+from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.systems.poisson import PoissonSystem
 from support import stiff
 
 H, STEPS = 0.02, 3
 NAMES = ("henon-heiles", "coupled", "perturbed-kepler")
-#: A separable and a non-separable system are enough where a method runs on either.
+#: Systems per method; a separable and a non-separable one suffice.
 FEW = 2
-#: Runs with steps so long that no fixed point is found.
+#: Runs with so long steps that fixed-point iteration fails.
 LONG = ("stiff", "body", "lanes")
-#: What of what a solution tells is looked at.
+#: The counts of a solution that are compared.
 TOLD = ("gradient", "steps", "newton", "fallbacks", "iterations")
-#: Functions of a system that are no gradient or field: energies, velocities, values of invariants, rates, densities.
+#: Prefixes of functions that do not count as gradient or field evaluations.
 OTHERS = ("structure", "energy", "grad_T", "constraint", "velocity", "rate", "density")
 
 
 def systems(m) -> list[str]:
-    """Where a method is watched."""
+    """Names of the systems on which a method's calls are counted."""
     return [name for name in NAMES if runs_on(m, name)][:FEW]
 
 
@@ -45,8 +45,8 @@ ALL = by_label([m for m in METHODS if systems(m)])
 LANED = [x for x, m in ALL.items() if m.data[:1] == ("gauss",) and gauss_lanes.serves(m.data[1], stiff.SYSTEM)]
 
 
-def watched(system, calls: Counter):
-    """The system, whose functions count their calls by their kinds."""
+def watch(system, calls: Counter):
+    """Copy of the system whose functions count their calls by kind in `calls`."""
     other, kind_of_system = copy.copy(system), type(system)
     other._functions = {}
 
@@ -64,14 +64,14 @@ def watched(system, calls: Counter):
 
 
 def body() -> PoissonSystem:
-    """A rigid body with a quartic term, y' = y x grad H, and a variable that stays."""
+    """A rigid body with a quartic term, y' = y x grad H, and a fourth variable that is constant."""
     x, y, z, rest = sp.symbols("x y z rest", real=True)
     B = [[0, -z, y, 0], [z, 0, -x, 0], [-y, x, 0, 0], [0, 0, 0, 0]]
     return PoissonSystem(q=[x, y], p=[z, rest], B=B, H=x**2 / 2 + y**2 / 3 + z**2 / 5 + x**4 / 20 + y * z / 4)
 
 
 def runs(label: str) -> dict:
-    """{name: (system, h, start)} of the runs of a method; `LONG` are those that Newton's method solves."""
+    """{name: (system, h, start)} of the runs of a method; those in `LONG` are solved by Newton's method."""
     found = {}
     for name in systems(ALL[label]):
         system, *start = SYSTEMS[name]()
@@ -81,17 +81,17 @@ def runs(label: str) -> dict:
 
 
 def of(label: str) -> dict:
-    """{name: {"called": calls, "kernel": what the kernel counts, and what is told of them}} of the runs of a method.
+    """{run: counts} of a method: those of the solution, "called" (counted calls) and "kernel" (counts of the kernel).
 
-    Functions for lanes are watched where every call is for all stages at once, by Gauss's methods; other kernels that
-    have them are held to those in rows, counts included.
+    Stages in lanes are switched off here, except in the run "lanes" of Gauss methods, where each call serves all
+    stages; other tests compare lane kernels with the ones that work row by row.
     """
     found = {}
     for name, (system, h, (q, p)) in runs(label).items():
         calls: Counter = Counter()
         with patch.object(gauss_lanes, "FEWEST", 99):
-            s = integrate(watched(system, calls), ALL[label], h=h, steps=STEPS, q0=q, p0=p, save_every=2)
-            kernel = told(prepare(ALL[label], system), system.d, float(h), q, p)
+            s = integrate(watch(system, calls), ALL[label], h=h, steps=STEPS, q0=q, p0=p, save_every=2)
+            kernel = kernel_counts(prepare(ALL[label], system), system.d, float(h), q, p)
         found[name] = {key: s.counts[key] for key in TOLD}
         found[name]["called"] = sum(n for kind, n in calls.items() if not kind.startswith(OTHERS))
         found[name]["kernel"] = kernel
@@ -99,7 +99,7 @@ def of(label: str) -> dict:
 
 
 def in_lanes(label: str) -> dict:
-    """The same of steps that Newton's method solves, with the stages in lanes."""
+    """As `of`, for steps of a Gauss method with its stages in lanes, solved by Newton's method."""
     prepared, calls = prepare(ALL[label], stiff.SYSTEM), []
     f, stages = prepared.step.f, prepared.step.stages
 
@@ -108,12 +108,12 @@ def in_lanes(label: str) -> dict:
         f(memory)
 
     watched = replace(prepared, step=prepared.step._replace(f=called))
-    kernel = told(watched, 2, float(stiff.H), *stiff.START)
+    kernel = kernel_counts(watched, 2, float(stiff.H), *stiff.START)
     return kernel | {"called": sum(calls), "kernel": kernel}
 
 
-def told(prepared, d: int, h: float, q, p) -> dict:
-    """What a kernel counts where it is called for every other step and the last one, as for a solution of these."""
+def kernel_counts(prepared, d: int, h: float, q, p) -> dict:
+    """Counts of a kernel that is called as `integrate` calls it: for two steps, then for the last one."""
     run = lay_out(prepared, d, h, q, p)
     for every in (2, STEPS - 2):
         run(np.zeros((1, d)), np.zeros((1, d)), np.zeros((1, 1)), every)

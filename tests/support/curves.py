@@ -1,4 +1,4 @@
-"""Steps of which the energy's error E(x) is a known function, and the search for its roots."""
+"""Steps whose energy error E(x) is a prescribed function, to test the search for its roots."""
 
 from __future__ import annotations
 
@@ -6,26 +6,28 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.engine import energy_model as model
-from phasebench.integrators.engine.energy_model import Attempt, Search
-from phasebench.integrators.engine.root import finder
-from phasebench.integrators.engine.solve import NOT_FINITE, SOLVED
-from phasebench.integrators.engine.vector import State, jit, scale
+from phasebench.integrators.stepping import energy_model as model
+from phasebench.integrators.stepping.energy_model import Attempt, Search
+from phasebench.integrators.stepping.root import finder
+from phasebench.integrators.stepping.solve import NOT_FINITE, SOLVED
+from phasebench.integrators.values.vector import State, jit, scale
 
 from .values import value
 
 UNIT = 1e-12
-#: A unit of which multiples are exact.
+#: A power of two, so that its multiples are exact.
 EXACT = 2.0**-40
 NEAR = Search(radius=2.0, first=0.05, near=1.0, ratio=1.12, points=70, slack=0.0)
 
 
 class Curve(NamedTuple):
-    """E(x) = c_0 + c_1 x + ... + c_4 x^4 for ``below`` < x < ``above``, elsewhere the step has no solution.
+    """A made-up step for tests of the root finder, whose energy error E is a polynomial of its parameter x.
 
-    From x = 0.3 on it is larger by ``jump``.
-    Its round-off is ``unit``; an attempt that need be less exact is wrong by ``blur`` of what it may be.  The attempts
-    are listed in ``tried``, as (x, start, ease, units that are added to E).
+    E(x) = c_0 + c_1 x + ... + c_4 x^4 for ``below`` < x < ``above``; elsewhere the step has no solution.
+
+    E is larger by ``jump`` from x = 0.3 on. Its round-off is ``unit``; an attempt that is allowed a larger error by
+    ``ease`` errs by the fraction ``blur`` of it. Attempts are recorded in ``tried`` as (x, start, ease, units added to
+    E).
     """
 
     y: State
@@ -41,7 +43,7 @@ class Curve(NamedTuple):
 
 @jit
 def attempt(x, start, ease, e):
-    """The attempt at x, whose state tells it."""
+    """The step with parameter x, recorded in ``tried``; its state is x itself."""
     n = int(e.many[0, 0])
     e.tried[n, 0], e.tried[n, 1], e.tried[n, 2] = x, start, ease
     e.many[0, 0] = n + 1
@@ -60,7 +62,7 @@ FIND = {followed: finder(attempt, followed) for followed in (True, False)}
 
 
 class Found(NamedTuple):
-    """What was found, the attempt that goes with it, and those before."""
+    """The root, whether it was found, the attempt that belongs to it, and all attempts before."""
 
     x: float
     found: bool
@@ -71,14 +73,14 @@ class Found(NamedTuple):
 
 
 def look(c, models=None, predicted=np.nan, followed=True, search=NEAR, errors=(), unit=UNIT, **curve):
-    """Look for a root of the polynomial, with ``errors`` in units of round-off, attempt by attempt."""
+    """Search for a root of the polynomial c; ``errors`` (in units of round-off) are added to the attempts in turn."""
     one, many, tried = value(1.0), np.zeros((1, 1)), np.zeros((1000, 4))
     tried[: len(errors), 3] = errors
     below, above = curve.get("within", (-np.inf, np.inf))
     c = (*map(float, c), *[0.0] * (5 - len(c)))
     blur, jump = curve.get("blur", 0.0), curve.get("jump", 0.0)
     e = Curve(State(one, one, one, one), c, unit, below, above, blur, jump, tried, many)
-    models = known() if models is None else models
+    models = model_of() if models is None else models
     x, found, result = FIND[followed](search, models, 0, predicted, e)
     return Found(x, found, result.y.q[0], result.E, result.status, tried[: int(many[0, 0])])
 
@@ -88,8 +90,8 @@ def from_roots(*roots, factor=1.0):
     return factor * np.poly(roots)[::-1]
 
 
-def known(slope=0.0, curvature=0.0):
-    """What a step has left of its model."""
+def model_of(slope=0.0, curvature=0.0):
+    """The model of E that the previous step leaves: its slope and curvature."""
     models = np.zeros((1, model.NUMBERS))
     models[0, [model.SLOPE, model.CURVATURE]] = slope, curvature
     return models

@@ -1,4 +1,4 @@
-"""The processor switched to flushing small numbers to zero, as a library compiled for speed may do."""
+"""Switch the processor to flush denormal numbers to zero, as libraries compiled for speed may do."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from phasebench.reference.peers import floating
 
-#: Where the mode stands in the environment of the GNU C library on x86-64, and its bits (DAZ and FTZ).
+#: Offset of the MXCSR register in fenv_t of the GNU C library on x86-64, and its bits DAZ and FTZ.
 OFFSET, BITS = 28, 0x8040
 
 only_there = pytest.mark.skipif(
@@ -19,7 +19,7 @@ only_there = pytest.mark.skipif(
 
 
 def flush(on: bool = True) -> None:
-    """Switch flushing on, or off."""
+    """Switch flushing to zero on or off."""
     library = ctypes.CDLL(None)
     environment = ctypes.create_string_buffer(floating.ROOM)
     library.fegetenv(environment)

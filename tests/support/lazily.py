@@ -1,17 +1,17 @@
-"""Measurements without round-off in this process, where it compiles nothing: each cell when it is asked for."""
+"""Multiprecision measurements in this process, which compiles nothing; each cell is measured on first access."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from phasebench.benchmarks.measure import multiprecision
-from phasebench.integrators.engine.codegen import precision
+from phasebench.integrators.compile.codegen import precision
 
-from .exact import ALL, chosen, measurements
+from .exact import ALL, measurements, systems_for
 
 
 class Lazily(Mapping):
-    """A mapping of known keys, each value of which is made when it is first asked for."""
+    """A mapping with fixed keys that computes each value on first access."""
 
     def __init__(self, keys: Iterable[str], make: Callable[[str], object]):
         self._keys, self._make, self._made = tuple(keys), make, {}
@@ -30,13 +30,13 @@ class Lazily(Mapping):
         return len(self._keys)
 
 
-def measured(what: str) -> Mapping:
-    """What `exact.measurements` would return."""
+def lazy_measurements(what: str) -> Mapping:
+    """Like `exact.measurements`, but computed on access."""
     if what not in multiprecision.CELLS:
         with precision(multiprecision.DIGITS):
             return measurements(what)
 
     def of(label: str) -> Lazily:
-        return Lazily(chosen(what, label), lambda name: multiprecision.measure(what, label, name))
+        return Lazily(systems_for(what, label), lambda name: multiprecision.measure(what, label, name))
 
     return Lazily(ALL, of)

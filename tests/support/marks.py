@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from phasebench.integrators.engine import codegen
+from phasebench.integrators.compile import codegen
 
-#: Of tests of what only compiled code has, such as lanes.
+#: Marks tests of features that only compiled code has, such as SIMD lanes.
 compiled = pytest.mark.skipif(not codegen.compiled(), reason="nothing is compiled")

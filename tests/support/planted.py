@@ -1,4 +1,4 @@
-"""This project's own methods as records of peers, in which a test plants a fault: a false claim, a run that fails."""
+"""Our own methods wrapped as peers, so that tests can plant a false claim or a failing run."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from phasebench.reference.peers.record import Claims, Peer, Run, Task
 
 
 def as_peer(record) -> Peer:
-    """The record of a `Method`; its claims are its declarations."""
+    """A `Method` as a peer record that claims what the method declares."""
 
     def run(task: Task) -> Run:
         from phasebench.integrators.driver import integrate

@@ -1,7 +1,7 @@
-"""Properties of methods over random systems, for a process with NUMBA_DISABLE_JIT=1: prints JSON.
+"""Structural properties of methods over random systems, for a process with NUMBA_DISABLE_JIT=1: prints JSON.
 
-It measures every property of every method of `METHODS`, without round-off, and again with a coefficient of the kernel
-off by `SLIP` of itself; and runs in doubles on plain NumPy.
+Each property of the methods in `METHODS` is measured in multiprecision, then once more with one coefficient of the
+kernel changed by the relative amount `SLIP`. Runs in double precision follow.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from unittest import mock
 
 import numpy as np
 
-from phasebench.benchmarks.measure.metrics import pair_defect
 from phasebench.benchmarks.measure.multiprecision import advance
+from phasebench.benchmarks.measure.step_map import pair_defect
+from phasebench.integrators.compile.codegen import compiled, precision, vector
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import compiled, precision, vector
 from phasebench.integrators.registry import method
 from support.random_systems import Case, cases, draws, with_bilinear, with_linear
 
 DIGITS, SLIP = 30, 1e-9
-#: A defect above it settles that a property does not hold: further examples are not measured.
+#: A larger defect shows that a property does not hold; no further cases are measured then.
 VISIBLE = 1e-16
-#: At least one of each family that integrates a Hamiltonian without a singularity or a Kepler part.
+#: At least one method of each family that accepts a general Hamiltonian.
 METHODS = (
     "explicit-euler",
     "rk4",
@@ -62,15 +62,15 @@ METHODS = (
     "hairer-lubich",
     "cohen-hairer-2",
 )
-#: Besides those whose adjoint has 1 - lambda for lambda.
+#: Adjoint methods, except where the adjoint is the same method with 1 - lambda.
 ADJOINTS = {"explicit-euler": "implicit-euler", "symplectic-euler-p": "symplectic-euler-q", "pavf": "pavf-adjoint"}
 WITH_LAMBDA = ("scheme-i", "scheme-ii", "generating-function")
 
 
 class Slip(NamedTuple):
-    """A fault of a method: the first number of a field of its kernel's step, or ``all`` of them, is off by `SLIP`.
+    """A planted fault: the first suitable entry of a field of the kernel's step, or ``all`` of them, is off by `SLIP`.
 
-    ``breaks`` and ``keeps`` are the properties that are lost by it and those that are not.
+    ``breaks`` and ``keeps`` list the properties that the fault destroys and those that it does not.
     """
 
     id: str
@@ -85,13 +85,13 @@ class Slip(NamedTuple):
 
 
 SLIPS = (
-    Slip("scheme-i", "mu", ("symplecticity", "adjoint", "bilinear"), ("linear",)),  # lambda is another for q than for p
+    Slip("scheme-i", "mu", ("symplecticity", "adjoint", "bilinear"), ("linear",)),  # lambda then differs for q and p
     Slip("scheme-iii", "mu", ("symplecticity", "symmetry", "bilinear")),
     Slip("gauss-2", "A", ("symplecticity", "symmetry", "bilinear"), ("linear",)),
     Slip("lobatto-iiia-iiib-3", "A_p", ("symplecticity", "symmetry")),
     Slip("variational-gauss-2", "b", ("symmetry",)),
     Slip("scheme-v", "sign", ("symmetry",), ("energy",)),
-    Slip("mclachlan-atela-4", "a", (), ("symplecticity", "bilinear")),  # whatever the lengths of drifts and kicks
+    Slip("mclachlan-atela-4", "a", (), ("symplecticity", "bilinear")),  # for any lengths of drifts and kicks
     Slip("avf", "c", ("energy", "symmetry"), ("linear",), all=True),
     Slip("pavf", "c", ("energy", "adjoint"), all=True),
     Slip("hbvm-4-2", "B", ("energy",)),
@@ -99,65 +99,70 @@ SLIPS = (
 
 
 def lam_of(record, case: Case):
-    """The method with the case's lambda, where it has one, and the step, which is shorter for a large lambda."""
+    """(method with the case's lambda if it takes one, step size, which is reduced for a large lambda)."""
     if "lam" not in record.parameters:
         return record, case.h
     return record(lam=case.lam), case.h / (1 + abs(case.lam))
 
 
 def start(case: Case):
+    """Initial state (q, p) of a case."""
     return vector([*case.q, *case.p])
 
 
 def symplecticity(record, case: Case):
-    """The defect of one pair of tangent vectors."""
+    """Defect of the symplectic form on one pair of tangent vectors."""
     record, h = lam_of(record, case)
     return pair_defect(lambda y: advance(case.system, record, y, h), start(case))
 
 
-def moved(record, case: Case, y, h, steps=1):
-    """The state after some steps; NaN where they do nothing, which would keep everything."""
+def take_steps(record, case: Case, y, h, steps=1):
+    """State after some steps; NaN if it is the initial one, as a step that does nothing would preserve everything."""
     end = advance(case.system, record, y, h, steps)
     return end if max(abs(end - y)) > 1e-9 else end * float("nan")
 
 
-def returned(record, back, h, case: Case):
-    """The distance from the start after a step with h and one of ``back`` with -h."""
+def return_distance(record, back, h, case: Case):
+    """Distance from the start after a step h of one method and a step -h of ``back``."""
     y = start(case)
-    return max(abs(moved(back, case, moved(record, case, y, h), -h) - y))
+    return max(abs(take_steps(back, case, take_steps(record, case, y, h), -h) - y))
 
 
 def symmetry(record, case: Case):
+    """Distance from the start after a step h and a step -h."""
     record, h = lam_of(record, case)
-    return returned(record, record, h, case)
+    return return_distance(record, record, h, case)
 
 
 def adjoint(record, case: Case):
-    """As `returned`, by the adjoint method."""
+    """Distance from the start after a step h and a step -h of the adjoint method."""
     other = ADJOINTS.get(record.id)
     record, h = lam_of(record, case)
-    return returned(record, method(other) if other else record(lam=1 - case.lam), h, case)
+    return return_distance(record, method(other) if other else record(lam=1 - case.lam), h, case)
 
 
 def change(quantity: Callable, record, case: Case):
-    """How much a function of (q, p) changes in two steps."""
+    """Change of a function of (q, p) in two steps."""
     record, h = lam_of(record, case)
     y = start(case)
-    end = moved(record, case, y, h, steps=2)
+    end = take_steps(record, case, y, h, steps=2)
     return abs(quantity(end[: case.d], end[case.d :]) - quantity(y[: case.d], y[case.d :]))
 
 
 def energy(record, case: Case):
+    """Change of H in two steps."""
     H = case.system.energy("multiprecision")
     return change(lambda q, p: H(q, p)[0], record, case)
 
 
 def linear(record, case: Case):
+    """Change of the case's linear invariant in two steps."""
     w = np.array(case.linear, dtype=object)
     return change(lambda q, p: w @ np.concatenate([q, p]), record, case)
 
 
 def bilinear(record, case: Case):
+    """Change of the case's invariant q.D p in two steps."""
     D = np.array(case.bilinear, dtype=object)
     return change(lambda q, p: q @ D @ p, record, case)
 
@@ -166,16 +171,16 @@ MEASURES = {f.__name__: f for f in (symplecticity, symmetry, adjoint, energy, li
 
 
 def kind(record) -> str:
-    """The kind of system that a method requires."""
+    """Kind of system that a method requires, one of `random_systems.KINDS` or "fast"."""
     if record.id == "hbvm-4-2":
-        return "polynomial"  # of degree 4: others it keeps to its quadrature's error
+        return "polynomial"  # of degree 4: for other H the quadrature error limits conservation
     traits = {"linear fast part": "fast", "quadratic kinetic energy": "quadratic"}
     return next((traits[t] for t in record.requires if t in traits), "any")
 
 
 def systems(what: str, record) -> tuple[Callable, str, int] | None:
-    """The strategy of cases on which a property of a method is measured, with what it is given; or None."""
-    # The formulae of a generating function grow with the order and with d.
+    """(strategy, kind, largest d) of the cases for a property of a method; None if it is not measured."""
+    # The code generated for a generating function grows with the order and with d.
     of, largest = kind(record), {"generating-function": 1, "scheme-ii": 2}.get(record.id, 3)
     if what not in ("linear", "bilinear"):
         return cases, of, largest
@@ -184,23 +189,23 @@ def systems(what: str, record) -> tuple[Callable, str, int] | None:
 
 
 def examples(what: str, record) -> int:
-    """How many cases are drawn: fewer where formulae, or the search for roots that are not there, take long."""
+    """Number of cases: fewer where code generation or a failing search for roots takes long."""
     if what not in ("linear", "bilinear"):
         return 10
     return 4 if record.id == "scheme-ii" or record.family in ("schemes_iv_v", "equip") else 6
 
 
-def measured(what: str, id: str) -> dict:
-    """{drawn, judged: how many cases; worst: the largest defect; case: where it is}."""
+def measure_property(what: str, id: str) -> dict:
+    """{"drawn", "judged": numbers of cases, "worst": largest defect, "case": where it occurs}."""
     record = method(id)
     found = {"drawn": 0, "judged": 0, "worst": 0.0, "case": ""}
-    for case in drawn(*systems(what, record), examples(what, record)):
+    for case in draw_cases(*systems(what, record), examples(what, record)):
         if not found["worst"] <= VISIBLE:
             break
         found["drawn"] += 1
         try:
             defect = float(MEASURES[what](record, case))
-        except ArithmeticError:  # no solution of its equations, no root: nothing is promised there
+        except ArithmeticError:  # a step without a solution or root promises nothing
             continue
         found["judged"] += 1
         if not defect <= found["worst"]:
@@ -209,20 +214,20 @@ def measured(what: str, id: str) -> dict:
 
 
 @cache
-def drawn(strategy: Callable, kind: str, largest: int, n: int) -> list[Case]:
-    """Cases of a kind: the same for every method, so that their formulae are derived once."""
+def draw_cases(strategy: Callable, kind: str, largest: int, n: int) -> list[Case]:
+    """n cases of a kind, the same for every method, so that code is generated once."""
     return draws(strategy(kind, largest), n)
 
 
 @contextmanager
-def slipped(slip: Slip):
-    """With that fault in the method's family; the numbers 0 and 1 are structure and stay, but signs do not."""
+def plant(slip: Slip):
+    """Plant the fault in the method's family; entries 0 and 1 are structure and stay, except in a field of signs."""
     family = importlib.import_module(f"phasebench.integrators.families.{method(slip.id).family}")
     right = family.prepare
 
     def wrong(*arguments):
         made = right(*arguments)
-        if not hasattr(made.step, slip.field):  # the kernel that serves a separable H has other fields
+        if not hasattr(made.step, slip.field):  # e.g. the kernel for separable H
             return made
         x = np.array(getattr(made.step, slip.field))
         flat = x.reshape(-1)
@@ -236,33 +241,33 @@ def slipped(slip: Slip):
 
 
 def cells() -> list[tuple[str, str]]:
-    """(property, method) of all that is measured of the methods as they are."""
+    """(property, method) of all measurements of unmodified methods."""
     plain = [(what, id) for what in MEASURES if what != "adjoint" for id in METHODS]
     plain += [("adjoint", id) for id in (*ADJOINTS, *WITH_LAMBDA)]
     return [(what, id) for what, id in plain if systems(what, method(id)) is not None]
 
 
 def of_all() -> dict:
-    """{property: {method, or label of a slip: `measured`}}."""
+    """{property: {method or label of a slip: `measure_property`}}."""
     out: dict = {what: {} for what in MEASURES}
     for what, id in cells():
-        out[what][id] = measured(what, id)
+        out[what][id] = measure_property(what, id)
     for slip in SLIPS:
-        with slipped(slip):
+        with plant(slip):
             for what in (*slip.breaks, *slip.keeps):
-                out[what][slip.label] = measured(what, slip.id)
+                out[what][slip.label] = measure_property(what, slip.id)
     return out
 
 
-#: Methods whose kernels other tests compile for d = 2, of a formula of any kind and of a unit mass.
+#: Methods whose kernels other tests compile for d = 2, for a general H and for unit masses.
 COMPILED = ("rk4", "stormer-verlet", "scheme-i", "scheme-iii", "gauss-2", "avf")
 STEPS, STARTS = 10, 12
 
 
 def ends() -> list[dict]:
-    """Runs of `COMPILED` in doubles, each with its case, status and end."""
+    """Runs of `COMPILED` in double precision: rows with the case, the status and the end state."""
     rows: list[dict] = []
-    for kind, formulae in (("any", 2), ("unit", 1)):  # few formulae, as each is compiled; many states and lambdas
+    for kind, formulae in (("any", 2), ("unit", 1)):  # few formulas to compile, many states
         of_kind = cases(kind, largest=2, least=2).filter(lambda c, unit=kind == "unit": c.system.separable == unit)
         drawn = draws(of_kind, STARTS)
         for n, case in enumerate(drawn):
@@ -272,7 +277,7 @@ def ends() -> list[dict]:
 
 
 def run(case: Case, id: str) -> dict:
-    """How a run of a method in doubles ended: compiled, or not."""
+    """Status and end state of a run in double precision, in hexadecimal."""
     record, h = lam_of(method(id), case)
     q, p = ([float(x) for x in y] for y in (case.q, case.p))
     s = integrate(case.system, record, h=float(h), steps=STEPS, q0=q, p0=p)

@@ -1,8 +1,8 @@
-"""Random Hamiltonians with a state, a step and a parameter, as Hypothesis strategies.
+"""Random Hamiltonians with an initial state, a step and lambda, as Hypothesis strategies.
 
-A formula is text over atoms: the variables themselves, or expressions that all commute with a chosen linear or bilinear
-function of them, which is then an invariant whatever is made of the atoms.  Every function of a formula is defined on
-all of phase space; coefficients are quarters, states sixteenths.
+A formula is text over atoms: the variables themselves, or expressions that all Poisson-commute with a chosen linear or
+bilinear function, which is then an invariant of any H built from the atoms. Every formula is smooth on all of phase
+space; coefficients are multiples of 1/4, components of states of 1/16.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from hypothesis import strategies as st
 
 from phasebench.integrators import Hamiltonian
 
-#: What a system has to be for a method: of any kind, T(p) + V(q), p.M^-1 p / 2 + V(q), |p|^2 / 2 + V(q), a polynomial.
+#: Kinds of H: any, T(p) + V(q), p.M^-1 p / 2 + V(q), |p|^2 / 2 + V(q), a polynomial.
 KINDS = ("any", "separable", "quadratic", "unit", "polynomial")
 LARGEST = 3
 WHOLE, SMALL = st.sampled_from((1, -1, 2, -2, 3, -3)), st.sampled_from((1, -1, 2, -2))
-#: Far outside [0, 1] as well.
+#: Values of lambda, some far outside [0, 1].
 LAMBDAS = st.one_of(st.fractions(-1, 2, max_denominator=8), st.fractions(-40, 40, max_denominator=3))
 
 
 @dataclass(frozen=True)
 class Case:
-    """A random H of d degrees of freedom with a state, a step h and lambda.
+    """A random H of d degrees of freedom with an initial state, a step h and lambda.
 
-    ``fast`` has the frequencies of a declared linear part; ``linear`` the coefficients of an invariant in (q, p);
-    ``bilinear`` the rows of D of an invariant q.D p.
+    ``fast``: frequencies of a declared linear part; ``linear``: coefficients of an invariant linear in (q, p);
+    ``bilinear``: rows of D of an invariant q.D p.
     """
 
     d: int
@@ -46,7 +46,7 @@ class Case:
 
     @classmethod
     def read(cls, fields: dict) -> Case:
-        """The case whose fields were written as JSON, fractions as text."""
+        """The case from a dict read from JSON, with fractions as text."""
         d, H, q, p, h, lam, fast = (fields[x] for x in ("d", "H", "q", "p", "h", "lam", "fast"))
         return cls(
             d, H, *(tuple(map(Fraction, x)) for x in (q, p)), Fraction(h), Fraction(lam), tuple(map(Fraction, fast))
@@ -65,16 +65,18 @@ def system(d: int, H: str, fast: tuple = ()) -> Hamiltonian:
 
 
 def names(d: int) -> tuple[list[str], list[str]]:
+    """Names of the variables: (q1, ..., qd), (p1, ..., pd)."""
     return [f"q{i + 1}" for i in range(d)], [f"p{i + 1}" for i in range(d)]
 
 
 def squares(atoms) -> str:
+    """Formula of half the sum of squares of the atoms."""
     return "(" + " + ".join(f"({a})**2" for a in atoms) + ")/2"
 
 
 @st.composite
 def term(draw, atoms, polynomial, degree):
-    """A monomial of degree 2 to ``degree``, or a function of a combination of one or two atoms."""
+    """Formula of a monomial of degree 2 to ``degree``, or of a function of a linear combination of atoms."""
     c = draw(WHOLE)
     name = "" if polynomial else draw(st.sampled_from(("", "sin", "cos", "exp", "sqrt")))
     if not name:
@@ -86,7 +88,7 @@ def term(draw, atoms, polynomial, degree):
 
 
 def terms(atoms, polynomial=False, degree=4):
-    """A sum of two or three terms; of atoms that are themselves of degree 2 take a low ``degree``."""
+    """Formula of a sum of two or three terms; choose a low ``degree`` if the atoms are quadratic themselves."""
     return st.lists(term(atoms, polynomial, degree), min_size=2, max_size=3).map(" + ".join)
 
 
@@ -98,7 +100,7 @@ def masses(draw, p):
 
 @st.composite
 def complete(draw, d, H, **facts):
-    """The case of a formula: with a state, none of whose components is zero, a step and lambda."""
+    """Add a state without zero components, a step and lambda to a formula."""
     component = st.sampled_from([Fraction(s * n, 16) for n in range(2, 15) for s in (1, -1)])
     state = st.lists(component, min_size=d, max_size=d).map(tuple)
     h = draw(st.sampled_from([Fraction(1, n) for n in (32, 40, 64)]))
@@ -107,7 +109,7 @@ def complete(draw, d, H, **facts):
 
 @st.composite
 def cases(draw, kind="any", largest=LARGEST, least=1):
-    """A system of a kind of `KINDS`, or with a declared fast linear part ("fast"), of least <= d <= largest."""
+    """A system of a kind of `KINDS`, or "fast" with a declared linear part, with least <= d <= largest."""
     d = draw(st.integers(least, largest))
     q, p = names(d)
     if kind == "fast":
@@ -128,7 +130,7 @@ def cases(draw, kind="any", largest=LARGEST, least=1):
 
 @st.composite
 def with_linear(draw, kind="any", largest=LARGEST):
-    """A system with an invariant w.(q, p): of any kind with a w of both, else with a weighted total momentum."""
+    """A system with a linear invariant w.(q, p); for a kind other than "any" a weighted total momentum."""
     d = draw(st.integers(2, largest))
     q, p = names(d)
     if kind != "any":
@@ -137,14 +139,14 @@ def with_linear(draw, kind="any", largest=LARGEST):
         H = f"{draw(masses(p))} + {squares(atoms)} + {draw(terms(atoms, degree=2))}"
         return draw(complete(d, H, linear=(*[0] * d, *w)))
     w = draw(st.lists(SMALL, min_size=2 * d, max_size=2 * d))
-    rate = [*w[d:], *(-x for x in w[:d])]  # {y_i, w.y}: an atom is a combination of y that has none
+    rate = [*w[d:], *(-x for x in w[:d])]  # {y_i, w.y}; atoms are linear combinations of y that commute with w.y
     y = [*q, *p]
     atoms = [f"({rate[0]})*{y[i]} - ({rate[i]})*{y[0]}" for i in range(1, 2 * d)]
     return draw(complete(d, f"{squares(atoms)} + {draw(terms(atoms, degree=2))}", linear=tuple(w)))
 
 
 def rotation(q, p):
-    """(D, atoms) of rotations of the first two coordinates; others are free."""
+    """(D, atoms) for rotations of the first two coordinates; the others are unrestricted."""
     D = np.zeros((len(q), len(q)), int)
     D[0, 1], D[1, 0] = 1, -1
     atoms = [f"{q[0]}**2 + {q[1]}**2", f"{p[0]}**2 + {p[1]}**2", f"{q[0]}*{p[0]} + {q[1]}*{p[1]}"]
@@ -152,15 +154,15 @@ def rotation(q, p):
 
 
 def dilation(q, p):
-    """(D, atoms) of q -> s q, p -> p / s for the first two coordinates; others are free."""
+    """(D, atoms) for q -> s q, p -> p / s in the first two coordinates; the others are unrestricted."""
     D = np.diag([1, 1, *[0] * (len(q) - 2)])
     return D, [f"{x}*{v}" for x in q[:2] for v in p[:2]] + [*q[2:], *p[2:]]
 
 
 @st.composite
 def with_bilinear(draw, kind="any", largest=LARGEST):
-    """A system with an invariant q.D p: the rotations or dilations of a plane, in sheared coordinates; or, where T is
-    to be quadratic, of a central force."""
+    """A system with an invariant q.D p: rotations or dilations of a plane in sheared coordinates, or a central force if
+    the kind asks for a quadratic T."""
     d = draw(st.integers(2, largest))
     q, p = names(d)
     if kind != "any":
@@ -168,7 +170,7 @@ def with_bilinear(draw, kind="any", largest=LARGEST):
         central = [atoms[0], *q[2:]]
         return draw(complete(d, f"{squares(p)} + {draw(terms(central, degree=2))} + ({atoms[0]})/2", bilinear=rows(D)))
     k = draw(SMALL)
-    A, B = np.eye(d, dtype=int), np.eye(d, dtype=int)  # q -> A q, p -> B p, B the inverse of A transposed
+    A, B = np.eye(d, dtype=int), np.eye(d, dtype=int)  # q -> A q, p -> B p with B = A^-T
     A[0, 1], B[1, 0] = k, -k
     sheared = [f"(q1 + ({k})*q2)", *q[1:]], ["p1", f"(p2 - ({k})*p1)", *p[2:]]
     D, atoms = draw(st.sampled_from((rotation, dilation)))(*sheared)
@@ -176,11 +178,12 @@ def with_bilinear(draw, kind="any", largest=LARGEST):
 
 
 def rows(D) -> tuple[tuple[int, ...], ...]:
+    """Rows of a matrix as tuples of int."""
     return tuple(tuple(map(int, row)) for row in D)
 
 
 def draws(strategy, n: int) -> list[Case]:
-    """The same n cases whenever they are asked for."""
+    """n cases of a strategy, the same ones on every call."""
     found: list[Case] = []
 
     @settings(max_examples=n, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck))

@@ -1,4 +1,4 @@
-"""Step matrices of methods on the oscillator q' = z p, p' = -z q, exactly, from the coefficients of their authors."""
+"""Exact step matrices on the oscillator q' = z p, p' = -z q, from the published coefficients of methods."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ import sympy as sp
 
 Z = sp.Symbol("z", positive=True)
 HALF = sp.Rational(1, 2)
-#: Irrational coefficients have so many digits; what is smaller than the first is zero, roots are told to the second.
+#: Digits of irrational coefficients; magnitude that counts as zero; distance at which roots count as equal.
 DIGITS, TINY, NEAR = 60, sp.Float("1e-45"), sp.Float("1e-18")
 
 
 def kick(c):
-    """The matrix of p -> p - c z q on (q, p)."""
+    """Matrix of p -> p - c z q on (q, p)."""
     return sp.Matrix([[1, 0], [-c * Z, 1]])
 
 
 def drift(c):
-    """The matrix of q -> q + c z p."""
+    """Matrix of q -> q + c z p on (q, p)."""
     return sp.Matrix([[1, c * Z], [0, 1]])
 
 
 def product(*matrices):
-    """The first acts first."""
+    """Product of step matrices, the first argument applied first."""
     total = sp.eye(2)
     for M in matrices:
         total = (M * total).applyfunc(sp.expand)
@@ -31,22 +31,22 @@ def product(*matrices):
 
 
 def splitting(drifts, kicks):
-    """Kick k before drift k."""
+    """Splitting method that applies kick k before drift k."""
     return product(*(M for a, b in zip(drifts, kicks, strict=True) for M in (kick(b), drift(a))))
 
 
 def two_stages(b):
-    """The symmetric method that kicks by b, 1 - 2 b, b with drifts of 1/2 between."""
+    """Symmetric splitting with kicks b, 1 - 2 b, b and drifts 1/2 between them."""
     return product(kick(b), drift(HALF), kick(1 - 2 * b), drift(HALF), kick(b))
 
 
 def verlets(*fractions):
-    """Stormer-Verlet steps of these fractions one after another."""
+    """Composition of Stormer-Verlet steps of these fractions."""
     return product(*(M for c in fractions for M in (kick(c / 2), drift(c), kick(c / 2))))
 
 
 def parametric(*substeps):
-    """Substeps (c, lam) of dq = c z (p + lam dp), dp = -c z (q + (1 - lam) dq)."""
+    """Composition of substeps (c, lam) of dq = c z (p + lam dp), dp = -c z (q + (1 - lam) dq)."""
     total = sp.eye(2)
     for c, lam in substeps:
         x = c * Z
@@ -56,7 +56,7 @@ def parametric(*substeps):
 
 
 def runge_kutta(A, b, conjugate=None):
-    """The partitioned method with the tableau A of q and ``conjugate`` of p (A where there is none)."""
+    """Partitioned Runge-Kutta method with tableau A for q and ``conjugate`` for p (default A)."""
     A, s = sp.Matrix(A), len(b)
     C = A if conjugate is None else sp.Matrix(conjugate)
     left = sp.eye(2 * s)
@@ -69,7 +69,7 @@ def runge_kutta(A, b, conjugate=None):
 
 
 def pade(above: int, below: int):
-    """R(i z) of the Pade approximation of exp of these degrees as the matrix of a rotation with growth."""
+    """Matrix of the method whose stability function is the Pade approximation of exp with these degrees."""
     x = sp.Symbol("x")
 
     def series(k, j):
@@ -85,9 +85,9 @@ def pade(above: int, below: int):
 
 
 def first_end(M):
-    """Where the stable steps that begin at 0 end: 0 where none is stable, infinity where all are.
+    """End of the interval of stable steps that begins at 0: 0 if there is none, infinity if it is unbounded.
 
-    The eigenvalues lie in the unit disc where 1 - tr + det, 1 + tr + det and 1 - det are not negative (Jury).
+    The eigenvalues lie in the unit disc if 1 - tr + det, 1 + tr + det and 1 - det are not negative (Jury).
     """
     trace, det = M.trace(), M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
     ends = [_first_loss(margin) for margin in (1 - trace + det, 1 + trace + det, 1 - det)]
@@ -95,7 +95,7 @@ def first_end(M):
 
 
 def _first_loss(margin):
-    """The first z > 0 beyond which a margin is negative."""
+    """Smallest z >= 0 beyond which a margin is negative."""
     above, below = (sp.Poly(sp.expand(part), Z) for part in sp.fraction(sp.together(margin)))
     if all(abs(c) < TINY for c in above.all_coeffs()):
         return sp.oo
@@ -111,7 +111,7 @@ def _first_loss(margin):
 
 
 def _roots(poly):
-    """The roots, each once where the coefficients are rational."""
+    """Roots of a polynomial, without multiplicity if its coefficients are rational."""
     if poly.degree() <= 0:
         return []
     exactly = poly.sqf_part() if poly.domain.is_ZZ or poly.domain.is_QQ else poly

@@ -1,10 +1,10 @@
-"""A step of one's own that is right, as a user writes it."""
+"""A correct step function as a user would write it."""
 
 from __future__ import annotations
 
 
 def leapfrog(system, q, p, h):
-    """Kick, drift, kick."""
+    """Leapfrog: kick, drift, kick."""
     p = p - h / 2 * system.dH_dq(q, p)
     q = q + h * system.dH_dp(q, p)
     return q, p - h / 2 * system.dH_dq(q, p)

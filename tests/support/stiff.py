@@ -1,6 +1,6 @@
-"""Steps so wide that no fixed point is found, so that Newton's method has to: ``python stiff.py`` prints JSON.
+"""Runs with steps too long for fixed-point iteration, solved by Newton's method: ``python stiff.py`` prints JSON.
 
-Of H = (p1^2 + p2^2)/2 + 200 q1^2 + q2^2/2 + q1^2 q2^2/2 + q1^4/4 with h = 0.3: h times the frequency is 6.
+H = (p1^2 + p2^2)/2 + 200 q1^2 + q2^2/2 + q1^2 q2^2/2 + q1^4/4 with h = 0.3, which is 6 over the largest frequency.
 """
 
 from __future__ import annotations
@@ -12,23 +12,24 @@ import numpy as np
 
 from phasebench.benchmarks.measure.battery import LOW_ORDER, by_label, variants
 from phasebench.integrators import Hamiltonian
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import MULTIPRECISION, precision
 
 H, STEPS = Fraction(3, 10), 2
 ENERGY = "(u**2 + v**2)/2 + 200*x**2 + y**2/2 + x**2*y**2/2 + x**4/4"
 SYSTEM, BACK = (Hamiltonian(q="x y", p="u v", H=f"{sign}({ENERGY})") for sign in ("", "-"))
 START = ([0.5, 1.0], [1.0, -0.5])
-#: Families whose stages Newton's method solves, but for two that take long.
+#: Families whose stages Newton's method solves, without two slow ones.
 FAMILIES = {"parametric", "collocation", "variational", "averaged", "discrete_gradient", "poisson"}
 
 
 def _implicit(m) -> bool:
-    """Whether a substep is no symplectic Euler one, which are explicit here."""
+    """Whether a step is implicit: compositions of symplectic Euler steps are explicit here."""
     return m.family != "parametric" or any({mu, lam} != {0, 1} for _, mu, lam in m.data[1])
 
 
 def _methods() -> dict:
+    """One method of each combination of family, symmetry, order and requirements, by label."""
     found: dict = {}
     for m in variants(lam=(Fraction(1, 3),), order=(2,)):
         if m.order <= LOW_ORDER and m.family in FAMILIES and _implicit(m) and m.lacks(SYSTEM) is None:
@@ -39,18 +40,18 @@ def _methods() -> dict:
 METHODS = _methods()
 
 
-def ended(system, m, start, **options):
-    """The solution of a few steps."""
+def solve(system, m, start, **options):
+    """Solution after `STEPS` steps."""
     return integrate(system, m, h=H, steps=STEPS, q0=start[0], p0=start[1], **options)
 
 
 def of(label: str) -> dict:
-    """What came of a method: whether it is at its end, equations for Newton's method, the way back, digits, energy."""
+    """Runs of a method forwards, backwards and in multiprecision: counts of steps and Newton solves, errors, energy."""
     m = METHODS[label]
-    there = ended(SYSTEM, m, START)
-    home = ended(BACK, m, (there.q[-1], there.p[-1]))
+    there = solve(SYSTEM, m, START)
+    home = solve(BACK, m, (there.q[-1], there.p[-1]))
     with precision(40):
-        exact = ended(SYSTEM, m, START, arithmetic=MULTIPRECISION)
+        exact = solve(SYSTEM, m, START, arithmetic=MULTIPRECISION)
         apart = [*map(float, (*(exact.q[-1] - there.q[-1]), *(exact.p[-1] - there.p[-1])))]
     return {
         "steps": [x.counts["steps"] for x in (there, home, exact)],

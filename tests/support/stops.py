@@ -1,7 +1,7 @@
-"""How runs end on the way, whichever rows are kept: ``python stops.py`` prints JSON.
+"""How runs end early, for different spacings of the stored rows: ``python stops.py`` prints JSON.
 
-Of H = (p1^2 + p2^2)/2 - q1^4 + q2^2/2, of which the first coordinate runs away in a finite time: implicit equations are
-solved no more, explicit states overflow.
+H = (p1^2 + p2^2)/2 - q1^4 + q2^2/2, where q1 escapes to infinity in finite time: implicit equations lose their
+solution, explicit steps overflow.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from phasebench.integrators import Hamiltonian
 from phasebench.integrators.driver import integrate
 
 H, STEPS = 0.25, 12
-#: Families of which such a run takes seconds where nothing is compiled.
+#: Families that take seconds for such a run without compilation.
 SLOW = {"equip"}
 RUNAWAY = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)/2 - x**4 + y**2/2")
 
 
 def _methods() -> dict:
-    """Of each family with and without an explicit step a few."""
+    """A few methods of each family, explicit and implicit, by label."""
     found: dict = {}
     for m in variants(lam=(Fraction(1, 3),), order=(2,)):
         if m.order <= LOW_ORDER and m.family not in SLOW and m.lacks(RUNAWAY) is None:
@@ -34,7 +34,7 @@ ALL = _methods()
 
 
 def of(label: str) -> dict:
-    """{rows are kept after so many steps: [status, steps taken, evaluations, the rows]} of a method."""
+    """{spacing of rows: [status, steps taken, gradient evaluations, rows]} of a method."""
     ends = {}
     with np.errstate(all="ignore"):
         for every in (1, 5, 0):

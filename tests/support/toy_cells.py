@@ -1,55 +1,67 @@
-"""Cells that take no time, or a little, for the tests of runs; run as a module it measures them into a folder."""
+"""Quick artificial cells for tests; ``python -m support.toy_cells FOLDER COUNT`` measures them into a folder."""
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from pathlib import Path
 
-from phasebench.benchmarks.rows.cells import ALONE, POOL, Cell, Unavailable, content
+from phasebench.benchmarks.store.cells import ALONE, POOL, Cell, Unavailable, content
+from phasebench.benchmarks.store.workers import Worker
 
 TABLES = ("toys", "toy_parts")
 
 
 def measure(n: int, seconds: float = 0.0) -> dict:
-    """A row, and n % 3 parts."""
+    """A row of the table toys and n % 3 rows of toy_parts."""
     time.sleep(seconds)
     parts = [{"n": n, "part": k} for k in range(n % 3)]
     return {"toys": [{"n": n, "x": n / 7, "name": f"cell, {n}", "seconds": time.perf_counter()}], "toy_parts": parts}
 
 
-def moved(n: int, seconds: float = 0.0) -> dict:
-    """The rows of `measure`, but for a number."""
+def measure_moved(n: int, seconds: float = 0.0) -> dict:
+    """Like `measure`, with one number changed."""
     found = measure(n, seconds)
     found["toys"][0]["x"] = 0.29
     return found
 
 
 def core(n: int) -> dict:
-    """A row with the cores that the process may use, after a while."""
-    import os
-
+    """A row with the CPU cores that the process may use, after 0.3 seconds."""
     time.sleep(0.3)
     return {"toys": [{"n": n, "x": sorted(os.sched_getaffinity(0)), "name": "", "seconds": time.time()}]}
 
 
 def fail(n: int) -> dict:
-    """No row."""
+    """Raise ValueError."""
     raise ValueError(f"there is no {n}")
 
 
-def dated(n: int) -> dict:
-    """A row with a column that is taken."""
+def measure_dated(n: int) -> dict:
+    """A row with a column whose name is reserved."""
     return {"toys": [{"n": n, "date": "today"}], "toy_parts": []}
 
 
 def lack(n: int) -> dict:
-    """No row, for want of something."""
+    """Raise Unavailable."""
     raise Unavailable("no compiler")
 
 
+def double(x: float) -> dict:
+    """Twice a number, and the id of the process."""
+    return {"twice": 2 * x, "process": os.getpid()}
+
+
+def start_a_worker(path: str) -> None:
+    """Start a worker, write its process id to a file and let it sleep for a minute."""
+    worker = Worker()
+    Path(path).write_text(str(worker.call(os.getpid).value))
+    worker.call(time.sleep, 60)
+
+
 def start(path: str, n: int) -> dict:
-    """Starts a process that writes its number to a file and sleeps for a minute, and does not return before."""
+    """Start a subprocess that writes its id to a file and sleeps for a minute, and wait for it."""
     import subprocess
 
     late = f"import os, time; open({path!r}, 'w').write(str(os.getpid())); time.sleep(60)"
@@ -58,10 +70,43 @@ def start(path: str, n: int) -> dict:
 
 
 def die(n: int) -> dict:
-    """Ends its process."""
-    import os
-
+    """End the process with exit code 3."""
     os._exit(3)
+
+
+def die_of(*arguments) -> None:
+    """End the process with exit code 3, with any arguments."""
+    os._exit(3)
+
+
+#: Ids of the integrators judged in this process.
+JUDGED: list[str] = []
+
+
+def judge_well(id: str) -> tuple[dict, bool]:
+    """(row with the process id, True): the process stays usable."""
+    JUDGED.append(id)
+    return {"peer": id, "in": os.getpid()}, True
+
+
+def judge_badly(id: str) -> tuple[dict, bool]:
+    """(row with the process id, False): the process must not be used again."""
+    return {"peer": id, "in": os.getpid()}, False
+
+
+def judge_dying_of_rk4(id: str) -> tuple[dict, bool]:
+    """End the process if id is "rk4", else like `judge_well`."""
+    return die_of() if id == "rk4" else judge_well(id)
+
+
+def judge_dying_second(id: str) -> tuple[dict, bool]:
+    """End the process unless this is the first call in it."""
+    return die_of() if JUDGED else judge_well(id)
+
+
+def judge_never(id: str) -> tuple[dict, bool]:
+    """Sleep for a minute."""
+    time.sleep(60)
 
 
 def cell(n: int, seconds: float = 0.0, version: int = 1, function=measure, **more) -> Cell:
@@ -72,12 +117,12 @@ def cell(n: int, seconds: float = 0.0, version: int = 1, function=measure, **mor
 
 
 def cells(count: int, **more) -> list[Cell]:
-    """The first ones."""
+    """The first ``count`` cells."""
     return [cell(n, **more) for n in range(count)]
 
 
 if __name__ == "__main__":
-    from phasebench.benchmarks.rows import run
+    from phasebench.benchmarks.store import run
 
     run.execute(cells(int(sys.argv[2]), seconds=0.03), Path(sys.argv[1]), count=0)
     print("done")

@@ -12,7 +12,7 @@ EPS, DIGITS = np.finfo(float).eps, 50
 
 @cache
 def trees(n):
-    """The rooted trees of n vertices, as sorted tuples of their branches."""
+    """The rooted trees with n vertices, each a sorted tuple of its branches."""
 
     def forests(vertices, largest):
         if vertices == 0:
@@ -26,14 +26,14 @@ def trees(n):
 
 
 def density(tree):
-    """(vertices, gamma) of a tree."""
+    """(number of vertices, density gamma) of a tree."""
     parts = [density(branch) for branch in tree]
     vertices = 1 + sum(n for n, _ in parts)
     return vertices, vertices * int(np.prod([g for _, g in parts], dtype=object))
 
 
 def order_residual(A, b, orders):
-    """The largest residual of the order conditions of trees with so many vertices, A and b arrays."""
+    """Largest residual of the order conditions of trees with these numbers of vertices; arrays A (s, s), b (s,)."""
     known = {}
 
     def weights(tree):
@@ -47,4 +47,5 @@ def order_residual(A, b, orders):
 
 
 def vector(x):
+    """Array of mpmath numbers."""
     return np.array([mpmath.mpf(a) for a in x], dtype=object)

@@ -1,4 +1,4 @@
-"""Systems of two degrees of freedom, run from one state: with nodes in lanes, and one by one."""
+"""Systems with two degrees of freedom, run from a fixed state, with quadrature nodes in SIMD lanes or one by one."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ def of(H) -> Hamiltonian:
 
 
 def run(system, id, h=0.1, steps=50):
-    """(the end, the counts) of a run that is ok."""
+    """(end state, counts) of a run that must end with status "ok"."""
     s = integrate(system, id, h=h, steps=steps, q0=[0.7, 0.5], p0=[0.2, -0.3])
     assert s.status == "ok", s.reason
     return np.concatenate([s.q[-1], s.p[-1]]), s.counts
 
 
 def one_by_one(family, *arguments):
-    """The same of a family's kernel that evaluates the nodes one after the other."""
+    """Like `run`, with a kernel that evaluates the nodes one after the other."""
     with patch.object(family, "serves", lambda *_: False):
         return run(*arguments)

@@ -1,10 +1,10 @@
-"""Values as kernels compute with them: tuples where they are compiled, arrays on plain NumPy."""
+"""State vectors as kernels use them: tuples if compiled, arrays on plain NumPy."""
 
 from __future__ import annotations
 
-from phasebench.integrators.engine import kernel
+from phasebench.integrators.stepping import kernel
 
 
 def value(*components: float):
-    """The value of so many components."""
+    """The vector with these components."""
     return kernel.value(components, len(components))

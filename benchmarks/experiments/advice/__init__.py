@@ -1,1 +1,1 @@
-"""Is what is advised what was asked for, and how far is it from the best?"""
+"""Does the advice meet the requested accuracy, and how close to the fastest integrator is it?"""

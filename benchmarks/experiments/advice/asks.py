@@ -1,4 +1,4 @@
-"""ASKS: sixty questions drawn at random, a seed each set, a quarter of them on problems that are in no registry."""
+"""ASKS: sixty random requests for advice, from a fixed seed; a quarter are on formulas that are in no registry."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ QUICK = 2
 
 
 class Field(NamedTuple):
-    """From what asks on a problem are drawn.
+    """The ranges from which requests on one problem are drawn.
 
     Attributes
     ----------
-    words : what names the problem on a command line
-    spans : the shortest and the longest, drawn evenly in their logarithms
-    finest : the power of ten of the finest accuracy; the coarsest is 1e-1 of the quantity's unit, or of ``unit``
-    keep : what may be asked to be conserved
-    own : names of the problem's own quantities
+    words : the command-line words that name the problem
+    spans : the shortest and the longest end time; t_end is log-uniform between them
+    finest : accuracies are log-uniform from 10^-finest to 10^-1.5
+    keep : the properties of which one may be requested to be conserved
+    own : names of the problem's own quantities, which may be requested
     """
 
     words: tuple[str, ...]
@@ -29,7 +29,7 @@ class Field(NamedTuple):
     own: tuple[str, ...] = ()
 
 
-def _registered(label: str, shortest: float, longest: float, finest: int, keep=(), own=()) -> Field:
+def _registered_field(label: str, shortest: float, longest: float, finest: int, keep=(), own=()) -> Field:
     return Field((label,), (shortest, longest), finest, tuple(keep), tuple(own))
 
 
@@ -37,28 +37,28 @@ def _formula(H: str, q: str, p: str, shortest: float, longest: float, finest: in
     return Field(("--hamiltonian", H, f"--q={q}", f"--p={p}"), (shortest, longest), finest, tuple(keep))
 
 
-#: What most problems with a separable H may be asked to keep.
+#: The properties that may be requested to be conserved on most problems with a separable H.
 USUAL = ("symplectic", "energy", "reversible")
 REGISTRY = (
-    _registered("harmonic-oscillator", 10, 1000, 11, ("symplectic", "energy"), ("phase",)),
-    _registered("pendulum:swinging", 5, 1000, 10, USUAL),
-    _registered("pendulum:rotating", 5, 300, 10, USUAL),
-    _registered("kepler", 5, 300, 9, ("symplectic", "momentum"), ("phase",)),
-    _registered("perturbed-kepler", 5, 500, 8, ("symplectic", "momentum"), ("perihelion",)),
-    _registered("henon-heiles:box", 5, 1000, 10, USUAL),
-    _registered("henon-heiles:chaotic", 5, 60, 9, ("symplectic",)),
-    _registered("lotka-volterra:4-2", 5, 100, 9),
-    _registered("lotka-volterra-log:2-2", 5, 100, 9, ("symplectic",)),
-    _registered("double-pendulum:regular", 5, 100, 9, ("symplectic",)),
-    _registered("duffing:one-well", 5, 200, 10, USUAL),
-    _registered("duffing:both-wells", 5, 100, 10, ("symplectic",)),
-    _registered("figure-eight", 3, 60, 9, ("symplectic", "momentum")),
-    _registered("toda:three", 3, 80, 9, ("symplectic", "momentum")),
-    _registered("rigid-body:around-e3", 5, 200, 10, ("symplectic",)),
-    _registered("charged-particle", 5, 300, 9, ("symplectic",), ("drift-angle",)),
-    _registered("schwarzschild:precessing", 20, 1000, 8, (), ("azimuth",)),
-    _registered("fpu", 1, 20, 8, ("symplectic",)),
-    _registered("outer-solar-system", 500, 50_000, 10, ("symplectic",), ("jupiter-longitude",)),
+    _registered_field("harmonic-oscillator", 10, 1000, 11, ("symplectic", "energy"), ("phase",)),
+    _registered_field("pendulum:swinging", 5, 1000, 10, USUAL),
+    _registered_field("pendulum:rotating", 5, 300, 10, USUAL),
+    _registered_field("kepler", 5, 300, 9, ("symplectic", "momentum"), ("phase",)),
+    _registered_field("perturbed-kepler", 5, 500, 8, ("symplectic", "momentum"), ("perihelion",)),
+    _registered_field("henon-heiles:box", 5, 1000, 10, USUAL),
+    _registered_field("henon-heiles:chaotic", 5, 60, 9, ("symplectic",)),
+    _registered_field("lotka-volterra:4-2", 5, 100, 9),
+    _registered_field("lotka-volterra-log:2-2", 5, 100, 9, ("symplectic",)),
+    _registered_field("double-pendulum:regular", 5, 100, 9, ("symplectic",)),
+    _registered_field("duffing:one-well", 5, 200, 10, USUAL),
+    _registered_field("duffing:both-wells", 5, 100, 10, ("symplectic",)),
+    _registered_field("figure-eight", 3, 60, 9, ("symplectic", "momentum")),
+    _registered_field("toda:three", 3, 80, 9, ("symplectic", "momentum")),
+    _registered_field("rigid-body:around-e3", 5, 200, 10, ("symplectic",)),
+    _registered_field("charged-particle", 5, 300, 9, ("symplectic",), ("drift-angle",)),
+    _registered_field("schwarzschild:precessing", 20, 1000, 8, (), ("azimuth",)),
+    _registered_field("fpu", 1, 20, 8, ("symplectic",)),
+    _registered_field("outer-solar-system", 500, 50_000, 10, ("symplectic",), ("jupiter-longitude",)),
 )
 OUTSIDE = (
     _formula("p**2/2 + q**4/4", "1.1", "0.2", 5, 200, 10, USUAL),
@@ -90,8 +90,8 @@ OUTSIDE = (
 )
 
 
-class Asked(NamedTuple):
-    """A question as it is typed: the words that name the problem, and the options."""
+class TypedRequest(NamedTuple):
+    """A request as it is typed: the words that name the problem, and the options; ``outside``: it is a formula."""
 
     name: str
     words: tuple[str, ...]
@@ -102,28 +102,32 @@ class Asked(NamedTuple):
     outside: bool
 
 
-def draw(seed: int = SEED, registered: int = REGISTERED, formulas: int = FORMULAS) -> tuple[Asked, ...]:
-    """So many asks on registered problems and on formulas, those of a problem one after another."""
+def draw(seed: int = SEED, registered: int = REGISTERED, formulas: int = FORMULAS) -> tuple[TypedRequest, ...]:
+    """Draw the given numbers of requests on registered problems and on formulas, sorted by problem."""
     rng = np.random.default_rng(seed)
-    fields = [REGISTRY[k] for k in np.sort(_spread(rng, len(REGISTRY), registered))]
-    outside = [OUTSIDE[k] for k in np.sort(_spread(rng, len(OUTSIDE), formulas))]
+    fields = [REGISTRY[k] for k in np.sort(_draw_evenly(rng, len(REGISTRY), registered))]
+    outside = [OUTSIDE[k] for k in np.sort(_draw_evenly(rng, len(OUTSIDE), formulas))]
     return tuple(_ask(rng, f"{n:02d}", f, n > registered) for n, f in enumerate([*fields, *outside], 1))
 
 
-def _spread(rng, members: int, wanted: int) -> np.ndarray:
-    """So many of the members, each as often as any other, or once more."""
+def _draw_evenly(rng, members: int, wanted: int) -> np.ndarray:
+    """Draw ``wanted`` indices below ``members``, each of them equally often up to one."""
     whole, rest = divmod(wanted, members)
     return np.concatenate([np.tile(np.arange(members), whole), rng.permutation(members)[:rest]])
 
 
-def _ask(rng, name: str, field: Field, outside: bool) -> Asked:
+def _ask(rng, name: str, field: Field, outside: bool) -> TypedRequest:
+    """Draw a request for advice at random: span, quantity and accuracy within the ranges of ``field``.
+
+    ``outside`` is True if the problem is in no registry.
+    """
     low, high = np.log10(field.spans)
     t_end = float(f"{10 ** rng.uniform(low, high):.3g}")
     quantity = str(rng.choice(["end-state", "end-state", "trajectory", "energy", *field.own, *field.own]))
     accuracy = float(f"{10 ** rng.uniform(-field.finest, -1.5):.1e}")
     asks_more = bool(field.keep) and rng.random() < 0.25
     conserve = (str(rng.choice(field.keep)),) if asks_more else ()
-    return Asked(name, field.words, t_end, accuracy, quantity, conserve, outside)
+    return TypedRequest(name, field.words, t_end, accuracy, quantity, conserve, outside)
 
 
 ASKS = draw()

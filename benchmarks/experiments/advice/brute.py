@@ -1,79 +1,190 @@
-"""The cheapest of everything, found without advice: each integrator on a fine ladder of its sizes.
+"""Brute-force search for the fastest integrator that meets an accuracy, independent of the advice that it checks.
 
-Nothing is known of whom to try, nothing is extrapolated: sizes go from four steps, or a loose tolerance, finer by
-`COARSE` until a run meets the accuracy or costs `DEAR` times the cheapest so far; then, between the last that did not
-and the first that did, by `FINE`.
+It shares with the advice only the integrators, the quantity and the clock; it has no ranking and does not extrapolate.
+The size of a run is its number of steps or its tolerance.  For each integrator the size starts at one step, or at a
+loose tolerance, and is refined by a factor of `COARSE` (`TOLERANCE`) until a run meets the accuracy or costs `DEAR`
+times the fastest so far; then the interval between the last miss and the first hit is searched in factors of `FINE`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from phasebench.benchmarks.advice.ask import Ask
-from phasebench.benchmarks.advice.portfolio import SLOW, portfolio
-from phasebench.benchmarks.advice.trial import Point, Trial
+import numpy as np
+
+from phasebench.benchmarks.measure import clock, conservation_claims
 from phasebench.benchmarks.measure.integrator import Integrator
-from phasebench.benchmarks.measure.quantities import Truth
+from phasebench.benchmarks.measure.quantities import Truth, error
+from phasebench.integrators.driver import OK
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.registry import METHODS
+from phasebench.reference.peers import PEERS
 
-#: A number of steps is so many times the one before, at first and at last; a tolerance the one before divided by it.
+#: Factors between successive numbers of steps, in the coarse and in the fine search, and between tolerances.
 COARSE, FINE, TOLERANCE = 1.5, 1.08, 3.0
-#: A run that does not meet the accuracy and takes so many times the cheapest ends a ladder.
+#: The search ends at a run that misses the accuracy and takes this many times the seconds of the fastest so far.
 DEAR = 2.0
 FEWEST, LOOSEST, RUNGS = 1, 0.1, 45
-#: Seconds that the first may take that meets the accuracy.
+#: Time limit of a run in seconds while no integrator meets the accuracy yet.
 LONGEST = 1.0
+#: Runs shorter than this (seconds) are timed again, warm and repeatedly.
+SHORT = 0.05
+#: The time of a run that cannot be stopped is estimated from the share `PART` of the span; an integrator is given up
+#: where the estimate exceeds `HOPELESS` times the fastest so far.
+PART, HOPELESS = 1 / 50, 20.0
+#: Margin for a rerun in another process: the error may grow by `SLACK` of itself and `ROUND_OFF` of the quantity.
+SLACK, ROUND_OFF = 0.02, 8 * float(np.finfo(float).eps)
+#: The integrator tried first, which sets a time to beat; integrators left out: batches of orbits, loops in Python.
+FIRST, LEFT_OUT = "heyoka", ("heyoka-batch",)
+SLOW = ("gala", "galpy", "desolver", "pyhamsys", "diffrax")
+
+
+class Run(NamedTuple):
+    """A run of ``size`` steps, or at tolerance ``size``: whether it reached the end, its error and seconds."""
+
+    size: float
+    ok: bool
+    error: float
+    seconds: float
+
+
+@dataclass
+class Runs:
+    """The runs of one integrator on one request, by size (number of steps, or tolerance).
+
+    Attributes
+    ----------
+    integrator, ask, true : the integrator, the request, and the reference values of its quantity
+    longest : seconds after which a method of this project is stopped
+    made : the runs so far, by size
+    """
+
+    integrator: Integrator
+    ask: Any
+    true: Truth
+    longest: float = LONGEST
+    made: dict[float, Run] = field(default_factory=dict)
+    clocks: clock.Clocks = field(init=False)
+
+    def __post_init__(self):
+        self.clocks = clock.Clocks(self.ask.problem, self.ask.t_end)
+
+    def met(self, run: Run) -> bool:
+        """True if a run meets the accuracy, with a margin for the reference's error and for round-off elsewhere."""
+        size = float(np.abs(self.true.values).max(initial=0.0))
+        slack = self.true.uncertainty + ROUND_OFF * max(size, 1.0 if self.ask.quantity.kept else 0.0)
+        return run.ok and (1 + SLACK) * run.error + slack <= self.ask.accuracy
+
+    def at(self, size: float) -> Run:
+        """Return the run of a size, integrating on the first call only."""
+        if not self.integrator.adaptive:
+            size = self.ask.quantity.steps(size)
+        if size not in self.made:
+            try:
+                self.made[size] = self._run(size)
+            except InvalidInput:
+                self.made[size] = Run(size, False, inf, inf)
+        return self.made[size]
+
+    def _run(self, size: float) -> Run:
+        """Integrate at a size: the error from a run with the rows that the quantity needs, the time without output."""
+        quantity, given = self.ask.quantity, self.size_argument(size)
+        stop = {"timeout": self.longest} if self.integrator.stoppable else {}
+        bare = self.solution(**given, save_every=0, **stop)
+        seconds = self.seconds(size) if bare.status == OK and bare.seconds < SHORT else bare.seconds
+        rows = quantity.rows > 1 and bare.status == OK
+        told = self.solution(**quantity.grid(**given), **stop) if rows else bare
+        return Run(size, told.status == OK, error(self.ask.problem, quantity, told, self.true), seconds)
+
+    def solution(self, part: float = 1.0, **more):
+        """Integrate over the share ``part`` of the span."""
+        return self.integrator.run(self.ask.problem, t_end=part * self.ask.t_end, **more)
+
+    def size_argument(self, size: float) -> dict[str, float]:
+        """The size as a keyword argument: ``tol`` or ``steps``."""
+        return {"tol": size} if self.integrator.adaptive else {"steps": int(size)}
+
+    def seconds(self, size: float) -> float:
+        """Measure the seconds of a warm run without output."""
+        if not self.integrator.preparable:
+            return self.solution(**self.size_argument(size), save_every=0).seconds
+        return self.clocks.of(self.integrator, **self.size_argument(size))()
+
+    def estimate_seconds(self, size: float) -> float:
+        """Estimate a run's seconds from the first `PART` of the span; 0 where a run can be stopped instead."""
+        if self.integrator.stoppable:
+            return 0.0
+        shorter = size if self.integrator.adaptive else max(1, round(size * PART))
+        try:
+            done = self.solution(PART, **self.size_argument(shorter), save_every=0)
+        except InvalidInput:
+            return 0.0
+        return done.seconds / PART if done.status == OK else 0.0
 
 
 class Best(NamedTuple):
-    """The cheapest: whose trial, which run; how many were tried, in how many runs."""
+    """The fastest run and its integrator's runs; the numbers of integrators tried and of runs made."""
 
-    trial: Trial
-    point: Point
+    runs: Runs
+    run: Run
     tried: int
-    runs: int
+    count: int
 
 
-def best(ask: Ask, true: Truth) -> Best | None:
-    """The cheapest of all that can do it; None where nothing meets the accuracy."""
-    found, tried, runs, cheapest = None, 0, 0, inf
-    for integrator, _ in portfolio(ask, ask.accuracy)[0]:
-        if integrator.kind in SLOW:
+def everybody(ask) -> Iterator[Integrator]:
+    """The installed integrators that can handle the request, `FIRST` before the others."""
+    for record in sorted((*METHODS, *PEERS), key=lambda r: r.id != FIRST):
+        c = Integrator(record)
+        if c.id in LEFT_OUT or c.kind in SLOW or not c.installed or c.lacks(ask.problem):
             continue
-        trial = Trial(integrator, ask, true, min(LONGEST, 3 * DEAR * cheapest))
-        point = cheapest_of(trial, cheapest)
-        tried, runs = tried + 1, runs + len(trial.points)
-        if point is not None and point.seconds < cheapest and _keeps(integrator, ask, point):
-            found, cheapest = (trial, point), point.seconds
-    return found and Best(*found, tried, runs)
+        if not conservation_claims.refusal(c, ask.conserve):
+            yield c
 
 
-def _keeps(integrator: Integrator, ask: Ask, point: Point) -> bool:
-    from phasebench.benchmarks.advice import kept
+def best(ask, true: Truth) -> Best | None:
+    """Find the fastest run of any integrator that meets the accuracy; None where none does."""
+    found, tried, count, cheapest = None, 0, 0, inf
+    for integrator in everybody(ask):
+        runs = Runs(integrator, ask, true, min(LONGEST, 3 * DEAR * cheapest))
+        run = cheapest_of(runs, cheapest)
+        tried, count = tried + 1, count + len(runs.made)
+        if run is not None and run.seconds < cheapest and _keeps(runs, run):
+            found, cheapest = (runs, run), run.seconds
+    return found and Best(*found, tried, count)
 
-    return not ask.conserve or kept.broken(integrator, ask, point.size) is None
+
+def _keeps(runs: Runs, run: Run) -> bool:
+    """True if the run conserves what the request wants conserved."""
+    ask = runs.ask
+    return not ask.conserve or conservation_claims.broken(runs.integrator, ask, runs.size_argument(run.size)) is None
 
 
-def cheapest_of(trial: Trial, cheapest: float) -> Point | None:
-    """The cheapest run of one that meets the accuracy."""
-    factor = TOLERANCE if trial.integrator.adaptive else COARSE
-    at, last = (LOOSEST if trial.integrator.adaptive else float(FEWEST)), None
+def cheapest_of(runs: Runs, cheapest: float) -> Run | None:
+    """Find one integrator's fastest run that meets the accuracy; None if there is none or it is hopelessly slow.
+
+    ``cheapest`` is the time in seconds of the best of the other integrators.
+    """
+    adaptive, met = runs.integrator.adaptive, runs.met
+    at, last = (LOOSEST if adaptive else float(FEWEST)), None
     for _ in range(RUNGS):
-        if trial.integrator.adaptive and at < trial.integrator.record.least:
+        if adaptive and at < runs.integrator.record.least:
             return None
-        if trial.pilot(at) > max(20 * cheapest, LONGEST):
+        if runs.estimate_seconds(at) > max(HOPELESS * cheapest, LONGEST):
             return None
-        point = trial.at(at)
-        if trial.meets(point, trial.ask.accuracy):
+        run = runs.at(at)
+        if met(run):
             break
-        if (point.ok and point.seconds > DEAR * cheapest) or point.seconds > trial.longest:
+        if (run.ok and run.seconds > DEAR * cheapest) or run.seconds > runs.longest:
             return None
-        last, at = at, (at / factor if trial.integrator.adaptive else max(at + 1, round(at * factor)))
+        last, at = at, (at / TOLERANCE if adaptive else max(at + 1, round(at * COARSE)))
     else:
         return None
-    if last is not None and not trial.integrator.adaptive and point.seconds < DEAR * cheapest:
+    if last is not None and not adaptive and run.seconds < DEAR * cheapest:
         finer = last * FINE
         while finer < at:
-            trial.at(round(finer))
+            runs.at(round(finer))
             finer = max(finer * FINE, finer + 1)
-    return min((p for p in trial.points.values() if trial.meets(p, trial.ask.accuracy)), key=lambda p: p.seconds)
+    return min(filter(met, runs.made.values()), key=lambda r: r.seconds)

@@ -1,4 +1,4 @@
-"""The sixty asks: advised, run again by a process that knows nothing of it, and held against the best of everything."""
+"""The measurements of the advice: requests are advised, rerun in a fresh process, compared with brute force."""
 
 from __future__ import annotations
 
@@ -8,40 +8,39 @@ from typing import Any
 from phasebench.benchmarks.advice import prior
 from phasebench.benchmarks.advice.advise import advise
 from phasebench.benchmarks.advice.ask import Ask, ask
-from phasebench.benchmarks.advice.trial import Trial
 from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.timing import in_turns, median, ratio
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Rows, content
+from phasebench.benchmarks.store.cells import ALONE, Cell, Rows, content
 
 from . import brute
-from .asks import ASKS, QUICK, Asked
+from .asks import ASKS, QUICK, TypedRequest
 from .rerun import error_of, rerun
 
 TABLE = "advice"
-#: Asks of a cell, which share a process for the rerun; each so many-th ask is held against everything.
+#: Requests in a cell, which share one process for the rerun; every `EVERY`-th is compared with brute force.
 GROUP, EVERY = 6, 3
-#: Seconds of the processor that a search may take, and rounds in which the two best run in turns.
+#: Processor seconds that a search for advice may take; rounds in which the advised and the fastest run alternate.
 LIMIT, ROUNDS = 6.0, 9
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each group of asks; of the quick tier one of a few, which nothing is held against."""
+    """The measurements (`Cell`): one for each group of requests; in the quick tier one group, without brute force."""
     if quick:
         return [_cell("quick", ASKS[:QUICK], False)]
     groups = [ASKS[i : i + GROUP] for i in range(0, len(ASKS), GROUP)]
     return [_cell(f"{g[0].name}-{g[-1].name}", g, True) for g in groups]
 
 
-def _cell(name: str, group: tuple[Asked, ...], against_all: bool) -> Cell:
+def _cell(name: str, group: tuple[TypedRequest, ...], against_all: bool) -> Cell:
     ids = frozenset(a.words[0].partition(":")[0] for a in group if not a.outside)
     return Cell(
         "advice",
         (TABLE,),
         {"group": name},
-        measured,
+        measure_rows,
         (name, tuple(a.name for a in group), against_all),
-        content("advice", name, group, against_all, prior.PATH.read_bytes(), code=[__name__]),
+        content("advice", name, group, against_all, prior.TABLE.path.read_bytes(), code=[__name__]),
         ids,
         ALONE,
         own=True,
@@ -49,8 +48,8 @@ def _cell(name: str, group: tuple[Asked, ...], against_all: bool) -> Cell:
     )
 
 
-def measured(group: str, names: tuple[str, ...], against_all: bool) -> Rows:
-    """The rows of a group of asks."""
+def measure_rows(group: str, names: tuple[str, ...], against_all: bool) -> Rows:
+    """Compute the rows of a group of requests, with the errors of the advised commands when run again."""
     members = [a for a in ASKS if a.name in names]
     rows = [row(a, against_all and int(a.name) % EVERY == 0) | {"group": group} for a in members]
     advised = [r for r in rows if r["command"]]
@@ -60,8 +59,8 @@ def measured(group: str, names: tuple[str, ...], against_all: bool) -> Rows:
     return {TABLE: rows}
 
 
-def asked_of(a: Asked) -> Ask:
-    """The question of an ask, as the command line would make it."""
+def asked_of(a: TypedRequest) -> Ask:
+    """Build the request object that the command line would build."""
     from phasebench.benchmarks.problems import problem
     from phasebench.benchmarks.problems.user import from_formula
 
@@ -73,8 +72,8 @@ def asked_of(a: Asked) -> Ask:
     return ask(made, t_end=a.t_end, accuracy=a.accuracy, quantity_name=a.quantity, conserve=a.conserve, limit=LIMIT)
 
 
-def row(a: Asked, against_all: bool) -> dict[str, Any]:
-    """The row of an ask; ``met`` and the rerun's error follow."""
+def row(a: TypedRequest, against_all: bool) -> dict[str, Any]:
+    """Advise on one request and return its row; `measure_rows` adds the rerun's error and ``met``."""
     question = asked_of(a)
     began, processor = time.perf_counter(), time.process_time()
     answer = advise(question, list(a.words))
@@ -100,24 +99,19 @@ def row(a: Asked, against_all: bool) -> dict[str, Any]:
 
 
 def _against(question: Ask, choice: dict[str, Any]) -> dict[str, Any]:
-    """What the best of everything is, and the advised one's time over its, round by round."""
+    """Find the fastest integrator by brute force, and time the advised one against it in alternating rounds."""
     true = truths.truth(question.problem, question.quantity, question.t_end)
     found = brute.best(question, true)
     if found is None:
         return {"best": None}
-    size = {"steps": choice["steps"]} if "steps" in choice else {"tol": choice.get("tol")}
-    line = {"best": found.trial.integrator.label, "best size": next(iter(found.point.size.values()))}
-    line |= {"best error": found.point.error, "tried": found.tried, "runs": found.runs}
+    line = {"best": found.runs.integrator.label, "best size": found.run.size}
+    line |= {"best error": found.run.error, "tried": found.tried, "runs": found.count}
     if not choice:
         return line
-    advised = Trial(integrator(choice["integrator"], **choice["params"]), question, true, brute.LONGEST)
-    turns = in_turns(
-        {
-            "advised": lambda: advised.seconds(size),
-            "best": lambda: found.trial.seconds(found.point.size),
-        },
-        ROUNDS,
-    )
+    advised = brute.Runs(integrator(choice["integrator"], parameters=choice["params"]), question, true)
+    size = choice["steps"] if "steps" in choice else choice["tol"]
+    turns = {"advised": lambda: advised.seconds(size), "best": lambda: found.runs.seconds(found.run.size)}
+    turns = in_turns(turns, ROUNDS)
     over = ratio(turns["advised"], turns["best"])
     seconds = {f"{k} seconds": median(v).value for k, v in turns.items()}
     return line | seconds | {"ratio": over.value, "ratio low": over.low, "ratio high": over.high}

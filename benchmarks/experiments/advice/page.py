@@ -1,129 +1,139 @@
-"""Is the advice what was asked for: met when run again, and how far from the best of everything."""
+"""Does the advice meet the accuracy that was asked for, and how far from the fastest is it?"""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.markdown import code, listed, number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+from phasebench.benchmarks import style
+from phasebench.benchmarks.page.markdown import code, join_list, number
+from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict, at_least
 from phasebench.integrators.record import ROUND_OFF
 from phasebench.integrators.registry import BY_ID
 
-from . import brute
+from . import brute, cells
 from .asks import FORMULAS, REGISTERED, SEED
-from .cells import EVERY, LIMIT, ROUNDS, TABLE
+from .cells import LIMIT, ROUNDS, TABLE
 
-#: The advised is as good as the best where its time is at most so many times it; so often it has to be.
+#: Advice counts as near the fastest up to this ratio of times; the share of requests that has to be near.
 NEAR, OFTEN = 1.2, 0.9
-#: The quantity that some methods keep whatever the orbit.
+#: The quantity that energy-preserving methods keep however wrong the orbit is.
 ENERGY = "energy"
 
 
 def true(column: pd.Series) -> pd.Series:
-    """A column of truths, as tables on disk hold them."""
+    """Convert a column of booleans, possibly read as text from a CSV file, to booleans."""
     return column.astype(str).str.lower().eq("true")
 
 
-def _named(problem: str, outside) -> str:
-    """A problem by its name, a formula as code."""
+def _problem_text(problem: str, outside) -> str:
+    """The problem's name, or its formula as code."""
     return code(problem) if str(outside).lower() == "true" else problem
 
 
 def _keeps_energy(id: str) -> bool:
-    """Whether a method keeps the energy to round-off by its construction."""
+    """True if a method keeps the energy to round-off by construction."""
     return id in BY_ID and BY_ID[id].energy == ROUND_OFF
 
 
-def _advised(table: pd.DataFrame) -> pd.DataFrame:
+def _with_advice(table: pd.DataFrame) -> pd.DataFrame:
+    """The requests that were given advice."""
     return table[table["choice"].notna()]
+
+
+def _with_brute_force(table: pd.DataFrame) -> pd.DataFrame:
+    """The requests for which brute force looked for the fastest."""
+    return table[table["ratio"].notna()] if "ratio" in table else table.head(0)
 
 
 @of(TABLE)
 def met(table: pd.DataFrame) -> Verdict | None:
-    """Whether every advised integration met its accuracy when it was run again."""
-    advised = _advised(table)
+    """Whether every advised command met its accuracy when it was run again."""
+    advised = _with_advice(table)
     if advised.empty:
         return None
     good = true(advised["met"])
-    outside = true(advised["outside"])
-    text = (
-        f"Of {len(table)} random asks {len(advised)} were advised on ({int(outside.sum())} on problems that are in no "
-        f"registry), and {int(good.sum())} of these met the accuracy when a process of its own ran the printed command"
+    failed = [f"{r.ask} ({r.problem})" for r in advised[~good].itertuples()]
+    return Verdict(
+        "The printed command meets the accuracy when another process runs it",
+        Count(int(good.sum()), len(advised)),
+        EVERY,
+        "requests",
+        where=join_list(failed, 3) if failed else "",
+        otherwise=FAIL,
     )
-    failed = [f"{r.ask} ({_named(r.problem, r.outside)})" for r in advised[~good].itertuples()]
-    text += f"; not met: {listed(failed, 3)}." if failed else "."
-    energy = advised[advised["quantity"] == ENERGY] if "quantity" in advised else advised.iloc[:0]
-    by_itself = energy[energy["choice"].map(_keeps_energy)]
-    if len(by_itself):
-        text += (
-            f" Of the {len(energy)} asks of the energy {len(by_itself)} are met by a method that keeps it by construction, "
-            f"whatever the orbit: {listed(list(dict.fromkeys(by_itself['choice'])), 3)}."
-        )
-    return Verdict(text, bool(good.all()), f"Advice met when run again: {int(good.sum())} of {len(advised)}.")
 
 
 @of(TABLE)
 def near(table: pd.DataFrame) -> Verdict | None:
-    """How far the advised are from the best of everything."""
-    if "ratio" not in table:
+    """Whether the advised integrations take about the time of the fastest that brute force finds."""
+    compared = _with_brute_force(table)
+    if compared.empty:
         return None
-    told = table[table["ratio"].notna()]
-    if told.empty:
-        return None
-    share, worst = (told["ratio"] <= NEAR).mean(), told.loc[told["ratio"].idxmax()]
-    within = f"{int((told['ratio'] <= NEAR).sum())} of {len(told)}"
-    beaten = told[told["ratio high"] < 1].sort_values("ratio")
-    text = (
-        f"Against the cheapest of everything, found by brute force on {len(told)} of them, the advised take at most "
-        f"{NEAR} times as long in {within}, in the median {number(told['ratio'].median(), 3)} times; the farthest is "
-        f"{worst['choice']} on {_named(worst['problem'], worst['outside'])} at {number(worst['ratio'], 3)} times {worst['best']}."
+    worst = compared.loc[compared["ratio"].idxmax()]
+    return Verdict(
+        "The advised integration is about as fast as the fastest that brute force finds",
+        Count(int((compared["ratio"] <= NEAR).sum()), len(compared)),
+        at_least(OFTEN),
+        f"requests within {NEAR} times",
+        where=f"{worst['choice']} on {worst['problem']}: {number(worst['ratio'])} times {worst['best']}",
     )
-    if len(beaten):
-        names = [
-            f"{r['choice']} on {_named(r['problem'], r['outside'])} takes {number(r['ratio'], 2)} of {r['best']}'s time"
-            for _, r in beaten.iterrows()
-        ]
-        text += f" Brute force is itself beaten in {len(beaten)} of {len(told)}, and is no lower bound there: {listed(names, 4)}."
-    short = f"At most {NEAR} times the best in {within}; brute force is beaten in {len(beaten)}."
-    return Verdict(text, bool(share >= OFTEN), short)
 
 
 @of(TABLE)
-def refused(table: pd.DataFrame) -> Verdict | None:
-    """Whether anything was refused that somebody can do."""
+def refusals(table: pd.DataFrame) -> Verdict:
+    """Whether every request that brute force can meet is given advice."""
     none = table[table["choice"].isna()]
-    if none.empty:
-        return Verdict("No ask was refused.", True, "No ask was refused.")
-    wrong = none[none["best"].notna()] if "best" in none else none.iloc[:0]
-    text = f"{len(none)} were refused"
-    text += f", and brute force meets {listed(list(wrong['ask'].astype(str)), 3)} of them." if len(wrong) else "."
-    return Verdict(text, wrong.empty, f"Refused: {len(none)}.")
+    wrong = none[none["best"].notna()] if "best" in none else none.head(0)
+    return Verdict(
+        "No request is refused that brute force can meet",
+        Count(len(wrong), len(table)),
+        NONE,
+        "requests",
+        where=join_list(list(wrong["ask"].astype(str)), 3) if len(wrong) else "",
+    )
+
+
+def answer(data: Data) -> str | None:
+    """How often the advice meets its accuracy, and how often it is about as fast as the fastest."""
+    table = data(TABLE)
+    if table is None or table.empty:
+        return None
+    good, fast = met(data), near(data)
+    text = f"Advice met the requested accuracy in {good.measured.n if good else 0} of {len(table)} random requests"
+    if fast is not None:
+        share = f"{fast.measured.n} of {fast.measured.of}"
+        text += f"; in {share} that were compared it takes at most {NEAR} times the time of the fastest integrator"
+    return f"{text}."
 
 
 @of(TABLE)
 def draw(table: pd.DataFrame, folder) -> list[Picture] | None:
-    """The advised one's time over the best's, by accuracy."""
-    if "ratio" not in table or table["ratio"].notna().sum() == 0:
+    """The advised integration's time over the fastest's, by accuracy."""
+    told = _with_brute_force(table)
+    if told.empty:
         return None
-    told = table[table["ratio"].notna()]
     with style.settings():
         figure, ((axes,),) = style.panels(1, 1, 3.2)
         for k, (name, part) in enumerate((("registered", ~true(told["outside"])), ("formula", true(told["outside"])))):
             look = style.curve(k) | {"linestyle": "none"}
             axes.semilogx(told[part]["accuracy"], told[part]["ratio"], label=name, **look)
         axes.axhline(NEAR, color=style.GREY, linewidth=0.8, linestyle=":")
-        axes.set(xlabel="accuracy that was asked for", ylabel="time over the best's", ylim=(0, None))
+        axes.set(xlabel="requested accuracy", ylabel="time over the fastest's", ylim=(0, None))
         axes.invert_xaxis()
         style.legend_above(figure, axes, 2)
-    caption = f"The advised one's time over that of the best of everything, run in turns; dotted: {NEAR}."
-    return [Picture(style.save(figure, folder, "advice.png"), "advice against the best", caption)]
+    beaten = int((told["ratio high"] < 1).sum()) if "ratio high" in told else 0
+    caption = (
+        f"Time of the advised integration over that of the fastest that brute force found; dotted: {NEAR}. Below 1 the "
+        f"advice is faster than brute force: certainly so (whole interval of the ratio) in {beaten} of {len(told)}."
+    )
+    return [Picture(style.save(figure, folder, "advice.png"), "advice against the fastest", caption)]
 
 
 @of(TABLE)
 def table(found: pd.DataFrame) -> Table:
-    """The asks that are not met or refused, then those farthest from the best."""
+    """The requests that are refused or not met, then those farthest from the fastest."""
     ratio = found["ratio"] if "ratio" in found else pd.Series(np.nan, found.index)
     wrong = ~true(found["met"]) if "met" in found else pd.Series(True, found.index)
     place = found.assign(wrong=wrong, far=ratio.fillna(0.0)).sort_values(
@@ -143,37 +153,58 @@ def table(found: pd.DataFrame) -> Table:
         "ratio",
     ]
     shown = place[[c for c in columns if c in place]].head(ROWS)
-    shown = shown.assign(problem=[_named(r.problem, r.outside) for r in place.head(ROWS).itertuples()])
-    return Table(shown, "The asks that were refused or not met, then those whose time is farthest from the best's.")
+    shown = shown.assign(problem=[_problem_text(r.problem, r.outside) for r in place.head(ROWS).itertuples()])
+    caption = (
+        "Requests that were refused or not met, then those with the largest ratio of times to the fastest (`best`)."
+    )
+    return Table(shown, caption + _by_construction(_with_advice(found)))
+
+
+def _by_construction(advised: pd.DataFrame) -> str:
+    """A sentence: how many requests for the energy got a method that keeps it on any orbit, right or wrong."""
+    energy = advised[advised["quantity"] == ENERGY] if "quantity" in advised else advised.head(0)
+    conserved = sum(map(_keeps_energy, energy["choice"]))
+    return (
+        f" {conserved} of the {len(energy)} about the energy get a method that keeps it on any orbit."
+        if conserved
+        else ""
+    )
 
 
 @of(TABLE)
-def _whole(found: pd.DataFrame) -> pd.DataFrame:
+def _full_table(found: pd.DataFrame) -> pd.DataFrame:
+    """All requests."""
     return found
 
 
 PAGE = Page(
     id="advice",
-    question="Is what is advised what was asked for?",
+    question="Does the advice meet the requested accuracy, and how close to the fastest is it?",
     tables=(TABLE,),
     setting=(
-        f"Asks: {REGISTERED} on registered problems and {FORMULAS} on formulas that are in no registry, drawn with seed {SEED}: problem, span, quantity, accuracy, what to conserve.",
-        "Advice: integrators are tried in the order of stored measurements, each at the widest step that meets the accuracy; the cheapest run in turns.",
-        "Met: a process that has seen nothing of the advice runs the printed command, `phasebench integrate ... --error`, and its error is at most the accuracy.",
-        f"Best: every integrator on a fine ladder of steps or tolerances (factors {brute.COARSE} and {brute.FINE}), for every {EVERY}rd ask; then both run {ROUNDS} rounds in turns.",
+        f"Requests: {REGISTERED} on registered problems and {FORMULAS} on formulas that are in no registry; problem, "
+        f"span, quantity, accuracy and what to conserve are drawn at random (seed {SEED}).",
+        "Advice: `phasebench advise` tries integrators in the order of stored measurements, each at the widest step that "
+        "meets the accuracy, and times the cheapest in turns.",
+        "Met: another process, which knows nothing of the advice, runs the printed command, `phasebench integrate ... "
+        "--error`; its error is at most the accuracy.",
+        f"Fastest: brute force over every integrator on a fine ladder of steps or tolerances (factors {brute.COARSE} and "
+        f"{brute.FINE}), for every {cells.EVERY}rd request; then both run {ROUNDS} rounds in turns.",
     ),
-    verdicts=(met, near, refused),
+    verdicts=(met, near, refusals),
+    answer=answer,
     figures=draw,
     table=table,
-    whole=_whole,
+    whole=_full_table,
     limits=(
-        f"A search was given {LIMIT:g} seconds of the processor; with kernels that have yet to be compiled it tries fewer.",
-        "An error is deterministic on one machine: on another the last digits may round otherwise, and an error that is close to the accuracy may leave it.",
-        "The reference is heyoka's in long double, heyoka is among the advised: an integrator of another kind has to come near the reference as well.",
-        "Brute force leaves out the packages whose loops over steps are Python's, and what costs more than "
-        f"{brute.DEAR:g} times the cheapest so far: of rungs a factor {brute.FINE} apart the luckiest may be missed, and an integrator whose first rungs are dear is dropped. "
-        "It is beaten where the whole interval of the ratio is below 1.",
-        f"NEAR = {NEAR} and OFTEN = {OFTEN} are the goals.",
+        f"A search gets {LIMIT:g} seconds of the processor; where kernels have to be compiled first it tries fewer.",
+        "Errors are deterministic on one machine; on another the last digits round otherwise, and an error close to the "
+        "accuracy may exceed it.",
+        "The reference is heyoka's, in long double, and heyoka may be advised: an integrator of another kind has to come "
+        "near the reference too.",
+        f"Brute force leaves out packages that loop over steps in Python, and what costs more than {brute.DEAR:g} times "
+        f"the cheapest so far. Its steps are a factor {brute.FINE} apart, so it may miss the best one: its time is no lower "
+        "bound.",
     ),
     command="pytest benchmarks/experiments/advice",
 )

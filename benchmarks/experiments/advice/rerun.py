@@ -1,4 +1,4 @@
-"""Runs commands that were advised, in a process that has seen nothing of the advice."""
+"""Run advised commands again, in a fresh process that shares nothing with the search for the advice."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import subprocess
 import sys
 
-#: The process: the words after the program's name, line for line, go to the installed command.
+#: Source of that process: it passes the arguments of each command line to the command-line application.
 SCRIPT = """
 import json, shlex, sys
 from contextlib import suppress
@@ -22,7 +22,7 @@ for line in json.loads(sys.stdin.read()):
 
 
 def rerun(lines: list[str]) -> list[dict]:
-    """The JSON objects that the commands print, run in one fresh process."""
+    """Run command lines in one fresh process and return the JSON objects that they print; RuntimeError if it fails."""
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT], input=json.dumps(lines), capture_output=True, text=True, check=False
     )
@@ -32,6 +32,6 @@ def rerun(lines: list[str]) -> list[dict]:
 
 
 def error_of(printed: dict) -> float | None:
-    """The error that ``integrate`` printed: of the quantity that was asked for, or of the end."""
+    """The error that ``integrate`` printed: of the requested quantity if there is one, else of the end state."""
     found = printed.get("quantity_error")
     return found["error"] if found else printed.get("global_error")

@@ -1,13 +1,13 @@
-"""The audit: established integrators run as black boxes, what they claim against what is measured.
+"""The audit: run established integrators as black boxes and compare what they claim with what is measured.
 
     from phasebench.benchmarks.experiments.audit.audit import audit
     found = audit(["rebound-leapfrog", "scipy"])
     print(found.contradictions)
 
-For each integrator (a peer, or a method of this project as a control, which must come out as declared): order with its
-interval, symplecticity and reversibility defects beside what methods of proved structure show through the same
-functions, energy error and drift, stability limit, cost.  How it is measured: `measures`; on what: `cases`; what is
-concluded: `judge`.
+Measured of each integrator: the order with its interval, symplecticity and reversibility defects beside those of
+methods with proved structure, energy error and drift, stability limit, cost.  Methods of this project are audited as
+controls, and must come out as declared.  See `measures` for how it is measured, `cases` for the problems, `claims` for
+the verdicts.
 """
 
 from __future__ import annotations
@@ -15,41 +15,69 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
+from phasebench.benchmarks.judge.verdict import CONTRADICTED
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Rows, content
+from phasebench.benchmarks.measure.tabular import TabularResult
+from phasebench.benchmarks.store.cells import ALONE, Cell, Rows, content
 from phasebench.integrators.errors import unknown
+from phasebench.integrators.keywords import checked_names
+from phasebench.integrators.record import Method
 from phasebench.integrators.registry import method
+from phasebench.reference.peers import Peer
 
 from . import cases
-from .judge import CONTRADICTED, HOLDS, IN_PART, UNJUDGED
 
-#: Methods of this project that are audited with every run: what is proved of them must come out.
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Methods of this project that every audit includes: their proved properties must be confirmed.
 CONTROLS = ("stormer-verlet", "rk4", "scheme-iii", "gauss-2")
-#: Seconds of one measure of one peer, over its problems.
+#: Time budget in seconds of one measure of one peer, over all its problems.
 BUDGET = 10.0
-#: What the quick tier measures, on one problem.
+#: The measures of the quick tier, for fixed (False) and adaptive (True) steps, on one problem.
 QUICK = {False: ("order", "symplecticity"), True: ("tolerance", "reversibility")}
 
 
-@dataclass
-class Audit:
-    """Rows: one for each measure of each peer on each problem, and one for each claim with its verdict."""
+@dataclass(repr=False)
+class Audit(TabularResult):
+    """The result of an audit.
 
-    rows: list[dict] = field(default_factory=list)
-    claims: list[dict] = field(default_factory=list)
+    Attributes
+    ----------
+    rows : of each measure of each peer on each problem
+    claims : a row for each claim, with its verdict
+    remarks : lines of text
+    """
+
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    claims: list[dict[str, Any]] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
+    def to_frame(self) -> pd.DataFrame:
+        """A row for each claim of each peer, with its verdict and what was measured."""
+        import pandas as pd
+
+        return pd.DataFrame(self.claims)
+
+    def _heading(self) -> list[str]:
+        peers = len({c["peer"] for c in self.claims})
+        return [f"{len(self.claims)} claims of {peers} integrators: {len(self.contradictions)} contradicted"]
+
+    def _printed(self) -> pd.DataFrame:
+        return self.to_frame()[["peer", "claim", "verdict"]]
+
     @property
-    def contradictions(self) -> list[dict]:
+    def contradictions(self) -> list[dict[str, Any]]:
         """The claims that a measurement contradicts."""
         return [c for c in self.claims if c["verdict"] == CONTRADICTED]
 
 
 def select(names: Iterable | None = None) -> list[Integrator]:
-    """The integrators of those ids, packages or records; all peers where ``names`` is None.
+    """The integrators with the given ids, packages or records; all peers where ``names`` is None.
 
-    Raises InvalidInput for a name that is neither, naming the nearest.
+    Raises InvalidInput for an unknown name, suggesting the nearest.
     """
     from phasebench.reference.peers import BY_ID, PEERS
 
@@ -69,8 +97,10 @@ def select(names: Iterable | None = None) -> list[Integrator]:
     return list(first.values())
 
 
+@checked_names
 def audit(
-    names: Iterable | None = None,
+    names: Iterable[str | Peer | Method] | None = None,
+    *,
     quick: bool = False,
     progress: Callable[[str], None] | None = None,
     budget: float = BUDGET,
@@ -81,55 +111,55 @@ def audit(
     Parameters
     ----------
     names : ids of peers or of controls, names of packages, or records; all peers where None
-    quick : two measures on one problem
-    progress : told what is measured
+    quick : run two measures on one problem only
+    progress : called with a line of text before each measure
     budget : seconds of one measure of one peer
-    isolate : measure in a process that is killed where a package does not return; a record that is in no registry is
-        measured in this one always
+    isolate : measure in a separate process, which is killed where a package does not return; a record that is in no
+        registry is always measured in this process
 
     Raises
     ------
     InvalidInput
         For a name that is neither a peer nor a package.
     """
-    from . import judge, measures, worker
+    from . import claims, measures, worker
 
     found = Audit()
     for peer in select(names):
-        ask = worker.shared().row if isolate and _registered(peer) else worker.row
+        ask = worker.row_elsewhere if isolate and _is_registered(peer) else worker.row
         tell = partial(_tell, progress, peer.id)
         tell(worker.PREPARE)
         first = ask(peer, worker.PREPARE, seconds=worker.LOADING)
         rows = [first]
         if first["status"] == "ok":
             for measure in QUICK[peer.adaptive] if quick else measures.ADAPTIVE if peer.adaptive else measures.FIXED:
-                on = cases.chosen(peer, measure, quick)
+                on = cases.select(peer, measure, quick)
                 for case in on:
                     tell(f"{measure} on {case.problem}")
                     rows.append(ask(peer, measure, case.problem, budget / len(on)))
         found.rows += rows
-        found.claims += judge.claims(peer, first["version"], rows)
-    found.remarks += judge.remarks(found.rows, found.claims)
+        found.claims += claims.judgements(peer, first["version"], rows)
+    found.remarks += claims.remarks(found.rows, found.claims)
     return found
 
 
-def _registered(peer: Integrator) -> bool:
-    """Whether another process finds the very same integrator under its id."""
+def _is_registered(peer: Integrator) -> bool:
+    """True if another process can find the same integrator by its id."""
     from phasebench.reference.peers import BY_ID
 
     return (peer.id in BY_ID or peer.id in CONTROLS) and peer == integrator(peer.id)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each peer and control, each script of a statement and twice each package; none of the quick tier."""
+    """The measurements (`Cell`): one for each peer, control and script, two for each package; no quick tier."""
     if quick:
         return []
     from phasebench.reference.peers import PEERS
 
-    from . import modes, statements, unregistered
+    from . import modes, statement_cells, unregistered
 
     own = [_cell(p.id, p, (p.id, p.package)) for p in PEERS] + [_cell(c, method(c), (c,)) for c in CONTROLS]
-    return own + statements.cells() + unregistered.cells() + modes.cells(CONTROLS)
+    return own + statement_cells.cells() + unregistered.cells() + modes.cells(CONTROLS)
 
 
 def _cell(id: str, record, names: tuple[str, ...]) -> Cell:
@@ -137,7 +167,7 @@ def _cell(id: str, record, names: tuple[str, ...]) -> Cell:
         "audit",
         ("audit", "audit_claims"),
         {"peer": id},
-        measured,
+        measure_rows,
         (id,),
         content("audit", record, *map(repr, cases.BY_NAME.values()), code=[__name__]),
         frozenset(names),
@@ -145,7 +175,7 @@ def _cell(id: str, record, names: tuple[str, ...]) -> Cell:
     )
 
 
-def measured(id: str) -> Rows:
+def measure_rows(id: str) -> Rows:
     """The rows and claims of a peer or a control."""
     found = audit([id])
     return {"audit": found.rows, "audit_claims": found.claims}
@@ -154,6 +184,3 @@ def measured(id: str) -> Rows:
 def _tell(progress, id: str, what: str) -> None:
     if progress is not None:
         progress(f"{id}: {what}")
-
-
-__all__ = ["BUDGET", "CONTRADICTED", "HOLDS", "IN_PART", "QUICK", "UNJUDGED", "Audit", "audit", "select"]

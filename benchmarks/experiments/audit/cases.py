@@ -1,8 +1,9 @@
-"""On what integrators are audited: states in general position on regular orbits, and where they are later.
+"""The problems of the audit, with start states in general position and reference states later on the orbit.
 
-A problem's own start is often a turning point or an axis, where leading error terms may vanish: a case starts where
-heyoka's long double Taylor series has the orbit a while later, rounded to double.  What is true later is that series
-again from the rounded start, certified by quadruple precision (`reference.taylor`).
+A problem's own start is often a turning point or lies on an axis, where leading error terms may vanish.  A case
+therefore starts at a later point of the orbit, computed with heyoka's long double Taylor series and rounded to double.
+The reference states come from that series, restarted from the rounded state and checked in quadruple precision
+(`reference.solvers.taylor`).
 """
 
 from __future__ import annotations
@@ -13,22 +14,22 @@ from functools import lru_cache
 
 import numpy as np
 
-#: The rows of an order's run, equally spaced: the error is the largest at these.
+#: Rows of a run that measures the order, equally spaced in time; the error is the largest over them.
 ROWS = 2
 EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
 class Case:
-    """A problem to measure on, in the times of its `pace`.
+    """A problem of the audit; its times come from the problem's `pace`.
 
     Attributes
     ----------
     problem, parameters : as `benchmarks.problems.problem` takes them
-    letter : for the problem in tables
+    letter : abbreviation of the problem in tables
     separable : whether H = T(p) + V(q)
-    unit : whether all components are of about one size, so that one displacement suits them all
-    lasting : whether the orbit goes on without close encounters
+    unit : whether all components are of about the same size, so that one finite-difference displacement suits them all
+    lasting : whether the orbit has no close encounters over long times
     """
 
     problem: str
@@ -40,23 +41,23 @@ class Case:
 
     @property
     def after(self) -> float:
-        """The time at which its orbit is the start here."""
+        """The time on the problem's own orbit at which the case starts."""
         return problem(self).pace.later
 
     @property
     def span(self) -> float:
-        """The time over which an order is measured."""
+        """The time span over which the order is measured."""
         return problem(self).pace.span
 
     @property
     def h(self) -> float:
-        """The step of the other measures."""
+        """The step size of all measures but the order."""
         return problem(self).pace.step
 
 
-#: The measures that compare with what is true.
+#: The measures that compare with the reference states.
 AGAINST_TRUTH = ("order", "tolerance")
-#: In the order in which they are asked for.  The strong perturbation shows every term of a Wisdom-Holman splitting.
+#: In order of preference.  The perturbation is strong, so that every error term of a Wisdom-Holman splitting shows.
 CASES = (
     Case("henon-heiles:box", "H"),
     Case("pendulum:swinging", "P"),
@@ -93,7 +94,7 @@ def start(case: Case) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Truth:
-    """The rows q, p, arrays (ROWS, d), their sizes, and below what relative error there is nothing to see."""
+    """Reference rows q, p, arrays (ROWS, d), the largest |q| and |p|, and the relative error that counts as noise."""
 
     q: np.ndarray
     p: np.ndarray
@@ -107,12 +108,12 @@ class Truth:
 
 @lru_cache(maxsize=32)
 def truth(case: Case) -> Truth:
-    """Where the orbit of a case is after each half of its span."""
+    """Compute the reference states of a case at `ROWS` equally spaced times of its span."""
     from phasebench.reference.solvers import taylor
 
     made, (q, p) = problem(case), start(case)
     times = [case.span * (k + 1) / ROWS for k in range(ROWS)]
-    long, quad = taylor.extended()
+    long, quad = taylor.extended_types()
     rows = taylor.states(made.system, long, q, p, times)
     exact = taylor.states(made.system, quad, q, p, times)
     halves = (slice(0, made.system.d), slice(made.system.d, None))
@@ -126,15 +127,15 @@ def truth(case: Case) -> Truth:
 
 
 def able(peer, wanted) -> Iterator[Case]:
-    """The cases that a peer can do, of those ``wanted``."""
+    """The cases of ``wanted`` that a peer can integrate."""
     for case in wanted:
         made = problem(case)
         if peer.lacks(made) is None:
             yield case
 
 
-def chosen(peer, measure: str, quick: bool = False) -> list[Case]:
-    """The cases of a measure: two with H = T + V and one without where the peer can do them; fewer of slow measures."""
+def select(peer, measure: str, quick: bool = False) -> list[Case]:
+    """Select the cases of a measure: two with separable H, one without; fewer for slow measures and quick runs."""
     if measure == "stability":
         return list(able(peer, (OSCILLATOR,)))
     split = list(able(peer, [c for c in CASES if c.separable]))

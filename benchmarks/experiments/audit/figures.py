@@ -1,4 +1,4 @@
-"""The figure of the audit: the measured orders less the claimed ones, a line for each package."""
+"""The figure of the audit: measured minus claimed orders, one line for each package."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from phasebench.benchmarks.certificate.evidence import GATE
-from phasebench.benchmarks.page import style
+from phasebench.benchmarks import style
+from phasebench.benchmarks.judge.evidence import GATE
 
-#: Differences beyond stand at the edge.
+#: Differences beyond this are drawn at the edge.
 SHOWN = 3.2
 
 
 def orders(rows: list[dict], claims: list[dict], directory: Path, name: str = "audit.png") -> str | None:
-    """Draw it from the rows and claims of an audit; returns the file's name in ``directory``, None without orders."""
+    """Draw the figure from the rows and claims of an audit; return its file name, or None if there are no orders."""
     claimed = {c["peer"]: c for c in claims if c["property"] == "order"}
     seen = [
         r | {"apart": r["value"] - float(claimed[r["peer"]]["claim"].split()[-1])}
@@ -30,7 +30,7 @@ def orders(rows: list[dict], claims: list[dict], directory: Path, name: str = "a
         for wrong, k, label in ((False, 0, "claim holds or is not judged"), (True, 1, "claim contradicted")):
             part = [r for r in seen if (claimed[r["peer"]]["verdict"] == "contradicted") == wrong]
             index = {p: [r["peer"] for r in seen if r["package"] == p] for p in packages}
-            y = [packages.index(r["package"]) + _spread(index[r["package"]], r["peer"]) for r in part]
+            y = [packages.index(r["package"]) + _offset(index[r["package"]], r["peer"]) for r in part]
             look = {"color": style.CURVES[k][0], "marker": style.CURVES[k][2], "linestyle": "none"}
             axes.plot(np.clip([r["apart"] for r in part], -SHOWN, SHOWN), y, label=label, markersize=4, **look)
         axes.set_yticks(range(len(packages)), packages)
@@ -41,7 +41,7 @@ def orders(rows: list[dict], claims: list[dict], directory: Path, name: str = "a
     return style.save(figure, directory, name)
 
 
-def _spread(peers: list[str], peer: str) -> float:
-    """Where a peer's mark lies within its package's line."""
+def _offset(peers: list[str], peer: str) -> float:
+    """The vertical offset of a peer's mark within its package's line."""
     names = list(dict.fromkeys(peers))
     return 0.6 * (names.index(peer) / max(1, len(names) - 1) - 0.5)

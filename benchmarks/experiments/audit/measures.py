@@ -1,18 +1,18 @@
-r"""What is measured of one integrator on one case: order, symplecticity, reversibility, stability, cost, energy.
+r"""Measurements of one integrator on one case: order, symplecticity, reversibility, stability, cost, energy.
 
-Everything goes through `measure.integrator.Integrator.run`: an integrator is a black box (q0, p0, h, n) -> (q, p).  Its
-own noise (round-off, a stage solver's tolerance) is measured with it, and integrators of this project whose structure
-is proved run through the same functions on the same case: what they show is the floor, and what the classical
-Runge-Kutta method shows is what there is to see.
+Every measurement calls `measure.integrator.Integrator.run`: an integrator is a black box (q0, p0, h, n) -> (q, p).  Its
+own noise (round-off, the tolerance of a stage solver) is measured with it.  Defects are compared with those of two
+controls on the same case: an integrator of proved structure gives the floor, and the classical Runge-Kutta method
+shows how large a broken structure is there.
 
-- order: `metrics.order` of the error over a ladder of steps, at most a factor of :math:`\sqrt2` apart but for the
-  coarsest; its interval is widened by half of what the slope changes inside the window;
-- own error, of the runs that show a structure or not: their distance from runs at half the step;
-- symplecticity: :math:`\max|M^TJM - J|`, M the Jacobian of 1 and of 10 steps by `metrics.jacobian` (central
-  differences, extrapolated); its floor is what doubling the displacement changes, or the floor of the control;
+- order: `metrics.order` of the error over a ladder of steps, at most a factor of :math:`\sqrt2` apart except for the
+  coarsest; its interval is widened by half of the change of slope inside the window;
+- own error: the distance of a run from one at half the step; where it is round-off, a broken structure cannot show;
+- symplecticity: :math:`\max|M^TJM - J|`, M the Jacobian of 1 and of 10 steps by `step_map.jacobian` (central
+  differences, extrapolated); its floor is the change when the displacement is doubled, or the control's defect;
 - reversibility: n steps, the momenta reversed, n steps, reversed again: the distance from the start;
 - energy: the largest error, and the slope of `drift` with its interval, over a long run;
-- stability: where the powers of the matrix of a step on the harmonic oscillator stay bounded (`linear_stability`).
+- stability: the h omega at which the powers of a step's matrix on the oscillator are bounded (`linear_stability`).
 
 Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), V.1 and VI.2; `benchmarks.metrics`.
 """
@@ -25,80 +25,79 @@ from functools import lru_cache
 
 import numpy as np
 
-from phasebench.benchmarks.certificate.evidence import BROKEN
-from phasebench.benchmarks.measure import linear_stability, metrics
+from phasebench.benchmarks.judge.evidence import BROKEN
+from phasebench.benchmarks.measure import conservation, linear_stability, metrics, step_map
 from phasebench.benchmarks.measure.accuracy import end_state
-from phasebench.benchmarks.measure.drift import drift
 from phasebench.benchmarks.measure.integrator import integrator
 
 from . import cases
 from .cases import EPS, Case
 
-#: Twice these are the steps of an order's ladder.
+#: The ladder of an order: numbers of steps between rows, of which a run has `cases.ROWS`.
 LADDER = tuple(sorted({round(2 ** (k / 2)) for k in range(23)}))
-#: A window that reaches the newest point with so many points and this half-width needs no finer steps.
+#: The ladder ends when the window reaches its finest step with this many points and this half-width.
 ENOUGH, SHARP = 6, 0.02
-#: Orders this near to one another are the same.
+#: Orders closer than this count as equal.
 AGREES = 0.1
-#: Relative errors above this are of another orbit.
+#: Runs with a relative error above this are on another orbit and do not enter an order.
 SATURATED = 0.1
-#: The steps whose Jacobian is taken, and the displacements of the differences.
+#: Numbers of steps whose Jacobian is computed, and the displacement of its finite differences.
 JACOBIAN_STEPS = (1, 10)
 DISPLACEMENT = 1e-4
-#: Steps out, and as many back.
+#: Steps forward, and as many back, of the reversibility test.
 OUT = 100
-#: Multiples of the step at which a broken structure is looked at again: does it get better as the step falls?
+#: A broken structure is measured again at this multiple of the step, to see how it falls with h.
 SHORTER = 0.5
-#: Integrators of so high an order have their structure looked at with a step so many times as long: at the step of the
-#: case what is broken may be below round-off.
+#: From the order `HIGH` on the step of the structure tests is `LONGER` times that of the case, at which a broken
+#: structure may be below round-off.
 HIGH, LONGER = 6, 3.0
-#: Steps of the energy's run: most, least where the package claims how the energy is kept, least otherwise; the seconds
-#: that more than these may take, and the rows that are looked at.
+#: Steps of the energy's run: the most, the fewest if the package makes a claim on the energy, the fewest otherwise;
+#: the seconds for which steps are added beyond the fewest; rows that are evaluated.
 LONG, SHORT, SHORTEST, LONG_SECONDS, SEEN = 10_000, 1000, 250, 1.0, 1000
 #: The time of an adaptive peer's run for the energy, in steps of the case.
 ADAPTIVE_SPAN = 2500
 TOLERANCES = (1e-6, 1e-9, 1e-12)
-#: Stability: the matrix of two steps is the square of that of one up to this, else more than the state is kept.
-SQUARE = 1e-9
-#: Where no step is stable, what a step multiplies by is said for this one.
+#: For a method without stable steps the growth factor is reported at this h omega.
 GROWING_AT = 0.5
-#: Cost: repeats, the seconds that one of them should last, those that all of them may, and the most steps.
+#: Cost: number of runs, target seconds of one, limit in seconds on all, and the most steps of one.
 REPEATS, LASTING, ENOUGH_COST, MOST_STEPS = 5, 0.05, 1.0, 10_000
-#: Where a method is unstable at the step of the case, its cost is measured at this part of it.
+#: The cost of a method that is unstable at the step of the case is measured at this multiple of it.
 TINY = 1e-3
-#: Its structure and its floor are known by proof; Stormer-Verlet where it can, else the midpoint rule.
+#: Controls proved to be symplectic and reversible, in order of preference; a control that is neither.
 SYMPLECTIC = ("stormer-verlet", "implicit-midpoint")
 CLASSICAL = "rk4"
 
 
-class Failed(Exception):
-    """A run that did not end; its first argument is the status, its second the reason."""
+class RunFailed(Exception):
+    """A run that did not reach its end; args are (status, reason)."""
 
 
 def never(seconds: float = 0.0) -> bool:
-    """Whether a further run of ``seconds`` would exceed the budget, where there is none."""
+    """The budget check of an unlimited budget: always False."""
     return False
 
 
 def run(peer, case: Case, h: float, steps: int, state=None, every: int = 0, tol=None, fine=("ok",)):
-    """A run that ended well, its status one of ``fine``; raises Failed."""
+    """Integrate a case and return the solution; raise Failed unless its status is one of ``fine``."""
     q, p = cases.start(case) if state is None else state
     try:
         s = peer.run(cases.problem(case), h=h, steps=steps, q0=q, p0=p, save_every=every, tol=tol)
     except Exception as error:  # whatever a package raises is a finding, not the end of the audit
-        raise Failed("invalid", f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''}") from None
+        raise RunFailed(
+            "invalid", f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''}"
+        ) from None
     if s.status not in fine:
-        raise Failed(s.status, s.reason)
+        raise RunFailed(s.status, s.reason)
     return s
 
 
 def _high(peer) -> bool:
-    """Whether the order is high, as far as is said."""
+    """True if the known or claimed order is at least `HIGH`."""
     return max(peer.order or 0, peer.claims.order or 0) >= HIGH
 
 
 def order(peer, case: Case, late: Callable[..., bool] = never) -> dict:
-    """The order in h, with its interval and window."""
+    """Measure the order in h, with its interval and the window of steps that it is fitted on."""
     truth = cases.truth(case)
     h, error, why = [], [], ""
     found = metrics.order(h, error)
@@ -109,7 +108,7 @@ def order(peer, case: Case, late: Callable[..., bool] = never) -> dict:
         try:
             s = run(peer, case, case.span / n, n, every=m)
             error.append(truth.error(s.q[1:], s.p[1:]))
-        except Failed as failure:
+        except RunFailed as failure:
             why = failure.args[1]
             if failure.args[0] == "skipped":
                 raise
@@ -118,13 +117,13 @@ def order(peer, case: Case, late: Callable[..., bool] = never) -> dict:
         found = metrics.order(h, error, truth.noise, SATURATED)
         below = below + 1 if error[-1] <= truth.noise else 0
         sharp = found.points >= ENOUGH and found.last == h[-1] and found.high - found.value <= SHARP
-        # Where the claim is not what comes out, the leading term may be small and show at finer steps alone.
+        # If the order differs from the claim, the leading error term may be small and show only at finer steps.
         sharp = sharp and (peer.claims.order is None or abs(found.value - peer.claims.order) < AGREES)
         # The next runs are about 1.4 and 2 times as long.
         if below > 2 or sharp or late(2 * (time.monotonic() - began)):
             break
     if np.isnan(error).all():
-        raise Failed("diverged", why)
+        raise RunFailed("diverged", why)
     seen = np.array(error)[np.isfinite(error)]
     found, bend = asymptotic(np.array(h), np.array(error), truth.noise)
     half = found.high - found.value
@@ -146,8 +145,8 @@ def order(peer, case: Case, late: Callable[..., bool] = never) -> dict:
 
 
 def asymptotic(h, error, noise: float):
-    """(order, by how much it changes inside its window), h falling."""
-    # Steps beyond that of the least error show how round-off adds up, and errors near it are touched by that.
+    """(order, change of the order inside its window) of errors (m,) over falling steps h (m,)."""
+    # At steps finer than that of the least error round-off accumulates; it also affects errors near the least.
     least = int(np.nanargmin(error)) + 1
     if least < len(h):
         noise = max(noise, 10 * error[least - 1])
@@ -155,7 +154,7 @@ def asymptotic(h, error, noise: float):
     found = metrics.order(h, error, noise, SATURATED)
     usable = np.flatnonzero((error > noise) & (error < SATURATED))
     if len(usable) > ENOUGH:
-        # A window of coarse steps gives way to a good one of the finer half that says otherwise.
+        # Prefer a good window in the finer half of the steps if its order differs.
         fine = slice(usable[len(usable) // 2], None)
         other = metrics.order(h[fine], error[fine], noise, SATURATED)
         if other.points >= 3 and other.high - other.value < AGREES / 2 and abs(other.value - found.value) > AGREES / 2:
@@ -164,7 +163,7 @@ def asymptotic(h, error, noise: float):
 
 
 def _bend(found, h, error) -> float:
-    """By how much the order changes inside its window: the slope of its finer half less that of its coarser one."""
+    """Half the difference between the slopes of the finer and the coarser half of an order's window."""
     if found.points < 3:
         return 0.0
     inside = (h <= found.first) & (h >= found.last)
@@ -174,39 +173,30 @@ def _bend(found, h, error) -> float:
     return float(abs(slopes[1] - slopes[0])) / 2
 
 
-def _map(peer, case: Case, h: float, steps: int):
+def _map(peer, case: Case, h: float, steps: int, tol=None, taken: list | None = None):
+    """The map of ``steps`` steps on states (2 d,); each call appends the number of steps taken to ``taken``."""
     d = cases.problem(case).system.d
 
     def flow(y):
-        return end_state(run(peer, case, h, steps, (y[:d], y[d:])))
+        s = run(peer, case, h, steps, (y[:d], y[d:]), tol=tol)
+        if taken is not None:
+            taken.append(s.counts["steps"])
+        return end_state(s)
 
     return flow
 
 
 def _symplectic_defect(peer, case: Case, h: float, steps: int) -> tuple[float, float]:
-    """(defect, its noise) of ``steps`` steps."""
-    flow, y = _map(peer, case, h, steps), np.concatenate(cases.start(case))
-    defects = []
-    for delta in (DISPLACEMENT, 2 * DISPLACEMENT):
-        M = metrics.jacobian(flow, y, delta)
-        J = np.kron(np.array([[0, 1], [-1, 0]]), np.eye(len(y) // 2))
-        defects.append(M.T @ J @ M - J)
-    rounding = EPS * float(np.abs(y).max()) * steps / DISPLACEMENT
-    return float(np.abs(defects[0]).max()), max(float(np.abs(defects[1] - defects[0]).max()), rounding)
-
-
-def _out_and_back(peer, case: Case, h: float, steps: int, tol=None) -> tuple[float, int]:
-    """(distance from the start after ``steps`` steps out and back, the peer's own steps out)."""
-    q, p = cases.start(case)
-    there = run(peer, case, h, steps, tol=tol)
-    back = run(peer, case, h, steps, (there.q[-1], -there.p[-1]), tol=tol)
-    return float(max(np.abs(back.q[-1] - q).max(), np.abs(back.p[-1] + p).max())), there.counts["steps"]
+    """The symplecticity defect of ``steps`` steps, and its noise."""
+    y = np.concatenate(cases.start(case))
+    value, noise = step_map.symplecticity(_map(peer, case, h, steps), y, DISPLACEMENT, 2 * DISPLACEMENT)
+    return value, max(noise, EPS * float(np.abs(y).max()) * steps / DISPLACEMENT)
 
 
 def _reverse_distance(peer, case: Case, h: float, steps: int) -> tuple[float, float]:
-    """(distance from the start after ``steps`` steps out and back, half a unit of round-off for each of these)."""
-    size = float(np.abs(cases.start(case)).max())
-    return _out_and_back(peer, case, h, steps)[0], EPS * size * steps
+    """The distance from the start after ``steps`` steps out and back, and the round-off to expect in it."""
+    y = np.concatenate(cases.start(case))
+    return float(step_map.reversibility_defect(_map(peer, case, h, steps), y)), EPS * float(np.abs(y).max()) * steps
 
 
 MEASURED = {"symplecticity": _symplectic_defect, "reversibility": _reverse_distance}
@@ -214,23 +204,24 @@ MEASURED = {"symplecticity": _symplectic_defect, "reversibility": _reverse_dista
 
 @lru_cache(maxsize=256)
 def _controls(measure: str, case: Case, h: float, steps: int) -> tuple[float, float]:
-    """(the floor that a symplectic and reversible method shows, what the classical Runge-Kutta method shows)."""
+    """The floor that a symplectic, reversible method shows, and the defect of the classical Runge-Kutta method."""
     known = next(c for c in map(integrator, SYMPLECTIC) if list(cases.able(c, (case,))))
     return max(MEASURED[measure](known, case, h, steps)), MEASURED[measure](integrator(CLASSICAL), case, h, steps)[0]
 
 
 def _own_error(peer, case: Case, h: float, steps: int) -> float:
-    """How far ``steps`` steps end from twice as many of half the size: where that is round-off, so is every defect."""
+    """The distance between the ends of ``steps`` steps of h and twice as many of h / 2."""
     return float(np.abs(end_state(run(peer, case, h, steps)) - end_state(run(peer, case, h / 2, 2 * steps))).max())
 
 
 def _structure(measure: str, peer, case: Case, steps: int) -> dict:
+    """Measure a defect beside the controls', and its power of h where it is broken."""
     h, high = case.h, _high(peer)
     try:
         h = LONGER * case.h if high else case.h
         value, noise = MEASURED[measure](peer, case, h, steps)
         _controls(measure, case, h, steps)
-    except Failed as failure:
+    except RunFailed as failure:
         if failure.args[0] == "skipped" or not high:
             raise
         h = case.h
@@ -246,7 +237,10 @@ def _structure(measure: str, peer, case: Case, steps: int) -> dict:
 
 
 def symplecticity(peer, case: Case, late: Callable[..., bool] = never) -> dict:
-    """The defect of 1 and of 10 steps: the row is of the one further above its floor, or where most could be seen."""
+    """Measure the symplecticity defect of 1 and of 10 steps; ``value`` is the one farther above its round-off.
+
+    ``late()`` is True when the time for the measurement is over.
+    """
     rows = []
     for steps in JACOBIAN_STEPS:
         rows.append(_structure("symplecticity", peer, case, steps))
@@ -258,23 +252,24 @@ def symplecticity(peer, case: Case, late: Callable[..., bool] = never) -> dict:
 
 
 def reversibility(peer, case: Case, late: Callable[..., bool] = never) -> dict:
-    """The distance from the start, whether it is 0, and in units of round-off times steps."""
+    """Measure the distance from the start after steps out and back, absolute and in units of round-off."""
     if peer.adaptive:
-        tol = _tolerances(peer)[1]
-        away, steps = _out_and_back(peer, case, case.h, OUT, tol)
-        return {"value": away, "tol": tol, "h": case.h, "steps": steps, "bitwise": False}
+        tol, taken = _tolerances(peer)[1], []
+        flow = _map(peer, case, case.h, OUT, tol, taken)
+        away = float(step_map.reversibility_defect(flow, np.concatenate(cases.start(case))))
+        return {"value": away, "tol": tol, "h": case.h, "steps": taken[0], "bitwise": False}
     out = _structure("reversibility", peer, case, OUT)
     unit = EPS * float(np.abs(cases.start(case)).max())
     return out | {"bitwise": out["value"] == 0, "units": out["value"] / (unit * 2 * OUT)}
 
 
 def _tolerances(peer) -> list[float]:
-    """The tolerances of `TOLERANCES` that a peer takes."""
+    """`TOLERANCES`, each raised to the least that a peer accepts."""
     return [max(t, peer.record.least) for t in TOLERANCES]
 
 
 def energy(peer, case: Case, late: Callable[..., bool] = never) -> dict:
-    """The largest error of H and the slope of its drift, from a run as long as the budget allows."""
+    """Measure the largest error of H and the slope of its drift, on a run as long as the budget allows."""
     system = cases.problem(case).system
     tol = None
     if peer.adaptive:
@@ -288,16 +283,7 @@ def energy(peer, case: Case, late: Callable[..., bool] = never) -> dict:
         rows = min(SEEN, steps)
         every = steps // rows
     s = run(peer, case, h, rows * every, every=every, tol=tol)
-    H = system.observe(system.H, s.q, s.p)
-    found, slope = metrics.invariant_error(H), drift(s.t, H - H[0])
-    kinetic = sum(system.observe(e, s.q, s.p) * s.p[:, i] for i, e in enumerate(system.dq))
-    return {
-        "value": float(found.max),
-        "slope": slope.value,
-        "low": slope.low,
-        "high": slope.high,
-        "time": float(s.t[-1]),
-        "scale": float(np.abs(H).max() + np.abs(kinetic).max()),
+    return conservation.energy(system, s.t, s.q, s.p)[1] | {
         "steps": int(s.counts["steps"] or len(s.t)),
         "h": h,
         "tol": tol,
@@ -305,16 +291,16 @@ def energy(peer, case: Case, late: Callable[..., bool] = never) -> dict:
 
 
 def _matrix(peer, case: Case, h: float, steps: int = 1) -> np.ndarray:
-    """The matrix of ``steps`` steps on a linear system of d = 1: its columns are where the unit vectors go.
+    """The matrix of ``steps`` steps on a linear system of d = 1; its columns are the images of the unit vectors.
 
-    It is what it is at steps that no orbit bears, too.
+    Unstable runs are accepted: the matrix is defined at every step size.
     """
     starts = (([1.0], [0.0]), ([0.0], [1.0]))
     return np.array([end_state(run(peer, case, h, steps, s, fine=("ok", "inaccurate", "unstable"))) for s in starts]).T
 
 
 def stability(peer, case: Case, late: Callable[..., bool] = never) -> dict:
-    """The first stable interval of h omega, and all of them as texts; ``end`` says what ended a scan before its end."""
+    """Find the stable intervals of h omega; ``value`` is the end of the first, ``reason`` why a scan ended early."""
     end = ""
 
     def step_matrix(h: float) -> np.ndarray | None:
@@ -324,15 +310,15 @@ def stability(peer, case: Case, late: Callable[..., bool] = never) -> dict:
             return None
         try:
             return _matrix(peer, case, h)
-        except Failed as failure:
+        except RunFailed as failure:
             if failure.args[0] in ("skipped", "invalid"):
                 raise
             end = failure.args[1]
             return None
 
     one, two = (_matrix(peer, case, GROWING_AT, n) for n in (1, 2))
-    if np.abs(two - one @ one).max() > SQUARE:
-        raise Failed("skipped", "it keeps more than the state between steps: two steps are not one taken twice")
+    if not linear_stability.is_square(one, two):
+        raise RunFailed("skipped", "it keeps more than the state between steps: two steps are not one taken twice")
     found = linear_stability.stability(step_matrix)
     return {
         "value": found.scanned if found.limit is None else found.limit,
@@ -345,14 +331,14 @@ def stability(peer, case: Case, late: Callable[..., bool] = never) -> dict:
 
 
 def cost(peer, case: Case, late: Callable[..., bool] = never) -> dict:
-    """Warm microseconds a step (an adaptive peer's own steps; a unit of time where it does not tell them)."""
+    """Measure warm microseconds a step; also a unit of time, for adaptive peers that do not count their steps."""
     h, steps, tol = case.h, 100, _tolerances(peer)[1] if peer.adaptive else None
     try:
         s = run(peer, case, h, steps, tol=tol)
         if not peer.adaptive and s.seconds < ENOUGH_COST / 200:
             s = run(peer, case, h, 100 * steps, tol=tol)
             steps *= 100
-    except Failed:  # an unstable method: its steps cost what shorter ones do
+    except RunFailed:  # an unstable method: its steps cost what shorter ones do
         h *= TINY
         s = run(peer, case, h, steps, tol=tol)
     steps = min(MOST_STEPS, max(1, round(steps * LASTING / max(s.seconds, 1e-6))))
@@ -375,7 +361,7 @@ def cost(peer, case: Case, late: Callable[..., bool] = never) -> dict:
 
 
 def tolerance(peer, case: Case, late: Callable[..., bool] = never) -> dict:
-    """An adaptive peer's error at the end of the span for some tolerances."""
+    """Measure an adaptive peer's largest relative error over the span at each of its tolerances."""
     truth, out = cases.truth(case), {}
     for tol in dict.fromkeys(_tolerances(peer)):
         s = run(peer, case, case.span / cases.ROWS, cases.ROWS, every=1, tol=tol)

@@ -1,42 +1,36 @@
-"""Whether an integrator leaves the process's floating-point mode as it found it.
+"""Test whether an integrator leaves the process's floating-point mode as it found it.
 
-In a fresh process that computes as IEEE 754 has it, 2^-1074 survives an addition.  The package is loaded, the
-integrator runs a few steps, without what `integrate_peer` takes back, and the addition is made again.  The integrators
-of a package follow one another in one process as long as none of them changes the mode; after one that does comes a new
-process.
+A fresh process computes as IEEE 754 demands: 2^-1074 survives an addition.  The package is loaded and the integrator
+runs a few steps, without the restoring of the mode that `integrate_peer` does; then the addition is repeated.  All
+integrators of a package share one process until one of them changes the mode; the next gets a new process.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 from collections.abc import Sequence
 
 import numpy as np
 
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
-from phasebench.benchmarks.rows.cells import Cell, Rows, content
+from phasebench.benchmarks.store.cells import Cell, Rows, content
+from phasebench.benchmarks.store.workers import Worker
+from phasebench.reference.installed import version_of
 from phasebench.reference.peers import PEERS, Peer, Task, floating
-from phasebench.reference.tables import version_of
 
 from . import cases
 
 TABLE = "audit_modes"
-#: Steps of a run; a problem that the packages put to their own forces comes first, to compile little.
+#: Steps of a run; the problem that is preferred, as packages have forces of their own for it and compile little.
 STEPS = 10
 FIRST = "kepler"
-#: Seconds for a package's process, and for each of its integrators.
-LOADING, EACH = 60.0, 10.0
+#: Time limit in seconds of one integrator, including the import of its package.
+SECONDS = 70.0
 KEPT, BY_LOADING, BY_RUN = "kept", "changed as the package is loaded", "changed by a run"
-
-CODE = "from phasebench.benchmarks.experiments.audit.modes import serve; serve()"
 
 
 def row(chosen: Integrator) -> dict:
-    """What an integrator leaves, in this process: status "invalid" where the mode was another one before."""
-    out = {"package": chosen.kind, "version": version_of(chosen.kind) or "absent", "peer": chosen.id, "mode": None}
+    """Run an integrator in this process and report the mode that it leaves; "invalid" if the mode was wrong before."""
+    out = _head(chosen)
     if not floating.gradual():
         return out | {"problem": "", "status": "invalid", "reason": "the process flushed small numbers before"}
     case = next(cases.able(chosen, sorted(cases.CASES, key=lambda c: c.problem != FIRST)), None)
@@ -57,8 +51,13 @@ def row(chosen: Integrator) -> dict:
     return out | ({"mode": KEPT} if out["status"] == "ok" else {})
 
 
+def _head(chosen: Integrator) -> dict:
+    """The columns that identify an integrator's row."""
+    return {"package": chosen.kind, "version": version_of(chosen.kind) or "absent", "peer": chosen.id, "mode": None}
+
+
 def _bare(chosen: Integrator, case: cases.Case) -> None:
-    """A run of a few steps; of a peer what its package does and nothing besides."""
+    """Run a few steps; of a peer through its package alone, without this project's wrapper."""
     made = cases.problem(case)
     if not isinstance(chosen.record, Peer):
         chosen.run(made, h=case.h, steps=STEPS)
@@ -69,44 +68,32 @@ def _bare(chosen: Integrator, case: cases.Case) -> None:
     chosen.record.run(Task(made, made.system, q, p, case.h, numbers, times, chosen.record.tol))
 
 
-def serve() -> None:
-    """Print the row of each integrator of the command line, a line each, up to the first that changes the mode."""
-    answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # what packages print
-    for id in sys.argv[1:]:
-        answers.write(json.dumps(row(integrator(id))) + "\n")
-        answers.flush()
-        if not floating.gradual():
-            return
+def judge(id: str) -> tuple[dict, bool]:
+    """An integrator's row, and whether the process still adds small numbers correctly."""
+    return row(integrator(id)), floating.gradual()
 
 
-def _printed(ids: Sequence[str]) -> tuple[list[dict], str]:
-    """(the rows that a fresh process prints for some integrators, why there are no more)."""
-    command = [sys.executable, "-c", CODE, *ids]
-    seconds = LOADING + EACH * len(ids)
-    try:
-        done = subprocess.run(command, capture_output=True, timeout=seconds, check=False)
-        text, why = done.stdout, f"its process ended with code {done.returncode}"
-    except subprocess.TimeoutExpired as stopped:
-        text, why = stopped.stdout or b"", f"it did not return within {seconds:g} s"
-    return [json.loads(line) for line in text.decode().splitlines() if line.endswith("}")], why
-
-
-def measured(ids: tuple[str, ...]) -> Rows:
-    """The rows of some integrators; each one is judged in a process whose mode was as it should be before it."""
+def measure(ids: tuple[str, ...]) -> Rows:
+    """Compute the rows of some integrators, each in a process whose mode was right when it began."""
     rows: list[dict] = []
-    while left := ids[len(rows) :]:
-        more, why = _printed(left)
-        if not more:
-            lost = integrator(left[0])
-            about = {"package": lost.kind, "version": version_of(lost.kind) or "absent", "peer": lost.id, "mode": None}
-            more = [about | {"problem": "", "status": "invalid", "reason": why}]
-        rows += more
+    with Worker() as worker:
+        for id in ids:
+            fresh = worker.process is None
+            answer = worker.call(judge, id, seconds=SECONDS)
+            if answer.error is not None and not fresh:  # one before it may be why
+                answer = worker.call(judge, id, seconds=SECONDS)
+            if answer.error is None:
+                found, good = answer.value
+            else:
+                found, good = _head(integrator(id)) | {"problem": "", "status": "invalid", "reason": answer.error}, True
+            rows.append(found)
+            if not good:
+                worker.stop()
     return {TABLE: rows}
 
 
 def cells(controls: Sequence[str]) -> list[Cell]:
-    """A cell for each package, and one for the controls."""
+    """The measurements (`Cell`): one for each package, and one for the controls."""
     packages: dict[str, list] = {}
     for p in PEERS:
         packages.setdefault(p.package, []).append(p)
@@ -120,7 +107,7 @@ def _cell(package: str, members: list) -> Cell:
         "audit",
         (TABLE,),
         {"package": package},
-        measured,
+        measure,
         (ids,),
         content(TABLE, version_of(package) or "absent", *members, code=[__name__]),
         frozenset({package, *ids}),

@@ -4,33 +4,31 @@ from __future__ import annotations
 
 import pandas as pd
 
-from phasebench.benchmarks.certificate import evidence
+from phasebench.benchmarks.judge import evidence
+from phasebench.benchmarks.judge import verdict as judge
 from phasebench.benchmarks.page import markdown
-from phasebench.benchmarks.page.markdown import listed
-from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, Verdict, of
+from phasebench.benchmarks.page.markdown import join_list
+from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Verdict
 
-from . import audit, figures, judge, measures, modes
+from . import audit, figures, measures, modes
 from .statements import NEAR, SEVERITIES
 
 OWN = "phasebench"
-#: Characters of a statement that the table quotes; all of it is in the CSV.
+#: Characters of a statement that the table quotes; the CSV has the whole statement.
 QUOTED = 48
 
 
 def records(frame) -> list[dict]:
-    """The rows of a frame with None for what is missing and "" for a missing text."""
+    """The rows of a frame as dicts, with None for a missing number and "" for a missing text."""
     rows = frame.astype(object).where(frame.notna(), None).to_dict("records")
     texts = ("reason", "problem", "measured", "problems", "source")
     return [r | {k: r[k] or "" for k in texts if k in r} for r in rows]
 
 
 def _present(found: pd.DataFrame) -> pd.DataFrame:
-    """The rows that say of each integrator whether its package could be loaded."""
+    """The rows that record whether each integrator's package could be loaded."""
     return found[(found["measure"] == "package") & (found["package"] != OWN)]
-
-
-def _versions(frame: pd.DataFrame) -> list[str]:
-    return list(dict.fromkeys(f"{r.package} {r.version}" for r in frame.itertuples()))
 
 
 def _claims(found: pd.DataFrame, claimed: pd.DataFrame) -> pd.DataFrame:
@@ -39,144 +37,138 @@ def _claims(found: pd.DataFrame, claimed: pd.DataFrame) -> pd.DataFrame:
     return claimed[claimed["peer"].isin(there[there["status"] == "ok"]["peer"])]
 
 
+#: The verdicts on a claim or statement that could be judged: at least as good as stated, and worse.
+GOOD, BAD = (judge.HOLDS, judge.UNDERSTATED), (judge.IN_PART, judge.CONTRADICTED)
+
+
+def _split(frame: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The rows that could be judged, and those of them that do not hold."""
+    return frame[frame["verdict"].isin([*GOOD, *BAD])], frame[frame["verdict"].isin(BAD)]
+
+
 @of("audit", "audit_claims")
 def claims(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
-    """How many claims hold."""
-    mine = _claims(found, claimed)
-    count = mine["verdict"].value_counts()
-    kinds = (judge.HOLDS, judge.IN_PART, judge.CONTRADICTED, judge.UNDERSTATED)
-    holds, part, wrong, more = (int(count.get(v, 0)) for v in kinds)
-    judged = holds + part + wrong + more
-    if not judged:
+    """Whether the claims of the packages hold."""
+    judged, bad = _split(_claims(found, claimed))
+    if judged.empty:
         return None
-    bad = mine[mine["verdict"] == judge.CONTRADICTED]
-    names, whose = [f"{r.peer} ({r.claim})" for r in bad.itertuples()], _packages(bad)
-    text = f"Of {judged} claims of order, symplecticity, reversibility and energy that could be judged {holds} hold, "
-    text += f"{part} hold on some problems only, {more} are understated, {wrong} contradicted"
+    names = [f"{r.peer} ({r.claim})" for r in bad.itertuples()]
     return Verdict(
-        f"{text}{f', {whose}: {listed(names, 3)}' if names else ''}; {len(mine) - judged} could not be judged.",
-        wrong + part == 0,
-        f"{wrong} of {judged} claims are contradicted{f', {whose}' if names else ''}{f'; {part} hold in part' if part else ''}.",
+        "Packages' claims of order, symplecticity, reversibility and energy hold",
+        Count(len(judged) - len(bad), len(judged)),
+        EVERY,
+        "claims",
+        where=f"{_packages(bad)}: {join_list(names, 2)}" if names else "",
     )
 
 
 def _packages(bad: pd.DataFrame) -> str:
-    """Of which packages the rows are, those of most rows first: `all of p`, or `3 of p and 1 of q`."""
+    """The packages of the rows, most rows first: "all of p", or "3 of p and 1 of q"."""
     counts = bad.groupby("package").size().sort_values(ascending=False, kind="stable")
     if len(counts) == 1:
         return f"{'all ' if len(bad) > 1 else ''}of {counts.index[0]}"
-    return listed([f"{n} of {package}" for package, n in counts.items()])
+    return join_list([f"{n} of {package}" for package, n in counts.items()])
 
 
 @of("audit_statements")
 def statements(stated: pd.DataFrame) -> Verdict | None:
-    """How many statements of the documentation hold, and the worst that do not."""
-    count = stated["verdict"].value_counts()
-    kinds = (judge.HOLDS, judge.CONTRADICTED, judge.UNDERSTATED, judge.UNJUDGED)
-    holds, wrong, more, open_ = (int(count.get(v, 0)) for v in kinds)
-    if not holds + wrong + more:
+    """Whether the tested statements in the packages' documentation hold."""
+    judged, bad = _split(stated)
+    if judged.empty:
         return None
-    bad = _by_severity(stated[stated["verdict"] == judge.CONTRADICTED])
-    worst = (
-        f"; the worst: {bad.iloc[0]['package']}, {bad.iloc[0]['severity']} ({bad.iloc[0]['script']})" if wrong else ""
+    worst = _by_severity(bad).head(1)
+    return Verdict(
+        "Statements in the packages' documentation hold when they are tested",
+        Count(len(judged) - len(bad), len(judged)),
+        EVERY,
+        "statements",
+        where="".join(f"{_packages(bad)}; worst: {r.package}, {r.severity} ({r.script})" for r in worst.itertuples()),
     )
-    text = f"Of {len(stated)} statements of documentation, each with a script, {holds} hold, {wrong} are contradicted"
-    text += f" ({_packages(bad)}), " if wrong else ", "
-    whose = f" ({_packages(bad)})" if wrong else ""
-    text += f"{more} understated, {open_} not judged{worst}."
-    return Verdict(text, wrong == 0, f"{wrong} of {len(stated)} statements of documentation are contradicted{whose}.")
 
 
 @of(modes.TABLE)
 def left_as_found(found: pd.DataFrame) -> Verdict | None:
-    """Who leaves the process in another floating-point mode."""
+    """Whether runs leave the process's floating-point mode as they found it."""
     seen = found[(found["status"] == "ok") & (found["package"] != OWN)]
     if seen.empty:
         return None
     wrong = _other_mode(seen)
-    text = (
-        f"{len(seen) - len(wrong)} of {len(seen)} integrators leave the process's floating-point mode as they found it"
-    )
-    if wrong.empty:
-        return Verdict(f"{text}.", True, f"{text}.")
-    text += f"; after {listed(list(wrong['peer']), 3)} numbers below 2⁻¹⁰²² are flushed to zero in whatever follows"
     return Verdict(
-        f"{text}.", False, f"{len(wrong)} of {len(seen)} integrators change the process's floating-point mode."
+        "A run leaves the process's floating-point mode as it found it",
+        Count(len(seen) - len(wrong), len(seen)),
+        EVERY,
+        "integrators",
+        where=join_list(list(wrong["peer"]), 3) if len(wrong) else "",
     )
 
 
 def _other_mode(found: pd.DataFrame) -> pd.DataFrame:
-    """Who was seen to leave another mode."""
+    """The integrators that left another floating-point mode."""
     return found[(found["status"] == "ok") & (found["mode"] != modes.KEPT)]
 
 
-def beside_claims(data: Data) -> Verdict | None:
-    """What documentation states and what runs leave behind: a finding where either is."""
-    parts = [v for v in (statements(data), left_as_found(data)) if v is not None]
-    if not parts:
-        return None
-    worst = next((v for v in parts if not v.holds), parts[0])
-    return Verdict(" ".join(v.text for v in parts), worst.holds, worst.short)
-
-
 def _by_severity(frame: pd.DataFrame) -> pd.DataFrame:
-    """The worst first."""
+    """Sort statements by severity, the worst first."""
     place = {s: i for i, s in enumerate(SEVERITIES)}
     return frame.sort_values("severity", key=lambda s: s.map(place).fillna(len(place)), kind="stable")
 
 
-def covered(data: Data) -> Verdict | None:
-    """What was audited, what was not, and whether the controls come out as declared."""
-    found, claimed, left = (data(name) for name in ("audit", "audit_claims", "audit_unregistered"))
-    if found is None or claimed is None or _present(found).empty:
-        return None
-    first = _present(found)
-    there, away = first[first["status"] == "ok"], first[first["status"] != "ok"]
-    text = f"{len(there)} integrators of {there['package'].nunique()} packages were audited ({listed(_versions(there), 8)})"
-    absent = [f"{p} ({len(part)} integrators)" for p, part in away.groupby("package", sort=False)]
-    text += f"; not audited: {_left(left, absent)}."
+@of("audit", "audit_claims")
+def controls(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
+    """Whether this project's methods, audited as controls, come out as declared."""
     own = claimed[claimed["package"] == OWN]
     if own.empty:
-        return Verdict(text, True, text)
+        return None
     wrong = own[own["verdict"] != judge.HOLDS]
-    text += (
-        f" Of the {len(own)} declarations of the controls ({listed(list(dict.fromkeys(own['peer'])))}, this project's) "
+    return Verdict(
+        "Methods of this suite, audited as controls, come out as declared",
+        Count(len(own) - len(wrong), len(own)),
+        EVERY,
+        "claims",
+        where=join_list([f"{r.peer} ({r.claim})" for r in wrong.itertuples()], 3) if len(wrong) else "",
+        otherwise=FAIL,
     )
-    text += f"{len(own) - len(wrong)} come out as declared"
-    text += f", not {listed([f'{r.peer} ({r.claim})' for r in wrong.itertuples()], 3)}" if len(wrong) else ""
-    return Verdict(f"{text}.", wrong.empty, f"{len(wrong)} declarations of controls do not come out.")
 
 
-def _left(left: pd.DataFrame | None, absent: list[str]) -> str:
-    """What a package has and the audit has not, in a few words."""
-    if left is None:
-        return listed([*absent, "what the packages have besides was not looked up"])
-    named = left[left["name"].notna() & (left["name"] != "")]
-    parts = [f"of {package} {listed(_brief(part['name']), 12)}" for package, part in named.groupby("package")]
-    return "; ".join([*absent, *parts] or ["nothing"]) + (" (data/audit_unregistered.csv)" if parts else "")
+def answer(data: Data) -> str | None:
+    """How many claims and statements do not hold, and of which packages."""
+    claimed, stated = claims(data), statements(data)
+    parts = []
+    if claimed is not None:
+        mine = _claims(data("audit"), data("audit_claims"))
+        judged, bad = _split(mine)
+        whose = f" ({_packages(bad)})" if len(bad) else ""
+        parts.append(f"{len(bad)} of {len(judged)} claims by {mine['package'].nunique()} packages do not hold{whose}")
+    if stated is not None:
+        bad, of = stated.measured.of - stated.measured.n, stated.measured.of
+        parts.append(f"{bad} of {of} other statements of packages' documentation that were tested do not hold")
+    if not parts and (left_as_found(data) or controls(data)):
+        parts = ["No claim of a package could be judged"]
+    return f"{'; '.join(parts)}." if parts else None
 
 
-def _brief(names: pd.Series) -> list[str]:
-    """The names without their remarks, options without their values."""
-    return list(dict.fromkeys(" ".join(n.partition(" (")[0].split()[:2]) for n in names))
+def _count_unaudited(left: pd.DataFrame | None) -> str:
+    """A sentence that counts the integrators and options not audited; empty where there are none."""
+    count = 0 if left is None else int((left["name"].notna() & (left["name"] != "")).sum())
+    return f" Not audited: {count} integrators and options, listed in data/audit_unregistered.csv." if count else ""
 
 
 @of("audit", "audit_claims")
 def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder) -> list[Picture] | None:
-    """The orders."""
+    """The figure of measured minus claimed orders."""
     rows = [r for r in records(found) if r["package"] != OWN]
     file = figures.orders(rows, records(claimed), folder)
     if file is None:
         return None
     caption = (
-        "Measured less claimed order, a mark for each integrator and problem; grey: the gate of "
-        f"±{evidence.GATE}; what is beyond ±{figures.SHOWN} stands at the edge."
+        "Measured minus claimed order, one mark for each integrator and problem; grey: within "
+        f"±{evidence.GATE}, as claimed; values beyond ±{figures.SHOWN} are drawn at the edge."
     )
-    return [Picture(file, "measured less claimed orders", caption)]
+    return [Picture(file, "measured minus claimed orders", caption)]
 
 
 def table(data: Data) -> Table | None:
-    """The findings: statements of the documentation, then claims that no statement speaks of, then what failed."""
+    """The findings: contradicted and understated statements, then claims not covered by them, then failures to run."""
     stated, found, claimed = (data(name) for name in ("audit_statements", "audit", "audit_claims"))
     lines, spoken = [], set()
     if stated is not None and len(stated):
@@ -184,7 +176,7 @@ def table(data: Data) -> Table | None:
         spoken = {pair for text in stated["covers"] for pair in str(text).split()}
         bad = stated[stated["verdict"].isin([judge.CONTRADICTED, judge.UNDERSTATED])]
         bad = pd.concat([_by_severity(bad[bad["verdict"] == v]) for v in (judge.CONTRADICTED, judge.UNDERSTATED)])
-        lines += [_stated(r) for r in bad.itertuples()]
+        lines += [_statement_line(r) for r in bad.itertuples()]
     if (left := data(modes.TABLE)) is not None:
         wrong = _other_mode(left).groupby(["package", "version", "mode"], sort=False)
         lines += [_changes(*key, part) for key, part in wrong]
@@ -195,23 +187,25 @@ def table(data: Data) -> Table | None:
         first = _present(found)
         away = first[first["status"] != "ok"].astype(object).fillna("")
         for (package, status, reason), part in away.groupby(["package", "status", "reason"], sort=False):
-            names = listed(list(part["peer"]), 3)
+            names = join_list(list(part["peer"]), 3)
             lines.append({"package": package, "said": names, "measured": str(reason)[:120], "verdict": status})
     if not lines:
         return None
     caption = (
-        "What is contradicted, the worst first, then what is understated, then what could not be run. Scripts: "
-        "benchmarks/experiments/audit/scripts/; numbers are those that they printed."
+        "Contradicted statements and claims, the worst first, then understated ones, then integrators that could not be "
+        "run. Each script is in benchmarks/experiments/audit/scripts/ and printed the numbers beside it."
     )
+    caption += _count_unaudited(data("audit_unregistered"))
     if len(lines) > ROWS:
         caption += f" {len(lines) - ROWS} more are in data/audit_statements.csv and data/audit_claims.csv."
     return Table(pd.DataFrame(lines[:ROWS]).fillna(""), caption)
 
 
-def _stated(r) -> dict:
+def _statement_line(r) -> dict:
+    """The table's line for a statement."""
     return {
         "package": f"{r.package} {r.version}",
-        "said": f"[“{markdown.plain(_quoted(r.said, r.where))}”]({r.link})",
+        "said": f"[“{markdown.plain(_quote(r.said, r.where))}”]({r.link})",
         "measured": r.shows,
         "verdict": f"{r.verdict}: {r.severity}" if r.severity else r.verdict,
         "what would mend it": r.mend,
@@ -220,6 +214,7 @@ def _stated(r) -> dict:
 
 
 def _claim(r) -> dict:
+    """The table's line for a claim."""
     return {
         "package": f"{r.package} {r.version}",
         "said": f"{r.peer}: {r.claim}",
@@ -230,25 +225,26 @@ def _claim(r) -> dict:
 
 
 def _changes(package: str, version: str, mode: str, part: pd.DataFrame) -> dict:
+    """The table's line for integrators of a package that change the floating-point mode."""
     return {
         "package": f"{package} {version}",
-        "said": f"(nothing) {listed(list(part['peer']), 3)}",
+        "said": f"(nothing) {join_list(list(part['peer']), 3)}",
         "measured": "2⁻¹⁰⁷⁴ + 0 is 0 afterwards in its process",
         "verdict": f"floating-point mode {mode}",
         "what would mend it": "restore the mode (fesetenv) at the end of a call",
     }
 
 
-def _quoted(text: str, where: str) -> str:
-    """The first words of a text; the value of an attribute with its class."""
+def _quote(text: str, where: str) -> str:
+    """The first words of a statement; for the value of an attribute, with the class before it."""
     if (attribute := where.rpartition(".")[2]) and text.startswith(f"{attribute} = "):
         return where.partition(":")[2].rpartition(".")[0] + f".{text}"
     return text if len(text) <= QUOTED else text[:QUOTED].rsplit(" ", 1)[0] + " …"
 
 
 @of("audit_statements")
-def mended(stated: pd.DataFrame) -> pd.DataFrame:
-    """Every statement with its words, what was printed and what would mend it."""
+def statements_table(stated: pd.DataFrame) -> pd.DataFrame:
+    """Every statement with its words, what its script printed and what would mend it."""
     return stated[["package", "said", "where", "verdict", "printed", "mend", "script"]].astype(object).fillna("")
 
 
@@ -257,31 +253,31 @@ PAGE = Page(
     question="Are the established integrators what their packages claim?",
     tables=("audit", "audit_claims", "audit_statements", "audit_unregistered", modes.TABLE),
     setting=(
-        "Every integrator is a black box (q₀, p₀, h, n) → (q, p), called through its package; desolver's choice of the step "
-        "is replaced by a constant one (adaptation_fn), since its own loop keeps no step of an implicit method.",
-        "Claims are a package's own words or attributes. What else its documentation says is tested by a short script "
-        "that needs the package alone: benchmarks/experiments/audit/scripts/.",
-        "Order: the error over a ladder of steps against a certified reference, with a 95 % interval of the slope.",
-        "Symplecticity: MᵀJM − J by extrapolated differences; reversibility: out and back; energy: its drift with an "
-        f"interval over {measures.SHORTEST} to {measures.LONG} steps; stability: where the matrix of a step on the oscillator "
-        "has bounded powers. Orbits in general position.",
-        f"Floating-point mode: whether 2⁻¹⁰⁷⁴ survives an addition after {modes.STEPS} steps, in a process where it did before; "
-        "elsewhere in this suite the mode is taken back after each run.",
+        "Every integrator is a black box (q₀, p₀, h, n) → (q, p), called through its package at constant steps (desolver "
+        "through adaptation_fn, since its own loop changes the step of implicit methods).",
+        "Claims are a package's own words or attributes. Other statements of its documentation are tested by short "
+        "scripts that need that package alone.",
+        "Order: the slope of the error over a ladder of steps, with a 95 % interval, against a certified reference. "
+        "Reversibility: out and back. Symplecticity: MᵀJM − J of a step's Jacobian M.",
+        f"Energy: its drift with an interval over {measures.SHORTEST} to {measures.LONG} steps. Stability: where the matrix "
+        "of a step on the oscillator has bounded powers. Orbits are in general position.",
+        f"Floating-point mode: whether the smallest double, 2⁻¹⁰⁷⁴, survives an addition after {modes.STEPS} steps; where it "
+        "does not, later code in that process loses numbers below 2⁻¹⁰²².",
     ),
-    verdicts=(claims, beside_claims, covered),
+    verdicts=(claims, statements, left_as_found, controls),
+    answer=answer,
     figures=draw,
     table=table,
-    whole=mended,
+    whole=statements_table,
     limits=(
         f"An order is contradicted where on two problems, and against none, its whole interval is more than {evidence.GATE} "
-        "away, at another integer.",
-        f"A defect above {evidence.BROKEN:g} times the floor is broken; below it counts only where classical Runge–Kutta's "
-        f"defect and the integrator's own error are {evidence.VISIBLE:g} times the floor.",
-        "More than is claimed is understated, of whatever kind the claim is. A statement is of the version that is named: "
-        f"its order holds within {NEAR:g}, and is another from 0.5 away; a bound is contradicted from ten times of it.",
-        "Not judged: order and symplecticity of an adaptive integrator (but for those with a script), and what a package "
-        "does not claim.",
-        f"A measure gets {audit.BUDGET:g} s; what took longer is in data/audit.csv with its reason.",
+        "from the claim, at another integer. A package that does better than it claims understates.",
+        f"A defect above {evidence.BROKEN:g} times the floor breaks a property; a smaller one counts only where classical "
+        f"Runge–Kutta's defect and the integrator's own error are {evidence.VISIBLE:g} times the floor.",
+        f"A statement is of the version that is named. A stated order holds within {NEAR:g} and is contradicted from 0.5 on, "
+        "a bound from ten times its value.",
+        "Not judged: order and symplecticity of adaptive integrators (except by a script), and what is not claimed.",
+        f"A measure gets {audit.BUDGET:g} s; one that took longer is in data/audit.csv with its reason.",
     ),
     command="pytest benchmarks/experiments/audit",
 )

@@ -1,8 +1,9 @@
-"""STATEMENTS: the testable statements of the packages' documentation; what each field means: `statements`."""
+"""STATEMENTS: the testable statements in the packages' documentation, as `statements.Statement` records."""
 
 from __future__ import annotations
 
-from .judge import CONTRADICTED, HOLDS, UNDERSTATED, UNJUDGED
+from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, UNDERSTATED, UNJUDGED
+
 from .statements import (
     LABEL,
     LOWER,
@@ -13,9 +14,9 @@ from .statements import (
     a_l_stable,
     below,
     constant_steps,
-    denied,
     differs,
     every,
+    judge_denial,
     near,
     same,
     steps_near,
@@ -116,7 +117,7 @@ STATEMENTS = (
         "symplectic = False",
         "desolver.integrators:LobattoIIIB2.symplectic",
         DESOLVER,
-        denied(0, 2),
+        judge_denial(0, 2),
         "its step is {2} from that of ImplicitMidpoint, whose symplectic is {1}",
         LABEL,
         "its two stages are one: it is the implicit midpoint rule",

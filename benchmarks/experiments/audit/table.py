@@ -1,55 +1,62 @@
-"""The rows of an audit as lines that are read: one for each integrator, on the terminal and in the report."""
+"""Format the rows of an audit: a block of lines for each integrator on the terminal, a line in the report."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from itertools import pairwise
 
-from phasebench.benchmarks.certificate.evidence import LARGE, bounded, kept, round_off
+from phasebench.benchmarks.judge.evidence import LARGE, keeps_structure, kind
+from phasebench.benchmarks.judge.verdict import CONTRADICTED, IN_PART
+from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF
 
 from .cases import BY_NAME
-from .judge import CONTRADICTED, IN_PART
 from .measures import GROWING_AT, TOLERANCES
 
-#: Tables of a terminal that is none are this wide.
-WIDTH = 220
+#: Width of tables when stdout is not a terminal.
+WIDTH = 100
 
 
 def half_width(row) -> float:
-    """Half the interval of a row."""
+    """Half the width of a row's interval."""
     return (row["high"] - row["low"]) / 2
 
 
 def letter(problem: str) -> str:
-    """What a problem is called in a cell."""
+    """The letter that stands for a problem in a cell; its name if it has none."""
     return BY_NAME[problem].letter if problem in BY_NAME else problem
 
 
 def legend(rows: Iterable[dict]) -> str:
-    """What the letters in the cells mean, of the problems in the rows."""
+    """The meaning of the letters, for the problems in the rows."""
     return ", ".join(f"{letter(p)} {p}" for p in dict.fromkeys(r["problem"] for r in rows if r["problem"]))
 
 
 def _order(row) -> str:
+    """A measured order, or "no window"."""
     return "no window" if row.get("value") is None else f"{row['value']:.2f} +- {half_width(row):.2f}"
 
 
 def _structure(row) -> str:
+    """A defect, and whether it is broken or unclear."""
     if row.get("bitwise"):
         return "0 bitwise"
-    word = {True: "", False: " broken", None: " unclear"}[kept(row) if row.get("floor") is not None else True]
+    word = {True: "", False: " broken", None: " unclear"}[
+        keeps_structure(row) if row.get("floor") is not None else True
+    ]
     return f"{row['value']:.0e}{word}"
 
 
 def _energy(row) -> str:
-    word = {True: "bounded", False: "drifts", None: "open"}[bounded(row)]
+    """The largest error, its kind, and the slope of the drift."""
+    word = {ROUND_OFF: "round-off", BOUNDED: "bounded", DRIFT: "drifts", None: "open"}[kind(row)]
     if word == "open" and row["value"] > LARGE * row["scale"]:
         word = "large"
-    word = "round-off" if row["value"] <= round_off(row) else word
     return f"{row['value']:.0e} {word} {row['slope']:+.0e} +- {half_width(row):.0e}"
 
 
 def _stability(row) -> str:
+    """The stability limit, or all stable intervals."""
     pieces = [tuple(map(float, piece.split(".."))) for piece in (row.get("intervals") or "").split()]
     if row.get("unconditional"):
         return f"none up to {row['value']:g}"
@@ -63,10 +70,12 @@ def _stability(row) -> str:
 
 
 def _cost(row) -> str:
+    """Microseconds a step, else a unit of time."""
     return f"{row['per_time']:.3g} a unit of time" if row["value"] is None else f"{row['value']:.3g}"
 
 
 def _tolerance(row) -> str:
+    """The errors at `TOLERANCES`, then those at other tolerances."""
     parts = ["-" if row.get(k) is None else f"{row[k]:.0e}" for k in ERRORS]
     others = [k for k in row if k.startswith("error_") and k not in ERRORS and row[k] is not None]
     return ", ".join(parts + [f"{row[k]:.0e} at {k.removeprefix('error_')}" for k in others])
@@ -91,12 +100,12 @@ HEADS = {
     "stability": "stable to h omega",
     "cost": "us a step",
 }
-#: Measured on one problem each, which is not named in every cell.
+#: Measures made on a single problem, which their cells do not name.
 ALONE = ("stability", "cost")
 
 
 def cell(rows: Iterable[dict], measure: str) -> str:
-    """A measure's rows of one peer in words, each with the letter of its problem."""
+    """Format one peer's rows of a measure, each with the letter of its problem."""
     out = []
     for row in rows:
         if row["measure"] == measure:
@@ -106,7 +115,7 @@ def cell(rows: Iterable[dict], measure: str) -> str:
 
 
 def lines(rows: list[dict], claims: list[dict], adaptive: bool) -> list[dict]:
-    """One line for each peer of fixed or of adaptive steps: its claims beside what was measured."""
+    """A line for each peer of fixed or of adaptive steps, with its claims beside the measurements."""
     out = []
     for id in dict.fromkeys(r["peer"] for r in rows if bool(r["adaptive"]) is adaptive):
         mine = [r for r in rows if r["peer"] == id]
@@ -116,7 +125,7 @@ def lines(rows: list[dict], claims: list[dict], adaptive: bool) -> list[dict]:
             continue
         line = {"integrator": id}
         if not adaptive:
-            line["claimed"] = said["order"]["claim"].removeprefix("order ") if "order" in said else "-"
+            line["order claimed"] = said["order"]["claim"].removeprefix("order ") if "order" in said else "-"
         for measure, head in HEADS.items():
             if measure in (("order", "symplecticity", "stability") if adaptive else ("tolerance",)):
                 continue
@@ -133,36 +142,23 @@ def lines(rows: list[dict], claims: list[dict], adaptive: bool) -> list[dict]:
 
 
 def show(found, console=None) -> None:
-    """Print an `Audit`: contradictions first, then the integrators and every claim with its verdict.
+    """Print an `Audit`: the measures of each integrator, every claim with its verdict, failures, contradictions.
 
-    ``console`` is a rich Console; one that is no terminal gets a wide table.
+    ``console`` is a rich Console; one that is not a terminal is `WIDTH` characters wide, or as COLUMNS says.
     """
     from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
 
     console = console or Console()
     if not console.is_terminal:
-        console = Console(file=console.file, width=WIDTH)
+        stated = os.environ.get("COLUMNS", "")
+        console = Console(file=console.file, width=int(stated) if stated.isdigit() else WIDTH)
     console.print(f"problems: {legend(found.rows)}", markup=False, highlight=False)
     for title, adaptive in (("fixed steps", False), ("adaptive steps", True)):
-        part = lines(found.rows, found.claims, adaptive)
-        if part:
-            table = Table(title=title, header_style="bold")
-            for head in part[0]:
-                table.add_column(head, overflow="fold")
-            for line in part:
-                table.add_row(*(escape(x.replace("; ", "\n")) for x in line.values()))
-            console.print(table)
-    if found.claims:
-        table = Table(title="claims", header_style="bold")
-        for head in ("integrator", "claim", "verdict", "measured"):
-            table.add_column(head, overflow="fold")
-        for c in found.claims:
-            style = "bold red" if c["verdict"] == CONTRADICTED else None
-            said = c["measured"].replace("; ", "\n") + (f"\n{c['reason']}" if c["reason"] else "")
-            table.add_row(*(escape(x) for x in (c["peer"], c["claim"], c["verdict"], said.strip())), style=style)
-        console.print(table)
+        for line in lines(found.rows, found.claims, adaptive):
+            console.print(f"\n{line.pop('integrator')}, {title}: {line.pop('status')}", markup=False, highlight=False)
+            console.print(_pairs(line))
+    console.print()
+    _show_claims(found.claims, console)
     for row in found.rows:
         if row["status"] != "ok":
             where = f"{row['measure']} on {row['problem']}" if row["problem"] else row["measure"]
@@ -174,3 +170,32 @@ def show(found, console=None) -> None:
     )
     for c in found.contradictions:
         console.print(f"{c['peer']} {c['version']}: '{c['claim']}' ({c['source']})", markup=False, highlight=False)
+
+
+def _pairs(line: dict):
+    """The measures of one integrator as a table of two columns, without those that were not made."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 2))
+    for head, text in line.items():
+        if text != "-":
+            table.add_row(Text(head), Text(text.replace("; ", "\n")))
+    return table
+
+
+def _show_claims(claims: list[dict], console) -> None:
+    """Print a table of the claims, with their verdicts and what was measured."""
+    from rich.table import Table
+    from rich.text import Text
+
+    if not claims:
+        return
+    table = Table(title="claims", title_justify="left", header_style="bold", box=None, padding=(0, 2, 0, 0))
+    for head in ("integrator", "claim", "verdict", "measured"):
+        table.add_column(head, overflow="fold")
+    for c in claims:
+        style = "bold red" if c["verdict"] == CONTRADICTED else ""
+        said = c["measured"].replace("; ", "\n") + (f"\n{c['reason']}" if c["reason"] else "")
+        table.add_row(*(Text(x, style) for x in (c["peer"], c["claim"], c["verdict"], said.strip())))
+    console.print(table)

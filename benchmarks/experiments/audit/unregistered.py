@@ -1,6 +1,6 @@
-"""What a package has and the audit has not: integrators and options that can be imported and are no peer here.
+"""List the integrators and options that the packages offer and the audit does not cover.
 
-The lists are made by looking into the installed packages, so that they grow with them.
+The lists are made by inspecting the installed packages, so that they grow with them.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ import inspect
 import re
 from collections.abc import Callable, Iterable
 
-from phasebench.benchmarks.rows.cells import Cell, Rows, content
+from phasebench.benchmarks.store.cells import Cell, Rows, content
+from phasebench.reference.installed import version_of
 from phasebench.reference.peers import PACKAGES
-from phasebench.reference.tables import version_of
 
-#: REBOUND's integrators that are none of Hamiltonian systems in general: the shearing sheet's, and that of no motion.
+#: REBOUND's integrators that are not for general Hamiltonian systems, with the reason.
 OTHERWISE = {"sei": "of the shearing sheet alone", "none": "it moves nothing"}
-#: Options of REBOUND that name a method rather than a detail, and the values of those whose documentation lists none.
+#: Options of REBOUND that select a method, and the values of those whose documentation does not list them.
 METHODS = ("corrector", "corrector2", "kernel", "coordinates", "type", "phi0", "phi1", "adaptive_mode", "peri_mode")
 FLAGS = {
     ("whfast", "corrector"): ("3", "5", "7", "11", "17"),
@@ -25,35 +25,39 @@ FLAGS = {
 
 
 def _classes(namespace, base, without: Iterable[str] = ()) -> set[str]:
-    """The names of the subclasses of ``base`` in a namespace that are not abstract."""
+    """The names of the concrete subclasses of ``base`` in a namespace, except those in ``without``."""
     found = {n for n, c in vars(namespace).items() if inspect.isclass(c) and issubclass(c, base) and c is not base}
     return {n for n in found if not inspect.isabstract(getattr(namespace, n))} - set(without)
 
 
 def _peers(package: str):
+    """The peers of a package."""
     return next(m for m in PACKAGES if m.PEERS[0].package == package).PEERS
 
 
-def _named(package: str, names: Iterable[str], of=lambda peer: peer.claims.source) -> list[str]:
-    """Those of the names that no peer's source of its claims (or what ``of`` says) has as a word."""
+def _missing_names(package: str, names: Iterable[str], of=lambda peer: peer.claims.source) -> list[str]:
+    """The names that do not occur as a word in ``of(peer)``, by default the source of its claims, of any peer."""
     said = {word for p in _peers(package) for word in re.findall(r"\w+", of(p))}
     return sorted(n for n in names if n not in said)
 
 
 def _scipy() -> list[str]:
+    """SciPy's solvers that no peer uses."""
     import scipy.integrate
 
-    return _named("scipy", _classes(scipy.integrate, scipy.integrate.OdeSolver))
+    return _missing_names("scipy", _classes(scipy.integrate, scipy.integrate.OdeSolver))
 
 
 def _gala() -> list[str]:
+    """gala's integrators that no peer uses."""
     import gala.integrate
     from gala.integrate.core import Integrator
 
-    return _named("gala", _classes(gala.integrate, Integrator))
+    return _missing_names("gala", _classes(gala.integrate, Integrator))
 
 
 def _galpy() -> list[str]:
+    """galpy's integrators that no peer uses."""
     from phasebench.reference.peers.galpy import load
 
     listed = re.findall(r"-\s+'(\w+)' for", load().orbit.Orbit.integrate.__doc__)
@@ -62,30 +66,36 @@ def _galpy() -> list[str]:
 
 
 def _desolver() -> list[str]:
+    """desolver's integrators that no peer uses."""
     from phasebench.reference.peers.desolver import load
 
     integrators = load().integrators
     found = {n for n, c in vars(integrators).items() if inspect.isclass(c) and getattr(c, "__order__", None)}
-    return _named("desolver", found)
+    return _missing_names("desolver", found)
 
 
 def _pyhamsys() -> list[str]:
+    """pyhamsys's methods that no peer uses."""
     from pyhamsys import METHODS as known
 
-    return _named("pyhamsys", (m for m in known if "#" not in m), lambda peer: peer.name)
+    return _missing_names("pyhamsys", (m for m in known if "#" not in m), lambda peer: peer.name)
 
 
 def _diffrax() -> list[str]:
+    """diffrax's deterministic solvers that no peer uses."""
     import diffrax as package
 
     stochastic = (package.AbstractItoSolver, package.AbstractStratonovichSolver, package.AbstractSRK)
     stochastic = (*stochastic, package.AbstractFosterLangevinSRK)
     found = {n for n in _classes(package, package.AbstractSolver) if "Abstract" not in n}
     found = {n for n in found if not issubclass(getattr(package, n), stochastic)}
-    return [f"{n} (adds an error estimate to another)" if n == "HalfSolver" else n for n in _named("diffrax", found)]
+    return [
+        f"{n} (adds an error estimate to another)" if n == "HalfSolver" else n for n in _missing_names("diffrax", found)
+    ]
 
 
 def _heyoka() -> list[str]:
+    """heyoka's integrators in precisions other than double."""
     import heyoka as hy
 
     kinds = sorted(n for n in dir(hy) if re.fullmatch(r"taylor_adaptive_\w+", n))
@@ -93,7 +103,7 @@ def _heyoka() -> list[str]:
 
 
 def _rebound() -> list[str]:
-    """Its integrators, and the values of the options that name methods, that no peer sets."""
+    """REBOUND's integrators, and values of options that select a method, that no peer uses."""
     import rebound as package
 
     from phasebench.reference.peers.rebound import PEERS
@@ -116,7 +126,7 @@ def _rebound() -> list[str]:
 
 
 def _rebounds() -> list[str]:
-    """The integrators that REBOUND's library has, by the names of their structures in it."""
+    """The integrators in REBOUND's library, found by the names of their structures in the binary."""
     import rebound as package
 
     with open(package.__libpath__, "rb") as library:
@@ -125,7 +135,7 @@ def _rebounds() -> list[str]:
 
 
 def _options(name: str, integrator) -> dict[str, list[str]]:
-    """option -> its values besides the default, of those of `METHODS`, as an integrator's documentation has them."""
+    """Parse an integrator's documentation: option of `METHODS` -> its values other than the default."""
     out = {}
     for part in re.split(r"\n(?=\w+ : c_)", integrator.__doc__.partition("Attributes")[2]):
         option, _, text = part.strip("-\n ").partition(" : ")
@@ -143,8 +153,8 @@ LOOKS: dict[str, Callable[[], list[str]]] = {
 }
 
 
-def measured(package: str) -> Rows:
-    """What a package has and the audit has not: a row each; one row without a name where there is nothing."""
+def measure_rows(package: str) -> Rows:
+    """A row for each integrator or option of a package that is not audited; one row without a name if there is none."""
     about = {"package": package, "version": version_of(package) or "absent"}
     try:
         names, reason = LOOKS[package](), ""
@@ -154,7 +164,7 @@ def measured(package: str) -> Rows:
 
 
 def cells() -> list[Cell]:
-    """A cell for each package."""
+    """The measurements (`Cell`): one for each package."""
     return [_cell(p) for p in LOOKS]
 
 
@@ -164,7 +174,7 @@ def _cell(package: str) -> Cell:
         "audit",
         ("audit_unregistered",),
         {"package": package},
-        measured,
+        measure_rows,
         (package,),
         content("audit_unregistered", version_of(package) or "absent", *[p.id for p in peers], code=[__name__]),
         frozenset({package}),

@@ -1,11 +1,11 @@
-"""The tables of coefficients: the orders and residuals that their numbers have, the digits that had to be repaired."""
+"""The tables of coefficients have the orders that they declare."""
 
 from __future__ import annotations
 
 from phasebench.benchmarks.experiments.catalogue.cells import cells  # noqa: F401
 
 
-def bench_coefficients(measured):
+def bench_coefficients(measured_rows):
     """Every table has the order that it declares."""
-    wrong = [r for r in measured("coefficients") if r["order"] != r["declared order"]]
+    wrong = [r for r in measured_rows("coefficients") if r["order"] != r["declared order"]]
     assert not wrong, wrong

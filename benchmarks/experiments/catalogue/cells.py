@@ -1,11 +1,11 @@
-"""The tables of coefficients, computed from their numbers alone, what is installed, and the score of mutants, as cells."""
+"""The measurements of the catalogue: tables of coefficients, installed dependencies, scores of mutation tests."""
 
 from __future__ import annotations
 
 import hashlib
 
-from phasebench.benchmarks.rows import sources
-from phasebench.benchmarks.rows.cells import Cell, Rows, content
+from phasebench.benchmarks.store import sources
+from phasebench.benchmarks.store.cells import Cell, Rows, content
 
 from . import coefficients, dependencies, mutation
 
@@ -16,33 +16,35 @@ MUTANTS = "mutation"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """Three cells, two where the suite's own tests are not there; none of the quick tier."""
+    """Three measurements, or two without the suite's own tests installed; none in the quick tier."""
     if quick:
         return []
     numbers = sorted((sources.ROOT / "integrators" / "coefficients").glob("*.json"))
     digests = [hashlib.sha256(p.read_bytes()).hexdigest() for p in numbers]
     wanted = (sources.ROOT / "pyproject.toml").read_text()
     made = [
-        Cell("catalogue", TABLES, {}, measured, (), content(*digests, code=[coefficients.__name__])),
-        Cell("catalogue", (INSTALLED,), {}, installed, (), content(wanted, code=[dependencies.__name__]), own=True),
+        Cell("catalogue", TABLES, {}, measure_rows, (), content(*digests, code=[coefficients.__name__])),
+        Cell(
+            "catalogue", (INSTALLED,), {}, dependency_rows, (), content(wanted, code=[dependencies.__name__]), own=True
+        ),
     ]
     if mutation.SCORE.is_file():
         about = content(*mutation.digests(), code=[mutation.__name__])
-        made.append(Cell("catalogue", (MUTANTS,), {}, tried, (), about))
+        made.append(Cell("catalogue", (MUTANTS,), {}, mutation_rows, (), about))
     return made
 
 
-def measured() -> Rows:
-    """The rows of the three tables."""
+def measure_rows() -> Rows:
+    """The rows on tables of coefficients, on repaired misprints, and on digits printed beyond the correct ones."""
     frames = (coefficients.frame(), coefficients.repairs(), coefficients.loose())
     return {name: frame.to_dict("records") for name, frame in zip(TABLES, frames, strict=True)}
 
 
-def installed() -> Rows:
-    """The rows of what is installed."""
+def dependency_rows() -> Rows:
+    """The rows of the installed dependencies."""
     return {INSTALLED: dependencies.frame()}
 
 
-def tried() -> Rows:
-    """The rows of the files that were changed."""
+def mutation_rows() -> Rows:
+    """The rows of the files that mutation tests cover."""
     return {MUTANTS: mutation.frame()}

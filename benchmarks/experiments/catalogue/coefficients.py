@@ -16,8 +16,15 @@ def _digits(x) -> str:
     return mpmath.nstr(x, 2, min_fixed=0, max_fixed=0)
 
 
-def observed(found, limit: int, powers: int) -> tuple[int, ...]:
-    """The order that the residuals show: for each power of eps the largest degree up to which all vanish."""
+def observed_order(found, limit: int, powers: int) -> tuple[int, ...]:
+    """The order that residuals of order conditions show: for each power of eps the degree up to which they vanish.
+
+    Parameters
+    ----------
+    found : (degree, power of eps) -> residuals
+    limit : the largest degree in ``found``
+    powers : how many powers of eps to report; the last includes all higher ones
+    """
     zero = {key: max(map(abs, r)) < TOLERANCE for key, r in found.items()}
     orders = []
     for k in range(1, powers + 1):
@@ -27,7 +34,7 @@ def observed(found, limit: int, powers: int) -> tuple[int, ...]:
 
 
 def frame() -> pd.DataFrame:
-    """A row for each table."""
+    """A row for each table of coefficients: orders, residuals and error constants."""
     rows = []
     with mpmath.workdps(DIGITS):
         for t in TABLES:
@@ -35,7 +42,7 @@ def frame() -> pd.DataFrame:
             found = residuals(t.kind, steps, max(t.order) + 1)
             before = residuals(t.kind, t.steps(starting(t)), max(t.order))
             about = coefficients.about(t.name)
-            order = observed(found, max(t.order) + 1, len(t.order))
+            order = observed_order(found, max(t.order) + 1, len(t.order))
             stages = (
                 len(steps) if t.gamma else sum(letter == "B" for letter, _ in steps) - (t.first == "B" and t.symmetric)
             )
@@ -59,7 +66,7 @@ def frame() -> pd.DataFrame:
 
 
 def repairs() -> pd.DataFrame:
-    """A row for each damaged number: where the order conditions find it and what they make of it."""
+    """A row for each misprinted number: the one that the order conditions point to, and the value they imply."""
     rows = []
     with mpmath.workdps(DIGITS):
         for name, damaged in DAMAGED.items():
@@ -83,7 +90,7 @@ def repairs() -> pd.DataFrame:
 
 
 def loose() -> pd.DataFrame:
-    """A row for each table of which more digits were printed than are right."""
+    """A row for each table that was printed with more digits than are correct."""
     rows = [
         {
             "table": t.name,

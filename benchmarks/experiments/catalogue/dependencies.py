@@ -1,7 +1,7 @@
-"""What an installation brings: every distribution that phasebench needs, whose licence, how large.
+"""The distributions that an installation of phasebench needs, with licence and size.
 
-The metadata of what is installed are asked, not an index: the version, the licence (`License-Expression` of PEP 639, else
-`License`, else the classifiers), the bytes of its files, and who of the others requires it.
+All data come from the metadata of what is installed: the version, the licence (`License-Expression` of PEP 639, else
+`License`, else the classifiers), the size of the files, and the distributions that require it.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from importlib import metadata
 from packaging.requirements import Requirement
 
 ROOT = "phasebench"
-#: A licence's text is told from its name by its length.
+#: A `License` field longer than this is the licence's text, not its name.
 NAME = 60
-#: What the classifiers call a licence, and the identifiers that others use.
+#: Classifier of a licence -> a short identifier.
 SHORT = {
     "BSD License": "BSD",
     "MIT License": "MIT",
@@ -27,18 +27,18 @@ SHORT = {
 
 
 def key(name: str) -> str:
-    """A distribution's name as its index spells it."""
+    """A distribution's name in normalized form (PEP 503)."""
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-def needed(requires: list[str] | None, extra: str = "") -> list[str]:
-    """The names of the requirements that hold here."""
+def requirement_names(requires: list[str] | None, extra: str = "") -> list[str]:
+    """The names of the requirements whose markers hold in this environment."""
     found = [Requirement(text) for text in requires or ()]
     return [key(r.name) for r in found if r.marker is None or r.marker.evaluate({"extra": extra})]
 
 
 def licence(about) -> str:
-    """What a distribution's metadata call its licence; empty where they do not."""
+    """The licence that a distribution's metadata name; empty if none."""
     for field in ("License-Expression", "License"):
         text = " ".join((about.get(field) or "").split())
         if text and len(text) <= NAME and text.upper() != "UNKNOWN":
@@ -49,16 +49,16 @@ def licence(about) -> str:
 
 
 def frame() -> list[dict[str, object]]:
-    """A row for each distribution that is needed, the direct ones first, then by size."""
+    """A row for each distribution that is needed, direct ones first, then the largest first."""
     by: dict[str, set[str]] = {}
-    todo = [(name, ROOT) for name in needed(metadata.requires(ROOT))]
+    todo = [(name, ROOT) for name in requirement_names(metadata.requires(ROOT))]
     direct = {name for name, _ in todo}
     while todo:
         name, parent = todo.pop()
         known = name in by
         by.setdefault(name, set()).add(parent)
         if not known:
-            todo += [(other, name) for other in needed(metadata.distribution(name).requires)]
+            todo += [(other, name) for other in requirement_names(metadata.distribution(name).requires)]
     rows = [_row(name, parents, name in direct) for name, parents in by.items()]
     return sorted(rows, key=lambda row: (not row["direct"], -row["MB"], row["package"]))
 

@@ -1,4 +1,4 @@
-"""The table of methods, from their records: what ``list methods`` and the report's page show."""
+"""The table of methods that ``list methods`` and the report show, made from the methods' records."""
 
 from __future__ import annotations
 

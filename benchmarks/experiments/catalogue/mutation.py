@@ -1,8 +1,7 @@
-"""What the suite notices of changes to itself: the score that ``python tests/mutation`` keeps of each file.
+"""The score of the suite's mutation tests, as ``python tests/mutation`` stores it for each file.
 
-A mutant is a file with one number, sign, comparison, condition or return changed.  It is killed where a test fails; it
-survives where none does, unless it is argued to change nothing.  A file that is not in the score has a row too: what was
-not judged is never passed.
+A mutant is a file with one number, sign, comparison, condition or return changed.  It is killed if a test fails,
+otherwise it survives.  A file without a score has a row too, as not judged.
 """
 
 from __future__ import annotations
@@ -12,13 +11,13 @@ import csv
 import hashlib
 from pathlib import Path
 
-from phasebench.benchmarks.rows import sources
+from phasebench.benchmarks.store import sources
 
 SCORE = sources.ROOT / "tests" / "mutation" / "score.csv"
-COUNTS = ("mutants", "tried", "killed", "equivalent")
-#: Between the survivors of a file.
+COUNTS = ("mutants", "tried", "killed")
+#: Separator between the survivors of a file.
 AND = " && "
-#: What the score is to cover, and what begins the name of a file of tests there.
+#: The folders that the score should cover, and the prefix of the test files in them.
 FOLDERS, TESTS = ("benchmarks", "integrators", "reference"), "bench_"
 
 
@@ -27,7 +26,7 @@ def frame(score: Path = SCORE, root: Path = sources.ROOT) -> list[dict[str, obje
     lines = _lines(score)
     rows = [_row(of, root) for of in lines]
     none = {"judged": False, **dict.fromkeys((*COUNTS, "survived"), 0), "as judged": False}
-    rows += [{"file": path} | none for path in unjudged(lines, root)]
+    rows += [{"file": path} | none for path in files_without_score(lines, root)]
     return sorted(rows, key=lambda row: str(row["file"]))
 
 
@@ -38,13 +37,16 @@ def _lines(score: Path) -> list[dict[str, str]]:
 
 def _row(of: dict[str, str], root: Path) -> dict[str, object]:
     counts = {name: int(of[name]) for name in COUNTS}
-    survived = len(of["survived"].split(AND)) if of["survived"] else 0
-    known = {"judged": True} | counts | {"survived": survived, "as judged": digest(root / of["path"]) == of["hash"]}
+    known = (
+        {"judged": True}
+        | counts
+        | {"survived": counts["tried"] - counts["killed"], "as judged": digest(root / of["path"]) == of["hash"]}
+    )
     return {"file": of["path"]} | known
 
 
-def unjudged(lines: list[dict[str, str]], root: Path = sources.ROOT) -> list[str]:
-    """The files of `FOLDERS` that are not in the score, without tests and those in which there is nothing to change."""
+def files_without_score(lines: list[dict[str, str]], root: Path = sources.ROOT) -> list[str]:
+    """The source files in `FOLDERS` that have no score and could have mutants."""
     judged = {of["path"] for of in lines}
     files = {p.relative_to(root).as_posix(): p for folder in FOLDERS for p in (root / folder).rglob("*.py")}
     left = {path: p for path, p in files.items() if path not in judged and TESTS not in p.name}
@@ -52,7 +54,7 @@ def unjudged(lines: list[dict[str, str]], root: Path = sources.ROOT) -> list[str
 
 
 def changeable(code: str) -> bool:
-    """Whether a source has a function, a comparison or a number, and so mutants."""
+    """True if a source has a function, a comparison or a number, and therefore mutants."""
     return any(
         isinstance(node, (ast.FunctionDef, ast.Compare))
         or (isinstance(node, ast.Constant) and type(node.value) in (int, float))
@@ -61,11 +63,11 @@ def changeable(code: str) -> bool:
 
 
 def digest(file: Path) -> str:
-    """What tells a file's content from another's; empty for none."""
+    """Hash of a file's content; empty if there is no file."""
     return hashlib.sha256(file.read_bytes()).hexdigest()[:12] if file.is_file() else ""
 
 
 def digests(score: Path = SCORE, root: Path = sources.ROOT) -> list[str]:
-    """What the rows depend on."""
+    """The hashes on which the rows depend: of the score, of the judged files, and the names of the others."""
     lines = _lines(score)
-    return [digest(score), *(digest(root / of["path"]) for of in lines), *unjudged(lines, root)]
+    return [digest(score), *(digest(root / of["path"]) for of in lines), *files_without_score(lines, root)]

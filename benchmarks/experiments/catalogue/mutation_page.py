@@ -1,77 +1,77 @@
-"""The page on the suite's own tests: which changes of the suite they notice."""
+"""The page on the suite's own tests: which deliberate faults they notice, and in which files none were tried."""
 
 from __future__ import annotations
 
 import pandas as pd
 
-from phasebench.benchmarks.page.markdown import listed
-from phasebench.benchmarks.page.page import ROWS, Page, Table, Verdict, of
+from phasebench.benchmarks.page.page import ROWS, Page, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Verdict, at_least
 
-COUNTS = ["mutants", "tried", "killed", "equivalent", "survived"]
-#: Files that were not judged are named where a folder has so many at most.
-FEW = 5
+COUNTS = ["mutants", "tried", "killed", "survived"]
+#: The share of faults that tests are to notice; some change nothing that anybody could notice.
+NOTICED = 0.95
 
 
-def _room(mutation: pd.DataFrame) -> pd.Series:
-    """The folder of each file, that of the experiments for all below it."""
+def _folder(mutation: pd.DataFrame) -> pd.Series:
+    """The folder of each file, at most two levels deep."""
     return mutation["file"].map(lambda file: "/".join(file.split("/")[:-1][:2])).rename("folder")
 
 
 @of("mutation")
-def noticed(mutation: pd.DataFrame) -> Verdict:
-    """Whether a test notices every change that was tried and matters."""
-    mutants, tried, killed, equivalent, survived = (int(mutation[name].sum()) for name in COUNTS)
-    files = f"{(mutation['tried'] > 0).sum()} of {len(mutation)} files"
-    if not tried:
-        text = f"Mutants were tried in {files}."
-        return Verdict(text, False, text)
-    text = (
-        f"Mutants were tried in {files}, {tried} of their {mutants}: the tests notice {killed} ({killed / tried:.1%})"
+def coverage(mutation: pd.DataFrame) -> Verdict:
+    """Whether faults were tried in every file."""
+    tried = mutation["tried"] > 0
+    left = _folder(mutation)[~tried].value_counts()
+    return Verdict(
+        "Faults were tried in every file",
+        Count(int(tried.sum()), len(mutation)),
+        EVERY,
+        "files",
+        where=f"{left.index[0]}: {left.iloc[0]} files not tried" if len(left) else "",
     )
-    text += f"; {equivalent} are argued to change nothing; {survived} survive"
-    where = mutation[mutation["survived"] > 0]["file"]
-    text += f": in {listed(list(where), 3)}." if survived else "."
-    return Verdict(text, survived == 0, f"The tests notice {killed} of {tried} mutants of {files}; {survived} survive.")
 
 
 @of("mutation")
-def judged(mutation: pd.DataFrame) -> Verdict | None:
-    """Of which files the score is that of today."""
-    known = mutation[mutation["tried"] > 0]
-    changed = known[~known["as judged"].astype(bool)]
-    text = f"{len(known) - len(changed)} of these {len(known)} files are as they were when they were judged"
-    text += f"; changed since: {listed(list(changed['file']), 3)}." if len(changed) else "."
-    return Verdict(text, True, text) if len(known) else None
+def detection(mutation: pd.DataFrame) -> Verdict:
+    """Whether the share of the faults tried that make a test fail is large enough."""
+    worst = mutation.loc[mutation["survived"].idxmax()]
+    return Verdict(
+        "A test fails for a fault that was tried",
+        Count(int(mutation["killed"].sum()), int(mutation["tried"].sum())),
+        at_least(NOTICED),
+        "faults",
+        where=f"{worst['file']}: {worst['survived']} survive" if worst["survived"] else "",
+        otherwise=FAIL,
+    )
 
 
 @of("mutation")
-def unjudged(mutation: pd.DataFrame) -> Verdict:
-    """Of which files nothing is known."""
-    left = mutation[mutation["tried"] == 0]
-    if left.empty:
-        text = f"Not one of the {len(mutation)} files is left out."
-        return Verdict(text, True, text)
-    said = []
-    for room, files in left["file"].groupby(_room(left)):
-        names = [f"`{file.split('/')[-1]}`" for file in files]
-        said.append(f"{listed(names, FEW)} in {room}" if len(names) <= FEW else f"{len(names)} in {room}")
-    short = f"{len(left)} of {len(mutation)} files are not judged"
-    return Verdict(f"{short}, and nothing is known of them: {'; '.join(said)}.", False, f"{short}.")
+def answer(mutation: pd.DataFrame) -> str:
+    """In how many files no fault was tried, and how many faults are noticed in the others."""
+    tried = int((mutation["tried"] > 0).sum())
+    return (
+        f"In {len(mutation) - tried} of the suite's {len(mutation)} source files this was not tested; in the other "
+        f"{tried} the tests notice {mutation['killed'].sum()} of {mutation['tried'].sum()} deliberate faults."
+    )
 
 
 @of("mutation")
 def table(mutation: pd.DataFrame) -> Table:
-    """A line for each folder, whether or not a file of it was judged."""
-    folders = mutation.groupby(_room(mutation))
+    """A line for each folder, with the number of files in which no fault was tried."""
+    folders = mutation.groupby(_folder(mutation))
     lines = folders[COUNTS].sum()
     lines.insert(0, "files", folders.size())
-    lines.insert(1, "not judged", (mutation["tried"] == 0).groupby(_room(mutation)).sum())
-    caption = "By folder; mutants are counted in the files that are judged. The CSV has every file."
+    lines.insert(1, "not tried", (mutation["tried"] == 0).groupby(_folder(mutation)).sum())
+    stale = int(((mutation["tried"] > 0) & ~mutation["as judged"].astype(bool)).sum())
+    caption = (
+        "By folder; possible mutants are counted in the files that were tried, of which "
+        f"{stale or 'none'} changed since. The CSV has every file."
+    )
     return Table(lines.reset_index().head(ROWS), caption)
 
 
 @of("mutation")
-def whole(mutation: pd.DataFrame) -> pd.DataFrame:
+def full_table(mutation: pd.DataFrame) -> pd.DataFrame:
     """A line for each file, judged or not."""
     return mutation
 
@@ -81,24 +81,16 @@ PAGE = Page(
     question="Would the suite's own tests notice if the suite were wrong?",
     tables=("mutation",),
     setting=(
-        "A mutant is a file with one change: another number, sign, comparison, condition, choice or return.",
-        "Tests that reach its line are run on it; it is killed where one fails, else it survives.",
-        "A survivor that changes nothing anybody could notice is argued so, one by one, in `tests/mutation/equivalent.toml`.",
-        "Files: the modules of `benchmarks/`, `integrators/` and `reference/` that have a function, a comparison or a "
-        "number.",
-        "Where a file has more mutants than were tried, these are the first in an order by no rule.",
+        "A mutant is a source file with one fault: another number, sign, comparison, condition, choice or return.",
+        "It is killed if a test that reaches the changed line fails, else it survives. Some survivors change no result.",
+        "Large files: the first mutants of a fixed random order. Kernels are run as Python functions, on few steps.",
     ),
-    verdicts=(noticed, judged, unjudged),
+    verdicts=(coverage, detection),
+    answer=answer,
     table=table,
-    whole=whole,
+    whole=full_table,
     limits=(
-        "Looks are not changed: figures, how many names a sentence lists, to how many digits a number is shown.",
-        "A test that fails for another reason than the change kills too; every test passed before.",
-        "Two faults at once, and code that is missing, are no mutants.",
-        "A kernel is changed and run as the Python function that it is written as, on few steps; its compilation is not judged.",
-        "A file is entered when each of its survivors is killed or argued: some that are not judged were tried, and "
-        "have survivors.",
-        "Tests are not changed, and not counted among the files; `bench_*.py` are tests.",
+        "Not tried: two faults at once, missing code, compilation, the looks of figures and pages, faults in tests.",
     ),
     command="python tests/mutation benchmarks/experiments && pytest benchmarks/experiments/catalogue",
 )

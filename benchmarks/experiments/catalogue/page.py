@@ -1,4 +1,4 @@
-"""The pages on methods, problems and coefficients: what there is, from their records and tables."""
+"""The pages on methods, problems, coefficients and dependencies, made from their records and tables."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from functools import cache
 
 import pandas as pd
 
-from phasebench.benchmarks.page.markdown import listed
-from phasebench.benchmarks.page.page import ROWS, Page, Table, Verdict, of
+from phasebench.benchmarks.page.markdown import join_list
+from phasebench.benchmarks.page.page import ROWS, Data, Page, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict, at_most
 from phasebench.benchmarks.problems import PROBLEMS, problem
 from phasebench.benchmarks.problems.base import Problem
+from phasebench.integrators.record import ROUND_OFF
 from phasebench.integrators.registry import METHODS
 
 from . import describe, mutation_page
@@ -20,21 +22,23 @@ KINDS = {
     "nystrom": "splittings for a quadratic kinetic energy",
     "near-integrable": "splittings for A + ε B",
 }
-#: A longer formula is cut: its module has it.
+#: Longer formulae are shortened.
 LONGEST = 90
-#: A residual of the order conditions up to this is a zero, at 70 digits.
+#: A residual of the order conditions up to this counts as 0, at 70 digits.
 ZERO = 1e-40
 
 
-def sourced(data) -> Verdict:
-    """Whether every method says where it is from."""
-    without = [m.id for m in METHODS if not m.source or not m.cite]
-    text = f"{len(METHODS)} methods of {len({m.family for m in METHODS})} families are registered"
-    text += f"; without a source: {listed(without, 6)}." if without else ", every one with its source and citation."
-    return Verdict(text, not without, text)
+def count_methods(data: Data) -> str:
+    """How many methods there are, and how many declare each property."""
+    return (
+        f"{len(METHODS)} methods of {len({m.family for m in METHODS})} families: "
+        f"{sum(m.symplectic for m in METHODS)} are declared symplectic, {sum(m.symmetric for m in METHODS)} symmetric, "
+        f"{sum(m.energy == ROUND_OFF for m in METHODS)} to keep the energy to round-off."
+    )
 
 
-def _families(data) -> Table:
+def _families(data: Data) -> Table:
+    """A line for each family: its methods, and how many declare each property."""
     lines = []
     for family in dict.fromkeys(m.family for m in METHODS):
         members = [m for m in METHODS if m.family == family]
@@ -42,18 +46,18 @@ def _families(data) -> Table:
             {
                 "family": family.replace("_", " "),
                 "methods": len(members),
-                "orders": listed([str(p) for p in sorted({m.order for m in members})], 12),
+                "orders": join_list([str(p) for p in sorted({m.order for m in members})], 12),
                 "symplectic": f"{sum(m.symplectic for m in members)}",
                 "symmetric": f"{sum(m.symmetric for m in members)}",
-                "energy to round-off": f"{sum(m.energy == 'round-off' for m in members)}",
-                "such as": listed([m.id for m in members], 3),
+                "energy to round-off": f"{sum(m.energy == ROUND_OFF for m in members)}",
+                "such as": join_list([m.id for m in members], 3),
             }
         )
-    caption = "The families, and how many of their methods are declared so; `phasebench list methods` names every one."
+    caption = "The families, and how many of their methods declare each property; `phasebench list methods` names all."
     return Table(pd.DataFrame(lines[:ROWS]), caption)
 
 
-def _methods(data) -> pd.DataFrame:
+def _methods(data: Data) -> pd.DataFrame:
     return pd.DataFrame(describe.methods())
 
 
@@ -62,22 +66,24 @@ METHODS_PAGE = Page(
     question="Which methods are there, and what does each declare?",
     tables=(),
     setting=(
-        "A method is a record: family, order, symmetric, symplectic, how it keeps the energy and invariants q·Dp.",
-        "`round-off`: kept on every step; `bounded`: the error oscillates; `drift`: it grows.",
-        "What it requires of a system stands with it: separable, quadratic kinetic energy, a Kepler part, ...",
-        "Every declaration is tested: see the pages on orders, structure, the matrix and invariants.",
+        "A method declares its family, order, symmetry, symplecticity and what becomes of the energy and of invariants "
+        "q·Dp: kept to `round-off` on every step, `bounded` (the error oscillates) or `drift` (it grows).",
+        "It also declares what it requires of a system: separable, quadratic kinetic energy, a Kepler part, ...",
+        "Every declaration is tested on the pages [orders](orders.md), [structure](structure.md), [matrix](matrix.md) and "
+        "[invariants](invariants.md); every method has a source and a citation (`phasebench cite`).",
     ),
-    verdicts=(sourced,),
+    verdicts=(),
+    answer=count_methods,
     table=_families,
     whole=_methods,
-    limits=("The parameterized schemes keep general quadratic invariants at λ = 1/2 only; those q·Dp at every λ.",),
+    limits=("Schemes with a parameter λ keep invariants q·Dp at every λ, other quadratic ones at λ = 1/2 only.",),
     command="phasebench list methods",
 )
 
 
 @cache
-def _made() -> tuple[Problem, ...]:
-    """Every problem, made once."""
+def _problems() -> tuple[Problem, ...]:
+    """Every problem, built once."""
     return tuple(problem(name) for name in PROBLEMS)
 
 
@@ -86,31 +92,34 @@ def _formula(H) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} … (see its module)"
 
 
-def cited(data) -> Verdict:
-    """Whether every problem says where it is from."""
-    without = [p.id for p in _made() if not p.source]
-    text = f"{len(_made())} problems with {sum(len(p.orbits) for p in _made())} orbits are registered"
-    text += f"; without a source: {listed(without, 6)}." if without else ", every one with its source."
-    return Verdict(text, not without, text)
+def count_problems(data: Data) -> str:
+    """How many problems and orbits there are, and of what size."""
+    sizes = [p.system.d for p in _problems()]
+    return (
+        f"{len(sizes)} problems with {sum(len(p.orbits) for p in _problems())} orbits, of {min(sizes)} to {max(sizes)} "
+        f"degrees of freedom; {sum(bool(p.system.traits['separable']) for p in _problems())} have H = T(p) + V(q)."
+    )
 
 
-def _problems(data) -> Table:
+def _problem_table(data: Data) -> Table:
+    """A line for each problem."""
     lines = []
-    for made in _made():
+    for made in _problems():
         lines.append(
             {
                 "problem": made.id,
                 "d": made.system.d,
                 "separable": "yes" if made.system.traits["separable"] else "no",
-                "orbits": listed([o.name for o in made.orbits], 4),
+                "orbits": join_list([o.name for o in made.orbits], 4),
                 "H (or invariant)": f"`{_formula(made.system.H)}`",
                 "invariants": len(made.invariants),
             }
         )
-    return Table(pd.DataFrame(lines[:ROWS]), "Every problem; `invariants` counts those besides the energy.")
+    return Table(pd.DataFrame(lines[:ROWS]), "Every problem; `invariants` counts those beside the energy.")
 
 
-def _orbits(data) -> pd.DataFrame:
+def _orbits(data: Data) -> pd.DataFrame:
+    """A line for each orbit of each problem, with its initial values."""
     return pd.DataFrame(
         [
             {
@@ -120,7 +129,7 @@ def _orbits(data) -> pd.DataFrame:
                 "p0": ", ".join(map(repr, o.p[:4])) + (", …" if len(o.p) > 4 else ""),
                 "source": made.source,
             }
-            for made in _made()
+            for made in _problems()
             for o in made.orbits
         ]
     )
@@ -133,45 +142,68 @@ PROBLEMS_PAGE = Page(
     setting=(
         "A problem is a system with published initial data, its invariants and a citation.",
         "d is the number of degrees of freedom; separable means H = T(p) + V(q).",
-        "Orbits are named as `henon-heiles:chaotic`; the first is the default.",
+        "An orbit is named `problem:orbit`, as `henon-heiles:chaotic`; a problem's first orbit is its default.",
     ),
-    verdicts=(cited,),
-    table=_problems,
+    verdicts=(),
+    answer=count_problems,
+    table=_problem_table,
     whole=_orbits,
-    limits=("Initial data are the doubles nearest to the published digits: the doubles are the problem.",),
+    limits=("Initial data are the doubles nearest to the published digits; references start from these doubles.",),
     command="phasebench list problems",
 )
 
 
+def _largest(coefficients: pd.DataFrame, when: str) -> float:
+    """The largest residual of the order conditions, ``when`` "published" or "polished"."""
+    return float(coefficients[f"{when} residual"].max())
+
+
+def _has_order(coefficients: pd.DataFrame) -> pd.Series:
+    """True for each table with the order that it declares."""
+    return coefficients["order"].astype(str) == coefficients["declared order"].astype(str)
+
+
 @of("coefficients")
 def orders(coefficients: pd.DataFrame) -> Verdict:
-    """Whether the tables have their order by the numbers alone."""
-    agree = coefficients["order"].astype(str) == coefficients["declared order"].astype(str)
-    wrong = list(coefficients[~agree]["table"])
-    counts = f"{int(agree.sum())} of {len(coefficients)} tables have the declared order by their coefficients alone"
-    text = f"{counts}, two-sided; the residuals are at most {float(coefficients['polished residual'].max()):.1e}"
-    return Verdict(f"{text}{f'; not so {listed(wrong, 6)}' if wrong else ''}.", not wrong, f"{counts}.")
+    """Whether the coefficients satisfy the conditions of the declared order, and not of the next."""
+    good = _has_order(coefficients)
+    return Verdict(
+        "Every table satisfies the conditions of its declared order, and not of the next",
+        Count(int(good.sum()), len(good)),
+        EVERY,
+        "tables",
+        where=join_list(list(coefficients[~good]["table"]), 6) if not good.all() else "",
+        otherwise=FAIL,
+    )
 
 
 @of("coefficients")
-def polished(coefficients: pd.DataFrame) -> Verdict:
-    """Whether polishing leaves zeros."""
-    before, after = (float(coefficients[f"{when} residual"].max()) for when in ("published", "polished"))
-    text = f"Polishing brings the largest residual of the order conditions from {before:.1e} to {after:.1e}."
-    return Verdict(text, after <= ZERO, text)
-
-
-@of("repairs")
-def repaired(repairs: pd.DataFrame) -> Verdict:
-    """What was found damaged."""
-    text = f"{len(repairs)} numbers in {repairs['table'].nunique()} published copies are damaged; the order conditions "
-    text += "locate and restore them."
-    return Verdict(text, True, text)
+def polished_residuals(coefficients: pd.DataFrame) -> Verdict:
+    """Whether the residuals vanish after polishing the coefficients."""
+    return Verdict(
+        "After polishing the largest residual of the order conditions vanishes",
+        _largest(coefficients, "polished"),
+        at_most(ZERO),
+        where=str(coefficients.loc[coefficients["polished residual"].idxmax(), "table"]),
+        otherwise=FAIL,
+    )
 
 
 @of("coefficients")
-def _least(coefficients: pd.DataFrame) -> Table:
-    """Of each kind and order the table of the least error constant and the one of the least sum of sizes."""
+def judge_tables(coefficients: pd.DataFrame) -> str:
+    """How many tables have their declared order, and how far polishing lowers the residuals."""
+    before, after = (_largest(coefficients, when) for when in ("published", "polished"))
+    return (
+        f"{int(_has_order(coefficients).sum())} of {len(coefficients)} tables of splitting and composition coefficients "
+        f"have exactly their declared order; polishing lowers the largest residual from {before:.1e} to {after:.1e}."
+    )
+
+
+def _least(data: Data) -> Table | None:
+    """The table with the least error constant, for each kind and order."""
+    coefficients, repairs = data("coefficients"), data("repairs")
+    if coefficients is None or coefficients.empty:
+        return None
     frame = coefficients.assign(constant=coefficients["error constant"].astype(str).str.split(",").str[0].astype(float))
     frame["what"] = frame["kind"].map(KINDS)
     best = frame.loc[frame.groupby(["kind", "declared order"], sort=False)["constant"].idxmin()]
@@ -179,9 +211,16 @@ def _least(coefficients: pd.DataFrame) -> Table:
     columns |= {
         "published residual": "published residual",
         "error constant": "error constant",
-        "sum of sizes": "Σ sizes",
+        "sum of sizes": "Σ |coefficients|",
     }
-    caption = "Of each kind and order the table with the least error constant (the 2-norm of the first residuals left)."
+    caption = (
+        "For each kind and order the table with the least error constant (the 2-norm of the first residuals left)."
+    )
+    if repairs is not None and len(repairs):
+        caption += (
+            f" {len(repairs)} misprinted numbers in {repairs['table'].nunique()} published tables were found by the order "
+            "conditions and corrected: data/repairs.csv."
+        )
     return Table(best[list(columns)].rename(columns=columns).head(ROWS), caption)
 
 
@@ -195,58 +234,80 @@ COEFFICIENTS_PAGE = Page(
     question="Do the tables of coefficients have the order that they declare?",
     tables=("coefficients", "repairs"),
     setting=(
-        "A step is a product of exponentials exp(a₁hA) exp(b₁hB) …; order p: the coefficients of all words in A and B "
-        "up to degree p are those of exp(h(A + B)). Residual: the largest such difference, at 70 digits.",
-        "Published digits first, then polished by Gauss–Newton steps to the nearest solution.",
-        "For A + ε B the orders and constants are those of the terms in ε, ε², …",
+        "A step is a product exp(a₁hA) exp(b₁hB) …; it has order p if the coefficients of all words in A and B up to "
+        "degree p are those of exp(h(A + B)). Residual: the largest difference of these coefficients, with 70 digits.",
+        "The published digits are taken first, then polished: Gauss–Newton steps lead to the nearest exact solution.",
+        "For A + ε B, orders and constants are given for the terms in ε, ε², …",
     ),
-    verdicts=(orders, polished, repaired),
+    verdicts=(orders, polished_residuals),
+    answer=judge_tables,
     table=_least,
     whole=_tables,
     limits=(
-        f"A residual up to {ZERO:g} is a zero.",
-        "Error constants compare methods of one kind and order only; they say nothing of the cost of a stage.",
+        f"A residual up to {ZERO:g} counts as zero.",
+        "Error constants compare methods of the same kind and order only, and leave out what a stage costs.",
     ),
     command="pytest benchmarks/experiments/catalogue",
 )
 
-#: What may not be part of this project, and who may be it: a comparison that is reached through its public interface.
+#: A licence that this project cannot depend on; packages under it that are used for comparison only.
 COPYLEFT, COMPARED = "GPL-", ("rebound",)
+
+
+def _copyleft(dependencies: pd.DataFrame) -> list[str]:
+    """The packages under the GPL; the LGPL does not count."""
+    licences = dependencies["licence"].fillna("")
+    bound = licences.str.contains(COPYLEFT) & ~licences.str.contains(f"L{COPYLEFT}")
+    return list(dependencies[bound]["package"])
+
+
+@of("dependencies")
+def copyleft(dependencies: pd.DataFrame) -> Verdict:
+    """Whether no package is under the GPL, except those used for comparison only."""
+    wrong = [name for name in _copyleft(dependencies) if name not in COMPARED]
+    return Verdict(
+        "No package is under the GPL but those that are only compared with",
+        Count(len(wrong), len(dependencies)),
+        NONE,
+        "packages",
+        where=join_list(wrong, 4) if wrong else "",
+        otherwise=FAIL,
+    )
 
 
 @of("dependencies")
 def licences(dependencies: pd.DataFrame) -> Verdict:
-    """Whether every distribution says its licence, and none but the comparison has one that binds this project."""
-    said = dependencies["licence"].fillna("")
-    strong = said.str.contains(COPYLEFT) & ~said.str.contains(f"L{COPYLEFT}")
-    silent, bound = list(dependencies[said == ""]["package"]), list(dependencies[strong]["package"])
-    other = [name for name in bound if name not in COMPARED]
-    text = f"{len(dependencies)} distributions are needed, {int(dependencies['direct'].sum())} of them directly"
-    text += f"; under the GPL: {listed(bound, 4)}" if bound else "; none is under the GPL"
-    text += f", of which not a comparison alone: {listed(other, 4)}" if other else ""
-    text += f"; without a stated licence: {listed(silent, 4)}." if silent else "; each states its licence."
-    return Verdict(text, not (silent or other), text)
+    """Whether every package states its licence."""
+    silent = list(dependencies[dependencies["licence"].fillna("") == ""]["package"])
+    return Verdict(
+        "Every package states its licence",
+        Count(len(dependencies) - len(silent), len(dependencies)),
+        EVERY,
+        "packages",
+        where=join_list(silent, 4) if silent else "",
+    )
 
 
 @of("dependencies")
-def weight(dependencies: pd.DataFrame) -> Verdict:
-    """How large an installation is."""
-    heavy = dependencies.sort_values("MB", ascending=False).head(3)
-    whole = float(dependencies["MB"].sum())
-    part = listed([f"{r['package']} ({r['MB']:.0f} MB)" for _, r in heavy.iterrows()], 3)
-    text = f"An installation takes {whole:.0f} MB; the largest are {part}."
-    return Verdict(text, True, text)
+def weigh(dependencies: pd.DataFrame) -> str:
+    """How large an installation is, and what of it is under the GPL."""
+    largest = dependencies.nlargest(3, "MB")
+    named = join_list([f"{name} {size:.0f} MB" for name, size in zip(largest["package"], largest["MB"], strict=True)])
+    return (
+        f"An installation brings {len(dependencies)} packages of {dependencies['MB'].sum():.0f} MB ({named}); "
+        f"under the GPL: {join_list(_copyleft(dependencies), 4)}."
+    )
 
 
 @of("dependencies")
-def _needed(dependencies: pd.DataFrame) -> Table:
-    shown = dependencies.assign(direct=dependencies["direct"].map({True: "yes", False: "no"}))
-    caption = "What phasebench needs itself, then the largest of what these need; the CSV has every one."
-    return Table(shown[["package", "version", "licence", "direct", "MB"]].head(ROWS), caption)
+def _direct(dependencies: pd.DataFrame) -> Table:
+    shown = dependencies[dependencies["direct"].astype(bool)]
+    caption = "The packages that phasebench itself requires; the CSV has also what these require."
+    return Table(shown[["package", "version", "licence", "MB"]].head(ROWS), caption)
 
 
 @of("dependencies")
-def _all_needed(dependencies: pd.DataFrame) -> pd.DataFrame:
+def _dependencies(dependencies: pd.DataFrame) -> pd.DataFrame:
     return dependencies
 
 
@@ -254,17 +315,12 @@ DEPENDENCIES_PAGE = Page(
     id="dependencies",
     question="What does an installation bring, and under which licences?",
     tables=("dependencies",),
-    setting=(
-        "Every distribution that `pip install` brings without an extra, by the metadata of what was installed here.",
-        "MB: the files of a distribution, without bytecode.",
-    ),
-    verdicts=(licences, weight),
-    table=_needed,
-    whole=_all_needed,
-    limits=(
-        "A licence is what the distribution's own metadata say; other versions may say otherwise.",
-        "Libraries that a wheel carries inside count as its own.",
-    ),
+    setting=("The packages that `pip install` brings without an extra; MB: their files, without bytecode.",),
+    verdicts=(copyleft, licences),
+    answer=weigh,
+    table=_direct,
+    whole=_dependencies,
+    limits=("A licence is what the metadata of the installed version say; libraries inside a wheel count as its own.",),
     command="pytest benchmarks/experiments/catalogue",
 )
 

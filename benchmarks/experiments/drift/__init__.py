@@ -1,1 +1,1 @@
-"""Do the intervals of a drift cover it?"""
+"""Do the intervals of an estimated energy drift cover the true drift?"""

@@ -1,14 +1,13 @@
-r"""How often the interval of a drift covers the drift, on series whose drift is known.
+r"""How often the interval of a drift covers the true drift, on artificial series whose drift is known.
 
 A series is
 
 .. math::
     e_n = A\,(\cos(\omega t_n + \phi) + 0.3 \cos(2\omega t_n + 2\phi)) + w_n + r_n + s\,t_n, \qquad t_n = n h,
 
-with the amplitude A between `AMPLITUDES`, whatever phase, a period that no step fits, white noise w of `WHITE`, a
-random walk r of `WALK` a step (the round-off of Brouwer's law) and a drift s.  As many are drawn, with a seed, as the
-coverage is to be told from.  Beside it stands what the line through all points has, neighbours being taken for
-independent.
+with log-uniform amplitude A between the powers `AMPLITUDES` of ten, random phase, a period that is no multiple of the
+step, white noise w of size `WHITE`, a random walk r of `WALK` a step (round-off by Brouwer's law) and a drift s.
+Coverage is counted over `DRAWN` seeded series, and compared with that of ordinary regression (`metrics.slope`).
 """
 
 from __future__ import annotations
@@ -19,9 +18,9 @@ import numpy as np
 
 from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.measure.drift import drift
-from phasebench.benchmarks.rows.cells import Cell, Rows, content
+from phasebench.benchmarks.store.cells import Cell, Rows, content
 
-#: Logarithms of the least and the greatest amplitude; the noise of a point, the walk's of a step; the drift, the step.
+#: log10 of the smallest and the largest amplitude; white noise, random walk a step, drift, and time step.
 AMPLITUDES = (-9, -3)
 WHITE, WALK, SLOPE, STEP = 1e-12, 1e-15, 1e-14, 0.1
 #: Kind of a series -> (white noise, random walk, drift).
@@ -32,14 +31,14 @@ KINDS = {
     "with both and a drift": (WHITE, WALK, SLOPE),
     "with a drift alone": (0.0, 0.0, SLOPE),
 }
-#: Points of a series, periods in its whole time (as many as points allow), and how many series are drawn.
+#: Points of a series, periods over its whole time, and the number of series drawn.
 LENGTHS, PERIODS, DRAWN = (400, 5000), (0.5, 1, 2, 4, 10, 25, 70, 190), 400
-#: A period has at least so many points.
+#: The least number of points in a period.
 SAMPLED = 4
 
 
 def series(kind: str, periods: float, points: int, generator: np.random.Generator):
-    """(t, e, the drift) of one series; t, e arrays (points,)."""
+    """Draw one series: (t, e, its drift); t, e arrays (points,)."""
     white, walk, slope = KINDS[kind]
     t = np.arange(points) * STEP
     angle = 2 * np.pi * (periods * generator.uniform(0.95, 1.05) * t / t[-1] + generator.random())
@@ -49,8 +48,8 @@ def series(kind: str, periods: float, points: int, generator: np.random.Generato
     return t, e - e[0], slope
 
 
-def covered(kind: str, periods: float, points: int, drawn: int = DRAWN) -> dict:
-    """A row: the shares of intervals that cover the drift, and the median of their half-widths."""
+def coverage_row(kind: str, periods: float, points: int, drawn: int = DRAWN) -> dict:
+    """The row of a kind of series: the shares of intervals that cover the drift, and their median half-widths."""
     generator = np.random.default_rng(zlib.crc32(f"{kind} {periods} {points}".encode()))
     ours, lines = [], []
     for _ in range(drawn):
@@ -66,7 +65,7 @@ def covered(kind: str, periods: float, points: int, drawn: int = DRAWN) -> dict:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each kind, length and number of periods; none of the quick tier."""
+    """The measurements (`Cell`): one for each kind of series, length and number of periods; none in the quick tier."""
     found = [(k, p, n) for k in KINDS for n in LENGTHS for p in PERIODS if n >= SAMPLED * p]
     return [] if quick else [_cell(*of) for of in found]
 
@@ -76,13 +75,13 @@ def _cell(kind: str, periods: float, points: int) -> Cell:
         "drift",
         ("drift_coverage",),
         {"kind": kind, "periods": periods, "points": points},
-        measured,
+        measure_rows,
         (kind, periods, points),
         content("drift", kind, periods, points, code=[__name__]),
         frozenset(),
     )
 
 
-def measured(kind: str, periods: float, points: int) -> Rows:
+def measure_rows(kind: str, periods: float, points: int) -> Rows:
     """The row of a kind of series."""
-    return {"drift_coverage": [covered(kind, periods, points)]}
+    return {"drift_coverage": [coverage_row(kind, periods, points)]}

@@ -1,103 +1,150 @@
-"""Do the intervals of a drift cover it: on series whose drift is known, and on methods known to be bounded."""
+"""The page on drift intervals: tested on series with a known drift, and on methods whose energy error is bounded."""
 
 from __future__ import annotations
 
 import pandas as pd
 
+from phasebench.benchmarks import style
 from phasebench.benchmarks.experiments.drift.coverage import DRAWN
-from phasebench.benchmarks.experiments.invariants import page as invariants
 from phasebench.benchmarks.measure.drift import ABOVE, BLOCKS, LINES, SLOWEST
 from phasebench.benchmarks.measure.metrics import CONFIDENCE
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.markdown import listed, number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+from phasebench.benchmarks.page.long_runs import NOISE, completed_runs
+from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, Between, Count, Range, Verdict, at_least
 from phasebench.integrators.record import BOUNDED, DRIFT
 
-#: A nominal interval of 95 % covers in a share of the draws between these.
+#: The share of draws that a nominal 95 % interval should cover.
 LEAST, MOST = 0.9, 0.99
-#: Methods that drift and stay near their orbit, so that their intervals must exclude 0 in every run.
+#: Controls: methods that drift but stay near the orbit, so that their intervals must exclude 0.
 CONTROLS = ("rk4", "radau-iia-2")
 
 
-def resolved(periods: float) -> bool:
-    """Whether an oscillation of so many periods in the whole time is told from a drift."""
+def is_resolved(periods: float) -> bool:
+    """True if there are enough periods in the whole time to tell the oscillation from a drift."""
     return periods > SLOWEST
 
 
+def _resolved_rows(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows whose oscillation is resolved."""
+    return table[table["periods"].map(is_resolved)]
+
+
+def _kinds(table: pd.DataFrame) -> pd.Series:
+    """The share of draws covered, for each kind of series."""
+    return _resolved_rows(table).groupby("kind", sort=False)["covered"].mean()
+
+
 @of("drift_coverage")
-def coverage(table: pd.DataFrame) -> Verdict | None:
-    """Whether the intervals cover the known drift as often as they say."""
-    there = table["periods"].map(resolved)
-    told, slow = table[there], table[~there]
+def kinds(table: pd.DataFrame) -> Verdict | None:
+    """Whether the intervals cover the known drift of each kind of series as often as they claim."""
+    shares = _kinds(table)
+    if shares.empty:
+        return None
+    return Verdict(
+        "The 95 % interval covers the true drift of every kind of series",
+        Range(shares.min(), shares.max()),
+        Between(LEAST, MOST),
+        "of the draws",
+        where=(shares - CONFIDENCE).abs().idxmax(),
+        otherwise=FAIL,
+    )
+
+
+@of("drift_coverage")
+def lengths(table: pd.DataFrame) -> Verdict | None:
+    """Whether the intervals cover often enough for each length of a series and each period."""
+    told = _resolved_rows(table)
     if told.empty:
         return None
-    kinds = told.groupby("kind", sort=False)["covered"].mean()
-    bad = sorted({*kinds[~kinds.between(LEAST, MOST)].index, *told[~(told["covered"] >= LEAST)]["kind"]})
-    line = told["covered by the line"]
-    said = f"the {CONFIDENCE:.0%} interval covers the true drift in {kinds.min():.1%} to {kinds.max():.1%} of the draws"
-    least = number(told["periods"].min())
-    text = (
-        f"On {len(kinds)} kinds of series, with {least} to {number(told['periods'].max())} periods, {said}, and for one length and period in {told['covered'].min():.1%} to {told['covered'].max():.1%} "
-        f"(the line through all points in {line.min():.0%} to {line.max():.0%})"
+    worst = told.loc[told["covered"].idxmin()]
+    return Verdict(
+        "It does so for every length and period",
+        float(worst["covered"]),
+        at_least(LEAST),
+        "of the draws",
+        where=f"{worst['kind']}, {worst['points']} points, {number(worst['periods'])} periods",
+        otherwise=FAIL,
     )
-    few = [f"with {number(p)} in {_range(part['covered'])}" for p, part in slow.groupby("periods", sort=True)]
-    text += f"; of fewer periods, which are not told from a drift, {listed(few)}" if few else ""
-    text += f"; too seldom or too often: {listed(bad, 3)}." if bad else "."
-    short = f"On series of known drift, of {least} periods and more, {said}"
-    return Verdict(text, not bad, f"{short}; {listed(few)}." if few else f"{short}.")
-
-
-def _range(shares: pd.Series) -> str:
-    return f"{shares.min():.0%} to {shares.max():.0%}"
 
 
 def _intervals(rows: pd.DataFrame) -> pd.DataFrame:
-    """The long runs with an interval, and whether it excludes 0."""
-    ran = invariants.ended(rows)
+    """The long runs that have a drift interval, with a column ``excludes``: the interval excludes 0."""
+    ran = completed_runs(rows)
     ran = ran[ran["energy_drift_low"].notna() & ran["canonical"]]
     return ran.assign(excludes=ran["sure"] != 0)
 
 
-@of("rows")
-def bounded(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the intervals of methods whose energy error is bounded hold 0."""
+def _bounded_runs(rows: pd.DataFrame) -> pd.DataFrame:
+    """The long runs with an interval of methods declared to have a bounded energy error."""
     ran = _intervals(rows)
-    ran = ran[ran["declared"] == BOUNDED]
+    return ran[ran["declared"] == BOUNDED]
+
+
+@of("rows")
+def bounded_energy(rows: pd.DataFrame) -> Verdict | None:
+    """Whether the intervals of methods with bounded energy error contain 0, scene by scene."""
+    ran = _bounded_runs(rows)
     if ran.empty:
         return None
-    held, scenes = 1 - ran["excludes"].mean(), 1 - ran.groupby("scene", sort=False)["excludes"].mean()
-    few = scenes[scenes < LEAST]
-    least, runs = scenes.idxmin(), ran["scene"].value_counts()
-    where = f"{scenes[least]:.1%} of the {runs[least]} on {least}"
-    text = f"Of {len(ran)} long runs of methods declared bounded {held:.1%} have an interval that holds 0"
-    text += f", least {where}" if len(scenes) > 1 else ""
-    text += f" (below {LEAST:.0%}: {listed(list(few.index), 3)})" if len(few) else ""
-    if held < 1:
-        worst = ran.sort_values("share").iloc[-1]
-        text += (
-            f"; where it does not, the drift adds for certain at most {number(worst['share'])} of the largest error "
-        )
-        text += f"({worst['id']} on {worst['scene']}, h = {number(worst['h'])})"
-    text += "."
-    return Verdict(text, few.empty, f"Of bounded methods' intervals {held:.1%} hold 0, {where}.")
+    scenes = 1 - ran.groupby("scene", sort=False)["excludes"].mean()
+    return Verdict(
+        "In every scene the intervals of methods declared bounded hold 0",
+        Range(scenes.min(), scenes.max()),
+        at_least(LEAST),
+        "of the runs",
+        where=scenes.idxmin(),
+    )
+
+
+@of("rows")
+def drifting(rows: pd.DataFrame) -> Verdict | None:
+    """Whether the intervals of all methods declared to drift exclude 0."""
+    ran = _drifting(rows)
+    if ran.empty:
+        return None
+    held = ran[~ran["excludes"]]
+    return Verdict(
+        "The intervals of methods declared to drift exclude 0",
+        Count(int(ran["excludes"].sum()), len(ran)),
+        EVERY,
+        "runs",
+        where=join_list([f"{r.id} on {r.scene}, h = {r.h:g}" for r in held.itertuples()], 3) if len(held) else "",
+    )
 
 
 @of("rows")
 def controls(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the intervals of every control exclude 0, and every control was measured."""
-    ran = _intervals(rows)
-    if ran.empty:
+    """Whether every control was measured; without controls the test for drifting methods could not fail."""
+    if _intervals(rows).empty:
         return None
-    ran = ran[(ran["declared"] == DRIFT) & (ran["energy_max"] > invariants.LEAST)]
-    mine = {id: ran.loc[ran["id"] == id, "excludes"] for id in CONTROLS}
-    counts = [f"{id} in {int(x.sum())} of {len(x)} runs" for id, x in mine.items()]
-    nothing = [id for id, x in mine.items() if x.empty]
-    held = [f"{r.id} on {r.scene}, h = {r.h:g}" for r in ran[~ran["excludes"]].itertuples()]
-    text = f"The controls that drift have intervals that exclude 0: {' and '.join(counts)}; of all methods declared to "
-    text += f"drift {int(ran['excludes'].sum())} of {len(ran)} runs that end"
-    text += f"; not so {listed(held, 3)}" if held else ""
-    text += f"; nothing was measured of {listed(nothing)}, which is no control" if nothing else ""
-    return Verdict(f"{text}.", not nothing and not held, f"Methods that drift exclude 0: {' and '.join(counts)}.")
+    there = [id for id in CONTROLS if (_drifting(rows)["id"] == id).any()]
+    missing = [id for id in CONTROLS if id not in there]
+    return Verdict(
+        "Methods known to drift were measured as controls",
+        Count(len(there), len(CONTROLS)),
+        EVERY,
+        "methods",
+        where=join_list(missing) if missing else "",
+        otherwise=FAIL,
+    )
+
+
+def _drifting(rows: pd.DataFrame) -> pd.DataFrame:
+    """The long runs of methods declared to drift, with an energy error above round-off."""
+    ran = _intervals(rows)
+    return ran[(ran["declared"] == DRIFT) & (ran["energy_max"] > NOISE)]
+
+
+def answer(data: Data) -> str | None:
+    """How often the intervals cover a known drift, and 0 in runs of bounded methods."""
+    table, rows = data("drift_coverage"), data("rows")
+    parts = []
+    if table is not None and len(shares := _kinds(table)):
+        parts.append(f"covers a known drift in {shares.min():.1%} to {shares.max():.1%} of the draws")
+    if rows is not None and len(ran := _bounded_runs(rows)):
+        parts.append(f"holds 0 in {1 - ran['excludes'].mean():.1%} of the runs of bounded methods")
+    return f"A drift's 95 % interval {', and '.join(parts)}." if parts else None
 
 
 @of("drift_coverage")
@@ -129,16 +176,17 @@ def draw(table: pd.DataFrame, folder) -> list[Picture]:
 
 @of("drift_coverage")
 def table(found: pd.DataFrame) -> Table:
-    """The rows whose coverage is farthest from the nominal one, resolved ones first."""
+    """The rows whose coverage is farthest from the nominal one, resolved oscillations first."""
     far = (found["covered"] - CONFIDENCE).abs()
-    told = found["periods"].map(resolved)
+    told = found["periods"].map(is_resolved)
     shown = found.assign(far=far, told=told).sort_values(["told", "far"], ascending=False, kind="stable").head(ROWS)
     caption = "The resolved kinds of series farthest from the nominal coverage; half-widths are medians."
     return Table(shown.drop(columns=["far", "told"]), caption)
 
 
 @of("drift_coverage")
-def _whole(found: pd.DataFrame) -> pd.DataFrame:
+def _full_table(found: pd.DataFrame) -> pd.DataFrame:
+    """All rows."""
     return found
 
 
@@ -153,19 +201,20 @@ PAGE = Page(
         f"Series: an oscillation with its harmonic at any phase, white noise, a random walk, a drift; {DRAWN} draws each.",
         "Runs: the long scenes of the canonical problems, where a method declared bounded has no drift to find.",
     ),
-    verdicts=(coverage, bounded, controls),
+    verdicts=(kinds, lengths, bounded_energy, drifting, controls),
+    answer=answer,
     figures=draw,
     table=table,
-    whole=_whole,
+    whole=_full_table,
     limits=(
         f"Wanted: {LEAST:.0%} to {MOST:.0%} for a kind of series, at least {LEAST:.0%} for each length and period and for the runs of each scene; of {DRAWN} draws a coverage has a standard error of "
         f"{number((CONFIDENCE * (1 - CONFIDENCE) / DRAWN) ** 0.5, 2)}.",
         f"An oscillation of fewer than {SLOWEST} periods in the whole time cannot be told from a drift: its interval covers too seldom.",
-        f"At most {LINES} lines are fitted, each {ABOVE:g} times as high as the spectrum about it; the rest widens the "
+        f"At most {LINES} spectral lines are fitted, each {ABOVE:g} times as high as the spectrum about it; the rest widens the "
         "interval.",
         "Round-off that does drift, and a harmonic that meets the steps' own frequency, exclude 0 rightly.",
-        "Explicit Euler is no control: no long run of it ends with status ok, so that none has an interval. "
-        f"Runs with an error up to {invariants.LEAST:g} are of round-off.",
+        "Explicit Euler is no control: none of its long runs reaches the end, so that none has an interval. "
+        f"Runs with an error up to {NOISE:g} are of round-off.",
         "The runs of a scene share its orbit: their intervals are not independent.",
     ),
     command="pytest benchmarks/experiments/drift benchmarks/experiments/trade",

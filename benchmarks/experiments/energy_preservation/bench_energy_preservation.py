@@ -1,4 +1,4 @@
-"""The energy is H0 to round-off on every step with a root; where the finder has none, a scan has none either."""
+"""Schemes IV and V keep H0 to round-off on steps with a root, and an independent scan finds no root they missed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from phasebench.benchmarks.experiments.energy_preservation.energies import cells
 
 
 def off(rows) -> list[str]:
-    """What is wrong with the rows that got through."""
+    """A line for each energy, angular momentum or missed root that is wrong, in the runs that reached the end."""
     out = []
     for r in (r for r in rows if r["status"] == "ok"):
         where = f"{r['scheme']} on {r['problem']}, h = {r['h']}"
@@ -19,7 +19,7 @@ def off(rows) -> list[str]:
     return out
 
 
-def bench_energy(measured):
-    """Energy and angular momentum are kept, and no root is missed."""
-    wrong = off(measured("energy_preservation"))
+def bench_energy(measured_rows):
+    """Energy and angular momentum are kept to round-off, and the root finder misses no root."""
+    wrong = off(measured_rows("energy_preservation"))
     assert not wrong, "\n".join(wrong)

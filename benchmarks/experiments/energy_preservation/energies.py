@@ -1,12 +1,12 @@
-"""Schemes IV and V and their variants to t = 1000: energy and angular momentum, and the steps without a root."""
+"""Schemes IV and V and their alternating variants to t = 1000: errors of invariants, and steps without a root."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from phasebench.benchmarks.experiments.printed import riddle
+from phasebench.benchmarks.measure import root_scan
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.families.schemes_iv_v import RADIUS
 from phasebench.integrators.registry import BY_ID
@@ -17,6 +17,7 @@ LADDER = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
 
 
 def _row(found, scheme: str, h: float):
+    """Integrate with a scheme and with the implicit midpoint rule: (the scheme's solution, its row)."""
     path = integrate(found, scheme, h=h, t_end=1000.0)
     plain = integrate(found, "implicit-midpoint", h=h, t_end=1000.0)
     system = found.system
@@ -52,7 +53,7 @@ def _row(found, scheme: str, h: float):
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each scheme and step on each problem; none of the quick tier."""
+    """The measurements (`Cell`): one for each scheme and step on each problem; none in the quick tier."""
     return [] if quick else [_cell(name, scheme, h) for name in PROBLEMS for scheme in SCHEMES for h in LADDER]
 
 
@@ -62,21 +63,21 @@ def _cell(name: str, scheme: str, h: float) -> Cell:
         "energy_preservation",
         ("energy_preservation",),
         {"problem": name, "scheme": scheme, "h": h},
-        measured,
+        measure_rows,
         (name, scheme, h),
-        content("energies", BY_ID[scheme], plain, Problem(name), h, code=[__name__]),
+        content("energies", BY_ID[scheme], plain, ProblemKey(name), h, code=[__name__]),
         frozenset({name.partition(":")[0], scheme}),
     )
 
 
-def measured(name: str, scheme: str, h: float) -> Rows:
-    """The row of a scheme with a step: where the finder has no root, a scan looks for one."""
+def measure_rows(name: str, scheme: str, h: float) -> Rows:
+    """The row of a scheme at a step size; steps without a root are scanned for one by an independent method."""
     found = problem(name)
     path, row = _row(found, scheme, h)
     steps = np.flatnonzero(np.isnan(path.parameter))
-    if len(steps) and scheme in riddle.SIGNS:
+    if len(steps) and scheme in root_scan.SIGNS:
         H0 = float(found.system.observe(found.system.H, path.q[:1], path.p[:1])[0])
-        checked = riddle.scan(found, scheme, path.h, path.q[steps], path.p[steps], H0)
+        checked = root_scan.scan(found, scheme, path.h, path.q[steps], path.p[steps], H0)
         near = [i for i, r in zip(steps, checked.roots, strict=True) if len(r) and abs(r[0] - 0.5) < RADIUS]
         far = [r[0] for r in checked.roots if len(r)]
         row |= {

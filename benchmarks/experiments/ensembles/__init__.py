@@ -1,1 +1,1 @@
-"""What does an orbit cost when there are thousands of them?"""
+"""What does one orbit cost in an ensemble of thousands?"""

@@ -1,22 +1,22 @@
-"""Ensembles in lanes beside heyoka's batches: what an orbit costs at what error, distinct orbits in the lanes of both.
+"""Ensembles in SIMD lanes compared with heyoka's batches: the cost of an orbit over the error of the worst orbit.
 
-The error is that of the worst orbit: the largest distance, over the orbits, of the end state from heyoka's in long
-double.  Both run on one core, in turns, from arrays of initial states to arrays of end states; a
-batch is reset in place.
+The error is the largest distance, over the orbits, of the end state from heyoka's in long double.  All orbits are
+distinct.  Both sides run on one core, alternating, from arrays of initial states to arrays of end states; heyoka's
+batch integrator is reset in place.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.benchmarks.measure.timing import in_turns, median
+from phasebench.benchmarks.ladder.costs import SPAN
+from phasebench.benchmarks.measure.timing import median, time_in_turns
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, Unavailable, content
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, Unavailable, content
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.registry import method
 from phasebench.reference.peers import BY_ID
@@ -26,14 +26,14 @@ from .lanes import starts
 TABLE = "ensembles_against"
 PROBLEMS = ("henon-heiles:box", "pendulum", "kepler")
 T_END, ROUNDS = 100.0, 6
-#: Orbits whose error is measured, and which heyoka integrates; ours fill more lanes, the cost is that of one.
+#: Orbits that heyoka integrates and whose error is measured on both sides; orbits of our ensembles.
 JUDGED, ORBITS = 128, 512
-#: Errors at which costs are compared, and the factor that the errors of two neighbours of a ladder are to be below: a
-#: rung is put half way between neighbours that are farther apart, so many times at most.
+#: Errors at which costs are compared.
 ERRORS = (1e-1, 1e-3, 1e-5, 1e-7, 1e-9, 1e-10, 1e-11, 1e-12)
-SPAN, HALVED = 100.0, 3
-#: Method -> the numbers of steps of a unit of time; of a method that can do the problem.  From one to the next the
-#: error falls by at most two decades: the order times the logarithm of the factor.
+#: How often intermediate rungs are inserted between neighbours whose errors differ by a factor of `SPAN` or more.
+HALVED = 3
+#: Method -> steps in a unit of time of each rung; methods that cannot integrate a problem are left out there.  From
+#: one rung to the next the error should fall by at most two decades, for the method's order.
 LADDERS = {
     "stormer-verlet": (2, 5, 10, 30),
     "blanes-moan-srkn6b": (2, 4, 8, 16),
@@ -42,15 +42,15 @@ LADDERS = {
     "sofroniou-spaletta-10": (1, 1.5, 2, 3, 4, 6, 8),
     "sofroniou-spaletta-10-adaptive": (0.5, 0.75, 1, 1.5, 2.25, 3),
 }
-#: On Kepler's problem, whose pericentre is passed at short steps, more of each.
+#: Factor on these numbers of steps, for problems that need shorter steps.
 SHORTER = {"kepler": 4}
-#: heyoka's tolerances, a factor of ten apart, and the least, before any is put between.
+#: heyoka's tolerances before intermediate ones are inserted: a factor of ten apart, and the smallest.
 TOLERANCES = (*(float(f"1e-{k}") for k in range(2, 16)), 2.220446049250313e-16)
 PEER = "heyoka-batch"
 
 
 class Rung(NamedTuple):
-    """A run of a ladder: whose it is, whether its size is a step (``h``) or a tolerance (``tol``), and the size."""
+    """A run of a ladder: the integrator's label, the kind of its size (step ``h`` or tolerance ``tol``), the size."""
 
     who: str
     kind: str
@@ -58,15 +58,15 @@ class Rung(NamedTuple):
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each problem."""
+    """The measurements (`Cell`): one for each problem."""
     return [
         Cell(
             "ensembles",
             (TABLE,),
             {"problem": problem(name).label},
-            measured,
+            measure_rows,
             (name,),
-            content(TABLE, *map(method, LADDERS), BY_ID[PEER], Problem(name), code=[__name__]),
+            content(TABLE, *map(method, LADDERS), BY_ID[PEER], ProblemKey(name), code=[__name__]),
             frozenset({name.partition(":")[0], PEER, *LADDERS}),
             ALONE,
             own=True,
@@ -76,11 +76,11 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def exact(system, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
-    """The end states in long double, rounded: array (n, 2 d)."""
+    """Reference end states by heyoka in long double, rounded: array (n, 2 d); raises Unavailable without it."""
     from phasebench.reference.solvers import taylor
 
     try:
-        long, _ = taylor.extended()
+        long, _ = taylor.extended_types()
     except taylor.ReferenceFailed as error:
         raise Unavailable(str(error)) from None
     ta = taylor.integrator(system, long)
@@ -93,7 +93,7 @@ def exact(system, Q: np.ndarray, P: np.ndarray) -> np.ndarray:
 
 
 def _batches(system, tol: float, width: int, y: np.ndarray) -> Callable[[], np.ndarray]:
-    """A function that carries the states y, array (n, 2 d), to the end in batches of ``width``."""
+    """A function that integrates the states y, array (n, 2 d), to `T_END` in heyoka batches of ``width``."""
     import heyoka as hy
 
     from phasebench.reference.solvers import taylor
@@ -115,6 +115,8 @@ def _batches(system, tol: float, width: int, y: np.ndarray) -> Callable[[], np.n
 
 
 def _ours(system, id: str, h: float, Q, P) -> Callable[[], np.ndarray]:
+    """A function that integrates the ensemble to `T_END`; NaN for orbits that fail."""
+
     def run() -> np.ndarray:
         e = integrate_ensemble(system, id, Q, P, t_end=T_END, steps=round(T_END / h), threads=1)
         return np.where((e.status == "ok")[:, None], np.hstack([e.q, e.p]), np.nan)
@@ -123,14 +125,14 @@ def _ours(system, id: str, h: float, Q, P) -> Callable[[], np.ndarray]:
 
 
 def widths() -> tuple[int, ...]:
-    """heyoka's own choice of lanes for this processor, and twice as many."""
+    """heyoka's recommended number of lanes on this processor, and twice that."""
     import heyoka as hy
 
     return hy.recommended_simd_size(), 2 * hy.recommended_simd_size()
 
 
-def measured(name: str) -> Rows:
-    """The error and the cost of every rung of every ladder."""
+def measure_rows(name: str) -> Rows:
+    """Measure the error and the cost of every rung of every ladder, intermediate rungs included."""
     found = problem(name)
     system, (Q, P) = found.system, starts(found, ORBITS)
     truth = exact(system, Q[:JUDGED], P[:JUDGED])
@@ -138,18 +140,18 @@ def measured(name: str) -> Rows:
     ladders = {id: rungs for id, rungs in LADDERS.items() if method(id).lacks(system) is None}
     batches, both = {f"heyoka, {width} lanes": width for width in widths()}, np.hstack([Q, P])[:JUDGED]
 
-    def made(who: str, kind: str, value: float) -> Callable[[], np.ndarray]:
+    def callable_for(who: str, kind: str, value: float) -> Callable[[], np.ndarray]:
         return _batches(system, value, batches[who], both) if kind == "tol" else _ours(system, who, value, Q, P)
 
     asked = [Rung(id, "h", 1 / (k * factor)) for id, rungs in ladders.items() for k in rungs]
     asked += [Rung(who, "tol", tol) for who in batches for tol in TOLERANCES]
     work, errors = {}, {}
     for _ in range(1 + HALVED):
-        work |= {rung: made(*rung) for rung in asked}
+        work |= {rung: callable_for(*rung) for rung in asked}
         errors |= {rung: worst(work[rung](), truth) for rung in asked}
         asked = between(errors)
     errors = {rung: errors[rung] for rung in in_order(errors)}
-    seconds = in_turns({key: _clocked(run) for key, run in work.items()}, ROUNDS)
+    seconds = time_in_turns(work, ROUNDS)
     rows = []
     for rung, error in errors.items():
         who, kind, value = rung
@@ -162,13 +164,13 @@ def measured(name: str) -> Rows:
 
 
 def in_order(rungs: Iterable[Rung]) -> list[Rung]:
-    """The ladders one after the other, each from its longest step or its loosest tolerance on."""
+    """Sort rungs by integrator, then from the longest step or the loosest tolerance on."""
     first = list(dict.fromkeys(rung.who for rung in rungs))
     return sorted(rungs, key=lambda rung: (first.index(rung.who), -rung.value))
 
 
 def between(errors: Mapping[Rung, float]) -> list[Rung]:
-    """Rungs half way between neighbours of a ladder that enclose one of `ERRORS` and are `SPAN` or more apart."""
+    """The rungs to insert: between neighbours whose errors enclose one of `ERRORS` and are `SPAN` or more apart."""
     out = []
     for a, b in pairwise(in_order(errors)):
         low, high = sorted((errors[a], errors[b]))
@@ -182,24 +184,15 @@ def between(errors: Mapping[Rung, float]) -> list[Rung]:
 
 
 def worst(ends: np.ndarray, truth: np.ndarray) -> float:
-    """The error of the worst of the judged orbits; not a number where one of them did not arrive.
+    """The error of the worst orbit; NaN if any orbit did not arrive.
 
     Parameters
     ----------
-    ends, truth : arrays (n, 2 d), (m, 2 d) with m <= n, of which the first m are judged
+    ends, truth : arrays (n, 2 d), (m, 2 d) with m <= n; the first m ends are compared
     """
     return float(np.abs(ends[: len(truth)] - truth).max())
 
 
 def orbits_of(kind: str) -> int:
-    """How many orbits one run carries to the end: heyoka's, told by its tolerance, or ours."""
+    """The number of orbits of one run, by the kind of its rung: heyoka's (``tol``) or ours (``h``)."""
     return JUDGED if kind == "tol" else ORBITS
-
-
-def _clocked(run) -> Callable[[], float]:
-    def seconds() -> float:
-        began = time.perf_counter()
-        run()
-        return time.perf_counter() - began
-
-    return seconds

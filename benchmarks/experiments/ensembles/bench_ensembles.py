@@ -1,20 +1,20 @@
-"""Ensembles: every time is of orbits that arrived, and lanes end where the scalar kernel ends."""
+"""Ensembles: every orbit arrives, and SIMD lanes end where the scalar kernel ends."""
 
 from __future__ import annotations
 
 from phasebench.benchmarks.experiments.ensembles import against, lanes, maps
 
-#: Of a regular motion over these steps: a sine that rounds otherwise in the last bit moves the end by no more.
+#: The largest distance allowed between ends: sines that differ in the last bit move a regular orbit by less.
 APART = 1e-11
 
 
 def cells(quick: bool = False) -> list:
-    """The steps' costs, the costs beside heyoka's batches, the maps."""
+    """The measurements of `lanes`, `against` and `maps`."""
     return lanes.cells(quick) + against.cells(quick) + maps.cells(quick)
 
 
 def off(rows) -> list[str]:
-    """Ensembles that do not arrive, or end elsewhere than the scalar kernel."""
+    """A line for each ensemble that does not arrive, or ends away from the scalar kernel."""
     out = []
     for r in rows:
         if r["method"] == lanes.CEILING:
@@ -27,22 +27,22 @@ def off(rows) -> list[str]:
     return out
 
 
-def bench_lanes(measured):
-    """Every lane arrives where the scalar kernel does."""
-    wrong = off(measured(lanes.TABLE))
+def bench_lanes(measured_rows):
+    """Every lane ends where the scalar kernel ends."""
+    wrong = off(measured_rows(lanes.TABLE))
     assert not wrong, "\n".join(wrong)
 
 
-def bench_against(measured):
-    """Both sides reach small errors: the comparison is one of working integrators."""
-    rows = measured(against.TABLE)
+def bench_against(measured_rows):
+    """Both sides reach an error of 1e-6 on every problem, so that the comparison is one of working integrators."""
+    rows = measured_rows(against.TABLE)
     for problem in {r["problem"] for r in rows}:
         for side in ("ours", "heyoka"):
             least = min(r["error"] for r in rows if (r["problem"], r["side"]) == (problem, side) and r["error"] >= 0)
             assert least < 1e-6, (problem, side, least)
 
 
-def bench_maps(measured):
-    """The section keeps the energy."""
-    wrong = [r["line"] for r in measured(maps.TABLE) if r["map"] == maps.SECTION and not r["energy error"] < 1e-5]
+def bench_maps(measured_rows):
+    """The states on the Poincare section have the energy of the start."""
+    wrong = [r["line"] for r in measured_rows(maps.TABLE) if r["map"] == maps.SECTION and not r["energy error"] < 1e-5]
     assert not wrong, wrong

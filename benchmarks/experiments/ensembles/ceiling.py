@@ -1,4 +1,4 @@
-"""What a machine's cores give at best: a loop without memory, without Python, on one of them and on all."""
+"""The best speed-up that a machine's cores give: a compiled loop that needs neither memory nor Python."""
 
 from __future__ import annotations
 
@@ -10,29 +10,30 @@ import numpy as np
 from numba import types
 
 from phasebench.benchmarks.measure.timing import Median, in_turns, ratio
-from phasebench.integrators.engine import machine
-from phasebench.integrators.engine.kernel import entry
+from phasebench.integrators.compile import machine
+from phasebench.integrators.stepping.kernel import entry
 
-#: Oscillators side by side, in the fastest memory; their steps take some 0.1 s.
+#: Number of oscillators (they fit into the first-level cache), steps (some 0.1 s in all), and step size.
 WIDTH, STEPS, H = 64, 4_000_000, 0.01
 
 
 def _loop(state, steps, h):
+    """Leapfrog steps of independent oscillators; state is an array (2, n) of q and p."""
     for _ in range(steps):
         for i in range(state.shape[1]):
             state[1, i] -= h * state[0, i]
             state[0, i] += h * state[1, i]
 
 
-def compiled() -> Callable:
-    """The loop; it needs no lock of the interpreter."""
+def compile_loop() -> Callable:
+    """The compiled loop, which releases the interpreter's lock."""
     signature = types.void(types.Array(types.float64, 2, "C"), types.int64, types.float64)
     return entry(machine.compiled(_loop, signature, {"nogil": True, "error_model": "numpy"}, "ceiling"))
 
 
 def speed_up(cores: int, rounds: int, steps: int = STEPS) -> Median:
-    """How many times as much a bare loop does on so many threads as on one, in turns."""
-    loop = compiled()
+    """Measure how much more work the loop does on ``cores`` threads than on one, in alternating rounds."""
+    loop = compile_loop()
 
     def work() -> None:
         loop(np.ones((2, WIDTH)), steps, H)

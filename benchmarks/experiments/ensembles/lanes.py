@@ -1,4 +1,4 @@
-"""What an orbit's step costs in lanes beside the scalar kernel, and on all cores beside one, each in one run."""
+"""The cost of an orbit's step in SIMD lanes against the scalar kernel, and on all cores against one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from phasebench.benchmarks.measure.timing import in_turns, median, ratio
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import integrate, warm
 from phasebench.integrators.ensemble import cores, integrate_ensemble
 from phasebench.integrators.registry import method
@@ -17,11 +17,11 @@ from phasebench.integrators.registry import method
 from . import ceiling
 
 TABLE = "ensembles"
-#: Orbits of an ensemble in lanes, rounds of the competitors in turns, orbits that are compared with the scalar kernel.
+#: Orbits of an ensemble, alternating rounds of timing, orbits whose ends are compared with the scalar kernel's.
 ORBITS, ROUNDS, COMPARED = 1024, 11, 16
 SPREAD = 0.01
 H = 0.01
-#: (problem, method, parameters, steps in lanes): some 0.1 s on one core, so that to begin on another is no part of it.
+#: (problem, method, parameters, steps): some 0.1 s on one core, so that starting threads costs nothing beside it.
 CASES = (
     ("henon-heiles:box", "stormer-verlet", (), 100_000),
     ("henon-heiles:box", "blanes-moan-srkn11b", (), 10_000),
@@ -32,14 +32,14 @@ CASES = (
     ("kepler", "stormer-verlet", (), 50_000),
     ("kepler", "scheme-iii", (("lam", "1/3"),), 6000),
 )
-#: (problem, method, steps, orbits) of a method that does not run in lanes: what the cores alone give.
+#: (problem, method, steps, orbits) for a method without lanes, which gains from the cores alone.
 ALONE_CASES = (("henon-heiles:box", "avf", 100_000, 8),)
-#: The row of what the cores give at best.
+#: Label of the row with the best possible speed-up (`ceiling`).
 CEILING = "(a bare loop)"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method on each problem."""
+    """The measurements (`Cell`): one for each method on each problem, and one for the ceiling."""
     in_lanes = [(*case, ORBITS) for case in CASES]
     alone = [(name, id, (), steps, n) for name, id, steps, n in ALONE_CASES]
     return [_cell(*case) for case in (*in_lanes, *alone)] + [_ceiling_cell()]
@@ -51,9 +51,9 @@ def _cell(name: str, id: str, parameters: tuple, steps: int, n: int) -> Cell:
         "ensembles",
         (TABLE,),
         {"problem": problem(name).label, "method": chosen.label},
-        measured,
+        measure_rows,
         (name, id, parameters, steps, n),
-        content(TABLE, chosen, Problem(name), steps, n, code=[__name__]),
+        content(TABLE, chosen, ProblemKey(name), steps, n, code=[__name__]),
         frozenset({name.partition(":")[0], id, TABLE}),
         ALONE,
         own=True,
@@ -76,20 +76,20 @@ def _ceiling_cell() -> Cell:
 
 
 def ceiling_row() -> Rows:
-    """How many times as much all cores do as one, where nothing but a loop runs on them."""
+    """The row of the speed-up of a bare loop on all cores."""
     available = cores()
     row = {"problem": "", "method": CEILING, "in lanes": False, "cores": available, "status": "ok"}
     return {TABLE: [row | _with_interval("speed-up", ceiling.speed_up(available, ROUNDS))]}
 
 
 def starts(found, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """n initial states around a problem's own, arrays (n, d)."""
+    """n initial states within `SPREAD` of the problem's own, arrays (n, d)."""
     random = np.random.default_rng(0)
     return tuple(np.array(x) + SPREAD * random.uniform(-1, 1, (n, found.system.d)) for x in (found.q0, found.p0))
 
 
-def measured(name: str, id: str, parameters: tuple, steps: int, n: int) -> Rows:
-    """Nanoseconds of an orbit's step: the scalar kernel, the ensemble on one core, and on all."""
+def measure_rows(name: str, id: str, parameters: tuple, steps: int, n: int) -> Rows:
+    """Measure nanoseconds of an orbit's step: with the scalar kernel, in an ensemble on one core, and on all."""
     found, chosen = problem(name), method(id, **dict(parameters))
     Q, P = starts(found, n)
 
@@ -99,7 +99,7 @@ def measured(name: str, id: str, parameters: tuple, steps: int, n: int) -> Rows:
     available = cores()
     first = integrate_ensemble(found, chosen, Q, P, h=H, steps=steps)  # compiles, and is compared
     single = warm(found, chosen, h=H, steps=steps)
-    work = {"scalar": _clocked(single, steps), "one": ensemble(1), "all": ensemble(available)}
+    work = {"scalar": _clock(single, steps), "one": ensemble(1), "all": ensemble(available)}
     times = in_turns(work, ROUNDS)
     row = {"problem": found.label, "method": chosen.label, "orbits": n, "steps": steps, "h": H}
     row |= {"in lanes": bool(first.in_lanes.all()), "cores": available}
@@ -113,7 +113,9 @@ def measured(name: str, id: str, parameters: tuple, steps: int, n: int) -> Rows:
     }
 
 
-def _clocked(run, steps: int) -> Callable[[], float]:
+def _clock(run, steps: int) -> Callable[[], float]:
+    """A function that runs once and returns the seconds of a step."""
+
     def seconds() -> float:
         began = time.perf_counter()
         run()
@@ -123,11 +125,12 @@ def _clocked(run, steps: int) -> Callable[[], float]:
 
 
 def _with_interval(column: str, value) -> dict:
+    """The columns of a value and its interval."""
     return {column: value.value, f"{column}, low": value.low, f"{column}, high": value.high}
 
 
 def _differences(found, chosen, ensemble, Q, P, steps: int) -> dict:
-    """How many of some orbits end where `integrate` ends, to the last bit, and the largest distance."""
+    """Compare the ends of some orbits with `integrate`: how many agree to the last bit, and the largest distance."""
     same, largest = 0, 0.0
     for i in range(min(COMPARED, len(Q))):
         s = integrate(found, chosen, h=H, steps=steps, q0=Q[i], p0=P[i], save_every=0)

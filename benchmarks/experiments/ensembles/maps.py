@@ -1,17 +1,17 @@
-"""Maps of Henon-Heiles at one energy: a Poincare section of 100 orbits, and the chaos of 100 x 100 starts.
+"""Maps of Henon-Heiles at one energy: a Poincare section of 100 orbits, and the chaos of a grid of 100 x 100 starts.
 
-The section is q1 = 0, p1 > 0.  The second map integrates each start of a grid on that plane beside a neighbour at the
-distance `APART`: the logarithm of how much farther apart they are in the end is small where the motion is regular (it
-grows as log t) and large where it is chaotic.
+The section is q1 = 0, p1 > 0.  The second map integrates each start of a grid on that plane with a neighbour at the
+distance `APART`; the logarithm of the growth of their distance is small where the motion is regular (it grows as log t)
+and large where it is chaotic.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from phasebench.benchmarks.experiments.talks.measure import packed
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
+from phasebench.benchmarks.store.arrays import pack
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, content
 from phasebench.integrators.ensemble import integrate_ensemble
 from phasebench.integrators.registry import method
 from phasebench.integrators.section import section
@@ -27,15 +27,15 @@ CORNERS = ((-0.45, -0.5), (0.7, 0.5))
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each map."""
+    """The measurements (`Cell`): one for each map."""
     return [
         Cell(
             "ensembles",
             (TABLE,),
             {"map": name},
-            measured,
+            measure_rows,
             (name,),
-            content(TABLE, name, method(METHOD), Problem(PROBLEM), code=[__name__]),
+            content(TABLE, name, method(METHOD), ProblemKey(PROBLEM), code=[__name__]),
             frozenset({PROBLEM, METHOD}),
             ALONE,
             own=True,
@@ -45,14 +45,14 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def on_plane(q2: np.ndarray, p2: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The states (0, q2), (p1, p2) with p1 > 0 of the energy, arrays (n, 2); NaN where there is none."""
+    """The states (0, q2), (p1, p2) with p1 > 0 and H = `ENERGY`, arrays (n, 2); NaN where there is none."""
     with np.errstate(invalid="ignore"):
         p1 = np.sqrt(2 * ENERGY - q2**2 + 2 * q2**3 / 3 - p2**2)
     return np.stack([0 * q2, q2], axis=1), np.stack([p1, p2], axis=1)
 
 
-def scattered(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """n starts on the plane, anywhere."""
+def random_starts(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """n random starts on the plane, arrays (n, 2)."""
     random = np.random.default_rng(1)
     Q, P = on_plane(*(random.uniform(low, high, 20 * n) for low, high in zip(*CORNERS, strict=True)))
     there = np.isfinite(P[:, 0])
@@ -60,26 +60,27 @@ def scattered(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def grid() -> tuple[np.ndarray, np.ndarray]:
-    """The starts of the grid, a row of p2 after the other."""
+    """The starts of the grid, arrays (n, 2), one row of constant p2 after the other."""
     (left, low), (right, high) = CORNERS
     q2, p2 = np.meshgrid(np.linspace(left, right, SIDE), np.linspace(low, high, SIDE))
     return on_plane(q2.ravel(), p2.ravel())
 
 
-def measured(name: str) -> Rows:
+def measure_rows(name: str) -> Rows:
     """The rows of a map."""
     return {TABLE: _section() if name == SECTION else _chaos()}
 
 
 def _section() -> list[dict]:
+    """The rows of the Poincare section, one for each orbit."""
     made = problem(PROBLEM)
-    Q, P = scattered(ORBITS)
+    Q, P = random_starts(ORBITS)
     section(made, METHOD, Q, P, of="q1", h=STEP, steps=4)  # compiles
     found = section(made, METHOD, Q, P, of="q1", h=STEP, t_end=LONG)
     rows = []
     for i in range(ORBITS):
         mine = np.flatnonzero(found.orbit == i)[:CROSSINGS]
-        row = {"map": SECTION, "line": i, "x": packed(found.q[mine, 1], 4), "y": packed(found.p[mine, 1], 4)}
+        row = {"map": SECTION, "line": i, "x": pack(found.q[mine, 1], 4), "y": pack(found.p[mine, 1], 4)}
         energies = made.system.observe(made.system.H, found.q[mine], found.p[mine])
         row |= {"energy error": float(np.abs(energies - ENERGY).max()), "crossings": len(mine)}
         rows.append(row | {"status": found.status[i], "seconds": found.seconds, "orbits": ORBITS})
@@ -87,6 +88,7 @@ def _section() -> list[dict]:
 
 
 def _chaos() -> list[dict]:
+    """The rows of the map of chaos, one for each line of the grid."""
     made = problem(PROBLEM)
     Q, P = grid()
     inside = np.isfinite(P[:, 0])
@@ -100,6 +102,6 @@ def _chaos() -> list[dict]:
     value[inside] = np.where(ended, np.log(np.maximum(np.linalg.norm(a - b, axis=1), 1e-300) / APART), np.nan)
     rows = []
     for i, line in enumerate(value.reshape(SIDE, SIDE)):
-        row = {"map": GRID, "line": i, "x": "", "y": packed(line, 3), "energy error": np.nan, "crossings": 0}
+        row = {"map": GRID, "line": i, "x": "", "y": pack(line, 3), "energy error": np.nan, "crossings": 0}
         rows.append(row | {"status": "ok", "seconds": ensemble.seconds, "orbits": len(ensemble)})
     return rows

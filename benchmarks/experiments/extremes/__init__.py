@@ -1,1 +1,1 @@
-"""How far can a method be pushed: where it is stable, where it breaks, and how."""
+"""How far can a method be pushed: where is it stable, where does it fail, and how?"""

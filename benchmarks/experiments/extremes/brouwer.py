@@ -1,14 +1,14 @@
-r"""Brouwer's law: how round-off grows over long times, on the oscillator, where the step map is known exactly.
+r"""Brouwer's law: the growth of round-off over long times, on the oscillator, where the step map is known exactly.
 
 A linear symplectic step y -> M y with trace 2 cos(theta) turns :math:`w = M_{pq} q + (e^{i\theta} - M_{qq}) p` by
 theta: |w|^2 is kept exactly and arg w grows by theta a step.  M is computed in extended precision from the method's
-coefficients and the double h; what a run does to |w| and arg w besides is round-off.  With unbiased rounding the
-energy's error grows as n^(1/2), with compensated increments from :math:`\epsilon h \sqrt n` (epsilon the unit
-round-off), and the phase's as n^(3/2) where the frequency depends on the energy (Brouwer 1937): here it does not, see
-`brouwer_kepler`.  The control is Stormer-Verlet by plain sums.
-Next to a fraction of a small denominator (h = 0.01 and 0.1, lambda = 1/3) the lost parts of the state, which velocity
-and force do not see, take few values, whose mean is not zero: the energy drifts.  The same runs a little beside the
-fraction, and `brouwer_controls`, show that it is so.
+coefficients and the double h; any other change of |w| and arg w in a run is round-off.  With unbiased rounding the
+energy's error grows as n^(1/2), from :math:`\epsilon h \sqrt n` with compensated increments (epsilon the unit
+round-off), and the phase's as n^(3/2) where the frequency depends on the energy (Brouwer 1937); here it does not, see
+`brouwer_kepler`.  The control is Stormer-Verlet with plain sums.
+If h or lambda is close to a fraction with a small denominator (h = 0.01 and 0.1, lambda = 1/3), the rounded-off parts
+of the state, which velocity and force do not see, take few values, whose mean is not zero: the energy drifts.  The same
+runs slightly off the fraction, and those of `brouwer_controls`, confirm this explanation.
 
 Source: D. Brouwer, Astron. J. 46 (1937) 149-153; Hairer, Lubich, Wanner, Geometric Numerical Integration (2006),
 VIII.5.
@@ -22,7 +22,7 @@ import mpmath
 import numpy as np
 
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.ensemble import integrate_ensemble
 
 from . import brouwer_controls as controls
@@ -31,23 +31,23 @@ from .exact_maps import exact_matrix
 from .methods import record
 
 PROBLEM, CONTROL = "harmonic-oscillator", controls.PLAIN
-#: The starts with their seed, the rows of a run, the doublings of time that are fitted, resampled fits.
+#: Number of starts, their seed, rows of a run, points in the fit of an exponent (each at twice the time), resamples.
 STARTS, SEED, ROWS, FITTED, DRAWN = 100, 1937, 1024, 7, 400
-#: Steps: of no pattern, exact in binary, next to fractions of small denominators, and a little beside these.
+#: Step sizes: without a pattern, a power of two, two simple fractions, and a factor that moves slightly off them.
 PLAIN, BINARY, DECIMAL, TENTH = 0.0123456789, 2.0**-7, 0.01, 0.1
 ASIDE = 1 + 2.0**-40
-#: The parameter 1/3, and one that is a little beside it.
+#: lambda = 1/3, and a value slightly off it.
 THIRD, BESIDE = "1/3", "0.3333333333"
-#: What a run is of.
+#: Kinds of runs.
 USUAL, FRACTION, ASIDE_OF, HAND = "usual", "fraction", "beside a fraction", "by hand"
 UNBIASED = (USUAL, ASIDE_OF)
 DIGITS, PLACES = 50, 160
 EPS = 2.0**-53
-#: A mean square error below this is none.
+#: Floor of a mean square error, so that its logarithm is finite.
 TINY = 1e-40
 MOST, MANY, SOME, FEW = 10_240_000, 5_120_000, 1_024_000, 512_000
-#: (method, parameters, h, steps of a run): as many as take a few seconds; one of each family whose step is a symplectic
-#: matrix, then the fractions of small denominators and what is beside them.
+#: (method, parameters, h, steps): one method of each family whose step is a symplectic matrix, then simple fractions
+#: and values slightly off them; each run takes a few seconds.
 RUNS = (
     ("stormer-verlet", {}, PLAIN, MOST),
     ("stormer-verlet", {}, BINARY, MANY),
@@ -73,13 +73,13 @@ RUNS = (
     (controls.WHOLE, {}, DECIMAL, 2 * SOME),
     (CONTROL, {}, PLAIN, MANY),
 )
-#: The steps of the one long run.
+#: Steps of the single long run.
 LONG = 102_400_000
 TABLES = ("extremes_growth", "extremes_growth_curves")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method, and one for the long run."""
+    """The measurements (`Cell`): one for each ensemble of runs, one for the long run; none in the quick tier."""
     runs = [*RUNS, ("stormer-verlet", {}, PLAIN, LONG)]
     return [] if quick else [_cell(*run) for run in runs]
 
@@ -93,24 +93,25 @@ def _cell(id: str, values: dict, h: float, steps: int) -> Cell:
         values,
         h,
         steps,
-        Problem(PROBLEM),
+        ProblemKey(PROBLEM),
         code=[__name__, exact_maps.__name__, controls.__name__],
     )
     key = {"label": label(id, values), "h": h, "steps": steps}
-    return Cell("extremes", TABLES, key, measured, (id, values, h, steps), needs, frozenset({id}))
+    return Cell("extremes", TABLES, key, measure_rows, (id, values, h, steps), needs, frozenset({id}))
 
 
 def _method(id: str) -> str:
+    """The method whose step matrix applies: Stormer-Verlet for the hand-written controls."""
     return "stormer-verlet" if id in controls.KINDS else id
 
 
 def label(id: str, values: dict) -> str:
-    """A method with its parameters."""
+    """A method's id with its parameters."""
     return f"{id}({', '.join(f'{k}={v}' for k, v in values.items())})" if values else id
 
 
 def _kind(id: str, values: dict, h: float) -> str:
-    """Whether it is by hand, a fraction of a small denominator, beside one, or none of these."""
+    """The kind of a run: written by hand, at a simple fraction, slightly off one, or usual."""
     if id in controls.KINDS:
         return HAND
     if h in (DECIMAL, TENTH) or values.get("lam") == THIRD:
@@ -119,9 +120,9 @@ def _kind(id: str, values: dict, h: float) -> str:
 
 
 def errors(M, n, Q, P) -> tuple[np.ndarray, np.ndarray]:
-    """(relative errors of |w|^2, errors of the phase) at step numbers n of runs that begin with their first column.
+    """(relative errors of |w|^2, errors of the phase) at step numbers n, of runs whose first column is the start.
 
-    Doubles are integers times 2^-`PLACES`, and so is all that is made of them here: nothing is rounded but M and theta.
+    The arithmetic is exact, in integers times 2^-`PLACES`; only M and theta are rounded.
 
     Parameters
     ----------
@@ -132,7 +133,7 @@ def errors(M, n, Q, P) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     tuple
-        Two arrays (..., m)
+        Two arrays (..., m); the phase in radians
     """
     cosine = (M[0, 0] + M[1, 1]) / 2
     turn = mpmath.mpc(cosine, mpmath.sqrt(1 - cosine**2))
@@ -151,23 +152,23 @@ def errors(M, n, Q, P) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _integer(x) -> int:
-    """2^`PLACES` x, rounded."""
+    """2^`PLACES` x, rounded to an integer."""
     return int(mpmath.nint(mpmath.ldexp(x, PLACES)))
 
 
-#: 2^`PLACES` x of an array of doubles, exact where none is below 2^-100 and not 0.
+#: 2^`PLACES` x for an array of doubles; exact if no nonzero one is below 2^-100.
 _integers = np.frompyfunc(lambda x: int(math.ldexp(x, PLACES)), 1, 1)
 
 
 def starts_of(count: int) -> np.ndarray:
-    """Starts, an array (count, 2): any angle, amplitudes from 1/2 to 3/2."""
+    """Random starts (q, p), array (count, 2): uniform in angle, amplitudes from 1/2 to 3/2."""
     generator = np.random.default_rng(SEED)
     angle, size = generator.uniform(0, 2 * np.pi, count), generator.uniform(0.5, 1.5, count)
     return np.column_stack([size * np.cos(angle), size * np.sin(angle)])
 
 
 def runs(id: str, values: dict, h: float, steps: int, starts, rows: int = ROWS) -> tuple[np.ndarray, np.ndarray]:
-    """(Q, P), arrays (starts, rows + 1), of runs from all starts; in lanes where the method has them."""
+    """Integrate from all starts, array (n, 2): (Q, P), arrays (n, rows + 1); an ensemble except for the controls."""
     if id in controls.KINDS:
         run = controls.runner(id, h, rows)
         Q, P = zip(*(run(q, p, steps) for q, p in starts), strict=True)
@@ -177,8 +178,8 @@ def runs(id: str, values: dict, h: float, steps: int, starts, rows: int = ROWS) 
     return made.Q[:, :, 0], made.P[:, :, 0]
 
 
-def measured(id: str, values: dict, h: float, steps: int) -> Rows:
-    """The row of a method, and the rms errors of all starts over the number of steps."""
+def measure_rows(id: str, values: dict, h: float, steps: int) -> Rows:
+    """The row of a method, and the rms errors over all starts as a function of the number of steps."""
     rows = [0, *(ROWS // 2**k for k in range(9, -1, -1))]
     n = np.array(rows) * (steps // ROWS)
     starts = starts_of(STARTS if steps < LONG else 1)
@@ -192,7 +193,7 @@ def measured(id: str, values: dict, h: float, steps: int) -> Rows:
 
 
 def summary(n, h: float, energy, phase=None) -> dict:
-    """What a row says of the errors (starts, m) at step numbers n; ``phase`` where it is known."""
+    """The columns that summarize errors, arrays (starts, m), at step numbers n (m,); ``phase`` may be None."""
     rms = float(np.sqrt((energy[:, -1] ** 2).mean()))
     row = {"starts": len(energy), "energy rms": rms}
     if phase is not None:
@@ -208,14 +209,14 @@ def summary(n, h: float, energy, phase=None) -> dict:
 
 
 def curves(row: dict, n, energy, phase) -> list[dict]:
-    """The rms errors over the number of steps, as rows of the run that ``row`` is of."""
+    """The rms errors over the number of steps, as rows identified by the run in ``row``."""
     key = {name: row[name] for name in ("label", "h", "steps")}
     each = zip(n, np.sqrt((energy**2).mean(0)), np.sqrt((phase**2).mean(0)), strict=True)
     return [key | {"n": int(k), "energy": float(e), "phase": float(f)} for k, e, f in each]
 
 
 def growth(n, errors_) -> tuple[float, float, float]:
-    """(the exponent of the rms error over n, and its 95 % interval by resampled starts).
+    """Fit the exponent of n in the rms error: (exponent, low, high), with a 95 % interval by bootstrap over the starts.
 
     Parameters
     ----------

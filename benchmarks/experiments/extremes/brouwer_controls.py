@@ -1,7 +1,7 @@
-r"""Stormer-Verlet on the oscillator by hand, three ways: what of the arithmetic makes the energy drift.
+r"""Stormer-Verlet on the oscillator in three arithmetics, to find which rounding makes the energy drift.
 
-`PLAIN`: sums without compensation.  `HALF`: products exact in twice the digits (Veltkamp 1968; Dekker 1971) and sums
-compensated, while velocity and force see the state as rounded to a double.  `WHOLE`: they see its lost part as well.
+`PLAIN`: sums without compensation.  `HALF`: exact products in twice the digits (Veltkamp 1968; Dekker 1971) and
+compensated sums, while velocity and force see the state rounded to a double.  `WHOLE`: they see its lost part as well.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ SPLITTER = 2.0**27 + 1
 
 
 def plain(h: float, every: int, rows: int, q: float, p: float):
-    """Rows of states, by plain sums."""
+    """Integrate with plain sums: (Q, P), arrays (rows + 1,), a row after every ``every`` steps."""
     Q, P = np.empty(rows + 1), np.empty(rows + 1)
     Q[0], P[0] = q, p
     for i in range(rows):
@@ -27,7 +27,7 @@ def plain(h: float, every: int, rows: int, q: float, p: float):
 
 
 def careful(h: float, share: float, every: int, rows: int, q: float, p: float):
-    """Rows of states by exact products; ``share`` of the lost parts is seen by velocity and force."""
+    """Integrate with exact products; velocity and force see ``share`` (0 or 1) of the state's lost parts."""
     Q, P = np.empty(rows + 1), np.empty(rows + 1)
     Q[0], P[0] = q, p
     lost_q = lost_p = 0.0
@@ -57,7 +57,7 @@ def careful(h: float, share: float, every: int, rows: int, q: float, p: float):
 
 
 def runner(kind: str, h: float, rows: int):
-    """(q, p, steps) -> rows of states."""
+    """A compiled function (q, p, steps) -> (Q, P), arrays (rows + 1,), for one of `KINDS`."""
     import numba
 
     if kind == PLAIN:

@@ -1,11 +1,11 @@
-"""Brouwer's law for every method that is symplectic or keeps the energy: as many starts as `brouwer`, fewer steps.
+"""Brouwer's law for every method that is symplectic or keeps the energy: the starts of `brouwer`, with fewer steps.
 
-The energy's error is that of |w|^2 by the exact matrix of a step where it is known (`exact_maps`), else of H itself
-where a method keeps H.  A matrix in doubles would not do: |w|^2 then oscillates by more than the law.  The phase is
-told by the exact matrix alone.
+The energy's error is that of |w|^2 by the exact matrix of a step where that is known (`exact_maps`), otherwise, for a
+method that keeps H, the error of H.  A matrix in doubles would not do: |w|^2 would then oscillate by more than the law.
+The phase error needs the exact matrix.
 
-A state is known to a rounding, so that the law shows where eps h n^(1/2) is above eps: the step is eight times that of
-the long runs, and the runs may be short.
+A state is only known to a rounding, so that the law shows where eps h n^(1/2) is above eps.  The step is eight times
+that of the long runs, which lets the runs be short.
 """
 
 from __future__ import annotations
@@ -14,36 +14,36 @@ import mpmath
 import numpy as np
 
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
-from phasebench.integrators import lots
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
+from phasebench.integrators import batches
 from phasebench.integrators.registry import BY_ID, METHODS
 
 from . import brouwer, exact_maps
 
 H, ROWS = 0.0987654321, 64
-#: Steps of a run in lanes, of explicit substeps and of implicit ones; without lanes, and where a step is dearest.
+#: Steps of a run, by the cost of a step: explicit, implicit and composed methods in SIMD lanes, others, the slowest.
 EXPLICIT, IMPLICIT, COMPOSED, ALONE, DEAR = 524_288, 131_072, 32_768, 16_384, 4_096
-#: lambda is a little beside 1/3, next to which round-off drifts.
+#: lambda is slightly off 1/3, as round-off drifts at 1/3.
 BESIDE = {"lam": brouwer.BESIDE}
-#: How the energy's error is told.
+#: How the energy's error is measured.
 EXACT, ENERGY = "exact matrix", "energy"
 TABLE = "extremes_growth_every"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method."""
+    """The measurements (`Cell`): one for each method that is symplectic or keeps the energy; none in the quick tier."""
     return [] if quick else [_cell(m.id) for m in METHODS if m.symplectic or m.energy == "round-off"]
 
 
 def _cell(id: str) -> Cell:
     values = {name: x for name, x in BESIDE.items() if name in BY_ID[id].parameters}
-    needs = content("growth-every", BY_ID[id], values, Problem(brouwer.PROBLEM), code=[__name__])
+    needs = content("growth-every", BY_ID[id], values, ProblemKey(brouwer.PROBLEM), code=[__name__])
     key = {"label": brouwer.label(id, values), "h": H, "steps": steps_of(id)}
-    return Cell("extremes", (TABLE,), key, measured, (id, values, key["label"]), needs, frozenset({id}))
+    return Cell("extremes", (TABLE,), key, measure_rows, (id, values, key["label"]), needs, frozenset({id}))
 
 
 def steps_of(id: str) -> int:
-    """The steps of a run: more where one costs less."""
+    """The number of steps of a run: the cheaper a step, the more."""
     chosen = BY_ID[id]
     if chosen.family == "schemes_iv_v":
         return DEAR
@@ -56,8 +56,8 @@ def steps_of(id: str) -> int:
     return IMPLICIT if chosen.order <= 2 else COMPOSED
 
 
-def measured(id: str, values: dict, label: str) -> Rows:
-    """The row of a method; where it has no ensemble, with the reason."""
+def measure_rows(id: str, values: dict, label: str) -> Rows:
+    """The row of a method's ensemble; without an ensemble the row has the reason."""
     made, steps = problem(brouwer.PROBLEM), steps_of(id)
     row = {"label": label, "method": id, "h": H, "steps": steps, "reason": BY_ID[id].lacks(made.system) or ""}
     told = None if row["reason"] else how(id, values)
@@ -72,14 +72,14 @@ def measured(id: str, values: dict, label: str) -> Rows:
     by, M = told
     with mpmath.workdps(brouwer.DIGITS):
         energy, phase = (x[:, 1:] for x in brouwer.errors(M, n, Q[:, rows], P[:, rows]))
-    row |= {"by": by, "in lanes": lots.able(made.system, BY_ID[id])}
+    row |= {"by": by, "in lanes": batches.able(made.system, BY_ID[id])}
     return {TABLE: [row | brouwer.summary(n[1:], H, energy, phase if by == EXACT else None)]}
 
 
 def how(id: str, values: dict):
-    """(how the energy's error is told, the matrix of which |w|^2 is taken), or None."""
+    """(how the energy's error is measured, the matrix that defines |w|^2), or None where neither way applies."""
     with mpmath.workdps(brouwer.DIGITS):
-        if exact_maps.known(id):
+        if exact_maps.has_exact_map(id):
             return EXACT, exact_maps.exact_matrix(id, values, H)
-        # |w|^2 of a rotation is H
+        # |w|^2 of an exact rotation is H
         return (ENERGY, exact_maps.exact_matrix("deuflhard", {}, H)) if BY_ID[id].energy == "round-off" else None

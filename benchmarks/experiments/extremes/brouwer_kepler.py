@@ -1,9 +1,9 @@
-r"""Brouwer's law where the frequency depends on the energy: Wisdom-Holman's method on the Kepler problem, exact but for
-round-off.
+r"""Brouwer's law where the frequency depends on the energy: Wisdom-Holman's method on the Kepler problem.
 
-On the oscillator every orbit has one period, and a random walk of the energy leaves the phase a random walk of its own,
-n^(1/2).  Here a change of the energy changes the period: the mean anomaly M = E - e sin E drifts away as the sum of the
-walk, n^(3/2).  Energy, semi-axis and anomaly are taken from the rows in extended precision.
+The method solves this problem exactly, so that all errors are round-off.  On the oscillator every orbit has the same
+period, and a random walk of the energy gives the phase a random walk of its own, n^(1/2).  Here a change of the energy
+changes the period: the mean anomaly M = E - e sin E errs by the sum of the walk, n^(3/2).  Energy, semi-axis and
+anomaly are computed from the rows in extended precision.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import mpmath
 import numpy as np
 
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import integrate
 
 from . import brouwer
@@ -20,19 +20,21 @@ from .methods import record
 
 METHOD, PROBLEM = "wisdom-holman", "kepler"
 LABEL = f"{METHOD} on Kepler"
-#: The step, and steps of a run; eccentricities of the starts.
+#: Step size, steps of a run, range of the starts' eccentricities.
 H, STEPS, ECCENTRICITIES = 0.0987654321, 262_144, (0.1, 0.6)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """One cell."""
-    needs = content("growth-kepler", record(METHOD), Problem(PROBLEM), code=[__name__])
+    """The single measurement, of one ensemble; none in the quick tier."""
+    needs = content("growth-kepler", record(METHOD), ProblemKey(PROBLEM), code=[__name__])
     key = {"label": LABEL, "h": H, "steps": STEPS}
-    return [] if quick else [Cell("extremes", brouwer.TABLES, key, measured, (), needs, frozenset({METHOD, PROBLEM}))]
+    return (
+        [] if quick else [Cell("extremes", brouwer.TABLES, key, measure_rows, (), needs, frozenset({METHOD, PROBLEM}))]
+    )
 
 
 def elements(q, p) -> tuple:
-    """(semi-axis, mean anomaly) of a state of the Kepler problem, in the working precision."""
+    """(semi-major axis, mean anomaly) of a state q, p, (2,) each, of the Kepler problem, in the working precision."""
     x, y, u, v = (mpmath.mpf(float(c)) for c in (*q, *p))
     r = mpmath.sqrt(x**2 + y**2)
     a = 1 / (2 / r - u**2 - v**2)
@@ -41,7 +43,7 @@ def elements(q, p) -> tuple:
 
 
 def errors(n, Q, P, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """(relative errors of the energy, errors of the mean anomaly) at step numbers n; the first row is the start."""
+    """(relative errors of the energy, errors of the mean anomaly) at step numbers n; row 0 of Q, P is the start."""
     found = [elements(q, p) for q, p in zip(Q, P, strict=True)]
     a, first = found[0]
     rate = mpmath.mpf(h) / a ** mpmath.mpf(1.5)
@@ -50,14 +52,14 @@ def errors(n, Q, P, h: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _starts(count: int):
-    """Pericentres of a = 1 at any angle."""
+    """Random pericentres of orbits with semi-major axis 1: pairs q, p."""
     generator = np.random.default_rng(brouwer.SEED)
     for e, angle in zip(generator.uniform(*ECCENTRICITIES, count), generator.uniform(0, 2 * np.pi, count), strict=True):
         speed, c, s = ((1 + e) / (1 - e)) ** 0.5, np.cos(angle), np.sin(angle)
         yield ((1 - e) * c, (1 - e) * s), (-speed * s, speed * c)
 
 
-def measured() -> Rows:
+def measure_rows() -> Rows:
     """The row of the ensemble, and its curves."""
     made, every = problem(PROBLEM), STEPS // brouwer.ROWS
     rows = [0, *(brouwer.ROWS // 2**k for k in range(9, -1, -1))]
@@ -69,5 +71,5 @@ def measured() -> Rows:
             found.append(errors(n, s.q[rows], s.p[rows], H))
     energy, phase = (np.array([f[k] for f in found])[:, 1:] for k in (0, 1))
     row = {"label": LABEL, "h": H, "steps": STEPS, "kind": brouwer.USUAL} | brouwer.summary(n[1:], H, energy, phase)
-    del row["in units"]  # of the oscillator's rounding
+    del row["in units"]  # a unit that holds on the oscillator only
     return {brouwer.TABLES[0]: [row], brouwer.TABLES[1]: brouwer.curves(row, n[1:], energy, phase)}

@@ -1,15 +1,14 @@
-r"""Orbits on which methods are pushed, and how a run on one of them is judged.
+r"""The orbits on which methods are pushed to their largest step, and the judgement of a run.
 
-A run is lost where it ends badly, or where the energy error is as large as the terms of H are: the least of
-:math:`\sum_k |H_k|`, H = H_1 + H_2 + ..., along the orbit itself, as a run of `TRUTH` with a fine step gives it.
+A run fails if it ends badly, or if it loses the energy: its error is as large as the terms of H, the least of
+:math:`\sum_k |H_k|`, H = H_1 + H_2 + ..., along the orbit, computed by a run of `TRUTH` with a small step.
 
-A method that keeps the energy is not convicted by it.  Of a regular orbit a run is on a wrong one where a coordinate
-leaves the range that it has along the orbit by more than `MARGIN` of it, and has a wrong clock where its first
-coordinate crosses the middle of that range less than half or more than twice as often as along the orbit: a step that
-is longer than half a period cannot show the motion, whatever it keeps.  (An ellipse that turns leaves its range: of
-Kepler's only the clock is told.)  On other orbits a run is on a wrong one where a coordinate leaves the range that the
-energy allows.  Where the orbit itself escapes, a run that has escaped with its
-energy has done what it should.
+That does not convict a method that keeps the energy.  On a regular orbit a run is therefore also wrong if a coordinate
+leaves its range on the true orbit by more than `MARGIN` of it, and has a wrong clock if its first coordinate crosses
+the middle of that range less than half or more than twice as often as on the true orbit: steps longer than half a
+period cannot follow the motion, whatever they keep.  (An ellipse that precesses leaves its range: for Kepler only the
+clock is judged.)  On other orbits a run is wrong if a coordinate leaves the range that the energy allows.  If the orbit
+itself escapes, a run that escapes with its energy kept is right.
 """
 
 from __future__ import annotations
@@ -27,24 +26,24 @@ from phasebench.integrators.driver import OK, integrate
 
 LOST, WRONG, CLOCK = "energy-lost", "wrong-orbit", "wrong-clock"
 TRUTH, FINE, TIMES, LONGER = "dop853", 8, 400, 8000
-#: The share of a range that it may be left by; the crossings that a rate is told from, and how far it may be off.
+#: Share of its range by which a coordinate may leave it; crossings needed to judge a rate; the factor it may be off.
 MARGIN, CROSSINGS, OFF = 0.5, 8, 2.0
-#: Rows of a run that are looked at, and the seconds after which it counts as a failure.
+#: Rows of a run that are judged, and the seconds after which it counts as failed.
 SEEN, SECONDS = 1000, 4.0
 
 
 @dataclass(frozen=True)
 class Case:
-    """An orbit.
+    """An orbit on which methods are pushed.
 
     Attributes
     ----------
-    id, problem : a name, and the problem (with its orbit)
-    q, p : the start where not the problem's
-    bound : the largest |q| that the energy allows; None where it allows any
-    escapes : the |q| beyond which the orbit is gone for good, where it may go
-    ranged : whether it fills the range of its coordinates soon, and a good run does so too
-    timed : whether its first coordinate crosses the middle of its range, or ``middle``, at a steady rate
+    id, problem : the case's name, and the problem (with its orbit)
+    q, p : the start, if it is not the problem's
+    bound : the largest |q| that the energy allows; None if it allows any
+    escapes : the |q| beyond which an orbit that can escape is gone for good
+    ranged : whether the orbit soon fills the range of its coordinates, so that runs may be judged by it
+    timed : whether the first coordinate crosses the middle of its range, or ``middle``, at a steady rate
     """
 
     id: str
@@ -77,7 +76,7 @@ BY_ID = {c.id: c for c in CASES}
 
 @lru_cache(maxsize=32)
 def size(case: Case) -> float:
-    """The least sum of the sizes of H's terms along the orbit."""
+    """The minimum along the orbit of the sum of the absolute values of H's terms."""
     made = problem(case.problem)
     truth = integrate(made, TRUTH, h=made.pace.step / FINE, steps=TIMES, q0=case.q, p0=case.p)
     terms = sp.Add.make_args(sp.expand(made.system.H))
@@ -85,7 +84,7 @@ def size(case: Case) -> float:
 
 
 class Course(NamedTuple):
-    """The range of each coordinate along an orbit, and how often the first one crosses a value in a unit of time."""
+    """The range of each coordinate along an orbit, and how often in a unit of time the first one crosses ``middle``."""
 
     low: np.ndarray
     high: np.ndarray
@@ -95,7 +94,7 @@ class Course(NamedTuple):
 
 @lru_cache(maxsize=32)
 def course(case: Case) -> Course:
-    """The course of a regular orbit, by a long run of `TRUTH`."""
+    """Compute the course of a regular orbit, by a long run of `TRUTH`."""
     made = problem(case.problem)
     truth = integrate(made, TRUTH, h=made.pace.step / FINE, steps=LONGER, q0=case.q, p0=case.p)
     low, high = truth.q.min(axis=0), truth.q.max(axis=0)
@@ -104,12 +103,12 @@ def course(case: Case) -> Course:
 
 
 def crossings(x, middle: float) -> int:
-    """How often a series crosses a value."""
+    """The number of times that a series crosses a value."""
     return int(np.count_nonzero(np.diff(np.signbit(x - middle))))
 
 
 def strays(case: Case, Q, span: float, every_step: bool) -> str:
-    """`WRONG` or `CLOCK` where rows of a regular orbit over a time are on another one, else `OK`."""
+    """Judge rows Q over a time ``span`` by the course of the orbit: `OK`, `WRONG` or `CLOCK`."""
     known = course(case)
     room = MARGIN * (known.high - known.low)
     if case.ranged and ((known.low - room > Q).any() or (known.high + room < Q).any()):
@@ -120,8 +119,8 @@ def strays(case: Case, Q, span: float, every_step: bool) -> str:
     return OK if expected / OFF <= crossings(Q[:, 0], known.middle) <= expected * OFF else CLOCK
 
 
-def judged(case: Case, method: str, h: float, steps: int, parameters: dict | None = None) -> str:
-    """How a run ends: `OK`, a status of the driver, `LOST`, `WRONG` or `CLOCK`."""
+def judge_run(case: Case, method: str, h: float, steps: int, parameters: dict | None = None) -> str:
+    """Run a method on a case and judge it: `OK`, a status of the driver, `LOST`, `WRONG` or `CLOCK`."""
     made = problem(case.problem)
     s = integrate(
         made,

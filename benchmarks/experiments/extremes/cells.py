@@ -1,17 +1,17 @@
-"""All cells of this experiment."""
+"""The measurements (`Cell`) of all parts of this experiment."""
 
 from __future__ import annotations
 
-from phasebench.benchmarks.rows.cells import Cell
+from phasebench.benchmarks.store.cells import Cell
 
 from . import (
     brouwer,
     brouwer_every,
     brouwer_kepler,
+    close_encounters,
     edge,
     encounters,
     linear,
-    meetings,
     push,
     regions,
     resonances,
@@ -28,7 +28,7 @@ PARTS = (
     resonances,
     springs,
     encounters,
-    meetings,
+    close_encounters,
     stiff,
     push,
     linear,
@@ -36,5 +36,5 @@ PARTS = (
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The cells of every part."""
+    """The measurements of all parts."""
     return [cell for part in PARTS for cell in part.cells(quick)]

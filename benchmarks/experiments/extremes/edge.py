@@ -1,8 +1,8 @@
-"""Solvers at the edge: over (h, lambda) and (h, e), how an implicit equation is solved, or how it is not.
+"""Solvers at the edge of failure: maps over (h, lambda) and (h, e) of how implicit equations are solved, or not.
 
-Every point is a short run with one of the outcomes: solved by the fixed point, by Newton's method where the fixed point
-has stopped contracting, with roots of the energy's equation missed, solved but with the energy lost (a spurious
-solution, or another orbit), or the status with which it ended.
+Every point is a short run with one of these outcomes: solved by fixed-point iteration; solved by Newton's method where
+that no longer contracts; roots of the energy's equation missed; energy lost (a spurious solution, or another orbit); or
+the status with which the run ended.
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ import numpy as np
 
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.kepler import pericentre
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import OK, integrate
 
 from .methods import record
 
 FIXED_POINT, NEWTON, MISSED, LOST = "fixed point", "Newton", "roots missed", "energy lost"
 STEPS, SECONDS = 200, 1.0
-#: From this share of the steps on.
+#: Fallbacks or Newton solves count if they occur in more than this share of the steps.
 OFTEN = 0.01
 LAMBDAS = tuple(float(x) for x in np.linspace(-10, 11, 22))
 ECCENTRICITIES = tuple(float(x) for x in np.round(np.linspace(0, 0.98, 15), 3))
 H_PENDULUM = tuple(float(f"{x:.3g}") for x in np.geomspace(0.02, 6, 19))
 H_KEPLER = tuple(float(f"{x:.3g}") for x in np.geomspace(0.003, 3, 19))
-#: (method, problem, the name of what is varied besides h)
+#: (method, problem, the parameter that is varied besides h)
 MAPS = (
     ("scheme-i", "pendulum", "lam"),
     ("scheme-ii", "pendulum", "lam"),
@@ -36,18 +36,18 @@ TABLES = ("extremes_solvers",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each map."""
+    """The measurements (`Cell`): one for each map."""
     return [] if quick else [_cell(*of) for of in MAPS]
 
 
 def _cell(id: str, on: str, over: str) -> Cell:
-    needs = content("edge", record(id), Problem(on), LAMBDAS, ECCENTRICITIES, code=[__name__])
+    needs = content("edge", record(id), ProblemKey(on), LAMBDAS, ECCENTRICITIES, code=[__name__])
     key = {"method": id, "problem": on, "over": over}
-    return Cell("extremes", TABLES, key, measured, (id, on, over), needs, frozenset({id, on}))
+    return Cell("extremes", TABLES, key, measure_rows, (id, on, over), needs, frozenset({id, on}))
 
 
-def measured(id: str, on: str, over: str) -> Rows:
-    """The rows of a map."""
+def measure_rows(id: str, on: str, over: str) -> Rows:
+    """The rows of a map, one for each point."""
     values, steps = (LAMBDAS, H_PENDULUM) if over == "lam" else (ECCENTRICITIES, H_KEPLER)
     made, rows = problem(on), []
     for value in values:
@@ -62,12 +62,13 @@ def measured(id: str, on: str, over: str) -> Rows:
 
 
 def _pericentre(e: float):
+    """The start (q, p) of a Kepler orbit at its pericentre."""
     orbit = pericentre(e, ())
     return orbit.q, orbit.p
 
 
 def outcome(made, s) -> str:
-    """How a run went."""
+    """Classify a run: `LOST`, a status, `MISSED`, `NEWTON` or `FIXED_POINT`."""
     H = made.system.observe(made.system.H, s.q, s.p)
     with np.errstate(all="ignore"):
         if not np.abs(H - H[0]).max() <= max(abs(H[0]), 0.1):

@@ -1,9 +1,9 @@
-r"""Close encounters: the Kepler problem at e up to 0.999999, ten orbits from pericentre to apocentres.
+r"""Close encounters: the Kepler problem at e up to 0.999999, over ten orbits.
 
-The error is the distance from where the orbit is at its apocentres, over the distance of these from the centre; there,
-q = (-(a + c), 0) exactly, with the semi-axis a and the period :math:`2\pi a^{3/2}` of the doubles that the run starts
-from, in extended precision.  A method climbs a `LADDER` of steps until the error is below `HELD`; an adaptive peer
-takes tolerances.
+The error is the largest distance from the exact apocentres, relative to their distance from the centre.  There
+q = (-(a + c), 0) exactly; the semi-axis a and the period :math:`2\pi a^{3/2}` follow in extended precision from the
+doubles of the start, a pericentre.  A method is run at ever smaller steps (`LADDER`) until the error is at most `HELD`;
+an adaptive peer at ever smaller tolerances.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ import numpy as np
 
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, Unavailable, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, Unavailable, content
 from phasebench.integrators.driver import OK, SKIPPED
 from phasebench.integrators.registry import BY_ID
 from phasebench.reference.peers import BY_ID as PEERS
 
-from .methods import transformed
+from .methods import step_changing_methods
 
 ECCENTRICITIES = (0.9, 0.99, 0.999, 0.999999)
 HELD, ORBITS = 1e-6, 10
-#: Steps from an apside to the next.
+#: Numbers of steps from one apside to the next.
 LADDER = tuple(2**k for k in range(6, 17, 2))
 TOLERANCES = (1e-8, 1e-11, 1e-14)
-#: Beside those of `transformed`: cheap, of high order, implicit, made for Kepler.
+#: Methods with fixed steps: cheap ones, high orders, implicit ones, one made for Kepler.
 FIXED = (
     "symplectic-euler-p",
     "stormer-verlet",
@@ -52,17 +52,17 @@ TABLES = ("extremes_encounters",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each integrator."""
-    return [] if quick else [_cell(id) for id in (*FIXED, *transformed(), *OTHERS)]
+    """The measurements (`Cell`): one for each integrator; none in the quick tier."""
+    return [] if quick else [_cell(id) for id in (*FIXED, *step_changing_methods(), *OTHERS)]
 
 
 def _cell(id: str) -> Cell:
-    needs = content("encounters", BY_ID.get(id) or PEERS[id], Problem("kepler"), code=[__name__])
-    return Cell("extremes", TABLES, {"method": id}, measured, (id,), needs, frozenset({id}))
+    needs = content("encounters", BY_ID.get(id) or PEERS[id], ProblemKey("kepler"), code=[__name__])
+    return Cell("extremes", TABLES, {"method": id}, measure_rows, (id,), needs, frozenset({id}))
 
 
 def apocentre(q0, p0) -> tuple[float, float]:
-    """(half the period, the distance of the apocentre) of the orbit from the pericentre (q0, 0), (0, p0)."""
+    """(half the period, distance of the apocentre) of the orbit from the pericentre (q0, 0), (0, p0)."""
     with mpmath.workdps(40):
         r, v = mpmath.mpf(q0), mpmath.mpf(p0)
         a = 1 / (2 / r - v**2)
@@ -70,19 +70,19 @@ def apocentre(q0, p0) -> tuple[float, float]:
 
 
 def error(s, far: float) -> float:
-    """The largest relative distance from the apocentres at every other row, from the second one on."""
+    """The largest relative distance from the exact apocentre over rows 1, 3, 5, ...; infinite if rows are missing."""
     q = s.q[1::2]
     return float(np.hypot(q[:, 0] + far, q[:, 1]).max() / far) if len(q) >= ORBITS else np.inf
 
 
-def measured(id: str) -> Rows:
-    """The rows of an integrator: an eccentricity each."""
+def measure_rows(id: str) -> Rows:
+    """The rows of an integrator, one for each eccentricity: its first run within `HELD`, else its best."""
     rows = []
     for e in ECCENTRICITIES:
         made = problem("kepler", e=e)
         half, far = apocentre(made.q0[0], made.p0[1])
         chosen = integrator(id)
-        runs = _adaptive(chosen, made, half) if chosen.adaptive else _fixed(chosen, made, half, far)
+        runs = _adaptive(chosen, made, half) if chosen.adaptive else _ladder_runs(chosen, made, half, far)
         best = {"error": np.inf, "status": "", "asked": np.nan, "steps": 0}
         for asked, s in runs:
             if s.status == SKIPPED:
@@ -92,15 +92,16 @@ def measured(id: str) -> Rows:
                 best = {"error": found, "status": s.status, "asked": asked, "steps": s.counts["steps"]}
             if found <= HELD:
                 break
-        kind = "adaptive" if chosen.adaptive else "transformed" if id in transformed() else "fixed"
+        kind = "adaptive" if chosen.adaptive else "transformed" if id in step_changing_methods() else "fixed"
         rows.append({"method": id, "kind": kind, "e": e, "held": best["error"] <= HELD, **best})
     return {TABLES[0]: rows}
 
 
-def _fixed(chosen, made, half: float, far: float):
+def _ladder_runs(chosen, made, half: float, far: float):
+    """Yield (steps, solution) for each rung of the ladder."""
     last = np.inf
     for m in LADDER:
-        # The longest run is spared where the error before it is too large for one more rung of the ladder.
+        # The longest run is skipped if the error before it is too large for one more rung to suffice.
         if m == LADDER[-1] and not last <= HELD * (LADDER[-1] / LADDER[-2]) ** ((chosen.order or 2) + 1):
             return
         s = chosen.run(made, h=half / m, steps=(2 * ORBITS - 1) * m, save_every=m)
@@ -109,5 +110,6 @@ def _fixed(chosen, made, half: float, far: float):
 
 
 def _adaptive(chosen, made, half: float):
+    """Yield (tolerance, solution) for each tolerance."""
     for tol in TOLERANCES:
         yield tol, chosen.run(made, h=half, steps=2 * ORBITS - 1, tol=max(tol, chosen.record.least))

@@ -1,7 +1,7 @@
 r"""The matrix of a step on the oscillator in extended precision, from a method's coefficients and the double h.
 
-A coefficient that is rounded to a double makes another method, symplectic as well: |w|^2 of `brouwer` oscillates by it
-and does not grow, and the phase gains a part linear in time.
+Coefficients rounded to doubles make a slightly different method, also symplectic: |w|^2 of `brouwer` then oscillates
+without growing, and the phase error has a part linear in time.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from phasebench.integrators.coefficients.tableaus import runge_kutta
 from phasebench.integrators.registry import BY_ID, method
 from phasebench.integrators.systems import generating
 
-#: Methods of no coefficients that are another method on the oscillator, where gradients are linear.
+#: Methods that coincide with another method on the oscillator, where gradients are linear.
 SAME = dict.fromkeys(
     (
         *("avf", "gonzalez", "pavf", "pavf-adjoint", "pavf-p", "itoh-abe"),
@@ -27,17 +27,17 @@ SAME |= {f"{id}-yoshida-4": "implicit-midpoint-yoshida-4" for id in ("avf", "gon
 SAME |= {"avf-suzuki-4": "implicit-midpoint-suzuki-4", "variational-trapezoidal": "stormer-verlet"}
 SAME |= {f"variational-gauss-{s}": f"gauss-{s}" for s in (2, 3)}
 SAME |= {f"variational-lobatto-{s}": f"lobatto-iiia-iiib-{s}" for s in (3, 4)}
-#: Methods of a family below whose matrix is another one.
+#: Methods of the families below to which their formula does not apply.
 OTHERS = ("r-respa",)
 
 
-def known(id: str) -> bool:
-    """Whether the matrix of a method is known here."""
+def has_exact_map(id: str) -> bool:
+    """True if the matrix of a method can be computed here."""
     return id not in OTHERS and BY_ID[SAME.get(id, id)].family in BY_FAMILY
 
 
 def exact_matrix(id: str, values: dict, h: float):
-    """The matrix ((qq, qp), (pq, pp)) of a step of h, in the working precision."""
+    """The 2 x 2 matrix of a step of h on (q, p), in the working precision."""
     made, h = method(SAME.get(id, id), **values), mpmath.mpf(h)
     return BY_FAMILY[made.family](made.data, h)
 
@@ -47,6 +47,7 @@ def _number(x):
 
 
 def _parametric(data, h):
+    """The matrix of a composition of steps by generating functions, each with its own c h, mu and lambda."""
     order, substeps = data
     one, total = mpmath.mpf(1), mpmath.eye(2)
     for c, mu, lam in substeps:
@@ -60,7 +61,7 @@ def _parametric(data, h):
 
 
 def _generating(order: int, h, lam) -> list:
-    """The second derivatives by qq, qp and pp of the generating function of the oscillator, H for order 1."""
+    """The derivatives K_qq, K_qp, K_pp of the oscillator's generating function K; K is H for order 1."""
     if order == 1:
         return [mpmath.mpf(1), mpmath.mpf(0), mpmath.mpf(1)]
     q, p = sp.symbols("q p", real=True)
@@ -71,6 +72,7 @@ def _generating(order: int, h, lam) -> list:
 
 
 def _splitting(data, h):
+    """The matrix of a splitting into drifts and kicks."""
     drifts, kicks = ([*map(_number, part)] for part in data)
     total = mpmath.eye(2)
     for k in range(max(len(drifts), len(kicks))):
@@ -82,6 +84,7 @@ def _splitting(data, h):
 
 
 def _collocation(data, h):
+    """The matrix of a (partitioned) Runge-Kutta method, from its stage equations."""
     A, C, b, _ = runge_kutta(*data)
     s = len(b)
     left, start = mpmath.eye(2 * s), mpmath.matrix(2 * s, 2)  # Q - h A P = q, P + h C Q = p
@@ -95,6 +98,7 @@ def _collocation(data, h):
 
 
 def _rotation(data, h):
+    """The matrix of a method that is exact on the oscillator."""
     omega = mpmath.mpf(problem("harmonic-oscillator").parameters.get("omega", 1))
     c, s = mpmath.cos(h * omega), mpmath.sin(h * omega)
     return mpmath.matrix([[c, s / omega], [-omega * s, c]])

@@ -1,4 +1,4 @@
-"""The figures of the page of extremes."""
+"""The figures of the page on extremes."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.page import style
+from phasebench.benchmarks import style
 from phasebench.benchmarks.page.page import Picture
 
 from . import brouwer, brouwer_kepler, edge, encounters, stiff
 from . import brouwer_controls as controls
 
-#: The methods of the first figure, and how far its axis goes.
+#: Number of methods in the figure of stable intervals, and the end of its axis.
 BARS, LAST = 26, 10.0
-#: The runs of the figure of round-off: labels and steps.
+#: The runs in the figure of round-off: label and step size.
 GROWING = (
     ("stormer-verlet", brouwer.PLAIN),
     ("stormer-verlet", brouwer.DECIMAL),
@@ -30,9 +30,9 @@ GROWING = (
 
 
 def curves(axes, table: pd.DataFrame, by: str, x: str, y: str, names=None, span=(None, None)) -> None:
-    """A curve of y over x on logarithmic axes for each name in the column ``by``, at most as many as differ in looks.
+    """Draw y over x on logarithmic axes, a curve for each name in the column ``by``, as many as there are line styles.
 
-    Values are drawn at the ends of ``span`` where they lie beyond it.
+    Values beyond ``span`` are drawn at its ends.
     """
     for look, name in zip(style.looks(), dict.fromkeys(table[by] if names is None else names), strict=False):
         rows = table[table[by] == name].sort_values(x)
@@ -40,26 +40,26 @@ def curves(axes, table: pd.DataFrame, by: str, x: str, y: str, names=None, span=
 
 
 def best(table: pd.DataFrame, by: str, value: str, worst: bool = False) -> list:
-    """The names in a column by their least value, or by their largest, the smallest first."""
+    """The names in a column, sorted by their least value (``worst``: their largest)."""
     groups = table.groupby(by)[value]
     return list((groups.max() if worst else groups.min()).sort_values().index)
 
 
 def legend_below(axes) -> None:
-    """A legend under a panel, of the curves that it has."""
+    """Add a legend of its own curves below a panel."""
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
 
 
 def pieces(text) -> list[tuple[float, float]]:
-    """The intervals that a row holds as text; an open end is at infinity."""
+    """Parse intervals stored as text, "a..b c.."; an open end is infinite."""
     parts = [] if not isinstance(text, str) else [part.partition("..")[::2] for part in text.split()]
     return [(float(a), float(b) if b else math.inf) for a, b in parts]
 
 
-@style.drawn
+@style.styled
 def intervals(linear: pd.DataFrame, folder) -> Picture:
-    """The stable steps of methods with a limit, those with the most gaps first."""
+    """Stable intervals of h omega, for the methods with the most gaps between them."""
     known = linear[linear["intervals"].notna() & np.isfinite(linear["limit"]) & ~linear["label"].str.contains("lam=")]
     shown = known.sort_values(["gaps", "limit"], ascending=False).head(BARS).sort_values("limit")
     figure, ((axes,),) = style.panels(1, 1, 4.4)
@@ -75,9 +75,9 @@ def intervals(linear: pd.DataFrame, folder) -> Picture:
     return Picture(style.save(figure, folder, "extremes-intervals.png"), "stable steps", caption)
 
 
-@style.drawn
-def encountered(table: pd.DataFrame, folder) -> Picture:
-    """The best error within the budget over 1 - e."""
+@style.styled
+def encounter_errors(table: pd.DataFrame, folder) -> Picture:
+    """The error on Kepler orbits over 1 - e."""
     figure, (panels,) = style.panels(1, 2, 4.0, sharey=True)
     table = table.assign(near=1 - table["e"])
     for axes, fixed in zip(panels, (True, False), strict=True):
@@ -95,9 +95,9 @@ def encountered(table: pd.DataFrame, folder) -> Picture:
     return Picture(style.save(figure, folder, "extremes-encounters.png"), "close encounters", caption)
 
 
-@style.drawn
+@style.styled
 def stiffness(table: pd.DataFrame, folder) -> Picture:
-    """The change of the adiabatic invariant over h omega."""
+    """The largest change of FPU's adiabatic invariant over h omega."""
     omegas = sorted(table["omega"].unique())
     omegas = omegas[1::2] or omegas
     figure, (panels,) = style.panels(1, len(omegas), 3.4, sharey=True)
@@ -113,9 +113,9 @@ def stiffness(table: pd.DataFrame, folder) -> Picture:
     return Picture(style.save(figure, folder, "extremes-stiffness.png"), "stiffness", caption)
 
 
-@style.drawn
+@style.styled
 def growth(table: pd.DataFrame, folder) -> Picture:
-    """The rms errors over the number of steps."""
+    """The rms round-off errors of energy and phase over the number of steps."""
     figure, (panels,) = style.panels(1, 2, 3.8)
     drawn = {run: _run_name(*run) for run in GROWING}
     runs = [drawn.get(run) for run in zip(table["label"], table["h"], strict=True)]
@@ -140,9 +140,9 @@ def _run_name(label: str, h: float) -> str:
     return f"{label}, h = {h:.3g}{' (1 + 2^-40)' if beside else ''}"
 
 
-@style.drawn
+@style.styled
 def solvers(table: pd.DataFrame, folder) -> Picture:
-    """The outcomes over (h, lambda) and (h, e)."""
+    """Maps of the outcomes of implicit solvers over (h, lambda) and (h, e)."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
@@ -166,9 +166,9 @@ def solvers(table: pd.DataFrame, folder) -> Picture:
     return Picture(style.save(figure, folder, "extremes-solvers.png"), "solvers at the edge", caption)
 
 
-@style.drawn
+@style.styled
 def resonances(table: pd.DataFrame, folder) -> Picture:
-    """How much a step multiplies, over the two frequencies."""
+    """Maps of the growth factor of a step over the two frequencies of coupled oscillators."""
     methods = list(dict.fromkeys(table["method"]))
     figure, (panels,) = style.panels(1, len(methods), 2.3, sharey=True)
     for axes, id in zip(panels, methods, strict=True):
@@ -187,9 +187,9 @@ def resonances(table: pd.DataFrame, folder) -> Picture:
     return Picture(style.save(figure, folder, "extremes-resonances.png"), "two frequencies", caption)
 
 
-@style.drawn
+@style.styled
 def regions(table: pd.DataFrame, folder) -> Picture:
-    """|R(z)| = 1 in the complex plane."""
+    """Boundaries |R(z)| = 1 of stability regions in the complex plane."""
     x, y = np.meshgrid(np.linspace(-7.5, 12, 391), np.linspace(0, 8, 161))
     z = x + 1j * y
     figure, ((axes,),) = style.panels(1, 1, 3.0)
@@ -209,9 +209,9 @@ def regions(table: pd.DataFrame, folder) -> Picture:
     return Picture(style.save(figure, folder, "extremes-regions.png"), "stability regions", caption)
 
 
-@style.drawn
+@style.styled
 def lambdas(table: pd.DataFrame, folder) -> Picture:
-    """The largest step over lambda."""
+    """The largest step that survives over lambda, a panel for each orbit."""
     orbits = list(dict.fromkeys(table["orbit"]))
     figure, (panels,) = style.panels(1, len(orbits), 2.8, sharey=True)
     for axes, orbit in zip(panels, orbits, strict=True):

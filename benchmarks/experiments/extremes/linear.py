@@ -1,4 +1,4 @@
-r"""Linear stability: all stable h omega of every method, confirmed by long runs, beside the limits that are known.
+r"""Linear stability: all stable h omega of every method, confirmed by long runs and compared with known limits.
 
 Scheme I's limit is known in closed form for every lambda: tr M = 2 - z^2 / (1 + lam (1 - lam) z^2), so it is stable
 where z |1 - 2 lam| < 2; it is measured for lambda from -10 to 11.
@@ -14,35 +14,35 @@ import numpy as np
 from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.registry import BY_ID, METHODS
 
 from . import published
 
-#: The lambdas of a method of at most this order whose one parameter it is.
+#: Methods of at most this order whose only parameter is lambda are measured at every lambda in `SWEPT`.
 HIGHEST = 2
 SWEPT = ("-10", "-2", "-1", "0", "1/3", "1/2", "2/3", "1", "2", "11")
 SCHEME_I = tuple(str(Fraction(k, 2)) for k in range(-20, 23))
-#: Long runs beside an end: the relative distance from it, the steps, the growth that tells a stable from an unstable.
+#: Long runs near an end of stability: relative distance from it, steps, the growth that counts as unstable.
 BESIDE, STEPS, GROWTH = 1e-4, 100_000, 1e6
-#: A damped run is followed down to exp of minus this.
+#: A damped run is followed until its amplitude has fallen by exp(-DAMPED).
 DAMPED = 300.0
-#: A gap is confirmed where the trace exceeds 2 by this: less does not grow to `GROWTH` in so many steps.
+#: A gap is run only where |tr M| exceeds 2 by this: less does not grow by `GROWTH` in `STEPS` steps.
 DEEP = 1e-6
-#: The steps z at which a method without an end is run.
+#: The h omega at which a method that is stable at every step is run.
 BEYOND = (7.0, 70.0)
 TABLES = ("extremes_linear", "extremes_scheme_i", "extremes_published")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method and parameter, one for Scheme I's sweep, one for the known limits."""
+    """The measurements (`Cell`): one for each method and parameter, one for Scheme I's sweep, one for known limits."""
     if quick:
         return []
-    return [_sweep(), _known(), *(_cell(m.id, p) for m in METHODS for p in parameters(m) if _able(m))]
+    return [_sweep(), _limits_cell(), *(_cell(m.id, p) for m in METHODS for p in parameters(m) if _able(m))]
 
 
 def parameters(method) -> list[dict[str, str]]:
-    """The values of a method's parameters that are looked at: its own, and a sweep of lambda."""
+    """The parameter values at which a method is measured: its defaults, and the sweep of lambda where it has one."""
     free = set(method.parameters) == {"lam"} and method.order <= HIGHEST
     swept = [{"lam": value} for value in SWEPT] if free else []
     own = {k: str(v) for k, v in method.parameters.items()}
@@ -50,7 +50,7 @@ def parameters(method) -> list[dict[str, str]]:
 
 
 def _able(method) -> bool:
-    """Whether its traits let it integrate the oscillator, as far as can be told without making it."""
+    """True if a method does not require structure that the oscillator lacks."""
     return not {"Poisson structure", "further invariants", "kepler part"} & {
         r.partition("(")[0] for r in method.requires
     }
@@ -58,29 +58,31 @@ def _able(method) -> bool:
 
 def _cell(id: str, values: dict[str, str]) -> Cell:
     label = BY_ID[id](**values).label if values else id
-    needs = content("linear", BY_ID[id], values, Problem(oscillator.PROBLEM), code=[__name__])
-    return Cell("extremes", TABLES[:1], {"label": label}, measured, (id, values), needs, frozenset({id}))
+    needs = content("linear", BY_ID[id], values, ProblemKey(oscillator.PROBLEM), code=[__name__])
+    return Cell("extremes", TABLES[:1], {"label": label}, measure_rows, (id, values), needs, frozenset({id}))
 
 
 def _sweep() -> Cell:
-    needs = content("scheme-i", BY_ID["scheme-i"], SCHEME_I, Problem(oscillator.PROBLEM), code=[__name__])
+    needs = content("scheme-i", BY_ID["scheme-i"], SCHEME_I, ProblemKey(oscillator.PROBLEM), code=[__name__])
     return Cell("extremes", TABLES[1:2], {"method": "scheme-i"}, sweep, (), needs, frozenset({"scheme-i"}))
 
 
-def _known() -> Cell:
+def _limits_cell() -> Cell:
     methods = [BY_ID[k.method] for k in published.LIMITS if k.method in BY_ID]
-    needs = content("known", *methods, Problem(oscillator.PROBLEM), code=[__name__])
-    return Cell("extremes", TABLES[2:], {"known": True}, known, (), needs, frozenset(m.id for m in methods))
+    needs = content("known", *methods, ProblemKey(oscillator.PROBLEM), code=[__name__])
+    return Cell(
+        "extremes", TABLES[2:], {"known": True}, measure_known_limits, (), needs, frozenset(m.id for m in methods)
+    )
 
 
-def measured(id: str, values: dict[str, str]) -> Rows:
-    """The row of a method; none where it cannot integrate the oscillator."""
-    chosen = integrator(id, **values)
+def measure_rows(id: str, values: dict[str, str]) -> Rows:
+    """The row of a method; only its label if it cannot integrate the oscillator."""
+    chosen = integrator(id, parameters=values)
     if chosen.lacks(problem(oscillator.PROBLEM)):
         return {TABLES[0]: [{"label": chosen.label, "method": id, "how": "not on the oscillator"}]}
     found = oscillator.find(chosen)
     gaps = [b - a for a, b in _gaps(found)]
-    right, runs = confirmed(chosen, found)
+    right, runs = confirm(chosen, found)
     row = {
         "label": chosen.label,
         "method": id,
@@ -103,14 +105,15 @@ def measured(id: str, values: dict[str, str]) -> Rows:
 
 
 def _gaps(found: oscillator.Found) -> list[tuple[float, float]]:
-    """The unstable steps between stable ones."""
+    """The unstable intervals between stable ones."""
     return [(a[1], b[0]) for a, b in zip(found.intervals, found.intervals[1:], strict=False)]
 
 
 def grows(chosen, z: float) -> bool:
-    """Whether a run of `STEPS` steps leaves every bound, or cannot be made; a damped one ends before it is denormal.
+    """True if a long run at h omega = z grows beyond bounds, or cannot be made.
 
-    A bounded run may be as large as its matrix: the bound is in units of that.
+    The bound is in units of the step matrix, since a bounded run may be as large; a damped run is shortened so that it
+    ends before its numbers are denormal.
     """
     M = oscillator.matrix(chosen, z)
     if M is None:
@@ -120,8 +123,11 @@ def grows(chosen, z: float) -> bool:
     return y is None or not np.isfinite(y).all() or bool(np.abs(y).max() > GROWTH * (1 + np.abs(M).max()))
 
 
-def confirmed(chosen, found: oscillator.Found) -> tuple[int, int]:
-    """(how many long runs end as they should, how many there are): beside the limit, within later pieces and gaps."""
+def confirm(chosen, found: oscillator.Found) -> tuple[int, int]:
+    """Make long runs near the limit, within later stable intervals and within gaps.
+
+    Returns (number of runs that end as the step matrix predicts, number of runs).
+    """
     if found.how == oscillator.RUNS:
         return 0, 0
     limit = found.limit
@@ -140,32 +146,32 @@ def confirmed(chosen, found: oscillator.Found) -> tuple[int, int]:
 
 
 def _near(z: float, touches) -> bool:
-    """Whether round-off could decide: a touch is near."""
+    """True if z is so close to a touch of |tr M| = 2 that round-off decides on stability."""
     return any(abs(z - t) < 1e-6 for t in touches)
 
 
 def _depth(chosen, z: float) -> float:
-    """By how much a step multiplies more than it may, squared: of the size of the trace's excess; 0 without a step."""
+    """(spectral radius - 1)^2 of a step, which is of the size of |tr M| - 2; 0 if no step can be taken."""
     radius = _radius(chosen, z)
     return (radius - 1) ** 2 if math.isfinite(radius) else 0.0
 
 
 def _radius(chosen, z: float) -> float:
-    """The spectral radius of a step; infinite where it cannot be taken."""
+    """The spectral radius of a step's matrix; infinite if no step can be taken."""
     M = oscillator.matrix(chosen, z)
     return math.inf if M is None else float(np.abs(np.linalg.eigvals(M)).max())
 
 
 def _growing(chosen) -> float:
-    """A small step at which growth can be seen, 0 where there is none below 1."""
+    """The smallest of a few steps h omega at which growth shows in a long run; 0 if there is none."""
     return next((z for z in (0.1, 0.3, 0.5, 0.9) if _depth(chosen, z) ** 0.5 * STEPS > 2 * math.log(GROWTH)), 0.0)
 
 
 def sweep() -> Rows:
-    """Scheme I over lambda beside its closed form."""
+    """The rows of Scheme I over lambda, with the closed form of its limit."""
     rows = []
     for value in SCHEME_I:
-        found = oscillator.find(integrator("scheme-i", lam=value))
+        found = oscillator.find(integrator("scheme-i", parameters={"lam": value}))
         slope = abs(1 - 2 * Fraction(value))
         rows.append(
             {
@@ -179,11 +185,11 @@ def sweep() -> Rows:
     return {TABLES[1]: rows}
 
 
-def known() -> Rows:
-    """Every known limit beside the measured one."""
+def measure_known_limits() -> Rows:
+    """The rows of known limits, with the measured ones."""
     rows = []
     for limit in published.LIMITS:
-        chosen = integrator(published.STEPS.get(limit.method, limit.method), **limit.parameters)
+        chosen = integrator(published.STEPS.get(limit.method, limit.method), parameters=limit.parameters)
         found = oscillator.find(chosen)
         value = math.inf if found.limit is None else found.limit
         rows.append(
@@ -204,7 +210,7 @@ def known() -> Rows:
 
 
 def agrees(value: float, expected: float, digits: int) -> bool:
-    """Whether a limit is a known one to its digits."""
+    """True if a measured limit equals a known one to ``digits`` significant digits."""
     if math.isinf(expected) or expected == 0:
         return value == expected
     return math.isfinite(value) and f"{value:.{digits - 1}e}" == f"{expected:.{digits - 1}e}"

@@ -1,4 +1,4 @@
-"""Which methods are pushed: one of each kind, and whatever the registry has of time-transformed ones."""
+"""The methods that are pushed: one of each kind, and all methods with transformed time in the registry."""
 
 from __future__ import annotations
 
@@ -25,16 +25,17 @@ REPRESENTATIVE = (
     "scheme-v",
     "rk4-projected-energy",
 )
-#: What the name of a family says of methods that change the step along the orbit.
-TRANSFORMED = ("transform", "variable", "adaptive", "sundman", "controller")
+#: Words in the names of families whose methods change the step along the orbit.
+TRANSFORMED = ("transform", "variable", "adaptive", "field", "sundman", "controller")
 
 
-def transformed() -> tuple[str, ...]:
-    """The methods whose family, or a family that they are built on, takes steps of another time."""
+def step_changing_methods() -> tuple[str, ...]:
+    """The ids of methods whose family, or that of a method they are built on, changes the step along the orbit."""
     return tuple(m.id for m in METHODS if any(word in family for family in _families(m) for word in TRANSFORMED))
 
 
 def _families(method) -> list[str]:
+    """The families of a method and of the methods that it is built on."""
     return [method.family, *(f for part in method.data if hasattr(part, "family") for f in _families(part))]
 
 

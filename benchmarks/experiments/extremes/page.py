@@ -1,4 +1,4 @@
-"""How far can a method be pushed: the page of extremes."""
+"""The page on extremes: how far each method can be pushed before it fails."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import pandas as pd
 from phasebench.benchmarks.experiments.extremes import brouwer, cases, encounters, figures, push, verdicts
 from phasebench.benchmarks.experiments.extremes import linear as maps
 from phasebench.benchmarks.experiments.extremes import round_off_verdicts as round_off
-from phasebench.benchmarks.experiments.extremes.methods import REPRESENTATIVE, transformed
+from phasebench.benchmarks.experiments.extremes.methods import REPRESENTATIVE, step_changing_methods
 from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table
+from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table
 from phasebench.integrators.registry import BY_ID
 
-#: The orbits of the table, by their headings.
+#: The orbits in the table, and their column headings.
 SHOWN = {
     "pendulum": "pendulum",
     "Henon-Heiles, box": "H-H box",
@@ -24,7 +24,7 @@ SHOWN = {
 }
 DRAWN = {
     "extremes_linear": figures.intervals,
-    "extremes_encounters": figures.encountered,
+    "extremes_encounters": figures.encounter_errors,
     "extremes_stiffness": figures.stiffness,
     "extremes_growth_curves": figures.growth,
     "extremes_solvers": figures.solvers,
@@ -35,7 +35,7 @@ DRAWN = {
 
 
 def draw(data, folder) -> list[Picture]:
-    """The figures of the tables that were measured."""
+    """The figures of all tables that have rows."""
     found = {name: data(name) for name in DRAWN}
     return [draw_(found[name], folder) for name, draw_ in DRAWN.items() if found[name] is not None and len(found[name])]
 
@@ -49,10 +49,10 @@ def _step(value) -> str:
 
 
 def summary(linear, steps, met, grown) -> pd.DataFrame:
-    """A row for each method that is pushed, of its own parameters, and each of transformed time; the tables may be None."""
+    """A row for each representative method and each with transformed time; tables that are None are left out."""
     worst = verdicts.reach(met) if met is not None else {}
     out = []
-    for id in (*REPRESENTATIVE, *transformed()):
+    for id in (*REPRESENTATIVE, *step_changing_methods()):
         row = {"method": id}
         if linear is not None:
             own = linear[linear["method"] == id]
@@ -62,38 +62,49 @@ def summary(linear, steps, met, grown) -> pd.DataFrame:
             mine = steps[steps["method"] == id].set_index("orbit")
             row |= {head: _step(mine["largest h"][name]) if name in mine.index else "" for name, head in SHOWN.items()}
             fails.update(x for x in mine["fails"] if isinstance(x, str) and x)
-        row["worst e"] = f"{worst[id]:.10g}" if id in worst else ""
+        row["largest e"] = f"{worst[id]:.10g}" if id in worst else ""
         if grown is not None:
             same = (grown["label"] == BY_ID[id].label) & (grown["h"] == brouwer.PLAIN)
             mine = grown[same & grown["energy exponent"].notna()]
-            row["growth"] = f"{mine['energy exponent'].iloc[0]:.2f}" if len(mine) else ""
+            row["round-off"] = f"{mine['energy exponent'].iloc[0]:.2f}" if len(mine) else ""
         row["how it fails"] = ", ".join(name for name, _ in fails.most_common(2))
         out.append(row)
     return pd.DataFrame(out)
 
 
 def table(data) -> Table | None:
-    """How far can I push it."""
+    """How far each method goes, in every test."""
     tables = [data(name) for name in ("extremes_linear", "extremes_steps", "extremes_encounters", "extremes_growth")]
     if all(t is None for t in tables):
         return None
     caption = (
-        f"How far each method goes: the stability limit of h ω; the largest h that survives {push.STEPS} steps on four orbits; the "
-        f"largest eccentricity held to {encounters.HELD:g} over {encounters.ORBITS} orbits (0: not the smallest one, "
-        f"{encounters.ECCENTRICITIES[0]:g}; nothing: not run); the exponent of the energy's round-off at h = {brouwer.PLAIN:.3g}; the commonest ways to fail."
+        f"How far each method goes: the stability limit of h ω; the largest h that survives {push.STEPS} steps on four orbits (H-H: Hénon–Heiles); "
+        f"the largest e of Kepler's orbit held to {encounters.HELD:g} over {encounters.ORBITS} periods (0: not even {encounters.ECCENTRICITIES[0]:g}; empty: not run); "
+        f"the power of n in the energy's round-off at h = {brouwer.PLAIN:.3g}; the commonest failures."
     )
     return Table(summary(*tables).head(ROWS), caption)
 
 
-def whole(data) -> pd.DataFrame | None:
+def full_table(data) -> pd.DataFrame | None:
     """The stable intervals of every method."""
     linear = data("extremes_linear")
     return None if linear is None else linear.drop(columns=["method"])
 
 
+def answer(data: Data) -> str | None:
+    """How many known limits are met, how many integrators follow the closest encounter, how round-off grows."""
+    limits, met = verdicts.known_limits(data), verdicts.close(data)
+    grown, table = round_off.energy(data), data("extremes_encounters")
+    parts = [f"{limits.measured.n} of {limits.measured.of} known stability limits are met"] if limits else []
+    parts += [f"{met.measured} {met.unit} hold Kepler's orbit at e = {table['e'].max():.10g}"] if met else []
+    text = "round-off grows as a random walk in"
+    parts += [f"{text} {grown.measured.n} of {grown.measured.of} runs"] if grown else []
+    return f"{'; '.join(parts)}." if parts else None
+
+
 PAGE = Page(
     id="extremes",
-    question="How far can I push it?",
+    question="How far can a method be pushed before it fails?",
     tables=(
         "extremes_linear",
         "extremes_scheme_i",
@@ -103,38 +114,39 @@ PAGE = Page(
         "extremes_encounters",
         "extremes_stiffness",
         "extremes_growth",
+        "extremes_growth_every",
         "extremes_growth_curves",
         "extremes_solvers",
         "extremes_resonances",
         "extremes_regions",
     ),
     setting=(
-        "Linear stability: the trace of the step map on H = (p² + ω² q²) / 2, ends refined to ten digits and confirmed by "
-        f"{maps.STEPS} steps beside them; maps that are not linear by long runs.",
-        f"Largest step: {push.STEPS} steps survive where the energy error stays below the size of H's terms, the orbit in its "
-        f"range and its clock right; bisected to a part 2^(1/{push.PARTS}).",
-        f"Close encounters: Kepler from pericentre, {encounters.ORBITS} orbits, at most {encounters.LADDER[-1]} steps from an "
+        "Stability: H = (p² + ω² q²) / 2; a step is stable where the trace of its matrix says so, ends refined to ten digits and "
+        f"confirmed by {maps.STEPS} steps beside them; methods whose step is not linear by long runs.",
+        f"Largest step: a run survives {push.STEPS} steps if its energy error stays below the size of H's terms, the orbit in its "
+        f"range and its clock right; h is bisected to a factor 2^(1/{push.PARTS}).",
+        f"Close encounters: Kepler from pericentre, {encounters.ORBITS} periods, at most {encounters.LADDER[-1]} steps from an "
         "apside to the next.",
-        f"Long times: {brouwer.STARTS} starts on the oscillator, |w|² and arg w of the exact step map in {brouwer.DIGITS} "
-        "digits, and on Kepler's problem by Wisdom-Holman's exact step; whether errors are bounded is [another page](drift.md)'s.",
+        f"Round-off: {brouwer.STARTS} starts on the oscillator, against the exact step map in {brouwer.DIGITS} digits, and on Kepler's "
+        "orbit by an integrator that solves it; whether errors are bounded is [another page](drift.md).",
         f"Orbits: {'; '.join(c.id for c in cases.CASES)}.",
     ),
-    verdicts=(verdicts.limits, verdicts.close, round_off.brouwers_law),
+    verdicts=(verdicts.known_limits, verdicts.closed_form, verdicts.long_runs, verdicts.close, round_off.energy),
+    answer=answer,
     figures=draw,
     table=table,
-    whole=whole,
+    whole=full_table,
     limits=(
-        "Pages of their own: [limits beside those that are known](extremes-limits.md), [three bodies and a zoom-whirl orbit](extremes-encounters.md), "
-        "[step-size resonances of FPU](extremes-springs.md).",
-        "A gap in which the trace exceeds 2 by less than 1e-10 counts as a touch; beyond h ω = 10 intervals narrower than "
-        "0.25 may be missed.",
-        "Survival is not monotone in h: the largest step is the end of the first interval that doublings see.",
-        f"What keeps its energy is convicted on regular orbits alone, where a coordinate leaves its range by more than MARGIN = {cases.MARGIN:g} "
-        f"of it or crosses its middle {cases.OFF:g} times too often or too seldom; on chaotic ones by the energy's bounds.",
-        f"Brouwer's law is judged at UNITS = {round_off.UNITS:g} eps h n^(1/2) and exponents whose interval begins at most "
-        f"ABOVE = {round_off.ABOVE:g} over it; the oscillator is linear, and its rounding need not be that of other problems.",
-        f"Next to fractions of small denominators, such as h = {brouwer.DECIMAL:g}, round-off drifts: see [why](extremes-round-off.md).",
-        f"A run that takes longer than {cases.SECONDS:g} s counts as failed there (timeout).",
+        "More on pages of their own: [known limits](extremes-limits.md), [three bodies and a zoom-whirl orbit](extremes-encounters.md), "
+        "[step-size resonances](extremes-springs.md), [round-off](extremes-round-off.md).",
+        "A gap between stable steps in which the trace exceeds 2 by less than 1e-10 is not counted; beyond h ω = 10 intervals "
+        "narrower than 0.25 may be missed.",
+        "Survival is not monotone in h: the largest step is the end of the first interval that doublings of h find.",
+        "A method that keeps the energy may still be on another orbit: on regular orbits a run fails too where a coordinate "
+        f"leaves its range by more than {cases.MARGIN:g} of it, or crosses its middle {cases.OFF:g} times too often or too seldom; "
+        "on chaotic ones the energy alone is judged.",
+        f"A run that takes longer than {cases.SECONDS:g} s counts as failed (timeout).",
+        "Round-off is measured on a linear problem, the oscillator: on others it may be different.",
     ),
     command="pytest benchmarks/experiments/extremes",
 )

@@ -1,9 +1,9 @@
-"""Stability limits of h omega on the harmonic oscillator that are known, and how each is known.
+"""Known stability limits of h omega on the harmonic oscillator, with the evidence for each.
 
-``derived``: the limit follows from the trace and the determinant of the step's matrix, in closed form; the tests derive
-each one again, exactly, from the method's coefficients as its authors give them, and not from this project's records.
-``printed``: who states it, where that was looked up; ``digits`` is how many significant digits a measured limit must
-share with it.
+``derived``: the limit follows in closed form from the trace and the determinant of the step's matrix; the tests derive
+each one again, exactly, from the method's coefficients as its authors give them, not from this project's records.
+``printed``: a publication or software that states the limit, and was looked up.  A measured limit must agree in
+``digits`` significant digits.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-#: What is stable at every step.
+#: The limit of a method that is stable at every step.
 UNLIMITED = math.inf
 EXACT = 10
 
-#: What was looked up.
+#: Sources that state a limit.
 KOBAYASHI = "Kobayashi 2007, Phys. Lett. A 371, 360 (arXiv:0705.4523): q and p grow for steps from 2 on"
 NODEPY = "Ketcheson et al. 2020, JOSS 5, 2515: NodePy prints 2.8284271247"
 GAUSS = "documentation of the Rust package differential-equations 0.3: Gauss-Legendre methods are A-stable"
@@ -25,15 +25,16 @@ IMEX = "McLachlan & Stern 2014 (arXiv:1305.3216): the midpoint rule for the fast
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit that is known.
+    """A known stability limit of h omega.
 
     Attributes
     ----------
     method : an id, or the name of a step in `STEPS`
-    value : `UNLIMITED`, or the limit
-    derived : what the step's matrix gives; empty where it is not derived
-    printed : who states it; empty where it was not looked up, or not found
-    parameters, digits : of the method; of the value
+    value : the limit, or `UNLIMITED`
+    derived : the formula of the step's matrix from which it follows; empty if it is not derived
+    printed : the source that states it; empty if none was found
+    parameters : of the method
+    digits : significant digits in which a measured limit must agree
     """
 
     method: str
@@ -45,12 +46,12 @@ class Limit:
 
     @property
     def evidence(self) -> str:
-        """Which of the two it is, or both."""
+        """ "derived", "printed", or both."""
         return " and ".join(name for name in ("derived", "printed") if getattr(self, name))
 
 
 def _runge_kutta(rows, weights):
-    """The step of an explicit Runge-Kutta method."""
+    """The step function of an explicit Runge-Kutta method, from the rows of its matrix and its weights."""
 
     def step(system, q, p, h):
         slopes = []

@@ -1,6 +1,6 @@
-"""The largest step that survives: by bisection on a geometric grid of steps, with the way the next one fails.
+"""The largest step that survives, by bisection on a geometric grid of steps, and how the next larger one fails.
 
-Survival is not monotone in the step, so this is the end of the first interval that doublings of the step see.
+Survival is not monotone in the step: the result is the end of the first stable interval seen when the step is doubled.
 """
 
 from __future__ import annotations
@@ -9,18 +9,18 @@ import math
 from fractions import Fraction
 
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import OK
 from phasebench.integrators.registry import BY_ID
 
 from . import cases
 from .methods import REPRESENTATIVE, record
 
-#: Steps of a run, and of the one that is tried before it; the parts of an octave on the grid of steps.
+#: Steps of a run, steps of a shorter run before it, and grid points in a factor of two of the step.
 STEPS, FIRST, PARTS = 100_000, 300, 8
-#: Octaves from the problem's own step: downwards at most, and upwards.
+#: Largest number of halvings and of doublings of the problem's own step.
 DOWN, UP = 8, 14
-#: The lambdas of Schemes I to III, and the steps of a run.
+#: The lambdas at which Schemes I to III are run, and the steps of these runs.
 LAMBDAS = ("-1000", "-100", "-10", "-3", "-1", "0", "1/3", "1/2", "2/3", "1", "2", "4", "11", "101", "1000")
 SWEPT, SWEPT_STEPS = ("scheme-i", "scheme-ii", "scheme-iii"), 10_000
 ON = ("pendulum", "Henon-Heiles, box")
@@ -28,27 +28,27 @@ TABLES = ("extremes_steps", "extremes_lambda")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method, and one for each swept scheme on each orbit."""
+    """The measurements (`Cell`): one for each method, and one for each swept scheme on each orbit."""
     return [] if quick else [*(_cell(id) for id in REPRESENTATIVE), *(_swept(id, on) for id in SWEPT for on in ON)]
 
 
 def _cell(id: str) -> Cell:
-    needs = content("push", record(id), *(Problem(c.problem) for c in cases.CASES), code=[__name__])
-    return Cell("extremes", TABLES[:1], {"method": id}, measured, (id,), needs, frozenset({id}))
+    needs = content("push", record(id), *(ProblemKey(c.problem) for c in cases.CASES), code=[__name__])
+    return Cell("extremes", TABLES[:1], {"method": id}, measure_rows, (id,), needs, frozenset({id}))
 
 
 def _swept(id: str, on: str) -> Cell:
-    needs = content("push-lambda", record(id), Problem(cases.BY_ID[on].problem), LAMBDAS, code=[__name__])
+    needs = content("push-lambda", record(id), ProblemKey(cases.BY_ID[on].problem), LAMBDAS, code=[__name__])
     return Cell("extremes", TABLES[1:], {"method": id, "orbit": on}, swept, (id, on), needs, frozenset({id}))
 
 
 def largest(survives, first: float) -> tuple[float, str]:
-    """(the largest step that survives, how the next one fails).
+    """Search the largest step that survives: (step, how the next larger one fails); 0 if none survives, inf if all do.
 
     Parameters
     ----------
-    survives : h -> `OK`, or how it fails
-    first : where the search begins
+    survives : function from h to `OK`, or to the way in which the run fails
+    first : the step at which the search begins
     """
     k, failure = 0, ""
     while k > -DOWN * PARTS and (failure := survives(first * 2 ** (k / PARTS))) != OK:
@@ -67,15 +67,17 @@ def largest(survives, first: float) -> tuple[float, str]:
 
 
 def _survives(case: cases.Case, id: str, steps: int, parameters: dict | None = None):
+    """A function from h to the judgement of a run on the case; a short run comes first to save time."""
+
     def survives(h: float) -> str:
-        found = cases.judged(case, id, h, FIRST, parameters)
-        return cases.judged(case, id, h, steps, parameters) if found == OK else found
+        found = cases.judge_run(case, id, h, FIRST, parameters)
+        return cases.judge_run(case, id, h, steps, parameters) if found == OK else found
 
     return survives
 
 
-def measured(id: str) -> Rows:
-    """The rows of a method: an orbit each."""
+def measure_rows(id: str) -> Rows:
+    """The rows of a method, one for each orbit."""
     rows = []
     for case in cases.CASES:
         made = problem(case.problem)
@@ -87,11 +89,11 @@ def measured(id: str) -> Rows:
 
 
 def swept(id: str, on: str) -> Rows:
-    """The rows of a scheme on an orbit: a lambda each."""
+    """The rows of a scheme on an orbit, one for each lambda."""
     rows, case = [], cases.BY_ID[on]
     for value in LAMBDAS:
         lam = float(Fraction(value))
-        # Far from 1/2 the first interval ends at a step of 2 / |1 - 2 lambda|, and some have another beyond.
+        # Far from lambda = 1/2 the first stable interval ends at 2 / |1 - 2 lambda|; some have another one beyond.
         first = problem(case.problem).pace.step / (1 + abs(1 - 2 * lam))
         h, fails = largest(_survives(case, id, SWEPT_STEPS, {"lam": value}), first)
         rows.append({"method": id, "orbit": on, "lam": lam, "largest h": h, "fails": fails, "steps": SWEPT_STEPS})

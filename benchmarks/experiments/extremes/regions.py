@@ -1,28 +1,28 @@
-r"""Stability functions of Runge-Kutta methods, R(z) = det(I - z A + z 1 b^T) / det(I - z A), by their coefficients."""
+r"""Stability functions of Runge-Kutta methods, R(z) = det(I - z A + z 1 b^T) / det(I - z A), from their tableaus."""
 
 from __future__ import annotations
 
 import mpmath
 import numpy as np
 
-from phasebench.benchmarks.rows.cells import Cell, Rows, content
+from phasebench.benchmarks.store.cells import Cell, Rows, content
 from phasebench.integrators.coefficients.tableaus import runge_kutta
 from phasebench.integrators.registry import BY_ID
 
-#: Explicit ones by their records, implicit ones by the kind and the number of stages of their tableau.
+#: Explicit methods, whose records have the tableau; implicit ones with the kind and stages of their tableau.
 EXPLICIT = ("explicit-euler", "rk4", "dop853")
 IMPLICIT = {"gauss-2": ("gauss", 2), "radau-iia-2": ("radau-iia", 2), "radau-iia-3": ("radau-iia", 3)}
 TABLES = ("extremes_regions",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """One cell."""
+    """The single measurement, of all methods; none in the quick tier."""
     needs = content("regions", *(BY_ID[id] for id in (*EXPLICIT, *IMPLICIT)), code=[__name__])
-    return [] if quick else [Cell("extremes", TABLES, {"regions": True}, measured, (), needs, frozenset())]
+    return [] if quick else [Cell("extremes", TABLES, {"regions": True}, measure_rows, (), needs, frozenset())]
 
 
-def measured() -> Rows:
-    """The coefficients of numerator and denominator of every method, the highest power first."""
+def measure_rows() -> Rows:
+    """The rows of all methods: coefficients of numerator and denominator, the highest power first."""
     rows = []
     for id in (*EXPLICIT, *IMPLICIT):
         above, below = stability_function(*_tableau(id))
@@ -32,6 +32,7 @@ def measured() -> Rows:
 
 
 def _tableau(id: str) -> tuple[np.ndarray, np.ndarray]:
+    """The matrix A (s, s) and the weights b (s,) of a method."""
     if id in IMPLICIT:
         with mpmath.workdps(30):
             A, _, b, _ = runge_kutta(*IMPLICIT[id])

@@ -1,10 +1,10 @@
-r"""Two frequencies: step-size resonances of coupled oscillators, over (h omega_1, h omega_2).
+r"""Step-size resonances of two coupled oscillators, over (h omega_1, h omega_2).
 
 .. math::
     H = \tfrac12(p_1^2 + p_2^2) + \tfrac12(\omega_1^2 q_1^2 + \omega_2^2 q_2^2) + \kappa\,\omega_1\omega_2 q_1 q_2,
 
-kappa < 1, is a stable linear system.  A step of it is a 4 x 4 matrix; where its spectral radius is above 1 the step is
-unstable: past a method's limit, and, for methods that split the coupling off, in strips about
+kappa < 1, is a stable linear system.  A step of it is a 4 x 4 matrix, unstable where its spectral radius is above 1:
+beyond a method's limit and, for methods that split the coupling off, in strips about
 :math:`h(\omega_1 + \omega_2) = 2\pi k`.
 
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), XIII.2 and XIII.4.
@@ -15,14 +15,14 @@ from __future__ import annotations
 import numpy as np
 import sympy as sp
 
-from phasebench.benchmarks.rows.cells import Cell, Rows, content
+from phasebench.benchmarks.store.cells import Cell, Rows, content
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .methods import record
 
 METHODS = ("stormer-verlet", "deuflhard", "mollified-impulse", "hairer-lubich")
-#: The coupling; ratios omega_2 / omega_1; steps h omega_2 and their number.
+#: The coupling kappa; ratios omega_2 / omega_1; the largest h omega_2 and the number of its values.
 COUPLING = sp.Rational(1, 5)
 RATIOS = tuple(sp.Rational(round(16 * 2 ** (k / 5)), 16) for k in range(16))
 LAST, POINTS = 10.0, 120
@@ -30,17 +30,17 @@ TABLES = ("extremes_resonances",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method."""
+    """The measurements (`Cell`): one for each method."""
     return [] if quick else [_cell(id) for id in METHODS]
 
 
 def _cell(id: str) -> Cell:
-    needs = content("resonances", record(id), RATIOS, COUPLING, code=[__name__])
-    return Cell("extremes", TABLES, {"method": id}, measured, (id,), needs, frozenset({id}))
+    needs = content("resonances", record(id), *map(str, RATIOS), str(COUPLING), code=[__name__])
+    return Cell("extremes", TABLES, {"method": id}, measure_rows, (id,), needs, frozenset({id}))
 
 
-class Coupled:
-    """The system of frequencies 1 and ``ratio``, with a start."""
+class CoupledOscillators:
+    """The system of two oscillators with frequencies 1 and ``ratio``, with initial values."""
 
     def __init__(self, ratio):
         q1, q2, p1, p2 = sp.symbols("q1 q2 p1 p2", real=True)
@@ -50,16 +50,16 @@ class Coupled:
 
 
 def radius(run, h: float) -> float:
-    """The spectral radius of a step."""
+    """The spectral radius of the matrix of a step h."""
     columns = [np.concatenate(run(h, 1, unit[:2], unit[2:])[:2]) for unit in np.eye(4)]
     return float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())
 
 
-def measured(id: str) -> Rows:
-    """The rows of a method."""
+def measure_rows(id: str) -> Rows:
+    """The rows of a method, one for each ratio of frequencies and step."""
     rows = []
     for ratio in RATIOS:
-        run, w = prepare(Coupled(ratio), record(id)), float(ratio)
+        run, w = prepare(CoupledOscillators(ratio), record(id)), float(ratio)
         for z in np.linspace(LAST / POINTS, LAST, POINTS):
             rows.append(
                 {

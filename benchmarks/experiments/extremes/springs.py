@@ -1,17 +1,18 @@
 r"""Step-size resonances of the Fermi-Pasta-Ulam problem with two stiff springs, over (h omega_1, h omega_2).
 
-On a spring alone a step turns by an angle :math:`\theta(h\omega)`, 2 cos(theta) = tr M; the soft springs couple the
-turning ones, and a linear combination that comes round,
+On a spring alone a step is a rotation by an angle :math:`\theta(h\omega)`, 2 cos(theta) = tr M.  The soft springs
+couple the rotations.  At a step-size resonance,
 
 .. math::
     k_1\theta_1 + k_2\theta_2 = 2\pi n,\qquad n \ne 0,
 
-adds up in step after step.  With n = 0 springs exchange energy in the problem itself.  The angles of the grid are
-multiples of pi / `NODES`, which are met exactly by the lines of low order :math:`|k_1| + |k_2|`: strips are narrow.
+errors add up from step to step.  (With n = 0 springs exchange energy in the problem itself.)  Resonant strips are
+narrow: the angles of the grid are multiples of pi / `NODES`, so that lines of low order :math:`|k_1| + |k_2|` pass
+exactly through its nodes.
 
-What changes is told in the energy that the step itself keeps between resonances, in which a spring has the part
+Drift is measured in the energy that the step keeps between resonances, in which a spring has the part
 :math:`J\theta/h`, J its action: the area of the ellipse that M keeps, over 2 pi.  Means over `WINDOWS` parts of a run
-leave out what only oscillates.
+remove oscillation.
 
 Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), XIII.2 (h = 0.02 there) and XIII.9; M.
 Mandziuk, T. Schlick, Chem. Phys. Lett. 237 (1995) 525-535 (h omega = sqrt 2 and sqrt 3 of Stormer-Verlet).
@@ -25,17 +26,17 @@ import sympy as sp
 from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems.fpu import formula, soft_springs
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
-from phasebench.integrators.engine.kernel import prepare
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.prepared import lay_out
+from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 from .methods import record
 
 H, WINDOWS = 0.02, 8
-#: The largest h omega, the least angle in nodes, the points of the curve theta(h omega).
+#: The largest h omega, the smallest angle in grid units, the points from which theta(h omega) is interpolated.
 LAST, LEAST, POINTS = 6.2, 4, 2400
-#: (method, nodes in pi, steps of a run)
+#: (method, grid intervals in an angle of pi, steps of a run)
 RUNS = (
     ("stormer-verlet", 48, 3000),
     ("blanes-moan-s6", 48, 3000),
@@ -51,17 +52,17 @@ TABLES = ("extremes_springs",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method."""
+    """The measurements (`Cell`): one for each method."""
     return [] if quick else [_cell(*run) for run in RUNS]
 
 
 def _cell(id: str, nodes: int, steps: int) -> Cell:
-    needs = content("springs", record(id), nodes, steps, Problem("fpu"), code=[__name__])
-    return Cell("extremes", TABLES, {"method": id}, measured, (id, nodes, steps), needs, frozenset({id, "fpu"}))
+    needs = content("springs", record(id), nodes, steps, ProblemKey("fpu"), code=[__name__])
+    return Cell("extremes", TABLES, {"method": id}, measure_rows, (id, nodes, steps), needs, frozenset({id, "fpu"}))
 
 
 class Turns:
-    """What a step does to a spring at some values z of h omega: its matrices, and the angles by which they turn."""
+    """A step as a rotation of a spring: ``matrices`` and ``angles`` at each h omega in ``z``, while it is stable."""
 
     def __init__(self, id: str, z):
         chosen = integrator(id)
@@ -73,9 +74,9 @@ class Turns:
         self.angles = np.unwrap(np.array(angles) % (2 * np.pi))
 
     def energy(self, k: int, x, p) -> np.ndarray:
-        """h J theta / z of the k-th spring at x = omega q and p: in units in which the exact one is (p^2 + x^2) / 2."""
+        """The energy h J theta / z of the k-th spring, which the step keeps; x = omega q, p arrays of equal shape."""
         M, s = self.matrices[k], _sine(self.matrices[k])
-        if abs(s) < 1e-6:  # half a turn: every ellipse is kept
+        if abs(s) < 1e-6:  # a rotation by pi: every ellipse is kept
             action = (p**2 + x**2) / 2
         else:
             action = (M[0, 1] * p**2 + (M[0, 0] - M[1, 1]) * x * p - M[1, 0] * x**2) / (2 * s)
@@ -83,21 +84,24 @@ class Turns:
 
 
 def _sine(M) -> float:
-    """The sine of the angle by which M turns."""
+    """The sine of the rotation angle of M, with its sign."""
     return float(np.sqrt(max(0.0, 1 - (np.trace(M) / 2) ** 2)) * np.sign(M[0, 1] - M[1, 0]))
 
 
 def grid(id: str, nodes: int) -> np.ndarray:
-    """The values of h omega at which the angle is a multiple of pi / ``nodes``, up to `LAST` or where turning ends."""
+    """Values of h omega at which one step rotates the oscillator by a multiple of pi / ``nodes``, in ascending order.
+
+    They end at `LAST` or where the method becomes unstable.
+    """
     curve = Turns(id, np.linspace(LAST / POINTS, LAST, POINTS))
     angles = np.arange(LEAST, int(curve.angles[-1] / np.pi * nodes) + 1) * np.pi / nodes
     return np.interp(angles, curve.angles, curve.z)
 
 
 class Springs:
-    """Runs of a method with any two frequencies, compiled once.
+    """Runs of a method for any two frequencies with a single compilation.
 
-    A method that knows the frequencies is told them; to any other they are coordinates at rest.
+    A trigonometric method is given the frequencies; for all others they are extra coordinates at rest.
     """
 
     def __init__(self, id: str):
@@ -113,7 +117,7 @@ class Springs:
         self.prepared = prepare(record(id), self.system)
 
     def __call__(self, w, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """(q, p), arrays (4, steps + 1), for frequencies w; NaN where a step cannot be taken."""
+        """Integrate with frequencies w (2,): (q, p), arrays (4, steps + 1); NaN after a step that fails."""
         q, p = [*SOFT_Q, *(1 / w)], [*SOFT_P, 1.0, 1.0]
         if self.told:
             self.system.frequencies = (sp.S.Zero, sp.S.Zero, *(sp.Rational(float(x)) for x in w))
@@ -128,7 +132,7 @@ class Springs:
 
 
 def drift(Q, P, fast) -> float:
-    """The largest change of a window's mean energy, in units of the energy; ``fast`` is that of the stiff springs."""
+    """The largest change of a window's mean energy, relative; ``fast`` is the stiff springs' energy, array (n,)."""
     with np.errstate(all="ignore"):
         squares = [s * s for s in soft_springs(Q[:2], Q[2:])]
         energy = sum(s * s for s in squares) / 4 + (P[0] ** 2 + P[1] ** 2) / 2 + fast
@@ -138,8 +142,8 @@ def drift(Q, P, fast) -> float:
     return change if np.isfinite(change) else np.inf
 
 
-def measured(id: str, nodes: int, steps: int) -> Rows:
-    """The rows of a method: a pair of frequencies each, the first the smaller one."""
+def measure_rows(id: str, nodes: int, steps: int) -> Rows:
+    """The rows of a method, one for each pair of frequencies with the smaller one first."""
     run, turns, rows = Springs(id), Turns(id, grid(id, nodes)), []
     for i in range(len(turns.z)):
         for j in range(i, len(turns.z)):

@@ -1,7 +1,8 @@
 r"""Stiffness: the Fermi-Pasta-Ulam problem with omega from 50 to 10^6, at h omega from 10^-3 to 10^3.
 
 The oscillatory energy I of the stiff springs is an adiabatic invariant: over the time of a run it changes by
-O(1/omega).  A method's cliff is the largest h omega up to which its change stays below `CLIFF`, at every smaller one.
+O(1/omega).  A method's cliff is the largest h omega such that its change of I stays below `CLIFF` there and at every
+smaller one.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import numpy as np
 
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.fpu import oscillatory_energies
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import integrate
 
 from .methods import record
@@ -36,18 +37,18 @@ TABLES = ("extremes_stiffness",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method."""
+    """The measurements (`Cell`): one for each method."""
     return [] if quick else [_cell(id) for id in METHODS]
 
 
 def _cell(id: str) -> Cell:
-    parts = [Problem("fpu", (("omega", w),)) for w in OMEGAS]
+    parts = [ProblemKey("fpu", (("omega", w),)) for w in OMEGAS]
     needs = content("stiff", record(id), *parts, STEPS_TIMES_OMEGA, code=[__name__])
-    return Cell("extremes", TABLES, {"method": id}, measured, (id,), needs, frozenset({id, "fpu"}))
+    return Cell("extremes", TABLES, {"method": id}, measure_rows, (id,), needs, frozenset({id, "fpu"}))
 
 
-def measured(id: str) -> Rows:
-    """The rows of a method: omega and h omega."""
+def measure_rows(id: str) -> Rows:
+    """The rows of a method, one for each omega and h omega."""
     rows = []
     for omega in OMEGAS:
         made = problem("fpu", omega=omega)
@@ -70,13 +71,13 @@ def measured(id: str) -> Rows:
 
 
 def _change(values) -> float:
-    """The largest relative change."""
+    """The largest relative change from the first value; infinite if any is not finite."""
     change = np.abs(values / values[0] - 1)
     return float(change.max()) if np.isfinite(change).all() else np.inf
 
 
 def cliff(table) -> float:
-    """The largest h omega up to which I changes by less than `CLIFF` at every smaller one; 0 where at none."""
+    """The largest h omega up to which I changes by less than `CLIFF`; 0 if it does at none."""
     last = 0.0
     for row in table.sort_values("h omega").itertuples(index=False):
         if not row[list(table.columns).index("I changes")] < CLIFF:

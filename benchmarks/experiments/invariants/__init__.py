@@ -1,1 +1,1 @@
-"""What is kept over long times?"""
+"""How well do the methods keep energy and angular momentum over long times?"""

@@ -1,131 +1,122 @@
-"""Energy and angular momentum over long times: the largest error and the drift with its interval."""
+"""The page on energy and angular momentum over long times: largest errors, and drifts with their intervals."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.experiments.matrix import matrix
-from phasebench.benchmarks.experiments.trade import sweep
-from phasebench.benchmarks.measure.integrator import OURS
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.markdown import listed, number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of, once
-from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks import style
+from phasebench.benchmarks.page.long_runs import NOISE, SHARE, completed_runs, long_runs
+from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import FAIL, NONE, Count, Verdict, at_most
 from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF
 from phasebench.integrators.registry import BY_ID
 
-#: A drift counts when what it adds over the whole time, at the end of its interval that is nearer to 0, and the error at
-#: the end are both, with its sign, at least this share of the largest error.
-SHARE = 0.5
-#: An energy error up to this is of round-off: its drift says nothing of the method.
-LEAST = 1e-12
 #: Energy and angular momentum are kept if their error is at most this over the whole span.
 KEPT = 1e-11
 CLASSES = (ROUND_OFF, BOUNDED, DRIFT)
-#: The logarithms of the errors that are told apart in the figure.
+#: log10 of the smallest and the largest error on the figure's colour scale.
 LIMITS = (-16, 0)
 
 
-@once
-def long_runs(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows of this project's methods on the long scenes, with their declared class."""
-    part = rows[rows["purpose"] == sweep.DRIFT]
-    if "kind" in part:
-        part = part[part["kind"] == OURS]
-    part = part[part["status"] != "skipped"].copy()
-    wanted = (
-        "energy_max",
-        "energy_end",
-        "energy_drift",
-        "energy_drift_low",
-        "energy_drift_high",
-        "angular-momentum_max",
-        "fallbacks",
-    )
-    for column in wanted:
-        if column not in part:
-            part[column] = np.nan
-    return part.assign(declared=[BY_ID[i].energy if i in BY_ID else "" for i in part["id"]])
+def _energy_preserving(rows: pd.DataFrame) -> pd.DataFrame:
+    """The runs of energy-preserving methods in which every step had a solution."""
+    ran = completed_runs(rows)
+    return ran[(ran["declared"] == ROUND_OFF) & ~(ran["fallbacks"] > 0) & ~ran["few nodes"].astype(bool)]
 
 
-@once
-def ended(rows: pd.DataFrame) -> pd.DataFrame:
-    """The long runs that reached the end, each with whether its energy drifts and whether its system is canonical."""
-    ran = long_runs(rows)
-    ran = ran[ran["status"] == "ok"].copy()
-    # Of an interval with 0 inside nothing is sure.
-    ran["sure"] = ran["energy_drift_low"].clip(lower=0) + ran["energy_drift_high"].clip(upper=0)
-    ran["share"] = ran["sure"].abs() * ran["t_end"] / ran["energy_max"]
-    gone = ran["energy_end"] * np.sign(ran["sure"]) < SHARE * ran["energy_max"]
-    ran["drifts"] = (ran["share"] > SHARE) & ~gone
-    names = ran["problem"].astype(str).str.split(":").str[0]
-    ran["canonical"] = names.map({n: problem(n).system.canonical for n in names.unique()}).astype(bool)
-    ran["few nodes"] = [matrix.too_few_nodes(*pair) for pair in zip(ran["id"], names, strict=True)]
-    return ran
+def _largest(runs: pd.DataFrame, column: str) -> tuple[float, str]:
+    """The largest error in a column, a missing one counting as infinite, with its method and scene."""
+    errors = runs[column].fillna(np.inf)
+    worst = runs.loc[errors.idxmax()]
+    return float(errors.max()), f"{worst['method']} on {worst['scene']}"
 
 
 @of("rows")
 def energy(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the energy-preserving methods keep the energy."""
-    ran = ended(rows)
-    exact = ran[(ran["declared"] == ROUND_OFF) & ~(ran["fallbacks"] > 0) & ~ran["few nodes"].astype(bool)]
+    """Whether the energy error of energy-preserving methods is round-off."""
+    exact = _energy_preserving(rows)
     if exact.empty:
         return None
-    worst = exact.loc[exact["energy_max"].idxmax()]
-    wrong = exact[~(exact["energy_max"] <= KEPT)]
-    counts = f"{exact['id'].nunique()} energy-preserving methods"
-    text = (
-        f"The {counts} keep the energy to {number(worst['energy_max'])} at worst ({worst['method']}, {worst['scene']}) "
-        f"over {len(exact)} long runs without a fallback"
+    error, where = _largest(exact, "energy_max")
+    return Verdict(
+        "The energy error of energy-preserving methods is of round-off", error, at_most(KEPT), "", where, FAIL
     )
-    text += f"; above {KEPT:g}: {listed(sorted(wrong['method'].unique()), 4)}." if len(wrong) else "."
-    return Verdict(text, wrong.empty, f"The {counts} keep it to {number(worst['energy_max'])} at worst.")
+
+
+def _drifting(rows: pd.DataFrame) -> pd.DataFrame:
+    """The runs on canonical systems with an energy drift above round-off."""
+    ran = completed_runs(rows)
+    return ran[ran["canonical"] & ran["drifts"] & (ran["energy_max"] > NOISE)]
 
 
 @of("rows")
 def drifting(rows: pd.DataFrame) -> Verdict | None:
-    """Whether a method drifts that is declared not to."""
-    ran = ended(rows)
-    ran = ran[ran["canonical"]]
-    if ran.empty:
+    """Whether no method drifts that is declared not to."""
+    ran = completed_runs(rows)
+    others = ran[ran["canonical"] & (ran["declared"] != DRIFT)]
+    if not ran["canonical"].any():
         return None
-    drift = ran[ran["drifts"] & (ran["energy_max"] > LEAST)]
-    wrong, declared = drift[drift["declared"] != DRIFT], sorted(drift[drift["declared"] == DRIFT]["id"].unique())
-    names = [f"{r.method} ({r.scene}, h = {r.h:g})" for r in wrong.itertuples()]
+    drift = _drifting(rows)
+    wrong = drift[drift["declared"] != DRIFT]
+    names = [f"{r.method} on {r.scene}, h = {r.h:g}" for r in wrong.itertuples()]
     return Verdict(
-        f"On canonical systems the energy drifts in {listed(declared, 8)} as declared, and in "
-        + (f"{listed(names, 3)}, undeclared." if names else "no method declared to have no drift."),
-        wrong.empty,
-        f"{wrong['id'].nunique()} methods drift undeclared on canonical systems.",
+        "On canonical systems no method drifts that is declared not to",
+        Count(wrong["id"].nunique(), others["id"].nunique()),
+        NONE,
+        "methods",
+        where=join_list(names, 3) if names else "",
+        otherwise=FAIL,
     )
+
+
+def _momentum_preserving(rows: pd.DataFrame) -> pd.DataFrame:
+    """The runs with an angular momentum of methods declared to keep it."""
+    ran = completed_runs(rows)
+    ran = ran[ran["angular-momentum_max"].notna()]
+    keeps = [i in BY_ID and BY_ID[i].quadratic == ROUND_OFF for i in ran["id"]]
+    return ran[np.array(keeps, dtype=bool)]
 
 
 @of("rows")
 def momentum(rows: pd.DataFrame) -> Verdict | None:
     """Whether the angular momentum is kept where it is declared to be."""
-    ran = ended(rows)
-    ran = ran[ran["angular-momentum_max"].notna()]
-    keeps = np.array([BY_ID[i].quadratic == ROUND_OFF if i in BY_ID else False for i in ran["id"]], dtype=bool)
-    good, bad = ran[keeps], ran[~keeps]
-    if good.empty:
+    runs = _momentum_preserving(rows)
+    if runs.empty:
         return None
-    wrong = good[~(good["angular-momentum_max"] <= KEPT)]
-    text = (
-        f"The angular momentum is kept to {number(good['angular-momentum_max'].max())} by the {good['id'].nunique()} "
+    error, where = _largest(runs, "angular-momentum_max")
+    return Verdict(
+        "Where it is declared to be kept, the angular momentum's error is of round-off",
+        error,
+        at_most(KEPT),
+        where=where,
+        otherwise=FAIL,
     )
-    text += "methods declared to keep it"
-    if len(bad):
-        text += f"; the {bad['id'].nunique()} others lose up to {number(bad['angular-momentum_max'].max())}"
-    if len(wrong):
-        text += f"; above {KEPT:g}: {listed(sorted(wrong['method'].unique()), 4)}"
-    return Verdict(f"{text}.", wrong.empty, f"{wrong['id'].nunique()} methods lose the angular momentum undeclared.")
+
+
+@of("rows")
+def answer(rows: pd.DataFrame) -> str | None:
+    """How well energy and angular momentum are kept, and which methods drift."""
+    if completed_runs(rows).empty:
+        return None
+    parts = []
+    for name, column, runs in (
+        ("the energy", "energy_max", _energy_preserving(rows)),
+        ("the angular momentum", "angular-momentum_max", _momentum_preserving(rows)),
+    ):
+        if len(runs):
+            parts.append(f"{runs['id'].nunique()} methods keep {name} to {number(runs[column].max(), 2)}")
+    drift = sorted(_drifting(rows)["id"].unique())
+    parts.append(f"the energy of {join_list(drift, 4)} drifts" if drift else "no energy drifts")
+    text = "; ".join(parts)
+    return f"Over long times {text}."
 
 
 @of("rows")
 def draw(rows: pd.DataFrame, folder) -> list[Picture] | None:
-    """The largest energy errors at the largest step: a line for each scene, a column for each method."""
-    ran = ended(rows)
+    """A map of the largest energy errors at the largest step: a line for each scene, a column for each method."""
+    ran = completed_runs(rows)
     if ran.empty:
         return None
     first = ran.loc[ran.groupby(["scene", "method"], sort=False)["h"].idxmax()]
@@ -152,13 +143,14 @@ def draw(rows: pd.DataFrame, folder) -> list[Picture] | None:
         bar = figure.colorbar(mesh, ax=axes, pad=0.01)
         bar.set_label(r"$\log_{10} \max |H - H_0|$")
     caption = (
-        "Largest energy error over each long scene at its largest step, clipped to 1e-16 and 1; grey: the method does "
-        "not do the scene, or did not reach its end."
+        "Largest energy error on each long scene at its largest step, between 1e-16 and 1; grey: the method cannot "
+        "integrate the scene, or did not reach its end."
     )
     return [Picture(style.save(figure, folder, "invariants.png"), "energy errors on the long scenes", caption)]
 
 
 def _line(r, why: str) -> dict:
+    """A line of the table, with the reason ``why`` it is shown."""
     drift = "" if pd.isna(r["energy_drift"]) else f"{r['energy_drift']:.1e}"
     line = {"why": why, "method": r["method"], "scene": r["scene"], "h": r["h"], "energy error": r["energy_max"]}
     return line | {"drift a unit of time": drift, "status": r["status"]}
@@ -166,29 +158,28 @@ def _line(r, why: str) -> dict:
 
 @of("rows")
 def table(rows: pd.DataFrame) -> Table | None:
-    """The best of each class, the worst of those that keep the energy, what drifts, what stopped."""
-    ran, runs = ended(rows), long_runs(rows)
+    """The smallest energy errors of each declared class, then the largest drifts, then runs that stopped early."""
+    ran, runs = completed_runs(rows), long_runs(rows)
     lines = []
     for declared in CLASSES[:2]:
-        part = ran[(ran["declared"] == declared) & ran["canonical"]].sort_values("energy_max")
-        # Of each scene the best: errors of different scenes are not compared.
+        part = ran[(ran["declared"] == declared) & ran["canonical"]].sort_values("energy_max", kind="stable")
+        # The best of each scene: errors of different scenes cannot be compared.
         part = part[part["seconds"].notna()] if "seconds" in part else part
         for _, members in part.groupby("scene", sort=False):
             lines.append(_line(members.iloc[0], f"least, declared {declared}"))
-    drift = ran[ran["drifts"] & (ran["energy_max"] > LEAST)].sort_values("energy_max", ascending=False)
+    drift = ran[ran["drifts"] & (ran["energy_max"] > NOISE)].sort_values("energy_max", ascending=False, kind="stable")
     lines += [_line(r, "drifts") for _, r in drift.drop_duplicates("id").head(8).iterrows()]
     stopped = runs[runs["status"] != "ok"].drop_duplicates("method")
     lines += [_line(r, "stopped early") for _, r in stopped.head(6).iterrows()]
     if not lines:
         return None
-    caption = (
-        "The least errors of each declared behaviour on each scene, the largest drifts, the runs that stopped early."
-    )
+    caption = "The smallest energy error of each declared behaviour on each scene, the largest drifts, and runs that stopped early."
     return Table(pd.DataFrame(lines[:ROWS]), caption)
 
 
 @of("rows")
-def _whole(rows: pd.DataFrame) -> pd.DataFrame:
+def _full_table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Each long scene and method at its largest step."""
     ran = long_runs(rows).dropna(subset=["h"])
     ran = ran.loc[ran.groupby(["scene", "method"], sort=False)["h"].idxmax()]
     columns = {"scene": "scene", "method": "method", "declared": "declared", "h": "h", "energy_max": "energy error"}
@@ -200,20 +191,22 @@ PAGE = Page(
     question="Which methods keep energy and angular momentum over long times, and which drift?",
     tables=("rows",),
     setting=(
-        "max |H − H₀| over every step, and the secular slope of H − H₀ with its 95 % interval, oscillation removed.",
+        "max |H − H₀| over all steps, and the slope of H − H₀ over time with its 95 % interval, oscillation removed.",
         "Pendulum, perturbed Kepler and Hénon–Heiles (box and chaotic) to t = 1000, Kepler over 100 orbits, "
         "Lotka–Volterra to t = 120, whose variables (u, v) are not canonical; steps of 0.005 to 0.12.",
-        "Methods declare `round-off`, `bounded` (the error oscillates) or `drift`.",
+        "A method declares that its energy error is of `round-off`, `bounded` (it oscillates) or a `drift`.",
     ),
     verdicts=(energy, drifting, momentum),
+    answer=answer,
     figures=draw,
     table=table,
-    whole=_whole,
+    whole=_full_table,
     limits=(
-        f"A drift counts where its interval excludes 0, its nearer end adds SHARE = {SHARE} of the largest error over the "
-        f"span, the error at the end has that share too, and the largest exceeds {LEAST:g}.",
-        f"Kept means an error of at most {KEPT:g}; HBVM(k, s) with too few nodes for H's degree is left out.",
-        "A drift slower than the oscillation's own error over 1000 units of time is not seen.",
+        f"A drift counts if its interval excludes 0, if over the span the nearer end of the interval, and the error at the end, "
+        f"each come to {SHARE:.0%} of the largest error, and if that exceeds {NOISE:g}.",
+        f"Energy and angular momentum are kept if their error is at most {KEPT:g}. HBVM(k, s) with too few nodes for H's degree, and runs "
+        "in which a step had no solution, are left out.",
+        "A drift slower than the error of the removed oscillation is not seen in 1000 units of time.",
         "What is declared holds for canonical systems; on Lotka–Volterra in (u, v) symplectic methods may drift.",
     ),
     command="pytest benchmarks/experiments/trade",

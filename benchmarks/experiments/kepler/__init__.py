@@ -1,1 +1,1 @@
-"""Kepler orbits beside the established integrators."""
+"""Kepler orbits: this project's methods compared with the established integrators."""

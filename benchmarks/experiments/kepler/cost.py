@@ -1,4 +1,4 @@
-"""Error of the state at an apocentre of Kepler's orbit after 100.5 revolutions against warm time."""
+"""Error of the state at an apocentre of the Kepler orbit, after 100.5 revolutions, against the time of a warm run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.measure.accuracy import end_state
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import OK
 from phasebench.reference.peers import heyoka, rebound
 from phasebench.reference.solvers import taylor
@@ -23,17 +23,17 @@ PER_ORBIT = (30, 50, 100, 300, 1000, 3000)
 OURS = (
     integrator("stormer-verlet"),
     integrator("implicit-midpoint"),
-    integrator("scheme-i", lam="1/3"),
-    integrator("scheme-ii", lam="1/3"),
-    integrator("scheme-iii", lam="1/3"),
+    integrator("scheme-i", parameters={"lam": "1/3"}),
+    integrator("scheme-ii", parameters={"lam": "1/3"}),
+    integrator("scheme-iii", parameters={"lam": "1/3"}),
     integrator("scheme-iv"),
     integrator("scheme-v"),
     integrator("avf"),
     integrator("rk4"),
-    integrator("scheme-iii-yoshida-4", lam="1/3"),
-    integrator("scheme-iii-suzuki-4", lam="0"),
-    integrator("scheme-iii-yoshida-6", lam="0"),
-    integrator("scheme-iii-sofroniou-spaletta-8", lam="0"),
+    integrator("scheme-iii-yoshida-4", parameters={"lam": "1/3"}),
+    integrator("scheme-iii-suzuki-4", parameters={"lam": "0"}),
+    integrator("scheme-iii-yoshida-6", parameters={"lam": "0"}),
+    integrator("scheme-iii-sofroniou-spaletta-8", parameters={"lam": "0"}),
     integrator("scheme-v-suzuki-4"),
     integrator("gauss-6"),
     integrator("gauss-8"),
@@ -47,19 +47,19 @@ PEERS = (
     *map(integrator, ("scipy-dop853-numba", "scipy-lsoda-numba")),
 )
 TOLERANCES = tuple(10.0**-k for k in range(3, 16, 2))
-#: Rows of a run at most.
+#: Largest number of rows of a run.
 MOST = 5_000
-#: A run of so many seconds is timed once.
+#: A run of at least LONG seconds is timed once, a shorter one ROUNDS times.
 LONG, ROUNDS = 0.2, 5
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each integrator on each problem, with its rows over steps or tolerances; none of the quick tier."""
-    return [] if quick else [_cell(name, k, c) for name in PROBLEMS for k, c in enumerate(_compared())]
+    """The measurements (`Cell`): one for each integrator on each problem; none in the quick tier."""
+    return [] if quick else [_cell(name, k, c) for name in PROBLEMS for k, c in enumerate(_integrators())]
 
 
 @cache
-def _compared() -> tuple[Integrator, ...]:
+def _integrators() -> tuple[Integrator, ...]:
     return (*OURS, *PEERS)
 
 
@@ -68,9 +68,9 @@ def _cell(name: str, position: int, c: Integrator) -> Cell:
         "kepler",
         ("kepler_cost",),
         {"problem": problem(name).label, "method": c.label},
-        measured,
+        measure_rows,
         (name, position),
-        content("cost", Problem(name), c.record, ORBITS, PER_ORBIT, TOLERANCES, code=[__name__]),
+        content("cost", ProblemKey(name), c.record, ORBITS, PER_ORBIT, TOLERANCES, code=[__name__]),
         frozenset({name, c.id, c.kind}),
         ALONE,
         own=True,
@@ -79,13 +79,13 @@ def _cell(name: str, position: int, c: Integrator) -> Cell:
 
 @cache
 def _truth(name: str):
-    """The certified end."""
+    """The certified end state."""
     return taylor.reference(problem(name), [ORBITS * 2 * pi])
 
 
-def measured(name: str, position: int) -> Rows:
-    """The rows of an integrator over steps or tolerances."""
-    c, t_end = _compared()[position], ORBITS * 2 * pi
+def measure_rows(name: str, position: int) -> Rows:
+    """The rows of an integrator, one for each step size or tolerance."""
+    c, t_end = _integrators()[position], ORBITS * 2 * pi
     rows = []
     if c.adaptive:
         for tol in (t for t in TOLERANCES if t >= c.record.least):
@@ -99,6 +99,7 @@ def measured(name: str, position: int) -> Rows:
 
 
 def _row(name: str, c: Integrator, setting: str, sizes: dict, tol: float | None) -> dict:
+    """Measure the error and the time at one setting; ``sizes``: h and steps without (0) and with (1) output."""
     found, truth = problem(name), _truth(name)
 
     def run(rows: int):

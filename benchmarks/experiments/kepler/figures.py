@@ -1,13 +1,15 @@
-"""Figures of the Kepler comparison, from measured rows: errors over orbits, and work-precision diagrams."""
+"""Figures of the Kepler comparison: errors over the number of orbits, and work-precision diagrams."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from phasebench.benchmarks.experiments.trade.choice import frontier
-from phasebench.benchmarks.page import style
+import numpy as np
+import pandas as pd
 
-#: Errors below these are drawn on them: the round-off of the state, of an angle of some radians.
+from phasebench.benchmarks import style
+
+#: Errors below this are drawn at it.
 FLOOR = 1e-16
 QUANTITIES = {
     "energy": "energy",
@@ -18,16 +20,14 @@ QUANTITIES = {
 
 
 def errors(rows, names: list[str], directory: Path, name: str) -> str:
-    """The four errors against the number of orbits, a column for each eccentricity; returns the file's name.
+    """Draw the four errors over the number of orbits, a column for each eccentricity; return the file's name.
 
     Parameters
     ----------
     rows : DataFrame with the columns e, method, orbits, energy, momentum, phase, perihelion
     names : the methods to draw, in order
-    directory, name : where the figure goes
+    directory, name : where the figure is written
     """
-    import numpy as np
-
     columns = sorted(rows["e"].unique())
     with style.settings():
         figure, axes = style.panels(len(QUANTITIES), len(columns), 7.6, sharex=True, sharey="row")
@@ -61,13 +61,13 @@ def errors(rows, names: list[str], directory: Path, name: str) -> str:
 
 
 def work_precision(rows, directory: Path, name: str = "kepler-cost.png") -> tuple[str, int]:
-    """Error at the end against warm seconds, ours and the peers on shared axes: (file's name, number of curves).
+    """Draw the error at the end over warm seconds, ours and the peers' together: (file's name, number of curves).
 
     ``rows`` is a DataFrame with the columns problem, method, kind, seconds and error; a panel for each problem.
     """
     ours = rows[rows["kind"] == "phasebench"]
     peers = rows[rows["kind"] != "phasebench"]
-    shown = [*frontier(ours, 4, "error"), *frontier(peers, 3, "error")]
+    shown = [*frontier(ours, 4), *frontier(peers, 3)]
     shown += [m for m in ("stormer-verlet", "scipy-dop853") if m in set(rows["method"]) and m not in shown]
     problems = list(dict.fromkeys(rows["problem"]))
     with style.settings():
@@ -86,3 +86,14 @@ def work_precision(rows, directory: Path, name: str = "kepler-cost.png") -> tupl
         axes[0][0].set_ylabel("error at the end, maximum norm")
         style.legend_above(figure, axes[0][0], 3)
     return style.save(figure, directory, name), len(shown)
+
+
+def frontier(rows: pd.DataFrame, most: int) -> list[str]:
+    """At most ``most`` methods that are the fastest at some error, sorted by how often they are."""
+    wins: dict[str, int] = {}
+    for wanted in np.logspace(-13, -1, 25):
+        enough = rows[rows["error"] <= wanted]
+        if len(enough):
+            best = enough.loc[enough["seconds"].idxmin(), "method"]
+            wins[best] = wins.get(best, 0) + 1
+    return sorted(wins, key=lambda name: -wins[name])[:most]

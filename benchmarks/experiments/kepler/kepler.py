@@ -40,22 +40,30 @@ import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
 
-#: Nodes of the quadratures of phi and t from pericentre: the test of the elements doubles them.
+#: Nodes of the quadratures of phi and t from pericentre; a test of the elements doubles them.
 NODES = 40
 #: Newton steps for m; the start 1/L^2 is exact without the perturbation.
 NEWTON = 30
-#: Below this eccentricity the perihelion is round-off divided by the eccentricity, and no longer defined.
+#: Below this eccentricity the perihelion counts as undefined: it would be round-off divided by the eccentricity.
 ROUND = 1e-10
 #: Digits of the exact advance and period.
 DIGITS = 40
-#: Times and rates are integers in units of 2^-TICK, exact for any h of a run: n h modulo a period loses nothing.
+#: Times and rates are integers in units of 2^-TICK, which hold any double h exactly: n h modulo a period is exact.
 TICK = 200
 
 
 class Elements(NamedTuple):
-    """Arrays (n,) over states: angles in radians, not unwrapped; NaN where a state is on no bound orbit.
+    """Elements of the Kepler orbit through each of n states of the plane: arrays (n,), NaN for an unbound state.
 
-    ``perihelion`` is NaN on a circle.  ``advance`` and ``period`` are of the orbit through the state.
+    Attributes
+    ----------
+    L : angular momentum
+    eccentricity : 0 on a circle
+    anomaly : mean anomaly, radians
+    perihelion : direction of the perihelion, radians; NaN on a circle
+    longitude : mean longitude, perihelion + anomaly, radians
+    advance : growth of the perihelion's angle in a revolution, radians
+    period : time of a revolution
     """
 
     L: np.ndarray
@@ -68,7 +76,7 @@ class Elements(NamedTuple):
 
 
 def elements(q, p, mu: float = 0.0, nodes: int = NODES) -> Elements:
-    """The elements of states q, p, arrays (n, 2), of the (perturbed) Kepler problem of strength ``mu``.
+    """Compute the elements of states q, p, arrays (n, 2), of the (perturbed) Kepler problem of strength ``mu``.
 
     Raises InvalidInput for states that are not in the plane.
     """
@@ -97,7 +105,7 @@ def elements(q, p, mu: float = 0.0, nodes: int = NODES) -> Elements:
         x, weights = np.polynomial.legendre.leggauss(nodes)
 
         def integral(f, end):
-            """The integral of f from 0 to each end."""
+            """The integral of f from 0 to each end, (n,), by Gauss-Legendre quadrature."""
             return (f(np.outer(end / 2, x + 1)) * weights).sum(1) * end / 2
 
         def over_g(u):
@@ -162,7 +170,7 @@ def exact_orbit(q, p, mu: float = 0.0, digits: int = DIGITS):
 
 @dataclass(frozen=True)
 class Truth:
-    """The exact solution from q0, p0: energy, angular momentum and the rates of its angles, in 2^-TICK turns a time."""
+    """The exact solution from q0, p0: energy, angular momentum, and the rates of its angles in 2^-TICK turns a time."""
 
     mu: float
     H: np.longdouble
@@ -197,10 +205,10 @@ def truth(problem) -> Truth:
 
 
 def times(h: float, index: Sequence[int], exactly: bool = True) -> list[int]:
-    """The times of the step numbers ``index`` in units of 2^-TICK.
+    """The times of the step numbers ``index``, as integers in units of 2^-TICK.
 
-    They are n h without rounding, as a method of fixed step takes them, or else rounded to double, as asked of an
-    adaptive one.
+    For a method of fixed step they are n h without rounding; with ``exactly`` False they are n h rounded to double, as
+    an adaptive integrator is asked for them.
     """
 
     def ticks(t: float) -> int:
@@ -211,20 +219,20 @@ def times(h: float, index: Sequence[int], exactly: bool = True) -> list[int]:
 
 
 def _turns(rate: int, when: int) -> int:
-    """The turns after a time, in units of 2^-TICK."""
+    """The angle after a time at a rate, in units of 2^-TICK turns."""
     return rate * when >> TICK
 
 
 def _angle(rate: int, when: Sequence[int]) -> np.ndarray:
-    """The angles in [0, 2 pi) after the times."""
+    """The angles in [0, 2 pi) after each of the times."""
     return np.array([_turns(rate, t) % 2**TICK / 2**TICK for t in when]) * 2 * np.pi
 
 
 class Errors(NamedTuple):
     """Signed errors, arrays (n,): energy and angular momentum relative, phase and perihelion in radians, unwrapped.
 
-    ``phase`` is the mean longitude's, ``anomaly`` the mean anomaly's.  NaN from the first state on that is on no bound
-    orbit, and of ``perihelion`` and ``anomaly`` everywhere for an exact orbit that is a circle.
+    ``phase`` is the error of the mean longitude, ``anomaly`` of the mean anomaly.  All are NaN from the first state on
+    that is on no bound orbit; ``perihelion`` and ``anomaly`` are NaN everywhere if the exact orbit is a circle.
     """
 
     energy: np.ndarray
@@ -235,9 +243,9 @@ class Errors(NamedTuple):
 
 
 def errors(exact: Truth, when: Sequence[int], q, p) -> Errors:
-    """The errors of states q, p, arrays (n, 2), at the `times` ``when`` against the exact solution.
+    """The errors of states q, p, arrays (n, 2), at times ``when`` (from `times`) against the exact solution.
 
-    Angles are unwrapped from row to row: the rows must be so dense that the error grows by less than pi between them.
+    Angles are unwrapped from row to row: rows must be so dense that an error grows by less than pi between them.
     """
     H, L = invariants(q, p, exact.mu)
     found = elements(q, p, exact.mu)
@@ -245,7 +253,7 @@ def errors(exact: Truth, when: Sequence[int], q, p) -> Errors:
     turn = float(np.sign(exact.L))
 
     def away(value, expected):
-        """The difference, unwrapped from zero on."""
+        """The difference of angles, unwrapped so that it starts near 0."""
         return np.unwrap(np.concatenate([[0.0], np.remainder(value - expected + np.pi, 2 * np.pi) - np.pi]))[1:]
 
     M = away(found.anomaly, exact.start.anomaly + anomaly)
@@ -258,13 +266,13 @@ def errors(exact: Truth, when: Sequence[int], q, p) -> Errors:
 
 
 def measured_advance(exact: Truth, when: int, perihelion: float, anomaly: float) -> float:
-    """The mean advance per radial period of an orbit whose angles have these errors at a time of `times`, radians."""
+    """The mean advance a radial period, radians, of an orbit whose angles have these errors at the time ``when``."""
     turns = _turns(exact.anomaly, when) / 2**TICK
     return (exact.advance * turns + float(np.sign(exact.L)) * perihelion) / (turns + anomaly / (2 * np.pi))
 
 
 def advances(exact: Truth, when: Sequence[int], found: Errors, row: int) -> dict[str, float]:
-    """The `measured_advance` at a row and its difference from the exact one; nothing without the term."""
+    """The measured advance at a row and its error; empty without the perturbation."""
     if not exact.mu:
         return {}
     measured = measured_advance(exact, when[row], found.perihelion[row], found.anomaly[row])

@@ -1,4 +1,4 @@
-"""The Kepler comparison: four errors to 10^4 orbits, and error against cost, here and in the established integrators."""
+"""The page on the Kepler comparison: errors over 10^4 orbits, and error against cost, for our methods and peers."""
 
 from __future__ import annotations
 
@@ -7,24 +7,27 @@ from math import pi
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.measure.timing import NONE, OURS, PEERS, TIED, Median, cheaper
-from phasebench.benchmarks.page.markdown import listed, number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+from phasebench.benchmarks.measure.timing import OURS, PEERS, TIED, Median, cheaper
+from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import NONE, Count, Verdict, at_least
 
 from . import figures as drawings
 from .comparison import DEAR, DRAWN, LADDER, LONGEST, SPREAD
 from .runs import STANDARD
 from .times import TABLE as TIMES
 
-#: Phase errors, radians at the end, for which the cheapest is named.
+#: Phase errors at the end, in radians, for which the cheapest integrators are listed.
 PHASES = (1e-2, 1e-6, 1e-9)
-#: An exponent of growth within this of 1 is called linear.
-NEAR = 0.15
-#: Errors of the phase below this at the end, in radians, are of round-off.
+#: Wanted share of our wins, among the cases that are no tie.
+HALF = 0.5
+#: An exponent of growth within NEAR of 1 counts as linear; LINEAR is the wanted share of such runs.
+NEAR, LINEAR = 0.15, 0.9
+#: Phase errors below this at the end, in radians, count as round-off.
 PHASE_ROUND_OFF = 1e-7
-#: A phase error larger than this many times what the energy error can do is a lost time.
+#: A phase error above this many times the largest that the energy error explains is an error of the time.
 CLOCK = 5.0
-#: The error of the end state over 100.5 orbits to which the settings of a peer are compared, and which they are.
+#: The error of the end state over 100.5 orbits at which settings of peers are compared, and these peers.
 TRIED_TO = 1e-8
 TRIED = {"heyoka": "heyoka", "IAS15": "rebound-ias15"}
 TITLES = {"kepler": "Kepler", "perturbed-kepler": "Kepler, Schwarzschild term"}
@@ -33,26 +36,28 @@ KEY = ["problem", "e", "method", "setting"]
 
 
 def ends(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
-    """The runs, without the reference's, with the errors at their ends beside them."""
+    """The runs, without the reference, joined with the errors at their ends."""
     last = growth.sort_values("orbits").groupby(KEY, sort=False, as_index=False).last()
     joined = runs.merge(last[[*KEY, "energy", "momentum", "phase", "perihelion"]], on=KEY, how="left")
     return joined[joined["kind"] != "reference"]
 
 
-def _finished(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
+def _completed_runs(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
+    """The runs that reached their end with a phase error."""
     joined = ends(runs, growth)
     return joined[(joined["status"] == "ok") & joined["phase"].notna()]
 
 
 def _who(row) -> str:
+    """An integrator with its setting."""
     return row["method"] if row["setting"] == "adaptive" else f"{row['method']} ({row['setting']})"
 
 
 def _paid(members: pd.DataFrame, wanted: float) -> tuple[pd.Series | None, Median]:
-    """The cheapest whose median phase error is at most so much, and what following the phase so well costs.
+    """The cheapest run whose median phase error is at most ``wanted``, and the cost (µs an orbit) of that accuracy.
 
-    The interval reaches from the least that it may cost, where the median lies at the lower end of its interval, to what
-    it costs at most, where it lies at the upper end.
+    The interval of the cost reaches from the lowest possible (phase errors at the lower ends of their intervals) to the
+    highest (at the upper ends).
     """
     cost = members["us per orbit"]
     reached = {c: members[members[f"phase{c}"] <= wanted] for c in (" median", ", low", ", high")}
@@ -68,7 +73,7 @@ COSTS = ("us, low", "us per orbit", "us, high")
 
 
 def cheapest(runs: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
-    """Who follows the phase for the least time over the longest runs: a row for each orbit and accuracy."""
+    """The cheapest integrator of each side for each orbit and phase error, over the longest runs."""
     ran = runs[(runs["status"] == "ok") & (runs["kind"] != "reference")].merge(times, on=KEY).dropna(subset=[*COSTS])
     lines = []
     for (name, e), members in ran.groupby(["problem", "e"], sort=False):
@@ -85,78 +90,103 @@ def cheapest(runs: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
 
 @of("kepler", TIMES)
 def costs(runs: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
-    """Who is the cheaper, this project's methods or the peers."""
+    """Whether our methods are the cheapest to follow the phase at least as often as the peers."""
     lines = cheapest(runs, times)
     if lines.empty:
         return None
-    wins, losses, ties, none = (int((lines["cheaper"] == who).sum()) for who in (OURS, PEERS, TIED, NONE))
-    text = (
-        f"Following the phase over {runs['orbits'].max():.0f} orbits, of {len(lines)} pairs of an orbit and an accuracy: "
-        f"the cheapest is one of this project's methods in {wins}, a peer in {losses}; "
-        f"{ties} {'is a tie' if ties == 1 else 'are ties'}{f', {none} reached by none' if none else ''}"
+    ours, peers = (int((lines["cheaper"] == who).sum()) for who in (OURS, PEERS))
+    lost = [
+        f"{r['problem']} e = {r['e']:g} to {r['phase up to (rad)']} rad"
+        for _, r in lines[lines["cheaper"] == PEERS].iterrows()
+    ]
+    return Verdict(
+        "Our methods follow the phase at the least cost as often as peers",
+        Count(ours, ours + peers),
+        at_least(HALF),
+        "cases that one side wins",
+        where=join_list(lost, 2) if lost else "",
     )
-    short = (
-        f"Cheapest over {runs['orbits'].max():.0f} orbits: ours {wins}, peers {losses}, ties {ties} of {len(lines)}."
-    )
-    return Verdict(f"{text}.", wins >= losses, short)
 
 
 @of("kepler", "kepler_growth")
 def laws(runs: pd.DataFrame, growth: pd.DataFrame) -> Verdict | None:
-    """How the phase errors grow."""
-    finished = _finished(runs, growth)
+    """Whether phase errors above round-off grow linearly with time."""
+    finished = _completed_runs(runs, growth)
     if "phase growth" not in finished:
         return None
     asked = ~finished["setting"].str.startswith("tolerance")  # a tolerance that is looser than a peer's own drifts
     truncated = finished[asked & finished["phase growth"].notna() & (finished["phase"] > PHASE_ROUND_OFF)]
     if truncated.empty:
         return None
-    straight = (truncated["phase growth"] - 1).abs() <= NEAR
-    others = [
-        f"{r['method']} at e = {r['e']:g} (t^{r['phase growth']:.2f})" for _, r in truncated[~straight].iterrows()
-    ]
-    text = f"Phase errors above {PHASE_ROUND_OFF:g} rad grow linearly in {int(straight.sum())} of {len(truncated)} runs"
-    text += f"; else {listed(others, 3)}" if others else ""
-    return Verdict(f"{text}.", bool(straight.mean() >= 0.9), "some phase errors do not grow linearly.")
+    off = (truncated["phase growth"] - 1).abs()
+    worst = truncated.loc[off.idxmax()]
+    return Verdict(
+        "Phase errors above round-off grow linearly with time",
+        Count(int((off <= NEAR).sum()), len(truncated)),
+        at_least(LINEAR),
+        "runs",
+        where=f"{_who(worst)}, e = {worst['e']:g}: t^{worst['phase growth']:.2f}",
+    )
 
 
 @of("kepler", "kepler_growth")
-def clocks(runs: pd.DataFrame, growth: pd.DataFrame) -> Verdict | None:
-    """Phase errors of adaptive methods that are larger than their energy errors can make them."""
-    finished = _finished(runs, growth)
+def clocks(runs: pd.DataFrame, growth: pd.DataFrame) -> Verdict:
+    """Whether no adaptive method has a phase error larger than its energy error explains."""
+    finished = _completed_runs(runs, growth)
     adaptive = finished[(finished["mu"] == 0) & (finished["setting"] == "adaptive")]
-    # The frequency is (-2 H)^(3/2): an energy error within d turns the orbit by at most 3/2 d of its angle.
+    # The frequency is (-2 H)^(3/2): a relative energy error d changes the angle by at most 3/2 d of it.
     most = 1.5 * adaptive["energy"] * 2 * pi * adaptive["orbits"]
-    lost = adaptive[adaptive["phase"] > CLOCK * most]
-    names = [f"{r['method']} at e = {r['e']:g} ({number(r['phase'])} rad)" for _, r in lost.iterrows()]
-    runs = ends(runs, growth)
-    stopped = int((~runs["status"].isin(["ok", "skipped"])).sum())
-    if runs.empty:
-        return None
-    text = (
-        f"{stopped} of {len(runs)} runs do not get through; a phase error beyond {CLOCK:g} times what the energy error "
-        f"explains, a lost clock, has {listed(names, 3) if names else 'none of the adaptive runs without the term'}."
+    unexplained = adaptive[adaptive["phase"] > CLOCK * most]
+    lost = [f"{r['method']}, e = {r['e']:g}: {number(r['phase'])} rad" for _, r in unexplained.iterrows()]
+    return Verdict(
+        "No adaptive method has a phase error that its energy error does not explain",
+        Count(len(lost), len(adaptive)),
+        NONE,
+        "runs on pure Kepler orbits",
+        where=join_list(lost, 3) if lost else "",
     )
-    return Verdict(text, lost.empty, f"{listed(names, 1)} loses its clock.")
 
 
-def tried(cost: pd.DataFrame) -> str:
-    """What each setting of heyoka and IAS15 takes to an error beside the best of them, over the problems."""
+@of("kepler", TIMES)
+def answer(runs: pd.DataFrame, times: pd.DataFrame) -> str | None:
+    """How often each side is the cheapest to follow the phase, and the time of an orbit."""
+    lines = cheapest(runs, times)
+    if lines.empty:
+        return None
+    ours, peers, tied = (int((lines["cheaper"] == who).sum()) for who in (OURS, PEERS, TIED))
+    least = lines[[f"{side}, µs an orbit" for side in (OURS, PEERS)]].min(axis=1)
+    return (
+        f"Over {runs['orbits'].max():.0f} orbits following the phase costs {number(least.min())} to "
+        f"{number(least.max())} µs an orbit; phasebench is cheapest in {ours} of {len(lines)} cases (orbit, error), "
+        f"heyoka or REBOUND in {peers}; {tied} tie."
+    )
+
+
+def settings_tried(cost: pd.DataFrame) -> dict[str, pd.Series]:
+    """For heyoka and IAS15: each setting's time to the error `TRIED_TO` over the best one's, on the worse problem."""
     enough = cost[(cost["status"] == "ok") & (cost["error"] <= TRIED_TO)]
     seconds = enough.groupby(["problem", "method"], sort=False)["seconds"].min().unstack("problem")
-    parts = []
+    found = {}
     for name, stem in TRIED.items():
         members = seconds[[m.startswith(stem) and "batch" not in m for m in seconds.index]]
-        times_as_long = (members / members.min()).max(axis=1).sort_values()
-        told = ", ".join(f"{m.removeprefix('rebound-')} {number(x, 2)}" for m, x in times_as_long.items())
-        parts += [f"{name}: {told}"] if told else []
+        if len(members):
+            found[name] = (members / members.min()).max(axis=1).sort_values()
+    return found
+
+
+def _settings_sentence(cost: pd.DataFrame) -> str:
+    """A sentence for the caption on the settings of peers."""
+    parts = []
+    for name, ratios in settings_tried(cost).items():
+        settings = (f"{method.removeprefix('rebound-')} {number(x, 2)}" for method, x in ratios.items())
+        parts.append(f"{name}: {', '.join(settings)}")
     if not parts:
         return ""
-    return f"Settings tried, their time to {TRIED_TO:g} over the best one's (the worse problem): {'; '.join(parts)}."
+    return f" Settings of peers, their time to {TRIED_TO:g} over the best one's: {'; '.join(parts)}."
 
 
 def draw(data, folder) -> list[Picture]:
-    """The errors over the orbits, and the error against time on shared axes."""
+    """The errors over the orbits, and the error against time for both sides."""
     growth, cost = data("kepler_growth"), data("kepler_cost")
     pictures = []
     if growth is not None and len(growth):
@@ -167,15 +197,15 @@ def draw(data, folder) -> list[Picture]:
         rows = rows[rows["group"] == ("high order" if "high order" in set(rows["group"]) else rows["group"].iloc[0])]
         file = drawings.errors(rows, list(dict.fromkeys(rows["method"])), folder, "kepler-errors.png")
         caption = (
-            f"{TITLES.get(problem, problem)}: greatest errors so far over the orbits, methods of high order, {STANDARD} "
-            "steps an orbit or adaptive."
+            f"{TITLES.get(problem, problem)}: the greatest error so far over the number of orbits; methods of high "
+            f"order at {STANDARD} steps an orbit, or adaptive."
         )
         pictures.append(Picture(file, "errors over the orbits", caption))
     if cost is not None and (cost["status"] == "ok").any():
         file, shown = drawings.work_precision(cost[cost["status"] == "ok"], folder)
         caption = (
-            f"Error at the end after {cost['orbits'].max():g} orbits at e = {cost['e'].max():g} against warm seconds; "
-            f"{shown} curves in all: of each side those that are cheapest somewhere. {tried(cost)}"
+            f"Error of the state after {cost['orbits'].max():g} orbits at e = {cost['e'].max():g} over the seconds "
+            f"of a warm run; {shown} methods: those of each side that are the fastest at some error.{_settings_sentence(cost)}"
         )
         pictures.append(Picture(file, "error against time", caption))
     return pictures
@@ -183,20 +213,23 @@ def draw(data, folder) -> list[Picture]:
 
 @of("kepler", TIMES)
 def table(runs: pd.DataFrame, times: pd.DataFrame) -> Table | None:
-    """Who follows the phase for the least time."""
+    """The cheapest integrator of each side for each orbit and phase error."""
     lines = cheapest(runs, times)
     if lines.empty:
         return None
+    ran = runs[runs["kind"] != "reference"]
+    stopped = int((~ran["status"].isin(["ok", "skipped"])).sum())
     caption = (
-        f"The cheapest that follow the phase over {runs['orbits'].max():.0f} orbits, ours and the peers', in the median of "
-        "starts an ulp apart. A side is the cheaper where this holds at either end of the intervals of its phase error and "
-        "of its time; else it is a tie."
+        f"The cheapest of ours and of the peers that follow the phase over {runs['orbits'].max():.0f} orbits, in the "
+        "median of starts an ulp apart. A side is the cheaper if it is so at both ends of the intervals of phase "
+        f"error and time; else it is a tie. {stopped} of {len(ran)} runs do not reach the end."
     )
     return Table(lines.head(ROWS), caption)
 
 
 @of("kepler", "kepler_growth")
-def _whole(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
+def _full_table(runs: pd.DataFrame, growth: pd.DataFrame) -> pd.DataFrame:
+    """The errors at the ends of all runs."""
     columns = ["energy", "momentum", "phase", "phase median", "starts", "perihelion", "status"]
     return ends(runs, growth).reindex(columns=[*KEY, *columns])
 
@@ -207,27 +240,31 @@ PAGE = Page(
     tables=("kepler", "kepler_growth", TIMES, "kepler_cost"),
     setting=(
         "H = |p|²/2 − 1/|q| − μ/(3|q|³), with μ = 0 (Kepler) and with the Schwarzschild term; e = 0, 0.2, 0.6, 0.9.",
-        "Errors are the greatest so far, at pericentres and apocentres: energy and angular momentum relative, "
-        "phase (mean longitude) and perihelion against exact angles, linear in time, from elliptic integrals.",
-        f"Fixed steps: {LADDER[0]} to {LADDER[-1]} an orbit; adaptive peers at their own tolerance, heyoka (with "
-        "high_accuracy and without) and IAS15 at looser ones too.",
-        "Where round-off may decide, a phase error is the median of nine starts whose coordinates are an ulp less, the same "
-        "or an ulp more, with its 95 % interval.",
-        "Times are warm and without output, all settings of all in turns, medians of nine rounds with 95 % intervals; "
-        "heyoka and REBOUND are compiled, and so is SciPy's right-hand side.",
+        "Errors are the greatest so far, at pericentres and apocentres: energy and angular momentum relative; phase "
+        "(mean longitude) and perihelion against exact angles, linear in time, from elliptic integrals.",
+        f"Fixed steps: {LADDER[0]} to {LADDER[-1]} an orbit. Adaptive peers at their own tolerance; heyoka (with "
+        "high_accuracy and without) and IAS15 also at looser ones.",
+        "Where round-off may decide, a phase error is the median of nine starts whose coordinates are an ulp less, "
+        "the same or an ulp more, with its 95 % interval.",
+        "Times are warm, without output, all integrators in turns, medians of nine rounds with 95 % intervals. heyoka, "
+        "REBOUND and SciPy's right-hand side are compiled.",
     ),
     verdicts=(costs, laws, clocks),
+    answer=answer,
     figures=draw,
     table=table,
-    whole=_whole,
+    whole=_full_table,
     limits=(
-        f"Linear means an exponent within {NEAR} of 1; phase errors up to {PHASE_ROUND_OFF:g} rad are not asked for it, nor "
-        "are peers at a tolerance looser than their own.",
-        f"Phase errors from {DRAWN[0]:g} to {DRAWN[1]:g} are drawn again; those of runs of more than {DEAR:g} s are taken to "
-        f"be known within a factor of {SPREAD:g}.",
-        "Without the term a Wisdom–Holman splitting is the exact flow: it says nothing of a problem with a perturbation.",
-        f"Finer steps are left out where the whole run would take more than {LONGEST:g} s, SciPy over 10⁴ orbits altogether; "
-        "a step between two of the ladder might just do.",
+        f"Linear means an exponent within {NEAR} of 1, wanted of {100 * LINEAR:g} % of the runs; phase errors up to "
+        f"{PHASE_ROUND_OFF:g} rad, and peers at a tolerance looser than their own, are not judged.",
+        f"A phase error is unexplained above {CLOCK:g} times what the energy error can do: the integrator's time is "
+        "wrong.",
+        f"Starts an ulp apart are run for phase errors from {DRAWN[0]:g} to {DRAWN[1]:g} rad; runs of more than "
+        f"{DEAR:g} s are made once, and their phase errors taken to be known within a factor {SPREAD:g}.",
+        "Without the Schwarzschild term a Wisdom–Holman splitting is the exact flow: this says nothing of a perturbed "
+        "problem.",
+        f"Steps at which a run would take more than {LONGEST:g} s are left out, and so is SciPy over 10⁴ orbits; a "
+        "step between two that were tried might be cheaper.",
     ),
     command="pytest benchmarks/experiments/kepler",
 )

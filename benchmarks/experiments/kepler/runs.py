@@ -1,7 +1,7 @@
-"""Runs of an integrator along a Kepler orbit: what it loses on the way, what an orbit costs, and what a draw decides.
+"""Runs of an integrator along a Kepler orbit: its errors on the way, the time of an orbit, and the effect of round-off.
 
-Where round-off is all that is left, the error of one run is one draw: a start an ulp away gives another.  The nine
-starts whose coordinates are an ulp less, the same or an ulp more give an ensemble of which the median means something.
+Where round-off dominates, the error of one run is random: a start an ulp away gives another one.  The nine starts whose
+coordinates are an ulp less, the same or an ulp more form an ensemble with a meaningful median.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from phasebench.integrators.errors import InvalidInput
 
 from .kepler import Truth, advances, errors, invariants, times, truth
 
-#: Steps an orbit of the comparison at equal steps.
+#: Standard number of steps an orbit, at which the figure compares methods.
 STANDARD = 150
-#: Orbits between the rows of a run from a neighbour.
+#: Orbits between the rows of a run from a neighbouring start.
 APART = 100
-#: Points, equally spaced in the logarithm of the time, of the growth's slope.
+#: Points in the fit of a growth exponent, equally spaced in log t.
 POINTS = 25
 
 
 class Setting(NamedTuple):
-    """How an integrator is run: steps an orbit (of an adaptive one rows an orbit), and its tolerance."""
+    """A setting of an integrator: its name, steps (of an adaptive one, rows) an orbit, and tolerance."""
 
     name: str
     per_orbit: int = 2
@@ -37,9 +37,9 @@ class Setting(NamedTuple):
 
 
 def growth(orbits, error, least: float = 10.0) -> float | None:
-    """The exponent of t with which the greatest size so far of ``error``, arrays (n,), grows.
+    """The exponent of t with which the running maximum of |``error``|, arrays (n,), grows.
 
-    Points are equally spaced in log t from ``least`` orbits on; None for fewer than three or an error that is zero.
+    It is fitted on points equally spaced in log t from ``least`` orbits on; None if fewer than three errors are not 0.
     """
     orbits, error = np.asarray(orbits, float), np.abs(np.asarray(error, float))
     grown = np.maximum.accumulate(error)
@@ -52,13 +52,13 @@ def growth(orbits, error, least: float = 10.0) -> float | None:
 
 
 def seconds_per_orbit(contender: Integrator, problem, period: float, setting: Setting, orbits: int) -> float:
-    """Warm seconds an orbit, without output; NaN where it does not get through."""
+    """Warm seconds an orbit, without output; NaN where the integrator fails."""
     timed = orbit_clock(contender, problem, period, setting, orbits)
     return timed() / orbits if timed is not None else float("nan")
 
 
 def orbit_clock(contender: Integrator, problem, period: float, setting: Setting, orbits: int) -> clock.Clock | None:
-    """The clock of so many orbits; None where the contender does not get through them."""
+    """A clock that times ``orbits`` orbits; None where the integrator does not reach the end."""
     n = setting.per_orbit
     s = contender.run(problem, h=period / n, steps=n * orbits, save_every=0, tol=setting.tol)
     if s.status not in ("ok", "no-root"):
@@ -69,20 +69,24 @@ def orbit_clock(contender: Integrator, problem, period: float, setting: Setting,
 def follow(
     contender: Integrator, problem, exact: Truth, setting: Setting, orbits: int, timeout: float | None = None
 ) -> tuple[dict, list[dict]]:
-    """A run of ``orbits`` + 1/2 orbits with a row each half orbit: what it measured at its end, and on the way.
+    """Integrate ``orbits`` + 1/2 orbits with a row each half orbit, and measure the errors at the end and on the way.
 
     Parameters
     ----------
-    contender, problem, exact : who, on what, and that problem's `truth`
-    setting : steps an orbit, an even number, or a tolerance
+    contender, problem, exact : the integrator, the problem, and its `truth`
+    setting : steps an orbit (an even number), or a tolerance
     orbits : whole orbits
     timeout : seconds after which a method of this project stops, with the rows so far
 
     Returns
     -------
-    run : status, reason, counts; the advance measured, radians an orbit, and its difference from the exact one; the
-        exponents of growth
-    rows : after 1, 3, 10, ... orbits and a half, the greatest size so far of each of the `Errors`
+    run : status, reason, counts; the measured advance in radians an orbit and its error; the exponents of growth
+    rows : the running maximum of each of the `Errors` after 1, 3, 10, ... orbits and a half
+
+    Raises
+    ------
+    InvalidInput
+        For an odd number of steps an orbit.
     """
     per_orbit = setting.per_orbit
     if per_orbit < 2 or per_orbit % 2:
@@ -126,7 +130,7 @@ def follow(
 
 
 def neighbours(problem) -> list[SimpleNamespace]:
-    """The starts whose coordinates other than 0 are an ulp less, the same or an ulp more, without the problem's own."""
+    """The starts whose nonzero coordinates are an ulp less, the same or an ulp more, except the problem's own."""
     state = [float(x) for x in (*problem.q0, *problem.p0)]
     near = [(x, np.nextafter(x, -np.inf), np.nextafter(x, np.inf)) if x else (x,) for x in state]
     d = len(problem.q0)
@@ -137,7 +141,7 @@ def neighbours(problem) -> list[SimpleNamespace]:
 
 
 def draws(contender: Integrator, problem, exact: Truth, setting: Setting, orbits: int) -> Iterator[float]:
-    """The greatest phase errors from the `neighbours`, at every `APART`-th orbit; infinite where a run fails."""
+    """Yield the largest phase error from each of the `neighbours`, on every `APART`-th orbit; inf for a failed run."""
     n = setting.per_orbit
     size = {"h": exact.period / n, "steps": n * orbits, "save_every": n * APART, "tol": setting.tol}
     when = times(size["h"], np.arange(1, orbits // APART + 1) * n * APART, exactly=not contender.adaptive)
@@ -148,7 +152,7 @@ def draws(contender: Integrator, problem, exact: Truth, setting: Setting, orbits
 
 
 def within_orbits(contender: Integrator, problem, exact: Truth, per_orbit: int, orbits: int = 10) -> dict[str, float]:
-    """The greatest energy and angular momentum errors over every step of a few orbits, relative."""
+    """The largest relative errors of energy and angular momentum over every step of a few orbits."""
     s = contender.run(problem, h=exact.period / per_orbit, steps=per_orbit * orbits)
     found = zip(("energy", "momentum"), invariants(s.q, s.p, exact.mu), (exact.H, exact.L), strict=True)
     return {f"{n}, every step": float(np.abs((x - y) / y).max()) for n, x, y in found}

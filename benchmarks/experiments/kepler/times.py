@@ -1,4 +1,4 @@
-"""What an orbit costs each of the compared: all settings of all of them on an orbit in one cell, in turns."""
+"""The time of an orbit for every integrator and setting of the comparison, measured in alternating rounds."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from math import ceil, nan
 
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.timing import in_turns, median
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, content
 
 from . import comparison
 from .comparison import ECCENTRICITIES, LADDER, PROBLEMS
 from .runs import Setting, orbit_clock
 
-#: Steps of a timed run, at least; orbits of an adaptive one; rounds.
+#: The least steps of a timed run, orbits of an adaptive one, rounds.
 STEPS, ORBITS, ROUNDS = 1_500, 10, 9
 TABLE = "kepler_times"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each orbit; none of the quick tier."""
+    """The measurements (`Cell`): one for each orbit; none in the quick tier."""
     return [] if quick else [_cell(name, e) for name in PROBLEMS for e in ECCENTRICITIES]
 
 
@@ -29,9 +29,9 @@ def _cell(name: str, e: float) -> Cell:
         "kepler",
         (TABLE,),
         {"problem": name, "e": e},
-        measured,
+        measure_rows,
         (name, e),
-        content("times", Problem(name, (("e", e),)), *records, *known, code=[__name__]),
+        content("times", ProblemKey(name, (("e", e),)), *records, *known, code=[__name__]),
         frozenset({name, *(r.id for r in records), *(getattr(r, "package", "") for r in records)}),
         ALONE,
         own=True,
@@ -42,8 +42,8 @@ def _settings(c: Integrator) -> list[Setting]:
     return comparison.tolerances(c) if c.adaptive else [comparison.steps(n) for n in LADDER]
 
 
-def measured(name: str, e: float) -> Rows:
-    """The microseconds of an orbit, of every setting; those that do not get through have none."""
+def measure_rows(name: str, e: float) -> Rows:
+    """Measure microseconds of an orbit for every integrator and setting; NaN for those that fail."""
     made, exact, _ = comparison.orbit(name, e)
 
     def work(c: Integrator, setting: Setting):

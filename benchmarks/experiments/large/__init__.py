@@ -1,1 +1,1 @@
-"""What does a step of many degrees of freedom cost?"""
+"""What does a step cost for many degrees of freedom?"""

@@ -1,4 +1,4 @@
-"""Bare C of the same systems: one loop, no compensated sums, no checks; `gcc -O3 -march=native`."""
+"""The same systems in plain C, without compensated sums and checks, compiled by `gcc -O3 -march=native`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from phasebench.benchmarks.measure.c_loop import loaded
+from phasebench.benchmarks.measure.c_loop import load_source
 
 FPU = """
 static void slope(long d, const double *c, const double *restrict q, const double *restrict p, double *restrict g) {
@@ -67,7 +67,7 @@ static void slope(long d, const double *c, const double *restrict q, const doubl
   }
 }
 """
-#: Stormer-Verlet with one gradient a step, and the classical Runge-Kutta method; ``work`` has 6 d numbers.
+#: C source of the steps: Stormer-Verlet with one gradient a step, and the classical RK4; ``work`` has 6 d numbers.
 STEPS = {
     "stormer-verlet": """
 void steps(long d, long n, double h, const double *c, double *q, double *p, double *work) {
@@ -102,15 +102,15 @@ void steps(long d, long n, double h, const double *c, double *q, double *p, doub
 
 
 class Loop:
-    """The compiled steps of a system; raises RuntimeError without a C compiler or where it rejects the source."""
+    """The steps of a system compiled from C; raises RuntimeError without a C compiler or if it rejects the source."""
 
     def __init__(self, slope: str, method: str):
-        self._steps = loaded(f"#include <math.h>\n{slope}{STEPS[method]}").steps
+        self._steps = load_source(f"#include <math.h>\n{slope}{STEPS[method]}").steps
         self._steps.argtypes = [ctypes.c_long, ctypes.c_long, ctypes.c_double, *[ctypes.c_void_p] * 4]
         self._steps.restype = None
 
     def run(self, q0, p0, h: float, n: int, constants) -> tuple[float, np.ndarray, np.ndarray]:
-        """(seconds of n steps, q, p)."""
+        """Take n steps of h from q0, p0, (d,): (seconds, q, p)."""
         q, p, known = np.array(q0, float), np.array(p0, float), np.array([*map(float, constants), 0.0])
         work = np.zeros(6 * len(q))
         pointers = (x.ctypes.data for x in (known, q, p, work))

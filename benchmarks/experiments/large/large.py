@@ -1,4 +1,4 @@
-"""Cost by d: of a step, beside bare C and REBOUND; of the memory; and of making a system's functions at all."""
+"""Cost over d: the time of a step compared with plain C and REBOUND, memory, and the compilation of a system."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from scipy.stats import linregress, t
 
 from phasebench.benchmarks.measure.timing import in_turns, median, ratio
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Rows, Unavailable, content
-from phasebench.integrators.engine.codegen import TUPLE_LIMIT
+from phasebench.benchmarks.store.cells import ALONE, Cell, Rows, Unavailable, content
+from phasebench.integrators.compile.codegen import TUPLE_LIMIT
 from phasebench.integrators.prepared import PreparedRun, prepare
 from phasebench.integrators.registry import method
 from phasebench.reference.peers import particles
@@ -24,24 +24,24 @@ from .c import Loop
 from .systems import SYSTEMS, Large
 
 COSTS, MADE = "large", "large_made"
-#: Degrees of freedom of the costs, about; exponents are fitted from `MANY` on.
+#: Approximate degrees of freedom at which costs are measured; exponents are fitted from `MANY` on.
 SIZES = (2, 4, 8, 16, 24, 64, 128, 256, 512, 1024, 2048, 4096, 10_000)
 MANY = 64
-#: Degrees of freedom for which functions are derived from a formula, until it takes longer than so many seconds, and
-#: those for which they are compiled from loops.
+#: Degrees of freedom at which functions are derived from a formula, until that takes longer than `PATIENCE` seconds,
+#: and those at which they are compiled from loops.
 DERIVED, PATIENCE, BY_HAND = (8, 16, 32, 64, 128, 256, 512), 10.0, (32, 512, 10_000)
-#: Seconds of a run that is timed, rounds, and how far the end of a few steps may be from that of C.
+#: Seconds of a timed run, rounds; number of steps after which ends are compared with C, and their largest difference.
 SECONDS, ROUNDS, FEW, APART = 4e-3, 11, 3, 1e-10
 CONFIDENCE = 0.95
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each system and size, and one for making each system's functions."""
+    """The measurements (`Cell`): one for each system and size, one for compiling each system; no quick tier."""
     if quick:
         return []
     sizes = [(s.name, d) for s in SYSTEMS.values() for d in sorted({s.size(d) for d in SIZES})]
     return [_cell(COSTS, {"system": n, "d": d}, costs, (n, d)) for n, d in sizes] + [
-        _cell(MADE, {"system": n}, made, (n,)) for n in SYSTEMS
+        _cell(MADE, {"system": n}, measure_rows, (n,)) for n in SYSTEMS
     ]
 
 
@@ -62,17 +62,17 @@ def _cell(table: str, key: dict, measure: Callable, arguments: tuple) -> Cell:
 
 
 def costs(name: str, d: int) -> Rows:
-    """The cost of a step at a size, ours and the others' in turns.
+    """Measure the cost of a step at a size, ours and the others' in alternating rounds.
 
     Raises
     ------
     Unavailable
-        Where there is no C compiler.
+        Without a C compiler.
     RuntimeError
-        Where C ends elsewhere: it is another integration.
+        If C ends elsewhere, so that it integrates something else.
     """
     system = SYSTEMS[name]
-    problem = system.made(d)
+    problem = system.fastest_form(d)
     run = prepare(problem, system.method)
     try:
         loop = Loop(system.C, system.method)
@@ -83,7 +83,7 @@ def costs(name: str, d: int) -> Rows:
     if not apart < APART:
         raise RuntimeError(f"{name} of d = {d}: C ends {apart:.1e} elsewhere after {FEW} steps")
     steps = enough(lambda n: loop.run(*start, system.h, n, system.constants(d))[0])
-    work = {"ours": _clocked(lambda: run(system.h, steps))}
+    work = {"ours": _clock(lambda: run(system.h, steps))}
     work["C"] = lambda: loop.run(*start, system.h, steps, system.constants(d))[0]
     if system.pairs:
         work["REBOUND"] = rebound(system, d, steps)
@@ -96,11 +96,11 @@ def costs(name: str, d: int) -> Rows:
         if who in times:
             r = ratio(times["ours"], times[who])
             row |= {f"ours / {who}": r.value, f"ours / {who}, low": r.low, f"ours / {who}, high": r.high}
-    return {COSTS: [row | {"kB": held(run) / 1e3, "difference from C": apart}]}
+    return {COSTS: [row | {"kB": array_bytes(run) / 1e3, "difference from C": apart}]}
 
 
 def difference(system: Large, run: PreparedRun, loop: Loop, start: np.ndarray) -> float:
-    """How far ours and C are apart after a few steps, relative to the state."""
+    """The largest relative distance between our state and that of C after a few steps."""
     d = start.shape[1]
     q, p, _ = run(system.h, FEW)
     _, x, v = loop.run(*start, system.h, FEW, system.constants(d))
@@ -108,14 +108,16 @@ def difference(system: Large, run: PreparedRun, loop: Loop, start: np.ndarray) -
 
 
 def enough(seconds: Callable[[int], float]) -> int:
-    """A number of steps, a power of two, that takes about `SECONDS`."""
+    """A number of steps, a power of two, that takes at least `SECONDS`; at most 2^20."""
     steps = 1
     while seconds(steps) < SECONDS and steps < 2**20:
         steps *= 2
     return steps
 
 
-def _clocked(run: Callable[[], object]) -> Callable[[], float]:
+def _clock(run: Callable[[], object]) -> Callable[[], float]:
+    """A function that calls ``run`` and returns the seconds."""
+
     def seconds() -> float:
         started = time.perf_counter()
         run()
@@ -125,28 +127,28 @@ def _clocked(run: Callable[[], object]) -> Callable[[], float]:
 
 
 def rebound(system: Large, d: int, steps: int) -> Callable[[], float]:
-    """The seconds of steps of REBOUND's leapfrog with direct summation, which goes on from call to call."""
+    """A function that times ``steps`` steps of REBOUND's leapfrog with direct summation, continuing at each call."""
     N = d // system.unit
     setting = particles.Setting(particles.GRAVITY, (1.0 / N,) * N, 3, 0, (1.0,) * d)
     sim, _ = particles.build(setting, *system.start(d), "leapfrog")
     sim.dt = system.h
-    return _clocked(lambda: sim.steps(steps))
+    return _clock(lambda: sim.steps(steps))
 
 
-def held(run: PreparedRun) -> int:
-    """The bytes of the arrays that a run holds."""
-    orbit = run._layout.orbit
-    return sum(a.nbytes for a in (orbit.state, orbit.memory, orbit.work, run._start, run._end))
+def array_bytes(run: PreparedRun) -> int:
+    """The bytes of the arrays that a prepared run holds."""
+    carry = run._layout.carry
+    return sum(a.nbytes for a in (carry.state, carry.memory, carry.work, run._start, run._end))
 
 
 # -- making a system's functions ---------------------------------------------------------------------------------------
 
 
-def made(name: str) -> Rows:
-    """Seconds in which a system gets its functions from nothing, by size and route."""
+def measure_rows(name: str) -> Rows:
+    """Measure the seconds to make a system's functions from scratch, by size and by route (formula or loops)."""
     system, rows = SYSTEMS[name], []
     for d in DERIVED:
-        seconds = getting_ready(lambda d=d: system.derived(d))
+        seconds = getting_ready(lambda d=d: system.from_formula(d))
         rows.append({"system": name, "route": "formula", "d": system.size(d), "seconds": seconds})
         if seconds > PATIENCE:
             break
@@ -158,7 +160,7 @@ def made(name: str) -> Rows:
 
 
 def getting_ready(make: Callable[[], SimpleNamespace]) -> float:
-    """Seconds that a system takes from nothing to its compiled energy and gradient (or field), its arrays included."""
+    """Seconds to make a system and compile its energy and gradient (or field), from an empty cache."""
     with nothing_kept():
         started = time.perf_counter()
         system = make().system
@@ -169,8 +171,8 @@ def getting_ready(make: Callable[[], SimpleNamespace]) -> float:
 
 @contextmanager
 def nothing_kept() -> Iterator[None]:
-    """With an empty cache."""
-    from phasebench.integrators.engine import codegen
+    """Run the block with an empty cache of compiled functions."""
+    from phasebench.integrators.compile import codegen
     from phasebench.integrators.systems import hand
 
     before, ready = os.environ.get("PHASEBENCH_CACHE"), dict(codegen._ready)
@@ -192,7 +194,7 @@ def nothing_kept() -> Iterator[None]:
 
 
 def exponent(d: ArrayLike, cost: ArrayLike) -> tuple[float, float, float]:
-    """(e, low, high) of cost ~ d^e: the slope of the logarithms by least squares, and its 95 % interval; at least 3."""
+    """Fit cost ~ d^e by least squares on logarithms: (e, low, high), a 95 % interval; NaN for fewer than 3 points."""
     x, y = np.log(np.asarray(d, float)), np.log(np.asarray(cost, float))
     if len(x) < 3:
         return float("nan"), float("nan"), float("nan")
@@ -201,4 +203,4 @@ def exponent(d: ArrayLike, cost: ArrayLike) -> tuple[float, float, float]:
     return float(line.slope), float(line.slope - half), float(line.slope + half)
 
 
-__all__ = ["COSTS", "MADE", "MANY", "SIZES", "TUPLE_LIMIT", "cells", "costs", "exponent", "made"]
+__all__ = ["COSTS", "MADE", "MANY", "SIZES", "TUPLE_LIMIT", "cells", "costs", "exponent", "measure_rows"]

@@ -1,105 +1,117 @@
-"""Cost by the number of degrees of freedom: the page."""
+"""The page on the cost of a step over the number of degrees of freedom."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.markdown import listed, number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+from phasebench.benchmarks import style
+from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, Count, Range, Verdict, at_most
 
 from .large import COSTS, DERIVED, MADE, MANY, PATIENCE, TUPLE_LIMIT, exponent
 from .systems import OMEGA, SPACING, SYSTEMS
 
-#: An exponent may be above 1 (or 2 where every pair acts) by so much: caches.
+#: An exponent may exceed 1 (2 if all pairs interact) by this, because of caches.
 ABOVE = 0.1
-#: The most times as long as bare C that a step from `MANY` degrees of freedom on should take.
+#: Wanted largest ratio of a step's time to that in C, from `MANY` degrees of freedom on.
 WANTED = 2.0
-#: The sizes of the table, about.
+#: Approximate sizes in the table.
 SHOWN = (8, 24, 128, 1024, 10_000)
 
 
 def exponents(costs: pd.DataFrame) -> pd.DataFrame:
-    """Of each system the exponents of the time and of the memory from `MANY` on, with their intervals."""
+    """The exponents of time and memory of each system from `MANY` on, with their intervals."""
     rows = []
     for name, part in costs[costs["d"] >= MANY].groupby("system", sort=False):
         if len(part) < 3:
             continue
-        row = {"system": name, "wanted": 2 if SYSTEMS[name].pairs else 1}
+        row = {"system": name, "expected": 2 if SYSTEMS[name].pairs else 1}
         for what, column in (("time", "ns, ours"), ("C", "ns, C"), ("memory", "kB")):
             row |= dict(zip((what, f"{what}, low", f"{what}, high"), exponent(part["d"], part[column]), strict=True))
         rows.append(row)
     return pd.DataFrame(rows)
 
 
+def at(row) -> str:
+    """Format the system and the size of a row."""
+    return f"{row['system']}, d = {int(row['d'])}"
+
+
 @of(COSTS)
 def scaling(costs: pd.DataFrame) -> Verdict | None:
-    """Whether the cost grows as the work does."""
+    """Whether the time of a step grows no faster than the work: as d, or as d^2 if all pairs interact."""
     found = exponents(costs)
     if found.empty:
         return None
-    steep = found[found["time, low"] > found["wanted"] + ABOVE]
-    parts = [
-        f"{r['system']} {r['time']:.2f} [{r['time, low']:.2f}, {r['time, high']:.2f}]" for r in found.to_dict("records")
-    ]
-    text = f"From d = {MANY} on the cost of a step grows as d to the power {'; '.join(parts)}"
-    text += (
-        f"; steeper than the work: {listed(list(steep['system']))}" if len(steep) else "; nowhere steeper than the work"
+    fits = found["time, low"] <= found["expected"] + ABOVE
+    worst = found.loc[(found["time"] - found["expected"]).idxmax()]
+    return Verdict(
+        "The time of a step grows no faster than the work",
+        Count(int(fits.sum()), len(fits)),
+        EVERY,
+        "systems",
+        where=f"{worst['system']}: d to the power {worst['time']:.2f} [{worst['time, low']:.2f}, {worst['time, high']:.2f}]",
     )
-    memory = [f"{r['system']} {r['memory']:.2f}" for r in found.to_dict("records") if r["memory"] > 1 + ABOVE]
-    text += f"; memory grows as d, but for {listed(memory)}" if memory else "; memory grows as d"
-    return Verdict(f"{text}.", steep.empty, f"Cost by d: {'; '.join(p.partition(' [')[0] for p in parts)}.")
 
 
 @of(COSTS)
 def beside(costs: pd.DataFrame) -> Verdict | None:
-    """The cost beside bare C, and REBOUND's."""
-    if costs.empty:
+    """Whether a step of a large system costs about as much as in C."""
+    ratios = _many(costs)["ours / C"]
+    if ratios.empty:
         return None
-    parts, holds = [], True
-    for kind, what in (("tuple", "states in registers"), ("array", "on arrays")):
-        part = costs[costs["values"] == kind]
-        if part.empty:
-            continue
-        low, high = (part.loc[getattr(part["ours / C"], f)()] for f in ("idxmin", "idxmax"))
-        parts.append(
-            f"{what}, {number(low['ours / C'], 2)} ({_at(low)}) to {number(high['ours / C'], 2)} ({_at(high)})"
-        )
-    many = costs[costs["d"] >= MANY]
-    holds = bool((many["ours / C"] <= WANTED).all())
-    text = f"A step takes, in times of bare C: {'; '.join(parts)}"
-    if "ours / REBOUND" in costs and costs["ours / REBOUND"].notna().any():
-        last = costs[costs["ours / REBOUND"].notna()].sort_values("d")
-        least, most = last["ours / REBOUND"].min(), last["ours / REBOUND"].max()
-        text += f"; of REBOUND's leapfrog {number(least, 2)} to {number(most, 2)}"
-    return Verdict(f"{text}.", holds, f"Large d: at most {number(many['ours / C'].max(), 2)} times bare C.")
+    where = at(costs.loc[ratios.idxmax()])
+    return Verdict(
+        "A step of a large system costs little more than in bare C",
+        Range(ratios.min(), ratios.max()),
+        at_most(WANTED),
+        "times the time in C",
+        where,
+    )
 
 
-def _at(row) -> str:
-    return f"{row['system']}, d = {int(row['d'])}"
+def _many(costs: pd.DataFrame) -> pd.DataFrame:
+    """The rows from `MANY` degrees of freedom on."""
+    return costs[costs["d"] >= MANY]
 
 
 @of(MADE)
-def limit(made: pd.DataFrame) -> Verdict | None:
-    """How far formulae go, and what loops take."""
-    derived, loops = (made[made["route"] == route] for route in ("formula", "loops"))
-    if derived.empty or loops.empty:
+def loops(made: pd.DataFrame) -> Verdict | None:
+    """Whether functions written as loops are compiled within `PATIENCE` seconds at any size."""
+    by_hand = made[made["route"] == "loops"]
+    if by_hand.empty:
         return None
-    within = derived[derived["seconds"] <= PATIENCE]
-    ends = {name: int(part["d"].max()) for name, part in within.groupby("system", sort=False)}
-    parts = [f"{name} to d = {d}" for name, d in ends.items()]
-    worst = loops.loc[loops["seconds"].idxmax()]
-    text = f"Functions derived from a formula are ready within {PATIENCE:g} s for {listed(parts, 6)}"
-    text += f"; loops for any d, at most {number(worst['seconds'], 2)} s ({_at(worst)})"
+    worst = by_hand.loc[by_hand["seconds"].idxmax()]
     return Verdict(
-        f"{text}.", bool(worst["seconds"] <= PATIENCE), f"Formulae go to d = {min(ends.values(), default=0)}."
+        "Functions written as loops are soon compiled, at any size",
+        float(worst["seconds"]),
+        at_most(PATIENCE),
+        "s",
+        at(worst),
     )
 
 
 @of(COSTS)
+def answer(costs: pd.DataFrame) -> str | None:
+    """How the time of a step grows with d, and its ratio to the time in C."""
+    found = exponents(costs)
+    if found.empty:
+        return None
+    parts = []
+    for power, kind in ((1, "on lattices"), (2, "for bodies")):
+        times = found.loc[found["expected"] == power, "time"]
+        ends = sorted({f"d^{times.min():.2f}", f"d^{times.max():.2f}"})
+        parts += [f"{' to '.join(ends)} {kind}"] if len(times) else []
+    ratios = _many(costs)["ours / C"]
+    text = f"An explicit step of d ≥ {MANY} degrees of freedom takes {number(ratios.min(), 2)} to"
+    return f"{text} {number(ratios.max(), 2)} times as long as in C, growing as {', '.join(parts)}."
+
+
+@of(COSTS)
 def draw(costs: pd.DataFrame, folder) -> list[Picture]:
-    """Nanoseconds of a step by d."""
+    """Nanoseconds of a step over d, a panel for each system."""
     names = list(dict.fromkeys(costs["system"]))
     with style.settings():
         figure, (panels,) = style.panels(1, len(names), 2.9, sharey=True)
@@ -116,13 +128,15 @@ def draw(costs: pd.DataFrame, folder) -> list[Picture]:
             axes.grid(color="0.93", linewidth=0.5)
         panels[0].set_ylabel("ns a step")
         style.legend_above(figure, panels[-1], 3)
-    caption = "Time of a step by the degrees of freedom; where it is grey states are in registers, else on arrays."
+    caption = "Time of a step over the degrees of freedom d; grey: the state is held in registers, elsewhere in arrays."
     return [Picture(style.save(figure, folder, "large.png"), "cost by d", caption)]
 
 
-@of(COSTS)
-def table(costs: pd.DataFrame) -> Table:
-    """A few sizes of each system."""
+def table(data: Data) -> Table | None:
+    """A few sizes of each system; the caption says up to which size functions are derived from a formula."""
+    costs, made = data(COSTS), data(MADE)
+    if costs is None or costs.empty:
+        return None
     rows = []
     for _, part in costs.groupby("system", sort=False):
         near = sorted({int((part["d"] - d).abs().idxmin()) for d in SHOWN}, key=lambda k: part.loc[k, "d"])
@@ -130,14 +144,24 @@ def table(costs: pd.DataFrame) -> Table:
     columns = ["system", "method", "d", "values", "ns, ours", "ns, C", "ours / C", "ours / C, low", "ours / C, high"]
     columns += ["ns, REBOUND", "ours / REBOUND", "kB"]
     caption = (
-        "Nanoseconds of a step at sizes near the same for all, medians; ratios round by round with 95 % intervals."
+        "Nanoseconds of a step, medians; ratios round by round with 95 % intervals; kB: the arrays that a run holds."
     )
+    ends = {} if made is None else largest_derived(made)
+    if ends:
+        ends = join_list([f"{name} to d = {d}" for name, d in ends.items()])
+        caption += f" Functions derived from a formula are ready within {PATIENCE:g} s for {ends}."
     return Table(pd.DataFrame(rows).reindex(columns=columns).head(ROWS), caption)
 
 
+def largest_derived(made: pd.DataFrame) -> dict[str, int]:
+    """System -> the largest d whose functions are derived from a formula within `PATIENCE`."""
+    within = made[(made["route"] == "formula") & (made["seconds"] <= PATIENCE)]
+    return {name: int(d) for name, d in within.groupby("system", sort=False)["d"].max().items()}
+
+
 @of(MADE)
-def whole(made: pd.DataFrame) -> pd.DataFrame:
-    """Seconds until a system's functions are there."""
+def full_table(made: pd.DataFrame) -> pd.DataFrame:
+    """Seconds to make each system's functions."""
     return made
 
 
@@ -146,26 +170,30 @@ PAGE = Page(
     question="What does a step of many degrees of freedom cost?",
     tables=(COSTS, MADE),
     setting=(
-        f"Stiff springs (fpu, omega = {OMEGA:g}), Toda's lattice, Klein-Gordon and Schroedinger waves on points {SPACING:g} apart, a "
-        "Plummer sphere of N bodies: d from 2 to 10,000.",
-        "Stormer-Verlet, one gradient a step; the Schroedinger lattice, which is not separable, by rk4, four fields a step.",
-        f"To d = {TUPLE_LIMIT} functions are derived from the formula of H; above, they are loops written by hand. States are tuples "
-        "in registers or arrays, as the column `values` says.",
-        "Beside it the same loops in C (gcc -O3 -march=native, uncompensated) and, of bodies, REBOUND's leapfrog with direct "
-        "summation; in turns, warm, without output.",
-        f"Functions are derived for d = {', '.join(map(str, DERIVED))} until it takes longer than {PATIENCE:g} s, from an empty cache.",
+        f"Stiff springs (fpu, ω = {OMEGA:g}), Toda's lattice, Klein–Gordon and Schrödinger waves on points {SPACING:g} apart, "
+        "a Plummer sphere of N bodies: d from 2 to 10,000.",
+        "Störmer–Verlet, one gradient a step; the Schrödinger lattice, which is not separable, by rk4, four fields a step.",
+        f"To d = {TUPLE_LIMIT} functions are derived from the formula of H, above they are loops written by hand; the "
+        "column `values` says whether the state is a tuple in registers or in arrays.",
+        "Beside it the same loops in C (gcc -O3 -march=native, uncompensated) and, for bodies, REBOUND's leapfrog with "
+        "direct summation; run in turns, after compilation, without output.",
+        f"Compilation: functions derived for d = {', '.join(map(str, DERIVED))} until it takes longer than {PATIENCE:g} s, "
+        "and from loops, both from an empty cache.",
     ),
-    verdicts=(scaling, beside, limit),
+    verdicts=(scaling, beside, loops),
+    answer=answer,
     figures=draw,
     table=table,
-    whole=whole,
+    whole=full_table,
     limits=(
-        "Exponents are slopes of logarithms by least squares with Student's interval, from sizes that caches treat differently.",
-        "Explicit methods work in place on arrays, as C does; operations of all others return new arrays, which below a few "
-        "hundred degrees of freedom costs more than the sums. Sums here are compensated, those of C and REBOUND are not.",
-        "Memory is that of the arrays a run holds; of implicit methods it holds a dense matrix, of (d + 1)^2 numbers and more, "
-        "unless they are solved in a band (the page `large-solvers`).",
-        "A chaotic end is not compared: ours and C agree over the first steps.",
+        f"Exponents are slopes of log t over log d from d = {MANY} on, by least squares with Student's 95 % interval; caches "
+        f"treat the sizes differently, so that the interval may begin {ABOVE:g} above the work's power.",
+        "Explicit methods work in place on arrays, as C does; all others return new arrays, which below a few hundred "
+        "degrees of freedom costs more than the sums.",
+        "Sums here are compensated, those of C and REBOUND are not.",
+        "Memory is that of the arrays a run holds; for implicit methods that includes a dense matrix of (d + 1)^2 numbers "
+        "and more, unless they are [solved in a band](large-solvers.md).",
+        "Ends after a long time are not compared, as the systems are chaotic: ours and C agree over the first steps.",
     ),
     command="pytest benchmarks/experiments/large",
 )

@@ -1,112 +1,153 @@
-"""How the implicit steps of a lattice are solved: the page."""
+"""The page on how implicit steps of lattices are solved."""
 
 from __future__ import annotations
 
-import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import ROWS, Page, Table, Verdict, of
+from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.page import ROWS, Page, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Range, Verdict, at_most
 
 from .large import exponent
-from .page import ABOVE
+from .page import ABOVE, at
 from .solvers import FEW, FEWEST, FULL, LATTICES, METHOD, ROUNDS, TABLE
 
-#: The ends of a few steps are the same where they are apart by less than this share of the state.
+#: Ends that differ by less than this, relative to the state, count as equal.
 SAME = 1e-12
 #: The sizes of the table.
 SHOWN = (32, 128, 2048, 10_000)
 
 
-def _at(row) -> str:
-    return f"{row['system']}, d = {int(row['d'])}"
+def _long(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows of steps too long for the fixed-point iteration."""
+    return rows[rows["step"] == "long"]
 
 
-def _range(part: pd.DataFrame, column: str) -> str:
-    low, high = (part.loc[getattr(part[column], f)()] for f in ("idxmin", "idxmax"))
-    return f"{number(low[column], 2)} ({_at(low)}) to {number(high[column], 2)} ({_at(high)})"
+def _places(rows: pd.DataFrame) -> str:
+    return join_list([at(r) for r in rows.to_dict("records")], 3) if len(rows) else ""
 
 
 @of(TABLE)
 def solves(rows: pd.DataFrame) -> Verdict | None:
-    """Whether steps that are too long for the fixed point are solved in the band, and for how much less."""
-    long = rows[rows["step"] == "long"]
-    if long.empty:
-        return None
-    lost = long[~long["solved, banded"].astype(bool)]
-    if len(lost):
-        where = "; ".join(_at(r) for r in lost.to_dict("records"))
-        return Verdict(f"Newton's method in the band does not solve the long steps of {where}.", False, "Not solved.")
-    both = long.dropna(subset=["banded / usual"])
-    text = (
-        f"Newton's method in the band solves the steps that are too long for the fixed point to d = {long['d'].max()}"
-    )
-    if both.empty:
-        return Verdict(f"{text}; nothing is beside it.", False, "The band has nothing beside it.")
-    text += f"; it takes {_range(both, 'banded / usual')} of the time with full matrices"
-    together = rows["apart"].dropna()
-    text += f", and ends as they do, to {number(together.max(), 2)} of the state in {FEW} steps"
-    holds = bool((both["banded / usual, high"] < 1).all() and together.max() <= SAME)
+    """Whether banded Newton solves the steps that are too long for the fixed-point iteration."""
+    long = _long(rows)
+    solved = long["solved, banded"].astype(bool)
     return Verdict(
-        f"{text}.", holds, f"In the band a long step takes at most {number(both['banded / usual'].max(), 2)}."
+        "Newton's method in the band solves steps too long for the fixed point",
+        Count(int(solved.sum()), len(long)),
+        EVERY,
+        "cases",
+        _places(long[~solved]),
+        FAIL,
     )
+
+
+@of(TABLE)
+def same(rows: pd.DataFrame) -> Verdict | None:
+    """Whether both solvers end at the same state."""
+    both = rows.dropna(subset=["apart"])
+    if both.empty:
+        return None
+    worst = both.loc[both["apart"].idxmax()]
+    return Verdict(
+        "The band and the usual solver come to the same state",
+        float(worst["apart"]),
+        at_most(SAME),
+        "of the state",
+        at(worst),
+        FAIL,
+    )
+
+
+@of(TABLE)
+def faster(rows: pd.DataFrame) -> Verdict | None:
+    """Whether banded Newton is faster than full matrices at long steps, by the whole interval of the ratio."""
+    both = _long(rows).dropna(subset=["banded / usual"])
+    if both.empty:
+        return None
+    low, high = both["banded / usual, low"].min(), both["banded / usual, high"]
+    return Verdict(
+        "At such long steps the band is faster than full matrices",
+        Range(low, high.max()),
+        at_most(1),
+        "times the time",
+        at(both.loc[high.idxmax()]),
+    )
+
+
+def _exponents(rows: pd.DataFrame) -> pd.DataFrame:
+    """The exponents of d in the time of a long step, with its lower bound, and in the memory, by lattice."""
+    found = []
+    for name, part in _long(rows).groupby("system", sort=False):
+        timed = part.dropna(subset=["ns, banded"])
+        time, low, _ = exponent(timed["d"], timed["ns, banded"])
+        found.append((name, time, low, exponent(part["d"], part["kB, banded"])[0]))
+    return pd.DataFrame(found, columns=["system", "time", "low", "memory"]).dropna()
 
 
 @of(TABLE)
 def scaling(rows: pd.DataFrame) -> Verdict | None:
-    """How time and memory grow."""
-    parts, memory, steep = [], [], []
-    for name, part in rows[rows["step"] == "long"].groupby("system", sort=False):
-        timed = part.dropna(subset=["ns, banded"])
-        e, low, high = exponent(timed["d"], timed["ns, banded"])
-        if np.isnan(e):
-            continue
-        parts.append(f"{name} {e:.2f} [{low:.2f}, {high:.2f}]")
-        steep += [name] if low > 1 + ABOVE else []
-        memory.append((exponent(part["d"], part["kB, banded"])[0], exponent(part["d"], part["kB, usual"])[0]))
-    if not parts:
+    """Whether time and memory of banded Newton grow no faster than d."""
+    found = _exponents(rows)
+    if found.empty:
         return None
-    ours, theirs = (max(m[k] for m in memory) for k in (0, 1))
-    text = f"A long step in the band costs d to the power {'; '.join(parts)}, its memory d to {ours:.2f} at most"
-    text += f" (full matrices: {theirs:.2f})"
-    text += f"; steeper than the lattice is long: {', '.join(steep)}" if steep else "; no more than the lattice is long"
-    holds = not steep and ours <= 1 + ABOVE
-    return Verdict(f"{text}.", holds, f"Steps in the band: d to {', '.join(p.partition(' [')[0] for p in parts)}.")
+    steep = [f"time of {r.system}: d^{r.time:.2f}" for r in found.itertuples() if r.low > 1 + ABOVE]
+    steep += [f"memory of {r.system}: d^{r.memory:.2f}" for r in found.itertuples() if r.memory > 1 + ABOVE]
+    total = 2 * len(found)
+    return Verdict(
+        "Time and memory in the band grow no faster than the lattice",
+        Count(total - len(steep), total),
+        EVERY,
+        "exponents",
+        join_list(steep, 3) if steep else "",
+    )
 
 
 @of(TABLE)
 def where_it_contracts(rows: pd.DataFrame) -> Verdict | None:
-    """What the band costs where it is not needed: there the usual solver should be the one to take."""
+    """Whether banded Newton is never faster where the fixed-point iteration contracts."""
     short = rows[rows["step"] == "short"].dropna(subset=["banded / usual"])
-    if short.empty:
+    sooner = short[short["banded / usual, high"] < 1]
+    return Verdict(
+        "Where the fixed point contracts, the band is nowhere faster",
+        Count(len(sooner), len(short)),
+        NONE,
+        "cases",
+        _places(sooner),
+    )
+
+
+@of(TABLE)
+def answer(rows: pd.DataFrame) -> str | None:
+    """The ratio of banded Newton's time to the usual solver's, at long and at short steps."""
+    parts = [rows[rows["step"] == step]["banded / usual"].dropna() for step in ("long", "short")]
+    if any(part.empty for part in parts):
         return None
-    text = f"Where the fixed point contracts, the band takes {_range(short, 'banded / usual')} times its time"
-    faster = short[short["banded / usual, high"] < 1]
-    if faster.empty:
-        return Verdict(f"{text}: leave the solver out there.", True, "Short steps: the fixed point.")
-    text += f"; it is the faster one at {'; '.join(_at(r) for r in faster.to_dict('records'))}"
-    return Verdict(f"{text}.", False, "The band is faster than the fixed point somewhere.")
+    long, short = (f"{number(part.min(), 2)} to {number(part.max(), 2)}" for part in parts)
+    text = f"Implicit lattice steps too long for fixed-point iteration take banded Newton {long} of the time of full"
+    return f"{text} matrices; shorter steps {short} times that of fixed-point iteration."
 
 
 @of(TABLE)
 def table(rows: pd.DataFrame) -> Table:
-    """Every row of the sizes `SHOWN`."""
+    """The rows of the sizes in `SHOWN`."""
     columns = ["system", "d", "h", "by", "ns, usual", "ns, banded", "banded / usual", "banded / usual, low"]
     columns += ["banded / usual, high", "evaluations, usual", "evaluations, banded", "kB, usual", "kB, banded"]
     caption = (
-        "Nanoseconds of a step, medians; what the usual solver solved the step by; evaluations of the gradient or "
-        f"field in a step, of the first {FEW}; memory that a run holds."
+        "Nanoseconds of a step, medians; `by`: what the usual solver solved the step by; evaluations of the gradient "
+        f"or field in a step, a mean over the first {FEW}; memory of the arrays that a run holds."
     )
     return Table(rows[rows["d"].isin(SHOWN)].reindex(columns=columns).head(ROWS), caption)
 
 
 @of(TABLE)
-def whole(rows: pd.DataFrame) -> pd.DataFrame:
-    """Every size, with the intervals, the ends' distance, and the seconds in which the structure was found."""
+def full_table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Every size, with the intervals, the distance of the ends, and the seconds to find the structure."""
     return rows
 
 
 def _steps() -> str:
+    """The two step sizes of each lattice, as text."""
     return "; ".join(f"{name}: h = {s.short:g} and {s.long:g}" for name, s in LATTICES.items())
 
 
@@ -115,25 +156,26 @@ PAGE = Page(
     question="How are the implicit steps of a lattice solved?",
     tables=(TABLE,),
     setting=(
-        f"The implicit midpoint rule ({METHOD}) on stiff springs (fpu), Toda's ring and the Schroedinger ring of the "
-        "page `large`.",
-        f"At a step at which the fixed point contracts, and at one that is too long for it: {_steps()}.",
-        "Usual: the fixed point from an extrapolated start, where it fails Newton's method with full matrices by "
-        f"differences; at long steps to d = {FULL}.",
+        f"The implicit midpoint rule ({METHOD}) on stiff springs (fpu), Toda's ring and the Schrödinger ring (nls) "
+        "of the page on [many degrees of freedom](large.md).",
+        f"Each at a step at which fixed-point iteration contracts, and at one that is too long for it: {_steps()}.",
+        "Usual solver: fixed-point iteration from an extrapolated start; where it fails, Newton's method with full "
+        f"matrices by differences, timed to d = {FULL}.",
         'Banded (`solver="banded"`): simplified Newton in the order of Cuthill and McKee, which folds a ring; a matrix '
-        "by as many differences as the band has colours, kept from step to step until it serves badly.",
-        "Both to round-off, in turns, warm, without output.",
+        "by as many differences as the band has colours, kept from step to step until it converges badly.",
+        "Both to round-off, run in turns, after compilation, without output.",
     ),
-    verdicts=(solves, scaling, where_it_contracts),
+    verdicts=(solves, same, faster, scaling, where_it_contracts),
+    answer=answer,
     table=table,
-    whole=whole,
+    whole=full_table,
     limits=(
-        f"A time is of runs from the same start of some milliseconds, of at least {FEWEST} steps, {ROUNDS} rounds: of "
+        f"Times are of runs of some milliseconds from the same start, at least {FEWEST} steps, {ROUNDS} rounds: for "
         "the longest lattices few steps, the first of which makes the matrix.",
-        "The structure is found once for a system, before a run; the seconds that it takes are in the CSV, not in "
-        "those of a step.",
-        f"Exponents are slopes of logarithms from few sizes; they may be above 1 by {ABOVE:g}: caches.  Ends are the "
-        f"same to {SAME:g} of the state.",
+        "The structure of the band is found once for a system, before a run; its seconds are in the CSV, not in a "
+        "step's.",
+        f"Exponents are slopes of logarithms from few sizes; they may be above 1 by {ABOVE:g}, because of caches. "
+        f"Ends count as the same within {SAME:g} of the state; they are compared after {FEW} steps.",
         "Memory is that of the arrays a run holds; of an array that is never written the operating system gives none, "
         "so that a full matrix costs only where it is used.",
     ),

@@ -1,7 +1,7 @@
-"""Lattices and bodies of any number of degrees of freedom: their formulae, their loops, a start, and bare C of each.
+"""Lattices and bodies of any size: their formulae, their loops, initial values, and their gradient in C.
 
-Up to `codegen.TUPLE_LIMIT` a system is derived from its formula, above it runs on the loops of its problem's module,
-without a formula.
+Up to `codegen.TUPLE_LIMIT` degrees of freedom a system is derived from its formula; above, it runs on the hand-written
+loops of its problem's module, without a formula.
 """
 
 from __future__ import annotations
@@ -15,30 +15,30 @@ import numpy as np
 import sympy as sp
 
 from phasebench.benchmarks.problems import fpu, klein_gordon, n_body, nls, toda
-from phasebench.integrators.engine.codegen import value_kind
+from phasebench.integrators.compile.codegen import value_kind
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from phasebench.integrators.systems.hand import HandHamiltonian
 
 from . import c
 
-#: The distance of points of a wave, the frequency of stiff springs, the seed of the starts.
+#: Distance of a wave's grid points, frequency of the stiff springs, seed of the initial values.
 SPACING, OMEGA, SEED = 0.5, 50.0, 7
 
 
 @dataclass(frozen=True)
 class Large:
-    """A system of any size.
+    """A system that can have any number d of degrees of freedom.
 
     Attributes
     ----------
     name, module : of the problem
     unit : d is a multiple of it
-    method : what steps it: one gradient or four fields a step
-    h : the step
+    method : id of the method: one gradient a step, or four fields
+    h : step size
     formula : d -> (q, p, H)
-    constants : d -> of its loops
-    C : the C text of its gradient, or field
-    pairs : whether a step's cost rises as d^2
+    constants : d -> the constants of its loops
+    C : C source of its gradient, or field
+    pairs : whether all pairs interact, so that a step costs O(d^2)
     """
 
     name: str
@@ -52,30 +52,30 @@ class Large:
     pairs: bool = False
 
     def size(self, d: int) -> int:
-        """The nearest number of degrees of freedom that it can have."""
+        """The possible number of degrees of freedom nearest to d."""
         return self.unit * max(1 if self.unit > 1 and not self.pairs else 2, round(d / self.unit))
 
     def start(self, d: int) -> tuple[np.ndarray, np.ndarray]:
-        """Seeded initial data of the same size whatever d is."""
+        """Initial values q, p, (d,), from a fixed seed, of a magnitude that does not depend on d."""
         if self.pairs:
             return tuple(map(np.array, n_body.plummer(d // self.unit)))
         return tuple(0.1 * np.random.default_rng(SEED).normal(size=(2, d)))
 
-    def derived(self, d: int) -> SimpleNamespace:
+    def from_formula(self, d: int) -> SimpleNamespace:
         """The problem with functions derived from its formula."""
         q, p, H = self.formula(d)
         return self._problem(Hamiltonian(q=q, p=p, H=H), d)
 
     def by_hand(self, d: int) -> SimpleNamespace:
-        """The problem with loops."""
+        """The problem with functions from hand-written loops."""
         names = ("field", "energy") if self.module is nls else ("field", "grad_V", "energy")
         loops = {name: getattr(self.module, name) for name in names}
         q, p = ([f"{x}{i}" for i in range(d)] for x in "qp")
         return self._problem(HandHamiltonian(q=q, p=p, loops=loops, constants=self.constants(d)), d)
 
-    def made(self, d: int) -> SimpleNamespace:
-        """The problem as it runs best."""
-        return (self.derived if value_kind(d) == "tuple" else self.by_hand)(d)
+    def fastest_form(self, d: int) -> SimpleNamespace:
+        """The problem in the faster form at this size: derived for small d, from loops for large d."""
+        return (self.from_formula if value_kind(d) == "tuple" else self.by_hand)(d)
 
     def _problem(self, system, d: int) -> SimpleNamespace:
         q, p = self.start(d)
@@ -83,13 +83,15 @@ class Large:
 
 
 def _bodies(d: int):
-    """The formula of d / 3 bodies of mass 1 / N, divided by it."""
+    """The formula of N = d / 3 bodies of mass 1 / N: (q, p, H), with H and p divided by the mass."""
     N = d // 3
     q, p, _, distances, _ = n_body.bodies(N, "xyz")
     return q, p, sp.Add(*(x**2 / 2 for x in p), *(-sp.Rational(1, N) / r for r in distances))
 
 
 def _waves(module: ModuleType, unit: int):
+    """The functions (formula, constants) of a wave on grid points `SPACING` apart."""
+
     def formula(d: int):
         return module.formula(d // unit, SPACING * (d // unit))
 

@@ -1,1 +1,1 @@
-"""Every method on every problem."""
+"""Experiment: do measurements of every method on every problem agree with its declared properties?"""

@@ -1,4 +1,4 @@
-"""Every method on every problem, without round-off: the matrix of the report."""
+"""Checks of the matrix: the measured properties of every method on every problem agree with the declared ones."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from phasebench.benchmarks.experiments.matrix import matrix
 from phasebench.benchmarks.experiments.matrix.matrix import cells  # noqa: F401
 
 
-def bench_matrix(measured):
-    """No cell is missing without a reason; none falls short of its declaration without an explanation."""
-    rows = measured("matrix")
+def bench_matrix(measured_rows):
+    """Every measurement is there or has a reason; every contradiction with a method's declaration is explained."""
+    rows = measured_rows("matrix")
     for r in rows:
         assert r.get("reason") or all(k in r or f"{k}_reason" in r for k in matrix.MEASURED), r
     left = [

@@ -1,13 +1,13 @@
 r"""Every method on every problem: order, symplecticity, reversibility, energy.
 
-Order, symplecticity and reversibility are measured in the digits that the method's order needs (`multiprecision`), from
-a state that the published orbit reaches a little later (a turning point superconverges by its symmetry).
+Order, symplecticity and reversibility are measured in as many digits as the method's order needs (`multiprecision`),
+from a state a little later on the published orbit: at a turning point, its symmetry raises the order.
 
 Symplecticity: :math:`|\omega(Mu, Mv) - \omega(u, v)|` for one pair of tangent vectors in general position, M the
 Jacobian of a step, by central differences: four steps whatever the dimension.  Reversibility:
 :math:`\rho\Phi_h\rho\Phi_h(y) - y` with :math:`\rho` the reversal of p, where H is even in p.  Energy: the greatest
-:math:`|H - H_0|` over `RUN` steps in doubles, in units of the terms' size, as the kernels know it; likewise the
-invariants of the form q.D p (linear and angular momentum) that the problem has.
+:math:`|H - H_0|` over `RUN` steps in doubles, divided by the size of H's terms as the kernels compute it; likewise the
+problem's invariants of the form q.D p (linear and angular momentum).
 
 Source: Hairer, Lubich & Wanner, Geometric Numerical Integration (2006), V.1 and VI.2.
 """
@@ -21,45 +21,45 @@ import mpmath
 import numpy as np
 import sympy as sp
 
-from phasebench.benchmarks.measure import metrics
+from phasebench.benchmarks.measure import metrics, step_map
+from phasebench.benchmarks.measure.hbvm import too_few_nodes
 from phasebench.benchmarks.measure.multiprecision import DIGITS, SPAN, advance, digits, flow, observed_order
 from phasebench.benchmarks.problems import PROBLEMS, problem
-from phasebench.benchmarks.rows.cells import UNCOMPILED, Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import UNCOMPILED, Cell, ProblemKey, Rows, content
+from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, precision
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.engine.codegen import MULTIPRECISION, epsilon, precision
 from phasebench.integrators.record import ROUND_OFF, Method
 from phasebench.integrators.registry import BY_ID, METHODS
 
-#: A method that is off by no more than so many units of round-off, besides so many times the reference's own
-#: uncertainty, is exact.
+#: A method is exact if its error is at most `EXACT` units of round-off plus `DOUBTS` times the reference's uncertainty.
 EXACT, DOUBTS = 1e6, 10
-#: A measured order within this of the declared one is that order.
+#: Largest difference of a measured order from the declared one that counts as agreement.
 GATE = 0.1
-#: Numbers of steps over `SPAN` units of time: an order is measured on three.
+#: Numbers of steps over `SPAN` units of time that measure an order; the divisor of the span for a second attempt.
 LADDER, FINER = (1, 2, 3), 16
-#: Problems whose size is a parameter are measured small.
+#: Parameters that make problems of variable size small.
 SMALL = {"nls": {"N": 4}, "klein-gordon": {"N": 4}}
-#: The state at which a problem is measured is its orbit's at this many units of time.
+#: Measurements start at the state that the problem's orbit reaches after this many units of time.
 LATER = 0.4
-#: The step of the defects and of the energy run, in units of time, and the length of that run.
+#: The step of the defects and of the energy run, in units of time; the number of steps of that run.
 STEP, RUN = mpmath.mpf(1) / 40, 60
-#: Larger systems are measured in doubles alone: a step in multiprecision takes seconds.
+#: Systems of larger d are measured in doubles only: a step in multiprecision takes seconds.
 LARGEST = 8
-#: A run in doubles has an energy error of round-off if it is at most this many units of round-off.
+#: An energy error in doubles of at most this many units of round-off counts as round-off.
 UNITS_OF_ROUND_OFF = 200
-#: A defect in multiprecision of at most this is the differences' or the solver's own error.
+#: A defect in multiprecision of at most this counts as zero: it is the error of the differences or of the solver.
 NOTHING = 1e-22
 
 
 @cache
-def _made(name: str):
+def _build_problem(name: str):
     return problem(name, **SMALL.get(name, {}))
 
 
 @cache
 def _at(name: str, places: int):
-    """The system, the state and the unit of time of a problem."""
-    made = _made(name)
+    """(system, state after `LATER`, unit of time) of a problem; ``places``, the working digits, only keys the cache."""
+    made = _build_problem(name)
     unit = mpmath.mpf(made.pace.unit)
     y = flow(made.system, [*made.q0, *made.p0], LATER * unit)[0]
     return made.system, y, unit
@@ -72,7 +72,12 @@ def _truth(name: str, span, places: int):
 
 
 def _parts(chosen: Method, system, y) -> int:
-    """What h is divided by: that of variable steps is the step where the distance to the singularity is 1."""
+    """The divisor of h that, at y, undoes an adaptive method's scaling of h by the distance to the singularity.
+
+    Methods of the family "field" end with a shorter step; with h / `FINER` it is one step of many.
+    """
+    if chosen.family == "field":
+        return FINER
     if chosen.family != "adaptive":
         return 1
     q, p = np.split(np.asarray(y, float)[None], 2, axis=1)
@@ -80,7 +85,7 @@ def _parts(chosen: Method, system, y) -> int:
 
 
 def _order(chosen: Method, name: str) -> dict:
-    """The order over `SPAN`; where two terms of the error still compete there, over a smaller span."""
+    """The order over `SPAN`; if that is not the declared one (two error terms may compete), over a smaller span."""
     system, y, unit = _at(name, mpmath.mp.dps)
     parts = _parts(chosen, system, y)
     row: dict = {}
@@ -102,7 +107,7 @@ def _symplecticity(chosen: Method, name: str) -> dict:
     system, y, unit = _at(name, mpmath.mp.dps)
     if not system.canonical:
         return {"symplecticity_reason": "not canonical"}
-    return {"symplecticity": float(metrics.pair_defect(lambda x: advance(system, chosen, x, STEP * unit), y))}
+    return {"symplecticity": float(step_map.pair_defect(lambda x: advance(system, chosen, x, STEP * unit), y))}
 
 
 def _reversibility(chosen: Method, name: str) -> dict:
@@ -114,13 +119,13 @@ def _reversibility(chosen: Method, name: str) -> dict:
     field = system.vector_field(MULTIPRECISION)
     if max(abs(field(0, rho * y) + rho * field(0, y))) > 10.0 ** (10 - DIGITS):
         return {"reversibility_reason": "H is not even in p"}
-    defect = metrics.reversibility_defect(lambda x: advance(system, chosen, x, STEP * unit), y, rho)
+    defect = step_map.reversibility_defect(lambda x: advance(system, chosen, x, STEP * unit), y, rho)
     return {"reversibility": float(defect)}
 
 
 @cache
 def _run(id: str, name: str):
-    made = _made(name)
+    made = _build_problem(name)
     with np.errstate(all="ignore"):
         return made, integrate(made, id, h=float(STEP) * made.pace.unit, steps=RUN)
 
@@ -136,8 +141,8 @@ def _energy(chosen: Method, name: str) -> dict:
 
 @cache
 def _bilinear(name: str) -> tuple[str, ...]:
-    """The invariants of a problem that are linear or of the form q.D p."""
-    made = _made(name)
+    """The names of a problem's invariants that are linear or of the form q.D p."""
+    made = _build_problem(name)
     q, p = made.system.q, made.system.p
 
     def simple(e):
@@ -164,7 +169,7 @@ def _quadratic(chosen: Method, name: str) -> dict:
     return {"quadratic": worst}
 
 
-#: What a cell has, each a number or a reason.
+#: Name -> the function that measures it; its result has a number or a reason why there is none.
 MEASURED = {
     "order": _order,
     "symplecticity": _symplecticity,
@@ -178,7 +183,7 @@ WITHOUT_ROUND_OFF = ("order", "symplecticity", "reversibility")
 
 
 def cell(chosen: Method, name: str) -> dict:
-    """What was measured of a method on a problem, or the reasons why not."""
+    """The row of a method on a problem: its measurements, or the reasons why there are none."""
     row = {"method": chosen.id, "problem": name, "declared_order": chosen.order, "symplectic": chosen.symplectic}
     row |= {"symmetric": chosen.symmetric, "energy_class": chosen.energy, "quadratic_class": chosen.quadratic}
     system = _at(name, DIGITS)[0]
@@ -200,7 +205,7 @@ def cell(chosen: Method, name: str) -> dict:
 
 
 def contradictions(row: dict) -> list[str]:
-    """In which points the measured cell contradicts what the method declares."""
+    """Messages about the contradictions between a measured row and its method's declarations."""
     if row.get("reason"):
         return []
     found = []
@@ -220,35 +225,26 @@ def contradictions(row: dict) -> list[str]:
     return found
 
 
-def too_few_nodes(method: str, name: str) -> bool:
-    """Whether HBVM(k, s) has too few nodes for a problem's H: it keeps polynomials of degree at most 2k/s."""
-    kind, *sizes = method.split("-")
-    if kind != "hbvm":
-        return False
-    degree = _made(name).system.polynomial_degree
-    return degree is None or degree > 2 * int(sizes[0]) / int(sizes[1])
-
-
 def explanation(row: dict, contradiction: str) -> str:
-    """Why a cell may fall short of its method's declaration; empty where nothing explains it."""
+    """The known reason for a contradiction between a row and its method's declarations; empty if there is none."""
     if row["method"].endswith("-relaxation") and contradiction.startswith("order"):
         return (
             "over few steps the relaxed time's offset at the end competes with the error; from 8 steps on it does not"
         )
-    if row["method"].endswith("-adaptive") and contradiction.startswith("order"):
+    if row["method"].endswith(("-adaptive", "-field")) and contradiction.startswith("order"):
         inside = row["low"] <= row["declared_order"] <= row["high"]
         return "a row is reached by a shorter step: the declared order is within the interval" if inside else ""
     if not contradiction.startswith("energy"):
         return ""
     if row.get("fallbacks"):
         return "steps without a root, which the run counts as fallbacks, do not keep the energy"
-    if too_few_nodes(row["method"], row["problem"]):
+    if too_few_nodes(row["method"], _build_problem(row["problem"]).system):
         return "HBVM(k, s) keeps a polynomial H of degree at most 2k/s, and this one is none"
     return ""
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method on each problem; none of the quick tier."""
+    """A cell for each method on each problem; no cell if ``quick``."""
     return [] if quick else [_cell(m, name) for name in PROBLEMS for m in METHODS]
 
 
@@ -257,15 +253,15 @@ def _cell(chosen: Method, name: str) -> Cell:
         "matrix",
         ("matrix",),
         {"method": chosen.id, "problem": name},
-        measured,
+        measure_rows,
         (chosen.id, name),
-        content("matrix", chosen, Problem(name, tuple(SMALL.get(name, {}).items())), code=[__name__]),
+        content("matrix", chosen, ProblemKey(name, tuple(SMALL.get(name, {}).items())), code=[__name__]),
         frozenset({chosen.id, name}),
         UNCOMPILED,
     )
 
 
-def measured(id: str, name: str) -> Rows:
-    """The row of a method on a problem, in a process that compiles nothing."""
+def measure_rows(id: str, name: str) -> Rows:
+    """The row of a method on a problem; the process that runs it compiles nothing."""
     with precision(DIGITS):
         return {"matrix": [cell(BY_ID[id], name)]}

@@ -1,17 +1,18 @@
-"""The matrix: every method on every problem, what was measured beside what is declared."""
+"""The page of the matrix: measured properties of every method on every problem beside the declared ones."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.markdown import listed
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of, once
+from phasebench.benchmarks import style
+from phasebench.benchmarks.page.markdown import join_list
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of, once
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict
 
 from . import matrix
 
-#: What a cell is -> (its colour, its letter for readers without colours)
+#: Kind of a cell -> its colour.
 KINDS = {
     "cannot run": "#ffffff",
     "as declared": "#cfe3f2",
@@ -29,7 +30,7 @@ def _cells(frame: pd.DataFrame) -> list[dict]:
 
 @once
 def _shortfalls(frame: pd.DataFrame) -> list[tuple[dict, str, str]]:
-    """(cell, contradiction, explanation or "") of every cell that falls short of its method's declaration."""
+    """(row, contradiction, explanation or "") for every contradiction with a method's declaration."""
     return [
         (r, c, matrix.explanation(r, c)) for r in _cells(frame) if not r["reason"] for c in matrix.contradictions(r)
     ]
@@ -44,49 +45,57 @@ def _higher(frame: pd.DataFrame) -> list[dict]:
     ]
 
 
+def _ran(frame: pd.DataFrame) -> int:
+    """The number of (method, problem) pairs that run; in the others the problem lacks what the method requires."""
+    return sum(not r["reason"] for r in _cells(frame))
+
+
 @of("matrix")
-def declared(frame: pd.DataFrame) -> Verdict:
-    """Whether every cell is as declared, or explained."""
-    short = _shortfalls(frame)
-    open_ = [f"{r['method']} on {r['problem']}: {c}" for r, c, why in short if not why]
-    counts = f"{len(short)} cells fall short of their declaration"
-    said = f"{counts}, {len(short) - len(open_)} of them for a known reason (in the table)"
+def declarations(frame: pd.DataFrame) -> Verdict:
+    """Whether every contradiction with a method's declaration has a known reason."""
+    open_ = [f"{r['method']} on {r['problem']}: {c}" for r, c, why in _shortfalls(frame) if not why]
     return Verdict(
-        f"{said}" + (f"; not so {listed(open_, 3)}." if open_ else "."),
-        not open_,
-        f"{len(open_) or 'None'} of {len(frame)} pairs contradicts its declaration without a known reason.",
+        "No pair falls short of what its method declares without a known reason",
+        Count(len(_short(frame, explained=False)), _ran(frame)),
+        NONE,
+        "pairs",
+        where=join_list(open_, 3) if open_ else "",
+        otherwise=FAIL,
     )
+
+
+def _short(frame: pd.DataFrame, explained: bool) -> set[tuple[str, str]]:
+    """The (method, problem) pairs that contradict a declaration; with ``explained`` also those with a known reason."""
+    return {(r["method"], r["problem"]) for r, _, why in _shortfalls(frame) if explained or not why}
 
 
 @of("matrix")
 def complete(frame: pd.DataFrame) -> Verdict:
-    """Whether a pair is missing."""
-    methods, problems = frame["method"].nunique(), frame["problem"].nunique()
-    missing = methods * problems - len(frame.drop_duplicates(["method", "problem"]))
-    cannot = sum(bool(r["reason"]) for r in _cells(frame))
+    """Whether every method was tried on every problem."""
+    pairs = frame["method"].nunique() * frame["problem"].nunique()
     return Verdict(
-        f"{methods} methods on {problems} problems: {len(frame) - cannot} pairs run, in {cannot} the problem lacks what "
-        f"the method requires, {missing or 'none'} {'are' if missing > 1 else 'is'} missing.",
-        missing == 0,
-        f"{missing} pairs are missing.",
+        "Every method was tried on every problem",
+        Count(len(frame.drop_duplicates(["method", "problem"])), pairs),
+        EVERY,
+        "pairs",
+        otherwise=FAIL,
     )
 
 
 @of("matrix")
-def superconvergent(frame: pd.DataFrame) -> Verdict | None:
-    """Where the order is higher than declared."""
-    higher = _higher(frame)
-    if not higher:
-        return None
-    problems = pd.Series([r["problem"] for r in higher]).value_counts()
-    where = listed([f"{name} {n}" for name, n in problems.items()], 5)
-    text = f"On {len(higher)} pairs the order is higher than declared, where leading terms vanish: {where}."
-    return Verdict(text, True, text)
+def answer(frame: pd.DataFrame) -> str:
+    """A sentence: how many pairs are as declared, and how many have a known reason not to be."""
+    ran, short = _ran(frame), len(_short(frame, explained=True))
+    known = short - len(_short(frame, explained=False))
+    return (
+        f"{ran - short} of {ran} pairs of a method and a problem are as the method declares; the other {short} fall short, "
+        f"{known} for a known reason."
+    )
 
 
 @of("matrix")
 def draw(frame: pd.DataFrame, folder) -> list[Picture]:
-    """What every pair is, as a map: a line for each problem, a column for each method."""
+    """A map of the kind (`KINDS`) of every pair: a line for each problem, a column for each method."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
@@ -125,29 +134,30 @@ def draw(frame: pd.DataFrame, folder) -> list[Picture]:
         figure.legend(handles=patches, loc="outside upper center", ncols=len(kinds))
     caption = (
         "Every method (columns, by declared order) on every problem (rows): as declared in order, symplecticity, "
-        "reversibility, energy and quadratic invariants; of higher order; short of it with a known reason; contradicted."
+        "reversibility, energy and quadratic invariants; of higher order; short of it for a known reason, or for none. White: "
+        "the problem lacks what the method requires."
     )
     return [Picture(style.save(figure, folder, "matrix.png"), "every method on every problem", caption)]
 
 
-def _grouped(exceptions: list[tuple[str, str, str, str]]) -> list[dict]:
-    """Exceptions (method, problem, measured, why), one line for each method and reason; the first measured is shown."""
+def _group(exceptions: list[tuple[str, str, str, str]]) -> list[dict]:
+    """Table lines of exceptions (method, problem, measured, why): one for each method and reason, with one measurement."""
     lines: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
     for method, name, measured, why in exceptions:
         lines.setdefault((method, measured.split()[0], why), []).append((name, measured))
     return [
-        {"method": method, "problems": listed([n for n, _ in cells], 4), "measured": cells[0][1], "why": why}
+        {"method": method, "problems": join_list([n for n, _ in cells], 4), "measured": cells[0][1], "why": why}
         for (method, _, why), cells in lines.items()
     ]
 
 
 @of("matrix")
 def table(frame: pd.DataFrame) -> Table | None:
-    """The exceptions: cells that fall short, then orders above the declared ones."""
+    """The exceptions: pairs that contradict a declaration, then orders above the declared ones."""
     short = sorted(_shortfalls(frame), key=lambda x: bool(x[2]))
-    lines = _grouped([(r["method"], r["problem"], c, why or "NOT EXPLAINED") for r, c, why in short])
+    lines = _group([(r["method"], r["problem"], c, why or "NOT EXPLAINED") for r, c, why in short])
     above = sorted(_higher(frame), key=lambda r: r["declared_order"] - r["order"])
-    lines += _grouped(
+    lines += _group(
         [
             (r["method"], r["problem"], f"order {r['order']:.2f}, declared {r['declared_order']}", "more than declared")
             for r in above
@@ -155,14 +165,16 @@ def table(frame: pd.DataFrame) -> Table | None:
     )
     if not lines:
         return None
-    caption = f"The {len(short)} cells that fall short, then the {len(above)} orders above the declared ones; "
-    caption += "`measured` is that of the first problem named."
+    caption = (
+        f"The {len(short)} cells that fall short, then the {len(above)} orders above the declared ones, where leading "
+    )
+    caption += "terms of the error vanish. The measured value is that of the first problem named."
     return Table(pd.DataFrame(lines[:ROWS]), caption)
 
 
 @of("matrix")
-def _whole(frame: pd.DataFrame) -> pd.DataFrame:
-    """The cells that were run, without what is the same in all."""
+def _full_table(frame: pd.DataFrame) -> pd.DataFrame:
+    """The measurements of the pairs that ran, on five problems."""
     ran = frame[frame["reason"].isna()] if "reason" in frame else frame
     columns = ["method", "problem", "declared_order", "order", "symplecticity", "reversibility", "energy"]
     small = ran[ran["problem"].isin(["henon-heiles", "kepler", "pendulum", "outer-solar-system", "lotka-volterra"])]
@@ -171,24 +183,25 @@ def _whole(frame: pd.DataFrame) -> pd.DataFrame:
 
 PAGE = Page(
     id="matrix",
-    question="Is every method, on every problem, what its record declares?",
+    question="Does every method have, on every problem, the properties that it declares?",
     tables=("matrix",),
     setting=(
-        "Order, symplecticity |ω(Mu, Mv) − ω(u, v)| and reversibility |ρΦₕρΦₕ(y) − y|: in MPFR's numbers, no round-off.",
-        f"Energy and the invariants q·Dp: the largest error over {matrix.RUN} steps in doubles, in units of H's terms.",
-        "From a state that the published orbit reaches a little later: a turning point superconverges.",
-        f"Systems of more than {matrix.LARGEST} degrees of freedom are measured in doubles alone; lattices have four points.",
+        "Order, symplecticity |ω(Mu, Mv) − ω(u, v)| and reversibility |ρΦₕρΦₕ(y) − y| in multiprecision, without round-off.",
+        f"Energy and the invariants q·Dp: the largest error over {matrix.RUN} steps in double precision, over the size of H's terms.",
+        "Runs start from a state that the published orbit reaches a little later, since at a turning point errors cancel by symmetry.",
+        f"Systems of more than {matrix.LARGEST} degrees of freedom are measured in double precision alone; lattices have four points.",
     ),
-    verdicts=(declared, complete, superconvergent),
+    verdicts=(declarations, complete),
+    answer=answer,
     figures=draw,
     table=table,
-    whole=_whole,
+    whole=_full_table,
     limits=(
-        f"An order counts as above or below the declared one from {matrix.GATE} on, over {len(matrix.LADDER)} step sizes; a "
-        f"method is exact within {matrix.EXACT:g} units of round-off and {matrix.DOUBTS} times the reference's uncertainty.",
-        f"A defect of at most {matrix.NOTHING:g} is the differences' own; energy errors up to "
-        f"{matrix.UNITS_OF_ROUND_OFF} units are round-off.",
-        f"{matrix.RUN} steps show no slow drift: that is the page on invariants.",
+        f"An order is measured over {len(matrix.LADDER)} step sizes, and above or below the declared one if it is {matrix.GATE} off; "
+        f"errors up to {matrix.EXACT:g} units of round-off, or {matrix.DOUBTS} times the reference's uncertainty, count as none.",
+        f"A defect of at most {matrix.NOTHING:g} counts as none, and an energy error of at most {matrix.UNITS_OF_ROUND_OFF} units "
+        "of round-off.",
+        f"{matrix.RUN} steps show no slow drift; [long runs](invariants.md) do.",
     ),
     command="pytest benchmarks/experiments/matrix",
 )

@@ -1,1 +1,1 @@
-"""Which model of a scene suffices, at which accuracy?"""
+"""Experiment: which model of a scene suffices, at which accuracy?"""

@@ -1,15 +1,11 @@
-"""Models: every modelling error is known, the full models end where they must; advice's table is re-recorded."""
+"""Checks of the models: every modelling error is known, and the full models end at the true values."""
 
 from __future__ import annotations
 
-import pandas as pd
-import pytest
-
-from phasebench.benchmarks.advice import models
 from phasebench.benchmarks.experiments.models import measure
 from phasebench.benchmarks.experiments.models.page import KNOWN
 
-#: The full models' finest integrations end this near to what is true.
+#: Largest distance of a full model's finest run from the true value.
 FULL = 1e-9
 
 
@@ -19,7 +15,7 @@ def cells(quick: bool = False) -> list:
 
 
 def vague(rows) -> list[str]:
-    """Models of which the error is not known to a part `KNOWN`, and full ones that end elsewhere."""
+    """Messages about models with an error not known to a share `KNOWN`, and full models with wrong end values."""
     out = []
     for r in rows:
         where = f"{r['scene']}, {r['model']}"
@@ -30,14 +26,7 @@ def vague(rows) -> list[str]:
     return out
 
 
-def bench_known(measured):
-    """Integration errors are far below the modelling errors."""
-    wrong = vague(measured(measure.MODELS))
+def bench_known(measured_rows):
+    """Integration errors are far below modelling errors, and full models end at the true values."""
+    wrong = vague(measured_rows(measure.MODELS))
     assert not wrong, "\n".join(wrong)
-
-
-def bench_advice(outcome, complete, update):
-    """What `advise` knows of models is re-recorded with the tables where all of them were measured."""
-    if not update or not (complete(measure.MODELS) and complete(measure.RUNS)):
-        pytest.skip("the models of advice are stored with --update-tables where all of them are measured")
-    models.keep(list(models.made(*(pd.DataFrame(outcome.rows(t)) for t in (measure.MODELS, measure.RUNS)))))

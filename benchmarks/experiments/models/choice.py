@@ -1,4 +1,4 @@
-"""Which model suffices at an accuracy, and what it saves: functions of the two tables."""
+"""Which model suffices at an accuracy, and the time it saves, computed from the tables of models and of runs."""
 
 from __future__ import annotations
 
@@ -9,27 +9,29 @@ import pandas as pd
 
 #: Accuracies at which a model is chosen.
 ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
-#: An integrator run to this works for nothing where its model's error is larger.
+#: The accuracy of a needlessly fine integration, to which the column ``wasted`` of `rungs` refers.
 FINE = 1e-10
-#: Models that are further off than this (a radian, the size of the state) are not told apart.
+#: Models with errors above this (a radian, the size of the state) count as equally wrong.
 LOST = 1.0
 RUNGS = ("scene", "model", "d", "modelling error", "known to", "nearer", "seconds", "full, seconds", "gain", "wasted")
 
 
 def cost(runs: pd.DataFrame, accuracy: float) -> float:
-    """The least seconds of the runs of a model whose integration error is at most ``accuracy``; infinite for none."""
+    """Seconds of a model's fastest run whose integration error is at most ``accuracy``; infinite if there is none."""
     good = runs[runs["error"] <= accuracy]
     return float(good["seconds"].min()) if len(good) else inf
 
 
 def of_scene(models: pd.DataFrame, runs: pd.DataFrame) -> list[tuple[pd.Series, pd.DataFrame]]:
-    """(row, runs) of each model of one scene, from the least to the full."""
+    """(row, runs) of each model of one scene, from the simplest to the full one."""
     return [(m, runs[runs["rung"] == m["rung"]]) for _, m in models.sort_values("rung").iterrows()]
 
 
 def at(models: pd.DataFrame, runs: pd.DataFrame, accuracy: float) -> tuple[str, float, bool]:
-    """(the cheapest model of a scene whose modelling and integration errors together meet an accuracy, how many times
-    the full model's time it saves, whether it is the full one); ("none", NaN, False) where none does.
+    """(name, gain, whether it is the full one) of the fastest model of a scene that meets an accuracy.
+
+    A model meets it if its modelling and integration errors add up to at most ``accuracy``; ``gain`` is the full
+    model's time over this one's.  ("none", NaN, False) if no model meets it.
     """
     found = [(cost(own, accuracy - m["modelling error"]), m) for m, own in of_scene(models, runs)]
     best = min(range(len(found)), key=lambda i: found[i][0])
@@ -40,7 +42,7 @@ def at(models: pd.DataFrame, runs: pd.DataFrame, accuracy: float) -> tuple[str, 
 
 
 def table(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene and accuracy: the model that suffices, the time it saves."""
+    """A row for each scene and accuracy: the fastest model that suffices, and its gain over the full one (see `at`)."""
     return pd.DataFrame(
         [
             dict(zip(("scene", "accuracy", "model", "gain", "full"), (scene, a, *at(mine, part, a)), strict=True))
@@ -51,17 +53,17 @@ def table(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def scenes(models: pd.DataFrame, runs: pd.DataFrame):
-    """(scene, its models, its runs) for each."""
+    """(scene, its models, its runs) for each scene."""
     for scene, mine in models.groupby("scene", sort=False):
         yield scene, mine, runs[runs["scene"] == scene]
 
 
 def rungs(models: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each lower model.
+    """A row for each model that is simpler than the full one of its scene.
 
     ``gain``: the full model's time over this one's, both at twice its modelling error; ``wasted``: the time of its
     integration to `FINE` over that of one to its modelling error, where that is larger than `FINE`; ``nearer``: whether
-    its modelling error is below that of the rung under it, or both are `LOST`.
+    its modelling error is below that of the next simpler model, or both are `LOST`.
     """
     out = []
     for scene, mine, part in scenes(models, runs):

@@ -1,9 +1,9 @@
-"""Each model of a scene: its error against the full model, and what integrating it to an accuracy costs.
+"""Modelling errors of the models of a scene, and the times and errors of their integrations.
 
-A model's reference is the finest run of `METHODS`'s last, its uncertainty `SAFETY` times the distance from half as many
-steps.  The modelling error is the distance of the reference, as the model's map tells the full problem's state, from
-what is true of the full problem (`measure.truths`): certified, or in long double.  The integration errors are against
-the model's own reference, of the full model against what is true; the times of a scene's runs are taken in turns.
+A model's reference is the finest run of the last of `METHODS`; its uncertainty is `SAFETY` times the distance to a run
+with half as many steps.  The modelling error is the distance of the reference, mapped to the full problem's state, from
+the true solution of the full problem (`measure.truths`): certified, or in long double.  Integration errors are against
+the model's own reference, those of the full model against the true solution.  The runs of a scene are timed in turns.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from typing import Any
 
 import numpy as np
 
-from phasebench.benchmarks.measure import quantities
+from phasebench.benchmarks.measure import named_quantities, quantities
 from phasebench.benchmarks.measure.quantities import Quantity, distance
 from phasebench.benchmarks.measure.timing import in_turns, median
 from phasebench.benchmarks.measure.truths import truth
 from phasebench.benchmarks.problems.models.ladder import Ladder, Rung
 from phasebench.benchmarks.problems.models.ladders import BY_ID, LADDERS
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content, states
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, content, states
 from phasebench.integrators.prepared import PreparedRun, prepare
 from phasebench.integrators.registry import method
 
 MODELS, RUNS = "models", "models_runs"
-#: Of one family, so that they share their kernels: orders 4, 6 and 8.
+#: Methods of orders 4, 6 and 8 from one family, so that they share kernels.
 METHODS = ("blanes-moan-srkn6b", "blanes-moan-srkn14a", "blanes-casas-escorihuela-srkn17")
-#: Steps are doubled so often; the reference takes twice the finest.
+#: How often the number of steps is doubled; the reference takes twice the largest number.
 DOUBLINGS = 6
 SAFETY = 3.0
-#: Rounds of the competitors in turns, and seconds that a short run is repeated for.
+#: Rounds in which all runs are timed in turns; seconds for which a short run is repeated in each.
 ROUNDS, LONG = 3, 5e-4
 SLOW = Quantity(
     "slow-positions",
@@ -48,14 +48,14 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def _cell(ladder: Ladder) -> Cell:
-    full = Problem(ladder.problem, ladder.parameters)
+    full = ProblemKey(ladder.problem, ladder.parameters)
     what = (ladder.t_end, ladder.quantity, ladder.steps, [(r.name, r.rate, r.steps) for r in ladder.rungs])
     code = (__name__, "phasebench.benchmarks.problems.models.ladders")
     return Cell(
         "models",
         (MODELS, RUNS),
         {"scene": ladder.id},
-        measured,
+        measure_rows,
         (ladder.id,),
         content(MODELS, ladder.id, what, states(full.id), *map(method, METHODS), full, code=code),
         frozenset({full.id, MODELS, *METHODS}),
@@ -67,7 +67,7 @@ def _cell(ladder: Ladder) -> Cell:
 
 def quantity_of(full, name: str) -> Quantity:
     """The quantity of that name: `SLOW`, or one of the problem's."""
-    return SLOW if name == SLOW.name else quantities.quantity(full, name)
+    return SLOW if name == SLOW.name else named_quantities.quantity(full, name)
 
 
 @dataclass
@@ -76,9 +76,11 @@ class Model:
 
     Attributes
     ----------
-    ladder, rung, full, quantity : what is modelled, how, and what is wanted of it
-    made : its problem
-    runs : method -> its prepared run
+    ladder, rung : the scene, and this model in it
+    full : the full problem
+    quantity : the number whose error is measured
+    made : the model's own problem
+    runs : method id -> the prepared run of the model
     """
 
     ladder: Ladder
@@ -90,15 +92,15 @@ class Model:
 
     @property
     def steps(self) -> list[int]:
-        """The numbers of steps, rising."""
+        """The numbers of steps of the model's runs, ascending."""
         return [(self.rung.steps or self.ladder.steps) * 2**k for k in range(DOUBLINGS)]
 
     def h(self, steps: int) -> float:
-        """The step in the model's own time."""
+        """The step size in the model's own unit of time."""
         return self.rung.rate * self.ladder.t_end / steps
 
     def values(self, id: str, steps: int) -> np.ndarray | None:
-        """What the full problem's quantity is by this model; None where the run breaks."""
+        """The full problem's quantity, computed from a run of this model; None if the run fails."""
         run = self.runs[id]
         q, p, code = run(self.h(steps), steps)
         if code != run.SOLVED:
@@ -107,8 +109,8 @@ class Model:
         rows = self.rung.lift(self.full, t, np.array([self.made.q0, q]), np.array([self.made.p0, p]))
         return quantities.values(self.full, self.quantity, SimpleNamespace(t=t, q=rows[0], p=rows[1]))
 
-    def clocked(self, id: str, steps: int) -> Callable[[], float]:
-        """A function that tells the seconds of a run, the mean of many where one is short."""
+    def clock(self, id: str, steps: int) -> Callable[[], float]:
+        """A function that times a run and returns seconds; for a short run, the mean of many."""
         run, h = self.runs[id], self.h(steps)
         began = time.perf_counter()
         run(h, steps)
@@ -123,8 +125,8 @@ class Model:
         return seconds
 
 
-def prepared(ladder: Ladder, rung: Rung, full) -> Model:
-    """A rung with its prepared runs."""
+def prepare_model(ladder: Ladder, rung: Rung, full) -> Model:
+    """Build the problem of a rung, and prepare its runs."""
     made = rung.make()
     runs = {id: prepare(made, id) for id in METHODS}
     return Model(ladder, rung, full, quantity_of(full, ladder.quantity), made, runs)
@@ -138,14 +140,14 @@ def reference(model: Model) -> tuple[np.ndarray, float]:
     return one, SAFETY * distance(model.quantity, one, other) + rounding
 
 
-def measured(id: str) -> Rows:
-    """The rows of a scene: a model each, and its runs."""
+def measure_rows(id: str) -> Rows:
+    """Measure a scene's ladder of models: by table, a row a model, and a row a run of one."""
     ladder = BY_ID[id]
     full = ladder.rungs[-1].make()
     true = truth(full, quantity_of(full, ladder.quantity), ladder.t_end)
     rows, runs, work = [], [], {}
     for k, rung in enumerate(ladder.rungs):
-        model = prepared(ladder, rung, full)
+        model = prepare_model(ladder, rung, full)
         own, uncertainty = reference(model)
         off, is_full = distance(model.quantity, own, true.values), rung is ladder.rungs[-1]
         rows.append(
@@ -169,7 +171,7 @@ def measured(id: str) -> Rows:
                 error = distance(model.quantity, found, true.values if is_full else own)
                 noise = true.uncertainty if is_full else uncertainty
                 runs.append({"scene": id, "rung": k, "method": name, "steps": n, "error": max(error, noise)})
-                work[len(runs) - 1] = model.clocked(name, n)
+                work[len(runs) - 1] = model.clock(name, n)
     for i, seconds in in_turns(work, ROUNDS).items():
         found = median(seconds)
         runs[i] |= {"seconds": found.value, "seconds, low": found.low, "seconds, high": found.high}

@@ -1,1 +1,1 @@
-"""Does every method have its order?"""
+"""Experiment: does every method have its declared order?"""

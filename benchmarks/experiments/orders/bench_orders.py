@@ -1,16 +1,16 @@
-"""Order, symplecticity and symmetry of every method without round-off, on nonlinear and non-separable systems."""
+"""Checks of order, symplecticity and symmetry of every method without round-off, also on non-separable systems."""
 
 from __future__ import annotations
 
 from phasebench.benchmarks.experiments.orders.orders import cells  # noqa: F401
 from phasebench.benchmarks.experiments.orders.page import GATE
 
-#: The error of a difference Jacobian in 40 digits is below the first; what a property lacks shows above the second.
+#: In 40 digits, the defect of a method that has a property is below the first, of one that lacks it above the second.
 ROUND_OFF, VISIBLE = 1e-26, 1e-22
 
 
 def orders_off(rows) -> list[str]:
-    """|order - declared| < `GATE`, two-sided: the rows that are not."""
+    """Messages about rows whose order is at least `GATE` above or below the declared one."""
     return [
         f"{r['method']} on {r['problem']}: {r['order']:.3f}, declared {r['declared']}"
         for r in rows
@@ -19,7 +19,7 @@ def orders_off(rows) -> list[str]:
 
 
 def structure_off(rows) -> list[str]:
-    """Defects that do not agree with what the record declares, or are neither round-off nor visible."""
+    """Messages about defects that contradict the method's declaration, or lie between `ROUND_OFF` and `VISIBLE`."""
     return [
         f"{r['method']}: {r['property']} declared {r['declared']}, defect {r['defect']:.1e}"
         for r in rows
@@ -27,13 +27,13 @@ def structure_off(rows) -> list[str]:
     ]
 
 
-def bench_orders_without_round_off(measured):
+def bench_orders_without_round_off(measured_rows):
     """Every method at every tested parameter has its declared order on every system where it runs."""
-    off = orders_off(measured("multiprecision"))
+    off = orders_off(measured_rows("multiprecision"))
     assert not off, "\n".join(off)
 
 
-def bench_structure_without_round_off(measured):
-    """Defects of symplecticity ||M^T J M - J|| and of symmetry agree with what every record declares."""
-    off = structure_off(measured("structure"))
+def bench_structure_without_round_off(measured_rows):
+    """Defects of symplecticity ||M^T J M - J|| and of symmetry agree with the declarations of every method."""
+    off = structure_off(measured_rows("structure"))
     assert not off, "\n".join(off)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from phasebench.benchmarks.measure import multiprecision
 from phasebench.benchmarks.measure.battery import expected_order
-from phasebench.benchmarks.rows.cells import UNCOMPILED, Cell, Rows, content
-from phasebench.integrators.engine.codegen import precision
+from phasebench.benchmarks.store.cells import UNCOMPILED, Cell, Rows, content
+from phasebench.integrators.compile.codegen import precision
 
-#: Of a structure's table: the measurement, and the declaration that it is held to.
+#: Measured property -> the attribute of `Method` that declares it.
 PROPERTIES = {"symplecticity": "symplectic", "symmetry": "symmetric"}
 CODE = ("phasebench.benchmarks.measure.multiprecision", "phasebench.benchmarks.measure.battery")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method on each system, and one for each property of a method; none of the quick tier."""
+    """A cell for each method on each system, and one for each property of a method; no cell if ``quick``."""
     if quick:
         return []
     return [_order(*of) for of in multiprecision.cells("orders")] + [
@@ -50,9 +50,9 @@ def _structure(name: str, label: str) -> Cell:
 
 
 def order(label: str, problem: str) -> Rows:
-    """The observed order of a method on a system; raises RuntimeError where it cannot be measured."""
+    """The row of a method's observed order on a system; raises RuntimeError if it cannot be measured."""
     chosen = multiprecision.methods()[label]
-    row = _measured("orders", label, problem)
+    row = _measure_or_raise("orders", label, problem)
     found = multiprecision.observed_order(row)
     about = {"method": label, "problem": problem, "declared": expected_order(chosen, problem)}
     about |= {"order": found.value, "low": found.low, "high": found.high, "points": found.points}
@@ -60,15 +60,15 @@ def order(label: str, problem: str) -> Rows:
 
 
 def structure(name: str, label: str) -> Rows:
-    """The largest defect of a property over the systems where it is measured."""
+    """The row of a method's largest defect of a property over all systems; raises RuntimeError if one is missing."""
     systems = [system for known, system in multiprecision.cells(name) if known == label]
-    defects = {system: _measured(name, label, system) for system in systems}
+    defects = {system: _measure_or_raise(name, label, system) for system in systems}
     declared = getattr(multiprecision.methods()[label], PROPERTIES[name])
     row = {"method": label, "property": name, "declared": declared, "defect": max(defects.values())}
     return {"structure": [row | {"systems": ", ".join(defects)}]}
 
 
-def _measured(what: str, label: str, system: str):
+def _measure_or_raise(what: str, label: str, system: str):
     with precision(multiprecision.DIGITS):
         found = multiprecision.measure(what, label, system)
     if isinstance(found, str):

@@ -1,30 +1,31 @@
-"""Measured orders: every method on every problem, against the order it declares."""
+"""The page of the measured orders of every method on every problem, beside the declared ones."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
 
-from phasebench.benchmarks.experiments.trade import sweep
+from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.integrator import OURS
 from phasebench.benchmarks.measure.multiprecision import DIGITS
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.markdown import listed, number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of, once
+from phasebench.benchmarks.measure.orders import orders
+from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of, once
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict
 
-#: A measured order within this of the declared one is that order.
+#: Largest difference of a measured order from the declared one that counts as agreement.
 GATE = 0.1
-#: A window has at least so many steps.
+#: Smallest number of step sizes to which an order is fitted.
 POINTS = 3
-#: An order at least this far below the declared one, with a sharp interval, contradicts it.
+#: An order at least this far below the declared one, with an interval of at most ± `GATE`, contradicts it.
 BELOW = 0.5
 
 
 @once
 def in_doubles(rows: pd.DataFrame) -> pd.DataFrame:
-    """The orders of this project's methods on the order scenes, with their deviation and half-width."""
+    """The orders of this project's methods in double precision: deviation from the declared order, half-width of interval."""
     records = rows.astype(object).where(rows.notna(), None).to_dict("records")
-    found = pd.DataFrame(sweep.orders(records))
+    found = pd.DataFrame(orders(records))
     if found.empty:
         return found
     found = found[found["kind"] == OURS].copy()
@@ -33,48 +34,60 @@ def in_doubles(rows: pd.DataFrame) -> pd.DataFrame:
     )
 
 
+def _off(multiprecision: pd.DataFrame) -> pd.DataFrame:
+    """The (method, problem) pairs whose order without round-off is not the declared one."""
+    return multiprecision[~((multiprecision["order"] - multiprecision["declared"]).abs() < GATE)]
+
+
 @of("multiprecision")
 def exact(multiprecision: pd.DataFrame) -> Verdict:
-    """Whether the orders hold without round-off."""
-    wrong = multiprecision[~((multiprecision["order"] - multiprecision["declared"]).abs() < GATE)]
-    good = len(multiprecision) - len(wrong)
-    names = [f"{r.method} on {r.problem} ({number(r.order) or 'no window'})" for r in wrong.itertuples()]
-    counts = f"{good} of {len(multiprecision)} orders are as declared"
+    """Whether every method has its declared order in multiprecision."""
+    off = _off(multiprecision)
+    names = [f"{r.method} on {r.problem}: {number(r.order) or 'no window'}" for r in off.itertuples()]
     return Verdict(
-        f"Without round-off ({int(multiprecision['digits'].min())} digits or more) {counts}, two-sided within {GATE}"
-        + (f"; not so {listed(names, 4)}." if names else "."),
-        wrong.empty,
-        f"{counts} (within {GATE}, without round-off).",
+        "In multiprecision every method has its declared order on every problem",
+        Count(len(multiprecision) - len(off), len(multiprecision)),
+        EVERY,
+        "pairs",
+        where=join_list(names, 3) if names else "",
+        otherwise=FAIL,
     )
 
 
 @of("rows")
-def confirmed(rows: pd.DataFrame) -> Verdict | None:
-    """Whether doubles confirm them."""
+def declared_orders(rows: pd.DataFrame) -> Verdict | None:
+    """Whether no order in double precision is far below the declared one."""
     found = in_doubles(rows)
     if found.empty:
         return None
     seen = found[found["points"] >= POINTS]
-    good = int((seen["deviation"].abs() < GATE).sum())
-    wrong = seen[(seen["deviation"] <= -BELOW) & (seen["half"] <= GATE)]
-    wide = int(((seen["deviation"].abs() >= GATE) & (seen["half"] > GATE)).sum())
-    names = [f"{r.method} on {r.problem} ({r.order:.2f} for {r.declared:g})" for r in wrong.itertuples()]
+    low = seen[(seen["deviation"] <= -BELOW) & (seen["half"] <= GATE)]
+    names = [f"{r.method} on {r.problem}: {r.order:.2f} for {r.declared:g}" for r in low.itertuples()]
     return Verdict(
-        f"In doubles, of {len(found)} pairs {len(seen)} have a window of {POINTS} steps above the noise: {good} are "
-        f"within {GATE} of the declared order, {wide} converge irregularly (interval wider than that), and "
-        + (
-            f"{len(wrong)} {'is' if len(wrong) == 1 else 'are'} an order too low: {listed(names, 3)}."
-            if names
-            else "none is an order too low."
-        ),
-        wrong.empty,
-        f"In doubles {len(wrong)} of {len(seen)} pairs with a window of steps {'is' if len(wrong) == 1 else 'are'} an order too low.",
+        "In double precision no order is far below the declared one",
+        Count(len(low), len(seen)),
+        NONE,
+        "pairs",
+        where=join_list(names, 3) if names else "",
     )
+
+
+def answer(data: Data) -> str | None:
+    """A sentence: how many orders are as declared."""
+    table = data("multiprecision")
+    if table is None or table.empty:
+        return None
+    text = f"{len(table) - len(_off(table))} of {len(table)} pairs of a method and a problem have the declared order"
+    text += f" within {GATE} without round-off"
+    low = declared_orders(data)
+    if low is None:
+        return f"{text}."
+    return f"{text}; in double precision {low.measured.n} of {low.measured.of} is far below it."
 
 
 @of("multiprecision")
 def draw(multiprecision: pd.DataFrame, folder) -> list[Picture]:
-    """The deviation of every measured order."""
+    """The deviation of every measured order from the declared one."""
     problems = list(dict.fromkeys(multiprecision["problem"]))
     declared = sorted(multiprecision["declared"].unique())
     with style.settings():
@@ -90,19 +103,19 @@ def draw(multiprecision: pd.DataFrame, folder) -> list[Picture]:
         axes.axhline(0, color=style.GREY, linewidth=0.7)
         style.legend_above(figure, axes, 4)
     caption = (
-        f"Measured less declared order of {len(multiprecision)} pairs of a method and a problem in multiprecision; grey: "
-        f"the gate of ±{GATE}; what is beyond ±0.3 stands at the edge."
+        f"Measured minus declared order of {len(multiprecision)} pairs of a method and a problem in multiprecision; grey: "
+        f"±{GATE}, within which an order is as declared; beyond ±0.3 it is drawn at the edge."
     )
     return [Picture(style.save(figure, folder, "orders.png"), "deviation of the measured orders", caption)]
 
 
 def _exceptions(found: pd.DataFrame) -> pd.DataFrame:
-    """The pairs in doubles that are off with a sharp interval, the farthest first."""
+    """The pairs whose order in doubles differs from the declared one, with a narrow interval; largest difference first."""
     off = found[(found["points"] >= POINTS) & (found["deviation"].abs() >= GATE) & (found["half"] <= GATE)]
     return off.reindex(off["deviation"].abs().sort_values(ascending=False).index)
 
 
-def _shown(found: pd.DataFrame) -> pd.DataFrame:
+def _format_rows(found: pd.DataFrame) -> pd.DataFrame:
     interval = [
         f"{r.order:.2f} ± {r.half:.2f}" if r.points >= POINTS and np.isfinite(r.half) else "no window"
         for r in found.itertuples()
@@ -112,23 +125,25 @@ def _shown(found: pd.DataFrame) -> pd.DataFrame:
 
 @of("rows")
 def table(rows: pd.DataFrame) -> Table | None:
-    """The exceptions in doubles."""
+    """The pairs whose order in double precision is not the declared one."""
     found = in_doubles(rows)
     if found.empty:
         return None
     off = _exceptions(found)
-    shown = off.head(ROWS)
+    shown, seen = off.head(ROWS), found[found["points"] >= POINTS]
+    near, wide = seen["deviation"].abs() < GATE, seen["half"] > GATE
     return Table(
-        _shown(shown).rename(columns={"h_first": "largest h", "h_last": "smallest h"}),
-        f"In doubles: the {len(shown)} farthest of the {len(off)} pairs that are more than {GATE} off with an interval "
-        "narrower than that. A positive distance is superconvergence, or a ladder that is not asymptotic yet.",
+        _format_rows(shown).rename(columns={"h_first": "largest h", "h_last": "smallest h"}),
+        f"In double precision {len(seen)} of {len(found)} pairs have {POINTS} steps above the noise: {int(near.sum())} are "
+        f"within {GATE} of the declared order, {int((~near & wide).sum())} converge irregularly. Of the {len(off)} others the "
+        f"{len(shown)} farthest; a higher order is superconvergence, or steps that are still too large.",
     )
 
 
 @of("rows")
-def _whole(rows: pd.DataFrame) -> pd.DataFrame | None:
+def _full_table(rows: pd.DataFrame) -> pd.DataFrame | None:
     found = in_doubles(rows)
-    return None if found.empty else _shown(found)
+    return None if found.empty else _format_rows(found)
 
 
 PAGE = Page(
@@ -137,20 +152,23 @@ PAGE = Page(
     tables=("rows", "multiprecision"),
     setting=(
         "e(h) = max |y_h(T) − y(T)| over q and p against a certified reference; order = d log e / d log h.",
-        "In doubles: pendulum, Kepler, perturbed Kepler, Hénon–Heiles, Lotka–Volterra, oscillator, T of 1 to 2; in "
-        "multiprecision also systems that are not separable.",
-        f"In multiprecision ({DIGITS} digits and more, MPFR's numbers through gmpy2) there is no round-off: the gate is two-sided.",
-        f"In doubles the window is found: at least {POINTS} steps above the noise, with a 95 % interval of the slope.",
+        "Pendulum, Kepler, perturbed Kepler, Hénon–Heiles, Lotka–Volterra, oscillator, to T of 1 to 2; in multiprecision also "
+        "systems that are not separable.",
+        f"In multiprecision ({DIGITS} digits and more, by MPFR through gmpy2) there is no round-off: too high an order is as wrong as "
+        "too low a one.",
+        f"In double precision the slope, with its 95 % interval, is fitted to at least {POINTS} steps whose error is above the noise.",
     ),
-    verdicts=(exact, confirmed),
+    verdicts=(exact, declared_orders),
+    answer=answer,
     figures=draw,
     table=table,
-    whole=_whole,
+    whole=_full_table,
     limits=(
-        f"GATE = {GATE} for both; in doubles an interval wider than that is no measurement, and an order is too low from "
-        f"BELOW = {BELOW} below the declared one on.",
-        "Errors below 100 times the reference's uncertainty or round-off are left out: high orders lose their window.",
-        "Schemes IV and V converge irregularly where the orbit passes a zero of a(y): there the root leaves 1/2.",
+        f"An order is as declared within {GATE}. In double precision an interval wider than ±{GATE} is no measurement, and an order "
+        f"is far below if it is at least {BELOW} too low.",
+        "Errors below 100 times the reference's uncertainty or round-off are left out: methods of high order have few steps left.",
+        "Schemes IV and V converge irregularly where the orbit passes a point at which, to leading order, λ does not change the "
+        "energy: there λ leaves 1/2.",
     ),
     command="pytest benchmarks/experiments/orders benchmarks/experiments/trade",
 )

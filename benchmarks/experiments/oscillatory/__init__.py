@@ -1,1 +1,1 @@
-"""Where do integrators for highly oscillatory systems resonate?"""
+"""Experiment: where do integrators for highly oscillatory systems resonate?"""

@@ -1,8 +1,8 @@
 r"""Resonances of the integrators for highly oscillatory systems: the Fermi-Pasta-Ulam problem over h omega.
 
-For each method and each :math:`h\omega` the greatest error of H and the greatest deviation of the oscillatory energy
-I over a time span.  omega is that of the published problem and h varies, so that a curve shows the growth with h
-besides the resonances near the integer multiples of pi.
+For each method and each :math:`h\omega`: the greatest error of H and the greatest deviation of the oscillatory energy
+I over a time span.  omega is that of the published problem and h varies; a curve therefore shows the growth with h as
+well as the resonances near the integer multiples of pi.
 
 After E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), XIII.2 (there h is fixed and omega
 varies).
@@ -17,7 +17,7 @@ import numpy as np
 
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.fpu import oscillatory_energies
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import INVALID, OK, integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import Method
@@ -25,17 +25,17 @@ from phasebench.integrators.records.oscillatory import METHODS
 from phasebench.integrators.registry import method
 
 SPAN = 200.0
-#: The resonance-free end of the grid, in h omega, and its last point, in multiples of pi.
+#: The first point of the grid, in h omega, far below the resonances; its last point, in multiples of pi.
 FIRST, LAST = 0.1, 4.5
 
 
-def compared() -> tuple[Method, ...]:
+def methods() -> tuple[Method, ...]:
     """Every method for a fast linear part, and Stormer-Verlet."""
     return (*METHODS, method("stormer-verlet"))
 
 
 def multiples(parts: int) -> list[float]:
-    """h omega / pi: the first point, then ``parts`` points for each multiple of pi, the multiples among them."""
+    """The grid of h omega / pi: `FIRST`, then the multiples of 1 / ``parts`` up to `LAST`."""
     return [FIRST / math.pi, *(k / parts for k in range(1, round(LAST * parts) + 1) if k / parts > FIRST / math.pi)]
 
 
@@ -44,10 +44,10 @@ def errors(methods: Iterable[Method], ratios: Sequence[float], t_end: float = SP
 
     Parameters
     ----------
-    methods : the methods
+    methods : methods to integrate with
     ratios : values of h omega / pi
     t_end : time span; h is not adjusted to it, the last step may end a little later
-    parameters : of the problem
+    parameters : parameters of the Fermi-Pasta-Ulam problem
 
     Returns
     -------
@@ -85,8 +85,8 @@ PARTS = 40
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method, with its rows over h omega; none of the quick tier."""
-    return [] if quick else [_cell(m) for m in compared()]
+    """A cell for each method, with its rows over h omega; no cell if ``quick``."""
+    return [] if quick else [_cell(m) for m in methods()]
 
 
 def _cell(chosen: Method) -> Cell:
@@ -94,14 +94,14 @@ def _cell(chosen: Method) -> Cell:
         "oscillatory",
         ("oscillatory",),
         {"method": chosen.label},
-        measured,
+        measure_rows,
         (chosen.id,),
-        content("oscillatory", chosen, Problem("fpu"), code=[__name__]),
+        content("oscillatory", chosen, ProblemKey("fpu"), code=[__name__]),
         frozenset({"fpu", chosen.id}),
     )
 
 
-def measured(id: str) -> Rows:
-    """The rows of a method."""
+def measure_rows(id: str) -> Rows:
+    """The rows of a method, one for each h omega."""
     frame = errors([method(id)], multiples(PARTS))
     return {"oscillatory": frame.astype(object).where(frame.notna(), None).to_dict("records")}

@@ -1,1 +1,1 @@
-"""Are the talks' printed tables reproduced?"""
+"""Experiment: are the talks' printed tables reproduced?"""

@@ -1,27 +1,27 @@
-"""The talk's printed tables, entry by entry, and the column that does not reproduce."""
+"""Checks of the talk's printed tables, entry by entry, and of the one column that is not reproduced."""
 
 from __future__ import annotations
 
 from itertools import groupby
 
-from phasebench.benchmarks.experiments.printed import printed, riddle
+from phasebench.benchmarks.experiments.printed import printed, recipes
 from phasebench.benchmarks.measure import metrics
 
-#: How far the root of Scheme IV may be from 1/2.
+#: Largest distance of Scheme IV's root from 1/2.
 NEAR = 0.1
 
 
 def cells(quick: bool = False):
-    """The printed columns and the scans."""
-    return [*printed.cells(quick), *riddle.cells(quick)]
+    """A cell for each printed column; unless ``quick``, also the scans of roots and the recipes."""
+    return [*printed.cells(quick), *recipes.cells(quick)]
 
 
 def off(rows) -> list[str]:
-    """Entries that differ by more than 0.6 of the last printed digit; Scheme IV where it is not of second order."""
+    """Messages about entries that differ by more than 0.6 of the last digit, and Scheme IV if its order is not 2."""
     out = []
     for column, members in groupby(rows, lambda r: (r["scheme"], r["lambda"] or None)):
         members = list(members)
-        if column == printed.RIDDLE:
+        if column == printed.SCHEME_IV:
             slope = metrics.power(*([r[c] for r in members] for c in ("h", "refinement_difference"))).value
             out += [f"Scheme IV on the root nearest 1/2 has order {slope:.3f}"] if abs(slope - 2) >= 0.15 else []
             continue
@@ -33,8 +33,8 @@ def off(rows) -> list[str]:
     return out
 
 
-def lost(rows) -> list[str]:
-    """Steps of Scheme IV that lost their root near 1/2, by the summary of a scan."""
+def scans_without_root(rows) -> list[str]:
+    """Messages about the scans in which a step of Scheme IV has no root within `NEAR` of 1/2."""
     ends = ("nearest root, least", "nearest root, greatest")
     return [
         f"h = {r['h']}: a step lost its root near 1/2"
@@ -43,13 +43,13 @@ def lost(rows) -> list[str]:
     ]
 
 
-def bench_printed(measured):
-    """Every entry agrees to 0.6 of the last printed digit; Scheme IV is second order, as its theorem says."""
-    wrong = off(measured("printed"))
+def bench_printed(measured_rows):
+    """Every entry agrees to 0.6 of the last printed digit, except Scheme IV, which has order 2, as its theorem says."""
+    wrong = off(measured_rows("printed"))
     assert not wrong, "\n".join(wrong)
 
 
-def bench_riddle(measured):
-    """No branch of roots gives the printed Scheme IV column: every root of every step, by exhaustive scan."""
-    wrong = lost(measured("riddle"))
+def bench_root_scan(measured_rows):
+    """An exhaustive scan for roots finds one near 1/2 in every step of Scheme IV."""
+    wrong = scans_without_root(measured_rows("riddle"))
     assert not wrong, "\n".join(wrong)

@@ -1,4 +1,4 @@
-"""The talk's printed error tables, entry by entry, beside what is measured.
+"""The talk's printed error tables, entry by entry, beside the measured values.
 
 The tables "Convergence rates with chaotic orbits at t = 1" print the successive refinement difference ||y_h - y_2h|| in
 the maximum norm over (p, q), the first row pairing h = 0.02 with h = 0.01 (a convention that the agreement itself
@@ -17,7 +17,7 @@ import numpy as np
 from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.measure.accuracy import end_state, truth
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.registry import method
 
@@ -42,10 +42,10 @@ PRINTED: dict[tuple[str, str | None], tuple[str, str, str, str]] = {
     ("scheme-iv", None): ("2.50E-03", "1.24E-03", "6.22E-04", "3.10E-04"),
     ("scheme-v", None): ("4.23E-06", "1.06E-06", "2.64E-07", "6.60E-08"),
 }
-#: A measured entry agrees when it is within this many units of the last printed digit.
+#: A measured entry agrees if it is within this many units of the last printed digit.
 AGREEMENT = 0.6
-#: The column that the consistent root does not reproduce; see `riddle`.
-RIDDLE = ("scheme-iv", None)
+#: The column that Scheme IV with the root nearest 1/2 does not reproduce; see `recipes`.
+SCHEME_IV = ("scheme-iv", None)
 
 
 def unit(printed: str) -> float:
@@ -59,8 +59,8 @@ def ends(made, chosen) -> list[np.ndarray]:
     return [end_state(s) for s in found]
 
 
-def measured(scheme: str, lam: str | None) -> Iterator[dict]:
-    """The rows of one column: h, printed, refinement difference, its order, global error, units of disagreement."""
+def column_rows(scheme: str, lam: str | None) -> Iterator[dict]:
+    """The rows of one column: h, printed, refinement difference, its order, global error, distance in printed units."""
     made = problem("henon-heiles:chaotic")
     chosen = method(scheme, **({} if lam is None else {"lam": lam}))
     true = truth(SCENE)
@@ -83,7 +83,7 @@ def measured(scheme: str, lam: str | None) -> Iterator[dict]:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each printed column; of the quick tier one."""
+    """A cell for each printed column; Scheme I at 1/3 is also in the quick tier."""
     return [_cell(scheme, lam, (scheme, lam) == ("scheme-i", "1/3")) for scheme, lam in PRINTED]
 
 
@@ -95,17 +95,17 @@ def _cell(scheme: str, lam: str | None, handful: bool) -> Cell:
         {"scheme": scheme, "lambda": lam or ""},
         column,
         (scheme, lam),
-        content("printed", chosen, Problem("henon-heiles:chaotic"), STEPS, PRINTED[scheme, lam], code=[__name__]),
+        content("printed", chosen, ProblemKey("henon-heiles:chaotic"), STEPS, PRINTED[scheme, lam], code=[__name__]),
         frozenset({"henon-heiles", scheme}),
         quick=handful,
     )
 
 
 def column(scheme: str, lam: str | None) -> Rows:
-    """The rows of one column."""
-    return {"printed": list(measured(scheme, lam))}
+    """The rows of one printed column, by table."""
+    return {"printed": list(column_rows(scheme, lam))}
 
 
 def table() -> list[dict]:
-    """Every entry of the printed tables."""
-    return [row for column in PRINTED for row in measured(*column)]
+    """The rows of every printed column."""
+    return [row for column in PRINTED for row in column_rows(*column)]

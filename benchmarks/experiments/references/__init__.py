@@ -1,1 +1,1 @@
-"""Do the certified references hold?"""
+"""Experiment: are the stated uncertainties and horizons of the certified references true?"""

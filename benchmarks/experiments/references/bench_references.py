@@ -1,4 +1,4 @@
-"""The certified references measured again: a cell fails where what one states does not hold."""
+"""Checks of the certified references: their stated errors and horizons are measured again."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from phasebench.benchmarks.experiments.references.cells import cells  # noqa: F4
 from phasebench.benchmarks.experiments.references.odd import ODD, beyond
 
 
-def bench_references(measured):
-    """Every uncertainty bounds its error, every horizon is the problem's: `measured` fails where a cell did."""
-    wrong = [f"{r['problem']}: {r['changed']}" for r in measured("references") if r["changed"]]
+def bench_references(measured_rows):
+    """Every stated uncertainty and horizon is confirmed; a cell that fails makes `measured` fail."""
+    wrong = [f"{r['problem']}: {r['changed']}" for r in measured_rows("references") if r["changed"]]
     assert not wrong, "\n".join(wrong)
 
 
-def bench_odd_times(measured):
-    """At no time of which no state is stored is what is told further off than its uncertainty."""
-    wrong = beyond(measured(ODD))
+def bench_odd_times(measured_rows):
+    """Between stored times, no reference state has an error above its uncertainty."""
+    wrong = beyond(measured_rows(ODD))
     assert not wrong, "\n".join(wrong)

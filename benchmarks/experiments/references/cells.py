@@ -1,9 +1,9 @@
-"""The certified references as cells: what each states is measured again by other means."""
+"""Cells that measure the stated errors and horizons of the certified references again, by other means."""
 
 from __future__ import annotations
 
 from phasebench.benchmarks.problems import labels, problem
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content, states
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content, states
 from phasebench.reference.certificates import check
 
 from . import odd
@@ -16,7 +16,7 @@ CODE = (
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each certified orbit, and one for its odd times; none of the quick tier."""
+    """A cell for each certified orbit, and one for its states between stored times (`odd`); no cell if ``quick``."""
     return [] if quick else [*(_cell(label) for label in labels()), *odd.cells()]
 
 
@@ -26,15 +26,15 @@ def _cell(label: str) -> Cell:
         "references",
         ("references",),
         {"problem": label},
-        measured,
+        measure_rows,
         (label,),
-        content("reference", Problem(label), states(id), code=CODE),
+        content("reference", ProblemKey(label), states(id), code=CODE),
         frozenset({id}),
     )
 
 
-def measured(label: str) -> Rows:
-    """The row of a reference; raises AssertionError where something that it states does not hold."""
+def measure_rows(label: str) -> Rows:
+    """The row of a reference; raises AssertionError if one of its stated numbers is not confirmed."""
     outcome = check.recheck(problem(label))
     shows = f"phasebench certify {label} shows it"
     assert not outcome.wrong, f"{label}: {'; '.join(outcome.wrong)}; {shows}"

@@ -1,8 +1,8 @@
-"""Uncertainties at times of which no state is stored: each is judged by a run in many bits.
+"""Uncertainties of reference states at times between the stored ones, judged by a run in many bits.
 
-Of each orbit `TIMES` are drawn, seeded, over its whole span.  At each the state and its uncertainty are computed as for
-`integrate --error` and the advice (`measure.truths`); its error is its distance from a Taylor run in `MANY` bits, or,
-above `LARGEST` degrees of freedom, in quadruple precision.
+For each orbit, `TIMES` times are drawn with a fixed seed over its span.  At each, the state and its uncertainty are
+computed as for `integrate --error` and the advice (`measure.truths`).  The error is the distance from a Taylor run in
+`MANY` bits, or, above `LARGEST` degrees of freedom, in quadruple precision.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ import numpy as np
 from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.quantities import END_STATE
 from phasebench.benchmarks.problems import labels, problem
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.reference.certificates import followed
 from phasebench.reference.certificates.along import norm
 from phasebench.reference.certificates.horizon import LIMIT
 from phasebench.reference.solvers import taylor
 
 ODD = "references_odd"
-#: Times of an orbit, drawn between this share of its span and its end; their seed.
+#: Number of times of an orbit; the earliest, as a share of its span; the seed.
 TIMES, FIRST, SEED = 20, 0.01, 25
-#: What errors are measured with: bits and tolerance, and up to how many degrees of freedom.
+#: Bits and tolerance of the exact run; its largest number of degrees of freedom; bits of quadruple precision.
 MANY, TOLERANCE, LARGEST, QUADRUPLE = 240, "1e-60", 9, 113
 
 
 def cells() -> list[Cell]:
-    """A cell for each orbit of which states are stored."""
+    """A cell for each orbit with stored states."""
     return [_cell(label) for label in labels()]
 
 
@@ -38,23 +38,23 @@ def _cell(label: str) -> Cell:
         "references",
         (ODD,),
         {"problem": label},
-        measured,
+        measure_rows,
         (label,),
-        content(ODD, Problem(label), code=(__name__,)),
+        content(ODD, ProblemKey(label), code=(__name__,)),
         frozenset({id}),
     )
 
 
 def times(made, count: int = TIMES) -> list[float]:
-    """So many times of an orbit, none of which a state is stored at."""
+    """``count`` random times of an orbit, ascending, between its stored ones."""
     random = np.random.default_rng([SEED, crc32(made.label.encode())])
     return sorted(float(t) for t in made.start.times[-1] * random.uniform(FIRST, 1.0, count))
 
 
-def judged(made, at: list[float]) -> list[dict[str, object]]:
-    """A row for each of the times: the error of what is told there, and the uncertainty that is stated of it."""
+def error_rows(made, at: list[float]) -> list[dict[str, object]]:
+    """A row for each time: the error of the reference state there, and its stated uncertainty."""
     many = made.system.d <= LARGEST
-    number = taylor.Bits(MANY) if many else taylor.extended()[1]
+    number = taylor.Bits(MANY) if many else taylor.extended_types()[1]
     exact = taylor.states(made.system, number, made.q0, made.p0, at, TOLERANCE if many else None)
     rows = []
     for t, state in zip(at, exact, strict=True):
@@ -79,14 +79,14 @@ def judged(made, at: list[float]) -> list[dict[str, object]]:
     return rows
 
 
-def measured(label: str) -> Rows:
-    """The rows of an orbit."""
+def measure_rows(label: str) -> Rows:
+    """The rows of an orbit at random times, by table."""
     made = problem(label)
-    return {ODD: judged(made, times(made))}
+    return {ODD: error_rows(made, times(made))}
 
 
 def beyond(rows: list[dict]) -> list[str]:
-    """In words, the rows whose error is above the uncertainty that is stated."""
+    """Messages about the rows whose error is above the stated uncertainty."""
     return [
         f"{r['problem']} at t = {float(r['t']):g}: {float(r['uncertainty']):.2g} is stated, the error is "
         f"{float(r['error']):.2g}"

@@ -1,4 +1,4 @@
-"""The certified references: whether what they state holds, how far an orbit can be followed, what other solvers say."""
+"""The page of the certified references: their errors, horizons, and distances from other solvers."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ import functools
 import numpy as np
 import pandas as pd
 
+from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.truths import GROWN
 from phasebench.benchmarks.measure.truths import SAFETY as TWICE
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.markdown import listed, number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.page import ROWS, Data, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict, at_least
 from phasebench.reference.certificates.check import AGAIN, LOOSE
 from phasebench.reference.certificates.followed import DRAWS as DRAWN
 from phasebench.reference.certificates.horizon import CENTRAL, DRAWS, FASTEST, LIMIT
@@ -19,7 +20,7 @@ from phasebench.reference.certificates.make import FACTOR, PRECISION
 from phasebench.reference.certificates.others import SAFETY
 from phasebench.reference.certificates.stored import TELLING
 
-from .odd import LARGEST, MANY, ODD, beyond
+from .odd import LARGEST, MANY, ODD
 
 COLUMNS = {
     "problem": "problem",
@@ -36,107 +37,124 @@ COLUMNS = {
 }
 
 
-def told(function):
-    """Make a function of the table one of ``data``, as `of`; rows of an earlier form, without an error, are left out."""
+def judged_rows(frame: pd.DataFrame) -> pd.DataFrame:
+    """The rows with a measured error; rows stored in an older format have none."""
+    return frame[frame["error"].notna()] if "error" in frame else frame.head(0)
+
+
+def of_references(function):
+    """Decorate a function of the judged rows like `of`: it takes ``data``, and returns None if there are no such rows."""
 
     @of("references")
     @functools.wraps(function)
-    def of_rows(frame: pd.DataFrame, *more):
-        rows = frame[frame["error"].notna()] if "error" in frame else frame.head(0)
+    def from_rows(frame: pd.DataFrame, *more):
+        rows = judged_rows(frame)
         return None if rows.empty else function(rows, *more)
 
-    return of_rows
+    return from_rows
 
 
-@told
-def unmoved(frame: pd.DataFrame) -> Verdict:
-    """Whether what the references state is what is measured by other means."""
-    changed = frame["changed"].astype(object).fillna("")
-    wrong = frame[changed != ""]
-    names = [f"{name} ({how})" for name, how in zip(wrong["problem"], changed[changed != ""], strict=True)]
-    states = int(frame["states"].sum())
-    if names:
-        text = f"Of {len(frame)} references these state what does not hold: {listed(names, 4)}."
-    else:
-        worst = frame.loc[frame["uncertainty"].idxmax()]
-        least, most = number(frame["least bound"].min()), number(frame["largest bound"].max())
-        factor = least if least == most else f"{least} to {most}"
-        text = (
-            f"The digits of all {states} stored states of {len(frame)} references are within their stated uncertainties "
-            f"(measured again in {AGAIN.bits} bits), which are {factor} times the error and at most "
-            f"{number(worst['uncertainty'], 2)} ({worst['problem']} at t = {number(worst['t_end'])})."
-        )
-    return Verdict(text, wrong.empty, f"{len(wrong) or 'None'} of {len(frame)} references state what does not hold.")
+def _problems(rows: pd.DataFrame) -> str:
+    return join_list(list(rows["problem"]), 4) if len(rows) else ""
 
 
-@told
-def second(frame: pd.DataFrame) -> Verdict:
-    """Whether other solvers agree, on every state."""
-    apart, bare = frame[frame["disagree"] > 0], frame[frame["unchecked"] > 0]
-    pairs, none = int(frame["pairs"].sum()), int(frame["no comparison"].sum())
-    if len(apart):
-        text = f"Solvers disagree beyond their uncertainties on {listed(list(apart['problem']), 6)}"
-    else:
-        text = f"In all {pairs} comparisons with another solver the distance is within the uncertainties"
-    text += f"; the second solver's own is {number(frame['its uncertainty'].median(), 2)} in the median"
-    if none:
-        said = "are no comparisons" if none > 1 else "is no comparison"
-        text += f"; {none} more {said}: the solver's own uncertainty is above {TELLING:g} of the state"
-    text += f". No other solver compares on every state of {listed(list(bare['problem']), 6)}" if len(bare) else ""
-    short = f"Solvers disagree on {len(apart)} of {len(frame)} references"
-    return Verdict(f"{text}.", apart.empty and bare.empty, f"{short}; {len(bare)} have a state without a comparison.")
-
-
-@told
-def horizons(frame: pd.DataFrame) -> Verdict:
-    """Until when errors of trajectories may be told, and whether this machine's long double agrees."""
-    short = frame[frame["horizon"] < frame["t_end"]]
-    short = short.assign(part=short["horizon"] / short["t_end"]).sort_values("part")
-    text = "Rounding to long double stays within its limit to the end of every orbit."
-    if len(short):
-        parts = [f"{r.problem} (t = {number(r.horizon)} of {number(r.t_end)})" for r in short.itertuples()]
-        text = (
-            f"Errors of trajectories may be told to the end on {len(frame) - len(short)} of {len(frame)} orbits, on the "
-            f"others to the horizon: {listed(parts, 4)}."
-        )
-    leaves = frame["long double leaves"]
-    limited = frame[(frame["earliest"] < frame["t_end"]) | (leaves < frame["t_end"])]
-    inside = limited["long double leaves"].between(limited["earliest"], limited["latest"])
-    outside = [f"{r['problem']} (t = {number(r['long double leaves'])})" for _, r in limited[~inside].iterrows()]
-    if len(limited):
-        text += (
-            f" On this machine long double left the limit within the interval on {int(inside.sum())} of {len(limited)}"
-        )
-        text += f", outside on {listed(outside, 4)}." if outside else "."
-    # Of 100 runs 5 are outside; more than three standard deviations above that, and the interval is wrong.
-    most = 0.05 * len(limited) + 3 * np.sqrt(0.05 * 0.95 * len(limited))
+@of_references
+def confirmations(frame: pd.DataFrame) -> Verdict:
+    """Whether the stated errors and horizons are confirmed when they are measured again."""
+    wrong = frame[frame["changed"].astype(object).fillna("") != ""]
     return Verdict(
-        text, bool(len(outside) <= most), f"Horizons fall before the end on {len(short)} of {len(frame)} orbits."
+        "Errors and horizons, measured again, are as each reference states them",
+        Count(len(frame) - len(wrong), len(frame)),
+        EVERY,
+        "references",
+        where=_problems(wrong),
+        otherwise=FAIL,
     )
 
 
 @of(ODD)
 def odd_times(frame: pd.DataFrame) -> Verdict:
-    """Whether uncertainties hold at times of which no state is stored."""
-    wrong = beyond(frame.to_dict("records"))
-    ratio = frame["uncertainty"] / frame["error"]
-    early = frame[frame["early"].astype(bool)]
-    before = int((frame["long double"] > TWICE * frame["two runs"]).sum())
-    text = (
-        f"At {len(frame)} times of {frame['problem'].nunique()} orbits of which no state is stored, {len(wrong)} states "
-        f"are off by more than their uncertainty: it is {number(ratio.min(), 2)} to {number(ratio.max(), 2)} times the "
-        f"error. While rounding is below {LIMIT:g} of the state, it is at most "
-        f"{number((early['uncertainty'] / early['size']).max(), 2)} of it. {TWICE:g} times the difference of two long "
-        f"double runs, alone, would bound their error at {len(frame) - before}."
+    """Whether uncertainties bound the error at times between the stored states."""
+    good = frame["error"] <= frame["uncertainty"]
+    tightest = frame.loc[(frame["uncertainty"] / frame["error"]).idxmin()]
+    return Verdict(
+        "At random times between stored states, the uncertainty bounds the error",
+        Count(int(good.sum()), len(frame)),
+        EVERY,
+        "states",
+        where=f"{tightest['problem']}, t = {number(tightest['t'])}",
+        otherwise=FAIL,
     )
-    text += f" Beyond: {listed(wrong, 2)}." if wrong else ""
-    short = f"{len(wrong) or 'None'} of {len(frame)} uncertainties at odd times are below the error."
-    return Verdict(text, not wrong, short)
 
 
-@told
+@of_references
+def second(frame: pd.DataFrame) -> Verdict:
+    """Whether no other solver disagrees."""
+    apart = frame[frame["disagree"] > 0]
+    return Verdict(
+        "No other solver disagrees beyond the uncertainties of both",
+        Count(int(frame["disagree"].sum()), int(frame["pairs"].sum())),
+        NONE,
+        "comparisons",
+        where=_problems(apart),
+        otherwise=FAIL,
+    )
+
+
+@of_references
+def comparisons(frame: pd.DataFrame) -> Verdict:
+    """Whether each state is compared with at least one other solver."""
+    bare = frame[frame["unchecked"] > 0]
+    states = int(frame["states"].sum())
+    return Verdict(
+        "Another solver is accurate enough to check every stored state",
+        Count(states - int(frame["unchecked"].sum()), states),
+        EVERY,
+        "states",
+        where=_problems(bare),
+        otherwise=FAIL,
+    )
+
+
+@of_references
+def horizons(frame: pd.DataFrame) -> Verdict | None:
+    """Whether a long double run on this machine leaves the limit within the interval predicted from random rounding."""
+    leaves = frame["long double leaves"]
+    limited = frame[(frame["earliest"] < frame["t_end"]) | (leaves < frame["t_end"])]
+    if limited.empty:
+        return None
+    inside = limited["long double leaves"].between(limited["earliest"], limited["latest"])
+    # 5 % of the runs are expected outside; three standard deviations more show that the interval is wrong.
+    outside = 0.05 + 3 * np.sqrt(0.05 * 0.95 / len(limited))
+    return Verdict(
+        "A long double run on this machine leaves the limit within the predicted interval",
+        Count(int(inside.sum()), len(limited)),
+        at_least(1 - outside),
+        "orbits",
+        where=_problems(limited[~inside]),
+        otherwise=FAIL,
+    )
+
+
+def answer(data: Data) -> str | None:
+    """A sentence: how many references are confirmed, their largest uncertainty, and how many have a horizon before t_end."""
+    frame, odd = data("references"), data(ODD)
+    rows = pd.DataFrame() if frame is None else judged_rows(frame)
+    if len(rows):
+        verdict, short = confirmations(data).measured, int((rows["horizon"] < rows["t_end"]).sum())
+        return (
+            f"{verdict.n} of {verdict.of} reference orbits are confirmed, uncertain by at most "
+            f"{number(rows['uncertainty'].max(), 2)}; {short} of them can be followed in long double for a part of their "
+            "time span only."
+        )
+    if odd is None or odd.empty:
+        return None
+    return f"{odd_times(data).measured.n} of {len(odd)} reference states at random times are within their uncertainty."
+
+
+@of_references
 def draw(frame: pd.DataFrame, folder) -> list[Picture]:
-    """The errors of the digits with their stated uncertainties, and the horizons with their intervals."""
+    """Left: errors of the stored digits with their uncertainties; right: horizons with their intervals."""
     shown = frame.sort_values("uncertainty").reset_index(drop=True)
     y = np.arange(len(shown))
     with style.settings():
@@ -158,26 +176,27 @@ def draw(frame: pd.DataFrame, folder) -> list[Picture]:
             axes.grid(color="0.93", linewidth=0.5)
             axes.legend(loc="lower right" if axes is left else "lower left")
     caption = (
-        "Each reference: the error of its digits at the last time and the uncertainty that is stated of them; until when "
-        "it can be followed, with the interval of 95 of 100 runs in long double."
+        "Left: the error of each reference's digits at its last time, and the uncertainty stated for them. Right: its "
+        "horizon, with the interval in which 95 of 100 long double runs leave the limit."
     )
     return [Picture(style.save(figure, folder, "references.png"), "errors, uncertainties and horizons", caption)]
 
 
-@told
+@of_references
 def table(frame: pd.DataFrame) -> Table:
-    """The orbits that part exponentially or whose interval begins before the end, then the largest uncertainties."""
+    """The orbits with exponential divergence or an interval that begins before the end, then the least certain ones."""
     hard = frame["rate"].notna() | (frame["earliest"] < frame["t_end"])
     shown = pd.concat([frame[hard], frame[~hard].nlargest(10, "uncertainty")])
     caption = (
-        "The orbits whose neighbours part exponentially or whose horizon's interval begins before the end, then the ten "
-        "largest uncertainties; all at t_end."
+        "The orbits with exponential divergence (rate, in 1/t) or whose interval begins before the end, then the ten "
+        "largest uncertainties; errors at t_end. Comparisons left out, because the other solver has not two digits: "
+        f"{int(frame['no comparison'].sum())}."
     )
     return Table(shown[list(COLUMNS)].rename(columns=COLUMNS).head(ROWS), caption)
 
 
-@told
-def _whole(frame: pd.DataFrame) -> pd.DataFrame:
+@of_references
+def _full_table(frame: pd.DataFrame) -> pd.DataFrame:
     return frame[list(COLUMNS)].rename(columns=COLUMNS)
 
 
@@ -186,31 +205,32 @@ PAGE = Page(
     question="Can the references that errors are measured against be trusted, and until when?",
     tables=("references", ODD),
     setting=(
-        f"The stored digits are a Taylor run in 113 bits. Their uncertainty is {FACTOR:g} times their distance from a run "
-        f"in {PRECISION.bits} bits of another order, and what that run may be off. Errors are max norms over (q, p).",
-        f"Measured again here: the error against a third run in {AGAIN.bits} bits at the tolerance {AGAIN.tolerance}; a "
-        f"reference fails where it is above the stated uncertainty, or {LOOSE:g} times below it.",
-        f"At odd times a state is told from two runs in long double and {DRAWN} displaced ones; its uncertainty is {TWICE:g} "
-        f"times the difference of the two, {GROWN:g} times what a rounding grows to, and a double's rounding. It is judged "
-        f"in {MANY} bits, above d = {LARGEST} in quadruple precision.",
-        f"Horizon: until when a state that is rounded to long double at every step stays within {LIMIT:g} of its size, in "
-        f"the median of {DRAWS} seeded draws of the rounding. It is the problem's, not a machine's.",
-        "`earliest` to `latest`: where 95 of 100 runs in long double leave the limit; `this machine`: where one did. "
-        "No error of a trajectory is told later than the horizon. "
-        "`Gauss 16` (8 stages, long double) shares no code with the Taylor runs: its distance from the orbit, the largest "
-        "at any time, beside its own uncertainty.",
+        f"Stored digits: a Taylor run in 113 bits. Their uncertainty: {FACTOR:g} times their distance from a run in "
+        f"{PRECISION.bits} bits and of another order, plus that run's own. Errors are max norms over (q, p).",
+        f"The error is measured again by a third run, in {AGAIN.bits} bits at the tolerance {AGAIN.tolerance}. A "
+        f"reference fails where it exceeds the stated uncertainty, or is {LOOSE:g} times smaller.",
+        f"Between stored times: two long double runs and {DRAWN} displaced ones. Uncertainty: {TWICE:g} times the "
+        f"difference of the two, {GROWN:g} times the growth of a rounding error, and a double's rounding; judged in "
+        f"{MANY} bits, above d = {LARGEST} in quadruple precision.",
+        "Horizon: the time until which a state that is rounded to long double at every step stays within "
+        f"{LIMIT:g} of its size, in the median of {DRAWS} seeded draws of the rounding; `earliest` to `latest` holds 95 "
+        "of 100 runs, `this machine` is one. Later, no error of a trajectory is given.",
+        "`Gauss 16` (8 stages, long double) shares no code with the Taylor runs: its largest distance from the orbit, "
+        "beside its own uncertainty.",
     ),
-    verdicts=(unmoved, odd_times, second, horizons),
+    verdicts=(confirmations, odd_times, second, comparisons, horizons),
+    answer=answer,
     figures=draw,
     table=table,
-    whole=_whole,
+    whole=_full_table,
     limits=(
-        "All Taylor runs are heyoka's, from the same formulae: an error of these shows in the Gauss method's distance alone, "
-        f"to its own uncertainty: {SAFETY:g} times the difference of two step sizes, and round-off grown as neighbours part.",
-        f"A solver whose own uncertainty is above {TELLING:g} of the state's size has not two digits of it: it neither agrees "
-        "nor disagrees.",
-        f"The interval takes rounding for normally distributed: {CENTRAL[1]:.3g} to {CENTRAL[0]:.3g} medians hold 95 % of it. "
-        f"A rate (1/t) is given where neighbours part faster than t^{FASTEST:g}.",
+        "All Taylor runs are heyoka's, from the same formulae: a mistake there shows only in the distance of the Gauss "
+        f"method, down to its own uncertainty ({SAFETY:g} times the difference of two step sizes, and grown round-off).",
+        f"A solver whose own uncertainty is above {TELLING:g} of the state's size has not two digits: it is not compared.",
+        "Some runs leave the interval by chance: 5 % are expected outside, and up to three standard deviations more are "
+        "allowed.",
+        f"The interval takes rounding as normally distributed: {CENTRAL[1]:.3g} to {CENTRAL[0]:.3g} medians hold 95 % of "
+        f"it. Divergence counts as exponential where neighbours part faster than t^{FASTEST:g}.",
     ),
     command="pytest benchmarks/experiments/references",
 )

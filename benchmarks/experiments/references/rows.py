@@ -1,4 +1,4 @@
-"""The row of a certified reference that was measured again, in the command's table and in the report."""
+"""The row of a rechecked certified reference, for the command's table and for the report."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from phasebench.reference.certificates.check import Outcome
 
 
 def row(outcome: Outcome) -> dict[str, object]:
-    """How exact a reference is, how far it reaches, what other solvers say and what of it does not hold."""
+    """The row of a rechecked reference: error, horizon, distances of other solvers, and statements not confirmed."""
     known, ratios = outcome.certificate, outcome.ratios
     last = known.ends[-1]
     first = last.checks[0]
@@ -32,7 +32,7 @@ def row(outcome: Outcome) -> dict[str, object]:
         "second solver": first.solver,
         "distance": first.distance,
         "its uncertainty": first.uncertainty,
-        "other solvers": ", ".join(_said(last, c) for c in last.checks[1:]),
+        "other solvers": ", ".join(_format_check(last, c) for c in last.checks[1:]),
         "disagree": outcome.disagree,
         "pairs": sum(e.compares(c) for e, c in checks),
         "no comparison": sum(not e.compares(c) for e, c in checks),
@@ -41,6 +41,6 @@ def row(outcome: Outcome) -> dict[str, object]:
     }
 
 
-def _said(end, check) -> str:
+def _format_check(end, check) -> str:
     text = f"{check.solver}: {check.distance:.2g} (own {check.uncertainty:.2g})"
     return text if end.compares(check) else f"{text}, no comparison"

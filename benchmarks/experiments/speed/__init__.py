@@ -1,1 +1,1 @@
-"""What does a step cost?"""
+"""Experiment: how long does a step take?"""

@@ -1,7 +1,7 @@
-"""A prepared run beside a bare script of the same package: what the suite's own call adds to a peer's time.
+"""Overhead of a peer's prepared run over a bare script that calls the same package directly.
 
-The bare scripts are what the package's documentation shows for an integration that is made many times: the state is set
-back in place and the package's own function is called, with nothing between.
+The bare scripts follow the package's documentation for repeated integrations: the state is reset in place, and the
+package's own function is called, with nothing between.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from phasebench.benchmarks.measure.timing import interleaved, median, ratio
+from phasebench.benchmarks.measure.timing import median, ratio, time_in_turns
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, content
 from phasebench.reference.peers import peer, scipy
 from phasebench.reference.peers.prepared import prepare_peer
 
 PROBLEM, T_END, STEPS, TOL = "kepler", 2.0, 100, 1e-9
-#: A prepared run may take this factor and so many seconds more than the bare script.
+#: A prepared run may take `FACTOR` times the seconds of the bare script, and `MORE` seconds.
 FACTOR, MORE = 1.10, 0.2e-6
 #: Calls in a round, and rounds.
 CALLS, ROUNDS = 100, 21
@@ -99,7 +99,7 @@ BARE: dict[str, tuple] = {
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each peer; none of the quick tier."""
+    """A cell for each peer; no cell if ``quick``."""
     return [] if quick else [_cell(id) for id in BARE]
 
 
@@ -109,17 +109,17 @@ def _cell(id: str) -> Cell:
         "speed",
         (TABLE,),
         {"peer": id},
-        measured,
+        measure_rows,
         (id,),
-        content("calls", record, Problem(PROBLEM), code=[__name__]),
+        content("calls", record, ProblemKey(PROBLEM), code=[__name__]),
         frozenset({id, record.package, PROBLEM}),
         ALONE,
         own=True,
     )
 
 
-def measured(id: str) -> Rows:
-    """Microseconds of a call of both, in turns, and by how much the prepared one exceeds what it may take."""
+def measure_rows(id: str) -> Rows:
+    """The row of a peer: microseconds of a prepared and of a bare call, timed in turns, and the time allowed."""
     record, adaptive, script = BARE[id]
     made = problem(PROBLEM)
     run, bare = prepare_peer(made, record(), tol=TOL if adaptive else None), script(made)
@@ -132,7 +132,7 @@ def measured(id: str) -> Rows:
 
         return calls
 
-    times = interleaved({"prepared": often(run.advance, *size), "bare": often(bare)}, ROUNDS)
+    times = time_in_turns({"prepared": often(run.advance, *size), "bare": often(bare)}, ROUNDS)
     prepared, alone = (median(times[who] / CALLS) for who in ("prepared", "bare"))
     paid = ratio(times["prepared"], times["bare"])
     row = {"peer": id, "us, prepared": 1e6 * prepared.value, "us, bare script": 1e6 * alone.value}

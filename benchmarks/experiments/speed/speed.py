@@ -1,13 +1,13 @@
-"""Warm times of every method, and the ratios that are claimed, each measured in one run."""
+"""Warm times of a step of every method, and ratios of two of them, each measured in one process."""
 
 from __future__ import annotations
 
-from phasebench.benchmarks.experiments.trade import sweep
 from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.measure.c_loop import Loop
-from phasebench.benchmarks.measure.timing import interleaved, median, ratio
+from phasebench.benchmarks.measure.timing import median, ratio, time_in_turns
+from phasebench.benchmarks.measure.variants import variants
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, Unavailable, content
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, Unavailable, content
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
@@ -17,11 +17,11 @@ PROBLEMS = ("pendulum", "henon-heiles:chaotic", "perturbed-kepler")
 AGAINST_C = ("kepler", "henon-heiles:chaotic", "pendulum", "outer-solar-system")
 #: The names of the C loops among `RATIOS`: whether kicks are merged.
 LOOPS = {"C": False, "C merged": True}
-#: Of the ratios: steps beside the C loop, steps among methods, rounds.
+#: For the ratios: steps of a run beside the C loop, steps of a run beside another method, rounds.
 LONG, SHORT, MANY = 400_000, 50_000, 21
-#: The handful of the quick tier.
+#: Methods of the quick tier.
 HANDFUL = ("explicit-euler", "stormer-verlet", "rk4", "implicit-midpoint")
-#: What is divided by what, and the most that is wanted; the names are those of `_work`.
+#: Name -> (numerator, denominator, largest ratio wanted or None); a method id or one of `LOOPS`.
 RATIOS = {
     "Stormer-Verlet / C loop": ("stormer-verlet", "C", 1.05),
     "Stormer-Verlet / C loop with merged kicks": ("stormer-verlet", "C merged", None),
@@ -34,7 +34,7 @@ RATIOS = {
 
 def cells(quick: bool = False) -> list[Cell]:
     """A cell for each method on each problem, and one for each ratio."""
-    able = [(n, *of) for n in PROBLEMS for of in sweep.variants() if not method(of[0]).lacks(problem(n).system)]
+    able = [(n, *of) for n in PROBLEMS for of in variants() if not method(of[0]).lacks(problem(n).system)]
     return [_time(*of) for of in able] + [_ratio(what, name) for what in RATIOS for name in _on(what)]
 
 
@@ -50,9 +50,9 @@ def _time(name: str, id: str, parameters: tuple) -> Cell:
         "speed",
         ("speed",),
         {"problem": problem(name).label, "method": chosen.label},
-        timed,
+        measure_method_rows,
         (name, id, parameters),
-        content("speed", chosen, Problem(name), code=[__name__]),
+        content("speed", chosen, ProblemKey(name), code=[__name__]),
         frozenset({name.partition(":")[0], id}),
         ALONE,
         own=True,
@@ -66,9 +66,9 @@ def _ratio(what: str, name: str) -> Cell:
         "speed",
         ("ratios",),
         {"ratio": f"{what}, {problem(name).label}"},
-        compared,
+        measure_ratio_rows,
         (what, name),
-        content("ratio", what, *chosen, Problem(name), code=[__name__]),
+        content("ratio", what, *chosen, ProblemKey(name), code=[__name__]),
         frozenset({name.partition(":")[0], *(m.id for m in chosen)}),
         ALONE,
         own=True,
@@ -76,13 +76,13 @@ def _ratio(what: str, name: str) -> Cell:
     )
 
 
-def timed(name: str, id: str, parameters: tuple) -> Rows:
-    """The warm integration alone: compiled, no output, no checks; and what it reaches."""
+def measure_method_rows(name: str, id: str, parameters: tuple) -> Rows:
+    """The row of a method on a problem: the time of a compiled step without output, and the energy error."""
     found, chosen = problem(name), method(id, **dict(parameters))
     full = integrate(found, chosen, h=H, steps=STEPS)
     E = found.system.observe(found.system.H, full.q, full.p)
     run = prepare(found, chosen)
-    seconds = median(interleaved({"it": lambda: run(H, STEPS)}, ROUNDS)["it"])
+    seconds = median(time_in_turns({"it": lambda: run(H, STEPS)}, ROUNDS)["it"])
     row = {"problem": found.label, "method": chosen.label, "ns per step": seconds.value / STEPS * 1e9}
     row |= {"ns, low": seconds.low / STEPS * 1e9, "ns, high": seconds.high / STEPS * 1e9}
     row |= {
@@ -103,15 +103,15 @@ def _work(found, id: str, steps: int):
     return lambda: loop.run(H, steps)
 
 
-def compared(what: str, name: str) -> Rows:
-    """A ratio of two times, taken in alternation.
+def measure_ratio_rows(what: str, name: str) -> Rows:
+    """The row of a ratio of two times, measured in turns.
 
     Raises
     ------
     Unavailable
-        Where there is no C compiler.
+        If there is no C compiler.
     RuntimeError
-        Where the C loop of a regular motion ends elsewhere: it is another integration.
+        If the C loop ends at another state than this project's method on a regular orbit.
     """
     found = problem(name)
     one, other, limit = RATIOS[what]
@@ -121,7 +121,7 @@ def compared(what: str, name: str) -> Rows:
         (q, p, _), (_, end) = (run() for run in work.values())
         if not abs(q[0] - end[0]) + abs(p[0] - end[1]) < 1e-6:
             raise RuntimeError(f"the C loop ends at {end}, this project's at {q}, {p}")
-    times = interleaved(work, MANY)
+    times = time_in_turns(work, MANY)
     r = ratio(times[one], times[other])
     includes = f"{steps} steps of h = {H}, warm, no output"
     includes += "; C: gcc -O3 -march=native, uncompensated" if other in LOOPS else ""

@@ -1,1 +1,1 @@
-"""How long until the first result?"""
+"""Experiment: how long does it take to the first result?"""

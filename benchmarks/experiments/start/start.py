@@ -1,11 +1,11 @@
-"""Cold starts, where everything has to be compiled, and warm ones, where nothing has.
+"""Times of cold starts, which compile everything, and of warm starts, which compile nothing.
 
-Cold: a fresh process with an empty cache imports what it needs and makes the problem; then the seconds of its processor
-over the first `integrate` are counted, in which the functions of the system are generated and, with the kernel,
-compiled.  (Another process beside it would stretch the time by the clock.)
+Cold: a fresh process with an empty cache imports the packages and makes the problem.  Then the processor time of the
+first `integrate` is measured, in which the system's functions are generated and compiled with the kernel.  (Wall-clock
+time would grow with other processes.)
 
-Warm: whole processes from start to end by the clock, of the command line with a filled cache, in turns with one that
-does nothing but import Numba.
+Warm: the wall-clock time of a whole process of the command line with a filled cache, measured in turns with a process
+that only imports Numba.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
-from phasebench.benchmarks.measure.timing import interleaved, median
+from phasebench.benchmarks.measure.timing import median, time_in_turns
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, content
 from phasebench.integrators.registry import method
 
 COLD, WARM = "start_cold", "start_warm"
-#: Steps that are taken, each of this length: too few to take time.
+#: Number of steps, few enough to take no time; the step size.
 STEPS, H = 10, 0.01
 ROUNDS = 5
 
 
 class First(NamedTuple):
-    """A first integration: a method on a problem with its parameters."""
+    """A first integration: a method, a problem, and the problem's parameters."""
 
     method: str
     problem: str
@@ -39,8 +39,8 @@ class First(NamedTuple):
 
 
 FOUR = ("toda", (("N", 4),))
-#: A method of each kernel, of those that take longest where they differ, at d = 4 where the method can do it; at d = 2
-#: for comparison; and the longest on a system that is not separable.
+#: A method for each kernel, the slowest to compile, at d = 4 if it runs there; some at d = 2 for comparison; the
+#: slowest on a system that is not separable.
 FIRSTS = (
     *(
         First(id, *FOUR)
@@ -62,13 +62,14 @@ FIRSTS = (
     ),
     First("gautschi", "fpu", (("m", 2),)),
     First("gauss-8-adaptive", "perturbed-kepler"),
+    First("gauss-8-field", "perturbed-kepler"),
     First("wisdom-holman-corrector", "perturbed-kepler"),
     First("stormer-verlet", "henon-heiles"),
     First("gauss-equip-4", "henon-heiles"),
     First("gauss-equip-4", "schwarzschild"),
     First("implicit-midpoint-symmetric-projection", "schwarzschild"),
 )
-#: What is started warm: the words after the command's name; `FLOOR` is the import of Numba alone.
+#: Arguments of the commands that are started warm.  `FLOOR` is a process that only imports Numba.
 COMMANDS = (
     ("integrate", "pendulum", "stormer-verlet"),
     ("integrate", "henon-heiles", "scheme-v"),
@@ -89,12 +90,12 @@ print(json.dumps({"before": started, "seconds": time.process_time() - started, "
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each cold start, and one for the warm ones, which are taken in turns."""
+    """A cell for each cold start, and one for all warm ones, which are timed in turns."""
     return [*map(_cold, FIRSTS), _warm()]
 
 
 def _cold(first: First) -> Cell:
-    chosen, made = method(first.method), Problem(first.problem, first.parameters)
+    chosen, made = method(first.method), ProblemKey(first.problem, first.parameters)
     return Cell(
         "start",
         (COLD,),
@@ -122,7 +123,7 @@ def _label(first: First) -> str:
 
 
 def cold(id: str, name: str, parameters: tuple = (), cache: str | None = None) -> Rows:
-    """The row of a first integration, with an empty cache unless the folder of one is given."""
+    """The row of a first integration in a new process, with an empty cache or with the cache folder ``cache``."""
     with tempfile.TemporaryDirectory() as empty:
         told = json.dumps([id, name, parameters, H, STEPS])
         found = json.loads(_run(["-c", SCRIPT, told], PHASEBENCH_CACHE=cache or empty).splitlines()[-1])
@@ -138,14 +139,14 @@ def warm() -> Rows:
         words = ["-m", "phasebench.benchmarks", *command, "--h", str(H), "--steps", str(STEPS), "--json"]
         work[" ".join(command)] = partial(_run, words)
     rows = []
-    for what, rounds in interleaved(work, ROUNDS).items():
+    for what, rounds in time_in_turns(work, ROUNDS).items():
         found = median(rounds)
         rows.append({"what": what, "seconds": found.value, "low": found.low, "high": found.high})
     return {WARM: rows}
 
 
 def _run(words: list[str], **environment: str) -> str:
-    """What a process prints; raises RuntimeError where it fails."""
+    """The output of a Python process; raises RuntimeError if it fails."""
     done = subprocess.run([sys.executable, *words], capture_output=True, text=True, env=os.environ | environment)
     if done.returncode:
         raise RuntimeError(f"{' '.join(words[:4])}: {done.stderr.strip().splitlines()[-1:]}")

@@ -1,1 +1,1 @@
-"""Which methods are symplectic and symmetric?"""
+"""Experiment: which methods are symplectic and symmetric?"""

@@ -1,59 +1,81 @@
-"""Symplecticity and symmetry of the step maps, measured without round-off."""
+"""The page of the symplecticity and symmetry of step maps, measured without round-off."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
 
+from phasebench.benchmarks import style
+from phasebench.benchmarks.judge.evidence import NO_DEFECT as NOTHING
 from phasebench.benchmarks.measure.multiprecision import DIGITS
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.markdown import listed, number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+from phasebench.benchmarks.page.markdown import join_list
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import FAIL, NONE, Count, Verdict, at_most
 
-#: A defect of at most this is the solver's and the differences' own error in 40 digits.
-NOTHING = 1e-22
-#: Defects are drawn no smaller.
+#: Smaller defects are drawn at this value.
 FLOOR = 1e-42
 PROPERTIES = ("symplecticity", "symmetry")
 
 
-def _judge(structure: pd.DataFrame, name: str) -> Verdict | None:
-    part = structure[structure["property"] == name]
-    if part.empty:
-        return None
-    having, lacking = part[part["declared"]], part[~part["declared"]]
-    broken, hidden = having[having["defect"] > NOTHING], lacking[lacking["defect"] <= NOTHING]
-    text = f"{name.capitalize()}: "
-    if len(having):
-        text += f"of {len(having)} methods declared to have it the largest defect is {number(having['defect'].max())}"
-    if len(lacking):
-        text += (
-            f"{'; ' if len(having) else ''}of the {len(lacking)} others the least is {number(lacking['defect'].min())}"
-        )
-    if len(broken):
-        text += f"; it is broken by {listed(list(broken['method']), 4)}"
-    if len(hidden):
-        text += f"; undeclared, it is had by {listed(list(hidden['method']), 4)}"
-    wrong = len(broken) + len(hidden)
-    short = f"{len(part) - wrong} of {len(part)} step maps are as declared in {name}."
-    return Verdict(f"{text}.", not wrong, short)
+def _methods(structure: pd.DataFrame, name: str, declared: bool) -> pd.DataFrame:
+    return structure[(structure["property"] == name) & (structure["declared"] == declared)]
+
+
+def _largest(structure: pd.DataFrame, name: str) -> dict:
+    """Arguments of a verdict: the largest defect among methods declared to have a property is at most `NOTHING`."""
+    having = _methods(structure, name, True)
+    worst = having.loc[having["defect"].idxmax()] if len(having) else {"defect": np.nan, "method": ""}
+    measured = {"measured": float(worst["defect"]), "where": worst["method"]}
+    return measured | {"expected": at_most(NOTHING), "otherwise": FAIL}
+
+
+def _hidden(structure: pd.DataFrame, name: str) -> dict:
+    """Arguments of a verdict: all methods that are not declared to have a property lack it."""
+    lacking = _methods(structure, name, False)
+    hidden = list(lacking[lacking["defect"] <= NOTHING]["method"])
+    measured = {"measured": Count(len(hidden), len(lacking)), "where": join_list(hidden, 3) if hidden else ""}
+    return measured | {"expected": NONE, "unit": "methods", "otherwise": FAIL}
 
 
 @of("structure")
-def symplecticity(structure: pd.DataFrame) -> Verdict | None:
-    """Whether the methods declared symplectic are, and the others are not."""
-    return _judge(structure, "symplecticity")
+def symplectic(structure: pd.DataFrame) -> Verdict:
+    """Whether the methods declared symplectic are symplectic."""
+    largest = _largest(structure, "symplecticity")
+    return Verdict("The defect of symplecticity vanishes for methods declared symplectic", **largest)
 
 
 @of("structure")
-def symmetry(structure: pd.DataFrame) -> Verdict | None:
-    """Whether the methods declared symmetric are, and the others are not."""
-    return _judge(structure, "symmetry")
+def others_not_symplectic(structure: pd.DataFrame) -> Verdict:
+    """Whether the other methods are not symplectic."""
+    return Verdict("No other method is symplectic", **_hidden(structure, "symplecticity"))
+
+
+@of("structure")
+def symmetric(structure: pd.DataFrame) -> Verdict:
+    """Whether the methods declared symmetric are symmetric."""
+    return Verdict("The defect of symmetry vanishes for methods declared symmetric", **_largest(structure, "symmetry"))
+
+
+@of("structure")
+def others_not_symmetric(structure: pd.DataFrame) -> Verdict:
+    """Whether the other methods are not symmetric."""
+    return Verdict("No other method is symmetric", **_hidden(structure, "symmetry"))
+
+
+@of("structure")
+def answer(structure: pd.DataFrame) -> str:
+    """A sentence: how many step maps are as declared in symplecticity and in symmetry."""
+    right = structure[(structure["defect"] <= NOTHING) == structure["declared"]]
+    counts = [f"{(right['property'] == name).sum()} of {(structure['property'] == name).sum()}" for name in PROPERTIES]
+    return (
+        f"In arithmetic of {DIGITS} digits {counts[0]} step maps are as declared in {PROPERTIES[0]}, and {counts[1]} in "
+        f"{PROPERTIES[1]}."
+    )
 
 
 @of("structure")
 def draw(structure: pd.DataFrame, folder) -> list[Picture]:
-    """Every defect, sorted, the declared ones apart."""
+    """Every defect, sorted, a panel for each property; methods declared to have it are drawn apart from the others."""
     with style.settings():
         figure, (panels,) = style.panels(1, 2, 3.0, sharey=True)
         for axes, name in zip(panels, PROPERTIES, strict=True):
@@ -71,14 +93,14 @@ def draw(structure: pd.DataFrame, folder) -> list[Picture]:
         style.legend_above(figure, panels[0], 2)
     caption = (
         f"Defects of the step maps in {DIGITS} digits, the largest over the systems; dashed: {NOTHING:g}, below which a defect "
-        f"is the solver's own; zeros are drawn at {FLOOR:g}."
+        f"is of the stage solver and the differences; zeros are drawn at {FLOOR:g}."
     )
     return [Picture(style.save(figure, folder, "structure.png"), "defects of the step maps", caption)]
 
 
 @of("structure")
 def table(structure: pd.DataFrame) -> Table:
-    """The methods nearest to the line between having and lacking."""
+    """For each property, the methods whose defects are nearest to the limit `NOTHING`, from either side."""
     columns = ["property", "method", "declared", "defect"]
     parts = []
     for name in PROPERTIES:
@@ -87,13 +109,14 @@ def table(structure: pd.DataFrame) -> Table:
     shown = pd.concat(parts)[columns].head(ROWS)
     shown["declared"] = shown["declared"].map({True: "yes", False: "no"})
     caption = (
-        "Nearest to the line: of each property the six largest defects declared none, and the six least declared some."
+        f"The methods nearest to the limit of {NOTHING:g}: of each property the six largest defects of methods declared to have "
+        "it, and the six smallest of the others."
     )
     return Table(shown, caption)
 
 
 @of("structure")
-def _whole(structure: pd.DataFrame) -> pd.DataFrame:
+def _full_table(structure: pd.DataFrame) -> pd.DataFrame:
     return structure.assign(declared=structure["declared"].map({True: "yes", False: "no"}))
 
 
@@ -105,15 +128,16 @@ PAGE = Page(
         "Symplecticity: the largest entry of MᵀJM − J, M the Jacobian of one step by differences.",
         "Symmetry: |Φ₋ₕ(Φₕ(y)) − y|, the distance from the start after a step and the same step backwards.",
         "Systems: pendulum, Hénon–Heiles, and non-separable ones where the method can do them; the largest counts.",
-        f"In {DIGITS}-digit arithmetic (MPFR through gmpy2), with stages solved to it: a defect of round-off does not hide a small one.",
+        f"In arithmetic of {DIGITS} digits (MPFR through gmpy2), with the stages solved to them, so that round-off hides no defect.",
     ),
-    verdicts=(symplecticity, symmetry),
+    verdicts=(symplectic, others_not_symplectic, symmetric, others_not_symmetric),
+    answer=answer,
     figures=draw,
     table=table,
-    whole=_whole,
+    whole=_full_table,
     limits=(
-        f"The line is drawn at {NOTHING:g}; a method whose defect is smaller on all systems would pass unseen.",
-        "Schemes IV and V choose λ from the state, so their maps are not symplectic; at a frozen λ they are.",
+        f"A defect of at most {NOTHING:g} counts as none: a smaller one on all systems would pass unseen.",
+        "Schemes IV and V choose λ from the state, so that their maps are not symplectic; with λ held fixed they are.",
     ),
     command="pytest benchmarks/experiments/orders",
 )

@@ -1,1 +1,1 @@
-"""The talks' figures."""
+"""Experiment: the figures and statements of the two talks."""

@@ -1,4 +1,4 @@
-"""What the talks show and state, measured: figures are drawn and statements judged from these rows."""
+"""Measures the rows from which the talks' figures are drawn and their statements are judged."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from phasebench.benchmarks.experiments.talks.checks_base import TABLE as CHECKED
 from phasebench.benchmarks.experiments.talks.record import TABLE
 
 
-def bench_talks(measured, complete):
-    """Every figure has its curves: `measured` fails where one could not be measured."""
-    assert measured(TABLE) or not complete(TABLE)
+def bench_talks(measured_rows, complete):
+    """Every figure has its curves; `measured` fails if one could not be measured."""
+    assert measured_rows(TABLE) or not complete(TABLE)
 
 
-def bench_checks(measured, complete):
-    """Every check of a statement is measured."""
-    assert {r["check"] for r in measured(CHECKED)} == {c.id for c in CHECKS} or not complete(CHECKED)
+def bench_checks(measured_rows, complete):
+    """Every check of a statement has a row."""
+    assert {r["check"] for r in measured_rows(CHECKED)} == {c.id for c in CHECKS} or not complete(CHECKED)

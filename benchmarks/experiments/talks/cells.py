@@ -1,9 +1,9 @@
-"""The curves of the talks' figures as cells, one for each figure, and the checks of their statements."""
+"""The cells of the talks: one for the curves of each figure, and one for each check of a statement."""
 
 from __future__ import annotations
 
 from phasebench.benchmarks.problems import PROBLEMS
-from phasebench.benchmarks.rows.cells import Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
 from phasebench.integrators.registry import METHODS
 
 from . import checks
@@ -12,16 +12,16 @@ from .record import TABLE, Figure
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each figure that is measured and each check; none of the quick tier."""
+    """A cell for each figure with measured curves and for each check; no cell if ``quick``."""
     return [] if quick else [*(_cell(f) for f in FIGURES if f.measure), *checks.cells()]
 
 
 def _cell(figure: Figure) -> Cell:
-    # Which methods and problems a figure runs stands in its functions: it depends on all.
-    about = content("talk", figure.id, *METHODS, *map(Problem, PROBLEMS), code=[figure.measure.__module__])
-    return Cell("talks", (TABLE,), {"figure": figure.id}, measured, (figure.id,), about, frozenset({figure.id}))
+    # Only a figure's functions know which methods and problems they run: the cell depends on all of them.
+    about = content("talk", figure.id, *METHODS, *map(ProblemKey, PROBLEMS), code=[figure.measure.__module__])
+    return Cell("talks", (TABLE,), {"figure": figure.id}, measure_rows, (figure.id,), about, frozenset({figure.id}))
 
 
-def measured(id: str) -> Rows:
-    """The rows of a figure."""
+def measure_rows(id: str) -> Rows:
+    """The rows of a figure's curves, by table."""
     return {TABLE: next(f for f in FIGURES if f.id == id).rows()}

@@ -1,4 +1,7 @@
-"""Checks of the introduction: flows, symplectic maps, Lagrange's equations, Lotka-Volterra, first integrals."""
+"""Checks of the introductory talk: flows, symplectic maps, Lagrange's equations, Lotka-Volterra, first integrals.
+
+Each function without a leading underscore returns (number, control) for a `Probe`.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,11 @@ from functools import cache
 import numpy as np
 import sympy as sp
 
-from phasebench.benchmarks.measure import metrics
+from phasebench.benchmarks.measure import metrics, step_map
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import integrate
 
-from .checks_base import Check, J, damped, defect, flow, henon_heiles, pendulum
+from .checks_base import J, Probe, damped_pendulum, defect, flow, henon_heiles, pendulum
 
 POINT = (0.1, 0.2, 0.3, -0.25)
 SWINGING = (1.0, 0.3)
@@ -22,7 +25,7 @@ def _random(*shape: int) -> np.ndarray:
 
 
 def lagrange() -> tuple[float, float]:
-    """Accelerations of the double pendulum from its Lagrangian, against those of the registered Hamiltonian."""
+    """Difference of Lagrange's and the registered Hamilton's equations, double pendulum; control: other gravity."""
     a, b, u, v, p1, p2 = sp.symbols("q1 q2 u v p1 p2", real=True)
     T = u**2 + v**2 / 2 + u * v * sp.cos(a - b)
     momenta = [sp.diff(T, x) for x in (u, v)]
@@ -44,7 +47,7 @@ def lagrange() -> tuple[float, float]:
 
 
 def pendulum_equations() -> tuple[float, float]:
-    """The registered pendulum's field against (p, -sin q)."""
+    """Distance of the registered pendulum's dp/dt from -sin q; control: from -q."""
     q, p = _random(2, 20, 1)
     system = problem("pendulum").system
     dp = system.observe(system.dp[0], q, p)
@@ -52,24 +55,24 @@ def pendulum_equations() -> tuple[float, float]:
 
 
 def first_integral() -> tuple[float, float]:
-    """The change of H along the pendulum's flow, and with friction."""
+    """The change of H along the pendulum's flow; control: with friction."""
 
     def change(field):
         y = flow(field, 10.0, 4000)(SWINGING)
         return abs((y[1] ** 2 - SWINGING[1] ** 2) / 2 - np.cos(y[0]) + np.cos(SWINGING[0]))
 
-    return change(pendulum), change(damped)
+    return change(pendulum), change(damped_pendulum)
 
 
 def oriented_areas() -> tuple[float, float]:
-    """The form xi^T J eta against the sum of determinants, y = (p, q)."""
+    """Distance of xi^T J eta from the sum of oriented areas, y = (p, q); control: with the other sign of J."""
     xi, eta = _random(2, 6)
     areas = sum(xi[i] * eta[3 + i] - xi[3 + i] * eta[i] for i in range(3))
     return abs(xi @ J(3) @ eta - areas), abs(xi @ J(3).T @ eta - areas)
 
 
 def linear_maps() -> tuple[float, float]:
-    """A^T J A = J and omega(A xi, A eta) = omega(xi, eta) at once: a product of shears, and the same off by 1e-3."""
+    """Defects of A^T J A = J and omega(A xi, A eta) = omega(xi, eta) for a product of shears; control: off by 1e-3."""
     S = _random(3, 3)
     one, zero = np.eye(3), np.zeros((3, 3))
     A = np.block([[one, S + S.T], [zero, one]]) @ np.block([[one, zero], [S @ S.T, one]])
@@ -83,30 +86,32 @@ def linear_maps() -> tuple[float, float]:
 
 
 def poincare() -> tuple[float, float]:
-    """The defect of the Henon-Heiles flow at t = 1, and of the damped pendulum's."""
-    return defect(flow(henon_heiles, 1.0), POINT), defect(flow(damped, 1.0), SWINGING)
+    """The symplecticity defect of the Henon-Heiles flow at t = 1; control: of the damped pendulum's flow."""
+    return defect(flow(henon_heiles, 1.0), POINT), defect(flow(damped_pendulum, 1.0), SWINGING)
 
 
 def group() -> tuple[float, float]:
-    """phi_0.7 after phi_0.3 against phi_1, and against phi_1.1."""
+    """Distance of phi_0.7 after phi_0.3 from phi_1, for the Henon-Heiles flow; control: from phi_1.1."""
     y = flow(henon_heiles, 0.7)(flow(henon_heiles, 0.3)(POINT))
     return np.abs(y - flow(henon_heiles, 1.0)(POINT)).max(), np.abs(y - flow(henon_heiles, 1.1)(POINT)).max()
 
 
 def _asymmetry(field, y) -> float:
-    """Of the Jacobian of J field, symmetric iff the field is locally Hamiltonian."""
-    M = J(len(y) // 2) @ metrics.jacobian(field, np.array(y, float))
+    """The asymmetry of the Jacobian of J f, which is zero iff the field f is locally Hamiltonian."""
+    M = J(len(y) // 2) @ step_map.jacobian(field, np.array(y, float))
     return np.abs(M - M.T).max()
 
 
 def locally_hamiltonian() -> tuple[float, float]:
-    """Both sides of the equivalence: of Henon-Heiles both vanish, of the damped pendulum neither."""
-    both = [(_asymmetry(f, y), defect(flow(f, 0.5), y)) for f, y in ((henon_heiles, POINT), (damped, SWINGING))]
+    """The larger of asymmetry of J f and defect of the flow, Henon-Heiles; control: the smaller, damped pendulum."""
+    both = [
+        (_asymmetry(f, y), defect(flow(f, 0.5), y)) for f, y in ((henon_heiles, POINT), (damped_pendulum, SWINGING))
+    ]
     return max(both[0]), min(both[1])
 
 
 def integrability() -> tuple[float, float]:
-    """The integral along a closed curve of a field with a symmetric Jacobian, and of one without."""
+    """The integral along a closed curve of a field with a symmetric Jacobian; control: of one without."""
     angle = 2 * np.pi * np.arange(64) / 64
     x, y = 0.3 + np.cos(angle), 0.2 + np.sin(angle)
     dx, dy = -np.sin(angle), np.cos(angle)
@@ -118,7 +123,7 @@ def integrability() -> tuple[float, float]:
 
 
 def lotka_volterra() -> tuple[float, float]:
-    """The registered field against u (v - 2), v (1 - u)."""
+    """Distance of the registered Lotka-Volterra field from (u (v - 2), v (1 - u)); control: another coefficient."""
     u, v = np.random.default_rng(7).uniform(0.5, 4, (2, 20, 1))
     system = problem("lotka-volterra").system
     du, dv = (system.observe(e, u, v) for e in (system.dq[0], system.dp[0]))
@@ -128,7 +133,7 @@ def lotka_volterra() -> tuple[float, float]:
 
 
 def level_curves() -> tuple[float, float]:
-    """The rate of I along the field, and of I with 1.9 in the place of 2."""
+    """The rate of I along the Lotka-Volterra field; control: of I with the coefficient 1.9 instead of 2."""
     u, v = np.random.default_rng(7).uniform(0.5, 4, (2, 20))
 
     def rate(two):
@@ -138,7 +143,7 @@ def level_curves() -> tuple[float, float]:
 
 
 def species() -> tuple[float, float]:
-    """How the growth rate of u rises with v, and that of v with u: a predator's rises with its prey."""
+    """The rise of u's growth rate with v, and of v's growth rate with u: a predator's rises with its prey."""
 
     def growth(x, y):
         return (y - 2), (1 - x)
@@ -148,7 +153,7 @@ def species() -> tuple[float, float]:
 
 
 @cache
-def _kept(id: str, orbit: str, early: int, steps: int) -> tuple[float, float]:
+def _invariant_changes(id: str, orbit: str, early: int, steps: int) -> tuple[float, float]:
     """The largest change of I over the first ``early`` steps of h = 0.12 and over all ``steps``."""
     made = problem(f"lotka-volterra:{orbit}")
     s = integrate(made, id, h=0.12, steps=steps)
@@ -156,15 +161,15 @@ def _kept(id: str, orbit: str, early: int, steps: int) -> tuple[float, float]:
     return metrics.invariant_error(values[: early + 1]).max, metrics.invariant_error(values).max
 
 
-def closed(id: str, orbit: str) -> tuple[float, float]:
-    """How the largest change of I grows from 120 to 12000 steps; of implicit Euler from 12 to 120."""
-    early, all_of_it = _kept(id, orbit, 120, 12000)
-    first, then = _kept("implicit-euler", "4-8", 12, 120)
+def invariant_growth(id: str, orbit: str) -> tuple[float, float]:
+    """The relative growth of the largest change of I from 120 to 12000 steps; control: implicit Euler, 12 to 120."""
+    early, all_of_it = _invariant_changes(id, orbit, 120, 12000)
+    first, then = _invariant_changes("implicit-euler", "4-8", 12, 120)
     return all_of_it / early - 1, then / first - 1
 
 
 def damps() -> tuple[float, float]:
-    """The largest factor of the oscillator's energy in a step of implicit Euler, h = 0.1, 1, 10, and of explicit."""
+    """The largest factor of the energy in an implicit Euler step, h = 0.1, 1, 10; control: explicit Euler."""
 
     def factor(id):
         made = problem("harmonic-oscillator")
@@ -178,26 +183,26 @@ def damps() -> tuple[float, float]:
 EULERS = ("implicit-euler",)
 LV = ("lotka-volterra",)
 CHECKS = (
-    Check("lagrange", "difference of Hamilton's and Lagrange's equations, double pendulum", "with gravity 10 % off",
+    Probe("lagrange", "difference of Hamilton's and Lagrange's equations, double pendulum", "with gravity 10 % off",
           lagrange, problems=("double-pendulum",)),
-    Check("pendulum", "difference to p' = −sin q", "to p' = −q", pendulum_equations, problems=("pendulum",)),
-    Check("first-integral", "change of H along the pendulum's flow to t = 10", "with friction", first_integral),
-    Check("oriented-areas", "ξᵀJη less the sum of areas, d = 3", "with the other sign of J", oriented_areas),
-    Check("linear-maps", "defects of both conditions for a product of shears", "the smaller one, off by 1e-3",
+    Probe("pendulum", "difference to p' = −sin q", "to p' = −q", pendulum_equations, problems=("pendulum",)),
+    Probe("first-integral", "change of H along the pendulum's flow to t = 10", "with friction", first_integral),
+    Probe("oriented-areas", "ξᵀJη less the sum of areas, d = 3", "with the other sign of J", oriented_areas),
+    Probe("linear-maps", "defects of both conditions for a product of shears", "the smaller one, off by 1e-3",
           linear_maps),
-    Check("poincare", "defect of the Hénon–Heiles flow, t = 1", "of the damped pendulum's", poincare),
-    Check("group", "φ₀.₇φ₀.₃ less φ₁", "less φ₁.₁", group),
-    Check("locally-hamiltonian", "asymmetry of (J f)' and defect of the flow, Hénon–Heiles", "of the damped pendulum",
+    Probe("poincare", "defect of the Hénon–Heiles flow, t = 1", "of the damped pendulum's", poincare),
+    Probe("group", "φ₀.₇φ₀.₃ less φ₁", "less φ₁.₁", group),
+    Probe("locally-hamiltonian", "asymmetry of (J f)' and defect of the flow, Hénon–Heiles", "of the damped pendulum",
           locally_hamiltonian),
-    Check("integrability", "integral of a symmetric field along a closed curve", "of one that is not symmetric",
+    Probe("integrability", "integral of a symmetric field along a closed curve", "of one that is not symmetric",
           integrability),
-    Check("lotka-volterra", "difference to u(v − 2), v(1 − u)", "to another coefficient", lotka_volterra, problems=LV),
-    Check("level-curves", "rate of I along the field", "with 1.9 for 2", level_curves),
-    Check("species", "growth rate of u for one v more", "of v for one u more", species),
-    Check("closed-midpoint", "growth of max |I − I₀| from 120 to 12000 steps, less 1", "implicit Euler, 12 to 120",
-          lambda: closed("implicit-midpoint", "4-2"), ("implicit-midpoint", *EULERS), LV),
-    Check("closed-euler", "growth of max |I − I₀| from 120 to 12000 steps, less 1", "implicit Euler, 12 to 120",
-          lambda: closed("symplectic-euler-q", "4-2"), ("symplectic-euler-q", *EULERS), LV),
-    Check("damps", "largest energy factor of a step, h = 0.1, 1, 10", "of explicit Euler", damps,
+    Probe("lotka-volterra", "difference to u(v − 2), v(1 − u)", "to another coefficient", lotka_volterra, problems=LV),
+    Probe("level-curves", "rate of I along the field", "with 1.9 for 2", level_curves),
+    Probe("species", "growth rate of u for one v more", "of v for one u more", species),
+    Probe("closed-midpoint", "growth of max |I − I₀| from 120 to 12000 steps, less 1", "implicit Euler, 12 to 120",
+          lambda: invariant_growth("implicit-midpoint", "4-2"), ("implicit-midpoint", *EULERS), LV),
+    Probe("closed-euler", "growth of max |I − I₀| from 120 to 12000 steps, less 1", "implicit Euler, 12 to 120",
+          lambda: invariant_growth("symplectic-euler-q", "4-2"), ("symplectic-euler-q", *EULERS), LV),
+    Probe("damps", "largest energy factor of a step, h = 0.1, 1, 10", "of explicit Euler", damps,
           ("explicit-euler", *EULERS), ("harmonic-oscillator",)),
 )  # fmt: skip

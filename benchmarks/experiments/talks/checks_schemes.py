@@ -1,4 +1,7 @@
-"""Checks of the general integrator: Scheme I's forms, its generating function, the parameter that keeps the energy."""
+"""Checks of the talk on the general integrator: forms of Scheme I, generating functions, lambda that keeps the energy.
+
+Most functions without a leading underscore return (number, control) for a `Probe`.
+"""
 
 from __future__ import annotations
 
@@ -9,54 +12,54 @@ from functools import cache
 import numpy as np
 import sympy as sp
 
-from phasebench.benchmarks.measure import metrics
+from phasebench.benchmarks.measure import metrics, step_map
 from phasebench.benchmarks.problems import problem
 from phasebench.integrators import Hamiltonian, integrate
 from phasebench.integrators.systems import generating
 
-from .checks_base import Check, J, defect, flow, henon_heiles
+from .checks_base import J, Probe, defect, flow, henon_heiles
 from .measure import LAMBDAS
 
 POINT = np.array([0.1, 0.2, 0.3, -0.25])
 STEP = 0.1
 #: The parameters of the classical generating functions.
 CLASSICAL = (Fraction(0), Fraction(1), Fraction(1, 2))
-#: From far below 0 to far above 1.
+#: Parameters from far below 0 to far above 1.
 MANY = (-10, -3, -1, 0, Fraction(1, 3), Fraction(1, 2), Fraction(3, 2), 2, Fraction(15, 2))
 
 
 @cache
 def _system(sign: int = 1) -> Hamiltonian:
-    """Henon-Heiles, or with -H: its steps are those of -h."""
+    """The Henon-Heiles system; for ``sign`` = -1 with -H, so that a step h is a step -h of the original."""
     made = problem("henon-heiles").system
     return made if sign == 1 else Hamiltonian(q=made.q, p=made.p, H=-made.H)
 
 
 def step(id: str, h: float = STEP, **parameters) -> Callable:
-    """y -> the step of a method of the suite."""
+    """The step map y -> Y of a method on Henon-Heiles; h may be negative."""
 
-    def moved(y):
+    def advance(y):
         y = np.asarray(y, float)
         system = _system(1 if h > 0 else -1)
         s = integrate(system, id, h=abs(h), steps=1, q0=y[:2], p0=y[2:], parameters=parameters)
         return np.hstack([s.q[-1], s.p[-1]])
 
-    return moved
+    return advance
 
 
-def _apart(a: Callable, b: Callable, y=POINT) -> float:
+def _distance(a: Callable, b: Callable, y=POINT) -> float:
     return np.abs(a(y) - b(y)).max()
 
 
 def special_values() -> tuple[float, float]:
-    """Scheme I at 0, 1 and 1/2 against symplectic Euler and midpoint, and at 1/3 against the nearest of these."""
+    """Distance of Scheme I at lambda 0, 1, 1/2 from symplectic Euler and midpoint; control: at 1/3 from the nearest."""
     pairs = {0: "symplectic-euler-q", 1: "symplectic-euler-p", Fraction(1, 2): "implicit-midpoint"}
-    same = max(_apart(step("scheme-i", lam=lam), step(id)) for lam, id in pairs.items())
-    return same, min(_apart(step("scheme-i", lam=Fraction(1, 3)), step(id)) for id in pairs.values())
+    same = max(_distance(step("scheme-i", lam=lam), step(id)) for lam, id in pairs.items())
+    return same, min(_distance(step("scheme-i", lam=Fraction(1, 3)), step(id)) for id in pairs.values())
 
 
 def adjoint() -> tuple[float, float]:
-    """A step of 1 - lambda undone by one of lambda with -h, and one of lambda by itself."""
+    """Error of undoing a step with 1 - lambda by a step -h with lambda; control: a step with lambda by lambda."""
 
     def back(first, lam):
         return np.abs(step("scheme-i", -STEP, lam=lam)(step("scheme-i", lam=first)(POINT)) - POINT).max()
@@ -65,12 +68,12 @@ def adjoint() -> tuple[float, float]:
 
 
 def any_parameter() -> tuple[float, float]:
-    """The largest defect of Scheme I for lambda from -10 to 15/2, and the classical Runge-Kutta method's."""
+    """The largest symplecticity defect of Scheme I for lambda from -10 to 15/2; control: the Runge-Kutta method's."""
     return max(defect(step("scheme-i", 0.02, lam=lam), POINT) for lam in MANY), defect(step("rk4"), POINT)
 
 
 def residual(lam, y, Y, h: float) -> float:
-    """Of Scheme I's two equations for Henon-Heiles at a step from y to Y."""
+    """The residual of Scheme I's equations on Henon-Heiles for a step from y to Y."""
     lam = float(lam)
     q, p, Q, P = y[:2], y[2:], Y[:2], Y[2:]
     middle = np.hstack([lam * q + (1 - lam) * Q, lam * P + (1 - lam) * p])
@@ -78,27 +81,27 @@ def residual(lam, y, Y, h: float) -> float:
 
 
 def form(lam) -> tuple[float, float]:
-    """The residual of the printed equations at a step of the suite, and of those of lambda + 1/10."""
+    """The residual of the printed equations at a computed step of Scheme I; control: of those for lambda + 1/10."""
     Y = step("scheme-i", lam=lam)(POINT)
     return residual(lam, POINT, Y, STEP), residual(lam + Fraction(1, 10), POINT, Y, STEP)
 
 
 def nystrom() -> tuple[float, float]:
-    """The Nystrom form, solved by iteration, against Scheme I, and without the factor 1 - lambda of its stage."""
+    """Distance of the Nystrom form from Scheme I; control: without the factor 1 - lambda in its stage."""
 
-    def moved(lam, inner):
+    def advance(lam, inner):
         q, v, k = POINT[:2], POINT[2:], np.zeros(2)
         for _ in range(200):
             k = henon_heiles(np.hstack([q + (1 - lam) * STEP * v + inner * STEP**2 * k, v]))[2:]
         return np.hstack([q + STEP * v + lam * STEP**2 * k, v + STEP * k])
 
     ends = [(step("scheme-i", lam=lam)(POINT), float(lam)) for lam in LAMBDAS]
-    good, bad = (max(np.abs(moved(x, f(x)) - Y).max() for Y, x in ends) for f in (lambda x: x * (1 - x), lambda x: x))
+    good, bad = (max(np.abs(advance(x, f(x)) - Y).max() for Y, x in ends) for f in (lambda x: x * (1 - x), lambda x: x))
     return good, bad
 
 
 def _form_of(M, lam: float) -> np.ndarray:
-    """d(Q - q, -(P - p)) / d(u, v) for a map with the Jacobian M, the order being (q, p): symmetric iff exact."""
+    """The matrix d(Q - q, -(P - p)) / d(u, v) of a map with Jacobian M in (q, p): symmetric iff the form is exact."""
     d = len(M) // 2
     (Qq, Qp), (Pq, Pp) = ((row[:, :d], row[:, d:]) for row in (M[:d], M[d:]))
     one = np.eye(d)
@@ -108,17 +111,17 @@ def _form_of(M, lam: float) -> np.ndarray:
 
 
 def exact_form() -> tuple[float, float]:
-    """The asymmetry of the form for the flow over seven parameters, and for a Runge-Kutta step."""
+    """The largest asymmetry of `_form_of` for the flow, over seven lambda; control: for a Runge-Kutta step."""
 
     def asymmetry(moved):
-        M = metrics.jacobian(moved, POINT)
+        M = step_map.jacobian(moved, POINT)
         return max(np.abs(W - W.T).max() for W in (_form_of(M, float(lam)) for lam in (*LAMBDAS, *CLASSICAL)))
 
     return asymmetry(flow(henon_heiles, STEP)), asymmetry(step("rk4", 5 * STEP))
 
 
 def hamilton_jacobi() -> tuple[float, float]:
-    """S_t = H(u - (1 - lambda) S_v, v + lambda S_u) of the oscillator; and with lambda, 1 - lambda exchanged."""
+    """Residual of S_t = H(u - (1 - lambda) S_v, v + lambda S_u), oscillator; control: lambda, 1 - lambda exchanged."""
     t, delta, y = 0.3, 1e-3, np.array([0.7, -0.4])
 
     def rotation(t):
@@ -138,7 +141,7 @@ def hamilton_jacobi() -> tuple[float, float]:
 
 
 def coefficients() -> tuple[float, float]:
-    """K_2 and K_3 of the recursion against the printed formulae, on H that is not separable; K_3 with 1/3 for 1/6."""
+    """Distance of K_2, K_3 of the recursion from the printed ones, non-separable H; control: K_3 with 1/3 for 1/6."""
     u, v = sp.symbols("p1 p2"), sp.symbols("q1 q2")
     H = (u[0] ** 2 + u[1] ** 2) / 2 + v[0] ** 2 * v[1] + u[0] * v[1] ** 2 + u[0] ** 2 * v[0]
     lam = sp.Rational(5, 7)
@@ -147,42 +150,42 @@ def coefficients() -> tuple[float, float]:
     Huu, Hvv = (sp.hessian(H, s) for s in (u, v))
     Huv = sp.Matrix(2, 2, lambda i, j: sp.diff(H, u[i], v[j]))
 
-    def printed(sixth):
+    def printed_formula(sixth):
         first = (Hu.T * Hvv * Hu)[0] + (Hv.T * Huu * Hv)[0]
         return (lam**2 - lam + sp.Rational(1, 3)) / 2 * first + (lam**2 - lam + sixth) * (Hv.T * Huv * Hu)[0]
 
     at = dict(zip((*u, *v), (sp.Rational(k, 3) for k in (1, 2, -1, 4)), strict=True))
     second = abs((K2 - (lam - sp.Rational(1, 2)) * (Hu.T * Hv)[0]).subs(at))
-    third, other = (abs((K3 - printed(c)).subs(at)) for c in (sp.Rational(1, 6), sp.Rational(1, 3)))
+    third, other = (abs((K3 - printed_formula(c)).subs(at)) for c in (sp.Rational(1, 6), sp.Rational(1, 3)))
     return float(max(second, third)), float(other)
 
 
 def mass(lam) -> float:
-    """The largest change of the mass of the nonlinear Schroedinger equation on three points, Scheme I."""
+    """The largest change of the mass of the nonlinear Schroedinger equation on three points under Scheme I."""
     made = problem("nls", N=3, L=5.0)
     s = integrate(made, "scheme-i", h=0.05, steps=400, parameters={"lam": lam})
     return metrics.invariant_error(made.system.observe(made.invariants["mass"], s.q, s.p)).max
 
 
 def momentum(id: str, **parameters) -> float:
-    """The largest change of the angular momentum on perturbed Kepler."""
+    """The largest change of the angular momentum of perturbed Kepler under a method."""
     made = problem("perturbed-kepler")
     s = integrate(made, id, h=0.02, steps=1000, parameters=parameters)
     return metrics.invariant_error(made.system.observe(made.invariants["angular-momentum"], s.q, s.p)).max
 
 
 def mass_is_lost() -> tuple[float, float]:
-    """The change of the mass at lambda = 1/3 and at 1/2."""
+    """The largest change of the mass at lambda = 1/3; control: at 1/2."""
     return mass(Fraction(1, 3)), mass(Fraction(1, 2))
 
 
 def momentum_is_kept() -> tuple[float, float]:
-    """The largest change of q.D p over the parameters, and of AVF."""
+    """The largest change of the angular momentum under Scheme I, four lambda; control: under AVF."""
     return max(momentum("scheme-i", lam=lam) for lam in LAMBDAS), momentum("avf")
 
 
 def singular() -> tuple[float, float]:
-    """The least singular value of the joint Newton matrix of Scheme IV at h = 0, and of its block without lambda."""
+    """The least singular value of Scheme IV's joint Newton matrix at h = 0; control: of its block without lambda."""
     gradient = -J(2) @ henon_heiles(POINT)
     joint = np.block([[np.eye(4), np.zeros((4, 1))], [gradient[None], np.zeros((1, 1))]])
     return tuple(np.linalg.svd(M, compute_uv=False)[-1] for M in (joint, joint[:4, :4]))
@@ -197,14 +200,14 @@ def _exponent(y) -> tuple[float, float]:
 
 
 def _slope(y) -> float:
-    """The rate of H_p.H_q along the flow: of the energy error of lambda - 1/2, over h^2."""
-    change = metrics.jacobian(henon_heiles, y) @ henon_heiles(y)
+    """The rate of H_p.H_q along the Henon-Heiles flow, the coefficient of h^2 (lambda - 1/2) in the energy error."""
+    change = step_map.jacobian(henon_heiles, y) @ henon_heiles(y)
     rate = henon_heiles(y)
     return -change[:2] @ rate[2:] - rate[:2] @ change[2:]
 
 
 def degenerate() -> tuple[float, float]:
-    """How far the exponent is from 1 where that rate is zero, on the point's orbit; the distance left at the end."""
+    """Distance of `_exponent` from 1 at a point of the orbit where `_slope` is zero; control: |lambda - 1/2| there."""
     low, high = 1.5, 1.7
     for _ in range(50):
         middle = (low + high) / 2
@@ -215,7 +218,7 @@ def degenerate() -> tuple[float, float]:
 
 
 def solvable() -> tuple[float, float]:
-    """How far the exponent of |lambda(h) - 1/2| is from 1 at a point in general position; the energy error at 1/2."""
+    """Distance of `_exponent` from 1 at a point in general position; control: the energy error with lambda = 1/2."""
     slope, _ = _exponent(POINT)
     made = _system()
     y = step("scheme-i", lam=Fraction(1, 2))(POINT)
@@ -224,7 +227,7 @@ def solvable() -> tuple[float, float]:
 
 
 def henon_heiles_data() -> tuple[float, float]:
-    """H of both printed orbits against 1/50 and 1/6, and of the box orbit against 1/6."""
+    """Distance of H of the box and chaotic orbits from 1/50 and 1/6; control: of the box orbit's from 1/6."""
     H = {}
     for orbit in ("box", "chaotic"):
         made = problem(f"henon-heiles:{orbit}")
@@ -233,20 +236,20 @@ def henon_heiles_data() -> tuple[float, float]:
 
 
 def henon_heiles_potential() -> tuple[float, float]:
-    """The registered H against (27) and (28), and with 1/3 for 2/3."""
+    """Distance of the registered Henon-Heiles H from (27), (28); control: with 1/3 for 2/3."""
     q, p = np.random.default_rng(7).normal(size=(2, 20, 2))
     system = problem("henon-heiles").system
     values = system.observe(system.H, q, p)
 
-    def printed(cubic):
+    def printed_formula(cubic):
         U = (q[:, 0] ** 2 + q[:, 1] ** 2 + 2 * q[:, 0] ** 2 * q[:, 1] - cubic * q[:, 1] ** 3) / 2
         return (p**2).sum(1) / 2 + U
 
-    return np.abs(values - printed(2 / 3)).max(), np.abs(values - printed(1 / 3)).max()
+    return np.abs(values - printed_formula(2 / 3)).max(), np.abs(values - printed_formula(1 / 3)).max()
 
 
 def kepler_data() -> tuple[float, float]:
-    """H0 against the printed -0.5391 and L0 against 0.8, and H0 without the Schwarzschild term."""
+    """Distances of perturbed Kepler's H0 from -0.5391 and of L0 from 0.8; control: of H0 from the Kepler value -0.5."""
     made = problem("perturbed-kepler")
     H, L = (float(made.system.observe(e, [made.q0], [made.p0])[0])
             for e in (made.system.H, made.invariants["angular-momentum"]))  # fmt: skip
@@ -254,7 +257,7 @@ def kepler_data() -> tuple[float, float]:
 
 
 def kepler_momentum() -> tuple[float, float]:
-    """The rate of q1 p2 - q2 p1 along the registered field, and of q1 p2 + q2 p1."""
+    """The rate of q1 p2 - q2 p1 along perturbed Kepler's field; control: of q1 p2 + q2 p1."""
     q, p = np.random.default_rng(7).normal(size=(2, 20, 2))
     system = problem("perturbed-kepler").system
     dq, dp = (np.stack([system.observe(e, q, p) for e in part], axis=1) for part in (system.dq, system.dp))
@@ -270,31 +273,31 @@ HH, PK = ("henon-heiles",), ("perturbed-kepler",)
 ONE = ("scheme-i",)
 EULERS = ("symplectic-euler-p", "symplectic-euler-q", "implicit-midpoint")
 CHECKS = (
-    Check("special-values", "Scheme I at λ = 0, 1, 1/2 less Euler and midpoint", "at λ = 1/3", special_values,
+    Probe("special-values", "Scheme I at λ = 0, 1, 1/2 less Euler and midpoint", "at λ = 1/3", special_values,
           (*ONE, *EULERS), HH),
-    Check("adjoint", "step of 1 − λ undone by λ with −h", "of λ undone by itself", adjoint, ONE, HH),
-    Check("any-parameter", "largest defect of Scheme I, λ from −10 to 15/2", "the Runge–Kutta method's", any_parameter,
+    Probe("adjoint", "step of 1 − λ undone by λ with −h", "of λ undone by itself", adjoint, ONE, HH),
+    Probe("any-parameter", "largest defect of Scheme I, λ from −10 to 15/2", "the Runge–Kutta method's", any_parameter,
           (*ONE, "rk4"), HH),
-    *(Check(f"form-{name}", f"residual of the printed equations, λ = {lam}", "with λ + 1/10",
+    *(Probe(f"form-{name}", f"residual of the printed equations, λ = {lam}", "with λ + 1/10",
             lambda lam=lam: form(lam), ONE, HH)
       for name, lam in zip(("minus-one", "third", "three-halves", "two"), LAMBDAS, strict=True)),
-    Check("nystrom", "Nyström form less Scheme I", "without a factor 1 − λ", nystrom, ONE, HH),
-    Check("exact-form", "asymmetry of d(Q − q, p − P)/d(u, v)", "of a Runge–Kutta step", exact_form, ("rk4",), HH),
-    Check("hamilton-jacobi", "residual of the equation for S, oscillator", "with λ and 1 − λ exchanged",
+    Probe("nystrom", "Nyström form less Scheme I", "without a factor 1 − λ", nystrom, ONE, HH),
+    Probe("exact-form", "asymmetry of d(Q − q, p − P)/d(u, v)", "of a Runge–Kutta step", exact_form, ("rk4",), HH),
+    Probe("hamilton-jacobi", "residual of the equation for S, oscillator", "with λ and 1 − λ exchanged",
           hamilton_jacobi),
-    Check("coefficients", "K₂, K₃ of the recursion less the printed", "K₃ with 1/3 for 1/6", coefficients),
-    Check("mass", "change of NLS mass, Scheme I at λ = 1/3", "at λ = 1/2", mass_is_lost, ONE,
+    Probe("coefficients", "K₂, K₃ of the recursion less the printed", "K₃ with 1/3 for 1/6", coefficients),
+    Probe("mass", "change of NLS mass, Scheme I at λ = 1/3", "at λ = 1/2", mass_is_lost, ONE,
           ("nls",)),
-    Check("momentum", "change of L, Scheme I at four λ", "of AVF", momentum_is_kept,
+    Probe("momentum", "change of L, Scheme I at four λ", "of AVF", momentum_is_kept,
           (*ONE, "avf"), PK),
-    Check("singular", "least singular value of the joint matrix at h = 0", "of its block for p and q", singular),
-    Check("solvable", "exponent of |λ(h) − 1/2| less 1", "energy error with λ = 1/2", solvable,
+    Probe("singular", "least singular value of the joint matrix at h = 0", "of its block for p and q", singular),
+    Probe("solvable", "exponent of |λ(h) − 1/2| less 1", "energy error with λ = 1/2", solvable,
           (*ONE, "scheme-iv"), HH),
-    Check("degenerate", "exponent less 1 where the rate is 0", "|λ − 1/2| left at the smallest h",
+    Probe("degenerate", "exponent less 1 where the rate is 0", "|λ − 1/2| left at the smallest h",
           degenerate, ("scheme-iv",), HH),
-    Check("henon-heiles-data", "H of the printed orbits less 0.02 and 1/6", "of the box less 1/6", henon_heiles_data,
+    Probe("henon-heiles-data", "H of the printed orbits less 0.02 and 1/6", "of the box less 1/6", henon_heiles_data,
           problems=HH),
-    Check("henon-heiles", "registered H less (27), (28)", "with 1/3 for 2/3", henon_heiles_potential, problems=HH),
-    Check("kepler-data", "H₀ + 0.5391 and L₀ − 0.8", "H₀ of pure Kepler", kepler_data, problems=PK),
-    Check("kepler-momentum", "rate of q₁p₂ − q₂p₁", "of q₁p₂ + q₂p₁", kepler_momentum, problems=PK),
+    Probe("henon-heiles", "registered H less (27), (28)", "with 1/3 for 2/3", henon_heiles_potential, problems=HH),
+    Probe("kepler-data", "H₀ + 0.5391 and L₀ − 0.8", "H₀ of pure Kepler", kepler_data, problems=PK),
+    Probe("kepler-momentum", "rate of q₁p₂ − q₂p₁", "of q₁p₂ + q₂p₁", kepler_momentum, problems=PK),
 )  # fmt: skip

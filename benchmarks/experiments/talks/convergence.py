@@ -1,7 +1,7 @@
 r"""Convergence on the chaotic Henon-Heiles orbit at t = 1: refinement differences :math:`\|y_h - y_{2h}\|_\infty`.
 
-This is the quantity of the talk's tables, the difference of successive refinements in the maximum norm over (q, p);
-it is no error against the exact solution, but falls with the same order.
+The talk's tables show this quantity, the difference of successive refinements in the maximum norm over (q, p).  It is
+not the error against the exact solution, but falls with the same order.
 
 Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical Hamiltonian systems" (talk), tables
 'Convergence rates' and 'Convergence tests with chaotic orbits at t = 1'; H. Yoshida, Phys. Lett. A 150 (1990) 262-268;
@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasebench.benchmarks.page import style
+from phasebench.benchmarks import style
+from phasebench.benchmarks.store.arrays import unpack
 
 from . import measure
 from .measure import LAMBDAS
@@ -20,10 +21,10 @@ from .record import Figure
 
 SECTION = "convergence"
 PROBLEM = "henon-heiles:chaotic"
-#: title -> slope of the grey line
+#: Panel title -> (method id, order, which is the slope of the grey line).
 SCHEMES = {"Scheme I": ("scheme-i", 1), "Scheme II": ("scheme-ii", 2), "Scheme III": ("scheme-iii", 2)}
 PRESERVING = {"AVF": "avf", "Scheme IV": "scheme-iv", "Scheme V": "scheme-v"}
-#: label -> (method, order)
+#: Curve label -> (method id, order).
 COMPOSITIONS = {
     "III, Yoshida 4": ("scheme-iii-yoshida-4", 4),
     "III, Suzuki 4": ("scheme-iii-suzuki-4", 4),
@@ -36,7 +37,7 @@ ORDINATE = r"$\|y_h - y_{2h}\|_\infty$"
 
 
 def _row(panel: str, curve: str, id: str, steps, **parameters) -> dict:
-    """The refinement differences of a method over doubling numbers of steps."""
+    """The row of a curve: refinement differences of a method over doubling numbers of steps, and their order."""
     h, differences, runs = measure.refinement_differences(measure.start(PROBLEM), id, steps, **parameters)
     worst = next((s for s in runs if s.status != "ok"), runs[-1])
     counts = {k: sum(s.counts[k] for s in runs) for k in ("steps", "fallbacks")}
@@ -45,7 +46,7 @@ def _row(panel: str, curve: str, id: str, steps, **parameters) -> dict:
 
 
 def _steps(first: int, halvings: int) -> list[int]:
-    """Doubling numbers of steps to t = 1."""
+    """Numbers of steps to t = 1: ``first``, and its doublings."""
     return [first * 2**k for k in range(halvings + 1)]
 
 
@@ -63,34 +64,29 @@ def _measure_compositions(quick: bool) -> list[dict]:
 
 
 def _curves(axes, rows) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Draw the rows of a panel; returns the steps and the differences."""
+    """Draw the curves of a panel; return the step sizes, and the differences of each curve."""
     differences = []
     for k, r in enumerate(rows.itertuples()):
-        h, e = measure.points(r.x), measure.points(r.y)
-        axes.loglog(h, measure.shown(e), label=r.curve, **style.curve(k))
+        h, e = unpack(r.x), unpack(r.y)
+        axes.loglog(h, measure.for_log_axis(e), label=r.curve, **style.curve(k))
         differences.append(e)
     axes.set(xlabel="$h$")
     axes.grid(color="0.9", linewidth=0.5)
     return h, differences
 
 
-def _caption(methods: str, rows, slopes: str) -> str:
-    h = measure.points(rows["x"].iloc[0])
+def _caption(methods: str, rows) -> str:
+    h = unpack(rows["x"].iloc[0])
     return (
         "Refinement difference max |y_h - y_2h| over q and p at t = 1 on the chaotic Hénon–Heiles orbit, h = "
-        f"1/{round(1 / h[0])} to 1/{round(1 / h[-1])} by halving, of {methods}. Slopes over the three smallest steps "
-        f"with differences above {measure.NOISE:g}: {slopes}."
-        f"{measure.floor_note(map(measure.points, rows['y']))}{measure.troubles(rows)}"
+        f"1/{round(1 / h[0])} to 1/{round(1 / h[-1])} by halving, of {methods}."
+        f"{measure.floor_note(map(unpack, rows['y']))}{measure.troubles(rows)}"
     )
 
 
-def _slopes(rows) -> str:
-    return ", ".join(f"{r.curve}: {r.order:.2f}" for r in rows.itertuples())
-
-
-@style.drawn
+@style.styled
 def schemes_i_to_iii(rows):
-    """Schemes I, II and III over lambda."""
+    """(figure, caption): refinement differences of Schemes I, II and III over h, a curve for each lambda."""
     figure, (panels,) = style.panels(1, 3, 3.0, sharey=True)
     drawn = []
     for axes, (title, (_, order)) in zip(panels, SCHEMES.items(), strict=True):
@@ -100,25 +96,24 @@ def schemes_i_to_iii(rows):
     style.legend_above(figure, panels[0], len(LAMBDAS))
     for axes, order, h, differences in drawn:
         style.slope(axes, h, differences, order)
-    slopes = "; ".join(f"{title} {_slopes(rows[rows['panel'] == title])}" for title in SCHEMES)
-    return figure, _caption("Schemes I, II and III", rows, slopes)
+    return figure, _caption("Schemes I, II and III", rows)
 
 
-@style.drawn
+@style.styled
 def preserving(rows):
-    """AVF, Schemes IV and V."""
+    """(figure, caption): refinement differences of AVF, Schemes IV and V over h."""
     figure, ((axes,),) = style.panels(1, 1, 3.4)
     h, differences = _curves(axes, rows)
     for order, line in ((1, "--"), (2, "-")):
         style.slope(axes, h, differences, order, line)
     axes.set_ylabel(ORDINATE)
     figure.legend(loc="outside right upper", handlelength=3.4)
-    return figure, _caption("AVF, Schemes IV and V", rows, _slopes(rows))
+    return figure, _caption("AVF, Schemes IV and V", rows)
 
 
-@style.drawn
+@style.styled
 def compositions(rows):
-    """Compositions of order 4 and 6 of Schemes III and V."""
+    """(figure, caption): refinement differences of compositions of orders 4 and 6 of Schemes III and V."""
     figure, ((axes,),) = style.panels(1, 1, 3.6)
     h, differences = _curves(axes, rows)
     for order, line in ((4, "-"), (6, "--")):
@@ -126,7 +121,7 @@ def compositions(rows):
         style.slope(axes, h[:5], [np.where(e > measure.NOISE, e, 0) for e in group], order, line)
     axes.set_ylabel(ORDINATE)
     figure.legend(loc="outside right upper", handlelength=3.4)
-    return figure, _caption("compositions of Scheme III (λ = 1/3) and of Scheme V", rows, _slopes(rows))
+    return figure, _caption("compositions of Scheme III (λ = 1/3) and of Scheme V", rows)
 
 
 FIGURES = (

@@ -1,15 +1,14 @@
-"""FIGURES: every figure of the talks, one record each, drawn from measured rows.
+"""FIGURES: a record for each figure of the two talks, drawn from measured rows.
 
-The figures are those of the two talks: pendulum and symplectic maps, Lotka-Volterra, Henon-Heiles, perturbed Kepler,
-convergence.  A new figure is a function ``measure(quick) -> rows``, a function ``draw(rows) -> (figure, caption)`` and
-one more record.
+Subjects: pendulum and symplectic maps, Lotka-Volterra, Henon-Heiles, perturbed Kepler, convergence.  To add a figure,
+write functions ``measure(quick) -> rows`` and ``draw(rows) -> (figure, caption)``, and add a record.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from phasebench.benchmarks.page import style
+from phasebench.benchmarks import style
 from phasebench.benchmarks.page.page import Picture
 
 from . import convergence, henon_heiles, linear_map, lotka_volterra, pendulum, perturbed_kepler
@@ -26,7 +25,7 @@ FIGURES: tuple[Figure, ...] = (
 
 
 def pictures(curves, section: str, folder: Path) -> list[Picture]:
-    """The figures of a section, drawn from the table of curves into ``folder``; without rows a figure is left out."""
+    """Draw the figures of a section from the table of curves into ``folder``; a figure without its rows is left out."""
     drawn = []
     for figure in FIGURES:
         rows = curves[curves["figure"] == figure.id]

@@ -1,4 +1,4 @@
-"""The statements of the talk "A general symplectic integrator for canonical Hamiltonian systems", in its order."""
+"""Statements of the talk "A general symplectic integrator for canonical Hamiltonian systems", in the talk's order."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from .judging import (
     WHERE,
     Judgement,
     check,
+    completed_runs,
     curves,
-    ended,
     every,
     has,
+    judgement,
     keeps_energy,
+    on_rows,
     order,
-    printed,
+    printed_entries,
     rows_of,
-    said,
     untestable,
     where,
 )
@@ -28,13 +29,13 @@ from .statement import DEFINITION, FIGURE, FORMULA, METHOD, REMARK, SYSTEM, TABL
 ORDERS, STRUCTURE, HH, PK = "orders", "structure", "talk-henon-heiles", "talk-perturbed-kepler"
 ENERGY, PRINTED, WAVES, BOXES = "energy_preservation", "printed", "waves", "multisymplectic"
 KEPT = 1e-11
-#: The schemes that choose λ in each step.
+#: The schemes that choose λ anew in each step.
 TUNED = ("scheme-iv", "scheme-v")
 VALUES = ("-1", "1/3", "3/2")
 
 
 def labels(id: str) -> tuple[str, ...]:
-    """A method at the parameters at which orders and structure are measured, but 1/2."""
+    """The labels of a method at the values of lambda, except 1/2, for which orders and structure are measured."""
     return tuple(f"{id}(lam={lam})" for lam in VALUES)
 
 
@@ -43,7 +44,7 @@ def _generating(order_: int) -> tuple[str, ...]:
 
 
 def roots(*schemes: str, condition: str = "λ near 1/2 exists"):
-    """The steps of these schemes that have a root keep the energy; those that have none are counted."""
+    """Judge: these schemes keep the energy in steps with a root lambda; if some have none, only under ``condition``."""
 
     def judge(data):
         rows = rows_of(data, "energy_preservation", scheme=list(schemes), status="ok")
@@ -62,27 +63,25 @@ def roots(*schemes: str, condition: str = "λ near 1/2 exists"):
     return judge
 
 
-def nls_mass(data):
-    """The mass of the nonlinear Schroedinger equation under Schemes IV and V."""
-    rows = rows_of(data, "pde", method=list(TUNED), invariant="mass")
-    if rows.empty:
-        return NOTHING
+@on_rows("pde", method=list(TUNED), invariant="mass")
+def nls_mass(rows):
+    """Judge: Schemes IV and V keep the mass of the nonlinear Schroedinger equation."""
     worst = rows["invariant error"].max()
-    return said(worst <= KEPT, f"NLS mass changes by up to {number(worst, 2)}")
+    return judgement(worst <= KEPT, f"NLS mass changes by up to {number(worst, 2)}")
 
 
 def charge(data):
-    """Angular momentum and charge, of the form q.D p, under Schemes IV and V."""
+    """Judge: Schemes IV and V keep angular momentum and charge, invariants of the form q.D p."""
     rows = rows_of(data, "pde", method=list(TUNED), invariant="charge")
     turns = rows_of(data, "energy_preservation", scheme=list(TUNED), problem="perturbed-kepler")
     if rows.empty or turns.empty:
         return NOTHING
     worst = max(rows["invariant error"].max(), turns["angular momentum error"].max())
-    return said(worst <= KEPT, f"q·Dp forms change by up to {number(worst, 2)}")
+    return judgement(worst <= KEPT, f"q·Dp forms change by up to {number(worst, 2)}")
 
 
 def box(column: str, bound: float):
-    """A column of the EQUIP box scheme's rows is up to a bound."""
+    """Judge: a column of the EQUIP box scheme's rows is at most ``bound``."""
 
     def judge(data):
         rows = rows_of(data, "multisymplectic", id="equip-box")
@@ -91,23 +90,21 @@ def box(column: str, bound: float):
         value = rows[column] / rows[f"{column}, round-off"] if column == "two-form" else rows[column]
         unit = " units of round-off" if column == "two-form" else ""
         text = f"{column} {'residual' if unit else 'at most'} {number(value.max(), 2)}{unit}"
-        return said(value.max() <= bound, text)
+        return judgement(value.max() <= bound, text)
 
     return judge
 
 
-def middling(data):
-    """The median of the parameter that Schemes IV and V choose."""
-    rows = rows_of(data, "talk_curves", figure="perturbed-kepler-parameter", panel="lambda")
-    if rows.empty:
-        return NOTHING
+@on_rows("talk_curves", figure="perturbed-kepler-parameter", panel="lambda")
+def middling(rows):
+    """Judge: the median of the lambda that Schemes IV and V choose is near 1/2."""
     apart = (rows["median"] - 0.5).abs().max()
     text = f"median of |λ − 1/2| up to {number(apart, 2)}, range {number(rows['low'].min(), 2)} to "
-    return said(apart < 0.1, f"{text}{number(rows['high'].max(), 2)}")
+    return judgement(apart < 0.1, f"{text}{number(rows['high'].max(), 2)}")
 
 
 def exactly(scheme: str, order_: int):
-    """The order that the talk's heading gives to a scheme."""
+    """Judge: a scheme has the order that the talk's heading states."""
     return order((scheme,), order_)
 
 
@@ -226,28 +223,28 @@ EXPERIMENTS: tuple[Statement, ...] = (
     Statement("(28), data", FORMULA, "box orbit H₀ = 0.02, chaotic orbit H₀ = 1/6", check("henon-heiles-data", 1e-15),
               "problems"),
     Statement("Orbits of Scheme I", FIGURE, "box and chaotic orbits, four λ",
-              ended("henon-heiles-scheme-i-orbits", 8), HH),
+              completed_runs("henon-heiles-scheme-i-orbits", 8), HH),
     Statement("Energy of Scheme I", FIGURE, "the error stays bounded on both orbits",
               curves(SCHEME_I, "energy_error", 0.01), HH),
     *(Statement(f"Table 1, Scheme {name}", TABLE, "16 errors of four λ and their orders",
-                printed(f"scheme-{name.lower()}", 16), PRINTED) for name in ("I", "II", "III")),
+                printed_entries(f"scheme-{name.lower()}", 16), PRINTED) for name in ("I", "II", "III")),
     Statement("Orbits", FIGURE, "AVF, Schemes IV, V to t = 1000, box and chaotic",
-              ended("henon-heiles-preserving-orbits", 6), HH),
+              completed_runs("henon-heiles-preserving-orbits", 6), HH),
     Statement("Energy", FIGURE, "AVF and Scheme V keep the energy", curves(HH_ENERGY, "energy_error", KEPT,
               ("AVF", "Scheme V")), HH),
     Statement("Energy", FIGURE, "Scheme IV keeps the energy", every(roots("scheme-iv"),
-              ended("henon-heiles-preserving-energy", 6)), HH),
-    *(Statement(f"Table 2, {name}", TABLE, "four errors and their orders", printed(id, 4), PRINTED)
+              completed_runs("henon-heiles-preserving-energy", 6)), HH),
+    *(Statement(f"Table 2, {name}", TABLE, "four errors and their orders", printed_entries(id, 4), PRINTED)
       for name, id in (("AVF", "avf"), ("Scheme IV", "scheme-iv"), ("Scheme V", "scheme-v"))),
     Statement("(29)", SYSTEM, "perturbed Kepler: H₀ ≈ −0.5391, L₀ = 0.8", check("kepler-data", 5e-5), "problems"),
     Statement("(30)", FORMULA, "the angular momentum is a first integral", check("kepler-momentum", 1e-14), PK),
     Statement("Orbits of Scheme I", FIGURE, "perturbed Kepler to t = 1000, four λ",
-              ended("perturbed-kepler-scheme-i-orbits", 5), PK),
+              completed_runs("perturbed-kepler-scheme-i-orbits", 5), PK),
     Statement("Schemes I and III", FIGURE, "the energy error is bounded",
               curves(BOTH, "largest", 0.1, panel="energy"), PK),
     Statement("Schemes I and III", FIGURE, "the angular momentum is kept",
               curves(BOTH, "largest", KEPT, panel="angular-momentum"), PK),
-    Statement("AVF, IV, V", FIGURE, "orbits to t = 1000", ended("perturbed-kepler-preserving-orbits", 4), PK),
+    Statement("AVF, IV, V", FIGURE, "orbits to t = 1000", completed_runs("perturbed-kepler-preserving-orbits", 4), PK),
     Statement("AVF, IV, V", FIGURE, "all keep the energy", curves(PK_LAWS, "largest", KEPT, THREE, "energy"), PK),
     Statement("AVF, IV, V", FIGURE, "IV and V keep the angular momentum, AVF does not",
               every(curves(PK_LAWS, "largest", KEPT, THREE[1:], "angular-momentum"),

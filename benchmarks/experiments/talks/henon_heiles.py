@@ -1,4 +1,4 @@
-r"""Henon-Heiles: box and chaotic orbits of Scheme I over lambda and of AVF, Schemes IV and V; sections; energy errors.
+r"""Figures of Henon-Heiles: box and chaotic orbits of Schemes I, IV, V and AVF, Poincare sections, energy errors.
 
 Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical Hamiltonian systems" (talk), 'The
 Henon-Heiles model'; M. Henon, C. Heiles, Astron. J. 69 (1964) 73-79 (the section q1 = 0).
@@ -10,22 +10,23 @@ from functools import partial
 
 import numpy as np
 
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.style import number
+from phasebench.benchmarks import style
+from phasebench.benchmarks.store.arrays import unpack
 
 from . import measure
 from .measure import LAMBDAS
 from .record import Figure
 
 SECTION = "henon-heiles"
-#: orbit -> the half width of the plane that is drawn
+#: Orbit -> half width of the drawn square in the (q1, q2) plane.
 ORBITS = {"box": 0.26, "chaotic": 1.05}
 STEP = 0.02
-#: Orbits are drawn to this time: later they only fill what they have filled.
+#: Orbits are drawn up to this time; later they only cover the same region again.
 DRAWN = 400.0
-#: |H - H0| of an orbit that has left the well (the chaotic one starts at the escape energy): not drawn.
+#: |H - H0| from which an orbit counts as having left the well, and is not drawn; the chaotic one starts near the
+#: escape energy.
 ESCAPED = 1.0
-#: label -> (method, parameters)
+#: Curve label -> (method id, parameters).
 SCHEME_I = {f"λ = {lam}": ("scheme-i", {"lam": lam}) for lam in LAMBDAS}
 PRESERVING = {"AVF": ("avf", {}), "Scheme IV": ("scheme-iv", {}), "Scheme V": ("scheme-v", {})}
 
@@ -45,8 +46,8 @@ def _end(quick: bool) -> float:
 def _measure_orbits(methods, quick: bool) -> list[dict]:
     rows = []
     for orbit, label, start, s in _runs(methods, _end(quick)):
-        inside = np.abs(s.q).max(axis=1) < 10 * ORBITS[orbit]  # an orbit that escapes ends at the frame
-        path = measure.traced(s.q[inside], until=round(DRAWN / STEP))
+        inside = np.abs(s.q).max(axis=1) < 10 * ORBITS[orbit]  # an escaping orbit is cut off outside the frame
+        path = measure.thin_path(s.q[inside], until=round(DRAWN / STEP))
         error = measure.energy_error(start, s).max()
         rows.append(measure.row(orbit, label, *path.T, s, energy_error=error))
     return rows
@@ -69,20 +70,12 @@ def _measure_sections(quick: bool) -> list[dict]:
     return rows
 
 
-def _largest(rows) -> str:
-    """The largest energy error of each run, in words."""
-    return "; ".join(
-        f"{orbit}: " + ", ".join(f"{number(r.energy_error, 2)} ({r.curve})" for r in part.itertuples())
-        for orbit, part in rows.groupby("panel", sort=False)
-    )
-
-
 def _span(rows) -> str:
     return f"to t = {rows['t_end'].max():g}, h = {rows['h'].iloc[0]:g}"
 
 
 def _boundary(axes, orbit: str, reach: float) -> None:
-    """The curve U(q) = H0, which no orbit of that energy crosses."""
+    """Draw the curve U(q) = H0, which no orbit of that energy crosses."""
     start = measure.start(f"henon-heiles:{orbit}")
     system = start.system
     q = np.stack([x.ravel() for x in np.meshgrid(*2 * [np.linspace(-reach, reach, 241)])], axis=1)
@@ -92,7 +85,7 @@ def _boundary(axes, orbit: str, reach: float) -> None:
 
 
 def _grid(rows, height: float):
-    """A row of panels for each orbit, a column for each curve: (figure, [(axes, row)], the left axes)."""
+    """(figure, [(axes, row)], axes of the left column): a line of panels for each orbit, a column for each curve."""
     figure, grid = style.panels(2, rows["curve"].nunique(), height, sharex="row", sharey="row")
     return figure, list(zip(grid.flat, rows.itertuples(), strict=True)), grid[:, 0]
 
@@ -101,7 +94,7 @@ def _draw_orbits(rows, methods: str, height: float):
     figure, panels, left = _grid(rows, height)
     for axes, r in panels:
         reach = ORBITS[r.panel]
-        axes.plot(measure.points(r.x), measure.points(r.y), color=style.BLUE, linewidth=0.25)
+        axes.plot(unpack(r.x), unpack(r.y), color=style.BLUE, linewidth=0.25)
         _boundary(axes, r.panel, 1.2 * reach)
         axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", title=f"{r.panel}, {r.curve}")
         axes.set_xlabel("$q_1$")
@@ -109,31 +102,31 @@ def _draw_orbits(rows, methods: str, height: float):
         axes.set_ylabel("$q_2$")
     caption = (
         f"Hénon–Heiles, box (above) and chaotic orbits of {methods} {_span(rows)}, drawn to t = "
-        f"{min(DRAWN, rows['t_end'].max()):g}; red: the curve U(q) = H0, which the exact flow does not cross. Largest "
-        f"|H - H0|, {_largest(rows)}.{measure.troubles(rows)}"
+        f"{min(DRAWN, rows['t_end'].max()):g}; red: the curve U(q) = H0, which the exact flow does not cross."
+        f"{measure.troubles(rows)}"
     )
     return figure, caption
 
 
-@style.drawn
+@style.styled
 def scheme_i_orbits(rows):
-    """Box and chaotic orbits of Scheme I."""
+    """(figure, caption): box and chaotic orbits of Scheme I."""
     return _draw_orbits(rows, "Scheme I", 4.2)
 
 
-@style.drawn
+@style.styled
 def preserving_orbits(rows):
-    """Box and chaotic orbits of AVF, Schemes IV and V."""
+    """(figure, caption): box and chaotic orbits of AVF, Schemes IV and V."""
     return _draw_orbits(rows, "AVF, Schemes IV and V", 5.1)
 
 
-@style.drawn
+@style.styled
 def sections(rows):
-    """The Poincare section of Scheme I's orbits."""
+    """(figure, caption): the Poincare sections of Scheme I's orbits."""
     figure, panels, left = _grid(rows, 4.2)
     for axes, r in panels:
         look = {"linestyle": "none", "marker": ".", "markersize": 2.4, "markeredgewidth": 0, "color": style.BLUE}
-        axes.plot(measure.points(r.x), measure.points(r.y), **look)
+        axes.plot(unpack(r.x), unpack(r.y), **look)
         axes.set(title=f"{r.panel}, {r.curve}", xlabel="$q_2$")
     for axes in left:
         axes.set_ylabel("$p_2$")
@@ -149,14 +142,14 @@ def sections(rows):
 
 
 def _draw_energies(rows, methods: str):
-    """|H - H0| against t: a panel for each orbit, a curve for each method."""
+    """(figure, caption): |H - H0| over t, a panel for each orbit, a curve for each method."""
     figure, grid = style.panels(2, 1, 4.4, sharex=True)
     errors = []
     for axes, orbit in zip(grid[:, 0], ORBITS, strict=True):
         for k, r in enumerate(rows[rows["panel"] == orbit].itertuples()):
-            t, e = measure.points(r.x), measure.points(r.y)
+            t, e = unpack(r.x), unpack(r.y)
             e = np.where(e < ESCAPED, e, np.nan)
-            axes.semilogy(t, measure.shown(e), label=r.curve, **style.curve(k, len(t)))
+            axes.semilogy(t, measure.for_log_axis(e), label=r.curve, **style.curve(k, len(t)))
             errors.append(e)
         style.decades(axes)
         axes.set(ylabel="$|H - H_0|$", title=f"{orbit} orbit", xlim=(0, rows["t_end"].max()))
@@ -165,20 +158,20 @@ def _draw_energies(rows, methods: str):
     style.legend_above(figure, grid[0, 0], rows["curve"].nunique())
     caption = (
         f"Hénon–Heiles, energy error of {methods} {_span(rows)}; each curve joins the maxima of 200 equal pieces of "
-        f"time. Largest |H - H0|, {_largest(rows)}.{measure.floor_note(errors)}{measure.troubles(rows)}"
+        f"time.{measure.floor_note(errors)}{measure.troubles(rows)}"
     )
     return figure, caption
 
 
-@style.drawn
+@style.styled
 def scheme_i_energy(rows):
-    """Energy error of Scheme I."""
+    """(figure, caption): energy error of Scheme I."""
     return _draw_energies(rows, "Scheme I")
 
 
-@style.drawn
+@style.styled
 def preserving_energy(rows):
-    """Energy error of AVF, Schemes IV and V."""
+    """(figure, caption): energy error of AVF, Schemes IV and V."""
     return _draw_energies(rows, "AVF, Schemes IV and V")
 
 

@@ -1,9 +1,11 @@
-"""The statements of the introductory talk, "Symplectic Integration of Hamiltonian Systems", in its order."""
+"""The statements of the introductory talk, "Symplectic Integration of Hamiltonian Systems", in the talk's order."""
 
 from __future__ import annotations
 
+from phasebench.benchmarks.store.arrays import unpack
+
 from .checks_base import TABLE as CHECKS
-from .judging import NOTHING, check, curves, every, has, order, rows_of, said, system, untestable, where
+from .judging import NOTHING, check, curves, every, has, judgement, on_rows, order, rows_of, system, untestable, where
 from .record import TABLE as CURVES
 from .statement import DEFINITION, FIGURE, FORMULA, METHOD, REMARK, SYSTEM, THEOREM, Statement
 
@@ -13,7 +15,7 @@ KEPT = 1e-11
 
 
 def areas(kept: tuple[str, ...], lost: tuple[str, ...]):
-    """The area of the pendulum's set changes by round-off under the first carriers, and by more under the others."""
+    """Judge: maps in ``kept`` keep the area of a set on the pendulum to round-off, maps in ``lost`` do not."""
 
     def judge(data):
         rows = rows_of(data, CURVES, figure="pendulum-area")
@@ -22,43 +24,38 @@ def areas(kept: tuple[str, ...], lost: tuple[str, ...]):
         change = rows.dropna(subset=["area"]).groupby("panel")["area"].agg(lambda a: (a - a.iloc[0]).abs().max())
         good = change[list(kept)].max() <= KEPT and change[list(lost)].min() > KEPT
         text = f"change of area up to {change[list(kept)].max():.1e}; {lost[0]} {change[list(lost)].min():.1e}"
-        return said(bool(good), text)
+        return judgement(bool(good), text)
 
     return judge
 
 
-def disc(data):
-    """The exact flow of Lotka-Volterra keeps du dv / (u v), not the area."""
-    rows = rows_of(data, CURVES, figure="lotka-volterra-flow")
-    if rows.empty:
-        return NOTHING
+@on_rows(CURVES, figure="lotka-volterra-flow")
+def disc(rows):
+    """Judge: the exact flow of Lotka-Volterra keeps the measure du dv / (u v) of a disc; its area changes."""
     change = (rows["measure"] - rows["measure"].iloc[0]).abs().max()
     area = rows["area"].max() - rows["area"].min()
     text = f"∫ du dv/(uv) of a carried disc changes by {change:.1e}, its area by {area:.2f}"
-    return said(bool(change <= KEPT), text)
+    return judgement(bool(change <= KEPT), text)
 
 
 def parallelogram(data):
-    """omega of the carried vectors is that of the first row for the midpoint rule, and not for explicit Euler."""
+    """Judge: a midpoint step keeps omega(xi, eta) on coupled oscillators, an explicit Euler step does not."""
     from .linear_map import areas as oriented
-    from .measure import points
 
     rows = rows_of(data, CURVES, figure="linear-symplectic-map")
     if len(rows) < 3:
         return NOTHING
-    first, middle, euler = (oriented(points(r.x), points(r.y)).sum() for r in rows.itertuples())
+    first, middle, euler = (oriented(unpack(r.x), unpack(r.y)).sum() for r in rows.itertuples())
     good = abs(middle - first) <= KEPT < abs(euler - first)
     text = f"change of ω: midpoint {abs(middle - first):.1e}, explicit Euler {abs(euler - first):.2f}"
-    return said(bool(good), text)
+    return judgement(bool(good), text)
 
 
-def prey(data):
-    """u is the prey where its growth rate falls with v."""
-    rows = rows_of(data, CHECKS, check="species")
-    if rows.empty:
-        return NOTHING
+@on_rows(CHECKS, check="species")
+def prey(rows):
+    """Judge: u is the prey, since its growth rate falls with v, and v's rises with u."""
     r = rows.iloc[0]
-    return said(r["value"] < 0 < r["control"], f"{r['what']}: {r['value']:+g}; {r['against']}: {r['control']:+g}")
+    return judgement(r["value"] < 0 < r["control"], f"{r['what']}: {r['value']:+g}; {r['against']}: {r['control']:+g}")
 
 
 def _lotka_volterra(name: str, bound: float, above: bool = False):

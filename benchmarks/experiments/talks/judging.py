@@ -1,58 +1,46 @@
-"""Judges: functions of rows that say whether a statement holds, with the number that says so.
+"""Judges: functions that decide from measured rows whether a statement holds, and give the number that shows it.
 
-A judge takes ``data``, name -> table or None, and returns a `Judgement`.  Where its rows are missing the statement is
-not measured.
+A judge takes ``data``, a function from a table's name to the table or None, and returns a `Judgement`.  If its rows are
+missing, the verdict is `MISSING`.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import pandas as pd
 
-from phasebench.benchmarks.experiments.orders.page import GATE
+from phasebench.benchmarks.judge.evidence import GATE, NO_DEFECT
+from phasebench.benchmarks.judge.verdict import CONTRADICTED, HOLDS, MISSING, UNTESTABLE, WHERE, Judgement, worst
 from phasebench.benchmarks.page.markdown import number
 
 from .checks_base import TABLE as CHECKS
 from .record import TABLE as CURVES
 
-HOLDS, WHERE, CONTRADICTED, UNTESTABLE, MISSING = (
-    "holds",
-    "holds where",
-    "contradicted",
-    "not testable",
-    "not measured",
-)
 VERDICTS = (HOLDS, WHERE, CONTRADICTED, UNTESTABLE, MISSING)
-#: A defect up to this, measured with 40 digits, is round-off; an error up to this in doubles.
-TINY, ROUND_OFF = 1e-25, 1e-11
-#: A printed entry within so many units of its last digit is reproduced.
+#: An error in doubles of at most this counts as round-off.
+ROUND_OFF = 1e-11
+#: A printed entry is reproduced if the measured one is within this many units of its last digit.
 REPRODUCED = 0.6
 KEPT_TEXT = (
-    f"A step map has a property up to a defect of {TINY:g} (40 digits); an order is two-sided within {GATE}; energy "
-    f"and invariants are kept up to {ROUND_OFF:g}; a printed entry is reproduced within {REPRODUCED} of its last digit."
+    f"A step map has a property up to a defect of {NO_DEFECT:g} (40 digits); an order is two-sided within {GATE}; "
+    f"energy and invariants are kept up to {ROUND_OFF:g}; a printed entry is reproduced within {REPRODUCED} of its "
+    "last digit."
 )
-
-
-class Judgement(NamedTuple):
-    """What the rows say of a statement: a verdict, and the number that was measured with what it is of."""
-
-    verdict: str
-    measured: str
 
 
 Judge = Callable[[Callable], Judgement]
 NOTHING = Judgement(MISSING, "")
 
 
-def said(holds: bool, text: str) -> Judgement:
-    """Holds or contradicted, with the number."""
+def judgement(holds: bool, text: str) -> Judgement:
+    """A judgement that the statement holds or is contradicted, with the measured numbers as ``text``."""
     return Judgement(HOLDS if holds else CONTRADICTED, text)
 
 
 def rows_of(data, table: str, **values) -> pd.DataFrame:
-    """The rows of a table with these values in its columns (a list: one of them); empty where it was not measured."""
+    """The rows of a table with these values in its columns (a list: one of them); empty if it was not measured."""
     frame = data(table)
     if frame is None or any(column not in frame for column in values):
         return pd.DataFrame()
@@ -61,78 +49,85 @@ def rows_of(data, table: str, **values) -> pd.DataFrame:
     return frame
 
 
+def on_rows(table: str, **values) -> Callable[[Callable[[pd.DataFrame], Judgement]], Judge]:
+    """Decorator: turns a function of rows into a judge that reads them with `rows_of`."""
+
+    def decorate(function):
+        @functools.wraps(function)
+        def judge(data):
+            rows = rows_of(data, table, **values)
+            return NOTHING if rows.empty else function(rows)
+
+        return judge
+
+    return decorate
+
+
 def _plural(n: int, word: str) -> str:
     return f"{n} {word}{'s' if n != 1 else ''}"
 
 
 def untestable(why: str) -> Judge:
-    """No number can tell."""
+    """Judge: no measurement can decide, for the reason ``why``."""
     return lambda data: Judgement(UNTESTABLE, why)
 
 
 def check(id: str, bound: float, least: float | None = None) -> Judge:
-    """The check's number is at most ``bound``, and its control is above ``least`` (at first the bound)."""
+    """Judge: the number of a check is at most ``bound``, and its control is above ``least`` (default: the bound)."""
 
-    def judge(data):
-        rows = rows_of(data, CHECKS, check=id)
-        if rows.empty:
-            return NOTHING
+    @on_rows(CHECKS, check=id)
+    def judge(rows):
         r = rows.iloc[0]
         if r["value"] != r["value"]:
             return NOTHING
         text = f"{r['what']}: {number(r['value'], 2)}; {r['against']}: {number(r['control'], 2)}"
-        return said(abs(r["value"]) <= bound and abs(r["control"]) > (bound if least is None else least), text)
+        return judgement(abs(r["value"]) <= bound and abs(r["control"]) > (bound if least is None else least), text)
 
     return judge
 
 
 def order(labels: Sequence[str], wanted: int, problem: str = "") -> Judge:
-    """The order of these methods without round-off is the wanted one, two-sided, on every system or on one."""
+    """Judge: these methods have the order ``wanted`` in multiprecision, not more or less, on all systems or on one."""
 
-    def judge(data):
-        rows = rows_of(data, "multiprecision", method=list(labels), **({"problem": problem} if problem else {}))
-        if rows.empty:
-            return NOTHING
+    @on_rows("multiprecision", method=list(labels), **({"problem": problem} if problem else {}))
+    def judge(rows):
         orders = rows["order"]
         span = list(dict.fromkeys(f"{x:.3f}" for x in (orders.min(), orders.max())))
         text = f"order {' to '.join(span)} ({_plural(len(rows), 'measurement')})"
-        return said(bool(((orders - wanted).abs() < GATE).all()), text)
+        return judgement(bool(((orders - wanted).abs() < GATE).all()), text)
 
     return judge
 
 
 def has(labels: Sequence[str], what: str, wanted: bool = True) -> Judge:
-    """The step maps of these methods are symplectic ("symplecticity") or symmetric ("symmetry"), or are not."""
+    """Judge: the step maps of these methods all have (``wanted``) or all lack "symplecticity" or "symmetry"."""
 
-    def judge(data):
-        rows = rows_of(data, "structure", method=list(labels), property=what)
-        if rows.empty:
-            return NOTHING
-        worst = rows["defect"].max() if wanted else rows["defect"].min()
+    @on_rows("structure", method=list(labels), property=what)
+    def judge(rows):
+        largest = rows["defect"].max() if wanted else rows["defect"].min()
         word = "up to" if wanted else f"of {', '.join(labels)} at least"
-        text = f"defect of {what} {word} {number(worst, 2)} ({_plural(len(rows), 'map')})"
-        return said((worst <= TINY) == wanted, text)
+        text = f"defect of {what} {word} {number(largest, 2)} ({_plural(len(rows), 'map')})"
+        return judgement((largest <= NO_DEFECT) == wanted, text)
 
     return judge
 
 
 def keeps_energy(ids: Sequence[str], problem: str = "henon-heiles") -> Judge:
-    """These methods keep the energy of a problem to round-off."""
+    """Judge: these methods keep the energy of a problem to round-off."""
 
     def judge(data):
         rows = rows_of(data, "matrix", method=list(ids), problem=problem)
         if len(rows) < len(ids) or rows["energy"].isna().any():
             return NOTHING
-        worst = rows["energy"].max()
-        return said(
-            worst <= ROUND_OFF, f"energy error on {problem} up to {number(worst, 2)} ({_plural(len(rows), 'method')})"
-        )
+        largest = rows["energy"].max()
+        text = f"energy error on {problem} up to {number(largest, 2)} ({_plural(len(rows), 'method')})"
+        return judgement(largest <= ROUND_OFF, text)
 
     return judge
 
 
 def system(problem: str) -> Judge:
-    """A problem is integrated: the implicit midpoint rule keeps its structure, or its energy error is bounded."""
+    """Judge: on this problem the midpoint rule is symplectic or, if that is not measured, has a small energy error."""
 
     def judge(data):
         rows = rows_of(data, "matrix", problem=problem)
@@ -143,30 +138,28 @@ def system(problem: str) -> Judge:
         ran = int(rows["energy"].notna().sum())
         text = f"{ran} methods run; midpoint: energy error {number(r['energy'], 2)}"
         if r["symplecticity"] == r["symplecticity"]:
-            return said(r["symplecticity"] <= TINY, f"{text}, defect {number(r['symplecticity'], 2)}")
-        return said(r["energy"] < 1e-3, text)
+            return judgement(r["symplecticity"] <= NO_DEFECT, f"{text}, defect {number(r['symplecticity'], 2)}")
+        return judgement(r["energy"] < 1e-3, text)
 
     return judge
 
 
-def printed(scheme: str, wanted: int) -> Judge:
-    """The printed entries of a scheme are reproduced."""
+def printed_entries(scheme: str, wanted: int) -> Judge:
+    """Judge: all ``wanted`` printed entries of a scheme are reproduced."""
 
-    def judge(data):
-        rows = rows_of(data, "printed", scheme=scheme)
-        if rows.empty:
-            return NOTHING
+    @on_rows("printed", scheme=scheme)
+    def judge(rows):
         good = int((rows["units"] <= REPRODUCED).sum())
         orders = rows["order"].dropna()
         text = f"{good} of {len(rows)} entries within {REPRODUCED:g} of the last digit"
         text += f"; measured order {orders.iloc[-1]:.2f}" if len(orders) else ""
-        return said(good == len(rows) == wanted, text)
+        return judgement(good == len(rows) == wanted, text)
 
     return judge
 
 
 def curves(figure: str, column: str, bound: float, curve: Sequence[str] = (), panel: str = "", above=False) -> Judge:
-    """The largest number in a column of a figure's curves is up to a bound (``above``: the least is beyond it)."""
+    """Judge: the largest value in a column of a figure's curves is at most ``bound`` (``above``: the least is not)."""
 
     def judge(data):
         rows = rows_of(data, CURVES, figure=figure)
@@ -185,40 +178,37 @@ def curves(figure: str, column: str, bound: float, curve: Sequence[str] = (), pa
         }
         whose = f"{panel or ', '.join(curve)}: " if column == "energy_error" and (panel or curve) else ""
         text = f"{whose}{names.get(column, column)} {'at least' if above else 'up to'} {number(value, 2)}"
-        return said((value > bound) if above else (value <= bound), text)
+        return judgement((value > bound) if above else (value <= bound), text)
 
     return judge
 
 
-def ended(figure: str, wanted: int) -> Judge:
-    """Every run of a figure came to its end."""
+def completed_runs(figure: str, wanted: int) -> Judge:
+    """Judge: a figure has at least ``wanted`` runs, and all of them complete."""
 
-    def judge(data):
-        rows = rows_of(data, CURVES, figure=figure)
-        if rows.empty:
-            return NOTHING
+    @on_rows(CURVES, figure=figure)
+    def judge(rows):
         good = int((rows["status"] == "ok").sum())
-        return said(good == len(rows) >= wanted, f"{good} of {len(rows)} orbits to t = {number(rows['t_end'].max())}")
+        return judgement(
+            good == len(rows) >= wanted, f"{good} of {len(rows)} orbits to t = {number(rows['t_end'].max())}"
+        )
 
     return judge
-
-
-_WORST = (MISSING, CONTRADICTED, UNTESTABLE, WHERE, HOLDS)
 
 
 def every(*judges: Judge) -> Judge:
-    """All of them: the worst verdict, with what each says."""
+    """Judge: the worst verdict of several judges, with the measurements of all."""
 
     def judge(data):
         found = [j(data) for j in judges]
-        worst = min((f.verdict for f in found), key=_WORST.index)
-        return NOTHING if worst == MISSING else Judgement(worst, "; ".join(f.measured for f in found))
+        verdict = worst(f.verdict for f in found)
+        return NOTHING if verdict == MISSING else Judgement(verdict, "; ".join(f.measured for f in found))
 
     return judge
 
 
 def where(inside: Judge, outside: Judge, condition: str) -> Judge:
-    """Holds where a condition is met: ``inside`` holds, ``outside`` does not."""
+    """Judge: the statement holds only under a condition, if ``inside`` holds and ``outside`` is contradicted."""
 
     def judge(data):
         a, b = inside(data), outside(data)

@@ -1,4 +1,4 @@
-r"""A linear symplectic map on a parallelogram: the sum of the oriented areas in the (p_i, q_i) planes is kept.
+r"""Figure of a linear symplectic map, which keeps the sum of a parallelogram's oriented areas in the (p_i, q_i) planes.
 
 For vectors :math:`\xi, \eta` of :math:`\mathbb R^{2d}` that span the parallelogram,
 :math:`\omega(\xi, \eta) = \sum_i (\xi^p_i\eta^q_i - \xi^q_i\eta^p_i)`; A is symplectic iff
@@ -12,36 +12,37 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.style import number
+from phasebench.benchmarks import style
+from phasebench.benchmarks.store.arrays import unpack
+from phasebench.benchmarks.style import number
 from phasebench.integrators import Hamiltonian
 
 from . import measure
 from .record import Figure
 
 STEP = 0.9
-#: (q1, q2, p1, p2) of the vectors that span the parallelogram.
+#: The vectors (q1, q2, p1, p2) that span the parallelogram.
 XI, ETA = np.array([0.2, 0.1, 1.2, 0.7]), np.array([1.0, -0.5, 0.3, -0.6])
 METHODS = (("implicit midpoint", "implicit-midpoint"), ("explicit Euler", "explicit-euler"))
 
 
 def oscillators() -> Hamiltonian:
-    """Two oscillators with a spring between them: a linear system."""
+    """The linear system of two oscillators coupled by a spring."""
     return Hamiltonian(q="q1, q2", p="p1, p2", H="(p1**2 + p2**2)/2 + (q1**2 + 2*q2**2)/2 + (q1 - q2)**2/2")
 
 
 def image(id: str) -> tuple[np.ndarray, np.ndarray]:
-    """(A xi, A eta) for one step of the method."""
+    """(A xi, A eta), where A is one step of the method on the coupled oscillators."""
     return tuple(measure.carry(oscillators(), id, np.stack([XI, ETA]), STEP, 1)[1])
 
 
 def areas(xi, eta) -> np.ndarray:
-    """The oriented areas of the projections onto the planes (p_i, q_i), array (d,)."""
-    return np.array([measure.polygon_area(_projected(xi, eta, i)) for i in range(len(xi) // 2)])
+    """The oriented areas of a parallelogram's projections onto the planes (p_i, q_i), array (d,)."""
+    return np.array([measure.polygon_area(_project(xi, eta, i)) for i in range(len(xi) // 2)])
 
 
-def _projected(xi, eta, i: int) -> np.ndarray:
-    """The corners 0, xi, xi + eta, eta in the plane (p_i, q_i), array (4, 2)."""
+def _project(xi, eta, i: int) -> np.ndarray:
+    """The corners 0, xi, xi + eta, eta projected onto the plane (p_i, q_i), array (4, 2)."""
     d = len(xi) // 2
     corners = np.stack([0 * xi, xi, xi + eta, eta])
     return corners[:, [d + i, i]]
@@ -52,16 +53,15 @@ def _measure(quick: bool) -> list[dict]:
     return [measure.row(title, "xi and eta", xi, eta, digits=17) for title, (xi, eta) in shapes.items()]
 
 
-@style.drawn
+@style.styled
 def parallelograms(rows):
-    """The parallelogram and its images, in both planes."""
+    """(figure, caption): the parallelogram and its images under two methods, in both planes."""
     figure, grid = style.panels(2, 3, 4.4, sharex=True, sharey=True)
-    parts = []
     for column, r in enumerate(rows.itertuples()):
-        xi, eta = measure.points(r.x), measure.points(r.y)
+        xi, eta = unpack(r.x), unpack(r.y)
         oriented = areas(xi, eta)
         for i, axes in enumerate(grid[:, column]):
-            corners = _projected(xi, eta, i)
+            corners = _project(xi, eta, i)
             colour = style.BLUE if oriented[i] > 0 else style.VERMILION
             axes.fill(
                 *corners.T, facecolor=colour, alpha=0.25, hatch=None if oriented[i] > 0 else "///", edgecolor=colour
@@ -75,13 +75,10 @@ def parallelograms(rows):
             axes.set(xlabel=f"$p_{i + 1}$", ylabel=f"$q_{i + 1}$" if column == 0 else "")
             axes.margins(0.12)
             axes.set_aspect("equal")
-        sizes = " and ".join(number(a, 6) for a in oriented)
-        parts.append(f"{r.panel} {sizes} with sum {number(oriented.sum(), 12)}")
     caption = (
-        f"A parallelogram (solid arrow ξ, dashed η) and its image under one step, h = {number(STEP)}, of a "
-        "symplectic and of a non-symplectic method on two coupled oscillators, projected onto the planes (p_1, q_1) "
-        "(above) and (p_2, q_2) (below); hatched: negative orientation. Oriented areas and their sum ω(ξ, η): "
-        f"{'; '.join(parts)}."
+        f"A parallelogram (solid arrow ξ, dashed η) and its image under one step, h = {number(STEP)}, of two methods "
+        "on two coupled oscillators, projected onto the planes (p_1, q_1) (above) and (p_2, q_2) (below), with the "
+        "oriented areas and their sum ω; hatched: negative orientation."
     )
     return figure, caption
 

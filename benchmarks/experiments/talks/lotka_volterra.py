@@ -1,4 +1,4 @@
-r"""Lotka-Volterra, u' = u (v - 2), v' = v (1 - u): vector field, exact flow, and the four methods' numerical flow.
+r"""Figures of Lotka-Volterra, u' = u (v - 2), v' = v (1 - u): vector field, exact flow, numerical flow of four methods.
 
 Every solution lies on a level curve of :math:`I = \ln u - u + 2\ln v - v`.  The flow keeps the measure
 :math:`\iint du\,dv/(uv)`, the area in the plane (ln u, ln v), where the system is canonical.
@@ -11,19 +11,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.style import number
+from phasebench.benchmarks import style
+from phasebench.benchmarks.store.arrays import unpack
+from phasebench.benchmarks.style import number
 
 from . import measure
 from .record import Figure
 
 SECTION = "lotka-volterra"
 STEP = 0.12
-#: The disc is shown so many times, so far apart, and carried by steps of a part of that.
+#: Number of images of the disc, time between them, steps between them.
 SNAPSHOTS, SPACING, SUBSTEPS = 4, 0.9, 300
-#: The exact flow is the classical Runge-Kutta method at this part of the step.
+#: The exact flow is computed by the classical Runge-Kutta method with the step divided by this.
 FINER = 50
-#: (title, method, orbits): the talk's starting points; its symplectic Euler is implicit in u and explicit in v.
+#: (title, method id, orbits from the talk's starting points); its symplectic Euler is implicit in u, explicit in v.
 RUNS = (
     ("explicit Euler", "explicit-euler", ("2-2",)),
     ("implicit Euler", "implicit-euler", ("4-8",)),
@@ -66,7 +67,7 @@ def _measure_methods(quick: bool) -> list[dict]:
         for orbit in orbits:
             start = measure.start(f"lotka-volterra:{orbit}")
             exact = measure.run(start, "rk4", STEP / FINER, t_end)
-            path = measure.traced(np.hstack([exact.q, exact.p]), n=400)
+            path = measure.thin_path(np.hstack([exact.q, exact.p]), n=400)
             rows.append(measure.row(title, "exact flow", *path.T, exact))
             s = measure.run(start, id, STEP, t_end)
             values = start.system.observe(start.system.H, s.q, s.p) - _invariant(*s.q[0], *s.p[0])
@@ -76,7 +77,7 @@ def _measure_methods(quick: bool) -> list[dict]:
 
 
 def _disc(axes, k: int, name: str, points) -> None:
-    """The k-th image of the disc, with its time beside it."""
+    """Draw the k-th image of the disc, with its time beside it."""
     colour = style.ORANGE if k == 0 else style.SKY
     axes.fill(*points.T, facecolor=colour, edgecolor="black", linewidth=0.8, alpha=0.85)
     inward = np.array([1.0, 2.0]) - points
@@ -87,9 +88,9 @@ def _disc(axes, k: int, name: str, points) -> None:
     axes.annotate(name, points[nearest], offset, textcoords="offset points", **middle)
 
 
-@style.drawn
+@style.styled
 def exact_flow(rows):
-    """The vector field, and a disc carried along level curves."""
+    """(figure, caption): the vector field, and images of a disc under the flow, with level curves."""
     system = measure.start("lotka-volterra").system
     span = (5.2, 6.2)
     figure, ((left, right),) = style.panels(1, 2, 3.5, sharex=True, sharey=True)
@@ -107,7 +108,7 @@ def exact_flow(rows):
     )
     left.set_title("vector field")
     for k, r in enumerate(rows.itertuples()):
-        _disc(right, k, f"{float(r.curve):g}", np.stack([measure.points(r.x), measure.points(r.y)], axis=1))
+        _disc(right, k, f"{float(r.curve):g}", np.stack([unpack(r.x), unpack(r.y)], axis=1))
     right.set_title("exact flow of a disc, at the times shown")
     first, last = rows.iloc[0], rows.iloc[-1]
     caption = (
@@ -120,28 +121,26 @@ def exact_flow(rows):
     return figure, caption
 
 
-@style.drawn
+@style.styled
 def numerical_flow(rows):
-    """The four methods from the talk's starting points."""
+    """(figure, caption): the orbits of four methods from the talk's starting points."""
     figure, grid = style.panels(2, 2, 5.2)
     exact = rows["curve"] == "exact flow"
-    parts = []
     for axes, title in zip(grid.flat, rows["panel"].unique(), strict=False):
         for r in rows[exact & (rows["panel"] == title)].itertuples():
-            axes.plot(measure.points(r.x), measure.points(r.y), color=style.GREY, linewidth=1.2)
+            axes.plot(unpack(r.x), unpack(r.y), color=style.GREY, linewidth=1.2)
         for k, r in enumerate(rows[~exact & (rows["panel"] == title)].itertuples()):
-            u, v = measure.points(r.x), measure.points(r.y)
+            u, v = unpack(r.x), unpack(r.y)
             colour, _, marker = style.CURVES[k]
             axes.plot(u, v, color=colour, marker=marker, linewidth=0.4, markersize=2.4, label=r.curve)
             axes.plot(u[0], v[0], color="black", marker="*", markersize=8, linestyle="none")
-            parts.append(f"{title} {r.curve} {number(r.end)} at the end, {number(r.energy_error)} at most")
         axes.set(xlim=(0, None), ylim=(0, None), title=title, xlabel="$u$ (predators)", ylabel="$v$ (prey)")
         axes.legend(loc="upper right")
     runs = rows[~exact]
     caption = (
         f"Numerical flow of Lotka–Volterra, {int(runs['steps'].max())} steps of h = {STEP:g} to t = "
         f"{number(runs['t_end'].max())}, from the stars; grey: the exact flow (classical Runge–Kutta method, h = "
-        f"{number(STEP / FINER)}). Change of the invariant I: {'; '.join(parts)}.{measure.troubles(runs)}"
+        f"{number(STEP / FINER)}).{measure.troubles(runs)}"
     )
     return figure, caption
 

@@ -1,9 +1,9 @@
-r"""What is measured of trajectories for figures: sets carried along, areas, errors, thinning, Poincare sections.
+r"""Measurements on trajectories for the talks' figures: images of sets, areas, errors, thinning, Poincare sections.
 
 The area within a closed curve is that of its trigonometric interpolant, the polygon formula
 :math:`\tfrac12\sum (q_i p_{i+1} - q_{i+1} p_i)` in the limit of many vertices: with
 :math:`q + \mathrm ip = \sum_k c_k e^{\mathrm ik\theta}` it is :math:`\pi\sum_k k\,|c_k|^2`, exact to round-off for an
-analytic curve with enough vertices, where the polygon's own area is off by their number to the power -2.
+analytic curve with n vertices enough, while the polygon's own area has an error O(n^-2).
 
 Source: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), VI.2; M. Henon, Physica D 5 (1982)
 412-414 (sections).
@@ -20,31 +20,32 @@ import numpy as np
 
 from phasebench.benchmarks import problems
 from phasebench.benchmarks.measure.accuracy import end_state
-from phasebench.benchmarks.page.style import number
+from phasebench.benchmarks.store.arrays import pack
+from phasebench.benchmarks.style import number
 from phasebench.integrators import integrate
 from phasebench.integrators.errors import InvalidInput
 
 #: The values of lambda in the talk's figures.
 LAMBDAS = (Fraction(-1), Fraction(1, 3), Fraction(3, 2), Fraction(2))
 
-#: Errors that are zero stand here on logarithmic axes.
+#: Zero errors are drawn at this value on logarithmic axes.
 FLOOR = 1e-18
 
-#: Points of a stored curve at most, and their significant digits: a figure of 7 inches shows no more.
+#: Largest number of points of a stored curve, and their significant digits: a figure of 7 inches shows no more.
 POINTS, DIGITS = 2500, 6
 
-#: Refinement differences below this are no ground for an order: round-off is near.
+#: Refinement differences below this are not used for an order: round-off is near.
 NOISE = 1e-12
 
 
 @cache
 def start(name: str):
-    """The problem ``id`` or ``id:orbit``, made once: its functions stay compiled."""
+    """The problem named ``id`` or ``id:orbit``, made only once, so that its functions stay compiled."""
     return problems.problem(name)
 
 
 def run(problem, id: str, h: float, t_end: float, **parameters):
-    """The Solution of method ``id``; ``parameters`` are the method's."""
+    """The Solution of a problem by the method ``id`` with its ``parameters``."""
     return integrate(problem, id, h=h, t_end=t_end, parameters=parameters)
 
 
@@ -60,34 +61,24 @@ def energy_error(problem, solution) -> np.ndarray:
 
 
 def binned_maxima(t, e, bins: int = 200):
-    """The largest of ``e`` and its time in each of ``bins`` equal pieces: thinned, and no peak lost."""
+    """Thin a curve without losing peaks: (times, values) of the largest ``e`` in each of ``bins`` equal pieces."""
     edges = np.linspace(0, len(e), min(bins, len(e)) + 1).astype(int)
     best = np.array([a + np.argmax(e[a:b]) for a, b in pairwise(edges)])
     return t[best], e[best]
 
 
-def shown(e) -> np.ndarray:
+def for_log_axis(e) -> np.ndarray:
     """``e`` for a logarithmic axis: zeros are drawn at `FLOOR`."""
     return np.maximum(e, FLOOR)
 
 
 def floor_note(errors: Iterable[np.ndarray]) -> str:
-    """The caption's sentence about zeros, where there are any."""
+    """The caption's sentence about zeros; empty if there are none."""
     return f" Zeros are drawn at {number(FLOOR)}." if any((e == 0).any() for e in errors) else ""
 
 
-def packed(values, digits: int = DIGITS) -> str:
-    """The points of a curve as the text of one cell, an array (n,) with so many significant digits."""
-    return " ".join(f"{x:.{digits}g}" for x in np.ravel(values))
-
-
-def points(cell) -> np.ndarray:
-    """The array (n,) that `packed` wrote; empty for an empty cell."""
-    return np.array(cell.split(), dtype=float) if isinstance(cell, str) else np.empty(0)
-
-
 def row(panel: str, curve: str, x, y, solution=None, digits: int = DIGITS, **values) -> dict:
-    """The row of one curve: where it is drawn, the run it is of, its points (x, y), and numbers for the caption."""
+    """The row of one curve: panel, label, data of its run, points (x, y), and further numbers for the caption."""
     of_run = {}
     if solution is not None:
         of_run = {
@@ -100,28 +91,28 @@ def row(panel: str, curve: str, x, y, solution=None, digits: int = DIGITS, **val
             "steps": solution.counts["steps"],
             "fallbacks": solution.counts["fallbacks"],
         }
-    return {"panel": panel, "curve": curve} | of_run | values | {"x": packed(x, digits), "y": packed(y, digits)}
+    return {"panel": panel, "curve": curve} | of_run | values | {"x": pack(x, digits), "y": pack(y, digits)}
 
 
-def traced(q, until: int | None = None, n: int = POINTS) -> np.ndarray:
-    """At most ``n`` of the first ``until`` points of a path, array (m, 2), equally far apart along it."""
+def thin_path(q, until: int | None = None, n: int = POINTS) -> np.ndarray:
+    """At most ``n`` of the first ``until`` points of a path, array (m, 2), about equally spaced along it."""
     q = q[:until]
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(q, axis=0).T))])
     return q[np.unique(np.searchsorted(along, np.linspace(0, along[-1], n)).clip(max=len(q) - 1))]
 
 
 def troubles(rows) -> str:
-    """The caption's sentences about integrations that did not end as they should, and steps without a root."""
-    text = "".join(f" {r.method}: {r.status}, {r.reason}." for r in rows[rows["status"] != "ok"].itertuples())
+    """The caption's sentences about failed integrations, and about steps without a root lambda."""
+    text = "".join(f" {r.method}: {r.status}." for r in rows[rows["status"] != "ok"].itertuples())
     sums = rows.groupby("name", sort=False)[["fallbacks", "steps"]].sum()
     missed = [f"{int(r.fallbacks)} of {int(r.steps)} ({r.Index})" for r in sums.itertuples() if r.fallbacks]
     return text + (f" Steps without a root λ, taken with λ = 1/2: {', '.join(missed)}." if missed else "")
 
 
 def carry(problem, id: str, points, h: float, snapshots: int, substeps: int = 1, **parameters) -> np.ndarray:
-    """Carry points (q, p), array (n, 2 d), by the method's map; array (snapshots + 1, n, 2 d), row 0 the points.
+    """The images of points (q, p), array (n, 2 d), under a method: array (snapshots + 1, n, 2 d), row 0 the points.
 
-    Raises InvalidInput where a point does not arrive.
+    One snapshot is ``substeps`` steps h.  Raises InvalidInput if the integration of a point fails.
     """
     d = points.shape[1] // 2
     rows = []
@@ -129,7 +120,7 @@ def carry(problem, id: str, points, h: float, snapshots: int, substeps: int = 1,
         s = integrate(
             problem, id, h=h, steps=snapshots * substeps, q0=y[:d], p0=y[d:], save_every=substeps, parameters=parameters
         )
-        if s.status not in ("ok", "inaccurate", "unstable"):  # the map is what is shown, whatever it does to the energy
+        if s.status not in ("ok", "inaccurate", "unstable"):  # the map is shown, whatever its energy error
             raise InvalidInput(f"the point {y.tolist()} is lost: {s.status}, {s.reason}")
         rows.append(np.hstack([s.q, s.p]))
     return np.stack(rows, axis=1)
@@ -165,7 +156,7 @@ def cat(centre, size: float, n: int) -> np.ndarray:
 def section(problem, solution) -> np.ndarray:
     """The Poincare section q1 = 0, p1 > 0 of a solution with H = |p|^2 / 2 + U(q): points (q2, p2), array (n, 2).
 
-    Between two rows the trajectory is the cubic that meets both states and their derivatives: its error is O(h^4).
+    Between two rows, cubic Hermite interpolation locates the crossing, with an error of O(h^4).
     """
     q, p, h = solution.q, solution.p, solution.h
     y = np.hstack([q[:, :2], p[:, 1:2]])
@@ -188,9 +179,9 @@ def section(problem, solution) -> np.ndarray:
 
 
 def refinement_differences(problem, id: str, steps, t_end: float = 1.0, **parameters):
-    """(h, max |y_h - y_2h| over q and p at ``t_end``), arrays (n - 1,) for n doubling numbers of ``steps``; the runs.
+    """(h, max |y_h - y_2h| over q and p at ``t_end``, solutions) for n doubling numbers of ``steps``.
 
-    A difference is NaN where a run did not arrive.
+    The first two are arrays (n - 1,); a difference is NaN if a run failed.
     """
     runs = [integrate(problem, id, t_end=t_end, steps=n, save_every=0, parameters=parameters) for n in steps]
     ends = [end_state(s) + (0 if s.status == "ok" else np.nan) for s in runs]
@@ -199,7 +190,7 @@ def refinement_differences(problem, id: str, steps, t_end: float = 1.0, **parame
 
 
 def observed_order(h, differences) -> float:
-    """The slope in log-log of the three smallest steps whose difference is above `NOISE`; NaN below two of them."""
+    """The log-log slope over the three smallest steps with differences above `NOISE`; NaN for fewer than two."""
     clear = differences > NOISE
     if clear.sum() < 2:
         return float("nan")

@@ -1,4 +1,4 @@
-"""The figures of the two talks, a page for each section, with what their rows say."""
+"""The pages of the talks' figures, one for each section, with verdicts on the measured rows."""
 
 from __future__ import annotations
 
@@ -6,132 +6,249 @@ from functools import partial
 
 import pandas as pd
 
-from phasebench.benchmarks.page.markdown import listed, number
-from phasebench.benchmarks.page.page import ROWS, Page, Table, Verdict, of
+from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.page import ROWS, Data, Page, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict, at_least, at_most
 
-from . import convergence, gallery, measure, perturbed_kepler
+from . import convergence, gallery, henon_heiles, lotka_volterra, measure, pendulum, perturbed_kepler
 from .record import TABLE
 
-#: An area, energy or momentum that changes by at most this is kept.
+#: Largest change of an area, energy or momentum that counts as preserved.
 KEPT = 1e-11
-#: An observed order within this of the scheme's is that order.
+#: Largest difference of an observed order from the scheme's that counts as agreement.
 NEAR = 0.15
-#: The turn of the apocentre in a revolution is the exact flow's within this share.
+#: Largest relative error of the apocentre's turn per revolution.
 TURN = 0.05
+EULERS = ("explicit Euler", "implicit Euler")
+#: The schemes that preserve both energy and angular momentum.
+BOTH = ("Scheme IV", "Scheme V")
 
 
 def _of(curves: pd.DataFrame, *figures: str) -> pd.DataFrame:
     return curves[curves["figure"].isin(figures)]
 
 
+def _area_changes(curves: pd.DataFrame) -> pd.Series:
+    """The largest change of the area of the pendulum's set under each map."""
+    faces = _of(curves, "pendulum-area").dropna(subset=["area"])
+    return faces.groupby("panel", sort=False)["area"].agg(lambda a: (a - a.iloc[0]).abs().max())
+
+
 @of(TABLE)
 def areas(curves: pd.DataFrame) -> Verdict | None:
-    """Who keeps the area of the pendulum's set."""
-    faces = _of(curves, "pendulum-area").dropna(subset=["area"])
-    if faces.empty:
+    """Whether symplectic maps preserve the area of a set on the pendulum."""
+    change = _area_changes(curves).drop(["exact flow", EULERS[0]], errors="ignore")
+    if change.empty:
         return None
-    groups = faces.groupby("panel", sort=False)["area"]
-    change = groups.apply(lambda a: (a - a.iloc[0]).abs().max())
-    text = f"Largest change of the area: {', '.join(f'{name} {number(x, 2)}' for name, x in change.items())}."
-    symplectic = [name for name in change.index if name not in ("exact flow", "explicit Euler")]
-    holds = bool((change[symplectic] <= KEPT).all() and change.get("explicit Euler", 1.0) > KEPT)
-    return Verdict(text, holds, "Symplectic maps keep the area, explicit Euler does not." if holds else text)
+    return Verdict(
+        "Symplectic maps change the area by round-off only",
+        float(change.max()),
+        at_most(KEPT),
+        where=change.idxmax(),
+        otherwise=FAIL,
+    )
 
 
 @of(TABLE)
-def invariant_curves(curves: pd.DataFrame) -> Verdict | None:
-    """Whose Lotka-Volterra orbits stay on their level curve."""
-    runs = _of(curves, "lotka-volterra-methods").dropna(subset=["energy_error"])
-    if runs.empty:
+def euler_area(curves: pd.DataFrame) -> Verdict | None:
+    """Whether explicit Euler, the control, changes the area."""
+    change = _area_changes(curves)
+    if EULERS[0] not in change:
         return None
-    worst = runs.groupby("panel", sort=False)["energy_error"].max()
-    least = worst.idxmin()
-    text = f"Largest change of I: {', '.join(f'{name} {number(x, 2)}' for name, x in worst.items())}."
-    euler = worst[[n for n in worst.index if n in ("explicit Euler", "implicit Euler")]]
-    others = worst.drop(euler.index)
-    holds = bool(len(euler) and len(others) and others.max() < euler.min())
-    return Verdict(text, holds, f"Least change of the invariant: {least}; both Euler methods leave the level curves."
-                   if holds else text)  # fmt: skip
+    return Verdict("The explicit Euler method changes it", float(change[EULERS[0]]), at_least(KEPT), otherwise=FAIL)
+
+
+@of(TABLE)
+def answer_areas(curves: pd.DataFrame) -> str | None:
+    """A sentence: the change of the area under each map."""
+    parts = [f"{number(x, 2)} ({name})" for name, x in _area_changes(curves).items()]
+    if not parts:
+        return None
+    return f"Over {pendulum.SNAPSHOTS} steps of π/4 on the pendulum a set's area changes by {join_list(parts)}."
+
+
+def _invariant_changes(curves: pd.DataFrame) -> pd.Series:
+    """The largest change of the Lotka-Volterra invariant under each method."""
+    runs = _of(curves, "lotka-volterra-methods").dropna(subset=["energy_error"])
+    return runs.groupby("panel", sort=False)["energy_error"].max()
+
+
+@of(TABLE)
+def level_curves(curves: pd.DataFrame) -> Verdict | None:
+    """Whether symplectic methods stay nearer to their level curves than both Euler methods."""
+    worst = _invariant_changes(curves)
+    euler, others = worst[worst.index.isin(EULERS)], worst[~worst.index.isin(EULERS)]
+    if euler.empty or others.empty:
+        return None
+    return Verdict(
+        "Symplectic methods stay nearer to the level curve than both Euler methods",
+        Count(int((others < euler.min()).sum()), len(others)),
+        EVERY,
+        "methods",
+        where=others.idxmax(),
+    )
+
+
+@of(TABLE)
+def answer_level_curves(curves: pd.DataFrame) -> str | None:
+    """A sentence: the largest change of the Lotka-Volterra invariant under each method."""
+    parts = [f"{number(x, 2)} ({name})" for name, x in _invariant_changes(curves).sort_values().items()]
+    if not parts:
+        return None
+    return f"At h = {lotka_volterra.STEP:g} the Lotka–Volterra invariant changes by up to {join_list(parts)}."
+
+
+def _well(curves: pd.DataFrame) -> pd.DataFrame:
+    """The largest energy error and number of steps without a root of AVF, Schemes IV and V on Henon-Heiles."""
+    runs = _of(curves, "henon-heiles-preserving-energy")
+    return runs.groupby("curve", sort=False)[["energy_error", "fallbacks"]].max()
 
 
 @of(TABLE)
 def energies(curves: pd.DataFrame) -> Verdict | None:
-    """Who keeps the energy of Henon-Heiles."""
-    runs = _of(curves, "henon-heiles-preserving-energy")
-    if runs.empty:
+    """Whether schemes that find a root in every step preserve the energy of Henon-Heiles."""
+    worst = _well(curves)
+    kept = worst[worst["fallbacks"] == 0]["energy_error"]
+    if kept.empty:
         return None
-    worst = runs.groupby("curve", sort=False)[["energy_error", "fallbacks"]].max()
-    parts = [f"{name} {number(r['energy_error'], 2)}" for name, r in worst.iterrows()]
-    kept = worst[(worst["energy_error"] <= KEPT) | (worst["fallbacks"] > 0)]
-    missed = [f"{name} ({int(r['fallbacks'])})" for name, r in worst.iterrows() if r["fallbacks"]]
-    text = f"Largest |H − H₀|: {', '.join(parts)}"
-    text += f"; steps without a root: {listed(missed)}." if missed else "; no step is without a root."
-    return Verdict(text, len(kept) == len(worst) and not missed, text)
+    return Verdict(
+        "Schemes with a root in every step keep the energy to round-off",
+        float(kept.max()),
+        at_most(KEPT),
+        where=kept.idxmax(),
+        otherwise=FAIL,
+    )
+
+
+@of(TABLE)
+def roots(curves: pd.DataFrame) -> Verdict | None:
+    """Whether a lambda that preserves the energy is found in every step."""
+    missed = _well(curves)["fallbacks"]
+    if missed.empty:
+        return None
+    return Verdict(
+        "In every step some λ near 1/2 keeps the energy",
+        int(missed.max()),
+        at_most(0),
+        "steps without",
+        where=missed.idxmax() if missed.any() else "",
+    )
 
 
 @of(TABLE)
 def escapes(curves: pd.DataFrame) -> Verdict | None:
-    """Which orbits of Scheme I leave the well."""
+    """Whether the orbits of Scheme I stay in the potential well."""
     runs = _of(curves, "henon-heiles-scheme-i-energy")
     if runs.empty:
         return None
-    gone = runs[(runs["status"] != "ok") | ~(runs["energy_error"] < 1.0)]
-    names = [f"{r.panel}, {r.curve}" for r in gone.itertuples()]
-    text = f"Orbits of Scheme I that leave the well: {listed(names, 6)}."
-    return Verdict(text, gone.empty, text)
+    gone = runs[(runs["status"] != "ok") | ~(runs["energy_error"] < henon_heiles.ESCAPED)]
+    return Verdict(
+        "No orbit of Scheme I leaves the potential well",
+        Count(len(gone), len(runs)),
+        NONE,
+        "orbits",
+        where=join_list([f"{r.panel}, {r.curve}" for r in gone.itertuples()], 4) if len(gone) else "",
+    )
+
+
+@of(TABLE)
+def answer_well(curves: pd.DataFrame) -> str | None:
+    """A sentence: the energy errors of AVF, Schemes IV and V on Henon-Heiles."""
+    worst = _well(curves)
+    if worst.empty:
+        return None
+    errors = join_list([f"{number(x, 2)} ({name})" for name, x in worst["energy_error"].items()])
+    return (
+        f"On Hénon–Heiles (h = {henon_heiles.STEP:g}) the energy error is at most {errors}; steps without an "
+        f"energy-preserving λ: {int(worst['fallbacks'].sum())}."
+    )
+
+
+def _both(curves: pd.DataFrame) -> pd.DataFrame:
+    """The largest errors of energy and angular momentum of each scheme on perturbed Kepler."""
+    runs = _of(curves, "perturbed-kepler-preserving-invariants")
+    return runs.pivot_table(index="curve", columns="panel", values="largest", sort=False)
 
 
 @of(TABLE)
 def momenta(curves: pd.DataFrame) -> Verdict | None:
-    """Who keeps the energy and the angular momentum of perturbed Kepler."""
-    runs = _of(curves, "perturbed-kepler-preserving-invariants")
-    if runs.empty:
+    """Whether Schemes IV and V keep the energy and the angular momentum of perturbed Kepler."""
+    largest = _both(curves).max(axis=1).reindex(BOTH)
+    if largest.isna().any():
         return None
-    wide = runs.pivot_table(index="curve", columns="panel", values="largest", sort=False)
-    parts = [f"{name} {number(r['energy'], 2)} and {number(r['angular-momentum'], 2)}" for name, r in wide.iterrows()]
-    both = wide[(wide <= KEPT).all(axis=1)].index
-    wanted = {"Scheme IV", "Scheme V"} <= set(both)
-    text = f"Largest errors of H and of L: {'; '.join(parts)}."
-    return Verdict(text, wanted, f"Both H and L are kept by {listed(list(both))}.")
+    return Verdict(
+        "Schemes IV and V keep both energy and angular momentum to round-off",
+        float(largest.max()),
+        at_most(KEPT),
+        where=largest.idxmax(),
+        otherwise=FAIL,
+    )
 
 
 @of(TABLE)
 def turns(curves: pd.DataFrame) -> Verdict | None:
-    """Whose apocentre turns as the exact flow's."""
+    """The verdict on the rate at which the apocentre of the perturbed Kepler problem turns, beside the exact flow's."""
     runs = _of(curves, "perturbed-kepler-preserving-orbits").dropna(subset=["turn"])
-    exact = runs[runs["curve"] == "exact flow"]["turn"]
-    if exact.empty:
+    turn = runs.set_index("curve")["turn"]
+    others = turn.drop("exact flow", errors="ignore")
+    if others.empty or len(others) == len(turn):
         return None
-    apart = {r.curve: abs(r.turn / exact.iloc[0] - 1) for r in runs.itertuples() if r.curve != "exact flow"}
-    parts = [f"{name} by {100 * x:.2g} %" for name, x in apart.items()]
-    text = f"The apocentre turns by {number(exact.iloc[0], 4)} rad a revolution; off from that: {', '.join(parts)}."
-    return Verdict(text, bool(max(apart.values(), default=0) <= TURN), text)
+    off = (others / turn["exact flow"] - 1).abs()
+    return Verdict(
+        "The apocentre turns at the rate of the exact flow",
+        100 * float(off.max()),
+        at_most(100 * TURN),
+        "% off",
+        where=off.idxmax(),
+    )
+
+
+def answer_kepler(data: Data) -> str | None:
+    """A sentence: the errors of energy and angular momentum on perturbed Kepler, and of the apocentre's turn."""
+    kept, turned, parts = momenta(data), turns(data), []
+    if kept:
+        avf = _both(data(TABLE)).reindex(["AVF"])["angular-momentum"].iloc[0]
+        parts.append(f"Schemes IV and V keep energy and angular momentum within {number(kept.measured, 2)}")
+        if avf == avf:
+            parts[0] += f", AVF the latter within {number(avf, 2)}"
+    if turned:
+        parts.append(f"the turning is exact within {number(turned.measured, 2)} %")
+    return f"On perturbed Kepler (h = {perturbed_kepler.STEP:g}) {'; '.join(parts)}." if parts else None
+
+
+def _slopes(curves: pd.DataFrame) -> pd.DataFrame:
+    """The observed orders, each with the order of its scheme as `expected`."""
+    rows = _of(curves, "convergence-schemes-i-iii", "convergence-compositions").dropna(subset=["order"])
+    orders = {title: order for title, (_, order) in (convergence.SCHEMES | convergence.COMPOSITIONS).items()}
+    return rows.assign(expected=rows["panel"].map(orders).fillna(rows["curve"].map(orders)))
 
 
 @of(TABLE)
 def slopes(curves: pd.DataFrame) -> Verdict | None:
-    """Whether the observed orders are the schemes'."""
-    rows = _of(curves, "convergence-schemes-i-iii", "convergence-compositions").dropna(subset=["order"])
+    """Whether the observed orders equal the orders of the schemes."""
+    rows = _slopes(curves)
     if rows.empty:
         return None
-    orders = {t: p for t, (_, p) in convergence.SCHEMES.items()} | {
-        t: p for t, (_, p) in convergence.COMPOSITIONS.items()
-    }
-    expected = [
-        orders.get(r.panel, orders.get(r.curve)) if isinstance(r.panel, str) else orders[r.curve]
-        for r in rows.itertuples()
-    ]
-    off = [
-        f"{r.curve} {r.order:.2f} for {p}"
-        for r, p in zip(rows.itertuples(), expected, strict=True)
-        if abs(r.order - p) > NEAR
-    ]
-    counts = f"{len(rows) - len(off)} of {len(rows)} observed slopes are the scheme's order"
-    text = f"{counts} within {NEAR}{f'; not so {listed(off, 4)}' if off else ''}."
-    return Verdict(text, not off, f"{counts}.")
+    off = rows[(rows["order"] - rows["expected"]).abs() > NEAR]
+    return Verdict(
+        "Every refinement difference falls with the order of its scheme",
+        Count(len(rows) - len(off), len(rows)),
+        EVERY,
+        f"slopes within {NEAR}",
+        where="; ".join(f"{r.curve}: {r.order:.2f}" for r in off.head(4).itertuples()),
+    )
 
 
-#: The measured numbers of a row, as the table calls them.
+def answer_slopes(data: Data) -> str | None:
+    """A sentence: how many observed slopes equal the order of their scheme."""
+    found = slopes(data)
+    if found is None:
+        return None
+    of = f"{found.measured.n} of {found.measured.of}"
+    return f"{of} observed slopes are within {NEAR} of the scheme's order, on a chaotic Hénon–Heiles orbit."
+
+
+#: Column of a measured number -> its name in the table.
 VALUES = {
     "energy_error": "energy error",
     "largest": "largest error",
@@ -142,7 +259,7 @@ VALUES = {
 
 
 def _table(section: str, data) -> Table | None:
-    """The rows of a section's figures that have a number, those of its first quantity first."""
+    """The runs of a section's figures with at least one number of `VALUES`, those with its first quantity first."""
     curves = data(TABLE)
     if curves is None or curves.empty:
         return None
@@ -151,7 +268,7 @@ def _table(section: str, data) -> Table | None:
     if not values:
         return None
     rows = rows.dropna(subset=values, how="all").sort_values(values[0], key=pd.isna, kind="stable")
-    if "area" in values:  # of areas the last: a table of equal numbers tells nothing
+    if "area" in values:  # only the last of the almost equal areas
         rows = rows[rows["area"].isna() | ~rows.duplicated(["figure", "panel"], keep="last")]
     columns = ["panel", "curve", "h", "t_end", *values, "fallbacks", "status"]
     shown = rows.reindex(columns=columns).drop_duplicates().dropna(axis=1, how="all").head(ROWS)
@@ -165,75 +282,82 @@ def _figures(section: str, data, folder) -> list | None:
     return None if curves is None else gallery.pictures(curves, section, folder)
 
 
-def _page(section: str, question: str, setting: tuple[str, ...], verdicts: tuple, limits: tuple[str, ...]) -> Page:
+def _page(section: str, question: str, **parts) -> Page:
     return Page(
         id=f"talk-{section}",
         question=question,
         tables=(TABLE,),
-        setting=setting,
-        verdicts=verdicts,
-        limits=limits,
         command="pytest benchmarks/experiments/talks",
         figures=partial(_figures, section),
         table=partial(_table, section),
+        **parts,
     )
 
 
-KEEPS = f"Kept means a change of at most {KEPT:g} over the whole run."
+KEEPS = f"Kept to round-off means a change of at most {KEPT:g} over the whole run."
+LAMBDAS = ", ".join(map(str, measure.LAMBDAS))
 PAGES = (
     _page(
         "symplectic-maps",
         "Do symplectic maps keep areas, and the others not?",
-        (
+        setting=(
             "H = p²/2 − cos q; a set of points is carried by the flow and by maps of step h = π/4.",
-            "In one degree of freedom a map is symplectic if it keeps areas; in more, the sum ω(ξ, η) of the oriented "
-            "areas of the projections onto the planes (pᵢ, qᵢ).",
+            "With one degree of freedom a map is symplectic if it keeps areas; with more, if it keeps the sum ω(ξ, η) of "
+            "the oriented areas of the projections onto the planes (pᵢ, qᵢ).",
         ),
-        (areas,),
-        (KEEPS, "Areas are those of the trigonometric interpolant of the set's boundary."),
+        verdicts=(areas, euler_area),
+        answer=answer_areas,
+        limits=(KEEPS, "Areas are those of the trigonometric interpolant of the set's boundary."),
     ),
     _page(
         "lotka-volterra",
         "Do the numerical orbits of Lotka–Volterra close?",
-        (
+        setting=(
             "u' = u (v − 2), v' = v (1 − u); every solution lies on a level curve of I = ln u − u + 2 ln v − v.",
-            "From the talk's starting points, h = 0.12.",
+            f"From the talk's initial values, h = {lotka_volterra.STEP:g}.",
         ),
-        (invariant_curves,),
-        ("Symplectic in (ln u, ln v) is meant: in (u, v) the system is not canonical.",),
+        verdicts=(level_curves,),
+        answer=answer_level_curves,
+        limits=("Symplectic is meant in (ln u, ln v): in (u, v) the system is not canonical.",),
     ),
     _page(
         "henon-heiles",
-        "What do Schemes I, IV and V and AVF make of a box and of a chaotic orbit?",
-        (
-            "H = (p₁² + p₂²)/2 + (q₁² + q₂²)/2 + q₁² q₂ − q₂³/3; box and chaotic orbit, h = 0.02, to t = 1000.",
-            f"Scheme I at λ = {', '.join(map(str, measure.LAMBDAS))}; Schemes IV and V choose λ in each step to keep H.",
+        "What do Schemes I, IV, V and AVF make of a box orbit and a chaotic orbit?",
+        setting=(
+            "H = (p₁² + p₂²)/2 + (q₁² + q₂²)/2 + q₁² q₂ − q₂³/3; a box orbit and a chaotic one, h = "
+            f"{henon_heiles.STEP:g}, to t = 1000.",
+            f"Scheme I at λ = {LAMBDAS}; Schemes IV and V choose λ in each step such that H is kept, and take λ = 1/2 "
+            "where there is no such λ. AVF: averaged vector field method.",
         ),
-        (energies, escapes),
-        (KEEPS, "The chaotic orbit starts near the escape energy: an energy error lets it leave the well."),
+        verdicts=(energies, roots, escapes),
+        answer=answer_well,
+        limits=(KEEPS, "The chaotic orbit starts close to the escape energy: an energy error lets it leave the well."),
     ),
     _page(
         "perturbed-kepler",
-        "Who keeps energy, angular momentum and the ellipse's turning on perturbed Kepler?",
-        (
-            "H = |p|²/2 − 1/|q| − μ/(3|q|³), μ = 0.0075; h = 0.01, to t = 1000.",
-            f"Schemes I and III at λ = {', '.join(map(str, measure.LAMBDAS))}; AVF, Schemes IV and V.",
-            "Every scheme that is symplectic at a frozen λ keeps L = q₁p₂ − q₂p₁, also where λ changes; AVF does not.",
+        "Which schemes keep energy, angular momentum and the turning of the ellipse on perturbed Kepler?",
+        setting=(
+            f"H = |p|²/2 − 1/|q| − μ/(3|q|³), μ = 0.0075; h = {perturbed_kepler.STEP:g}, to t = 1000.",
+            f"Schemes I and III at λ = {LAMBDAS}; AVF (averaged vector field), Schemes IV and V.",
+            "Every scheme that is symplectic at fixed λ keeps L = q₁p₂ − q₂p₁, even where λ changes; AVF does not.",
         ),
-        (momenta, turns),
-        (
+        verdicts=(momenta, turns),
+        answer=answer_kepler,
+        limits=(
             KEEPS,
-            f"The exact turn is that of {perturbed_kepler.EXACT} at half the step; the same means within {100 * TURN:g} %.",
+            f"The exact turn is that of {perturbed_kepler.EXACT} at half the step; rates within {100 * TURN:g} % count as "
+            "the same.",
         ),
     ),
     _page(
         "convergence",
-        "Do refinement differences fall with the schemes' orders?",
-        (
-            "Max |y_h − y_2h| over q and p at t = 1 on the chaotic Hénon–Heiles orbit: the quantity of the talk's tables.",
-            "It is no error against the exact solution, but falls with the same order.",
+        "Do refinement differences fall with the orders of the schemes?",
+        setting=(
+            "Max |y_h − y_2h| over q and p at t = 1 on the chaotic Hénon–Heiles orbit, as in the talk's tables: not the "
+            "error against the exact solution, but it falls with the same order.",
         ),
-        (slopes,),
-        (f"Slopes are fitted over the three smallest steps with differences above {measure.NOISE:g}.",),
+        verdicts=(slopes,),
+        answer=answer_slopes,
+        limits=(f"Slopes are fitted over the three smallest steps with differences above {measure.NOISE:g}.",),
     ),
 )

@@ -1,7 +1,7 @@
-r"""The pendulum, H = p^2 / 2 - cos q: its phase portrait, and the areas of sets that flow and methods carry.
+r"""Figures of the pendulum, H = p^2 / 2 - cos q: phase portrait, and areas of sets under the flow and under methods.
 
-The flow is symplectic (Poincare 1899), in one degree of freedom: it keeps areas.  So does a symplectic method, at any
-step; explicit Euler multiplies an area element by :math:`1 + h^2\cos q` in each step.
+The flow is symplectic (Poincare 1899) and, with one degree of freedom, preserves areas.  So does a symplectic method at
+any step; explicit Euler multiplies an area element by :math:`1 + h^2\cos q` in each step.
 
 Source: talk on symplectic integration, 'The Pendulum Problem', 'Area Preservation'; E. Hairer, C. Lubich, G. Wanner,
 Geometric Numerical Integration (2006), I.1.3, figures VI.2.2 and VI.3.1.
@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.style import number
+from phasebench.benchmarks import style
+from phasebench.benchmarks.store.arrays import unpack
+from phasebench.benchmarks.style import number
 
 from . import measure
 from .record import Figure
@@ -21,7 +22,7 @@ SECTION = "symplectic-maps"
 SNAPSHOTS = 4
 STEP = np.pi / 4
 
-#: (panel title, method, substeps of a snapshot): the flow is the classical Runge-Kutta method at a small step.
+#: (panel title, method id, steps per snapshot); the exact flow is the classical Runge-Kutta method with small steps.
 CARRIERS = (
     ("exact flow", "rk4", 400),
     ("symplectic Euler", "symplectic-euler-p", 1),
@@ -31,15 +32,15 @@ CARRIERS = (
 
 
 def _grid(q, p, n: int):
-    """The grid Q, P of n by n points, and the function that evaluates an expression on it."""
+    """(Q, P, a function that evaluates an expression on them), where Q and P are a grid of n by n points."""
     Q, P = np.meshgrid(np.linspace(*q, n), np.linspace(*p, n))
     system = measure.start("pendulum").system
     return Q, P, lambda e: system.observe(e, Q.reshape(-1, 1), P.reshape(-1, 1)).reshape(Q.shape)
 
 
-@style.drawn
+@style.styled
 def phase_portrait(rows):
-    """Level curves of H and the vector field."""
+    """(figure, caption): level curves of H, and the vector field."""
     system = measure.start("pendulum").system
     span, height = (-1.5 * np.pi, 3.5 * np.pi), (-2.8, 2.8)
     figure, ((axes,),) = style.panels(1, 1, 2.75)
@@ -62,8 +63,8 @@ def phase_portrait(rows):
     return figure, caption
 
 
-def carried(id: str, substeps: int, vertices: int) -> np.ndarray:
-    """The cat's face under a method, array (SNAPSHOTS + 1, vertices, 2)."""
+def cat_images(id: str, substeps: int, vertices: int) -> np.ndarray:
+    """The outline of a cat's face and its images under a method, array (SNAPSHOTS + 1, vertices, 2)."""
     face = measure.cat((0.0, 1.35), 0.42, vertices)
     return measure.carry(measure.start("pendulum"), id, face, STEP / substeps, SNAPSHOTS, substeps)
 
@@ -72,7 +73,7 @@ def _measure_area(quick: bool) -> list[dict]:
     rows = []
     for title, id, substeps in CARRIERS:
         carry = {"h": STEP / substeps, "snapshots": SNAPSHOTS, "substeps": substeps}
-        for k, face in enumerate(carried(id, substeps, 256 if quick else 512)):
+        for k, face in enumerate(cat_images(id, substeps, 256 if quick else 512)):
             rows.append(measure.row(title, f"face {k}", *face.T, area=measure.enclosed_area(face)))
         for side, x in (("left", -0.16), ("right", 0.16)):
             eyes = measure.carry(measure.start("pendulum"), id, measure.circle((x, 1.45), 0.07, 24), **carry)
@@ -80,38 +81,35 @@ def _measure_area(quick: bool) -> list[dict]:
     return rows
 
 
-@style.drawn
+@style.styled
 def area(rows):
-    """A cat's face carried by the flow and by methods of either kind."""
+    """(figure, caption): a cat's face and its images under the flow, symplectic methods and explicit Euler."""
     figure, grid = style.panels(2, 2, 5.0, sharex=True, sharey=True)
     faces, eyes = (rows[rows["curve"].str.contains(word)] for word in ("face", "eye"))
-    flow = {r.curve: (measure.points(r.x), measure.points(r.y)) for r in faces.itertuples() if r.panel == "exact flow"}
-    parts = []
+    flow = {r.curve: (unpack(r.x), unpack(r.y)) for r in faces.itertuples() if r.panel == "exact flow"}
     for axes, title in zip(grid.flat, rows["panel"].unique(), strict=False):
         here = faces[faces["panel"] == title]
         for k, r in enumerate(here.itertuples()):
             colour = style.SKY if k % 2 else style.ORANGE
-            points = measure.points(r.x), measure.points(r.y)
+            points = unpack(r.x), unpack(r.y)
             axes.fill(*points, facecolor=colour, edgecolor="black", linewidth=0.8, alpha=0.8)
             if title != "exact flow":
                 closed = [np.append(x, x[0]) for x in flow[r.curve]]
                 axes.plot(*closed, color=style.GREY, linestyle="--", linewidth=0.7)
         for r in eyes[eyes["panel"] == title].itertuples():
-            axes.fill(measure.points(r.x), measure.points(r.y), color="black", linewidth=0)
+            axes.fill(unpack(r.x), unpack(r.y), color="black", linewidth=0)
         areas = here["area"].to_numpy()
         axes.set_title(f"{title}\nareas {', '.join(f'{a:.3f}' for a in areas)}")
         axes.set_aspect("equal")
-        parts.append(f"{title} {number(areas[-1], 10)} (largest change {number(np.abs(areas - areas[0]).max(), 2)})")
     for axes in grid[-1]:
         axes.set_xlabel("$q$ (rad)")
     for axes in grid[:, 0]:
         axes.set_ylabel("$p$")
     vertices = len(flow["face 0"][0])
     caption = (
-        f"A set of area {number(areas[0], 10)} carried by the pendulum's flow and by three methods with "
-        f"h = π/4 = {number(STEP, 4)}, shown at t = 0, h, ..., {SNAPSHOTS}h (dashed: the flow, by the classical "
-        f"Runge–Kutta method at h/{CARRIERS[0][2]}). Area after {SNAPSHOTS} steps: {'; '.join(parts)}. Areas are those "
-        f"of the trigonometric interpolant of {vertices} vertices."
+        "A set carried by the pendulum's flow and by three methods with h = π/4, shown at t = 0, h, ..., "
+        f"{SNAPSHOTS}h, with its areas (dashed: the flow, by the classical Runge–Kutta method at h/{CARRIERS[0][2]}). "
+        f"The boundary is interpolated through {vertices} points."
     )
     return figure, caption
 

@@ -1,7 +1,7 @@
-r"""Perturbed Kepler: orbits, energy and angular momentum of Schemes I and III over lambda, of AVF, Schemes IV and V.
+r"""Figures of perturbed Kepler: orbits, energy and angular momentum errors of Schemes I, III, IV, V and AVF.
 
 The angular momentum L = q1 p2 - q2 p1 is a quadratic invariant: every scheme whose map is symplectic for each fixed
-lambda keeps it to round-off, also where lambda is chosen anew in each step (Schemes IV and V); AVF does not.
+lambda preserves it to round-off, even if lambda is chosen anew in each step (Schemes IV and V); AVF does not.
 
 Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical Hamiltonian systems" (talk), 'The
 perturbed Kepler problem', (29)-(30).
@@ -13,8 +13,9 @@ from functools import partial
 
 import numpy as np
 
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.style import number
+from phasebench.benchmarks import style
+from phasebench.benchmarks.store.arrays import unpack
+from phasebench.benchmarks.style import number
 
 from . import measure
 from .measure import LAMBDAS
@@ -22,13 +23,13 @@ from .record import Figure
 
 SECTION = "perturbed-kepler"
 STEP = 0.01
-#: Orbits are drawn to this time, in which the apocentre goes round: later they only fill the ring.
+#: Orbits are drawn up to this time, in which the apocentre turns once; later they only fill the ring.
 DRAWN = 400.0
-#: label -> (method, parameters)
+#: Curve label -> (method id, parameters).
 PRESERVING = {"AVF": ("avf", {}), "Scheme IV": ("scheme-iv", {}), "Scheme V": ("scheme-v", {})}
 SCHEMES = {"Scheme I": "scheme-i", "Scheme III": "scheme-iii"}
 INVARIANTS = {"energy": "$|H - H_0|$", "angular-momentum": "$|L - L_0|$"}
-#: What the exact flow is measured by.
+#: The method that stands for the exact flow.
 EXACT = "scheme-iii-suzuki-6"
 
 
@@ -54,7 +55,7 @@ def precession(solution) -> float:
     far = 1 + np.flatnonzero((r[1:-1] > r[:-2]) & (r[1:-1] >= r[2:]))
     if len(far) < 2:
         return float("nan")
-    # The vertex of the parabola through three distances places the apocentre between two rows.
+    # The parabola through three distances locates the apocentre between rows.
     a, b, c = r[far - 1], r[far], r[far + 1]
     shift = 0.5 * (a - c) / (a - 2 * b + c)
     angle = np.unwrap(np.arctan2(q[:, 1], q[:, 0]))
@@ -75,7 +76,7 @@ def _measure_orbits(methods, quick: bool) -> list[dict]:
     rows = []
     for label, chosen in methods.items():
         s = _run(chosen, _end(quick))
-        path = measure.traced(s.q, until=round(DRAWN / STEP))
+        path = measure.thin_path(s.q, until=round(DRAWN / STEP))
         rows.append(measure.row("", label, *path.T, s, turn=precession(s)))
     s = measure.run(_kepler(), EXACT, STEP / 2, _end(quick))
     return [*rows, measure.row("", "exact flow", [], [], s, turn=precession(s))]
@@ -116,7 +117,7 @@ def _draw_orbits(rows, methods: str, height: float):
     shown = rows[rows["curve"] != "exact flow"]
     figure, (panels,) = style.panels(1, len(shown), height, sharey=True)
     for axes, r in zip(panels, shown.itertuples(), strict=True):
-        axes.plot(measure.points(r.x), measure.points(r.y), color=style.BLUE, linewidth=0.25)
+        axes.plot(unpack(r.x), unpack(r.y), color=style.BLUE, linewidth=0.25)
         axes.plot(0, 0, marker="+", color=style.VERMILION, markersize=6)
         axes.set(xlim=(-1.85, 1.85), ylim=(-1.85, 1.85), aspect="equal", title=r.curve, xlabel="$q_1$")
     panels[0].set_ylabel("$q_2$")
@@ -129,64 +130,58 @@ def _draw_orbits(rows, methods: str, height: float):
     return figure, caption
 
 
-@style.drawn
+@style.styled
 def scheme_i_orbits(rows):
-    """Orbits of Scheme I."""
+    """(figure, caption): orbits of Scheme I."""
     return _draw_orbits(rows, "Scheme I", 2.25)
 
 
-@style.drawn
+@style.styled
 def preserving_orbits(rows):
-    """Orbits of AVF, Schemes IV and V."""
+    """(figure, caption): orbits of AVF, Schemes IV and V."""
     return _draw_orbits(rows, "AVF, Schemes IV and V", 2.75)
 
 
 def _invariant_panels(axes_by_name, rows, column: str = "") -> list[np.ndarray]:
-    """Curves of a column in a panel for each invariant; returns the errors shown."""
+    """Draw the error curves of a column, a panel for each invariant; return the errors."""
     errors = []
     for axes, (name, label) in zip(axes_by_name, INVARIANTS.items(), strict=True):
         for k, r in enumerate(rows[rows["panel"] == f"{column} {name}".strip()].itertuples()):
-            t, e = measure.points(r.x), measure.points(r.y)
-            axes.semilogy(t, measure.shown(e), label=r.curve, **style.curve(k, len(t)))
+            t, e = unpack(r.x), unpack(r.y)
+            axes.semilogy(t, measure.for_log_axis(e), label=r.curve, **style.curve(k, len(t)))
             errors.append(e)
         axes.set(ylabel=label, xlim=(0, rows["t_end"].max()))
     return errors
 
 
-def _largest(rows, panel: str) -> str:
-    return ", ".join(number(x, 2) for x in rows[rows["panel"] == panel]["largest"])
-
-
-def _invariants_caption(rows, parts: list[str], errors) -> str:
+def _invariants_caption(rows, errors) -> str:
     return (
         f"Perturbed Kepler, errors of energy H (above) and angular momentum L {_span(rows)}; each curve joins the "
-        f"maxima of 200 equal pieces of time. Largest errors for {', '.join(rows['curve'].unique())}: "
-        f"{'; '.join(parts)}.{measure.floor_note(errors)}{measure.troubles(rows[rows['panel'].str.contains('energy')])}"
+        f"maxima of 200 equal pieces of time.{measure.floor_note(errors)}"
+        f"{measure.troubles(rows[rows['panel'].str.contains('energy')])}"
     )
 
 
-@style.drawn
+@style.styled
 def scheme_i_and_iii(rows):
-    """Energy and angular momentum error of Schemes I and III."""
+    """(figure, caption): energy and angular momentum errors of Schemes I and III."""
     figure, grid = style.panels(2, 2, 4.6, sharex=True, sharey="row")
-    errors, parts = [], []
+    errors = []
     for column, name in enumerate(SCHEMES):
         errors += _invariant_panels(grid[:, column], rows, name)
         grid[0, column].set_title(name)
         grid[1, column].set_xlabel("$t$")
-        largest = (_largest(rows, f"{name} {invariant}") for invariant in INVARIANTS)
-        parts.append("{}: {} of H, {} of L".format(name, *largest))
     for left, right in grid:
         style.decades(left)
         right.set_ylabel("")
     figure.align_ylabels()
     style.legend_above(figure, grid[0, 0], len(LAMBDAS))
-    return figure, _invariants_caption(rows, parts, errors)
+    return figure, _invariants_caption(rows, errors)
 
 
-@style.drawn
+@style.styled
 def preserving_invariants(rows):
-    """Energy and angular momentum error of AVF, Schemes IV and V."""
+    """(figure, caption): energy and angular momentum errors of AVF, Schemes IV and V."""
     figure, grid = style.panels(2, 1, 4.4, sharex=True)
     errors = _invariant_panels(grid[:, 0], rows)
     for axes in grid[:, 0]:
@@ -194,21 +189,20 @@ def preserving_invariants(rows):
     grid[1, 0].set_xlabel("$t$")
     figure.align_ylabels()
     style.legend_above(figure, grid[0, 0], len(PRESERVING))
-    parts = ["{} of H, {} of L".format(*(_largest(rows, name) for name in INVARIANTS))]
-    return figure, _invariants_caption(rows, parts, errors)
+    return figure, _invariants_caption(rows, errors)
 
 
-@style.drawn
+@style.styled
 def chosen_parameter(rows):
-    """lambda of Schemes IV and V along the orbit."""
+    """(figure, caption): the lambda that Schemes IV and V choose along the orbit."""
     figure, grid = style.panels(3, 1, 4.8, sharex=True)
     distance = rows[rows["panel"] == "distance"].iloc[0]
-    grid[0, 0].plot(measure.points(distance["x"]), measure.points(distance["y"]), color="black")
+    grid[0, 0].plot(unpack(distance["x"]), unpack(distance["y"]), color="black")
     grid[0, 0].set_ylabel("$|q|$")
     chosen = rows[rows["panel"] == "lambda"]
     for axes, r, colour in zip(grid[1:, 0], chosen.itertuples(), (style.BLUE, style.VERMILION), strict=True):
         look = {"color": colour, "linestyle": "none", "marker": ".", "markersize": 2.2}
-        axes.plot(measure.points(r.x), measure.points(r.y), **look)
+        axes.plot(unpack(r.x), unpack(r.y), **look)
         axes.axhline(0.5, color=style.GREY, linewidth=0.8, zorder=0)
         axes.set(ylabel="$\\lambda$", title=r.curve)
     grid[0, 0].set(title=f"distance ({distance['curve']})", xlim=(0, distance["t_end"]))

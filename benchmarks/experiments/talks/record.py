@@ -1,4 +1,4 @@
-"""What a figure is: an id, a title, the section it stands in, what measures its curves and what draws them."""
+"""The record `Figure` of a talk's figure: id, title, section, and the functions that measure and draw it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-#: The table of every curve of the talks' figures.
+#: Name of the table that holds every curve of the talks' figures.
 TABLE = "talk_curves"
 
 
@@ -19,9 +19,9 @@ class Figure:
     Attributes
     ----------
     id, title, section : kebab-case id, one line, the page it stands on
-    measure : quick -> the rows of its curves; the only place where anything is integrated; None where the
-        figure shows formulae alone
-    draw : rows -> (matplotlib figure, caption); every number of the caption is of the rows
+    measure : quick -> the rows of its curves; all integration happens here; None if the figure shows only
+        formulae
+    draw : rows -> (matplotlib figure, caption); every number of the caption comes from the rows
     """
 
     id: str

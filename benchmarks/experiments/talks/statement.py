@@ -1,4 +1,4 @@
-"""What a statement of the talks is: where it stands, a few words of it, and the judge of the rows."""
+"""The record `Statement` of a talk's statement: its place in the talk, its content in a few words, and its judge."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class Statement:
     ----------
     where : its number in the talk, or its slide
     kind : one of `KINDS`
-    words : what it says, in a few words
-    judge : what the rows say of it
-    page : the id of the page that shows it
+    words : its content in a few words
+    judge : the function that decides from measured rows whether it holds
+    page : the id of the page that shows the measurement
     """
 
     where: str
@@ -37,6 +37,6 @@ class Statement:
     judge: Judge
     page: str
 
-    def judged(self, data) -> Judgement:
-        """What the rows of ``data`` say."""
+    def judgement(self, data) -> Judgement:
+        """The judgement of the statement from the tables of ``data``."""
         return self.judge(data)

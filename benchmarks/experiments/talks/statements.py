@@ -1,4 +1,4 @@
-"""SECTIONS: every statement of the two talks, in their order."""
+"""SECTIONS: every statement of the two talks, in the talks' order."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .checks_base import TABLE as CHECKS
 from .record import TABLE as CURVES
 from .statement import Statement
 
-FIRST, SECOND = "introduction", "general integrator"
+FIRST, SECOND = "introductory talk", "talk on a general integrator"
 
 
 @dataclass(frozen=True)
@@ -18,31 +18,42 @@ class Section:
 
     Attributes
     ----------
-    id, title : of the page; the title is a question
-    talk : which of the two
-    tables : that its judges read
-    statements : in the talk's order
+    id : suffix of the page's id
+    subject : subject of the statements
+    talk : `FIRST` or `SECOND`
+    tables : names of the tables that its judges read
+    statements : its statements in the talk's order
     """
 
     id: str
-    title: str
+    subject: str
     talk: str
     tables: tuple[str, ...]
     statements: tuple[Statement, ...]
 
+    @property
+    def statements_of(self) -> str:
+        """A phrase that names the statements by talk and subject."""
+        return f"statements of the {self.talk} about {self.subject}"
+
+    @property
+    def question(self) -> str:
+        """The page's title."""
+        return f"Do the {self.statements_of} hold?"
+
 
 SECTIONS: tuple[Section, ...] = (
-    Section("maps", "What the introduction says of flows, maps and methods: does it hold?", FIRST,
+    Section("maps", "flows, maps and methods", FIRST,
             (CHECKS, CURVES, "matrix", "multiprecision", "structure"), introduction.MAPS_AND_METHODS),
-    Section("lotka-volterra", "What the introduction says of Lotka–Volterra: does it hold?", FIRST,
+    Section("lotka-volterra", "Lotka–Volterra", FIRST,
             (CHECKS, CURVES, "multiprecision", "structure"), introduction.LOTKA_VOLTERRA),
-    Section("schemes", "What the second talk says of Scheme I and of its field: does it hold?", SECOND,
+    Section("schemes", "known methods and Scheme I", SECOND,
             (CHECKS, "matrix", "multiprecision", "structure", "multisymplectic"), general.SCHEMES),
-    Section("generating", "What the second talk says of generating functions and compositions: does it hold?", SECOND,
+    Section("generating", "generating functions and compositions", SECOND,
             (CHECKS, "multiprecision", "structure"), general.GENERATING),
-    Section("preserving", "What the second talk says of keeping energy and quadratic invariants: does it hold?", SECOND,
+    Section("preserving", "energy and quadratic invariants", SECOND,
             (CHECKS, CURVES, "energy_preservation", "matrix", "multiprecision", "pde", "structure"),
             general.PRESERVING),
-    Section("experiments", "What the second talk's tables and figures show: is it reproduced?", SECOND,
+    Section("experiments", "numerical experiments", SECOND,
             (CHECKS, CURVES, "energy_preservation", "pde", "printed"), general.EXPERIMENTS),
 )  # fmt: skip

@@ -1,25 +1,27 @@
-"""The talks, statement by statement: a page with those that do not plainly hold, and one for each section with all."""
+"""The pages of the talks' statements: one for each section, and one of those that do not hold as stated."""
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from functools import partial
 
 import pandas as pd
 
-from phasebench.benchmarks.page.markdown import listed
-from phasebench.benchmarks.page.page import ROWS, Data, Page, Table, Verdict
+from phasebench.benchmarks.page.page import ROWS, Data, Page, Table
+from phasebench.benchmarks.page.verdict import NONE, Count, Verdict
 
-from .judging import CONTRADICTED, HOLDS, KEPT_TEXT, MISSING, UNTESTABLE, VERDICTS, WHERE
+from .judging import CONTRADICTED, HOLDS, KEPT_TEXT, MISSING, UNTESTABLE, WHERE
 from .statements import SECTIONS, Section
 
 COLUMNS = ("talk", "where", "kind", "says", "verdict", "measured", "shown on")
 
 
-def judged(section: Section, data: Data) -> pd.DataFrame:
-    """A row for each statement of a section, with what the rows say of it."""
+def judgement_table(section: Section, data: Data) -> pd.DataFrame:
+    """A row for each statement of a section, with its verdict and the measured numbers."""
     rows = []
     for statement in section.statements:
-        found = statement.judged(data)
+        found = statement.judgement(data)
         row = {"talk": section.talk, "where": statement.where, "kind": statement.kind, "says": statement.words}
         row |= {
             "verdict": found.verdict,
@@ -31,119 +33,127 @@ def judged(section: Section, data: Data) -> pd.DataFrame:
 
 
 def everything(data: Data) -> pd.DataFrame:
-    """The rows of all sections."""
-    return pd.concat([judged(section, data) for section in SECTIONS], ignore_index=True)
+    """The rows of the statements of all sections."""
+    return pd.concat([judgement_table(section, data) for section in SECTIONS], ignore_index=True)
 
 
-def _measured(rows: pd.DataFrame) -> bool:
-    return bool(rows["verdict"].isin([HOLDS, WHERE, CONTRADICTED]).any())
+def of_measured(function):
+    """Decorator: the function of statements returns None if none of them was measured."""
+
+    @functools.wraps(function)
+    def of_rows(rows: pd.DataFrame, *more):
+        return function(rows, *more) if rows["verdict"].isin([HOLDS, WHERE, CONTRADICTED]).any() else None
+
+    return of_rows
 
 
-def _named(rows: pd.DataFrame, limit: int = 4) -> str:
-    return listed([f"{r.where} ({r.says})" for r in rows.itertuples()], limit)
+def _places(rows: pd.DataFrame) -> str:
+    """A text with the places in the talk of the first three statements."""
+    names = list(dict.fromkeys(rows["where"]))
+    return "; ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
-def counted(rows: pd.DataFrame) -> Verdict | None:
-    """How many statements hold."""
-    if not _measured(rows):
-        return None
-    number = {v: int((rows["verdict"] == v).sum()) for v in VERDICTS}
-    text = f"{number[HOLDS]} of {len(rows)} statements hold; {WHERE} a condition is met: {number[WHERE]}"
-    others = [v for v in (CONTRADICTED, UNTESTABLE, MISSING) if number[v] or v == CONTRADICTED]
-    text += "".join(f", {v}: {number[v]}" for v in others)
-    short = f"{number[HOLDS]} of {len(rows)} statements hold, contradicted: {number[CONTRADICTED]}."
-    return Verdict(f"{text}.", number[MISSING] == 0, short)
+@of_measured
+def contradictions(rows: pd.DataFrame) -> Verdict:
+    """Whether no statement is contradicted."""
+    some = rows[rows["verdict"] == CONTRADICTED]
+    return Verdict("No statement is contradicted", Count(len(some), len(rows)), NONE, "statements", _places(some))
 
 
-def contradicted(rows: pd.DataFrame) -> Verdict | None:
-    """Which statements are contradicted."""
-    if not _measured(rows):
-        return None
-    wrong = rows[rows["verdict"] == CONTRADICTED]
-    text = f"Contradicted: {_named(wrong)}." if len(wrong) else "No statement is contradicted."
-    what = listed(list(dict.fromkeys(wrong["where"])), 4)
-    return Verdict(text, wrong.empty, f"Contradicted: {what}." if len(wrong) else text)
-
-
-def conditional(rows: pd.DataFrame) -> Verdict | None:
-    """Which statements hold under a condition only."""
-    if not _measured(rows):
-        return None
+@of_measured
+def conditional(rows: pd.DataFrame) -> Verdict:
+    """Whether no statement holds only under a further condition."""
     some = rows[rows["verdict"] == WHERE]
-    text = f"Only under a condition: {_named(some, 10)}." if len(some) else "None needs a condition."
-    return Verdict(text, some.empty, text)
+    return Verdict("No statement needs a condition", Count(len(some), len(rows)), NONE, "statements", _places(some))
 
 
-def _of_section(verdict, section: Section):
-    return lambda data: verdict(judged(section, data))
+@of_measured
+def complete(rows: pd.DataFrame) -> Verdict:
+    """Whether every testable statement was measured."""
+    some = rows[rows["verdict"] == MISSING]
+    return Verdict("No statement is left unmeasured", Count(len(some), len(rows)), NONE, "statements", _places(some))
 
 
-def _of_all(verdict):
-    return lambda data: verdict(everything(data))
+@of_measured
+def answer(rows: pd.DataFrame, statements_of: str) -> str:
+    """A sentence: how many statements hold, and which are contradicted."""
+    number, wrong = rows["verdict"].value_counts(), rows[rows["verdict"] == CONTRADICTED]
+    return (
+        f"Of {len(rows)} {statements_of}, {number.get(HOLDS, 0)} hold, {number.get(WHERE, 0)} only under a condition; "
+        f"contradicted: {f'{len(wrong)} ({_places(wrong)})' if len(wrong) else 'none'}."
+    )
 
 
-def _section_table(section: Section, data: Data) -> Table | None:
-    rows = judged(section, data)
-    if not _measured(rows):
-        return None
-    return Table(rows[list(COLUMNS[1:])], "Every statement in the talk's order, with what the suite measured of it.")
+def _verdicts(rows_of: Callable[[Data], pd.DataFrame]) -> tuple:
+    """The three verdicts on the statements that ``rows_of(data)`` returns, as functions of ``data``."""
+    return tuple(lambda data, judge=judge: judge(rows_of(data)) for judge in (contradictions, conditional, complete))
 
 
-def exceptions(data: Data) -> Table | None:
-    """The statements that do not plainly hold: those contradicted first."""
-    rows = everything(data)
-    if not _measured(rows):
-        return None
+@of_measured
+def _all_rows(rows: pd.DataFrame) -> Table:
+    return Table(rows[list(COLUMNS[1:])], "Every statement in the order of the talk, with what was measured.")
+
+
+@of_measured
+def _exceptions(rows: pd.DataFrame) -> Table:
     order = {CONTRADICTED: 0, MISSING: 1, WHERE: 2, UNTESTABLE: 3}
     part = rows[rows["verdict"] != HOLDS]
     part = part.assign(rank=part["verdict"].map(order)).sort_values("rank", kind="stable").head(ROWS)
     if part.empty:
         part = rows.head(ROWS)
-    caption = "Every statement that does not plainly hold; the others are on the sections' pages."
+    caption = "Every statement that does not hold as it stands; the others are on the pages of the sections."
     return Table(part[list(COLUMNS)], caption)
 
 
-def _whole(data: Data) -> pd.DataFrame:
+def exceptions(data: Data) -> Table | None:
+    """The statements that do not hold as stated, contradicted ones first."""
+    return _exceptions(everything(data))
+
+
+def _full_table(data: Data) -> pd.DataFrame:
     return everything(data)[list(COLUMNS[:-1])]
 
 
 LIMITS = (
     KEPT_TEXT,
-    "The words are this suite's; a statement is judged in its plain sense, on the systems that the measurement names.",
+    "The statements are paraphrased here and judged in their plain sense, on the systems that the measurement names.",
     "Every check has a control for which the statement must fail, in data/talk_checks.csv.",
 )
 LINKS = ", ".join(f"[{s.id}](talks-{s.id}.md)" for s in SECTIONS)
 PAGE = Page(
     id="talks",
-    question="What do the two talks state, and does it hold?",
+    question="Do the statements of the two talks hold?",
     tables=tuple(dict.fromkeys(name for s in SECTIONS for name in s.tables)),
     setting=(
-        "“Symplectic Integration of Hamiltonian Systems”, an introduction, and “A general symplectic integrator for "
-        "canonical Hamiltonian systems” (Y. Wang with Y. Bo and W. Cai).",
-        "Every definition, theorem, remark, table, figure, formula, method and system has a row, in the talks' order.",
-        f"All of them, section by section: {LINKS}.",
+        "The talks: “Symplectic Integration of Hamiltonian Systems”, an introduction, and “A general symplectic "
+        "integrator for canonical Hamiltonian systems” (Y. Wang with Y. Bo and W. Cai).",
+        "Every definition, theorem, remark, table, figure, formula, method and system of theirs is a statement.",
+        f"All statements, section by section: {LINKS}.",
     ),
-    verdicts=(_of_all(contradicted), _of_all(counted), _of_all(conditional)),
+    verdicts=_verdicts(everything),
+    answer=lambda data: answer(everything(data), "statements of two talks on symplectic integration"),
     limits=LIMITS,
     command="pytest benchmarks/experiments/talks",
     table=exceptions,
-    whole=_whole,
+    whole=_full_table,
 )
 
 
 def _page(section: Section) -> Page:
+    rows_of = partial(judgement_table, section)
     return Page(
         id=f"talks-{section.id}",
-        question=section.title,
+        question=section.question,
         tables=section.tables,
         setting=(
-            f"The talk on the {section.talk}; the rows are in its order.",
-            "What does not plainly hold in either talk is on [the talks' page](talks.md).",
+            f"Definitions, theorems, remarks, tables, figures, formulas, methods and systems of the {section.talk}.",
+            "What does not hold as it stands, in both talks: [talks](talks.md).",
         ),
-        verdicts=tuple(_of_section(v, section) for v in (contradicted, counted, conditional)),
+        verdicts=_verdicts(rows_of),
+        answer=lambda data: answer(rows_of(data), section.statements_of),
         limits=LIMITS,
         command="pytest benchmarks/experiments/talks",
-        table=partial(_section_table, section),
+        table=lambda data: _all_rows(rows_of(data)),
     )
 
 

@@ -1,1 +1,1 @@
-"""What does accuracy cost?"""
+"""Experiment: which integrator is the fastest at each accuracy?"""

@@ -1,19 +1,19 @@
-"""The same sweep twice: scenes drawn by a seed from those that are cheap to measure, each measured whole once more.
+"""Repeatability: a second, independent sweep of a few scenes, drawn with a seed from those that take little time.
 
-Nothing is carried over: the second sweep climbs, drops, refines and times as the first did, in a cell of its own that
-is measured apart from the first.
+The second sweep takes nothing from the first: it searches steps, drops integrators, refines and times them again, in a
+cell of its own.
 """
 
 from __future__ import annotations
 
 import random
 
-from phasebench.benchmarks.rows.cells import Rows
+from phasebench.benchmarks.store.cells import Rows
 
 from . import front
 
 TABLE = "front_again"
-#: How many scenes, drawn with which seed from those whose sweep takes some 15 seconds or less.
+#: Number of scenes and seed of the draw; the scenes whose sweep takes about 15 seconds or less.
 COUNT, SEED = 8, 11
 CHEAP = (
     "oscillator-phase",
@@ -38,10 +38,10 @@ CHEAP = (
 
 
 def scenes() -> list[str]:
-    """The scenes that are measured again."""
+    """The ids of the scenes that are measured twice."""
     return sorted(random.Random(SEED).sample(CHEAP, COUNT))
 
 
-def measured(scene: str) -> Rows:
-    """The finals of a scene, from its beginning."""
-    return {TABLE: front.measured(scene)[front.FINALS]}
+def measure_rows(scene: str) -> Rows:
+    """The rows of the finals of a scene's second sweep, by table."""
+    return {TABLE: front.measure_rows(scene)[front.FINALS]}

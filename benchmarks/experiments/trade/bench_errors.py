@@ -1,7 +1,7 @@
-"""Every method and peer on every scene: errors, orders, invariants; methods are held to the stored error tables.
+"""Measures every method and peer on every scene, and compares the methods' errors with the stored error tables.
 
-Peers are in the report's rows and not in the stored tables: their numbers follow the releases of other packages, and a
-number that moved there is no regression here.
+Peers have rows in the report but not in the stored tables: their numbers change with releases of other packages, which
+is no regression here.
 """
 
 from __future__ import annotations
@@ -11,106 +11,111 @@ import pytest
 
 from phasebench.benchmarks.experiments.trade import sweep
 from phasebench.benchmarks.measure.integrator import OURS
+from phasebench.benchmarks.measure.variants import variants
+from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.scenes import SCENES
+from phasebench.benchmarks.store import compare, error_tables
 from phasebench.integrators.registry import METHODS, method
-from phasebench.reference import tables
 
 KEYS = ["method", "h"]
 TRAJECTORY = ("global_error", "refinement_difference")
 INVARIANTS = ("energy_max", "energy_max_early", "angular-momentum_max")
-#: Where trajectories part, round-off decides what happens late: only the early energy error can be held.
+#: On chaotic scenes round-off decides late errors: only the early energy error is compared.
 CHAOTIC = ("energy_max_early",)
-#: Schemes IV and V choose between roots; where two are equally near, round-off decides which.
+#: Relative band for trajectories of methods that choose between roots, where round-off may decide the choice.
 CHOICE = 0.5
+#: When a table is recorded anew, smaller changes are not listed.
+LAST_DIGITS = compare.Band(5e-5, 0.0)
 
 
 def cells(quick: bool = False):
-    """The sweep."""
+    """The cells of the sweep."""
     return sweep.cells(quick)
 
 
-def _regressed(scene) -> tuple[str, ...]:
+def _regressions(scene) -> tuple[str, ...]:
     return (*TRAJECTORY, *INVARIANTS) if scene.regular else CHAOTIC
 
 
 def _table(rows, scene) -> pd.DataFrame:
-    """The rows of methods, with the columns that are stored."""
+    """The rows of this project's methods on a scene, with the columns that are stored."""
     frame = pd.DataFrame([r for r in rows if r.get("kind", OURS) == OURS])
     status = ["status"] if scene.regular else []
     uncertain = ["reference_uncertainty"] if scene.regular else []
-    columns = [*KEYS, *status, *(c for c in (*_regressed(scene), *uncertain) if c in frame.columns)]
+    columns = [*KEYS, *status, *(c for c in (*_regressions(scene), *uncertain) if c in frame.columns)]
     return frame[columns].sort_values(KEYS).reset_index(drop=True)
 
 
-def _violations(measured, stored, scene) -> pd.DataFrame:
-    """Numbers out of their bands; the trajectories of methods that choose a root have a wider one."""
-    parts = []
-    choosing = {m.id for m in METHODS if m.family in ("schemes_iv_v", "equip")}
-    for chooses in (False, True):
-        here = [frame[frame["method"].isin(choosing) == chooses].reset_index(drop=True) for frame in (measured, stored)]
-        bands = {
-            c: (
-                CHOICE if chooses and c in TRAJECTORY else scene.relative,
-                scene.trajectory if c in TRAJECTORY else scene.absolute,
-            )
-            for c in measured.columns
-            if c in _regressed(scene)
-        }
-        parts.append(tables.compare(*here, KEYS, bands))
-    return pd.concat(parts, ignore_index=True)
+def _bands(scene, columns, chooses: bool) -> dict[str, compare.Band]:
+    """Column -> tolerance band on a scene; wider for trajectories if the methods choose between roots (``chooses``)."""
+    return {"status": compare.EXACT} | {
+        c: compare.Band(
+            CHOICE if chooses and c in TRAJECTORY else scene.relative,
+            scene.trajectory if c in TRAJECTORY else scene.absolute,
+        )
+        for c in columns
+        if c in _regressions(scene)
+    }
 
 
-def _shown(difference: str) -> str:
-    """The difference without the changes that the last digits make."""
-    lines = difference.split("\n")
-    kept = [line for line in lines if not line.endswith(("(+0.00%)", "(-0.00%)"))]
-    left = len(lines) - len(kept)
-    return "\n".join(kept) + (f"\n  and {left} numbers moved by less than 0.005 %" if left else "")
-
-
-def regressions(rows, stored: pd.DataFrame, scene) -> pd.DataFrame:
-    """The numbers of measured rows that left their bands about the stored ones, with the ratio of the two."""
+def regressions(rows, stored: pd.DataFrame, scene) -> list[compare.Difference]:
+    """Measured numbers outside their bands about the stored ones, and rows that are missing on either side."""
     measured = _table(rows, scene)
     stored = stored[stored["method"].isin(measured["method"]) & stored["h"].isin(measured["h"])]
-    found = _violations(measured, stored.reset_index(drop=True), scene)
-    numbers = [pd.to_numeric(found[c], errors="coerce") for c in ("measured", "stored")]
-    return found.assign(ratio=numbers[0] / numbers[1])
+    choosing = [m.id for m in METHODS if m.family in ("schemes_iv_v", "equip")]
+    found = []
+    for chooses in (False, True):
+        here = [t[t["method"].isin(choosing) == chooses].to_dict("records") for t in (measured, stored)]
+        found += compare.differences(compare.match(*here, KEYS), _bands(scene, measured.columns, chooses))
+    return found
 
 
-def recorded(rows, stored: pd.DataFrame | None, scene) -> pd.DataFrame:
-    """The table to be stored: the measured rows in place of the old ones of the same methods."""
+def record(rows, stored: pd.DataFrame | None, scene) -> pd.DataFrame:
+    """The new table to store: measured rows replace the stored ones of the same methods."""
     measured = _table(rows, scene)
     if stored is None:
         return measured
     kept = stored[~stored["method"].isin(measured["method"])]
-    known = {method(id, **dict(parameters)).label for id, parameters in sweep.variants()}
+    known = {method(id, **dict(parameters)).label for id, parameters in variants()}
     kept = kept[kept["method"].isin(known)]
     return pd.concat([kept, measured]).sort_values(KEYS).reset_index(drop=True)
 
 
-def _record(rows, scene, notes: list[str]) -> None:
+def _update(rows, scene, notes: list[str]) -> None:
     bands = {"relative": scene.relative, "absolute": scene.absolute, "trajectory": scene.trajectory}
-    about = tables.provenance(scene.made(), scene=scene.id, **bands)
+    about = error_tables.provenance(problem_of(scene.problem), scene=scene.id, **bands)
     try:
-        old = tables.read(scene.id)[0]
-    except (FileNotFoundError, tables.CorruptTable):
+        old = error_tables.load(scene.id)[0]
+    except (FileNotFoundError, error_tables.CorruptTable):
         old = None
-    new = recorded(rows, old, scene)
-    notes.append(f"{scene.id}: {_shown(tables.difference(old, new, KEYS))}")
-    tables.write(scene.id, new, about)
+    new = record(rows, old, scene)
+    notes.append(f"{scene.id}: {changes(old, new)}")
+    error_tables.save(scene.id, new, about)
+
+
+def changes(old: pd.DataFrame | None, new: pd.DataFrame) -> str:
+    """A text of the changes from ``old`` (None: no table) to ``new``, a line each; small ones are only counted."""
+    if old is None:
+        return f"new table of {len(new)} rows"
+    lines = [f"- column {c}" for c in old if c not in new] + [f"+ column {c}" for c in new if c not in old]
+    pairs = compare.match(new.to_dict("records"), old.to_dict("records"), KEYS)
+    columns = [c for c in old if c in new and c not in KEYS]
+    every, large = (compare.differences(pairs, dict.fromkeys(columns, b)) for b in (compare.EXACT, LAST_DIGITS))
+    left = len(every) - len(large)
+    return "\n".join(lines + [f"  {d}" for d in large] + ([f"  and {left} numbers moved less"] if left else []))
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda s: s.id)
-def bench_scene(scene, measured, quick, update, notes):
-    """A measured number that left its band about the stored one fails, with the row, both numbers and their ratio."""
-    rows = [r for r in measured("rows") if r["scene"] == scene.id and r.get("kind", OURS) == OURS]
+def bench_scene(scene, measured_rows, quick, update, notes):
+    """Every measured number is in its band about the stored one; with --update-tables, the rows are stored instead."""
+    rows = [r for r in measured_rows("rows") if r["scene"] == scene.id and r.get("kind", OURS) == OURS]
     if not rows:
         pytest.skip("no row of a method on this scene was measured")
     if update and not quick:
-        _record(rows, scene, notes)
+        _update(rows, scene, notes)
         return
-    found = regressions(rows, tables.read(scene.id)[0], scene)
-    assert found.empty, (
+    found = regressions(rows, error_tables.load(scene.id)[0], scene)
+    assert not found, (
         f"{len(found)} numbers of {scene.id} left their bands (re-record with --update-tables if that is right):\n"
-        + found.to_string(index=False, float_format=lambda x: f"{x:.6e}")
+        + "\n".join(map(str, found))
     )

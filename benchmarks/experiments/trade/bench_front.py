@@ -1,4 +1,4 @@
-"""Which integrator for which accuracy: the front of every scene, and a few scenes once more."""
+"""Measures the fastest integrators of every scene at every accuracy, and checks the rows."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from types import ModuleType
 
 from phasebench.benchmarks.experiments.trade import again, field, front, retime
 from phasebench.benchmarks.problems.questions import BY_ID, QUESTIONS, Question
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, content, exact, states
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, content, exact, states
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each scene, and before them, since they are the cheap ones, for each that is measured twice.
+    """The cells of the scenes measured twice, which are fast, then of all scenes, then of further sweeps.
 
-    After them one for each further sweep of the finals that are stored; those of finals that this run measures anew are
-    of the next run.
+    Further sweeps time the finals that are stored now; finals that this run measures get theirs in the next run.
+    No cell if ``quick``.
     """
     if quick:
         return []
@@ -24,12 +24,12 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def _later(question: Question, sweep: int) -> Cell:
-    finals, made = retime.finals(question.id), Problem(question.problem)
+    finals, made = retime.finals(question.id), ProblemKey(question.problem)
     return Cell(
         "trade",
         (retime.TABLE,),
         {"scene": question.id, "sweep": sweep},
-        retime.measured,
+        retime.measure_rows,
         (question.id, sweep, finals),
         content(_competitors(retime.__name__), made, exact((question.id, question.t_end, sweep, finals))),
         frozenset({question.id, made.id}),
@@ -44,13 +44,13 @@ def _competitors(code: str) -> str:
 
 
 def _cell(question: Question, tables: tuple[str, ...], sweep: ModuleType) -> Cell:
-    made = Problem(question.problem)
+    made = ProblemKey(question.problem)
     asked = (question.id, question.t_end, question.quantity, question.accuracies)
     return Cell(
         "trade",
         tables,
         {"scene": question.id},
-        sweep.measured,
+        sweep.measure_rows,
         (question.id,),
         content(_competitors(sweep.__name__), made, states(made.id), exact(asked)),
         frozenset({question.id, made.id}),
@@ -59,8 +59,8 @@ def _cell(question: Question, tables: tuple[str, ...], sweep: ModuleType) -> Cel
     )
 
 
-def bench_front(measured):
-    """Whoever is named meets the accuracy, and has a time with an interval about it."""
-    rows = measured(front.FINALS) + measured(again.TABLE)
+def bench_front(measured_rows):
+    """Every finalist meets the accuracy, and its time lies within its interval."""
+    rows = measured_rows(front.FINALS) + measured_rows(again.TABLE)
     wrong = [r for r in rows if not (r["error"] <= r["accuracy"] and 0 < r["low"] <= r["seconds"] <= r["high"])]
     assert not wrong, wrong

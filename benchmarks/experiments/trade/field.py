@@ -1,59 +1,60 @@
-"""Who competes: every method of this project that can do a problem, and every peer at the settings of its own best.
+"""The competitors: every method of this project that can integrate a problem, and every peer at its best settings.
 
-Peers run as fast as their packages can: heyoka with and without ``high_accuracy`` and ``compact_mode`` (as far as it
-compiles in `climb.PREPARING` seconds); REBOUND's WHFast with ``safe_mode`` 0, its correctors, kernels and coordinates,
-IAS15 in each of its adaptive modes, SABA, leapfrog, JANUS, EOS and BS; SciPy's solvers with right-hand sides that Numba
-compiled, and its older interfaces, whose loops are compiled as well.  `LEFT_OUT` says who does not compete, and why.
+Peers run as fast as their packages can: heyoka with and without ``high_accuracy`` and ``compact_mode`` (if it compiles
+in `race.PREPARING` seconds); REBOUND's WHFast with ``safe_mode`` 0, its correctors, kernels and coordinates, IAS15 in
+each of its adaptive modes, SABA, leapfrog, JANUS, EOS and BS; SciPy's solvers with right-hand sides compiled by Numba,
+and its older interfaces, whose loops are compiled as well.  `LEFT_OUT` lists peers that do not compete, and why.
 
-On problems of more than `SMALL` degrees of freedom the field of this project's methods is a fixed one (`practical`).
+On problems of more than `SMALL` degrees of freedom only some of this project's methods compete (`practical`).
 """
 
 from __future__ import annotations
 
 from functools import cache
 
-from phasebench.benchmarks.advice.exact import exact
+from phasebench.benchmarks.ladder.exact import exact
 from phasebench.benchmarks.measure.integrator import OURS, Integrator, integrator
+from phasebench.benchmarks.measure.variants import variants
 from phasebench.integrators.record import Method
 from phasebench.reference.peers import PEERS, heyoka, rebound, scipy
 
-from . import peer_rows, sweep
+from . import peer_rows
 
-#: Peers of the registry that do not compete, and why.
+#: Registered peer that does not compete -> the reason.
 LEFT_OUT = {
     "heyoka-batch": "it carries the same orbit in every lane: a throughput of many orbits",
     "scipy-dop853": "its right-hand side is Python; scipy-dop853-numba is the same solver with a compiled one",
     "scipy-lsoda": "its right-hand side is Python; scipy-lsoda-numba is the same solver with a compiled one",
     "scipy-radau": "its right-hand side is Python; scipy-radau-numba is the same solver with a compiled one",
 }
-#: Degrees of freedom up to which all of this project's methods compete, and the families that compete above, besides
-#: Gauss methods and, where H is separable, those of one stage a substep.
+#: Degrees of freedom up to which all of this project's methods compete; the families that compete above, together with
+#: Gauss methods and, if H is separable, parametric methods with one stage per substep.
 SMALL = 4
-PRACTICAL = ("splitting", "runge_kutta", "relaxation", "adaptive", "wisdom_holman", "trigonometric")
-#: The most unknowns of a Gauss method's stages there: its dense Newton steps cost their cube.
+PRACTICAL = ("splitting", "runge_kutta", "relaxation", "adaptive", "field", "wisdom_holman", "trigonometric")
+#: Largest number of stage unknowns of a Gauss method above `SMALL`: a dense Newton step costs its cube.
 UNKNOWNS = 512
-#: Who is measured first, on either side: what they need is what the others have to beat.
+#: Competitors that are measured first; their times are the ones that the others have to beat.
 FIRST = ("heyoka", "heyoka-high-accuracy", "rebound-ias15", "stormer-verlet", "pefrl", "gauss-4", "gauss-8")
 
 
 @cache
 def competitors() -> tuple[Integrator, ...]:
-    """All of them, those of `FIRST` before the others."""
-    ours = [integrator(id, **dict(parameters)) for id, parameters in sweep.variants()]
+    """All competitors, those of `FIRST` before the others."""
+    ours = [integrator(id, parameters=dict(parameters)) for id, parameters in variants()]
     found = {c.label: c for c in (*ours, *map(Integrator, peers()))}
     first = [found.pop(id) for id in FIRST if id in found]
     return (*first, *found.values())
 
 
 def peers() -> list:
-    """The peers of the packages that this project depends on, with settings that are not in the registry."""
+    """The peers of the packages that this project depends on, also with settings that are not in the registry."""
     registered = [p for p in PEERS if p.package in peer_rows.PACKAGES and p.id not in LEFT_OUT]
     modes = [rebound.ias15(mode) for mode in rebound.ADAPTIVE_MODES[1:]]
     return [*registered, *heyoka.variants(), *modes, *rebound.TRIED, scipy.fast("ode"), scipy.fast("odeint")]
 
 
 def able(problem) -> tuple[list[Integrator], dict[str, str]]:
-    """(those that can integrate a problem, label -> why not of the others)."""
+    """(competitors that can integrate a problem, label -> reason for each of the others)."""
     can, cannot = [], {}
     for c in competitors():
         lack = c.lacks(problem) or ("it is exact on this problem, in one step" if exact(c, problem) else None)
@@ -67,10 +68,10 @@ def able(problem) -> tuple[list[Integrator], dict[str, str]]:
 
 
 def practical(m: Method, system) -> bool:
-    """Whether a method competes on a system of so many degrees of freedom.
+    """Whether a method competes on a system, given its degrees of freedom.
 
-    What is left out of many takes minutes to compile: root finders around stages, averages, projections, derivatives of
-    second and higher order.
+    Above `SMALL` the methods left out take minutes to compile: root finders around stages, averages, projections,
+    derivatives of second and higher order.
     """
     if system.d <= SMALL or m.family in PRACTICAL:
         return True
@@ -81,5 +82,5 @@ def practical(m: Method, system) -> bool:
 
 
 def ours(c: Integrator) -> bool:
-    """Whether it is a method of this project."""
+    """Whether an integrator is a method of this project."""
     return c.kind == OURS

@@ -1,26 +1,26 @@
-"""The figures of the trade: the ratio of the two sides over all scenes, and a scene's work-precision diagram."""
+"""The figures of the trade: ratios of the two sides over all scenes, and the work-precision diagram of a scene."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
 
+from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.timing import OURS, PEERS
-from phasebench.benchmarks.page import style
 from phasebench.benchmarks.page.page import Picture
 from phasebench.benchmarks.problems.questions import Question
 
-from .choice import SAME, drawn
+from .choice import SAME, SHOWN, at, counts, integrators_to_draw
 
-#: Curves of a work-precision diagram at most, of either side.
+#: Largest number of curves of each side in a work-precision diagram.
 CURVES = {OURS: 5, PEERS: 4}
-#: Colours are saturated where a side takes so many times as long; errors are drawn no smaller.
+#: Ratio at which colours are saturated; smaller errors than `FLOOR` are drawn at `FLOOR`.
 SATURATED, FLOOR = 8.0, 1e-16
 
 
-@style.drawn
+@style.styled
 def ratios(found: pd.DataFrame, folder) -> Picture:
-    """A field for each scene and accuracy: how many times as long ours took as the best peer."""
+    """A coloured field for each scene and accuracy: this project's best time over the best peer's."""
     from matplotlib.colors import LinearSegmentedColormap
 
     scenes = list(dict.fromkeys(found["scene"]))
@@ -36,17 +36,19 @@ def ratios(found: pd.DataFrame, folder) -> Picture:
     axes.imshow(np.log2(field.clip(1 / SATURATED, SATURATED)), cmap=colours, vmin=-most, vmax=most, aspect="auto")
     for (i, k), x in np.ndenumerate(field):
         if not np.isnan(x):
-            said = {0.0: "ours", np.inf: "peer"}.get(x, style.number(x, 2))
+            label = {0.0: "ours", np.inf: "peer"}.get(x, style.number(x, 2))
             dark = abs(np.log2(x)) > 0.6 * most if 0 < x < np.inf else True
-            axes.text(k, i, said, ha="center", va="center", fontsize=8, color="white" if dark else "black")
+            axes.text(k, i, label, ha="center", va="center", fontsize=8, color="white" if dark else "black")
     axes.set_yticks(range(len(scenes)), scenes)
     axes.set_xticks(range(len(decades)), [f"1e-{k}" for k in range(1, 14)])
     axes.xaxis.tick_top()
     axes.set_xlabel("error up to")
     axes.xaxis.set_label_position("top")
+    scores = {accuracy: counts(at(found, accuracy)) for accuracy in SHOWN}
+    told = "; ".join(f"{ours}, {peers} and {tied} at {a:g}" for a, (ours, peers, tied, _) in scores.items())
     caption = (
-        "How many times as long the best of this project takes as the best peer: blue where ours is cheaper, red where "
-        "a peer is; ours or peer alone where only that side reaches the error."
+        "Our best time over the best peer's. Blue: ours is faster; red: a peer; ours or peer: only that side "
+        f"reaches the error. Scenes won by ours, by a peer, tied: {told}."
     )
     return Picture(style.save(figure, folder, "trade.png"), "time of ours over the best peer's", caption)
 
@@ -58,13 +60,13 @@ def _ratio(row) -> float:
     return 0.0 if there[0] else np.inf if there[1] else np.nan
 
 
-@style.drawn
+@style.styled
 def work_precision(question: Question, finals: pd.DataFrame, rungs: pd.DataFrame, folder) -> Picture:
-    """Errors against seconds and against steps, the curves that win most often, the front drawn."""
+    """Errors over seconds and over steps for the integrators that win most often, with the front."""
     figure, (panels,) = style.panels(1, 2, 3.6, sharey=True)
     looks = iter(style.looks())
     for side, most in CURVES.items():
-        for name in drawn(finals, side, most):
+        for name in integrators_to_draw(finals, side, most):
             curve = rungs[(rungs["integrator"] == name) & (rungs["error"] > 0)]
             fill = {} if side == OURS else {"markerfacecolor": "white"}
             look = next(looks) | fill
@@ -80,7 +82,7 @@ def work_precision(question: Question, finals: pd.DataFrame, rungs: pd.DataFrame
         axes.set_ylim(FLOOR, 10 * max(question.accuracies))
     style.legend_above(figure, panels[0], 3)
     caption = (
-        f"Error of {question.id} against warm seconds without output, and against steps: of each side those that are "
-        "cheapest at most accuracies; filled marks ours, white marks peers; grey the front of all."
+        f"Error of {question.id} over the seconds of a warm run without output, and over its steps: the integrators of "
+        "each side that are its fastest at most errors. Filled marks: ours; white: peers; grey: the fastest of all."
     )
     return Picture(style.save(figure, folder, f"trade-{question.id}.png"), question.about, caption)

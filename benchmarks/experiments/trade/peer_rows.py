@@ -1,60 +1,57 @@
-"""Peers in a sweep: which of them, at which steps or tolerances, and their rows.
+"""The rows of peers in a sweep: which peers run, at which steps or tolerances, and what is measured.
 
-In a sweep are the peers of the packages that this project depends on.  A fixed-step peer runs at a scene's steps, an
-adaptive one over `TOLERANCES` (a row has ``tol``, and no h).  Two runs are made: one without output, which gives the
-time, the counts and the error at the end, and one with rows, which gives the invariants; where trajectories part, a
-third to the time at which their error is told.  Output of an integrator that has no interpolation ends its steps at the
-rows, hence the first.  Rows are at most `MOST`, every ``rows_every``-th step of a fixed-step peer.
+A sweep has the peers of the packages that this project depends on.  A fixed-step peer runs at a scene's steps, an
+adaptive one over `TOLERANCES` (its rows have ``tol``, and no h).  Two runs are made: one without output for the time,
+the counts and the error at the end, and one with rows for the invariants; on a chaotic scene, a third ends at the time
+of its error.  The first has no output because an integrator without interpolation would end steps at the rows.  A
+fixed-step peer has at most `MOST` rows, at every ``rows_every``-th step.
 """
 
 from __future__ import annotations
 
 import statistics
-from importlib.util import find_spec
 from math import ceil
 from typing import Any
 
 from phasebench.benchmarks.measure.accuracy import head, invariants, trajectory_error, truth
+from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.scenes import DRIFT, Scene
 from phasebench.integrators.driver import INVALID, OK, SKIPPED
 from phasebench.integrators.errors import InvalidInput
 from phasebench.reference.peers import PEERS, Peer, integrate_peer
 
-#: The hard dependencies among the packages; peers of others are in the audit alone.
+#: The peers' packages that this project depends on; other peers are only in the audit.
 PACKAGES = ("heyoka", "rebound", "scipy")
 TOLERANCES = (1e-6, 1e-9, 1e-12, 1e-15)
-#: Sizes that peers run on the long scenes, and those that run the loosest tolerance there alone, being slow.
+#: Number of steps or tolerances of a peer on the long scenes; slow peers, which run only the loosest tolerance there.
 SIZES = 2
 SLOW = ("scipy-dop853", "scipy-lsoda", "scipy-radau", "scipy-radau-numba")
-#: What the quick tier runs, and at how many steps.
+#: The peers of the quick tier, and their number of steps.
 QUICK, RUNGS = ("heyoka", "rebound-leapfrog", "rebound-whfast", "scipy-dop853"), 3
-#: Peers of a higher order run the long scenes at the largest step only, as methods do.
+#: On long scenes, peers of a higher order run only at the largest step, as methods do.
 HIGH = 4
-#: Rows of a fixed-step peer; of an adaptive one on a long scene (a prime, so that no period is sampled at few phases).
+#: Rows of a fixed-step peer, and of an adaptive one on a long scene (a prime, which samples a period at many phases).
 MOST, ADAPTIVE = 5000, 997
-#: A run of more seconds is not repeated for its time.
+#: A run of more seconds than this is timed only once.
 LONG = 0.3
 
 
 def swept(quick: bool = False) -> list[Peer]:
-    """The peers of a sweep; of a quick one a few."""
+    """The peers of a sweep; only a few if ``quick``."""
     return [p for p in PEERS if p.package in PACKAGES and (not quick or p.id in QUICK)]
 
 
 def lacks(peer: Peer, scene: Scene) -> str | None:
-    """Why a peer cannot do a scene, or None."""
-    try:
-        here = find_spec(peer.package) is not None
-    except ValueError:  # it was taken out of the imported modules
-        here = False
-    if not here:
+    """The reason why a peer cannot run a scene, or None."""
+    if not Integrator(peer).installed:
         return f"{peer.package} is not installed; pip install {peer.package}"
-    made = scene.made()
+    made = problem_of(scene.problem)
     return peer.lacks(made, made.system)
 
 
 def sizes(peer: Peer, scene: Scene, quick: bool = False) -> list[tuple[float | None, float | None]]:
-    """(h, tol) of a peer's rows on a scene; a single row where it cannot do it."""
+    """(h, tol) of each row of a peer on a scene, one of them None; a single row if the peer cannot run it."""
     if peer.adaptive:
         found = [(None, tol) for tol in TOLERANCES if tol >= peer.least]
         coarse = peer.id in SLOW
@@ -69,7 +66,7 @@ def sizes(peer: Peer, scene: Scene, quick: bool = False) -> list[tuple[float | N
 
 def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeats: int) -> dict[str, Any]:
     """What is measured of a peer on a scene at a step or a tolerance."""
-    problem = scene.made()
+    problem = problem_of(scene.problem)
     row = head(scene, problem, peer, peer.package, peer.package)
     row |= {"h": h, "tol": tol}
     lack = lacks(peer, scene)
@@ -97,7 +94,7 @@ def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeat
 
 
 def _with_rows(problem, peer: Peer, scene: Scene, h: float | None, tol: float | None):
-    """(the run with rows, how many steps a row is apart, or None of an adaptive peer)."""
+    """(run with rows, number of steps between rows or, for an adaptive peer, None)."""
     if peer.adaptive:
         steps = ADAPTIVE if scene.purpose == DRIFT else round(scene.t_end / scene.steps[0])
         return integrate_peer(problem, peer, tol=tol, t_end=scene.t_end, steps=steps), None

@@ -1,83 +1,98 @@
-"""Ours over the best of heyoka, REBOUND and SciPy on every scene and accuracy of the trade: who is slower, and why."""
+"""The page of the ratios of this project's best time to the best peer's, with reasons where this project is slower."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
 
+from phasebench.benchmarks import style
 from phasebench.benchmarks.measure.timing import OURS, PEERS
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.markdown import listed, number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict
+from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table
+from phasebench.benchmarks.page.verdict import EVERY, Count, Range, Verdict, at_least
 from phasebench.benchmarks.problems.questions import QUESTIONS
 
 from .front import CHOICES, FINALS, RUNGS
-from .reasons import ALIKE, MEANING, REST, UNREACHED, WANTED, WITHIN, above, cells, told
+from .page import scenes_with_rows
+from .reasons import ALIKE, MEANING, UNREACHED, WANTED, above, cells, sentence
 from .settled import TIMES, of_choices
 
-#: So often ours should take no longer.
+#: Smallest share of the cells (scene, accuracy) in which this project should take no longer.
 OFTEN = 0.95
-#: Reasons that are points of the figure, by the factors of their ratio.
+#: Reasons that the figure shows, as points over the two factors of the ratio.
 DRAWN = [reason for reason in MEANING if reason != UNREACHED]
 
 
 @of_choices()
 def share(front: pd.DataFrame) -> Verdict:
-    """In how many cells ours takes no longer, on how many of the scenes."""
+    """Whether this project takes no longer than the best peer in nearly all cells."""
     found = cells(front)
-    good, sure = int((found["ratio"] <= WANTED).sum()), int((found["ratio high"] <= WANTED).sum())
-    measured = set(front["scene"])
-    left = [q.id for q in QUESTIONS if q.id not in measured]
-    percent = 100 * good / len(found)
-    short = f"At most {WANTED:.1f} of the best peer's time in {good} of {len(found)} cells ({percent:.1f} %)"
-    text = f"{short} of a scene and an accuracy, in {sure} with the whole interval; wanted: {100 * OFTEN:.0f} %"
-    text += f". {len(measured)} of {len(QUESTIONS)} scenes are measured; not {listed(left, 9)}" if left else ""
-    return Verdict(f"{text}.", good >= OFTEN * len(found) and not left, f"{short}.")
+    slow = found[~(found["ratio"] <= WANTED)]
+    return Verdict(
+        "This project's fastest method takes no longer than the fastest peer",
+        Count(len(found) - len(slow), len(found)),
+        at_least(OFTEN),
+        "cells",
+        where=_slowest(slow),
+    )
+
+
+def _slowest(slow: pd.DataFrame) -> str:
+    """A text: the scene with the most slow cells, and their number."""
+    if slow.empty:
+        return ""
+    scenes = slow.groupby("scene", sort=False).size()
+    return f"{scenes.idxmax()}: {scenes.max()} cells slower"
 
 
 @of_choices()
-def until(front: pd.DataFrame) -> Verdict:
-    """From which accuracy on ours takes longer too often, and the scenes where it does."""
-    found = cells(front).assign(good=lambda t: t["ratio"] <= WANTED)
-    shares = found.groupby("accuracy")["good"].mean().sort_index(ascending=False)
-    enough = shares[(shares >= OFTEN).cummin()]
-    low = shares.idxmin()
-    text = f"The share is at least {100 * OFTEN:.0f} % "
-    if len(enough) == len(shares):
-        text += "at every accuracy"
-    else:
-        text += f"down to {enough.index[-1]:g}" if len(enough) else "not even at the coarsest accuracy"
-        text += f", and least at {low:g} with {100 * shares[low]:.0f} %"
-    slow = found[~found["good"]].groupby("scene", sort=False).size().sort_values(ascending=False, kind="stable")
-    text += f". Slower anywhere: {listed([f'{s} ({n})' for s, n in slow.items()], 6)}" if len(slow) else ""
-    return Verdict(f"{text}.", len(enough) == len(shares), f"{text}.")
+def everywhere(front: pd.DataFrame) -> Verdict:
+    """Whether, at each accuracy, this project takes no longer in nearly all scenes."""
+    found = cells(front)
+    shares = (found["ratio"] <= WANTED).groupby(found["accuracy"]).mean().sort_index(ascending=False)
+    return Verdict(
+        "At every error ours takes no longer in nearly every scene",
+        Range(shares.min(), shares.max()),
+        at_least(OFTEN),
+        "of the scenes",
+        where=f"errors up to {shares.idxmin():g}",
+    )
 
 
 @of_choices(RUNGS)
-def why(front: pd.DataFrame, rungs: pd.DataFrame) -> Verdict | None:
-    """The reasons, by how many cells they explain."""
+def explanations(front: pd.DataFrame, rungs: pd.DataFrame) -> Verdict | None:
+    """Whether the measured steps and evaluations explain every cell in which this project is slower."""
     found = above(front, rungs)
     if found.empty:
         return None
-    number_of = found["reason"].value_counts()
-    parts = [f"{int(number_of[r])} {r} ({meaning})" for r, meaning in MEANING.items() if r in number_of]
-    unknown = int(found["reason"].isna().sum())
-    text = f"Of {len(found)} cells above {WANTED:.1f}: {'; '.join(parts) or 'none explained'}"
-    text += f"; {unknown} {'is' if unknown == 1 else 'are'} not explained by the rows" if unknown else ""
-    grown = found[np.isfinite(found["ours grew"]) & ~found["reason"].isin([WITHIN])]
-    if len(grown):
-        ours, peer = (number(float(grown[f"{side} grew"].median()), 2) for side in (OURS, PEERS))
-        text += (
-            f". From the last accuracy at which ours is no slower its steps grow {ours} times in the median, the "
-            f"peer's {peer} times"
-        )
-    return Verdict(f"{text}.", not unknown, f"{len(found) - unknown} of {len(found)} cells above are explained.")
+    unknown = found[found["reason"].isna()]
+    return Verdict(
+        "The measured steps and evaluations explain every cell where ours is slower",
+        Count(len(found) - len(unknown), len(found)),
+        EVERY,
+        "cells",
+        where=", ".join(f"{r['scene']} to {r['accuracy']:g}" for _, r in unknown.head(3).iterrows()),
+    )
+
+
+@of_choices()
+def answer(front: pd.DataFrame) -> str:
+    """A sentence: in how many cells a peer is faster, and in how many by more than the scatter of the times."""
+    found = cells(front)
+    slow = found[~(found["ratio"] <= WANTED)]
+    certain = slow[~(slow["ratio low"] <= WANTED)]
+    text = (
+        f"In {len(slow)} of {len(found)} cases (a scene, an error) heyoka, REBOUND or SciPy is faster than phasebench"
+    )
+    if certain.empty:
+        return f"{text}, in none beyond the times' scatter."
+    return f"{text}; in {len(certain)} beyond the times' scatter: {join_list(certain['scene'].unique(), 2)}."
 
 
 @of_choices(RUNGS)
-@style.drawn
+@style.styled
 def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder) -> list[Picture]:
-    """The share of the cells by accuracy; of those above the two factors of the ratio."""
+    """Left: share of cells in which this project is no slower, by accuracy; right: factors of the other ratios."""
     found, slow = cells(front), above(front, rungs)
     figure, ((left, right),) = style.panels(1, 2, 3.4)
     by = found.groupby("accuracy")
@@ -85,7 +100,7 @@ def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder) -> list[Picture]:
         shares = by[column].agg(lambda x: (x <= WANTED).mean())
         left.semilogx(shares.index, 100 * shares, label=label, **style.curve(k))
     left.axhline(100 * OFTEN, color=style.GREY, linewidth=0.8, linestyle=":")
-    left.set(xlabel="error up to", ylabel=f"% of the scenes at most {WANTED:.1f}", ylim=(0, 103))
+    left.set(xlabel="error up to", ylabel="% of the scenes in which ours is no slower", ylim=(0, 103))
     left.invert_xaxis()
     left.legend(loc="lower left")
     for k, reason in enumerate(DRAWN):
@@ -99,14 +114,14 @@ def draw(front: pd.DataFrame, rungs: pd.DataFrame, folder) -> list[Picture]:
     if right.get_legend_handles_labels()[0]:
         right.legend(loc="best")
     caption = (
-        f"Left: in how many scenes ours takes at most {WANTED:.1f} of the best peer's time (dotted: wanted). Right: "
-        f"the cells above it, by the two factors of their ratio; on the line it is {WANTED:.1f}."
+        "Left: the share of the scenes in which ours takes no longer than the best peer (dotted: wanted). Right: "
+        "the cells in which it takes longer, by the two factors of the ratio; on the line both take as long."
     )
     return [Picture(style.save(figure, folder, "trade-ratios.png"), "ours over the best peer", caption)]
 
 
 def _side(row, side: str) -> str:
-    """Who, at which step or tolerance."""
+    """A text: the best integrator of a side with its step or tolerance."""
     name, h, tol = (row[f"{side} {x}"] for x in ("integrator", "h", "tol"))
     if not isinstance(name, str):
         return "none"
@@ -122,7 +137,7 @@ def _interval(row) -> str:
 
 @of_choices(RUNGS)
 def table(front: pd.DataFrame, rungs: pd.DataFrame) -> Table | None:
-    """The worst cell of every scene that has one, then the next worst, up to `ROWS`."""
+    """The slowest cell of every scene, then the next slowest ones, up to `ROWS` lines."""
     found = above(front, rungs)
     if found.empty:
         return None
@@ -134,24 +149,23 @@ def table(front: pd.DataFrame, rungs: pd.DataFrame) -> Table | None:
             "ours": _side(r, OURS),
             "peer": _side(r, PEERS),
             "ratio": _interval(r),
-            "why": told(r, rungs),
+            "why": sentence(r, rungs),
         }
         for r in order.sort_values("ratio", ascending=False, kind="stable").to_dict("records")
     ]
     caption = (
-        f"Cells above {WANTED:.1f}, of each scene its worst before any second one. Why: the reason; steps and a step's "
-        "time of ours over the peer's, whose product is the ratio; what share of its time ours would take for its "
-        f"evaluations at the scene's cheapest price ('{REST}': that share alone is at most the peer's time); how many "
-        "times as many steps ours and the peer take since the last accuracy at which ours was no slower."
+        "Cells in which ours takes longer: the worst of each scene first, then the next worst. Why: the reason; "
+        "steps and a step's time, ours over the peer's; the share of our time that its evaluations take at their "
+        "cheapest; the growth of both sides' steps since the last error at which ours was no slower."
     )
     return Table(pd.DataFrame(lines), caption)
 
 
 @of_choices(RUNGS)
-def _whole(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
-    """Every cell, those above with their reason."""
+def _full_table(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
+    """For each scene and accuracy our time over the best peer's, with the reason if this project is slower."""
     found, slow = cells(front), above(front, rungs)
-    reasons = {(r["scene"], r["accuracy"]): told(r, rungs) for r in slow.to_dict("records")}
+    reasons = {(r["scene"], r["accuracy"]): sentence(r, rungs) for r in slow.to_dict("records")}
     keys = zip(found["scene"], found["accuracy"], strict=True)
     sides = [f"{side} {x}" for side in (OURS, PEERS) for x in ("integrator", "steps", "seconds")]
     columns = ["scene", "quantity", "accuracy", *sides, "ratio", "ratio low", "ratio high", "cheaper", "why"]
@@ -163,28 +177,31 @@ PAGE = Page(
     question="On which scenes and accuracies are the established integrators faster, and why?",
     tables=(CHOICES, FINALS, TIMES, RUNGS),
     setting=(
-        f"A cell is one of {len(QUESTIONS)} scenes and an accuracy of 1e-1 to 1e-13 that somebody reaches: the time of "
-        "the cheapest method of this project over that of the cheapest of heyoka, REBOUND and SciPy, at their best.",
-        "Both run in turns, warm, without output; the ratio is the median over the rounds, with its 95 % interval. "
-        "All of it is from the rows of [the trade](trade.md), which says how they are measured and shows every ratio.",
-        "A ratio is the product of two: of the numbers of steps, and of the times of a step.",
-        "Evaluations (of the gradient of V where H is separated, else of the whole) times the time of the cheapest "
-        "evaluation of any method of this project on the scene are a share of a run; the rest are sums, solving, "
-        "evaluations out of lanes.",
+        f"A cell is one of {len(QUESTIONS)} scenes and an error from 0.1 to 1e-13 that some integrator reaches. Its "
+        "ratio is the time of this project's fastest method over that of the fastest of heyoka, REBOUND and SciPy "
+        "at their best settings.",
+        "Both run in turns, warm, without output; the interval of a ratio is where a further sweep lies. All is "
+        "from the rows of [the trade](trade.md), which says how they are measured and shows every ratio.",
+        "A ratio is a product: of the ratio of the numbers of steps, and that of the times of a step.",
+        "A run's time is its evaluations (of the gradient of V where H is separable, else of all of H) at the price "
+        "of the cheapest evaluation on the scene, and a rest: sums, solving, evaluations outside SIMD lanes.",
+        f"Reasons: {'; '.join(f'{reason} ({meaning})' for reason, meaning in MEANING.items())}.",
     ),
-    verdicts=(share, until, why),
+    verdicts=(share, everywhere, explanations, scenes_with_rows),
+    answer=answer,
     figures=draw,
     table=table,
-    whole=_whole,
+    whole=_full_table,
     limits=(
-        "The price of an evaluation is that of a whole run divided by its evaluations, of the method where this is "
-        "least: an upper bound, by which the share of the evaluations may be too large; one of V alone is cheaper than "
-        "one of all of H.",
-        "The best peer is not the same at each accuracy, nor is ours: steps that grew are of whoever was the cheapest.",
-        "Steps of a Taylor series whose order follows the tolerance are not steps of a fixed order: that they "
-        "hardly grow is what their order pays for.",
-        "The cheapest of many is the fastest found; who was dropped on the way is in data/front_dropped.csv.",
-        f"Cells that no side reaches are left out. WANTED = {WANTED:g}, OFTEN = {OFTEN:g}, ALIKE = {ALIKE:g}.",
+        "The price of an evaluation is a whole run's time divided by its evaluations, where this is least: an upper "
+        "bound, by which the share of the evaluations may be too large. One of V alone costs less than one of all "
+        "of H.",
+        "The fastest peer is not the same at each error, nor is ours: the growth of steps compares whoever was the "
+        "fastest.",
+        "The order of a Taylor series follows the tolerance: its steps hardly grow in number, but each gets dearer.",
+        "The fastest is the fastest found; who was dropped on the way is in data/front_dropped.csv.",
+        "Cells that no side reaches are left out. Factors of steps or of a step's time up to "
+        f"{ALIKE:g} count as the same; at least {100 * OFTEN:.0f} % of the cells are wanted.",
     ),
     command="pytest benchmarks/experiments/trade",
 )

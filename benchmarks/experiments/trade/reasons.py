@@ -1,13 +1,13 @@
-r"""Why a method of this project takes longer than the best peer at an accuracy: functions of the trade's tables.
+r"""Reasons why this project's best method takes longer than the best peer, computed from the tables of the trade.
 
-A time is a number of steps times what a step takes, on either side:
+On either side, the time t is the number of steps n times the time of a step (primes mark the peer):
 
 .. math:: \frac{t}{t'} = \frac{n}{n'} \cdot \frac{t/n}{t'/n'} .
 
-A step of ours makes evaluations (of the gradient of V where H is separated, else of the whole), which are counted.  At
-the price of the cheapest evaluation that any method of this project makes on the scene they are a share of its time;
-the rest is what a step does besides (sums, solving, evaluations that are not in lanes), and at least so much.
-Peers do not all count theirs.
+The evaluations in a step of this project's method are counted (of grad V if H is separable, else of grad H).  Their
+number times the least time per evaluation of any method of this project on the scene is a share of the step's time.
+The rest is a lower bound for everything else in a step (sums, equation solving, evaluations that are not vectorized).
+Not all peers count their evaluations.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from phasebench.benchmarks.page.markdown import number
 
 from .choice import choices
 
-#: No more than so many times the best peer's time is wanted; factors of a ratio up to `ALIKE` are called the same.
+#: Largest ratio wanted of our time to the best peer's; factors up to `ALIKE` count as 1.
 WANTED, ALIKE = 1.0, 1.1
-#: Why a cell is above it.
+#: Reasons why the ratio of a cell is above `WANTED`.
 UNREACHED, WITHIN, REST, MORE, DEARER, BOTH = (
     "not reached",
     "within the interval",
@@ -34,19 +34,19 @@ UNREACHED, WITHIN, REST, MORE, DEARER, BOTH = (
     "dearer steps",
     "more and dearer steps",
 )
-#: Each with what it means.
+#: Reason -> its meaning.
 MEANING = {
     UNREACHED: "a peer alone gets there",
     WITHIN: f"the ratio's interval holds {WANTED:.1f}",
-    REST: "with the evaluations alone, at the scene's cheapest price, it would be no slower",
-    MORE: "its steps are no dearer, there are more of them",
-    DEARER: "its steps are no more, each takes longer",
-    BOTH: "it takes more steps, and each takes longer",
+    REST: "for its evaluations alone ours would not take longer",
+    MORE: "not dearer ones",
+    DEARER: "not more of them",
+    BOTH: "ours takes more, and each longer",
 }
 
 
 def cells(front: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene and accuracy that a side reaches; the ratio is 0 of ours alone, infinite of a peer alone."""
+    """A row for each scene and accuracy that a side reaches; the ratio is 0 if only ours does, inf if only a peer."""
     found = choices(front)
     ours, peer = (found[f"{side} integrator"].notna() for side in (OURS, PEERS))
     alone = np.select([ours & ~peer, peer & ~ours], [0.0, inf], nan)
@@ -55,12 +55,12 @@ def cells(front: pd.DataFrame) -> pd.DataFrame:
 
 
 def above(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
-    """The cells of more than `WANTED`, the worst first, each with the parts of its ratio and the reason.
+    """The cells with a ratio above `WANTED`, the largest first, each with the factors of its ratio and the reason.
 
-    Columns besides those of the cells: ``steps`` and ``step``, the two factors of the ratio; ``per step``, evaluations
-    of ours; ``share``, of its time that they take at the scene's cheapest price; ``evaluations alone``, the ratio of
-    that share; ``until``, the finest accuracy before this one at which ours took at most `WANTED`, and ``ours grew``,
-    ``peer grew``, how many times as many steps either takes since; ``reason``, one of `MEANING`.
+    Added columns: ``steps`` and ``step``, the two factors of the ratio; ``per step``, evaluations in a step of our
+    method; ``share``, the share of its time that they take at the scene's `price`; ``evaluations alone``, the ratio
+    times that share; ``until``, the finest coarser accuracy at which the ratio is at most `WANTED`; ``ours grew``,
+    ``peer grew``, the growth of either side's number of steps since then; ``reason``, a key of `MEANING` or None.
     """
     told, rows = cells(front), []
     prices = {scene: price(part) for scene, part in rungs.groupby("scene", sort=False)}
@@ -74,13 +74,13 @@ def above(front: pd.DataFrame, rungs: pd.DataFrame) -> pd.DataFrame:
 
 
 def price(rungs: pd.DataFrame) -> float:
-    """The seconds of the cheapest evaluation that a method of this project makes in these runs; NaN for none."""
+    """The least seconds per evaluation of this project's methods in these runs; NaN if there are none."""
     own = rungs[(rungs["kind"] == PROJECT) & (rungs["evaluations"] > 0) & (rungs["seconds"] > 0)]
     return float((own["seconds"] / own["evaluations"]).min()) if len(own) else nan
 
 
 def _parts(row: dict, cheapest: float) -> dict[str, float]:
-    """The two factors of the ratio, and what its evaluations are of it."""
+    """The columns ``steps``, ``step``, ``per step``, ``share`` and ``evaluations alone`` of `above`."""
     n, m = (row[f"{side} steps"] for side in (OURS, PEERS))
     steps = n / m if m else nan
     evaluations = row[f"{OURS} evaluations"]
@@ -90,7 +90,7 @@ def _parts(row: dict, cheapest: float) -> dict[str, float]:
 
 
 def _growth(row: dict, scene: pd.DataFrame) -> dict[str, float]:
-    """How the numbers of steps grew since the finest accuracy before at which ours was fast enough."""
+    """The columns ``until``, ``ours grew`` and ``peer grew`` of `above`."""
     before = scene[(scene["accuracy"] > row["accuracy"]) & (scene["ratio"] <= WANTED)]
     if before.empty:
         return {"until": nan, "ours grew": nan, "peer grew": nan}
@@ -100,7 +100,7 @@ def _growth(row: dict, scene: pd.DataFrame) -> dict[str, float]:
 
 
 def _reason(row: dict, parts: dict[str, float]) -> str | None:
-    """Why the ratio is above `WANTED`; None where the rows do not tell."""
+    """The reason why a ratio is above `WANTED`, a key of `MEANING`; None if the rows do not show it."""
     if row["ratio"] == inf:
         return UNREACHED
     if row["ratio low"] <= WANTED:
@@ -113,8 +113,8 @@ def _reason(row: dict, parts: dict[str, float]) -> str | None:
     return BOTH if more == dearer else MORE if more else DEARER
 
 
-def told(row, rungs: pd.DataFrame) -> str:
-    """A cell's reason with its numbers."""
+def sentence(row, rungs: pd.DataFrame) -> str:
+    """Say with the measured numbers why this project is slower than the best peer in this row."""
     if row["reason"] == UNREACHED:
         return f"{UNREACHED}: {_nearest(row, rungs)}"
     text = f"{row['reason'] or 'not told'}: steps x {number(row['steps'], 2)}, a step's time x {number(row['step'], 2)}"
@@ -126,7 +126,7 @@ def told(row, rungs: pd.DataFrame) -> str:
 
 
 def _nearest(row, rungs: pd.DataFrame) -> str:
-    """The least error of a method of this project on a scene."""
+    """A text: the least error of this project's methods on a scene."""
     own = rungs[(rungs["scene"] == row["scene"]) & (rungs["kind"] == PROJECT) & (rungs["error"] > 0)]
     if own.empty:
         return "no run of ours is kept"

@@ -1,34 +1,34 @@
-"""The finals of a scene timed again, in another process and later: sweeps after the first.
+"""Further sweeps: the stored finals of a scene are timed again, later and in another process.
 
-The runs are those of the stored finals, at their steps and tolerances; nothing is searched for.  What stands on a page
-joins the first sweep with the second (`settled`), and the third shows how often the intervals of these two hold it.
+The runs repeat the steps and tolerances of the stored finals, without a search.  The pages join the first and the
+second sweep (`settled`); the third shows how often the intervals from these two contain a new time.
 """
 
 from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Any
 
+from phasebench.benchmarks.ladder.final import rounds
 from phasebench.benchmarks.measure import clock, timing
 from phasebench.benchmarks.problems.questions import BY_ID
-from phasebench.benchmarks.rows import tables
-from phasebench.benchmarks.rows.cells import Rows
+from phasebench.benchmarks.store import tables
+from phasebench.benchmarks.store.cells import Rows
 
 from .field import competitors
-from .front import FINALS, rounds
+from .front import FINAL, FINALS
 
 TABLE = "front_times"
-#: The sweeps besides the first; the last is the check of what is told of the others.
+#: The sweeps after the first; the last one checks the intervals from the others.
 SWEEPS = (2, 3)
-#: Where the finals of the first sweep are stored.
+#: Folder of the stored finals of the first sweep.
 DATA = Path(__file__).resolve().parents[3] / "reports" / "data"
-#: What a final is found by: accuracy, side, label, steps or None, tolerance or None, seconds in the first sweep.
+#: A final: accuracy, side, label, steps or None, tolerance or None, seconds in the first sweep.
 Final = tuple[float, str, str, int | None, float | None, float]
 
 
 @cache
-def _stored(folder: Path) -> dict[str, tuple[Final, ...]]:
+def _stored_finals(folder: Path) -> dict[str, tuple[Final, ...]]:
     out: dict[str, list[Final]] = {}
     for row in tables.Table(folder, FINALS).rows:
         steps = round(BY_ID[row["scene"]].t_end / float(row["h"])) if row["h"] else None
@@ -39,26 +39,21 @@ def _stored(folder: Path) -> dict[str, tuple[Final, ...]]:
 
 
 def finals(scene: str, folder: Path = DATA) -> tuple[Final, ...]:
-    """The finals of a scene as they are stored; none where the scene was not measured."""
-    return _stored(folder).get(scene, ())
+    """The stored finals of a scene; empty if the scene was not measured."""
+    return _stored_finals(folder).get(scene, ())
 
 
-def measured(scene: str, sweep: int, stored: tuple[Final, ...]) -> Rows:
-    """The seconds of every final of a scene, each accuracy in turns."""
+def measure_rows(scene: str, sweep: int, stored: tuple[Final, ...]) -> Rows:
+    """The rows of a further sweep: times of every final of a scene, timed in turns at each accuracy."""
     question = BY_ID[scene]
-    made, by_label = question.made(), {c.label: c for c in competitors()}
-    prepared: dict[tuple, Any] = {}
+    made, by_label = question.build_problem(), {c.label: c for c in competitors()}
+    clocks = clock.Clocks(made, question.t_end)
     rows = []
     for accuracy in dict.fromkeys(line[0] for line in stored):
         members = [line for line in stored if line[0] == accuracy]
-        sharing = clock.Sharing()
-        work = {}
-        for k, (_, _, label, steps, tol, _) in enumerate(members):
-            if (label, tol) not in prepared:
-                prepared[label, tol] = by_label[label].prepare(made, tol=tol)
-            size = {"t_end": question.t_end, "steps": steps, "tol": tol}
-            work[k] = clock.clock(by_label[label], made, **size, run=prepared[label, tol], sharing=sharing)
-        found = timing.in_turns(work, rounds(sum(line[-1] for line in members)))
+        clocks.sharing = sharing = clock.Sharing()
+        work = {k: clocks.of(by_label[m[2]], steps=m[3], tol=m[4]) for k, m in enumerate(members)}
+        found = timing.in_turns(work, rounds((line[-1] for line in members), *FINAL))
         for k, (_, side, label, *_) in enumerate(members):
             told = timing.median(found[k])
             row = {"scene": scene, "sweep": sweep, "accuracy": accuracy, "side": side, "integrator": label}

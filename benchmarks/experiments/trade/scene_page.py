@@ -1,4 +1,4 @@
-"""A page for every scene of the trade: the work-precision diagram, and the cheapest of either side at each accuracy."""
+"""The pages of the scenes of the trade: work-precision diagram, and the fastest integrators at each error."""
 
 from __future__ import annotations
 
@@ -7,22 +7,30 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
+from phasebench.benchmarks.ladder.race import UNCOMPILED
+from phasebench.benchmarks.measure import truths
 from phasebench.benchmarks.measure.timing import OURS, PEERS
-from phasebench.benchmarks.page.markdown import number
-from phasebench.benchmarks.page.page import Page, Picture, Table, Verdict, of
+from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.page import Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, NONE, Count, Verdict, at_least
 from phasebench.benchmarks.problems.questions import QUESTIONS, Question
 
 from . import figures
-from .choice import changes, choices, counts
-from .climb import UNCOMPILED
+from .choice import HALF, choices, counts, winner
 from .front import CHOICES, DROPPED, FINALS, RUNGS
 from .settled import TIMES, of_choices
 
-WHO = {OURS: "this project's methods", PEERS: "the peers"}
+#: Name of a reference in the tables -> its description.
+TRUTHS = {
+    truths.CERTIFIED: "certified states",
+    truths.LONG_DOUBLE: "Taylor series in long double at two tolerances",
+    truths.ENSEMBLE: "the mean over an ensemble of orbits",
+    truths.NONE: "the initial value, which is exact",
+}
 
 
 def _scene(question: Question, *names: str) -> Callable:
-    """Make a function of these tables' rows of a scene one of ``data``; None where one has none."""
+    """Decorate a function of a scene's rows in these tables: it takes ``data``; None without rows in the first."""
 
     def decorate(function):
         def of_rows(*given):
@@ -34,54 +42,82 @@ def _scene(question: Question, *names: str) -> Callable:
     return decorate
 
 
-def _advice(question: Question) -> Callable:
+def _wins(question: Question) -> Callable:
     @_scene(question, CHOICES)
-    def advice(rows: pd.DataFrame) -> Verdict:
-        """Who is the cheaper, and where that changes."""
+    def wins(rows: pd.DataFrame) -> Verdict:
+        """Whether this project's methods are the fastest at least as often as the peers."""
         found = choices(rows)
-        ours, peers, tied, none = counts(found)
-        text = f"Of {len(found)} accuracies this project's methods are the cheaper at {ours}, the peers at {peers}"
-        text += f", {tied} {'is a tie' if tied == 1 else 'are ties'}" if tied else ""
-        text += f", {none} {'is' if none == 1 else 'are'} reached by none" if none else ""
-        turns = [f"from {a:g} on {WHO[who]}" for a, _, who in changes(found)]
-        first = next((w for w in found.sort_values("accuracy", ascending=False)["cheaper"] if w in WHO), None)
-        if turns:
-            text += f". The advice changes: {WHO[first]} first, {', '.join(turns)}"
-        return Verdict(f"{text}.", ours >= peers, f"Ours {ours}, peers {peers}, ties {tied}.")
+        ours, peers, _, _ = counts(found)
+        lost = [f"{a:g}" for a in found.loc[found["cheaper"] == PEERS, "accuracy"]]
+        return Verdict(
+            "This project's methods are the fastest at least as often as the peers",
+            Count(ours, ours + peers),
+            at_least(HALF),
+            "errors at which one side wins",
+            where=f"errors up to {join_list(lost, 3)}" if lost else "",
+        )
 
-    return advice
+    return wins
 
 
 def _reference(question: Question) -> Callable:
     @_scene(question, CHOICES)
-    def reference(rows: pd.DataFrame) -> Verdict | None:
-        """What the errors are against, and whether every accuracy was asked."""
-        row, asked = rows.iloc[0], len(rows)
-        text = f"What is true: {row['reference']}"
-        if row["reference uncertainty"] > 0:
-            text += f", uncertain by {number(row['reference uncertainty'], 2)}"
-        missing = len(question.accuracies) - asked
-        text += f"; {missing} accuracies below that are not asked" if missing else "; every accuracy can be told"
-        return Verdict(f"{text}.", not missing, f"{asked} accuracies told.")
+    def reference(rows: pd.DataFrame) -> Verdict:
+        """Whether the reference's uncertainty is small enough for every accuracy of the scene."""
+        return Verdict(
+            "The reference is certain enough to judge every error",
+            Count(len(rows), len(question.accuracies)),
+            EVERY,
+            "errors",
+            where="" if len(rows) == len(question.accuracies) else _truth(rows),
+        )
 
     return reference
 
 
-def _eliminated(question: Question) -> Callable:
+def _truth(rows: pd.DataFrame) -> str:
+    """A text: the kind of reference and its uncertainty."""
+    row = rows.iloc[0]
+    kind = TRUTHS.get(row["reference"], row["reference"])
+    uncertainty = row["reference uncertainty"]
+    return f"{kind}, uncertain by {number(uncertainty, 2)}" if uncertainty > 0 else kind
+
+
+def _compilation(question: Question) -> Callable:
     @_scene(question, DROPPED)
-    def eliminated(rows: pd.DataFrame) -> Verdict | None:
-        """How many were dropped on the way; that one does not compile is a finding."""
+    def compilation(rows: pd.DataFrame) -> Verdict | None:
+        """Whether no integrator was dropped because it does not compile."""
         if "why" not in rows or rows["why"].isna().all():
             return None
-        uncompiled = rows["why"].str.startswith(UNCOMPILED, na=False)
-        beaten = (rows["why"].str.contains("times", na=False) & ~uncompiled).sum()
-        others = len(rows) - beaten - uncompiled.sum()
-        text = f"{beaten} were dropped on the way as too slow, {others} cannot do the problem or fail on it"
-        if uncompiled.any():
-            text += f", {uncompiled.sum()} do not compile ({rows.loc[uncompiled, 'integrator'].iloc[0]} first)"
-        return Verdict(f"{text}.", not uncompiled.any(), f"{text}.")
+        uncompiled = rows.loc[rows["why"].str.startswith(UNCOMPILED, na=False), "integrator"]
+        return Verdict(
+            "No integrator was dropped because it does not compile",
+            Count(len(uncompiled), len(rows)),
+            NONE,
+            "dropped integrators",
+            where=join_list(uncompiled, 3) if len(uncompiled) else "",
+        )
 
-    return eliminated
+    return compilation
+
+
+def _answer(question: Question) -> Callable:
+    @_scene(question, CHOICES)
+    def answer(rows: pd.DataFrame) -> str:
+        """A sentence: how often each side is the fastest, and the winners at the largest and smallest error."""
+        found = choices(rows)
+        ours, peers, _, _ = counts(found)
+        reached = [row for row in found.sort_values("accuracy").to_dict("records") if winner(row)]
+        if not reached:
+            return f"No integrator reaches an error of {found['accuracy'].max():g}."
+        fine, coarse = reached[0], reached[-1]
+        return (
+            f"Of {len(found)} errors from {found['accuracy'].max():g} to {found['accuracy'].min():g}, phasebench is "
+            f"the fastest at {ours}, heyoka, REBOUND or SciPy at {peers}: {winner(coarse)} for "
+            f"{coarse['accuracy']:g}, {winner(fine)} for {fine['accuracy']:g}."
+        )
+
+    return answer
 
 
 def _table(question: Question) -> Callable:
@@ -104,8 +140,8 @@ def _table(question: Question) -> Callable:
         ]
         shown["cheaper"] = found["cheaper"].to_numpy()
         caption = (
-            "The cheapest of either side for an error up to so much; ratio: ours over the peer's, with the interval in "
-            "which a further sweep lies."
+            "The fastest of either side at each error, with its step or tolerance. Ratio: our time over the peer's, "
+            f"with the interval in which a further sweep lies. Errors are taken against: {_truth(rows)}."
         )
         return Table(shown, caption)
 
@@ -122,20 +158,23 @@ def _draw(question: Question) -> Callable:
 
 def page_of(question: Question) -> Page:
     """The page of a scene."""
-    made = question.problem
     return Page(
         id=f"trade-{question.id}",
-        question=f"{question.about[0].upper()}{question.about[1:]}: which integrator is the cheapest?",
+        question=f"{question.problem}, {question.about}: which integrator is the fastest?",
         tables=(CHOICES, FINALS, TIMES, RUNGS, DROPPED),
         setting=(
-            f"Problem: {made}, from its initial data to t = {question.t_end:g}.",
-            f"Wanted: {question.quantity}.",
+            f"Problem: {question.problem}, from its initial data to t = {question.t_end:g}.",
+            f"Wanted: {question.quantity} ({question.about}), to an error of {question.accuracies[0]:g} down to "
+            f"{question.accuracies[-1]:g}.",
             "How it is measured is said on [the page of the trade](trade.md).",
         ),
-        verdicts=(_advice(question), _reference(question), _eliminated(question)),
+        verdicts=(_wins(question), _reference(question), _compilation(question)),
+        answer=_answer(question),
         figures=_draw(question),
         table=_table(question),
-        limits=("Who was dropped, on which rung and by whom beaten: data/front_dropped.csv.",),
+        limits=(
+            "Which integrators were dropped, at which step, and by which they were beaten: data/front_dropped.csv.",
+        ),
         command=f"pytest benchmarks/experiments/trade -k {question.id}",
         listed=False,
     )

@@ -1,13 +1,13 @@
-r"""Times and ratios of the trade from several sweeps, with intervals in which a further sweep lies.
+r"""Times and ratios of the trade from several sweeps, with prediction intervals for a further sweep.
 
-A time in one sweep scatters less from round to round than from one process to the next.  Two sweeps apart in time tell
-by how much: with the differences :math:`d` of the logarithms of their medians, over all finals that take about as long,
+Times scatter less between the rounds of one sweep than between processes.  Two sweeps show how much: if :math:`d` are
+the differences of the logarithms of their medians, over all finals that take about as long, then
 
 .. math:: \ln \frac{t_3}{\sqrt{t_1 t_2}} \quad\text{is distributed as}\quad \sqrt{3/4}\; d ,
 
 since the left has the variance :math:`\tfrac32\sigma^2` and :math:`d` has :math:`2\sigma^2`.  The interval of a time is
-the geometric mean of two sweeps, times and over the `LEVEL` quantile of :math:`\sqrt{3/4}\,|d|` in its class, and never
-less than the two sweeps themselves.  Ratios likewise, from their own differences.
+the geometric mean of two sweeps, times and divided by the exponential of the `LEVEL` quantile of
+:math:`\sqrt{3/4}\,|d|` in its class, and always contains both sweeps.  Ratios likewise, from their own differences.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from phasebench.benchmarks.page.page import Data, of
 from .front import CHOICES, FINALS, SHOWN
 from .retime import TABLE as TIMES
 
-#: The share of further sweeps that an interval holds, by the quantile of two sweeps' differences.
+#: The share of further sweeps that an interval should contain.
 LEVEL = 0.95
-#: Bounds in seconds of the classes of times whose differences are taken together.
+#: Bounds in seconds between the classes of times; differences are pooled in each class.
 CLASSES = (25e-6, 100e-6)
-#: A class of fewer differences takes those of all.
+#: A class with fewer differences than this uses those of all classes.
 FEW = 20
-#: Which sweeps make the figures, and which is the check.
+#: The sweeps that are joined for the pages, and the sweep that checks the intervals.
 JOINED, CHECK = (1, 2), 3
 KEY = ["scene", "accuracy", "side", "integrator"]
 
 
 def sweeps(finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
-    """The seconds of every final: a row each, a column a sweep (NaN where it was not measured)."""
+    """The seconds of every final: a row for each final, a column for each sweep (NaN if not measured)."""
     parts = [finals[[*KEY, "seconds"]].assign(sweep=1)]
     if times is not None and len(times):
         parts.append(times[[*KEY, "seconds", "sweep"]])
@@ -46,9 +46,12 @@ def sweeps(finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
 
 
 def pairs(table: pd.DataFrame) -> pd.DataFrame:
-    """The ratio of ours over the peer's at each accuracy in every sweep, of each side its best by the joined sweeps."""
-    joined = np.exp(np.log(table[list(JOINED)]).mean(axis=1)).rename("joined").reset_index()
-    best = joined.loc[joined.groupby(["scene", "accuracy", "side"])["joined"].idxmin(), KEY]
+    """Ratios of our time to the peer's, a row for each scene and accuracy, a column for each sweep.
+
+    Each side has its best integrator by the joined sweeps; ``shorter`` is the shorter of the two times, in seconds.
+    """
+    mean = np.exp(np.log(table[list(JOINED)]).mean(axis=1)).rename("mean").reset_index()
+    best = mean.loc[mean.groupby(["scene", "accuracy", "side"])["mean"].idxmin(), KEY]
     by = {side: best[best["side"] == side].set_index(["scene", "accuracy"])["integrator"] for side in (OURS, PEERS)}
     rows = []
     for key in by[OURS].index.intersection(by[PEERS].index):
@@ -61,8 +64,11 @@ def pairs(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def joined(values: pd.DataFrame, size: pd.Series) -> pd.DataFrame:
-    """``value``, ``low``, ``high`` of rows with a column a sweep; ``size``, in seconds, says the class of a row."""
+def join_sweeps(values: pd.DataFrame, size: pd.Series) -> pd.DataFrame:
+    """Columns ``value``, ``low``, ``high`` from a table with a column for each sweep.
+
+    ``size``, in seconds, decides the class of a row.
+    """
     logs = np.log(values[list(JOINED)])
     middle, apart = logs.mean(axis=1), (logs[JOINED[0]] - logs[JOINED[1]]).abs()
     classes = np.searchsorted(CLASSES, size.to_numpy())
@@ -80,25 +86,25 @@ def joined(values: pd.DataFrame, size: pd.Series) -> pd.DataFrame:
 
 
 def coverage(finals: pd.DataFrame, times: pd.DataFrame) -> dict[str, tuple[int, int]]:
-    """Of the third sweep's times, and of its ratios: how many lie in the intervals of the first two, of how many."""
+    """For "times" and "ratios": (number of the third sweep's in the intervals of the first two, number of all)."""
     table = sweeps(finals, times)
     ratios = pairs(table)
     out = {}
     for name, values, size in (("times", table, table[JOINED[0]]), ("ratios", ratios, ratios["shorter"])):
         told = values[[*JOINED, CHECK]].notna().all(axis=1)
-        interval, third = joined(values, size)[told], values.loc[told, CHECK]
+        interval, third = join_sweeps(values, size)[told], values.loc[told, CHECK]
         out[name] = int(third.between(interval["low"], interval["high"]).sum()), int(told.sum())
     return out
 
 
-def settled(front: pd.DataFrame, finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
-    """The choices by the joined sweeps: the best of each side, times and ratio; as given where there is but one."""
+def join_choices(front: pd.DataFrame, finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
+    """The choices from the joined sweeps: best of each side, times, ratio; ``front`` itself if there is one sweep."""
     if times is None or "sweep" not in times or not (times["sweep"] == JOINED[1]).any():
         return front
     table = sweeps(finals, times)
-    interval = joined(table, table[JOINED[0]])
+    interval = join_sweeps(table, table[JOINED[0]])
     ratios = pairs(table)
-    paid = joined(ratios, ratios["shorter"]).set_axis(["ratio", "ratio low", "ratio high"], axis=1)
+    paid = join_sweeps(ratios, ratios["shorter"]).set_axis(["ratio", "ratio low", "ratio high"], axis=1)
     paid = paid.set_index(pd.MultiIndex.from_frame(ratios[["scene", "accuracy"]]))
     rows = finals.set_index(KEY)
     out = front.copy()
@@ -124,13 +130,10 @@ _last: list = [(), None]
 
 
 def of_choices(*names: str) -> Callable:
-    """Make a function of the settled choices and these tables one of ``data``, as `page.of` does."""
+    """Decorate a function of the choices (`join_choices`) and the tables ``names``, like `page.of`; takes ``data``."""
 
     def decorate(function: Callable) -> Callable:
-        @of(CHOICES, *names)
-        @wraps(function)
-        def inner(front, *tables):
-            return function(front, *tables)
+        of_tables = of(CHOICES, *names)(function)
 
         @wraps(function)
         def from_data(data: Data, *more):
@@ -140,10 +143,10 @@ def of_choices(*names: str) -> Callable:
                 if name != CHOICES or given[0] is None or given[1] is None:
                     return data(name)
                 if len(_last[0]) != 3 or any(a is not b for a, b in zip(_last[0], given, strict=True)):
-                    _last[:] = given, settled(*given)
+                    _last[:] = given, join_choices(*given)
                 return _last[1]
 
-            return inner(with_settled, *more)
+            return of_tables(with_settled, *more)
 
         return from_data
 

@@ -1,16 +1,16 @@
-"""METHODS and peers x SCENES -> tidy rows: one for each (scene, method, parameters, h or tolerance).
+"""The sweep of all methods and peers over all scenes: a row for each (scene, method, parameters, h or tolerance).
 
-A row has both error columns: ``global_error``, the maximum norm of (q, p) at ``global_error_time`` against the
-reference, with the reference's own uncertainty there; and ``refinement_difference``, against the same method at twice
-the step, which is what the talk's tables print.  ``seconds`` is the median of warm integrations without output.
+A row has two error columns: ``global_error``, the maximum norm over (q, p) of the difference from the reference at
+``global_error_time``, with the reference's uncertainty there; and ``refinement_difference``, the difference from the
+same method at twice the step, as in the talk's tables.  ``seconds`` is the median of warm integrations without output.
 
-Errors and invariants are those of `accuracy`; how peers are measured is in `peer_rows`.
+Errors and invariants come from `accuracy`; peers are measured by `peer_rows`.
 """
 
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -20,32 +20,31 @@ import numpy as np
 from phasebench.benchmarks.measure import metrics
 from phasebench.benchmarks.measure.accuracy import end_state, head, invariants, trajectory_error
 from phasebench.benchmarks.measure.integrator import OURS, integrator
+from phasebench.benchmarks.measure.variants import variants
+from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.scenes import BY_ID, DRIFT, ORDER, SCENES, Scene
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content, states
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, content, states
 from phasebench.integrators.driver import OK, SKIPPED, Solution, integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.record import Method
-from phasebench.integrators.registry import METHODS, method
+from phasebench.integrators.registry import method
 from phasebench.reference.peers import Peer
 
 from . import peer_rows
 
-#: The talk's values of lambda, for the schemes that it tabulates over lambda.
-LAMBDAS = ("-1", "1/3", "3/2", "2")
-TABULATED = ("scheme-i", "scheme-ii", "scheme-iii")
 REPEATS = 3
-#: Methods of a higher order run the long scenes at the largest step only: at smaller ones they show round-off.
+#: On long scenes, methods of a higher order run only at the largest step: at smaller ones they show round-off.
 HIGH = 4
-#: A run of more seconds is not repeated for its time.
+#: A run of more seconds than this is timed only once.
 LONG = 1.0
-#: The handful of the quick tier.
+#: The scenes and the integrators of the quick tier.
 HANDFUL_SCENES = ("kepler-t1",)
 HANDFUL = ("explicit-euler", "stormer-verlet", "rk4", "pefrl", "implicit-midpoint", "heyoka", "rebound-leapfrog")
 
 
 @dataclass(frozen=True)
 class Task:
-    """One row to be measured; plain text and numbers, so that it can travel to another process."""
+    """One row to be measured, as text and numbers that can be sent to another process."""
 
     scene: str
     method: str
@@ -54,28 +53,17 @@ class Task:
     quick: bool = False
     tol: float | None = None
 
-    def made(self) -> Method | Peer:
+    def build(self) -> Method | Peer:
         """The method with its parameters, or the peer."""
-        return integrator(self.method, **dict(self.parameters)).record
-
-
-def variants(methods: Iterable[Method] = METHODS) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
-    """(id, parameters) of every method, the tabulated schemes at the talk's values of lambda."""
-    for m in methods:
-        if m.id in TABULATED:
-            yield from ((m.id, (("lam", lam),)) for lam in LAMBDAS)
-        elif "order" in m.parameters:
-            yield from ((m.id, (("order", str(r)),)) for r in (3, 4))
-        else:
-            yield m.id, ()
+        return integrator(self.method, parameters=dict(self.parameters)).record
 
 
 def tasks(
     scenes: Iterable[Scene] = SCENES, quick: bool = False, only: Callable[[Method | Peer], bool] | None = None
 ) -> list[Task]:
-    """The rows of a sweep, in the order in which they are measured: of each scene the methods, then the peers.
+    """The tasks of a sweep in the order of measurement: for each scene the methods, then the peers.
 
-    ``only`` chooses among all; without it a quick sweep has a few of the peers.
+    ``only`` selects among all integrators; without it, a quick sweep has only a few of the peers.
     """
     found = []
     for scene in scenes:
@@ -94,25 +82,25 @@ def tasks(
 
 @cache
 def _twice(scene: str, id: str, parameters: tuple, h: float) -> np.ndarray | None:
-    """The end state at twice the step, for the refinement difference."""
-    made = BY_ID[scene]
+    """The end state (2 d,) at twice the step, for the refinement difference; None if the run fails."""
+    of = BY_ID[scene]
     found = integrate(
-        made.made(),
+        problem_of(of.problem),
         method(id, **dict(parameters)),
-        t_end=made.t_end,
-        steps=max(1, round(made.t_end / (2 * h))),
+        t_end=of.t_end,
+        steps=max(1, round(of.t_end / (2 * h))),
         save_every=0,
     )
     return end_state(found) if found.status == OK else None
 
 
 def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
-    """The row of a task."""
-    scene, chosen = BY_ID[task.scene], task.made()
+    """Measure the row of a task."""
+    scene, chosen = BY_ID[task.scene], task.build()
     tier = {"tier": "quick" if task.quick else "full"}
     if isinstance(chosen, Peer):
         return peer_rows.measure(scene, chosen, task.h, task.tol, repeats) | tier
-    problem = scene.made()
+    problem = problem_of(scene.problem)
     row = head(scene, problem, chosen, OURS) | {"h": task.h} | tier
     lack = chosen.lacks(problem.system)
     if lack:
@@ -144,12 +132,12 @@ def _errors(scene: Scene, task: Task, solution: Solution) -> dict[str, float]:
 
 
 def run(todo: list[Task], repeats: int = REPEATS) -> list[dict[str, Any]]:
-    """The rows of tasks."""
+    """Measure the rows of tasks."""
     return [measure(task, repeats) for task in todo]
 
 
-def measured(todo: tuple[Task, ...], repeats: int) -> Rows:
-    """The rows of a cell, by table."""
+def measure_rows(todo: tuple[Task, ...], repeats: int) -> Rows:
+    """The rows of the tasks of a cell, by table."""
     return {"rows": run(list(todo), repeats)}
 
 
@@ -164,14 +152,14 @@ def cells(
 
 
 def _cell(todo: tuple[Task, ...], quick: bool) -> Cell:
-    scene, chosen = BY_ID[todo[0].scene], todo[0].made()
-    made = Problem(scene.problem)
+    scene, chosen = BY_ID[todo[0].scene], todo[0].build()
+    made = ProblemKey(scene.problem)
     setting = (scene.id, scene.purpose, scene.t_end, scene.regular, *((t.h, t.tol) for t in todo))
     return Cell(
         "trade",
         ("rows",),
         {"scene": scene.id, "method": chosen.label},
-        measured,
+        measure_rows,
         (todo, 1 if quick else REPEATS),
         content("rows", quick, chosen, made, states(made.id), setting, code=[__name__]),
         frozenset({scene.id, scene.problem.partition(":")[0], chosen.id, getattr(chosen, "package", OURS)}),
@@ -180,36 +168,4 @@ def _cell(todo: tuple[Task, ...], quick: bool) -> Cell:
     )
 
 
-def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dict[str, Any]]:
-    """The measured order of each (scene, method) of the order scenes, with its window and 95 % interval.
-
-    Only ``ok`` rows of a fixed step above the noise (the reference's uncertainty and round-off) enter.
-    """
-    groups: dict[tuple[str, str], list[dict]] = {}
-    for r in rows:
-        if r["purpose"] == ORDER and r["status"] == OK and r.get(column) is not None and r["h"] is not None:
-            groups.setdefault((r["scene"], r["method"]), []).append(r)
-    out = []
-    for (scene, label), members in groups.items():
-        members.sort(key=lambda r: -r["h"])
-        noise = 100 * max(np.finfo(float).eps * 4, *(r["reference_uncertainty"] for r in members))
-        found = metrics.order([r["h"] for r in members], [r[column] for r in members], noise=noise)
-        out.append(
-            {
-                "scene": scene,
-                "problem": members[0]["problem"],
-                "method": label,
-                "kind": members[0].get("kind", OURS),
-                "declared": members[0]["declared_order"],
-                "order": found.value,
-                "low": found.low,
-                "high": found.high,
-                "points": found.points,
-                "h_first": found.first,
-                "h_last": found.last,
-            }
-        )
-    return out
-
-
-__all__ = ["DRIFT", "LAMBDAS", "ORDER", "Task", "cells", "measure", "orders", "run", "tasks", "variants"]
+__all__ = ["Task", "cells", "measure", "run", "tasks"]

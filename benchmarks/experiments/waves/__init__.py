@@ -1,1 +1,1 @@
-"""What is kept of semi-discretized wave equations?"""
+"""Experiment: which invariants of semi-discretized wave equations are preserved?"""

@@ -1,4 +1,4 @@
-"""Semi-discretized wave equations: what is declared to be kept is kept."""
+"""Checks of the wave equations: methods preserve the invariants that they are declared to preserve."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from phasebench.integrators.record import ROUND_OFF
 
 
 def cells(quick: bool = False) -> list:
-    """The systems divided in space, and the box schemes."""
+    """The cells of the semi-discretized equations, and of the box schemes."""
     return waves.cells(quick) + spacetime.cells(quick)
 
 
 def off(rows) -> list[str]:
-    """Runs that do not get through, and declared invariants that are not kept."""
+    """Messages about failed runs, and about runs whose method does not preserve an invariant as declared."""
     out = []
     for r in (r for r in rows if r["status"] != SKIPPED):
         where = f"{r['method']} on {r['problem']}, h = {r['h']}"
@@ -28,14 +28,14 @@ def off(rows) -> list[str]:
     return out
 
 
-def bench_invariants(measured):
-    """What is declared to be kept is kept; Scheme V's relatives keep q.D p at every lambda."""
-    wrong = off(measured("pde"))
+def bench_invariants(measured_rows):
+    """Methods preserve energy and charge (a form q.D p) to round-off as declared."""
+    wrong = off(measured_rows("pde"))
     assert not wrong, "\n".join(wrong)
 
 
-def lost(rows) -> list[str]:
-    """Box schemes that do not keep the multisymplectic law as declared, or do not come to an end."""
+def failures(rows) -> list[str]:
+    """Messages about failed runs, and box schemes that differ from their declaration of the multisymplectic law."""
     out = []
     for r in rows:
         where = f"{r['scheme']} on {r['equation']}, N = {r['N']}, h = {r['h']}"
@@ -46,7 +46,7 @@ def lost(rows) -> list[str]:
     return out
 
 
-def bench_multisymplectic(measured):
-    """The law holds where it is declared, and the controls do not keep it."""
-    wrong = lost(measured(spacetime.TABLE))
+def bench_multisymplectic(measured_rows):
+    """The multisymplectic law holds for the schemes declared multisymplectic, and fails for the others."""
+    wrong = failures(measured_rows(spacetime.TABLE))
     assert not wrong, "\n".join(wrong)

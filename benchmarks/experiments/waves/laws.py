@@ -1,7 +1,7 @@
 r"""The local conservation laws of box schemes, in every cell of space-time.
 
-A step gives the densities d at :math:`t_n` and :math:`t_{n+1}` and the fluxes f through the cells' ends, of the stages
-with the weights of the method; the residual of a law in a cell is
+A step gives the densities d at :math:`t_n` and :math:`t_{n+1}`, and the fluxes f through the ends of the cells as the
+weighted sum over the stages; the residual of a law in a cell is
 
 .. math:: \frac{d^{n+1}_m - d^n_m}{h} + \frac{f_{m+1} - f_m}{\Delta x},
 
@@ -19,76 +19,78 @@ from phasebench.benchmarks.measure import metrics
 from phasebench.integrators.families.multisymplectic import Scheme, Step, Tangent
 from phasebench.integrators.systems.multisymplectic import Division
 
-#: The laws: the two-form with the parameter held and with it following the state, energy, momentum.
+#: The laws: the two-form with the scheme's parameter fixed, and with its dependence on the state; energy; momentum.
 TWO_FORM, FOLLOWS, ENERGY, MOMENTUM = "two-form", "two-form, parameter follows", "energy law", "momentum law"
 EPS = float(np.finfo(float).eps)
 
 
 @dataclass
 class Residuals:
-    """The largest residual of a law so far, the largest of its terms, and one unit of round-off."""
+    """The largest residual of a law so far, its largest term, and the size of one unit of round-off."""
 
     worst: float = 0.0
     term: float = 0.0
     unit: float = 0.0
 
     def add(self, terms, unit: float) -> None:
-        """The change and the flow of a law in the cells of a step."""
+        """Include the terms (change, flow) of a step, arrays (N,)."""
         change, flow = terms
         self.worst = max(self.worst, float(np.abs(change + flow).max()))
         self.term = max(self.term, float(np.abs(change).max()), float(np.abs(flow).max()))
         self.unit = max(self.unit, unit)
 
     def row(self, name: str) -> dict[str, float]:
-        """The columns of a law."""
+        """The columns of a row for the law ``name``."""
         return {name: self.worst, f"{name}, largest term": self.term, f"{name}, round-off": self.unit}
 
 
 def steepest(space: Division) -> float:
-    """The largest slope that values of size one can have."""
+    """The 2-norm of the discrete derivative in space."""
     return float(np.linalg.norm(space.slope(np.eye(space.N)), 2))
 
 
-def weighted(scheme: Scheme, flux, *stages):
-    """The flux of a step: the mean of the stages' with the weights of the method, or that of their mean."""
+def step_flux(scheme: Scheme, flux, *stages):
+    """The flux of a step: the weighted sum of the stages' fluxes, or (``scheme.means``) the flux at their mean."""
     if scheme.means:
         return flux(*(np.tensordot(scheme.b, x, 1) for x in stages))
     return sum(b * flux(*(x[i] for x in stages)) for i, b in enumerate(scheme.b))
 
 
 def two_form(space: Division, scheme: Scheme, pair: tuple[Tangent, Tangent], h: float):
-    """The terms of the multisymplectic law, arrays (N,)."""
+    """The terms (change, flow) of the multisymplectic law for a pair of tangents, arrays (N,)."""
     u, v = pair
     K = space.equation.K[: space.equation.moving, : space.equation.moving]
 
     def density(a, b):
         return np.einsum("mi,ij,mj->m", a, K, b)
 
-    flux = weighted(scheme, space.two_form, space.lifted(u.Y), space.lifted(v.Y))
+    flux = step_flux(scheme, space.two_form, space.lifted(u.Y), space.lifted(v.Y))
     return (density(u.end, v.end) - density(u.start, v.start)) / h, space.divergence(flux)
 
 
 def _law(space, scheme, step: Step, h, density, flux):
     z, rate = space.lifted(step.Y), space.lifted(step.T)
     change = (density(space.lifted(step.end)) - density(space.lifted(step.start))) / h
-    return change, space.divergence(weighted(scheme, flux, z, rate))
+    return change, space.divergence(step_flux(scheme, flux, z, rate))
 
 
 def energy(space: Division, scheme: Scheme, step: Step, h: float):
-    """The terms of the energy law, arrays (N,)."""
+    """The terms (change, flow) of the energy law, arrays (N,)."""
     return _law(space, scheme, step, h, space.energy, space.energy_flux)
 
 
 def momentum(space: Division, scheme: Scheme, step: Step, h: float):
-    """The terms of the momentum law, arrays (N,)."""
+    """The terms (change, flow) of the momentum law, arrays (N,)."""
     return _law(space, scheme, step, h, space.momentum, space.momentum_flux)
 
 
 def measure(space: Division, scheme: Scheme, steps: Iterable[Step], h: float, invariant) -> dict[str, float]:
-    """The residuals of the laws over steps that carry two tangents, and what becomes of energy and ``invariant``.
+    """Measure the largest residuals of the discrete conservation laws, and the errors of energy and ``invariant``.
 
-    One unit of round-off is eps (D^2 + 1 / h) of products of two tangents, and eps D^2 / h of two values, with D of
-    `steepest`: the last digit of a value is multiplied by that in the highest mode.
+    Residuals are in units of round-off; the multisymplectic law is measured on two tangents that the steps carry.
+
+    One unit of round-off is eps (D^2 + 1 / h) times the product of two tangents, and eps D^2 / h times that of two
+    values, with D from `steepest`: in the highest mode, the last digit of a value grows by this factor.
     """
     laws = {name: Residuals() for name in (TWO_FORM, FOLLOWS, ENERGY, MOMENTUM)}
     D = steepest(space)

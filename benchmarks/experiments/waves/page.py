@@ -1,12 +1,15 @@
-"""Semi-discretized wave equations: energy, mass and charge, and what a step costs."""
+"""The page of the semi-discretized wave equations: energy, mass, charge, and the cost of a step."""
 
 from __future__ import annotations
 
 import pandas as pd
 
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.markdown import listed, number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+from phasebench.benchmarks import style
+from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Verdict, at_most
+
+from .waves import UNITS
 
 ROUND_OFF = "round-off"
 
@@ -18,48 +21,70 @@ def _ran(frame: pd.DataFrame) -> pd.DataFrame:
     return ran
 
 
-def _judge(frame: pd.DataFrame, what: str, declared: str, name: str) -> Verdict | None:
-    """Whether those that declare to keep something do; the mass, q.q + p.p, is none of the declared form."""
-    ran = _ran(frame)
-    if ran.empty:
-        return None
+def _count_preserving(ran: pd.DataFrame, what: str, declared: str) -> tuple[Count, str]:
+    """(count of runs that preserve ``what``, methods that do not), among the runs whose method declares it."""
     says = ran[ran[declared] == ROUND_OFF]
-    keeps, loses = says[says[f"{what} is kept"]], says[~says[f"{what} is kept"]]
-    others = ran[(ran[declared] != ROUND_OFF) & ~ran[f"{what} is kept"]]
-    text = f"The {name} is kept to round-off in {len(keeps)} of {len(says)} runs whose method declares it"
-    text += f" (at most {number(keeps[f'{what} error'].max())})" if len(keeps) else ""
-    text += f", not by {listed(sorted(loses['method'].unique()), 4)}" if len(loses) else ""
-    text += f"; the other methods' error is at least {number(others[f'{what} error'].min())}" if len(others) else ""
-    return Verdict(f"{text}.", loses.empty, f"The {name} is kept in {len(keeps)} of {len(says)} runs that declare it.")
+    kept = says[f"{what} is kept"]
+    return Count(int(kept.sum()), len(says)), "" if kept.all() else join_list(
+        sorted(says.loc[~kept, "method"].unique()), 4
+    )
+
+
+def _energy(frame: pd.DataFrame) -> tuple[Count, str]:
+    return _count_preserving(_ran(frame), "energy", "energy class")
+
+
+def _charge(frame: pd.DataFrame) -> tuple[Count, str]:
+    ran = _ran(frame)
+    return _count_preserving(ran[ran["invariant"] == "charge"], "invariant", "quadratic class")
 
 
 @of("pde")
-def energy(frame: pd.DataFrame) -> Verdict | None:
-    """Whether the energy is kept on steps with a root."""
-    return _judge(frame, "energy", "energy class", "energy (on steps with a root)")
+def energy(frame: pd.DataFrame) -> Verdict:
+    """Whether methods declared to preserve the energy do so, in the steps that have a root."""
+    count, lost = _energy(frame)
+    return Verdict("Methods declared to keep the energy do, to round-off", count, EVERY, "runs", lost, FAIL)
 
 
 @of("pde")
-def charge(frame: pd.DataFrame) -> Verdict | None:
-    """Whether the charge of the Klein-Gordon equation is kept."""
-    return _judge(frame[frame["invariant"] == "charge"], "invariant", "quadratic class", "charge, of the form q·Dp,")
+def charge(frame: pd.DataFrame) -> Verdict:
+    """Whether methods declared to preserve invariants q.D p preserve the charge of the Klein-Gordon equation."""
+    count, lost = _charge(frame)
+    return Verdict("Methods declared to keep invariants q·Dp keep the charge", count, EVERY, "runs", lost, FAIL)
 
 
 @of("pde")
 def roots(frame: pd.DataFrame) -> Verdict | None:
-    """On how many steps there is no root."""
+    """Whether every step of Schemes IV and V has a root."""
     ran = _ran(frame)
     if ran.empty:
         return None
-    missed = ran[ran["fallbacks"] > 0]
-    parts = [f"{r.method} on {r.problem} at h = {number(r.h)}: {int(r.fallbacks)}" for r in missed.itertuples()]
-    text = f"Steps without a root: {listed(parts, 4)}." if parts else "No step of any run is without a root."
-    return Verdict(text, missed.empty, f"{int(ran['fallbacks'].sum())} steps have no root; the next ones win H back.")
+    worst = ran.loc[ran["fallbacks"].idxmax()]
+    return Verdict(
+        "Every step has a parameter λ that keeps the energy",
+        int(ran["fallbacks"].sum()),
+        at_most(0),
+        "steps without",
+        where=f"{worst['method']} on {worst['problem']}, h = {number(worst['h'])}" if worst["fallbacks"] else "",
+    )
+
+
+@of("pde")
+def answer(frame: pd.DataFrame) -> str | None:
+    """A sentence: in how many runs energy and charge are preserved."""
+    (energies, _), (charges, _) = _energy(frame), _charge(frame)
+    if not energies.of:
+        return None
+    text = "On discretized Schrödinger and Klein–Gordon waves, energy-preserving methods hold the energy"
+    text += f" in {energies.n} of {energies.of} runs"
+    missed = int(_ran(frame)["fallbacks"].sum())
+    text += f", but on {missed} steps without a root" if missed else ""
+    return f"{text}; the charge in {charges.n} of {charges.of}." if charges.of else f"{text}."
 
 
 @of("pde")
 def draw(frame: pd.DataFrame, folder) -> list[Picture] | None:
-    """Energy error against time."""
+    """Energy error against time, a panel for each problem."""
     ran = _ran(frame)
     if ran.empty:
         return None
@@ -77,7 +102,8 @@ def draw(frame: pd.DataFrame, folder) -> list[Picture] | None:
         panels[0].set_ylabel("energy error")
         style.legend_above(figure, panels[0], 4)
     caption = (
-        "Largest energy error, on steps with a root, against warm seconds; the two marks of a curve are two steps."
+        "Largest energy error, on steps with a root, over the seconds of the integration; the marks of a curve are its "
+        "step sizes."
     )
     return [Picture(style.save(figure, folder, "waves.png"), "energy error against time", caption)]
 
@@ -90,7 +116,7 @@ COLUMNS = {
     "invariant": "invariant",
     "invariant error": "its error",
     "evaluations per step": "evaluations a step",
-    "fallbacks": "no root",
+    "fallbacks": "steps without a root",
     "seconds": "seconds",
     "status": "status",
 }
@@ -98,14 +124,14 @@ COLUMNS = {
 
 @of("pde")
 def table(frame: pd.DataFrame) -> Table:
-    """The smaller step of each method on each problem."""
+    """The row of each method on each problem at its smallest step."""
     least = frame.loc[frame.groupby(["problem", "method"], sort=False)["h"].idxmin()]
     caption = "Every method on every problem, at its smallest step."
     return Table(least[list(COLUMNS)].rename(columns=COLUMNS).head(ROWS), caption)
 
 
 @of("pde")
-def _whole(frame: pd.DataFrame) -> pd.DataFrame:
+def _full_table(frame: pd.DataFrame) -> pd.DataFrame:
     return frame[list(COLUMNS)].rename(columns=COLUMNS)
 
 
@@ -115,17 +141,22 @@ PAGE = Page(
     tables=("pde",),
     setting=(
         "Nonlinear Schrödinger: i u_t + u_xx + 2|u|²u = 0 (plane wave, soliton), d = 64; Klein–Gordon, d = 128.",
-        "Central differences in space leave a canonical system; that system is what is integrated.",
-        "Mass Σ|u|² is of the form q·q + p·p: Scheme I keeps it at λ = 1/2 alone. Charge is of the form q·Dp.",
-        "Errors are absolute, over every step; seconds are the warm integration without output.",
+        "Central differences in space leave a Hamiltonian system of d degrees of freedom, which is what is integrated.",
+        "Schemes IV and V choose in every step the λ that keeps the energy: a root of an equation, which may have none.",
+        "Charge (Klein–Gordon) is of the form q·Dp. Mass Σ|u|² (Schrödinger) is of the form q·q + p·p: Scheme I keeps it "
+        "at λ = 1/2 alone.",
+        "Errors are absolute, the largest over all steps; seconds are of the integration without compilation and output.",
     ),
     verdicts=(energy, charge, roots),
+    answer=answer,
     figures=draw,
     table=table,
-    whole=_whole,
+    whole=_full_table,
     limits=(
-        "Kept is judged by the measurement, in units of round-off of the terms' size (`is kept` in the table).",
-        "What is kept in every cell of space-time is told by the page on [local laws](multisymplectic.md).",
+        f"An error counts as round-off up to {UNITS} times the unit round-off of the terms of H, or of the invariant.",
+        "On steps without a root the energy is missed, and restored in the steps that follow: they are left out of the "
+        "energy's error.",
+        "What is kept in every cell of space-time is another question: see [local laws](multisymplectic.md).",
     ),
     command="pytest benchmarks/experiments/waves",
 )

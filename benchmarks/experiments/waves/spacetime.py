@@ -1,9 +1,9 @@
-r"""Box schemes in space-time: what is measured of their local laws, on the period 2 pi.
+r"""Box schemes in space-time: measurements of their local conservation laws, with period 2 pi.
 
 Smooth data of few modes: for the nonlinear Schroedinger equation :math:`\psi = 1 + 0.4\cos x + 0.2i\sin x`, for the
 Klein-Gordon equation :math:`\phi = 1 + 0.5\cos x + 0.3i\sin x`,
-:math:`\phi_t = 0.2\sin x + i(0.5 + 0.2\cos x)`; the tangents are of the first two modes.  A ladder of steps at the
-coarsest division shows the order in time, one of divisions at one step that in space.
+:math:`\phi_t = 0.2\sin x + i(0.5 + 0.2\cos x)`; the tangents have the first two modes.  Decreasing steps on the
+coarsest mesh show the order in time, finer meshes at one step the order in space.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phasebench.benchmarks.problems import klein_gordon, nls
-from phasebench.benchmarks.rows.cells import Cell, Rows, content
+from phasebench.benchmarks.store.cells import Cell, Rows, content
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families.multisymplectic import Scheme, run, scheme, schemes
 from phasebench.integrators.systems.multisymplectic import Equation
@@ -22,26 +22,27 @@ from phasebench.integrators.systems.multisymplectic import Equation
 from . import laws
 
 TABLE = "multisymplectic"
-#: The first of a ladder's numbers of cells is that of the ladder of steps.
+#: Numbers of mesh cells for the order in space; the first is used for the order in time.
 CELLS = (17, 25, 33, 49, 65)
-#: Halvings of the longest step, and how many of these the integration takes.
+#: Number of halvings of the longest step; length of the integrations in longest steps.
 HALVINGS, LONG = 3, 10
-#: The ladder of divisions takes so few steps.
+#: Number of steps of the runs over `CELLS`.
 FEW = 4
 IN_TIME, IN_SPACE = "time", "space"
 
 
 @dataclass(frozen=True)
 class Case:
-    """An equation with its data.
+    """An equation with its initial values, tangents, invariant and longest steps.
 
     Attributes
     ----------
-    name : of the equation
+    name : name of the equation
     equation : its multisymplectic form
     data : x -> (y, u, v), arrays (N, m): initial values and two tangents
     invariant : y -> its quadratic invariant, a sum over the cells
-    longest : step of the ladder; of the Euler box, which is stable up to a step, the second
+    longest : largest step of the runs
+    longest_euler : that of the Euler box scheme, whose stability limits the step
     """
 
     name: str
@@ -84,14 +85,14 @@ CASES = {
 
 
 def ladder(case: Case, chosen: Scheme) -> list[tuple[str, int, float, int]]:
-    """(what falls, N, h, steps) of every run."""
+    """(`IN_TIME` or `IN_SPACE`, N, h, number of steps) of every run of a scheme."""
     h = case.longest_euler if chosen.id == "euler-box" else case.longest
     in_time = [(IN_TIME, CELLS[0], h / 2**k, LONG * 2**k) for k in range(HALVINGS + 1)]
     return in_time + [(IN_SPACE, N, h / 2**HALVINGS, FEW) for N in CELLS]
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each equation, scheme and step or division; none of the quick tier."""
+    """A cell for each equation, scheme, step and mesh; no cell if ``quick``."""
     if quick:
         return []
     return [_cell(c, s, *rung) for c in CASES.values() for s in schemes().values() for rung in ladder(c, s)]
@@ -103,11 +104,14 @@ def _cell(case: Case, chosen: Scheme, falls: str, N: int, h: float, steps: int) 
     module = "phasebench.benchmarks.problems.{}".format(case.name.replace("-", "_"))
     about = content("multisymplectic", *parts, code=[__name__, module])
     arguments = (case.name, chosen.id, falls, N, h, steps)
-    return Cell("waves", (TABLE,), key, measured, arguments, about, frozenset({case.name, chosen.id, TABLE}))
+    return Cell("waves", (TABLE,), key, measure_rows, arguments, about, frozenset({case.name, chosen.id, TABLE}))
 
 
-def measured(name: str, id: str, falls: str, N: int, h: float, steps: int) -> Rows:
-    """The row of a scheme on an equation."""
+def measure_rows(name: str, id: str, falls: str, N: int, h: float, steps: int) -> Rows:
+    """Run the scheme ``id`` on the equation ``name`` with N cells and step h, and measure its conservation laws.
+
+    ``falls`` says what gets finer along a series of such rows: the step, the mesh or both.
+    """
     case, chosen = CASES[name], scheme(id)
     row = {"equation": name, "id": id, "scheme": chosen.name, "falls": falls, "N": N, "h": h, "steps": steps}
     row |= {"order": chosen.order, "multisymplectic": chosen.multisymplectic, "keeps": chosen.keeps}

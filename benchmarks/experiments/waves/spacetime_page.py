@@ -1,30 +1,33 @@
-"""Box schemes in space-time: which local laws they keep in every cell, and how fast other residuals fall."""
+"""The page of box schemes in space-time: local laws that hold in every cell, and orders of the other residuals."""
 
 from __future__ import annotations
+
+import functools
 
 import numpy as np
 import pandas as pd
 
+from phasebench.benchmarks import style
 from phasebench.benchmarks.measure import metrics
-from phasebench.benchmarks.page import style
-from phasebench.benchmarks.page.markdown import listed, number
-from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, Verdict, of
+from phasebench.benchmarks.page.markdown import join_list, number
+from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, Count, Exactly, Verdict
 
 from .laws import ENERGY, FOLLOWS, MOMENTUM, TWO_FORM
 from .spacetime import CELLS, IN_SPACE, IN_TIME, TABLE
 
-#: A residual up to so many units of round-off is round-off.
+#: A residual of at most this many units of round-off counts as round-off.
 UNITS = 10.0
-#: A measured order within this of the wanted one is that order.
+#: Largest difference of a measured order from the expected one that counts as agreement.
 NEAR = 0.1
-#: Space is divided to second order by every scheme.
+#: The order in space of every scheme.
 IN_SPACE_ORDER = 2
-#: Totals (energy, mass, charge) are kept up to this.
+#: Largest error of a total (energy, mass, charge) that counts as preserved.
 KEPT = 1e-12
 
 
 def ran(frame: pd.DataFrame) -> pd.DataFrame:
-    """The runs that came to an end, each with whether its two-form is kept, with the parameter held and not."""
+    """The completed runs, with columns ``... is kept``: whether the residual of a law is round-off."""
     part = frame[frame["status"] == "ok"].copy()
     for name in (TWO_FORM, FOLLOWS, ENERGY):
         part[f"{name} is kept"] = part[name] <= UNITS * part[f"{name}, round-off"]
@@ -32,14 +35,14 @@ def ran(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def order(part: pd.DataFrame, law: str, falls: str) -> float:
-    """The order with which the residuals of a law fall in time or in space, NaN where they are round-off."""
+    """The order of a law's residuals in time or in space (``falls``); NaN if they are round-off."""
     part = part[(part["falls"] == falls) & (part[law] > UNITS * part[f"{law}, round-off"])]
     x = part["h"] if falls == IN_TIME else 1 / part["N"]
     return metrics.order(x, part[law]).value
 
 
 def orders(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row for each equation and scheme: its declared order, the measured ones, what is kept and what is not."""
+    """A row for each equation and scheme: declared and measured orders, and which laws and totals are preserved."""
     rows = []
     for (equation, id), part in ran(frame).groupby(["equation", "id"], sort=False):
         first, ladder = part.iloc[0], part[part["falls"] == IN_TIME]
@@ -57,67 +60,78 @@ def orders(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _names(rows: pd.DataFrame) -> str:
-    return listed([f"{r.scheme} ({r.equation})" for r in rows.itertuples()], 4)
+def _of_cases(function):
+    """Decorate a function of the rows of `orders`: it takes ``data``, and returns None if there are no rows."""
+
+    @of(TABLE)
+    @functools.wraps(function)
+    def of_frame(frame: pd.DataFrame):
+        rows = orders(frame)
+        return None if rows.empty else function(rows)
+
+    return of_frame
 
 
-@of(TABLE)
-def two_form(frame: pd.DataFrame) -> Verdict | None:
-    """Whether the multisymplectic law holds for those that declare it, and not for the others."""
-    rows = orders(frame)
-    if rows.empty:
-        return None
-    declared, others = rows[rows["declared"]], rows[~rows["declared"]]
-    wrong = pd.concat([declared[~declared["two-form kept"]], others[others["least"] <= UNITS]])
-    good = int(declared["two-form kept"].sum())
-    text = f"The two-form's law holds in every cell in {good} of {len(declared)} pairs of a scheme and an equation that"
-    text += f" declare it, to {number(declared['units'].max(), 2)} units of round-off"
-    text += f"; the controls miss it by {number(others['least'].min(), 2)} units and more" if len(others) else ""
-    text += f"; not as declared: {_names(wrong)}." if len(wrong) else "."
-    return Verdict(text, wrong.empty, f"{good} of {len(declared)} keep the multisymplectic law in every cell.")
+def _all(rows: pd.DataFrame, holds: pd.Series) -> tuple[Count, Exactly, str, str]:
+    """Arguments of a verdict: the count of rows where ``holds``, expected in all; the unit; the rows where it fails."""
+    names = [f"{r.scheme} ({r.equation})" for r in rows[~holds].itertuples()]
+    return Count(int(holds.sum()), len(rows)), EVERY, "cases", join_list(names, 4) if names else ""
 
 
-@of(TABLE)
-def energy(frame: pd.DataFrame) -> Verdict | None:
-    """Who keeps the energy, in cells or in total, and with which order the others' residuals fall."""
-    rows = orders(frame)
-    if rows.empty:
-        return None
-    cell, total = rows[rows["keeps"] == "cell"], rows[rows["keeps"] == "total"]
-    bad = pd.concat([cell[~cell["cell energy kept"]], total[total["total energy error"] > KEPT]])
-    falling = rows[rows["declared"]]
-    slow = falling[~((falling["energy order"] - falling["order"]).abs() < NEAR)]
-    loose = total[total["follows kept"]]
-    text = (
-        f"Energy in every cell: kept by {listed(sorted(set(cell.loc[cell['cell energy kept'], 'scheme'])))}; else its"
-    )
-    text += f" residual falls with the method's order in {len(falling) - len(slow)} of {len(falling)} pairs"
-    text += f" (not {_names(slow)})" if len(slow) else ""
-    if len(total):
-        text += f". EQUIP keeps the total to {number(total['total energy error'].max(), 2)}, with"
-        text += f" {int(total['missed'].sum())} steps without a root; with α following the state it is"
-        text += " multisymplectic too" if len(loose) == len(total) else " not multisymplectic"
-    wrong = pd.concat([bad, slow])
-    said = "The energy law is kept or falls as declared"
-    return Verdict(f"{text}.", wrong.empty, f"{said}{f', not by {_names(wrong)}' if len(wrong) else ''}.")
-
-
-@of(TABLE)
-def momentum(frame: pd.DataFrame) -> Verdict | None:
-    """Whether the residual of the momentum law falls with the order in space."""
-    rows = orders(frame)
-    if rows.empty:
-        return None
+@_of_cases
+def two_form(rows: pd.DataFrame) -> Verdict:
+    """Whether the multisymplectic law holds for the schemes that are declared multisymplectic."""
     rows = rows[rows["declared"]]
-    off = rows[~((rows["momentum order"] - IN_SPACE_ORDER).abs() < NEAR)]
-    text = f"The momentum law's residual falls with Δx² in {len(rows) - len(off)} of {len(rows)} pairs"
-    text += f", not {_names(off)}." if len(off) else "."
-    return Verdict(text, off.empty, text)
+    kept = _all(rows, rows["two-form kept"])
+    return Verdict("Multisymplectic schemes keep the two-form's law in every cell, to round-off", *kept, FAIL)
+
+
+@_of_cases
+def controls(rows: pd.DataFrame) -> Verdict:
+    """Whether every other scheme breaks the multisymplectic law, in each of its runs."""
+    rows = rows[~rows["declared"]]
+    broken = _all(rows, rows["least"] > UNITS)
+    return Verdict("The other schemes, the controls, break it by more than round-off", *broken, FAIL)
+
+
+@_of_cases
+def energy(rows: pd.DataFrame) -> Verdict:
+    """Whether the schemes built to preserve the energy, in every cell or in total, do so."""
+    rows = rows[rows["keeps"].isin(["cell", "total"])]
+    kept = rows["cell energy kept"].where(rows["keeps"] == "cell", rows["total energy error"] <= KEPT).astype(bool)
+    return Verdict("Schemes built to keep the energy, of every cell or in total, keep it", *_all(rows, kept), FAIL)
+
+
+@_of_cases
+def energy_order(rows: pd.DataFrame) -> Verdict:
+    """Whether the residual of the energy law has the order in time of each multisymplectic scheme, not more or less."""
+    rows = rows[rows["declared"]]
+    near = _all(rows, (rows["energy order"] - rows["order"]).abs() < NEAR)
+    return Verdict("The residual of the energy law falls with the scheme's order in time", *near)
+
+
+@_of_cases
+def momentum(rows: pd.DataFrame) -> Verdict:
+    """Whether the residual of the momentum law has the order in space, not more or less."""
+    rows = rows[rows["declared"]]
+    near = _all(rows, (rows["momentum order"] - IN_SPACE_ORDER).abs() < NEAR)
+    return Verdict("The residual of the momentum law falls as Δx²", *near)
+
+
+@_of_cases
+def answer(rows: pd.DataFrame) -> str | None:
+    """A sentence: the largest residual of multisymplectic schemes and the least of the others, in round-off units."""
+    kept, others = rows[rows["declared"]], rows[~rows["declared"]]
+    if kept.empty:
+        return None
+    text = "In every cell of space-time box schemes keep the multisymplectic law of Schrödinger and Klein–Gordon"
+    text += f" equations to {number(kept['units'].max(), 2)} units of round-off"
+    return f"{text}; controls miss it by {number(others['least'].min(), 2)} and more." if len(others) else f"{text}."
 
 
 @of(TABLE)
 def draw(frame: pd.DataFrame, folder) -> list[Picture] | None:
-    """Residuals of the two-form and of the energy law over the step."""
+    """Residuals of the multisymplectic law and of the energy law over the step."""
     rows = ran(frame)
     rows = rows[rows["falls"] == IN_TIME]
     if rows.empty:
@@ -149,26 +163,27 @@ COLUMNS = {
     "scheme": "scheme",
     "units": "two-form (units of round-off)",
     "relative": "relative to its terms",
-    "energy order": "order of the energy law in h",
-    "momentum order": "of the momentum law in Δx",
+    "energy order": "order of the energy residual in h",
+    "momentum order": "of the momentum residual in Δx",
     "total energy error": "total energy error",
     "quadratic invariant error": "mass or charge error",
-    "missed": "no root",
+    "missed": "steps without a root",
 }
 
 
-@of(TABLE)
-def table(frame: pd.DataFrame) -> Table | None:
-    """A row for each equation and scheme."""
-    rows = orders(frame)
-    if rows.empty:
-        return None
-    caption = "Largest over all steps and divisions; an order is empty where the residual is round-off."
+@_of_cases
+def table(rows: pd.DataFrame) -> Table:
+    """Residuals, orders and errors of totals, a row for each equation and scheme."""
+    caption = "The largest values over all runs of a case; an order is empty where the residual is round-off."
+    total = rows[rows["keeps"] == "total"]
+    if len(total):
+        law = "holds" if total["follows kept"].all() else "fails"
+        caption += f" The two-form's law is that at fixed α; with EQUIP's α following the state it {law}."
     return Table(rows[list(COLUMNS)].rename(columns=COLUMNS).head(ROWS), caption)
 
 
 @of(TABLE)
-def _whole(frame: pd.DataFrame) -> pd.DataFrame:
+def _full_table(frame: pd.DataFrame) -> pd.DataFrame:
     return frame
 
 
@@ -178,22 +193,23 @@ PAGE = Page(
     tables=(TABLE,),
     setting=(
         "K z_t + L z_x = ∇S(z), period 2π: i ψ_t + ψ_xx + 2|ψ|²ψ = 0, and φ_tt = φ_xx − φ − |φ|²φ, complex.",
-        "Laws: two-form (uᵀKv)_t + (uᵀLv)_x = 0 of two linearized solutions; energy (S − zᵀLz_x/2)_t + (zᵀLz_t/2)_x "
-        "= 0; momentum (zᵀKz_x/2)_t + (S − zᵀKz_t/2)_x = 0.",
+        "Laws: two-form (uᵀKv)_t + (uᵀLv)_x = 0 of two linearized solutions u, v; energy (S − zᵀLz_x/2)_t + "
+        "(zᵀLz_t/2)_x = 0; momentum (zᵀKz_x/2)_t + (S − zᵀKz_t/2)_x = 0.",
         "Preissmann's box: the midpoint rule in space and time. Gauss and EQUIP box: two Gauss nodes in time; EQUIP's "
-        "α keeps the total energy. Euler box: symplectic Euler in both.",
+        "parameter α keeps the total energy. Euler box: symplectic Euler in both.",
         "Controls: AVF in time (keeps the energy of every cell), Radau IIA, and a midpoint rule with 0.501 for 1/2.",
     ),
-    verdicts=(two_form, energy, momentum),
+    verdicts=(two_form, controls, energy, energy_order, momentum),
+    answer=answer,
     figures=draw,
     table=table,
-    whole=_whole,
+    whole=_full_table,
     limits=(
-        f"Round-off is up to {UNITS:g} units: eps times the squared largest slope of the mesh (the last digit of its "
-        "highest mode), over h for energy and momentum.",
-        f"Orders are two-sided within {NEAR}; totals are kept up to {KEPT:g}; the number of cells is odd, on which the "
-        "box scheme's solvability on a period rests.",
-        "On a fixed mesh these are the methods in time on canonical systems: the Euler box's is that of the page on "
+        f"A residual up to {UNITS:g} units counts as round-off; a unit is eps times the square of the largest slope on "
+        "the mesh (the last digit of its highest mode), for energy and momentum also divided by h.",
+        f"A measured order must be within {NEAR} of the expected one; a total counts as kept up to {KEPT:g}. The "
+        "number of cells is odd, without which the box scheme on a period may have no solution.",
+        "On a fixed mesh these are methods in time for Hamiltonian systems: for the Euler box see the page on "
         "[waves](waves.md).",
     ),
     command="pytest benchmarks/experiments/waves",

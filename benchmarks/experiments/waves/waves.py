@@ -1,4 +1,4 @@
-"""Semi-discretized wave equations: what each method keeps of energy and quadratic invariant, and its cost."""
+"""Semi-discretized wave equations: errors of energy and of a quadratic invariant, and the cost of each method."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import time
 import numpy as np
 
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import OK, SKIPPED, integrate
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
 
 METHODS = ("stormer-verlet", "implicit-midpoint", "scheme-iii", "scheme-iv", "scheme-v", "avf", "cohen-hairer-2", "rk4")
-#: Problem -> (steps h, end of the integration); the frequencies rise to 4 / dx^2 and to its root.
+#: Problem -> (steps h, end time); the largest frequency is 4 / dx^2 (nls), or about 2 / dx (klein-gordon).
 RUNS = {"nls:plane-wave": ((0.01, 0.005), 40.0), "nls:soliton": ((0.01,), 20.0), "klein-gordon": ((0.05, 0.025), 100.0)}
-#: An error below this many units of round-off is round-off.
+#: An error of fewer units of round-off than this counts as round-off.
 UNITS = 1000
 REPEATS = 3
 
@@ -34,7 +34,7 @@ def _row(name: str, id: str, N: int, h: float, t_end: float) -> dict:
     row |= {"status": s.status, "reason": s.reason, "fallbacks": s.counts["fallbacks"], "newton": s.counts["newton"]}
     if s.status != OK:
         return row
-    # Schemes IV and V miss the energy on steps without a root, and win it back later.
+    # Schemes IV and V change the energy on steps without a root, and restore it later.
     good = (
         np.concatenate([[True], ~np.isnan(s.parameter)]) if chosen.family == "schemes_iv_v" else np.full(len(s.q), True)
     )
@@ -59,22 +59,22 @@ def _seconds(run) -> float:
     return time.perf_counter() - begin
 
 
-#: Points of the mesh.
+#: Number of mesh points.
 N = 64
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each method and step on each problem; none of the quick tier: their kernels compile for long."""
+    """A cell for each method and step on each problem; no cell if ``quick``, since the kernels take long to compile."""
     return [] if quick else [_cell(name, id, h) for name in RUNS for id in METHODS for h in RUNS[name][0]]
 
 
 def _cell(name: str, id: str, h: float) -> Cell:
-    chosen, made = method(id), Problem(name, (("N", N),))
+    chosen, made = method(id), ProblemKey(name, (("N", N),))
     return Cell(
         "waves",
         ("pde",),
         {"problem": problem(name, N=N).label, "method": chosen.label, "h": h},
-        measured,
+        measure_rows,
         (name, id, h),
         content("pde", chosen, made, h, RUNS[name][1], code=[__name__]),
         frozenset({made.id, id}),
@@ -83,6 +83,6 @@ def _cell(name: str, id: str, h: float) -> Cell:
     )
 
 
-def measured(name: str, id: str, h: float) -> Rows:
-    """The row of a method with a step."""
+def measure_rows(name: str, id: str, h: float) -> Rows:
+    """The row of a method on a problem with step h."""
     return {"pde": [_row(name, id, N, h, RUNS[name][1])]}

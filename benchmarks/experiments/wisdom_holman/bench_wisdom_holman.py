@@ -1,20 +1,20 @@
-"""Wisdom-Holman splittings beside REBOUND's: the same splitting gives the same states, as far as round-off lets it."""
+"""Checks of the Wisdom-Holman splittings: the same splitting as REBOUND's gives the same states up to round-off."""
 
 from __future__ import annotations
 
 from phasebench.benchmarks.experiments.wisdom_holman import pairs, rivals
 
-#: Early positions further apart than this are of another splitting.
+#: Largest distance of early positions that counts as the same splitting.
 APART = 1e-8
 
 
 def cells(quick: bool = False):
-    """The pairs, and all together."""
+    """The cells of the pairs, and of all splittings together."""
     return [*pairs.cells(quick), *rivals.cells(quick)]
 
 
 def off(rows) -> list[str]:
-    """The pairs that part early."""
+    """Messages about the pairs whose early positions differ by `APART` or more."""
     return [
         f"{r['method']} on {r['problem']}, h = {r['h']}: {r['distance of early positions']:.1e} from REBOUND's"
         for r in rows
@@ -22,14 +22,14 @@ def off(rows) -> list[str]:
     ]
 
 
-def bench_wisdom_holman(measured):
-    """The same splitting gives the same states, and so the same energy error."""
-    wrong = off(measured("wisdom_holman"))
+def bench_wisdom_holman(measured_rows):
+    """The same splitting gives the same early positions as REBOUND."""
+    wrong = off(measured_rows("wisdom_holman"))
     assert not wrong, "\n".join(wrong)
 
 
-def bench_rivals(measured):
-    """Whoever ran has a cost."""
-    ran = [r for r in measured(rivals.TABLE) if r["status"] == "ok"]
+def bench_rivals(measured_rows):
+    """Every splitting that ran has a positive cost within its interval."""
+    ran = [r for r in measured_rows(rivals.TABLE) if r["status"] == "ok"]
     wrong = [r for r in ran if not 0 < r["ns, low"] <= r["ns a unit of time"] <= r["ns, high"]]
     assert not wrong, wrong

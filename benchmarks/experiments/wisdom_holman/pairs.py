@@ -1,7 +1,7 @@
 """Wisdom-Holman splittings beside REBOUND's, at equal steps: energy error, distance of the end states, cost of a step.
 
 REBOUND's WHFast and SABA use Jacobi coordinates and the same splittings; safe_mode = 0 joins the drifts of neighbouring
-steps and applies the corrector for output alone, as the methods here always do.  WHFast adds without compensation.
+steps and applies the corrector only for output, as the methods here always do.  WHFast's sums are not compensated.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from phasebench.benchmarks.measure import clock
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.measure.timing import in_turns, median, ratio
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, Unavailable, content
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, Unavailable, content
 from phasebench.integrators.driver import OK, SKIPPED
 from phasebench.integrators.registry import BY_ID
 from phasebench.reference.peers import peer
 
-#: Ours -> the peer that is the same splitting.
+#: Method of this project -> the peer with the same splitting.
 PAIRS = {
     "wisdom-holman": "rebound-whfast-plain",
     "wisdom-holman-corrector": "rebound-whfast-corrector-17",
@@ -27,7 +27,7 @@ PAIRS = {
     "wisdom-holman-aba-8-6-4": "rebound-saba-8-6-4",
     "wisdom-holman-aba-10-6-4": "rebound-saba-10-6-4",
 }
-#: Problem, its parameters, the steps, the time span.
+#: Name of a case -> (problem, its parameters, steps, end time).
 CASES = {
     "perturbed-kepler, e = 0.2": ("perturbed-kepler", {"e": 0.2}, [2 * pi / n for n in (25, 50, 100)], 2000.0),
     "perturbed-kepler, e = 0.6": ("perturbed-kepler", {"e": 0.6}, [2 * pi / n for n in (50, 100, 200)], 2000.0),
@@ -37,24 +37,24 @@ ROWS, TIMED, ROUNDS = 200, 5_000, 15
 
 
 def energy_error(made, q, p) -> float:
-    """The largest relative energy error of rows (n, d)."""
+    """The largest relative energy error of states q, p, arrays (n, d)."""
     E = made.system.observe(made.system.H, q, p)
     return float(np.abs(E / E[0] - 1).max())
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each pair and step on each problem; none of the quick tier."""
+    """A cell for each pair and step on each problem; no cell if ``quick``."""
     return [] if quick else [_cell(case, ours, h) for case in CASES for ours in PAIRS for h in CASES[case][2]]
 
 
 def _cell(case: str, ours: str, h: float) -> Cell:
     name, parameters, _, t_end = CASES[case]
-    made = Problem(name, tuple(parameters.items()))
+    made = ProblemKey(name, tuple(parameters.items()))
     return Cell(
         "wisdom_holman",
         ("wisdom_holman",),
         {"problem": case, "method": ours, "h": h},
-        measured,
+        measure_rows,
         (case, ours, h),
         content("pair", BY_ID[ours], peer(PAIRS[ours]), made, h, t_end, code=[__name__]),
         frozenset({name, ours, "rebound"}),
@@ -63,8 +63,11 @@ def _cell(case: str, ours: str, h: float) -> Cell:
     )
 
 
-def measured(case: str, ours: str, h: float) -> Rows:
-    """The same splitting by this project and by REBOUND; raises Unavailable without REBOUND."""
+def measure_rows(case: str, ours: str, h: float) -> Rows:
+    """The row of a splitting run by this project and by REBOUND.
+
+    Raises Unavailable without REBOUND, RuntimeError if a run fails.
+    """
     name, parameters, _, t_end = CASES[case]
     made, both = problem(name, **parameters), {"ours": integrator(ours), "theirs": integrator(PAIRS[ours])}
     every = round(t_end / h / ROWS)

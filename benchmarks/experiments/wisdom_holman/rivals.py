@@ -1,8 +1,8 @@
 """Every Wisdom-Holman splitting of this project and every setting of REBOUND's, over steps: energy error and cost.
 
-Of REBOUND: WHFast without and with each corrector, its kernels, the second corrector and other coordinates, all with
-safe_mode = 0; WHFast512 where the processor and the build have AVX512; every type of SABA.  All of a problem are timed
-in one cell, in turns, so that a busy machine is busy for all of them.
+From REBOUND: WHFast without and with each corrector, its kernels, the second corrector and other coordinates, all with
+safe_mode = 0; WHFast512 if the processor and the build have AVX512; every type of SABA.  All runs on a problem are
+timed in turns in one cell, so that a busy machine slows all of them.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from phasebench.benchmarks.measure import clock
 from phasebench.benchmarks.measure.integrator import Integrator
 from phasebench.benchmarks.measure.timing import in_turns, median
 from phasebench.benchmarks.problems import problem
-from phasebench.benchmarks.rows.cells import ALONE, Cell, Problem, Rows, content
+from phasebench.benchmarks.store.cells import ALONE, Cell, ProblemKey, Rows, content
 from phasebench.integrators.driver import OK, SKIPPED
 from phasebench.integrators.records.wisdom_holman import CORRECTORS
 from phasebench.integrators.registry import METHODS, method
@@ -19,15 +19,15 @@ from phasebench.reference.peers import PEERS, rebound
 
 from .pairs import CASES, ROWS, energy_error
 
-#: Steps that are timed, and rounds: more than one synchronization costs.
+#: Steps of a timed run, enough for one synchronization not to matter; rounds.
 TIMED, ROUNDS = 2_500, 11
-#: REBOUND's integrators that split off the Kepler motion.
+#: Prefixes of the ids of REBOUND's Wisdom-Holman integrators.
 SPLIT = ("rebound-whfast", "rebound-saba")
 TABLE = "wisdom_holman_rivals"
 
 
 def rivals() -> list[Integrator]:
-    """This project's splittings, the corrected one with each corrector; then REBOUND's."""
+    """All competitors: this project's splittings, the corrected one with each corrector, then REBOUND's."""
     ours = [m for m in METHODS if m.family == "wisdom_holman" and not m.parameters]
     corrected = [method("wisdom-holman-corrector", corrector=n) for n in CORRECTORS]
     theirs = [p for p in PEERS if p.id.startswith(SPLIT)]
@@ -35,7 +35,7 @@ def rivals() -> list[Integrator]:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """A cell for each problem; none of the quick tier."""
+    """A cell for each problem; no cell if ``quick``."""
     return [] if quick else [_cell(case) for case in CASES]
 
 
@@ -46,17 +46,17 @@ def _cell(case: str) -> Cell:
         "wisdom_holman",
         (TABLE,),
         {"problem": case},
-        measured,
+        measure_rows,
         (case,),
-        content("rivals", Problem(name, tuple(parameters.items())), *records, steps, t_end, code=[__name__]),
+        content("rivals", ProblemKey(name, tuple(parameters.items())), *records, steps, t_end, code=[__name__]),
         frozenset({name, "rebound", *(r.id for r in records)}),
         ALONE,
         own=True,
     )
 
 
-def measured(case: str) -> Rows:
-    """The rows of all on a problem, over its steps."""
+def measure_rows(case: str) -> Rows:
+    """The rows of all competitors on a case, one for each step."""
     name, parameters, steps, _ = CASES[case]
     made = problem(name, **parameters)
     rows = {(c.label, h): _row(case, made, c, h) for c in rivals() for h in steps}

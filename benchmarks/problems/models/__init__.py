@@ -1,1 +1,1 @@
-"""Of a scene the models from the least to the full one, each with what it says of the full one's state."""
+"""Ladders of models: from the simplest to the full one, each with a map of its solution to the full problem's state."""

@@ -1,6 +1,6 @@
-"""What a model of a scene is: a system of its own, with a map of its solution to rows of the full system's (q, p).
+"""`Ladder`: a scene with its models; a model is a system with a map of its solution to the full system's (q, p).
 
-Where a model has nothing to say (of the bodies that are left out), the map gives NaN.
+The map gives NaN for what the model does not describe, such as bodies that it leaves out.
 """
 
 from __future__ import annotations
@@ -14,46 +14,46 @@ import numpy as np
 from phasebench.benchmarks.problems.base import Orbit, Problem
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
-#: (the full problem, t (n,), q (n, d), p (n, d)) of a rung -> (q, p) of the full problem's, arrays (n, D).
+#: Maps (the full problem, rows t (n,), q (n, d), p (n, d) of a model) to rows (q, p) of the full one, arrays (n, D).
 Lift = Callable[[Problem, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
-def unchanged(full, t, q, p):
-    """The rung's state is the full one's."""
+def identity(full, t, q, p):
+    """Map a model's rows to the full problem's, where both have the same (q, p)."""
     return q, p
 
 
 @dataclass(frozen=True)
 class Rung:
-    """A model of a scene.
+    """A model of a scene, with the map of its solution to the full problem's.
 
     Attributes
     ----------
-    name : what it is, for a table
-    make : its problem
-    lift : its rows -> the full problem's
-    rate : its own time to the scene's
-    steps : its coarsest number of steps where not the ladder's
+    name : its name in tables
+    make : makes its problem
+    lift : maps rows of its solution to rows of the full problem's
+    rate : its own time over the scene's
+    steps : its coarsest number of steps; 0: the ladder's
     """
 
     name: str
     make: Callable[[], Problem]
-    lift: Lift = unchanged
+    lift: Lift = identity
     rate: float = 1.0
     steps: int = 0
 
 
 @dataclass(frozen=True)
 class Ladder:
-    """A scene with its models.
+    """A scene (problem, span and quantity) with its models.
 
     Attributes
     ----------
     id : kebab-case name
     problem, parameters : of the full problem: ``id:orbit`` and its parameters
-    t_end, quantity : how far, and the name of what is wanted
+    t_end, quantity : the end of the span, and the name of the quantity to be computed
     steps : the coarsest number of steps
-    rungs : from the least to the full model
+    rungs : from the simplest to the full model
     """
 
     id: str
@@ -65,8 +65,8 @@ class Ladder:
     parameters: tuple[tuple[str, Any], ...] = ()
 
 
-def modelled(name: str, q, p, H, start) -> Problem:
-    """The problem of a formula and a start (q, p) that is registered nowhere."""
+def model_problem(name: str, q, p, H, start) -> Problem:
+    """An unregistered problem of a formula H in q, p, from a start (q, p)."""
     return Problem(
         id=name,
         name=name,
@@ -76,6 +76,6 @@ def modelled(name: str, q, p, H, start) -> Problem:
     )
 
 
-def started(made: Problem, q, p) -> Problem:
-    """A problem from another state."""
+def with_start(made: Problem, q, p) -> Problem:
+    """The problem ``made``, started from the state q, p."""
     return replace(made, orbits=(Orbit("scene", tuple(q), tuple(p)),), orbit="")

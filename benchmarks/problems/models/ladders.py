@@ -1,4 +1,4 @@
-"""LADDERS: the scenes with their models."""
+"""LADDERS: all scenes that have simplified models, with these models."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from .planets import particle_models, planet_models
 from .springs import fpu_models
 from .waves import FULL_WAVES, lattice, linear_waves
 
-#: (e, mu) of the Schwarzschild term: the suite's own orbit, and one on which averaging is at home.
+#: (e, mu) of the Schwarzschild term: the suite's own orbit, and one weak enough for averaging.
 STRONG, WEAK = (0.6, 0.0075), (0.2, 1e-6)
 AMPLITUDES = (0.1, 0.5, 2.0)
 

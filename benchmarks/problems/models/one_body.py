@@ -1,4 +1,4 @@
-r"""Models of one body: the pendulum without its sine, Kepler's orbit without the Schwarzschild term.
+r"""Models of one body: the pendulum with sin q expanded, Kepler's orbit without or with an averaged Schwarzschild term.
 
 From rest at A the pendulum's frequency is :math:`1 - A^2/16 + O(A^4)` (Lindstedt).
 """
@@ -14,24 +14,24 @@ import sympy as sp
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.base import Problem
 
-from .ladder import Lift, Rung, modelled, started
+from .ladder import Lift, Rung, model_problem, with_start
 
 
 def pendulum_models(amplitude: float) -> tuple[Rung, ...]:
-    """Those of the pendulum from rest at ``amplitude``."""
+    """The models of the pendulum released at rest at ``amplitude``, in radians."""
     q, p = sp.symbols("q p", real=True)
     start = (amplitude,), (0.0,)
 
     def polynomial(terms: int) -> Callable[[], Problem]:
         V = sum((-1) ** (k + 1) * q ** (2 * k) / sp.factorial(2 * k) for k in range(1, terms + 1))
-        return lambda: modelled(f"pendulum-{terms}", [q], [p], p**2 / 2 + V, start)
+        return lambda: model_problem(f"pendulum-{terms}", [q], [p], p**2 / 2 + V, start)
 
     shifted = 1 - amplitude**2 / 16
     return (
-        Rung("harmonic", lambda: started(problem("harmonic-oscillator"), *start)),
+        Rung("harmonic", lambda: with_start(problem("harmonic-oscillator"), *start)),
         Rung(
             "harmonic, Lindstedt's frequency",
-            lambda: started(problem("harmonic-oscillator", omega=shifted), *start),
+            lambda: with_start(problem("harmonic-oscillator", omega=shifted), *start),
         ),
         Rung("sin q to q^3", polynomial(2)),
         Rung("sin q to q^5", polynomial(3)),
@@ -40,13 +40,13 @@ def pendulum_models(amplitude: float) -> tuple[Rung, ...]:
 
 
 def _pendulum(q, p) -> Problem:
-    """The registered orbit where it is that one: its states are certified."""
+    """The pendulum from (q, p); the registered orbit, whose states are certified, if it is the same."""
     swinging = problem("pendulum:swinging")
-    return swinging if (swinging.q0, swinging.p0) == (q, p) else started(swinging, q, p)
+    return swinging if (swinging.q0, swinging.p0) == (q, p) else with_start(swinging, q, p)
 
 
-def turned(rate: float) -> Lift:
-    """The plane's rows turned by ``rate`` t."""
+def rotation(rate: float) -> Lift:
+    """A map of a model's rows to the full problem's: the rotation in the plane by the angle ``rate`` t."""
 
     def lift(full, t, q, p):
         c, s = np.cos(rate * t), np.sin(rate * t)
@@ -58,7 +58,7 @@ def turned(rate: float) -> Lift:
 def mean_semi_axis(e: float, mu: float) -> float:
     r"""The mean semi-major axis :math:`L^2` of the orbit that starts at pericentre 1 - e.
 
-    With G conserved, the averaged energy :math:`-1/(2L^2) - \mu/(3L^3G^3)` is the orbit's own (to first order in mu).
+    With G conserved, the averaged energy :math:`-1/(2L^2) - \mu/(3L^3G^3)` equals the energy (to first order in mu).
     """
     G = sqrt(1 - e**2)
     energy = -0.5 - mu / (3 * (1 - e) ** 3)
@@ -70,7 +70,7 @@ def mean_semi_axis(e: float, mu: float) -> float:
 
 
 def kepler_models(e: float, mu: float) -> tuple[Rung, ...]:
-    r"""Those of the Schwarzschild term :math:`-\mu/(3r^3)`, of the average :math:`-\mu/(3L^3G^3)` over an orbit.
+    r"""The models of the Schwarzschild term :math:`-\mu/(3r^3)`: none, its average :math:`-\mu/(3L^3G^3)`, the term.
 
     The perihelion turns at :math:`\partial/\partial G = \mu/(L^3G^4)`, the mean anomaly grows by
     :math:`\partial/\partial L = \mu/(L^4G^3)` faster (Delaunay's elements :math:`L = \sqrt a`,
@@ -81,11 +81,11 @@ def kepler_models(e: float, mu: float) -> tuple[Rung, ...]:
     near = a * (1 - sqrt(1 - G**2 / a))
     return (
         Rung("Kepler", lambda: problem("kepler", e=e)),
-        Rung("Kepler, mean precession", lambda: problem("kepler", e=e), turned(mu / G**4)),
+        Rung("Kepler, mean precession", lambda: problem("kepler", e=e), rotation(mu / G**4)),
         Rung(
             "averaged, mean elements",
-            lambda: started(problem("kepler", e=e), (near, 0.0), (0.0, G / near)),
-            turned(mu / (L**3 * G**4)),
+            lambda: with_start(problem("kepler", e=e), (near, 0.0), (0.0, G / near)),
+            rotation(mu / (L**3 * G**4)),
             rate=1 + mu / (L * G**3),
         ),
         Rung("the term itself", lambda: problem("perturbed-kepler", e=e, mu=mu)),

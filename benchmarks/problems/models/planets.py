@@ -1,4 +1,4 @@
-"""Models of the outer planets: one without mass about the fixed Sun, then body by body."""
+"""Models of the outer planets: a massless one about the fixed Sun, then more and more bodies."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import sympy as sp
 from phasebench.benchmarks.problems import gravity, outer_solar_system, problem
 from phasebench.benchmarks.problems.base import Problem
 
-from .ladder import Lift, Rung, modelled
+from .ladder import Lift, Rung, model_problem
 
 BODIES = outer_solar_system.BODIES
 MASSLESS = gravity.MASSLESS
 
 
 def bodies(names: tuple[str, ...], massless: tuple[str, ...] = ()) -> Callable[[], Problem]:
-    """The problem of some of the bodies, from where the full one has them."""
+    """A function that makes the problem of some of the bodies, started as in the full one."""
 
     def make() -> Problem:
         q, p, pairs, distances, _ = gravity.bodies(len(names), "xyz", first=0)
@@ -25,25 +25,25 @@ def bodies(names: tuple[str, ...], massless: tuple[str, ...] = ()) -> Callable[[
         H = gravity.newton(p, [sp.Rational(x) for x in m], sp.Rational(outer_solar_system.G), pairs, distances)
         where = tuple(x for n in names for x in BODIES[n][1])
         momenta = tuple(mass * v for n, mass in zip(names, m, strict=True) for v in BODIES[n][2])
-        return modelled("-".join(names), q, p, H, (where, momenta))
+        return model_problem("-".join(names), q, p, H, (where, momenta))
 
     return make
 
 
 def about_the_sun(name: str) -> Callable[[], Problem]:
-    """A body without mass about the fixed Sun."""
+    """A function that makes the problem of a massless body about the fixed Sun."""
 
     def make() -> Problem:
         q, p = sp.symbols("x y z", real=True), sp.symbols("u v w", real=True)
         M = sp.Rational(outer_solar_system.G) * sp.Rational(BODIES["sun"][0])
         H = sum(x**2 for x in p) / 2 - M / sp.sqrt(sum(x**2 for x in q))
-        return modelled(f"{name}-alone", q, p, H, BODIES[name][1:])
+        return model_problem(f"{name}-alone", q, p, H, BODIES[name][1:])
 
     return make
 
 
 def of_bodies(*names: str) -> Lift:
-    """Positions of these bodies among all, the Sun at rest where it is not among them; NaN for the rest."""
+    """A map of these bodies' rows to those of all bodies: the Sun at rest if it is not among them, others NaN."""
 
     def lift(full, t, q, p):
         out = np.full((2, len(t), full.system.d), np.nan)
@@ -57,7 +57,7 @@ def of_bodies(*names: str) -> Lift:
 
 
 def planet_models() -> tuple[Rung, ...]:
-    """Those of Jupiter's motion: without mass, then body by body."""
+    """The models of Jupiter's motion: without mass about the Sun, then with more and more bodies."""
     names = tuple(BODIES)
     grown = (
         Rung(
@@ -72,7 +72,7 @@ def planet_models() -> tuple[Rung, ...]:
 
 
 def particle_models() -> tuple[Rung, ...]:
-    """Those of Saturn's motion: a test particle of the Sun, of the Sun and Jupiter, a body among three, among all."""
+    """The models of Saturn's motion: a test particle of the Sun, of Sun and Jupiter; one of three bodies, of all."""
     three = ("sun", "jupiter", "saturn")
     return (
         Rung("test particle of the Sun", about_the_sun("saturn"), of_bodies("saturn")),

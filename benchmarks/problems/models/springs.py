@@ -1,4 +1,4 @@
-"""Models of the chain of Fermi, Pasta and Ulam: its soft springs alone, the stiff ones rigid or averaged."""
+"""Models of the Fermi-Pasta-Ulam chain: only its soft springs move, the stiff ones are rigid or averaged."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import sympy as sp
 from phasebench.benchmarks.problems import fpu, problem
 from phasebench.benchmarks.problems.base import Problem
 
-from .ladder import Rung, modelled
+from .ladder import Rung, model_problem
 
 
 def soft_chain(order: int, omega: float = fpu.PARAMETERS["omega"]) -> Problem:
-    """The soft chain alone, with the terms in 1 / omega^2: none (0), of the frozen invariants (1), all (2)."""
+    """The chain of soft springs with terms in 1 / omega^2: none (0), those of constant spring energies (1), all (2)."""
     full = problem("fpu", omega=omega)
     m = full.system.d // 2
     q0, q1, p0 = full.system.q[:m], full.system.q[m:], full.system.p[:m]
@@ -29,11 +29,11 @@ def soft_chain(order: int, omega: float = fpu.PARAMETERS["omega"]) -> Problem:
         at = dict(zip(q0, full.q0[:m], strict=True))
         mixed = sp.Matrix([[sp.diff(U, x, y).subs(rigid).subs(at) for y in q1] for x in q0])
         start = start - np.array(mixed, float) @ np.array(full.p0[m:]) / w**2
-    return modelled(f"fpu-slow-{order}", q0, p0, H, (full.q0[:m], tuple(map(float, start))))
+    return model_problem(f"fpu-slow-{order}", q0, p0, H, (full.q0[:m], tuple(map(float, start))))
 
 
 def _with_springs(full, t, q, p):
-    """The springs at their frequency, undisturbed."""
+    """Map rows of the soft chain to the full problem's: the stiff springs oscillate undisturbed at their frequency."""
     m, w = full.system.d // 2, full.parameters["omega"]
     a, b = np.array(full.q0[m:]), np.array(full.p0[m:]) / w
     c, s = np.cos(w * t)[:, None], np.sin(w * t)[:, None]
@@ -41,9 +41,9 @@ def _with_springs(full, t, q, p):
 
 
 def fpu_models() -> tuple[Rung, ...]:
-    r"""Those of the soft chain: rigid springs, their averaged potential, and all that is of order :math:`\omega^{-2}`.
+    r"""The models of the chain: rigid stiff springs, their averaged potential, all terms of order :math:`\omega^{-2}`.
 
-    A spring's invariant I frozen, :math:`\langle q_1^2\rangle = I/\omega^2` adds
+    With a spring's invariant I frozen, :math:`\langle q_1^2\rangle = I/\omega^2` adds
     :math:`\tfrac12 U_{q_1q_1}\langle q_1^2\rangle` to the slow potential.  Of the same order are what the chain does to
     the springs, :math:`-U_{q_1}^2/(2\omega^2)`, and the mean of the slow momenta at the start, which is
     :math:`p_0 - U_{q_0q_1}p_1/\omega^2`.

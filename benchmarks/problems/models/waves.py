@@ -16,7 +16,7 @@ from .ladder import Rung
 
 
 def linear_waves() -> Problem:
-    """The full problem without its nonlinear term."""
+    """The Klein-Gordon equation of the full problem without its nonlinear term."""
     full = problem("klein-gordon")
     N, L = full.parameters["N"], full.parameters["L"]
     q, p, H = klein_gordon.formula(N, L)
@@ -27,8 +27,8 @@ def linear_waves() -> Problem:
     return replace(full, id="linear-klein-gordon", system=system)
 
 
-def interpolated(full, t, q, p):
-    """Rows on n points of a period on the full problem's N by the trigonometric polynomial through them."""
+def interpolate(full, t, q, p):
+    """Map rows on n points of a period to the full problem's N points, by trigonometric interpolation."""
     N = full.parameters["N"]
 
     def finer(z):
@@ -45,8 +45,8 @@ def interpolated(full, t, q, p):
 
 
 def lattice(N: int) -> Rung:
-    """The equation on N points of the same period."""
-    return Rung(f"{N} points", lambda: problem("klein-gordon", N=N), interpolated)
+    """The model that has only N points on the same period."""
+    return Rung(f"{N} points", lambda: problem("klein-gordon", N=N), interpolate)
 
 
 FULL_WAVES = Rung("Klein-Gordon, 64 points", lambda: problem("klein-gordon"))

@@ -1,0 +1,37 @@
+"""Write `prior.csv` and `models.csv`, which `advise` reads, anew from complete measurements (--update-tables)."""
+
+from __future__ import annotations
+
+import pandas as pd
+import pytest
+
+from phasebench.benchmarks.advice import models, prior
+from phasebench.benchmarks.problems.questions import BY_ID
+from phasebench.integrators.driver import OK
+from phasebench.integrators.registry import METHODS
+from phasebench.reference.peers import PEERS
+
+#: Names of tables: all runs of the trade (`experiments.trade`); the models of scenes and their runs.
+RUNS, MODELS = "front_rungs", ("models", "models_runs")
+
+
+def competition(rows) -> tuple[pd.DataFrame, set[str]]:
+    """(successful runs of the trade with their problem, ids of the integrators that took part), for single orbits."""
+    named = {x.id for x in (*METHODS, *PEERS)} - {"heyoka-batch"}
+    frame = pd.DataFrame([r for r in rows if r.get("status") == OK and r["id"] in named])
+    problems = frame["scene"].map(lambda scene: BY_ID[scene].problem.partition(":")[0])
+    return frame.assign(problem=problems), named
+
+
+def bench_prior(outcome, complete, update):
+    """Write `prior.csv`: how many times dearer than the cheapest each integrator was."""
+    if not update or not complete(RUNS):
+        pytest.skip("the prior is made with --update-tables where all of the trade is measured")
+    prior.TABLE.save(*competition(outcome.rows(RUNS)))
+
+
+def bench_models(outcome, complete, update):
+    """Write `models.csv`: errors and times of the simplified models that `advise` may suggest."""
+    if not update or not all(map(complete, MODELS)):
+        pytest.skip("the models of advice are stored with --update-tables where all of them are measured")
+    models.TABLE.save(*(pd.DataFrame(outcome.rows(t)) for t in MODELS))

@@ -1,0 +1,18 @@
+"""Write `fronts.csv` and `times.csv`, with which certificates compare, anew from complete measurements."""
+
+from __future__ import annotations
+
+import pytest
+
+from phasebench.benchmarks.certificate import fronts, times
+
+#: Names of tables of the trade (`experiments.trade`): all runs, and the cheapest of each side.
+RUNS, CHOICES = "front_rungs", "front"
+
+
+def bench_fronts(outcome, complete, update):
+    """Write the fewest evaluations and the least time known at each error."""
+    if not update or not complete(RUNS):
+        pytest.skip("fronts and times are made with --update-tables where all of the trade is measured")
+    fronts.TABLE.save(outcome.rows(RUNS))
+    times.TABLE.save(outcome.rows(CHOICES), outcome.rows(RUNS))

@@ -1,0 +1,147 @@
+"""Judge the packages' claims from the audit's rows: they hold, are contradicted or understated, or cannot be judged.
+
+A package that does better than it claims understates; that is no contradiction.
+
+- Order: contradicted where at least two problems differ and none agrees (understated where all orders are higher);
+  holds where at least one agrees and none differs; holds in part where problems disagree.
+- Symplectic, reversible: one problem on which the structure is broken contradicts the claim.  A structure that the
+  package denies and that is kept on all problems is understated.
+- Energy: "bounded" is contradicted by a drift; "round-off" by an error of 10 times round-off; "drifts" is understated
+  where an error above round-off stays bounded on all problems.
+
+The decisions are made by `judge.decide` with the thresholds `AUDIT`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from phasebench.benchmarks.judge import decide
+from phasebench.benchmarks.judge.evidence import agrees, has, keeps_structure
+from phasebench.benchmarks.judge.verdict import UNDERSTATED, UNJUDGED
+from phasebench.benchmarks.measure.integrator import integrator
+from phasebench.integrators.record import BOUNDED, DRIFT
+
+KEPT = {"symplecticity": "symplectic", "reversibility": "reversible"}
+
+
+def number(x: float) -> str:
+    """Format with three significant digits."""
+    return f"{x:.3g}"
+
+
+def order_text(row) -> str:
+    """Format a row's order with its interval and problem, or the reason why it has none."""
+    if row["status"] != "ok":
+        return f"{row['status']} ({row['problem']}: {row['reason']})"
+    if not has(row, "value"):
+        return f"{row['reason']} ({row['problem']})"
+    return f"{row['value']:.2f} [{row['low']:.2f}, {row['high']:.2f}] ({row['problem']})"
+
+
+def structure_text(row) -> str:
+    """Format a defect with its floor, the defect of RK4, and the power of h with which it falls."""
+    if row["status"] != "ok":
+        return f"{row['status']} ({row['problem']}: {row['reason']})"
+    if not has(row, "floor"):
+        return f"{number(row['value'])} at tol {number(row['tol'])} ({row['problem']})"
+    text = f"{number(row['value'])}, floor {number(row['floor'])}, rk4 {number(row['classical'])}"
+    text += f", own error {number(row['own'])}"
+    if has(row, "falls_as"):
+        text += f", falls as h^{row['falls_as']:.1f}"
+    return f"{text} ({row['problem']}, h = {number(row['h'])}, {row['steps']:.0f} steps)"
+
+
+def energy_text(row) -> str:
+    """Format the largest energy error, and the slope of the drift with its interval."""
+    if row["status"] != "ok":
+        return f"{row['status']} ({row['problem']}: {row['reason']})"
+    slope = " ".join(f"{row[k]:.1e}" for k in ("slope", "low", "high")).split()
+    return (
+        f"max {row['value']:.1e}, slope {slope[0]} [{slope[1]}, {slope[2]}] to t = {row['time']:.0f} ({row['problem']})"
+    )
+
+
+UNSEEN = "nothing could be seen above the floor"
+#: Property -> (measure whose rows decide, decision function, formatter of a row, reason where it cannot be judged).
+PROPERTIES: dict[str, tuple[str, Callable[..., decide.Decision], Callable[[dict], str], str]] = {
+    "order": ("order", decide.order, order_text, "no window tells"),
+    "symplectic": ("symplecticity", decide.structure, structure_text, UNSEEN),
+    "reversible": ("reversibility", decide.structure, structure_text, UNSEEN),
+    "energy": ("energy", decide.conservation, energy_text, "the error is of round-off or the time too short to tell"),
+}
+
+
+def decision(name: str, claimed, rows: list[dict]) -> tuple[str, list[dict], str]:
+    """Decide on the claim of a property: (verdict, the rows that decide, reason)."""
+    _, decide_by, _, unjudged = PROPERTIES[name]
+    verdict, seen = decide_by(claimed, rows, decide.AUDIT)
+    if verdict == UNJUDGED:
+        alone = name == "order" and any(agrees(r, claimed) is False for r in rows)
+        return verdict, rows, "it differs on one problem alone" if alone else unjudged
+    far = verdict == UNDERSTATED and name == "energy"
+    return verdict, seen, f"as far as t = {max(r['time'] for r in seen):.0f} tells" if far else ""
+
+
+def _words(name: str, claimed) -> str:
+    """A claim in words, as "order 4" or "not symplectic"."""
+    if name == "order":
+        return f"order {claimed:.0f}"
+    if name == "energy":
+        return {BOUNDED: "bounded energy error", DRIFT: "energy drifts"}.get(claimed, f"energy error: {claimed}")
+    return name if claimed else f"not {name}"
+
+
+def judgements(peer, version: str, rows: Iterable[dict]) -> list[dict]:
+    """Judge every claim of a peer from its rows.
+
+    Returns
+    -------
+    list of dict
+        package, version, peer, name, property, claim (in words), source, verdict, measured, problems, reason, command
+    """
+    peer = integrator(peer)
+    mine = [r for r in rows if r["peer"] == peer.id]
+    about = {"package": peer.kind, "version": version, "peer": peer.id, "name": peer.name}
+    out = []
+    for name, (measure, _, text, _) in PROPERTIES.items():
+        claimed = getattr(peer.claims, name)
+        if claimed is None:
+            continue
+        part = [r for r in mine if r["measure"] == measure]
+        if mine and mine[0]["status"] != "ok":
+            verdict, seen, reason = UNJUDGED, [], f"{mine[0]['status']}: {mine[0]['reason']}"
+        elif peer.adaptive and name != "energy":
+            verdict, seen, reason = UNJUDGED, [], "the step is adaptive: a step map of constant h is not there to test"
+        elif not part:
+            verdict, seen, reason = UNJUDGED, [], next((r["reason"] for r in mine if r["status"] != "ok"), "")
+            reason = reason or "it was not measured"
+        else:
+            verdict, seen, reason = decision(name, claimed, part)
+        found = {
+            "property": name,
+            "claim": _words(name, claimed),
+            "source": peer.claims.source,
+            "verdict": verdict,
+            "measured": "; ".join(map(text, seen)),
+            "problems": ", ".join(r["problem"] for r in seen),
+            "reason": reason,
+            "command": f"phasebench audit --peer {peer.id}",
+        }
+        out.append(about | found)
+    return out
+
+
+def remarks(rows: Iterable[dict], claimed: Iterable[dict]) -> list[str]:
+    """Sentences on structures that are kept on all problems but not claimed."""
+    rows, out = list(rows), []
+    said = {(c["peer"], c["property"]) for c in claimed if not c["claim"].startswith("not ")}
+    for measure, name in KEPT.items():
+        more = []
+        for id in dict.fromkeys(r["peer"] for r in rows if r["measure"] == measure):
+            part = [r for r in rows if r["peer"] == id and r["measure"] == measure]
+            if (id, name) not in said and all(keeps_structure(r) for r in part):
+                more.append(id)
+        if more:
+            out.append(f"{name} on the problems here, which is not claimed: {', '.join(more)}")
+    return out

@@ -1,0 +1,41 @@
+"""The measurements (`Cell`) that test the statements in packages' documentation, one for each script."""
+
+from __future__ import annotations
+
+from phasebench.benchmarks.store.cells import POOL, Cell, Rows, content
+from phasebench.reference.installed import version_of
+
+from .said import BY_SCRIPT
+from .statements import SCRIPTS, Statement, row, run
+
+
+def measure_rows(script: str) -> Rows:
+    """Run a script and return the rows of the statements that it tests."""
+    found = run(SCRIPTS / f"{script}.py")
+    return {"audit_statements": [row(s, *found) for s in BY_SCRIPT[script]]}
+
+
+def cells() -> list[Cell]:
+    """The measurements (`Cell`): one for each script."""
+    return [_cell(script, members) for script, members in BY_SCRIPT.items()]
+
+
+def _cell(script: str, members: list[Statement]) -> Cell:
+    package = members[0].package
+    texts = [(s.said, s.shows, s.severity, s.mend, s.link) for s in members]
+    return Cell(
+        "audit",
+        ("audit_statements",),
+        {"script": script},
+        measure_rows,
+        (script,),
+        content(
+            "audit_statements",
+            members[0].path.read_text(encoding="utf-8"),
+            *texts,
+            version_of(package) or "absent",
+            code=["phasebench.benchmarks.experiments.audit.said"],
+        ),
+        frozenset({package, *(peer for s in members for peer, _ in s.covers)}),
+        POOL,
+    )

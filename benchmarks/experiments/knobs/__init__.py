@@ -1,1 +1,0 @@
-"""What does turning a knob of a method give, and cost?"""

@@ -1,0 +1,1 @@
+"""Experiment: what do the options of methods gain, and what do they cost?"""

@@ -1,0 +1,70 @@
+"""Checks of the options: every run completes, and known relations hold that are no verdict of a page."""
+
+from __future__ import annotations
+
+from phasebench.benchmarks.experiments.options import arithmetic, ladders, lambdas, nodes, solvers
+from phasebench.benchmarks.experiments.options.cells import cells  # noqa: F401
+
+#: The lambda at which Scheme I is the implicit midpoint rule.
+HALF = 0.5
+#: Largest relative difference between the errors of two solvers of the same equations.
+ALIKE = 1e-2
+#: Bound for the smallest error of every setting: its ladder of steps is fine enough.
+REACHED = 1e-2
+
+
+def short(rows) -> list[str]:
+    """Messages about the settings whose smallest error is above `REACHED`."""
+    least: dict = {}
+    for r in rows:
+        key = (r["knob"], r["scene"], r["setting"])
+        least[key] = min(least.get(key, float("inf")), float("inf") if r["error"] is None else r["error"])
+    return [f"{', '.join(key)}: {error:.1e}" for key, error in least.items() if not error <= REACHED]
+
+
+def bench_lambda(measured_rows):
+    """At lambda = 1/2 every run reaches its end time."""
+    rows = [r for r in measured_rows(lambdas.ERRORS) if r["lam"] == HALF]
+    off = [f"{r['method']} on {r['scene']}" for r in rows if not r["trajectory"] < float("inf")]
+    assert not off, "\n".join(off)
+
+
+def bench_largest_steps(measured_rows):
+    """At lambda = 1/2 the largest step that survives is at least the scene's own."""
+    rows = [r for r in measured_rows(lambdas.COSTS) if r["lam"] == HALF]
+    off = [f"{r['method']} on {r['scene']}" for r in rows if not r["largest h"] >= r["h"]]
+    assert not off, "\n".join(off)
+
+
+def bench_ladders(measured_rows):
+    """Every setting of every option reaches an error of at most `REACHED`."""
+    wrong = short(measured_rows(ladders.TABLE))
+    assert not wrong, "\n".join(wrong)
+
+
+def bench_nodes(measured_rows):
+    """The stage equations of every step are solved, with every quadrature rule."""
+    wrong = [f"{r['scene']}, {r['nodes']} nodes" for r in measured_rows(nodes.TABLE) if r["status"] != "ok"]
+    assert not wrong, "\n".join(wrong)
+
+
+def bench_arithmetic(measured_rows):
+    """Single precision has more round-off than double, on every scene and for every number of steps."""
+    rows = measured_rows(arithmetic.ERRORS)
+    off = {(r["scene"], r["steps"], r["arithmetic"]): r["round-off rms"] for r in rows}
+    wrong = [k for k, x in off.items() if k[2] == arithmetic.PLAIN and not x < off[(*k[:2], arithmetic.SINGLE)]]
+    assert not wrong, wrong
+
+
+def bench_costs_of_sums(measured_rows):
+    """The ratio of compensated to plain time is positive."""
+    assert all(r["ratio"] > 0 for r in measured_rows(arithmetic.COSTS))
+
+
+def bench_solvers(measured_rows):
+    """Newton's method solves every case to round-off, and ends with the same error as the engine."""
+    rows = measured_rows(solvers.TABLE)
+    own = {(r["scene"], r["h"]): r["error"] for r in rows if r["solver"] == solvers.ENGINE}
+    newton = [r for r in rows if r["solver"] == solvers.NEWTON]
+    wrong = [r for r in newton if r["status"] != "ok" or not abs(r["error"] / own[r["scene"], r["h"]] - 1) < ALIKE]
+    assert not wrong, wrong

@@ -1,0 +1,189 @@
+"""The figures of the two pages on options."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks import style
+from phasebench.benchmarks.page.page import Picture
+from phasebench.integrators.driver import OK
+
+from . import arithmetic, findings, ladders, lambdas, nodes, solvers
+
+#: Smaller errors are drawn at this value.
+SMALLEST = 1e-17
+
+
+@style.styled
+def over_lambda(errors: pd.DataFrame, costs: pd.DataFrame, folder) -> Picture:
+    """Error, evaluations and largest step over lambda; a column for each scheme, a curve for each scene."""
+    errors = errors[errors["finer"] == errors["finer"].min()]
+    methods, scenes = list(dict.fromkeys(errors["method"])), list(dict.fromkeys(errors["scene"]))
+    figure, panels = style.panels(3, len(methods), 6.4, sharex=True, sharey="row")
+    for column, id in enumerate(methods):
+        for k, scene in enumerate(scenes):
+            part, cost = (t[(t["method"] == id) & (t["scene"] == scene)].sort_values("lam") for t in (errors, costs))
+            _relative(panels[0, column], part["lam"], part["trajectory"], label=scene, **style.curve(k, len(part), 6))
+            panels[1, column].plot(cost["lam"], cost["gradients per step"], **style.curve(k, len(cost), 6))
+            _relative(panels[2, column], cost["lam"], cost["largest h"], **style.curve(k, len(cost), 6))
+        panels[0, column].set(title=id, yscale="log")
+        panels[1, column].set(yscale="log")
+        panels[2, column].set(yscale="log", xlabel="λ")
+        for axes in panels[:, column]:
+            axes.axvline(findings.HALF, color=style.GREY, linewidth=0.8, linestyle=":")
+    for axes, label in zip(
+        panels[:, 0], ("error / that at 1/2", "gradients a step", "largest h / that at 1/2"), strict=True
+    ):
+        axes.set_ylabel(label)
+    style.legend_above(figure, panels[0, 0], 3)
+    caption = (
+        "From above: the largest error of the trajectory at fixed h, the gradients of a step, the longest step; "
+        "errors and steps over those at λ = 1/2 (dotted). Where an error is below 1, that λ is better than 1/2."
+    )
+    return Picture(style.save(figure, folder, "options-lambda.png"), "error, cost and longest step over λ", caption)
+
+
+def _relative(axes, lam: pd.Series, values: pd.Series, **look) -> None:
+    """Plot a curve divided by its value at lambda = 1/2; nothing if that value is missing."""
+    half = values[lam == findings.HALF]
+    if len(half) and 0 < half.iloc[0] < np.inf:
+        axes.plot(lam, (values / half.iloc[0]).replace([0, np.inf], np.nan), **look)
+
+
+def _curves(axes, table: pd.DataFrame, by: list[str], x: str, y: str, name) -> None:
+    """Plot a curve for each group of a table; ``name`` turns the group's key into a label."""
+    for look, (key, part) in zip(style.looks(), table.groupby(by, sort=False), strict=False):
+        part = part.sort_values(x)
+        axes.plot(part[x], part[y].clip(lower=SMALLEST), label=name(*key), **look)
+
+
+def _ladder(axes, rungs: pd.DataFrame) -> None:
+    """Plot error against time, a curve for each setting."""
+    arrived = rungs[(rungs["status"] == OK) & (rungs["error"] > 0)]
+    _curves(axes, arrived, ["setting"], "us", "error", str)
+    axes.set(xlabel="µs to the end", title=rungs["scene"].iloc[0], xscale="log", yscale="log", ylim=(1e-14, 10))
+
+
+def _legend(axes, columns: int) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(handles, labels, loc="lower center", bbox_to_anchor=(0.5, 1.12), ncols=columns, handlelength=3.0)
+
+
+def _first(rungs: pd.DataFrame, option: str) -> pd.DataFrame:
+    """The rows of an option on its first scene."""
+    part = rungs[rungs["knob"] == option]
+    return part[part["scene"] == part["scene"].iloc[0]] if len(part) else part
+
+
+def _side_by_side(parts: list[pd.DataFrame], drawn, label: str):
+    """(figure, panels), one panel for each non-empty part, filled by ``drawn(axes, part)``; None if all are empty."""
+    parts = [part for part in parts if len(part)]
+    if not parts:
+        return None
+    figure, (panels,) = style.panels(1, len(parts), 3.9, sharey=True)
+    for axes, part in zip(panels, parts, strict=True):
+        drawn(axes, part)
+    panels[0].set_ylabel(label)
+    return figure, panels
+
+
+@style.styled
+def orders(rungs: pd.DataFrame, folder) -> Picture | None:
+    """Error against time for compositions by order, and for generating functions by r."""
+    made = _side_by_side(
+        [_first(rungs, option) for option in (ladders.COMPOSITION, ladders.GENERATING)], _ladder, "error at the end"
+    )
+    if made is None:
+        return None
+    for axes in made[1]:
+        _legend(axes, 2)
+    caption = (
+        "Error against time: left compositions of Störmer–Verlet of order 2 to 10, right generating functions to the "
+        "power r of h; the CSV has other scenes."
+    )
+    return Picture(style.save(made[0], folder, "options-orders.png"), "orders", caption)
+
+
+def _scenes(table: pd.DataFrame) -> list[pd.DataFrame]:
+    return [part for _, part in table.groupby("scene", sort=False)]
+
+
+@style.styled
+def keepers(rungs: pd.DataFrame, folder) -> Picture | None:
+    """Error against time of the methods that keep the energy."""
+    made = _side_by_side(_scenes(findings.usable(rungs, ladders.ENERGY)), _ladder, "error at the end")
+    if made is None:
+        return None
+    style.legend_above(made[0], made[1][0], 3)
+    caption = f"Error of the end against time, of runs whose relative energy error is at most {findings.KEPT:g}."
+    return Picture(style.save(made[0], folder, "options-energy.png"), "methods that keep the energy", caption)
+
+
+@style.styled
+def solving(table: pd.DataFrame, folder) -> Picture | None:
+    """The tolerance of the stage equations: evaluations against error, at the smaller step of each scene."""
+
+    def panel(axes, part: pd.DataFrame) -> None:
+        part = part[
+            (part["h"] == part["h"].min()) & (part["start"] == solvers.FIVE) & (part["solver"] != solvers.NEWTON)
+        ]
+        part = part[part["status"] == OK]
+        _curves(axes, part, ["solver"], "evaluations", "error", str)
+        axes.set(xlabel="evaluations a step", title=part["scene"].iloc[0], yscale="log")
+
+    made = _side_by_side([p for p in _scenes(table) if (p["status"] == OK).any()], panel, "error at the end")
+    if made is None:
+        return None
+    style.legend_above(made[0], made[1][0], 3)
+    caption = (
+        f"Error of {solvers.METHOD} against evaluations, its equations solved to tolerances from "
+        f"{max(solvers.TOLERANCES):g} to round-off: where a curve is level, a looser tolerance loses nothing."
+    )
+    return Picture(style.save(made[0], folder, "options-solvers.png"), "solving to a tolerance", caption)
+
+
+@style.styled
+def floors(rules: pd.DataFrame, sums: pd.DataFrame, folder) -> Picture:
+    """AVF's energy error over the nodes of its quadrature; round-off of Stormer-Verlet over the steps."""
+    figure, ((left, right),) = style.panels(1, 2, 3.9)
+    fixed = rules[rules["nodes"] != nodes.CONFIRMED]
+    _curves(left, fixed, ["scene", "h"], "nodes", "energy error", lambda scene, h: f"{scene}, h = {h:g}")
+    left.set(xlabel="nodes", ylabel="largest relative energy error", title="AVF", yscale="log")
+    _curves(right, sums, ["scene", "arithmetic"], "steps", "round-off rms", lambda scene, kind: f"{scene}, {kind}")
+    right.set(xlabel="steps", ylabel="rms round-off at the end", title=arithmetic.METHOD, xscale="log", yscale="log")
+    for axes in (left, right):
+        _legend(axes, 1)
+    caption = (
+        "Left: AVF's energy error over the nodes of its quadrature. Right: the round-off of Störmer–Verlet, as "
+        "distance from the same steps in long double."
+    )
+    return Picture(style.save(figure, folder, "options-floors.png"), "nodes, sums and precision", caption)
+
+
+def _tables(data, *names: str) -> dict[str, pd.DataFrame]:
+    """Name -> table, of the tables that have rows."""
+    read = {name: data(name) for name in names}
+    return {name: table for name, table in read.items() if table is not None and len(table)}
+
+
+def draw(data, folder) -> list[Picture]:
+    """The figures of lambda, of orders and of energy-preserving methods."""
+    has = _tables(data, lambdas.ERRORS, lambdas.COSTS, ladders.TABLE)
+    out = []
+    if {lambdas.ERRORS, lambdas.COSTS} <= set(has):
+        out.append(over_lambda(has[lambdas.ERRORS], has[lambdas.COSTS], folder))
+    if ladders.TABLE in has:
+        out += [orders(has[ladders.TABLE], folder), keepers(has[ladders.TABLE], folder)]
+    return [picture for picture in out if picture is not None]
+
+
+def draw_numerics(data, folder) -> list[Picture]:
+    """The figures of nodes, sums, precision and solvers."""
+    has = _tables(data, nodes.TABLE, arithmetic.ERRORS, solvers.TABLE)
+    out = []
+    if {nodes.TABLE, arithmetic.ERRORS} <= set(has):
+        out.append(floors(has[nodes.TABLE], has[arithmetic.ERRORS], folder))
+    if solvers.TABLE in has:
+        out.append(solving(has[solvers.TABLE], folder))
+    return [picture for picture in out if picture is not None]

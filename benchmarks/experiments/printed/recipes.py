@@ -1,0 +1,100 @@
+"""Candidates for the printed column of Scheme IV: other roots of its energy equation, other computations.
+
+The talk's table shows Scheme IV as first order.  By its theorem (lambda = 1/2 + O(h)) it is second order, as it is
+measured with the root nearest 1/2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from phasebench.benchmarks.measure.accuracy import end_state
+from phasebench.benchmarks.measure.metrics import refinement_difference
+from phasebench.benchmarks.measure.root_scan import along, summary
+from phasebench.benchmarks.problems import problem
+from phasebench.benchmarks.problems.base import Problem
+from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
+from phasebench.integrators.driver import integrate
+from phasebench.integrators.record import Method
+from phasebench.integrators.registry import method
+
+from .printed import AGREEMENT, PRINTED, SCHEME_IV, STEPS, unit
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A candidate computation: a method, a number of steps beyond t = 1, and whether only q is compared."""
+
+    name: str
+    method: Method
+    beyond: int = 0
+    q_alone: bool = False
+
+    def column(self, found: Problem) -> list[float]:
+        """The refinement differences of the problem ``found`` at the talk's steps."""
+        kept = slice(found.system.d if self.q_alone else None)
+        states = [
+            end_state(integrate(found, self.method, h=h, steps=round(1 / h) + self.beyond, save_every=0)) for h in STEPS
+        ]
+        return [float(refinement_difference(a[kept], b[kept])) for a, b in pairwise(states)]
+
+
+def scheme_i(lam: str) -> Method:
+    """Scheme I with the constant parameter ``lam``."""
+    return method("scheme-i", lam=lam)
+
+
+#: Scheme IV itself, constant parameters, and the candidates that come nearest.
+RECIPES = (
+    Recipe("Scheme IV, root nearest 1/2", method("scheme-iv")),
+    *(Recipe(f"Scheme I, lambda = {lam}", scheme_i(lam)) for lam in ("-2/5", "0", "1", "29/20", "3/2")),
+    Recipe("implicit midpoint", method("implicit-midpoint")),
+    Recipe("Scheme IV, one step more", method("scheme-iv"), beyond=1),
+    Recipe("Scheme I, lambda = -51/50, in q alone", scheme_i("-51/50"), q_alone=True),
+)
+CLAIM = "printed for Scheme IV"
+
+
+def agreeing(column: Sequence[float]) -> int:
+    """The number of entries of a column that agree with Scheme IV's printed ones within `AGREEMENT` last digits."""
+    return sum(abs(x - float(t)) <= AGREEMENT * unit(t) for x, t in zip(column, PRINTED[SCHEME_IV], strict=True))
+
+
+def columns() -> list[dict]:
+    """The rows of the printed column and of each of `RECIPES`, on the talk's test problem."""
+    found = problem("henon-heiles:chaotic")
+    known = {CLAIM: [float(t) for t in PRINTED[SCHEME_IV]]} | {r.name: r.column(found) for r in RECIPES}
+    heads = [f"{h:g}" for h in STEPS[1:]]
+    return [
+        {"recipe": name, **dict(zip(heads, column, strict=True)), "entries that agree": agreeing(column)}
+        for name, column in known.items()
+    ]
+
+
+def cells(quick: bool = False) -> list[Cell]:
+    """A cell for the scan of roots at each printed step, and one for the recipes; no cell if ``quick``."""
+    scheme, problem_of = method("scheme-iv"), ProblemKey("henon-heiles:chaotic")
+    names = frozenset({"henon-heiles", "scheme-iv"})
+
+    def cell(tables, key, measure, arguments):
+        about = content(measure.__name__, key, scheme, problem_of, code=[__name__])
+        return Cell("printed", tables, key, measure, arguments, about, names)
+
+    if quick:
+        return []
+    scans = [cell(("riddle", "riddle_roots"), {"h": h}, measure_scan_rows, (h,)) for h in STEPS]
+    return [*scans, cell(("riddle_columns",), {}, recipes, ())]
+
+
+def measure_scan_rows(h: float) -> Rows:
+    """The rows of a scan of all roots in every step of Scheme IV: a summary, and the roots not nearest to 1/2."""
+    s = along(problem("henon-heiles:chaotic"), "scheme-iv", h, 1.0)
+    roots = [{"h": h, "t": i * s.h, "lambda": float(lam)} for i, r in enumerate(s.roots) for lam in r[1:]]
+    return {"riddle": [row | {"h": h} for row in summary([s])], "riddle_roots": roots}
+
+
+def recipes() -> Rows:
+    """Rows that compare each candidate reading of the paper with its printed column, by table."""
+    return {"riddle_columns": columns()}

@@ -1,0 +1,193 @@
+"""`phasebench.certify`: reference states with their uncertainty, stored ones measured again or one at a chosen time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phasebench.benchmarks.measure.tabular import TabularResult
+from phasebench.benchmarks.problems import labels
+from phasebench.benchmarks.problems import problem as problem_of
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.keywords import checked_names
+
+from .rows import row
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from phasebench.benchmarks.problems.base import Problem
+    from phasebench.reference.certificates.check import Outcome
+    from phasebench.reference.certificates.stored import Certificate
+
+#: Columns that are printed.
+PRINTED = ("problem", "t_end", "error", "uncertainty", "horizon", "second solver", "distance", "changed")
+
+
+@dataclass(frozen=True, repr=False)
+class References(TabularResult):
+    """Stored references, measured again.
+
+    Attributes
+    ----------
+    rows : a dict for each orbit: error, uncertainty, horizon, the distance of other solvers, what does not hold
+    holds : whether every statement holds and another solver agrees with every state
+    wrong : the labels of those of which it does not
+    """
+
+    rows: tuple[dict[str, Any], ...]
+    holds: bool
+    wrong: tuple[str, ...]
+
+    def to_frame(self) -> pd.DataFrame:
+        """A row for each orbit."""
+        import pandas as pd
+
+        return pd.DataFrame(list(self.rows))
+
+    def _heading(self) -> list[str]:
+        return [f"{len(self.rows)} references measured again; wrong: {', '.join(self.wrong) or 'none'}"]
+
+    def _printed(self) -> pd.DataFrame:
+        return self.to_frame()[list(PRINTED)]
+
+
+@dataclass(frozen=True, repr=False)
+class CertifiedState(TabularResult):
+    """A state of an orbit to 34 digits.
+
+    Attributes
+    ----------
+    problem, t : its label, and the time
+    q, p : arrays (d,), rounded to double
+    q_text, p_text : d decimal strings each
+    uncertainty : bound of the digits' error, max norm
+    horizon : the time up to which rounding to long double stays small
+    agree : whether the other solvers agree
+    checks : a dict for each solver: solver, distance, its own uncertainty
+    """
+
+    problem: str
+    t: float
+    q: NDArray[np.float64] = field(compare=False)
+    p: NDArray[np.float64] = field(compare=False)
+    q_text: tuple[str, ...]
+    p_text: tuple[str, ...]
+    uncertainty: float
+    horizon: float
+    agree: bool
+    checks: tuple[dict[str, Any], ...]
+
+    def to_frame(self) -> pd.DataFrame:
+        """A row for each component: its name and its digits as text."""
+        import pandas as pd
+
+        names = [f"{x}{i}" for x, texts in (("q", self.q_text), ("p", self.p_text)) for i in range(1, len(texts) + 1)]
+        return pd.DataFrame({"component": names, "digits": [*self.q_text, *self.p_text]})
+
+    def _heading(self) -> list[str]:
+        agree = "agree" if self.agree else "DISAGREE"
+        line = f"{self.problem} at t = {self.t!r}, uncertainty {self.uncertainty:.2g}, horizon {self.horizon:.6g}"
+        return [f"{line}; {', '.join(c['solver'] for c in self.checks)} {agree}"]
+
+
+@overload
+def certify(
+    problem: str | Sequence[str] = ...,
+    *,
+    t_end: None = None,
+    time_limit: float = ...,
+    progress: Callable[[str], None] = ...,
+) -> References: ...
+@overload
+def certify(
+    problem: str, *, t_end: float, time_limit: float = ..., progress: Callable[[str], None] = ...
+) -> CertifiedState: ...
+@checked_names
+def certify(
+    problem: str | Sequence[str] = (),
+    *,
+    t_end: float | None = None,
+    time_limit: float = 300.0,
+    progress: Callable[[str], None] = lambda line: None,
+) -> References | CertifiedState:
+    """Measure stored reference states again, or certify the state of one problem at a time.
+
+    Parameters
+    ----------
+    problem : names such as ``"henon-heiles:box"``; all problems by default
+    t_end : a time, for a state that is computed now; one problem must be named
+    time_limit : seconds that certifying one time may take
+    progress : called with a line of text
+
+    Returns
+    -------
+    References, or with ``t_end`` a CertifiedState
+
+    Raises
+    ------
+    InvalidInput
+        For an unknown problem, or a state that cannot be certified (in the time).
+    """
+    names = [problem] if isinstance(problem, str) else list(problem)
+    if t_end is not None:
+        if len(names) != 1:
+            raise InvalidInput("t_end certifies one problem: name one, as id or id:orbit")
+        return _state(names[0], float(t_end), time_limit, progress)
+    outcomes = recheck(labels(names), progress)
+    wrong = tuple(o.certificate.problem for o in outcomes if not o.holds)
+    return References(tuple(row(o) for o in outcomes), not wrong, wrong)
+
+
+def recheck(names: Sequence[str], progress: Callable[[str], None], update: bool = False) -> list[Outcome]:
+    """Measure the stored certificates of these labels again.
+
+    With ``update`` they are computed anew, and each that holds is stored at once. ``progress`` is called with the label
+    of the next.
+    """
+    from phasebench.reference.certificates import check, make, stored
+
+    outcomes = []
+    for name in names:
+        progress(name)
+        made = problem_of(name)
+        outcomes.append(check.renew(made) if update else check.recheck(made))
+        if update and outcomes[-1].holds:
+            stored.keep(outcomes[-1].certificate, labels([made.id]), make.versions())
+    return outcomes
+
+
+def certify_end(made: Problem, t_end: float, time_limit: float, progress: Callable[[str], None]) -> Certificate:
+    """Certify the state of a problem at a time; raises InvalidInput if it cannot be done in ``time_limit`` seconds."""
+    from phasebench.reference.certificates import make
+    from phasebench.reference.solvers import watch
+    from phasebench.reference.solvers.taylor import ReferenceFailed
+
+    if not time_limit > 0:
+        raise InvalidInput(f"the time limit is {time_limit}; it must be a positive number of seconds")
+    if not 0 < t_end < float("inf"):
+        raise InvalidInput(f"the end time is {t_end}; it must be a positive number")
+    try:
+        with watch.watching(time_limit, progress):
+            return make.certify(made, [t_end])
+    except watch.TooLong as late:
+        limit = f"the time limit of {time_limit:g} s"
+        raise InvalidInput(f"{made.label} cannot be certified to {t_end:g} in {limit}: {late}") from None
+    except ReferenceFailed as error:
+        raise InvalidInput(f"{made.label} cannot be certified to {t_end!r}: {error}") from None
+
+
+def _state(name: str, t_end: float, time_limit: float, progress: Callable[[str], None]) -> CertifiedState:
+    """Certify the state of the problem of this name at a time."""
+    made = problem_of(name)
+    new = certify_end(made, t_end, time_limit, progress)
+    (end,) = new.ends
+    checks = tuple({"solver": c.solver, "distance": c.distance, "uncertainty": c.uncertainty} for c in end.checks)
+    return CertifiedState(
+        *(made.label, end.t, end.q, end.p, end.q_text, end.p_text),
+        *(end.uncertainty, new.horizon, end.agree, checks),
+    )

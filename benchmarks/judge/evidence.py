@@ -1,0 +1,107 @@
+"""Tables of measurements, and what one row shows: a structure kept or broken, an error bounded or drifting, an order.
+
+A row may be inconclusive; the functions then return None.
+
+- Structure: broken if the defect exceeds 100 times the floor of round-off; kept if it does not and a visible effect
+  (the integrator's own error, and the classical Runge-Kutta method's defect if measured) exceeds 1000 times the floor.
+  In a certificate a defect between the floor and 100 times the floor is inconclusive.
+- Energy and invariants: an error drifts if the interval of its slope excludes 0 and slope times time exceeds half of
+  the largest error; it is round-off if it is within Brouwer's law with a generous constant.
+- Order: agrees within 0.1; differs if its whole interval is farther away and the order is within 0.1 of another
+  integer (otherwise the step sizes are not yet asymptotic).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import isnan, sqrt
+
+import numpy as np
+
+from phasebench.integrators.record import BOUNDED, DRIFT, ROUND_OFF
+
+EPS = float(np.finfo(float).eps)
+GATE = 0.1
+#: Multiples of the floor: a defect above `BROKEN` is not round-off; an effect above `VISIBLE` can be resolved.
+BROKEN, VISIBLE = 100.0, 1000.0
+#: Defects up to this, of a step map in 40 digits, come from the solver and the finite differences.
+NO_DEFECT = 1e-22
+#: Share of slope times time in the largest error: above `DRIFTS` the error drifts, below `STAYS` it is bounded.
+DRIFTS, STAYS = 0.5, 0.1
+#: A larger share of the size of the energy is not called bounded: an energy dissipated to the end no longer drifts.
+LARGE = 0.25
+#: Largest round-off error of the energy, in units of eps times the square root of the number of steps.
+BROUWER = 100.0
+
+
+@dataclass
+class Tables:
+    """Measurements: rows by measure, the reason for each measure that failed, and the names of the completed ones."""
+
+    rows: dict[str, list[dict]] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    done: set[str] = field(default_factory=set)
+
+    def of(self, name: str) -> list[dict]:
+        """The rows of a measure."""
+        return self.rows.get(name, [])
+
+
+def has(row, key) -> bool:
+    """True if the row has a number under the key (neither None nor NaN)."""
+    value = row.get(key)
+    return value is not None and not (isinstance(value, float) and isnan(value))
+
+
+def keeps_structure(row) -> bool | None:
+    """True if the row shows the structure, False if it shows it broken, None if it is inconclusive."""
+    if row.get("status", "ok") != "ok" or not has(row, "floor"):
+        return None
+    if row["value"] > BROKEN * row["floor"]:
+        return False
+    return True if min(row.get("classical", row["own"]), row["own"]) > VISIBLE * row["floor"] else None
+
+
+def between(row) -> bool:
+    """True if the defect is above its floor, but not so far that round-off is ruled out."""
+    return has(row, "floor") and row["floor"] < row["value"] <= BROKEN * row["floor"]
+
+
+def shows_structure(row) -> bool | None:
+    """As `keeps_structure`, but None also for a defect `between` the two limits."""
+    return None if between(row) else keeps_structure(row)
+
+
+def is_bounded(row) -> bool | None:
+    """True if the error of an invariant is bounded over the time of the row, False if it drifts, None if unclear."""
+    if row.get("status", "ok") != "ok" or not has(row, "slope"):
+        return None
+    moved = abs(row["slope"]) * row["time"]
+    if row["value"] > LARGE * row["scale"]:
+        return False if moved > DRIFTS * row["value"] else None
+    if row["low"] <= 0 <= row["high"] or moved <= STAYS * row["value"]:
+        return True
+    return False if moved > DRIFTS * row["value"] else None
+
+
+def round_off(row) -> float:
+    """Upper bound of the round-off error of the energy in a row, by Brouwer's law."""
+    return BROUWER * EPS * row["scale"] * sqrt(row["steps"])
+
+
+def kind(row) -> str | None:
+    """How the row conserves the invariant: `ROUND_OFF`, `BOUNDED`, `DRIFT`, or None if unclear."""
+    if row["value"] <= round_off(row):
+        return ROUND_OFF
+    stays = is_bounded(row)
+    return None if stays is None else BOUNDED if stays else DRIFT
+
+
+def agrees(row, claimed: int) -> bool | None:
+    """True if the row's order is the claimed one, False if it differs, None if no order or too wide an interval."""
+    if row.get("status", "ok") != "ok" or not has(row, "value"):
+        return None
+    if abs(row["value"] - claimed) < GATE:
+        return True
+    outside = row["low"] > claimed + GATE or row["high"] < claimed - GATE
+    return False if outside and abs(row["value"] - round(row["value"])) < GATE else None

@@ -1,0 +1,72 @@
+"""Judges claims from tables of measurements, and lists the properties that could be claimed.
+
+The judgements depend on the tables alone.  A claim that could not be judged never passes.  Every integrator has to
+run, be consistent, keep no state between calls and leave its input unchanged; a failure there contradicts.  If it does
+not run or is not consistent, nothing else is judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from phasebench.integrators.record import NONE
+
+from .checks import CHECKS, Check
+from .evidence import Tables
+from .requirements import OVER, REQUIRED, WRONG, judge_requirements
+from .verdict import CONTRADICTED, FAIL, HOLDS, OPEN, PASS, UNJUDGED, Judgement
+
+
+def judgements(claims: Mapping[str, Any], tables: Tables) -> list[Judgement]:
+    """Judge the requirements on every integrator, and then the claims."""
+    found = judge_requirements(tables)
+    gross = gross_failure(found)
+    for name, value in claims.items():
+        if value not in (None, NONE):
+            check = CHECKS[name]
+            on_it = Judgement(UNJUDGED, why=gross) if gross else judgement(check, value, tables)
+            found.append(replace(on_it, name=name, claim=check.claim(value)))
+    return found
+
+
+def judgement(check: Check, value, tables: Tables) -> Judgement:
+    """Judge one claim; if time ran out, it can only hold if the measures that it needs were completed."""
+    why = tables.failed.get(check.measure) or tables.failed.get("all") or "it was not measured"
+    found = check.judge(value, tables) if tables.of(check.measure) else Judgement(UNJUDGED, why=why)
+    if tables.failed.get("time") and found.verdict != CONTRADICTED and not check.needs <= tables.done:
+        return Judgement(UNJUDGED, why="the time was over before all was measured that it needs")
+    return found
+
+
+def verdict(found: list[Judgement], claims: Mapping[str, Any]) -> str:
+    """The certificate's verdict: FAIL if a claim is contradicted, PASS if there are claims and all hold, else OPEN."""
+    kinds = {j.verdict for j in found}
+    if CONTRADICTED in kinds:
+        return FAIL
+    return PASS if kinds == {HOLDS} and len(found) > len(REQUIRED) else OPEN
+
+
+def gross_failure(found: list[Judgement]) -> str:
+    """The reason why no claim can be judged, or ""."""
+    for j in found:
+        if j.verdict == HOLDS:
+            continue
+        if j.name == "runs" and j.measured != OVER:
+            return "it does not run"
+        if j.name == "consistent" and (
+            j.verdict == UNJUDGED or not isinstance(j.measured, float) or j.measured > WRONG
+        ):
+            return "it was not seen to be a step of the systems"
+    return ""
+
+
+def offers(claims: Mapping[str, Any], tables: Tables) -> list[str]:
+    """Properties that were measured but not claimed, written as arguments of ``--claim``."""
+    out = []
+    for name, check in CHECKS.items():
+        if name not in claims and tables.of(check.measure):
+            held = next((x for x in check.candidates(tables) if check.judge(x, tables).verdict == HOLDS), None)
+            out += [] if held is None else [name if held is True else f"{name}={held}"]
+    return out

@@ -1,0 +1,90 @@
+"""The two rungs around an accuracy; between them cost and size are interpolated as powers of the error.
+
+Rungs are in order, the coarsest first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import inf, isfinite, log
+from typing import NamedTuple, Protocol, TypeVar
+
+from .cheapest import cheapest
+from .rung import Rung
+
+#: Larger errors are never taken for round-off.
+ROUND_OFF = 1e-8
+#: The next size is at least this share of the logarithmic distance away from both ends of its bracket.
+EDGE = 0.15
+
+
+class Erring(Protocol):
+    """A run with its error and its cost."""
+
+    @property
+    def error(self) -> float:
+        """Error of the quantity; infinite if the run has none."""
+
+    @property
+    def seconds(self) -> float:
+        """The cost, in seconds or in another unit."""
+
+
+class Run(NamedTuple):
+    """A run known by its error and its cost alone."""
+
+    error: float
+    seconds: float
+
+
+R = TypeVar("R", bound=Erring)
+
+
+def bracket(rungs: Sequence[R], wanted: float) -> tuple[R | None, list[R]]:
+    """(the last rung that misses the error ``wanted``, the finer rungs that meet it); (None, []) if none meets it.
+
+    After the rung of the least error, a small error that misses is round-off and ignored; a large one means that the
+    least error was luck.
+    """
+    good = [r for r in rungs if isfinite(r.error)]
+    if not good or min(r.error for r in good) > wanted:
+        return None, []
+    least = min(range(len(rungs)), key=lambda k: rungs[k].error)
+    missing = [k for k, r in enumerate(rungs) if not r.error <= wanted and (k < least or r.error > ROUND_OFF)]
+    last = missing[-1] if missing else -1
+    return (rungs[last] if missing else None), [r for r in rungs[last + 1 :] if r.error <= wanted]
+
+
+def share(coarse: float, fine: float, wanted: float) -> float:
+    """Position of the error ``wanted`` between two errors, on a log scale: 0 at the coarse one, 1 at the fine."""
+    return log(coarse / wanted) / log(coarse / max(fine, 1e-300))
+
+
+def cost(rungs: Sequence[R], wanted: float) -> float:
+    """The cost at which an error is met, interpolated as a power law between two rungs; infinite if none meets it."""
+    low, meeting = bracket(rungs, wanted)
+    if not meeting:
+        return inf
+    high, least = meeting[0], cheapest(meeting).seconds
+    if low is None or not isfinite(low.error):
+        return least
+    return min(least, low.seconds * (high.seconds / low.seconds) ** share(low.error, high.error, wanted))
+
+
+def evaluations_for(runs: Iterable[tuple[float, float]], wanted: float) -> float | None:
+    """The number of evaluations at which an error is met, interpolated by `cost`; None if no run meets it.
+
+    Parameters
+    ----------
+    runs : (evaluations, error) of each run, in any order; non-finite errors are left out
+    """
+    found = cost([Run(error, count) for count, error in sorted(runs) if isfinite(error)], wanted)
+    return found if isfinite(found) else None
+
+
+def aim(coarse: Rung, fine: Rung, wanted: float) -> float:
+    """The fineness between two rungs at which the wanted error is expected; the middle if the errors do not fall."""
+    part = 0.5
+    if isfinite(coarse.error) and coarse.error > fine.error > 0:
+        part = min(max(share(coarse.error, fine.error, wanted), EDGE), 1 - EDGE)
+    return coarse.fineness * (fine.fineness / coarse.fineness) ** part

@@ -1,0 +1,154 @@
+"""`Rung`, a run of an integrator at one size with its error and its time, and `Task`, which measures it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import inf, isfinite
+from typing import Any, NamedTuple
+
+from phasebench.benchmarks.measure import clock, quantities
+from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.benchmarks.measure.quantities import Quantity, Truth
+from phasebench.integrators.driver import INVALID, OK
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.record import Method
+
+#: Shorter runs are timed by `measure.clock`; a longer run without output rows counts with its own seconds.
+SHORT = 0.05
+#: A method's run without output is compiled only if its time with output, less `OVERHEAD` seconds for the output, is
+#: within the factor `WORTH` of the cheapest.
+OVERHEAD, WORTH = 3e-4, 6.0
+#: Runs of up to `LONG` seconds are timed `AGAIN` more times.
+LONG, AGAIN = 0.2, 3
+
+
+class Rung(NamedTuple):
+    """A run at one size.
+
+    Attributes
+    ----------
+    steps, tol : the number of steps, or the tolerance of an adaptive integrator; the other is None
+    status : how it ended
+    error : of the quantity; infinite if the run did not reach its end
+    seconds : of a warm run without output
+    taken, evaluations : the steps and the gradients that the run counted
+    reason : why it failed, or ""
+    """
+
+    steps: int | None
+    tol: float | None
+    status: str
+    error: float
+    seconds: float
+    taken: int = 0
+    evaluations: int = 0
+    reason: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """True if the run reached its end."""
+        return self.status == OK
+
+    @property
+    def size(self) -> dict[str, Any]:
+        """The keyword argument of a run: ``steps`` or ``tol``."""
+        return {"tol": self.tol} if self.steps is None else {"steps": self.steps}
+
+    @property
+    def number(self) -> float:
+        """The number of steps, or the tolerance."""
+        return self.tol if self.steps is None else self.steps
+
+    @property
+    def fineness(self) -> float:
+        """A number that rises as the run gets finer: steps, or one over the tolerance."""
+        return 1 / self.tol if self.steps is None else float(self.steps)
+
+
+def unbeaten(error: float) -> float:
+    """The default of ``cheapest`` in `Task.measure`: no other integrator is known, so the least time is infinite."""
+    return inf
+
+
+@dataclass(frozen=True)
+class Task:
+    """A problem to integrate over a span, the quantity to compute, and its true value.
+
+    Attributes
+    ----------
+    problem, t_end, quantity, truth : the problem, the final time, the quantity and its reference value
+    accuracies : the errors to be met, the coarsest first
+    clocks : prepared runs of the integrators for timing, with how often other processes shared the core
+    """
+
+    problem: Any
+    t_end: float
+    quantity: Quantity
+    truth: Truth
+    accuracies: tuple[float, ...] = ()
+    clocks: clock.Clocks = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self):
+        object.__setattr__(self, "clocks", clock.Clocks(self.problem, self.t_end))
+
+    @property
+    def testable_accuracies(self) -> tuple[float, ...]:
+        """The accuracies that are not below the uncertainty of the reference."""
+        return tuple(a for a in self.accuracies if self.truth.uncertainty <= a)
+
+    def run(self, c: Integrator, size: dict[str, Any], *, bare: bool = False, timeout: float = inf):
+        """The solution at a size: with the rows that the quantity needs, or without output if ``bare``."""
+        rows = {**size, "save_every": 0} if bare else self.quantity.grid(**size)
+        stop = {"timeout": timeout} if c.stoppable and isfinite(timeout) else {}
+        return c.run(self.problem, t_end=self.t_end, **rows, **stop)
+
+    def measure(
+        self,
+        c: Integrator,
+        *,
+        steps: int | None = None,
+        tol: float | None = None,
+        timeout: float = inf,
+        cheapest: Callable[[float], float] = unbeaten,
+    ) -> Rung:
+        """Run an integrator at a size and measure error and time; the run without output is skipped if it is `beaten`.
+
+        ``cheapest`` maps an error to the least seconds in which other integrators reach it.
+        """
+        size = {"tol": tol} if steps is None else {"steps": steps}
+        try:
+            found = self.run(c, size, timeout=timeout)
+            error = quantities.error(self.problem, self.quantity, found, self.truth)
+            seconds = found.seconds
+            clocked = self.quantity.rows > 1 or seconds < SHORT
+            if found.status == OK and clocked and not self.beaten(c, seconds, cheapest(error)):
+                seconds = self.seconds(c, size)
+        except InvalidInput as invalid:
+            return Rung(steps, tol, INVALID, inf, inf, reason=str(invalid))
+        counts = found.counts.get("steps", 0), found.counts.get("gradient", 0)
+        return Rung(steps, tol, found.status, error, seconds, *counts, found.reason)
+
+    def beaten(self, c: Integrator, seconds: float, cheapest: float) -> bool:
+        """True if a method of ours is too far behind the cheapest for its run without output to be compiled."""
+        if not isinstance(c.record, Method) or self.clocks.ready(c) or not self.quantity.aligned:
+            return False  # a run with the many rows of an unaligned quantity says little of one without
+        return seconds - OVERHEAD > WORTH * cheapest
+
+    def seconds(self, c: Integrator, size: dict[str, Any]) -> float:
+        """Seconds of a warm run without output: by `measure.clock`, or as the run reports if it cannot be prepared."""
+        if not c.preparable:
+            return self.run(c, size, bare=True).seconds
+        with warnings.catch_warnings():  # Numba calls functions in tuples experimental
+            warnings.simplefilter("ignore")
+            timed = self.clocks.of(c, **size)
+        return timed()
+
+    def retime(self, c: Integrator, rung: Rung) -> Rung:
+        """The rung with the least of its time and `AGAIN` more; unchanged if it failed, is long or unprepared."""
+        unprepared = isinstance(c.record, Method) and not self.clocks.ready(c)
+        if not rung.ok or rung.seconds > LONG or unprepared:
+            return rung
+        timed = self.clocks.of(c, **rung.size)
+        return rung._replace(seconds=min(rung.seconds, *(timed() for _ in range(AGAIN))))

@@ -1,0 +1,97 @@
+"""`Trial`: the runs of an integrator on a task, each run once, and whether they meet an accuracy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf
+
+import numpy as np
+
+from phasebench.benchmarks.measure import quantities
+from phasebench.benchmarks.measure.integrator import Integrator
+from phasebench.integrators.driver import DIVERGED, OK
+from phasebench.integrators.errors import InvalidInput
+
+from .rung import Rung, Task
+
+#: Share of the span over which a run that may take long is tried first.
+PART = 1 / 50
+#: A kernel compiled in another process may round differently: an error then changes by less than `SLACK` times itself
+#: plus `ROUND_OFF` times the size of the quantity.
+SLACK, ROUND_OFF = 0.02, 8 * float(np.finfo(float).eps)
+#: Seconds that a run with rows may take at least: it may take many times as long as the run without that is timed.
+WITH_ROWS = 0.25
+#: Largest number of steps of a run.
+MOST = 10_000_000
+
+
+@dataclass
+class Trial:
+    """The runs of an integrator on a task.
+
+    Attributes
+    ----------
+    integrator, task : the integrator, and what it has to compute
+    longest : seconds after which a method of this project is stopped, and after which slower runs are not tried
+    rungs : the runs so far, by number of steps or tolerance
+    """
+
+    integrator: Integrator
+    task: Task
+    longest: float
+    rungs: dict[float, Rung] = field(default_factory=dict)
+
+    def at(self, number: float, cheapest: float = inf) -> Rung:
+        """The run with a number of steps or a tolerance; ``cheapest`` is the time in s of the best other candidate."""
+        if not self.integrator.adaptive:
+            number = self.task.quantity.steps(number)
+        if number not in self.rungs:
+            size = {"tol": number} if self.integrator.adaptive else {"steps": int(number)}
+            longest = self.longest if self.task.quantity.rows == 1 else max(self.longest, WITH_ROWS)
+            limits = {"timeout": longest, "cheapest": lambda error: cheapest}
+            self.rungs[number] = self.task.measure(self.integrator, **size, **limits)
+        return self.rungs[number]
+
+    @property
+    def sorted_rungs(self) -> list[Rung]:
+        """The runs so far, the coarsest first."""
+        return sorted(self.rungs.values(), key=lambda r: r.fineness)
+
+    @property
+    def scale(self) -> float:
+        """The largest component of the true quantity; at least 1 for a conserved one, whose errors are relative."""
+        values = self.task.truth.values
+        size = float(np.abs(values).max()) if len(values) else 0.0
+        return max(size, 1.0 if self.task.quantity.kept else 0.0)
+
+    def meets(self, rung: Rung, accuracy: float) -> bool:
+        """True if a run meets an accuracy, with a margin for the reference's uncertainty and for round-off."""
+        slack = self.task.truth.uncertainty + ROUND_OFF * self.scale
+        return rung.ok and (1 + SLACK) * rung.error + slack <= accuracy
+
+    def repeat(self, rung: Rung) -> float:
+        """Repeat the run of a rung and return its error."""
+        found = self.task.run(self.integrator, rung.size)
+        return quantities.error(self.task.problem, self.task.quantity, found, self.task.truth)
+
+    def seconds(self, rung: Rung) -> float:
+        """Repeat the run of a rung, warm and without output, and return its seconds."""
+        return self.task.seconds(self.integrator, rung.size)
+
+    def pilot(self, number: float) -> float:
+        """Estimated seconds of a run, from one over `PART` of the span; 0 if a run can be stopped by a time limit."""
+        if self.integrator.stoppable:
+            return 0.0
+        part = {"tol": number} if self.integrator.adaptive else {"steps": max(1, round(number * PART))}
+        try:
+            done = self.integrator.run(self.task.problem, t_end=self.task.t_end * PART, **part, save_every=0)
+        except InvalidInput:
+            return 0.0
+        return done.seconds / PART if done.status == OK else 0.0
+
+    def failure(self) -> str:
+        """Status and reason of the finest run."""
+        if not self.rungs:
+            return DIVERGED
+        rung = self.sorted_rungs[-1]
+        return f"{rung.status}: {rung.reason}" if rung.reason else rung.status

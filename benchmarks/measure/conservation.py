@@ -1,0 +1,33 @@
+"""Conservation of an invariant along a run: its largest error, and the drift of the error with an interval."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .drift import drift
+from .metrics import invariant_error
+
+
+def conservation(t, values, scale: float) -> dict[str, float]:
+    """A row on the conservation of an invariant.
+
+    Parameters
+    ----------
+    t, values : arrays (n,): equidistant times, and the invariant's values
+    scale : the size of the invariant's terms
+
+    Returns
+    -------
+    dict
+        value, the largest error; slope with low and high, the drift per unit of time; time and scale
+    """
+    found, slope = invariant_error(values), drift(t, values - values[0])
+    moved = {"slope": slope.value, "low": slope.low, "high": slope.high}
+    return {"value": float(found.max)} | moved | {"time": float(t[-1]), "scale": scale}
+
+
+def energy(system, t, q, p) -> tuple[np.ndarray, dict[str, float]]:
+    """(H of states q, p (n, d), array (n,); its row of `conservation` with the scale max |H| + max |p.q'|)."""
+    H = system.observe(system.H, q, p)
+    kinetic = sum(system.observe(e, q, p) * p[:, i] for i, e in enumerate(system.dq))
+    return H, conservation(t, H, float(np.abs(H).max() + np.abs(kinetic).max()))

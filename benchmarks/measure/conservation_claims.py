@@ -1,0 +1,159 @@
+r"""Conservation that a user can demand of an integration: what a method declares, and whether its run satisfies it.
+
+``symplectic`` and ``reversible`` are properties of the step map; ``energy`` and ``momentum`` (invariants q.D p, such as
+linear and angular momentum) are conserved to round-off; an invariant of the problem may be named too.  Declarations
+decide which methods are tried.  What can be measured is verified: the invariants over the rows of the run, and
+symplecticity of a step of constant size at the initial state, :math:`\max_{ij}|M^T J M - J|`.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+import numpy as np
+import sympy as sp
+
+from phasebench.benchmarks.measure import step_map
+from phasebench.benchmarks.measure.integrator import OURS, YOURS, Integrator
+from phasebench.integrators.driver import OK
+from phasebench.integrators.errors import unknown
+from phasebench.integrators.record import EXACT, ROUND_OFF
+from phasebench.reference.peers import Peer
+
+SYMPLECTIC, REVERSIBLE, ENERGY, MOMENTUM = "symplectic", "reversible", "energy", "momentum"
+#: Largest error of a conserved invariant, in units of eps times its terms times the square root of the steps.
+UNITS = 100.0
+#: Largest defect that central differences give for a symplectic step.
+DEFECT = 1e-8
+#: Defects at two displacements within this factor belong to the step; otherwise to the differences.
+SAME = 4.0
+#: Number of steps from which the sizes of q and p are taken.
+LOOKED = 16
+#: Number of rows on which invariants are evaluated.
+ROWS = 1000
+EPS = float(np.finfo(float).eps)
+
+
+def claim_names(problem) -> list[str]:
+    """The names of everything that can be demanded for a problem."""
+    return [SYMPLECTIC, REVERSIBLE, ENERGY, MOMENTUM, *problem.invariants]
+
+
+def check(problem, name: str) -> None:
+    """Raise InvalidInput, with the nearest known name, for a name that cannot be demanded."""
+    if name not in claim_names(problem):
+        raise unknown("conserved quantity", str(name), claim_names(problem))
+
+
+def declaration(integrator: Integrator, name: str) -> bool | None:
+    """True or False if the integrator declares to conserve ``name`` or not; None if it declares nothing."""
+    record = integrator.record
+    if integrator.kind == OURS:
+        return {
+            SYMPLECTIC: record.symplectic,
+            REVERSIBLE: record.symmetric,
+            ENERGY: record.energy in (EXACT, ROUND_OFF),
+            MOMENTUM: record.quadratic in (EXACT, ROUND_OFF),
+        }.get(name)
+    claims = record.claims
+    if integrator.kind == YOURS:
+        return bool(claims.get(name)) if name in (SYMPLECTIC, REVERSIBLE) else None
+    return {SYMPLECTIC: bool(claims.symplectic), REVERSIBLE: bool(claims.reversible)}.get(name)
+
+
+def refusal(integrator: Integrator, conserve) -> str | None:
+    """The reason why an integrator is not tried, by its declarations; None if it is tried."""
+    lacking = [name for name in conserve if declaration(integrator, name) is False]
+    whose = "its package does not state" if isinstance(integrator.record, Peer) else "it is not declared to keep or be"
+    return f"{whose} what has to be conserved: {', '.join(lacking)}" if lacking else None
+
+
+def broken(integrator: Integrator, ask, size: dict) -> str | None:
+    """A sentence on what the run at this size does not conserve; None if it conserves all that can be measured."""
+    names = [name for name in ask.conserve if name not in (SYMPLECTIC, REVERSIBLE)]
+    for name, (error, bound) in _errors(integrator, ask, size, names).items():
+        if not error <= bound:
+            return f"its run does not keep {name}: the error is {error:.2g}, of round-off {bound:.2g}"
+    if SYMPLECTIC in ask.conserve and "steps" in size:
+        defect = symplecticity_defect(integrator, ask.problem, ask.t_end / size["steps"])
+        if not defect <= DEFECT:
+            return f"its step is not symplectic: the defect is {defect:.2g}"
+    return None
+
+
+def expressions(problem, name: str) -> dict[str, sp.Expr]:
+    """Name -> expression of the invariants that ``name`` stands for; momentum stands for those bilinear in q and p."""
+    if name == ENERGY:
+        return {ENERGY: problem.system.H}
+    if name != MOMENTUM:
+        return {name: problem.invariants[name]}
+    system = problem.system
+    return {n: e for n, e in problem.invariants.items() if _bilinear(sp.sympify(e), system.q, system.p)}
+
+
+def _bilinear(expression, q, p) -> bool:
+    """True if an expression is linear in p and at most linear in q: q.D p + b.p."""
+    try:
+        polynomial = sp.Poly(expression, *q, *p)
+    except sp.PolynomialError:
+        return False
+    d = len(q)
+    return all(sum(m[d:]) == 1 and sum(m[:d]) <= 1 for m in polynomial.monoms())
+
+
+def _errors(integrator, ask, size, names) -> dict[str, tuple[float, float]]:
+    """Name -> (largest error, bound of round-off) over the rows of a run."""
+    wanted = {k: e for name in names for k, e in expressions(ask.problem, name).items()}
+    if not wanted:
+        return {}
+    solution = integrator.run(ask.problem, t_end=ask.t_end, **rows(size))
+    if solution.status != OK:
+        return dict.fromkeys(wanted, (inf, 0.0))
+    system, count = ask.problem.system, max(1, solution.counts["steps"])
+    found = {}
+    for name, expression in wanted.items():
+        value = system.observe(expression, solution.q, solution.p)
+        terms = sp.Add.make_args(sp.expand(expression))
+        scale = sum(np.abs(system.observe(t, solution.q, solution.p)).max() for t in terms)
+        bound = UNITS * EPS * float(scale) * count**0.5
+        found[name] = float(np.abs(value - value[0]).max()), bound
+    return found
+
+
+def rows(size: dict) -> dict:
+    """The arguments of a run of this size with up to `ROWS` output rows."""
+    if "steps" in size:
+        return size | {"save_every": max(1, size["steps"] // ROWS)}
+    return size | {"steps": ROWS, "save_every": 1}
+
+
+def symplecticity_defect(integrator: Integrator, problem, h: float) -> float:
+    """The symplecticity defect of one step of size h at the initial state, with q and p scaled to unit size.
+
+    0 if finite differences cannot resolve it, as a second displacement shows.  A planetary system is reduced to
+    its massive bodies, since the momenta of test particles cannot be displaced.
+    """
+    if hasattr(problem, "massive"):
+        problem = problem.massive()
+    if problem is None:
+        return 0.0
+    d = len(problem.q0)
+    start = np.array([*problem.q0, *problem.p0], float)
+    units = np.repeat(_sizes(integrator, problem, h), d)
+
+    def step(x):
+        y = x * units
+        solution = integrator.run(problem, h=h, steps=1, q0=y[:d], p0=y[d:])
+        end = np.concatenate([solution.q[-1], solution.p[-1]]) if solution.status == OK else np.full(2 * d, np.nan)
+        return end / units
+
+    first = EPS**0.2
+    defects = [step_map.symplecticity_defect(step_map.jacobian(step, start / units, x)) for x in (first, first / 4)]
+    low, high = min(defects), max(defects)
+    return float(low) if np.isfinite(high) and high <= SAME * low else 0.0
+
+
+def _sizes(integrator: Integrator, problem, h: float) -> list[float]:
+    """The max norms of q and p over the first steps; 1 if all are 0."""
+    solution = integrator.run(problem, h=h, steps=LOOKED)
+    return [float(np.nanmax(np.abs(x))) or 1.0 for x in (solution.q, solution.p)]

@@ -1,0 +1,45 @@
+"""Orders of convergence, from rows of errors at several steps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from phasebench.benchmarks.problems.scenes import ORDER
+from phasebench.integrators.driver import OK
+
+from . import metrics
+from .integrator import OURS
+
+
+def orders(rows: list[dict[str, Any]], column: str = "global_error") -> list[dict[str, Any]]:
+    """The measured order of each (scene, method) in the order scenes, with its window and 95 % interval.
+
+    Only ``ok`` rows with a fixed step and an error above the noise (the reference's uncertainty, round-off) are used.
+    """
+    groups: dict[tuple[str, str], list[dict]] = {}
+    for r in rows:
+        if r["purpose"] == ORDER and r["status"] == OK and r.get(column) is not None and r["h"] is not None:
+            groups.setdefault((r["scene"], r["method"]), []).append(r)
+    out = []
+    for (scene, label), members in groups.items():
+        members.sort(key=lambda r: -r["h"])
+        noise = 100 * max(np.finfo(float).eps * 4, *(r["reference_uncertainty"] for r in members))
+        found = metrics.order([r["h"] for r in members], [r[column] for r in members], noise=noise)
+        out.append(
+            {
+                "scene": scene,
+                "problem": members[0]["problem"],
+                "method": label,
+                "kind": members[0].get("kind", OURS),
+                "declared": members[0]["declared_order"],
+                "order": found.value,
+                "low": found.low,
+                "high": found.high,
+                "points": found.points,
+                "h_first": found.first,
+                "h_last": found.last,
+            }
+        )
+    return out

@@ -1,0 +1,110 @@
+r"""Structural defects of a step, as a map of states y = (q, p), array (2 d,), in doubles or multiprecision numbers.
+
+- symplecticity: :math:`\max|M^TJM - J|`, M the Jacobian by differences; in high dimensions
+  :math:`|\omega(Mu, Mv) - \omega(u, v)|` for pairs of vectors u, v in general position;
+- symmetry: :math:`\Phi_{-h}(\Phi_h(y)) - y`;
+- reversibility: :math:`\rho\Phi_h(\rho\Phi_h(y)) - y`.
+
+Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), V.1 and VI.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+
+def jacobian(step: Callable, y, delta=None):
+    """The Jacobian (m, m) of a map on arrays (m,), by fourth-order central differences.
+
+    ``delta`` is the displacement, by default the fifth root of the round-off of doubles; the error is then about 1e-12
+    times the fifth derivative.  For multiprecision (object arrays) pass the fifth root of the round-off there.
+    """
+    y = np.asarray(y)
+    delta = np.finfo(float).eps ** 0.2 if delta is None else delta
+    columns = []
+    for i in range(len(y)):
+        e = np.zeros(len(y), dtype=y.dtype)
+        e[i] = delta
+        near = step(y + e) - step(y - e)
+        far = step(y + 2 * e) - step(y - 2 * e)
+        columns.append((8 * near - far) / (12 * delta))
+    return np.array(columns).T
+
+
+def form_residual(M):
+    """M^T J M - J for M of shape (2 d, 2 d) in the order (q, p); raises ValueError for other shapes."""
+    M = np.asarray(M)
+    d, odd = divmod(len(M), 2)
+    if M.ndim != 2 or M.shape[0] != M.shape[1] or odd:
+        raise ValueError(f"a symplectic matrix has shape (2 d, 2 d), not {M.shape}")
+    J = np.kron(np.array([[0, 1], [-1, 0]]), np.eye(d, dtype=int))
+    return M.T @ (J @ M) - J
+
+
+def symplecticity_defect(M):
+    """max |M^T J M - J| for M of shape (2 d, 2 d) in the order (q, p)."""
+    return np.max(np.abs(form_residual(M)))
+
+
+def symplecticity(step: Callable, y, *displacements) -> tuple[float, float]:
+    """(symplecticity defect with the first displacement, its change between the first and the last displacement)."""
+    residuals = [form_residual(jacobian(step, y, delta)) for delta in displacements]
+    return float(np.abs(residuals[0]).max()), float(np.abs(residuals[-1] - residuals[0]).max())
+
+
+def pair_symplecticity(step: Callable, y, pairs, *displacements) -> tuple[float, float]:
+    """`symplecticity` from pairs of vectors, relative to the terms of the form: four steps per vector in any dimension.
+
+    Parameters
+    ----------
+    pairs : pairs (u, v) of arrays (2 d,), in the arithmetic of y and of the size of its components
+    """
+    d, found = len(y) // 2, []
+    for u, v in pairs:
+        for delta in displacements:
+            Mu, Mv = (derivative(step, y, w, delta) for w in (u, v))
+            terms = abs(Mu[:d]) @ abs(Mv[d:]) + abs(Mu[d:]) @ abs(Mv[:d]) + abs(u[:d]) @ abs(v[d:])
+            change = Mu[:d] @ Mv[d:] - Mu[d:] @ Mv[:d] - (u[:d] @ v[d:] - u[d:] @ v[:d])
+            found.append(float(change / terms))
+    defects = np.reshape(found, (len(pairs), len(displacements)))
+    return float(np.abs(defects[:, 0]).max()), float(np.abs(defects[:, -1] - defects[:, 0]).max())
+
+
+def derivative(step: Callable, y, w, delta):
+    """The derivative of a map at y along w, by fourth-order central differences with displacement delta."""
+    near = step(y + delta * w) - step(y - delta * w)
+    far = step(y + 2 * delta * w) - step(y - 2 * delta * w)
+    return (8 * near - far) / (12 * delta)
+
+
+def pair_defect(step: Callable, y):
+    """|omega(M u, M v) - omega(u, v)| for one pair of tangent vectors in general position, M the Jacobian of ``step``.
+
+    The components of the vectors are of the size of those of y, and the defect is relative to the terms of omega(u, v).
+
+    It uses second-order central differences with the cube root of mpmath's working precision as displacement: four
+    steps in any dimension, where `symplecticity_defect` of a `jacobian` takes four for each component of y.
+    """
+    import mpmath
+
+    from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, vector
+
+    d, delta = len(y) // 2, epsilon(MULTIPRECISION) ** (1 / 3)
+    u, v = (vector([mpmath.cos(k * (i + 1)) * (abs(x) or 1) for i, x in enumerate(y)]) for k in (1, 2))
+    Mu, Mv = ((step(y + delta * w) - step(y - delta * w)) / (2 * delta) for w in (u, v))
+    terms = abs(u[:d]) @ abs(v[d:]) + abs(u[d:]) @ abs(v[:d])
+    return abs(Mu[:d] @ Mv[d:] - Mu[d:] @ Mv[:d] - (u[:d] @ v[d:] - u[d:] @ v[:d])) / terms
+
+
+def return_distance(there: Callable, back: Callable, y, sizes=1):
+    """The max norm of back(there(y)) - y, with components in units of ``sizes``."""
+    return np.max(np.abs((back(there(y)) - y) / sizes))
+
+
+def reversibility_defect(step: Callable, y, rho=None, sizes=1):
+    """`return_distance` of the map rho step rho after step; the array rho (m,) by default reverses p."""
+    y = np.asarray(y)
+    rho = np.repeat([1, -1], len(y) // 2) if rho is None else rho
+    return return_distance(step, lambda z: rho * step(rho * z), y, sizes)

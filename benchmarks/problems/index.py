@@ -1,0 +1,67 @@
+"""PROBLEMS, the index of all problems with their modules and orbits; and the check of parameter values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from math import isfinite
+from numbers import Integral, Real
+
+from phasebench.integrators.errors import InvalidInput
+
+#: Id -> (module, one line, its orbits: the first is the default).  A test compares it with the modules.
+PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "harmonic-oscillator": ("harmonic_oscillator", "harmonic oscillator", ("unit",)),
+    "pendulum": ("pendulum", "mathematical pendulum", ("swinging", "rotating")),
+    "kepler": ("kepler", "Kepler problem", ("e",)),
+    "perturbed-kepler": ("perturbed_kepler", "Kepler problem with the Schwarzschild term", ("e",)),
+    "henon-heiles": ("henon_heiles", "Henon-Heiles", ("chaotic", "box")),
+    "outer-solar-system": ("outer_solar_system", "the Sun and five outer planets", ("september-1994",)),
+    "lotka-volterra": ("lotka_volterra", "Lotka-Volterra in its own variables", ("2-2", "4-8", "4-2", "6-2")),
+    "lotka-volterra-log": ("lotka_volterra_log", "Lotka-Volterra in logarithms", ("2-2", "4-8", "4-2", "6-2")),
+    "fpu": ("fpu", "Fermi-Pasta-Ulam with stiff springs", ("one-spring",)),
+    "nls": ("nls", "nonlinear Schroedinger equation on N points", ("plane-wave", "soliton")),
+    "klein-gordon": ("klein_gordon", "complex Klein-Gordon equation on N points", ("collision",)),
+    "double-pendulum": ("double_pendulum", "double pendulum", ("chaotic", "regular")),
+    "duffing": ("duffing", "Duffing oscillator", ("one-well", "near-separatrix", "both-wells")),
+    "quadrupole-boson": ("quadrupole_boson", "quadrupole boson Hamiltonian", ("benchmark", "h20")),
+    "figure-eight": ("three_body", "figure eight of three bodies", ("simo",)),
+    "toda": ("toda", "periodic Toda lattice", ("three", "cnoidal")),
+    "rigid-body": (
+        "rigid_body",
+        "free rigid body in Andoyer's variables",
+        ("around-e3", "around-e1", "near-separatrix"),
+    ),
+    "charged-particle": ("charged_particle", "charged particle in a magnetic field", ("drift",)),
+    "schwarzschild": (
+        "schwarzschild",
+        "geodesics of the Schwarzschild metric",
+        ("precessing", "zoom-whirl", "isco", "photon-sphere"),
+    ),
+    "lennard-jones": ("lennard_jones", "frozen argon crystal of seven atoms", ("argon",)),
+    "n-body": ("n_body", "gravitational N-body problem", ("pythagorean",)),
+}
+
+
+def plain(value: object) -> object:
+    """A real number of any type as int or float, so that equal values share a cache entry; anything else unchanged."""
+    if not _finite(value):
+        return value
+    return int(value) if isinstance(value, Integral) else float(value)
+
+
+def _finite(value: object) -> bool:
+    try:
+        return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+    except OverflowError:  # a whole number, or a fraction of such, beyond the doubles
+        return False
+
+
+def real_parameters(what: str, known: Iterable[str], values: Mapping[str, object]) -> dict[str, int | float]:
+    """The parameters as ints and floats; raises InvalidInput for one that is not ``known`` or no finite number."""
+    for key, value in values.items():
+        if key not in known:
+            has = f"has {', '.join(known)}" if known else "has none"
+            raise InvalidInput(f"{what} has no parameter '{key}'; it {has}")
+        if not _finite(value):
+            raise InvalidInput(f"the parameter {key} of {what} is {value!r:.80}; it must be a finite number")
+    return {key: plain(value) for key, value in values.items()}

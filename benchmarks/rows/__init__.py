@@ -1,1 +1,0 @@
-"""Rows on disk, tables of them, and where they come from."""

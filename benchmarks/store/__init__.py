@@ -1,0 +1,1 @@
+"""The store of measurements: cells, the run that measures them, tables on disk, and their provenance."""

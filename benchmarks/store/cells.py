@@ -1,0 +1,171 @@
+"""`Cell`: one independent measurement, the key that identifies its rows, and the hash of what they depend on."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, is_dataclass
+from fractions import Fraction
+from functools import cache
+from typing import Any
+
+import mpmath
+
+from phasebench.benchmarks.problems import PROBLEMS
+from phasebench.reference.certificates import stored
+
+from . import sources
+
+#: Where a cell is measured: on all cores; on all cores, without Numba; alone on the machine, because it is timed.
+POOL, UNCOMPILED, ALONE = "pool", "uncompiled", "alone"
+
+
+class Unavailable(RuntimeError):
+    """Raised if a cell needs something that is not on this machine; the message names it."""
+
+
+Rows = dict[str, list[dict[str, Any]]]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One independent measurement.
+
+    Attributes
+    ----------
+    experiment : the folder of its experiment
+    tables : the tables that contain its rows
+    key : column -> value; identifies its rows among those of all cells in its tables
+    measure, arguments : a module-level function and its arguments (both are sent to other processes); it returns
+        table -> rows
+    content : the hash of what the rows depend on
+    names : names by which a user may select it: ids of methods, peers, problems and scenes
+    where : `POOL`, `UNCOMPILED` or `ALONE`
+    own : True if its rows depend on the machine as well as on the code
+    quick : True if it belongs to the few cells of a quick run of about a minute
+    """
+
+    experiment: str
+    tables: tuple[str, ...]
+    key: Mapping[str, object]
+    measure: Callable[..., Rows]
+    arguments: tuple
+    content: str
+    names: frozenset[str] = field(default_factory=frozenset)
+    where: str = POOL
+    own: bool = False
+    quick: bool = False
+
+    @property
+    def id(self) -> str:
+        """The unique id of the cell: its first table and its key."""
+        return "|".join([self.tables[0], *(f"{k}={text(v)}" for k, v in self.key.items())])
+
+    @property
+    def label(self) -> str:
+        """The values of its key, for messages."""
+        return ", ".join(text(v) for v in self.key.values()) or self.tables[0]
+
+    def __call__(self) -> Rows:
+        """Measure the cell and return its rows, by table."""
+        return self.measure(*self.arguments)
+
+
+def text(value) -> str:
+    """A value as text in the tables: doubles by their shortest digits, "" for None and NaN."""
+    if value is None or value != value:
+        return ""
+    if hasattr(value, "item"):  # a scalar of NumPy
+        value = value.item()
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def exact(value) -> str:
+    """A text that is equal if and only if the data are equal, at any working precision of mpmath.
+
+    Raises
+    ------
+    TypeError
+        For an object of unknown type.
+    """
+    if isinstance(value, mpmath.mpf):
+        return "mpf" + repr(tuple(int(part) for part in value._mpf_))
+    if isinstance(value, Mapping):
+        return "{" + ",".join(f"{exact(k)}:{exact(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, (tuple, list)):
+        return "(" + ",".join(map(exact, value)) + ")"
+    if is_dataclass(value) and hasattr(value, "family"):
+        return record(value)
+    if callable(value):
+        name = getattr(value, "__qualname__", repr(type(value)))
+        known = getattr(getattr(value, "__self__", None), "__module__", "") or getattr(value, "__module__", "")
+        return f"{known}.{name}:{getattr(value, '__name__', '')}"
+    if isinstance(value, (Fraction, int, float, str, bytes, type(None))):
+        return repr(value)
+    raise TypeError(f"a row cannot depend on {value!r}: no text tells it from other objects of {type(value)}")
+
+
+#: Attributes of a method's record that its rows depend on.
+RECORD = ("id", "family", "order", "symmetric", "symplectic", "energy", "quadratic", "requires", "parameters", "data")
+
+
+def record(method) -> str:
+    """The text of a `Method` for hashing, without its descriptions."""
+    return "method" + exact(tuple(getattr(method, name) for name in RECORD))
+
+
+def content(*parts: object, code: Iterable[str] = ()) -> str:
+    """The hash of data (methods and peers by their records) and of the modules in ``code`` with all their imports."""
+    modules = list(code)
+    pieces = []
+    for part in parts:
+        if hasattr(part, "family"):
+            pieces.append(record(part))
+            modules += _families(part)
+        elif hasattr(part, "package") and hasattr(part, "claims"):
+            pieces.append(exact((part.id, part.package, part.adaptive, part.order, part.tol, part.least)))
+            modules += [f"phasebench.reference.peers.{m}" for m in ("run", "record", part.package)]
+        elif isinstance(part, ProblemKey):
+            pieces.append(exact((part.name, part.parameters)))
+            modules.append(part.module)
+        else:
+            pieces.append(exact(part))
+    return hashlib.sha256("|".join([*pieces, _digest(tuple(sorted(set(modules))))]).encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class ProblemKey:
+    """Identifies a problem without building it: its name with its orbit, and its parameters."""
+
+    name: str
+    parameters: tuple[tuple[str, object], ...] = ()
+
+    @property
+    def id(self) -> str:
+        """The problem's name without the orbit."""
+        return self.name.partition(":")[0]
+
+    @property
+    def module(self) -> str:
+        """The module that builds the problem."""
+        return f"phasebench.benchmarks.problems.{PROBLEMS[self.id][0]}"
+
+
+@cache
+def states(id: str) -> str:
+    """The digest of a problem's certified states; "" if it has none."""
+    path = stored.DIRECTORY / f"{id}.json"
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else ""
+
+
+@cache
+def _digest(modules: tuple[str, ...]) -> str:
+    return sources.digest(m for m in modules if m)
+
+
+def _families(method) -> list[str]:
+    """The modules of a method's kernel, of the driver, and of the methods that it is composed of."""
+    modules = [f"phasebench.integrators.families.{method.family}", "phasebench.integrators.driver"]
+    modules += [f for part in method.data if hasattr(part, "family") for f in _families(part)]
+    modules += [part.__module__ for part in method.data if callable(part) and hasattr(part, "__module__")]
+    return [m for m in modules if m.startswith("phasebench")]

@@ -1,0 +1,213 @@
+"""Compares two stored runs: rows whose status changed, or that became less accurate or significantly slower.
+
+Rows are matched by their texts and by the numbers that describe the run (`SETTINGS`); columns of errors and of times
+are recognized by their names.  Times are compared per method and table: the median of its rows' time ratios, with a
+95 % interval (`measure.timing`), divided by the median over the table, which measures the speed of the machine.  A
+method is slower if the whole interval is above `SLOWER`.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from io import StringIO
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from phasebench.benchmarks.measure.timing import Median, median
+from phasebench.integrators.errors import InvalidInput
+
+from .cells import text
+from .compare import EXACT, MISSING, ROW, Difference, Pair, differences, match, number
+from .tables import PROVENANCE
+
+#: Columns in which a change is reported; and columns of text that do not identify a row.
+JUDGED = ("status", "verdict")
+PROSE = ("reason", "version", "versions", "tier", "source", "printed", "shows", "what", "against", "link")
+PROSE += ("order_reason", "intervals", "measured", "time", "units")
+#: Numeric columns that describe the run, and so identify a row.
+SETTINGS = re.compile(
+    r"h|tol|e|mu|N|d|orbits|periods|points|lambda|t_end|x|number|pairs?|classical|h omega / pi|steps per orbit|stages"
+)
+ERRORS = re.compile(r".*(error|defect|uncertainty|refinement_difference|symplecticity|reversibility|energy_max).*")
+TIMES = re.compile(r"(seconds|first run|ms|(us|ns) [^,]*|.*'s ns .*)")
+#: Tables whose cells are measured in parallel: their seconds are not compared.
+BESIDE = ("matrix", "audit", "pde")
+#: Smallest ratio of times at which a method counts as slower (or its inverse as faster).
+SLOWER = 1.15
+#: Smallest number of rows of a method for comparing times.
+ENOUGH = 3
+
+
+class Factor(NamedTuple):
+    """Tolerance: two sizes may differ by a factor, and by anything if both are below a floor."""
+
+    largest: float
+    floor: float
+
+    def allows(self, measured: float, stored: float) -> bool:
+        """True if neither is more than `largest` times the other, or both are at most the floor."""
+        a, b = sorted((abs(measured), abs(stored)))
+        return b <= max(self.largest * a, self.floor)
+
+
+#: Tolerance for errors: a change by more than this factor is reported if it is above round-off.
+GROWN = Factor(1.5, 1e-13)
+
+
+class Change(NamedTuple):
+    """A difference between two runs.
+
+    Attributes
+    ----------
+    kind : one of `KINDS`
+    table, row, column : where it is
+    before, after : the two values, as text
+    ratio : after / before with its interval, or None
+    """
+
+    kind: str
+    table: str
+    row: str
+    column: str
+    before: str
+    after: str
+    ratio: Median | None = None
+
+
+STATUS, WORSE, BETTER, SLOW, FAST = "status", "less accurate", "more accurate", "slower", "faster"
+GONE, NEW = "no longer there", "new"
+KINDS = (STATUS, WORSE, SLOW, GONE, BETTER, FAST, NEW)
+#: Kinds that a maintainer has to look at.
+BAD = (STATUS, WORSE, SLOW, GONE)
+
+
+def load(name: str) -> dict[str, pd.DataFrame]:
+    """The tables of a run, by name; the run is a folder of reports or data, a CSV file, or a commit with reports.
+
+    Raises
+    ------
+    InvalidInput
+        If it is none of these, or no table in it can be read.
+    """
+    path = Path(name)
+    if path.is_file():
+        texts = {path.stem: path.read_text(encoding="utf-8")}
+    elif path.is_dir():
+        folder = path / "data" if (path / "data").is_dir() else path
+        texts = {p.stem: p.read_text(encoding="utf-8") for p in sorted(folder.glob("*.csv"))}
+    else:
+        texts = _of_commit(name)
+    if not texts:
+        raise InvalidInput(f"{name} has no tables: give a folder of reports, a CSV file of one, or a commit")
+    return {table: _read(table, text) for table, text in texts.items()}
+
+
+def _of_commit(name: str) -> dict[str, str]:
+    def git(*words: str) -> str:
+        try:
+            done = subprocess.run(["git", *words], capture_output=True, text=True, check=False)
+        except OSError:
+            done = None
+        if done is None or done.returncode:
+            raise InvalidInput(f"'{name}' is neither a folder, nor a file, nor a commit of the repository one is in")
+        return done.stdout
+
+    if name.startswith("-"):
+        raise InvalidInput(f"'{name}' is neither a folder, nor a file, nor a commit")
+    root = git("rev-parse", "--show-toplevel").strip()
+    paths = git("-C", root, "ls-tree", "--name-only", name, "reports/data/").split()
+    return {Path(p).stem: git("-C", root, "show", f"{name}:{p}") for p in paths if p.endswith(".csv")}
+
+
+def _read(table: str, text: str) -> pd.DataFrame:
+    try:
+        return pd.read_csv(StringIO(text), low_memory=False)
+    except ValueError as error:
+        raise InvalidInput(f"the table {table} cannot be read: {error}") from None
+
+
+def changes(before: dict[str, pd.DataFrame], after: dict[str, pd.DataFrame]) -> list[Change]:
+    """The differences between the tables that both runs have, the worst kind first."""
+    found = [c for table in before if table in after for c in _of_table(table, before[table], after[table])]
+    return sorted(found, key=lambda c: (KINDS.index(c.kind), c.table, c.row))
+
+
+def _of_table(table: str, old: pd.DataFrame, new: pd.DataFrame) -> list[Change]:
+    key, pairs = _pairs(old, new)
+    columns = [c for c in old if c in new and c not in key]
+    limits = {c: EXACT for c in columns if c in JUDGED} | {c: GROWN for c in columns if ERRORS.fullmatch(c)}
+    out = [change for d in differences(pairs, limits) if (change := _change(table, d)) is not None]
+    if table in BESIDE:
+        return out
+    return out + [c for column in columns if TIMES.fullmatch(column) for c in _times(table, column, pairs)]
+
+
+def _pairs(old: pd.DataFrame, new: pd.DataFrame) -> tuple[list[str], list[Pair]]:
+    """(columns that identify a row, matched rows) of two tables."""
+    key = [c for c in old if c in new and _is_key(c, old, new)]
+    return key, match(new.to_dict("records"), old.to_dict("records"), key)
+
+
+def _change(table: str, d: Difference) -> Change | None:
+    """A difference as a `Change`; None for an error that only one side has."""
+    row = ", ".join(filter(None, d.key))
+    if d.column == ROW:
+        return Change(GONE if d.measured == MISSING else NEW, table, row, "", "", "")
+    if d.column in JUDGED:
+        return Change(STATUS, table, row, d.column, str(d.stored), str(d.measured))
+    a, b = number(d.stored), number(d.measured)
+    if a is None or b is None:
+        return None
+    a, b = abs(a), abs(b)
+    x = b / a if a else np.inf
+    return Change(WORSE if b > a else BETTER, table, row, d.column, f"{a:.3g}", f"{b:.3g}", Median(x, x, x))
+
+
+def _is_key(column: str, *tables: pd.DataFrame) -> bool:
+    """True if a column describes the run, and so identifies rows."""
+    if column in (*JUDGED, *PROSE, *PROVENANCE):
+        return False
+    if all(pd.api.types.is_numeric_dtype(t[column]) for t in tables):
+        return bool(SETTINGS.fullmatch(column))
+    return not (ERRORS.fullmatch(column) or TIMES.fullmatch(column))
+
+
+def _ratios(pairs: list[Pair], column: str) -> list[tuple[Pair, float]]:
+    """(pair, new time / old time) of each pair in which both rows have a time."""
+    out = []
+    for pair in pairs:
+        if pair.measured is not None and pair.stored is not None:
+            b, a = number(pair.measured[column]), number(pair.stored[column])
+            if a and b and a > 0 and 0 < b / a < np.inf:
+                out.append((pair, b / a))
+    return out
+
+
+def _times(table: str, column: str, pairs: list[Pair]) -> list[Change]:
+    found = _ratios(pairs, column)
+    if len(found) < ENOUGH:
+        return []
+    usual = float(np.median([ratio for _, ratio in found]))
+    by_method: dict[str, list[float]] = {}
+    for pair, ratio in found:
+        by_method.setdefault(text(pair.stored.get("method", table)), []).append(ratio / usual)
+    out = []
+    for name, ratios in sorted(by_method.items()):
+        own = median(np.array(ratios))
+        if len(ratios) >= ENOUGH and (own.low > SLOWER or own.high < 1 / SLOWER):
+            kind = SLOW if own.low > SLOWER else FAST
+            out.append(Change(kind, table, name, column, "1", f"{own.value:.3g}", own))
+    return out
+
+
+def overall(before: dict[str, pd.DataFrame], after: dict[str, pd.DataFrame]) -> Median:
+    """Median ratio of all times that both runs measured; it reflects the machine as much as the code."""
+    ratios: list[float] = []
+    for table in before:
+        if table in after and table not in BESIDE and "seconds" in before[table] and "seconds" in after[table]:
+            ratios += [ratio for _, ratio in _ratios(_pairs(before[table], after[table])[1], "seconds")]
+    return median(ratios)

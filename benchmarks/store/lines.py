@@ -1,0 +1,108 @@
+"""Stores a table as JSON lines, one row a line, for a user's own sweep.
+
+Besides its columns a row holds the id of its cell (``cell``), the number of the cell's rows (``of``), and its
+provenance.  A cell counts as measured only if all of its rows can be read.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from phasebench.integrators.errors import InvalidInput
+from phasebench.reference.files import write_file
+
+from . import schema, workers
+from .cells import ALONE, POOL, UNCOMPILED, Cell
+from .cluster import Cluster
+from .journal import Entry, Journal
+from .run import entry
+
+#: Deadline of a run without time limit.
+NEVER = float("inf")
+ABOUT = ("cell", "of", "content", "date", "machine", "spent")
+
+
+def read(path: Path, table: str) -> dict[str, Entry]:
+    """The complete cells of a file, by id; raises InvalidInput if the file cannot be read."""
+    try:
+        lines = path.read_text().splitlines()
+    except FileNotFoundError:
+        return {}
+    except (OSError, UnicodeDecodeError) as error:
+        raise InvalidInput(f"{path} is no file of rows: {error}") from None
+    cells: dict[str, list[dict]] = {}
+    for line in lines:
+        try:
+            row = json.loads(line)
+            cells.setdefault(row["cell"], []).append(row)
+        except (ValueError, KeyError, TypeError):
+            continue
+        schema.check(row, path)
+        row.pop(schema.FIELD, None)
+    entries = {}
+    for id, members in cells.items():
+        about = members[0]
+        if len(members) == about.get("of") and set(ABOUT) <= set(about):
+            rows = [{k: v for k, v in row.items() if k not in ABOUT} for row in members]
+            entries[id] = Entry(id, *(about[k] for k in ABOUT[2:]), {table: rows})
+    return entries
+
+
+def write(path: Path, entries: Mapping[str, Entry], table: str) -> None:
+    """Write the rows of the cells atomically; raises InvalidInput if the file cannot be written."""
+    lines = [
+        {
+            schema.FIELD: schema.VERSION,
+            "cell": e.cell,
+            "of": len(e.rows[table]),
+            **{k: getattr(e, k) for k in ABOUT[2:]},
+            **row,
+        }
+        for e in entries.values()
+        for row in e.rows[table]
+    ]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_file(path, "".join(json.dumps(line, default=lambda x: x.item()) + "\n" for line in lines))
+    except OSError as error:
+        raise InvalidInput(f"{path} cannot be written: {error.strerror}") from None
+
+
+def _answers(cells: Sequence[Cell], jobs: int, cluster: Cluster | None) -> Iterator[tuple[Cell, workers.Answer]]:
+    """Yield each cell with its answer as soon as it is finished; in parallel runs the timed cells come last."""
+    if not jobs and cluster is None:
+        yield from workers.measure(cells, POOL, NEVER)
+        return
+    for where in (POOL, UNCOMPILED, ALONE):
+        lane = [cell for cell in cells if cell.where == where]
+        if lane:
+            yield from workers.measure(lane, workers.PINNED if where == ALONE else where, NEVER, jobs, cluster)
+
+
+def measure(
+    path: Path, cells: Sequence[Cell], progress, jobs: int = 0, cluster: Cluster | None = None
+) -> tuple[dict[str, Entry], list[str], int]:
+    """Measure the cells that are new or changed; return (entry by cell id, failures, number of unchanged cells).
+
+    Finished cells of a killed run stay in a file beside ``path``, from which the next run continues.  Cells are
+    measured in this process, in ``jobs`` processes, or on a ``cluster``; the timed ones each on a core of its own,
+    after all others.
+    """
+    table = cells[0].tables[0] if cells else ""
+    journal = Journal(path.with_name(f"{path.name}.part"))
+    known = read(path, table) | journal.entries
+    todo = [c for c in cells if c.id not in known or known[c.id].content != c.content]
+    failed = []
+    for done, (cell, answer) in enumerate(_answers(todo, jobs, cluster), 1):
+        progress(cell.label, done, len(todo), 0.0)
+        if answer.error is not None:
+            known.pop(cell.id, None)
+            failed.append(f"{cell.label}: {answer.error}")
+            continue
+        known[cell.id] = entry(cell, answer)
+        journal.put(known[cell.id])
+    write(path, known, table)
+    journal.drop([*journal.entries])
+    return {c.id: known[c.id] for c in cells if c.id in known}, failed, len(cells) - len(todo)

@@ -1,0 +1,52 @@
+"""The machine of a measurement: processor, operating system and package versions."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+from functools import cache
+from pathlib import Path
+
+from phasebench.reference.installed import version_of
+
+PACKAGES = ("numpy", "scipy", "numba", "sympy", "mpmath", "heyoka", "rebound", "pandas", "matplotlib")
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of this project, Python and the packages that results may depend on; "absent" if not installed."""
+    packages = ("phasebench", *PACKAGES)
+    return {"python": platform.python_version()} | {name: version_of(name) or "absent" for name in packages}
+
+
+@cache
+def processor() -> str:
+    """The processor's name, as the operating system reports it."""
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        for line in info.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or platform.machine()
+
+
+@cache
+def machine() -> str:
+    """A short hash of the hardware, a slash, and one of the package versions."""
+    hardware = f"{processor()}|{os.cpu_count()}|{platform.system()}|{platform.machine()}"
+    return "/".join(hashlib.sha256(x.encode()).hexdigest()[:6] for x in (hardware, repr(sorted(versions().items()))))
+
+
+def same_hardware(a: str, b: str) -> bool:
+    """True if two names from `machine` have the same hardware."""
+    return a.partition("/")[0] == b.partition("/")[0]
+
+
+def summary() -> dict[str, str]:
+    """Processor, system and versions, as a report prints them."""
+    return {
+        "processor": f"{processor()}, {os.cpu_count()} cores",
+        "system": f"{platform.system()} {platform.machine()}",
+        "versions": ", ".join(f"{k} {v}" for k, v in versions().items()),
+    }

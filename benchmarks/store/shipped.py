@@ -1,0 +1,54 @@
+"""Tables computed from measured rows and shipped with the package, so that users need not measure."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from phasebench.reference.files import write_file
+
+from .tables import as_csv
+
+Known = TypeVar("Known")
+
+
+class ShippedTable(Generic[Known]):
+    """A CSV file computed from measured rows, and its parsed content.
+
+    Parameters
+    ----------
+    path : the file
+    build : measured rows -> the lines of the file, all with the same columns
+    parse : the lines, cells as text -> the object that the program uses; called with [] if there is no file
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        build: Callable[..., Iterable[Mapping[str, object]]],
+        parse: Callable[[list[dict[str, str]]], Known],
+    ):
+        self.path, self.build, self.parse = path, build, parse
+        self._known: dict[Path, Known] = {}
+
+    def load(self) -> Known:
+        """The parsed content of the file, which is read once."""
+        if self.path not in self._known:
+            lines: list[dict[str, str]] = []
+            if self.path.exists():
+                with self.path.open(newline="", encoding="utf-8") as stream:
+                    lines = list(csv.DictReader(stream))
+            self._known[self.path] = self.parse(lines)
+        return self._known[self.path]
+
+    def text(self, *rows: Any) -> str:
+        """The text of the file, built from measured rows."""
+        lines = list(self.build(*rows))
+        return as_csv(lines, list(lines[0]))
+
+    def save(self, *rows: Any) -> None:
+        """Write the file atomically from measured rows."""
+        write_file(self.path, self.text(*rows))
+        self._known.clear()

@@ -1,0 +1,117 @@
+"""Digests of the source code that a measured number depends on: a module and everything that it imports.
+
+Comments, docstrings and blank lines are left out, since they change no number.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import io
+import tokenize
+from collections.abc import Iterable, Iterator
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = "phasebench"
+#: Packages whose modules are not followed: what a number takes from them is data that a cell hashes itself (a method's
+#: record, a problem, a peer), or nothing (rows on disk).
+DATA = (
+    f"{PACKAGE}.integrators.registry",
+    f"{PACKAGE}.integrators.records",
+    f"{PACKAGE}.reference.peers",
+    f"{PACKAGE}.benchmarks.problems",
+    f"{PACKAGE}.benchmarks.store",
+)
+
+
+def path_of(module: str, root: Path = ROOT) -> Path | None:
+    """The source file of a module of this project; None for other modules."""
+    first, *rest = module.split(".")
+    if first != PACKAGE or not rest:
+        return None
+    path = root.joinpath(*rest)
+    if path.is_dir():
+        return path / "__init__.py"
+    path = path.with_suffix(".py")
+    return path if path.exists() else None
+
+
+def imports(text: str, module: str, package: bool = False) -> set[str]:
+    """Dotted names of everything that a source imports, also inside functions; ``package`` marks an __init__.py.
+
+    What only a type checker reads (``if TYPE_CHECKING:``) is left out.
+    """
+    parts = module.split(".")
+    names = set()
+    for node in _run_nodes(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            names |= {a.name for a in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            home = parts[: len(parts) - node.level + package] if node.level else []
+            base = ".".join([*home, *([node.module] if node.module else [])])
+            names |= {base, *(f"{base}.{a.name}" for a in node.names)}
+    return names
+
+
+def _run_nodes(tree: ast.AST) -> Iterator[ast.AST]:
+    """The nodes of a syntax tree, without what stands under ``if TYPE_CHECKING:``."""
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        typed = isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+        waiting += node.orelse if typed else ast.iter_child_nodes(node)
+
+
+def essence(text: str) -> str:
+    """The source without comments, docstrings and blank lines."""
+    lines = text.splitlines()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT:
+            row, column = token.start
+            lines[row - 1] = lines[row - 1][:column]
+    for node in ast.walk(ast.parse(text)):
+        body = getattr(node, "body", None)
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)) and ast.get_docstring(node) is not None:
+            first = body[0]
+            lines[first.lineno - 1 : first.end_lineno] = [""] * (first.end_lineno - first.lineno + 1)
+    return "\n".join(line.rstrip() for line in lines if line.strip())
+
+
+@cache
+def _file(path: Path, module: str) -> tuple[str, frozenset[str]]:
+    """(digest of a source without comments, modules of this project that it imports)."""
+    text = path.read_text()
+    names = imports(text, module, package=path.name == "__init__.py")
+    return hashlib.sha256(essence(text).encode()).hexdigest(), frozenset(n for n in names if n.startswith(PACKAGE))
+
+
+def _depends(module: str, start: str) -> bool:
+    """True if ``start`` depends on ``module``; a module in `DATA` counts only for modules of the same package."""
+    room = next((d for d in DATA if module == d or module.startswith(f"{d}.")), None)
+    return room is None or module == start or (module != room and start.startswith(f"{room}."))
+
+
+@cache
+def closure(module: str, root: Path = ROOT) -> dict[str, str]:
+    """Module -> digest, for the module and all its direct and indirect imports, except `DATA`."""
+    files: dict[str, str] = {}
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        path = path_of(name, root)
+        if path is None or name in files or not _depends(name, module):
+            continue
+        files[name], more = _file(path, name)
+        waiting += more
+    return files
+
+
+def digest(modules: Iterable[str], root: Path = ROOT) -> str:
+    """One digest of several modules with all that they import."""
+    together: dict[str, str] = {}
+    for module in modules:
+        together |= closure(module, root)
+    return hashlib.sha256(repr(sorted(together.items())).encode()).hexdigest()

@@ -1,0 +1,187 @@
+"""The style of figures: 7 inches wide, type of at least 8 pt, and for each curve a colour, a line style and a marker.
+
+The colours can be told apart by the colour-blind: M. Okabe, K. Ito, "Color Universal Design" (2008).  matplotlib is
+imported only when a figure is drawn.
+"""
+
+from __future__ import annotations
+
+import functools
+import io
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILION, PURPLE = (
+    "#000000", "#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7",
+)  # fmt: skip
+GREY = "#8c8c8c"
+
+#: (colour, line style, marker) of the curves of one panel, in order; any two differ in all three.
+CURVES = (
+    (BLUE, "-", "o"),
+    (VERMILION, "--", "s"),
+    (GREEN, "-.", "^"),
+    (BLACK, ":", "D"),
+    (PURPLE, (0, (5, 1, 1, 1, 1, 1)), "v"),
+    (ORANGE, (0, (8, 2)), "P"),
+    (SKY, (0, (2, 1)), "X"),
+)
+WIDTH = 7.0
+DPI = 130
+COLOURS = 128
+#: Vector formats by file ending, with the metadata to leave out so that files are reproducible.
+VECTORS = {".svg": {"Date": None, "Creator": None}, ".pdf": {"CreationDate": None, "Creator": None, "Producer": None}}
+
+RC = {
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.5,
+    "legend.fontsize": 8.0,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 3.5,
+    "axes.linewidth": 0.6,
+    "legend.frameon": False,
+    "agg.path.chunksize": 10_000,
+}
+
+
+def settings():
+    """A context in which matplotlib uses its defaults and these settings, not the user's own."""
+    import matplotlib
+
+    return matplotlib.rc_context(dict(matplotlib.rcParamsDefault) | RC | {"backend": "agg"})
+
+
+def styled(draw):
+    """Decorator: call ``draw`` under `settings`."""
+
+    @functools.wraps(draw)
+    def draw_in_style(*given):
+        with settings():
+            return draw(*given)
+
+    return draw_in_style
+
+
+def panels(rows: int, columns: int, height: float, **options: Any) -> tuple[Figure, Any]:
+    """(figure, axes) of the page's width and a height in inches; axes is an array of shape (rows, columns)."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure = _figure_class()(figsize=(WIDTH, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+@functools.cache
+def _figure_class() -> type[Figure]:
+    """Matplotlib's Figure, which a notebook shows whether pyplot is loaded or not."""
+    from matplotlib.figure import Figure
+
+    class NotebookFigure(Figure):
+        """A figure with its PNG for a notebook."""
+
+        def _repr_png_(self) -> bytes:
+            picture = io.BytesIO()
+            with settings():
+                self.savefig(picture, format="png", dpi=DPI)
+            return picture.getvalue()
+
+    return NotebookFigure
+
+
+def curve(index: int, points: int = 0, marks: int = 12) -> dict:
+    """Plot keywords of the ``index``-th curve; about ``marks`` of its ``points`` get a marker, staggered (0: all)."""
+    colour, line, marker = CURVES[index]
+    every = max(1, points // marks)
+    return {
+        "color": colour,
+        "linestyle": line,
+        "marker": marker,
+        "markevery": (every * index // len(CURVES), every) if points else None,
+    }
+
+
+def looks() -> list[dict]:
+    """Plot keywords for up to nine curves of one panel, each with its own colour, line and marker."""
+    more = ((GREY, (0, (3, 1)), "*"), ("#7a5c00", "-", "h"))
+    return [dict(zip(("color", "linestyle", "marker"), look, strict=True)) for look in (*CURVES, *more)]
+
+
+def legend_above(figure, axes, columns: int) -> None:
+    """Put one legend for all panels above them, so that it covers no data."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns, handlelength=3.4)
+
+
+def decades(axes) -> None:
+    """Extend a logarithmic y axis of errors to whole powers of ten, so that small variations look small.
+
+    Call it after every panel that shares the axis is drawn, since it fixes the limits.
+    """
+    from matplotlib.ticker import NullFormatter
+
+    low, high = (math.log10(y) for y in axes.get_ylim())
+    axes.set_ylim(10.0 ** math.floor(low), 10.0 ** math.ceil(high))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def plain_ticks(axis) -> None:
+    """Label a short logarithmic axis at 1, 2 and 5 times powers of ten, so that labels do not overlap."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    if high < 40 * low:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def slope(axes, h, values, order: int, line: str = "-") -> None:
+    """Draw a grey line of slope ``order`` below the curves: ``values`` lists arrays (n,) over steps ``h`` (n,)."""
+    constant = 0.35 * min((v[v > 0] / h[v > 0] ** order).min() for v in values if (v > 0).any())
+    axes.plot(h, constant * h**order, color=GREY, linestyle=line, linewidth=0.9, label=f"slope {order}")
+
+
+def number(x: float, digits: int = 3) -> str:
+    """A number as text for captions, with ``digits`` significant digits."""
+    return f"{x:.{digits}g}" if math.isfinite(x) else str(x)
+
+
+def write(figure, path: Path) -> None:
+    """Write a figure as PNG with few colours, or as SVG or PDF by the path's ending; without date or version.
+
+    Equal figures give equal bytes.
+    """
+    kind = path.suffix.lower()
+    with settings():
+        if kind in VECTORS:
+            import matplotlib
+
+            with matplotlib.rc_context({"svg.hashsalt": "phasebench", "svg.fonttype": "none", "pdf.fonttype": 42}):
+                figure.savefig(path, format=kind[1:], metadata=VECTORS[kind])
+            return
+        figure.set_dpi(DPI)
+        figure.canvas.draw()
+    _write_png(figure, path)
+
+
+def _write_png(figure, path: Path) -> None:
+    import numpy as np
+    from PIL import Image
+
+    pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]
+    image = Image.fromarray(np.ascontiguousarray(pixels)).quantize(COLOURS, dither=Image.Dither.NONE)
+    image.save(path, format="PNG", optimize=True)
+
+
+def save(figure, directory: str | Path, name: str) -> str:
+    """`write` a figure into a directory, created if missing; return its file name."""
+    Path(directory).mkdir(parents=True, exist_ok=True)
+    write(figure, Path(directory) / name)
+    return name

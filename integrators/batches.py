@@ -1,0 +1,259 @@
+"""Batches: the orbits of an ensemble that one kernel integrates in lanes, block by block."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from threading import Lock
+
+import numpy as np
+
+from .compile import codegen
+from .outcome import OK, met, noted
+from .record import Method
+from .stepping import orbit_lanes
+from .stepping.kernel import COUNTS, TALLY, Prepared, Samples, prepare
+from .stepping.orbit_lanes import LANES
+from .threads import shared
+from .trajectory import PIECE, whole_rows
+
+#: Below this many orbits the lanes are not filled, and a kernel for them need not be compiled.
+ENOUGH = LANES.n
+
+
+@dataclass
+class Orbits:
+    """What an ensemble is made of: n orbits, their rows, and how each ended.
+
+    Attributes
+    ----------
+    system : what is integrated
+    q, p : arrays (n, d), the starts
+    h, steps, every : arrays (n,)
+    kinds, kind : the methods, and an array (n,) with the number of each orbit's
+    Q, P : arrays (n, rows, d), NaN where a row is not filled
+    filled : array (n,), the number of good rows
+    status, reason : arrays (n,) of text
+    counts : of all orbits together
+    """
+
+    system: object
+    q: np.ndarray
+    p: np.ndarray
+    h: np.ndarray
+    steps: np.ndarray
+    every: np.ndarray
+    kinds: list[Method]
+    kind: np.ndarray
+    Q: np.ndarray
+    P: np.ndarray
+    filled: np.ndarray
+    status: np.ndarray
+    reason: np.ndarray
+    counts: dict[str, int]
+    lock: Lock = field(default_factory=Lock, repr=False)
+
+    @classmethod
+    def begun(cls, system, q, p, h, steps, every, kinds, kind, rows: int) -> Orbits:
+        """Orbits of which the first row is there."""
+        n = len(q)
+        Q, P = (np.full((n, rows, system.d), np.nan) for _ in "qp")
+        Q[:, 0], P[:, 0] = q, p
+        counts = dict.fromkeys(TALLY, 0)
+        status, reason = (np.full(n, text, dtype=object) for text in (OK, ""))
+        return cls(system, q, p, h, steps, every, kinds, kind, Q, P, np.ones(n, int), status, reason, counts)
+
+    #: Orbits of a batch that are integrated to their end before the next; all where that is 0.
+    group = 0
+
+    def most(self, every: int, orbits: int) -> int:
+        """Steps of one call of a kernel for so many orbits, with a row every so many steps."""
+        return PIECE
+
+    def room(self, i: int, first: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
+        """Where the kernel of orbit i writes its rows from ``first`` on, arrays (rows, d) of q and of p."""
+        filled = slice(1 + first, 1 + first + rows)
+        return self.Q[i, filled], self.P[i, filled]
+
+    def keeper(self, members: np.ndarray, width: int) -> Callable[[int, np.ndarray, np.ndarray, int], None]:
+        """What takes the rows of these orbits, in blocks of ``width``, as they are made.
+
+        It is called with the number of the first row, q and p (blocks, rows, d, width), and the steps taken so far.
+        """
+
+        def keep(first: int, q: np.ndarray, p: np.ndarray, taken: int) -> None:
+            if width > 1:  # else `room` has them
+                filled = slice(1 + first, 1 + first + q.shape[1])
+                self.Q[members, filled], self.P[members, filled] = (
+                    orbit_lanes.of_blocks(x, len(members)) for x in (q, p)
+                )
+
+        return keep
+
+    def end(self, members: np.ndarray) -> None:
+        """Note that the rows of these orbits are all there."""
+        self.filled[members] = self.Q.shape[1]
+
+    def enter(self, i: int, solution) -> None:
+        """Write down what came of an orbit that was integrated alone."""
+        filled = len(solution.q)
+        self.Q[i], self.P[i] = np.nan, np.nan
+        self.Q[i, :filled], self.P[i, :filled] = solution.q, solution.p
+        self.filled[i] = filled
+        self.conclude(i, solution)
+
+    def conclude(self, i: int, solution) -> None:
+        """Write down how an orbit ended that was integrated alone, and what it took."""
+        self.status[i], self.reason[i] = solution.status, solution.reason
+        with self.lock:
+            for name, number in solution.counts.items():
+                self.counts[name] = self.counts.get(name, 0) + number
+
+    def forget(self, members: np.ndarray) -> None:
+        """Forget what is known of these orbits besides their rows: they are integrated again."""
+
+    def suspects(self, members: np.ndarray) -> np.ndarray:
+        """Those of these orbits whose end is for `integrate` to judge."""
+        return doubtful(self, members)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Orbits with the same kernel and the same number of steps.
+
+    Attributes
+    ----------
+    prepared : their kernel, with the coefficients that they share
+    loop : the compiled loop
+    members : array (n,), the numbers of the orbits
+    weights : by their name, arrays (n, substeps)
+    """
+
+    prepared: Prepared
+    loop: Callable
+    members: np.ndarray
+    weights: dict[str, np.ndarray]
+
+
+def able(system, method: Method) -> bool:
+    """Whether orbits of a method run in lanes."""
+    return orbit_lanes.able(system, method)
+
+
+def of(orbits: Orbits, members: np.ndarray) -> list[Batch]:
+    """The members in batches; their kernels are compiled."""
+    twin = orbit_lanes.twin(orbits.system)
+    parts: dict[tuple, list] = {}
+    pairs, number = np.unique(np.stack([orbits.kind, orbits.steps])[:, members], axis=1, return_inverse=True)
+    known = {k: prepare(orbits.kinds[k], twin) for k in set(pairs[0].tolist())}
+    for i, (kind, steps) in enumerate(pairs.T.tolist()):
+        parts.setdefault((*_common(known[kind]), steps), []).append((known[kind], members[number.reshape(-1) == i]))
+    return [_batch(part, orbits.system.d) for part in parts.values()]
+
+
+def _common(prepared: Prepared) -> tuple:
+    """What the orbits of a batch share."""
+    fields = {k: v for k, v in prepared.step._asdict().items() if k not in orbit_lanes.VARYING}
+    return (prepared.run, *((v.shape, v.tobytes()) if isinstance(v, np.ndarray) else v for v in fields.values()))
+
+
+def _batch(parts: list[tuple[Prepared, np.ndarray]], d: int) -> Batch:
+    first = parts[0][0]
+    weights = {
+        name: np.concatenate([np.tile(getattr(prepared.step, name), (len(members), 1)) for prepared, members in parts])
+        for name in orbit_lanes.WEIGHTS
+        if hasattr(first.step, name)
+    }
+    step = first.step._replace(eps=codegen.epsilon(codegen.DOUBLE))
+    first = replace(first, step=step)
+    loop = orbit_lanes.loop(first, orbit_lanes.varying_of(np.ones(1), {k: w[:1] for k, w in weights.items()}), d)
+    return Batch(first, loop, np.concatenate([members for _, members in parts]), weights)
+
+
+def run(made: list[Batch], orbits: Orbits, threads: int, tell: Callable[[int], None]) -> None:
+    """Integrate the batches, in shares of whole blocks of one batch after the other, and fill the rows."""
+    ends = np.cumsum([0, *(-(-len(batch.members) // LANES.n) for batch in made)]).tolist()
+
+    def share(part: slice) -> list[tuple[dict[str, int], int]]:
+        of_batches = [
+            (batch, slice(LANES.n * (max(part.start, first) - first), LANES.n * (min(part.stop, end) - first)))
+            for batch, first, end in zip(made, ends, ends[1:], strict=False)
+            if max(part.start, first) < min(part.stop, end)
+        ]
+        return [_share(batch, members, orbits) for batch, members in of_batches]
+
+    for found in shared(share, ends[-1], threads):
+        for counts, n in found:
+            for name, number in counts.items():
+                orbits.counts[name] += number
+            tell(n)
+
+
+def pieces(steps: int, every: int, most: int | None = None) -> Iterator[tuple[int, int, int]]:
+    """(first row, rows, steps for each) of the calls of a kernel, as the driver makes them; of ``most`` steps each.
+
+    A row of many steps is more than one call; what the last of them leaves is kept.
+    """
+    first, most = 0, PIECE if most is None else most
+    while first * every < steps:
+        n = whole_rows(steps, every, first, most)
+        if n > 1:
+            yield first, n, every
+            first += n
+            continue
+        for begun in range(first * every, min(steps, (first + 1) * every), most):
+            yield first, 1, min(most, steps - begun, (first + 1) * every - begun)
+        first += 1
+
+
+def _share(batch: Batch, part: slice, orbits: Orbits) -> tuple[dict[str, int], int]:
+    """Integrate a part of a batch; returns the counts and the number of orbits."""
+    total, n = Counter(), len(batch.members[part])
+    first, last = part.start, part.start + n
+    for begin in range(first, last, orbits.group or n):
+        total.update(_integrated(batch, slice(begin, min(last, begin + (orbits.group or n))), orbits))
+    return total, n
+
+
+def _integrated(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
+    """Integrate a part of a batch side by side; returns the counts."""
+    members = batch.members[part]
+    n, d, width = len(members), orbits.system.d, LANES.n
+    varying = orbit_lanes.varying_of(orbits.h[members], {name: rows[part] for name, rows in batch.weights.items()})
+    tables = orbit_lanes.tables_of(batch.prepared, orbits.q[members], orbits.p[members])
+    blocks = len(tables.state)
+    counts = np.zeros(blocks, COUNTS)
+    keep, taken = orbits.keeper(members, width), 0
+    steps, spacing = int(orbits.steps[members[0]]), int(orbits.every[members[0]])
+    q = p = parameter = np.zeros((0, 0))
+    for first, rows, every in pieces(steps, spacing, orbits.most(spacing, n)):
+        if q.shape[1] != rows:
+            q, p = (np.zeros((blocks, rows, d, width)) for _ in "qp")
+            parameter = np.zeros((blocks, rows, 1, width))
+        q[:, -1] = np.nan  # what stops before its last row is not asked for the others
+        batch.loop(batch.prepared.step, varying, tables, (0.0,) * d, Samples(q, p, parameter, every), counts)
+        taken += rows * every
+        keep(first, q, p, taken)
+    orbits.end(members)
+    evaluations = counts["gradient"]
+    if not (batch.prepared.implicit or batch.prepared.apart):  # counted once for all lanes
+        evaluations = evaluations * np.minimum(width, n - width * np.arange(blocks))
+    return batch.prepared.tally(n * steps, int(evaluations.sum()))
+
+
+def doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
+    """The members that did not end well, or met a singularity: what came of them is for `integrate` to say."""
+    if not len(members):
+        return members
+    Q, P = orbits.Q[members], orbits.P[members]
+    n, rows, d = Q.shape
+    bad = ~(np.isfinite(Q).all(axis=(1, 2)) & np.isfinite(P).all(axis=(1, 2)))
+    system = orbits.system
+    if system.has_energy:
+        flat = Q.reshape(-1, d), P.reshape(-1, d)
+        H, M = (x.reshape(n, rows) for x in (system.energies(*flat), system.scale(*flat)))
+        bad |= noted(H, M).any(axis=1)
+        if system.singularities:
+            bad |= met(system, Q, P, orbits.h[members], H, M)
+    return members[bad]

@@ -1,0 +1,291 @@
+"""The cache of generated sources and machine code: one folder, checked when read, and never needed.
+
+The folder is $PHASEBENCH_CACHE, or else the platform's folder for caches.  Entries are in a subfolder named by the hash
+of everything that they depend on (this package's source, the versions of the packages that generate and compile, the
+processor), so that a stale entry is never found.  An entry begins with the hash of its name and content; a truncated or
+changed one is removed and made again.  It is written by a rename, so that concurrent writers never leave half of one.
+Processes that need the same entry wait for the one that makes it (`alone`).  Where nothing can be written, work goes
+on without a cache, after one line of warning.
+
+When all subfolders together exceed `MAX_BYTES` bytes, those of other versions are removed, the longest unused first;
+then this version's oldest entries.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import logging
+import os
+import platform
+import re
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import lru_cache
+from pathlib import Path
+
+#: The largest size of the folder, in bytes.
+MAX_BYTES = 500_000_000
+#: Age in seconds from which a temporary file or a lock counts as left over by a killed process.
+STALE_AFTER = 3600
+#: Longest time to wait for an entry that another process makes, and the time between two looks, in seconds.
+LOCK_TIMEOUT, LOCK_POLL = 60.0, 0.01
+
+_VERSION = re.compile(r"py\d+-[0-9a-f]{16}")
+_log = logging.getLogger("phasebench")
+#: The first failure to write in this process, which has been logged.
+_logged: list[OSError] = []
+
+
+def root() -> Path | None:
+    """Return the folder of all versions, or None if the platform names none."""
+    try:
+        place = os.environ.get("PHASEBENCH_CACHE")
+        if place:
+            return Path(place).expanduser()
+        import platformdirs
+
+        return Path(platformdirs.user_cache_dir("phasebench", appauthor=False))
+    except (OSError, RuntimeError, ImportError):
+        return None
+
+
+@lru_cache(maxsize=1)
+def version() -> str:
+    """Return the name of this version's subfolder, which is the hash of what its entries depend on."""
+    digest = hashlib.sha256()
+    folder = Path(__file__).parents[1]
+    for path in sorted(folder.glob("**/*.py")):
+        digest.update(f"{path.relative_to(folder).as_posix()} ".encode() + path.read_bytes())
+    digest.update(repr([sys.version, platform.machine(), *_package_versions(), *_processor_settings()]).encode())
+    return f"py{sys.version_info[0]}{sys.version_info[1]}-{digest.hexdigest()[:16]}"
+
+
+def _package_versions() -> list[str]:
+    """Return the versions of the packages that generate and compile code.
+
+    SymPy's version is read from its files without importing it: a process that finds everything cached does not need
+    it.
+    """
+    import llvmlite
+    import mpmath
+    import numba
+    import numpy
+
+    sympy = importlib.util.find_spec("sympy")
+    release = Path(sympy.origin).with_name("release.py").read_text() if sympy else ""
+    return [*(package.__version__ for package in (llvmlite, mpmath, numba, numpy)), release]
+
+
+def _processor_settings() -> list[str]:
+    """Return the processor that Numba compiles for, and those of Numba's settings that change the code."""
+    from llvmlite import binding
+    from numba import config
+
+    name = config.CPU_NAME or binding.get_host_cpu_name()
+    features = config.CPU_FEATURES
+    if features is None:
+        features = binding.get_host_cpu_features().flatten()
+    settings = (
+        "OPT",
+        "LOOP_VECTORIZE",
+        "SLP_VECTORIZE",
+        "ENABLE_AVX",
+        "USING_SVML",
+        "BOUNDSCHECK",
+        "DEBUGINFO_DEFAULT",
+    )
+    return [name, features, *(f"{s}={getattr(config, s, None)}" for s in settings)]
+
+
+def folder() -> Path | None:
+    """Return the subfolder of this version, which may not exist yet, or None if there is no folder for caches."""
+    place = root()
+    return None if place is None else place / version()
+
+
+def read(name: str) -> bytes | None:
+    """Return the content of an entry, or None if there is none; a damaged entry is removed."""
+    place = folder()
+    if place is None:
+        return None
+    try:
+        seal, _, content = (place / name).read_bytes().partition(b"\n")
+    except OSError:
+        return None
+    if seal == _seal(name, content):
+        _note_use(place)
+        return content
+    forget(name)
+    return None
+
+
+def write(name: str, content: bytes) -> None:
+    """Store the content as an entry, completely or not at all; a failure is logged once in a process."""
+    place = folder()
+    try:
+        if place is None:
+            raise OSError("the platform names no folder for caches")
+        place.mkdir(parents=True, exist_ok=True)
+        _evict_once()
+        handle, temporary = tempfile.mkstemp(dir=place, suffix=".tmp")
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(_seal(name, content) + b"\n" + content)
+            os.replace(temporary, place / name)
+        except OSError:
+            with suppress(OSError):
+                os.unlink(temporary)
+            raise
+    except OSError as error:
+        _log_once(error)
+
+
+def forget(name: str) -> None:
+    """Remove an entry, if it exists."""
+    place = folder()
+    if place is not None:
+        with suppress(OSError):
+            (place / name).unlink()
+
+
+@contextmanager
+def alone(name: str) -> Iterator[None]:
+    """Hold the lock of an entry while making it, so that other processes wait, and then find it.
+
+    The lock is the operating system's, on an open file, so that it ends with a process that is killed.  A process that
+    has waited for `LOCK_TIMEOUT`, or that cannot lock, makes the entry as well; that costs time and nothing else.
+    """
+    place = folder()
+    if place is None or (place / name).exists():
+        yield
+        return
+    release = _acquire_lock(place / f"{name}.lock", place / name)
+    try:
+        yield
+    finally:
+        release()
+
+
+def _acquire_lock(lock: Path, entry: Path) -> Callable[[], None]:
+    """Acquire the lock and return the function that releases it.
+
+    That function does nothing if there is no lock: because the entry appeared, `LOCK_TIMEOUT` ran out, or locks do not
+    work.
+    """
+    try:
+        import fcntl
+
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        stream = lock.open("ab")
+    except (ImportError, OSError):
+        return lambda: None
+
+    def release() -> None:
+        with stream, suppress(OSError):  # waiting processes have the file open, and will find the entry
+            lock.unlink(missing_ok=True)
+            fcntl.flock(stream, fcntl.LOCK_UN)
+
+    until = time.monotonic() + LOCK_TIMEOUT
+    while not entry.exists() and time.monotonic() < until:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return release
+        except BlockingIOError:
+            time.sleep(LOCK_POLL)
+        except OSError:  # a file system without locks
+            break
+    stream.close()
+    return lambda: None
+
+
+@lru_cache(maxsize=8)
+def _note_use(place: Path) -> None:
+    """Set the subfolder's modification time to now, once in a process, as the time of its last use."""
+    with suppress(OSError):
+        os.utime(place)
+
+
+def _seal(name: str, content: bytes) -> bytes:
+    """Return the hash of name and content with which an entry begins."""
+    return hashlib.sha256(name.encode() + b"\n" + content).hexdigest().encode()
+
+
+def _log_once(error: OSError) -> None:
+    """Log that the cache cannot be written, the first time that this happens in the process."""
+    if not _logged:
+        _logged.append(error)
+        _log.warning("nothing is kept in the cache, so that every process compiles anew: %s", error)
+
+
+# -- its size ----------------------------------------------------------------------------------------------------------
+
+
+def versions() -> Iterator[Path]:
+    """Iterate over the subfolders of all versions."""
+    place = root()
+    with suppress(OSError):
+        yield from (p for p in place.iterdir() if _VERSION.fullmatch(p.name) and p.is_dir())
+
+
+def size(place: Path) -> tuple[int, int]:
+    """Return the number of entries in a subfolder and their size in bytes."""
+    sizes = [s for _, s, _ in _entries(place)]
+    return len(sizes), sum(sizes)
+
+
+def clear() -> None:
+    """Remove the entries of every version, and nothing else in the folder."""
+    for place in versions():
+        shutil.rmtree(place, ignore_errors=True)
+
+
+def _entries(place: Path) -> list[tuple[float, int, Path]]:
+    """Return (modification time, bytes, path) of each entry, oldest first; files that vanish meanwhile are left out."""
+    entries = []
+    with suppress(OSError):
+        for path in place.iterdir():
+            with suppress(OSError):
+                stat = path.stat()
+                entries.append((stat.st_mtime, stat.st_size, path))
+    return sorted(entries)
+
+
+def evict() -> None:
+    """Shrink the folder to `MAX_BYTES` bytes, and remove what killed processes left."""
+    own = folder()
+    others = sorted((p for p in versions() if p != own), key=_last_used)
+    total = 0
+    for place in [*others, own] if own else others:
+        for time_, bytes_, path in _entries(place):
+            if path.suffix in (".tmp", ".lock") and time_ < time.time() - STALE_AFTER:
+                path.unlink(missing_ok=True)
+            else:
+                total += bytes_
+    for place in others:
+        if total <= MAX_BYTES:
+            return
+        total -= size(place)[1]
+        shutil.rmtree(place, ignore_errors=True)
+    for _, bytes_, path in _entries(own) if own else ():
+        if total <= MAX_BYTES:
+            return
+        path.unlink(missing_ok=True)
+        total -= bytes_
+
+
+@lru_cache(maxsize=1)
+def _evict_once() -> None:
+    """Call `evict` once in a process."""
+    evict()
+
+
+def _last_used(place: Path) -> float:
+    """Return the time at which a process last read or wrote in the subfolder; 0 if that is unknown."""
+    with suppress(OSError):
+        return place.stat().st_mtime
+    return 0.0

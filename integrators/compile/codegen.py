@@ -1,0 +1,179 @@
+"""Turn the source text of generated functions into functions: compiled, in plain NumPy, or in multiprecision.
+
+A generated function takes and returns the values of `vector`: tuples of doubles (compiled, small d), arrays of doubles
+(compiled, large d; or plain NumPy) or object arrays of MPFR numbers (`precision`).  `printing` writes the text.  The
+text is stored in `cache` under the hash of what it was generated from, so that SymPy works once; its machine code is
+stored too (`machine`).  Within a process the same key always gives the same function, whichever system asks for it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from types import ModuleType
+
+import gmpy2
+import mpmath
+import numba
+import numpy as np
+from numba import types
+
+from phasebench.integrators.errors import InvalidInput
+
+from . import cache, machine
+from .options import ARRAYS, TUPLES
+
+#: Most degrees of freedom for which a state is a tuple, in registers; above, it is an array.  Kernels that work in
+#: place may have their own, lower limit (`inplace.in_place_version`).
+TUPLE_LIMIT = 20
+
+DOUBLE, MULTIPRECISION = "double", "multiprecision"
+#: Largest integer power that is written as products.
+MAX_POWER = 48
+
+
+def compiled() -> bool:
+    """True if functions are compiled, that is unless NUMBA_DISABLE_JIT=1."""
+    return not numba.config.DISABLE_JIT
+
+
+def value_kind(d: int, arrays: bool = False) -> str:
+    """Return "tuple" or "array", the kind of a compiled state of d components; ``arrays`` forces arrays."""
+    return "array" if arrays or d > TUPLE_LIMIT else "tuple"
+
+
+def value_type(d: int, arrays: bool = False):
+    """Return the Numba type of a compiled state of d components; ``arrays`` forces arrays."""
+    tuples = value_kind(d, arrays) == "tuple"
+    return types.UniTuple(types.float64, d) if tuples else types.Array(types.float64, 1, "C")
+
+
+def options(d: int) -> dict:
+    """Return the compiler options for functions of states of d components."""
+    return TUPLES if value_kind(d) == "tuple" else ARRAYS
+
+
+def _kind_of(signature) -> str:
+    """Return "array" if a function of this signature takes vectors as arrays, else "tuple"."""
+    return "array" if any(isinstance(t, types.Array) and t.ndim == 1 for t in signature.args) else "tuple"
+
+
+def _finish(text: str, style: str) -> str:
+    """Replace the placeholders ``value`` and ``number`` by constructors of the style: tuple, array, mpfr or numpy."""
+    if style == "tuple":
+        return text.replace("value((", "((").replace("number(", "float(")
+    if style == "array":
+        return text.replace("value((", "np.array((").replace("number(", "float(")
+    if style == "mpfr":
+        return text.replace("value((", "vector((").replace("number(", "mpfr(")
+    return text.replace("value((", "np.array((").replace("number(", "(")
+
+
+#: The generated functions of this process, by the digest of what each was generated from.
+_ready: dict = {}
+
+
+def function(key: str, build, signature, arithmetic: str = DOUBLE):
+    """Return the function whose text ``build(arithmetic)`` writes, ready for the kernels.
+
+    Parameters
+    ----------
+    key : identifies the content; the cache uses its hash, and the same key gives the same object
+    build : a function of the arithmetic that returns the text of a function ``f``
+    signature : its Numba signature
+    arithmetic : `DOUBLE` or `MULTIPRECISION`
+    """
+    if arithmetic == MULTIPRECISION:
+        style, header = "mpfr", "import mpmath as mp\nfrom gmpy2 import *\n"
+        header += f"from {__name__} import MULTIPRECISION, exactly, vector\n\n"
+    else:
+        style = _kind_of(signature) if compiled() else "numpy"
+        header = "from math import *\nimport numpy as np\n\n"
+    digest = hashlib.sha256(f"{style}|{key}".encode()).hexdigest()[:24]
+    if digest not in _ready:
+        text = cached_text(f"f-{digest}.py", lambda: header + _finish(build(arithmetic), style))
+        _ready[digest] = _load(digest, text, style, signature)
+    return _ready[digest]
+
+
+def origin(f) -> tuple | None:
+    """Return the arguments with which `rebuild` recompiles a function, or None if it was not generated here."""
+    return getattr(f, "origin", None)
+
+
+def rebuild(digest: str, signature):
+    """Return the generated function with this digest and signature; raise KeyError if its text is not in the cache."""
+    if digest not in _ready:
+        text = cache.read(f"f-{digest}.py")
+        if text is None:
+            raise KeyError(digest)
+        _ready[digest] = _load(digest, text.decode(), _kind_of(signature), signature)
+    return _ready[digest]
+
+
+def cached_text(name: str, write) -> str:
+    """Return the text stored in the cache under ``name``; if there is none, store and return ``write()``."""
+    kept = cache.read(name)
+    if kept is not None:
+        return kept.decode()
+    text = write()
+    cache.write(name, text.encode())
+    return text
+
+
+def _load(digest: str, text: str, style: str, signature):
+    """Execute the text, and return the function ``f`` that it defines, compiled unless the style is mpfr or numpy."""
+    module = ModuleType(f"phasebench_generated_{digest}")
+    sys.modules[module.__name__] = module  # Numba looks the module up when it loads the machine code
+    exec(compile(text, f"<generated {digest}>", "exec"), module.__dict__)
+    if style in ("mpfr", "numpy"):
+        return module.f
+    name = f"f|{digest}|{hashlib.sha256(text.encode()).hexdigest()}"
+    f = machine.compiled(module.f, signature, TUPLES if style == "tuple" else ARRAYS, name)
+    f.origin = digest, signature
+    return f
+
+
+@lru_cache(maxsize=4096)
+def columnwise(text: str):
+    """Return the function ``f`` that the text defines, as f(q, p) of NumPy arrays q, p of shape (d, n)."""
+    namespace = vars(np) | {"np": np, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan}
+    exec(text.replace("value((", "np.array((").replace("number(", "("), namespace)
+    return namespace["f"]
+
+
+@contextmanager
+def precision(digits: int) -> Iterator[None]:
+    """Set the precision of mpmath and of "multiprecision" to this many decimal digits while the context is open."""
+    with mpmath.workdps(digits), gmpy2.context(gmpy2.get_context(), precision=mpmath.mp.prec):
+        yield
+
+
+def epsilon(arithmetic: str):
+    """Return the machine epsilon of the arithmetic, at its current precision."""
+    return exactly(mpmath.mp.eps if arithmetic == MULTIPRECISION else np.finfo(float).eps, arithmetic)
+
+
+def vector(numbers) -> np.ndarray:
+    """Return an object array of the numbers as MPFR numbers, whatever kind of number each was.
+
+    Raises InvalidInput if mpmath's precision is not the one that `precision` has set.
+    """
+    if gmpy2.get_context().precision != mpmath.mp.prec:
+        raise InvalidInput("set the digits of multiprecision by codegen.precision(digits), not by mpmath alone")
+    out = np.empty(len(numbers), dtype=object)
+    out[:] = [exactly(x, MULTIPRECISION) for x in numbers]
+    return out
+
+
+def exactly(x, arithmetic: str):
+    """Convert x (int, float, Fraction, decimal string, mpmath or MPFR number) to a number of the arithmetic."""
+    if arithmetic == DOUBLE:
+        return float(mpmath.mpf(x)) if isinstance(x, str) else float(x)
+    if isinstance(x, (int, float, str, gmpy2.mpfr)):
+        return gmpy2.mpfr(x)
+    ratio = mpmath.libmp.to_rational(x._mpf_) if hasattr(x, "_mpf_") else (x.numerator, x.denominator)
+    return gmpy2.mpfr(gmpy2.mpq(*ratio))

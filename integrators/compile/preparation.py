@@ -1,0 +1,113 @@
+"""Store what families prepare for a kernel: the numbers of a method, and the functions of a system that has a key.
+
+A `kernel.Prepared` is pickled with the origins of its functions (`codegen.origin`) in place of the functions.  Its
+entry is found by the value of the method and the key of the system.  One that holds any other compiled function is not
+stored.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import pickle
+from functools import lru_cache
+
+from numba.core.dispatcher import Dispatcher
+from numba.core.serialize import NumbaPickler
+
+from . import cache, codegen
+
+#: Whether anything is stored; tests that change what families prepare set it to False.
+ENABLED = True
+#: Most methods whose pickled bytes are kept in memory.
+MAX_METHODS = 512
+
+
+class _MethodPickler(pickle.Pickler):
+    """Pickles a method without its parameter parser, which the kernel does not depend on."""
+
+    def reducer_override(self, obj):
+        if hasattr(obj, "with_parameters"):
+            return tuple, ([(k, v) for k, v in vars(obj).items() if k != "with_parameters"],)
+        return NotImplemented
+
+
+class _FunctionPickler(NumbaPickler):
+    """Pickles generated functions by their origins."""
+
+    def persistent_id(self, obj):
+        if not isinstance(obj, Dispatcher):
+            return None
+        origin = codegen.origin(obj)
+        if origin is None:
+            raise pickle.PicklingError("a function that is compiled, and not generated")
+        return origin
+
+
+class _FunctionUnpickler(pickle.Unpickler):
+    """Loads generated functions from their origins."""
+
+    def persistent_load(self, origin):
+        return codegen.rebuild(*origin)
+
+
+def _pickle(kind: type[pickle.Pickler], thing) -> bytes | None:
+    """Return ``thing`` pickled, or None if it cannot be."""
+    stream = io.BytesIO()
+    try:
+        kind(stream, protocol=5).dump(thing)
+    except (pickle.PicklingError, TypeError, AttributeError):
+        return None
+    return stream.getvalue()
+
+
+#: id of a method -> (the method, its pickled bytes).  Holding the method keeps its id from being used again.
+_bytes: dict = {}
+
+
+def _bytes_of(method) -> bytes | None:
+    """Return the method pickled by value, or None if that is impossible."""
+    known = _bytes.get(id(method))
+    if known is None:
+        if len(_bytes) >= MAX_METHODS:
+            _bytes.clear()
+        known = _bytes[id(method)] = method, _pickle(_MethodPickler, method)
+    return known[1]
+
+
+def entry(method, system) -> str | None:
+    """Return the name of the cache entry for a method on a system, or None if it cannot be stored."""
+    key = getattr(system, "key", "") if ENABLED and codegen.compiled() else ""
+    value = _bytes_of(method) if key else None
+    if value is None:
+        return None
+    about = f"{key}|{system.variant}|{codegen.value_kind(system.d)}|"
+    return f"prepared-{hashlib.sha256(about.encode() + value).hexdigest()[:24]}.pickle"
+
+
+@lru_cache(maxsize=512)
+def _read(name: str, version: str):
+    """Return what was pickled in an entry, read once in a process; raise LookupError if it is missing or damaged."""
+    content = cache.read(name)
+    if content is None:
+        raise LookupError(name)
+    try:
+        return _FunctionUnpickler(io.BytesIO(content)).load()
+    except Exception as error:  # whatever the damage, it is prepared again
+        cache.forget(name)
+        raise LookupError(name) from error
+
+
+def read(name: str | None):
+    """Return what was stored under the name, or None."""
+    try:
+        return None if name is None else _read(name, str(cache.folder()))
+    except LookupError:
+        return None
+
+
+def write(name: str | None, prepared) -> None:
+    """Store what a family prepared; do nothing if ``name`` is None or it cannot be pickled."""
+    content = None if name is None else _pickle(_FunctionPickler, prepared)
+    if content is not None:
+        cache.write(name, content)

@@ -1,0 +1,165 @@
+"""Write the source text of functions from SymPy expressions; `codegen` turns it into functions.
+
+A rational number is divided in the arithmetic of the function; a double stays exactly the double that it is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from functools import lru_cache
+
+import sympy as sp
+from sympy.printing.pycode import PythonCodePrinter
+
+from .codegen import DOUBLE, MAX_POWER, MULTIPRECISION, cached_text
+
+#: Integers of this size or more do not fit Numba's 64-bit integers, and are written as floats.
+INTEGER_LIMIT = 2**63
+#: Longest product of equal factors that is written out; longer ones are built from halves.
+MAX_FACTORS = 12
+
+
+class _Printer(PythonCodePrinter):
+    """Prints expressions as Python, with integer powers as products and rationals exact in the given arithmetic."""
+
+    def __init__(self, arithmetic: str):
+        super().__init__({"fully_qualified_modules": False, "precision": 17})
+        self.multi = arithmetic == MULTIPRECISION
+
+    def _print_Rational(self, x):
+        if float(x) == x:  # a double, such as a parameter of the problem
+            return f"mpfr({float(x)!r})" if self.multi else repr(float(x))
+        return f"(mpfr({x.p})/{x.q})" if self.multi else repr(x.p / x.q)  # rounded once, whatever the size of p and q
+
+    _print_Half = _print_Rational
+
+    def _print_Integer(self, x):
+        return str(x.p) if abs(x.p) < INTEGER_LIMIT else self._print_Rational(x)
+
+    def _print_Float(self, x):
+        return f"mpfr({float(x)!r})" if self.multi else repr(float(x))
+
+    def _print_NumberSymbol(self, x):
+        return f"exactly(mp.{str(x).lower()}, MULTIPRECISION)" if self.multi else repr(float(x))
+
+    _print_Pi = _print_Exp1 = _print_NumberSymbol
+
+    def _print_Pow(self, x, rational=False):
+        base, n = x.args
+        if n.is_Integer and 1 < abs(n) <= MAX_POWER and base.is_Symbol:
+            product = _product(self._print(base), abs(int(n)))
+            return f"({product})" if n > 0 else f"(1/({product}))"
+        if n == -1:
+            return f"(1/{self.parenthesize(base, 1000)})"
+        if n == sp.Rational(1, 2):
+            return f"sqrt({self._argument(base)})"
+        if n == -sp.Rational(1, 2):
+            return f"(1/sqrt({self._argument(base)}))"
+        return f"({self._print(base)})**({self._print(n)})"
+
+    def _argument(self, x):
+        """Print the argument of a function; an integer becomes an MPFR number, which selects the arithmetic."""
+        return f"mpfr({x.p})" if self.multi and x.is_Integer else self._print(x)
+
+    def _print_known(self, x):
+        return f"{type(x).__name__.lower()}({', '.join(map(self._argument, x.args))})"
+
+    _print_sin = _print_cos = _print_tan = _print_exp = _print_log = _print_known
+    _print_sinh = _print_cosh = _print_tanh = _print_asin = _print_acos = _print_atan = _print_known
+
+    def _print_Abs(self, x):
+        return f"abs({self._print(x.args[0])})"
+
+
+def _product(base: str, n: int) -> str:
+    """Return the n-th power of ``base`` as products; from equal halves if n is large, to save multiplications."""
+    if n <= MAX_FACTORS:
+        return "*".join([base] * n)
+    half = f"({_product(base, n // 2)})"
+    return "*".join([half, half, *[base] * (n % 2)])
+
+
+def _share_roots(expressions: list[sp.Expr]) -> tuple[list[tuple[sp.Symbol, sp.Expr]], list[sp.Expr]]:
+    """Rewrite powers of 1/2 and 1/4 as integer powers of one shared root, and powers of sums as powers of a symbol.
+
+    Returns the definitions (symbol, expression) and the rewritten expressions.
+    """
+    defined: list[tuple[sp.Symbol, sp.Expr]] = []
+    names: dict[sp.Expr, sp.Symbol] = {}
+
+    def name(value: sp.Expr, letter: str) -> sp.Symbol:
+        if value not in names:
+            names[value] = sp.Symbol(f"{letter}{len(names)}_")
+            defined.append((names[value], value))
+        return names[value]
+
+    def rewrite(e: sp.Expr) -> sp.Expr:
+        if not e.args:
+            return e
+        args = [rewrite(a) for a in e.args]
+        if isinstance(e, sp.Pow):
+            base, n = args
+            if n.is_Rational and n.q in (2, 4):
+                root = name(sp.sqrt(base), "s")
+                return (root if n.q == 2 else name(sp.sqrt(root), "s")) ** n.p
+            if n.is_Integer and abs(n) > 1 and not base.is_Symbol:
+                return name(base, "t") ** n
+        return e.func(*args)
+
+    return defined, [rewrite(e) for e in expressions]
+
+
+def source(
+    name: str, arguments: Sequence[tuple[str, Sequence[sp.Symbol] | sp.Symbol]], results, arithmetic: str
+) -> str:
+    """Return the text of a function of ``arguments`` (each a name and a vector of symbols, or a single symbol).
+
+    ``results`` lists vectors (lists of expressions) and single expressions; the function returns them as a tuple, each
+    vector as ``value(...)``.  Raises ValueError if an expression has a symbol that is not an argument.
+    """
+    renamed: dict[sp.Symbol, sp.Symbol] = {}
+    lines = [f"def {name}({', '.join(n for n, _ in arguments)}):"]
+    for n, symbols in arguments:
+        if isinstance(symbols, sp.Symbol):
+            renamed[symbols] = sp.Symbol(n)
+            continue
+        for i, s in enumerate(symbols):
+            renamed[s] = sp.Symbol(f"{n}_{i}")
+            lines.append(f"    {n}_{i} = {n}[{i}]")
+    flat = [e for r in results for e in (r if isinstance(r, (list, tuple)) else [r])]
+    flat = [sp.sympify(e).xreplace(renamed) for e in flat]
+    unknown = set().union(*(e.free_symbols for e in flat)) - set(renamed.values()) if flat else set()
+    if unknown:
+        raise ValueError(
+            f"the formula has symbols that are neither coordinates nor momenta: {sorted(map(str, unknown))}"
+        )
+    defined, flat = _share_roots(flat)
+    shared, flat = sp.cse([*(e for _, e in defined), *flat], symbols=(sp.Symbol(f"c{i}_") for i in range(10**9)))
+    roots = dict(zip((s for s, _ in defined), flat[: len(defined)], strict=True))
+    flat = flat[len(defined) :]
+    printer = _Printer(arithmetic)
+    pending = [*shared, *roots.items()]
+    known = set(renamed.values())
+    while pending:
+        ready = [(s, e) for s, e in pending if e.free_symbols <= known]
+        for s, e in ready:
+            lines.append(f"    {s} = {printer.doprint(e)}")
+            known.add(s)
+        pending = [(s, e) for s, e in pending if s not in known]
+    texts = iter([printer.doprint(e) for e in flat])
+    parts = []
+    for r in results:
+        if isinstance(r, (list, tuple)):
+            parts.append(f"value(({', '.join(next(texts) for _ in r)},))")
+        else:
+            parts.append(f"number({next(texts)})")
+    lines.append(f"    return {', '.join(parts)}")
+    return "\n".join(lines) + "\n"
+
+
+@lru_cache(maxsize=4096)
+def columnwise_text(q: tuple[sp.Symbol, ...], p: tuple[sp.Symbol, ...], expression: sp.Expr) -> str:
+    """Return the text of an expression in q and p, as a function for `codegen.columnwise`."""
+    key = hashlib.sha256(" ".join(map(sp.srepr, (*q, *p, expression))).encode()).hexdigest()[:24]
+    return cached_text(f"v-{key}.py", lambda: source("f", [("q", q), ("p", p)], [expression], DOUBLE))

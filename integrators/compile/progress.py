@@ -1,0 +1,14 @@
+"""Announce compilations: to nobody, unless a caller sets `announce`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+
+#: Maps a message to the context that is open while the work is done; the command line shows the message on a terminal.
+announce: Callable[[str], AbstractContextManager] = nullcontext
+
+
+def compiling(what: str, d: int) -> AbstractContextManager:
+    """Return the context in which ``what`` is compiled for d degrees of freedom."""
+    return announce(f"compiling {what} for d = {d} ...")

@@ -1,0 +1,277 @@
+r"""Gauss's methods with steps that follow the field along the orbit: variable steps for any H.
+
+The polynomials through f at the nodes of a step give its derivatives at the step's end, and these the next step,
+
+.. math::
+    \Delta t = h\,\frac{\tau}{T},\qquad
+    \tau^2 = \frac{|f|\,|f''| + |f'|^2}{|f'|\,|f'''| + |f''|^2}.
+
+f are the accelerations where :math:`H = \sum p_i^2 / 2 m_i + V(q)`, and :math:`T^2 = |q_0|/|q_0''|` (from :math:`q_0 =
+0`, :math:`|q_0'|/|q_0''|`).  Of any other H the shorter :math:`\tau` of q' and p' counts, and T is the longer of the
+times
+
+.. math::
+    \frac{|q_0|}{\sqrt{|q_0'|^2 + |q_0|\,|q_0''|}}
+
+of q and of p; the second derivatives are differences of the field along itself.  So h is the step where the field
+changes as fast as q or p does at the start.  On a harmonic oscillator :math:`\tau` is constant, on a Kepler orbit it
+falls with the distance as :math:`r^{3/2}`.
+
+A step is rejected where :math:`\tau` at its end has fallen to less than `TRUSTED` of what the step was chosen by; where
+the last derivative that its s nodes tell, :math:`|f^{(s-1)}|/|f|` to the power :math:`1/(s-1)`, is as large (a wall
+within the step, which :math:`\tau` at the end may not show); or where its equations were not solved.  It is made anew
+with the time that it found.  A step is at most `GROWTH` times the last.  All this looks back only: the map is neither
+symmetric nor reversible, and the energy may drift.  Quadratic invariants are kept.
+
+A row, at a multiple of h in time, is reached by a shorter step from the last state before it.  The orbit goes on from
+that last state, so that it does not depend on which rows are kept: where a row's own step is rejected, the step that
+the orbit takes next decides.
+
+Source: S. J. Aarseth, in Multiple Time Scales (1985) 377-418 (the quotient); H. Rein, D. S. Spiegel, Mon. Not. R.
+Astron. Soc. 446 (2015) 1424-1437 (derivatives from the step's own polynomials, rejection at a quarter).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import mpmath
+import numpy as np
+
+from phasebench.integrators.stepping.kernel import Prepared, array
+from phasebench.integrators.stepping.loop import by_time
+from phasebench.integrators.stepping.solve import OUT_OF_STEP, SOLVED
+from phasebench.integrators.values.lanes import put, take, total
+from phasebench.integrators.values.vector import chosen, inlined
+
+from . import adaptive, gauss_lanes, stage_lanes
+from .stage_lanes import begin, equations
+
+#: A step is rejected if the fitting one is shorter than this share of it; a step is at most GROWTH times the last.
+TRUSTED, GROWTH = 0.25, 4.0
+#: The same share for the first step, which is a guess.
+FIRST = 0.98
+#: tau is made of this many derivatives of f, the zeroth included.
+DERIVATIVES = 4
+#: The difference of the field along itself is taken over this share of h.
+SHIFT = 1e-5
+#: Products of derivatives below FLAT round-offs of |f|^2, and a last derivative below ROUGH round-offs of |f|, are
+#: round-off alone.
+FLAT, ROUGH = 1e5, 1e12
+#: A step that was not solved is cut to the share CUT, a rejected one to no less than LEAST; MOST in a row end the run.
+CUT, LEAST, MOST = 0.25, 1 / 16, 60
+#: Largest number of steps for one h; more would be a run that never ends.
+SHORTEST = 100_000
+
+
+class Field(NamedTuple):
+    """Gauss's ``method`` in lanes, the matrix of `adaptive.remember`, and ``ends``.
+
+    The rows of ``ends`` are weights of f at the nodes that give f, f', f'', f''' and the derivative s - 1 at the end of
+    a step of length 1.
+    """
+
+    method: stage_lanes.Lanes
+    inverse: np.ndarray
+    ends: np.ndarray
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class Clock(NamedTuple):
+    """Time and its lost part, the length of the next step and of the last, and h / T."""
+
+    t: float
+    lost: float
+    following: float
+    last: float
+    scale: float
+
+
+#: Where the state's spare rows keep the clock between calls.
+TIME, LOST, FOLLOWING, LAST, SCALE = (4, 0), (4, 1), (5, 0), (5, 1), (6, 1)
+
+#: What a component of f is multiplied by to be an acceleration.
+inertia = chosen(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e, k: inverse_mass[0, k])
+
+
+@inlined
+def inverse_square(e, step, first, last):
+    """(1 / tau^2, (|f^(s-1)| / |f|)^2) at a step's end, in units of its length, of the components first to last - 1.
+
+    Either is 0 if it is round-off alone.
+    """
+    f0, f1, f2, f3, highest, whole = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
+    for k in range(first, last):
+        f = inertia(e.step.inverse_mass, e, k) * take(e.memory, e.stages + k, e.like)
+        f0 = f0 + total(take(step.ends, 0, e.like) * f) ** 2
+        f1 = f1 + total(take(step.ends, 1, e.like) * f) ** 2
+        f2 = f2 + total(take(step.ends, 2, e.like) * f) ** 2
+        f3 = f3 + total(take(step.ends, 3, e.like) * f) ** 2
+        highest = highest + total(take(step.ends, 4, e.like) * f) ** 2
+        whole = whole + total(f * f)
+    above, below = (f0 * f2) ** 0.5 + f1, (f1 * f3) ** 0.5 + f2
+    told, rough = above > FLAT * step.eps * whole, highest > (ROUGH * step.eps) ** 2 * whole
+    return (below / above if told else 0.0 * above), (highest / whole if rough else 0.0 * above)
+
+
+def _of_both(inverse_mass, e, step):
+    d = e.stages // 2
+    a, b = inverse_square(e, step, 0, d), inverse_square(e, step, d, e.stages)
+    return max(a[0], b[0]), max(a[1], b[1])
+
+
+def _of_kicks(inverse_mass, e, step):
+    return inverse_square(e, step, 0, e.stages)
+
+
+#: (the length of the step / tau)^2, and the square of its last derivative.
+rate = chosen(_of_both, _of_kicks)
+
+
+@inlined
+def _pace(e, first, last, shift):
+    """|y| / sqrt(|y'|^2 + |y| |y''|) of the components first to last - 1; 0 if y is 0 or does not move.
+
+    f has been evaluated at y + shift y' and, in the second lane, at y - shift y'.
+    """
+    size, slope, bend = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
+    for k in range(first, last):
+        ahead, behind = e.memory[e.stages + k, 0], e.memory[e.stages + k, 1]
+        size, slope = size + abs(e.memory[e.base, k]), slope + abs(0.5 * (ahead + behind))
+        bend = bend + abs((ahead - behind) / (2.0 * shift))
+    below = slope * slope + size * bend
+    return size / below**0.5 if below > 0 else 0.0 * e.h
+
+
+def _unit_of_both(inverse_mass, e, step):
+    d, shift = e.stages // 2, SHIFT * abs(e.h)
+    for k in range(e.stages):
+        y, f = e.memory[e.base, k], e.memory[e.stages + k, 0]
+        put(e.memory, k, 0.0 * e.weights + (y + shift * f), e.like)
+        e.memory[k, 1] = y - shift * f
+    step.method.f(e.memory)
+    longer = max(_pace(e, 0, d, shift), _pace(e, d, e.stages, shift))
+    return longer if longer > 0 else 1.0 + longer
+
+
+def _unit_of_kicks(inverse_mass, e, step):
+    q, v, a = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
+    for k in range(e.stages):
+        q, v = q + abs(e.memory[e.base, k]), v + abs(inverse_mass[0, k] * e.memory[e.base + 2, k])
+        a = a + abs(inverse_mass[0, k] * e.memory[e.stages + k, 0])
+    if a > 0 and q > 0:
+        return (q / a) ** 0.5
+    if a > 0 and v > 0:
+        return v / a
+    return q / v if v > 0 and q > 0 else 1.0 + 0.0 * q
+
+
+#: T, where the equations begin and f is known.
+unit = chosen(_unit_of_both, _unit_of_kicks)
+
+
+@inlined
+def started(step, carry, y):
+    """Return the clock as the last call left it; make the first one."""
+    rows = carry.state
+    if rows[FOLLOWING] == 0:
+        e = equations(step.method, carry, step.h)
+        begin(step.method.inverse_mass, e, y)
+        for k in range(e.stages):
+            put(e.memory, k, 0.0 * e.weights + e.memory[e.base, k], e.like)
+        step.method.f(e.memory)
+        scale = abs(step.h) / unit(step.method.inverse_mass, e, step)
+        return Clock(rows[TIME], rows[LOST], step.h, step.h, scale)
+    return Clock(rows[TIME], rows[LOST], rows[FOLLOWING], rows[LAST], rows[SCALE])
+
+
+@inlined
+def fitting(step, carry, clock, length, trusted):
+    """(the step that fits the end of one of length ``length``, True if that one may stand).
+
+    It may if the fitting one is not shorter than the share ``trusted`` of it.
+    """
+    square, highest = rate(step.method.inverse_mass, equations(step.method, carry, length), step)
+    share, rough = square**0.5, highest ** (0.5 / (step.method.stages - 1))
+    if not share + rough < np.inf:
+        return CUT * length, False
+    if clock.scale < trusted * max(share, rough):
+        return length * max(clock.scale / max(share, rough), LEAST), False
+    if GROWTH * share < clock.scale:
+        return GROWTH * length, True
+    return length * clock.scale / share, True
+
+
+@inlined
+def wind(step, carry, y, clock, until, most, counts):
+    """Step to a time in at most ``most`` steps: (the last state before it, its clock, the state there, status)."""
+    there, status, tries = y, SOLVED, 0
+    last = counts.steps + most
+    decided, deciding = False, False  # whether the step that passes the time is known to stand, or is tried for that
+    while tries < MOST and counts.steps < last:
+        left = (until - clock.t) - clock.lost
+        passes = not (abs(clock.following) < abs(left) and left * step.h > 0)
+        length = left if passes and not deciding else clock.following
+        there, evaluations, status = adaptive.attempt(step.method, step, carry, y, clock, length, counts)
+        counts.gradient += evaluations
+        fits, good = fitting(step, carry, clock, length, TRUSTED if counts.steps > 0 else FIRST)
+        good = good and status == SOLVED
+        if passes and not deciding and status == SOLVED and (good or decided):
+            return y, clock, there, SOLVED
+        if passes and not deciding and not decided:
+            deciding = True
+        elif good and deciding:
+            deciding, decided = False, True
+        elif good:
+            adaptive.settle(step.method, step, carry, length)
+            t = (clock.t + clock.lost) + length
+            y, tries = there, 0
+            clock = Clock(t, (length + clock.lost) - (t - clock.t), fits, length, clock.scale)
+            counts.steps += 1
+        else:
+            tries, deciding, decided = tries + 1, False, False
+            shorter = fits if status == SOLVED else CUT * length
+            clock = Clock(clock.t, clock.lost, shorter, clock.last, clock.scale)
+            if not abs(shorter) > step.eps * abs(clock.t):
+                return y, clock, there, OUT_OF_STEP
+    return y, clock, there, OUT_OF_STEP if status == SOLVED else status
+
+
+@inlined
+def reach(method, carry, y, clock, until, every, counts):
+    """Step to the time of a row (see `loop.by_time`)."""
+    return wind(method, carry, y, clock, until, SHORTEST * every, counts)
+
+
+@inlined
+def leave(carry, clock):
+    """Store the clock for the next call."""
+    rows = carry.state
+    rows[TIME], rows[LOST], rows[FOLLOWING], rows[LAST] = clock.t, clock.lost, clock.following, clock.last
+    rows[SCALE] = clock.scale
+
+
+run = by_time(started, reach, leave)
+
+
+# -- the numbers that it is handed ------------------------------------------------------------------------------------
+
+
+def ends_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
+    """The rows of `Field.ends`: derivatives at 1 of the polynomials that are 1 at one node and 0 at the others."""
+    with mpmath.workdps(adaptive.digits(arithmetic)):
+        inverse = adaptive.coefficients(s)
+        falling = [[mpmath.ff(k, j) for k in range(s)] for j in (*range(DERIVATIVES), s - 1)]
+        rows = [[mpmath.fdot(row, inverse[:, i]) for i in range(s)] for row in falling]
+        return array([gauss_lanes.padded(row, len(step.like), 0) for row in rows], arithmetic)
+
+
+def prepare(method, system, arithmetic) -> Prepared:
+    """Make the kernel of data (s,): Gauss with s stages."""
+    (s,) = method.data
+    lanes = gauss_lanes.laned(s, system, arithmetic)
+    step = Field(lanes, adaptive.inverse_of(s, lanes, arithmetic), ends_of(s, lanes, arithmetic))
+    width, stages = gauss_lanes.room(lanes, system.d)
+    unknowns = stage_lanes.components(lanes.inverse_mass, system.d)
+    return Prepared(run, step, width, max(3, stages), linear=len(lanes.like) * unknowns)

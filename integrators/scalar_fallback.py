@@ -1,0 +1,69 @@
+"""Singles: the orbits of an ensemble that one kernel integrates one by one, with as little of Python as can be.
+
+A kernel runs without the interpreter's lock; what goes before and after it does not, and what `integrate` does there
+for an orbit is done here for all of them at once: threads do not wait for one another.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+
+from .batches import Orbits, pieces
+from .prepared import Layout, lay_out, step_of
+from .stepping.kernel import prepare
+from .stepping.solve import SOLVED
+from .threads import shared
+
+
+def run(orbits: Orbits, members: np.ndarray, threads: int, tell: Callable[[int], None]) -> np.ndarray:
+    """Integrate the members and fill their rows; those that have to be judged by `integrate` are returned.
+
+    They are the orbits whose kernel did not reach the end, and all of methods that may miss what they promise.
+    """
+    known = {k: prepare(orbits.kinds[k], orbits.system) for k in set(orbits.kind[members].tolist())}
+    whole = np.array([not known[k].missed for k in orbits.kind[members].tolist()], bool)
+    mine, left = members[whole], [members[~whole]]
+    for counts, stopped, n in shared(lambda part: _share(orbits, known, mine[part]), len(mine), threads):
+        for name, number in counts.items():
+            orbits.counts[name] += number
+        left.append(stopped)
+        tell(n - len(stopped))
+    return np.concatenate(left).astype(int)
+
+
+def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[Counter[str], np.ndarray, int]:
+    """Integrate some; returns the counts of those that came to their end, the others, and how many there were."""
+    total: Counter[str] = Counter()
+    layouts: dict[int, Layout] = {}
+    stopped = []
+    for i in members.tolist():
+        kernel, q, p = known[orbits.kind[i]], orbits.q[i], orbits.p[i]
+        layout = layouts.get(orbits.kind[i])
+        if layout is None:
+            layout = layouts[orbits.kind[i]] = lay_out(kernel, orbits.system.d, orbits.h[i], q, p)
+        else:
+            layout.step = step_of(kernel, orbits.system.d, orbits.h[i], q, p)
+            layout.restart(q, p)
+        if not _filled(orbits, i, layout):
+            stopped.append(i)
+            continue
+        numbers = (int(layout.counts[name]) for name in ("gradient", "fallbacks", "newton"))
+        total.update(kernel.tally(int(orbits.steps[i]), *numbers))
+    return total, np.array(stopped, int), len(members)
+
+
+def _filled(orbits: Orbits, i: int, layout: Layout) -> bool:
+    """Fill the rows of an orbit; whether all were reached."""
+    member = np.array([i])
+    keep, taken, spacing = orbits.keeper(member, 1), 0, int(orbits.every[i])
+    for first, rows, every in pieces(int(orbits.steps[i]), spacing, orbits.most(spacing, 1)):
+        Q, P = orbits.room(i, first, rows)
+        if layout(Q, P, np.full((rows, 1), np.nan), every) != (rows, SOLVED):
+            return False
+        taken += rows * every
+        keep(first, Q[None, :, :, None], P[None, :, :, None], taken)
+    orbits.end(member)
+    return True

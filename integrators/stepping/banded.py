@@ -1,0 +1,247 @@
+r"""Newton's method for stage equations x = G(x) of a narrow band: a step costs as much as the lattice is long.
+
+Simplified Newton: the matrix 1 - G' is made by differences, a colour of columns at once (`structure`), factorized by
+Gaussian elimination with row interchanges inside of the band, and kept from step to step; where a move is more than
+`SLOW` times the last it is made again.  Where that fails, every iterate gets its own.  The residual is exact, so that
+the solution is one to round-off, as that of `solve.solver`.
+
+Equations start from zero.  A start extrapolated from earlier steps, as of the fixed point, saves an iteration or two of
+eight at small steps; at those that are too long for the fixed point it costs several, and matrices besides.
+
+References: G. H. Golub, C. F. Van Loan, Matrix Computations (2013), 4.3.5 (bands); E. Hairer, G. Wanner, Solving
+Ordinary Differential Equations II (1996), IV.8 (when to make the matrix again).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from phasebench.integrators.values.vector import inlined, jit, load, minus, plus, size, store
+
+from .solve import NEWTON_LIMIT, NOT_FINITE, SHARE, SOLVED, STALLED, difference, newton_converged
+from .structure import coloured, ordered, owners
+
+#: The matrix is made again if a move is longer than this share of the one before.
+SLOW = 0.3
+#: Largest number of iterations for an equation.
+LIMIT = 60
+
+
+class Band(NamedTuple):
+    """The sparsity of a banded matrix.
+
+    Attributes
+    ----------
+    width : half-width of the band, in the order of ``place``
+    place, colour : arrays (n,): place in the order, and colour, of each unknown
+    owner : array (colours, n): the unknown of a colour that an equation depends on, -1 if none
+    """
+
+    width: int
+    place: np.ndarray
+    colour: np.ndarray
+    owner: np.ndarray
+
+
+class Room(NamedTuple):
+    """Memory of a solver: two rows of ``memory`` from ``spare`` on; the matrix, the rows of ``work`` from ``at`` on."""
+
+    memory: np.ndarray
+    spare: int
+    work: np.ndarray
+    at: int
+
+
+def band_of(reach) -> Band:
+    """The band of a matrix whose column j has the rows reach[j]; raises InvalidInput if it is wide."""
+    from .kernel import fixed
+
+    n = len(reach)
+    reach = [np.union1d(rows, [j]) for j, rows in enumerate(reach)]  # 1 - G' has a diagonal
+    colours = coloured(reach, n)
+    place, width = ordered(reach)
+    return Band(width, fixed(place), fixed(np.array(colours)), fixed(owners(reach, colours)))
+
+
+@jit
+def columns(band):
+    """Columns of the factorized matrix: its fill is as wide as the band, and each row keeps its pivot."""
+    return 3 * band.width + 2
+
+
+# -- a matrix of a band ------------------------------------------------------------------------------------------------
+#
+# Row i is A[at + i]; its entry of column j is in the column j - i + width. After the factorization the diagonal holds
+# its inverse, and the last column the row of the pivot.
+
+
+@jit
+def factorize(A, at, n, width):
+    """Factorize the matrix in place by elimination with pivots; False if it is singular."""
+    for k in range(n):
+        last, end = min(n, k + width + 1), min(n, k + 2 * width + 1)
+        pivot = k
+        for r in range(k + 1, last):
+            if abs(A[at + r, k - r + width]) > abs(A[at + pivot, k - pivot + width]):
+                pivot = r
+        if not abs(A[at + pivot, k - pivot + width]) > 0:
+            return False
+        A[at + k, 3 * width + 1] = pivot
+        if pivot != k:
+            for j in range(k, end):
+                a, b = A[at + k, j - k + width], A[at + pivot, j - pivot + width]
+                A[at + k, j - k + width], A[at + pivot, j - pivot + width] = b, a
+        A[at + k, width] = 1.0 / A[at + k, width]
+        for r in range(k + 1, last):
+            factor = A[at + r, k - r + width] * A[at + k, width]
+            A[at + r, k - r + width] = factor
+            for j in range(k + 1, end):
+                A[at + r, j - r + width] = A[at + r, j - r + width] - factor * A[at + k, j - k + width]
+    return True
+
+
+@jit
+def substitute(A, at, n, width, table, row):
+    """Solve by the factors; the right-hand side, in a row of ``table``, is overwritten by the solution."""
+    for k in range(n):
+        pivot = int(A[at + k, 3 * width + 1])
+        b = table[row, pivot]
+        table[row, pivot] = table[row, k]
+        table[row, k] = b
+        for r in range(k + 1, min(n, k + width + 1)):
+            table[row, r] = table[row, r] - A[at + r, k - r + width] * b
+    for k in range(n - 1, -1, -1):
+        b = table[row, k]
+        for j in range(min(n, k + 2 * width + 1) - 1, k, -1):  # the next waits for the nearest alone, which comes last
+            b = b - A[at + k, j - k + width] * table[row, j]
+        table[row, k] = b * A[at + k, width]
+
+
+@jit
+def forget(work, at, end):
+    """Mark the matrix in the rows from ``at`` on, of ``end`` columns, as stale."""
+    work[at, end - 1] = -1.0
+
+
+@jit
+def forgotten(work, at, end):
+    """True if the matrix is stale."""
+    return work[at, end - 1] < 0
+
+
+# -- the solver --------------------------------------------------------------------------------------------------------
+
+
+def band_solver(G, lengths):
+    """Make the solver of x = G(x, arguments) by Newton's method in a band; ``lengths`` as in `solve.solver`.
+
+    It is a function (arguments, start, span, eps, band, room) -> (x, evaluations, status). The factorized matrix stays
+    in the room for the next equation of its kind, until `forget`. The arguments have a field q.
+    """
+
+    @jit
+    def linearize(arguments, x, g, span, eps, band, room):
+        """Factorize the matrix of 1 - G' at x, with g = G(x); False if it is singular."""
+        memory, spare, work, at, width = room.memory, room.spare, room.work, room.at, band.width
+        n, d = len(x), len(arguments.q)
+        first, second = lengths(x, g, arguments)
+        in_first, in_second = difference(first / d, span / d, eps), difference(second / d, span / d, eps)
+        for i in range(n):
+            for k in range(3 * width + 1):
+                work[at + i, k] = 0.0
+            work[at + i, width] = 1.0
+        store(memory, spare, x)
+        for c in range(len(band.owner)):
+            for i in range(n):
+                step = in_first if 2 * i < n else in_second
+                memory[spare + 1, i] = memory[spare, i] + (step if band.colour[i] == c else 0.0)
+            store(memory, spare + 1, minus(G(load(memory, spare + 1, x), arguments), g))
+            for i in range(n):
+                j = band.owner[c, i]
+                if j >= 0:
+                    step = in_first if 2 * j < n else in_second
+                    row, column = band.place[i], band.place[j]
+                    k = column - row + width
+                    work[at + row, k] = work[at + row, k] - memory[spare + 1, i] / step
+        return factorize(work, at, n, width)
+
+    @jit
+    def move(x, g, band, room):
+        """Solve the linear equations with the right-hand side g - x."""
+        memory, spare, n = room.memory, room.spare, len(x)
+        store(memory, spare, minus(g, x))
+        for i in range(n):
+            memory[spare + 1, band.place[i]] = memory[spare, i]
+        substitute(room.work, room.at, n, band.width, memory, spare + 1)
+        for i in range(n):
+            memory[spare, i] = memory[spare + 1, band.place[i]]
+        return load(memory, spare, x)
+
+    @jit
+    def simplified(arguments, start, span, eps, band, room):
+        """Iterate with the stored matrix, or with one made on the way (simplified Newton)."""
+        work, at, end = room.work, room.at, columns(band)
+        x, last = start, np.inf
+        evaluations, made = 0, 0
+        for _ in range(LIMIT):
+            g = G(x, arguments)
+            evaluations += 1
+            if forgotten(work, at, end):
+                made += 1
+                evaluations += len(band.owner)
+                if made > NEWTON_LIMIT or not linearize(arguments, x, g, span, eps, band, room):
+                    break
+                last = np.inf
+            dx = move(x, g, band, room)
+            new, delta = plus(x, dx), size(dx)
+            unit = eps * size(new)
+            if delta < last and (delta == 0 or (last < np.inf and delta * delta <= SHARE * unit * (last - delta))):
+                return new, evaluations, SOLVED
+            if delta <= 1e3 * (unit + eps * span):
+                if delta >= last:
+                    return new, evaluations, SOLVED
+            elif not delta <= SLOW * last:
+                forget(work, at, end)
+                if made == 0:  # the matrix was that of a step before: begin anew with this one's
+                    x = start
+                    continue
+                if not delta < last:
+                    if not delta < np.inf:
+                        break
+                    continue
+            x, last = new, delta
+        return x, evaluations, STALLED
+
+    @jit
+    def newton(arguments, start, span, eps, band, room):
+        """Iterate with a new matrix each time (Newton)."""
+        x, last = start, np.inf
+        evaluations = 0
+        for _ in range(NEWTON_LIMIT):
+            g = G(x, arguments)
+            evaluations += 1 + len(band.owner)
+            if not linearize(arguments, x, g, span, eps, band, room):
+                return x, evaluations, STALLED
+            dx = move(x, g, band, room)
+            x, delta = plus(x, dx), size(dx)
+            if not delta < np.inf:
+                return x, evaluations, NOT_FINITE
+            if newton_converged(delta, last, eps * size(x), eps * span):
+                return x, evaluations, SOLVED
+            last = delta
+        return x, evaluations, STALLED
+
+    @inlined
+    def solve(arguments, start, span, eps, band, room):
+        """Solve from the start: simplified Newton, then Newton."""
+        x, evaluations, status = simplified(arguments, start, span, eps, band, room)
+        if status != SOLVED:
+            x, more, status = newton(arguments, start, span, eps, band, room)
+            evaluations += more
+            if status != SOLVED:
+                forget(room.work, room.at, columns(band))
+        return x, evaluations, status
+
+    return solve

@@ -1,0 +1,190 @@
+r"""The quadratic model of the energy's error E(x), kept from step to step, and the root that is followed by it.
+
+Where the last roots have gone on smoothly and the other root of the model is far, E(0) need not be known: the first
+attempt is at the root extrapolated from earlier steps, the next ones follow the slope there, extrapolated from where it
+was measured: by the secant between attempts that are far enough apart for the round-off of H.  Where they never are,
+an attempt is put there every few steps.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from phasebench.integrators.values.vector import State, inlined
+
+from .solve import SOLVED
+
+#: Where an attempt's stage equations start from: earlier steps, the last attempt, its linear continuation in x.
+FIRST, LATEST, ALONG = 0, 1, 2
+#: What a row of numbers keeps from step to step: E is about E0 + SLOPE x + CURVATURE x^2; the slope's RATE and BEND,
+#: its first and second change per step, and its AGE in steps; by how much the last root was MISSED by its prediction;
+#: the STREAK of steps since E(0) was looked at or the curvature measured, not positive where roots are not predicted;
+#: the UNIT of round-off of H; E at the START, x = 0, when last looked at; the x of the LAST attempt.
+SLOPE, CURVATURE, RATE, BEND, AGE, MISSED, STREAK, UNIT, START, LAST = range(10)
+NUMBERS = 10
+#: A root is followed where c2 x is at most this times the slope there: the other root is at least twice as far from 0.
+LONE = 0.3
+#: For a root farther than this the other side is looked at first.
+CHECKED = 0.1
+#: Steps after which E(0) is looked at again; attempts to follow a root.
+FOLLOWED, FOLLOW_LIMIT = 24, 7
+#: E in units from which a difference is a slope; steps after which such an attempt is made.
+SHARP, AGED = 1e3, 5
+#: An attempt that is not the last may be solved to this share of the E expected, where that is at least EASED units.
+EASE, EASED = 1e-2, 100.0
+#: H is known to its round-off times this where no method can do better.
+SLACK = 8.0
+
+
+class Search(NamedTuple):
+    """How far and how a root is searched for.
+
+    Attributes
+    ----------
+    radius : the largest size of a root
+    first : the first guess without a model
+    near : a root farther than this is found by continuation, since Muller's method might leave the branch of x = 0
+    ratio, points : the continuation's points on either side are radius / ratio^k, k = points - 1, ..., 0
+    slack : E(0) within this many times the round-off of H is accepted if Muller's method fails
+    """
+
+    radius: float
+    first: float
+    near: float
+    ratio: float
+    points: int
+    slack: float
+
+
+class Attempt(NamedTuple):
+    """A trial step: the state after it, its energy error, the round-off of H, the status of its equations."""
+
+    y: State
+    E: float
+    unit: float
+    status: int
+
+
+@inlined
+def smaller_root(c0, c1, c2):
+    """The root of c0 + c1 x + c2 x^2 nearest zero; infinite if it has no real one."""
+    D = c1 * c1 - 4 * c0 * c2
+    if not D >= 0:
+        return np.inf
+    root = D**0.5
+    denominator = c1 + root if c1 >= 0 else c1 - root
+    if denominator == 0:
+        return np.inf
+    return -2 * c0 / denominator
+
+
+@inlined
+def eased(E, unit):
+    """How many times round-off the stage equations of an attempt may be off if its energy error is about E."""
+    return EASE * abs(E) / unit if 0 < EASED * unit <= EASE * abs(E) < np.inf else 1.0
+
+
+@inlined
+def muller(x0, x1, x2, E0, E1, E2):
+    """(slope, curvature) at x2 of the quadratic through three points."""
+    d1 = (E2 - E1) / (x2 - x1)
+    d0 = (E1 - E0) / (x1 - x0)
+    c2 = (d1 - d0) / (x2 - x0)
+    return d1 + c2 * (x2 - x1), c2
+
+
+@inlined
+def grow_old(models, row):
+    """Return the model's slope, extrapolated to the step that begins."""
+    age = models[row, AGE] + 1
+    models[row, AGE] = age
+    return models[row, SLOPE] + age * (models[row, RATE] + 0.5 * (age + 1) * models[row, BEND])
+
+
+@inlined
+def renew(models, row, slope):
+    """Store a measured slope in the model."""
+    age = models[row, AGE]
+    rate = (slope - models[row, SLOPE]) / age
+    models[row, BEND] = (rate - models[row, RATE]) / age
+    models[row, SLOPE], models[row, RATE], models[row, AGE] = slope, rate, 0.0
+
+
+@inlined
+def trusted(search, models, row, predicted, c1, slope):
+    """True if the model says that the predicted root is the nearest to zero, and the prediction near enough to it."""
+    c2, room = abs(models[row, CURVATURE]), LONE * abs(slope)
+    return (
+        0 < models[row, STREAK] < FOLLOWED
+        and abs(predicted) <= CHECKED
+        and c2 * abs(predicted) <= room
+        and c2 * models[row, MISSED] <= 0.1 * room
+        and (models[row, AGE] == 1 or abs(c1 - models[row, SLOPE]) <= 0.75 * abs(slope))
+    )
+
+
+def follower(attempt):
+    """Make the function that follows a root, from ``attempt`` as in `root.finder`.
+
+    It is a function (search, models, row, predicted, c1, arguments) -> (x, found, the attempt at x); c1 is the model's
+    slope, extrapolated.
+    """
+
+    @inlined
+    def approach(x, slope, models, row, arguments):
+        """Approach the root near x by its slope; (x, found, the last attempt, slope, True if that was measured)."""
+        c2, unit = models[row, CURVATURE], models[row, UNIT]
+        ease = eased(slope * models[row, MISSED], unit)
+        start, xa, Ea, xb, Eb = FIRST, x, 0.0, x, 0.0
+        found, measured = False, False
+        new = Attempt(arguments.y, np.inf, 0.0, SOLVED)
+        for k in range(FOLLOW_LIMIT):
+            new = attempt(x, start, ease, arguments)
+            E, unit = new.E, new.unit
+            if new.status != SOLVED:
+                break
+            start = ALONG
+            if ease > 1 and abs(E) < ease * unit:  # too near for so easy a solution
+                ease = 1.0
+                x = x - E / slope
+                continue
+            if x != xb:
+                if abs(E) > 0.5 * abs(Eb) and abs(E) > SLACK * unit:
+                    break
+                if abs(Eb) > SHARP * unit:
+                    slope, measured = (E - Eb) / (x - xb) + c2 * (x - xb), True
+                    if xa != xb and abs(Ea * Eb) > 1e3 * unit * abs(slope):
+                        slope, c2 = muller(xa, xb, x, Ea, Eb, E)
+                        models[row, CURVATURE], models[row, STREAK] = c2, 0.0
+                elif abs(E) > 2 * unit:
+                    slope = (E - Eb) / (x - xb)  # that was not the slope
+            if ease == 1 and (abs(E) <= unit or (k > 2 and abs(E) <= SLACK * unit and abs(E) >= 0.5 * abs(Eb))):
+                found = True
+                break
+            xa, Ea, xb, Eb = xb, Eb, x, E
+            x = x - E / slope
+            ease = eased(E, unit)
+            if not abs(x) < np.inf or x == xb:
+                break
+        models[row, UNIT] = unit
+        return x, found, new, slope, measured
+
+    @inlined
+    def follow(search, models, row, predicted, c1, arguments):
+        """Follow the root; not found unless it is sure to be the nearest to zero."""
+        slope, x = c1 + 2 * models[row, CURVATURE] * predicted, predicted
+        if models[row, AGE] > AGED and abs(slope) * models[row, MISSED] < SHARP * models[row, UNIT]:
+            x = x + 3 * SHARP * models[row, UNIT] / slope
+        x, found, result, slope, measured = approach(x, slope, models, row, arguments)
+        miss, c2 = abs(x - predicted), models[row, CURVATURE]
+        if not (found and abs(c2) * max(abs(x), miss) <= LONE * abs(slope)):
+            return x, False, result
+        models[row, MISSED] = miss
+        models[row, STREAK] += 1
+        if measured:
+            renew(models, row, slope - 2 * c2 * x)
+        return x, True, result
+
+    return follow

@@ -1,0 +1,266 @@
+r"""A family: the step of one kind of method, and what it needs of a system.  This is its whole contract.
+
+A family is a module of `integrators.families`, named as the ``family`` of its records.  The implicit midpoint rule
+would be::
+
+    class Midpoint(NamedTuple):                    # what a step needs; h and eps are set by the run
+        field: Callable
+        h: float = 0.0
+        eps: float = 0.0
+
+    class Increment(NamedTuple):                   # the arguments of the stage equation
+        method: Midpoint
+        q: Any
+        p: Any
+
+    @inlined
+    def increment(x, e):                           # x = h f(y + x / 2)
+        q, p = axpy(0.5, head(x), e.q), axpy(0.5, tail(x), e.p)
+        dq, dp = e.method.field(q, p, e.method.h, 0.0)
+        return scale(e.method.h, join(dq, dp))
+
+    solve = solver(increment)
+
+    def step(method, y, carry, counts):
+        x = predict(carry.memory, 0, 1, counts.steps, join(carry.zero, carry.zero))
+        e = Increment(method, y.q, y.p)
+        x, evaluations, newton, status = solve(e, x, size(y.q) + size(y.p), method.eps, carry.work)
+        counts.gradient += evaluations
+        counts.newton += newton
+        if status != SOLVED:
+            return y, status
+        remember(carry.memory, 0, 1, counts.steps, x)
+        return advanced(y, head(x), tail(x)), SOLVED
+
+    run = loop(step)
+    IN_LANES = True                                # orbits may be integrated side by side
+
+    def prepare(method, system, arithmetic):
+        return Prepared(run, Midpoint(system.field(arithmetic)), width=2 * system.d, stages=1)
+
+1. ``step(method, y, carry, counts)`` returns (y, status).  y is a `vector.State`, status `solve.SOLVED` or why the step
+   was not taken.  `loop.loop` makes the kernel ``run`` of it, and says which functions a family may have besides:
+   ``begin`` (a state with more in it), ``start`` and ``finish`` (steps that share a substep).
+2. ``prepare(method, system, arithmetic)`` returns a `Prepared`: the kernel, the family's NamedTuple, and how much
+   memory a step needs.  In the tuple are functions of the system (None for one that is not there, which
+   `vector.chosen` tells when it compiles) and coefficients in the arithmetic at hand (`array`, `numbers`).  It depends
+   on the method's record and the system alone, since it is kept on disk (`preparation`).  What depends on h or on the
+   initial state (H0) is set by ``Prepared.begin``: begin(method, q, p) -> method.  Fields keep their types.
+3. q, p, increments and unknowns are values: tuples of small d, arrays of large d, lanes of several orbits, object
+   arrays of MPFR numbers.  Only the operations of `vector` touch them, so that one source runs on all.  Increments are
+   added with compensation (`vector.advanced`, `moved`).
+4. A kernel is called in pieces.  What a step leaves for the next stands in ``carry`` (`Carry`): solutions of earlier
+   steps in its memory (`solve.predict`, `remember`), numbers of the family's own in the spare rows of its state.
+5. ``counts`` (`COUNTS`): a step adds its evaluations of the gradient or field, the equations that needed Newton's
+   method, and fallbacks: steps that lack what the method promises.
+6. Implicit equations go to `solve.solver` or `solve.row_solver`, quadratures to be confirmed to `solve.confirmer`, a
+   parameter that keeps the energy to `root.finder`.
+7. A family whose step runs on several orbits side by side says ``IN_LANES = True``: it has no branch on a state's
+   numbers (`masks.select`, `either` choose lane by lane).
+8. A step of tuples allocates nothing.  Arrays in the NamedTuple are two-dimensional or read-only: a writable array of
+   one dimension is a value of large d.  An explicit step may work in place (`vector.in_place`); then arrays allocate
+   nothing either, and may be chosen for a smaller d (`inplace.in_place_version`, ``Prepared.arrays``).
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numba
+import numpy as np
+from numba import types
+
+from phasebench.integrators.compile import codegen, machine, preparation, progress
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
+from phasebench.integrators.values import vector
+
+#: Names of a solution's counts.
+TALLY = ("steps", "gradient", "hessian", "iterations", "fallbacks", "newton")
+#: What a step counts.
+COUNTED = ("steps", "gradient", "newton", "fallbacks")
+#: A kernel's counts; ``rule`` is the first row of the quadrature rule in use, ``parameter`` the last one chosen.
+COUNTS = np.dtype([*((name, np.int64) for name in (*COUNTED, "rule")), ("parameter", np.float64)])
+
+
+class Carry(NamedTuple):
+    """What one call of a kernel hands to the next, and room for its work.
+
+    Attributes
+    ----------
+    state : array, rows q, p, what rounding lost of q, and of p, then ``stages`` rows that are the family's own
+    memory : array (rows, width), for solutions of earlier steps
+    work : array, for a linear system with its right-hand side
+    zero : the zero of a value
+    """
+
+    state: np.ndarray
+    memory: np.ndarray
+    work: np.ndarray
+    zero: Any
+
+
+class Samples(NamedTuple):
+    """The rows to fill, one after every ``every`` steps: arrays of q, of p, of the chosen parameter (one column)."""
+
+    q: np.ndarray
+    p: np.ndarray
+    parameter: np.ndarray
+    every: int
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A kernel's ``run`` with everything that it needs besides the state.
+
+    Attributes
+    ----------
+    run, step : the kernel and its first argument, the family's NamedTuple
+    width, stages : components of a stage's unknown, and the number of such unknowns in a step
+    implicit, hessian : True if evaluations count as iterations, and as evaluations of higher derivatives
+    linear : unknowns of the largest linear system that the kernel solves; ``width`` by default
+    work : shape of the memory for it if that is not a full square matrix
+    arrays : True if values are arrays whatever d is: a step that works in place, on a system's
+        `inplace.in_place_version`
+    begin : (step, q, p) -> step, completes ``step`` for a run
+    missed : what a fallback is, as the end of "n of m steps ..."; without it fallbacks do not change the status
+    apart : True if evaluations of orbits in lanes are counted for each orbit, as iterations are
+    """
+
+    run: Callable
+    step: NamedTuple
+    width: int
+    stages: int
+    implicit: bool = True
+    hessian: bool = False
+    linear: int = 0
+    begin: Callable | None = None
+    missed: str = ""
+    work: tuple[int, int] | None = None
+    arrays: bool = False
+    apart: bool = False
+
+    def tally(self, steps: int, gradient: int, fallbacks: int = 0, newton: int = 0) -> dict[str, int]:
+        """The counts of a solution, by name."""
+        numbers = steps, gradient, gradient if self.hessian else 0, gradient if self.implicit else 0, fallbacks, newton
+        return dict(zip(TALLY, numbers, strict=True))
+
+
+def array(rows, arithmetic: str) -> np.ndarray:
+    """Exact numbers as an array of two dimensions; short rows are padded with zeros."""
+    rows = [list(r) for r in rows]
+    out = zeros((len(rows), max(map(len, rows), default=1)), arithmetic)
+    for i, r in enumerate(rows):
+        for j, x in enumerate(r):
+            out[i, j] = codegen.exactly(x, arithmetic)
+    return out
+
+
+def numbers(row, arithmetic: str) -> np.ndarray:
+    """Exact numbers as a read-only array (n,)."""
+    return fixed(array([row], arithmetic)[0])
+
+
+def fixed(x) -> np.ndarray:
+    """x as a read-only array; integers stay integers."""
+    x = np.array(x)
+    x.flags.writeable = False
+    return x
+
+
+def zeros(shape, arithmetic: str) -> np.ndarray:
+    """An array of zeros: doubles or MPFR numbers."""
+    if arithmetic == MULTIPRECISION:
+        out = np.empty(shape, dtype=object)
+        out.fill(codegen.exactly(0, arithmetic))
+        return out
+    return np.zeros(shape)
+
+
+def value(x, d: int, arithmetic: str = DOUBLE, arrays: bool = False):
+    """The numbers x as a value (tuple or array) of a system with d degrees of freedom; ``arrays`` forces an array."""
+    if arithmetic == DOUBLE and codegen.compiled() and codegen.value_kind(d, arrays) == "tuple":
+        return tuple(map(float, x))
+    return np.array(x, dtype=object if arithmetic == MULTIPRECISION else float)
+
+
+def family_of(method):
+    """Return the module of the method's family."""
+    return importlib.import_module(f"phasebench.integrators.families.{method.family}")
+
+
+def prepare(method, system, arithmetic: str = DOUBLE) -> Prepared:
+    """Return the kernel of ``method`` for ``system``, from the cache if it is there."""
+    entry = preparation.entry(method, system) if arithmetic == DOUBLE else None
+    found = preparation.read(entry)
+    if found is None:
+        found = _made(method, system, arithmetic)
+        preparation.write(entry, found)
+    return found
+
+
+def _made(method, system, arithmetic: str) -> Prepared:
+    family = family_of(method)
+    with progress.compiling(f"the functions of {method.id}", system.d):
+        return family.prepare(method, system, arithmetic)
+
+
+def keep_energy(energy: Callable) -> Callable:
+    """Make a ``begin`` that sets the step's H0 to the initial energy."""
+    return lambda step, q, p: step._replace(H0=energy(q, p)[0])
+
+
+_kernels: dict = {}
+_of_prepared: WeakKeyDictionary = WeakKeyDictionary()  # by the degrees of freedom
+_pointers: WeakKeyDictionary = WeakKeyDictionary()  # to make a type takes longer than many a run
+_TABLE = types.Array(types.float64, 2, "C")
+
+
+def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
+    """Return ``prepared.run``, compiled for d degrees of freedom and stored on disk; itself if nothing is compiled."""
+    if arithmetic == MULTIPRECISION or not codegen.compiled():
+        return prepared.run
+    known = _of_prepared.setdefault(prepared, {})
+    if d not in known:
+        known[d] = _compiled(prepared, d)
+    return known[d]
+
+
+def _compiled(prepared: Prepared, d: int) -> Callable:
+    step, T = _type(prepared.step), codegen.value_type(d, prepared.arrays)
+    options = vector.TUPLES if any(map(vector.writes, step.types)) else codegen.options(d)  # nothing allocates
+    key = (prepared.run, step, T, options is vector.TUPLES)
+    if key not in _kernels:
+        carry = _tuple_type((_TABLE, _TABLE, _TABLE, T), Carry)
+        samples = _tuple_type((_TABLE, _TABLE, _TABLE, types.int64), Samples)
+        signature = types.UniTuple(types.int64, 2)(step, carry, samples, numba.from_dtype(COUNTS))
+        family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")
+        with progress.compiling(f"the kernel of {family}", d):
+            _kernels[key] = machine.compiled(prepared.run, signature, options | {"nogil": True}, family)
+    return _kernels[key]
+
+
+def entry(kernel: Callable) -> Callable:
+    """The function by which Python calls a kernel: Numba's dispatcher cannot type a function inside a tuple."""
+    return next(iter(kernel.overloads.values())).entry_point if hasattr(kernel, "overloads") else kernel
+
+
+def _tuple_type(fields, kind=None):
+    return types.BaseTuple.from_types(tuple(fields), kind)
+
+
+def _type(x):
+    """The Numba type of a step's field. Functions are pointers, so that one kernel serves every system."""
+    if isinstance(x, tuple):
+        return _tuple_type(map(_type, x), type(x) if hasattr(x, "_fields") else None)
+    if isinstance(x, numba.core.dispatcher.Dispatcher):
+        if x not in _pointers:
+            signature = x.nopython_signatures[0]
+            _pointers[x] = types.FunctionType(signature.return_type(*signature.args))
+        return _pointers[x]
+    if type(x) is np.ndarray and x.flags.c_contiguous:  # as Numba says, without its import of masked arrays
+        return types.Array(numba.from_dtype(x.dtype), x.ndim, "C", readonly=not x.flags.writeable)
+    return numba.typeof(x)

@@ -1,0 +1,172 @@
+"""Orbits in lanes: a family's kernel, compiled for values of lanes, integrates as many orbits side by side.
+
+Nothing of a family is written twice.  The system hands out its functions compiled for lanes (`twin`), the family
+prepares its step from them as from any system's, and its ``run`` is compiled with lanes in the place of numbers: in
+the state, in h and in the weights that differ from orbit to orbit (`VARYING`).  A compiled loop calls it block by
+block, without the interpreter's lock.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numba
+import numpy as np
+from numba import types
+
+from phasebench.integrators.compile import codegen, machine, progress
+from phasebench.integrators.values.lane_memory import block_of, changed_type, table_type, with_block, zeros_of
+from phasebench.integrators.values.lanes import Lanes
+from phasebench.integrators.values.masks import LANES
+
+from .kernel import COUNTS, Carry, Prepared, Samples, _tuple_type, _type, entry, family_of
+from .solve import LEVELS
+
+#: Largest number of degrees of freedom: beyond, a state in lanes does not fit into registers and compiles slowly.
+MOST = 8
+#: Fields of a step that may differ from orbit to orbit: the weights of its substeps, and h.
+WEIGHTS = ("mu", "lam")
+VARYING = ("h", *WEIGHTS)
+
+
+class OfSteps(NamedTuple):
+    """Step sizes that differ from orbit to orbit: array (blocks, lanes)."""
+
+    h: Any
+
+
+class OfWeights(NamedTuple):
+    """Step sizes (blocks, lanes) and weights of substeps (blocks, substeps, lanes) that differ between orbits."""
+
+    h: Any
+    mu: Any
+    lam: Any
+
+
+class Tables(NamedTuple):
+    """State and memory of all orbits: arrays (blocks, rows, components, lanes), named as in `kernel.Carry`."""
+
+    state: Any
+    memory: Any
+    work: Any
+
+
+def in_lanes(system) -> bool:
+    """True if the system's functions can be compiled for lanes (`twin`)."""
+    return hasattr(system, "made") and not system.loops and codegen.compiled()
+
+
+def able(system, method) -> bool:
+    """True if the method can integrate orbits of the system in lanes; methods with their own stages in lanes cannot."""
+    if method.family == "adaptive" and len(method.data) == 1:
+        return False
+    return getattr(family_of(method), "IN_LANES", False) and system.d <= MOST and in_lanes(system)
+
+
+def _lanes_for_numbers(t, lanes: Lanes):
+    """The Numba type with lanes in place of doubles."""
+    if t == types.float64:
+        return lanes
+    if isinstance(t, types.BaseTuple):
+        return types.BaseTuple.from_types(tuple(_lanes_for_numbers(x, lanes) for x in t))
+    return t
+
+
+#: System -> number of lanes -> its twin.
+_twins: WeakKeyDictionary = WeakKeyDictionary()
+
+
+def twin(system, lanes: Lanes = LANES):
+    """The system with its functions compiled for lanes; always the same object."""
+    known = _twins.setdefault(system, {})
+    if lanes.n not in known:
+        known[lanes.n] = _made_twin(system, lanes)
+    return known[lanes.n]
+
+
+def _made_twin(system, lanes: Lanes):
+    other = copy.copy(system)
+    other._functions, kind_of_system = {}, type(system)
+    other.variant = f"{lanes.n} lanes"
+
+    def made(kind, arguments, results, signature, arithmetic):
+        result, *given = (_lanes_for_numbers(t, lanes) for t in (signature.return_type, *signature.args))
+        kind = f"{kind}, {other.variant}"
+        return kind_of_system.made(other, kind, arguments, results, result(*given), arithmetic)
+
+    other.made = made
+    return other
+
+
+def _block_loop(run, step, varying, tables, zero, samples, counts):
+    """Call the kernel ``run`` for every block of orbits."""
+    for b in range(len(counts)):
+        orbit = Carry(block_of(tables.state, b), block_of(tables.memory, b), block_of(tables.work, b), zeros_of(zero))
+        rows = Samples(block_of(samples.q, b), block_of(samples.p, b), block_of(samples.parameter, b), samples.every)
+        run(with_block(step, varying, b), orbit, rows, counts[b])
+
+
+_loops: dict = {}
+_BLOCKS = types.Array(types.float64, 4, "C")
+
+
+def loop(prepared: Prepared, varying: tuple, d: int) -> Callable:
+    """Compile (step, varying, tables, zero, samples, counts) -> None: all blocks of a step prepared with a `twin`."""
+    scalar = _type(prepared.step)
+    given = _type(varying)
+    key = (prepared.run, scalar, given, d)
+    if key not in _loops:
+        T, table, record = types.UniTuple(LANES, d), table_type(), numba.from_dtype(COUNTS)
+        orbit = _tuple_type((table, table, table, T), Carry)
+        rows = _tuple_type((table, table, table, types.int64), Samples)
+        inner = types.UniTuple(types.int64, 2)(changed_type(scalar, given), orbit, rows, record)
+        outer = types.none(
+            types.FunctionType(inner),
+            scalar,
+            given,
+            _tuple_type((_BLOCKS, _BLOCKS, _BLOCKS), Tables),
+            types.UniTuple(types.float64, d),
+            _tuple_type((_BLOCKS, _BLOCKS, _BLOCKS, types.int64), Samples),
+            types.Array(record, 1, "C"),
+        )
+        options = codegen.options(d) | {"nogil": True}
+        family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")
+        with progress.compiling(f"the kernel of {family} in lanes", d):
+            run = machine.compiled(prepared.run, inner, options, f"{family}-lanes")
+            _loops[key] = run, entry(machine.compiled(_block_loop, outer, options, "blocks"))
+    run, called = _loops[key]
+    return lambda *arguments: called(run, *arguments)
+
+
+def in_blocks(rows: np.ndarray, fill: float = np.nan) -> np.ndarray:
+    """Regroup rows of orbits (n, ...) as blocks (blocks, ..., lanes); the last block is filled up with ``fill``."""
+    width = LANES.n
+    blocks = -(-len(rows) // width)
+    full = np.full((blocks * width, *rows.shape[1:]), fill)
+    full[: len(rows)] = rows
+    return np.ascontiguousarray(np.moveaxis(full.reshape(blocks, width, *rows.shape[1:]), 1, -1))
+
+
+def of_blocks(blocks: np.ndarray, n: int) -> np.ndarray:
+    """Regroup blocks (blocks, ..., lanes) as the rows of the first n orbits."""
+    rows = np.moveaxis(blocks, -1, 1)
+    return rows.reshape(-1, *rows.shape[2:])[:n]
+
+
+def varying_of(h: np.ndarray, weights: dict[str, np.ndarray]) -> tuple:
+    """Put step sizes (n,) and weights (n, substeps), by name, into blocks: `OfSteps` or `OfWeights`."""
+    fields = {"h": in_blocks(h, 1.0)} | {name: in_blocks(w, 0.0) for name, w in weights.items()}
+    return (OfWeights if weights else OfSteps)(**fields)
+
+
+def tables_of(prepared: Prepared, Q: np.ndarray, P: np.ndarray) -> Tables:
+    """The tables of orbits that start at the rows of Q, P, arrays (n, d)."""
+    q, p = in_blocks(Q), in_blocks(P)
+    blocks, d, width = q.shape
+    state = np.zeros((blocks, 4 + prepared.stages, max(2, d), width))
+    state[:, 0, :d], state[:, 1, :d] = q, p
+    memory = np.zeros((blocks, (3 * LEVELS + 1) * prepared.stages, prepared.width, width))
+    return Tables(state, memory, np.zeros((blocks, 1, 1, width)))

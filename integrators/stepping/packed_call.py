@@ -1,0 +1,160 @@
+"""A kernel called by three numbers: where its arguments lie in memory, h, and how many steps.
+
+To hand a kernel its NamedTuples from Python costs tens of microseconds: every field is taken apart and brought to the
+compiler's form.  Here that is done once (`pack`); a call reads them from memory, in that form.  What was packed holds
+references to its arrays, until it is released.  The kernel is called through a pointer, as the compiled one that it is:
+compiled into its caller it would be another, slow to make and free to round elsewhere.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numba import types
+from numba.core.imputils import impl_ret_borrowed, impl_ret_new_ref
+from numba.extending import intrinsic
+
+from phasebench.integrators.compile import machine, progress
+
+from .kernel import Prepared, Samples, _tuple_type, entry, kernel
+from .solve import NOT_FINITE, SOLVED
+
+_NUMBERS = types.Array(types.float64, 2, "C")
+
+
+class PackedCall(NamedTuple):
+    """A kernel with its arguments in memory, and the functions that put them there.
+
+    Attributes
+    ----------
+    size : bytes of that memory
+    pack : (address, run, step, carry, samples, counts, start) writes the arguments
+    release : (address) drops the references that the memory holds
+    run : the kernel
+    call : (address, h, steps) -> status, from ``start``, an array (2, d), to the one row of ``samples``
+    """
+
+    size: int
+    pack: Callable
+    release: Callable
+    run: Callable
+    call: Callable
+
+
+_known: dict = {}
+
+
+def packed_call(prepared: Prepared, d: int) -> PackedCall:
+    """Return the functions of ``prepared.run`` for d degrees of freedom, compiled once."""
+    run = kernel(prepared, d)
+    step, carry, samples, counts = run.nopython_signatures[0].args
+    key = (run, step)  # kernels of arrays serve every d, and so do their entries
+    if key not in _known:
+        with progress.compiling("the kernel's entry", d), warnings.catch_warnings():
+            warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
+            pointer = types.FunctionType(run.nopython_signatures[0].return_type(step, carry, samples, counts))
+            block = _tuple_type((pointer, step, carry, samples, counts, _NUMBERS))
+            _known[key] = _compiled(run, block)
+    return _known[key]
+
+
+def _compiled(run, block) -> PackedCall:
+    read, take, write = _in_memory(block)
+    with_h = _with_h(block[1])
+
+    def pack(address, run, step, carry, samples, counts, start):
+        write(address, (run, step, carry, samples, counts, start))
+
+    def release(address):
+        take(address)
+
+    def call(address, h, steps):
+        run, step, carry, samples, counts, start = read(address)
+        d = start.shape[1]
+        for rows in (carry.state, carry.memory):
+            for i in range(rows.shape[0]):
+                for j in range(rows.shape[1]):
+                    rows[i, j] = 0.0
+        for j in range(d):
+            carry.state[0, j], carry.state[1, j] = start[0, j], start[1, j]
+            samples.q[0, j] = samples.p[0, j] = np.nan
+        counts.steps = counts.gradient = counts.newton = counts.fallbacks = counts.rule = 0
+        counts.parameter = np.nan
+        status = run(with_h(step, h), carry, Samples(samples.q, samples.p, samples.parameter, steps), counts)[1]
+        if status == SOLVED:
+            for j in range(d):
+                if not (np.isfinite(samples.q[0, j]) and np.isfinite(samples.p[0, j])):
+                    return NOT_FINITE
+        return status
+
+    number = types.int64
+    made = _kept(pack, types.void(number, *block), block)
+    released = _kept(release, types.void(number), block)
+    called = _kept(call, number(number, types.float64, number), block)
+    return PackedCall(_size(block), made, released, run, called)
+
+
+def _kept(f: Callable, signature, block) -> Callable:
+    """Compile ``f`` for arguments of the type ``block``."""
+    options = {"error_model": "numpy", "nogil": True}
+    return entry(machine.compiled(f, signature, options, f"entry-{f.__name__}|{block}"))
+
+
+def _size(t) -> int:
+    """Bytes of a value of a Numba type."""
+    import numba.experimental.function_type  # code that is loaded brings no model of the functions in a block
+
+    context = numba.core.registry.cpu_target.target_context
+    return context.get_abi_sizeof(context.get_value_type(t))
+
+
+def _in_memory(t):
+    """Make (read, take, write) for values of a type at an address; ``take`` hands the reference over."""
+
+    def place(context, builder, address):
+        return builder.inttoptr(address, context.get_value_type(t).as_pointer())
+
+    @intrinsic
+    def read(typing_context, address):
+        def codegen(context, builder, signature, arguments):
+            value = builder.load(place(context, builder, arguments[0]))
+            return impl_ret_borrowed(context, builder, t, value)
+
+        return t(address), codegen
+
+    @intrinsic
+    def take(typing_context, address):
+        def codegen(context, builder, signature, arguments):
+            return impl_ret_new_ref(context, builder, t, builder.load(place(context, builder, arguments[0])))
+
+        return t(address), codegen
+
+    @intrinsic
+    def write(typing_context, address, value):
+        def codegen(context, builder, signature, arguments):
+            context.nrt.incref(builder, t, arguments[1])
+            builder.store(arguments[1], place(context, builder, arguments[0]))
+            return context.get_dummy_value()
+
+        return types.none(address, t), codegen
+
+    return read, take, write
+
+
+def _with_h(t):
+    """Make the function (step, h) -> step with this h."""
+    index = t.fields.index("h")
+
+    @intrinsic
+    def with_h(typing_context, step, h):
+        def codegen(context, builder, signature, arguments):
+            value = builder.insert_value(arguments[0], arguments[1], index)
+            return impl_ret_borrowed(context, builder, t, value)
+
+        return t(t, types.float64), codegen
+
+    return with_h

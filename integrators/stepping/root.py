@@ -1,0 +1,252 @@
+r"""The root nearest to zero of the energy's error E(x) of a step that is taken with the parameter x.
+
+Where the model of the last steps can be trusted the root is followed (`energy_model`).  Else E(0) is looked at: if it
+is at the round-off of H already, x = 0.  If not, Muller's method goes on from the smaller root of the quadratic
+model that the last step left; the other side and the other root of the model are tried where they may be nearer.
+Where that fails, or ends far out, the stage equations are followed outwards from x = 0 to the ``radius``, or to the end
+of their branch, for the nearest change of sign; where E only jumps there is no root.
+
+Source: D. E. Muller, Math. Tables Aids Comput. 10 (1956) 208-215; M. Dowell, P. Jarratt, BIT 11 (1971) 168-174
+(Illinois); for E(x): L. Brugnano, F. Iavernaro, D. Trigiante, SIAM J. Numer. Anal. 50 (2012) 2897-2916.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phasebench.integrators.values.vector import apart, inlined, jit
+
+from .energy_model import (
+    ALONG,
+    BEND,
+    CHECKED,
+    CURVATURE,
+    FIRST,
+    FOLLOWED,
+    LATEST,
+    MISSED,
+    RATE,
+    SLACK,
+    SLOPE,
+    START,
+    STREAK,
+    UNIT,
+    Attempt,
+    eased,
+    follower,
+    grow_old,
+    muller,
+    renew,
+    smaller_root,
+    trusted,
+)
+from .solve import LEVELS, SOLVED
+
+MULLER_LIMIT, REFINE_LIMIT = 14, 100
+
+
+def finder(attempt, followed=True):
+    """Make the search for the root of E, from ``attempt(x, start, ease, arguments)`` -> `Attempt`.
+
+    ``ease`` is how many times round-off the attempt's stage equations may be off. The search is a function (search,
+    models, row, predicted, arguments) -> (x, found, the attempt at x); x = 0 if there is no root, or if E jumps from
+    one sign to the other. The row of ``models`` keeps the quadratic model from step to step; ``predicted`` is the root
+    extrapolated from earlier steps. With ``followed=False`` it is NaN and every step searches; the code that follows
+    roots is not compiled.
+    """
+
+    @jit
+    def eased_attempt(x, start, ease, arguments):
+        """`attempt`, compiled once and not inlined."""
+        apart()
+        return attempt(x, start, ease, arguments)
+
+    @inlined
+    def apart_attempt(x, start, arguments):
+        """`attempt` to round-off, compiled once and not inlined."""
+        return eased_attempt(x, start, 1.0, arguments)
+
+    @jit
+    def refine(a, Ea, b, Eb, arguments):
+        """(x, found): the root between a and b, where E has different signs; secant and bisection (Illinois)."""
+        x = b
+        side = 0
+        for k in range(REFINE_LIMIT):
+            x = 0.5 * (a + b) if k % 3 == 2 else b - Eb * (b - a) / (Eb - Ea)
+            if not (min(a, b) < x < max(a, b)):
+                x = 0.5 * (a + b)
+            new = apart_attempt(x, LATEST, arguments)
+            if new.status != SOLVED:
+                return x, False
+            if abs(new.E) <= new.unit or x in (a, b):
+                return x, abs(new.E) <= 64 * new.unit
+            if (new.E > 0) == (Eb > 0):
+                b, Eb = x, new.E
+                if side == 1:
+                    Ea = 0.5 * Ea
+                side = 1
+            else:
+                a, Ea = x, new.E
+                if side == 2:
+                    Eb = 0.5 * Eb
+                side = 2
+        return x, False
+
+    @jit
+    def outwards(side, bound, search, arguments):
+        """(x, found): the root nearest zero on one side, by continuation from x = 0 to the bound."""
+        E0 = apart_attempt(0.0, FIRST, arguments).E
+        inner, Einner, outer, Eouter = 0.0, np.inf, 0.0, E0
+        for k in range(search.points):
+            x = side * min(search.radius / search.ratio ** (search.points - 1 - k), bound)
+            if x == outer:
+                break
+            new = apart_attempt(x, LATEST, arguments)
+            E = new.E
+            if new.status != SOLVED:
+                break
+            if (E > 0) != (Eouter > 0):
+                return refine(outer, Eouter, x, E, arguments)
+            if abs(Einner) < np.inf and abs(Eouter) < abs(Einner) and abs(Eouter) < abs(E):
+                # A least |E| between three points of one sign: is there a pair of roots about it?
+                c1, c2 = muller(x, inner, outer, E, Einner, Eouter)
+                middle = outer - 0.5 * c1 / c2
+                new = apart_attempt(middle, LATEST, arguments)
+                if new.status == SOLVED and (new.E > 0) != (Eouter > 0):
+                    if abs(middle) < abs(outer):
+                        return refine(inner, Einner, middle, new.E, arguments)
+                    return refine(outer, Eouter, middle, new.E, arguments)
+                apart_attempt(x, LATEST, arguments)
+            inner, Einner, outer, Eouter = outer, Eouter, x, E
+        return 0.0, False
+
+    @jit
+    def scan(search, arguments):
+        """(x, found): the root nearest zero on the branch of the stage equations that starts at x = 0."""
+        above, found = outwards(1.0, search.radius, search, arguments)
+        below, second = outwards(-1.0, abs(above) if found else search.radius, search, arguments)
+        if second and not (found and abs(above) <= abs(below)):
+            return below, True
+        return above, found
+
+    @jit
+    def chase(x, E0, unit, search, models, row, arguments):
+        """(x, found, the last attempt): Muller's method from x, with (0, E0) as its other point."""
+        apart()
+        xa, Ea, xb, Eb = 0.0, E0, 0.0, E0
+        c1, c2 = 0.0, models[row, CURVATURE]  # that of the last step's model serves until there is a third point
+        new = Attempt(arguments.y, np.inf, unit, SOLVED)
+        for k in range(MULLER_LIMIT):
+            ease = eased(Eb, unit)
+            new = eased_attempt(x, ALONG, ease, arguments)
+            if ease > 1 and abs(new.E) < ease * unit:  # too near for so easy a solution
+                ease = 1.0
+                new = apart_attempt(x, LATEST, arguments)
+            E = new.E
+            if new.status != SOLVED:
+                break
+            if k == 0:
+                c1 = (E - E0) / x + c2 * x
+            elif x != xb and x != xa and xa != xb:
+                c1, c2 = muller(xa, xb, x, Ea, Eb, E)
+            if k == 1 and abs(Eb) > 1e4 * unit:
+                models[row, SLOPE], models[row, CURVATURE] = c1 - 2 * c2 * x, c2
+            elif k < 2:
+                models[row, SLOPE] = (E - E0) / x - models[row, CURVATURE] * x
+            if ease == 1 and (abs(E) <= unit or (k > 1 and abs(E) <= SLACK * unit and abs(E) >= 0.5 * abs(Eb))):
+                return x, True, new
+            move = smaller_root(E, c1, c2)
+            if not abs(x + move) <= search.radius and Eb != E:
+                move = -E * (x - xb) / (E - Eb)  # the parabola has no root: the secant
+            xa, Ea, xb, Eb = xb, Eb, x, E
+            x = x + move
+            if not abs(x) <= search.radius or x == xb:
+                break
+        return x, False, new
+
+    @jit
+    def nearer_side(x, E0, ease, models, row, arguments):
+        """x, or a guess on the other side if E has a nearer root there; E(-x) also renews the model."""
+        apart()
+        beyond = eased_attempt(-x, ALONG, ease, arguments)
+        if beyond.status != SOLVED:
+            return x
+        c2 = 0.5 * (beyond.E - 2 * E0) / (x * x)
+        c1 = -(E0 + c2 * x * x) / x
+        models[row, SLOPE], models[row, CURVATURE] = c1, c2
+        if (beyond.E > 0) == (E0 > 0):
+            return x
+        nearer = smaller_root(E0, c1, c2)
+        return nearer if abs(nearer) < abs(x) and nearer * x < 0 else -0.5 * x
+
+    @jit
+    def search_out(search, models, row, predicted, arguments):
+        """Search for the root from E(0)."""
+        apart()
+        radius = search.radius
+        ease = eased(models[row, START], models[row, UNIT])
+        result = eased_attempt(0.0, FIRST, ease, arguments)
+        if ease > 1 and abs(result.E) < ease * result.unit:
+            result = apart_attempt(0.0, LATEST, arguments)
+        E0, unit = result.E, result.unit
+        models[row, START], models[row, UNIT] = E0, unit
+        if result.status != SOLVED or abs(E0) <= unit:
+            return 0.0, True, result
+        x = smaller_root(E0, models[row, SLOPE], models[row, CURVATURE])
+        if not 0 < abs(x) <= radius:
+            x = search.first
+        elif followed and abs(predicted - x) <= 0.25 * abs(x) and models[row, STREAK] < FOLLOWED:
+            x = predicted  # the model picks the branch, the last roots say more exactly where it is now
+        if abs(x) > CHECKED:
+            x = nearer_side(x, E0, eased(E0, unit), models, row, arguments)
+        x, found, result = chase(x, E0, unit, search, models, row, arguments)
+        if found and abs(E0) < 1.2 * abs(models[row, CURVATURE]) * x * x:
+            # The product of the model's two roots is E0 / c2: the other one may be nearer.
+            other = E0 / (models[row, CURVATURE] * x)
+            nearer, better, second = chase(other, E0, unit, search, models, row, arguments)
+            if better and abs(nearer) < abs(x):
+                x, result = nearer, second
+        if found and abs(x) <= search.near:
+            return x, True, result
+        if abs(E0) <= search.slack * unit:
+            x, found = 0.0, True
+        else:
+            x, found = scan(search, arguments)
+            if not found:
+                x = 0.0  # the place where E jumps is no place to take the step at
+        if found and x != 0:
+            models[row, SLOPE], models[row, CURVATURE] = -E0 / x, 0.0
+        return x, found, apart_attempt(x, LATEST if found and x != 0 else FIRST, arguments)
+
+    @jit
+    def search_anew(search, models, row, predicted, c1, arguments):
+        """`search_out` from the model with the slope c1, so that the model can be followed afterwards."""
+        apart()
+        known, old = models[row, STREAK] > 0, models[row, SLOPE]
+        if known:
+            models[row, SLOPE] = c1
+        x, found, result = search_out(search, models, row, predicted, arguments)
+        models[row, MISSED] = abs(x - predicted)
+        if not found or x == 0:
+            models[row, STREAK] = -LEVELS
+            return x, found, result
+        new, models[row, SLOPE] = models[row, SLOPE], old
+        renew(models, row, new)
+        if not known:
+            models[row, RATE], models[row, BEND] = 0.0, 0.0
+        models[row, STREAK] = 1.0 if known else models[row, STREAK] + 1
+        return x, found, result
+
+    follow = follower(attempt)
+
+    @inlined
+    def find(search, models, row, predicted, arguments):
+        """Find the root: follow it from earlier steps, or search for it."""
+        c1 = grow_old(models, row)
+        if followed and trusted(search, models, row, predicted, c1, c1 + 2 * models[row, CURVATURE] * predicted):
+            x, found, result = follow(search, models, row, predicted, c1, arguments)
+            if found:
+                return x, True, result
+        return search_anew(search, models, row, predicted, c1, arguments)
+
+    return find

@@ -1,0 +1,147 @@
+"""Which unknown acts on which equation: found by probing, checked by differences, brought into a narrow band.
+
+A component that is not a number makes all that it acts on not a number.  Blocks of components are probed, then their
+halves; blocks that act on different equations are probed at once, so that a lattice takes about as many evaluations as
+log2 of its length, times a few.  What a function hides from such a probe (a comparison) shows in its differences along
+random directions, which the matrix must reproduce.
+
+The order of unknowns is that of Cuthill and McKee, reversed: from a site outwards, so that a ring is folded and its
+ends need no correction.  Columns that share no equation have a colour in common, and one difference.
+
+Sources: E. Cuthill, J. McKee, Proc. 24th National Conference ACM (1969) 157-172; A. Curtis, M. Powell, J. Reid,
+J. Inst. Math. Appl. 13 (1974) 117-119 (colours).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from phasebench.integrators.errors import InvalidInput
+
+#: Equations that need more colours than this, or a wider band, are not those of a lattice.
+MOST = 64
+#: Largest relative disagreement of a directional difference with the sum over the columns.
+APART, STEP, SEED = 1e-3, 1e-5, 5
+
+
+def found(f: Callable, points: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """For each component of x, find the components of f(x) that depend on it; f maps n numbers to n.
+
+    f is probed, and the result checked, at the first of the ``points`` where f is finite.
+
+    Raises
+    ------
+    InvalidInput
+        If f is finite at none of them, if more than `MOST` groups of components have to be told apart, or if f hides
+        from the probes a dependence that its differences show.
+    """
+    with np.errstate(all="ignore"):
+        at = next((x for x in points if _finite(f, x)), None)
+        if at is None:
+            raise InvalidInput("the structure cannot be probed: the functions are finite at none of the points tried")
+        reach = _probed(f, at)
+        _check(f, at, reach)
+    return reach
+
+
+def _finite(f: Callable, x: np.ndarray) -> bool:
+    try:
+        return bool(np.isfinite(f(x)).all())
+    except (ArithmeticError, ValueError):  # functions that are not compiled raise where compiled ones give NaN
+        return False
+
+
+def _probed(f: Callable, at: np.ndarray) -> list[np.ndarray]:
+    n = len(at)
+    blocks, reach = [(0, n)], [np.arange(n)]
+    while len(blocks) < n:
+        halves = [_halves(*block) for block in blocks]
+        reach = [r for r, parts in zip(reach, halves, strict=True) for _ in parts]
+        blocks = [part for parts in halves for part in parts]
+        groups = coloured(reach, n)
+        touched = []
+        for group in range(1 + max(groups)):
+            x = at.copy()
+            for (low, high), own in zip(blocks, groups, strict=True):
+                if own == group:
+                    x[low:high] = np.nan
+            touched.append(np.isnan(f(x)))
+        reach = [r[touched[group][r]] for r, group in zip(reach, groups, strict=True)]
+    return reach
+
+
+def _halves(low: int, high: int) -> list[tuple[int, int]]:
+    middle = (low + high) // 2
+    return [(low, middle), (middle, high)] if middle > low else [(low, high)]
+
+
+def coloured(reach: Sequence[np.ndarray], n: int) -> list[int]:
+    """Colour the columns so that no two of one colour share a row: array of colours, each the least possible.
+
+    Raises InvalidInput if that takes more than `MOST` colours.
+    """
+    taken, colours = [0] * n, []
+    for rows in reach:
+        rows, used = rows.tolist(), 0
+        for i in rows:
+            used |= taken[i]
+        free = ~used & (used + 1)
+        if free >> MOST:
+            raise InvalidInput(_dense(f"more than {MOST} variables act on one equation"))
+        colours.append(free.bit_length() - 1)
+        for i in rows:
+            taken[i] |= free
+    return colours
+
+
+def _dense(why: str) -> str:
+    return f"the equations are not banded: {why}; leave the solver out, or take another method"
+
+
+def owners(reach: Sequence[np.ndarray], colours: Sequence[int]) -> np.ndarray:
+    """The column of each colour in each row: array (colours, rows), -1 if there is none."""
+    out = np.full((1 + max(colours), len(reach)), -1)
+    for j, (rows, colour) in enumerate(zip(reach, colours, strict=True)):
+        out[colour, rows] = j
+    return out
+
+
+def _check(f: Callable, at: np.ndarray, reach: Sequence[np.ndarray]) -> None:
+    """Raise InvalidInput unless the columns found add up to the differences of f along random directions."""
+    colours = np.array(coloured(reach, len(at)))
+    owner = owners(reach, colours)
+    step = STEP * (1 + np.abs(at).max())
+
+    def slope(v):
+        return (f(at + step * v) - f(at - step * v)) / (2 * step)
+
+    slopes = np.array([slope(1.0 * (colours == c)) for c in range(len(owner))])
+    for v in np.random.default_rng(SEED).uniform(0.5, 1.0, size=(2, len(at))) * [[1.0], [-1.0]]:
+        along = slope(v)
+        terms = np.where(owner >= 0, slopes, 0.0) * v[owner]
+        wrong = ~(np.abs(terms.sum(0) - along) <= APART * (np.abs(terms).sum(0) + np.abs(along) + np.abs(along).mean()))
+        if wrong.any():
+            hidden = "depends on more variables than those that show when they are not numbers"
+            raise InvalidInput(f"the structure is not what probing found: component {wrong.argmax()} {hidden}")
+
+
+def ordered(reach: Sequence[np.ndarray]) -> tuple[np.ndarray, int]:
+    """(place of each unknown in an order that makes the band narrow, the band's half-width).
+
+    Raises InvalidInput if that is more than `MOST`.
+    """
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    n = len(reach)
+    rows = np.concatenate(reach)
+    columns = np.repeat(np.arange(n), [len(r) for r in reach])
+    graph = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n))
+    place = np.empty(n, np.int64)
+    place[reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True)] = np.arange(n)
+    width = int(np.abs(place[rows] - place[columns]).max(initial=0))
+    if width > MOST:
+        raise InvalidInput(_dense(f"in the best order found an equation reaches {width} unknowns far"))
+    return place, width

@@ -1,0 +1,65 @@
+"""Versions of a system's functions that write their results into arrays passed to them, for large d.
+
+From f(q, ...) -> g or (g, k) is made f(q, ..., g) -> None or f(q, ..., g, k) -> None; `vector.writes` recognizes its
+type.  A family whose kernel can use such functions asks for the `in_place_version` of a system, and states from how
+many degrees of freedom on: avoiding allocation pays even for states that would still fit in registers.
+"""
+
+from __future__ import annotations
+
+import ast
+import copy
+from collections.abc import Callable
+from weakref import WeakKeyDictionary
+
+from numba import types
+
+from phasebench.integrators.compile.codegen import DOUBLE, compiled, value_kind
+
+
+def signature(returning):
+    """Return the signature of the version that writes, given that of the one that returns an array or several."""
+    results = returning.return_type
+    many = results.types if isinstance(results, types.BaseTuple) else (results,)
+    return types.none(*returning.args, *many)
+
+
+def written(build: Callable[[str], str]) -> Callable[[str], str]:
+    """Wrap ``build``, which writes the text of a function that ends in ``return value((...)), ...``.
+
+    The text that the wrapped function writes stores these values into further arguments ``out0``, ``out1``, ...
+    instead.
+    """
+    return lambda arithmetic: _rewrite(build(arithmetic))
+
+
+def _rewrite(text: str) -> str:
+    """Rewrite the text of a function that returns vectors as one that writes them into ``out0``, ``out1``, ..."""
+    tree = ast.parse(text)
+    f = tree.body[0]
+    results = f.body[-1].value
+    values = results.elts if isinstance(results, ast.Tuple) else [results]
+    f.body.pop()
+    for k, value in enumerate(values):
+        f.args.args.append(ast.arg(f"out{k}"))
+        f.body += [ast.parse(f"out{k}[{i}] = {ast.unparse(e)}").body[0] for i, e in enumerate(value.args[0].elts)]
+    return ast.unparse(tree) + "\n"
+
+
+#: System -> its version whose functions write.
+_versions: WeakKeyDictionary = WeakKeyDictionary()
+
+
+def in_place_version(system, arithmetic: str, most: int):
+    """Return the system whose functions write in place, or ``system`` itself if its states are tuples.
+
+    States are tuples up to ``most`` degrees of freedom, or up to `codegen.TUPLE_LIMIT` if that is smaller; they also
+    stay values where nothing is compiled or the arithmetic is not double.  Repeated calls return the same object.
+    """
+    if arithmetic != DOUBLE or not compiled() or value_kind(system.d, arrays=system.d > most) == "tuple":
+        return system
+    if system not in _versions:
+        other = copy.copy(system)
+        other._functions, other.fills = {}, True
+        _versions[system] = other
+    return _versions[system]

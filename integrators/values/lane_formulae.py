@@ -1,0 +1,81 @@
+"""Generated functions of formulae whose variables are lanes, stored in the rows of a table.
+
+Such a function f(B) reads its arguments, one row each, from the first rows of the table B, and writes its results to
+the rows that follow.  Sums, products, quotients, integer and half-integer powers, sin, cos, exp, sinh, cosh and tanh
+have a lane version; other functions do not.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
+from pathlib import Path
+
+from numba import types
+
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.lazy import sympy as sp
+
+from . import elementary, lanes
+
+#: SymPy's names of the operations that have a lane version.
+SUPPORTED = ("Add", "Mul", "Pow", "sin", "cos", "exp", "sinh", "cosh", "tanh")
+
+
+def supported(expressions: Iterable[sp.Expr]) -> bool:
+    """True if every function used has a lane version."""
+    kinds = tuple(getattr(sp, name) for name in SUPPORTED)
+    parts = (part for e in expressions for part in sp.preorder_traversal(e) if part.args)
+    return all(isinstance(e, kinds) and not _unsupported_power(e) for e in parts)
+
+
+def _unsupported_power(e: sp.Expr) -> bool:
+    """True if a power has no lane version: its exponent is not a multiple of 1/2, or too large for products."""
+    return isinstance(e, sp.Pow) and not (
+        e.exp.is_Rational and e.exp.q <= 2 and abs(e.exp) * e.exp.q <= codegen.MAX_POWER
+    )
+
+
+def function(
+    kind: str, arguments: Sequence[tuple[str, Sequence[sp.Symbol]]], results: Callable, n: int, system, arithmetic: str
+):
+    """Return the compiled function f(B) of named vectors of symbols in n lanes.
+
+    ``results`` takes no arguments and returns a list of expressions; it is called only if the text is not in the cache.
+    """
+    rows = sum(len(symbols) for _, symbols in arguments)
+
+    def text(arithmetic):
+        from phasebench.integrators.compile import printing
+
+        expressions = results()
+        formula = printing.source("g", arguments, [expressions], arithmetic)
+        begins = [sum(len(symbols) for _, symbols in arguments[:i]) for i in range(len(arguments))]
+        values = [
+            f"({''.join(f'take(B, {first + k}, LIKE), ' for k in range(len(symbols)))})"
+            for first, (_, symbols) in zip(begins, arguments, strict=True)
+        ]
+        unpacked = "".join(f"g_{k}, " for k in range(len(expressions)))
+        return "\n".join(
+            [
+                "from phasebench.integrators.values.elementary import cos, cosh, exp, sin, sinh, sqrt, tanh",
+                "from phasebench.integrators.values.lanes import put, take",
+                "from phasebench.integrators.values.vector import inlined",
+                f"LIKE = {(0.0,) * n}",
+                f"@inlined\n{formula.replace('value((', '((')}",
+                f"def f(B):\n    {unpacked}= g({', '.join(values)})",
+                *(f"    put(B, {rows + k}, g_{k}, LIKE)" for k in range(len(expressions))),
+                "",
+            ]
+        )
+
+    signature = types.void(types.Array(types.float64, 2, "C"))
+    key = f"{kind} in {n} lanes|{_operations()}|{system.content}"
+    return codegen.function(key, text, signature, arithmetic)
+
+
+@cache
+def _operations() -> str:
+    """Return the hash of the modules whose operations are compiled into a generated function."""
+    return hashlib.sha256(b"".join(Path(m.__file__).read_bytes() for m in (lanes, elementary))).hexdigest()

@@ -1,0 +1,92 @@
+"""Memory of lanes: arrays of doubles whose last axis runs over the lanes, which a kernel sees as arrays of lanes.
+
+A block is as many orbits as there are lanes.  Kernels take tables with two axes; outside the kernel every array has an
+axis of blocks before these two, and one of lanes after them.
+"""
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+from numba.np import arrayobj
+
+from .masks import LANES
+
+
+def table_type(ndim: int = 2) -> types.Array:
+    """Return the Numba type of an array of lanes, without assuming an alignment."""
+    return types.Array(LANES, ndim, "C", aligned=False)
+
+
+def block_type(array: types.Array) -> types.Type:
+    """Return the type of one block of an array (blocks, ..., lanes): an array of lanes, or a single value of lanes."""
+    return table_type(array.ndim - 2) if array.ndim > 2 else LANES
+
+
+def changed_type(record, arrays):
+    """Return the type that `with_block` returns."""
+    kinds = dict(zip(record.fields, record.types, strict=True))
+    kinds |= {name: block_type(t) for name, t in zip(arrays.fields, arrays.types, strict=True)}
+    return types.BaseTuple.from_types(tuple(kinds.values()), record.instance_class)
+
+
+def _view(context, builder, array_type, array, block):
+    """Emit the view of block number ``block`` of an array."""
+    source = arrayobj.make_array(array_type)(context, builder, array)
+    shape, strides = (cgutils.unpack_tuple(builder, x) for x in (source.shape, source.strides))
+    pointer = ir.VectorType(ir.DoubleType(), LANES.n).as_pointer()
+    address = cgutils.pointer_add(builder, source.data, builder.mul(block, strides[0]), pointer)
+    kind = block_type(array_type)
+    if kind is LANES:
+        return builder.load(address, align=8)
+    out = arrayobj.make_array(kind)(context, builder)
+    arrayobj.populate_array(
+        out,
+        data=address,
+        shape=shape[1:-1],
+        strides=strides[1:-1],
+        itemsize=context.get_constant(types.intp, 8 * LANES.n),
+        meminfo=None,
+    )
+    return out._getvalue()
+
+
+@intrinsic
+def block_of(typingctx, array, block):
+    """Block number ``block`` of an array of doubles (blocks, ..., lanes)."""
+
+    def codegen(context, builder, sig, args):
+        return _view(context, builder, array, *args)
+
+    return block_type(array)(array, types.intp), codegen
+
+
+@intrinsic
+def with_block(typingctx, record, arrays, block):
+    """The NamedTuple ``record``, with each field named in the NamedTuple ``arrays`` replaced by that array's block."""
+    result = changed_type(record, arrays)
+
+    def codegen(context, builder, sig, args):
+        old, given, number = args
+        out = cgutils.get_null_value(context.get_value_type(result))
+        for i, name in enumerate(record.fields):
+            part = builder.extract_value(old, i)
+            if name in arrays.fields:
+                k = arrays.fields.index(name)
+                part = _view(context, builder, arrays.types[k], builder.extract_value(given, k), number)
+            out = builder.insert_value(out, part, i)
+        return out
+
+    return result(record, arrays, types.intp), codegen
+
+
+@intrinsic
+def zeros_of(typingctx, like):
+    """A tuple of zeros in lanes, as long as the tuple ``like``."""
+    kind = types.UniTuple(LANES, len(like))
+
+    def codegen(context, builder, sig, args):
+        return cgutils.get_null_value(context.get_value_type(kind))
+
+    return kind(like), codegen

@@ -1,0 +1,303 @@
+"""SIMD lanes: n doubles on which the processor works at once, as a Numba type that kernels compute with.
+
+Compiled, lanes are one LLVM vector of n doubles, whatever the width of the processor's registers: wide registers hold
+it in one, narrow ones in several, with the same results except for fused operations.  Lanes take part in sums, products
+and quotients with lanes and scalars, in `abs` and `sqrt`, and in `sin`, `cos`, `exp` of `elementary`.  Uncompiled,
+lanes are arrays (n,) of doubles or MPFR numbers, so that the same source runs.
+
+Lanes are stored in the rows of a table: `take` reads a row and `put` writes one; ``like``, a tuple of n zeros, sets the
+number of lanes.  `combine` is a linear combination of rows with the lanes as coefficients; `total` is the sum of the
+lanes.
+"""
+
+from __future__ import annotations
+
+import operator
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core.typeconv import Conversion
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, overload, register_model
+
+from .fma import fma
+from .vector import TUPLES
+
+OPTIONS = {"forceinline": True, **TUPLES}
+NUMBER = ir.DoubleType()
+#: LLVM flags: products and sums may be fused, as everywhere; a sum over the lanes may be taken in any order.
+FUSED, ANY_ORDER = ("contract",), ("contract", "reassoc", "nsz")
+
+
+class Lanes(types.Type):
+    """The Numba type of n doubles in lanes."""
+
+    def __init__(self, n: int):
+        self.n = n
+        super().__init__(f"lanes({n})")
+
+    def can_convert_from(self, typing_context, other):
+        """Accept scalars: a scalar converts to the same number in every lane."""
+        return Conversion.safe if isinstance(other, (types.Integer, types.Float)) else None
+
+
+@register_model(Lanes)
+class _Model(models.PrimitiveModel):
+    """Lanes are an LLVM vector of doubles."""
+
+    def __init__(self, manager, lanes):
+        super().__init__(manager, lanes, ir.VectorType(NUMBER, lanes.n))
+
+
+def spread(context, builder, value, kind, n: int):
+    """Emit a scalar, or lanes, as an LLVM vector of n doubles."""
+    if isinstance(kind, Lanes):
+        return value
+    number = context.cast(builder, value, kind, types.float64)
+    vector = builder.insert_element(ir.VectorType(NUMBER, n)(ir.Undefined), number, _index(0))
+    return builder.shuffle_vector(vector, vector, ir.VectorType(ir.IntType(32), n)([0] * n))
+
+
+def _index(i: int):
+    return ir.IntType(32)(i)
+
+
+def call(builder, name: str, n: int, *vectors, flags=()):
+    """Emit a call of the LLVM intrinsic ``name`` on vectors of n doubles."""
+    kind = ir.VectorType(NUMBER, n)
+    function = builder.module.globals.get(f"llvm.{name}.v{n}f64")
+    if function is None:
+        function = ir.Function(builder.module, ir.FunctionType(kind, [kind] * len(vectors)), f"llvm.{name}.v{n}f64")
+    return builder.call(function, vectors, fastmath=flags)
+
+
+# -- operators --------------------------------------------------------------------------------------------------------
+
+
+def _operator(function, instruction: str) -> None:
+    """Define a Python operator between lanes and lanes or scalars by an LLVM instruction."""
+
+    @infer_global(function)
+    class _(AbstractTemplate):
+        def generic(self, args, kws):
+            lanes = [t for t in args if isinstance(t, Lanes)]
+            known = all(isinstance(t, (Lanes, types.Float, types.Integer)) for t in args)
+            return signature(lanes[0], *args) if len(args) == 2 and lanes and known else None
+
+    def lower(context, builder, sig, args):
+        n = sig.return_type.n
+        return getattr(builder, instruction)(
+            *(spread(context, builder, x, t, n) for x, t in zip(args, sig.args, strict=True))
+        )
+
+    kinds = (types.Float, types.Integer)
+    for pair in ((Lanes, Lanes), *((Lanes, k) for k in kinds), *((k, Lanes) for k in kinds)):
+        lower_builtin(function, *pair)(lower)
+
+
+for _function, _instruction in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+    (operator.iadd, "fadd"),
+):
+    _operator(_function, _instruction)
+
+
+def _unary(function, emit) -> None:
+    """Define a Python function of one argument on lanes."""
+
+    @infer_global(function)
+    class _(AbstractTemplate):
+        def generic(self, args, kws):
+            return signature(args[0], *args) if len(args) == 1 and isinstance(args[0], Lanes) else None
+
+    lower_builtin(function, Lanes)(lambda context, builder, sig, args: emit(builder, sig.return_type.n, args[0]))
+
+
+_unary(operator.neg, lambda builder, n, x: builder.fneg(x))
+_unary(abs, lambda builder, n, x: call(builder, "fabs", n, x))
+_unary(float, lambda builder, n, x: x)
+
+
+def operation(compiled):
+    """Return a decorator: the function, plain NumPy as it stands, becomes the intrinsic ``compiled`` on lanes.
+
+    That is so where an argument is lanes, or where the last one, ``like``, is a tuple.
+    """
+
+    def decorate(function):
+        names = ", ".join(function.__code__.co_varnames[: function.__code__.co_argcount])
+        namespace = {"compiled": compiled, "__name__": __name__}
+        exec(f"def typed({names}): return chosen({names})", namespace)
+        exec(f"def impl({names}): return compiled({names})", namespace)
+        impl = namespace["impl"]
+        namespace["chosen"] = lambda *arguments: (
+            impl if any(isinstance(a, (Lanes, types.BaseTuple)) for a in arguments) else None
+        )
+        overload(function, jit_options=OPTIONS)(namespace["typed"])
+        return function
+
+    return decorate
+
+
+@intrinsic
+def _fma(typing_context, a, x, y):
+    """Fused multiply-add of lanes."""
+    lanes = next(t for t in (a, x, y) if isinstance(t, Lanes))
+
+    def codegen(context, builder, sig, args):
+        vectors = (spread(context, builder, v, t, lanes.n) for v, t in zip(args, sig.args, strict=True))
+        return call(builder, "fmuladd", lanes.n, *vectors)
+
+    return lanes(a, x, y), codegen
+
+
+@overload(fma, jit_options=OPTIONS)
+def _choose_fma(a, x, y):
+    """Choose `_fma` if an argument is lanes."""
+    if any(isinstance(t, Lanes) for t in (a, x, y)):
+        return lambda a, x, y: _fma(a, x, y)
+    return None
+
+
+# -- rows of a table --------------------------------------------------------------------------------------------------
+
+
+def _row_address(context, builder, table_type, table, row, n):
+    """Emit the address of the first n numbers of a row."""
+    array = context.make_array(table_type)(context, builder, table)
+    strides = array.strides
+    offset = builder.mul(row, builder.extract_value(strides, 0))
+    address = builder.add(builder.ptrtoint(array.data, offset.type), offset)
+    return builder.inttoptr(address, ir.PointerType(ir.VectorType(NUMBER, n)))
+
+
+@intrinsic
+def _take(typing_context, table, row, like):
+    """`take`, compiled."""
+
+    def codegen(context, builder, sig, args):
+        n = like.count
+        return builder.load(_row_address(context, builder, table, args[0], args[1], n), align=8)
+
+    return Lanes(like.count)(table, types.intp, like), codegen
+
+
+@intrinsic
+def _put(typing_context, table, row, x, like):
+    """`put`, compiled."""
+
+    def codegen(context, builder, sig, args):
+        n = like.count
+        vector = spread(context, builder, args[2], x, n)
+        builder.store(vector, _row_address(context, builder, table, args[0], args[1], n), align=8)
+        return context.get_dummy_value()
+
+    return types.none(table, types.intp, x, like), codegen
+
+
+@intrinsic
+def _combine(typing_context, x, y, factor, table, row, like):
+    """`combine`, compiled."""
+
+    def codegen(context, builder, sig, args):
+        n = y.n
+        sums = [None, None]
+        for j in range(like.count):  # two sums, so that fewer operations wait for each other
+            weight = builder.load(
+                _row_address(context, builder, table, args[3], _next(builder, args[4], j), n), align=8
+            )
+            mask = ir.VectorType(ir.IntType(32), n)([j] * n)
+            term = builder.fmul(weight, builder.shuffle_vector(args[1], args[1], mask), flags=FUSED)
+            old = sums[j % 2]
+            sums[j % 2] = term if old is None else builder.fadd(old, term, flags=FUSED)
+        whole = sums[0] if sums[1] is None else builder.fadd(*sums, flags=FUSED)
+        factors = spread(context, builder, args[2], factor, n)
+        start = spread(context, builder, args[0], x, n)
+        return builder.fadd(start, builder.fmul(factors, whole, flags=FUSED), flags=FUSED)
+
+    return Lanes(y.n)(x, y, factor, table, types.intp, like), codegen
+
+
+def _next(builder, row, j):
+    """Emit row + j."""
+    return builder.add(row, row.type(j))
+
+
+@intrinsic
+def _polynomial(typing_context, coefficients, z, like):
+    """`polynomial`, compiled."""
+
+    def codegen(context, builder, sig, args):
+        n = z.n
+
+        def coefficient(k):
+            if isinstance(coefficients, types.UniTuple):
+                return spread(context, builder, builder.extract_value(args[0], k), types.float64, n)
+            return builder.shuffle_vector(args[0], args[0], ir.VectorType(ir.IntType(32), n)([k] * n))
+
+        terms, power = [coefficient(k) for k in range(like.count)], args[1]
+        while True:
+            for k in range(len(terms) // 2):
+                product = builder.fmul(terms[k + 1], power, flags=FUSED)
+                terms[k : k + 2] = [builder.fadd(terms[k], product, flags=FUSED)]
+            if len(terms) == 1:
+                return terms[0]
+            power = builder.fmul(power, power)
+
+    return z(coefficients, z, like), codegen
+
+
+@intrinsic
+def _total(typing_context, x):
+    """`total`, compiled."""
+
+    def codegen(context, builder, sig, args):
+        kind, name = ir.VectorType(NUMBER, x.n), f"llvm.vector.reduce.fadd.v{x.n}f64"
+        function = builder.module.globals.get(name)
+        if function is None:
+            function = ir.Function(builder.module, ir.FunctionType(NUMBER, [NUMBER, kind]), name)
+        return builder.call(function, [NUMBER(-0.0), args[0]], fastmath=ANY_ORDER)
+
+    return types.float64(x), codegen
+
+
+@operation(_take)
+def take(table, row, like):
+    """The row of a table as lanes, as many as ``like`` has items."""
+    return table[row, : len(like)].copy()
+
+
+@operation(_put)
+def put(table, row, x, like):
+    """Write lanes, or one scalar for all of them, into a row of a table."""
+    table[row, : len(like)] = x
+
+
+@operation(_combine)
+def combine(x, y, factor, table, row, like):
+    """x + factor * sum_j y[j] table[row + j], where j runs over the indices of ``like``; y and the result are lanes."""
+    terms = [y[j] * table[row + j, : len(y)] for j in range(len(like))]
+    return x + factor * sum(terms[1:], terms[0])
+
+
+@operation(_polynomial)
+def polynomial(coefficients, z, like):
+    """The polynomial with these coefficients, lowest power first, as many as ``like`` has items, at each lane of z.
+
+    The coefficients are lanes or a tuple.  Compiled, neighbouring terms are added in pairs, then those sums in pairs,
+    which shortens the chain of dependent operations (Estrin 1960).
+    """
+    y = coefficients[len(like) - 1] + 0 * z
+    for k in range(len(like) - 2, -1, -1):
+        y = y * z + coefficients[k]
+    return y
+
+
+@operation(_total)
+def total(x):
+    """The sum of the lanes."""
+    return np.sum(x)

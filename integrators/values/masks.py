@@ -1,0 +1,300 @@
+"""Conditions on lanes, and the other operations with which one kernel integrates several orbits at once.
+
+Given tuples of lanes, a kernel's source integrates as many orbits as there are lanes.  Each lane gets the scalar
+kernel's result, because +, -, *, / and the square root round the same way.  A scalar beside lanes stands for that
+scalar in each.  A condition on lanes is a `Mask`: its truth value is whether it holds in any lane, and `select` chooses
+lane by lane.  Functions in formulae are those of `elementary`; those missing there are called once for each lane.
+
+There are twice as many lanes as a register of the processor holds doubles: two independent chains of operations hide
+the latency of one.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+
+import numpy as np
+from llvmlite import binding, ir
+from numba.core import config, types
+from numba.core.datamodel import models
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, lower_cast, overload, register_model
+
+from . import elementary
+from .lanes import OPTIONS, Lanes, spread
+from .vector import scale
+
+
+class Mask(types.Type):
+    """The Numba type of a truth value for each of n lanes."""
+
+    def __init__(self, n: int):
+        self.n = n
+        super().__init__(f"mask({n})")
+
+
+@register_model(Mask)
+class _MaskModel(models.PrimitiveModel):
+    """A mask is an LLVM vector of n bits."""
+
+    def __init__(self, manager, mask):
+        super().__init__(manager, mask, ir.VectorType(ir.IntType(1), mask.n))
+
+
+def _native() -> int:
+    """Return how many doubles a register of the target processor holds."""
+    named = config.CPU_FEATURES
+    features = binding.get_host_cpu_features() if named is None else {f[1:]: f[0] == "+" for f in named.split(",") if f}
+    return 8 if features.get("avx512f") else 4 if features.get("avx") else 2
+
+
+#: The type of lanes in which orbits are integrated on this processor.
+LANES = Lanes(2 * _native())
+
+
+@lower_cast(types.Integer, Lanes)
+@lower_cast(types.Float, Lanes)
+def _broadcast(context, builder, kind, lanes, value):
+    """Convert a scalar to lanes."""
+    if isinstance(kind, types.IntegerLiteral):
+        kind, value = types.float64, context.get_constant(types.float64, float(kind.literal_value))
+    return spread(context, builder, value, kind, lanes.n)
+
+
+# -- conditions -------------------------------------------------------------------------------------------------------
+
+
+def _comparison(function, sign: str):
+    """Define a comparison of lanes, which gives a mask; NaN compares as in IEEE arithmetic."""
+
+    @infer_global(function)
+    class _Template(AbstractTemplate):
+        def generic(self, args, kws):
+            known = all(isinstance(a, (Lanes, types.Integer, types.Float)) for a in args)
+            lanes = next((a for a in args if isinstance(a, Lanes)), None)
+            return signature(Mask(lanes.n), lanes, lanes) if known and lanes is not None else None
+
+    @lower_builtin(function, Lanes, Lanes)
+    def _lowered(context, builder, sig, args):
+        compare = builder.fcmp_unordered if sign == "!=" else builder.fcmp_ordered
+        return compare(sign, *args)
+
+
+for _function, _sign in (
+    (operator.lt, "<"),
+    (operator.le, "<="),
+    (operator.gt, ">"),
+    (operator.ge, ">="),
+    (operator.eq, "=="),
+    (operator.ne, "!="),
+):
+    _comparison(_function, _sign)
+
+
+def _logical(function, name: str):
+    """Define a logical operator of masks."""
+
+    @infer_global(function)
+    class _Template(AbstractTemplate):
+        def generic(self, args, kws):
+            if all(isinstance(a, Mask) for a in args):
+                return signature(args[0], *args)
+            return None
+
+    @lower_builtin(function, *[Mask] * (1 if name == "not_" else 2))
+    def _lowered(context, builder, sig, args):
+        return getattr(builder, name)(*args)
+
+
+_logical(operator.and_, "and_")
+_logical(operator.or_, "or_")
+_logical(operator.invert, "not_")
+
+
+@intrinsic
+def count(typingctx, mask):
+    """The number of lanes in which a condition holds."""
+
+    def codegen(context, builder, sig, args):
+        bits = ir.IntType(mask.n)
+        packed = builder.bitcast(args[0], bits)
+        return builder.zext(builder.ctpop(packed), ir.IntType(64))
+
+    return types.int64(mask), codegen
+
+
+@intrinsic
+def alike(typingctx, number, lanes):
+    """The scalar in every lane, of the type of ``lanes``."""
+
+    def codegen(context, builder, sig, args):
+        return context.cast(builder, args[0], number, lanes)
+
+    return lanes(number, lanes), codegen
+
+
+@infer_global(bool)
+class _Any(AbstractTemplate):
+    """The type of bool(mask)."""
+
+    def generic(self, args, kws):
+        if len(args) == 1 and isinstance(args[0], Mask):
+            return signature(types.boolean, args[0])
+        return None
+
+
+@lower_builtin(bool, Mask)
+def _any(context, builder, sig, args):
+    """Lower bool(mask)."""
+    return _truth(context, builder, sig.args[0], types.boolean, args[0])
+
+
+@lower_cast(Mask, types.Boolean)
+def _truth(context, builder, fromty, toty, value):
+    """True if the mask holds in any lane."""
+    packed = builder.bitcast(value, ir.IntType(fromty.n))
+    return builder.icmp_unsigned("!=", packed, ir.Constant(packed.type, 0))
+
+
+@intrinsic
+def select(typingctx, mask, a, b):
+    """a in the lanes where the mask holds, else b; a and b are lanes or tuples of lanes."""
+    kind = a if isinstance(a, (Lanes, types.BaseTuple)) else b
+
+    def codegen(context, builder, sig, args):
+        chosen, a, b = args
+        if isinstance(kind, Lanes):
+            return builder.select(chosen, a, b)
+        out = a
+        for i in range(kind.count):
+            x, y = (builder.extract_value(v, i) for v in (a, b))
+            out = builder.insert_value(out, builder.select(chosen, x, y), i)
+        return out
+
+    return kind(mask, kind, kind), codegen
+
+
+def either(condition, a, b):
+    """a if the condition holds, else b, lane by lane; a and b are numbers or tuples of them."""
+    return a if condition else b
+
+
+def number(condition) -> int:
+    """The number of orbits in which a condition holds; 0 or 1 for a scalar condition."""
+    return 1 if condition else 0
+
+
+def outlived(going, kept, x):
+    """(x, True if work is left): set the lanes of x that are ``going`` and not ``kept`` to NaN; the others go on."""
+    return x, kept
+
+
+def _overload_for_masks(function, in_lanes) -> None:
+    """Overload a function whose first argument is a condition by ``in_lanes`` where that is a mask."""
+    names = ", ".join(function.__code__.co_varnames[: function.__code__.co_argcount])
+    namespace = {"in_lanes": in_lanes, "alone": function, "Mask": Mask}
+    exec(f"def typed({names}): return in_lanes if isinstance({names.split(',')[0]}, Mask) else alone", namespace)
+    overload(function, jit_options=OPTIONS)(namespace["typed"])
+
+
+_overload_for_masks(either, lambda condition, a, b: select(condition, a, b))
+_overload_for_masks(number, lambda condition: count(condition))
+_overload_for_masks(outlived, lambda going, kept, x: (select(going & ~kept, scale(np.nan, x), x), True))
+
+
+# -- functions of formulae ---------------------------------------------------------------------------------------------
+
+
+def _use_elementary(name: str) -> None:
+    """Overload a function of the module math by that of `elementary` for lanes."""
+    of_lanes = getattr(elementary, name)
+
+    @overload(getattr(math, name), jit_options=OPTIONS)
+    def typed(x):
+        return (lambda x: of_lanes(x)) if isinstance(x, Lanes) else None
+
+
+for _name in ("sin", "cos", "exp", "sqrt", "sinh", "cosh", "tanh"):
+    _use_elementary(_name)
+
+
+@intrinsic
+def _lane(typingctx, x, i):
+    """Lane number i of x."""
+
+    def codegen(context, builder, sig, args):
+        return builder.extract_element(args[0], builder.trunc(args[1], ir.IntType(32)))
+
+    return types.float64(x, types.intp), codegen
+
+
+@intrinsic
+def _with_lane(typingctx, x, i, value):
+    """x with ``value`` in lane number i."""
+
+    def codegen(context, builder, sig, args):
+        return builder.insert_element(args[0], args[2], builder.trunc(args[1], ir.IntType(32)))
+
+    return x(x, types.intp, types.float64), codegen
+
+
+def lane_by_lane(function) -> None:
+    """Overload a function of one number for lanes, by calling it for each."""
+
+    @overload(function, jit_options=OPTIONS)
+    def of_lanes(x):
+        if not isinstance(x, Lanes):
+            return None
+        width = x.n
+
+        def impl(x):
+            out = x
+            for i in range(width):
+                out = _with_lane(out, i, function(_lane(x, i)))
+            return out
+
+        return impl
+
+
+for _function in (
+    math.tan,
+    math.log,
+    math.asin,
+    math.acos,
+    math.atan,
+):
+    lane_by_lane(_function)
+
+
+@overload(operator.pow, jit_options=OPTIONS)
+def _power(x, n):
+    """x**n of lanes x and a number n, computed for each lane."""
+    if not isinstance(x, Lanes) or isinstance(n, Lanes):
+        return None
+    width = x.n
+
+    def impl(x, n):
+        out = x
+        for i in range(width):
+            out = _with_lane(out, i, _lane(x, i) ** n)
+        return out
+
+    return impl
+
+
+def holds_lanes(arguments) -> bool:
+    """True if lanes, or tuples of them, are among the types of the arguments."""
+    return any(isinstance(getattr(a, "dtype", a), Lanes) for a in arguments)
+
+
+def also_in_lanes(scalar, in_lanes):
+    """Return the compiled function ``scalar``, replaced by ``in_lanes`` in calls with an argument in lanes."""
+    if not hasattr(scalar, "get_call_template"):  # compilation is off
+        return scalar
+    call_template, overload_of = scalar.get_call_template, scalar.get_overload
+    scalar.get_call_template = lambda args, kws: (
+        in_lanes.get_call_template if holds_lanes((*args, *kws.values())) else call_template
+    )(args, kws)
+    scalar.get_overload = lambda sig: (in_lanes.get_overload if holds_lanes(sig) else overload_of)(sig)
+    return scalar

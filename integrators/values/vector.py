@@ -1,0 +1,520 @@
+"""The vector operations in which every kernel is written.
+
+A kernel treats ``q`` and ``p`` as *values*.  Each operation below is one plain NumPy expression, which works as it
+stands on arrays of doubles and on object arrays of MPFR numbers.  Compiled, the same expression is unrolled for tuples
+of doubles (small ``d``: the state lives in registers), and left to Numba for arrays (large ``d``).
+
+``add`` is the compensated sum x + (dx + c): it returns the new value and the part of the increment that rounding
+lost (Kahan 1965; Moller 1965, "Quasi double-precision in floating point addition", BIT 5, 37-50).
+"""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import config, njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic, overload
+from numba.np import arrayobj
+
+from phasebench.integrators.compile import machine
+from phasebench.integrators.compile.options import ARRAYS, COMMON, TUPLES
+
+from .fma import fma
+
+
+def _holds_vectors(t) -> bool:
+    """True if a Numba type is, or contains, a vector (d,) of doubles: a value of large d.
+
+    Tables have two axes and arrays of coefficients are read-only, so that neither counts as a vector.
+    """
+    if isinstance(t, types.Array):
+        return t.ndim == 1 and t.mutable and isinstance(t.dtype, types.Float)
+    return isinstance(t, types.BaseTuple) and any(map(_holds_vectors, t))
+
+
+def _compile(f, inline):
+    """Compile ``f`` on demand, without allocation where its values are tuples, with it where they are arrays."""
+    on_tuples, on_arrays = njit(**TUPLES, forceinline=inline)(f), njit(**ARRAYS, forceinline=False)(f)
+    if on_tuples is f:  # compilation is off
+        return f
+    call_template, overload_of = on_tuples.get_call_template, on_tuples.get_overload
+
+    def any_vector(arguments):
+        return any(map(_holds_vectors, arguments))
+
+    def choose_template(args, kws):
+        # Treat literals as ordinary numbers: compiling once for each literal would cost more than it gains.
+        args, kws = tuple(map(types.unliteral, args)), {name: types.unliteral(t) for name, t in kws.items()}
+        return (on_arrays.get_call_template if any_vector((*args, *kws.values())) else call_template)(args, kws)
+
+    on_tuples.get_call_template = choose_template
+    on_tuples.get_overload = lambda sig: (on_arrays.get_overload if any_vector(sig) else overload_of)(sig)
+    on_tuples.on_arrays = on_arrays
+    machine.callable_from_python(on_tuples)
+    return on_tuples
+
+
+def jit(f):
+    """Compile ``f`` as a function of its own.
+
+    The option is set explicitly, because Numba would otherwise inherit `forceinline` from the caller.
+    """
+    return _compile(f, inline=False)
+
+
+def inlined(f):
+    """Compile ``f`` into its caller: for the operations of a step."""
+    return _compile(f, inline=True)
+
+
+@intrinsic
+def _not_inlined(typing_context):
+    """Mark the function that contains this call as never to be inlined."""
+
+    def codegen(context, builder, signature, arguments):
+        builder.function.attributes.add("noinline")
+        return context.get_dummy_value()
+
+    return types.none(), codegen
+
+
+#: Call it first in a function to keep that from being inlined: code that is long and rarely runs is compiled once then.
+apart = (lambda: None) if config.DISABLE_JIT else _not_inlined
+
+
+def _overload_by_source(fn, template, loop=None, loop_options=ARRAYS):
+    """Overload ``fn`` by source text: ``template(names, arguments)`` for tuples, ``loop(names, arguments)`` for arrays.
+
+    Both return the body of the function.  Without ``loop`` arrays use ``fn`` as it stands.
+    """
+    names = list(inspect.signature(fn).parameters)
+
+    def build_function(kind, arguments):
+        if kind is None:
+            return fn
+        namespace = {"__name__": __name__, "scalar": inlined(fn), "np": np}
+        exec(f"def impl({', '.join(names)}):\n{kind(names, arguments)}", namespace)
+        return namespace["impl"]
+
+    def for_tuples(*arguments):
+        return build_function(template, arguments) if any(isinstance(a, types.BaseTuple) for a in arguments) else None
+
+    def for_arrays(*arguments):
+        return None if any(isinstance(a, types.BaseTuple) for a in arguments) else build_function(loop, arguments)
+
+    for build, options in ((for_tuples, {"forceinline": True, **TUPLES}), (for_arrays, loop_options)):
+        namespace = {"__name__": __name__, "build": build}
+        exec(f"def typed({', '.join(names)}): return build({', '.join(names)})", namespace)
+        overload(fn, jit_options=options)(namespace["typed"])
+    return fn
+
+
+def _length(arguments) -> int:
+    """Return the number of components of the first tuple among the types."""
+    return next(a.count for a in arguments if isinstance(a, types.BaseTuple))
+
+
+def elementwise(outputs: int = 1):
+    """Return a decorator that makes a NumPy expression with ``outputs`` results an operation, unrolled for tuples."""
+
+    def template(names, arguments):
+        def call(i):
+            parts = (
+                f"{n}[{i}]" if isinstance(a, types.BaseTuple) else n for n, a in zip(names, arguments, strict=True)
+            )
+            return f"scalar({', '.join(parts)})"
+
+        d = _length(arguments)
+        if outputs == 1:
+            return f"  return {_tuple_text(call(i) for i in range(d))}"
+        lines = [f"  r{i} = {call(i)}" for i in range(d)]
+        packed = (_tuple_text(f"r{i}[{k}]" for i in range(d)) for k in range(outputs))
+        return "\n".join([*lines, f"  return {', '.join(packed)}"])
+
+    def loop(names, arguments):
+        """Write one pass over the components: Numba's own loop for an array expression has a single output."""
+        vectors = [n for n, a in zip(names, arguments, strict=True) if isinstance(a, types.Array)]
+        parts = (f"{n}[i]" if n in vectors else n for n in names)
+        results = [f"r{k}" for k in range(outputs)]
+        return "\n".join(
+            [
+                f"  n = len({vectors[0]})",
+                *(f"  {r} = np.empty(n)" for r in results),
+                "  for i in range(n):",
+                f"    {', '.join(f'{r}[i]' for r in results)} = scalar({', '.join(parts)})",
+                f"  return {', '.join(results)}",
+            ]
+        )
+
+    return lambda fn: _overload_by_source(fn, template, loop if outputs > 1 else None)
+
+
+def written(template, loop: str = ""):
+    """Return a decorator that makes a function an operation; for tuples of d items its body is ``template(d)``.
+
+    For arrays its body is the source ``loop``, if that is given.
+    """
+    on_arrays = (lambda names, arguments: loop) if loop else None
+    return lambda fn: _overload_by_source(fn, lambda names, arguments: template(_length(arguments)), on_arrays)
+
+
+def summed(term: str):
+    """Return a decorator that makes a function the sum of ``term``, text that refers to components as ``[i]``.
+
+    The sum of an array may be taken in any order, so that the compiler keeps several partial sums.
+    """
+
+    def template(names, arguments):
+        return "  return " + " + ".join(term.replace("[i]", f"[{i}]") for i in range(_length(arguments)))
+
+    def loop(names, arguments):
+        return f"  s = 0.0\n  for i in range(len({names[0]})):\n    s += {term}\n  return s"
+
+    return lambda fn: _overload_by_source(fn, template, loop, ARRAYS | {"fastmath": {"contract", "reassoc", "nsz"}})
+
+
+def _tuple_text(items) -> str:
+    """Return the text of a tuple.
+
+    Python builds a tuple of more than 30 items from a list, which Numba does not compile; so it is a sum of shorter
+    ones.
+    """
+    items = list(items)
+    return " + ".join(f"({', '.join(items[i : i + 30])},)" for i in range(0, len(items), 30))
+
+
+def _tuple(d, item):
+    """Return the body of a function that returns d items, each ``item`` with its index filled in."""
+    return "  return " + _tuple_text(item.format(i=i) for i in range(d))
+
+
+@elementwise()
+def axpy(a, x, y):
+    """a x + y."""
+    return y + a * x
+
+
+@elementwise()
+def scale(a, x):
+    """a x."""
+    return a * x
+
+
+@elementwise()
+def plus(x, y):
+    """x + y."""
+    return x + y
+
+
+@elementwise()
+def minus(x, y):
+    """x - y."""
+    return x - y
+
+
+@elementwise(outputs=2)
+def add(x, c, dx):
+    """Compensated sum of x + c and dx: (the sum, the part of it that rounding lost).
+
+    Only one addition waits for dx, which comes last in the chain of operations of a step.  The part of c that x + c
+    does not show stays in the second result, so that nothing is lost.
+    """
+    t = (x + c) + dx
+    return t, (dx + c) - (t - x)
+
+
+@elementwise(outputs=2)
+def add_product(x, c, a, v):
+    """Compensated sum of x + c and a v: (the sum, the part of it that rounding lost).
+
+    The product a v is not rounded, neither in the sum nor in the lost part.  The error left is the rounding of (a v +
+    c), of the difference (sum - x), and of the lost part itself.
+    """
+    t = fma(a, v, x + c)
+    return t, fma(a, v, c) - (t - x)
+
+
+@summed("abs(x[i])")
+def size(x):
+    """The 1-norm of x; NaN if a component is NaN."""
+    return np.sum(np.abs(x))
+
+
+@summed("abs(x[i] - y[i])")
+def distance(x, y):
+    """The 1-norm of x - y; NaN if a component is NaN."""
+    return np.sum(np.abs(x - y))
+
+
+@written(lambda d: _tuple(d, "x[{i}] + (a if i == {i} else 0.0)"))
+def bump(x, i, a):
+    """A copy of x with a added to component i."""
+    y = x.copy()
+    y[i] = y[i] + a
+    return y
+
+
+@written(lambda d: "  return x + y")
+def join(x, y):
+    """The components of x followed by those of y."""
+    return np.concatenate((x, y))
+
+
+@written(lambda d: _tuple(d // 2, "x[{i}]"))
+def head(x):
+    """The first half of x."""
+    return x[: len(x) // 2]
+
+
+@written(lambda d: f"  return ({', '.join(f'x[{i}]' for i in range(d // 2, d))},)")
+def tail(x):
+    """The second half of x."""
+    return x[len(x) // 2 :]
+
+
+@written(lambda d: _tuple(d, "A[i, {i}]"))
+def load(A, i, like):
+    """Row i of the table A as a value of the same kind and length as ``like``."""
+    return A[i, : len(like)].copy()
+
+
+# A loop, because assigning to a slice would compile the error message for unequal lengths into every caller.
+@written(lambda d: "\n".join(f"  A[i, {j}] = x[{j}]" for j in range(d)), "  for j in range(len(x)): A[i, j] = x[j]")
+def store(A, i, x):
+    """Write x into row i of the table A."""
+    A[i, : len(x)] = x
+
+
+class State(NamedTuple):
+    """The values q and p, and the parts of them that rounding lost (compensation)."""
+
+    q: Any
+    p: Any
+    lost_q: Any
+    lost_p: Any
+
+
+@inlined
+def advanced(y, dq, dp):
+    """The state y after the increments dq and dp, added with compensation."""
+    q, lost_q = add(y.q, y.lost_q, dq)
+    p, lost_p = add(y.p, y.lost_p, dp)
+    return State(q, p, lost_q, lost_p)
+
+
+@inlined
+def opened(carry):
+    """The state stored in rows 0 to 3 of ``carry.state``: q, p and what rounding lost of each."""
+    rows, zero = carry.state, carry.zero
+    return State(load(rows, 0, zero), load(rows, 1, zero), load(rows, 2, zero), load(rows, 3, zero))
+
+
+@inlined
+def close(carry, y):
+    """Write the state y to rows 0 to 3 of ``carry.state``, from where the next call goes on."""
+    store(carry.state, 0, y.q)
+    store(carry.state, 1, y.p)
+    store(carry.state, 2, y.lost_q)
+    store(carry.state, 3, y.lost_p)
+
+
+@inlined
+def keep(samples, row, y):
+    """Write q and p of the state y into a row of the samples."""
+    store(samples.q, row, y.q)
+    store(samples.p, row, y.p)
+
+
+def chosen(when_none, otherwise):
+    """Return the function that calls ``when_none`` if its first argument is None, else ``otherwise``.
+
+    Compiled code chooses by the type of the argument, when it is compiled.
+    """
+    names = ", ".join(inspect.signature(otherwise).parameters)
+    first = names.split(",")[0]
+    namespace = {"__name__": __name__, "a": when_none, "b": otherwise, "none": types.NoneType, "omitted": types.Omitted}
+    exec(f"def pick({names}):\n  return a({names}) if {first} is None else b({names})", namespace)
+    exec(f"def kind({names}):\n  return a if isinstance({first}, (none, omitted)) else b", namespace)
+    namespace["holds"] = lambda *arguments: any(map(_holds_vectors, arguments))
+    for vectors, options in ((False, {"forceinline": True, **TUPLES}), (True, ARRAYS)):
+        exec(f"def typed({names}):\n  return kind({names}) if holds({names}) == {vectors} else None", namespace)
+        overload(namespace["pick"], jit_options=options)(namespace["typed"])
+    return namespace["pick"]
+
+
+#: The velocity grad T(p); ``dT`` is None where that is p itself.
+velocity = chosen(lambda dT, p: p, lambda dT, p: dT(p))
+
+
+# -- in place ---------------------------------------------------------------------------------------------------------
+#
+# At a hundred degrees of freedom a step on arrays spends most of its time allocating new ones.  The operations below
+# may overwrite arguments that the caller no longer needs; on tuples and on MPFR numbers they are operations like the
+# others.  A kernel made of these alone allocates nothing (`inplace`).
+
+
+#: Options of operations in place, which are always inlined: passing arrays to a function costs more than the work on a
+#: hundred numbers.  Whether references are counted is left to the caller.
+PLACES = COMMON | {"forceinline": True}
+
+
+def part_of_caller(f):
+    """Compile ``f`` into its caller with the caller's options: for what the loop calls in every step."""
+    return njit(**PLACES)(f)
+
+
+def by_kind(function, on_values, on_arrays):
+    """Overload a function by kind of argument.
+
+    ``on_values`` and ``on_arrays`` are called with the types of the arguments and return the function to compile: the
+    latter if one of them is a vector stored as an array, else the former.
+    """
+    names = ", ".join(inspect.signature(function).parameters)
+    for vectors, chosen_for, options in (
+        (False, on_values, {"forceinline": True, **TUPLES}),
+        (True, on_arrays, PLACES),
+    ):
+        namespace = {"__name__": __name__, "chosen_for": chosen_for}
+        namespace["fit"] = lambda *arguments, wanted=vectors: any(map(_holds_vectors, arguments)) == wanted
+        exec(f"def typed({names}):\n  return chosen_for({names}) if fit({names}) else None", namespace)
+        overload(function, jit_options=options)(namespace["typed"])
+
+
+def in_place(on_arrays):
+    """Return a decorator: the function of values becomes ``on_arrays`` if one of the arguments is an array."""
+
+    def decorate(on_values):
+        by_kind(on_values, lambda *arguments: on_values, lambda *arguments: on_arrays or on_values)
+        return on_values
+
+    return decorate
+
+
+def writes(f) -> bool:
+    """True if the type is that of a function that writes its results into its last arguments (`inplace`)."""
+    return isinstance(f, types.FunctionType) and f.signature.return_type == types.none
+
+
+@intrinsic
+def _part_of_row(typing_context, A, i, first, n):
+    """A view of n numbers of row i of A from column ``first`` on.
+
+    It counts no references, which is safe because the table outlives the kernel.
+    """
+    kind = types.Array(types.float64, 1, "C")
+
+    def codegen(context, builder, signature, arguments):
+        table, row, first, n = arguments
+        source = arrayobj.make_array(signature.args[0])(context, builder, table)
+        size, width = context.get_constant(types.intp, 8), cgutils.unpack_tuple(builder, source.strides)[0]
+        offset = builder.add(builder.mul(row, width), builder.mul(first, size))
+        out = arrayobj.make_array(kind)(context, builder)
+        place = cgutils.pointer_add(builder, source.data, offset)
+        arrayobj.populate_array(out, data=place, shape=[n], strides=[size], itemsize=size, meminfo=None)
+        return out._getvalue()
+
+    return kind(A, types.intp, types.intp, types.intp), codegen
+
+
+def _rows(A, i, j, like):
+    """`rows` for arrays: views."""
+    return _part_of_row(A, i, 0, len(like)), _part_of_row(A, j, 0, len(like))
+
+
+@in_place(_rows)
+def rows(A, i, j, like):
+    """Rows i and j of the table A, of the kind of ``like``; for arrays, views of the rows that may be overwritten."""
+    return load(A, i, like), load(A, j, like)
+
+
+def _halves(A, i, like):
+    """`halves` for arrays: views."""
+    return _part_of_row(A, i, 0, len(like)), _part_of_row(A, i, len(like), len(like))
+
+
+@in_place(_halves)
+def halves(A, i, like):
+    """The two halves of row i of A, each of the kind of ``like``; for arrays, views that may be overwritten."""
+    x = load(A, i, join(like, like))
+    return head(x), tail(x)
+
+
+@inlined
+def held(carry):
+    """The state stored in rows 0 to 3 of ``carry.state``, as `opened`; for arrays, views of the rows themselves."""
+    q, p = rows(carry.state, 0, 1, carry.zero)
+    lost_q, lost_p = rows(carry.state, 2, 3, carry.zero)
+    return State(q, p, lost_q, lost_p)
+
+
+def _add_product_in_place(x, c, a, v):
+    """`moved` for arrays: overwrite x and c."""
+    for i in range(len(x)):
+        t = fma(a, v[i], x[i] + c[i])
+        c[i] = fma(a, v[i], c[i]) - (t - x[i])
+        x[i] = t
+    return x, c
+
+
+@in_place(_add_product_in_place)
+def moved(x, c, a, v):
+    """The compensated sum of x + c and a v (`add_product`), written over x and c where these are arrays."""
+    return add_product(x, c, a, v)
+
+
+@written(lambda d: _tuple(d, "f[{i}] * x[{i}]"))
+def times(f, x):
+    """f * x, componentwise; f is an array of coefficients."""
+    return f * x
+
+
+@intrinsic
+def _call_entry(typing_context, f, x):
+    """f(x) through f's C entry: Numba's own call returns the result in memory, which the next kick would wait for."""
+
+    def codegen(context, builder, signature, arguments):
+        address = cgutils.create_struct_proxy(f)(context, builder, value=arguments[0]).c_addr
+        return builder.call(builder.bitcast(address, context.get_value_type(f.ftype)), arguments[1:])
+
+    return f.signature.return_type(f, x), codegen
+
+
+def of(f, x, old):
+    """f(x), written over ``old`` where it is an array; x if f is None, and f * x, componentwise, if f is an array."""
+    if f is None:
+        return x
+    return times(f, x) if isinstance(f, np.ndarray) else f(x)
+
+
+def _of_values(f, x, old):
+    """Choose the implementation of `of` for values from the type of f."""
+    if isinstance(f, (types.NoneType, types.Omitted)):
+        return lambda f, x, old: x
+    if isinstance(f, types.Array):
+        return lambda f, x, old: times(f, x)
+    if isinstance(f, types.FunctionType) and machine.in_registers(f.signature.return_type, f.signature.args):
+        return lambda f, x, old: _call_entry(f, x)
+    return lambda f, x, old: f(x)
+
+
+def _of_arrays(f, x, old):
+    """Choose the implementation of `of` for arrays from the type of f."""
+
+    def filled(f, x, old):
+        f(x, old)
+        return old
+
+    def multiplied(f, x, old):
+        for i in range(len(x)):
+            old[i] = f[i] * x[i]
+        return old
+
+    if isinstance(f, types.Array):
+        return multiplied
+    return filled if writes(f) else _of_values(f, x, old)
+
+
+by_kind(of, _of_values, _of_arrays)

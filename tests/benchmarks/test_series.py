@@ -1,0 +1,128 @@
+"""The drift of a stored series: a bounded oscillation, a true drift, uneven times, and files that cannot be used."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import phasebench as pb
+from phasebench.benchmarks.cli import app
+from phasebench.benchmarks.measure import metrics
+from phasebench.benchmarks.measure.drift import POINTS
+from phasebench.benchmarks.measure.drift import drift as estimated
+
+T = np.linspace(0.0, 200.0, 3001)
+#: Uneven times: drawn at random, and with steps that are wide and narrow in turns, as an adaptive integrator's.
+GROWN = np.cumsum(1 + 0.6 * np.sin(0.05 * np.arange(3001)))
+UNEVEN = {"random": np.sort(np.random.default_rng(2).uniform(0, 200, 3001)), "adaptive": 200 * GROWN / GROWN[-1]}
+
+
+def swing(t):
+    return -0.5 + 1e-3 * np.sin(t) + 3e-4 * np.cos(2.7 * t)
+
+
+def test_bounded_oscillation_has_no_drift_and_its_size_is_told():
+    found = pb.drift(T, swing(T))
+    assert found.holds_zero
+    assert found.interval[1] - found.interval[0] < 1e-9
+    assert found.oscillation == pytest.approx(1.3e-3, rel=0.02)
+    assert "uneven" not in found.method
+    same = estimated(T, swing(T) - swing(T)[0])
+    assert (found.slope, *found.interval) == (same.value, same.low, same.high), "it is the suite's estimator"
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_true_drift_is_found_where_a_line_is_led_astray(sign):
+    found = pb.drift(T.tolist(), (swing(T) + sign * 1e-8 * T).tolist())
+    assert not found.holds_zero
+    assert found.slope == pytest.approx(sign * 1e-8, rel=1e-2)
+    assert abs(metrics.slope(T, swing(T)).value) > 1e-8, "the control: the line through all points"
+
+
+@pytest.mark.parametrize("kind", UNEVEN)
+def test_uneven_times(kind):
+    t = UNEVEN[kind]
+    still, drifts = pb.drift(t, swing(t)), pb.drift(t, swing(t) + 1e-6 * t)
+    assert still.holds_zero
+    assert not drifts.holds_zero
+    assert drifts.interval[0] <= 1e-6 <= drifts.interval[1]
+    assert drifts.slope == pytest.approx(1e-6, rel=0.1)
+    assert "uneven" in still.method
+    index = pb.drift(T, swing(t) + 1e-6 * t)
+    assert not abs(index.slope / drifts.slope - 1) < 1e-3, "the control: the number of a row is no time"
+
+
+def test_interval_at_uneven_times_covers_the_true_drift():
+    covered = 0
+    for seed in range(60):
+        t = np.sort(np.random.default_rng(seed).uniform(0, 200, 1500))
+        low, high = pb.drift(t, swing(t) + 1e-6 * t).interval
+        covered += low <= 1e-6 <= high
+    # At 95.75 % coverage, fewer than 50 of 60 draws are covered with probability 1e-4.
+    assert covered >= 50
+
+
+def test_falling_times_and_times_with_few_digits():
+    back = pb.drift(-T, swing(T) + 1e-6 * T)
+    assert back.slope == pytest.approx(-1e-6, rel=1e-2)
+    assert "uneven" not in pb.drift(np.round(T, 5), swing(T)).method
+
+
+@pytest.mark.parametrize(
+    ("t", "series", "said"),
+    [(T[: POINTS - 1], T[: POINTS - 1], "too few"), (T, T[:-1], "one value for each time")]
+    + [(T * 0, T, "rise or fall"), (T, np.where(T > 100, np.nan, T), "must be finite"), (T, ["x"], "list of numbers")]
+    + [([T], [T], "its shape is")],
+)
+def test_unusable_series_are_refused(t, series, said):
+    with pytest.raises(pb.InvalidInput, match=said):
+        pb.drift(t, series)
+
+
+def test_result_prints_and_converts():
+    found = pb.drift(T, swing(T))
+    assert max(map(len, repr(found).splitlines())) <= 100
+    assert list(found.to_frame()) == ["slope", "low", "high", "oscillation", "method"]
+
+
+# -- the command -------------------------------------------------------------------------------------------------------
+
+
+def call(*args):
+    result = CliRunner().invoke(app, ["drift", *map(str, args)], env={"COLUMNS": "100"})
+    return result.exit_code, result.stdout, result.stderr
+
+
+@pytest.mark.parametrize(("slope", "code"), [(0.0, 0), (1e-6, 1)])
+def test_exit_code_is_0_where_the_interval_holds_0(tmp_path, slope, code):
+    path = tmp_path / "run.csv"
+    lines = [f"{t!r},1.0,{e!r}" for t, e in zip(T.tolist(), (swing(T) + slope * T).tolist(), strict=True)]
+    path.write_text("\n".join(["# a comment", "t,q,energy", *lines]))
+    found = call(path, "--json")
+    assert found[0] == code
+    assert list(json.loads(found[1])) == ["slope", "interval", "oscillation", "method"]
+    assert json.loads(found[1])["slope"] == pytest.approx(slope, abs=1e-9)
+    assert call(path)[0] == code
+    assert call(path, "--time", "t", "--column", "q")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "said"),
+    [("", (), "is empty"), ("a,energy\n1,2\n", (), "say --time"), ("t,q\n1,2\n", (), "no column 'energy'")]
+    + [("t,energy\n1,x\n", (), "'x' in row 1"), ("t,energy\n1\n", (), "row 1 has 1 entries")]
+    + [
+        ("t,energy\n1,2\n", ("--time", "s"), "no column 's'"),
+        ("t,energy\n1,2\n", (), "too few"),
+        (None, (), "cannot be read"),
+    ],
+)
+def test_unusable_files_are_refused(tmp_path, text, options, said):
+    path = tmp_path / "run.csv"
+    if text is not None:
+        path.write_text(text)
+    code, _, err = call(path, *options)
+    assert code == 2
+    assert said in " ".join(err.split())

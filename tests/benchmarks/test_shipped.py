@@ -1,0 +1,86 @@
+"""The shipped tables: saved and loaded unchanged, and each file equals what its rows give."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import pytest
+
+from phasebench.benchmarks.advice import bench_stored as advice
+from phasebench.benchmarks.advice import models, prior
+from phasebench.benchmarks.certificate import bench_stored as certificate
+from phasebench.benchmarks.certificate import fronts, times
+from phasebench.benchmarks.store import tables
+from phasebench.benchmarks.store.shipped import ShippedTable
+
+REPORTS = Path(__file__).parents[2] / "reports"
+
+
+def build(rows):
+    return [{"name": r["name"], "double": 2 * r["x"]} for r in rows]
+
+
+def parse(lines):
+    return {line["name"]: float(line["double"]) for line in lines}
+
+
+ROWS = [{"name": "a, b", "x": 0.1}, {"name": "c", "x": 1 / 3}]
+
+
+def test_saved_table_is_loaded(tmp_path):
+    table = ShippedTable(tmp_path / "t.csv", build, parse)
+    assert table.load() == {}, "there is no file"
+    table.save(ROWS)
+    assert table.load() == {"a, b": 0.2, "c": 2 / 3}
+    assert table.path.read_text() == table.text(ROWS)
+    table.save(ROWS[1:])
+    assert table.load() == {"c": 2 / 3}
+
+
+def test_file_is_read_once(tmp_path):
+    calls = []
+    table = ShippedTable(tmp_path / "t.csv", build, lambda lines: calls.append(1) or parse(lines))
+    table.save(ROWS)
+    assert table.load() is table.load()
+    assert calls == [1]
+
+
+def rows(name: str):
+    frame, _ = tables.read(REPORTS, name)
+    return frame
+
+
+def records(name: str) -> list[dict]:
+    return rows(name).to_dict("records")
+
+
+def competition():
+    """The rows and integrators that the stored prior knows; methods added since have not competed."""
+    ran, named = advice.competition(records(advice.RUNS))
+    return ran, named & prior.TABLE.load().competitors
+
+
+SHIPPED = {
+    "prior": (prior.TABLE, competition),
+    "models": (models.TABLE, lambda: tuple(map(rows, advice.MODELS))),
+    "fronts": (fronts.TABLE, lambda: (records(certificate.RUNS),)),
+    "times": (times.TABLE, lambda: (records(certificate.CHOICES), records(certificate.RUNS))),
+}
+#: Columns of a file recorded before its rows were measured again.
+EARLIER = {"models": ("error", "seconds")}
+
+
+def lines(text: str, name: str) -> list[tuple]:
+    """The distinct lines of a file, without the columns in `EARLIER`."""
+    left = [tuple(v for k, v in r.items() if k not in EARLIER.get(name, ())) for r in csv.DictReader(io.StringIO(text))]
+    return list(dict.fromkeys(left)) if name in EARLIER else left
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_file_equals_what_its_rows_give(name):
+    table, of = SHIPPED[name]
+    stored = table.path.read_text()
+    assert lines(table.text(*of()), name) == lines(stored, name)
+    assert table.parse([]) != table.load(), "the control: of no rows it is another"

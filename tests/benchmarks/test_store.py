@@ -1,0 +1,361 @@
+"""Rows on disk: journals, tables, which cells are measured again, runs that are killed or find another run."""
+
+from __future__ import annotations
+
+import csv
+import json
+import random
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.store import compare, provenance, run, screen, tables, workers
+from phasebench.benchmarks.store.cells import text
+from phasebench.benchmarks.store.journal import Entry, Journal, lock
+from phasebench.integrators.errors import InvalidInput
+from support import toy_cells
+
+MACHINE = provenance.machine()
+OTHER = "0ther0/" + MACHINE.partition("/")[2]
+
+
+pytestmark = pytest.mark.usefixtures("importable")
+
+
+def execute(folder, cells, **more):
+    return run.execute(cells, folder, **({"count": 0, "seed": 1} | more))
+
+
+def rows(folder, name="toys"):
+    with (folder / f"{name}.csv").open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def timeless(folder):
+    """All tables of a folder without the columns that differ between two runs."""
+    return {
+        name: [{k: v for k, v in r.items() if k not in ("seconds", "spent", "digest")} for r in rows(folder, name)]
+        for name in toy_cells.TABLES
+    }
+
+
+def measured_now(outcome):
+    """The numbers of the cells that this run measured and stored."""
+    return [c.key["n"] for c in outcome.cells if c.id in outcome.entries and c not in outcome.plan.done]
+
+
+# -- the journal -------------------------------------------------------------------------------------------------------
+
+
+def entry(k: int, content="c") -> Entry:
+    return Entry(f"cell {k}", content, "2026-11-21", MACHINE, 0.5, {"t": [{"x": k / 3, "y": None}]})
+
+
+@pytest.fixture
+def path(tmp_path):
+    """The path of a journal with three entries."""
+    journal = Journal(tmp_path / "deep" / "journal.jsonl")
+    for k in range(3):
+        journal.put(entry(k))
+    return journal.path
+
+
+def test_journal_returns_what_was_put(path):
+    assert Journal(path).entries == {f"cell {k}": entry(k) for k in range(3)}
+    Journal(path).put(entry(1, "other"))
+    assert Journal(path).entries["cell 1"].content == "other"
+
+
+@pytest.mark.parametrize("cut", [1, 2, 40, 90])
+def test_truncated_line_is_dropped_and_the_next_is_intact(path, cut):
+    path.write_bytes(path.read_bytes()[:-cut])
+    journal = Journal(path)
+    assert set(journal.entries) >= {"cell 0", "cell 1"}
+    journal.put(entry(7))
+    assert {"cell 0", "cell 1", "cell 7"} <= set(Journal(path).entries)
+
+
+@pytest.mark.parametrize("line", [b"{}", b"\xff\xfe\x00", b'{"cell": "a"}', b"[1]", b'{"cell": "cell 1", "rows"'])
+def test_corrupt_line_is_skipped_and_counted(path, line):
+    lines = path.read_bytes().split(b"\n")
+    lines[1] = line
+    path.write_bytes(b"\n".join(lines))
+    journal = Journal(path)
+    assert (set(journal.entries), journal.unreadable) == ({"cell 0", "cell 2"}, 1)
+
+
+def test_line_with_an_invalid_table_is_skipped(path):
+    lines = path.read_text()
+    half = json.loads(lines.splitlines()[0]) | {"cell": "half", "rows": {"t": [], "u": 3}}
+    path.write_text(lines + json.dumps(half) + "\n")
+    again = Journal(path)
+    assert "half" not in again.entries
+    assert (len(again.entries), again.unreadable) == (3, 1)
+
+
+def test_journal_and_lock_create_their_folders(tmp_path):
+    Journal(tmp_path / "a" / "b" / "rows.jsonl").put(entry(1))
+    assert len(Journal(tmp_path / "a" / "b" / "rows.jsonl").entries) == 1
+    with lock(tmp_path / "c" / "d"):
+        assert (tmp_path / "c" / "d").is_dir()
+
+
+def test_folder_as_journal_is_invalid(tmp_path):
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        Journal(tmp_path)
+
+
+# -- runs --------------------------------------------------------------------------------------------------------------
+
+
+def test_second_run_measures_only_its_sample(tmp_path):
+    cells = toy_cells.cells(6)
+    first = execute(tmp_path, cells)
+    assert measured_now(first) == list(range(6))
+    written = {p.name: p.read_bytes() for p in tmp_path.glob("*.*")}
+    second = execute(tmp_path, cells)
+    assert measured_now(second) == []
+    assert 0 < len(second.sampled) <= 6
+    assert {p.name: p.read_bytes() for p in tmp_path.glob("*.*")} == written
+    assert [r["n"] for r in rows(tmp_path)] == [str(n) for n in range(6)]
+    assert [(r["n"], r["part"]) for r in rows(tmp_path, "toy_parts")] == [
+        ("1", "0"), ("2", "0"), ("2", "1"), ("4", "0"), ("5", "0"), ("5", "1")
+    ]  # fmt: skip
+    assert {(r["machine"], r["state"]) for r in rows(tmp_path)} == {(MACHINE, tables.CURRENT)}
+
+
+def test_only_changed_cells_are_measured_again(tmp_path):
+    execute(tmp_path, toy_cells.cells(6))
+    changed = [toy_cells.cell(n, version=2 if n in (1, 4) else 1) for n in range(6)]
+    assert measured_now(execute(tmp_path, changed)) == [1, 4]
+    assert {c["content"] for c in rows(tmp_path) if c["n"] in "14"} == {changed[n].content for n in (1, 4)}
+
+
+def test_outdated_rows_stay_marked_without_a_budget(tmp_path):
+    tmp_path = tmp_path / "data"
+    execute(tmp_path, toy_cells.cells(4))
+    changed = toy_cells.cells(4, version=2)
+    outcome = execute(tmp_path, changed, budget=0.0)
+    assert measured_now(outcome) == []
+    assert len(outcome.left) == 4
+    assert any("4 cells are not measured by this version" in note for note in outcome.notes)
+    assert {r["state"] for r in rows(tmp_path)} == {tables.STALE}
+    frame, about = tables.read(tmp_path.parent, "toys")
+    assert (len(frame), about["stale"]) == (4, 4)
+    assert json.loads((tmp_path / "toys.json").read_text())["stale"] == 4
+    assert screen.counts(outcome)[0]["not by this version"] == 4
+    assert measured_now(execute(tmp_path, changed)) == [0, 1, 2, 3]
+    assert {r["state"] for r in rows(tmp_path)} == {tables.CURRENT}
+
+
+def test_cell_with_edited_rows_is_measured_again(tmp_path):
+    execute(tmp_path, toy_cells.cells(3))
+    file = tmp_path / "toy_parts.csv"
+    file.write_text(file.read_text().replace(toy_cells.cell(2).content, "0" * 16))
+    assert measured_now(execute(tmp_path, toy_cells.cells(3))) == [2]
+
+
+def test_machine_dependent_cells_on_another_machine(tmp_path):
+    cells = [toy_cells.cell(n, own=n in (1, 2)) for n in range(4)]
+    execute(tmp_path, cells)
+    assert measured_now(execute(tmp_path, cells)) == []
+    for name in toy_cells.TABLES:
+        file = tmp_path / f"{name}.csv"
+        file.write_text(file.read_text().replace(MACHINE, OTHER))
+    outcome = execute(tmp_path, cells)
+    assert sorted(measured_now(outcome)) == [1, 2]
+    assert {r["n"]: r["machine"] for r in rows(tmp_path)} == {"0": OTHER, "1": MACHINE, "2": MACHINE, "3": OTHER}
+
+
+def test_only_selected_cells_are_measured(tmp_path):
+    tmp_path = tmp_path / "data"
+    execute(tmp_path, toy_cells.cells(4))
+    outcome = execute(tmp_path, toy_cells.cells(4, version=2), selected=lambda c: "n3" in c.names)
+    assert measured_now(outcome) == [3]
+    frame, about = tables.read(tmp_path.parent, "toys")
+    assert (frame["n"].tolist(), about["stale"]) == ([0, 1, 2, 3], 3)
+    assert [r["state"] for r in rows(tmp_path)] == [tables.STALE] * 3 + [tables.CURRENT]
+    again = execute(tmp_path, toy_cells.cells(4, version=2), selected=lambda c: "n3" in c.names)
+    assert measured_now(again) == [3]
+
+
+def test_rows_of_removed_cells_are_dropped(tmp_path):
+    execute(tmp_path, toy_cells.cells(4))
+    (tmp_path / "others.csv").write_text("x\n1\n")
+    execute(tmp_path, toy_cells.cells(2))
+    assert [r["n"] for r in rows(tmp_path)] == ["0", "1"]
+    assert (tmp_path / "others.csv").read_text() == "x\n1\n"
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_failed_cell_is_named_and_the_others_continue(tmp_path, count):
+    bad = {1: toy_cells.fail, 3: toy_cells.lack} | ({2: toy_cells.die} if count else {})
+    cells = [toy_cells.cell(n, function=bad.get(n, toy_cells.measure)) for n in range(6)]
+    outcome = execute(tmp_path, cells, count=count)
+    assert sorted(measured_now(outcome)) == sorted({0, 1, 2, 3, 4, 5} - set(bad))
+    assert outcome.failed[cells[1].id] == "ValueError: there is no 1"
+    assert any("no compiler" in note for note in outcome.notes)
+    assert not count or "died" in outcome.failed[cells[2].id]
+    assert [r["n"] for r in rows(tmp_path)] == [str(n) for n in range(6) if n not in bad]
+
+
+def runs(pid: int) -> bool:
+    """True if a process with this id runs; False for a zombie."""
+    state = Path(f"/proc/{pid}/stat")
+    return state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no /proc to look into")
+def test_workers_and_their_children_end_at_the_deadline(tmp_path):
+    started = tmp_path / "started"
+    cell = replace(toy_cells.cell(0), measure=toy_cells.start, arguments=(str(started), 0))
+    began = time.monotonic()
+    outcome = execute(tmp_path, [cell, toy_cells.cell(2, seconds=60.0)], count=1, budget=5.0)
+    assert time.monotonic() - began < 30
+    assert outcome.left == [cell, toy_cells.cell(2, seconds=60.0)]
+    child = int(started.read_text())
+    patience = time.monotonic() + 5
+    while runs(child) and time.monotonic() < patience:
+        time.sleep(0.05)
+    assert not runs(child)
+
+
+def test_rows_that_contradict_their_cell_are_refused(tmp_path):
+    cell = toy_cells.cell(1)
+    wrong = type(cell)(**{**vars(cell), "key": {"n": 2}})
+    outcome = execute(tmp_path, [wrong])
+    assert "a row's n is not the cell's" in outcome.failed[wrong.id]
+    taken = toy_cells.cell(1, function=toy_cells.measure_dated)
+    assert "column date is the provenance's" in execute(tmp_path, [taken]).failed[taken.id]
+
+
+def test_two_cells_with_one_key_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="two cells"):
+        execute(tmp_path, [toy_cells.cell(1), toy_cells.cell(1)])
+
+
+def test_second_run_in_a_folder_is_refused(tmp_path):
+    with lock(tmp_path), pytest.raises(InvalidInput, match="another run"):
+        execute(tmp_path, toy_cells.cells(1))
+    assert measured_now(execute(tmp_path, toy_cells.cells(1))) == [0]
+
+
+def test_killed_run_continues_to_the_same_tables(tmp_path):
+    """SIGKILL five times at random moments; finished cells are not measured again."""
+    count, folder = 60, tmp_path / "killed"
+    command = [sys.executable, "-m", "support.toy_cells", str(folder), str(count)]
+    rng, finished = random.Random(5), []
+    for _ in range(5):
+        process = subprocess.Popen(command, stdout=subprocess.PIPE)
+        _wait_for_progress(folder / "journal.jsonl", len(finished), process)
+        time.sleep(rng.uniform(0, 0.25))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        entries = Journal(folder / "journal.jsonl").entries
+        assert len(entries) > len(finished)
+        finished = [*entries]
+    before = Journal(folder / "journal.jsonl").entries
+    assert 5 <= len(before) < count
+    subprocess.run(command, check=True)
+    kept = {r["n"]: r["seconds"] for r in rows(folder)}
+    for e in before.values():
+        (row,) = e.rows["toys"]
+        assert kept[str(row["n"])] == text(row["seconds"])
+    whole = tmp_path / "whole"
+    execute(whole, toy_cells.cells(count, seconds=0.03))
+    assert timeless(folder) == timeless(whole)
+    assert not (folder / "journal.jsonl").exists()
+
+
+def test_run_of_some_cells_keeps_the_journal_of_others(tmp_path):
+    cells = toy_cells.cells(4)
+    journal = Journal(tmp_path / "journal.jsonl")
+    for cell in cells[:2]:
+        journal.put(run.entry(cell, workers.answer(cell.measure, cell.arguments)))
+    execute(tmp_path, cells, selected=lambda c: "n3" in c.names)
+    assert [*Journal(tmp_path / "journal.jsonl").entries] == [c.id for c in cells[:2]]
+    assert measured_now(execute(tmp_path, cells)) == [2]
+    assert not (tmp_path / "journal.jsonl").exists()
+
+
+def _wait_for_progress(journal: Path, before: int, process) -> None:
+    for _ in range(3000):
+        if journal.exists() and len(journal.read_bytes().splitlines()) > before + 1:
+            return
+        assert process.poll() is None, "it ended before it was killed"
+        time.sleep(0.02)
+    raise AssertionError("nothing was measured")
+
+
+def test_journal_of_another_version_is_ignored(tmp_path):
+    Journal(tmp_path / "journal.jsonl").put(
+        Entry(toy_cells.cell(0).id, "another", "2026-01-01", MACHINE, 0.1, toy_cells.measure(0))
+    )
+    assert measured_now(execute(tmp_path, toy_cells.cells(1))) == [0]
+
+
+# -- the sample --------------------------------------------------------------------------------------------------------
+
+
+def test_sample_fits_its_time_and_follows_its_seed():
+    cells = toy_cells.cells(40)
+    known = {c.id: run.Standing(c.content, MACHINE, 1.0 if c.key["n"] else 1e3) for c in cells}
+    chosen = run.sample(cells, known, 9.5, 1, 1)
+    assert len(chosen) == 9
+    assert chosen == run.sample(cells, known, 9.5, 1, 1) != run.sample(cells, known, 9.5, 2, 1)
+    assert cells[0] not in run.sample(cells, known, 1e6, 1, 1), "one cell would take the whole time"
+
+
+def test_run_finds_a_sample_that_differs(tmp_path, monkeypatch):
+    monkeypatch.setitem(compare.BANDS, "toys", {"x": compare.Band(1e-6, 0.0)})
+    execute(tmp_path, toy_cells.cells(3))
+    assert compare.of_sample(execute(tmp_path, toy_cells.cells(3))) == []
+    was = toy_cells.cell(2)
+    other = type(was)(**{**vars(was), "measure": toy_cells.measure_moved})
+    execute(tmp_path, [other], selected=lambda c: True)
+    (found,) = compare.of_sample(execute(tmp_path, [was]))
+    assert (found.column, found.stored, found.measured) == ("x", "0.29", 2 / 7)
+
+
+# -- tables and the screen ---------------------------------------------------------------------------------------------
+
+
+def test_table_reads_back_the_measured_numbers(tmp_path):
+    values = np.random.default_rng(0).normal(size=200) * 10.0 ** np.arange(-150, 50)
+    cell = toy_cells.cell(1)
+    entries = {cell.id: Entry(cell.id, cell.content, "2026-11-21", MACHINE, 1.0, {"toys": [], "toy_parts": []})}
+    entries[cell.id].rows["toys"][:] = [{"n": 1, "x": x, "text": f'row, "{i}"'} for i, x in enumerate(values)]
+    tables.write(tmp_path / "data", [cell], entries, quick=True)
+    frame, about = tables.read(tmp_path, "toys")
+    assert (frame["x"].to_numpy() == values).all()
+    assert frame["text"].tolist() == [f'row, "{i}"' for i in range(200)]
+    assert set(tables.PROVENANCE).isdisjoint(frame)
+    assert about["quick"] is True
+    assert "numpy" in about["machines"][MACHINE]["versions"]
+    assert tables.read(tmp_path, "numbers") == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [(None, ""), (float("nan"), ""), (np.float64(0.1), "0.1"), (np.bool_(True), "True"), (1e-300, "1e-300"), (3, "3")],
+)
+def test_values_as_text(value, expected):
+    assert text(value) == expected
+
+
+def test_screen_fits_a_terminal_and_counts_cells(tmp_path):
+    execute(tmp_path, toy_cells.cells(3))
+    cells = [toy_cells.cell(n, version=2 if n == 1 else 1, function=toy_cells.fail if n == 1 else toy_cells.measure)
+             for n in range(4)]  # fmt: skip
+    outcome = execute(tmp_path, cells)
+    (row,) = screen.counts(outcome)
+    assert (row["failed"], row["measured now"], row["sampled"] + row["unchanged"]) == (1, 1, 2)
+    lines = screen.summary(outcome, 100).splitlines()
+    assert all(len(line) <= 100 for line in lines)
+    assert len(lines) == 3

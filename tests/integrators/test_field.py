@@ -1,0 +1,179 @@
+"""The family "field", whose step size follows from the vector field: any H, order, walls, encounters, stored rows."""
+
+from __future__ import annotations
+
+import json
+
+import mpmath
+import numpy as np
+import pytest
+
+from phasebench.benchmarks.problems import problem
+from phasebench.integrators import Hamiltonian
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision
+from phasebench.integrators.driver import OK, integrate
+from phasebench.integrators.errors import InvalidInput
+from phasebench.integrators.families import field
+from phasebench.integrators.prepared import lay_out
+from phasebench.integrators.registry import METHODS
+from phasebench.integrators.stepping.kernel import prepare
+
+BY_ID = {m.id: m for m in METHODS if m.family == "field"}
+KEPLER = problem("kepler", e=0.8)
+PERIOD = 2 * np.pi
+#: A wall at q = 0; far from it the force is constant to all digits, so that nothing announces the wall.
+WALL = Hamiltonian(q="q", p="p", H="p**2/2 + exp(-40*q) + q")
+#: A non-separable H.
+COUPLED = Hamiltonian(q="x y", p="u v", H="(u**2 + v**2)*(1 + x**2/4)/2 + x**2/2 + y**4/4 + y**2")
+
+
+def end(solution):
+    """End state (q, p) of a run that must be ok."""
+    assert solution.status == "ok", solution.reason
+    return np.concatenate([solution.q[-1], solution.p[-1]])
+
+
+def lengths(system, id, h, q0, p0, every, rows=1):
+    """(length of the next step, of the last step, time, counts) after some rows."""
+    run = lay_out(prepare(BY_ID[id], system), system.d, h, q0, p0, DOUBLE)
+    shape = (rows, system.d)
+    assert run(np.zeros(shape), np.zeros(shape), np.zeros((rows, 1)), every)[1] == 0
+    state = run.carry.state
+    return state[5, 0], state[5, 1], state[4, 0], run.counts
+
+
+def test_the_weights_for_derivatives_at_the_end_of_a_step():
+    """For f = exp(c) on the nodes, f(1) and its derivatives at 1 are e up to the interpolation error."""
+    with precision(40):
+        step = prepare(BY_ID["gauss-8-field"], KEPLER.system, MULTIPRECISION).step
+        values = [mpmath.exp(mpmath.mpf(str(c))) for c in step.method.nodes[0][:8]]
+        told = [mpmath.fsum(mpmath.mpf(str(w)) * f for w, f in zip(row, values, strict=False)) for row in step.ends]
+    for k, (x, bound) in enumerate(zip(told, (1e-8, 1e-6, 1e-4, 1e-2, 1.1), strict=True)):
+        assert abs(x - mpmath.e) < bound, k
+    assert abs(told[3] - mpmath.e) > 1e-12, "the control: the weights are no rule for exp itself"
+
+
+@pytest.mark.parametrize("id", BY_ID)
+def test_steps_on_an_oscillator_are_equal(id):
+    """The time scale is constant there: 1/T = |f| / |y| is the frequency."""
+    h, made = 0.1, problem("harmonic-oscillator", omega=2.0)
+    following, last, t, counts = lengths(made.system, id, h, [0.7], [1.4], 200)
+    assert following == pytest.approx(last, rel=0.05)
+    assert t / counts.steps == pytest.approx(last, rel=0.05)
+
+
+def test_steps_on_a_kepler_orbit_follow_the_distance():
+    """About as r^(3/2): at the apocentre, 9 times as far as the pericentre, they are about 27 times as long."""
+    steps = []
+    for half in (0, 1):
+        t, h = (0.999 + half * 0.5) * PERIOD, 0.002
+        steps.append(lengths(KEPLER.system, "gauss-8-field", h, KEPLER.q0, KEPLER.p0, round(t / h))[0])
+    assert 20 < steps[1] / steps[0] < 50
+
+
+def test_steps_into_a_wall_are_rejected():
+    """Starting at q = 3 the steps grow at the largest rate; steps into the wall are rejected and repeated."""
+    fine, s = (
+        end(integrate(WALL, "gauss-8-field", t_end=10.0, steps=n, q0=[3.0], p0=[0.0], save_every=0))
+        for n in (4000, 100)
+    )
+    assert np.abs(fine - s).max() < 1e-6
+    assert np.abs(WALL.energies(fine[:1, None], fine[1:, None]) - 3).max() < 1e-13
+    fixed = integrate(WALL, "gauss-8", t_end=10.0, steps=100, q0=[3.0], p0=[0.0], save_every=0)
+    assert fixed.status != "ok" or np.abs(end(fixed) - fine).max() > 1e-3, "the control"
+
+
+def test_the_growth_of_steps_is_bounded():
+    run = lay_out(prepare(BY_ID["gauss-8-field"], WALL), 1, 0.01, [3.0], [0.0], DOUBLE)
+    seen = []
+    for _ in range(40):
+        assert run(np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)), 1) == (1, 0)
+        seen.append(run.carry.state[5, 0])
+    ratios = np.array(seen[1:]) / seen[:-1]
+    assert ratios.max() <= field.GROWTH * (1 + 1e-12)
+    assert ratios.max() > 0.9 * field.GROWTH, "the field is constant: nothing else bounds a step"
+
+
+def same_with_all_rows(system, id, q0, p0, t_end):
+    """The end is the same with all rows stored and with none."""
+    every, none = (integrate(system, id, h=0.02, t_end=t_end, q0=q0, p0=p0, save_every=n) for n in (1, 0))
+    assert np.array_equal(end(every), end(none))
+    assert every.t[-1] == t_end
+
+
+@pytest.mark.parametrize("id", BY_ID)
+def test_the_orbit_does_not_depend_on_the_stored_rows(id):
+    same_with_all_rows(KEPLER.system, id, KEPLER.q0, KEPLER.p0, 10.0)
+
+
+def test_rows_near_a_wall_do_not_change_the_orbit():
+    same_with_all_rows(WALL, "gauss-8-field", [3.0], [0.0], 8.0)
+
+
+def test_a_close_passage_costs_less_than_with_fixed_steps():
+    s = integrate(KEPLER, "gauss-8-field", t_end=10 * PERIOD, steps=1200, save_every=0)
+    start = np.concatenate([KEPLER.q0, KEPLER.p0])
+    error = np.abs(end(s) - start).max()
+    fixed = integrate(KEPLER, "gauss-8", t_end=10 * PERIOD, steps=600, save_every=0)
+    assert s.counts["gradient"] < fixed.counts["gradient"]
+    assert error < 0.1 * np.abs(end(fixed) - start).max()
+
+
+def test_quadratic_invariants_but_not_energy_are_conserved():
+    s = integrate(KEPLER, "gauss-4-field", h=0.3, t_end=20 * PERIOD)
+    momentum = s.q[:, 0] * s.p[:, 1] - s.q[:, 1] * s.p[:, 0]
+    assert np.abs(momentum - momentum[0]).max() < 1e-12
+    energy = KEPLER.system.energies(s.q, s.p)
+    assert np.abs(energy - energy[0]).max() > 1e-10
+
+
+def test_a_fall_into_the_singularity_ends():
+    s = integrate(KEPLER, "gauss-8-field", h=0.1, t_end=5, q0=[1.0, 0.0], p0=[0.0, 0.0])
+    assert s.status in ("collision", "not-converged")
+    assert s.t[-1] < 1.2
+
+
+def test_missing_traits_of_a_system_are_reported():
+    beyond = Hamiltonian(q="x y", p="u v", H="u**2/2 + v**2/2 + (x**2 + y**2)**(1/3)")
+    with pytest.raises(InvalidInput, match="elementary derivatives"):
+        integrate(beyond, "gauss-8-field", h=0.1, steps=1, q0=[1, 0], p0=[0, 1])
+
+
+def short():
+    """{"method system": end state} of short runs."""
+    systems = {"kepler": (KEPLER.system, KEPLER.q0, KEPLER.p0), "coupled": (COUPLED, [0.6, -0.8], [0.3, 0.5])}
+    return {
+        f"{id} {name}": end(integrate(system, id, h=0.2, steps=12, save_every=5, q0=q0, p0=p0)).tolist()
+        for id in BY_ID
+        for name, (system, q0, p0) in systems.items()
+    }
+
+
+def test_compiled_and_uncompiled_runs_agree(uncompiled):
+    there = uncompiled("integrators/test_field.py")
+    for id, state in short().items():
+        assert np.abs(np.array(state) - there[id]).max() < 1e-12, id
+
+
+if __name__ == "__main__":
+    print(json.dumps({"result": short()}))
+
+
+@pytest.mark.parametrize("name", ["gauss-4-field", "gauss-8-field"])
+@pytest.mark.parametrize("turned", [0.0, 1e-16, 1e-12, 1e-6])
+def test_a_coordinate_at_rest_does_not_shorten_steps(name, turned):
+    """q' = 0 at p = 0 for H = exp(q) - q + exp(p) - p + ...; a tiny p must not make the steps shorter."""
+    made = Hamiltonian(q="q", p="p", H="exp(q) - q + exp(p) - p + q**2*p**2/100")
+    counts = [
+        integrate(made, name, h=0.5, t_end=10.0, q0=[0.7], p0=[p], timeout=20).counts["steps"] for p in (0.0, turned)
+    ]
+    assert abs(counts[0] - counts[1]) <= 1
+    assert counts[1] < 100
+
+
+def test_a_step_that_shrinks_to_zero_ends_the_run():
+    """A fall into a centre that is not declared singular."""
+    made = Hamiltonian(q="q", p="p", H="p**2/2 - 1/q", singular=())
+    ended = integrate(made, "gauss-4-field", h=0.1, t_end=10.0, q0=[1.0], p0=[0.0], timeout=60)
+    assert ended.status != OK
+    assert ended.counts["steps"] < 1e5

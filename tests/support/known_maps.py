@@ -1,0 +1,26 @@
+"""Step matrices on the oscillator against the exact ones of equal methods: ``python known_maps.py`` prints JSON."""
+
+from __future__ import annotations
+
+import json
+
+import mpmath
+import numpy as np
+
+from phasebench.benchmarks.experiments.extremes import brouwer, exact_maps
+from phasebench.benchmarks.measure import oscillator
+from phasebench.benchmarks.measure.integrator import integrator
+
+KNOWN = ["scheme-ii", "generating-function", *sorted({*exact_maps.SAME} - {"avf"})]
+H = 0.3
+
+
+def of(id: str) -> float:
+    """Largest difference of a method's step matrix from the exact one that stands for it."""
+    with mpmath.workdps(brouwer.DIGITS):
+        exact = np.array(exact_maps.exact_matrix(id, {}, H).tolist(), float)
+    return float(np.abs(exact - oscillator.matrix(integrator(id), H)).max())
+
+
+if __name__ == "__main__":
+    print(json.dumps({"result": {id: of(id) for id in KNOWN}}))
