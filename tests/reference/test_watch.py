@@ -121,4 +121,4 @@ def test_the_command_reports_a_timeout():
     assert "cannot be certified to 1e+09 in the time limit of 0.01 s: the 200-bit run came to t = " in done.stderr
     done = CliRunner().invoke(app, ["certify", "pendulum", "--t-end", "1", "--time-limit", "0"])
     assert done.exit_code == 2
-    assert "time limit is 0.0" in done.stderr
+    assert "--time-limit is 0; it must be a positive number of seconds" in done.stderr
