@@ -35,6 +35,9 @@ STALE_AFTER = 3600
 #: Longest time to wait for an entry that another process makes, and the time between two looks, in seconds.
 LOCK_TIMEOUT, LOCK_POLL = 60.0, 0.01
 
+#: The files of a folder of machine code: the source that Numba takes it for, and the seal.
+SOURCE, SEAL = "source.py", "seal"
+
 _VERSION = re.compile(r"py\d+-[0-9a-f]{16}")
 _log = logging.getLogger("phasebench")
 #: The first failure to write in this process, which has been logged.
@@ -142,15 +145,83 @@ def write(name: str, content: bytes) -> None:
                 os.unlink(temporary)
             raise
     except OSError as error:
-        _log_once(error)
+        log_once(error)
 
 
 def forget(name: str) -> None:
-    """Remove an entry, if it exists."""
+    """Remove an entry, if it exists: a file, or a folder of machine code."""
     place = folder()
     if place is not None:
-        with suppress(OSError):
-            (place / name).unlink()
+        _remove(place / name)
+
+
+def _remove(path: Path) -> None:
+    """Remove a file or a folder, if it exists."""
+    with suppress(OSError):
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink()
+
+
+# -- machine code ------------------------------------------------------------------------------------------------------
+
+
+def seal_of(name: str) -> str:
+    """Return the file that seals a folder of machine code, as an entry's name."""
+    return f"{name}/{SEAL}"
+
+
+def source_of(name: str) -> tuple[Path | None, bool]:
+    """Return (the empty source file beside which Numba keeps machine code, True if that is there and sealed).
+
+    The file is None if nothing can be written.  A folder of damaged machine code is emptied.
+    """
+    place = folder()
+    try:
+        if place is None:
+            raise OSError("the platform names no folder for caches")
+        home = place / name
+        sealed = _is_sealed(home)
+        if sealed:
+            _note_use(place)
+        else:
+            _remove(home)
+            home.mkdir(parents=True)
+            _evict_once()
+            (home / SOURCE).touch()
+        return home / SOURCE, sealed
+    except OSError as error:
+        log_once(error)
+        return None, False
+
+
+def _is_sealed(home: Path) -> bool:
+    """True if the folder of machine code is complete and as it was when it was sealed."""
+    try:
+        return (home / SEAL).read_bytes() == _content(home).encode()
+    except OSError:
+        return False
+
+
+def seal(name: str) -> None:
+    """Seal a folder of machine code; a failure is logged once in a process."""
+    home = folder() / name
+    try:
+        if not (home / SEAL).exists():
+            (home / f"{SEAL}.tmp").write_text(_content(home))
+            os.replace(home / f"{SEAL}.tmp", home / SEAL)
+    except OSError as error:
+        log_once(error)
+
+
+def _content(home: Path) -> str:
+    """Return the hash of the names and contents of a folder's files."""
+    digest = hashlib.sha256(home.name.encode())
+    for path in sorted(p for p in home.glob("**/*") if p.is_file() and not p.name.startswith(SEAL)):
+        content = path.read_bytes()
+        digest.update(f"{path.relative_to(home).as_posix()} {len(content)} ".encode() + content)
+    return digest.hexdigest()
 
 
 @contextmanager
@@ -164,7 +235,7 @@ def alone(name: str) -> Iterator[None]:
     if place is None or (place / name).exists():
         yield
         return
-    release = _acquire_lock(place / f"{name}.lock", place / name)
+    release = _acquire_lock(place / f"{name.replace('/', '-')}.lock", place / name)
     try:
         yield
     finally:
@@ -215,7 +286,7 @@ def _seal(name: str, content: bytes) -> bytes:
     return hashlib.sha256(name.encode() + b"\n" + content).hexdigest().encode()
 
 
-def _log_once(error: OSError) -> None:
+def log_once(error: OSError) -> None:
     """Log that the cache cannot be written, the first time that this happens in the process."""
     if not _logged:
         _logged.append(error)
@@ -250,8 +321,8 @@ def _entries(place: Path) -> list[tuple[float, int, Path]]:
     with suppress(OSError):
         for path in place.iterdir():
             with suppress(OSError):
-                stat = path.stat()
-                entries.append((stat.st_mtime, stat.st_size, path))
+                inside = [p.stat() for p in path.glob("**/*") if p.is_file()] if path.is_dir() else []
+                entries.append((path.stat().st_mtime, sum(s.st_size for s in inside or [path.stat()]), path))
     return sorted(entries)
 
 
@@ -274,7 +345,7 @@ def evict() -> None:
     for _, bytes_, path in _entries(own) if own else ():
         if total <= MAX_BYTES:
             return
-        path.unlink(missing_ok=True)
+        _remove(path)
         total -= bytes_
 
 

@@ -132,7 +132,7 @@ def _load(digest: str, text: str, style: str, signature):
     if style in ("mpfr", "numpy"):
         return module.f
     name = f"f|{digest}|{hashlib.sha256(text.encode()).hexdigest()}"
-    f = machine.compiled(module.f, signature, TUPLES if style == "tuple" else ARRAYS, name)
+    f = machine.Function(module.f, signature, TUPLES if style == "tuple" else ARRAYS, name)
     f.origin = digest, signature
     return f
 

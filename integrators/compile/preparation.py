@@ -12,10 +12,9 @@ import io
 import pickle
 from functools import lru_cache
 
-from numba.core.dispatcher import Dispatcher
-from numba.core.serialize import NumbaPickler
+from numba.extending import is_jitted
 
-from . import cache, codegen
+from . import cache, codegen, machine
 
 #: Whether anything is stored; tests that change what families prepare set it to False.
 ENABLED = True
@@ -32,11 +31,11 @@ class _MethodPickler(pickle.Pickler):
         return NotImplemented
 
 
-class _FunctionPickler(NumbaPickler):
+class _FunctionPickler(pickle.Pickler):
     """Pickles generated functions by their origins."""
 
     def persistent_id(self, obj):
-        if not isinstance(obj, Dispatcher):
+        if not (isinstance(obj, machine.Function) or is_jitted(obj)):
             return None
         origin = codegen.origin(obj)
         if origin is None:

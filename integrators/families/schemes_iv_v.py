@@ -30,7 +30,7 @@ from phasebench.integrators.stepping.kernel import Carry, Prepared, array, fixed
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.root import finder
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, predict_number, remember
-from phasebench.integrators.values.vector import State, axpy, inlined, load, minus, scale, store
+from phasebench.integrators.values.vector import State, axpy, inlined, load, minus, part_of_caller, scale, store
 
 from .parametric import quadratic, substep, unknown
 
@@ -74,7 +74,7 @@ class Group(NamedTuple):
     predicted: float
 
 
-@inlined
+@part_of_caller
 def attempt(x, start, ease, e):
     """Take the group's substeps with the parameter x.
 

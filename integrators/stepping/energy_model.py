@@ -17,7 +17,7 @@ from phasebench.integrators.values.vector import State, inlined
 from .solve import SOLVED
 
 #: Where an attempt's stage equations start from: earlier steps, the last attempt, its linear continuation in x.
-FIRST, LATEST, ALONG = 0, 1, 2
+FIRST, LATEST, ALONG = map(np.int64, range(3))
 #: What a row of numbers keeps from step to step: E is about E0 + SLOPE x + CURVATURE x^2; the slope's RATE and BEND,
 #: its first and second change per step, and its AGE in steps; by how much the last root was MISSED by its prediction;
 #: the STREAK of steps since E(0) was looked at or the curvature measured, not positive where roots are not predicted;

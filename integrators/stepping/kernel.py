@@ -73,6 +73,7 @@ from weakref import WeakKeyDictionary
 import numba
 import numpy as np
 from numba import types
+from numba.extending import is_jitted
 
 from phasebench.integrators.compile import codegen, machine, preparation, progress
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
@@ -256,9 +257,9 @@ def _type(x):
     """The Numba type of a step's field. Functions are pointers, so that one kernel serves every system."""
     if isinstance(x, tuple):
         return _tuple_type(map(_type, x), type(x) if hasattr(x, "_fields") else None)
-    if isinstance(x, numba.core.dispatcher.Dispatcher):
+    if isinstance(x, machine.Function) or is_jitted(x):
         if x not in _pointers:
-            signature = x.nopython_signatures[0]
+            signature = x.signature() if isinstance(x, machine.Function) else x.nopython_signatures[0]
             _pointers[x] = types.FunctionType(signature.return_type(*signature.args))
         return _pointers[x]
     if type(x) is np.ndarray and x.flags.c_contiguous:  # as Numba says, without its import of masked arrays

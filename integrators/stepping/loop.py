@@ -19,9 +19,10 @@ loop to enter that of each row's last step in the samples.
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import FunctionType
 
 from phasebench.integrators.values import vector
-from phasebench.integrators.values.vector import part_of_caller
+from phasebench.integrators.values.vector import inlined
 
 from .solve import SOLVED
 
@@ -42,11 +43,21 @@ def _enter_parameter(samples, row, counts):
     samples.parameter[row, 0] = counts.parameter
 
 
-def _named(run: Callable, family: str) -> Callable:
-    """Return ``run`` under the name ``family.run``, by which kernels are kept and pickles find it."""
-    run.__module__ = family
-    run.__qualname__ = run.__name__
-    return run
+def _run(method, carry, samples, counts):
+    y = begin(method, carry, counts)  # noqa: F821 (`loop` sets the functions)
+    for row in range(len(samples.q)):
+        y = start(method, y)  # noqa: F821
+        for _ in range(samples.every):
+            y, status = step(method, y, carry, counts)  # noqa: F821
+            if status != SOLVED:
+                vector.close(carry, y)
+                return row, status
+            counts.steps += 1
+        y = finish(method, y)  # noqa: F821
+        vector.keep(samples, row, y)
+        enter(samples, row, counts)  # noqa: F821
+    vector.close(carry, y)
+    return len(samples.q), SOLVED
 
 
 def loop(
@@ -57,26 +68,19 @@ def loop(
     parameter: bool = False,
 ) -> Callable:
     """The kernel (method, carry, samples, counts) -> (rows filled, status) of a family's functions (see above)."""
-    begin, start, step_once, finish = map(part_of_caller, (begin, start, step, finish))
-    enter = part_of_caller(_enter_parameter if parameter else _no_parameter)
+    enter = _enter_parameter if parameter else _no_parameter
+    functions = {"begin": begin, "start": start, "step": step, "finish": finish, "enter": enter}
+    return _of_functions(_run, step.__module__, {name: inlined(f) for name, f in functions.items()})
 
-    def run(method, carry, samples, counts):
-        y = begin(method, carry, counts)
-        for row in range(len(samples.q)):
-            y = start(method, y)
-            for _ in range(samples.every):
-                y, status = step_once(method, y, carry, counts)
-                if status != SOLVED:
-                    vector.close(carry, y)
-                    return row, status
-                counts.steps += 1
-            y = finish(method, y)
-            vector.keep(samples, row, y)
-            enter(samples, row, counts)
-        vector.close(carry, y)
-        return len(samples.q), SOLVED
 
-    return _named(run, step.__module__)
+def _of_functions(run: Callable, family: str, functions: dict[str, Callable]) -> Callable:
+    """Return ``run`` with these functions as its globals, since Numba keeps no machine code of closures.
+
+    It gets the name ``family.run``, by which kernels are kept and pickles find it.
+    """
+    made = FunctionType(run.__code__, run.__globals__ | functions, "run")
+    made.__module__ = family
+    return made
 
 
 #: Where the state's spare rows count the multiples of h up to which a method that chooses its steps has been asked.
@@ -93,19 +97,23 @@ def by_time(resume: Callable, reach: Callable, leave: Callable) -> Callable:
     - ``leave(carry, clock)`` keeps the clock for the next call.
     """
 
-    def run(method, carry, samples, counts):
-        y = vector.opened(carry)
-        clock = resume(method, carry, y)
-        row, status = 0, SOLVED
-        while row < len(samples.q) and status == SOLVED:
-            until = (carry.state[ASKED] + samples.every) * method.h
-            y, clock, there, status = reach(method, carry, y, clock, until, samples.every, counts)
-            if status == SOLVED:
-                vector.keep(samples, row, there)
-                carry.state[ASKED] += samples.every
-                row += 1
-        leave(carry, clock)
-        vector.close(carry, y)
-        return row, status
+    functions = {"resume": resume, "reach": reach, "leave": leave}
+    return _of_functions(
+        _run_by_time, reach.py_func.__module__ if hasattr(reach, "py_func") else reach.__module__, functions
+    )
 
-    return _named(run, reach.py_func.__module__ if hasattr(reach, "py_func") else reach.__module__)
+
+def _run_by_time(method, carry, samples, counts):
+    y = vector.opened(carry)
+    clock = resume(method, carry, y)  # noqa: F821 (`by_time` sets the functions)
+    row, status = 0, SOLVED
+    while row < len(samples.q) and status == SOLVED:
+        until = (carry.state[ASKED] + samples.every) * method.h
+        y, clock, there, status = reach(method, carry, y, clock, until, samples.every, counts)  # noqa: F821
+        if status == SOLVED:
+            vector.keep(samples, row, there)
+            carry.state[ASKED] += samples.every
+            row += 1
+    leave(carry, clock)  # noqa: F821
+    vector.close(carry, y)
+    return row, status

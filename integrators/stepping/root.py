@@ -120,7 +120,7 @@ def finder(attempt, followed=True):
             inner, Einner, outer, Eouter = outer, Eouter, x, E
         return 0.0, False
 
-    @jit
+    @inlined
     def scan(search, arguments):
         """(x, found): the root nearest zero on the branch of the stage equations that starts at x = 0."""
         above, found = outwards(1.0, search.radius, search, arguments)
@@ -179,10 +179,9 @@ def finder(attempt, followed=True):
         nearer = smaller_root(E0, c1, c2)
         return nearer if abs(nearer) < abs(x) and nearer * x < 0 else -0.5 * x
 
-    @jit
+    @inlined
     def search_out(search, models, row, predicted, arguments):
         """Search for the root from E(0)."""
-        apart()
         radius = search.radius
         ease = eased(models[row, START], models[row, UNIT])
         result = eased_attempt(0.0, FIRST, ease, arguments)

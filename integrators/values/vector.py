@@ -10,6 +10,7 @@ lost (Kahan 1965; Moller 1965, "Quasi double-precision in floating point additio
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 from typing import Any, NamedTuple
 
@@ -19,7 +20,6 @@ from numba.core import cgutils
 from numba.extending import intrinsic, overload
 from numba.np import arrayobj
 
-from phasebench.integrators.compile import machine
 from phasebench.integrators.compile.options import ARRAYS, COMMON, TUPLES
 
 from .fma import fma
@@ -35,39 +35,31 @@ def _holds_vectors(t) -> bool:
     return isinstance(t, types.BaseTuple) and any(map(_holds_vectors, t))
 
 
-def _compile(f, inline):
-    """Compile ``f`` on demand, without allocation where its values are tuples, with it where they are arrays."""
-    on_tuples, on_arrays = njit(**TUPLES, forceinline=inline)(f), njit(**ARRAYS, forceinline=False)(f)
-    if on_tuples is f:  # compilation is off
-        return f
-    call_template, overload_of = on_tuples.get_call_template, on_tuples.get_overload
-
-    def any_vector(arguments):
-        return any(map(_holds_vectors, arguments))
-
-    def choose_template(args, kws):
-        # Treat literals as ordinary numbers: compiling once for each literal would cost more than it gains.
-        args, kws = tuple(map(types.unliteral, args)), {name: types.unliteral(t) for name, t in kws.items()}
-        return (on_arrays.get_call_template if any_vector((*args, *kws.values())) else call_template)(args, kws)
-
-    on_tuples.get_call_template = choose_template
-    on_tuples.get_overload = lambda sig: (on_arrays.get_overload if any_vector(sig) else overload_of)(sig)
-    on_tuples.on_arrays = on_arrays
-    machine.callable_from_python(on_tuples)
-    return on_tuples
+#: A part of a kernel: neither Python nor C calls it.  What is not stated is as in the caller, but `forceinline`.
+PART = COMMON | {"forceinline": False, "no_cfunc_wrapper": True}
 
 
 def jit(f):
-    """Compile ``f`` as a function of its own.
-
-    The option is set explicitly, because Numba would otherwise inherit `forceinline` from the caller.
-    """
-    return _compile(f, inline=False)
+    """Compile ``f`` as a function of its own, with its caller's options."""
+    return njit(**PART)(_renamed_by_content(f))
 
 
 def inlined(f):
-    """Compile ``f`` into its caller: for the operations of a step."""
-    return _compile(f, inline=True)
+    """Compile ``f`` into its caller, with its caller's options: for the operations of a step."""
+    return njit(**COMMON, inline="always")(f)
+
+
+def _renamed_by_content(f):
+    """Give a function that is made by another one a name that contains a hash of what it is made of.
+
+    Machine code is linked by name: functions of one name, made with different constants or from different functions by
+    different processes, would stand for each other where both are loaded.
+    """
+    if f.__closure__:
+        made_of = [getattr(c.cell_contents, "__qualname__", repr(c.cell_contents)) for c in f.__closure__]
+        content = repr((f.__code__.co_code, made_of))
+        f.__qualname__ = f"{f.__qualname__}_{hashlib.sha256(content.encode()).hexdigest()[:12]}"
+    return f
 
 
 @intrinsic
@@ -95,9 +87,10 @@ def _overload_by_source(fn, template, loop=None, loop_options=ARRAYS):
     def build_function(kind, arguments):
         if kind is None:
             return fn
-        namespace = {"__name__": __name__, "scalar": inlined(fn), "np": np}
-        exec(f"def impl({', '.join(names)}):\n{kind(names, arguments)}", namespace)
-        return namespace["impl"]
+        namespace, text = {"__name__": __name__, "scalar": inlined(fn), "np": np}, kind(names, arguments)
+        name = f"{fn.__name__}_{hashlib.sha256(text.encode()).hexdigest()[:12]}"  # see `_renamed_by_content`
+        exec(f"def {name}({', '.join(names)}):\n{text}", namespace)
+        return namespace[name]
 
     def for_tuples(*arguments):
         return build_function(template, arguments) if any(isinstance(a, types.BaseTuple) for a in arguments) else None
@@ -471,6 +464,12 @@ def times(f, x):
     return f * x
 
 
+def in_registers(results, arguments) -> bool:
+    """True if a function maps a tuple of one or two doubles to a tuple of the same size, as C returns in registers."""
+    small = isinstance(results, types.UniTuple) and results.dtype == types.float64 and results.count <= 2
+    return small and tuple(arguments) == (results,)
+
+
 @intrinsic
 def _call_entry(typing_context, f, x):
     """f(x) through f's C entry: Numba's own call returns the result in memory, which the next kick would wait for."""
@@ -495,7 +494,7 @@ def _of_values(f, x, old):
         return lambda f, x, old: x
     if isinstance(f, types.Array):
         return lambda f, x, old: times(f, x)
-    if isinstance(f, types.FunctionType) and machine.in_registers(f.signature.return_type, f.signature.args):
+    if isinstance(f, types.FunctionType) and in_registers(f.signature.return_type, f.signature.args):
         return lambda f, x, old: _call_entry(f, x)
     return lambda f, x, old: f(x)
 

@@ -1,4 +1,4 @@
-"""Compiled functions with one or two results return them in registers: their C entry point is the function itself."""
+"""Kernels call generated functions by an entry of C's conventions in which the function's code stands."""
 
 from __future__ import annotations
 
@@ -17,30 +17,31 @@ def compile_sum(d, folder, monkeypatch):
     monkeypatch.setenv("PHASEBENCH_CACHE", str(folder))
     T, namespace = types.UniTuple(types.float64, d), {"__name__": __name__}
     exec(f"def f(x): return ({', '.join(f'x[{i}] * x[{i - 1}] + {i}.5' for i in range(d))},)", namespace)
-    return machine.compiled(namespace["f"], T(T), vector.TUPLES, f"f|{d}"), T
+    return machine.Function(namespace["f"], T(T), vector.TUPLES, f"f|{d}"), T
 
 
-def entry(f):
-    """LLVM text of a function's C entry point."""
-    text = next(iter(f.inspect_llvm().values()))
-    begin = text.index("@cfunc.")
-    return text[begin : text.index("\n}", begin)]
-
-
-@pytest.mark.parametrize(("d", "inside"), [(1, True), (2, True), (3, False)])
-def test_the_entry_is_the_function_if_registers_hold_the_result(d, inside, tmp_path, monkeypatch):
+@pytest.mark.parametrize("again", ["compiled", "loaded"])
+@pytest.mark.parametrize("d", [1, 2, 3, 7])
+def test_python_and_kernels_call_the_same_function(d, again, tmp_path, monkeypatch):
+    if again == "loaded":
+        compile_sum(d, tmp_path, monkeypatch)
     f, T = compile_sum(d, tmp_path, monkeypatch)
-    assert ("call i32" in entry(f)) is not inside
-    assert ("fmul" in entry(f)) is inside
     call = numba.njit(T(types.FunctionType(T(T)), T), **vector.TUPLES)(lambda f, x: vector.of(f, x, x))
     x = tuple(0.3 + np.arange(d))
-    np.testing.assert_allclose(call(f, x), [x[i] * x[i - 1] + i + 0.5 for i in range(d)], rtol=1e-15)
+    assert call(f, x) == f(x)
+    np.testing.assert_allclose(f(x), [x[i] * x[i - 1] + i + 0.5 for i in range(d)], rtol=1e-15)
+
+
+def test_a_function_is_a_pointer_of_its_signature(tmp_path, monkeypatch):
+    f, T = compile_sum(2, tmp_path, monkeypatch)
+    assert numba.typeof(f) == types.FunctionType(T(T))
+    assert f.__wrapper_address__() > 0
 
 
 def test_which_signatures_return_in_registers():
     pair, three, lanes = (types.UniTuple(t, n) for t, n in ((types.float64, 2), (types.float64, 3), (Lanes(8), 2)))
-    assert machine.in_registers(pair, (pair,))
-    assert not machine.in_registers(three, (three,))
-    assert not machine.in_registers(lanes, (lanes,))
-    assert not machine.in_registers(pair, (pair, pair)), "an energy, and how well it is known"
-    assert not machine.in_registers(types.none, (pair,))
+    assert vector.in_registers(pair, (pair,))
+    assert not vector.in_registers(three, (three,))
+    assert not vector.in_registers(lanes, (lanes,))
+    assert not vector.in_registers(pair, (pair, pair)), "an energy, and how well it is known"
+    assert not vector.in_registers(types.none, (pair,))

@@ -142,7 +142,7 @@ def test_functions_are_stored_by_their_origins(keeping):
             self.origin = origin
 
     made = Generated(("f" * 24, None))
-    keeping.setattr(preparation, "Dispatcher", Generated)
+    keeping.setattr(preparation, "is_jitted", lambda thing: isinstance(thing, Generated))
     keeping.setitem(codegen._ready, "f" * 24, made)
     preparation.write("prepared-4.pickle", {"g": made, "h": 0.5})
     found = preparation.read("prepared-4.pickle")

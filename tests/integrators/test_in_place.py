@@ -107,7 +107,7 @@ def test_other_families_stay_on_tuples(id):
     made = system(splitting.MOST + 1)
     prepared = kernel.prepare(method(id), made)
     assert not prepared.arrays
-    taken = made.grad_V().nopython_signatures[0]
+    taken = made.grad_V().signature()
     assert taken.args[0] == types.UniTuple(types.float64, made.d), "the system's own functions are as they were"
 
 
