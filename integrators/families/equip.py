@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import mpmath
@@ -239,11 +240,13 @@ def prepare(method, system, arithmetic):
         A = array(([A[i, j] / b[j] for j in range(s)] for i in range(s)), arithmetic)
         S = array(skew(s, c), arithmetic)
 
-    def begin(step, q, p):
-        t = step.tableau
-        tables = {name: x for name, x in t._asdict().items() if isinstance(x, np.ndarray) and x.flags.writeable}
-        own = {name: x.copy() for name, x in tables.items()}  # other threads write theirs
-        return step._replace(H0=energy(q, p)[0], tableau=t._replace(h=step.h, eps=step.eps, **own))
-
     step = Equip(f, field, energy, inner.step, A, S, numbers(b, arithmetic), SEARCH)
-    return replace(inner, run=run, step=step, begin=begin, missed=MISSED)
+    return replace(inner, run=run, step=step, begin=partial(_with_energy, energy), missed=MISSED)
+
+
+def _with_energy(energy, step, q, p):
+    """The step of a run that starts at q, p, with tables of its own to write to: other threads write theirs."""
+    t = step.tableau
+    tables = {name: x for name, x in t._asdict().items() if isinstance(x, np.ndarray) and x.flags.writeable}
+    own = {name: x.copy() for name, x in tables.items()}
+    return step._replace(H0=energy(q, p)[0], tableau=t._replace(h=step.h, eps=step.eps, **own))

@@ -25,6 +25,7 @@ E. Hairer, "Symmetric projection methods for differential equations on manifolds
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -310,10 +311,6 @@ def prepare(method, system, arithmetic):
     constraint, gram, pull = functions(system, invariants, arithmetic)
     stages = len(inner.step.a) if bases["split"] else inner.stages
 
-    def begin(step, q, p):
-        known = {name: base._replace(h=step.h, eps=step.eps) for name, base in bases.items() if base is not None}
-        return step._replace(target=constraint(q, p)[0], **known)
-
     target = value([0] * m, system.d, arithmetic)
     return Prepared(
         run,
@@ -323,6 +320,12 @@ def prepare(method, system, arithmetic):
         implicit=inner.implicit,
         hessian=inner.hessian,
         linear=max(inner.width, m, 2 * system.d if symmetric else 0),
-        begin=begin,
+        begin=partial(_with_target, constraint, bases),
         missed=MISSED,
     )
+
+
+def _with_target(constraint, bases, step, q, p):
+    """The step of a run that starts at q, p: what it keeps, and its base method's step."""
+    known = {name: base._replace(h=step.h, eps=step.eps) for name, base in bases.items() if base is not None}
+    return step._replace(target=constraint(q, p)[0], **known)

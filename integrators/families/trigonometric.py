@@ -40,6 +40,7 @@ G. J. Martyna, J. Chem. Phys. 97 (1992) 1990-2001; A. Stern, E. Grinspun, Multis
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import mpmath
@@ -145,12 +146,15 @@ def coefficients(h, omega, propagator, psi1, phi, *arguments):
 
 def prepare(method, system, arithmetic):
     """Make the kernel; its coefficients are computed with at least 40 digits once h is known."""
-
-    def begin(step, q, p):
-        with mpmath.workdps(max(DIGITS, mpmath.mp.dps + 5)):
-            frequencies = [mpmath.mpf(w.evalf(mpmath.mp.dps)) for w in system.frequencies]
-            rows = [coefficients(mpmath.mpf(step.h), w, *method.data) for w in frequencies]
-        return step._replace(filters=array(zip(*rows, strict=True), arithmetic))
-
     step = Trigonometric(system.grad_U(arithmetic), zeros((5, system.d), arithmetic))
-    return Prepared(run, step, 1, 1, implicit=False, begin=begin)
+    return Prepared(
+        run, step, 1, 1, implicit=False, begin=partial(_with_filters, system.frequencies, method.data, arithmetic)
+    )
+
+
+def _with_filters(frequencies, data, arithmetic, step, q, p):
+    """The step with the coefficients of its h."""
+    with mpmath.workdps(max(DIGITS, mpmath.mp.dps + 5)):
+        exact = [mpmath.mpf(w.evalf(mpmath.mp.dps)) for w in frequencies]
+        rows = [coefficients(mpmath.mpf(step.h), w, *data) for w in exact]
+    return step._replace(filters=array(zip(*rows, strict=True), arithmetic))

@@ -67,6 +67,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -211,7 +212,11 @@ def _made(method, system, arithmetic: str) -> Prepared:
 
 def keep_energy(energy: Callable) -> Callable:
     """Make a ``begin`` that sets the step's H0 to the initial energy."""
-    return lambda step, q, p: step._replace(H0=energy(q, p)[0])
+    return partial(_with_energy, energy)
+
+
+def _with_energy(energy: Callable, step, q, p):
+    return step._replace(H0=energy(q, p)[0])
 
 
 _kernels: dict = {}

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from phasebench.integrators.values.masks import alike, count, select
-from phasebench.integrators.values.vector import distance, inlined, scale, size
+from phasebench.integrators.values.vector import distance, scale, size
 
 
 def lane_solver(G, share: float, limit: int, solved: int, not_finite: int):
@@ -18,7 +18,6 @@ def lane_solver(G, share: float, limit: int, solved: int, not_finite: int):
     Evaluations of all lanes are added up. The status is ``solved`` if any lane is.
     """
 
-    @inlined
     def solve(arguments, x, span, eps, work):
         active = (size(x) < np.inf) & (span < np.inf)
         last = alike(np.inf, span)

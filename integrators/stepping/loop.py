@@ -79,7 +79,7 @@ def _of_functions(run: Callable, family: str, functions: dict[str, Callable]) ->
     It gets the name ``family.run``, by which kernels are kept and pickles find it.
     """
     made = FunctionType(run.__code__, run.__globals__ | functions, "run")
-    made.__module__ = family
+    made.__module__, made.__qualname__ = family, "run"
     return made
 
 

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numba
 import numpy as np
 from numba import types
-from numba.core.imputils import impl_ret_borrowed, impl_ret_new_ref
 from numba.extending import intrinsic
 
 from phasebench.integrators.compile import machine, progress
@@ -63,7 +62,7 @@ def packed_call(prepared: Prepared, d: int) -> PackedCall:
 
 
 def _compiled(run, block) -> PackedCall:
-    read, take, write = _in_memory(block)
+    read, take, write, bytes_of = _in_memory(block)
     with_h = _with_h(block[1])
 
     def pack(address, run, step, carry, samples, counts, start):
@@ -91,11 +90,14 @@ def _compiled(run, block) -> PackedCall:
                     return NOT_FINITE
         return status
 
+    def size():
+        return bytes_of()
+
     number = types.int64
     made = _kept(pack, types.void(number, *block), block)
     released = _kept(release, types.void(number), block)
     called = _kept(call, number(number, types.float64, number), block)
-    return PackedCall(_size(block), made, released, run, called)
+    return PackedCall(_kept(size, number(), block)(), made, released, run, called)
 
 
 def _kept(f: Callable, signature, block) -> Callable:
@@ -104,16 +106,11 @@ def _kept(f: Callable, signature, block) -> Callable:
     return entry(machine.compiled(f, signature, options, f"entry-{f.__name__}|{block}"))
 
 
-def _size(t) -> int:
-    """Bytes of a value of a Numba type."""
-    import numba.experimental.function_type  # code that is loaded brings no model of the functions in a block
-
-    context = numba.core.registry.cpu_target.target_context
-    return context.get_abi_sizeof(context.get_value_type(t))
-
-
 def _in_memory(t):
-    """Make (read, take, write) for values of a type at an address; ``take`` hands the reference over."""
+    """Make (read, take, write, bytes_of) for values of a type at an address.
+
+    ``take`` hands the reference over; ``bytes_of()`` is the size of a value.
+    """
 
     def place(context, builder, address):
         return builder.inttoptr(address, context.get_value_type(t).as_pointer())
@@ -122,14 +119,15 @@ def _in_memory(t):
     def read(typing_context, address):
         def codegen(context, builder, signature, arguments):
             value = builder.load(place(context, builder, arguments[0]))
-            return impl_ret_borrowed(context, builder, t, value)
+            context.nrt.incref(builder, t, value)
+            return value
 
         return t(address), codegen
 
     @intrinsic
     def take(typing_context, address):
         def codegen(context, builder, signature, arguments):
-            return impl_ret_new_ref(context, builder, t, builder.load(place(context, builder, arguments[0])))
+            return builder.load(place(context, builder, arguments[0]))
 
         return t(address), codegen
 
@@ -142,7 +140,15 @@ def _in_memory(t):
 
         return types.none(address, t), codegen
 
-    return read, take, write
+    @intrinsic
+    def bytes_of(typing_context):
+        def codegen(context, builder, signature, arguments):
+            size = context.get_abi_sizeof(context.get_value_type(t))
+            return context.get_constant(types.int64, size)
+
+        return types.int64(), codegen
+
+    return read, take, write, bytes_of
 
 
 def _with_h(t):
@@ -153,7 +159,8 @@ def _with_h(t):
     def with_h(typing_context, step, h):
         def codegen(context, builder, signature, arguments):
             value = builder.insert_value(arguments[0], arguments[1], index)
-            return impl_ret_borrowed(context, builder, t, value)
+            context.nrt.incref(builder, t, value)
+            return value
 
         return t(t, types.float64), codegen
 

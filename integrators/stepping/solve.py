@@ -234,7 +234,6 @@ def solver(G, lengths=lengths_of_both):
             last = delta
         return x, evaluations, STALLED
 
-    @inlined
     def solve(arguments, x, span, eps, work):
         """Solve x = G(x, arguments) from the start x; results as of `solver`."""
         start = x

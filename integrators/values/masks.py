@@ -11,6 +11,7 @@ the latency of one.
 
 from __future__ import annotations
 
+import inspect
 import math
 import operator
 
@@ -23,7 +24,7 @@ from numba.extending import intrinsic, lower_builtin, lower_cast, overload, regi
 
 from . import elementary
 from .lanes import OPTIONS, Lanes, spread
-from .vector import scale
+from .vector import PLACES, scale
 
 
 class Mask(types.Type):
@@ -289,12 +290,10 @@ def holds_lanes(arguments) -> bool:
 
 
 def also_in_lanes(scalar, in_lanes):
-    """Return the compiled function ``scalar``, replaced by ``in_lanes`` in calls with an argument in lanes."""
-    if not hasattr(scalar, "get_call_template"):  # compilation is off
-        return scalar
-    call_template, overload_of = scalar.get_call_template, scalar.get_overload
-    scalar.get_call_template = lambda args, kws: (
-        in_lanes.get_call_template if holds_lanes((*args, *kws.values())) else call_template
-    )(args, kws)
-    scalar.get_overload = lambda sig: (in_lanes.get_overload if holds_lanes(sig) else overload_of)(sig)
-    return scalar
+    """Return the operation of these two functions: ``in_lanes`` if an argument is in lanes, else ``scalar``."""
+    names = ", ".join(inspect.signature(scalar).parameters)
+    namespace = {"__name__": __name__, "scalar": scalar, "in_lanes": in_lanes, "holds_lanes": holds_lanes}
+    exec(f"def pick({names}):\n  return scalar({names})", namespace)
+    exec(f"def typed({names}):\n  return in_lanes if holds_lanes(({names},)) else scalar", namespace)
+    overload(namespace["pick"], jit_options=PLACES)(namespace["typed"])
+    return namespace["pick"]

@@ -23,7 +23,7 @@ SCRIPT = """
 import contextlib, io, json, sys
 import numba
 before = set(sys.modules)
-HEAVY = ("sympy", "pandas", "matplotlib", "scipy", "heyoka", "rebound")
+HEAVY = ("sympy", "pandas", "matplotlib", "heyoka", "rebound")  # Numba imports SciPy's linear algebra to load code
 
 def heavy():
     return sorted({m.partition(".")[0] for m in set(sys.modules) - before} & set(HEAVY))

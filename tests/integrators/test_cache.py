@@ -148,32 +148,6 @@ print(made(1.5), sum(made.stats.cache_hits.values()))
     assert [done.stdout.split() for done in run] == [["1.5", "0"], ["1.5", "1"]]
 
 
-def test_functions_of_one_name_are_told_apart_where_both_are_loaded(place):
-    """Each was made by a process of its own, where Numba numbered both alike."""
-    script = """
-import sys
-import numba
-from phasebench.integrators.compile import machine
-from phasebench.integrators.values import vector
-number = numba.types.float64(numba.types.float64)
-def times(k):
-    @vector.jit
-    def part(x):
-        vector.apart()
-        return k * x
-    return lambda x: part(x)
-print(*[machine.compiled(times(k), number, dict(vector.TUPLES), f"times|{k}")(1.0) for k in map(float, sys.argv[1:])])
-"""
-
-    def run(*factors):
-        done = subprocess.run([sys.executable, "-c", script, *factors], capture_output=True, text=True, check=True)
-        return done.stdout.split()
-
-    assert (run("2"), run("3")) == (["2.0"], ["3.0"])
-    assert run("2", "3") == ["2.0", "3.0"]
-    assert run("3", "2") == ["3.0", "2.0"]
-
-
 def test_a_part_can_be_called_on_its_own(place):
     """A function that was compiled as a part of another one can still be called from Python."""
 

@@ -8,6 +8,7 @@ import pytest
 from numba import types
 
 from phasebench.integrators.compile import machine
+from phasebench.integrators.values import vector
 from phasebench.integrators.values.vector import TUPLES
 
 NUMBER = types.float64(types.float64)
@@ -31,6 +32,16 @@ def symbol(k, name):
 def test_functions_with_different_content_have_other_symbols():
     assert symbol(2.0, "times|2") != symbol(3.0, "times|3")
     assert symbol(2.0, "times|2") == symbol(2.0, "times|2"), "the control"
+
+
+def part(k):
+    """A part of a kernel that is made with a constant."""
+    return vector.jit(times(k)).py_func.__qualname__
+
+
+def test_parts_with_different_content_have_other_names():
+    assert part(2.0) != part(3.0)
+    assert part(2.0) == part(2.0), "the control"
 
 
 def test_a_function_has_only_its_declared_signature():
