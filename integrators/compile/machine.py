@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import gc
 import hashlib
+import inspect
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -33,7 +34,7 @@ def compiled(f: Callable, signature, options: dict, name: str) -> Callable:
 
     Parameters
     ----------
-    f : the Python function, without closures of compiled functions
+    f : the Python function
     signature : Numba signature of the arguments and the result
     options : keyword arguments of `numba.njit`
     name : a label, "|", and everything that the machine code depends on besides the signature, the options and the
@@ -42,6 +43,7 @@ def compiled(f: Callable, signature, options: dict, name: str) -> Callable:
     content = f"{name}|{sorted(options.items(), key=str)}|{signature!r}"
     digest = hashlib.sha256(content.encode()).hexdigest()[:24]
     entry = f"{''.join(c if c.isalnum() else '-' for c in name.partition('|')[0])}-{digest}"
+    f = _without_closure(f)
     with cache.alone(cache.seal_of(entry)):
         source, sealed = cache.source_of(entry)
         try:
@@ -58,6 +60,27 @@ def compiled(f: Callable, signature, options: dict, name: str) -> Callable:
             cache.seal(entry)
     made.disable_compile()
     return made
+
+
+def with_functions(f: Callable, functions: dict[str, Callable]) -> Callable:
+    """Return ``f`` with these compiled functions as its globals.
+
+    Where they were those of a closure Numba would keep the machine code and never find it again.
+    """
+    made = FunctionType(f.__code__, f.__globals__ | functions, f.__name__)
+    made.__module__ = f.__module__
+    return made
+
+
+def _without_closure(f: Callable) -> Callable:
+    """Return ``f``, or where it is a closure a function that it is compiled into (see `with_functions`)."""
+    if not f.__closure__:
+        return f
+    names = ", ".join(inspect.signature(f).parameters)
+    body = numba.njit(inline="always")(f)
+    namespace: dict = {"__name__": __name__, "body": body}
+    exec(f"def whole({names}): return body({names})", namespace)
+    return namespace["whole"]
 
 
 def _made(f: Callable, signature, options: dict, digest: str, source: Path | None):
@@ -99,7 +122,7 @@ class Function(types.WrapperAddressProtocol):
         self._made = f, signature, options, name
         self._signature = signature
         self._called: Callable | None = None
-        address = FunctionType(_address.__code__, {"entry_address": _entry_of(self)}, "address")
+        address = with_functions(_address, {"entry_address": _entry_of(self)})
         self._address = compiled(address, types.intp(), {}, f"{name}|entry of {signature!r} {sorted(options)}")()
 
     @property

@@ -148,12 +148,12 @@ def prepare(method, system, arithmetic):
     """Make the kernel; its coefficients are computed with at least 40 digits once h is known."""
     step = Trigonometric(system.grad_U(arithmetic), zeros((5, system.d), arithmetic))
     return Prepared(
-        run, step, 1, 1, implicit=False, begin=partial(_with_filters, system.frequencies, method.data, arithmetic)
+        run, step, 1, 1, implicit=False, begin=partial(with_filters, system.frequencies, method.data, arithmetic)
     )
 
 
-def _with_filters(frequencies, data, arithmetic, step, q, p):
-    """The step with the coefficients of its h."""
+def with_filters(frequencies, data, arithmetic, step, q, p):
+    """The step with the coefficients of its h: the ``begin`` of a run, for these frequencies and a method's data."""
     with mpmath.workdps(max(DIGITS, mpmath.mp.dps + 5)):
         exact = [mpmath.mpf(w.evalf(mpmath.mp.dps)) for w in frequencies]
         rows = [coefficients(mpmath.mpf(step.h), w, *data) for w in exact]

@@ -19,8 +19,8 @@ loop to enter that of each row's last step in the samples.
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import FunctionType
 
+from phasebench.integrators.compile import machine
 from phasebench.integrators.values import vector
 from phasebench.integrators.values.vector import inlined
 
@@ -74,12 +74,9 @@ def loop(
 
 
 def _of_functions(run: Callable, family: str, functions: dict[str, Callable]) -> Callable:
-    """Return ``run`` with these functions as its globals, since Numba keeps no machine code of closures.
-
-    It gets the name ``family.run``, by which kernels are kept and pickles find it.
-    """
-    made = FunctionType(run.__code__, run.__globals__ | functions, "run")
-    made.__module__, made.__qualname__ = family, "run"
+    """Return ``run`` with these functions, under the name ``family.run``, by which it is kept and pickles find it."""
+    made = machine.with_functions(run, functions)
+    made.__module__, made.__name__, made.__qualname__ = family, "run", "run"
     return made
 
 

@@ -61,53 +61,59 @@ def packed_call(prepared: Prepared, d: int) -> PackedCall:
     return _known[key]
 
 
-def _compiled(run, block) -> PackedCall:
-    read, take, write, bytes_of = _in_memory(block)
-    with_h = _with_h(block[1])
+def _pack(address, run, step, carry, samples, counts, start):
+    write(address, (run, step, carry, samples, counts, start))  # noqa: F821 (`_compiled` sets the functions)
 
-    def pack(address, run, step, carry, samples, counts, start):
-        write(address, (run, step, carry, samples, counts, start))
 
-    def release(address):
-        take(address)
+def _release(address):
+    take(address)  # noqa: F821
 
-    def call(address, h, steps):
-        run, step, carry, samples, counts, start = read(address)
-        d = start.shape[1]
-        for rows in (carry.state, carry.memory):
-            for i in range(rows.shape[0]):
-                for j in range(rows.shape[1]):
-                    rows[i, j] = 0.0
+
+def _size():
+    return bytes_of()  # noqa: F821
+
+
+def _call(address, h, steps):
+    run, step, carry, samples, counts, start = read(address)  # noqa: F821
+    d = start.shape[1]
+    for rows in (carry.state, carry.memory):
+        for i in range(rows.shape[0]):
+            for j in range(rows.shape[1]):
+                rows[i, j] = 0.0
+    for j in range(d):
+        carry.state[0, j], carry.state[1, j] = start[0, j], start[1, j]
+        samples.q[0, j] = samples.p[0, j] = np.nan
+    counts.steps = counts.gradient = counts.newton = counts.fallbacks = counts.rule = 0
+    counts.parameter = np.nan
+    rows = Samples(samples.q, samples.p, samples.parameter, steps)
+    status = run(with_h(step, h), carry, rows, counts)[1]  # noqa: F821
+    if status == SOLVED:
         for j in range(d):
-            carry.state[0, j], carry.state[1, j] = start[0, j], start[1, j]
-            samples.q[0, j] = samples.p[0, j] = np.nan
-        counts.steps = counts.gradient = counts.newton = counts.fallbacks = counts.rule = 0
-        counts.parameter = np.nan
-        status = run(with_h(step, h), carry, Samples(samples.q, samples.p, samples.parameter, steps), counts)[1]
-        if status == SOLVED:
-            for j in range(d):
-                if not (np.isfinite(samples.q[0, j]) and np.isfinite(samples.p[0, j])):
-                    return NOT_FINITE
-        return status
+            if not (np.isfinite(samples.q[0, j]) and np.isfinite(samples.p[0, j])):
+                return NOT_FINITE
+    return status
 
-    def size():
-        return bytes_of()
+
+def _compiled(run, block) -> PackedCall:
+    operations = _in_memory(block) | {"with_h": _with_h(block[1])}
+
+    def kept(f: Callable, signature) -> Callable:
+        options = {"error_model": "numpy", "nogil": True}
+        f = machine.with_functions(f, operations)
+        return entry(machine.compiled(f, signature, options, f"entry-{f.__name__}|{block}"))
 
     number = types.int64
-    made = _kept(pack, types.void(number, *block), block)
-    released = _kept(release, types.void(number), block)
-    called = _kept(call, number(number, types.float64, number), block)
-    return PackedCall(_kept(size, number(), block)(), made, released, run, called)
-
-
-def _kept(f: Callable, signature, block) -> Callable:
-    """Compile ``f`` for arguments of the type ``block``."""
-    options = {"error_model": "numpy", "nogil": True}
-    return entry(machine.compiled(f, signature, options, f"entry-{f.__name__}|{block}"))
+    return PackedCall(
+        size=kept(_size, number())(),
+        pack=kept(_pack, types.void(number, *block)),
+        release=kept(_release, types.void(number)),
+        run=run,
+        call=kept(_call, number(number, types.float64, number)),
+    )
 
 
 def _in_memory(t):
-    """Make (read, take, write, bytes_of) for values of a type at an address.
+    """Make read, take, write and bytes_of, by their names, for values of a type at an address.
 
     ``take`` hands the reference over; ``bytes_of()`` is the size of a value.
     """
@@ -148,7 +154,7 @@ def _in_memory(t):
 
         return types.int64(), codegen
 
-    return read, take, write, bytes_of
+    return {"read": read, "take": take, "write": write, "bytes_of": bytes_of}
 
 
 def _with_h(t):

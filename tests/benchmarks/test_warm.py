@@ -87,6 +87,40 @@ def test_warm_integration_imports_no_heavy_package():
     assert {name: packages for name, packages in found.items() if packages} == {}
 
 
+COMPILED = """
+from phasebench.integrators.compile import machine
+missed, load = [], machine._made
+
+def watched(f, *about):
+    made = load(f, *about)
+    if not sum(made.stats.cache_hits.values()):
+        missed.append(f"{f.__module__}.{f.__qualname__}")
+    return made
+
+machine._made = watched
+for name, method in RUNS:
+    pb.prepare(name, method)(0.001, 3)
+states = [[0.1, k / 640] for k in range(64)]
+pb.integrate_ensemble("henon-heiles", "rk4", states, states, h=0.01, steps=5)
+pb.section("henon-heiles", "rk4", states, states, of="q1", h=0.01, steps=50)
+print(json.dumps(missed))
+"""
+#: Values, arrays, stages in lanes, loops by hand, bodies in lanes, steps that vary, and a root in every step.
+RUNS = (
+    *(("henon-heiles", id) for id in ("stormer-verlet", "gauss-8", "scheme-v", "gauss-6-field", "gauss-equip-3")),
+    *(("nls", id) for id in ("rk4", "implicit-midpoint")),
+    *(("kepler", id) for id in ("stormer-verlet-adaptive", "wisdom-holman")),
+    ("outer-solar-system", "wisdom-holman"),
+)
+
+
+def test_a_warm_process_compiles_nothing(tmp_path):
+    """What Numba keeps and does not find again would be compiled by every process."""
+    script = f"RUNS = {RUNS!r}\n{COMPILED}"
+    assert fresh(script, PHASEBENCH_CACHE=str(tmp_path)), "the control"
+    assert fresh(script, PHASEBENCH_CACHE=str(tmp_path)) == []
+
+
 @pytest.mark.parametrize("registered", [True, False])
 def test_control_sympy_is_imported_when_cold_or_for_h(registered, tmp_path):
     script = f"REGISTERED = {registered}\n{MADE}"

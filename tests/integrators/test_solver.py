@@ -101,7 +101,12 @@ def of_one(x, g, arguments):
     return 1.0, 1.0
 
 
-solve_affine, solve_none, solve_infinite = (solver(G, of_one) for G in (affine, no_solution, infinite))
+def called(solve):
+    """A solver that Python can call: it is an operation of compiled code."""
+    return njit(lambda arguments, x, span, eps, work: solve(arguments, x, span, eps, work), **vector.TUPLES)
+
+
+solve_affine, solve_none, solve_infinite = (called(solver(G, of_one)) for G in (affine, no_solution, infinite))
 
 
 def fixed_point(factor, constant):
@@ -155,7 +160,7 @@ def test_an_overflowing_solution_is_not_finite():
     factor, constant = 1 + 1e-6, 1e303
     start = value(0.0, fixed_point(factor, constant)[1])
     with np.errstate(all="ignore"):
-        found = solver(affine, of_their_size)((factor, constant), start, 1.0, EPS, WORK)
+        found = called(solver(affine, of_their_size))((factor, constant), start, 1.0, EPS, WORK)
     assert found[2:] == (1, NOT_FINITE)
 
 
@@ -176,7 +181,7 @@ def of_their_units(x, g, arguments):
 
 @pytest.mark.parametrize(("lengths", "solved"), [(of_their_units, True), (of_one, False)])
 def test_difference_steps_follow_the_scales(lengths, solved):
-    x, _, newton, status = solver(in_two_units, lengths)((0.0,), value(1.1, UNIT), 1.0, EPS, WORK)
+    x, _, newton, status = called(solver(in_two_units, lengths))((0.0,), value(1.1, UNIT), 1.0, EPS, WORK)
     assert (newton, status == SOLVED) == (1, solved)
     if solved:
         assert np.abs(np.subtract(x, in_two_units(x, (0.0,))) / (1, UNIT)).max() < 1e-13

@@ -20,6 +20,9 @@ Mandziuk, T. Schlick, Chem. Phys. Lett. 237 (1995) 525-535 (h omega = sqrt 2 and
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import sympy as sp
 
@@ -27,6 +30,8 @@ from phasebench.benchmarks.measure import oscillator
 from phasebench.benchmarks.measure.integrator import integrator
 from phasebench.benchmarks.problems.fpu import formula, soft_springs
 from phasebench.benchmarks.store.cells import Cell, ProblemKey, Rows, content
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.families.trigonometric import with_filters
 from phasebench.integrators.prepared import lay_out
 from phasebench.integrators.stepping.kernel import prepare
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
@@ -107,25 +112,27 @@ class Springs:
     def __init__(self, id: str):
         q, p, H_ = formula(1.0, 2)
         w = sp.symbols("w1 w2", real=True)
-        self.told = record(id).family == "trigonometric"
+        self.method = record(id)
+        self.told = self.method.family == "trigonometric"
         if self.told:
             self.system = Hamiltonian(q=q, p=p, H=H_, frequencies=[0, 0, 1, 1])
         else:
             stiff = sum((v**2 - 1) * x**2 / 2 for v, x in zip(w, q[2:], strict=True))
             still = sp.symbols("v1 v2", real=True)
             self.system = Hamiltonian(q=[*q, *w], p=[*p, *still], H=H_ + sp.expand_mul(stiff))
-        self.prepared = prepare(record(id), self.system)
+        self.prepared = prepare(self.method, self.system)
 
     def __call__(self, w, steps: int) -> tuple[np.ndarray, np.ndarray]:
         """Integrate with frequencies w (2,): (q, p), arrays (4, steps + 1); NaN after a step that fails."""
-        q, p = [*SOFT_Q, *(1 / w)], [*SOFT_P, 1.0, 1.0]
+        q, p, prepared = [*SOFT_Q, *(1 / w)], [*SOFT_P, 1.0, 1.0], self.prepared
         if self.told:
-            self.system.frequencies = (sp.S.Zero, sp.S.Zero, *(sp.Rational(float(x)) for x in w))
+            frequencies = (sp.S.Zero, sp.S.Zero, *(sp.Rational(float(x)) for x in w))
+            prepared = replace(prepared, begin=partial(with_filters, frequencies, self.method.data, DOUBLE))
         else:
             q, p = [*q, *w], [*p, 0.0, 0.0]
         Q, P = (np.full((steps + 1, self.system.d), np.nan) for _ in "qp")
         Q[0], P[0] = q, p
-        layout = lay_out(self.prepared, self.system.d, H, q, p)
+        layout = lay_out(prepared, self.system.d, H, q, p)
         with np.errstate(all="ignore"):
             layout(Q[1:], P[1:], np.full((steps, 1), np.nan), 1)
         return Q.T[:4].copy(), P.T[:4].copy()
