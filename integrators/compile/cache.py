@@ -41,7 +41,7 @@ SOURCE, SEAL = "source.py", "seal"
 _VERSION = re.compile(r"py\d+-[0-9a-f]{16}")
 _log = logging.getLogger("phasebench")
 #: The first failure to write in this process, which has been logged.
-_logged: list[OSError] = []
+_logged: list[Exception] = []
 
 
 def root() -> Path | None:
@@ -286,7 +286,7 @@ def _seal(name: str, content: bytes) -> bytes:
     return hashlib.sha256(name.encode() + b"\n" + content).hexdigest().encode()
 
 
-def log_once(error: OSError) -> None:
+def log_once(error: Exception) -> None:
     """Log that the cache cannot be written, the first time that this happens in the process."""
     if not _logged:
         _logged.append(error)

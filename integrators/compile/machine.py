@@ -49,12 +49,13 @@ def compiled(f: Callable, signature, options: dict, name: str) -> Callable:
         try:
             made = _made(f, signature, options, digest, source)
         except Exception as error:
-            if not (sealed or isinstance(error, OSError)):
+            unwritable = isinstance(error, (OSError, RuntimeError))  # a full disk, or no place that Numba may write to
+            if not (sealed or unwritable):
                 raise
-            cache.forget(entry)  # what is there cannot be used, or the disk is full
-            if not sealed:
+            cache.forget(entry)
+            if unwritable:
                 cache.log_once(error)
-            source = cache.source_of(entry)[0] if sealed else None
+            source = None if unwritable else cache.source_of(entry)[0]
             made = _made(f, signature, options, digest, source)
         if source is not None:
             cache.seal(entry)
