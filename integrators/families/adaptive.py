@@ -34,7 +34,7 @@ Geometric Numerical Integration (2006), VIII.3.2; stages in lanes: see `stage_la
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath
 import numpy as np
@@ -45,7 +45,7 @@ from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.stepping.kernel import Prepared, array
+from phasebench.integrators.stepping.kernel import OWN, Prepared, array
 from phasebench.integrators.stepping.loop import by_time
 from phasebench.integrators.stepping.solve import OUT_OF_STEP, SOLVED
 from phasebench.integrators.systems import singularities
@@ -64,7 +64,12 @@ from phasebench.integrators.values.vector import (
 
 from . import gauss_lanes, splitting, stage_lanes
 from .gauss_lanes import squared
-from .stage_lanes import begin, end, equations, solve
+from .lane_rows import FREE
+from .stage_lanes import B, C, begin, end, equations, solve
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -99,15 +104,15 @@ class Clock(NamedTuple):
 
 
 #: Where the state's spare rows keep the clock between calls.
-TIME, LOST, DENSITY, LAST = (4, 0), (4, 1), (5, 0), (5, 1)
+TIME, LOST, DENSITY, LAST = (OWN, 0), (OWN, 1), (OWN + 1, 0), (OWN + 1, 1)
 
 
 @inlined
 def predict(e, first, at, ratio):
     """Continue the polynomials with coefficients in the rows from ``first`` on into a step ``ratio`` times as long."""
     nodes = e.step.nodes
-    z = 1.0 + ratio * take(nodes, 0, e.like)
-    weights = e.h * take(nodes, 1, e.like)
+    z = 1.0 + ratio * take(nodes, C, e.like)
+    weights = e.h * take(nodes, B, e.like)
     for k in range(e.stages):
         put(e.memory, at + k, weights * polynomial(take(e.memory, first + k, e.like), z, e.like), e.like)
 
@@ -115,7 +120,7 @@ def predict(e, first, at, ratio):
 @inlined
 def remember(e, first, inverse):
     """Write the coefficients of the polynomials through f at the nodes to the rows from ``first`` on."""
-    zero = 0.0 * take(e.step.nodes, 0, e.like)
+    zero = 0.0 * take(e.step.nodes, C, e.like)
     for k in range(e.stages):
         f = take(e.memory, e.stages + k, e.like)
         put(e.memory, first + k, combine(zero, f, 1.0, inverse, 0, e.like), e.like)
@@ -143,7 +148,7 @@ def _split(method, step, carry, y, clock, dt, counts):
 
 def _gauss(method, step, carry, y, clock, dt, counts):
     e = equations(method, carry, dt)
-    first = e.base + 4
+    first = e.base + FREE
     at = first + e.stages
     begin(method.inverse_mass, e, y)
     predict(e, first, at, dt / clock.last)
@@ -154,7 +159,7 @@ def _gauss(method, step, carry, y, clock, dt, counts):
 
 def _remember_field(method, step, carry, dt):
     e = equations(method, carry, dt)
-    remember(e, e.base + 4, step.inverse)
+    remember(e, e.base + FREE, step.inverse)
 
 
 #: Take a step of length dt from y: (its end, evaluations, status).
@@ -252,7 +257,7 @@ run = by_time(started, reach, leave)
 # -- the functions and numbers that it is handed ----------------------------------------------------------------------
 
 
-def monitor(system, arithmetic: str):
+def monitor(system: Hamiltonian, arithmetic: str):
     """Make the function (q, p) -> (1 / sigma, G)."""
     T = codegen.value_type(system.d)
 
@@ -266,12 +271,12 @@ def monitor(system, arithmetic: str):
     )
 
 
-def gauss(method) -> bool:
+def gauss(method: Method) -> bool:
     """True if the method is Gauss's, of data (s,)."""
     return len(method.data) == 1
 
 
-def required(method, s: int, system) -> None:
+def required(method: Method, s: int, system: Hamiltonian) -> None:
     """Raise InvalidInput unless Gauss's s stages can be had in lanes."""
     if not gauss_lanes.serves(s, system):
         raise InvalidInput(
@@ -297,7 +302,7 @@ def inverse_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
         return array(squared(([inverse[k, j] for k in range(s)] for j in range(s)), len(step.like)), arithmetic)
 
 
-def prepare(method, system, arithmetic) -> Prepared:
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel of data (s,), Gauss with s stages, or (1, substeps), a splitting."""
     if not all(isinstance(r, sp.Expr) for r in singularities.steering(system)):
         raise InvalidInput(f"method '{method.id}' requires the distances to the singularities as formulae")

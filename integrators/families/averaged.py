@@ -35,7 +35,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 import numpy as np
@@ -44,12 +44,21 @@ from phasebench.integrators.coefficients.quadrature import LARGE, RULES, gauss_l
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.compile.lazy import sympy as sp
-from phasebench.integrators.stepping.kernel import Prepared, array, fixed, numbers
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, fixed, numbers
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.orbit_lanes import in_lanes, twin
-from phasebench.integrators.stepping.solve import SOLVED, Change, lengths_of_both, predict, remember, solver, unchanged
+from phasebench.integrators.stepping.solve import (
+    SOLVED,
+    Change,
+    lengths_of_both,
+    predict,
+    remember,
+    solver,
+    unchanged,
+)
 from phasebench.integrators.values.lanes import Lanes, take, total
 from phasebench.integrators.values.vector import (
+    State,
     advanced,
     axpy,
     chosen,
@@ -67,6 +76,10 @@ from phasebench.integrators.values.vector import (
 
 from .collocation import moved as change
 from .parametric import lengths_of_kick, unknown
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Nodes side by side, and the least size of the largest rule for which that is faster.
 WIDTH, FEWEST = 4, 3
@@ -265,7 +278,7 @@ def substep(step, y, s, carry, counts):
     return _ended(step.field, y, x, Average(step, y.q, y.p, v, h, s, rule)), x, status
 
 
-def step(method, y, carry, counts):
+def step(method: Averaged, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step, substep by substep."""
     stages = len(method.fraction)
     status = SOLVED
@@ -291,7 +304,7 @@ PATHS = {
 }
 
 
-def coupled(path: str, system) -> bool:
+def coupled(path: str, system: Hamiltonian) -> bool:
     """True if H has a term in variables of two blocks of the path; if not, the path gives the AVF method."""
     place = PATHS[path](system.d)
     if len(set(place)) == 1 or (path == "momenta, coordinates" and system.separable):
@@ -300,7 +313,7 @@ def coupled(path: str, system) -> bool:
     return any(a != b and sp.expand(sp.diff(system.H, x, y)) != 0 for (x, a), (y, b) in combinations(variables, 2))
 
 
-def rules(system, width: int, arithmetic) -> tuple[list, list, list, list]:
+def rules(system: Hamiltonian, width: int, arithmetic: str) -> tuple[list, list, list, list]:
     """(nodes, rows, c, b), a row each: one exact rule for a polynomial H, else rules of rising size."""
     digits, known = (40, RULES) if arithmetic == DOUBLE else (mpmath.mp.dps, LARGE)
     found = []
@@ -313,13 +326,13 @@ def rules(system, width: int, arithmetic) -> tuple[list, list, list, list]:
     return tuple(zip(*found, strict=True))
 
 
-def serves(system, arithmetic) -> bool:
+def serves(system: Hamiltonian, arithmetic: str) -> bool:
     """True if lanes of nodes are worth while, and the system's functions can be compiled for lanes."""
     worth = sizes(1, system.polynomial_degree)[-1] >= FEWEST
     return worth and arithmetic == DOUBLE and codegen.value_kind(system.d) == "tuple" and in_lanes(system)
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel of substeps (fraction, path, direction)."""
     substeps = []
     for fraction, path, direction in method.data:

@@ -8,17 +8,18 @@ its own.  Where nothing is implicit the method is that of `parametric`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.stepping import structure
 from phasebench.integrators.stepping.banded import Band, Room, band_of, band_solver, columns, forget
-from phasebench.integrators.stepping.kernel import Prepared, value
+from phasebench.integrators.stepping.kernel import Carry, Prepared, value
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED, lengths_of_both
 from phasebench.integrators.values.vector import (
+    State,
     advanced,
     chosen,
     head,
@@ -30,6 +31,10 @@ from phasebench.integrators.values.vector import (
 
 from . import parametric
 from .parametric import Stage, increments, kick, lengths_of_kick, shift, unknown
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: h and lambda at which a field of higher order is probed, and the seed of the states.
 AT, SEED = (0.1, 1 / 3), 3
@@ -68,7 +73,7 @@ def _general(field, step, y, c, mu, lam, x, room):
 substep = chosen(_nystrom, _general)
 
 
-def begin(method, carry, counts):
+def begin(method: Banded, carry: Carry, counts: np.record) -> State:
     """Read the state; before the first step matrices in the memory are stale, since they may belong to another h."""
     if counts.steps == 0:
         for s in range(len(method.c)):
@@ -76,7 +81,7 @@ def begin(method, carry, counts):
     return opened(carry)
 
 
-def step(method, y, carry, counts):
+def step(method: Banded, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step, substep by substep."""
     start = unknown(method.field, carry.zero)
     status = SOLVED
@@ -93,7 +98,7 @@ def step(method, y, carry, counts):
 run = loop(step, begin)
 
 
-def structure_of(system, order: int) -> list[np.ndarray]:
+def structure_of(system: Hamiltonian, order: int) -> list[np.ndarray]:
     """For each unknown, the stage equations that depend on it; raises InvalidInput if that cannot be found."""
     (field, dT, dV), n = parametric.quadratic(system, DOUBLE, order)
     d = system.d
@@ -108,7 +113,7 @@ def structure_of(system, order: int) -> list[np.ndarray]:
     return structure.found(slope, [rng.normal(size=n) / 10, rng.uniform(0.5, 1.5, size=n), rng.normal(size=n) * 10])
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel of `parametric` with the band of the system's stage equations."""
     plain = parametric.prepare(method, system, arithmetic)
     if plain.run is not parametric.run:  # explicit: there is nothing to solve

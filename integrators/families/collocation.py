@@ -36,7 +36,7 @@ Numer. Methods Eng. 49 (2000) 599-638 (cPG); E. Hairer, R. McLachlan, A. Razakar
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 import numpy as np
@@ -44,7 +44,7 @@ import numpy as np
 from phasebench.integrators.coefficients.quadrature import LARGE, RULES, sizes
 from phasebench.integrators.coefficients.tableaus import tableau
 from phasebench.integrators.compile.codegen import DOUBLE
-from phasebench.integrators.stepping.kernel import Prepared, array, fixed
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, fixed
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import (
     LEVELS,
@@ -59,6 +59,7 @@ from phasebench.integrators.stepping.solve import (
     row_solver,
 )
 from phasebench.integrators.values.vector import (
+    State,
     advanced,
     axpy,
     bump,
@@ -79,6 +80,10 @@ from phasebench.integrators.values.vector import (
 
 from . import gauss_lanes, path_lanes
 from .parametric import lengths_of_kick, quadratic, unknown
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 
 class Collocation(NamedTuple):
@@ -272,7 +277,7 @@ def extrapolate(e, at):
         store(e.memory, at + j, x)
 
 
-def step(method, y, carry, counts):
+def step(method: Collocation, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step."""
     memory, zero, like = carry.memory, carry.zero, unknown(method.field, carry.zero)
     stages = method.weights.shape[1]
@@ -293,7 +298,7 @@ def step(method, y, carry, counts):
 run = loop(step)
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel of data (kind, s) or ("hbvm", s, k): with stages or nodes in lanes if the system allows it."""
     kind, s, *_ = method.data
     if kind == "gauss" and gauss_lanes.serves(s, system):
@@ -305,7 +310,7 @@ def prepare(method, system, arithmetic):
     return stage_by_stage(method, system, arithmetic)
 
 
-def rules_of(method, system, arithmetic) -> Sequence[int]:
+def rules_of(method: Method, system: Hamiltonian, arithmetic: str) -> Sequence[int]:
     """Numbers of nodes of the quadrature rules."""
     kind, s, *k = method.data
     if kind == "cpg":
@@ -313,7 +318,7 @@ def rules_of(method, system, arithmetic) -> Sequence[int]:
     return k or [s]
 
 
-def stage_by_stage(method, system, arithmetic):
+def stage_by_stage(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel that takes one stage after the other; the Nystrom form if T is quadratic."""
     kind, s, *_ = method.data
     rules = rules_of(method, system, arithmetic)

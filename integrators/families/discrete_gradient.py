@@ -18,14 +18,15 @@ Source: O. Gonzalez, J. Nonlinear Sci. 6 (1996) 449-467, equation (11).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.stepping.kernel import Prepared, keep_energy, numbers
+from phasebench.integrators.stepping.kernel import Carry, Prepared, keep_energy, numbers
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, predict_number, remember, solver
 from phasebench.integrators.values.vector import (
+    State,
     advanced,
     axpy,
     head,
@@ -36,6 +37,10 @@ from phasebench.integrators.values.vector import (
     tail,
     written,
 )
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Largest number of secant steps for a.
 LIMIT = 12
@@ -107,7 +112,7 @@ def search(step, y, h, x, a, carry, counts):
     return x, a, status
 
 
-def step(method, y, carry, counts):
+def step(method: DiscreteGradient, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step, substep by substep."""
     both, memory = join(carry.zero, carry.zero), carry.memory
     stages = len(method.fraction)
@@ -128,7 +133,7 @@ def step(method, y, carry, counts):
 run = loop(step)
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel; the energy to keep is that of the initial state."""
     energy = system.energy(arithmetic)
     step = DiscreteGradient(system.field(arithmetic), energy, numbers(method.data, arithmetic))

@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath
 import numpy as np
@@ -34,7 +34,7 @@ from phasebench.integrators.coefficients import tableaus
 from phasebench.integrators.coefficients.quadrature import legendre
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.stepping.energy_model import FIRST, Attempt, Search
-from phasebench.integrators.stepping.kernel import Carry, array, numbers
+from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, array, numbers
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.root import finder
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED
@@ -43,6 +43,10 @@ from phasebench.integrators.values.vector import State, advanced, apart, chosen,
 from . import collocation, gauss_lanes, stage_lanes
 from .gauss_lanes import serves
 from .parametric import unknown
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 SEARCH = Search(radius=0.5, first=0.01, near=0.1, ratio=1.5, points=16, slack=8.0)
 MISSED = "have no parameter near 0 that keeps the energy and were taken as Gauss's method"
@@ -92,7 +96,7 @@ def _time_in_rows(f, t, i, late):
 
 
 def _time_in_lanes(f, t, i, late):
-    t.nodes[2, i], t.nodes[0, i] = late, 1.0 - late
+    t.nodes[stage_lanes.LATE, i], t.nodes[stage_lanes.C, i] = late, 1.0 - late
 
 
 def _moved_rows(f, start, eps, e):
@@ -110,8 +114,7 @@ def _moved_rows(f, start, eps, e):
 def _moved_lanes(f, start, eps, e):
     t, y = e.step.tableau, e.y
     equations = stage_lanes.equations(t, e.carry, t.h)
-    ring = equations.base + 4
-    at = ring + t.steps * equations.stages
+    ring, at = stage_lanes.rows_of(equations)
     stage_lanes.begin(t.inverse_mass, equations, y)
     if start == FIRST:
         stage_lanes.extrapolate(equations, ring, e.counts.steps, at)
@@ -126,14 +129,14 @@ def _enter_rows(f, e):
 
 def _enter_lanes(f, e):
     equations = stage_lanes.equations(e.step.tableau, e.carry, e.step.h)
-    ring = equations.base + 4
-    stage_lanes.enter(equations, ring, e.counts.steps, ring + e.step.tableau.steps * equations.stages)
+    ring, at = stage_lanes.rows_of(equations)
+    stage_lanes.enter(equations, ring, e.counts.steps, at)
 
 
 #: Write A_ij of the stages; 1 - c_i and c_i.
 write_A, write_time = chosen(_A_in_rows, _A_in_lanes), chosen(_time_in_rows, _time_in_lanes)
 #: c_i.
-time = chosen(lambda f, t, i: t.c[i, 0], lambda f, t, i: t.nodes[0, i])
+time = chosen(lambda f, t, i: t.c[i, 0], lambda f, t, i: t.nodes[stage_lanes.C, i])
 #: Take the step with the tableau in use: (the state after it, sweeps, sweeps of Newton's method, status).
 moved = chosen(_moved_rows, _moved_lanes)
 #: Store its stages for the start of the next step.
@@ -203,10 +206,10 @@ def attempt(alpha, start, ease, e):
 find = finder(attempt, followed=False)
 
 
-def step(method, y, carry, counts):
+def step(method: Equip, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step; the parameter is alpha."""
     e = Step(method, y, carry, counts)
-    alpha, found, result = find(method.search, carry.state, 4, np.nan, e)
+    alpha, found, result = find(method.search, carry.state, OWN, np.nan, e)
     if result.status != SOLVED:
         return y, result.status
     enter(method.f, e)
@@ -225,7 +228,7 @@ def skew(s: int, nodes):
     return [[a[s - 1] * b[s - 2] - a[s - 2] * b[s - 1] for b in P] for a in P]
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel of data (s,): stages in lanes if the system allows it, the Nystrom form if T is quadratic."""
     (s,) = method.data
     if serves(s, system):

@@ -33,19 +33,24 @@ Astron. Soc. 446 (2015) 1424-1437 (derivatives from the step's own polynomials, 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath
 import numpy as np
 
-from phasebench.integrators.stepping.kernel import Prepared, array
+from phasebench.integrators.stepping.kernel import OWN, Prepared, array
 from phasebench.integrators.stepping.loop import by_time
 from phasebench.integrators.stepping.solve import OUT_OF_STEP, SOLVED
 from phasebench.integrators.values.lanes import put, take, total
 from phasebench.integrators.values.vector import chosen, inlined
 
 from . import adaptive, gauss_lanes, stage_lanes
+from .lane_rows import MOMENTA, ORIGIN
 from .stage_lanes import begin, equations
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: A step is rejected if the fitting one is shorter than this share of it; a step is at most GROWTH times the last.
 TRUSTED, GROWTH = 0.25, 4.0
@@ -89,7 +94,8 @@ class Clock(NamedTuple):
 
 
 #: Where the state's spare rows keep the clock between calls.
-TIME, LOST, FOLLOWING, LAST, SCALE = (4, 0), (4, 1), (5, 0), (5, 1), (6, 1)
+TIME, LOST, FOLLOWING = (OWN, 0), (OWN, 1), (OWN + 1, 0)
+LAST, SCALE = (OWN + 1, 1), (OWN + 2, 1)
 
 #: What a component of f is multiplied by to be an acceleration.
 inertia = chosen(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e, k: inverse_mass[0, k])
@@ -108,7 +114,7 @@ def inverse_square(e, step, first, last):
         f1 = f1 + total(take(step.ends, 1, e.like) * f) ** 2
         f2 = f2 + total(take(step.ends, 2, e.like) * f) ** 2
         f3 = f3 + total(take(step.ends, 3, e.like) * f) ** 2
-        highest = highest + total(take(step.ends, 4, e.like) * f) ** 2
+        highest = highest + total(take(step.ends, DERIVATIVES, e.like) * f) ** 2
         whole = whole + total(f * f)
     above, below = (f0 * f2) ** 0.5 + f1, (f1 * f3) ** 0.5 + f2
     told, rough = above > FLAT * step.eps * whole, highest > (ROUGH * step.eps) ** 2 * whole
@@ -138,7 +144,7 @@ def _pace(e, first, last, shift):
     size, slope, bend = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
     for k in range(first, last):
         ahead, behind = e.memory[e.stages + k, 0], e.memory[e.stages + k, 1]
-        size, slope = size + abs(e.memory[e.base, k]), slope + abs(0.5 * (ahead + behind))
+        size, slope = size + abs(e.memory[e.base + ORIGIN, k]), slope + abs(0.5 * (ahead + behind))
         bend = bend + abs((ahead - behind) / (2.0 * shift))
     below = slope * slope + size * bend
     return size / below**0.5 if below > 0 else 0.0 * e.h
@@ -147,7 +153,7 @@ def _pace(e, first, last, shift):
 def _unit_of_both(inverse_mass, e, step):
     d, shift = e.stages // 2, SHIFT * abs(e.h)
     for k in range(e.stages):
-        y, f = e.memory[e.base, k], e.memory[e.stages + k, 0]
+        y, f = e.memory[e.base + ORIGIN, k], e.memory[e.stages + k, 0]
         put(e.memory, k, 0.0 * e.weights + (y + shift * f), e.like)
         e.memory[k, 1] = y - shift * f
     step.method.f(e.memory)
@@ -158,7 +164,7 @@ def _unit_of_both(inverse_mass, e, step):
 def _unit_of_kicks(inverse_mass, e, step):
     q, v, a = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
     for k in range(e.stages):
-        q, v = q + abs(e.memory[e.base, k]), v + abs(inverse_mass[0, k] * e.memory[e.base + 2, k])
+        q, v = q + abs(e.memory[e.base + ORIGIN, k]), v + abs(inverse_mass[0, k] * e.memory[e.base + MOMENTA, k])
         a = a + abs(inverse_mass[0, k] * e.memory[e.stages + k, 0])
     if a > 0 and q > 0:
         return (q / a) ** 0.5
@@ -179,7 +185,7 @@ def started(step, carry, y):
         e = equations(step.method, carry, step.h)
         begin(step.method.inverse_mass, e, y)
         for k in range(e.stages):
-            put(e.memory, k, 0.0 * e.weights + e.memory[e.base, k], e.like)
+            put(e.memory, k, 0.0 * e.weights + e.memory[e.base + ORIGIN, k], e.like)
         step.method.f(e.memory)
         scale = abs(step.h) / unit(step.method.inverse_mass, e, step)
         return Clock(rows[TIME], rows[LOST], step.h, step.h, scale)
@@ -267,7 +273,7 @@ def ends_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
         return array([gauss_lanes.padded(row, len(step.like), 0) for row in rows], arithmetic)
 
 
-def prepare(method, system, arithmetic) -> Prepared:
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel of data (s,): Gauss with s stages."""
     (s,) = method.data
     lanes = gauss_lanes.laned(s, system, arithmetic)

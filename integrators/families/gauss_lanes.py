@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
 import mpmath
+import numpy as np
 
 from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
 from phasebench.integrators.compile.codegen import DOUBLE
@@ -10,30 +14,33 @@ from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.stepping.kernel import Prepared, array
 from phasebench.integrators.values import lane_formulae
 
-from .lane_rows import components
+from .lane_rows import FREE, components
 from .stage_lanes import Lanes, run
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Least number of stages for which lanes are faster.
 FEWEST = 2
 
 
-def serves(s: int, system) -> bool:
+def serves(s: int, system: Hamiltonian) -> bool:
     """True if lanes are worth while for s stages, and the system's functions can be compiled for lanes."""
     return s >= FEWEST and system.elementary
 
 
-def padded(row, lanes: int, filler) -> list:
+def padded(row: Sequence, lanes: int, filler: Any) -> list:
     """Fill the row up to the number of lanes."""
     return [*row, *[filler] * (lanes - len(row))]
 
 
-def squared(rows, lanes: int) -> list[list]:
+def squared(rows: Iterable[Sequence], lanes: int) -> list[list]:
     """Fill rows and columns with zeros up to a square matrix of the number of lanes."""
     rows = [padded(row, lanes, 0) for row in rows]
     return rows + [[0] * lanes] * (lanes - len(rows))
 
 
-def _of_kicks(system, lanes, arithmetic, digits):
+def _of_kicks(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> tuple[Callable, np.ndarray]:
     """(-grad V in lanes, the inverse masses)."""
     forces = lane_formulae.function(
         "forces",
@@ -47,20 +54,20 @@ def _of_kicks(system, lanes, arithmetic, digits):
     return forces, array([masses], arithmetic)
 
 
-def _of_both(system, lanes, arithmetic):
+def _of_both(system: Hamiltonian, lanes: int, arithmetic: str) -> tuple[Callable, None]:
     """(The field in lanes, None)."""
     arguments = [("q", system.q), ("p", system.p)]
     return lane_formulae.function("field", arguments, lambda: [*system.dq, *system.dp], lanes, system, arithmetic), None
 
 
-def functions(system, lanes, arithmetic, digits):
+def functions(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> tuple[Callable, np.ndarray | None]:
     """(f in lanes of `stage_lanes.Lanes`, the inverse masses or None)."""
     if system.diagonal:
         return _of_kicks(system, lanes, arithmetic, digits)
     return _of_both(system, lanes, arithmetic)
 
 
-def starts(extrapolation, s, lanes):
+def starts(extrapolation: Sequence, s: int, lanes: int) -> Iterator[list]:
     """Rows of weights for each earlier step: first for a start from one step, then for one from two."""
     for first in range(0, len(extrapolation), s):
         weights = list(zip(*extrapolation[first : first + s], strict=True))
@@ -68,7 +75,7 @@ def starts(extrapolation, s, lanes):
             yield from squared(weights[step : step + s], lanes)
 
 
-def laned(s: int, system, arithmetic) -> Lanes:
+def laned(s: int, system: Hamiltonian, arithmetic: str) -> Lanes:
     """The tableau of Gauss with s stages, and the system's functions in lanes."""
     lanes = 1 << (s - 1).bit_length()
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
@@ -92,7 +99,7 @@ def laned(s: int, system, arithmetic) -> Lanes:
     )
 
 
-def prepare(s: int, system, arithmetic) -> Prepared:
+def prepare(s: int, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel of Gauss with s stages."""
     step = laned(s, system, arithmetic)
     return Prepared(run, step, *room(step, system.d), linear=len(step.like) * components(step.inverse_mass, system.d))
@@ -100,5 +107,5 @@ def prepare(s: int, system, arithmetic) -> Prepared:
 
 def room(step: Lanes, d: int) -> tuple[int, int]:
     """(columns of the memory, number of stages that gives it enough rows)."""
-    rows = 4 + (6 + step.steps) * components(step.inverse_mass, d)
+    rows = FREE + (6 + step.steps) * components(step.inverse_mass, d)
     return max(len(step.like), components(step.inverse_mass, d)), -(-rows // (3 * LEVELS + 1))

@@ -3,7 +3,7 @@ r"""What kernels with stages, or the nodes of integrals, in lanes have in common
 Their equations, a NamedTuple, are of unknowns in ``stages`` rows of the ``memory``, a component each, in as many lanes
 as ``like`` has: increments of q and p or, where the step's ``inverse_mass`` is not None, of p alone (kicks).  The
 step's f(memory) reads places from the first rows and writes to as many that follow.  From the row ``base`` on stand the
-state that the places begin at, h M^-1 p, and the increments of q and of p over a step; before them, for kicks, p.
+rows `ORIGIN` to `DP`; from `FREE` on the kernel keeps what it needs.
 """
 
 from __future__ import annotations
@@ -12,30 +12,35 @@ from phasebench.integrators.stepping.solve import difference
 from phasebench.integrators.values.lanes import combine, put, take, total
 from phasebench.integrators.values.vector import advanced, chosen, inlined, load, store
 
+#: Rows from ``base`` on: the state that the places begin at, h M^-1 p, and the increments of q and of p over a step;
+#: before there are increments the row of DQ holds, for kicks, p.
+ORIGIN, DRIFT, DQ, DP, FREE = range(5)
+MOMENTA = DQ
+
 # -- the two forms ----------------------------------------------------------------------------------------------------
 
 
 def _begin_both(inverse_mass, e, y):
-    store(e.memory, e.base, y.q)
+    store(e.memory, e.base + ORIGIN, y.q)
     for k in range(len(y.p)):
-        e.memory[e.base, len(y.q) + k] = y.p[k]
+        e.memory[e.base + ORIGIN, len(y.q) + k] = y.p[k]
 
 
 def _begin_kicks(inverse_mass, e, y):
     memory = e.memory
-    store(memory, e.base, y.q)
-    store(memory, e.base + 2, y.p)
+    store(memory, e.base + ORIGIN, y.q)
+    store(memory, e.base + MOMENTA, y.p)
     for k in range(e.stages):
-        memory[e.base + 1, k] = e.h * inverse_mass[0, k] * memory[e.base + 2, k]
+        memory[e.base + DRIFT, k] = e.h * inverse_mass[0, k] * memory[e.base + MOMENTA, k]
 
 
 def _lengths_of_both(inverse_mass, e, at):
     d = e.stages // 2
-    return length(e, at, e.base, 0, d), length(e, at, e.base, d, e.stages)
+    return length(e, at, e.base + ORIGIN, 0, d), length(e, at, e.base + ORIGIN, d, e.stages)
 
 
 def _lengths_of_kicks(inverse_mass, e, at):
-    momenta = length(e, at, e.base + 2, 0, e.stages)
+    momenta = length(e, at, e.base + MOMENTA, 0, e.stages)
     return momenta, momenta
 
 
@@ -134,6 +139,6 @@ def ender(sums):
     @inlined
     def end(e, at, y, zero):
         sums(e.step.inverse_mass, e, at)
-        return advanced(y, load(e.memory, e.base + 2, zero), load(e.memory, e.base + 3, zero))
+        return advanced(y, load(e.memory, e.base + DQ, zero), load(e.memory, e.base + DP, zero))
 
     return end

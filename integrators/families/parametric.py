@@ -29,14 +29,15 @@ Source: Y. Wang, Y. Bo, W. Cai, "A general symplectic integrator for canonical H
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.stepping.kernel import Prepared, array, fixed
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, fixed
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, remember, solver
 from phasebench.integrators.values.vector import (
+    State,
     advanced,
     axpy,
     chosen,
@@ -51,6 +52,10 @@ from phasebench.integrators.values.vector import (
 )
 
 from . import splitting
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -157,7 +162,7 @@ def advance(step, y, carry, known, first):
     return y, evaluations, newtons, status
 
 
-def step(method, y, carry, counts):
+def step(method: Parametric, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step."""
     y, evaluations, newtons, status = advance(method, y, carry, counts.steps, True)
     counts.gradient += evaluations
@@ -168,14 +173,14 @@ def step(method, y, carry, counts):
 run = loop(step)
 
 
-def quadratic(system, arithmetic, order=1):
+def quadratic(system: Hamiltonian, arithmetic: str, order=1):
     """((field, dT, dV), components of a stage's unknown): the Nystrom form if H is separable with quadratic T."""
     if order == 1 and system.separable and system.quadratic_kinetic:
         return (None, system.grad_T(arithmetic), system.grad_V(arithmetic)), system.d
     return (system.field(arithmetic, order), None, None), 2 * system.d
 
 
-def prepare(method, system, arithmetic, fills=True):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
     """Make the kernel: a splitting if H is separable and all substeps symplectic Euler; Nystrom if T is quadratic."""
     order, substeps = method.data
     if order == 1 and system.separable and all({mu, lam} == {0, 1} for _, mu, lam in substeps):

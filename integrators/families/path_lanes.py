@@ -27,22 +27,25 @@ Makazaga, A. Murua, arXiv 2511.03655 (2026) (stages in SIMD lanes).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 import numpy as np
 
 from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
 from phasebench.integrators.compile.codegen import DOUBLE
-from phasebench.integrators.stepping.kernel import Prepared, array, fixed
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, fixed
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED, Change, confirmer, row_solver
 from phasebench.integrators.values.lanes import combine, put, take, total
-from phasebench.integrators.values.vector import chosen, inlined
+from phasebench.integrators.values.vector import State, chosen, inlined
 
 from . import gauss_lanes
 from .gauss_lanes import functions, padded, squared, starts
-from .lane_rows import begin, components, ender, enter, extrapolate, linearizer
+from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, linearizer
+
+if TYPE_CHECKING:
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Nodes side by side (at least as many as increments); least product of nodes and increments for which that is faster.
 WIDTH, FEWEST = 4, 3
@@ -93,9 +96,9 @@ class Equations(NamedTuple):
 
 
 def _path_of_kicks(inverse_mass, e, at):
-    step, memory, path = e.step, e.memory, e.base + 4
+    step, memory, path = e.step, e.memory, e.base + FREE
     for k in range(e.stages):
-        start = memory[e.base + 1, k] * take(step.drift, 0, e.like)
+        start = memory[e.base + DRIFT, k] * take(step.drift, 0, e.like)
         x = take(memory, at + k, e.like)
         put(memory, path + k, combine(start, x, e.h * inverse_mass[0, k], step.drift, 1, step.terms), e.like)
     return path
@@ -104,13 +107,13 @@ def _path_of_kicks(inverse_mass, e, at):
 def _end_both(inverse_mass, e, at):
     memory, d = e.memory, e.stages // 2
     for k in range(d):
-        memory[e.base + 2, k], memory[e.base + 3, k] = memory[at + k, 0], memory[at + d + k, 0]
+        memory[e.base + DQ, k], memory[e.base + DP, k] = memory[at + k, 0], memory[at + d + k, 0]
 
 
 def _end_kicks(inverse_mass, e, at):
     path = path_of(inverse_mass, e, at)
     for k in range(e.stages):
-        e.memory[e.base + 2, k], e.memory[e.base + 3, k] = e.memory[path + k, 0], e.memory[at + k, 0]
+        e.memory[e.base + DQ, k], e.memory[e.base + DP, k] = e.memory[path + k, 0], e.memory[at + k, 0]
 
 
 def _slope_of_both(inverse_mass, e, row, i, m):
@@ -165,7 +168,7 @@ def places(e, path, row):
     step, memory = e.step, e.memory
     for k in range(e.stages):
         r = take(memory, path + k, e.like)
-        put(memory, k, combine(memory[e.base, k], r, 1.0, step.A, row * len(step.terms), step.terms), e.like)
+        put(memory, k, combine(memory[e.base + ORIGIN, k], r, 1.0, step.A, row * len(step.terms), step.terms), e.like)
 
 
 @inlined
@@ -222,14 +225,14 @@ solve = confirmer(
 end = ender(sums)
 
 
-def step(method, y, carry, counts):
+def step(method: Path, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step."""
-    memory, rows = carry.memory, components(method.inverse_mass, len(carry.zero))
-    ring = 2 * rows + 4 + rows
-    at = ring + method.steps * rows
+    rows = components(method.inverse_mass, len(carry.zero))
     if counts.steps % 16 == 0:
         counts.rule = 0
-    e = Equations(method, y.q, y.p, memory, 2 * rows, rows, method.like, method.h, counts)
+    e = Equations(method, y.q, y.p, carry.memory, 2 * rows, rows, method.like, method.h, counts)
+    ring = e.base + FREE + rows  # after the path of q
+    at = ring + method.steps * rows
     begin(method.inverse_mass, e, y)
     extrapolate(e, ring, counts.steps, at)
     status = solve(e, at, carry.work, counts)
@@ -245,7 +248,7 @@ run = loop(step)
 # -- what it is handed ------------------------------------------------------------------------------------------------
 
 
-def laned(s: int, rules: Sequence[int], system, arithmetic) -> Path:
+def laned(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) -> Path:
     """The coefficients of degree s for rules of so many nodes, and the system's functions in lanes."""
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
@@ -285,14 +288,14 @@ def skew(s: int, digits: int) -> list[list]:
     return X
 
 
-def serves(s: int, rules: Sequence[int], system) -> bool:
+def serves(s: int, rules: Sequence[int], system: Hamiltonian) -> bool:
     """True if lanes of nodes are worth while, and the system's functions can be compiled for lanes."""
     return s <= WIDTH and s * rules[-1] >= FEWEST and gauss_lanes.serves(WIDTH, system)
 
 
-def prepare(s: int, rules: Sequence[int], system, arithmetic) -> Prepared:
+def prepare(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel of degree s, with rules of so many nodes."""
     step = laned(s, rules, system, arithmetic)
     unknowns = components(step.inverse_mass, system.d)
-    rows = 4 + (7 + step.steps) * unknowns
+    rows = FREE + (7 + step.steps) * unknowns
     return Prepared(run, step, max(WIDTH, unknowns), -(-rows // (3 * LEVELS + 1)), linear=WIDTH * unknowns)

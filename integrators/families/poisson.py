@@ -29,7 +29,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 import numpy as np
@@ -43,7 +43,7 @@ from phasebench.integrators.coefficients.quadrature import (
     sizes,
 )
 from phasebench.integrators.compile.codegen import DOUBLE
-from phasebench.integrators.stepping.kernel import Prepared, array, fixed
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, fixed
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import (
     LEVELS,
@@ -58,6 +58,7 @@ from phasebench.integrators.stepping.solve import (
     row_solver,
 )
 from phasebench.integrators.values.vector import (
+    State,
     advanced,
     axpy,
     distance,
@@ -73,6 +74,10 @@ from phasebench.integrators.values.vector import (
 )
 
 from . import collocation
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.poisson import PoissonSystem
 
 
 class Poisson(NamedTuple):
@@ -163,7 +168,7 @@ def linearize(e, at, span, work):
 solve = confirmer(row_solver(sweep, linearize), sweep, by_rows(inlined(lambda e, x, y: change(x, y))))
 
 
-def step(method, y, carry, counts):
+def step(method: Poisson, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step."""
     memory, both = carry.memory, join(carry.zero, carry.zero)
     stages = len(method.stage)
@@ -205,7 +210,7 @@ def coefficients(s: int, rules: tuple[int, ...], digits: int):
     return stage, table
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: PoissonSystem, arithmetic: str) -> Prepared:
     """Make the kernel of data (s,): one exact rule for a polynomial H, else rules of rising size."""
     (s,) = method.data
     if system.canonical:

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numba import types
@@ -34,7 +34,7 @@ from numba import types
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.records.projection import projected as projected
-from phasebench.integrators.stepping.kernel import Prepared, value
+from phasebench.integrators.stepping.kernel import Carry, Prepared, value
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, gauss, predict, remember, solver
 from phasebench.integrators.values.vector import (
@@ -56,6 +56,10 @@ from phasebench.integrators.values.vector import (
 )
 
 from . import parametric, runge_kutta, splitting
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: The families of base methods.
 FAMILIES = {"runge_kutta": runge_kutta, "parametric": parametric, "splitting": splitting}
@@ -247,7 +251,7 @@ def _symmetric(mirror, step, y, carry, counts):
 project = chosen(_standard, _symmetric)
 
 
-def step(method, y, carry, counts):
+def step(method: Projection, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step; the parameter is the multiplier of H."""
     y, mu, found, status = project(method.mirror, method, y, carry, counts)
     if not found:
@@ -259,7 +263,7 @@ def step(method, y, carry, counts):
 run = loop(step, parameter=True)
 
 
-def functions(system, invariants, arithmetic):
+def functions(system: Hamiltonian, invariants, arithmetic: str):
     """The invariants' functions ``constraint``, ``gram`` and ``pull``.
 
     constraint(q, p) -> (values, M) of shape (m,), the values known to eps M; gram(q, p) -> G G^T row by row, of shape
@@ -300,7 +304,7 @@ def _vector_type(d, n):
     return types.UniTuple(types.float64, n) if tuples else types.Array(types.float64, 1, "C")
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel: the base method's functions and coefficients, and those of the invariants."""
     base, onto, symmetric = method.data
     inner = FAMILIES[base.family].prepare(base, system, arithmetic, fills=False)

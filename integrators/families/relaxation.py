@@ -24,17 +24,21 @@ D. I. Ketcheson, SIAM J. Sci. Comput. 42 (2020) A612-A638.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from phasebench.integrators.records.projection import relaxed as relaxed
-from phasebench.integrators.stepping.kernel import Prepared, keep_energy
+from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, keep_energy
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED
-from phasebench.integrators.values.vector import advanced, inlined, scale, written
+from phasebench.integrators.values.vector import State, advanced, inlined, scale, written
 
 from . import runge_kutta
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 LIMIT = 20
 #: Largest distance of the root from 1.
@@ -42,6 +46,10 @@ RADIUS = 0.5
 #: H this many times its round-off off is accepted if the iteration no longer converges.
 SLACK = 64.0
 MISSED = "have no relaxation near 1 and were taken as the base method's"
+
+
+#: Where the state's spare rows keep by how much the last step was longer than it should be.
+AHEAD = OWN, 0
 
 
 class Relaxation(NamedTuple):
@@ -84,23 +92,23 @@ def root(step, y, dq, dp):
     return 1.0, False, LIMIT
 
 
-def step(method, y, carry, counts):
+def step(method: Relaxation, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step; the parameter is gamma."""
-    length = method.h - carry.state[4, 0]
+    length = method.h - carry.state[AHEAD]
     dq, dp = runge_kutta.increment(method.field, method.tableau, length, y, carry)
     gamma, found, n = root(method, y, dq, dp)
     counts.gradient += n + len(method.tableau) - 1
     if not found:
         counts.fallbacks += 1
     counts.parameter = gamma if found else np.nan
-    carry.state[4, 0] = (gamma - 1) * length if method.adjust_time else 0.0 * length
+    carry.state[AHEAD] = (gamma - 1) * length if method.adjust_time else 0.0 * length
     return advanced(y, scale(gamma, dq), scale(gamma, dp)), SOLVED
 
 
 run = loop(step, parameter=True)
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the tableau's kernel with the energy."""
     base, adjust_time = method.data
     inner = runge_kutta.prepare(base, system, arithmetic, fills=False)

@@ -9,11 +9,11 @@ Source: W. Kutta, Z. Math. Phys. 46 (1901) 435-453; L. Euler, Institutiones calc
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.stepping.kernel import Prepared, array
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED
 from phasebench.integrators.values import inplace
@@ -34,6 +34,10 @@ from phasebench.integrators.values.vector import (
     tail,
     writes,
 )
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
@@ -133,12 +137,12 @@ def increment(field, tableau, h, y, carry):
     return total(tableau, stages, h, memory, carry.zero)
 
 
-def begin(method, carry, counts):
+def begin(method: RungeKutta, carry: Carry, counts: np.record) -> State:
     """Read the state; arrays are the carry's own rows, which steps overwrite."""
     return held(carry)
 
 
-def step(method, y, carry, counts):
+def step(method: RungeKutta, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step."""
     dq, dp = increment(method.field, method.tableau, method.h, y, carry)
     q, lost_q = moved(y.q, y.lost_q, 1.0, dq)
@@ -150,7 +154,7 @@ def step(method, y, carry, counts):
 run = loop(step, begin)
 
 
-def prepare(method, system, arithmetic, fills=True):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
     """Make the kernel of a tableau."""
     system = inplace.in_place_version(system, arithmetic, MOST) if fills else system
     step = RungeKutta(system.field(arithmetic), array(method.data, arithmetic))

@@ -21,18 +21,22 @@ and V, equations (24)-(26); L. Brugnano, F. Iavernaro, D. Trigiante, SIAM J. Num
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from phasebench.integrators.stepping.energy_model import ALONG, FIRST, LAST, LATEST, STREAK, Attempt, Search
-from phasebench.integrators.stepping.kernel import Carry, Prepared, array, fixed, keep_energy
+from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, array, fixed, keep_energy
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.root import finder
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, predict_number, remember
 from phasebench.integrators.values.vector import State, axpy, inlined, load, minus, part_of_caller, scale, store
 
 from .parametric import quadratic, substep, unknown
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Largest distance of lambda from 1/2.
 RADIUS = 2.0
@@ -82,7 +86,7 @@ def attempt(x, start, ease, e):
     x.
     """
     step, memory, counts, y = e.step, e.carry.memory, e.counts, e.y
-    numbers, row = e.carry.state, 4 + e.begin
+    numbers, row = e.carry.state, OWN + e.begin
     guess = unknown(step.field, e.carry.zero)
     stages = len(step.c)
     move = x - (e.predicted if start == FIRST else numbers[row, LAST])
@@ -128,7 +132,7 @@ def advance(step, y, carry, counts, first):
             end += 1
         predicted = predict_number(memory, roots + begin, stages, counts.steps)
         e = Group(step, y, carry, counts, begin, end, predicted)
-        x, found, result = find(step.search, carry.state, 4 + begin, predicted, e)
+        x, found, result = find(step.search, carry.state, OWN + begin, predicted, e)
         memory[roots + begin + counts.steps % LEVELS * stages, 0] = x
         if result.status != SOLVED:
             return y, lam, end, result.status
@@ -140,14 +144,14 @@ def advance(step, y, carry, counts, first):
     if not found:
         counts.fallbacks += 1
     while begin < stages and step.group[begin] == step.group[first]:
-        carry.state[4 + begin, STREAK] = -LEVELS
+        carry.state[OWN + begin, STREAK] = -LEVELS
         begin += 1
     for s in range(first, begin):
         remember(memory, s, stages, counts.steps, load(memory, LEVELS * stages + s, guess))
     return new, lam, begin, SOLVED
 
 
-def step(method, y, carry, counts):
+def step(method: Adjusted, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step, group by group; the parameter is lambda of the last group."""
     s, status = 0, SOLVED
     while s < len(method.c) and status == SOLVED:
@@ -158,7 +162,7 @@ def step(method, y, carry, counts):
 run = loop(step, parameter=True)
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel; its substeps are in the Nystrom form if T is quadratic."""
     energy = system.energy(arithmetic)
     functions, width = quadratic(system, arithmetic)

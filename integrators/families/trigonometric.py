@@ -41,21 +41,27 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 import numpy as np
 
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.stepping.kernel import Prepared, array, zeros
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, zeros
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED
 from phasebench.integrators.values.vector import add, elementwise, inlined, load, opened, scale
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 #: Least number of digits of the functions of xi, whatever the arithmetic of the run.
 DIGITS = 40
 #: A kick magnified by more than this is taken for a pole.
 POLE = 1e8
+#: Rows of the filters.
+PHI, BETA, A, B, SIGN = range(5)
 
 
 class Trigonometric(NamedTuple):
@@ -92,26 +98,26 @@ class Kicked(NamedTuple):
 @inlined
 def kick_at(method, q):
     """The kick at q, half of which ends a step and half of which begins the next."""
-    phi, beta, a = load(method.filters, 0, q), load(method.filters, 1, q), load(method.filters, 2, q)
+    phi, beta, a = load(method.filters, PHI, q), load(method.filters, BETA, q), load(method.filters, A, q)
     return impulse(beta, method.dU(product(phi, q)), a, q)
 
 
-def begin(method, carry, counts):
+def begin(method: Trigonometric, carry: Carry, counts: np.record) -> Kicked:
     """Read the state and evaluate its kick."""
     y = opened(carry)
     counts.gradient += 1
     return Kicked(y.q, y.p, y.lost_q, y.lost_p, kick_at(method, y.q))
 
 
-def start(method, y):
+def start(method: Trigonometric, y: Kicked) -> Kicked:
     """Apply half a kick, which completes the step before."""
     p, lost_p = add(y.p, y.lost_p, y.kick)
     return Kicked(y.q, p, y.lost_q, lost_p, y.kick)
 
 
-def step(method, y, carry, counts):
+def step(method: Trigonometric, y: Kicked, carry: Carry, counts: np.record) -> tuple[Kicked, int]:
     """Apply the linear flow and a whole kick."""
-    b, sign = load(method.filters, 3, y.q), load(method.filters, 4, y.q)
+    b, sign = load(method.filters, B, y.q), load(method.filters, SIGN, y.q)
     q, lost_q = add(y.q, y.lost_q, product(b, y.p))
     q, lost_q, p, lost_p = product(sign, q), product(sign, lost_q), product(sign, y.p), product(sign, y.lost_p)
     kick = kick_at(method, q)
@@ -120,7 +126,7 @@ def step(method, y, carry, counts):
     return Kicked(q, p, lost_q, lost_p, kick), SOLVED
 
 
-def finish(method, y):
+def finish(method: Trigonometric, y: Kicked) -> Kicked:
     """Take back half of the last kick."""
     p, lost_p = add(y.p, y.lost_p, scale(-1.0, y.kick))
     return Kicked(y.q, p, y.lost_q, lost_p, y.kick)
@@ -144,7 +150,7 @@ def coefficients(h, omega, propagator, psi1, phi, *arguments):
     return phi(x), h / 2 * strength, s * h * omega**2 * tau / (1 + s * c), s * h * sigma, s
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel; its coefficients are computed with at least 40 digits once h is known."""
     step = Trigonometric(system.grad_U(arithmetic), zeros((5, system.d), arithmetic))
     return Prepared(
@@ -152,7 +158,7 @@ def prepare(method, system, arithmetic):
     )
 
 
-def with_filters(frequencies, data, arithmetic, step, q, p):
+def with_filters(frequencies, data, arithmetic: str, step, q, p):
     """The step with the coefficients of its h: the ``begin`` of a run, for these frequencies and a method's data."""
     with mpmath.workdps(max(DIGITS, mpmath.mp.dps + 5)):
         exact = [mpmath.mpf(w.evalf(mpmath.mp.dps)) for w in frequencies]

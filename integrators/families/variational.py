@@ -32,17 +32,18 @@ Adv. Comput. Math. 41 (2015) 955-986.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath
 import numpy as np
 
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.coefficients.quadrature import gauss_legendre, gauss_lobatto
-from phasebench.integrators.stepping.kernel import Prepared, array, numbers
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, numbers
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, copy, difference, predict, remember, row_solver
 from phasebench.integrators.values.vector import (
+    State,
     advanced,
     axpy,
     bump,
@@ -56,6 +57,10 @@ from phasebench.integrators.values.vector import (
     store,
     velocity,
 )
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 
 class Variational(NamedTuple):
@@ -157,7 +162,7 @@ def solve_kicks(e, span, carry, counts):
     return status
 
 
-def step(method, y, carry, counts):
+def step(method: Variational, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step."""
     memory, zero = carry.memory, carry.zero
     r = len(method.b)
@@ -207,7 +212,7 @@ def coefficients(degree, rule):
         return [*rows, [b for _, b in rule]]
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel: coefficients from the action, and which kicks are iterated."""
     degree, quadrature, nodes = method.data
     rows = coefficients(degree, QUADRATURES[quadrature](nodes, DIGITS))

@@ -29,7 +29,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath
 import numpy as np
@@ -45,6 +45,10 @@ from phasebench.integrators.stepping.kernel import Prepared, array, numbers
 from phasebench.integrators.values.vector import jit, load, store
 
 from . import planet_pairs
+
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
 
 
 class WisdomHolman(NamedTuple):
@@ -236,7 +240,7 @@ def run(step, carry, samples, counts):
     return len(samples.q), 0
 
 
-def _check(system) -> None:
+def _check(system: Hamiltonian) -> None:
     """Raise InvalidInput unless T is the sum of |P_k|^2 / (2 m_k) in the declared variables."""
     part, d = system.kepler, system.d
     if not system.quadratic_kinetic or len(part.masses) * part.dimension != d:
@@ -252,7 +256,7 @@ def _check(system) -> None:
             raise InvalidInput(f"the kinetic energy in {system.p[k]} is not that of the Kepler part declared")
 
 
-def prepare(method, system, arithmetic):
+def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel: drifts, kicks and corrector of the record, and the interaction's gradient."""
     part = system.kepler
     _check(system)

@@ -14,13 +14,14 @@ Ordinary Differential Equations II (1996), IV.8 (when to make the matrix again).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from phasebench.integrators.values.vector import inlined, jit, load, minus, plus, size, store
 
-from .solve import NEWTON_LIMIT, NOT_FINITE, SHARE, SOLVED, STALLED, difference, newton_converged
+from .solve import NEWTON_LIMIT, SOLVED, STALLED, difference, near, newton_method
 from .structure import coloured, ordered, owners
 
 #: The matrix is made again if a move is longer than this share of the one before.
@@ -54,7 +55,7 @@ class Room(NamedTuple):
     at: int
 
 
-def band_of(reach) -> Band:
+def band_of(reach: Sequence[np.ndarray]) -> Band:
     """The band of a matrix whose column j has the rows reach[j]; raises InvalidInput if it is wide."""
     from .kernel import fixed
 
@@ -66,7 +67,7 @@ def band_of(reach) -> Band:
 
 
 @jit
-def columns(band):
+def columns(band: Band) -> int:
     """Columns of the factorized matrix: its fill is as wide as the band, and each row keeps its pivot."""
     return 3 * band.width + 2
 
@@ -78,7 +79,7 @@ def columns(band):
 
 
 @jit
-def factorize(A, at, n, width):
+def factorize(A: np.ndarray, at: int, n: int, width: int) -> bool:
     """Factorize the matrix in place by elimination with pivots; False if it is singular."""
     for k in range(n):
         last, end = min(n, k + width + 1), min(n, k + 2 * width + 1)
@@ -103,7 +104,7 @@ def factorize(A, at, n, width):
 
 
 @jit
-def substitute(A, at, n, width, table, row):
+def substitute(A: np.ndarray, at: int, n: int, width: int, table: np.ndarray, row: int) -> None:
     """Solve by the factors; the right-hand side, in a row of ``table``, is overwritten by the solution."""
     for k in range(n):
         pivot = int(A[at + k, 3 * width + 1])
@@ -120,13 +121,13 @@ def substitute(A, at, n, width, table, row):
 
 
 @jit
-def forget(work, at, end):
+def forget(work: np.ndarray, at: int, end: int) -> None:
     """Mark the matrix in the rows from ``at`` on, of ``end`` columns, as stale."""
     work[at, end - 1] = -1.0
 
 
 @jit
-def forgotten(work, at, end):
+def forgotten(work: np.ndarray, at: int, end: int) -> bool:
     """True if the matrix is stale."""
     return work[at, end - 1] < 0
 
@@ -134,7 +135,7 @@ def forgotten(work, at, end):
 # -- the solver --------------------------------------------------------------------------------------------------------
 
 
-def band_solver(G, lengths):
+def band_solver(G: Callable, lengths: Callable) -> Callable:
     """Make the solver of x = G(x, arguments) by Newton's method in a band; ``lengths`` as in `solve.solver`.
 
     It is a function (arguments, start, span, eps, band, room) -> (x, evaluations, status). The factorized matrix stays
@@ -197,7 +198,7 @@ def band_solver(G, lengths):
             dx = move(x, g, band, room)
             new, delta = plus(x, dx), size(dx)
             unit = eps * size(new)
-            if delta < last and (delta == 0 or (last < np.inf and delta * delta <= SHARE * unit * (last - delta))):
+            if delta == 0 or near(delta, last, unit):
                 return new, evaluations, SOLVED
             if delta <= 1e3 * (unit + eps * span):
                 if delta >= last:
@@ -214,31 +215,25 @@ def band_solver(G, lengths):
             x, last = new, delta
         return x, evaluations, STALLED
 
-    @jit
-    def newton(arguments, start, span, eps, band, room):
-        """Iterate with a new matrix each time (Newton)."""
-        x, last = start, np.inf
-        evaluations = 0
-        for _ in range(NEWTON_LIMIT):
-            g = G(x, arguments)
-            evaluations += 1 + len(band.owner)
-            if not linearize(arguments, x, g, span, eps, band, room):
-                return x, evaluations, STALLED
-            dx = move(x, g, band, room)
-            x, delta = plus(x, dx), size(dx)
-            if not delta < np.inf:
-                return x, evaluations, NOT_FINITE
-            if newton_converged(delta, last, eps * size(x), eps * span):
-                return x, evaluations, SOLVED
-            last = delta
-        return x, evaluations, STALLED
+    @inlined
+    def improve(arguments, x, span, eps, work):
+        """Solve the linear equations in a band of its own matrix."""
+        band, room = work
+        g, evaluations = G(x, arguments), 1 + len(band.owner)
+        if not linearize(arguments, x, g, span, eps, band, room):
+            return x, np.inf, np.inf, evaluations, STALLED
+        dx = move(x, g, band, room)
+        new = plus(x, dx)
+        return new, size(dx), size(new), evaluations, SOLVED
+
+    newton = newton_method(improve)
 
     @inlined
     def solve(arguments, start, span, eps, band, room):
         """Solve from the start: simplified Newton, then Newton."""
         x, evaluations, status = simplified(arguments, start, span, eps, band, room)
         if status != SOLVED:
-            x, more, status = newton(arguments, start, span, eps, band, room)
+            x, more, status = newton(arguments, start, span, eps, (band, room))
             evaluations += more
             if status != SOLVED:
                 forget(room.work, room.at, columns(band))

@@ -8,6 +8,7 @@ an attempt is put there every few steps.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -68,7 +69,7 @@ class Attempt(NamedTuple):
 
 
 @inlined
-def smaller_root(c0, c1, c2):
+def smaller_root(c0: float, c1: float, c2: float) -> float:
     """The root of c0 + c1 x + c2 x^2 nearest zero; infinite if it has no real one."""
     D = c1 * c1 - 4 * c0 * c2
     if not D >= 0:
@@ -81,13 +82,13 @@ def smaller_root(c0, c1, c2):
 
 
 @inlined
-def eased(E, unit):
+def eased(E: float, unit: float) -> float:
     """How many times round-off the stage equations of an attempt may be off if its energy error is about E."""
     return EASE * abs(E) / unit if 0 < EASED * unit <= EASE * abs(E) < np.inf else 1.0
 
 
 @inlined
-def muller(x0, x1, x2, E0, E1, E2):
+def muller(x0: float, x1: float, x2: float, E0: float, E1: float, E2: float) -> tuple[float, float]:
     """(slope, curvature) at x2 of the quadratic through three points."""
     d1 = (E2 - E1) / (x2 - x1)
     d0 = (E1 - E0) / (x1 - x0)
@@ -96,7 +97,7 @@ def muller(x0, x1, x2, E0, E1, E2):
 
 
 @inlined
-def grow_old(models, row):
+def grow_old(models: np.ndarray, row: int) -> float:
     """Return the model's slope, extrapolated to the step that begins."""
     age = models[row, AGE] + 1
     models[row, AGE] = age
@@ -104,7 +105,7 @@ def grow_old(models, row):
 
 
 @inlined
-def renew(models, row, slope):
+def renew(models: np.ndarray, row: int, slope: float) -> None:
     """Store a measured slope in the model."""
     age = models[row, AGE]
     rate = (slope - models[row, SLOPE]) / age
@@ -113,7 +114,7 @@ def renew(models, row, slope):
 
 
 @inlined
-def trusted(search, models, row, predicted, c1, slope):
+def trusted(search: Search, models: np.ndarray, row: int, predicted: float, c1: float, slope: float) -> bool:
     """True if the model says that the predicted root is the nearest to zero, and the prediction near enough to it."""
     c2, room = abs(models[row, CURVATURE]), LONE * abs(slope)
     return (
@@ -125,7 +126,7 @@ def trusted(search, models, row, predicted, c1, slope):
     )
 
 
-def follower(attempt):
+def follower(attempt: Callable) -> Callable:
     """Make the function that follows a root, from ``attempt`` as in `root.finder`.
 
     It is a function (search, models, row, predicted, c1, arguments) -> (x, found, the attempt at x); c1 is the model's

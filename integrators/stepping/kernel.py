@@ -65,10 +65,11 @@ would be::
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numba
@@ -80,6 +81,10 @@ from phasebench.integrators.compile import codegen, machine, preparation, progre
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION
 from phasebench.integrators.values import vector
 
+if TYPE_CHECKING:
+    from phasebench.integrators.record import Method
+    from phasebench.integrators.systems.hamiltonian import Hamiltonian
+
 #: Names of a solution's counts.
 TALLY = ("steps", "gradient", "hessian", "iterations", "fallbacks", "newton")
 #: What a step counts.
@@ -88,12 +93,16 @@ COUNTED = ("steps", "gradient", "newton", "fallbacks")
 COUNTS = np.dtype([*((name, np.int64) for name in (*COUNTED, "rule")), ("parameter", np.float64)])
 
 
+#: Rows of a carry's state: q, p, what rounding lost of either, and from ``OWN`` on those that are the family's own.
+Q, P, LOST_Q, LOST_P, OWN = range(5)
+
+
 class Carry(NamedTuple):
     """What one call of a kernel hands to the next, and room for its work.
 
     Attributes
     ----------
-    state : array, rows q, p, what rounding lost of q, and of p, then ``stages`` rows that are the family's own
+    state : array, rows q, p, what rounding lost of q, and of p, then ``stages`` rows from `OWN` on, the family's own
     memory : array (rows, width), for solutions of earlier steps
     work : array, for a linear system with its right-hand side
     zero : the zero of a value
@@ -151,7 +160,7 @@ class Prepared:
         return dict(zip(TALLY, numbers, strict=True))
 
 
-def array(rows, arithmetic: str) -> np.ndarray:
+def array(rows: Iterable[Iterable[Any]], arithmetic: str) -> np.ndarray:
     """Exact numbers as an array of two dimensions; short rows are padded with zeros."""
     rows = [list(r) for r in rows]
     out = zeros((len(rows), max(map(len, rows), default=1)), arithmetic)
@@ -161,19 +170,19 @@ def array(rows, arithmetic: str) -> np.ndarray:
     return out
 
 
-def numbers(row, arithmetic: str) -> np.ndarray:
+def numbers(row: Iterable[Any], arithmetic: str) -> np.ndarray:
     """Exact numbers as a read-only array (n,)."""
     return fixed(array([row], arithmetic)[0])
 
 
-def fixed(x) -> np.ndarray:
+def fixed(x: Any) -> np.ndarray:
     """x as a read-only array; integers stay integers."""
     x = np.array(x)
     x.flags.writeable = False
     return x
 
 
-def zeros(shape, arithmetic: str) -> np.ndarray:
+def zeros(shape: int | tuple[int, ...], arithmetic: str) -> np.ndarray:
     """An array of zeros: doubles or MPFR numbers."""
     if arithmetic == MULTIPRECISION:
         out = np.empty(shape, dtype=object)
@@ -182,19 +191,19 @@ def zeros(shape, arithmetic: str) -> np.ndarray:
     return np.zeros(shape)
 
 
-def value(x, d: int, arithmetic: str = DOUBLE, arrays: bool = False):
+def value(x: Iterable[Any], d: int, arithmetic: str = DOUBLE, arrays: bool = False) -> tuple[float, ...] | np.ndarray:
     """The numbers x as a value (tuple or array) of a system with d degrees of freedom; ``arrays`` forces an array."""
     if arithmetic == DOUBLE and codegen.compiled() and codegen.value_kind(d, arrays) == "tuple":
         return tuple(map(float, x))
     return np.array(x, dtype=object if arithmetic == MULTIPRECISION else float)
 
 
-def family_of(method):
+def family_of(method: Method) -> ModuleType:
     """Return the module of the method's family."""
     return importlib.import_module(f"phasebench.integrators.families.{method.family}")
 
 
-def prepare(method, system, arithmetic: str = DOUBLE) -> Prepared:
+def prepare(method: Method, system: Hamiltonian, arithmetic: str = DOUBLE) -> Prepared:
     """Return the kernel of ``method`` for ``system``, from the cache if it is there."""
     entry = preparation.entry(method, system) if arithmetic == DOUBLE else None
     found = preparation.read(entry)
@@ -204,7 +213,7 @@ def prepare(method, system, arithmetic: str = DOUBLE) -> Prepared:
     return found
 
 
-def _made(method, system, arithmetic: str) -> Prepared:
+def _made(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     family = family_of(method)
     with progress.compiling(f"the functions of {method.id}", system.d):
         return family.prepare(method, system, arithmetic)
@@ -215,7 +224,7 @@ def keep_energy(energy: Callable) -> Callable:
     return partial(_with_energy, energy)
 
 
-def _with_energy(energy: Callable, step, q, p):
+def _with_energy(energy: Callable, step: NamedTuple, q: Any, p: Any) -> NamedTuple:
     return step._replace(H0=energy(q, p)[0])
 
 

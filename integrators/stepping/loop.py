@@ -19,31 +19,35 @@ loop to enter that of each row's last step in the samples.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
 
 from phasebench.integrators.compile import machine
 from phasebench.integrators.values import vector
-from phasebench.integrators.values.vector import inlined
+from phasebench.integrators.values.vector import State, inlined
 
+from .kernel import OWN, Carry, Samples
 from .solve import SOLVED
 
 
-def _open(method, carry, counts):
+def _open(method: NamedTuple, carry: Carry, counts: np.record) -> State:
     return vector.opened(carry)
 
 
-def _unchanged(method, y):
+def _unchanged(method: NamedTuple, y: State) -> State:
     return y
 
 
-def _no_parameter(samples, row, counts):
+def _no_parameter(samples: Samples, row: int, counts: np.record) -> None:
     pass
 
 
-def _enter_parameter(samples, row, counts):
+def _enter_parameter(samples: Samples, row: int, counts: np.record) -> None:
     samples.parameter[row, 0] = counts.parameter
 
 
-def _run(method, carry, samples, counts):
+def _run(method: NamedTuple, carry: Carry, samples: Samples, counts: np.record) -> tuple[int, int]:
     y = begin(method, carry, counts)  # noqa: F821 (`loop` sets the functions)
     for row in range(len(samples.q)):
         y = start(method, y)  # noqa: F821
@@ -81,7 +85,7 @@ def _of_functions(run: Callable, family: str, functions: dict[str, Callable]) ->
 
 
 #: Where the state's spare rows count the multiples of h up to which a method that chooses its steps has been asked.
-ASKED = 6, 0
+ASKED = OWN + 2, 0
 
 
 def by_time(resume: Callable, reach: Callable, leave: Callable) -> Callable:
@@ -100,7 +104,7 @@ def by_time(resume: Callable, reach: Callable, leave: Callable) -> Callable:
     )
 
 
-def _run_by_time(method, carry, samples, counts):
+def _run_by_time(method: NamedTuple, carry: Carry, samples: Samples, counts: np.record) -> tuple[int, int]:
     y = vector.opened(carry)
     clock = resume(method, carry, y)  # noqa: F821 (`by_time` sets the functions)
     row, status = 0, SOLVED

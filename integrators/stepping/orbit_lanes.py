@@ -22,7 +22,7 @@ from phasebench.integrators.values.lane_memory import block_of, changed_type, ta
 from phasebench.integrators.values.lanes import Lanes
 from phasebench.integrators.values.masks import LANES
 
-from .kernel import COUNTS, Carry, Prepared, Samples, _tuple_type, _type, entry, family_of
+from .kernel import COUNTS, OWN, Carry, Prepared, Samples, _tuple_type, _type, entry, family_of
 from .solve import LEVELS
 
 #: Largest number of degrees of freedom: beyond, a state in lanes does not fit into registers and compiles slowly.
@@ -166,7 +166,7 @@ def tables_of(prepared: Prepared, Q: np.ndarray, P: np.ndarray) -> Tables:
     """The tables of orbits that start at the rows of Q, P, arrays (n, d)."""
     q, p = in_blocks(Q), in_blocks(P)
     blocks, d, width = q.shape
-    state = np.zeros((blocks, 4 + prepared.stages, max(2, d), width))
+    state = np.zeros((blocks, OWN + prepared.stages, max(2, d), width))
     state[:, 0, :d], state[:, 1, :d] = q, p
     memory = np.zeros((blocks, (3 * LEVELS + 1) * prepared.stages, prepared.width, width))
     return Tables(state, memory, np.zeros((blocks, 1, 1, width)))

@@ -19,7 +19,7 @@ from numba.extending import intrinsic
 
 from phasebench.integrators.compile import machine, progress
 
-from .kernel import Prepared, Samples, _tuple_type, entry, kernel
+from .kernel import P, Prepared, Q, Samples, _tuple_type, entry, kernel
 from .solve import NOT_FINITE, SOLVED
 
 _NUMBERS = types.Array(types.float64, 2, "C")
@@ -81,7 +81,7 @@ def _call(address, h, steps):
             for j in range(rows.shape[1]):
                 rows[i, j] = 0.0
     for j in range(d):
-        carry.state[0, j], carry.state[1, j] = start[0, j], start[1, j]
+        carry.state[Q, j], carry.state[P, j] = start[0, j], start[1, j]
         samples.q[0, j] = samples.p[0, j] = np.nan
     counts.steps = counts.gradient = counts.newton = counts.fallbacks = counts.rule = 0
     counts.parameter = np.nan

@@ -12,6 +12,8 @@ Source: D. E. Muller, Math. Tables Aids Comput. 10 (1956) 208-215; M. Dowell, P.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from phasebench.integrators.values.vector import apart, inlined, jit
@@ -45,7 +47,7 @@ from .solve import LEVELS, SOLVED
 MULLER_LIMIT, REFINE_LIMIT = 14, 100
 
 
-def finder(attempt, followed=True):
+def finder(attempt: Callable, followed: bool = True) -> Callable:
     """Make the search for the root of E, from ``attempt(x, start, ease, arguments)`` -> `Attempt`.
 
     ``ease`` is how many times round-off the attempt's stage equations may be off. The search is a function (search,

@@ -6,8 +6,9 @@ far below the round-off of x, or until it no longer falls.  Where the iteration 
 over on :math:`x - G(x)`, with a difference Jacobian (its error only slows the convergence: the residual is exact): from
 the start, and where that fails from zero.
 
-Unknowns that fit into registers are values (`solver`; in lanes, `lane_solver`), those of many stages the rows of a
-memory (`row_solver`).  Their starts are extrapolated from earlier steps (`predict`, `remember`).
+Both iterations are written once (`fixed_point`, `newton_method`).  Unknowns that fit into registers are values
+(`solver`), also in lanes; those of many stages are the rows of a memory (`row_solver`), those of a lattice an array
+whose matrix is a band (`banded`).  Their starts are extrapolated from earlier steps (`predict`, `remember`).
 
 Integrals whose rule depends on the state are confirmed by the next finer rule (`unchanged`).
 
@@ -16,13 +17,14 @@ Reference: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (200
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import comb
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from phasebench.integrators.coefficients.tableaus import LEVELS
-from phasebench.integrators.values.masks import also_in_lanes
+from phasebench.integrators.values.masks import alike, also_in_lanes, either, fails, number, outlived
 from phasebench.integrators.values.vector import (
     axpy,
     bump,
@@ -39,8 +41,6 @@ from phasebench.integrators.values.vector import (
     tail,
 )
 
-from .lane_solver import lane_solver
-
 SOLVED, STALLED, NOT_FINITE, OUT_OF_STEP = 0, 1, 2, 3
 
 #: Row m: weights that extrapolate the last m solutions by one step, the newest first.
@@ -55,7 +55,7 @@ NEWTON_LIMIT = 25
 
 
 @inlined
-def predict(memory, first, stages, known, like):
+def predict(memory: np.ndarray, first: int, stages: int, known: int, like: Any) -> Any:
     """Extrapolate the start of an equation from its last solutions, polynomially in the step number.
 
     At most LEVELS of the ``known`` solutions are used; the start is zero without any. They are the rows first,
@@ -70,7 +70,7 @@ def predict(memory, first, stages, known, like):
 
 
 @inlined
-def predict_number(memory, first, stages, known):
+def predict_number(memory: np.ndarray, first: int, stages: int, known: int) -> float:
     """Extrapolate a number as `predict` does, from a ring in the first column of ``memory``."""
     m = min(known, LEVELS)
     x = 0.0
@@ -80,13 +80,13 @@ def predict_number(memory, first, stages, known):
 
 
 @inlined
-def remember(memory, first, stages, known, x):
+def remember(memory: np.ndarray, first: int, stages: int, known: int, x: Any) -> None:
     """Store x, the solution of step number ``known``, in the ring that `predict` reads."""
     store(memory, first + known % LEVELS * stages, x)
 
 
 @inlined
-def copy(memory, old, new, stages, like):
+def copy(memory: np.ndarray, old: int, new: int, stages: int, like: Any) -> None:
     """Copy ``stages`` unknowns from the rows ``old``, ... of ``memory`` to the rows ``new``, ..."""
     for j in range(stages):
         store(memory, new + j, load(memory, old + j, like))
@@ -96,20 +96,27 @@ def copy(memory, old, new, stages, like):
 
 
 @inlined
-def converged(delta, last, length, span, eps):
+def near(delta, last, unit):
+    """True if the error that changes ``last``, then ``delta`` leave is far below ``unit``, the round-off of x."""
+    return (last < np.inf) & (delta * delta <= SHARE * unit * (last - delta))
+
+
+@inlined
+def converged(delta: Any, last: Any, length: Any, span: Any, eps: float) -> Any:
     """True if a fixed-point iteration is at round-off, judged by its last two changes ``delta`` and ``last``.
 
     ``length`` is the size of the unknowns, ``span`` that of the variables in which their equation varies.
     """
-    if delta == 0:
-        return True
-    if delta < last:
-        return last < np.inf and delta * delta <= SHARE * (eps * length) * (last - delta)
-    return delta <= 64 * (eps * length + eps * span)
+    unit = eps * length
+    return (
+        (delta == 0)
+        | near(delta, last, unit)
+        | ((delta >= last) & (delta <= 64 * (unit + eps * span)) & (delta < np.inf))
+    )
 
 
 @inlined
-def lengths_of_both(x, g, e):
+def lengths_of_both(x: Any, g: Any, e: NamedTuple) -> tuple[float, float]:
     """Sizes of the coordinates and of the momenta at increments x, for the lengths of finite differences.
 
     They are kept apart: if momenta are far smaller than coordinates, a difference of the coordinates' length would
@@ -119,13 +126,13 @@ def lengths_of_both(x, g, e):
 
 
 @inlined
-def difference(length, span, eps):
+def difference(length: float, span: float, eps: float) -> float:
     """Length of a finite difference in a variable of size ``length``, or of size ``span`` if that is zero."""
     return eps**0.5 * (length if length > 0 else span)
 
 
 @inlined
-def newton_converged(delta, last, unit, noise):
+def newton_converged(delta: float, last: float, unit: float, noise: float) -> bool:
     """True if Newton's method has reached round-off, or is near it and no longer converging."""
     return delta <= unit or (delta >= 0.5 * last and delta <= 1e3 * (unit + noise))
 
@@ -143,13 +150,13 @@ class Change(NamedTuple):
 
 
 @inlined
-def change(old, new):
+def change(old: Any, new: Any) -> Change:
     """The `Change` between two increments, each of q and p."""
     return Change(distance(head(old), head(new)), distance(tail(old), tail(new)), size(head(new)), size(tail(new)))
 
 
 @inlined
-def unchanged(move, last, noise, eps):
+def unchanged(move: Change, last: Change, noise: float, eps: float) -> tuple[bool, bool]:
     """(True if a finer quadrature changed nothing, True if it changed round-off at most).
 
     ``last`` is the change before, ``noise`` the size of the terms that an increment sums up.
@@ -164,7 +171,7 @@ def unchanged(move, last, noise, eps):
 
 
 @jit
-def gauss(A, n):
+def gauss(A: np.ndarray, n: int) -> bool:
     """Solve n equations in place by elimination with pivots; column n of A is the right side. False if singular."""
     for j in range(n):
         pivot = j
@@ -185,95 +192,146 @@ def gauss(A, n):
     return True
 
 
+# -- the two iterations -----------------------------------------------------------------------------------------------
+
+
+def _started(x, span):
+    return True, np.inf, 0.0
+
+
+def _started_in_lanes(x, span):
+    return (size(x) < np.inf) & (span < np.inf), alike(np.inf, span), alike(0.0, span)
+
+
+#: (where to iterate, the change before the first, how often it grew); not where x or ``span`` is not finite in lanes.
+started = also_in_lanes(_started, _started_in_lanes)
+
+
+def fixed_point(sweep: Callable) -> Callable:
+    """Make the iteration x -> G(x) to round-off, for numbers and for lanes of them.
+
+    It is a function (equations, x, span, eps) -> (x, sweeps, True if solved). ``sweep(equations, x, active)`` returns
+    (G(x) where ``active`` holds, its distance from x, its size). Each lane stops where it would stop alone, and keeps
+    its value while the others go on; one that is not solved becomes NaN. Sweeps of lanes are added up.
+    """
+
+    @inlined
+    def iterate(e, x, span, eps):
+        active, last, growth = started(x, span)
+        good = True
+        sweeps, k = 0, 0
+        while active:
+            sweeps += number(active)
+            x, delta, length = sweep(e, x, active)
+            k += 1
+            active = active & fails(converged(delta, last, length, span, eps))
+            if active:
+                growth = either(delta < last, growth, growth + 1.0)
+                kept = (delta < np.inf) & (growth < 2)
+                if k >= FIXED_POINT_LIMIT:
+                    kept = kept & (delta <= 0.5 * last)
+                x, good = outlived(active, kept, x)
+                active = active & kept
+                last = delta
+        return x, sweeps, good
+
+    return iterate
+
+
+def newton_method(improve: Callable) -> Callable:
+    """Make Newton's method: a function (equations, x, span, eps, work) -> (x, sweeps, status).
+
+    ``improve(equations, x, span, eps, work)`` makes the linear equations at x and solves them; it returns (new x, its
+    distance from x, its size, sweeps, status).
+    """
+
+    @jit
+    def newton(equations, x, span, eps, work):
+        last = np.inf
+        sweeps = 0
+        for _ in range(NEWTON_LIMIT):
+            x, delta, length, more, status = improve(equations, x, span, eps, work)
+            sweeps += more
+            if status != SOLVED:
+                return x, sweeps, status
+            if not delta < np.inf:
+                return x, sweeps, NOT_FINITE
+            if newton_converged(delta, last, eps * length, eps * span):
+                return x, sweeps, SOLVED
+            last = delta
+        return x, sweeps, STALLED
+
+    return newton
+
+
 # -- unknowns that are values -----------------------------------------------------------------------------------------
 
 
-def solver(G, lengths=lengths_of_both):
+def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
     """Make the solver of x = G(x, arguments): fixed point to round-off, Newton's method if it does not contract.
 
     It is a function (arguments, start, span, eps, work) -> (x, evaluations of G, 1 if Newton's method was used else 0,
     status). ``lengths(x, G(x), arguments)`` gives the sizes of the variables that the two halves of x belong to;
-    ``span`` is the size of the variables in which G varies, ``work`` room for a matrix.
+    ``span`` is the size of the variables in which G varies, ``work`` room for a matrix, at least (n + 1, n + 1).
+
+    Lanes have the fixed point alone: the orbit of one that becomes NaN is integrated again by the scalar kernel. Their
+    status is SOLVED if any lane is.
     """
 
-    @jit
-    def newton(arguments, x, span, eps, work):
-        """Solve x = G(x) by Newton's method with a finite-difference Jacobian; (x, evaluations of G, status).
+    @inlined
+    def sweep(arguments, x, active):
+        new = G(x, arguments)
+        return either(active, new, x), distance(new, x), size(new)
 
-        ``work`` is an array of at least (n + 1, n + 1) numbers, ``span`` the size of the variables in which G varies.
-        """
+    @inlined
+    def improve(arguments, x, span, eps, work):
+        """Solve the linear equations with a difference matrix, by elimination."""
         n = len(x)
-        last = np.inf
-        evaluations = 0
-        for _ in range(NEWTON_LIMIT):
-            g = G(x, arguments)
-            first, second = lengths(x, g, arguments)
-            for i in range(n):
-                step = difference(first if 2 * i < n else second, span, eps)
-                column = minus(G(bump(x, i, step), arguments), g)
-                store(work, n, column)
-                for j in range(n):
-                    work[j, i] = (1.0 if i == j else 0.0) - work[n, j] / step
-            evaluations += n + 1
-            store(work, n, minus(g, x))
+        g = G(x, arguments)
+        first, second = lengths(x, g, arguments)
+        for i in range(n):
+            step = difference(first if 2 * i < n else second, span, eps)
+            column = minus(G(bump(x, i, step), arguments), g)
+            store(work, n, column)
             for j in range(n):
-                work[j, n] = work[n, j]
-            if not size(x) < np.inf:
-                return x, evaluations, NOT_FINITE
-            if not gauss(work, n):
-                return x, evaluations, STALLED
-            for j in range(n):
-                work[n, j] = work[j, n]
-            new = plus(x, load(work, n, x))
-            delta = distance(new, x)
-            x = new
-            if not delta < np.inf:
-                return x, evaluations, NOT_FINITE
-            if newton_converged(delta, last, eps * size(x), eps * span):
-                return x, evaluations, SOLVED
-            last = delta
-        return x, evaluations, STALLED
+                work[j, i] = (1.0 if i == j else 0.0) - work[n, j] / step
+        store(work, n, minus(g, x))
+        for j in range(n):
+            work[j, n] = work[n, j]
+        if not size(x) < np.inf:
+            return x, np.inf, np.inf, n + 1, NOT_FINITE
+        if not gauss(work, n):
+            return x, np.inf, np.inf, n + 1, STALLED
+        for j in range(n):
+            work[n, j] = work[j, n]
+        new = plus(x, load(work, n, x))
+        return new, distance(new, x), size(new), n + 1, SOLVED
 
-    def solve(arguments, x, span, eps, work):
-        """Solve x = G(x, arguments) from the start x; results as of `solver`."""
-        start = x
-        last = np.inf
-        growth = 0
-        k = 0
-        while growth < 2:
-            new = G(x, arguments)
-            delta = distance(new, x)
-            x = new
-            k += 1
-            if not delta < np.inf:
-                break
-            # `converged`, written out: called it makes a step of Scheme I 6 % slower
-            unit = eps * size(x)
-            if delta == 0:
-                return x, k, 0, SOLVED
-            if delta < last:
-                if last < np.inf and delta * delta <= SHARE * unit * (last - delta):
-                    return x, k, 0, SOLVED
-            elif delta <= 64 * (unit + eps * span):
-                return x, k, 0, SOLVED
-            else:
-                growth += 1
-            if k >= FIXED_POINT_LIMIT and delta > 0.5 * last:
-                break
-            last = delta
-        new, evaluations, status = newton(arguments, start, span, eps, work)
+    iterate, newton = fixed_point(sweep), newton_method(improve)
+
+    def solve(arguments, start, span, eps, work):
+        """Solve from the start; results as of `solver`."""
+        x, k, solved = iterate(arguments, start, span, eps)
+        if solved:
+            return x, k, 0, SOLVED
+        x, evaluations, status = newton(arguments, start, span, eps, work)
         if status != SOLVED:
-            new, more, status = newton(arguments, minus(start, start), span, eps, work)
+            x, more, status = newton(arguments, minus(start, start), span, eps, work)
             evaluations += more
-        return new, k + evaluations, 1, status
+        return x, k + evaluations, 1, status
 
-    return also_in_lanes(solve, lane_solver(G, SHARE, FIXED_POINT_LIMIT, SOLVED, NOT_FINITE))
+    def solve_lanes(arguments, start, span, eps, work):
+        """Iterate in lanes."""
+        x, evaluations, _ = iterate(arguments, start, span, eps)
+        return x, evaluations, 0, SOLVED if (size(x) < np.inf) & (span < np.inf) else NOT_FINITE
+
+    return also_in_lanes(solve, solve_lanes)
 
 
 # -- unknowns that are rows of a memory -------------------------------------------------------------------------------
 
 
-def row_solver(sweep, linearize):
+def row_solver(sweep: Callable, linearize: Callable) -> Callable:
     """Make the solver of x = G(x) for unknowns in rows of a memory: fixed point, then Newton's method.
 
     It is a function (equations, at, span, eps, work) -> (sweeps, sweeps that Newton's method took, status). The
@@ -282,42 +340,40 @@ def row_solver(sweep, linearize):
     kind of a row.
 
     - ``sweep(equations, old, new)`` writes G of the rows ``old`` to the rows ``new``; returns (their distance, the size
-      of
-      the new).
+      of the new).
     - ``linearize(equations, at, span, work)`` writes the matrix of 1 - G' into ``work``, by differences of length
       `difference`, and G itself to the rows at + stages; may use the ``stages`` rows after those. Returns the number of
       sweeps that cost as much.
     """
 
-    @jit
-    def newton(equations, at, span, eps, work):
-        """Apply Newton's method to the rows ``at``, ...; returns (sweeps, status)."""
-        memory, stages, like = equations.memory, equations.stages, equations.like
-        n = len(like)
+    @inlined
+    def to_and_fro(equations, rows, active):
+        old, new = rows
+        delta, length = sweep(equations, old, new)
+        return (new, old), delta, length
+
+    @inlined
+    def improve(equations, at, span, eps, work):
+        """Solve the linear equations by elimination, and move the rows ``at``, ..."""
+        memory, stages, n = equations.memory, equations.stages, len(equations.like)
         order = stages * n
-        last = np.inf
-        sweeps = 0
-        for _ in range(NEWTON_LIMIT):
-            sweeps += linearize(equations, at, span, work)
-            for r in range(order):
-                j, i = r // n, r % n
-                work[r, order] = memory[at + stages + j, i] - memory[at + j, i]
-                if not abs(work[r, order]) < np.inf:
-                    return sweeps, NOT_FINITE
-            if not gauss(work, order):
-                return sweeps, STALLED
-            delta, length = 0.0, 0.0
-            for r in range(order):
-                j, i = r // n, r % n
-                memory[at + j, i] += work[r, order]
-                delta += abs(work[r, order])
-                length += abs(memory[at + j, i])
-            if not delta < np.inf:
-                return sweeps, NOT_FINITE
-            if newton_converged(delta, last, eps * length, eps * span):
-                return sweeps, SOLVED
-            last = delta
-        return sweeps, STALLED
+        sweeps = linearize(equations, at, span, work)
+        delta, length = 0.0, 0.0
+        for r in range(order):
+            j, i = r // n, r % n
+            work[r, order] = memory[at + stages + j, i] - memory[at + j, i]
+            if not abs(work[r, order]) < np.inf:
+                return at, delta, length, sweeps, NOT_FINITE
+        if not gauss(work, order):
+            return at, delta, length, sweeps, STALLED
+        for r in range(order):
+            j, i = r // n, r % n
+            memory[at + j, i] += work[r, order]
+            delta += abs(work[r, order])
+            length += abs(memory[at + j, i])
+        return at, delta, length, sweeps, SOLVED
+
+    iterate, newton = fixed_point(to_and_fro), newton_method(improve)
 
     @inlined
     def solve(equations, at, span, eps, work):
@@ -325,38 +381,24 @@ def row_solver(sweep, linearize):
         memory, stages, like = equations.memory, equations.stages, equations.like
         start = at + 3 * stages
         copy(memory, at, start, stages, like)
-        old, new = at, at + stages
-        last = np.inf
-        growth = 0
-        k = 0
-        while growth < 2:
-            delta, length = sweep(equations, old, new)
-            old, new = new, old
-            k += 1
-            if not delta < np.inf:
-                break
-            if converged(delta, last, length, span, eps):
-                if old != at:
-                    copy(memory, old, at, stages, like)
-                return k, 0, SOLVED
-            if delta >= last:
-                growth += 1
-            if k >= FIXED_POINT_LIMIT and delta > 0.5 * last:
-                break
-            last = delta
+        (last, _), k, solved = iterate(equations, (at, at + stages), span, eps)
+        if solved:
+            if last != at:
+                copy(memory, last, at, stages, like)
+            return k, 0, SOLVED
         copy(memory, start, at, stages, like)
-        sweeps, status = newton(equations, at, span, eps, work)
+        _, sweeps, status = newton(equations, at, span, eps, work)
         if status != SOLVED:
             for j in range(stages):
                 store(memory, at + j, like)
-            more, status = newton(equations, at, span, eps, work)
+            _, more, status = newton(equations, at, span, eps, work)
             sweeps += more
         return k, sweeps, status
 
     return solve
 
 
-def by_rows(change):
+def by_rows(change: Callable) -> Callable:
     """Make the ``changes`` of `confirmer` from ``change(equations, x, y)``, the `Change` from a row x to a row y."""
 
     @inlined
@@ -370,7 +412,13 @@ def by_rows(change):
     return changes
 
 
-def confirmer(solve, sweep, changes):
+@inlined
+def single(rows: np.ndarray) -> bool:
+    """True if there is one quadrature rule only; ``rows`` as of `confirmer`."""
+    return rows[0] == len(rows)
+
+
+def confirmer(solve: Callable, sweep: Callable, changes: Callable) -> Callable:
     """Make the solver of equations with integrals: quadrature rules of rising size, until the next one changes nothing.
 
     It is a function (equations, at, work, counts) -> status, with ``solve``, ``sweep`` and ``equations`` as in
@@ -396,7 +444,7 @@ def confirmer(solve, sweep, changes):
             sweeps, newton, status = solve(e, at, span, eps, work)
             counts.gradient += (sweeps + newton) * nodes[rule]
             counts.newton += min(newton, 1)
-            if status != SOLVED or rows[0] == len(rows):
+            if status != SOLVED or single(rows):
                 return status
             if following == len(rows):
                 counts.fallbacks += 1

@@ -186,6 +186,11 @@ def number(condition) -> int:
     return 1 if condition else 0
 
 
+def fails(condition):
+    """True where a condition does not hold."""
+    return not condition
+
+
 def outlived(going, kept, x):
     """(x, True if work is left): set the lanes of x that are ``going`` and not ``kept`` to NaN; the others go on."""
     return x, kept
@@ -201,6 +206,7 @@ def _overload_for_masks(function, in_lanes) -> None:
 
 _overload_for_masks(either, lambda condition, a, b: select(condition, a, b))
 _overload_for_masks(number, lambda condition: count(condition))
+_overload_for_masks(fails, lambda condition: ~condition)
 _overload_for_masks(outlived, lambda going, kept, x: (select(going & ~kept, scale(np.nan, x), x), True))
 
 

@@ -15,7 +15,7 @@ from numba import njit
 from phasebench.integrators.stepping.solve import FIXED_POINT_LIMIT, NOT_FINITE, SOLVED, solver
 from phasebench.integrators.values import masks
 from phasebench.integrators.values.lanes import Lanes, put, take
-from phasebench.integrators.values.masks import alike, count, either, number, outlived, select
+from phasebench.integrators.values.masks import alike, count, either, fails, number, outlived, select
 from phasebench.integrators.values.vector import TUPLES, jit
 from support.marks import compiled
 
@@ -84,11 +84,12 @@ def _choose(table, out):
     kept, more = outlived(x < 3, x < 2, (x, y))
     put(out, 5, kept[0], LIKE)
     put(out, 6, kept[1], LIKE)
+    put(out, 7, select(fails(held), x, y), LIKE)
     return number(held), more
 
 
 def test_select_works_lane_by_lane():
-    x, y, out = np.arange(8.0), 7 - np.arange(8.0), np.empty((7, WIDTH))
+    x, y, out = np.arange(8.0), 7 - np.arange(8.0), np.empty((8, WIDTH))
     assert _choose(np.array([x, y]), out) == (4, True)
     held = x < y
     rows = [
@@ -100,19 +101,20 @@ def test_select_works_lane_by_lane():
     ]
     assert out[:5].tolist() == [np.where(held, a, b).tolist() for a, b in rows]
     lost = (x < 3) & ~(x < 2)
-    for row, z in zip(out[5:], (x, y), strict=True):
+    for row, z in zip(out[5:7], (x, y), strict=True):
         np.testing.assert_array_equal(row, np.where(lost, np.nan, z))
+    assert out[7].tolist() == np.where(held, y, x).tolist()
 
 
 @njit(**TUPLES)
 def _of_one(x, y):
-    return either(x < y, x, y), number(x < y), outlived(True, False, x), outlived(True, True, x)
+    return either(x < y, x, y), number(x < y), fails(x < y), outlived(True, False, x), outlived(True, True, x)
 
 
 def test_the_condition_of_a_single_orbit_is_a_bool():
     for f in (_of_one, _of_one.py_func):
-        assert f(1.0, 2.0) == (1.0, 1, (1.0, False), (1.0, True))
-        assert f(3.0, 2.0) == (2.0, 0, (3.0, False), (3.0, True))
+        assert f(1.0, 2.0) == (1.0, 1, False, (1.0, False), (1.0, True))
+        assert f(3.0, 2.0) == (2.0, 0, True, (3.0, False), (3.0, True))
 
 
 def test_the_number_of_lanes_follows_from_the_processor(monkeypatch):
