@@ -49,12 +49,11 @@ from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.orbit_lanes import in_lanes, twin
 from phasebench.integrators.stepping.solve import (
     SOLVED,
-    Change,
     lengths_of_both,
     predict,
+    refinement,
     remember,
     solver,
-    unchanged,
 )
 from phasebench.integrators.values.lanes import Lanes, take, total
 from phasebench.integrators.values.vector import (
@@ -240,42 +239,50 @@ def lengths(x, g, e):
 solve_mean = solver(mean, lengths)
 
 
+@inlined
+def by_rule(e, rule):
+    """The equation with another quadrature rule."""
+    return Average(e.step, e.q, e.p, e.v, e.h, e.s, rule)
+
+
+@inlined
+def evaluations(e, rule):
+    """Evaluations of the gradient that one iterate takes."""
+    return e.step.blocks[e.s] * (2 if e.step.direction[e.s] == 0 else 1) * e.step.nodes[rule]
+
+
+@inlined
+def solve_by_rule(e, x, span, work, counts):
+    """Solve by the rule ``counts.rule`` (see `solve.refinement`)."""
+    x, iterates, newton, status = solve_mean(by_rule(e, counts.rule), x, span, e.step.eps, work)
+    counts.gradient += iterates * evaluations(e, counts.rule)
+    counts.newton += newton
+    return x, status
+
+
+@inlined
+def iterate_by_rule(e, x, counts):
+    """One iterate by the rule ``counts.rule``."""
+    new = mean(x, by_rule(e, counts.rule))
+    counts.gradient += evaluations(e, counts.rule)
+    return new, change(e.step.field, x, new)
+
+
+refine = refinement(solve_by_rule, iterate_by_rule)
+
+
 # -- steps ------------------------------------------------------------------------------------------------------------
 
 
 @inlined
 def substep(step, y, s, carry, counts):
     """Take substep s from y with rules of rising size until one is confirmed; (y, its unknown, status)."""
-    eps, several = step.eps, len(step.rows) > step.rows[0]
-    sweeps = step.blocks[s] * (2 if step.direction[s] == 0 else 1)
     x = predict(carry.memory, s, len(step.fraction), counts.steps, unknown(step.field, carry.zero))
     v, h = _velocity(step.field, step.dT, y.p), step.fraction[s] * step.h
     span = size(y.q) + size(y.p)
-    move = Change(np.inf, np.inf, np.inf, np.inf)
-    rule = before = counts.rule
-    while True:
-        x, n, used, status = solve_mean(Average(step, y.q, y.p, v, h, s, rule), x, span, eps, carry.work)
-        counts.gradient += n * sweeps * step.nodes[rule]
-        counts.newton += used
-        following = rule + step.rows[rule]
-        if status != SOLVED or not several:
-            break
-        if following == len(step.rows):
-            counts.fallbacks += 1
-            break
-        new = mean(x, Average(step, y.q, y.p, v, h, s, following))
-        counts.gradient += sweeps * step.nodes[following]
-        last, move = move, change(step.field, x, new)
-        x = new
-        sure, ended = unchanged(move, last, abs(h) * span, eps)
-        if sure:
-            break
-        if ended:  # the next step need not begin with the rule that only showed the end
-            rule = before
-            break
-        before, rule = rule, following
-    counts.rule = rule
-    return _ended(step.field, y, x, Average(step, y.q, y.p, v, h, s, rule)), x, status
+    e = Average(step, y.q, y.p, v, h, s, counts.rule)
+    x, status = refine(e, x, span, abs(h) * span, carry.work, counts)
+    return _ended(step.field, y, x, by_rule(e, counts.rule)), x, status
 
 
 def step(method: Averaged, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:

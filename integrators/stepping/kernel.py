@@ -53,7 +53,7 @@ would be::
    steps in its memory (`solve.predict`, `remember`), numbers of the family's own in the spare rows of its state.
 5. ``counts`` (`COUNTS`): a step adds its evaluations of the gradient or field, the equations that needed Newton's
    method, and fallbacks: steps that lack what the method promises.
-6. Implicit equations go to `solve.solver` or `solve.row_solver`, quadratures to be confirmed to `solve.confirmer`, a
+6. Implicit equations go to `solve.solver` or `solve.row_solver`, quadratures to be confirmed to `solve.refinement`, a
    parameter that keeps the energy to `root.finder`.
 7. A family whose step runs on several orbits side by side says ``IN_LANES = True``: it has no branch on a state's
    numbers (`masks.select`, `either` choose lane by lane).

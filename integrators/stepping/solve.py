@@ -418,46 +418,76 @@ def single(rows: np.ndarray) -> bool:
     return rows[0] == len(rows)
 
 
-def confirmer(solve: Callable, sweep: Callable, changes: Callable) -> Callable:
+def refinement(solve: Callable, sweep: Callable) -> Callable:
     """Make the solver of equations with integrals: quadrature rules of rising size, until the next one changes nothing.
 
-    It is a function (equations, at, work, counts) -> status, with ``solve``, ``sweep`` and ``equations`` as in
-    `row_solver`. The equations also have the fields q, p and step, and the step the fields h, eps, ``nodes`` and
-    ``rows``: for each row of coefficients, the number of nodes and of rows of its rule. ``counts.rule`` is the first
-    row of the rule in use. ``changes(equations, old, new)`` is the `Change` from the unknowns in the rows ``old`` to
-    those in the rows ``new``.
+    It is a function (equations, x, span, noise, work, counts) -> (x, status), from the start x by the rule whose first
+    row is ``counts.rule`` and by finer ones.
+
+    - ``solve(equations, x, span, work, counts)`` solves by the rule ``counts.rule``; returns (x, status).
+    - ``sweep(equations, x, counts)`` iterates once by that rule; returns (the new x, the `Change` to it).
+    - ``span`` is the size of the variables, ``noise`` that of the terms that an increment sums up. The equations have
+      the field step, and the step the fields eps and ``rows``: for each row of coefficients, the rows of its rule.
 
     The confirming sweep is an iterate of the finer rule, so that it is not wasted. A step that the largest rule leaves
     unconfirmed is a fallback.
     """
 
     @inlined
-    def confirmed(e, at, work, counts):
-        """Solve from the start in the rows ``at``, ..., by the rule ``counts.rule`` and finer ones."""
-        eps, nodes, rows = e.step.eps, e.step.nodes, e.step.rows
-        span = size(e.q) + size(e.p)
+    def refine(e, x, span, noise, work, counts):
+        rows = e.step.rows
         move = Change(np.inf, np.inf, np.inf, np.inf)
         before = counts.rule
         while True:
             rule = counts.rule
             following = rule + rows[rule]
-            sweeps, newton, status = solve(e, at, span, eps, work)
-            counts.gradient += (sweeps + newton) * nodes[rule]
-            counts.newton += min(newton, 1)
+            x, status = solve(e, x, span, work, counts)
             if status != SOLVED or single(rows):
-                return status
+                return x, status
             if following == len(rows):
                 counts.fallbacks += 1
-                return status
+                return x, status
             counts.rule = following
-            sweep(e, at, at + e.stages)
-            counts.gradient += nodes[following]
-            last, move = move, changes(e, at, at + e.stages)
-            copy(e.memory, at + e.stages, at, e.stages, e.like)
-            sure, ended = unchanged(move, last, abs(e.step.h) * span, eps)
+            last = move
+            x, move = sweep(e, x, counts)
+            sure, ended = unchanged(move, last, noise, e.step.eps)
             if sure or ended:  # the next step need not begin with the rule that only showed the end
                 counts.rule = rule if sure else before
-                return status
+                return x, status
             before = rule
+
+    return refine
+
+
+def confirmer(solve: Callable, sweep: Callable, changes: Callable) -> Callable:
+    """Make the `refinement` of unknowns in rows of a memory: a function (equations, at, work, counts) -> status.
+
+    ``solve``, ``sweep`` and ``equations`` are those of `row_solver`; the equations also have the fields q, p and step,
+    and the step h, eps, ``rows`` and ``nodes``: for each row of coefficients, the nodes of its rule.
+    ``changes(equations, old, new)`` is the `Change` from the unknowns in the rows ``old`` to those in the rows ``new``.
+    """
+
+    @inlined
+    def solve_rows(e, at, span, work, counts):
+        sweeps, newton, status = solve(e, at, span, e.step.eps, work)
+        counts.gradient += (sweeps + newton) * e.step.nodes[counts.rule]
+        counts.newton += min(newton, 1)
+        return at, status
+
+    @inlined
+    def sweep_rows(e, at, counts):
+        sweep(e, at, at + e.stages)
+        counts.gradient += e.step.nodes[counts.rule]
+        move = changes(e, at, at + e.stages)
+        copy(e.memory, at + e.stages, at, e.stages, e.like)
+        return at, move
+
+    refine = refinement(solve_rows, sweep_rows)
+
+    @inlined
+    def confirmed(e, at, work, counts):
+        """Solve from the start in the rows ``at``, ..., by the rule ``counts.rule`` and finer ones."""
+        span = size(e.q) + size(e.p)
+        return refine(e, at, span, abs(e.step.h) * span, work, counts)[1]
 
     return confirmed
