@@ -1,4 +1,4 @@
-"""Potentials that are sums of inverse distances: what the kernel `planet_lanes` is handed."""
+"""Recognize potentials that are sums of inverse distances, and prepare the kernel `planet_lanes` for them."""
 
 from __future__ import annotations
 

@@ -20,9 +20,9 @@ from math import factorial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import intrinsic
 
-from phasebench.integrators.values.lanes import call, polynomial, put, spread, take
+from phasebench.integrators.values.fma import exact_fma
+from phasebench.integrators.values.lanes import polynomial, put, take
 from phasebench.integrators.values.masks import select
 from phasebench.integrators.values.vector import apart, inlined, jit
 
@@ -57,18 +57,6 @@ FIRST_3, SECOND_3, MORE_3 = _series(3)
 OVER_2, OVER_3 = _reciprocal(factorial(2 * TERMS + 2)), _reciprocal(factorial(2 * TERMS + 3))
 
 
-@intrinsic
-def fma(typing_context, x, y, z):
-    """x y + z, rounded once; y and z may be numbers."""
-
-    def codegen(context, builder, sig, args):
-        return call(
-            builder, "fma", x.n, *(spread(context, builder, a, t, x.n) for a, t in zip(args, sig.args, strict=True))
-        )
-
-    return x(x, y, z), codegen
-
-
 @inlined
 def root(square, guess):
     """(square root, its inverse) of lanes, by one correction of a ``guess`` of the inverse.
@@ -76,9 +64,9 @@ def root(square, guess):
     The residue is not rounded to a grid that is finer below 1 than above, which would give the inverse a bias.
     """
     r = square * guess
-    inverse = guess + 0.5 * guess * fma(-r, guess, 1.0)
+    inverse = guess + 0.5 * guess * exact_fma(-r, guess, 1.0)
     r = square * inverse
-    return r + 0.5 * inverse * fma(-r, r, square), inverse
+    return r + 0.5 * inverse * exact_fma(-r, r, square), inverse
 
 
 @inlined
@@ -92,7 +80,7 @@ def stumpff(x):
     # The largest terms one after the other: what is added last is not so small that it would always be rounded off.
     a = FIRST_2 + y * (SECOND_2 + y * polynomial(MORE_2, y, MORE_2))
     b = FIRST_3 + y * (SECOND_3 + y * polynomial(MORE_3, y, MORE_3))
-    c2, c3 = fma(a, OVER_2[0], a * OVER_2[1]), fma(b, OVER_3[0], b * OVER_3[1])
+    c2, c3 = exact_fma(a, OVER_2[0], a * OVER_2[1]), exact_fma(b, OVER_3[0], b * OVER_3[1])
     c1 = 1 + y * c3
     c0 = 1 + y * c2
     for _ in range(quarters):

@@ -21,8 +21,7 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
-from .fma import fma
-from .vector import TUPLES
+from phasebench.integrators.compile.options import TUPLES
 
 OPTIONS = {"forceinline": True, **TUPLES}
 NUMBER = ir.DoubleType()
@@ -64,11 +63,11 @@ def _index(i: int):
 
 
 def call(builder, name: str, n: int, *vectors, flags=()):
-    """Emit a call of the LLVM intrinsic ``name`` on vectors of n doubles."""
-    kind = ir.VectorType(NUMBER, n)
-    function = builder.module.globals.get(f"llvm.{name}.v{n}f64")
+    """Emit a call of the LLVM intrinsic ``name`` on vectors of n doubles; on doubles if n is 0."""
+    kind, name = (ir.VectorType(NUMBER, n), f"llvm.{name}.v{n}f64") if n else (NUMBER, f"llvm.{name}.f64")
+    function = builder.module.globals.get(name)
     if function is None:
-        function = ir.Function(builder.module, ir.FunctionType(kind, [kind] * len(vectors)), f"llvm.{name}.v{n}f64")
+        function = ir.Function(builder.module, ir.FunctionType(kind, [kind] * len(vectors)), name)
     return builder.call(function, vectors, fastmath=flags)
 
 
@@ -141,26 +140,6 @@ def operation(compiled):
         return function
 
     return decorate
-
-
-@intrinsic
-def _fma(typing_context, a, x, y):
-    """Fused multiply-add of lanes."""
-    lanes = next(t for t in (a, x, y) if isinstance(t, Lanes))
-
-    def codegen(context, builder, sig, args):
-        vectors = (spread(context, builder, v, t, lanes.n) for v, t in zip(args, sig.args, strict=True))
-        return call(builder, "fmuladd", lanes.n, *vectors)
-
-    return lanes(a, x, y), codegen
-
-
-@overload(fma, jit_options=OPTIONS)
-def _choose_fma(a, x, y):
-    """Choose `_fma` if an argument is lanes."""
-    if any(isinstance(t, Lanes) for t in (a, x, y)):
-        return lambda a, x, y: _fma(a, x, y)
-    return None
 
 
 # -- rows of a table --------------------------------------------------------------------------------------------------

@@ -9,8 +9,10 @@ import pytest
 from llvmlite import binding
 
 from phasebench.integrators.values import vector
+from phasebench.integrators.values.fma import exact_fma
 from phasebench.integrators.values.fma import fma as fused
 from phasebench.integrators.values.lanes import put, take
+from support.marks import compiled
 
 WIDTH, A = 8, 0.3
 LIKE = (0.0,) * WIDTH
@@ -96,6 +98,31 @@ def over_the_bound(how):
 def test_the_error_stays_within_its_bound():
     assert [over_the_bound(how) for how in (in_arrays, in_tuples, in_lanes)] == [0, 0, 0]
     assert over_the_bound(product_rounded) > 5
+
+
+@numba.njit
+def _exact(a, x, y, out):
+    for i in range(0, len(out), 2):
+        out[i, 0] = exact_fma(a[i, 0], x[i, 0], y[i, 0])
+        put(out, i + 1, exact_fma(-take(a, i + 1, LIKE), take(x, i + 1, LIKE), 1.0), LIKE)
+
+
+@compiled
+def test_exact_fma_rounds_once_on_every_processor():
+    """Numbers, and lanes with a number; the control rounds the product before it is added."""
+    a, x, y = np.random.default_rng(2).normal(size=(3, 20, WIDTH))
+    y[::2] = -(a * x)[::2]  # both sums cancel
+    x[1::2] = 1 / a[1::2]
+    found = np.zeros_like(a)
+    _exact(a, x, y, found)
+
+    def once(a, x, y):
+        return np.vectorize(lambda a, x, y: float(Fraction(a) * Fraction(x) + Fraction(y)))(a, x, y)
+
+    assert np.array_equal(found[::2, 0], once(a, x, y)[::2, 0])
+    assert np.array_equal(found[1::2], once(-a, x, 1.0)[1::2])
+    assert not np.array_equal(found[1::2], (1.0 - a * x)[1::2])
+    assert not np.array_equal(found[::2, 0], (a * x + y)[::2, 0])
 
 
 def test_without_compilation_it_is_a_product_and_a_sum():
