@@ -20,7 +20,7 @@ from phasebench.benchmarks.measure.own_step import Step
 from phasebench.benchmarks.measure.tabular import TabularResult
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.keywords import State, checked_names
+from phasebench.integrators.keywords import State, check_names
 from phasebench.integrators.record import Method
 from phasebench.reference.peers import Peer
 
@@ -110,7 +110,7 @@ class WorkPrecision(TabularResult):
         return path
 
 
-@checked_names
+@check_names
 def workprecision(
     problem: AnyProblem,
     methods: str | Path | Sequence[str | Path | Method | Peer | Integrator | Step] | None = None,

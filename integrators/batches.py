@@ -10,12 +10,12 @@ from threading import Lock
 import numpy as np
 
 from .compile import codegen
-from .outcome import OK, met, noted
+from .outcome import OK, flag_crossings, flag_energy_errors
 from .record import Method
 from .stepping import orbit_lanes
 from .stepping.kernel import COUNTS, TALLY, Prepared, Samples, prepare
 from .stepping.orbit_lanes import LANES
-from .threads import shared
+from .threads import map_slices
 from .trajectory import PIECE, whole_rows
 
 #: Below this many orbits the lanes are not filled, and a kernel for them need not be compiled.
@@ -55,7 +55,7 @@ class Orbits:
     lock: Lock = field(default_factory=Lock, repr=False)
 
     @classmethod
-    def begun(cls, system, q, p, h, steps, every, kinds, kind, rows: int) -> Orbits:
+    def create(cls, system, q, p, h, steps, every, kinds, kind, rows: int) -> Orbits:
         """Orbits of which the first row is there."""
         n = len(q)
         Q, P = (np.full((n, rows, system.d), np.nan) for _ in "qp")
@@ -67,7 +67,7 @@ class Orbits:
     #: Orbits of a batch that are integrated to their end before the next; all where that is 0.
     group = 0
 
-    def most(self, every: int, orbits: int) -> int:
+    def max_steps(self, every: int, orbits: int) -> int:
         """Steps of one call of a kernel for so many orbits, with a row every so many steps."""
         return PIECE
 
@@ -86,7 +86,7 @@ class Orbits:
             if width > 1:  # else `room` has them
                 filled = slice(1 + first, 1 + first + q.shape[1])
                 self.Q[members, filled], self.P[members, filled] = (
-                    orbit_lanes.of_blocks(x, len(members)) for x in (q, p)
+                    orbit_lanes.from_blocks(x, len(members)) for x in (q, p)
                 )
 
         return keep
@@ -115,7 +115,7 @@ class Orbits:
 
     def suspects(self, members: np.ndarray) -> np.ndarray:
         """Those of these orbits whose end is for `integrate` to judge."""
-        return doubtful(self, members)
+        return find_doubtful(self, members)
 
 
 @dataclass(frozen=True)
@@ -136,23 +136,23 @@ class Batch:
     weights: dict[str, np.ndarray]
 
 
-def able(system, method: Method) -> bool:
+def runs_in_lanes(system, method: Method) -> bool:
     """Whether orbits of a method run in lanes."""
-    return orbit_lanes.able(system, method)
+    return orbit_lanes.runs_in_lanes(system, method)
 
 
-def of(orbits: Orbits, members: np.ndarray) -> list[Batch]:
+def build(orbits: Orbits, members: np.ndarray) -> list[Batch]:
     """The members in batches; their kernels are compiled."""
     twin = orbit_lanes.twin(orbits.system)
     parts: dict[tuple, list] = {}
     pairs, number = np.unique(np.stack([orbits.kind, orbits.steps])[:, members], axis=1, return_inverse=True)
     known = {k: prepare(orbits.kinds[k], twin) for k in set(pairs[0].tolist())}
     for i, (kind, steps) in enumerate(pairs.T.tolist()):
-        parts.setdefault((*_common(known[kind]), steps), []).append((known[kind], members[number.reshape(-1) == i]))
+        parts.setdefault((*_shared_key(known[kind]), steps), []).append((known[kind], members[number.reshape(-1) == i]))
     return [_batch(part, orbits.system.d) for part in parts.values()]
 
 
-def _common(prepared: Prepared) -> tuple:
+def _shared_key(prepared: Prepared) -> tuple:
     """What the orbits of a batch share."""
     fields = {k: v for k, v in prepared.step._asdict().items() if k not in orbit_lanes.VARYING}
     return (prepared.run, *((v.shape, v.tobytes()) if isinstance(v, np.ndarray) else v for v in fields.values()))
@@ -183,7 +183,7 @@ def run(made: list[Batch], orbits: Orbits, threads: int, tell: Callable[[int], N
         ]
         return [_share(batch, members, orbits) for batch, members in of_batches]
 
-    for found in shared(share, ends[-1], threads):
+    for found in map_slices(share, ends[-1], threads):
         for counts, n in found:
             for name, number in counts.items():
                 orbits.counts[name] += number
@@ -212,11 +212,11 @@ def _share(batch: Batch, part: slice, orbits: Orbits) -> tuple[dict[str, int], i
     total, n = Counter(), len(batch.members[part])
     first, last = part.start, part.start + n
     for begin in range(first, last, orbits.group or n):
-        total.update(_integrated(batch, slice(begin, min(last, begin + (orbits.group or n))), orbits))
+        total.update(_integrate(batch, slice(begin, min(last, begin + (orbits.group or n))), orbits))
     return total, n
 
 
-def _integrated(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
+def _integrate(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
     """Integrate a part of a batch side by side; returns the counts."""
     members = batch.members[part]
     n, d, width = len(members), orbits.system.d, LANES.n
@@ -227,7 +227,7 @@ def _integrated(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
     keep, taken = orbits.keeper(members, width), 0
     steps, spacing = int(orbits.steps[members[0]]), int(orbits.every[members[0]])
     q = p = parameter = np.zeros((0, 0))
-    for first, rows, every in pieces(steps, spacing, orbits.most(spacing, n)):
+    for first, rows, every in pieces(steps, spacing, orbits.max_steps(spacing, n)):
         if q.shape[1] != rows:
             q, p = (np.zeros((blocks, rows, d, width)) for _ in "qp")
             parameter = np.zeros((blocks, rows, 1, width))
@@ -242,7 +242,7 @@ def _integrated(batch: Batch, part: slice, orbits: Orbits) -> dict[str, int]:
     return batch.prepared.tally(n * steps, int(evaluations.sum()))
 
 
-def doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
+def find_doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
     """The members that did not end well, or met a singularity: what came of them is for `integrate` to say."""
     if not len(members):
         return members
@@ -253,7 +253,7 @@ def doubtful(orbits: Orbits, members: np.ndarray) -> np.ndarray:
     if system.has_energy:
         flat = Q.reshape(-1, d), P.reshape(-1, d)
         H, M = (x.reshape(n, rows) for x in (system.energies(*flat), system.scale(*flat)))
-        bad |= noted(H, M).any(axis=1)
+        bad |= flag_energy_errors(H, M).any(axis=1)
         if system.singularities:
-            bad |= met(system, Q, P, orbits.h[members], H, M)
+            bad |= flag_crossings(system, Q, P, orbits.h[members], H, M)
     return members[bad]

@@ -140,7 +140,7 @@ def finder(system) -> Callable:
     if signature not in _compiled:
         options = codegen.options(d) | {"nogil": True}
         with progress.compiling("the search of crossings", d):
-            _compiled[signature] = entry(machine.compiled(_find, signature, options, "crossings"))
+            _compiled[signature] = entry(machine.load_or_compile(_find, signature, options, "crossings"))
     call = _compiled[signature]
     return lambda *arguments: call(field, *arguments, tableau, zero)
 
@@ -152,7 +152,7 @@ def sorter() -> Callable:
     if "sort" not in _compiled:
         signature = types.none(_NUMBERS, _WHOLE, _WHOLE)
         options = codegen.options(1) | {"nogil": True}
-        _compiled["sort"] = entry(machine.compiled(_sort, signature, options, "crossings-sort"))
+        _compiled["sort"] = entry(machine.load_or_compile(_sort, signature, options, "crossings-sort"))
     return _compiled["sort"]
 
 
@@ -196,7 +196,7 @@ class Crossings:
             table[:n] = table[: self._filled][kept]
         self._filled = n
 
-    def ordered(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+    def sort_points(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """(points in the order of orbits and of time, how many each of n orbits has); nothing can be added then."""
         self._resize(self._filled)
         numbers = np.bincount(self.owners[:, 0], minlength=n)

@@ -21,7 +21,7 @@ from .outcome import (  # noqa: F401
     SKIPPED,
     TIMEOUT,
     UNSTABLE,
-    unsolved,
+    solver_failure,
 )
 from .record import Method
 from .registry import method as method_of
@@ -77,7 +77,7 @@ def integrate(
         raise InvalidInput("multiprecision runs need a process with NUMBA_DISABLE_JIT=1")
     check_timeout(timeout)
     if multi:
-        h = codegen.exactly(t_end, arithmetic) / steps if h is None else codegen.exactly(h, arithmetic)
+        h = codegen.to_number(t_end, arithmetic) / steps if h is None else codegen.to_number(h, arithmetic)
         steps = steps or round(t_end / h)
         every = spacing(save_every, steps)
         system, q, p = initial(problem, q0, p0, exact=True)
@@ -90,7 +90,7 @@ def integrate(
     if lack:
         raise InvalidInput(lack)
     kernel = prepare(record, system, arithmetic)
-    words = kernel.missed, unsolved(record.family, system.d)
+    words = kernel.missed, solver_failure(record.family, system.d)
     trajectory = Trajectory(system, q, p, h, steps, every, arithmetic, *words, t0=t0)
     return _run(kernel, trajectory, record, timeout, progress, problem)
 

@@ -28,7 +28,7 @@ from .errors import InvalidInput
 from .record import Method
 from .registry import method as method_of
 from .request import LARGEST, grid, initial, spacing
-from .threads import shared
+from .threads import map_slices
 
 Floats = NDArray[np.float64]
 
@@ -86,7 +86,7 @@ class Ensemble:
             [
                 f"Ensemble: {n} orbits of d = {d}, {methods}",
                 f"  {tally(self.status)}",
-                f"  to t = {spread(self.t)}, h = {spread(self.h)}, {self.Q.shape[1]} rows each",
+                f"  to t = {format_range(self.t)}, h = {format_range(self.h)}, {self.Q.shape[1]} rows each",
                 f"  {self.counts.get('steps', 0)} steps in {self.seconds:.3g} s{lanes}",
             ]
         )
@@ -102,7 +102,7 @@ def tally(status: NDArray[np.object_]) -> str:
     return ", ".join(f"{n} {name}" for n, name in sorted(zip(numbers, names, strict=True), reverse=True))
 
 
-def spread(values: Floats) -> str:
+def format_range(values: Floats) -> str:
     """The range of numbers as text; one number where all are equal."""
     low, high = float(values.min()), float(values.max())
     return f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"
@@ -171,7 +171,7 @@ def run(
     wide = _goes_in_lanes(orbits, good, lanes)
     tell = _Progress(progress)
     tell(len(orbits.q) - len(good))
-    made = batches.of(orbits, good[wide]) if wide.any() else []
+    made = batches.build(orbits, good[wide]) if wide.any() else []
     rest = good[~wide]
     if len(rest):  # compiles
         i = rest[0]
@@ -181,7 +181,7 @@ def run(
     left = scalar_fallback.run(orbits, rest, workers, tell)
     stopped = orbits.suspects(np.union1d(good[wide], np.setdiff1d(rest, left)))
     tell(-len(stopped))
-    _one_by_one(orbits, np.concatenate([stopped, left]).astype(int), _alone, workers, tell)
+    _integrate_one_by_one(orbits, np.concatenate([stopped, left]).astype(int), _integrate_alone, workers, tell)
     in_lanes = np.zeros(len(orbits.q), bool)
     in_lanes[np.setdiff1d(good[wide], stopped)] = True
     return in_lanes, time.perf_counter() - began
@@ -193,11 +193,13 @@ def run_alone(orbits: Orbits, alone: Alone, progress: Callable[[int], None] | No
     tell = _Progress(progress)
     tell(len(orbits.q) - len(good))
     began = time.perf_counter()
-    _one_by_one(orbits, good, alone, 1, tell)
+    _integrate_one_by_one(orbits, good, alone, 1, tell)
     return np.zeros(len(orbits.q), bool), time.perf_counter() - began
 
 
-def _one_by_one(orbits: Orbits, members: np.ndarray, alone: Alone, threads: int, tell: Callable[[int], None]) -> None:
+def _integrate_one_by_one(
+    orbits: Orbits, members: np.ndarray, alone: Alone, threads: int, tell: Callable[[int], None]
+) -> None:
     """Integrate members by themselves, and write down what came of them."""
     orbits.forget(members)
 
@@ -206,7 +208,7 @@ def _one_by_one(orbits: Orbits, members: np.ndarray, alone: Alone, threads: int,
             orbits.enter(i, alone(orbits, i))
         return len(members[part])
 
-    for number in shared(share, len(members), threads):
+    for number in map_slices(share, len(members), threads):
         tell(number)
 
 
@@ -222,7 +224,7 @@ class _Progress:
             self.told(self.done)
 
 
-def _alone(orbits: Orbits, i: int) -> Solution:
+def _integrate_alone(orbits: Orbits, i: int) -> Solution:
     return integrate(
         orbits.system,
         orbits.kinds[orbits.kind[i]],
@@ -275,10 +277,10 @@ def begin(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> Orb
         raise InvalidInput("the orbits take different numbers of steps: keep no rows (save_every=0), or give steps")
     if len(rows) * int(rows[0]) * asked.system.d > LARGEST:
         raise InvalidInput(f"{rows[0]} rows of {len(rows)} orbits do not fit in memory; keep fewer with save_every")
-    return checked(Orbits.begun(*asked, int(rows[0])))
+    return check_starts(Orbits.create(*asked, int(rows[0])))
 
 
-class Asked(NamedTuple):
+class EnsembleRequest(NamedTuple):
     """What n orbits are asked for: the first fields of `batches.Orbits`."""
 
     system: object
@@ -291,7 +293,7 @@ class Asked(NamedTuple):
     kind: np.ndarray
 
 
-def request(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> Asked:
+def request(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> EnsembleRequest:
     """The run that is asked for of each orbit; raises InvalidInput."""
     system = getattr(problem, "system", problem)
     if not hasattr(system, "vector_field"):
@@ -306,7 +308,7 @@ def request(problem, method, Q, P, h, t_end, steps, parameters, save_every) -> A
     kinds, kind = _methods(method, parameters or {}, n)
     for lack in {record.lacks(system) for record in kinds} - {None}:
         raise InvalidInput(lack)
-    return Asked(system, q, p, sizes, numbers, every, kinds, kind)
+    return EnsembleRequest(system, q, p, sizes, numbers, every, kinds, kind)
 
 
 def _grids(h, t_end, steps, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -355,7 +357,7 @@ def _methods(method, parameters: Mapping, n: int) -> tuple[list[Method], np.ndar
     return kinds, np.array([number[values] for values in rows])
 
 
-def checked(orbits: Orbits) -> Orbits:
+def check_starts(orbits: Orbits) -> Orbits:
     """Mark the starts that cannot be used."""
     good = np.isfinite(orbits.q).all(1) & np.isfinite(orbits.p).all(1)
     if orbits.system.has_energy:
@@ -383,7 +385,7 @@ def _threads(threads) -> int:
 
 def _goes_in_lanes(orbits: Orbits, good: np.ndarray, lanes: bool | None) -> np.ndarray:
     """Which of the ``good`` orbits are integrated in lanes."""
-    able = np.array([batches.able(orbits.system, record) for record in orbits.kinds], bool)[orbits.kind[good]]
+    able = np.array([batches.runs_in_lanes(orbits.system, record) for record in orbits.kinds], bool)[orbits.kind[good]]
     if lanes and not able.all():
         raise InvalidInput(f"'{orbits.kinds[orbits.kind[good[~able][0]]].label}' does not run in lanes on this system")
     enough = lanes or (lanes is None and able.sum() >= batches.ENOUGH)

@@ -14,7 +14,7 @@ class InvalidInput(ValueError):
 MANY = 20
 
 
-def unknown(kind: str, name: str, known: Iterable[str]) -> InvalidInput:
+def unknown_name(kind: str, name: str, known: Iterable[str]) -> InvalidInput:
     """The error for an unknown name, with the nearest known ones."""
     known = sorted(set(known))
     near = difflib.get_close_matches(name, known, n=8, cutoff=0.6)

@@ -6,7 +6,7 @@ import unicodedata
 from collections.abc import Callable, Iterable
 from typing import Any, SupportsIndex, TypeVar, overload
 
-from .errors import InvalidInput, unknown
+from .errors import InvalidInput, unknown_name
 
 T = TypeVar("T")
 
@@ -73,7 +73,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
 }
 
 
-def plain(name: str) -> str:
+def normalize(name: str) -> str:
     """The name in small letters and digits alone, without accents."""
     letters = unicodedata.normalize("NFKD", name).casefold()
     return "".join(c for c in letters if c.isascii() and c.isalnum())
@@ -82,11 +82,11 @@ def plain(name: str) -> str:
 def unknown_method(name: str, known: Iterable[str], kind: str = "method") -> InvalidInput:
     """The error for an unknown method, with the ids that the name means in the field, or else the nearest ones."""
     known = list(known)
-    wanted = plain(name)
-    meant = [id for id in known if plain(id) == wanted]
+    wanted = normalize(name)
+    meant = [id for id in known if normalize(id) == wanted]
     meant += [id for id in ALIASES.get(wanted, ()) if id in known and id not in meant]
     if not meant:
-        return unknown(kind, name, known)
+        return unknown_name(kind, name, known)
     return InvalidInput(f"there is no {kind} '{name}'; did you mean {' or '.join(meant)}?")
 
 

@@ -62,19 +62,19 @@ class Outcome(NamedTuple):
     reason: str
 
 
-class Unsolved(NamedTuple):
+class SolverFailure(NamedTuple):
     """What is said of a stage equation that is not solved, and what is advised besides a smaller step."""
 
     what: str
     advice: str
 
 
-UNSOLVED = Unsolved("neither the fixed point nor Newton's method solves the stage equation", "")
-IN_A_BAND = Unsolved("Newton's method in a band does not solve the stage equation", "")
+UNSOLVED = SolverFailure("neither the fixed point nor Newton's method solves the stage equation", "")
+IN_A_BAND = SolverFailure("Newton's method in a band does not solve the stage equation", "")
 ADVISED = UNSOLVED._replace(advice=", or try solver='banded' where variables act on few others, as in a lattice")
 
 
-def unsolved(family: str, d: int) -> Unsolved:
+def solver_failure(family: str, d: int) -> SolverFailure:
     """What to say of methods of a family with d degrees of freedom; one-stage methods have a solver for large d."""
     if family == "banded":
         return IN_A_BAND
@@ -120,8 +120,8 @@ def units(M) -> np.ndarray:
     return np.maximum(M, mean)
 
 
-def noted(H, M) -> np.ndarray:
-    """Where `judged` would name an error of the energies H, or one is not finite; arrays (..., rows)."""
+def flag_energy_errors(H, M) -> np.ndarray:
+    """Where `judge` would name an error of the energies H, or one is not finite; arrays (..., rows)."""
     with np.errstate(all="ignore"):
         M = np.minimum(M, np.finfo(float).max)
         return ~(np.isfinite(H) & (_share(sizes(H), units(M)) <= NOTED))
@@ -133,7 +133,7 @@ def _share(error, size) -> np.ndarray:
         return np.where(error > 0, error / size, 0.0)
 
 
-def judged(system, t, Q, P, advice: str = "take a smaller h") -> Outcome:
+def judge(system, t, Q, P, advice: str = "take a smaller h") -> Outcome:
     """What the energy of finite rows at the times t says of a run that came to its end; without an energy nothing."""
     found = energy_error(system, Q, P) if system.has_energy else None
     worst = 0.0 if found is None else found.share.max()
@@ -143,7 +143,7 @@ def judged(system, t, Q, P, advice: str = "take a smaller h") -> Outcome:
         late = found.sofar > LOST
         row = (late if late.any() else found.share > LOST).argmax()
         what = f"the energy error is of the size of H's own terms, at its largest {worst:.3g} times that"
-        seen = f"from t = {t[row]:.6g} on {what}{_bounded(found.size)}{escaped(system, Q, P, found)}"
+        seen = f"from t = {t[row]:.6g} on {what}{_describe_bounded(found.size)}{describe_escape(system, Q, P, found)}"
         status = UNSTABLE if grows(found.size, found.first) else INACCURATE
         return Outcome(status, f"{seen}: what came out is not the orbit; {advice}")
     size = f"{worst:.0%} of the size of H's terms near t = {t[found.share.argmax()]:.6g}"
@@ -165,7 +165,7 @@ def grows(error: np.ndarray, first: float) -> bool:
     return bool(third > RISE * second and last > RISE * third)
 
 
-def _bounded(error) -> str:
+def _describe_bounded(error) -> str:
     """What to add where the energy error comes and goes, and does not grow."""
     first, last = np.array_split(error, 2)
     if len(last) < 10 or last.max() > 1.05 * first.max() or last.min() > 0.1 * last.max():
@@ -173,7 +173,7 @@ def _bounded(error) -> str:
     return " (it comes and goes: the step may be stable, but is far too wide)"
 
 
-def escaped(system, Q, P, found: EnergyError | None = None) -> str:
+def describe_escape(system, Q, P, found: EnergyError | None = None) -> str:
     """What to add where a state has grown: whether it had grown by much while the energy was kept."""
     if not system.has_energy or len(Q) < 2:
         return ""
@@ -214,8 +214,8 @@ def _aim(system, Q, P):
     for k, s in enumerate(system.singular):
         if not hasattr(s, "diff"):
             continue
-        slopes = [system.observed(f"slope {k} {i}", lambda s=s, x=x: s.diff(x), Q, P) for i, x in enumerate(system.q)]
-        rates = [system.observed(f"dq{i}", lambda i=i: system.dq[i], Q, P) for i in range(system.d)]
+        slopes = [system.evaluate(f"slope {k} {i}", lambda s=s, x=x: s.diff(x), Q, P) for i, x in enumerate(system.q)]
+        rates = [system.evaluate(f"dq{i}", lambda i=i: system.dq[i], Q, P) for i in range(system.d)]
         towards = sum(g * v for g, v in zip(slopes, rates, strict=True))
         with np.errstate(all="ignore"):
             cosine = towards / (speed * np.sqrt(sum(g**2 for g in slopes)))
@@ -223,7 +223,7 @@ def _aim(system, Q, P):
     return np.min(sines, axis=0)
 
 
-def approach(system, Q, P, h) -> str | None:
+def describe_approach(system, Q, P, h) -> str | None:
     """Whether the last good state was about to step across a singularity."""
     if not system.singularities or Q.dtype == object:
         return None
@@ -233,7 +233,7 @@ def approach(system, Q, P, h) -> str | None:
     return None
 
 
-def passed(system, t, Q, P, h) -> str | None:
+def describe_crossing(system, t, Q, P, h) -> str | None:
     """Whether a kept step jumped across a singularity: head-on, or with a tenth of the energy lost."""
     if not system.singularities or not system.has_energy:
         return None
@@ -253,8 +253,8 @@ def passed(system, t, Q, P, h) -> str | None:
     )
 
 
-def met(system, Q, P, h, H, M) -> np.ndarray:
-    """Of which of n orbits `passed` has something to say, an array (n,).
+def flag_crossings(system, Q, P, h, H, M) -> np.ndarray:
+    """Of which of n orbits `describe_crossing` has something to say, an array (n,).
 
     Q, P (n, rows, d) are their rows, h (n,) their steps; H (n, rows) the energies, and M the sizes of H's terms.
     """

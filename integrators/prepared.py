@@ -115,7 +115,7 @@ class PreparedRun:
         self._moved = False
         self._layout = lay_out(self._prepared, system.d, 1.0, q, p)
         self._parameter = np.full((1, 1), np.nan)
-        self._call = self._uncompiled
+        self._call = self._run_uncompiled
         if codegen.compiled():
             functions = packed_call(self._prepared, system.d)
             self._memory = np.zeros(functions.size, np.uint8)
@@ -195,7 +195,7 @@ class PreparedRun:
 
     __del__ = _release
 
-    def _uncompiled(self, address: int, h: float, steps: int) -> int:
+    def _run_uncompiled(self, address: int, h: float, steps: int) -> int:
         """The same without a compiler."""
         self._layout.step = self._layout.step._replace(h=float(h))
         self._layout.restart(*self._start)

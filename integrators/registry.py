@@ -65,7 +65,7 @@ def method(id: str | Method, **parameters: Value) -> Method:
         raise unknown_method(id, BY_ID)
     record = id if isinstance(id, Method) else BY_ID[id]
     record = record(**parameters) if parameters else record
-    return record if solver is None else solvers.solved(record, solver)
+    return record if solver is None else solvers.with_solver(record, solver)
 
 
 #: All methods; ``METHODS["rk4"]`` is ``method("rk4")``.

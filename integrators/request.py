@@ -86,23 +86,23 @@ def grid(h=None, t_end=None, steps=None, t0=0.0) -> tuple[float, int]:
     if h is not None and h < 0 < span:
         raise InvalidInput(f"h is {h!r} and t_end = {t_end!r} lies ahead; a negative step goes back in time")
     way = 1.0 if span > 0 else -1.0
-    size, number = _sized(None if h is None else abs(float(h)), abs(span), steps)
+    size, number = _size_steps(None if h is None else abs(float(h)), abs(span), steps)
     return way * size, number
 
 
-def _sized(h: float | None, span: float, steps) -> tuple[float, int]:
+def _size_steps(h: float | None, span: float, steps) -> tuple[float, int]:
     """(h, steps) of positive numbers, of which one may be missing."""
     if steps is None:
         if span / h > MOST:
             raise InvalidInput(f"t_end/h asks for {span / h:.3g} steps; the most is 1e13")
-        steps = _whole(h, span)
+        steps = _count_steps(h, span)
         return span / steps if abs(steps * h - span) > 1e-12 * span else h, steps
     if h is not None and abs(steps * h - span) > 1e-9 * span:
         raise InvalidInput(f"steps times h is {steps * h}, not t_end = {span}; give two of the three")
     return span / int(steps), int(steps)
 
 
-def _whole(h: float, t_end: float) -> int:
+def _count_steps(h: float, t_end: float) -> int:
     """The whole number of steps nearest to t_end / h; raises InvalidInput where h would grow by more than `WIDENED`."""
     steps = max(1, round(t_end / h))
     if t_end <= steps * h * WIDENED:

@@ -15,7 +15,7 @@ from .batches import Orbits, pieces
 from .prepared import Layout, lay_out, step_of
 from .stepping.kernel import prepare
 from .stepping.solve import SOLVED
-from .threads import shared
+from .threads import map_slices
 
 
 def run(orbits: Orbits, members: np.ndarray, threads: int, tell: Callable[[int], None]) -> np.ndarray:
@@ -26,7 +26,7 @@ def run(orbits: Orbits, members: np.ndarray, threads: int, tell: Callable[[int],
     known = {k: prepare(orbits.kinds[k], orbits.system) for k in set(orbits.kind[members].tolist())}
     whole = np.array([not known[k].missed for k in orbits.kind[members].tolist()], bool)
     mine, left = members[whole], [members[~whole]]
-    for counts, stopped, n in shared(lambda part: _share(orbits, known, mine[part]), len(mine), threads):
+    for counts, stopped, n in map_slices(lambda part: _share(orbits, known, mine[part]), len(mine), threads):
         for name, number in counts.items():
             orbits.counts[name] += number
         left.append(stopped)
@@ -47,7 +47,7 @@ def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[Counter[st
         else:
             layout.step = step_of(kernel, orbits.system.d, orbits.h[i], q, p)
             layout.restart(q, p)
-        if not _filled(orbits, i, layout):
+        if not _fill(orbits, i, layout):
             stopped.append(i)
             continue
         numbers = (int(layout.counts[name]) for name in ("gradient", "fallbacks", "newton"))
@@ -55,11 +55,11 @@ def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[Counter[st
     return total, np.array(stopped, int), len(members)
 
 
-def _filled(orbits: Orbits, i: int, layout: Layout) -> bool:
+def _fill(orbits: Orbits, i: int, layout: Layout) -> bool:
     """Fill the rows of an orbit; whether all were reached."""
     member = np.array([i])
     keep, taken, spacing = orbits.keeper(member, 1), 0, int(orbits.every[i])
-    for first, rows, every in pieces(int(orbits.steps[i]), spacing, orbits.most(spacing, 1)):
+    for first, rows, every in pieces(int(orbits.steps[i]), spacing, orbits.max_steps(spacing, 1)):
         Q, P = orbits.room(i, first, rows)
         if layout(Q, P, np.full((rows, 1), np.nan), every) != (rows, SOLVED):
             return False

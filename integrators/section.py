@@ -74,7 +74,7 @@ class Section:
 
 
 @dataclass
-class Watched(Orbits):
+class SectionOrbits(Orbits):
     """Orbits whose rows are searched for crossings; Q and P hold the rows by which their energy is judged."""
 
     find: Callable | None = None
@@ -83,7 +83,7 @@ class Watched(Orbits):
     near: np.ndarray | None = None
     group = GROUP
 
-    def most(self, every: int, orbits: int) -> int:
+    def max_steps(self, every: int, orbits: int) -> int:
         """Steps of one call of a kernel: whole rows, as many as the cache holds."""
         return min(PIECE, every * min(ROWS, max(2, ROOM // (2 * self.system.d * orbits))))
 
@@ -102,12 +102,12 @@ class Watched(Orbits):
             if taken < min(steps, (first + q.shape[1]) * every):
                 return  # the row is not complete
             search(first, q, p)
-            Q, P = (orbit_lanes.of_blocks(x[:, -1:], len(members)) for x in (q, p))
+            Q, P = (orbit_lanes.from_blocks(x[:, -1:], len(members)) for x in (q, p))
             last = taken * looks // steps
             self.Q[members, seen + 1 : last + 1], self.P[members, seen + 1 : last + 1] = Q, P
             seen = last
             if near:
-                self._mark_near(members, *(orbit_lanes.of_blocks(x, len(members)) for x in (q, p)))
+                self._mark_near(members, *(orbit_lanes.from_blocks(x, len(members)) for x in (q, p)))
 
         return keep
 
@@ -139,15 +139,15 @@ class Watched(Orbits):
 class Search:
     """Searches the rows of orbits for crossings, piece by piece, as they are made."""
 
-    def __init__(self, orbits: Watched, members: np.ndarray, width: int, steps: int | None = None):
+    def __init__(self, orbits: SectionOrbits, members: np.ndarray, width: int, steps: int | None = None):
         self._orbits, self._members = orbits, members
         self._every, self._steps = (
             int(orbits.every[members[0]]),
             int(orbits.steps[members[0]] if steps is None else steps),
         )
         if width > 1:
-            starts = orbit_lanes.in_blocks(orbits.q[members]), orbit_lanes.in_blocks(orbits.p[members])
-            self._h = orbit_lanes.in_blocks(orbits.h[members], 1.0)
+            starts = orbit_lanes.to_blocks(orbits.q[members]), orbit_lanes.to_blocks(orbits.p[members])
+            self._h = orbit_lanes.to_blocks(orbits.h[members], 1.0)
         else:
             starts = orbits.q[members, :, None], orbits.p[members, :, None]
             self._h = orbits.h[members, None].copy()
@@ -170,21 +170,21 @@ class Search:
             orbits.crossings.add(self._points[:found], self._members[self._owners[:found, 0]])
 
 
-def watched(asked: ensemble.Asked, component: int, at: float, rising: bool) -> Watched:
+def prepare_orbits(asked: ensemble.EnsembleRequest, component: int, at: float, rising: bool) -> SectionOrbits:
     """Orbits to be searched for crossings of the plane on which a component of (q, p) is ``at``."""
     n, d = asked.q.shape
     looks = int(np.clip(LOOKED // (2 * d * n), 1, LOOKS))
-    orbits = Watched.begun(*asked, 1 + looks)
+    orbits = SectionOrbits.create(*asked, 1 + looks)
     orbits.find, orbits.plane = finder(asked.system), np.array([[float(component), at, 1.0 if rising else -1.0]])
     orbits.crossings, orbits.near = Crossings(d), np.zeros(n, bool)
     sorter()  # compiles
-    return ensemble.checked(orbits)
+    return ensemble.check_starts(orbits)
 
 
-def concluded(orbits: Watched, seconds: float) -> Section:
+def build_section(orbits: SectionOrbits, seconds: float) -> Section:
     """The section of orbits that are at their ends."""
     began, d = time.perf_counter(), orbits.system.d
-    points, numbers = orbits.crossings.ordered(len(orbits.q))
+    points, numbers = orbits.crossings.sort_points(len(orbits.q))
     orbit = np.repeat(np.arange(len(numbers)), numbers)
     t, q, p = points[:, 0], points[:, 1 : 1 + d], points[:, 1 + d :]
     component, at = int(orbits.plane[0, 0]), float(orbits.plane[0, 1])
@@ -209,7 +209,7 @@ def begin(
     t_end: float | None = None,
     steps: int | None = None,
     parameters: Mapping | None = None,
-) -> Watched:
+) -> SectionOrbits:
     """The orbits of a section; raises InvalidInput."""
     system = getattr(problem, "system", problem)
     names = [str(x) for x in (*getattr(system, "q", ()), *getattr(system, "p", ()))]
@@ -218,7 +218,7 @@ def begin(
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise InvalidInput(f"every is {every!r}; it must be a positive integer")
     asked = ensemble.request(problem, method, Q, P, h, t_end, steps, parameters, every)
-    return watched(asked, names.index(of), float(at), rising)
+    return prepare_orbits(asked, names.index(of), float(at), rising)
 
 
 def section(
@@ -274,4 +274,4 @@ def section(
         **{"of": of, "at": at, "rising": rising, "every": every},
         **{"h": h, "t_end": t_end, "steps": steps, "parameters": parameters},
     )
-    return concluded(orbits, ensemble.run(orbits, lanes, threads, progress)[1])
+    return build_section(orbits, ensemble.run(orbits, lanes, threads, progress)[1])

@@ -72,11 +72,11 @@ class Solution:
             lines.append(f"  {self.reason}")
         span = f"t = {float(self.t[0]):.6g} to {float(self.t[-1]):.6g}"
         lines.append(f"  {span}, {self.counts.get('steps', 0)} steps, h = {float(self.h):.6g}, {rows} rows of d = {d}")
-        lines.append(f"  q = {_shortened(self.q[-1])}, p = {_shortened(self.p[-1])} at the end")
+        lines.append(f"  q = {_shorten(self.q[-1])}, p = {_shorten(self.p[-1])} at the end")
         return "\n".join(lines)
 
 
-def _shortened(state: Floats) -> str:
+def _shorten(state: Floats) -> str:
     """The first components of a state."""
     more = ", ..." if len(state) > SHOWN else ""
     return f"[{', '.join(f'{float(x):.6g}' for x in state[:SHOWN])}{more}]"

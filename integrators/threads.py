@@ -56,7 +56,7 @@ class Slices:
                 part = slice(begin, self._next)
             yield part
 
-    def took(self, part: slice, seconds: float) -> None:
+    def adapt(self, part: slice, seconds: float) -> None:
         """What a slice has taken says how short the next may be."""
         self.fewest = max(1, round((part.stop - part.start) * LEAST / max(seconds, 1e-9)))
 
@@ -66,7 +66,7 @@ class Slices:
             self._next = self._n
 
 
-def shared(work: Callable[[slice], Found], n: int, threads: int) -> Iterator[Found]:
+def map_slices(work: Callable[[slice], Found], n: int, threads: int) -> Iterator[Found]:
     """What ``work`` returns of slices that together are 0 ... n - 1, as they are finished, on so many threads.
 
     What it raises on any of them is raised here, when all have ended.
@@ -78,7 +78,7 @@ def shared(work: Callable[[slice], Found], n: int, threads: int) -> Iterator[Fou
     def take(part: slice) -> Found:
         began = time.perf_counter()
         found = work(part)
-        slices.took(part, time.perf_counter() - began)
+        slices.adapt(part, time.perf_counter() - began)
         return found
 
     def help_out() -> None:

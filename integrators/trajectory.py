@@ -15,10 +15,10 @@ from .outcome import (
     OK,
     TIMEOUT,
     UNSOLVED,
-    approach,
-    escaped,
-    judged,
-    passed,
+    describe_approach,
+    describe_crossing,
+    describe_escape,
+    judge,
 )
 from .stepping import solve
 from .stepping.kernel import zeros
@@ -51,7 +51,7 @@ class Pace:
         """Whether the time is over."""
         return time.monotonic() > self.deadline
 
-    def took(self, seconds: float) -> None:
+    def adapt(self, seconds: float) -> None:
         """Lengthen the next call where the last was short against the time that there is."""
         if seconds < min(0.05, self.timeout / 20):
             self.steps = min(PIECE, 4 * self.steps)
@@ -118,9 +118,9 @@ class Trajectory:
         n = whole_rows(self.steps, self.every, self.filled, pace.steps)
         code = self._rows(run, n, pace) if n > 1 else self._row(run, pace)
         if self.status == OK and code:
-            self._stopped(code)
+            self._explain_stop(code)
         elif self.status == OK and self.reached < self.steps:
-            self._look(run)
+            self._check_fallbacks(run)
             if pace.late and self.status == OK:
                 self.status = TIMEOUT
 
@@ -131,12 +131,12 @@ class Trajectory:
         filled, code = run(self.q[1:][part], self.p[1:][part], self.parameter[part], every)
         took = time.perf_counter() - began
         self.seconds += took
-        pace.took(took)
+        pace.adapt(took)
         return filled, code
 
     def _rows(self, run, n: int, pace: Pace) -> int:
         filled, code = self._call(run, n, self.every, pace)
-        bad, reason = self._flawed(self.filled + 1, filled)
+        bad, reason = self._find_flaw(self.filled + 1, filled)
         if bad < filled:
             self.status, self.reason = DIVERGED, reason
         self.filled += bad
@@ -151,7 +151,7 @@ class Trajectory:
             good = self.q[row].copy(), self.p[row].copy()
             piece = min(end - self.reached, pace.steps)
             filled, code = self._call(run, 1, piece, pace)
-            bad, reason = self._flawed(row, filled)
+            bad, reason = self._find_flaw(row, filled)
             if not bad:
                 self.q[row], self.p[row] = good
                 if filled:
@@ -160,13 +160,13 @@ class Trajectory:
             self.reached += piece
             if self.reached < end:
                 self.looks.append((self.reached, self.q[row].copy(), self.p[row].copy()))
-                self._look(run)
+                self._check_fallbacks(run)
             if pace.late or self.status != OK:
                 break
         self.filled += self.reached > began
         return code
 
-    def _flawed(self, first: int, n: int) -> tuple[int, str]:
+    def _find_flaw(self, first: int, n: int) -> tuple[int, str]:
         """How many of n rows are good before one is not finite, or has no energy; and what it is."""
         if self.arithmetic == MULTIPRECISION:
             return n, ""
@@ -180,7 +180,7 @@ class Trajectory:
                 good, reason = known, "the energy is no longer finite: the state is outside H's domain"
         return good, reason
 
-    def _stopped(self, code: int) -> None:
+    def _explain_stop(self, code: int) -> None:
         """Say why a stage equation was not solved."""
         if code == solve.NOT_FINITE:
             self.status, self.reason = DIVERGED, "a stage equation has no finite iterate"
@@ -196,7 +196,7 @@ class Trajectory:
             self.status = NOT_CONVERGED
             self.reason, self.advice = self.unsolved
 
-    def _look(self, run) -> None:
+    def _check_fallbacks(self, run) -> None:
         """Stop where hardly a step so far has what the method promises."""
         fallbacks = int(run.counts.fallbacks)
         if self.missed and self.reached >= FIRST and fallbacks > HOPELESS * self.reached:
@@ -214,16 +214,16 @@ class Trajectory:
             if self.arithmetic != MULTIPRECISION:
                 self._judge()
             return
-        _, Q, P = self._looked()
-        near = approach(self.system, Q, P, self.h)
+        _, Q, P = self._seen_rows()
+        near = describe_approach(self.system, Q, P, self.h)
         if near is not None:
             self.status, self.reason = COLLISION, f"{near} {at}; a regularized or adaptive method is needed"
         elif self.status == DIVERGED and self.arithmetic != MULTIPRECISION:
-            self.reason += f" {at}; take a smaller h{escaped(self.system, Q, P)}"
+            self.reason += f" {at}; take a smaller h{describe_escape(self.system, Q, P)}"
         else:
             self.reason += f" {at}" if self.status == NO_ROOT else f" {at}; take a smaller h{self.advice}"
 
-    def _looked(self):
+    def _seen_rows(self):
         """(t, Q, P) of the rows and of what was seen between them."""
         Q, P = self.q[: self.filled + 1], self.p[: self.filled + 1]
         if not self.looks:
@@ -234,14 +234,14 @@ class Trajectory:
 
     def _judge(self) -> None:
         """Whether the motion met a singularity, and whether the rows are the orbit."""
-        t, Q, P = self._looked()
-        near = passed(self.system, t, Q, P, self.h)
+        t, Q, P = self._seen_rows()
+        near = describe_crossing(self.system, t, Q, P, self.h)
         if near is not None:
             self.status, self.reason = COLLISION, near
             return
         if self.status == NO_ROOT:  # that explains the energy
             return
-        found = judged(self.system, t, Q, P)
+        found = judge(self.system, t, Q, P)
         self.status = self.status if found.status == OK else found.status
         self.reason = "; ".join(filter(None, (self.reason, found.reason)))
 

@@ -14,7 +14,7 @@ from phasebench.benchmarks.measure.tabular import TabularResult
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.benchmarks.problems.base import Problem
 from phasebench.benchmarks.problems.kepler_found import with_kepler_part
-from phasebench.integrators.keywords import State, checked_names, renamed_arguments
+from phasebench.integrators.keywords import State, check_names, rename_arguments
 
 from . import words
 from .advise import advise as answered
@@ -142,8 +142,8 @@ def _advised(row: dict[str, Any] | None) -> Advised | None:
     return Advised(**{name: value for name, value in row.items() if name in names})
 
 
-@renamed_arguments(limit="time_limit")
-@checked_names
+@rename_arguments(limit="time_limit")
+@check_names
 def advise(
     problem: AnyProblem,
     *,

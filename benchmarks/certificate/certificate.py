@@ -16,7 +16,7 @@ from phasebench.benchmarks.judge import judge
 from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.benchmarks.measure.integrator import AnyProblem
 from phasebench.benchmarks.problems import problem as problem_of
-from phasebench.integrators.keywords import checked_names
+from phasebench.integrators.keywords import check_names
 from phasebench.integrators.record import Method
 from phasebench.reference.peers import Peer
 
@@ -117,7 +117,7 @@ def _problem(named: Any) -> Any:
     return problem_of(named) if isinstance(named, (str, Path)) else named
 
 
-@checked_names
+@check_names
 def validate(
     target: str | Path | Callable[..., Any] | Mapping[str, Any] | Method | Peer,
     *,

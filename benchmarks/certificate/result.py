@@ -9,7 +9,7 @@ from phasebench.benchmarks.judge.evidence import Tables
 from phasebench.benchmarks.judge.verdict import Judgement
 from phasebench.benchmarks.measure.tabular import TabularResult
 from phasebench.benchmarks.store.provenance import versions
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 
 from .stepping import DIGITS
 
@@ -86,7 +86,7 @@ class Certificate(TabularResult):
         from .figures import DRAWINGS
 
         if what not in DRAWINGS:
-            raise unknown("figure of a certificate", str(what), DRAWINGS)
+            raise unknown_name("figure of a certificate", str(what), DRAWINGS)
         drawing = DRAWINGS[what](self.tables)
         if drawing is None:
             raise InvalidInput(f"nothing was measured of '{self.integrator}' for the figure '{what}'")

@@ -15,7 +15,7 @@ import gmpy2
 import numpy as np
 
 from phasebench.benchmarks.measure import own_step
-from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, exactly, vector
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, to_number, vector
 from phasebench.integrators.errors import InvalidInput
 
 from .battery import Entry
@@ -104,7 +104,7 @@ class Stepper:
 
     def number(self, x):
         """Convert a number to the arithmetic of the stepper."""
-        return float(x) if self.arithmetic == DOUBLE else exactly(x, MULTIPRECISION)
+        return float(x) if self.arithmetic == DOUBLE else to_number(x, MULTIPRECISION)
 
     def raw(self, q, p, h):
         """Whatever the subject's step returns for these arrays themselves, not copies."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from phasebench.benchmarks.judge.evidence import between, shows_structure
 from phasebench.benchmarks.measure import step_map
-from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, exactly, precision
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number
 
 from .order import EPS, flow, numerical
 from .stepping import DIGITS, StepFailed, Stepper
@@ -70,7 +70,7 @@ def _row(stepper: Stepper, seed: int, h: float, defect: Callable) -> dict:
 def symplecticity(stepper: Stepper, y, h) -> tuple[float, float]:
     """(symplecticity defect of the step at y, its noise)."""
     double, name = stepper.arithmetic == DOUBLE, stepper.entry.name
-    displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (exactly(TINY, MULTIPRECISION),)
+    displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (to_number(TINY, MULTIPRECISION),)
     if len(y) <= JACOBIAN and not stepper.entry.share:
         value, noise = step_map.symplecticity(lambda x: stepper(x, h), y, *displacements)
     else:
@@ -95,7 +95,7 @@ def reversibility(stepper: Stepper, y, h) -> tuple[float, float]:
 def smooth(stepper: Stepper, seed: int) -> float:
     """The third difference of the step along a line of states and steps h; if large, the step rounds internally."""
     with precision(DIGITS):
-        y, tiny = stepper.state(stepper.entry.start(seed)), exactly(1e-9, MULTIPRECISION)
+        y, tiny = stepper.state(stepper.entry.start(seed)), to_number(1e-9, MULTIPRECISION)
         h = stepper.number(0.125 * stepper.entry.unit)
         a, b, c, e = (stepper(y * (1 + k * tiny), h * (1 + k * tiny)) for k in range(4))
         return float(max(abs((e - 3 * c + 3 * b - a) / stepper.entry.sizes)))

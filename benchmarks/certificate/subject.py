@@ -15,7 +15,7 @@ from phasebench.benchmarks.measure import coefficients, own_step
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.measure.own_step import OwnStep
 from phasebench.benchmarks.problems import user_file
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.names import unknown_method
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import BY_ID as METHODS
@@ -79,7 +79,7 @@ def subject(target, claims: Mapping[str, Any] | None = None, requires: tuple[str
     traits = battery.oscillator().system.traits
     for trait in wanted:
         if trait not in traits:
-            raise unknown("trait of systems", str(trait), traits)
+            raise unknown_name("trait of systems", str(trait), traits)
     return replace(made, own=replace(own, claims=stated, requires=wanted))
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 
 from . import options
 from .shared import invalid_input, print_json, show
@@ -159,7 +159,7 @@ def _chosen(kind: Kind, rows: list[Row], wanted: Mapping[str, Any]) -> list[Row]
         if name in NAMED:
             known = {x for row in rows for x in _values(row[name])}
             if value not in known:
-                raise unknown(name, value, known)
+                raise unknown_name(name, value, known)
         rows = [row for row in rows if _is(row[name], value)]
         if not rows:
             break

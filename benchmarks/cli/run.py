@@ -84,13 +84,13 @@ def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
     from phasebench.benchmarks.problems.questions import BY_ID as ASKED
     from phasebench.benchmarks.problems.questions import QUESTIONS
     from phasebench.benchmarks.problems.scenes import BY_ID, SCENES
-    from phasebench.integrators.errors import unknown
+    from phasebench.integrators.errors import unknown_name
     from phasebench.integrators.names import unknown_method
 
     known = [m.id for m in question_rows.swept()]
     for name in scenes:
         if name not in BY_ID and name not in ASKED:
-            raise unknown("scene", name, [*BY_ID, *ASKED])
+            raise unknown_name("scene", name, [*BY_ID, *ASKED])
     for name in methods:
         if name not in known:
             raise unknown_method(name, known)

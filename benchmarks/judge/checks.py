@@ -13,7 +13,7 @@ from functools import partial
 from numbers import Real
 from typing import Any
 
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.record import BOUNDED, DRIFT, EXACT, NONE, ROUND_OFF
 
 from . import decide
@@ -242,7 +242,7 @@ def checked_claims(claims, where: str) -> dict[str, Any]:
         raise InvalidInput(f"{where} is {claims!r}; write {{'order': 2, 'symplectic': True}}")
     for name, value in claims.items():
         if name not in CHECKS:
-            raise InvalidInput(f"{where}: {unknown('claim', str(name), CHECKS)}")
+            raise InvalidInput(f"{where}: {unknown_name('claim', str(name), CHECKS)}")
         if not CHECKS[name].accepts(value):
             raise InvalidInput(f"{where} has {name} = {value!r}; it must be {CHECKS[name].values}")
     return dict(claims)

@@ -16,7 +16,7 @@ import sympy as sp
 from phasebench.benchmarks.measure import step_map
 from phasebench.benchmarks.measure.integrator import OURS, YOURS, Integrator
 from phasebench.integrators.driver import OK
-from phasebench.integrators.errors import unknown
+from phasebench.integrators.errors import unknown_name
 from phasebench.integrators.record import EXACT, ROUND_OFF
 from phasebench.reference.peers import Peer
 
@@ -42,7 +42,7 @@ def claim_names(problem) -> list[str]:
 def check(problem, name: str) -> None:
     """Raise InvalidInput, with the nearest known name, for a name that cannot be demanded."""
     if name not in claim_names(problem):
-        raise unknown("conserved quantity", str(name), claim_names(problem))
+        raise unknown_name("conserved quantity", str(name), claim_names(problem))
 
 
 def declaration(integrator: Integrator, name: str) -> bool | None:

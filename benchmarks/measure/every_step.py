@@ -17,7 +17,7 @@ from phasebench.integrators import driver
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.driver import DIVERGED, OK, TIMEOUT, Solution
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.outcome import travel, unsolved
+from phasebench.integrators.outcome import solver_failure, travel
 from phasebench.integrators.record import Method
 from phasebench.integrators.request import LARGEST, check_timeout, grid, request
 from phasebench.integrators.stepping.kernel import prepare
@@ -138,7 +138,7 @@ class ThinnedTrajectory(Trajectory):
         self.q, self.p, self.parameter, self.filled = *self._buffer, 0
         try:
             filled, code = self._call(run, n, 1, pace)
-            good, reason = self._flawed(1, filled)
+            good, reason = self._find_flaw(1, filled)
         finally:
             self.q, self.p, self.parameter, self.filled = kept
         if good:
@@ -147,9 +147,9 @@ class ThinnedTrajectory(Trajectory):
             self.status, self.reason = DIVERGED, reason
         elif code:
             self._close()
-            self._stopped(code)
+            self._explain_stop(code)
         else:
-            self._look(run)
+            self._check_fallbacks(run)
             if self.reached < self.steps and pace.late and self.status == OK:
                 self.status = TIMEOUT
         if self.reached == self.steps or self.status != OK:
@@ -196,7 +196,7 @@ def _of_method(problem, record: Method, extremes: Extremes, every: int, timeout,
     if lack:
         raise InvalidInput(lack)
     kernel = prepare(record, system, DOUBLE)
-    words = kernel.missed, unsolved(record.family, system.d)
+    words = kernel.missed, solver_failure(record.family, system.d)
     size = asked.h, asked.steps, asked.every
     trajectory = ThinnedTrajectory(extremes.see, system, asked.q, asked.p, *size, *words, t0=asked.t0)
     return driver._run(kernel, trajectory, record, timeout, None, problem)

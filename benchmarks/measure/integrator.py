@@ -17,7 +17,7 @@ from phasebench.benchmarks.problems.units import span
 from phasebench.benchmarks.problems.user_file import is_file
 from phasebench.integrators import driver, prepared
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.keywords import Parameters, State, Value, method_parameters, renamed_arguments
+from phasebench.integrators.keywords import Parameters, State, Value, method_parameters, rename_arguments
 from phasebench.integrators.names import unknown_method
 from phasebench.integrators.prepared import PreparedRun
 from phasebench.integrators.record import Method
@@ -232,7 +232,7 @@ def _mapping(parameters: object) -> dict[str, Value]:
     return dict(parameters)
 
 
-@renamed_arguments(timeout="time_limit")
+@rename_arguments(timeout="time_limit")
 @method_parameters(parameters_of)
 def integrate(
     problem: AnyProblem,

@@ -15,7 +15,7 @@ from functools import cache, partial
 import mpmath
 import numpy as np
 
-from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, exactly, precision, vector
+from phasebench.integrators.compile.codegen import MULTIPRECISION, epsilon, precision, to_number, vector
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import METHODS, method
@@ -82,7 +82,7 @@ def extrapolate(f, y, T):
 def flow(system, y, T, pieces=8):
     """(y(T), uncertainty) of a system's flow, by `extrapolate` over ``pieces`` equal parts of T."""
     f = system.vector_field(MULTIPRECISION)
-    y, T, doubt = vector(y), exactly(T, MULTIPRECISION), 0
+    y, T, doubt = vector(y), to_number(T, MULTIPRECISION), 0
     for _ in range(pieces):
         y, more = extrapolate(lambda x: f(0, x), y, T / pieces)
         doubt += more
@@ -279,7 +279,7 @@ def perturbation_row(record: Method, name: str) -> dict:
 
     right, rows = error(record), []
     for path, x in leaves(record.data):
-        m = replace(record, data=replace_at(record.data, path, exactly(x, MULTIPRECISION) * (1 + SLIP)))
+        m = replace(record, data=replace_at(record.data, path, to_number(x, MULTIPRECISION) * (1 + SLIP)))
         row = {"path": list(path), "error": error(m)}
         if row["error"] < 10 * right:
             row |= {"symplecticity": defect(m, name), "symmetry": distance(m, name)}
@@ -296,7 +296,7 @@ def control_errors():
     families = {m.family: m for m in reversed(METHODS) if m.order <= LOW_ORDER and list(leaves(m.data))}
     for record in families.values():
         path, x = next(leaves(record.data))
-        wrong = replace(record, data=replace_at(record.data, path, exactly(x, MULTIPRECISION) * 9 / 8))
+        wrong = replace(record, data=replace_at(record.data, path, to_number(x, MULTIPRECISION) * 9 / 8))
         out[record.id] = {n: errors(wrong, n) for n in systems(record, few=True)}
     return out
 

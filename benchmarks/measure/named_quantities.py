@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 import sympy as sp
 
-from phasebench.integrators.errors import unknown
+from phasebench.integrators.errors import unknown_name
 
 from . import lyapunov
 from .body_quantities import of_bodies, position
@@ -185,5 +185,5 @@ def quantity(problem, name: str) -> Quantity:
     """The quantity of a problem with this name; raises InvalidInput with the nearest known name."""
     known = quantities(problem)
     if name not in known:
-        raise unknown(f"quantity of '{getattr(problem, 'label', problem)}'", name, known)
+        raise unknown_name(f"quantity of '{getattr(problem, 'label', problem)}'", name, known)
     return known[name]

@@ -30,7 +30,7 @@ from phasebench.benchmarks.judge.checks import checked_claims
 from phasebench.benchmarks.problems import user_file
 from phasebench.integrators import record
 from phasebench.integrators.driver import OK, TIMEOUT, Solution
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.request import check_timeout, request
 from phasebench.reference.peers.run import ending
 
@@ -75,7 +75,7 @@ class OwnStep:
         """The reason why it cannot run on ``system``, or None if it can."""
         for trait in self.requires:
             if trait not in system.traits:
-                raise unknown("trait of systems", trait, system.traits)
+                raise unknown_name("trait of systems", trait, system.traits)
         return record.lacks(self.id, ("canonical", *self.requires), system)
 
     def __reduce__(self):

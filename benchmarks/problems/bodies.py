@@ -17,7 +17,7 @@ from math import inf, isfinite
 
 import mpmath
 
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 
 from .gravity import MASSLESS
 from .units import Units
@@ -182,7 +182,7 @@ def _columns(heads: Sequence[str], where: str) -> tuple[str, ...]:
         raise InvalidInput(f"{where}: the column {twice[0]} is there twice; leave one out")
     strange = [h for h in heads if h not in ("name", "m", *CARTESIAN, *ELEMENTS)]
     if strange:
-        known = unknown("column", strange[0], ["name", "m", *CARTESIAN, *ELEMENTS])
+        known = unknown_name("column", strange[0], ["name", "m", *CARTESIAN, *ELEMENTS])
         raise InvalidInput(
             f"{where}: {known} (capitals matter: Omega is the node, omega the pericentre, M the anomaly)"
         )
@@ -207,7 +207,7 @@ def _frame(frame: str | None, chosen: tuple[str, ...], where: str) -> str:
     if frame is None:
         raise InvalidInput(f"{where}: it does not say about what positions are; say the frame: {' or '.join(FRAMES)}")
     if frame not in FRAMES:
-        raise InvalidInput(f"{where}: {unknown('frame', frame, FRAMES)}")
+        raise InvalidInput(f"{where}: {unknown_name('frame', frame, FRAMES)}")
     return frame
 
 

@@ -21,7 +21,7 @@ import sympy as sp
 from phasebench.integrators.compile.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
+from phasebench.integrators.systems.hand import HandHamiltonian, unit_mass_field
 
 from .base import Orbit, Pace, Problem, decades
 
@@ -59,7 +59,7 @@ def grad_U(w2):
 
 def field(w2):
     """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V) (see `systems.hand`)."""
-    return of_unit_masses(grad_V(w2, -1))
+    return unit_mass_field(grad_V(w2, -1))
 
 
 def energy(w2):

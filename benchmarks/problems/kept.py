@@ -37,7 +37,7 @@ def of_key(key: str, recipe: Callable[[], Problem], make: Callable[[], Problem])
     ``recipe`` can be pickled and makes the problem again, should a cached one need its formulae.
     """
     entry = f"p-{key}.pickle"
-    found = deferred.kept(entry)
+    found = deferred.load(entry)
     if found is not None:
         return found
     made = make()

@@ -31,7 +31,7 @@ import sympy as sp
 from phasebench.integrators.compile.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses, part
+from phasebench.integrators.systems.hand import HandHamiltonian, part, unit_mass_field
 from phasebench.integrators.systems.multisymplectic import Equation
 
 from .base import Orbit, Pace, Problem
@@ -65,7 +65,7 @@ def grad_V(a, b, sign=1):
 
 def field(a, b):
     """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V) (see `systems.hand`)."""
-    return of_unit_masses(grad_V(a, b, -1))
+    return unit_mass_field(grad_V(a, b, -1))
 
 
 def energy(a, b):

@@ -22,7 +22,7 @@ import sympy as sp
 from phasebench.integrators.compile.codegen import value_kind
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
+from phasebench.integrators.systems.hand import HandHamiltonian, unit_mass_field
 
 from .base import Orbit, Pace, Problem
 from .gravity import bodies
@@ -79,7 +79,7 @@ def grad_V(strength, sign=1):
 
 def field(strength):
     """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V) (see `systems.hand`)."""
-    return of_unit_masses(grad_V(strength, -1))
+    return unit_mass_field(grad_V(strength, -1))
 
 
 def energy(strength):

@@ -74,12 +74,12 @@ class PlanetarySystem(Problem):
         return of_bodies(self.bodies.massless(names), f"{self.id} with massless {', '.join(names)}")
 
     def _check(self, names: Iterable[str]) -> None:
-        from phasebench.integrators.errors import unknown
+        from phasebench.integrators.errors import unknown_name
 
         others = self.bodies.names[1:]
         for name in names:
             if name not in others:
-                raise unknown(f"body of '{self.id}'", name, others)
+                raise unknown_name(f"body of '{self.id}'", name, others)
 
 
 def planetary_system(

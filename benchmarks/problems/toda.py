@@ -15,7 +15,7 @@ import sympy as sp
 
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
-from phasebench.integrators.systems.hand import of_unit_masses
+from phasebench.integrators.systems.hand import unit_mass_field
 
 from .base import Orbit, Pace, Problem, decades
 
@@ -63,7 +63,7 @@ def grad_V(sign=1):
 
 def field():
     """Make the loop that writes the vector field (H_p, -H_q) = (p, -grad V) (see `systems.hand`)."""
-    return of_unit_masses(grad_V(-1))
+    return unit_mass_field(grad_V(-1))
 
 
 def energy():

@@ -114,7 +114,7 @@ def from_formula(
     known = {*variables, *constants, *formula.CONSTANTS, *formula.FUNCTIONS}
     missing = [x for x in names if x not in known]
     if "t" in missing:
-        raise InvalidInput(formula.about_time(max(d, 1) + 1))
+        raise InvalidInput(formula.time_hint(max(d, 1) + 1))
     if missing:
         raise InvalidInput(
             f"the formula has {', '.join(missing)} besides the variables {', '.join(variables)}: "

@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 
 from phasebench.benchmarks.problems.base import Orbit, Problem
-from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses
+from phasebench.integrators.systems.hand import HandHamiltonian, unit_mass_field
 
 
 def grad_V(k, sign=1):
@@ -29,7 +29,7 @@ def grad_V(k, sign=1):
 
 def field(k):
     """The loop of (p, -grad V)."""
-    return of_unit_masses(grad_V(k, -1))
+    return unit_mass_field(grad_V(k, -1))
 
 
 def energy(k):

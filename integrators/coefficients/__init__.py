@@ -1,6 +1,6 @@
 """Coefficients of compositions and splittings: as published, each with its source, and polished to full precision.
 
-`TABLES` holds them as published; `polished` and `steps` give them as numbers of 60 digits that satisfy the order
+`TABLES` holds them as published; `polished_numbers` and `steps` give them with 60 digits that satisfy the order
 conditions to 1e-50 and better.  They stand in ``polished.json``, each with a digest of the table it was made from: one
 that is new or was edited is polished when it is asked for, and the command (`__main__`) keeps the result.
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import mpmath
 
-from phasebench.integrators.errors import unknown
+from phasebench.integrators.errors import unknown_name
 
 from . import compositions, gauss, nystrom, splittings
 from .fractions import DIGITS
@@ -40,18 +40,18 @@ __all__ = ["BY_NAME", "DAMAGED", "POLISHED", "TABLES", "Table", "about", "polish
 def table(name: str) -> Table:
     """The table of that name; raises InvalidInput for an unknown one."""
     if name not in BY_NAME:
-        raise unknown("table of coefficients", name, BY_NAME)
+        raise unknown_name("table of coefficients", name, BY_NAME)
     return BY_NAME[name]
 
 
 @cache
-def stored() -> dict[str, dict]:
+def read_polished() -> dict[str, dict]:
     """What ``polished.json`` holds, by name."""
     return json.loads(POLISHED.read_text())
 
 
 @cache
-def about(name: str) -> dict:
+def describe(name: str) -> dict:
     """Of a table the polished numbers, the residuals before and after, and how far the digits moved.
 
     Raises
@@ -62,7 +62,7 @@ def about(name: str) -> dict:
         Where the numbers of a table that is not in ``polished.json`` have not the order that it declares.
     """
     wanted = table(name)
-    kept = stored().get(name, {})
+    kept = read_polished().get(name, {})
     if kept.get("published") == wanted.digest:
         return kept
     from .polish import entry
@@ -71,13 +71,13 @@ def about(name: str) -> dict:
     return entry(wanted)
 
 
-def polished(name: str) -> tuple[mpmath.mpf, ...]:
+def polished_numbers(name: str) -> tuple[mpmath.mpf, ...]:
     """The polished numbers in the order of `Table.published`."""
-    texts = about(name)
+    texts = describe(name)
     with mpmath.workdps(DIGITS):
         return tuple(value(x) for part in ("gamma", "a", "b") for x in texts.get(part, ()))
 
 
 def steps(name: str) -> list:
     """The whole polished sequence: fractions of a composition, or pairs (letter, weight) of a splitting."""
-    return table(name).steps(polished(name))
+    return table(name).steps(polished_numbers(name))

@@ -42,7 +42,7 @@ def suzuki(order: int) -> tuple[mpmath.mpf, ...]:
     return _fractal(order, 2)
 
 
-def mirrored(half: Sequence) -> tuple:
+def mirror(half: Sequence) -> tuple:
     """The palindrome of a first half that ends with the middle one."""
     return (*half, *reversed(half[:-1]))
 

@@ -156,7 +156,7 @@ def excess(errors: Residuals, order: Sequence[int]) -> mpmath.mpf:
     return max(abs(x) for key in conditions(errors, order) for x in errors[key])
 
 
-def leading(errors: Residuals, order: Sequence[int]) -> tuple[mpmath.mpf, ...]:
+def leading_norms(errors: Residuals, order: Sequence[int]) -> tuple[mpmath.mpf, ...]:
     """The norms of the first residuals that do not vanish: for each power of eps that the order names, or one."""
     if len(order) == 1:
         return (norm(errors[order[0] + 1, 0]),)

@@ -36,7 +36,7 @@ STEPS, SMALL = 12, mpmath.mpf(10) ** -(DIGITS + 5)
 RANK = mpmath.mpf("1e-12")
 
 
-def starting(table: Table, replaced: dict[int, str] | None = None) -> list[mpmath.mpf]:
+def starting_values(table: Table, replaced: dict[int, str] | None = None) -> list[mpmath.mpf]:
     """The published numbers, those of some indices replaced."""
     texts = list(table.published)
     for k, text in (replaced or {}).items():
@@ -62,7 +62,7 @@ def jacobian(table: Table, numbers: Sequence[mpmath.mpf], free: Sequence[int]) -
     return np.array(columns).T
 
 
-def independent(J: np.ndarray) -> list[int]:
+def independent_rows(J: np.ndarray) -> list[int]:
     """The rows of a matrix, shape (n, m), that span all: by Gram-Schmidt, of what is left the largest row first."""
     rows: list[int] = []
     left, largest = J, None
@@ -86,12 +86,12 @@ def polish(table: Table, numbers: Sequence[mpmath.mpf] | None = None) -> list[mp
         If the residual does not fall to round-off.
     """
     with mpmath.workdps(DIGITS + GUARD):
-        first = np.array(starting(table) if numbers is None else numbers, dtype=object)
+        first = np.array(starting_values(table) if numbers is None else numbers, dtype=object)
         x, free = first.copy(), [k for k, text in enumerate(table.published) if not is_exact(text)]
         rows: list[int] = []
         for _ in range(STEPS if free else 0):
             J, r = jacobian(table, x, free), residual(table, x)
-            rows = rows or independent(J)
+            rows = rows or independent_rows(J)
             A = J[rows]
             factors = mpmath.lu_solve((A @ A.T).tolist(), list(A @ (x - first)[free] - r[rows]))
             nearer = first[free] + A.T @ np.array(list(factors), dtype=object)
@@ -126,7 +126,7 @@ def locate(table: Table, numbers: Sequence[mpmath.mpf]) -> tuple[int, mpmath.mpf
 
 def entry(table: Table) -> dict:
     """What the data file says of a table."""
-    before, after = starting(table), polish(table)
+    before, after = starting_values(table), polish(table)
     with mpmath.workdps(DIGITS):
         texts = [x if is_exact(x) else mpmath.nstr(y, DIGITS) for x, y in zip(table.published, after, strict=True)]
         full = table.steps([value(x) for x in texts])

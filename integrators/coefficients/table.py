@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import mpmath
 
-from .fractions import DIGITS, mirrored
+from .fractions import DIGITS, mirror
 
 #: A decimal of more digits is a rounded number, which may be polished; a shorter one, or a fraction, is a choice.
 EXACT_DIGITS = 6
@@ -70,7 +70,7 @@ class Table:
     def steps(self, numbers: Sequence[mpmath.mpf]) -> list:
         """The whole sequence, from numbers in the order of `published`: fractions, or pairs (letter, weight)."""
         if self.gamma:
-            return list(mirrored(numbers))
+            return list(mirror(numbers))
         parts = {"A": list(numbers[: len(self.a)]), "B": list(numbers[len(self.a) :])}
         letter, out = self.first, []
         while parts[letter]:
@@ -78,7 +78,7 @@ class Table:
             letter = "B" if letter == "A" else "A"
         if parts[letter]:
             raise ValueError(f"the drifts and kicks of {self.name} do not alternate")
-        return list(mirrored(out)) if self.symmetric else out
+        return list(mirror(out)) if self.symmetric else out
 
 
 def is_exact(text: str) -> bool:

@@ -51,7 +51,7 @@ def runge_kutta(kind: str, s: int) -> tuple:
     return A, conjugate, b, c
 
 
-def on_grid(A, unit):
+def round_to_grid(A, unit):
     """A rounded to multiples of ``unit``: where two numbers add up to 1, the rounded ones do so exactly."""
     return A.apply(lambda x: mpmath.nint(x / unit) * unit)
 
@@ -61,7 +61,7 @@ def nystrom_rounded(A, c, unit) -> tuple:
     s = len(c)
     if A.rows != A.cols or max(abs(A[i, j] - A[j, i] - c[i] + c[j]) for i in range(s) for j in range(s)) > 1e-30:
         return A, c
-    A, c = on_grid(A, unit), list(on_grid(mpmath.matrix(c), unit))
+    A, c = round_to_grid(A, unit), list(round_to_grid(mpmath.matrix(c), unit))
     for i in range(s):
         for j in range(i):
             A[i, j] = A[j, i] + c[i] - c[j]
@@ -148,7 +148,7 @@ def tableau(kind: str, s: int, k: int, nystrom: bool, digits: int, unit) -> Tabl
                 weights = [1 - x for x in c]
             C = A
         elif kind != "hbvm":
-            A, C = on_grid(A, unit), on_grid(C, unit)
+            A, C = round_to_grid(A, unit), round_to_grid(C, unit)
         start = extrapolation(B, c)
         if kind in SYMMETRIC:
             B = mpmath.diag(rounded_weights([B[i, i] for i in range(k)], unit))

@@ -4,8 +4,8 @@ The folder is $PHASEBENCH_CACHE, or else the platform's folder for caches.  Entr
 of everything that they depend on (this package's source, the versions of the packages that generate and compile, the
 processor), so that a stale entry is never found.  An entry begins with the hash of its name and content; a truncated or
 changed one is removed and made again.  It is written by a rename, so that concurrent writers never leave half of one.
-Processes that need the same entry wait for the one that makes it (`alone`).  Where nothing can be written, work goes
-on without a cache, after one line of warning.
+Processes that need the same entry wait for the one that makes it (`hold_lock`).  Where nothing can be written, work
+goes on without a cache, after one line of warning.
 
 When all subfolders together exceed `MAX_BYTES` bytes, those of other versions are removed, the longest unused first;
 then this version's oldest entries.
@@ -225,7 +225,7 @@ def _content(home: Path) -> str:
 
 
 @contextmanager
-def alone(name: str) -> Iterator[None]:
+def hold_lock(name: str) -> Iterator[None]:
     """Hold the lock of an entry while making it, so that other processes wait, and then find it.
 
     The lock is the operating system's, on an open file, so that it ends with a process that is killed.  A process that

@@ -44,9 +44,9 @@ from phasebench.integrators.coefficients.quadrature import LARGE, RULES, gauss_l
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.compile.lazy import sympy as sp
-from phasebench.integrators.stepping.kernel import Carry, Prepared, array, fixed, numbers
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freeze, numbers
 from phasebench.integrators.stepping.loop import loop
-from phasebench.integrators.stepping.orbit_lanes import in_lanes, twin
+from phasebench.integrators.stepping.orbit_lanes import compiles_in_lanes, twin
 from phasebench.integrators.stepping.solve import (
     SOLVED,
     lengths_of_both,
@@ -58,22 +58,22 @@ from phasebench.integrators.stepping.solve import (
 from phasebench.integrators.values.lanes import Lanes, take, total
 from phasebench.integrators.values.vector import (
     State,
-    advanced,
     axpy,
-    chosen,
+    dispatch_on_none,
     elementwise,
     head,
-    inlined,
+    inline,
     join,
     load,
     plus,
     scale,
     size,
     tail,
+    update,
     velocity,
 )
 
-from .collocation import moved as change
+from .collocation import add_increments as change
 from .parametric import lengths_of_kick, unknown
 
 if TYPE_CHECKING:
@@ -131,19 +131,19 @@ class Average(NamedTuple):
 
 
 @elementwise()
-def over_lanes(x):
+def sum_lanes(x):
     """Sum each component over its lanes."""
     return total(x)
 
 
 #: Nodes or weights of a row.
-of_row = chosen(lambda like, table, row: table[row, 0], lambda like, table, row: take(table, row, like))
+of_row = dispatch_on_none(lambda like, table, row: table[row, 0], lambda like, table, row: take(table, row, like))
 #: The sum over the lanes of what was summed over the rows.
-over_nodes = chosen(lambda like, x: x, lambda like, x: over_lanes(x))
+over_nodes = dispatch_on_none(lambda like, x: x, lambda like, x: sum_lanes(x))
 
 
-@inlined
-def nothing(x, e):
+@inline
+def zero_sum(x, e):
     """Zeros, the start of the sum over the rows."""
     return scale(0.0 * of_row(e.step.like, e.step.b, e.rule), x)
 
@@ -152,47 +152,47 @@ def nothing(x, e):
 
 
 @elementwise()
-def moved(direction, b, place, s, x, y):
+def path_point(direction, b, place, s, x, y):
     """The point of the path where block b has gone the part s of its way; ``direction`` -1 is the reverse path."""
     return y + (1.0 * (b == place) * s + 1.0 * (direction * (b - place) > 0)) * x
 
 
 @elementwise()
-def of_block(b, place, a, f, sums):
+def add_to_block(b, place, a, f, sums):
     """sums + a f in the components of block b, sums in the others."""
     return sums + 1.0 * (place == b) * a * f
 
 
-@inlined
-def one_way(direction, x, e):
+@inline
+def mean_one_way(direction, x, e):
     """h times the mean of f along a path: each block's components of the gradient while that block moves."""
     step = e.step
     place = load(step.place, e.s, x)
     at_q, at_p = head(place), tail(place)
-    sums = nothing(x, e)
+    sums = zero_sum(x, e)
     for b in range(step.blocks[e.s]):
         for row in range(e.rule, e.rule + step.rows[e.rule]):
             c, a = of_row(step.like, step.c, row), of_row(step.like, step.b, row) * e.h
-            q, p = moved(direction, b, at_q, c, head(x), e.q), moved(direction, b, at_p, c, tail(x), e.p)
+            q, p = path_point(direction, b, at_q, c, head(x), e.q), path_point(direction, b, at_p, c, tail(x), e.p)
             dq, dp = step.field(q, p, e.h, 0.0)
             # q' is a derivative by p: it belongs to the block of p
-            sums = join(of_block(b, at_p, a, dq, head(sums)), of_block(b, at_q, a, dp, tail(sums)))
+            sums = join(add_to_block(b, at_p, a, dq, head(sums)), add_to_block(b, at_q, a, dp, tail(sums)))
     return over_nodes(step.like, sums)
 
 
-def _along(path, x, e):
+def _mean_along_path(path, x, e):
     direction = e.step.direction[e.s]
     if direction == 0:
-        return scale(0.5, plus(one_way(1.0, x, e), one_way(-1.0, x, e)))
-    return one_way(direction, x, e)
+        return scale(0.5, plus(mean_one_way(1.0, x, e), mean_one_way(-1.0, x, e)))
+    return mean_one_way(direction, x, e)
 
 
 # -- the mean along the straight line ---------------------------------------------------------------------------------
 
 
-def _straight(path, x, e):
+def _mean_along_line(path, x, e):
     step = e.step
-    sums = nothing(x, e)
+    sums = zero_sum(x, e)
     for row in range(e.rule, e.rule + step.rows[e.rule]):
         c = of_row(step.like, step.c, row)
         dq, dp = step.field(axpy(c, head(x), e.q), axpy(c, tail(x), e.p), e.h, 0.0)
@@ -200,7 +200,7 @@ def _straight(path, x, e):
     return over_nodes(step.like, sums)
 
 
-@inlined
+@inline
 def drift(x, e):
     """h M^-1 (p + x / 2) for the kick x."""
     return scale(e.h, axpy(0.5, velocity(e.step.dT, x), e.v))
@@ -208,29 +208,31 @@ def drift(x, e):
 
 def _kick(field, x, e):
     step = e.step
-    sums, dq = nothing(x, e), drift(x, e)
+    sums, dq = zero_sum(x, e), drift(x, e)
     for row in range(e.rule, e.rule + step.rows[e.rule]):
         c, a = of_row(step.like, step.c, row), of_row(step.like, step.b, row) * -e.h
         sums = axpy(a, step.dV(axpy(c, dq, e.q)), sums)
     return over_nodes(step.like, sums)
 
 
-_both = chosen(_straight, _along)
-_mean = chosen(_kick, lambda field, x, e: _both(e.step.path, x, e))
-_lengths = chosen(lambda field, x, g, e: lengths_of_kick(x, g, e), lambda field, x, g, e: lengths_of_both(x, g, e))
-_velocity = chosen(lambda field, dT, p: velocity(dT, p), lambda field, dT, p: p)
-_ended = chosen(
-    lambda field, y, x, e: advanced(y, drift(x, e), x), lambda field, y, x, e: advanced(y, head(x), tail(x))
+_both = dispatch_on_none(_mean_along_line, _mean_along_path)
+_mean = dispatch_on_none(_kick, lambda field, x, e: _both(e.step.path, x, e))
+_lengths = dispatch_on_none(
+    lambda field, x, g, e: lengths_of_kick(x, g, e), lambda field, x, g, e: lengths_of_both(x, g, e)
+)
+_velocity = dispatch_on_none(lambda field, dT, p: velocity(dT, p), lambda field, dT, p: p)
+_end = dispatch_on_none(
+    lambda field, y, x, e: update(y, drift(x, e), x), lambda field, y, x, e: update(y, head(x), tail(x))
 )
 
 
-@inlined
+@inline
 def mean(x, e):
     """One iterate of the unknown: h times the mean of f, or of -grad V, from (q, p) to the point that x leads to."""
     return _mean(e.step.field, x, e)
 
 
-@inlined
+@inline
 def lengths(x, g, e):
     """Sizes of the variables that the two halves of x belong to."""
     return _lengths(e.step.field, x, g, e)
@@ -239,19 +241,19 @@ def lengths(x, g, e):
 solve_mean = solver(mean, lengths)
 
 
-@inlined
+@inline
 def by_rule(e, rule):
     """The equation with another quadrature rule."""
     return Average(e.step, e.q, e.p, e.v, e.h, e.s, rule)
 
 
-@inlined
+@inline
 def evaluations(e, rule):
     """Evaluations of the gradient that one iterate takes."""
     return e.step.blocks[e.s] * (2 if e.step.direction[e.s] == 0 else 1) * e.step.nodes[rule]
 
 
-@inlined
+@inline
 def solve_by_rule(e, x, span, work, counts):
     """Solve by the rule ``counts.rule`` (see `solve.refinement`)."""
     x, iterates, newton, status = solve_mean(by_rule(e, counts.rule), x, span, e.step.eps, work)
@@ -260,7 +262,7 @@ def solve_by_rule(e, x, span, work, counts):
     return x, status
 
 
-@inlined
+@inline
 def iterate_by_rule(e, x, counts):
     """One iterate by the rule ``counts.rule``."""
     new = mean(x, by_rule(e, counts.rule))
@@ -274,7 +276,7 @@ refine = refinement(solve_by_rule, iterate_by_rule)
 # -- steps ------------------------------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def substep(step, y, s, carry, counts):
     """Take substep s from y with rules of rising size until one is confirmed; (y, its unknown, status)."""
     x = predict(carry.memory, s, len(step.fraction), counts.steps, unknown(step.field, carry.zero))
@@ -282,7 +284,7 @@ def substep(step, y, s, carry, counts):
     span = size(y.q) + size(y.p)
     e = Average(step, y.q, y.p, v, h, s, counts.rule)
     x, status = refine(e, x, span, abs(h) * span, carry.work, counts)
-    return _ended(step.field, y, x, by_rule(e, counts.rule)), x, status
+    return _end(step.field, y, x, by_rule(e, counts.rule)), x, status
 
 
 def step(method: Averaged, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
@@ -336,7 +338,7 @@ def rules(system: Hamiltonian, width: int, arithmetic: str) -> tuple[list, list,
 def serves(system: Hamiltonian, arithmetic: str) -> bool:
     """True if lanes of nodes are worth while, and the system's functions can be compiled for lanes."""
     worth = sizes(1, system.polynomial_degree)[-1] >= FEWEST
-    return worth and arithmetic == DOUBLE and codegen.value_kind(system.d) == "tuple" and in_lanes(system)
+    return worth and arithmetic == DOUBLE and codegen.value_kind(system.d) == "tuple" and compiles_in_lanes(system)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
@@ -359,11 +361,11 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
         dV=source.grad_V(arithmetic) if kick else None,
         like=(0.0,) * width if laned else None,
         place=array(place, arithmetic),
-        blocks=fixed(blocks),
-        direction=fixed(directions),
+        blocks=freeze(blocks),
+        direction=freeze(directions),
         fraction=numbers(fractions, arithmetic),
-        nodes=fixed(nodes),
-        rows=fixed(rows),
+        nodes=freeze(nodes),
+        rows=freeze(rows),
         c=array(c, arithmetic),
         b=array(b, arithmetic),
     )

@@ -20,12 +20,12 @@ from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED, lengths_of_both
 from phasebench.integrators.values.vector import (
     State,
-    advanced,
-    chosen,
+    dispatch_on_none,
     head,
-    opened,
+    read_state,
     size,
     tail,
+    update,
     velocity,
 )
 
@@ -60,17 +60,17 @@ solve_increments, solve_kick = band_solver(increments, lengths_of_both), band_so
 def _nystrom(field, step, y, c, mu, lam, x, room):
     stage = Stage(step, y.q, y.p, velocity(step.dT, y.p), c * step.h, mu, lam)
     x, n, status = solve_kick(stage, x, size(y.q) + size(y.p), step.eps, step.band, room)
-    return advanced(y, shift(x, stage), x), n, status
+    return update(y, shift(x, stage), x), n, status
 
 
 def _general(field, step, y, c, mu, lam, x, room):
     stage = Stage(step, y.q, y.p, y.p, c * step.h, mu, lam)
     x, n, status = solve_increments(stage, x, size(y.q) + size(y.p), step.eps, step.band, room)
-    return advanced(y, head(x), tail(x)), n, status
+    return update(y, head(x), tail(x)), n, status
 
 
 #: One substep from the start x of its equation; (field, step, y, c, mu, lam, x, room) -> (y, evaluations, status).
-substep = chosen(_nystrom, _general)
+substep = dispatch_on_none(_nystrom, _general)
 
 
 def begin(method: Banded, carry: Carry, counts: np.record) -> State:
@@ -78,7 +78,7 @@ def begin(method: Banded, carry: Carry, counts: np.record) -> State:
     if counts.steps == 0:
         for s in range(len(method.c)):
             forget(carry.work, s * len(unknown(method.field, carry.zero)), columns(method.band))
-    return opened(carry)
+    return read_state(carry)
 
 
 def step(method: Banded, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
@@ -110,7 +110,9 @@ def structure_of(system: Hamiltonian, order: int) -> list[np.ndarray]:
         return np.concatenate([np.array(z, float) for z in field(value(x[:d], d), value(x[d:], d), *AT)])
 
     rng = np.random.default_rng(SEED)
-    return structure.found(slope, [rng.normal(size=n) / 10, rng.uniform(0.5, 1.5, size=n), rng.normal(size=n) * 10])
+    return structure.find_structure(
+        slope, [rng.normal(size=n) / 10, rng.uniform(0.5, 1.5, size=n), rng.normal(size=n) * 10]
+    )
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:

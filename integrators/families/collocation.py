@@ -44,14 +44,14 @@ import numpy as np
 from phasebench.integrators.coefficients.quadrature import LARGE, RULES, sizes
 from phasebench.integrators.coefficients.tableaus import tableau
 from phasebench.integrators.compile.codegen import DOUBLE
-from phasebench.integrators.stepping.kernel import Carry, Prepared, array, fixed
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freeze
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import (
     LEVELS,
     SOLVED,
     Change,
-    by_rows,
     change,
+    changes_by_row,
     confirmer,
     copy,
     difference,
@@ -60,13 +60,12 @@ from phasebench.integrators.stepping.solve import (
 )
 from phasebench.integrators.values.vector import (
     State,
-    advanced,
     axpy,
     bump,
-    chosen,
+    dispatch_on_none,
     distance,
     head,
-    inlined,
+    inline,
     join,
     load,
     minus,
@@ -75,6 +74,7 @@ from phasebench.integrators.values.vector import (
     size,
     store,
     tail,
+    update,
     velocity,
 )
 
@@ -178,17 +178,17 @@ def _moves_both(field, e, at):
 
 
 #: sum_m A_im x_m of the increments in the rows ``at``, ... of the memory.
-inner = chosen(_sum_kicks, _sum_both)
+inner = dispatch_on_none(_sum_kicks, _sum_both)
 #: f(Z_i) with that sum as ``x``.
-force = chosen(_kick, _both)
+force = dispatch_on_none(_kick, _both)
 #: Sizes of the variables that the two halves of that sum belong to.
-lengths = chosen(_lengths_kick, _lengths_both)
+lengths = dispatch_on_none(_lengths_kick, _lengths_both)
 #: The increments of q and p over the step.
-moves = chosen(_moves_kicks, _moves_both)
+moves = dispatch_on_none(_moves_kicks, _moves_both)
 #: h M^-1 p in the Nystrom form.
-drift = chosen(lambda field, dT, p, h: scale(h, velocity(dT, p)), lambda field, dT, p, h: p)
+drift = dispatch_on_none(lambda field, dT, p, h: scale(h, velocity(dT, p)), lambda field, dT, p, h: p)
 #: The `Change` from a row x to a row y; kicks are momenta.
-moved = chosen(
+add_increments = dispatch_on_none(
     lambda field, x, y: Change(0.0, distance(x, y), 0.0, size(y)),
     lambda field, x, y: change(x, y),
 )
@@ -197,7 +197,7 @@ moved = chosen(
 # -- the equations -----------------------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def sweep(e, old, new):
     """Write h B f at the increments in rows ``old`` to rows ``new``; returns (their distance, the size of the new).
 
@@ -231,7 +231,7 @@ def sweep(e, old, new):
     return delta, length
 
 
-@inlined
+@inline
 def linearize(e, at, span, work):
     """Write the matrix of 1 - G' by differences of f at the nodes (see `solve.row_solver`)."""
     tableau, memory = e.step, e.memory
@@ -259,10 +259,10 @@ def linearize(e, at, span, work):
 
 
 solve = row_solver(sweep, linearize)
-solve_confirmed = confirmer(solve, sweep, by_rows(inlined(lambda e, x, y: moved(e.step.field, x, y))))
+solve_confirmed = confirmer(solve, sweep, changes_by_row(inline(lambda e, x, y: add_increments(e.step.field, x, y))))
 
 
-@inlined
+@inline
 def extrapolate(e, at):
     """Extrapolate the increments of the last steps to the rows ``at``, ..."""
     weights, known = e.step.extrapolation, e.counts.steps
@@ -292,7 +292,7 @@ def step(method: Collocation, y: State, carry: Carry, counts: np.record) -> tupl
         return y, status
     copy(memory, at, counts.steps % LEVELS * stages, stages, like)
     dq, dp = moves(method.field, e, at)
-    return advanced(y, dq, dp), status
+    return update(y, dq, dp), status
 
 
 run = loop(step)
@@ -307,7 +307,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
         rules = rules_of(method, system, arithmetic)
         if path_lanes.serves(s, rules, system):
             return path_lanes.prepare(s, rules, system, arithmetic)
-    return stage_by_stage(method, system, arithmetic)
+    return prepare_stage_by_stage(method, system, arithmetic)
 
 
 def rules_of(method: Method, system: Hamiltonian, arithmetic: str) -> Sequence[int]:
@@ -318,7 +318,7 @@ def rules_of(method: Method, system: Hamiltonian, arithmetic: str) -> Sequence[i
     return k or [s]
 
 
-def stage_by_stage(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+def prepare_stage_by_stage(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel that takes one stage after the other; the Nystrom form if T is quadratic."""
     kind, s, *_ = method.data
     rules = rules_of(method, system, arithmetic)
@@ -327,7 +327,7 @@ def stage_by_stage(method: Method, system: Hamiltonian, arithmetic: str) -> Prep
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
     tableaus = [tableau(kind, s, k, functions[0] is None, digits, unit) for k in rules]
-    nodes = fixed([k for k in rules for _ in range(k)])
+    nodes = freeze([k for k in rules for _ in range(k)])
     step = Collocation(
         *functions,
         diagonal=kind != "hbvm",

@@ -27,15 +27,15 @@ from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, predict_number, remember, solver
 from phasebench.integrators.values.vector import (
     State,
-    advanced,
     axpy,
     head,
-    inlined,
+    inline,
     join,
     scale,
     size,
     tail,
-    written,
+    unroll,
+    update,
 )
 
 if TYPE_CHECKING:
@@ -68,13 +68,13 @@ class Increment(NamedTuple):
     a: float
 
 
-@written(lambda d: "  return " + " + ".join(f"x[{i}] * x[{i}]" for i in range(d)))
+@unroll(lambda d: "  return " + " + ".join(f"x[{i}] * x[{i}]" for i in range(d)))
 def square(x):
     """x . x."""
     return np.sum(x * x)
 
 
-@inlined
+@inline
 def increment(x, e):
     """h J^-1 (grad H(y + x/2) + a x)."""
     dq, dp = e.field(axpy(0.5, head(x), e.q), axpy(0.5, tail(x), e.p), e.h, 0.0)
@@ -84,7 +84,7 @@ def increment(x, e):
 solve_increment = solver(increment)
 
 
-@inlined
+@inline
 def search(step, y, h, x, a, carry, counts):
     """Take a substep of length h that ends at H0; x and a are starts, and (x, a, status) is returned."""
     last_a, last = a, step.H0
@@ -96,7 +96,7 @@ def search(step, y, h, x, a, carry, counts):
         counts.newton += used
         if status != SOLVED:
             return x, a, status
-        end = advanced(y, head(x), tail(x))
+        end = update(y, head(x), tail(x))
         H, magnitude = step.energy(end.q, end.p)
         error, unit = H - step.H0, step.eps * magnitude
         reached = abs(error) <= unit or (k > 1 and 8 * unit >= abs(error) >= 0.5 * abs(last))
@@ -126,7 +126,7 @@ def step(method: DiscreteGradient, y: State, carry: Carry, counts: np.record) ->
             break
         remember(memory, s, stages, counts.steps, x)
         memory[ring + s + counts.steps % LEVELS * stages, 0] = a
-        y = advanced(y, head(x), tail(x))
+        y = update(y, head(x), tail(x))
     return y, status
 
 

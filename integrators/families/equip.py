@@ -38,7 +38,7 @@ from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, array, 
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.root import finder
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED
-from phasebench.integrators.values.vector import State, advanced, apart, chosen, inlined, jit, size
+from phasebench.integrators.values.vector import State, dispatch_on_none, forbid_inlining, inline, jit, size, update
 
 from . import collocation, gauss_lanes, stage_lanes
 from .gauss_lanes import serves
@@ -99,7 +99,7 @@ def _time_in_lanes(f, t, i, late):
     t.nodes[stage_lanes.LATE, i], t.nodes[stage_lanes.C, i] = late, 1.0 - late
 
 
-def _moved_rows(f, start, eps, e):
+def _move_rows(f, start, eps, e):
     t, y, zero, memory = e.step.tableau, e.y, e.carry.zero, e.carry.memory
     stages, at = len(e.step.b), LEVELS * len(e.step.b)
     v, like = collocation.drift(t.field, t.dT, y.p, t.h), unknown(t.field, zero)
@@ -108,10 +108,10 @@ def _moved_rows(f, start, eps, e):
         collocation.extrapolate(equations, at)
     sweeps, newton, status = collocation.solve(equations, at, size(y.q) + size(y.p), eps, e.carry.work)
     dq, dp = collocation.moves(t.field, equations, at)
-    return advanced(y, dq, dp), sweeps, newton, status
+    return update(y, dq, dp), sweeps, newton, status
 
 
-def _moved_lanes(f, start, eps, e):
+def _move_lanes(f, start, eps, e):
     t, y = e.step.tableau, e.y
     equations = stage_lanes.equations(t, e.carry, t.h)
     ring, at = stage_lanes.rows_of(equations)
@@ -134,20 +134,20 @@ def _enter_lanes(f, e):
 
 
 #: Write A_ij of the stages; 1 - c_i and c_i.
-write_A, write_time = chosen(_A_in_rows, _A_in_lanes), chosen(_time_in_rows, _time_in_lanes)
+write_A, write_time = dispatch_on_none(_A_in_rows, _A_in_lanes), dispatch_on_none(_time_in_rows, _time_in_lanes)
 #: c_i.
-time = chosen(lambda f, t, i: t.c[i, 0], lambda f, t, i: t.nodes[stage_lanes.C, i])
+time = dispatch_on_none(lambda f, t, i: t.c[i, 0], lambda f, t, i: t.nodes[stage_lanes.C, i])
 #: Take the step with the tableau in use: (the state after it, sweeps, sweeps of Newton's method, status).
-moved = chosen(_moved_rows, _moved_lanes)
+move = dispatch_on_none(_move_rows, _move_lanes)
 #: Store its stages for the start of the next step.
-enter = chosen(_enter_rows, _enter_lanes)
+enter = dispatch_on_none(_enter_rows, _enter_lanes)
 
 
 # -- the tableau at alpha ---------------------------------------------------------------------------------------------
 
 
-@inlined
-def on_grid(x):
+@inline
+def round_to_grid(x):
     """x rounded to a multiple of the round-off of 1: sums and differences of such numbers below 2 are exact."""
     return (x + 1.5) - 1.5
 
@@ -159,13 +159,13 @@ def _write_kicks(field, step, alpha):
         c = 0.0
         for j in range(stages):
             c = c + (A[i, j] - alpha * S[i, j]) * b[j]
-        write_time(step.f, t, i, on_grid(1.0 - c))
+        write_time(step.f, t, i, round_to_grid(1.0 - c))
     for i in range(stages):
         for j in range(i, stages):
             a = 0.0
             for m in range(stages):
                 a = a + (A[i, m] - alpha * S[i, m]) * b[m] * (A[m, j] - alpha * S[m, j])
-            a = on_grid(a)
+            a = round_to_grid(a)
             write_A(step.f, t, i, j, a)
             write_A(step.f, t, j, i, a - time(step.f, t, i) + time(step.f, t, j))
 
@@ -173,13 +173,13 @@ def _write_kicks(field, step, alpha):
 def _write_both(field, step, alpha):
     for i in range(len(step.b)):
         for j in range(i, len(step.b)):
-            a = on_grid(step.A[i, j] - alpha * step.S[i, j])
+            a = round_to_grid(step.A[i, j] - alpha * step.S[i, j])
             write_A(step.f, step.tableau, i, j, a)
             write_A(step.f, step.tableau, j, i, 1.0 - a)
 
 
 #: Write the tableau at alpha (and the weights of q where ``field`` is None).
-write = chosen(_write_kicks, _write_both)
+write = dispatch_on_none(_write_kicks, _write_both)
 
 
 # -- steps ------------------------------------------------------------------------------------------------------------
@@ -191,10 +191,10 @@ def attempt(alpha, start, ease, e):
 
     The start of the stages is extrapolated from earlier steps, or is the last attempt's, whose alpha was near.
     """
-    apart()
+    forbid_inlining()
     step, y, counts = e.step, e.y, e.counts
     write(step.field, step, alpha)
-    new, sweeps, newton, status = moved(step.f, start, ease * step.eps, e)
+    new, sweeps, newton, status = move(step.f, start, ease * step.eps, e)
     counts.gradient += (sweeps + newton) * len(step.b)
     counts.newton += min(newton, 1)
     if status != SOLVED:
@@ -235,7 +235,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
         inner = gauss_lanes.prepare(s, system, arithmetic)
         f, field = inner.step.f, inner.step.f if inner.step.inverse_mass is None else None
     else:
-        inner = collocation.stage_by_stage(replace(method, data=("gauss", s)), system, arithmetic)
+        inner = collocation.prepare_stage_by_stage(replace(method, data=("gauss", s)), system, arithmetic)
         f, field = None, inner.step.field
     energy = system.energy(arithmetic)
     with mpmath.workdps(40 if arithmetic == DOUBLE else mpmath.mp.dps + 10):
@@ -244,10 +244,10 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
         S = array(skew(s, c), arithmetic)
 
     step = Equip(f, field, energy, inner.step, A, S, numbers(b, arithmetic), SEARCH)
-    return replace(inner, run=run, step=step, begin=partial(_with_energy, energy), missed=MISSED)
+    return replace(inner, run=run, step=step, begin=partial(_set_energy, energy), missed=MISSED)
 
 
-def _with_energy(energy, step, q, p):
+def _set_energy(energy, step, q, p):
     """The step of a run that starts at q, p, with tables of its own to write to: other threads write theirs."""
     t = step.tableau
     tables = {name: x for name, x in t._asdict().items() if isinstance(x, np.ndarray) and x.flags.writeable}

@@ -39,10 +39,10 @@ import mpmath
 import numpy as np
 
 from phasebench.integrators.stepping.kernel import OWN, Prepared, array
-from phasebench.integrators.stepping.loop import by_time
+from phasebench.integrators.stepping.loop import time_loop
 from phasebench.integrators.stepping.solve import OUT_OF_STEP, SOLVED
 from phasebench.integrators.values.lanes import put, take, total
-from phasebench.integrators.values.vector import chosen, inlined
+from phasebench.integrators.values.vector import dispatch_on_none, inline
 
 from . import adaptive, gauss_lanes, stage_lanes
 from .lane_rows import MOMENTA, ORIGIN
@@ -98,10 +98,10 @@ TIME, LOST, FOLLOWING = (OWN, 0), (OWN, 1), (OWN + 1, 0)
 LAST, SCALE = (OWN + 1, 1), (OWN + 2, 1)
 
 #: What a component of f is multiplied by to be an acceleration.
-inertia = chosen(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e, k: inverse_mass[0, k])
+inertia = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e, k: inverse_mass[0, k])
 
 
-@inlined
+@inline
 def inverse_square(e, step, first, last):
     """(1 / tau^2, (|f^(s-1)| / |f|)^2) at a step's end, in units of its length, of the components first to last - 1.
 
@@ -132,10 +132,10 @@ def _of_kicks(inverse_mass, e, step):
 
 
 #: (the length of the step / tau)^2, and the square of its last derivative.
-rate = chosen(_of_both, _of_kicks)
+rate = dispatch_on_none(_of_both, _of_kicks)
 
 
-@inlined
+@inline
 def _pace(e, first, last, shift):
     """|y| / sqrt(|y'|^2 + |y| |y''|) of the components first to last - 1; 0 if y is 0 or does not move.
 
@@ -174,11 +174,11 @@ def _unit_of_kicks(inverse_mass, e, step):
 
 
 #: T, where the equations begin and f is known.
-unit = chosen(_unit_of_both, _unit_of_kicks)
+unit = dispatch_on_none(_unit_of_both, _unit_of_kicks)
 
 
-@inlined
-def started(step, carry, y):
+@inline
+def read_clock(step, carry, y):
     """Return the clock as the last call left it; make the first one."""
     rows = carry.state
     if rows[FOLLOWING] == 0:
@@ -192,8 +192,8 @@ def started(step, carry, y):
     return Clock(rows[TIME], rows[LOST], rows[FOLLOWING], rows[LAST], rows[SCALE])
 
 
-@inlined
-def fitting(step, carry, clock, length, trusted):
+@inline
+def fit_step(step, carry, clock, length, trusted):
     """(the step that fits the end of one of length ``length``, True if that one may stand).
 
     It may if the fitting one is not shorter than the share ``trusted`` of it.
@@ -209,7 +209,7 @@ def fitting(step, carry, clock, length, trusted):
     return length * clock.scale / share, True
 
 
-@inlined
+@inline
 def wind(step, carry, y, clock, until, most, counts):
     """Step to a time in at most ``most`` steps: (the last state before it, its clock, the state there, status)."""
     there, status, tries = y, SOLVED, 0
@@ -221,7 +221,7 @@ def wind(step, carry, y, clock, until, most, counts):
         length = left if passes and not deciding else clock.following
         there, evaluations, status = adaptive.attempt(step.method, step, carry, y, clock, length, counts)
         counts.gradient += evaluations
-        fits, good = fitting(step, carry, clock, length, TRUSTED if counts.steps > 0 else FIRST)
+        fits, good = fit_step(step, carry, clock, length, TRUSTED if counts.steps > 0 else FIRST)
         good = good and status == SOLVED
         if passes and not deciding and status == SOLVED and (good or decided):
             return y, clock, there, SOLVED
@@ -244,13 +244,13 @@ def wind(step, carry, y, clock, until, most, counts):
     return y, clock, there, OUT_OF_STEP if status == SOLVED else status
 
 
-@inlined
+@inline
 def reach(method, carry, y, clock, until, every, counts):
-    """Step to the time of a row (see `loop.by_time`)."""
+    """Step to the time of a row (see `loop.time_loop`)."""
     return wind(method, carry, y, clock, until, SHORTEST * every, counts)
 
 
-@inlined
+@inline
 def leave(carry, clock):
     """Store the clock for the next call."""
     rows = carry.state
@@ -258,7 +258,7 @@ def leave(carry, clock):
     rows[SCALE] = clock.scale
 
 
-run = by_time(started, reach, leave)
+run = time_loop(read_clock, reach, leave)
 
 
 # -- the numbers that it is handed ------------------------------------------------------------------------------------
@@ -270,13 +270,13 @@ def ends_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
         inverse = adaptive.coefficients(s)
         falling = [[mpmath.ff(k, j) for k in range(s)] for j in (*range(DERIVATIVES), s - 1)]
         rows = [[mpmath.fdot(row, inverse[:, i]) for i in range(s)] for row in falling]
-        return array([gauss_lanes.padded(row, len(step.like), 0) for row in rows], arithmetic)
+        return array([gauss_lanes.pad(row, len(step.like), 0) for row in rows], arithmetic)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel of data (s,): Gauss with s stages."""
     (s,) = method.data
-    lanes = gauss_lanes.laned(s, system, arithmetic)
+    lanes = gauss_lanes.build_lanes(s, system, arithmetic)
     step = Field(lanes, adaptive.inverse_of(s, lanes, arithmetic), ends_of(s, lanes, arithmetic))
     width, stages = gauss_lanes.room(lanes, system.d)
     unknowns = stage_lanes.components(lanes.inverse_mass, system.d)

@@ -29,14 +29,14 @@ def serves(s: int, system: Hamiltonian) -> bool:
     return s >= FEWEST and system.elementary
 
 
-def padded(row: Sequence, lanes: int, filler: Any) -> list:
+def pad(row: Sequence, lanes: int, filler: Any) -> list:
     """Fill the row up to the number of lanes."""
     return [*row, *[filler] * (lanes - len(row))]
 
 
-def squared(rows: Iterable[Sequence], lanes: int) -> list[list]:
+def pad_square(rows: Iterable[Sequence], lanes: int) -> list[list]:
     """Fill rows and columns with zeros up to a square matrix of the number of lanes."""
-    rows = [padded(row, lanes, 0) for row in rows]
+    rows = [pad(row, lanes, 0) for row in rows]
     return rows + [[0] * lanes] * (lanes - len(rows))
 
 
@@ -67,15 +67,15 @@ def functions(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> 
     return _of_both(system, lanes, arithmetic)
 
 
-def starts(extrapolation: Sequence, s: int, lanes: int) -> Iterator[list]:
+def start_weights(extrapolation: Sequence, s: int, lanes: int) -> Iterator[list]:
     """Rows of weights for each earlier step: first for a start from one step, then for one from two."""
     for first in range(0, len(extrapolation), s):
         weights = list(zip(*extrapolation[first : first + s], strict=True))
         for step in range(0, len(weights), s):
-            yield from squared(weights[step : step + s], lanes)
+            yield from pad_square(weights[step : step + s], lanes)
 
 
-def laned(s: int, system: Hamiltonian, arithmetic: str) -> Lanes:
+def build_lanes(s: int, system: Hamiltonian, arithmetic: str) -> Lanes:
     """The tableau of Gauss with s stages, and the system's functions in lanes."""
     lanes = 1 << (s - 1).bit_length()
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
@@ -86,22 +86,22 @@ def laned(s: int, system: Hamiltonian, arithmetic: str) -> Lanes:
     f, inverse_mass = functions(system, lanes, arithmetic, digits)
     late = t.weights[0] if kicks else [0] * s
     before, middle = [2 * (2 * i < s - 2) for i in range(s)], [int(abs(2 * i - s + 1) <= 1) for i in range(s)]
-    nodes = [padded(t.c, lanes, t.c[0]), *(padded(row, lanes, 0) for row in (b, late, before, middle))]
+    nodes = [pad(t.c, lanes, t.c[0]), *(pad(row, lanes, 0) for row in (b, late, before, middle))]
     return Lanes(
         f,
         like=(0.0,) * lanes,
         stages=s,
         inverse_mass=inverse_mass,
         nodes=array(nodes, arithmetic),
-        A=array(squared((padded(column, lanes, column[0]) for column in zip(*t.A_q, strict=True)), lanes), arithmetic),
-        extrapolation=array(starts(t.extrapolation, s, lanes), arithmetic),
+        A=array(pad_square((pad(column, lanes, column[0]) for column in zip(*t.A_q, strict=True)), lanes), arithmetic),
+        extrapolation=array(start_weights(t.extrapolation, s, lanes), arithmetic),
         steps=len(t.extrapolation) // s,
     )
 
 
 def prepare(s: int, system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel of Gauss with s stages."""
-    step = laned(s, system, arithmetic)
+    step = build_lanes(s, system, arithmetic)
     return Prepared(run, step, *room(step, system.d), linear=len(step.like) * components(step.inverse_mass, system.d))
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from phasebench.integrators.stepping.solve import difference
 from phasebench.integrators.values.lanes import combine, put, take, total
-from phasebench.integrators.values.vector import advanced, chosen, inlined, load, store
+from phasebench.integrators.values.vector import dispatch_on_none, inline, load, store, update
 
 #: Rows from ``base`` on: the state that the places begin at, h M^-1 p, and the increments of q and of p over a step;
 #: before there are increments the row of DQ holds, for kicks, p.
@@ -45,16 +45,16 @@ def _lengths_of_kicks(inverse_mass, e, at):
 
 
 #: Number of components of an increment, for d degrees of freedom.
-components = chosen(lambda inverse_mass, d: 2 * d, lambda inverse_mass, d: d)
+components = dispatch_on_none(lambda inverse_mass, d: 2 * d, lambda inverse_mass, d: d)
 #: Write the state at the begin of the step, for its equations.
-begin = chosen(_begin_both, _begin_kicks)
+begin = dispatch_on_none(_begin_both, _begin_kicks)
 #: Sizes of the variables that the first and the second half of the rows ``at``, ... belong to.
-lengths = chosen(_lengths_of_both, _lengths_of_kicks)
+lengths = dispatch_on_none(_lengths_of_both, _lengths_of_kicks)
 #: Derivative of place k by its increment, without the tableau's coefficient.
-reach = chosen(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e, k: e.h * inverse_mass[0, k])
+reach = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e, k: e.h * inverse_mass[0, k])
 
 
-@inlined
+@inline
 def length(e, at, row, first, last):
     """Size of the numbers ``first``, ..., ``last`` - 1 in a row, plus the size of their unknowns and of G at these."""
     numbers, unknowns = 0.0, 0.0
@@ -78,7 +78,7 @@ def linearizer(sweep, places, weights, rows, spread):
       component k.
     """
 
-    @inlined
+    @inline
     def linearize(e, at, span, work):
         step, memory, unknowns, n = e.step, e.memory, e.stages, len(e.like)
         sweep(e, at, at + unknowns)
@@ -111,7 +111,7 @@ def linearizer(sweep, places, weights, rows, spread):
 # -- from step to step ------------------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def extrapolate(e, ring, known, at):
     """Extrapolate the increments of the last steps, a ring of rows from ``ring`` on, to the rows ``at``, ..."""
     step, memory, rows = e.step, e.memory, e.stages
@@ -125,7 +125,7 @@ def extrapolate(e, ring, known, at):
         put(memory, at + k, x, e.like)
 
 
-@inlined
+@inline
 def enter(e, ring, known, at):
     """Store the increments in the rows ``at``, ... of step number ``known`` in the ring that `extrapolate` reads."""
     newest = ring + known % e.step.steps * e.stages
@@ -136,9 +136,9 @@ def enter(e, ring, known, at):
 def ender(sums):
     """Make the function (e, at, y, zero) -> state after the step; ``sums(inverse_mass, e, at)`` adds increments."""
 
-    @inlined
+    @inline
     def end(e, at, y, zero):
         sums(e.step.inverse_mass, e, at)
-        return advanced(y, load(e.memory, e.base + DQ, zero), load(e.memory, e.base + DP, zero))
+        return update(y, load(e.memory, e.base + DQ, zero), load(e.memory, e.base + DP, zero))
 
     return end

@@ -30,7 +30,7 @@ from functools import cache
 import numpy as np
 
 from phasebench.integrators.coefficients import tableaus
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.systems.multisymplectic import Box, Division, Equation, Staggered
 
 from .equip import skew
@@ -111,7 +111,7 @@ def schemes() -> dict[str, Scheme]:
 def scheme(id: str) -> Scheme:
     """Return the scheme of an id; raises InvalidInput for an unknown one, naming the nearest."""
     if id not in schemes():
-        raise unknown("box scheme", id, schemes())
+        raise unknown_name("box scheme", id, schemes())
     return schemes()[id]
 
 
@@ -150,13 +150,13 @@ class Stages:
         self.space, self.scheme, self.y, self.h, self.alpha = space, scheme, y, h, alpha
         m = y.shape[-1]
         self._A = np.repeat(np.stack(scheme.at(alpha)), m // 2, axis=0)
-        self.T = self._solved(np.stack([space.field(y)] * len(scheme.b)) if T is None else T)
+        self.T = self._solve(np.stack([space.field(y)] * len(scheme.b)) if T is None else T)
 
     def along(self, T, A=None):
         """h sum_j a_ij T_j."""
         return self.h * np.einsum("cij,jnc->inc", self._A if A is None else A, T)
 
-    def _solved(self, T):
+    def _solve(self, T):
         before = np.inf
         for _ in range(NEWTON_LIMIT):
             Y = self.y + self.along(T)
@@ -186,7 +186,7 @@ class Stages:
         """h sum_i b_i T_i."""
         return self.h * np.tensordot(self.scheme.b, self.T, 1)
 
-    def linearized(self, u, more=0.0) -> Tangent:
+    def linearize(self, u, more=0.0) -> Tangent:
         """The tangent that starts at u; ``more`` is a further change of the stages."""
         right = u + more + np.zeros_like(self.Y)
         matrix = self._matrix(self.Y)
@@ -201,11 +201,11 @@ class Stages:
 
 
 def _magnitude(space: Division, y) -> float:
-    z = space.lifted(y)
+    z = space.lift(y)
     return float(np.abs(z * space.equation.gradient(z)).sum() * space.dx)
 
 
-def keeping(space: Division, scheme: Scheme, y, h: float, energy: float) -> tuple[Stages, bool]:
+def solve_for_energy(space: Division, scheme: Scheme, y, h: float, energy: float) -> tuple[Stages, bool]:
     """(stages, True) with the parameter nearest zero at which the total energy is ``energy``, by the secant method.
 
     (the stages with the parameter 0, False) if none is found.
@@ -213,16 +213,16 @@ def keeping(space: Division, scheme: Scheme, y, h: float, energy: float) -> tupl
     first = Stages(space, scheme, y, h, 0.0)
     bound = UNITS * EPS * _magnitude(space, y)
 
-    def off(stages):
+    def energy_defect(stages):
         return space.total_energy(y + stages.increment) - energy
 
-    a, E = 0.0, off(first)
+    a, E = 0.0, energy_defect(first)
     if abs(E) <= bound:
         return first, True
     b, stages = 0.1 * h * h, first
     for _ in range(SECANT_LIMIT):
         stages = Stages(space, scheme, y, h, b, stages.T)
-        F = off(stages)
+        F = energy_defect(stages)
         if abs(F) <= bound:
             return stages, True
         if F == E:
@@ -233,7 +233,7 @@ def keeping(space: Division, scheme: Scheme, y, h: float, energy: float) -> tupl
     return first, False
 
 
-def _moving(stages: Stages, tangents, energy_is_kept: bool):
+def _follow_parameter(stages: Stages, tangents, energy_is_kept: bool):
     """The tangents of a step whose parameter follows the state."""
     if stages.scheme.S is None or not energy_is_kept:
         return tangents
@@ -241,11 +241,11 @@ def _moving(stages: Stages, tangents, energy_is_kept: bool):
     m = space.equation.moving
     gradient = space.field(stages.y + stages.increment) @ space.equation.K[:m, :m].T
     more = stages.by_parameter()
-    unit = stages.linearized(0 * stages.y, more)
+    unit = stages.linearize(0 * stages.y, more)
     slope = np.sum(gradient * unit.end)
     if slope == 0:
         return tangents
-    return tuple(stages.linearized(t.start, -np.sum(gradient * t.end) / slope * more) for t in tangents)
+    return tuple(stages.linearize(t.start, -np.sum(gradient * t.end) / slope * more) for t in tangents)
 
 
 def run(equation: Equation, scheme: Scheme, y, dx: float, h: float, steps: int, tangents=()) -> Iterator[Step]:
@@ -273,10 +273,10 @@ def run(equation: Equation, scheme: Scheme, y, dx: float, h: float, steps: int, 
     lost = np.zeros_like(y)
     for _ in range(steps):
         stages, found = (Stages(space, scheme, y, h, 0.0), True) if scheme.S is None else (
-            keeping(space, scheme, y, h, energy))  # fmt: skip
+            solve_for_energy(space, scheme, y, h, energy))  # fmt: skip
         change = stages.increment + lost
         new = y + change
         lost = change - (new - y)
-        carried = tuple(stages.linearized(u) for u in tangents)
-        yield Step(y, new, stages.Y, stages.T, stages.alpha, found, carried, _moving(stages, carried, found))
+        carried = tuple(stages.linearize(u) for u in tangents)
+        yield Step(y, new, stages.Y, stages.T, stages.alpha, found, carried, _follow_parameter(stages, carried, found))
         y, tangents = new, [t.end for t in carried]

@@ -33,21 +33,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.stepping.kernel import Carry, Prepared, array, fixed
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freeze
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, remember, solver
 from phasebench.integrators.values.vector import (
     State,
-    advanced,
     axpy,
-    chosen,
+    dispatch_on_none,
     head,
-    inlined,
+    inline,
     join,
     load,
     scale,
     size,
     tail,
+    update,
     velocity,
 )
 
@@ -86,7 +86,7 @@ class Stage(NamedTuple):
     lam: float
 
 
-@inlined
+@inline
 def increments(x, stage):
     """(Delta q, Delta p) = h f at the stage that the increments x lead to."""
     h, lam = stage.h, stage.lam
@@ -94,19 +94,19 @@ def increments(x, stage):
     return join(scale(h, dq), scale(h, dp))
 
 
-@inlined
+@inline
 def shift(x, stage):
     """Delta q = h M^-1 (p + lam x) for the kick x."""
     return scale(stage.h, axpy(stage.lam, velocity(stage.step.dT, x), stage.v))
 
 
-@inlined
+@inline
 def kick(x, stage):
     """Delta p = -h grad V at the stage that the kick x leads to."""
     return scale(-stage.h, stage.step.dV(axpy(stage.mu, shift(x, stage), stage.q)))
 
 
-@inlined
+@inline
 def lengths_of_kick(x, g, stage):
     """Size of the momenta, twice: both halves of a kick are momenta."""
     length = size(stage.p) + size(x) + size(g)
@@ -119,24 +119,24 @@ solve_increments, solve_kick = solver(increments), solver(kick, lengths_of_kick)
 def _nystrom(field, step, y, c, mu, lam, x, eps, work):
     stage = Stage(step, y.q, y.p, velocity(step.dT, y.p), c * step.h, mu, lam)
     x, n, used, status = solve_kick(stage, x, size(y.q) + size(y.p), eps, work)
-    return advanced(y, shift(x, stage), x), x, n, used, status
+    return update(y, shift(x, stage), x), x, n, used, status
 
 
 def _general(field, step, y, c, mu, lam, x, eps, work):
     stage = Stage(step, y.q, y.p, y.p, c * step.h, mu, lam)
     x, n, used, status = solve_increments(stage, x, size(y.q) + size(y.p), eps, work)
-    return advanced(y, head(x), tail(x)), x, n, used, status
+    return update(y, head(x), tail(x)), x, n, used, status
 
 
 #: One substep; x is the start of its equation. The Nystrom form if ``field`` is None.
 #: (field, step, y, c, mu, lam, x, eps, work) -> (y, x, evaluations, 1 if Newton's method was used, status).
-substep = chosen(_nystrom, _general)
+substep = dispatch_on_none(_nystrom, _general)
 
 #: (field, zero) -> a zero of the kind of the substep's unknown: the kick, or both increments.
-unknown = chosen(lambda field, zero: zero, lambda field, zero: join(zero, zero))
+unknown = dispatch_on_none(lambda field, zero: zero, lambda field, zero: join(zero, zero))
 
 
-@inlined
+@inline
 def advance(step, y, carry, known, first):
     """Take step number ``known``; returns (y, evaluations, Newton solves, status).
 
@@ -191,5 +191,5 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = 
             weights_mu[k] = 1 - weights_lam[k]
             weights_lam[k] = 1 - weights_mu[k]
     functions, width = quadratic(system, arithmetic, order)
-    step = Parametric(*functions, *map(fixed, (c, weights_mu, weights_lam)))
+    step = Parametric(*functions, *map(freeze, (c, weights_mu, weights_lam)))
     return Prepared(run, step, width, len(c), hessian=order > 1)

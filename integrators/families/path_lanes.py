@@ -34,14 +34,14 @@ import numpy as np
 
 from phasebench.integrators.coefficients.tableaus import LEVELS, tableau
 from phasebench.integrators.compile.codegen import DOUBLE
-from phasebench.integrators.stepping.kernel import Carry, Prepared, array, fixed
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freeze
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED, Change, confirmer, row_solver
 from phasebench.integrators.values.lanes import combine, put, take, total
-from phasebench.integrators.values.vector import State, chosen, inlined
+from phasebench.integrators.values.vector import State, dispatch_on_none, inline
 
 from . import gauss_lanes
-from .gauss_lanes import functions, padded, squared, starts
+from .gauss_lanes import functions, pad, pad_square, start_weights
 from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, linearizer
 
 if TYPE_CHECKING:
@@ -128,31 +128,31 @@ def _slope_of_kicks(inverse_mass, e, row, i, m):
     return x
 
 
-def _moved_both(inverse_mass, e, old, new):
+def _change_of_both(inverse_mass, e, old, new):
     d = e.stages // 2
     (q, size_q), (p, size_p) = moves(e, old, new, 0, d), moves(e, old, new, d, e.stages)
     return Change(q, p, size_q, size_p)
 
 
-def _moved_kicks(inverse_mass, e, old, new):
+def _change_of_kicks(inverse_mass, e, old, new):
     p, size_p = moves(e, old, new, 0, e.stages)
     return Change(0.0, p, 0.0, size_p)
 
 
 #: The rows of r, by the increments in the rows ``at``, ...
-path_of = chosen(lambda inverse_mass, e, at: at, _path_of_kicks)
+path_of = dispatch_on_none(lambda inverse_mass, e, at: at, _path_of_kicks)
 #: Write the increments of q and p over the step.
-sums = chosen(_end_both, _end_kicks)
+sums = dispatch_on_none(_end_both, _end_kicks)
 #: Derivative of a place in lane i of a row of nodes by its increment m, without `lane_rows.reach`.
-slope = chosen(_slope_of_both, _slope_of_kicks)
+slope = dispatch_on_none(_slope_of_both, _slope_of_kicks)
 #: The `Change` from the rows ``old``, ... to the rows ``new``, ...
-change = chosen(_moved_both, _moved_kicks)
+change = dispatch_on_none(_change_of_both, _change_of_kicks)
 
 
 # -- what they share --------------------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def moves(e, old, new, first, last):
     """(distance of the unknowns ``first``, ..., ``last`` - 1 in the rows ``old`` and ``new``, their size)."""
     moved, sized = 0.0, 0.0
@@ -162,7 +162,7 @@ def moves(e, old, new, first, last):
     return moved, sized
 
 
-@inlined
+@inline
 def places(e, path, row):
     """Write the places of a row of nodes to the first rows."""
     step, memory = e.step, e.memory
@@ -171,7 +171,7 @@ def places(e, path, row):
         put(memory, k, combine(memory[e.base + ORIGIN, k], r, 1.0, step.A, row * len(step.terms), step.terms), e.like)
 
 
-@inlined
+@inline
 def sweep(e, old, new):
     """Write h B f at the increments in the rows ``old`` to the rows ``new``; (their distance, their size)."""
     step, memory, n = e.step, e.memory, len(e.like)
@@ -194,8 +194,8 @@ def sweep(e, old, new):
     return total(moved), total(sized)
 
 
-@inlined
-def spread(e, row, r, k, i, x, work):
+@inline
+def scatter(e, row, r, k, i, x, work):
     """Enter x, the derivative of component r by its place k in lane i of a row of nodes, for all increments of both."""
     n, s = len(e.like), len(e.step.terms)
     for m in range(s):
@@ -204,7 +204,7 @@ def spread(e, row, r, k, i, x, work):
             work[r * n + j, k * n + m] -= e.step.B[row * n + i, j] * by
 
 
-@inlined
+@inline
 def rule(e):
     """(first row of the nodes of the rule in use, the row after its last)."""
     return e.counts.rule, e.counts.rule + e.step.rows[e.counts.rule]
@@ -212,13 +212,13 @@ def rule(e):
 
 linearize = linearizer(
     sweep,
-    places=inlined(lambda e, at, row: places(e, path_of(e.step.inverse_mass, e, at), row)),
-    weights=inlined(lambda e: e.h),
+    places=inline(lambda e, at, row: places(e, path_of(e.step.inverse_mass, e, at), row)),
+    weights=inline(lambda e: e.h),
     rows=rule,
-    spread=spread,
+    spread=scatter,
 )
 solve = confirmer(
-    row_solver(sweep, linearize), sweep, inlined(lambda e, old, new: change(e.step.inverse_mass, e, old, new))
+    row_solver(sweep, linearize), sweep, inline(lambda e, old, new: change(e.step.inverse_mass, e, old, new))
 )
 
 
@@ -248,7 +248,7 @@ run = loop(step)
 # -- what it is handed ------------------------------------------------------------------------------------------------
 
 
-def laned(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) -> Path:
+def build_path(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) -> Path:
     """The coefficients of degree s for rules of so many nodes, and the system's functions in lanes."""
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
@@ -259,20 +259,20 @@ def laned(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) ->
             part = slice(first, first + WIDTH)
             nodes.append(k)
             rows.append(-(-k // WIDTH))
-            A += (padded(column, WIDTH, column[0]) for column in zip(*t.A_q[part], strict=True))
-            B += squared(t.B[part], WIDTH)
+            A += (pad(column, WIDTH, column[0]) for column in zip(*t.A_q[part], strict=True))
+            B += pad_square(t.B[part], WIDTH)
     f, inverse_mass = functions(system, WIDTH, arithmetic, digits)
     return Path(
         f,
         like=(0.0,) * WIDTH,
         terms=(0.0,) * s,
         inverse_mass=inverse_mass,
-        drift=array([padded([1], WIDTH, 0), *squared(zip(*skew(s, digits), strict=True), WIDTH)], arithmetic),
-        nodes=fixed(nodes),
-        rows=fixed(rows),
+        drift=array([pad([1], WIDTH, 0), *pad_square(zip(*skew(s, digits), strict=True), WIDTH)], arithmetic),
+        nodes=freeze(nodes),
+        rows=freeze(rows),
         A=array(A, arithmetic),
         B=array(B, arithmetic),
-        extrapolation=array(starts(tableaus[0].extrapolation, s, WIDTH), arithmetic),
+        extrapolation=array(start_weights(tableaus[0].extrapolation, s, WIDTH), arithmetic),
         steps=len(tableaus[0].extrapolation) // s,
     )
 
@@ -295,7 +295,7 @@ def serves(s: int, rules: Sequence[int], system: Hamiltonian) -> bool:
 
 def prepare(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) -> Prepared:
     """Make the kernel of degree s, with rules of so many nodes."""
-    step = laned(s, rules, system, arithmetic)
+    step = build_path(s, rules, system, arithmetic)
     unknowns = components(step.inverse_mass, system.d)
     rows = FREE + (7 + step.steps) * unknowns
     return Prepared(run, step, max(WIDTH, unknowns), -(-rows // (3 * LEVELS + 1)), linear=WIDTH * unknowns)

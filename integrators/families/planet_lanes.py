@@ -20,7 +20,7 @@ import numpy as np
 from phasebench.integrators.stepping import kepler_lanes
 from phasebench.integrators.values.lanes import combine, put, take
 from phasebench.integrators.values.masks import select
-from phasebench.integrators.values.vector import State, add, axpy, inlined, jit
+from phasebench.integrators.values.vector import State, add, axpy, inline, jit
 
 #: Number of coordinates of a body.
 SPACE = 3
@@ -60,30 +60,30 @@ class Places(NamedTuple):
     inverse: object
 
 
-@inlined
+@inline
 def _rows(table, first, like):
     return take(table, first, like), take(table, first + 1, like), take(table, first + 2, like)
 
 
-@inlined
+@inline
 def _keep(table, first, x, like):
     put(table, first, x[0], like)
     put(table, first + 1, x[1], like)
     put(table, first + 2, x[2], like)
 
 
-@inlined
+@inline
 def _dot(x, y):
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
-@inlined
+@inline
 def _times(a, x):
     return a * x[0], a * x[1], a * x[2]
 
 
-@inlined
-def _mapped(step, which, x):
+@inline
+def _transform(step, which, x):
     """Transform the bodies' vectors x to other coordinates."""
     row, n = which * len(step.bodies), step.bodies
     zero = 0 * x[0]
@@ -94,20 +94,20 @@ def _mapped(step, which, x):
     )
 
 
-@inlined
+@inline
 def _squares(step, y):
     free = take(step.parts, FREE, step.like)
     return select(free > 0, free, _dot(y.q, y.q))
 
 
-@inlined
-def _placed(step, y):
+@inline
+def _add_distances(step, y):
     """Add the distances to a state."""
     r = sqrt(_squares(step, y))
     return Places(y, r, 1 / r)
 
 
-@inlined
+@inline
 def _drift(step, at, h, memory):
     """exp(h A): Kepler's flow of all bodies."""
     like, y = step.like, at.y
@@ -122,11 +122,11 @@ def _drift(step, at, h, memory):
     p, lost_p = add(y.p, y.lost_p, axpy(mass * m.df, y.q, _times(m.dg, y.p)))
     y = State(q, p, lost_q, lost_p)
     if m.unsolved:
-        return _placed(step, y)
+        return _add_distances(step, y)
     return Places(y, *kepler_lanes.root(_squares(step, y), m.inverse))
 
 
-@inlined
+@inline
 def _kick(step, at, h, counts):
     """exp(h B): the interaction."""
     like, bodies, y, Q = step.like, step.bodies, at.y, at.y.q
@@ -150,7 +150,7 @@ def _kick(step, at, h, counts):
 
 
 @jit
-def _corrected(step, at, sign, memory, counts):
+def _correct(step, at, sign, memory, counts):
     """Apply the corrector (sign 1) or its inverse (-1), which is the corrector run backwards."""
     rows = len(step.corrector)
     for k in range(rows):
@@ -160,8 +160,8 @@ def _corrected(step, at, sign, memory, counts):
     return at
 
 
-@inlined
-def _spread(table, row, n, memory, like):
+@inline
+def _read_bodies(table, row, n, memory, like):
     """Read the bodies' vectors in a row of a table as lanes."""
     for i in range(SPACE):
         for j in range(len(like)):
@@ -169,8 +169,8 @@ def _spread(table, row, n, memory, like):
     return _rows(memory, WORK, like)
 
 
-@inlined
-def _gathered(x, table, row, n, memory, like):
+@inline
+def _write_bodies(x, table, row, n, memory, like):
     """Write the bodies' vectors, in lanes, to a row of a table."""
     _keep(memory, WORK, x, like)
     for i in range(SPACE):
@@ -179,26 +179,26 @@ def _gathered(x, table, row, n, memory, like):
 
 
 @jit
-def _begun(step, carry, counts):
+def _write_start(step, carry, counts):
     """Write the initial state, corrected, to the memory."""
     memory, like, n = carry.memory, step.like, len(step.bodies)
-    q = _mapped(step, TO_JACOBI_Q, _spread(carry.state, 0, n, memory, like))
-    p = _mapped(step, TO_JACOBI_P, _spread(carry.state, 1, n, memory, like))
+    q = _transform(step, TO_JACOBI_Q, _read_bodies(carry.state, 0, n, memory, like))
+    p = _transform(step, TO_JACOBI_P, _read_bodies(carry.state, 1, n, memory, like))
     none = _times(0.0, q)
-    _save(memory, _corrected(step, _placed(step, State(q, p, none, none)), 1, memory, counts), like)
+    _save(memory, _correct(step, _add_distances(step, State(q, p, none, none)), 1, memory, counts), like)
 
 
 @jit
-def _filled(step, at, samples, row, memory, counts):
+def _fill_row(step, at, samples, row, memory, counts):
     """Fill a row of the samples: the last drift, then the corrector's inverse, applied to a copy of the state."""
     like, n, last = step.like, len(step.bodies), len(step.substeps) - 1
     at = _drift(step, at, step.substeps[last, 0] * step.h, memory)
-    y = _corrected(step, at, -1, memory, counts).y
-    _gathered(_mapped(step, TO_Q, y.q), samples.q, row, n, memory, like)
-    _gathered(_mapped(step, TO_P, y.p), samples.p, row, n, memory, like)
+    y = _correct(step, at, -1, memory, counts).y
+    _write_bodies(_transform(step, TO_Q, y.q), samples.q, row, n, memory, like)
+    _write_bodies(_transform(step, TO_P, y.p), samples.p, row, n, memory, like)
 
 
-@inlined
+@inline
 def _save(memory, at, like):
     y = at.y
     _keep(memory, STATE, y.q, like)
@@ -209,8 +209,8 @@ def _save(memory, at, like):
     put(memory, DISTANCES + 1, at.inverse, like)
 
 
-@inlined
-def _opened(memory, like):
+@inline
+def _read_state(memory, like):
     q, p = _rows(memory, STATE, like), _rows(memory, STATE + SPACE, like)
     lost_q, lost_p = _rows(memory, STATE + 2 * SPACE, like), _rows(memory, STATE + 3 * SPACE, like)
     return Places(State(q, p, lost_q, lost_p), take(memory, DISTANCES, like), take(memory, DISTANCES + 1, like))
@@ -222,16 +222,16 @@ def run(step, carry, samples, counts):
     stages = len(a) - 1
     lead = between = (a[stages, 0] + a[0, 0]) * h
     if counts.steps == 0:
-        _begun(step, carry, counts)
+        _write_start(step, carry, counts)
         lead = a[0, 0] * h
-    at = _opened(memory, like)
+    at = _read_state(memory, like)
     for row in range(len(samples.q)):
         for _ in range(samples.every):
             for k in range(stages):
                 at = _drift(step, at, lead if k == 0 else a[k, 0] * h, memory)  # exp(a_k h A)
                 at = _kick(step, at, a[k, 1] * h, counts)  # exp(b_k h B)
             lead = between
-        _filled(step, at, samples, row, memory, counts)
+        _fill_row(step, at, samples, row, memory, counts)
     _save(memory, at, like)
     counts.steps += len(samples.q) * samples.every
     return len(samples.q), 0

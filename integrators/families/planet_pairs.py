@@ -42,7 +42,7 @@ def lanes_of(bodies: int) -> int:
     return max(4, 1 << (bodies - 1).bit_length())
 
 
-def _padded(row, lanes: int, filler=0) -> list:
+def _pad(row, lanes: int, filler=0) -> list:
     return [*row, *[filler] * (lanes - len(row))]
 
 
@@ -52,24 +52,24 @@ def _of_pairs(found, back: sp.Matrix, lanes: int) -> list[list]:
     for first in range(0, len(found), lanes):
         block = found[first : first + lanes]
         M = sp.Matrix([c for _, c in block]) * back
-        rows += [_padded(M.col(k), lanes) for k in range(n)]
-        rows += [_padded([0] * len(block), lanes, 1), _padded([w for w, _ in block], lanes)]
-        rows += [_padded(M.row(a) if a < len(block) else [], lanes) for a in range(lanes)]
+        rows += [_pad(M.col(k), lanes) for k in range(n)]
+        rows += [_pad([0] * len(block), lanes, 1), _pad([w for w, _ in block], lanes)]
+        rows += [_pad(M.row(a) if a < len(block) else [], lanes) for a in range(lanes)]
     return rows
 
 
 def _of_bodies(part, lanes: int) -> list[list]:
     """The rows of `planet_lanes.Planets.parts`."""
     inverse = [1 / sp.Rational(m) for m in part.masses]
-    high = [codegen.exactly(x, DOUBLE) for x in inverse]
+    high = [codegen.to_number(x, DOUBLE) for x in inverse]
     low = [x - sp.Rational(y) for x, y in zip(inverse, high, strict=True)]
     return [
-        _padded(part.mu, lanes),
-        _padded(part.masses, lanes, 1),
-        _padded(high, lanes),
-        _padded(low, lanes),
-        _padded([m * mu for m, mu in zip(part.masses, part.mu, strict=True)], lanes),
-        _padded([int(mu == 0) for mu in part.mu], lanes, 1),
+        _pad(part.mu, lanes),
+        _pad(part.masses, lanes, 1),
+        _pad(high, lanes),
+        _pad(low, lanes),
+        _pad([m * mu for m, mu in zip(part.masses, part.mu, strict=True)], lanes),
+        _pad([int(mu == 0) for mu in part.mu], lanes, 1),
     ]
 
 
@@ -93,7 +93,7 @@ def prepare(part, system, tables: dict) -> Prepared | None:
         **tables,
         like=(0.0,) * lanes,
         bodies=(0.0,) * n,
-        maps=array([_padded(M.row(k), lanes) for M in maps for k in range(n)], DOUBLE),
+        maps=array([_pad(M.row(k), lanes) for M in maps for k in range(n)], DOUBLE),
         parts=array(_of_bodies(part, lanes), DOUBLE),
         pairs=array(_of_pairs(found, back, lanes), DOUBLE),
     )

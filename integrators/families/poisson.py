@@ -43,13 +43,13 @@ from phasebench.integrators.coefficients.quadrature import (
     sizes,
 )
 from phasebench.integrators.compile.codegen import DOUBLE
-from phasebench.integrators.stepping.kernel import Carry, Prepared, array, fixed
+from phasebench.integrators.stepping.kernel import Carry, Prepared, array, freeze
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import (
     LEVELS,
     SOLVED,
-    by_rows,
     change,
+    changes_by_row,
     confirmer,
     copy,
     difference,
@@ -59,11 +59,10 @@ from phasebench.integrators.stepping.solve import (
 )
 from phasebench.integrators.values.vector import (
     State,
-    advanced,
     axpy,
     distance,
     head,
-    inlined,
+    inline,
     join,
     load,
     plus,
@@ -71,6 +70,7 @@ from phasebench.integrators.values.vector import (
     size,
     store,
     tail,
+    update,
 )
 
 from . import collocation
@@ -111,8 +111,8 @@ class Equations(NamedTuple):
     counts: np.record
 
 
-@inlined
-def combined(weights, i, e, rows):
+@inline
+def combine(weights, i, e, rows):
     """The sum over j of ``weights[i, j]`` times the increment in row ``rows + j`` of the memory."""
     x = e.like
     for j in range(e.stages):
@@ -120,21 +120,21 @@ def combined(weights, i, e, rows):
     return x
 
 
-@inlined
+@inline
 def sweep(e, old, new):
     """Write G of the increments in the rows ``old`` to the rows ``new``; (their distance, their size)."""
     step, memory, like = e.step, e.memory, e.like
     for j in range(e.stages):
         store(memory, new + j, like)
     for i in range(e.counts.rule, e.counts.rule + step.nodes[e.counts.rule]):
-        x = combined(step.inner, i, e, old)
+        x = combine(step.inner, i, e, old)
         a, b = step.gradient(plus(e.q, head(x)), plus(e.p, tail(x)), step.h, 0.0)
         g = join(a, b)
         for j in range(e.stages):
             store(memory, new + j, axpy(step.outer[i, j], g, load(memory, new + j, like)))
     delta, length = 0.0, 0.0
     for j in range(e.stages):
-        x = combined(step.stage, j, e, old)
+        x = combine(step.stage, j, e, old)
         g = load(memory, new + j, like)
         a, b = step.structure(plus(e.q, head(x)), plus(e.p, tail(x)), head(g), tail(g))
         z = scale(step.h, join(a, b))
@@ -144,7 +144,7 @@ def sweep(e, old, new):
     return delta, length
 
 
-@inlined
+@inline
 def linearize(e, at, span, work):
     """Write the matrix of 1 - G' by differences of sweeps (see `solve.row_solver`)."""
     memory, n = e.memory, len(e.like)
@@ -165,7 +165,7 @@ def linearize(e, at, span, work):
     return e.stages * n + 1
 
 
-solve = confirmer(row_solver(sweep, linearize), sweep, by_rows(inlined(lambda e, x, y: change(x, y))))
+solve = confirmer(row_solver(sweep, linearize), sweep, changes_by_row(inline(lambda e, x, y: change(x, y))))
 
 
 def step(method: Poisson, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
@@ -184,7 +184,7 @@ def step(method: Poisson, y: State, carry: Carry, counts: np.record) -> tuple[St
     x = both
     for j in range(stages):
         x = plus(x, load(memory, at + j, both))
-    return advanced(y, head(x), tail(x)), status
+    return update(y, head(x), tail(x)), status
 
 
 run = loop(step)
@@ -198,15 +198,15 @@ def coefficients(s: int, rules: tuple[int, ...], digits: int):
         # ell_l / b_l = sum_j P_j(c_l) P_j: the nodes' own rule is exact for the products of degree 2s - 2
         values = [legendre(s, c) for c, _ in gauss_rule]
 
-        def expanded(basis):
+        def expand(basis):
             return [mpmath.fsum(a * b for a, b in zip(row, basis, strict=True)) for row in values]
 
-        stage = [expanded(legendre_integrals(s, c)) for c, _ in gauss_rule]
+        stage = [expand(legendre_integrals(s, c)) for c, _ in gauss_rule]
         table = []
         for k in rules:
             for x, weight in gauss_legendre(k, digits):
-                forces = [weight * b * f for f, (_, b) in zip(expanded(legendre(s, x)), gauss_rule, strict=True)]
-                table.append((k, expanded(legendre_integrals(s, x)), forces))
+                forces = [weight * b * f for f, (_, b) in zip(expand(legendre(s, x)), gauss_rule, strict=True)]
+                table.append((k, expand(legendre_integrals(s, x)), forces))
     return stage, table
 
 
@@ -222,8 +222,8 @@ def prepare(method: Method, system: PoissonSystem, arithmetic: str) -> Prepared:
         system.structure(arithmetic),
         system.gradient(arithmetic),
         array(stage, arithmetic),
-        nodes=fixed(nodes),
-        rows=fixed(nodes),
+        nodes=freeze(nodes),
+        rows=freeze(nodes),
         inner=array(inner, arithmetic),
         outer=array(outer, arithmetic),
     )

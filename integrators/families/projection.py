@@ -33,17 +33,16 @@ from numba import types
 
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.compile.lazy import sympy as sp
-from phasebench.integrators.records.projection import projected as projected
+from phasebench.integrators.records.projection import projection_method as projection_method
 from phasebench.integrators.stepping.kernel import Carry, Prepared, value
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, gauss, predict, remember, solver
 from phasebench.integrators.values.vector import (
     State,
     add,
-    advanced,
-    chosen,
+    dispatch_on_none,
     head,
-    inlined,
+    inline,
     join,
     load,
     minus,
@@ -51,8 +50,9 @@ from phasebench.integrators.values.vector import (
     scale,
     size,
     tail,
+    unroll,
+    update,
     velocity,
-    written,
 )
 
 from . import parametric, runge_kutta, splitting
@@ -91,7 +91,7 @@ class Projection(NamedTuple):
     eps: float = 0.0
 
 
-@written(lambda d: "  return " + " and ".join(f"abs(r[{i}]) <= a * M[{i}]" for i in range(d)))
+@unroll(lambda d: "  return " + " and ".join(f"abs(r[{i}]) <= a * M[{i}]" for i in range(d)))
 def within(r, a, M):
     """True if every |r_i| is at most a times |M_i|; False if one is NaN."""
     return np.all(np.abs(r) <= a * M)
@@ -116,7 +116,7 @@ def _substeps(split, step, y, carry, known, first):
     return parametric.advance(step.implicit, y, carry, known, first)
 
 
-_partitioned = chosen(_substeps, _kicks_and_drifts)
+_partitioned = dispatch_on_none(_substeps, _kicks_and_drifts)
 
 
 def _one_stage(explicit, step, y, carry, known, first):
@@ -125,19 +125,19 @@ def _one_stage(explicit, step, y, carry, known, first):
 
 def _explicit(explicit, step, y, carry, known, first):
     dq, dp = runge_kutta.increment(explicit.field, explicit.tableau, explicit.h, y, carry)
-    return advanced(y, dq, dp), len(explicit.tableau) - 1, 0, SOLVED
+    return update(y, dq, dp), len(explicit.tableau) - 1, 0, SOLVED
 
 
 #: The base method's step: explicit Runge-Kutta, explicit kicks and drifts, or substeps with stage equations;
 #: (explicit, step, y, carry, known, first) -> (y, evaluations, Newton solves, status).
-advance = chosen(_one_stage, _explicit)
+advance = dispatch_on_none(_one_stage, _explicit)
 
 
 # -- the projections --------------------------------------------------------------------------------------------------
 
 
-@inlined
-def corrected(mu, r, A, work):
+@inline
+def correct(mu, r, A, work):
     """(mu - A^-1 r, True if A is regular); the rows of the matrix stand in A one after the other."""
     m = len(r)
     for i in range(m):
@@ -160,7 +160,7 @@ class Closing(NamedTuple):
     mu: Any
 
 
-@inlined
+@inline
 def closing(x, e):
     """G(y + x)^T mu."""
     dq, dp = e.pull(plus(e.q, head(x)), plus(e.p, tail(x)), e.mu)
@@ -170,8 +170,8 @@ def closing(x, e):
 solve_closing = solver(closing)
 
 
-@inlined
-def onto(step, y, last):
+@inline
+def constraint_residual(step, y, last):
     """(g(y), True if that is at round-off, or no longer falls below its ``last`` size)."""
     value, M = step.constraint(y.q, y.p)
     r = minus(value, step.target)
@@ -183,7 +183,7 @@ def _standard(mirror, step, y, carry, counts):
     y1, n, used, status = advance(step.explicit, step, y, carry, counts.steps, True)
     counts.gradient += n
     counts.newton += used
-    r, kept = onto(step, y1, np.inf)
+    r, kept = constraint_residual(step, y1, np.inf)
     mu = scale(0.0, step.target)
     if status != SOLVED or kept:
         return y1, mu, True, status
@@ -192,13 +192,13 @@ def _standard(mirror, step, y, carry, counts):
     reach = size(y1.q) + size(y1.p)
     last = np.inf
     for _ in range(LIMIT):
-        mu, regular = corrected(mu, r, A, carry.work)
+        mu, regular = correct(mu, r, A, carry.work)
         dq, dp = step.pull(y1.q, y1.p, mu)
         counts.gradient += 1
         if not (regular and size(dq) + size(dp) <= reach):
             break
-        end = advanced(y1, dq, dp)
-        r, kept = onto(step, end, last)
+        end = update(y1, dq, dp)
+        r, kept = constraint_residual(step, end, last)
         if kept:
             return end, mu, True, status
         last = size(r)
@@ -217,7 +217,7 @@ def _symmetric(mirror, step, y, carry, counts):
     while True:
         dq, dp = step.pull(y.q, y.p, mu)
         counts.gradient += 1
-        y1, n, used, status = advance(step.explicit, step, advanced(y, dq, dp), carry, counts.steps, k == 0)
+        y1, n, used, status = advance(step.explicit, step, update(y, dq, dp), carry, counts.steps, k == 0)
         counts.gradient += n
         counts.newton += used
         if attempt == UNPROJECTED:
@@ -227,8 +227,8 @@ def _symmetric(mirror, step, y, carry, counts):
         counts.gradient += n
         good = status == SOLVED and closed == SOLVED and size(x) <= reach
         if good:
-            end = advanced(y1, head(x), tail(x))
-            r, kept = onto(step, end, last)
+            end = update(y1, head(x), tail(x))
+            r, kept = constraint_residual(step, end, last)
             if kept:
                 remember(carry.memory, ring, step.stages, counts.steps, mu)
                 return end, mu, True, status
@@ -236,7 +236,7 @@ def _symmetric(mirror, step, y, carry, counts):
             if k == 0:
                 A = plus(A0, step.gram(end.q, end.p))
                 counts.gradient += 1
-            mu, good = corrected(mu, r, A, carry.work)
+            mu, good = correct(mu, r, A, carry.work)
             k += 1
         if not good or k == LIMIT:
             attempt, k, last = attempt + 1, 0, np.inf
@@ -248,7 +248,7 @@ def _symmetric(mirror, step, y, carry, counts):
 
 #: One projected step, a symmetric one unless ``mirror`` is None; (mirror, step, y, carry, counts) -> (y, mu, True if
 #: the step is projected, status of the base's step).
-project = chosen(_standard, _symmetric)
+project = dispatch_on_none(_standard, _symmetric)
 
 
 def step(method: Projection, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
@@ -282,19 +282,21 @@ def functions(system: Hamiltonian, invariants, arithmetic: str):
         G = sp.Matrix([[sp.diff(e, x) for x in y] for e in invariants])
         return [list(G * G.T)]
 
-    def pulled():
+    def pull_back():
         total = sum(a * e for a, e in zip(mu, invariants, strict=True))
         return [[sp.diff(total, x) for x in system.q], [sp.diff(total, x) for x in system.p]]
 
-    constraint = system.made(
+    constraint = system.make_function(
         f"constraint {key}",
         state,
         lambda: [list(invariants), [magnitude(e) for e in invariants]],
         types.Tuple((Tm, Tm))(T, T),
         arithmetic,
     )
-    gram = system.made(f"gram {key}", state, products, Tmm(T, T), arithmetic)
-    pull = system.made(f"pull {key}", [*state, ("mu", mu)], pulled, types.Tuple((T, T))(T, T, Tm), arithmetic)
+    gram = system.make_function(f"gram {key}", state, products, Tmm(T, T), arithmetic)
+    pull = system.make_function(
+        f"pull {key}", [*state, ("mu", mu)], pull_back, types.Tuple((T, T))(T, T, Tm), arithmetic
+    )
     return constraint, gram, pull
 
 
@@ -324,12 +326,12 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
         implicit=inner.implicit,
         hessian=inner.hessian,
         linear=max(inner.width, m, 2 * system.d if symmetric else 0),
-        begin=partial(_with_target, constraint, bases),
+        begin=partial(_set_target, constraint, bases),
         missed=MISSED,
     )
 
 
-def _with_target(constraint, bases, step, q, p):
+def _set_target(constraint, bases, step, q, p):
     """The step of a run that starts at q, p: what it keeps, and its base method's step."""
     known = {name: base._replace(h=step.h, eps=step.eps) for name, base in bases.items() if base is not None}
     return step._replace(target=constraint(q, p)[0], **known)

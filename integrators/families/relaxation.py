@@ -28,11 +28,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.records.projection import relaxed as relaxed
+from phasebench.integrators.records.projection import relaxation_method as relaxation_method
 from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, keep_energy
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED
-from phasebench.integrators.values.vector import State, advanced, inlined, scale, written
+from phasebench.integrators.values.vector import State, inline, scale, unroll, update
 
 from . import runge_kutta
 
@@ -64,19 +64,19 @@ class Relaxation(NamedTuple):
     eps: float = 0.0
 
 
-@written(lambda d: "  return " + " + ".join(f"x[{i}] * y[{i}]" for i in range(d)))
+@unroll(lambda d: "  return " + " + ".join(f"x[{i}] * y[{i}]" for i in range(d)))
 def dot(x, y):
     """x . y."""
     return np.sum(x * y)
 
 
-@inlined
+@inline
 def root(step, y, dq, dp):
     """(gamma next to 1 with H(y + gamma (dq, dp)) = H0, True if found, evaluations of the field)."""
     gamma = 1.0
     last = np.inf
     for k in range(LIMIT):
-        end = advanced(y, scale(gamma, dq), scale(gamma, dp))
+        end = update(y, scale(gamma, dq), scale(gamma, dp))
         H, M = step.energy(end.q, end.p)
         E = H - step.H0
         if abs(E) <= step.eps * M or (abs(E) >= 0.5 * last and abs(E) <= SLACK * step.eps * M):
@@ -102,7 +102,7 @@ def step(method: Relaxation, y: State, carry: Carry, counts: np.record) -> tuple
         counts.fallbacks += 1
     counts.parameter = gamma if found else np.nan
     carry.state[AHEAD] = (gamma - 1) * length if method.adjust_time else 0.0 * length
-    return advanced(y, scale(gamma, dq), scale(gamma, dp)), SOLVED
+    return update(y, scale(gamma, dq), scale(gamma, dp)), SOLVED
 
 
 run = loop(step, parameter=True)

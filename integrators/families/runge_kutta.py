@@ -19,19 +19,19 @@ from phasebench.integrators.stepping.solve import SOLVED
 from phasebench.integrators.values import inplace
 from phasebench.integrators.values.vector import (
     State,
+    add_product_in_place,
     axpy,
-    by_kind,
     halves,
     head,
-    held,
     in_place,
-    inlined,
+    inline,
     join,
     load,
-    moved,
+    overload_by_kind,
     plus,
     store,
     tail,
+    view_state,
     writes,
 )
 
@@ -54,8 +54,8 @@ class RungeKutta(NamedTuple):
     eps: float = 0.0
 
 
-@inlined
-def _after(tableau, i, j):
+@inline
+def _next_nonzero(tableau, i, j):
     """Smallest k > j with a[i, k] != 0, else i."""
     j += 1
     while j < i and tableau[i, j] == 0:
@@ -66,13 +66,13 @@ def _after(tableau, i, j):
 def _total(tableau, i, h, memory, zero):
     """`total` for arrays; two terms at a time, so that the sum is written half as often."""
     last, n = len(tableau) - 1, 2 * len(zero)
-    j = _after(tableau, i, -1)
+    j = _next_nonzero(tableau, i, -1)
     a = tableau[i, j] * h if j < i else 0.0
     for r in range(n):
         memory[last, r] = a * memory[j, r] if j < i else 0.0
-    j = _after(tableau, i, j)
+    j = _next_nonzero(tableau, i, j)
     while j < i:
-        k = _after(tableau, i, j)
+        k = _next_nonzero(tableau, i, j)
         a, b = tableau[i, j] * h, tableau[i, k] * h if k < i else 0.0
         if k < i:
             for r in range(n):
@@ -80,7 +80,7 @@ def _total(tableau, i, h, memory, zero):
         else:
             for r in range(n):
                 memory[last, r] = memory[last, r] + a * memory[j, r]
-        j = _after(tableau, i, k)
+        j = _next_nonzero(tableau, i, k)
     return halves(memory, last, zero)
 
 
@@ -101,30 +101,30 @@ def evaluate(field, q, p, dq, dp, h, memory, i):
     store(memory, i, join(dq, dp))
 
 
-@inlined
-def _moved_there(q, p, dq, dp):
+@inline
+def _shift_state(q, p, dq, dp):
     """Overwrite the increments by the state (q + dq, p + dp)."""
     for k in range(len(q)):
         dq[k], dp[k] = q[k] + dq[k], p[k] + dp[k]
 
 
 def _evaluate_arrays(field, q, p, dq, dp, h, memory, i):
-    def returned(field, q, p, dq, dp, h, memory, i):
+    def evaluate_returned(field, q, p, dq, dp, h, memory, i):
         n = len(q)
-        _moved_there(q, p, dq, dp)
+        _shift_state(q, p, dq, dp)
         slope_q, slope_p = field(dq, dp, h, 0.0)
         for k in range(n):
             memory[i, k], memory[i, n + k] = slope_q[k], slope_p[k]
 
-    def written(field, q, p, dq, dp, h, memory, i):
-        _moved_there(q, p, dq, dp)
+    def evaluate_in_place(field, q, p, dq, dp, h, memory, i):
+        _shift_state(q, p, dq, dp)
         slope_q, slope_p = halves(memory, i, q)
         field(dq, dp, h, 0.0, slope_q, slope_p)
 
-    return written if writes(field) else returned
+    return evaluate_in_place if writes(field) else evaluate_returned
 
 
-by_kind(evaluate, lambda *types: evaluate, _evaluate_arrays)
+overload_by_kind(evaluate, lambda *types: evaluate, _evaluate_arrays)
 
 
 @in_place(None)
@@ -139,14 +139,14 @@ def increment(field, tableau, h, y, carry):
 
 def begin(method: RungeKutta, carry: Carry, counts: np.record) -> State:
     """Read the state; arrays are the carry's own rows, which steps overwrite."""
-    return held(carry)
+    return view_state(carry)
 
 
 def step(method: RungeKutta, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step."""
     dq, dp = increment(method.field, method.tableau, method.h, y, carry)
-    q, lost_q = moved(y.q, y.lost_q, 1.0, dq)
-    p, lost_p = moved(y.p, y.lost_p, 1.0, dp)
+    q, lost_q = add_product_in_place(y.q, y.lost_q, 1.0, dq)
+    p, lost_p = add_product_in_place(y.p, y.lost_p, 1.0, dp)
     counts.gradient += len(method.tableau) - 1
     return State(q, p, lost_q, lost_p), SOLVED
 

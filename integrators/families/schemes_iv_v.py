@@ -26,11 +26,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from phasebench.integrators.stepping.energy_model import ALONG, FIRST, LAST, LATEST, STREAK, Attempt, Search
-from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, array, fixed, keep_energy
+from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, array, freeze, keep_energy
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.root import finder
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, predict, predict_number, remember
-from phasebench.integrators.values.vector import State, axpy, inlined, load, minus, part_of_caller, scale, store
+from phasebench.integrators.values.vector import State, axpy, force_inline, inline, load, minus, scale, store
 
 from .parametric import quadratic, substep, unknown
 
@@ -46,7 +46,7 @@ SEARCH = Search(radius=RADIUS, first=0.05, near=1.0, ratio=1.12, points=70, slac
 MISSED = "have no parameter near 1/2 that keeps the energy and were taken with 1/2"
 
 
-class Adjusted(NamedTuple):
+class AdjustedScheme(NamedTuple):
     """Substeps of length c h with lambda = 1/2 + sign x, one x for each group; H, and the value H0 to keep.
 
     In the Nystrom form ``field`` is None, else dT and dV are.
@@ -69,7 +69,7 @@ class Adjusted(NamedTuple):
 class Group(NamedTuple):
     """Arguments of a group's root search: the substeps begin, ..., end - 1 from the state y."""
 
-    step: Adjusted
+    step: AdjustedScheme
     y: State
     carry: Carry
     counts: np.record
@@ -78,7 +78,7 @@ class Group(NamedTuple):
     predicted: float
 
 
-@part_of_caller
+@force_inline
 def attempt(x, start, ease, e):
     """Take the group's substeps with the parameter x.
 
@@ -117,7 +117,7 @@ def attempt(x, start, ease, e):
 find = finder(attempt)
 
 
-@inlined
+@inline
 def advance(step, y, carry, counts, first):
     """Take the group that begins with the substep ``first``; (y, lambda or NaN, the substep after it, status)."""
     stages, memory = len(step.c), carry.memory
@@ -151,7 +151,7 @@ def advance(step, y, carry, counts, first):
     return new, lam, begin, SOLVED
 
 
-def step(method: Adjusted, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
+def step(method: AdjustedScheme, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
     """One step, group by group; the parameter is lambda of the last group."""
     s, status = 0, SOLVED
     while s < len(method.c) and status == SOLVED:
@@ -167,12 +167,12 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     energy = system.energy(arithmetic)
     functions, width = quadratic(system, arithmetic)
     c, sign, group, alternative = zip(*method.data, strict=True)
-    step = Adjusted(
+    step = AdjustedScheme(
         energy,
         *functions,
-        *(fixed(row) for row in array((c, sign), arithmetic)),
-        fixed(group),
-        fixed(alternative),
+        *(freeze(row) for row in array((c, sign), arithmetic)),
+        freeze(group),
+        freeze(alternative),
         SEARCH,
     )
     return Prepared(run, step, width, len(c), begin=keep_energy(energy), missed=MISSED)

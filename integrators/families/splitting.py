@@ -22,7 +22,7 @@ from phasebench.integrators.stepping.kernel import OWN, Carry, Prepared, numbers
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED
 from phasebench.integrators.values import inplace
-from phasebench.integrators.values.vector import held, inlined, moved, of, rows
+from phasebench.integrators.values.vector import add_product_in_place, apply, inline, rows, view_state
 
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
@@ -50,7 +50,7 @@ class Splitting(NamedTuple):
     eps: float = 0.0
 
 
-class Moving(NamedTuple):
+class SplittingState(NamedTuple):
     """The state, the gradient of V at its q, and room for a velocity."""
 
     q: Any
@@ -61,54 +61,54 @@ class Moving(NamedTuple):
     velocity: Any
 
 
-@inlined
-def kicked(y, h):
+@inline
+def kick(y, h):
     """exp(h B): p - h grad V(q)."""
-    p, lost_p = moved(y.p, y.lost_p, -h, y.gradient)
-    return Moving(y.q, p, y.lost_q, lost_p, y.gradient, y.velocity)
+    p, lost_p = add_product_in_place(y.p, y.lost_p, -h, y.gradient)
+    return SplittingState(y.q, p, y.lost_q, lost_p, y.gradient, y.velocity)
 
 
-def begin(method: Splitting, carry: Carry, counts: np.record) -> Moving:
+def begin(method: Splitting, carry: Carry, counts: np.record) -> SplittingState:
     """Read the state and evaluate its gradient; arrays are the carry's own rows, which steps overwrite."""
-    y = held(carry)
+    y = view_state(carry)
     gradient, velocity = rows(carry.state, GRADIENT, VELOCITY, carry.zero)
     counts.gradient += 1
-    return Moving(y.q, y.p, y.lost_q, y.lost_p, of(method.dV, y.q, gradient), velocity)
+    return SplittingState(y.q, y.p, y.lost_q, y.lost_p, apply(method.dV, y.q, gradient), velocity)
 
 
-def start(method: Splitting, y: Moving) -> Moving:
+def start(method: Splitting, y: SplittingState) -> SplittingState:
     """Apply the first kick; that of the following steps is part of the last kick before them."""
     first = method.b[0] * method.h
-    return kicked(y, first) if first != 0 else y
+    return kick(y, first) if first != 0 else y
 
 
-def step(method: Splitting, y: Moving, carry: Carry, counts: np.record) -> tuple[Moving, int]:
+def step(method: Splitting, y: SplittingState, carry: Carry, counts: np.record) -> tuple[SplittingState, int]:
     """Drift and kick in turn; the last kick includes the next step's first."""
     h, last = method.h, len(method.a) - 1
     q, p, lost_q, lost_p, gradient, velocity = y
     for k in range(1, last + 1):
-        velocity = of(method.dT, p, velocity)
-        q, lost_q = moved(q, lost_q, method.a[k] * h, velocity)  # exp(a_k h A), a drift
+        velocity = apply(method.dT, p, velocity)
+        q, lost_q = add_product_in_place(q, lost_q, method.a[k] * h, velocity)  # exp(a_k h A), a drift
         kick = method.b[k] * h
         if k == last:
             kick += method.b[0] * h
         if kick != 0:
-            gradient = of(method.dV, q, gradient)
+            gradient = apply(method.dV, q, gradient)
             counts.gradient += 1
-            p, lost_p = moved(p, lost_p, -kick, gradient)  # exp(b_k h B), a kick
-    return Moving(q, p, lost_q, lost_p, gradient, velocity), SOLVED
+            p, lost_p = add_product_in_place(p, lost_p, -kick, gradient)  # exp(b_k h B), a kick
+    return SplittingState(q, p, lost_q, lost_p, gradient, velocity), SOLVED
 
 
-def finish(method: Splitting, y: Moving) -> Moving:
+def finish(method: Splitting, y: SplittingState) -> SplittingState:
     """Take back the next step's first kick."""
     first = method.b[0] * method.h
-    return kicked(y, -first) if first != 0 else y
+    return kick(y, -first) if first != 0 else y
 
 
 run = loop(step, begin, start, finish)
 
 
-def _prepared(parts, system: Hamiltonian, arithmetic: str, fills: bool) -> Prepared:
+def _prepare(parts, system: Hamiltonian, arithmetic: str, fills: bool) -> Prepared:
     """Make the kernel of substeps (True for a kick, fraction of h); neighbours of one kind are merged."""
     rows = [[0, 0]]
     for kick, fraction in parts:
@@ -131,11 +131,11 @@ def from_substeps(substeps, system: Hamiltonian, arithmetic: str, fills: bool = 
     parts = []
     for c, _, lam in substeps:
         parts += [(True, c), (False, c)] if lam == 1 else [(False, c), (True, c)]
-    return _prepared(parts, system, arithmetic, fills)
+    return _prepare(parts, system, arithmetic, fills)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
     """Make the kernel of data (a, b): for each k a kick of b_k, then a drift of a_k; ends may be zero."""
     a, b = method.data
     parts = [part for drift, kick in zip_longest(a, b, fillvalue=0) for part in ((True, kick), (False, drift))]
-    return _prepared([(kick, fraction) for kick, fraction in parts if fraction != 0], system, arithmetic, fills)
+    return _prepare([(kick, fraction) for kick, fraction in parts if fraction != 0], system, arithmetic, fills)

@@ -37,7 +37,7 @@ from phasebench.integrators.stepping.kernel import Carry
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED, row_solver
 from phasebench.integrators.values.lanes import combine, put, take, total
-from phasebench.integrators.values.vector import State, chosen, inlined, size
+from phasebench.integrators.values.vector import State, dispatch_on_none, inline, size
 
 from .lane_rows import DP, DQ, DRIFT, FREE, ORIGIN, begin, components, ender, enter, extrapolate, linearizer
 
@@ -114,15 +114,15 @@ def _end_kicks(inverse_mass, e, at):
 
 
 #: Write the places that the increments in the rows ``at``, ... lead to, to the first rows.
-places = chosen(_places_of_both, _places_of_kicks)
+places = dispatch_on_none(_places_of_both, _places_of_kicks)
 #: Write the increments of q and p over the step.
-sums = chosen(_end_both, _end_kicks)
+sums = dispatch_on_none(_end_both, _end_kicks)
 
 
 # -- what they share --------------------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def exact_weights(step, h):
     """h b, rounded such that they add up to h; else time would be off by the same share of round-off in every step.
 
@@ -135,7 +135,7 @@ def exact_weights(step, h):
     return x + take(step.nodes, MIDDLE, step.like) * (rest - x)
 
 
-@inlined
+@inline
 def sweep(e, old, new):
     """Write G of the increments in the rows ``old`` to the rows ``new``; (their distance, their size)."""
     step, memory = e.step, e.memory
@@ -150,8 +150,8 @@ def sweep(e, old, new):
     return total(moved), total(sized)
 
 
-@inlined
-def spread(e, row, r, k, i, x, work):
+@inline
+def scatter(e, row, r, k, i, x, work):
     """Enter x, the derivative of increment i of component r by its place k, for all increments that move this place."""
     n = len(e.like)
     for j in range(n):
@@ -160,23 +160,23 @@ def spread(e, row, r, k, i, x, work):
 
 linearize = linearizer(
     sweep,
-    places=inlined(lambda e, at, row: places(e.step.inverse_mass, e, at)),
-    weights=inlined(lambda e: e.weights),
-    rows=inlined(lambda e: (0, 1)),
-    spread=spread,
+    places=inline(lambda e, at, row: places(e.step.inverse_mass, e, at)),
+    weights=inline(lambda e: e.weights),
+    rows=inline(lambda e: (0, 1)),
+    spread=scatter,
 )
 solve = row_solver(sweep, linearize)
 end = ender(sums)
 
 
-@inlined
+@inline
 def equations(step, carry, h):
     """Make the arguments of the equations of a step of length h."""
     rows = components(step.inverse_mass, len(carry.zero))
     return Equations(step, carry.memory, 2 * rows, rows, step.like, h, exact_weights(step, h))
 
 
-@inlined
+@inline
 def rows_of(e):
     """(first row of the ring of earlier increments, first row of the unknowns)."""
     ring = e.base + FREE

@@ -50,7 +50,7 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.stepping.kernel import Carry, Prepared, array, zeros
 from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import SOLVED
-from phasebench.integrators.values.vector import add, elementwise, inlined, load, opened, scale
+from phasebench.integrators.values.vector import add, elementwise, inline, load, read_state, scale
 
 if TYPE_CHECKING:
     from phasebench.integrators.record import Method
@@ -85,7 +85,7 @@ def impulse(beta, gradient, a, q):
     return -(beta * gradient + a * q)
 
 
-class Kicked(NamedTuple):
+class KickedState(NamedTuple):
     """The state, and the kick at its q."""
 
     q: Any
@@ -95,41 +95,41 @@ class Kicked(NamedTuple):
     kick: Any
 
 
-@inlined
-def kick_at(method, q):
+@inline
+def evaluate_kick(method, q):
     """The kick at q, half of which ends a step and half of which begins the next."""
     phi, beta, a = load(method.filters, PHI, q), load(method.filters, BETA, q), load(method.filters, A, q)
     return impulse(beta, method.dU(product(phi, q)), a, q)
 
 
-def begin(method: Trigonometric, carry: Carry, counts: np.record) -> Kicked:
+def begin(method: Trigonometric, carry: Carry, counts: np.record) -> KickedState:
     """Read the state and evaluate its kick."""
-    y = opened(carry)
+    y = read_state(carry)
     counts.gradient += 1
-    return Kicked(y.q, y.p, y.lost_q, y.lost_p, kick_at(method, y.q))
+    return KickedState(y.q, y.p, y.lost_q, y.lost_p, evaluate_kick(method, y.q))
 
 
-def start(method: Trigonometric, y: Kicked) -> Kicked:
+def start(method: Trigonometric, y: KickedState) -> KickedState:
     """Apply half a kick, which completes the step before."""
     p, lost_p = add(y.p, y.lost_p, y.kick)
-    return Kicked(y.q, p, y.lost_q, lost_p, y.kick)
+    return KickedState(y.q, p, y.lost_q, lost_p, y.kick)
 
 
-def step(method: Trigonometric, y: Kicked, carry: Carry, counts: np.record) -> tuple[Kicked, int]:
+def step(method: Trigonometric, y: KickedState, carry: Carry, counts: np.record) -> tuple[KickedState, int]:
     """Apply the linear flow and a whole kick."""
     b, sign = load(method.filters, B, y.q), load(method.filters, SIGN, y.q)
     q, lost_q = add(y.q, y.lost_q, product(b, y.p))
     q, lost_q, p, lost_p = product(sign, q), product(sign, lost_q), product(sign, y.p), product(sign, y.lost_p)
-    kick = kick_at(method, q)
+    kick = evaluate_kick(method, q)
     p, lost_p = add(p, lost_p, scale(2.0, kick))
     counts.gradient += 1
-    return Kicked(q, p, lost_q, lost_p, kick), SOLVED
+    return KickedState(q, p, lost_q, lost_p, kick), SOLVED
 
 
-def finish(method: Trigonometric, y: Kicked) -> Kicked:
+def finish(method: Trigonometric, y: KickedState) -> KickedState:
     """Take back half of the last kick."""
     p, lost_p = add(y.p, y.lost_p, scale(-1.0, y.kick))
-    return Kicked(y.q, p, y.lost_q, lost_p, y.kick)
+    return KickedState(y.q, p, y.lost_q, lost_p, y.kick)
 
 
 run = loop(step, begin, start, finish)

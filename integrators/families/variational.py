@@ -44,17 +44,17 @@ from phasebench.integrators.stepping.loop import loop
 from phasebench.integrators.stepping.solve import LEVELS, SOLVED, copy, difference, predict, remember, row_solver
 from phasebench.integrators.values.vector import (
     State,
-    advanced,
     axpy,
     bump,
     distance,
-    inlined,
+    inline,
     load,
     minus,
     plus,
     scale,
     size,
     store,
+    update,
     velocity,
 )
 
@@ -90,7 +90,7 @@ class Equations(NamedTuple):
     stages: int
 
 
-@inlined
+@inline
 def displacement(e, i, at):
     """The point of row i minus q: h d_i v + h^2 M^-1 sum_j a_ij k_j."""
     rows, h = e.step.rows, e.step.h
@@ -101,7 +101,7 @@ def displacement(e, i, at):
     return scale(h, axpy(rows[i, e.stages], e.v, scale(h, velocity(e.step.dT, x))))
 
 
-@inlined
+@inline
 def renew(e, at, first, end):
     """Update the kicks first, ..., end - 1, each from the newest of the others; (their change, their size)."""
     change = total = 0.0 * e.step.h
@@ -113,14 +113,14 @@ def renew(e, at, first, end):
     return change, total
 
 
-@inlined
+@inline
 def sweep(e, old, new):
     """Write the updated kicks of the rows ``old`` to the rows ``new``."""
     copy(e.memory, old, new, e.stages, e.like)
     return renew(e, new, e.step.first, e.step.end)
 
 
-@inlined
+@inline
 def linearize(e, at, span, work):
     """Write the matrix of 1 - G' by differences of the gradient (see `solve.row_solver`)."""
     r, d, h = e.stages, len(e.like), e.step.h
@@ -143,7 +143,7 @@ def linearize(e, at, span, work):
 solve = row_solver(sweep, linearize)
 
 
-@inlined
+@inline
 def solve_kicks(e, span, carry, counts):
     """Solve for the kicks of a step, in the rows at, ...; returns the status."""
     step, r = e.step, e.stages
@@ -175,7 +175,7 @@ def step(method: Variational, y: State, carry: Carry, counts: np.record) -> tupl
         k = load(memory, LEVELS * r + j, zero)
         total = plus(total, k)
         remember(memory, j, r, counts.steps, k)
-    return advanced(y, displacement(e, r, LEVELS * r), scale(method.h, total)), status
+    return update(y, displacement(e, r, LEVELS * r), scale(method.h, total)), status
 
 
 run = loop(step)

@@ -104,7 +104,7 @@ class KeplerPart:
         """Make the function q -> gradient of the potential without its Kepler part, in the original coordinates."""
         U = system.potential - self.potential(system.q)
         T = codegen.value_type(system.d)
-        return system.made(
+        return system.make_function(
             f"interaction {self}", [("q", system.q)], lambda: [[sp.diff(U, x) for x in system.q]], T(T), arithmetic
         )
 

@@ -47,7 +47,7 @@ VERLET, DRIFTING = (next(m for m in classical.METHODS if m.id == id) for id in (
 METHODS: tuple[Method, ...] = (
     split(VERLET, "stormer-verlet-adaptive", "Stormer-Verlet"),
     split(
-        compositions.composed(DRIFTING, "sofroniou-spaletta-10"),
+        compositions.compose(DRIFTING, "sofroniou-spaletta-10"),
         "sofroniou-spaletta-10-adaptive",
         "Stormer-Verlet, composed by sofroniou-spaletta-10,",
     ),

@@ -32,7 +32,7 @@ def equip_rows(signs, fractions=(Fraction(1),), alternative=()):
     return tuple(rows)
 
 
-def parameterised(*, id, name, source, make, **facts):
+def parameterised_method(*, id, name, source, make, **facts):
     """A method with a parameter lam = 1/3 at first, and what ``make(**parameters)`` derives from its parameters."""
     defaults = {"lam": Fraction(1, 3)} | facts.pop("parameters", {})
     common = {"family": "parametric", "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF}
@@ -51,7 +51,7 @@ def _generating(order, lam):
 
 
 def _scheme_iii_composed(scheme, order):
-    return parameterised(
+    return parameterised_method(
         id=f"scheme-iii-{scheme}-{order}",
         name=f"Scheme III, {scheme.capitalize()} composition of order {order}",
         source=f"{TALK}, (21); " + ("Yoshida 1990" if scheme == "yoshida" else "Suzuki 1990"),
@@ -81,15 +81,17 @@ def equip_method(*, id, name, signs, source, fractions=(Fraction(1),), order=2, 
 
 
 METHODS: tuple[Method, ...] = (
-    parameterised(id="scheme-i", name="Scheme I", source=f"{TALK}, (19)", make=lambda lam: _generating(1, lam)),
-    parameterised(
+    parameterised_method(id="scheme-i", name="Scheme I", source=f"{TALK}, (19)", make=lambda lam: _generating(1, lam)),
+    parameterised_method(
         id="scheme-i-adjoint",
         name="the adjoint of Scheme I",
         source=f"{TALK}, (10)",
         make=lambda lam: _generating(1, 1 - lam),
     ),
-    parameterised(id="scheme-ii", name="Scheme II", source=f"{TALK}, (20)", make=lambda lam: _generating(2, lam)),
-    parameterised(
+    parameterised_method(
+        id="scheme-ii", name="Scheme II", source=f"{TALK}, (20)", make=lambda lam: _generating(2, lam)
+    ),
+    parameterised_method(
         id="generating-function",
         name="generating function of order r",
         source=f"{TALK}, (18); Feng et al. 1989",
@@ -97,7 +99,7 @@ METHODS: tuple[Method, ...] = (
         parameters={"order": 3},
         cite=("wang-talk", "feng1989"),
     ),
-    parameterised(
+    parameterised_method(
         id="scheme-iii",
         name="Scheme III",
         source=f"{TALK}, (21)",

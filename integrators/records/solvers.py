@@ -12,7 +12,7 @@ BANDED = "banded"
 SOLVERS = (BANDED,)
 
 
-def solved(base: Method, solver: str) -> Method:
+def with_solver(base: Method, solver: str) -> Method:
     """The method ``base`` with that solver, which is one more of its parameters.
 
     Raises
@@ -29,7 +29,7 @@ def solved(base: Method, solver: str) -> Method:
         raise InvalidInput(f"'{base.id}' has no banded solver; {families} have one, such as implicit-midpoint")
 
     def again(solver, **values):
-        return facts(solved(base(**values), solver))
+        return facts(with_solver(base(**values), solver))
 
     return replace(base, family="banded", parameters=dict(base.parameters) | {"solver": solver}, with_parameters=again)
 

@@ -19,10 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.values.vector import inlined, jit, load, minus, plus, size, store
+from phasebench.integrators.values.vector import inline, jit, load, minus, plus, size, store
 
 from .solve import NEWTON_LIMIT, SOLVED, STALLED, difference, near, newton_method
-from .structure import coloured, ordered, owners
+from .structure import band_order, colour_columns, owners
 
 #: The matrix is made again if a move is longer than this share of the one before.
 SLOW = 0.3
@@ -57,13 +57,13 @@ class Room(NamedTuple):
 
 def band_of(reach: Sequence[np.ndarray]) -> Band:
     """The band of a matrix whose column j has the rows reach[j]; raises InvalidInput if it is wide."""
-    from .kernel import fixed
+    from .kernel import freeze
 
     n = len(reach)
     reach = [np.union1d(rows, [j]) for j, rows in enumerate(reach)]  # 1 - G' has a diagonal
-    colours = coloured(reach, n)
-    place, width = ordered(reach)
-    return Band(width, fixed(place), fixed(np.array(colours)), fixed(owners(reach, colours)))
+    colours = colour_columns(reach, n)
+    place, width = band_order(reach)
+    return Band(width, freeze(place), freeze(np.array(colours)), freeze(owners(reach, colours)))
 
 
 @jit
@@ -127,7 +127,7 @@ def forget(work: np.ndarray, at: int, end: int) -> None:
 
 
 @jit
-def forgotten(work: np.ndarray, at: int, end: int) -> bool:
+def is_stale(work: np.ndarray, at: int, end: int) -> bool:
     """True if the matrix is stale."""
     return work[at, end - 1] < 0
 
@@ -181,7 +181,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
         return load(memory, spare, x)
 
     @jit
-    def simplified(arguments, start, span, eps, band, room):
+    def simplified_newton(arguments, start, span, eps, band, room):
         """Iterate with the stored matrix, or with one made on the way (simplified Newton)."""
         work, at, end = room.work, room.at, columns(band)
         x, last = start, np.inf
@@ -189,7 +189,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
         for _ in range(LIMIT):
             g = G(x, arguments)
             evaluations += 1
-            if forgotten(work, at, end):
+            if is_stale(work, at, end):
                 made += 1
                 evaluations += len(band.owner)
                 if made > NEWTON_LIMIT or not linearize(arguments, x, g, span, eps, band, room):
@@ -215,7 +215,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
             x, last = new, delta
         return x, evaluations, STALLED
 
-    @inlined
+    @inline
     def improve(arguments, x, span, eps, work):
         """Solve the linear equations in a band of its own matrix."""
         band, room = work
@@ -228,10 +228,10 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
 
     newton = newton_method(improve)
 
-    @inlined
+    @inline
     def solve(arguments, start, span, eps, band, room):
         """Solve from the start: simplified Newton, then Newton."""
-        x, evaluations, status = simplified(arguments, start, span, eps, band, room)
+        x, evaluations, status = simplified_newton(arguments, start, span, eps, band, room)
         if status != SOLVED:
             x, more, status = newton(arguments, start, span, eps, (band, room))
             evaluations += more

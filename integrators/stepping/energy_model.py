@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phasebench.integrators.values.vector import State, inlined
+from phasebench.integrators.values.vector import State, inline
 
 from .solve import SOLVED
 
@@ -68,7 +68,7 @@ class Attempt(NamedTuple):
     status: int
 
 
-@inlined
+@inline
 def smaller_root(c0: float, c1: float, c2: float) -> float:
     """The root of c0 + c1 x + c2 x^2 nearest zero; infinite if it has no real one."""
     D = c1 * c1 - 4 * c0 * c2
@@ -81,13 +81,13 @@ def smaller_root(c0: float, c1: float, c2: float) -> float:
     return -2 * c0 / denominator
 
 
-@inlined
-def eased(E: float, unit: float) -> float:
+@inline
+def residual_factor(E: float, unit: float) -> float:
     """How many times round-off the stage equations of an attempt may be off if its energy error is about E."""
     return EASE * abs(E) / unit if 0 < EASED * unit <= EASE * abs(E) < np.inf else 1.0
 
 
-@inlined
+@inline
 def muller(x0: float, x1: float, x2: float, E0: float, E1: float, E2: float) -> tuple[float, float]:
     """(slope, curvature) at x2 of the quadratic through three points."""
     d1 = (E2 - E1) / (x2 - x1)
@@ -96,15 +96,15 @@ def muller(x0: float, x1: float, x2: float, E0: float, E1: float, E2: float) -> 
     return d1 + c2 * (x2 - x1), c2
 
 
-@inlined
-def grow_old(models: np.ndarray, row: int) -> float:
+@inline
+def extrapolate_slope(models: np.ndarray, row: int) -> float:
     """Return the model's slope, extrapolated to the step that begins."""
     age = models[row, AGE] + 1
     models[row, AGE] = age
     return models[row, SLOPE] + age * (models[row, RATE] + 0.5 * (age + 1) * models[row, BEND])
 
 
-@inlined
+@inline
 def renew(models: np.ndarray, row: int, slope: float) -> None:
     """Store a measured slope in the model."""
     age = models[row, AGE]
@@ -113,8 +113,8 @@ def renew(models: np.ndarray, row: int, slope: float) -> None:
     models[row, SLOPE], models[row, RATE], models[row, AGE] = slope, rate, 0.0
 
 
-@inlined
-def trusted(search: Search, models: np.ndarray, row: int, predicted: float, c1: float, slope: float) -> bool:
+@inline
+def is_trusted(search: Search, models: np.ndarray, row: int, predicted: float, c1: float, slope: float) -> bool:
     """True if the model says that the predicted root is the nearest to zero, and the prediction near enough to it."""
     c2, room = abs(models[row, CURVATURE]), LONE * abs(slope)
     return (
@@ -133,11 +133,11 @@ def follower(attempt: Callable) -> Callable:
     slope, extrapolated.
     """
 
-    @inlined
+    @inline
     def approach(x, slope, models, row, arguments):
         """Approach the root near x by its slope; (x, found, the last attempt, slope, True if that was measured)."""
         c2, unit = models[row, CURVATURE], models[row, UNIT]
-        ease = eased(slope * models[row, MISSED], unit)
+        ease = residual_factor(slope * models[row, MISSED], unit)
         start, xa, Ea, xb, Eb = FIRST, x, 0.0, x, 0.0
         found, measured = False, False
         new = Attempt(arguments.y, np.inf, 0.0, SOLVED)
@@ -166,13 +166,13 @@ def follower(attempt: Callable) -> Callable:
                 break
             xa, Ea, xb, Eb = xb, Eb, x, E
             x = x - E / slope
-            ease = eased(E, unit)
+            ease = residual_factor(E, unit)
             if not abs(x) < np.inf or x == xb:
                 break
         models[row, UNIT] = unit
         return x, found, new, slope, measured
 
-    @inlined
+    @inline
     def follow(search, models, row, predicted, c1, arguments):
         """Follow the root; not found unless it is sure to be the nearest to zero."""
         slope, x = c1 + 2 * models[row, CURVATURE] * predicted, predicted

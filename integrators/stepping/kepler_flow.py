@@ -30,7 +30,7 @@ import mpmath
 
 from phasebench.integrators.coefficients.fractions import DIGITS
 from phasebench.integrators.compile.codegen import MULTIPRECISION
-from phasebench.integrators.values.vector import inlined, jit
+from phasebench.integrators.values.vector import inline, jit
 
 #: The rows of `constants`.
 NUMBERS, SERIES_2, SERIES_3 = 0, 1, 2
@@ -54,7 +54,7 @@ def constants(arithmetic: str) -> list[list]:
         return [[+mpmath.pi, terms], *series]
 
 
-@inlined
+@inline
 def add(x, c, dx):
     """Compensated sum of single numbers, as `vector.add`."""
     t = (x + c) + dx

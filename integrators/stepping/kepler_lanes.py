@@ -24,7 +24,7 @@ import numpy as np
 from phasebench.integrators.values.fma import exact_fma
 from phasebench.integrators.values.lanes import polynomial, put, take
 from phasebench.integrators.values.masks import select
-from phasebench.integrators.values.vector import apart, inlined, jit
+from phasebench.integrators.values.vector import forbid_inlining, inline, jit
 
 from . import kepler_flow
 
@@ -57,7 +57,7 @@ FIRST_3, SECOND_3, MORE_3 = _series(3)
 OVER_2, OVER_3 = _reciprocal(factorial(2 * TERMS + 2)), _reciprocal(factorial(2 * TERMS + 3))
 
 
-@inlined
+@inline
 def root(square, guess):
     """(square root, its inverse) of lanes, by one correction of a ``guess`` of the inverse.
 
@@ -69,7 +69,7 @@ def root(square, guess):
     return r + 0.5 * inverse * exact_fma(-r, r, square), inverse
 
 
-@inlined
+@inline
 def stumpff(x):
     """Stumpff's functions (c_0, c_1, c_2, c_3)(x) of lanes."""
     y = -x
@@ -92,7 +92,7 @@ def stumpff(x):
     return c0, c1, c2, c3
 
 
-@inlined
+@inline
 def _reversion(delta, second, third, beta):
     """x/delta - 1 to the fifth order for the root x of -delta + x + second x^2/2 + third x^3/6 - ..."""
     a = second * delta * 0.5
@@ -114,7 +114,7 @@ class Motion(NamedTuple):
     inverse: Any
 
 
-@inlined
+@inline
 def _begin(delta, second, third, beta):
     """(a first s, the lanes where it is not to be trusted)."""
     beyond = _reversion(delta, second, third, beta)
@@ -125,8 +125,8 @@ def _begin(delta, second, third, beta):
     return s, far
 
 
-@inlined
-def in_lanes(r0, inverse, eta, beta, mu, h, eps):
+@inline
+def motion_in_lanes(r0, inverse, eta, beta, mu, h, eps):
     """The motion over h, for r0 = |q|, its inverse, eta = q.v and beta = 2 mu/r0 - |v|^2.
 
     Where mu = 0 the motion is free, and r0, its inverse, eta and beta have to be 1, 1, 0, 0.
@@ -160,9 +160,9 @@ def in_lanes(r0, inverse, eta, beta, mu, h, eps):
 
 
 @jit
-def _one_by_one(memory, row, width, eps, table):
+def _solve_one_by_one(memory, row, width, eps, table):
     """Solve the lanes whose h is not NaN: their rows (r0, eta, beta, mu, h) become (f - 1, g, f', g' - 1)."""
-    apart()
+    forbid_inlining()
     for k in range(width):
         r0, eta, beta = memory[row, k], memory[row + 1, k], memory[row + 2, k]
         mu, h = memory[row + 3, k], memory[row + 4, k]
@@ -171,10 +171,10 @@ def _one_by_one(memory, row, width, eps, table):
             memory[row, k], memory[row + 1, k], memory[row + 2, k], memory[row + 3, k] = f, g, df, dg
 
 
-@inlined
+@inline
 def motion(r0, inverse, eta, beta, mu, h, eps, table, memory, row, like):
-    """`in_lanes`, with the lanes that it leaves solved by `kepler_flow`; five rows of the memory are overwritten."""
-    m = in_lanes(r0, inverse, eta, beta, mu, h, eps)
+    """`motion_in_lanes`, with the lanes that it leaves solved by `kepler_flow`; overwrites five rows of the memory."""
+    m = motion_in_lanes(r0, inverse, eta, beta, mu, h, eps)
     if not m.unsolved:
         return m
     put(memory, row, r0, like)
@@ -182,7 +182,7 @@ def motion(r0, inverse, eta, beta, mu, h, eps, table, memory, row, like):
     put(memory, row + 2, beta, like)
     put(memory, row + 3, mu, like)
     put(memory, row + 4, select(m.unsolved, 0 * r0 + h, 0 * r0 + np.nan), like)
-    _one_by_one(memory, row, len(like), eps, table)
+    _solve_one_by_one(memory, row, len(like), eps, table)
     f = select(m.unsolved, take(memory, row, like), m.f)
     g = select(m.unsolved, take(memory, row + 1, like), m.g)
     df = select(m.unsolved, take(memory, row + 2, like), m.df)

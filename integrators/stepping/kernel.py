@@ -13,7 +13,7 @@ would be::
         q: Any
         p: Any
 
-    @inlined
+    @inline
     def increment(x, e):                           # x = h f(y + x / 2)
         q, p = axpy(0.5, head(x), e.q), axpy(0.5, tail(x), e.p)
         dq, dp = e.method.field(q, p, e.method.h, 0.0)
@@ -30,7 +30,7 @@ would be::
         if status != SOLVED:
             return y, status
         remember(carry.memory, 0, 1, counts.steps, x)
-        return advanced(y, head(x), tail(x)), SOLVED
+        return update(y, head(x), tail(x)), SOLVED
 
     run = loop(step)
     IN_LANES = True                                # orbits may be integrated side by side
@@ -43,12 +43,12 @@ would be::
    ``begin`` (a state with more in it), ``start`` and ``finish`` (steps that share a substep).
 2. ``prepare(method, system, arithmetic)`` returns a `Prepared`: the kernel, the family's NamedTuple, and how much
    memory a step needs.  In the tuple are functions of the system (None for one that is not there, which
-   `vector.chosen` tells when it compiles) and coefficients in the arithmetic at hand (`array`, `numbers`).  It depends
-   on the method's record and the system alone, since it is kept on disk (`preparation`).  What depends on h or on the
-   initial state (H0) is set by ``Prepared.begin``: begin(method, q, p) -> method.  Fields keep their types.
+   `vector.dispatch_on_none` tells when it compiles) and coefficients in the arithmetic at hand (`array`, `numbers`).
+   It depends on the method's record and the system alone, since it is kept on disk (`preparation`).  What depends on h
+   or on the initial state (H0) is set by ``Prepared.begin``: begin(method, q, p) -> method.  Fields keep their types.
 3. q, p, increments and unknowns are values: tuples of small d, arrays of large d, lanes of several orbits, object
    arrays of MPFR numbers.  Only the operations of `vector` touch them, so that one source runs on all.  Increments are
-   added with compensation (`vector.advanced`, `moved`).
+   added with compensation (`vector.update`, `add_product_in_place`).
 4. A kernel is called in pieces.  What a step leaves for the next stands in ``carry`` (`Carry`): solutions of earlier
    steps in its memory (`solve.predict`, `remember`), numbers of the family's own in the spare rows of its state.
 5. ``counts`` (`COUNTS`): a step adds its evaluations of the gradient or field, the equations that needed Newton's
@@ -166,16 +166,16 @@ def array(rows: Iterable[Iterable[Any]], arithmetic: str) -> np.ndarray:
     out = zeros((len(rows), max(map(len, rows), default=1)), arithmetic)
     for i, r in enumerate(rows):
         for j, x in enumerate(r):
-            out[i, j] = codegen.exactly(x, arithmetic)
+            out[i, j] = codegen.to_number(x, arithmetic)
     return out
 
 
 def numbers(row: Iterable[Any], arithmetic: str) -> np.ndarray:
     """Exact numbers as a read-only array (n,)."""
-    return fixed(array([row], arithmetic)[0])
+    return freeze(array([row], arithmetic)[0])
 
 
-def fixed(x: Any) -> np.ndarray:
+def freeze(x: Any) -> np.ndarray:
     """x as a read-only array; integers stay integers."""
     x = np.array(x)
     x.flags.writeable = False
@@ -186,7 +186,7 @@ def zeros(shape: int | tuple[int, ...], arithmetic: str) -> np.ndarray:
     """An array of zeros: doubles or MPFR numbers."""
     if arithmetic == MULTIPRECISION:
         out = np.empty(shape, dtype=object)
-        out.fill(codegen.exactly(0, arithmetic))
+        out.fill(codegen.to_number(0, arithmetic))
         return out
     return np.zeros(shape)
 
@@ -208,12 +208,12 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str = DOUBLE) -> Pr
     entry = preparation.entry(method, system) if arithmetic == DOUBLE else None
     found = preparation.read(entry)
     if found is None:
-        found = _made(method, system, arithmetic)
+        found = _prepare(method, system, arithmetic)
         preparation.write(entry, found)
     return found
 
 
-def _made(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
+def _prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
     family = family_of(method)
     with progress.compiling(f"the functions of {method.id}", system.d):
         return family.prepare(method, system, arithmetic)
@@ -221,10 +221,10 @@ def _made(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 def keep_energy(energy: Callable) -> Callable:
     """Make a ``begin`` that sets the step's H0 to the initial energy."""
-    return partial(_with_energy, energy)
+    return partial(_set_energy, energy)
 
 
-def _with_energy(energy: Callable, step: NamedTuple, q: Any, p: Any) -> NamedTuple:
+def _set_energy(energy: Callable, step: NamedTuple, q: Any, p: Any) -> NamedTuple:
     return step._replace(H0=energy(q, p)[0])
 
 
@@ -240,11 +240,11 @@ def kernel(prepared: Prepared, d: int, arithmetic: str = DOUBLE) -> Callable:
         return prepared.run
     known = _of_prepared.setdefault(prepared, {})
     if d not in known:
-        known[d] = _compiled(prepared, d)
+        known[d] = _compile(prepared, d)
     return known[d]
 
 
-def _compiled(prepared: Prepared, d: int) -> Callable:
+def _compile(prepared: Prepared, d: int) -> Callable:
     step, T = _type(prepared.step), codegen.value_type(d, prepared.arrays)
     options = vector.TUPLES if any(map(vector.writes, step.types)) else codegen.options(d)  # nothing allocates
     key = (prepared.run, step, T, options is vector.TUPLES)
@@ -254,7 +254,7 @@ def _compiled(prepared: Prepared, d: int) -> Callable:
         signature = types.UniTuple(types.int64, 2)(step, carry, samples, numba.from_dtype(COUNTS))
         family = prepared.run.__module__.rpartition(".")[2].replace("_", "-")
         with progress.compiling(f"the kernel of {family}", d):
-            _kernels[key] = machine.compiled(prepared.run, signature, options | {"nogil": True}, family)
+            _kernels[key] = machine.load_or_compile(prepared.run, signature, options | {"nogil": True}, family)
     return _kernels[key]
 
 

@@ -57,12 +57,12 @@ def packed_call(prepared: Prepared, d: int) -> PackedCall:
             warnings.simplefilter("ignore", numba.NumbaExperimentalFeatureWarning)
             pointer = types.FunctionType(run.nopython_signatures[0].return_type(step, carry, samples, counts))
             block = _tuple_type((pointer, step, carry, samples, counts, _NUMBERS))
-            _known[key] = _compiled(run, block)
+            _known[key] = _compile(run, block)
     return _known[key]
 
 
 def _pack(address, run, step, carry, samples, counts, start):
-    write(address, (run, step, carry, samples, counts, start))  # noqa: F821 (`_compiled` sets the functions)
+    write(address, (run, step, carry, samples, counts, start))  # noqa: F821 (`_compile` sets the functions)
 
 
 def _release(address):
@@ -94,13 +94,13 @@ def _call(address, h, steps):
     return status
 
 
-def _compiled(run, block) -> PackedCall:
+def _compile(run, block) -> PackedCall:
     operations = _in_memory(block) | {"with_h": _with_h(block[1])}
 
     def kept(f: Callable, signature) -> Callable:
         options = {"error_model": "numpy", "nogil": True}
         f = machine.with_functions(f, operations)
-        return entry(machine.compiled(f, signature, options, f"entry-{f.__name__}|{block}"))
+        return entry(machine.load_or_compile(f, signature, options, f"entry-{f.__name__}|{block}"))
 
     number = types.int64
     return PackedCall(

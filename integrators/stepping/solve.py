@@ -24,13 +24,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from phasebench.integrators.coefficients.tableaus import LEVELS
-from phasebench.integrators.values.masks import alike, also_in_lanes, either, fails, number, outlived
+from phasebench.integrators.values.masks import broadcast_like, fails, number, overload_in_lanes, retire_lanes, where
 from phasebench.integrators.values.vector import (
     axpy,
     bump,
     distance,
     head,
-    inlined,
+    inline,
     jit,
     load,
     minus,
@@ -54,7 +54,7 @@ SHARE = 1e-3
 NEWTON_LIMIT = 25
 
 
-@inlined
+@inline
 def predict(memory: np.ndarray, first: int, stages: int, known: int, like: Any) -> Any:
     """Extrapolate the start of an equation from its last solutions, polynomially in the step number.
 
@@ -69,7 +69,7 @@ def predict(memory: np.ndarray, first: int, stages: int, known: int, like: Any) 
     return x
 
 
-@inlined
+@inline
 def predict_number(memory: np.ndarray, first: int, stages: int, known: int) -> float:
     """Extrapolate a number as `predict` does, from a ring in the first column of ``memory``."""
     m = min(known, LEVELS)
@@ -79,13 +79,13 @@ def predict_number(memory: np.ndarray, first: int, stages: int, known: int) -> f
     return x
 
 
-@inlined
+@inline
 def remember(memory: np.ndarray, first: int, stages: int, known: int, x: Any) -> None:
     """Store x, the solution of step number ``known``, in the ring that `predict` reads."""
     store(memory, first + known % LEVELS * stages, x)
 
 
-@inlined
+@inline
 def copy(memory: np.ndarray, old: int, new: int, stages: int, like: Any) -> None:
     """Copy ``stages`` unknowns from the rows ``old``, ... of ``memory`` to the rows ``new``, ..."""
     for j in range(stages):
@@ -95,13 +95,13 @@ def copy(memory: np.ndarray, old: int, new: int, stages: int, like: Any) -> None
 # -- when to stop -----------------------------------------------------------------------------------------------------
 
 
-@inlined
+@inline
 def near(delta, last, unit):
     """True if the error that changes ``last``, then ``delta`` leave is far below ``unit``, the round-off of x."""
     return (last < np.inf) & (delta * delta <= SHARE * unit * (last - delta))
 
 
-@inlined
+@inline
 def converged(delta: Any, last: Any, length: Any, span: Any, eps: float) -> Any:
     """True if a fixed-point iteration is at round-off, judged by its last two changes ``delta`` and ``last``.
 
@@ -115,7 +115,7 @@ def converged(delta: Any, last: Any, length: Any, span: Any, eps: float) -> Any:
     )
 
 
-@inlined
+@inline
 def lengths_of_both(x: Any, g: Any, e: NamedTuple) -> tuple[float, float]:
     """Sizes of the coordinates and of the momenta at increments x, for the lengths of finite differences.
 
@@ -125,13 +125,13 @@ def lengths_of_both(x: Any, g: Any, e: NamedTuple) -> tuple[float, float]:
     return size(e.q) + size(head(x)) + size(head(g)), size(e.p) + size(tail(x)) + size(tail(g))
 
 
-@inlined
+@inline
 def difference(length: float, span: float, eps: float) -> float:
     """Length of a finite difference in a variable of size ``length``, or of size ``span`` if that is zero."""
     return eps**0.5 * (length if length > 0 else span)
 
 
-@inlined
+@inline
 def newton_converged(delta: float, last: float, unit: float, noise: float) -> bool:
     """True if Newton's method has reached round-off, or is near it and no longer converging."""
     return delta <= unit or (delta >= 0.5 * last and delta <= 1e3 * (unit + noise))
@@ -149,13 +149,13 @@ class Change(NamedTuple):
     size_p: float
 
 
-@inlined
+@inline
 def change(old: Any, new: Any) -> Change:
     """The `Change` between two increments, each of q and p."""
     return Change(distance(head(old), head(new)), distance(tail(old), tail(new)), size(head(new)), size(tail(new)))
 
 
-@inlined
+@inline
 def unchanged(move: Change, last: Change, noise: float, eps: float) -> tuple[bool, bool]:
     """(True if a finer quadrature changed nothing, True if it changed round-off at most).
 
@@ -200,11 +200,11 @@ def _started(x, span):
 
 
 def _started_in_lanes(x, span):
-    return (size(x) < np.inf) & (span < np.inf), alike(np.inf, span), alike(0.0, span)
+    return (size(x) < np.inf) & (span < np.inf), broadcast_like(np.inf, span), broadcast_like(0.0, span)
 
 
 #: (where to iterate, the change before the first, how often it grew); not where x or ``span`` is not finite in lanes.
-started = also_in_lanes(_started, _started_in_lanes)
+started = overload_in_lanes(_started, _started_in_lanes)
 
 
 def fixed_point(sweep: Callable) -> Callable:
@@ -215,7 +215,7 @@ def fixed_point(sweep: Callable) -> Callable:
     its value while the others go on; one that is not solved becomes NaN. Sweeps of lanes are added up.
     """
 
-    @inlined
+    @inline
     def iterate(e, x, span, eps):
         active, last, growth = started(x, span)
         good = True
@@ -226,11 +226,11 @@ def fixed_point(sweep: Callable) -> Callable:
             k += 1
             active = active & fails(converged(delta, last, length, span, eps))
             if active:
-                growth = either(delta < last, growth, growth + 1.0)
+                growth = where(delta < last, growth, growth + 1.0)
                 kept = (delta < np.inf) & (growth < 2)
                 if k >= FIXED_POINT_LIMIT:
                     kept = kept & (delta <= 0.5 * last)
-                x, good = outlived(active, kept, x)
+                x, good = retire_lanes(active, kept, x)
                 active = active & kept
                 last = delta
         return x, sweeps, good
@@ -278,12 +278,12 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
     status is SOLVED if any lane is.
     """
 
-    @inlined
+    @inline
     def sweep(arguments, x, active):
         new = G(x, arguments)
-        return either(active, new, x), distance(new, x), size(new)
+        return where(active, new, x), distance(new, x), size(new)
 
-    @inlined
+    @inline
     def improve(arguments, x, span, eps, work):
         """Solve the linear equations with a difference matrix, by elimination."""
         n = len(x)
@@ -325,7 +325,7 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
         x, evaluations, _ = iterate(arguments, start, span, eps)
         return x, evaluations, 0, SOLVED if (size(x) < np.inf) & (span < np.inf) else NOT_FINITE
 
-    return also_in_lanes(solve, solve_lanes)
+    return overload_in_lanes(solve, solve_lanes)
 
 
 # -- unknowns that are rows of a memory -------------------------------------------------------------------------------
@@ -346,13 +346,13 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
       sweeps that cost as much.
     """
 
-    @inlined
+    @inline
     def to_and_fro(equations, rows, active):
         old, new = rows
         delta, length = sweep(equations, old, new)
         return (new, old), delta, length
 
-    @inlined
+    @inline
     def improve(equations, at, span, eps, work):
         """Solve the linear equations by elimination, and move the rows ``at``, ..."""
         memory, stages, n = equations.memory, equations.stages, len(equations.like)
@@ -375,7 +375,7 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
 
     iterate, newton = fixed_point(to_and_fro), newton_method(improve)
 
-    @inlined
+    @inline
     def solve(equations, at, span, eps, work):
         """Solve from the start in the rows ``at``, ...; returns (sweeps, sweeps of Newton's method, status)."""
         memory, stages, like = equations.memory, equations.stages, equations.like
@@ -398,10 +398,10 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
     return solve
 
 
-def by_rows(change: Callable) -> Callable:
+def changes_by_row(change: Callable) -> Callable:
     """Make the ``changes`` of `confirmer` from ``change(equations, x, y)``, the `Change` from a row x to a row y."""
 
-    @inlined
+    @inline
     def changes(e, old, new):
         total = Change(0.0, 0.0, 0.0, 0.0)
         for j in range(e.stages):
@@ -412,7 +412,7 @@ def by_rows(change: Callable) -> Callable:
     return changes
 
 
-@inlined
+@inline
 def single(rows: np.ndarray) -> bool:
     """True if there is one quadrature rule only; ``rows`` as of `confirmer`."""
     return rows[0] == len(rows)
@@ -433,7 +433,7 @@ def refinement(solve: Callable, sweep: Callable) -> Callable:
     unconfirmed is a fallback.
     """
 
-    @inlined
+    @inline
     def refine(e, x, span, noise, work, counts):
         rows = e.step.rows
         move = Change(np.inf, np.inf, np.inf, np.inf)
@@ -467,14 +467,14 @@ def confirmer(solve: Callable, sweep: Callable, changes: Callable) -> Callable:
     ``changes(equations, old, new)`` is the `Change` from the unknowns in the rows ``old`` to those in the rows ``new``.
     """
 
-    @inlined
+    @inline
     def solve_rows(e, at, span, work, counts):
         sweeps, newton, status = solve(e, at, span, e.step.eps, work)
         counts.gradient += (sweeps + newton) * e.step.nodes[counts.rule]
         counts.newton += min(newton, 1)
         return at, status
 
-    @inlined
+    @inline
     def sweep_rows(e, at, counts):
         sweep(e, at, at + e.stages)
         counts.gradient += e.step.nodes[counts.rule]
@@ -484,10 +484,10 @@ def confirmer(solve: Callable, sweep: Callable, changes: Callable) -> Callable:
 
     refine = refinement(solve_rows, sweep_rows)
 
-    @inlined
-    def confirmed(e, at, work, counts):
+    @inline
+    def confirm(e, at, work, counts):
         """Solve from the start in the rows ``at``, ..., by the rule ``counts.rule`` and finer ones."""
         span = size(e.q) + size(e.p)
         return refine(e, at, span, abs(e.step.h) * span, work, counts)[1]
 
-    return confirmed
+    return confirm

@@ -44,7 +44,7 @@ def complete(system, name: str) -> bool:
     return True
 
 
-def kept(name: str):
+def load(name: str):
     """The object under a name in the cache, or None where there is none that can be read."""
     content = cache.read(name)
     try:
@@ -57,7 +57,7 @@ def kept(name: str):
 def system(key: str, recipe: Callable[[], Any]):
     """The system of that key: its shell from the cache, or what the recipe makes, of which a shell is then kept."""
     entry = f"s-{key}.pickle"
-    found = kept(entry)
+    found = load(entry)
     if found is None:
         found = recipe()
         cache.write(entry, pickle.dumps(shell(found, key, recipe)))

@@ -23,7 +23,7 @@ from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.values import inplace
 
 from . import deferred, generating, singularities
-from .formula import about_time, parse
+from .formula import parse, time_hint
 
 
 def _symbols(names: Sequence[sp.Symbol | str] | str) -> tuple[sp.Symbol, ...]:
@@ -129,7 +129,7 @@ class PartitionedSystem:
         e = _expression(e)
         foreign = e.free_symbols - {*self.q, *self.p}
         if "t" in map(str, foreign):
-            raise InvalidInput(about_time(self.d + 1))
+            raise InvalidInput(time_hint(self.d + 1))
         if foreign:
             known = ", ".join(map(str, (*self.q, *self.p)))
             raise InvalidInput(
@@ -147,7 +147,7 @@ class PartitionedSystem:
     @cached_property
     def traits(self) -> dict[str, object]:
         """What methods may require or use, by name."""
-        return self.known("traits", self._traits)
+        return self.recall("traits", self._traits)
 
     def _traits(self) -> dict[str, object]:
         return {
@@ -159,7 +159,7 @@ class PartitionedSystem:
             "Kepler part": self.kepler is not None,
             "Poisson structure": self.poisson,
             "further invariants": len(self.invariants) > 0,
-            "singular distances": bool(singularities.steering(self)),
+            "singular distances": bool(singularities.steering_distances(self)),
             "elementary derivatives": self.canonical and not self.loops and self.elementary,
         }
 
@@ -180,7 +180,7 @@ class PartitionedSystem:
         """True if H = sum p_i^2 / 2 m_i + V(q)."""
         return self.quadratic_kinetic and all(e.free_symbols <= {p} for e, p in zip(self.dq, self.p, strict=True))
 
-    def known(self, name: str, find: Callable[[], object]):
+    def recall(self, name: str, find: Callable[[], object]):
         """What ``find()`` finds out about the formulae, or what the cache kept of it: something that JSON can write."""
         if not self.key:
             return find()
@@ -199,7 +199,7 @@ class PartitionedSystem:
         """Without the functions that were made ready: they are made again from the formulae, in any process."""
         return self.__dict__ | {"_functions": {}}
 
-    def made(self, kind: str, arguments, results, signature, arithmetic: str):
+    def make_function(self, kind: str, arguments, results, signature, arithmetic: str):
         """A generated function; ``results`` is a function without arguments, called only if the text is not cached."""
 
         def text(arithmetic: str) -> str:
@@ -210,7 +210,7 @@ class PartitionedSystem:
         if (kind, arithmetic) not in self._functions:
             key = f"{kind}|{self.content}"
             if self.fills:
-                key, signature, text = f"{key}|fills", inplace.signature(signature), inplace.written(text)
+                key, signature, text = f"{key}|fills", inplace.signature(signature), inplace.write_in_place(text)
             self._functions[kind, arithmetic] = codegen.function(key, text, signature, arithmetic)
         return self._functions[kind, arithmetic]
 
@@ -228,7 +228,7 @@ class PartitionedSystem:
 
         arguments = [("q", self.q), ("p", self.p), ("h", h), ("lam", lam)]
         signature = types.Tuple((T, T))(T, T, number, number)
-        return self.made(f"field-{order}", arguments, results, signature, arithmetic)
+        return self.make_function(f"field-{order}", arguments, results, signature, arithmetic)
 
     def energy(self, arithmetic: str = DOUBLE):
         """energy(q, p) -> (H, M): H is known to eps M, by the rounding of its terms and of the state."""
@@ -239,12 +239,12 @@ class PartitionedSystem:
             terms = sum(sp.Abs(t) for t in sp.Add.make_args(self.H))
             return [self.H, terms + sum(sp.Abs(x * sp.diff(self.H, x)) for x in (*self.q, *self.p))]
 
-        return self.made("energy-2", [("q", self.q), ("p", self.p)], results, signature, arithmetic)
+        return self.make_function("energy-2", [("q", self.q), ("p", self.p)], results, signature, arithmetic)
 
     @cached_property
     def constant(self) -> float:
         """The additive constant of H."""
-        return self.known("constant", lambda: float(self.H.as_coeff_Add()[0]))
+        return self.recall("constant", lambda: float(self.H.as_coeff_Add()[0]))
 
     @cached_property
     def _size(self) -> sp.Expr:
@@ -262,16 +262,16 @@ class PartitionedSystem:
 
     def observe(self, expression: Formula, Q: ArrayLike, P: ArrayLike) -> Floats:
         """The values of an expression in (q, p)."""
-        return self._along(codegen.columnwise(self._text(expression)), Q, P)
+        return self._along(codegen.load_columnwise(self._text(expression)), Q, P)
 
-    def observed(self, name: str, expression: Callable[[], Any], Q: ArrayLike, P: ArrayLike) -> Floats:
+    def evaluate(self, name: str, expression: Callable[[], Any], Q: ArrayLike, P: ArrayLike) -> Floats:
         """The values of one of the system's own expressions, which is made only if its text is not cached."""
         if not self.key:
             return self.observe(expression(), Q, P)
         if ("observed", name) not in self._functions:
             entry = f"o-{deferred.key_of(name, self.key)}.py"
             text = codegen.cached_text(entry, lambda: self._text(expression()))
-            self._functions["observed", name] = codegen.columnwise(text)
+            self._functions["observed", name] = codegen.load_columnwise(text)
         return self._along(self._functions["observed", name], Q, P)
 
     def _text(self, expression) -> str:
@@ -298,27 +298,27 @@ class PartitionedSystem:
 
     def energies(self, Q: ArrayLike, P: ArrayLike) -> Floats:
         """H."""
-        return self.observed("energy", lambda: self.H, Q, P)
+        return self.evaluate("energy", lambda: self.H, Q, P)
 
     def distances(self, Q: Any, P: Any) -> Floats:
         """The sizes of the distances to the singularities, an array (singularities, n)."""
-        found = [self.observed(f"distance {k}", lambda k=k: self.singular[k], Q, P) for k in range(self.singularities)]
+        found = [self.evaluate(f"distance {k}", lambda k=k: self.singular[k], Q, P) for k in range(self.singularities)]
         return np.abs(found).reshape(self.singularities, len(Q))
 
     def rates(self, Q: Any, P: Any) -> Floats:
         """y' = (q', p'), an array (2 d, n)."""
         names = [(f"d{x}{k}", x, k) for x in "qp" for k in range(self.d)]
         sides = {"q": lambda k: self.dq[k], "p": lambda k: self.dp[k]}
-        return np.array([self.observed(name, partial(sides[x], k), Q, P) for name, x, k in names])
+        return np.array([self.evaluate(name, partial(sides[x], k), Q, P) for name, x, k in names])
 
     def scale(self, Q: ArrayLike, P: ArrayLike) -> Floats:
         """The size of H's terms."""
-        return self.observed("size", lambda: self._size, Q, P)
+        return self.evaluate("size", lambda: self._size, Q, P)
 
     def speed(self, Q: ArrayLike, P: ArrayLike) -> Floats:
         """The Euclidean norm of dq/dt."""
         with np.errstate(all="ignore"):
-            return np.sqrt(sum(self.observed(f"dq{k}", lambda k=k: self.dq[k], Q, P) ** 2 for k in range(self.d)))
+            return np.sqrt(sum(self.evaluate(f"dq{k}", lambda k=k: self.dq[k], Q, P) ** 2 for k in range(self.d)))
 
     def vector_field(self, arithmetic: str = DOUBLE):
         """y -> y' on arrays y = (q, p) of shape (2 d,), for solvers from elsewhere."""
@@ -332,12 +332,12 @@ class PartitionedSystem:
         return f
 
 
-def _flat(given) -> list:
+def _flatten(given) -> list:
     """The single things among things and sequences of them."""
     return [y for x in given for y in (x if isinstance(x, (tuple, list)) else [x])]
 
 
-def _derived(given: dict) -> Hamiltonian:
+def _derive_system(given: dict) -> Hamiltonian:
     """The system of formulae as text, derived."""
     system = Hamiltonian.__new__(Hamiltonian)
     system._derive(**given)
@@ -395,11 +395,11 @@ class Hamiltonian(PartitionedSystem):
     ):
         given = {"q": q, "p": p, "H": H, "invariants": invariants}
         given |= {} if singular is None else {"singular": singular}
-        text = all(isinstance(x, str) for x in _flat(given.values())) and type(self) is Hamiltonian
+        text = all(isinstance(x, str) for x in _flatten(given.values())) and type(self) is Hamiltonian
         if not text or frequencies or kepler is not None:
             self._derive(**given, frequencies=frequencies, kepler=kepler)
         else:
-            vars(self).update(vars(deferred.system(deferred.key_of(given), partial(_derived, given))))
+            vars(self).update(vars(deferred.system(deferred.key_of(given), partial(_derive_system, given))))
 
     def _derive(self, *, q, p, H, singular=None, invariants=(), frequencies=(), kepler=None) -> None:
         """Make the system of the formulae."""
@@ -484,14 +484,14 @@ class Hamiltonian(PartitionedSystem):
         if self.unit_mass:
             return None
         T = codegen.value_type(self.d, self.fills)
-        return self.made(
+        return self.make_function(
             "grad_T", [("p", self.p)], lambda: [[sp.diff(self.kinetic, x) for x in self.p]], T(T), arithmetic
         )
 
     def grad_V(self, arithmetic: str = DOUBLE):
         """q -> grad V(q) of a separable H."""
         T = codegen.value_type(self.d, self.fills)
-        return self.made(
+        return self.make_function(
             "grad_V", [("q", self.q)], lambda: [[sp.diff(self.potential, x) for x in self.q]], T(T), arithmetic
         )
 
@@ -505,7 +505,7 @@ class Hamiltonian(PartitionedSystem):
     def grad_U(self, arithmetic: str = DOUBLE):
         """q -> grad U(q) of a system with a fast linear part."""
         T = codegen.value_type(self.d)
-        return self.made(
+        return self.make_function(
             f"grad_U {self.frequencies}",
             [("q", self.q)],
             lambda: [[sp.diff(self.slow_potential, x) for x in self.q]],

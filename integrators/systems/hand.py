@@ -52,7 +52,7 @@ def part(loop: Callable) -> Callable:
     return register_jitable(**vector.COMMON)(loop)
 
 
-def of_unit_masses(force: Callable) -> Callable:
+def unit_mass_field(force: Callable) -> Callable:
     """The loop of the field (p, -grad V), of a loop that writes -grad V."""
     force = part(force)
 
@@ -65,14 +65,14 @@ def of_unit_masses(force: Callable) -> Callable:
 
 
 @lru_cache(maxsize=256)
-def _compiled(name: str, loop: Callable, constants: tuple[float, ...], fills: bool, d: int):
+def _compile(name: str, loop: Callable, constants: tuple[float, ...], fills: bool, d: int):
     """The loop of that name compiled for these constants, once in a process."""
     source = Path(inspect.getfile(loop)).read_bytes()  # of helpers too
     content = f"{loop.__qualname__}|{constants}|{hashlib.sha256(source).hexdigest()}"
     signature = SIGNATURES[name](codegen.value_type(d))
-    made, writes = _as_asked(loop(*constants), len(signature.args), fills)
+    made, writes = _adapt(loop(*constants), len(signature.args), fills)
     options = vector.TUPLES if fills and writes else vector.ARRAYS  # a loop that writes need not allocate
-    return machine.compiled(
+    return machine.load_or_compile(
         made, inplace.signature(signature) if fills else signature, options, f"loop {fills}|{content}"
     )
 
@@ -86,7 +86,7 @@ SIGNATURES = {
 }
 
 
-def _as_asked(loop: Callable, given: int, fills: bool) -> tuple[Callable, bool]:
+def _adapt(loop: Callable, given: int, fills: bool) -> tuple[Callable, bool]:
     """A loop of so many arguments as one that writes its results, or as one that returns them; whether it writes."""
     writes = len(inspect.signature(loop).parameters) > given
     if writes == fills:
@@ -114,12 +114,12 @@ def _as_asked(loop: Callable, given: int, fills: bool) -> tuple[Callable, bool]:
     return (writing_field if fills else returning_field), writes
 
 
-def plain(name: str, loop: Callable, constants) -> Callable:
+def uncompiled_loop(name: str, loop: Callable, constants) -> Callable:
     """The loop of that name for these constants, not compiled, as one that returns its results."""
-    return _as_asked(loop(*constants), len(SIGNATURES[name](types.float64).args), False)[0]
+    return _adapt(loop(*constants), len(SIGNATURES[name](types.float64).args), False)[0]
 
 
-class Unwritten:
+class MissingFormula:
     """In the place of H where a system has loops and no formula."""
 
     def _sympy_(self):
@@ -190,7 +190,7 @@ class HandHamiltonian(Hamiltonian):
         missing = [name for name in ("energy", "field") if name not in loops]
         if missing:
             raise InvalidInput(f"the loop '{missing[0]}' is missing; there are {', '.join(sorted(loops)) or 'none'}")
-        self.H, self.loops, self.constants = Unwritten() if H is None else H, loops, tuple(constants)
+        self.H, self.loops, self.constants = MissingFormula() if H is None else H, loops, tuple(constants)
         self.singular, self.softened = tuple(singular), ()
         self.invariants, self.kepler = tuple(invariants), None
         self.frequencies = tuple(sp.sympify(w) for w in frequencies)
@@ -209,11 +209,11 @@ class HandHamiltonian(Hamiltonian):
         return tuple(-sp.diff(self.H, x) for x in self.q)
 
     def _loop(self, name: str, arithmetic: str):
-        constants = tuple(codegen.exactly(c, arithmetic) for c in self.constants)
+        constants = tuple(codegen.to_number(c, arithmetic) for c in self.constants)
         if arithmetic == DOUBLE and codegen.compiled():
-            return _compiled(name, self.loops[name], constants, self.fills, self.d)
+            return _compile(name, self.loops[name], constants, self.fills, self.d)
         if ("loop", name, arithmetic) not in self._functions:
-            self._functions["loop", name, arithmetic] = plain(name, self.loops[name], constants)
+            self._functions["loop", name, arithmetic] = uncompiled_loop(name, self.loops[name], constants)
         return self._functions["loop", name, arithmetic]
 
     def field(self, arithmetic: str = DOUBLE, order: int = 1):
@@ -235,7 +235,7 @@ class HandHamiltonian(Hamiltonian):
     @cached_property
     def constant(self) -> float:
         """The additive constant of H; none is known of loops alone."""
-        return 0.0 if isinstance(self.H, Unwritten) else super().constant
+        return 0.0 if isinstance(self.H, MissingFormula) else super().constant
 
     def speed(self, Q, P):
         """By the loop of the field."""

@@ -74,7 +74,7 @@ class Division:
         if int(self.N) != self.N or self.N < 3 or not self.dx > 0:
             raise InvalidInput(f"{self.N} cells of width {self.dx}: at least 3 of positive width are needed")
 
-    def lifted(self, y):
+    def lift(self, y):
         """Z = (y, D y) of arrays (..., N, n - k)."""
         return np.concatenate([y, self.slope(y[..., : self.equation.slopes])], axis=-1)
 
@@ -93,7 +93,7 @@ class Division:
     def field(self, y):
         """y_t of an array (N, n - k)."""
         inverse, L = self._parts
-        z = self.lifted(y)
+        z = self.lift(y)
         force = self.equation.gradient(z)[..., : y.shape[-1]] - self.back(z[..., y.shape[-1] :]) @ L.T
         return force @ inverse.T
 
@@ -101,7 +101,7 @@ class Division:
         """The derivative of `field`, array (N (n - k), N (n - k))."""
         m, k = self.equation.moving, self.equation.slopes
         inverse, L = self._parts
-        local = inverse @ self.equation.hessian(self.lifted(y))[:, :m, :m]
+        local = inverse @ self.equation.hessian(self.lift(y))[:, :m, :m]
         full = np.einsum("ij,ab->iajb", self._second, -inverse @ L @ np.eye(k, m))
         cells = np.arange(self.N)
         full[cells, :, cells, :] += local
@@ -113,7 +113,7 @@ class Division:
 
     def total_energy(self, y) -> float:
         """The sum of the energy density over the cells, times their width."""
-        return float(self.energy(self.lifted(y)).sum() * self.dx)
+        return float(self.energy(self.lift(y)).sum() * self.dx)
 
 
 class Box(Division):

@@ -78,7 +78,7 @@ class PoissonSystem(PartitionedSystem):
         h, lam = sp.symbols("h lam")
         arguments = [("q", self.q), ("p", self.p), ("h", h), ("lam", lam)]
         signature = types.Tuple((T, T))(T, T, number, number)
-        return self.made(
+        return self.make_function(
             "gradient",
             arguments,
             lambda: [[sp.diff(self.H, x) for x in self.q], [sp.diff(self.H, x) for x in self.p]],
@@ -97,4 +97,4 @@ class PoissonSystem(PartitionedSystem):
 
         arguments = [("q", self.q), ("p", self.p), ("a", a), ("b", b)]
         kind = f"structure {sp.srepr(self.B)}"
-        return self.made(kind, arguments, results, types.Tuple((T, T))(T, T, T, T), arithmetic)
+        return self.make_function(kind, arguments, results, types.Tuple((T, T))(T, T, T, T), arithmetic)

@@ -48,7 +48,7 @@ def find(H: sp.Expr, coordinates: Sequence[sp.Symbol], momenta: Sequence[sp.Symb
 
 def unsearched(system) -> bool:
     """True if H may have singular distances that nobody looked for: a base has more operations than `LONGEST`."""
-    if not system.canonical or system.loops or steering(system):
+    if not system.canonical or system.loops or steering_distances(system):
         return False
     return any(map(_too_long, _bases(system.H, {*system.q}, {*system.p})))
 
@@ -57,7 +57,7 @@ def _too_long(base: sp.Expr) -> bool:
     return sp.count_ops(base) > LONGEST
 
 
-def steering(system) -> tuple:
+def steering_distances(system) -> tuple:
     """The distances that steps follow: those that vanish and those that are softened."""
     return (*system.singular, *system.softened)
 

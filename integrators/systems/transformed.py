@@ -20,7 +20,7 @@ from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 
 from .hamiltonian import Hamiltonian
-from .singularities import size, steering
+from .singularities import size, steering_distances
 
 
 def distance_scale(system) -> sp.Expr:
@@ -28,7 +28,7 @@ def distance_scale(system) -> sp.Expr:
 
     Raises InvalidInput where it declares none as formulae.
     """
-    distances = steering(system)
+    distances = steering_distances(system)
     if not distances or not all(isinstance(r, sp.Expr) for r in distances):
         raise InvalidInput("the system has no distances to singularities as formulae; give the scale of time")
     return 1 / sp.sqrt(sum(size(r) ** -3 for r in distances))

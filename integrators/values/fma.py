@@ -11,7 +11,7 @@ from __future__ import annotations
 from numba import types
 from numba.extending import intrinsic, overload
 
-from .lanes import OPTIONS, Lanes, call, spread
+from .lanes import OPTIONS, Lanes, broadcast, call
 
 
 def fma(a, x, y):
@@ -30,7 +30,7 @@ def _emit(name, signature, context, builder, arguments):
     if not isinstance(lanes, Lanes):
         return call(builder, name, 0, *arguments)
     given = zip(arguments, signature.args, strict=True)
-    return call(builder, name, lanes.n, *(spread(context, builder, v, t, lanes.n) for v, t in given))
+    return call(builder, name, lanes.n, *(broadcast(context, builder, v, t, lanes.n) for v, t in given))
 
 
 def _signature(a, x, y):

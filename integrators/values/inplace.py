@@ -24,7 +24,7 @@ def signature(returning):
     return types.none(*returning.args, *many)
 
 
-def written(build: Callable[[str], str]) -> Callable[[str], str]:
+def write_in_place(build: Callable[[str], str]) -> Callable[[str], str]:
     """Wrap ``build``, which writes the text of a function that ends in ``return value((...)), ...``.
 
     The text that the wrapped function writes stores these values into further arguments ``out0``, ``out1``, ...

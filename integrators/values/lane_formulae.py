@@ -61,9 +61,9 @@ def function(
             [
                 "from phasebench.integrators.values.elementary import cos, cosh, exp, sin, sinh, sqrt, tanh",
                 "from phasebench.integrators.values.lanes import put, take",
-                "from phasebench.integrators.values.vector import inlined",
+                "from phasebench.integrators.values.vector import inline",
                 f"LIKE = {(0.0,) * n}",
-                f"@inlined\n{formula.replace('value((', '((')}",
+                f"@inline\n{formula.replace('value((', '((')}",
                 f"def f(B):\n    {unpacked}= g({', '.join(values)})",
                 *(f"    put(B, {rows + k}, g_{k}, LIKE)" for k in range(len(expressions))),
                 "",

@@ -49,7 +49,7 @@ class _Model(models.PrimitiveModel):
         super().__init__(manager, lanes, ir.VectorType(NUMBER, lanes.n))
 
 
-def spread(context, builder, value, kind, n: int):
+def broadcast(context, builder, value, kind, n: int):
     """Emit a scalar, or lanes, as an LLVM vector of n doubles."""
     if isinstance(kind, Lanes):
         return value
@@ -87,7 +87,7 @@ def _operator(function, instruction: str) -> None:
     def lower(context, builder, sig, args):
         n = sig.return_type.n
         return getattr(builder, instruction)(
-            *(spread(context, builder, x, t, n) for x, t in zip(args, sig.args, strict=True))
+            *(broadcast(context, builder, x, t, n) for x, t in zip(args, sig.args, strict=True))
         )
 
     kinds = (types.Float, types.Integer)
@@ -171,7 +171,7 @@ def _put(typing_context, table, row, x, like):
 
     def codegen(context, builder, sig, args):
         n = like.count
-        vector = spread(context, builder, args[2], x, n)
+        vector = broadcast(context, builder, args[2], x, n)
         builder.store(vector, _row_address(context, builder, table, args[0], args[1], n), align=8)
         return context.get_dummy_value()
 
@@ -194,8 +194,8 @@ def _combine(typing_context, x, y, factor, table, row, like):
             old = sums[j % 2]
             sums[j % 2] = term if old is None else builder.fadd(old, term, flags=FUSED)
         whole = sums[0] if sums[1] is None else builder.fadd(*sums, flags=FUSED)
-        factors = spread(context, builder, args[2], factor, n)
-        start = spread(context, builder, args[0], x, n)
+        factors = broadcast(context, builder, args[2], factor, n)
+        start = broadcast(context, builder, args[0], x, n)
         return builder.fadd(start, builder.fmul(factors, whole, flags=FUSED), flags=FUSED)
 
     return Lanes(y.n)(x, y, factor, table, types.intp, like), codegen
@@ -215,7 +215,7 @@ def _polynomial(typing_context, coefficients, z, like):
 
         def coefficient(k):
             if isinstance(coefficients, types.UniTuple):
-                return spread(context, builder, builder.extract_value(args[0], k), types.float64, n)
+                return broadcast(context, builder, builder.extract_value(args[0], k), types.float64, n)
             return builder.shuffle_vector(args[0], args[0], ir.VectorType(ir.IntType(32), n)([k] * n))
 
         terms, power = [coefficient(k) for k in range(like.count)], args[1]

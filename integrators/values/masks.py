@@ -23,7 +23,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, lower_cast, overload, register_model
 
 from . import elementary
-from .lanes import OPTIONS, Lanes, spread
+from .lanes import OPTIONS, Lanes, broadcast
 from .vector import PLACES, scale
 
 
@@ -60,7 +60,7 @@ def _broadcast(context, builder, kind, lanes, value):
     """Convert a scalar to lanes."""
     if isinstance(kind, types.IntegerLiteral):
         kind, value = types.float64, context.get_constant(types.float64, float(kind.literal_value))
-    return spread(context, builder, value, kind, lanes.n)
+    return broadcast(context, builder, value, kind, lanes.n)
 
 
 # -- conditions -------------------------------------------------------------------------------------------------------
@@ -126,7 +126,7 @@ def count(typingctx, mask):
 
 
 @intrinsic
-def alike(typingctx, number, lanes):
+def broadcast_like(typingctx, number, lanes):
     """The scalar in every lane, of the type of ``lanes``."""
 
     def codegen(context, builder, sig, args):
@@ -176,7 +176,7 @@ def select(typingctx, mask, a, b):
     return kind(mask, kind, kind), codegen
 
 
-def either(condition, a, b):
+def where(condition, a, b):
     """a if the condition holds, else b, lane by lane; a and b are numbers or tuples of them."""
     return a if condition else b
 
@@ -191,7 +191,7 @@ def fails(condition):
     return not condition
 
 
-def outlived(going, kept, x):
+def retire_lanes(going, kept, x):
     """(x, True if work is left): set the lanes of x that are ``going`` and not ``kept`` to NaN; the others go on."""
     return x, kept
 
@@ -204,10 +204,10 @@ def _overload_for_masks(function, in_lanes) -> None:
     overload(function, jit_options=OPTIONS)(namespace["typed"])
 
 
-_overload_for_masks(either, lambda condition, a, b: select(condition, a, b))
+_overload_for_masks(where, lambda condition, a, b: select(condition, a, b))
 _overload_for_masks(number, lambda condition: count(condition))
 _overload_for_masks(fails, lambda condition: ~condition)
-_overload_for_masks(outlived, lambda going, kept, x: (select(going & ~kept, scale(np.nan, x), x), True))
+_overload_for_masks(retire_lanes, lambda going, kept, x: (select(going & ~kept, scale(np.nan, x), x), True))
 
 
 # -- functions of formulae ---------------------------------------------------------------------------------------------
@@ -246,7 +246,7 @@ def _with_lane(typingctx, x, i, value):
     return x(x, types.intp, types.float64), codegen
 
 
-def lane_by_lane(function) -> None:
+def overload_lane_by_lane(function) -> None:
     """Overload a function of one number for lanes, by calling it for each."""
 
     @overload(function, jit_options=OPTIONS)
@@ -271,7 +271,7 @@ for _function in (
     math.acos,
     math.atan,
 ):
-    lane_by_lane(_function)
+    overload_lane_by_lane(_function)
 
 
 @overload(operator.pow, jit_options=OPTIONS)
@@ -295,7 +295,7 @@ def holds_lanes(arguments) -> bool:
     return any(isinstance(getattr(a, "dtype", a), Lanes) for a in arguments)
 
 
-def also_in_lanes(scalar, in_lanes):
+def overload_in_lanes(scalar, in_lanes):
     """Return the operation of these two functions: ``in_lanes`` if an argument is in lanes, else ``scalar``."""
     names = ", ".join(inspect.signature(scalar).parameters)
     namespace = {"__name__": __name__, "scalar": scalar, "in_lanes": in_lanes, "holds_lanes": holds_lanes}

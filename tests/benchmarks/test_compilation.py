@@ -64,7 +64,7 @@ def break_compilation(monkeypatch):
     """A function that makes the compilation of the named families fail, or of all families without a name."""
 
     def break_(*families: str) -> None:
-        compile_ = kernel._compiled
+        compile_ = kernel._compile
 
         def broken(prepared, d):
             family = prepared.run.__module__.rpartition(".")[2]
@@ -72,7 +72,7 @@ def break_compilation(monkeypatch):
                 raise AttributeError(f"{WHY}\nand a second line")
             return compile_(prepared, d)
 
-        monkeypatch.setattr(kernel, "_compiled", broken)
+        monkeypatch.setattr(kernel, "_compile", broken)
 
     return break_
 

@@ -96,7 +96,7 @@ def test_equation_holds_at_the_stages(name, id):
     k = equation.slopes
     (step,) = run(equation, chosen, y, dx, 0.02, 1)
     for Y, T in zip(step.Y, step.T, strict=True):
-        z, rate = space.lifted(Y), space.lifted(T)
+        z, rate = space.lift(Y), space.lift(T)
         z_x = np.concatenate([space.slope(z[:, :-k]), space.back(z[:, -k:])], axis=1)
         rest = rate @ equation.K.T + z_x @ equation.L.T - equation.gradient(z)
         assert np.abs(rest).max() < 1e-12

@@ -89,7 +89,7 @@ def test_warm_integration_imports_no_heavy_package():
 
 COMPILED = """
 from phasebench.integrators.compile import machine
-missed, load = [], machine._made
+missed, load = [], machine._compile
 
 def watched(f, *about):
     made = load(f, *about)
@@ -97,7 +97,7 @@ def watched(f, *about):
         missed.append(f"{f.__module__}.{f.__qualname__}")
     return made
 
-machine._made = watched
+machine._compile = watched
 for name, method in RUNS:
     pb.prepare(name, method)(0.001, 3)
 states = [[0.1, k / 640] for k in range(64)]

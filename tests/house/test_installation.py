@@ -29,7 +29,7 @@ from pathlib import Path
 assert Path(pb.__file__).is_relative_to({site!r}), pb.__file__
 s = pb.integrate("pendulum", "stormer-verlet", h=0.1, t_end=1)
 assert s.status == "ok"
-assert coefficients.polished("pefrl")
+assert coefficients.polished_numbers("pefrl")
 assert bibliography.cited(["pefrl", "pendulum"])
 assert stored.find(pb.problem("pendulum")).ends
 assert all(len(error_tables.load(s.id)[0]) for s in SCENES)

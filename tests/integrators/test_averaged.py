@@ -110,7 +110,7 @@ def test_systems_without_lanes_take_nodes_one_by_one():
 
 def test_lanes_serve_from_three_nodes_on(monkeypatch):
     """Two nodes are exact for a polynomial of degree 4, three for degree 6."""
-    monkeypatch.setattr(averaged, "in_lanes", lambda system: True)
+    monkeypatch.setattr(averaged, "compiles_in_lanes", lambda system: True)
     served = [averaged.serves(of(f"p1**2/2 + p2**2/2 + q1**{n} + q1*q2"), DOUBLE) for n in (2, 4, 5, 6)]
     assert served == [False, False, True, True]
 

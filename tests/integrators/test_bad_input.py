@@ -24,7 +24,7 @@ from phasebench.integrators.driver import (
     UNSTABLE,
     integrate,
 )
-from phasebench.integrators.errors import InvalidInput, unknown
+from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.registry import METHODS, method
 from phasebench.integrators.request import grid
 from phasebench.integrators.systems.formula import FUNCTIONS, parse
@@ -49,7 +49,7 @@ def test_an_unknown_name_lists_the_known_ones():
     with pytest.raises(InvalidInput, match=r"known are .*, avf, .* more \(`phasebench list`\)"):
         method("qqqqqqqqqq")
     with pytest.raises(InvalidInput, match=r"known are one, two$"):
-        raise unknown("number", "qqqqqqqqqq", ["two", "one"])
+        raise unknown_name("number", "qqqqqqqqqq", ["two", "one"])
 
 
 @pytest.mark.parametrize("record", METHODS, ids=lambda m: m.id)

@@ -11,7 +11,7 @@ from numba import njit
 
 from phasebench.integrators.compile import codegen
 from phasebench.integrators.stepping import banded
-from phasebench.integrators.stepping.banded import Room, band_of, band_solver, columns, forget, forgotten, substitute
+from phasebench.integrators.stepping.banded import Room, band_of, band_solver, columns, forget, is_stale, substitute
 from phasebench.integrators.stepping.solve import NOT_FINITE, SOLVED, STALLED
 from support.values import value
 
@@ -125,7 +125,7 @@ def test_linear_equations_need_one_matrix(seed, unit):
     colours = len(made.band.owner)
     assert colours == 5
     assert colours + 2 <= evaluations <= colours + 5
-    assert not forgotten(made.work, made.AT, columns(made.band))
+    assert not is_stale(made.work, made.AT, columns(made.band))
     again, fewer, status = made.solved()
     assert status == SOLVED
     np.testing.assert_allclose(again / scales, exact / scales, rtol=0, atol=1e-12 * np.abs(exact / scales).max())
@@ -195,7 +195,7 @@ def test_unsolvable_equations_drop_their_matrix():
     made = Made(M=np.eye(N), bend=1.0, c=np.ones(N))
     _, evaluations, status = made.solved(start=0.3)
     assert status in (STALLED, NOT_FINITE)
-    assert forgotten(made.work, made.AT, columns(made.band))
+    assert is_stale(made.work, made.AT, columns(made.band))
     assert evaluations > 25
 
 
@@ -203,7 +203,7 @@ def test_a_singular_matrix_is_not_solved():
     made = Made(M=np.eye(N), c=np.ones(N))
     _, evaluations, status = made.solved()
     assert status == STALLED
-    assert forgotten(made.work, made.AT, columns(made.band))
+    assert is_stale(made.work, made.AT, columns(made.band))
     assert evaluations == 2 * (1 + len(made.band.owner)), "each of the two ways has seen it"
 
 
@@ -212,7 +212,7 @@ def test_an_overflow_is_reported_as_not_finite():
     made = Made(first=2.0**1000, unit=2.0**1000, c=1.7e308 * np.array([1, -1, 1, -1, 1, -1]))
     with np.errstate(all="ignore"):
         assert made.solved()[2] == NOT_FINITE
-    assert forgotten(made.work, made.AT, columns(made.band))
+    assert is_stale(made.work, made.AT, columns(made.band))
 
 
 def test_full_newton_takes_over_from_simplified_newton():

@@ -287,7 +287,7 @@ LENGTHS = (0.1, 0.0987654321, 0.1234567891, 0.5000000001, 0.9999999999, 7.0 / 3,
 
 @pytest.mark.parametrize("s", range(2, 9))
 def test_weights_of_lanes_add_up_to_the_step(s):
-    step = gauss_lanes.laned(s, SYSTEMS["henon-heiles"]()[0], codegen.DOUBLE)
+    step = gauss_lanes.build_lanes(s, SYSTEMS["henon-heiles"]()[0], codegen.DOUBLE)
     for h in LENGTHS:
         table = np.ones((1, len(step.like)))
         write_weights(step, h, table)
@@ -329,7 +329,7 @@ def test_the_phase_error_has_no_bias(monkeypatch, lanes):
     monkeypatch.setattr("phasebench.integrators.compile.preparation.ENABLED", False)
     if not lanes:
         monkeypatch.setattr(gauss_lanes, "serves", lambda s, system: False)
-    laned = gauss_lanes.laned
+    laned = gauss_lanes.build_lanes
 
     def spoiled(*arguments):
         step = laned(*arguments)
@@ -340,7 +340,7 @@ def test_the_phase_error_has_no_bias(monkeypatch, lanes):
     assert phase_error("gauss-4") < 4
     with monkeypatch.context() as patch:
         if lanes:
-            patch.setattr(gauss_lanes, "laned", spoiled)
+            patch.setattr(gauss_lanes, "build_lanes", spoiled)
         else:
             patch.setattr(tableaus, "rounded_weights", lambda b, unit: b)
         tableaus.tableau.cache_clear()
@@ -383,7 +383,7 @@ def quadratic(name):
 
 def stages(id, name, h=0.5):
     """(equations of a step with random increments, index of their first row); the rows before are filled with 9."""
-    prepared = collocation.stage_by_stage(BY_ID[id], quadratic(name), codegen.DOUBLE)
+    prepared = collocation.prepare_stage_by_stage(BY_ID[id], quadratic(name), codegen.DOUBLE)
     step, s, at = prepared.step._replace(h=h, eps=EPS), prepared.stages, 3 * prepared.stages
     memory, q, p = np.full((at + 3 * s, prepared.width), 9.0), value(0.7, -0.2), value(0.4, 1.1)
     memory[at : at + s] = np.random.default_rng(s).normal(size=(s, prepared.width))

@@ -6,7 +6,7 @@ import pytest
 
 from phasebench.benchmarks.measure.battery import SYSTEMS
 from phasebench.integrators.driver import integrate
-from phasebench.integrators.records.projection import projected
+from phasebench.integrators.records.projection import projection_method
 from support import counts, stiff
 
 
@@ -60,7 +60,7 @@ def test_iterations_are_evaluations_of_implicit_methods(counts_of, label):
 def test_a_projection_counts_iterations_like_its_base(base):
     for name in ("henon-heiles", "coupled"):
         system, q, p = SYSTEMS[name]()
-        told = [integrate(system, m, h=counts.H, steps=3, q0=q, p0=p).counts for m in (base, projected(base))]
+        told = [integrate(system, m, h=counts.H, steps=3, q0=q, p0=p).counts for m in (base, projection_method(base))]
         assert told[1]["gradient"] > told[0]["gradient"]
         assert {bool(of["iterations"]) for of in told} == {told[0]["iterations"] > 0}
 

@@ -21,7 +21,7 @@ from phasebench.integrators.families import averaged, discrete_gradient
 from phasebench.integrators.families.averaged import coupled
 from phasebench.integrators.record import ROUND_OFF
 from phasebench.integrators.registry import METHODS, method
-from phasebench.integrators.stepping.kernel import fixed, prepare
+from phasebench.integrators.stepping.kernel import freeze, prepare
 from phasebench.integrators.systems.hamiltonian import Hamiltonian
 from support.values import value
 
@@ -123,7 +123,7 @@ def test_control_a_perturbed_weight_breaks_the_identity(id):
 def test_control_a_block_left_out_breaks_the_identity():
     def spoil(step):
         assert list(step.blocks) == [4]
-        return step._replace(blocks=fixed([3]).astype(step.blocks.dtype))
+        return step._replace(blocks=freeze([3]).astype(step.blocks.dtype))
 
     found, difference = product("itoh-abe", "coupled", 0, spoil)
     assert abs(found - difference) > 1e-3

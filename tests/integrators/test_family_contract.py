@@ -32,7 +32,7 @@ def step(method, y, orbit, counts):
     last_q, last_p = method.field(q, p, method.h, 0.0)
     counts.gradient += 2
     half = 0.5 * method.h
-    return advanced(y, scale(half, plus(first_q, last_q)), scale(half, plus(first_p, last_p))), SOLVED
+    return update(y, scale(half, plus(first_q, last_q)), scale(half, plus(first_p, last_p))), SOLVED
 
 run = loop(step)
 IN_LANES = True

@@ -35,14 +35,14 @@ def fma(a, v, y):
 @numba.njit(**vector.ARRAYS)
 def in_arrays(x, c, v):
     """Apply the sums in place, on arrays."""
-    vector.moved(x, c, A, v)
+    vector.add_product_in_place(x, c, A, v)
 
 
 @numba.njit
 def in_tuples(x, c, v):
     """Apply the sums in place, in tuples of two."""
     for i in range(0, len(x), 2):
-        s, r = vector.moved((x[i], x[i + 1]), (c[i], c[i + 1]), A, (v[i], v[i + 1]))
+        s, r = vector.add_product_in_place((x[i], x[i + 1]), (c[i], c[i + 1]), A, (v[i], v[i + 1]))
         x[i], x[i + 1] = s
         c[i], c[i + 1] = r
 
@@ -50,7 +50,7 @@ def in_tuples(x, c, v):
 @numba.njit
 def _rows(x, c, v):
     for i in range(len(x)):
-        s, r = vector.moved((take(x, i, LIKE),), (take(c, i, LIKE),), A, (take(v, i, LIKE),))
+        s, r = vector.add_product_in_place((take(x, i, LIKE),), (take(c, i, LIKE),), A, (take(v, i, LIKE),))
         put(x, i, s[0], LIKE)
         put(c, i, r[0], LIKE)
 

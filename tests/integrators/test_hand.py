@@ -13,8 +13,8 @@ import sympy as sp
 from phasebench.benchmarks.problems import fpu, problem, toda
 from phasebench.benchmarks.problems.user_file import load
 from phasebench.integrators import Hamiltonian, InvalidInput, integrate
-from phasebench.integrators.compile.codegen import MULTIPRECISION, TUPLE_LIMIT, exactly, precision, vector
-from phasebench.integrators.systems.hand import HandHamiltonian, of_unit_masses, plain
+from phasebench.integrators.compile.codegen import MULTIPRECISION, TUPLE_LIMIT, precision, to_number, vector
+from phasebench.integrators.systems.hand import HandHamiltonian, uncompiled_loop, unit_mass_field
 
 PATH = str(Path(__file__).parents[2] / "examples" / "problems" / "chain.py")
 CHAIN = load(PATH)
@@ -35,9 +35,9 @@ def chain(N, k):
 
 def values(module, constants, q, p, arithmetic="double"):
     """Values (q', p', grad V, H, size of H) of the loops at a state, run as Python."""
-    of = [exactly(c, arithmetic) for c in constants]
+    of = [to_number(c, arithmetic) for c in constants]
     H, M = module.energy(*of)(q, p)
-    field, grad_V = (plain(name, getattr(module, name), of) for name in ("field", "grad_V"))
+    field, grad_V = (uncompiled_loop(name, getattr(module, name), of) for name in ("field", "grad_V"))
     return np.concatenate([*field(q, p, 0.0, 0.0), grad_V(q), [H, M]])
 
 
@@ -105,7 +105,7 @@ def springs_that_write():
 
         return f
 
-    return {"field": lambda k: of_unit_masses(grad_V(-k)), "grad_V": grad_V}
+    return {"field": lambda k: unit_mass_field(grad_V(-k)), "grad_V": grad_V}
 
 
 def springs_energy(k):

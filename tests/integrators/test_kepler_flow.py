@@ -14,7 +14,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, exactly, precision, vector
+from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, precision, to_number, vector
 from phasebench.integrators.stepping import kepler_flow
 from phasebench.integrators.stepping.kernel import array
 
@@ -47,7 +47,7 @@ def flow(q, v, h, arithmetic=DOUBLE, mu=1, mass=1, spoil=None):
         spoil(table)
     X = array([q, [mass * x for x in v], [0] * len(q), [0] * len(q)], arithmetic)
     eps = mpmath.mp.eps if arithmetic == MULTIPRECISION else EPS
-    numbers = (exactly(x, arithmetic) for x in (mass, mu, h, eps))
+    numbers = (to_number(x, arithmetic) for x in (mass, mu, h, eps))
     kepler_flow.advance(X, 0, len(q), *numbers, table)
     return X
 
@@ -71,7 +71,7 @@ def measured_in_40_digits():
         error = max(abs(a - b) for a, b in zip((*X[0], *X[1]), vector([*end, *velocity]), strict=True)) / size
 
         q, v, h = doubles(e, A, change)
-        small = exactly(Fraction(1, 10**20), MULTIPRECISION)
+        small = to_number(Fraction(1, 10**20), MULTIPRECISION)
         Y = flow(q, v, h, MULTIPRECISION)
         near = [flow([x * (1 + small) for x in q], v, h, MULTIPRECISION), flow(q, v, h * (1 + small), MULTIPRECISION)]
         near.append(flow(q, [x * (1 + small) for x in v], h, MULTIPRECISION))

@@ -25,7 +25,7 @@ LANES = 8
 
 @njit(**TUPLES)
 def _advance(step, h, steps, memory):
-    at = planet_lanes._placed(step, planet_lanes._opened(memory, step.like).y)
+    at = planet_lanes._add_distances(step, planet_lanes._read_state(memory, step.like).y)
     for _ in range(steps):
         at = planet_lanes._drift(step, at, h, memory)
     planet_lanes._save(memory, at, step.like)

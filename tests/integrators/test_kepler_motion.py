@@ -15,7 +15,7 @@ from phasebench.integrators.stepping import kepler_flow, kepler_lanes
 from phasebench.integrators.stepping.kernel import array
 from phasebench.integrators.values.lanes import put, take
 from phasebench.integrators.values.masks import select
-from phasebench.integrators.values.vector import TUPLES, inlined
+from phasebench.integrators.values.vector import TUPLES, inline
 from support.marks import compiled
 
 EPS = float(np.finfo(float).eps)
@@ -72,7 +72,7 @@ def lanes():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kepler_lanes, "EVALUATIONS", 1)
-        once = inlined(kepler_lanes.in_lanes.py_func)
+        once = inline(kepler_lanes.motion_in_lanes.py_func)
 
         @njit(**TUPLES)
         def in_one(rows, out, h):

@@ -344,7 +344,7 @@ def test_coupled_masses_are_supported_in_lanes(monkeypatch):
 @pytest.mark.parametrize("s", [2, 3, 4, 5, 8])
 def test_the_number_of_lanes_and_unused_lanes(s):
     """Unused lanes repeat the first stage with weight zero, so that functions are evaluated at regular points only."""
-    step = gauss_lanes.laned(s, BOX.system, "double")
+    step = gauss_lanes.build_lanes(s, BOX.system, "double")
     lanes = len(step.like)
     assert lanes / 2 < s <= lanes
     (c, b), A = step.nodes[:2], step.A
@@ -358,7 +358,7 @@ def test_the_number_of_lanes_and_unused_lanes(s):
 def test_double_coefficients_are_exactly_symplectic(s):
     """For kicks and for both increments as unknowns."""
     for made, kicks in ((BOX.system, True), (of_fields("quartic"), False)):
-        step = gauss_lanes.laned(s, made, "double")
+        step = gauss_lanes.build_lanes(s, made, "double")
         assert (step.inverse_mass is not None) == kicks
         A, c = ([Fraction(x) for x in rows] for rows in (step.A[:s, :s].T.ravel(), step.nodes[0, :s]))
         for i in range(s):
@@ -372,7 +372,7 @@ def test_coefficients_have_the_digits_in_use(monkeypatch):
     """Whether or not functions for lanes exist in this process."""
     monkeypatch.setattr(gauss_lanes, "functions", lambda *_: (None, None))
     with precision(30):
-        step = gauss_lanes.laned(3, BOX.system, MULTIPRECISION)
+        step = gauss_lanes.build_lanes(3, BOX.system, MULTIPRECISION)
         for (c, b), *found in zip(gauss_legendre(3), step.nodes[0], step.nodes[1], strict=False):
             assert max(abs(mpmath.mpf(str(x)) - y) for x, y in zip(found, (c, b), strict=True)) < 1e-28
 

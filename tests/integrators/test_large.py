@@ -22,13 +22,13 @@ from phasebench.integrators.values import inplace
 from phasebench.integrators.values.vector import (
     add,
     add_product,
+    add_product_in_place,
     axpy,
     bump,
     head,
     join,
     load,
     minus,
-    moved,
     plus,
     scale,
     store,
@@ -239,7 +239,7 @@ def test_the_in_place_sum_is_the_compensated_sum():
 
     @numba.njit
     def same_place(x, c, v):
-        return moved(x, c, 0.3, v)
+        return add_product_in_place(x, c, 0.3, v)
 
     x, v = np.random.default_rng(8).normal(size=(2, D))
     wanted = x, np.zeros(D)

@@ -15,7 +15,7 @@ from numba import njit
 from phasebench.integrators.stepping.solve import FIXED_POINT_LIMIT, NOT_FINITE, SOLVED, solver
 from phasebench.integrators.values import masks
 from phasebench.integrators.values.lanes import Lanes, put, take
-from phasebench.integrators.values.masks import alike, count, either, fails, number, outlived, select
+from phasebench.integrators.values.masks import broadcast_like, count, fails, number, retire_lanes, select, where
 from phasebench.integrators.values.vector import TUPLES, jit
 from support.marks import compiled
 
@@ -34,7 +34,7 @@ COMPARED = (operator.lt, operator.le, operator.gt, operator.ge, operator.eq, ope
 @njit(**TUPLES)
 def _compare(table, out, two):
     a, b = take(table, 0, LIKE), take(table, 1, LIKE)
-    one, zero = alike(1.0, a), alike(0, a)
+    one, zero = broadcast_like(1.0, a), broadcast_like(0, a)
     k = 0
     for held in (a < b, a <= b, a > b, a >= b, a == b, a != b):
         put(out, k, select(held, one, zero), LIKE)
@@ -56,7 +56,7 @@ def test_comparisons_of_lanes_with_lanes_and_numbers():
 @njit(**TUPLES)
 def _combine(table, out):
     x = take(table, 0, LIKE)
-    one, zero = alike(1.0, x), alike(0.0, x)
+    one, zero = broadcast_like(1.0, x), broadcast_like(0.0, x)
     low, odd = x < 4, take(table, 1, LIKE) == 1
     for k, held in enumerate((low & odd, low | odd, ~low, ~low & ~odd)):
         put(out, k, select(held, one, zero), LIKE)
@@ -80,8 +80,8 @@ def _choose(table, out):
     put(out, 1, pair[1], LIKE)
     put(out, 2, select(held, x, 7), LIKE)
     put(out, 3, select(held, 0.5, y), LIKE)
-    put(out, 4, either(held, x, y), LIKE)
-    kept, more = outlived(x < 3, x < 2, (x, y))
+    put(out, 4, where(held, x, y), LIKE)
+    kept, more = retire_lanes(x < 3, x < 2, (x, y))
     put(out, 5, kept[0], LIKE)
     put(out, 6, kept[1], LIKE)
     put(out, 7, select(fails(held), x, y), LIKE)
@@ -108,7 +108,7 @@ def test_select_works_lane_by_lane():
 
 @njit(**TUPLES)
 def _of_one(x, y):
-    return either(x < y, x, y), number(x < y), fails(x < y), outlived(True, False, x), outlived(True, True, x)
+    return where(x < y, x, y), number(x < y), fails(x < y), retire_lanes(True, False, x), retire_lanes(True, True, x)
 
 
 def test_the_condition_of_a_single_orbit_is_a_bool():

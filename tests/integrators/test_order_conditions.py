@@ -18,7 +18,7 @@ from phasebench.integrators.coefficients.order_conditions import (
     classical_order,
     conditions,
     excess,
-    leading,
+    leading_norms,
     normal_form,
     odd_words,
     residuals,
@@ -48,7 +48,7 @@ def test_the_order_is_the_declared_one(table):
     steps = coefficients.steps(table.name)
     found = residuals(table.kind, steps, max(table.order) + 1)
     assert excess(found, table.order) < TOLERANCE
-    assert min(leading(found, table.order)) > VISIBLE
+    assert min(leading_norms(found, table.order)) > VISIBLE
 
 
 @parametrize_tables(TABLES)

@@ -16,7 +16,7 @@ from phasebench.benchmarks.measure.step_map import jacobian, symplecticity_defec
 from phasebench.benchmarks.problems import problem
 from phasebench.benchmarks.problems.fpu import oscillatory_energies
 from phasebench.integrators import Hamiltonian
-from phasebench.integrators.compile.codegen import MULTIPRECISION, exactly, precision
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, to_number
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.records.oscillatory import METHODS
@@ -260,9 +260,9 @@ def test_shears_give_the_rotation_to_all_digits(digits, x):
     """The cosine is s (1 - a b), where a b, its distance from 1 or -1, is at most 1."""
     with precision(digits):
         prepared = kernel.prepare(method("deuflhard"), fpu().system, MULTIPRECISION)
-        h = exactly(x / OMEGA, MULTIPRECISION)
+        h = to_number(x / OMEGA, MULTIPRECISION)
         _, _, a, b, s = prepared.begin(prepared.step._replace(h=h), *STATE).filters[:, -1]
-        wanted = exactly(mpmath.cos(mpmath.mpf(x / OMEGA) * 50), MULTIPRECISION)
+        wanted = to_number(mpmath.cos(mpmath.mpf(x / OMEGA) * 50), MULTIPRECISION)
         assert abs(s * (1 - a * b) - wanted) < 10.0 ** (2 - digits)
         assert 0 <= a * b <= 1
 

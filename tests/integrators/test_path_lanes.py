@@ -54,14 +54,14 @@ def test_lanes_reach_the_state_of_single_nodes(one_by_one, id, name):
 
 @pytest.mark.parametrize(("table", "place"), [("A", (0, 1)), ("B", (4, 1)), ("drift", (2, 0)), ("drift", (0, 0))])
 def test_control_a_wrong_coefficient_is_seen(one_by_one, monkeypatch, table, place):
-    laned = path_lanes.laned
+    laned = path_lanes.build_path
 
     def spoiled(*arguments):
         step = laned(*arguments)
         getattr(step, table)[place] += 1e-9
         return step
 
-    monkeypatch.setattr(path_lanes, "laned", spoiled)
+    monkeypatch.setattr(path_lanes, "build_path", spoiled)
     made = of(KICKS["degree 6"])
     lanes = run(made, "hbvm-8-4")[0]
     monkeypatch.undo()
@@ -113,7 +113,7 @@ def test_systems_without_lanes_take_nodes_one_by_one():
 @pytest.mark.parametrize("s", [1, 2, 3, 4])
 def test_the_matrix_of_the_path_of_q(s):
     """In double precision it is skew except for the first entry; Newton's method may start at ``like``, zero."""
-    step = path_lanes.laned(s, [s], SYSTEMS["henon-heiles"]()[0], "double")
+    step = path_lanes.build_path(s, [s], SYSTEMS["henon-heiles"]()[0], "double")
     X = step.drift[1 : 1 + s, :s].T
     rule = quadrature.gauss_legendre(s + 1)
     for m in range(s):

@@ -250,22 +250,22 @@ def test_the_record_of_a_projection():
     rk4, midpoint = method("rk4"), method("implicit-midpoint")
     further = ("canonical", "further invariants")
     made = {
-        ("projected onto the energy", "rk4-projected-energy", ("canonical",)): projection.projected("rk4"),
+        ("projected onto the energy", "rk4-projected-energy", ("canonical",)): projection.projection_method("rk4"),
         (
             "projected onto the energy and the further invariants",
             "rk4-projected-invariants",
             further,
-        ): projection.projected(rk4, onto="invariants"),
+        ): projection.projection_method(rk4, onto="invariants"),
         (
             "symmetric projection onto the energy",
             "implicit-midpoint-symmetric-projection",
             ("canonical",),
-        ): projection.projected(midpoint, symmetric=True),
+        ): projection.projection_method(midpoint, symmetric=True),
         (
             "symmetric projection onto the energy and the further invariants",
             "implicit-midpoint-symmetric-projection-invariants",
             further,
-        ): projection.projected(midpoint, "invariants", True),
+        ): projection.projection_method(midpoint, "invariants", True),
     }
     for (name, id, requires), m in made.items():
         assert m.name.endswith(f", {name}")
@@ -275,13 +275,13 @@ def test_the_record_of_a_projection():
 
 def test_the_record_of_a_relaxation():
     """Ketcheson 2019: a step counts as its relaxed length, or as h (incremental direction), which loses one order."""
-    m, other = projection.relaxed("rk4"), projection.relaxed("rk4", adjust_time=False)
+    m, other = projection.relaxation_method("rk4"), projection.relaxation_method("rk4", adjust_time=False)
     assert (m.id, m.order, other.id, other.order) == ("rk4-relaxation", 4, "rk4-incremental-direction", 3)
     assert (m.name.rpartition(", ")[2], other.name.rpartition(", ")[2]) == (
         "relaxation aimed at times n h",
         "incremental direction technique",
     )
-    assert projection.relaxed(replace(method("rk4"), requires=("canonical", "separable"))).requires == (
+    assert projection.relaxation_method(replace(method("rk4"), requires=("canonical", "separable"))).requires == (
         "canonical",
         "separable",
     )
@@ -308,7 +308,7 @@ def test_splittings_of_generalized_order_name_it():
 
 def test_choosing_the_same_solver_again_changes_nothing():
     once = method("implicit-midpoint", solver="banded")
-    assert solvers.solved(once, "banded") is once
+    assert solvers.with_solver(once, "banded") is once
     assert once.family == "banded"
 
 

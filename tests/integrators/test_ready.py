@@ -123,7 +123,7 @@ def keeping(monkeypatch):
 @pytest.mark.parametrize("id", ["scheme-v", "gauss-8", "stormer-verlet-symmetric-projection", "gauss-equip-3"])
 def test_a_prepared_step_is_read_as_it_was_written(id):
     system, record = problem("pendulum").system, method(id)
-    made = kernel._made(record, system, "double")
+    made = kernel._prepare(record, system, "double")
     name = preparation.entry(record, system)
     preparation.write(name, made)
     preparation._read.cache_clear()
@@ -154,4 +154,4 @@ def test_a_damaged_entry_is_prepared_again():
     preparation._read.cache_clear()
     assert preparation.read(name) is None
     assert cache.read(name) is None
-    assert kernel.prepare(record, system).run is kernel._made(record, system, "double").run
+    assert kernel.prepare(record, system).run is kernel._prepare(record, system, "double").run

@@ -13,7 +13,7 @@ from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.families import relaxation
-from phasebench.integrators.families.relaxation import relaxed
+from phasebench.integrators.families.relaxation import relaxation_method
 from phasebench.integrators.records.projection import METHODS
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping.kernel import prepare, value
@@ -91,7 +91,7 @@ def test_control_without_adjusted_time_an_order_is_lost():
     exact = end(integrate(P, "rk4", h=0.001, t_end=10))
     observed = []
     for adjust in (True, False):
-        m = relaxed(base, adjust_time=adjust)
+        m = relaxation_method(base, adjust_time=adjust)
         e = [np.abs(end(integrate(P, m, h=x, t_end=10)) - exact).max() for x in h]
         observed.append(order(h, e))
         assert m.order == round(observed[-1].value)
@@ -112,12 +112,12 @@ def test_steps_equal_a_plain_implementation(adjust):
         d = step / 6 * (k1 + 2 * k2 + 2 * k3 + f(0, y + step * k3))
         gamma = brentq(lambda g, y=y, d=d: H(y + g * d) - H0, 0.9, 1.1, xtol=1e-15)
         y, t = y + gamma * d, t + gamma * step if adjust else (n + 1) * h
-    s = integrate(BOX, relaxed("rk4", adjust_time=adjust), h=h, steps=40)
+    s = integrate(BOX, relaxation_method("rk4", adjust_time=adjust), h=h, steps=40)
     assert s.status == "ok"
     assert np.abs(end(s) - y).max() < 1e-11
     plain = integrate(BOX, "rk4", h=h, steps=40)
     assert np.abs(end(plain) - y).max() > 1e-6
-    other = integrate(BOX, relaxed("rk4", adjust_time=not adjust), h=h, steps=40)
+    other = integrate(BOX, relaxation_method("rk4", adjust_time=not adjust), h=h, steps=40)
     assert np.abs(end(other) - y).max() > 1e-6
 
 
@@ -144,7 +144,7 @@ def test_a_step_without_a_root_is_a_counted_base_step():
 @pytest.mark.parametrize("id", ["explicit-euler", "stormer-verlet"])
 def test_methods_of_order_one_are_refused(id):
     with pytest.raises(InvalidInput, match="order 2 or more"):
-        relaxed(id)
+        relaxation_method(id)
 
 
 def search(c, start=-1.0):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from phasebench.integrators import Hamiltonian, driver, request
-from phasebench.integrators.compile.codegen import MULTIPRECISION, exactly, precision
+from phasebench.integrators.compile.codegen import MULTIPRECISION, precision, to_number
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.request import MOST, check_timeout, grid, initial, spacing
@@ -239,7 +239,7 @@ def many() -> dict:
         for name, asked in runs.items():
             s = integrate(OSCILLATOR, "stormer-verlet", q0=third, p0=third, arithmetic=MULTIPRECISION, **asked)
             lost = abs(3 * s.q[0, 0] - 1) + abs(10 * s.h - 1)
-            lost += abs(s.q[-1, 0] - exactly(end, MULTIPRECISION))
+            lost += abs(s.q[-1, 0] - to_number(end, MULTIPRECISION))
             found[name] = [len(s.t), s.counts["steps"], float(s.t[-1]), float(lost), s.status, s.reason]
     return found
 

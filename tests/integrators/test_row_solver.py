@@ -10,7 +10,7 @@ import pytest
 from phasebench.integrators.stepping import solve
 from phasebench.integrators.stepping.kernel import COUNTS
 from phasebench.integrators.stepping.solve import NOT_FINITE, SOLVED, STALLED, Change
-from phasebench.integrators.values.vector import axpy, distance, inlined, load, scale, size, store
+from phasebench.integrators.values.vector import axpy, distance, inline, load, scale, size, store
 from support.values import value
 
 EPS = np.finfo(float).eps
@@ -139,7 +139,7 @@ class Ring(NamedTuple):
     offset: float
 
 
-@inlined
+@inline
 def sweep(e, old, new):
     """Evaluate all rows; return the norms of the change and of the new rows."""
     delta, length = 0.0, 0.0
@@ -154,7 +154,7 @@ def sweep(e, old, new):
     return delta, length
 
 
-@inlined
+@inline
 def linearize(e, at, span, work):
     """Write the Jacobian of the equations."""
     n = len(e.like)
@@ -261,7 +261,7 @@ class RoundedRows(NamedTuple):
     counts: Any
 
 
-@inlined
+@inline
 def by_rule(e, old, new):
     """Evaluate all rows with the rule in use; return the norms of the change and of the new rows."""
     delta, length = 0.0, 0.0
@@ -274,19 +274,19 @@ def by_rule(e, old, new):
     return delta, length
 
 
-@inlined
+@inline
 def no_derivative(e, at, span, work):
     """Stand-in for a Jacobian, which is not needed."""
     return 0
 
 
-@inlined
+@inline
 def from_row(e, x, y):
     """Change between two rows."""
     return solve.change(x, y)
 
 
-confirm = solve.confirmer(solve.row_solver(by_rule, no_derivative), by_rule, solve.by_rows(from_row))
+confirm = solve.confirmer(solve.row_solver(by_rule, no_derivative), by_rule, solve.changes_by_row(from_row))
 
 
 def solve_digits(digits, rule=0):
@@ -334,6 +334,6 @@ def test_the_change_of_rows_is_the_total_change():
     step = Step(0.1, EPS, np.array([1]), np.array([1]))
     counts = np.zeros(1, COUNTS).view(np.recarray)[0]
     e = RoundedRows(memory, 3, value(0.0, 0.0), value(1.0), value(0.5), step, memory, counts)
-    found = solve.by_rows(from_row)(e, 0, 3)
+    found = solve.changes_by_row(from_row)(e, 0, 3)
     moved = np.abs(memory[3:] - memory[:3]).sum(0)
     assert tuple(found) == pytest.approx((*moved, *np.abs(memory[3:]).sum(0)), rel=1e-14)

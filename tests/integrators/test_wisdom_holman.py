@@ -312,7 +312,9 @@ def in_lanes(monkeypatch):
             monkeypatch.setattr(planet_lanes, name, function)
         monkeypatch.setattr(kepler_lanes, "motion", motion)
         monkeypatch.setattr(kepler_lanes, "root", root)
-        monkeypatch.setattr(planet_pairs, "codegen", SimpleNamespace(compiled=lambda: True, exactly=codegen.exactly))
+        monkeypatch.setattr(
+            planet_pairs, "codegen", SimpleNamespace(compiled=lambda: True, to_number=codegen.to_number)
+        )
 
     return begin
 

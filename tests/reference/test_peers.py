@@ -380,7 +380,7 @@ class FakeSystem(SimpleNamespace):
 )
 def test_energy_errors_mean_collision_or_divergence(energies, status, rows, monkeypatch):
     monkeypatch.setattr(outcome, "energy_unit", lambda *_: 1.0)
-    monkeypatch.setattr(outcome, "judged", lambda *_: ("judged", ""))
+    monkeypatch.setattr(outcome, "judge", lambda *_: ("judged", ""))
     system, times, states = FakeSystem(H=energies, singular=True), np.array([0.0, 1.0, 2.0]), np.zeros((3, 1))
     found, reason, good = run.ending(system, times, states, states, None)
     assert (found, good) == (status, rows)

@@ -51,7 +51,7 @@ def watch(system, calls: Counter):
     other._functions = {}
 
     def made(kind, *rest):
-        function = kind_of_system.made(other, kind, *rest)
+        function = kind_of_system.make_function(other, kind, *rest)
 
         def called(*arguments):
             calls[kind] += 1
@@ -59,7 +59,7 @@ def watch(system, calls: Counter):
 
         return called
 
-    other.made = made
+    other.make_function = made
     return other
 
 

@@ -21,8 +21,8 @@ from phasebench.benchmarks.judge.verdict import CONTRADICTED
 from phasebench.benchmarks.measure.integrator import Integrator, integrator
 from phasebench.benchmarks.measure.tabular import TabularResult
 from phasebench.benchmarks.store.cells import ALONE, Cell, Rows, content
-from phasebench.integrators.errors import unknown
-from phasebench.integrators.keywords import checked_names
+from phasebench.integrators.errors import unknown_name
+from phasebench.integrators.keywords import check_names
 from phasebench.integrators.record import Method
 from phasebench.integrators.registry import method
 from phasebench.reference.peers import Peer
@@ -90,14 +90,14 @@ def select(names: Iterable | None = None) -> list[Integrator]:
         elif of := [p for p in PEERS if p.package == name]:
             out += map(integrator, of)
         else:
-            raise unknown("peer or package", name, [*BY_ID, *{p.package for p in PEERS}, *CONTROLS])
+            raise unknown_name("peer or package", name, [*BY_ID, *{p.package for p in PEERS}, *CONTROLS])
     first: dict[str, Integrator] = {}
     for chosen in out:
         first.setdefault(chosen.id, chosen)
     return list(first.values())
 
 
-@checked_names
+@check_names
 def audit(
     names: Iterable[str | Peer | Method] | None = None,
     *,

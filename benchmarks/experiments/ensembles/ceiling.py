@@ -28,7 +28,7 @@ def _loop(state, steps, h):
 def compile_loop() -> Callable:
     """The compiled loop, which releases the interpreter's lock."""
     signature = types.void(types.Array(types.float64, 2, "C"), types.int64, types.float64)
-    return entry(machine.compiled(_loop, signature, {"nogil": True, "error_model": "numpy"}, "ceiling"))
+    return entry(machine.load_or_compile(_loop, signature, {"nogil": True, "error_model": "numpy"}, "ceiling"))
 
 
 def speed_up(cores: int, rounds: int, steps: int = STEPS) -> Median:

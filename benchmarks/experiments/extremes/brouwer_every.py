@@ -72,7 +72,7 @@ def measure_rows(id: str, values: dict, label: str) -> Rows:
     by, M = told
     with mpmath.workdps(brouwer.DIGITS):
         energy, phase = (x[:, 1:] for x in brouwer.errors(M, n, Q[:, rows], P[:, rows]))
-    row |= {"by": by, "in lanes": batches.able(made.system, BY_ID[id])}
+    row |= {"by": by, "in lanes": batches.runs_in_lanes(made.system, BY_ID[id])}
     return {TABLE: [row | brouwer.summary(n[1:], H, energy, phase if by == EXACT else None)]}
 
 

@@ -179,7 +179,7 @@ def nothing_kept() -> Iterator[None]:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["PHASEBENCH_CACHE"] = folder
         codegen._ready.clear()
-        hand._compiled.cache_clear()
+        hand._compile.cache_clear()
         try:
             yield
         finally:

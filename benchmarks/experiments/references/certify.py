@@ -13,7 +13,7 @@ from phasebench.benchmarks.measure.tabular import TabularResult
 from phasebench.benchmarks.problems import labels
 from phasebench.benchmarks.problems import problem as problem_of
 from phasebench.integrators.errors import InvalidInput
-from phasebench.integrators.keywords import checked_names
+from phasebench.integrators.keywords import check_names
 
 from .rows import row
 
@@ -107,7 +107,7 @@ def certify(
 def certify(
     problem: str, *, t_end: float, time_limit: float = ..., progress: Callable[[str], None] = ...
 ) -> CertifiedState: ...
-@checked_names
+@check_names
 def certify(
     problem: str | Sequence[str] = (),
     *,

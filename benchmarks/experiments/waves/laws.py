@@ -64,13 +64,13 @@ def two_form(space: Division, scheme: Scheme, pair: tuple[Tangent, Tangent], h: 
     def density(a, b):
         return np.einsum("mi,ij,mj->m", a, K, b)
 
-    flux = step_flux(scheme, space.two_form, space.lifted(u.Y), space.lifted(v.Y))
+    flux = step_flux(scheme, space.two_form, space.lift(u.Y), space.lift(v.Y))
     return (density(u.end, v.end) - density(u.start, v.start)) / h, space.divergence(flux)
 
 
 def _law(space, scheme, step: Step, h, density, flux):
-    z, rate = space.lifted(step.Y), space.lifted(step.T)
-    change = (density(space.lifted(step.end)) - density(space.lifted(step.start))) / h
+    z, rate = space.lift(step.Y), space.lift(step.T)
+    change = (density(space.lift(step.end)) - density(space.lift(step.start))) / h
     return change, space.divergence(step_flux(scheme, flux, z, rate))
 
 
