@@ -19,7 +19,7 @@ Whatever is added to A with its curl zero changes p and nothing else.  A map of 
 p), since p is u sheared and scaled; it keeps the two-form :math:`dx\wedge m\,du + B` (is *K-symplectic*) where it is
 symplectic in (x, p).
 
-Source: Y. He, Y. Sun, J. Liu, H. Qin, J. Comput. Phys. 281 (2015) 135-147, section 2; A. V. Higuera, J. R. Cary, Phys.
+Source: Y. He, Y. Sun, J. Liu, H. Qin, J. Comput. Phys. 281 (2015) 135-147; A. V. Higuera, J. R. Cary, Phys.
 Plasmas 24 (2017) 052104.
 """
 
