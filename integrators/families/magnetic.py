@@ -98,6 +98,12 @@ def dot(x, y):
     return np.sum(x * y)
 
 
+@written(lambda d: "  return 0.0 * x[0]" if d == 2 else "  return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]")
+def along(x, y):
+    """The scalar product; in the plane y is the vector (0, 0, y[0])."""
+    return 0.0 * x[0] if len(x) == 2 else np.sum(x * y)
+
+
 def _cross_text(d: int) -> str:
     if d == 2:
         return "  return x[1] * y[0], -(x[0] * y[0])"
@@ -143,9 +149,9 @@ gamma = chosen(lambda slowness, u: 1.0, lambda slowness, u: _gamma_square(slowne
 
 def _mean_gamma(slowness, u, tau):
     """Gamma of the mean of u before and after the rotation."""
-    square, along = dot(tau, tau), dot(u, tau)
+    square, parallel = dot(tau, tau), along(u, tau)
     sigma = _gamma_square(slowness, u) - square
-    return (0.5 * (sigma + (sigma * sigma + 4.0 * (square + slowness[0] * along * along)) ** 0.5)) ** 0.5
+    return (0.5 * (sigma + (sigma * sigma + 4.0 * (square + slowness[0] * parallel * parallel)) ** 0.5)) ** 0.5
 
 
 mean_gamma = chosen(lambda slowness, u, tau: 1.0, _mean_gamma)
