@@ -27,6 +27,7 @@ class Method:
     order : of consistency, for smooth systems that meet ``requires``
     symmetric : equal to its own adjoint
     symplectic : its step map is symplectic on canonical systems
+    volume : its step map, which is not symplectic, keeps the volume of phase space; False where nothing is declared
     energy, quadratic : how the energy and invariants of the form q.D p of canonical systems are kept, one of
         `ROUND_OFF`, `BOUNDED`, `DRIFT`, or `NONE` where it is not kept and no more is declared
     source, cite : author, year, equation; and the keys of the works in ``bibliography.bib``
@@ -45,6 +46,7 @@ class Method:
     source: str
     cite: tuple[str, ...] = ()
     requires: tuple[str, ...] = ()
+    volume: bool = False
     parameters: Mapping[str, Any] = field(default_factory=dict)
     data: tuple[Any, ...] = ()
     with_parameters: Callable[..., dict[str, Any]] | None = None
@@ -66,6 +68,11 @@ class Method:
         if not self.parameters:
             return self.id
         return f"{self.id}({', '.join(f'{k}={v}' for k, v in self.parameters.items())})"
+
+    @property
+    def keeps_volume(self) -> bool:
+        """Whether its step map is declared to keep the volume of phase space, as a symplectic one does."""
+        return self.symplectic or self.volume
 
     def lacks(self, system: Any) -> str | None:
         """Why the method cannot run on ``system``, or None where it can."""

@@ -14,6 +14,7 @@ from .records import (
     collocation,
     compositions,
     energy,
+    magnetic,
     oscillatory,
     parametric,
     poisson,
@@ -39,6 +40,7 @@ _RECORDS: tuple[Method, ...] = (
     *oscillatory.METHODS,
     *kepler.METHODS,
     *poisson.METHODS,
+    *magnetic.METHODS,
 )
 
 BY_ID = {m.id: m for m in _RECORDS}

@@ -1,7 +1,8 @@
 """The systems on which a step is certified: small and nonlinear, half of them not H = T(p) + V(q), at random states.
 
 A step that is right on one kind of system only, or at one state only, must not pass: d is 1, 2, 4 and 6, the kinetic
-energy is not always |p|^2 / 2, and a seed moves every component of a state.
+energy is not always |p|^2 / 2, and a seed moves every component of a state.  A step that requires a charged particle
+is certified on `magnetic` systems instead: in the plane and in space, with fields E and B that vary, and masses.
 """
 
 from __future__ import annotations
@@ -111,6 +112,31 @@ def lasting() -> tuple[Entry, ...]:
 
 
 @cache
+def magnetic() -> tuple[Entry, ...]:
+    """Charged particles, on which everything is measured of a step that requires one."""
+    space = "x y z", "px py pz"
+    tilted = "(px + y*(1 + z**2)/2)**2 + (py - x*(1 + z**2)/2 - z**2/4)**2 + (pz - x*y/3)**2"
+    mirror = "((px + y*(1 + z**2/4)/2)**2 + (py - x*(1 + z**2/4)/2)**2 + pz**2)/2 + (x**2 + y**2)**2/16 + z**4/8"
+    plane = "((p1 + q2*(1 + q1**2)/2)**2 + (p2 - q1*(1 + q2**2)/3)**2)/2 + q1**2/2 + q1*q2**2/3 + q2**4/4"
+    trap, heavy = (
+        Hamiltonian(q=space[0], p=space[1], H=H) for H in (mirror, f"({tilted})/4 + x**2*y/4 - y*z/3 + z**4/8")
+    )
+    return (
+        Entry("planar particle", _two(plane), (0.4, -0.6, 0.5, 0.3), False, lasting=True),
+        Entry("heavy particle", heavy, (0.3, -0.5, 0.4, 0.4, 0.6, -0.3), False),
+        Entry(
+            "particle in a mirror",
+            trap,
+            (0.5, 0.2, -0.3, 0.3, 0.4, 0.5),
+            False,
+            "x*py - y*px",
+            "bilinear",
+            lasting=True,
+        ),
+    )
+
+
+@cache
 def oscillator() -> Entry:
     """The harmonic oscillator of frequency 1."""
     return Entry("harmonic-oscillator", _one("p**2/2 + q**2/2"), (0.8, 0.3))
@@ -118,7 +144,7 @@ def oscillator() -> Entry:
 
 def find_entry(name: str) -> Entry:
     """The entry with this name."""
-    return next(e for e in (*entries(), *lasting(), oscillator()) if e.name == name)
+    return next(e for e in (*entries(), *lasting(), *magnetic(), oscillator()) if e.name == name)
 
 
 def of_problem(problem) -> Entry:

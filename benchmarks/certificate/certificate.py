@@ -125,6 +125,7 @@ def validate(
     symplectic: bool | None = None,
     symmetric: bool | None = None,
     reversible: bool | None = None,
+    volume: bool | None = None,
     energy: Literal["preserved", "bounded", "drift"] | None = None,
     bilinear: Literal["preserved"] | None = None,
     quadratic: Literal["preserved"] | None = None,
@@ -143,9 +144,9 @@ def validate(
     target : a function ``step(system, q, p, h) -> (q, p)`` or ``run(system, q, p, t_end, tol) -> (q, p)``, the path of
         a file with one, ``"package.module:callable"``, coefficients (a mapping, or the path of a JSON file), or the id
         of a method or a peer
-    order, symplectic, symmetric, reversible, energy, bilinear, quadratic, stability, tolerance : what is claimed:
-        the order, structure of the step, how invariants are kept, the limit of h omega on the oscillator, the largest
-        error in units of the tolerance
+    order, symplectic, symmetric, reversible, volume, energy, bilinear, quadratic, stability, tolerance : what is
+        claimed: the order, structure of the step, how invariants are kept, the limit of h omega on the oscillator, the
+        largest error in units of the tolerance
     requires : traits that a system must have, such as "separable"
     output : a folder, into which the certificate is written as Markdown, HTML and JSON
     seed : of the random states at which it is measured
@@ -166,7 +167,7 @@ def validate(
     """
     given: dict[str, Any] = {
         **{"order": order, "symplectic": symplectic, "symmetric": symmetric, "reversible": reversible},
-        **{"energy": energy, "bilinear": bilinear, "quadratic": quadratic},
+        **{"volume": volume, "energy": energy, "bilinear": bilinear, "quadratic": quadratic},
         **{"stability": stability, "tolerance": tolerance},
     }
     claims = {name: value for name, value in given.items() if value is not None}

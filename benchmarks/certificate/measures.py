@@ -25,7 +25,10 @@ DEFECTS = {
     "symplectic": structure.symplecticity,
     "symmetric": structure.symmetry,
     "reversible": structure.reversibility,
+    "volume": structure.volume,
 }
+#: The trait of the systems on which volume is measured without a claim.
+MAGNETIC = "magnetic"
 
 #: The optional measures.
 EVERYTHING = {*DEFECTS, "stability", "long", "round_off", "place"}
@@ -51,7 +54,10 @@ def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell) -> list[dict]
     claimed = [CHECKS[name] for name in chosen.own.claims]
     wanted = {x for check in claimed for x in (check.measure, *check.needs)} if run.alone else set(EVERYTHING)
     wanted -= ELSEWHERE if own else set()
-    entries = _able(chosen, own or battery.entries(), tables)
+    charged = MAGNETIC in chosen.own.requires
+    if not charged and "volume" not in chosen.own.claims:
+        wanted.discard("volume")
+    entries = _able(chosen, own or (battery.magnetic() if charged else battery.entries()), tables)
     run.doubles = "an adaptive integrator has no step" if chosen.adaptive else ""
     try:
         if chosen.adaptive:
@@ -59,7 +65,8 @@ def fill_tables(chosen: Subject, run: Run, own: list[Entry], tell) -> list[dict]
             if not run.alone and not own:
                 _place(chosen, tables, tell)
         else:
-            lasting = _able(chosen, own or battery.lasting(), tables) if "long" in wanted else []
+            several = [e for e in battery.magnetic() if e.lasting] if charged else battery.lasting()
+            lasting = _able(chosen, own or several, tables) if "long" in wanted else []
             run.doubles = _step(heard, tables, run.seed, tell, wanted, entries, lasting)
         times = _times(heard, tables, tell)
     except StepFailed as failure:

@@ -22,7 +22,7 @@ from phasebench.integrators.errors import InvalidInput
 
 from . import figures
 from .adaptive import T_END
-from .battery import entries
+from .battery import entries, magnetic
 from .result import Certificate
 from .stepping import DIGITS
 from .structure import STEPS
@@ -132,7 +132,7 @@ def _systems_table(certificate: Certificate) -> pd.DataFrame:
     for r in tables.of("order"):
         rows.setdefault(r["on"], {})["order"] = f"{r['value']:.3f} [{r['low']:.3f}, {r['high']:.3f}]"
         rows[r["on"]]["digits"] = "16" if r["arithmetic"] == "double" else str(DIGITS)
-    for name in ("symplectic", "symmetric", "reversible"):
+    for name in ("symplectic", "symmetric", "reversible", "volume"):
         for r in tables.of(name):
             rows.setdefault(r["on"], {})[f"{name} defect"] = number(r["value"]) if "value" in r else "not measured"
     for r in tables.of("long"):
@@ -162,7 +162,7 @@ def _place(certificate: Certificate) -> pd.DataFrame:
 def _systems(certificate: Certificate) -> str:
     """A sentence on the systems it was measured on, and what they leave out."""
     names = list(dict.fromkeys(r["on"] for r in certificate.tables.of("order")))
-    battery = {e.name: e.system.d for e in entries()}
+    battery = {e.name: e.system.d for e in (*entries(), *magnetic())}
     if not names or not set(names) <= set(battery):
         return f"Measured on {', '.join(names) or 'no system'}: what shows on others alone is not seen."
     dimensions = sorted({battery[name] for name in names})

@@ -10,11 +10,13 @@ import contextlib
 import sys
 import traceback
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import gmpy2
 import numpy as np
 
 from phasebench.benchmarks.measure import own_step
+from phasebench.benchmarks.measure.particle_step import Particle
 from phasebench.integrators.compile.codegen import DOUBLE, MULTIPRECISION, to_number, vector
 from phasebench.integrators.errors import InvalidInput
 
@@ -38,12 +40,18 @@ class Exact:
     ----------
     d : degrees of freedom
     evaluations : how often `dH_dq` and `dH_dp` were called
+    whole : the underlying system
     """
 
     def __init__(self, system):
-        self.d, self.evaluations = system.d, [0, 0]
+        self.d, self.evaluations, self.whole = system.d, [0, 0], system
         self._field, self._energy = system.field(MULTIPRECISION), system.energy(MULTIPRECISION)
         self._last: tuple = ((), None)
+
+    @cached_property
+    def particle(self) -> Particle:
+        """The charged particle that a step of (x, v) sees."""
+        return Particle(self.whole, MULTIPRECISION, self.evaluations)
 
     def _slopes(self, q, p):
         """(q', p') at a state; remembered for the next call at the same state."""

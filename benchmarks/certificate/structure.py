@@ -1,8 +1,9 @@
-r"""Symplecticity, symmetry and reversibility of a step: each defect with its floor and the step's own error.
+r"""Symplecticity, symmetry, reversibility and volume of a step: each defect with its floor and the step's own error.
 
 The defects are those of `measure.step_map`.  In 40 digits they are taken by differences over 1e-8, practically exactly;
 in doubles over 1e-3, where the floor is the change that doubling the displacement makes.  Above d = 2 symplecticity is
-measured on a few pairs of vectors.  Reversibility is measured where H(q, -p) = H(q, p).
+measured on a few pairs of vectors.  Reversibility is measured where H(q, -p) = H(q, p).  A step of a charged particle's
+(x, v) is measured in (q, p): where it is symplectic there, it is K-symplectic in (x, v) (`systems.magnetic`).
 
 A defect far above the floor is not round-off.  A structure is kept if the defect is at the floor and the step's own
 error :math:`|\Phi_h - \varphi_h|` is far above it; a step without error would show nothing.
@@ -78,6 +79,14 @@ def symplecticity(stepper: Stepper, y, h) -> tuple[float, float]:
         signs = np.random.default_rng([2, *name.encode()]).choice([-1.0, 1.0], draws.shape)
         pairs = [tuple(map(stepper.state, pair)) for pair in draws * signs * stepper.entry.sizes]
         value, noise = step_map.pair_symplecticity(lambda x: stepper(x, h), y, pairs, *displacements)
+    return value, noise + (EPS / DISPLACEMENT if double else 0.0)
+
+
+def volume(stepper: Stepper, y, h) -> tuple[float, float]:
+    """(|det M - 1|, M the Jacobian of the step at y in units of the components' sizes; its noise)."""
+    double, sizes = stepper.arithmetic == DOUBLE, stepper.state(stepper.entry.sizes)
+    displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (to_number(TINY, MULTIPRECISION),)
+    value, noise = step_map.volume(lambda x: stepper(x * sizes, h) / sizes, y / sizes, *displacements)
     return value, noise + (EPS / DISPLACEMENT if double else 0.0)
 
 

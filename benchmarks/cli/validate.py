@@ -36,7 +36,7 @@ def validate(
         list[str],
         typer.Option(
             metavar="CLAIM",
-            help="What it claims: order=4, symplectic, symmetric, reversible, energy=bounded, ...; repeat it.",
+            help="What it claims: order=4, symplectic, symmetric, reversible, volume, energy=bounded, ...; repeat it.",
         ),
     ] = [],  # noqa: B006
     requires: Annotated[list[str], options.requires("The integrator needs it; repeat it.")] = [],  # noqa: B006

@@ -227,6 +227,7 @@ CHECKS: dict[str, Check] = {
         _structure("symplectic", symplectic, "jumps", "long"),
         _structure("symmetric", partial(structure, "symmetric")),
         _structure("reversible", partial(structure, "reversible")),
+        _structure("volume", partial(structure, "volume")),
         _conservation("energy", "energy: {}", "preserved", BOUNDED, DRIFT),
         _conservation("bilinear", "bilinear invariants: {}", "preserved"),
         _conservation("quadratic", "quadratic invariants: {}", "preserved"),

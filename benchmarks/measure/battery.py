@@ -78,6 +78,13 @@ def two_frequencies() -> Hamiltonian:
     return Hamiltonian(q="q1 q2", p="p1 p2", H=H, frequencies=[1, sp.Rational(3, 2)])
 
 
+def relativistic_particle() -> Hamiltonian:
+    """A relativistic charged particle in a magnetic mirror with an electric potential; m = 1/2, c = 2."""
+    A = ("-y*(1 + z**2/4)/2", "x*(1 + z**2/4)/2", "0")
+    square = " + ".join(f"(p{k} - ({a}))**2" for k, a in zip("xyz", A, strict=True))
+    return Hamiltonian(q="x y z", p="px py pz", H=f"2*sqrt(1 + {square}) + x**2*y/4 - y*z/3 + z**4/8")
+
+
 #: Name -> a cached function that returns (system, q, p).
 SYSTEMS = {
     "pendulum": cache(lambda: _of("pendulum:swinging")),
@@ -87,6 +94,9 @@ SYSTEMS = {
     "tao": cache(lambda: (tao(), (0.3,), (-0.7,))),
     "two-frequencies": cache(lambda: (two_frequencies(), (0.1, -0.2), (0.3, 0.15))),
     "coupled": cache(lambda: (coupled_double_well(), (0.4, -0.6), (0.5, 0.3))),
+    "charged-particle": cache(lambda: _of("charged-particle")),
+    "magnetic-mirror": cache(lambda: _of("magnetic-mirror")),
+    "relativistic-particle": cache(lambda: (relativistic_particle(), (0.3, -0.5, 0.4), (0.4, 0.6, -0.3))),
 }
 #: Systems on which formulae of high order stay short; enough for long compositions that solve an equation per substep.
 SHORT = ("henon-heiles", "tao")
@@ -95,6 +105,9 @@ FEW = ("pendulum", "henon-heiles", "tao")
 #: Methods of higher order are tested at one value of lambda, on a few systems.
 LOW_ORDER = 4
 NON_SEPARABLE = ("tao", "coupled")
+#: Systems of charged particles, for the methods that require one, and methods measured there besides, as controls.
+MAGNETIC = ("charged-particle", "magnetic-mirror", "relativistic-particle")
+CONTROLS = ("explicit-euler", "rk4", "implicit-midpoint", "gauss-4")
 #: Methods superconverge at turning points by symmetry, so orders are measured from this time of the orbit on.
 LATER = 0.4
 
@@ -113,10 +126,18 @@ def systems(method: Method, few: bool | None = None) -> list[str]:
     """Names of the systems on which a method is tested; ``few`` limits them (default: for high orders)."""
     if method.parameters.get("order", 0) in HIGH or (method.family == "schemes_iv_v" and method.order > LOW_ORDER):
         return [n for n in SHORT if runs_on(method, n)]
+    if "magnetic" in method.requires:
+        return [n for n in MAGNETIC if runs_on(method, n)]
     few = method.order > LOW_ORDER if few is None else few
     fast = "linear fast part" in method.requires
-    names = [n for n in SYSTEMS if runs_on(method, n) and (fast or n != "two-frequencies")]
+    names = [n for n in SYSTEMS if n not in MAGNETIC and runs_on(method, n) and (fast or n != "two-frequencies")]
     return [n for n in names if n in FEW] or names if few and not fast else names
+
+
+def magnetic(method: Method) -> list[str]:
+    """Names of the systems on which a method's volume is measured; none of a method that is not made for them."""
+    measured = "magnetic" in method.requires or method.id in CONTROLS
+    return [n for n in MAGNETIC if runs_on(method, n)] if measured else []
 
 
 def expected_order(method: Method, name: str) -> int:

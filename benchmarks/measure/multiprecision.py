@@ -28,12 +28,13 @@ from .battery import (
     by_label,
     canonical,
     high_order_variants,
+    magnetic,
     runs_on,
     systems,
     variants,
 )
 from .metrics import order
-from .step_map import jacobian, pair_defect, return_distance, symplecticity_defect
+from .step_map import jacobian, pair_defect, return_distance, symplecticity_defect, volume
 
 DIGITS = 40
 SPAN = Fraction(1, 256)
@@ -163,11 +164,18 @@ def distance(record: Method, name: str, back: Method | None = None) -> float:
     return float(return_distance(there, again, y))
 
 
+def volume_defect(record: Method, name: str) -> float:
+    """|det M - 1| of the Jacobian M of one step."""
+    system, y = start(name)
+    return volume(lambda x: advance(system, record, x, step_of(record)), y, displacement())[0]
+
+
 #: Measurement -> (function of a method and a system, systems for a method).
 CELLS = {
     "orders": (errors, systems),
     "symplecticity": (defect, lambda m: [n for n in systems(m, few=True) if canonical(n)]),
     "symmetry": (distance, lambda m: systems(m, few=True)),
+    "volume": (volume_defect, magnetic),
 }
 
 

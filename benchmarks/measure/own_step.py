@@ -11,7 +11,7 @@ A file is plain Python::
     REQUIRES = ("separable",)
 
 q and p are read-only arrays (d,); the step returns new ones.  CLAIMS and REQUIRES (traits that the system must have)
-are optional.
+are optional.  With ``REQUIRES = ("magnetic",)`` it may be ``step(system, x, v, h)``, see `particle_step`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import inspect
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -29,10 +30,14 @@ from numpy.typing import ArrayLike, NDArray
 from phasebench.benchmarks.judge.checks import checked_claims
 from phasebench.benchmarks.problems import user_file
 from phasebench.integrators import record
+from phasebench.integrators.compile.codegen import DOUBLE
 from phasebench.integrators.driver import OK, TIMEOUT, Solution
 from phasebench.integrators.errors import InvalidInput, unknown_name
 from phasebench.integrators.request import check_timeout, request
+from phasebench.integrators.systems.magnetic import CLASSICAL
 from phasebench.reference.peers.run import ending
+
+from . import particle_step
 
 Floats = NDArray[np.float64]
 
@@ -61,6 +66,10 @@ class OwnStep:
     #: For the same interface as a method; a step has no parameters.
     parameters = {}  # noqa: RUF012
 
+    def __post_init__(self):
+        if particle_step.TRAIT in self.requires and particle_step.in_velocities(self.step):
+            object.__setattr__(self, "step", particle_step.InMomenta(self.step))
+
     @property
     def label(self) -> str:
         """The id."""
@@ -76,6 +85,9 @@ class OwnStep:
         for trait in self.requires:
             if trait not in system.traits:
                 raise unknown_name("trait of systems", trait, system.traits)
+        kind = system.traits[particle_step.TRAIT]
+        if kind and kind != CLASSICAL and isinstance(self.step, particle_step.InMomenta):
+            return f"a step of (x, v) is of a particle that is not relativistic, and this one is {kind}"
         return record.lacks(self.id, ("canonical", *self.requires), system)
 
     def __reduce__(self):
@@ -99,6 +111,17 @@ class System:
         self.d: int
         self.d, self.evaluations, self.whole = system.d, [0, 0], system
         self._system, self._field = system, system.vector_field()
+
+    @cached_property
+    def particle(self) -> particle_step.Particle:
+        """The charged particle that a step of (x, v) sees."""
+        return particle_step.Particle(self.whole, DOUBLE, self.evaluations)
+
+    def __getattr__(self, name: str):
+        if name in ("E", "B"):
+            words = "write step(system, x, v, h), its arguments so named, and REQUIRES = ('magnetic',)"
+            raise AttributeError(f"the fields E and B are those of a charged particle: {words}")
+        raise AttributeError(f"'System' object has no attribute '{name}'")
 
     def _state(self, q: ArrayLike, p: ArrayLike) -> Floats:
         return np.concatenate([_vector(x, f"the system is called with {n}", self.d) for n, x in (("q", q), ("p", p))])

@@ -3,7 +3,8 @@ r"""Structural defects of a step, as a map of states y = (q, p), array (2 d,), i
 - symplecticity: :math:`\max|M^TJM - J|`, M the Jacobian by differences; in high dimensions
   :math:`|\omega(Mu, Mv) - \omega(u, v)|` for pairs of vectors u, v in general position;
 - symmetry: :math:`\Phi_{-h}(\Phi_h(y)) - y`;
-- reversibility: :math:`\rho\Phi_h(\rho\Phi_h(y)) - y`.
+- reversibility: :math:`\rho\Phi_h(\rho\Phi_h(y)) - y`;
+- volume: :math:`\det M - 1`.
 
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), V.1 and VI.2.
 """
@@ -52,6 +53,26 @@ def symplecticity(step: Callable, y, *displacements) -> tuple[float, float]:
     """(symplecticity defect with the first displacement, its change between the first and the last displacement)."""
     residuals = [form_residual(jacobian(step, y, delta)) for delta in displacements]
     return float(np.abs(residuals[0]).max()), float(np.abs(residuals[-1] - residuals[0]).max())
+
+
+def determinant(M):
+    """The determinant of M, an array (m, m) of doubles or multiprecision numbers, by elimination with pivots."""
+    M, found = np.array(M), 1
+    for k in range(len(M)):
+        pivot = k + int(np.argmax(np.abs(M[k:, k])))
+        if M[pivot, k] == 0:
+            return 0 * M[pivot, k]
+        if pivot != k:
+            M[[k, pivot]], found = M[[pivot, k]], -found
+        found = found * M[k, k]
+        M[k + 1 :] = M[k + 1 :] - np.multiply.outer(M[k + 1 :, k] / M[k, k], M[k])
+    return found
+
+
+def volume(step: Callable, y, *displacements) -> tuple[float, float]:
+    """(|det M - 1| with the first displacement, its change between the first and the last), M the Jacobian at y."""
+    found = [determinant(jacobian(step, y, delta)) - 1 for delta in displacements]
+    return float(abs(found[0])), float(abs(found[-1] - found[0]))
 
 
 def pair_symplecticity(step: Callable, y, pairs, *displacements) -> tuple[float, float]:

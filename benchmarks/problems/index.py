@@ -32,6 +32,7 @@ PROBLEMS: dict[str, tuple[str, str, tuple[str, ...]]] = {
         ("around-e3", "around-e1", "near-separatrix"),
     ),
     "charged-particle": ("charged_particle", "charged particle in a magnetic field", ("drift",)),
+    "magnetic-mirror": ("magnetic_mirror", "charged particle in a magnetic mirror", ("trapped",)),
     "schwarzschild": (
         "schwarzschild",
         "geodesics of the Schwarzschild metric",

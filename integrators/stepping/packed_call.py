@@ -97,18 +97,18 @@ def _call(address, h, steps):
 def _compile(run, block) -> PackedCall:
     operations = _in_memory(block) | {"with_h": _with_h(block[1])}
 
-    def kept(f: Callable, signature) -> Callable:
+    def compile_and_keep(f: Callable, signature) -> Callable:
         options = {"error_model": "numpy", "nogil": True}
         f = machine.with_functions(f, operations)
         return entry(machine.load_or_compile(f, signature, options, f"entry-{f.__name__}|{block}"))
 
     number = types.int64
     return PackedCall(
-        size=kept(_size, number())(),
-        pack=kept(_pack, types.void(number, *block)),
-        release=kept(_release, types.void(number)),
+        size=compile_and_keep(_size, number())(),
+        pack=compile_and_keep(_pack, types.void(number, *block)),
+        release=compile_and_keep(_release, types.void(number)),
         run=run,
-        call=kept(_call, number(number, types.float64, number)),
+        call=compile_and_keep(_call, number(number, types.float64, number)),
     )
 
 

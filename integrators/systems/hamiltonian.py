@@ -22,7 +22,7 @@ from phasebench.integrators.compile.lazy import sympy as sp
 from phasebench.integrators.errors import InvalidInput
 from phasebench.integrators.values import inplace
 
-from . import deferred, generating, singularities
+from . import deferred, generating, magnetic, singularities
 from .formula import parse, time_hint
 
 
@@ -161,6 +161,7 @@ class PartitionedSystem:
             "further invariants": len(self.invariants) > 0,
             "singular distances": bool(singularities.steering_distances(self)),
             "elementary derivatives": self.canonical and not self.loops and self.elementary,
+            "magnetic": magnetic.kind(self),
         }
 
     @property

@@ -502,18 +502,18 @@ def _apply_values(f, x, old):
 def _apply_arrays(f, x, old):
     """Choose the implementation of `apply` for arrays from the type of f."""
 
-    def filled(f, x, old):
+    def fill(f, x, old):
         f(x, old)
         return old
 
-    def multiplied(f, x, old):
+    def multiply(f, x, old):
         for i in range(len(x)):
             old[i] = f[i] * x[i]
         return old
 
     if isinstance(f, types.Array):
-        return multiplied
-    return filled if writes(f) else _apply_values(f, x, old)
+        return multiply
+    return fill if writes(f) else _apply_values(f, x, old)
 
 
 overload_by_kind(apply, _apply_values, _apply_arrays)

@@ -598,6 +598,7 @@ BOTH_WAYS = {
                   {"defect": 1e-9}),
     "not symmetric": (structure.others_not_symmetric, {"structure": STRUCTURE.assign(property="symmetry")}, "structure",
                       {"defect": 1e-30}),
+    "volume": (structure.volume, {"structure": STRUCTURE.assign(property="volume")}, "structure", {"defect": 1e-30}),
     "matrix": (matrix.declarations, {"matrix": CELLS}, "matrix", {"order": 1.0}),
     "missing": (matrix.complete, {"matrix": CELLS}, "matrix", {"problem": "kepler"}),
     "energy": (invariants.energy, {"rows": DRIFTS}, "rows", {"energy_max": 1e-9}),

@@ -14,7 +14,7 @@ from phasebench.integrators.prepared import prepare as prepared_run
 from phasebench.integrators.registry import METHODS
 from phasebench.integrators.stepping.kernel import kernel, prepare
 
-PROBLEMS = [problem(name) for name in ("henon-heiles", "perturbed-kepler")]
+PROBLEMS = [problem(name) for name in ("henon-heiles", "perturbed-kepler", "magnetic-mirror")]
 BY_ID = {m.id: m for m in METHODS}
 #: A method of each family, whose methods differ in their numbers alone: all of them are compiled without the runtime.
 OF_EACH_FAMILY = sorted({m.family: m.id for m in METHODS}.values())

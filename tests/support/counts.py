@@ -15,7 +15,7 @@ from unittest.mock import patch
 import numpy as np
 import sympy as sp
 
-from phasebench.benchmarks.measure.battery import LOW_ORDER, SYSTEMS, by_label, runs_on, variants
+from phasebench.benchmarks.measure.battery import LOW_ORDER, MAGNETIC, SYSTEMS, by_label, runs_on, variants
 from phasebench.integrators.driver import integrate
 from phasebench.integrators.families import gauss_lanes
 from phasebench.integrators.prepared import lay_out
@@ -32,12 +32,13 @@ LONG = ("stiff", "body", "lanes")
 #: The counts of a solution that are compared.
 TOLD = ("gradient", "steps", "newton", "fallbacks", "iterations")
 #: Prefixes of functions that do not count as gradient or field evaluations.
-OTHERS = ("structure", "energy", "grad_T", "constraint", "velocity", "rate", "density")
+OTHERS = ("structure", "energy", "grad_T", "constraint", "velocity", "rate", "density", "A / m")
 
 
 def systems(m) -> list[str]:
     """Names of the systems on which a method's calls are counted."""
-    return [name for name in NAMES if runs_on(m, name)][:FEW]
+    names = MAGNETIC if "magnetic" in m.requires else NAMES
+    return [name for name in names if runs_on(m, name)][:FEW]
 
 
 METHODS = [m for m in variants(lam=(Fraction(1, 3),), order=(1, 2)) if m.order <= LOW_ORDER]

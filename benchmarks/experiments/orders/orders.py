@@ -8,7 +8,7 @@ from phasebench.benchmarks.store.cells import UNCOMPILED, Cell, Rows, content
 from phasebench.integrators.compile.codegen import precision
 
 #: Measured property -> the attribute of `Method` that declares it.
-PROPERTIES = {"symplecticity": "symplectic", "symmetry": "symmetric"}
+PROPERTIES = {"symplecticity": "symplectic", "symmetry": "symmetric", "volume": "keeps_volume"}
 CODE = ("phasebench.benchmarks.measure.multiprecision", "phasebench.benchmarks.measure.battery")
 
 
@@ -17,7 +17,10 @@ def cells(quick: bool = False) -> list[Cell]:
     if quick:
         return []
     return [_order(*of) for of in multiprecision.cells("orders")] + [
-        _structure(name, label) for label in multiprecision.methods() for name in PROPERTIES
+        _structure(name, label)
+        for label, chosen in multiprecision.methods().items()
+        for name in PROPERTIES
+        if multiprecision.CELLS[name][1](chosen)
     ]
 
 

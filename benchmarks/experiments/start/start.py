@@ -64,6 +64,7 @@ FIRSTS = (
     First("gauss-8-adaptive", "perturbed-kepler"),
     First("gauss-8-field", "perturbed-kepler"),
     First("wisdom-holman-corrector", "perturbed-kepler"),
+    First("he-splitting-4", "magnetic-mirror"),
     First("stormer-verlet", "henon-heiles"),
     First("gauss-equip-4", "henon-heiles"),
     First("gauss-equip-4", "schwarzschild"),

@@ -1,4 +1,4 @@
-"""The page of the symplecticity and symmetry of step maps, measured without round-off."""
+"""The page of the symplecticity, symmetry and volume of step maps, measured without round-off."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from phasebench.benchmarks.judge.evidence import NO_DEFECT as NOTHING
 from phasebench.benchmarks.measure.multiprecision import DIGITS
 from phasebench.benchmarks.page.markdown import join_list
 from phasebench.benchmarks.page.page import ROWS, Page, Picture, Table, of
-from phasebench.benchmarks.page.verdict import FAIL, NONE, Count, Verdict, at_most
+from phasebench.benchmarks.page.verdict import EVERY, FAIL, NONE, Count, Verdict, at_most
 
 #: Smaller defects are drawn at this value.
 FLOOR = 1e-42
-PROPERTIES = ("symplecticity", "symmetry")
+PROPERTIES = ("symplecticity", "symmetry", "volume")
+#: Methods shown of each property, of those declared to have it and of the others.
+SHOWN = 4
 
 
 def _methods(structure: pd.DataFrame, name: str, declared: bool) -> pd.DataFrame:
@@ -63,22 +65,32 @@ def others_not_symmetric(structure: pd.DataFrame) -> Verdict:
 
 
 @of("structure")
+def volume(structure: pd.DataFrame) -> Verdict:
+    """Whether step maps on charged particles keep volume where they are declared to, and the controls do not."""
+    rows = structure[structure["property"] == "volume"]
+    wrong = rows[(rows["defect"] <= NOTHING) != rows["declared"]]
+    measured = Count(len(rows) - len(wrong), len(rows)) if len(rows) else None
+    where = join_list(list(wrong["method"]), 3) if len(wrong) else ""
+    claim = "Methods for charged particles keep volume where declared, and the controls do not"
+    return Verdict(claim, measured, EVERY, "methods", where, FAIL)
+
+
+@of("structure")
 def answer(structure: pd.DataFrame) -> str:
-    """A sentence: how many step maps are as declared in symplecticity and in symmetry."""
+    """A sentence: how many step maps are as declared in each property."""
     right = structure[(structure["defect"] <= NOTHING) == structure["declared"]]
-    counts = [f"{(right['property'] == name).sum()} of {(structure['property'] == name).sum()}" for name in PROPERTIES]
-    return (
-        f"In arithmetic of {DIGITS} digits {counts[0]} step maps are as declared in {PROPERTIES[0]}, and {counts[1]} in "
-        f"{PROPERTIES[1]}."
-    )
+    there = [name for name in PROPERTIES if (structure["property"] == name).any()]
+    counts = [f"{(right['property'] == x).sum()} of {(structure['property'] == x).sum()} in {x}" for x in there]
+    return f"In arithmetic of {DIGITS} digits step maps are as declared: {join_list(counts, len(counts))}."
 
 
 @of("structure")
 def draw(structure: pd.DataFrame, folder) -> list[Picture]:
     """Every defect, sorted, a panel for each property; methods declared to have it are drawn apart from the others."""
+    there = [name for name in PROPERTIES if (structure["property"] == name).any()]
     with style.settings():
-        figure, (panels,) = style.panels(1, 2, 3.0, sharey=True)
-        for axes, name in zip(panels, PROPERTIES, strict=True):
+        figure, (panels,) = style.panels(1, len(there), 3.0, sharey=True)
+        for axes, name in zip(panels, there, strict=True):
             part = structure[structure["property"] == name]
             first = 0
             for k, (declared, label) in enumerate(((True, "declared"), (False, "not declared"))):
@@ -105,12 +117,12 @@ def table(structure: pd.DataFrame) -> Table:
     parts = []
     for name in PROPERTIES:
         part = structure[structure["property"] == name]
-        parts += [part[part["declared"]].nlargest(6, "defect"), part[~part["declared"]].nsmallest(6, "defect")]
+        parts += [part[part["declared"]].nlargest(SHOWN, "defect"), part[~part["declared"]].nsmallest(SHOWN, "defect")]
     shown = pd.concat(parts)[columns].head(ROWS)
     shown["declared"] = shown["declared"].map({True: "yes", False: "no"})
     caption = (
-        f"The methods nearest to the limit of {NOTHING:g}: of each property the six largest defects of methods declared to have "
-        "it, and the six smallest of the others."
+        f"The methods nearest to the limit of {NOTHING:g}: of each property the four largest defects of methods declared to "
+        "have it, and the four smallest of the others."
     )
     return Table(shown, caption)
 
@@ -122,15 +134,16 @@ def _full_table(structure: pd.DataFrame) -> pd.DataFrame:
 
 PAGE = Page(
     id="structure",
-    question="Are the step maps symplectic and symmetric where they are declared to be?",
+    question="Are the step maps symplectic, symmetric and volume-preserving where they are declared to be?",
     tables=("structure",),
     setting=(
-        "Symplecticity: the largest entry of MᵀJM − J, M the Jacobian of one step by differences.",
+        "Symplecticity: the largest entry of MᵀJM − J, M the Jacobian of one step by differences. Of a charged particle, with p = v + A(x), J is the magnetic two-form dx ∧ dv + B: this is K-symplecticity.",
         "Symmetry: |Φ₋ₕ(Φₕ(y)) − y|, the distance from the start after a step and the same step backwards.",
-        "Systems: pendulum, Hénon–Heiles, and non-separable ones where the method can do them; the largest counts.",
+        "Volume: |det M − 1|, of methods for charged particles and, as controls, of some others, on charged particles.",
+        "Systems: pendulum, Hénon–Heiles, charged particles, and non-separable ones where the method can do them; the largest counts.",
         f"In arithmetic of {DIGITS} digits (MPFR through gmpy2), with the stages solved to them, so that round-off hides no defect.",
     ),
-    verdicts=(symplectic, others_not_symplectic, symmetric, others_not_symmetric),
+    verdicts=(symplectic, others_not_symplectic, symmetric, others_not_symmetric, volume),
     answer=answer,
     figures=draw,
     table=table,

@@ -1,0 +1,120 @@
+r"""A user's own step of a charged particle: ``step(system, x, v, h)`` with ``system.E(x)`` and ``system.B(x)``.
+
+A file with ``REQUIRES = ("magnetic",)`` may write its step in positions and velocities::
+
+    def step(system, x, v, h):
+        x = x + h / 2 * v
+        v = v + h / 2 * system.E(x)
+        t = h / 2 * system.B(x)
+        u = v + np.cross(v, t)
+        v = v + np.cross(u, 2 * t / (1 + t @ t))
+        v = v + h / 2 * system.E(x)
+        return x + h / 2 * v, v
+
+x, v, E and B have three components.  In a problem in the plane, the third of x, v and E is 0, B is along z, and the
+third components that the step returns are not used.  All else takes it for a step of (q, p): `InMomenta` converts.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.codegen import DOUBLE, to_number
+from phasebench.integrators.systems import magnetic
+
+#: The trait that such a step requires.
+TRAIT = "magnetic"
+
+
+class Particle:
+    """A charged particle as a step of (x, v) sees it, x' = v, v' = E(x) + v x B(x); all arrays (3,).
+
+    Attributes
+    ----------
+    d : 3
+    evaluations : numbers of evaluations of `E` and of `B`, shared with the system
+    """
+
+    d = 3
+
+    def __init__(self, system: Any, arithmetic: str, evaluations: list[int]):
+        self.evaluations, self._arithmetic, self._plane = evaluations, arithmetic, system.d == 2
+        self._fields, self._shift = magnetic.fields(system, arithmetic), magnetic.shift(system, arithmetic)
+        self._energy = system.energy(arithmetic)
+        self._mass = to_number(magnetic.constants(system)[0], arithmetic)
+
+    def E(self, x) -> np.ndarray:
+        """The electric field at x, times charge / mass."""
+        self.evaluations[0] += 1
+        return self._spatial(self._call(self._fields, x)[0])
+
+    def B(self, x) -> np.ndarray:
+        """The magnetic field at x, times charge / mass."""
+        self.evaluations[1] += 1
+        B = self._array(self._call(self._fields, x)[1])
+        return np.array([0 * B[0], 0 * B[0], B[0]], dtype=B.dtype) if self._plane else B
+
+    def H(self, x, v):
+        """The energy at x, v."""
+        q = self._value(x)
+        return self._energy(q, self._value(self.momentum(x, v)))[0]
+
+    def momentum(self, x, v) -> np.ndarray:
+        """The canonical momentum p = m v + A(x), array (d,) of the system's d."""
+        return self._mass * (self._array(self._value(v)) + self._array(self._call(self._shift, x)))
+
+    def state(self, q, p) -> tuple[np.ndarray, np.ndarray]:
+        """(x, v) of q and p."""
+        v = np.asarray(p) / self._mass - self._array(self._call(self._shift, q))
+        return self._spatial(q), self._spatial(v)
+
+    def _call(self, function: Callable, x):
+        return function(self._value(x))
+
+    def _value(self, x):
+        """The components of the system's own dimension, as its functions take them."""
+        d = 2 if self._plane else 3
+        x = np.asarray(x)[:d]
+        if self._arithmetic != DOUBLE:
+            return codegen.vector(x)
+        return tuple(map(float, x)) if codegen.compiled() else np.array(x, float)
+
+    def _array(self, x) -> np.ndarray:
+        return np.array(x, dtype=float if self._arithmetic == DOUBLE else object)
+
+    def _spatial(self, x) -> np.ndarray:
+        x = self._array(x)
+        return np.append(x, 0 * x[0]) if self._plane else x
+
+
+class InMomenta:
+    """A step (particle, x, v, h) -> (x, v) as a step (system, q, p, h) -> (q, p)."""
+
+    def __init__(self, step: Callable[..., tuple[Any, Any]]):
+        self.step, self.__name__ = step, getattr(step, "__name__", type(step).__name__)
+
+    def __call__(self, system, q, p, h):
+        """Convert, step, and convert back; what is no pair is returned as it is, for the caller to refuse."""
+        particle = system.particle
+        x, v = particle.state(q, p)
+        x.flags.writeable = v.flags.writeable = q.flags.writeable and p.flags.writeable
+        before = x.copy(), v.copy()
+        pair = self.step(particle, x, v, h)
+        if q.flags.writeable and not all(np.array_equal(a, b) for a, b in zip((x, v), before, strict=True)):
+            q[:], p[:] = x[: len(q)], particle.momentum(x, v)  # the caller sees that its arrays were changed
+        if not (isinstance(pair, (tuple, list)) and len(pair) == 2) or any(np.shape(z) != (3,) for z in pair):
+            return pair
+        return np.array(pair[0])[: len(q)], particle.momentum(*pair)
+
+
+def in_velocities(step: Callable) -> bool:
+    """True if a function's arguments are named as those of a step of (x, v)."""
+    try:
+        return list(inspect.signature(step).parameters)[1:3] == ["x", "v"]
+    except (TypeError, ValueError):
+        return False

@@ -1,0 +1,240 @@
+r"""Splittings for a charged particle: drifts, and pushes by the fields E and B at one place.
+
+The particle's x and :math:`u = \gamma\dot x` (`systems.magnetic`) move in turns,
+
+.. math::
+    x \leftarrow x + a_k h\,u/\gamma,\qquad
+    u \leftarrow u + \tfrac{b_k h}2 E,\quad u \leftarrow R u,\quad u \leftarrow u + \tfrac{b_k h}2 E .
+
+R turns u about B: with a vector t along B, whose length is the tangent of half the angle,
+
+.. math::
+    R u = u + \frac 2{1 + |t|^2}\,(u + u\times t)\times t .
+
+The rules differ in t, with :math:`\tau = \tfrac{b_k h}2 B` and u as R finds it:
+
+- Boris: :math:`t = \tau/\gamma(u)`, the Cayley transform of the rotation;
+- Higuera and Cary: :math:`t = \tau/\bar\gamma`, where :math:`\bar\gamma` belongs to the mean of u and R u,
+  :math:`2\bar\gamma^2 = \sigma + \sqrt{\sigma^2 + 4(|\tau|^2 + (u\cdot\tau)^2/c^2)},\ \sigma = \gamma(u)^2 - |\tau|^2`;
+  where the particle is not relativistic it is Boris's rule;
+- exact: :math:`t = \tau\,\tan\theta/(\gamma\theta),\ \theta = |\tau|/\gamma(u)`, the flow of
+  :math:`\dot u = \dot x\times B`.
+
+Each substep is a shear or turns u by an angle that the turning does not change, so that volume is kept.  The last drift
+of a step and the first of the next are one, parted where a row is stored.  There :math:`p = mu + A(x)`; u goes on as it
+was, with what rounding lost.
+
+Sources: J. P. Boris, Proc. Fourth Conf. Num. Sim. Plasmas (1970) 3-67; A. V. Higuera, J. R. Cary, Phys. Plasmas 24
+(2017) 052104; Y. He, Y. Sun, J. Liu, H. Qin, J. Comput. Phys. 281 (2015) 135-147.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from phasebench.integrators.stepping.kernel import Prepared, numbers
+from phasebench.integrators.stepping.loop import loop
+from phasebench.integrators.stepping.solve import SOLVED
+from phasebench.integrators.systems import magnetic
+from phasebench.integrators.values.elementary import cos, sin
+from phasebench.integrators.values.fma import fma
+from phasebench.integrators.values.vector import (
+    add,
+    add_product_in_place,
+    axpy,
+    dispatch_on_none,
+    elementwise,
+    inline,
+    plus,
+    read_state,
+    scale,
+    sum_of,
+    unroll,
+)
+
+#: Orbits may be integrated side by side.
+IN_LANES = True
+#: The rules of rotation.
+BORIS, HIGUERA_CARY, EXACT = 0, 1, 2
+#: Added to an angle, so that none is zero; it changes no other double.
+TINY = 1e-300
+
+
+class Magnetic(NamedTuple):
+    """Fractions of h of the drifts a and the pushes b between them, and the rule of rotation.
+
+    ``fields`` is x -> (E, B), ``shift`` x -> A / m; ``slowness`` is (1 / c^2,), None where nothing is relativistic.
+    """
+
+    slowness: np.ndarray | None
+    fields: Callable
+    shift: Callable
+    mass: np.ndarray
+    a: np.ndarray
+    b: np.ndarray
+    rule: int
+    h: float = 0.0
+    eps: float = 0.0
+
+
+class Moving(NamedTuple):
+    """A state of (q, p), and u with what rounding lost of it."""
+
+    q: Any
+    p: Any
+    lost_q: Any
+    lost_p: Any
+    u: Any
+    lost_u: Any
+
+
+@sum_of("x[i] * y[i]")
+def dot(x, y):
+    """The sum of products of components."""
+    return np.sum(x * y)
+
+
+@unroll(lambda d: "  return 0.0 * x[0]" if d == 2 else "  return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]")
+def along(x, y):
+    """The scalar product; in the plane y is the vector (0, 0, y[0])."""
+    return 0.0 * x[0] if len(x) == 2 else np.sum(x * y)
+
+
+def _cross_text(d: int) -> str:
+    if d == 2:
+        return "  return x[1] * y[0], -(x[0] * y[0])"
+    return "  return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]"
+
+
+@unroll(_cross_text)
+def cross(x, y):
+    """The vector product; in the plane y is the vector (0, 0, y[0])."""
+    if len(x) == 2:
+        return np.array([x[1] * y[0], -(x[0] * y[0])])
+    return np.array([x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]])
+
+
+@elementwise(outputs=2)
+def momentum(u, lost, shift, mass):
+    """(m (u + shift), the part that rounding lost); Knuth's sum, since either may be the larger."""
+    s = u + shift
+    part = s - u
+    error = ((u - (s - part)) + (shift - part)) + lost
+    p = mass * s
+    return p, fma(mass, s, -p) + mass * error
+
+
+@elementwise(outputs=2)
+def velocity(p, lost, shift, mass):
+    """(p / m - shift, the part that rounding lost)."""
+    w = p / mass
+    error = (fma(-mass, w, p) + lost) / mass
+    u = w - shift
+    part = u - w
+    return u, ((w - (u - part)) + (-shift - part)) + error
+
+
+@inline
+def _gamma_square(slowness, u):
+    return 1.0 + slowness[0] * dot(u, u)
+
+
+#: gamma of u.
+gamma = dispatch_on_none(lambda slowness, u: 1.0, lambda slowness, u: _gamma_square(slowness, u) ** 0.5)
+
+
+def _mean_gamma(slowness, u, tau):
+    """Gamma of the mean of u before and after the rotation."""
+    square, parallel = dot(tau, tau), along(u, tau)
+    sigma = _gamma_square(slowness, u) - square
+    return (0.5 * (sigma + (sigma * sigma + 4.0 * (square + slowness[0] * parallel * parallel)) ** 0.5)) ** 0.5
+
+
+mean_gamma = dispatch_on_none(lambda slowness, u, tau: 1.0, _mean_gamma)
+
+
+@inline
+def half_turn(method, u, tau):
+    """The vector t of a rule: along tau, its length the tangent of half the angle."""
+    if method.rule == HIGUERA_CARY:
+        return scale(1.0 / mean_gamma(method.slowness, u, tau), tau)
+    t = scale(1.0 / gamma(method.slowness, u), tau)
+    if method.rule == BORIS:
+        return t
+    angle = dot(t, t) ** 0.5 + TINY
+    return scale(sin(angle) / (cos(angle) * angle), t)
+
+
+@inline
+def pushed(method, y, h):
+    """The state after half a kick by E, a rotation about B, and half a kick."""
+    E, B = method.fields(y.q)
+    u = axpy(0.5 * h, E, y.u)
+    t = half_turn(method, u, scale(0.5 * h, B))
+    turned = scale(2.0 / (1.0 + dot(t, t)), cross(plus(u, cross(u, t)), t))
+    u, lost_u = add(y.u, y.lost_u, axpy(h, E, turned))
+    return Moving(y.q, y.p, y.lost_q, y.lost_p, u, lost_u)
+
+
+@inline
+def drifted(method, y, h):
+    """The state after a drift."""
+    q, lost_q = add_product_in_place(y.q, y.lost_q, h / gamma(method.slowness, y.u), y.u)
+    return Moving(q, y.p, lost_q, y.lost_p, y.u, y.lost_u)
+
+
+def begin(method, carry, counts):
+    """Read the state, and find u."""
+    y = read_state(carry)
+    u, lost_u = velocity(y.p, y.lost_p, method.shift(y.q), method.mass[0])
+    return Moving(y.q, y.p, y.lost_q, y.lost_p, u, lost_u)
+
+
+def start(method, y):
+    """Apply the first drift; that of the following steps is part of the last drift before them."""
+    return drifted(method, y, method.a[0] * method.h)
+
+
+def step(method, y, carry, counts):
+    """Push and drift in turn; the last drift includes the next step's first."""
+    h, last = method.h, len(method.b) - 1
+    for k in range(len(method.b)):
+        y = pushed(method, y, method.b[k] * h)  # exp(b_k h (E and B))
+        drift = method.a[k + 1] * h
+        if k == last:
+            drift += method.a[0] * h
+        y = drifted(method, y, drift)  # exp(a_k h A)
+    counts.gradient += len(method.b)
+    return y, SOLVED
+
+
+def finish(method, y):
+    """Take back the next step's first drift, and find p."""
+    y = drifted(method, y, -(method.a[0] * method.h))
+    p, lost_p = momentum(y.u, y.lost_u, method.shift(y.q), method.mass[0])
+    return Moving(y.q, p, y.lost_q, lost_p, y.u, y.lost_u)
+
+
+run = loop(step, begin, start, finish)
+
+
+def prepare(method, system, arithmetic):
+    """Make the kernel of data (rule, fractions of h of the symmetric steps of order 2 that are composed)."""
+    rule, pushes = method.data
+    halves = [g / 2 for g in pushes]
+    drifts = [halves[0], *(x + y for x, y in pairwise(halves)), halves[-1]]
+    mass, slowness = magnetic.constants(system)
+    step = Magnetic(
+        numbers([slowness], arithmetic) if slowness else None,
+        magnetic.fields(system, arithmetic),
+        magnetic.shift(system, arithmetic),
+        numbers([mass], arithmetic),
+        numbers(drifts, arithmetic),
+        numbers(pushes, arithmetic),
+        rule,
+    )
+    return Prepared(run, step, 1, 2, implicit=False)

@@ -1,0 +1,183 @@
+r"""A charged particle's Hamiltonian, recognized, and its fields E and B, derived.
+
+A Hamiltonian of d = 2 or 3 degrees of freedom is *magnetic* where it is
+
+.. math::
+    H = \frac{|p - A(x)|^2}{2m} + \phi(x)\qquad\text{or, relativistic,}\qquad
+    H = c\sqrt{m^2c^2 + |p - A(x)|^2} + \phi(x)
+
+with curl A not zero; the charge is within A and phi.  With :math:`p = mu + A(x)`,
+
+.. math::
+    \dot x = u/\gamma,\qquad \dot u = E(x) + \dot x\times B(x),\qquad
+    E = -\nabla\phi/m,\quad B = \nabla\times A/m,\quad \gamma = \sqrt{1 + |u|^2/c^2}
+
+(:math:`\gamma = 1` in the first case).  In the plane B is along z.  A frame that rotates with the angular velocity
+:math:`\Omega` is a field :math:`B = 2\Omega`.
+
+Whatever is added to A with its curl zero changes p and nothing else.  A map of (x, u) keeps volume where it does in (x,
+p), since p is u sheared and scaled; it keeps the two-form :math:`dx\wedge m\,du + B` (is *K-symplectic*) where it is
+symplectic in (x, p).
+
+Source: Y. He, Y. Sun, J. Liu, H. Qin, J. Comput. Phys. 281 (2015) 135-147; A. V. Higuera, J. R. Cary, Phys.
+Plasmas 24 (2017) 052104.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import mpmath
+from numba import types
+
+from phasebench.integrators.compile import codegen
+from phasebench.integrators.compile.codegen import DOUBLE
+from phasebench.integrators.compile.lazy import sympy as sp
+
+#: The kinds of magnetic systems: the values of the trait.
+CLASSICAL, RELATIVISTIC = "classical", "relativistic"
+#: Fields of more operations than this are not simplified, which would take long.
+LONG = 400
+#: Digits of an irrational mass or speed of light.
+DIGITS = 60
+
+
+@dataclass(frozen=True)
+class Particle:
+    """What a magnetic Hamiltonian is made of: expressions in the coordinates (see the module).
+
+    Attributes
+    ----------
+    A, phi : the vector potential (d expressions) and the potential
+    mass : m
+    slowness : 1 / c^2; 0 where it is not relativistic
+    E, B : the fields, d expressions each; in the plane B is (B_z, 0)
+    """
+
+    A: tuple[Any, ...]
+    phi: Any
+    mass: Any
+    slowness: Any
+    E: tuple[Any, ...]
+    B: tuple[Any, ...]
+
+    @property
+    def kind(self) -> str:
+        """Which of the two Hamiltonians it is."""
+        return RELATIVISTIC if self.slowness else CLASSICAL
+
+
+_particles: WeakKeyDictionary = WeakKeyDictionary()
+
+
+def kind(system) -> str:
+    """ "classical" or "relativistic"; empty where the system is not magnetic."""
+    found = particle(system)
+    return found.kind if found else ""
+
+
+def particle(system) -> Particle | None:
+    """The potentials and fields of a system, or None where it is not magnetic."""
+    if system not in _particles:
+        _particles[system] = _recognize(system)
+    return _particles[system]
+
+
+def _recognize(system) -> Particle | None:
+    if not system.canonical or system.loops or system.d not in (2, 3) or system.separable:
+        return None
+    kinetic = _square(system.H, system.p)
+    if kinetic is not None:
+        inverse_mass, A, phi = kinetic
+        return _of(system, A, phi, 1 / inverse_mass, sp.Integer(0))
+    for root in system.H.atoms(sp.Pow):
+        if root.exp == sp.Rational(1, 2) and root.has(*system.p):
+            return _of_root(system, root)
+    return None
+
+
+def _square(f, p) -> tuple[Any, tuple, Any] | None:
+    """(k, A, rest) where f is k |p - A|^2 / 2 + rest with a constant k > 0, A and rest free of p; else None."""
+    slopes = [sp.diff(f, x) for x in p]
+    seconds = [[sp.expand(sp.diff(s, x)) for x in p] for s in slopes]
+    k = seconds[0][0]
+    if not k.is_positive or k.free_symbols:
+        return None
+    if any(seconds[i][j] != (k if i == j else 0) for i in range(len(p)) for j in range(len(p))):
+        return None
+    A = tuple(sp.expand(x - s / k) for x, s in zip(p, slopes, strict=True))
+    rest = sp.expand(f.subs(dict(zip(p, A, strict=True)), simultaneous=True))
+    return None if any(e.has(*p) for e in (*A, rest)) else (k, A, rest)
+
+
+def _of_root(system, root) -> Particle | None:
+    """The particle of H = a root + phi, root = sqrt(M + k |p - A|^2 / 2)."""
+    a, inside = sp.diff(system.H.subs(root, sp.Symbol("r_")), sp.Symbol("r_")), _square(root.base, system.p)
+    phi = sp.expand(system.H - a * root)
+    if inside is None or a.free_symbols or not a.is_positive or phi.has(*system.p):
+        return None
+    k, A, M = inside
+    M = sp.simplify(M)
+    if M.free_symbols or not M.is_positive:
+        return None
+    square = a**2 * k / 2  # c^2
+    return _of(system, A, phi, a * sp.sqrt(M) / square, 1 / square)
+
+
+def _of(system, A, phi, mass, slowness) -> Particle | None:
+    x = system.q
+    if len(x) == 2:
+        curl = (sp.diff(A[1], x[0]) - sp.diff(A[0], x[1]), sp.Integer(0))
+    else:
+        curl = tuple(sp.diff(A[k], x[j]) - sp.diff(A[j], x[k]) for j, k in ((1, 2), (2, 0), (0, 1)))
+    B = tuple(_short(b / mass) for b in curl)
+    if not any(B):
+        return None
+    E = tuple(_short(-sp.diff(phi, z) / mass) for z in x)
+    return Particle(tuple(map(_short, A)), phi, mass, slowness, E, B)
+
+
+def _short(e):
+    """The shorter of an expression and its simplified form."""
+    if sp.count_ops(e) > LONG:
+        return e
+    simplified = sp.simplify(e)
+    return simplified if sp.count_ops(simplified) < sp.count_ops(e) or simplified == 0 else e
+
+
+def constants(system) -> tuple[Any, Any]:
+    """(m, 1 / c^2), fractions, or numbers of `DIGITS` digits where they are irrational."""
+    found = particle(system)
+    with mpmath.workdps(DIGITS):
+        return tuple(
+            Fraction(int(x.p), int(x.q)) if x.is_Rational else mpmath.mpf(x.evalf(DIGITS))
+            for x in (sp.sympify(found.mass), sp.sympify(found.slowness))
+        )
+
+
+# -- functions of the coordinates, as kernels call them ----------------------------------------------------------------
+
+
+def fields(system, arithmetic: str = DOUBLE):
+    """The function x -> (E, B)."""
+    T = codegen.value_type(system.d)
+
+    def results():
+        found = particle(system)
+        return [list(found.E), list(found.B)]
+
+    return system.make_function("E and B", [("q", system.q)], results, types.Tuple((T, T))(T), arithmetic)
+
+
+def shift(system, arithmetic: str = DOUBLE):
+    """The function x -> A / m, by which p / m is more than u."""
+    T = codegen.value_type(system.d)
+
+    def results():
+        found = particle(system)
+        return [[a / found.mass for a in found.A]]
+
+    return system.make_function("A / m", [("q", system.q)], results, T(T), arithmetic)
