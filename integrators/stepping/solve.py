@@ -207,6 +207,18 @@ def _started_in_lanes(x, span):
 started = overload_in_lanes(_started, _started_in_lanes)
 
 
+def _replace(active, x, new):
+    return new
+
+
+def _replace_in_lanes(active, x, new):
+    return where(active, new, x)
+
+
+#: The new x in lanes that are active, and the old one in the others; of a number the new one, since its loop goes on.
+replace = overload_in_lanes(_replace, _replace_in_lanes)
+
+
 def fixed_point(sweep: Callable) -> Callable:
     """Make the iteration x -> G(x) to round-off, for numbers and for lanes of them.
 
@@ -281,7 +293,7 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
     @inline
     def sweep(arguments, x, active):
         new = G(x, arguments)
-        return where(active, new, x), distance(new, x), size(new)
+        return replace(active, x, new), distance(new, x), size(new)
 
     @inline
     def improve(arguments, x, span, eps, work):

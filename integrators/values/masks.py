@@ -196,18 +196,19 @@ def retire_lanes(going, kept, x):
     return x, kept
 
 
-def _overload_for_masks(function, in_lanes) -> None:
+def _overload_for_masks(function, in_lanes, options=OPTIONS) -> None:
     """Overload a function whose first argument is a condition by ``in_lanes`` where that is a mask."""
     names = ", ".join(function.__code__.co_varnames[: function.__code__.co_argcount])
     namespace = {"in_lanes": in_lanes, "alone": function, "Mask": Mask}
     exec(f"def typed({names}): return in_lanes if isinstance({names.split(',')[0]}, Mask) else alone", namespace)
-    overload(function, jit_options=OPTIONS)(namespace["typed"])
+    overload(function, jit_options=options)(namespace["typed"])
 
 
 _overload_for_masks(where, lambda condition, a, b: select(condition, a, b))
 _overload_for_masks(number, lambda condition: count(condition))
 _overload_for_masks(fails, lambda condition: ~condition)
-_overload_for_masks(retire_lanes, lambda going, kept, x: (select(going & ~kept, scale(np.nan, x), x), True))
+# x may be an array of a caller that counts references.
+_overload_for_masks(retire_lanes, lambda going, kept, x: (select(going & ~kept, scale(np.nan, x), x), True), PLACES)
 
 
 # -- functions of formulae ---------------------------------------------------------------------------------------------
