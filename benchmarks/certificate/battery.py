@@ -113,26 +113,17 @@ def lasting() -> tuple[Entry, ...]:
 
 @cache
 def magnetic() -> tuple[Entry, ...]:
-    """Charged particles, on which everything is measured of a step that requires one."""
-    space = "x y z", "px py pz"
-    tilted = "(px + y*(1 + z**2)/2)**2 + (py - x*(1 + z**2)/2 - z**2/4)**2 + (pz - x*y/3)**2"
-    mirror = "((px + y*(1 + z**2/4)/2)**2 + (py - x*(1 + z**2/4)/2)**2 + pz**2)/2 + (x**2 + y**2)**2/16 + z**4/8"
+    """Charged particles in confining potentials, on which everything is measured of a step that requires one."""
     plane = "((p1 + q2*(1 + q1**2)/2)**2 + (p2 - q1*(1 + q2**2)/3)**2)/2 + q1**2/2 + q1*q2**2/3 + q2**4/4"
-    trap, heavy = (
-        Hamiltonian(q=space[0], p=space[1], H=H) for H in (mirror, f"({tilted})/4 + x**2*y/4 - y*z/3 + z**4/8")
-    )
+    tilted = "(px + y*(1 + z**2)/2)**2 + (py - x*(1 + z**2)/2 - z**2/4)**2 + (pz - x*y/3)**2"
+    heavy = f"({tilted})/4 + x**2*y/4 - y*z/3 + (x**2 + y**2 + z**2)**2/8"
+    mirror = "((px + y*(1 + z**2/4)/2)**2 + (py - x*(1 + z**2/4)/2)**2 + pz**2)/2 + (x**2 + y**2)**2/16 + z**4/8"
+    heavy, mirror = (Hamiltonian(q="x y z", p="px py pz", H=H) for H in (heavy, mirror))
+    around = "x*py - y*px", "bilinear"
     return (
         Entry("planar particle", _two(plane), (0.4, -0.6, 0.5, 0.3), False, lasting=True),
         Entry("heavy particle", heavy, (0.3, -0.5, 0.4, 0.4, 0.6, -0.3), False),
-        Entry(
-            "particle in a mirror",
-            trap,
-            (0.5, 0.2, -0.3, 0.3, 0.4, 0.5),
-            False,
-            "x*py - y*px",
-            "bilinear",
-            lasting=True,
-        ),
+        Entry("particle in a mirror", mirror, (0.5, 0.2, -0.3, 0.3, 0.4, 0.5), False, *around, True),
     )
 
 

@@ -58,8 +58,9 @@ from phasebench.integrators.values.vector import (
 
 #: Orbits may be integrated side by side.
 IN_LANES = True
-#: The rules of rotation.
-BORIS, HIGUERA_CARY, EXACT = 0, 1, 2
+#: The rules of rotation, by their names in a method's data.
+RULES = {"boris": 0, "higuera-cary": 1, "exact": 2}
+BORIS, HIGUERA_CARY = RULES["boris"], RULES["higuera-cary"]
 #: Added to an angle, so that none is zero; it changes no other double.
 TINY = 1e-300
 
@@ -235,6 +236,6 @@ def prepare(method, system, arithmetic):
         numbers([mass], arithmetic),
         numbers(drifts, arithmetic),
         numbers(pushes, arithmetic),
-        rule,
+        RULES[rule],
     )
     return Prepared(run, step, 1, 2, implicit=False)

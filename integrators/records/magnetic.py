@@ -7,11 +7,10 @@ quadratic; elsewhere it may drift (Hairer & Lubich 2018).
 from __future__ import annotations
 
 from phasebench.integrators import coefficients
-from phasebench.integrators.families.magnetic import BORIS, EXACT, HIGUERA_CARY
 from phasebench.integrators.record import NONE, Method
 
 
-def pusher(*, rule: int, fractions=(1,), order: int = 2, **facts) -> Method:
+def pusher(*, rule: str, fractions=(1,), order: int = 2, **facts) -> Method:
     """A symmetric composition of drift, push and drift over fractions of the step."""
     return Method(
         family="magnetic",
@@ -33,28 +32,28 @@ METHODS: tuple[Method, ...] = (
         name="Boris's method for charged particles",
         source="Boris 1970; drift first, the tangent of the angle not corrected",
         cite=("boris1970", "qin2013", "hairer-lubich2018"),
-        rule=BORIS,
+        rule="boris",
     ),
     pusher(
         id="higuera-cary",
         name="the method of Higuera and Cary; Boris's where the particle is not relativistic",
         source="Higuera & Cary 2017",
         cite=("higuera-cary2017",),
-        rule=HIGUERA_CARY,
+        rule="higuera-cary",
     ),
     pusher(
         id="he-splitting-2",
         name="He, Sun, Liu & Qin's splitting with the exact rotation, order 2",
         source="He, Sun, Liu & Qin 2015",
         cite=("he2015",),
-        rule=EXACT,
+        rule="exact",
     ),
     pusher(
         id="he-splitting-4",
         name="He, Sun, Liu & Qin's splitting with the exact rotation, order 4",
         source="He, Sun, Liu & Qin 2015; the triple jump of he-splitting-2",
         cite=("he2015", "forest-ruth1990"),
-        rule=EXACT,
+        rule="exact",
         fractions=coefficients.steps("forest-ruth"),
         order=4,
     ),

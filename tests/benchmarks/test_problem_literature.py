@@ -265,6 +265,37 @@ def test_charged_particle_gyration_and_drift():
     assert abs(np.hypot(*later) - 1) > 1e-6, "the control: not after the gyration in a uniform field"
 
 
+def test_magnetic_mirror_obeys_the_lorentz_force():
+    """v' = v x B with B = (-x z / L^2, -y z / L^2, 1 + z^2 / L^2), free of divergence; and the start."""
+    s = make_problem("magnetic-mirror").system
+    (x, y, z), v = s.q, sp.Matrix(s.dq)
+    B = sp.Matrix([-x * z, -y * z, 100 + z**2]) / 100
+    assert sum(sp.diff(b, c) for b, c in zip(B, s.q, strict=True)) == 0
+    force = v.cross(B)
+    assert vanish(s, [rate(s, a) - f for a, f in zip(v, force, strict=True)])
+    assert not vanish(s, [rate(s, a) + f for a, f in zip(v, force, strict=True)])
+    problem = make_problem("magnetic-mirror")
+    assert [float(s.observe(e, [problem.q0], [problem.p0])[0]) for e in s.dq] == pytest.approx([0, 0.3, 0.2], abs=1e-16)
+
+
+@pytest.mark.parametrize("L", [10.0, 20.0])
+def test_magnetic_mirror_bounces_as_its_magnetic_moment_has_it(L):
+    """Northrop 1963: frequency v_perp / L, turning point L v_par / v_perp, up to (radius of gyration / L)^2."""
+    period = 2 * np.pi * L / 0.3
+    s = integrate(make_problem("magnetic-mirror", L=L), "gauss-6", h=0.1, t_end=1.1 * period)
+    z = s.q[:, 2]
+    (k,) = np.nonzero((z[:-1] < 0) & (z[1:] >= 0))[0]
+    crossing = s.t[k] - z[k] * (s.t[k + 1] - s.t[k]) / (z[k + 1] - z[k])
+    assert abs(crossing / period - 1) < 0.15 / L**2
+    assert z.max() == pytest.approx(L * 0.2 / 0.3, rel=0.5 / L**2)
+    assert z.min() == pytest.approx(-z.max(), rel=1 / L**2)
+    B = 1 + z**2 / L**2
+    parallel = s.p[:, 2]  # up to the tilt of the field lines
+    moment = (0.3**2 + 0.2**2 - parallel**2) / 2 / B
+    assert np.ptp(moment) < 0.1 * moment[0]
+    assert np.ptp(moment * B) > 0.3 * moment[0], "the control: the energy of gyration is not kept"
+
+
 @pytest.mark.parametrize(
     ("name", "semilatus", "e", "tolerance"),
     [("precessing", 10.0, 0.5, 1e-12), ("precessing", 1000.0, 0.2, 1e-9), ("zoom-whirl", 7.001, 0.5, 1e-10)],
@@ -383,6 +414,7 @@ def test_plummer_sphere():
         ("toda", {"N": 3.5}, "integer"),
         ("rigid-body", {"I2": -1.0}, "positive"),
         ("charged-particle", {"phi0": -0.1}, "negative"),
+        ("magnetic-mirror", {"L": 0.0}, "positive"),
         ("schwarzschild", {"M": 0.0}, "positive"),
         ("schwarzschild", {"e": 1.0}, "eccentricity"),
         ("schwarzschild", {"semilatus": 7.0}, "greater than 6"),
