@@ -50,7 +50,7 @@ class Exact:
 
     @cached_property
     def particle(self) -> Particle:
-        """The charged particle that a step of (x, v) sees."""
+        """The system as a charged particle with fields E and B, for a step written in positions and velocities."""
         return Particle(self.whole, MULTIPRECISION, self.evaluations)
 
     def _slopes(self, q, p):
@@ -115,7 +115,7 @@ class Stepper:
         return float(x) if self.arithmetic == DOUBLE else to_number(x, MULTIPRECISION)
 
     def raw(self, q, p, h):
-        """Whatever the subject's step returns for these arrays themselves, not copies."""
+        """Call the user's step with these arrays, not copies, and return its result unchecked."""
         self.taken += 1
         with report_failures(self.subject, f"step {self.taken} on {self.entry.name}"):
             return self.subject.own.step(self.system, q, p, h)

@@ -35,7 +35,7 @@ SMOOTH = 1e-24
 
 
 def structure_row(stepper: Stepper, seed: int, defect: Callable) -> dict:
-    """The row of a structure, at the first of `STEPS` that decides whether it is kept."""
+    """The row of a structure (such as symplecticity), at the first step size of `STEPS` that decides if it is kept."""
     rows, why = [], ""
     for h in STEPS:
         try:
