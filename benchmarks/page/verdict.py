@@ -57,7 +57,7 @@ class Condition(Protocol):
 
 
 def _ends(measured: Measured) -> tuple[float, float]:
-    """The smallest and the largest value; for a count its fraction, twice."""
+    """The smallest and the largest measured value; for a count its fraction, twice."""
     if isinstance(measured, Range):
         return measured.low, measured.high
     value = measured.n / measured.of if isinstance(measured, Count) else float(measured)

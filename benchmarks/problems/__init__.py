@@ -70,7 +70,7 @@ def _call_make(module, **parameters) -> Problem:
 
 
 def labels(names: Iterable[str] = ()) -> list[str]:
-    """The labels (`Problem.label`) that names stand for: an id stands for all its orbits, no names for all problems.
+    """The labels ``id:orbit`` that names stand for: an id stands for all its orbits, no names for all problems.
 
     Raises
     ------

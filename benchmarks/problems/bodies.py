@@ -58,7 +58,7 @@ class Bodies:
     Attributes
     ----------
     members : the bodies, in the order of the table
-    units : of all numbers
+    units : the units of all numbers
     frame : heliocentric (about the first body) or barycentric
     """
 
@@ -84,14 +84,14 @@ class Bodies:
 
     @property
     def content(self) -> tuple:
-        """Everything as nested tuples of numbers and strings, which can be hashed and pickled."""
+        """The table as nested tuples of numbers and strings, which can be hashed and pickled."""
         with mpmath.workdps(DIGITS):
             rows = tuple((b.name, b.mass, tuple(map(str, (*b.x, *b.v))), b.massive) for b in self.members)
         return rows, tuple(self.units), self.frame
 
     @classmethod
     def of_content(cls, content: tuple) -> Bodies:
-        """The bodies with this `content`."""
+        """Make the bodies from their `content`, nested tuples of numbers and strings."""
         rows, of_units, frame = content
         with mpmath.workdps(DIGITS):
             members = tuple(
@@ -212,7 +212,10 @@ def _frame(frame: str | None, chosen: tuple[str, ...], where: str) -> str:
 
 
 def _name(place: str, row: Mapping[str, object], names: dict[str, str]) -> str:
-    """The row's name, in lower case with dashes for spaces; added to ``names``, in which it must not be yet."""
+    """The name of a row's body, in lower case with dashes for spaces; added to ``names``, name -> place.
+
+    Raises InvalidInput for a malformed name, and for one that ``names`` already has.
+    """
     given = str(row.get("name", "")).strip()
     name = "-".join(given.lower().split())
     if not name or not all(c.isalnum() or c in "-_" for c in name):

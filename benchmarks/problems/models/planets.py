@@ -17,7 +17,10 @@ MASSLESS = gravity.MASSLESS
 
 
 def bodies(names: tuple[str, ...], massless: tuple[str, ...] = ()) -> Callable[[], Problem]:
-    """A function that makes the problem of some of the bodies, started as in the full one."""
+    """A function that makes the problem of the named bodies of the outer solar system, started as in the full one.
+
+    Those in ``massless`` are test particles.
+    """
 
     def make() -> Problem:
         q, p, pairs, distances, _ = gravity.bodies(len(names), "xyz", first=0)
