@@ -71,7 +71,7 @@ def _print(state: dict) -> None:
 
 
 def tasks() -> list[tuple[str, int, tuple[str, ...]]]:
-    """(family, d, problems with that d) to compile, the longest first; no two share a kernel."""
+    """The compilations to do: (family of methods, degrees of freedom d, problems of that d); no two share a kernel."""
     from phasebench.benchmarks.problems import PROBLEMS, problem
     from phasebench.integrators import METHODS
 
