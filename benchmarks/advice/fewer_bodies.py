@@ -66,7 +66,7 @@ class Models:
         self.times = ask.t_end / rows * np.arange(rows + 1)
 
     def seconds(self) -> float:
-        """Estimated seconds of a run, from one over a part of the span."""
+        """Estimated seconds of a run of the full system, extrapolated from one over a part of the span."""
         x, v = map(np.ravel, self.bodies.start())
         return self.flow.rows(self._masses(Model()), x, v, np.array([0.0, PART * self.ask.t_end]))[2] / PART
 
@@ -211,7 +211,7 @@ def _truth(models: Models, model: Model, problem, wanted: Quantity) -> Truth:
 
 
 def summarize(found: dict[str, Any]) -> str:
-    """The outcome of `lower` as a sentence."""
+    """A sentence on which bodies may be left out or made massless, and what that saves, from the result of `lower`."""
     if found["off"] is None:
         return f"which bodies may be left out is not known: {found['why']}"
     off = f"{found['off']:.2g} at t = {found['t_end']:g}"

@@ -53,11 +53,11 @@ class Candidate:
 
     @property
     def integrator(self) -> Integrator:
-        """The integrator."""
+        """The candidate's integrator."""
         return self.trial.integrator
 
     def __call__(self) -> float:
-        """Time a run, in seconds."""
+        """Run the integration once more and return its seconds."""
         return self.trial.seconds(self.rung)
 
     def row(self, ask: Ask, problem_words: Sequence[str] | None) -> dict[str, Any]:
@@ -98,7 +98,7 @@ class Search:
         self.cold = COLD
 
     def task(self) -> Task:
-        """The question as a task for one integrator, with its own clocks."""
+        """The question as a `Task` (problem, span, quantity, true value) for one integrator, with its own clocks."""
         return Task(self.ask.problem, self.ask.t_end, self.ask.quantity, self.true)
 
     def cheapest(self, integrator: Integrator) -> float:

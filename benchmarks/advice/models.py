@@ -108,7 +108,7 @@ def lower(ask: Ask) -> dict[str, Any] | None:
 
 
 def summarize(found: dict[str, Any]) -> str:
-    """The outcome of `lower`, or of `fewer_bodies.lower`, as a sentence."""
+    """A sentence on the simplified model found by `lower` or `fewer_bodies.lower`: its error, and the time it saves."""
     if "alone" in found:
         return fewer_bodies.summarize(found)
     if found["model"] is None:

@@ -219,7 +219,7 @@ def advise(
 
 
 def _name(problem: Any) -> str | None:
-    """The problem's name on a command line; None if it was not given by name."""
+    """The name or path by which a problem was given; None if it was given as an object."""
     return str(problem) if isinstance(problem, (str, Path)) else None
 
 

@@ -71,5 +71,5 @@ TABLE = ShippedTable(Path(__file__).with_name("fronts.csv"), build, parse)
 
 
 def question(scene: str) -> Question:
-    """The question of a scene: its problem, span and quantity."""
+    """The problem, span and quantity of the scene with this id."""
     return BY_ID[scene]

@@ -165,7 +165,7 @@ def _place(chosen: Subject, tables: Tables, tell) -> None:
 
 
 def _times(chosen: Subject, tables: Tables, tell) -> list[dict]:
-    """An integrator's times relative to the fastest stored one, on the scenes of `_place`."""
+    """An integrator's times relative to the fastest stored one, on the scenes where its evaluations were compared."""
     out = []
     for row in tables.of("place"):
         tell(f"its time on {row['on']}")

@@ -69,7 +69,7 @@ def _row(stepper: Stepper, seed: int, h: float, defect: Callable) -> dict:
 
 
 def symplecticity(stepper: Stepper, y, h) -> tuple[float, float]:
-    """(symplecticity defect of the step at y, its noise)."""
+    """(symplecticity defect of the step h at y, its round-off noise)."""
     double, name = stepper.arithmetic == DOUBLE, stepper.entry.name
     displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (to_number(TINY, MULTIPRECISION),)
     if len(y) <= JACOBIAN and not stepper.entry.share:

@@ -104,7 +104,7 @@ def made(task: tuple[str, int, tuple[str, ...]]) -> tuple[int, list[str]]:
 
 
 def _build(jobs: int, shown: bool) -> list[str]:
-    """Carry out all tasks in parallel processes; returns the failures."""
+    """Compile all methods for all problems in parallel processes; returns the failures as text."""
     from rich.progress import track
 
     failures: list[str] = []

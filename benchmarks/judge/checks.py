@@ -53,7 +53,7 @@ class Check:
     candidates: Callable[[Tables], Iterable] = lambda tables: ()
 
     def claim(self, value) -> str:
-        """The claim in words."""
+        """The claim of ``value`` in words."""
         return self.words.format(value) if self.words else self.name if value else f"not {self.name}"
 
 

@@ -133,6 +133,6 @@ ADAPTIVE = {"consistent": ("converges as its tolerance falls", adapts)}
 
 
 def judge_requirements(tables: Tables) -> list[Judgement]:
-    """Judge the requirements on every integrator."""
+    """Judge what is required of every integrator: it runs, is consistent, keeps no state, leaves its input alone."""
     kinds = REQUIRED | (ADAPTIVE if "tolerance" in tables.rows else {})
     return [replace(judge(tables), name=name, claim=words) for name, (words, judge) in kinds.items()]

@@ -51,7 +51,7 @@ class Known:
     runs: list[tuple[float, float, str]] = field(default_factory=list)
 
     def add(self, rung: Rung, label: str) -> None:
-        """Add a run, if it succeeded."""
+        """Add a run, if it succeeded, under the label of its integrator."""
         if rung.ok and isfinite(rung.error):
             self.runs.append((rung.error, rung.seconds, label))
 

@@ -104,7 +104,7 @@ def _fitting(trial: Trial, rung: Rung, budget: float) -> float | None:
 
 
 def _meeting(trial: Trial, accuracy: float) -> list[Rung]:
-    """The runs that meet the accuracy, the coarsest first."""
+    """The runs of an integrator that meet the accuracy, the coarsest first."""
     return [r for r in trial.sorted_rungs if trial.meets(r, accuracy)]
 
 

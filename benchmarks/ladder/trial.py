@@ -93,7 +93,7 @@ class Trial:
         return done.seconds / PART if done.status == OK else 0.0
 
     def failure(self) -> str:
-        """Status and reason of the finest run."""
+        """Status and reason, as text, of the finest run."""
         if not self.rungs:
             return DIVERGED
         rung = self.sorted_rungs[-1]

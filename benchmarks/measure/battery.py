@@ -118,7 +118,7 @@ def _of(name: str):
 
 
 def runs_on(method: Method, name: str) -> bool:
-    """True if the system meets the method's requirements."""
+    """True if the system with this name meets the method's requirements."""
     return method.lacks(SYSTEMS[name]()[0]) is None
 
 

@@ -127,7 +127,7 @@ def clock(
     run=None,
     sharing: Sharing | None = None,
 ) -> Clock:
-    """The clock of an integrator on a problem to ``t_end``, with a number of steps or a tolerance.
+    """The timer (`Clock`) of an integrator on a problem to ``t_end``, with a number of steps or a tolerance.
 
     ``run`` is its prepared run, if there is one already.
     """
@@ -163,7 +163,7 @@ class Clocks:
         return (integrator.label, tol) in self._runs
 
     def of(self, integrator, *, steps: int | None = None, tol: float | None = None) -> Clock:
-        """The clock of an integrator with a number of steps or a tolerance."""
+        """The timer (`Clock`) of an integrator with a number of steps or a tolerance."""
         key = (integrator.label, tol)
         if key not in self._runs:
             self._runs[key] = integrator.prepare(self.problem, tol=tol)

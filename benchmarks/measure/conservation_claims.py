@@ -35,7 +35,7 @@ EPS = float(np.finfo(float).eps)
 
 
 def claim_names(problem) -> list[str]:
-    """The names of everything that can be demanded for a problem."""
+    """The names of all conservation properties that a user can demand for a problem."""
     return [SYMPLECTIC, REVERSIBLE, ENERGY, MOMENTUM, *problem.invariants]
 
 

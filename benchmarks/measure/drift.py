@@ -83,7 +83,7 @@ def _outside(n: int) -> int:
 
 
 def window(n: int) -> np.ndarray:
-    """The window w at the midpoints of n equal cells, array (n,)."""
+    """The averaging window w(x) = exp(4 - 1 / (x (1 - x))) at the midpoints of n equal cells of (0, 1), array (n,)."""
     x = (np.arange(n) + 0.5) / n
     return np.exp(4 - 1 / (x * (1 - x)))
 

@@ -135,7 +135,7 @@ class ThinnedTrajectory(Trajectory):
         return self.status == OK and self.reached < self.steps
 
     def advance(self, run, pace: Pace) -> None:
-        """Integrate one piece into the buffer, observe its rows, and keep every Nth."""
+        """Integrate one piece of the run into the buffer, observe its rows, and save every Nth."""
         n = min(len(self._buffer[2]), pace.steps, self.steps - self.reached)
         kept = self.q, self.p, self.parameter, self.filled
         self.q, self.p, self.parameter, self.filled = *self._buffer, 0

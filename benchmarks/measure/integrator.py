@@ -75,7 +75,7 @@ class Integrator:
 
     @property
     def adaptive(self) -> bool:
-        """True if it takes a tolerance instead of a step."""
+        """True if the integrator takes a tolerance instead of a step."""
         return isinstance(self.record, Peer) and self.record.adaptive
 
     @property
@@ -122,7 +122,7 @@ class Integrator:
         return problem.refuses(self.record) if hasattr(problem, "refuses") else None
 
     def lacks(self, problem: Any) -> str | None:
-        """The reason why it cannot integrate a problem, or None if it can."""
+        """Why the integrator cannot integrate a problem, or None if it can."""
         system = getattr(problem, "system", problem)
         refused = self._refused(problem)
         if refused:

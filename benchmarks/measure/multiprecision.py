@@ -143,7 +143,7 @@ def errors(record: Method, name: str) -> dict:
 
 
 def step_of(record: Method) -> Fraction:
-    """The step at which the method's defects are measured."""
+    """The step size at which a method's defects of symplecticity and symmetry are measured."""
     return VARIABLE_STEP if record.family in ("adaptive", "field") else STEP
 
 
@@ -165,7 +165,7 @@ def distance(record: Method, name: str, back: Method | None = None) -> float:
 
 
 def volume_defect(record: Method, name: str) -> float:
-    """|det M - 1| of the Jacobian M of one step."""
+    """|det M - 1| for the Jacobian M of one step of a method on the named system."""
     system, y = start(name)
     return volume(lambda x: advance(system, record, x, step_of(record)), y, displacement())[0]
 
@@ -296,9 +296,9 @@ def perturbation_row(record: Method, name: str) -> dict:
 
 
 def control_errors():
-    """`errors` with the first coefficient 1/8 too large, as a control that must show: {id: {system: row}}.
+    """Measure `errors` of methods whose first coefficient is made 1/8 too large, a negative control of the orders.
 
-    For one method of each family with coefficients in its record.
+    For one method of each family with coefficients in its record: {id: {system: row}}.
     """
     out: dict = {}
     families = {m.family: m for m in reversed(METHODS) if m.order <= LOW_ORDER and list(leaves(m.data))}

@@ -157,7 +157,7 @@ def find(chosen: Integrator) -> Found:
 
 
 def of_matrix(step_matrix: StepMatrix) -> Found:
-    """The stable steps of a linear map."""
+    """The stable steps z of a linear map, from its matrix as a function of z."""
     known = _cache_matrices(step_matrix)
     pieces, scanned = _pieces(known)
     reason = "" if scanned else "no step can be taken"
@@ -193,7 +193,7 @@ def _cache_matrices(step_matrix: StepMatrix) -> StepMatrix:
 
 
 def _margins(step_matrix: StepMatrix, z: float) -> tuple[np.ndarray, float]:
-    """(Jury's margins without allowances, a bound of their round-off)."""
+    """(Jury's three stability margins of the matrix at z, a bound of their round-off)."""
     M = step_matrix(z)
     if M is None or not np.isfinite(M).all():
         return np.full(3, -1.0), 0.0

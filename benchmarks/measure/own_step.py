@@ -72,7 +72,7 @@ class OwnStep:
 
     @property
     def label(self) -> str:
-        """The id."""
+        """The step's label, which is its id."""
         return self.id
 
     @property
@@ -81,7 +81,7 @@ class OwnStep:
         return self.claims.get("order")
 
     def lacks(self, system) -> str | None:
-        """The reason why it cannot run on ``system``, or None if it can."""
+        """Why the step cannot run on ``system``, or None if it can."""
         for trait in self.requires:
             if trait not in system.traits:
                 raise unknown_name("trait of systems", trait, system.traits)

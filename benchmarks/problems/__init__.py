@@ -58,7 +58,7 @@ def _cached_problem(id: str, /, **parameters) -> Problem:
 
 
 def _build(id: str, /, **parameters) -> Problem:
-    """The problem made by its module, without the cache on disk."""
+    """Build the problem ``id`` by its module, without the cache on disk."""
     module = importlib.import_module(f".{PROBLEMS[id][0]}", __name__)
     return _call_make(module, **(module.PARAMETERS | real_parameters(f"problem '{id}'", module.PARAMETERS, parameters)))
 

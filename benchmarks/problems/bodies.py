@@ -68,7 +68,7 @@ class Bodies:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names, the central body's first."""
+        """The names of the bodies, the central one first."""
         return tuple(b.name for b in self.members)
 
     @property
@@ -101,12 +101,12 @@ class Bodies:
         return cls(members, Units(*of_units), frame)
 
     def without(self, names: Iterable[str]) -> Bodies:
-        """The system without some of its bodies."""
+        """The table without the bodies of these names."""
         left_out = set(names)
         return replace(self, members=tuple(b for b in self.members if b.name not in left_out))
 
     def massless(self, names: Iterable[str]) -> Bodies:
-        """The system with some of its bodies as test particles."""
+        """The table with the bodies of these names as test particles."""
         light = set(names)
         return replace(self, members=tuple(replace(b, massive=False) if b.name in light else b for b in self.members))
 

@@ -35,7 +35,7 @@ def pericentre(e: float, times: tuple[float, ...]) -> Orbit:
 
 
 def make(e: float) -> Problem:
-    """The problem at eccentricity 0 <= ``e`` < 1."""
+    """Make the Kepler problem at eccentricity 0 <= ``e`` < 1."""
     q1, q2, p1, p2, r, L = plane()
     return Problem(
         id="kepler",

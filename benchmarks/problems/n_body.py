@@ -109,7 +109,7 @@ def nearest(Q, P):
 
 
 def make(N: int) -> Problem:
-    """The problem of 2 <= ``N`` <= `LARGEST` bodies."""
+    """Make the gravitational problem of 2 <= ``N`` <= `LARGEST` bodies."""
     if int(N) != N or not 2 <= N <= LARGEST:
         raise InvalidInput(f"the number N of bodies is {N}; it must be an integer from 2 to {LARGEST}")
     N = int(N)

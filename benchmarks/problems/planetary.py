@@ -172,7 +172,7 @@ def _build_from_content(content: tuple) -> PlanetarySystem:
 
 
 def _build(found: Bodies) -> PlanetarySystem:
-    """Derive the problem of a table of bodies."""
+    """Build the Hamiltonian problem of a table of bodies: H, start, invariants, Kepler part."""
     from . import gravity
 
     N, G = len(found.members), sp.Rational(found.units.G)

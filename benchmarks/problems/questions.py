@@ -38,7 +38,7 @@ class Question:
     about: str
 
     def build_problem(self):
-        """The question's problem."""
+        """Build the problem of the question, on its orbit."""
         from . import problem
 
         return problem(self.problem)

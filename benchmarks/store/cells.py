@@ -63,11 +63,11 @@ class Cell:
 
     @property
     def label(self) -> str:
-        """The values of its key, for messages."""
+        """The values of the cell's key as text, for messages."""
         return ", ".join(text(v) for v in self.key.values()) or self.tables[0]
 
     def __call__(self) -> Rows:
-        """Measure the cell and return its rows, by table."""
+        """Make the measurement and return its rows, by table."""
         return self.measure(*self.arguments)
 
 

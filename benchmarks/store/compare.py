@@ -68,7 +68,7 @@ class Difference(NamedTuple):
 
 
 def number(x: object) -> float | None:
-    """A cell as a double; None if it is missing or a text."""
+    """A table cell as a double; None if it is missing or a text."""
     try:
         value = float(x)
     except (TypeError, ValueError):

@@ -20,7 +20,7 @@ from .cells import Rows
 
 @dataclass(frozen=True)
 class Entry:
-    """A finished cell: its id, content hash, date, machine, seconds spent, and rows."""
+    """A finished cell (one measurement): its id, content hash, date, machine, seconds spent, and rows."""
 
     cell: str
     content: str

@@ -80,7 +80,7 @@ class Table:
         self._found: dict[tuple, dict[tuple, list[Row]]] = {}
 
     def of(self, cell: Cell) -> list[Row]:
-        """The stored rows of a cell."""
+        """The stored rows of a cell (one measurement) in this table."""
         columns = tuple(cell.key)
         if columns not in self._found:
             index: dict[tuple, list[Row]] = {}

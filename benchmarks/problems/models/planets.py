@@ -34,7 +34,7 @@ def bodies(names: tuple[str, ...], massless: tuple[str, ...] = ()) -> Callable[[
 
 
 def about_the_sun(name: str) -> Callable[[], Problem]:
-    """A function that makes the problem of a massless body about the fixed Sun."""
+    """A function that makes the problem of the body ``name``, massless, about the fixed Sun."""
 
     def make() -> Problem:
         q, p = sp.symbols("x y z", real=True), sp.symbols("u v w", real=True)
