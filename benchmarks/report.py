@@ -102,7 +102,7 @@ QUICK = "This is the quick tier: few steps, few rounds; it shows that the suite 
 
 
 class Data:
-    """The tables of a folder, each read once; with ``stale`` also rows measured by an earlier version of the code."""
+    """Reads the tables of a report folder, each once; with ``stale`` also rows of an earlier version of the code."""
 
     def __init__(self, folder: Path, stale: bool = True):
         self.folder, self.stale = folder, stale
@@ -123,7 +123,7 @@ class Data:
         return self._read(name)[1]
 
     def digest(self, name: str) -> str:
-        """Digest of a table's file and of the choice of rows."""
+        """Digest of a table's file and of whether rows of an earlier version of the code are used."""
         if name not in self._digests:
             path = self.folder / "data" / f"{name}.csv"
             content = path.read_bytes() if path.exists() else b""
@@ -138,7 +138,7 @@ class Data:
 
 @dataclass(frozen=True)
 class _Written:
-    """A page that was written, as the entry page needs it."""
+    """A page that was written: its outcome, answer, figures and table, from which the entry page is made."""
 
     page: Page
     outcome: str
@@ -192,7 +192,7 @@ def _scratch(folder: Path) -> tempfile.TemporaryDirectory:
 def _page(page: Page, both: tuple[Data, Data], figures: Figures, target: Path) -> _Written:
     """Write a page into ``target`` from all rows, or from the current rows only if stale ones have another form.
 
-    ``both`` is the data with stale rows and the data without.
+    ``both`` is the data with stale rows (of an earlier version of the code) and the data without.
     """
     data, current = both
     old = count_outdated(page, data)

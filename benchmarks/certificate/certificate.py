@@ -63,7 +63,9 @@ def certify(
 
     Parameters
     ----------
-    target, claims, requires : as of `subject.subject`
+    target : the path of a file, a function, ``package.module:callable``, or the id or record of a method or a peer
+    claims : name -> value, added to the target's own, such as ``{"order": 4}``
+    requires : traits that a system must have, such as "separable"
     seed : of the random states at which it is measured
     progress : called with the name of each measure
     alone : measure only what is claimed; then no further claims are offered

@@ -63,7 +63,7 @@ class Series:
         return next((k for k, x in enumerate(self.terms) if not x < VANISHES), len(self.terms))
 
     def largest(self, order: int) -> float:
-        """The largest of the leading terms that vanish, up to that of h^order: how far they are from zero."""
+        """The size of the largest term up to h^order among the leading ones that count as zero (`clean`)."""
         return max(self.terms[: min(order, self.clean)], default=0.0)
 
 
@@ -165,7 +165,10 @@ def numerical(failure: StepFailed) -> bool:
 
 
 def order(stepper: Stepper, seed: int) -> dict:
-    """The row of a ladder: order, window and errors; the series' terms in many digits, the `constant` in doubles."""
+    """The row of a step's measured order: order, window, errors over a ladder of steps h.
+
+    In many digits it also has the terms of the error's power series in h, in doubles the `constant`.
+    """
     row = {"on": stepper.entry.name, "arithmetic": stepper.arithmetic}
     if stepper.arithmetic == DOUBLE:
         steps, away, noise = ladder_errors(stepper, seed)
@@ -190,7 +193,7 @@ def _fit_order(row) -> metrics.Order:
 
 
 def _integral(found: metrics.Order, steps, away, noise: float) -> metrics.Order:
-    """The order of the window; if that is not near a whole number, the one that `fit_series` finds, if any."""
+    """The fitted order ``found``; if it is not near a whole number, the one that `fit_series` finds, if any."""
     if found.points and abs(found.value - round(found.value)) < GATE:
         return found
     return fit_series(steps / steps[0], away, noise) or found

@@ -79,7 +79,7 @@ class Certificate(TabularResult):
         return frame
 
     def plot(self, what: Literal["order", "energy", "stability", "place"] = "order") -> Figure:
-        """A figure of the order, of the energy in long runs, of linear stability, or of the trade's fronts.
+        """A figure of the order, the energy in long runs, linear stability, or ("place") error against evaluations.
 
         Raises InvalidInput for another name, or where nothing was measured for the figure.
         """

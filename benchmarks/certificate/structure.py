@@ -35,7 +35,7 @@ SMOOTH = 1e-24
 
 
 def structure_row(stepper: Stepper, seed: int, defect: Callable) -> dict:
-    """The row of a structure, at the first of `STEPS` that decides whether it is kept."""
+    """The row of a structure (such as symplecticity), at the first step size of `STEPS` that decides if it is kept."""
     rows, why = [], ""
     for h in STEPS:
         try:
@@ -69,7 +69,7 @@ def _row(stepper: Stepper, seed: int, h: float, defect: Callable) -> dict:
 
 
 def symplecticity(stepper: Stepper, y, h) -> tuple[float, float]:
-    """(symplecticity defect of the step at y, its noise)."""
+    """(symplecticity defect of the step h at y, its round-off noise)."""
     double, name = stepper.arithmetic == DOUBLE, stepper.entry.name
     displacements = (DISPLACEMENT, 2 * DISPLACEMENT) if double else (to_number(TINY, MULTIPRECISION),)
     if len(y) <= JACOBIAN and not stepper.entry.share:

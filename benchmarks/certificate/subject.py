@@ -44,16 +44,16 @@ class Subject:
 
     @property
     def id(self) -> str:
-        """Its name, or the path of its file."""
+        """The integrator's name, or the path of its file."""
         return self.own.id
 
     @property
     def adaptive(self) -> bool:
-        """True if it takes a tolerance in place of a step."""
+        """True if the integrator takes a tolerance in place of a step."""
         return self.run is not None
 
     def lacks(self, system) -> str | None:
-        """Why it cannot run on a system, or None where it can."""
+        """Why the integrator cannot run on a system, or None if it can."""
         return self.own.lacks(system) or (self.integrator.lacks(system) if self.integrator else None)
 
 

@@ -76,9 +76,10 @@ def run(
 
 
 def _cells(scenes: list[str], methods: list[str], quick: bool) -> list:
-    """The cells of the scenes and methods that are named, or of all; raises InvalidInput for unknown names.
+    """The measurements of the scenes and methods that are named, or of all; raises InvalidInput for unknown names.
 
-    The scenes of the trade (`questions`) are included if named, or with --all; not with --quick or --method alone.
+    The scenes on which costs are compared (`questions`) are included if named, or with --all; not with --quick or
+    --method alone.
     """
     from phasebench.benchmarks.experiments.trade import question_rows, sweep
     from phasebench.benchmarks.problems.questions import BY_ID as ASKED

@@ -29,7 +29,7 @@ FAR = 100.0
 
 
 def _angle(y: Callable, x: Callable, name: str, about: str) -> Quantity:
-    """The angle at the end of a direction (x, y), given as functions of (problem, q, p)."""
+    """A quantity: the angle of the direction (x, y) at the end of a run; x and y are functions of (problem, q, p)."""
 
     def values(problem, t, q, p) -> np.ndarray:
         return np.arctan2(y(problem, q[-1:], p[-1:]), x(problem, q[-1:], p[-1:]))

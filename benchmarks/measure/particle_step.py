@@ -69,7 +69,7 @@ class Particle:
         return self._mass * (self._array(self._value(v)) + self._array(self._call(self._shift, x)))
 
     def state(self, q, p) -> tuple[np.ndarray, np.ndarray]:
-        """(x, v) of q and p."""
+        """Position and velocity (x, v), arrays (3,), of the canonical state q, p."""
         v = np.asarray(p) / self._mass - self._array(self._call(self._shift, q))
         return self._spatial(q), self._spatial(v)
 
@@ -77,7 +77,7 @@ class Particle:
         return function(self._value(x))
 
     def _value(self, x):
-        """The components of the system's own dimension, as its functions take them."""
+        """The first d components of the position x, in the form that the system's compiled functions take."""
         d = 2 if self._plane else 3
         x = np.asarray(x)[:d]
         if self._arithmetic != DOUBLE:
@@ -93,13 +93,13 @@ class Particle:
 
 
 class InMomenta:
-    """A step (particle, x, v, h) -> (x, v) as a step (system, q, p, h) -> (q, p)."""
+    """Adapts a step (particle, x, v, h) -> (x, v) to a step (system, q, p, h) -> (q, p)."""
 
     def __init__(self, step: Callable[..., tuple[Any, Any]]):
         self.step, self.__name__ = step, getattr(step, "__name__", type(step).__name__)
 
     def __call__(self, system, q, p, h):
-        """Convert, step, and convert back; what is no pair is returned as it is, for the caller to refuse."""
+        """Convert q, p to x, v, take the step, and convert back; an invalid result is returned as it is."""
         particle = system.particle
         x, v = particle.state(q, p)
         x.flags.writeable = v.flags.writeable = q.flags.writeable and p.flags.writeable

@@ -58,7 +58,7 @@ def _cached_problem(id: str, /, **parameters) -> Problem:
 
 
 def _build(id: str, /, **parameters) -> Problem:
-    """The problem made by its module, without the cache on disk."""
+    """Build the problem ``id`` by its module, without the cache on disk."""
     module = importlib.import_module(f".{PROBLEMS[id][0]}", __name__)
     return _call_make(module, **(module.PARAMETERS | real_parameters(f"problem '{id}'", module.PARAMETERS, parameters)))
 
@@ -70,7 +70,7 @@ def _call_make(module, **parameters) -> Problem:
 
 
 def labels(names: Iterable[str] = ()) -> list[str]:
-    """The labels (`Problem.label`) that names stand for: an id stands for all its orbits, no names for all problems.
+    """The labels ``id:orbit`` that names stand for: an id stands for all its orbits, no names for all problems.
 
     Raises
     ------

@@ -177,5 +177,5 @@ def halvings(h: float, count: int) -> tuple[float, ...]:
 
 
 def decades(last: float) -> tuple[float, ...]:
-    """Four times, each ten times the one before, of which ``last`` is the last."""
+    """The four times last / 1000, last / 100, last / 10 and ``last``."""
     return tuple(last / 10**k for k in (3, 2, 1, 0))

@@ -28,7 +28,7 @@ class Units(NamedTuple):
 
     @property
     def G(self) -> float:
-        """The constant of gravity."""
+        """The constant of gravity in these units."""
         return float(G * MASSES[self.mass] * TIMES[self.time] ** 2 / LENGTHS[self.length] ** 3)
 
 

@@ -54,7 +54,7 @@ def imports(text: str, module: str, package: bool = False) -> set[str]:
 
 
 def _run_nodes(tree: ast.AST) -> Iterator[ast.AST]:
-    """The nodes of a syntax tree, without what stands under ``if TYPE_CHECKING:``."""
+    """Yield the nodes of a syntax tree, without those under ``if TYPE_CHECKING:``."""
     waiting = [tree]
     while waiting:
         node = waiting.pop()
@@ -92,7 +92,7 @@ def _essence(node: object) -> str:
 
 
 def _is_typed(node: ast.AST) -> bool:
-    """True for what only a type checker reads."""
+    """True for a node of ``if TYPE_CHECKING:``, which only a type checker reads."""
     return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
@@ -105,7 +105,7 @@ def _file(path: Path, module: str) -> tuple[str, frozenset[str]]:
 
 
 def _depends(module: str, start: str) -> bool:
-    """True if ``start`` depends on ``module``; a module in `DATA` counts only for modules of the same package."""
+    """True if an import of ``module`` counts for the digest of ``start``; one in `DATA` only within its own package."""
     room = next((d for d in DATA if module == d or module.startswith(f"{d}.")), None)
     return room is None or module == start or (module != room and start.startswith(f"{room}."))
 
