@@ -6,7 +6,10 @@ last one is what the others leave of the step.
 Sources: S. Blanes, F. Casas, J. M. Sanz-Serna, SIAM J. Sci. Comput. 36 (2014) A1556-A1580, whose weights minimise the
 expected energy error of Hamiltonian Monte Carlo on Gaussian targets; C. Predescu et al., Mol. Phys. 110 (2012) 967-983;
 I. P. Omelyan, I. M. Mryglod, R. Folk, Comput. Phys. Commun. 151 (2003) 272-314 (minimum norm; the velocity version is
-``mclachlan-s2``).  The stability limits are those that Blanes, Casas and Sanz-Serna print for their methods.
+``mclachlan-s2``).
+
+The trace of ``blanes-casas-sanz-serna-3`` on the oscillator is meant to touch -2 at h omega = 2.976: of its 14 digits it
+passes -2 by 1e-14, which no double shows.
 """
 
 from __future__ import annotations

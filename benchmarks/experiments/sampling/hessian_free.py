@@ -35,6 +35,8 @@ WITH = {
     "hessian-free-badadadadab": "omelyan-6-5f4g-v",
 }
 METHODS = (*WITH, *WITH.values())
+#: A method whose energy drifts, on the chaotic orbits.
+CONTROL = "rk4"
 #: Step, number of steps, rows kept, orbits and seed of the chaotic runs.
 H, STEPS, ROWS, ORBITS, SEED = 0.2, 1_000_000, 2000, 64, 1
 #: Problem -> step of the regular runs, of so many steps, of which so many rows are kept.
@@ -103,7 +105,7 @@ def cells(quick: bool = False) -> list[Cell]:
     """A cell for each method on the chaotic orbits and on each regular one; none in the quick tier."""
     if quick:
         return []
-    return [_chaotic(m) for m in METHODS] + [_regular(m, name) for m in METHODS for name in ORBIT_STEPS]
+    return [_chaotic(m) for m in (*METHODS, CONTROL)] + [_regular(m, name) for m in METHODS for name in ORBIT_STEPS]
 
 
 def _chaotic(method: str) -> Cell:

@@ -15,9 +15,8 @@ PRINTED = {"blanes-casas-sanz-serna-3": "4.67", "blanes-casas-sanz-serna-4": "5.
 
 
 def agrees(limit: float, printed: str) -> bool:
-    """Whether a measured limit is the printed one, rounded or cut off to its digits."""
-    unit = 10.0 ** -len(printed.partition(".")[2])
-    return abs(limit - float(printed)) < unit
+    """Whether a measured limit rounds to the printed one."""
+    return f"{limit:.{len(printed.partition('.')[2])}f}" == printed
 
 
 def cells(quick: bool = False) -> list[Cell]:
