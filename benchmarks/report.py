@@ -41,6 +41,8 @@ from phasebench.benchmarks.experiments.orders.page import PAGE as ORDERS
 from phasebench.benchmarks.experiments.oscillatory.page import PAGE as OSCILLATORY
 from phasebench.benchmarks.experiments.printed.page import PAGE as PRINTED
 from phasebench.benchmarks.experiments.references.page import PAGE as REFERENCES
+from phasebench.benchmarks.experiments.sampling.hessian_page import PAGE as HESSIAN_FREE
+from phasebench.benchmarks.experiments.sampling.page import PAGE as SAMPLING
 from phasebench.benchmarks.experiments.speed.page import PAGE as SPEED
 from phasebench.benchmarks.experiments.start.page import PAGE as START
 from phasebench.benchmarks.experiments.structure.page import PAGE as STRUCTURE
@@ -86,6 +88,8 @@ PAGES: tuple[Page, ...] = (
     OSCILLATORY,
     WAVES,
     MULTISYMPLECTIC,
+    SAMPLING,
+    HESSIAN_FREE,
     AUDIT,
     REFERENCES,
     SPEED,

@@ -11,7 +11,7 @@ from numba import types
 
 from phasebench.integrators import Hamiltonian
 from phasebench.integrators.compile import codegen, preparation
-from phasebench.integrators.families import runge_kutta, splitting
+from phasebench.integrators.families import force_gradient, runge_kutta, splitting
 from phasebench.integrators.prepared import prepare
 from phasebench.integrators.registry import method
 from phasebench.integrators.stepping import kernel
@@ -23,6 +23,8 @@ FAMILY = {
     "symplectic-euler-q": splitting,
     "rk4": runge_kutta,
     "dop853": runge_kutta,
+    "chin-4a": force_gradient,
+    "hessian-free-adada": force_gradient,
 }
 
 
@@ -52,7 +54,7 @@ def end(problem, id, kind):
 
 
 @pytest.mark.processor
-@pytest.mark.parametrize("id", ["mclachlan-atela-4", "rk4"])
+@pytest.mark.parametrize("id", ["mclachlan-atela-4", "rk4", "chin-4a", "hessian-free-adada"])
 def test_arrays_and_tuples_agree_bit_by_bit(id, monkeypatch):
     monkeypatch.setattr(preparation, "ENABLED", False)
     problem = Start(FAMILY[id].MOST + 1)

@@ -56,7 +56,15 @@ PUBLISHED = {
         lobatto-iiia-iiib-4 6/4, variational-midpoint 2/1, variational-trapezoidal 2/2, variational-gauss-2
         4/2, variational-gauss-3 6/3, variational-lobatto-3 4/3, variational-lobatto-4 6/4, variational-2-3
         4/3, wisdom-holman 2/1, wisdom-holman-saba-2 2/2, wisdom-holman-saba-4 2/4, wisdom-holman-aba-8-6-4
-        4/7, wisdom-holman-aba-10-6-4 4/8
+        4/7, wisdom-holman-aba-10-6-4 4/8,
+        blanes-casas-sanz-serna-2 2/4, blanes-casas-sanz-serna-3 2/6, blanes-casas-sanz-serna-4 2/8,
+        predescu-3 2/6, omelyan-2 2/4, takahashi-imada 2/1, chin-4a 4/2, chin-4b 4/2, chin-4c 4/3,
+        chin-4d 4/3, omelyan-4-2f2g-v 4/2, omelyan-4-3f3g-v 4/3, omelyan-4-3f2g-v 4/3,
+        omelyan-4-3f1g-v 4/3, omelyan-4-3f3g-p 4/3, omelyan-4-3f2g-p 4/3, omelyan-4-3f1g-p 4/3,
+        omelyan-4-4f2g-vg 4/4, omelyan-4-4f2g-v 4/4, omelyan-4-5f2g-v 4/5, omelyan-4-5f2g-p 4/5,
+        omelyan-4-5f1g-v 4/5, omelyan-4-5f1g-p 4/5, omelyan-6-4f3g-v 6/4, omelyan-6-5f5g-v 6/5,
+        omelyan-6-5f4g-v 6/5, omelyan-6-5f5g-p 6/5, omelyan-6-5f3g-p 6/5, sabac-2 4/3, sabac-3 4/4,
+        sabac-4 4/5, sbabc-2 4/2
     """,
     (True, False, ROUND_OFF, ROUND_OFF): """
         scheme-iv 2/1, scheme-v 2/2, scheme-iv-v 2/3, scheme-v-iv 2/3, scheme-iv-yoshida-4 4/3,
@@ -94,7 +102,10 @@ PUBLISHED = {
         rk4-projected-invariants 4
     """,
     (True, False, BOUNDED, BOUNDED): """
-        gautschi 2, hochbruck-lubich 2, hairer-lubich 2, grimm-hochbruck 2
+        gautschi 2, hochbruck-lubich 2, hairer-lubich 2, grimm-hochbruck 2,
+        hessian-free-badab 4/2, hessian-free-adada 4/2, hessian-free-abadaba 4/3,
+        hessian-free-adadada 4/3, hessian-free-abadabadaba 4/5, hessian-free-badadadab 6/4,
+        hessian-free-badadadadab 6/5
     """,
     (True, True, BOUNDED, BOUNDED): """
         deuflhard 2, mollified-impulse 2, r-respa 2, imex 2
@@ -113,6 +124,7 @@ def parts(m) -> int | None:
         "equip": lambda: m.data[0],
         "poisson": lambda: m.data[0],
         "variational": lambda: m.data[2],
+        "force_gradient": lambda: sum(any(row[1:]) for row in m.data[0][1:]),
     }
     by_family |= dict.fromkeys(("schemes_iv_v", "averaged", "discrete_gradient"), lambda: len(m.data))
     return by_family[m.family]() if m.family in by_family else None
