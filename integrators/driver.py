@@ -1,4 +1,4 @@
-"""The driver: checks the input, lays out the state, runs the kernel in pieces; see `outcome` for how a run ends."""
+"""Integrate a problem with a method: check the input, run the kernel in pieces, determine the status (`outcome`)."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def integrate(
 
 
 def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dict | None = None) -> Callable[[], tuple]:
-    """A function that integrates ``steps`` steps from the initial state and returns (q, p): a prepared run of one size.
+    """Return a function that integrates ``steps`` steps from the initial state, each time anew, and returns (q, p).
 
     Raises what `prepared.prepare` raises.
     """
@@ -105,7 +105,7 @@ def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dic
 
 
 def _run(kernel, trajectory: Trajectory, record: Method, timeout, progress, problem) -> Solution:
-    """Integrate, from the first row of the trajectory."""
+    """Run the kernel until all rows of the trajectory are filled or the run stops; returns the `Solution`."""
     t = trajectory
     run = prepared.lay_out(kernel, t.system.d, t.h, t.q[0], t.p[0], t.arithmetic)
     counts, pace = run.counts, Pace(timeout, FIRST if kernel.missed else PIECE)

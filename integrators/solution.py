@@ -1,4 +1,4 @@
-"""`Solution`: a trajectory, how it ended, and what is computed from its rows."""
+"""`Solution`: a trajectory, its status, and quantities computed from its rows."""
 
 from __future__ import annotations
 
@@ -77,6 +77,6 @@ class Solution:
 
 
 def _shorten(state: Floats) -> str:
-    """The first components of a state."""
+    """The first components of a state, as text."""
     more = ", ..." if len(state) > SHOWN else ""
     return f"[{', '.join(f'{float(x):.6g}' for x in state[:SHOWN])}{more}]"

@@ -46,13 +46,13 @@ def table(name: str) -> Table:
 
 @cache
 def read_polished() -> dict[str, dict]:
-    """What ``polished.json`` holds, by name."""
+    """The content of ``polished.json``: name of a table -> its polished numbers and what is known of them."""
     return json.loads(POLISHED.read_text())
 
 
 @cache
 def describe(name: str) -> dict:
-    """Of a table the polished numbers, the residuals before and after, and how far the digits moved.
+    """The polished numbers of a table, the residuals of its order conditions before and after, and the largest change.
 
     Raises
     ------

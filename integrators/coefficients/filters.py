@@ -9,7 +9,7 @@ import mpmath
 
 
 def one(x):
-    """1."""
+    """The filter that changes nothing: 1 for every x."""
     return mpmath.mpf(1)
 
 
@@ -33,18 +33,21 @@ def hochbruck_lubich(x):
 
 
 def rotation(x):
-    """(R11, R12 / h, -R21 h / x^2) of the exact flow."""
+    """(cos x, sinc x, sinc x): (R11, R12 / h, -R21 h / x^2) of the exact flow R of an oscillator, with x = h omega."""
     return mpmath.cos(x), sinc(x), sinc(x)
 
 
 def cayley(x):
-    """The same of the implicit midpoint rule, the Cayley transform."""
+    """(R11, R12 / h, -R21 h / x^2) of an oscillator's step R by the implicit midpoint rule, with x = h omega."""
     d = 1 + x**2 / 4
     return (1 - x**2 / 4) / d, 1 / d, 1 / d
 
 
 def verlet_power(x, n):
-    """The same of n Stormer-Verlet steps (kick-drift-kick): T_n and U_(n-1) of Chebyshev at 1 - (x/n)^2 / 2."""
+    """(R11, R12 / h, -R21 h / x^2) of n Stormer-Verlet steps (kick-drift-kick) R of an oscillator, with x = h omega.
+
+    They are the Chebyshev polynomials T_n and U_(n-1) at 1 - (x/n)^2 / 2.
+    """
     z = (x / n) ** 2
     c = 1 - z / 2
     u = mpmath.chebyu(n - 1, c) / n

@@ -26,7 +26,11 @@ RULES, LARGE = (2, 3, 4, 6, 8, 12, 16, 24, 32), (8, 12, 16, 24, 32, 48, 64)
 
 
 def sizes(s: int, degree: int | None, rules: tuple[int, ...] = RULES) -> tuple[int, ...]:
-    """The numbers of nodes for the integrals of grad H along a polynomial of degree s in time.
+    """The sizes of the quadrature rules for integrals of grad H along a polynomial of degree s in time.
+
+    One rule that is exact, if H is a polynomial of the ``degree``; else rules of rising size.
+
+    One rule that is exact, if H is a polynomial of the ``degree``; else rules of rising size.
 
     One rule that is exact for a polynomial H of that degree; where H is none, those of rising size.
     """
@@ -44,12 +48,12 @@ def _legendre(n: int, x) -> list:
 
 
 def _slope(n: int, x, values):
-    """L_n'(x) inside (-1, 1)."""
+    """The derivative L_n'(x) of the Legendre polynomial inside (-1, 1), from ``values`` = [L_0(x), ..., L_n(x)]."""
     return n * (x * values[n] - values[n - 1]) / (x * x - 1)
 
 
 def _root(x, move: Callable, digits: int):
-    """The zero near x, where ``move`` is Newton's increment."""
+    """The zero near x by Newton's method; ``move(x)`` is the function's value divided by its slope."""
     for _ in range(100):
         step = move(x)
         x -= step

@@ -1,4 +1,4 @@
-"""Announce compilations: to nobody, unless a caller sets `announce`."""
+"""Announce compilations by the function ``announce``, if a caller sets one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Implicit Runge-Kutta methods and their energy-preserving relatives."""
+"""Records of implicit Runge-Kutta methods and of their energy-preserving relatives (HBVM, Petrov-Galerkin, EQUIP)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ BIT = "Brugnano, Iavernaro & Trigiante"
 
 
 def collocation(*, id, name, order, source, cite, data, **facts):
-    """A method of the family `stages`, symmetric and symplectic where not said otherwise."""
+    """Make the record of an implicit multi-stage method, symmetric and symplectic unless ``facts`` say otherwise."""
     facts = {"symmetric": True, "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF} | facts
     return Method(id=id, name=name, family="collocation", order=order, source=source, cite=cite, data=data, **facts)
 

@@ -1,4 +1,4 @@
-"""Methods for charged particles: data (rule of rotation, fractions of the step) of `families.magnetic`.
+"""Records of methods for charged particles: a rule of rotation and fractions of the step (family `magnetic`).
 
 They keep volume and are not symplectic.  That of Boris keeps the energy nearly where B is constant or the potential
 quadratic; elsewhere it may drift (Hairer & Lubich 2018).
@@ -12,7 +12,7 @@ from phasebench.integrators.record import NONE, Method
 
 
 def pusher(*, rule: int, fractions=(1,), order: int = 2, **facts) -> Method:
-    """A symmetric composition of drift, push and drift over fractions of the step."""
+    """Make the record of a symmetric composition of drift, push and drift over ``fractions`` of the step."""
     return Method(
         family="magnetic",
         order=order,

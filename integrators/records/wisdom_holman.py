@@ -1,4 +1,4 @@
-"""Wisdom-Holman splittings."""
+"""Records of Wisdom-Holman splittings for planetary systems."""
 
 from __future__ import annotations
 
