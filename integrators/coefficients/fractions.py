@@ -62,16 +62,9 @@ NONE = mpmath.mpf(10) ** (10 - DIGITS)
 def substeps(steps: Iterable[tuple[str, mpmath.mpf]]) -> tuple[tuple, ...]:
     """Write alternating drifts ("A") and kicks ("B") as substeps (c, mu, lambda) of the two symplectic Euler methods.
 
-    The weight of a drift or kick is shared by two neighbouring substeps of lengths c (fractions of the step).
-    A substep that begins with a drift has (mu, lambda) = (1, 0), one that begins with a kick (0, 1).
-    Raises ValueError where drifts and kicks do not have the same sum.
-
-    The weight of a drift or kick is shared by two neighbouring substeps of lengths c (fractions of the step).
-    A substep that begins with a drift has (mu, lambda) = (1, 0), one that begins with a kick (0, 1).
-    Raises ValueError where drifts and kicks do not have the same sum.
-
-    A substep begins with what its predecessor left of its letter, so that c is each weight less the last c.
-    Raises ValueError where drifts and kicks do not have the same sum.
+    The weight of a drift or kick is shared by two neighbouring substeps of lengths c (fractions of the step), so that c
+    is each weight less the last c. A substep that begins with a drift has (mu, lambda) = (1, 0), one that begins with a
+    kick (0, 1). Raises ValueError where drifts and kicks do not have the same sum.
     """
     out, c = [], mpmath.mpf(0)
     with mpmath.workdps(DIGITS):

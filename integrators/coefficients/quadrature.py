@@ -28,11 +28,7 @@ RULES, LARGE = (2, 3, 4, 6, 8, 12, 16, 24, 32), (8, 12, 16, 24, 32, 48, 64)
 def sizes(s: int, degree: int | None, rules: tuple[int, ...] = RULES) -> tuple[int, ...]:
     """The sizes of the quadrature rules for integrals of grad H along a polynomial of degree s in time.
 
-    One rule that is exact, if H is a polynomial of the ``degree``; else rules of rising size.
-
-    One rule that is exact, if H is a polynomial of the ``degree``; else rules of rising size.
-
-    One rule that is exact for a polynomial H of that degree; where H is none, those of rising size.
+    One rule that is exact, if H is a polynomial of the ``degree``; else, if that is None, rules of rising size.
     """
     if degree:
         return (max(s, -(-s * degree // 2)),)
