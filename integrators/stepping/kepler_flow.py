@@ -56,7 +56,7 @@ def constants(arithmetic: str) -> list[list]:
 
 @inline
 def add(x, c, dx):
-    """Compensated sum of single numbers, as `vector.add`."""
+    """The compensated sum of the scalars x + c and dx: (the sum, the part of it that rounding lost)."""
     t = (x + c) + dx
     return t, (dx + c) - (t - x)
 
@@ -88,7 +88,7 @@ def stumpff(x, table):
 
 @jit
 def _guess(r0, eta, beta, zeta, mu, h):
-    """A first s: three terms of the Taylor series of s(h), or the mean motion's s for a long step."""
+    """Starting value of the universal anomaly s: three Taylor terms of s(h), or by the mean motion for a long step."""
     s = h / r0
     w = eta * s / r0
     z = zeta * s * s / r0
@@ -152,9 +152,10 @@ def coefficients(r0, eta, beta, mu, h, eps, table):
 
 @jit
 def advance(X, first, dimension, mass, mu, h, eps, table):
-    """Move one body over the time h: the components first, first + 1, ... of the rows (q, p, their lost parts) of X.
+    """Move one body along its Kepler orbit over the time h: the components first, first + 1, ... of the rows of X.
 
-    p is ``mass`` times the velocity; with mu = 0 the motion is free. Returns the evaluations of Stumpff's functions.
+    X has the rows q, p and what rounding lost of them; p is ``mass`` times the velocity; with mu = 0 the motion is
+    free. Returns the evaluations of Stumpff's functions.
     """
     if mu == 0:
         for k in range(first, first + dimension):

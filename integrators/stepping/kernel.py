@@ -115,7 +115,7 @@ class Carry(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """The rows to fill, one after every ``every`` steps: arrays of q, of p, of the chosen parameter (one column)."""
+    """Arrays for the rows to store, one after every ``every`` steps: q, p, and the chosen parameter (one column)."""
 
     q: np.ndarray
     p: np.ndarray
@@ -155,7 +155,7 @@ class Prepared:
     apart: bool = False
 
     def tally(self, steps: int, gradient: int, fallbacks: int = 0, newton: int = 0) -> dict[str, int]:
-        """The counts of a solution, by name."""
+        """The counts that a solution reports, name -> number, from the kernel's counts."""
         numbers = steps, gradient, gradient if self.hessian else 0, gradient if self.implicit else 0, fallbacks, newton
         return dict(zip(TALLY, numbers, strict=True))
 
@@ -220,7 +220,7 @@ def _prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def keep_energy(energy: Callable) -> Callable:
-    """Make a ``begin`` that sets the step's H0 to the initial energy."""
+    """Make a function (step, q, p) -> step that sets the step's H0 to the energy of the initial state (q, p)."""
     return partial(_set_energy, energy)
 
 
@@ -259,7 +259,10 @@ def _compile(prepared: Prepared, d: int) -> Callable:
 
 
 def entry(kernel: Callable) -> Callable:
-    """The function by which Python calls a kernel: Numba's dispatcher cannot type a function inside a tuple."""
+    """The function through which Python calls a compiled kernel whose arguments hold functions.
+
+    Numba's dispatcher cannot type a function inside a tuple.
+    """
     return next(iter(kernel.overloads.values())).entry_point if hasattr(kernel, "overloads") else kernel
 
 

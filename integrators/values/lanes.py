@@ -106,7 +106,7 @@ for _function, _instruction in (
 
 
 def _unary(function, emit) -> None:
-    """Define a Python function of one argument on lanes."""
+    """Define a Python function of one argument on lanes; ``emit`` writes its LLVM code."""
 
     @infer_global(function)
     class _(AbstractTemplate):
@@ -122,10 +122,7 @@ _unary(float, lambda builder, n, x: x)
 
 
 def operation(compiled):
-    """Return a decorator: the function, plain NumPy as it stands, becomes the intrinsic ``compiled`` on lanes.
-
-    That is so where an argument is lanes, or where the last one, ``like``, is a tuple.
-    """
+    """Return a decorator by which a plain NumPy function becomes, for lanes, the intrinsic ``compiled``."""
 
     def decorate(function):
         names = ", ".join(function.__code__.co_varnames[: function.__code__.co_argcount])
@@ -156,7 +153,7 @@ def _row_address(context, builder, table_type, table, row, n):
 
 @intrinsic
 def _take(typing_context, table, row, like):
-    """`take`, compiled."""
+    """Implementation of `take` in compiled code."""
 
     def codegen(context, builder, sig, args):
         n = like.count
@@ -167,7 +164,7 @@ def _take(typing_context, table, row, like):
 
 @intrinsic
 def _put(typing_context, table, row, x, like):
-    """`put`, compiled."""
+    """Implementation of `put` in compiled code."""
 
     def codegen(context, builder, sig, args):
         n = like.count
@@ -180,7 +177,7 @@ def _put(typing_context, table, row, x, like):
 
 @intrinsic
 def _combine(typing_context, x, y, factor, table, row, like):
-    """`combine`, compiled."""
+    """Implementation of `combine` in compiled code."""
 
     def codegen(context, builder, sig, args):
         n = y.n
@@ -208,7 +205,7 @@ def _next(builder, row, j):
 
 @intrinsic
 def _polynomial(typing_context, coefficients, z, like):
-    """`polynomial`, compiled."""
+    """Implementation of `polynomial` in compiled code."""
 
     def codegen(context, builder, sig, args):
         n = z.n
@@ -232,7 +229,7 @@ def _polynomial(typing_context, coefficients, z, like):
 
 @intrinsic
 def _total(typing_context, x):
-    """`total`, compiled."""
+    """Implementation of `total` in compiled code."""
 
     def codegen(context, builder, sig, args):
         kind, name = ir.VectorType(NUMBER, x.n), f"llvm.vector.reduce.fadd.v{x.n}f64"
