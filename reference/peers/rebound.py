@@ -132,7 +132,7 @@ def _peer(
     claims: dict | None = None,
     options: dict | None = None,
 ) -> Peer:
-    """A peer that accepts these ``kinds`` of settings, with or without extra ``forces``.
+    """Make the record of a REBOUND integrator for systems with a `particles.Setting` of these ``kinds``.
 
     ``tolerances`` are the fields set to tol, if the peer is adaptive; ``options`` are fields with fixed values.
     """

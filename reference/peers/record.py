@@ -111,12 +111,12 @@ class Run(NamedTuple):
 
 
 def anything(problem, system) -> str | None:
-    """`Peer.lacks` for a peer that is applicable to every problem: no reason against it."""
+    """The function `Peer.lacks` of a peer that is applicable to every problem: returns None, no reason against it."""
     return None
 
 
 def split_alone(why: str) -> Callable[[Any, Any], str | None]:
-    """`Peer.lacks` for a peer that is applicable only to canonical H = T(p) + V(q); ``why`` is the reason it gives."""
+    """Make the `Peer.lacks` of a peer for canonical H = T(p) + V(q) only; it returns ``why`` for others, else None."""
 
     def lacks(problem, system) -> str | None:
         return None if system.canonical and system.separable else why
