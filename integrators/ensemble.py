@@ -77,7 +77,7 @@ class Ensemble:
         return len(self.q)
 
     def __repr__(self) -> str:
-        """A few lines: the methods, the statuses with their numbers of orbits, the spans."""
+        """A few lines of text: the methods, the statuses with their numbers of orbits, the time spans."""
         labels = [m.label for m in self.methods]
         methods = ", ".join(labels[:SHOWN]) + (f" and {len(labels) - SHOWN} more" if len(labels) > SHOWN else "")
         n, d = self.q.shape
@@ -97,13 +97,13 @@ SHOWN = 3
 
 
 def tally(status: NDArray[np.object_]) -> str:
-    """The statuses of orbits, each with its number: "998 ok, 2 diverged"."""
+    """The statuses of orbits as text, each with the number of orbits: "998 ok, 2 diverged"."""
     names, numbers = np.unique(status.astype(str), return_counts=True)
     return ", ".join(f"{n} {name}" for n, name in sorted(zip(numbers, names, strict=True), reverse=True))
 
 
 def format_range(values: Floats) -> str:
-    """The range of numbers as text; one number where all are equal."""
+    """The range of the numbers as text, from least to largest; one number if all are equal."""
     low, high = float(values.min()), float(values.max())
     return f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"
 

@@ -107,9 +107,9 @@ class Records(tuple[T, ...]):
     @overload
     def __getitem__(self, key: slice) -> tuple[T, ...]: ...
     def __getitem__(self, key: SupportsIndex | slice | str) -> T | tuple[T, ...]:
-        """The record at a position or of an id, or a part of the tuple."""
+        """The record at a position or with an id; for a slice, a part of the tuple."""
         return self._find(key) if isinstance(key, str) else super().__getitem__(key)
 
     def __contains__(self, key: object) -> bool:
-        """Whether a record, or the record of an id, is one of these."""
+        """True if a record, or the record with an id, is in the tuple."""
         return any(getattr(r, "id", None) == key for r in self) if isinstance(key, str) else super().__contains__(key)

@@ -64,7 +64,7 @@ class Method:
 
     @property
     def label(self) -> str:
-        """The id with its parameters, as in ``scheme-i(lam=1/3)``."""
+        """The id with the values of the parameters, as in ``scheme-i(lam=1/3)``."""
         if not self.parameters:
             return self.id
         return f"{self.id}({', '.join(f'{k}={v}' for k, v in self.parameters.items())})"

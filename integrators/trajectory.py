@@ -103,14 +103,14 @@ class Trajectory:
 
     @property
     def index(self) -> np.ndarray:
-        """The step numbers of the rows."""
+        """The step numbers of the filled rows."""
         numbers = np.arange(self.filled + 1) * self.every
         numbers[-1] = self.reached
         return numbers
 
     @property
     def times(self) -> np.ndarray:
-        """The times of the rows."""
+        """The times of the filled rows."""
         return self.t0 + self.h * (self.index.astype(object) if self.arithmetic == MULTIPRECISION else self.index)
 
     def advance(self, run, pace: Pace) -> None:

@@ -72,12 +72,12 @@ def describe(name: str) -> dict:
 
 
 def polished_numbers(name: str) -> tuple[mpmath.mpf, ...]:
-    """The polished numbers in the order of `Table.published`."""
+    """The numbers of a table, polished to 60 digits, in the order of `Table.published`."""
     texts = describe(name)
     with mpmath.workdps(DIGITS):
         return tuple(value(x) for part in ("gamma", "a", "b") for x in texts.get(part, ()))
 
 
 def steps(name: str) -> list:
-    """The whole polished sequence: fractions of a composition, or pairs (letter, weight) of a splitting."""
+    """All substeps of a table, polished: fractions of a composition, or pairs (letter, weight) of a splitting."""
     return table(name).steps(polished_numbers(name))

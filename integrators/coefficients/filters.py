@@ -18,17 +18,17 @@ sinc = mpmath.sinc
 
 
 def sinc_squared(x):
-    """sinc^2 x."""
+    """The filter sinc^2 x, with sinc x = sin(x) / x."""
     return sinc(x) ** 2
 
 
 def tanc_half(x):
-    """tan(x/2) / (x/2) = sinc^2(x/2) / sinc x; poles at the odd multiples of pi."""
+    """The filter tan(x/2) / (x/2) = sinc^2(x/2) / sinc x; poles at the odd multiples of pi."""
     return sinc(x / 2) / mpmath.cos(x / 2)
 
 
 def hochbruck_lubich(x):
-    """sinc x (1 + sin^2(x/2) / 3)."""
+    """The filter of Hochbruck and Lubich, sinc x (1 + sin^2(x/2) / 3), with sinc x = sin(x) / x."""
     return sinc(x) * (1 + mpmath.sin(x / 2) ** 2 / 3)
 
 

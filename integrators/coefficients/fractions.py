@@ -33,12 +33,12 @@ def _fractal(order: int, outer: int) -> tuple[mpmath.mpf, ...]:
 
 
 def triple_jump(order: int) -> tuple[mpmath.mpf, ...]:
-    """Yoshida's fractions to an even ``order``: 3**(order/2 - 1) of them."""
+    """Step fractions of Yoshida's triple jump, repeated up to an even ``order``: 3**(order/2 - 1) of them."""
     return _fractal(order, 1)
 
 
 def suzuki(order: int) -> tuple[mpmath.mpf, ...]:
-    """Suzuki's fractions to an even ``order``: 5**(order/2 - 1) of them."""
+    """Step fractions of Suzuki's fractal composition, repeated up to an even ``order``: 5**(order/2 - 1) of them."""
     return _fractal(order, 2)
 
 

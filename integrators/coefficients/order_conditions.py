@@ -68,7 +68,10 @@ def words(steps: Iterable[tuple[str, mpmath.mpf]], degree: int) -> list[np.ndarr
 
 @cache
 def _reductions(n: int) -> tuple[tuple[int, int, int, int], ...]:
-    """(word with BBBA, those with BBAB, BABB, ABBB in its place), from the largest word to the smallest."""
+    """The reductions of words of n letters that contain BBBA, from the largest word to the smallest.
+
+    Each is (word with BBBA, those with BBAB, BABB, ABBB in its place), words as integers of n bits.
+    """
     out = []
     for word in range(2**n - 1, -1, -1):
         for shift in range(n - 3):
@@ -79,7 +82,7 @@ def _reductions(n: int) -> tuple[tuple[int, int, int, int], ...]:
 
 
 def normal_form(residual: np.ndarray) -> np.ndarray:
-    """Coefficients of the words without BBBA, modulo [B, [B, [B, A]]] = 0."""
+    """Reduce coefficients of words by the relation [B, [B, [B, A]]] = 0; returns those of the words without BBBA."""
     out = residual.copy()
     reductions = _reductions(len(out).bit_length() - 1)
     for word, bbab, babb, abbb in reductions:
@@ -95,14 +98,14 @@ def normal_form(residual: np.ndarray) -> np.ndarray:
 
 @cache
 def odd_words(weight: int) -> tuple[tuple[int, ...], ...]:
-    """The words of odd letters of that weight: (1, 1, 1), (3,) for 3."""
+    """The sequences of odd numbers with the sum ``weight``: (1, 1, 1), (3,) for 3."""
     if weight == 0:
         return ((),)
     return tuple((first, *rest) for first in range(1, weight + 1, 2) for rest in odd_words(weight - first))
 
 
 def odd_residuals(fractions: Sequence[mpmath.mpf], weight: int) -> list[np.ndarray]:
-    """The composition minus exp(Y_1), by weight: arrays over `odd_words`."""
+    """Coefficients of a composition's series minus those of exp(Y_1): for each weight an array over `odd_words`."""
     every = [w for n in range(weight + 1) for w in odd_words(n)]
     inverse = [1 / mpmath.factorial(k) for k in range(weight + 1)]
     series = {w: mpmath.mpf(not w) for w in every}

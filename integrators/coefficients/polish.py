@@ -63,7 +63,7 @@ def jacobian(table: Table, numbers: Sequence[mpmath.mpf], free: Sequence[int]) -
 
 
 def independent_rows(J: np.ndarray) -> list[int]:
-    """The rows of a matrix, shape (n, m), that span all: by Gram-Schmidt, of what is left the largest row first."""
+    """Choose linearly independent rows of a matrix (n, m) that span all, by Gram-Schmidt with the largest row first."""
     rows: list[int] = []
     left, largest = J, None
     while len(rows) < J.shape[1]:

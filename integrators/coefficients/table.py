@@ -57,7 +57,7 @@ class Table:
 
     @property
     def classical_order(self) -> int:
-        """The order for a system without a small parameter."""
+        """The order of the method for a system without a small parameter."""
         return self.order[-1]
 
     @property
@@ -87,7 +87,7 @@ def is_exact(text: str) -> bool:
 
 
 def value(text: str) -> mpmath.mpf:
-    """A published number in full precision."""
+    """The number that a published text (decimal or fraction) stands for, in full precision."""
     numerator, _, denominator = text.partition("/")
     with mpmath.workdps(DIGITS):
         return mpmath.mpf(numerator) / mpmath.mpf(denominator or 1)

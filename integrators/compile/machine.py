@@ -85,7 +85,7 @@ def _without_closure(f: Callable) -> Callable:
 
 
 def _compile(f: Callable, signature, options: dict, digest: str, source: Path | None):
-    """Compile ``f``, or load what Numba keeps beside ``source``."""
+    """Compile ``f``, or load the machine code that Numba has stored beside the file ``source``."""
     collects = gc.isenabled()
     gc.disable()  # a compilation makes many objects and few cycles; collecting would take a tenth of its time
     try:
@@ -139,7 +139,7 @@ class Function(types.WrapperAddressProtocol):
         return self.dispatcher(*arguments)
 
     def signature(self):
-        """The Numba signature."""
+        """The Numba signature of the function's arguments and result."""
         return self._signature
 
     def __wrapper_address__(self) -> int:

@@ -98,7 +98,7 @@ def _read(name: str, version: str):
 
 
 def read(name: str | None):
-    """Return what was stored under the name, or None."""
+    """Return the prepared kernel that was stored under the name, or None."""
     try:
         return None if name is None else _read(name, str(cache.folder()))
     except LookupError:

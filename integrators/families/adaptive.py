@@ -135,7 +135,7 @@ def remember(e, first, inverse):
 
 @jit
 def kicks_and_drifts(step, y, dt):
-    """Take a step of a splitting of length dt from y; (its end, evaluations)."""
+    """Take a step of length dt of a splitting from the state y; returns (the state after it, evaluations of grad V)."""
     forbid_inlining()
     q, p, lost_q, lost_p = y
     evaluations = 0
@@ -177,7 +177,7 @@ settle = dispatch_on_none(lambda method, step, carry, dt: None, _remember_field)
 
 @inline
 def read_clock(step, carry, y):
-    """Return the clock as the last call left it; make the first one."""
+    """Return the clock (time, density of steps) that the last call left in the carry, or a run's first one."""
     rows = carry.state
     clock = Clock(rows[TIME], rows[LOST], rows[DENSITY], rows[LAST])
     if clock.density == 0:
@@ -256,7 +256,7 @@ def reach(method, carry, y, clock, until, every, counts):
 
 @inline
 def leave(carry, clock):
-    """Store the clock for the next call."""
+    """Store the clock (time, density of steps) in the carry, for the next call of the kernel."""
     rows = carry.state
     rows[TIME], rows[LOST], rows[DENSITY], rows[LAST] = clock.t, clock.lost, clock.density, clock.last
 

@@ -206,7 +206,7 @@ def _mean_along_line(path, x, e):
 
 @inline
 def drift(x, e):
-    """h M^-1 (p + x / 2) for the kick x."""
+    """The increment of q in a substep with the kick x: h M^-1 (p + x / 2)."""
     return scale(e.h, axpy(0.5, velocity(e.step.dT, x), e.v))
 
 

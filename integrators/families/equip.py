@@ -223,7 +223,7 @@ run = loop(step, parameter=True)
 
 
 def skew(s: int, nodes):
-    """S = P V P^T at the nodes, as a list of rows."""
+    """The skew matrix S = P V P^T of the module's formula for s nodes, as a list of rows."""
     P = [legendre(s, c) for c in nodes]
     return [[a[s - 1] * b[s - 2] - a[s - 2] * b[s - 1] for b in P] for a in P]
 

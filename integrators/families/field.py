@@ -180,7 +180,7 @@ unit = dispatch_on_none(_unit_of_both, _unit_of_kicks)
 
 @inline
 def read_clock(step, carry, y):
-    """Return the clock as the last call left it; make the first one."""
+    """Return the clock (time, lengths of steps) that the last call left in the carry, or a run's first one."""
     rows = carry.state
     if rows[FOLLOWING] == 0:
         e = equations(step.method, carry, step.h)
@@ -256,7 +256,7 @@ def reach(method, carry, y, clock, until, every, counts):
 
 @inline
 def leave(carry, clock):
-    """Store the clock for the next call."""
+    """Store the clock (time, lengths of steps) in the carry, for the next call of the kernel."""
     rows = carry.state
     rows[TIME], rows[LOST], rows[FOLLOWING], rows[LAST] = clock.t, clock.lost, clock.following, clock.last
     rows[SCALE] = clock.scale

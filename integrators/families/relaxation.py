@@ -112,7 +112,7 @@ run = loop(step, parameter=True)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Prepare the kernel of an explicit Runge-Kutta method with relaxation."""
+    """Prepare the kernel of a Runge-Kutta method with relaxation; ``method.data`` is (base method, adjust_time)."""
     base, adjust_time = method.data
     inner = runge_kutta.prepare(base, system, arithmetic, fills=False)
     energy = system.energy(arithmetic)

@@ -106,7 +106,7 @@ def evaluate(field, q, p, dq, dp, h, memory, i):
 
 @inline
 def _shift_state(q, p, dq, dp):
-    """Overwrite the increments by the state (q + dq, p + dp)."""
+    """Overwrite the arrays dq, dp of increments by the state (q + dq, p + dp)."""
     for k in range(len(q)):
         dq[k], dp[k] = q[k] + dq[k], p[k] + dp[k]
 
@@ -132,7 +132,7 @@ overload_by_kind(evaluate, lambda *types: evaluate, _evaluate_arrays)
 
 @in_place(None)
 def increment(field, tableau, h, y, carry):
-    """(dq, dp) = h sum b_i k_i of one step from y."""
+    """Evaluate the stages of one step from y; returns its increment (dq, dp) = h sum b_i k_i."""
     memory, stages = carry.memory, len(tableau) - 1
     for i in range(stages):
         dq, dp = total(tableau, i, h, memory, carry.zero)

@@ -177,7 +177,7 @@ end = ender(sums)
 
 @inline
 def equations(step, carry, h):
-    """Make the arguments of the equations of a step of length h."""
+    """Make the arguments of the stage equations of a step of length h."""
     rows = components(step.inverse_mass, len(carry.zero))
     return Equations(step, carry.memory, 2 * rows, rows, step.like, h, exact_weights(step, h))
 

@@ -103,7 +103,7 @@ def displacement(e, i, at):
 
 @inline
 def renew(e, at, first, end):
-    """Update the kicks first, ..., end - 1, each from the newest of the others; (their change, their size)."""
+    """Update the kicks first, ..., end - 1, each from the newest values of the others; (their change, their size)."""
     change = total = 0.0 * e.step.h
     for i in range(first, end):
         k = scale(-e.step.b[i], e.step.dV(axpy(1.0, displacement(e, i, at), e.q)))  # k_i = b_i F_i
@@ -148,7 +148,7 @@ solve = row_solver(sweep, linearize)
 
 @inline
 def solve_kicks(e, span, carry, counts):
-    """Solve for the kicks of a step, in the rows at, ...; returns the status."""
+    """Solve the equations for the kicks of a step, which are left in rows of the memory; returns the status."""
     step, r = e.step, e.stages
     at = LEVELS * r
     for i in range(r):

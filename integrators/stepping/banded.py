@@ -230,7 +230,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
 
     @inline
     def solve(arguments, start, span, eps, band, room):
-        """Solve from the start: simplified Newton, then Newton."""
+        """Solve x = G(x) from the start: by simplified Newton, then by Newton; results as of the solver."""
         x, evaluations, status = simplified_newton(arguments, start, span, eps, band, room)
         if status != SOLVED:
             x, more, status = newton(arguments, start, span, eps, (band, room))

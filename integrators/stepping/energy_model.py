@@ -70,7 +70,7 @@ class Attempt(NamedTuple):
 
 @inline
 def smaller_root(c0: float, c1: float, c2: float) -> float:
-    """The root of c0 + c1 x + c2 x^2 nearest zero; infinite if it has no real one."""
+    """The root of c0 + c1 x + c2 x^2 nearest to zero; infinite if it has no real one."""
     D = c1 * c1 - 4 * c0 * c2
     if not D >= 0:
         return np.inf
@@ -89,7 +89,7 @@ def residual_factor(E: float, unit: float) -> float:
 
 @inline
 def muller(x0: float, x1: float, x2: float, E0: float, E1: float, E2: float) -> tuple[float, float]:
-    """(slope, curvature) at x2 of the quadratic through three points."""
+    """(slope, curvature) at x2 of the parabola through the points (x0, E0), (x1, E1), (x2, E2)."""
     d1 = (E2 - E1) / (x2 - x1)
     d0 = (E1 - E0) / (x1 - x0)
     c2 = (d1 - d0) / (x2 - x0)
@@ -98,7 +98,7 @@ def muller(x0: float, x1: float, x2: float, E0: float, E1: float, E2: float) -> 
 
 @inline
 def extrapolate_slope(models: np.ndarray, row: int) -> float:
-    """Return the model's slope, extrapolated to the step that begins."""
+    """The slope of the model, extrapolated from earlier steps to the step that begins."""
     age = models[row, AGE] + 1
     models[row, AGE] = age
     return models[row, SLOPE] + age * (models[row, RATE] + 0.5 * (age + 1) * models[row, BEND])

@@ -161,7 +161,7 @@ class Prepared:
 
 
 def array(rows: Iterable[Iterable[Any]], arithmetic: str) -> np.ndarray:
-    """Exact numbers as an array of two dimensions; short rows are padded with zeros."""
+    """Convert exact numbers to an array of two dimensions in the arithmetic; short rows are padded with zeros."""
     rows = [list(r) for r in rows]
     out = zeros((len(rows), max(map(len, rows), default=1)), arithmetic)
     for i, r in enumerate(rows):
@@ -171,12 +171,12 @@ def array(rows: Iterable[Iterable[Any]], arithmetic: str) -> np.ndarray:
 
 
 def numbers(row: Iterable[Any], arithmetic: str) -> np.ndarray:
-    """Exact numbers as a read-only array (n,)."""
+    """Convert exact numbers to a read-only array (n,) in the arithmetic."""
     return freeze(array([row], arithmetic)[0])
 
 
 def freeze(x: Any) -> np.ndarray:
-    """x as a read-only array; integers stay integers."""
+    """Convert x to a read-only array; integers stay integers."""
     x = np.array(x)
     x.flags.writeable = False
     return x
@@ -271,7 +271,7 @@ def _tuple_type(fields, kind=None):
 
 
 def _type(x):
-    """The Numba type of a step's field. Functions are pointers, so that one kernel serves every system."""
+    """The Numba type of a field of a step. Functions are pointers, so that one kernel serves every system."""
     if isinstance(x, tuple):
         return _tuple_type(map(_type, x), type(x) if hasattr(x, "_fields") else None)
     if isinstance(x, machine.Function) or is_jitted(x):

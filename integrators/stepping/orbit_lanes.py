@@ -67,7 +67,7 @@ def runs_in_lanes(system, method) -> bool:
 
 
 def _lanes_for_numbers(t, lanes: Lanes):
-    """The Numba type with lanes in place of doubles."""
+    """The Numba type t with lanes in place of doubles."""
     if t == types.float64:
         return lanes
     if isinstance(t, types.BaseTuple):

@@ -70,7 +70,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def refine(a, Ea, b, Eb, arguments):
-        """(x, found): the root between a and b, where E has different signs; secant and bisection (Illinois)."""
+        """The root between a and b, where E has different signs, by secant and bisection (Illinois); (x, found)."""
         x = b
         side = 0
         for k in range(REFINE_LIMIT):

@@ -201,7 +201,7 @@ _LONG = (
 
 
 def _exponents(e: sp.Expr) -> Iterable[tuple[sp.Expr, sp.Expr]]:
-    """(base, exponent) of the factors of ``e`` that are powers."""
+    """Pairs (base, exponent) of those factors of ``e`` that are powers."""
     return [f.as_base_exp() for f in sp.Mul.make_args(e) if f.is_Pow]
 
 

@@ -247,7 +247,7 @@ class PartitionedSystem:
 
     @cached_property
     def constant(self) -> float:
-        """The additive constant of H."""
+        """The additive constant of H, a term without variables."""
         return self.recall("constant", lambda: float(self.H.as_coeff_Add()[0]))
 
     @cached_property
@@ -448,12 +448,12 @@ class Hamiltonian(PartitionedSystem):
 
     @property
     def separable(self) -> bool:
-        """Whether H = T(p) + V(q)."""
+        """True if H = T(p) + V(q)."""
         return self._split is not None
 
     @cached_property
     def quadratic_kinetic(self) -> bool:
-        """Whether H = p . M^-1 p / 2 + V(q) with a constant M."""
+        """True if H = p . M^-1 p / 2 + V(q) with a constant M."""
         if self._split is None:
             return False
         T = self._split[0]
@@ -461,7 +461,7 @@ class Hamiltonian(PartitionedSystem):
 
     @cached_property
     def unit_mass(self) -> bool:
-        """Whether the velocity is the momentum itself."""
+        """True if the velocity is the momentum itself."""
         return self.quadratic_kinetic and all(sp.expand(a - b) == 0 for a, b in zip(self.dq, self.p, strict=True))
 
     @cached_property
@@ -475,12 +475,12 @@ class Hamiltonian(PartitionedSystem):
 
     @property
     def kinetic(self) -> sp.Expr | None:
-        """T(p) of a separable H."""
+        """The kinetic energy T(p) of a separable H; else None."""
         return None if self._split is None else self._split[0]
 
     @property
     def potential(self) -> sp.Expr | None:
-        """V(q) of a separable H."""
+        """The potential V(q) of a separable H; else None."""
         return None if self._split is None else self._split[1]
 
     def grad_T(self, arithmetic: str = DOUBLE):
@@ -501,7 +501,7 @@ class Hamiltonian(PartitionedSystem):
 
     @property
     def slow_potential(self) -> sp.Expr:
-        """U(q): the potential without the fast linear part."""
+        """The slow potential U(q): V(q) without the fast linear part."""
         return sp.expand_mul(
             self.potential - sum(w**2 * x**2 for w, x in zip(self.frequencies, self.q, strict=True)) / 2
         )

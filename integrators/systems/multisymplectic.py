@@ -52,7 +52,7 @@ class Equation:
 
     @property
     def moving(self) -> int:
-        """The number of components of y."""
+        """The number of components of y, the part of z that evolves in time."""
         return len(self.K) - self.slopes
 
 

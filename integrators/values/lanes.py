@@ -43,7 +43,7 @@ class Lanes(types.Type):
 
 @register_model(Lanes)
 class _Model(models.PrimitiveModel):
-    """Lanes are an LLVM vector of doubles."""
+    """The data model of the Numba type `Lanes`: an LLVM vector of doubles."""
 
     def __init__(self, manager, lanes):
         super().__init__(manager, lanes, ir.VectorType(NUMBER, lanes.n))
@@ -199,7 +199,7 @@ def _combine(typing_context, x, y, factor, table, row, like):
 
 
 def _next(builder, row, j):
-    """Emit row + j."""
+    """Emit the sum of the indices row and j."""
     return builder.add(row, row.type(j))
 
 

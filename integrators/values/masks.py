@@ -37,7 +37,7 @@ class Mask(types.Type):
 
 @register_model(Mask)
 class _MaskModel(models.PrimitiveModel):
-    """A mask is an LLVM vector of n bits."""
+    """The data model of the Numba type `Mask`: an LLVM vector of n bits."""
 
     def __init__(self, manager, mask):
         super().__init__(manager, mask, ir.VectorType(ir.IntType(1), mask.n))

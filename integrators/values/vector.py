@@ -244,7 +244,7 @@ def distance(x, y):
 
 @unroll(lambda d: _tuple(d, "x[{i}] + (a if i == {i} else 0.0)"))
 def bump(x, i, a):
-    """A copy of x with a added to component i."""
+    """A copy of the vector x with a added to component i."""
     y = x.copy()
     y[i] = y[i] + a
     return y
@@ -460,7 +460,7 @@ def add_product_in_place(x, c, a, v):
 
 @unroll(lambda d: _tuple(d, "f[{i}] * x[{i}]"))
 def times(f, x):
-    """f * x, componentwise; f is an array of coefficients."""
+    """The componentwise product f * x; f is an array of coefficients."""
     return f * x
 
 
@@ -489,7 +489,7 @@ def apply(f, x, old):
 
 
 def _apply_values(f, x, old):
-    """Choose the implementation of `apply` for values from the type of f."""
+    """Choose the implementation of `apply`, for x that is no array, from the types of f, x and old."""
     if isinstance(f, (types.NoneType, types.Omitted)):
         return lambda f, x, old: x
     if isinstance(f, types.Array):
@@ -500,7 +500,7 @@ def _apply_values(f, x, old):
 
 
 def _apply_arrays(f, x, old):
-    """Choose the implementation of `apply` for arrays from the type of f."""
+    """Choose the implementation of `apply`, for an array x, from the types of f, x and old."""
 
     def fill(f, x, old):
         f(x, old)

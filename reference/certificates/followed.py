@@ -190,7 +190,7 @@ def _propagate_displaced(flow, problem, times, ends: Sequence[float], seed: int)
 
 
 def _some(ends: Sequence[float]) -> Sequence[float]:
-    """About `KICKS` of the ends of steps, equally spaced in number."""
+    """Select about `KICKS` of the ends of steps, at equal distances in their number."""
     return ends[:: max(1, len(ends) // KICKS)]
 
 

@@ -121,7 +121,7 @@ def _run_constant(which: str):
 
 
 class _Stuck(RuntimeError):
-    """Ends a run whose steps no longer advance."""
+    """Raised to end a run whose steps no longer advance."""
 
 
 def _run_adaptive(which: str):

@@ -80,7 +80,7 @@ def _lacks(integrator: str, kinds, forces: bool):
 
 
 def _avx512() -> bool:
-    """True if REBOUND can run WHFast512 on this machine, and also if REBOUND is not installed."""
+    """True if REBOUND can run WHFast512 on this machine, or is not installed."""
     try:
         import rebound
     except ImportError:
@@ -89,7 +89,7 @@ def _avx512() -> bool:
 
 
 def _fields(integrator: str, setting, options: dict, tolerances, tol: float | None) -> dict:
-    """The fields of an integrator for a setting and a tolerance."""
+    """The fields of a REBOUND integrator to set, name -> value, for a setting and a tolerance."""
     fields = options | ({} if tol is None else dict.fromkeys(tolerances, tol))
     if fields.get("kernel") == "lazy" and setting.kind == CENTRAL and setting.gradient is None:
         fields = {"safe_mode": 0}  # a pure Kepler problem needs no corrector

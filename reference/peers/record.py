@@ -84,7 +84,7 @@ class Task(NamedTuple):
 
     @property
     def steps(self) -> int:
-        """The number of steps to the end."""
+        """The number of steps from the start to the last row."""
         return self.numbers[-1]
 
 
@@ -100,13 +100,13 @@ class Run(NamedTuple):
 
     @classmethod
     def of_states(cls, rows, *more) -> Run:
-        """A run with the states (q, p) as rows, array (n, 2 d)."""
+        """Make a run whose rows are the states (q, p), array (n, 2 d)."""
         d = rows.shape[1] // 2
         return cls(rows[:, :d], rows[:, d:], *more)
 
     @classmethod
     def stuck(cls, task: Task, *more) -> Run:
-        """A run with the initial state as its only row."""
+        """Make a run with the initial state as its only row."""
         return cls.of_states(task.state[None], *more)
 
 
