@@ -105,7 +105,7 @@ def odd_words(weight: int) -> tuple[tuple[int, ...], ...]:
 
 
 def odd_residuals(fractions: Sequence[mpmath.mpf], weight: int) -> list[np.ndarray]:
-    """Coefficients of a composition's series minus those of exp(Y_1): for each weight an array over `odd_words`."""
+    """Coefficients of a composition of a symmetric method minus the exact flow's: arrays over `odd_words`."""
     every = [w for n in range(weight + 1) for w in odd_words(n)]
     inverse = [1 / mpmath.factorial(k) for k in range(weight + 1)]
     series = {w: mpmath.mpf(not w) for w in every}

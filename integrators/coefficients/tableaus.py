@@ -125,9 +125,9 @@ def extrapolation(B, c) -> list[tuple]:
 
 
 class Tableau(NamedTuple):
-    """The numbers of a method in the form of `families.collocation` (see `exact`): rows w^q, w^p; c, A^q, A^p, B^T.
+    """The numbers of a method with stages y + A x, increments x = h B f(stages) and result y + w x.
 
-    ``extrapolation`` has the weights of the function of that name.
+    Rows w^q, w^p; the nodes c; A^q, A^p (for q and p) and B^T; weights that extrapolate x from earlier steps.
     """
 
     weights: tuple

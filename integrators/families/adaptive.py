@@ -78,7 +78,7 @@ FAR = 1e3
 
 
 class Adaptive(NamedTuple):
-    """What a variable step needs of its method: a Gauss method's or a splitting's fields; the others are None.
+    """What a variable step needs: the fields of a Gauss method or of a splitting; those of the other are None.
 
     Of Gauss: ``method`` in lanes and ``inverse``, the transposed matrix of `remember`; of a splitting: dT, dV, a, b.
     ``monitor`` is the function (q, p) -> (1 / sigma, G).
@@ -268,7 +268,10 @@ run = time_loop(read_clock, reach, leave)
 
 
 def monitor(system: Hamiltonian, arithmetic: str):
-    """Make the function (q, p) -> (1 / sigma, G), G being the rate at which the density of steps changes."""
+    """Make the function (q, p) -> (1 / sigma, G) that controls the step.
+
+    1 / sigma is the density of steps that the distances to the singularities require, G the rate of its change.
+    """
     T = codegen.value_type(system.d)
 
     def results():

@@ -53,7 +53,7 @@ MISSED = "have no parameter near 0 that keeps the energy and were taken as Gauss
 
 
 class Equip(NamedTuple):
-    """What a step needs: the ``tableau`` in use, rewritten for each alpha, and A_ij / b_j, S_ij, b of the Gauss method.
+    """What a step needs: the ``tableau`` in use, rewritten for each alpha; A_ij / b_j of Gauss's method, S_ij and b.
 
     Stages are in lanes unless ``f`` is None; the unknowns are kicks if ``field`` is None, else both increments.
     """
@@ -223,7 +223,10 @@ run = loop(step, parameter=True)
 
 
 def skew(s: int, nodes):
-    """The skew matrix S = P V P^T of the module's formula for s nodes, as a list of rows."""
+    """The skew matrix S = P V P^T at s nodes, as rows; P has the orthonormal Legendre polynomials' values there.
+
+    V is zero but for a 1 and a -1 in the last two rows and columns.
+    """
     P = [legendre(s, c) for c in nodes]
     return [[a[s - 1] * b[s - 2] - a[s - 2] * b[s - 1] for b in P] for a in P]
 

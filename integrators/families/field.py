@@ -84,7 +84,7 @@ class Field(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """The time and its rounding error, the lengths of the next and of the last step, h / T of the module's formula."""
+    """The time and its rounding error, lengths of the next and of the last step, h over the initial time scale T."""
 
     t: float
     lost: float
@@ -105,8 +105,9 @@ inertia = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, 
 def inverse_square(e, step, first, last):
     """(1 / tau^2, (|f^(s-1)| / |f|)^2) at the end of a step with s nodes, in units of the step's length.
 
-    tau is the time scale of the module's formula, f^(s-1) the highest derivative of the field f that the nodes give; of
-    f only the components first, ..., last - 1 count.  Either number is 0 if it is round-off alone.
+    f is the vector field along the orbit, f^(s-1) its highest derivative that the nodes give, and the time scale tau
+    has tau^2 = (|f| |f''| + |f'|^2) / (|f'| |f'''| + |f''|^2).  Of f only the components first, ..., last - 1 count.
+    Either number is 0 if it is round-off alone.
     """
     f0, f1, f2, f3, highest, whole = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
     for k in range(first, last):
@@ -197,7 +198,8 @@ def read_clock(step, carry, y):
 def fit_step(step, carry, clock, length, trusted):
     """Judge a step of length ``length``: (length of the next step by the field at its end, True if it is accepted).
 
-    It is rejected if the next length is less than the share ``trusted`` of it, or by the module's other criteria.
+    It is rejected if the time scale of the field, or of its highest known derivative, is too short for it by more than
+    the factor ``trusted``.
     """
     square, highest = rate(step.method.inverse_mass, equations(step.method, carry, length), step)
     share, rough = square**0.5, highest ** (0.5 / (step.method.stages - 1))

@@ -195,7 +195,7 @@ class Stages:
         return Tangent(u, u + self.h * np.tensordot(self.scheme.b, T, 1), right + self.along(T), T)
 
     def by_parameter(self) -> np.ndarray:
-        """Derivative of the stages with respect to the parameter alpha, at fixed rates T."""
+        """The derivative of the stages with respect to the parameter alpha of the tableau, at fixed rates T."""
         d = -np.repeat(np.stack([self.scheme.S * self.scheme.b] * 2), self.y.shape[-1] // 2, axis=0)
         return self.along(self.T, d)
 

@@ -284,7 +284,7 @@ def build_path(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: st
 
 
 def skew(s: int, digits: int) -> list[list]:
-    """The matrix X of the module's formula as rows: 1/2 in its first place and skew otherwise."""
+    """The matrix of the integrals of P_m times the integral of P_j, P Legendre polynomials: 1/2 at first, else skew."""
     X = [[mpmath.mpf(0)] * s for _ in range(s)]
     X[0][0] = mpmath.mpf(1) / 2
     with mpmath.workdps(digits):

@@ -165,7 +165,10 @@ class Closing(NamedTuple):
 
 @inline
 def closing(x, e):
-    """G(y + x)^T mu, the right-hand side of the equation for x that ends a symmetric projection."""
+    """The right-hand side G(y + x)^T mu of the equation for x that ends a symmetric projection.
+
+    G is the Jacobian of the invariants, mu are the multipliers.
+    """
     dq, dp = e.pull(plus(e.q, head(x)), plus(e.p, tail(x)), e.mu)
     return join(dq, dp)
 
@@ -175,7 +178,10 @@ solve_closing = solver(closing)
 
 @inline
 def constraint_residual(step, y, last):
-    """(g(y), True if that is at round-off or has stopped falling); ``last`` is its size in the iteration before."""
+    """The errors g(y) of the invariants: (g(y), True if they are at round-off or have stopped falling).
+
+    ``last`` is their size in the iteration before.
+    """
     value, M = step.constraint(y.q, y.p)
     r = minus(value, step.target)
     eps = step.eps

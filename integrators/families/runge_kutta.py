@@ -64,7 +64,7 @@ def _next_nonzero(tableau, i, j):
 
 
 def _total(tableau, i, h, memory, zero):
-    """The function `total` for arrays; two terms at a time, so that the sum is written half as often."""
+    """The increment (dq, dp) = h sum_j a_ij k_j over j < i, for arrays (`total`); sums two terms at a time."""
     last, n = len(tableau) - 1, 2 * len(zero)
     j = _next_nonzero(tableau, i, -1)
     a = tableau[i, j] * h if j < i else 0.0
@@ -132,7 +132,7 @@ overload_by_kind(evaluate, lambda *types: evaluate, _evaluate_arrays)
 
 @in_place(None)
 def increment(field, tableau, h, y, carry):
-    """Evaluate the stages of one step from y; returns its increment (dq, dp) = h sum b_i k_i."""
+    """Evaluate the stages of one step of length h from y; returns its increment (dq, dp) = h sum b_i k_i."""
     memory, stages = carry.memory, len(tableau) - 1
     for i in range(stages):
         dq, dp = total(tableau, i, h, memory, carry.zero)

@@ -198,7 +198,10 @@ def _basis(k, s):
 
 
 def coefficients(degree, rule):
-    """The coefficients a_ij, d_i, b for polynomials of the degree and a quadrature rule [(node, weight), ...]."""
+    """The coefficients of a Galerkin variational integrator: rows (a_ij, d_i) of the nodes and of the end, weights b.
+
+    They are for polynomials of the degree and a quadrature rule [(node, weight), ...].
+    """
     with mpmath.workdps(DIGITS):
         s, r = degree, len(rule)
         value = [[mpmath.polyval(_basis(k, s), c) for c, _ in rule] for k in range(s + 1)]

@@ -52,9 +52,10 @@ if TYPE_CHECKING:
 
 
 class WisdomHolman(NamedTuple):
-    """What a step needs; rows of ``substeps`` and ``corrector`` are (drift along A, kick by B), as fractions of h.
+    """What a step needs; rows of ``substeps`` and ``corrector`` are (drift, kick), as fractions of h.
 
-    Q = change q and q = back Q, by bodies; ``series`` are the constants of `kepler_flow`.
+    A drift is along the Kepler motions, a kick by the interaction. By bodies, Q = change q and q = back Q for the
+    variables Q of the Kepler motions; ``series`` are the constants of `kepler_flow`.
     """
 
     dB: Callable

@@ -217,7 +217,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
 
     @inline
     def improve(arguments, x, span, eps, work):
-        """One step of Newton's method from x: compute the matrix there and solve with it."""
+        """One step of Newton's method for x = G(x) from x: compute the matrix 1 - G' there and solve with it."""
         band, room = work
         g, evaluations = G(x, arguments), 1 + len(band.owner)
         if not linearize(arguments, x, g, span, eps, band, room):
@@ -230,7 +230,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
 
     @inline
     def solve(arguments, start, span, eps, band, room):
-        """Solve x = G(x) from the start: by simplified Newton, then by Newton; results as of the solver."""
+        """Solve x = G(x) from the start by simplified Newton, then by Newton's method; (x, evaluations, status)."""
         x, evaluations, status = simplified_newton(arguments, start, span, eps, band, room)
         if status != SOLVED:
             x, more, status = newton(arguments, start, span, eps, (band, room))

@@ -101,7 +101,10 @@ def _guess(r0, eta, beta, zeta, mu, h):
 
 @jit
 def anomaly(r0, eta, beta, mu, h, eps, table):
-    """Solve Kepler's equation F = 0: (G_1, G_2, G_3, r) and the number of evaluations; h > 0, at most a period."""
+    """Solve Kepler's equation for the universal anomaly s, for 0 < h at most a period: (G_1, G_2, G_3, r, evaluations).
+
+    G_k(s) are Stumpff's functions times s^k, and r is the distance at the end.
+    """
     zeta = mu - beta * r0
     s = _guess(r0, eta, beta, zeta, mu, h)
     low = high = h * 0
@@ -137,7 +140,10 @@ def anomaly(r0, eta, beta, mu, h, eps, table):
 
 @jit
 def coefficients(r0, eta, beta, mu, h, eps, table):
-    """(f - 1, g, f', g' - 1) of the flow over the time h, of either sign, and the number of evaluations."""
+    """The coefficients of Kepler's flow over the time h, of either sign: (f - 1, g, f', g' - 1, number of evaluations).
+
+    The position becomes f q + g v, the velocity f' q + g' v; r0 = |q|, eta = q.v, beta = 2 mu/r0 - |v|^2.
+    """
     if beta > 0 and h * h * beta * beta * beta > 9 * mu * mu:  # about half a period
         period = 2 * table[NUMBERS, 0] * mu / (beta * beta**0.5)
         h = h % period

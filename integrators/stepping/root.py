@@ -183,7 +183,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @inline
     def search_out(search, models, row, predicted, arguments):
-        """Search for the root, beginning with E(0); (x, found, the attempt at x)."""
+        """Search for the root x of the energy error E(x), beginning with E(0); (x, found, the attempt at x)."""
         radius = search.radius
         ease = residual_factor(models[row, START], models[row, UNIT])
         result = eased_attempt(0.0, FIRST, ease, arguments)
@@ -242,7 +242,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @inline
     def find(search, models, row, predicted, arguments):
-        """Find the root, by following it from earlier steps or by searching for it; (x, found, the attempt at x)."""
+        """Find the root x of the energy error E(x), followed from earlier steps or searched; (x, found, attempt)."""
         c1 = extrapolate_slope(models, row)
         if followed and is_trusted(search, models, row, predicted, c1, c1 + 2 * models[row, CURVATURE] * predicted):
             x, found, result = follow(search, models, row, predicted, c1, arguments)

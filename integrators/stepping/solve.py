@@ -310,7 +310,7 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
     iterate, newton = fixed_point(sweep), newton_method(improve)
 
     def solve(arguments, start, span, eps, work):
-        """Solve x = G(x, arguments) from the start; results as of `solver`."""
+        """Solve x = G(x, arguments) from the start; (x, evaluations, 1 if Newton's method was used else 0, status)."""
         x, k, solved = iterate(arguments, start, span, eps)
         if solved:
             return x, k, 0, SOLVED

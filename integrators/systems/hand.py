@@ -235,7 +235,7 @@ class HandHamiltonian(Hamiltonian):
         return self._loop("grad_U", arithmetic) if "grad_U" in self.loops else super().grad_U(arithmetic)
 
     def energy(self, arithmetic: str = DOUBLE):
-        """The energy, a user's loop (q, p) -> (H, M), where eps M bounds the round-off of H."""
+        """The energy, a user's loop (q, p) -> (H, M), where the round-off of H is about eps M."""
         return self._loop("energy", arithmetic)
 
     @cached_property

@@ -47,7 +47,7 @@ DIGITS = 60
 
 @dataclass(frozen=True)
 class Particle:
-    """A charged particle's potentials and fields: expressions in the coordinates (see the module).
+    """The potentials and fields of a charged particle: expressions in its coordinates.
 
     Attributes
     ----------

@@ -86,7 +86,7 @@ class Division:
 
     @cached_property
     def _second(self) -> np.ndarray:
-        """The matrix -D^T D of the second difference."""
+        """The matrix -D^T D of the second difference in space, D being that of the slope."""
         D = self.slope(np.eye(self.N))
         return -D.T @ D
 
@@ -180,7 +180,7 @@ class Staggered(Division):
 
     @cached_property
     def _upper(self) -> np.ndarray:
-        """The matrix L_+, the part of L that acts on w."""
+        """The matrix L_+: of the equation's matrix L the block that acts on the slopes w, zero elsewhere."""
         m = self.equation.moving
         upper = np.zeros_like(self.equation.L)
         upper[:m, m:] = self.equation.L[:m, m:]

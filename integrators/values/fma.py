@@ -34,7 +34,7 @@ def _emit(name, signature, context, builder, arguments):
 
 
 def _signature(a, x, y):
-    """Return the signature of numbers, which become doubles, or of lanes with lanes or numbers."""
+    """Return the Numba signature of a x + y, for numbers (as doubles) or for lanes with lanes or numbers."""
     lanes = next((t for t in (a, x, y) if isinstance(t, Lanes)), None)
     return types.float64(types.float64, types.float64, types.float64) if lanes is None else lanes(a, x, y)
 

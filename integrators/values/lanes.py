@@ -249,7 +249,7 @@ def take(table, row, like):
 
 @operation(_put)
 def put(table, row, x, like):
-    """Write lanes, or one scalar for all of them, into a row of a table."""
+    """Write lanes, or one scalar for all of them, into a row of a table; ``like`` sets their number."""
     table[row, : len(like)] = x
 
 

@@ -114,7 +114,7 @@ def reach(problem, t_end: float) -> float:
 
 
 def _kicks(seed: int, steps: int) -> Callable[[np.ndarray], np.ndarray]:
-    """A function that displaces a state at random, by the module's formula; ``steps`` is its n, the number of steps."""
+    """Make a function that displaces a state at random, for about `KICKS` calls in a run of ``steps`` steps."""
     random = np.random.default_rng([SEED, seed])
     by = np.longdouble(DISPLACEMENT * max(1.0, steps / KICKS) ** 0.5)
     before: list[np.ndarray] = []
