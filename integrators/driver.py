@@ -55,10 +55,10 @@ def integrate(
     h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end, by no more than
         1 % upwards.  A t_end before t0, or a negative h with steps, goes back in time
     t0 : the time at the start; the system does not depend on it
-    q0, p0 : arrays (d,), the initial state where not the problem's
-    save_every : keep every so many-th state, and the last; 0 keeps the first and the last
+    q0, p0 : arrays (d,), the initial state if not the problem's
+    save_every : store every Nth state, and the last; 0 stores the first and the last
     parameters : values of the method's parameters
-    arithmetic : "double", or "multiprecision" at the digits of `codegen.precision` (needs NUMBA_DISABLE_JIT=1)
+    arithmetic : "double", or "multiprecision" with the digits that `codegen.precision` sets (needs NUMBA_DISABLE_JIT=1)
     timeout : seconds after which the integration stops with status "timeout"; the last row is what was reached
     progress : called with the number of steps taken so far
 

@@ -41,7 +41,7 @@ class Ensemble:
     ----------
     q, p : arrays (n, d), the end states; of an orbit that stopped, its last good row
     t : array (n,), the times of the end states
-    status, reason : arrays (n,) of text, for each orbit as of a `Solution`; "invalid" for a start that cannot be used
+    status, reason : arrays (n,) of text, for each orbit as in a `Solution`; "invalid" for a start that cannot be used
     times, Q, P : arrays (n, rows) and (n, rows, d), the rows that were kept, the first the initial state; NaN after an
         orbit has stopped
     h : array (n,), the step that each orbit took
@@ -131,9 +131,9 @@ def integrate_ensemble(
     method : an id or a method
     Q, P : arrays (n, d), the initial states; one that is not finite is "invalid", and the others go on
     h : number, or array (n,) with a step for each orbit
-    t_end, steps : as of `integrate`; with steps of several lengths, ``t_end`` keeps no rows but the first and the last
+    t_end, steps : as in `integrate`; with steps of several lengths, ``t_end`` keeps no rows but the first and the last
     parameters : values of the method's parameters: numbers, or arrays (n,) with a value for each orbit
-    save_every : keep every so many-th state, and the last; 0 keeps the first and the last
+    save_every : store every Nth state, and the last; 0 stores the first and the last
     lanes : whether orbits go into SIMD lanes; where that is left open, if they can and there are enough of them
     threads : how many at once; all cores that this process may use
     progress : called with the number of orbits that are at their end

@@ -132,7 +132,7 @@ class PreparedRun:
         ----------
         h : step, in the problem's unit of time
         steps : how many, at least 1
-        q0, p0 : arrays (d,), the initial state where not the problem's
+        q0, p0 : arrays (d,), the initial state if not the problem's
         """
         if q0 is not None or p0 is not None:
             self.restart(self._default[0] if q0 is None else q0, self._default[1] if p0 is None else p0)
@@ -219,7 +219,7 @@ def prepare(
     ----------
     problem : a problem: a system with initial data; or a system, where q0 and p0 are given
     method : an id or a method
-    q0, p0 : arrays (d,), the initial state where not the problem's
+    q0, p0 : arrays (d,), the initial state if not the problem's
     parameters : values of the method's parameters
 
     Returns

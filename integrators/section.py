@@ -250,9 +250,9 @@ def section(
     rising : whether crossings with a rising coordinate count, else those with a falling one
     every : look at every Nth step; two crossings between two looks are missed
     h : number, or array (n,) with a step for each orbit
-    t_end, steps : as of `integrate`
+    t_end, steps : as in `integrate`
     parameters : values of the method's parameters: numbers, or arrays (n,) with a value for each orbit
-    lanes, threads, progress : as of `integrate_ensemble`
+    lanes, threads, progress : as in `integrate_ensemble`
 
     Returns
     -------

@@ -46,7 +46,7 @@ def cayley(x):
 def verlet_power(x, n):
     """(R11, R12 / h, -R21 h / x^2) of n Stormer-Verlet steps (kick-drift-kick) R of an oscillator, with x = h omega.
 
-    They are the Chebyshev polynomials T_n and U_(n-1) at 1 - (x/n)^2 / 2.
+    They follow from the Chebyshev polynomials T_n and U_(n-1) at 1 - (x/n)^2 / 2.
     """
     z = (x / n) ** 2
     c = 1 - z / 2

@@ -41,7 +41,7 @@ AT, SEED = (0.1, 1 / 3), 3
 
 
 class Banded(NamedTuple):
-    """The fields of `parametric.Parametric`, and the band of the stage equations."""
+    """What a step needs: the fields of `parametric.Parametric`, and the sparsity band of the stage equations."""
 
     field: Callable | None
     dT: Callable | None

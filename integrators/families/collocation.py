@@ -87,11 +87,12 @@ if TYPE_CHECKING:
 
 
 class Collocation(NamedTuple):
-    """The coefficients of a step: A, B, w of the module's formula; in the Nystrom form if ``field`` is None.
+    """A step's coefficients: stages y + A x, increments x = h B f(stages), result y + w x, with A and w for q and p.
 
-    A rule is a range of nodes. Each node has the number of its rule's ``nodes`` and ``rows`` (the same), its time
-    ``c[i, 0]``, and rows of A and B^T; ``diagonal`` tells whether B is. ``weights`` has the rows w^q, w^p;
-    ``extrapolation`` has s rows for each number of earlier steps.
+    In the Nystrom form, where ``field`` is None, x are increments of p. A rule is a range of nodes. Each node has the
+    number of its rule's ``nodes`` and ``rows`` (the same), its time ``c[i, 0]``, and rows of A and B^T; ``diagonal``
+    tells whether B is. ``weights`` has the rows w^q, w^p; ``extrapolation`` has s rows for each number of earlier
+    steps.
     """
 
     field: Callable | None

@@ -49,7 +49,7 @@ class Scheme:
 
     Attributes
     ----------
-    id, name, source : as of a method
+    id, name, source : as in the record of a method
     division : how space is divided
     A_q, A_p, b : the tableau in time
     S : a skew matrix if a parameter keeps the energy, else None

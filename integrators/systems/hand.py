@@ -147,7 +147,7 @@ class HandHamiltonian(Hamiltonian):
     degree : of a polynomial H
     invariants : expressions, or functions of the rows Q, P
     singular : distances that vanish where H is singular, as expressions or functions of the rows Q, P
-    frequencies : d numbers, as of a `Hamiltonian`
+    frequencies : d numbers, as in `Hamiltonian`
 
     Raises
     ------

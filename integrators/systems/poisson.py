@@ -45,7 +45,7 @@ class PoissonSystem(PartitionedSystem):
     H : expression or formula
     dq, dp : sequences of d expressions, optional
         The components of B grad H in the form in which they are to be evaluated.
-    singular, invariants : as of a `PartitionedSystem`; Casimirs are invariants
+    singular, invariants : as in `PartitionedSystem`; Casimirs are invariants
 
     Raises
     ------
