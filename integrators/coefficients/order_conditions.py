@@ -146,7 +146,7 @@ def residuals(kind: str, steps: Sequence, degree: int) -> Residuals:
 
 
 def norm(residual: Iterable) -> mpmath.mpf:
-    """The 2-norm of a vector, in full precision."""
+    """The 2-norm of the numbers of a residual, in full precision."""
     with mpmath.workdps(DIGITS):
         return mpmath.sqrt(mpmath.fsum(x * x for x in residual))
 

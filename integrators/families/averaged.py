@@ -153,7 +153,7 @@ def zero_sum(x, e):
 
 @elementwise()
 def path_point(direction, b, place, s, x, y):
-    """Components of the point y + w x of the path at which block b is moving and has gone the part s of its way.
+    """Components of the point y + w x of the path at which block b is moving and has gone the share s of its way.
 
     ``place`` is the block of each component; w is 1 in blocks already moved, s in block b, 0 in the others. The reverse
     path has ``direction`` -1.

@@ -45,7 +45,7 @@ EPS = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Scheme:
-    """A box scheme: a symplectic Runge-Kutta method in time, with a discretization in space.
+    """A box scheme: a Runge-Kutta method in time, with a discretization in space.
 
     Attributes
     ----------

@@ -155,7 +155,7 @@ def sweep(e, old, new):
 
 @inline
 def scatter(e, row, r, k, i, x, work):
-    """Enter x, the derivative of f's component r by component k at stage i, into the matrix ``work``.
+    """Enter x, the derivative of stage i's increment r by its component k, into the matrix ``work``.
 
     It is multiplied by A_ij, the derivative of the stage by the increment of each stage j.
     """

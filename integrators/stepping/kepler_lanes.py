@@ -177,7 +177,7 @@ def _solve_one_by_one(memory, row, width, eps, table):
 
 @inline
 def motion(r0, inverse, eta, beta, mu, h, eps, table, memory, row, like):
-    """The `Motion` over the time h, lanes that `motion_in_lanes` cannot solve by `kepler_flow`.
+    """The `Motion` over the time h; lanes that `motion_in_lanes` leaves unsolved are solved by `kepler_flow`.
 
     Overwrites five rows of the memory.
     """
