@@ -202,7 +202,7 @@ def sweep(e, old, new):
 
 @inline
 def scatter(e, row, r, k, i, x, work):
-    """Enter x, the derivative of f's component r by component k at the node in lane i, into the matrix ``work``."""
+    """Enter x, h times the derivative of f's component r by component k at the node in lane i, into ``work``."""
     n, s = len(e.like), len(e.step.terms)
     for m in range(s):
         by = x * slope(e.step.inverse_mass, e, row, i, m)

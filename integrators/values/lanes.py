@@ -122,7 +122,10 @@ _unary(float, lambda builder, n, x: x)
 
 
 def operation(compiled):
-    """Return a decorator by which a plain NumPy function becomes, for lanes, the intrinsic ``compiled``."""
+    """Return a decorator by which a plain NumPy function becomes, for lanes, the intrinsic ``compiled``.
+
+    That is so where an argument is lanes, or where the last one, ``like``, is a tuple.
+    """
 
     def decorate(function):
         names = ", ".join(function.__code__.co_varnames[: function.__code__.co_argcount])
