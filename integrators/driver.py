@@ -1,4 +1,4 @@
-"""The driver: checks the input, lays out the state, runs the kernel in pieces; see `outcome` for how a run ends."""
+"""Integrate a problem with a method: check the input, run the kernel in pieces, determine the status (`outcome`)."""
 
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ def integrate(
     h, t_end, steps : two of them; h alone is adjusted so that a whole number of steps ends at t_end, by no more than
         1 % upwards.  A t_end before t0, or a negative h with steps, goes back in time
     t0 : the time at the start; the system does not depend on it
-    q0, p0 : arrays (d,), the initial state where not the problem's
-    save_every : keep every so many-th state, and the last; 0 keeps the first and the last
+    q0, p0 : arrays (d,), the initial state if not the problem's
+    save_every : store every Nth state, and the last; 0 stores the first and the last
     parameters : values of the method's parameters
-    arithmetic : "double", or "multiprecision" at the digits of `codegen.precision` (needs NUMBA_DISABLE_JIT=1)
+    arithmetic : "double", or "multiprecision" with the digits that `codegen.precision` sets (needs NUMBA_DISABLE_JIT=1)
     timeout : seconds after which the integration stops with status "timeout"; the last row is what was reached
     progress : called with the number of steps taken so far
 
@@ -96,7 +96,7 @@ def integrate(
 
 
 def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dict | None = None) -> Callable[[], tuple]:
-    """A function that integrates ``steps`` steps from the initial state and returns (q, p): a prepared run of one size.
+    """Return a function that integrates ``steps`` steps from the initial state, each time anew, and returns (q, p).
 
     Raises what `prepared.prepare` raises.
     """
@@ -105,7 +105,7 @@ def warm(problem, method: str | Method, *, h: float, steps: int, parameters: dic
 
 
 def _run(kernel, trajectory: Trajectory, record: Method, timeout, progress, problem) -> Solution:
-    """Integrate, from the first row of the trajectory."""
+    """Run the kernel until all rows of the trajectory are filled or the run stops; returns the `Solution`."""
     t = trajectory
     run = prepared.lay_out(kernel, t.system.d, t.h, t.q[0], t.p[0], t.arithmetic)
     counts, pace = run.counts, Pace(timeout, FIRST if kernel.missed else PIECE)

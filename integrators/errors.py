@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 
 class InvalidInput(ValueError):
-    """Input that names nothing known or cannot be integrated; the message says what was wrong and what to do."""
+    """Raised for unknown names and unusable input; the message says what was wrong and what to do."""
 
 
 #: So many known names are told where none is near.

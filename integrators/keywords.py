@@ -44,7 +44,7 @@ def check_names(function: Callable[Arguments, Result]) -> Callable[Arguments, Re
 
 
 def _deprecated(message: str) -> None:
-    """Warn at the line that calls a decorated function, whatever the number of its decorators."""
+    """Issue a DeprecationWarning at the line that calls a decorated function, however many decorators it has."""
     frame, level = sys._getframe(), 1
     while frame.f_code.co_filename == __file__ and frame.f_back is not None:
         frame, level = frame.f_back, level + 1
@@ -109,7 +109,7 @@ def method_parameters(
 def _merge_keywords(
     function: str, foreign: dict[str, Any], parameters: Any, names: Iterable[str], known: list[str]
 ) -> dict[str, Any]:
-    """The parameters with the unknown keywords among them; raises InvalidInput if one is no parameter."""
+    """Merge keywords that are the method's parameters into ``parameters``; raises InvalidInput for others."""
     names = list(names)
     for name in foreign:
         if name in names:

@@ -1,4 +1,4 @@
-"""METHODS: every method, one record each.
+"""METHODS: the registry of all integration methods, one record each.
 
 A new method of a family that exists is one more record in a module of `records` (see CONTRIBUTING).
 """
@@ -51,7 +51,7 @@ BY_ID = {m.id: m for m in _RECORDS}
 
 
 def parameter_names(method: str | Method) -> list[str]:
-    """The names of a method's parameters, ``solver`` included; none for what is no method."""
+    """The names of a method's parameters, ``solver`` included; an empty list for an unknown method."""
     record = method if isinstance(method, Method) else BY_ID.get(method) if isinstance(method, str) else None
     return [] if record is None else [*record.parameters, "solver"]
 

@@ -1,4 +1,4 @@
-"""Singles: the orbits of an ensemble that one kernel integrates one by one, with as little of Python as can be.
+"""Integrate orbits of an ensemble one by one with a compiled kernel, on threads, where they cannot run in lanes.
 
 A kernel runs without the interpreter's lock; what goes before and after it does not, and what `integrate` does there
 for an orbit is done here for all of them at once: threads do not wait for one another.
@@ -19,9 +19,10 @@ from .threads import map_slices
 
 
 def run(orbits: Orbits, members: np.ndarray, threads: int, tell: Callable[[int], None]) -> np.ndarray:
-    """Integrate the members and fill their rows; those that have to be judged by `integrate` are returned.
+    """Integrate the orbits with the indices ``members`` and fill their rows; returns those left for `integrate`.
 
-    They are the orbits whose kernel did not reach the end, and all of methods that may miss what they promise.
+    They are the orbits whose kernel stopped early, and all orbits of methods whose steps may be fallbacks, which lack
+    what the method promises.
     """
     known = {k: prepare(orbits.kinds[k], orbits.system) for k in set(orbits.kind[members].tolist())}
     whole = np.array([not known[k].missed for k in orbits.kind[members].tolist()], bool)
@@ -35,7 +36,10 @@ def run(orbits: Orbits, members: np.ndarray, threads: int, tell: Callable[[int],
 
 
 def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[Counter[str], np.ndarray, int]:
-    """Integrate some; returns the counts of those that came to their end, the others, and how many there were."""
+    """Integrate the given orbits; returns (counts of those that reached the end, indices of the others, number of all).
+
+    ``known`` maps the index of a method to its prepared kernel.
+    """
     total: Counter[str] = Counter()
     layouts: dict[int, Layout] = {}
     stopped = []
@@ -56,7 +60,7 @@ def _share(orbits: Orbits, known: dict, members: np.ndarray) -> tuple[Counter[st
 
 
 def _fill(orbits: Orbits, i: int, layout: Layout) -> bool:
-    """Fill the rows of an orbit; whether all were reached."""
+    """Integrate orbit i and fill its rows; True if the end was reached."""
     member = np.array([i])
     keep, taken, spacing = orbits.keeper(member, 1), 0, int(orbits.every[i])
     for first, rows, every in pieces(int(orbits.steps[i]), spacing, orbits.max_steps(spacing, 1)):

@@ -46,13 +46,13 @@ def table(name: str) -> Table:
 
 @cache
 def read_polished() -> dict[str, dict]:
-    """What ``polished.json`` holds, by name."""
+    """The content of ``polished.json``: name of a table -> its polished numbers and what is known of them."""
     return json.loads(POLISHED.read_text())
 
 
 @cache
 def describe(name: str) -> dict:
-    """Of a table the polished numbers, the residuals before and after, and how far the digits moved.
+    """The polished numbers of a table, the residuals of its order conditions before and after, and the largest change.
 
     Raises
     ------
@@ -72,12 +72,12 @@ def describe(name: str) -> dict:
 
 
 def polished_numbers(name: str) -> tuple[mpmath.mpf, ...]:
-    """The polished numbers in the order of `Table.published`."""
+    """The numbers of a table, polished to 60 digits, in the order of `Table.published`."""
     texts = describe(name)
     with mpmath.workdps(DIGITS):
         return tuple(value(x) for part in ("gamma", "a", "b") for x in texts.get(part, ()))
 
 
 def steps(name: str) -> list:
-    """The whole polished sequence: fractions of a composition, or pairs (letter, weight) of a splitting."""
+    """All substeps of a table, polished: fractions of a composition, or pairs (letter, weight) of a splitting."""
     return table(name).steps(polished_numbers(name))

@@ -1,4 +1,4 @@
-"""Write ``polished.json``: the tables that are new or edited, and those named as arguments, are polished anew."""
+"""Write ``polished.json``: polish the tables that are new or edited, and those named as arguments, anew."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from phasebench.integrators.coefficients.polish import entry
 
 
 def main(names: list[str]) -> None:
-    """Keep the entries of the tables as they are; polish the others and those named, and say what came of it."""
+    """Polish the tables that are new, edited or in ``names``, keep the other entries, and print the changes."""
     again, kept, data = {table(name).name for name in names}, read_polished(), {}
     for t in TABLES:
         data[t.name] = kept.get(t.name, {})

@@ -85,7 +85,7 @@ def _without_closure(f: Callable) -> Callable:
 
 
 def _compile(f: Callable, signature, options: dict, digest: str, source: Path | None):
-    """Compile ``f``, or load what Numba keeps beside ``source``."""
+    """Compile ``f``, or load the machine code that Numba has stored beside the file ``source``."""
     collects = gc.isenabled()
     gc.disable()  # a compilation makes many objects and few cycles; collecting would take a tenth of its time
     try:
@@ -128,7 +128,7 @@ class Function(types.WrapperAddressProtocol):
 
     @property
     def dispatcher(self) -> Callable:
-        """The function with its entry for Python; loaded or compiled when it is first asked for."""
+        """The compiled function as Python calls it; loaded or compiled at the first access."""
         if self._called is None:
             f, signature, options, name = self._made
             self._called = load_or_compile(f, signature, options | {"no_cfunc_wrapper": True}, name)
@@ -139,11 +139,11 @@ class Function(types.WrapperAddressProtocol):
         return self.dispatcher(*arguments)
 
     def signature(self):
-        """The Numba signature."""
+        """The Numba signature of the function's arguments and result."""
         return self._signature
 
     def __wrapper_address__(self) -> int:
-        """The address of the entry."""
+        """The address of the entry through which compiled code calls the function."""
         return self._address
 
 
@@ -152,7 +152,7 @@ def _address():
 
 
 def _entry_of(function: Function):
-    """Return an operation of compiled code: the address of a C function in which the function's code stands."""
+    """Return an intrinsic that yields the address of a C function with the code of ``function`` inlined into it."""
 
     @intrinsic
     def entry_address(typing_context):

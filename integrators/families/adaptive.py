@@ -1,4 +1,4 @@
-r"""Variable steps that can be taken back: symmetric methods with Hairer and Soderlind's controller.
+r"""Symmetric methods with variable steps: splittings and Gauss's methods with Hairer and Soderlind's controller.
 
 They are splittings of a separable H (Stormer-Verlet and its compositions), and Gauss's methods.
 
@@ -78,9 +78,10 @@ FAR = 1e3
 
 
 class Adaptive(NamedTuple):
-    """Gauss's ``method`` in lanes and the transposed matrix of `remember`, or a `Splitting`'s fields; others are None.
+    """What a variable step needs: the fields of a Gauss method or of a splitting; those of the other are None.
 
-    ``monitor`` is (q, p) -> (1 / sigma, G).
+    Of Gauss: ``method`` in lanes and ``inverse``, the transposed matrix of `remember`; of a splitting: dT, dV, a, b.
+    ``monitor`` is the function (q, p) -> (1 / sigma, G).
     """
 
     method: stage_lanes.Lanes | None
@@ -95,7 +96,7 @@ class Adaptive(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """Time and its lost part, the density of the next step, the length of the last."""
+    """The time and its rounding error, the density rho of the next step (of length h / rho), the last step's length."""
 
     t: float
     lost: float
@@ -109,7 +110,10 @@ TIME, LOST, DENSITY, LAST = (OWN, 0), (OWN, 1), (OWN + 1, 0), (OWN + 1, 1)
 
 @inline
 def predict(e, first, at, ratio):
-    """Continue the polynomials with coefficients in the rows from ``first`` on into a step ``ratio`` times as long."""
+    """Write starting values of a step's increments to the rows ``at``, ..., from the last step's polynomials of f.
+
+    Their coefficients are in the rows from ``first`` on; the step is ``ratio`` times as long as the last.
+    """
     nodes = e.step.nodes
     z = 1.0 + ratio * take(nodes, C, e.like)
     weights = e.h * take(nodes, B, e.like)
@@ -119,7 +123,10 @@ def predict(e, first, at, ratio):
 
 @inline
 def remember(e, first, inverse):
-    """Write the coefficients of the polynomials through f at the nodes to the rows from ``first`` on."""
+    """Write the coefficients of the polynomials through f at the nodes of a step to the rows from ``first`` on.
+
+    ``inverse`` is the matrix from values at the nodes to coefficients.
+    """
     zero = 0.0 * take(e.step.nodes, C, e.like)
     for k in range(e.stages):
         f = take(e.memory, e.stages + k, e.like)
@@ -128,7 +135,7 @@ def remember(e, first, inverse):
 
 @jit
 def kicks_and_drifts(step, y, dt):
-    """Take a step of a splitting of length dt from y; (its end, evaluations)."""
+    """Take a step of length dt of a splitting from the state y; returns (the state after it, evaluations of grad V)."""
     forbid_inlining()
     q, p, lost_q, lost_p = y
     evaluations = 0
@@ -170,7 +177,7 @@ settle = dispatch_on_none(lambda method, step, carry, dt: None, _remember_field)
 
 @inline
 def read_clock(step, carry, y):
-    """Return the clock as the last call left it; make the first one."""
+    """Return the clock (time, density of steps) that the last call left in the carry, or a run's first one."""
     rows = carry.state
     clock = Clock(rows[TIME], rows[LOST], rows[DENSITY], rows[LAST])
     if clock.density == 0:
@@ -182,7 +189,7 @@ def read_clock(step, carry, y):
 
 @inline
 def tick(step, clock, dt, y):
-    """(the clock after a step of length dt that led to y, True if its density and its time are sound)."""
+    """(clock after a step of length dt to y, True if the density is near 1 / sigma and the time has advanced)."""
     rate, change = step.monitor(y.q, y.p)
     t = (clock.t + clock.lost) + dt
     lost = (dt + clock.lost) - (t - clock.t)
@@ -200,7 +207,7 @@ def plan_step(step, clock, until):
 
 @inline
 def select_going(going, y, clock, following, later):
-    """The state and the clock after a step, in the lanes that are ``going``."""
+    """(state, clock): after the step (``following``, ``later``) in the lanes ``going``, as before in the others."""
     y = State(
         where(going, following.q, y.q),
         where(going, following.p, y.p),
@@ -213,7 +220,7 @@ def select_going(going, y, clock, following, later):
 
 @inline
 def wind(step, carry, y, clock, until, counts):
-    """Step until the next step would pass the time ``until``; (state, clock, status)."""
+    """Step until the next step would pass the time ``until``; returns (state, clock, status)."""
     dt, _, going = plan_step(step, clock, until)
     while going:
         following, evaluations, status = attempt(step.method, step, carry, y, clock, dt, counts)
@@ -234,7 +241,10 @@ def wind(step, carry, y, clock, until, counts):
 
 @inline
 def reach(method, carry, y, clock, until, every, counts):
-    """Step to the last state before the time of a row, and from there to the row (see `loop.time_loop`)."""
+    """Step to the last state before the time ``until``, and from there to the state at that time, a stored row.
+
+    Returns (last state, clock, state at that time, status), as `loop.time_loop` requires.
+    """
     there = y
     y, clock, status = wind(method, carry, y, clock, until, counts)
     if status == SOLVED:
@@ -246,7 +256,7 @@ def reach(method, carry, y, clock, until, every, counts):
 
 @inline
 def leave(carry, clock):
-    """Store the clock for the next call."""
+    """Store the clock (time, density of steps) in the carry, for the next call of the kernel."""
     rows = carry.state
     rows[TIME], rows[LOST], rows[DENSITY], rows[LAST] = clock.t, clock.lost, clock.density, clock.last
 
@@ -258,7 +268,10 @@ run = time_loop(read_clock, reach, leave)
 
 
 def monitor(system: Hamiltonian, arithmetic: str):
-    """Make the function (q, p) -> (1 / sigma, G)."""
+    """Make the function (q, p) -> (1 / sigma, G) that controls the step.
+
+    1 / sigma is the density of steps that the distances to the singularities require, G the rate of its change.
+    """
     T = codegen.value_type(system.d)
 
     def results():
@@ -272,12 +285,12 @@ def monitor(system: Hamiltonian, arithmetic: str):
 
 
 def is_gauss(method: Method) -> bool:
-    """True if the method is Gauss's, of data (s,)."""
+    """True if the method is one of Gauss's; its data then are (number of stages,)."""
     return len(method.data) == 1
 
 
 def require_lanes(method: Method, s: int, system: Hamiltonian) -> None:
-    """Raise InvalidInput unless Gauss's s stages can be had in lanes."""
+    """Raise InvalidInput unless the system's functions can be compiled for s stages side by side in SIMD lanes."""
     if not gauss_lanes.serves(s, system):
         raise InvalidInput(
             f"method '{method.id}' requires an H of at most {codegen.TUPLE_LIMIT} degrees of freedom, derivatives "
@@ -296,14 +309,14 @@ def coefficients(s: int) -> mpmath.matrix:
 
 
 def inverse_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
-    """The matrix of `remember`: from values at Gauss's nodes to coefficients of powers."""
+    """The transposed matrix from values at Gauss's s nodes to coefficients of powers, padded to the lanes."""
     with mpmath.workdps(digits(arithmetic)):
         inverse = coefficients(s)
         return array(pad_square(([inverse[k, j] for k in range(s)] for j in range(s)), len(step.like)), arithmetic)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the kernel of data (s,), Gauss with s stages, or (1, substeps), a splitting."""
+    """Prepare the kernel of a variable-step method: data (s,) is Gauss of s stages, (1, substeps) a splitting."""
     if not all(isinstance(r, sp.Expr) for r in singularities.steering_distances(system)):
         raise InvalidInput(f"method '{method.id}' requires the distances to the singularities as formulae")
     if not is_gauss(method):

@@ -85,7 +85,7 @@ WIDTH, FEWEST = 4, 3
 
 
 class Averaged(NamedTuple):
-    """Substeps along paths, and quadrature rules; the unknown is the kick if ``field`` is None.
+    """What a step needs: substeps along paths, and quadrature rules; the unknown is the kick if ``field`` is None.
 
     Substep s takes ``fraction[s]`` of h; its components belong to the blocks ``place[s]``; its ``direction`` is the
     path (1), the reverse path (-1) or both (0). ``path`` is None if every substep has one block only.
@@ -144,7 +144,7 @@ over_nodes = dispatch_on_none(lambda like, x: x, lambda like, x: sum_lanes(x))
 
 @inline
 def zero_sum(x, e):
-    """Zeros, the start of the sum over the rows."""
+    """Zeros of the shape of x, in lanes where nodes are: the start of a sum over rows of nodes."""
     return scale(0.0 * of_row(e.step.like, e.step.b, e.rule), x)
 
 
@@ -153,19 +153,23 @@ def zero_sum(x, e):
 
 @elementwise()
 def path_point(direction, b, place, s, x, y):
-    """The point of the path where block b has gone the part s of its way; ``direction`` -1 is the reverse path."""
+    """Components of the point y + w x of the path at which block b is moving and has gone the share s of its way.
+
+    ``place`` is the block of each component; w is 1 in blocks already moved, s in block b, 0 in the others. The reverse
+    path has ``direction`` -1.
+    """
     return y + (1.0 * (b == place) * s + 1.0 * (direction * (b - place) > 0)) * x
 
 
 @elementwise()
 def add_to_block(b, place, a, f, sums):
-    """sums + a f in the components of block b, sums in the others."""
+    """sums + a f in the components that belong to block b by ``place``, sums in the others."""
     return sums + 1.0 * (place == b) * a * f
 
 
 @inline
 def mean_one_way(direction, x, e):
-    """h times the mean of f along a path: each block's components of the gradient while that block moves."""
+    """h times the mean of the vector field along a path, each component averaged while its own block moves."""
     step = e.step
     place = load(step.place, e.s, x)
     at_q, at_p = head(place), tail(place)
@@ -202,7 +206,7 @@ def _mean_along_line(path, x, e):
 
 @inline
 def drift(x, e):
-    """h M^-1 (p + x / 2) for the kick x."""
+    """The increment of q in a substep with the kick x: h M^-1 (p + x / 2)."""
     return scale(e.h, axpy(0.5, velocity(e.step.dT, x), e.v))
 
 
@@ -228,13 +232,16 @@ _end = dispatch_on_none(
 
 @inline
 def mean(x, e):
-    """One iterate of the unknown: h times the mean of f, or of -grad V, from (q, p) to the point that x leads to."""
+    """Evaluate G(x), the right-hand side of the equation of a substep, for the unknown x.
+
+    It is h times the mean of f (of -grad V for kicks) along the path from (q, p) to the point that x leads to.
+    """
     return _mean(e.step.field, x, e)
 
 
 @inline
 def lengths(x, g, e):
-    """Sizes of the variables that the two halves of x belong to."""
+    """Sizes of coordinates and momenta at the unknown x, for the lengths of finite differences; g is G(x)."""
     return _lengths(e.step.field, x, g, e)
 
 
@@ -243,19 +250,19 @@ solve_mean = solver(mean, lengths)
 
 @inline
 def by_rule(e, rule):
-    """The equation with another quadrature rule."""
+    """The arguments ``e`` with another quadrature rule, given by its first row."""
     return Average(e.step, e.q, e.p, e.v, e.h, e.s, rule)
 
 
 @inline
 def evaluations(e, rule):
-    """Evaluations of the gradient that one iterate takes."""
+    """Number of gradient evaluations that one evaluation of `mean` takes with the quadrature rule."""
     return e.step.blocks[e.s] * (2 if e.step.direction[e.s] == 0 else 1) * e.step.nodes[rule]
 
 
 @inline
 def solve_by_rule(e, x, span, work, counts):
-    """Solve by the rule ``counts.rule`` (see `solve.refinement`)."""
+    """Solve the equation of a substep by the quadrature rule ``counts.rule``, from x (see `solve.refinement`)."""
     x, iterates, newton, status = solve_mean(by_rule(e, counts.rule), x, span, e.step.eps, work)
     counts.gradient += iterates * evaluations(e, counts.rule)
     counts.newton += newton
@@ -264,7 +271,7 @@ def solve_by_rule(e, x, span, work, counts):
 
 @inline
 def iterate_by_rule(e, x, counts):
-    """One iterate by the rule ``counts.rule``."""
+    """One fixed-point iterate of a substep by the rule ``counts.rule``; returns (the new x, the `Change` to it)."""
     new = mean(x, by_rule(e, counts.rule))
     counts.gradient += evaluations(e, counts.rule)
     return new, change(e.step.field, x, new)
@@ -278,7 +285,10 @@ refine = refinement(solve_by_rule, iterate_by_rule)
 
 @inline
 def substep(step, y, s, carry, counts):
-    """Take substep s from y with rules of rising size until one is confirmed; (y, its unknown, status)."""
+    """Take substep s from the state y with quadrature rules of rising size until one is confirmed by the next.
+
+    Returns (state, the solution x of the substep's equation, status).
+    """
     x = predict(carry.memory, s, len(step.fraction), counts.steps, unknown(step.field, carry.zero))
     v, h = _velocity(step.field, step.dT, y.p), step.fraction[s] * step.h
     span = size(y.q) + size(y.p)
@@ -288,7 +298,7 @@ def substep(step, y, s, carry, counts):
 
 
 def step(method: Averaged, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """One step, substep by substep."""
+    """Take one step from the state y, substep by substep; returns (state, status)."""
     stages = len(method.fraction)
     status = SOLVED
     for s in range(stages):
@@ -323,7 +333,10 @@ def coupled(path: str, system: Hamiltonian) -> bool:
 
 
 def rules(system: Hamiltonian, width: int, arithmetic: str) -> tuple[list, list, list, list]:
-    """(nodes, rows, c, b), a row each: one exact rule for a polynomial H, else rules of rising size."""
+    """The quadrature rules (nodes, rows, c, b): an exact one for a polynomial H, else rules of rising size.
+
+    Each row has the number of nodes and of rows of its rule, and nodes c with weights b, ``width`` of them in lanes.
+    """
     digits, known = (40, RULES) if arithmetic == DOUBLE else (mpmath.mp.dps, LARGE)
     found = []
     for n in sizes(1, system.polynomial_degree, known):
@@ -336,13 +349,13 @@ def rules(system: Hamiltonian, width: int, arithmetic: str) -> tuple[list, list,
 
 
 def serves(system: Hamiltonian, arithmetic: str) -> bool:
-    """True if lanes of nodes are worth while, and the system's functions can be compiled for lanes."""
+    """True if the nodes of a quadrature rule should be evaluated in SIMD lanes, and the system's functions allow it."""
     worth = sizes(1, system.polynomial_degree)[-1] >= FEWEST
     return worth and arithmetic == DOUBLE and codegen.value_kind(system.d) == "tuple" and compiles_in_lanes(system)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the kernel of substeps (fraction, path, direction)."""
+    """Prepare the kernel of an averaged vector field method; its data are substeps (fraction, path, direction)."""
     substeps = []
     for fraction, path, direction in method.data:
         if not coupled(path, system):

@@ -41,7 +41,7 @@ AT, SEED = (0.1, 1 / 3), 3
 
 
 class Banded(NamedTuple):
-    """The fields of `parametric.Parametric`, and the band of the stage equations."""
+    """What a step needs: the fields of `parametric.Parametric`, and the sparsity band of the stage equations."""
 
     field: Callable | None
     dT: Callable | None
@@ -74,7 +74,7 @@ substep = dispatch_on_none(_nystrom, _general)
 
 
 def begin(method: Banded, carry: Carry, counts: np.record) -> State:
-    """Read the state; before the first step matrices in the memory are stale, since they may belong to another h."""
+    """Read the state before a call's first step; in the first step of a run, mark the stored matrices as stale."""
     if counts.steps == 0:
         for s in range(len(method.c)):
             forget(carry.work, s * len(unknown(method.field, carry.zero)), columns(method.band))
@@ -82,7 +82,7 @@ def begin(method: Banded, carry: Carry, counts: np.record) -> State:
 
 
 def step(method: Banded, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """One step, substep by substep."""
+    """Take one step from the state y, substep by substep; returns (state, status)."""
     start = unknown(method.field, carry.zero)
     status = SOLVED
     counts.newton += len(method.c)
@@ -116,7 +116,7 @@ def structure_of(system: Hamiltonian, order: int) -> list[np.ndarray]:
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the kernel of `parametric` with the band of the system's stage equations."""
+    """Prepare the kernel of a one-stage method, with the sparsity band of the system's stage equations."""
     plain = parametric.prepare(method, system, arithmetic)
     if plain.run is not parametric.run:  # explicit: there is nothing to solve
         return plain

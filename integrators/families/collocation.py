@@ -87,11 +87,12 @@ if TYPE_CHECKING:
 
 
 class Collocation(NamedTuple):
-    """The tableau, in the Nystrom form if ``field`` is None.
+    """A step's coefficients: stages y + A x, increments x = h B f(stages), result y + w x, with A and w for q and p.
 
-    A rule is a range of nodes. Each node has the number of its rule's ``nodes`` and ``rows`` (the same), its time
-    ``c[i, 0]``, and rows of A and B^T; ``diagonal`` tells whether B is. ``weights`` has the rows w^q, w^p;
-    ``extrapolation`` has s rows for each number of earlier steps.
+    In the Nystrom form, where ``field`` is None, x are increments of p. A rule is a range of nodes. Each node has the
+    number of its rule's ``nodes`` and ``rows`` (the same), its time ``c[i, 0]``, and rows of A and B^T; ``diagonal``
+    tells whether B is. ``weights`` has the rows w^q, w^p; ``extrapolation`` has s rows for each number of earlier
+    steps.
     """
 
     field: Callable | None
@@ -111,7 +112,10 @@ class Collocation(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Arguments of the equations for increments in rows of the memory, from (q, p); v is h M^-1 p (Nystrom form)."""
+    """Arguments of the equations for the increments of a step from (q, p), which are in rows of ``memory``.
+
+    v is h M^-1 p in the Nystrom form.
+    """
 
     step: Collocation
     q: Any
@@ -199,10 +203,10 @@ add_increments = dispatch_on_none(
 
 @inline
 def sweep(e, old, new):
-    """Write h B f at the increments in rows ``old`` to rows ``new``; returns (their distance, the size of the new).
+    """Apply the right-hand side h B f to the increments in rows ``old``; write the result to rows ``new``.
 
-    All nodes use the old increments. With the new ones at once (Gauss-Seidel) a tenth fewer evaluations are needed, but
-    each waits for the one before, which takes longer.
+    Returns (the distance of old and new, the size of new). All nodes use the old increments. With the new ones at once
+    (Gauss-Seidel) a tenth fewer evaluations are needed, but each waits for the one before, which takes longer.
     """
     step, memory, like = e.step, e.memory, e.like
     first = e.counts.rule
@@ -233,7 +237,10 @@ def sweep(e, old, new):
 
 @inline
 def linearize(e, at, span, work):
-    """Write the matrix of 1 - G' by differences of f at the nodes (see `solve.row_solver`)."""
+    """Write the Jacobian 1 - G' of the equations x = G(x) at the increments in rows ``at``, ... to ``work``.
+
+    It is made by differences of f at the nodes (see `solve.row_solver`).
+    """
     tableau, memory = e.step, e.memory
     n, first = len(e.like), e.counts.rule
     spare = at + 2 * e.stages
@@ -264,7 +271,7 @@ solve_confirmed = confirmer(solve, sweep, changes_by_row(inline(lambda e, x, y: 
 
 @inline
 def extrapolate(e, at):
-    """Extrapolate the increments of the last steps to the rows ``at``, ..."""
+    """Extrapolate the increments of the last steps to the next one, as a start; write them to the rows ``at``, ..."""
     weights, known = e.step.extrapolation, e.counts.steps
     steps = min(known, len(weights) // e.stages)
     row = e.stages * (steps - 1)
@@ -278,7 +285,7 @@ def extrapolate(e, at):
 
 
 def step(method: Collocation, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """One step."""
+    """Take one step from the state y; returns (state, status)."""
     memory, zero, like = carry.memory, carry.zero, unknown(method.field, carry.zero)
     stages = method.weights.shape[1]
     at = LEVELS * stages
@@ -299,7 +306,7 @@ run = loop(step)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the kernel of data (kind, s) or ("hbvm", s, k): with stages or nodes in lanes if the system allows it."""
+    """Prepare the kernel of data (kind, s) or ("hbvm", s, k): stages or nodes in lanes if the system allows it."""
     kind, s, *_ = method.data
     if kind == "gauss" and gauss_lanes.serves(s, system):
         return gauss_lanes.prepare(s, system, arithmetic)
@@ -311,7 +318,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def rules_of(method: Method, system: Hamiltonian, arithmetic: str) -> Sequence[int]:
-    """Numbers of nodes of the quadrature rules."""
+    """The sizes of the quadrature rules that a method uses on a system, in nodes."""
     kind, s, *k = method.data
     if kind == "cpg":
         return sizes(s, system.polynomial_degree, RULES if arithmetic == DOUBLE else LARGE)
@@ -319,7 +326,7 @@ def rules_of(method: Method, system: Hamiltonian, arithmetic: str) -> Sequence[i
 
 
 def prepare_stage_by_stage(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the kernel that takes one stage after the other; the Nystrom form if T is quadratic."""
+    """Prepare the kernel that evaluates one stage after the other; in the Nystrom form if T is quadratic."""
     kind, s, *_ = method.data
     rules = rules_of(method, system, arithmetic)
     kind = "hbvm" if kind == "cpg" else kind

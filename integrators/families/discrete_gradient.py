@@ -48,7 +48,7 @@ MISSED = "do not reach the energy of the start"
 
 
 class DiscreteGradient(NamedTuple):
-    """Substeps over the ``fraction`` of h; H, and the value H0 to keep."""
+    """What a step needs: substeps of length ``fraction`` h, the field, the energy and its value H0 to conserve."""
 
     field: Callable
     energy: Callable
@@ -70,13 +70,13 @@ class Increment(NamedTuple):
 
 @unroll(lambda d: "  return " + " + ".join(f"x[{i}] * x[{i}]" for i in range(d)))
 def square(x):
-    """x . x."""
+    """The scalar product x . x."""
     return np.sum(x * x)
 
 
 @inline
 def increment(x, e):
-    """h J^-1 (grad H(y + x/2) + a x)."""
+    """G(x) of the equation x = G(x) of a substep: h J^-1 (grad H(y + x/2) + a x)."""
     dq, dp = e.field(axpy(0.5, head(x), e.q), axpy(0.5, tail(x), e.p), e.h, 0.0)
     return join(scale(e.h, axpy(e.a, tail(x), dq)), scale(e.h, axpy(-e.a, head(x), dp)))
 
@@ -86,7 +86,10 @@ solve_increment = solver(increment)
 
 @inline
 def search(step, y, h, x, a, carry, counts):
-    """Take a substep of length h that ends at H0; x and a are starts, and (x, a, status) is returned."""
+    """Take a substep of length h from y that ends at energy H0: find a, and the increment x that belongs to it.
+
+    The arguments x and a are starting values; returns (x, a, status).
+    """
     last_a, last = a, step.H0
     span = size(y.q) + size(y.p)
     reached, status = False, SOLVED
@@ -113,7 +116,7 @@ def search(step, y, h, x, a, carry, counts):
 
 
 def step(method: DiscreteGradient, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """One step, substep by substep."""
+    """Take one step from the state y, substep by substep; returns (state, status)."""
     both, memory = join(carry.zero, carry.zero), carry.memory
     stages = len(method.fraction)
     ring = LEVELS * stages  # where the memory keeps the ring of each substep's a
@@ -134,7 +137,7 @@ run = loop(step)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the kernel; the energy to keep is that of the initial state."""
+    """Prepare the kernel; the energy to conserve, H0, is that of the initial state."""
     energy = system.energy(arithmetic)
     step = DiscreteGradient(system.field(arithmetic), energy, numbers(method.data, arithmetic))
     return Prepared(run, step, 2 * system.d, len(step.fraction), begin=keep_energy(energy), missed=MISSED)

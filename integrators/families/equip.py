@@ -53,7 +53,7 @@ MISSED = "have no parameter near 0 that keeps the energy and were taken as Gauss
 
 
 class Equip(NamedTuple):
-    """The tableau in use, rewritten for each alpha; A_ij / b_j, S_ij and b of the Gauss method.
+    """What a step needs: the ``tableau`` in use, rewritten for each alpha; A_ij / b_j of Gauss's method, S_ij and b.
 
     Stages are in lanes unless ``f`` is None; the unknowns are kicks if ``field`` is None, else both increments.
     """
@@ -187,7 +187,7 @@ write = dispatch_on_none(_write_kicks, _write_both)
 
 @jit
 def attempt(alpha, start, ease, e):
-    """Take the step with alpha.
+    """Take the step with the parameter alpha; returns an `Attempt` with the state after it and its energy error.
 
     The start of the stages is extrapolated from earlier steps, or is the last attempt's, whose alpha was near.
     """
@@ -207,7 +207,7 @@ find = finder(attempt, followed=False)
 
 
 def step(method: Equip, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """One step; the parameter is alpha."""
+    """Take one step from the state y, with the parameter alpha that conserves the energy; returns (state, status)."""
     e = Step(method, y, carry, counts)
     alpha, found, result = find(method.search, carry.state, OWN, np.nan, e)
     if result.status != SOLVED:
@@ -223,13 +223,16 @@ run = loop(step, parameter=True)
 
 
 def skew(s: int, nodes):
-    """S = P V P^T at the nodes, as a list of rows."""
+    """The skew matrix S = P V P^T at s nodes, as rows; P has the orthonormal Legendre polynomials' values there.
+
+    V is zero but for a 1 and a -1 in the last two rows and columns.
+    """
     P = [legendre(s, c) for c in nodes]
     return [[a[s - 1] * b[s - 2] - a[s - 2] * b[s - 1] for b in P] for a in P]
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the kernel of data (s,): stages in lanes if the system allows it, the Nystrom form if T is quadratic."""
+    """Prepare the kernel of data (s,): stages in lanes if the system allows it, Nystrom form if T is quadratic."""
     (s,) = method.data
     if serves(s, system):
         inner = gauss_lanes.prepare(s, system, arithmetic)
@@ -248,7 +251,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def _set_energy(energy, step, q, p):
-    """The step of a run that starts at q, p, with tables of its own to write to: other threads write theirs."""
+    """Complete a step for a run from (q, p): set H0 to the energy there, copy the tableau, which runs overwrite."""
     t = step.tableau
     tables = {name: x for name, x in t._asdict().items() if isinstance(x, np.ndarray) and x.flags.writeable}
     own = {name: x.copy() for name, x in tables.items()}

@@ -70,7 +70,7 @@ SHORTEST = 100_000
 
 
 class Field(NamedTuple):
-    """Gauss's ``method`` in lanes, the matrix of `adaptive.remember`, and ``ends``.
+    """What a step needs: Gauss's ``method`` in lanes, ``inverse``, the matrix of `adaptive.remember`, and ``ends``.
 
     The rows of ``ends`` are weights of f at the nodes that give f, f', f'', f''' and the derivative s - 1 at the end of
     a step of length 1.
@@ -84,7 +84,7 @@ class Field(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """Time and its lost part, the length of the next step and of the last, and h / T."""
+    """The time and its rounding error, lengths of the next and of the last step, h over the initial time scale T."""
 
     t: float
     lost: float
@@ -103,9 +103,11 @@ inertia = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, 
 
 @inline
 def inverse_square(e, step, first, last):
-    """(1 / tau^2, (|f^(s-1)| / |f|)^2) at a step's end, in units of its length, of the components first to last - 1.
+    """(1 / tau^2, (|f^(s-1)| / |f|)^2) at the end of a step with s nodes, in units of the step's length.
 
-    Either is 0 if it is round-off alone.
+    f is the vector field along the orbit, f^(s-1) its highest derivative that the nodes give, and the time scale tau
+    has tau^2 = (|f| |f''| + |f'|^2) / (|f'| |f'''| + |f''|^2).  Of f only the components first, ..., last - 1 count.
+    Either number is 0 if it is round-off alone.
     """
     f0, f1, f2, f3, highest, whole = 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h, 0.0 * e.h
     for k in range(first, last):
@@ -137,7 +139,7 @@ rate = dispatch_on_none(_of_both, _of_kicks)
 
 @inline
 def _pace(e, first, last, shift):
-    """|y| / sqrt(|y'|^2 + |y| |y''|) of the components first to last - 1; 0 if y is 0 or does not move.
+    """The time |y| / sqrt(|y'|^2 + |y| |y''|) of y's components first, ..., last - 1; 0 if y is 0 or does not move.
 
     f has been evaluated at y + shift y' and, in the second lane, at y - shift y'.
     """
@@ -179,7 +181,7 @@ unit = dispatch_on_none(_unit_of_both, _unit_of_kicks)
 
 @inline
 def read_clock(step, carry, y):
-    """Return the clock as the last call left it; make the first one."""
+    """Return the clock (time, lengths of steps) that the last call left in the carry, or a run's first one."""
     rows = carry.state
     if rows[FOLLOWING] == 0:
         e = equations(step.method, carry, step.h)
@@ -194,9 +196,10 @@ def read_clock(step, carry, y):
 
 @inline
 def fit_step(step, carry, clock, length, trusted):
-    """(the step that fits the end of one of length ``length``, True if that one may stand).
+    """Judge a step of length ``length``: (length of the next step by the field at its end, True if it is accepted).
 
-    It may if the fitting one is not shorter than the share ``trusted`` of it.
+    It is rejected if the time scale of the field, or of its highest known derivative, is too short for it by more than
+    the factor ``trusted``.
     """
     square, highest = rate(step.method.inverse_mass, equations(step.method, carry, length), step)
     share, rough = square**0.5, highest ** (0.5 / (step.method.stages - 1))
@@ -211,7 +214,10 @@ def fit_step(step, carry, clock, length, trusted):
 
 @inline
 def wind(step, carry, y, clock, until, most, counts):
-    """Step to a time in at most ``most`` steps: (the last state before it, its clock, the state there, status)."""
+    """Step to the time ``until`` in at most ``most`` steps.
+
+    Returns (last state before that time, its clock, the state at that time, status).
+    """
     there, status, tries = y, SOLVED, 0
     last = counts.steps + most
     decided, deciding = False, False  # whether the step that passes the time is known to stand, or is tried for that
@@ -246,13 +252,13 @@ def wind(step, carry, y, clock, until, most, counts):
 
 @inline
 def reach(method, carry, y, clock, until, every, counts):
-    """Step to the time of a row (see `loop.time_loop`)."""
+    """Step to the time ``until`` of a row; (last state, clock, state at that time, status), see `loop.time_loop`."""
     return wind(method, carry, y, clock, until, SHORTEST * every, counts)
 
 
 @inline
 def leave(carry, clock):
-    """Store the clock for the next call."""
+    """Store the clock (time, lengths of steps) in the carry, for the next call of the kernel."""
     rows = carry.state
     rows[TIME], rows[LOST], rows[FOLLOWING], rows[LAST] = clock.t, clock.lost, clock.following, clock.last
     rows[SCALE] = clock.scale
@@ -265,7 +271,7 @@ run = time_loop(read_clock, reach, leave)
 
 
 def ends_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
-    """The rows of `Field.ends`: derivatives at 1 of the polynomials that are 1 at one node and 0 at the others."""
+    """The weights ``Field.ends``: derivatives at 1 of the polynomials that are 1 at one node and 0 at the others."""
     with mpmath.workdps(adaptive.digits(arithmetic)):
         inverse = adaptive.coefficients(s)
         falling = [[mpmath.ff(k, j) for k in range(s)] for j in (*range(DERIVATIVES), s - 1)]
@@ -274,7 +280,7 @@ def ends_of(s: int, step: stage_lanes.Lanes, arithmetic: str) -> np.ndarray:
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the kernel of data (s,): Gauss with s stages."""
+    """Prepare the kernel of Gauss's method with s stages and variable steps; ``method.data`` is (s,)."""
     (s,) = method.data
     lanes = gauss_lanes.build_lanes(s, system, arithmetic)
     step = Field(lanes, adaptive.inverse_of(s, lanes, arithmetic), ends_of(s, lanes, arithmetic))

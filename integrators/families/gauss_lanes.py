@@ -1,4 +1,4 @@
-"""Gauss's methods with their stages in lanes: where that serves, and what the kernel `stage_lanes` is handed."""
+"""Prepare the kernel `stage_lanes` (Gauss's methods with stages in SIMD lanes), and tell where it is faster."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ FEWEST = 2
 
 
 def serves(s: int, system: Hamiltonian) -> bool:
-    """True if lanes are worth while for s stages, and the system's functions can be compiled for lanes."""
+    """True if s stages should be evaluated side by side in SIMD lanes, and the system's functions allow it."""
     return s >= FEWEST and system.elementary
 
 
 def pad(row: Sequence, lanes: int, filler: Any) -> list:
-    """Fill the row up to the number of lanes."""
+    """The row, filled up with ``filler`` to the length ``lanes``."""
     return [*row, *[filler] * (lanes - len(row))]
 
 
 def pad_square(rows: Iterable[Sequence], lanes: int) -> list[list]:
-    """Fill rows and columns with zeros up to a square matrix of the number of lanes."""
+    """The rows, filled up with zeros to a square matrix of the size ``lanes``."""
     rows = [pad(row, lanes, 0) for row in rows]
     return rows + [[0] * lanes] * (lanes - len(rows))
 
 
 def _of_kicks(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> tuple[Callable, np.ndarray]:
-    """(-grad V in lanes, the inverse masses)."""
+    """(-grad V as a function of lanes, the inverse masses)."""
     forces = lane_formulae.function(
         "forces",
         [("q", system.q)],
@@ -55,20 +55,20 @@ def _of_kicks(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> 
 
 
 def _of_both(system: Hamiltonian, lanes: int, arithmetic: str) -> tuple[Callable, None]:
-    """(The field in lanes, None)."""
+    """(The vector field of q and p as a function of lanes, None)."""
     arguments = [("q", system.q), ("p", system.p)]
     return lane_formulae.function("field", arguments, lambda: [*system.dq, *system.dp], lanes, system, arithmetic), None
 
 
 def functions(system: Hamiltonian, lanes: int, arithmetic: str, digits: int) -> tuple[Callable, np.ndarray | None]:
-    """(f in lanes of `stage_lanes.Lanes`, the inverse masses or None)."""
+    """(``f`` of `stage_lanes.Lanes`: -grad V or the field; the inverse masses for -grad V, else None)."""
     if system.diagonal:
         return _of_kicks(system, lanes, arithmetic, digits)
     return _of_both(system, lanes, arithmetic)
 
 
 def start_weights(extrapolation: Sequence, s: int, lanes: int) -> Iterator[list]:
-    """Rows of weights for each earlier step: first for a start from one step, then for one from two."""
+    """Rows of weights that extrapolate the increments of earlier steps: first from one step, then from two."""
     for first in range(0, len(extrapolation), s):
         weights = list(zip(*extrapolation[first : first + s], strict=True))
         for step in range(0, len(weights), s):
@@ -76,7 +76,7 @@ def start_weights(extrapolation: Sequence, s: int, lanes: int) -> Iterator[list]
 
 
 def build_lanes(s: int, system: Hamiltonian, arithmetic: str) -> Lanes:
-    """The tableau of Gauss with s stages, and the system's functions in lanes."""
+    """Make the coefficients of Gauss's method with s stages, padded to lanes, with the system's functions in lanes."""
     lanes = 1 << (s - 1).bit_length()
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
@@ -100,12 +100,12 @@ def build_lanes(s: int, system: Hamiltonian, arithmetic: str) -> Lanes:
 
 
 def prepare(s: int, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the kernel of Gauss with s stages."""
+    """Prepare the kernel of Gauss's method with s stages."""
     step = build_lanes(s, system, arithmetic)
     return Prepared(run, step, *room(step, system.d), linear=len(step.like) * components(step.inverse_mass, system.d))
 
 
 def room(step: Lanes, d: int) -> tuple[int, int]:
-    """(columns of the memory, number of stages that gives it enough rows)."""
+    """The shape of the memory that a kernel needs: (columns, number of stages that gives it enough rows)."""
     rows = FREE + (6 + step.steps) * components(step.inverse_mass, d)
     return max(len(step.like), components(step.inverse_mass, d)), -(-rows // (3 * LEVELS + 1))

@@ -1,4 +1,4 @@
-r"""What kernels with stages, or the nodes of integrals, in lanes have in common: `stage_lanes` and `path_lanes`.
+r"""Functions shared by the kernels `stage_lanes` and `path_lanes`, which have stages or quadrature nodes in SIMD lanes.
 
 Their equations, a NamedTuple, are of unknowns in ``stages`` rows of the ``memory``, a component each, in as many lanes
 as ``like`` has: increments of q and p or, where the step's ``inverse_mass`` is not None, of p alone (kicks).  The
@@ -56,7 +56,10 @@ reach = dispatch_on_none(lambda inverse_mass, e, k: 1.0, lambda inverse_mass, e,
 
 @inline
 def length(e, at, row, first, last):
-    """Size of the numbers ``first``, ..., ``last`` - 1 in a row, plus the size of their unknowns and of G at these."""
+    """Size of the state's components ``first``, ..., ``last`` - 1, plus that of their unknowns x and of G(x).
+
+    The components are in row ``row``, the unknowns in the rows from ``at`` on.
+    """
     numbers, unknowns = 0.0, 0.0
     for k in range(first, last):
         numbers = numbers + abs(e.memory[row, k])
@@ -69,7 +72,7 @@ def length(e, at, row, first, last):
 
 
 def linearizer(sweep, places, weights, rows, spread):
-    """Make the ``linearize`` of `solve.row_solver`: by differences of f, in all lanes of a row of nodes at once.
+    """Make ``linearize`` of `solve.row_solver`, which writes the Jacobian by differences of f in all lanes.
 
     - ``rows(e)`` = (first, last + 1) are the rows of nodes; ``places(e, at, row)`` writes the places of one to the
       first rows.
@@ -113,7 +116,10 @@ def linearizer(sweep, places, weights, rows, spread):
 
 @inline
 def extrapolate(e, ring, known, at):
-    """Extrapolate the increments of the last steps, a ring of rows from ``ring`` on, to the rows ``at``, ..."""
+    """Extrapolate the increments of the last steps to the next one, as a start; write them to the rows ``at``, ...
+
+    The last steps' increments are in a ring of rows from ``ring`` on, ``known`` is the number of steps taken.
+    """
     step, memory, rows = e.step, e.memory, e.stages
     steps = min(known, step.steps)
     row = steps * (steps - 1) // 2 * len(e.like)
@@ -134,7 +140,7 @@ def enter(e, ring, known, at):
 
 
 def ender(sums):
-    """Make the function (e, at, y, zero) -> state after the step; ``sums(inverse_mass, e, at)`` adds increments."""
+    """Make the function (e, at, y, zero) -> state after a step; ``sums(inverse_mass, e, at)`` adds its increments."""
 
     @inline
     def end(e, at, y, zero):

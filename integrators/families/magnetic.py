@@ -66,7 +66,7 @@ TINY = 1e-300
 
 
 class Magnetic(NamedTuple):
-    """Fractions of h of the drifts a and the pushes b between them, and the rule of rotation.
+    """What a step needs: fractions of h of the drifts a and of the pushes b between them, and the rule of rotation.
 
     ``fields`` is x -> (E, B), ``shift`` x -> A / m; ``slowness`` is (1 / c^2,), None where nothing is relativistic.
     """
@@ -83,7 +83,7 @@ class Magnetic(NamedTuple):
 
 
 class Moving(NamedTuple):
-    """A state of (q, p), and u with what rounding lost of it."""
+    """A state (q, p) with u, each with the part that rounding lost (compensation)."""
 
     q: Any
     p: Any
@@ -95,13 +95,13 @@ class Moving(NamedTuple):
 
 @sum_of("x[i] * y[i]")
 def dot(x, y):
-    """The sum of products of components."""
+    """The scalar product of two vectors."""
     return np.sum(x * y)
 
 
 @unroll(lambda d: "  return 0.0 * x[0]" if d == 2 else "  return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]")
 def along(x, y):
-    """The scalar product; in the plane y is the vector (0, 0, y[0])."""
+    """The scalar product of u = x with the field y; 0 in the plane, where the field is (0, 0, y[0])."""
     return 0.0 * x[0] if len(x) == 2 else np.sum(x * y)
 
 
@@ -113,7 +113,7 @@ def _cross_text(d: int) -> str:
 
 @unroll(_cross_text)
 def cross(x, y):
-    """The vector product; in the plane y is the vector (0, 0, y[0])."""
+    """The vector product x times y; in the plane y is the vector (0, 0, y[0])."""
     if len(x) == 2:
         return np.array([x[1] * y[0], -(x[0] * y[0])])
     return np.array([x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]])
@@ -121,7 +121,7 @@ def cross(x, y):
 
 @elementwise(outputs=2)
 def momentum(u, lost, shift, mass):
-    """(m (u + shift), the part that rounding lost); Knuth's sum, since either may be the larger."""
+    """(the momentum m (u + shift), the part that rounding lost); Knuth's sum, since either may be the larger."""
     s = u + shift
     part = s - u
     error = ((u - (s - part)) + (shift - part)) + lost
@@ -131,7 +131,7 @@ def momentum(u, lost, shift, mass):
 
 @elementwise(outputs=2)
 def velocity(p, lost, shift, mass):
-    """(p / m - shift, the part that rounding lost)."""
+    """(u, the part that rounding lost) from the momentum p: u = p / m - shift, with the mass m and shift = A / m."""
     w = p / mass
     error = (fma(-mass, w, p) + lost) / mass
     u = w - shift
@@ -149,7 +149,7 @@ gamma = dispatch_on_none(lambda slowness, u: 1.0, lambda slowness, u: _gamma_squ
 
 
 def _mean_gamma(slowness, u, tau):
-    """Gamma of the mean of u before and after the rotation."""
+    """The factor gamma of the mean of u before and after the rotation, for the method of Higuera and Cary."""
     square, parallel = dot(tau, tau), along(u, tau)
     sigma = _gamma_square(slowness, u) - square
     return (0.5 * (sigma + (sigma * sigma + 4.0 * (square + slowness[0] * parallel * parallel)) ** 0.5)) ** 0.5
@@ -172,7 +172,7 @@ def half_turn(method, u, tau):
 
 @inline
 def pushed(method, y, h):
-    """The state after half a kick by E, a rotation about B, and half a kick."""
+    """The state after a push over the time h: half a kick by E, a rotation about B, half a kick by E."""
     E, B = method.fields(y.q)
     u = axpy(0.5 * h, E, y.u)
     t = half_turn(method, u, scale(0.5 * h, B))
@@ -183,25 +183,25 @@ def pushed(method, y, h):
 
 @inline
 def drifted(method, y, h):
-    """The state after a drift."""
+    """The state after a drift of q over the time h."""
     q, lost_q = add_product_in_place(y.q, y.lost_q, h / gamma(method.slowness, y.u), y.u)
     return Moving(q, y.p, lost_q, y.lost_p, y.u, y.lost_u)
 
 
 def begin(method, carry, counts):
-    """Read the state, and find u."""
+    """Read the state (q, p) where the last call left it, and compute u from p."""
     y = read_state(carry)
     u, lost_u = velocity(y.p, y.lost_p, method.shift(y.q), method.mass[0])
     return Moving(y.q, y.p, y.lost_q, y.lost_p, u, lost_u)
 
 
 def start(method, y):
-    """Apply the first drift; that of the following steps is part of the last drift before them."""
+    """Apply a step's first drift; in the steps after it that drift is part of the last drift of the step before."""
     return drifted(method, y, method.a[0] * method.h)
 
 
 def step(method, y, carry, counts):
-    """Push and drift in turn; the last drift includes the next step's first."""
+    """Push and drift in turn; the last drift includes the next step's first. Returns (state, status)."""
     h, last = method.h, len(method.b) - 1
     for k in range(len(method.b)):
         y = pushed(method, y, method.b[k] * h)  # exp(b_k h (E and B))
@@ -214,7 +214,7 @@ def step(method, y, carry, counts):
 
 
 def finish(method, y):
-    """Take back the next step's first drift, and find p."""
+    """Undo the next step's first drift, and compute p from u."""
     y = drifted(method, y, -(method.a[0] * method.h))
     p, lost_p = momentum(y.u, y.lost_u, method.shift(y.q), method.mass[0])
     return Moving(y.q, p, y.lost_q, lost_p, y.u, y.lost_u)
@@ -224,7 +224,7 @@ run = loop(step, begin, start, finish)
 
 
 def prepare(method, system, arithmetic):
-    """Make the kernel of data (rule, fractions of h of the symmetric steps of order 2 that are composed)."""
+    """Prepare the kernel of data (rule of rotation, fractions of h of the symmetric steps that are composed)."""
     rule, pushes = method.data
     halves = [g / 2 for g in pushes]
     drifts = [halves[0], *(x + y for x, y in pairwise(halves)), halves[-1]]

@@ -62,7 +62,10 @@ IN_LANES = True
 
 
 class Parametric(NamedTuple):
-    """Substeps of length c h with the weights mu and lam. In the Nystrom form ``field`` is None, else dT and dV are."""
+    """What a step needs: substeps of length c h with the stage weights mu (of Delta q) and lam (of Delta p).
+
+    In the Nystrom form ``field`` is None, else dT and dV are.
+    """
 
     field: Callable | None
     dT: Callable | None
@@ -75,7 +78,7 @@ class Parametric(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """Arguments of a substep's stage equation: length h, from (q, p); v = grad T(p)."""
+    """Arguments of the stage equation of a substep of length h from (q, p); v = grad T(p)."""
 
     step: Any
     q: Any
@@ -88,7 +91,7 @@ class Stage(NamedTuple):
 
 @inline
 def increments(x, stage):
-    """(Delta q, Delta p) = h f at the stage that the increments x lead to."""
+    """G(x) of the stage equation for x = (Delta q, Delta p): h f(q + mu Delta q, p + lam Delta p)."""
     h, lam = stage.h, stage.lam
     dq, dp = stage.step.field(axpy(stage.mu, head(x), stage.q), axpy(lam, tail(x), stage.p), h, lam)
     return join(scale(h, dq), scale(h, dp))
@@ -96,19 +99,19 @@ def increments(x, stage):
 
 @inline
 def shift(x, stage):
-    """Delta q = h M^-1 (p + lam x) for the kick x."""
+    """Delta q = h M^-1 (p + lam x) of a substep, for its kick x = Delta p."""
     return scale(stage.h, axpy(stage.lam, velocity(stage.step.dT, x), stage.v))
 
 
 @inline
 def kick(x, stage):
-    """Delta p = -h grad V at the stage that the kick x leads to."""
+    """G(x) of the stage equation in Nystrom form: Delta p = -h grad V(q + mu Delta q), with Delta q from the kick x."""
     return scale(-stage.h, stage.step.dV(axpy(stage.mu, shift(x, stage), stage.q)))
 
 
 @inline
 def lengths_of_kick(x, g, stage):
-    """Size of the momenta, twice: both halves of a kick are momenta."""
+    """Size of the momenta at the kick x, twice: both halves of a kick are momenta; g is G(x)."""
     length = size(stage.p) + size(x) + size(g)
     return length, length
 
@@ -163,7 +166,7 @@ def advance(step, y, carry, known, first):
 
 
 def step(method: Parametric, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """One step."""
+    """Take one step from the state y; returns (state, status)."""
     y, evaluations, newtons, status = advance(method, y, carry, counts.steps, True)
     counts.gradient += evaluations
     counts.newton += newtons
@@ -174,14 +177,14 @@ run = loop(step)
 
 
 def quadratic(system: Hamiltonian, arithmetic: str, order=1):
-    """((field, dT, dV), components of a stage's unknown): the Nystrom form if H is separable with quadratic T."""
+    """((field, dT, dV), number of components of a stage's unknown); Nystrom form if H is separable with quadratic T."""
     if order == 1 and system.separable and system.quadratic_kinetic:
         return (None, system.grad_T(arithmetic), system.grad_V(arithmetic)), system.d
     return (system.field(arithmetic, order), None, None), 2 * system.d
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
-    """Make the kernel: a splitting if H is separable and all substeps symplectic Euler; Nystrom if T is quadratic."""
+    """Prepare the kernel: a splitting for separable H and symplectic Euler substeps; Nystrom if T is quadratic."""
     order, substeps = method.data
     if order == 1 and system.separable and all({mu, lam} == {0, 1} for _, mu, lam in substeps):
         return splitting.from_substeps(substeps, system, arithmetic, fills)

@@ -1,4 +1,4 @@
-r"""HBVM and the continuous Petrov-Galerkin method with the nodes of their integrals in lanes: the kernel.
+r"""The kernel of HBVM and of the continuous Petrov-Galerkin method with quadrature nodes side by side in SIMD lanes.
 
 The equations are those of `collocation`.  The path of a step is y + :math:`\sum_m r_m \int_0^\tau P_m`, and unknown are
 the increments :math:`x_0, \dots, x_{s-1}` (of q and p), the lanes of one row for each component:
@@ -52,7 +52,7 @@ WIDTH, FEWEST = 4, 3
 
 
 class Path(NamedTuple):
-    """The coefficients, with nodes or increments in lanes; the unknowns are kicks unless ``inverse_mass`` is None.
+    """The coefficients of a step, nodes or increments in lanes; unknowns are kicks unless ``inverse_mass`` is None.
 
     ``f(memory)`` is that of `lane_rows`. ``like`` has a zero for each lane, ``terms`` one for each increment. ``drift``
     has a row 1, 0, ... and the rows of X transposed. A rule is a range of rows of nodes; each row has the number of its
@@ -154,7 +154,7 @@ change = dispatch_on_none(_change_of_both, _change_of_kicks)
 
 @inline
 def moves(e, old, new, first, last):
-    """(distance of the unknowns ``first``, ..., ``last`` - 1 in the rows ``old`` and ``new``, their size)."""
+    """(distance of unknowns ``first``, ..., ``last`` - 1 in the rows ``old`` from those in ``new``, size of these)."""
     moved, sized = 0.0, 0.0
     for k in range(first, last):
         x = take(e.memory, new + k, e.like)
@@ -164,7 +164,10 @@ def moves(e, old, new, first, last):
 
 @inline
 def places(e, path, row):
-    """Write the places of a row of nodes to the first rows."""
+    """Write the states at the nodes of one row, at which f is evaluated, to the first rows of the memory.
+
+    ``path`` is the first row of the path's coefficients.
+    """
     step, memory = e.step, e.memory
     for k in range(e.stages):
         r = take(memory, path + k, e.like)
@@ -173,7 +176,10 @@ def places(e, path, row):
 
 @inline
 def sweep(e, old, new):
-    """Write h B f at the increments in the rows ``old`` to the rows ``new``; (their distance, their size)."""
+    """Apply the right-hand side h B f to the increments in the rows ``old``; write the result to the rows ``new``.
+
+    Returns (the distance of old and new, the size of new).
+    """
     step, memory, n = e.step, e.memory, len(e.like)
     path = path_of(step.inverse_mass, e, old)
     for k in range(e.stages):
@@ -196,7 +202,7 @@ def sweep(e, old, new):
 
 @inline
 def scatter(e, row, r, k, i, x, work):
-    """Enter x, the derivative of component r by its place k in lane i of a row of nodes, for all increments of both."""
+    """Enter x, h times the derivative of f's component r by component k at the node in lane i, into ``work``."""
     n, s = len(e.like), len(e.step.terms)
     for m in range(s):
         by = x * slope(e.step.inverse_mass, e, row, i, m)
@@ -206,7 +212,7 @@ def scatter(e, row, r, k, i, x, work):
 
 @inline
 def rule(e):
-    """(first row of the nodes of the rule in use, the row after its last)."""
+    """(first row of the nodes of the quadrature rule in use, the row after its last)."""
     return e.counts.rule, e.counts.rule + e.step.rows[e.counts.rule]
 
 
@@ -226,7 +232,7 @@ end = ender(sums)
 
 
 def step(method: Path, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """One step."""
+    """Take one step from the state y; returns (state, status)."""
     rows = components(method.inverse_mass, len(carry.zero))
     if counts.steps % 16 == 0:
         counts.rule = 0
@@ -249,7 +255,7 @@ run = loop(step)
 
 
 def build_path(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) -> Path:
-    """The coefficients of degree s for rules of so many nodes, and the system's functions in lanes."""
+    """The coefficients of degree s for quadrature rules of the given sizes, with the system's functions in lanes."""
     digits = 40 if arithmetic == DOUBLE else mpmath.mp.dps + 10
     unit = mpmath.mpf(2) ** (-52 if arithmetic == DOUBLE else 1 - mpmath.mp.prec)
     tableaus = [tableau("hbvm", s, k, False, digits, unit) for k in rules]
@@ -278,7 +284,7 @@ def build_path(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: st
 
 
 def skew(s: int, digits: int) -> list[list]:
-    """The rows of X."""
+    """The matrix of the integrals of P_m times the integral of P_j, P Legendre polynomials: 1/2 at first, else skew."""
     X = [[mpmath.mpf(0)] * s for _ in range(s)]
     X[0][0] = mpmath.mpf(1) / 2
     with mpmath.workdps(digits):
@@ -289,12 +295,12 @@ def skew(s: int, digits: int) -> list[list]:
 
 
 def serves(s: int, rules: Sequence[int], system: Hamiltonian) -> bool:
-    """True if lanes of nodes are worth while, and the system's functions can be compiled for lanes."""
+    """True if quadrature nodes should be evaluated in SIMD lanes, and the system's functions allow it."""
     return s <= WIDTH and s * rules[-1] >= FEWEST and gauss_lanes.serves(WIDTH, system)
 
 
 def prepare(s: int, rules: Sequence[int], system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the kernel of degree s, with rules of so many nodes."""
+    """Prepare the kernel of degree s, with quadrature rules of the given sizes."""
     step = build_path(s, rules, system, arithmetic)
     unknowns = components(step.inverse_mass, system.d)
     rows = FREE + (7 + step.steps) * unknowns

@@ -34,7 +34,7 @@ MU, MASS, OVER_MASS, OVER_MASS_LOW, STRENGTH, FREE = range(6)
 
 
 class Planets(NamedTuple):
-    """What a step needs; ``substeps``, ``corrector`` and ``series`` are those of `wisdom_holman`.
+    """What a Wisdom-Holman step in lanes needs; ``substeps``, ``corrector``, ``series`` are those of `wisdom_holman`.
 
     ``like`` and ``bodies`` are zeros, as many as lanes and as bodies. ``pairs`` has, for as many pairs as lanes, the
     rows: the columns of M, a number that is added to D_x (1 if there is no pair), the weights, and the rows of M.
@@ -53,7 +53,7 @@ class Planets(NamedTuple):
 
 
 class Places(NamedTuple):
-    """A state in lanes, with the distances |Q| and their inverses; both are 1 where the motion is free."""
+    """State of all bodies in lanes, with the distances |Q| and their inverses; both are 1 where motion is free."""
 
     y: State
     r: object
@@ -84,7 +84,7 @@ def _times(a, x):
 
 @inline
 def _transform(step, which, x):
-    """Transform the bodies' vectors x to other coordinates."""
+    """Transform the bodies' vectors x to other coordinates, by the matrix number ``which`` of ``step.maps``."""
     row, n = which * len(step.bodies), step.bodies
     zero = 0 * x[0]
     return (
@@ -102,14 +102,14 @@ def _squares(step, y):
 
 @inline
 def _add_distances(step, y):
-    """Add the distances to a state."""
+    """Add the distances |Q| and their inverses to a state."""
     r = sqrt(_squares(step, y))
     return Places(y, r, 1 / r)
 
 
 @inline
 def _drift(step, at, h, memory):
-    """exp(h A): Kepler's flow of all bodies."""
+    """Move all bodies along their Kepler orbits over the time h: exp(h A)."""
     like, y = step.like, at.y
     mu, mass = take(step.parts, MU, like), take(step.parts, MASS, like)
     free = take(step.parts, FREE, like) > 0
@@ -128,7 +128,7 @@ def _drift(step, at, h, memory):
 
 @inline
 def _kick(step, at, h, counts):
-    """exp(h B): the interaction."""
+    """Change the momenta by the interaction over the time h: exp(h B)."""
     like, bodies, y, Q = step.like, step.bodies, at.y, at.y.q
     strength = take(step.parts, STRENGTH, like) * (at.inverse * at.inverse * at.inverse)
     x, y_, z = strength * Q[0], strength * Q[1], strength * Q[2]
@@ -151,7 +151,7 @@ def _kick(step, at, h, counts):
 
 @jit
 def _correct(step, at, sign, memory, counts):
-    """Apply the corrector (sign 1) or its inverse (-1), which is the corrector run backwards."""
+    """Apply the symplectic corrector (sign 1) or its inverse (-1), which is the corrector run backwards."""
     rows = len(step.corrector)
     for k in range(rows):
         at = _drift(step, at, step.corrector[k, 0] * step.h, memory)
@@ -162,7 +162,7 @@ def _correct(step, at, sign, memory, counts):
 
 @inline
 def _read_bodies(table, row, n, memory, like):
-    """Read the bodies' vectors in a row of a table as lanes."""
+    """Read the vectors of n bodies from a row of a table into lanes, as x, y and z."""
     for i in range(SPACE):
         for j in range(len(like)):
             memory[WORK + i, j] = table[row, j * SPACE + i] if j < n else 0.0
@@ -171,7 +171,7 @@ def _read_bodies(table, row, n, memory, like):
 
 @inline
 def _write_bodies(x, table, row, n, memory, like):
-    """Write the bodies' vectors, in lanes, to a row of a table."""
+    """Write the vectors of n bodies, x, y and z in lanes, to a row of a table."""
     _keep(memory, WORK, x, like)
     for i in range(SPACE):
         for j in range(n):
@@ -180,7 +180,7 @@ def _write_bodies(x, table, row, n, memory, like):
 
 @jit
 def _write_start(step, carry, counts):
-    """Write the initial state, corrected, to the memory."""
+    """Write the initial state, in the transformed variables and with the corrector applied, to the memory."""
     memory, like, n = carry.memory, step.like, len(step.bodies)
     q = _transform(step, TO_JACOBI_Q, _read_bodies(carry.state, 0, n, memory, like))
     p = _transform(step, TO_JACOBI_P, _read_bodies(carry.state, 1, n, memory, like))
@@ -217,7 +217,10 @@ def _read_state(memory, like):
 
 
 def run(step, carry, samples, counts):
-    """The kernel. (Its own loop: rows need the corrector's inverse, and drifts of two steps are one.)"""
+    """The kernel: integrate the steps of the samples' rows and fill them; returns (rows filled, status).
+
+    It has a loop of its own, since rows need the corrector's inverse, and drifts of two steps are merged.
+    """
     memory, like, a, h = carry.memory, step.like, step.substeps, step.h
     stages = len(a) - 1
     lead = between = (a[stages, 0] + a[0, 0]) * h

@@ -17,7 +17,7 @@ FEWEST, MOST = 3, 16
 
 
 def distances(potential: sp.Expr, q: Sequence[sp.Symbol]) -> list[tuple[sp.Expr, list]] | None:
-    """[(w_a, c_a)] of a potential that is the sum of -w_a / |sum_j c_aj q_j|; None if it is not of that form."""
+    """Pairs (w_a, c_a) of a potential sum_a -w_a / |sum_j c_aj q_j|, q_j being the position of body j; else None."""
     found = [_distance(term, q) for term in sp.Add.make_args(potential)]
     return None if None in found else found
 
@@ -38,7 +38,7 @@ def _distance(term: sp.Expr, q: Sequence[sp.Symbol]) -> tuple[sp.Expr, list] | N
 
 
 def lanes_of(bodies: int) -> int:
-    """Number of lanes for so many bodies."""
+    """Number of SIMD lanes that holds so many bodies: a power of two, at least 4."""
     return max(4, 1 << (bodies - 1).bit_length())
 
 
@@ -47,7 +47,7 @@ def _pad(row, lanes: int, filler=0) -> list:
 
 
 def _of_pairs(found, back: sp.Matrix, lanes: int) -> list[list]:
-    """The rows of `planet_lanes.Planets.pairs`."""
+    """The rows of coefficients ``planet_lanes.Planets.pairs``, from `distances` and the matrix of q = back Q."""
     rows, n = [], back.rows
     for first in range(0, len(found), lanes):
         block = found[first : first + lanes]
@@ -59,7 +59,7 @@ def _of_pairs(found, back: sp.Matrix, lanes: int) -> list[list]:
 
 
 def _of_bodies(part, lanes: int) -> list[list]:
-    """The rows of `planet_lanes.Planets.parts`."""
+    """The rows ``planet_lanes.Planets.parts``, a number for each body: mu, masses, their inverses, m mu, 1 if free."""
     inverse = [1 / sp.Rational(m) for m in part.masses]
     high = [codegen.to_number(x, DOUBLE) for x in inverse]
     low = [x - sp.Rational(y) for x, y in zip(inverse, high, strict=True)]
@@ -74,7 +74,7 @@ def _of_bodies(part, lanes: int) -> list[list]:
 
 
 def prepare(part, system, tables: dict) -> Prepared | None:
-    """Make the kernel in lanes for a system's Kepler part; None if lanes cannot serve it.
+    """Prepare the kernel in lanes for a system's Kepler part; None if the system does not allow it.
 
     ``tables`` are the fields that it shares with the kernel that takes one body after the other.
     """

@@ -81,7 +81,7 @@ if TYPE_CHECKING:
 
 
 class Poisson(NamedTuple):
-    """Coefficients of the polynomials and quadrature rules.
+    """The coefficients of a step: polynomials and quadrature rules.
 
     ``stage`` has the rows int_0^c_i l_j / b_j. A rule is a range of nodes; each node has the number of its rule's
     ``nodes`` and ``rows`` (the same), and rows of ``inner``, int_0^tau l_j / b_j, and ``outer``, its weight times
@@ -100,7 +100,7 @@ class Poisson(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Arguments of the equations for the increments, in rows of the memory, from (q, p)."""
+    """Arguments of the equations for the increments of a step from (q, p), which are in rows of ``memory``."""
 
     step: Poisson
     q: Any
@@ -122,7 +122,10 @@ def combine(weights, i, e, rows):
 
 @inline
 def sweep(e, old, new):
-    """Write G of the increments in the rows ``old`` to the rows ``new``; (their distance, their size)."""
+    """Apply the right-hand side G to the increments in the rows ``old``; write the result to the rows ``new``.
+
+    Returns (the distance of old and new, the size of new).
+    """
     step, memory, like = e.step, e.memory, e.like
     for j in range(e.stages):
         store(memory, new + j, like)
@@ -146,7 +149,10 @@ def sweep(e, old, new):
 
 @inline
 def linearize(e, at, span, work):
-    """Write the matrix of 1 - G' by differences of sweeps (see `solve.row_solver`)."""
+    """Write the Jacobian 1 - G' of the equations x = G(x) at the increments in rows ``at``, ... to ``work``.
+
+    It is made by differences of sweeps (see `solve.row_solver`).
+    """
     memory, n = e.memory, len(e.like)
     base, moved = at + e.stages, at + 2 * e.stages
     sweep(e, at, base)
@@ -169,7 +175,7 @@ solve = confirmer(row_solver(sweep, linearize), sweep, changes_by_row(inline(lam
 
 
 def step(method: Poisson, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """One step."""
+    """Take one step from the state y; returns (state, status)."""
     memory, both = carry.memory, join(carry.zero, carry.zero)
     stages = len(method.stage)
     at = LEVELS * stages
@@ -211,7 +217,7 @@ def coefficients(s: int, rules: tuple[int, ...], digits: int):
 
 
 def prepare(method: Method, system: PoissonSystem, arithmetic: str) -> Prepared:
-    """Make the kernel of data (s,): one exact rule for a polynomial H, else rules of rising size."""
+    """Prepare the kernel of data (s,): one exact quadrature rule for a polynomial H, else rules of rising size."""
     (s,) = method.data
     if system.canonical:
         return collocation.prepare(replace(method, data=("cpg", s)), system, arithmetic)

@@ -72,7 +72,7 @@ PREDICTED, UNPROJECTED = 0, 2
 
 
 class Projection(NamedTuple):
-    """The base method's step (one of three), and the invariants to keep: g = 0 where they have the values ``target``.
+    """What a step needs: the base method's step (one of three), and the invariants: g = 0 where they equal ``target``.
 
     ``constraint``, ``gram`` and ``pull`` are those of `functions`; ``mirror`` is ``gram`` if the projection is
     symmetric, else None.
@@ -138,7 +138,10 @@ advance = dispatch_on_none(_one_stage, _explicit)
 
 @inline
 def correct(mu, r, A, work):
-    """(mu - A^-1 r, True if A is regular); the rows of the matrix stand in A one after the other."""
+    """A Newton correction of the multipliers mu: (mu - A^-1 r, True if A is regular).
+
+    The rows of the matrix A stand one after the other.
+    """
     m = len(r)
     for i in range(m):
         for j in range(m):
@@ -152,7 +155,7 @@ def correct(mu, r, A, work):
 
 
 class Closing(NamedTuple):
-    """Arguments of the last part of a symmetric projection: x = G(y + x)^T mu."""
+    """Arguments of the equation x = G(y + x)^T mu that ends a symmetric projection; G: Jacobian of the invariants."""
 
     pull: Callable
     q: Any
@@ -162,7 +165,10 @@ class Closing(NamedTuple):
 
 @inline
 def closing(x, e):
-    """G(y + x)^T mu."""
+    """The right-hand side G(y + x)^T mu of the equation for x that ends a symmetric projection.
+
+    G is the Jacobian of the invariants, mu are the multipliers.
+    """
     dq, dp = e.pull(plus(e.q, head(x)), plus(e.p, tail(x)), e.mu)
     return join(dq, dp)
 
@@ -172,7 +178,10 @@ solve_closing = solver(closing)
 
 @inline
 def constraint_residual(step, y, last):
-    """(g(y), True if that is at round-off, or no longer falls below its ``last`` size)."""
+    """The errors g(y) of the invariants: (g(y), True if they are at round-off or have stopped falling).
+
+    ``last`` is their size in the iteration before.
+    """
     value, M = step.constraint(y.q, y.p)
     r = minus(value, step.target)
     eps = step.eps
@@ -252,7 +261,7 @@ project = dispatch_on_none(_standard, _symmetric)
 
 
 def step(method: Projection, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """One step; the parameter is the multiplier of H."""
+    """Take one projected step from the state y; the parameter is the multiplier of H. Returns (state, status)."""
     y, mu, found, status = project(method.mirror, method, y, carry, counts)
     if not found:
         counts.fallbacks += 1
@@ -264,7 +273,7 @@ run = loop(step, parameter=True)
 
 
 def functions(system: Hamiltonian, invariants, arithmetic: str):
-    """The invariants' functions ``constraint``, ``gram`` and ``pull``.
+    """Make the functions ``constraint``, ``gram`` and ``pull`` of the invariants, for the kernel.
 
     constraint(q, p) -> (values, M) of shape (m,), the values known to eps M; gram(q, p) -> G G^T row by row, of shape
     (m m,); pull(q, p, mu) -> the q and the p part of G^T mu.
@@ -307,7 +316,7 @@ def _vector_type(d, n):
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the kernel: the base method's functions and coefficients, and those of the invariants."""
+    """Prepare the kernel: the base method's functions and coefficients, and the functions of the invariants."""
     base, onto, symmetric = method.data
     inner = FAMILIES[base.family].prepare(base, system, arithmetic, fills=False)
     kinds = {"explicit": runge_kutta.RungeKutta, "split": splitting.Splitting, "implicit": parametric.Parametric}
@@ -332,6 +341,6 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def _set_target(constraint, bases, step, q, p):
-    """The step of a run that starts at q, p: what it keeps, and its base method's step."""
+    """Complete a step for a run from (q, p): set the target values of the invariants, and the base method's step."""
     known = {name: base._replace(h=step.h, eps=step.eps) for name, base in bases.items() if base is not None}
     return step._replace(target=constraint(q, p)[0], **known)

@@ -53,7 +53,10 @@ AHEAD = OWN, 0
 
 
 class Relaxation(NamedTuple):
-    """Field and tableau of a Runge-Kutta method, H and the value to keep; ``adjust_time``: time is relaxed too."""
+    """What a step needs: field and tableau of a Runge-Kutta method, H, the value H0 to conserve.
+
+    ``adjust_time``: True if the state belongs to the relaxed time.
+    """
 
     field: Callable
     energy: Callable
@@ -66,13 +69,13 @@ class Relaxation(NamedTuple):
 
 @unroll(lambda d: "  return " + " + ".join(f"x[{i}] * y[{i}]" for i in range(d)))
 def dot(x, y):
-    """x . y."""
+    """The scalar product x . y."""
     return np.sum(x * y)
 
 
 @inline
 def root(step, y, dq, dp):
-    """(gamma next to 1 with H(y + gamma (dq, dp)) = H0, True if found, evaluations of the field)."""
+    """Find gamma next to 1 with H(y + gamma (dq, dp)) = H0: (gamma, True if found, evaluations of the field)."""
     gamma = 1.0
     last = np.inf
     for k in range(LIMIT):
@@ -93,7 +96,7 @@ def root(step, y, dq, dp):
 
 
 def step(method: Relaxation, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """One step; the parameter is gamma."""
+    """Take one step from the state y; the parameter is gamma. Returns (state, status)."""
     length = method.h - carry.state[AHEAD]
     dq, dp = runge_kutta.increment(method.field, method.tableau, length, y, carry)
     gamma, found, n = root(method, y, dq, dp)
@@ -109,7 +112,7 @@ run = loop(step, parameter=True)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the tableau's kernel with the energy."""
+    """Prepare the kernel of a Runge-Kutta method with relaxation; ``method.data`` is (base method, adjust_time)."""
     base, adjust_time = method.data
     inner = runge_kutta.prepare(base, system, arithmetic, fills=False)
     energy = system.energy(arithmetic)

@@ -1,4 +1,4 @@
-r"""Explicit Runge-Kutta methods, the non-geometric controls.
+r"""Explicit Runge-Kutta methods, which are not symplectic: for comparison.
 
 .. math::
     k_i = f\Bigl(y + h\sum_{j<i} a_{ij} k_j\Bigr),\qquad y \leftarrow y + h\sum_i b_i k_i .
@@ -46,7 +46,7 @@ MOST = 14
 
 
 class RungeKutta(NamedTuple):
-    """The field f and the tableau: the rows of A, then b."""
+    """What a step needs: the field f, and the tableau: the rows of A, then b."""
 
     field: Callable
     tableau: np.ndarray
@@ -56,7 +56,7 @@ class RungeKutta(NamedTuple):
 
 @inline
 def _next_nonzero(tableau, i, j):
-    """Smallest k > j with a[i, k] != 0, else i."""
+    """Smallest k > j with a[i, k] != 0, else i; a are the rows of the tableau."""
     j += 1
     while j < i and tableau[i, j] == 0:
         j += 1
@@ -64,7 +64,7 @@ def _next_nonzero(tableau, i, j):
 
 
 def _total(tableau, i, h, memory, zero):
-    """`total` for arrays; two terms at a time, so that the sum is written half as often."""
+    """The increment (dq, dp) = h sum_j a_ij k_j over j < i, for arrays (`total`); sums two terms at a time."""
     last, n = len(tableau) - 1, 2 * len(zero)
     j = _next_nonzero(tableau, i, -1)
     a = tableau[i, j] * h if j < i else 0.0
@@ -86,7 +86,10 @@ def _total(tableau, i, h, memory, zero):
 
 @in_place(_total)
 def total(tableau, i, h, memory, zero):
-    """(dq, dp) = h sum_j a_ij k_j over j < i; k_j is row j of the memory. Arrays are its row after the last k."""
+    """(dq, dp) = h sum_j a_ij k_j over j < i, the increment that leads to stage i; k_j is row j of the memory.
+
+    For arrays the result is written to the row after the last k.
+    """
     both = join(zero, zero)
     x = both
     for j in range(i):
@@ -96,14 +99,14 @@ def total(tableau, i, h, memory, zero):
 
 
 def evaluate(field, q, p, dq, dp, h, memory, i):
-    """Write f(q + dq, p + dp) to row i of the memory; arrays dq and dp are overwritten."""
+    """Evaluate stage i, f(q + dq, p + dp), into row i of the memory; arrays dq and dp are overwritten."""
     dq, dp = field(plus(q, dq), plus(p, dp), h, 0.0)
     store(memory, i, join(dq, dp))
 
 
 @inline
 def _shift_state(q, p, dq, dp):
-    """Overwrite the increments by the state (q + dq, p + dp)."""
+    """Overwrite the arrays dq, dp of increments by the state (q + dq, p + dp)."""
     for k in range(len(q)):
         dq[k], dp[k] = q[k] + dq[k], p[k] + dp[k]
 
@@ -129,7 +132,7 @@ overload_by_kind(evaluate, lambda *types: evaluate, _evaluate_arrays)
 
 @in_place(None)
 def increment(field, tableau, h, y, carry):
-    """(dq, dp) = h sum b_i k_i of one step from y."""
+    """Evaluate the stages of one step of length h from y; returns its increment (dq, dp) = h sum b_i k_i."""
     memory, stages = carry.memory, len(tableau) - 1
     for i in range(stages):
         dq, dp = total(tableau, i, h, memory, carry.zero)
@@ -138,12 +141,12 @@ def increment(field, tableau, h, y, carry):
 
 
 def begin(method: RungeKutta, carry: Carry, counts: np.record) -> State:
-    """Read the state; arrays are the carry's own rows, which steps overwrite."""
+    """Read the state where the last call left it; arrays are the carry's own rows, which steps overwrite."""
     return view_state(carry)
 
 
 def step(method: RungeKutta, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """One step."""
+    """Take one step from the state y; returns (state, status)."""
     dq, dp = increment(method.field, method.tableau, method.h, y, carry)
     q, lost_q = add_product_in_place(y.q, y.lost_q, 1.0, dq)
     p, lost_p = add_product_in_place(y.p, y.lost_p, 1.0, dp)
@@ -155,7 +158,7 @@ run = loop(step, begin)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
-    """Make the kernel of a tableau."""
+    """Prepare the kernel of an explicit Runge-Kutta method from its tableau, ``method.data``."""
     system = inplace.in_place_version(system, arithmetic, MOST) if fills else system
     step = RungeKutta(system.field(arithmetic), array(method.data, arithmetic))
     return Prepared(run, step, 2 * system.d, len(step.tableau), implicit=False, arrays=system.fills)

@@ -47,9 +47,10 @@ MISSED = "have no parameter near 1/2 that keeps the energy and were taken with 1
 
 
 class AdjustedScheme(NamedTuple):
-    """Substeps of length c h with lambda = 1/2 + sign x, one x for each group; H, and the value H0 to keep.
+    """What a step of Scheme IV or V needs: substeps of length c_s h with the stage weight lambda_s = 1/2 + sign_s x.
 
-    In the Nystrom form ``field`` is None, else dT and dV are.
+    Substeps with the same number in ``group`` share a parameter x, which conserves H = H0; those with ``alternative`` 1
+    are tried where those with 0 find no x.  In the Nystrom form ``field`` is None, else dT and dV are.
     """
 
     energy: Callable
@@ -67,7 +68,7 @@ class AdjustedScheme(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Arguments of a group's root search: the substeps begin, ..., end - 1 from the state y."""
+    """Arguments of the search for the parameter x of a group: its substeps begin, ..., end - 1, from the state y."""
 
     step: AdjustedScheme
     y: State
@@ -80,7 +81,7 @@ class Group(NamedTuple):
 
 @force_inline
 def attempt(x, start, ease, e):
-    """Take the group's substeps with the parameter x.
+    """Take the substeps of a group with the parameter x; returns an `Attempt` with the state and its energy error.
 
     The memory holds the solutions of earlier steps at their roots, those of the last attempt, and their derivative by
     x.
@@ -119,7 +120,10 @@ find = finder(attempt)
 
 @inline
 def advance(step, y, carry, counts, first):
-    """Take the group that begins with the substep ``first``; (y, lambda or NaN, the substep after it, status)."""
+    """Take the group of substeps that begins with the substep ``first``, with the parameter that conserves the energy.
+
+    Returns (state, lambda or NaN if there is no root, the number of the substep after the group, status).
+    """
     stages, memory = len(step.c), carry.memory
     guess = unknown(step.field, carry.zero)
     roots = (LEVELS + 2) * stages  # where the memory keeps the ring of each group's roots
@@ -152,7 +156,7 @@ def advance(step, y, carry, counts, first):
 
 
 def step(method: AdjustedScheme, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """One step, group by group; the parameter is lambda of the last group."""
+    """Take one step from y, group by group; the parameter is lambda of the last group. Returns (state, status)."""
     s, status = 0, SOLVED
     while s < len(method.c) and status == SOLVED:
         y, counts.parameter, s, status = advance(method, y, carry, counts, s)
@@ -163,7 +167,7 @@ run = loop(step, parameter=True)
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the kernel; its substeps are in the Nystrom form if T is quadratic."""
+    """Prepare the kernel of Scheme IV or V; its substeps are in the Nystrom form if T is quadratic."""
     energy = system.energy(arithmetic)
     functions, width = quadratic(system, arithmetic)
     c, sign, group, alternative = zip(*method.data, strict=True)

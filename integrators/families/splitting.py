@@ -51,7 +51,7 @@ class Splitting(NamedTuple):
 
 
 class SplittingState(NamedTuple):
-    """The state, the gradient of V at its q, and room for a velocity."""
+    """The state (q, p), the gradient of V at its q, and room for a velocity."""
 
     q: Any
     p: Any
@@ -63,13 +63,13 @@ class SplittingState(NamedTuple):
 
 @inline
 def kick(y, h):
-    """exp(h B): p - h grad V(q)."""
+    """The state after a kick over the time h, exp(h B): p - h grad V(q)."""
     p, lost_p = add_product_in_place(y.p, y.lost_p, -h, y.gradient)
     return SplittingState(y.q, p, y.lost_q, lost_p, y.gradient, y.velocity)
 
 
 def begin(method: Splitting, carry: Carry, counts: np.record) -> SplittingState:
-    """Read the state and evaluate its gradient; arrays are the carry's own rows, which steps overwrite."""
+    """Read the state where the last call left it, and evaluate grad V; steps overwrite arrays in the carry's rows."""
     y = view_state(carry)
     gradient, velocity = rows(carry.state, GRADIENT, VELOCITY, carry.zero)
     counts.gradient += 1
@@ -77,13 +77,13 @@ def begin(method: Splitting, carry: Carry, counts: np.record) -> SplittingState:
 
 
 def start(method: Splitting, y: SplittingState) -> SplittingState:
-    """Apply the first kick; that of the following steps is part of the last kick before them."""
+    """Apply a step's first kick; in the steps after it that kick is part of the last kick of the step before."""
     first = method.b[0] * method.h
     return kick(y, first) if first != 0 else y
 
 
 def step(method: Splitting, y: SplittingState, carry: Carry, counts: np.record) -> tuple[SplittingState, int]:
-    """Drift and kick in turn; the last kick includes the next step's first."""
+    """Drift and kick in turn; the last kick includes the next step's first. Returns (state, status)."""
     h, last = method.h, len(method.a) - 1
     q, p, lost_q, lost_p, gradient, velocity = y
     for k in range(1, last + 1):
@@ -100,7 +100,7 @@ def step(method: Splitting, y: SplittingState, carry: Carry, counts: np.record) 
 
 
 def finish(method: Splitting, y: SplittingState) -> SplittingState:
-    """Take back the next step's first kick."""
+    """Undo the next step's first kick, before a row is stored."""
     first = method.b[0] * method.h
     return kick(y, -first) if first != 0 else y
 
@@ -109,7 +109,7 @@ run = loop(step, begin, start, finish)
 
 
 def _prepare(parts, system: Hamiltonian, arithmetic: str, fills: bool) -> Prepared:
-    """Make the kernel of substeps (True for a kick, fraction of h); neighbours of one kind are merged."""
+    """Prepare the kernel of substeps (True for a kick, fraction of h); neighbours of one kind are merged."""
     rows = [[0, 0]]
     for kick, fraction in parts:
         if kick:
@@ -127,7 +127,7 @@ def _prepare(parts, system: Hamiltonian, arithmetic: str, fills: bool) -> Prepar
 
 
 def from_substeps(substeps, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
-    """Make the splitting equal to substeps (c, mu, lambda) of symplectic Euler methods; lambda = 1 kicks first."""
+    """Prepare the splitting equal to substeps (c, mu, lambda) of symplectic Euler methods; lambda = 1 kicks first."""
     parts = []
     for c, _, lam in substeps:
         parts += [(True, c), (False, c)] if lam == 1 else [(False, c), (True, c)]
@@ -135,7 +135,7 @@ def from_substeps(substeps, system: Hamiltonian, arithmetic: str, fills: bool = 
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str, fills: bool = True) -> Prepared:
-    """Make the kernel of data (a, b): for each k a kick of b_k, then a drift of a_k; ends may be zero."""
+    """Prepare the kernel of data (a, b): for each k a kick of b_k, then a drift of a_k; ends may be zero."""
     a, b = method.data
     parts = [part for drift, kick in zip_longest(a, b, fillvalue=0) for part in ((True, kick), (False, drift))]
     return _prepare([(kick, fraction) for kick, fraction in parts if fraction != 0], system, arithmetic, fills)

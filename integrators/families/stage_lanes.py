@@ -1,4 +1,4 @@
-r"""Gauss's methods with their stages in lanes: the kernel; `gauss_lanes` says what it serves, and prepares it.
+r"""The kernel of Gauss's methods with their stages side by side in SIMD lanes; `gauss_lanes` prepares it.
 
 The equations are those of `collocation`, with the same coefficients.  Unknown are the increments, here the lanes of one
 row for each component.  In general these are the increments :math:`x_j` of q and p,
@@ -46,7 +46,7 @@ C, B, LATE, BEFORE, MIDDLE = range(5)
 
 
 class Lanes(NamedTuple):
-    """The tableau with its stages in lanes, in the Nystrom form unless ``inverse_mass`` is None.
+    """The coefficients of a step, stages in lanes; in the Nystrom form (kicks only) unless ``inverse_mass`` is None.
 
     ``f(memory)`` is that of `lane_rows`: the field of q and p, or -grad V in the Nystrom form. ``like`` has a zero for
     each lane, ``inverse_mass`` one row of d numbers. ``nodes`` has the rows `C` to `MIDDLE`; ``A`` the rows
@@ -124,7 +124,7 @@ sums = dispatch_on_none(_end_both, _end_kicks)
 
 @inline
 def exact_weights(step, h):
-    """h b, rounded such that they add up to h; else time would be off by the same share of round-off in every step.
+    """The weights h b_i, rounded such that they add up to h; else time would be off by the same share in every step.
 
     They are multiples of half the last place of h, except in the middle, which takes the rest. No
     partial sum is rounded.
@@ -137,7 +137,10 @@ def exact_weights(step, h):
 
 @inline
 def sweep(e, old, new):
-    """Write G of the increments in the rows ``old`` to the rows ``new``; (their distance, their size)."""
+    """Apply the right-hand side G to the increments in the rows ``old``; write the result to the rows ``new``.
+
+    Returns (the distance of old and new, the size of new).
+    """
     step, memory = e.step, e.memory
     places(step.inverse_mass, e, old)
     step.f(memory)
@@ -152,7 +155,10 @@ def sweep(e, old, new):
 
 @inline
 def scatter(e, row, r, k, i, x, work):
-    """Enter x, the derivative of increment i of component r by its place k, for all increments that move this place."""
+    """Enter x, the derivative of stage i's increment r by its component k, into the matrix ``work``.
+
+    It is multiplied by A_ij, the derivative of the stage by the increment of each stage j.
+    """
     n = len(e.like)
     for j in range(n):
         work[r * n + i, k * n + j] -= x * e.step.A[j, i]
@@ -171,20 +177,20 @@ end = ender(sums)
 
 @inline
 def equations(step, carry, h):
-    """Make the arguments of the equations of a step of length h."""
+    """Make the arguments of the stage equations of a step of length h."""
     rows = components(step.inverse_mass, len(carry.zero))
     return Equations(step, carry.memory, 2 * rows, rows, step.like, h, exact_weights(step, h))
 
 
 @inline
 def rows_of(e):
-    """(first row of the ring of earlier increments, first row of the unknowns)."""
+    """Rows of the memory: (first row of the ring of earlier steps' increments, first row of the unknowns)."""
     ring = e.base + FREE
     return ring, ring + e.step.steps * e.stages
 
 
 def step(method: Lanes, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """One step."""
+    """Take one step from the state y; returns (state, status)."""
     e = equations(method, carry, method.h)
     ring, at = rows_of(e)
     begin(method.inverse_mass, e, y)

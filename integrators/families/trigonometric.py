@@ -65,7 +65,7 @@ PHI, BETA, A, B, SIGN = range(5)
 
 
 class Trigonometric(NamedTuple):
-    """grad U; the rows phi, (h/2) psi_1, a, b and s of every component."""
+    """What a step needs: grad U of the slow potential; the rows phi, (h/2) psi_1, a, b and s of every component."""
 
     dU: Callable
     filters: np.ndarray
@@ -75,18 +75,18 @@ class Trigonometric(NamedTuple):
 
 @elementwise()
 def product(x, y):
-    """The components of x times those of y."""
+    """The componentwise product of x and y."""
     return x * y
 
 
 @elementwise()
 def impulse(beta, gradient, a, q):
-    """-(beta grad U + a q): half the kick and a shear."""
+    """-(beta grad U + a q): half a kick by the slow force and a shear by the linear one, merged."""
     return -(beta * gradient + a * q)
 
 
 class KickedState(NamedTuple):
-    """The state, and the kick at its q."""
+    """The state (q, p), and the kick (increment of p) evaluated at its q."""
 
     q: Any
     p: Any
@@ -97,26 +97,26 @@ class KickedState(NamedTuple):
 
 @inline
 def evaluate_kick(method, q):
-    """The kick at q, half of which ends a step and half of which begins the next."""
+    """The merged kick and shear at q: it is added to p at the end of a step and again at the begin of the next."""
     phi, beta, a = load(method.filters, PHI, q), load(method.filters, BETA, q), load(method.filters, A, q)
     return impulse(beta, method.dU(product(phi, q)), a, q)
 
 
 def begin(method: Trigonometric, carry: Carry, counts: np.record) -> KickedState:
-    """Read the state and evaluate its kick."""
+    """Read the state where the last call left it, and evaluate its kick."""
     y = read_state(carry)
     counts.gradient += 1
     return KickedState(y.q, y.p, y.lost_q, y.lost_p, evaluate_kick(method, y.q))
 
 
 def start(method: Trigonometric, y: KickedState) -> KickedState:
-    """Apply half a kick, which completes the step before."""
+    """Add the kick that begins a step; in the steps after it that is part of the kick that ends the step before."""
     p, lost_p = add(y.p, y.lost_p, y.kick)
     return KickedState(y.q, p, y.lost_q, lost_p, y.kick)
 
 
 def step(method: Trigonometric, y: KickedState, carry: Carry, counts: np.record) -> tuple[KickedState, int]:
-    """Apply the linear flow and a whole kick."""
+    """Apply the linear flow, and the kick twice: at the end of this step and for the next. Returns (state, status)."""
     b, sign = load(method.filters, B, y.q), load(method.filters, SIGN, y.q)
     q, lost_q = add(y.q, y.lost_q, product(b, y.p))
     q, lost_q, p, lost_p = product(sign, q), product(sign, lost_q), product(sign, y.p), product(sign, y.lost_p)
@@ -127,7 +127,7 @@ def step(method: Trigonometric, y: KickedState, carry: Carry, counts: np.record)
 
 
 def finish(method: Trigonometric, y: KickedState) -> KickedState:
-    """Take back half of the last kick."""
+    """Undo the kick that begins the next step, before a row is stored."""
     p, lost_p = add(y.p, y.lost_p, scale(-1.0, y.kick))
     return KickedState(y.q, p, y.lost_q, lost_p, y.kick)
 
@@ -151,7 +151,7 @@ def coefficients(h, omega, propagator, psi1, phi, *arguments):
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the kernel; its coefficients are computed with at least 40 digits once h is known."""
+    """Prepare the kernel; its coefficients are computed with at least 40 digits once h is known."""
     step = Trigonometric(system.grad_U(arithmetic), zeros((5, system.d), arithmetic))
     return Prepared(
         run, step, 1, 1, implicit=False, begin=partial(with_filters, system.frequencies, method.data, arithmetic)
@@ -159,7 +159,7 @@ def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def with_filters(frequencies, data, arithmetic: str, step, q, p):
-    """The step with the coefficients of its h: the ``begin`` of a run, for these frequencies and a method's data."""
+    """Complete a step for a run: compute the coefficients for its h, the frequencies and the method's data."""
     with mpmath.workdps(max(DIGITS, mpmath.mp.dps + 5)):
         exact = [mpmath.mpf(w.evalf(mpmath.mp.dps)) for w in frequencies]
         rows = [coefficients(mpmath.mpf(step.h), w, *data) for w in exact]

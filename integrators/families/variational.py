@@ -64,7 +64,7 @@ if TYPE_CHECKING:
 
 
 class Variational(NamedTuple):
-    """The rows a_ij, d_i of the nodes and of q1, and the weights b.
+    """The coefficients of a step: the rows a_ij, d_i of the nodes and of q1, and the weights b.
 
     Kicks before ``first`` are explicit; no other kick depends on those from ``end`` on.
     """
@@ -80,7 +80,7 @@ class Variational(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Arguments of the equations for the kicks, in rows of the memory, from q with the velocity v."""
+    """Arguments of the equations for the kicks of a step from q with velocity v; kicks are rows of ``memory``."""
 
     step: Variational
     q: Any
@@ -92,7 +92,7 @@ class Equations(NamedTuple):
 
 @inline
 def displacement(e, i, at):
-    """The point of row i minus q: h d_i v + h^2 M^-1 sum_j a_ij k_j."""
+    """The displacement of node i from q, h d_i v + h^2 M^-1 sum_j a_ij k_j, with kicks k_j in the rows ``at``, ..."""
     rows, h = e.step.rows, e.step.h
     x = e.like
     for j in range(e.stages):
@@ -103,7 +103,7 @@ def displacement(e, i, at):
 
 @inline
 def renew(e, at, first, end):
-    """Update the kicks first, ..., end - 1, each from the newest of the others; (their change, their size)."""
+    """Update the kicks first, ..., end - 1, each from the newest values of the others; (their change, their size)."""
     change = total = 0.0 * e.step.h
     for i in range(first, end):
         k = scale(-e.step.b[i], e.step.dV(axpy(1.0, displacement(e, i, at), e.q)))  # k_i = b_i F_i
@@ -115,14 +115,17 @@ def renew(e, at, first, end):
 
 @inline
 def sweep(e, old, new):
-    """Write the updated kicks of the rows ``old`` to the rows ``new``."""
+    """Copy the kicks from the rows ``old`` to the rows ``new`` and update them there; (their change, their size)."""
     copy(e.memory, old, new, e.stages, e.like)
     return renew(e, new, e.step.first, e.step.end)
 
 
 @inline
 def linearize(e, at, span, work):
-    """Write the matrix of 1 - G' by differences of the gradient (see `solve.row_solver`)."""
+    """Write the Jacobian 1 - G' of the equations k = G(k) for the kicks in the rows ``at``, ... to ``work``.
+
+    It is made by differences of the gradient (see `solve.row_solver`).
+    """
     r, d, h = e.stages, len(e.like), e.step.h
     n = r * d
     for i in range(r):
@@ -145,7 +148,7 @@ solve = row_solver(sweep, linearize)
 
 @inline
 def solve_kicks(e, span, carry, counts):
-    """Solve for the kicks of a step, in the rows at, ...; returns the status."""
+    """Solve the equations for the kicks of a step, which are left in rows of the memory; returns the status."""
     step, r = e.step, e.stages
     at = LEVELS * r
     for i in range(r):
@@ -163,7 +166,7 @@ def solve_kicks(e, span, carry, counts):
 
 
 def step(method: Variational, y: State, carry: Carry, counts: np.record) -> tuple[State, int]:
-    """One step."""
+    """Take one step from the state y; returns (state, status)."""
     memory, zero = carry.memory, carry.zero
     r = len(method.b)
     e = Equations(method, y.q, velocity(method.dT, y.p), memory, zero, r)
@@ -195,7 +198,10 @@ def _basis(k, s):
 
 
 def coefficients(degree, rule):
-    """The coefficients for polynomials of a degree and a quadrature rule [(node, weight), ...]."""
+    """The coefficients of a Galerkin variational integrator: rows (a_ij, d_i) of the nodes and of the end, weights b.
+
+    They are for polynomials of the degree and a quadrature rule [(node, weight), ...].
+    """
     with mpmath.workdps(DIGITS):
         s, r = degree, len(rule)
         value = [[mpmath.polyval(_basis(k, s), c) for c, _ in rule] for k in range(s + 1)]
@@ -213,7 +219,7 @@ def coefficients(degree, rule):
 
 
 def prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
-    """Make the kernel: coefficients from the action, and which kicks are iterated."""
+    """Prepare the kernel: compute the coefficients from the action, and find which kicks have to be iterated."""
     degree, quadrature, nodes = method.data
     rows = coefficients(degree, QUADRATURES[quadrature](nodes, DIGITS))
     tiny = mpmath.mpf(10) ** (10 - DIGITS)

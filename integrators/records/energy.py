@@ -1,4 +1,4 @@
-"""Averaged vector fields and discrete gradients."""
+"""Records of energy-preserving methods: averaged vector fields and discrete gradients."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ FORTH, BACK, MEAN = 1, -1, 0
 
 
 def conserving_method(*, id, name, source, cite, data, **facts):
-    """A method that keeps H for every canonical system."""
+    """Make the record of a method that conserves H on every canonical system."""
     facts = {"order": 2, "symmetric": True, "quadratic": BOUNDED} | facts
     common = {"symplectic": False, "energy": ROUND_OFF, "requires": ("canonical",)}
     return Method(id=id, name=name, source=source, cite=cite, data=tuple(data), **common, **facts)
 
 
 def averaged_method(**facts):
-    """A method of substeps (fraction, path, direction) of the family `averaged`."""
+    """Make the record of an averaged vector field method; its data are substeps (fraction of h, path, direction)."""
     return conserving_method(family="averaged", **facts)
 
 
 def gonzalez(**facts):
-    """A composition of Gonzalez' discrete gradient method over fractions of the step."""
+    """Make the record of a composition of Gonzalez' discrete gradient method over fractions of the step."""
     return conserving_method(family="discrete_gradient", **facts)
 
 
 def compose_with_adjoint(path, fractions=(Fraction(1),)):
-    """The path's map and its adjoint over the halves of each fraction of the step."""
+    """Substeps that alternate the map of ``path`` and its adjoint, each over half of every fraction of the step."""
     return [(times(f, HALF), path, direction) for f in fractions for direction in (FORTH, BACK)]
 
 

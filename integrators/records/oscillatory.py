@@ -1,4 +1,4 @@
-"""Trigonometric integrators and multiple time stepping: data over the kernel of `trigonometric`.
+"""Records of trigonometric integrators and of multiple time stepping (family `trigonometric`).
 
 A trigonometric integrator is given by psi_1 = psi / sinc and phi; each record names the published psi and phi.
 Quadratic invariants q.D p of the rotations that mix components of one frequency are kept to round-off, others are not:
@@ -26,7 +26,7 @@ LARGEST = 10_000
 
 
 def oscillatory_method(*, id, name, source, cite, data, symplectic=False, **facts):
-    """A symmetric method of order 2 with ``data`` = (propagator, psi_1, phi, arguments of the propagator)."""
+    """Make the record of a symmetric method of order 2; ``data``: propagator, psi_1, phi, propagator's arguments."""
     return Method(
         id=id,
         name=name,

@@ -1,4 +1,4 @@
-"""The talk's parameterized family: Schemes I-V, generating functions, their compositions."""
+"""Records of the parameterized family of Wang, Bo and Cai: Schemes I-V, generating functions, their compositions."""
 
 from __future__ import annotations
 
@@ -13,18 +13,22 @@ TALK = "Wang, Bo & Cai (talk)"
 
 
 def scheme_i(lam):
-    """Substeps (c, mu, lambda) of Scheme I: Phi^lambda, stage weights mu = 1 - lambda and lambda."""
+    """The substep (c, mu, lambda) of Scheme I with the parameter lam: (1, 1 - lam, lam)."""
     return (1, 1 - lam, lam)
 
 
 def scheme_iii(lam, fractions=(Fraction(1),)):
-    """Phi^lambda_{h/2} after Phi^(1 - lambda)_{h/2}, over each fraction of the step."""
+    """Substeps of Scheme III: Scheme I with 1 - lam, then with lam, over the halves of each fraction of the step."""
     halves = ((HALF, lam, 1 - lam), (HALF, 1 - lam, lam))
     return tuple((times(f, c), mu, la) for f in fractions for c, mu, la in halves)
 
 
 def equip_rows(signs, fractions=(Fraction(1),), alternative=()):
-    """Rows (c, sign, group, alternative) of `equip`: each fraction is a group with its own root."""
+    """Rows (c, sign, group, alternative) of Schemes IV and V: substeps of length c h with lambda = 1/2 + sign x.
+
+    Each fraction of the step is a group with its own root x.  Where the substeps of ``signs`` (alternative 0) have no
+    root, those of the signs ``alternative`` (1) are tried.
+    """
     rows = []
     for g, f in enumerate(fractions):
         for a, list_of_signs in enumerate((signs, alternative)):
@@ -33,7 +37,7 @@ def equip_rows(signs, fractions=(Fraction(1),), alternative=()):
 
 
 def parameterised_method(*, id, name, source, make, **facts):
-    """A method with a parameter lam = 1/3 at first, and what ``make(**parameters)`` derives from its parameters."""
+    """Make the record of a method with a parameter lam (1/3 by default); ``make(lam=...)`` returns its coefficients."""
     defaults = {"lam": Fraction(1, 3)} | facts.pop("parameters", {})
     common = {"family": "parametric", "symplectic": True, "energy": BOUNDED, "quadratic": ROUND_OFF}
     common |= {"symmetric": False, "requires": ("canonical",), "cite": ("wang-talk",)} | facts
@@ -63,7 +67,7 @@ def _scheme_iii_composed(scheme, order):
 
 
 def equip_method(*, id, name, signs, source, fractions=(Fraction(1),), order=2, alternative=(), cite=("wang-talk",)):
-    """Scheme IV or V (by its ``signs``), or their composition over ``fractions`` of the step."""
+    """Make the record of Scheme IV or V (by its ``signs``), or of their composition over ``fractions`` of the step."""
     return Method(
         id=id,
         name=name,

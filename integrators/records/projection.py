@@ -1,4 +1,4 @@
-"""Projection and relaxation: records over the steps of other methods."""
+"""Make the records of projection and relaxation methods from the records of their base methods."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _method(base: Method | str, **parameters) -> Method:
 
 
 def _derive(base: Method, facts: Callable[[Method], dict], **fixed) -> Method:
-    """A record whose parameters are those of ``base`` and whose facts follow from it."""
+    """Make a record from ``base`` with its parameters; ``facts(base)`` returns the fields that depend on them."""
     make = None
     if base.with_parameters is not None:
 

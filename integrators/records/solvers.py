@@ -1,4 +1,4 @@
-"""Methods whose stage equations are solved in another way than by fixed point, and Newton's method where that fails."""
+"""Methods whose stage equations are solved by another solver than the default, which is fixed point, then Newton."""
 
 from __future__ import annotations
 
@@ -35,5 +35,5 @@ def with_solver(base: Method, solver: str) -> Method:
 
 
 def facts(record: Method) -> dict:
-    """What of a record follows from its parameters."""
+    """The fields of a record that depend on the values of its parameters: data, order, symmetric."""
     return {name: getattr(record, name) for name in ("data", "order", "symmetric")}

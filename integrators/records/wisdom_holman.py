@@ -1,4 +1,4 @@
-"""Wisdom-Holman splittings."""
+"""Records of Wisdom-Holman splittings for planetary systems."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WISDOM_HOLMAN = (HALF, HALF), (mpmath.mpf(1),)
 
 
 def splitting(name: str) -> tuple[tuple, tuple]:
-    """(drifts, kicks) of a table of `coefficients` that begins and ends with a drift."""
+    """(drifts, kicks) of a table of `coefficients` that begins and ends with a drift, by the table's name."""
     steps = coefficients.steps(name)
     drifts, kicks = steps[::2], steps[1::2]
     if {letter for letter, _ in drifts} != {"A"} or {letter for letter, _ in kicks} != {"B"}:

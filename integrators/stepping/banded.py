@@ -47,7 +47,7 @@ class Band(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Memory of a solver: two rows of ``memory`` from ``spare`` on; the matrix, the rows of ``work`` from ``at`` on."""
+    """Memory of a banded solver: two rows of ``memory`` from ``spare`` on; the matrix, rows of ``work`` from ``at``."""
 
     memory: np.ndarray
     spare: int
@@ -56,7 +56,7 @@ class Room(NamedTuple):
 
 
 def band_of(reach: Sequence[np.ndarray]) -> Band:
-    """The band of a matrix whose column j has the rows reach[j]; raises InvalidInput if it is wide."""
+    """The band of 1 - G' where column j of G' has nonzeros in the rows reach[j]; raises InvalidInput if it is wide."""
     from .kernel import freeze
 
     n = len(reach)
@@ -68,7 +68,7 @@ def band_of(reach: Sequence[np.ndarray]) -> Band:
 
 @jit
 def columns(band: Band) -> int:
-    """Columns of the factorized matrix: its fill is as wide as the band, and each row keeps its pivot."""
+    """Number of columns that store the factorized matrix: the band, as much fill-in, and each row's pivot."""
     return 3 * band.width + 2
 
 
@@ -80,7 +80,7 @@ def columns(band: Band) -> int:
 
 @jit
 def factorize(A: np.ndarray, at: int, n: int, width: int) -> bool:
-    """Factorize the matrix in place by elimination with pivots; False if it is singular."""
+    """Factorize a band matrix, n rows of A from ``at`` on, in place by elimination with pivots; False if singular."""
     for k in range(n):
         last, end = min(n, k + width + 1), min(n, k + 2 * width + 1)
         pivot = k
@@ -105,7 +105,7 @@ def factorize(A: np.ndarray, at: int, n: int, width: int) -> bool:
 
 @jit
 def substitute(A: np.ndarray, at: int, n: int, width: int, table: np.ndarray, row: int) -> None:
-    """Solve by the factors; the right-hand side, in a row of ``table``, is overwritten by the solution."""
+    """Solve with a factorized band matrix; the right-hand side, a row of ``table``, becomes the solution."""
     for k in range(n):
         pivot = int(A[at + k, 3 * width + 1])
         b = table[row, pivot]
@@ -122,13 +122,13 @@ def substitute(A: np.ndarray, at: int, n: int, width: int, table: np.ndarray, ro
 
 @jit
 def forget(work: np.ndarray, at: int, end: int) -> None:
-    """Mark the matrix in the rows from ``at`` on, of ``end`` columns, as stale."""
+    """Mark the matrix in the rows from ``at`` on, of ``end`` columns, as stale: it has to be computed again."""
     work[at, end - 1] = -1.0
 
 
 @jit
 def is_stale(work: np.ndarray, at: int, end: int) -> bool:
-    """True if the matrix is stale."""
+    """True if the matrix in the rows from ``at`` on has to be computed again."""
     return work[at, end - 1] < 0
 
 
@@ -170,7 +170,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
 
     @jit
     def move(x, g, band, room):
-        """Solve the linear equations with the right-hand side g - x."""
+        """Solve the linear equations of the factorized matrix with the right-hand side g - x."""
         memory, spare, n = room.memory, room.spare, len(x)
         store(memory, spare, minus(g, x))
         for i in range(n):
@@ -182,7 +182,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
 
     @jit
     def simplified_newton(arguments, start, span, eps, band, room):
-        """Iterate with the stored matrix, or with one made on the way (simplified Newton)."""
+        """Iterate from the start with the stored matrix, or with one computed on the way (simplified Newton)."""
         work, at, end = room.work, room.at, columns(band)
         x, last = start, np.inf
         evaluations, made = 0, 0
@@ -217,7 +217,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
 
     @inline
     def improve(arguments, x, span, eps, work):
-        """Solve the linear equations in a band of its own matrix."""
+        """One step of Newton's method for x = G(x) from x: compute the matrix 1 - G' there and solve with it."""
         band, room = work
         g, evaluations = G(x, arguments), 1 + len(band.owner)
         if not linearize(arguments, x, g, span, eps, band, room):
@@ -230,7 +230,7 @@ def band_solver(G: Callable, lengths: Callable) -> Callable:
 
     @inline
     def solve(arguments, start, span, eps, band, room):
-        """Solve from the start: simplified Newton, then Newton."""
+        """Solve x = G(x) from the start by simplified Newton, then by Newton's method; (x, evaluations, status)."""
         x, evaluations, status = simplified_newton(arguments, start, span, eps, band, room)
         if status != SOLVED:
             x, more, status = newton(arguments, start, span, eps, (band, room))

@@ -41,7 +41,7 @@ ROWS = 5
 
 
 def _series(k: int) -> tuple[float, float, tuple[float, ...]]:
-    """Coefficients of (2 N + k)! c_k(-y): the first two, and the others."""
+    """Coefficients of the series of (2 N + k)! c_k(-y), c_k a Stumpff function: the first two, and the others."""
     first, second, *more = (float(factorial(2 * TERMS + k) // factorial(2 * n + k)) for n in range(TERMS + 1))
     return first, second, tuple(more)
 
@@ -104,7 +104,7 @@ def _reversion(delta, second, third, beta):
 
 
 class Motion(NamedTuple):
-    """The flow's f - 1, g, f', g' - 1; the lanes that were not solved; 1/r at the end in the other lanes."""
+    """Kepler's flow over a time, in lanes: coefficients f - 1, g, f', g' - 1; lanes not solved; 1/r at the end."""
 
     f: Any
     g: Any
@@ -116,7 +116,7 @@ class Motion(NamedTuple):
 
 @inline
 def _begin(delta, second, third, beta):
-    """(a first s, the lanes where it is not to be trusted)."""
+    """A starting value of the universal anomaly s by its Taylor series: (s, lanes where it is not trusted)."""
     beyond = _reversion(delta, second, third, beta)
     s = delta + delta * beyond
     far = ~((abs(beyond) <= 0.5) & (abs(beta * s * s) <= LARGEST))
@@ -127,9 +127,10 @@ def _begin(delta, second, third, beta):
 
 @inline
 def motion_in_lanes(r0, inverse, eta, beta, mu, h, eps):
-    """The motion over h, for r0 = |q|, its inverse, eta = q.v and beta = 2 mu/r0 - |v|^2.
+    """Solve Kepler's problem over the time h in lanes; returns the `Motion`.
 
-    Where mu = 0 the motion is free, and r0, its inverse, eta and beta have to be 1, 1, 0, 0.
+    r0 = |q|, ``inverse`` its inverse, eta = q.v and beta = 2 mu/r0 - |v|^2. Where mu = 0 the motion is free, and r0,
+    its inverse, eta and beta have to be 1, 1, 0, 0.
     """
     zeta = mu - beta * r0
     s, far = _begin(h * inverse, eta * inverse, zeta * inverse, beta)
@@ -161,7 +162,10 @@ def motion_in_lanes(r0, inverse, eta, beta, mu, h, eps):
 
 @jit
 def _solve_one_by_one(memory, row, width, eps, table):
-    """Solve the lanes whose h is not NaN: their rows (r0, eta, beta, mu, h) become (f - 1, g, f', g' - 1)."""
+    """Solve Kepler's problem lane by lane: rows (r0, eta, beta, mu, h) become (f - 1, g, f', g' - 1).
+
+    Lanes whose h is NaN are left out.
+    """
     forbid_inlining()
     for k in range(width):
         r0, eta, beta = memory[row, k], memory[row + 1, k], memory[row + 2, k]
@@ -173,7 +177,10 @@ def _solve_one_by_one(memory, row, width, eps, table):
 
 @inline
 def motion(r0, inverse, eta, beta, mu, h, eps, table, memory, row, like):
-    """`motion_in_lanes`, with the lanes that it leaves solved by `kepler_flow`; overwrites five rows of the memory."""
+    """The `Motion` over the time h; lanes that `motion_in_lanes` leaves unsolved are solved by `kepler_flow`.
+
+    Overwrites five rows of the memory.
+    """
     m = motion_in_lanes(r0, inverse, eta, beta, mu, h, eps)
     if not m.unsolved:
         return m

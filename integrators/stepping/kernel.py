@@ -115,7 +115,7 @@ class Carry(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """The rows to fill, one after every ``every`` steps: arrays of q, of p, of the chosen parameter (one column)."""
+    """Arrays for the rows to store, one after every ``every`` steps: q, p, and the chosen parameter (one column)."""
 
     q: np.ndarray
     p: np.ndarray
@@ -155,13 +155,13 @@ class Prepared:
     apart: bool = False
 
     def tally(self, steps: int, gradient: int, fallbacks: int = 0, newton: int = 0) -> dict[str, int]:
-        """The counts of a solution, by name."""
+        """The counts that a solution reports, name -> number, from the kernel's counts."""
         numbers = steps, gradient, gradient if self.hessian else 0, gradient if self.implicit else 0, fallbacks, newton
         return dict(zip(TALLY, numbers, strict=True))
 
 
 def array(rows: Iterable[Iterable[Any]], arithmetic: str) -> np.ndarray:
-    """Exact numbers as an array of two dimensions; short rows are padded with zeros."""
+    """Convert exact numbers to an array of two dimensions in the arithmetic; short rows are padded with zeros."""
     rows = [list(r) for r in rows]
     out = zeros((len(rows), max(map(len, rows), default=1)), arithmetic)
     for i, r in enumerate(rows):
@@ -171,12 +171,12 @@ def array(rows: Iterable[Iterable[Any]], arithmetic: str) -> np.ndarray:
 
 
 def numbers(row: Iterable[Any], arithmetic: str) -> np.ndarray:
-    """Exact numbers as a read-only array (n,)."""
+    """Convert exact numbers to a read-only array (n,) in the arithmetic."""
     return freeze(array([row], arithmetic)[0])
 
 
 def freeze(x: Any) -> np.ndarray:
-    """x as a read-only array; integers stay integers."""
+    """Convert x to a read-only array; integers stay integers."""
     x = np.array(x)
     x.flags.writeable = False
     return x
@@ -220,7 +220,7 @@ def _prepare(method: Method, system: Hamiltonian, arithmetic: str) -> Prepared:
 
 
 def keep_energy(energy: Callable) -> Callable:
-    """Make a ``begin`` that sets the step's H0 to the initial energy."""
+    """Make a function (step, q, p) -> step that sets the step's H0 to the energy of the initial state (q, p)."""
     return partial(_set_energy, energy)
 
 
@@ -259,7 +259,10 @@ def _compile(prepared: Prepared, d: int) -> Callable:
 
 
 def entry(kernel: Callable) -> Callable:
-    """The function by which Python calls a kernel: Numba's dispatcher cannot type a function inside a tuple."""
+    """The function through which Python calls a compiled kernel whose arguments hold functions.
+
+    Numba's dispatcher cannot type a function inside a tuple.
+    """
     return next(iter(kernel.overloads.values())).entry_point if hasattr(kernel, "overloads") else kernel
 
 
@@ -268,7 +271,7 @@ def _tuple_type(fields, kind=None):
 
 
 def _type(x):
-    """The Numba type of a step's field. Functions are pointers, so that one kernel serves every system."""
+    """The Numba type of a field of a step. Functions are pointers, so that one kernel serves every system."""
     if isinstance(x, tuple):
         return _tuple_type(map(_type, x), type(x) if hasattr(x, "_fields") else None)
     if isinstance(x, machine.Function) or is_jitted(x):

@@ -1,4 +1,4 @@
-"""The loop over rows and steps: it calls a family's ``step`` (see `kernel`), fills rows, keeps the state between calls.
+"""The loop over rows and steps: it calls a family's ``step``, fills rows, and stores the state between calls.
 
 `loop` makes a family's ``run`` from the functions
 
@@ -71,14 +71,14 @@ def loop(
     finish: Callable = _keep_state,
     parameter: bool = False,
 ) -> Callable:
-    """The kernel (method, carry, samples, counts) -> (rows filled, status) of a family's functions (see above)."""
+    """Make the kernel (method, carry, samples, counts) -> (rows filled, status) from a family's functions."""
     enter = _enter_parameter if parameter else _ignore_parameter
     functions = {"begin": begin, "start": start, "step": step, "finish": finish, "enter": enter}
     return _bind(_run, step.__module__, {name: inline(f) for name, f in functions.items()})
 
 
 def _bind(run: Callable, family: str, functions: dict[str, Callable]) -> Callable:
-    """Return ``run`` with these functions, under the name ``family.run``, by which it is kept and pickles find it."""
+    """Return ``run`` with these functions, under the name ``family.run``, by which it is cached and pickled."""
     made = machine.with_functions(run, functions)
     made.__module__, made.__name__, made.__qualname__ = family, "run", "run"
     return made
@@ -89,7 +89,7 @@ ASKED = OWN + 2, 0
 
 
 def time_loop(resume: Callable, reach: Callable, leave: Callable) -> Callable:
-    """The kernel of a method that chooses its steps.
+    """Make the kernel of a method that chooses the lengths of its steps.
 
     - ``resume(method, carry, y)`` -> clock: where the last call left it (`leave`); makes the first.
     - ``reach(method, carry, y, clock, until, every, counts)`` -> (y, clock, there, status): steps to the last state y

@@ -1,4 +1,4 @@
-"""Orbits in SIMD lanes: a family's kernel, compiled for lanes, is 4.0 to 6.4 times as fast as one orbit after another.
+"""Run a family's kernel on several orbits at once in SIMD lanes: 4.0 to 6.4 times as fast as one orbit after another.
 
 The factors are of Stormer-Verlet with 8 lanes (d = 1 to 3).  Nothing of a family is written twice.  The system hands
 out its functions compiled for lanes (`twin`), the family prepares its step from them as from any system's, and its
@@ -67,7 +67,7 @@ def runs_in_lanes(system, method) -> bool:
 
 
 def _lanes_for_numbers(t, lanes: Lanes):
-    """The Numba type with lanes in place of doubles."""
+    """The Numba type t with lanes in place of doubles."""
     if t == types.float64:
         return lanes
     if isinstance(t, types.BaseTuple):
@@ -80,7 +80,7 @@ _twins: WeakKeyDictionary = WeakKeyDictionary()
 
 
 def twin(system, lanes: Lanes = LANES):
-    """The system with its functions compiled for lanes; always the same object."""
+    """The system with its functions compiled for lanes; repeated calls return the same object."""
     known = _twins.setdefault(system, {})
     if lanes.n not in known:
         known[lanes.n] = _make_twin(system, lanes)
@@ -114,7 +114,11 @@ _BLOCKS = types.Array(types.float64, 4, "C")
 
 
 def loop(prepared: Prepared, varying: tuple, d: int) -> Callable:
-    """Compile (step, varying, tables, zero, samples, counts) -> None: all blocks of a step prepared with a `twin`."""
+    """Compile the loop (step, varying, tables, zero, samples, counts) -> None over blocks of orbits.
+
+    It calls the kernel of ``prepared``, which is made for the `twin` of a system; ``varying`` are the step sizes and
+    weights that differ by orbit.
+    """
     scalar = _type(prepared.step)
     given = _type(varying)
     key = (prepared.run, scalar, given, d)
@@ -163,7 +167,7 @@ def varying_of(h: np.ndarray, weights: dict[str, np.ndarray]) -> tuple:
 
 
 def tables_of(prepared: Prepared, Q: np.ndarray, P: np.ndarray) -> Tables:
-    """The tables of orbits that start at the rows of Q, P, arrays (n, d)."""
+    """Allocate the state and memory of orbits that start at the rows of Q, P, arrays (n, d)."""
     q, p = to_blocks(Q), to_blocks(P)
     blocks, d, width = q.shape
     state = np.zeros((blocks, OWN + prepared.stages, max(2, d), width))

@@ -1,4 +1,4 @@
-"""A kernel called by three numbers: where its arguments lie in memory, h, and how many steps.
+"""Calls of a kernel with three numbers: the address of its arguments in memory, h, and the number of steps.
 
 To hand a kernel its NamedTuples from Python costs tens of microseconds: every field is taken apart and brought to the
 compiler's form.  Here that is done once (`pack`); a call reads them from memory, in that form.  What was packed holds
@@ -48,7 +48,7 @@ _known: dict = {}
 
 
 def packed_call(prepared: Prepared, d: int) -> PackedCall:
-    """Return the functions of ``prepared.run`` for d degrees of freedom, compiled once."""
+    """Return the `PackedCall` of a prepared kernel for d degrees of freedom, compiled once."""
     run = kernel(prepared, d)
     step, carry, samples, counts = run.nopython_signatures[0].args
     key = (run, step)  # kernels of arrays serve every d, and so do their entries
@@ -113,7 +113,7 @@ def _compile(run, block) -> PackedCall:
 
 
 def _in_memory(t):
-    """Make read, take, write and bytes_of, by their names, for values of a type at an address.
+    """Make the functions read, take, write and bytes_of for values of the Numba type t at an address; returned by name.
 
     ``take`` hands the reference over; ``bytes_of()`` is the size of a value.
     """
@@ -158,7 +158,7 @@ def _in_memory(t):
 
 
 def _with_h(t):
-    """Make the function (step, h) -> step with this h."""
+    """Make the function (step, h) -> the step, a NamedTuple of Numba type t, with this h."""
     index = t.fields.index("h")
 
     @intrinsic

@@ -1,4 +1,4 @@
-r"""The root nearest to zero of the energy's error E(x) of a step that is taken with the parameter x.
+r"""Find the root nearest to zero of the energy error E(x) of a step that has the parameter x.
 
 Where the model of the last steps can be trusted the root is followed (`energy_model`).  Else E(0) is looked at: if it
 is at the round-off of H already, x = 0.  If not, Muller's method goes on from the smaller root of the quadratic
@@ -48,7 +48,7 @@ MULLER_LIMIT, REFINE_LIMIT = 14, 100
 
 
 def finder(attempt: Callable, followed: bool = True) -> Callable:
-    """Make the search for the root of E, from ``attempt(x, start, ease, arguments)`` -> `Attempt`.
+    """Make the search for the root of E(x) from ``attempt(x, start, ease, arguments)``, a step with parameter x.
 
     ``ease`` is how many times round-off the attempt's stage equations may be off. The search is a function (search,
     models, row, predicted, arguments) -> (x, found, the attempt at x); x = 0 if there is no root, or if E jumps from
@@ -59,18 +59,18 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def eased_attempt(x, start, ease, arguments):
-        """`attempt`, compiled once and not inlined."""
+        """The function `attempt`, compiled once and not inlined."""
         forbid_inlining()
         return attempt(x, start, ease, arguments)
 
     @inline
     def apart_attempt(x, start, arguments):
-        """`attempt` to round-off, compiled once and not inlined."""
+        """The function `attempt` with stage equations solved to round-off, compiled once and not inlined."""
         return eased_attempt(x, start, 1.0, arguments)
 
     @jit
     def refine(a, Ea, b, Eb, arguments):
-        """(x, found): the root between a and b, where E has different signs; secant and bisection (Illinois)."""
+        """The root between a and b, where E has different signs, by secant and bisection (Illinois); (x, found)."""
         x = b
         side = 0
         for k in range(REFINE_LIMIT):
@@ -133,7 +133,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def chase(x, E0, unit, search, models, row, arguments):
-        """(x, found, the last attempt): Muller's method from x, with (0, E0) as its other point."""
+        """Muller's method from x, with (0, E0) as its other point; (x, found, the last attempt)."""
         forbid_inlining()
         xa, Ea, xb, Eb = 0.0, E0, 0.0, E0
         c1, c2 = 0.0, models[row, CURVATURE]  # that of the last step's model serves until there is a third point
@@ -168,7 +168,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def nearer_side(x, E0, ease, models, row, arguments):
-        """x, or a guess on the other side if E has a nearer root there; E(-x) also renews the model."""
+        """The guess x, or one of the other sign if by E(-x) a root is nearer there; also updates the model."""
         forbid_inlining()
         beyond = eased_attempt(-x, ALONG, ease, arguments)
         if beyond.status != SOLVED:
@@ -183,7 +183,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @inline
     def search_out(search, models, row, predicted, arguments):
-        """Search for the root from E(0)."""
+        """Search for the root x of the energy error E(x), beginning with E(0); (x, found, the attempt at x)."""
         radius = search.radius
         ease = residual_factor(models[row, START], models[row, UNIT])
         result = eased_attempt(0.0, FIRST, ease, arguments)
@@ -221,7 +221,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @jit
     def search_anew(search, models, row, predicted, c1, arguments):
-        """`search_out` from the model with the slope c1, so that the model can be followed afterwards."""
+        """Search for the root by the model with slope c1, and restart its history; (x, found, attempt at x)."""
         forbid_inlining()
         known, old = models[row, STREAK] > 0, models[row, SLOPE]
         if known:
@@ -242,7 +242,7 @@ def finder(attempt: Callable, followed: bool = True) -> Callable:
 
     @inline
     def find(search, models, row, predicted, arguments):
-        """Find the root: follow it from earlier steps, or search for it."""
+        """Find the root x of the energy error E(x), followed from earlier steps or searched; (x, found, attempt)."""
         c1 = extrapolate_slope(models, row)
         if followed and is_trusted(search, models, row, predicted, c1, c1 + 2 * models[row, CURVATURE] * predicted):
             x, found, result = follow(search, models, row, predicted, c1, arguments)

@@ -1,4 +1,4 @@
-r"""The solver of the stage equations :math:`x = G(x)`: to round-off, by fixed point, by Newton where that fails.
+r"""Solve stage equations :math:`x = G(x)` to round-off, by fixed point, or by Newton's method where that fails.
 
 Fixed point: iterate until the increment can fall no further.  With :math:`\delta_k = \|x_{k+1} - x_k\|` and
 :math:`\theta = \delta_k / \delta_{k-1}` the remaining error is about :math:`\delta_k\theta/(1 - \theta)`; it is brought
@@ -56,7 +56,7 @@ NEWTON_LIMIT = 25
 
 @inline
 def predict(memory: np.ndarray, first: int, stages: int, known: int, like: Any) -> Any:
-    """Extrapolate the start of an equation from its last solutions, polynomially in the step number.
+    """Extrapolate an equation's starting value from its solutions in the last steps, by a polynomial.
 
     At most LEVELS of the ``known`` solutions are used; the start is zero without any. They are the rows first,
     first + stages, ... of ``memory``, a ring. The newest is added last, so that only one product waits for it.
@@ -97,7 +97,7 @@ def copy(memory: np.ndarray, old: int, new: int, stages: int, like: Any) -> None
 
 @inline
 def near(delta, last, unit):
-    """True if the error that changes ``last``, then ``delta`` leave is far below ``unit``, the round-off of x."""
+    """True if the error left after the changes ``last``, then ``delta`` is far below ``unit``, the round-off of x."""
     return (last < np.inf) & (delta * delta <= SHARE * unit * (last - delta))
 
 
@@ -151,13 +151,13 @@ class Change(NamedTuple):
 
 @inline
 def change(old: Any, new: Any) -> Change:
-    """The `Change` between two increments, each of q and p."""
+    """The `Change` (distances and sizes) from the increments ``old`` to ``new``, each of q and p."""
     return Change(distance(head(old), head(new)), distance(tail(old), tail(new)), size(head(new)), size(tail(new)))
 
 
 @inline
 def unchanged(move: Change, last: Change, noise: float, eps: float) -> tuple[bool, bool]:
-    """(True if a finer quadrature changed nothing, True if it changed round-off at most).
+    """(True if a finer quadrature rule changed nothing, True if it changed no more than round-off).
 
     ``last`` is the change before, ``noise`` the size of the terms that an increment sums up.
     """
@@ -297,7 +297,7 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
 
     @inline
     def improve(arguments, x, span, eps, work):
-        """Solve the linear equations with a difference matrix, by elimination."""
+        """One step of Newton's method from x, with a finite-difference matrix and elimination."""
         n = len(x)
         g = G(x, arguments)
         first, second = lengths(x, g, arguments)
@@ -322,7 +322,7 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
     iterate, newton = fixed_point(sweep), newton_method(improve)
 
     def solve(arguments, start, span, eps, work):
-        """Solve from the start; results as of `solver`."""
+        """Solve x = G(x, arguments) from the start; (x, evaluations, 1 if Newton's method was used else 0, status)."""
         x, k, solved = iterate(arguments, start, span, eps)
         if solved:
             return x, k, 0, SOLVED
@@ -333,7 +333,7 @@ def solver(G: Callable, lengths: Callable = lengths_of_both) -> Callable:
         return x, k + evaluations, 1, status
 
     def solve_lanes(arguments, start, span, eps, work):
-        """Iterate in lanes."""
+        """Solve x = G(x, arguments) in lanes, by fixed point."""
         x, evaluations, _ = iterate(arguments, start, span, eps)
         return x, evaluations, 0, SOLVED if (size(x) < np.inf) & (span < np.inf) else NOT_FINITE
 
@@ -366,7 +366,7 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
 
     @inline
     def improve(equations, at, span, eps, work):
-        """Solve the linear equations by elimination, and move the rows ``at``, ..."""
+        """One step of Newton's method, by elimination; changes the unknowns in the rows ``at``, ..."""
         memory, stages, n = equations.memory, equations.stages, len(equations.like)
         order = stages * n
         sweeps = linearize(equations, at, span, work)
@@ -411,7 +411,7 @@ def row_solver(sweep: Callable, linearize: Callable) -> Callable:
 
 
 def changes_by_row(change: Callable) -> Callable:
-    """Make the ``changes`` of `confirmer` from ``change(equations, x, y)``, the `Change` from a row x to a row y."""
+    """Make ``changes`` of `confirmer` from ``change(equations, x, y)``, the `Change` from a row x to a row y."""
 
     @inline
     def changes(e, old, new):
@@ -426,12 +426,12 @@ def changes_by_row(change: Callable) -> Callable:
 
 @inline
 def single(rows: np.ndarray) -> bool:
-    """True if there is one quadrature rule only; ``rows`` as of `confirmer`."""
+    """True if there is only one quadrature rule; ``rows[i]`` is the number of rows of row i's rule."""
     return rows[0] == len(rows)
 
 
 def refinement(solve: Callable, sweep: Callable) -> Callable:
-    """Make the solver of equations with integrals: quadrature rules of rising size, until the next one changes nothing.
+    """Make the solver of equations with integrals: by finer and finer quadrature rules, until one confirms the last.
 
     It is a function (equations, x, span, noise, work, counts) -> (x, status), from the start x by the rule whose first
     row is ``counts.rule`` and by finer ones.
@@ -498,7 +498,7 @@ def confirmer(solve: Callable, sweep: Callable, changes: Callable) -> Callable:
 
     @inline
     def confirm(e, at, work, counts):
-        """Solve from the start in the rows ``at``, ..., by the rule ``counts.rule`` and finer ones."""
+        """Solve from the start in the rows ``at``, ... by the rule ``counts.rule`` and finer ones; the status."""
         span = size(e.q) + size(e.p)
         return refine(e, at, span, abs(e.step.h) * span, work, counts)[1]
 

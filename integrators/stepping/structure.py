@@ -1,4 +1,4 @@
-"""Which unknown acts on which equation: found by probing, checked by differences, brought into a narrow band.
+"""Find which unknown acts on which equation, by probing; order unknowns so that their matrix has a narrow band.
 
 A component that is not a number makes all that it acts on not a number.  Blocks of components are probed, then their
 halves; blocks that act on different equations are probed at once, so that a lattice takes about as many evaluations as
@@ -78,7 +78,7 @@ def _halves(low: int, high: int) -> list[tuple[int, int]]:
 
 
 def colour_columns(reach: Sequence[np.ndarray], n: int) -> list[int]:
-    """Colour the columns so that no two of one colour share a row: array of colours, each the least possible.
+    """Colour the columns of a matrix so that no two of one colour have a row in common; the colour of each, an integer.
 
     Raises InvalidInput if that takes more than `MOST` colours.
     """
@@ -101,7 +101,7 @@ def _dense(why: str) -> str:
 
 
 def owners(reach: Sequence[np.ndarray], colours: Sequence[int]) -> np.ndarray:
-    """The column of each colour in each row: array (colours, rows), -1 if there is none."""
+    """The column that each colour has in each row of a matrix: array (colours, rows), -1 if there is none."""
     out = np.full((1 + max(colours), len(reach)), -1)
     for j, (rows, colour) in enumerate(zip(reach, colours, strict=True)):
         out[colour, rows] = j
@@ -109,7 +109,7 @@ def owners(reach: Sequence[np.ndarray], colours: Sequence[int]) -> np.ndarray:
 
 
 def _check(f: Callable, at: np.ndarray, reach: Sequence[np.ndarray]) -> None:
-    """Raise InvalidInput unless the columns found add up to the differences of f along random directions."""
+    """Raise InvalidInput unless the nonzeros found reproduce the differences of f along random directions."""
     colours = np.array(colour_columns(reach, len(at)))
     owner = owners(reach, colours)
     step = STEP * (1 + np.abs(at).max())
@@ -128,7 +128,7 @@ def _check(f: Callable, at: np.ndarray, reach: Sequence[np.ndarray]) -> None:
 
 
 def band_order(reach: Sequence[np.ndarray]) -> tuple[np.ndarray, int]:
-    """(place of each unknown in an order that makes the band narrow, the band's half-width).
+    """(place of each unknown in an order that makes the band of the matrix narrow, the band's half-width).
 
     Raises InvalidInput if that is more than `MOST`.
     """

@@ -1,4 +1,4 @@
-"""Formulae that a user types, read by a whitelist: Python's parser makes the syntax tree, nothing is evaluated.
+"""Parse formulae that a user types, by a whitelist: Python's parser makes the syntax tree, nothing is evaluated.
 
 Read are decimal numbers, + - * / ** and parentheses, the functions of `FUNCTIONS`, the constants pi and e, and the
 variables that the caller names.  An integer is exact and a decimal the double that Python reads, but in an exponent it
@@ -78,7 +78,7 @@ def _format(text: str) -> str:
 
 
 def _tree(text: str) -> ast.expr:
-    """The syntax tree of a text of allowed characters."""
+    """The syntax tree of a formula; raises InvalidInput for characters or syntax that are not allowed."""
     if len(text) > LONGEST:
         raise InvalidInput(f"it has {len(text)} characters; the most is {LONGEST}")
     if not text.strip():
@@ -174,7 +174,7 @@ def _name(name: str, variables: Mapping[str, sp.Expr]) -> sp.Expr:
 
 
 def _check_number(e: sp.Expr) -> sp.Expr:
-    """``e``, if its numbers are short, and if it is a finite real double where it is constant.
+    """Return ``e`` if its numbers are short and, if constant, it is a finite real double; else raise InvalidInput.
 
     So no SymPy function is ever handed a number that it would take long to evaluate.
     """
@@ -201,7 +201,7 @@ _LONG = (
 
 
 def _exponents(e: sp.Expr) -> Iterable[tuple[sp.Expr, sp.Expr]]:
-    """(base, exponent) of the factors of ``e`` that are powers."""
+    """Pairs (base, exponent) of those factors of ``e`` that are powers."""
     return [f.as_base_exp() for f in sp.Mul.make_args(e) if f.is_Pow]
 
 
@@ -222,7 +222,7 @@ def _small_powers(e: sp.Expr) -> sp.Expr:
 
 
 def _power(base: sp.Expr, n: sp.Expr) -> sp.Expr:
-    """base**n, refused where the numbers or powers in it become large."""
+    """base**n; raises InvalidInput where its numbers or powers would become large."""
     if base == sp.E:
         return _apply(sp.exp, n)
     if not n.is_Rational:
@@ -245,7 +245,7 @@ def _power(base: sp.Expr, n: sp.Expr) -> sp.Expr:
 
 
 def _apply(function: Callable[[sp.Expr], sp.Expr], x: sp.Expr) -> sp.Expr:
-    """A function of ``x``, as large as SymPy's own simplifications may make it."""
+    """The function of the expression x; raises InvalidInput where SymPy's simplification makes it too large."""
     if function is sp.sqrt:
         return _power(x, sp.Rational(1, 2))
     if function is sp.exp:
@@ -270,7 +270,7 @@ def _count(e: sp.Expr) -> None:
 
 
 def _check_expansion(e: sp.Expr) -> None:
-    """Refuse what grows too large once products and powers are multiplied out, as traits and derivatives do."""
+    """Raise InvalidInput if ``e`` grows too large when products and powers are multiplied out, as derivatives do."""
     _count(e)
     inner = [0]
 
@@ -299,7 +299,7 @@ def _check_count(n: int) -> int:
 
 
 def time_hint(n: int) -> str:
-    """How an H that depends on the time t is given: time is the coordinate number n of a system without t."""
+    """The hint on how to give an H that depends on the time t: time is coordinate number n of a system without t."""
     return (
         f"H depends on the time t: make time a coordinate, write q{n} for t and add p{n} to H, as in "
         f"p1**2/2 - q1*cos(q{n}) + p{n}; it starts from q{n} = 0 and any p{n}, such as 0"

@@ -45,7 +45,7 @@ class PoissonSystem(PartitionedSystem):
     H : expression or formula
     dq, dp : sequences of d expressions, optional
         The components of B grad H in the form in which they are to be evaluated.
-    singular, invariants : as of a `PartitionedSystem`; Casimirs are invariants
+    singular, invariants : as in `PartitionedSystem`; Casimirs are invariants
 
     Raises
     ------
@@ -73,7 +73,7 @@ class PoissonSystem(PartitionedSystem):
         self.B = B
 
     def gradient(self, arithmetic: str = DOUBLE):
-        """(q, p, h, lam) -> (H_q, H_p), as `field` is called."""
+        """Make the function (q, p, h, lam) -> (H_q, H_p), with the arguments of a field."""
         T, number = codegen.value_type(self.d), types.float64
         h, lam = sp.symbols("h lam")
         arguments = [("q", self.q), ("p", self.p), ("h", h), ("lam", lam)]
@@ -87,7 +87,7 @@ class PoissonSystem(PartitionedSystem):
         )
 
     def structure(self, arithmetic: str = DOUBLE):
-        """(q, p, a, b) -> B(q, p) (a, b), by halves."""
+        """Make the function (q, p, a, b) -> B(q, p) (a, b): the structure matrix times a vector, in halves."""
         T, d = codegen.value_type(self.d), self.d
         a, b = (sp.symbols([f"{n}{i}_" for i in range(d)]) for n in ("a", "b"))
 

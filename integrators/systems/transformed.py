@@ -35,7 +35,7 @@ def distance_scale(system) -> sp.Expr:
 
 
 class TransformedHamiltonian(Hamiltonian):
-    """The system of K for a canonical system.
+    """The system of K = sigma (H + p_t), in which time is transformed, for a canonical system of H.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class TransformedHamiltonian(Hamiltonian):
         self.softened = system.softened
 
     def start(self, q0, p0) -> tuple[np.ndarray, np.ndarray]:
-        """The initial state (q, t), (p, -H) at t = 0, arrays (d + 1,), of the original one."""
+        """The initial state (q0, t = 0), (p0, -H) of this system from the original one's, arrays (d + 1,)."""
         q, p = np.asarray(q0, float), np.asarray(p0, float)
         H = self.original.observe(self.original.H, q[None], p[None])[0]
         return np.append(q, 0.0), np.append(p, -H)

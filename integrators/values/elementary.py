@@ -215,7 +215,7 @@ def _tanh(x):
 
 
 def _overload(name: str, of_lanes):
-    """Return the function of that name for lanes and for scalars; uncompiled, also for MPFR numbers and arrays."""
+    """Return a function of the module math extended to lanes (by ``of_lanes``), to MPFR numbers and to arrays."""
     of_number = getattr(math, name)
 
     def plain(x):

@@ -25,7 +25,7 @@ def exact_fma(a, x, y):
 
 
 def _emit(name, signature, context, builder, arguments):
-    """Emit the LLVM intrinsic ``name``."""
+    """Emit a call of the LLVM intrinsic ``name``, which multiplies and adds."""
     lanes = signature.return_type
     if not isinstance(lanes, Lanes):
         return call(builder, name, 0, *arguments)
@@ -34,20 +34,20 @@ def _emit(name, signature, context, builder, arguments):
 
 
 def _signature(a, x, y):
-    """Return the signature of numbers, which become doubles, or of lanes with lanes or numbers."""
+    """Return the Numba signature of a x + y, for numbers (as doubles) or for lanes with lanes or numbers."""
     lanes = next((t for t in (a, x, y) if isinstance(t, Lanes)), None)
     return types.float64(types.float64, types.float64, types.float64) if lanes is None else lanes(a, x, y)
 
 
 @intrinsic
 def _fmuladd(typing_context, a, x, y):
-    """`fma`, compiled."""
+    """Implementation of `fma` in compiled code."""
     return _signature(a, x, y), lambda context, builder, s, given: _emit("fmuladd", s, context, builder, given)
 
 
 @intrinsic
 def _fma(typing_context, a, x, y):
-    """`exact_fma`, compiled."""
+    """Implementation of `exact_fma` in compiled code."""
     return _signature(a, x, y), lambda context, builder, s, given: _emit("fma", s, context, builder, given)
 
 

@@ -18,7 +18,7 @@ from phasebench.integrators.compile.codegen import DOUBLE, compiled, value_kind
 
 
 def signature(returning):
-    """Return the signature of the version that writes, given that of the one that returns an array or several."""
+    """Return the Numba signature of the version that writes into arrays, given that of the one that returns them."""
     results = returning.return_type
     many = results.types if isinstance(results, types.BaseTuple) else (results,)
     return types.none(*returning.args, *many)

@@ -25,7 +25,7 @@ def block_type(array: types.Array) -> types.Type:
 
 
 def type_with_block(record, arrays):
-    """Return the type that `with_block` returns."""
+    """Return the Numba type of the result of `with_block`, for the types of its arguments."""
     kinds = dict(zip(record.fields, record.types, strict=True))
     kinds |= {name: block_type(t) for name, t in zip(arrays.fields, arrays.types, strict=True)}
     return types.BaseTuple.from_types(tuple(kinds.values()), record.instance_class)

@@ -43,7 +43,7 @@ class Lanes(types.Type):
 
 @register_model(Lanes)
 class _Model(models.PrimitiveModel):
-    """Lanes are an LLVM vector of doubles."""
+    """The data model of the Numba type `Lanes`: an LLVM vector of doubles."""
 
     def __init__(self, manager, lanes):
         super().__init__(manager, lanes, ir.VectorType(NUMBER, lanes.n))
@@ -106,7 +106,7 @@ for _function, _instruction in (
 
 
 def _unary(function, emit) -> None:
-    """Define a Python function of one argument on lanes."""
+    """Define a Python function of one argument on lanes; ``emit`` writes its LLVM code."""
 
     @infer_global(function)
     class _(AbstractTemplate):
@@ -122,7 +122,7 @@ _unary(float, lambda builder, n, x: x)
 
 
 def operation(compiled):
-    """Return a decorator: the function, plain NumPy as it stands, becomes the intrinsic ``compiled`` on lanes.
+    """Return a decorator by which a plain NumPy function becomes, for lanes, the intrinsic ``compiled``.
 
     That is so where an argument is lanes, or where the last one, ``like``, is a tuple.
     """
@@ -156,7 +156,7 @@ def _row_address(context, builder, table_type, table, row, n):
 
 @intrinsic
 def _take(typing_context, table, row, like):
-    """`take`, compiled."""
+    """Implementation of `take` in compiled code."""
 
     def codegen(context, builder, sig, args):
         n = like.count
@@ -167,7 +167,7 @@ def _take(typing_context, table, row, like):
 
 @intrinsic
 def _put(typing_context, table, row, x, like):
-    """`put`, compiled."""
+    """Implementation of `put` in compiled code."""
 
     def codegen(context, builder, sig, args):
         n = like.count
@@ -180,7 +180,7 @@ def _put(typing_context, table, row, x, like):
 
 @intrinsic
 def _combine(typing_context, x, y, factor, table, row, like):
-    """`combine`, compiled."""
+    """Implementation of `combine` in compiled code."""
 
     def codegen(context, builder, sig, args):
         n = y.n
@@ -202,13 +202,13 @@ def _combine(typing_context, x, y, factor, table, row, like):
 
 
 def _next(builder, row, j):
-    """Emit row + j."""
+    """Emit the sum of the indices row and j."""
     return builder.add(row, row.type(j))
 
 
 @intrinsic
 def _polynomial(typing_context, coefficients, z, like):
-    """`polynomial`, compiled."""
+    """Implementation of `polynomial` in compiled code."""
 
     def codegen(context, builder, sig, args):
         n = z.n
@@ -232,7 +232,7 @@ def _polynomial(typing_context, coefficients, z, like):
 
 @intrinsic
 def _total(typing_context, x):
-    """`total`, compiled."""
+    """Implementation of `total` in compiled code."""
 
     def codegen(context, builder, sig, args):
         kind, name = ir.VectorType(NUMBER, x.n), f"llvm.vector.reduce.fadd.v{x.n}f64"
@@ -252,7 +252,7 @@ def take(table, row, like):
 
 @operation(_put)
 def put(table, row, x, like):
-    """Write lanes, or one scalar for all of them, into a row of a table."""
+    """Write lanes, or one scalar for all of them, into a row of a table; ``like`` sets their number."""
     table[row, : len(like)] = x
 
 

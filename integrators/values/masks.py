@@ -1,4 +1,4 @@
-"""Conditions on lanes, and the other operations with which one kernel integrates several orbits at once.
+"""Conditions on SIMD lanes, and choices by them, with which one kernel integrates several orbits at once.
 
 Given tuples of lanes, a kernel's source integrates as many orbits as there are lanes.  Each lane gets the scalar
 kernel's result, because +, -, *, / and the square root round the same way.  A scalar beside lanes stands for that
@@ -37,7 +37,7 @@ class Mask(types.Type):
 
 @register_model(Mask)
 class _MaskModel(models.PrimitiveModel):
-    """A mask is an LLVM vector of n bits."""
+    """The data model of the Numba type `Mask`: an LLVM vector of n bits."""
 
     def __init__(self, manager, mask):
         super().__init__(manager, mask, ir.VectorType(ir.IntType(1), mask.n))
@@ -94,7 +94,7 @@ for _function, _sign in (
 
 
 def _logical(function, name: str):
-    """Define a logical operator of masks."""
+    """Define a logical operator of masks; ``name`` is that of LLVM's instruction."""
 
     @infer_global(function)
     class _Template(AbstractTemplate):
@@ -137,7 +137,7 @@ def broadcast_like(typingctx, number, lanes):
 
 @infer_global(bool)
 class _Any(AbstractTemplate):
-    """The type of bool(mask)."""
+    """Typing of bool(mask)."""
 
     def generic(self, args, kws):
         if len(args) == 1 and isinstance(args[0], Mask):
@@ -147,13 +147,13 @@ class _Any(AbstractTemplate):
 
 @lower_builtin(bool, Mask)
 def _any(context, builder, sig, args):
-    """Lower bool(mask)."""
+    """LLVM code of bool(mask)."""
     return _truth(context, builder, sig.args[0], types.boolean, args[0])
 
 
 @lower_cast(Mask, types.Boolean)
 def _truth(context, builder, fromty, toty, value):
-    """True if the mask holds in any lane."""
+    """LLVM code of the conversion of a mask to a truth value: True if it holds in any lane."""
     packed = builder.bitcast(value, ir.IntType(fromty.n))
     return builder.icmp_unsigned("!=", packed, ir.Constant(packed.type, 0))
 
@@ -182,17 +182,17 @@ def where(condition, a, b):
 
 
 def number(condition) -> int:
-    """The number of orbits in which a condition holds; 0 or 1 for a scalar condition."""
+    """The number of lanes in which a condition holds; 0 or 1 for a scalar condition."""
     return 1 if condition else 0
 
 
 def fails(condition):
-    """True where a condition does not hold."""
+    """True where the condition does not hold: its negation, for scalars and masks."""
     return not condition
 
 
 def retire_lanes(going, kept, x):
-    """(x, True if work is left): set the lanes of x that are ``going`` and not ``kept`` to NaN; the others go on."""
+    """Set the lanes of x that are ``going`` but not ``kept`` to NaN; returns (x, True if work is left)."""
     return x, kept
 
 
@@ -215,7 +215,7 @@ _overload_for_masks(retire_lanes, lambda going, kept, x: (select(going & ~kept, 
 
 
 def _use_elementary(name: str) -> None:
-    """Overload a function of the module math by that of `elementary` for lanes."""
+    """Make a function of the module math use that of `elementary` for lanes."""
     of_lanes = getattr(elementary, name)
 
     @overload(getattr(math, name), jit_options=OPTIONS)

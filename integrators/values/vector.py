@@ -1,4 +1,4 @@
-"""The vector operations in which every kernel is written.
+"""The vector operations in which kernels are written, for tuples, arrays and SIMD lanes alike.
 
 A kernel treats ``q`` and ``p`` as *values*.  Each operation below is one plain NumPy expression, which works as it
 stands on arrays of doubles and on object arrays of MPFR numbers.  Compiled, the same expression is unrolled for tuples
@@ -45,7 +45,7 @@ def jit(f):
 
 
 def inline(f):
-    """Compile ``f`` into its caller, with its caller's options: for the operations of a step."""
+    """Compile ``f`` into its caller, with its caller's options; for the operations of a step."""
     return njit(**COMMON, inline="always")(f)
 
 
@@ -186,31 +186,31 @@ def _tuple(d, item):
 
 @elementwise()
 def axpy(a, x, y):
-    """a x + y."""
+    """The vector a x + y."""
     return y + a * x
 
 
 @elementwise()
 def scale(a, x):
-    """a x."""
+    """The vector a x."""
     return a * x
 
 
 @elementwise()
 def plus(x, y):
-    """x + y."""
+    """The vector x + y."""
     return x + y
 
 
 @elementwise()
 def minus(x, y):
-    """x - y."""
+    """The vector x - y."""
     return x - y
 
 
 @elementwise(outputs=2)
 def add(x, c, dx):
-    """Compensated sum of x + c and dx: (the sum, the part of it that rounding lost).
+    """The compensated sum of x + c and dx: (the sum, the part of it that rounding lost).
 
     Only one addition waits for dx, which comes last in the chain of operations of a step.  The part of c that x + c
     does not show stays in the second result, so that nothing is lost.
@@ -221,7 +221,7 @@ def add(x, c, dx):
 
 @elementwise(outputs=2)
 def add_product(x, c, a, v):
-    """Compensated sum of x + c and a v: (the sum, the part of it that rounding lost).
+    """The compensated sum of x + c and a v: (the sum, the part of it that rounding lost).
 
     The product a v is not rounded, neither in the sum nor in the lost part.  The error left is the rounding of (a v +
     c), of the difference (sum - x), and of the lost part itself.
@@ -244,7 +244,7 @@ def distance(x, y):
 
 @unroll(lambda d: _tuple(d, "x[{i}] + (a if i == {i} else 0.0)"))
 def bump(x, i, a):
-    """A copy of x with a added to component i."""
+    """A copy of the vector x with a added to component i."""
     y = x.copy()
     y[i] = y[i] + a
     return y
@@ -355,7 +355,7 @@ PLACES = COMMON | {"forceinline": True}
 
 
 def force_inline(f):
-    """Compile ``f`` into its caller with the caller's options: for what the loop calls in every step."""
+    """Compile ``f`` into its caller with the caller's options, in every case; for what the loop calls in every step."""
     return njit(**PLACES)(f)
 
 
@@ -413,7 +413,7 @@ def _part_of_row(typing_context, A, i, first, n):
 
 
 def _rows(A, i, j, like):
-    """`rows` for arrays: views."""
+    """Implementation of `rows` for arrays, by views."""
     return _part_of_row(A, i, 0, len(like)), _part_of_row(A, j, 0, len(like))
 
 
@@ -424,7 +424,7 @@ def rows(A, i, j, like):
 
 
 def _halves(A, i, like):
-    """`halves` for arrays: views."""
+    """Implementation of `halves` for arrays, by views."""
     return _part_of_row(A, i, 0, len(like)), _part_of_row(A, i, len(like), len(like))
 
 
@@ -444,7 +444,7 @@ def view_state(carry):
 
 
 def _add_product_in_place(x, c, a, v):
-    """`add_product_in_place` for arrays: overwrite x and c."""
+    """Implementation of `add_product_in_place` for arrays: overwrites x and c."""
     for i in range(len(x)):
         t = fma(a, v[i], x[i] + c[i])
         c[i] = fma(a, v[i], c[i]) - (t - x[i])
@@ -460,7 +460,7 @@ def add_product_in_place(x, c, a, v):
 
 @unroll(lambda d: _tuple(d, "f[{i}] * x[{i}]"))
 def times(f, x):
-    """f * x, componentwise; f is an array of coefficients."""
+    """The componentwise product f * x; f is an array of coefficients."""
     return f * x
 
 
@@ -489,7 +489,7 @@ def apply(f, x, old):
 
 
 def _apply_values(f, x, old):
-    """Choose the implementation of `apply` for values from the type of f."""
+    """Choose the implementation of `apply`, for x that is no array, from the types of f, x and old."""
     if isinstance(f, (types.NoneType, types.Omitted)):
         return lambda f, x, old: x
     if isinstance(f, types.Array):
@@ -500,7 +500,7 @@ def _apply_values(f, x, old):
 
 
 def _apply_arrays(f, x, old):
-    """Choose the implementation of `apply` for arrays from the type of f."""
+    """Choose the implementation of `apply`, for an array x, from the types of f, x and old."""
 
     def fill(f, x, old):
         f(x, old)
