@@ -52,12 +52,12 @@ def row(chosen: Integrator) -> dict:
 
 
 def _head(chosen: Integrator) -> dict:
-    """The columns that identify an integrator's row."""
+    """The columns that identify an integrator in a row: package, version, id and the like."""
     return {"package": chosen.kind, "version": version_of(chosen.kind) or "absent", "peer": chosen.id, "mode": None}
 
 
 def _bare(chosen: Integrator, case: cases.Case) -> None:
-    """Run a few steps; of a peer through its package alone, without this project's wrapper."""
+    """Take a few steps of a case; a peer is called through its package alone, without this project's wrapper."""
     made = cases.problem(case)
     if not isinstance(chosen.record, Peer):
         chosen.run(made, h=case.h, steps=STEPS)
@@ -93,7 +93,7 @@ def measure(ids: tuple[str, ...]) -> Rows:
 
 
 def cells(controls: Sequence[str]) -> list[Cell]:
-    """The measurements (`Cell`): one for each package, and one for the controls."""
+    """List the measurements (`Cell`): one for each package's integrators, and one for ``controls``, ids of methods."""
     packages: dict[str, list] = {}
     for p in PEERS:
         packages.setdefault(p.package, []).append(p)

@@ -27,7 +27,7 @@ def records(frame) -> list[dict]:
 
 
 def _present(found: pd.DataFrame) -> pd.DataFrame:
-    """The rows that record whether each integrator's package could be loaded."""
+    """Select the rows that record whether each integrator's package could be loaded."""
     return found[(found["measure"] == "package") & (found["package"] != OWN)]
 
 
@@ -42,7 +42,7 @@ GOOD, BAD = (judge.HOLDS, judge.UNDERSTATED), (judge.IN_PART, judge.CONTRADICTED
 
 
 def _split(frame: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The rows that could be judged, and those of them that do not hold."""
+    """Split claims or statements: (those that could be judged, those of them that do not hold)."""
     return frame[frame["verdict"].isin([*GOOD, *BAD])], frame[frame["verdict"].isin(BAD)]
 
 
@@ -103,7 +103,7 @@ def left_as_found(found: pd.DataFrame) -> Verdict | None:
 
 
 def _other_mode(found: pd.DataFrame) -> pd.DataFrame:
-    """The integrators that left another floating-point mode."""
+    """Select the integrators that left the process in another floating-point mode than they found."""
     return found[(found["status"] == "ok") & (found["mode"] != modes.KEPT)]
 
 
@@ -202,7 +202,7 @@ def table(data: Data) -> Table | None:
 
 
 def _statement_line(r) -> dict:
-    """The table's line for a statement."""
+    """A line of the findings' table: a statement of a package's documentation, what was measured, and the verdict."""
     return {
         "package": f"{r.package} {r.version}",
         "said": f"[“{markdown.plain(_quote(r.said, r.where))}”]({r.link})",
@@ -214,7 +214,7 @@ def _statement_line(r) -> dict:
 
 
 def _claim(r) -> dict:
-    """The table's line for a claim."""
+    """A line of the findings' table: a peer's claim, what was measured, and the verdict."""
     return {
         "package": f"{r.package} {r.version}",
         "said": f"{r.peer}: {r.claim}",
@@ -225,7 +225,7 @@ def _claim(r) -> dict:
 
 
 def _changes(package: str, version: str, mode: str, part: pd.DataFrame) -> dict:
-    """The table's line for integrators of a package that change the floating-point mode."""
+    """A line of the findings' table: a package's integrators (``part``) that leave the floating-point mode ``mode``."""
     return {
         "package": f"{package} {version}",
         "said": f"(nothing) {join_list(list(part['peer']), 3)}",

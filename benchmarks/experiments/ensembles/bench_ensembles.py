@@ -9,7 +9,7 @@ APART = 1e-11
 
 
 def cells(quick: bool = False) -> list:
-    """The measurements of `lanes`, `against` and `maps`."""
+    """List the measurements of `lanes`, `against` and `maps`."""
     return lanes.cells(quick) + against.cells(quick) + maps.cells(quick)
 
 

@@ -21,7 +21,7 @@ _compared = once(cost_table)
 
 
 def _wide(frame: pd.DataFrame) -> pd.DataFrame:
-    """The ensembles that ran in lanes."""
+    """Select the ensembles that ran in SIMD lanes."""
     return frame[frame["in lanes"].astype(bool) & (frame["status"] == "ok")]
 
 
@@ -98,7 +98,7 @@ def parallel(frame: pd.DataFrame) -> Verdict | None:
 
 @of(lanes.TABLE, against.TABLE)
 def answer(frame: pd.DataFrame, costs: pd.DataFrame) -> str | None:
-    """The gain of lanes, and how often an orbit costs less than heyoka's."""
+    """A sentence: how much SIMD lanes gain, and how often an orbit costs less here than in heyoka's batches."""
     wide, judged = _wide(frame), _reached_rows(costs)
     if wide.empty:
         return None
@@ -160,7 +160,7 @@ def draw_costs(frame: pd.DataFrame, folder) -> list[Picture]:
 
 
 def draw(data, folder) -> list[Picture]:
-    """Both figures, where there are rows."""
+    """Draw the maps of Henon-Heiles, and error over cost against heyoka; a figure without data is left out."""
     return [*(draw_maps(data, folder) or ()), *(draw_costs(data, folder) or ())]
 
 
@@ -179,7 +179,7 @@ def table(frame: pd.DataFrame) -> Table:
 
 @of(against.TABLE)
 def full_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """The comparison of costs for every problem and error."""
+    """For every problem and error: this project's and heyoka's cheapest run, and the ratio of their costs."""
     return _compared(frame)
 
 
