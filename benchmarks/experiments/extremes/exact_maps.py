@@ -47,7 +47,7 @@ def _number(x):
 
 
 def _parametric(data, h):
-    """The matrix of a composition of steps by generating functions, each with its own c h, mu and lambda."""
+    """The matrix of a step composed of generating-function steps, each with its own c h, mu and lambda."""
     order, substeps = data
     one, total = mpmath.mpf(1), mpmath.eye(2)
     for c, mu, lam in substeps:

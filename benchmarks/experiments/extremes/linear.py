@@ -35,7 +35,7 @@ TABLES = ("extremes_linear", "extremes_scheme_i", "extremes_published")
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each method and parameter, one for Scheme I's sweep, one for known limits."""
+    """List the measurements (`Cell`): one for each method and parameter, for Scheme I's sweep, and for known limits."""
     if quick:
         return []
     return [_sweep(), _limits_cell(), *(_cell(m.id, p) for m in METHODS for p in parameters(m) if _able(m))]
@@ -50,7 +50,7 @@ def parameters(method) -> list[dict[str, str]]:
 
 
 def _able(method) -> bool:
-    """True if a method does not require structure that the oscillator lacks."""
+    """True if the oscillator has all the structure that a method requires."""
     return not {"Poisson structure", "further invariants", "kepler part"} & {
         r.partition("(")[0] for r in method.requires
     }
@@ -76,7 +76,10 @@ def _limits_cell() -> Cell:
 
 
 def measure_rows(id: str, values: dict[str, str]) -> Rows:
-    """The row of a method; only its label if it cannot integrate the oscillator."""
+    """Find a method's stable intervals of h omega and confirm them by long runs: a row.
+
+    It has only the method's label if the oscillator lacks what the method requires.
+    """
     chosen = integrator(id, parameters=values)
     if chosen.lacks(problem(oscillator.PROBLEM)):
         return {TABLES[0]: [{"label": chosen.label, "method": id, "how": "not on the oscillator"}]}
@@ -168,7 +171,7 @@ def _growing(chosen) -> float:
 
 
 def sweep() -> Rows:
-    """The rows of Scheme I over lambda, with the closed form of its limit."""
+    """Find Scheme I's stability limit at each lambda: rows with its closed form."""
     rows = []
     for value in SCHEME_I:
         found = oscillator.find(integrator("scheme-i", parameters={"lam": value}))
@@ -186,7 +189,7 @@ def sweep() -> Rows:
 
 
 def measure_known_limits() -> Rows:
-    """The rows of known limits, with the measured ones."""
+    """Measure every known stability limit again: rows with both values."""
     rows = []
     for limit in published.LIMITS:
         chosen = integrator(published.STEPS.get(limit.method, limit.method), parameters=limit.parameters)

@@ -46,7 +46,7 @@ class Limit:
 
     @property
     def evidence(self) -> str:
-        """ "derived", "printed", or both."""
+        """How the limit is known: "derived", "printed", or both."""
         return " and ".join(name for name in ("derived", "printed") if getattr(self, name))
 
 

@@ -57,7 +57,7 @@ TABLES = ("extremes_springs",)
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each method."""
+    """List the measurements (`Cell`), one for each method."""
     return [] if quick else [_cell(*run) for run in RUNS]
 
 
@@ -67,7 +67,7 @@ def _cell(id: str, nodes: int, steps: int) -> Cell:
 
 
 class Turns:
-    """A step as a rotation of a spring: ``matrices`` and ``angles`` at each h omega in ``z``, while it is stable."""
+    """A method's step on a spring as a rotation: ``matrices`` and ``angles`` at each h omega in ``z`` while stable."""
 
     def __init__(self, id: str, z):
         chosen = integrator(id)
@@ -89,7 +89,7 @@ class Turns:
 
 
 def _sine(M) -> float:
-    """The sine of the rotation angle of M, with its sign."""
+    """The sine, with its sign, of the angle by which the 2 x 2 step matrix M rotates."""
     return float(np.sqrt(max(0.0, 1 - (np.trace(M) / 2) ** 2)) * np.sign(M[0, 1] - M[1, 0]))
 
 
@@ -150,7 +150,7 @@ def drift(Q, P, fast) -> float:
 
 
 def measure_rows(id: str, nodes: int, steps: int) -> Rows:
-    """The rows of a method, one for each pair of frequencies with the smaller one first."""
+    """Measure the energy drift of the two stiff springs: a row for each pair of frequencies, the smaller one first."""
     run, turns, rows = Springs(id), Turns(id, grid(id, nodes)), []
     for i in range(len(turns.z)):
         for j in range(i, len(turns.z)):

@@ -21,7 +21,7 @@ LIMITS = (-16, 0)
 
 
 def _energy_preserving(rows: pd.DataFrame) -> pd.DataFrame:
-    """The runs of energy-preserving methods in which every step had a solution."""
+    """Select the runs of energy-preserving methods in which every step had a solution."""
     ran = completed_runs(rows)
     return ran[(ran["declared"] == ROUND_OFF) & ~(ran["fallbacks"] > 0) & ~ran["few nodes"].astype(bool)]
 
@@ -53,7 +53,7 @@ def _drifting(rows: pd.DataFrame) -> pd.DataFrame:
 
 @of("rows")
 def drifting(rows: pd.DataFrame) -> Verdict | None:
-    """Whether no method drifts that is declared not to."""
+    """Whether no method has an energy drift that is declared to have none."""
     ran = completed_runs(rows)
     others = ran[ran["canonical"] & (ran["declared"] != DRIFT)]
     if not ran["canonical"].any():
@@ -150,7 +150,7 @@ def draw(rows: pd.DataFrame, folder) -> list[Picture] | None:
 
 
 def _line(r, why: str) -> dict:
-    """A line of the table, with the reason ``why`` it is shown."""
+    """A line of the page's table for the run ``r``; ``why`` says for which reason it is shown."""
     drift = "" if pd.isna(r["energy_drift"]) else f"{r['energy_drift']:.1e}"
     line = {"why": why, "method": r["method"], "scene": r["scene"], "h": r["h"], "energy error": r["energy_max"]}
     return line | {"drift a unit of time": drift, "status": r["status"]}
@@ -158,7 +158,7 @@ def _line(r, why: str) -> dict:
 
 @of("rows")
 def table(rows: pd.DataFrame) -> Table | None:
-    """The smallest energy errors of each declared class, then the largest drifts, then runs that stopped early."""
+    """The page's table: smallest energy errors of each declared class, largest drifts, runs that stopped early."""
     ran, runs = completed_runs(rows), long_runs(rows)
     lines = []
     for declared in CLASSES[:2]:
@@ -179,7 +179,7 @@ def table(rows: pd.DataFrame) -> Table | None:
 
 @of("rows")
 def _full_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Each long scene and method at its largest step."""
+    """The row of each method in each long scene at its largest step."""
     ran = long_runs(rows).dropna(subset=["h"])
     ran = ran.loc[ran.groupby(["scene", "method"], sort=False)["h"].idxmax()]
     columns = {"scene": "scene", "method": "method", "declared": "declared", "h": "h", "energy_max": "energy error"}

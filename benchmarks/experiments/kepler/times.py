@@ -18,7 +18,7 @@ TABLE = "kepler_times"
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each orbit; none in the quick tier."""
+    """List the measurements (`Cell`), one for each orbit; none if ``quick``."""
     return [] if quick else [_cell(name, e) for name in PROBLEMS for e in ECCENTRICITIES]
 
 
