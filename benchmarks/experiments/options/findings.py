@@ -20,7 +20,10 @@ KEPT, FLOOR = 1e-12, 1e-13
 
 
 def best_lambdas(errors: pd.DataFrame) -> pd.DataFrame:
-    """Rows by scene, method and step: the lambda of least trajectory error; the error at 1/2 over it (``gain``)."""
+    """For each scene, method and step: the lambda of least trajectory error, and how many times larger it is at 1/2.
+
+    ``finer`` tells the step, ``gain`` is the factor, ``half is best`` whether it is at most `SAME`.
+    """
     rows = []
     for (scene, id, finer), part in errors.groupby(["scene", "method", "finer"], sort=False):
         part = part[np.isfinite(part["trajectory"]) & (part["trajectory"] > part["uncertainty"])]
@@ -55,7 +58,7 @@ def usable(rungs: pd.DataFrame, option: str) -> pd.DataFrame:
 
 @once
 def cheapest(rungs: pd.DataFrame, option: str) -> pd.DataFrame:
-    """A row for each scene and error: the fastest setting, settings tied with it, the slowest time over its own."""
+    """For each scene and error: the fastest setting, settings tied with it, and the slowest one's time over its own."""
     rows = []
     for scene, part in usable(rungs, option).groupby("scene", sort=False):
         for error in ERRORS:
@@ -94,7 +97,7 @@ def quadratures(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def sums(table: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene at its most steps: round-off of plain over compensated sums, least error in single."""
+    """For each scene at its most steps: round-off of plain over that of compensated sums, least error in single."""
     rows = []
     for scene, part in table.groupby("scene", sort=False):
         last = part[part["steps"] == part["steps"].max()].set_index("arithmetic")

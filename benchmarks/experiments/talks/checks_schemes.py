@@ -73,7 +73,7 @@ def any_parameter() -> tuple[float, float]:
 
 
 def residual(lam, y, Y, h: float) -> float:
-    """The residual of Scheme I's equations on Henon-Heiles for a step from y to Y."""
+    """The residual of Scheme I's equations with parameter ``lam`` on Henon-Heiles for a step h from y to Y."""
     lam = float(lam)
     q, p, Q, P = y[:2], y[2:], Y[:2], Y[2:]
     middle = np.hstack([lam * q + (1 - lam) * Q, lam * P + (1 - lam) * p])
@@ -81,7 +81,7 @@ def residual(lam, y, Y, h: float) -> float:
 
 
 def form(lam) -> tuple[float, float]:
-    """The residual of the printed equations at a computed step of Scheme I; control: of those for lambda + 1/10."""
+    """The residual of Scheme I's printed equations at a computed step; control: of those for lambda + 1/10."""
     Y = step("scheme-i", lam=lam)(POINT)
     return residual(lam, POINT, Y, STEP), residual(lam + Fraction(1, 10), POINT, Y, STEP)
 
@@ -101,7 +101,10 @@ def nystrom() -> tuple[float, float]:
 
 
 def _form_of(M, lam: float) -> np.ndarray:
-    """The matrix d(Q - q, -(P - p)) / d(u, v) of a map with Jacobian M in (q, p): symmetric iff the form is exact."""
+    """The matrix d(Q - q, -(P - p)) / d(u, v) of a map with Jacobian M in (q, p), symmetric iff the form is exact.
+
+    u = lam P + (1 - lam) p and v = lam q + (1 - lam) Q.
+    """
     d = len(M) // 2
     (Qq, Qp), (Pq, Pp) = ((row[:, :d], row[:, d:]) for row in (M[:d], M[d:]))
     one = np.eye(d)
@@ -111,7 +114,7 @@ def _form_of(M, lam: float) -> np.ndarray:
 
 
 def exact_form() -> tuple[float, float]:
-    """The largest asymmetry of `_form_of` for the flow, over seven lambda; control: for a Runge-Kutta step."""
+    """The largest asymmetry of `_form_of` for the exact flow, over seven lambda; control: for a Runge-Kutta step."""
 
     def asymmetry(moved):
         M = step_map.jacobian(moved, POINT)

@@ -38,7 +38,7 @@ LONG = 0.3
 
 
 def swept(quick: bool = False) -> list[Peer]:
-    """The peers of a sweep; only a few if ``quick``."""
+    """List the peers (integrators of other packages) that run in the sweep; only a few if ``quick``."""
     return [p for p in PEERS if p.package in PACKAGES and (not quick or p.id in QUICK)]
 
 
@@ -65,7 +65,7 @@ def sizes(peer: Peer, scene: Scene, quick: bool = False) -> list[tuple[float | N
 
 
 def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeats: int) -> dict[str, Any]:
-    """What is measured of a peer on a scene at a step or a tolerance."""
+    """Measure a peer on a scene at a step or a tolerance: a dict of status, time, counts and errors."""
     problem = problem_of(scene.problem)
     row = head(scene, problem, peer, peer.package, peer.package)
     row |= {"h": h, "tol": tol}

@@ -1,4 +1,4 @@
-"""The pages of the scenes of the trade: work-precision diagram, and the fastest integrators at each error."""
+"""A page for each scene: work-precision diagram, and the fastest integrators at each error."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ TRUTHS = {
 
 
 def _scene(question: Question, *names: str) -> Callable:
-    """Decorate a function of a scene's rows in these tables: it takes ``data``; None without rows in the first."""
+    """Decorator: a function of one scene's rows in the tables ``names`` becomes one of ``data``.
+
+    ``data`` gives tables by name.  The result is None if the scene has no rows in the first table.
+    """
 
     def decorate(function):
         def of_rows(*given):

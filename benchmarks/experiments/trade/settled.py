@@ -36,7 +36,7 @@ KEY = ["scene", "accuracy", "side", "integrator"]
 
 
 def sweeps(finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
-    """The seconds of every final: a row for each final, a column for each sweep (NaN if not measured)."""
+    """The seconds of every finalist at each accuracy: a row for each, a column for each timing (NaN: not measured)."""
     parts = [finals[[*KEY, "seconds"]].assign(sweep=1)]
     if times is not None and len(times):
         parts.append(times[[*KEY, "seconds", "sweep"]])
@@ -65,7 +65,7 @@ def pairs(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def join_sweeps(values: pd.DataFrame, size: pd.Series) -> pd.DataFrame:
-    """Columns ``value``, ``low``, ``high`` from a table with a column for each sweep.
+    """Join the timings of each row to a value and its interval: columns ``value``, ``low``, ``high``.
 
     ``size``, in seconds, decides the class of a row.
     """
@@ -86,7 +86,7 @@ def join_sweeps(values: pd.DataFrame, size: pd.Series) -> pd.DataFrame:
 
 
 def coverage(finals: pd.DataFrame, times: pd.DataFrame) -> dict[str, tuple[int, int]]:
-    """For "times" and "ratios": (number of the third sweep's in the intervals of the first two, number of all)."""
+    """For "times" and "ratios": (how many of the third timing lie in the intervals of the first two, number of all)."""
     table = sweeps(finals, times)
     ratios = pairs(table)
     out = {}
@@ -98,7 +98,7 @@ def coverage(finals: pd.DataFrame, times: pd.DataFrame) -> dict[str, tuple[int, 
 
 
 def join_choices(front: pd.DataFrame, finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
-    """The choices from the joined sweeps: best of each side, times, ratio; ``front`` itself if there is one sweep."""
+    """The fastest of each side, times and ratio from the joined timings; ``front`` itself if there is only one."""
     if times is None or "sweep" not in times or not (times["sweep"] == JOINED[1]).any():
         return front
     table = sweeps(finals, times)
@@ -130,7 +130,10 @@ _last: list = [(), None]
 
 
 def of_choices(*names: str) -> Callable:
-    """Decorate a function of the choices (`join_choices`) and the tables ``names``, like `page.of`; takes ``data``."""
+    """Decorator: a function of the fastest integrators (`join_choices`) and the tables ``names`` takes ``data``.
+
+    ``data`` is a function that gives tables by name.
+    """
 
     def decorate(function: Callable) -> Callable:
         of_tables = of(CHOICES, *names)(function)

@@ -44,7 +44,7 @@ HANDFUL = ("explicit-euler", "stormer-verlet", "rk4", "pefrl", "implicit-midpoin
 
 @dataclass(frozen=True)
 class Task:
-    """One row to be measured, as text and numbers that can be sent to another process."""
+    """One row to be measured (scene, method, parameters, step or tolerance), as data for another process."""
 
     scene: str
     method: str
@@ -95,7 +95,7 @@ def _twice(scene: str, id: str, parameters: tuple, h: float) -> np.ndarray | Non
 
 
 def measure(task: Task, repeats: int = REPEATS) -> dict[str, Any]:
-    """Measure the row of a task."""
+    """Measure the errors, invariants and time of a task: its row."""
     scene, chosen = BY_ID[task.scene], task.build()
     tier = {"tier": "quick" if task.quick else "full"}
     if isinstance(chosen, Peer):
@@ -137,14 +137,14 @@ def run(todo: list[Task], repeats: int = REPEATS) -> list[dict[str, Any]]:
 
 
 def measure_rows(todo: tuple[Task, ...], repeats: int) -> Rows:
-    """The rows of the tasks of a cell, by table."""
+    """Measure the tasks of a cell, each several times: their rows, by table name."""
     return {"rows": run(list(todo), repeats)}
 
 
 def cells(
     quick: bool = False, scenes: Iterable[Scene] = SCENES, only: Callable[[Method | Peer], bool] | None = None
 ) -> list[Cell]:
-    """A cell for each method and peer on each scene, with its rows over the steps or tolerances."""
+    """List the measurements (`Cell`), one for each method and peer on each scene, over its steps or tolerances."""
     groups: dict[tuple[str, str, tuple], list[Task]] = {}
     for task in tasks(scenes, quick, only or (lambda chosen: True)):
         groups.setdefault((task.scene, task.method, task.parameters), []).append(task)
