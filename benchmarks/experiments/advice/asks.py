@@ -91,7 +91,10 @@ OUTSIDE = (
 
 
 class TypedRequest(NamedTuple):
-    """A request as it is typed: the words that name the problem, and the options; ``outside``: it is a formula."""
+    """A request for advice as it is typed: the words that name the problem, and the options.
+
+    ``outside``: the problem is a formula, in no registry.
+    """
 
     name: str
     words: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""The measurements of the advice: requests are advised, rerun in a fresh process, compared with brute force."""
+"""Measurements (`Cell`) of the advice: requests are advised, rerun in a fresh process, compared with brute force."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def measure_rows(group: str, names: tuple[str, ...], against_all: bool) -> Rows:
 
 
 def asked_of(a: TypedRequest) -> Ask:
-    """Build the request object that the command line would build."""
+    """Build the request object from a typed request, as the command line does."""
     from phasebench.benchmarks.problems import problem
     from phasebench.benchmarks.problems.user import from_formula
 

@@ -1,4 +1,4 @@
-"""Does the advice meet the accuracy that was asked for, and how far from the fastest is it?"""
+"""The page on advice: does it meet the requested accuracy, and how far from the fastest integrator is it?"""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def refusals(table: pd.DataFrame) -> Verdict:
 
 
 def answer(data: Data) -> str | None:
-    """How often the advice meets its accuracy, and how often it is about as fast as the fastest."""
+    """A sentence: how often the advice meets its accuracy, and how often it is about as fast as the fastest."""
     table = data(TABLE)
     if table is None or table.empty:
         return None
@@ -161,7 +161,7 @@ def table(found: pd.DataFrame) -> Table:
 
 
 def _by_construction(advised: pd.DataFrame) -> str:
-    """A sentence: how many requests for the energy got a method that keeps it on any orbit, right or wrong."""
+    """A sentence: how many requests for the energy got a method that keeps it at any step, even on a wrong orbit."""
     energy = advised[advised["quantity"] == ENERGY] if "quantity" in advised else advised.head(0)
     conserved = sum(map(_keeps_energy, energy["choice"]))
     return (

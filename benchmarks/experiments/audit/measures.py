@@ -145,7 +145,7 @@ def order(peer, case: Case, late: Callable[..., bool] = never) -> dict:
 
 
 def asymptotic(h, error, noise: float):
-    """(order, change of the order inside its window) of errors (m,) over falling steps h (m,)."""
+    """Fit the order to errors (m,) at falling steps h (m,): (order and interval, half its change inside the window)."""
     # At steps finer than that of the least error round-off accumulates; it also affects errors near the least.
     least = int(np.nanargmin(error)) + 1
     if least < len(h):

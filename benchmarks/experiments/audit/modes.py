@@ -69,12 +69,12 @@ def _bare(chosen: Integrator, case: cases.Case) -> None:
 
 
 def judge(id: str) -> tuple[dict, bool]:
-    """An integrator's row, and whether the process still adds small numbers correctly."""
+    """Run an integrator and test the floating-point mode: (its row, whether small numbers still add correctly)."""
     return row(integrator(id)), floating.gradual()
 
 
 def measure(ids: tuple[str, ...]) -> Rows:
-    """Compute the rows of some integrators, each in a process whose mode was right when it began."""
+    """Run integrators, each in a process whose floating-point mode was right when it began: a row for each."""
     rows: list[dict] = []
     with Worker() as worker:
         for id in ids:

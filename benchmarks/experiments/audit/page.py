@@ -1,4 +1,4 @@
-"""The audit of the established integrators: which claims hold, which are contradicted, and what was measured."""
+"""The page on established integrators: which claims of their packages hold, which do not, and what was measured."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _present(found: pd.DataFrame) -> pd.DataFrame:
 
 
 def _claims(found: pd.DataFrame, claimed: pd.DataFrame) -> pd.DataFrame:
-    """The claims of the integrators that were audited."""
+    """Select the claims of the integrators that were audited."""
     there = _present(found)
     return claimed[claimed["peer"].isin(there[there["status"] == "ok"]["peer"])]
 
@@ -131,7 +131,7 @@ def controls(found: pd.DataFrame, claimed: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """How many claims and statements do not hold, and of which packages."""
+    """A sentence: how many claims and statements do not hold, and of which packages."""
     claimed, stated = claims(data), statements(data)
     parts = []
     if claimed is not None:
@@ -155,7 +155,7 @@ def _count_unaudited(left: pd.DataFrame | None) -> str:
 
 @of("audit", "audit_claims")
 def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder) -> list[Picture] | None:
-    """The figure of measured minus claimed orders."""
+    """Draw the measured minus the claimed orders of the packages' integrators."""
     rows = [r for r in records(found) if r["package"] != OWN]
     file = figures.orders(rows, records(claimed), folder)
     if file is None:
@@ -168,7 +168,7 @@ def draw(found: pd.DataFrame, claimed: pd.DataFrame, folder) -> list[Picture] | 
 
 
 def table(data: Data) -> Table | None:
-    """The findings: contradicted and understated statements, then claims not covered by them, then failures to run."""
+    """The table of findings: statements contradicted or understated, other such claims, failures to run."""
     stated, found, claimed = (data(name) for name in ("audit_statements", "audit", "audit_claims"))
     lines, spoken = [], set()
     if stated is not None and len(stated):
@@ -244,7 +244,7 @@ def _quote(text: str, where: str) -> str:
 
 @of("audit_statements")
 def statements_table(stated: pd.DataFrame) -> pd.DataFrame:
-    """Every statement with its words, what its script printed and what would mend it."""
+    """A line for each tested statement: its words, what its script printed, and what would mend it."""
     return stated[["package", "said", "where", "verdict", "printed", "mend", "script"]].astype(object).fillna("")
 
 

@@ -102,7 +102,7 @@ def shared_worker() -> Worker:
 
 
 def row_elsewhere(peer, measure: str, case_name: str = "", seconds: float = LOADING) -> dict:
-    """Call `row` in the worker process; a process that dies or is killed yields a row with that reason."""
+    """Measure a peer on a case in the worker process: its row; if the process dies or is killed, with that reason."""
     worker = shared_worker()
     limit = PATIENCE * seconds + MORE + (LOADING if worker.process is None else 0.0)
     answer = worker.call(row, peer.id, measure, case_name, seconds, seconds=limit)

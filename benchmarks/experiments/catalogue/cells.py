@@ -1,4 +1,4 @@
-"""The measurements of the catalogue: tables of coefficients, installed dependencies, scores of mutation tests."""
+"""Measurements (`Cell`) of the catalogue: tables of coefficients, installed dependencies, scores of mutation tests."""
 
 from __future__ import annotations
 

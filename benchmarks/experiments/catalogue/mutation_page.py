@@ -47,7 +47,7 @@ def detection(mutation: pd.DataFrame) -> Verdict:
 
 @of("mutation")
 def answer(mutation: pd.DataFrame) -> str:
-    """In how many files no fault was tried, and how many faults are noticed in the others."""
+    """A sentence: in how many files no fault was tried, and how many faults are noticed in the others."""
     tried = int((mutation["tried"] > 0).sum())
     return (
         f"In {len(mutation) - tried} of the suite's {len(mutation)} source files this was not tested; in the other "

@@ -29,7 +29,7 @@ ZERO = 1e-40
 
 
 def count_methods(data: Data) -> str:
-    """How many methods there are, and how many declare each property."""
+    """A sentence: how many methods there are, and how many declare each property."""
     return (
         f"{len(METHODS)} methods of {len({m.family for m in METHODS})} families: "
         f"{sum(m.symplectic for m in METHODS)} are declared symplectic, {sum(m.symmetric for m in METHODS)} symmetric, "
@@ -179,7 +179,7 @@ def orders(coefficients: pd.DataFrame) -> Verdict:
 
 @of("coefficients")
 def polished_residuals(coefficients: pd.DataFrame) -> Verdict:
-    """Whether the residuals vanish after polishing the coefficients."""
+    """Whether the residuals of the order conditions vanish after polishing the coefficients to many digits."""
     return Verdict(
         "After polishing the largest residual of the order conditions vanishes",
         _largest(coefficients, "polished"),
@@ -290,7 +290,7 @@ def licences(dependencies: pd.DataFrame) -> Verdict:
 
 @of("dependencies")
 def weigh(dependencies: pd.DataFrame) -> str:
-    """How large an installation is, and what of it is under the GPL."""
+    """A sentence: how large an installation is, and what of it is under the GPL."""
     largest = dependencies.nlargest(3, "MB")
     named = join_list([f"{name} {size:.0f} MB" for name, size in zip(largest["package"], largest["MB"], strict=True)])
     return (

@@ -49,7 +49,7 @@ def series(kind: str, periods: float, points: int, generator: np.random.Generato
 
 
 def coverage_row(kind: str, periods: float, points: int, drawn: int = DRAWN) -> dict:
-    """The row of a kind of series: the shares of intervals that cover the drift, and their median half-widths."""
+    """Draw series of a kind and count the drift intervals that cover the true drift: a row of shares and widths."""
     generator = np.random.default_rng(zlib.crc32(f"{kind} {periods} {points}".encode()))
     ours, lines = [], []
     for _ in range(drawn):

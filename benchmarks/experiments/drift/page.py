@@ -37,7 +37,7 @@ def _kinds(table: pd.DataFrame) -> pd.Series:
 
 @of("drift_coverage")
 def kinds(table: pd.DataFrame) -> Verdict | None:
-    """Whether the intervals cover the known drift of each kind of series as often as they claim."""
+    """Whether the drift intervals cover the known drift of each kind of series as often as they claim."""
     shares = _kinds(table)
     if shares.empty:
         return None
@@ -53,7 +53,7 @@ def kinds(table: pd.DataFrame) -> Verdict | None:
 
 @of("drift_coverage")
 def lengths(table: pd.DataFrame) -> Verdict | None:
-    """Whether the intervals cover often enough for each length of a series and each period."""
+    """Whether the drift intervals cover often enough for each length of a series and each number of periods."""
     told = _resolved_rows(table)
     if told.empty:
         return None
@@ -99,7 +99,7 @@ def bounded_energy(rows: pd.DataFrame) -> Verdict | None:
 
 @of("rows")
 def drifting(rows: pd.DataFrame) -> Verdict | None:
-    """Whether the intervals of all methods declared to drift exclude 0."""
+    """Whether the drift intervals of all methods declared to drift exclude 0."""
     ran = _drifting(rows)
     if ran.empty:
         return None
@@ -137,7 +137,7 @@ def _drifting(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def answer(data: Data) -> str | None:
-    """How often the intervals cover a known drift, and 0 in runs of bounded methods."""
+    """A sentence: how often the intervals cover a known drift, and how often 0 in runs of bounded energy error."""
     table, rows = data("drift_coverage"), data("rows")
     parts = []
     if table is not None and len(shares := _kinds(table)):

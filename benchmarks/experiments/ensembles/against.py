@@ -50,7 +50,7 @@ PEER = "heyoka-batch"
 
 
 class Rung(NamedTuple):
-    """A run of a ladder: the integrator's label, the kind of its size (step ``h`` or tolerance ``tol``), the size."""
+    """One run of an integrator: its label ``who``, the ``kind`` of its size (step "h" or tolerance "tol"), the size."""
 
     who: str
     kind: str
@@ -167,7 +167,7 @@ def measure_rows(name: str) -> Rows:
 
 
 def in_order(rungs: Iterable[Rung]) -> list[Rung]:
-    """Sort rungs by integrator, then from the longest step or the loosest tolerance on."""
+    """Sort runs by integrator, then from the longest step or the loosest tolerance on."""
     first = list(dict.fromkeys(rung.who for rung in rungs))
     return sorted(rungs, key=lambda rung: (first.index(rung.who), -rung.value))
 
@@ -200,5 +200,5 @@ def worst(ends: np.ndarray, truth: np.ndarray) -> float:
 
 
 def orbits_of(kind: str) -> int:
-    """The number of orbits of one run, by the kind of its rung: heyoka's (``tol``) or ours (``h``)."""
+    """The number of orbits that a run integrates: heyoka's, whose ``kind`` of size is "tol", or ours, "h"."""
     return JUDGED if kind == "tol" else ORBITS

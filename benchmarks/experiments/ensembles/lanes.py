@@ -89,7 +89,7 @@ def starts(found, n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def measure_rows(name: str, id: str, parameters: tuple, steps: int, n: int) -> Rows:
-    """Measure nanoseconds of an orbit's step: with the scalar kernel, in an ensemble on one core, and on all."""
+    """Measure nanoseconds of a step of one orbit: by the scalar kernel, in an ensemble on one core, on all cores."""
     found, chosen = problem(name), method(id, **dict(parameters))
     Q, P = starts(found, n)
 

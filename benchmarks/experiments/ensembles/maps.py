@@ -52,7 +52,7 @@ def on_plane(q2: np.ndarray, p2: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def random_starts(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """n random starts on the plane, arrays (n, 2)."""
+    """n random starts (q, p) on the section q1 = 0, p1 > 0 with H = `ENERGY`, arrays (n, 2)."""
     random = np.random.default_rng(1)
     Q, P = on_plane(*(random.uniform(low, high, 20 * n) for low, high in zip(*CORNERS, strict=True)))
     there = np.isfinite(P[:, 0])

@@ -28,13 +28,13 @@ def unconfirmed_limits(rows) -> list[str]:
 
 
 def bench_known_limits(measured_rows):
-    """Every published or derived stability limit is met to its digits."""
+    """Every published or derived stability limit is measured again to its digits."""
     wrong = unlike(measured_rows("extremes_published"))
     assert not wrong, "\n".join(wrong)
 
 
 def bench_closed_form(measured_rows):
-    """Scheme I's limit is 2 / |1 - 2 lambda| to ten digits."""
+    """Scheme I's measured stability limit is 2 / |1 - 2 lambda| to ten digits."""
     rows = measured_rows("extremes_scheme_i")
     off = [
         r["lam"] for r in rows if r["limit"] != r["closed form"] and not abs(r["limit"] / r["closed form"] - 1) < SHARP

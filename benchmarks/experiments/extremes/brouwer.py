@@ -101,7 +101,7 @@ def _cell(id: str, values: dict, h: float, steps: int) -> Cell:
 
 
 def _method(id: str) -> str:
-    """The method whose step matrix applies: Stormer-Verlet for the hand-written controls."""
+    """The id of the method whose step matrix applies: that of Stormer-Verlet for the hand-written controls."""
     return "stormer-verlet" if id in controls.KINDS else id
 
 

@@ -43,7 +43,7 @@ def _cell(id: str) -> Cell:
 
 
 def steps_of(id: str) -> int:
-    """The number of steps of a run: the cheaper a step, the more."""
+    """The number of steps that a method runs: the cheaper its step, the more."""
     chosen = BY_ID[id]
     if chosen.family == "schemes_iv_v":
         return DEAR

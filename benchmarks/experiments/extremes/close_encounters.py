@@ -109,7 +109,7 @@ def measure_rows(scene: str, id: str) -> Rows:
 
 
 def _runs(encounter: Encounter, id: str):
-    """Yield (steps or tolerance, kind, solution, coordinates of the reference) for each rung of a ladder."""
+    """Yield (steps or tolerance, kind, solution, coordinates of the reference) for ever smaller steps or tolerances."""
     made = problem(encounter.problem)
     known = [float(x) for x in stored.end(made, encounter.t_end).q]
     if id.endswith(TRANSFORMED):

@@ -17,7 +17,7 @@ from phasebench.benchmarks.page.verdict import EVERY, Count, Verdict
 
 @of(TABLE)
 def adaptive(table: pd.DataFrame) -> Verdict:
-    """Whether every integrator with adaptive steps reaches the wanted error in its scenes."""
+    """Whether every integrator with adaptive steps reaches the wanted error in every close encounter that it runs."""
     rows = close_encounters.cheapest(table)
     rows = rows[rows["kind"] == "adaptive"]
     lost = [f"{r.method}, {r.scene}" for r in rows[~rows["held"]].itertuples()]

@@ -1,4 +1,4 @@
-"""The figures of the page on extremes."""
+"""Figures on the limits of methods: stability, close encounters, stiffness, round-off, implicit solvers, resonances."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def cells(quick: bool = False) -> list[Cell]:
 
 
 def parameters(method) -> list[dict[str, str]]:
-    """The parameter values at which a method is measured: its defaults, and the sweep of lambda where it has one."""
+    """The parameters at which a method's stability is measured: its defaults, and a sweep of lambda if it has one."""
     free = set(method.parameters) == {"lam"} and method.order <= HIGHEST
     swept = [{"lam": value} for value in SWEPT] if free else []
     own = {k: str(v) for k, v in method.parameters.items()}
@@ -149,7 +149,7 @@ def confirm(chosen, found: oscillator.Found) -> tuple[int, int]:
 
 
 def _near(z: float, touches) -> bool:
-    """True if z is so close to a touch of |tr M| = 2 that round-off decides on stability."""
+    """True if h omega = z is so near to a point where |tr M| only touches 2 that round-off decides on stability."""
     return any(abs(z - t) < 1e-6 for t in touches)
 
 
@@ -166,7 +166,7 @@ def _radius(chosen, z: float) -> float:
 
 
 def _growing(chosen) -> float:
-    """The smallest of a few steps h omega at which growth shows in a long run; 0 if there is none."""
+    """The smallest of a few values of h omega at which growth shows in a long run; 0 if there is none."""
     return next((z for z in (0.1, 0.3, 0.5, 0.9) if _depth(chosen, z) ** 0.5 * STEPS > 2 * math.log(GROWTH)), 0.0)
 
 

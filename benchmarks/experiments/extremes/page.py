@@ -1,4 +1,4 @@
-"""The page on extremes: how far each method can be pushed before it fails."""
+"""The page on the limits of methods: how far each can be pushed before it fails."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def full_table(data) -> pd.DataFrame | None:
 
 
 def answer(data: Data) -> str | None:
-    """How many known limits are met, how many integrators follow the closest encounter, how round-off grows."""
+    """A sentence: known limits that are met, integrators that follow the closest encounter, growth of round-off."""
     limits, met = verdicts.known_limits(data), verdicts.close(data)
     grown, table = round_off.energy(data), data("extremes_encounters")
     parts = [f"{limits.measured.n} of {limits.measured.of} known stability limits are met"] if limits else []

@@ -51,7 +51,7 @@ class Limit:
 
 
 def _runge_kutta(rows, weights):
-    """The step function of an explicit Runge-Kutta method, from the rows of its matrix and its weights."""
+    """Make the step function of an explicit Runge-Kutta method from the rows of its matrix and its weights."""
 
     def step(system, q, p, h):
         slopes = []

@@ -67,7 +67,7 @@ def largest(survives, first: float) -> tuple[float, str]:
 
 
 def _survives(case: cases.Case, id: str, steps: int, parameters: dict | None = None):
-    """A function from h to the judgement of a run on the case; a short run comes first to save time."""
+    """Make a function from h to the judgement of a run of ``steps`` on the case; a short run first saves time."""
 
     def survives(h: float) -> str:
         found = cases.judge_run(case, id, h, FIRST, parameters)

@@ -50,7 +50,7 @@ class CoupledOscillators:
 
 
 def radius(run, h: float) -> float:
-    """The spectral radius of the matrix of a step h."""
+    """The spectral radius of the matrix of a step h of a prepared run."""
     columns = [np.concatenate(run(h, 1, unit[:2], unit[2:])[:2]) for unit in np.eye(4)]
     return float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())
 

@@ -1,4 +1,4 @@
-"""The verdicts on the growth of round-off over long times."""
+"""Verdicts on round-off over long times: how fast energy and phase errors grow, their size, and their bias."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def _growth(data: Data, name: str, law: float) -> tuple[Count, Exactly, str, str
 
 
 def energy(data: Data) -> Verdict | None:
-    """Whether the energy's round-off grows no faster than n^(1/2), Brouwer's law, at every step."""
+    """Whether the energy error by round-off grows no faster than n^(1/2), Brouwer's law, at every step size."""
     if ensembles(data, "energy exponent").empty:
         return None
     return Verdict(
@@ -96,7 +96,7 @@ def energy(data: Data) -> Verdict | None:
 
 
 def phase(data: Data) -> Verdict | None:
-    """Whether the phase's round-off grows no faster than n^(3/2)."""
+    """Whether the phase error by round-off grows no faster than n^(3/2)."""
     if ensembles(data, "phase exponent").empty:
         return None
     return Verdict("The phase's round-off grows no faster than n^(3/2)", *_growth(data, "phase", PHASE))
@@ -119,7 +119,7 @@ def size(data: Data) -> Verdict | None:
 
 
 def bias(data: Data) -> Verdict | None:
-    """Whether no ensemble's mean error is larger than chance explains.
+    """Whether no ensemble's mean energy error is larger than chance explains.
 
     Ensembles whose lambda or step is near a fraction of small numerator and denominator are left out: their round-off
     repeats itself.
@@ -176,7 +176,7 @@ def controls(table: pd.DataFrame) -> Verdict | None:
 
 
 def answer(data: Data) -> str | None:
-    """In how many ensembles the energy's round-off follows the law, and at which steps it drifts."""
+    """A sentence: in how many ensembles the energy's round-off follows Brouwer's law, and at which steps it drifts."""
     rows = ensembles(data, "energy exponent")
     if rows.empty:
         return None

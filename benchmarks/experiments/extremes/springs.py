@@ -104,7 +104,7 @@ def grid(id: str, nodes: int) -> np.ndarray:
 
 
 class Springs:
-    """Runs of a method for any two frequencies with a single compilation.
+    """Runs of a method on the Fermi-Pasta-Ulam problem for any two frequencies, with a single compilation.
 
     A trigonometric method is given the frequencies; for all others they are extra coordinates at rest.
     """
@@ -139,7 +139,7 @@ class Springs:
 
 
 def drift(Q, P, fast) -> float:
-    """The largest change of a window's mean energy, relative; ``fast`` is the stiff springs' energy, array (n,)."""
+    """The largest relative change of the mean energy over the parts of a run; ``fast``: energy of the springs, (n,)."""
     with np.errstate(all="ignore"):
         squares = [s * s for s in soft_springs(Q[:2], Q[2:])]
         energy = sum(s * s for s in squares) / 4 + (P[0] ** 2 + P[1] ** 2) / 2 + fast

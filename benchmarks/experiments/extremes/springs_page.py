@@ -25,7 +25,7 @@ SHOWN = 200
 
 
 def lines(order: int, last: float) -> list[tuple[int, int, int]]:
-    """(k1, k2, n) of the lines k1 x + k2 y = 2 n, n > 0, that pass through 0 < x, y <= ``last`` (angles in pi)."""
+    """(k1, k2, n) of the resonance lines k1 x + k2 y = 2 n, n > 0, through 0 < x, y <= ``last`` (angles in pi)."""
     found = []
     for k1 in range(order + 1):
         for k2 in range(-order, order + 1):
@@ -36,7 +36,7 @@ def lines(order: int, last: float) -> list[tuple[int, int, int]]:
 
 
 def distance(x, y, order: int = ORDER):
-    """The distance of points (x, y), angles in units of pi, from the nearest line; an array as x."""
+    """The distance of points (x, y), angles in units of pi, from the nearest resonance line; an array as x."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     all_ = [np.abs(a * x + b * y - 2 * n) / np.hypot(a, b) for a, b, n in lines(order, max(x.max(), y.max()) + 0.1)]
     return np.min(all_, axis=0) if all_ else np.full(x.shape, np.inf)

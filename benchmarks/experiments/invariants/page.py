@@ -46,7 +46,7 @@ def energy(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _drifting(rows: pd.DataFrame) -> pd.DataFrame:
-    """The runs on canonical systems with an energy drift above round-off."""
+    """Select the runs on canonical systems with an energy drift above round-off."""
     ran = completed_runs(rows)
     return ran[ran["canonical"] & ran["drifts"] & (ran["energy_max"] > NOISE)]
 
@@ -72,7 +72,7 @@ def drifting(rows: pd.DataFrame) -> Verdict | None:
 
 
 def _momentum_preserving(rows: pd.DataFrame) -> pd.DataFrame:
-    """The runs with an angular momentum of methods declared to keep it."""
+    """Select the runs that measure the angular momentum, of methods declared to keep it."""
     ran = completed_runs(rows)
     ran = ran[ran["angular-momentum_max"].notna()]
     keeps = [i in BY_ID and BY_ID[i].quadratic == ROUND_OFF for i in ran["id"]]
@@ -97,7 +97,7 @@ def momentum(rows: pd.DataFrame) -> Verdict | None:
 
 @of("rows")
 def answer(rows: pd.DataFrame) -> str | None:
-    """How well energy and angular momentum are kept, and which methods drift."""
+    """A sentence: how well energy and angular momentum are kept, and which methods drift."""
     if completed_runs(rows).empty:
         return None
     parts = []
@@ -115,7 +115,7 @@ def answer(rows: pd.DataFrame) -> str | None:
 
 @of("rows")
 def draw(rows: pd.DataFrame, folder) -> list[Picture] | None:
-    """A map of the largest energy errors at the largest step: a line for each scene, a column for each method."""
+    """Draw the largest energy errors at the largest step as a map: a line for each scene, a column for each method."""
     ran = completed_runs(rows)
     if ran.empty:
         return None

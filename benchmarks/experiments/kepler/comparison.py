@@ -121,7 +121,7 @@ def _cell(name: str, e: float, measure, arguments: tuple, c: Integrator | str) -
 
 @cache
 def orbit(name: str, e: float):
-    """The problem, its exact solution, and the columns that describe them in every row."""
+    """Build a Kepler orbit of eccentricity e: (problem, exact solution, columns that describe both in every row)."""
     mu = MU * ((1 - e**2) / (1 - AT**2)) ** 2 if name == "perturbed-kepler" else 0.0
     made = problem(name, e=e, **({"mu": mu} if mu else {}))
     exact = kepler.truth(made)
@@ -131,7 +131,7 @@ def orbit(name: str, e: float):
 
 
 def steps(n: int) -> Setting:
-    """The setting of ``n`` steps an orbit."""
+    """The setting for ``n`` steps an orbit."""
     return Setting(f"{n} steps", n)
 
 
@@ -182,7 +182,7 @@ def measure_rows(name: str, e: float, group: str, position: int) -> Rows:
 
 
 def _adaptive(c: Integrator, name: str, e: float) -> Iterator[tuple[Setting, dict, list[dict]]]:
-    """Yield (setting, run, samples) for each tolerance."""
+    """Yield (setting, row of the run, its errors after 1, 3, 10, ... orbits) for each tolerance."""
     for setting in tolerances(c):
         yield setting, *_run(c, name, e, setting)
 
@@ -205,13 +205,13 @@ def _ladder(c: Integrator, name: str, e: float) -> list[tuple[Setting, dict, lis
 
 
 def _precise(ladder: list[tuple[Setting, dict, list[dict]]]) -> str:
-    """The reason why finer steps are of no use; empty if they are."""
+    """The reason why steps finer than those of a ladder of runs are of no use; empty if they are of use."""
     run = ladder[-1][1]
     return "skipped" if run["status"] == SKIPPED else "followed" if run["phase, high"] <= FOLLOWED else ""
 
 
 def _end_reason(ladder: list[tuple[Setting, dict, list[dict]]]) -> str:
-    """The reason why wider steps are of no use; empty if they are."""
+    """The reason why steps wider than those of a ladder of runs are of no use; empty if they are of use."""
     run = ladder[-1][1]
     return "failed" if run["status"] != OK else "lost" if run["phase, low"] > USEFUL else ""
 

@@ -223,12 +223,12 @@ def times(h: float, index: Sequence[int], exactly: bool = True) -> list[int]:
 
 
 def _turns(rate: int, when: int) -> int:
-    """The angle after a time at a rate, in units of 2^-TICK turns."""
+    """The angle, in units of 2^-TICK turns, after the time ``when`` (units of 2^-TICK) at a rate."""
     return rate * when >> TICK
 
 
 def _angle(rate: int, when: Sequence[int]) -> np.ndarray:
-    """The angles in [0, 2 pi) after each of the times."""
+    """The angles in [0, 2 pi) after each of the times ``when`` at a rate in units of 2^-TICK turns a time."""
     return np.array([_turns(rate, t) % 2**TICK / 2**TICK for t in when]) * 2 * np.pi
 
 

@@ -73,7 +73,7 @@ COSTS = ("us, low", "us per orbit", "us, high")
 
 
 def cheapest(runs: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
-    """The cheapest integrator of each side for each orbit and phase error, over the longest runs."""
+    """For each orbit and phase error, the cheapest integrator of ours and of the peers, over the longest runs."""
     ran = runs[(runs["status"] == "ok") & (runs["kind"] != "reference")].merge(times, on=KEY).dropna(subset=[*COSTS])
     lines = []
     for (name, e), members in ran.groupby(["problem", "e"], sort=False):
@@ -110,7 +110,7 @@ def costs(runs: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
 
 @of("kepler", "kepler_growth")
 def laws(runs: pd.DataFrame, growth: pd.DataFrame) -> Verdict | None:
-    """Whether phase errors above round-off grow linearly with time."""
+    """Whether phase errors above round-off grow linearly with time; runs at a chosen tolerance are left out."""
     finished = _completed_runs(runs, growth)
     if "phase growth" not in finished:
         return None
@@ -149,7 +149,7 @@ def clocks(runs: pd.DataFrame, growth: pd.DataFrame) -> Verdict:
 
 @of("kepler", TIMES)
 def answer(runs: pd.DataFrame, times: pd.DataFrame) -> str | None:
-    """How often each side is the cheapest to follow the phase, and the time of an orbit."""
+    """A sentence: how often ours or the peers are the cheapest to follow the phase, and the time of an orbit."""
     lines = cheapest(runs, times)
     if lines.empty:
         return None
@@ -213,7 +213,7 @@ def draw(data, folder) -> list[Picture]:
 
 @of("kepler", TIMES)
 def table(runs: pd.DataFrame, times: pd.DataFrame) -> Table | None:
-    """The cheapest integrator of each side for each orbit and phase error."""
+    """The page's table: for each orbit and phase error, the cheapest integrator of ours and of the peers."""
     lines = cheapest(runs, times)
     if lines.empty:
         return None

@@ -29,7 +29,7 @@ def bench_made(measured_rows):
 
 
 def bench_solvers(measured_rows):
-    """The banded solver solves every step, and ends where the usual solver does."""
+    """Newton's method with banded matrices solves every implicit step, and ends where the usual solver does."""
     wrong = [
         f"{r['system']} of d = {r['d']}, h = {r['h']}"
         for r in measured_rows(solvers.TABLE)

@@ -95,7 +95,7 @@ def loops(made: pd.DataFrame) -> Verdict | None:
 
 @of(COSTS)
 def answer(costs: pd.DataFrame) -> str | None:
-    """How the time of a step grows with d, and its ratio to the time in C."""
+    """A sentence: how the time of a step grows with d, and its ratio to the time in C."""
     found = exponents(costs)
     if found.empty:
         return None

@@ -105,7 +105,7 @@ def scaling(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def where_it_contracts(rows: pd.DataFrame) -> Verdict | None:
-    """Whether banded Newton is never faster where the fixed-point iteration contracts."""
+    """Whether banded Newton is never faster at steps at which the fixed-point iteration contracts."""
     short = rows[rows["step"] == "short"].dropna(subset=["banded / usual"])
     sooner = short[short["banded / usual, high"] < 1]
     return Verdict(
@@ -119,7 +119,7 @@ def where_it_contracts(rows: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def answer(rows: pd.DataFrame) -> str | None:
-    """The ratio of banded Newton's time to the usual solver's, at long and at short steps."""
+    """A sentence: the ratio of banded Newton's time to the usual solver's, at long and at short steps."""
     parts = [rows[rows["step"] == step]["banded / usual"].dropna() for step in ("long", "short")]
     if any(part.empty for part in parts):
         return None

@@ -88,7 +88,10 @@ def _parts(chosen: Method, system, y) -> int:
 
 
 def _order(chosen: Method, name: str) -> dict:
-    """The order over `SPAN`; if that is not the declared one (two error terms may compete), over a smaller span."""
+    """Measure the order over the time `SPAN`; if it is not the declared one, again over a smaller time.
+
+    Two error terms may compete.
+    """
     system, y, unit = _at(name, mpmath.mp.dps)
     parts = _parts(chosen, system, y)
     row: dict = {}

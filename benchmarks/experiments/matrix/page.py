@@ -1,4 +1,4 @@
-"""The page of the matrix: measured properties of every method on every problem beside the declared ones."""
+"""The page on every method on every problem: measured order, defects and energy error beside what is declared."""
 
 from __future__ import annotations
 

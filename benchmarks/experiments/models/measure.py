@@ -1,4 +1,4 @@
-"""Modelling errors of the models of a scene, and the times and errors of their integrations.
+"""Modelling errors of simplified models of a problem (its scene), and the times and errors of their integrations.
 
 A model's reference is the finest run of the last of `METHODS`; its uncertainty is `SAFETY` times the distance to a run
 with half as many steps.  The modelling error is the distance of the reference, mapped to the full problem's state, from

@@ -92,7 +92,7 @@ def plain(system, q: np.ndarray, p: np.ndarray, h: float, steps: int, kind) -> n
 
 
 def ends(made, h: float, steps: int) -> dict[str, np.ndarray]:
-    """End states, arrays (`STARTS`, 2 d), of each arithmetic, and of the method itself, whose sums are compensated.
+    """End states by arithmetic: name -> array (`STARTS`, 2 d), for plain sums and for the compensated method.
 
     Raises RuntimeError if a run stops.
     """

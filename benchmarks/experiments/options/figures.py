@@ -1,4 +1,4 @@
-"""The figures of the two pages on options."""
+"""Figures on the methods' options: lambda, orders, energy-preserving methods, quadrature nodes, summation, solvers."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def best_lambdas(errors: pd.DataFrame) -> pd.DataFrame:
 
 
 def longest(costs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene and method: the lambda that allows the longest step, and whether 1/2 allows it too."""
+    """For each scene and method, the lambda that allows the longest step, and whether 1/2 allows it too."""
     rows = []
     for (scene, id), part in costs.groupby(["scene", "method"], sort=False):
         half = part[part["lam"] == HALF]
@@ -80,7 +80,10 @@ def power(error: float) -> str:
 
 
 def quadratures(table: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene and step: the fewest nodes that keep the energy, their cost, the cost of AVF's own rule."""
+    """For each scene and step of the averaged vector field method: the fewest nodes that keep H, and what they cost.
+
+    The cost is against one node, and that of the method's own rule against the fewest nodes.
+    """
     rows = []
     for (scene, h), part in table[table["status"] == OK].groupby(["scene", "h"], sort=False):
         fixed = part[part["nodes"] != nodes.CONFIRMED].sort_values("nodes")
@@ -113,12 +116,12 @@ def sums(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def solving(table: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene and step: the solver of the stage equations that needs the fewest evaluations.
+    """For each scene and step, the solver of the stage equations that needs the fewest evaluations.
 
     ``solver``, ``start``, ``fewest``: the best setting of the plain loop (`solvers.Loop`) and its evaluations;
-    ``engine``: the engine's evaluations over ``fewest``; ``fixed``, ``simplified``: the evaluations of fixed point and
-    simplified Newton from the best start, NaN without convergence; ``loosest``: the largest tolerance of these two that
-    changes the end error by less than a factor `SAME`; ``saved``: the share of evaluations that it saves.
+    ``engine``: the evaluations of the integrators' own solver over ``fewest``; ``fixed``, ``simplified``: those of
+    fixed point and simplified Newton from the best start, NaN without convergence; ``loosest``: the largest tolerance
+    of these two that changes the end error by less than a factor `SAME`; ``saved``: the share of evaluations saved.
     """
     rows = []
     for (scene, h), part in table[table["status"] == OK].groupby(["scene", "h"], sort=False):

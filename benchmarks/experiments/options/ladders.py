@@ -103,7 +103,7 @@ def _cell(k: int) -> Cell:
 
 
 def numbers_of_steps(ladder: Ladder) -> list[int]:
-    """The numbers of steps of a ladder, ascending."""
+    """The numbers of steps to run an option with, ascending."""
     return [round(ladder.fewest * 2 ** (k / 2)) for k in range(ladder.rungs)]
 
 

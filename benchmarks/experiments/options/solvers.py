@@ -1,8 +1,9 @@
 r"""Solvers of the stage equations of a Gauss method: fixed point or Newton, starting values, tolerances.
 
-The engine offers no choice: it iterates the fixed point from a start extrapolated over five steps, changes to Newton's
-method if that does not contract, and always goes to round-off.  The same equations for the slopes,
-:math:`K_i = f(y + h\sum_j a_{ij}K_j)`, are therefore solved here in a plain loop that counts evaluations:
+The solver inside the integrators (the engine) offers no choice: it iterates the fixed point from a start extrapolated
+over five steps, changes to Newton's method if that does not contract, and always goes to round-off.  The same equations
+for the slopes, :math:`K_i = f(y + h\sum_j a_{ij}K_j)`, are therefore solved here in a plain loop that counts
+evaluations:
 
 - fixed point: K is replaced by the right-hand side;
 - simplified Newton: :math:`(1 - hA\otimes J)\,\Delta K = f - K` with the Jacobian J at the start of the step;

@@ -1,4 +1,4 @@
-"""The verdicts of the two pages on options."""
+"""Verdicts on the methods' options: whether the defaults are the best, and whether costlier settings pay."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _case(row) -> str:
 
 @of(nodes.TABLE)
 def quadrature(table: pd.DataFrame) -> Verdict | None:
-    """Whether AVF's own quadrature keeps the energy."""
+    """Whether the averaged vector field method's own choice of quadrature nodes keeps the energy."""
     found = findings.quadratures(table)
     if found.empty:
         return None
@@ -127,7 +127,7 @@ def quadrature(table: pd.DataFrame) -> Verdict | None:
 
 @of(nodes.TABLE)
 def quadrature_cost(table: pd.DataFrame) -> Verdict | None:
-    """Whether AVF's own quadrature takes at most `DEAR` times as long as the fewest nodes that keep the energy."""
+    """Whether AVF with its own quadrature takes at most `DEAR` times as long as with the fewest nodes that keep H."""
     found = findings.quadratures(table)
     if found.empty:
         return None

@@ -26,7 +26,7 @@ def _agreeing(entries: pd.DataFrame) -> Count:
 
 @of("printed")
 def agreement(printed: pd.DataFrame) -> Verdict | None:
-    """Whether the printed entries of the other schemes are reproduced."""
+    """Whether the printed entries of all schemes but Scheme IV are reproduced."""
     _, rest = _split_schemes(printed)
     if rest.empty:
         return None

@@ -25,7 +25,7 @@ from .printed import AGREEMENT, PRINTED, SCHEME_IV, STEPS, unit
 
 @dataclass(frozen=True)
 class Recipe:
-    """A candidate computation: a method, a number of steps beyond t = 1, and whether only q is compared."""
+    """A candidate for how a printed column was computed: a method, steps beyond t = 1, whether only q is compared."""
 
     name: str
     method: Method

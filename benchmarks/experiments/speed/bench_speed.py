@@ -1,4 +1,4 @@
-"""Checks of the warm times of every method, of their ratios, and of the cost of a call of a peer."""
+"""Checks of the warm times of every method, of their ratios, and of what calling another package's integrator costs."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def special_values() -> tuple[float, float]:
 
 
 def adjoint() -> tuple[float, float]:
-    """Error of undoing a step with 1 - lambda by a step -h with lambda; control: a step with lambda by lambda."""
+    """Error of undoing a step of Scheme I(1 - lambda) by a step -h with lambda; control: one with lambda by lambda."""
 
     def back(first, lam):
         return np.abs(step("scheme-i", -STEP, lam=lam)(step("scheme-i", lam=first)(POINT)) - POINT).max()
@@ -144,7 +144,7 @@ def hamilton_jacobi() -> tuple[float, float]:
 
 
 def coefficients() -> tuple[float, float]:
-    """Distance of K_2, K_3 of the recursion from the printed ones, non-separable H; control: K_3 with 1/3 for 1/6."""
+    """Distance of a generating function's K_2, K_3, by recursion, from the printed ones; control: a wrong K_3."""
     u, v = sp.symbols("p1 p2"), sp.symbols("q1 q2")
     H = (u[0] ** 2 + u[1] ** 2) / 2 + v[0] ** 2 * v[1] + u[0] * v[1] ** 2 + u[0] ** 2 * v[0]
     lam = sp.Rational(5, 7)
@@ -178,7 +178,7 @@ def momentum(id: str, **parameters) -> float:
 
 
 def mass_is_lost() -> tuple[float, float]:
-    """The largest change of the mass at lambda = 1/3; control: at 1/2."""
+    """The largest change of the Schroedinger equation's mass under Scheme I at lambda = 1/3; control: at 1/2."""
     return mass(Fraction(1, 3)), mass(Fraction(1, 2))
 
 
@@ -239,7 +239,7 @@ def henon_heiles_data() -> tuple[float, float]:
 
 
 def henon_heiles_potential() -> tuple[float, float]:
-    """Distance of the registered Henon-Heiles H from (27), (28); control: with 1/3 for 2/3."""
+    """Distance of the registered Henon-Heiles H from the talk's (27), (28); control: another cubic coefficient."""
     q, p = np.random.default_rng(7).normal(size=(2, 20, 2))
     system = problem("henon-heiles").system
     values = system.observe(system.H, q, p)

@@ -51,7 +51,7 @@ def areas(curves: pd.DataFrame) -> Verdict | None:
 
 @of(TABLE)
 def euler_area(curves: pd.DataFrame) -> Verdict | None:
-    """Whether explicit Euler, the control, changes the area."""
+    """Whether explicit Euler, the control, changes the area of a set on the pendulum."""
     change = _area_changes(curves)
     if EULERS[0] not in change:
         return None

@@ -38,7 +38,7 @@ CHEAP = (
 
 
 def scenes() -> list[str]:
-    """The ids of the scenes that are measured twice."""
+    """The ids of the scenes that are measured twice, to see whether the results repeat."""
     return sorted(random.Random(SEED).sample(CHEAP, COUNT))
 
 

@@ -1,4 +1,4 @@
-"""Measures every method and peer on every scene, and compares the methods' errors with the stored error tables.
+"""Measure every method and peer on every scene, and compare the methods' errors with the stored error tables.
 
 Peers have rows in the report but not in the stored tables: their numbers change with releases of other packages, which
 is no regression here.

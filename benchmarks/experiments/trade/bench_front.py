@@ -1,4 +1,4 @@
-"""Measures the fastest integrators of every scene at every accuracy, and checks the rows."""
+"""Measure the fastest integrators of every scene at every accuracy, and check the rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The front of a scene: the fastest integrators of each side at every accuracy, found by a search over steps.
+"""Search over steps for a scene's fastest integrators, of this project and of peers, at every accuracy: its front.
 
 Each integrator that can do the problem runs at ever smaller steps or tolerances, its climb, until it is dropped
 (`ladder.race`), methods compared with methods and peers with peers.  For every accuracy the climbs are interpolated

@@ -120,7 +120,7 @@ def intervals(finals: pd.DataFrame, times: pd.DataFrame) -> Verdict | None:
 
 @of_choices()
 def answer(rows: pd.DataFrame) -> str:
-    """A sentence: how often each side is the fastest, and the integrator that wins most often."""
+    """A sentence: how often our methods or peers are the fastest, and the integrator that wins most often."""
     found = choices(rows)
     ours, peers, tied, _ = counts(found)
     names = Counter(winner(row) for row in found[found["cheaper"] == OURS].to_dict("records"))

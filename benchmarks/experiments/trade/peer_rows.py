@@ -1,4 +1,4 @@
-"""The rows of peers in a sweep: which peers run, at which steps or tolerances, and what is measured.
+"""The rows of peers (other packages' integrators) in a sweep: which run, at which steps, and what is measured.
 
 A sweep has the peers of the packages that this project depends on.  A fixed-step peer runs at a scene's steps, an
 adaptive one over `TOLERANCES` (its rows have ``tol``, and no h).  Two runs are made: one without output for the time,
@@ -94,7 +94,7 @@ def measure(scene: Scene, peer: Peer, h: float | None, tol: float | None, repeat
 
 
 def _with_rows(problem, peer: Peer, scene: Scene, h: float | None, tol: float | None):
-    """(run with rows, number of steps between rows or, for an adaptive peer, None)."""
+    """Run a peer with output for its invariants: (solution, steps between rows or, if it is adaptive, None)."""
     if peer.adaptive:
         steps = ADAPTIVE if scene.purpose == DRIFT else round(scene.t_end / scene.steps[0])
         return integrate_peer(problem, peer, tol=tol, t_end=scene.t_end, steps=steps), None

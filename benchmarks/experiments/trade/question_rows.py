@@ -21,7 +21,7 @@ PURPOSE = "trade"
 
 
 def swept() -> list[Method | Peer]:
-    """All methods and peers that a run measures."""
+    """List all methods and peers that a user's run measures."""
     return [*METHODS, *peer_rows.swept()]
 
 

@@ -1,4 +1,4 @@
-r"""Reasons why this project's best method takes longer than the best peer, computed from the tables of the trade.
+r"""Reasons why this project's best method takes longer than the best peer, computed from measured steps and times.
 
 On either side, the time t is the number of steps n times the time of a step (primes mark the peer):
 

@@ -1,7 +1,7 @@
-r"""Times and ratios of the trade from several sweeps, with prediction intervals for a further sweep.
+r"""Times of integrators, and their ratios, from several timings (sweeps), with prediction intervals for a further one.
 
 Times scatter less between the rounds of one sweep than between processes.  Two sweeps show how much: if :math:`d` are
-the differences of the logarithms of their medians, over all finals that take about as long, then
+the differences of the logarithms of their medians, over all finalists that take about as long, then
 
 .. math:: \ln \frac{t_3}{\sqrt{t_1 t_2}} \quad\text{is distributed as}\quad \sqrt{3/4}\; d ,
 
@@ -46,9 +46,9 @@ def sweeps(finals: pd.DataFrame, times: pd.DataFrame | None) -> pd.DataFrame:
 
 
 def pairs(table: pd.DataFrame) -> pd.DataFrame:
-    """Ratios of our time to the peer's, a row for each scene and accuracy, a column for each sweep.
+    """Ratios of our best time to the best peer's: a row for each scene and accuracy, a column for each timing.
 
-    Each side has its best integrator by the joined sweeps; ``shorter`` is the shorter of the two times, in seconds.
+    Each side has its best integrator by the joined timings; ``shorter`` is the shorter of the two times, in seconds.
     """
     mean = np.exp(np.log(table[list(JOINED)]).mean(axis=1)).rename("mean").reset_index()
     best = mean.loc[mean.groupby(["scene", "accuracy", "side"])["mean"].idxmin(), KEY]

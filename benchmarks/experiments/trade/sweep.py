@@ -1,4 +1,4 @@
-"""The sweep of all methods and peers over all scenes: a row for each (scene, method, parameters, h or tolerance).
+"""Measure all methods and peers on all scenes: a row for each (scene, method, parameters, h or tolerance).
 
 A row has two error columns: ``global_error``, the maximum norm over (q, p) of the difference from the reference at
 ``global_error_time``, with the reference's uncertainty there; and ``refinement_difference``, the difference from the
@@ -54,7 +54,7 @@ class Task:
     tol: float | None = None
 
     def build(self) -> Method | Peer:
-        """The method with its parameters, or the peer."""
+        """Build the method with its parameters, or the peer, of this task."""
         return integrator(self.method, parameters=dict(self.parameters)).record
 
 
@@ -132,7 +132,7 @@ def _errors(scene: Scene, task: Task, solution: Solution) -> dict[str, float]:
 
 
 def run(todo: list[Task], repeats: int = REPEATS) -> list[dict[str, Any]]:
-    """Measure the rows of tasks."""
+    """Measure tasks one after the other: their rows."""
     return [measure(task, repeats) for task in todo]
 
 

@@ -1,4 +1,4 @@
-r"""The local conservation laws of box schemes, in every cell of space-time.
+r"""Residuals of the local conservation laws of box schemes, in every cell of space-time.
 
 A step gives the densities d at :math:`t_n` and :math:`t_{n+1}`, and the fluxes f through the ends of the cells as the
 weighted sum over the stages; the residual of a law in a cell is

@@ -49,7 +49,7 @@ def same(frame: pd.DataFrame) -> Verdict | None:
 
 @of("wisdom_holman")
 def cost(frame: pd.DataFrame) -> Verdict:
-    """Whether a step takes at most `SLOWER` times REBOUND's time on every problem."""
+    """Whether a step takes at most `SLOWER` times as long as REBOUND's of the same splitting, on every problem."""
     medians = frame.groupby("problem", sort=False)["time ratio"].median()
     return Verdict(
         "A step keeps up with REBOUND's on every problem",
@@ -131,7 +131,7 @@ def vector_gain(rivals: pd.DataFrame) -> pd.Series:
 
 
 def _vectors(rivals: pd.DataFrame) -> str:
-    """The caption's sentence on WHFast512."""
+    """A sentence for the caption: how many times as fast WHFast512 is as WHFast, or why it did not run."""
     gain = vector_gain(rivals)
     if len(gain):
         low, high = number(gain.min(), 2), number(gain.max(), 2)
