@@ -187,7 +187,7 @@ def draw(frame: pd.DataFrame, folder) -> list[Picture]:
 
 @of_references
 def table(frame: pd.DataFrame) -> Table:
-    """The page's table: orbits that diverge exponentially or lose accuracy before t_end, then the least certain."""
+    """The page's table: orbits that diverge exponentially or may lose accuracy before t_end, then the least certain."""
     hard = frame["rate"].notna() | (frame["earliest"] < frame["t_end"])
     shown = pd.concat([frame[hard], frame[~hard].nlargest(10, "uncertainty")])
     caption = (

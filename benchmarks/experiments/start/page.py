@@ -45,7 +45,7 @@ def warm_start(warm: pd.DataFrame) -> Verdict | None:
 
 
 def _commands(warm: pd.DataFrame) -> pd.Series:
-    """The seconds of each command of the command line with compiled code; infinite if not measured."""
+    """The seconds of each timed command of the command line, with all code compiled; infinite if not measured."""
     return warm[warm["what"] != start.FLOOR].set_index("what")["seconds"].fillna(np.inf)
 
 

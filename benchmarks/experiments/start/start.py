@@ -134,7 +134,7 @@ def cold(id: str, name: str, parameters: tuple = (), cache: str | None = None) -
 
 
 def warm() -> Rows:
-    """Time every command of the command line with compiled code, and the import of Numba: a row for each."""
+    """Time the commands of `COMMANDS` in processes that compile nothing, and the import of Numba: a row for each."""
     work: dict[str, Callable[[], object]] = {FLOOR: partial(_run, ["-c", FLOOR])}
     for command in COMMANDS:
         words = ["-m", "phasebench.benchmarks", *command, "--h", str(H), "--steps", str(STEPS), "--json"]
