@@ -42,13 +42,13 @@ QUICK = {False: ("order", "symplecticity"), True: ("tolerance", "reversibility")
 
 @dataclass(repr=False)
 class Audit(TabularResult):
-    """The result of an audit.
+    """The result of an audit of established integrators (peers: those of other packages).
 
     Attributes
     ----------
-    rows : of each measure of each peer on each problem
-    claims : a row for each claim, with its verdict
-    remarks : lines of text
+    rows : a row for each measure of each peer on each problem
+    claims : a row for each claim of a peer, with its verdict
+    remarks : sentences on structures that are kept but not claimed
     """
 
     rows: list[dict[str, Any]] = field(default_factory=list)
@@ -75,7 +75,7 @@ class Audit(TabularResult):
 
 
 def select(names: Iterable | None = None) -> list[Integrator]:
-    """The integrators with the given ids, packages or records; all peers where ``names`` is None.
+    """The integrators with the given ids, packages or records; all peers (those of other packages) where None.
 
     Raises InvalidInput for an unknown name, suggesting the nearest.
     """
@@ -106,7 +106,7 @@ def audit(
     budget: float = BUDGET,
     isolate: bool = True,
 ) -> Audit:
-    """Measure peers and judge their claims.
+    """Measure peers (integrators of other packages) and judge what their packages claim of them.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def _is_registered(peer: Integrator) -> bool:
 
 
 def cells(quick: bool = False) -> list[Cell]:
-    """The measurements (`Cell`): one for each peer, control and script, two for each package; no quick tier."""
+    """List the measurements (`Cell`): one for each peer, control and script, and two for each package."""
     if quick:
         return []
     from phasebench.reference.peers import PEERS
@@ -176,7 +176,7 @@ def _cell(id: str, record, names: tuple[str, ...]) -> Cell:
 
 
 def measure_rows(id: str) -> Rows:
-    """The rows and claims of a peer or a control."""
+    """Audit one integrator: a row for each measure on each problem, and a row for each judged claim, by table name."""
     found = audit([id])
     return {"audit": found.rows, "audit_claims": found.claims}
 

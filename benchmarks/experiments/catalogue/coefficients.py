@@ -66,7 +66,7 @@ def frame() -> pd.DataFrame:
 
 
 def repairs() -> pd.DataFrame:
-    """A row for each misprinted number: the one that the order conditions point to, and the value they imply."""
+    """A row for each misprinted coefficient: its place, the printed number, the one that the order conditions give."""
     rows = []
     with mpmath.workdps(DIGITS):
         for name, damaged in DAMAGED.items():
@@ -90,7 +90,7 @@ def repairs() -> pd.DataFrame:
 
 
 def loose() -> pd.DataFrame:
-    """A row for each table that was printed with more digits than are correct."""
+    """A row for each coefficient table printed with more digits than are correct: decimals printed, decimals right."""
     rows = [
         {
             "table": t.name,
